@@ -1,0 +1,52 @@
+# Every habit is one command. Each sets up all that it needs in .venv and target/.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+
+.PHONY: demo test bench check build format clean
+
+# The main job: 1,024 humanoids, beside MuJoCo.
+demo: build
+	$(BIN)/stepper demo
+
+# All tests, Rust and Python.
+test: build
+	cargo test --release --workspace --exclude stepper-python --exclude stepper-benches
+	$(BIN)/python -m pytest
+
+# Speed, as ratios: stages and steps in Rust, then side by side with MuJoCo.
+bench: build
+	cargo bench -p stepper-benches
+	$(BIN)/python benches/versus/humanoid.py
+	$(BIN)/python benches/versus/chart.py
+
+# Format, lints, types, and the stub against the binary.
+check: build $(VENV)/check.stamp
+	cargo fmt --all --check
+	cargo clippy --workspace --all-targets -- -D warnings
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/python -m mypy.stubtest stepper._stepper
+
+format: $(VENV)/check.stamp
+	cargo fmt --all
+	$(BIN)/ruff check --fix
+	$(BIN)/ruff format
+
+build: $(VENV)/setup.stamp
+	$(BIN)/maturin develop --release --extras mjcf,cli
+
+$(VENV)/setup.stamp: pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade 'pip>=25.1' 'maturin>=1.14,<2'
+	$(BIN)/python -m pip install --quiet --group test
+	touch $@
+
+$(VENV)/check.stamp: $(VENV)/setup.stamp
+	$(BIN)/python -m pip install --quiet --group check
+	touch $@
+
+clean:
+	cargo clean
+	rm -rf $(VENV) out

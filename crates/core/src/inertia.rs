@@ -1,0 +1,186 @@
+//! Recursive Newton-Euler, composite inertias, and the sparse factorisation of the mass matrix.
+
+use stepper_real::Real;
+
+use crate::kinematics::Kinematics;
+use crate::model::JointKind;
+use crate::plan::Plan;
+use crate::spatial::*;
+
+/// The mass matrix of a tree of joints and its factors M = L^T D L (Featherstone 2008, section 6.5).
+///
+/// Row i holds the entries with dof i and its ancestors, towards the root; that is all there is.
+#[derive(Clone, Debug)]
+pub struct MassMatrix<R: Real> {
+    /// Before [`MassMatrix::factor`] the entries of M, after it those of L, with D on the diagonal.
+    pub entries: Vec<R>,
+    /// 1 / D.
+    pub inv_d: Vec<R>,
+    /// sqrt(1 / D).
+    pub sqrt_inv_d: Vec<R>,
+}
+
+impl<R: Real> MassMatrix<R> {
+    /// Room for a plan.
+    pub fn new(plan: &Plan<R::Scalar>) -> Self {
+        Self { entries: vec![R::zero(); plan.chain.len()], inv_d: vec![R::zero(); plan.nv], sqrt_inv_d: vec![R::zero(); plan.nv] }
+    }
+
+    /// M by composite rigid bodies, plus armature, plus `damping_time` times the joint damping on the diagonal.
+    #[inline(always)]
+    pub fn assemble(
+        &mut self,
+        plan: &Plan<R::Scalar>,
+        kinematics: &Kinematics<R>,
+        composite: &mut [Inertia<R>],
+        damping_time: R,
+    ) {
+        composite.copy_from_slice(&kinematics.inertia);
+        for l in (0..plan.links.len()).rev() {
+            let link = &plan.links[l];
+            if !link.is_root {
+                composite[link.parent - 1] = add(composite[link.parent - 1], composite[l]);
+            }
+            for d in link.dofs.clone() {
+                let momentum = apply_inertia(&composite[l], &kinematics.axes[d]);
+                let dof = &plan.dofs[d];
+                let row = &mut self.entries[dof.chain..dof.chain + dof.depth];
+                for (entry, &a) in row.iter_mut().zip(plan.chain_of(d)) {
+                    *entry = dot6(kinematics.axes[a as usize], momentum);
+                }
+                row[0] += R::splat(dof.armature) + damping_time * R::splat(dof.damping);
+            }
+        }
+    }
+
+    /// Replaces M by its factors.
+    #[inline(always)]
+    pub fn factor(&mut self, plan: &Plan<R::Scalar>) {
+        for i in (0..plan.nv).rev() {
+            let dof = &plan.dofs[i];
+            // Ancestors come before i, so their rows end where this one begins or earlier.
+            let (before, rest) = self.entries.split_at_mut(dof.chain);
+            let row = &mut rest[..dof.depth];
+            let inv = R::one() / row[0];
+            self.inv_d[i] = inv;
+            self.sqrt_inv_d[i] = inv.sqrt();
+            let chain = plan.chain_of(i);
+            for k in 1..dof.depth {
+                let a = row[k] * inv;
+                let target = plan.dofs[chain[k] as usize].chain;
+                let ancestor = &mut before[target..target + dof.depth - k];
+                for (entry, &x) in ancestor.iter_mut().zip(&row[k..]) {
+                    *entry -= a * x;
+                }
+                row[k] = a;
+            }
+        }
+    }
+
+    /// x <- L^-T x
+    #[inline(always)]
+    pub fn solve_lower_transposed(&self, plan: &Plan<R::Scalar>, x: &mut [R]) {
+        for i in (0..plan.nv).rev() {
+            let dof = &plan.dofs[i];
+            let (row, chain) = (&self.entries[dof.chain..dof.chain + dof.depth], plan.chain_of(i));
+            let xi = x[i];
+            for k in 1..dof.depth {
+                x[chain[k] as usize] -= row[k] * xi;
+            }
+        }
+    }
+
+    /// x <- L^-1 x
+    #[inline(always)]
+    pub fn solve_lower(&self, plan: &Plan<R::Scalar>, x: &mut [R]) {
+        for i in 0..plan.nv {
+            let dof = &plan.dofs[i];
+            let (row, chain) = (&self.entries[dof.chain..dof.chain + dof.depth], plan.chain_of(i));
+            let mut sum = x[i];
+            // Towards the root, so that the newest value, the parent's, comes first and the rest can be in flight.
+            for k in (1..dof.depth).rev() {
+                sum -= row[k] * x[chain[k] as usize];
+            }
+            x[i] = sum;
+        }
+    }
+
+    /// x <- M^-1 x
+    #[inline(always)]
+    pub fn solve(&self, plan: &Plan<R::Scalar>, x: &mut [R]) {
+        self.solve_lower_transposed(plan, x);
+        for i in 0..plan.nv {
+            x[i] *= self.inv_d[i];
+        }
+        self.solve_lower(plan, x);
+    }
+}
+
+/// Coriolis, centrifugal and gravitational forces: recursive Newton-Euler with zero joint acceleration, world-aligned.
+///
+/// `velocities`, `accelerations` and `forces` are room for one entry per link; `velocities` is left at the links' velocities.
+#[inline(always)]
+pub fn bias_force<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, v: &[R], work: &mut NewtonEuler<R>, out: &mut [R]) {
+    let gravity: V3<R> = splat(plan.gravity);
+    // Gravity as an upward acceleration of the world.
+    let ground = spatial(zero(), scale(gravity, -R::one()));
+    for (l, link) in plan.links.iter().enumerate() {
+        let (mut motion, mut change) =
+            if link.is_root { (zero(), ground) } else { (work.velocity[link.parent - 1], work.acceleration[link.parent - 1]) };
+        for joint in &plan.joints[link.joints.clone()] {
+            let mut rotations = joint.v..joint.v + joint.kind.nv();
+            if joint.kind == JointKind::Free {
+                // The world's axes do not turn with the body.
+                for d in joint.v..joint.v + 3 {
+                    motion = add_scaled(motion, kinematics.axes[d], v[d]);
+                }
+                rotations.start += 3;
+            }
+            let mut own = zero();
+            for d in rotations {
+                own = add_scaled(own, kinematics.axes[d], v[d]);
+            }
+            change = add(change, cross_motion(&motion, &own));
+            motion = add(motion, own);
+        }
+        let inertia = &kinematics.inertia[l];
+        let momentum = apply_inertia(inertia, &motion);
+        work.force[l] = add(apply_inertia(inertia, &change), cross_force(&motion, &momentum));
+        work.velocity[l] = motion;
+        work.acceleration[l] = change;
+    }
+    project_forces(plan, kinematics, &mut work.force, out);
+}
+
+/// Forces on the links, carried to the joints: out = sum over links of J^T f. `force` is used up.
+#[inline(always)]
+pub fn project_forces<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, force: &mut [V6<R>], out: &mut [R]) {
+    for l in (0..plan.links.len()).rev() {
+        let link = &plan.links[l];
+        for d in link.dofs.clone() {
+            out[d] = dot6(kinematics.axes[d], force[l]);
+        }
+        if !link.is_root {
+            force[link.parent - 1] = add(force[link.parent - 1], force[l]);
+        }
+    }
+}
+
+/// Room for a recursion over the links.
+#[derive(Clone, Debug)]
+pub struct NewtonEuler<R: Real> {
+    /// Velocity of every link.
+    pub velocity: Vec<V6<R>>,
+    /// Acceleration of every link.
+    pub acceleration: Vec<V6<R>>,
+    /// Force on every link.
+    pub force: Vec<V6<R>>,
+}
+
+impl<R: Real> NewtonEuler<R> {
+    /// Room for a plan.
+    pub fn new(plan: &Plan<R::Scalar>) -> Self {
+        let n = plan.links.len();
+        Self { velocity: vec![zero(); n], acceleration: vec![zero(); n], force: vec![zero(); n] }
+    }
+}

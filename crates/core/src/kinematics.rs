@@ -1,0 +1,235 @@
+//! Poses, axes and velocities of everything that moves.
+
+use stepper_real::Real;
+
+use crate::model::JointKind;
+use crate::plan::{JointPlan, Link, Plan};
+use crate::spatial::*;
+
+/// Poses of all frames and the motion subspaces of all joints at one configuration, in world axes.
+#[derive(Clone, Debug)]
+pub struct Kinematics<R: Real> {
+    /// Origin of every frame, m.
+    pub pos: Vec<V3<R>>,
+    /// Orientation of every frame.
+    pub mat: Vec<M3<R>>,
+    /// Reference point of every tree: the position of its root, m.
+    pub origin: Vec<V3<R>>,
+    /// Motion of every dof per unit velocity, about its tree's reference point.
+    pub axes: Vec<V6<R>>,
+    /// Inertia of every link about its tree's reference point.
+    pub inertia: Vec<Inertia<R>>,
+}
+
+impl<R: Real> Kinematics<R> {
+    /// Room for a plan; the world and the mocap frames are placed.
+    pub fn new(plan: &Plan<R::Scalar>) -> Self {
+        let identity = std::array::from_fn(|k| if k % 4 == 0 { R::one() } else { R::zero() });
+        let mut kinematics = Self {
+            pos: vec![zero(); plan.nframe()],
+            mat: vec![identity; plan.nframe()],
+            origin: vec![zero(); plan.ntree],
+            axes: vec![zero(); plan.nv],
+            inertia: vec![zero(); plan.links.len()],
+        };
+        for m in &plan.mocap {
+            kinematics.pos[m.frame] = splat(m.pos);
+            kinematics.mat[m.frame] = quat_to_mat(splat(m.quat));
+        }
+        kinematics
+    }
+
+    /// Places everything at the configuration `q`.
+    pub fn update(&mut self, plan: &Plan<R::Scalar>, q: &[R]) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for (l, link) in plan.links.iter().enumerate() {
+                    let (pos, mat) = self.place(plan, link, q);
+                    self.pos[l + 1] = pos;
+                    self.mat[l + 1] = mat;
+                    if link.is_root {
+                        self.origin[link.tree] = pos;
+                    }
+                    let origin = self.origin[link.tree];
+                    self.refer_axes_to(plan, link, origin);
+                    let com = sub(add(pos, rotate(&mat, splat(link.com))), origin);
+                    self.inertia[l] = inertia_at(R::splat(link.mass), splat(link.inertia), &mat, com);
+                }
+            },
+        )
+    }
+
+    /// Pose of a link; leaves (axis, anchor) of its rotations and (0, axis) of its translations in `axes`.
+    #[inline(always)]
+    fn place(&mut self, plan: &Plan<R::Scalar>, link: &Link<R::Scalar>, q: &[R]) -> (V3<R>, M3<R>) {
+        let (base, frame) = (self.pos[link.parent], self.mat[link.parent]);
+        let mut pos = add(base, rotate(&frame, splat(link.pos)));
+        let mut mat = match link.mat {
+            Some(m) => mat_mul(&frame, &splat(m)),
+            None => frame,
+        };
+        for joint in &plan.joints[link.joints.clone()] {
+            let v = joint.v;
+            match joint.kind {
+                JointKind::Free => {
+                    pos = [q[joint.q], q[joint.q + 1], q[joint.q + 2]];
+                    mat = quat_to_mat(quat_at(q, joint.q + 3));
+                    for k in 0..3 {
+                        let mut unit = [R::zero(); 3];
+                        unit[k] = R::one();
+                        self.axes[v + k] = spatial(zero(), unit);
+                        self.axes[v + 3 + k] = spatial(column(&mat, k), pos);
+                    }
+                }
+                JointKind::Ball => {
+                    let anchor = add(pos, rotate(&mat, splat(joint.anchor)));
+                    mat = mat_mul(&mat, &quat_to_mat(quat_at(q, joint.q)));
+                    pos = sub(anchor, rotate(&mat, splat(joint.anchor)));
+                    for k in 0..3 {
+                        self.axes[v + k] = spatial(column(&mat, k), anchor);
+                    }
+                }
+                JointKind::Slide => {
+                    let axis = rotate(&mat, splat(joint.axis));
+                    pos = add_scaled(pos, axis, q[joint.q] - R::splat(joint.reference));
+                    self.axes[v] = spatial(zero(), axis);
+                }
+                JointKind::Hinge => {
+                    let angle = q[joint.q] - R::splat(joint.reference);
+                    let (axis, turned) = turn(&mat, joint, angle);
+                    let mut anchor = pos;
+                    if !joint.centred {
+                        let arm = splat(joint.anchor);
+                        anchor = add(pos, rotate(&mat, arm));
+                        pos = sub(anchor, rotate(&turned, arm));
+                    }
+                    mat = turned;
+                    self.axes[v] = spatial(axis, anchor);
+                }
+            }
+        }
+        (pos, mat)
+    }
+
+    /// Turns (axis, anchor) of the rotations of a link into motions about the reference point.
+    #[inline(always)]
+    fn refer_axes_to(&mut self, plan: &Plan<R::Scalar>, link: &Link<R::Scalar>, origin: V3<R>) {
+        for joint in &plan.joints[link.joints.clone()] {
+            let rotations = match joint.kind {
+                JointKind::Free => joint.v + 3..joint.v + 6,
+                JointKind::Ball => joint.v..joint.v + 3,
+                JointKind::Hinge => joint.v..joint.v + 1,
+                JointKind::Slide => continue,
+            };
+            for d in rotations {
+                let (axis, anchor) = (angular(&self.axes[d]), linear(&self.axes[d]));
+                self.axes[d] = spatial(axis, cross(axis, sub(origin, anchor)));
+            }
+        }
+    }
+
+    /// Velocity of every link about its tree's reference point.
+    #[inline(always)]
+    pub fn velocities(&self, plan: &Plan<R::Scalar>, v: &[R], out: &mut [V6<R>]) {
+        for (l, link) in plan.links.iter().enumerate() {
+            let mut motion = if link.is_root { zero() } else { out[link.parent - 1] };
+            for d in link.dofs.clone() {
+                motion = add_scaled(motion, self.axes[d], v[d]);
+            }
+            out[l] = motion;
+        }
+    }
+
+    /// Position in the world of a point given in a frame.
+    #[inline(always)]
+    pub fn point(&self, frame: usize, local: V3<R>) -> V3<R> {
+        add(self.pos[frame], rotate(&self.mat[frame], local))
+    }
+}
+
+/// The joint's axis in the world, and the frame turned about it.
+#[inline(always)]
+fn turn<R: Real>(mat: &M3<R>, joint: &JointPlan<R::Scalar>, angle: R) -> (V3<R>, M3<R>) {
+    let (sin, cos) = angle.sin_cos();
+    let Some((k, backwards)) = joint.principal else {
+        let axis = splat(joint.axis);
+        return (rotate(mat, axis), mat_mul(mat, &axis_rotation(axis, sin, cos)));
+    };
+    // About a principal axis only the other two columns change.
+    let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+    let sin = if backwards { -sin } else { sin };
+    let mut out = *mat;
+    for r in 0..3 {
+        let (a, b) = (mat[3 * r + i], mat[3 * r + j]);
+        out[3 * r + i] = a * cos + b * sin;
+        out[3 * r + j] = b * cos - a * sin;
+    }
+    let axis = column(mat, k);
+    (if backwards { scale(axis, -R::one()) } else { axis }, out)
+}
+
+/// The quaternion stored at `q[at..]`.
+#[inline(always)]
+pub fn quat_at<R: Real>(q: &[R], at: usize) -> [R; 4] {
+    [q[at], q[at + 1], q[at + 2], q[at + 3]]
+}
+
+/// q (+) d: the configuration after the displacement `d` (length nv) along the velocities' own coordinates. Rotations by the exponential
+/// map, quaternions renormalised.
+pub fn displace<R: Real>(plan: &Plan<R::Scalar>, q: &[R], d: &[R], factor: R, out: &mut [R]) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for joint in &plan.joints {
+                let (qa, va) = (joint.q, joint.v);
+                match joint.kind {
+                    JointKind::Free => {
+                        for k in 0..3 {
+                            out[qa + k] = q[qa + k] + d[va + k] * factor;
+                        }
+                        turn_quat(q, qa + 3, [d[va + 3], d[va + 4], d[va + 5]], factor, out);
+                    }
+                    JointKind::Ball => turn_quat(q, qa, [d[va], d[va + 1], d[va + 2]], factor, out),
+                    JointKind::Slide | JointKind::Hinge => out[qa] = q[qa] + d[va] * factor,
+                }
+            }
+        },
+    )
+}
+
+#[inline(always)]
+fn turn_quat<R: Real>(q: &[R], at: usize, w: V3<R>, factor: R, out: &mut [R]) {
+    let turned = quat_normalize(quat_mul(quat_at(q, at), quat_exp(scale(w, factor))));
+    out[at..at + 4].copy_from_slice(&turned);
+}
+
+/// Sum of the links' kinetic energy, J.
+pub fn kinetic_energy<R: Real>(kinematics: &Kinematics<R>, velocities: &[V6<R>]) -> R {
+    let each = kinematics.inertia.iter().zip(velocities).map(|(i, v)| dot6(apply_inertia(i, v), *v));
+    each.fold(R::zero(), |sum, e| sum + e) * R::of(0.5)
+}
+
+/// Lanes in which every entry is finite.
+#[inline(always)]
+pub fn all_finite<R: Real>(x: &[R]) -> R::Mask {
+    // A sum of zeros is zero exactly when every term is finite: one test for the whole array.
+    let zero = R::zero();
+    let mut sum = zero;
+    for &x in x {
+        sum += x * zero;
+    }
+    sum.is_finite()
+}
+
+/// out = x + rate * way, entry by entry.
+pub fn advance<R: Real>(x: &[R], rate: &[R], way: R, out: &mut [R]) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for i in 0..out.len() {
+                out[i] = x[i] + rate[i] * way;
+            }
+        },
+    )
+}

@@ -1,0 +1,277 @@
+//! The model in words: what is modelled, what was left out and why, what costs nothing, and what rigid bodies cannot say.
+
+use std::collections::BTreeMap;
+use std::fmt::Display;
+
+use super::pairs::{Verdict, weld_groups};
+use super::{Activation, JointKind, Model, SensorKind};
+
+/// Phenomena that no rigid-body simulator has, whatever the scene.
+const BEYOND: [&str; 7] = [
+    "deformation: bodies and contacts are rigid; a contact patch is a few points, and stress, vibration and sound inside bodies do not exist",
+    "impacts that take time: a collision is instantaneous, its loss of energy one coefficient of restitution",
+    "friction beyond Coulomb's law: no static peak, no dependence on speed, temperature, humidity, wear or lubrication",
+    "joints with play, flexible gears and links, backlash, friction that depends on load",
+    "air and water around the bodies, cables, cloth, soil and other granular or soft matter",
+    "motors and their electronics: heat, saturation, cogging, bus voltage, unless the actuator's numbers say so",
+    "adhesion, magnetism, electrostatics",
+];
+
+impl Model {
+    /// A report for people: what is modelled, what was left out and why, what costs nothing because the scene does not have it, and which
+    /// phenomena rigid-body simulation does not model at all.
+    pub fn explain(&self) -> String {
+        let name = if self.name.is_empty() { "model" } else { &self.name };
+        let sizes = format!(
+            "{name}: nq {}, nv {}, nu {}, na {}; {} bodies, {} joints, {} geoms; time step {} s, gravity {:?} m/s^2",
+            self.nq(),
+            self.nv(),
+            self.nu(),
+            self.na(),
+            self.bodies.len(),
+            self.joints.len(),
+            self.geoms.len(),
+            self.timestep,
+            self.gravity
+        );
+        let (modelled, absent): (Vec<_>, Vec<_>) =
+            [self.links(), self.joint_kinds(), self.collision(), self.joint_forces(), self.drives(), self.readings()]
+                .concat()
+                .into_iter()
+                .partition(|line| line.present);
+        let text = |lines: Vec<Line>| lines.into_iter().map(|l| l.text).collect::<Vec<_>>();
+        let (changing, harmless) = self.left_out();
+        [
+            sizes,
+            section("Modelled", &text(modelled)),
+            section("Left out, and the motion is different for it", &changing),
+            section("Left out without effect on the motion", &harmless),
+            section("Costs nothing: this scene has no", &text(absent)),
+            section("Beyond rigid bodies, whatever the scene", &BEYOND.map(String::from)),
+        ]
+        .join("\n\n")
+    }
+
+    fn links(&self) -> Vec<Line> {
+        let (group, moves) = weld_groups(self);
+        let count = moves.iter().filter(|m| **m).count();
+        let merged: Vec<usize> = (1..self.bodies.len()).filter(|&b| group[b] != b).collect();
+        let into = |b: usize| format!("{} into {}", self.body_label(b), self.body_label(group[b]));
+        let mocap = (1..self.bodies.len()).filter(|&b| self.bodies[b].mocap).map(|b| self.body_label(b));
+        vec![
+            Line::new(count, format!("{count} moving links"), "moving links"),
+            Line::new(
+                merged.len(),
+                format!(
+                    "{} bodies merged, as they cannot move against their parent: {}",
+                    merged.len(),
+                    short(merged.into_iter().map(into))
+                ),
+                "bodies to merge",
+            ),
+            Line::list("bodies posed by the user", mocap),
+        ]
+    }
+
+    fn joint_kinds(&self) -> Vec<Line> {
+        let kinds = [(JointKind::Free, "free"), (JointKind::Ball, "ball"), (JointKind::Slide, "slide"), (JointKind::Hinge, "hinge")];
+        let count = |kind| self.joints.iter().filter(|j| j.kind == kind).count();
+        kinds.map(|(kind, name)| Line::new(count(kind), format!("{} {name} joints", count(kind)), format!("{name} joints"))).to_vec()
+    }
+
+    fn collision(&self) -> Vec<Line> {
+        let census = self.pair_census();
+        let total: usize = census.values().sum();
+        let dropped: Vec<String> = census.iter().filter(|(v, _)| !v.collides()).map(|(v, n)| format!("{n} {}", v.why())).collect();
+        let pairs = self.collision_pairs();
+        let (kept, missing): (Vec<_>, Vec<_>) =
+            pairs.iter().partition(|p| Self::has_kernel(&self.geoms[p.geoms[0]].shape, &self.geoms[p.geoms[1]].shape));
+        let slick = kept.iter().filter(|p| p.condim == 1).count();
+        let bouncing = kept.iter().filter(|p| p.restitution > 0.0).count();
+        let rough = kept.len() - slick;
+        vec![
+            Line::new(
+                kept.len(),
+                format!("{} of {total} geom pairs can collide; of the others {}", kept.len(), or_none(&dropped)),
+                "pairs of geoms that can collide",
+            ),
+            Line::new(
+                missing.len(),
+                format!("{} more would collide but for what is left out below", missing.len()),
+                "collision pairs of shapes that are not simulated yet",
+            ),
+            Line::new(rough, format!("{rough} pairs with sliding friction: 3 rows a contact, the exact circular Coulomb cone"), "friction"),
+            Line::new(slick, format!("{slick} frictionless pairs: 1 row a contact"), "frictionless contacts"),
+            Line::new(bouncing, format!("{bouncing} pairs bounce (Newton's restitution)"), "restitution"),
+        ]
+    }
+
+    fn joint_forces(&self) -> Vec<Line> {
+        let with = |what: &str, has: &dyn Fn(&super::Joint) -> bool| {
+            let joints = (0..self.joints.len()).filter(|&j| has(&self.joints[j])).map(|j| self.joint_label(j));
+            Line::list(what, joints)
+        };
+        vec![
+            with("joint limits", &|j| j.range.is_some() && matches!(j.kind, JointKind::Hinge | JointKind::Slide)),
+            with("joint springs", &|j| j.stiffness != 0.0),
+            with("joint damping", &|j| j.damping != 0.0),
+            with("rotor inertia", &|j| j.armature != 0.0),
+            with("dry friction in joints", &|j| j.frictionloss != 0.0),
+            with("bounds of the sum of actuator forces", &|j| j.actuator_force_range.is_some()),
+        ]
+    }
+
+    fn drives(&self) -> Vec<Line> {
+        let names = |active: bool| {
+            let chosen = self.actuators.iter().enumerate().filter(move |(_, a)| (a.activation != Activation::None) == active);
+            chosen.map(|(i, a)| super::label(&a.name, i))
+        };
+        let tendons = self.tendons.iter().enumerate().map(|(i, t)| super::label(&t.name, i));
+        vec![
+            Line::list("actuators without activation", names(false)),
+            Line::list("actuators with activation", names(true)),
+            Line::list("fixed tendons", tendons),
+        ]
+    }
+
+    fn readings(&self) -> Vec<Line> {
+        let count = |position: bool| self.sensors.iter().filter(|s| matches!(s.kind, SensorKind::JointPos(_)) == position).count();
+        vec![
+            Line::new(count(true), format!("{} sensors of joint positions", count(true)), "sensors of joint positions"),
+            Line::new(count(false), format!("{} sensors of joint velocities", count(false)), "sensors of joint velocities"),
+            Line::list("keyframes", self.keyframes.iter().enumerate().map(|(i, k)| super::label(&k.name, i))),
+        ]
+    }
+
+    /// What changes the motion, and what does not; elements of a kind with the same reason share a line.
+    fn left_out(&self) -> (Vec<String>, Vec<String>) {
+        let lines = |changes: bool| {
+            let mut grouped: BTreeMap<(&str, &str), Vec<String>> = BTreeMap::new();
+            for o in self.omitted.iter().filter(|o| o.changes_motion == changes) {
+                grouped.entry((&o.kind, &o.reason)).or_default().push(o.name.clone());
+            }
+            grouped.into_iter().map(|((kind, reason), names)| format!("{kind} {}: {reason}", names.join(", "))).collect()
+        };
+        (lines(true), lines(false))
+    }
+}
+
+impl Verdict {
+    const fn collides(self) -> bool {
+        matches!(self, Self::Collides | Self::Explicit)
+    }
+}
+
+/// Something that a scene has, or does not.
+#[derive(Clone)]
+struct Line {
+    present: bool,
+    text: String,
+}
+
+impl Line {
+    fn new(count: usize, text: impl Into<String>, absent: impl Into<String>) -> Self {
+        let present = count > 0;
+        Self { present, text: if present { text.into() } else { absent.into() } }
+    }
+
+    fn list(what: &str, names: impl Iterator<Item = impl Display>) -> Self {
+        let names: Vec<String> = names.map(|n| n.to_string()).collect();
+        Self::new(names.len(), format!("{} {what}: {}", names.len(), short(names.iter())), what)
+    }
+}
+
+/// The first names of a list.
+fn short(names: impl Iterator<Item = impl Display>) -> String {
+    const SHOWN: usize = 12;
+    let names: Vec<String> = names.map(|n| n.to_string()).collect();
+    let more = if names.len() > SHOWN { format!(" and {} more", names.len() - SHOWN) } else { String::new() };
+    names[..names.len().min(SHOWN)].join(", ") + &more
+}
+
+fn or_none(parts: &[String]) -> String {
+    if parts.is_empty() { "none".into() } else { parts.join(", ") }
+}
+
+fn section(title: &str, lines: &[String]) -> String {
+    let lines: String = if lines.is_empty() { "\n  nothing".into() } else { lines.iter().map(|l| format!("\n  {l}")).collect() };
+    format!("{title}:{lines}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::finish::tests::rich;
+    use super::super::{BodyBuilder, GeomBuilder, JointBuilder, WORLD};
+    use super::*;
+
+    /// The lines of a section.
+    fn lines<'a>(text: &'a str, title: &str) -> Vec<&'a str> {
+        let start = text.find(&format!("\n{title}:")).unwrap_or_else(|| panic!("no section {title:?} in\n{text}"));
+        let body = text[start + 1..].split("\n\n").next().unwrap();
+        body.lines().skip(1).map(str::trim).collect()
+    }
+
+    fn has(lines: &[&str], part: &str) -> bool {
+        lines.iter().any(|l| l.contains(part))
+    }
+
+    #[test]
+    fn everything_modelled_is_named_and_counted() {
+        let text = rich().explain();
+        let modelled = lines(&text, "Modelled");
+        for part in [
+            "4 moving links",
+            "1 bodies merged, as they cannot move against their parent: plate into arm",
+            "1 bodies posed by the user: hand",
+            "1 free joints",
+            "geom pairs can collide",
+            "belong to parent and child",
+            "1 joint limits: shoulder",
+            "1 joint springs: shoulder",
+            "1 dry friction in joints: shoulder",
+            "1 actuators with activation: servo",
+            "1 actuators without activation: pull",
+            "1 sensors of joint positions",
+        ] {
+            assert!(has(&modelled, part), "{part:?} in\n{text}");
+        }
+        assert!(text.starts_with("rich: nq 13, nv 11, nu 2, na 1; 7 bodies"), "{text}");
+    }
+
+    #[test]
+    fn pairs_add_up() {
+        let model = rich();
+        let census = model.pair_census();
+        let n = model.geoms.len();
+        assert_eq!(census.values().sum::<usize>(), n * (n - 1) / 2);
+        let colliding: usize = census.iter().filter(|(v, _)| v.collides()).map(|(_, n)| n).sum();
+        assert_eq!(colliding, model.collision_pairs().len());
+    }
+
+    #[test]
+    fn what_a_scene_lacks_costs_nothing() {
+        let mut scene = Model::builder("ball");
+        scene.body(WORLD, BodyBuilder::new("ball").joint(JointBuilder::free("")).geom(GeomBuilder::sphere("", 0.1)));
+        let text = scene.finish().unwrap().explain();
+        let absent = lines(&text, "Costs nothing: this scene has no");
+        assert!(["joint limits", "hinge joints", "restitution", "fixed tendons"].iter().all(|p| absent.contains(p)), "{text}");
+        assert_eq!(lines(&text, "Left out, and the motion is different for it"), ["nothing"]);
+        assert_eq!(lines(&text, "Beyond rigid bodies, whatever the scene").len(), BEYOND.len());
+    }
+
+    #[test]
+    fn omissions_are_told_apart() {
+        let mut model = rich();
+        model.joints[3].range = Some([0.0, 1.0]);
+        let sensor = |name: &str| super::super::Omission {
+            kind: "sensor gyro".into(),
+            name: name.into(),
+            reason: "not read yet".into(),
+            changes_motion: false,
+        };
+        model.omitted = vec![sensor("left"), sensor("right")];
+        let text = model.finish(false).unwrap().explain();
+        assert!(has(&lines(&text, "Left out, and the motion is different for it"), "joint limit socket: "), "{text}");
+        assert_eq!(lines(&text, "Left out without effect on the motion"), ["sensor gyro left, right: not read yet"]);
+    }
+}

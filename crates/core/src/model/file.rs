@@ -1,0 +1,179 @@
+//! Models as files: the same model bit for bit, or a clear refusal.
+//!
+//! | bytes | what |
+//! |---|---|
+//! | 8 | [`MAGIC`] |
+//! | 4 | [`FORMAT_VERSION`], little endian |
+//! | 32 | SHA-256 of the payload |
+//! | rest | payload: the [`Model`] in postcard's encoding (numbers as their IEEE 754 bits, little endian) |
+
+use std::path::Path;
+
+use sha2::{Digest, Sha256};
+
+use super::{Model, ModelError};
+
+/// The first bytes of every saved model. The last is no valid UTF-8, so no text file begins so.
+const MAGIC: [u8; 8] = *b"stepper\xff";
+
+/// Version of the format of saved models; changes whenever [`Model`] does.
+pub const FORMAT_VERSION: u32 = 1;
+
+const HEADER: usize = 8 + 4 + 32;
+const MEMORY: &str = "saved model";
+
+impl Model {
+    /// SHA-256 of all that the model holds: equal for equal models, on any machine.
+    pub fn digest(&self) -> [u8; 32] {
+        Sha256::digest(self.payload()).into()
+    }
+
+    /// The model as bytes, see [`Model::from_bytes`].
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let payload = self.payload();
+        let digest: [u8; 32] = Sha256::digest(&payload).into();
+        [&MAGIC[..], &FORMAT_VERSION.to_le_bytes(), &digest, &payload].concat()
+    }
+
+    /// The model that [`Model::to_bytes`] wrote, bit for bit.
+    ///
+    /// # Errors
+    /// [`ModelError::File`] when the bytes are no saved model, of another format version, or damaged; [`ModelError::Invalid`] when they
+    /// hold a model that [`Model::finish`] would refuse.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, ModelError> {
+        parse(bytes, MEMORY)
+    }
+
+    /// Writes the model to a file, in one piece: a reader sees the old file or the new one.
+    ///
+    /// # Errors
+    /// [`ModelError::File`] when the file cannot be written.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<(), ModelError> {
+        let path = path.as_ref();
+        let name = path.file_name().map_or_else(Default::default, |n| n.to_string_lossy().into_owned());
+        let partial = path.with_file_name(format!(".{name}.{}.part", std::process::id()));
+        let written = std::fs::write(&partial, self.to_bytes()).and_then(|()| std::fs::rename(&partial, path));
+        written.map_err(|e| {
+            let _ = std::fs::remove_file(&partial);
+            ModelError::file(path.to_string_lossy(), format!("cannot be written ({e})"), "choose a folder that exists and can be written")
+        })
+    }
+
+    /// Reads a saved model, bit for bit.
+    ///
+    /// # Errors
+    /// As [`Model::from_bytes`], and when the file cannot be read.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, ModelError> {
+        let shown = path.as_ref().to_string_lossy();
+        let read = std::fs::read(path.as_ref());
+        let bytes = read.map_err(|e| ModelError::file(shown.clone(), format!("cannot be read ({e})"), "check the path"))?;
+        parse(&bytes, &shown)
+    }
+
+    fn payload(&self) -> Vec<u8> {
+        postcard::to_stdvec(self).expect("a model is plain data in memory: numbers, strings and sequences of known length")
+    }
+}
+
+fn parse(bytes: &[u8], path: &str) -> Result<Model, ModelError> {
+    let refuse = |what: String, remedy: &str| Err(ModelError::file(path, what, remedy));
+    if bytes.len() < MAGIC.len() || bytes[..MAGIC.len()] != MAGIC {
+        return refuse(
+            "not a saved stepper model".into(),
+            "save one with model.save(path); MJCF and URDF are read by stepper.load in Python",
+        );
+    }
+    if bytes.len() < HEADER {
+        return refuse(format!("cut off after {} bytes", bytes.len()), "copy the file again, or save the model again");
+    }
+    let version = u32::from_le_bytes(bytes[8..12].try_into().expect("4 bytes"));
+    if version != FORMAT_VERSION {
+        return refuse(
+            format!("format version {version}, this stepper reads {FORMAT_VERSION}"),
+            "load the original description and save it again with this version of stepper, or use the version that saved it",
+        );
+    }
+    let (digest, payload) = (&bytes[12..HEADER], &bytes[HEADER..]);
+    if digest != &Sha256::digest(payload)[..] {
+        return refuse("damaged: the contents do not match their SHA-256".into(), "copy the file again, or save the model again");
+    }
+    match postcard::take_from_bytes::<Model>(payload) {
+        Ok((model, [])) => model.check(),
+        _ => refuse("not readable by this version, though undamaged".into(), "save the model again with this version of stepper"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::finish::tests::rich;
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn round_trip_is_bit_for_bit() {
+        let mut model = rich();
+        model.actuators[0].force_range = Some([f64::NEG_INFINITY, 0.1 + 0.2]);
+        model.gravity = [-0.0, 5e-324, -9.81];
+        let back = Model::from_bytes(&model.to_bytes()).unwrap();
+        assert_eq!(back, model);
+        assert_eq!(back.to_bytes(), model.to_bytes());
+        assert_eq!(back.digest(), model.digest());
+        assert!(back.gravity[0].is_sign_negative());
+    }
+
+    #[test]
+    fn files_round_trip_and_replace_one_another() {
+        let path = std::env::temp_dir().join(format!("stepper-file-test-{}.stepper", std::process::id()));
+        rich().save(&path).unwrap();
+        rich().save(&path).unwrap();
+        assert_eq!(Model::load(&path).unwrap(), rich());
+        std::fs::remove_file(&path).unwrap();
+        let error = Model::load(&path).unwrap_err().to_string();
+        assert!(error.contains("stepper-file-test") && error.contains("check the path"), "{error}");
+        let error = rich().save("/no/such/folder/a.stepper").unwrap_err().to_string();
+        assert!(error.contains("/no/such/folder/a.stepper") && error.contains("folder"), "{error}");
+    }
+
+    #[test]
+    fn refusals_say_what_and_what_to_do() {
+        let text = |bytes: &[u8]| Model::from_bytes(bytes).unwrap_err().to_string();
+        assert!(text(b"<mujoco/>").contains("not a saved stepper model"));
+        let mut other = rich().to_bytes();
+        other[8] = 77;
+        assert!(text(&other).contains("format version 77, this stepper reads 1") && text(&other).contains("save it again"));
+        let mut damaged = rich().to_bytes();
+        *damaged.last_mut().unwrap() ^= 1;
+        assert!(text(&damaged).contains("damaged"));
+    }
+
+    #[test]
+    fn an_invalid_model_in_a_sound_file_is_refused() {
+        let mut model = rich();
+        model.bodies[1].mass = -1.0;
+        assert!(matches!(Model::from_bytes(&model.to_bytes()), Err(ModelError::Invalid { .. })));
+    }
+
+    #[test]
+    fn every_truncation_is_refused() {
+        let bytes = rich().to_bytes();
+        (0..bytes.len()).for_each(|n| assert!(Model::from_bytes(&bytes[..n]).is_err(), "{n} bytes"));
+        assert!(Model::from_bytes(&[&bytes[..], &[0]].concat()).is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn every_bit_flip_is_refused(at in 0..rich().to_bytes().len(), bit in 0..8_u8) {
+            let mut bytes = rich().to_bytes();
+            bytes[at] ^= 1 << bit;
+            prop_assert!(Model::from_bytes(&bytes).is_err());
+        }
+
+        #[test]
+        fn any_numbers_survive(x in any::<[f64; 3]>().prop_filter("finite", |x| x.iter().all(|v| v.is_finite()))) {
+            let mut model = rich();
+            model.gravity = x;
+            let back = Model::from_bytes(&model.to_bytes()).unwrap();
+            prop_assert_eq!(back.gravity.map(f64::to_bits), x.map(f64::to_bits));
+        }
+    }
+}

@@ -1,0 +1,327 @@
+//! The rules that every model keeps, element by element.
+
+use std::collections::HashSet;
+
+use super::super::{Activation, JointKind, Model, ModelError, SensorKind, Shape, Transmission, label};
+
+type Checked = Result<(), ModelError>;
+
+/// Rows that a contact may have: frictionless, sliding, torsional, rolling.
+const DIMENSIONS: [u8; 4] = [1, 3, 4, 6];
+
+/// How much the largest principal moment may exceed the sum of the others, relative: rounding of a source in single precision.
+const TRIANGLE: f64 = 1e-6;
+
+/// An element of the model: errors name it.
+struct At(String);
+
+impl At {
+    fn new(kind: &str, name: &str, index: usize) -> Self {
+        Self(format!("{kind} {:?}", label(name, index)))
+    }
+
+    fn fail(&self, what: impl Into<String>, remedy: impl Into<String>) -> Checked {
+        Err(ModelError::invalid(&self.0, what, remedy))
+    }
+
+    fn finite(&self, what: &str, x: &[f64]) -> Checked {
+        if x.iter().all(|v| v.is_finite()) { Ok(()) } else { self.fail(format!("{what} is {x:?}"), "give finite numbers") }
+    }
+
+    /// Finite and at least 0.
+    fn size(&self, what: &str, x: &[f64], unit: &str) -> Checked {
+        match x.iter().find(|v| !v.is_finite() || **v < 0.0) {
+            Some(v) => self.fail(format!("{what} is {v}{unit}"), "give a finite number of at least 0"),
+            None => Ok(()),
+        }
+    }
+
+    /// Finite and greater than 0.
+    fn positive(&self, what: &str, x: &[f64], unit: &str) -> Checked {
+        match x.iter().find(|v| !v.is_finite() || **v <= 0.0) {
+            Some(v) => self.fail(format!("{what} is {v}{unit}"), "give a finite number greater than 0"),
+            None => Ok(()),
+        }
+    }
+
+    /// Right way up; infinite ends are no bounds.
+    fn range(&self, what: &str, range: Option<[f64; 2]>) -> Checked {
+        match range {
+            Some([low, high]) if low.is_nan() || high.is_nan() => self.fail(format!("{what} is [{low}, {high}]"), "give numbers"),
+            Some([low, high]) if low > high => {
+                self.fail(format!("{what} [{low}, {high}] is upside down"), "give the lower bound first, or no range")
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn index(&self, what: &str, index: usize, count: usize) -> Checked {
+        if index < count {
+            return Ok(());
+        }
+        self.fail(format!("refers to {what} {index} of {count}"), format!("give the index of a {what} of this model, counted from 0"))
+    }
+
+    fn length(&self, what: &str, x: &[f64], expected: usize, sum: &str) -> Checked {
+        if x.len() == expected {
+            return self.finite(what, x);
+        }
+        self.fail(format!("{what} has length {}", x.len()), format!("give {expected} numbers: {sum}"))
+    }
+
+    /// A hinge or slide of the model.
+    fn scalar_joint(&self, model: &Model, joint: usize) -> Checked {
+        self.index("joint", joint, model.joints.len())?;
+        let kind = match model.joints[joint].kind {
+            JointKind::Free => "free",
+            JointKind::Ball => "ball",
+            JointKind::Slide | JointKind::Hinge => return Ok(()),
+        };
+        self.fail(format!("refers to joint {:?}, a {kind} joint", model.joint_label(joint)), "refer to a hinge or slide")
+    }
+
+    fn contact(&self, condim: u8, friction: &[f64], restitution: f64, margin: f64, gap: f64) -> Checked {
+        if !DIMENSIONS.contains(&condim) {
+            return self.fail(format!("condim is {condim}"), "give 1 (frictionless), 3 (sliding), 4 (torsional) or 6 (rolling)");
+        }
+        self.size("friction", friction, "")?;
+        if !(0.0..=1.0).contains(&restitution) {
+            return self.fail(format!("restitution is {restitution}"), "give a number from 0 (no bounce) to 1 (elastic)");
+        }
+        self.finite("margin", &[margin])?;
+        self.size("gap", &[gap], " m")
+    }
+}
+
+/// What must hold before anything else of the model can be looked at: the tree, the indices between bodies, joints and geoms, the
+/// lengths of arrays.
+pub(super) fn structure(model: &Model) -> Checked {
+    tree(model)?;
+    order("joint", model.joints.iter().map(|j| (j.name.as_str(), j.body)), model.bodies.len())?;
+    order("geom", model.geoms.iter().map(|g| (g.name.as_str(), g.body)), model.bodies.len())?;
+    joints_fit_bodies(model)?;
+    let (nq, nv) = (model.nq(), model.nv());
+    let scene = At("model".into());
+    scene.length("qpos0", &model.qpos0, nq, "nq of the joints")?;
+    scene.length("qpos_spring", &model.qpos_spring, nq, "nq of the joints")?;
+    for (i, key) in model.keyframes.iter().enumerate() {
+        let at = At::new("keyframe", &key.name, i);
+        at.finite("time", &[key.time])?;
+        at.length("qpos", &key.qpos, nq, "nq of the joints")?;
+        at.length("qvel", &key.qvel, nv, "nv of the joints")?;
+        at.length("act", &key.act, model.na(), "one for every actuator with activation")?;
+        at.length("ctrl", &key.ctrl, model.nu(), "one for every actuator")?;
+    }
+    Ok(())
+}
+
+fn tree(model: &Model) -> Checked {
+    let Some(world) = model.bodies.first() else {
+        return At("model".into()).fail("there are no bodies", "begin with the world body");
+    };
+    if world.parent != 0 || world.mocap {
+        return At::new("body", &world.name, 0).fail("the world has a parent or is mocap", "give parent 0 and mocap false");
+    }
+    for (i, body) in model.bodies.iter().enumerate().skip(1) {
+        let at = At::new("body", &body.name, i);
+        if body.parent >= i {
+            return at.fail(format!("its parent is body {}, itself body {i}", body.parent), "list parents before their children");
+        }
+        if body.mocap && body.parent != 0 {
+            let parent = model.body_label(body.parent);
+            return at.fail(format!("a mocap body hangs from body {parent:?}"), "hang it from the world, or let it not be mocap");
+        }
+        if body.mocap && model.joints.iter().any(|j| j.body == i) {
+            return at.fail("a mocap body has joints", "remove its joints, or let it not be mocap");
+        }
+    }
+    Ok(())
+}
+
+fn order<'a>(kind: &str, elements: impl Iterator<Item = (&'a str, usize)>, nbody: usize) -> Checked {
+    let mut last = 0;
+    for (i, (name, body)) in elements.enumerate() {
+        let at = At::new(kind, name, i);
+        at.index("body", body, nbody)?;
+        if body < last {
+            return at
+                .fail(format!("belongs to body {body}, the one before it to body {last}"), format!("list {kind}s in the order of bodies"));
+        }
+        last = body;
+    }
+    Ok(())
+}
+
+fn joints_fit_bodies(model: &Model) -> Checked {
+    for (i, joint) in model.joints.iter().enumerate() {
+        let at = At::new("joint", &joint.name, i);
+        if joint.body == 0 {
+            return at.fail("would move the world", "give it to another body");
+        }
+        if joint.kind != JointKind::Free {
+            continue;
+        }
+        let body = model.body_label(joint.body);
+        if model.bodies[joint.body].parent != 0 {
+            return at.fail(format!("a free joint of body {body:?}, which hangs from another body"), "hang the body from the world");
+        }
+        if model.joints.iter().filter(|j| j.body == joint.body).count() > 1 {
+            return at.fail(format!("a free joint that is not alone on body {body:?}"), "remove the body's other joints: it moves freely");
+        }
+    }
+    Ok(())
+}
+
+/// Every number.
+pub(super) fn values(model: &Model) -> Checked {
+    let scene = At("model".into());
+    scene.positive("timestep", &[model.timestep], " s")?;
+    scene.finite("gravity", &model.gravity)?;
+    names(model)?;
+    bodies(model)?;
+    joints(model)?;
+    geoms(model)?;
+    pairs(model)?;
+    tendons(model)?;
+    actuators(model)?;
+    for (i, sensor) in model.sensors.iter().enumerate() {
+        let (SensorKind::JointPos(j) | SensorKind::JointVel(j)) = sensor.kind;
+        At::new("sensor", &sensor.name, i).scalar_joint(model, j)?;
+    }
+    Ok(())
+}
+
+/// Names are how users refer to elements: two of a kind with one name cannot be told apart.
+fn names(model: &Model) -> Checked {
+    fn unique<'a>(kind: &str, names: impl Iterator<Item = &'a String>) -> Checked {
+        let mut seen = HashSet::new();
+        for name in names.filter(|n| !n.is_empty()) {
+            if !seen.insert(name) {
+                return At(format!("{kind} {name:?}"))
+                    .fail(format!("another {kind} has the same name"), "give every one its own name, or none");
+            }
+        }
+        Ok(())
+    }
+    unique("body", model.bodies.iter().map(|x| &x.name))?;
+    unique("joint", model.joints.iter().map(|x| &x.name))?;
+    unique("geom", model.geoms.iter().map(|x| &x.name))?;
+    unique("tendon", model.tendons.iter().map(|x| &x.name))?;
+    unique("actuator", model.actuators.iter().map(|x| &x.name))?;
+    unique("sensor", model.sensors.iter().map(|x| &x.name))?;
+    unique("keyframe", model.keyframes.iter().map(|x| &x.name))
+}
+
+fn bodies(model: &Model) -> Checked {
+    for (i, body) in model.bodies.iter().enumerate() {
+        let at = At::new("body", &body.name, i);
+        at.finite("pos", &body.pos)?;
+        at.finite("centre of mass", &body.ipos)?;
+        at.size("mass", &[body.mass], " kg")?;
+        at.size("inertia", &body.inertia, " kg m^2")?;
+        let [a, b, c] = sorted(body.inertia);
+        if c > (a + b) * (1.0 + TRIANGLE) {
+            return at.fail(
+                format!(
+                    "principal moments {:?} break the triangle inequality: {c} > {a} + {b}; no distribution of mass has them",
+                    body.inertia
+                ),
+                "check the moments and their units, or let the geoms give them (MJCF: compiler inertiafromgeom or balanceinertia)",
+            );
+        }
+    }
+    Ok(())
+}
+
+fn sorted(mut x: [f64; 3]) -> [f64; 3] {
+    x.sort_by(f64::total_cmp);
+    x
+}
+
+fn joints(model: &Model) -> Checked {
+    for (i, joint) in model.joints.iter().enumerate() {
+        let at = At::new("joint", &joint.name, i);
+        at.finite("pos", &joint.pos)?;
+        at.finite("stiffness", &[joint.stiffness])?;
+        at.size("damping", &[joint.damping], "")?;
+        at.size("armature", &[joint.armature], "")?;
+        at.size("frictionloss", &[joint.frictionloss], "")?;
+        if joint.range.is_some() && joint.kind == JointKind::Free {
+            return at.fail("a range on a free joint", "remove it: free joints have no limits");
+        }
+        at.range("range", joint.range)?;
+        at.finite("range", &joint.range.unwrap_or_default())?;
+        at.range("actuator_force_range", joint.actuator_force_range)?;
+    }
+    Ok(())
+}
+
+fn geoms(model: &Model) -> Checked {
+    for (i, geom) in model.geoms.iter().enumerate() {
+        let at = At::new("geom", &geom.name, i);
+        match geom.shape {
+            Shape::Plane | Shape::HeightField { .. } => {}
+            Shape::Sphere { radius } => at.positive("radius", &[radius], " m")?,
+            Shape::Capsule { radius, half_length } => {
+                at.positive("radius", &[radius], " m")?;
+                at.size("half length", &[half_length], " m")?;
+            }
+            Shape::Cylinder { radius, half_length } => {
+                at.positive("radius", &[radius], " m")?;
+                at.positive("half length", &[half_length], " m")?;
+            }
+            Shape::Ellipsoid { radii } => at.positive("semi-axis", &radii, " m")?,
+            Shape::Box { half } => at.positive("half size", &half, " m")?,
+            Shape::Mesh { radius, .. } => at.size("bounding radius", &[radius], " m")?,
+        }
+        at.finite("pos", &geom.pos)?;
+        at.contact(geom.condim, &geom.friction, geom.restitution, geom.margin, geom.gap)?;
+    }
+    Ok(())
+}
+
+fn pairs(model: &Model) -> Checked {
+    for (i, pair) in model.pairs.iter().enumerate() {
+        let at = At::new("pair", &pair.name, i);
+        pair.geoms.iter().try_for_each(|&g| at.index("geom", g, model.geoms.len()))?;
+        if pair.geoms[0] == pair.geoms[1] {
+            return at.fail(format!("geom {:?} against itself", model.geom_label(pair.geoms[0])), "name two geoms");
+        }
+        at.contact(pair.condim, &pair.friction, pair.restitution, pair.margin, pair.gap)?;
+    }
+    for (i, exclude) in model.excludes.iter().enumerate() {
+        exclude.iter().try_for_each(|&b| At::new("exclude", "", i).index("body", b, model.bodies.len()))?;
+    }
+    Ok(())
+}
+
+fn tendons(model: &Model) -> Checked {
+    for (i, tendon) in model.tendons.iter().enumerate() {
+        let at = At::new("tendon", &tendon.name, i);
+        for &(joint, coefficient) in &tendon.joints {
+            at.scalar_joint(model, joint)?;
+            at.finite("coefficient", &[coefficient])?;
+        }
+    }
+    Ok(())
+}
+
+fn actuators(model: &Model) -> Checked {
+    for (i, actuator) in model.actuators.iter().enumerate() {
+        let at = At::new("actuator", &actuator.name, i);
+        match actuator.transmission {
+            Transmission::Joint(j) => at.scalar_joint(model, j)?,
+            Transmission::Tendon(t) => at.index("tendon", t, model.tendons.len())?,
+        }
+        if let Activation::Filter(tau) | Activation::FilterExact(tau) = actuator.activation {
+            at.positive("time constant", &[tau], " s")?;
+        }
+        at.finite("gear", &[actuator.gear])?;
+        at.finite("gain", &actuator.gain)?;
+        at.finite("bias", &actuator.bias)?;
+        at.range("ctrl_range", actuator.ctrl_range)?;
+        at.range("force_range", actuator.force_range)?;
+        at.range("act_range", actuator.act_range)?;
+    }
+    Ok(())
+}

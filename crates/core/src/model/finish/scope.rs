@@ -1,0 +1,73 @@
+//! What a model can describe and the step does not simulate yet.
+
+use std::collections::BTreeMap;
+
+use super::super::{GeomPair, JointKind, Model, Omission, Shape};
+
+/// Name of an element, and why it is left out.
+type User = (String, String);
+
+/// Who uses something.
+type Users = fn(&Model, &[GeomPair]) -> Vec<User>;
+
+/// The table: what is missing, and who uses it.
+const MISSING: [(&str, Users); 3] =
+    [("joint limit", ball_limits), ("contact dimension", torsion_and_rolling), ("collision", pairs_without_kernel)];
+
+/// Every element that uses something of the table.
+pub(super) fn not_simulated(model: &Model) -> Vec<Omission> {
+    let pairs = model.collision_pairs();
+    let rows = MISSING.iter().flat_map(|(kind, users)| users(model, &pairs).into_iter().map(move |user| (kind, user)));
+    rows.map(|(kind, (name, reason))| Omission { kind: (*kind).into(), name, reason, changes_motion: true }).collect()
+}
+
+/// Whether this module wrote it.
+pub(super) fn is_own(omission: &Omission) -> bool {
+    MISSING.iter().any(|(kind, _)| *kind == omission.kind)
+}
+
+fn ball_limits(model: &Model, _: &[GeomPair]) -> Vec<User> {
+    let limited = (0..model.joints.len()).filter(|&j| model.joints[j].kind == JointKind::Ball && model.joints[j].range.is_some());
+    limited.map(|j| (model.joint_label(j), "limits of ball joints are not simulated yet; it turns freely".into())).collect()
+}
+
+fn torsion_and_rolling(model: &Model, pairs: &[GeomPair]) -> Vec<User> {
+    let sources = |pair: &GeomPair| pair.geoms.into_iter().filter(|&g| model.geoms[g].condim == pair.condim).collect::<Vec<_>>();
+    let mut users: BTreeMap<usize, u8> = BTreeMap::new();
+    let mut explicit: BTreeMap<[usize; 2], u8> = BTreeMap::new();
+    for pair in pairs.iter().filter(|p| p.condim > 3) {
+        let sources = sources(pair);
+        if sources.is_empty() {
+            explicit.insert(pair.geoms, pair.condim);
+        }
+        users.extend(sources.into_iter().map(|g| (g, model.geoms[g].condim)));
+    }
+    let reason = |condim: u8| {
+        let what = if condim == 4 { "torsional" } else { "torsional and rolling" };
+        format!("{what} friction (condim {condim}) is not simulated yet; its contacts have sliding friction only")
+    };
+    let of_pair = |([a, b], c): ([usize; 2], u8)| (format!("{} / {}", model.geom_label(a), model.geom_label(b)), reason(c));
+    users.into_iter().map(|(g, c)| (model.geom_label(g), reason(c))).chain(explicit.into_iter().map(of_pair)).collect()
+}
+
+/// One entry for every geom whose shape is the reason: of two, the later in the order of [`GeomPair::geoms`], or the height field.
+fn pairs_without_kernel(model: &Model, pairs: &[GeomPair]) -> Vec<User> {
+    let mut partners: BTreeMap<usize, BTreeMap<&str, Vec<usize>>> = BTreeMap::new();
+    for [a, b] in pairs.iter().map(|p| p.geoms) {
+        let (first, second) = (&model.geoms[a].shape, &model.geoms[b].shape);
+        if !Model::has_kernel(first, second) {
+            let (cause, partner) = if matches!(first, Shape::HeightField { .. }) { (a, b) } else { (b, a) };
+            partners.entry(cause).or_default().entry(model.geoms[partner].shape.name()).or_default().push(partner);
+        }
+    }
+    let count = |(shape, geoms): (&str, Vec<usize>)| match geoms[..] {
+        [one] => format!("{shape} {:?}", model.geom_label(one)),
+        _ => format!("{} {shape} geoms", geoms.len()),
+    };
+    let describe = |(geom, met): (usize, BTreeMap<&'static str, Vec<usize>>)| {
+        let met: Vec<String> = met.into_iter().map(count).collect();
+        let shape = model.geoms[geom].shape.name();
+        (model.geom_label(geom), format!("this {shape} passes through {}: contact between these shapes is not simulated yet", met.join(", ")))
+    };
+    partners.into_iter().map(|(g, met)| describe((g, met))).collect()
+}

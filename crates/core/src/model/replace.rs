@@ -1,0 +1,263 @@
+//! Models with other numbers: one table of fields, read and written alike.
+
+use super::{Body, Geom, Joint, Model, ModelError};
+
+/// Hands every number of a field, in order, to a visitor that may change it.
+type Visit = fn(&mut Model, &mut dyn FnMut(&mut f64));
+
+/// An array of numbers of a model.
+#[derive(Clone, Copy, Debug)]
+pub struct Field {
+    /// Name, in MuJoCo's vocabulary.
+    pub name: &'static str,
+    /// What it holds, and its unit.
+    pub what: &'static str,
+    /// Numbers of every element.
+    width: Option<usize>,
+    visit: Visit,
+}
+
+const fn scalar(name: &'static str, what: &'static str, visit: Visit) -> Field {
+    Field { name, what, width: None, visit }
+}
+
+const fn rows(name: &'static str, width: usize, what: &'static str, visit: Visit) -> Field {
+    Field { name, what, width: Some(width), visit }
+}
+
+/// Every field that [`Model::replace`] writes and [`Model::field`] reads.
+pub const REPLACEABLE: &[Field] = &[
+    rows("gravity", 1, "gravitational acceleration, m/s^2", |m, f| m.gravity.iter_mut().for_each(f)),
+    scalar("timestep", "default time step, s", |m, f| f(&mut m.timestep)),
+    rows("qpos0", 1, "configuration at reset", |m, f| m.qpos0.iter_mut().for_each(f)),
+    rows("qpos_spring", 1, "configuration in which springs rest", |m, f| m.qpos_spring.iter_mut().for_each(f)),
+    rows("body_mass", 1, "mass, kg", |m, f| each_body(m, f, |b| std::slice::from_mut(&mut b.mass))),
+    rows("body_inertia", 3, "principal moments of inertia, kg m^2", |m, f| each_body(m, f, |b| &mut b.inertia)),
+    rows("body_ipos", 3, "centre of mass in the body's frame, m", |m, f| each_body(m, f, |b| &mut b.ipos)),
+    rows("body_iquat", 4, "orientation of the principal axes", |m, f| each_body(m, f, |b| &mut b.iquat)),
+    rows("body_pos", 3, "position in the parent's frame, m", |m, f| each_body(m, f, |b| &mut b.pos)),
+    rows("body_quat", 4, "orientation in the parent's frame", |m, f| each_body(m, f, |b| &mut b.quat)),
+    rows("geom_friction", 3, "sliding (1), torsional (m), rolling (m) friction", |m, f| each_geom(m, f, |g| &mut g.friction)),
+    rows("geom_restitution", 1, "coefficient of restitution", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.restitution))),
+    rows("geom_margin", 1, "distance at which a contact pushes, m", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.margin))),
+    rows("geom_gap", 1, "distance beyond the margin that is reported, m", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.gap))),
+    rows("geom_pos", 3, "position in the body's frame, m", |m, f| each_geom(m, f, |g| &mut g.pos)),
+    rows("geom_quat", 4, "orientation in the body's frame", |m, f| each_geom(m, f, |g| &mut g.quat)),
+    rows("geom_condim", 1, "rows of a contact", |m, f| m.geoms.iter_mut().for_each(|g| whole(&mut g.condim, f))),
+    rows("jnt_stiffness", 1, "spring stiffness, N/m or N m/rad", |m, f| m.joints.iter_mut().for_each(|j| f(&mut j.stiffness))),
+    rows("jnt_range", 2, "lowest and highest position, m or rad", |m, f| m.joints.iter_mut().for_each(|j| bounds(&mut j.range, f))),
+    rows("jnt_actfrcrange", 2, "bounds of the sum of actuator forces, N or N m", |m, f| {
+        m.joints.iter_mut().for_each(|j| bounds(&mut j.actuator_force_range, f));
+    }),
+    rows("dof_damping", 1, "viscous damping, N s/m or N m s/rad", |m, f| each_dof(m, f, |j| &mut j.damping)),
+    rows("dof_armature", 1, "added inertia, kg or kg m^2", |m, f| each_dof(m, f, |j| &mut j.armature)),
+    rows("dof_frictionloss", 1, "dry friction, N or N m", |m, f| each_dof(m, f, |j| &mut j.frictionloss)),
+    rows("actuator_gear", 1, "scale of length, velocity and force", |m, f| m.actuators.iter_mut().for_each(|a| f(&mut a.gear))),
+    rows("actuator_gain", 3, "affine gain", |m, f| m.actuators.iter_mut().flat_map(|a| &mut a.gain).for_each(f)),
+    rows("actuator_bias", 3, "affine bias", |m, f| m.actuators.iter_mut().flat_map(|a| &mut a.bias).for_each(f)),
+    rows("actuator_ctrlrange", 2, "bounds of the control", |m, f| m.actuators.iter_mut().for_each(|a| bounds(&mut a.ctrl_range, f))),
+    rows("actuator_forcerange", 2, "bounds of the force, N or N m", |m, f| {
+        m.actuators.iter_mut().for_each(|a| bounds(&mut a.force_range, f));
+    }),
+];
+
+fn each_body(model: &mut Model, f: &mut dyn FnMut(&mut f64), get: fn(&mut Body) -> &mut [f64]) {
+    model.bodies.iter_mut().flat_map(get).for_each(f);
+}
+
+fn each_geom(model: &mut Model, f: &mut dyn FnMut(&mut f64), get: fn(&mut Geom) -> &mut [f64]) {
+    model.geoms.iter_mut().flat_map(get).for_each(f);
+}
+
+/// A joint's number once for each of its degrees of freedom; the last one written stays.
+fn each_dof(model: &mut Model, f: &mut dyn FnMut(&mut f64), get: fn(&mut Joint) -> &mut f64) {
+    for joint in &mut model.joints {
+        let now = *get(joint);
+        for _ in 0..joint.kind.nv() {
+            let mut value = now;
+            f(&mut value);
+            *get(joint) = value;
+        }
+    }
+}
+
+/// No range is one from -inf to inf.
+fn bounds(range: &mut Option<[f64; 2]>, f: &mut dyn FnMut(&mut f64)) {
+    const NONE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
+    let mut ends = range.unwrap_or(NONE);
+    ends.iter_mut().for_each(f);
+    *range = (ends != NONE).then_some(ends);
+}
+
+/// A whole number; what is written saturates.
+fn whole(number: &mut u8, f: &mut dyn FnMut(&mut f64)) {
+    let mut value = f64::from(*number);
+    f(&mut value);
+    *number = value as u8;
+}
+
+impl Field {
+    /// Its shape in this model: `[]` for a scalar, `[n]`, or `[n, width]`.
+    pub fn shape(&self, model: &Model) -> Vec<usize> {
+        let count = self.read(model).len();
+        match self.width {
+            None => vec![],
+            Some(1) => vec![count],
+            Some(width) => vec![count / width, width],
+        }
+    }
+
+    fn read(&self, model: &Model) -> Vec<f64> {
+        let mut values = vec![];
+        (self.visit)(&mut model.clone(), &mut |x| values.push(*x));
+        values
+    }
+
+    fn place(&self) -> String {
+        format!("field {:?}", self.name)
+    }
+}
+
+fn find(name: &str) -> Result<&'static Field, ModelError> {
+    REPLACEABLE.iter().find(|f| f.name == name).ok_or_else(|| {
+        let known: Vec<&str> = REPLACEABLE.iter().map(|f| f.name).collect();
+        ModelError::invalid(format!("field {name:?}"), "there is no such field", format!("choose one of: {}", known.join(", ")))
+    })
+}
+
+impl Model {
+    /// The shape of a field and its numbers, row by row; `None` when there is no such field in [`REPLACEABLE`]. A range that is not there
+    /// reads -inf to inf.
+    pub fn field(&self, name: &str) -> Option<(Vec<usize>, Vec<f64>)> {
+        find(name).ok().map(|field| (field.shape(self), field.read(self)))
+    }
+
+    /// A model with other numbers in one field, validated like any other: see [`REPLACEABLE`]. If this model leaves nothing out that changes
+    /// the motion, the new one may not either.
+    ///
+    /// # Errors
+    /// [`ModelError::Invalid`] when there is no such field, with both shapes when there are too few or too many numbers, and for what
+    /// the model cannot hold; otherwise as [`Model::finish`].
+    pub fn replace(&self, name: &str, values: &[f64]) -> Result<Self, ModelError> {
+        self.replace_all(&[(name, values)])
+    }
+
+    /// As [`Model::replace`] for several fields at once: only the result needs to be valid, not what is between.
+    ///
+    /// # Errors
+    /// As [`Model::replace`].
+    pub fn replace_all(&self, fields: &[(&str, &[f64])]) -> Result<Self, ModelError> {
+        let mut model = self.clone();
+        for &(name, values) in fields {
+            write(&mut model, find(name)?, values)?;
+        }
+        let strict = !self.omitted.iter().any(|o| o.changes_motion);
+        model.finish(strict)
+    }
+}
+
+fn write(model: &mut Model, field: &Field, values: &[f64]) -> Result<(), ModelError> {
+    let count = field.read(model).len();
+    if values.len() != count {
+        let shape = field.shape(model);
+        let what = format!("got {} numbers for shape {shape:?}", values.len());
+        return Err(ModelError::invalid(field.place(), what, format!("give {count} numbers, {}", field.what)));
+    }
+    let mut next = values.iter();
+    (field.visit)(model, &mut |x| *x = *next.next().expect("as many as were counted"));
+    let held = field.read(model);
+    match (0..count).find(|&k| held[k].to_bits() != values[k].to_bits()) {
+        Some(k) => Err(ModelError::invalid(
+            field.place(),
+            format!("number {k} is {}, which the model cannot hold: it would become {}", values[k], held[k]),
+            if field.name.starts_with("dof_") {
+                "give all degrees of freedom of a ball or free joint the same value"
+            } else {
+                "give whole numbers in range"
+            },
+        )),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::finish::tests::rich;
+    use super::*;
+
+    #[test]
+    fn every_field_reads_back_what_is_written() {
+        let model = rich();
+        for field in REPLACEABLE {
+            let (shape, values) = model.field(field.name).unwrap();
+            assert_eq!(shape.iter().product::<usize>(), values.len(), "{}", field.name);
+            assert!(!values.is_empty(), "{} is not in the test's model", field.name);
+            assert_eq!(model.replace(field.name, &values).unwrap(), model, "{}", field.name);
+        }
+    }
+
+    #[test]
+    fn shapes_are_those_of_the_elements() {
+        let model = rich();
+        let shape = |name: &str| model.field(name).unwrap().0;
+        assert_eq!(shape("timestep"), []);
+        assert_eq!(shape("gravity"), [3]);
+        assert_eq!(shape("qpos0"), [model.nq()]);
+        assert_eq!(shape("body_mass"), [model.bodies.len()]);
+        assert_eq!(shape("geom_friction"), [model.geoms.len(), 3]);
+        assert_eq!(shape("jnt_range"), [model.joints.len(), 2]);
+        assert_eq!(shape("dof_damping"), [model.nv()]);
+        assert_eq!(shape("actuator_ctrlrange"), [model.nu(), 2]);
+    }
+
+    #[test]
+    fn values_arrive_at_their_elements() {
+        let model = rich();
+        let mut friction = model.field("geom_friction").unwrap().1;
+        friction[3] = 0.25;
+        assert_eq!(model.replace("geom_friction", &friction).unwrap().geoms[1].friction[0], 0.25);
+        let mut range = model.field("actuator_ctrlrange").unwrap().1;
+        assert_eq!(range, [-1.0, 1.0, f64::NEG_INFINITY, f64::INFINITY]);
+        range[..2].copy_from_slice(&[f64::NEG_INFINITY, f64::INFINITY]);
+        assert_eq!(model.replace("actuator_ctrlrange", &range).unwrap().actuators[0].ctrl_range, None);
+        let mut damping = model.field("dof_damping").unwrap().1;
+        damping[..6].fill(0.7);
+        assert_eq!(model.replace("dof_damping", &damping).unwrap().joints[0].damping, 0.7);
+    }
+
+    #[test]
+    fn errors_name_field_shapes_and_remedy() {
+        let text = |name: &str, values: &[f64]| rich().replace(name, values).unwrap_err().to_string();
+        let error = text("geom_friction", &[1.0; 4]);
+        assert!(error.contains("field \"geom_friction\"") && error.contains("4 numbers") && error.contains("[7, 3]"), "{error}");
+        assert!(text("colour", &[]).contains("body_mass"));
+        let mut damping = rich().field("dof_damping").unwrap().1;
+        damping[0] = 5.0;
+        assert!(text("dof_damping", &damping).contains("same value"));
+        assert!(text("geom_condim", &[3.5; 7]).contains("whole numbers"));
+        assert!(text("body_mass", &[-1.0; 7]).contains("mass is -1 kg"));
+        assert!(text("timestep", &[f64::NAN]).contains("timestep is NaN"));
+    }
+
+    #[test]
+    fn a_strict_model_stays_strict() {
+        let model = rich();
+        let condim = vec![6.0; model.geoms.len()];
+        assert!(matches!(model.replace("geom_condim", &condim), Err(ModelError::Unsupported(_))));
+        let mut loose = model.clone();
+        loose.geoms[1].condim = 4;
+        let loose = loose.finish(false).unwrap();
+        assert!(loose.replace("geom_condim", &condim).unwrap().omitted.len() > 1);
+        assert!(loose.replace("geom_condim", &vec![3.0; model.geoms.len()]).unwrap().omitted.is_empty());
+    }
+
+    #[test]
+    fn several_fields_need_only_fit_together() {
+        let model = rich();
+        let mut inertia = model.field("body_inertia").unwrap().1;
+        inertia[6..9].copy_from_slice(&[1.0, 1.0, 2.0]);
+        let mass = vec![1.0; model.bodies.len()];
+        let both = model.replace_all(&[("body_inertia", &inertia), ("body_mass", &mass)]).unwrap();
+        assert_eq!((both.bodies[2].mass, both.bodies[2].inertia), (1.0, [1.0, 1.0, 2.0]));
+    }
+}

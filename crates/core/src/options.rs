@@ -1,0 +1,96 @@
+//! theta: every choice of method that a step makes.
+
+use serde::{Deserialize, Serialize};
+
+/// How velocities and positions advance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Integrator {
+    /// Semi-implicit Euler: everything at q, then q+ = q (+) h v+. First order.
+    Euler,
+    /// Moreau's midpoint: everything at q (+) h/2 v, then q+ = q_mid (+) h/2 v+. Second order in free flight.
+    Midpoint,
+    /// Runge-Kutta-Munthe-Kaas of order 4 for environments without an active constraint in this step; the others take a midpoint step.
+    Rk4,
+}
+
+/// What removes the overlap that remains.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Stabilization {
+    /// A velocity bias beta (overlap - slop) / h in the normal row (Baumgarte 1972), capped.
+    Baumgarte,
+    /// A second solve of the same rows whose velocity moves positions only.
+    Split,
+    /// Nothing.
+    None,
+}
+
+/// Settings of a step. Times in s, lengths in m (rad for hinge limits), velocities in m/s.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Options {
+    /// Time step.
+    pub timestep: f64,
+    /// Integrator.
+    pub integrator: Integrator,
+    /// Sweeps of the solver at the most.
+    pub iterations: u32,
+    /// Residual at which the solver stops, m/s.
+    pub tolerance: f64,
+    /// Stabilisation.
+    pub stabilization: Stabilization,
+    /// Fraction of the overlap beyond the slop removed per step.
+    pub baumgarte: f64,
+    /// Overlap that is left alone.
+    pub slop: f64,
+    /// Fastest correction of overlap.
+    pub max_correction_speed: f64,
+    /// Approach slower than this does not bounce from a resting contact.
+    pub restitution_threshold: f64,
+    /// Contacts an environment can hold; `None` lets the model decide.
+    pub max_contacts: Option<u32>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            timestep: 0.002,
+            integrator: Integrator::Midpoint,
+            iterations: 50,
+            tolerance: 1e-6,
+            stabilization: Stabilization::Baumgarte,
+            baumgarte: 0.2,
+            slop: 1e-5,
+            max_correction_speed: 1.0,
+            restitution_threshold: 0.01,
+            max_contacts: None,
+        }
+    }
+}
+
+impl Options {
+    /// The first setting out of its range, in words.
+    pub fn check(&self) -> Result<(), String> {
+        let positive = |name: &str, x: f64| match x > 0.0 && x.is_finite() {
+            true => Ok(()),
+            false => Err(format!("option {name} is {x}, must be a finite number above 0")),
+        };
+        let not_negative = |name: &str, x: f64| match x >= 0.0 {
+            true => Ok(()),
+            false => Err(format!("option {name} is {x}, must be 0 or more")),
+        };
+        positive("timestep", self.timestep)?;
+        positive("tolerance", self.tolerance)?;
+        not_negative("slop", self.slop)?;
+        not_negative("max_correction_speed", self.max_correction_speed)?;
+        not_negative("restitution_threshold", self.restitution_threshold)?;
+        if !(0.0..=1.0).contains(&self.baumgarte) {
+            return Err(format!("option baumgarte is {}, must be from 0 to 1", self.baumgarte));
+        }
+        if self.iterations == 0 {
+            return Err("option iterations is 0, must be 1 or more".into());
+        }
+        if self.max_contacts == Some(0) {
+            return Err("option max_contacts is 0, must be 1 or more; drop contacts with contype=0 instead".into());
+        }
+        Ok(())
+    }
+}

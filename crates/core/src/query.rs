@@ -1,0 +1,134 @@
+//! Quantities of one environment that people ask for outside a step, in f64.
+
+use stepper_real::Real;
+
+use crate::inertia::{MassMatrix, NewtonEuler, bias_force};
+use crate::kinematics::{Kinematics, kinetic_energy};
+use crate::model::JointKind;
+use crate::plan::Plan;
+use crate::spatial::*;
+use crate::stages::s01_actuate::actuate;
+use crate::stages::s02_smooth::Smooth;
+use crate::step::Inputs;
+
+/// A state to ask about.
+#[derive(Clone, Debug)]
+pub struct Snapshot {
+    /// Configuration.
+    pub q: Vec<f64>,
+    /// Velocity.
+    pub v: Vec<f64>,
+    /// Activations.
+    pub act: Vec<f64>,
+    /// What the user applies.
+    pub inputs: Inputs<f64>,
+    /// Poses of the mocap bodies, position and quaternion each.
+    pub mocap: Vec<([f64; 3], [f64; 4])>,
+}
+
+impl Snapshot {
+    fn kinematics(&self, plan: &Plan<f64>) -> Kinematics<f64> {
+        let mut kinematics = Kinematics::new(plan);
+        for (m, &(pos, quat)) in plan.mocap.iter().zip(&self.mocap) {
+            kinematics.pos[m.frame] = pos;
+            kinematics.mat[m.frame] = quat_to_mat(quat_normalize(quat));
+        }
+        kinematics.update(plan, &self.q);
+        kinematics
+    }
+
+    /// The mass matrix, row by row, (nv, nv), armature included.
+    pub fn mass_matrix(&self, plan: &Plan<f64>) -> Vec<f64> {
+        let mut mass = MassMatrix::new(plan);
+        mass.assemble(plan, &self.kinematics(plan), &mut vec![zero(); plan.links.len()], 0.0);
+        let mut full = vec![0.0; plan.nv * plan.nv];
+        for i in 0..plan.nv {
+            let dof = &plan.dofs[i];
+            for (&a, &m) in plan.chain_of(i).iter().zip(&mass.entries[dof.chain..]) {
+                full[i * plan.nv + a as usize] = m;
+                full[a as usize * plan.nv + i] = m;
+            }
+        }
+        full
+    }
+
+    /// Coriolis, centrifugal and gravitational forces, (nv,).
+    pub fn bias_force(&self, plan: &Plan<f64>) -> Vec<f64> {
+        let mut out = vec![0.0; plan.nv];
+        bias_force(plan, &self.kinematics(plan), &self.v, &mut NewtonEuler::new(plan), &mut out);
+        out
+    }
+
+    /// Acceleration without constraints, (nv,).
+    pub fn smooth_acceleration(&self, plan: &Plan<f64>) -> Vec<f64> {
+        let kinematics = self.kinematics(plan);
+        let mut smooth = Smooth::new(plan);
+        smooth.factor_mass(plan, &kinematics, 0.0);
+        let mut applied = vec![0.0; plan.nv];
+        if !self.inputs.qfrc.is_empty() {
+            applied.copy_from_slice(&self.inputs.qfrc);
+        }
+        if !self.inputs.xfrc.is_empty() {
+            smooth.add_wrenches(plan, &kinematics, &self.inputs.xfrc, &mut applied);
+        }
+        let mut tau = vec![0.0; plan.nv];
+        actuate(plan, &self.q, &self.v, &self.act, &self.inputs.ctrl, &mut tau);
+        smooth.acceleration(plan, &kinematics, [&tau, &applied], &self.v, &self.v);
+        smooth.acc
+    }
+
+    /// Potential energy (gravity and joint springs) and kinetic energy (armature included), J.
+    pub fn energy(&self, plan: &Plan<f64>) -> (f64, f64) {
+        let kinematics = self.kinematics(plan);
+        let mut potential = 0.0;
+        for (l, link) in plan.links.iter().enumerate() {
+            potential -= link.mass * dot(plan.gravity, kinematics.point(l + 1, link.com));
+        }
+        for joint in &plan.joints {
+            potential += 0.5 * joint.stiffness * self.stretch_squared(joint);
+        }
+        let mut velocities = vec![zero(); plan.links.len()];
+        kinematics.velocities(plan, &self.v, &mut velocities);
+        let rotors: f64 = plan.dofs.iter().zip(&self.v).map(|(d, v)| d.armature * v * v).sum();
+        (potential, kinetic_energy(&kinematics, &velocities) + 0.5 * rotors)
+    }
+
+    /// Square of a joint's distance from the rest of its spring.
+    fn stretch_squared(&self, joint: &crate::plan::JointPlan<f64>) -> f64 {
+        let (mut at, mut i, mut sum) = (joint.q, 0, 0.0);
+        if joint.kind != JointKind::Ball {
+            let scalars = if joint.kind == JointKind::Free { 3 } else { 1 };
+            sum += (0..scalars).map(|s| (self.q[at + s] - joint.rest[s]).square()).sum::<f64>();
+            (at, i) = (at + scalars, scalars);
+        }
+        if matches!(joint.kind, JointKind::Ball | JointKind::Free) {
+            let r = &joint.rest[i..i + 4];
+            let q = [self.q[at], self.q[at + 1], self.q[at + 2], self.q[at + 3]];
+            let twist = quat_log(quat_mul([r[0], -r[1], -r[2], -r[3]], q));
+            sum += dot(twist, twist);
+        }
+        sum
+    }
+
+    /// Linear momentum, and angular momentum about the common centre of mass, of everything that moves; rotors are massless here.
+    pub fn momentum(&self, plan: &Plan<f64>) -> ([f64; 3], [f64; 3]) {
+        let kinematics = self.kinematics(plan);
+        let mut velocities = vec![zero(); plan.links.len()];
+        kinematics.velocities(plan, &self.v, &mut velocities);
+        let mass: f64 = plan.links.iter().map(|l| l.mass).sum();
+        if mass == 0.0 {
+            return ([0.0; 3], [0.0; 3]);
+        }
+        let coms = plan.links.iter().enumerate().map(|(l, link)| scale(kinematics.point(l + 1, link.com), link.mass));
+        let centre = scale(coms.fold([0.0; 3], add), 1.0 / mass);
+        let (mut linear_sum, mut angular_sum) = ([0.0; 3], [0.0; 3]);
+        for (l, link) in plan.links.iter().enumerate() {
+            let h = apply_inertia(&kinematics.inertia[l], &velocities[l]);
+            let p = linear(&h);
+            linear_sum = add(linear_sum, p);
+            let arm = sub(kinematics.origin[link.tree], centre);
+            angular_sum = add(angular_sum, add(angular(&h), cross(arm, p)));
+        }
+        (linear_sum, angular_sum)
+    }
+}

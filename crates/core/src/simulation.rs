@@ -1,0 +1,255 @@
+//! A simulation: a model, its settings and a batch of environments. What the bindings translate.
+
+use std::sync::{Arc, OnceLock};
+
+use stepper_real::Level;
+use thiserror::Error;
+
+use crate::batch::{Batch, Engine, Field, StepInputs};
+use crate::model::{Model, ModelError};
+use crate::options::Options;
+use crate::plan::Plan;
+use crate::query::Snapshot;
+use crate::state::StoredContact;
+use crate::step::Inputs;
+
+/// Scalar type of the lanes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Precision {
+    /// Eight lanes of 64 bits.
+    F64,
+    /// Sixteen lanes of 32 bits.
+    F32,
+}
+
+/// A call that cannot be carried out.
+#[derive(Clone, Debug, Error)]
+pub enum Error {
+    /// A value out of its range or an array of the wrong shape.
+    #[error("{0}")]
+    Value(String),
+    /// The model.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+}
+
+/// Environments of one model.
+pub struct Simulation {
+    model: Arc<Model>,
+    options: Options,
+    engine: Box<dyn Engine>,
+    num_envs: usize,
+    plan: OnceLock<Plan<f64>>,
+}
+
+impl Simulation {
+    /// `num_envs` environments at the model's reset state; `None` is a single one. `threads` 0 means all that this process may use.
+    ///
+    /// # Errors
+    /// [`Error::Value`] when an option is out of range, or when the CPU level asked for by `STEPPER_CPU_LEVEL` is not there.
+    pub fn new(model: Arc<Model>, options: Options, num_envs: Option<usize>, precision: Precision, threads: usize) -> Result<Self, Error> {
+        options.check().map_err(Error::Value)?;
+        if num_envs == Some(0) {
+            return Err(Error::Value("num_envs is 0, must be 1 or more, or None for a single environment".into()));
+        }
+        let level = Level::best().map_err(|e| Error::Value(e.to_string()))?;
+        Ok(Self::at_level(model, options, num_envs, precision, threads, level))
+    }
+
+    /// As [`Simulation::new`] on a CPU level that this machine has, whatever the environment variable says; options are taken as they are.
+    pub fn at_level(model: Arc<Model>, options: Options, num_envs: Option<usize>, precision: Precision, threads: usize, level: Level) -> Self {
+        let n = num_envs.unwrap_or(1);
+        let single = n == 1;
+        let engine: Box<dyn Engine> = match precision {
+            Precision::F64 => Box::new(Batch::<f64>::new(&model, &options, n, single, threads, level)),
+            Precision::F32 => Box::new(Batch::<f32>::new(&model, &options, n, single, threads, level)),
+        };
+        let mut simulation = Self { model, options, engine, num_envs: n, plan: OnceLock::new() };
+        (0..n).for_each(|env| simulation.reset(env));
+        simulation
+    }
+
+    /// The model.
+    pub fn model(&self) -> &Arc<Model> {
+        &self.model
+    }
+
+    /// The settings.
+    pub fn options(&self) -> &Options {
+        &self.options
+    }
+
+    /// Number of environments.
+    pub fn num_envs(&self) -> usize {
+        self.num_envs
+    }
+
+    /// Puts one environment back to the model's reset state; nothing of the old episode remains.
+    pub fn reset(&mut self, env: usize) {
+        self.engine.write(Field::Qpos, env, &self.model.qpos0.clone());
+        self.engine.write(Field::Qvel, env, &vec![0.0; self.model.nv()]);
+        self.engine.write(Field::Act, env, &vec![0.0; self.model.na()]);
+        self.engine.set_time(env, 0.0);
+        self.engine.forget(env);
+    }
+
+    /// Sets a field of one environment. Warm starts are forgotten, so that what follows depends on the new state alone.
+    ///
+    /// # Errors
+    /// [`Error::Value`] for a wrong length, a number that is not finite or a quaternion of zeros, named by environment and joint.
+    pub fn set(&mut self, field: Field, env: usize, values: &[f64]) -> Result<(), Error> {
+        let (name, n) = match field {
+            Field::Qpos => ("qpos", self.model.nq()),
+            Field::Qvel => ("qvel", self.model.nv()),
+            Field::Act => ("act", self.model.na()),
+        };
+        if values.len() != n {
+            return Err(Error::Value(format!("{name} has shape ({},), must be ({n},)", values.len())));
+        }
+        if let Some(i) = values.iter().position(|x| !x.is_finite()) {
+            return Err(Error::Value(format!("{name}[{i}] of environment {env} is {}, must be finite", values[i])));
+        }
+        let mut values = values.to_vec();
+        if field == Field::Qpos {
+            self.normalize_quaternions(env, &mut values)?;
+        }
+        self.engine.write(field, env, &values);
+        self.engine.forget(env);
+        Ok(())
+    }
+
+    fn normalize_quaternions(&self, env: usize, q: &mut [f64]) -> Result<(), Error> {
+        use crate::model::JointKind;
+        for (j, (joint, (at, _))) in self.model.joints.iter().zip(self.model.joint_addresses()).enumerate() {
+            let at = match joint.kind {
+                JointKind::Free => at + 3,
+                JointKind::Ball => at,
+                _ => continue,
+            };
+            let norm = q[at..at + 4].iter().map(|x| x * x).sum::<f64>().sqrt();
+            if norm < 1e-10 || !norm.is_finite() {
+                let (name, found) = (self.model.joint_label(j), &q[at..at + 4]);
+                return Err(Error::Value(format!(
+                    "qpos[{at}..{}] of environment {env}, the orientation of joint \"{name}\", is {found:?}: its length is {norm}, must be above 0; (1, 0, 0, 0) is no rotation",
+                    at + 4
+                )));
+            }
+            // A quaternion that is already of unit length to rounding keeps its bits.
+            if (norm - 1.0).abs() > 1e-15 {
+                q[at..at + 4].iter_mut().for_each(|x| *x /= norm);
+            }
+        }
+        Ok(())
+    }
+
+    /// Sets the time of one environment, s.
+    pub fn set_time(&mut self, env: usize, time: f64) {
+        self.engine.set_time(env, time);
+    }
+
+    /// Makes `nstep` steps in every environment. Slices are environment-major, empty ones say nothing.
+    ///
+    /// # Errors
+    /// [`Error::Value`] when a slice has the wrong length.
+    pub fn step(&mut self, inputs: &StepInputs<'_>, nstep: usize) -> Result<(), Error> {
+        let n = self.num_envs;
+        let (nv, nu, nbody) = (self.model.nv(), self.model.nu(), self.model.bodies.len());
+        let nmocap = self.model.bodies.iter().filter(|b| b.mocap).count();
+        let check = |name: &str, given: &[f64], row: usize, shared: bool| {
+            let fits = given.is_empty() || given.len() == n * row || (shared && given.len() == row);
+            let message = || Error::Value(format!("{name} has {} numbers, must have {} ({n} environments x {row})", given.len(), n * row));
+            if fits { Ok(()) } else { Err(message()) }
+        };
+        check("ctrl", inputs.ctrl, nu, true)?;
+        check("qfrc_applied", inputs.qfrc, nv, false)?;
+        check("xfrc_applied", inputs.xfrc, 6 * nbody, false)?;
+        check("mocap_pos", inputs.mocap_pos, 3 * nmocap, false)?;
+        check("mocap_quat", inputs.mocap_quat, 4 * nmocap, false)?;
+        if inputs.mocap_pos.is_empty() != inputs.mocap_quat.is_empty() {
+            return Err(Error::Value("mocap_pos and mocap_quat go together: give both or none".into()));
+        }
+        self.engine.step(&self.options, inputs, nstep);
+        Ok(())
+    }
+
+    /// A field of one environment.
+    pub fn get(&self, field: Field, env: usize, out: &mut [f64]) {
+        self.engine.read(field, env, out);
+    }
+
+    /// s
+    pub fn time(&self, env: usize) -> f64 {
+        self.engine.time(env)
+    }
+
+    /// Flags of the last call, see [`Status`](crate::Status).
+    pub fn status(&self, env: usize) -> u32 {
+        self.engine.status(env)
+    }
+
+    /// (residual in m/s, sweeps) of the last step.
+    pub fn certificate(&self, env: usize) -> (f64, f64) {
+        self.engine.certificate(env)
+    }
+
+    /// Contacts of the last step with their forces in N: geoms of the model, and the numbers with forces in place of impulses.
+    pub fn contacts(&self, env: usize) -> Vec<([usize; 2], StoredContact)> {
+        let mut contacts = self.engine.contacts(env);
+        for (_, c) in &mut contacts {
+            c.impulse.iter_mut().for_each(|x| *x /= self.options.timestep);
+        }
+        contacts
+    }
+
+    /// True readings of the sensors of one environment.
+    pub fn sense(&self, env: usize, out: &mut [f64]) {
+        let plan = self.plan();
+        let (mut q, mut v) = (vec![0.0; plan.nq], vec![0.0; plan.nv]);
+        self.get(Field::Qpos, env, &mut q);
+        self.get(Field::Qvel, env, &mut v);
+        crate::stages::s09_sense::sense(plan, &q, &v, out);
+    }
+
+    /// The model as the step reads it, in f64.
+    pub fn plan(&self) -> &Plan<f64> {
+        self.plan.get_or_init(|| Plan::new(&self.model))
+    }
+
+    /// One environment, to ask about its mass matrix, energy and the like; inputs of that environment alone.
+    pub fn snapshot(&self, env: usize, inputs: &StepInputs<'_>) -> Snapshot {
+        let plan = self.plan();
+        let read = |field: Field, n: usize| {
+            let mut x = vec![0.0; n];
+            self.get(field, env, &mut x);
+            x
+        };
+        let three = |x: &[f64], k: usize| [x[3 * k], x[3 * k + 1], x[3 * k + 2]];
+        let four = |x: &[f64], k: usize| [x[4 * k], x[4 * k + 1], x[4 * k + 2], x[4 * k + 3]];
+        let given = !inputs.mocap_pos.is_empty();
+        let pose = |(k, m): (usize, &crate::plan::MocapPlan<f64>)| match given {
+            true => (three(inputs.mocap_pos, k), four(inputs.mocap_quat, k)),
+            false => (m.pos, m.quat),
+        };
+        let ctrl = if inputs.ctrl.is_empty() { vec![0.0; plan.actuators.len()] } else { inputs.ctrl.to_vec() };
+        Snapshot {
+            q: read(Field::Qpos, plan.nq),
+            v: read(Field::Qvel, plan.nv),
+            act: read(Field::Act, plan.na),
+            inputs: Inputs { ctrl, qfrc: inputs.qfrc.to_vec(), xfrc: inputs.xfrc.to_vec() },
+            mocap: plan.mocap.iter().enumerate().map(pose).collect(),
+        }
+    }
+
+    /// All that survives a step, of all environments.
+    pub fn save_state(&self) -> Vec<u8> {
+        self.engine.save()
+    }
+
+    /// Takes over what [`Simulation::save_state`] wrote; continuing from it repeats the same bits.
+    ///
+    /// # Errors
+    /// [`Error::Value`] when the state does not fit this simulation.
+    pub fn restore_state(&mut self, bytes: &[u8]) -> Result<(), Error> {
+        self.engine.restore(bytes).map_err(|e| Error::Value(format!("this state does not fit: {e}")))
+    }
+}

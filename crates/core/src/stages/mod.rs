@@ -1,0 +1,12 @@
+//! The ten stages of a step, in order, one file each. No stage imports another: they meet in the small structs that they hand on.
+
+pub mod s01_actuate;
+pub mod s02_smooth;
+pub mod s03_detect;
+pub mod s04_assemble;
+pub mod s05_solve;
+pub mod s06_integrate_velocity;
+pub mod s07_integrate_position;
+pub mod s08_stabilise;
+pub mod s09_sense;
+pub mod s10_record;

@@ -1,0 +1,11 @@
+//! Stage 7: the velocity carries the configuration.
+
+use stepper_real::Real;
+
+use crate::kinematics::displace;
+use crate::plan::Plan;
+
+/// q+ = q (+) h v.
+pub fn integrate_position<R: Real>(plan: &Plan<R::Scalar>, q: &[R], v: &[R], h: R, out: &mut [R]) {
+    displace(plan, q, v, h, out);
+}

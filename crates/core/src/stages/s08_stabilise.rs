@@ -1,0 +1,59 @@
+//! Stage 8: positions are corrected where the velocity of the solution is not the one they should have moved with.
+//!
+//! A second solve of the same rows, without restitution, finds the velocity that closes every gap just so and removes a part of every overlap.
+//! It is used once, for the positions, and thrown away: no kinetic energy comes of it.
+
+use stepper_real::{Mask, Real};
+use stepper_solve::pgs::{self, Settings};
+
+use crate::constraints::Constraints;
+use crate::inertia::MassMatrix;
+use crate::kinematics::displace;
+use crate::options::Options;
+use crate::plan::Plan;
+
+/// Corrects `q_next`, which has moved with `v_next` for `way` seconds, in the lanes that need it.
+#[expect(clippy::too_many_arguments, reason = "the state before, the state after, and what joins them")]
+pub fn stabilise<R: Real>(
+    plan: &Plan<R::Scalar>,
+    options: &Options,
+    mass: &MassMatrix<R>,
+    constraints: &mut Constraints<R>,
+    v_free: &[R],
+    v_next: &[R],
+    h: R,
+    [work, corrected]: [&mut [R]; 2],
+    q_next: &mut [R],
+) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let lanes = constraints.needs_position_solve;
+            if lanes.none() {
+                return;
+            }
+            let scalars = constraints.problem.scalars.len();
+            for (row, &g) in constraints.problem.scalars.iter_mut().zip(&constraints.position_bias) {
+                row.g = g;
+            }
+            for (block, &g) in constraints.problem.contacts.iter_mut().zip(&constraints.position_bias[scalars..]) {
+                block.g[0] = g;
+            }
+            constraints.iterate.start(&constraints.problem);
+            let settings = Settings { sweeps: options.iterations, tolerance: options.tolerance };
+            pgs::solve(&constraints.problem, &mut constraints.iterate, settings, lanes);
+            let w = &mut constraints.iterate.w;
+            for i in 0..plan.nv {
+                w[i] *= mass.sqrt_inv_d[i];
+            }
+            mass.solve_lower(plan, w);
+            for i in 0..plan.nv {
+                work[i] = (v_free[i] + w[i]) - v_next[i];
+            }
+            displace(plan, q_next, work, h, corrected);
+            for i in 0..plan.nq {
+                q_next[i] = R::select(lanes, corrected[i], q_next[i]);
+            }
+        },
+    )
+}

@@ -1,0 +1,148 @@
+//! State: all that survives between two steps.
+
+use serde::{Deserialize, Serialize};
+use stepper_real::{Real, Scalar};
+
+use crate::contacts::{ContactId, Contacts, MAX_LANES};
+use crate::plan::Plan;
+use crate::stages::s10_record::Status;
+
+/// Numbers of a contact that a state keeps: impulse, position, normal, distance.
+const CONTACT_NUMBERS: usize = 10;
+
+/// The environments of one group of lanes, lane-interleaved: entry i of lane l is at `i * lanes + l`.
+///
+/// Contact impulses are the warm start of the next step, so they are part of the state; their geometry is kept beside them for whoever reads
+/// contacts. Nothing else survives a step.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Group<S> {
+    /// Lanes of the group.
+    pub lanes: usize,
+    /// Lanes that are environments; the others fill up the group and rest.
+    pub alive: u32,
+    /// Configuration, nq per lane.
+    pub q: Vec<S>,
+    /// Velocity, nv per lane.
+    pub v: Vec<S>,
+    /// Activations, na per lane.
+    pub act: Vec<S>,
+    /// Impulses of limits and dry friction.
+    pub scalar_impulse: Vec<S>,
+    /// Number of contacts per lane.
+    pub contact_count: Vec<u32>,
+    /// Identity of contact k of lane l.
+    pub contact_ids: Vec<u32>,
+    /// Numbers of contact k of lane l.
+    pub contact_data: Vec<S>,
+    /// s, per lane.
+    pub time: Vec<f64>,
+    /// Flags of the last call, per lane.
+    pub status: Vec<u32>,
+    /// Residual of the last step, m/s, per lane.
+    pub residual: Vec<S>,
+    /// Sweeps of the last step, per lane.
+    pub iterations: Vec<S>,
+}
+
+impl<S: Scalar> Group<S> {
+    /// A group of environments at the model's reset state; `alive` says which lanes are used.
+    pub fn new(plan: &Plan<S>, qpos0: &[S], lanes: usize, alive: u32, max_contacts: usize) -> Self {
+        let zeros = |n: usize| vec![S::default(); n * lanes];
+        Self {
+            lanes,
+            alive,
+            q: qpos0.iter().flat_map(|&x| std::iter::repeat_n(x, lanes)).collect(),
+            v: zeros(plan.nv),
+            act: zeros(plan.na),
+            scalar_impulse: zeros(plan.limits.len() + plan.frictions.len()),
+            contact_count: vec![0; lanes],
+            contact_ids: vec![0; max_contacts * lanes],
+            contact_data: zeros(max_contacts * CONTACT_NUMBERS),
+            time: vec![0.0; lanes],
+            status: vec![0; lanes],
+            residual: zeros(1),
+            iterations: zeros(1),
+        }
+    }
+
+    /// Forgets what a lane remembers of its last step: warm starts, contacts, certificate.
+    pub fn forget(&mut self, lane: usize) {
+        let lanes = self.lanes;
+        self.scalar_impulse[lane..].iter_mut().step_by(lanes).for_each(|x| *x = S::default());
+        self.contact_count[lane] = 0;
+        self.contact_ids[lane..].iter_mut().step_by(lanes).for_each(|x| *x = 0);
+        self.contact_data[lane..].iter_mut().step_by(lanes).for_each(|x| *x = S::default());
+        self.status[lane] = Status::OK.0;
+        self.residual[lane] = S::default();
+        self.iterations[lane] = S::default();
+    }
+
+    /// Contacts of the last step of a lane.
+    pub fn contacts(&self, lane: usize) -> impl Iterator<Item = StoredContact> + '_ {
+        (0..self.contact_count[lane] as usize).map(move |k| {
+            let x = |i: usize| self.contact_data[(k * CONTACT_NUMBERS + i) * self.lanes + lane].to_f64();
+            StoredContact {
+                id: ContactId(self.contact_ids[k * self.lanes + lane]),
+                impulse: [x(0), x(1), x(2)],
+                pos: [x(3), x(4), x(5)],
+                normal: [x(6), x(7), x(8)],
+                distance: x(9),
+            }
+        })
+    }
+
+    /// Reads the contacts of all lanes.
+    #[inline(always)]
+    pub fn load_contacts<R: Real<Scalar = S>>(&self, out: &mut Contacts<R>) {
+        out.clear();
+        let mut most = 0;
+        for l in 0..self.lanes {
+            out.count[l] = self.contact_count[l] as usize;
+            most = most.max(out.count[l]);
+        }
+        for k in 0..most {
+            for l in 0..self.lanes {
+                out.ids[k][l] = ContactId(self.contact_ids[k * self.lanes + l]);
+            }
+            for i in 0..3 {
+                out.data[k].impulse[i] = R::load(&self.contact_data[(k * CONTACT_NUMBERS + i) * self.lanes..]);
+            }
+        }
+    }
+
+    /// Stores the contacts of all lanes.
+    #[inline(always)]
+    pub fn store_contacts<R: Real<Scalar = S>>(&mut self, contacts: &Contacts<R>) {
+        let lanes = self.lanes;
+        for l in 0..lanes {
+            self.contact_count[l] = contacts.count[l] as u32;
+        }
+        for k in 0..contacts.slots() {
+            for l in 0..lanes {
+                self.contact_ids[k * lanes + l] = contacts.ids[k][l].0;
+            }
+            let slot = &contacts.data[k];
+            let numbers = [slot.impulse, slot.point.pos, slot.point.normal];
+            for (i, x) in numbers.iter().flatten().chain(std::iter::once(&slot.point.distance)).enumerate() {
+                x.store(&mut self.contact_data[(k * CONTACT_NUMBERS + i) * lanes..]);
+            }
+        }
+    }
+}
+
+/// One contact of one environment.
+#[derive(Clone, Copy, Debug)]
+pub struct StoredContact {
+    /// Identity.
+    pub id: ContactId,
+    /// Impulse along normal and tangents, N s.
+    pub impulse: [f64; 3],
+    /// m
+    pub pos: [f64; 3],
+    /// From the first geom to the second.
+    pub normal: [f64; 3],
+    /// m
+    pub distance: f64,
+}
+
+const _: () = assert!(MAX_LANES <= 32, "lanes are kept as bits of a u32");

@@ -1,0 +1,46 @@
+//! NumPy arrays in and out: shapes are checked here, and both are named when they differ.
+
+use numpy::{IntoPyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods, ndarray::ArrayD};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use stepper_core::Precision;
+
+/// An array of the given shape; float32 in that precision.
+pub(crate) fn array<'py>(py: Python<'py>, shape: &[usize], data: Vec<f64>, precision: Precision) -> PyResult<Bound<'py, PyAny>> {
+    let shaped = ArrayD::from_shape_vec(shape, data).map_err(|e| PyValueError::new_err(e.to_string()))?;
+    Ok(match precision {
+        Precision::F64 => shaped.into_pyarray(py).into_any(),
+        Precision::F32 => shaped.mapv(|x| x as f32).into_pyarray(py).into_any(),
+    })
+}
+
+/// "(2, 3)"
+pub(crate) fn shape_text(shape: &[usize]) -> String {
+    match shape {
+        [n] => format!("({n},)"),
+        _ => format!("({})", shape.iter().map(usize::to_string).collect::<Vec<_>>().join(", ")),
+    }
+}
+
+/// A C-contiguous float64 array; what is not one already is converted, which copies.
+pub(crate) fn readonly<'py>(given: &Bound<'py, PyAny>, name: &str) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
+    if let Ok(exact) = given.cast::<PyArrayDyn<f64>>()
+        && exact.is_c_contiguous()
+    {
+        return exact.try_readonly().map_err(|e| PyValueError::new_err(format!("{name}: {e}")));
+    }
+    let numpy = given.py().import("numpy")?;
+    let converted = numpy.call_method1("ascontiguousarray", (given, "float64"));
+    let converted = converted.map_err(|e| PyValueError::new_err(format!("{name} is not an array of numbers: {e}")))?;
+    let array = converted.cast_into::<PyArrayDyn<f64>>().map_err(|e| PyValueError::new_err(format!("{name}: {e}")))?;
+    array.try_readonly().map_err(|e| PyValueError::new_err(format!("{name}: {e}")))
+}
+
+/// Refuses a shape that is none of `allowed`, naming both.
+pub(crate) fn check_shape(name: &str, found: &[usize], allowed: &[&[usize]]) -> PyResult<()> {
+    if allowed.contains(&found) {
+        return Ok(());
+    }
+    let must: Vec<String> = allowed.iter().map(|s| shape_text(s)).collect();
+    Err(PyValueError::new_err(format!("{name} has shape {}, must be {}", shape_text(found), must.join(" or "))))
+}

@@ -1,0 +1,25 @@
+//! Python bindings: they translate, then stop. What is said here is said in `python/stepper/_stepper.pyi`.
+
+mod array;
+mod model;
+mod options;
+mod stepper;
+
+use pyo3::prelude::*;
+
+#[pymodule]
+fn _stepper(m: &Bound<'_, PyModule>) -> PyResult<()> {
+    m.add_class::<model::Model>()?;
+    m.add_class::<stepper::Stepper>()?;
+    m.add_class::<stepper::State>()?;
+    m.add("ModelError", m.py().get_type::<model::ModelError>())?;
+    m.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    m.add_function(wrap_pyfunction!(cpu_levels, m)?)?;
+    Ok(())
+}
+
+/// CPU levels of this machine, slowest first.
+#[pyfunction]
+fn cpu_levels() -> Vec<String> {
+    stepper_core::Level::available().iter().map(ToString::to_string).collect()
+}

@@ -1,0 +1,196 @@
+//! `stepper.Model`.
+
+use std::path::PathBuf;
+
+use numpy::PyUntypedArrayMethods;
+use pyo3::exceptions::{PyAttributeError, PyKeyError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict, PyTuple};
+use stepper_core::Precision;
+use stepper_core::model::{Keyframe, Model as Core};
+
+use crate::array::{array, readonly, shape_text};
+use crate::stepper::SharedModel;
+
+pyo3::create_exception!(_stepper, ModelError, PyValueError, "A model that cannot be simulated: what is wrong, where, and what to do.");
+
+pub(crate) fn to_py(error: stepper_core::ModelError) -> PyErr {
+    ModelError::new_err(error.to_string())
+}
+
+/// A scene, immutable.
+#[pyclass(module = "stepper._stepper", frozen)]
+pub(crate) struct Model {
+    pub(crate) core: SharedModel,
+}
+
+impl Model {
+    fn of(core: Core) -> Self {
+        Self { core: core.into() }
+    }
+
+    pub(crate) fn find_keyframe(&self, name: &str) -> PyResult<Keyframe> {
+        let found = self.core.keyframes.iter().find(|k| k.name == name);
+        let known: Vec<&str> = self.core.keyframes.iter().map(|k| k.name.as_str()).collect();
+        found.cloned().ok_or_else(|| PyKeyError::new_err(format!("no keyframe \"{name}\", there are: {}", known.join(", "))))
+    }
+}
+
+#[pymethods]
+impl Model {
+    #[staticmethod]
+    fn from_description(description: &Bound<'_, PyAny>, strict: bool) -> PyResult<Self> {
+        let core: Core = pythonize::depythonize(description).map_err(|e| ModelError::new_err(format!("not a model description: {e}")))?;
+        core.finish(strict).map(Self::of).map_err(to_py)
+    }
+
+    #[staticmethod]
+    fn from_bytes(bytes: &[u8]) -> PyResult<Self> {
+        Core::from_bytes(bytes).map(Self::of).map_err(to_py)
+    }
+
+    #[staticmethod]
+    fn from_file(path: PathBuf) -> PyResult<Self> {
+        Core::load(&path).map(Self::of).map_err(to_py)
+    }
+
+    fn to_bytes<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, &self.core.to_bytes())
+    }
+
+    fn save(&self, path: PathBuf) -> PyResult<()> {
+        self.core.save(&path).map_err(to_py)
+    }
+
+    fn explain(&self) -> String {
+        self.core.explain()
+    }
+
+    #[pyo3(signature = (**fields))]
+    fn replace(&self, fields: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+        let mut core = (*self.core).clone();
+        for (name, values) in fields.into_iter().flatten() {
+            let name: String = name.extract()?;
+            let values = readonly(&values, &name)?;
+            if let Some((shape, _)) = core.field(&name) {
+                let flat_scalar = shape.is_empty() && values.shape() == [1];
+                if values.shape() != shape && !flat_scalar {
+                    let (found, must) = (shape_text(values.shape()), shape_text(&shape));
+                    return Err(PyValueError::new_err(format!("{name} has shape {found}, must be {must}")));
+                }
+            }
+            core = core.replace(&name, values.as_slice()?).map_err(to_py)?;
+        }
+        Ok(Self::of(core))
+    }
+
+    /// Any field that `replace` takes.
+    fn __getattr__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+        match self.core.field(name) {
+            Some((shape, values)) => array(py, &shape, values, Precision::F64),
+            None => Err(PyAttributeError::new_err(format!("'Model' object has no attribute '{name}'"))),
+        }
+    }
+
+    #[getter]
+    fn name(&self) -> &str {
+        &self.core.name
+    }
+
+    #[getter]
+    fn nq(&self) -> usize {
+        self.core.nq()
+    }
+
+    #[getter]
+    fn nv(&self) -> usize {
+        self.core.nv()
+    }
+
+    #[getter]
+    fn nu(&self) -> usize {
+        self.core.nu()
+    }
+
+    #[getter]
+    fn na(&self) -> usize {
+        self.core.na()
+    }
+
+    #[getter]
+    fn nbody(&self) -> usize {
+        self.core.bodies.len()
+    }
+
+    #[getter]
+    fn njnt(&self) -> usize {
+        self.core.joints.len()
+    }
+
+    #[getter]
+    fn ngeom(&self) -> usize {
+        self.core.geoms.len()
+    }
+
+    #[getter]
+    fn nsensordata(&self) -> usize {
+        self.core.nsensordata()
+    }
+
+    #[getter]
+    fn body_names(&self) -> Vec<&str> {
+        self.core.bodies.iter().map(|x| x.name.as_str()).collect()
+    }
+
+    #[getter]
+    fn joint_names(&self) -> Vec<&str> {
+        self.core.joints.iter().map(|x| x.name.as_str()).collect()
+    }
+
+    #[getter]
+    fn geom_names(&self) -> Vec<&str> {
+        self.core.geoms.iter().map(|x| x.name.as_str()).collect()
+    }
+
+    #[getter]
+    fn actuator_names(&self) -> Vec<&str> {
+        self.core.actuators.iter().map(|x| x.name.as_str()).collect()
+    }
+
+    #[getter]
+    fn sensor_names(&self) -> Vec<&str> {
+        self.core.sensors.iter().map(|x| x.name.as_str()).collect()
+    }
+
+    #[getter]
+    fn keyframe_names(&self) -> Vec<&str> {
+        self.core.keyframes.iter().map(|x| x.name.as_str()).collect()
+    }
+
+    #[getter]
+    fn omitted(&self) -> Vec<(&str, &str, &str)> {
+        self.core.omitted.iter().map(|o| (o.kind.as_str(), o.name.as_str(), o.reason.as_str())).collect()
+    }
+
+    #[getter]
+    fn digest(&self) -> String {
+        self.core.digest().iter().map(|b| format!("{b:02x}")).collect()
+    }
+
+    fn __eq__(&self, other: &Self) -> bool {
+        self.core == other.core
+    }
+
+    fn __hash__(&self) -> u64 {
+        u64::from_le_bytes(self.core.digest()[..8].try_into().expect("32 bytes"))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let args = (slf.get().to_bytes(slf.py()),).into_pyobject(slf.py())?;
+        Ok((slf.get_type().getattr("from_bytes")?, args))
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<stepper.Model \"{}\": nq {}, nv {}, nu {}, {} bodies>", self.core.name, self.nq(), self.nv(), self.nu(), self.nbody())
+    }
+}

@@ -1,0 +1,176 @@
+//! Portable lanes: plain arrays and element-wise loops, which the compiler turns into whatever vectors the baseline has (SSE2, NEON).
+//!
+//! The baseline level of x86-64, the only level of every other architecture, and what lanes are stored as (`Real::Stored`).
+
+use crate::operators::{as_lanes, lane_access, operators, vectorize};
+use crate::{Mask, Real};
+
+macro_rules! each_lane {
+    ($make:path, $n:literal, |$i:ident| $e:expr) => {{
+        let mut lanes = [Default::default(); $n];
+        for $i in 0..$n {
+            lanes[$i] = $e;
+        }
+        $make(lanes)
+    }};
+}
+
+macro_rules! array_lanes {
+    ($(#[$doc:meta])* $name:ident, $scalar:ident, $n:literal, $(#[$mask_doc:meta])* $mask:ident, $word:ident) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy)]
+        #[repr(C, align(64))]
+        pub struct $name(pub [$scalar; $n]);
+
+        // A word as wide as its lane: compare, blend and logic then vectorise, which single bits would prevent.
+        $(#[$mask_doc])*
+        #[derive(Clone, Copy, Debug)]
+        #[repr(C, align(64))]
+        pub struct $mask([$word; $n]);
+
+        as_lanes!($name, $scalar, $n);
+
+        operators! { $name:
+            Add add AddAssign add_assign = |a, b| each_lane!($name, $n, |i| a.0[i] + b.0[i]);
+            Sub sub SubAssign sub_assign = |a, b| each_lane!($name, $n, |i| a.0[i] - b.0[i]);
+            Mul mul MulAssign mul_assign = |a, b| each_lane!($name, $n, |i| a.0[i] * b.0[i]);
+            Div div DivAssign div_assign = |a, b| each_lane!($name, $n, |i| a.0[i] / b.0[i]);
+        }
+
+        impl core::ops::Neg for $name {
+            type Output = Self;
+            #[inline(always)]
+            fn neg(self) -> Self {
+                each_lane!($name, $n, |i| -self.0[i])
+            }
+        }
+
+        impl Real for $name {
+            lane_access!($name, $scalar, $n);
+            vectorize!();
+            type Mask = $mask;
+
+            #[inline(always)]
+            fn splat(x: $scalar) -> Self {
+                $name([x; $n])
+            }
+            #[inline(always)]
+            fn load(s: &[$scalar]) -> Self {
+                let s = &s[..$n];
+                each_lane!($name, $n, |i| s[i])
+            }
+            #[inline(always)]
+            fn store(self, s: &mut [$scalar]) {
+                s[..$n].copy_from_slice(&self.0);
+            }
+            #[inline(always)]
+            fn lt(self, o: Self) -> $mask {
+                each_lane!($mask, $n, |i| $word::MAX * (self.0[i] < o.0[i]) as $word)
+            }
+            #[inline(always)]
+            fn le(self, o: Self) -> $mask {
+                each_lane!($mask, $n, |i| $word::MAX * (self.0[i] <= o.0[i]) as $word)
+            }
+            #[inline(always)]
+            fn eq(self, o: Self) -> $mask {
+                each_lane!($mask, $n, |i| $word::MAX * (self.0[i] == o.0[i]) as $word)
+            }
+            #[inline(always)]
+            fn select(m: $mask, a: Self, b: Self) -> Self {
+                each_lane!($name, $n, |i| $scalar::from_bits((m.0[i] & a.0[i].to_bits()) | (!m.0[i] & b.0[i].to_bits())))
+            }
+            #[inline(always)]
+            fn min(self, o: Self) -> Self {
+                each_lane!($name, $n, |i| Real::min(self.0[i], o.0[i]))
+            }
+            #[inline(always)]
+            fn max(self, o: Self) -> Self {
+                each_lane!($name, $n, |i| Real::max(self.0[i], o.0[i]))
+            }
+            #[inline(always)]
+            fn abs(self) -> Self {
+                each_lane!($name, $n, |i| Real::abs(self.0[i]))
+            }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                each_lane!($name, $n, |i| Real::sqrt(self.0[i]))
+            }
+            #[inline(always)]
+            fn copysign(self, sign: Self) -> Self {
+                each_lane!($name, $n, |i| Real::copysign(self.0[i], sign.0[i]))
+            }
+            #[inline(always)]
+            fn round_even(self) -> Self {
+                each_lane!($name, $n, |i| Real::round_even(self.0[i]))
+            }
+            #[inline(always)]
+            fn pow2(self) -> Self {
+                each_lane!($name, $n, |i| Real::pow2(self.0[i]))
+            }
+        }
+
+        impl Mask for $mask {
+            #[inline(always)]
+            fn splat(b: bool) -> Self {
+                $mask([$word::MAX * b as $word; $n])
+            }
+            #[inline(always)]
+            fn from_bits(bits: u32) -> Self {
+                each_lane!($mask, $n, |i| $word::MAX * ((bits >> i) & 1) as $word)
+            }
+            #[inline(always)]
+            fn bits(self) -> u32 {
+                let mut bits = 0;
+                for i in 0..$n {
+                    bits |= ((self.0[i] & 1) as u32) << i;
+                }
+                bits
+            }
+            #[inline(always)]
+            fn and(self, o: Self) -> Self {
+                each_lane!($mask, $n, |i| self.0[i] & o.0[i])
+            }
+            #[inline(always)]
+            fn or(self, o: Self) -> Self {
+                each_lane!($mask, $n, |i| self.0[i] | o.0[i])
+            }
+            #[inline(always)]
+            fn and_not(self, o: Self) -> Self {
+                each_lane!($mask, $n, |i| self.0[i] & !o.0[i])
+            }
+            #[inline(always)]
+            fn not(self) -> Self {
+                each_lane!($mask, $n, |i| !self.0[i])
+            }
+            #[inline(always)]
+            fn any(self) -> bool {
+                let mut any = 0;
+                for i in 0..$n {
+                    any |= self.0[i];
+                }
+                any != 0
+            }
+            #[inline(always)]
+            fn all(self) -> bool {
+                let mut all = $word::MAX;
+                for i in 0..$n {
+                    all &= self.0[i];
+                }
+                all != 0
+            }
+        }
+    };
+}
+
+array_lanes! {
+    /// Eight `f64` lanes.
+    F64x8, f64, 8,
+    /// One truth value for each lane of [`F64x8`].
+    M64x8, u64
+}
+array_lanes! {
+    /// Sixteen `f32` lanes.
+    F32x16, f32, 16,
+    /// One truth value for each lane of [`F32x16`].
+    M32x16, u32
+}

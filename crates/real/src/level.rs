@@ -1,0 +1,157 @@
+//! Which instructions this machine has, and which of them to use.
+
+use core::fmt;
+use core::str::FromStr;
+use std::sync::OnceLock;
+
+/// The environment variable that overrides [`Level::best`].
+const VARIABLE: &str = "STEPPER_CPU_LEVEL";
+
+/// A set of CPU instructions that kernels are instantiated for. Results have the same bits at every level; only speed differs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Level {
+    /// What every CPU of the architecture has: SSE2 on x86-64, NEON on AArch64.
+    Baseline,
+    /// x86-64 with AVX2.
+    Avx2,
+    /// x86-64 with AVX-512 F, DQ and VL (server cores since Skylake-SP, Zen 4 and later).
+    Avx512,
+}
+
+impl Level {
+    const ALL: [Level; 3] = [Level::Baseline, Level::Avx2, Level::Avx512];
+
+    /// The levels that this machine has and that this build was made with, slowest first.
+    pub fn available() -> &'static [Level] {
+        static AVAILABLE: OnceLock<Vec<Level>> = OnceLock::new();
+        AVAILABLE.get_or_init(|| Level::ALL.into_iter().filter(|level| level.detect()).collect())
+    }
+
+    /// Whether [`Level::available`] has it.
+    pub fn is_available(self) -> bool {
+        Level::available().contains(&self)
+    }
+
+    /// The fastest available level, or the one that the environment variable `STEPPER_CPU_LEVEL` names (`baseline`, `avx2` or `avx512`;
+    /// read at the first call only). An unknown name, or a level that this machine or build lacks, is an error rather than a
+    /// silent fallback: whoever sets the variable wants to know what was measured.
+    pub fn best() -> Result<Level, LevelError> {
+        static BEST: OnceLock<Result<Level, LevelError>> = OnceLock::new();
+        BEST.get_or_init(|| match std::env::var_os(VARIABLE) {
+            None => Ok(*Level::available().last().expect("the baseline is always available")),
+            Some(word) => Level::asked_for(&word.to_string_lossy()),
+        })
+        .clone()
+    }
+
+    fn asked_for(word: &str) -> Result<Level, LevelError> {
+        let level: Level = word.parse()?;
+        if level.is_available() { Ok(level) } else { Err(LevelError::Unavailable(level)) }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Level::Baseline => "baseline",
+            Level::Avx2 => "avx2",
+            Level::Avx512 => "avx512",
+        }
+    }
+
+    // These are the features that `dispatch!` enables.
+    #[cfg(target_arch = "x86_64")]
+    fn detect(self) -> bool {
+        match self {
+            Level::Baseline => true,
+            Level::Avx2 => cfg!(feature = "avx2") && is_x86_feature_detected!("avx2"),
+            Level::Avx512 => {
+                cfg!(feature = "avx512")
+                    && is_x86_feature_detected!("avx512f")
+                    && is_x86_feature_detected!("avx512dq")
+                    && is_x86_feature_detected!("avx512vl")
+            }
+        }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    fn detect(self) -> bool {
+        self == Level::Baseline
+    }
+}
+
+impl fmt::Display for Level {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for Level {
+    type Err = LevelError;
+    fn from_str(word: &str) -> Result<Self, LevelError> {
+        let found = Level::ALL.into_iter().find(|level| level.name().eq_ignore_ascii_case(word.trim()));
+        found.ok_or_else(|| LevelError::Unknown(word.to_owned()))
+    }
+}
+
+/// Why a CPU level cannot be used.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum LevelError {
+    /// Not the name of a level.
+    Unknown(String),
+    /// A level that this machine, or this build, lacks.
+    Unavailable(Level),
+}
+
+impl fmt::Display for LevelError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            LevelError::Unknown(word) => write!(f, "unknown CPU level {word:?}: expected baseline, avx2 or avx512 (set by {VARIABLE}?)"),
+            LevelError::Unavailable(level) => {
+                let have: Vec<&str> = Level::available().iter().map(|level| level.name()).collect();
+                write!(
+                    f,
+                    "CPU level {level} is not available on this machine and build (set by {VARIABLE}?); there are: {}",
+                    have.join(", ")
+                )
+            }
+        }
+    }
+}
+
+impl std::error::Error for LevelError {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_parse_back() {
+        for level in Level::ALL {
+            assert_eq!(level.to_string().parse(), Ok(level));
+        }
+        assert_eq!(" AVX2\n".parse(), Ok(Level::Avx2));
+    }
+
+    #[test]
+    fn an_unknown_word_is_an_error_that_says_what_is_expected() {
+        let error = Level::asked_for("sse9").unwrap_err();
+        assert_eq!(error, LevelError::Unknown("sse9".to_owned()));
+        assert!(error.to_string().contains("baseline, avx2 or avx512"));
+        assert!(Level::asked_for("").is_err());
+    }
+
+    #[test]
+    fn a_missing_level_is_an_error_that_names_what_there_is() {
+        for level in Level::ALL {
+            match Level::asked_for(level.name()) {
+                Ok(found) => assert!(found == level && level.is_available()),
+                Err(error) => assert!(error == LevelError::Unavailable(level) && error.to_string().contains("baseline")),
+            }
+        }
+    }
+
+    #[test]
+    fn the_baseline_is_everywhere_and_levels_are_sorted() {
+        assert_eq!(Level::available()[0], Level::Baseline);
+        assert!(Level::available().is_sorted());
+    }
+}

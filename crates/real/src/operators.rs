@@ -1,0 +1,107 @@
+//! What is written once for every lane type: operators, `Default`, `Debug`, and the views of stored lanes.
+
+/// Implements the binary operators of a lane type from one expression each.
+macro_rules! operators {
+    ($t:ident: $($op:ident $f:ident $assign:ident $f_assign:ident = |$a:ident, $b:ident| $e:expr;)*) => {$(
+        impl core::ops::$op for $t {
+            type Output = Self;
+            #[inline(always)]
+            fn $f(self, rhs: Self) -> Self {
+                let ($a, $b) = (self, rhs);
+                $e
+            }
+        }
+        impl core::ops::$assign for $t {
+            #[inline(always)]
+            fn $f_assign(&mut self, rhs: Self) {
+                *self = core::ops::$op::$f(*self, rhs);
+            }
+        }
+    )*};
+}
+
+/// Implements what follows from a lane type's being `[$scalar; $n]` in memory.
+macro_rules! as_lanes {
+    ($t:ident, $scalar:ident, $n:literal) => {
+        // Stored lanes are viewed as lanes of any level, so all must agree on this.
+        const _: () = assert!(size_of::<$t>() == 64 && align_of::<$t>() == 64 && size_of::<[$scalar; $n]>() == 64);
+
+        impl $t {
+            /// The lanes as an array.
+            #[inline(always)]
+            pub fn to_array(self) -> [$scalar; $n] {
+                // SAFETY: 64 bytes both, and any bits are valid numbers.
+                unsafe { core::mem::transmute(self) }
+            }
+            /// Lanes from an array.
+            #[inline(always)]
+            pub fn from_array(lanes: [$scalar; $n]) -> Self {
+                // SAFETY: 64 bytes both, and any bits are valid numbers.
+                unsafe { core::mem::transmute(lanes) }
+            }
+        }
+        impl Default for $t {
+            #[inline(always)]
+            fn default() -> Self {
+                Self::from_array([0.0; $n])
+            }
+        }
+        impl core::fmt::Debug for $t {
+            fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+                write!(f, "{:?}", self.to_array())
+            }
+        }
+    };
+}
+
+/// `Real::vectorize` as a function of its own, with the given CPU features.
+macro_rules! vectorize {
+    ($($feature:literal)?) => {
+        #[inline(always)]
+        fn vectorize<T>(kernel: impl FnOnce() -> T) -> T {
+            #[inline(never)]
+            $(#[target_feature(enable = $feature)])?
+            fn run<T>(kernel: impl FnOnce() -> T) -> T {
+                kernel()
+            }
+            // SAFETY: values of this type are made only where the CPU has these features (see the module's documentation).
+            #[allow(unused_unsafe)]
+            unsafe {
+                run(kernel)
+            }
+        }
+    };
+}
+
+/// The part of `impl Real` that is the same for every lane type, for use inside the impl.
+macro_rules! lane_access {
+    ($t:ident, $scalar:ident, $n:literal) => {
+        type Scalar = $scalar;
+        type Stored = crate::array::$t;
+        const LANES: usize = $n;
+
+        #[inline(always)]
+        fn lane(self, i: usize) -> $scalar {
+            self.to_array()[i]
+        }
+        #[inline(always)]
+        fn set_lane(&mut self, i: usize, x: $scalar) {
+            assert!(i < $n, "lane {i} of {}", $n);
+            // SAFETY: the lanes lie in memory as an array (size and alignment are asserted beside the type), and any bits are valid in
+            // both. One scalar store: rebuilding the vector would wait for it.
+            unsafe { *core::ptr::from_mut(self).cast::<$scalar>().add(i) = x }
+        }
+        #[inline(always)]
+        fn view(stored: &[Self::Stored]) -> &[Self] {
+            // SAFETY: same size and alignment (asserted beside the type), and any bits are valid in both.
+            unsafe { core::slice::from_raw_parts(stored.as_ptr().cast(), stored.len()) }
+        }
+        #[inline(always)]
+        fn view_mut(stored: &mut [Self::Stored]) -> &mut [Self] {
+            // SAFETY: same size and alignment (asserted beside the type), and any bits are valid in both.
+            unsafe { core::slice::from_raw_parts_mut(stored.as_mut_ptr().cast(), stored.len()) }
+        }
+    };
+}
+
+pub(crate) use {as_lanes, lane_access, operators, vectorize};

@@ -1,0 +1,176 @@
+//! The trait that the simulator's hot path is generic over.
+
+use crate::{Mask, Scalar, elementary};
+use core::fmt::Debug;
+use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
+
+/// A real number per environment: `f64` for one, `F64x8` for eight and `F32x16` for sixteen environments side by side.
+///
+/// Every operation gives each lane the bits that a lone scalar would get, on every backend: IEEE 754 arithmetic rounded to nearest,
+/// no fused multiply-add, no approximate reciprocals. Only which NaN comes out of an operation (its sign and payload) may differ
+/// between CPUs, so never let `copysign` read the sign of a NaN.
+///
+/// Write code against `R: Real`, not against `f64`: on a plain `f64` the inherent methods win (`f64::min`, `f64::sin` ...), and these
+/// mean something else or come from the platform's libm.
+pub trait Real:
+    Copy
+    + Debug
+    + Default
+    + Send
+    + Sync
+    + 'static
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + AddAssign
+    + SubAssign
+    + MulAssign
+    + DivAssign
+{
+    /// The number in one lane.
+    type Scalar: Scalar;
+    /// One truth value per lane.
+    type Mask: Mask;
+    /// The same lanes at rest: a type that is the same at every CPU level, for memory that outlives a dispatched call. The portable
+    /// `F64x8` for every `F64x8`, the portable `F32x16` for every `F32x16`, a scalar for itself.
+    type Stored: Real<Scalar = Self::Scalar>;
+    /// Environments side by side.
+    const LANES: usize;
+
+    /// The same number in every lane.
+    fn splat(x: Self::Scalar) -> Self;
+    /// A constant in every lane, rounded to the lane's precision.
+    #[inline(always)]
+    fn of(x: f64) -> Self {
+        Self::splat(Self::Scalar::from_f64(x))
+    }
+    /// 0 in every lane.
+    #[inline(always)]
+    fn zero() -> Self {
+        Self::splat(Self::Scalar::ZERO)
+    }
+    /// 1 in every lane.
+    #[inline(always)]
+    fn one() -> Self {
+        Self::splat(Self::Scalar::ONE)
+    }
+    /// The first `LANES` elements, at any alignment.
+    ///
+    /// # Panics
+    /// When `s` is shorter.
+    fn load(s: &[Self::Scalar]) -> Self;
+    /// Writes the first `LANES` elements, at any alignment.
+    ///
+    /// # Panics
+    /// When `s` is shorter.
+    fn store(self, s: &mut [Self::Scalar]);
+    /// The number in lane `i`.
+    ///
+    /// # Panics
+    /// When there is no lane `i`.
+    fn lane(self, i: usize) -> Self::Scalar;
+    /// Replaces the number in lane `i`.
+    ///
+    /// # Panics
+    /// When there is no lane `i`.
+    fn set_lane(&mut self, i: usize, x: Self::Scalar);
+    /// Runs `kernel` as a function of its own, compiled with the instructions of this type's CPU level: what it inlines, it inlines with
+    /// them. So a long computation can be made of several kernels called from ordinary code, each compiled once.
+    ///
+    /// The closure and all that it calls must be `#[inline(always)]`, or they run with baseline instructions.
+    fn vectorize<T>(kernel: impl FnOnce() -> T) -> T;
+    /// Stored lanes, seen as lanes of this level, without a copy.
+    fn view(stored: &[Self::Stored]) -> &[Self];
+    /// Stored lanes, seen as lanes of this level, without a copy, to change.
+    fn view_mut(stored: &mut [Self::Stored]) -> &mut [Self];
+
+    /// `self < o`; false where either is NaN.
+    fn lt(self, o: Self) -> Self::Mask;
+    /// `self <= o`; false where either is NaN.
+    fn le(self, o: Self) -> Self::Mask;
+    /// `self > o`; false where either is NaN.
+    #[inline(always)]
+    fn gt(self, o: Self) -> Self::Mask {
+        o.lt(self)
+    }
+    /// `self >= o`; false where either is NaN.
+    #[inline(always)]
+    fn ge(self, o: Self) -> Self::Mask {
+        o.le(self)
+    }
+    /// `self == o`; false where either is NaN, true for zeros of either sign.
+    fn eq(self, o: Self) -> Self::Mask;
+    /// `a` where `m`, else `b`, bit for bit.
+    fn select(m: Self::Mask, a: Self, b: Self) -> Self;
+    /// `if self < o { self } else { o }`: `o` where either is NaN or both are zero.
+    fn min(self, o: Self) -> Self;
+    /// `if self > o { self } else { o }`: `o` where either is NaN or both are zero.
+    fn max(self, o: Self) -> Self;
+    /// Clears the sign.
+    fn abs(self) -> Self;
+    /// Square root, correctly rounded; -0 for -0, NaN below.
+    fn sqrt(self) -> Self;
+    /// The magnitude of `self` with the sign of `sign`.
+    fn copysign(self, sign: Self) -> Self;
+    /// The nearest integer, ties to even, with the sign of `self`. Exact for every input; infinities and NaN stay.
+    fn round_even(self) -> Self;
+    /// Neither infinite nor NaN.
+    #[inline(always)]
+    fn is_finite(self) -> Self::Mask {
+        self.abs().lt(Self::splat(Self::Scalar::INFINITY))
+    }
+    /// `1 / self`, correctly rounded.
+    #[inline(always)]
+    fn recip(self) -> Self {
+        Self::one() / self
+    }
+    /// `self.max(lo).min(hi)`: `lo` where `self` is NaN.
+    #[inline(always)]
+    fn clamp(self, lo: Self, hi: Self) -> Self {
+        self.max(lo).min(hi)
+    }
+    /// `self * self`.
+    #[inline(always)]
+    fn square(self) -> Self {
+        self * self
+    }
+    /// 2^self for an integral `self` whose power is normal (f64: -1022 to 1023, f32: -126 to 127). Anything else gives some number,
+    /// the same everywhere.
+    fn pow2(self) -> Self;
+
+    /// Sine and cosine, within 0.8 ulp up to 1.6e6 rad (f32: 1.2e4 rad).
+    ///
+    /// Further out the error grows to about one ulp of `self`, and then to anything in [-1, 1]. NaN for infinities.
+    #[inline(always)]
+    fn sin_cos(self) -> (Self, Self) {
+        elementary::sin_cos(self)
+    }
+    /// Sine; see [`Real::sin_cos`].
+    #[inline(always)]
+    fn sin(self) -> Self {
+        self.sin_cos().0
+    }
+    /// Cosine; see [`Real::sin_cos`].
+    #[inline(always)]
+    fn cos(self) -> Self {
+        self.sin_cos().1
+    }
+    /// e^self, within 0.9 ulp (f32: 0.95). Overflows to infinity; underflows gradually through the subnormals to 0.
+    #[inline(always)]
+    fn exp(self) -> Self {
+        elementary::exp(self)
+    }
+    /// The angle of the point (`x`, `self`) in [-pi, pi], with IEEE 754's signed zeros and infinities in all quadrants;
+    /// within 1.6 ulp.
+    #[inline(always)]
+    fn atan2(self, x: Self) -> Self {
+        elementary::atan2(self, x)
+    }
+    /// Arc cosine in [0, pi], within 0.9 ulp (f32: 0.95); NaN outside [-1, 1].
+    #[inline(always)]
+    fn acos(self) -> Self {
+        elementary::acos(self)
+    }
+}

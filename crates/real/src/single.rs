@@ -1,0 +1,101 @@
+//! One environment: a plain `f64` (the reference) or `f32`, and the meaning of every operation that a backend must reproduce.
+
+use crate::Real;
+use crate::operators::vectorize;
+
+macro_rules! single {
+    ($t:ident, $mantissa_bits:literal, $exponent_bias:literal) => {
+        impl Real for $t {
+            type Scalar = $t;
+            type Mask = bool;
+            type Stored = $t;
+            const LANES: usize = 1;
+            vectorize!();
+
+            #[inline(always)]
+            fn splat(x: $t) -> Self {
+                x
+            }
+            #[inline(always)]
+            fn load(s: &[$t]) -> Self {
+                s[0]
+            }
+            #[inline(always)]
+            fn store(self, s: &mut [$t]) {
+                s[0] = self;
+            }
+            #[inline(always)]
+            fn lane(self, i: usize) -> $t {
+                assert!(i == 0, "one lane only");
+                self
+            }
+            #[inline(always)]
+            fn set_lane(&mut self, i: usize, x: $t) {
+                assert!(i == 0, "one lane only");
+                *self = x;
+            }
+            #[inline(always)]
+            fn view(stored: &[$t]) -> &[Self] {
+                stored
+            }
+            #[inline(always)]
+            fn view_mut(stored: &mut [$t]) -> &mut [Self] {
+                stored
+            }
+            #[inline(always)]
+            fn lt(self, o: Self) -> bool {
+                self < o
+            }
+            #[inline(always)]
+            fn le(self, o: Self) -> bool {
+                self <= o
+            }
+            #[inline(always)]
+            fn eq(self, o: Self) -> bool {
+                self == o
+            }
+            #[inline(always)]
+            fn select(m: bool, a: Self, b: Self) -> Self {
+                if m { a } else { b }
+            }
+            #[inline(always)]
+            fn min(self, o: Self) -> Self {
+                if self < o { self } else { o }
+            }
+            #[inline(always)]
+            fn max(self, o: Self) -> Self {
+                if self > o { self } else { o }
+            }
+            #[inline(always)]
+            fn abs(self) -> Self {
+                $t::abs(self)
+            }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                $t::sqrt(self)
+            }
+            #[inline(always)]
+            fn copysign(self, sign: Self) -> Self {
+                $t::copysign(self, sign)
+            }
+            #[inline(always)]
+            fn round_even(self) -> Self {
+                // Numbers of 2^mantissa_bits and above are integers, and adding it to a smaller one rounds that to an integer. (The
+                // obvious round_ties_even is a call into libm on a CPU without SSE4.1.)
+                const INTEGERS: $t = (1u64 << $mantissa_bits) as $t;
+                let magnitude = $t::abs(self);
+                let rounded = $t::copysign((magnitude + INTEGERS) - INTEGERS, self);
+                if magnitude < INTEGERS { rounded } else { self }
+            }
+            #[inline(always)]
+            fn pow2(self) -> Self {
+                // The sum's low mantissa bits are the biased exponent; the shift moves them to their place and drops the rest.
+                const BIASED: $t = (1u64 << $mantissa_bits) as $t + $exponent_bias;
+                $t::from_bits((self + BIASED).to_bits() << $mantissa_bits)
+            }
+        }
+    };
+}
+
+single!(f64, 52, 1023.0);
+single!(f32, 23, 127.0);

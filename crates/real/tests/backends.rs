@@ -1,0 +1,291 @@
+//! Every backend gives every lane the bits that a lone scalar gets.
+
+use proptest::prelude::*;
+use stepper_real::{F32x16, F64x8, Level, Mask, Real};
+
+/// Names of what `operations` returns, in its order.
+const NAMES: [&str; 37] = [
+    "add",
+    "sub",
+    "mul",
+    "div",
+    "neg",
+    "+=",
+    "-=",
+    "*=",
+    "/=",
+    "lt",
+    "le",
+    "gt",
+    "ge",
+    "eq",
+    "select",
+    "min",
+    "max",
+    "abs",
+    "sqrt",
+    "copysign",
+    "round_even",
+    "is_finite",
+    "recip",
+    "clamp",
+    "square",
+    "pow2",
+    "pow2 of integer",
+    "sin_cos.0",
+    "sin_cos.1",
+    "sin",
+    "cos",
+    "exp",
+    "atan2",
+    "acos",
+    "sum of products",
+    "load",
+    "set_lane",
+];
+
+#[inline(always)]
+fn truth<R: Real>(m: R::Mask) -> R {
+    R::select(m, R::one(), R::zero())
+}
+
+#[inline(always)]
+fn operations<R: Real>(a: &R::Stored, b: &R::Stored, out: &mut [R::Stored]) {
+    let a = R::view(core::slice::from_ref(a))[0];
+    let b = R::view(core::slice::from_ref(b))[0];
+    let (mut added, mut subtracted, mut multiplied, mut divided) = (a, a, a, a);
+    added += b;
+    subtracted -= b;
+    multiplied *= b;
+    divided /= b;
+    let mut lanes = [a.lane(0); 16];
+    b.store(&mut lanes);
+    let loaded = R::load(&lanes);
+    let mut replaced = a;
+    for i in 0..R::LANES {
+        replaced.set_lane(i, b.lane(i));
+    }
+    let (sin, cos) = a.sin_cos();
+    let results = [
+        a + b,
+        a - b,
+        a * b,
+        a / b,
+        -a,
+        added,
+        subtracted,
+        multiplied,
+        divided,
+        truth(a.lt(b)),
+        truth(a.le(b)),
+        truth(a.gt(b)),
+        truth(a.ge(b)),
+        truth(a.eq(b)),
+        R::select(a.lt(b).or(b.eq(b).not()), a, b),
+        a.min(b),
+        a.max(b),
+        a.abs(),
+        a.sqrt(),
+        a.copysign(b),
+        a.round_even(),
+        truth(a.is_finite()),
+        a.recip(),
+        a.clamp(-b, b),
+        a.square(),
+        a.pow2(),
+        a.round_even().clamp(R::of(-126.0), R::of(127.0)).pow2(),
+        sin,
+        cos,
+        a.sin(),
+        a.cos(),
+        a.exp(),
+        a.atan2(b),
+        a.acos(),
+        // What a compiler would like to fuse.
+        a * b + a * a - b * R::of(0.1),
+        loaded,
+        replaced,
+    ];
+    R::view_mut(out).copy_from_slice(&results);
+}
+
+stepper_real::dispatch! {
+    fn operations_f64(a: &F64x8, b: &F64x8, out: &mut [F64x8]) = operations::<F64x8>;
+    fn operations_f32(a: &F32x16, b: &F32x16, out: &mut [F32x16]) = operations::<F32x16>;
+}
+
+/// Compares the lanes of every level with scalars, bit for bit. Which NaN it is may differ.
+macro_rules! check {
+    ($name:ident, $scalar:ident, $lanes:ident, $dispatched:ident) => {
+        fn $name(a: &[$scalar], b: &[$scalar]) {
+            const N: usize = $lanes::LANES;
+            let (mut group_a, mut group_b) = ([0.0; N], [0.0; N]);
+            for (a, b) in a.chunks(N).zip(b.chunks(N)) {
+                group_a[..a.len()].copy_from_slice(a);
+                group_b[..b.len()].copy_from_slice(b);
+                let mut expected = [[0.0; NAMES.len()]; N];
+                for lane in 0..N {
+                    operations::<$scalar>(&group_a[lane], &group_b[lane], &mut expected[lane]);
+                }
+                for &level in Level::available() {
+                    let mut out = [$lanes::zero(); NAMES.len()];
+                    $dispatched(level, &$lanes::load(&group_a), &$lanes::load(&group_b), &mut out);
+                    for (op, name) in NAMES.iter().enumerate() {
+                        for lane in 0..N {
+                            let (x, y) = (out[op].lane(lane), expected[lane][op]);
+                            assert!(
+                                x.to_bits() == y.to_bits() || (x.is_nan() && y.is_nan()),
+                                "{name} of {:e} and {:e}: {x:e} at level {level}, {y:e} alone",
+                                group_a[lane],
+                                group_b[lane]
+                            );
+                        }
+                    }
+                }
+            }
+        }
+    };
+}
+
+check!(check_f64, f64, F64x8, operations_f64);
+check!(check_f32, f32, F32x16, operations_f32);
+
+/// Values at which something changes: a sign, a case, a rounding, the range.
+macro_rules! specials {
+    ($name:ident, $scalar:ident) => {
+        fn $name() -> Vec<$scalar> {
+            use core::$scalar::consts::*;
+            let (two, bits) = (2.0 as $scalar, $scalar::MANTISSA_DIGITS as i32);
+            let mut all = vec![0.0, $scalar::INFINITY, $scalar::NAN, $scalar::MAX, $scalar::MIN_POSITIVE, $scalar::EPSILON];
+            all.extend([$scalar::from_bits(1), $scalar::MIN_POSITIVE / 2.0, $scalar::MAX / 2.0, $scalar::MAX.sqrt()]);
+            all.extend([0.1, 0.25, 0.4375, 0.5, 0.6875, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 709.0, 710.0, 745.0, 746.0, 88.0, 89.0, 104.0]);
+            all.extend([PI, FRAC_PI_2, FRAC_PI_4, 3.0 * FRAC_PI_4, 2.0 * PI, 100.0 * PI, LN_2, LN_2 / 2.0, 1e4, 1e5, 2e6, 1e9, 1e20, 1e37]);
+            all.extend([bits - 2, bits - 1, bits].map(|k| two.powi(k) - 0.5));
+            all.extend([bits - 2, bits - 1, bits].map(|k| two.powi(k) + 1.0));
+            let beside: Vec<$scalar> = all.iter().flat_map(|x| [x.next_down(), x.next_up()]).collect();
+            all.extend(beside);
+            let negative: Vec<$scalar> = all.iter().map(|&x| -x).collect();
+            all.extend(negative);
+            all
+        }
+    };
+}
+
+specials!(specials_f64, f64);
+specials!(specials_f32, f32);
+
+/// Any bits at all (NaN, subnormal, huge), or ordinary magnitudes, or special values.
+macro_rules! inputs {
+    ($scalar:ident, $bits:ident, $specials:ident) => {
+        prop::collection::vec(
+            prop_oneof![
+                any::<$bits>().prop_map($scalar::from_bits),
+                -1.2..1.2 as $scalar,
+                -2e3..2e3 as $scalar,
+                prop::sample::select($specials())
+            ],
+            64,
+        )
+    };
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1000))]
+
+    #[test]
+    fn f64_lanes_give_the_bits_of_scalars(a in inputs!(f64, u64, specials_f64), b in inputs!(f64, u64, specials_f64)) {
+        check_f64(&a, &b);
+    }
+
+    #[test]
+    fn f32_lanes_give_the_bits_of_scalars(a in inputs!(f32, u32, specials_f32), b in inputs!(f32, u32, specials_f32)) {
+        check_f32(&a, &b);
+    }
+}
+
+#[test]
+fn special_values_pair_by_pair() {
+    let specials = specials_f64();
+    for &a in &specials {
+        check_f64(&vec![a; specials.len()], &specials);
+    }
+    let specials = specials_f32();
+    for &a in &specials {
+        check_f32(&vec![a; specials.len()], &specials);
+    }
+}
+
+#[test]
+fn a_lane_does_not_see_its_neighbours() {
+    let mut quiet = [0.3; 8];
+    let mut out = [F64x8::zero(); NAMES.len()];
+    operations_f64(Level::best().unwrap(), &F64x8::load(&quiet), &F64x8::of(0.7), &mut out);
+    let alone: Vec<u64> = out.iter().map(|x| x.lane(5).to_bits()).collect();
+    quiet[4] = f64::NAN;
+    quiet[6] = 1e300;
+    operations_f64(Level::best().unwrap(), &F64x8::load(&quiet), &F64x8::of(0.7), &mut out);
+    assert_eq!(alone, out.iter().map(|x| x.lane(5).to_bits()).collect::<Vec<_>>());
+}
+
+#[test]
+fn min_and_max_take_the_second_operand_when_unordered_or_equal() {
+    assert_eq!(Real::min(0.0f64, -0.0).to_bits(), (-0.0f64).to_bits());
+    assert_eq!(Real::max(-0.0f64, 0.0).to_bits(), 0.0f64.to_bits());
+    assert_eq!(Real::min(f64::NAN, 2.0), 2.0);
+    assert!(Real::max(2.0, f64::NAN).is_nan());
+}
+
+#[test]
+fn round_even_is_the_standard_rounding() {
+    for x in specials_f64() {
+        assert!(Real::round_even(x).to_bits() == x.round_ties_even().to_bits() || x.is_nan(), "{x:e}");
+    }
+    for x in specials_f32() {
+        assert!(Real::round_even(x).to_bits() == x.round_ties_even().to_bits() || x.is_nan(), "{x:e}");
+    }
+}
+
+#[test]
+fn pow2_is_exact_over_the_normal_range() {
+    for k in -1022..=1023 {
+        assert_eq!(f64::from(k).pow2(), 2f64.powi(k));
+    }
+    for k in -126..=127 {
+        assert_eq!((k as f32).pow2(), 2f32.powi(k));
+    }
+}
+
+#[inline(always)]
+fn load<R: Real>(s: &[R::Scalar], i: usize) -> R::Scalar {
+    R::load(s).lane(i)
+}
+
+#[inline(always)]
+fn store<R: Real>(s: &mut [R::Scalar], i: usize, x: R::Scalar) {
+    let mut lanes = R::zero();
+    lanes.set_lane(i, x);
+    lanes.store(s);
+}
+
+stepper_real::dispatch! {
+    fn load_f64(s: &[f64], i: usize) -> f64 = load::<F64x8>;
+    fn load_f32(s: &[f32], i: usize) -> f32 = load::<F32x16>;
+    fn store_f64(s: &mut [f64], i: usize, x: f64) = store::<F64x8>;
+    fn store_f32(s: &mut [f32], i: usize, x: f32) = store::<F32x16>;
+}
+
+#[test]
+fn short_slices_and_missing_lanes_panic_at_every_level() {
+    let panics = |f: &dyn Fn()| std::panic::catch_unwind(std::panic::AssertUnwindSafe(f)).is_err();
+    for &level in Level::available() {
+        assert_eq!(load_f64(level, &[3.0; 9], 7), 3.0);
+        assert!(panics(&|| _ = load_f64(level, &[3.0; 7], 0)));
+        assert!(panics(&|| _ = load_f64(level, &[3.0; 8], 8)));
+        assert!(panics(&|| _ = load_f32(level, &[3.0; 15], 0)));
+        assert!(panics(&|| _ = load_f32(level, &[3.0; 16], 16)));
+        assert!(panics(&|| store_f64(level, &mut [0.0; 7], 0, 1.0)));
+        assert!(panics(&|| store_f64(level, &mut [0.0; 8], 8, 1.0)));
+        assert!(panics(&|| store_f32(level, &mut [0.0; 15], 0, 1.0)));
+        assert!(panics(&|| store_f32(level, &mut [0.0; 16], 16, 1.0)));
+    }
+}

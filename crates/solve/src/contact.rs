@@ -1,0 +1,170 @@
+//! One contact: its 3 x 3 block of G, prepared once, and the exact solution of its own Coulomb problem.
+
+use std::ops::Range;
+
+use crate::cone::{keep, norm2, positive};
+use stepper_real::{Mask, Real, Scalar};
+
+/// A contact with friction: rows (n, t1, t2).
+///
+/// With the normal impulse eliminated, the tangential problem is `A lambda_t + c = -s lambda_t`, where
+/// `A = G_tt - G_tn G_nt / G_nn`. It is solved in the principal axes of A, where it is two independent scalar equations coupled by s.
+#[derive(Clone, Debug)]
+pub struct ContactBlock<R: Real> {
+    pub(crate) support: Range<usize>,
+    pub(crate) y: usize,
+    /// Lanes in which the contact exists.
+    pub active: R::Mask,
+    /// Coefficient of friction; 0 for a frictionless contact.
+    pub mu: R,
+    /// Velocity before any impulse, with the bias of the normal row, m/s.
+    pub g: [R; 3],
+    /// G_nn, G_na, G_nb, G_aa, G_ab, G_bb.
+    gram: [R; 6],
+    inv_gnn: R,
+    /// Principal axis of A: (cos, sin).
+    axis: [R; 2],
+    /// Principal values of A, bounded away from zero.
+    a: [R; 2],
+    /// G_tn / G_nn in the principal axes.
+    coupling: [R; 2],
+    /// Step of the natural map, 3 / trace(G).
+    pub(crate) rho: R,
+    /// Its inverse.
+    pub(crate) inv_rho: R,
+}
+
+impl<R: Real> ContactBlock<R> {
+    #[inline(always)]
+    pub(crate) fn new(support: Range<usize>, y: usize, gram: [R; 6], active: R::Mask, mu: R, g: [R; 3]) -> Self {
+        // Lanes without this contact get the identity block, so that nothing below divides by zero.
+        let exists = positive(active, gram[0]);
+        let identity = [R::one(), R::zero(), R::zero(), R::one(), R::zero(), R::one()];
+        let mut block = identity;
+        for i in 0..6 {
+            block[i] = R::select(exists, gram[i], identity[i]);
+        }
+        let [nn, na, nb, aa, ab, bb] = block;
+        let inv_gnn = R::one() / nn;
+        let trace = nn + aa + bb;
+
+        let (a11, a12, a22) = (aa - na * na * inv_gnn, ab - na * nb * inv_gnn, bb - nb * nb * inv_gnn);
+        let (mean, half) = ((a11 + a22) * R::of(0.5), (a11 - a22) * R::of(0.5));
+        let radius = norm2(half, a12);
+        let round = radius.le(R::of(<R::Scalar as Scalar>::EPSILON.to_f64()) * trace);
+        let ratio = half / R::select(round, R::one(), radius);
+        let cos = R::select(round, R::one(), ((R::one() + ratio).max(R::zero()) * R::of(0.5)).sqrt());
+        let sin = keep(round.not(), ((R::one() - ratio).max(R::zero()) * R::of(0.5)).sqrt()).copysign(a12);
+
+        // A direction in which the contact cannot move (a planar mechanism) has a zero principal value: a floor far below any
+        // physical ratio, and far above the rounding of the entries, keeps its impulse at zero instead of 0/0.
+        let floor = trace * R::of(<R::Scalar as Scalar>::EPSILON.to_f64() * 1e5);
+        let major = (mean + radius).max(floor);
+        let minor = ((a11 * a22 - a12 * a12) / major).max(floor);
+        let (ca, cb) = (na * inv_gnn, nb * inv_gnn);
+        Self {
+            support,
+            y,
+            active: exists,
+            mu,
+            g,
+            gram: block,
+            inv_gnn,
+            axis: [cos, sin],
+            a: [major, minor],
+            coupling: [cos * ca + sin * cb, cos * cb - sin * ca],
+            rho: R::of(3.0) / trace,
+            inv_rho: trace * R::of(1.0 / 3.0),
+        }
+    }
+
+    /// The impulse that solves this contact alone, when `v` is its velocity under the impulse `lambda`; with the multiplier s of its
+    /// friction disc (0 where it sticks or opens).
+    ///
+    /// Sliding is Newton's method on `mu lambda_n(s) / |lambda_t(s)| = 1`, which is linear in s when A is round and uncoupled, kept
+    /// inside a bracket; `guess` starts it.
+    #[inline(always)]
+    pub(crate) fn solve(&self, v: [R; 3], lambda: [R; 3], guess: R, lanes: R::Mask) -> ([R; 3], R) {
+        let zero = R::zero();
+        let [nn, na, nb, aa, ab, bb] = self.gram;
+        let c = [
+            v[0] - (nn * lambda[0] + na * lambda[1] + nb * lambda[2]),
+            v[1] - (na * lambda[0] + aa * lambda[1] + ab * lambda[2]),
+            v[2] - (nb * lambda[0] + ab * lambda[1] + bb * lambda[2]),
+        ];
+        let closing = lanes.and(c[0].lt(zero));
+        let push = -c[0] * self.inv_gnn;
+        let (t1, t2) = (c[1] + na * push, c[2] + nb * push);
+        let [cos, sin] = self.axis;
+        let p = [cos * t1 + sin * t2, cos * t2 - sin * t1];
+
+        let local = Local { p, a: self.a, coupling: self.coupling, push };
+        let (mut x, mut n) = local.impulse(zero);
+        let rubs = self.mu.gt(zero);
+        let slides = closing.and(rubs).and_not(norm2(x[0], x[1]).le(self.mu * n));
+        let mut s = zero;
+        if slides.any() {
+            s = keep(slides, local.slip(self.mu, guess, slides));
+            let (xs, ns) = local.impulse(s);
+            // What Newton's method left is removed by scaling, so that the impulse is on its cone.
+            let scale = self.mu * ns.max(zero) / norm2(xs[0], xs[1]);
+            x = [R::select(slides, xs[0] * scale, x[0]), R::select(slides, xs[1] * scale, x[1])];
+            n = R::select(slides, ns.max(zero), n);
+        }
+        let n = R::select(rubs, n, push);
+        let x = [keep(rubs, x[0]), keep(rubs, x[1])];
+        ([keep(closing, n), keep(closing, cos * x[0] - sin * x[1]), keep(closing, sin * x[0] + cos * x[1])], s)
+    }
+}
+
+/// The reduced problem of one contact in the principal axes of A.
+struct Local<R: Real> {
+    /// c_t - G_tn c_n / G_nn.
+    p: [R; 2],
+    a: [R; 2],
+    coupling: [R; 2],
+    /// -c_n / G_nn.
+    push: R,
+}
+
+impl<R: Real> Local<R> {
+    /// lambda_t(s) and lambda_n(s).
+    #[inline(always)]
+    fn impulse(&self, s: R) -> ([R; 2], R) {
+        let x = [-self.p[0] / (self.a[0] + s), -self.p[1] / (self.a[1] + s)];
+        (x, self.push - (self.coupling[0] * x[0] + self.coupling[1] * x[1]))
+    }
+
+    /// The s > 0 at which |lambda_t(s)| = mu lambda_n(s), in the lanes `todo`.
+    #[inline(always)]
+    fn slip(&self, mu: R, guess: R, mut todo: R::Mask) -> R {
+        let (zero, one) = (R::zero(), R::one());
+        let tolerance = R::of(<R::Scalar as Scalar>::EPSILON.to_f64() * 16.0);
+        let unbounded = R::of(f64::INFINITY);
+        let (mut lo, mut hi, mut s) = (zero, unbounded, guess);
+        for _ in 0..MAX_NEWTON {
+            let (x, n) = self.impulse(s);
+            let length2 = x[0] * x[0] + x[1] * x[1];
+            let length = length2.sqrt();
+            let psi = mu * n / length - one;
+            todo = todo.and_not(psi.abs().le(tolerance));
+            if todo.none() {
+                break;
+            }
+            let low = psi.lt(zero);
+            lo = R::select(low, s, lo);
+            hi = R::select(low, hi, s);
+            let dx = [-x[0] / (self.a[0] + s), -x[1] / (self.a[1] + s)];
+            let dn = -(self.coupling[0] * dx[0] + self.coupling[1] * dx[1]);
+            let slope = mu * (dn * length2 - n * (x[0] * dx[0] + x[1] * dx[1])) / (length2 * length);
+            let newton = s - psi / slope;
+            let bisect = R::select(hi.lt(unbounded), (lo + hi) * R::of(0.5), s + s + self.a[0]);
+            let inside = newton.gt(lo).and(newton.lt(hi));
+            s = R::select(todo, R::select(inside, newton, bisect), s);
+        }
+        s
+    }
+}
+
+/// Newton steps of a sliding contact; three or four are usual, the rest is for bisection to rescue a poor start.
+const MAX_NEWTON: usize = 24;

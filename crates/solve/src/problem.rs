@@ -1,0 +1,223 @@
+//! What is fixed during a solve ([`Problem`]) and what varies ([`Iterate`]).
+
+use std::ops::Range;
+
+use crate::ContactBlock;
+use stepper_real::{Mask, Real};
+
+/// A bounded scalar row: a joint limit (`0 <= lambda`), or dry friction (`|lambda| <= h f`).
+#[derive(Clone, Debug)]
+pub struct ScalarRow<R: Real> {
+    pub(crate) support: Range<usize>,
+    pub(crate) y: usize,
+    /// Lanes in which the row exists.
+    pub active: R::Mask,
+    /// Velocity of the row before any impulse, with its bias, m/s or rad/s.
+    pub g: R,
+    /// Least impulse.
+    pub lo: R,
+    /// Greatest impulse.
+    pub hi: R,
+    /// Diagonal entry of G.
+    pub(crate) diagonal: R,
+    /// Its inverse; 1 where the row does not exist or cannot move.
+    pub(crate) inv_diagonal: R,
+}
+
+/// The constraint problem of one step, for every lane.
+///
+/// Rows are stored sparse: a row's `support` names the coordinates of w that any lane's row touches, ascending; lanes that do not
+/// touch one have a zero there.
+#[derive(Clone, Debug)]
+pub struct Problem<R: Real> {
+    dimension: usize,
+    support: Vec<u32>,
+    y: Vec<R>,
+    y3: Vec<[R; 3]>,
+    /// Limits and dry friction, swept first.
+    pub scalars: Vec<ScalarRow<R>>,
+    /// Contacts.
+    pub contacts: Vec<ContactBlock<R>>,
+}
+
+impl<R: Real> Problem<R> {
+    /// An empty problem in `dimension` coordinates, with room for so many rows, so that filling it allocates nothing.
+    pub fn with_capacity(dimension: usize, scalars: usize, contacts: usize) -> Self {
+        Self {
+            dimension,
+            support: Vec::with_capacity((scalars + contacts) * dimension),
+            y: Vec::with_capacity(scalars * dimension),
+            y3: Vec::with_capacity(contacts * dimension),
+            scalars: Vec::with_capacity(scalars),
+            contacts: Vec::with_capacity(contacts),
+        }
+    }
+
+    /// Forgets every row.
+    #[inline(always)]
+    pub fn clear(&mut self) {
+        self.support.clear();
+        self.y.clear();
+        self.y3.clear();
+        self.scalars.clear();
+        self.contacts.clear();
+    }
+
+    /// Number of coordinates of w.
+    #[inline(always)]
+    pub fn dimension(&self) -> usize {
+        self.dimension
+    }
+
+    /// Whether there is no row at all.
+    #[inline(always)]
+    pub fn is_empty(&self) -> bool {
+        self.scalars.is_empty() && self.contacts.is_empty()
+    }
+
+    /// Adds a scalar row with the entries `y` at the coordinates `support` (ascending).
+    ///
+    /// `sign` (1 or -1 per lane) multiplies the row. Lanes outside `active` do not have it.
+    #[inline(always)]
+    pub fn push_scalar(&mut self, support: &[u32], y: impl Fn(usize) -> R, sign: R, active: R::Mask, g: R, bounds: [R; 2]) {
+        let (s0, y0) = (self.support.len(), self.y.len());
+        let mut diagonal = R::zero();
+        for &c in support {
+            let value = R::select(active, y(c as usize) * sign, R::zero());
+            self.support.push(c);
+            self.y.push(value);
+            diagonal += value * value;
+        }
+        let movable = diagonal.gt(R::zero());
+        self.scalars.push(ScalarRow {
+            support: s0..s0 + support.len(),
+            y: y0,
+            active: active.and(movable),
+            g,
+            lo: bounds[0],
+            hi: bounds[1],
+            diagonal,
+            inv_diagonal: R::one() / R::select(movable, diagonal, R::one()),
+        });
+    }
+
+    /// Adds a contact whose rows (n, t1, t2) have the entries `y` at the coordinates `support` (ascending).
+    #[inline(always)]
+    pub fn push_contact(&mut self, support: &[u32], y: impl Fn(usize) -> [R; 3], active: R::Mask, mu: R, g: [R; 3]) {
+        let (s0, y0) = (self.support.len(), self.y3.len());
+        let mut gram = [R::zero(); 6];
+        for &c in support {
+            let [n, a, b] = y(c as usize);
+            self.support.push(c);
+            self.y3.push([n, a, b]);
+            let products = [n * n, n * a, n * b, a * a, a * b, b * b];
+            for i in 0..6 {
+                gram[i] += products[i];
+            }
+        }
+        self.contacts.push(ContactBlock::new(s0..s0 + support.len(), y0, gram, active, mu, g));
+    }
+
+    /// Coordinates and entries of a scalar row.
+    #[inline(always)]
+    pub(crate) fn scalar_entries(&self, row: &ScalarRow<R>) -> (&[u32], &[R]) {
+        let support = &self.support[row.support.clone()];
+        (support, &self.y[row.y..row.y + support.len()])
+    }
+
+    /// Coordinates and entries of a contact.
+    #[inline(always)]
+    pub(crate) fn contact_entries(&self, block: &ContactBlock<R>) -> (&[u32], &[[R; 3]]) {
+        let support = &self.support[block.support.clone()];
+        (support, &self.y3[block.y..block.y + support.len()])
+    }
+
+    /// Velocity of a scalar row for the scaled velocity change w.
+    #[inline(always)]
+    pub fn scalar_velocity(&self, row: &ScalarRow<R>, w: &[R]) -> R {
+        let (support, y) = self.scalar_entries(row);
+        let mut v = R::zero();
+        for (&c, &y) in support.iter().zip(y) {
+            v += y * w[c as usize];
+        }
+        v + row.g
+    }
+
+    /// Velocity (n, t1, t2) of a contact for the scaled velocity change w.
+    #[inline(always)]
+    pub fn contact_velocity(&self, block: &ContactBlock<R>, w: &[R]) -> [R; 3] {
+        let (support, y) = self.contact_entries(block);
+        let mut v = [R::zero(); 3];
+        for (&c, y) in support.iter().zip(y) {
+            let w = w[c as usize];
+            v[0] += y[0] * w;
+            v[1] += y[1] * w;
+            v[2] += y[2] * w;
+        }
+        [v[0] + block.g[0], v[1] + block.g[1], v[2] + block.g[2]]
+    }
+
+    /// w += y d for a scalar row.
+    #[inline(always)]
+    pub(crate) fn add_scalar(&self, row: &ScalarRow<R>, d: R, w: &mut [R]) {
+        let (support, y) = self.scalar_entries(row);
+        for (&c, &y) in support.iter().zip(y) {
+            w[c as usize] += y * d;
+        }
+    }
+
+    /// w += Y d for a contact.
+    #[inline(always)]
+    pub(crate) fn add_contact(&self, block: &ContactBlock<R>, d: [R; 3], w: &mut [R]) {
+        let (support, y) = self.contact_entries(block);
+        for (&c, y) in support.iter().zip(y) {
+            w[c as usize] += y[0] * d[0] + y[1] * d[1] + y[2] * d[2];
+        }
+    }
+}
+
+/// The unknowns: impulses, and the scaled velocity change that they make.
+#[derive(Clone, Debug)]
+pub struct Iterate<R: Real> {
+    /// w = sum_i y_i lambda_i.
+    pub w: Vec<R>,
+    /// Impulses of the scalar rows, N s or N m s.
+    pub scalars: Vec<R>,
+    /// Impulses of the contacts in their frames (n, t1, t2), N s.
+    pub contacts: Vec<[R; 3]>,
+    /// Multiplier of the friction disc in each contact, the starting point of the next local solve; 0 while it sticks.
+    pub(crate) slip: Vec<R>,
+}
+
+impl<R: Real> Iterate<R> {
+    /// Room for the unknowns of a problem with so many rows.
+    pub fn with_capacity(dimension: usize, scalars: usize, contacts: usize) -> Self {
+        Self {
+            w: vec![R::zero(); dimension],
+            scalars: Vec::with_capacity(scalars),
+            contacts: Vec::with_capacity(contacts),
+            slip: Vec::with_capacity(contacts),
+        }
+    }
+
+    /// Forgets all impulses; the caller pushes a warm start (or zeros) for every row, then calls [`Iterate::start`].
+    #[inline(always)]
+    pub fn clear(&mut self) {
+        self.scalars.clear();
+        self.contacts.clear();
+        self.slip.clear();
+    }
+
+    /// Makes w consistent with the impulses.
+    #[inline(always)]
+    pub fn start(&mut self, problem: &Problem<R>) {
+        self.w.fill(R::zero());
+        for (row, &lambda) in problem.scalars.iter().zip(&self.scalars) {
+            problem.add_scalar(row, lambda, &mut self.w);
+        }
+        for (block, &lambda) in problem.contacts.iter().zip(&self.contacts) {
+            problem.add_contact(block, lambda, &mut self.w);
+        }
+        self.slip.resize(problem.contacts.len(), R::zero());
+    }
+}

@@ -1,0 +1,83 @@
+"""The command line: `stepper demo`, `stepper chart`, `stepper explain`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from stepper._machine import MissingPackageError, require
+from stepper._stepper import ModelError
+
+if TYPE_CHECKING:
+    from typer import Typer
+
+
+def demo(num_envs: int, steps: int, rest: int, seed: int, out: Path) -> None:
+    """A thousand humanoids fall about and lie still, beside MuJoCo: speed, error, and the first charts."""
+    from stepper import _demo  # noqa: PLC0415  (matplotlib, mujoco, rich: only when asked for)
+
+    _demo.demo(_demo.Plan(num_envs=num_envs, steps=steps, rest=rest, seed=seed), out)
+
+
+def chart(scene: str, out: Path, *, quick: bool) -> None:
+    """Speed against accuracy: sweeps time steps and settings of stepper and of MuJoCo over a scene whose right answer is known."""
+    from stepper import _demo, _demo_report  # noqa: PLC0415  (as above)
+    from stepper._chart import SCENES, Effort  # noqa: PLC0415  (as above)
+
+    names = list(SCENES)
+    if scene not in (*names, "all"):
+        raise ValueError(f'there is no scene "{scene}", there are: {", ".join(names)}, all')
+    effort = Effort.quick() if quick else Effort()
+    with _demo_report.progress() as tick:
+        pictures = _demo.charts(names if scene == "all" else [scene], out, effort, tick)
+    _demo_report.show_files([file for picture in pictures for file in (picture, picture.with_suffix(".csv"))])
+
+
+def explain(model: str) -> None:
+    """What of a model is simulated, what is left out and why, and what rigid bodies cannot model."""
+    from stepper import load  # noqa: PLC0415  (as above)
+
+    print(load(model, strict=False).explain())
+
+
+def _app() -> Typer:
+    """The commands with their options. Made here because typer is optional."""
+    require("typer", "for the command line")
+    import typer  # noqa: PLC0415  (as above)
+
+    app = typer.Typer(help=__doc__, add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False)
+    out = typer.Option("out", "--out", help="Folder for what is written.")
+
+    @app.command("demo", help=demo.__doc__)
+    def _(
+        num_envs: int = typer.Option(1024, min=1, help="Humanoids."),
+        steps: int = typer.Option(500, min=1, help="Steps of random control."),
+        rest: int = typer.Option(1000, min=0, help="Steps without control after that."),
+        seed: int = typer.Option(0, min=0, help="Of the random control."),
+        out: Path = out,
+    ) -> None:
+        demo(num_envs, steps, rest, seed, out)
+
+    @app.command("chart", help=chart.__doc__)
+    def _(
+        scene: str = typer.Argument("all", help="chain, box or all."),
+        out: Path = out,
+        quick: bool = typer.Option(False, "--quick", help="Fewer repeats and time steps."),
+    ) -> None:
+        chart(scene, out, quick=quick)
+
+    @app.command("explain", help=explain.__doc__)
+    def _(model: str = typer.Argument(help="An .xml, .urdf or saved model.")) -> None:
+        explain(model)
+
+    return app
+
+
+def main() -> None:
+    """Entry point of the command `stepper`. What a user can mend is one line on stderr, without a traceback."""
+    try:
+        _app()()
+    except (MissingPackageError, ModelError, OSError, ValueError) as error:
+        print(f"stepper: {error}", file=sys.stderr)
+        sys.exit(1)

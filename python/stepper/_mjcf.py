@@ -1,0 +1,333 @@
+"""A compiled `mujoco.MjModel` as a plain description: the fields of the Rust crate's `Model` (crates/core/src/model/mod.rs).
+
+One function for each kind of element. What cannot be described is listed by `stepper._mjcf_omissions`, where a table says of every
+field of MjModel whether it is used, has no effect on the motion, or is left out.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from stepper._mjcf_omissions import list_omissions
+
+Description = dict[str, Any]
+
+# MuJoCo's numbers, which do not change (mjtype.h); the tests compare them with the installed version's.
+FREE, BALL, SLIDE, HINGE = range(4)
+PLANE, HFIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH, SDF = range(9)
+TRN_JOINT, TRN_JOINT_IN_PARENT, TRN_TENDON = 0, 1, 3
+DYN_NONE, DYN_INTEGRATOR, DYN_FILTER, DYN_FILTER_EXACT = range(4)
+FIXED, AFFINE = 0, 1
+NO_BIAS, AFFINE_BIAS = 0, 1
+WRAP_JOINT = 1
+DISABLE = {
+    "constraint": 1 << 0,
+    "equality": 1 << 1,
+    "frictionloss": 1 << 2,
+    "limit": 1 << 3,
+    "contact": 1 << 4,
+    "spring": 1 << 5,
+    "damper": 1 << 6,
+    "gravity": 1 << 7,
+    "clampctrl": 1 << 8,
+    "filterparent": 1 << 10,
+    "actuation": 1 << 11,
+    "sensor": 1 << 13,
+}
+ENABLE = {"override": 1 << 0, "sleep": 1 << 4}
+_CONSTRAINTS = ("contact", "limit", "frictionloss", "equality")
+
+
+@dataclass
+class Source:
+    """A compiled model while it is read.
+
+    Attributes:
+        m: The `mujoco.MjModel`.
+        omitted: What is left out, in the order in which it was found.
+    """
+
+    m: Any
+    omitted: list[Description] = field(default_factory=list)
+
+    @cached_property
+    def mujoco(self) -> Any:
+        """The module that made the model."""
+        return import_module("mujoco")
+
+    def name(self, kind: str, index: int) -> str:
+        """Name of an element, e.g. `name("JOINT", 3)`; empty when it has none."""
+        return str(self.mujoco.mj_id2name(self.m, getattr(self.mujoco.mjtObj, f"mjOBJ_{kind}"), index) or "")
+
+    def label(self, kind: str, index: int) -> str:
+        """Name of an element, or its index as "#3"."""
+        return self.name(kind, index) or f"#{index}"
+
+    def off(self, feature: str) -> bool:
+        """Whether the model's flags disable a feature."""
+        flags = int(self.m.opt.disableflags)
+        return bool(flags & DISABLE[feature]) or (feature in _CONSTRAINTS and bool(flags & DISABLE["constraint"]))
+
+    def leave_out(self, kind: str, name: str, reason: str, *, changes_motion: bool = True) -> None:
+        """Notes an element that the description does without."""
+        self.omitted.append({"kind": kind, "name": name, "reason": reason, "changes_motion": changes_motion})
+
+    def dofs(self, joint: int) -> slice:
+        """Degrees of freedom of a joint."""
+        start = int(self.m.jnt_dofadr[joint])
+        return slice(start, start + (6, 3, 1, 1)[int(self.m.jnt_type[joint])])
+
+    def moves_one(self, joint: int) -> bool:
+        """Whether a joint is a slide or hinge."""
+        return int(self.m.jnt_type[joint]) in (SLIDE, HINGE)
+
+    def is_fixed(self, tendon: int) -> bool:
+        """Whether a tendon is a linear combination of joints."""
+        return bool(self.m.wrap_type[self.m.tendon_adr[tendon]] == WRAP_JOINT)
+
+    @cached_property
+    def tendons(self) -> dict[int, int]:
+        """Index in the description of every tendon that it has."""
+        kept = [t for t in range(self.m.ntendon) if self.is_fixed(t)]
+        return {tendon: index for index, tendon in enumerate(kept)}
+
+    @cached_property
+    def joint_actuators(self) -> dict[int, list[int]]:
+        """Actuators that act on every slide or hinge."""
+        m = self.m
+        found: dict[int, list[int]] = {joint: [] for joint in range(m.njnt)}
+        for a in range(m.nactuator):
+            if int(m.actuator_trntype[a]) in (TRN_JOINT, TRN_JOINT_IN_PARENT) and self.moves_one(int(m.actuator_trnid[a, 0])):
+                found[int(m.actuator_trnid[a, 0])].append(a)
+        return found
+
+    def gear(self, actuator: int) -> float:
+        """Gear of an actuator with one output."""
+        return float(self.m.actuator_gear[self.m.actuator_outadr[actuator], 0])
+
+    def why_dropped(self, actuator: int) -> list[str]:
+        """What an actuator has that cannot be described at all."""
+        m, a, mj = self.m, actuator, self.mujoco
+        target, transmission = int(m.actuator_trnid[a, 0]), int(m.actuator_trntype[a])
+        on_joint = transmission in (TRN_JOINT, TRN_JOINT_IN_PARENT)
+
+        def word(enum: str, value: int) -> str:
+            return str(getattr(mj, enum)(value).name).split("_", 1)[1].lower()
+
+        reasons = []
+        if not (on_joint or transmission == TRN_TENDON):
+            reasons.append(f"transmission {word('mjtTrn', transmission)}")
+        elif on_joint and not self.moves_one(target):
+            reasons.append(f"transmission to the ball or free joint {self.label('JOINT', target)}")
+        elif transmission == TRN_TENDON and target not in self.tendons:
+            reasons.append(f"transmission to the spatial tendon {self.label('TENDON', target)}")
+        if m.actuator_dyntype[a] not in (DYN_NONE, DYN_INTEGRATOR, DYN_FILTER, DYN_FILTER_EXACT):
+            reasons.append(f"dynamics {word('mjtDyn', m.actuator_dyntype[a])}")
+        if m.actuator_gaintype[a] not in (FIXED, AFFINE):
+            reasons.append(f"gain {word('mjtGain', m.actuator_gaintype[a])}")
+        if m.actuator_biastype[a] not in (NO_BIAS, AFFINE_BIAS):
+            reasons.append(f"bias {word('mjtBias', m.actuator_biastype[a])}")
+        if m.actuator_ctrlnum[a] != 1:
+            reasons.append(f"{m.actuator_ctrlnum[a]} controls")
+        if m.actuator_plugin[a] >= 0:
+            reasons.append("a plugin")
+        return reasons
+
+    @cached_property
+    def actuators(self) -> list[int]:
+        """Actuators that the description has."""
+        return [a for a in range(self.m.nactuator) if not self.why_dropped(a)]
+
+
+def describe(m: Any) -> Description:
+    """The description of a compiled model.
+
+    Args:
+        m: A `mujoco.MjModel`.
+
+    Returns:
+        What `Model.from_description` takes. Its "omitted" lists what the model has and the description does not.
+    """
+    source = Source(m)
+    list_omissions(source)
+    none = source.off("gravity")
+    return {
+        "name": m.names.split(b"\0", 1)[0].decode(),
+        "timestep": float(m.opt.timestep),
+        "gravity": [0.0, 0.0, 0.0] if none else m.opt.gravity.tolist(),
+        "bodies": [_body(source, i) for i in range(m.nbody)],
+        "joints": [_joint(source, i) for i in range(m.njnt)],
+        "geoms": [_geom(source, i) for i in range(m.ngeom)],
+        "pairs": [] if source.off("contact") else [_pair(source, i) for i in range(m.npair)],
+        "excludes": [[int(s) >> 16, int(s) & 0xFFFF] for s in m.exclude_signature],
+        "tendons": [_tendon(source, i) for i in source.tendons],
+        "actuators": [_actuator(source, i) for i in source.actuators],
+        "sensors": list(_sensors(source)),
+        "keyframes": [_keyframe(source, i) for i in range(m.nkey)],
+        "qpos0": m.qpos0.tolist(),
+        "qpos_spring": m.qpos_spring.tolist(),
+        "omitted": source.omitted,
+    }
+
+
+def _body(source: Source, i: int) -> Description:
+    m = source.m
+    return {
+        "name": source.name("BODY", i),
+        "parent": int(m.body_parentid[i]),
+        "pos": m.body_pos[i].tolist(),
+        "quat": m.body_quat[i].tolist(),
+        "mass": float(m.body_mass[i]),
+        "ipos": m.body_ipos[i].tolist(),
+        "iquat": m.body_iquat[i].tolist(),
+        "inertia": m.body_inertia[i].tolist(),
+        "mocap": bool(m.body_mocapid[i] >= 0),
+    }
+
+
+def _joint(source: Source, i: int) -> Description:
+    m = source.m
+    dof = source.dofs(i).start
+    # Rotor inertia and damping of actuators act through their gear (MuJoCo adds gear^2 times both to the joint's).
+    gears = [(a, source.gear(a) ** 2) for a in source.joint_actuators[i]]
+    damping = float(m.dof_damping[dof]) + sum(g * float(m.actuator_damping[a]) for a, g in gears)
+    return {
+        "name": source.name("JOINT", i),
+        "body": int(m.jnt_bodyid[i]),
+        "kind": ("Free", "Ball", "Slide", "Hinge")[int(m.jnt_type[i])],
+        "pos": m.jnt_pos[i].tolist(),
+        "axis": m.jnt_axis[i].tolist(),
+        "stiffness": 0.0 if source.off("spring") else float(m.jnt_stiffness[i]),
+        "damping": 0.0 if source.off("damper") else damping,
+        "armature": float(m.dof_armature[dof]) + sum(g * float(m.actuator_armature[a]) for a, g in gears),
+        "frictionloss": 0.0 if source.off("frictionloss") else float(m.dof_frictionloss[dof]),
+        "range": _joint_range(source, i),
+        "actuator_force_range": m.jnt_actfrcrange[i].tolist() if m.jnt_actfrclimited[i] else None,
+    }
+
+
+def _joint_range(source: Source, i: int) -> list[float] | None:
+    """Range within which a joint moves freely: MuJoCo's limits push from `margin` before the end on."""
+    m = source.m
+    if not m.jnt_limited[i] or source.off("limit"):
+        return None
+    low, high = m.jnt_range[i].tolist()
+    margin = float(m.jnt_margin[i]) if source.moves_one(i) else 0.0
+    return [low + margin, high - margin]
+
+
+def _geom(source: Source, i: int) -> Description:
+    m = source.m
+    collides = not source.off("contact")
+    return {
+        "name": source.name("GEOM", i),
+        "body": int(m.geom_bodyid[i]),
+        "shape": _shape(source, i),
+        "pos": m.geom_pos[i].tolist(),
+        "quat": m.geom_quat[i].tolist(),
+        "contype": int(m.geom_contype[i]) & 0xFFFFFFFF if collides else 0,
+        "conaffinity": int(m.geom_conaffinity[i]) & 0xFFFFFFFF if collides else 0,
+        "condim": int(m.geom_condim[i]),
+        "priority": int(m.geom_priority[i]),
+        "friction": m.geom_friction[i].tolist(),
+        "restitution": 0.0,  # MJCF has none: its contacts are springs and dampers
+        "margin": float(m.geom_margin[i]),
+        "gap": float(m.geom_gap[i]),
+    }
+
+
+def _shape(source: Source, i: int) -> str | Description:
+    m = source.m
+    x, y, z = m.geom_size[i].tolist()
+    kind, asset = int(m.geom_type[i]), int(m.geom_dataid[i])
+    simple: dict[int, str | Description] = {
+        PLANE: "Plane",
+        SPHERE: {"Sphere": {"radius": x}},
+        CAPSULE: {"Capsule": {"radius": x, "half_length": y}},
+        CYLINDER: {"Cylinder": {"radius": x, "half_length": y}},
+        ELLIPSOID: {"Ellipsoid": {"radii": [x, y, z]}},
+        BOX: {"Box": {"half": [x, y, z]}},
+    }
+    if kind in simple:
+        return simple[kind]
+    if kind == HFIELD:
+        return {"HeightField": {"asset": source.label("HFIELD", asset)}}
+    return {"Mesh": {"asset": source.label("MESH", asset), "radius": float(m.geom_rbound[i])}}
+
+
+def _pair(source: Source, i: int) -> Description:
+    m = source.m
+    return {
+        "name": source.name("PAIR", i),
+        "geoms": [int(m.pair_geom1[i]), int(m.pair_geom2[i])],
+        "condim": int(m.pair_dim[i]),
+        "friction": m.pair_friction[i, [0, 2, 3]].tolist(),
+        "restitution": 0.0,
+        "margin": float(m.pair_margin[i]),
+        "gap": float(m.pair_gap[i]),
+    }
+
+
+def _tendon(source: Source, i: int) -> Description:
+    m = source.m
+    path = range(int(m.tendon_adr[i]), int(m.tendon_adr[i] + m.tendon_num[i]))
+    return {"name": source.name("TENDON", i), "joints": [[int(m.wrap_objid[k]), float(m.wrap_prm[k])] for k in path]}
+
+
+def _actuator(source: Source, i: int) -> Description:
+    m = source.m
+    target, ctrl = int(m.actuator_trnid[i, 0]), int(m.actuator_ctrladr[i])
+    on_tendon = int(m.actuator_trntype[i]) == TRN_TENDON
+    group = int(m.actuator_group[i])
+    idle = source.off("actuation") or (0 <= group < 31 and bool(int(m.opt.disableactuator) >> group & 1))
+    gain = [*m.actuator_gainprm[i, :1].tolist(), 0.0, 0.0] if m.actuator_gaintype[i] == FIXED else m.actuator_gainprm[i, :3].tolist()
+    bias = m.actuator_biasprm[i, :3].tolist() if m.actuator_biastype[i] == AFFINE_BIAS else [0.0, 0.0, 0.0]
+    clamps = bool(m.actuator_ctrllimited[ctrl]) and not source.off("clampctrl")
+    return {
+        "name": source.name("ACTUATOR", i),
+        "transmission": {"Tendon": source.tendons[target]} if on_tendon else {"Joint": target},
+        "gear": source.gear(i),
+        "ctrl_range": m.actuator_ctrlrange[ctrl].tolist() if clamps else None,
+        "force_range": m.actuator_forcerange[i].tolist() if m.actuator_forcelimited[i] else None,
+        "act_range": m.actuator_actrange[i].tolist() if m.actuator_actlimited[i] else None,
+        "activation": _activation(source, i),
+        "gain": [0.0, 0.0, 0.0] if idle else gain,
+        "bias": [0.0, 0.0, 0.0] if idle else bias,
+    }
+
+
+def _activation(source: Source, i: int) -> str | Description:
+    kind, tau = int(source.m.actuator_dyntype[i]), float(source.m.actuator_dynprm[i, 0])
+    if kind == DYN_FILTER:
+        return {"Filter": tau}
+    if kind == DYN_FILTER_EXACT:
+        return {"FilterExact": tau}
+    return "Integrator" if kind == DYN_INTEGRATOR else "None"
+
+
+def _sensors(source: Source) -> Iterator[Description]:
+    m, kinds = source.m, source.mujoco.mjtSensor
+    simulated = {int(kinds.mjSENS_JOINTPOS): "JointPos", int(kinds.mjSENS_JOINTVEL): "JointVel"}
+    for i in range(m.nsensor):
+        kind = simulated.get(int(m.sensor_type[i]))
+        if kind and not source.off("sensor"):
+            yield {"name": source.name("SENSOR", i), "kind": {kind: int(m.sensor_objid[i])}}
+
+
+def _keyframe(source: Source, i: int) -> Description:
+    m = source.m
+    qpos = np.array(m.key_qpos[i])
+    source.mujoco.mj_normalizeQuat(m, qpos)
+    active = [a for a in source.actuators if m.actuator_dyntype[a] != DYN_NONE]
+    return {
+        "name": source.name("KEY", i),
+        "time": float(m.key_time[i]),
+        "qpos": qpos.tolist(),
+        "qvel": m.key_qvel[i].tolist(),
+        "act": [float(m.key_act[i, m.actuator_actadr[a]]) for a in active],
+        "ctrl": [float(m.key_ctrl[i, m.actuator_ctrladr[a]]) for a in source.actuators],
+    }

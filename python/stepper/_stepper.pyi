@@ -1,0 +1,234 @@
+"""The binary: models and steppers.
+
+Arrays are C-contiguous NumPy arrays, float64 unless `precision="f32"`. With `num_envs=None` the leading axis is absent. SI units,
+quaternions (w, x, y, z).
+"""
+
+from os import PathLike
+from typing import Any, Final, TypeAlias, final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from stepper._options import Options
+
+__version__: Final[str]
+
+_Array: TypeAlias = NDArray[Any]
+
+def cpu_levels() -> list[str]:
+    """CPU levels of this machine, slowest first; STEPPER_CPU_LEVEL chooses one. Results have the same bits at every level."""
+
+class ModelError(ValueError):
+    """A model that cannot be simulated: what is wrong, where in the model, and what to do."""
+
+@final
+class Model:
+    """A scene, immutable: bodies, joints, geoms, actuators, sensors.
+
+    Any field that `replace` takes can be read as an attribute, e.g. `model.geom_friction` (ngeom, 3).
+    """
+
+    name: Final[str]
+    nq: Final[int]
+    nv: Final[int]
+    nu: Final[int]
+    na: Final[int]
+    nbody: Final[int]
+    njnt: Final[int]
+    ngeom: Final[int]
+    nsensordata: Final[int]
+    body_names: Final[list[str]]
+    joint_names: Final[list[str]]
+    geom_names: Final[list[str]]
+    actuator_names: Final[list[str]]
+    sensor_names: Final[list[str]]
+    keyframe_names: Final[list[str]]
+    omitted: Final[list[tuple[str, str, str]]]
+    """(kind, name, reason) of everything in the source that this model leaves out."""
+    digest: Final[str]
+    """SHA-256 of the model, in hexadecimal."""
+
+    @staticmethod
+    def from_description(description: dict[str, Any], strict: bool) -> Model:
+        """The model of a plain description (the fields of the Rust crate's `Model`), checked.
+
+        Raises:
+            ModelError: The description is not valid, or strict and it has elements that are not simulated.
+        """
+    @staticmethod
+    def from_bytes(bytes: bytes) -> Model:
+        """The inverse of `to_bytes`."""
+    @staticmethod
+    def from_file(path: str | PathLike[str]) -> Model:
+        """A model that `save` wrote."""
+    def to_bytes(self) -> bytes:
+        """The contents of a saved model."""
+    def save(self, path: str | PathLike[str]) -> None:
+        """Writes the model so that `stepper.load(path)` gives the same one, bit for bit, without the MJCF reader."""
+    def explain(self) -> str:
+        """What is modelled, what was left out and why, and what rigid bodies cannot model."""
+    def replace(self, **fields: ArrayLike) -> Model:
+        """A new model with other values in some fields, e.g. `geom_restitution=` (ngeom,); what derives from a field follows.
+
+        Raises:
+            ValueError: A wrong shape.
+            ModelError: An unknown field, or values that the model cannot have.
+        """
+    def __getattr__(self, name: str, /) -> _Array: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
+
+@final
+class State:
+    """Everything of a `Stepper` that survives a step. Compares by bits and pickles."""
+
+    nbytes: Final[int]
+    def __new__(cls, bytes: bytes, digest: bytes) -> State: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+
+@final
+class Stepper:
+    """Environments of one model, stepped together. The GIL is released while stepping. Pickles with its state.
+
+    Args:
+        model: The scene.
+        num_envs: Number of environments; None is a single one, without the leading axis.
+        options: Settings of the step; None is `Options()`.
+        precision: "f64" or "f32".
+        threads: Threads that step; 0 is all that this process may use. The bits are the same for any number.
+        seed: For what is random; nothing is yet.
+
+    Raises:
+        ValueError: A setting out of its range.
+    """
+
+    model: Final[Model]
+    options: Final[Options]
+    num_envs: Final[int | None]
+    timestep: Final[float]
+    precision: Final[str]
+    threads: Final[int]
+    seed: Final[int]
+    qpos: Final[_Array]
+    """Configuration, a copy: (num_envs, nq)."""
+    qvel: Final[_Array]
+    """Velocity, a copy: (num_envs, nv)."""
+    act: Final[_Array]
+    """Activations, a copy: (num_envs, na)."""
+    ctrl: Final[_Array]
+    """Controls of the last call of `step`, a copy: (num_envs, nu)."""
+    time: Final[Any]
+    """Simulated time in s: (num_envs,)."""
+    status: Final[Any]
+    """Flags of the last call of `step`, see `stepper.Status`: (num_envs,) uint32."""
+    residual: Final[Any]
+    """Natural-map residual of the last step in m/s: (num_envs,)."""
+    iterations: Final[Any]
+    """Sweeps of the solver in the last step: (num_envs,) uint32."""
+    observation: Final[_Array]
+    """Sensor readings: (num_envs, nsensordata)."""
+    sensor_truth: Final[_Array]
+    """The readings of ideal sensors: (num_envs, nsensordata)."""
+    qfrc_applied: _Array
+    """Writable, read by every step: forces on the joints in N or N m, (num_envs, nv)."""
+    xfrc_applied: _Array
+    """Writable, read by every step: force (N) and torque (N m) at every body's centre of mass, world axes, (num_envs, nbody, 6)."""
+    mocap_pos: _Array
+    """Writable, read by every step: positions of the mocap bodies in m, (num_envs, nmocap, 3)."""
+    mocap_quat: _Array
+    """Writable, read by every step: orientations of the mocap bodies, (num_envs, nmocap, 4)."""
+
+    def __new__(
+        cls,
+        model: Model,
+        num_envs: int | None = None,
+        *,
+        options: Options | None = None,
+        precision: str = "f64",
+        threads: int = 1,
+        seed: int = 0,
+    ) -> Stepper: ...
+    def reset(
+        self,
+        mask: ArrayLike | None = None,
+        *,
+        qpos: ArrayLike | None = None,
+        qvel: ArrayLike | None = None,
+        seed: int | None = None,
+        keyframe: str | None = None,
+    ) -> None:
+        """Starts a new episode in all environments, or in those of a boolean mask (num_envs,). Nothing of the old one remains.
+
+        Args:
+            mask: Which environments; None is all.
+            qpos: Where they start, (num_envs, nq) or (nq,); None is the model's reference. Quaternions are normalised.
+            qvel: How fast, (num_envs, nv) or (nv,); None is at rest.
+            seed: A new seed; None keeps the old one.
+            keyframe: Name of a keyframe to start from.
+
+        Raises:
+            ValueError: A wrong shape, a number that is not finite, a quaternion of zeros. Nothing is changed then, except that
+                environments before the offending one may have been reset.
+            KeyError: No such keyframe.
+        """
+    def step(self, ctrl: ArrayLike | None = None, nstep: int = 1) -> None:
+        """Makes `nstep` steps in every environment.
+
+        Args:
+            ctrl: Controls, (num_envs, nu) or (nu,) for all, held for all steps; None is zero.
+            nstep: Number of steps.
+
+        Raises:
+            ValueError: A wrong shape; the message has both. A control that is not finite is no error: its environment keeps its state and says
+                NON_FINITE in `status`.
+        """
+    def set_state(
+        self,
+        qpos: ArrayLike | State | None = None,
+        qvel: ArrayLike | None = None,
+        mask: ArrayLike | None = None,
+        *,
+        act: ArrayLike | None = None,
+    ) -> None:
+        """Sets configuration, velocity or activations; or, given a `State` alone, everything that survives a step.
+
+        Warm starts are forgotten, so that what follows depends on the new state alone; continuing from a `State` repeats the same bits.
+
+        Args:
+            qpos: (num_envs, nq) or (nq,), or what `get_state` returned.
+            qvel: (num_envs, nv) or (nv,).
+            mask: Which environments; None is all.
+            act: (num_envs, na) or (na,).
+
+        Raises:
+            ValueError: A wrong shape, a number that is not finite, a quaternion of zeros, a state of another model.
+        """
+    def get_state(self) -> State:
+        """Everything that survives a step."""
+    def contacts(self, env: int = 0) -> NDArray[np.void]:
+        """Contacts of the last step of one environment.
+
+        Returns:
+            A structured array: geom (2,), body (2,), pos (3,) in m, normal (3,) from the first geom to the second, distance in m from
+            the margin, force (3,) in N on the second geom along normal, t1, t2, and frame (3, 3), whose rows are these directions.
+        """
+    def mass_matrix(self, env: int = 0) -> NDArray[np.float64]:
+        """Mass matrix of the present configuration, (nv, nv), armature included, without terms that depend on the time step."""
+    def bias_force(self, env: int = 0) -> NDArray[np.float64]:
+        """Coriolis, centrifugal and gravitational forces of the present state, (nv,): MuJoCo's qfrc_bias."""
+    def smooth_acceleration(self, env: int = 0, *, ctrl: ArrayLike | None = None) -> NDArray[np.float64]:
+        """Acceleration without constraints in the present state, (nv,): MuJoCo's qacc_smooth.
+
+        Args:
+            env: The environment.
+            ctrl: Controls, (nu,); None is those of the last call of `step`.
+        """
+    def energy(self, env: int = 0) -> tuple[float, float]:
+        """Potential energy (gravity, joint springs) and kinetic energy (armature included), in J."""
+    def momentum(self, env: int = 0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Linear momentum in kg m/s (3,), and angular momentum about the centre of mass in kg m^2/s (3,)."""
+    def __getstate__(self) -> dict[str, Any]: ...
+    def __setstate__(self, state: dict[str, Any]) -> None: ...

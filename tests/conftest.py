@@ -1,0 +1,8 @@
+"""Settings of every test run."""
+
+from hypothesis import HealthCheck, settings
+
+# A step is fast but a scene has to be compiled first, so examples have no deadline; the same examples run every time, so that a failure on
+# one machine is a failure on all.
+settings.register_profile("stepper", max_examples=25, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("stepper")

@@ -1,0 +1,74 @@
+"""Scene 8: a free body with three unequal inertias, spun about its middle axis (Dzhanibekov).
+
+Right answer: energy and angular momentum are constant, and the angular velocity is Jacobi's elliptic functions of time (Landau & Lifshitz,
+Mechanics, section 37), so the flips are periodic. Explicit gyroscopic terms gain energy until they blow up.
+"""
+
+import numpy as np
+import pytest
+from models import simulate
+from numerics import slope
+from scipy.special import ellipj, ellipk
+
+I1, I2, I3 = 0.010, 0.020, 0.026
+SPIN, TOUCH = 5.0, 0.05  # rad/s about the middle axis, and about the third
+BODY = f"""<mujoco><option gravity="0 0 0"/><worldbody><body><freejoint/>
+  <inertial pos="0 0 0" mass="1" diaginertia="{I1} {I2} {I3}"/></body></worldbody></mujoco>"""
+
+ENERGY = (I2 * SPIN**2 + I3 * TOUCH**2) / 2
+L2 = (I2 * SPIN) ** 2 + (I3 * TOUCH) ** 2
+RATE = np.sqrt((I3 - I2) * (L2 - 2 * ENERGY * I1) / (I1 * I2 * I3))
+M = (I2 - I1) * (2 * ENERGY * I3 - L2) / ((I3 - I2) * (L2 - 2 * ENERGY * I1))
+PERIOD = 4 * ellipk(M) / RATE
+
+
+def omega(t: float) -> np.ndarray:
+    """Angular velocity in the body's axes; at t = 0 it is (0, SPIN, TOUCH), a quarter of a period into the functions."""
+    sn, cn, dn, _ = ellipj(ellipk(M) + RATE * t, M)
+    a1 = np.sqrt((2 * ENERGY * I3 - L2) / (I1 * (I3 - I1)))
+    a2 = np.sqrt((2 * ENERGY * I3 - L2) / (I2 * (I3 - I2)))
+    a3 = np.sqrt((L2 - 2 * ENERGY * I1) / (I3 * (I3 - I1)))
+    return np.array([a1 * cn, a2 * sn, a3 * dn])
+
+
+def spun(dt: float, integrator: str, seconds: float):
+    sim = simulate(BODY, timestep=dt, integrator=integrator)
+    sim.set_state(qvel=[0, 0, 0, 0, SPIN, TOUCH])
+    sim.step(nstep=round(seconds / dt))
+    return sim
+
+
+def test_the_closed_form_starts_where_the_body_starts():
+    """And flips: after half a period the middle axis has turned over."""
+    assert omega(0) == pytest.approx([0, SPIN, TOUCH], abs=1e-12)
+    assert omega(PERIOD / 2) == pytest.approx([0, -SPIN, TOUCH], abs=1e-10)
+
+
+def test_two_flips_are_jacobis():
+    """Within 1e-9 of SPIN at every tenth of a period, by a rule of fourth order whose local error (omega h)^5 is 3e-12 a step of 1 ms."""
+    sim = simulate(BODY, timestep=PERIOD / 5000, integrator="rk4")
+    sim.set_state(qvel=[0, 0, 0, 0, SPIN, TOUCH])
+    for k in range(1, 11):
+        sim.step(nstep=500)
+        assert sim.qvel[3:] == pytest.approx(omega(k * PERIOD / 10), abs=1e-9 * SPIN)
+
+
+@pytest.mark.parametrize(("integrator", "order", "steps"), [("euler", 1, [4, 2, 1]), ("midpoint", 2, [8, 4, 2]), ("rk4", 4, [32, 16, 8])])
+def test_energy_and_angular_momentum_are_kept_to_the_order_of_the_rule(integrator, order, steps):
+    """Over a whole period, from steps of so many thousandths of a quarter second."""
+    dts = [PERIOD / round(PERIOD / (0.25e-3 * n)) for n in steps]
+    energies, spins = [], []
+    for dt in dts:
+        sim = spun(dt, integrator, PERIOD)
+        energies.append(abs(sum(sim.energy()) - ENERGY) / ENERGY)
+        spins.append(np.linalg.norm(sim.momentum()[1] - [0, I2 * SPIN, I3 * TOUCH]) / np.sqrt(L2))
+    assert slope(dts, energies) > order - 0.2
+    assert slope(dts, spins) > order - 0.2
+
+
+@pytest.mark.parametrize("integrator", ["euler", "midpoint", "rk4"])
+@pytest.mark.parametrize("dt", [1e-3, 5e-3, 2e-2])
+def test_nothing_blows_up_in_a_hundred_periods(integrator, dt):
+    """A user's largest step, 0.1 rad of spin each: the body still tumbles with the energy that it had, to a tenth."""
+    sim = spun(dt, integrator, 100 * PERIOD)
+    assert sum(sim.energy()) == pytest.approx(ENERGY, rel=0.1)

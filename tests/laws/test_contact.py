@@ -1,0 +1,132 @@
+"""The laws of contact, step by step: Signorini, Coulomb, Newton, and the certificate that every step gives itself."""
+
+import mujoco
+import numpy as np
+import pytest
+import stepper
+from contact_problem import problem_of
+from heaps import heaps
+from hypothesis import given
+from hypothesis import strategies as st
+from models import SOURCES, simulate
+
+GRAVITY = np.array([0, 0, -9.81])
+EULER = {"integrator": "euler", "timestep": 5e-3}
+CONVERGED = EULER | {"iterations": 5000}
+# Velocities that a residual of 1e-6 m/s (the default tolerance) still allows: each law below is one component of the natural map, which can
+# exceed the norm of the whole by a factor of 1 + mu at most.
+TOLERANCE = 1e-5
+
+
+def steps_of(model: mujoco.MjModel, qpos, qvel, settings, steps: int = 60, ctrl=None):
+    """Steps a scene; yields the state before, the simulation after, its contacts and their problem, for every step that has contacts."""
+    sim = simulate(model, **settings)
+    sim.set_state(np.ravel(qpos), np.ravel(qvel))
+    touched = 0
+    for _ in range(steps):
+        before = sim.qpos, sim.qvel
+        sim.step(ctrl)
+        contacts = sim.contacts()
+        if len(contacts):
+            touched += 1
+            yield before, sim, contacts, problem_of(model, before, contacts, sim.options, ctrl)
+    assert touched > 0
+
+
+@given(heaps())
+def test_signorini_and_coulomb(scene):
+    """Forces push, lie in the circular cone, act only where a gap closes; and friction opposes slip, at its full strength."""
+    for _, sim, contacts, problem in steps_of(mujoco.MjModel.from_xml_string(scene.xml()), scene.qpos, scene.qvel, CONVERGED):
+        assert sim.status == stepper.Status.OK
+        normal, tangent = problem.impulse[:, 0], problem.impulse[:, 1:]
+        approach, slip = (problem.contact_velocity + problem.bias)[:, 0], problem.contact_velocity[:, 1:]
+        blocks = problem.delassus.reshape(len(contacts), 3, len(contacts), 3)
+        size = np.array([np.trace(blocks[i, :, i]) / 3 for i in range(len(contacts))])
+        pull, speed = np.linalg.norm(tangent, axis=1), np.linalg.norm(slip, axis=1)
+
+        assert (normal >= 0).all()
+        assert (pull <= problem.friction * normal * (1 + 1e-12)).all()  # The cone is met to rounding, whatever the residual.
+        assert (approach >= -TOLERANCE).all()
+        assert np.minimum(normal * size, approach).max() < TOLERANCE
+        assert np.minimum((problem.friction * normal - pull) * size, speed).max() < TOLERANCE
+        along = (tangent * slip).sum(axis=1)
+        across = tangent[:, 0] * slip[:, 1] - tangent[:, 1] * slip[:, 0]
+        reach = np.maximum(np.maximum(pull * size, speed), 1e-300)
+        assert (np.abs(across) * size / reach).max() < TOLERANCE
+        assert (along * size / reach).max() < TOLERANCE
+
+
+@given(heaps())
+def test_newton(scene):
+    """Every body's change of momentum is its weight and the reported forces, times the step; each force acts back on the other body."""
+    mass = np.array([m for _, _, m in scene.shapes])
+    for before, sim, contacts, _ in steps_of(mujoco.MjModel.from_xml_string(scene.xml()), scene.qpos, scene.qvel, EULER):
+        force = mass[:, None] * GRAVITY
+        for contact in contacts:
+            pull = contact["frame"].T @ contact["force"]
+            for body, sign in zip(contact["body"], (-1, 1), strict=True):
+                if body > 0:
+                    force[body - 1] += sign * pull
+        change = mass[:, None] * (sim.qvel - before[1]).reshape(-1, 6)[:, :3]
+        # Rounding in sums of impulses of order 10 N s.
+        assert np.abs(change - sim.timestep * force).max() < 1e-12 * (1 + np.abs(sim.timestep * force).max())
+
+
+@given(heaps(), st.sampled_from([1, 3, 50]))
+def test_the_residual_is_what_numpy_finds(scene, iterations):
+    """Also where the solver was stopped early, so that the residual is large: the certificate is about the impulses that acted."""
+    model = mujoco.MjModel.from_xml_string(scene.xml())
+    for _, sim, _, problem in steps_of(model, scene.qpos, scene.qvel, EULER | {"iterations": iterations}):
+        check_certificate(sim, problem)
+
+
+def check_certificate(sim, problem):
+    speed = 1 + np.abs(problem.free_velocity).max()
+    assert np.abs(problem.next_velocity - sim.qvel).max() < 1e-11 * speed
+    # Velocities of contacts are differences of numbers of order `speed`, through a mass matrix of condition 1e4 or less.
+    assert sim.residual == pytest.approx(problem.residual(), rel=1e-6, abs=1e-11 * speed)
+    assert (sim.residual > 1e-6) == bool(sim.status & stepper.Status.NOT_CONVERGED)
+
+
+@pytest.mark.parametrize("iterations", [1, 4, 50])
+@pytest.mark.parametrize("name", ["dm_control/humanoid", "gymnasium/ant", "dm_control/walker"])
+def test_the_residual_of_a_falling_robot_is_what_numpy_finds(name, iterations):
+    """A robot thrown on the floor with a constant control; without joint limits, whose impulses are not reported."""
+    model = mujoco.MjModel.from_xml_path(str(SOURCES[name]))
+    model.jnt_limited[:] = 0
+    rng = np.random.default_rng(3)
+    settings = EULER | {"iterations": iterations}
+    ctrl = rng.uniform(-1, 1, model.nu)
+    for _, sim, _, problem in steps_of(model, model.qpos0, rng.normal(scale=0.5, size=model.nv), settings, 200, ctrl):
+        check_certificate(sim, problem)
+
+
+@given(heaps(kinds=("sphere",)), st.sampled_from(["euler", "midpoint"]))
+def test_contacts_give_no_energy(scene, integrator):
+    """Balls have no gyroscopic terms, so without stabilisation the energy of every step can only fall.
+
+    Up to what the residual leaves: an impulse times a velocity of its tolerance.
+    """
+    sim = simulate(scene.xml(), integrator=integrator, timestep=5e-3, stabilization="none", iterations=5000)
+    sim.set_state(scene.qpos.ravel(), scene.qvel.ravel())
+    for _ in range(150):
+        before = sum(sim.energy())
+        sim.step()
+        impulse = np.abs(sim.contacts()["force"]).sum() * sim.timestep
+        assert sum(sim.energy()) <= before + TOLERANCE * impulse + 1e-12 * (1 + abs(before))
+
+
+@given(heaps(), st.sampled_from(["euler", "midpoint", "rk4"]), st.sampled_from(["baumgarte", "split", "none"]))
+def test_a_heap_comes_to_rest_above_the_floor(scene, integrator, stabilization):
+    """Whatever is thrown keeps at most the energy it had, and nothing sinks by more than it can move in a step."""
+    sim = simulate(scene.xml(), integrator=integrator, timestep=2e-3, stabilization=stabilization, iterations=200)
+    sim.set_state(scene.qpos.ravel(), scene.qvel.ravel())
+    start = sum(sim.energy())
+    for _ in range(50):
+        sim.step(nstep=10)
+        depth = -sim.contacts()["distance"].min(initial=0.0)
+        # Contacts are taken up before they touch, so what remains is the curvature of a corner's path within a step: (omega h)^2 r / 2 with
+        # omega below 50 rad/s and r below 0.3 m is 1.5 mm; and the slop.
+        assert depth < 1.5e-3 + sim.options.slop
+    # One per cent for what the integration of tumbling boxes adds; Baumgarte's term adds what it takes to lift 1.5 mm out of the floor.
+    assert sum(sim.energy()) < 1.01 * start

@@ -1,0 +1,93 @@
+"""Robots that others wrote, random states of them, and their MuJoCo counterparts."""
+
+from __future__ import annotations
+
+import functools
+from importlib.util import find_spec
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import stepper
+
+
+def _package(name: str) -> Path:
+    return Path(find_spec(name).submodule_search_locations[0])
+
+
+def _sources() -> dict[str, Path]:
+    folders = {"gymnasium": _package("gymnasium") / "envs/mujoco/assets", "dm_control": _package("dm_control") / "suite"}
+    return {f"{package}/{file.stem}": file for package, folder in folders.items() for file in sorted(folder.glob("*.xml"))}
+
+
+SOURCES = _sources()
+"""Every MJCF of gymnasium and of the dm_control suite, as "package/name"."""
+
+
+@functools.cache
+def mujoco_model(name: str) -> mujoco.MjModel:
+    """The compiled model of a source; shared, so not to be written to."""
+    return mujoco.MjModel.from_xml_path(str(SOURCES[name]))
+
+
+@functools.cache
+def stepper_model(name: str, *, strict: bool = True) -> stepper.Model:
+    """The same in stepper."""
+    return stepper.load(str(SOURCES[name]), strict=strict)
+
+
+def simulate(model: stepper.Model | mujoco.MjModel | str, num_envs: int | None = None, *, precision: str = "f64", threads: int = 1, **options):
+    """A `Stepper` of a model, a compiled MuJoCo model or MJCF text, with options as keywords."""
+    if not isinstance(model, stepper.Model):
+        model = stepper.load(model)
+    return stepper.Stepper(model, num_envs, options=stepper.Options(**options), precision=precision, threads=threads)
+
+
+def afloat(name: str, *, gravity: bool = True) -> mujoco.MjModel:
+    """A robot that nothing can touch: its contacts, its joint limits and, if asked, gravity are switched off."""
+    model = mujoco.MjModel.from_xml_path(str(SOURCES[name]))
+    model.geom_contype[:] = 0
+    model.geom_conaffinity[:] = 0
+    model.jnt_limited[:] = 0
+    if not gravity:
+        model.opt.gravity[:] = 0
+    return model
+
+
+def random_quaternion(rng: np.random.Generator) -> np.ndarray:
+    """Uniform over rotations."""
+    q = rng.normal(size=4)
+    return q / np.linalg.norm(q)
+
+
+def random_state(model: mujoco.MjModel, rng: np.random.Generator, speed: float = 2.0) -> tuple[np.ndarray, np.ndarray]:
+    """Joint positions within their range or +-pi, uniform orientations, normal velocities."""
+    qpos = np.zeros(model.nq)
+    for j in range(model.njnt):
+        at, kind = model.jnt_qposadr[j], model.jnt_type[j]
+        if kind == mujoco.mjtJoint.mjJNT_FREE:
+            qpos[at : at + 3] = rng.uniform(-1, 1, 3)
+            qpos[at + 3 : at + 7] = random_quaternion(rng)
+        elif kind == mujoco.mjtJoint.mjJNT_BALL:
+            qpos[at : at + 4] = random_quaternion(rng)
+        else:
+            qpos[at] = rng.uniform(*(model.jnt_range[j] if model.jnt_limited[j] else (-np.pi, np.pi)))
+    return qpos, rng.normal(scale=speed, size=model.nv)
+
+
+def forward(model: mujoco.MjModel, qpos, qvel, ctrl=None, act=None, qfrc=None, xfrc=None) -> mujoco.MjData:
+    """MuJoCo's data at a state."""
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = qpos, qvel
+    for target, given in [(data.ctrl, ctrl), (data.act, act), (data.qfrc_applied, qfrc), (data.xfrc_applied, xfrc)]:
+        if given is not None:
+            target[:] = given
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def full_mass_matrix(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    """MuJoCo's mass matrix, dense."""
+    out = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, out)
+    return out

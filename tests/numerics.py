@@ -1,0 +1,57 @@
+"""Measures of error, orders of convergence, and trajectories by a method that shares nothing with the engine."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from scipy.integrate import solve_ivp
+
+
+def relative_error(found, expected) -> float:
+    """Largest difference over the largest expected entry; the difference itself where nothing is expected."""
+    found, expected = np.asarray(found), np.asarray(expected)
+    if expected.size == 0:
+        return 0.0
+    scale = np.abs(expected).max()
+    return float(np.abs(found - expected).max() / (scale if scale > 0 else 1.0))
+
+
+def slope(steps, errors) -> float:
+    """The order p of error = C h^p by least squares over all points."""
+    return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
+
+
+def state_error(model: mujoco.MjModel, found, expected) -> float:
+    """Largest difference of two states (qpos, qvel), orientations by their rotation vector."""
+    dq = np.zeros(model.nv)
+    mujoco.mj_differentiatePos(model, dq, 1.0, np.ascontiguousarray(expected[0]), np.ascontiguousarray(found[0]))
+    return float(max(np.abs(dq).max(), np.abs(np.subtract(found[1], expected[1])).max()))
+
+
+def _rate(model: mujoco.MjModel, data: mujoco.MjData, state: np.ndarray) -> np.ndarray:
+    """d/dt (qpos, qvel), from MuJoCo's smooth acceleration and dq/dt = q (0, omega) / 2."""
+    nq = model.nq
+    data.qpos[:], data.qvel[:] = state[:nq], state[nq:]
+    mujoco.mj_forward(model, data)
+    rate = np.zeros_like(state)
+    rate[nq:] = data.qacc_smooth
+    for j in range(model.njnt):
+        q, v, kind = model.jnt_qposadr[j], model.jnt_dofadr[j], model.jnt_type[j]
+        if kind == mujoco.mjtJoint.mjJNT_FREE:
+            rate[q : q + 3] = state[nq + v : nq + v + 3]
+            q, v = q + 3, v + 3
+        if kind in {mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL}:
+            mujoco.mju_mulQuat(rate[q : q + 4], state[q : q + 4], np.concatenate([[0.0], 0.5 * state[nq + v : nq + v + 3]]))
+        else:
+            rate[q] = state[nq + v]
+    return rate
+
+
+def reference(model: mujoco.MjModel, qpos, qvel, seconds: float, ctrl=None) -> tuple[np.ndarray, np.ndarray]:
+    """The state after smooth motion by DOP853 on MuJoCo's accelerations, converged to about 1e-12."""
+    data = mujoco.MjData(model)
+    if ctrl is not None:
+        data.ctrl[:] = ctrl
+    start = np.concatenate([qpos, qvel])
+    end = solve_ivp(lambda _, y: _rate(model, data, y), (0.0, seconds), start, method="DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
+    return end[: model.nq], end[model.nq :]

@@ -36,12 +36,13 @@ class Heap:
 
 
 def heap(shapes, friction: float, seed: int, spacing: float = 0.35) -> Heap:
-    """Bodies in a row above the floor, with random orientations, heights and velocities."""
+    """Bodies in a row above the floor, with random orientations and velocities, downwards in the mean."""
     rng, n = np.random.default_rng(seed), len(shapes)
     qpos, qvel = np.zeros((n, 7)), rng.normal(scale=1.5, size=(n, 6))
+    qvel[:, 2] = -np.abs(qvel[:, 2])
     qpos[:, 0] = spacing * np.arange(n)
     qpos[:, 1] = rng.uniform(-0.05, 0.05, n)
-    qpos[:, 2] = [0.3 + 2 * size for _, size, _ in shapes]
+    qpos[:, 2] = [0.02 + 2 * size for _, size, _ in shapes]
     qpos[:, 3:] = [random_quaternion(rng) for _ in range(n)]
     return Heap(tuple(shapes), friction, qpos, qvel)
 

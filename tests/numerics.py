@@ -40,7 +40,7 @@ def _rate(model: mujoco.MjModel, data: mujoco.MjData, state: np.ndarray) -> np.n
         if kind == mujoco.mjtJoint.mjJNT_FREE:
             rate[q : q + 3] = state[nq + v : nq + v + 3]
             q, v = q + 3, v + 3
-        if kind in {mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL}:
+        if kind == mujoco.mjtJoint.mjJNT_FREE or kind == mujoco.mjtJoint.mjJNT_BALL:
             mujoco.mju_mulQuat(rate[q : q + 4], state[q : q + 4], np.concatenate([[0.0], 0.5 * state[nq + v : nq + v + 3]]))
         else:
             rate[q] = state[nq + v]

@@ -15,10 +15,10 @@ every_choice = pytest.mark.parametrize("choice", CHOICES, ids=lambda c: "-".join
 
 def on_plane(geom: str, friction: float, height: float, slope: float = 0.0) -> str:
     """A body with one geom that touches a plane inclined about the y axis (rad), downhill towards +x; height is from plane to centre."""
-    normal = height * np.array([np.sin(slope), 0, np.cos(slope)])
-    return f"""<mujoco><compiler angle="radian"/><option gravity="0 0 -{G}"/><default><geom friction="{friction!r} 0 0"/></default><worldbody>
-      <geom type="plane" size="0 0 1" euler="0 {slope!r} 0"/>
-      <body pos="{float(normal[0])!r} 0 {float(normal[2])!r}" euler="0 {slope!r} 0"><freejoint/><geom {geom}/></body></worldbody></mujoco>"""
+    x, z = (float(height * part) for part in (np.sin(slope), np.cos(slope)))
+    return f"""<mujoco><compiler angle="radian"/><option gravity="0 0 -{G}"/><default><geom friction="{friction} 0 0"/></default>
+      <worldbody><geom type="plane" size="0 0 1" euler="0 {slope} 0"/>
+      <body pos="{x} 0 {z}" euler="0 {slope} 0"><freejoint/><geom {geom}/></body></worldbody></mujoco>"""
 
 
 BOX = 'type="box" size=".2 .15 .05" mass="1.3"'

@@ -39,13 +39,13 @@ class Crowd(Protocol):
     def step(self, ctrl: Array) -> None:
         """Makes one step with controls (num_envs, nu). This is the call that is timed."""
 
-    def record(self) -> None:
-        """Notes what the engine says of its last step. Not timed."""
+    def record(self, phase: str) -> None:
+        """Notes what the engine says of its last step, a step of `phase`. Not timed."""
 
 
 @dataclass
 class Certificate:
-    """What stepper said of its steps, over a whole run.
+    """What stepper said of its steps, over a phase of a run.
 
     Attributes:
         env_steps: Steps times environments.
@@ -81,7 +81,7 @@ class StepperCrowd:
         self.sim = Stepper(model, num_envs, options=options, precision=precision, threads=threads)
         self.name = f"stepper {precision}"
         self.num_envs = num_envs
-        self.certificate = Certificate()
+        self.certificates: dict[str, Certificate] = {}
 
     @property
     def qpos(self) -> Array:
@@ -97,9 +97,9 @@ class StepperCrowd:
         """See `Crowd.step`."""
         self.sim.step(ctrl)
 
-    def record(self) -> None:
+    def record(self, phase: str) -> None:
         """See `Crowd.record`."""
-        self.certificate.add(self.sim)
+        self.certificates.setdefault(phase, Certificate()).add(self.sim)
 
 
 class MujocoCrowd:
@@ -140,7 +140,7 @@ class MujocoCrowd:
         self._ctrl[:] = ctrl
         self._batch.step()
 
-    def record(self) -> None:
+    def record(self, phase: str) -> None:
         """MuJoCo says nothing of its steps."""
 
 

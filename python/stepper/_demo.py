@@ -121,7 +121,7 @@ def _chunk(crowd: Crowd, control: Array, plan: Plan, steps: range, clock: Callab
         start = clock()
         crowd.step(ctrl)
         spent += clock() - start
-        crowd.record()
+        crowd.record("control" if step < plan.steps else "rest")
     return 1e6 * spent / (len(steps) * crowd.num_envs)
 
 
@@ -198,7 +198,7 @@ def _engine_figures(crowd: Crowd, one: Track, many: Track, peers: dict[str, Trac
     }
     if isinstance(crowd, StepperCrowd):
         own = one.own["control"] + one.own["rest"]
-        figures["certificate"] = dataclasses.asdict(crowd.certificate)
+        figures["certificates"] = {phase: dataclasses.asdict(certificate) for phase, certificate in crowd.certificates.items()}
         figures["own_contacts"] = {"mean": float(np.mean([c for c, _ in own])), "worst_penetration": max(d for _, d in own)}
         same = one.after_control is not None and many.after_control is not None and np.array_equal(one.after_control, many.after_control)
         figures["same_bits_on_one_and_all_cores"] = bool(same)

@@ -9,7 +9,6 @@ from models import simulate
 from scenes import BOX, G, every_choice, every_dt, on_plane
 
 MU, V0 = 0.4, 1.7
-SHAPES = {"box": (BOX, 0.05), "three balls": None}
 ANGLES = np.radians([0, 10, 22.5, 30, 45, 60, 67.5, 80, 90])
 
 

@@ -24,8 +24,9 @@ pub struct ContactBlock<R: Real> {
     inv_gnn: R,
     /// Principal axis of A: (cos, sin).
     axis: [R; 2],
-    /// Principal values of A, bounded away from zero.
+    /// Principal values of A, bounded away from zero, and their inverses.
     a: [R; 2],
+    inv_a: [R; 2],
     /// G_tn / G_nn in the principal axes.
     coupling: [R; 2],
     /// Step of the natural map, 3 / trace(G).
@@ -72,6 +73,7 @@ impl<R: Real> ContactBlock<R> {
             inv_gnn,
             axis: [cos, sin],
             a: [major, minor],
+            inv_a: [R::one() / major, R::one() / minor],
             coupling: [cos * ca + sin * cb, cos * cb - sin * ca],
             rho: R::of(3.0) / trace,
             inv_rho: trace * R::of(1.0 / 3.0),
@@ -98,72 +100,73 @@ impl<R: Real> ContactBlock<R> {
         let [cos, sin] = self.axis;
         let p = [cos * t1 + sin * t2, cos * t2 - sin * t1];
 
-        let local = Local { p, a: self.a, coupling: self.coupling, push };
-        let (mut x, mut n) = local.impulse(zero);
+        // Sticking is s = 0; it needs no division and no root.
+        let stick = [-p[0] * self.inv_a[0], -p[1] * self.inv_a[1]];
+        let held = push - (self.coupling[0] * stick[0] + self.coupling[1] * stick[1]);
         let rubs = self.mu.gt(zero);
-        let slides = closing.and(rubs).and_not(norm2(x[0], x[1]).le(self.mu * n));
-        let mut s = zero;
+        let bound = (self.mu * held).max(zero);
+        let sticks = (stick[0] * stick[0] + stick[1] * stick[1]).le(bound * bound);
+        let slides = closing.and(rubs).and_not(sticks);
+        let (mut x, mut n, mut s) = (stick, R::select(rubs, held, push), zero);
         if slides.any() {
-            s = keep(slides, local.slip(self.mu, guess, slides));
-            let (xs, ns) = local.impulse(s);
-            // What Newton's method left is removed by scaling, so that the impulse is on its cone.
-            let scale = self.mu * ns.max(zero) / norm2(xs[0], xs[1]);
-            x = [R::select(slides, xs[0] * scale, x[0]), R::select(slides, xs[1] * scale, x[1])];
-            n = R::select(slides, ns.max(zero), n);
+            let slip = self.slip([p[0], p[1]], push, guess, slides);
+            x = [R::select(slides, slip.x[0], x[0]), R::select(slides, slip.x[1], x[1])];
+            n = R::select(slides, slip.n, n);
+            s = keep(slides, slip.s);
         }
-        let n = R::select(rubs, n, push);
         let x = [keep(rubs, x[0]), keep(rubs, x[1])];
         ([keep(closing, n), keep(closing, cos * x[0] - sin * x[1]), keep(closing, sin * x[0] + cos * x[1])], s)
     }
-}
 
-/// The reduced problem of one contact in the principal axes of A.
-struct Local<R: Real> {
-    /// c_t - G_tn c_n / G_nn.
-    p: [R; 2],
-    a: [R; 2],
-    coupling: [R; 2],
-    /// -c_n / G_nn.
-    push: R,
-}
-
-impl<R: Real> Local<R> {
-    /// lambda_t(s) and lambda_n(s).
+    /// The impulse at the s > 0 at which |lambda_t(s)| = mu lambda_n(s), in the lanes `todo`.
     #[inline(always)]
-    fn impulse(&self, s: R) -> ([R; 2], R) {
-        let x = [-self.p[0] / (self.a[0] + s), -self.p[1] / (self.a[1] + s)];
-        (x, self.push - (self.coupling[0] * x[0] + self.coupling[1] * x[1]))
-    }
-
-    /// The s > 0 at which |lambda_t(s)| = mu lambda_n(s), in the lanes `todo`.
-    #[inline(always)]
-    fn slip(&self, mu: R, guess: R, mut todo: R::Mask) -> R {
-        let (zero, one) = (R::zero(), R::one());
+    fn slip(&self, p: [R; 2], push: R, guess: R, mut todo: R::Mask) -> Slip<R> {
+        let zero = R::zero();
         let tolerance = R::of(<R::Scalar as Scalar>::EPSILON.to_f64() * 16.0);
         let unbounded = R::of(f64::INFINITY);
         let (mut lo, mut hi, mut s) = (zero, unbounded, guess);
+        let mut out = Slip { x: [zero; 2], n: zero, s };
         for _ in 0..MAX_NEWTON {
-            let (x, n) = self.impulse(s);
+            let (d0, d1) = (self.a[0] + s, self.a[1] + s);
+            let inverse = R::one() / (d0 * d1);
+            let (i0, i1) = (d1 * inverse, d0 * inverse);
+            let x = [-p[0] * i0, -p[1] * i1];
+            let n = push - (self.coupling[0] * x[0] + self.coupling[1] * x[1]);
             let length2 = x[0] * x[0] + x[1] * x[1];
             let length = length2.sqrt();
-            let psi = mu * n / length - one;
-            todo = todo.and_not(psi.abs().le(tolerance));
+            let excess = self.mu * n - length;
+            out = Slip {
+                x: [R::select(todo, x[0], out.x[0]), R::select(todo, x[1], out.x[1])],
+                n: R::select(todo, n, out.n),
+                s: R::select(todo, s, out.s),
+            };
+            todo = todo.and_not(excess.abs().le(tolerance * length));
             if todo.none() {
                 break;
             }
-            let low = psi.lt(zero);
+            let low = excess.lt(zero);
             lo = R::select(low, s, lo);
             hi = R::select(low, hi, s);
-            let dx = [-x[0] / (self.a[0] + s), -x[1] / (self.a[1] + s)];
-            let dn = -(self.coupling[0] * dx[0] + self.coupling[1] * dx[1]);
-            let slope = mu * (dn * length2 - n * (x[0] * dx[0] + x[1] * dx[1])) / (length2 * length);
-            let newton = s - psi / slope;
+            // The derivative of mu n / |x| over s, times |x|^3 / mu.
+            let (x0, x1) = (x[0] * i0, x[1] * i1);
+            let slope = (self.coupling[0] * x0 + self.coupling[1] * x1) * length2 + n * (x[0] * x0 + x[1] * x1);
+            let newton = s - excess * length2 / (self.mu * slope);
             let bisect = R::select(hi.lt(unbounded), (lo + hi) * R::of(0.5), s + s + self.a[0]);
             let inside = newton.gt(lo).and(newton.lt(hi));
-            s = R::select(todo, R::select(inside, newton, bisect), s);
+            s = R::select(inside, newton, bisect);
         }
-        s
+        // What Newton's method left is removed by scaling, so that the impulse is on its cone.
+        let n = out.n.max(zero);
+        let scale = self.mu * n / (out.x[0] * out.x[0] + out.x[1] * out.x[1]).sqrt();
+        Slip { x: [out.x[0] * scale, out.x[1] * scale], n, s: out.s }
     }
+}
+
+/// A sliding contact: tangential impulse in the principal axes of A, normal impulse, multiplier of the friction disc.
+struct Slip<R: Real> {
+    x: [R; 2],
+    n: R,
+    s: R,
 }
 
 /// Newton steps of a sliding contact; three or four are usual, the rest is for bisection to rescue a poor start.

@@ -26,26 +26,30 @@ pub struct Outcome<R: Real> {
 }
 
 /// Improves the impulses of the lanes `lanes` until each meets the tolerance or the sweeps run out.
+///
+/// A lane pauses when a sweep changes nothing by more than its threshold, which is cheap to know; when all have paused the residual is
+/// taken, and who is above the tolerance goes on with a lower threshold.
 pub fn solve<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: Settings, lanes: R::Mask) -> Outcome<R> {
     R::vectorize(
         #[inline(always)]
         || {
             let tolerance = R::of(settings.tolerance);
             let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero() };
-            let mut running = lanes;
-            for sweep_index in 1..=settings.sweeps.max(1) {
+            let (mut running, mut unsolved, mut threshold) = (lanes, lanes, tolerance);
+            let limit = R::of(f64::from(settings.sweeps.max(1)));
+            iterate.begin_acceleration();
+            while unsolved.any() {
                 let change = sweep(problem, iterate, running);
                 outcome.sweeps += keep(running, R::one());
-                // A small change is necessary for a small residual, and costs nothing to know.
-                let hopeful = running.and(change.le(tolerance));
-                if hopeful.any() || sweep_index >= settings.sweeps {
-                    let now = residual(problem, iterate);
-                    outcome.residual = R::select(running, now, outcome.residual);
-                    running = running.and_not(hopeful.and(now.le(tolerance)));
-                    if running.none() {
-                        break;
-                    }
+                running = running.and(change.gt(threshold)).and(outcome.sweeps.lt(limit));
+                if running.any() {
+                    iterate.accelerate(running);
+                    continue;
                 }
+                outcome.residual = R::select(unsolved, residual(problem, iterate), outcome.residual);
+                unsolved = unsolved.and(outcome.residual.gt(tolerance)).and(outcome.sweeps.lt(limit));
+                running = unsolved;
+                threshold = R::select(unsolved, threshold * R::of(0.25), threshold);
             }
             outcome
         },

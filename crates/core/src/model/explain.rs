@@ -45,7 +45,7 @@ impl Model {
             sizes,
             section("Modelled", &text(modelled)),
             section("Left out, and the motion is different for it", &changing),
-            section("Left out without effect on the motion", &harmless),
+            section("Left out, not counted as a change of the motion", &harmless),
             section("Costs nothing: this scene has no", &text(absent)),
             section("Beyond rigid bodies, whatever the scene", &BEYOND.map(String::from)),
         ]
@@ -272,6 +272,6 @@ mod tests {
         model.omitted = vec![sensor("left"), sensor("right")];
         let text = model.finish(false).unwrap().explain();
         assert!(has(&lines(&text, "Left out, and the motion is different for it"), "joint limit socket: "), "{text}");
-        assert_eq!(lines(&text, "Left out without effect on the motion"), ["sensor gyro left, right: not read yet"]);
+        assert_eq!(lines(&text, "Left out, not counted as a change of the motion"), ["sensor gyro left, right: not read yet"]);
     }
 }

@@ -67,7 +67,10 @@ fn pairs_without_kernel(model: &Model, pairs: &[GeomPair]) -> Vec<User> {
     let describe = |(geom, met): (usize, BTreeMap<&'static str, Vec<usize>>)| {
         let met: Vec<String> = met.into_iter().map(count).collect();
         let shape = model.geoms[geom].shape.name();
-        (model.geom_label(geom), format!("this {shape} passes through {}: contact between these shapes is not simulated yet", met.join(", ")))
+        (
+            model.geom_label(geom),
+            format!("this {shape} passes through {}: contact between these shapes is not simulated yet", met.join(", ")),
+        )
     };
     partners.into_iter().map(|(g, met)| describe((g, met))).collect()
 }

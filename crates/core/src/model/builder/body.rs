@@ -1,0 +1,91 @@
+//! A body with its joints and geoms.
+
+use super::super::{Body, Geom, Joint, MassProperties, Model};
+use super::{GeomBuilder, JointBuilder, WORLD};
+
+/// A body with its joints and geoms.
+#[derive(Clone, Debug)]
+pub struct BodyBuilder {
+    pub(super) body: Body,
+    inertial: bool,
+    joints: Vec<JointBuilder>,
+    pub(super) geoms: Vec<GeomBuilder>,
+}
+
+impl BodyBuilder {
+    /// A body at its parent's origin, without joints: fixed to its parent.
+    pub fn new(name: &str) -> Self {
+        let body = Body {
+            name: name.into(),
+            parent: WORLD,
+            pos: [0.0; 3],
+            quat: [1.0, 0.0, 0.0, 0.0],
+            mass: 0.0,
+            ipos: [0.0; 3],
+            iquat: [1.0, 0.0, 0.0, 0.0],
+            inertia: [0.0; 3],
+            mocap: false,
+        };
+        Self { body, inertial: false, joints: vec![], geoms: vec![] }
+    }
+
+    /// Places it in its parent's frame, m.
+    pub fn pos(mut self, pos: [f64; 3]) -> Self {
+        self.body.pos = pos;
+        self
+    }
+
+    /// Turns it in its parent's frame: quaternion (w, x, y, z).
+    pub fn quat(mut self, quat: [f64; 4]) -> Self {
+        self.body.quat = quat;
+        self
+    }
+
+    /// Adds a joint; several act in this order.
+    pub fn joint(mut self, joint: JointBuilder) -> Self {
+        self.joints.push(joint);
+        self
+    }
+
+    /// Adds a geom.
+    pub fn geom(mut self, geom: GeomBuilder) -> Self {
+        self.geoms.push(geom);
+        self
+    }
+
+    /// Gives mass (kg), centre of mass (m) and principal moments (kg m^2, along the body's axes) instead of the geoms'.
+    pub fn inertial(mut self, mass: f64, com: [f64; 3], moments: [f64; 3]) -> Self {
+        (self.body.mass, self.body.ipos, self.body.inertia, self.inertial) = (mass, com, moments, true);
+        self
+    }
+
+    /// Turns the principal axes of [`BodyBuilder::inertial`]: quaternion (w, x, y, z).
+    pub fn inertial_quat(mut self, quat: [f64; 4]) -> Self {
+        self.body.iquat = quat;
+        self
+    }
+
+    /// Lets the user pose it; only children of the world without joints.
+    pub fn mocap(mut self) -> Self {
+        self.body.mocap = true;
+        self
+    }
+
+    pub(super) fn add_to(&self, model: &mut Model, index: usize) {
+        let mut body = self.body.clone();
+        if !self.inertial && index != WORLD {
+            let total = self.geoms.iter().map(GeomBuilder::mass_properties).fold(MassProperties::zero(), |sum, g| sum.plus(&g));
+            let (axes, moments) = total.principal();
+            (body.mass, body.ipos, body.inertia) = (total.mass, total.com.into(), moments.into());
+            body.iquat = [axes.w, axes.i, axes.j, axes.k];
+        }
+        for joint in &self.joints {
+            let (q0, rest) = joint.reference(&body);
+            model.qpos0.extend(q0);
+            model.qpos_spring.extend(rest);
+            model.joints.push(Joint { body: index, ..joint.joint.clone() });
+        }
+        model.geoms.extend(self.geoms.iter().map(|g| Geom { body: index, ..g.geom.clone() }));
+        model.bodies.push(body);
+    }
+}

@@ -1,0 +1,427 @@
+"""`stepper.load`: what it takes, what it refuses and how it says so, saved models, `explain`, `replace`."""
+
+from __future__ import annotations
+
+import fnmatch
+import pickle
+import subprocess
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import stepper
+from models import SOURCES, mujoco_model, stepper_model
+from stepper import _mjcf
+from stepper._mjcf_omissions import FIELDS
+
+PENDULUM = """
+<mujoco model="pendulum">
+  <option timestep="0.004"/>
+  <worldbody>
+    <geom name="floor" type="plane" size="1 1 1"/>
+    <body name="arm" pos="0 0 2">
+      <joint name="pivot" type="hinge" axis="0 1 0" damping="0.1" range="-90 90" stiffness="2" springref="10" armature="0.01"/>
+      <geom name="rod" type="capsule" fromto="0 0 0 0 0 -1" size="0.05" friction="0.7 0.01 0.002"/>
+    </body>
+  </worldbody>
+  <actuator><motor name="torque" joint="pivot" gear="3" ctrlrange="-1 1"/></actuator>
+  <sensor><jointpos name="angle" joint="pivot"/></sensor>
+  <keyframe><key name="up" qpos="1.5"/></keyframe>
+</mujoco>
+"""
+
+URDF = """
+<robot name="crane">
+  <link name="base"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="boom"><inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="slew" type="revolute">
+    <parent link="base"/><child link="boom"/><axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="10" velocity="1"/>
+  </joint>
+</robot>
+"""
+
+# One element of each kind that is left out, on this scene, and what the message must name.
+SCENE = """
+<mujoco>
+  {option}
+  <worldbody>
+    <geom name="floor" type="plane" size="1 1 1"/>
+    <body name="a" pos="0 0 1" {a}>
+      <joint name="ja" type="hinge" axis="0 1 0" {ja}/>
+      <geom name="ga" {ga}/>
+      <site name="sa"/>
+    </body>
+    <body name="b" pos="1 0 1"><joint name="jb" type="{jb}"/><geom name="gb" size="0.1"/><site name="sb"/></body>
+    {world}
+  </worldbody>
+  {rest}
+</mujoco>
+"""
+LEFT_OUT = {
+    "equality connect grip": {"rest": '<equality><connect name="grip" body1="a" body2="b" anchor="0 0 0"/></equality>'},
+    "equality joint couple": {"rest": '<equality><joint name="couple" joint1="ja"/></equality>'},
+    "spatial tendon rope: not simulated: its stiffness": {
+        "rest": '<tendon><spatial name="rope" stiffness="1"><site site="sa"/><site site="sb"/></spatial></tendon>'
+    },
+    "fixed tendon belt: not simulated: its stiffness, damping": {
+        "rest": '<tendon><fixed name="belt" stiffness="1" damping="1"><joint joint="ja" coef="1"/></fixed></tendon>'
+    },
+    "fixed tendon belt: not simulated: its limits": {
+        "rest": '<tendon><fixed name="belt" limited="true" range="0 1"><joint joint="ja" coef="1"/></fixed></tendon>'
+    },
+    "actuator thrust: transmission site": {"rest": '<actuator><motor name="thrust" site="sa"/></actuator>'},
+    "actuator spin: transmission to the ball or free joint jb": {
+        "jb": "ball",
+        "rest": '<actuator><motor name="spin" joint="jb" gear="1 0 0"/></actuator>',
+    },
+    "actuator pull: transmission to the spatial tendon rope": {
+        "rest": '<tendon><spatial name="rope"><site site="sa"/><site site="sb"/></spatial></tendon>'
+        '<actuator><motor name="pull" tendon="rope"/></actuator>'
+    },
+    "actuator brawn: dynamics muscle, gain muscle, bias muscle": {
+        "rest": '<actuator><muscle name="brawn" joint="ja" lengthrange="0 1"/></actuator>'
+    },
+    "actuator early activation lead": {
+        "rest": '<actuator><general name="lead" joint="ja" dyntype="filter" dynprm="0.1" actearly="true"/></actuator>'
+    },
+    "fluid option": {"option": '<option density="1000"/>'},
+    "gravity compensation a": {"a": 'gravcomp="1"'},
+    "contact dimension ga": {"ga": 'size="0.1" condim="6"'},
+    'collision ga: this cylinder passes through plane "floor", sphere "gb"': {"ga": 'type="cylinder" size="0.1 0.1"'},
+    "joint limit jb": {"jb": "ball", "jb_range": 'limited="true" range="0 1"'},
+    "surface velocity floor": {"floor": 'surfacevel="1 0 0 0 0 0"'},
+    "adhesion ga": {"ga": 'size="0.1" adhesion="1"'},
+    "joint spring polynomial ja": {"ja": 'stiffness="1 2"'},
+}
+
+
+def scene(**parts: str) -> str:
+    """The scene with some parts filled in."""
+    text = SCENE
+    if limits := parts.pop("jb_range", ""):
+        text = text.replace('type="{jb}"', 'type="{jb}" ' + limits)
+    if floor := parts.pop("floor", ""):
+        text = text.replace('size="1 1 1"', 'size="1 1 1" ' + floor)
+    return text.format(**{"option": "", "a": "", "ja": "", "ga": 'size="0.1"', "jb": "hinge", "world": "", "rest": ""} | parts)
+
+
+# What load takes
+
+
+def test_text_file_and_compiled_model_are_the_same(tmp_path: Path) -> None:
+    file = tmp_path / "pendulum.xml"
+    file.write_text(PENDULUM)
+    compiled = mujoco.MjModel.from_xml_string(PENDULUM)
+    models = [stepper.load(PENDULUM), stepper.load(file), stepper.load(str(file)), stepper.load(compiled)]
+    assert all(model == models[0] for model in models)
+    assert len({model.digest for model in models}) == 1
+
+
+def test_names_and_sizes() -> None:
+    model = stepper.load(PENDULUM)
+    assert (model.nq, model.nv, model.nu, model.nbody, model.ngeom, model.nsensordata) == (1, 1, 1, 2, 2, 1)
+    assert model.name == "pendulum"
+    assert model.joint_names == ["pivot"]
+    assert model.body_names == ["world", "arm"]
+    assert model.geom_names == ["floor", "rod"]
+    assert model.actuator_names == ["torque"]
+    assert model.sensor_names == ["angle"]
+    assert model.keyframe_names == ["up"]
+
+
+@pytest.mark.parametrize("as_file", [False, True])
+def test_urdf(tmp_path: Path, *, as_file: bool) -> None:
+    source: str | Path = URDF
+    if as_file:
+        source = tmp_path / "crane.urdf"
+        source.write_text(URDF)
+    model = stepper.load(source)
+    assert model.joint_names == ["slew"]
+    np.testing.assert_array_equal(model.jnt_range, [[-1, 1]])
+    np.testing.assert_array_equal(model.jnt_actfrcrange, [[-10, 10]])
+
+
+def test_a_saved_model_is_known_by_its_contents(tmp_path: Path) -> None:
+    path = tmp_path / "pendulum.xml"
+    stepper.load(PENDULUM).save(path)
+    assert stepper.load(path) == stepper.load(PENDULUM)
+
+
+@pytest.mark.parametrize("name", SOURCES)
+def test_every_robot_of_gymnasium_and_dm_control_loads(name: str) -> None:
+    compiled, model = mujoco_model(name), stepper_model(name, strict=False)
+    assert (model.nq, model.nv, model.nbody, model.ngeom) == (compiled.nq, compiled.nv, compiled.nbody, compiled.ngeom)
+    assert model.nu == compiled.nu
+    assert model.na == compiled.na
+    for field in ("body_mass", "body_inertia", "body_ipos", "body_pos", "geom_friction", "geom_margin", "dof_damping", "dof_armature"):
+        np.testing.assert_array_equal(getattr(model, field), getattr(compiled, field), err_msg=field)
+    np.testing.assert_array_equal(model.qpos0, compiled.qpos0)
+    weightless = compiled.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
+    np.testing.assert_array_equal(model.gravity, np.zeros(3) if weightless else compiled.opt.gravity)
+    assert model.timestep == compiled.opt.timestep
+
+
+def test_disable_flags_apply() -> None:
+    flags = ["gravity", "spring", "damper", "limit", "frictionloss", "contact", "clampctrl", "actuation"]
+    option = "<option><flag " + " ".join(f'{flag}="disable"' for flag in flags) + "/></option>"
+    joint = 'stiffness="2" damping="1" range="-1 1" limited="true" frictionloss="0.5"'
+    model = stepper.load(
+        scene(option=option, ja=joint, rest='<actuator><position name="p" joint="ja" kp="3" ctrlrange="-1 1"/></actuator>')
+    )
+    assert not np.any(model.gravity)
+    assert not np.any(model.jnt_stiffness)
+    assert not np.any(model.dof_damping)
+    assert not np.any(model.dof_frictionloss)
+    assert not np.any(model.actuator_gain)
+    assert not np.any(model.actuator_bias)
+    assert np.all(np.isinf(model.jnt_range))
+    assert np.all(np.isinf(model.actuator_ctrlrange))
+    assert "pairs of geoms that can collide" in model.explain().split("Costs nothing")[1]
+
+
+def test_actuators_bring_rotor_inertia_and_damping_through_their_gear() -> None:
+    actuators = '<motor joint="ja" gear="3" armature="2" damping="0.5"/><motor joint="ja" gear="-1" armature="1"/>'
+    text = scene(ja='armature="0.5" damping="0.1"', rest=f"<actuator>{actuators}</actuator>")
+    model, compiled = stepper.load(text), mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(compiled)
+    data.qvel[0] = 1
+    mujoco.mj_forward(compiled, data)
+    assert model.dof_armature[0] == 0.5 + 9 * 2 + 1
+    assert model.dof_damping[0] == pytest.approx(-data.qfrc_passive[0], rel=1e-15)
+
+
+def test_a_limit_stops_at_its_margin() -> None:
+    model = stepper.load(scene(ja='limited="true" range="-60 60" margin="0.1"'))
+    limit = np.pi / 3 - 0.1
+    np.testing.assert_allclose(model.jnt_range[0], [-limit, limit], rtol=1e-15)
+    assert ("joint margin", "ja") in [(kind, name) for kind, name, _ in model.omitted]
+
+
+# What it refuses
+
+
+@pytest.mark.parametrize(("named", "parts"), LEFT_OUT.items(), ids=LEFT_OUT)
+def test_what_is_not_simulated_is_named_or_left_out(named: str, parts: dict[str, str]) -> None:
+    text = scene(**parts)
+    with pytest.raises(stepper.ModelError) as error:
+        stepper.load(text)
+    assert named in str(error.value)
+    assert "strict=False" in str(error.value)
+    model = stepper.load(text, strict=False)
+    left_out = model.explain().split("Left out, and the motion is different for it:")[1].split("\n\n")[0]
+    assert named.split(":", maxsplit=1)[0] in left_out
+    assert model.nu == sum(word in text for word in ("lead",))
+
+
+def test_every_omission_is_listed_at_once() -> None:
+    text = scene(
+        option='<option density="1"/>',
+        ga='size="0.1" condim="4"',
+        rest='<equality><connect name="grip" body1="a" body2="b" anchor="0 0 0"/></equality>',
+    )
+    with pytest.raises(stepper.ModelError) as error:
+        stepper.load(text)
+    assert all(part in str(error.value) for part in ("3 elements", "fluid option", "equality connect grip", "contact dimension ga"))
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        {"rest": '<tendon><spatial name="rope"><site site="sa"/><site site="sb"/></spatial></tendon>'},
+        {"world": '<light pos="0 0 3"/><camera name="c" pos="0 0 3"/>'},
+        {"rest": '<equality><connect active="false" body1="a" body2="b" anchor="0 0 0"/></equality>'},
+        {"rest": '<sensor><gyro name="imu" site="sa"/></sensor>'},
+        {"option": '<option density="0" wind="1 0 0"/>'},
+    ],
+)
+def test_what_does_not_change_the_motion_is_no_error(parts: dict[str, str]) -> None:
+    stepper.load(scene(**parts))
+
+
+def test_nothing_is_left_out_of_a_plain_model_but_softness() -> None:
+    assert [kind for kind, _, _ in stepper.load(PENDULUM).omitted] == ["soft contact parameters"]
+
+
+@pytest.mark.parametrize(
+    ("change", "parts"),
+    [
+        (lambda m: m.body_mass.__setitem__(1, -1.0), ['body "arm"', "mass is -1 kg", "at least 0"]),
+        (lambda m: m.body_inertia.__setitem__(1, [1.0, 1.0, 3.0]), ['body "arm"', "triangle inequality", "inertiafromgeom"]),
+        (lambda m: m.body_quat.__setitem__(1, [2.0, 0.0, 0.0, 0.0]), ['body "arm"', "length 2", "length 1"]),
+        (lambda m: m.jnt_range.__setitem__(0, [1.0, -1.0]), ['joint "pivot"', "upside down", "lower bound first"]),
+        (lambda m: m.geom_friction.__setitem__(1, np.nan), ['geom "rod"', "friction", "NaN"]),
+        (lambda m: m.opt.gravity.__setitem__(0, np.nan), ["gravity", "NaN", "finite"]),
+    ],
+)
+def test_impossible_values_name_element_value_and_remedy(change, parts: list[str]) -> None:
+    compiled = mujoco.MjModel.from_xml_string(PENDULUM)
+    change(compiled)
+    with pytest.raises(stepper.ModelError) as error:
+        stepper.load(compiled)
+    assert all(part in str(error.value) for part in parts), str(error.value)
+
+
+def test_a_body_that_moves_needs_mass() -> None:
+    compiled = mujoco.MjModel.from_xml_string(PENDULUM)
+    compiled.body_mass[1], compiled.body_inertia[1], compiled.dof_armature[0] = 0, 0, 0
+    with pytest.raises(stepper.ModelError, match=r'body "arm": joint "pivot" moves nothing that has inertia.*armature'):
+        stepper.load(compiled)
+
+
+def test_what_mujoco_refuses_is_said_in_its_words() -> None:
+    with pytest.raises(stepper.ModelError, match=r"(?s)XML text: MuJoCo's compiler refuses it.*bodyy"):
+        stepper.load("<mujoco><worldbody><bodyy/></worldbody></mujoco>")
+
+
+def test_missing_files_and_strange_sources() -> None:
+    with pytest.raises(FileNotFoundError, match=r"no_such\.xml"):
+        stepper.load("no_such.xml")
+    with pytest.raises(TypeError, match="int"):
+        stepper.load(3)
+
+
+def test_without_mujoco_the_message_says_how_to_install_it(tmp_path: Path) -> None:
+    saved = tmp_path / "pendulum.stepper"
+    stepper.load(PENDULUM).save(saved)
+    program = (
+        "import sys; sys.modules['mujoco'] = None\n"
+        "import stepper\n"
+        "assert stepper.load(sys.argv[1]).nq == 1\n"
+        "try: stepper.load('<mujoco/>')\n"
+        "except ImportError as error: print(error)"
+    )
+    run = subprocess.run([sys.executable, "-c", program, str(saved)], capture_output=True, text=True, check=True)
+    assert 'pip install "stepper[mjcf]"' in run.stdout
+
+
+# Saved models
+
+
+@pytest.mark.parametrize("name", ["gymnasium/ant", "dm_control/humanoid", "dm_control/quadruped"])
+def test_saved_models_load_bit_for_bit(tmp_path: Path, name: str) -> None:
+    model = stepper_model(name, strict=False)
+    path = tmp_path / "robot.stepper"
+    model.save(path)
+    again = stepper.load(path)
+    assert again == model
+    assert again.to_bytes() == model.to_bytes() == path.read_bytes()
+    assert again.digest == model.digest
+    assert again.omitted == model.omitted
+    assert pickle.loads(pickle.dumps(model)) == model
+
+
+def test_files_that_do_not_fit_are_refused(tmp_path: Path) -> None:
+    good = stepper.load(PENDULUM).to_bytes()
+    path = tmp_path / "model.stepper"
+
+    def refusal(contents: bytes) -> str:
+        path.write_bytes(contents)
+        with pytest.raises(stepper.ModelError) as error:
+            stepper.load(path)
+        return str(error.value)
+
+    assert "damaged" in refusal(good[:-1])
+    assert "damaged" in refusal(good[:-1] + bytes([good[-1] ^ 1]))
+    assert "cut off" in refusal(good[:20])
+    assert "format version" in refusal(good[:8] + b"\xff\xff\0\0" + good[12:])
+    assert "model.stepper" in refusal(good[:-1])
+
+
+# Reports
+
+
+def test_explain_tells_what_is_modelled_left_out_free_and_beyond() -> None:
+    text = stepper_model("dm_control/humanoid").explain()
+    for part in (
+        "nq 28, nv 27, nu 21",
+        "17 bodies",
+        "geom pairs can collide",
+        "belong to parent and child",
+        "rows a contact",
+        "joint limits",
+    ):
+        assert part in text
+    absent = text.split("Costs nothing: this scene has no:")[1].split("\n\n")[0]
+    assert all(part in absent for part in ("ball joints", "slide joints", "dry friction in joints", "fixed tendons"))
+    assert "deformation" in text.split("Beyond rigid bodies")[1]
+
+
+def test_explain_counts_merged_bodies() -> None:
+    fixed = '<body name="tray"><geom name="gt" size="0.1"/></body>'
+    text = stepper.load(scene(world=fixed)).explain()
+    assert "2 moving links" in text
+    assert "tray into world" in text
+
+
+# Other numbers
+
+
+def test_replace_makes_a_new_model() -> None:
+    model = stepper.load(PENDULUM)
+    friction = model.geom_friction
+    friction[1, 0] = 0.2
+    other = model.replace(geom_friction=friction, geom_restitution=[0.0, 0.5], timestep=0.001)
+    assert other.geom_friction[1, 0] == 0.2
+    assert other.geom_restitution[1] == 0.5
+    assert other.timestep == 0.001
+    assert model.geom_friction[1, 0] == 0.7
+    assert model.timestep == 0.004
+    assert other.digest != model.digest
+    assert other.replace(geom_friction=model.geom_friction, geom_restitution=[0.0, 0.0], timestep=0.004) == model
+
+
+def test_what_derives_from_a_field_follows() -> None:
+    model = stepper.load(PENDULUM)
+    heavy = model.replace(body_mass=2 * model.body_mass, body_inertia=2 * model.body_inertia, dof_armature=2 * model.dof_armature)
+    light, doubled = (stepper.Stepper(m).mass_matrix() for m in (model, heavy))
+    np.testing.assert_allclose(doubled, 2 * light, rtol=1e-15)
+
+
+def test_replace_answers_wrong_shapes_with_both() -> None:
+    with pytest.raises(ValueError, match=r"(?s)geom_friction.*\(3,\).*\(2, 3\)"):
+        stepper.load(PENDULUM).replace(geom_friction=[1.0, 0.0, 0.0])
+
+
+def test_replace_refuses_what_a_model_cannot_have() -> None:
+    model = stepper.load(PENDULUM)
+    with pytest.raises(stepper.ModelError, match="body_mass"):
+        model.replace(colour=[1.0])
+    with pytest.raises(stepper.ModelError, match='body "arm": mass is -1 kg'):
+        model.replace(body_mass=[0.0, -1.0])
+    with pytest.raises(stepper.ModelError, match="whole numbers"):
+        model.replace(geom_condim=[3.0, 2.5])
+    with pytest.raises(stepper.ModelError, match="contact dimension"):
+        model.replace(geom_condim=[3.0, 6.0])
+    free = stepper.load('<mujoco><worldbody><body><freejoint name="root"/><geom size="0.1"/></body></worldbody></mujoco>')
+    with pytest.raises(stepper.ModelError, match="same value"):
+        free.replace(dof_damping=[1.0, 0, 0, 0, 0, 0])
+
+
+# The loader's knowledge of MuJoCo
+
+
+def test_every_field_of_mjmodel_is_decided() -> None:
+    patterns = " ".join(FIELDS.values()).split()
+    compiled = mujoco.MjModel.from_xml_string("<mujoco/>")
+    fields = [name for name in dir(compiled) if not name.startswith("_") and not callable(getattr(compiled, name))]
+    undecided = [name for name in fields if not any(fnmatch.fnmatchcase(name, pattern) for pattern in patterns)]
+    assert not undecided, "decide in stepper/_mjcf_omissions.py what new fields of MjModel mean"
+    used = FIELDS["used"].split()
+    assert not [name for name in used if not hasattr(compiled, name)]
+
+
+def test_numbers_of_mujoco_are_the_installed_ones() -> None:
+    def numbers(enum: str, names: str) -> list[int]:
+        return [int(getattr(getattr(mujoco, enum), name)) for name in names.split()]
+
+    assert numbers("mjtJoint", "mjJNT_FREE mjJNT_BALL mjJNT_SLIDE mjJNT_HINGE") == [0, 1, 2, 3]
+    shapes = "PLANE HFIELD SPHERE CAPSULE ELLIPSOID CYLINDER BOX MESH SDF"
+    assert numbers("mjtGeom", " ".join(f"mjGEOM_{s}" for s in shapes.split())) == list(range(9))
+    assert numbers("mjtTrn", "mjTRN_JOINT mjTRN_JOINTINPARENT mjTRN_TENDON") == [0, 1, 3]
+    assert numbers("mjtDyn", "mjDYN_NONE mjDYN_INTEGRATOR mjDYN_FILTER mjDYN_FILTEREXACT") == [0, 1, 2, 3]
+    assert numbers("mjtGain", "mjGAIN_FIXED mjGAIN_AFFINE") == numbers("mjtBias", "mjBIAS_NONE mjBIAS_AFFINE") == [0, 1]
+    assert numbers("mjtWrap", "mjWRAP_JOINT") == [1]
+    for table, enum, prefix in ((_mjcf.DISABLE, "mjtDisableBit", "mjDSBL_"), (_mjcf.ENABLE, "mjtEnableBit", "mjENBL_")):
+        assert {name: int(getattr(getattr(mujoco, enum), prefix + name.upper())) for name in table} == table

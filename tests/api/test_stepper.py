@@ -1,0 +1,428 @@
+"""`stepper.Stepper`: shapes, errors, masks, what an environment may not do to its neighbours."""
+
+import dataclasses
+import pickle
+import threading
+
+import numpy as np
+import pytest
+import stepper
+from models import mujoco_model, random_state, simulate, stepper_model
+
+ROBOT = "dm_control/humanoid"
+N = 10
+
+
+def falling(num_envs: int | None = N, **options) -> stepper.Stepper:
+    """Humanoids in different poses on and above the floor, on their way."""
+    sim = simulate(stepper_model(ROBOT), num_envs, **options)
+    rng = np.random.default_rng(4)
+    qpos, qvel = map(np.array, zip(*(random_state(mujoco_model(ROBOT), rng) for _ in range(N)), strict=True))
+    qpos[:, 2] = np.linspace(0.8, 1.6, N)
+    if num_envs is None:
+        qpos, qvel = qpos[0], qvel[0]
+    sim.set_state(qpos, qvel)
+    sim.step(nstep=40)
+    return sim
+
+
+def controls(seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(-1, 1, (N, stepper_model(ROBOT).nu))
+
+
+# Shapes
+
+
+@pytest.mark.parametrize("num_envs", [None, 1, N])
+def test_shapes_and_types(num_envs):
+    model = stepper_model(ROBOT)
+    sim = simulate(model, num_envs)
+    lead = () if num_envs is None else (num_envs,)
+    sim.step(np.zeros((*lead, model.nu)))
+    arrays = {"qpos": model.nq, "qvel": model.nv, "ctrl": model.nu, "act": model.na}
+    arrays |= {"observation": model.nsensordata, "sensor_truth": model.nsensordata, "qfrc_applied": model.nv}
+    for name, width in arrays.items():
+        array = getattr(sim, name)
+        assert (array.shape, array.dtype) == ((*lead, width), np.float64), name
+        assert array.flags.c_contiguous
+    assert sim.xfrc_applied.shape == (*lead, model.nbody, 6)
+    for name, kind in {"time": "f", "status": "u", "residual": "f", "iterations": "u"}.items():
+        value = np.asarray(getattr(sim, name))
+        assert value.shape == lead
+        assert value.dtype.kind == kind or num_envs is None
+    assert sim.num_envs == num_envs
+    assert np.abs(np.asarray(sim.time) - model.timestep).max() < 1e-15
+    assert sim.mass_matrix().shape == (model.nv, model.nv)
+    assert sim.bias_force().shape == sim.smooth_acceleration().shape == (model.nv,)
+
+
+def test_f32_arrays_are_float32():
+    sim = simulate(stepper_model(ROBOT), N, precision="f32")
+    sim.step(controls().astype(np.float32))
+    assert sim.qpos.dtype == sim.qvel.dtype == sim.ctrl.dtype == np.float32
+
+
+@pytest.mark.parametrize(("call", "found", "must"), [
+    (lambda sim: sim.step(np.zeros(3)), "(3,)", ["(10, 21)", "(21,)"]),
+    (lambda sim: sim.step(np.zeros((21, 10))), "(21, 10)", ["(10, 21)", "(21,)"]),
+    (lambda sim: sim.step(np.zeros((N, 1, 21))), "(10, 1, 21)", ["(10, 21)"]),
+    (lambda sim: sim.set_state(qpos=np.zeros((N, 27))), "(10, 27)", ["(10, 28)", "(28,)"]),
+    (lambda sim: sim.set_state(qvel=np.zeros(28)), "(28,)", ["(10, 27)", "(27,)"]),
+    (lambda sim: sim.set_state(qvel=np.zeros(27), mask=np.ones(9, bool)), "(9,)", ["(10,)"]),
+    (lambda sim: sim.reset(qpos=np.zeros((9, 28))), "(9, 28)", ["(10, 28)", "(28,)"]),
+    (lambda sim: sim.reset(np.ones((N, 1), bool)), "(10, 1)", ["(10,)"]),
+    (lambda sim: setattr(sim, "qfrc_applied", np.zeros((N, 28))), "(10, 28)", ["(10, 27)"]),
+    (lambda sim: setattr(sim, "xfrc_applied", np.zeros((N, 6))), "(10, 6)", ["(10, 17, 6)"]),
+    (lambda sim: sim.smooth_acceleration(ctrl=np.zeros(20)), "(20,)", ["(21,)"]),
+])  # fmt: skip
+def test_a_wrong_shape_is_answered_with_both_shapes(call, found, must):
+    sim = falling()
+    before = sim.get_state()
+    with pytest.raises(ValueError, match="shape") as error:
+        call(sim)
+    for shape in [found, *must]:
+        assert shape.replace(" ", "") in str(error.value).replace(" ", "")
+    assert sim.get_state() == before
+
+
+def test_a_single_environment_takes_no_leading_axis():
+    sim = falling(None)
+    with pytest.raises(ValueError, match=r"\(1, 21\).*\(21,\)"):
+        sim.step(np.zeros((1, 21)))
+
+
+def test_controls_are_shared_by_all_environments_when_they_have_no_leading_axis():
+    one, all_ = falling(), falling()
+    one.step(controls()[3])
+    all_.step(np.tile(controls()[3], (N, 1)))
+    assert np.array_equal(one.qpos, all_.qpos)
+    assert np.array_equal(one.ctrl, all_.ctrl)
+
+
+def frozen(array):
+    array = array.copy()
+    array.flags.writeable = False
+    return array
+
+
+@pytest.mark.parametrize("given", [
+    frozen, np.asfortranarray, lambda a: np.repeat(a, 2, axis=1)[:, ::2], np.ndarray.tolist, lambda a: a.astype(">f8"),
+], ids=["read-only", "Fortran order", "strided", "list", "big-endian"])  # fmt: skip
+def test_inputs_of_any_layout(given):
+    expected, sim = falling(), falling()
+    qpos, qvel = expected.qpos, expected.qvel
+    for s, f in [(expected, lambda a: a), (sim, given)]:
+        s.set_state(f(qpos), f(qvel))
+        s.qfrc_applied = f(np.ones((N, 27)))
+        s.step(f(controls()))
+    assert np.array_equal(sim.qpos, expected.qpos)
+    assert np.array_equal(sim.ctrl, controls())
+
+
+def test_float32_inputs_are_widened():
+    expected, sim = falling(), falling()
+    narrow = controls().astype(np.float32)
+    sim.step(narrow)
+    expected.step(narrow.astype(np.float64))
+    assert np.array_equal(sim.qpos, expected.qpos)
+
+
+def test_what_is_no_array_of_numbers_is_named():
+    with pytest.raises(ValueError, match="ctrl"):
+        falling().step(["left", "right"])
+
+
+def test_results_are_copies():
+    sim = falling()
+    before = sim.qpos
+    sim.qpos[:] = 0
+    assert np.array_equal(sim.qpos, before)
+
+
+# What goes wrong
+
+
+@pytest.mark.parametrize("poison", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("integrator", ["euler", "midpoint", "rk4"])
+def test_a_non_finite_force_stays_in_its_environment(poison, integrator):
+    """The environment keeps its last finite state and says so; the others go on as if nothing had happened, bit for bit."""
+    sick, well = falling(integrator=integrator), falling(integrator=integrator)
+    before, patient = (sick.qpos, sick.qvel, sick.time), 4
+    others = np.arange(N) != patient
+    sick.qfrc_applied[patient, 3] = poison
+    sick.step(controls(), nstep=3)
+    well.step(controls(), nstep=3)
+    assert sick.status[patient] & stepper.Status.NON_FINITE
+    assert not (sick.status[others] & stepper.Status.NON_FINITE).any()
+    for a, b, old in zip((sick.qpos, sick.qvel, sick.time), (well.qpos, well.qvel, well.time), before, strict=True):
+        assert np.array_equal(a[others], b[others])
+        assert np.array_equal(a[patient], old[patient])
+    sick.qfrc_applied[:] = 0
+    sick.step(controls())
+    assert not sick.status[patient] & stepper.Status.NON_FINITE
+    assert np.isfinite(sick.qpos).all()
+
+
+def test_a_nan_action_stays_in_its_environment():
+    """Although the control has a range, to which a careless clamp would turn it."""
+    sick, well, ctrl = falling(), falling(), controls()
+    well.step(ctrl)
+    ctrl[2, 5] = np.nan
+    before = sick.qpos[2]
+    sick.step(ctrl)
+    assert sick.status[2] == stepper.Status.NON_FINITE
+    assert np.array_equal(sick.qpos[2], before)
+    assert np.array_equal(np.delete(sick.qpos, 2, 0), np.delete(well.qpos, 2, 0))
+
+
+def test_a_single_environment_with_a_nan_action_keeps_its_state():
+    sim = falling(None)
+    before = sim.qpos
+    sim.step(np.full(21, np.nan))
+    assert sim.status == stepper.Status.NON_FINITE
+    assert np.array_equal(sim.qpos, before)
+
+
+@pytest.mark.parametrize("method", ["set_state", "reset"])
+def test_a_quaternion_of_zeros_is_named(method):
+    sim = falling()
+    qpos = sim.qpos
+    qpos[6, 3:7] = 0
+    with pytest.raises(ValueError, match=r"environment 6.*root"):
+        getattr(sim, method)(qpos=qpos)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_state_that_is_not_finite_is_named(value):
+    sim = falling()
+    qvel = sim.qvel
+    qvel[3, 11] = value
+    with pytest.raises(ValueError, match=r"qvel\[11\] of environment 3"):
+        sim.set_state(qvel=qvel)
+
+
+def test_quaternions_are_normalised():
+    sim = falling(None)
+    qpos = sim.qpos
+    sim.set_state(qpos=qpos * np.where((np.arange(28) > 2) & (np.arange(28) < 7), 3.0, 1.0))
+    assert sim.qpos == pytest.approx(qpos, abs=1e-15)
+
+
+BAD = [
+    ("timestep", 0.0), ("timestep", -1e-3), ("timestep", float("nan")), ("integrator", "verlet"), ("solver", "lemke"), ("iterations", 0),
+    ("tolerance", 0.0), ("tolerance", float("nan")), ("stabilization", "spring"), ("baumgarte", 1.5), ("baumgarte", -0.1), ("slop", -0.5),
+    ("max_correction_speed", -1.0), ("restitution_threshold", -1.0), ("max_contacts", 0), ("slop", float("nan")), ("baumgarte", float("nan")),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "value"), BAD)
+def test_a_bad_option_names_itself_and_its_value(name, value):
+    with pytest.raises(ValueError, match=name) as error:
+        simulate(stepper_model(ROBOT), **{name: value})
+    assert str(value).lower().removesuffix(".0") in str(error.value).lower()
+
+
+@pytest.mark.parametrize(("arguments", "message"), [({"num_envs": 0}, "num_envs"), ({"precision": "f16"}, "precision.*f16.*f32")])
+def test_a_bad_argument_names_itself(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        stepper.Stepper(stepper_model(ROBOT), **arguments)
+
+
+def test_options_are_immutable():
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        stepper.Options().timestep = 1.0
+
+
+def test_an_environment_that_is_not_there():
+    sim = falling()
+    assert np.array_equal(sim.mass_matrix(-1), sim.mass_matrix(N - 1))
+    for call in (sim.contacts, sim.mass_matrix, sim.energy):
+        with pytest.raises(IndexError, match="10"):
+            call(N)
+
+
+# Episodes
+
+
+def test_reset_of_a_mask_leaves_the_others_alone():
+    """Other environments keep every bit, also of their warm starts: they go on as in a batch in which nothing was reset."""
+    sim, untouched = falling(), falling()
+    mask = np.arange(N) % 3 == 1
+    sim.reset(mask)
+    assert np.array_equal(sim.qpos[~mask], untouched.qpos[~mask])
+    assert (sim.time[mask] == 0).all()
+    for k in range(20):
+        sim.step(controls(k))
+        untouched.step(controls(k))
+    assert np.array_equal(sim.qpos[~mask], untouched.qpos[~mask])
+    assert np.array_equal(sim.qvel[~mask], untouched.qvel[~mask])
+    assert np.array_equal(sim.residual[~mask], untouched.residual[~mask])
+
+
+def test_reset_forgets_the_old_episode():
+    """What was reset goes on with the bits of a new simulation: no warm start, contact, control or activation is left."""
+    sim, new = falling(), simulate(stepper_model(ROBOT), N)
+    assert any(len(sim.contacts(env)) for env in range(N))
+    sim.step(np.full(21, np.nan))
+    sim.reset()
+    assert sim.get_state() == new.get_state()
+    assert all(len(sim.contacts(env)) == 0 for env in range(N))
+    assert (sim.status == 0).all()
+    assert (sim.ctrl == 0).all()
+    start = falling()
+    for s in (sim, new):
+        s.reset(qpos=start.qpos, qvel=start.qvel)
+        s.step(controls(), nstep=30)
+    assert sim.get_state() == new.get_state()
+
+
+def test_set_state_starts_cold():
+    """The motion after `set_state` depends on the state alone, not on what was solved before."""
+    sim, new = falling(), simulate(stepper_model(ROBOT), N)
+    qpos, qvel = sim.qpos, sim.qvel
+    for s in (sim, new):
+        s.set_state(qpos, qvel)
+        s.step(controls())
+    assert np.array_equal(sim.qpos, new.qpos)
+    assert np.array_equal(sim.iterations, new.iterations)
+
+
+KEYS = """<mujoco><worldbody><body pos="0 0 1"><joint name="hinge" axis="0 1 0"/><geom size=".1" pos=".3 0 0"/></body></worldbody>
+  <actuator><general joint="hinge" dyntype="integrator"/></actuator>
+  <sensor><jointvel joint="hinge"/><jointpos joint="hinge"/></sensor>
+  <keyframe><key name="up" time="1.5" qpos=".7" qvel="-.3" act=".25"/><key name="down" qpos="-1"/></keyframe></mujoco>"""
+
+
+def test_keyframes():
+    sim = simulate(KEYS, 3)
+    assert sim.model.keyframe_names == ["up", "down"]
+    sim.reset([False, True, False], keyframe="up")
+    assert sim.qpos.ravel().tolist() == [0, 0.7, 0]
+    assert sim.qvel.ravel().tolist() == [0, -0.3, 0]
+    assert sim.act.ravel().tolist() == [0, 0.25, 0]
+    assert sim.time.tolist() == [0, 1.5, 0]
+    with pytest.raises(KeyError, match=r"sideways.*up, down"):
+        sim.reset(keyframe="sideways")
+
+
+def test_joint_sensors():
+    sim = simulate(KEYS, 3)
+    sim.reset(keyframe="up")
+    sim.step(nstep=5)
+    assert np.array_equal(sim.observation, np.hstack([sim.qvel, sim.qpos]))
+    assert np.array_equal(sim.sensor_truth, sim.observation)
+
+
+def test_a_state_of_another_model_is_refused():
+    state = simulate(KEYS).get_state()
+    with pytest.raises(ValueError, match="model"):
+        falling().set_state(state)
+
+
+def test_a_state_of_another_batch_size_is_refused():
+    state = simulate(KEYS, 3).get_state()
+    with pytest.raises(ValueError, match="fit"):
+        simulate(KEYS, 4).set_state(state)
+
+
+def test_a_pickle_keeps_what_the_user_applied():
+    sim = falling(timestep=3e-3, integrator="euler")
+    sim.qfrc_applied[2, 7], sim.xfrc_applied[5, 3, 2] = 30.0, 200.0
+    sim.step(controls())
+    copy = pickle.loads(pickle.dumps(sim))
+    assert (copy.options, copy.num_envs, copy.seed, copy.model) == (sim.options, sim.num_envs, sim.seed, sim.model)
+    assert np.array_equal(copy.ctrl, sim.ctrl)
+    assert np.array_equal(copy.xfrc_applied, sim.xfrc_applied)
+    for s in (sim, copy):
+        s.step(nstep=5)
+    assert np.array_equal(copy.qpos, sim.qpos)
+
+
+# Contacts
+
+
+TWO_BALLS = """<mujoco><option timestep="1e-3"/><worldbody><geom name="floor" type="plane" size="0 0 1"/>
+  <body name="lower" pos="0 0 .1"><freejoint/><geom name="g0" size=".1" mass="1"/></body>
+  <body name="upper" pos="0 0 .3"><freejoint/><geom name="g1" size=".1" mass="2"/></body></worldbody></mujoco>"""
+
+
+def test_contacts_say_who_touches_whom_where_and_how_hard():
+    """Two balls stand on one another: the floor carries 3 kg, the lower ball 2 kg."""
+    sim = simulate(TWO_BALLS, 2)
+    sim.step(nstep=2)
+    contacts = sim.contacts(1)
+    assert contacts["geom"].tolist() == [[0, 1], [1, 2]]
+    assert contacts["body"].tolist() == [[0, 1], [1, 2]]
+    assert contacts["normal"] == pytest.approx(np.array([[0, 0, 1], [0, 0, 1]]), abs=1e-15)
+    # Free fall within a step moves what is found by g h^2 / 2 = 5e-6 m.
+    assert contacts["pos"] == pytest.approx(np.array([[0, 0, 0], [0, 0, 0.2]]), abs=2e-5)
+    assert contacts["distance"] == pytest.approx(np.zeros(2), abs=2e-5)
+    # The solver's tolerance of 1e-6 m/s acting on 3 kg for a step of 1 ms.
+    assert contacts["force"] == pytest.approx(9.81 * np.array([[3.0, 0, 0], [2.0, 0, 0]]), abs=1e-2)
+    frames = contacts["frame"]
+    assert frames @ frames.transpose(0, 2, 1) == pytest.approx(np.tile(np.eye(3), (2, 1, 1)), abs=1e-15)
+    assert np.array_equal(frames[:, 0], contacts["normal"])
+    assert np.linalg.det(frames) == pytest.approx(np.ones(2))
+
+
+def test_no_contacts_are_an_empty_array_with_the_same_fields():
+    sim = simulate(TWO_BALLS)
+    assert sim.contacts().shape == (0,)
+    assert sim.contacts().dtype.names == ("geom", "body", "pos", "normal", "distance", "force", "frame")
+
+
+def test_full_contacts_are_flagged():
+    """A box needs four of its corners and has room for three: it says so, in its environment only."""
+    text = '<mujoco><worldbody><geom type="plane" size="0 0 1"/><body><freejoint/><geom type="box" size=".1 .1 .1"/></body></worldbody></mujoco>'
+    sim = simulate(text, 2, max_contacts=3)
+    sim.set_state(np.array([[0, 0, 0.1, 1, 0, 0, 0], [0, 0, 5, 1, 0, 0, 0]]))
+    sim.step()
+    assert sim.status.tolist() == [stepper.Status.CONTACTS_FULL, stepper.Status.OK]
+    assert len(sim.contacts(0)) == 3
+
+
+def test_a_step_that_runs_out_of_sweeps_says_so():
+    """And says by how much; the flags are all that happened during the call."""
+    sim = falling(iterations=1, tolerance=1e-12)
+    assert (sim.status & stepper.Status.NOT_CONVERGED).any()
+    bad = sim.residual > 1e-12
+    sim.step()
+    assert bad.any()
+    assert np.array_equal(sim.residual > 1e-12, (sim.status & stepper.Status.NOT_CONVERGED) != 0)
+
+
+# Threads
+
+
+def test_the_gil_is_released_while_stepping():
+    """A Python thread counts while one call of step runs: it could not once if the call held the lock."""
+    sim = falling()
+    counted, running, entered = [0], threading.Event(), threading.Event()
+
+    def count():
+        entered.wait()
+        while not running.is_set():
+            counted[0] += 1
+
+    thread = threading.Thread(target=count)
+    thread.start()
+    entered.set()
+    start = counted[0]
+    sim.step(nstep=2000)
+    during = counted[0] - start
+    running.set()
+    thread.join()
+    assert during > 1000
+
+
+def test_two_simulations_step_in_two_threads():
+    expected = falling()
+    expected.step(controls(), nstep=200)
+    sims = [falling(), falling()]
+    threads = [threading.Thread(target=sim.step, args=(controls(),), kwargs={"nstep": 200}) for sim in sims]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for sim in sims:
+        assert np.array_equal(sim.qpos, expected.qpos)

@@ -10,6 +10,8 @@ import mujoco
 import numpy as np
 import stepper
 
+FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
+
 
 def _package(name: str) -> Path:
     return Path(find_spec(name).submodule_search_locations[0])
@@ -65,10 +67,10 @@ def random_state(model: mujoco.MjModel, rng: np.random.Generator, speed: float =
     qpos = np.zeros(model.nq)
     for j in range(model.njnt):
         at, kind = model.jnt_qposadr[j], model.jnt_type[j]
-        if kind == mujoco.mjtJoint.mjJNT_FREE:
+        if kind == FREE:
             qpos[at : at + 3] = rng.uniform(-1, 1, 3)
             qpos[at + 3 : at + 7] = random_quaternion(rng)
-        elif kind == mujoco.mjtJoint.mjJNT_BALL:
+        elif kind == BALL:
             qpos[at : at + 4] = random_quaternion(rng)
         else:
             qpos[at] = rng.uniform(*(model.jnt_range[j] if model.jnt_limited[j] else (-np.pi, np.pi)))

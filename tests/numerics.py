@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+from models import BALL, FREE
 from scipy.integrate import solve_ivp
 
 
@@ -37,10 +38,10 @@ def _rate(model: mujoco.MjModel, data: mujoco.MjData, state: np.ndarray) -> np.n
     rate[nq:] = data.qacc_smooth
     for j in range(model.njnt):
         q, v, kind = model.jnt_qposadr[j], model.jnt_dofadr[j], model.jnt_type[j]
-        if kind == mujoco.mjtJoint.mjJNT_FREE:
+        if kind == FREE:
             rate[q : q + 3] = state[nq + v : nq + v + 3]
             q, v = q + 3, v + 3
-        if kind == mujoco.mjtJoint.mjJNT_FREE or kind == mujoco.mjtJoint.mjJNT_BALL:
+        if kind in {FREE, BALL}:
             mujoco.mju_mulQuat(rate[q : q + 4], state[q : q + 4], np.concatenate([[0.0], 0.5 * state[nq + v : nq + v + 3]]))
         else:
             rate[q] = state[nq + v]

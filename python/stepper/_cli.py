@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stepper._machine import MissingPackageError, require
+from stepper._machine import require
 from stepper._stepper import ModelError
 
 if TYPE_CHECKING:
@@ -78,6 +78,6 @@ def main() -> None:
     """Entry point of the command `stepper`. What a user can mend is one line on stderr, without a traceback."""
     try:
         _app()()
-    except (MissingPackageError, ModelError, OSError, ValueError) as error:
+    except (ImportError, ModelError, OSError, ValueError) as error:
         print(f"stepper: {error}", file=sys.stderr)
         sys.exit(1)

@@ -178,7 +178,7 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
             Field::Qvel => &group.v,
             Field::Act => &group.act,
         };
-        for (out, x) in out.iter_mut().zip(from[lane.min(from.len())..].iter().step_by(self.lanes)) {
+        for (out, x) in out.iter_mut().zip(from.iter().skip(lane).step_by(self.lanes)) {
             *out = x.to_f64();
         }
     }
@@ -191,8 +191,7 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
             Field::Qvel => &mut group.v,
             Field::Act => &mut group.act,
         };
-        let start = lane.min(to.len());
-        for (to, &x) in to[start..].iter_mut().step_by(lanes).zip(values) {
+        for (to, &x) in to.iter_mut().skip(lane).step_by(lanes).zip(values) {
             *to = S::from_f64(x);
         }
     }

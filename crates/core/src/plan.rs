@@ -9,7 +9,8 @@ mod merge;
 use stepper_real::Scalar;
 
 use crate::model::{Activation, JointKind, Model, SensorKind, Transmission};
-pub use collision::{GeomPlan, Kernel, PairPlan};
+pub use crate::model::Kernel;
+pub use collision::{GeomPlan, PairPlan};
 
 /// Everything of a model that a step reads, in the scalar type of its lanes.
 #[derive(Clone, Debug)]

@@ -68,10 +68,11 @@ impl<S: Scalar> Group<S> {
     /// Forgets what a lane remembers of its last step: warm starts, contacts, certificate.
     pub fn forget(&mut self, lane: usize) {
         let lanes = self.lanes;
-        self.scalar_impulse[lane..].iter_mut().step_by(lanes).for_each(|x| *x = S::default());
+        for numbers in [&mut self.scalar_impulse, &mut self.contact_data] {
+            numbers.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = S::default());
+        }
+        self.contact_ids.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = 0);
         self.contact_count[lane] = 0;
-        self.contact_ids[lane..].iter_mut().step_by(lanes).for_each(|x| *x = 0);
-        self.contact_data[lane..].iter_mut().step_by(lanes).for_each(|x| *x = S::default());
         self.status[lane] = Status::OK.0;
         self.residual[lane] = S::default();
         self.iterations[lane] = S::default();

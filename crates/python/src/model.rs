@@ -68,19 +68,22 @@ impl Model {
 
     #[pyo3(signature = (**fields))]
     fn replace(&self, fields: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
-        let mut core = (*self.core).clone();
-        for (name, values) in fields.into_iter().flatten() {
+        let mut values = Vec::new();
+        for (name, given) in fields.into_iter().flatten() {
             let name: String = name.extract()?;
-            let values = readonly(&values, &name)?;
-            if let Some((shape, _)) = core.field(&name) {
-                let flat_scalar = shape.is_empty() && values.shape() == [1];
-                if values.shape() != shape && !flat_scalar {
-                    let (found, must) = (shape_text(values.shape()), shape_text(&shape));
+            let given = readonly(&given, &name)?;
+            if let Some((shape, _)) = self.core.field(&name) {
+                let scalar = shape.is_empty() && given.shape() == [1];
+                if given.shape() != shape && !scalar {
+                    let (found, must) = (shape_text(given.shape()), shape_text(&shape));
                     return Err(PyValueError::new_err(format!("{name} has shape {found}, must be {must}")));
                 }
             }
-            core = core.replace(&name, values.as_slice()?).map_err(to_py)?;
+            values.push((name, given.as_slice()?.to_vec()));
         }
+        // Together, because fields need only fit each other in the end.
+        let values: Vec<(&str, &[f64])> = values.iter().map(|(name, x)| (name.as_str(), x.as_slice())).collect();
+        let core = self.core.replace_all(&values).map_err(to_py)?;
         Ok(Self::of(core))
     }
 

@@ -276,28 +276,26 @@ impl<R: Real> Iterate<R> {
         d.length = R::select(running, length, d.length);
         let [before, direction] = &mut d.w;
         for ((x, before), p) in self.w.iter_mut().zip(before).zip(direction) {
-            (*x, *p) = conjugate(*x, *before, *p, beta, go, running);
-            *before = *x;
+            (*x, *p, *before) = conjugate(*x, *before, *p, beta, go, running);
         }
         let [before, direction] = &mut d.scalars;
         for ((x, before), p) in self.scalars.iter_mut().zip(before).zip(direction) {
-            (*x, *p) = conjugate(*x, *before, *p, beta, go, running);
-            *before = *x;
+            (*x, *p, *before) = conjugate(*x, *before, *p, beta, go, running);
         }
         let [before, direction] = &mut d.contacts;
         for ((x, before), p) in self.contacts.iter_mut().zip(before).zip(direction) {
             for k in 0..3 {
-                (x[k], p[k]) = conjugate(x[k], before[k], p[k], beta, go, running);
+                (x[k], p[k], before[k]) = conjugate(x[k], before[k], p[k], beta, go, running);
             }
-            *before = *x;
         }
     }
 }
 
-/// One coordinate of the accelerated iterate and of its direction. Lanes that rest keep every bit.
+/// One coordinate of the accelerated iterate, of its direction, and of the iterate before the next sweep. Lanes that rest keep every bit.
 #[inline(always)]
-fn conjugate<R: Real>(x: R, before: R, p: R, beta: R, go: R::Mask, running: R::Mask) -> (R, R) {
+fn conjugate<R: Real>(x: R, before: R, p: R, beta: R, go: R::Mask, running: R::Mask) -> (R, R, R) {
     let d = x - before;
     let next = R::select(go, x + beta * p, x);
-    (next, R::select(running, R::select(go, beta * p + d, R::zero()), p))
+    let direction = R::select(go, beta * p + d, R::zero());
+    (next, R::select(running, direction, p), R::select(running, next, before))
 }

@@ -17,6 +17,7 @@ from stepper._machine import require
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">", "h", "p")
 COLOURS = {
@@ -61,7 +62,7 @@ def _colour(engine: str, index: int) -> str:
 
 def _label(points: Sequence[Row]) -> str:
     first = points[0]
-    order = "" if math.isnan(first.slope) else f"  (error ~ dt^{first.slope:.1f})"
+    order = "" if math.isnan(first.slope) else f"  (error ~ dt^{round(first.slope, 1) + 0.0:.1f})"
     lost = sum(not math.isfinite(p.error) for p in points)
     return f"{first.engine}: {first.setting}{order}" + (f"  [{lost} blew up]" if lost else "")
 
@@ -83,10 +84,22 @@ def _legends(figure: Figure, axes: Axes, markers: Mapping[float, str]) -> None:
     by_dt = [lines.Line2D([], [], marker=mark, color="#444444", linestyle="none", label=f"{dt * 1e3:g} ms") for dt, mark in markers.items()]
     steps = axes.legend(handles=by_dt, title="time step", loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
     axes.add_artist(steps)
-    handles, labels = axes.get_legend_handles_labels()
+    handles = _columns(axes.get_lines())
     figure.legend(
-        handles, labels, loc="upper center", bbox_to_anchor=(0.5, 0.235), ncols=2, frameon=False, fontsize="small", handlelength=3.0
+        handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.215), ncols=2, frameon=False, fontsize="small", handlelength=3.0
     )
+
+
+def _columns(lines: Sequence[Line2D]) -> list[Line2D]:
+    """Labelled lines, ours in the left column and the others in the right one, the shorter column filled up with nothing."""
+    blank = require("matplotlib.lines", "to draw a chart").Line2D
+    named = [line for line in lines if not str(line.get_label()).startswith("_")]
+    left = [line for line in named if str(line.get_label()).startswith("stepper")]
+    right = [line for line in named if line not in left]
+    height = max(len(left), len(right))
+    for column in (left, right):
+        column.extend(blank([], [], color="none", label=" ") for _ in range(height - len(column)))
+    return left + right
 
 
 def draw(path: Path, scene: Scene, rows: Sequence[Row], note: str = "") -> None:
@@ -102,8 +115,8 @@ def draw(path: Path, scene: Scene, rows: Sequence[Row], note: str = "") -> None:
         MissingPackageError: matplotlib is not installed.
     """
     figures = require("matplotlib.figure", "to draw a chart")
-    figure = figures.Figure(figsize=(9.0, 7.0), dpi=130)
-    axes = figure.add_axes((0.09, 0.31, 0.75, 0.56))
+    figure = figures.Figure(figsize=(9.0, 6.6), dpi=130)
+    axes = figure.add_axes((0.09, 0.29, 0.75, 0.575))
     markers = dict(zip(sorted({row.dt for row in rows}), MARKERS, strict=False))
     _plot_lines(axes, rows, markers)
     axes.set_xscale("log")
@@ -111,7 +124,8 @@ def draw(path: Path, scene: Scene, rows: Sequence[Row], note: str = "") -> None:
     axes.set_xlabel("microseconds of one core per simulated second of one environment (down and left is better)")
     axes.set_ylabel(scene.error_label)
     axes.grid(visible=True, which="major", color="#dddddd")
-    axes.grid(visible=True, which="minor", color="#f2f2f2")
+    axes.grid(visible=True, which="minor", axis="x", color="#f2f2f2")
+    axes.tick_params(which="minor", axis="y", length=0.0)
     axes.set_axisbelow(True)
     figure.text(0.09, 0.955, scene.title, fontsize="large", weight="bold")
     figure.text(0.09, 0.925, f"right answer: {scene.reference}", fontsize="small", color="#444444")

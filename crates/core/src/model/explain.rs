@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Display;
 
+use super::Kernel;
 use super::pairs::{Verdict, weld_groups};
 use super::{Activation, JointKind, Model, SensorKind};
 
@@ -85,7 +86,7 @@ impl Model {
         let dropped: Vec<String> = census.iter().filter(|(v, _)| !v.collides()).map(|(v, n)| format!("{n} {}", v.why())).collect();
         let pairs = self.collision_pairs();
         let (kept, missing): (Vec<_>, Vec<_>) =
-            pairs.iter().partition(|p| Self::has_kernel(&self.geoms[p.geoms[0]].shape, &self.geoms[p.geoms[1]].shape));
+            pairs.iter().partition(|p| Kernel::of(&self.geoms[p.geoms[0]].shape, &self.geoms[p.geoms[1]].shape).is_some());
         let slick = kept.iter().filter(|p| p.condim == 1).count();
         let bouncing = kept.iter().filter(|p| p.restitution > 0.0).count();
         let rough = kept.len() - slick;

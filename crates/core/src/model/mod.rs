@@ -11,6 +11,7 @@ mod error;
 mod explain;
 mod file;
 mod finish;
+mod kernel;
 mod mass;
 mod pairs;
 mod replace;
@@ -20,6 +21,7 @@ use serde::{Deserialize, Serialize};
 pub use builder::{ActuatorBuilder, BodyBuilder, GeomBuilder, JointBuilder, ModelBuilder, WORLD};
 pub use error::ModelError;
 pub use file::FORMAT_VERSION;
+pub use kernel::Kernel;
 pub use mass::MassProperties;
 pub use pairs::GeomPair;
 pub use replace::{Field, REPLACEABLE};
@@ -232,9 +234,9 @@ pub struct Geom {
     pub friction: [f64; 3],
     /// Newton's coefficient of restitution, 0 to 1. A pair takes the larger.
     pub restitution: f64,
-    /// Distance at which a contact begins to push, m.
+    /// Distance at which a contact begins to push, m. A pair takes the sum.
     pub margin: f64,
-    /// Part of the margin in which a contact is reported but does not push, m.
+    /// Distance beyond the margin within which MuJoCo reports a contact that does not push, m. A pair takes the sum.
     pub gap: f64,
 }
 

@@ -174,15 +174,6 @@ impl Model {
         pairs
     }
 
-    /// Whether contacts between two shapes are simulated, given in the order of [`GeomPair::geoms`].
-    pub(crate) const fn has_kernel(a: &Shape, b: &Shape) -> bool {
-        match a {
-            Shape::Plane => matches!(b, Shape::Sphere { .. } | Shape::Capsule { .. } | Shape::Box { .. }),
-            Shape::Sphere { .. } | Shape::Capsule { .. } => matches!(b, Shape::Sphere { .. } | Shape::Capsule { .. }),
-            _ => false,
-        }
-    }
-
     /// How many geom pairs each filter drops, and how many remain.
     pub(super) fn pair_census(&self) -> BTreeMap<Verdict, usize> {
         let filter = Filter::new(self);

@@ -4,42 +4,7 @@ use stepper_real::Scalar;
 
 use super::merge::{Merged, matrix, quaternion, vector};
 use super::scalars;
-use crate::model::{Model, Shape};
-
-/// The narrow-phase function of a pair.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kernel {
-    /// A half space and a ball: 1 point.
-    PlaneSphere,
-    /// A half space and a capsule: its two ends.
-    PlaneCapsule,
-    /// A half space and a box: its eight corners.
-    PlaneBox,
-    /// Two balls, or capsules taken as segments of any length: up to 2 points.
-    Segments,
-}
-
-impl Kernel {
-    /// Contacts that a pair can have.
-    pub const fn points(self) -> usize {
-        match self {
-            Self::PlaneSphere => 1,
-            Self::PlaneCapsule | Self::Segments => 2,
-            Self::PlaneBox => 8,
-        }
-    }
-
-    /// The kernel of two shapes in the order of [`Model::collision_pairs`]; `None` when there is none yet.
-    pub fn of(a: &Shape, b: &Shape) -> Option<Self> {
-        match (a, b) {
-            (Shape::Plane, Shape::Sphere { .. }) => Some(Self::PlaneSphere),
-            (Shape::Plane, Shape::Capsule { .. }) => Some(Self::PlaneCapsule),
-            (Shape::Plane, Shape::Box { .. }) => Some(Self::PlaneBox),
-            (Shape::Sphere { .. } | Shape::Capsule { .. }, Shape::Sphere { .. } | Shape::Capsule { .. }) => Some(Self::Segments),
-            _ => None,
-        }
-    }
-}
+use crate::model::{Kernel, Model, Shape};
 
 /// A geom that takes part in collision.
 #[derive(Clone, Debug)]

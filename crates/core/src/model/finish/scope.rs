@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::super::{GeomPair, JointKind, Model, Omission, Shape};
+use super::super::{GeomPair, JointKind, Kernel, Model, Omission, Shape};
 
 /// Name of an element, and why it is left out.
 type User = (String, String);
@@ -55,7 +55,7 @@ fn pairs_without_kernel(model: &Model, pairs: &[GeomPair]) -> Vec<User> {
     let mut partners: BTreeMap<usize, BTreeMap<&str, Vec<usize>>> = BTreeMap::new();
     for [a, b] in pairs.iter().map(|p| p.geoms) {
         let (first, second) = (&model.geoms[a].shape, &model.geoms[b].shape);
-        if !Model::has_kernel(first, second) {
+        if Kernel::of(first, second).is_none() {
             let (cause, partner) = if matches!(first, Shape::HeightField { .. }) { (a, b) } else { (b, a) };
             partners.entry(cause).or_default().entry(model.geoms[partner].shape.name()).or_default().push(partner);
         }

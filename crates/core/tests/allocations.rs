@@ -1,0 +1,73 @@
+//! A step allocates nothing.
+
+mod common;
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+use common::{action, start, walker};
+use stepper_core::batch::{Field, StepInputs};
+use stepper_core::{Integrator, Level, Options, Precision, Simulation, Stabilization};
+
+thread_local! {
+    static COUNT: Cell<usize> = const { Cell::new(0) };
+}
+
+/// The system's allocator, counting.
+struct Counting;
+
+// SAFETY: everything is the system allocator's.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        COUNT.with(|c| c.set(c.get() + 1));
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, ptr: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(ptr, layout) }
+    }
+    unsafe fn realloc(&self, ptr: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        COUNT.with(|c| c.set(c.get() + 1));
+        unsafe { System.realloc(ptr, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+#[test]
+fn a_step_allocates_nothing_after_the_first() {
+    let model = walker();
+    let level = *Level::available().last().unwrap();
+    let base = Options { timestep: 0.004, ..Options::default() };
+    let settings = [
+        base,
+        Options { integrator: Integrator::Rk4, ..base },
+        Options { integrator: Integrator::Euler, stabilization: Stabilization::Split, ..base },
+    ];
+    for options in settings {
+        for (n, precision) in [(1, Precision::F64), (20, Precision::F64), (20, Precision::F32)] {
+            let mut sim = Simulation::at_level(model.clone(), options, Some(n), precision, 1, level);
+            for env in 0..n {
+                let (q, v) = start(&model, env);
+                sim.set(Field::Qpos, env, &q).unwrap();
+                sim.set(Field::Qvel, env, &v).unwrap();
+            }
+            let qfrc = vec![0.1; n * model.nv()];
+            let xfrc = vec![0.1; n * 6 * model.bodies.len()];
+            let calls: Vec<Vec<f64>> = (0..100).map(|call| (0..n).flat_map(|env| action(&model, env, call)).collect()).collect();
+            let mut step = |ctrl: &[f64]| sim.step(&StepInputs { ctrl, qfrc: &qfrc, xfrc: &xfrc, ..StepInputs::default() }, 3).unwrap();
+            // The first call makes the worker.
+            step(&calls[0]);
+            let before = COUNT.get();
+            calls.iter().for_each(|ctrl| step(ctrl));
+            assert_eq!(COUNT.get() - before, 0, "{n} environments, {precision:?}, {:?}", options.integrator);
+        }
+    }
+}
+
+#[test]
+fn the_count_counts() {
+    let before = COUNT.get();
+    std::hint::black_box(vec![1u8; 100]);
+    assert!(COUNT.get() > before);
+}

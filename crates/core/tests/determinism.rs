@@ -1,0 +1,68 @@
+//! The same bits for any batch size, place in the batch, number of threads, lane type and CPU level.
+
+mod common;
+
+use common::{run, walker};
+use stepper_core::{Integrator, Level, Options, Precision, Stabilization};
+
+const CALLS: usize = 150;
+
+fn settings() -> [Options; 4] {
+    let base = Options { timestep: 0.004, ..Options::default() };
+    [
+        base,
+        Options { integrator: Integrator::Euler, stabilization: Stabilization::Split, ..base },
+        Options { integrator: Integrator::Rk4, ..base },
+        // Most lanes run out of sweeps here, each at its own time.
+        Options { iterations: 4, ..base },
+    ]
+}
+
+fn assert_same(expected: &[Vec<u64>], found: &[Vec<u64>], envs: &[usize], what: &str) {
+    for (place, &env) in envs.iter().enumerate() {
+        let differ = expected[env].iter().zip(&found[place]).position(|(a, b)| a != b);
+        assert!(differ.is_none() && expected[env].len() == found[place].len(), "environment {env} differs in number {differ:?}: {what}");
+    }
+}
+
+#[test]
+fn an_environment_alone_in_lanes_and_anywhere_in_a_batch_has_the_same_bits() {
+    let model = walker();
+    let best = *Level::available().last().unwrap();
+    for options in settings() {
+        // Alone: the scalar instantiation.
+        let alone: Vec<_> = (0..13).map(|env| run(&model, options, &[env], Precision::F64, 1, best, CALLS).remove(0)).collect();
+        assert!(alone.iter().any(|bits| bits.len() > alone[0].len()), "the scene must have environments with different numbers of contacts");
+        let batches: [&[usize]; 3] = [&[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12], &[12, 3, 3, 0, 7, 9, 1, 5, 2], &[4, 11]];
+        for envs in batches {
+            for &level in Level::available() {
+                let found = run(&model, options, envs, Precision::F64, 1, level, CALLS);
+                assert_same(&alone, &found, envs, &format!("batch of {}, {level}, {:?}", envs.len(), options.integrator));
+            }
+        }
+    }
+}
+
+#[test]
+fn f32_lanes_have_the_same_bits_at_every_level_and_place() {
+    let model = walker();
+    let options = Options { timestep: 0.004, tolerance: 1e-4, ..Options::default() };
+    let all: Vec<usize> = (0..20).collect();
+    let expected = run(&model, options, &all, Precision::F32, 1, Level::Baseline, CALLS);
+    for &level in Level::available() {
+        let envs = [19, 4, 4, 0, 17];
+        assert_same(&expected, &run(&model, options, &envs, Precision::F32, 1, level, CALLS), &envs, &format!("f32, {level}"));
+    }
+}
+
+#[test]
+fn threads_do_not_change_bits() {
+    let model = walker();
+    let best = *Level::available().last().unwrap();
+    let envs: Vec<usize> = (0..50).collect();
+    let options = settings()[0];
+    let one = run(&model, options, &envs, Precision::F64, 1, best, 40);
+    for threads in [2, 3, 7] {
+        assert_same(&one, &run(&model, options, &envs, Precision::F64, threads, best, 40), &envs, &format!("{threads} threads"));
+    }
+}

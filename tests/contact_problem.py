@@ -35,11 +35,11 @@ class Problem:
         return (self.jacobian @ self.next_velocity).reshape(-1, 3)
 
     def residual(self) -> float:
-        """max |lambda - P_K(lambda - rho u)| / rho with u = v + (mu |v_t|, 0, 0) and rho = 3 / trace(G_ii)."""
+        """Max |lambda - P_K(lambda - rho u)| / rho with u = v + (mu |v_t|, 0, 0) and rho = 3 / trace(G_ii)."""
         worst, G = 0.0, self.delassus
         for i, (impulse, v, mu) in enumerate(zip(self.impulse, self.contact_velocity + self.bias, self.friction, strict=True)):
             rho = 3 / np.trace(G[3 * i : 3 * i + 3, 3 * i : 3 * i + 3])
-            u = v + [mu * np.hypot(v[1], v[2]), 0, 0]
+            u = v + np.array([mu * np.hypot(v[1], v[2]), 0, 0])
             worst = max(worst, np.linalg.norm(impulse - project(impulse - rho * u, mu)) / rho)
         return worst
 

@@ -38,11 +38,11 @@ def stepper_model(name: str, *, strict: bool = True) -> stepper.Model:
     return stepper.load(str(SOURCES[name]), strict=strict)
 
 
-def simulate(model: stepper.Model | mujoco.MjModel | str, num_envs: int | None = None, *, precision: str = "f64", threads: int = 1, **options):
-    """A `Stepper` of a model, a compiled MuJoCo model or MJCF text, with options as keywords."""
+def simulate(model: stepper.Model | mujoco.MjModel | str, num_envs: int | None = None, *, precision: str = "f64", **options):
+    """A `Stepper` of a model, a compiled MuJoCo model or MJCF text, with the fields of `Options` as keywords."""
     if not isinstance(model, stepper.Model):
         model = stepper.load(model)
-    return stepper.Stepper(model, num_envs, options=stepper.Options(**options), precision=precision, threads=threads)
+    return stepper.Stepper(model, num_envs, options=stepper.Options(**options), precision=precision)
 
 
 def afloat(name: str, *, gravity: bool = True) -> mujoco.MjModel:
@@ -77,7 +77,7 @@ def random_state(model: mujoco.MjModel, rng: np.random.Generator, speed: float =
     return qpos, rng.normal(scale=speed, size=model.nv)
 
 
-def forward(model: mujoco.MjModel, qpos, qvel, ctrl=None, act=None, qfrc=None, xfrc=None) -> mujoco.MjData:
+def forward(model: mujoco.MjModel, qpos, qvel, ctrl=None, *, act=None, qfrc=None, xfrc=None) -> mujoco.MjData:
     """MuJoCo's data at a state."""
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:] = qpos, qvel

@@ -1,11 +1,6 @@
 """stepper: a rigid-body contact stepper for robots.
 
-    import stepper
-
-    model = stepper.load("humanoid.xml")
-    sim = stepper.Stepper(model, num_envs=1024)
-    sim.step(ctrl)
-    sim.qpos, sim.qvel, sim.residual, sim.status
+Load a scene with `load`, step environments of it with `Stepper`, and read in `Stepper.residual` and `Stepper.status` how well that went.
 """
 
 from stepper._load import load

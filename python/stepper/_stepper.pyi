@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from stepper._options import Options
 
+__all__ = ["Model", "ModelError", "State", "Stepper", "__version__", "cpu_levels"]
 __version__: Final[str]
 
 _Array: TypeAlias = NDArray[Any]
@@ -182,8 +183,8 @@ class Stepper:
             nstep: Number of steps.
 
         Raises:
-            ValueError: A wrong shape; the message has both. A control that is not finite is no error: its environment keeps its state and says
-                NON_FINITE in `status`.
+            ValueError: A wrong shape; the message has both. A control that is not finite is no error: its environment keeps its state and
+                says NON_FINITE in `status`.
         """
     def set_state(
         self,

@@ -211,7 +211,8 @@ def test_quaternions_are_normalised():
 BAD = [
     ("timestep", 0.0), ("timestep", -1e-3), ("timestep", float("nan")), ("integrator", "verlet"), ("solver", "lemke"), ("iterations", 0),
     ("tolerance", 0.0), ("tolerance", float("nan")), ("stabilization", "spring"), ("baumgarte", 1.5), ("baumgarte", -0.1), ("slop", -0.5),
-    ("max_correction_speed", -1.0), ("restitution_threshold", -1.0), ("max_contacts", 0), ("slop", float("nan")), ("baumgarte", float("nan")),
+    ("max_correction_speed", -1.0), ("restitution_threshold", -1.0), ("max_contacts", 0), ("slop", float("nan")),
+    ("baumgarte", float("nan")),
 ]  # fmt: skip
 
 
@@ -373,7 +374,8 @@ def test_no_contacts_are_an_empty_array_with_the_same_fields():
 
 def test_full_contacts_are_flagged():
     """A box needs four of its corners and has room for three: it says so, in its environment only."""
-    text = '<mujoco><worldbody><geom type="plane" size="0 0 1"/><body><freejoint/><geom type="box" size=".1 .1 .1"/></body></worldbody></mujoco>'
+    box = '<body><freejoint/><geom type="box" size=".1 .1 .1"/></body>'
+    text = f'<mujoco><worldbody><geom type="plane" size="0 0 1"/>{box}</worldbody></mujoco>'
     sim = simulate(text, 2, max_contacts=3)
     sim.set_state(np.array([[0, 0, 0.1, 1, 0, 0, 0], [0, 0, 5, 1, 0, 0, 0]]))
     sim.step()

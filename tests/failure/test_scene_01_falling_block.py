@@ -1,8 +1,8 @@
 """Scene 1: a block falls on the floor in one dimension.
 
 Right answer: the textbook's recursion, step for step, contact included: v <- v - g dt, then h <- h + v dt; where that is below the floor,
-h <- 0 and v <- -e v. Height 0.20 m, velocity -0.10 m/s, dt 0.02 s, g 9.81 m/s^2, e 0.25: after 8 steps h 0.0427, v -1.6696. Any other order of
-updates misses it. h is the height of the block's lowest point.
+h <- 0 and v <- -e v. Height 0.20 m, velocity -0.10 m/s, dt 0.02 s, g 9.81 m/s^2, e 0.25: after 8 steps h 0.0427, v -1.6696. Any other
+order of updates misses it. h is the height of the block's lowest point.
 """
 
 import pytest

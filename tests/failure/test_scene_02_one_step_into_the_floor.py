@@ -1,7 +1,7 @@
 """Scene 2: one step into the floor.
 
-Right answer, by hand: h 0.005 m, v -1.5 m/s, dt 0.02 s, e 0.25: before the contact v - g dt = -1.6962 m/s, after it 0.25 * 1.6962 = 0.42405 m/s.
-The block ends on the floor, not below it.
+Right answer, by hand: h 0.005 m, v -1.5 m/s, dt 0.02 s, e 0.25: before the contact v - g dt = -1.6962 m/s, after it 0.25 * 1.6962 =
+0.42405 m/s. The block ends on the floor, not below it.
 """
 
 import pytest

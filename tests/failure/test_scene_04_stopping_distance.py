@@ -1,7 +1,7 @@
 """Scene 4: a sliding box stops.
 
-Right answer: after v0^2 / (2 mu g), by the work of Coulomb's friction, and it stays there. A first-order integrator that holds the friction for a
-whole step is off by h v0 / 2.
+Right answer: after v0^2 / (2 mu g), by the work of Coulomb's friction, and it stays there. A first-order integrator that holds the
+friction for a whole step is off by h v0 / 2.
 """
 
 import numpy as np

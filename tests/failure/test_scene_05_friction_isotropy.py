@@ -1,6 +1,7 @@
 """Scene 5: the same push in directions from 0 to 90 degrees.
 
-Right answer: straight paths of equal length, because Coulomb's cone is round. Pyramids drift sideways and brake differently along their edges.
+Right answer: straight paths of equal length, because Coulomb's cone is round. Pyramids drift sideways and brake differently along their
+edges.
 """
 
 import numpy as np

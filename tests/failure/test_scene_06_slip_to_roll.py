@@ -1,7 +1,7 @@
 """Scene 6: a ball that slides begins to roll.
 
-Right answer, from Coulomb's friction mu m g on a solid ball: it slips until t = 2 v0 / (7 mu g), over 12 v0^2 / (49 mu g), and rolls on at 5 v0 / 7
-for ever (its angular momentum about any point of its line of contact is constant).
+Right answer, from Coulomb's friction mu m g on a solid ball: it slips until t = 2 v0 / (7 mu g), over 12 v0^2 / (49 mu g), and rolls on
+at 5 v0 / 7 for ever (its angular momentum about any point of its line of contact is constant).
 """
 
 import numpy as np

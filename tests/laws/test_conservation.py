@@ -40,6 +40,6 @@ def test_internal_torques_leave_momentum_alone(name, integrator):
 
 @pytest.mark.parametrize("integrator", ORDERS)
 def test_limits_and_contacts_among_the_limbs_leave_momentum_alone(integrator):
-    """Impacts jump between two steps, which leaves every rule the first order; half of an order is what three samples of jumps are worth."""
+    """Impacts jump within a step, which leaves every rule the first order; half of it is what three samples of jumps are worth."""
     steps = [4e-3, 2e-3, 1e-3]
     assert slope(steps, drifts(weightless("gymnasium/ant"), steps, integrator=integrator)) > 0.5

@@ -13,13 +13,13 @@ from models import SOURCES, simulate
 GRAVITY = np.array([0, 0, -9.81])
 EULER = {"integrator": "euler", "timestep": 5e-3}
 CONVERGED = EULER | {"iterations": 5000}
-# Each law is a part of the natural map, so the residual that a step reports bounds its violation, up to the ratio of the parts' norms: 1 + mu
-# twice over, for De Saxce's term and for the projection.
+# Each law is a part of the natural map, so the residual that a step reports bounds its violation, up to the ratio of the parts' norms: 1
+# + mu twice over, for De Saxce's term and for the projection.
 PARTS = 6.0
 ROUNDING = 1e-12
 
 
-def steps_of(model: mujoco.MjModel, qpos, qvel, settings, steps: int = 60, ctrl=None):
+def steps_of(model: mujoco.MjModel, qpos, qvel, settings, *, steps: int = 60, ctrl=None):
     """Steps a scene; yields the state before, the simulation after, its contacts and their problem, for every step that has contacts."""
     sim = simulate(model, **settings)
     sim.set_state(np.ravel(qpos), np.ravel(qvel))
@@ -98,7 +98,7 @@ def test_the_residual_of_a_falling_robot_is_what_numpy_finds(name, iterations):
     rng = np.random.default_rng(3)
     settings = EULER | {"iterations": iterations}
     ctrl = rng.uniform(-1, 1, model.nu)
-    for _, sim, _, problem in steps_of(model, model.qpos0, rng.normal(scale=0.5, size=model.nv), settings, 200, ctrl):
+    for _, sim, _, problem in steps_of(model, model.qpos0, rng.normal(scale=0.5, size=model.nv), settings, steps=200, ctrl=ctrl):
         check_certificate(sim, problem)
 
 
@@ -106,8 +106,9 @@ def test_the_residual_of_a_falling_robot_is_what_numpy_finds(name, iterations):
 def test_contacts_give_no_energy(scene, integrator):
     """Balls have no gyroscopic terms, so without stabilisation the energy of every step can only fall.
 
-    Up to what the residual leaves, an impulse times a velocity of its size. The work of an impulse is its product with the mean of the velocities
-    before and after; the midpoint rule may take one that was leaving, at up to g h / 2, where Euler's rule weighs the free velocity.
+    Up to what the residual leaves, an impulse times a velocity of its size. The work of an impulse is its product with the mean of the
+    velocities before and after; the midpoint rule may take one that was leaving, at up to g h / 2, where Euler's rule weighs the free
+    velocity.
     """
     sim = simulate(scene.xml(), integrator=integrator, timestep=5e-3, stabilization="none", iterations=5000)
     sim.set_state(scene.qpos.ravel(), scene.qvel.ravel())

@@ -1,15 +1,15 @@
 """Smooth dynamics against MuJoCo, on every robot of gymnasium and of the dm_control suite.
 
 Errors are relative in the metric of the mass matrix, in which slides and hinges, a torso and a toe are commensurable: |c - c'| / |c| with
-|c|^2 = c . M^-1 c for forces and |a|^2 = a . M a for accelerations; entry (i, j) of M is measured against sqrt(M_ii M_jj). In that metric the
-error of a light finger counts as much as that of a torso, so the bound is stricter than one on the largest entry.
+|c|^2 = c . M^-1 c for forces and |a|^2 = a . M a for accelerations; entry (i, j) of M is measured against sqrt(M_ii M_jj). In that metric
+the error of a light finger counts as much as that of a torso, so the bound is stricter than one on the largest entry.
 """
 
 import mujoco
 import numpy as np
 import pytest
 import stepper
-from models import SOURCES, forward, full_mass_matrix, mujoco_model, random_quaternion, random_state, simulate, stepper_model
+from models import SOURCES, forward, full_mass_matrix, mujoco_model, random_state, simulate, stepper_model
 from numerics import relative_error
 
 STATES = 20
@@ -31,7 +31,8 @@ INCOMPLETE = {
 }
 """Models that load with strict=False only, and the kinds of elements that are not simulated yet.
 
-Collision: of cylinders, ellipsoids, boxes with other than planes, meshes and height fields. Contact dimension: torsional and rolling friction.
+Collision: of cylinders, ellipsoids, boxes with other than planes, meshes and height fields. Contact dimension: torsional and rolling
+friction.
 """
 
 STRICT = sorted(set(SOURCES) - set(INCOMPLETE))
@@ -97,7 +98,7 @@ def test_smooth_acceleration(name):
         qfrc, xfrc = rng.normal(scale=5, size=model.nv), rng.normal(scale=5, size=(model.nbody, 6))
         sim.set_state(*state, act=act)
         sim.qfrc_applied[:], sim.xfrc_applied[:] = qfrc, xfrc
-        data = forward(model, *state, ctrl, act, qfrc, xfrc)
+        data = forward(model, *state, ctrl, act=act, qfrc=qfrc, xfrc=xfrc)
         found = sim.smooth_acceleration(ctrl=ctrl)
         assert kinetic_error(full_mass_matrix(model, data), found, data.qacc_smooth) < BOUND
 
@@ -194,7 +195,7 @@ def test_a_mocap_body_touches_where_it_was_put():
     quat /= np.linalg.norm(quat)
     data = mujoco.MjData(model)
     data.mocap_pos[0], data.mocap_quat[0] = pos, quat
-    data.qpos[:3] = pos + [0.02, 0.01, 0.295]
+    data.qpos[:3] = pos + np.array([0.02, 0.01, 0.295])
     mujoco.mj_forward(model, data)
     assert sim.mocap_pos.shape == (1, 3)
     assert np.array_equal(sim.mocap_quat, model.body_quat[1:2])

@@ -235,9 +235,15 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
         let saved: Saved<S> = postcard::from_bytes(bytes).map_err(|e| format!("not a state of this version: {e}"))?;
         let same = |a: &Group<S>, b: &Group<S>| {
             a.lanes == b.lanes
-                && [(&a.q, &b.q), (&a.v, &b.v), (&a.act, &b.act), (&a.scalar_impulse, &b.scalar_impulse), (&a.contact_data, &b.contact_data)]
-                    .iter()
-                    .all(|(a, b)| a.len() == b.len())
+                && [
+                    (&a.q, &b.q),
+                    (&a.v, &b.v),
+                    (&a.act, &b.act),
+                    (&a.scalar_impulse, &b.scalar_impulse),
+                    (&a.contact_data, &b.contact_data),
+                ]
+                .iter()
+                .all(|(a, b)| a.len() == b.len())
         };
         if saved.num_envs != self.num_envs {
             return Err(format!("a state of {} environments, this stepper has {}", saved.num_envs, self.num_envs));

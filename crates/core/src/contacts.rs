@@ -73,12 +73,7 @@ impl<R: Real> Contacts<R> {
         let up = [z, z, R::one()];
         let point = ContactPoint { distance: z, pos: [z; 3], normal: up };
         let empty = Slot { point, tangent: [R::one(), z, z], mu: z, restitution: z, impulse: [z; 3] };
-        Self {
-            count: [0; MAX_LANES],
-            ids: vec![[ContactId::default(); MAX_LANES]; capacity],
-            data: vec![empty; capacity],
-            full: 0,
-        }
+        Self { count: [0; MAX_LANES], ids: vec![[ContactId::default(); MAX_LANES]; capacity], data: vec![empty; capacity], full: 0 }
     }
 
     /// Forgets all contacts.

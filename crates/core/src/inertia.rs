@@ -28,13 +28,7 @@ impl<R: Real> MassMatrix<R> {
 
     /// M by composite rigid bodies, plus armature, plus `damping_time` times the joint damping on the diagonal.
     #[inline(always)]
-    pub fn assemble(
-        &mut self,
-        plan: &Plan<R::Scalar>,
-        kinematics: &Kinematics<R>,
-        composite: &mut [Inertia<R>],
-        damping_time: R,
-    ) {
+    pub fn assemble(&mut self, plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, composite: &mut [Inertia<R>], damping_time: R) {
         composite.copy_from_slice(&kinematics.inertia);
         for l in (0..plan.links.len()).rev() {
             let link = &plan.links[l];

@@ -8,8 +8,8 @@ mod merge;
 
 use stepper_real::Scalar;
 
-use crate::model::{Activation, JointKind, Model, SensorKind, Transmission};
 pub use crate::model::Kernel;
+use crate::model::{Activation, JointKind, Model, SensorKind, Transmission};
 pub use collision::{GeomPlan, PairPlan};
 
 /// Everything of a model that a step reads, in the scalar type of its lanes.

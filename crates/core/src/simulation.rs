@@ -57,7 +57,14 @@ impl Simulation {
     }
 
     /// As [`Simulation::new`] on a CPU level that this machine has, whatever the environment variable says; options are taken as they are.
-    pub fn at_level(model: Arc<Model>, options: Options, num_envs: Option<usize>, precision: Precision, threads: usize, level: Level) -> Self {
+    pub fn at_level(
+        model: Arc<Model>,
+        options: Options,
+        num_envs: Option<usize>,
+        precision: Precision,
+        threads: usize,
+        level: Level,
+    ) -> Self {
         let n = num_envs.unwrap_or(1);
         let single = n == 1;
         let engine: Box<dyn Engine> = match precision {

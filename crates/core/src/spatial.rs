@@ -175,11 +175,8 @@ pub fn cross_force<R: Real>(v: &V6<R>, f: &V6<R>) -> V6<R> {
 pub fn apply_inertia<R: Real>(i: &Inertia<R>, m: &V6<R>) -> V6<R> {
     let first = [i[1], i[2], i[3]];
     let (w, v) = (angular(m), linear(m));
-    let second = [
-        i[4] * w[0] + i[7] * w[1] + i[8] * w[2],
-        i[7] * w[0] + i[5] * w[1] + i[9] * w[2],
-        i[8] * w[0] + i[9] * w[1] + i[6] * w[2],
-    ];
+    let second =
+        [i[4] * w[0] + i[7] * w[1] + i[8] * w[2], i[7] * w[0] + i[5] * w[1] + i[9] * w[2], i[8] * w[0] + i[9] * w[1] + i[6] * w[2]];
     spatial(add(second, cross(first, v)), sub(scale(v, i[0]), cross(first, w)))
 }
 

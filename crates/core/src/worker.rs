@@ -100,7 +100,11 @@ impl Stepped for f64 {
 
     fn run(call: &Call<'_, f64>, group: &mut Group<f64>, first: usize, level: Level, room: &mut (dyn Any + Send)) {
         // The scalar instantiation is the reference that every lane agrees with to the bit.
-        if group.lanes == 1 { run_group::<f64>(call, group, first, room) } else { at_level!(level, F64x8, run_group(call, group, first, room)) }
+        if group.lanes == 1 {
+            run_group::<f64>(call, group, first, room)
+        } else {
+            at_level!(level, F64x8, run_group(call, group, first, room))
+        }
     }
 }
 
@@ -164,7 +168,12 @@ fn load<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: us
         || {
             let lanes = R::LANES;
             s.alive = R::Mask::from_bits(group.alive);
-            for (x, from) in [(&mut s.q, &group.q), (&mut s.v, &group.v), (&mut s.act, &group.act), (&mut s.constraints.scalar_impulse, &group.scalar_impulse)] {
+            for (x, from) in [
+                (&mut s.q, &group.q),
+                (&mut s.v, &group.v),
+                (&mut s.act, &group.act),
+                (&mut s.constraints.scalar_impulse, &group.scalar_impulse),
+            ] {
                 for (x, from) in x.iter_mut().zip(from.chunks_exact(lanes)) {
                     *x = R::load(from);
                 }

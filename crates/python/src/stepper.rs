@@ -466,7 +466,8 @@ impl Stepper {
             ("force", "f8", vec![3]),
             ("frame", "f8", vec![3, 3]),
         ];
-        let dtype: Vec<_> = fields.iter().map(|(name, kind, shape)| PyTuple::new(py, shape).map(|s| (*name, *kind, s))).collect::<PyResult<_>>()?;
+        let dtype: Vec<_> =
+            fields.iter().map(|(name, kind, shape)| PyTuple::new(py, shape).map(|s| (*name, *kind, s))).collect::<PyResult<_>>()?;
         let out = numpy.call_method1("zeros", (contacts.len(), dtype))?;
         if contacts.is_empty() {
             return Ok(out);
@@ -479,7 +480,10 @@ impl Stepper {
         out.set_item("normal", column(&|k| contacts[k].1.normal.to_vec()))?;
         out.set_item("distance", contacts.iter().map(|c| c.1.distance).collect::<Vec<_>>())?;
         out.set_item("force", column(&|k| contacts[k].1.impulse.to_vec()))?;
-        out.set_item("frame", contacts.iter().map(|c| stepper_core::contacts::frame(c.1.normal).map(|r| r.to_vec()).to_vec()).collect::<Vec<_>>())?;
+        out.set_item(
+            "frame",
+            contacts.iter().map(|c| stepper_core::contacts::frame(c.1.normal).map(|r| r.to_vec()).to_vec()).collect::<Vec<_>>(),
+        )?;
         Ok(out)
     }
 

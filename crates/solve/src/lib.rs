@@ -18,6 +18,7 @@
 
 pub mod cone;
 mod contact;
+mod nncg;
 pub mod pgs;
 mod problem;
 mod residual;

@@ -4,7 +4,7 @@
 //! meets the tolerance, and from then on its mask keeps every one of its bits.
 
 use crate::cone::{clamp, keep};
-use crate::{Iterate, Problem, residual};
+use crate::{Iterate, Problem, nncg, residual};
 use stepper_real::{Mask, Real};
 
 /// When to stop.
@@ -37,13 +37,13 @@ pub fn solve<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: 
             let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero() };
             let (mut running, mut unsolved, mut threshold) = (lanes, lanes, tolerance);
             let limit = R::of(f64::from(settings.sweeps.max(1)));
-            iterate.begin_acceleration();
+            nncg::begin(iterate);
             while unsolved.any() {
                 let change = sweep(problem, iterate, running);
                 outcome.sweeps += keep(running, R::one());
                 running = running.and(change.gt(threshold)).and(outcome.sweeps.lt(limit));
                 if running.any() {
-                    iterate.accelerate(running);
+                    nncg::accelerate(iterate, running);
                     continue;
                 }
                 outcome.residual = R::select(unsolved, residual(problem, iterate), outcome.residual);

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use crate::ContactBlock;
+use crate::nncg::Direction;
 use stepper_real::{Mask, Real};
 
 /// A bounded scalar row: a joint limit (`0 <= lambda`), or dry friction (`|lambda| <= h f`).
@@ -187,18 +188,7 @@ pub struct Iterate<R: Real> {
     pub contacts: Vec<[R; 3]>,
     /// Multiplier of the friction disc in each contact, the starting point of the next local solve; 0 while it sticks.
     pub(crate) slip: Vec<R>,
-    direction: Direction<R>,
-}
-
-/// The search direction of the nonlinear conjugate gradients on top of the sweeps, in w and in the impulses.
-#[derive(Clone, Debug)]
-struct Direction<R: Real> {
-    /// |d|^2 of the sweep before.
-    length: R,
-    /// w, scalars and contacts before the sweep, and the direction in each.
-    w: [Vec<R>; 2],
-    scalars: [Vec<R>; 2],
-    contacts: [Vec<[R; 3]>; 2],
+    pub(crate) direction: Direction<R>,
 }
 
 impl<R: Real> Iterate<R> {
@@ -209,12 +199,7 @@ impl<R: Real> Iterate<R> {
             scalars: Vec::with_capacity(scalars),
             contacts: Vec::with_capacity(contacts),
             slip: Vec::with_capacity(contacts),
-            direction: Direction {
-                length: R::zero(),
-                w: [vec![R::zero(); dimension], vec![R::zero(); dimension]],
-                scalars: [Vec::with_capacity(scalars), Vec::with_capacity(scalars)],
-                contacts: [Vec::with_capacity(contacts), Vec::with_capacity(contacts)],
-            },
+            direction: Direction::with_capacity(dimension, scalars, contacts),
         }
     }
 
@@ -238,64 +223,4 @@ impl<R: Real> Iterate<R> {
         }
         self.slip.resize(problem.contacts.len(), R::zero());
     }
-
-    /// Forgets the search direction.
-    #[inline(always)]
-    pub(crate) fn begin_acceleration(&mut self) {
-        let d = &mut self.direction;
-        d.length = R::of(f64::INFINITY);
-        for (before, direction, now) in [(0, 1, &self.scalars)] {
-            d.scalars[before].clear();
-            d.scalars[before].extend_from_slice(now);
-            d.scalars[direction].clear();
-            d.scalars[direction].resize(now.len(), R::zero());
-        }
-        d.contacts[0].clear();
-        d.contacts[0].extend_from_slice(&self.contacts);
-        d.contacts[1].clear();
-        d.contacts[1].resize(self.contacts.len(), [R::zero(); 3]);
-        d.w[0].copy_from_slice(&self.w);
-        d.w[1].fill(R::zero());
-    }
-
-    /// Nonlinear nonsmooth conjugate gradients after a sweep (Silcowitz, Niebe & Erleben 2010, algorithm 2): with d the change that the
-    /// sweep made, beta = |d_k|^2 / |d_(k-1)|^2; lambda += beta p and p = beta p + d, or p = 0 where beta > 1.
-    ///
-    /// Lengths are those of w, which is the kinetic energy of the change.
-    #[inline(always)]
-    pub(crate) fn accelerate(&mut self, running: R::Mask) {
-        let (zero, one) = (R::zero(), R::one());
-        let d = &mut self.direction;
-        let mut length = zero;
-        for (&now, &before) in self.w.iter().zip(&d.w[0]) {
-            length += (now - before).square();
-        }
-        let beta = length / d.length;
-        let go = running.and(beta.le(one));
-        let beta = R::select(go, beta, zero);
-        d.length = R::select(running, length, d.length);
-        let [before, direction] = &mut d.w;
-        for ((x, before), p) in self.w.iter_mut().zip(before).zip(direction) {
-            (*x, *p, *before) = conjugate(*x, *before, *p, beta, go, running);
-        }
-        let [before, direction] = &mut d.scalars;
-        for ((x, before), p) in self.scalars.iter_mut().zip(before).zip(direction) {
-            (*x, *p, *before) = conjugate(*x, *before, *p, beta, go, running);
-        }
-        let [before, direction] = &mut d.contacts;
-        for ((x, before), p) in self.contacts.iter_mut().zip(before).zip(direction) {
-            for k in 0..3 {
-                (x[k], p[k], before[k]) = conjugate(x[k], before[k], p[k], beta, go, running);
-            }
-        }
-    }
-}
-
-/// One coordinate of the accelerated iterate, of its direction, and of the iterate before the next sweep. Lanes that rest keep every bit.
-#[inline(always)]
-fn conjugate<R: Real>(x: R, before: R, p: R, beta: R, go: R::Mask, running: R::Mask) -> (R, R, R) {
-    let d = x - before;
-    let next = R::select(go, x + beta * p, x);
-    let direction = R::select(go, beta * p + d, R::zero());
-    (next, R::select(running, direction, p), R::select(running, next, before))
 }

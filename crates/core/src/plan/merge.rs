@@ -216,12 +216,7 @@ pub(crate) fn mocap<S: Scalar>(model: &Model, merged: &Merged) -> Vec<MocapPlan<
 pub(crate) fn bodies<S: Scalar>(model: &Model, merged: &Merged) -> Vec<BodyPlan<S>> {
     let plan = |b: usize| {
         let com = merged.pos[b] + merged.quat[b] * vector(model.bodies[b].ipos);
-        BodyPlan {
-            frame: merged.frame[b],
-            pos: scalars(merged.pos[b].into()),
-            mat: matrix(&merged.quat[b]),
-            com: scalars(com.into()),
-        }
+        BodyPlan { frame: merged.frame[b], pos: scalars(merged.pos[b].into()), mat: matrix(&merged.quat[b]), com: scalars(com.into()) }
     };
     (0..model.bodies.len()).map(plan).collect()
 }

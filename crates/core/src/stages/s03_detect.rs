@@ -180,7 +180,15 @@ impl<R: Real> Scene<'_, R> {
 
     /// Takes the point up in the lanes where it can touch within the step.
     #[inline(always)]
-    fn offer(&self, index: usize, feature: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, mut point: ContactPoint<R>, contacts: &mut Contacts<R>) {
+    fn offer(
+        &self,
+        index: usize,
+        feature: usize,
+        pair: &PairPlan<R::Scalar>,
+        near: R::Mask,
+        mut point: ContactPoint<R>,
+        contacts: &mut Contacts<R>,
+    ) {
         point.distance -= R::splat(pair.margin);
         // Nothing moves further than the bound, so the exact test is needed only below it.
         let [a, b] = pair.geoms;

@@ -212,11 +212,8 @@ impl<R: Real> Constraints<R> {
                 - R::select(R::Mask::from_bits(self.minus[d]), R::one(), R::zero());
             let motion = velocity_at(&kinematics.axes[d], arm);
             // Adding zero turns -0 into 0, so that a lane's bits do not depend on what its neighbours touch.
-            let j = [
-                dot(axes[0], motion) * sign + R::zero(),
-                dot(axes[1], motion) * sign + R::zero(),
-                dot(axes[2], motion) * sign + R::zero(),
-            ];
+            let j =
+                [dot(axes[0], motion) * sign + R::zero(), dot(axes[1], motion) * sign + R::zero(), dot(axes[2], motion) * sign + R::zero()];
             free = add_scaled(free, j, moment.v_free[d]);
             before += j[0] * moment.v[d];
             self.column[d] = j;

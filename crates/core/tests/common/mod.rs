@@ -9,7 +9,7 @@ use stepper_core::{Level, Options, Precision, Simulation};
 
 /// A walker: a floating trunk with four two-joint legs with limits, a ball-jointed tail, dry friction, servos with activation, and loose
 /// objects of every colliding shape.
-pub fn walker() -> Arc<Model> {
+pub(crate) fn walker() -> Arc<Model> {
     let mut scene = Model::builder("walker");
     scene.timestep(0.004).geom(WORLD, GeomBuilder::plane("floor").friction([0.8, 0.0, 0.0]).restitution(0.3));
     let trunk = BodyBuilder::new("trunk").pos([0.0, 0.0, 0.6]).joint(JointBuilder::free("root"));
@@ -46,7 +46,7 @@ pub fn walker() -> Arc<Model> {
 }
 
 /// A pseudo-random number in [-1, 1], the same on every machine.
-pub fn noise(seed: u64) -> f64 {
+pub(crate) fn noise(seed: u64) -> f64 {
     let mut x = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ 0xD1B5_4A32_D192_ED03;
     x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
@@ -54,7 +54,7 @@ pub fn noise(seed: u64) -> f64 {
 }
 
 /// A start for environment `env`, different in each.
-pub fn start(model: &Model, env: usize) -> (Vec<f64>, Vec<f64>) {
+pub(crate) fn start(model: &Model, env: usize) -> (Vec<f64>, Vec<f64>) {
     let mut q = model.qpos0.clone();
     for (i, x) in q.iter_mut().enumerate() {
         *x += 0.1 * noise((env * 1000 + i) as u64);
@@ -64,12 +64,20 @@ pub fn start(model: &Model, env: usize) -> (Vec<f64>, Vec<f64>) {
 }
 
 /// Controls of environment `env` in call `call`.
-pub fn action(model: &Model, env: usize, call: usize) -> Vec<f64> {
+pub(crate) fn action(model: &Model, env: usize, call: usize) -> Vec<f64> {
     (0..model.nu()).map(|i| noise((env * 7919 + call * 104_729 + i) as u64)).collect()
 }
 
 /// Environments `envs` of the walker as one batch, stepped `calls` times `nstep`; the bits of every environment's state and certificate.
-pub fn run(model: &Arc<Model>, options: Options, envs: &[usize], precision: Precision, threads: usize, level: Level, calls: usize) -> Vec<Vec<u64>> {
+pub(crate) fn run(
+    model: &Arc<Model>,
+    options: Options,
+    envs: &[usize],
+    precision: Precision,
+    threads: usize,
+    level: Level,
+    calls: usize,
+) -> Vec<Vec<u64>> {
     let mut sim = Simulation::at_level(model.clone(), options, Some(envs.len()), precision, threads, level);
     for (e, &env) in envs.iter().enumerate() {
         let (q, v) = start(model, env);
@@ -84,7 +92,7 @@ pub fn run(model: &Arc<Model>, options: Options, envs: &[usize], precision: Prec
 }
 
 /// Every bit of an environment that a user can read.
-pub fn bits(sim: &Simulation, env: usize) -> Vec<u64> {
+pub(crate) fn bits(sim: &Simulation, env: usize) -> Vec<u64> {
     let model = sim.model();
     let mut all = Vec::new();
     for (field, n) in [(Field::Qpos, model.nq()), (Field::Qvel, model.nv()), (Field::Act, model.na())] {

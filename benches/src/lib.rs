@@ -1,0 +1,10 @@
+//! What the benches share: robots made in code, runs that start again from the same state, a clock, and rapier as a peer.
+//!
+//! All times are processor time of one thread pinned to one core: what else the machine does costs nothing but cache.
+
+pub mod clock;
+pub mod episode;
+pub mod peers;
+pub mod report;
+pub mod rig;
+pub mod scenes;

@@ -1,0 +1,1 @@
+//! Figures of a run as a table and as a file to compare with.

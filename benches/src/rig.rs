@@ -1,0 +1,311 @@
+//! A step taken apart: the same stages that [`stepper_core::step::step`] calls, each to be repeated on its own.
+
+use std::hint::black_box;
+
+use stepper_core::Options;
+use stepper_core::constraints::{Constraints, Moment};
+use stepper_core::contacts::Contacts;
+use stepper_core::inertia::{MassMatrix, NewtonEuler, bias_force};
+use stepper_core::kinematics::{Kinematics, advance, displace};
+use stepper_core::plan::Plan;
+use stepper_core::spatial::{Inertia, zero};
+use stepper_core::stages::s01_actuate::actuate;
+use stepper_core::stages::s02_smooth::Smooth;
+use stepper_core::stages::s03_detect::{GeomPoses, detect};
+use stepper_core::stages::s05_solve::solve;
+use stepper_core::stages::s06_integrate_velocity::integrate_velocity;
+use stepper_core::stages::s07_integrate_position::integrate_position;
+use stepper_real::{Mask, Real, Scalar};
+
+use crate::episode::Episode;
+use crate::scenes::Scene;
+
+/// A part of a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// Half a step along the velocity, to where forces are taken.
+    Displace,
+    /// Poses, axes and inertias.
+    Kinematics,
+    /// Mass matrix and its factors.
+    Mass,
+    /// Actuators, bias force and free velocity: twice, as the midpoint rule wants.
+    FreeMotion,
+    /// Contacts and their warm start.
+    Detect,
+    /// Rows of contacts and limits.
+    Assemble,
+    /// Impulses.
+    Solve,
+    /// Impulses to velocities.
+    Velocity,
+    /// Velocities to configurations.
+    Position,
+    /// Part of `Mass`: the matrix alone.
+    MassMatrix,
+    /// Part of `Mass`: a copy of the matrix and its factors.
+    Factor,
+    /// Part of `FreeMotion`, once of twice: actuators and springs.
+    Actuate,
+    /// Part of `FreeMotion`, once of twice: recursive Newton-Euler.
+    BiasForce,
+    /// Part of `FreeMotion`, once of twice: Newton-Euler and the solve with the factors.
+    Acceleration,
+    /// All of [`Part::STEP`] in turn.
+    Step,
+}
+
+impl Part {
+    /// What a step is made of, in order.
+    pub const STEP: [Part; 9] = [
+        Part::Displace,
+        Part::Kinematics,
+        Part::Mass,
+        Part::FreeMotion,
+        Part::Detect,
+        Part::Assemble,
+        Part::Solve,
+        Part::Velocity,
+        Part::Position,
+    ];
+    /// A closer look at some of them, and all together.
+    pub const CLOSER: [Part; 6] = [Part::MassMatrix, Part::Factor, Part::Actuate, Part::BiasForce, Part::Acceleration, Part::Step];
+
+    /// Name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Part::Displace => "1 displace",
+            Part::Kinematics => "2 kinematics",
+            Part::Mass => "3 mass and factors",
+            Part::FreeMotion => "4 free motion",
+            Part::Detect => "5 detect",
+            Part::Assemble => "6 assemble",
+            Part::Solve => "7 solve",
+            Part::Velocity => "8 velocity",
+            Part::Position => "9 position",
+            Part::MassMatrix => "3a mass matrix",
+            Part::Factor => "3b factors",
+            Part::Actuate => "4a actuate (of 2)",
+            Part::BiasForce => "4b bias force (of 2)",
+            Part::Acceleration => "4c acceleration (of 2)",
+            Part::Step => "all stages",
+        }
+    }
+}
+
+/// A group of lanes in the midst of a midpoint step.
+#[derive(Clone, Debug)]
+pub struct Rig<R: Real> {
+    /// Configuration.
+    pub q: Vec<R>,
+    /// Velocity.
+    pub v: Vec<R>,
+    options: Options,
+    ctrl: Vec<R>,
+    alive: R::Mask,
+    kinematics: Kinematics<R>,
+    smooth: Smooth<R>,
+    poses: GeomPoses<R>,
+    last: Contacts<R>,
+    contacts: Contacts<R>,
+    constraints: Constraints<R>,
+    warm_scalars: Vec<R>,
+    warm_contacts: Vec<[R; 3]>,
+    mass: MassMatrix<R>,
+    matrix: Vec<R>,
+    composite: Vec<Inertia<R>>,
+    recursion: NewtonEuler<R>,
+    bias: Vec<R>,
+    tau: Vec<R>,
+    none: Vec<R>,
+    q_eval: Vec<R>,
+    q_next: Vec<R>,
+    v_mean: Vec<R>,
+    v_free: Vec<R>,
+    v_next: Vec<R>,
+    w: Vec<R>,
+}
+
+impl<R: Real> Rig<R> {
+    /// As many environments as there are lanes, in the state and with the first control of an episode; warm starts are cold.
+    pub fn new(plan: &Plan<R::Scalar>, episode: &Episode) -> Self {
+        use stepper_core::batch::Field;
+        let zeros = |n: usize| vec![R::zero(); n];
+        let room = plan.contact_points.min(16 + 4 * plan.links.len());
+        let mut rig = Self {
+            q: zeros(plan.nq),
+            v: zeros(plan.nv),
+            options: *episode.simulation().options(),
+            ctrl: zeros(plan.actuators.len()),
+            alive: R::Mask::splat(true),
+            kinematics: Kinematics::new(plan),
+            smooth: Smooth::new(plan),
+            poses: GeomPoses::new(plan),
+            last: Contacts::new(room),
+            contacts: Contacts::new(room),
+            constraints: Constraints::new(plan, room),
+            warm_scalars: vec![],
+            warm_contacts: vec![],
+            mass: MassMatrix::new(plan),
+            matrix: zeros(plan.chain.len()),
+            composite: vec![zero(); plan.links.len()],
+            recursion: NewtonEuler::new(plan),
+            bias: zeros(plan.nv),
+            tau: zeros(plan.nv),
+            none: zeros(plan.nv),
+            q_eval: zeros(plan.nq),
+            q_next: zeros(plan.nq),
+            v_mean: zeros(plan.nv),
+            v_free: zeros(plan.nv),
+            v_next: zeros(plan.nv),
+            w: zeros(plan.nv),
+        };
+        for lane in 0..R::LANES {
+            for (field, to) in [(Field::Qpos, &mut rig.q), (Field::Qvel, &mut rig.v)] {
+                let mut values = vec![0.0; to.len()];
+                episode.simulation().get(field, lane, &mut values);
+                set_lane(lane, &values, to);
+            }
+        }
+        rig.control(&episode.controls()[0]);
+        rig
+    }
+
+    /// Sets the controls, environment-major.
+    pub fn control(&mut self, rows: &[f64]) {
+        let n = self.ctrl.len();
+        for lane in 0..R::LANES {
+            set_lane(lane, &rows[lane * n..(lane + 1) * n], &mut self.ctrl);
+        }
+    }
+
+    /// Makes a step.
+    pub fn step(&mut self, plan: &Plan<R::Scalar>) {
+        self.once(plan, Part::Step);
+        std::mem::swap(&mut self.q, &mut self.q_next);
+        std::mem::swap(&mut self.v, &mut self.v_next);
+        std::mem::swap(&mut self.last, &mut self.contacts);
+    }
+
+    /// Does a part over and over at the same moment.
+    pub fn repeat(&mut self, plan: &Plan<R::Scalar>, part: Part, times: u64) {
+        // What the part reads is made before.
+        self.once(plan, Part::Step);
+        let limits = self.constraints.scalar_impulse.clone();
+        for _ in 0..times {
+            self.once(black_box(plan), part);
+            if part == Part::Step {
+                self.constraints.scalar_impulse.copy_from_slice(&limits);
+            }
+        }
+    }
+
+    #[inline(never)]
+    fn once(&mut self, plan: &Plan<R::Scalar>, part: Part) {
+        let h = R::of(self.options.timestep);
+        let half = R::of(0.5 * self.options.timestep);
+        match part {
+            Part::Displace => displace(plan, &self.q, &self.v, half, &mut self.q_eval),
+            Part::Kinematics => self.kinematics.update(plan, &self.q_eval),
+            Part::Mass => self.smooth.factor_mass(plan, &self.kinematics, half),
+            Part::FreeMotion => self.free_motion(plan, h, half),
+            Part::Detect => {
+                detect(plan, &self.kinematics, &self.v_free, h, self.alive, &mut self.poses, &mut self.contacts);
+                self.contacts.prepare(&self.last);
+            }
+            Part::Assemble => {
+                let moment = Moment { q: &self.q_eval, v: &self.v, v_free: &self.v_free, h, alive: self.alive };
+                self.constraints.assemble(plan, &self.options, &self.kinematics, &self.smooth.mass, &moment, &mut self.contacts);
+                self.warm_scalars.clone_from(&self.constraints.iterate.scalars);
+                self.warm_contacts.clone_from(&self.constraints.iterate.contacts);
+            }
+            Part::Solve => self.solve(),
+            Part::Velocity => {
+                self.w.copy_from_slice(&self.constraints.iterate.w);
+                integrate_velocity(plan, &self.smooth.mass, &self.v_free, &mut self.w, &mut self.v_next);
+            }
+            Part::Position => integrate_position(plan, &self.q_eval, &self.v_next, half, &mut self.q_next),
+            Part::MassMatrix => self.mass_matrix(plan, half),
+            Part::Factor => self.factor(plan),
+            Part::Actuate => actuate(plan, &self.q_eval, &self.v, &[], &self.ctrl, &mut self.tau),
+            Part::BiasForce => self.bias_force(plan),
+            Part::Acceleration => {
+                self.smooth.acceleration(plan, &self.kinematics, [&self.tau, &self.none], &self.v, &self.v);
+            }
+            Part::Step => Part::STEP.into_iter().for_each(|part| self.once(plan, part)),
+        }
+    }
+
+    fn free_motion(&mut self, plan: &Plan<R::Scalar>, h: R, half: R) {
+        actuate(plan, &self.q_eval, &self.v, &[], &self.ctrl, &mut self.tau);
+        self.smooth.acceleration(plan, &self.kinematics, [&self.tau, &self.none], &self.v, &self.v);
+        advance(&self.v, &self.smooth.acc, half, &mut self.v_mean);
+        actuate(plan, &self.q_eval, &self.v_mean, &[], &self.ctrl, &mut self.tau);
+        self.smooth.acceleration(plan, &self.kinematics, [&self.tau, &self.none], &self.v, &self.v_mean);
+        advance(&self.v, &self.smooth.acc, h, &mut self.v_free);
+    }
+
+    /// Solves from the warm start that the assembly made, every time.
+    fn solve(&mut self) {
+        let Constraints { problem, iterate, .. } = &mut self.constraints;
+        R::vectorize(
+            #[inline(always)]
+            || {
+                iterate.clear();
+                iterate.scalars.extend_from_slice(&self.warm_scalars);
+                iterate.contacts.extend_from_slice(&self.warm_contacts);
+                iterate.start(problem);
+            },
+        );
+        solve(&self.options, &mut self.constraints, &mut self.contacts);
+    }
+
+    fn mass_matrix(&mut self, plan: &Plan<R::Scalar>, half: R) {
+        R::vectorize(
+            #[inline(always)]
+            || self.mass.assemble(plan, &self.kinematics, &mut self.composite, half),
+        );
+    }
+
+    fn factor(&mut self, plan: &Plan<R::Scalar>) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                self.mass.entries.copy_from_slice(&self.matrix);
+                self.mass.factor(plan);
+            },
+        );
+    }
+
+    fn bias_force(&mut self, plan: &Plan<R::Scalar>) {
+        R::vectorize(
+            #[inline(always)]
+            || bias_force(plan, &self.kinematics, &self.v, &mut self.recursion, &mut self.bias),
+        );
+    }
+}
+
+fn set_lane<R: Real>(lane: usize, values: &[f64], to: &mut [R]) {
+    for (to, &x) in to.iter_mut().zip(values) {
+        to.set_lane(lane, Scalar::from_f64(x));
+    }
+}
+
+/// The same group at several moments of an episode, so that no single one of them is typical for all.
+pub fn moments<R: Real>(plan: &Plan<R::Scalar>, scene: &Scene, count: usize) -> Vec<Rig<R>> {
+    use stepper_core::{Level, Precision};
+    let episode = Episode::new(scene, 0, R::LANES, Precision::F64, Level::Baseline);
+    let mut rig = Rig::new(plan, &episode);
+    let calls = episode.controls().iter().cycle().take(count);
+    calls
+        .map(|control| {
+            rig.control(control);
+            (0..Episode::hold()).for_each(|_| rig.step(plan));
+            let mut moment = rig.clone();
+            moment.once(plan, Part::Step);
+            moment.mass_matrix(plan, R::of(0.5 * moment.options.timestep));
+            moment.matrix.copy_from_slice(&moment.mass.entries);
+            moment
+        })
+        .collect()
+}

@@ -1,0 +1,36 @@
+//! A whole step of robots in contact: one environment in `f64`, 64 in lanes on every CPU level. Times are per environment step.
+
+use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
+use std::time::Duration;
+use stepper_benches::clock::{Run, pin};
+use stepper_benches::episode::{lanes, single};
+use stepper_benches::scenes::Scene;
+use stepper_core::{Level, Precision};
+
+fn steps(c: &mut Criterion) {
+    pin();
+    for scene in Scene::all() {
+        bench(c, scene.name, "f64", || single(&scene));
+        for &level in Level::available() {
+            bench(c, scene.name, &format!("F64x8 {level}"), || lanes(&scene, Precision::F64, level));
+            bench(c, scene.name, &format!("F32x16 {level}"), || lanes(&scene, Precision::F32, level));
+        }
+    }
+}
+
+/// One run, made when it is its turn. An element is a step of an environment.
+fn bench<T: Run>(c: &mut Criterion, scene: &str, name: &str, make: impl Fn() -> T) {
+    let mut run = None;
+    let mut group = c.benchmark_group(scene);
+    group.sample_size(10).sampling_mode(SamplingMode::Flat).warm_up_time(Duration::from_millis(200));
+    group.measurement_time(Duration::from_secs(1));
+    // All runs of a kind make the same number of steps per environment.
+    group.throughput(Throughput::Elements(if name == "f64" { 800 } else { 6400 }));
+    group.bench_function(name, |b| {
+        let run = run.get_or_insert_with(&make);
+        b.iter_custom(|times| run.time(times));
+    });
+}
+
+criterion_group!(benches, steps);
+criterion_main!(benches);

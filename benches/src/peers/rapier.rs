@@ -65,7 +65,7 @@ fn chain(world: &mut PhysicsWorld, links: usize) -> Vec<RigidBodyHandle> {
 }
 
 fn sliding_box(world: &mut PhysicsWorld) -> RigidBodyHandle {
-    let floor = ColliderBuilder::halfspace(Vector::Z).friction(BOX_FRICTION);
+    let floor = ColliderBuilder::new(SharedShape::halfspace(Vector::Z)).friction(BOX_FRICTION);
     world.insert(RigidBodyBuilder::fixed(), floor);
     let [x, y, z] = BOX_HALF;
     let body = RigidBodyBuilder::dynamic().translation(Vector::new(0.0, 0.0, z)).linvel(Vector::new(BOX_SPEED, 0.0, 0.0));

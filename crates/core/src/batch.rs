@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use stepper_real::Level;
 
+use crate::contacts::ContactId;
 use crate::model::Model;
 use crate::options::Options;
 use crate::plan::Plan;
@@ -228,28 +229,24 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
     }
 
     fn save(&self) -> Vec<u8> {
-        postcard::to_stdvec(&Saved { num_envs: self.num_envs, groups: self.groups.clone() }).expect("numbers serialise")
+        postcard::to_stdvec(&Saved { num_envs: self.num_envs, groups: self.groups.iter().map(Group::canonical).collect() })
+            .expect("numbers serialise")
     }
 
     fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
         let saved: Saved<S> = postcard::from_bytes(bytes).map_err(|e| format!("not a state of this version: {e}"))?;
-        let same = |a: &Group<S>, b: &Group<S>| {
-            a.lanes == b.lanes
-                && [
-                    (&a.q, &b.q),
-                    (&a.v, &b.v),
-                    (&a.act, &b.act),
-                    (&a.scalar_impulse, &b.scalar_impulse),
-                    (&a.contact_data, &b.contact_data),
-                ]
-                .iter()
-                .all(|(a, b)| a.len() == b.len())
-        };
         if saved.num_envs != self.num_envs {
             return Err(format!("a state of {} environments, this stepper has {}", saved.num_envs, self.num_envs));
         }
-        if saved.groups.len() != self.groups.len() || !saved.groups.iter().zip(&self.groups).all(|(a, b)| same(a, b)) {
+        if saved.groups.len() != self.groups.len() || !saved.groups.iter().zip(&self.groups).all(|(a, b)| a.fits(b)) {
             return Err("a state of another model, precision or max_contacts".into());
+        }
+        let contacts_exist = |g: &Group<S>| {
+            let known = |&id: &u32| ContactId(id).pair() < self.plan.pairs.len().max(1);
+            g.contact_count.iter().all(|&n| n as usize <= self.max_contacts) && g.contact_ids.iter().all(known)
+        };
+        if !saved.groups.iter().all(contacts_exist) {
+            return Err("its contacts belong to no pair of this model: the bytes are damaged".into());
         }
         self.groups = saved.groups;
         Ok(())

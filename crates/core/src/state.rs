@@ -78,6 +78,32 @@ impl<S: Scalar> Group<S> {
         self.iterations[lane] = S::default();
     }
 
+    /// Whether two groups are of the same shape.
+    pub fn fits(&self, other: &Self) -> bool {
+        let sizes = |g: &Self| {
+            let numbers = [&g.q, &g.v, &g.act, &g.scalar_impulse, &g.contact_data, &g.residual, &g.iterations].map(Vec::len);
+            (g.lanes, g.alive, numbers, [&g.contact_count, &g.contact_ids, &g.status].map(Vec::len), g.time.len())
+        };
+        sizes(self) == sizes(other)
+    }
+
+    /// The same state in one form only: what nobody can read is zero.
+    pub fn canonical(&self) -> Self {
+        let mut group = self.clone();
+        let lanes = self.lanes;
+        for lane in 0..lanes {
+            if self.alive >> lane & 1 == 0 {
+                group.forget(lane);
+                group.time[lane] = 0.0;
+            }
+            let held = group.contact_count[lane] as usize;
+            group.contact_ids.iter_mut().skip(held * lanes + lane).step_by(lanes).for_each(|x| *x = 0);
+            let unused = group.contact_data.iter_mut().skip(held * CONTACT_NUMBERS * lanes + lane);
+            unused.step_by(lanes).for_each(|x| *x = S::default());
+        }
+        group
+    }
+
     /// Contacts of the last step of a lane.
     pub fn contacts(&self, lane: usize) -> impl Iterator<Item = StoredContact> + '_ {
         (0..self.contact_count[lane] as usize).map(move |k| {

@@ -43,6 +43,11 @@ impl Episode {
         &self.simulation
     }
 
+    /// The environments, to be stepped otherwise.
+    pub fn simulation_mut(&mut self) -> &mut Simulation {
+        &mut self.simulation
+    }
+
     /// The controls of the run, call by call, environment-major; each is held for [`Episode::hold`] steps.
     pub fn controls(&self) -> &[Vec<f64>] {
         &self.controls

@@ -1,1 +1,189 @@
-//! Figures of a run as a table and as a file to compare with.
+//! Ratios of speeds, measured in one run, as a table and as a file to compare with.
+//!
+//! Microseconds belong to a machine and its mood; ratios of runs that took turns carry over better, so they are what is kept and compared.
+
+use std::io;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use stepper_core::{Level, Precision};
+
+use crate::clock::{Run, medians};
+use crate::episode::{lanes, single};
+use crate::peers::{Course, entries};
+use crate::scenes::Scene;
+
+/// All that a run found out.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Report {
+    /// Where and how it was measured.
+    pub machine: Machine,
+    /// Whole steps of every scene.
+    pub steps: Vec<Group>,
+    /// Engines and settings of every course.
+    pub peers: Vec<Group>,
+}
+
+/// Where and how a report was measured.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Machine {
+    /// Model of the processor.
+    pub cpu: String,
+    /// Processors of the machine.
+    pub cores: usize,
+    /// CPU levels, slowest first.
+    pub levels: Vec<String>,
+    /// Compiler.
+    pub rustc: String,
+    /// State of the repository.
+    pub commit: String,
+    /// Repeats that the medians are of.
+    pub rounds: usize,
+}
+
+/// Rows that are compared with the first of them.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Group {
+    /// Scene or course.
+    pub name: String,
+    /// Names of the errors, if errors were measured.
+    pub measures: Option<[String; 2]>,
+    /// The first is what the others are compared with.
+    pub rows: Vec<Row>,
+}
+
+/// One engine, lane type or setting.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Row {
+    /// Which.
+    pub name: String,
+    /// Median of the processor time per environment step, us.
+    pub micros: f64,
+    /// How many times as fast as the first row.
+    pub ratio: f64,
+    /// Errors, if they were measured.
+    pub errors: Option<[f64; 2]>,
+}
+
+impl Report {
+    /// Measures everything, `rounds` times in turns.
+    pub fn measure(rounds: usize) -> Self {
+        Self {
+            machine: Machine::this(rounds),
+            steps: Scene::all().iter().map(|scene| steps(scene, rounds)).collect(),
+            peers: Course::ALL.into_iter().map(|course| peers(course, rounds)).collect(),
+        }
+    }
+
+    /// Prints tables; beside each ratio what it was in `before`, where that has it.
+    pub fn print(&self, before: Option<&Self>) {
+        let m = &self.machine;
+        println!("{}, {} cores, one used; levels {}; {}; commit {}", m.cpu, m.cores, m.levels.join(", "), m.rustc, m.commit);
+        println!("medians of {} rounds of processor time, per environment step", m.rounds);
+        for group in self.steps.iter().chain(&self.peers) {
+            group.print(before.and_then(|b| b.group(&group.name)));
+        }
+    }
+
+    fn group(&self, name: &str) -> Option<&Group> {
+        self.steps.iter().chain(&self.peers).find(|g| g.name == name)
+    }
+
+    /// Writes the report as JSON.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn save(&self, path: &Path) -> io::Result<()> {
+        std::fs::write(path, serde_json::to_string_pretty(self)? + "\n")
+    }
+
+    /// Reads a report.
+    ///
+    /// # Errors
+    /// When there is none in the file.
+    pub fn load(path: &Path) -> io::Result<Self> {
+        Ok(serde_json::from_str(&std::fs::read_to_string(path)?)?)
+    }
+}
+
+impl Machine {
+    fn this(rounds: usize) -> Self {
+        let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+        let model = info.lines().find_map(|l| l.strip_prefix("model name")).and_then(|l| l.split_once(": "));
+        Self {
+            cpu: model.map_or_else(|| std::env::consts::ARCH.into(), |(_, name)| name.into()),
+            cores: info.lines().filter(|l| l.starts_with("processor")).count(),
+            levels: Level::available().iter().map(Level::to_string).collect(),
+            rustc: says("rustc", &["--version"]),
+            commit: says("git", &["describe", "--always", "--dirty"]),
+            rounds,
+        }
+    }
+}
+
+/// The first line that a program prints, or that it is unknown.
+fn says(program: &str, arguments: &[&str]) -> String {
+    let output = std::process::Command::new(program).args(arguments).current_dir(env!("CARGO_MANIFEST_DIR")).output();
+    let text = output.map(|o| String::from_utf8_lossy(&o.stdout).trim().to_owned()).unwrap_or_default();
+    if text.is_empty() { "unknown".into() } else { text }
+}
+
+impl Group {
+    fn new(name: String, measures: Option<[String; 2]>, rows: Vec<(String, f64, Option<[f64; 2]>)>) -> Self {
+        let first = rows.first().map_or(0.0, |&(_, micros, _)| micros);
+        let row = |(name, micros, errors)| Row { name, micros, ratio: first / micros, errors };
+        Self { name, measures, rows: rows.into_iter().map(row).collect() }
+    }
+
+    fn print(&self, before: Option<&Self>) {
+        let [a, b] = self.measures.clone().unwrap_or_default();
+        println!("\n{:<48}{:>10}{:>9}{:>9}{a:>20}{b:>20}", self.name, "us", "ratio", if before.is_some() { "was" } else { "" });
+        for row in &self.rows {
+            let was =
+                before.and_then(|b| b.rows.iter().find(|r| r.name == row.name)).map(|r| format!("{:.2}", r.ratio)).unwrap_or_default();
+            let errors = row.errors.map(|[a, b]| format!("{a:>20.1e}{b:>20.1e}")).unwrap_or_default();
+            println!("  {:<46}{:>10.3}{:>9.2}{was:>9}{errors}", row.name, row.micros, row.ratio);
+        }
+    }
+}
+
+fn steps(scene: &Scene, rounds: usize) -> Group {
+    let mut alone = single(scene);
+    let (mut names, mut batches) = (vec!["f64".to_owned()], vec![]);
+    for &level in Level::available() {
+        for (lane, precision) in [("F64x8", Precision::F64), ("F32x16", Precision::F32)] {
+            names.push(format!("{lane} {level}"));
+            batches.push(lanes(scene, precision, level));
+        }
+    }
+    let mut runs: Vec<&mut dyn Run> = vec![&mut alone];
+    runs.extend(batches.iter_mut().map(|b| b as &mut dyn Run));
+    let times = medians(&mut runs, rounds);
+    Group::new(scene.name.into(), None, names.into_iter().zip(times).map(|(name, t)| (name, t, None)).collect())
+}
+
+fn peers(course: Course, rounds: usize) -> Group {
+    let mut entries = entries(course);
+    let mut runs: Vec<&mut dyn Run> = entries.iter_mut().map(|e| &mut *e.engine as &mut dyn Run).collect();
+    let times = medians(&mut runs, rounds);
+    let rows = entries.into_iter().zip(times).map(|(e, t)| (e.name, t, Some(e.errors))).collect();
+    let name = format!("{}, dt {} s, beside rapier", course.name(), course.timestep());
+    Group::new(name, Some(course.measures().map(Into::into)), rows)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ratios_are_against_the_first_row_and_survive_a_file() {
+        let group = Group::new("scene".into(), None, vec![("slow".into(), 3.0, None), ("fast".into(), 1.5, Some([1e-3, 0.0]))]);
+        assert_eq!((group.rows[0].ratio, group.rows[1].ratio), (1.0, 2.0));
+        let report = Report { machine: Machine::this(1), steps: vec![group], peers: vec![] };
+        let path = std::env::temp_dir().join(format!("stepper-ratios-{}.json", std::process::id()));
+        report.save(&path).unwrap();
+        let back = Report::load(&path).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        assert_eq!(back.group("scene").unwrap().rows[1].errors, Some([1e-3, 0.0]));
+    }
+}

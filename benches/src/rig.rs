@@ -1,4 +1,7 @@
-//! A step taken apart: the same stages that [`stepper_core::step::step`] calls, each to be repeated on its own.
+//! A step taken apart: the stages that [`stepper_core::step::step`] calls, each to be repeated on its own.
+//!
+//! The step may call a stage more than once; put together here they make a plain step of the midpoint rule without a corrector, which is
+//! only good for getting to the next moment.
 
 use std::hint::black_box;
 
@@ -29,66 +32,62 @@ pub enum Part {
     Kinematics,
     /// Mass matrix and its factors.
     Mass,
-    /// Actuators, bias force and free velocity: twice, as the midpoint rule wants.
-    FreeMotion,
+    /// Of it, the matrix alone.
+    MassMatrix,
+    /// Of it, a copy of the matrix and its factors.
+    Factor,
+    /// Actuators and springs.
+    Actuate,
+    /// Newton-Euler and the solve with the factors.
+    Acceleration,
+    /// Of it, recursive Newton-Euler alone.
+    BiasForce,
     /// Contacts and their warm start.
     Detect,
     /// Rows of contacts and limits.
     Assemble,
-    /// Impulses.
+    /// Impulses, from the warm start.
     Solve,
     /// Impulses to velocities.
     Velocity,
     /// Velocities to configurations.
     Position,
-    /// Part of `Mass`: the matrix alone.
-    MassMatrix,
-    /// Part of `Mass`: a copy of the matrix and its factors.
-    Factor,
-    /// Part of `FreeMotion`, once of twice: actuators and springs.
-    Actuate,
-    /// Part of `FreeMotion`, once of twice: recursive Newton-Euler.
-    BiasForce,
-    /// Part of `FreeMotion`, once of twice: Newton-Euler and the solve with the factors.
-    Acceleration,
-    /// All of [`Part::STEP`] in turn.
-    Step,
 }
 
 impl Part {
-    /// What a step is made of, in order.
-    pub const STEP: [Part; 9] = [
+    /// All of them, in the order of a step.
+    pub const ALL: [Part; 13] = [
         Part::Displace,
         Part::Kinematics,
         Part::Mass,
-        Part::FreeMotion,
+        Part::MassMatrix,
+        Part::Factor,
+        Part::Actuate,
+        Part::Acceleration,
+        Part::BiasForce,
         Part::Detect,
         Part::Assemble,
         Part::Solve,
         Part::Velocity,
         Part::Position,
     ];
-    /// A closer look at some of them, and all together.
-    pub const CLOSER: [Part; 6] = [Part::MassMatrix, Part::Factor, Part::Actuate, Part::BiasForce, Part::Acceleration, Part::Step];
 
     /// Name in reports.
     pub fn name(self) -> &'static str {
         match self {
-            Part::Displace => "1 displace",
-            Part::Kinematics => "2 kinematics",
-            Part::Mass => "3 mass and factors",
-            Part::FreeMotion => "4 free motion",
-            Part::Detect => "5 detect",
-            Part::Assemble => "6 assemble",
-            Part::Solve => "7 solve",
-            Part::Velocity => "8 velocity",
-            Part::Position => "9 position",
-            Part::MassMatrix => "3a mass matrix",
-            Part::Factor => "3b factors",
-            Part::Actuate => "4a actuate (of 2)",
-            Part::BiasForce => "4b bias force (of 2)",
-            Part::Acceleration => "4c acceleration (of 2)",
-            Part::Step => "all stages",
+            Part::Displace => "displace",
+            Part::Kinematics => "kinematics",
+            Part::Mass => "mass",
+            Part::MassMatrix => "mass: matrix",
+            Part::Factor => "mass: factors",
+            Part::Actuate => "actuate",
+            Part::Acceleration => "acceleration",
+            Part::BiasForce => "acceleration: bias force",
+            Part::Detect => "detect",
+            Part::Assemble => "assemble",
+            Part::Solve => "solve",
+            Part::Velocity => "velocity",
+            Part::Position => "position",
         }
     }
 }
@@ -111,8 +110,8 @@ pub struct Rig<R: Real> {
     constraints: Constraints<R>,
     warm_scalars: Vec<R>,
     warm_contacts: Vec<[R; 3]>,
-    mass: MassMatrix<R>,
-    matrix: Vec<R>,
+    matrix: MassMatrix<R>,
+    factors: MassMatrix<R>,
     composite: Vec<Inertia<R>>,
     recursion: NewtonEuler<R>,
     bias: Vec<R>,
@@ -120,7 +119,6 @@ pub struct Rig<R: Real> {
     none: Vec<R>,
     q_eval: Vec<R>,
     q_next: Vec<R>,
-    v_mean: Vec<R>,
     v_free: Vec<R>,
     v_next: Vec<R>,
     w: Vec<R>,
@@ -146,8 +144,8 @@ impl<R: Real> Rig<R> {
             constraints: Constraints::new(plan, room),
             warm_scalars: vec![],
             warm_contacts: vec![],
-            mass: MassMatrix::new(plan),
-            matrix: zeros(plan.chain.len()),
+            matrix: MassMatrix::new(plan),
+            factors: MassMatrix::new(plan),
             composite: vec![zero(); plan.links.len()],
             recursion: NewtonEuler::new(plan),
             bias: zeros(plan.nv),
@@ -155,7 +153,6 @@ impl<R: Real> Rig<R> {
             none: zeros(plan.nv),
             q_eval: zeros(plan.nq),
             q_next: zeros(plan.nq),
-            v_mean: zeros(plan.nv),
             v_free: zeros(plan.nv),
             v_next: zeros(plan.nv),
             w: zeros(plan.nv),
@@ -179,24 +176,23 @@ impl<R: Real> Rig<R> {
         }
     }
 
-    /// Makes a step.
+    /// Makes a plain step.
     pub fn step(&mut self, plan: &Plan<R::Scalar>) {
-        self.once(plan, Part::Step);
+        self.prepare(plan);
         std::mem::swap(&mut self.q, &mut self.q_next);
         std::mem::swap(&mut self.v, &mut self.v_next);
         std::mem::swap(&mut self.last, &mut self.contacts);
     }
 
+    /// Does every part once, so that each can be repeated with what it reads.
+    fn prepare(&mut self, plan: &Plan<R::Scalar>) {
+        Part::ALL.into_iter().for_each(|part| self.once(plan, part));
+    }
+
     /// Does a part over and over at the same moment.
     pub fn repeat(&mut self, plan: &Plan<R::Scalar>, part: Part, times: u64) {
-        // What the part reads is made before.
-        self.once(plan, Part::Step);
-        let limits = self.constraints.scalar_impulse.clone();
         for _ in 0..times {
             self.once(black_box(plan), part);
-            if part == Part::Step {
-                self.constraints.scalar_impulse.copy_from_slice(&limits);
-            }
         }
     }
 
@@ -208,7 +204,14 @@ impl<R: Real> Rig<R> {
             Part::Displace => displace(plan, &self.q, &self.v, half, &mut self.q_eval),
             Part::Kinematics => self.kinematics.update(plan, &self.q_eval),
             Part::Mass => self.smooth.factor_mass(plan, &self.kinematics, half),
-            Part::FreeMotion => self.free_motion(plan, h, half),
+            Part::MassMatrix => self.mass_matrix(plan, half),
+            Part::Factor => self.factor(plan),
+            Part::Actuate => actuate(plan, &self.q_eval, &self.v, &[], &self.ctrl, &mut self.tau),
+            Part::Acceleration => {
+                self.smooth.acceleration(plan, &self.kinematics, [&self.tau, &self.none], &self.v, &self.v);
+                advance(&self.v, &self.smooth.acc, h, &mut self.v_free);
+            }
+            Part::BiasForce => self.bias_force(plan),
             Part::Detect => {
                 detect(plan, &self.kinematics, &self.v_free, h, self.alive, &mut self.poses, &mut self.contacts);
                 self.contacts.prepare(&self.last);
@@ -225,24 +228,7 @@ impl<R: Real> Rig<R> {
                 integrate_velocity(plan, &self.smooth.mass, &self.v_free, &mut self.w, &mut self.v_next);
             }
             Part::Position => integrate_position(plan, &self.q_eval, &self.v_next, half, &mut self.q_next),
-            Part::MassMatrix => self.mass_matrix(plan, half),
-            Part::Factor => self.factor(plan),
-            Part::Actuate => actuate(plan, &self.q_eval, &self.v, &[], &self.ctrl, &mut self.tau),
-            Part::BiasForce => self.bias_force(plan),
-            Part::Acceleration => {
-                self.smooth.acceleration(plan, &self.kinematics, [&self.tau, &self.none], &self.v, &self.v);
-            }
-            Part::Step => Part::STEP.into_iter().for_each(|part| self.once(plan, part)),
         }
-    }
-
-    fn free_motion(&mut self, plan: &Plan<R::Scalar>, h: R, half: R) {
-        actuate(plan, &self.q_eval, &self.v, &[], &self.ctrl, &mut self.tau);
-        self.smooth.acceleration(plan, &self.kinematics, [&self.tau, &self.none], &self.v, &self.v);
-        advance(&self.v, &self.smooth.acc, half, &mut self.v_mean);
-        actuate(plan, &self.q_eval, &self.v_mean, &[], &self.ctrl, &mut self.tau);
-        self.smooth.acceleration(plan, &self.kinematics, [&self.tau, &self.none], &self.v, &self.v_mean);
-        advance(&self.v, &self.smooth.acc, h, &mut self.v_free);
     }
 
     /// Solves from the warm start that the assembly made, every time.
@@ -257,13 +243,13 @@ impl<R: Real> Rig<R> {
                 iterate.start(problem);
             },
         );
-        solve(&self.options, &mut self.constraints, &mut self.contacts);
+        solve(&self.options, &self.v, &mut self.constraints, &mut self.contacts);
     }
 
     fn mass_matrix(&mut self, plan: &Plan<R::Scalar>, half: R) {
         R::vectorize(
             #[inline(always)]
-            || self.mass.assemble(plan, &self.kinematics, &mut self.composite, half),
+            || self.matrix.assemble(plan, &self.kinematics, &mut self.composite, half),
         );
     }
 
@@ -271,8 +257,8 @@ impl<R: Real> Rig<R> {
         R::vectorize(
             #[inline(always)]
             || {
-                self.mass.entries.copy_from_slice(&self.matrix);
-                self.mass.factor(plan);
+                self.factors.entries.copy_from_slice(&self.matrix.entries);
+                self.factors.factor(plan);
             },
         );
     }
@@ -302,9 +288,7 @@ pub fn moments<R: Real>(plan: &Plan<R::Scalar>, scene: &Scene, count: usize) -> 
             rig.control(control);
             (0..Episode::hold()).for_each(|_| rig.step(plan));
             let mut moment = rig.clone();
-            moment.once(plan, Part::Step);
-            moment.mass_matrix(plan, R::of(0.5 * moment.options.timestep));
-            moment.matrix.copy_from_slice(&moment.mass.entries);
+            moment.prepare(plan);
             moment
         })
         .collect()

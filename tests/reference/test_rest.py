@@ -22,8 +22,9 @@ def dropped_ant(qpos, rng):
 
 
 def dropped_quadruped(qpos, rng):
-    """From up to 0.3 m above its feet; beside it lies a ball, which it must not touch: it would roll for ever."""
+    """From up to 0.3 m above its feet. The ball that falls beside it must not be touched: it would roll for ever."""
     qpos[:, 2] += np.linspace(0, 0.3, ENVS)
+    qpos[:, 30 - 7] += 5.0
 
 
 ROBOTS = {"dm_control/humanoid": dropped_humanoid, "gymnasium/ant": dropped_ant, "dm_control/quadruped": dropped_quadruped}

@@ -1,1 +1,52 @@
-fn main() {}
+//! Ratios of speeds in one run on one core, printed beside those of `benches/baseline.json`.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use stepper_benches::clock::pin;
+use stepper_benches::report::Report;
+
+const USAGE: &str = "usage: ratios [--rounds N] [--save [FILE]] [--against FILE]
+
+Prints microseconds per environment step, and how many times as fast every row is as the first of its group.
+  --rounds N       repeats that the medians are of (default 11)
+  --save [FILE]    also writes them as JSON (default benches/baseline.json)
+  --against FILE   report whose ratios are printed beside (default benches/baseline.json, if it is there)";
+
+fn main() -> ExitCode {
+    match run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("{message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run() -> Result<(), String> {
+    let baseline = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("baseline.json");
+    let (mut rounds, mut save, mut against) = (11, None, None);
+    let mut words = std::env::args().skip(1).peekable();
+    while let Some(word) = words.next() {
+        match word.as_str() {
+            "--rounds" => rounds = words.next().and_then(|n| n.parse().ok()).filter(|&n| n > 0).ok_or(USAGE)?,
+            "--save" => save = Some(words.next_if(|w| !w.starts_with("--")).map_or_else(|| baseline.clone(), PathBuf::from)),
+            "--against" => against = Some(PathBuf::from(words.next().ok_or(USAGE)?)),
+            _ => return Err(USAGE.into()),
+        }
+    }
+    let before = match against {
+        Some(path) => Some(Report::load(&path).map_err(|e| format!("{}: {e}", path.display()))?),
+        None => Report::load(&baseline).ok(),
+    };
+    if pin().is_none() {
+        eprintln!("not pinned to a core: pin this process yourself, for example with `taskset -c 0`");
+    }
+    let report = Report::measure(rounds);
+    report.print(before.as_ref());
+    if let Some(path) = save {
+        report.save(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+        println!("\nsaved to {}", path.display());
+    }
+    Ok(())
+}

@@ -52,16 +52,21 @@ fn build(course: Course, setting: Setting) -> (PhysicsWorld, Vec<RigidBodyHandle
 fn chain(world: &mut PhysicsWorld, links: usize) -> Vec<RigidBodyHandle> {
     let mut parent = world.insert_body(RigidBodyBuilder::fixed());
     let rod = MassProperties::new(Vector::new(0.5 * LINK_LENGTH, 0.0, 0.0), LINK_MASS, Vector::from(LINK_MOMENTS));
+    let mut last = None;
     let mut link = |i: usize| {
         let place = Vector::new(i as f64 * LINK_LENGTH, 0.0, 0.0);
         let body = world.insert_body(RigidBodyBuilder::dynamic().translation(place).additional_mass_properties(rod).can_sleep(false));
         let anchor = Vector::new(if i == 0 { 0.0 } else { LINK_LENGTH }, 0.0, 0.0);
         let hinge = RevoluteJointBuilder::new(Vector::from(chain_axis(i))).local_anchor1(anchor);
-        world.insert_multibody_joint(parent, body, hinge).expect("a chain has no loops");
+        last = world.insert_multibody_joint(parent, body, hinge);
         parent = body;
         body
     };
-    (0..links).map(&mut link).collect()
+    let bodies = (0..links).map(&mut link).collect();
+    let (multibody, _) = world.multibody_joints.get_mut(last.expect("a chain has no loops")).expect("just made");
+    // Rapier gives every hinge a damping of 0.1 N m s unless told otherwise.
+    multibody.damping_mut().fill(0.0);
+    bodies
 }
 
 fn sliding_box(world: &mut PhysicsWorld) -> RigidBodyHandle {

@@ -120,32 +120,50 @@ impl<R: Real> Contacts<R> {
         }
     }
 
-    /// Chooses the tangents of every slot from its normal, and takes over the impulses of the same contacts in `last`.
-    pub fn prepare(&mut self, last: &Self) {
+    /// Chooses the tangents of every slot from its normal, and takes over the impulses of the same contacts in `last`, which is used up.
+    ///
+    /// An impulse is carried over as a vector of the world, so that the choice of tangents does not matter.
+    pub fn prepare(&mut self, last: &mut Self) {
         R::vectorize(
             #[inline(always)]
             || {
+                for k in 0..last.slots() {
+                    let slot = &mut last.data[k];
+                    let [n, t1, t2] = frame(slot.point.normal);
+                    let [x, a, b] = slot.impulse;
+                    slot.impulse = add_scaled(add_scaled(scale(n, x), t1, a), t2, b);
+                }
                 for k in 0..self.slots() {
-                    self.data[k].tangent = tangent(self.data[k].point.normal);
                     self.data[k].impulse = zero();
                 }
                 for l in 0..R::LANES {
-                    // Both lists ascend.
-                    let mut old = 0;
-                    for k in 0..self.count[l] {
-                        let id = self.ids[k][l];
-                        while old < last.count[l] && last.ids[old][l] < id {
-                            old += 1;
-                        }
-                        if old < last.count[l] && last.ids[old][l] == id {
-                            for i in 0..3 {
-                                self.data[k].impulse[i].set_lane(l, last.data[old].impulse[i].lane(l));
-                            }
-                        }
-                    }
+                    self.match_lane(last, l);
+                }
+                for k in 0..self.slots() {
+                    let slot = &mut self.data[k];
+                    let axes = frame(slot.point.normal);
+                    slot.tangent = axes[1];
+                    slot.impulse = [dot(axes[0], slot.impulse), dot(axes[1], slot.impulse), dot(axes[2], slot.impulse)];
                 }
             },
         )
+    }
+
+    /// Copies the impulses of the contacts of one lane that were there before. Both lists ascend.
+    #[inline(always)]
+    fn match_lane(&mut self, last: &Self, l: usize) {
+        let mut old = 0;
+        for k in 0..self.count[l] {
+            let id = self.ids[k][l];
+            while old < last.count[l] && last.ids[old][l] < id {
+                old += 1;
+            }
+            if old < last.count[l] && last.ids[old][l] == id {
+                for i in 0..3 {
+                    self.data[k].impulse[i].set_lane(l, last.data[old].impulse[i].lane(l));
+                }
+            }
+        }
     }
 }
 

@@ -18,12 +18,19 @@ pub struct MassMatrix<R: Real> {
     pub inv_d: Vec<R>,
     /// sqrt(1 / D).
     pub sqrt_inv_d: Vec<R>,
+    /// sqrt(D).
+    pub sqrt_d: Vec<R>,
 }
 
 impl<R: Real> MassMatrix<R> {
     /// Room for a plan.
     pub fn new(plan: &Plan<R::Scalar>) -> Self {
-        Self { entries: vec![R::zero(); plan.chain.len()], inv_d: vec![R::zero(); plan.nv], sqrt_inv_d: vec![R::zero(); plan.nv] }
+        Self {
+            entries: vec![R::zero(); plan.chain.len()],
+            inv_d: vec![R::zero(); plan.nv],
+            sqrt_inv_d: vec![R::zero(); plan.nv],
+            sqrt_d: vec![R::zero(); plan.nv],
+        }
     }
 
     /// M by composite rigid bodies, plus armature, plus `damping_time` times the joint damping on the diagonal.
@@ -56,8 +63,10 @@ impl<R: Real> MassMatrix<R> {
             let (before, rest) = self.entries.split_at_mut(dof.chain);
             let row = &mut rest[..dof.depth];
             let inv = R::one() / row[0];
+            let root = inv.sqrt();
             self.inv_d[i] = inv;
-            self.sqrt_inv_d[i] = inv.sqrt();
+            self.sqrt_inv_d[i] = root;
+            self.sqrt_d[i] = row[0] * root;
             let chain = plan.chain_of(i);
             for k in 1..dof.depth {
                 let a = row[k] * inv;
@@ -96,6 +105,30 @@ impl<R: Real> MassMatrix<R> {
                 sum -= row[k] * x[chain[k] as usize];
             }
             x[i] = sum;
+        }
+    }
+
+    /// The velocity change of a scaled one: w <- L^-1 D^-1/2 w.
+    #[inline(always)]
+    pub fn unscale(&self, plan: &Plan<R::Scalar>, w: &mut [R]) {
+        for i in 0..plan.nv {
+            w[i] *= self.sqrt_inv_d[i];
+        }
+        self.solve_lower(plan, w);
+    }
+
+    /// The scaled velocity change, in which the mass matrix is the identity: x <- D^1/2 L x.
+    #[inline(always)]
+    pub fn scale(&self, plan: &Plan<R::Scalar>, x: &mut [R]) {
+        // From the leaves, so that ancestors are still what they were.
+        for i in (0..plan.nv).rev() {
+            let dof = &plan.dofs[i];
+            let (row, chain) = (&self.entries[dof.chain..dof.chain + dof.depth], plan.chain_of(i));
+            let mut sum = x[i];
+            for k in 1..dof.depth {
+                sum += row[k] * x[chain[k] as usize];
+            }
+            x[i] = sum * self.sqrt_d[i];
         }
     }
 

@@ -233,3 +233,15 @@ pub fn advance<R: Real>(x: &[R], rate: &[R], way: R, out: &mut [R]) {
         },
     )
 }
+
+/// out = (x + y) factor, entry by entry.
+pub fn combine<R: Real>(x: &[R], y: &[R], factor: R, out: &mut [R]) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for i in 0..out.len() {
+                out[i] = (x[i] + y[i]) * factor;
+            }
+        },
+    )
+}

@@ -9,6 +9,8 @@ use crate::stages::s10_record::Status;
 
 /// Numbers of a contact that a state keeps: impulse, position, normal, distance.
 const CONTACT_NUMBERS: usize = 10;
+/// Where the normal begins among them.
+const NORMAL: usize = 6;
 
 /// The environments of one group of lanes, lane-interleaved: entry i of lane l is at `i * lanes + l`.
 ///
@@ -132,7 +134,9 @@ impl<S: Scalar> Group<S> {
                 out.ids[k][l] = ContactId(self.contact_ids[k * self.lanes + l]);
             }
             for i in 0..3 {
-                out.data[k].impulse[i] = R::load(&self.contact_data[(k * CONTACT_NUMBERS + i) * self.lanes..]);
+                let number = |at: usize| &self.contact_data[(k * CONTACT_NUMBERS + at) * self.lanes..];
+                out.data[k].impulse[i] = R::load(number(i));
+                out.data[k].point.normal[i] = R::load(number(NORMAL + i));
             }
         }
     }

@@ -4,7 +4,7 @@ use stepper_real::{Mask, Real};
 
 use crate::constraints::{Constraints, Moment};
 use crate::contacts::Contacts;
-use crate::kinematics::{Kinematics, advance, all_finite, displace};
+use crate::kinematics::{Kinematics, advance, all_finite, combine, displace};
 use crate::options::{Integrator, Options};
 use crate::plan::Plan;
 use crate::rk4::Rk4;
@@ -111,12 +111,16 @@ pub fn step<R: Real>(plan: &Plan<R::Scalar>, options: &Options, s: &mut Scratch<
     free_motion(plan, midpoint, h, s);
     // 3 detect
     detect(plan, &s.kinematics, &s.v_free, h, s.alive, &mut s.poses, &mut s.new_contacts);
-    s.new_contacts.prepare(&s.contacts);
+    s.new_contacts.prepare(&mut s.contacts);
     // 4 assemble
     let moment = Moment { q: &s.q_eval, v: &s.v, v_free: &s.v_free, h, alive: s.alive };
     s.constraints.assemble(plan, options, &s.kinematics, &s.smooth.mass, &moment, &mut s.new_contacts);
+    if midpoint {
+        // 1 and 2 again, with what stage 4 knows of the velocity to come
+        correct_forces(plan, h, s);
+    }
     // 5 solve
-    let outcome = solve(options, &mut s.constraints, &mut s.new_contacts);
+    let outcome = solve(options, &s.v, &mut s.constraints, &mut s.new_contacts);
     // 6 integrate velocity
     integrate_velocity(plan, &s.smooth.mass, &s.v_free, &mut s.constraints.iterate.w, &mut s.v_next);
     // 7 integrate position
@@ -154,20 +158,28 @@ fn place<R: Real>(plan: &Plan<R::Scalar>, midpoint: bool, lead: R, s: &mut Scrat
 }
 
 /// Stages 1 and 2: the velocity at the end of the step if nothing were in the way.
-///
-/// The midpoint rule takes forces that depend on the velocity at the mean of v and that free velocity, found by one corrector pass, which
-/// keeps its second order.
 fn free_motion<R: Real>(plan: &Plan<R::Scalar>, midpoint: bool, h: R, s: &mut Scratch<R>) {
     s.smooth.factor_mass(plan, &s.kinematics, if midpoint { h * R::of(0.5) } else { h });
     apply_forces(plan, s);
     actuate(plan, &s.q_eval, &s.v, &s.act_eval, &s.inputs.ctrl, &mut s.tau);
     s.smooth.acceleration(plan, &s.kinematics, [&s.tau, &s.applied], &s.v, &s.v);
-    if midpoint {
-        advance(&s.v, &s.smooth.acc, h * R::of(0.5), &mut s.v_mean);
-        actuate(plan, &s.q_eval, &s.v_mean, &s.act_eval, &s.inputs.ctrl, &mut s.tau);
-        s.smooth.acceleration(plan, &s.kinematics, [&s.tau, &s.applied], &s.v, &s.v_mean);
-    }
     advance(&s.v, &s.smooth.acc, h, &mut s.v_free);
+}
+
+/// Stages 1 and 2 again, with the forces that depend on the velocity taken at the mean of v and the velocity to be expected at the end of the
+/// step: one corrector pass, which keeps the midpoint rule's second order.
+///
+/// What is to be expected includes the impulses of the last step, so that a robot at rest feels no force of a motion that its contacts prevent.
+fn correct_forces<R: Real>(plan: &Plan<R::Scalar>, h: R, s: &mut Scratch<R>) {
+    s.constraints.warm_change(plan, &s.smooth.mass, &mut s.v_mean);
+    combine(&s.v_free, &s.v_mean, R::one(), &mut s.v_next);
+    combine(&s.v, &s.v_next, R::of(0.5), &mut s.v_mean);
+    actuate(plan, &s.q_eval, &s.v_mean, &s.act_eval, &s.inputs.ctrl, &mut s.tau);
+    s.smooth.acceleration(plan, &s.kinematics, [&s.tau, &s.applied], &s.v, &s.v_mean);
+    advance(&s.v, &s.smooth.acc, h, &mut s.v_next);
+    advance(&s.v_next, &s.v_free, -R::one(), &mut s.v_mean);
+    std::mem::swap(&mut s.v_free, &mut s.v_next);
+    s.constraints.shift(plan, &s.smooth.mass, &mut s.v_mean);
 }
 
 /// Forces that the user applies, as generalized forces.

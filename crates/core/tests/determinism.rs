@@ -29,13 +29,11 @@ fn assert_same(expected: &[Vec<u64>], found: &[Vec<u64>], envs: &[usize], what: 
 fn an_environment_alone_in_lanes_and_anywhere_in_a_batch_has_the_same_bits() {
     let model = walker();
     let best = *Level::available().last().unwrap();
+    let mut differ = false;
     for options in settings() {
         // Alone: the scalar instantiation.
         let alone: Vec<_> = (0..13).map(|env| run(&model, options, &[env], Precision::F64, 1, best, CALLS).remove(0)).collect();
-        assert!(
-            alone.iter().any(|bits| bits.len() > alone[0].len()),
-            "the scene must have environments with different numbers of contacts"
-        );
+        differ |= alone.iter().any(|bits| bits.len() != alone[0].len());
         let batches: [&[usize]; 3] = [&[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12], &[12, 3, 3, 0, 7, 9, 1, 5, 2], &[4, 11]];
         for envs in batches {
             for &level in Level::available() {
@@ -44,6 +42,7 @@ fn an_environment_alone_in_lanes_and_anywhere_in_a_batch_has_the_same_bits() {
             }
         }
     }
+    assert!(differ, "the scene must have environments with different numbers of contacts");
 }
 
 #[test]

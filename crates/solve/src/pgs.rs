@@ -9,11 +9,11 @@ use stepper_real::{Mask, Real};
 
 /// When to stop.
 #[derive(Clone, Copy, Debug)]
-pub struct Settings {
+pub struct Settings<R> {
     /// Sweeps at the most; at least one is made.
     pub sweeps: u32,
-    /// Residual at which a lane is done, m/s.
-    pub tolerance: f64,
+    /// Residual at which each lane is done, m/s.
+    pub tolerance: R,
 }
 
 /// How it went, per lane.
@@ -29,11 +29,11 @@ pub struct Outcome<R: Real> {
 ///
 /// A lane pauses when a sweep changes nothing by more than its threshold, which is cheap to know; when all have paused the residual is
 /// taken, and who is above the tolerance goes on with a lower threshold.
-pub fn solve<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: Settings, lanes: R::Mask) -> Outcome<R> {
+pub fn solve<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: Settings<R>, lanes: R::Mask) -> Outcome<R> {
     R::vectorize(
         #[inline(always)]
         || {
-            let tolerance = R::of(settings.tolerance);
+            let tolerance = settings.tolerance;
             let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero() };
             let (mut running, mut unsolved, mut threshold) = (lanes, lanes, tolerance);
             let limit = R::of(f64::from(settings.sweeps.max(1)));

@@ -56,6 +56,40 @@ impl<R: Real> Constraints<R> {
         )
     }
 
+    /// The velocity change that the warm start alone would make, left in `out`.
+    pub fn warm_change(&self, plan: &Plan<R::Scalar>, mass: &MassMatrix<R>, out: &mut [R]) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                out.copy_from_slice(&self.iterate.w);
+                mass.unscale(plan, out);
+            },
+        )
+    }
+
+    /// Takes up a change of the free velocity after the rows were made. `change` is used up.
+    pub fn shift(&mut self, plan: &Plan<R::Scalar>, mass: &MassMatrix<R>, change: &mut [R]) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                mass.scale(plan, change);
+                let (scalars, contacts) = self.position_bias.split_at_mut(self.problem.scalars.len());
+                for (i, position) in scalars.iter_mut().enumerate() {
+                    let row = &self.problem.scalars[i];
+                    let g = self.problem.scalar_velocity(row, change);
+                    *position += g - row.g;
+                    self.problem.scalars[i].g = g;
+                }
+                for (i, position) in contacts.iter_mut().enumerate() {
+                    let block = &self.problem.contacts[i];
+                    let g = self.problem.contact_velocity(block, change);
+                    *position += g[0] - block.g[0];
+                    self.problem.contacts[i].g = g;
+                }
+            },
+        )
+    }
+
     /// Dry friction: |lambda| <= h f.
     #[inline(always)]
     fn add_frictions(&mut self, plan: &Plan<R::Scalar>, mass: &MassMatrix<R>, moment: &Moment<'_, R>) {

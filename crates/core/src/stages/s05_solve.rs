@@ -1,6 +1,6 @@
 //! Stage 5: the constraint problem becomes impulses, with the residual that certifies them.
 
-use stepper_real::Real;
+use stepper_real::{Real, Scalar};
 use stepper_solve::pgs::{self, Outcome, Settings};
 
 use crate::constraints::Constraints;
@@ -8,8 +8,10 @@ use crate::contacts::Contacts;
 use crate::options::Options;
 
 /// Solves to the tolerance and leaves the impulses where the next step finds its warm start.
-pub fn solve<R: Real>(options: &Options, constraints: &mut Constraints<R>, contacts: &mut Contacts<R>) -> Outcome<R> {
-    let settings = Settings { sweeps: options.iterations, tolerance: options.tolerance };
+///
+/// What moves slowly is solved more tightly, to a part of its own speed `v`: else a robot at rest would creep at the speed of the tolerance.
+pub fn solve<R: Real>(options: &Options, v: &[R], constraints: &mut Constraints<R>, contacts: &mut Contacts<R>) -> Outcome<R> {
+    let settings = Settings { sweeps: options.iterations, tolerance: tolerance(options, v) };
     let Constraints { problem, iterate, constrained, scalar_impulse, owners, .. } = constraints;
     let outcome = pgs::solve(problem, iterate, settings, *constrained);
     for (&owner, &lambda) in owners.iter().zip(&iterate.scalars) {
@@ -19,4 +21,24 @@ pub fn solve<R: Real>(options: &Options, constraints: &mut Constraints<R>, conta
         slot.impulse = lambda;
     }
     outcome
+}
+
+/// Residual relative to the speed of the fastest degree of freedom. A residual of r moves joints at up to some 60 r (measured on ants at rest),
+/// so that this lets what creeps decay.
+const RELATIVE: f64 = 1e-3;
+
+/// Residual at which each lane stops, m/s; never below what rounding leaves of velocities of order one.
+fn tolerance<R: Real>(options: &Options, v: &[R]) -> R {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let mut fastest = R::zero();
+            for &v in v {
+                fastest = fastest.max(v.abs());
+            }
+            let rounding = R::of(<R::Scalar as Scalar>::EPSILON.to_f64() * 1e4);
+            let most = R::of(options.tolerance);
+            (fastest * R::of(RELATIVE)).max(rounding).min(most)
+        },
+    )
 }

@@ -10,10 +10,7 @@ pub fn integrate_velocity<R: Real>(plan: &Plan<R::Scalar>, mass: &MassMatrix<R>,
     R::vectorize(
         #[inline(always)]
         || {
-            for i in 0..plan.nv {
-                w[i] *= mass.sqrt_inv_d[i];
-            }
-            mass.solve_lower(plan, w);
+            mass.unscale(plan, w);
             for i in 0..plan.nv {
                 out[i] = v_free[i] + w[i];
             }

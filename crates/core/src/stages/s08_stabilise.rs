@@ -40,13 +40,10 @@ pub fn stabilise<R: Real>(
                 block.g[0] = g;
             }
             constraints.iterate.start(&constraints.problem);
-            let settings = Settings { sweeps: options.iterations, tolerance: options.tolerance };
+            let settings = Settings { sweeps: options.iterations, tolerance: R::of(options.tolerance) };
             pgs::solve(&constraints.problem, &mut constraints.iterate, settings, lanes);
             let w = &mut constraints.iterate.w;
-            for i in 0..plan.nv {
-                w[i] *= mass.sqrt_inv_d[i];
-            }
-            mass.solve_lower(plan, w);
+            mass.unscale(plan, w);
             for i in 0..plan.nv {
                 work[i] = (v_free[i] + w[i]) - v_next[i];
             }

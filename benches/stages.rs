@@ -51,6 +51,7 @@ fn parts<R: Real<Scalar = f64>, T: Run>(c: &mut Criterion, name: &str, scene: &S
 }
 
 fn repeated<R: Real<Scalar = f64>>(rig: &mut Rig<R>, plan: &Plan<f64>, part: Part, times: u64) -> Duration {
+    rig.ready(plan);
     // Once to warm the caches.
     rig.repeat(plan, part, 1);
     let start = thread_time();

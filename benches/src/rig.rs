@@ -11,7 +11,7 @@ use stepper_core::contacts::Contacts;
 use stepper_core::inertia::{MassMatrix, NewtonEuler, bias_force};
 use stepper_core::kinematics::{Kinematics, advance, displace};
 use stepper_core::plan::Plan;
-use stepper_core::spatial::{Inertia, zero};
+use stepper_core::spatial::{Inertia, V3, zero};
 use stepper_core::stages::s01_actuate::actuate;
 use stepper_core::stages::s02_smooth::Smooth;
 use stepper_core::stages::s03_detect::{GeomPoses, detect};
@@ -42,8 +42,10 @@ pub enum Part {
     Acceleration,
     /// Of it, recursive Newton-Euler alone.
     BiasForce,
-    /// Contacts and their warm start.
+    /// Contacts.
     Detect,
+    /// Impulses of the same contacts in the last step.
+    WarmStart,
     /// Rows of contacts and limits.
     Assemble,
     /// Impulses, from the warm start.
@@ -56,7 +58,7 @@ pub enum Part {
 
 impl Part {
     /// All of them, in the order of a step.
-    pub const ALL: [Part; 13] = [
+    pub const ALL: [Part; 14] = [
         Part::Displace,
         Part::Kinematics,
         Part::Mass,
@@ -66,6 +68,7 @@ impl Part {
         Part::Acceleration,
         Part::BiasForce,
         Part::Detect,
+        Part::WarmStart,
         Part::Assemble,
         Part::Solve,
         Part::Velocity,
@@ -84,6 +87,7 @@ impl Part {
             Part::Acceleration => "acceleration",
             Part::BiasForce => "acceleration: bias force",
             Part::Detect => "detect",
+            Part::WarmStart => "detect: warm start",
             Part::Assemble => "assemble",
             Part::Solve => "solve",
             Part::Velocity => "velocity",
@@ -106,6 +110,8 @@ pub struct Rig<R: Real> {
     smooth: Smooth<R>,
     poses: GeomPoses<R>,
     last: Contacts<R>,
+    last_impulses: Vec<V3<R>>,
+    last_scalars: Vec<R>,
     contacts: Contacts<R>,
     constraints: Constraints<R>,
     warm_scalars: Vec<R>,
@@ -140,6 +146,8 @@ impl<R: Real> Rig<R> {
             smooth: Smooth::new(plan),
             poses: GeomPoses::new(plan),
             last: Contacts::new(room),
+            last_impulses: vec![],
+            last_scalars: zeros(plan.limits.len() + plan.frictions.len()),
             contacts: Contacts::new(room),
             constraints: Constraints::new(plan, room),
             warm_scalars: vec![],
@@ -178,14 +186,17 @@ impl<R: Real> Rig<R> {
 
     /// Makes a plain step.
     pub fn step(&mut self, plan: &Plan<R::Scalar>) {
-        self.prepare(plan);
+        self.ready(plan);
         std::mem::swap(&mut self.q, &mut self.q_next);
         std::mem::swap(&mut self.v, &mut self.v_next);
         std::mem::swap(&mut self.last, &mut self.contacts);
+        self.last_impulses = self.last.data.iter().map(|slot| slot.impulse).collect();
+        self.last_scalars.clone_from(&self.constraints.scalar_impulse);
     }
 
-    /// Does every part once, so that each can be repeated with what it reads.
-    fn prepare(&mut self, plan: &Plan<R::Scalar>) {
+    /// Does every part once from the state and the warm start, so that each can be repeated with what it reads.
+    pub fn ready(&mut self, plan: &Plan<R::Scalar>) {
+        self.constraints.scalar_impulse.clone_from(&self.last_scalars);
         Part::ALL.into_iter().for_each(|part| self.once(plan, part));
     }
 
@@ -212,9 +223,13 @@ impl<R: Real> Rig<R> {
                 advance(&self.v, &self.smooth.acc, h, &mut self.v_free);
             }
             Part::BiasForce => self.bias_force(plan),
-            Part::Detect => {
-                detect(plan, &self.kinematics, &self.v_free, h, self.alive, &mut self.poses, &mut self.contacts);
-                self.contacts.prepare(&self.last);
+            Part::Detect => detect(plan, &self.kinematics, &self.v_free, h, self.alive, &mut self.poses, &mut self.contacts),
+            Part::WarmStart => {
+                // It uses up what it reads.
+                for (slot, &impulse) in self.last.data.iter_mut().zip(&self.last_impulses) {
+                    slot.impulse = impulse;
+                }
+                self.contacts.prepare(&mut self.last);
             }
             Part::Assemble => {
                 let moment = Moment { q: &self.q_eval, v: &self.v, v_free: &self.v_free, h, alive: self.alive };
@@ -287,9 +302,7 @@ pub fn moments<R: Real>(plan: &Plan<R::Scalar>, scene: &Scene, count: usize) -> 
         .map(|control| {
             rig.control(control);
             (0..Episode::hold()).for_each(|_| rig.step(plan));
-            let mut moment = rig.clone();
-            moment.prepare(plan);
-            moment
+            rig.clone()
         })
         .collect()
 }

@@ -118,6 +118,22 @@ impl<R: Real> ContactBlock<R> {
         ([keep(closing, n), keep(closing, cos * x[0] - sin * x[1]), keep(closing, sin * x[0] + cos * x[1])], s)
     }
 
+    /// A weaker update that cycles less: the normal impulse with the tangential one held, then the tangential one projected on the disc that
+    /// the normal one leaves it.
+    #[inline(always)]
+    pub(crate) fn relax(&self, v: [R; 3], lambda: [R; 3]) -> [R; 3] {
+        let zero = R::zero();
+        let [_, na, nb, aa, ab, bb] = self.gram;
+        let n = (lambda[0] - v[0] * self.inv_gnn).max(zero);
+        let d = n - lambda[0];
+        let half = (aa - bb) * R::of(0.5);
+        let step = R::one() / ((aa + bb) * R::of(0.5) + norm2(half, ab));
+        let x = [lambda[1] - (v[1] + na * d) * step, lambda[2] - (v[2] + nb * d) * step];
+        let (length, most) = (norm2(x[0], x[1]), self.mu * n);
+        let scale = R::select(length.gt(most), most / R::select(length.gt(zero), length, R::one()), R::one());
+        [n, x[0] * scale, x[1] * scale]
+    }
+
     /// The impulse at the s > 0 at which |lambda_t(s)| = mu lambda_n(s), in the lanes `todo`.
     #[inline(always)]
     fn slip(&self, p: [R; 2], push: R, guess: R, mut todo: R::Mask) -> Slip<R> {

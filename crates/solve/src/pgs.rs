@@ -1,4 +1,4 @@
-//! Projected Gauss-Seidel with the exact solution of every contact's own problem: the fast tier.
+//! Projected Gauss-Seidel with the exact solution of every contact's own problem, accelerated by conjugate gradients: the fast tier.
 //!
 //! Rows are visited in a fixed order; each takes the impulse that solves it while the others stand. A lane stops when its residual
 //! meets the tolerance, and from then on its mask keeps every one of its bits.
@@ -39,7 +39,7 @@ pub fn solve<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: 
             let limit = R::of(f64::from(settings.sweeps.max(1)));
             nncg::begin(iterate);
             while unsolved.any() {
-                let change = sweep(problem, iterate, running);
+                let change = sweep(problem, iterate, running, outcome.sweeps.lt(R::of(EXACT_SWEEPS)));
                 outcome.sweeps += keep(running, R::one());
                 running = running.and(change.gt(threshold)).and(outcome.sweeps.lt(limit));
                 if running.any() {
@@ -56,9 +56,16 @@ pub fn solve<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: 
     )
 }
 
-/// One visit of every row; returns the largest change as a velocity, m/s.
+/// Sweeps with the exact solution of every contact; what they have not brought home goes on with the weaker update.
+///
+/// Against limits of light joints the exact solutions of a contact can cycle. Measured on 64 humanoids under random control at 5 ms with 200
+/// sweeps: the worst residual of a step falls from 7 m/s to 2 mm/s, and steps above 1e-6 m/s from 1.06 to 0.84 %; with the weaker
+/// update from the beginning they are 2.7 %.
+const EXACT_SWEEPS: f64 = 25.0;
+
+/// One visit of every row, with the exact solution of a contact in the lanes `exact`; returns the largest change as a velocity, m/s.
 #[inline(always)]
-fn sweep<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, running: R::Mask) -> R {
+fn sweep<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, running: R::Mask, exact: R::Mask) -> R {
     let mut change = R::zero();
     for (i, row) in problem.scalars.iter().enumerate() {
         let v = problem.scalar_velocity(row, &iterate.w);
@@ -73,7 +80,13 @@ fn sweep<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, running: R::Ma
         let lanes = running.and(block.active);
         let v = problem.contact_velocity(block, &iterate.w);
         let lambda = iterate.contacts[i];
-        let (next, slip) = block.solve(v, lambda, iterate.slip[i], lanes);
+        let (mut next, slip) = block.solve(v, lambda, iterate.slip[i], lanes);
+        if lanes.and_not(exact).any() {
+            let weak = block.relax(v, lambda);
+            for k in 0..3 {
+                next[k] = R::select(exact, next[k], weak[k]);
+            }
+        }
         let mut d = lambda;
         for k in 0..3 {
             d[k] = keep(lanes, next[k] - lambda[k]);

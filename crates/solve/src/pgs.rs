@@ -68,16 +68,24 @@ const EXACT_SWEEPS: f64 = 25.0;
 fn sweep<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, running: R::Mask, exact: R::Mask) -> R {
     let mut change = R::zero();
     for (i, row) in problem.scalars.iter().enumerate() {
+        let lanes = running.and(row.active);
+        if lanes.none() {
+            continue;
+        }
         let v = problem.scalar_velocity(row, &iterate.w);
         let lambda = iterate.scalars[i];
         let next = clamp(lambda - v * row.inv_diagonal, row.lo, row.hi);
-        let d = keep(running.and(row.active), next - lambda);
-        iterate.scalars[i] = R::select(running.and(row.active), next, lambda);
+        let d = keep(lanes, next - lambda);
+        iterate.scalars[i] = R::select(lanes, next, lambda);
         problem.add_scalar(row, d, &mut iterate.w);
         change = change.max(d.abs() * row.diagonal);
     }
     for (i, block) in problem.contacts.iter().enumerate() {
         let lanes = running.and(block.active);
+        // Towards the end few lanes are left, with few rows.
+        if lanes.none() {
+            continue;
+        }
         let v = problem.contact_velocity(block, &iterate.w);
         let lambda = iterate.contacts[i];
         let (mut next, slip) = block.solve(v, lambda, iterate.slip[i], lanes);

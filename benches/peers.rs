@@ -2,7 +2,7 @@
 
 use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
 use std::time::Duration;
-use stepper_benches::clock::{Run, pin};
+use stepper_benches::clock::pin;
 use stepper_benches::peers::{Course, entries};
 
 fn peers(c: &mut Criterion) {

@@ -1,6 +1,9 @@
 """Models from files, text, or a compiled `mujoco.MjModel`."""
 
+import contextlib
 import os
+import warnings
+from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -74,6 +77,23 @@ def _compile_file(path: Path) -> Any:
 
 def _compile(read: Any, source: str, place: str) -> Any:
     try:
-        return read(source)
+        with _warnings_of_mujoco(place):
+            return read(source)
     except ValueError as error:
-        raise ModelError(f"{place}: MuJoCo's compiler refuses it: {error}; correct it there, or give a saved stepper model") from error
+        said = " ".join(str(error).split())
+        raise ModelError(f"{place}: MuJoCo's compiler refuses it: {said}; correct it there, or give a saved stepper model") from error
+
+
+@contextlib.contextmanager
+def _warnings_of_mujoco(place: str) -> Iterator[None]:
+    """Turns the compiler's warnings into Python's, which would else be written to MUJOCO_LOG.TXT in the working directory."""
+    mujoco = _mujoco()
+    said: list[str] = []
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(said.append)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
+        for message in said:
+            warnings.warn(f"{place}: {message}", UserWarning, stacklevel=6)

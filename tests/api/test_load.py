@@ -425,3 +425,13 @@ def test_numbers_of_mujoco_are_the_installed_ones() -> None:
     assert numbers("mjtWrap", "mjWRAP_JOINT") == [1]
     for table, enum, prefix in ((_mjcf.DISABLE, "mjtDisableBit", "mjDSBL_"), (_mjcf.ENABLE, "mjtEnableBit", "mjENBL_")):
         assert {name: int(getattr(getattr(mujoco, enum), prefix + name.upper())) for name in table} == table
+
+
+def test_the_compilers_warnings_are_pythons(tmp_path, monkeypatch):
+    """They name the source, and no MUJOCO_LOG.TXT appears in the working directory."""
+    monkeypatch.chdir(tmp_path)
+    old = '<mujoco><compiler settotalmass="2"/><worldbody><body><freejoint/><geom size="1"/></body></worldbody></mujoco>'
+    with pytest.warns(UserWarning, match="XML text: .*settotalmass"):
+        model = stepper.load(old)
+    assert model.body_mass[1] == pytest.approx(2.0)
+    assert list(tmp_path.iterdir()) == []

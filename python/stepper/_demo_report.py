@@ -87,7 +87,7 @@ def _notes(figures: Figures) -> list[str]:
         f"MuJoCo steps the first {plan['peers']} humanoids only, with the same controls, to save time.",
         f"Contacts (nearer than 0.1 mm), penetration and energy: one yardstick for all, MuJoCo's collision detection and inertia at each "
         f"engine's qpos and qvel, on the first {plan['peers']} humanoids, every {plan['chunk']} steps.",
-        f"Machine: {came_from['cpu']}, load {came_from['load_average']:.1f}, CPU level {came_from['cpu_levels'][-1]}; "
+        f"Machine: {came_from['cpu']}, load {came_from['load_average']}, CPU level {came_from['cpu_levels'][-1]}; "
         f"stepper {versions['stepper']}.",
     ]
 

@@ -100,7 +100,7 @@ def provenance() -> dict[str, object]:
     from stepper import __version__, cpu_levels  # noqa: PLC0415  (the package imports its parts, not the other way round)
 
     packages = ("mujoco-core", "dm_control", "numpy", "scipy", "matplotlib")
-    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
+    load = round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None
     return {
         "command": " ".join([Path(sys.argv[0]).name, *sys.argv[1:]]),
         "utc": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),

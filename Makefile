@@ -20,10 +20,11 @@ bench: build
 	$(BIN)/python benches/versus/humanoid.py
 	$(BIN)/python benches/versus/chart.py
 
-# Format, lints, types, and the stub against the binary.
+# Format, lints, documentation, types, and the stub against the binary.
 check: build $(VENV)/check.stamp
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets -- -D warnings
+	RUSTDOCFLAGS='-D warnings' cargo doc --quiet --no-deps -p stepper-real -p stepper-solve -p stepper-core
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy

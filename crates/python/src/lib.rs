@@ -1,8 +1,10 @@
 //! Python bindings: they translate, then stop. What is said here is said in `python/stepper/_stepper.pyi`.
 
 mod array;
+mod contacts;
 mod model;
 mod options;
+mod state;
 mod stepper;
 
 use pyo3::prelude::*;
@@ -11,7 +13,7 @@ use pyo3::prelude::*;
 fn _stepper(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<model::Model>()?;
     m.add_class::<stepper::Stepper>()?;
-    m.add_class::<stepper::State>()?;
+    m.add_class::<state::State>()?;
     m.add("ModelError", m.py().get_type::<model::ModelError>())?;
     m.add("__version__", env!("CARGO_PKG_VERSION"))?;
     m.add_function(wrap_pyfunction!(cpu_levels, m)?)?;

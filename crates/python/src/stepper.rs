@@ -10,8 +10,10 @@ use stepper_core::batch::{Field, StepInputs};
 use stepper_core::{Error, Precision, Simulation};
 
 use crate::array::{array, check_shape, readonly};
+use crate::contacts::structured;
 use crate::model::{Model, to_py};
 use crate::options::{settings, unknown};
+use crate::state::State;
 
 /// Environments of one model, stepped together.
 #[pyclass(module = "stepper._stepper")]
@@ -34,37 +36,6 @@ enum Applied {
     Xfrc,
     MocapPos,
     MocapQuat,
-}
-
-/// Everything of a `Stepper` that survives a step.
-#[pyclass(module = "stepper._stepper", frozen)]
-pub(crate) struct State {
-    bytes: Vec<u8>,
-    digest: [u8; 32],
-}
-
-#[pymethods]
-impl State {
-    #[new]
-    fn new(bytes: Vec<u8>, digest: [u8; 32]) -> Self {
-        Self { bytes, digest }
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let py = slf.py();
-        let this = slf.get();
-        let args = (PyBytes::new(py, &this.bytes), PyBytes::new(py, &this.digest)).into_pyobject(py)?;
-        Ok((slf.get_type().into_any(), args))
-    }
-
-    fn __eq__(&self, other: &Self) -> bool {
-        self.bytes == other.bytes && self.digest == other.digest
-    }
-
-    #[getter]
-    fn nbytes(&self) -> usize {
-        self.bytes.len()
-    }
 }
 
 fn value_error(error: Error) -> PyErr {
@@ -454,37 +425,7 @@ impl Stepper {
 
     #[pyo3(signature = (env=0))]
     fn contacts<'py>(&self, py: Python<'py>, env: isize) -> PyResult<Bound<'py, PyAny>> {
-        let contacts = self.simulation.contacts(self.env(env)?);
-        let model = self.simulation.model();
-        let numpy = py.import("numpy")?;
-        let fields: [(&str, &str, Vec<usize>); 7] = [
-            ("geom", "i4", vec![2]),
-            ("body", "i4", vec![2]),
-            ("pos", "f8", vec![3]),
-            ("normal", "f8", vec![3]),
-            ("distance", "f8", vec![]),
-            ("force", "f8", vec![3]),
-            ("frame", "f8", vec![3, 3]),
-        ];
-        let dtype: Vec<_> =
-            fields.iter().map(|(name, kind, shape)| PyTuple::new(py, shape).map(|s| (*name, *kind, s))).collect::<PyResult<_>>()?;
-        let out = numpy.call_method1("zeros", (contacts.len(), dtype))?;
-        if contacts.is_empty() {
-            return Ok(out);
-        }
-        let column = |f: &dyn Fn(usize) -> Vec<f64>| (0..contacts.len()).map(f).collect::<Vec<_>>();
-        let bodies = |k: usize| contacts[k].0.iter().map(|&g| model.geoms[g].body as f64).collect();
-        out.set_item("geom", column(&|k| contacts[k].0.iter().map(|&g| g as f64).collect()))?;
-        out.set_item("body", column(&bodies))?;
-        out.set_item("pos", column(&|k| contacts[k].1.pos.to_vec()))?;
-        out.set_item("normal", column(&|k| contacts[k].1.normal.to_vec()))?;
-        out.set_item("distance", contacts.iter().map(|c| c.1.distance).collect::<Vec<_>>())?;
-        out.set_item("force", column(&|k| contacts[k].1.impulse.to_vec()))?;
-        out.set_item(
-            "frame",
-            contacts.iter().map(|c| stepper_core::contacts::frame(c.1.normal).map(|r| r.to_vec()).to_vec()).collect::<Vec<_>>(),
-        )?;
-        Ok(out)
+        structured(py, self.simulation.model(), &self.simulation.contacts(self.env(env)?))
     }
 
     #[pyo3(signature = (env=0))]

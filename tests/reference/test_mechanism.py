@@ -11,7 +11,8 @@ MECHANISM = """<mujoco><option timestep="0.002" integrator="Euler"/><default><ge
     <joint name="hinge" type="hinge" axis="0 1 .3" pos="0 .02 .1" armature=".1" stiffness="3" damping=".2"/>
     <geom type="capsule" size=".05 .2"/>
     <body pos=".3 0 0" euler="10 20 30"><joint type="ball" damping=".1" stiffness="2"/><geom type="box" size=".1 .05 .2" pos=".1 0 0"/>
-      <body pos="0 .3 0"><joint name="yaw" axis="0 0 1" ref=".2"/><joint name="roll" axis="1 0 0"/><geom type="ellipsoid" size=".1 .05 .03"/>
+      <body pos="0 .3 0"><joint name="yaw" axis="0 0 1" ref=".2"/><joint name="roll" axis="1 0 0"/>
+        <geom type="ellipsoid" size=".1 .05 .03"/>
       </body></body></body></worldbody>
   <tendon><fixed name="tendon"><joint joint="hinge" coef="1.5"/><joint joint="yaw" coef="-.7"/></fixed></tendon>
   <actuator>
@@ -25,7 +26,7 @@ MECHANISM = """<mujoco><option timestep="0.002" integrator="Euler"/><default><ge
 
 
 def test_euler_is_mujocos():
-    """The mathematics is the same, joint damping implicit in both: what differs is rounding, which a chaotic 0.6 s multiplies by some 1e3."""
+    """The mathematics is the same, joint damping implicit in both: what differs is rounding, times some 1e3 by chaos in 0.6 s."""
     model = mujoco.MjModel.from_xml_string(MECHANISM)
     data = mujoco.MjData(model)
     sim = stepper.Stepper(stepper.load(model), options=stepper.Options(integrator="euler"))

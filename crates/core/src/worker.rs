@@ -2,7 +2,7 @@
 
 use std::any::Any;
 
-use stepper_real::{Level, Mask, Real, Scalar};
+use stepper_real::{Level, Mask, Real, Scalar, at_level};
 
 use crate::options::Options;
 use crate::plan::Plan;
@@ -72,22 +72,6 @@ impl Worker {
         assert_eq!(group.lanes, self.lanes, "a worker steps groups of its own width");
         S::run(call, group, first, self.level, &mut *self.room);
     }
-}
-
-/// `$run` with the lane type of a CPU level that this machine has.
-macro_rules! at_level {
-    ($level:expr, $lanes:ident, $run:ident($($arg:expr),*)) => {{
-        let level = $level;
-        // The lane types of a level must not be touched on a CPU that lacks it.
-        assert!(level.is_available(), "CPU level {level} is not available on this machine");
-        match level {
-            #[cfg(target_arch = "x86_64")]
-            Level::Avx512 => $run::<stepper_real::avx512::$lanes>($($arg),*),
-            #[cfg(target_arch = "x86_64")]
-            Level::Avx2 => $run::<stepper_real::avx2::$lanes>($($arg),*),
-            _ => $run::<stepper_real::array::$lanes>($($arg),*),
-        }
-    }};
 }
 
 impl Stepped for f64 {

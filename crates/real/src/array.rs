@@ -1,6 +1,6 @@
 //! Portable lanes: plain arrays and element-wise loops, which the compiler turns into whatever vectors the baseline has (SSE2, NEON).
 //!
-//! The baseline level of x86-64, the only level of every other architecture, and what lanes are stored as (`Real::Stored`).
+//! The baseline level of x86-64, and the only level of every other architecture.
 
 use crate::operators::{as_lanes, lane_access, operators, vectorize};
 use crate::{Mask, Real};

@@ -1,10 +1,10 @@
 //! Lanes in two AVX registers, masks as vectors of compare results. Features: `avx2`.
 //!
 //! # Safety
-//! The methods here are safe to name but execute AVX2 instructions. Values of these types may be made only below a function that
-//! [`dispatch!`](crate::dispatch) generated, which has asked the CPU before. Every method is `#[inline(always)]`, so that the intrinsics
-//! end up inlined into that function and inherit its `#[target_feature]`; elsewhere they would be calls, or illegal instructions on a
-//! CPU that lacks them.
+//! The functions here are safe to name but execute AVX2 instructions. These types may be used, and values of them made, only where
+//! the CPU was asked for the level before: below [`at_level!`](crate::at_level), which asks. Every method is `#[inline(always)]`, so
+//! that the intrinsics end up inlined into the function that [`Real::vectorize`] makes and inherit its `#[target_feature]`; outside of
+//! one they are calls, slow but right.
 
 use crate::operators::{as_lanes, lane_access, operators, vectorize};
 use crate::{Mask, Real};

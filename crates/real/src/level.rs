@@ -1,4 +1,4 @@
-//! Which instructions this machine has, and which of them to use.
+//! Which instructions this machine has, which of them to use, and how to use them.
 
 use core::fmt;
 use core::str::FromStr;
@@ -57,7 +57,7 @@ impl Level {
         }
     }
 
-    // These are the features that `dispatch!` enables.
+    // These are the features that `Real::vectorize` enables.
     #[cfg(target_arch = "x86_64")]
     fn detect(self) -> bool {
         match self {
@@ -118,6 +118,89 @@ impl fmt::Display for LevelError {
 }
 
 impl std::error::Error for LevelError {}
+
+/// Calls a generic function with the lane type of a CPU level, picked at run time.
+///
+/// `at_level!(level, F64x8, step(state, h))` is `step::<F64x8>(state, h)` with the `F64x8` of that [`Level`]: its first type argument is
+/// the lane type (`F64x8` or `F32x16`, which need not be imported); further ones are written `step::<_, Further>(state, h)`. The types of
+/// arguments and result are the same at every level: numbers go in and out as scalars, through [`Real::load`] and [`Real::store`].
+///
+/// The function itself is ordinary code. What it computes it computes in [`Real::vectorize`], which compiles a closure with the level's
+/// instructions; the closure and all that it calls must be `#[inline(always)]`, or they run with baseline instructions.
+///
+/// ```
+/// use stepper_real::{Level, Real, at_level};
+///
+/// /// Multiplies every number.
+/// fn scale<R: Real>(by: R::Scalar, x: &mut [R::Scalar]) {
+///     R::vectorize(
+///         #[inline(always)]
+///         || {
+///             for x in x.chunks_exact_mut(R::LANES) {
+///                 (R::load(x) * R::splat(by)).store(x);
+///             }
+///         },
+///     )
+/// }
+///
+/// let mut x = [3.0f32; 32];
+/// at_level!(Level::best()?, F32x16, scale(2.0, &mut x));
+/// assert_eq!(x, [6.0; 32]);
+/// # Ok::<(), stepper_real::LevelError>(())
+/// ```
+///
+/// # Panics
+/// When the machine or this build lacks the level: get one from [`Level::best`] or [`Level::available`], once, and keep it. A lane type
+/// executes its level's instructions wherever it is used, so this is the one way to name it that cannot go wrong.
+///
+/// [`Level`]: crate::Level
+/// [`Level::best`]: crate::Level::best
+/// [`Level::available`]: crate::Level::available
+/// [`Real::load`]: crate::Real::load
+/// [`Real::store`]: crate::Real::store
+/// [`Real::vectorize`]: crate::Real::vectorize
+#[macro_export]
+macro_rules! at_level {
+    ($level:expr, $lanes:ident, $run:ident $(::<_, $($extra:ty),+>)? ($($arg:expr),* $(,)?)) => {{
+        let level: $crate::Level = $level;
+        assert!(level.is_available(), "CPU level {level} is not available on this machine and build");
+        match level {
+            $crate::Level::Avx512 => $crate::__if_avx512!($run::<$crate::avx512::$lanes $(, $($extra),+)?>($($arg),*)),
+            $crate::Level::Avx2 => $crate::__if_avx2!($run::<$crate::avx2::$lanes $(, $($extra),+)?>($($arg),*)),
+            $crate::Level::Baseline => $run::<$crate::array::$lanes $(, $($extra),+)?>($($arg),*),
+        }
+    }};
+}
+
+// A `cfg` inside `at_level!` would ask the features of the crate that uses it; these ask those of this crate.
+#[cfg(all(target_arch = "x86_64", feature = "avx2"))]
+#[doc(hidden)]
+#[macro_export]
+macro_rules! __if_avx2 {
+    ($($run:tt)*) => { $($run)* };
+}
+#[cfg(not(all(target_arch = "x86_64", feature = "avx2")))]
+#[doc(hidden)]
+#[macro_export]
+macro_rules! __if_avx2 {
+    ($($run:tt)*) => {
+        unreachable!("a level that this build lacks is never available")
+    };
+}
+#[cfg(all(target_arch = "x86_64", feature = "avx512"))]
+#[doc(hidden)]
+#[macro_export]
+macro_rules! __if_avx512 {
+    ($($run:tt)*) => { $($run)* };
+}
+#[cfg(not(all(target_arch = "x86_64", feature = "avx512")))]
+#[doc(hidden)]
+#[macro_export]
+macro_rules! __if_avx512 {
+    ($($run:tt)*) => {
+        unreachable!("a level that this build lacks is never available")
+    };
+}
 
 #[cfg(test)]
 mod tests {

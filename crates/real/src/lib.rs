@@ -9,32 +9,29 @@
 //! the elementary functions: so a result depends neither on the CPU nor on an environment's neighbours. This assumes the floating-point
 //! environment that Rust assumes: round to nearest, subnormals kept (a library built with `-ffast-math` may have changed it).
 //!
-//! [`dispatch!`] makes one function per CPU level out of a generic kernel and picks one at run time; [`Level`] says which there are.
-//! Everything a kernel calls must be `#[inline(always)]`: a function that is not inlined is compiled for the baseline.
+//! [`Real::vectorize`] compiles a kernel with the instructions of a lane type's CPU level, [`at_level!`] picks the lane type of a level
+//! at run time, and [`Level`] says which levels there are. Everything a kernel calls must be `#[inline(always)]`: a function that is
+//! not inlined is compiled for the baseline.
 //!
 //! ```
-//! mod kernels {
-//!     use stepper_real::{F64x8, Real};
+//! use stepper_real::{Level, Real, at_level};
 //!
-//!     #[inline(always)]
-//!     fn norms<R: Real>(x: &[R::Stored], y: &[R::Stored], out: &mut [R::Stored]) {
-//!         let (x, y, out) = (R::view(x), R::view(y), R::view_mut(out));
-//!         for i in 0..out.len() {
-//!             out[i] = (x[i].square() + y[i].square()).sqrt();
-//!         }
-//!     }
-//!
-//!     stepper_real::dispatch! {
-//!         /// Lengths of eight vectors at a time.
-//!         pub fn norms_f64(x: &[F64x8], y: &[F64x8], out: &mut [F64x8]) = norms::<F64x8>;
-//!     }
+//! /// Lengths of the vectors (x, y).
+//! fn norms<R: Real>(x: &[R::Scalar], y: &[R::Scalar], out: &mut [R::Scalar]) {
+//!     R::vectorize(
+//!         #[inline(always)]
+//!         || {
+//!             for i in (0..out.len()).step_by(R::LANES) {
+//!                 let (x, y) = (R::load(&x[i..]), R::load(&y[i..]));
+//!                 (x.square() + y.square()).sqrt().store(&mut out[i..]);
+//!             }
+//!         },
+//!     )
 //! }
 //!
-//! use stepper_real::{F64x8, Level, Real};
-//! let (x, y) = ([F64x8::of(3.0)], [F64x8::of(4.0)]);
-//! let mut out = [F64x8::zero()];
-//! kernels::norms_f64(Level::best()?, &x, &y, &mut out);
-//! assert_eq!(out[0].lane(7), 5.0);
+//! let mut out = [0.0; 16];
+//! at_level!(Level::best()?, F64x8, norms(&[3.0; 16], &[4.0; 16], &mut out));
+//! assert_eq!(out, [5.0; 16]);
 //! # Ok::<(), stepper_real::LevelError>(())
 //! ```
 
@@ -44,7 +41,6 @@ pub mod avx2;
 #[cfg(target_arch = "x86_64")]
 pub mod avx512;
 mod coefficients;
-mod dispatch;
 mod elementary;
 mod level;
 mod mask;

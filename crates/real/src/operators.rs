@@ -1,4 +1,4 @@
-//! What is written once for every lane type: operators, `Default`, `Debug`, and the views of stored lanes.
+//! What is written once for every lane type: operators, `Default`, `Debug`, access to lanes, and `Real::vectorize`.
 
 /// Implements the binary operators of a lane type from one expression each.
 macro_rules! operators {
@@ -23,7 +23,7 @@ macro_rules! operators {
 /// Implements what follows from a lane type's being `[$scalar; $n]` in memory.
 macro_rules! as_lanes {
     ($t:ident, $scalar:ident, $n:literal) => {
-        // Stored lanes are viewed as lanes of any level, so all must agree on this.
+        // One cache line, and no padding: the lanes lie in memory as an array.
         const _: () = assert!(size_of::<$t>() == 64 && align_of::<$t>() == 64 && size_of::<[$scalar; $n]>() == 64);
 
         impl $t {
@@ -64,7 +64,7 @@ macro_rules! vectorize {
             fn run<T>(kernel: impl FnOnce() -> T) -> T {
                 kernel()
             }
-            // SAFETY: values of this type are made only where the CPU has these features (see the module's documentation).
+            // SAFETY: this type is used only where the CPU has these features (see the module's documentation).
             #[allow(unused_unsafe)]
             unsafe {
                 run(kernel)
@@ -77,7 +77,6 @@ macro_rules! vectorize {
 macro_rules! lane_access {
     ($t:ident, $scalar:ident, $n:literal) => {
         type Scalar = $scalar;
-        type Stored = crate::array::$t;
         const LANES: usize = $n;
 
         #[inline(always)]
@@ -90,16 +89,6 @@ macro_rules! lane_access {
             // SAFETY: the lanes lie in memory as an array (size and alignment are asserted beside the type), and any bits are valid in
             // both. One scalar store: rebuilding the vector would wait for it.
             unsafe { *core::ptr::from_mut(self).cast::<$scalar>().add(i) = x }
-        }
-        #[inline(always)]
-        fn view(stored: &[Self::Stored]) -> &[Self] {
-            // SAFETY: same size and alignment (asserted beside the type), and any bits are valid in both.
-            unsafe { core::slice::from_raw_parts(stored.as_ptr().cast(), stored.len()) }
-        }
-        #[inline(always)]
-        fn view_mut(stored: &mut [Self::Stored]) -> &mut [Self] {
-            // SAFETY: same size and alignment (asserted beside the type), and any bits are valid in both.
-            unsafe { core::slice::from_raw_parts_mut(stored.as_mut_ptr().cast(), stored.len()) }
         }
     };
 }

@@ -33,9 +33,6 @@ pub trait Real:
     type Scalar: Scalar;
     /// One truth value per lane.
     type Mask: Mask;
-    /// The same lanes at rest: a type that is the same at every CPU level, for memory that outlives a dispatched call. The portable
-    /// `F64x8` for every `F64x8`, the portable `F32x16` for every `F32x16`, a scalar for itself.
-    type Stored: Real<Scalar = Self::Scalar>;
     /// Environments side by side.
     const LANES: usize;
 
@@ -81,10 +78,6 @@ pub trait Real:
     ///
     /// The closure and all that it calls must be `#[inline(always)]`, or they run with baseline instructions.
     fn vectorize<T>(kernel: impl FnOnce() -> T) -> T;
-    /// Stored lanes, seen as lanes of this level, without a copy.
-    fn view(stored: &[Self::Stored]) -> &[Self];
-    /// Stored lanes, seen as lanes of this level, without a copy, to change.
-    fn view_mut(stored: &mut [Self::Stored]) -> &mut [Self];
 
     /// `self < o`; false where either is NaN.
     fn lt(self, o: Self) -> Self::Mask;

@@ -8,7 +8,6 @@ macro_rules! single {
         impl Real for $t {
             type Scalar = $t;
             type Mask = bool;
-            type Stored = $t;
             const LANES: usize = 1;
             vectorize!();
 
@@ -33,14 +32,6 @@ macro_rules! single {
             fn set_lane(&mut self, i: usize, x: $t) {
                 assert!(i == 0, "one lane only");
                 *self = x;
-            }
-            #[inline(always)]
-            fn view(stored: &[$t]) -> &[Self] {
-                stored
-            }
-            #[inline(always)]
-            fn view_mut(stored: &mut [$t]) -> &mut [Self] {
-                stored
             }
             #[inline(always)]
             fn lt(self, o: Self) -> bool {

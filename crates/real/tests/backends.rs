@@ -1,9 +1,9 @@
 //! Every backend gives every lane the bits that a lone scalar gets.
 
 use proptest::prelude::*;
-use stepper_real::{F32x16, F64x8, Level, Mask, Real};
+use stepper_real::{F32x16, F64x8, Level, Mask, Real, at_level};
 
-/// Names of what `operations` returns, in its order.
+/// Names of what `operations` writes, in its order.
 const NAMES: [&str; 37] = [
     "add",
     "sub",
@@ -49,10 +49,10 @@ fn truth<R: Real>(m: R::Mask) -> R {
     R::select(m, R::one(), R::zero())
 }
 
+/// Every operation on one group of lanes; the lanes of each result follow one another in `out`.
 #[inline(always)]
-fn operations<R: Real>(a: &R::Stored, b: &R::Stored, out: &mut [R::Stored]) {
-    let a = R::view(core::slice::from_ref(a))[0];
-    let b = R::view(core::slice::from_ref(b))[0];
+fn operations<R: Real>(a: &[R::Scalar], b: &[R::Scalar], out: &mut [R::Scalar]) {
+    let (a, b) = (R::load(a), R::load(b));
     let (mut added, mut subtracted, mut multiplied, mut divided) = (a, a, a, a);
     added += b;
     subtracted -= b;
@@ -66,7 +66,7 @@ fn operations<R: Real>(a: &R::Stored, b: &R::Stored, out: &mut [R::Stored]) {
         replaced.set_lane(i, b.lane(i));
     }
     let (sin, cos) = a.sin_cos();
-    let results = [
+    let results: [R; NAMES.len()] = [
         a + b,
         a - b,
         a * b,
@@ -106,17 +106,22 @@ fn operations<R: Real>(a: &R::Stored, b: &R::Stored, out: &mut [R::Stored]) {
         loaded,
         replaced,
     ];
-    R::view_mut(out).copy_from_slice(&results);
+    assert_eq!(out.len(), results.len() * R::LANES);
+    for (result, out) in results.into_iter().zip(out.chunks_exact_mut(R::LANES)) {
+        result.store(out);
+    }
 }
 
-stepper_real::dispatch! {
-    fn operations_f64(a: &F64x8, b: &F64x8, out: &mut [F64x8]) = operations::<F64x8>;
-    fn operations_f32(a: &F32x16, b: &F32x16, out: &mut [F32x16]) = operations::<F32x16>;
+fn vectorized<R: Real>(a: &[R::Scalar], b: &[R::Scalar], out: &mut [R::Scalar]) {
+    R::vectorize(
+        #[inline(always)]
+        || operations::<R>(a, b, out),
+    )
 }
 
 /// Compares the lanes of every level with scalars, bit for bit. Which NaN it is may differ.
 macro_rules! check {
-    ($name:ident, $scalar:ident, $lanes:ident, $dispatched:ident) => {
+    ($name:ident, $scalar:ident, $lanes:ident) => {
         fn $name(a: &[$scalar], b: &[$scalar]) {
             const N: usize = $lanes::LANES;
             let (mut group_a, mut group_b) = ([0.0; N], [0.0; N]);
@@ -125,14 +130,14 @@ macro_rules! check {
                 group_b[..b.len()].copy_from_slice(b);
                 let mut expected = [[0.0; NAMES.len()]; N];
                 for lane in 0..N {
-                    operations::<$scalar>(&group_a[lane], &group_b[lane], &mut expected[lane]);
+                    operations::<$scalar>(&group_a[lane..], &group_b[lane..], &mut expected[lane]);
                 }
                 for &level in Level::available() {
-                    let mut out = [$lanes::zero(); NAMES.len()];
-                    $dispatched(level, &$lanes::load(&group_a), &$lanes::load(&group_b), &mut out);
+                    let mut out = [0.0; N * NAMES.len()];
+                    at_level!(level, $lanes, vectorized(&group_a, &group_b, &mut out));
                     for (op, name) in NAMES.iter().enumerate() {
                         for lane in 0..N {
-                            let (x, y) = (out[op].lane(lane), expected[lane][op]);
+                            let (x, y) = (out[op * N + lane], expected[lane][op]);
                             assert!(
                                 x.to_bits() == y.to_bits() || (x.is_nan() && y.is_nan()),
                                 "{name} of {:e} and {:e}: {x:e} at level {level}, {y:e} alone",
@@ -147,8 +152,8 @@ macro_rules! check {
     };
 }
 
-check!(check_f64, f64, F64x8, operations_f64);
-check!(check_f32, f32, F32x16, operations_f32);
+check!(check_f64, f64, F64x8);
+check!(check_f32, f32, F32x16);
 
 /// Values at which something changes: a sign, a case, a rounding, the range.
 macro_rules! specials {
@@ -217,14 +222,18 @@ fn special_values_pair_by_pair() {
 
 #[test]
 fn a_lane_does_not_see_its_neighbours() {
-    let mut quiet = [0.3; 8];
-    let mut out = [F64x8::zero(); NAMES.len()];
-    operations_f64(Level::best().unwrap(), &F64x8::load(&quiet), &F64x8::of(0.7), &mut out);
-    let alone: Vec<u64> = out.iter().map(|x| x.lane(5).to_bits()).collect();
-    quiet[4] = f64::NAN;
-    quiet[6] = 1e300;
-    operations_f64(Level::best().unwrap(), &F64x8::load(&quiet), &F64x8::of(0.7), &mut out);
-    assert_eq!(alone, out.iter().map(|x| x.lane(5).to_bits()).collect::<Vec<_>>());
+    let lane_5 = |level: Level, a: &[f64; 8]| -> Vec<u64> {
+        let mut out = [0.0; 8 * NAMES.len()];
+        at_level!(level, F64x8, vectorized(a, &[0.7; 8], &mut out));
+        out.chunks_exact(8).map(|x| x[5].to_bits()).collect()
+    };
+    for &level in Level::available() {
+        let mut quiet = [0.3; 8];
+        let alone = lane_5(level, &quiet);
+        quiet[4] = f64::NAN;
+        quiet[6] = 1e300;
+        assert_eq!(alone, lane_5(level, &quiet), "level {level}");
+    }
 }
 
 #[test]
@@ -255,37 +264,36 @@ fn pow2_is_exact_over_the_normal_range() {
     }
 }
 
-#[inline(always)]
 fn load<R: Real>(s: &[R::Scalar], i: usize) -> R::Scalar {
-    R::load(s).lane(i)
+    R::vectorize(
+        #[inline(always)]
+        || R::load(s).lane(i),
+    )
 }
 
-#[inline(always)]
 fn store<R: Real>(s: &mut [R::Scalar], i: usize, x: R::Scalar) {
-    let mut lanes = R::zero();
-    lanes.set_lane(i, x);
-    lanes.store(s);
-}
-
-stepper_real::dispatch! {
-    fn load_f64(s: &[f64], i: usize) -> f64 = load::<F64x8>;
-    fn load_f32(s: &[f32], i: usize) -> f32 = load::<F32x16>;
-    fn store_f64(s: &mut [f64], i: usize, x: f64) = store::<F64x8>;
-    fn store_f32(s: &mut [f32], i: usize, x: f32) = store::<F32x16>;
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let mut lanes = R::zero();
+            lanes.set_lane(i, x);
+            lanes.store(s);
+        },
+    )
 }
 
 #[test]
 fn short_slices_and_missing_lanes_panic_at_every_level() {
     let panics = |f: &dyn Fn()| std::panic::catch_unwind(std::panic::AssertUnwindSafe(f)).is_err();
     for &level in Level::available() {
-        assert_eq!(load_f64(level, &[3.0; 9], 7), 3.0);
-        assert!(panics(&|| _ = load_f64(level, &[3.0; 7], 0)));
-        assert!(panics(&|| _ = load_f64(level, &[3.0; 8], 8)));
-        assert!(panics(&|| _ = load_f32(level, &[3.0; 15], 0)));
-        assert!(panics(&|| _ = load_f32(level, &[3.0; 16], 16)));
-        assert!(panics(&|| store_f64(level, &mut [0.0; 7], 0, 1.0)));
-        assert!(panics(&|| store_f64(level, &mut [0.0; 8], 8, 1.0)));
-        assert!(panics(&|| store_f32(level, &mut [0.0; 15], 0, 1.0)));
-        assert!(panics(&|| store_f32(level, &mut [0.0; 16], 16, 1.0)));
+        assert_eq!(at_level!(level, F64x8, load(&[3.0; 9], 7)), 3.0);
+        assert!(panics(&|| _ = at_level!(level, F64x8, load(&[3.0; 7], 0))));
+        assert!(panics(&|| _ = at_level!(level, F64x8, load(&[3.0; 8], 8))));
+        assert!(panics(&|| _ = at_level!(level, F32x16, load(&[3.0; 15], 0))));
+        assert!(panics(&|| _ = at_level!(level, F32x16, load(&[3.0; 16], 16))));
+        assert!(panics(&|| at_level!(level, F64x8, store(&mut [0.0; 7], 0, 1.0))));
+        assert!(panics(&|| at_level!(level, F64x8, store(&mut [0.0; 8], 8, 1.0))));
+        assert!(panics(&|| at_level!(level, F32x16, store(&mut [0.0; 15], 0, 1.0))));
+        assert!(panics(&|| at_level!(level, F32x16, store(&mut [0.0; 16], 16, 1.0))));
     }
 }

@@ -1,16 +1,16 @@
 //! Masks are sets of lanes at every level: nothing outside the lanes, and the laws of sets inside.
 
-use stepper_real::{Level, Mask, Real};
+use stepper_real::{Level, Mask, Real, at_level};
 
 /// Words that `algebra` writes.
 const WORDS: usize = 14;
 
 #[inline(always)]
-fn algebra<R: Real>(x: u32, y: u32, out: &mut [u32; WORDS]) {
+fn algebra<R: Real>(x: u32, y: u32) -> [u32; WORDS] {
     let (a, b) = (R::Mask::from_bits(x), R::Mask::from_bits(y));
     // From a comparison, which need not be represented as from_bits does.
     let compared = R::select(a, R::of(-1.0), R::one()).lt(R::zero());
-    *out = [
+    [
         a.bits(),
         compared.bits(),
         a.and(b).bits(),
@@ -25,12 +25,14 @@ fn algebra<R: Real>(x: u32, y: u32, out: &mut [u32; WORDS]) {
         a.none() as u32,
         a.or(a.not()).all() as u32,
         a.and_not(a).none() as u32,
-    ];
+    ]
 }
 
-stepper_real::dispatch! {
-    fn algebra_f64(x: u32, y: u32, out: &mut [u32; WORDS]) = algebra::<F64x8>;
-    fn algebra_f32(x: u32, y: u32, out: &mut [u32; WORDS]) = algebra::<F32x16>;
+fn vectorized<R: Real>(x: u32, y: u32) -> [u32; WORDS] {
+    R::vectorize(
+        #[inline(always)]
+        || algebra::<R>(x, y),
+    )
 }
 
 fn expected(lanes: usize, x: u32, y: u32) -> [u32; WORDS] {
@@ -45,8 +47,7 @@ fn eight_lanes_exhaustively() {
     for &level in Level::available() {
         for x in 0..256 {
             for y in 0..256 {
-                let mut out = [0; WORDS];
-                algebra_f64(level, x, y, &mut out);
+                let out = at_level!(level, F64x8, vectorized(x, y));
                 assert_eq!(out, expected(8, x, y), "{x:#b} {y:#b} at level {level}");
             }
         }
@@ -58,8 +59,7 @@ fn sixteen_lanes_with_a_few_partners() {
     for &level in Level::available() {
         for x in 0..=0xffffu32 {
             for y in [0, 0xffff, 0x5555, 0x8001, x.reverse_bits() >> 16, x ^ 0x0ff0] {
-                let mut out = [0; WORDS];
-                algebra_f32(level, x, y, &mut out);
+                let out = at_level!(level, F32x16, vectorized(x, y));
                 assert_eq!(out, expected(16, x, y), "{x:#b} {y:#b} at level {level}");
             }
         }
@@ -69,15 +69,9 @@ fn sixteen_lanes_with_a_few_partners() {
 #[test]
 fn higher_bits_are_ignored() {
     for &level in Level::available() {
-        let mut out = [0; WORDS];
-        algebra_f64(level, 0xffff_ff01, 0xffff_0002, &mut out);
-        assert_eq!(out, expected(8, 0x01, 0x02));
-        algebra_f32(level, 0xffff_8001, 0xabcd_0002, &mut out);
-        assert_eq!(out, expected(16, 0x8001, 0x0002));
+        assert_eq!(at_level!(level, F64x8, vectorized(0xffff_ff01, 0xffff_0002)), expected(8, 0x01, 0x02));
+        assert_eq!(at_level!(level, F32x16, vectorized(0xffff_8001, 0xabcd_0002)), expected(16, 0x8001, 0x0002));
     }
-    let mut out = [0; WORDS];
-    algebra::<f64>(0xfffe, 1, &mut out);
-    assert_eq!(out, expected(1, 0, 1));
-    algebra::<f32>(3, 2, &mut out);
-    assert_eq!(out, expected(1, 1, 0));
+    assert_eq!(algebra::<f64>(0xfffe, 1), expected(1, 0, 1));
+    assert_eq!(algebra::<f32>(3, 2), expected(1, 1, 0));
 }

@@ -183,7 +183,7 @@ class Stepper:
             nstep: Number of steps.
 
         Raises:
-            ValueError: A wrong shape; the message has both. A control that is not finite is no error: its environment keeps its state and
+            ValueError: A wrong shape; the message has both. A control that is NaN is no error: its environment keeps its state and
                 says NON_FINITE in `status`.
         """
     def set_state(

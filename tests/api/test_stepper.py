@@ -428,3 +428,19 @@ def test_two_simulations_step_in_two_threads():
         thread.join()
     for sim in sims:
         assert np.array_equal(sim.qpos, expected.qpos)
+
+
+@pytest.mark.parametrize(("field", "value"), [("mocap_pos", np.nan), ("mocap_pos", np.inf), ("mocap_quat", 0.0), ("mocap_quat", np.nan)])
+def test_a_mocap_pose_that_is_none_stops_its_environment(field, value):
+    """It would else hide the body's contacts, and what stands on it would fall."""
+    scene = """<mujoco><worldbody><body mocap="true"><geom type="plane" size="1 1 1"/></body>
+      <body pos="0 0 .1"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
+    sim = stepper.Stepper(stepper.load(scene), 3)
+    getattr(sim, field)[1] = value
+    sim.step(nstep=100)
+    assert sim.status.tolist() == [0, stepper.Status.NON_FINITE, 0]
+    assert np.abs(sim.qpos[:, 2] - 0.1).max() < 1e-5  # The slop.
+
+
+def test_a_model_error_pickles():
+    assert pickle.loads(pickle.dumps(stepper.ModelError("why"))).args == ("why",)

@@ -135,7 +135,7 @@ pub fn step<R: Real>(plan: &Plan<R::Scalar>, options: &Options, s: &mut Scratch<
         rk4.take(s.alive.and_not(s.constraints.constrained), [&mut s.q_next, &mut s.v_next, &mut s.act_next]);
     }
 
-    let finite = accept(s);
+    let finite = accept(plan, s);
     Record {
         residual: outcome.residual,
         iterations: outcome.sweeps,
@@ -195,11 +195,15 @@ fn apply_forces<R: Real>(plan: &Plan<R::Scalar>, s: &mut Scratch<R>) {
 }
 
 /// Takes the next state over in the lanes where it is finite; the others stay where they were and start cold. Returns those lanes.
-fn accept<R: Real>(s: &mut Scratch<R>) -> R::Mask {
+fn accept<R: Real>(plan: &Plan<R::Scalar>, s: &mut Scratch<R>) -> R::Mask {
     R::vectorize(
         #[inline(always)]
         || {
-            let finite = all_finite(&s.q_next).and(all_finite(&s.v_next)).and(all_finite(&s.act_next));
+            let mut finite = all_finite(&s.q_next).and(all_finite(&s.v_next)).and(all_finite(&s.act_next));
+            // A pose that the user gave and that is none would hide its contacts: the step is refused instead.
+            for m in &plan.mocap {
+                finite = finite.and(all_finite(&s.kinematics.pos[m.frame])).and(all_finite(&s.kinematics.mat[m.frame]));
+            }
             let moves = finite.and(s.alive);
             for (old, new) in [(&mut s.q, &s.q_next), (&mut s.v, &s.v_next), (&mut s.act, &s.act_next)] {
                 for (old, &new) in old.iter_mut().zip(new) {

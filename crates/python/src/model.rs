@@ -12,7 +12,12 @@ use stepper_core::model::{Keyframe, Model as Core};
 use crate::array::{array, readonly, shape_text};
 use crate::stepper::SharedModel;
 
-pyo3::create_exception!(_stepper, ModelError, PyValueError, "A model that cannot be simulated: what is wrong, where, and what to do.");
+pyo3::create_exception!(
+    stepper._stepper,
+    ModelError,
+    PyValueError,
+    "A model that cannot be simulated: what is wrong, where, and what to do."
+);
 
 pub(crate) fn to_py(error: stepper_core::ModelError) -> PyErr {
     ModelError::new_err(error.to_string())

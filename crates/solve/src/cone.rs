@@ -9,7 +9,8 @@ use stepper_real::{Mask, Real};
 pub fn project<R: Real>(x: [R; 3], mu: R) -> [R; 3] {
     let [n, t1, t2] = x;
     let tangent = (t1 * t1 + t2 * t2).sqrt();
-    let inside = tangent.le(mu * n);
+    // Without friction the cone is a half line, and mu n is zero on both of its sides.
+    let inside = tangent.le(mu * n).and(n.ge(R::zero()));
     let polar = (mu * tangent).le(-n);
     let height = (mu * tangent + n) / (R::one() + mu * mu);
     let scale = mu * height / R::select(tangent.gt(R::zero()), tangent, R::one());

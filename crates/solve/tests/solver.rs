@@ -141,3 +141,10 @@ fn running_out_of_sweeps_is_reported_by_the_residual() {
     assert!(outcome.residual > 1e-12);
     assert_eq!(outcome.residual, residual(&problem, &iterate));
 }
+
+#[test]
+fn without_friction_the_cone_is_a_half_line() {
+    assert_eq!(cone::project([-1.0, 0.0, 0.0], 0.0), [0.0; 3]);
+    assert_eq!(cone::project([2.0, 0.0, 0.0], 0.0), [2.0, 0.0, 0.0]);
+    assert_eq!(cone::project([2.0, 3.0, -1.0], 0.0), [2.0, 0.0, 0.0]);
+}

@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test bench check build format clean
+.PHONY: demo test bench atlas check build format clean
 
 # The main job: 1,024 humanoids, beside MuJoCo.
 demo: build
@@ -17,8 +17,14 @@ test: build
 # Speed, as ratios: stages and steps in Rust, then side by side with MuJoCo.
 bench: build
 	cargo bench -p stepper-benches
+	$(BIN)/python benches/versus/throughput.py
 	$(BIN)/python benches/versus/humanoid.py
 	$(BIN)/python benches/versus/chart.py
+
+# Scenes with known answers where methods fail, in every engine and setting: docs/atlas.md. And the geometry, fuzzed for long.
+atlas: build $(VENV)/atlas.stamp
+	PYTHONPATH=benches $(BIN)/python -m atlas
+	PROPTEST_CASES=20000 cargo test --release -p stepper-core --test geometry
 
 # Format, lints, documentation, types, and the stub against the binary.
 check: build $(VENV)/check.stamp
@@ -46,6 +52,10 @@ $(VENV)/setup.stamp: pyproject.toml
 
 $(VENV)/check.stamp: $(VENV)/setup.stamp
 	$(BIN)/python -m pip install --quiet --group check
+	touch $@
+
+$(VENV)/atlas.stamp: $(VENV)/setup.stamp
+	$(BIN)/python -m pip install --quiet --group atlas
 	touch $@
 
 clean:

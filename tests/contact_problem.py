@@ -1,17 +1,35 @@
-"""The constraint problem of one Euler step, built again from MuJoCo's mass matrix and Jacobians: contact.md sections 1 and 2 in NumPy."""
+"""The constraint problem of one step, built again from MuJoCo's mass matrix and Jacobians: contact.md sections 1 and 2 in NumPy.
+
+Contacts of 3 and 6 rows with their reported impulses; joint limits and equalities with the impulses that the change of velocity leaves to
+them. Euler's rule takes it all at the state before; the midpoint rule at q + h/2 v, which is done here for scenes without forces that
+depend on the velocity.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import mujoco
 import numpy as np
+from equalities import Rows, rows_of
 from models import forward, full_mass_matrix
+
+# How far limits are looked ahead, rad or m: LIMIT_SLACK of stage 4.
+SLACK = 0.01
 
 
 @dataclass
 class Problem:
-    """Rows (n, t1, t2) of every contact: M, J, impulses, bias, velocity after the step, Delassus matrix, friction."""
+    """Rows (n, t1, t2) of every contact: M, J, impulses, bias, velocity after the step, Delassus matrix, friction.
+
+    Attributes:
+        turning: Rows of relative turning about the same axes, (3 n, nv).
+        torque: Angular impulses along them, (n, 3).
+        scale: What these rows are multiplied by so that their friction is `friction`, (n, 3); zeros in contacts without such friction.
+        limits: Jacobian and bias of the joint limits that can be reached.
+        ties: Jacobian and demanded velocity of the equalities, orthogonal in the metric of M.
+        forced: Impulses of limits, then of equalities, as generalized impulses leave them.
+    """
 
     mass: np.ndarray
     jacobian: np.ndarray
@@ -19,15 +37,36 @@ class Problem:
     bias: np.ndarray
     free_velocity: np.ndarray
     friction: np.ndarray
+    turning: np.ndarray
+    torque: np.ndarray
+    scale: np.ndarray
+    limits: tuple[np.ndarray, np.ndarray]
+    ties: tuple[np.ndarray, np.ndarray]
+    forced: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def delassus(self) -> np.ndarray:
         return self.jacobian @ np.linalg.solve(self.mass, self.jacobian.T)
 
     @property
+    def scalars(self) -> np.ndarray:
+        """Jacobian of limits, then of equalities."""
+        return np.concatenate([self.limits[0], self.ties[0]])
+
+    def _pushed(self) -> np.ndarray:
+        """Generalized impulses of the contacts."""
+        return self.jacobian.T @ self.impulse.ravel() + self.turning.T @ self.torque.ravel()
+
+    def leave_to_scalars(self, velocity: np.ndarray) -> None:
+        """Finds the impulses of limits and equalities that, with those of the contacts, give the velocity after the step."""
+        rest = self.mass @ (velocity - self.free_velocity) - self._pushed()
+        self.forced = np.linalg.lstsq(self.scalars.T, rest, rcond=1e-12)[0]
+
+    @property
     def next_velocity(self) -> np.ndarray:
         """Of the degrees of freedom: v_free + M^-1 J^T lambda."""
-        return self.free_velocity + np.linalg.solve(self.mass, self.jacobian.T @ self.impulse.ravel())
+        total = self._pushed() + (self.scalars.T @ self.forced if len(self.forced) else 0)
+        return self.free_velocity + np.linalg.solve(self.mass, total)
 
     @property
     def contact_velocity(self) -> np.ndarray:
@@ -35,40 +74,101 @@ class Problem:
         return (self.jacobian @ self.next_velocity).reshape(-1, 3)
 
     def residual(self) -> float:
-        """Max |lambda - P_K(lambda - rho u)| / rho with u = v + (mu |v_t|, 0, 0) and rho = 3 / trace(G_ii)."""
-        worst, G = 0.0, self.delassus
-        for i, (impulse, v, mu) in enumerate(zip(self.impulse, self.contact_velocity + self.bias, self.friction, strict=True)):
-            rho = 3 / np.trace(G[3 * i : 3 * i + 3, 3 * i : 3 * i + 3])
-            u = v + np.array([mu * np.hypot(v[1], v[2]), 0, 0])
-            worst = max(worst, np.linalg.norm(impulse - project(impulse - rho * u, mu)) / rho)
-        return worst
+        """Max |lambda - P_K(lambda - rho u)| / rho with u = v + (mu |v_t|, 0, ...) and rho = rows / trace(G_ii)."""
+        worst, v = 0.0, self.next_velocity
+        for i, mu in enumerate(self.friction):
+            rows, impulse = self._block(i)
+            velocity = rows @ v
+            velocity[0] += self.bias[i, 0]
+            rho = len(rows) / np.trace(rows @ np.linalg.solve(self.mass, rows.T))
+            velocity[0] += mu * np.linalg.norm(velocity[1:])
+            worst = max(worst, np.linalg.norm(impulse - project(impulse - rho * velocity, mu)) / rho)
+        count = len(self.limits[0])
+        for row, bias, impulse in zip(*self.limits, self.forced[:count], strict=True):
+            g = row @ np.linalg.solve(self.mass, row)
+            worst = max(worst, abs(impulse - max(impulse - (row @ v + bias) / g, 0.0)) * g)
+        return max(worst, np.abs(self.ties[0] @ v - self.ties[1]).max(initial=0.0))
+
+    def _block(self, i: int) -> tuple[np.ndarray, np.ndarray]:
+        mine = slice(3 * i, 3 * i + 3)
+        rows, impulse, scale = self.jacobian[mine], self.impulse[i], self.scale[i]
+        if not scale.any():
+            return rows, impulse
+        turning = np.divide(self.torque[i], scale, out=np.zeros(3), where=scale > 0)
+        return np.concatenate([rows, scale[:, None] * self.turning[mine]]), np.concatenate([impulse, turning])
 
 
 def project(x: np.ndarray, mu: float) -> np.ndarray:
     """The nearest point of the cone |x_t| <= mu x_n."""
-    tangent = np.hypot(x[1], x[2])
+    tangent = np.linalg.norm(x[1:])
     if tangent <= mu * x[0]:
         return x
     if mu * tangent <= -x[0]:
-        return np.zeros(3)
+        return np.zeros(len(x))
     height = (mu * tangent + x[0]) / (1 + mu * mu)
     return np.concatenate([[height], mu * height * x[1:] / tangent])
 
 
 def problem_of(model: mujoco.MjModel, before, contacts: np.ndarray, options, ctrl=None) -> Problem:
-    """The problem that belongs to the contacts of an Euler step from the state `before` (qpos, qvel)."""
-    h, data = options.timestep, forward(model, *before, ctrl)
-    mass = full_mass_matrix(model, data) + h * np.diag(model.dof_damping)
+    """The problem that belongs to the contacts of a step from the state `before` (qpos, qvel)."""
+    h, midpoint, qpos = options.timestep, options.integrator == "midpoint", before[0].copy()
+    if midpoint:
+        mujoco.mj_integratePos(model, qpos, before[1], h / 2)
+    data = forward(model, qpos, before[1], ctrl)
+    mass = full_mass_matrix(model, data) + (h / 2 if midpoint else h) * np.diag(model.dof_damping)
     free = before[1] + h * np.linalg.solve(mass, data.qfrc_passive + data.qfrc_actuator - data.qfrc_bias)
-    jacobian, bias, friction = np.zeros((len(contacts), 3, model.nv)), np.zeros((len(contacts), 3)), np.zeros(len(contacts))
+    n = len(contacts)
+    jacobian, turning, bias = np.zeros((n, 3, model.nv)), np.zeros((n, 3, model.nv)), np.zeros((n, 3))
+    friction, scale = np.zeros(n), np.zeros((n, 3))
     for i, contact in enumerate(contacts):
-        sides = np.zeros((2, 3, model.nv))
+        sides = np.zeros((2, 2, 3, model.nv))
         for side, body in zip(sides, contact["body"], strict=True):
-            mujoco.mj_jac(model, data, side, None, contact["pos"], body)
-        jacobian[i] = contact["frame"] @ (sides[1] - sides[0])
-        overlap = max(-contact["distance"] - options.slop, 0.0)
-        correction = min(options.baumgarte * overlap / h, options.max_correction_speed)
-        bias[i, 0] = contact["distance"] / h if contact["distance"] >= 0 else -correction
-        geoms = contact["geom"]
-        friction[i] = model.geom_friction[geoms, 0].max() if model.geom_condim[geoms].max() > 1 else 0.0
-    return Problem(mass, jacobian.reshape(-1, model.nv), contacts["force"] * h, bias, free, friction)
+            mujoco.mj_jac(model, data, side[0], side[1], contact["pos"], body)
+        jacobian[i], turning[i] = contact["frame"] @ (sides[1] - sides[0])
+        bias[i, 0] = demand_of(contact["distance"], h, options)
+        condim, mixed = model.geom_condim[contact["geom"]].max(), model.geom_friction[contact["geom"]].max(axis=0)
+        friction[i] = mixed[0] if condim > 1 else 0.0
+        scale[i] = mixed[[1, 2, 2]] * [condim > 3, condim > 4, condim > 4] / (mixed[0] or 1.0)
+    rows = (jacobian.reshape(-1, model.nv), contacts["force"] * h, bias, free, friction, turning.reshape(-1, model.nv))
+    ties = equalities(model, data, mass, before[1], options, midpoint=midpoint)
+    return Problem(mass, *rows, contacts["torque"] * h, scale, limits(model, data, free, options), ties)
+
+
+def demand_of(distance: float, h: float, options) -> float:
+    """Bias of a row that may close a gap, or has to open an overlap."""
+    overlap = max(-distance - options.slop, 0.0)
+    return distance / h if distance >= 0 else -min(options.baumgarte * overlap / h, options.max_correction_speed)
+
+
+def limits(model: mujoco.MjModel, data: mujoco.MjData, free: np.ndarray, options) -> tuple[np.ndarray, np.ndarray]:
+    """The nearer end of the range of every hinge and slide that can reach it."""
+    rows, biases = [], []
+    for joint in np.flatnonzero(model.jnt_limited):
+        dof, q, (low, high) = model.jnt_dofadr[joint], data.qpos[model.jnt_qposadr[joint]], model.jnt_range[joint]
+        sign, distance = (1, q - low) if q - low <= high - q else (-1, high - q)
+        if distance <= 2 * options.timestep * max(-sign * free[dof], 0.0) + SLACK:
+            row = np.zeros(model.nv)
+            row[dof] = sign
+            rows.append(row)
+            biases.append(demand_of(distance, options.timestep, options))
+    return np.reshape(rows, (-1, model.nv)), np.array(biases)
+
+
+def equalities(model, data, mass, qvel, options, *, midpoint: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Rows made orthogonal one after the other, and what they ask of J v+: for the curvature no more than J v, and the correction."""
+    none = Rows(np.zeros(0), np.zeros((0, model.nv)), np.zeros(0), np.zeros(0, int))
+    rows, h = rows_of(model, data) if np.any(model.eq_active0) else none, options.timestep
+    sides = np.stack([h / 2 * rows.curvature, rows.jacobian @ qvel, rows.correction(options, h, midpoint=midpoint)], axis=1)
+    kept, asked = [], []
+    for jacobian, wanted in zip(rows.jacobian, sides, strict=True):
+        row, side = jacobian.copy(), wanted.copy()
+        size = row @ np.linalg.solve(mass, row)
+        for other, known in zip(kept, asked, strict=True):
+            share = row @ np.linalg.solve(mass, other) / (other @ np.linalg.solve(mass, other))
+            row -= share * other
+            side -= share * known
+        if row @ np.linalg.solve(mass, row) > 1e-12 * size:
+            kept.append(row)
+            asked.append(side)
+    curve, before, correction = np.reshape(asked, (-1, 3)).T
+    return np.reshape(kept, (-1, model.nv)), -np.clip(curve, -np.abs(before), np.abs(before)) - correction

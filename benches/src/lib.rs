@@ -2,7 +2,9 @@
 //!
 //! All times are processor time of one thread pinned to one core: what else the machine does costs nothing but cache.
 
+pub mod boxes;
 pub mod clock;
+pub mod counted;
 pub mod episode;
 pub mod peers;
 pub mod report;

@@ -114,11 +114,16 @@ impl Machine {
             cpu: model.map_or_else(|| std::env::consts::ARCH.into(), |(_, name)| name.into()),
             cores: info.lines().filter(|l| l.starts_with("processor")).count(),
             levels: Level::available().iter().map(Level::to_string).collect(),
-            rustc: says("rustc", &["--version"]),
+            rustc: rustc(),
             commit: says("git", &["describe", "--always", "--dirty"]),
             rounds,
         }
     }
+}
+
+/// The compiler's version.
+pub fn rustc() -> String {
+    says("rustc", &["--version"])
 }
 
 /// The first line that a program prints, or that it is unknown.

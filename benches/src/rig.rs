@@ -8,6 +8,7 @@ use std::hint::black_box;
 use stepper_core::Options;
 use stepper_core::constraints::{Constraints, Moment};
 use stepper_core::contacts::Contacts;
+use stepper_core::drive::{At, Drive, Implicit, Theta};
 use stepper_core::inertia::{MassMatrix, NewtonEuler, bias_force};
 use stepper_core::kinematics::{Kinematics, advance, displace};
 use stepper_core::plan::Plan;
@@ -121,7 +122,7 @@ pub struct Rig<R: Real> {
     composite: Vec<Inertia<R>>,
     recursion: NewtonEuler<R>,
     bias: Vec<R>,
-    tau: Vec<R>,
+    drive: Drive<R>,
     none: Vec<R>,
     q_eval: Vec<R>,
     q_next: Vec<R>,
@@ -157,7 +158,7 @@ impl<R: Real> Rig<R> {
             composite: vec![zero(); plan.links.len()],
             recursion: NewtonEuler::new(plan),
             bias: zeros(plan.nv),
-            tau: zeros(plan.nv),
+            drive: Drive::new(plan),
             none: zeros(plan.nv),
             q_eval: zeros(plan.nq),
             q_next: zeros(plan.nq),
@@ -211,19 +212,26 @@ impl<R: Real> Rig<R> {
     fn once(&mut self, plan: &Plan<R::Scalar>, part: Part) {
         let h = R::of(self.options.timestep);
         let half = R::of(0.5 * self.options.timestep);
+        let theta = Theta { damping: half, stiffness: half * half };
         match part {
             Part::Displace => displace(plan, &self.q, &self.v, half, &mut self.q_eval),
             Part::Kinematics => self.kinematics.update(plan, &self.q_eval),
-            Part::Mass => self.smooth.factor_mass(plan, &self.kinematics, half),
-            Part::MassMatrix => self.mass_matrix(plan, half),
+            Part::Mass => {
+                let implicit = Implicit { theta, servos: &self.drive.weight, drag_at: Some(&self.v) };
+                self.smooth.factor_mass(plan, &self.kinematics, implicit);
+            }
+            Part::MassMatrix => self.mass_matrix(plan, theta),
             Part::Factor => self.factor(plan),
-            Part::Actuate => actuate(plan, &self.q_eval, &self.v, &[], &self.ctrl, &mut self.tau),
+            Part::Actuate => actuate(plan, &At::state(&self.q_eval, &self.v, &[], &self.ctrl), Some(theta), &mut self.drive),
             Part::Acceleration => {
-                self.smooth.acceleration(plan, &self.kinematics, [&self.tau, &self.none], &self.v, &self.v);
+                self.smooth.acceleration(plan, &self.kinematics, [&self.drive.tau, &self.none], &self.v, &self.v);
                 advance(&self.v, &self.smooth.acc, h, &mut self.v_free);
             }
             Part::BiasForce => self.bias_force(plan),
-            Part::Detect => detect(plan, &self.kinematics, &self.v_free, h, self.alive, &mut self.poses, &mut self.contacts),
+            Part::Detect => {
+                let velocities = [&self.v[..], &self.v_free[..]];
+                detect(plan, &self.kinematics, velocities, [h, R::zero()], self.alive, &mut self.poses, &mut self.contacts);
+            }
             Part::WarmStart => {
                 // It uses up what it reads.
                 for (slot, &impulse) in self.last.data.iter_mut().zip(&self.last_impulses) {
@@ -232,7 +240,8 @@ impl<R: Real> Rig<R> {
                 self.contacts.prepare(&mut self.last);
             }
             Part::Assemble => {
-                let moment = Moment { q: &self.q_eval, v: &self.v, v_free: &self.v_free, h, alive: self.alive };
+                let motion = &self.smooth.work;
+                let moment = Moment { q: &self.q_eval, v: &self.v, motion, v_free: &self.v_free, h, closing: R::one(), alive: self.alive };
                 self.constraints.assemble(plan, &self.options, &self.kinematics, &self.smooth.mass, &moment, &mut self.contacts);
                 self.warm_scalars.clone_from(&self.constraints.iterate.scalars);
                 self.warm_contacts.clone_from(&self.constraints.iterate.contacts);
@@ -261,10 +270,10 @@ impl<R: Real> Rig<R> {
         solve(&self.options, &self.v, &mut self.constraints, &mut self.contacts);
     }
 
-    fn mass_matrix(&mut self, plan: &Plan<R::Scalar>, half: R) {
+    fn mass_matrix(&mut self, plan: &Plan<R::Scalar>, theta: Theta<R>) {
         R::vectorize(
             #[inline(always)]
-            || self.matrix.assemble(plan, &self.kinematics, &mut self.composite, half),
+            || self.matrix.assemble(plan, &self.kinematics, &mut self.composite, theta),
         );
     }
 
@@ -295,7 +304,8 @@ fn set_lane<R: Real>(lane: usize, values: &[f64], to: &mut [R]) {
 /// The same group at several moments of an episode, so that no single one of them is typical for all.
 pub fn moments<R: Real>(plan: &Plan<R::Scalar>, scene: &Scene, count: usize) -> Vec<Rig<R>> {
     use stepper_core::{Level, Precision};
-    let episode = Episode::new(scene, 0, R::LANES, Precision::F64, Level::Baseline);
+    let level = *Level::available().last().unwrap_or(&Level::Baseline);
+    let episode = Episode::new(scene, 0, R::LANES, Precision::F64, level);
     let mut rig = Rig::new(plan, &episode);
     let calls = episode.controls().iter().cycle().take(count);
     calls

@@ -3,9 +3,30 @@
 Load a scene with `load`, step environments of it with `Stepper`, and read in `Stepper.residual` and `Stepper.status` how well that went.
 """
 
+from stepper import devices
 from stepper._load import load
 from stepper._options import Options
+from stepper._record import Recorder
+from stepper._replay import Difference, Replay, replay
+from stepper._sensors import SensorModel, Transfer
 from stepper._status import Status
 from stepper._stepper import Model, ModelError, State, Stepper, __version__, cpu_levels
 
-__all__ = ["Model", "ModelError", "Options", "State", "Status", "Stepper", "__version__", "cpu_levels", "load"]
+__all__ = [
+    "Difference",
+    "Model",
+    "ModelError",
+    "Options",
+    "Recorder",
+    "Replay",
+    "SensorModel",
+    "State",
+    "Status",
+    "Stepper",
+    "Transfer",
+    "__version__",
+    "cpu_levels",
+    "devices",
+    "load",
+    "replay",
+]

@@ -1,4 +1,4 @@
-"""The command line: `stepper demo`, `stepper chart`, `stepper explain`."""
+"""The command line: `stepper demo`, `stepper chart`, `stepper explain`, `stepper report`, `stepper replay`."""
 
 from __future__ import annotations
 
@@ -41,6 +41,33 @@ def explain(model: str) -> None:
     print(load(model, strict=False).explain())
 
 
+def report(recording: Path) -> None:
+    """What was in force in a recording, and what failed in it: physics, sensing or action."""
+    from stepper._replay import read_header  # noqa: PLC0415  (as above)
+
+    head = read_header(recording)
+    envs = "one environment" if head["num_envs"] is None else f"{head['num_envs']} environments"
+    end = "" if head["closed"] else ", not closed: its end may be missing"
+    print(f'{recording}: {head["rows"]} rows of {envs} of "{head["model"]["name"]}", dt {head["timestep"]:g} s, {head["precision"]}{end}')
+    print(f"model {head['model']['sha256']}")
+    print(", ".join(f"{name} {value}" for name, value in (head["options"] | {"seed": head["seed"]}).items() if value is not None))
+    for failure in head["failures"]:
+        row, env = failure["first"][0]
+        print(f"{failure['whose']}: {failure['count']} times {failure['meaning']}, first in row {row}, environment {env}")
+    if not head["failures"]:
+        print("nothing failed")
+
+
+def replay(recording: Path, threads: int | None) -> None:
+    """Repeats a recording and compares it bit for bit; says at which step and in which field it differs."""
+    from stepper import replay as repeat  # noqa: PLC0415  (as above)
+
+    result = repeat(recording, threads=threads)
+    print(result)
+    if not result:
+        sys.exit(1)
+
+
 def _app() -> Typer:
     """The commands with their options. Made here because typer is optional."""
     require("typer", "for the command line")
@@ -70,6 +97,16 @@ def _app() -> Typer:
     @app.command("explain", help=explain.__doc__)
     def _(model: str = typer.Argument(help="An .xml, .urdf or saved model.")) -> None:
         explain(model)
+
+    recording = typer.Argument(help="A folder that Stepper.record wrote.")
+
+    @app.command("report", help=report.__doc__)
+    def _(recording: Path = recording) -> None:
+        report(recording)
+
+    @app.command("replay", help=replay.__doc__)
+    def _(recording: Path = recording, threads: int | None = typer.Option(None, min=0, help="Threads; as recorded without it.")) -> None:
+        replay(recording, threads)
 
     return app
 

@@ -53,7 +53,7 @@ class Certificate:
         not_converged: Environment-steps with NOT_CONVERGED.
         non_finite: Environment-steps with NON_FINITE.
         contacts_full: Environment-steps with CONTACTS_FULL.
-        sweeps: Sum of the solver's sweeps.
+        sweeps: Sum of the solver's sweeps and Newton steps.
     """
 
     env_steps: int = 0
@@ -164,8 +164,8 @@ class Measured:
 class Referee:
     """Measures states of any engine with one yardstick: MuJoCo's collision detection and inertia matrix at the given qpos, qvel.
 
-    Points nearer than `NEAR` count as touching, so that neither an engine that rests a micrometre above the floor nor one that sinks in
-    gains by it.
+    Points nearer than `NEAR` to where the pair's contact pushes (the surface, or the model's margin above it) count as touching, so that
+    neither an engine that rests a micrometre above the floor nor one that sinks in gains by it.
     """
 
     NEAR = 1e-4
@@ -173,7 +173,9 @@ class Referee:
     def __init__(self, path: str) -> None:
         self._mujoco = require("mujoco", "to measure both engines alike")
         self._model = self._mujoco.MjModel.from_xml_path(path)
-        self._model.geom_margin[:] = 1e-3
+        # A gap as wide as what the margin grows by: contacts are found further away, and push where they did.
+        self._model.geom_margin[:] += 10 * self.NEAR
+        self._model.geom_gap[:] += 10 * self.NEAR
         self._data = self._mujoco.MjData(self._model)
 
     def measure(self, qpos: Array, qvel: Array) -> Measured:
@@ -196,7 +198,7 @@ class Referee:
             mujoco.mj_collision(model, data)
             mujoco.mj_energyVel(model, data)
             distance = data.contact.dist
-            contacts += int(np.count_nonzero(distance < self.NEAR))
+            contacts += int(np.count_nonzero(distance < data.contact.includemargin + self.NEAR))
             deepest = max(deepest, -float(np.min(distance, initial=0.0)))
             kinetic[env] = data.energy[1]
         return Measured(contacts / len(qpos), deepest, float(np.mean(kinetic)), float(np.max(kinetic)))

@@ -60,7 +60,7 @@ def _rows(peers: Sequence[str]) -> list[tuple[str, Callable[[Figures], str]]]:
         ("environment-steps not converged", lambda f: _certified(f, lambda c: f"{100.0 * c['not_converged'] / c['env_steps']:.2g} %")),
         ("environment-steps not finite", lambda f: _certified(f, lambda c: f"{c['non_finite']:,}")),
         ("environment-steps with contacts left out", lambda f: _certified(f, lambda c: f"{c['contacts_full']:,}")),
-        ("sweeps a step, mean", lambda f: _certified(f, lambda c: f"{c['sweeps'] / c['env_steps']:.1f}")),
+        ("sweeps and Newton steps a step, mean", lambda f: _certified(f, lambda c: f"{c['sweeps'] / c['env_steps']:.1f}")),
         ("same bits on one and on all cores", lambda f: {True: "yes", False: "NO"}.get(f.get("same_bits_on_one_and_all_cores"), "")),
     ]
 
@@ -79,7 +79,7 @@ def _notes(figures: Figures) -> list[str]:
     return [
         f"{figures['model']}, dt {ours['timestep'] * 1e3:g} ms; {plan['steps']} steps of random control (uniform in ctrlrange, new every "
         f"{plan['hold']} steps, seed {plan['seed']}), then {plan['rest']} steps without control.",
-        f"stepper: integrator {options['integrator']}, solver {options['solver']}, at most {options['iterations']} sweeps, tolerance "
+        f"stepper: integrator {options['integrator']}, solver {options['solver']}, at most {options['iterations']} iterations, tolerance "
         f"{tolerance} m/s, stabilization {options['stabilization']}. MuJoCo {versions.get('mujoco-core')}: mujoco.batch.Batch, Newton, "
         "sensors off, same dt; its defaults are Euler and the pyramidal cone.",
         f"Engines take turns of {plan['chunk']} steps in one process, on core {figures['core']} (processor time), then on "

@@ -41,6 +41,8 @@ def load(source: Source, *, strict: bool = True) -> Model:
     if not isinstance(source, (str, os.PathLike)):
         raise TypeError(f"stepper.load takes a path, XML text or a mujoco.MjModel, not {type(source).__name__}")
     path = Path(source)
+    if path.is_dir():
+        raise IsADirectoryError(f"stepper.load takes the path of a file or XML text, and {str(source)!r} is a directory")
     with path.open("rb") as file:
         start = file.read(len(_SAVED))
     if start == _SAVED:

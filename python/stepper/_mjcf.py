@@ -4,7 +4,6 @@ One function for each kind of element. What cannot be described is listed by `st
 field of MjModel whether it is used, has no effect on the motion, or is left out.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from stepper._mjcf_omissions import list_omissions
+from stepper._mjcf_sensors import sensors, sites
 
 Description = dict[str, Any]
 
@@ -24,6 +24,8 @@ DYN_NONE, DYN_INTEGRATOR, DYN_FILTER, DYN_FILTER_EXACT = range(4)
 FIXED, AFFINE = 0, 1
 NO_BIAS, AFFINE_BIAS = 0, 1
 WRAP_JOINT = 1
+CONNECT, WELD, JOINT, TENDON = range(4)
+OBJ_BODY = 1
 DISABLE = {
     "constraint": 1 << 0,
     "equality": 1 << 1,
@@ -76,6 +78,11 @@ class Source:
         """Notes an element that the description does without."""
         self.omitted.append({"kind": kind, "name": name, "reason": reason, "changes_motion": changes_motion})
 
+    @property
+    def still(self) -> bool:
+        """Whether neither the medium nor gravity compensation acts: MuJoCo skips both without springs and dampers."""
+        return self.off("spring") and self.off("damper")
+
     def dofs(self, joint: int) -> slice:
         """Degrees of freedom of a joint."""
         start = int(self.m.jnt_dofadr[joint])
@@ -94,6 +101,31 @@ class Source:
         """Index in the description of every tendon that it has."""
         kept = [t for t in range(self.m.ntendon) if self.is_fixed(t)]
         return {tendon: index for index, tendon in enumerate(kept)}
+
+    def why_free(self, equality: int) -> str:
+        """What keeps an equality from being described at all; empty when nothing does."""
+        m, kind = self.m, int(self.m.eq_type[equality])
+        if kind not in (CONNECT, WELD, JOINT, TENDON):
+            return "constraints of deformable bodies are not simulated"
+        objects = [int(m.eq_obj1id[equality]), int(m.eq_obj2id[equality])]
+        spatial = [t for t in objects if kind == TENDON and t >= 0 and t not in self.tendons]
+        return f"the spatial tendon {self.label('TENDON', spatial[0])} is not simulated" if spatial else ""
+
+    @cached_property
+    def equalities(self) -> list[int]:
+        """Equalities that the description has."""
+        return [] if self.off("equality") else [i for i in range(self.m.neq) if not self.why_free(i)]
+
+    @cached_property
+    def solid_assets(self) -> dict[str, list[int]]:
+        """Meshes and height fields of geoms that can touch others, ascending; what is only drawn is not read."""
+        m = self.m
+        solid = (m.geom_contype != 0) | (m.geom_conaffinity != 0)
+        solid[m.pair_geom1] = solid[m.pair_geom2] = True
+        kinds = {"MESH": (MESH, SDF), "HFIELD": (HFIELD,)}
+        if self.off("contact"):
+            return {kind: [] for kind in kinds}
+        return {kind: sorted({int(i) for i in m.geom_dataid[solid & np.isin(m.geom_type, types)]}) for kind, types in kinds.items()}
 
     @cached_property
     def joint_actuators(self) -> dict[int, list[int]]:
@@ -159,14 +191,20 @@ def describe(m: Any) -> Description:
         "name": m.names.split(b"\0", 1)[0].decode(),
         "timestep": float(m.opt.timestep),
         "gravity": [0.0, 0.0, 0.0] if none else m.opt.gravity.tolist(),
+        "magnetic": m.opt.magnetic.tolist(),
+        "medium": _medium(source),
         "bodies": [_body(source, i) for i in range(m.nbody)],
         "joints": [_joint(source, i) for i in range(m.njnt)],
         "geoms": [_geom(source, i) for i in range(m.ngeom)],
+        "meshes": [_mesh(source, i) for i in source.solid_assets["MESH"]],
+        "height_fields": [_height_field(source, i) for i in source.solid_assets["HFIELD"]],
         "pairs": [] if source.off("contact") else [_pair(source, i) for i in range(m.npair)],
         "excludes": [[int(s) >> 16, int(s) & 0xFFFF] for s in m.exclude_signature],
         "tendons": [_tendon(source, i) for i in source.tendons],
+        "equalities": [_equality(source, i) for i in source.equalities],
         "actuators": [_actuator(source, i) for i in source.actuators],
-        "sensors": list(_sensors(source)),
+        "sites": sites(source),
+        "sensors": list(sensors(source)),
         "keyframes": [_keyframe(source, i) for i in range(m.nkey)],
         "qpos0": m.qpos0.tolist(),
         "qpos_spring": m.qpos_spring.tolist(),
@@ -186,7 +224,15 @@ def _body(source: Source, i: int) -> Description:
         "iquat": m.body_iquat[i].tolist(),
         "inertia": m.body_inertia[i].tolist(),
         "mocap": bool(m.body_mocapid[i] >= 0),
+        "gravcomp": 0.0 if source.still else float(m.body_gravcomp[i]),
     }
+
+
+def _medium(source: Source) -> Description:
+    opt = source.m.opt
+    if source.still:
+        return {"density": 0.0, "viscosity": 0.0, "wind": [0.0, 0.0, 0.0]}
+    return {"density": float(opt.density), "viscosity": float(opt.viscosity), "wind": opt.wind.tolist()}
 
 
 def _joint(source: Source, i: int) -> Description:
@@ -237,7 +283,19 @@ def _geom(source: Source, i: int) -> Description:
         "restitution": 0.0,  # MJCF has none: its contacts are springs and dampers
         "margin": float(m.geom_margin[i]),
         "gap": float(m.geom_gap[i]),
+        "surface_velocity": m.geom_surfacevel[i].tolist(),
+        "fluid": _ellipsoid(source, i),
     }
+
+
+def _ellipsoid(source: Source, i: int) -> Description | None:
+    """How the medium acts on a geom that asks for the model of ellipsoids (the order of mjNFLUID, engine_passive.c)."""
+    x, kind, (a, b, c) = source.m.geom_fluid[i].tolist(), int(source.m.geom_type[i]), source.m.geom_size[i].tolist()
+    if x[0] <= 0:
+        return None
+    axes = {SPHERE: [a, a, a], CAPSULE: [a, a, b + a], CYLINDER: [a, a, b]}.get(kind, [a, b, c])
+    names = ("share", "blunt_drag", "slender_drag", "angular_drag", "kutta_lift", "magnus_lift")
+    return {**dict(zip(names, x, strict=False)), "virtual_mass": x[6:9], "virtual_inertia": x[9:12], "axes": axes}
 
 
 def _shape(source: Source, i: int) -> str | Description:
@@ -256,7 +314,34 @@ def _shape(source: Source, i: int) -> str | Description:
         return simple[kind]
     if kind == HFIELD:
         return {"HeightField": {"asset": source.label("HFIELD", asset)}}
-    return {"Mesh": {"asset": source.label("MESH", asset), "radius": float(m.geom_rbound[i])}}
+    return {"Mesh": {"asset": source.label("MESH", asset), "concave": False}}
+
+
+def _mesh(source: Source, i: int) -> Description:
+    m = source.m
+    vertices = slice(int(m.mesh_vertadr[i]), int(m.mesh_vertadr[i] + m.mesh_vertnum[i]))
+    faces = slice(int(m.mesh_faceadr[i]), int(m.mesh_faceadr[i] + m.mesh_facenum[i]))
+    return {
+        "name": source.label("MESH", i),
+        "vertices": m.mesh_vert[vertices].astype(float).tolist(),
+        "faces": m.mesh_face[faces].tolist(),
+    }
+
+
+def _height_field(source: Source, i: int) -> Description:
+    m = source.m
+    rows, columns = int(m.hfield_nrow[i]), int(m.hfield_ncol[i])
+    x, y, top, base = m.hfield_size[i].tolist()
+    start = int(m.hfield_adr[i])
+    # MuJoCo keeps heights as shares of the elevation, in single precision.
+    heights = m.hfield_data[start : start + rows * columns].astype(float) * top
+    return {
+        "name": source.label("HFIELD", i),
+        "shape": [rows, columns],
+        "half": [x, y],
+        "elevation": heights.tolist(),
+        "base": base,
+    }
 
 
 def _pair(source: Source, i: int) -> Description:
@@ -275,7 +360,52 @@ def _pair(source: Source, i: int) -> Description:
 def _tendon(source: Source, i: int) -> Description:
     m = source.m
     path = range(int(m.tendon_adr[i]), int(m.tendon_adr[i] + m.tendon_num[i]))
-    return {"name": source.name("TENDON", i), "joints": [[int(m.wrap_objid[k]), float(m.wrap_prm[k])] for k in path]}
+    limited = bool(m.tendon_limited[i]) and not source.off("limit")
+    low, high = m.tendon_range[i].tolist()
+    margin = float(m.tendon_margin[i])
+    return {
+        "name": source.name("TENDON", i),
+        "joints": [[int(m.wrap_objid[k]), float(m.wrap_prm[k])] for k in path],
+        "range": [low + margin, high - margin] if limited else None,
+        "stiffness": 0.0 if source.off("spring") else float(m.tendon_stiffness[i]),
+        "spring_length": m.tendon_lengthspring[i].tolist(),
+        "damping": 0.0 if source.off("damper") else float(m.tendon_damping[i]),
+        "armature": float(m.tendon_armature[i]),
+        "frictionloss": 0.0 if source.off("frictionloss") else float(m.tendon_frictionloss[i]),
+    }
+
+
+def _equality(source: Source, i: int) -> Description:
+    m, kind = source.m, int(source.m.eq_type[i])
+    data, objects = m.eq_data[i].tolist(), [int(m.eq_obj1id[i]), int(m.eq_obj2id[i])]
+    if kind in (CONNECT, WELD):
+        shape = _points(source, i, data, objects)
+    else:
+        first, other = "joint" if kind == JOINT else "tendon", objects[1]
+        if kind == TENDON:
+            objects = [source.tendons[t] if t >= 0 else t for t in objects]
+        shape = {first: objects[0], "other": objects[1] if other >= 0 else None, "polycoef": data[:5]}
+    return {
+        "name": source.name("EQUALITY", i),
+        "kind": {("Connect", "Weld", "Joint", "Tendon")[kind]: shape},
+        "active": bool(m.eq_active0[i]),
+        "stiffness": np.inf,  # MJCF's are springs and dampers; here they are hard
+        "damping": 0.0,
+    }
+
+
+def _points(source: Source, i: int, data: list[float], objects: list[int]) -> Description:
+    """Bodies and anchors of a connect or weld; a site is a point and an orientation of its body."""
+    m, weld = source.m, int(source.m.eq_type[i]) == WELD
+    anchors, relpose = ([data[3:6], data[0:3]] if weld else [data[0:3], data[3:6]]), np.array(data[6:10])
+    if int(m.eq_objtype[i]) != OBJ_BODY:
+        anchors, back = [m.site_pos[s].tolist() for s in objects], np.zeros(4)
+        # First body times first site is second body times second site.
+        source.mujoco.mju_negQuat(back, m.site_quat[objects[1]])
+        source.mujoco.mju_mulQuat(relpose, m.site_quat[objects[0]], back)
+        objects = [int(m.site_bodyid[s]) for s in objects]
+    shape: Description = {"bodies": objects, "anchors": anchors}
+    return shape | {"relpose": relpose.tolist(), "torquescale": data[10]} if weld else shape
 
 
 def _actuator(source: Source, i: int) -> Description:
@@ -307,15 +437,6 @@ def _activation(source: Source, i: int) -> str | Description:
     if kind == DYN_FILTER_EXACT:
         return {"FilterExact": tau}
     return "Integrator" if kind == DYN_INTEGRATOR else "None"
-
-
-def _sensors(source: Source) -> Iterator[Description]:
-    m, kinds = source.m, source.mujoco.mjtSensor
-    simulated = {int(kinds.mjSENS_JOINTPOS): "JointPos", int(kinds.mjSENS_JOINTVEL): "JointVel"}
-    for i in range(m.nsensor):
-        kind = simulated.get(int(m.sensor_type[i]))
-        if kind and not source.off("sensor"):
-            yield {"name": source.name("SENSOR", i), "kind": {kind: int(m.sensor_objid[i])}}
 
 
 def _keyframe(source: Source, i: int) -> Description:

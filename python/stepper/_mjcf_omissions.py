@@ -16,25 +16,29 @@ if TYPE_CHECKING:
 FIELDS = {
     "used": """
         names opt qpos0 qpos_spring exclude_signature wrap_type wrap_objid wrap_prm
-        body_parentid body_pos body_quat body_mass body_ipos body_iquat body_inertia body_mocapid
+        body_parentid body_pos body_quat body_mass body_ipos body_iquat body_inertia body_mocapid body_gravcomp
         jnt_type jnt_dofadr jnt_bodyid jnt_limited jnt_range jnt_margin jnt_pos jnt_axis jnt_stiffness jnt_actfrclimited jnt_actfrcrange
         dof_damping dof_armature dof_frictionloss
-        geom_type geom_contype geom_conaffinity geom_condim geom_bodyid geom_dataid geom_priority geom_size geom_rbound geom_pos geom_quat
-        geom_friction geom_margin geom_gap
+        geom_type geom_contype geom_conaffinity geom_condim geom_bodyid geom_dataid geom_priority geom_size geom_pos geom_quat
+        geom_friction geom_margin geom_gap geom_surfacevel geom_fluid
         pair_dim pair_geom1 pair_geom2 pair_margin pair_gap pair_friction
-        tendon_adr tendon_num
+        eq_type eq_obj1id eq_obj2id eq_objtype eq_active0 eq_data site_bodyid site_pos site_quat
+        tendon_adr tendon_num tendon_limited tendon_range tendon_margin tendon_stiffness tendon_lengthspring tendon_damping tendon_armature
+        tendon_frictionloss
         actuator_trntype actuator_dyntype actuator_gaintype actuator_biastype actuator_ctrladr actuator_ctrlnum actuator_outadr
         actuator_actadr actuator_trnid actuator_dynprm actuator_gainprm actuator_biasprm actuator_actlimited actuator_actrange
         actuator_damping actuator_armature actuator_group actuator_forcelimited actuator_forcerange actuator_ctrllimited
         actuator_ctrlrange actuator_gear
-        sensor_type sensor_objid key_time key_qpos key_qvel key_act key_ctrl
+        mesh_vertadr mesh_vertnum mesh_vert mesh_faceadr mesh_facenum mesh_face hfield_size hfield_nrow hfield_ncol hfield_adr hfield_data
+        sensor_type sensor_objtype sensor_objid sensor_reftype sensor_refid sensor_intprm sensor_noise sensor_cutoff sensor_delay
+        sensor_interval site_bodyid site_pos site_quat site_type site_size geom_rgba geom_matid mat_rgba
+        key_time key_qpos key_qvel key_act key_ctrl
         """,
     "left out, listed": """
-        body_gravcomp jnt_actgravcomp jnt_stiffnesspoly jnt_springyield dof_dampingpoly geom_surfacevel geom_adhesion pair_adhesion
-        tendon_limited tendon_range tendon_margin tendon_actfrclimited tendon_actfrcrange tendon_stiffness tendon_stiffnesspoly
-        tendon_damping tendon_dampingpoly tendon_armature tendon_frictionloss tendon_lengthspring tendon_springyield
+        jnt_actgravcomp jnt_stiffnesspoly jnt_springyield dof_dampingpoly geom_adhesion pair_adhesion
+        tendon_actfrclimited tendon_actfrcrange tendon_stiffnesspoly tendon_dampingpoly tendon_springyield
         actuator_actearly actuator_history actuator_delay actuator_dampingpoly actuator_plugin actuator_cranklength actuator_ctrlspec
-        eq_* flex_* flexedge_* plugin* body_plugin geom_plugin geom_fluid sensor_plugin sensor_cutoff sensor_delay sensor_interval
+        flex_* flexedge_* plugin* body_plugin geom_plugin sensor_plugin
         key_mpos key_mquat *_solref *_solimp *_solmix *_solref_* *_solimp_* pair_solreffriction
         """,
     # Counts, addresses, names, derived constants, drawing, bounding volumes, and what belongs to MuJoCo's own solver.
@@ -45,10 +49,10 @@ FIELDS = {
         bvh_* oct_* tree_* *_user *_group *_matid *_rgba
         jnt_qposadr jnt_actuatorid jnt_plasticadr dof_bodyid dof_jntid dof_parentid dof_treeid dof_Madr dof_simplenum dof_invweight0
         dof_M0 dof_length geom_sameframe geom_castshadow geom_aabb site_* cam_* light_* mesh_* skin_* hfield_* tex_* mat_*
-        pair_signature efm0_* efmC_perm
+        geom_rbound pair_signature efm0_* efmC_perm
         tendon_type tendon_actuatorid tendon_plasticadr tendon_treenum tendon_treeid tendon_width tendon_length0 tendon_invweight0 ten_J_*
         actuator_outnum actuator_actnum actuator_historyadr actuator_acc0 actuator_length0 actuator_lengthrange
-        sensor_datatype sensor_needstage sensor_objtype sensor_reftype sensor_refid sensor_intprm sensor_dim sensor_adr sensor_noise
+        sensor_datatype sensor_needstage sensor_dim sensor_adr
         sensor_history sensor_historyadr key_plastic
         numeric_* text_* tuple_* name_* B_* M_* D_* mapM2M mapM2D mapD2M
         """,
@@ -58,21 +62,16 @@ FIELDS = {
 def list_omissions(source: Source) -> None:
     """Fills `source.omitted`."""
     _scene(source)
-    _bodies(source)
     _joints(source)
     _contacts(source)
     _equalities(source)
     _tendons(source)
     _actuators(source)
-    _sensors(source)
     _keyframes(source)
 
 
 def _scene(source: Source) -> None:
     m = source.m
-    if m.opt.density or m.opt.viscosity:
-        medium = f"density {m.opt.density:g} kg/m^3, viscosity {m.opt.viscosity:g} Pa s"
-        source.leave_out("fluid", "option", f"forces of the medium ({medium}) are not simulated; bodies move as in vacuum")
     if int(m.opt.enableflags) & 1:
         source.leave_out("contact override", "option", "the override of contact parameters is not read; geoms keep their own")
     if int(m.opt.enableflags) >> 4 & 1:
@@ -83,21 +82,15 @@ def _scene(source: Source) -> None:
         source.leave_out("plugin", source.label("PLUGIN", i), "plugins are MuJoCo's; its forces, shapes and readings are missing")
 
 
-def _bodies(source: Source) -> None:
-    # Gravity acts through the springs and dampers' stage in MuJoCo: with gravity off its compensation is off too.
-    weightless = source.off("gravity") or not np.any(source.m.opt.gravity)
-    for i in np.flatnonzero(source.m.body_gravcomp):
-        if not weightless and source.m.body_mass[i]:
-            share = f"{float(source.m.body_gravcomp[i]):g} of its weight"
-            source.leave_out("gravity compensation", source.label("BODY", int(i)), f"the force against {share} is not simulated")
-
-
 def _joints(source: Source) -> None:
     m = source.m
     for i in range(m.njnt):
         name, dofs = source.label("JOINT", i), source.dofs(i)
         if np.any(m.jnt_stiffnesspoly[i]) and not source.off("spring"):
             source.leave_out("joint spring polynomial", name, "stiffness that grows with deflection is not simulated; the linear part is")
+        if m.jnt_actgravcomp[i] and m.jnt_actfrclimited[i] and np.any(m.body_gravcomp) and not source.still:
+            reason = "gravity compensation is not counted among the actuators' forces that its bounds hold for"
+            source.leave_out("joint gravity compensation", name, reason)
         if m.jnt_springyield[i] and m.jnt_stiffness[i] and not source.off("spring"):
             source.leave_out("joint spring yield", name, "springs do not yield; it stays elastic")
         if np.any(m.dof_dampingpoly[dofs]) and not source.off("damper"):
@@ -113,18 +106,21 @@ def _joints(source: Source) -> None:
 
 def _contacts(source: Source) -> None:
     m = source.m
-    limits = np.any(m.jnt_limited) and not source.off("limit")
-    losses = np.any(m.dof_frictionloss) and not source.off("frictionloss")
+    limits = (np.any(m.jnt_limited) or np.any(m.tendon_limited)) and not source.off("limit")
+    losses = (np.any(m.dof_frictionloss) or np.any(m.tendon_frictionloss)) and not source.off("frictionloss")
     contacts = (np.any(m.geom_contype) or np.any(m.geom_conaffinity) or m.npair) and not source.off("contact")
-    if contacts or limits or losses:
-        reason = "contacts, limits and dry friction are hard here: solref, solimp, solmix, impratio and the shape of the cone are not read"
+    equalities = np.any(m.eq_active0) and not source.off("equality")
+    if contacts or limits or losses or equalities:
+        reason = (
+            "contacts, equalities, limits and dry friction are hard: solref, solimp, solmix, impratio and the cone's shape are not read"
+        )
         source.leave_out("soft contact parameters", "all", reason, changes_motion=False)
     if not contacts:
         return
     if source.off("filterparent"):
         source.leave_out("collision of parent and child", "option", "parent and child never collide here, whatever the flag says")
-    for g in np.flatnonzero(np.any(m.geom_surfacevel, axis=1)):
-        source.leave_out("surface velocity", source.label("GEOM", int(g)), "moving surfaces are not simulated; it stands still")
+    for g in np.flatnonzero(m.geom_type == 8):
+        source.leave_out("signed distance field", source.label("GEOM", int(g)), "it collides as the convex hull of its mesh")
     for g in np.flatnonzero(m.geom_adhesion):
         source.leave_out("adhesion", source.label("GEOM", int(g)), "contacts do not pull")
     for i in range(m.npair):
@@ -141,29 +137,33 @@ def _equalities(source: Source) -> None:
     if source.off("equality"):
         return
     for i in range(m.neq):
-        kind = str(source.mujoco.mjtEq(int(m.eq_type[i])).name).removeprefix("mjEQ_").lower()
-        active = bool(m.eq_active0[i])
-        reason = "not simulated; what it couples moves independently" if active else "not simulated; it is inactive at the start"
-        source.leave_out(f"equality {kind}", source.label("EQUALITY", i), reason, changes_motion=active)
+        if why := source.why_free(i):
+            kind = str(source.mujoco.mjtEq(int(m.eq_type[i])).name).removeprefix("mjEQ_").lower()
+            source.leave_out(f"equality {kind}", source.label("EQUALITY", i), why, changes_motion=bool(m.eq_active0[i]))
 
 
 def _tendons(source: Source) -> None:
     m = source.m
     for i in range(m.ntendon):
-        stiff = bool(m.tendon_stiffness[i]) or bool(np.any(m.tendon_stiffnesspoly[i]))
-        damped = bool(m.tendon_damping[i]) or bool(np.any(m.tendon_dampingpoly[i]))
+        fixed = source.is_fixed(i)
         has = {
-            "stiffness": stiff and not source.off("spring"),
-            "damping": damped and not source.off("damper"),
-            "limits": bool(m.tendon_limited[i]) and not source.off("limit"),
-            "dry friction": bool(m.tendon_frictionloss[i]) and not source.off("frictionloss"),
-            "armature": bool(m.tendon_armature[i]),
-            "bounds of the actuators' force": bool(m.tendon_actfrclimited[i]) and source.is_fixed(i),
+            "stiffness": (bool(m.tendon_stiffness[i]) and not fixed and not source.off("spring")),
+            "stiffness that grows with deflection": bool(np.any(m.tendon_stiffnesspoly[i])) and not source.off("spring"),
+            "damping": (bool(m.tendon_damping[i]) and not fixed and not source.off("damper")),
+            "damping that grows with speed": bool(np.any(m.tendon_dampingpoly[i])) and not source.off("damper"),
+            "limits": bool(m.tendon_limited[i]) and not fixed and not source.off("limit"),
+            "dry friction": bool(m.tendon_frictionloss[i]) and not fixed and not source.off("frictionloss"),
+            "armature": bool(m.tendon_armature[i]) and not fixed,
+            "yield": bool(m.tendon_springyield[i]) and bool(m.tendon_stiffness[i]) and not source.off("spring"),
+            "bounds of the actuators' force": bool(m.tendon_actfrclimited[i]) and fixed,
         }
         missing = [what for what, there in has.items() if there]
         if missing:
-            kind = "fixed" if source.is_fixed(i) else "spatial"
+            kind = "fixed" if fixed else "spatial"
             source.leave_out(f"{kind} tendon", source.label("TENDON", i), f"not simulated: its {', '.join(missing)}")
+        if fixed and m.tendon_limited[i] and m.tendon_margin[i] and not source.off("limit"):
+            reason = f"its range is narrowed by the margin {m.tendon_margin[i]:g}, where MuJoCo's limit comes to rest"
+            source.leave_out("tendon margin", source.label("TENDON", i), reason, changes_motion=False)
 
 
 def _actuators(source: Source) -> None:
@@ -182,19 +182,6 @@ def _actuators(source: Source) -> None:
             source.leave_out("actuator damping polynomial", name, "damping that grows with speed is not simulated; the linear part is")
         if a not in source.joint_actuators.get(int(m.actuator_trnid[a, 0]), []) and (m.actuator_damping[a] or m.actuator_armature[a]):
             source.leave_out("actuator damping and armature", name, "they act through a tendon, which is not simulated")
-
-
-def _sensors(source: Source) -> None:
-    m, kinds = source.m, source.mujoco.mjtSensor
-    for i in range(m.nsensor):
-        kind, name = str(kinds(int(m.sensor_type[i])).name).removeprefix("mjSENS_").lower(), source.label("SENSOR", i)
-        if source.off("sensor"):
-            source.leave_out(f"sensor {kind}", name, "sensors are disabled by the model's flags", changes_motion=False)
-        elif kind not in ("jointpos", "jointvel"):
-            source.leave_out(f"sensor {kind}", name, "not read yet; nsensordata is smaller", changes_motion=False)
-        elif m.sensor_cutoff[i] or m.sensor_delay[i] or np.any(m.sensor_interval[i]):
-            reason = "its cutoff, delay and sampling interval are not read; give the sensor a Transfer"
-            source.leave_out("sensor cutoff and delay", name, reason, changes_motion=False)
 
 
 def _keyframes(source: Source) -> None:

@@ -4,6 +4,8 @@ Arrays are C-contiguous NumPy arrays, float64 unless `precision="f32"`. With `nu
 quaternions (w, x, y, z).
 """
 
+import builtins
+from collections.abc import Sequence
 from os import PathLike
 from typing import Any, Final, TypeAlias, final
 
@@ -11,6 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stepper._options import Options
+from stepper._record import Recorder
+from stepper._sensors import SensorModel
 
 __all__ = ["Model", "ModelError", "State", "Stepper", "__version__", "cpu_levels"]
 __version__: Final[str]
@@ -44,7 +48,10 @@ class Model:
     geom_names: Final[list[str]]
     actuator_names: Final[list[str]]
     sensor_names: Final[list[str]]
+    site_names: Final[list[str]]
     keyframe_names: Final[list[str]]
+    sensors: Final[list[dict[str, Any]]]
+    """name, type, adr (of the first reading), dim, datatype; and what the source declares: noise, cutoff, delay, interval."""
     omitted: Final[list[tuple[str, str, str]]]
     """(kind, name, reason) of everything in the source that this model leaves out."""
     digest: Final[str]
@@ -85,8 +92,12 @@ class Model:
 class State:
     """Everything of a `Stepper` that survives a step. Compares by bits and pickles."""
 
+    bytes: Final[builtins.bytes]
+    """What `State(bytes, digest)` takes."""
+    digest: Final[builtins.bytes]
+    """SHA-256 of the model that it belongs to."""
     nbytes: Final[int]
-    def __new__(cls, bytes: bytes, digest: bytes) -> State: ...
+    def __new__(cls, bytes: builtins.bytes, digest: builtins.bytes) -> State: ...
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
 
@@ -100,10 +111,13 @@ class Stepper:
         options: Settings of the step; None is `Options()`.
         precision: "f64" or "f32".
         threads: Threads that step; 0 is all that this process may use. The bits are the same for any number.
-        seed: For what is random; nothing is yet.
+        seed: For what is random: the errors of sensors.
+        sensors: What sensors make of the truth; None is ideal ones.
 
     Raises:
         ValueError: A setting out of its range.
+        TypeError: A setting of the wrong type.
+        MemoryError: More environments than there is memory for.
     """
 
     model: Final[Model]
@@ -128,11 +142,22 @@ class Stepper:
     residual: Final[Any]
     """Natural-map residual of the last step in m/s: (num_envs,)."""
     iterations: Final[Any]
-    """Sweeps of the solver in the last step: (num_envs,) uint32."""
+    """Sweeps and Newton steps of the solver in the last step, together: (num_envs,) uint32."""
+    penetration: Final[Any]
+    """Deepest overlap of the last step's contacts, beyond their margins, in m: (num_envs,)."""
+    recorder: Any
+    """Whom `step`, `reset` and `set_state` tell what they did (see `stepper.Recorder`); None is nobody."""
+    sensors: Final[SensorModel | None]
+    """What sensors make of the truth."""
     observation: Final[_Array]
-    """Sensor readings: (num_envs, nsensordata)."""
+    """Sensor readings of the last step, the same however often they are read: (num_envs, nsensordata)."""
     sensor_truth: Final[_Array]
-    """The readings of ideal sensors: (num_envs, nsensordata)."""
+    """The readings of ideal sensors: (num_envs, nsensordata).
+
+    Positions and velocities are those after the last step; accelerations are (v+ - v) / h of that step, impulses of contacts and limits
+    included, and forces are impulses over h. Where no step was made since the state was set, accelerations and forces are those of the step
+    that would be made from it.
+    """
     qfrc_applied: _Array
     """Writable, read by every step: forces on the joints in N or N m, (num_envs, nv)."""
     xfrc_applied: _Array
@@ -151,6 +176,7 @@ class Stepper:
         precision: str = "f64",
         threads: int = 1,
         seed: int = 0,
+        sensors: SensorModel | None = None,
     ) -> Stepper: ...
     def reset(
         self,
@@ -171,8 +197,7 @@ class Stepper:
             keyframe: Name of a keyframe to start from.
 
         Raises:
-            ValueError: A wrong shape, a number that is not finite, a quaternion of zeros. Nothing is changed then, except that
-                environments before the offending one may have been reset.
+            ValueError: A wrong shape, a number that is not finite, a quaternion of zeros. Nothing is changed then.
             KeyError: No such keyframe.
         """
     def step(self, ctrl: ArrayLike | None = None, nstep: int = 1) -> None:
@@ -185,6 +210,37 @@ class Stepper:
         Raises:
             ValueError: A wrong shape; the message has both. A control that is NaN is no error: its environment keeps its state and
                 says NON_FINITE in `status`.
+        """
+    def rollout(
+        self, ctrl: ArrayLike, nstep: int = 1, *, fields: Sequence[str] | None = None, out: dict[str, _Array] | None = None
+    ) -> dict[str, _Array]:
+        """Makes `nstep` steps with each of T controls, without Python in between: the bits of T calls of `step`.
+
+        A thread keeps its environments for all T controls. `qfrc_applied`, `xfrc_applied` and mocap poses stay as they are throughout.
+
+        Args:
+            ctrl: Controls, (T, num_envs, nu), or (T, nu) for all environments.
+            nstep: Steps that each control is held.
+            fields: What to write down after every control: "qpos" (T, num_envs, nq), "qvel" (T, num_envs, nv), "act" (T, num_envs, na),
+                "observation" (T, num_envs, nsensordata). None is what `out` names, and without `out` all but "act".
+            out: Arrays to write into, by field: of those shapes, C-contiguous, float64, or float32 with `precision="f32"`.
+
+        Returns:
+            The arrays by field; and always "status" (T, num_envs) uint32, the flags of all steps of a control, and "residual"
+            (T, num_envs) float64, the largest residual among them in m/s. Both can be named in `out` too. Afterwards `status` has the
+            flags of all steps of the call, `residual` and `iterations` are those of the last step.
+
+        Raises:
+            ValueError: A wrong shape, an unknown field, an array of `out` that cannot be written or is given twice.
+            TypeError: An array of `out` of the wrong dtype.
+        """
+    def memory(self) -> dict[str, int]:
+        """Memory that the environments take, in bytes, without NumPy arrays that were handed out.
+
+        Returns:
+            "per_env": of each environment; "per_thread": working room of each thread that steps, none of which is per environment;
+            "state" and "inputs": what all environments hold, and what waits for the next step (controls, applied forces, mocap poses);
+            "threads": how many have room; "total": "state" + "inputs" + "threads" x "per_thread".
         """
     def set_state(
         self,
@@ -205,16 +261,32 @@ class Stepper:
             act: (num_envs, na) or (na,).
 
         Raises:
-            ValueError: A wrong shape, a number that is not finite, a quaternion of zeros, a state of another model.
+            ValueError: A wrong shape, a number that is not finite, a quaternion of zeros, a state of another model. Nothing is changed
+                then.
         """
+    def record(self, path: str | PathLike[str], **settings: Any) -> Recorder:
+        """Writes everything that happens from now on into a new folder, until the `Recorder` is closed; `stepper.replay` repeats it.
+
+        Args:
+            path: A folder that does not exist yet, or is empty.
+            **settings: See `stepper.Recorder`.
+        """
+    def observe(self, out: _Array | None = None) -> _Array:
+        """`observation`, written into `out` if there is one: (num_envs, nsensordata), without an allocation if it is float64."""
     def get_state(self) -> State:
         """Everything that survives a step."""
     def contacts(self, env: int = 0) -> NDArray[np.void]:
-        """Contacts of the last step of one environment.
+        """Contacts of the last step of one environment: those that were given a row.
+
+        That is every one that the motion can close within the step, also contacts that do not touch (distance > 0), mostly without force.
+        Distances are measured from the margin, at which contacts begin to push. A gap, which in MuJoCo 4 reports contacts beyond the margin
+        that do not push, has no effect here: what is farther than a step away is not listed.
 
         Returns:
             A structured array: geom (2,), body (2,), pos (3,) in m, normal (3,) from the first geom to the second, distance in m from
-            the margin, force (3,) in N on the second geom along normal, t1, t2, and frame (3, 3), whose rows are these directions.
+            the margin, force (3,) in N on the second geom along normal, t1, t2, torque (3,) in N m on it about the same directions, of
+            torsional and rolling friction (condim 4 and 6), and frame (3, 3), whose rows are these directions. The second geom's torque
+            acts at pos, and |(force_t / mu_slide, torque_n / mu_spin, torque_t / mu_roll)| <= force_n.
         """
     def mass_matrix(self, env: int = 0) -> NDArray[np.float64]:
         """Mass matrix of the present configuration, (nv, nv), armature included, without terms that depend on the time step."""

@@ -60,16 +60,15 @@ SCENE = """
 </mujoco>
 """
 LEFT_OUT = {
-    "equality connect grip": {"rest": '<equality><connect name="grip" body1="a" body2="b" anchor="0 0 0"/></equality>'},
-    "equality joint couple": {"rest": '<equality><joint name="couple" joint1="ja"/></equality>'},
+    "equality tendon tie: the spatial tendon rope is not simulated": {
+        "rest": '<tendon><spatial name="rope"><site site="sa"/><site site="sb"/></spatial></tendon>'
+        '<equality><tendon name="tie" tendon1="rope"/></equality>'
+    },
     "spatial tendon rope: not simulated: its stiffness": {
         "rest": '<tendon><spatial name="rope" stiffness="1"><site site="sa"/><site site="sb"/></spatial></tendon>'
     },
-    "fixed tendon belt: not simulated: its stiffness, damping": {
-        "rest": '<tendon><fixed name="belt" stiffness="1" damping="1"><joint joint="ja" coef="1"/></fixed></tendon>'
-    },
-    "fixed tendon belt: not simulated: its limits": {
-        "rest": '<tendon><fixed name="belt" limited="true" range="0 1"><joint joint="ja" coef="1"/></fixed></tendon>'
+    "fixed tendon belt: not simulated: its stiffness that grows with deflection": {
+        "rest": '<tendon><fixed name="belt" stiffness="1 2"><joint joint="ja" coef="1"/></fixed></tendon>'
     },
     "actuator thrust: transmission site": {"rest": '<actuator><motor name="thrust" site="sa"/></actuator>'},
     "actuator spin: transmission to the ball or free joint jb": {
@@ -86,12 +85,6 @@ LEFT_OUT = {
     "actuator early activation lead": {
         "rest": '<actuator><general name="lead" joint="ja" dyntype="filter" dynprm="0.1" actearly="true"/></actuator>'
     },
-    "fluid option": {"option": '<option density="1000"/>'},
-    "gravity compensation a": {"a": 'gravcomp="1"'},
-    "contact dimension ga": {"ga": 'size="0.1" condim="6"'},
-    'collision ga: this cylinder passes through plane "floor", sphere "gb"': {"ga": 'type="cylinder" size="0.1 0.1"'},
-    "joint limit jb": {"jb": "ball", "jb_range": 'limited="true" range="0 1"'},
-    "surface velocity floor": {"floor": 'surfacevel="1 0 0 0 0 0"'},
     "adhesion ga": {"ga": 'size="0.1" adhesion="1"'},
     "joint spring polynomial ja": {"ja": 'stiffness="1 2"'},
 }
@@ -217,13 +210,14 @@ def test_what_is_not_simulated_is_named_or_left_out(named: str, parts: dict[str,
 
 def test_every_omission_is_listed_at_once() -> None:
     text = scene(
-        option='<option density="1"/>',
-        ga='size="0.1" condim="4"',
-        rest='<equality><connect name="grip" body1="a" body2="b" anchor="0 0 0"/></equality>',
+        ja='stiffness="1 2"',
+        ga='size="0.1" adhesion="1"',
+        rest='<actuator><general name="lead" joint="ja" dyntype="filter" dynprm="0.1" actearly="true"/></actuator>',
     )
     with pytest.raises(stepper.ModelError) as error:
         stepper.load(text)
-    assert all(part in str(error.value) for part in ("3 elements", "fluid option", "equality connect grip", "contact dimension ga"))
+    parts = ("3 elements", "joint spring polynomial ja", "adhesion ga", "actuator early activation lead")
+    assert all(part in str(error.value) for part in parts)
 
 
 @pytest.mark.parametrize(
@@ -232,6 +226,10 @@ def test_every_omission_is_listed_at_once() -> None:
         {"rest": '<tendon><spatial name="rope"><site site="sa"/><site site="sb"/></spatial></tendon>'},
         {"world": '<light pos="0 0 3"/><camera name="c" pos="0 0 3"/>'},
         {"rest": '<equality><connect active="false" body1="a" body2="b" anchor="0 0 0"/></equality>'},
+        {"rest": '<equality><weld body1="a" body2="b"/><joint joint1="ja" joint2="jb"/></equality>'},
+        {"rest": '<tendon><fixed limited="true" range="0 1" stiffness="1" damping="1"><joint joint="ja" coef="1"/></fixed></tendon>'},
+        {"ga": 'size="0.1" condim="6"'},
+        {"jb": "ball", "jb_range": 'limited="true" range="0 1"'},
         {"rest": '<sensor><gyro name="imu" site="sa"/></sensor>'},
         {"option": '<option density="0" wind="1 0 0"/>'},
     ],
@@ -372,6 +370,21 @@ def test_replace_makes_a_new_model() -> None:
     assert other.replace(geom_friction=model.geom_friction, geom_restitution=[0.0, 0.0], timestep=0.004) == model
 
 
+def test_equalities_and_tendons_can_be_replaced() -> None:
+    belt = '<tendon><fixed name="belt" range="-1 1"><joint joint="ja" coef="1"/><joint joint="jb" coef="2"/></fixed></tendon>'
+    model = stepper.load(scene(rest=belt + '<equality><connect name="grip" body1="a" body2="b" anchor="0 0 .1"/></equality>'))
+    assert model.eq_active0 == [1.0]
+    assert model.eq_data.shape == (1, 11)
+    assert model.eq_data[0, :3] == pytest.approx([0, 0, 0.1])
+    assert model.tendon_range == pytest.approx(np.array([[-1.0, 1.0]]))
+    assert "hard equalities: grip (connect)" in model.explain()
+    loose = model.replace(eq_active0=[0.0], tendon_stiffness=[3.0], tendon_range=[[-2.0, 2.0]])
+    assert "equalities that are switched off: grip" in loose.explain()
+    assert loose.tendon_stiffness == [3.0]
+    with pytest.raises(stepper.ModelError, match="cannot hold"):
+        model.replace(eq_data=np.ones((1, 11)))
+
+
 def test_what_derives_from_a_field_follows() -> None:
     model = stepper.load(PENDULUM)
     heavy = model.replace(body_mass=2 * model.body_mass, body_inertia=2 * model.body_inertia, dof_armature=2 * model.dof_armature)
@@ -392,8 +405,8 @@ def test_replace_refuses_what_a_model_cannot_have() -> None:
         model.replace(body_mass=[0.0, -1.0])
     with pytest.raises(stepper.ModelError, match="whole numbers"):
         model.replace(geom_condim=[3.0, 2.5])
-    with pytest.raises(stepper.ModelError, match="contact dimension"):
-        model.replace(geom_condim=[3.0, 6.0])
+    with pytest.raises(stepper.ModelError, match="condim is 5"):
+        model.replace(geom_condim=[3.0, 5.0])
     free = stepper.load('<mujoco><worldbody><body><freejoint name="root"/><geom size="0.1"/></body></worldbody></mujoco>')
     with pytest.raises(stepper.ModelError, match="same value"):
         free.replace(dof_damping=[1.0, 0, 0, 0, 0, 0])

@@ -143,7 +143,25 @@ def test_results_are_copies():
 
 
 @pytest.mark.parametrize("poison", [np.nan, np.inf, -np.inf])
-@pytest.mark.parametrize("integrator", ["euler", "midpoint", "rk4"])
+@pytest.mark.parametrize("integrator", ["euler", "midpoint", "implicit", "rk4"])
+@pytest.mark.parametrize("dynamics", ["none", "integrator", "filter", "filterexact"])
+def test_an_infinite_control_is_refused_as_nan_is(dynamics, integrator, poison):
+    """It is not taken for the end of the control's range, nor of the activation's or the force's."""
+    text = f"""<mujoco><worldbody><body><joint name="rail" type="slide"/><geom size=".1"/></body></worldbody><actuator>
+      <general joint="rail" dyntype="{dynamics}" dynprm=".1" ctrlrange="-1 1" {"" if dynamics == "none" else 'actrange="-1 1"'}
+        forcerange="-1 1" gainprm="2"/></actuator></mujoco>"""
+    sim = stepper.Stepper(stepper.load(text), 2, options=stepper.Options(integrator=integrator))
+    sim.step([[poison], [0.5]])
+    assert sim.status[0] & stepper.Status.NON_FINITE
+    assert sim.status[1] == stepper.Status.OK
+    assert sim.qvel[0] == 0
+    assert sim.time[0] == 0
+    sim.step([[0.5], [0.5]])
+    assert sim.status[0] == stepper.Status.OK
+
+
+@pytest.mark.parametrize("poison", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("integrator", ["euler", "midpoint", "implicit", "rk4"])
 def test_a_non_finite_force_stays_in_its_environment(poison, integrator):
     """The environment keeps its last finite state and says so; the others go on as if nothing had happened, bit for bit."""
     sick, well = falling(integrator=integrator), falling(integrator=integrator)
@@ -369,7 +387,7 @@ def test_contacts_say_who_touches_whom_where_and_how_hard():
 def test_no_contacts_are_an_empty_array_with_the_same_fields():
     sim = simulate(TWO_BALLS)
     assert sim.contacts().shape == (0,)
-    assert sim.contacts().dtype.names == ("geom", "body", "pos", "normal", "distance", "force", "frame")
+    assert sim.contacts().dtype.names == ("geom", "body", "pos", "normal", "distance", "force", "torque", "frame")
 
 
 def test_full_contacts_are_flagged():
@@ -444,3 +462,37 @@ def test_a_mocap_pose_that_is_none_stops_its_environment(field, value):
 
 def test_a_model_error_pickles():
     assert pickle.loads(pickle.dumps(stepper.ModelError("why"))).args == ("why",)
+
+
+@pytest.mark.parametrize(("keywords", "error", "message"), [
+    ({"num_envs": -1}, ValueError, "num_envs is -1"),
+    ({"num_envs": 2.5}, TypeError, r"num_envs is 2\.5 \(float\)"),
+    ({"num_envs": 10**12}, MemoryError, "num_envs smaller"),
+    ({"num_envs": 10**30}, ValueError, "num_envs is 1000"),
+    ({"threads": -1}, ValueError, "threads is -1"),
+    ({"seed": -1}, ValueError, "seed is -1"),
+    ({"seed": "x"}, TypeError, "seed is 'x'"),
+    ({"options": 5}, TypeError, r"options is 5 \(int\), must be a stepper\.Options"),
+    ({"options": stepper.Options(iterations=-1)}, ValueError, "option iterations is -1"),
+    ({"options": stepper.Options(iterations=10**12)}, ValueError, "option iterations"),
+    ({"options": stepper.Options(max_contacts=-1)}, ValueError, "option max_contacts is -1"),
+    ({"options": stepper.Options(slop="a")}, TypeError, "option slop is 'a'"),
+    ({"options": stepper.Options(integrator=3)}, TypeError, "option integrator is 3"),
+])  # fmt: skip
+def test_settings_that_are_none_are_named(keywords, error, message):
+    with pytest.raises(error, match=message):
+        stepper.Stepper(stepper_model("gymnasium/ant"), **keywords)
+
+
+def test_counts_that_are_none_are_named():
+    sim = stepper.Stepper(stepper_model("gymnasium/ant"))
+    for call, error, message in [
+        (lambda: sim.step(nstep=-1), ValueError, "nstep is -1"),
+        (lambda: sim.step(nstep=1.5), TypeError, r"nstep is 1\.5"),
+        (lambda: sim.reset(seed=-4), ValueError, "seed is -4"),
+        (lambda: stepper.load(""), IsADirectoryError, "path of a file or XML text"),
+    ]:
+        with pytest.raises(error, match=message):
+            call()
+    sim.step(nstep=np.int64(2))
+    assert sim.time == pytest.approx(2 * sim.timestep)

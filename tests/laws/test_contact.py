@@ -82,6 +82,7 @@ def test_the_residual_is_what_numpy_finds(scene, iterations):
 
 
 def check_certificate(sim, problem):
+    problem.leave_to_scalars(sim.qvel)
     speed = 1 + np.abs(problem.free_velocity).max()
     assert np.abs(problem.next_velocity - sim.qvel).max() < 1e-11 * speed
     # Velocities of contacts are differences of numbers of order `speed`, through a mass matrix of condition 1e4 or less.
@@ -92,14 +93,45 @@ def check_certificate(sim, problem):
 @pytest.mark.parametrize("iterations", [1, 4, 50])
 @pytest.mark.parametrize("name", ["dm_control/humanoid", "gymnasium/ant", "dm_control/walker"])
 def test_the_residual_of_a_falling_robot_is_what_numpy_finds(name, iterations):
-    """A robot thrown on the floor with a constant control; without joint limits, whose impulses are not reported."""
+    """A robot thrown on the floor with a constant control, into its joint limits."""
     model = mujoco.MjModel.from_xml_path(str(SOURCES[name]))
-    model.jnt_limited[:] = 0
+    model.dof_frictionloss[:] = 0
     rng = np.random.default_rng(3)
     settings = EULER | {"iterations": iterations}
     ctrl = rng.uniform(-1, 1, model.nu)
     for _, sim, _, problem in steps_of(model, model.qpos0, rng.normal(scale=0.5, size=model.nv), settings, steps=200, ctrl=ctrl):
         check_certificate(sim, problem)
+
+
+@given(heaps(kinds=("sphere",)), st.sampled_from([1, 4, 50]))
+def test_the_residual_of_the_midpoint_rule_is_what_numpy_finds(scene, iterations):
+    """Balls, on which no force depends on the velocity; contacts and mass matrix at q + h/2 v."""
+    model = mujoco.MjModel.from_xml_string(scene.xml())
+    settings = EULER | {"integrator": "midpoint", "iterations": iterations}
+    for _, sim, _, problem in steps_of(model, scene.qpos, scene.qvel, settings):
+        check_certificate(sim, problem)
+
+
+TIED = """<mujoco><default><geom friction=".6 .02 .01" condim="{condim}"/></default><worldbody><geom type="plane" size="5 5 1"/>
+  <body name="a" pos="0 0 .5"><freejoint/><geom type="sphere" size=".1"/>
+    <body name="b" pos=".3 0 0">
+      <joint name="b" axis="0 1 0" limited="true" range="-20 30"/><geom type="capsule" size=".05 .1"/></body></body>
+  <body name="c" pos=".3 .4 .5"><freejoint/><geom type="sphere" size=".12"/></body>
+  <body name="d" pos="-.4 .4 .5"><freejoint/><geom type="sphere" size=".08"/></body></worldbody>
+  <contact><exclude body1="a" body2="b"/></contact>
+  <equality><connect body1="b" body2="c" anchor="0 .2 0"/><weld body1="c" body2="d"/><joint joint1="b" active="false"/></equality>
+  </mujoco>"""
+
+
+@pytest.mark.parametrize("iterations", [1, 4, 100])
+@pytest.mark.parametrize("condim", [3, 4, 6])
+def test_the_residual_of_bodies_tied_together_is_what_numpy_finds(condim, iterations):
+    """A chain of balls with a connect, a weld and a limit, thrown on the floor, with every kind of friction."""
+    model, rng = mujoco.MjModel.from_xml_string(TIED.format(condim=condim)), np.random.default_rng(condim)
+    for _ in range(3):
+        qvel = rng.normal(size=model.nv)
+        for _, sim, _, problem in steps_of(model, model.qpos0, qvel, EULER | {"iterations": iterations}, steps=120):
+            check_certificate(sim, problem)
 
 
 @given(heaps(kinds=("sphere",)), st.sampled_from(["euler", "midpoint"]))

@@ -10,8 +10,10 @@ use crate::contacts::ContactId;
 use crate::model::Model;
 use crate::options::Options;
 use crate::plan::Plan;
+use crate::rollout::{Recording, Share};
+use crate::sensing::errors::{Errors, Transfer};
 use crate::state::{Group, StoredContact};
-use crate::worker::{Call, Site, Stepped, Worker};
+use crate::worker::{Call, Place, Query, Site, Stepped, Worker};
 
 /// What the user says to a call of step, environment-major; empty slices say nothing.
 #[derive(Clone, Copy, Debug, Default)]
@@ -43,6 +45,16 @@ pub enum Field {
 pub trait Engine: Send + Sync {
     /// Makes `nstep` steps.
     fn step(&mut self, options: &Options, inputs: &StepInputs<'_>, nstep: usize);
+    /// Reads all sensors of all environments, environment-major: true readings, or those of the last step after the transfer functions.
+    fn sense(&mut self, options: &Options, inputs: &StepInputs<'_>, truth: bool, out: &mut [f64]);
+    /// Gives the sensors transfer functions, `None` to ideal ones.
+    fn equip(&mut self, model: &Model, options: &Options, transfers: &[Option<Transfer>]) -> Result<(), String>;
+    /// Says as which environment one draws random numbers.
+    fn set_stream(&mut self, env: usize, stream: u32);
+    /// Begins a new episode of one environment, the first one under a new seed.
+    fn begin(&mut self, env: usize, seed: Option<u64>);
+    /// Makes `nstep` steps with each of the controls `inputs.ctrl`, (calls, num_envs, nu) or (calls, nu), and writes down what follows each.
+    fn rollout(&mut self, options: &Options, inputs: &StepInputs<'_>, calls: usize, nstep: usize, recording: Recording<'_>);
     /// Copies a field of one environment out.
     fn read(&self, field: Field, env: usize, out: &mut [f64]);
     /// Writes a field of one environment.
@@ -55,10 +67,16 @@ pub trait Engine: Send + Sync {
     fn set_time(&mut self, env: usize, time: f64);
     /// Flags of the last call.
     fn status(&self, env: usize) -> u32;
-    /// (residual in m/s, sweeps) of the last step.
+    /// (residual in m/s, sweeps and Newton steps together) of the last step.
     fn certificate(&self, env: usize) -> (f64, f64);
     /// Contacts of the last step: geoms of the model and the numbers.
     fn contacts(&self, env: usize) -> Vec<([usize; 2], StoredContact)>;
+    /// Memory of the state of all environments, bytes.
+    fn bytes(&self) -> usize;
+    /// Threads that step.
+    fn threads(&self) -> usize;
+    /// The room of a thread.
+    fn worker(&self, options: &Options) -> Worker;
     /// All that survives a step, as bytes.
     fn save(&self) -> Vec<u8>;
     /// Takes over what [`Engine::save`] wrote.
@@ -74,6 +92,7 @@ pub struct Batch<S: Stepped> {
     max_contacts: usize,
     level: Level,
     threads: usize,
+    errors: Option<Errors<S>>,
     crew: Crew,
 }
 
@@ -83,10 +102,29 @@ struct Crew {
     pool: Option<(u32, rayon::ThreadPool)>,
 }
 
-/// Contacts an environment has room for when nobody says: all that can exist, up to 16 and 4 more per body.
+/// Contacts an environment has room for when nobody says: all that can exist, up to 16 and some for each body.
+///
+/// A link of a robot has four. A loose body has what a heap of its like brings it: half of the twelve balls that fit around a ball, or of the
+/// six faces of a box in a wall with four points each.
 fn room_for_contacts<S: Stepped>(plan: &Plan<S>, options: &Options) -> usize {
-    let default = plan.contact_points.min(16 + 4 * plan.links.len());
+    let mut links_of_tree = vec![0; plan.ntree];
+    plan.links.iter().for_each(|l| links_of_tree[l.tree] += 1);
+    let mut is_ball = vec![true; plan.nframe()];
+    plan.geoms.iter().filter(|g| g.lever != S::ZERO).for_each(|g| is_ball[g.frame] = false);
+    let room = plan.links.iter().enumerate().map(|(l, link)| match is_ball[l + 1] {
+        _ if links_of_tree[link.tree] > 1 => 4,
+        true => 6,
+        false => 12,
+    });
+    let default = plan.contact_points.min(16 + room.sum::<usize>());
     options.max_contacts.map_or(default, |n| (n as usize).min(plan.contact_points))
+}
+
+/// Memory of the state of one environment among many, bytes.
+pub fn bytes_per_env<S: Stepped>(model: &Model, options: &Options) -> usize {
+    let plan = Plan::<S>::new(model);
+    let group = Group::new(&plan, &vec![S::default(); plan.nq], S::LANES, 0, 0, room_for_contacts(&plan, options));
+    group.bytes().div_ceil(S::LANES)
 }
 
 impl<S: Stepped> Batch<S> {
@@ -98,18 +136,22 @@ impl<S: Stepped> Batch<S> {
         let qpos0: Vec<S> = model.qpos0.iter().map(|&x| S::from_f64(x)).collect();
         let group = |g: usize| {
             let used = (num_envs - g * lanes).min(lanes);
-            Group::new(&plan, &qpos0, lanes, ((1u64 << used) - 1) as u32, max_contacts)
+            Group::new(&plan, &qpos0, lanes, ((1u64 << used) - 1) as u32, g * lanes, max_contacts)
         };
         let groups = (0..num_envs.div_ceil(lanes)).map(group).collect();
         let threads = if threads == 0 { std::thread::available_parallelism().map_or(1, usize::from) } else { threads };
         let crew = Crew { idle: Mutex::new(Vec::new()), pool: None };
-        Self { plan, groups, lanes, num_envs, max_contacts, level, threads, crew }
+        Self { plan, groups, lanes, num_envs, max_contacts, level, threads, errors: None, crew }
     }
 
     fn hire(&self, options: &Options) -> Worker {
         let idle = self.crew.idle.lock().expect("a worker panicked").pop();
+        idle.unwrap_or_else(|| self.make_worker(options))
+    }
+
+    fn make_worker(&self, options: &Options) -> Worker {
         let site = Site { plan: &self.plan, options, max_contacts: self.max_contacts };
-        idle.unwrap_or_else(|| Worker::new(&site, self.lanes, self.level))
+        Worker::new(&site, self.lanes, self.level)
     }
 
     fn release(&self, worker: Worker) {
@@ -128,6 +170,42 @@ impl<S: Stepped> Batch<S> {
         &self.crew.pool.as_ref().expect("made above").1
     }
 
+    fn call<'a>(&'a self, options: &'a Options, inputs: &StepInputs<'a>, calls: usize, nstep: usize) -> Call<'a, S> {
+        let StepInputs { ctrl, qfrc, xfrc, .. } = *inputs;
+        let (mocap, errors) = ([inputs.mocap_pos, inputs.mocap_quat], self.errors.as_ref());
+        Call { plan: &self.plan, options, num_envs: self.num_envs, calls, nstep, ctrl, qfrc, xfrc, mocap, errors }
+    }
+
+    /// Sends the groups to the workers once, for all steps of a call.
+    fn drive(&mut self, options: &Options, inputs: &StepInputs<'_>, calls: usize, nstep: usize, recording: Option<Recording<'_>>) {
+        let threaded = self.threads > 1 && self.groups.len() > 1;
+        if threaded {
+            self.pool();
+        }
+        let mut groups = std::mem::take(&mut self.groups);
+        let call = self.call(options, inputs, calls, nstep);
+        // Small pieces even out what some groups cost more than others.
+        let size = if threaded { groups.len().div_ceil(8 * self.threads) } else { groups.len() };
+        let mut shares = recording.map_or_else(Vec::new, |all| all.split(self.num_envs, size * self.lanes, S::numbers));
+        let work = |piece: usize, groups: &mut [Group<S>], share: &mut Share<'_, S>| {
+            let mut worker = self.hire(options);
+            let share_first = piece * size * self.lanes;
+            for (g, group) in groups.iter_mut().enumerate() {
+                worker.run(&call, group, Place { first: share_first + g * self.lanes, share_first, share: &mut *share });
+            }
+            self.release(worker);
+        };
+        match &self.crew.pool {
+            Some((_, pool)) if threaded => {
+                shares.resize_with(groups.len().div_ceil(size), Share::default);
+                let pieces = groups.par_chunks_mut(size).zip(&mut shares).enumerate();
+                pool.install(|| pieces.for_each(|(piece, (groups, share))| work(piece, groups, share)));
+            }
+            _ => work(0, &mut groups, shares.first_mut().unwrap_or(&mut Share::default())),
+        }
+        self.groups = groups;
+    }
+
     fn at(&self, env: usize) -> (&Group<S>, usize) {
         (&self.groups[env / self.lanes], env % self.lanes)
     }
@@ -139,37 +217,63 @@ impl<S: Stepped> Batch<S> {
 
 impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
     fn step(&mut self, options: &Options, inputs: &StepInputs<'_>, nstep: usize) {
+        self.drive(options, inputs, 1, nstep, None);
+    }
+
+    fn rollout(&mut self, options: &Options, inputs: &StepInputs<'_>, calls: usize, nstep: usize, recording: Recording<'_>) {
+        self.drive(options, inputs, calls, nstep, Some(recording));
+    }
+
+    fn sense(&mut self, options: &Options, inputs: &StepInputs<'_>, truth: bool, out: &mut [f64]) {
+        let width = self.plan.sensing.width;
+        if width == 0 {
+            return;
+        }
         let threaded = self.threads > 1 && self.groups.len() > 1;
         if threaded {
             self.pool();
         }
         let mut groups = std::mem::take(&mut self.groups);
-        let call = Call {
-            plan: &self.plan,
-            options,
-            num_envs: self.num_envs,
-            nstep,
-            ctrl: inputs.ctrl,
-            qfrc: inputs.qfrc,
-            xfrc: inputs.xfrc,
-            mocap: [inputs.mocap_pos, inputs.mocap_quat],
-        };
-        let work = |first: usize, groups: &mut [Group<S>]| {
+        let call = self.call(options, inputs, 1, 0);
+        let work = |first: usize, groups: &mut [Group<S>], out: &mut [f64]| {
             let mut worker = self.hire(options);
-            for (g, group) in groups.iter_mut().enumerate() {
-                worker.run(&call, group, (first + g) * self.lanes);
+            for (g, (group, out)) in groups.iter_mut().zip(out.chunks_mut(self.lanes * width)).enumerate() {
+                worker.sense(&call, group, (first + g) * self.lanes, Query { truth, out });
             }
             self.release(worker);
         };
         match &self.crew.pool {
             Some((_, pool)) if threaded => {
-                // Small shares even out what some groups cost more than others.
                 let share = groups.len().div_ceil(8 * self.threads);
-                pool.install(|| groups.par_chunks_mut(share).enumerate().for_each(|(i, chunk)| work(i * share, chunk)));
+                let rows = out.par_chunks_mut(share * self.lanes * width);
+                pool.install(|| {
+                    groups.par_chunks_mut(share).zip(rows).enumerate().for_each(|(i, (chunk, out))| work(i * share, chunk, out));
+                });
             }
-            _ => work(0, &mut groups),
+            _ => work(0, &mut groups, out),
         }
         self.groups = groups;
+    }
+
+    fn equip(&mut self, model: &Model, options: &Options, transfers: &[Option<Transfer>]) -> Result<(), String> {
+        let errors = Errors::new(model, transfers, self.num_envs, self.lanes, options.timestep)?;
+        self.crew = Crew { idle: Mutex::new(Vec::new()), pool: None };
+        for group in &mut self.groups {
+            group.sensing.with_errors(errors.memory, errors.lines, if errors.is_empty() { 0 } else { self.plan.sensing.width });
+            group.sensing.waiting = group.alive;
+        }
+        self.errors = (!errors.is_empty()).then_some(errors);
+        Ok(())
+    }
+
+    fn set_stream(&mut self, env: usize, stream: u32) {
+        let (group, lane) = self.at_mut(env);
+        group.sensing.stream[lane] = stream;
+    }
+
+    fn begin(&mut self, env: usize, seed: Option<u64>) {
+        let (group, lane) = self.at_mut(env);
+        group.sensing.begin(lane, seed);
     }
 
     fn read(&self, field: Field, env: usize, out: &mut [f64]) {
@@ -224,8 +328,20 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
 
     fn contacts(&self, env: usize) -> Vec<([usize; 2], StoredContact)> {
         let (group, lane) = self.at(env);
-        let geoms = |c: StoredContact| self.plan.pairs[c.id.pair()].geoms.map(|g| self.plan.geoms[g].index);
+        let geoms = |c: StoredContact| self.plan.pair_geoms(c.id.pair()).expect("made from this plan").map(|g| self.plan.geoms[g].index);
         group.contacts(lane).map(|c| (geoms(c), c)).collect()
+    }
+
+    fn bytes(&self) -> usize {
+        self.groups.iter().map(Group::bytes).sum()
+    }
+
+    fn threads(&self) -> usize {
+        self.threads.min(self.groups.len())
+    }
+
+    fn worker(&self, options: &Options) -> Worker {
+        self.make_worker(options)
     }
 
     fn save(&self) -> Vec<u8> {
@@ -242,7 +358,7 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
             return Err("a state of another model, precision or max_contacts".into());
         }
         let contacts_exist = |g: &Group<S>| {
-            let known = |&id: &u32| ContactId(id).pair() < self.plan.pairs.len().max(1);
+            let known = |&id: &u64| id == 0 || self.plan.pair_geoms(ContactId(id).pair()).is_some();
             g.contact_count.iter().all(|&n| n as usize <= self.max_contacts) && g.contact_ids.iter().all(known)
         };
         if !saved.groups.iter().all(contacts_exist) {

@@ -1,8 +1,10 @@
 //! The constraint problem of a step with its room to work: what stage 4 makes, stage 5 solves and stage 8 solves again.
 
-use stepper_real::{Mask, Real};
-use stepper_solve::{Iterate, Problem};
+use stepper_real::{Mask, Real, Scalar};
+use stepper_solve::newton::Newton;
+use stepper_solve::{Capacity, Iterate, Problem};
 
+use crate::inertia::NewtonEuler;
 use crate::plan::Plan;
 use crate::spatial::*;
 
@@ -13,17 +15,28 @@ pub struct Constraints<R: Real> {
     pub problem: Problem<R>,
     /// The impulses.
     pub iterate: Iterate<R>,
+    /// Room of the second tier.
+    pub newton: Newton,
     /// Lanes that have any row.
     pub constrained: R::Mask,
     /// Lanes in which the velocities of the solution are not those that the positions should move with.
     pub needs_position_solve: R::Mask,
-    /// What each row demands of the positions alone: velocity g of stage 8, scalar rows first.
+    /// What each row demands of the positions alone: velocity g of stage 8, scalar rows first, then contacts, then those with six rows.
     pub position_bias: Vec<R>,
-    /// Impulses of limits, then of dry friction, by their index in the plan: the warm start.
+    /// Impulses of limits, then of dry friction, by their index in the plan, then of what names its owner: the warm start.
     pub scalar_impulse: Vec<R>,
     /// Index in `scalar_impulse` of every scalar row.
     pub owners: Vec<usize>,
+    /// Slot of every contact with the lanes in which it is there.
+    pub slots: Vec<(usize, R::Mask)>,
+    /// The same of contacts with six rows, and what their rows of turning are scaled by, m.
+    pub wide_slots: Vec<(usize, R::Mask, V3<R>)>,
+    /// Squared lengths of the numbers that the rows of a block of equalities are differences of.
+    pub(crate) sizes: Vec<R>,
+    /// Of those rows: h/2 J' v, J v and the velocity that corrects the error.
+    pub(crate) demands: Vec<[R; 3]>,
     pub(crate) column: Vec<V3<R>>,
+    pub(crate) linear: Vec<V3<R>>,
     pub(crate) support: Vec<u32>,
     pub(crate) plus: Vec<u32>,
     pub(crate) minus: Vec<u32>,
@@ -37,31 +50,70 @@ pub struct Moment<'a, R: Real> {
     pub q: &'a [R],
     /// Velocity before the step.
     pub v: &'a [R],
+    /// Velocities of the links, and their accelerations if no joint accelerates (both of `v`, at `q`).
+    pub motion: &'a NewtonEuler<R>,
     /// Velocity after the step without constraints.
     pub v_free: &'a [R],
     /// Time step, s.
     pub h: R,
+    /// Part of a gap that may close in the step.
+    pub closing: R,
     /// Environments that step.
     pub alive: R::Mask,
+}
+
+impl<R: Real> Moment<'_, R> {
+    /// What of the distance `phi` may close in the step; an overlap as it is.
+    #[inline(always)]
+    pub fn gap(&self, phi: R) -> R {
+        R::select(phi.gt(R::zero()), phi * self.closing, phi)
+    }
 }
 
 impl<R: Real> Constraints<R> {
     /// Room for a plan.
     pub fn new(plan: &Plan<R::Scalar>, max_contacts: usize) -> Self {
-        let scalars = plan.limits.len() + plan.frictions.len();
+        let block = plan.equalities.iter().map(|b| b.rows).max().unwrap_or(0);
+        let room = room(plan, max_contacts, R::LANES);
         Self {
-            problem: Problem::with_capacity(plan.nv, scalars, max_contacts),
-            iterate: Iterate::with_capacity(plan.nv, scalars, max_contacts),
+            problem: Problem::new(&room),
+            iterate: Iterate::new(&room),
+            newton: Newton::default(),
             constrained: R::Mask::splat(false),
             needs_position_solve: R::Mask::splat(false),
-            position_bias: Vec::with_capacity(scalars + max_contacts),
-            scalar_impulse: vec![R::zero(); scalars],
-            owners: Vec::with_capacity(scalars),
+            position_bias: Vec::with_capacity(room.scalars + room.contacts + room.wide),
+            scalar_impulse: vec![R::zero(); plan.scalar_impulses],
+            owners: Vec::with_capacity(room.scalars),
+            slots: Vec::with_capacity(max_contacts),
+            wide_slots: Vec::with_capacity(room.wide),
+            sizes: Vec::with_capacity(block),
+            demands: Vec::with_capacity(block),
             column: vec![zero(); plan.nv],
+            linear: vec![zero(); if plan.wide { plan.nv } else { 0 }],
             support: Vec::with_capacity(plan.nv),
             plus: vec![0; plan.nv],
             minus: vec![0; plan.nv],
             words: vec![0; plan.nv.div_ceil(64)],
         }
+    }
+}
+
+/// What the rows of a plan can take at the most: a contact touches the ancestors of two frames in each of its lanes.
+fn room<S: Scalar>(plan: &Plan<S>, contacts: usize, lanes: usize) -> Capacity {
+    let depth = |dof: usize| plan.dofs[dof].depth;
+    let single = plan.limits.iter().map(|l| depth(l.dof)).chain(plan.frictions.iter().map(|f| depth(f.dof))).sum::<usize>();
+    let balls = plan.ball_limits.iter().map(|b| depth(b.dof + 2)).sum::<usize>();
+    let equalities = plan.equalities.iter().map(|b| b.rows * b.support.len()).sum::<usize>();
+    let tendons = plan.tendons.iter().map(|t| 3 * t.support.len()).sum::<usize>();
+    let mut moved: Vec<usize> = plan.movers.iter().map(|m| m.iter().map(|w| w.count_ones() as usize).sum()).collect();
+    moved.sort_unstable();
+    let deepest: usize = moved.iter().rev().take(2).sum();
+    Capacity {
+        dimension: plan.nv,
+        scalars: plan.scalar_impulses,
+        scalar_entries: single + balls + equalities + tendons,
+        contacts,
+        wide: if plan.wide { contacts } else { 0 },
+        contact_support: (deepest * lanes).min(plan.nv),
     }
 }

@@ -2,6 +2,7 @@
 
 use stepper_real::Real;
 
+use crate::drive::Theta;
 use crate::kinematics::Kinematics;
 use crate::model::JointKind;
 use crate::plan::Plan;
@@ -33,9 +34,9 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// M by composite rigid bodies, plus armature, plus `damping_time` times the joint damping on the diagonal.
+    /// M by composite rigid bodies, plus armature, plus the shares `theta` of the joints' damping and stiffness on the diagonal.
     #[inline(always)]
-    pub fn assemble(&mut self, plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, composite: &mut [Inertia<R>], damping_time: R) {
+    pub fn assemble(&mut self, plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, composite: &mut [Inertia<R>], theta: Theta<R>) {
         composite.copy_from_slice(&kinematics.inertia);
         for l in (0..plan.links.len()).rev() {
             let link = &plan.links[l];
@@ -49,7 +50,17 @@ impl<R: Real> MassMatrix<R> {
                 for (entry, &a) in row.iter_mut().zip(plan.chain_of(d)) {
                     *entry = dot6(kinematics.axes[a as usize], momentum);
                 }
-                row[0] += R::splat(dof.armature) + damping_time * R::splat(dof.damping);
+                row[0] += R::splat(dof.armature) + theta.damping * R::splat(dof.damping) + theta.stiffness * R::splat(dof.stiffness);
+            }
+        }
+    }
+
+    /// Adds what servos add: their weights along their moments.
+    #[inline(always)]
+    pub fn add_servos(&mut self, plan: &Plan<R::Scalar>, weights: &[R]) {
+        for (servo, &weight) in plan.servos.iter().zip(weights) {
+            for &(entry, coefficient) in &servo.entries {
+                self.entries[entry] += R::splat(coefficient) * weight;
             }
         }
     }
@@ -132,6 +143,21 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
+    /// The momentum of a scaled velocity change: w <- L^T D^1/2 w.
+    #[inline(always)]
+    pub fn momentum(&self, plan: &Plan<R::Scalar>, w: &mut [R]) {
+        // From the root, so that descendants add to what is already scaled.
+        for i in 0..plan.nv {
+            let dof = &plan.dofs[i];
+            let (row, chain) = (&self.entries[dof.chain..dof.chain + dof.depth], plan.chain_of(i));
+            let xi = w[i] * self.sqrt_d[i];
+            w[i] = xi;
+            for k in 1..dof.depth {
+                w[chain[k] as usize] += row[k] * xi;
+            }
+        }
+    }
+
     /// x <- M^-1 x
     #[inline(always)]
     pub fn solve(&self, plan: &Plan<R::Scalar>, x: &mut [R]) {
@@ -144,10 +170,15 @@ impl<R: Real> MassMatrix<R> {
 }
 
 /// Coriolis, centrifugal and gravitational forces: recursive Newton-Euler with zero joint acceleration, world-aligned.
-///
-/// `velocities`, `accelerations` and `forces` are room for one entry per link; `velocities` is left at the links' velocities.
 #[inline(always)]
 pub fn bias_force<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, v: &[R], work: &mut NewtonEuler<R>, out: &mut [R]) {
+    link_forces(plan, kinematics, v, work);
+    project_forces(plan, kinematics, &mut work.force, out);
+}
+
+/// The first half of [`bias_force`]: the force that every link needs if its joints do not accelerate, and its velocity.
+#[inline(always)]
+pub fn link_forces<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, v: &[R], work: &mut NewtonEuler<R>) {
     let gravity: V3<R> = splat(plan.gravity);
     // Gravity as an upward acceleration of the world.
     let ground = spatial(zero(), scale(gravity, -R::one()));
@@ -176,7 +207,6 @@ pub fn bias_force<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, v
         work.velocity[l] = motion;
         work.acceleration[l] = change;
     }
-    project_forces(plan, kinematics, &mut work.force, out);
 }
 
 /// Forces on the links, carried to the joints: out = sum over links of J^T f. `force` is used up.

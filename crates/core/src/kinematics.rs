@@ -1,6 +1,6 @@
 //! Poses, axes and velocities of everything that moves.
 
-use stepper_real::Real;
+use stepper_real::{Real, Scalar};
 
 use crate::model::JointKind;
 use crate::plan::{JointPlan, Link, Plan};
@@ -17,8 +17,12 @@ pub struct Kinematics<R: Real> {
     pub origin: Vec<V3<R>>,
     /// Motion of every dof per unit velocity, about its tree's reference point.
     pub axes: Vec<V6<R>>,
+    /// Velocity (angular, linear at its origin) of every mocap body.
+    pub posed: Vec<V6<R>>,
     /// Inertia of every link about its tree's reference point.
     pub inertia: Vec<Inertia<R>>,
+    /// Angles of all hinges, in the order of the joints, with their sines and cosines.
+    turns: [Vec<R>; 3],
 }
 
 impl<R: Real> Kinematics<R> {
@@ -30,7 +34,9 @@ impl<R: Real> Kinematics<R> {
             mat: vec![identity; plan.nframe()],
             origin: vec![zero(); plan.ntree],
             axes: vec![zero(); plan.nv],
+            posed: vec![zero(); plan.mocap.len()],
             inertia: vec![zero(); plan.links.len()],
+            turns: std::array::from_fn(|_| vec![R::zero(); hinges(plan).count()]),
         };
         for m in &plan.mocap {
             kinematics.pos[m.frame] = splat(m.pos);
@@ -44,8 +50,10 @@ impl<R: Real> Kinematics<R> {
         R::vectorize(
             #[inline(always)]
             || {
+                self.turn_all(plan, q);
+                let mut hinge = 0;
                 for (l, link) in plan.links.iter().enumerate() {
-                    let (pos, mat) = self.place(plan, link, q);
+                    let (pos, mat) = self.place(plan, link, q, &mut hinge);
                     self.pos[l + 1] = pos;
                     self.mat[l + 1] = mat;
                     if link.is_root {
@@ -60,9 +68,21 @@ impl<R: Real> Kinematics<R> {
         )
     }
 
-    /// Pose of a link; leaves (axis, anchor) of its rotations and (0, axis) of its translations in `axes`.
+    /// Sines and cosines of all hinges, in a loop of their own: even those of one environment are computed side by side then.
     #[inline(always)]
-    fn place(&mut self, plan: &Plan<R::Scalar>, link: &Link<R::Scalar>, q: &[R]) -> (V3<R>, M3<R>) {
+    fn turn_all(&mut self, plan: &Plan<R::Scalar>, q: &[R]) {
+        let [angles, sines, cosines] = &mut self.turns;
+        for (angle, joint) in angles.iter_mut().zip(hinges(plan)) {
+            *angle = q[joint.q] - R::splat(joint.reference);
+        }
+        for ((&angle, sin), cos) in angles.iter().zip(sines).zip(cosines) {
+            (*sin, *cos) = angle.sin_cos();
+        }
+    }
+
+    /// Pose of a link, whose first hinge is number `hinge`; leaves (axis, anchor) of its rotations and (0, axis) of its translations in `axes`.
+    #[inline(always)]
+    fn place(&mut self, plan: &Plan<R::Scalar>, link: &Link<R::Scalar>, q: &[R], hinge: &mut usize) -> (V3<R>, M3<R>) {
         let (base, frame) = (self.pos[link.parent], self.mat[link.parent]);
         let mut pos = add(base, rotate(&frame, splat(link.pos)));
         let mut mat = match link.mat {
@@ -96,8 +116,9 @@ impl<R: Real> Kinematics<R> {
                     self.axes[v] = spatial(zero(), axis);
                 }
                 JointKind::Hinge => {
-                    let angle = q[joint.q] - R::splat(joint.reference);
-                    let (axis, turned) = turn(&mat, joint, angle);
+                    let [_, sines, cosines] = &self.turns;
+                    let (axis, turned) = turn(&mat, joint, sines[*hinge], cosines[*hinge]);
+                    *hinge += 1;
                     let mut anchor = pos;
                     if !joint.centred {
                         let arm = splat(joint.anchor);
@@ -148,10 +169,15 @@ impl<R: Real> Kinematics<R> {
     }
 }
 
+/// Hinges, in the order of the joints.
+#[inline(always)]
+fn hinges<S: Scalar>(plan: &Plan<S>) -> impl Iterator<Item = &JointPlan<S>> {
+    plan.joints.iter().filter(|joint| joint.kind == JointKind::Hinge)
+}
+
 /// The joint's axis in the world, and the frame turned about it.
 #[inline(always)]
-fn turn<R: Real>(mat: &M3<R>, joint: &JointPlan<R::Scalar>, angle: R) -> (V3<R>, M3<R>) {
-    let (sin, cos) = angle.sin_cos();
+fn turn<R: Real>(mat: &M3<R>, joint: &JointPlan<R::Scalar>, sin: R, cos: R) -> (V3<R>, M3<R>) {
     let Some((k, backwards)) = joint.principal else {
         let axis = splat(joint.axis);
         return (rotate(mat, axis), mat_mul(mat, &axis_rotation(axis, sin, cos)));
@@ -234,13 +260,13 @@ pub fn advance<R: Real>(x: &[R], rate: &[R], way: R, out: &mut [R]) {
     )
 }
 
-/// out = (x + y) factor, entry by entry.
-pub fn combine<R: Real>(x: &[R], y: &[R], factor: R, out: &mut [R]) {
+/// y = x + share (end + y - x), entry by entry: on the way from `x` to an end that is `y` further on.
+pub fn blend<R: Real>(x: &[R], end: &[R], share: R, y: &mut [R]) {
     R::vectorize(
         #[inline(always)]
         || {
-            for i in 0..out.len() {
-                out[i] = (x[i] + y[i]) * factor;
+            for i in 0..y.len() {
+                y[i] = x[i] + ((end[i] + y[i]) - x[i]) * share;
             }
         },
     )

@@ -32,25 +32,35 @@
 //! Models come from [`Model::builder`], or from files that the Python package saved: [`Model::load`].
 
 pub mod batch;
+mod broad;
 pub mod constraints;
 pub mod contacts;
+pub mod drive;
+pub mod fluid;
 pub mod geometry;
 pub mod inertia;
 pub mod kinematics;
+pub mod limit;
+pub mod mocap;
 pub mod model;
 pub mod options;
 pub mod plan;
 pub mod query;
 mod rk4;
+pub mod rollout;
+pub mod sensing;
 mod simulation;
 pub mod spatial;
+pub mod spin;
 pub mod stages;
 pub mod state;
 pub mod step;
+pub mod surfaces;
 pub mod worker;
 
 pub use model::{Model, ModelError};
-pub use options::{Integrator, Options, Stabilization};
-pub use simulation::{Error, Precision, Simulation};
+pub use options::{Integrator, Options, Solver, Stabilization};
+pub use rollout::Precision;
+pub use simulation::{Error, Simulation};
 pub use stages::s10_record::Status;
 pub use stepper_real::Level;

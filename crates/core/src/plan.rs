@@ -4,13 +4,22 @@
 //! frames `1..=links` the links, the rest bodies that the user poses (mocap). Pairs that can never collide are not in the list.
 
 mod collision;
+mod drives;
+mod equality;
 mod merge;
+mod passive;
+pub mod sensing;
 
 use stepper_real::Scalar;
 
 pub use crate::model::Kernel;
-use crate::model::{Activation, JointKind, Model, SensorKind, Transmission};
-pub use collision::{GeomPlan, PairPlan};
+use crate::model::{JointKind, Model};
+pub use collision::{Crowd, GeomPlan, Member, PairPlan};
+pub use drives::{ActuatorPlan, ForceRangePlan, ServoPlan};
+pub use equality::{Combination, EqualityBlock, EqualityPlan, EqualityRows, Spring, TendonPlan};
+pub(crate) use merge::matrix;
+pub use passive::{EllipsoidPlan, FluidPlan, FluidShape, GravityCompensation, SurfacePlan};
+pub use sensing::SensingPlan;
 
 /// Everything of a model that a step reads, in the scalar type of its lanes.
 #[derive(Clone, Debug)]
@@ -25,6 +34,16 @@ pub struct Plan<S: Scalar> {
     pub ntree: usize,
     /// Gravitational acceleration, m/s^2.
     pub gravity: [S; 3],
+    /// Velocity of the medium, m/s.
+    pub wind: [S; 3],
+    /// What the medium acts on.
+    pub fluid: Vec<FluidPlan<S>>,
+    /// Single bodies whose gyroscopic force is not zero.
+    pub spinners: Vec<SpinnerPlan<S>>,
+    /// Forces against gravity.
+    pub compensation: Vec<GravityCompensation<S>>,
+    /// Surfaces that no degree of freedom moves.
+    pub surfaces: Vec<SurfacePlan<S>>,
     /// Moving bodies, parents first; link l is frame l + 1.
     pub links: Vec<Link<S>>,
     /// Joints, by link.
@@ -41,18 +60,36 @@ pub struct Plan<S: Scalar> {
     pub bodies: Vec<BodyPlan<S>>,
     /// Geoms that take part in collision.
     pub geoms: Vec<GeomPlan<S>>,
-    /// Pairs that can collide and for which there is a kernel, in a fixed order.
+    /// Pairs that can collide and for which there is a kernel, in a fixed order; all of them, if there is no crowd.
     pub pairs: Vec<PairPlan<S>>,
+    /// Geoms whose pairs are too many to list.
+    pub crowd: Option<Crowd<S>>,
+    /// Whether any pair has torsional or rolling friction.
+    pub wide: bool,
     /// Joint limits.
     pub limits: Vec<LimitPlan<S>>,
     /// Dry friction.
     pub frictions: Vec<FrictionPlan<S>>,
+    /// Equalities that act.
+    pub equalities: Vec<EqualityBlock<S>>,
+    /// Limits of ball joints.
+    pub ball_limits: Vec<BallLimitPlan<S>>,
+    /// Fixed tendons with limits, dry friction, springs, dampers or inertia.
+    pub tendons: Vec<TendonPlan<S>>,
+    /// Impulses that survive a step, one for every scalar row that there can be: limits, dry friction, then what names its `owner`.
+    pub scalar_impulses: usize,
     /// Actuators.
     pub actuators: Vec<ActuatorPlan<S>>,
-    /// Bounds of the sum of actuator forces: dof, low, high.
-    pub actuator_force_ranges: Vec<(usize, S, S)>,
+    /// Actuators whose force depends on their own motion.
+    pub servos: Vec<ServoPlan<S>>,
+    /// Bounds of the sum of actuator forces on a dof.
+    pub actuator_force_ranges: Vec<ForceRangePlan<S>>,
+    /// Whether a bound, of its own or of a joint, holds for any servo.
+    pub servos_are_bounded: bool,
     /// Sensors: what each reads.
-    pub sensors: Vec<SensorPlan>,
+    pub sensing: SensingPlan<S>,
+    /// Whether there are pairs that can pass through one another: anything but half spaces and height fields.
+    pub has_thin: bool,
     /// Contacts that can exist at once.
     pub contact_points: usize,
 }
@@ -120,8 +157,27 @@ pub struct Dof<S> {
     pub depth: usize,
     /// Viscous damping.
     pub damping: S,
+    /// Stiffness of its joint's spring that is taken implicitly: 0 for one that pushes away.
+    pub stiffness: S,
     /// Added inertia.
     pub armature: S,
+}
+
+/// A link alone on a free or ball joint.
+#[derive(Clone, Debug)]
+pub struct SpinnerPlan<S> {
+    /// The link.
+    pub link: usize,
+    /// First degree of freedom.
+    pub dof: usize,
+    /// Free or ball.
+    pub kind: JointKind,
+    /// kg
+    pub mass: S,
+    /// Inertia about the centre of mass: xx, yy, zz, xy, xz, yz, kg m^2.
+    pub inertia: [S; 6],
+    /// Centre of mass from the joint, m.
+    pub arm: [S; 3],
 }
 
 /// A body that the user poses.
@@ -161,6 +217,19 @@ pub struct LimitPlan<S> {
     pub high: S,
 }
 
+/// Range of a ball joint.
+#[derive(Clone, Debug)]
+pub struct BallLimitPlan<S> {
+    /// Address in q.
+    pub q: usize,
+    /// First degree of freedom.
+    pub dof: usize,
+    /// Greatest angle of its rotation, rad.
+    pub most: S,
+    /// Index of its impulse.
+    pub owner: usize,
+}
+
 /// Dry friction of a degree of freedom.
 #[derive(Clone, Debug)]
 pub struct FrictionPlan<S> {
@@ -170,38 +239,6 @@ pub struct FrictionPlan<S> {
     pub loss: S,
 }
 
-/// An actuator on a linear combination of scalar joints.
-#[derive(Clone, Debug)]
-pub struct ActuatorPlan<S> {
-    /// Address in q, degree of freedom, moment arm (gear included).
-    pub moment: Vec<(usize, usize, S)>,
-    /// Bounds of the control.
-    pub ctrl_range: Option<[S; 2]>,
-    /// Bounds of the force.
-    pub force_range: Option<[S; 2]>,
-    /// Bounds of the activation.
-    pub act_range: Option<[S; 2]>,
-    /// Address of its activation.
-    pub act: Option<usize>,
-    /// Dynamics of the activation.
-    pub activation: Activation,
-    /// Affine gain.
-    pub gain: [S; 3],
-    /// Affine bias.
-    pub bias: [S; 3],
-    /// Whether gain or bias depend on length or velocity.
-    pub needs_motion: bool,
-}
-
-/// What a sensor reads.
-#[derive(Clone, Copy, Debug)]
-pub enum SensorPlan {
-    /// An entry of q.
-    Position(usize),
-    /// An entry of v.
-    Velocity(usize),
-}
-
 impl<S: Scalar> Plan<S> {
     /// Compiles a finished model.
     pub fn new(model: &Model) -> Self {
@@ -209,36 +246,98 @@ impl<S: Scalar> Plan<S> {
         let addresses = model.joint_addresses();
         let dofs = merge::dofs::<S>(model, &merged);
         let chain = merged.chain.clone();
-        let limits = limits(model, &addresses);
-        let (geoms, pairs) = collision::compile::<S>(model, &merged);
-        let contact_points = pairs.iter().map(|p| p.kernel.points()).sum();
+        let (limits, frictions) = (limits(model, &addresses), frictions(model, &addresses));
+        let mut scalar_impulses = limits.len() + frictions.len();
+        let ball_limits = ball_limits(model, &addresses, &mut scalar_impulses);
+        let compiler = equality::Compiler { model, merged: &merged, addresses: &addresses };
+        let (equalities, tendons) = (compiler.equalities(&mut scalar_impulses), compiler.tendons(&mut scalar_impulses));
+        let (geoms, pairs, crowd) = collision::compile::<S>(model, &merged);
+        let has_thin = crowd.is_some() || pairs.iter().any(|p| p.thin < S::from_f64(f64::INFINITY));
+        let listed: usize = pairs.iter().map(|p| p.kernel.points()).sum();
+        let contact_points = listed + crowd.as_ref().map_or(0, Crowd::contact_points);
+        let (links, joints) = (merge::links(model, &merged), merge::joints(model, &addresses));
+        let drives = drives::Drives::new(model, &addresses, &dofs, &chain);
         Self {
             nq: model.nq(),
             nv: model.nv(),
             na: model.na(),
             ntree: merged.ntree,
             gravity: scalars(model.gravity),
-            links: merge::links(model, &merged),
-            joints: merge::joints(model, &addresses),
+            wind: scalars(model.medium.wind),
+            fluid: passive::fluid(model, &merged),
+            compensation: passive::compensation(model, &merged),
+            surfaces: passive::surfaces(model, &geoms, merged.leaders.len()),
+            spinners: Self::spinners(&links, &joints),
+            links,
+            joints,
             dofs,
             chain,
             movers: merged.movers(model.nv()),
             mocap: merge::mocap(model, &merged),
             bodies: merge::bodies(model, &merged),
             geoms,
+            wide: crowd.as_ref().is_some_and(Crowd::is_wide) || pairs.iter().any(PairPlan::is_wide),
             pairs,
+            crowd,
             limits,
-            frictions: frictions(model, &addresses),
-            actuators: actuators(model, &addresses),
-            actuator_force_ranges: force_ranges(model, &addresses),
-            sensors: sensors(model, &addresses),
+            frictions,
+            ball_limits,
+            equalities,
+            tendons,
+            scalar_impulses,
+            servos_are_bounded: drives.servos_are_bounded(),
+            actuators: drives.actuators,
+            servos: drives.servos,
+            actuator_force_ranges: drives.force_ranges,
+            sensing: SensingPlan::new(model, &merged),
+            has_thin,
             contact_points,
         }
+    }
+
+    /// Links that are alone on a free or ball joint, but for those that turn as balls do.
+    fn spinners(links: &[Link<S>], joints: &[JointPlan<S>]) -> Vec<SpinnerPlan<S>> {
+        let alone = |l: usize| links[l].is_root && !links.iter().any(|other| !other.is_root && other.parent == l + 1);
+        let spinner = |l: usize| {
+            let link = &links[l];
+            let [joint] = &joints[link.joints.clone()] else { return None };
+            if !matches!(joint.kind, JointKind::Free | JointKind::Ball) || !alone(l) {
+                return None;
+            }
+            let anchor = if joint.kind == JointKind::Ball { joint.anchor } else { [S::default(); 3] };
+            let arm = std::array::from_fn(|k| S::from_f64(link.com[k].to_f64() - anchor[k].to_f64()));
+            let [x, y, z, rest @ ..] = link.inertia.map(Scalar::to_f64);
+            let round = x == y && y == z && rest == [0.0; 3] && arm.iter().all(|a: &S| a.to_f64() == 0.0);
+            let (mass, inertia) = (link.mass, link.inertia);
+            (!round).then_some(SpinnerPlan { link: l, dof: joint.v, kind: joint.kind, mass, inertia, arm })
+        };
+        (0..links.len()).filter_map(spinner).collect()
     }
 
     /// Number of frames: the world, the links and the mocap bodies.
     pub fn nframe(&self) -> usize {
         1 + self.links.len() + self.mocap.len()
+    }
+
+    /// A pair by its number.
+    ///
+    /// # Panics
+    /// When there is none.
+    #[inline(always)]
+    pub fn pair(&self, number: usize) -> PairPlan<S> {
+        match self.pairs.get(number) {
+            Some(pair) => *pair,
+            None => self.crowd.as_ref().and_then(|c| c.pair(number)).expect("a contact belongs to a pair"),
+        }
+    }
+
+    /// Geoms of a pair, the simpler shape first; `None` if there is no pair of this number.
+    #[inline(always)]
+    pub fn pair_geoms(&self, number: usize) -> Option<[usize; 2]> {
+        match self.pairs.get(number) {
+            Some(pair) => Some(pair.geoms),
+            None => self.crowd.as_ref()?.geoms(number),
+        }
     }
 
     /// The dof and its ancestors, towards the root.
@@ -261,44 +360,17 @@ fn limits<S: Scalar>(model: &Model, addresses: &[(usize, usize)]) -> Vec<LimitPl
         .collect()
 }
 
+fn ball_limits<S: Scalar>(model: &Model, addresses: &[(usize, usize)], owner: &mut usize) -> Vec<BallLimitPlan<S>> {
+    let limited = model.joints.iter().zip(addresses).filter(|(j, _)| j.kind == JointKind::Ball);
+    let plan = |(j, &(q, dof)): (&crate::model::Joint, &(usize, usize))| {
+        let [low, high] = j.range?;
+        *owner += 1;
+        Some(BallLimitPlan { q, dof, most: S::from_f64(low.max(high)), owner: *owner - 1 })
+    };
+    limited.filter_map(plan).collect()
+}
+
 fn frictions<S: Scalar>(model: &Model, addresses: &[(usize, usize)]) -> Vec<FrictionPlan<S>> {
     let rough = model.joints.iter().zip(addresses).filter(|(j, _)| j.frictionloss > 0.0);
     rough.flat_map(|(j, &(_, v))| (v..v + j.kind.nv()).map(|dof| FrictionPlan { dof, loss: S::from_f64(j.frictionloss) })).collect()
-}
-
-fn actuators<S: Scalar>(model: &Model, addresses: &[(usize, usize)]) -> Vec<ActuatorPlan<S>> {
-    let mut na = 0;
-    let plan = |a: &crate::model::Actuator| {
-        let arms: Vec<(usize, f64)> = match a.transmission {
-            Transmission::Joint(j) => vec![(j, 1.0)],
-            Transmission::Tendon(t) => model.tendons[t].joints.clone(),
-        };
-        let act = (a.activation != Activation::None).then_some(na);
-        na += usize::from(act.is_some());
-        ActuatorPlan {
-            moment: arms.iter().map(|&(j, c)| (addresses[j].0, addresses[j].1, S::from_f64(c * a.gear))).collect(),
-            ctrl_range: a.ctrl_range.map(scalars),
-            force_range: a.force_range.map(scalars),
-            act_range: a.act_range.map(scalars),
-            act,
-            activation: a.activation,
-            gain: scalars(a.gain),
-            bias: scalars(a.bias),
-            needs_motion: [a.gain[1], a.gain[2], a.bias[1], a.bias[2]].iter().any(|&x| x != 0.0),
-        }
-    };
-    model.actuators.iter().map(plan).collect()
-}
-
-fn force_ranges<S: Scalar>(model: &Model, addresses: &[(usize, usize)]) -> Vec<(usize, S, S)> {
-    let bounded = model.joints.iter().zip(addresses).filter(|(j, _)| matches!(j.kind, JointKind::Hinge | JointKind::Slide));
-    bounded.filter_map(|(j, &(_, v))| j.actuator_force_range.map(|[lo, hi]| (v, S::from_f64(lo), S::from_f64(hi)))).collect()
-}
-
-fn sensors(model: &Model, addresses: &[(usize, usize)]) -> Vec<SensorPlan> {
-    let read = |s: &crate::model::Sensor| match s.kind {
-        SensorKind::JointPos(j) => SensorPlan::Position(addresses[j].0),
-        SensorKind::JointVel(j) => SensorPlan::Velocity(addresses[j].1),
-    };
-    model.sensors.iter().map(read).collect()
 }

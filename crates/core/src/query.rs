@@ -1,11 +1,13 @@
 //! Quantities of one environment that people ask for outside a step, in f64.
 
+use nalgebra::{DMatrix, DVector};
 use stepper_real::Real;
 
+use crate::drive::{At, Drive, Implicit};
 use crate::inertia::{MassMatrix, NewtonEuler, bias_force};
 use crate::kinematics::{Kinematics, kinetic_energy};
 use crate::model::JointKind;
-use crate::plan::Plan;
+use crate::plan::{Plan, TendonPlan};
 use crate::spatial::*;
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s02_smooth::Smooth;
@@ -40,13 +42,18 @@ impl Snapshot {
     /// The mass matrix, row by row, (nv, nv), armature included.
     pub fn mass_matrix(&self, plan: &Plan<f64>) -> Vec<f64> {
         let mut mass = MassMatrix::new(plan);
-        mass.assemble(plan, &self.kinematics(plan), &mut vec![zero(); plan.links.len()], 0.0);
+        mass.assemble(plan, &self.kinematics(plan), &mut vec![zero(); plan.links.len()], Implicit::none().theta);
         let mut full = vec![0.0; plan.nv * plan.nv];
         for i in 0..plan.nv {
             let dof = &plan.dofs[i];
             for (&a, &m) in plan.chain_of(i).iter().zip(&mass.entries[dof.chain..]) {
                 full[i * plan.nv + a as usize] = m;
                 full[a as usize * plan.nv + i] = m;
+            }
+        }
+        for (tendon, inertia) in plan.tendons.iter().filter_map(|t| Some((t, t.spring.as_ref()?.0.inertia))) {
+            for &(_, i, a) in &tendon.length.terms {
+                tendon.length.terms.iter().for_each(|&(_, j, b)| full[i * plan.nv + j] += inertia * a * b);
             }
         }
         full
@@ -63,21 +70,44 @@ impl Snapshot {
     pub fn smooth_acceleration(&self, plan: &Plan<f64>) -> Vec<f64> {
         let kinematics = self.kinematics(plan);
         let mut smooth = Smooth::new(plan);
-        smooth.factor_mass(plan, &kinematics, 0.0);
+        smooth.factor_mass(plan, &kinematics, Implicit::none());
         let mut applied = vec![0.0; plan.nv];
-        if !self.inputs.qfrc.is_empty() {
-            applied.copy_from_slice(&self.inputs.qfrc);
+        smooth.apply(plan, &kinematics, [&self.inputs.qfrc, &self.inputs.xfrc], &mut applied);
+        let mut drive = Drive::new(plan);
+        actuate(plan, &At::state(&self.q, &self.v, &self.act, &self.inputs.ctrl), None, &mut drive);
+        for tendon in &plan.tendons {
+            let Some((spring, _)) = &tendon.spring else { continue };
+            let pull = spring.stiffness * self.stretch(tendon) + spring.damping * tendon.length.rate(&self.v);
+            tendon.length.terms.iter().for_each(|&(_, dof, c)| drive.tau[dof] -= c * pull);
         }
-        if !self.inputs.xfrc.is_empty() {
-            smooth.add_wrenches(plan, &kinematics, &self.inputs.xfrc, &mut applied);
+        smooth.acceleration(plan, &kinematics, [&drive.tau, &applied], &self.v, &self.v);
+        if plan.tendons.iter().any(|t| t.spring.as_ref().is_some_and(|(s, _)| s.inertia > 0.0)) {
+            self.with_tendon_inertia(plan, &mut smooth);
         }
-        let mut tau = vec![0.0; plan.nv];
-        actuate(plan, &self.q, &self.v, &self.act, &self.inputs.ctrl, &mut tau);
-        smooth.acceleration(plan, &kinematics, [&tau, &applied], &self.v, &self.v);
         smooth.acc
     }
 
-    /// Potential energy (gravity and joint springs) and kinetic energy (armature included), J.
+    /// The acceleration with the inertia of tendons, which the factors of the mass matrix leave to rows of the constraint problem.
+    fn with_tendon_inertia(&self, plan: &Plan<f64>, smooth: &mut Smooth<f64>) {
+        let full = DMatrix::from_row_slice(plan.nv, plan.nv, &self.mass_matrix(plan));
+        // What the joints' forces are, from the acceleration that they give without that inertia.
+        let free = DVector::from_column_slice(&smooth.acc);
+        let mut force = &full * &free;
+        for (tendon, inertia) in plan.tendons.iter().filter_map(|t| Some((t, t.spring.as_ref()?.0.inertia))) {
+            let along = inertia * tendon.length.rate(free.as_slice());
+            tendon.length.terms.iter().for_each(|&(_, dof, c)| force[dof] -= c * along);
+        }
+        let solved = full.cholesky().expect("a mass matrix with more inertia is positive definite").solve(&force);
+        smooth.acc.copy_from_slice(solved.as_slice());
+    }
+
+    /// How far a tendon is beyond the lengths between which its spring is slack; 0 without a spring.
+    fn stretch(&self, tendon: &TendonPlan<f64>) -> f64 {
+        let length = tendon.length.value(&self.q[..]);
+        tendon.spring.as_ref().map_or(0.0, |(_, [low, high])| length - f64::min(f64::max(length, *low), *high))
+    }
+
+    /// Potential energy (gravity and springs of joints and tendons) and kinetic energy (armature included), J.
     pub fn energy(&self, plan: &Plan<f64>) -> (f64, f64) {
         let kinematics = self.kinematics(plan);
         let mut potential = 0.0;
@@ -87,9 +117,14 @@ impl Snapshot {
         for joint in &plan.joints {
             potential += 0.5 * joint.stiffness * self.stretch_squared(joint);
         }
+        let mut rotors: f64 = plan.dofs.iter().zip(&self.v).map(|(d, v)| d.armature * v * v).sum();
+        for tendon in &plan.tendons {
+            let Some((spring, _)) = &tendon.spring else { continue };
+            potential += 0.5 * spring.stiffness * self.stretch(tendon).square();
+            rotors += spring.inertia * tendon.length.rate(&self.v).square();
+        }
         let mut velocities = vec![zero(); plan.links.len()];
         kinematics.velocities(plan, &self.v, &mut velocities);
-        let rotors: f64 = plan.dofs.iter().zip(&self.v).map(|(d, v)| d.armature * v * v).sum();
         (potential, kinetic_energy(&kinematics, &velocities) + 0.5 * rotors)
     }
 

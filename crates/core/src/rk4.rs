@@ -2,6 +2,7 @@
 
 use stepper_real::Real;
 
+use crate::drive::{At, Drive, Implicit, within};
 use crate::kinematics::{Kinematics, displace};
 use crate::model::JointKind;
 use crate::plan::Plan;
@@ -18,7 +19,7 @@ use crate::step::Inputs;
 pub(crate) struct Rk4<R: Real> {
     kinematics: Kinematics<R>,
     smooth: Smooth<R>,
-    tau: Vec<R>,
+    drive: Drive<R>,
     applied: Vec<R>,
     q: Vec<R>,
     v: Vec<R>,
@@ -36,7 +37,7 @@ impl<R: Real> Rk4<R> {
         Self {
             kinematics: Kinematics::new(plan),
             smooth: Smooth::new(plan),
-            tau: zeros(plan.nv),
+            drive: Drive::new(plan),
             applied: zeros(plan.nv),
             q: zeros(plan.nq),
             v: zeros(plan.nv),
@@ -48,7 +49,13 @@ impl<R: Real> Rk4<R> {
     }
 
     /// One step of `h` seconds from `state` = (q, v, act), left in (q, v, act) of this room.
-    pub(crate) fn step(&mut self, plan: &Plan<R::Scalar>, inputs: &Inputs<R>, state: [&[R]; 3], h: R) {
+    ///
+    /// Mocap bodies stand where `kinematics` has them.
+    pub(crate) fn step(&mut self, plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, inputs: &Inputs<R>, state: [&[R]; 3], h: R) {
+        for mocap in &plan.mocap {
+            self.kinematics.pos[mocap.frame] = kinematics.pos[mocap.frame];
+            self.kinematics.mat[mocap.frame] = kinematics.mat[mocap.frame];
+        }
         self.sum.iter_mut().for_each(|s| s.fill(R::zero()));
         for stage in 0..4 {
             self.go(plan, state, h * R::of([0.0, 0.5, 0.5, 1.0][stage]));
@@ -88,7 +95,7 @@ impl<R: Real> Rk4<R> {
                 }
                 for actuator in &plan.actuators {
                     if let (Some(a), Some([lo, hi])) = (actuator.act, actuator.act_range) {
-                        self.act[a] = self.act[a].clamp(R::splat(lo), R::splat(hi));
+                        self.act[a] = within(self.act[a], Some([lo, hi]));
                     }
                 }
                 displace(plan, state[0], &self.theta, R::one(), &mut self.q);
@@ -100,16 +107,10 @@ impl<R: Real> Rk4<R> {
     fn rates(&mut self, plan: &Plan<R::Scalar>, inputs: &Inputs<R>) {
         self.angular_rates(plan);
         self.kinematics.update(plan, &self.q);
-        self.smooth.factor_mass(plan, &self.kinematics, R::zero());
-        self.applied.fill(R::zero());
-        if !inputs.qfrc.is_empty() {
-            self.applied.copy_from_slice(&inputs.qfrc);
-        }
-        if !inputs.xfrc.is_empty() {
-            self.smooth.add_wrenches(plan, &self.kinematics, &inputs.xfrc, &mut self.applied);
-        }
-        actuate(plan, &self.q, &self.v, &self.act, &inputs.ctrl, &mut self.tau);
-        self.smooth.acceleration(plan, &self.kinematics, [&self.tau, &self.applied], &self.v, &self.v);
+        self.smooth.factor_mass(plan, &self.kinematics, Implicit::none());
+        self.smooth.apply(plan, &self.kinematics, [&inputs.qfrc, &inputs.xfrc], &mut self.applied);
+        actuate(plan, &At::state(&self.q, &self.v, &self.act, &inputs.ctrl), None, &mut self.drive);
+        self.smooth.acceleration(plan, &self.kinematics, [&self.drive.tau, &self.applied], &self.v, &self.v);
         self.rate[1].copy_from_slice(&self.smooth.acc);
         activation_rate(plan, &self.act, &inputs.ctrl, &mut self.rate[2]);
     }

@@ -5,22 +5,16 @@ use std::sync::{Arc, OnceLock};
 use stepper_real::Level;
 use thiserror::Error;
 
-use crate::batch::{Batch, Engine, Field, StepInputs};
+use crate::batch::{self, Batch, Engine, Field, StepInputs};
 use crate::model::{Model, ModelError};
 use crate::options::Options;
 use crate::plan::Plan;
 use crate::query::Snapshot;
+use crate::rollout::{Precision, Quantity, Recording};
+use crate::sensing::errors::Transfer;
 use crate::state::StoredContact;
 use crate::step::Inputs;
-
-/// Scalar type of the lanes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Precision {
-    /// Eight lanes of 64 bits.
-    F64,
-    /// Sixteen lanes of 32 bits.
-    F32,
-}
+use crate::worker::Worker;
 
 /// A call that cannot be carried out.
 #[derive(Clone, Debug, Error)]
@@ -28,6 +22,9 @@ pub enum Error {
     /// A value out of its range or an array of the wrong shape.
     #[error("{0}")]
     Value(String),
+    /// More environments than there is memory for.
+    #[error("{0}")]
+    Memory(String),
     /// The model.
     #[error(transparent)]
     Model(#[from] ModelError),
@@ -39,6 +36,7 @@ pub struct Simulation {
     options: Options,
     engine: Box<dyn Engine>,
     num_envs: usize,
+    precision: Precision,
     plan: OnceLock<Plan<f64>>,
 }
 
@@ -46,13 +44,26 @@ impl Simulation {
     /// `num_envs` environments at the model's reset state; `None` is a single one. `threads` 0 means all that this process may use.
     ///
     /// # Errors
-    /// [`Error::Value`] when an option is out of range, or when the CPU level asked for by `STEPPER_CPU_LEVEL` is not there.
+    /// [`Error::Value`] when an option is out of range, or when the CPU level asked for by `STEPPER_CPU_LEVEL` is not there;
+    /// [`Error::Memory`] when there is no room for so many environments.
     pub fn new(model: Arc<Model>, options: Options, num_envs: Option<usize>, precision: Precision, threads: usize) -> Result<Self, Error> {
         options.check().map_err(Error::Value)?;
         if num_envs == Some(0) {
             return Err(Error::Value("num_envs is 0, must be 1 or more, or None for a single environment".into()));
         }
         let level = Level::best().map_err(|e| Error::Value(e.to_string()))?;
+        if let Some(n) = num_envs.filter(|&n| n > 1) {
+            let each = match precision {
+                Precision::F64 => batch::bytes_per_env::<f64>(&model, &options),
+                Precision::F32 => batch::bytes_per_env::<f32>(&model, &options),
+            };
+            // Asked for at once and given back: an allocation that fails piece by piece would end the process.
+            if n.checked_mul(each).is_none_or(|all| Vec::<u8>::new().try_reserve_exact(all).is_err()) {
+                return Err(Error::Memory(format!(
+                    "{n} environments of {each} bytes each are more than the memory here; make num_envs smaller"
+                )));
+            }
+        }
         Ok(Self::at_level(model, options, num_envs, precision, threads, level))
     }
 
@@ -71,7 +82,7 @@ impl Simulation {
             Precision::F64 => Box::new(Batch::<f64>::new(&model, &options, n, single, threads, level)),
             Precision::F32 => Box::new(Batch::<f32>::new(&model, &options, n, single, threads, level)),
         };
-        let mut simulation = Self { model, options, engine, num_envs: n, plan: OnceLock::new() };
+        let mut simulation = Self { model, options, engine, num_envs: n, precision, plan: OnceLock::new() };
         (0..n).for_each(|env| simulation.reset(env));
         simulation
     }
@@ -98,13 +109,25 @@ impl Simulation {
         self.engine.write(Field::Act, env, &vec![0.0; self.model.na()]);
         self.engine.set_time(env, 0.0);
         self.engine.forget(env);
+        self.engine.begin(env, None);
     }
 
     /// Sets a field of one environment. Warm starts are forgotten, so that what follows depends on the new state alone.
     ///
     /// # Errors
-    /// [`Error::Value`] for a wrong length, a number that is not finite or a quaternion of zeros, named by environment and joint.
+    /// As [`Simulation::check`]; nothing is changed then.
     pub fn set(&mut self, field: Field, env: usize, values: &[f64]) -> Result<(), Error> {
+        let values = self.check(field, env, values)?;
+        self.engine.write(field, env, &values);
+        self.engine.forget(env);
+        Ok(())
+    }
+
+    /// What [`Simulation::set`] would write: `values` with unit quaternions.
+    ///
+    /// # Errors
+    /// [`Error::Value`] for a wrong length, a number that is not finite or a quaternion of zeros, named by environment and joint.
+    pub fn check(&self, field: Field, env: usize, values: &[f64]) -> Result<Vec<f64>, Error> {
         let (name, n) = match field {
             Field::Qpos => ("qpos", self.model.nq()),
             Field::Qvel => ("qvel", self.model.nv()),
@@ -120,9 +143,7 @@ impl Simulation {
         if field == Field::Qpos {
             self.normalize_quaternions(env, &mut values)?;
         }
-        self.engine.write(field, env, &values);
-        self.engine.forget(env);
-        Ok(())
+        Ok(values)
     }
 
     fn normalize_quaternions(&self, env: usize, q: &mut [f64]) -> Result<(), Error> {
@@ -159,24 +180,72 @@ impl Simulation {
     /// # Errors
     /// [`Error::Value`] when a slice has the wrong length.
     pub fn step(&mut self, inputs: &StepInputs<'_>, nstep: usize) -> Result<(), Error> {
+        self.check_inputs(inputs, 1)?;
+        self.engine.step(&self.options, inputs, nstep);
+        Ok(())
+    }
+
+    /// Makes `nstep` steps with each of `calls` controls, (calls, num_envs, nu) or (calls, nu), and writes down what follows each: the same
+    /// bits as that many calls of [`Simulation::step`], in one. Flags are kept over all steps.
+    ///
+    /// # Errors
+    /// [`Error::Value`] when a slice has the wrong length, or an array of the recording the wrong precision.
+    pub fn rollout(&mut self, inputs: &StepInputs<'_>, calls: usize, nstep: usize, recording: Recording<'_>) -> Result<(), Error> {
+        self.check_inputs(inputs, calls)?;
+        self.check_recording(&recording, calls)?;
+        self.engine.rollout(&self.options, inputs, calls, nstep, recording);
+        Ok(())
+    }
+
+    fn check_inputs(&self, inputs: &StepInputs<'_>, calls: usize) -> Result<(), Error> {
         let n = self.num_envs;
         let (nv, nu, nbody) = (self.model.nv(), self.model.nu(), self.model.bodies.len());
         let nmocap = self.model.bodies.iter().filter(|b| b.mocap).count();
-        let check = |name: &str, given: &[f64], row: usize, shared: bool| {
-            let fits = given.is_empty() || given.len() == n * row || (shared && given.len() == row);
-            let message = || Error::Value(format!("{name} has {} numbers, must have {} ({n} environments x {row})", given.len(), n * row));
+        let check = |name: &str, given: &[f64], calls: usize, row: usize, shared: bool| {
+            let fits = given.is_empty() || given.len() == calls * n * row || (shared && given.len() == calls * row);
+            let times = if calls == 1 { String::new() } else { format!("{calls} controls x ") };
+            let must = calls * n * row;
+            let message =
+                || Error::Value(format!("{name} has {} numbers, must have {must} ({times}{n} environments x {row})", given.len()));
             if fits { Ok(()) } else { Err(message()) }
         };
-        check("ctrl", inputs.ctrl, nu, true)?;
-        check("qfrc_applied", inputs.qfrc, nv, false)?;
-        check("xfrc_applied", inputs.xfrc, 6 * nbody, false)?;
-        check("mocap_pos", inputs.mocap_pos, 3 * nmocap, false)?;
-        check("mocap_quat", inputs.mocap_quat, 4 * nmocap, false)?;
+        check("ctrl", inputs.ctrl, calls, nu, true)?;
+        check("qfrc_applied", inputs.qfrc, 1, nv, false)?;
+        check("xfrc_applied", inputs.xfrc, 1, 6 * nbody, false)?;
+        check("mocap_pos", inputs.mocap_pos, 1, 3 * nmocap, false)?;
+        check("mocap_quat", inputs.mocap_quat, 1, 4 * nmocap, false)?;
         if inputs.mocap_pos.is_empty() != inputs.mocap_quat.is_empty() {
             return Err(Error::Value("mocap_pos and mocap_quat go together: give both or none".into()));
         }
-        self.engine.step(&self.options, inputs, nstep);
         Ok(())
+    }
+
+    fn check_recording(&self, recording: &Recording<'_>, calls: usize) -> Result<(), Error> {
+        let rows = calls * self.num_envs;
+        let check = |name: &str, found: usize, must: usize| {
+            let message = || Error::Value(format!("the array for {name} has {found} numbers, must have {must}"));
+            if found == must { Ok(()) } else { Err(message()) }
+        };
+        check("status", recording.status.len(), rows)?;
+        check("residual", recording.residual.len(), rows)?;
+        for (quantity, numbers) in &recording.quantities {
+            check(quantity.name(), numbers.len(), rows * self.width(*quantity))?;
+            if numbers.precision() != self.precision {
+                let message = format!("the array for {} is {:?}, must be {:?}", quantity.name(), numbers.precision(), self.precision);
+                return Err(Error::Value(message));
+            }
+        }
+        Ok(())
+    }
+
+    /// Numbers per environment of what a rollout can write down.
+    pub fn width(&self, quantity: Quantity) -> usize {
+        match quantity {
+            Quantity::Qpos => self.model.nq(),
+            Quantity::Qvel => self.model.nv(),
+            Quantity::Act => self.model.na(),
+            Quantity::Observation => self.model.nsensordata(),
+        }
     }
 
     /// A field of one environment.
@@ -194,7 +263,7 @@ impl Simulation {
         self.engine.status(env)
     }
 
-    /// (residual in m/s, sweeps) of the last step.
+    /// (residual in m/s, sweeps and Newton steps together) of the last step.
     pub fn certificate(&self, env: usize) -> (f64, f64) {
         self.engine.certificate(env)
     }
@@ -203,18 +272,48 @@ impl Simulation {
     pub fn contacts(&self, env: usize) -> Vec<([usize; 2], StoredContact)> {
         let mut contacts = self.engine.contacts(env);
         for (_, c) in &mut contacts {
-            c.impulse.iter_mut().for_each(|x| *x /= self.options.timestep);
+            c.impulse.iter_mut().chain(&mut c.torque).for_each(|x| *x /= self.options.timestep);
         }
         contacts
     }
 
-    /// True readings of the sensors of one environment.
-    pub fn sense(&self, env: usize, out: &mut [f64]) {
-        let plan = self.plan();
-        let (mut q, mut v) = (vec![0.0; plan.nq], vec![0.0; plan.nv]);
-        self.get(Field::Qpos, env, &mut q);
-        self.get(Field::Qvel, env, &mut v);
-        crate::stages::s09_sense::sense(plan, &q, &v, out);
+    /// Gives the sensors transfer functions, one entry for every sensor, `None` for ideal ones.
+    ///
+    /// # Errors
+    /// [`Error::Value`] for a number out of its range, with the sensor's name.
+    pub fn equip(&mut self, transfers: &[Option<Transfer>]) -> Result<(), Error> {
+        let (found, must) = (transfers.len(), self.model.sensors.len());
+        if found != must {
+            return Err(Error::Value(format!("there are {found} transfers, must be {must}, one for every sensor")));
+        }
+        self.engine.equip(&self.model, &self.options, transfers).map_err(Error::Value)
+    }
+
+    /// Says as which environment one draws random numbers: its place in the batch unless told otherwise.
+    pub fn set_stream(&mut self, env: usize, stream: u32) {
+        self.engine.set_stream(env, stream);
+    }
+
+    /// Begins a new episode of one environment as far as random numbers are concerned: the next under its seed, or the first under a new one.
+    pub fn begin(&mut self, env: usize, seed: Option<u64>) {
+        self.engine.begin(env, seed);
+    }
+
+    /// Readings of all sensors of all environments, (num_envs, nsensordata): those of ideal ones, or those of the last step after the
+    /// transfer functions, which are the same however often they are read.
+    ///
+    /// Of the inputs, controls are not read: they are those of the last step, or zero after a reset.
+    ///
+    /// # Errors
+    /// [`Error::Value`] when a slice has the wrong length.
+    pub fn sense(&mut self, inputs: &StepInputs<'_>, truth: bool, out: &mut [f64]) -> Result<(), Error> {
+        self.check_inputs(inputs, 1)?;
+        let must = self.num_envs * self.model.nsensordata();
+        if out.len() != must {
+            return Err(Error::Value(format!("out has {} numbers, must have {must}", out.len())));
+        }
+        self.engine.sense(&self.options, inputs, truth, out);
+        Ok(())
     }
 
     /// The model as the step reads it, in f64.
@@ -245,6 +344,21 @@ impl Simulation {
             inputs: Inputs { ctrl, qfrc: inputs.qfrc.to_vec(), xfrc: inputs.xfrc.to_vec() },
             mocap: plan.mocap.iter().enumerate().map(pose).collect(),
         }
+    }
+
+    /// Memory of the state of all environments, bytes.
+    pub fn bytes(&self) -> usize {
+        self.engine.bytes()
+    }
+
+    /// Threads that step: never more than there are groups of lanes to step.
+    pub fn threads(&self) -> usize {
+        self.engine.threads()
+    }
+
+    /// The room of a thread, as the first step makes it for every thread; to be measured.
+    pub fn worker(&self) -> Worker {
+        self.engine.worker(&self.options)
     }
 
     /// All that survives a step, of all environments.

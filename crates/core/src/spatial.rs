@@ -116,6 +116,18 @@ pub fn rotate_back<R: Real>(m: &M3<R>, a: V3<R>) -> V3<R> {
     [m[0] * a[0] + m[3] * a[1] + m[6] * a[2], m[1] * a[0] + m[4] * a[1] + m[7] * a[2], m[2] * a[0] + m[5] * a[1] + m[8] * a[2]]
 }
 
+/// M N^T
+#[inline(always)]
+pub fn mat_mul_transposed<R: Real>(m: &M3<R>, n: &M3<R>) -> M3<R> {
+    let mut out = [R::zero(); 9];
+    for i in 0..3 {
+        for j in 0..3 {
+            out[3 * i + j] = entry(m, n, i, j);
+        }
+    }
+    out
+}
+
 /// M N
 #[inline(always)]
 pub fn mat_mul<R: Real>(m: &M3<R>, n: &M3<R>) -> M3<R> {
@@ -225,6 +237,29 @@ pub fn quat_to_mat<R: Real>(q: [R; 4]) -> M3<R> {
         two * (yz + wx),
         ww - xx - yy + zz,
     ]
+}
+
+/// The unit quaternion (w, x, y, z) of a rotation, of either sign.
+///
+/// The columns of 4 q q^T are sums and differences of the matrix's entries; the longest is the one that loses no digits (Shepperd 1978).
+#[inline(always)]
+pub fn mat_to_quat<R: Real>(m: &M3<R>) -> [R; 4] {
+    let one = R::one();
+    let (x, y, z) = (m[7] - m[5], m[2] - m[6], m[3] - m[1]);
+    let (xy, xz, yz) = (m[1] + m[3], m[2] + m[6], m[5] + m[7]);
+    let columns = [
+        [one + m[0] + m[4] + m[8], x, y, z],
+        [x, one + m[0] - m[4] - m[8], xy, xz],
+        [y, xy, one - m[0] + m[4] - m[8], yz],
+        [z, xz, yz, one - m[0] - m[4] + m[8]],
+    ];
+    let (mut best, mut most) = (columns[0], columns[0][0]);
+    for k in 1..4 {
+        let longer = columns[k][k].gt(most);
+        best = select(longer, columns[k], best);
+        most = R::select(longer, columns[k][k], most);
+    }
+    quat_normalize(best)
 }
 
 /// p q

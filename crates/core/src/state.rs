@@ -5,6 +5,7 @@ use stepper_real::{Real, Scalar};
 
 use crate::contacts::{ContactId, Contacts, MAX_LANES};
 use crate::plan::Plan;
+use crate::sensing::memory::Memory;
 use crate::stages::s10_record::Status;
 
 /// Numbers of a contact that a state keeps: impulse, position, normal, distance.
@@ -28,14 +29,20 @@ pub struct Group<S> {
     pub v: Vec<S>,
     /// Activations, na per lane.
     pub act: Vec<S>,
-    /// Impulses of limits and dry friction.
+    /// Impulses of limits, dry friction, equalities and tendons.
     pub scalar_impulse: Vec<S>,
+    /// Impulse of all constraints of the last step on the joints, nv per lane, if a servo's bounds ask for it.
+    pub impulse: Vec<S>,
+    /// Last pose of every mocap body (position, quaternion), 7 per lane; zeros where there is none.
+    pub mocap: Vec<S>,
     /// Number of contacts per lane.
     pub contact_count: Vec<u32>,
     /// Identity of contact k of lane l.
-    pub contact_ids: Vec<u32>,
+    pub contact_ids: Vec<u64>,
     /// Numbers of contact k of lane l.
     pub contact_data: Vec<S>,
+    /// Angular impulses of contact k of lane l, three numbers each; empty when the scene has no torsional or rolling friction.
+    pub contact_torque: Vec<S>,
     /// s, per lane.
     pub time: Vec<f64>,
     /// Flags of the last call, per lane.
@@ -44,11 +51,13 @@ pub struct Group<S> {
     pub residual: Vec<S>,
     /// Sweeps of the last step, per lane.
     pub iterations: Vec<S>,
+    /// What sensors remember.
+    pub sensing: Memory<S>,
 }
 
 impl<S: Scalar> Group<S> {
-    /// A group of environments at the model's reset state; `alive` says which lanes are used.
-    pub fn new(plan: &Plan<S>, qpos0: &[S], lanes: usize, alive: u32, max_contacts: usize) -> Self {
+    /// A group of environments at the model's reset state, `first` and those after it; `alive` says which lanes are used.
+    pub fn new(plan: &Plan<S>, qpos0: &[S], lanes: usize, alive: u32, first: usize, max_contacts: usize) -> Self {
         let zeros = |n: usize| vec![S::default(); n * lanes];
         Self {
             lanes,
@@ -56,21 +65,26 @@ impl<S: Scalar> Group<S> {
             q: qpos0.iter().flat_map(|&x| std::iter::repeat_n(x, lanes)).collect(),
             v: zeros(plan.nv),
             act: zeros(plan.na),
-            scalar_impulse: zeros(plan.limits.len() + plan.frictions.len()),
+            scalar_impulse: zeros(plan.scalar_impulses),
+            impulse: zeros(if plan.servos_are_bounded { plan.nv } else { 0 }),
+            mocap: zeros(7 * plan.mocap.len()),
             contact_count: vec![0; lanes],
             contact_ids: vec![0; max_contacts * lanes],
             contact_data: zeros(max_contacts * CONTACT_NUMBERS),
+            contact_torque: zeros(if plan.wide { 3 * max_contacts } else { 0 }),
             time: vec![0.0; lanes],
             status: vec![0; lanes],
             residual: zeros(1),
             iterations: zeros(1),
+            sensing: Memory::new(plan, lanes, first),
         }
     }
 
     /// Forgets what a lane remembers of its last step: warm starts, contacts, certificate.
     pub fn forget(&mut self, lane: usize) {
         let lanes = self.lanes;
-        for numbers in [&mut self.scalar_impulse, &mut self.contact_data] {
+        let impulses = [&mut self.scalar_impulse, &mut self.impulse, &mut self.mocap];
+        for numbers in impulses.into_iter().chain([&mut self.contact_data, &mut self.contact_torque]) {
             numbers.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = S::default());
         }
         self.contact_ids.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = 0);
@@ -78,15 +92,26 @@ impl<S: Scalar> Group<S> {
         self.status[lane] = Status::OK.0;
         self.residual[lane] = S::default();
         self.iterations[lane] = S::default();
+        self.sensing.forget(lane);
+    }
+
+    /// Memory that it holds, bytes.
+    pub fn bytes(&self) -> usize {
+        let impulses = [&self.scalar_impulse, &self.impulse, &self.mocap, &self.contact_data, &self.contact_torque];
+        let numbers = [&self.q, &self.v, &self.act, &self.residual, &self.iterations].into_iter().chain(impulses);
+        let scalars: usize = numbers.map(|x| size_of_val(&x[..])).sum();
+        let counts = [&self.contact_count, &self.status].into_iter().map(|x| size_of_val(&x[..])).sum::<usize>();
+        size_of::<Self>() + scalars + counts + size_of_val(&self.contact_ids[..]) + size_of_val(&self.time[..]) + self.sensing.bytes()
     }
 
     /// Whether two groups are of the same shape.
     pub fn fits(&self, other: &Self) -> bool {
         let sizes = |g: &Self| {
-            let numbers = [&g.q, &g.v, &g.act, &g.scalar_impulse, &g.contact_data, &g.residual, &g.iterations].map(Vec::len);
-            (g.lanes, g.alive, numbers, [&g.contact_count, &g.contact_ids, &g.status].map(Vec::len), g.time.len())
+            let impulses = [&g.scalar_impulse, &g.impulse, &g.mocap, &g.contact_data, &g.contact_torque].map(Vec::len);
+            let numbers = ([&g.q, &g.v, &g.act, &g.residual, &g.iterations].map(Vec::len), impulses);
+            (g.lanes, g.alive, numbers, [&g.contact_count, &g.status].map(Vec::len), g.contact_ids.len(), g.time.len())
         };
-        sizes(self) == sizes(other)
+        sizes(self) == sizes(other) && self.sensing.fits(&other.sensing)
     }
 
     /// The same state in one form only: what nobody can read is zero.
@@ -97,10 +122,13 @@ impl<S: Scalar> Group<S> {
             if self.alive >> lane & 1 == 0 {
                 group.forget(lane);
                 group.time[lane] = 0.0;
+                group.sensing.clear(lane);
             }
             let held = group.contact_count[lane] as usize;
             group.contact_ids.iter_mut().skip(held * lanes + lane).step_by(lanes).for_each(|x| *x = 0);
             let unused = group.contact_data.iter_mut().skip(held * CONTACT_NUMBERS * lanes + lane);
+            unused.step_by(lanes).for_each(|x| *x = S::default());
+            let unused = group.contact_torque.iter_mut().skip(held * 3 * lanes + lane);
             unused.step_by(lanes).for_each(|x| *x = S::default());
         }
         group
@@ -110,7 +138,9 @@ impl<S: Scalar> Group<S> {
     pub fn contacts(&self, lane: usize) -> impl Iterator<Item = StoredContact> + '_ {
         (0..self.contact_count[lane] as usize).map(move |k| {
             let x = |i: usize| self.contact_data[(k * CONTACT_NUMBERS + i) * self.lanes + lane].to_f64();
+            let torque = |i: usize| self.contact_torque.get((k * 3 + i) * self.lanes + lane).map_or(0.0, |x| x.to_f64());
             StoredContact {
+                torque: [torque(0), torque(1), torque(2)],
                 id: ContactId(self.contact_ids[k * self.lanes + lane]),
                 impulse: [x(0), x(1), x(2)],
                 pos: [x(3), x(4), x(5)],
@@ -137,6 +167,9 @@ impl<S: Scalar> Group<S> {
                 let number = |at: usize| &self.contact_data[(k * CONTACT_NUMBERS + at) * self.lanes..];
                 out.data[k].impulse[i] = R::load(number(i));
                 out.data[k].point.normal[i] = R::load(number(NORMAL + i));
+                if let Some(torque) = out.torque.get_mut(k) {
+                    torque[i] = R::load(&self.contact_torque[(k * 3 + i) * self.lanes..]);
+                }
             }
         }
     }
@@ -157,6 +190,9 @@ impl<S: Scalar> Group<S> {
             for (i, x) in numbers.iter().flatten().chain(std::iter::once(&slot.point.distance)).enumerate() {
                 x.store(&mut self.contact_data[(k * CONTACT_NUMBERS + i) * lanes..]);
             }
+            for (i, x) in contacts.torque.get(k).into_iter().flatten().enumerate() {
+                x.store(&mut self.contact_torque[(k * 3 + i) * lanes..]);
+            }
         }
     }
 }
@@ -168,6 +204,8 @@ pub struct StoredContact {
     pub id: ContactId,
     /// Impulse along normal and tangents, N s.
     pub impulse: [f64; 3],
+    /// Angular impulse of torsional and rolling friction about normal and tangents, N m s.
+    pub torque: [f64; 3],
     /// m
     pub pos: [f64; 3],
     /// From the first geom to the second.

@@ -4,14 +4,18 @@ use stepper_real::{Mask, Real};
 
 use crate::constraints::{Constraints, Moment};
 use crate::contacts::Contacts;
-use crate::kinematics::{Kinematics, advance, all_finite, combine, displace};
+use crate::drive::{At, Drive, Implicit, Theta};
+use crate::kinematics::{Kinematics, advance, all_finite, blend, displace};
+use crate::limit::{Limit, slow_down, unresolved};
+use crate::mocap::{self, Way};
 use crate::options::{Integrator, Options};
 use crate::plan::Plan;
 use crate::rk4::Rk4;
 use crate::spatial::*;
-use crate::stages::s01_actuate::{actuate, advance_activation};
+use crate::spin;
+use crate::stages::s01_actuate::{actuate, advance_activation, regather};
 use crate::stages::s02_smooth::Smooth;
-use crate::stages::s03_detect::{GeomPoses, detect};
+use crate::stages::s03_detect::{GeomPoses, detect, may_have_passed};
 use crate::stages::s05_solve::solve;
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s07_integrate_position::integrate_position;
@@ -42,21 +46,29 @@ pub struct Scratch<R: Real> {
     pub contacts: Contacts<R>,
     /// Constraints, and the impulses of limits and dry friction of the last step.
     pub constraints: Constraints<R>,
+    /// Impulse of all constraints of the last step on the joints, if a servo's bounds ask for it.
+    pub impulse: Vec<R>,
     /// Lanes that are environments.
     pub alive: R::Mask,
     /// Poses at which the dynamics are taken.
     pub kinematics: Kinematics<R>,
     pub(crate) inputs: Inputs<R>,
+    /// Ways of the mocap bodies during this call, and the time of it that has passed, s.
+    pub(crate) ways: Vec<Way<R>>,
+    pub(crate) elapsed: f64,
     new_contacts: Contacts<R>,
     smooth: Smooth<R>,
     v_free: Vec<R>,
     poses: GeomPoses<R>,
     rk4: Option<Rk4<R>>,
-    tau: Vec<R>,
+    drive: Drive<R>,
     applied: Vec<R>,
     q_eval: Vec<R>,
+    q_ahead: Vec<R>,
     v_mean: Vec<R>,
     act_eval: Vec<R>,
+    limit: Limit<R>,
+    unresolved: R::Mask,
     q_next: Vec<R>,
     v_next: Vec<R>,
     act_next: Vec<R>,
@@ -70,8 +82,9 @@ impl<R: Real> Scratch<R> {
             q: zeros(plan.nq),
             v: zeros(plan.nv),
             act: zeros(plan.na),
-            contacts: Contacts::new(max_contacts),
+            contacts: Contacts::new(max_contacts).with_torques(plan.wide),
             constraints: Constraints::new(plan, max_contacts),
+            impulse: zeros(if plan.servos_are_bounded { plan.nv } else { 0 }),
             alive: R::Mask::splat(true),
             kinematics: Kinematics::new(plan),
             inputs: Inputs {
@@ -79,16 +92,21 @@ impl<R: Real> Scratch<R> {
                 qfrc: Vec::with_capacity(plan.nv),
                 xfrc: Vec::with_capacity(6 * plan.bodies.len()),
             },
-            new_contacts: Contacts::new(max_contacts),
+            ways: plan.mocap.iter().map(|m| Way::at(splat(m.pos), splat(m.quat))).collect(),
+            elapsed: 0.0,
+            new_contacts: Contacts::new(max_contacts).with_torques(plan.wide),
             smooth: Smooth::new(plan),
             v_free: zeros(plan.nv),
             poses: GeomPoses::new(plan),
             rk4: (options.integrator == Integrator::Rk4).then(|| Rk4::new(plan)),
-            tau: zeros(plan.nv),
+            drive: Drive::new(plan),
             applied: zeros(plan.nv),
             q_eval: zeros(plan.nq),
+            q_ahead: zeros(plan.nq),
             v_mean: zeros(plan.nv),
             act_eval: zeros(plan.na),
+            limit: Limit::new(plan),
+            unresolved: R::Mask::splat(false),
             q_next: zeros(plan.nq),
             v_next: zeros(plan.nv),
             act_next: zeros(plan.na),
@@ -96,102 +114,244 @@ impl<R: Real> Scratch<R> {
     }
 }
 
+/// The integrator as numbers.
+#[derive(Clone, Copy, Debug)]
+struct Rule<R> {
+    integrator: Integrator,
+    /// Time step, s.
+    h: R,
+    /// From the configuration before the step to that at which everything is taken, s.
+    lead: R,
+    /// From there to the configuration after the step, s.
+    rest: R,
+    /// From there to where springs and servos are taken, s; what lies beyond is in the mass matrix.
+    reach: R,
+    /// Shares of damping and stiffness in the mass matrix.
+    theta: Theta<R>,
+    /// Where velocity-dependent forces are taken, from 0 at the velocity before the step to 1 at that after it.
+    share: R,
+    /// Whether springs and servos are implicit, and velocity-dependent forces are taken again at the velocity to be expected.
+    corrects: bool,
+}
+
+impl<R: Real> Rule<R> {
+    fn new(options: &Options) -> Self {
+        let (h, half, none) = (R::of(options.timestep), R::of(0.5 * options.timestep), R::zero());
+        let share = R::of(0.5);
+        let integrator = options.integrator;
+        match integrator {
+            Integrator::Midpoint | Integrator::Rk4 => {
+                let theta = Theta { damping: half, stiffness: half * half };
+                Self { integrator, h, lead: half, rest: half, reach: none, theta, share, corrects: true }
+            }
+            Integrator::Implicit => {
+                let theta = Theta { damping: h, stiffness: h * h };
+                Self { integrator, h, lead: none, rest: h, reach: h, theta, share: R::one(), corrects: true }
+            }
+            Integrator::Euler => {
+                let theta = Theta { damping: h, stiffness: none };
+                Self { integrator, h, lead: none, rest: h, reach: none, theta, share: none, corrects: false }
+            }
+        }
+    }
+
+    /// How stage 1 takes servos.
+    fn servos(&self) -> Option<Theta<R>> {
+        self.corrects.then_some(self.theta)
+    }
+
+    /// The configuration at which springs and servos are taken.
+    fn springs_at<'a>(&self, here: &'a [R], ahead: &'a [R]) -> &'a [R] {
+        if self.integrator == Integrator::Implicit { ahead } else { here }
+    }
+}
+
 /// One step of `options.timestep` seconds: state and inputs in, next state and its record out.
 ///
 /// This is ordinary code that calls kernels: each stage is compiled once for every lane type and CPU level.
 pub fn step<R: Real>(plan: &Plan<R::Scalar>, options: &Options, s: &mut Scratch<R>) -> Record<R> {
-    let midpoint = options.integrator != Integrator::Euler;
-    let h = R::of(options.timestep);
-    // Moreau's rule takes everything in the middle of the step, Euler's at its beginning.
-    let (lead, rest) = if midpoint { (R::of(0.5 * options.timestep), R::of(0.5 * options.timestep)) } else { (R::zero(), h) };
+    let mut rule = Rule::new(options);
+    let h = rule.h;
 
-    // Where the step is taken.
-    place(plan, midpoint, lead, s);
+    // Where the step is taken: Moreau's rule takes everything in the middle of the step, Euler's at its beginning.
+    place(plan, &rule, s);
     // 1 actuate, 2 smooth dynamics
-    free_motion(plan, midpoint, h, s);
+    free_motion(plan, &rule, s);
     // 3 detect
-    detect(plan, &s.kinematics, &s.v_free, h, s.alive, &mut s.poses, &mut s.new_contacts);
+    let too_far = find_contacts(plan, &rule, s);
+    if too_far.any() {
+        // What is so fast that it may be through something thin in the middle of the step is taken at its beginning.
+        rule.lead = R::select(too_far, R::zero(), rule.lead);
+        rule.rest = R::select(too_far, h, rule.rest);
+        place(plan, &rule, s);
+        free_motion(plan, &rule, s);
+        find_contacts(plan, &rule, s);
+    }
     s.new_contacts.prepare(&mut s.contacts);
     // 4 assemble
-    let moment = Moment { q: &s.q_eval, v: &s.v, v_free: &s.v_free, h, alive: s.alive };
+    let moment = Moment { q: &s.q_eval, v: &s.v, motion: &s.smooth.work, v_free: &s.v_free, h, closing: closing(too_far), alive: s.alive };
     s.constraints.assemble(plan, options, &s.kinematics, &s.smooth.mass, &moment, &mut s.new_contacts);
-    if midpoint {
+    if rule.corrects {
         // 1 and 2 again, with what stage 4 knows of the velocity to come
-        correct_forces(plan, h, s);
+        correct_forces(plan, &rule, s);
     }
     // 5 solve
     let outcome = solve(options, &s.v, &mut s.constraints, &mut s.new_contacts);
     // 6 integrate velocity
+    keep_impulse(plan, s);
     integrate_velocity(plan, &s.smooth.mass, &s.v_free, &mut s.constraints.iterate.w, &mut s.v_next);
+    if s.unresolved.any() {
+        slow_down(plan, s.unresolved, h, &mut s.v_next);
+    }
     // 7 integrate position
-    integrate_position(plan, &s.q_eval, &s.v_next, rest, &mut s.q_next);
+    let tunnelled = may_have_passed(plan, &s.kinematics, &s.v_next, h, s.alive, &mut s.poses);
+    integrate_position(plan, &s.q_eval, &s.v_next, rule.rest, &mut s.q_next);
     advance_activation(plan, &s.act, &s.act_eval, &s.inputs.ctrl, h, &mut s.act_next);
     // 8 stabilise
     let work = [&mut s.v_mean[..], &mut s.q_eval[..]];
     stabilise(plan, options, &s.smooth.mass, &mut s.constraints, &s.v_free, &s.v_next, h, work, &mut s.q_next);
     if let Some(rk4) = &mut s.rk4 {
         // Lanes that nothing touched take the higher order.
-        rk4.step(plan, &s.inputs, [&s.q, &s.v, &s.act], h);
-        rk4.take(s.alive.and_not(s.constraints.constrained), [&mut s.q_next, &mut s.v_next, &mut s.act_next]);
+        rk4.step(plan, &s.kinematics, &s.inputs, [&s.q, &s.v, &s.act], h);
+        let smooth = s.alive.and_not(s.constraints.constrained.or(s.unresolved));
+        rk4.take(smooth, [&mut s.q_next, &mut s.v_next, &mut s.act_next]);
+    }
+
+    if s.unresolved.any() {
+        let (before, after) = ([&s.q[..], &s.v[..]], [&s.q_next[..], &s.v_next[..]]);
+        s.limit.keep_energy(plan, &s.kinematics, s.unresolved, before, after, &s.v_free, &mut s.v_mean);
+        std::mem::swap(&mut s.v_next, &mut s.v_mean);
     }
 
     let finite = accept(plan, s);
     Record {
         residual: outcome.residual,
-        iterations: outcome.sweeps,
+        iterations: outcome.sweeps + outcome.newton,
         not_converged: s.alive.and_not(outcome.residual.le(R::of(options.tolerance))),
         non_finite: s.alive.and_not(finite),
         contacts_full: s.contacts.full,
+        unresolved: s.unresolved,
+        tunnelled,
     }
 }
 
+/// Stage 3. Returns the lanes that are taken too far from the beginning of the step.
+fn find_contacts<R: Real>(plan: &Plan<R::Scalar>, rule: &Rule<R>, s: &mut Scratch<R>) -> R::Mask {
+    detect(plan, &s.kinematics, [&s.v, &s.v_free], [rule.h, rule.lead], s.alive, &mut s.poses, &mut s.new_contacts)
+}
+
+/// The part of a gap that may close in a step. Where a step of the midpoint rule is taken at its beginning, two thirds: the next step then meets
+/// the surface exactly in its middle, instead of beyond it.
+fn closing<R: Real>(at_beginning: R::Mask) -> R {
+    R::select(at_beginning, R::of(2.0 / 3.0), R::one())
+}
+
 /// The configuration and activations at which forces are taken.
-fn place<R: Real>(plan: &Plan<R::Scalar>, midpoint: bool, lead: R, s: &mut Scratch<R>) {
-    if midpoint {
-        displace(plan, &s.q, &s.v, lead, &mut s.q_eval);
-        advance_activation(plan, &s.act, &s.act, &s.inputs.ctrl, lead, &mut s.act_eval);
+fn place<R: Real>(plan: &Plan<R::Scalar>, rule: &Rule<R>, s: &mut Scratch<R>) {
+    if rule.integrator.in_the_middle() {
+        displace(plan, &s.q, &s.v, rule.lead, &mut s.q_eval);
+        advance_activation(plan, &s.act, &s.act, &s.inputs.ctrl, rule.lead, &mut s.act_eval);
     } else {
         s.q_eval.copy_from_slice(&s.q);
         s.act_eval.copy_from_slice(&s.act);
     }
+    if rule.integrator == Integrator::Implicit {
+        displace(plan, &s.q_eval, &s.v, rule.reach, &mut s.q_ahead);
+    }
+    mocap::place(plan, &s.ways, R::of(s.elapsed) + rule.lead, &mut s.kinematics);
     s.kinematics.update(plan, &s.q_eval);
 }
 
 /// Stages 1 and 2: the velocity at the end of the step if nothing were in the way.
-fn free_motion<R: Real>(plan: &Plan<R::Scalar>, midpoint: bool, h: R, s: &mut Scratch<R>) {
-    s.smooth.factor_mass(plan, &s.kinematics, if midpoint { h * R::of(0.5) } else { h });
-    apply_forces(plan, s);
-    actuate(plan, &s.q_eval, &s.v, &s.act_eval, &s.inputs.ctrl, &mut s.tau);
-    s.smooth.acceleration(plan, &s.kinematics, [&s.tau, &s.applied], &s.v, &s.v);
-    advance(&s.v, &s.smooth.acc, h, &mut s.v_free);
+fn free_motion<R: Real>(plan: &Plan<R::Scalar>, rule: &Rule<R>, s: &mut Scratch<R>) {
+    s.smooth.apply(plan, &s.kinematics, [&s.inputs.qfrc, &s.inputs.xfrc], &mut s.applied);
+    s.drive.release();
+    let at = At { q: rule.springs_at(&s.q_eval, &s.q_ahead), v: &s.v, v_at: &s.v, act: &s.act_eval, ctrl: &s.inputs.ctrl };
+    actuate(plan, &at, rule.servos(), &mut s.drive);
+    accelerate(plan, rule, s);
+    if plan.servos_are_bounded && rule.corrects {
+        saturate_servos(plan, rule, s);
+    }
+    advance(&s.v, &s.smooth.acc, rule.h, &mut s.v_free);
+}
+
+fn accelerate<R: Real>(plan: &Plan<R::Scalar>, rule: &Rule<R>, s: &mut Scratch<R>) {
+    let (servos, drag_at): (&[R], _) = if rule.corrects { (&s.drive.weight, Some(&s.v[..])) } else { (&[], None) };
+    s.smooth.factor_mass(plan, &s.kinematics, Implicit { theta: rule.theta, servos, drag_at });
+    s.smooth.acceleration(plan, &s.kinematics, [&s.drive.tau, &s.applied], &s.v, &s.v);
+}
+
+/// How often servos are looked at again after others have reached their bounds.
+const SATURATION_PASSES: usize = 4;
+
+/// Takes the stiffness from servos whose force would exceed its bounds, and with it the mass matrix that they had part in.
+fn saturate_servos<R: Real>(plan: &Plan<R::Scalar>, rule: &Rule<R>, s: &mut Scratch<R>) {
+    for _ in 0..SATURATION_PASSES {
+        // The change of velocity to be expected: by the forces, and by constraints that push as in the last step.
+        s.v_next.copy_from_slice(&s.impulse);
+        s.smooth.solve(plan, &mut s.v_next);
+        advance(&s.v_next, &s.smooth.acc, rule.h, &mut s.v_mean);
+        // Lanes in which nothing is new do it all again and find the same bits.
+        if s.drive.saturate(plan, &s.v_mean, rule.h).and(s.alive).none() {
+            return;
+        }
+        regather(plan, rule.springs_at(&s.q_eval, &s.q_ahead), &mut s.drive);
+        accelerate(plan, rule, s);
+    }
 }
 
 /// Stages 1 and 2 again, with the forces that depend on the velocity taken at the mean of v and the velocity to be expected at the end of the
-/// step: one corrector pass, which keeps the midpoint rule's second order.
+/// step (or at that velocity itself): one corrector pass, which keeps the midpoint rule's second order.
 ///
 /// What is to be expected includes the impulses of the last step, so that a robot at rest feels no force of a motion that its contacts prevent.
-fn correct_forces<R: Real>(plan: &Plan<R::Scalar>, h: R, s: &mut Scratch<R>) {
+fn correct_forces<R: Real>(plan: &Plan<R::Scalar>, rule: &Rule<R>, s: &mut Scratch<R>) {
     s.constraints.warm_change(plan, &s.smooth.mass, &mut s.v_mean);
-    combine(&s.v_free, &s.v_mean, R::one(), &mut s.v_next);
-    combine(&s.v, &s.v_next, R::of(0.5), &mut s.v_mean);
-    actuate(plan, &s.q_eval, &s.v_mean, &s.act_eval, &s.inputs.ctrl, &mut s.tau);
-    s.smooth.acceleration(plan, &s.kinematics, [&s.tau, &s.applied], &s.v, &s.v_mean);
-    advance(&s.v, &s.smooth.acc, h, &mut s.v_next);
+    blend(&s.v, &s.v_free, rule.share, &mut s.v_mean);
+    let at = At { q: rule.springs_at(&s.q_eval, &s.q_ahead), v: &s.v, v_at: &s.v_mean, act: &s.act_eval, ctrl: &s.inputs.ctrl };
+    actuate(plan, &at, rule.servos(), &mut s.drive);
+    s.smooth.acceleration(plan, &s.kinematics, [&s.drive.tau, &s.applied], &s.v, &s.v_mean);
+    advance(&s.v, &s.smooth.acc, rule.h, &mut s.v_next);
+    if !plan.spinners.is_empty() && rule.integrator.in_the_middle() {
+        spin::correct(plan, &s.kinematics, &s.smooth.mass, rule.h, [&s.v, &s.v_mean], &mut s.v_next);
+    }
     advance(&s.v_next, &s.v_free, -R::one(), &mut s.v_mean);
+    s.unresolved = unresolved(plan, &s.v, &s.v_next, &s.v_mean, rule.h).and(s.alive);
+    if s.unresolved.any() {
+        leave_out_inertial_forces(plan, rule, s);
+    }
     std::mem::swap(&mut s.v_free, &mut s.v_next);
     s.constraints.shift(plan, &s.smooth.mass, &mut s.v_mean);
 }
 
-/// Forces that the user applies, as generalized forces.
-fn apply_forces<R: Real>(plan: &Plan<R::Scalar>, s: &mut Scratch<R>) {
-    if s.inputs.qfrc.is_empty() {
-        s.applied.fill(R::zero());
-    } else {
-        s.applied.copy_from_slice(&s.inputs.qfrc);
+/// In unresolved lanes, the free velocity without velocity-dependent inertial forces, and its change by that.
+fn leave_out_inertial_forces<R: Real>(plan: &Plan<R::Scalar>, rule: &Rule<R>, s: &mut Scratch<R>) {
+    let at = At { q: rule.springs_at(&s.q_eval, &s.q_ahead), v: &s.v, v_at: &s.v, act: &s.act_eval, ctrl: &s.inputs.ctrl };
+    actuate(plan, &at, rule.servos(), &mut s.drive);
+    s.smooth.acceleration(plan, &s.kinematics, [&s.drive.tau, &s.applied], &s.v, &s.limit.rest);
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for i in 0..plan.nv {
+                let still = s.v[i] + s.smooth.acc[i] * rule.h;
+                s.v_next[i] = R::select(s.unresolved, still, s.v_next[i]);
+                s.v_mean[i] = R::select(s.unresolved, still - s.v_free[i], s.v_mean[i]);
+            }
+        },
+    )
+}
+
+/// Keeps the impulse of all constraints on the joints, from the scaled velocity change of stage 5, where bounded servos need it.
+fn keep_impulse<R: Real>(plan: &Plan<R::Scalar>, s: &mut Scratch<R>) {
+    if !plan.servos_are_bounded {
+        return;
     }
-    if !s.inputs.xfrc.is_empty() {
-        s.smooth.add_wrenches(plan, &s.kinematics, &s.inputs.xfrc, &mut s.applied);
-    }
+    R::vectorize(
+        #[inline(always)]
+        || {
+            s.impulse.copy_from_slice(&s.constraints.iterate.w);
+            s.smooth.mass.momentum(plan, &mut s.impulse);
+        },
+    )
 }
 
 /// Takes the next state over in the lanes where it is finite; the others stay where they were and start cold. Returns those lanes.
@@ -211,7 +371,7 @@ fn accept<R: Real>(plan: &Plan<R::Scalar>, s: &mut Scratch<R>) -> R::Mask {
                 }
             }
             if s.alive.and_not(finite).any() {
-                for lambda in &mut s.constraints.scalar_impulse {
+                for lambda in s.constraints.scalar_impulse.iter_mut().chain(&mut s.impulse) {
                     *lambda = R::select(finite, *lambda, R::zero());
                 }
                 for l in 0..R::LANES {
@@ -221,6 +381,9 @@ fn accept<R: Real>(plan: &Plan<R::Scalar>, s: &mut Scratch<R>) -> R::Mask {
                 }
                 for slot in &mut s.new_contacts.data {
                     slot.impulse = select(finite, slot.impulse, zero());
+                }
+                for torque in &mut s.new_contacts.torque {
+                    *torque = select(finite, *torque, zero());
                 }
             }
             std::mem::swap(&mut s.contacts, &mut s.new_contacts);

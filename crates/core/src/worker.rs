@@ -1,16 +1,23 @@
 //! A worker steps groups of environments on one thread; one kind per lane type, one instantiation per CPU level.
 
+mod senses;
+
 use std::any::Any;
 
 use stepper_real::{Level, Mask, Real, Scalar, at_level};
 
+use crate::contacts::MAX_LANES;
+use crate::mocap::Way;
 use crate::options::Options;
 use crate::plan::Plan;
+use crate::rollout::{Numbers, Quantity, Share};
+use crate::sensing::errors::Errors;
 use crate::spatial::*;
 use crate::state::Group;
 use crate::step::{Scratch, step};
+use senses::Senses;
 
-/// One call of `step` for all environments: what every group needs to know. Arrays are environment-major.
+/// One call of `step` or `rollout` for all environments: what every group needs to know. Arrays are environment-major.
 #[derive(Clone, Copy, Debug)]
 pub struct Call<'a, S: Scalar> {
     /// The compiled model.
@@ -19,9 +26,11 @@ pub struct Call<'a, S: Scalar> {
     pub options: &'a Options,
     /// Number of environments.
     pub num_envs: usize,
-    /// Steps to make.
+    /// Controls, one after the other; `step` has one.
+    pub calls: usize,
+    /// Steps to make with each control.
     pub nstep: usize,
-    /// Controls, held for all steps: (num_envs, nu), or (nu) for all, or empty for zero.
+    /// (calls, num_envs, nu), or (calls, nu) for all, or empty for zero.
     pub ctrl: &'a [f64],
     /// (num_envs, nv), or empty for none.
     pub qfrc: &'a [f64],
@@ -29,6 +38,8 @@ pub struct Call<'a, S: Scalar> {
     pub xfrc: &'a [f64],
     /// (num_envs, nmocap, 3) and (num_envs, nmocap, 4), or empty for the model's.
     pub mocap: [&'a [f64]; 2],
+    /// What sensors that are not ideal make of the truth.
+    pub errors: Option<&'a Errors<S>>,
 }
 
 /// A thread's room to work, and the step compiled for its lanes and CPU level.
@@ -57,8 +68,35 @@ pub trait Stepped: Scalar {
     const SINGLE: usize;
     /// Room for groups of `lanes` lanes at a CPU level that this machine has.
     fn room(site: &Site<'_, Self>, lanes: usize, level: Level) -> Box<dyn Any + Send>;
-    /// Makes the steps of `call` in one group, whose first environment is `first`.
-    fn run(call: &Call<'_, Self>, group: &mut Group<Self>, first: usize, level: Level, room: &mut (dyn Any + Send));
+    /// Makes the steps of `call` in one group.
+    fn run(call: &Call<'_, Self>, group: &mut Group<Self>, at: Place<'_, '_, Self>, level: Level, room: &mut (dyn Any + Send));
+    /// An array of a recording in this precision.
+    ///
+    /// # Panics
+    /// When it is of the other; [`Simulation`](crate::Simulation) has checked it.
+    fn numbers(array: Numbers<'_>) -> &mut [Self];
+    /// Reads the sensors of one group, whose first environment is `first`.
+    fn sense(call: &Call<'_, Self>, group: &mut Group<Self>, first: usize, level: Level, room: &mut (dyn Any + Send), query: Query<'_>);
+}
+
+/// Which readings are asked for.
+#[derive(Debug)]
+pub struct Query<'a> {
+    /// Those of ideal sensors.
+    pub truth: bool,
+    /// Where they go: a row for every environment of the group.
+    pub out: &'a mut [f64],
+}
+
+/// Where a group is among the environments, and where it writes down what it does.
+#[derive(Debug)]
+pub struct Place<'a, 'b, S> {
+    /// Its first environment.
+    pub first: usize,
+    /// The first environment of the share.
+    pub share_first: usize,
+    /// What the group and its neighbours write.
+    pub share: &'a mut Share<'b, S>,
 }
 
 impl Worker {
@@ -67,10 +105,16 @@ impl Worker {
         Self { level, lanes, room: S::room(site, lanes, level) }
     }
 
-    /// Makes the steps of `call` in one group, whose first environment is `first`.
-    pub fn run<S: Stepped>(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize) {
+    /// Makes the steps of `call` in one group.
+    pub fn run<S: Stepped>(&mut self, call: &Call<'_, S>, group: &mut Group<S>, at: Place<'_, '_, S>) {
         assert_eq!(group.lanes, self.lanes, "a worker steps groups of its own width");
-        S::run(call, group, first, self.level, &mut *self.room);
+        S::run(call, group, at, self.level, &mut *self.room);
+    }
+
+    /// Reads the sensors of one group, whose first environment is `first`.
+    pub fn sense<S: Stepped>(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, query: Query<'_>) {
+        assert_eq!(group.lanes, self.lanes, "a worker reads groups of its own width");
+        S::sense(call, group, first, self.level, &mut *self.room, query);
     }
 }
 
@@ -82,12 +126,23 @@ impl Stepped for f64 {
         if lanes == 1 { make_room::<f64>(site) } else { at_level!(level, F64x8, make_room(site)) }
     }
 
-    fn run(call: &Call<'_, f64>, group: &mut Group<f64>, first: usize, level: Level, room: &mut (dyn Any + Send)) {
+    fn run(call: &Call<'_, f64>, group: &mut Group<f64>, at: Place<'_, '_, f64>, level: Level, room: &mut (dyn Any + Send)) {
         // The scalar instantiation is the reference that every lane agrees with to the bit.
+        if group.lanes == 1 { run_group::<f64>(call, group, at, room) } else { at_level!(level, F64x8, run_group(call, group, at, room)) }
+    }
+
+    fn numbers(array: Numbers<'_>) -> &mut [f64] {
+        match array {
+            Numbers::F64(x) => x,
+            Numbers::F32(_) => panic!("a recording in 32 bits of a batch in 64"),
+        }
+    }
+
+    fn sense(call: &Call<'_, f64>, group: &mut Group<f64>, first: usize, level: Level, room: &mut (dyn Any + Send), query: Query<'_>) {
         if group.lanes == 1 {
-            run_group::<f64>(call, group, first, room)
+            read_group::<f64>(call, group, first, room, query)
         } else {
-            at_level!(level, F64x8, run_group(call, group, first, room))
+            at_level!(level, F64x8, read_group(call, group, first, room, query))
         }
     }
 }
@@ -100,35 +155,93 @@ impl Stepped for f32 {
         at_level!(level, F32x16, make_room(site))
     }
 
-    fn run(call: &Call<'_, f32>, group: &mut Group<f32>, first: usize, level: Level, room: &mut (dyn Any + Send)) {
-        at_level!(level, F32x16, run_group(call, group, first, room));
+    fn run(call: &Call<'_, f32>, group: &mut Group<f32>, at: Place<'_, '_, f32>, level: Level, room: &mut (dyn Any + Send)) {
+        at_level!(level, F32x16, run_group(call, group, at, room));
+    }
+
+    fn numbers(array: Numbers<'_>) -> &mut [f32] {
+        match array {
+            Numbers::F32(x) => x,
+            Numbers::F64(_) => panic!("a recording in 64 bits of a batch in 32"),
+        }
+    }
+
+    fn sense(call: &Call<'_, f32>, group: &mut Group<f32>, first: usize, level: Level, room: &mut (dyn Any + Send), query: Query<'_>) {
+        at_level!(level, F32x16, read_group(call, group, first, room, query));
     }
 }
 
 fn make_room<R: Real>(site: &Site<'_, R::Scalar>) -> Box<dyn Any + Send> {
-    Box::new(Scratch::<R>::new(site.plan, site.options, site.max_contacts))
+    let scratch = Scratch::<R>::new(site.plan, site.options, site.max_contacts);
+    Box::new(Desk { scratch, senses: Senses::new(site.plan) })
+}
+
+/// Where a worker steps and reads.
+struct Desk<R: Real> {
+    scratch: Scratch<R>,
+    senses: Senses<R>,
+}
+
+fn read_group<R: Real>(
+    call: &Call<'_, R::Scalar>,
+    group: &mut Group<R::Scalar>,
+    first: usize,
+    room: &mut (dyn Any + Send),
+    query: Query<'_>,
+) {
+    let Desk { scratch, senses } = room.downcast_mut::<Desk<R>>().expect("room of another lane type");
+    senses.read(call, group, first, scratch, query.truth, query.out);
 }
 
 /// All steps of a call for one group.
-fn run_group<R: Real>(call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, room: &mut (dyn Any + Send)) {
-    let s = room.downcast_mut::<Scratch<R>>().expect("room of another lane type");
-    load(call, group, first, s);
-    let h = call.options.timestep;
-    let lanes = R::LANES;
+fn run_group<R: Real>(call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, at: Place<'_, '_, R::Scalar>, room: &mut (dyn Any + Send)) {
+    let Desk { scratch: s, senses } = room.downcast_mut::<Desk<R>>().expect("room of another lane type");
+    senses.begin(call, group, at.first, s);
+    load(call, group, at.first, s);
     group.status.fill(0);
+    for control in 0..call.calls {
+        load_control(call, control, at.first, s);
+        let (status, residual) = run_control(call, group, at.first, s, senses);
+        let readings = if at.share.has(Quantity::Observation) { senses.readings(call, group, s) } else { &[] };
+        at.share.write(control, at.first - at.share_first, s, readings, &status, residual);
+    }
+    if call.calls * call.nstep > 0 {
+        senses.remember(group, s);
+        store(group, s);
+    }
+}
+
+/// The steps of one control; returns the flags of all of them, and their largest residual.
+fn run_control<R: Real>(
+    call: &Call<'_, R::Scalar>,
+    group: &mut Group<R::Scalar>,
+    first: usize,
+    s: &mut Scratch<R>,
+    senses: &mut Senses<R>,
+) -> ([u32; MAX_LANES], R) {
+    let h = call.options.timestep;
+    let (mut status, mut residual) = ([0; MAX_LANES], R::zero());
     for _ in 0..call.nstep {
+        senses.before_step(s);
         let record = step(call.plan, call.options, s);
+        s.elapsed += h;
         let kept = record.non_finite.bits();
-        for l in 0..lanes {
-            group.status[l] |= record.status(l).0;
+        for l in 0..R::LANES {
+            status[l] |= record.status(l).0;
             if kept >> l & 1 == 0 {
                 group.time[l] += h;
             }
         }
+        residual = residual.max(record.residual);
         record.residual.store(&mut group.residual);
         record.iterations.store(&mut group.iterations);
+        // 9 sense
+        senses.after_step(call, group, first, s);
     }
-    store(group, s);
+    for (all, one) in group.status.iter_mut().zip(status) {
+        *all |= one;
+    }
+    (status, residual)
 }
 
 fn store<R: Real>(group: &mut Group<R::Scalar>, s: &Scratch<R>) {
@@ -136,12 +249,18 @@ fn store<R: Real>(group: &mut Group<R::Scalar>, s: &Scratch<R>) {
         #[inline(always)]
         || {
             let state = [(&s.q, &mut group.q), (&s.v, &mut group.v), (&s.act, &mut group.act)];
-            for (x, out) in state.into_iter().chain([(&s.constraints.scalar_impulse, &mut group.scalar_impulse)]) {
+            let impulses = [(&s.constraints.scalar_impulse, &mut group.scalar_impulse), (&s.impulse, &mut group.impulse)];
+            for (x, out) in state.into_iter().chain(impulses) {
                 for (x, out) in x.iter().zip(out.chunks_exact_mut(R::LANES)) {
                     x.store(out);
                 }
             }
             group.store_contacts(&s.contacts);
+            for (way, out) in s.ways.iter().zip(group.mocap.chunks_exact_mut(7 * R::LANES)) {
+                for (x, out) in way.end().iter().zip(out.chunks_exact_mut(R::LANES)) {
+                    x.store(out);
+                }
+            }
         },
     )
 }
@@ -157,6 +276,7 @@ fn load<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: us
                 (&mut s.v, &group.v),
                 (&mut s.act, &group.act),
                 (&mut s.constraints.scalar_impulse, &group.scalar_impulse),
+                (&mut s.impulse, &group.impulse),
             ] {
                 for (x, from) in x.iter_mut().zip(from.chunks_exact(lanes)) {
                     *x = R::load(from);
@@ -164,24 +284,37 @@ fn load<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: us
             }
             group.load_contacts(&mut s.contacts);
             let used = (call.num_envs - first).min(lanes);
-            gather(call.ctrl, call.plan.actuators.len(), first, used, &mut s.inputs.ctrl);
             resize(&mut s.inputs.qfrc, call.qfrc, call.plan.nv);
             gather(call.qfrc, call.plan.nv, first, used, &mut s.inputs.qfrc);
             resize(&mut s.inputs.xfrc, call.xfrc, 6 * call.plan.bodies.len());
             gather(call.xfrc, 6 * call.plan.bodies.len(), first, used, &mut s.inputs.xfrc);
-            if !call.mocap[0].is_empty() {
+            if !call.plan.mocap.is_empty() {
+                let seconds = R::of((call.calls * call.nstep).max(1) as f64 * call.options.timestep);
+                let given = !call.mocap[0].is_empty();
+                s.elapsed = 0.0;
                 for (k, m) in call.plan.mocap.iter().enumerate() {
                     let n = call.plan.mocap.len();
                     let (mut pos, mut quat): (V3<R>, [R; 4]) = (splat(m.pos), splat(m.quat));
-                    for l in 0..used {
+                    for l in 0..if given { used } else { 0 } {
                         let at = (first + l) * n + k;
                         (0..3).for_each(|i| pos[i].set_lane(l, Scalar::from_f64(call.mocap[0][3 * at + i])));
                         (0..4).for_each(|i| quat[i].set_lane(l, Scalar::from_f64(call.mocap[1][4 * at + i])));
                     }
-                    s.kinematics.pos[m.frame] = pos;
-                    s.kinematics.mat[m.frame] = quat_to_mat(quat_normalize(quat));
+                    s.ways[k] = Way::new(std::array::from_fn(|i| R::load(&group.mocap[(7 * k + i) * lanes..])), pos, quat, seconds);
                 }
             }
+        },
+    )
+}
+
+/// Takes up control number `control` of the call.
+fn load_control<R: Real>(call: &Call<'_, R::Scalar>, control: usize, first: usize, s: &mut Scratch<R>) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let row = call.ctrl.len() / call.calls;
+            let used = (call.num_envs - first).min(R::LANES);
+            gather(&call.ctrl[control * row..(control + 1) * row], call.plan.actuators.len(), first, used, &mut s.inputs.ctrl);
         },
     )
 }

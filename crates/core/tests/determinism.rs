@@ -3,18 +3,22 @@
 mod common;
 
 use common::{run, walker};
-use stepper_core::{Integrator, Level, Options, Precision, Stabilization};
+use stepper_core::{Integrator, Level, Options, Precision, Solver, Stabilization};
 
 const CALLS: usize = 150;
 
-fn settings() -> [Options; 4] {
+fn settings() -> [Options; 7] {
     let base = Options { timestep: 0.004, ..Options::default() };
     [
         base,
         Options { integrator: Integrator::Euler, stabilization: Stabilization::Split, ..base },
         Options { integrator: Integrator::Rk4, ..base },
+        Options { integrator: Integrator::Implicit, ..base },
+        // Too long for the motion of many lanes.
+        Options { timestep: 0.08, ..base },
         // Most lanes run out of sweeps here, each at its own time.
         Options { iterations: 4, ..base },
+        Options { solver: Solver::Newton, ..base },
     ]
 }
 

@@ -1,7 +1,7 @@
 //! NumPy arrays in and out: shapes are checked here, and both are named when they differ.
 
 use numpy::{IntoPyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods, ndarray::ArrayD};
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use stepper_core::Precision;
 
@@ -43,4 +43,20 @@ pub(crate) fn check_shape(name: &str, found: &[usize], allowed: &[&[usize]]) -> 
     }
     let must: Vec<String> = allowed.iter().map(|s| shape_text(s)).collect();
     Err(PyValueError::new_err(format!("{name} has shape {}, must be {}", shape_text(found), must.join(" or "))))
+}
+
+/// A whole number from `least` on, as Python's own or NumPy's integer.
+pub(crate) fn whole(given: &Bound<'_, PyAny>, name: &str, least: u64) -> PyResult<u64> {
+    let index = given.py().import("operator")?.call_method1("index", (given,));
+    let index = index.map_err(|_| PyTypeError::new_err(format!("{name} is {}, must be a whole number", described(given))))?;
+    match index.extract::<u64>() {
+        Ok(number) if number >= least && usize::try_from(number).is_ok() => Ok(number),
+        _ => Err(PyValueError::new_err(format!("{name} is {index}, must be a whole number, {least} or more, in {} bits", usize::BITS))),
+    }
+}
+
+/// "'five' (str)", for messages about values of the wrong type.
+pub(crate) fn described(given: &Bound<'_, PyAny>) -> String {
+    let kind = given.get_type().name().map_or_else(|_| "?".into(), |name| name.to_string());
+    given.repr().map_or_else(|_| kind.clone(), |text| format!("{text} ({kind})"))
 }

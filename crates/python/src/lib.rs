@@ -2,8 +2,10 @@
 
 mod array;
 mod contacts;
+mod memory;
 mod model;
 mod options;
+mod rollout;
 mod state;
 mod stepper;
 

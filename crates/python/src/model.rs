@@ -7,7 +7,7 @@ use pyo3::exceptions::{PyAttributeError, PyKeyError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
 use stepper_core::Precision;
-use stepper_core::model::{Keyframe, Model as Core};
+use stepper_core::model::{Keyframe, Model as Core, Sensor};
 
 use crate::array::{array, readonly, shape_text};
 use crate::stepper::SharedModel;
@@ -168,6 +168,28 @@ impl Model {
     #[getter]
     fn sensor_names(&self) -> Vec<&str> {
         self.core.sensors.iter().map(|x| x.name.as_str()).collect()
+    }
+
+    #[getter]
+    fn site_names(&self) -> Vec<&str> {
+        self.core.sites.iter().map(|x| x.name.as_str()).collect()
+    }
+
+    #[getter]
+    fn sensors<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        let one = |(sensor, at): (&Sensor, usize)| {
+            let out = PyDict::new(py);
+            out.set_item("name", &sensor.name)?;
+            out.set_item("type", sensor.word())?;
+            out.set_item("adr", at)?;
+            out.set_item("dim", sensor.dim(&self.core.sensors))?;
+            out.set_item("datatype", format!("{:?}", sensor.quantity()).to_lowercase())?;
+            for (name, x) in [("noise", sensor.noise), ("cutoff", sensor.cutoff), ("delay", sensor.delay), ("interval", sensor.interval)] {
+                out.set_item(name, x)?;
+            }
+            Ok(out)
+        };
+        self.core.sensors.iter().zip(self.core.sensor_addresses()).map(one).collect()
     }
 
     #[getter]

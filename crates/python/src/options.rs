@@ -1,38 +1,62 @@
 //! `stepper.Options` as the core's settings.
 
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use stepper_core::{Integrator, Options, Precision, Stabilization};
+use stepper_core::{Integrator, Options, Precision, Solver, Stabilization};
+
+use crate::array::{described, whole};
 
 /// The attributes of the Python dataclass, by name.
-#[derive(FromPyObject)]
-struct Given {
-    timestep: Option<f64>,
-    integrator: String,
-    solver: String,
-    iterations: u32,
-    tolerance: Option<f64>,
-    stabilization: String,
-    baumgarte: f64,
-    slop: f64,
-    max_correction_speed: f64,
-    restitution_threshold: f64,
-    max_contacts: Option<u32>,
+struct Given<'a, 'py>(&'a Bound<'py, PyAny>);
+
+impl<'py> Given<'_, 'py> {
+    fn value(&self, name: &str) -> PyResult<Bound<'py, PyAny>> {
+        let found = self.0.getattr(name);
+        found.map_err(|_| PyTypeError::new_err(format!("options is {}, must be a stepper.Options", described(self.0))))
+    }
+
+    fn wrong(name: &str, value: &Bound<'_, PyAny>, must: &str) -> PyErr {
+        PyTypeError::new_err(format!("option {name} is {}, must be {must}", described(value)))
+    }
+
+    fn number(&self, name: &str) -> PyResult<f64> {
+        let value = self.value(name)?;
+        value.extract().map_err(|_| Self::wrong(name, &value, "a number"))
+    }
+
+    fn word(&self, name: &str) -> PyResult<String> {
+        let value = self.value(name)?;
+        value.extract().map_err(|_| Self::wrong(name, &value, "a string"))
+    }
+
+    fn count(&self, name: &str) -> PyResult<u32> {
+        let number = whole(&self.value(name)?, &format!("option {name}"), 1)?;
+        u32::try_from(number).map_err(|_| PyValueError::new_err(format!("option {name} is {number}, must be at most {}", u32::MAX)))
+    }
+
+    /// What `read` says, if the option is not None.
+    fn optional<T>(&self, name: &str, read: impl Fn(&Self, &str) -> PyResult<T>) -> PyResult<Option<T>> {
+        if self.value(name)?.is_none() { Ok(None) } else { read(self, name).map(Some) }
+    }
 }
 
 /// Settings for a model's own time step, from a `stepper.Options`.
 pub(crate) fn settings(given: &Bound<'_, PyAny>, timestep: f64, precision: Precision) -> PyResult<Options> {
-    let given: Given = given.extract()?;
-    if !matches!(given.solver.as_str(), "auto" | "pgs") {
-        return Err(unknown("solver", &given.solver, "auto, pgs"));
-    }
-    let integrator = match given.integrator.as_str() {
+    let given = Given(given);
+    let solver = match given.word("solver")?.as_str() {
+        "auto" => Solver::Auto,
+        "pgs" => Solver::Pgs,
+        "newton" => Solver::Newton,
+        other => return Err(unknown("solver", other, "auto, pgs, newton")),
+    };
+    let integrator = match given.word("integrator")?.as_str() {
         "euler" => Integrator::Euler,
         "midpoint" => Integrator::Midpoint,
+        "implicit" => Integrator::Implicit,
         "rk4" => Integrator::Rk4,
-        other => return Err(unknown("integrator", other, "euler, midpoint, rk4")),
+        other => return Err(unknown("integrator", other, "euler, midpoint, implicit, rk4")),
     };
-    let stabilization = match given.stabilization.as_str() {
+    let stabilization = match given.word("stabilization")?.as_str() {
         "baumgarte" => Stabilization::Baumgarte,
         "split" => Stabilization::Split,
         "none" => Stabilization::None,
@@ -41,16 +65,17 @@ pub(crate) fn settings(given: &Bound<'_, PyAny>, timestep: f64, precision: Preci
     // A residual near the rounding of the lanes cannot be reached.
     let tolerance = if precision == Precision::F32 { 1e-4 } else { Options::default().tolerance };
     let options = Options {
-        timestep: given.timestep.unwrap_or(timestep),
+        timestep: given.optional("timestep", Given::number)?.unwrap_or(timestep),
         integrator,
-        iterations: given.iterations,
-        tolerance: given.tolerance.unwrap_or(tolerance),
+        solver,
+        iterations: given.count("iterations")?,
+        tolerance: given.optional("tolerance", Given::number)?.unwrap_or(tolerance),
         stabilization,
-        baumgarte: given.baumgarte,
-        slop: given.slop,
-        max_correction_speed: given.max_correction_speed,
-        restitution_threshold: given.restitution_threshold,
-        max_contacts: given.max_contacts,
+        baumgarte: given.number("baumgarte")?,
+        slop: given.number("slop")?,
+        max_correction_speed: given.number("max_correction_speed")?,
+        restitution_threshold: given.number("restitution_threshold")?,
+        max_contacts: given.optional("max_contacts", Given::count)?,
     };
     options.check().map_err(PyValueError::new_err)?;
     Ok(options)

@@ -29,6 +29,16 @@ impl State {
     }
 
     #[getter]
+    fn bytes<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, &self.bytes)
+    }
+
+    #[getter]
+    fn digest<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, &self.digest)
+    }
+
+    #[getter]
     fn nbytes(&self) -> usize {
         self.bytes.len()
     }

@@ -3,13 +3,14 @@
 use std::sync::Arc;
 
 use numpy::{PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
-use pyo3::exceptions::{PyIndexError, PyValueError};
+use pyo3::exceptions::{PyIndexError, PyMemoryError, PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
 use stepper_core::batch::{Field, StepInputs};
+use stepper_core::sensing::errors::Transfer;
 use stepper_core::{Error, Precision, Simulation};
 
-use crate::array::{array, check_shape, readonly};
+use crate::array::{array, check_shape, described, readonly, whole};
 use crate::contacts::structured;
 use crate::model::{Model, to_py};
 use crate::options::{settings, unknown};
@@ -18,15 +19,33 @@ use crate::state::State;
 /// Environments of one model, stepped together.
 #[pyclass(module = "stepper._stepper")]
 pub(crate) struct Stepper {
-    simulation: Simulation,
+    pub(crate) simulation: Simulation,
     model: Py<Model>,
     options: Py<PyAny>,
     batched: bool,
-    precision: Precision,
+    pub(crate) precision: Precision,
     threads: usize,
     seed: u64,
-    ctrl: Vec<f64>,
+    pub(crate) ctrl: Vec<f64>,
     applied: [Option<Py<PyArrayDyn<f64>>>; 4],
+    recorder: Option<Py<PyAny>>,
+    sensors: Option<Py<PyAny>>,
+}
+
+/// A whole number as it was given; the common case costs no import.
+#[derive(FromPyObject)]
+enum Whole<'py> {
+    Number(u64),
+    Other(Bound<'py, PyAny>),
+}
+
+impl Whole<'_> {
+    fn from(&self, least: u64, name: &str) -> PyResult<u64> {
+        match self {
+            Self::Number(number) => Ok(*number),
+            Self::Other(given) => whole(given, name, least),
+        }
+    }
 }
 
 /// Index in `applied`, name, and the trailing axes of the arrays that the user writes and every step reads.
@@ -38,10 +57,26 @@ enum Applied {
     MocapQuat,
 }
 
-fn value_error(error: Error) -> PyErr {
+pub(crate) fn value_error(error: Error) -> PyErr {
     match error {
         Error::Model(e) => to_py(e),
         Error::Value(message) => PyValueError::new_err(message),
+        Error::Memory(message) => PyMemoryError::new_err(message),
+    }
+}
+
+/// The arrays that the user writes and every step reads, borrowed for a call.
+pub(crate) struct Held<'py>([Option<PyReadonlyArrayDyn<'py, f64>>; 4]);
+
+impl Held<'_> {
+    /// With controls, what the core reads.
+    pub(crate) fn inputs<'a>(&'a self, ctrl: &'a [f64]) -> PyResult<StepInputs<'a>> {
+        let slice = |which: Applied| match &self.0[which as usize] {
+            Some(array) => array.as_slice().map_err(PyErr::from),
+            None => Ok(&[][..]),
+        };
+        let (qfrc, xfrc) = (slice(Applied::Qfrc)?, slice(Applied::Xfrc)?);
+        Ok(StepInputs { ctrl, qfrc, xfrc, mocap_pos: slice(Applied::MocapPos)?, mocap_quat: slice(Applied::MocapQuat)? })
     }
 }
 
@@ -51,7 +86,7 @@ impl Stepper {
     }
 
     /// (num_envs, ...tail), or the tail alone for a single environment.
-    fn shape(&self, tail: &[usize]) -> Vec<usize> {
+    pub(crate) fn shape(&self, tail: &[usize]) -> Vec<usize> {
         let lead = self.batched.then(|| self.n());
         lead.into_iter().chain(tail.iter().copied()).collect()
     }
@@ -101,16 +136,23 @@ impl Stepper {
         Ok(given)
     }
 
-    fn write(&mut self, field: Field, name: &str, width: usize, given: Option<&Bound<'_, PyAny>>, envs: &[usize]) -> PyResult<()> {
-        let Some(given) = given else { return Ok(()) };
+    /// Rows of `given` for the environments `envs`, checked; none when nothing is given.
+    fn checked(&self, field: Field, given: Option<&Bound<'_, PyAny>>, envs: &[usize]) -> PyResult<Vec<Vec<f64>>> {
+        let Some(given) = given else { return Ok(Vec::new()) };
+        let model = self.simulation.model();
+        let (name, width) = match field {
+            Field::Qpos => ("qpos", model.nq()),
+            Field::Qvel => ("qvel", model.nv()),
+            Field::Act => ("act", model.na()),
+        };
         let given = self.rows(given, name, width)?;
-        let data = given.as_slice()?;
-        let shared = given.ndim() == 1;
-        for &env in envs {
-            let row = if shared { data } else { &data[env * width..(env + 1) * width] };
-            self.simulation.set(field, env, row).map_err(value_error)?;
-        }
-        Ok(())
+        let (data, shared) = (given.as_slice()?, given.ndim() == 1);
+        let row = |env: usize| if shared { data } else { &data[env * width..(env + 1) * width] };
+        envs.iter().map(|&env| self.simulation.check(field, env, row(env)).map_err(value_error)).collect()
+    }
+
+    fn write(&mut self, field: Field, rows: &[Vec<f64>], envs: &[usize]) -> PyResult<()> {
+        envs.iter().zip(rows).try_for_each(|(&env, row)| self.simulation.set(field, env, row).map_err(value_error))
     }
 
     fn nmocap(&self) -> usize {
@@ -135,9 +177,69 @@ impl Stepper {
         Ok(self.applied[which as usize].as_ref().expect("made above").bind(py).clone())
     }
 
+    /// Keeps the controls of all environments, given one row for each or one for all.
+    pub(crate) fn hold(&mut self, rows: &[f64]) {
+        if rows.len() == self.ctrl.len() {
+            self.ctrl.copy_from_slice(rows);
+        } else {
+            self.ctrl.chunks_exact_mut(rows.len()).for_each(|row| row.copy_from_slice(rows));
+        }
+    }
+
+    /// Positions and orientations of mocap bodies go together: whoever moves a body may leave its orientation alone.
+    pub(crate) fn complete_mocap(&mut self, py: Python<'_>) -> PyResult<()> {
+        let given = [Applied::MocapPos, Applied::MocapQuat].map(|which| self.applied[which as usize].is_some());
+        if given[0] != given[1] {
+            self.applied(py, Applied::MocapPos)?;
+            self.applied(py, Applied::MocapQuat)?;
+        }
+        Ok(())
+    }
+
+    /// Numbers in the writable arrays that were made.
+    pub(crate) fn applied_len(&self, py: Python<'_>) -> usize {
+        self.applied.iter().flatten().map(|array| array.bind(py).len()).sum()
+    }
+
+    pub(crate) fn held<'py>(&self, py: Python<'py>) -> PyResult<Held<'py>> {
+        let mut held = Held(Default::default());
+        for (slot, array) in held.0.iter_mut().zip(&self.applied) {
+            if let Some(array) = array {
+                *slot = Some(array.bind(py).try_readonly().map_err(|e| PyValueError::new_err(e.to_string()))?);
+            }
+        }
+        Ok(held)
+    }
+
     /// Replaces the contents of a writable array.
     fn assign(&mut self, py: Python<'_>, which: Applied, value: &Bound<'_, PyAny>) -> PyResult<()> {
         self.applied(py, which)?.set_item(py.Ellipsis(), value)
+    }
+
+    /// Reads all sensors of all environments.
+    fn sense(&mut self, py: Python<'_>, truth: bool, out: &mut [f64]) -> PyResult<()> {
+        if self.applied[Applied::MocapPos as usize].is_some() || self.applied[Applied::MocapQuat as usize].is_some() {
+            self.applied(py, Applied::MocapPos)?;
+            self.applied(py, Applied::MocapQuat)?;
+        }
+        let mut held = Vec::with_capacity(4);
+        for array in &self.applied {
+            held.push(match array {
+                Some(array) => Some(array.bind(py).try_readonly().map_err(|e| PyValueError::new_err(e.to_string()))?),
+                None => None,
+            });
+        }
+        let slice = |i: usize| held[i].as_ref().map_or(Ok(&[][..]), |array| array.as_slice().map_err(PyErr::from));
+        let inputs = StepInputs { ctrl: &[], qfrc: slice(0)?, xfrc: slice(1)?, mocap_pos: slice(2)?, mocap_quat: slice(3)? };
+        let simulation = &mut self.simulation;
+        py.detach(|| simulation.sense(&inputs, truth, out)).map_err(value_error)
+    }
+
+    fn readings<'py>(&mut self, py: Python<'py>, truth: bool) -> PyResult<Bound<'py, PyAny>> {
+        let width = self.simulation.model().nsensordata();
+        let mut data = vec![0.0; self.n() * width];
+        self.sense(py, truth, &mut data)?;
+        array(py, &self.shape(&[width]), data, self.precision)
     }
 
     fn snapshot(&self, py: Python<'_>, env: isize) -> PyResult<stepper_core::query::Snapshot> {
@@ -163,19 +265,51 @@ impl Stepper {
     }
 }
 
+/// What a `stepper.SensorModel` says of every sensor of a model.
+fn transfers(sensors: &Bound<'_, PyAny>, model: &Py<Model>, num_envs: usize) -> PyResult<Vec<Option<Transfer>>> {
+    let resolve = sensors
+        .getattr("transfers")
+        .map_err(|_| PyTypeError::new_err(format!("sensors is {}, must be a stepper.SensorModel", described(sensors))))?;
+    let all = resolve.call1((model.clone_ref(sensors.py()), num_envs))?;
+    pythonize::depythonize(&all).map_err(|e| PyValueError::new_err(format!("sensors: {e}")))
+}
+
+/// The stepper, to be written to by one thread at a time.
+fn borrow<'py>(slf: &Bound<'py, Stepper>) -> PyResult<PyRefMut<'py, Stepper>> {
+    slf.try_borrow_mut().map_err(|_| PyRuntimeError::new_err("this Stepper is at work in another thread; give every thread its own"))
+}
+
+/// Tells the recorder what was done, with the arguments that were given.
+fn notify(slf: &Bound<'_, Stepper>, what: &str, given: &[(&str, Option<Bound<'_, PyAny>>)]) -> PyResult<()> {
+    let recorder = slf.borrow().recorder.as_ref().map(|r| r.clone_ref(slf.py()));
+    let Some(recorder) = recorder else { return Ok(()) };
+    let arguments = PyDict::new(slf.py());
+    for (name, value) in given {
+        if let Some(value) = value {
+            arguments.set_item(name, value)?;
+        }
+    }
+    recorder.call_method(slf.py(), what, (slf,), Some(&arguments))?;
+    Ok(())
+}
+
 #[pymethods]
 impl Stepper {
     #[new]
-    #[pyo3(signature = (model, num_envs=None, *, options=None, precision="f64", threads=1, seed=0))]
+    #[pyo3(signature = (model, num_envs=None, *, options=None, precision="f64", threads=Whole::Number(1), seed=Whole::Number(0), sensors=None), text_signature = "(model, num_envs=None, *, options=None, precision='f64', threads=1, seed=0, sensors=None)")]
+    #[expect(clippy::too_many_arguments, reason = "Python's keywords")]
     fn new(
         py: Python<'_>,
         model: Py<Model>,
-        num_envs: Option<usize>,
+        num_envs: Option<Bound<'_, PyAny>>,
         options: Option<Bound<'_, PyAny>>,
         precision: &str,
-        threads: usize,
-        seed: u64,
+        threads: Whole<'_>,
+        seed: Whole<'_>,
+        sensors: Option<Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
+        let num_envs = num_envs.map(|n| whole(&n, "num_envs", 1)).transpose()?.map(|n| n as usize);
+        let (threads, seed) = (threads.from(0, "threads")? as usize, seed.from(0, "seed")?);
         let precision = match precision {
             "f64" => Precision::F64,
             "f32" => Precision::F32,
@@ -188,85 +322,118 @@ impl Stepper {
         let core = model.get().core.clone();
         let settings = settings(&options, core.timestep, precision)?;
         let nu = core.nu();
-        let simulation = Simulation::new(core, settings, num_envs, precision, threads).map_err(value_error)?;
+        let mut simulation = Simulation::new(core, settings, num_envs, precision, threads).map_err(value_error)?;
+        let n = simulation.num_envs();
+        (0..n).for_each(|env| simulation.begin(env, Some(seed)));
+        if let Some(sensors) = &sensors {
+            simulation.equip(&transfers(sensors, &model, n)?).map_err(value_error)?;
+        }
         let ctrl = vec![0.0; nu * simulation.num_envs()];
         let applied = [const { None }; 4];
-        Ok(Self { simulation, model, options: options.unbind(), batched: num_envs.is_some(), precision, threads, seed, ctrl, applied })
+        let (batched, options) = (num_envs.is_some(), options.unbind());
+        Ok(Self {
+            simulation,
+            model,
+            options,
+            batched,
+            precision,
+            threads,
+            seed,
+            ctrl,
+            applied,
+            recorder: None,
+            sensors: sensors.map(Bound::unbind),
+        })
     }
 
     #[pyo3(signature = (mask=None, *, qpos=None, qvel=None, seed=None, keyframe=None))]
     fn reset(
-        &mut self,
+        slf: &Bound<'_, Self>,
         mask: Option<Bound<'_, PyAny>>,
         qpos: Option<Bound<'_, PyAny>>,
         qvel: Option<Bound<'_, PyAny>>,
-        seed: Option<u64>,
-        keyframe: Option<&str>,
+        seed: Option<Bound<'_, PyAny>>,
+        keyframe: Option<Bound<'_, PyAny>>,
     ) -> PyResult<()> {
-        let envs = self.chosen(mask.as_ref())?;
-        self.seed = seed.unwrap_or(self.seed);
-        let (nq, nv, nu) = (self.simulation.model().nq(), self.simulation.model().nv(), self.simulation.model().nu());
+        let mut this = borrow(slf)?;
+        let envs = this.chosen(mask.as_ref())?;
+        let given_seed = seed;
+        let seed = given_seed.as_ref().map(|seed| whole(seed, "seed", 0)).transpose()?.unwrap_or(this.seed);
+        let nu = this.simulation.model().nu();
         // Everything is checked before anything is changed.
-        for (given, name, width) in [(&qpos, "qpos", nq), (&qvel, "qvel", nv)] {
-            if let Some(given) = given {
-                self.rows(given, name, width)?;
-            }
-        }
-        let key = keyframe.map(|name| self.model.get().find_keyframe(name)).transpose()?;
+        let q = this.checked(Field::Qpos, qpos.as_ref(), &envs)?;
+        let v = this.checked(Field::Qvel, qvel.as_ref(), &envs)?;
+        let key = keyframe.as_ref().map(|name| this.model.get().find_keyframe(&name.extract::<String>()?)).transpose()?;
+        this.seed = seed;
         for &env in &envs {
-            self.simulation.reset(env);
-            self.ctrl[env * nu..(env + 1) * nu].fill(0.0);
+            this.simulation.reset(env);
+            if given_seed.is_some() {
+                this.simulation.begin(env, Some(seed));
+            }
+            this.ctrl[env * nu..(env + 1) * nu].fill(0.0);
             if let Some(key) = &key {
                 for (field, values) in [(Field::Qpos, &key.qpos), (Field::Qvel, &key.qvel), (Field::Act, &key.act)] {
-                    self.simulation.set(field, env, values).map_err(value_error)?;
+                    this.simulation.set(field, env, values).map_err(value_error)?;
                 }
-                self.simulation.set_time(env, key.time);
+                this.simulation.set_time(env, key.time);
             }
         }
-        self.write(Field::Qpos, "qpos", nq, qpos.as_ref(), &envs)?;
-        self.write(Field::Qvel, "qvel", nv, qvel.as_ref(), &envs)
+        this.write(Field::Qpos, &q, &envs)?;
+        this.write(Field::Qvel, &v, &envs)?;
+        drop(this);
+        notify(slf, "reset", &[("mask", mask), ("qpos", qpos), ("qvel", qvel), ("seed", given_seed), ("keyframe", keyframe)])
     }
 
-    #[pyo3(signature = (ctrl=None, nstep=1))]
-    fn step(&mut self, py: Python<'_>, ctrl: Option<Bound<'_, PyAny>>, nstep: usize) -> PyResult<()> {
-        let nu = self.simulation.model().nu();
-        match &ctrl {
-            None => self.ctrl.fill(0.0),
-            Some(given) => {
-                let given = self.rows(given, "ctrl", nu)?;
-                let data = given.as_slice()?;
-                if data.len() == self.ctrl.len() {
-                    self.ctrl.copy_from_slice(data);
-                } else {
-                    self.ctrl.chunks_exact_mut(nu).for_each(|row| row.copy_from_slice(data));
-                }
+    #[pyo3(signature = (ctrl=None, nstep=Whole::Number(1)), text_signature = "($self, ctrl=None, nstep=1)")]
+    fn step(slf: &Bound<'_, Self>, ctrl: Option<Bound<'_, PyAny>>, nstep: Whole<'_>) -> PyResult<()> {
+        let (py, mut guard) = (slf.py(), borrow(slf)?);
+        let this = &mut *guard;
+        let nstep = nstep.from(0, "nstep")? as usize;
+        let nu = this.simulation.model().nu();
+        let given = ctrl.as_ref().map(|ctrl| this.rows(ctrl, "ctrl", nu)).transpose()?;
+        // A control that no step was made with was never in force.
+        if nstep > 0 {
+            match &given {
+                None => this.ctrl.fill(0.0),
+                Some(given) => this.hold(given.as_slice()?),
             }
         }
-        let nmocap = self.nmocap();
-        if nmocap > 0 && (self.applied[Applied::MocapPos as usize].is_some() || self.applied[Applied::MocapQuat as usize].is_some()) {
-            // They go together: whoever moves a body may leave its orientation alone.
-            self.applied(py, Applied::MocapPos)?;
-            self.applied(py, Applied::MocapQuat)?;
+        this.complete_mocap(py)?;
+        let held = this.held(py)?;
+        let inputs = held.inputs(&this.ctrl)?;
+        let simulation = &mut this.simulation;
+        py.detach(|| simulation.step(&inputs, nstep)).map_err(value_error)?;
+        if this.recorder.is_none() {
+            return Ok(());
         }
-        let mut held = Vec::with_capacity(4);
-        for array in &self.applied {
-            held.push(match array {
-                Some(array) => Some(array.bind(py).try_readonly().map_err(|e| PyValueError::new_err(e.to_string()))?),
-                None => None,
-            });
+        let ctrl = array(py, &[this.n(), nu], this.ctrl.clone(), Precision::F64)?;
+        let applied = this.applied.iter().map(|a| a.as_ref().map(|a| a.clone_ref(py))).collect::<Vec<_>>().into_pyobject(py)?;
+        drop(held);
+        drop(guard);
+        notify(slf, "step", &[("ctrl", Some(ctrl)), ("nstep", Some(nstep.into_pyobject(py)?.into_any())), ("applied", Some(applied))])
+    }
+
+    #[pyo3(signature = (ctrl, nstep=Whole::Number(1), *, fields=None, out=None), text_signature = "($self, ctrl, nstep=1, *, fields=None, out=None)")]
+    fn rollout<'py>(
+        &mut self,
+        py: Python<'py>,
+        ctrl: Bound<'py, PyAny>,
+        nstep: Whole<'_>,
+        fields: Option<Vec<String>>,
+        out: Option<Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let nstep = nstep.from(0, "nstep")? as usize;
+        if self.recorder.is_some() {
+            return Err(PyRuntimeError::new_err(
+                "this stepper is recorded, and a rollout is not: call step for every control, or close the recording",
+            ));
         }
-        let slice = |i: usize| match &held[i] {
-            Some(array) => array.as_slice().map_err(PyErr::from),
-            None => Ok(&[][..]),
-        };
-        let inputs = StepInputs { ctrl: &self.ctrl, qfrc: slice(0)?, xfrc: slice(1)?, mocap_pos: slice(2)?, mocap_quat: slice(3)? };
-        let simulation = &mut self.simulation;
-        py.detach(|| simulation.step(&inputs, nstep)).map_err(value_error)
+        self.roll(py, &ctrl, nstep, fields, out.as_ref())
     }
 
     #[pyo3(signature = (qpos=None, qvel=None, mask=None, *, act=None))]
     fn set_state(
-        &mut self,
+        slf: &Bound<'_, Self>,
         qpos: Option<Bound<'_, PyAny>>,
         qvel: Option<Bound<'_, PyAny>>,
         mask: Option<Bound<'_, PyAny>>,
@@ -276,22 +443,43 @@ impl Stepper {
             if qvel.is_some() || mask.is_some() || act.is_some() {
                 return Err(PyValueError::new_err("set_state(state) takes nothing else"));
             }
-            let state = state.get();
-            if state.digest != self.model.get().core.digest() {
+            let (state, mut this) = (state.get(), borrow(slf)?);
+            if state.digest != this.model.get().core.digest() {
                 return Err(PyValueError::new_err("this state belongs to another model"));
             }
-            return self.simulation.restore_state(&state.bytes).map_err(value_error);
+            this.simulation.restore_state(&state.bytes).map_err(value_error)?;
+            drop(this);
+            return notify(slf, "set_state", &[("state", qpos)]);
         }
-        let envs = self.chosen(mask.as_ref())?;
-        let (nq, nv, na) = (self.simulation.model().nq(), self.simulation.model().nv(), self.simulation.model().na());
-        for (given, name, width) in [(&qpos, "qpos", nq), (&qvel, "qvel", nv), (&act, "act", na)] {
-            if let Some(given) = given {
-                self.rows(given, name, width)?;
-            }
+        let mut this = borrow(slf)?;
+        let envs = this.chosen(mask.as_ref())?;
+        let fields = [(Field::Qpos, &qpos), (Field::Qvel, &qvel), (Field::Act, &act)];
+        let rows = fields.map(|(field, given)| this.checked(field, given.as_ref(), &envs));
+        let rows = rows.into_iter().collect::<PyResult<Vec<_>>>()?;
+        for ((field, _), rows) in fields.iter().zip(&rows) {
+            this.write(*field, rows, &envs)?;
         }
-        self.write(Field::Qpos, "qpos", nq, qpos.as_ref(), &envs)?;
-        self.write(Field::Qvel, "qvel", nv, qvel.as_ref(), &envs)?;
-        self.write(Field::Act, "act", na, act.as_ref(), &envs)
+        drop(this);
+        notify(slf, "set_state", &[("mask", mask), ("qpos", qpos), ("qvel", qvel), ("act", act)])
+    }
+
+    /// Keeps everything that happens from now on; see `stepper._record`.
+    #[pyo3(signature = (path, **settings))]
+    fn record<'py>(slf: &Bound<'py, Self>, path: Bound<'py, PyAny>, settings: Option<&Bound<'py, PyDict>>) -> PyResult<Bound<'py, PyAny>> {
+        let recorder = slf.py().import("stepper._record")?.getattr("Recorder")?.call((slf, path), settings)?;
+        borrow(slf)?.recorder = Some(recorder.clone().unbind());
+        Ok(recorder)
+    }
+
+    /// Whom `step`, `reset` and `set_state` tell what they did; None is nobody.
+    #[getter]
+    fn recorder(&self, py: Python<'_>) -> Option<Py<PyAny>> {
+        self.recorder.as_ref().map(|r| r.clone_ref(py))
+    }
+
+    #[setter]
+    fn set_recorder(&mut self, recorder: Option<Py<PyAny>>) {
+        self.recorder = recorder;
     }
 
     fn get_state(&self) -> State {
@@ -309,7 +497,7 @@ impl Stepper {
     }
 
     #[getter]
-    fn num_envs(&self) -> Option<usize> {
+    pub(crate) fn num_envs(&self) -> Option<usize> {
         self.batched.then(|| self.n())
     }
 
@@ -374,13 +562,38 @@ impl Stepper {
     }
 
     #[getter]
-    fn observation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.sensor_truth(py)
+    fn penetration(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
+        self.per_env(py, |env| self.simulation.contacts(env).iter().fold(0.0, |deepest: f64, (_, c)| deepest.max(-c.distance)))
     }
 
     #[getter]
-    fn sensor_truth<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.gather(py, self.simulation.model().nsensordata(), |env, row| self.simulation.sense(env, row))
+    fn observation<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.readings(py, false)
+    }
+
+    #[getter]
+    fn sensor_truth<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.readings(py, true)
+    }
+
+    #[getter]
+    fn sensors(&self, py: Python<'_>) -> Option<Py<PyAny>> {
+        self.sensors.as_ref().map(|s| s.clone_ref(py))
+    }
+
+    #[pyo3(signature = (out=None))]
+    fn observe<'py>(&mut self, py: Python<'py>, out: Option<Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+        let Some(out) = out else { return self.readings(py, false) };
+        let must = self.shape(&[self.simulation.model().nsensordata()]);
+        check_shape("out", &out.getattr("shape")?.extract::<Vec<usize>>()?, &[&must])?;
+        match out.cast::<PyArrayDyn<f64>>() {
+            Ok(exact) if exact.is_c_contiguous() => {
+                let mut held = exact.try_readwrite().map_err(|e| PyValueError::new_err(format!("out: {e}")))?;
+                self.sense(py, false, held.as_slice_mut()?)?;
+            }
+            _ => out.set_item(py.Ellipsis(), self.readings(py, false)?)?,
+        }
+        Ok(out)
     }
 
     #[getter]
@@ -421,6 +634,10 @@ impl Stepper {
     #[setter]
     fn set_mocap_quat(&mut self, py: Python<'_>, value: Bound<'_, PyAny>) -> PyResult<()> {
         self.assign(py, Applied::MocapQuat, &value)
+    }
+
+    fn memory<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        self.memory_report(py)
     }
 
     #[pyo3(signature = (env=0))]
@@ -490,6 +707,7 @@ impl Stepper {
         keywords.set_item("precision", this.precision())?;
         keywords.set_item("threads", this.threads)?;
         keywords.set_item("seed", this.seed)?;
+        keywords.set_item("sensors", this.sensors(py))?;
         let make = py.import("functools")?.getattr("partial")?.call((slf.get_type(),), Some(&keywords))?;
         let args = (this.model.clone_ref(py), this.num_envs()).into_pyobject(py)?;
         (make, args, this.__getstate__(py)?).into_pyobject(py)

@@ -61,10 +61,12 @@ impl Level {
     #[cfg(target_arch = "x86_64")]
     fn detect(self) -> bool {
         match self {
-            Level::Baseline => true,
-            Level::Avx2 => cfg!(feature = "avx2") && is_x86_feature_detected!("avx2"),
+            Level::Baseline => !cfg!(any(one_level = "avx512", one_level = "avx2")),
+            Level::Avx2 => {
+                cfg!(all(feature = "avx2", not(any(one_level = "avx512", one_level = "baseline")))) && is_x86_feature_detected!("avx2")
+            }
             Level::Avx512 => {
-                cfg!(feature = "avx512")
+                cfg!(all(feature = "avx512", not(any(one_level = "avx2", one_level = "baseline"))))
                     && is_x86_feature_detected!("avx512f")
                     && is_x86_feature_detected!("avx512dq")
                     && is_x86_feature_detected!("avx512vl")
@@ -167,19 +169,33 @@ macro_rules! at_level {
         match level {
             $crate::Level::Avx512 => $crate::__if_avx512!($run::<$crate::avx512::$lanes $(, $($extra),+)?>($($arg),*)),
             $crate::Level::Avx2 => $crate::__if_avx2!($run::<$crate::avx2::$lanes $(, $($extra),+)?>($($arg),*)),
-            $crate::Level::Baseline => $run::<$crate::array::$lanes $(, $($extra),+)?>($($arg),*),
+            $crate::Level::Baseline => $crate::__if_baseline!($run::<$crate::array::$lanes $(, $($extra),+)?>($($arg),*)),
         }
     }};
 }
 
 // A `cfg` inside `at_level!` would ask the features of the crate that uses it; these ask those of this crate.
-#[cfg(all(target_arch = "x86_64", feature = "avx2"))]
+#[cfg(not(any(one_level = "avx512", one_level = "avx2")))]
+#[doc(hidden)]
+#[macro_export]
+macro_rules! __if_baseline {
+    ($($run:tt)*) => { $($run)* };
+}
+#[cfg(any(one_level = "avx512", one_level = "avx2"))]
+#[doc(hidden)]
+#[macro_export]
+macro_rules! __if_baseline {
+    ($($run:tt)*) => {
+        unreachable!("a level that this build lacks is never available")
+    };
+}
+#[cfg(all(target_arch = "x86_64", feature = "avx2", not(any(one_level = "avx512", one_level = "baseline"))))]
 #[doc(hidden)]
 #[macro_export]
 macro_rules! __if_avx2 {
     ($($run:tt)*) => { $($run)* };
 }
-#[cfg(not(all(target_arch = "x86_64", feature = "avx2")))]
+#[cfg(not(all(target_arch = "x86_64", feature = "avx2", not(any(one_level = "avx512", one_level = "baseline")))))]
 #[doc(hidden)]
 #[macro_export]
 macro_rules! __if_avx2 {
@@ -187,13 +203,13 @@ macro_rules! __if_avx2 {
         unreachable!("a level that this build lacks is never available")
     };
 }
-#[cfg(all(target_arch = "x86_64", feature = "avx512"))]
+#[cfg(all(target_arch = "x86_64", feature = "avx512", not(any(one_level = "avx2", one_level = "baseline"))))]
 #[doc(hidden)]
 #[macro_export]
 macro_rules! __if_avx512 {
     ($($run:tt)*) => { $($run)* };
 }
-#[cfg(not(all(target_arch = "x86_64", feature = "avx512")))]
+#[cfg(not(all(target_arch = "x86_64", feature = "avx512", not(any(one_level = "avx2", one_level = "baseline")))))]
 #[doc(hidden)]
 #[macro_export]
 macro_rules! __if_avx512 {

@@ -2,22 +2,25 @@
 
 use stepper_real::{Mask, Real};
 
-/// The point of the friction cone `|x_t| <= mu x_n` nearest to `x = (n, t1, t2)`.
+/// The point of the friction cone `|x_t| <= mu x_n` nearest to `x = (n, t1, t2, ...)`.
 ///
 /// The three cases are the polar cone (answer 0), the cone itself (answer `x`) and the surface. `mu = 0` is the half line.
 #[inline(always)]
-pub fn project<R: Real>(x: [R; 3], mu: R) -> [R; 3] {
-    let [n, t1, t2] = x;
-    let tangent = (t1 * t1 + t2 * t2).sqrt();
+pub fn project<R: Real, const N: usize>(x: [R; N], mu: R) -> [R; N] {
+    let (n, mut square) = (x[0], x[1] * x[1]);
+    for &t in &x[2..] {
+        square += t * t;
+    }
+    let tangent = square.sqrt();
     // Without friction the cone is a half line, and mu n is zero on both of its sides.
     let inside = tangent.le(mu * n).and(n.ge(R::zero()));
     let polar = (mu * tangent).le(-n);
     let height = (mu * tangent + n) / (R::one() + mu * mu);
     let scale = mu * height / R::select(tangent.gt(R::zero()), tangent, R::one());
-    let on_surface = [height, t1 * scale, t2 * scale];
     let mut out = x;
-    for i in 0..3 {
-        out[i] = R::select(inside, x[i], R::select(polar, R::zero(), on_surface[i]));
+    for i in 0..N {
+        let on_surface = if i == 0 { height } else { x[i] * scale };
+        out[i] = R::select(inside, x[i], R::select(polar, R::zero(), on_surface));
     }
     out
 }
@@ -34,11 +37,14 @@ pub(crate) fn norm2<R: Real>(x: R, y: R) -> R {
     (x * x + y * y).sqrt()
 }
 
-/// `|a - b|` for 3-vectors.
+/// `|a - b|`
 #[inline(always)]
-pub(crate) fn distance3<R: Real>(a: [R; 3], b: [R; 3]) -> R {
-    let d = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
-    (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt()
+pub(crate) fn distance<R: Real, const N: usize>(a: [R; N], b: [R; N]) -> R {
+    let mut sum = (a[0] - b[0]).square();
+    for i in 1..N {
+        sum += (a[i] - b[i]).square();
+    }
+    sum.sqrt()
 }
 
 /// `x` where `m`, else zero.

@@ -6,8 +6,8 @@
 //!
 //! ```text
 //! w = sum_i y_i lambda_i             the change of the scaled velocity
-//! v_i = y_i . w + g_i                the velocity in row i; g_i = J_i v_free + bias
-//! scalar rows:   lo <= lambda <= hi, complementary to v (limits, dry friction)
+//! v_i = y_i . w + R_i lambda_i + g_i the velocity in row i; g_i = J_i v_free + bias; R_i >= 0 is its compliance, 0 when it is hard
+//! scalar rows:   lo <= lambda <= hi, complementary to v (equalities, limits, dry friction)
 //! contacts:      K contains lambda, K* contains u, lambda . u = 0   with u = v + (mu |v_t|, 0, 0)
 //! ```
 //!
@@ -18,11 +18,17 @@
 
 pub mod cone;
 mod contact;
+pub mod newton;
 mod nncg;
+mod orthogonal;
 pub mod pgs;
 mod problem;
 mod residual;
+mod tiers;
+mod wide;
 
 pub use contact::ContactBlock;
-pub use problem::{Iterate, Problem, ScalarRow};
+pub use problem::{Capacity, Iterate, Problem, ScalarRow};
 pub use residual::residual;
+pub use tiers::{Outcome, Settings, solve};
+pub use wide::WideBlock;

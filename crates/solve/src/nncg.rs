@@ -3,7 +3,7 @@
 //! With d the change that a sweep made and `beta = |d_k|^2 / |d_(k-1)|^2`: where beta <= 1, `lambda += beta p` and `p = beta p + d`; else
 //! p = 0. Lengths are those of w, so |d|^2 is twice the kinetic energy of the change. It costs about one axpy a sweep.
 
-use crate::Iterate;
+use crate::{Capacity, Iterate};
 use stepper_real::{Mask, Real};
 
 /// The search direction p, and the iterate that the next sweep starts from.
@@ -21,13 +21,18 @@ struct Unknowns<R> {
     w: Vec<R>,
     scalars: Vec<R>,
     contacts: Vec<[R; 3]>,
+    wide: Vec<[R; 6]>,
 }
 
 impl<R: Real> Direction<R> {
-    pub(crate) fn with_capacity(dimension: usize, scalars: usize, contacts: usize) -> Self {
-        let room =
-            || Unknowns { w: vec![R::zero(); dimension], scalars: Vec::with_capacity(scalars), contacts: Vec::with_capacity(contacts) };
-        Self { length: R::zero(), before: room(), p: room() }
+    pub(crate) fn new(room: &Capacity) -> Self {
+        let unknowns = || Unknowns {
+            w: vec![R::zero(); room.dimension],
+            scalars: Vec::with_capacity(room.scalars),
+            contacts: Vec::with_capacity(room.contacts),
+            wide: Vec::with_capacity(room.wide),
+        };
+        Self { length: R::zero(), before: unknowns(), p: unknowns() }
     }
 }
 
@@ -41,11 +46,15 @@ pub(crate) fn begin<R: Real>(iterate: &mut Iterate<R>) {
     before.scalars.extend_from_slice(&iterate.scalars);
     before.contacts.clear();
     before.contacts.extend_from_slice(&iterate.contacts);
+    before.wide.clear();
+    before.wide.extend_from_slice(&iterate.wide);
     p.w.fill(R::zero());
     p.scalars.clear();
     p.scalars.resize(iterate.scalars.len(), R::zero());
     p.contacts.clear();
     p.contacts.resize(iterate.contacts.len(), [R::zero(); 3]);
+    p.wide.clear();
+    p.wide.resize(iterate.wide.len(), [R::zero(); 6]);
 }
 
 /// Goes further along the direction after a sweep, in the lanes `running`.
@@ -68,6 +77,11 @@ pub(crate) fn accelerate<R: Real>(iterate: &mut Iterate<R>, running: R::Mask) {
     }
     for ((x, before), p) in iterate.contacts.iter_mut().zip(&mut before.contacts).zip(&mut p.contacts) {
         for k in 0..3 {
+            step.take(&mut x[k], &mut before[k], &mut p[k]);
+        }
+    }
+    for ((x, before), p) in iterate.wide.iter_mut().zip(&mut before.wide).zip(&mut p.wide) {
+        for k in 0..6 {
             step.take(&mut x[k], &mut before[k], &mut p[k]);
         }
     }

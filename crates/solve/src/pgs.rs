@@ -72,8 +72,8 @@ fn sweep<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, running: R::Ma
         if lanes.none() {
             continue;
         }
-        let v = problem.scalar_velocity(row, &iterate.w);
         let lambda = iterate.scalars[i];
+        let v = problem.scalar_velocity(row, &iterate.w) + row.compliance * lambda;
         let next = clamp(lambda - v * row.inv_diagonal, row.lo, row.hi);
         let d = keep(lanes, next - lambda);
         iterate.scalars[i] = R::select(lanes, next, lambda);
@@ -103,6 +103,37 @@ fn sweep<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, running: R::Ma
         iterate.slip[i] = R::select(lanes, slip, iterate.slip[i]);
         problem.add_contact(block, d, &mut iterate.w);
         change = change.max(d[0].abs().max(d[1].abs()).max(d[2].abs()) * block.inv_rho);
+    }
+    if problem.wide.is_empty() { change } else { change.max(sweep_wide(problem, iterate, running, exact)) }
+}
+
+/// The visits of the contacts with six rows.
+#[inline(always)]
+fn sweep_wide<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, running: R::Mask, exact: R::Mask) -> R {
+    let mut change = R::zero();
+    for (i, block) in problem.wide.iter().enumerate() {
+        let lanes = running.and(block.active);
+        if lanes.none() {
+            continue;
+        }
+        let v = problem.wide_velocity(block, &iterate.w);
+        let lambda = iterate.wide[i];
+        let (mut next, slip) = block.solve(v, lambda, iterate.wide_slip[i], lanes);
+        if lanes.and_not(exact).any() {
+            let weak = block.relax(v, lambda);
+            for k in 0..6 {
+                next[k] = R::select(exact, next[k], weak[k]);
+            }
+        }
+        let (mut d, mut most) = (lambda, R::zero());
+        for k in 0..6 {
+            d[k] = keep(lanes, next[k] - lambda[k]);
+            most = most.max(d[k].abs());
+            iterate.wide[i][k] = R::select(lanes, next[k], lambda[k]);
+        }
+        iterate.wide_slip[i] = R::select(lanes, slip, iterate.wide_slip[i]);
+        problem.add_wide(block, d, &mut iterate.w);
+        change = change.max(most * block.inv_rho);
     }
     change
 }

@@ -2,11 +2,11 @@
 
 use std::ops::Range;
 
-use crate::ContactBlock;
 use crate::nncg::Direction;
+use crate::{ContactBlock, WideBlock};
 use stepper_real::{Mask, Real};
 
-/// A bounded scalar row: a joint limit (`0 <= lambda`), or dry friction (`|lambda| <= h f`).
+/// A bounded scalar row: an equality (any lambda), a limit (`0 <= lambda`), or dry friction (`|lambda| <= h f`).
 #[derive(Clone, Debug)]
 pub struct ScalarRow<R: Real> {
     pub(crate) support: Range<usize>,
@@ -19,10 +19,29 @@ pub struct ScalarRow<R: Real> {
     pub lo: R,
     /// Greatest impulse.
     pub hi: R,
-    /// Diagonal entry of G.
+    /// Compliance R, at least 0: the velocity that the row gives way by per unit of impulse, on top of what the bodies do. 0 is hard.
+    pub compliance: R,
+    /// Diagonal entry of G, compliance included.
     pub(crate) diagonal: R,
     /// Its inverse; 1 where the row does not exist or cannot move.
     pub(crate) inv_diagonal: R,
+}
+
+/// How much a problem and its iterate reserve, so that filling them allocates nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Capacity {
+    /// Coordinates of w.
+    pub dimension: usize,
+    /// Scalar rows.
+    pub scalars: usize,
+    /// Entries of all scalar rows together.
+    pub scalar_entries: usize,
+    /// Contacts.
+    pub contacts: usize,
+    /// Contacts with six rows.
+    pub wide: usize,
+    /// Coordinates that one contact can touch in any of its lanes.
+    pub contact_support: usize,
 }
 
 /// The constraint problem of one step, for every lane.
@@ -33,24 +52,35 @@ pub struct ScalarRow<R: Real> {
 pub struct Problem<R: Real> {
     dimension: usize,
     support: Vec<u32>,
-    y: Vec<R>,
+    pub(crate) y: Vec<R>,
     y3: Vec<[R; 3]>,
-    /// Limits and dry friction, swept first.
+    y6: Vec<[R; 6]>,
+    /// Equalities, limits and dry friction, swept first.
     pub scalars: Vec<ScalarRow<R>>,
     /// Contacts.
     pub contacts: Vec<ContactBlock<R>>,
+    /// Contacts with torsional or rolling friction, swept last.
+    pub wide: Vec<WideBlock<R>>,
 }
 
 impl<R: Real> Problem<R> {
-    /// An empty problem in `dimension` coordinates, with room for so many rows, so that filling it allocates nothing.
+    /// An empty problem in `dimension` coordinates, with room for so many rows that may touch every coordinate.
     pub fn with_capacity(dimension: usize, scalars: usize, contacts: usize) -> Self {
+        Self::new(&Capacity { dimension, scalars, scalar_entries: scalars * dimension, contacts, wide: 0, contact_support: dimension })
+    }
+
+    /// An empty problem with that room.
+    pub fn new(room: &Capacity) -> Self {
+        let contact_entries = room.contacts * room.contact_support;
         Self {
-            dimension,
-            support: Vec::with_capacity((scalars + contacts) * dimension),
-            y: Vec::with_capacity(scalars * dimension),
-            y3: Vec::with_capacity(contacts * dimension),
-            scalars: Vec::with_capacity(scalars),
-            contacts: Vec::with_capacity(contacts),
+            dimension: room.dimension,
+            support: Vec::with_capacity(room.scalar_entries + contact_entries + room.wide * room.contact_support),
+            y: Vec::with_capacity(room.scalar_entries),
+            y3: Vec::with_capacity(contact_entries),
+            y6: Vec::with_capacity(room.wide * room.contact_support),
+            scalars: Vec::with_capacity(room.scalars),
+            contacts: Vec::with_capacity(room.contacts),
+            wide: Vec::with_capacity(room.wide),
         }
     }
 
@@ -62,6 +92,8 @@ impl<R: Real> Problem<R> {
         self.y3.clear();
         self.scalars.clear();
         self.contacts.clear();
+        self.y6.clear();
+        self.wide.clear();
     }
 
     /// Number of coordinates of w.
@@ -73,7 +105,7 @@ impl<R: Real> Problem<R> {
     /// Whether there is no row at all.
     #[inline(always)]
     pub fn is_empty(&self) -> bool {
-        self.scalars.is_empty() && self.contacts.is_empty()
+        self.scalars.is_empty() && self.contacts.is_empty() && self.wide.is_empty()
     }
 
     /// Adds a scalar row with the entries `y` at the coordinates `support` (ascending).
@@ -97,9 +129,20 @@ impl<R: Real> Problem<R> {
             g,
             lo: bounds[0],
             hi: bounds[1],
+            compliance: R::zero(),
             diagonal,
             inv_diagonal: R::one() / R::select(movable, diagonal, R::one()),
         });
+    }
+
+    /// Gives the scalar row that was pushed last the compliance R >= 0.
+    #[inline(always)]
+    pub fn soften(&mut self, compliance: R) {
+        if let Some(row) = self.scalars.last_mut() {
+            row.compliance = compliance;
+            row.diagonal += compliance;
+            row.inv_diagonal = R::one() / R::select(row.diagonal.gt(R::zero()), row.diagonal, R::one());
+        }
     }
 
     /// Adds a contact whose rows (n, t1, t2) have the entries `y` at the coordinates `support` (ascending).
@@ -119,6 +162,25 @@ impl<R: Real> Problem<R> {
         self.contacts.push(ContactBlock::new(s0..s0 + support.len(), y0, gram, active, mu, g));
     }
 
+    /// Adds a contact whose rows (n, t1, t2, spin, roll1, roll2), scaled so that their friction is `mu` in all, have the entries `y` at the
+    /// coordinates `support` (ascending).
+    #[inline(always)]
+    pub fn push_wide(&mut self, support: &[u32], y: impl Fn(usize) -> [R; 6], active: R::Mask, mu: R, g: [R; 6]) {
+        let (s0, y0) = (self.support.len(), self.y6.len());
+        let mut gram = [[R::zero(); 6]; 6];
+        for &c in support {
+            let y = y(c as usize);
+            self.support.push(c);
+            self.y6.push(y);
+            for i in 0..6 {
+                for j in i..6 {
+                    gram[i][j] += y[i] * y[j];
+                }
+            }
+        }
+        self.wide.push(WideBlock::new(s0..s0 + support.len(), y0, &gram, active, mu, g));
+    }
+
     /// Coordinates and entries of a scalar row.
     #[inline(always)]
     pub(crate) fn scalar_entries(&self, row: &ScalarRow<R>) -> (&[u32], &[R]) {
@@ -133,7 +195,7 @@ impl<R: Real> Problem<R> {
         (support, &self.y3[block.y..block.y + support.len()])
     }
 
-    /// Velocity of a scalar row for the scaled velocity change w.
+    /// Velocity of a scalar row for the scaled velocity change w, but for what its compliance gives way.
     #[inline(always)]
     pub fn scalar_velocity(&self, row: &ScalarRow<R>, w: &[R]) -> R {
         let (support, y) = self.scalar_entries(row);
@@ -156,6 +218,43 @@ impl<R: Real> Problem<R> {
             v[2] += y[2] * w;
         }
         [v[0] + block.g[0], v[1] + block.g[1], v[2] + block.g[2]]
+    }
+
+    /// Coordinates and entries of a contact with six rows.
+    #[inline(always)]
+    pub(crate) fn wide_entries(&self, block: &WideBlock<R>) -> (&[u32], &[[R; 6]]) {
+        let support = &self.support[block.support.clone()];
+        (support, &self.y6[block.y..block.y + support.len()])
+    }
+
+    /// Velocity of a contact with six rows for the scaled velocity change w.
+    #[inline(always)]
+    pub fn wide_velocity(&self, block: &WideBlock<R>, w: &[R]) -> [R; 6] {
+        let (support, y) = self.wide_entries(block);
+        let mut v = [R::zero(); 6];
+        for (&c, y) in support.iter().zip(y) {
+            let w = w[c as usize];
+            for k in 0..6 {
+                v[k] += y[k] * w;
+            }
+        }
+        for k in 0..6 {
+            v[k] += block.g[k];
+        }
+        v
+    }
+
+    /// w += Y d for a contact with six rows.
+    #[inline(always)]
+    pub(crate) fn add_wide(&self, block: &WideBlock<R>, d: [R; 6], w: &mut [R]) {
+        let (support, y) = self.wide_entries(block);
+        for (&c, y) in support.iter().zip(y) {
+            let mut sum = y[0] * d[0];
+            for k in 1..6 {
+                sum += y[k] * d[k];
+            }
+            w[c as usize] += sum;
+        }
     }
 
     /// w += y d for a scalar row.
@@ -186,20 +285,30 @@ pub struct Iterate<R: Real> {
     pub scalars: Vec<R>,
     /// Impulses of the contacts in their frames (n, t1, t2), N s.
     pub contacts: Vec<[R; 3]>,
+    /// Impulses of the contacts with six rows, as those are scaled, N s.
+    pub wide: Vec<[R; 6]>,
     /// Multiplier of the friction disc in each contact, the starting point of the next local solve; 0 while it sticks.
     pub(crate) slip: Vec<R>,
+    pub(crate) wide_slip: Vec<R>,
     pub(crate) direction: Direction<R>,
 }
 
 impl<R: Real> Iterate<R> {
     /// Room for the unknowns of a problem with so many rows.
     pub fn with_capacity(dimension: usize, scalars: usize, contacts: usize) -> Self {
+        Self::new(&Capacity { dimension, scalars, contacts, ..Capacity::default() })
+    }
+
+    /// Room for the unknowns of a problem with that room.
+    pub fn new(room: &Capacity) -> Self {
         Self {
-            w: vec![R::zero(); dimension],
-            scalars: Vec::with_capacity(scalars),
-            contacts: Vec::with_capacity(contacts),
-            slip: Vec::with_capacity(contacts),
-            direction: Direction::with_capacity(dimension, scalars, contacts),
+            w: vec![R::zero(); room.dimension],
+            scalars: Vec::with_capacity(room.scalars),
+            contacts: Vec::with_capacity(room.contacts),
+            wide: Vec::with_capacity(room.wide),
+            slip: Vec::with_capacity(room.contacts),
+            wide_slip: Vec::with_capacity(room.wide),
+            direction: Direction::new(room),
         }
     }
 
@@ -209,6 +318,8 @@ impl<R: Real> Iterate<R> {
         self.scalars.clear();
         self.contacts.clear();
         self.slip.clear();
+        self.wide.clear();
+        self.wide_slip.clear();
     }
 
     /// Makes w consistent with the impulses.
@@ -221,6 +332,10 @@ impl<R: Real> Iterate<R> {
         for (block, &lambda) in problem.contacts.iter().zip(&self.contacts) {
             problem.add_contact(block, lambda, &mut self.w);
         }
+        for (block, &lambda) in problem.wide.iter().zip(&self.wide) {
+            problem.add_wide(block, lambda, &mut self.w);
+        }
         self.slip.resize(problem.contacts.len(), R::zero());
+        self.wide_slip.resize(problem.wide.len(), R::zero());
     }
 }

@@ -1,16 +1,16 @@
 //! The certificate: how far the impulses are from solving the problem, in m/s.
 
-use crate::cone::{clamp, distance3, keep, norm2, project};
+use crate::cone::{clamp, distance, keep, norm2, project};
 use crate::{Iterate, Problem};
 use stepper_real::Real;
 
 /// Natural-map residual of the exact Coulomb problem, per lane, m/s (rad/s for angular rows):
-/// `max_i |lambda_i - P_K(lambda_i - rho_i u_i)| / rho_i` with `rho_i = 3 / trace(G_ii)` and De Saxce's `u = v + (mu |v_t|, 0, 0)`.
+/// `max_i |lambda_i - P_K(lambda_i - rho_i u_i)| / rho_i` with `rho_i = n / trace(G_ii)` for n rows and De Saxce's `u = v + (mu |v_t|, 0, 0)`.
 #[inline(always)]
 pub fn residual<R: Real>(problem: &Problem<R>, iterate: &Iterate<R>) -> R {
     let mut worst = R::zero();
     for (row, &lambda) in problem.scalars.iter().zip(&iterate.scalars) {
-        let v = problem.scalar_velocity(row, &iterate.w);
+        let v = problem.scalar_velocity(row, &iterate.w) + row.compliance * lambda;
         let mapped = clamp(lambda - row.inv_diagonal * v, row.lo, row.hi);
         worst = worse(worst, keep(row.active, (lambda - mapped).abs() * row.diagonal));
     }
@@ -19,7 +19,20 @@ pub fn residual<R: Real>(problem: &Problem<R>, iterate: &Iterate<R>) -> R {
         let u = [v[0] + block.mu * norm2(v[1], v[2]), v[1], v[2]];
         let moved = [lambda[0] - block.rho * u[0], lambda[1] - block.rho * u[1], lambda[2] - block.rho * u[2]];
         let mapped = project(moved, block.mu);
-        worst = worse(worst, keep(block.active, distance3(lambda, mapped) * block.inv_rho));
+        worst = worse(worst, keep(block.active, distance(lambda, mapped) * block.inv_rho));
+    }
+    for (block, &lambda) in problem.wide.iter().zip(&iterate.wide) {
+        let v = problem.wide_velocity(block, &iterate.w);
+        let mut slip = v[1] * v[1];
+        for &v in &v[2..] {
+            slip += v * v;
+        }
+        let mut moved = lambda;
+        for k in 0..6 {
+            moved[k] -= block.rho * v[k];
+        }
+        moved[0] -= block.rho * (block.mu * slip.sqrt());
+        worst = worse(worst, keep(block.active, distance(lambda, project(moved, block.mu)) * block.inv_rho));
     }
     worst
 }

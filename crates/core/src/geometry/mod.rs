@@ -2,8 +2,15 @@
 //!
 //! Normals point from the first geom to the second, positions are halfway between the surfaces.
 
+mod boxes;
+pub mod convex;
+mod cylinder;
+mod ellipsoid;
 mod plane;
 mod segments;
 
+pub use boxes::{Cuboid, capsule_box, sphere_box};
+pub use cylinder::{Cylinder, cylinder_rims, plane_point, sphere_cylinder};
+pub use ellipsoid::{Ellipsoid, plane_ellipsoid};
 pub use plane::{plane_box, plane_sphere};
 pub use segments::{Segment, segments};

@@ -2,15 +2,27 @@
 
 mod actuator;
 mod body;
+mod equality;
 mod geom;
 mod joint;
+mod tendon;
 
-use super::{Keyframe, Model, ModelError, Pair, Sensor, SensorKind, Tendon};
+use super::{HeightField, Keyframe, Medium, Mesh, Model, ModelError, Pair, Sensor, SensorKind, Site};
 
 pub use actuator::ActuatorBuilder;
 pub use body::BodyBuilder;
+pub use equality::EqualityBuilder;
 pub use geom::GeomBuilder;
 pub use joint::JointBuilder;
+pub use tendon::TendonBuilder;
+
+/// What a sensor that was added by name reads.
+#[derive(Clone, Debug)]
+enum Reading {
+    Position(String),
+    Velocity(String),
+    Kind(SensorKind),
+}
 
 /// Index of the world body.
 pub const WORLD: usize = 0;
@@ -50,8 +62,10 @@ pub struct ModelBuilder {
     model: Model,
     bodies: Vec<BodyBuilder>,
     actuators: Vec<ActuatorBuilder>,
-    sensors: Vec<(String, String, bool)>,
-    tendons: Vec<(String, Vec<(String, f64)>)>,
+    sites: Vec<Site>,
+    sensors: Vec<(String, Reading)>,
+    tendons: Vec<TendonBuilder>,
+    equalities: Vec<EqualityBuilder>,
     pairs: Vec<([String; 2], [f64; 3])>,
     excludes: Vec<[String; 2]>,
 }
@@ -64,13 +78,19 @@ impl Model {
                 name: name.into(),
                 timestep: 0.002,
                 gravity: [0.0, 0.0, -9.81],
+                magnetic: [0.0, -0.5, 0.0],
+                medium: Medium::default(),
                 bodies: vec![],
                 joints: vec![],
                 geoms: vec![],
+                meshes: vec![],
+                height_fields: vec![],
                 pairs: vec![],
                 excludes: vec![],
                 tendons: vec![],
+                equalities: vec![],
                 actuators: vec![],
+                sites: vec![],
                 sensors: vec![],
                 keyframes: vec![],
                 qpos0: vec![],
@@ -79,8 +99,10 @@ impl Model {
             },
             bodies: vec![BodyBuilder::new("world")],
             actuators: vec![],
+            sites: vec![],
             sensors: vec![],
             tendons: vec![],
+            equalities: vec![],
             pairs: vec![],
             excludes: vec![],
         }
@@ -97,6 +119,12 @@ impl ModelBuilder {
     /// Sets the gravitational acceleration in the world frame, m/s^2.
     pub fn gravity(&mut self, acceleration: [f64; 3]) -> &mut Self {
         self.model.gravity = acceleration;
+        self
+    }
+
+    /// Fills the space between the bodies: density (kg/m^3), viscosity (Pa s) and velocity (m/s).
+    pub fn medium(&mut self, density: f64, viscosity: f64, wind: [f64; 3]) -> &mut Self {
+        self.model.medium = Medium { density, viscosity, wind };
         self
     }
 
@@ -118,7 +146,18 @@ impl ModelBuilder {
 
     /// Adds a fixed tendon: a linear combination of the positions of hinges and slides, by name.
     pub fn tendon(&mut self, name: &str, joints: &[(&str, f64)]) -> &mut Self {
-        self.tendons.push((name.into(), joints.iter().map(|&(j, c)| (j.into(), c)).collect()));
+        self.fixed_tendon(TendonBuilder::new(name, joints))
+    }
+
+    /// Adds a fixed tendon with limits, springs and the like.
+    pub fn fixed_tendon(&mut self, tendon: TendonBuilder) -> &mut Self {
+        self.tendons.push(tendon);
+        self
+    }
+
+    /// Adds an equality.
+    pub fn equality(&mut self, equality: EqualityBuilder) -> &mut Self {
+        self.equalities.push(equality);
         self
     }
 
@@ -130,13 +169,30 @@ impl ModelBuilder {
 
     /// Adds a sensor of a joint's position.
     pub fn position_sensor(&mut self, name: &str, joint: &str) -> &mut Self {
-        self.sensors.push((name.into(), joint.into(), true));
+        self.sensors.push((name.into(), Reading::Position(joint.into())));
         self
     }
 
     /// Adds a sensor of a joint's velocity.
     pub fn velocity_sensor(&mut self, name: &str, joint: &str) -> &mut Self {
-        self.sensors.push((name.into(), joint.into(), false));
+        self.sensors.push((name.into(), Reading::Velocity(joint.into())));
+        self
+    }
+
+    /// Fixes a site to a body that was made before, or to the [`WORLD`], and gives its index for [`SensorKind`].
+    ///
+    /// # Panics
+    /// When there is no such body.
+    pub fn site(&mut self, body: usize, mut site: Site) -> usize {
+        assert!(body < self.bodies.len(), "site {:?} on body {body} of {}", site.name, self.bodies.len());
+        site.body = body;
+        self.sites.push(site);
+        self.sites.len() - 1
+    }
+
+    /// Adds a sensor of any kind; the indices in it are those of the finished model, and earlier calls' for sites.
+    pub fn sensor(&mut self, name: &str, kind: SensorKind) -> &mut Self {
+        self.sensors.push((name.into(), Reading::Kind(kind)));
         self
     }
 
@@ -149,6 +205,18 @@ impl ModelBuilder {
     /// Keeps the geoms of two bodies from colliding.
     pub fn exclude(&mut self, body_a: &str, body_b: &str) -> &mut Self {
         self.excludes.push([body_a.into(), body_b.into()]);
+        self
+    }
+
+    /// Adds a mesh for [`GeomBuilder::mesh`]: vertices in m; faces, counter-clockwise seen from outside, are needed where it is concave.
+    pub fn mesh(&mut self, name: &str, vertices: &[[f64; 3]], faces: &[[u32; 3]]) -> &mut Self {
+        self.model.meshes.push(Mesh { name: name.into(), vertices: vertices.to_vec(), faces: faces.to_vec() });
+        self
+    }
+
+    /// Adds a height field for [`GeomBuilder::height_field`].
+    pub fn height_field(&mut self, field: HeightField) -> &mut Self {
+        self.model.height_fields.push(field);
         self
     }
 
@@ -172,19 +240,27 @@ impl ModelBuilder {
         for (index, builder) in self.bodies.iter().enumerate() {
             builder.add_to(&mut model, index);
         }
-        for (name, joints) in &self.tendons {
-            let place = format!("tendon {name:?}");
-            let joints = joints.iter().map(|(j, c)| Ok((find_joint(&model, j, &place)?, *c))).collect::<Result<_, ModelError>>()?;
-            model.tendons.push(Tendon { name: name.clone(), joints });
+        for builder in &self.tendons {
+            let tendon = builder.resolve(&model)?;
+            model.tendons.push(tendon);
+        }
+        for builder in &self.equalities {
+            let equality = builder.resolve(&model)?;
+            model.equalities.push(equality);
         }
         for builder in &self.actuators {
             let actuator = builder.resolve(&model)?;
             model.actuators.push(actuator);
         }
-        for (name, joint, position) in &self.sensors {
-            let joint = find_joint(&model, joint, &format!("sensor {name:?}"))?;
-            let kind = if *position { SensorKind::JointPos(joint) } else { SensorKind::JointVel(joint) };
-            model.sensors.push(Sensor { name: name.clone(), kind });
+        model.sites.clone_from(&self.sites);
+        for (name, reading) in &self.sensors {
+            let place = format!("sensor {name:?}");
+            let kind = match reading {
+                Reading::Position(joint) => SensorKind::JointPos(find_joint(&model, joint, &place)?),
+                Reading::Velocity(joint) => SensorKind::JointVel(find_joint(&model, joint, &place)?),
+                Reading::Kind(kind) => kind.clone(),
+            };
+            model.sensors.push(Sensor::ideal(name, kind));
         }
         self.add_pairs(&mut model)?;
         Ok(model)
@@ -196,7 +272,8 @@ impl ModelBuilder {
             let geoms = [a?, b?];
             let [g, h] = geoms.map(|k| &model.geoms[k]);
             let (margin, gap, restitution) = (g.margin + h.margin, g.gap + h.gap, g.restitution.max(h.restitution));
-            model.pairs.push(Pair { name: String::new(), geoms, condim: 3, friction: *friction, restitution, margin, gap });
+            let condim = g.condim.max(h.condim);
+            model.pairs.push(Pair { name: String::new(), geoms, condim, friction: *friction, restitution, margin, gap });
         }
         for names in &self.excludes {
             let [a, b] = names.each_ref().map(|n| find(model.bodies.iter().map(|b| &b.name), n, "body", "exclude"));

@@ -5,7 +5,7 @@ use std::fmt::Display;
 
 use super::Kernel;
 use super::pairs::{Verdict, weld_groups};
-use super::{Activation, JointKind, Model, SensorKind};
+use super::{Activation, JointKind, Model};
 
 /// Phenomena that no rigid-body simulator has, whatever the scene.
 const BEYOND: [&str; 7] = [
@@ -13,7 +13,7 @@ const BEYOND: [&str; 7] = [
     "impacts that take time: a collision is instantaneous, its loss of energy one coefficient of restitution",
     "friction beyond Coulomb's law: no static peak, no dependence on speed, temperature, humidity, wear or lubrication",
     "joints with play, flexible gears and links, backlash, friction that depends on load",
-    "air and water around the bodies, cables, cloth, soil and other granular or soft matter",
+    "flow of air and water (drag and lift, if any, are formulas of each body's own velocity), cables, cloth, soil and other soft matter",
     "motors and their electronics: heat, saturation, cogging, bus voltage, unless the actuator's numbers say so",
     "adhesion, magnetism, electrostatics",
 ];
@@ -36,7 +36,7 @@ impl Model {
             self.gravity
         );
         let (modelled, absent): (Vec<_>, Vec<_>) =
-            [self.links(), self.joint_kinds(), self.collision(), self.joint_forces(), self.drives(), self.readings()]
+            [self.links(), self.joint_kinds(), self.collision(), self.joint_forces(), self.loops(), self.drives(), self.readings()]
                 .concat()
                 .into_iter()
                 .partition(|line| line.present);
@@ -89,7 +89,8 @@ impl Model {
             pairs.iter().partition(|p| Kernel::of(&self.geoms[p.geoms[0]].shape, &self.geoms[p.geoms[1]].shape).is_some());
         let slick = kept.iter().filter(|p| p.condim == 1).count();
         let bouncing = kept.iter().filter(|p| p.restitution > 0.0).count();
-        let rough = kept.len() - slick;
+        let turning = kept.iter().filter(|p| p.condim > 3).count();
+        let rough = kept.len() - slick - turning;
         vec![
             Line::new(
                 kept.len(),
@@ -102,6 +103,11 @@ impl Model {
                 "collision pairs of shapes that are not simulated yet",
             ),
             Line::new(rough, format!("{rough} pairs with sliding friction: 3 rows a contact, the exact circular Coulomb cone"), "friction"),
+            Line::new(
+                turning,
+                format!("{turning} pairs with torsional or rolling friction too: 6 rows a contact, one elliptic cone"),
+                "torsional or rolling friction",
+            ),
             Line::new(slick, format!("{slick} frictionless pairs: 1 row a contact"), "frictionless contacts"),
             Line::new(bouncing, format!("{bouncing} pairs bounce (Newton's restitution)"), "restitution"),
         ]
@@ -113,13 +119,46 @@ impl Model {
             Line::list(what, joints)
         };
         vec![
-            with("joint limits", &|j| j.range.is_some() && matches!(j.kind, JointKind::Hinge | JointKind::Slide)),
+            with("joint limits", &|j| j.range.is_some()),
             with("joint springs", &|j| j.stiffness != 0.0),
             with("joint damping", &|j| j.damping != 0.0),
             with("rotor inertia", &|j| j.armature != 0.0),
             with("dry friction in joints", &|j| j.frictionloss != 0.0),
             with("bounds of the sum of actuator forces", &|j| j.actuator_force_range.is_some()),
+            self.surroundings(),
+            Line::list(
+                "bodies whose weight is held up",
+                of(self.bodies.len(), &|b| self.bodies[b].gravcomp != 0.0, &|b| self.body_label(b)),
+            ),
+            Line::list(
+                "geoms with a moving surface",
+                of(self.geoms.len(), &|g| self.geoms[g].surface_velocity != [0.0; 6], &|g| self.geom_label(g)),
+            ),
         ]
+    }
+
+    fn loops(&self) -> Vec<Line> {
+        let named = |active: bool, hard: bool| {
+            let chosen = self.equalities.iter().enumerate();
+            let chosen = chosen.filter(move |(_, e)| e.active == active && (!active || e.stiffness.is_infinite() == hard));
+            chosen.map(|(i, e)| format!("{} ({})", super::label(&e.name, i), e.kind.name()))
+        };
+        vec![
+            Line::list("hard equalities", named(true, true)),
+            Line::list("soft equalities", named(true, false)),
+            Line::list("equalities that are switched off", named(false, true)),
+        ]
+    }
+
+    fn surroundings(&self) -> Line {
+        let m = &self.medium;
+        let ellipsoids = self.geoms.iter().filter(|g| g.fluid.is_some()).count();
+        let shapes = match ellipsoids {
+            0 => "every body as the box of its inertia".to_owned(),
+            n => format!("{n} geoms as ellipsoids, other bodies as the boxes of their inertia"),
+        };
+        let text = format!("drag of a medium of {} kg/m^3 and {} Pa s with the wind {:?} m/s: {shapes}", m.density, m.viscosity, m.wind);
+        Line::new(usize::from(m.acts()), text, "drag of air or water")
     }
 
     fn drives(&self) -> Vec<Line> {
@@ -127,19 +166,28 @@ impl Model {
             let chosen = self.actuators.iter().enumerate().filter(move |(_, a)| (a.activation != Activation::None) == active);
             chosen.map(|(i, a)| super::label(&a.name, i))
         };
-        let tendons = self.tendons.iter().enumerate().map(|(i, t)| super::label(&t.name, i));
+        let tendons = |has: fn(&super::Tendon) -> bool| {
+            self.tendons.iter().enumerate().filter(move |(_, t)| has(t)).map(|(i, t)| super::label(&t.name, i))
+        };
         vec![
             Line::list("actuators without activation", names(false)),
             Line::list("actuators with activation", names(true)),
-            Line::list("fixed tendons", tendons),
+            Line::list("fixed tendons", tendons(|_| true)),
+            Line::list("limits of fixed tendons", tendons(|t| t.range.is_some())),
+            Line::list(
+                "springs, dampers and inertia of fixed tendons, implicit",
+                tendons(|t| t.stiffness > 0.0 || t.damping > 0.0 || t.armature > 0.0),
+            ),
+            Line::list("dry friction in fixed tendons", tendons(|t| t.frictionloss > 0.0)),
         ]
     }
 
     fn readings(&self) -> Vec<Line> {
-        let count = |position: bool| self.sensors.iter().filter(|s| matches!(s.kind, SensorKind::JointPos(_)) == position).count();
+        let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+        self.sensors.iter().for_each(|s| *counts.entry(s.word()).or_default() += 1);
+        let kinds: Vec<String> = counts.into_iter().map(|(word, n)| format!("{n} {word}")).collect();
         vec![
-            Line::new(count(true), format!("{} sensors of joint positions", count(true)), "sensors of joint positions"),
-            Line::new(count(false), format!("{} sensors of joint velocities", count(false)), "sensors of joint velocities"),
+            Line::new(self.sensors.len(), format!("{} sensors: {}", self.sensors.len(), kinds.join(", ")), "sensors"),
             Line::list("keyframes", self.keyframes.iter().enumerate().map(|(i, k)| super::label(&k.name, i))),
         ]
     }
@@ -182,6 +230,11 @@ impl Line {
     }
 }
 
+/// Labels of the elements, of so many, that have something.
+fn of<'a>(count: usize, has: &'a dyn Fn(usize) -> bool, label: &'a dyn Fn(usize) -> String) -> impl Iterator<Item = String> + 'a {
+    (0..count).filter(move |&i| has(i)).map(label)
+}
+
 /// The first names of a list.
 fn short(names: impl Iterator<Item = impl Display>) -> String {
     const SHOWN: usize = 12;
@@ -201,7 +254,7 @@ fn section(title: &str, lines: &[String]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::finish::tests::rich;
+    use super::super::finish::tests::{hollow, rich};
     use super::super::{BodyBuilder, GeomBuilder, JointBuilder, WORLD};
     use super::*;
 
@@ -232,7 +285,7 @@ mod tests {
             "1 dry friction in joints: shoulder",
             "1 actuators with activation: servo",
             "1 actuators without activation: pull",
-            "1 sensors of joint positions",
+            "2 sensors: 1 jointpos, 1 jointvel",
         ] {
             assert!(has(&modelled, part), "{part:?} in\n{text}");
         }
@@ -262,8 +315,7 @@ mod tests {
 
     #[test]
     fn omissions_are_told_apart() {
-        let mut model = rich();
-        model.joints[3].range = Some([0.0, 1.0]);
+        let mut model = hollow();
         let sensor = |name: &str| super::super::Omission {
             kind: "sensor gyro".into(),
             name: name.into(),
@@ -272,7 +324,7 @@ mod tests {
         };
         model.omitted = vec![sensor("left"), sensor("right")];
         let text = model.finish(false).unwrap().explain();
-        assert!(has(&lines(&text, "Left out, and the motion is different for it"), "joint limit socket: "), "{text}");
+        assert!(has(&lines(&text, "Left out, and the motion is different for it"), "collision rivet: "), "{text}");
         assert_eq!(lines(&text, "Left out, not counted as a change of the motion"), ["sensor gyro left, right: not read yet"]);
     }
 }

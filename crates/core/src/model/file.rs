@@ -17,7 +17,7 @@ use super::{Model, ModelError};
 const MAGIC: [u8; 8] = *b"stepper\xff";
 
 /// Version of the format of saved models; changes whenever [`Model`] does.
-pub const FORMAT_VERSION: u32 = 1;
+pub const FORMAT_VERSION: u32 = 5;
 
 const HEADER: usize = 8 + 4 + 32;
 const MEMORY: &str = "saved model";
@@ -140,7 +140,7 @@ mod tests {
         assert!(text(b"<mujoco/>").contains("not a saved stepper model"));
         let mut other = rich().to_bytes();
         other[8] = 77;
-        assert!(text(&other).contains("format version 77, this stepper reads 1") && text(&other).contains("save it again"));
+        assert!(text(&other).contains("format version 77, this stepper reads 5") && text(&other).contains("save it again"));
         let mut damaged = rich().to_bytes();
         *damaged.last_mut().unwrap() ^= 1;
         assert!(text(&damaged).contains("damaged"));

@@ -3,8 +3,9 @@
 mod check;
 mod inertia;
 mod scope;
+mod sensors;
 
-use super::{JointKind, Model, ModelError, label};
+use super::{EqualityKind, JointKind, Model, ModelError, label};
 
 /// How far from 1 the length of a quaternion or axis may be and still be taken for rounding in the source.
 const SLOPPY: f64 = 1e-3;
@@ -48,6 +49,15 @@ impl Model {
         }
         for (i, geom) in self.geoms.iter_mut().enumerate() {
             unit(&mut geom.quat, &format!("geom {:?}", label(&geom.name, i)), "quaternion")?;
+        }
+        for (i, site) in self.sites.iter_mut().enumerate() {
+            unit(&mut site.quat, &format!("site {:?}", label(&site.name, i)), "quaternion")?;
+        }
+        for (i, equality) in self.equalities.iter_mut().enumerate() {
+            let place = format!("equality {:?}", label(&equality.name, i));
+            if let EqualityKind::Weld { relpose, .. } = &mut equality.kind {
+                unit(relpose, &place, "quaternion relpose")?;
+            }
         }
         let addresses = self.joint_addresses();
         for (i, joint) in self.joints.iter_mut().enumerate() {
@@ -108,7 +118,11 @@ pub(super) mod tests {
         );
         scene.body(arm, BodyBuilder::new("plate").geom(GeomBuilder::sphere("rivet", 0.01)));
         scene.body(WORLD, BodyBuilder::new("hand").mocap().geom(GeomBuilder::sphere("palm", 0.05)));
-        scene.tendon("belt", &[("shoulder", 1.0), ("reach", -0.5)]);
+        let belt = TendonBuilder::new("belt", &[("shoulder", 1.0), ("reach", -0.5)]).range(-3.0, 3.0).stiffness(0.5).damping(0.1);
+        scene.fixed_tendon(belt.armature(0.01).frictionloss(0.02));
+        scene.equality(EqualityBuilder::connect("pin", ["lamp", "world"], [[0.1, 0.0, 0.0], [0.1, 0.0, 2.0]]).inactive());
+        scene.equality(EqualityBuilder::weld("grip", ["ball", "hand"], [[0.0; 3]; 2], [1.0, 0.0, 0.0, 0.0]).soft(100.0, 1.0));
+        scene.equality(EqualityBuilder::joint("couple", "reach", Some("shoulder"), [0.0, 0.5, 0.0, 0.0, 0.0]).inactive());
         scene
             .actuator(ActuatorBuilder::position("servo", "shoulder", 20.0, 1.0).ctrl_range(-1.0, 1.0).activation(Activation::Filter(0.05)));
         scene.actuator(ActuatorBuilder::motor("pull", "belt").on_tendon().gear(3.0).force_range(-2.0, 2.0));
@@ -117,6 +131,21 @@ pub(super) mod tests {
         let (qpos, qvel) = ([1.0, 0.0, 0.1, 1.0, 0.0, 0.0, 0.0, 0.5, 0.1, 1.0, 0.0, 0.0, 0.0].to_vec(), vec![0.0; 11]);
         scene.keyframe(Keyframe { name: "home".into(), time: 0.0, qpos, qvel, act: vec![0.1], ctrl: vec![0.1, 0.0] });
         scene.finish().unwrap()
+    }
+
+    /// A tetrahedron with one face.
+    fn rock() -> Mesh {
+        let vertices = vec![[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1], [-0.1; 3]];
+        Mesh { name: "rock".into(), vertices, faces: vec![[0, 1, 2]] }
+    }
+
+    /// The rich scene with something that is not simulated: two hollow meshes, "ball" and "rivet", that could meet.
+    pub(in crate::model) fn hollow() -> Model {
+        let mut model = rich();
+        let shape = Shape::Mesh { asset: "rock".into(), concave: true };
+        model.meshes.push(rock());
+        (model.geoms[1].shape, model.geoms[5].shape) = (shape.clone(), shape);
+        model
     }
 
     /// The error of the rich model after a change; it must name the element, say the value and the remedy.
@@ -211,6 +240,29 @@ pub(super) mod tests {
     }
 
     #[test]
+    fn meshes_and_height_fields() {
+        let mesh = |vertices: &[[f64; 3]]| Mesh { name: "rock".into(), vertices: vertices.into(), faces: vec![] };
+        let corners = [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1], [-0.1; 3]];
+        let shape = |concave: bool| Shape::Mesh { asset: "rock".into(), concave };
+        let with = |m: &mut Model, given: Mesh, concave: bool| {
+            m.meshes = vec![given];
+            m.geoms[1].shape = shape(concave);
+        };
+        refused(|m| m.geoms[1].shape = shape(false), &["geom \"ball\"", "mesh \"rock\"", "does not exist"]);
+        refused(|m| with(m, mesh(&corners[..3]), false), &["geom \"ball\"", "mesh \"rock\"", "fewer than four points"]);
+        refused(|m| with(m, mesh(&[[0.0; 3]; 9]), false), &["mesh \"rock\"", "one plane"]);
+        refused(|m| with(m, mesh(&corners), true), &["mesh \"rock\"", "no faces", "concave"]);
+        refused(|m| m.meshes = vec![mesh(&[[f64::NAN; 3]])], &["mesh \"rock\"", "vertex 0", "NaN"]);
+        refused(|m| m.meshes = vec![Mesh { faces: vec![[0, 1, 4]], ..mesh(&corners) }], &["mesh \"rock\"", "face 0", "4 vertices"]);
+        let field = |shape, n: usize| HeightField { name: "hill".into(), shape, half: [1.0; 2], elevation: vec![0.0; n], base: 0.1 };
+        refused(|m| m.height_fields = vec![field([2, 1], 2)], &["height field \"hill\"", "1 columns"]);
+        refused(|m| m.height_fields = vec![field([2, 2], 5)], &["height field \"hill\"", "length 5", "4 numbers"]);
+        let mut model = rich();
+        with(&mut model, mesh(&corners), false);
+        assert!(model.finish(true).is_ok());
+    }
+
+    #[test]
     fn tendons_actuators_sensors_keyframes() {
         refused(|m| m.tendons[0].joints[0].0 = 77, &["tendon \"belt\"", "77"]);
         refused(|m| m.tendons[0].joints[0].0 = 0, &["tendon \"belt\"", "joint \"root\"", "free"]);
@@ -266,29 +318,42 @@ pub(super) mod tests {
     }
 
     #[test]
+    fn equalities() {
+        let connect = |bodies, anchors| EqualityKind::Connect { bodies, anchors };
+        refused(|m| m.equalities[0].kind = connect([1, 77], [[0.0; 3]; 2]), &["equality \"pin\"", "body 77"]);
+        refused(|m| m.equalities[0].kind = connect([2, 2], [[0.0; 3]; 2]), &["equality \"pin\"", "\"arm\" against itself"]);
+        refused(|m| m.equalities[0].kind = connect([1, 2], [[f64::NAN; 3], [0.0; 3]]), &["equality \"pin\"", "NaN"]);
+        refused(|m| m.equalities[1].stiffness = -1.0, &["equality \"grip\"", "stiffness", "-1"]);
+        refused(|m| m.equalities[1].damping = f64::NAN, &["equality \"grip\"", "damping", "NaN"]);
+        let coupling = |joint, other| EqualityKind::Joint { joint, other, polycoef: [0.0; 5] };
+        refused(|m| m.equalities[2].kind = coupling(0, None), &["equality \"couple\"", "joint \"root\"", "free"]);
+        refused(|m| m.equalities[2].kind = coupling(1, Some(1)), &["equality \"couple\"", "\"shoulder\" against itself"]);
+        let tendons = EqualityKind::Tendon { tendon: 0, other: Some(3), polycoef: [0.0; 5] };
+        refused(|m| m.equalities[2].kind = tendons, &["equality \"couple\"", "tendon 3"]);
+        refused(|m| m.equalities[1].name = "pin".into(), &["equality \"pin\"", "same name"]);
+        refused(|m| m.tendons[0].range = Some([1.0, 0.0]), &["tendon \"belt\"", "range", "upside down"]);
+        refused(|m| m.tendons[0].stiffness = -1.0, &["tendon \"belt\"", "stiffness", "-1"]);
+    }
+
+    #[test]
     fn what_is_not_simulated_is_listed_by_kind_and_name() {
-        let mut model = rich();
-        model.joints[3].range = Some([0.0, 1.0]);
-        model.geoms[1].condim = 6;
-        model.geoms[5].shape = Shape::Cylinder { radius: 0.1, half_length: 0.1 };
-        model.omitted.push(Omission { kind: "equality weld".into(), name: "grip".into(), reason: "r".into(), changes_motion: true });
+        let mut model = hollow();
+        model.omitted.push(Omission { kind: "flex".into(), name: "cloth".into(), reason: "r".into(), changes_motion: true });
         model.omitted.push(Omission { kind: "sensor gyro".into(), name: "imu".into(), reason: "r".into(), changes_motion: false });
         let Err(ModelError::Unsupported(all)) = model.clone().finish(true) else { panic!("accepted") };
         let found: Vec<(&str, &str)> = all.iter().map(|o| (o.kind.as_str(), o.name.as_str())).collect();
-        assert_eq!(found, [("equality weld", "grip"), ("joint limit", "socket"), ("contact dimension", "ball"), ("collision", "rivet")]);
-        assert!(all[3].reason.contains("plane") && all[3].reason.contains("sphere"), "{}", all[3].reason);
+        assert_eq!(found, [("flex", "cloth"), ("collision", "rivet")]);
+        assert!(all[1].reason.contains("this mesh passes through mesh \"ball\""), "{}", all[1].reason);
         let loose = model.finish(false).unwrap();
-        assert_eq!(loose.omitted.len(), 5);
+        assert_eq!(loose.omitted.len(), 3);
         assert_eq!(loose.clone().finish(false).unwrap(), loose, "finishing twice changes nothing");
     }
 
     #[test]
     fn a_repaired_model_forgets_what_was_omitted() {
-        let mut model = rich();
-        model.geoms[1].condim = 4;
-        let mut model = model.finish(false).unwrap();
-        assert_eq!(kinds(&model), [("contact dimension", "ball")]);
-        model.geoms[1].condim = 3;
+        let mut model = hollow().finish(false).unwrap();
+        assert_eq!(kinds(&model), [("collision", "rivet")]);
+        model.geoms[5].shape = rich().geoms[5].shape.clone();
         assert!(model.finish(true).unwrap().omitted.is_empty());
     }
 

@@ -11,17 +11,34 @@ pub enum Kernel {
     PlaneCapsule,
     /// A half space and a box: its eight corners.
     PlaneBox,
+    /// A half space and a cylinder: the lowest points of its rims and those at quarter turns from them.
+    PlaneCylinder,
+    /// A half space and an ellipsoid: 1 point.
+    PlaneEllipsoid,
+    /// A ball and a box: 1 point.
+    SphereBox,
+    /// A ball and a cylinder: 1 point.
+    SphereCylinder,
+    /// A capsule and a box: up to 2 points.
+    CapsuleBox,
     /// Two balls, or capsules taken as segments of any length: up to 2 points.
     Segments,
+    /// A convex shape and a surface of triangles (concave mesh, height field), lane by lane: up to
+    /// [`MAX_SURFACE_POINTS`](crate::geometry::convex::MAX_SURFACE_POINTS).
+    Surface,
+    /// Convex shapes without a kernel of their own, lane by lane: up to [`MAX_POINTS`](crate::geometry::convex::MAX_POINTS).
+    Convex,
 }
 
 impl Kernel {
     /// Contacts that a pair can have.
     pub const fn points(self) -> usize {
         match self {
-            Self::PlaneSphere => 1,
-            Self::PlaneCapsule | Self::Segments => 2,
-            Self::PlaneBox => 8,
+            Self::PlaneSphere | Self::PlaneEllipsoid | Self::SphereBox | Self::SphereCylinder => 1,
+            Self::PlaneCapsule | Self::CapsuleBox | Self::Segments => 2,
+            Self::PlaneBox | Self::PlaneCylinder => 8,
+            Self::Surface => crate::geometry::convex::MAX_SURFACE_POINTS,
+            Self::Convex => crate::geometry::convex::MAX_POINTS,
         }
     }
 
@@ -31,8 +48,19 @@ impl Kernel {
             (Shape::Plane, Shape::Sphere { .. }) => Some(Self::PlaneSphere),
             (Shape::Plane, Shape::Capsule { .. }) => Some(Self::PlaneCapsule),
             (Shape::Plane, Shape::Box { .. }) => Some(Self::PlaneBox),
+            (Shape::Plane, Shape::Cylinder { .. }) => Some(Self::PlaneCylinder),
+            (Shape::Plane, Shape::Ellipsoid { .. }) => Some(Self::PlaneEllipsoid),
+            (Shape::Sphere { .. }, Shape::Box { .. }) => Some(Self::SphereBox),
+            (Shape::Sphere { .. }, Shape::Cylinder { .. }) => Some(Self::SphereCylinder),
+            (Shape::Capsule { .. }, Shape::Box { .. }) => Some(Self::CapsuleBox),
             (Shape::Sphere { .. } | Shape::Capsule { .. }, Shape::Sphere { .. } | Shape::Capsule { .. }) => Some(Self::Segments),
-            _ => None,
+            (_, Shape::Plane | Shape::HeightField { .. }) => None,
+            (Shape::Plane, _) => Some(Self::Convex),
+            _ => match (a.is_surface(), b.is_surface()) {
+                (true, true) => None,
+                (false, false) => Some(Self::Convex),
+                _ => Some(Self::Surface),
+            },
         }
     }
 }

@@ -21,7 +21,8 @@ impl MassProperties {
         Self { mass: 0.0, com: Vector3::zeros(), inertia: Matrix3::zeros() }
     }
 
-    /// Volume of a shape, m^3; `None` for shapes that have none (plane, height field) or whose volume the description does not know (mesh).
+    /// Volume of a shape, m^3; `None` for shapes that have none (plane, height field) or take it
+    /// from an asset ([`Mesh::mass_properties`](super::Mesh::mass_properties)).
     pub fn volume(shape: &Shape) -> Option<f64> {
         use std::f64::consts::PI;
         match *shape {
@@ -164,7 +165,7 @@ mod tests {
 
     #[test]
     fn a_mesh_has_no_closed_form() {
-        assert!(MassProperties::solid(&Shape::Mesh { asset: "cow".into(), radius: 1.0 }, 1.0).is_none());
+        assert!(MassProperties::solid(&Shape::Mesh { asset: "cow".into(), concave: false }, 1.0).is_none());
         assert!(MassProperties::volume(&Shape::Plane).is_none());
     }
 }

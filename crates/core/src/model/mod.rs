@@ -6,25 +6,40 @@
 //! Frames: a body's `pos`, `quat` place it in its parent; a joint's `pos`, `axis` and a geom's `pos`, `quat` are in their body's frame.
 //! Quaternions are (w, x, y, z). Lengths in m, masses in kg, angles in rad.
 
+mod asset;
 mod builder;
+mod equality;
 mod error;
 mod explain;
 mod file;
 mod finish;
+mod fluid;
 mod kernel;
 mod mass;
 mod pairs;
 mod replace;
+mod sensor;
+mod shape;
+mod tendon;
 
 use serde::{Deserialize, Serialize};
 
-pub use builder::{ActuatorBuilder, BodyBuilder, GeomBuilder, JointBuilder, ModelBuilder, WORLD};
+pub use asset::{HeightField, Mesh};
+pub use builder::{ActuatorBuilder, BodyBuilder, EqualityBuilder, GeomBuilder, JointBuilder, ModelBuilder, TendonBuilder, WORLD};
+pub use equality::{Equality, EqualityKind};
 pub use error::ModelError;
 pub use file::FORMAT_VERSION;
+pub use fluid::{Ellipsoid, Medium};
 pub use kernel::Kernel;
 pub use mass::MassProperties;
+pub(crate) use pairs::Filter;
 pub use pairs::GeomPair;
 pub use replace::{Field, REPLACEABLE};
+pub use sensor::{
+    ContactField, ContactReduction, ContactSide, FrameReading, Object, ProximityReading, Quantity, RayField, Sensor, SensorKind, Site,
+};
+pub use shape::Shape;
+pub use tendon::Tendon;
 
 /// A scene: bodies in a tree, their joints, shapes, actuators and sensors. Body 0 is the world.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -35,20 +50,32 @@ pub struct Model {
     pub timestep: f64,
     /// Gravitational acceleration in the world frame, m/s^2.
     pub gravity: [f64; 3],
+    /// Magnetic field in the world frame, T.
+    pub magnetic: [f64; 3],
+    /// What fills the space between the bodies.
+    pub medium: Medium,
     /// Bodies, parents before children; body 0 is the world.
     pub bodies: Vec<Body>,
     /// Joints in the order of their bodies.
     pub joints: Vec<Joint>,
     /// Collision and mass shapes, in the order of their bodies.
     pub geoms: Vec<Geom>,
+    /// Meshes that geoms refer to.
+    pub meshes: Vec<Mesh>,
+    /// Height fields that geoms refer to.
+    pub height_fields: Vec<HeightField>,
     /// Geom pairs that collide whatever their filters say.
     pub pairs: Vec<Pair>,
     /// Pairs of bodies whose geoms never collide.
     pub excludes: Vec<[usize; 2]>,
     /// Fixed tendons: linear combinations of joint positions.
     pub tendons: Vec<Tendon>,
+    /// Equalities: closed loops and coupled joints.
+    pub equalities: Vec<Equality>,
     /// Actuators, one control each.
     pub actuators: Vec<Actuator>,
+    /// Places on bodies that sensors refer to.
+    pub sites: Vec<Site>,
     /// Sensors that are simulated.
     pub sensors: Vec<Sensor>,
     /// Named states to reset to.
@@ -82,6 +109,8 @@ pub struct Body {
     pub inertia: [f64; 3],
     /// Posed by the user (a child of the world without joints).
     pub mocap: bool,
+    /// Share of its weight that a force at its centre of mass holds up.
+    pub gravcomp: f64,
 }
 
 /// How a joint moves.
@@ -145,70 +174,6 @@ pub struct Joint {
     pub actuator_force_range: Option<[f64; 2]>,
 }
 
-/// The shape of a geom; its axes are those of the geom's frame.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Shape {
-    /// The half space z <= 0.
-    Plane,
-    /// A ball.
-    Sphere {
-        /// m
-        radius: f64,
-    },
-    /// A segment along z, thickened.
-    Capsule {
-        /// m
-        radius: f64,
-        /// Half the length of the segment, m.
-        half_length: f64,
-    },
-    /// A solid cylinder along z.
-    Cylinder {
-        /// m
-        radius: f64,
-        /// m
-        half_length: f64,
-    },
-    /// An ellipsoid.
-    Ellipsoid {
-        /// Semi-axes, m.
-        radii: [f64; 3],
-    },
-    /// A box.
-    Box {
-        /// Half sizes, m.
-        half: [f64; 3],
-    },
-    /// A triangle mesh about its geom's frame.
-    Mesh {
-        /// Name of the asset.
-        asset: String,
-        /// Radius of a ball about the geom's origin that holds it, m.
-        radius: f64,
-    },
-    /// A height field.
-    HeightField {
-        /// Name of the asset.
-        asset: String,
-    },
-}
-
-impl Shape {
-    /// The field's word for it.
-    pub const fn name(&self) -> &'static str {
-        match self {
-            Self::Plane => "plane",
-            Self::Sphere { .. } => "sphere",
-            Self::Capsule { .. } => "capsule",
-            Self::Cylinder { .. } => "cylinder",
-            Self::Ellipsoid { .. } => "ellipsoid",
-            Self::Box { .. } => "box",
-            Self::Mesh { .. } => "mesh",
-            Self::HeightField { .. } => "height field",
-        }
-    }
-}
-
 /// A shape fixed to a body.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Geom {
@@ -238,6 +203,10 @@ pub struct Geom {
     pub margin: f64,
     /// Distance beyond the margin within which MuJoCo reports a contact that does not push, m. A pair takes the sum.
     pub gap: f64,
+    /// Velocity of its surface as contacts see it (linear, m/s; angular about its origin, rad/s), in its own axes.
+    pub surface_velocity: [f64; 6],
+    /// How the medium acts on it, if not on the body's box.
+    pub fluid: Option<Ellipsoid>,
 }
 
 /// A pair of geoms that collides whatever the filters say, with its own parameters.
@@ -257,15 +226,6 @@ pub struct Pair {
     pub margin: f64,
     /// As in [`Geom`].
     pub gap: f64,
-}
-
-/// A fixed tendon: its length is a linear combination of scalar joint positions.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Tendon {
-    /// Name; may be empty.
-    pub name: String,
-    /// Joint and coefficient.
-    pub joints: Vec<(usize, f64)>,
 }
 
 /// What an actuator pulls on.
@@ -311,24 +271,6 @@ pub struct Actuator {
     pub gain: [f64; 3],
     /// Affine bias.
     pub bias: [f64; 3],
-}
-
-/// What a sensor reads.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum SensorKind {
-    /// Position of a hinge or slide.
-    JointPos(usize),
-    /// Velocity of a hinge or slide.
-    JointVel(usize),
-}
-
-/// A sensor.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Sensor {
-    /// Name; may be empty.
-    pub name: String,
-    /// What it reads.
-    pub kind: SensorKind,
 }
 
 /// A named state.
@@ -384,7 +326,13 @@ impl Model {
 
     /// Number of scalar sensor readings.
     pub fn nsensordata(&self) -> usize {
-        self.sensors.len()
+        self.sensors.iter().map(|s| s.dim(&self.sensors)).sum()
+    }
+
+    /// Address of every sensor's first reading.
+    pub fn sensor_addresses(&self) -> Vec<usize> {
+        let dims = self.sensors.iter().map(|s| s.dim(&self.sensors));
+        dims.scan(0, |next, dim| Some(std::mem::replace(next, *next + dim))).collect()
     }
 
     /// Address of every joint's first coordinate in q and first degree of freedom in v.
@@ -409,6 +357,11 @@ impl Model {
     /// "ankle", or "#3" when the joint has no name.
     pub fn joint_label(&self, i: usize) -> String {
         label(&self.joints[i].name, i)
+    }
+
+    /// "imu", or "#3" when the sensor has no name.
+    pub fn sensor_label(&self, i: usize) -> String {
+        label(&self.sensors[i].name, i)
     }
 
     /// "floor", or "#3" when the geom has no name.

@@ -16,7 +16,7 @@
 
 use std::collections::{BTreeMap, HashSet};
 
-use super::{Model, Shape};
+use super::{Geom, Model, Pair, Shape};
 
 /// Two geoms that can collide, and what a contact between them is like.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,7 +38,7 @@ pub struct GeomPair {
 
 /// Why two geoms do not collide, or that they do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Verdict {
+pub(crate) enum Verdict {
     Collides,
     Explicit,
     SameGroup,
@@ -64,13 +64,37 @@ impl Verdict {
     }
 }
 
-/// What the filters need to know of a model.
-pub(super) struct Filter<'a> {
-    model: &'a Model,
-    group: Vec<usize>,
-    moves: Vec<bool>,
+/// What the filters need to know of a model, and what its contacts are like: enough to judge two geoms at any time, without a list of pairs.
+#[derive(Clone, Debug)]
+pub(crate) struct Filter {
+    tags: Vec<Tag>,
+    pairs: Vec<Pair>,
     explicit: BTreeMap<[usize; 2], usize>,
     excluded: HashSet<[usize; 2]>,
+}
+
+/// A geom, for the filters.
+#[derive(Clone, Debug)]
+struct Tag {
+    rank: u8,
+    body: usize,
+    /// Its rigid group, the group that this hangs from, and whether it has joints.
+    group: usize,
+    parent: usize,
+    moves: bool,
+    masks: [u32; 2],
+    surface: Surface,
+}
+
+/// What a geom brings into a contact.
+#[derive(Clone, Copy, Debug)]
+struct Surface {
+    priority: i32,
+    condim: u8,
+    friction: [f64; 3],
+    restitution: f64,
+    margin: f64,
+    gap: f64,
 }
 
 /// For every body the body that leads its rigid group: itself if it has joints or is posed by the user, else its parent's leader. The
@@ -100,10 +124,27 @@ const fn rank(shape: &Shape) -> u8 {
     }
 }
 
-impl<'a> Filter<'a> {
-    pub(super) fn new(model: &'a Model) -> Self {
+impl Filter {
+    pub(crate) fn new(model: &Model) -> Self {
         let (group, moves) = weld_groups(model);
-        let mut filter = Self { model, group, moves, explicit: BTreeMap::new(), excluded: HashSet::new() };
+        let tag = |g: &Geom| Tag {
+            rank: rank(&g.shape),
+            body: g.body,
+            group: group[g.body],
+            parent: group[model.bodies[group[g.body]].parent],
+            moves: moves[group[g.body]],
+            masks: [g.contype, g.conaffinity],
+            surface: Surface {
+                priority: g.priority,
+                condim: g.condim,
+                friction: g.friction,
+                restitution: g.restitution,
+                margin: g.margin,
+                gap: g.gap,
+            },
+        };
+        let tags = model.geoms.iter().map(tag).collect();
+        let mut filter = Self { tags, pairs: model.pairs.clone(), explicit: BTreeMap::new(), excluded: HashSet::new() };
         for (k, pair) in model.pairs.iter().enumerate() {
             filter.explicit.entry(filter.ordered(pair.geoms)).or_insert(k);
         }
@@ -111,40 +152,50 @@ impl<'a> Filter<'a> {
         filter
     }
 
-    fn ordered(&self, [a, b]: [usize; 2]) -> [usize; 2] {
-        let key = |g: usize| (rank(&self.model.geoms[g].shape), g);
+    /// The two geoms in the order of [`GeomPair::geoms`].
+    pub(crate) fn ordered(&self, [a, b]: [usize; 2]) -> [usize; 2] {
+        let key = |g: usize| (self.tags[g].rank, g);
         if key(a) <= key(b) { [a, b] } else { [b, a] }
     }
 
     /// Whether the two geoms collide, and if not, the first filter that drops them. Geoms in the order of [`GeomPair`].
     pub(super) fn verdict(&self, geoms: [usize; 2]) -> Verdict {
-        let [a, b] = geoms.map(|g| &self.model.geoms[g]);
-        let (ga, gb) = (self.group[a.body], self.group[b.body]);
-        let parents = [ga, gb].map(|g| self.group[self.model.bodies[g].parent]);
-        if ga == gb {
+        let [a, b] = geoms.map(|g| &self.tags[g]);
+        if a.group == b.group {
             Verdict::SameGroup
-        } else if !self.moves[ga] && !self.moves[gb] {
+        } else if !a.moves && !b.moves {
             Verdict::BothStill
-        } else if rank(&b.shape) <= 1 {
+        } else if b.rank <= 1 {
             Verdict::NoShapes
         } else if self.explicit.contains_key(&geoms) {
             Verdict::Explicit
-        } else if ga != 0 && gb != 0 && (ga == parents[1] || gb == parents[0]) {
+        } else if a.group != 0 && b.group != 0 && (a.group == b.parent || b.group == a.parent) {
             Verdict::ParentAndChild
         } else if self.excluded.contains(&[a.body, b.body]) {
             Verdict::Excluded
-        } else if a.contype & b.conaffinity == 0 && b.contype & a.conaffinity == 0 {
+        } else if a.masks[0] & b.masks[1] == 0 && b.masks[0] & a.masks[1] == 0 {
             Verdict::Masks
         } else {
             Verdict::Collides
         }
     }
 
-    fn pair(&self, geoms: [usize; 2], verdict: Verdict) -> Option<GeomPair> {
-        match verdict {
-            Verdict::Collides => Some(mix(self.model, geoms)),
+    /// Whether the two geoms collide by an explicit pair.
+    pub(crate) fn is_explicit(&self, geoms: [usize; 2]) -> bool {
+        self.explicit.contains_key(&geoms)
+    }
+
+    /// Geoms of the explicit pairs.
+    pub(crate) fn explicit(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
+        self.explicit.keys().copied()
+    }
+
+    /// The two geoms as a pair, if they collide. Geoms in the order of [`GeomPair`].
+    pub(crate) fn pair(&self, geoms: [usize; 2]) -> Option<GeomPair> {
+        match self.verdict(geoms) {
+            Verdict::Collides => Some(mix(geoms, geoms.map(|g| &self.tags[g].surface))),
             Verdict::Explicit => {
-                let p = &self.model.pairs[self.explicit[&geoms]];
+                let p = &self.pairs[self.explicit[&geoms]];
                 let (condim, friction, restitution) = (p.condim, p.friction, p.restitution);
                 Some(GeomPair { geoms, condim, friction, restitution, margin: p.margin, gap: p.gap })
             }
@@ -154,8 +205,7 @@ impl<'a> Filter<'a> {
 }
 
 /// The contact parameters of two geoms without an explicit pair (MuJoCo `mj_contactParam`).
-fn mix(model: &Model, geoms: [usize; 2]) -> GeomPair {
-    let [a, b] = geoms.map(|g| &model.geoms[g]);
+fn mix(geoms: [usize; 2], [a, b]: [&Surface; 2]) -> GeomPair {
     let (condim, friction) = match a.priority.cmp(&b.priority) {
         std::cmp::Ordering::Greater => (a.condim, a.friction),
         std::cmp::Ordering::Less => (b.condim, b.friction),
@@ -169,7 +219,7 @@ impl Model {
     /// of the same geoms the first counts. Pairs that no degree of freedom can move against each other are never in the list.
     pub fn collision_pairs(&self) -> Vec<GeomPair> {
         let filter = Filter::new(self);
-        let mut pairs: Vec<GeomPair> = self.geom_pairs().filter_map(|g| filter.pair(g, filter.verdict(g))).collect();
+        let mut pairs: Vec<GeomPair> = self.geom_pairs().filter_map(|g| filter.pair(g)).collect();
         pairs.sort_by_key(|p| p.geoms);
         pairs
     }

@@ -1,6 +1,6 @@
 //! Models with other numbers: one table of fields, read and written alike.
 
-use super::{Body, Geom, Joint, Model, ModelError};
+use super::{Body, Geom, Joint, Model, ModelError, Shape, Tendon};
 
 /// Hands every number of a field, in order, to a visitor that may change it.
 type Visit = fn(&mut Model, &mut dyn FnMut(&mut f64));
@@ -31,6 +31,11 @@ pub const REPLACEABLE: &[Field] = &[
     scalar("timestep", "default time step, s", |m, f| f(&mut m.timestep)),
     rows("qpos0", 1, "configuration at reset", |m, f| m.qpos0.iter_mut().for_each(f)),
     rows("qpos_spring", 1, "configuration in which springs rest", |m, f| m.qpos_spring.iter_mut().for_each(f)),
+    scalar("density", "density of the medium, kg/m^3", |m, f| f(&mut m.medium.density)),
+    scalar("viscosity", "viscosity of the medium, Pa s", |m, f| f(&mut m.medium.viscosity)),
+    rows("wind", 1, "velocity of the medium, m/s", |m, f| m.medium.wind.iter_mut().for_each(f)),
+    rows("body_gravcomp", 1, "share of its weight that is held up", |m, f| m.bodies.iter_mut().for_each(|b| f(&mut b.gravcomp))),
+    rows("geom_surfacevel", 6, "velocity of the surface, m/s and rad/s", |m, f| each_geom(m, f, |g| &mut g.surface_velocity)),
     rows("body_mass", 1, "mass, kg", |m, f| each_body(m, f, |b| std::slice::from_mut(&mut b.mass))),
     rows("body_inertia", 3, "principal moments of inertia, kg m^2", |m, f| each_body(m, f, |b| &mut b.inertia)),
     rows("body_ipos", 3, "centre of mass in the body's frame, m", |m, f| each_body(m, f, |b| &mut b.ipos)),
@@ -44,6 +49,12 @@ pub const REPLACEABLE: &[Field] = &[
     rows("geom_pos", 3, "position in the body's frame, m", |m, f| each_geom(m, f, |g| &mut g.pos)),
     rows("geom_quat", 4, "orientation in the body's frame", |m, f| each_geom(m, f, |g| &mut g.quat)),
     rows("geom_condim", 1, "rows of a contact", |m, f| m.geoms.iter_mut().for_each(|g| whole(&mut g.condim, f))),
+    rows("geom_concave", 1, "whether a mesh collides as its triangles (1) or as its convex hull (0)", |m, f| {
+        m.geoms.iter_mut().for_each(|g| match &mut g.shape {
+            Shape::Mesh { concave, .. } => flag(concave, f),
+            _ => flag(&mut false, f),
+        });
+    }),
     rows("jnt_stiffness", 1, "spring stiffness, N/m or N m/rad", |m, f| m.joints.iter_mut().for_each(|j| f(&mut j.stiffness))),
     rows("jnt_range", 2, "lowest and highest position, m or rad", |m, f| m.joints.iter_mut().for_each(|j| bounds(&mut j.range, f))),
     rows("jnt_actfrcrange", 2, "bounds of the sum of actuator forces, N or N m", |m, f| {
@@ -52,6 +63,24 @@ pub const REPLACEABLE: &[Field] = &[
     rows("dof_damping", 1, "viscous damping, N s/m or N m s/rad", |m, f| each_dof(m, f, |j| &mut j.damping)),
     rows("dof_armature", 1, "added inertia, kg or kg m^2", |m, f| each_dof(m, f, |j| &mut j.armature)),
     rows("dof_frictionloss", 1, "dry friction, N or N m", |m, f| each_dof(m, f, |j| &mut j.frictionloss)),
+    rows("tendon_range", 2, "lowest and highest length", |m, f| m.tendons.iter_mut().for_each(|t| bounds(&mut t.range, f))),
+    rows("tendon_stiffness", 1, "spring stiffness", |m, f| each_tendon(m, f, |t| std::slice::from_mut(&mut t.stiffness))),
+    rows("tendon_lengthspring", 2, "lengths between which the spring is slack", |m, f| each_tendon(m, f, |t| &mut t.spring_length)),
+    rows("tendon_damping", 1, "viscous damping", |m, f| each_tendon(m, f, |t| std::slice::from_mut(&mut t.damping))),
+    rows("tendon_armature", 1, "added inertia", |m, f| each_tendon(m, f, |t| std::slice::from_mut(&mut t.armature))),
+    rows("tendon_frictionloss", 1, "dry friction, N", |m, f| each_tendon(m, f, |t| std::slice::from_mut(&mut t.frictionloss))),
+    rows("eq_active0", 1, "1 for an equality that acts, else 0", |m, f| m.equalities.iter_mut().for_each(|e| flag(&mut e.active, f))),
+    rows("eq_data", 11, "anchors, pose and torquescale, or polynomial, as MuJoCo lays them out", |m, f| {
+        for equality in &mut m.equalities {
+            let mut data = equality.data();
+            data.iter_mut().for_each(&mut *f);
+            equality.set_data(&data);
+        }
+    }),
+    rows("eq_stiffness", 1, "infinity for a hard equality, else a spring's", |m, f| {
+        m.equalities.iter_mut().for_each(|e| f(&mut e.stiffness))
+    }),
+    rows("eq_damping", 1, "damping beside the spring of a soft equality", |m, f| m.equalities.iter_mut().for_each(|e| f(&mut e.damping))),
     rows("actuator_gear", 1, "scale of length, velocity and force", |m, f| m.actuators.iter_mut().for_each(|a| f(&mut a.gear))),
     rows("actuator_gain", 3, "affine gain", |m, f| m.actuators.iter_mut().flat_map(|a| &mut a.gain).for_each(f)),
     rows("actuator_bias", 3, "affine bias", |m, f| m.actuators.iter_mut().flat_map(|a| &mut a.bias).for_each(f)),
@@ -67,6 +96,10 @@ fn each_body(model: &mut Model, f: &mut dyn FnMut(&mut f64), get: fn(&mut Body) 
 
 fn each_geom(model: &mut Model, f: &mut dyn FnMut(&mut f64), get: fn(&mut Geom) -> &mut [f64]) {
     model.geoms.iter_mut().flat_map(get).for_each(f);
+}
+
+fn each_tendon(model: &mut Model, f: &mut dyn FnMut(&mut f64), get: fn(&mut Tendon) -> &mut [f64]) {
+    model.tendons.iter_mut().flat_map(get).for_each(f);
 }
 
 /// A joint's number once for each of its degrees of freedom; the last one written stays.
@@ -94,6 +127,13 @@ fn whole(number: &mut u8, f: &mut dyn FnMut(&mut f64)) {
     let mut value = f64::from(*number);
     f(&mut value);
     *number = value as u8;
+}
+
+/// 0 or 1; what is written is taken for 1 unless it is 0.
+fn flag(set: &mut bool, f: &mut dyn FnMut(&mut f64)) {
+    let mut value = f64::from(u8::from(*set));
+    f(&mut value);
+    *set = value != 0.0;
 }
 
 impl Field {
@@ -170,8 +210,12 @@ fn write(model: &mut Model, field: &Field, values: &[f64]) -> Result<(), ModelEr
         Some(k) => Err(ModelError::invalid(
             field.place(),
             format!("number {k} is {}, which the model cannot hold: it would become {}", values[k], held[k]),
-            if field.name.starts_with("dof_") {
+            if field.name == "eq_data" {
+                "give 0 where the kind of equality has no number"
+            } else if field.name.starts_with("dof_") {
                 "give all degrees of freedom of a ball or free joint the same value"
+            } else if field.name == "geom_concave" {
+                "give 0 or 1, and 1 only to meshes"
             } else {
                 "give whole numbers in range"
             },
@@ -182,7 +226,7 @@ fn write(model: &mut Model, field: &Field, values: &[f64]) -> Result<(), ModelEr
 
 #[cfg(test)]
 mod tests {
-    use super::super::finish::tests::rich;
+    use super::super::finish::tests::{hollow, rich};
     use super::*;
 
     #[test]
@@ -240,15 +284,22 @@ mod tests {
     }
 
     #[test]
-    fn a_strict_model_stays_strict() {
+    fn a_model_with_omissions_can_be_replaced() {
+        let loose = hollow().finish(false).unwrap();
+        assert!(!loose.omitted.is_empty());
+        let condim = vec![6.0; loose.geoms.len()];
+        assert_eq!(loose.replace("geom_condim", &condim).unwrap().omitted, loose.omitted);
+    }
+
+    #[test]
+    fn numbers_that_a_kind_of_equality_lacks_are_refused() {
         let model = rich();
-        let condim = vec![6.0; model.geoms.len()];
-        assert!(matches!(model.replace("geom_condim", &condim), Err(ModelError::Unsupported(_))));
-        let mut loose = model.clone();
-        loose.geoms[1].condim = 4;
-        let loose = loose.finish(false).unwrap();
-        assert!(loose.replace("geom_condim", &condim).unwrap().omitted.len() > 1);
-        assert!(loose.replace("geom_condim", &vec![3.0; model.geoms.len()]).unwrap().omitted.is_empty());
+        let mut data = model.field("eq_data").unwrap().1;
+        data[0] = 0.25;
+        assert_eq!(model.replace("eq_data", &data).unwrap().equalities[0].data()[0], 0.25);
+        data[10] = 1.0;
+        let error = model.replace("eq_data", &data).unwrap_err().to_string();
+        assert!(error.contains("number 10 is 1") && error.contains("give 0"), "{error}");
     }
 
     #[test]

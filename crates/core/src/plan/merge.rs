@@ -107,6 +107,17 @@ impl Merged {
         }
     }
 
+    /// The last of the dofs that move a frame.
+    pub(crate) fn last_dof(&self, frame: usize) -> Option<usize> {
+        self.last_dof_of_frame[frame]
+    }
+
+    /// A dof and its ancestors, towards the root.
+    pub(crate) fn chain_of(&self, dof: usize) -> &[u32] {
+        let (start, len) = self.dof_chain[dof];
+        &self.chain[start..start + len]
+    }
+
     /// For every frame, the set of dofs that move it.
     pub(crate) fn movers(&self, nv: usize) -> Vec<Vec<u64>> {
         let set = |last: &Option<usize>| {
@@ -130,7 +141,7 @@ pub(crate) fn links<S: Scalar>(model: &Model, merged: &Merged) -> Vec<Link<S>> {
         let p = body.parent;
         let pos = merged.pos[p] + merged.quat[p] * vector(body.pos);
         let quat = merged.quat[p] * quaternion(body.quat);
-        let (mass, com, inertia) = combined(model, merged, 1 + l);
+        let (mass, com, inertia) = combined(model, merged, |b| merged.frame[b] == 1 + l);
         let (joint0, dof0) = (joint, dof);
         for j in model.joints.iter().filter(|j| j.body == leader) {
             joint += 1;
@@ -152,9 +163,9 @@ pub(crate) fn links<S: Scalar>(model: &Model, merged: &Merged) -> Vec<Link<S>> {
     merged.leaders.iter().enumerate().map(link).collect()
 }
 
-/// Mass, centre of mass and central inertia of everything fixed to a frame.
-fn combined(model: &Model, merged: &Merged, frame: usize) -> (f64, Vector3<f64>, [f64; 6]) {
-    let parts: Vec<usize> = (0..model.bodies.len()).filter(|&b| merged.frame[b] == frame && model.bodies[b].mass > 0.0).collect();
+/// Mass, centre of mass and central inertia of those bodies of one frame that are chosen.
+pub(crate) fn combined(model: &Model, merged: &Merged, chosen: impl Fn(usize) -> bool) -> (f64, Vector3<f64>, [f64; 6]) {
+    let parts: Vec<usize> = (0..model.bodies.len()).filter(|&b| chosen(b) && model.bodies[b].mass > 0.0).collect();
     let com_of = |b: usize| merged.pos[b] + merged.quat[b] * vector(model.bodies[b].ipos);
     let mass: f64 = parts.iter().map(|&b| model.bodies[b].mass).sum();
     if mass == 0.0 {
@@ -200,7 +211,8 @@ pub(crate) fn dofs<S: Scalar>(model: &Model, merged: &Merged) -> Vec<Dof<S>> {
         let link = merged.dof_link[d];
         let (chain, depth) = merged.dof_chain[d];
         let tree = merged.link_tree[link];
-        Dof { link, tree, chain, depth, damping: S::from_f64(j.damping), armature: S::from_f64(j.armature) }
+        let [damping, stiffness, armature] = scalars([j.damping, j.stiffness.max(0.0), j.armature]);
+        Dof { link, tree, chain, depth, damping, stiffness, armature }
     };
     joints.enumerate().map(dof).collect()
 }

@@ -2,57 +2,85 @@
 
 use stepper_real::{Real, Scalar};
 
+use crate::drive::{At, Drive, Theta, along, within};
 use crate::kinematics::quat_at;
 use crate::model::{Activation, JointKind};
 use crate::plan::{ActuatorPlan, Plan};
 use crate::spatial::*;
 
-/// Forces of actuators and joint springs at (q, v), N or N m. Joint damping is not here: stage 2 takes it implicitly.
-pub fn actuate<R: Real>(plan: &Plan<R::Scalar>, q: &[R], v: &[R], act: &[R], ctrl: &[R], tau: &mut [R]) {
+/// Forces of actuators and springs, N or N m, and what servos add to the mass matrix; joint damping and the stiffness of joints are added
+/// in stage 2. Servos that are at a bound of their force stay there until [`Drive::release`].
+pub fn actuate<R: Real>(plan: &Plan<R::Scalar>, at: &At<'_, R>, theta: Option<Theta<R>>, drive: &mut Drive<R>) {
     R::vectorize(
         #[inline(always)]
         || {
-            tau.fill(R::zero());
-            for (actuator, &u) in plan.actuators.iter().zip(ctrl) {
+            for (i, (actuator, &u)) in plan.actuators.iter().zip(at.ctrl).enumerate() {
                 let input = match actuator.act {
-                    Some(a) => act[a],
-                    None => within(u, actuator.ctrl_range),
+                    Some(a) => at.act[a],
+                    None => control(u, actuator.ctrl_range),
                 };
-                let force = within(affine_force(actuator, q, v, input), actuator.force_range);
-                for &(_, dof, arm) in &actuator.moment {
-                    tau[dof] += R::splat(arm) * force;
+                match (theta, actuator.servo) {
+                    (Some(theta), Some(k)) => {
+                        let (force, weight) = servo_force(actuator, at, input, theta);
+                        drive.set_servo(i, k, force, weight);
+                    }
+                    _ => drive.force[i] = within(affine_force(actuator, at, input), actuator.force_range),
                 }
             }
-            for &(dof, lo, hi) in &plan.actuator_force_ranges {
-                tau[dof] = tau[dof].clamp(R::splat(lo), R::splat(hi));
-            }
-            add_springs(plan, q, tau);
+            gather(plan, at.q, theta.is_some(), drive);
         },
     )
 }
 
+/// The forces of `drive` on the joints, with those of springs: what [`actuate`] ends with, for when a servo's force changed.
+pub fn regather<R: Real>(plan: &Plan<R::Scalar>, q: &[R], drive: &mut Drive<R>) {
+    R::vectorize(
+        #[inline(always)]
+        || gather(plan, q, true, drive),
+    )
+}
+
+#[inline(always)]
+fn gather<R: Real>(plan: &Plan<R::Scalar>, q: &[R], implicit: bool, drive: &mut Drive<R>) {
+    drive.gather(plan, implicit);
+    add_springs(plan, q, &mut drive.tau);
+}
+
+/// A control within its range. One that is infinite is no control: it becomes NaN, and the environment is refused.
+#[inline(always)]
+fn control<R: Real>(u: R, range: Option<[R::Scalar; 2]>) -> R {
+    R::select(u.is_finite(), within(u, range), R::of(f64::NAN))
+}
+
 /// force = gain . (1, length, velocity) input + bias . (1, length, velocity)
 #[inline(always)]
-fn affine_force<R: Real>(actuator: &ActuatorPlan<R::Scalar>, q: &[R], v: &[R], input: R) -> R {
+fn affine_force<R: Real>(actuator: &ActuatorPlan<R::Scalar>, at: &At<'_, R>, input: R) -> R {
     let (gain, bias): (V3<R>, V3<R>) = (splat(actuator.gain), splat(actuator.bias));
     if !actuator.needs_motion {
         return gain[0] * input + bias[0];
     }
-    let (mut length, mut velocity) = (R::zero(), R::zero());
-    for &(at, dof, arm) in &actuator.moment {
-        length += R::splat(arm) * q[at];
-        velocity += R::splat(arm) * v[dof];
-    }
+    let (length, velocity) = (length(actuator, at.q), along(actuator, at.v_at));
     (gain[0] + gain[1] * length + gain[2] * velocity) * input + (bias[0] + bias[1] * length + bias[2] * velocity)
 }
 
+/// The same without what the mass matrix does, and what it does: stiffness and damping against the motion are implicit, the rest is not.
 #[inline(always)]
-fn within<R: Real>(x: R, range: Option<[R::Scalar; 2]>) -> R {
-    match range {
-        // A NaN must not turn into a bound: it stays, and the environment is refused in stage 6.
-        Some([lo, hi]) => R::select(x.eq(x), x.clamp(R::splat(lo), R::splat(hi)), x),
-        None => x,
+fn servo_force<R: Real>(actuator: &ActuatorPlan<R::Scalar>, at: &At<'_, R>, input: R, theta: Theta<R>) -> (R, R) {
+    let (gain, bias): (V3<R>, V3<R>) = (splat(actuator.gain), splat(actuator.bias));
+    let [level, slope, rate]: V3<R> = std::array::from_fn(|k| gain[k] * input + bias[k]);
+    let (stiffness, damping) = ((-slope).max(R::zero()), (-rate).max(R::zero()));
+    let (velocity, implicit) = (along(actuator, at.v_at), along(actuator, at.v));
+    let force = level + slope * length(actuator, at.q) + (rate * velocity + damping * (velocity - implicit));
+    (force, damping * theta.damping + stiffness * theta.stiffness)
+}
+
+#[inline(always)]
+fn length<R: Real>(actuator: &ActuatorPlan<R::Scalar>, q: &[R]) -> R {
+    let mut sum = R::zero();
+    for &(at, _, arm) in &actuator.moment {
+        sum += R::splat(arm) * q[at];
     }
+    sum
 }
 
 #[inline(always)]
@@ -88,7 +116,7 @@ pub fn advance_activation<R: Real>(plan: &Plan<R::Scalar>, act: &[R], rate_at: &
         || {
             for (actuator, &u) in plan.actuators.iter().zip(ctrl) {
                 let Some(a) = actuator.act else { continue };
-                let u = within(u, actuator.ctrl_range);
+                let u = control(u, actuator.ctrl_range);
                 let next = match actuator.activation {
                     Activation::None => act[a],
                     Activation::Integrator => act[a] + h * u,
@@ -108,7 +136,7 @@ pub fn activation_rate<R: Real>(plan: &Plan<R::Scalar>, act: &[R], ctrl: &[R], o
         || {
             for (actuator, &u) in plan.actuators.iter().zip(ctrl) {
                 let Some(a) = actuator.act else { continue };
-                let u = within(u, actuator.ctrl_range);
+                let u = control(u, actuator.ctrl_range);
                 out[a] = match actuator.activation {
                     Activation::None => R::zero(),
                     Activation::Integrator => u,

@@ -2,7 +2,9 @@
 
 use stepper_real::Real;
 
-use crate::inertia::{MassMatrix, NewtonEuler, bias_force, project_forces};
+use crate::drive::Implicit;
+use crate::fluid::Fluid;
+use crate::inertia::{MassMatrix, NewtonEuler, link_forces, project_forces};
 use crate::kinematics::Kinematics;
 use crate::plan::Plan;
 use crate::spatial::*;
@@ -10,14 +12,16 @@ use crate::spatial::*;
 /// Smooth dynamics at one configuration.
 #[derive(Clone, Debug)]
 pub struct Smooth<R: Real> {
-    /// Factors of M + theta h D.
+    /// Factors of M with the implicit parts of damping and stiffness.
     pub mass: MassMatrix<R>,
-    /// Bias force c(q, v).
+    /// Bias force c(q, v), less what the medium and gravity compensation do.
     pub bias: Vec<R>,
     /// Acceleration if nothing were in the way.
     pub acc: Vec<R>,
+    /// Velocities and accelerations of the links, left by [`Smooth::acceleration`].
+    pub work: NewtonEuler<R>,
     composite: Vec<Inertia<R>>,
-    work: NewtonEuler<R>,
+    fluid: Fluid<R>,
 }
 
 impl<R: Real> Smooth<R> {
@@ -29,27 +33,44 @@ impl<R: Real> Smooth<R> {
             acc: vec![R::zero(); plan.nv],
             composite: vec![zero(); plan.links.len()],
             work: NewtonEuler::new(plan),
+            fluid: Fluid::new(plan),
         }
     }
 
-    /// The mass matrix M + `damping_time` D and its factors.
-    pub fn factor_mass(&mut self, plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, damping_time: R) {
+    /// The mass matrix with what is implicit, and its factors.
+    pub fn factor_mass(&mut self, plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
         R::vectorize(
             #[inline(always)]
             || {
-                self.mass.assemble(plan, kinematics, &mut self.composite, damping_time);
+                self.mass.assemble(plan, kinematics, &mut self.composite, implicit.theta);
+                self.mass.add_servos(plan, implicit.servos);
+                if !plan.fluid.is_empty() {
+                    match implicit.drag_at {
+                        Some(v) => self.fluid.linearise(plan, kinematics, v, implicit.theta.damping, &mut self.mass.entries),
+                        None => self.fluid.forget(),
+                    }
+                }
                 self.mass.factor(plan);
             },
         )
     }
 
-    /// `acc = (M + theta h D)^-1 (tau + applied - c(q, v_bias) - D v)`: a step of it is implicit in the joint damping D, because the mass
-    /// matrix holds theta h D; theta is 1 for Euler's rule, 1/2 for the midpoint's, 0 for the acceleration itself.
+    /// `acc = A^-1 (tau + applied - c(q, v_bias) - D v)` with the matrix A of [`Smooth::factor_mass`]: a step of it is implicit in what A holds
+    /// of the damping D and of springs (see [`crate::drive`]).
     pub fn acceleration(&mut self, plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, forces: [&[R]; 2], v: &[R], v_bias: &[R]) {
         R::vectorize(
             #[inline(always)]
             || {
-                bias_force(plan, kinematics, v_bias, &mut self.work, &mut self.bias);
+                link_forces(plan, kinematics, v_bias, &mut self.work);
+                if !plan.fluid.is_empty() {
+                    self.fluid.subtract(plan, kinematics, &self.work.velocity, &mut self.work.force);
+                }
+                for hold in &plan.compensation {
+                    let arm = sub(kinematics.point(hold.link + 1, splat(hold.pos)), kinematics.origin[plan.links[hold.link].tree]);
+                    let force: V3<R> = splat(hold.force);
+                    self.work.force[hold.link] = sub(self.work.force[hold.link], spatial(cross(arm, force), force));
+                }
+                project_forces(plan, kinematics, &mut self.work.force, &mut self.bias);
                 let [tau, applied] = forces;
                 for i in 0..plan.nv {
                     let damping = R::splat(plan.dofs[i].damping) * v[i];
@@ -60,8 +81,20 @@ impl<R: Real> Smooth<R> {
         )
     }
 
-    /// Generalized forces of the wrenches `xfrc` (force, torque; six per body, at its centre of mass, world axes), added to `out`.
-    pub fn add_wrenches(&mut self, plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, xfrc: &[R], out: &mut [R]) {
+    /// What the user applies, as generalized forces: `qfrc` on the joints, and the wrenches `xfrc` (force, torque; six per body, at its centre
+    /// of mass, world axes). Either may be empty.
+    pub fn apply(&mut self, plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, [qfrc, xfrc]: [&[R]; 2], out: &mut [R]) {
+        if qfrc.is_empty() {
+            out.fill(R::zero());
+        } else {
+            out.copy_from_slice(qfrc);
+        }
+        if !xfrc.is_empty() {
+            self.add_wrenches(plan, kinematics, xfrc, out);
+        }
+    }
+
+    fn add_wrenches(&mut self, plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, xfrc: &[R], out: &mut [R]) {
         R::vectorize(
             #[inline(always)]
             || {
@@ -81,6 +114,14 @@ impl<R: Real> Smooth<R> {
                     out[i] += self.bias[i];
                 }
             },
+        )
+    }
+
+    /// x <- A^-1 x
+    pub fn solve(&self, plan: &Plan<R::Scalar>, x: &mut [R]) {
+        R::vectorize(
+            #[inline(always)]
+            || self.mass.solve(plan, x),
         )
     }
 }

@@ -2,11 +2,24 @@
 //!
 //! A contact is taken up when it can touch within the step: its distance is below what the free velocity closes, with a margin of two, or
 //! below what gravity covers in a step. So nothing has to overlap first in order to be felt.
+//!
+//! Fast bodies and thin ones: a gap that is seen at the beginning of a step is a row, however fast it closes, so a body stops before the wall.
+//! Taken in the middle of the step the body may be beyond it already. Environments in which a pair gets that far in the first half of the step
+//! are therefore taken at the beginning ([`detect`] returns them), and what can still slip through afterwards, because an impulse made it
+//! faster than it was looked out for or because it turns too far for a straight row, is reported ([`may_have_passed`]).
 
-use stepper_real::{Mask, Real};
+mod passed;
 
+use stepper_real::{Mask, Real, Scalar};
+
+pub use self::passed::may_have_passed;
+use crate::broad::Broad;
 use crate::contacts::{ContactId, ContactPoint, Contacts};
-use crate::geometry::{Segment, plane_box, plane_sphere, segments};
+use crate::geometry::convex::{Narrow, Pose};
+use crate::geometry::{
+    Cuboid, Cylinder, Ellipsoid, Segment, capsule_box, cylinder_rims, plane_box, plane_ellipsoid, plane_point, plane_sphere, segments,
+    sphere_box, sphere_cylinder,
+};
 use crate::kinematics::Kinematics;
 use crate::plan::{Kernel, PairPlan, Plan};
 use crate::spatial::*;
@@ -19,7 +32,11 @@ pub struct GeomPoses<R: Real> {
     mat: Vec<M3<R>>,
     /// Bound on the way of any point of the geom in two free steps, m.
     travel: Vec<R>,
+    /// Bound on the way of any point of the geom from the beginning of the step to where it is taken, m.
+    lead: Vec<R>,
     velocity: Vec<V6<R>>,
+    broad: Broad,
+    narrow: Narrow,
 }
 
 impl<R: Real> GeomPoses<R> {
@@ -29,20 +46,22 @@ impl<R: Real> GeomPoses<R> {
             pos: plan.geoms.iter().map(|g| splat(g.pos)).collect(),
             mat: plan.geoms.iter().map(|g| splat(g.mat)).collect(),
             travel: vec![R::zero(); plan.geoms.len()],
+            lead: vec![R::zero(); plan.geoms.len()],
             velocity: vec![zero(); plan.links.len()],
+            broad: Broad::default(),
+            narrow: Narrow::for_solids(plan.geoms.iter().filter_map(|g| g.solid.as_ref())),
         }
     }
 
+    /// Places the geoms that are not fixed to the world.
     #[inline(always)]
-    fn update(&mut self, plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, v_free: &[R], h: R) {
-        kinematics.velocities(plan, v_free, &mut self.velocity);
+    fn place(&mut self, plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>) {
         for (i, g) in plan.geoms.iter().enumerate() {
             if g.frame == 0 {
                 continue;
             }
             let mat = &kinematics.mat[g.frame];
-            let pos = kinematics.point(g.frame, splat(g.pos));
-            self.pos[i] = pos;
+            self.pos[i] = kinematics.point(g.frame, splat(g.pos));
             if g.full_orientation {
                 self.mat[i] = mat_mul(mat, &splat(g.mat));
             } else {
@@ -51,61 +70,109 @@ impl<R: Real> GeomPoses<R> {
                     self.mat[i][3 * k + 2] = z[k];
                 }
             }
-            if g.frame <= plan.links.len() {
-                let l = g.frame - 1;
-                let motion = self.velocity[l];
-                let speed = norm(velocity_at(&motion, sub(pos, kinematics.origin[plan.links[l].tree])));
-                self.travel[i] = (speed + norm(angular(&motion)) * R::splat(g.bound)) * (h + h);
-            }
         }
+    }
+
+    /// Bounds on the ways of all geoms from where they are placed, with the velocity `v` of the joints; leaves the velocities of the links.
+    #[inline(always)]
+    fn update_travel(&mut self, plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, v: &[R], time: R) {
+        kinematics.velocities(plan, v, &mut self.velocity);
+        ways(plan, kinematics, &self.pos, &self.velocity, time, &mut self.travel);
+    }
+
+    /// The same of the way from the beginning of the step.
+    #[inline(always)]
+    fn update_lead(&mut self, plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, v: &[R], time: R) {
+        kinematics.velocities(plan, v, &mut self.velocity);
+        ways(plan, kinematics, &self.pos, &self.velocity, time, &mut self.lead);
     }
 
     /// Velocity of the point `p` of a frame.
     #[inline(always)]
     fn velocity_of(&self, plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, frame: usize, p: V3<R>) -> V3<R> {
-        if frame == 0 || frame > plan.links.len() {
+        if frame == 0 {
             return zero();
+        }
+        if frame > plan.links.len() {
+            return velocity_at(&kinematics.posed[frame - plan.links.len() - 1], sub(p, kinematics.pos[frame]));
         }
         velocity_at(&self.velocity[frame - 1], sub(p, kinematics.origin[plan.links[frame - 1].tree]))
     }
 }
 
-/// Finds the contacts of the lanes `alive`.
+/// Bound on the way of any point of each geom that is not fixed to the world, at the velocities of the links.
+#[inline(always)]
+fn ways<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, pos: &[V3<R>], velocity: &[V6<R>], time: R, out: &mut [R]) {
+    for (i, g) in plan.geoms.iter().enumerate() {
+        if g.frame != 0 && g.frame <= plan.links.len() {
+            let motion = velocity[g.frame - 1];
+            let arm = sub(pos[i], kinematics.origin[plan.links[g.frame - 1].tree]);
+            out[i] = (norm(velocity_at(&motion, arm)) + norm(angular(&motion)) * R::splat(g.bound)) * time;
+        } else if g.frame > plan.links.len() {
+            let motion = &kinematics.posed[g.frame - plan.links.len() - 1];
+            // A plane has no bound: 0 * infinity must not become NaN.
+            let spin = norm(angular(motion));
+            let swing = R::select(spin.gt(R::zero()), spin * R::splat(g.bound), R::zero());
+            out[i] = (norm(velocity_at(motion, sub(pos[i], kinematics.pos[g.frame]))) + swing) * time;
+        }
+    }
+}
+
+/// Finds the contacts of the lanes `alive` at poses that are `lead` seconds from the beginning of the step. Returns the lanes whose contacts
+/// cannot be trusted so far from it.
 pub fn detect<R: Real>(
     plan: &Plan<R::Scalar>,
     kinematics: &Kinematics<R>,
-    v_free: &[R],
-    h: R,
+    [v, v_free]: [&[R]; 2],
+    [h, lead]: [R; 2],
     alive: R::Mask,
     poses: &mut GeomPoses<R>,
     contacts: &mut Contacts<R>,
-) {
+) -> R::Mask {
+    contacts.clear();
+    if plan.geoms.is_empty() {
+        return R::Mask::splat(false);
+    }
+    let gravity: V3<R> = splat(plan.gravity);
+    // What gravity covers in a step, and a micrometre for scenes without it.
+    let slack = norm(gravity) * h * h + R::of(1e-6);
+    let leads = plan.has_thin && lead.gt(R::zero()).any();
     R::vectorize(
         #[inline(always)]
         || {
-            contacts.clear();
-            if plan.pairs.is_empty() {
-                return;
+            poses.place(plan, kinematics);
+            if leads {
+                poses.update_lead(plan, kinematics, v, lead);
             }
-            poses.update(plan, kinematics, v_free, h);
-            let gravity: V3<R> = splat(plan.gravity);
-            // What gravity covers in a step, and a micrometre for scenes without it.
-            let slack = norm(gravity) * h * h + R::of(1e-6);
-            let scene = Scene { plan, kinematics, poses, h, slack };
-            for (index, pair) in plan.pairs.iter().enumerate() {
-                let near = alive.and(scene.can_touch(pair));
-                if near.none() {
-                    continue;
-                }
-                match pair.kernel {
-                    Kernel::PlaneSphere => scene.plane_sphere(index, pair, near, contacts),
-                    Kernel::PlaneCapsule => scene.plane_capsule(index, pair, near, contacts),
-                    Kernel::PlaneBox => scene.plane_box(index, pair, near, contacts),
-                    Kernel::Segments => scene.segments(index, pair, near, contacts),
-                }
-            }
+            poses.update_travel(plan, kinematics, v_free, h + h);
         },
-    )
+    );
+    let mut broad = std::mem::take(&mut poses.broad);
+    if let Some(crowd) = &plan.crowd {
+        broad.find(plan, crowd, alive.bits(), &poses.pos, &poses.travel, slack);
+    }
+    let too_far = R::vectorize(
+        #[inline(always)]
+        || {
+            let mut narrow = std::mem::take(&mut poses.narrow);
+            let scene = Scene { plan, kinematics, poses, h, slack, leads };
+            let mut too_far = R::Mask::splat(false);
+            for (index, pair) in plan.pairs.iter().enumerate() {
+                too_far = too_far.or(scene.collide(index, pair, alive, &mut narrow, contacts));
+            }
+            if let Some(crowd) = &plan.crowd {
+                for &(number, lanes) in &broad.pairs {
+                    if let Some(pair) = crowd.pair(number) {
+                        too_far = too_far.or(scene.collide(number, &pair, R::Mask::from_bits(lanes), &mut narrow, contacts));
+                    }
+                }
+            }
+            poses.narrow = narrow;
+            too_far
+        },
+    );
+    poses.broad = broad;
+    too_far
 }
 
 struct Scene<'a, R: Real> {
@@ -114,9 +181,49 @@ struct Scene<'a, R: Real> {
     poses: &'a GeomPoses<R>,
     h: R,
     slack: R,
+    leads: bool,
 }
 
 impl<R: Real> Scene<'_, R> {
+    /// Takes up the contacts of a pair in the lanes `alive`. Returns those that are too far from the beginning of the step.
+    #[inline(always)]
+    fn collide(
+        &self,
+        index: usize,
+        pair: &PairPlan<R::Scalar>,
+        alive: R::Mask,
+        narrow: &mut Narrow,
+        contacts: &mut Contacts<R>,
+    ) -> R::Mask {
+        let near = alive.and(self.can_touch(pair));
+        if near.none() {
+            return near;
+        }
+        self.meet(index, pair, near, narrow, contacts);
+        if self.leads { near.and(self.leads_too_far(pair)) } else { R::Mask::splat(false) }
+    }
+
+    /// Takes up the contacts of a pair in the lanes `near`. A kernel of its own: inlined where it is called, it and what it offers would
+    /// take most of the time of a build.
+    #[inline(never)]
+    fn meet(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, narrow: &mut Narrow, contacts: &mut Contacts<R>) {
+        R::vectorize(
+            #[inline(always)]
+            || match pair.kernel {
+                Kernel::PlaneSphere => self.plane_sphere(index, pair, near, contacts),
+                Kernel::PlaneCapsule => self.plane_capsule(index, pair, near, contacts),
+                Kernel::PlaneBox => self.plane_box(index, pair, near, contacts),
+                Kernel::PlaneCylinder => self.plane_cylinder(index, pair, near, contacts),
+                Kernel::PlaneEllipsoid => self.plane_ellipsoid(index, pair, near, contacts),
+                Kernel::SphereBox => self.sphere_box(index, pair, near, contacts),
+                Kernel::SphereCylinder => self.sphere_cylinder(index, pair, near, contacts),
+                Kernel::CapsuleBox => self.capsule_box(index, pair, near, contacts),
+                Kernel::Segments => self.segments(index, pair, near, contacts),
+                Kernel::Convex | Kernel::Surface => self.convex(index, pair, near, narrow, contacts),
+            },
+        )
+    }
+
     /// Lanes in which the bounding volumes of a pair can meet within the step.
     #[inline(always)]
     fn can_touch(&self, pair: &PairPlan<R::Scalar>) -> R::Mask {
@@ -124,9 +231,16 @@ impl<R: Real> Scene<'_, R> {
         let apart = sub(self.poses.pos[b], self.poses.pos[a]);
         let reach = R::splat(pair.reach) + R::splat(pair.margin) + self.poses.travel[a] + self.poses.travel[b] + self.slack;
         match pair.kernel {
-            Kernel::Segments => dot(apart, apart).lt(reach * reach),
-            _ => dot(apart, column(&self.poses.mat[a], 2)).lt(reach),
+            _ if self.plan.geoms[a].is_plane() => dot(apart, column(&self.poses.mat[a], 2)).lt(reach),
+            _ => dot(apart, apart).lt(reach * reach),
         }
+    }
+
+    /// Lanes in which the way from the beginning of the step is long enough to be through.
+    #[inline(always)]
+    fn leads_too_far(&self, pair: &PairPlan<R::Scalar>) -> R::Mask {
+        let [a, b] = pair.geoms;
+        (self.poses.lead[a] + self.poses.lead[b]).gt(R::splat(pair.thin))
     }
 
     #[inline(always)]
@@ -157,8 +271,63 @@ impl<R: Real> Scene<'_, R> {
         let normal = column(&self.poses.mat[a], 2);
         for corner in 0..8 {
             let point = plane_box(self.poses.pos[a], normal, self.poses.pos[b], &self.poses.mat[b], half, corner);
-            self.offer(index, corner, pair, near, point, contacts);
+            self.offer(index, corner as u32, pair, near, point, contacts);
         }
+    }
+
+    #[inline(always)]
+    fn plane_cylinder(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
+        let [a, b] = pair.geoms;
+        let normal = column(&self.poses.mat[a], 2);
+        let frame = self.plan.geoms[b].frame;
+        let links = 1..=self.plan.links.len();
+        let tip = if links.contains(&frame) { scale(cross(normal, angular(&self.poses.velocity[frame - 1])), self.h) } else { zero() };
+        for (k, &rim) in cylinder_rims(normal, tip, &self.cylinder(b)).iter().enumerate() {
+            let point = plane_point(self.poses.pos[a], normal, rim);
+            self.offer(index, k as u32, pair, near, point, contacts);
+        }
+    }
+
+    #[inline(always)]
+    fn plane_ellipsoid(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
+        let [a, b] = pair.geoms;
+        let radii = splat(self.plan.geoms[b].size);
+        let ellipsoid = Ellipsoid { centre: self.poses.pos[b], mat: self.poses.mat[b], radii };
+        let point = plane_ellipsoid(self.poses.pos[a], column(&self.poses.mat[a], 2), &ellipsoid);
+        self.offer(index, 0, pair, near, point, contacts);
+    }
+
+    #[inline(always)]
+    fn sphere_box(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
+        let [a, b] = pair.geoms;
+        let point = sphere_box(self.poses.pos[a], R::splat(self.plan.geoms[a].size[0]), &self.cuboid(b));
+        self.offer(index, 0, pair, near, point, contacts);
+    }
+
+    #[inline(always)]
+    fn sphere_cylinder(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
+        let [a, b] = pair.geoms;
+        let point = sphere_cylinder(self.poses.pos[a], R::splat(self.plan.geoms[a].size[0]), &self.cylinder(b));
+        self.offer(index, 0, pair, near, point, contacts);
+    }
+
+    #[inline(always)]
+    fn capsule_box(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
+        let [a, b] = pair.geoms;
+        let (points, exist) = capsule_box(&self.segment(a), &self.cuboid(b));
+        self.offer(index, 0, pair, near.and(exist[0]), points[0], contacts);
+        self.offer(index, 1, pair, near.and(exist[1]), points[1], contacts);
+    }
+
+    #[inline(always)]
+    fn cuboid(&self, geom: usize) -> Cuboid<R> {
+        Cuboid { centre: self.poses.pos[geom], mat: self.poses.mat[geom], half: splat(self.plan.geoms[geom].size) }
+    }
+
+    #[inline(always)]
+    fn cylinder(&self, geom: usize) -> Cylinder<R> {
+        let [radius, half_length, _] = splat(self.plan.geoms[geom].size);
+        Cylinder { centre: self.poses.pos[geom], mat: self.poses.mat[geom], radius, half_length }
     }
 
     #[inline(always)]
@@ -172,36 +341,63 @@ impl<R: Real> Scene<'_, R> {
         }
     }
 
+    /// Lane by lane, in f64: what one lane does no other sees.
+    #[inline(always)]
+    fn convex(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, narrow: &mut Narrow, contacts: &mut Contacts<R>) {
+        let [a, b] = pair.geoms;
+        let reach = R::splat(pair.margin) + self.poses.travel[a] + self.poses.travel[b] + self.slack;
+        let mut rest = near.bits();
+        while rest != 0 {
+            let lane = rest.trailing_zeros() as usize;
+            rest &= rest - 1;
+            let pose = |g: usize| Pose {
+                pos: self.poses.pos[g].map(|x| x.lane(lane).to_f64()),
+                mat: self.poses.mat[g].map(|x| x.lane(lane).to_f64()),
+            };
+            let solids = [a, b].map(|g| self.plan.geoms[g].solid.as_ref().expect("made for every geom of this kernel"));
+            let found = narrow.collide(solids, [pose(a), pose(b)], reach.lane(lane).to_f64());
+            for p in found {
+                let point = ContactPoint { distance: R::of(p.distance), pos: p.pos.map(R::of), normal: p.normal.map(R::of) };
+                self.offer(index, p.feature, pair, near.and(R::Mask::from_bits(1 << lane)), point, contacts);
+            }
+        }
+    }
+
     #[inline(always)]
     fn segment(&self, geom: usize) -> Segment<R> {
         let [radius, half_length, _] = splat(self.plan.geoms[geom].size);
         Segment { centre: self.poses.pos[geom], axis: column(&self.poses.mat[geom], 2), half_length, radius }
     }
 
-    /// Takes the point up in the lanes where it can touch within the step.
-    #[inline(always)]
+    /// Takes the point up in the lanes where it can touch within the step. A kernel of its own, as [`Scene::meet`].
+    #[inline(never)]
     fn offer(
         &self,
         index: usize,
-        feature: usize,
+        feature: u32,
         pair: &PairPlan<R::Scalar>,
         near: R::Mask,
         mut point: ContactPoint<R>,
         contacts: &mut Contacts<R>,
     ) {
-        point.distance -= R::splat(pair.margin);
-        // Nothing moves further than the bound, so the exact test is needed only below it.
-        let [a, b] = pair.geoms;
-        let near = near.and(point.distance.lt(self.poses.travel[a] + self.poses.travel[b] + self.slack));
-        if near.none() {
-            return;
-        }
-        let frame = |g: usize| self.plan.geoms[g].frame;
-        let va = self.poses.velocity_of(self.plan, self.kinematics, frame(a), point.pos);
-        let vb = self.poses.velocity_of(self.plan, self.kinematics, frame(b), point.pos);
-        let closing = (-dot(point.normal, sub(vb, va))).max(R::zero());
-        let touching = near.and(point.distance.lt(closing * (self.h + self.h) + self.slack));
-        let id = ContactId::new(index, feature);
-        contacts.push(touching.bits(), id, &point, R::splat(pair.mu), R::splat(pair.restitution));
+        R::vectorize(
+            #[inline(always)]
+            || {
+                point.distance -= R::splat(pair.margin);
+                // Nothing moves further than the bound, so the exact test is needed only below it.
+                let [a, b] = pair.geoms;
+                let near = near.and(point.distance.lt(self.poses.travel[a] + self.poses.travel[b] + self.slack));
+                if near.none() {
+                    return;
+                }
+                let frame = |g: usize| self.plan.geoms[g].frame;
+                let va = self.poses.velocity_of(self.plan, self.kinematics, frame(a), point.pos);
+                let vb = self.poses.velocity_of(self.plan, self.kinematics, frame(b), point.pos);
+                let closing = (-dot(point.normal, sub(vb, va))).max(R::zero());
+                let touching = near.and(point.distance.lt(closing * (self.h + self.h) + self.slack));
+                let id = ContactId::new(index, feature);
+                contacts.push(touching.bits(), id, &point, R::splat(pair.mu), R::splat(pair.restitution));
+            },
+        )
     }
 }

@@ -1,24 +1,34 @@
-//! Stage 4: contacts, limits and dry friction become the constraint problem.
+//! Stage 4: contacts, equalities, limits, springs of tendons and dry friction become the constraint problem.
 //!
 //! Every row is carried through half a solve, y = D^-1/2 L^-T J^T, which touches only the ancestors of the bodies it joins; the Delassus
 //! matrix is then Y^T Y. The bias of a row says what velocity it demands at the end of the step:
 //!
 //! ```text
-//! apart (phi > 0):                v_n+ >= -phi / h             it may just close
+//! apart (phi > 0):                v_n+ >= -c phi / h           it may just close (c = 1)
 //! touching:                       v_n+ >= 0
 //! overlapping, Baumgarte:         v_n+ >= min(beta (overlap - slop) / h, cap)
-//! bouncing:                       v_n+ >= -e v_n-              Newton's law, and no other bias
+//! closed and fast, e > 0:         v_n+ >= -e v_n-              Newton's law (Moreau 1988), and no other bias
 //! ```
+//!
+//! A contact with e > 0 that is neither closed nor about to rest has no row: to stop it at the surface would take the energy that it is to
+//! bounce with.
+
+mod equality;
+mod tendon;
+mod wide;
 
 use stepper_real::{Mask, Real};
 
+use self::equality::Site;
+use self::wide::wide_lanes;
 use crate::constraints::{Constraints, Moment};
 use crate::contacts::{Contacts, Slot};
 use crate::inertia::MassMatrix;
 use crate::kinematics::Kinematics;
-use crate::options::{Integrator, Options, Stabilization};
+use crate::options::{Options, Stabilization};
 use crate::plan::Plan;
 use crate::spatial::*;
+use crate::surfaces;
 
 /// How far a joint limit is looked ahead beyond what the free velocity closes, rad or m: impulses of contacts can turn a joint towards its
 /// limit in the same step.
@@ -42,14 +52,32 @@ impl<R: Real> Constraints<R> {
                 self.iterate.clear();
                 self.owners.clear();
                 self.position_bias.clear();
+                self.slots.clear();
+                self.wide_slots.clear();
                 self.constrained = R::Mask::splat(false);
                 self.needs_position_solve = R::Mask::splat(false);
                 self.add_frictions(plan, mass, moment);
                 self.add_limits(plan, options, mass, moment);
+                let site = Site { plan, options, kinematics, mass, moment };
+                self.add_ball_limits(site);
+                self.add_tendons(site);
+                self.add_equalities(site);
                 for k in 0..contacts.slots() {
                     let lanes = contacts.lanes_of(k);
-                    self.gather_support(plan, contacts, k, lanes);
-                    self.add_contact(plan, options, kinematics, mass, moment, &contacts.data[k], lanes);
+                    let narrow = lanes & !wide_lanes(plan, &contacts.ids[k], lanes);
+                    if narrow != 0 {
+                        self.gather_support(plan, contacts, k, narrow);
+                        self.add_contact(site, contacts, k, narrow);
+                    }
+                }
+                if plan.wide {
+                    for k in 0..contacts.slots() {
+                        let wide = wide_lanes(plan, &contacts.ids[k], contacts.lanes_of(k));
+                        if wide != 0 {
+                            self.gather_support(plan, contacts, k, wide);
+                            self.add_wide(site, contacts, k, wide);
+                        }
+                    }
                 }
                 self.iterate.start(&self.problem);
             },
@@ -79,6 +107,13 @@ impl<R: Real> Constraints<R> {
                     let g = self.problem.scalar_velocity(row, change);
                     *position += g - row.g;
                     self.problem.scalars[i].g = g;
+                }
+                let (contacts, wide) = contacts.split_at_mut(self.problem.contacts.len());
+                for (i, position) in wide.iter_mut().enumerate() {
+                    let block = &self.problem.wide[i];
+                    let g = self.problem.wide_velocity(block, change);
+                    *position += g[0] - block.g[0];
+                    self.problem.wide[i].g = g;
                 }
                 for (i, position) in contacts.iter_mut().enumerate() {
                     let block = &self.problem.contacts[i];
@@ -156,19 +191,18 @@ impl<R: Real> Constraints<R> {
         g: R,
         bounds: [R; 2],
     ) {
+        let chain = plan.chain_of(dof);
         self.support.clear();
-        for &d in plan.chain_of(dof).iter().rev() {
-            self.support.push(d);
-            self.column[d as usize][0] = R::zero();
-        }
-        self.column[dof][0] = R::one();
-        for &d in plan.chain_of(dof) {
-            let d = d as usize;
-            let row = &plan.dofs[d];
-            let x = self.column[d][0];
-            for (&l, &a) in mass.entries[row.chain..row.chain + row.depth].iter().zip(plan.chain_of(d)).skip(1) {
-                self.column[a as usize][0] -= l * x;
+        self.support.extend(chain.iter().rev());
+        // Half a solve of a unit vector, towards the root: each entry is gathered from those below it, the newest last, so that the others can
+        // be in flight.
+        for (k, &a) in chain.iter().enumerate() {
+            let mut sum = if k == 0 { R::one() } else { R::zero() };
+            for (j, &d) in chain[..k].iter().enumerate() {
+                let d = d as usize;
+                sum -= mass.entries[plan.dofs[d].chain + k - j] * self.column[d][0];
             }
+            self.column[a as usize][0] = sum;
         }
         let column = &self.column;
         self.problem.push_scalar(
@@ -185,11 +219,27 @@ impl<R: Real> Constraints<R> {
         self.constrained = self.constrained.or(active);
     }
 
+    /// `column` <- L^-T `column`, on `support` with all its ancestors, in the first `N` components.
+    #[inline(always)]
+    fn half_solve<const N: usize>(&mut self, plan: &Plan<R::Scalar>, mass: &MassMatrix<R>) {
+        for &d in self.support.iter().rev() {
+            let d = d as usize;
+            let row = &plan.dofs[d];
+            let x = self.column[d];
+            for (&l, &a) in mass.entries[row.chain..row.chain + row.depth].iter().zip(plan.chain_of(d)).skip(1) {
+                let target = &mut self.column[a as usize];
+                for k in 0..N {
+                    target[k] -= x[k] * l;
+                }
+            }
+        }
+    }
+
     /// The dofs that move slot k in any of its lanes, ascending, and in which lanes each moves the second and the first geom.
     #[inline(always)]
     fn gather_support(&mut self, plan: &Plan<R::Scalar>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         self.words.fill(0);
-        let frames = |l: usize| plan.pairs[contacts.ids[k][l].pair()].geoms.map(|g| plan.geoms[g].frame);
+        let frames = |l: usize| plan.pair_geoms(contacts.ids[k][l].pair()).expect("made from this plan").map(|g| plan.geoms[g].frame);
         let mut rest = lanes;
         while rest != 0 {
             let [a, b] = frames(rest.trailing_zeros() as usize);
@@ -219,22 +269,23 @@ impl<R: Real> Constraints<R> {
         }
     }
 
+    /// 1 in the lanes in which a dof moves the second geom of the gathered slot, -1 where it moves the first.
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "one contact, every part of it named at the call")]
-    fn add_contact(
-        &mut self,
-        plan: &Plan<R::Scalar>,
-        options: &Options,
-        kinematics: &Kinematics<R>,
-        mass: &MassMatrix<R>,
-        moment: &Moment<'_, R>,
-        slot: &Slot<R>,
-        lanes: u32,
-    ) {
-        let active = R::Mask::from_bits(lanes);
+    fn sign_of(&self, d: usize) -> R {
+        R::select(R::Mask::from_bits(self.plus[d]), R::one(), R::zero()) - R::select(R::Mask::from_bits(self.minus[d]), R::one(), R::zero())
+    }
+
+    /// J of a contact's rows (n, t1, t2), left in `column`; returns its velocities, free and before the step. `surface` is the velocity that
+    /// the surfaces have of themselves, the second's against the first's.
+    #[inline(always)]
+    fn contact_columns(&mut self, site: Site<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> [V3<R>; 2] {
+        let Site { plan, kinematics, moment, .. } = site;
+        let slot = &contacts.data[k];
         let n = slot.point.normal;
         let axes = [n, slot.tangent, cross(n, slot.tangent)];
-        let (mut free, mut before) = ([R::zero(); 3], R::zero());
+        let carried = linear(&surfaces::motion(plan, kinematics, contacts, k, lanes));
+        let mut free = axes.map(|axis| dot(axis, carried));
+        let mut before = free[0];
         let (mut arm, mut tree) = (zero(), usize::MAX);
         for &d in &self.support {
             let d = d as usize;
@@ -242,8 +293,7 @@ impl<R: Real> Constraints<R> {
                 tree = plan.dofs[d].tree;
                 arm = sub(slot.point.pos, kinematics.origin[tree]);
             }
-            let sign = R::select(R::Mask::from_bits(self.plus[d]), R::one(), R::zero())
-                - R::select(R::Mask::from_bits(self.minus[d]), R::one(), R::zero());
+            let sign = self.sign_of(d);
             let motion = velocity_at(&kinematics.axes[d], arm);
             // Adding zero turns -0 into 0, so that a lane's bits do not depend on what its neighbours touch.
             let j =
@@ -252,17 +302,18 @@ impl<R: Real> Constraints<R> {
             before += j[0] * moment.v[d];
             self.column[d] = j;
         }
-        for &d in self.support.iter().rev() {
-            let d = d as usize;
-            let row = &plan.dofs[d];
-            let x = self.column[d];
-            for (&l, &a) in mass.entries[row.chain..row.chain + row.depth].iter().zip(plan.chain_of(d)).skip(1) {
-                let target = &mut self.column[a as usize];
-                *target = sub(*target, scale(x, l));
-            }
-        }
-        let (bias, position) = self.biases(options, slot.point.distance, moment.h, active);
-        let normal = self.bounce(options, slot, moment, active, [free[0], before], bias);
+        [free, [before, R::zero(), R::zero()]]
+    }
+
+    /// Adds slot `k` in the lanes `lanes`, in which it has sliding friction at the most; `support` is gathered.
+    #[inline(always)]
+    fn add_contact(&mut self, site: Site<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
+        let Site { plan, options, mass, moment, .. } = site;
+        let (slot, active) = (&contacts.data[k], R::Mask::from_bits(lanes));
+        let [free, before] = self.contact_columns(site, contacts, k, lanes);
+        self.half_solve::<3>(plan, mass);
+        let (bias, position) = self.biases(options, moment.gap(slot.point.distance), moment.h, active);
+        let (normal, active) = self.bounce(plan, options, slot, moment, active, [free[0], before[0]], bias);
         let column = &self.column;
         self.problem.push_contact(
             &self.support,
@@ -274,32 +325,48 @@ impl<R: Real> Constraints<R> {
         );
         self.position_bias.push(free[0] + position);
         self.iterate.contacts.push(select(active, slot.impulse, zero()));
+        self.slots.push((k, R::Mask::from_bits(lanes)));
         self.constrained = self.constrained.or(active);
     }
 
-    /// g of a normal row: its free velocity with the bias, or with Newton's law where the contact bounces.
+    /// g of a normal row, and the lanes that have the row: its free velocity with the bias, or with Newton's law where the contact bounces.
     ///
-    /// The law is taken between the velocities before and after the step by the midpoint rule, which then conserves energy, and on the
-    /// free velocity by Euler's, which is the textbook's recursion. A contact that rests (touching, and slower than the threshold before
-    /// the step) does not bounce from the velocity that gravity gave it within the step.
+    /// All closed contacts share an impact: 0 <= lambda, complementary to v+ + e v- >= 0, also where v- parts. With e = 1 the work of the
+    /// impulses, lambda (v+ + v-) / 2, is then zero contact by contact, so that energy is conserved however many strike at once. The law is
+    /// taken between the velocities before and after the step by the midpoint rule, which conserves energy with it, and on the free
+    /// velocity by Euler's, which is the textbook's recursion. A contact slower than the threshold before the step rests: it does not bounce
+    /// from the velocity that gravity gives it within the step.
     #[inline(always)]
-    fn bounce(&mut self, options: &Options, slot: &Slot<R>, moment: &Moment<'_, R>, active: R::Mask, velocity: [R; 2], bias: R) -> R {
-        let [free, before] = velocity;
+    #[expect(clippy::too_many_arguments, reason = "one contact, every part of it named at the call")]
+    fn bounce(
+        &mut self,
+        plan: &Plan<R::Scalar>,
+        options: &Options,
+        slot: &Slot<R>,
+        moment: &Moment<'_, R>,
+        active: R::Mask,
+        [free, before]: [R; 2],
+        bias: R,
+    ) -> (R, R::Mask) {
         let e = slot.restitution;
-        if active.and(e.gt(R::zero())).none() {
-            return free + bias;
+        let elastic = active.and(e.gt(R::zero()));
+        if elastic.none() {
+            return (free + bias, active);
         }
-        let threshold = R::of(options.restitution_threshold);
-        let euler = options.integrator == Integrator::Euler;
+        let (h, phi, threshold) = (moment.h, slot.point.distance, R::of(options.restitution_threshold));
+        let euler = !options.integrator.in_the_middle();
         let approach = if euler { free } else { before };
-        let phi = slot.point.distance;
-        let hits = (phi + moment.h * free).lt(R::zero()).and((-approach).gt(threshold));
-        let rests = before.abs().le(threshold).and(phi.le(R::of(options.slop)));
-        let bounces = active.and(hits).and(e.gt(R::zero())).and_not(rests);
+        let gravity: V3<R> = splat(plan.gravity);
+        // What a slow contact and gravity close within the step.
+        let near = phi.le(h * (threshold + h * norm(gravity)) + R::of(options.slop));
+        let rests = before.abs().le(threshold).and(near);
+        let closed = phi.le(R::of(options.slop)).or((phi + h * free).lt(R::zero()));
+        let bounces = elastic.and(closed).and(approach.abs().gt(threshold)).and_not(rests);
         if euler {
             self.needs_position_solve = self.needs_position_solve.or(bounces);
         }
-        free + R::select(bounces, e * approach, bias)
+        let stays = active.and_not(elastic).or(bounces).or(elastic.and(rests));
+        (free + R::select(bounces, e * approach, bias), stays)
     }
 }
 

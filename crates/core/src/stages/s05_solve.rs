@@ -1,24 +1,30 @@
 //! Stage 5: the constraint problem becomes impulses, with the residual that certifies them.
 
 use stepper_real::{Real, Scalar};
-use stepper_solve::pgs::{self, Outcome, Settings};
+use stepper_solve::{Outcome, Settings};
 
 use crate::constraints::Constraints;
 use crate::contacts::Contacts;
 use crate::options::Options;
+use crate::spatial::*;
 
 /// Solves to the tolerance and leaves the impulses where the next step finds its warm start.
 ///
 /// What moves slowly is solved more tightly, to a part of its own speed `v`: else a robot at rest would creep at the speed of the tolerance.
 pub fn solve<R: Real>(options: &Options, v: &[R], constraints: &mut Constraints<R>, contacts: &mut Contacts<R>) -> Outcome<R> {
-    let settings = Settings { sweeps: options.iterations, tolerance: tolerance(options, v) };
-    let Constraints { problem, iterate, constrained, scalar_impulse, owners, .. } = constraints;
-    let outcome = pgs::solve(problem, iterate, settings, *constrained);
+    let [sweeps, newton] = options.effort();
+    let settings = Settings { sweeps, newton, tolerance: tolerance(options, v) };
+    let Constraints { problem, iterate, constrained, newton, scalar_impulse, owners, slots, wide_slots, .. } = constraints;
+    let outcome = stepper_solve::solve(problem, iterate, settings, *constrained, newton);
     for (&owner, &lambda) in owners.iter().zip(&iterate.scalars) {
         scalar_impulse[owner] = lambda;
     }
-    for (slot, &lambda) in contacts.data.iter_mut().zip(&iterate.contacts) {
-        slot.impulse = lambda;
+    for (&(k, lanes), &lambda) in slots.iter().zip(&iterate.contacts) {
+        contacts.data[k].impulse = select(lanes, lambda, contacts.data[k].impulse);
+    }
+    for (&(k, lanes, scale), &[n, a, b, spin, roll, other]) in wide_slots.iter().zip(&iterate.wide) {
+        contacts.data[k].impulse = select(lanes, [n, a, b], contacts.data[k].impulse);
+        contacts.torque[k] = select(lanes, [spin * scale[0], roll * scale[1], other * scale[2]], contacts.torque[k]);
     }
     outcome
 }

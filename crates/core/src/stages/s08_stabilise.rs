@@ -4,13 +4,19 @@
 //! It is used once, for the positions, and thrown away: no kinetic energy comes of it.
 
 use stepper_real::{Mask, Real};
-use stepper_solve::pgs::{self, Settings};
+use stepper_solve::Settings;
 
 use crate::constraints::Constraints;
 use crate::inertia::MassMatrix;
 use crate::kinematics::displace;
 use crate::options::Options;
 use crate::plan::Plan;
+
+/// Residual that is enough for a correction, m/s: a fraction of a micrometre a step, and the next step sees what is left of the overlap.
+const CLOSE: f64 = 1e-4;
+
+/// Sweeps from the impulses of stage 5, which differ by the correction alone.
+const SWEEPS: u32 = 10;
 
 /// Corrects `q_next`, which has moved with `v_next` for `way` seconds, in the lanes that need it.
 #[expect(clippy::too_many_arguments, reason = "the state before, the state after, and what joins them")]
@@ -25,23 +31,18 @@ pub fn stabilise<R: Real>(
     [work, corrected]: [&mut [R]; 2],
     q_next: &mut [R],
 ) {
+    let lanes = constraints.needs_position_solve;
+    if lanes.none() {
+        return;
+    }
+    demand_positions(constraints);
+    let [sweeps, newton] = options.effort();
+    let settings = Settings { sweeps: sweeps.min(SWEEPS), newton, tolerance: R::of(options.tolerance.max(CLOSE)) };
+    let Constraints { problem, iterate, newton, .. } = constraints;
+    stepper_solve::solve(problem, iterate, settings, lanes, newton);
     R::vectorize(
         #[inline(always)]
         || {
-            let lanes = constraints.needs_position_solve;
-            if lanes.none() {
-                return;
-            }
-            let scalars = constraints.problem.scalars.len();
-            for (row, &g) in constraints.problem.scalars.iter_mut().zip(&constraints.position_bias) {
-                row.g = g;
-            }
-            for (block, &g) in constraints.problem.contacts.iter_mut().zip(&constraints.position_bias[scalars..]) {
-                block.g[0] = g;
-            }
-            constraints.iterate.start(&constraints.problem);
-            let settings = Settings { sweeps: options.iterations, tolerance: R::of(options.tolerance) };
-            pgs::solve(&constraints.problem, &mut constraints.iterate, settings, lanes);
             let w = &mut constraints.iterate.w;
             mass.unscale(plan, w);
             for i in 0..plan.nv {
@@ -51,6 +52,27 @@ pub fn stabilise<R: Real>(
             for i in 0..plan.nq {
                 q_next[i] = R::select(lanes, corrected[i], q_next[i]);
             }
+        },
+    )
+}
+
+/// Makes the rows demand what the positions need, with the impulses of stage 5 for a start.
+fn demand_positions<R: Real>(constraints: &mut Constraints<R>) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let scalars = constraints.problem.scalars.len();
+            for (row, &g) in constraints.problem.scalars.iter_mut().zip(&constraints.position_bias) {
+                row.g = g;
+            }
+            for (block, &g) in constraints.problem.contacts.iter_mut().zip(&constraints.position_bias[scalars..]) {
+                block.g[0] = g;
+            }
+            let contacts = scalars + constraints.problem.contacts.len();
+            for (block, &g) in constraints.problem.wide.iter_mut().zip(&constraints.position_bias[contacts..]) {
+                block.g[0] = g;
+            }
+            constraints.iterate.start(&constraints.problem);
         },
     )
 }

@@ -1,16 +1,152 @@
 //! Stage 9: the new state becomes an observation.
+//!
+//! What ideal sensors read is a function of the state after the step and of what the step did: its impulses and its acceleration
+//! (v+ - v) / h, impulses included. Positions and velocities are those after the step, so that the readings of one moment fit together.
 
 use stepper_real::Real;
 
-use crate::plan::{Plan, SensorPlan};
+use crate::kinematics::Kinematics;
+use crate::plan::Plan;
+use crate::plan::sensing::{Place, Read, SensorPlan};
+use crate::sensing::*;
+use crate::spatial::*;
 
-/// True readings of all sensors.
-#[inline(always)]
-pub fn sense<R: Real>(plan: &Plan<R::Scalar>, q: &[R], v: &[R], out: &mut [R]) {
-    for (reading, sensor) in out.iter_mut().zip(&plan.sensors) {
-        *reading = match *sensor {
-            SensorPlan::Position(at) => q[at],
-            SensorPlan::Velocity(dof) => v[dof],
-        };
+/// True readings of all sensors, left in `room.truth`. `kinematics` is placed at the moment's configuration here, except mocap frames.
+pub fn sense<R: Real>(plan: &Plan<R::Scalar>, kinematics: &mut Kinematics<R>, room: &mut Room<R>, moment: &Moment<'_, R>) {
+    if plan.sensing.needs.poses {
+        kinematics.update(plan, moment.q);
     }
+    room.prepare(plan, kinematics, moment);
+    // Ordinary code that calls a kernel for each sensor.
+    for sensor in &plan.sensing.sensors {
+        read(plan, kinematics, room, moment, sensor);
+    }
+}
+
+/// One sensor.
+fn read<R: Real>(
+    plan: &Plan<R::Scalar>,
+    kinematics: &Kinematics<R>,
+    room: &mut Room<R>,
+    moment: &Moment<'_, R>,
+    sensor: &SensorPlan<R::Scalar>,
+) {
+    let (at, dim) = (sensor.at, sensor.dim);
+    let place = at..at + dim;
+    let scalar = match &sensor.read {
+        Read::Position(q) => return room.truth[place].copy_from_slice(&moment.q[*q..q + dim]),
+        Read::Velocity(v) => return room.truth[place].copy_from_slice(&moment.v[*v..v + dim]),
+        Read::Length(terms) => weighted(terms, moment.q),
+        Read::Rate(terms) => weighted(terms, moment.v),
+        Read::Drive(terms, None) => weighted(terms, moment.actuator_force),
+        Read::Drive(terms, Some(bounds)) => within(weighted(terms, moment.actuator_force), *bounds),
+        Read::LimitPos(q, range) => overlap(moment.q[*q], R::one(), *range)[0],
+        Read::LimitVel(q, v, range) => overlap(moment.q[*q], moment.v[*v], *range)[1],
+        Read::LimitForce(limit) => moment.scalar_impulse[*limit] / moment.h,
+        Read::Nothing => R::zero(),
+        Read::Clock => moment.time,
+        Read::Potential(all) => potential(plan, kinematics, moment.q, all),
+        Read::Kinetic(all) => kinetic(plan, kinematics, room, moment.v, all),
+        Read::Inside(object, zone) => inside(kinematics, object, zone),
+        Read::Touch(body, zone) => touch(plan, kinematics, moment, *body, zone),
+        Read::Combination(terms) => {
+            combine(terms, at, dim, &mut room.truth);
+            return;
+        }
+        Read::Contact(sides, fields, reduction, slots) => {
+            return contacts(plan, kinematics, room, moment, sides, fields, (*reduction, *slots), at);
+        }
+        Read::Frame(what, object, reference) => {
+            let mut out = [R::zero(); 4];
+            frame(plan, kinematics, room, *what, object, reference.as_ref(), &mut out[..dim]);
+            return room.truth[place].copy_from_slice(&out[..dim]);
+        }
+        Read::Range(site, rays, fields, solids) => return range(kinematics, site, rays, fields, solids, &mut room.truth[place]),
+        Read::Proximity(what, pairs, cutoff) => return proximity(kinematics, *what, pairs, R::splat(*cutoff), &mut room.truth[place]),
+        vector => {
+            let x = three(plan, kinematics, room, moment, vector);
+            return room.truth[place].copy_from_slice(&x);
+        }
+    };
+    room.truth[at] = scalar;
+}
+
+/// Sensors of three numbers.
+fn three<R: Real>(
+    plan: &Plan<R::Scalar>,
+    kinematics: &Kinematics<R>,
+    room: &Room<R>,
+    moment: &Moment<'_, R>,
+    read: &Read<R::Scalar>,
+) -> V3<R> {
+    match read {
+        Read::Magnetometer(site) => magnetic_field(plan, kinematics, site),
+        Read::Velocimeter(site) => site_motion(plan, kinematics, room, site, false)[1],
+        Read::Gyro(site) => site_motion(plan, kinematics, room, site, false)[0],
+        Read::Accelerometer(site) => site_motion(plan, kinematics, room, site, true)[1],
+        Read::Force(site, subtree) => parent_force(plan, kinematics, room, moment, site, subtree)[0],
+        Read::Torque(site, subtree) => parent_force(plan, kinematics, room, moment, site, subtree)[1],
+        Read::Com(subtree) => com(kinematics, subtree, zero()),
+        Read::ComVelocity(subtree) => com_velocity(plan, kinematics, room, subtree),
+        Read::AngularMomentum(subtree) => angular_momentum(plan, kinematics, room, subtree),
+        _ => unreachable!("every other sensor is read above"),
+    }
+}
+
+/// The magnetic field in a site's axes.
+fn magnetic_field<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, site: &Place<R::Scalar>) -> V3<R> {
+    R::vectorize(
+        #[inline(always)]
+        || rotate_back(&mat_mul(&kinematics.mat[site.frame], &splat(site.mat)), splat(plan.sensing.magnetic)),
+    )
+}
+
+/// sum of c x
+fn weighted<R: Real>(terms: &[(usize, R::Scalar)], x: &[R]) -> R {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let mut sum = R::zero();
+            for &(i, c) in terms {
+                sum += R::splat(c) * x[i];
+            }
+            sum
+        },
+    )
+}
+
+fn within<R: Real>(x: R, [low, high]: [R::Scalar; 2]) -> R {
+    R::vectorize(
+        #[inline(always)]
+        || x.clamp(R::splat(low), R::splat(high)),
+    )
+}
+
+/// `dim` readings at `at`: coefficients times the readings that begin at the terms' addresses.
+fn combine<R: Real>(terms: &[(usize, R::Scalar)], at: usize, dim: usize, truth: &mut [R]) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for k in 0..dim {
+                let mut sum = R::zero();
+                for &(from, c) in terms {
+                    sum += R::splat(c) * truth[from + k];
+                }
+                truth[at + k] = sum;
+            }
+        },
+    )
+}
+
+/// How far q is from the nearer end of its range where it is beyond it, and that distance's rate at velocity v; else zeros.
+fn overlap<R: Real>(q: R, v: R, [low, high]: [R::Scalar; 2]) -> [R; 2] {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let z = R::zero();
+            let (below, above) = (q - R::splat(low), R::splat(high) - q);
+            let (under, over) = (below.lt(z), above.lt(z));
+            [R::select(under, below, R::select(over, above, z)), R::select(under, v, R::select(over, -v, z))]
+        },
+    )
 }

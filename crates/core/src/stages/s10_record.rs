@@ -15,6 +15,10 @@ impl Status {
     pub const NON_FINITE: Self = Self(2);
     /// There were more contacts than room; the ones found last were left out.
     pub const CONTACTS_FULL: Self = Self(4);
+    /// The step was too long for the motion: inertial forces of its velocities were left out, and its energy was kept from growing.
+    pub const UNRESOLVED: Self = Self(8);
+    /// Something moved so fast that it may have passed through something thin.
+    pub const TUNNELLED: Self = Self(16);
 }
 
 /// The record of one step, lane by lane.
@@ -22,7 +26,7 @@ impl Status {
 pub struct Record<R: Real> {
     /// Residual, m/s.
     pub residual: R,
-    /// Sweeps of the solver.
+    /// Sweeps and Newton steps of the solver, together.
     pub iterations: R,
     /// Lanes whose residual is above the tolerance.
     pub not_converged: R::Mask,
@@ -30,6 +34,10 @@ pub struct Record<R: Real> {
     pub non_finite: R::Mask,
     /// Lanes (bits) that left contacts out.
     pub contacts_full: u32,
+    /// Lanes whose motion was too fast for the step.
+    pub unresolved: R::Mask,
+    /// Lanes in which something may have passed through something thin.
+    pub tunnelled: R::Mask,
 }
 
 impl<R: Real> Record<R> {
@@ -40,7 +48,9 @@ impl<R: Real> Record<R> {
         Status(
             flag(self.not_converged.bits(), Status::NOT_CONVERGED)
                 | flag(self.non_finite.bits(), Status::NON_FINITE)
-                | flag(self.contacts_full, Status::CONTACTS_FULL),
+                | flag(self.contacts_full, Status::CONTACTS_FULL)
+                | flag(self.unresolved.bits(), Status::UNRESOLVED)
+                | flag(self.tunnelled.bits(), Status::TUNNELLED),
         )
     }
 }

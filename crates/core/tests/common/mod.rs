@@ -4,7 +4,11 @@
 use std::sync::Arc;
 
 use stepper_core::batch::{Field, StepInputs};
-use stepper_core::model::{ActuatorBuilder, BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
+use stepper_core::model::{
+    ActuatorBuilder, BodyBuilder, ContactField, ContactReduction, ContactSide, EqualityBuilder, FrameReading, GeomBuilder, JointBuilder,
+    Model, ModelBuilder, Object, Quantity, RayField, Sensor, SensorKind, Shape, Site, TendonBuilder, WORLD,
+};
+use stepper_core::sensing::errors::Transfer;
 use stepper_core::{Level, Options, Precision, Simulation};
 
 /// A walker: a floating trunk with four two-joint legs with limits, a ball-jointed tail, dry friction, servos with activation, and loose
@@ -27,22 +31,105 @@ pub(crate) fn walker() -> Arc<Model> {
             .joint(JointBuilder::hinge(&knee, axis).pos([0.0, 0.01, 0.0]).range(-1.2, 0.4).damping(0.2).frictionloss(0.1))
             .geom(GeomBuilder::capsule(&format!("shin{i}"), 0.03, 0.1).pos([0.0, 0.0, -0.1]).density(800.0));
         scene.body(thigh, shin);
-        scene.actuator(ActuatorBuilder::position(&format!("hip servo {i}"), &hip, 30.0, 1.0).ctrl_range(-1.0, 1.0));
+        // Bounded, so that lanes reach the bound at different steps.
+        scene.actuator(ActuatorBuilder::position(&format!("hip servo {i}"), &hip, 30.0, 1.0).ctrl_range(-1.0, 1.0).force_range(-8.0, 8.0));
         scene.actuator(ActuatorBuilder::motor(&format!("knee motor {i}"), &knee).gear(15.0).ctrl_range(-1.0, 1.0));
     }
-    let tail = BodyBuilder::new("tail").pos([-0.3, 0.0, 0.05]).joint(JointBuilder::ball("tail").damping(0.02).spring(0.5, 0.0));
+    let tail =
+        BodyBuilder::new("tail").pos([-0.3, 0.0, 0.05]).joint(JointBuilder::ball("tail").damping(0.02).spring(0.5, 0.0).range(0.0, 0.4));
     scene.body(trunk, tail.geom(GeomBuilder::capsule("tail", 0.02, 0.1).pos([-0.1, 0.0, 0.0]).quat([0.6, 0.0, 0.8, 0.0]).density(500.0)));
     let ball = BodyBuilder::new("ball").pos([0.1, 0.0, 1.0]).joint(JointBuilder::free("ball"));
-    scene.body(WORLD, ball.geom(GeomBuilder::sphere("ball", 0.08).density(300.0).restitution(0.6)));
+    scene.body(WORLD, ball.geom(GeomBuilder::sphere("ball", 0.08).density(300.0).restitution(0.6).condim(6).friction([0.8, 0.02, 0.01])));
     let crate_ = BodyBuilder::new("crate").pos([0.8, 0.0, 0.4]).quat([0.8, 0.48, 0.36, 0.0]).joint(JointBuilder::free("crate"));
     scene.body(WORLD, crate_.geom(GeomBuilder::cuboid("crate", [0.1, 0.12, 0.05]).density(200.0)));
-    // Boxes meet the floor only: there is no kernel for the other pairs yet.
-    scene.exclude("trunk", "ball").exclude("trunk", "crate").exclude("ball", "crate");
-    for i in 0..4 {
-        scene.exclude("crate", &format!("thigh{i}")).exclude("crate", &format!("shin{i}")).exclude("trunk", &format!("shin{i}"));
-    }
-    scene.exclude("crate", "tail");
+    // Shins fold up beside the trunk.
+    (0..4).for_each(|i| {
+        scene.exclude("trunk", &format!("shin{i}"));
+    });
+    tie(&mut scene);
+    add_sensors(&mut scene, trunk);
     Arc::new(scene.finish().expect("the walker is a valid model"))
+}
+
+/// Tendons and equalities of every kind: among the legs, and a swing whose two links close a loop.
+fn tie(scene: &mut ModelBuilder) {
+    let hips = TendonBuilder::new("hips", &[("hip0", 1.0), ("hip1", -1.0)]).range(-0.3, 0.3).frictionloss(0.01);
+    scene.fixed_tendon(hips.stiffness(2.0).damping(0.1).armature(0.001));
+    scene.tendon("knees", &[("knee2", 1.0), ("knee3", 0.5)]);
+    scene.equality(EqualityBuilder::joint("hips", "hip2", Some("hip3"), [0.0, 0.8, 0.1, 0.0, 0.0]));
+    scene.equality(EqualityBuilder::tendon("knees", "knees", None, [-0.3, 0.0, 0.0, 0.0, 0.0]));
+    let rod = |name: &str, pos| {
+        let rod = GeomBuilder::capsule(name, 0.02, 0.2).pos([0.0, 0.0, -0.2]).masks(0, 0);
+        BodyBuilder::new(name).pos(pos).joint(JointBuilder::ball(name)).geom(rod)
+    };
+    let upper = scene.body(WORLD, rod("upper", [0.0, 2.0, 1.0]));
+    scene.body(upper, rod("lower", [0.0, 0.0, -0.4]));
+    let seat = GeomBuilder::cuboid("seat", [0.05; 3]).masks(0, 0);
+    scene.body(WORLD, BodyBuilder::new("seat").pos([0.3, 2.0, 0.5]).joint(JointBuilder::free("seat")).geom(seat));
+    scene.equality(EqualityBuilder::connect("loop", ["lower", "world"], [[0.0, 0.0, -0.4], [0.5, 2.0, 0.8]]));
+    scene.equality(EqualityBuilder::weld("hold", ["lower", "seat"], [[0.0, 0.0, -0.2], [0.0; 3]], [1.0, 0.0, 0.0, 0.0]).torquescale(0.3));
+    scene.equality(EqualityBuilder::connect("rope", ["seat", "trunk"], [[0.0; 3]; 2]).soft(20.0, 1.0));
+}
+
+/// Sensors of every kind that reads a step.
+fn add_sensors(scene: &mut ModelBuilder, trunk: usize) {
+    let shape = Shape::Box { half: [0.3, 0.3, 0.3] };
+    let imu = scene.site(trunk, Site { name: "imu".into(), body: 0, pos: [0.1, 0.0, 0.05], quat: [0.8, 0.0, 0.6, 0.0], shape });
+    // Below the trunk there is no closed loop: what a force sensor carries.
+    let shape = Shape::Sphere { radius: 0.01 };
+    let hip = scene.site(trunk + 1, Site { name: "hip".into(), body: 0, pos: [0.0; 3], quat: [1.0, 0.0, 0.0, 0.0], shape });
+    let frame = |what| SensorKind::Frame { what, object: Object::Site(imu), reference: None };
+    let contact = SensorKind::Contact {
+        first: ContactSide::Subtree(trunk),
+        second: ContactSide::Any,
+        fields: vec![ContactField::Found, ContactField::Force, ContactField::Pos],
+        reduction: ContactReduction::MaxForce,
+        slots: 3,
+    };
+    let (rays, fields) = (vec![[0.0, 0.0, -1.0], [0.6, 0.0, -0.8]], vec![RayField::Distance]);
+    for (name, kind) in [
+        ("gyro", SensorKind::Gyro(imu)),
+        ("accelerometer", SensorKind::Accelerometer(imu)),
+        ("force", SensorKind::Force(hip)),
+        ("torque", SensorKind::Torque(hip)),
+        ("touch", SensorKind::Touch(imu)),
+        ("attitude", frame(FrameReading::Quat)),
+        ("up", frame(FrameReading::ZAxis)),
+        ("range", SensorKind::RangeFinder { site: imu, rays, fields, geoms: (0..6).collect() }),
+        ("contact", contact),
+        ("momentum", SensorKind::SubtreeAngMom(trunk)),
+        ("energy", SensorKind::KineticEnergy),
+        ("servo", SensorKind::ActuatorForce(0)),
+        ("hip", SensorKind::JointLimitForce(1)),
+        ("clock", SensorKind::Clock),
+    ] {
+        scene.sensor(name, kind);
+    }
+}
+
+/// Errors of every kind, for every sensor.
+pub(crate) fn errors(model: &Model) -> Vec<Option<Transfer>> {
+    let turned = |s: &Sensor| matches!(s.quantity(), Quantity::Axis | Quantity::Quaternion);
+    let transfer = |s: &Sensor| Transfer {
+        scale: vec![if turned(s) { 1.0 } else { 1.5 }],
+        matrix: vec![],
+        scale_std: vec![if turned(s) { 0.0 } else { 0.1 }],
+        misalignment_std: vec![if turned(s) { 0.0 } else { 0.1 }],
+        bias_std: vec![0.1],
+        drift_std: vec![0.5],
+        drift_time: vec![0.2],
+        noise_std: vec![0.1],
+        uniform: false,
+        noise_density: vec![0.01],
+        quantum: vec![1e-3],
+        low: vec![-500.0],
+        high: vec![500.0],
+        period: vec![0.0],
+        delay: vec![0.01],
+        jitter: vec![0.005],
+        dropout: vec![0.1],
+    };
+    model.sensors.iter().map(|s| Some(transfer(s))).collect()
 }
 
 /// A pseudo-random number in [-1, 1], the same on every machine.
@@ -79,7 +166,10 @@ pub(crate) fn run(
     calls: usize,
 ) -> Vec<Vec<u64>> {
     let mut sim = Simulation::at_level(model.clone(), options, Some(envs.len()), precision, threads, level);
+    sim.equip(&errors(model)).unwrap();
     for (e, &env) in envs.iter().enumerate() {
+        sim.set_stream(e, env as u32);
+        sim.begin(e, Some(7));
         let (q, v) = start(model, env);
         sim.set(Field::Qpos, e, &q).unwrap();
         sim.set(Field::Qvel, e, &v).unwrap();
@@ -88,7 +178,13 @@ pub(crate) fn run(
         let ctrl: Vec<f64> = envs.iter().flat_map(|&env| action(model, env, call)).collect();
         sim.step(&StepInputs { ctrl: &ctrl, ..StepInputs::default() }, 2).unwrap();
     }
-    (0..envs.len()).map(|e| bits(&sim, e)).collect()
+    let width = model.nsensordata();
+    let mut readings = [vec![0.0; envs.len() * width], vec![0.0; envs.len() * width]];
+    for (truth, out) in [true, false].into_iter().zip(&mut readings) {
+        sim.sense(&StepInputs::default(), truth, out).unwrap();
+    }
+    let read = |e: usize| readings.iter().flat_map(move |r| r[e * width..(e + 1) * width].iter().map(|x| x.to_bits()));
+    (0..envs.len()).map(|e| bits(&sim, e).into_iter().chain(read(e)).collect()).collect()
 }
 
 /// Every bit of an environment that a user can read.

@@ -25,6 +25,7 @@ impl BodyBuilder {
             iquat: [1.0, 0.0, 0.0, 0.0],
             inertia: [0.0; 3],
             mocap: false,
+            gravcomp: 0.0,
         };
         Self { body, inertial: false, joints: vec![], geoms: vec![] }
     }
@@ -71,10 +72,16 @@ impl BodyBuilder {
         self
     }
 
+    /// Holds up a share of its weight, 1 for all of it.
+    pub fn gravcomp(mut self, share: f64) -> Self {
+        self.body.gravcomp = share;
+        self
+    }
+
     pub(super) fn add_to(&self, model: &mut Model, index: usize) {
         let mut body = self.body.clone();
         if !self.inertial && index != WORLD {
-            let total = self.geoms.iter().map(GeomBuilder::mass_properties).fold(MassProperties::zero(), |sum, g| sum.plus(&g));
+            let total = self.geoms.iter().map(|g| g.mass_properties(model)).fold(MassProperties::zero(), |sum, g| sum.plus(&g));
             let (axes, moments) = total.principal();
             (body.mass, body.ipos, body.inertia) = (total.mass, total.com.into(), moments.into());
             body.iquat = [axes.w, axes.i, axes.j, axes.k];

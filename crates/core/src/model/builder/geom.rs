@@ -2,7 +2,7 @@
 
 use nalgebra::{Quaternion, UnitQuaternion};
 
-use super::super::{Geom, MassProperties, Shape};
+use super::super::{Geom, MassProperties, Model, Shape};
 use super::WORLD;
 
 /// Density of a geom that gives neither mass nor density: that of water, kg/m^3.
@@ -32,6 +32,8 @@ impl GeomBuilder {
             restitution: 0.0,
             margin: 0.0,
             gap: 0.0,
+            surface_velocity: [0.0; 6],
+            fluid: None,
         };
         Self { geom, mass: None, density: DENSITY }
     }
@@ -64,6 +66,21 @@ impl GeomBuilder {
     /// A box; half sizes in m.
     pub fn cuboid(name: &str, half: [f64; 3]) -> Self {
         Self::new(name, Shape::Box { half })
+    }
+
+    /// The convex hull of the mesh `asset` of the builder.
+    pub fn mesh(name: &str, asset: &str) -> Self {
+        Self::new(name, Shape::Mesh { asset: asset.into(), concave: false })
+    }
+
+    /// The surface of the mesh `asset` of the builder, hollows included; without mass.
+    pub fn concave_mesh(name: &str, asset: &str) -> Self {
+        Self::new(name, Shape::Mesh { asset: asset.into(), concave: true }).mass(0.0)
+    }
+
+    /// The height field `asset` of the builder; without mass.
+    pub fn height_field(name: &str, asset: &str) -> Self {
+        Self::new(name, Shape::HeightField { asset: asset.into() }).mass(0.0)
     }
 
     /// Places it in the body's frame, m.
@@ -132,10 +149,25 @@ impl GeomBuilder {
         self
     }
 
-    pub(super) fn mass_properties(&self) -> MassProperties {
+    /// Lets its surface move as contacts see it, in its own axes: linear (m/s) and angular about its origin (rad/s).
+    pub fn surface_velocity(mut self, velocity: [f64; 6]) -> Self {
+        self.geom.surface_velocity = velocity;
+        self
+    }
+
+    pub(super) fn mass_properties(&self, model: &Model) -> MassProperties {
         let g = &self.geom;
-        let mass = self.mass.or_else(|| MassProperties::volume(&g.shape).map(|v| v * self.density));
-        let solid = mass.and_then(|m| MassProperties::solid(&g.shape, m)).unwrap_or_else(MassProperties::zero);
+        let solid = match (model.mesh_of(&g.shape), self.mass) {
+            (Some(mesh), Some(mass)) => {
+                mesh.mass_properties(1.0).map(|unit| MassProperties { mass, inertia: unit.inertia * (mass / unit.mass), ..unit })
+            }
+            (Some(mesh), None) => mesh.mass_properties(self.density),
+            (None, mass) => {
+                let mass = mass.or_else(|| MassProperties::volume(&g.shape).map(|v| v * self.density));
+                mass.and_then(|m| MassProperties::solid(&g.shape, m))
+            }
+        };
+        let solid = solid.unwrap_or_else(MassProperties::zero);
         let quat = Quaternion::new(g.quat[0], g.quat[1], g.quat[2], g.quat[3]);
         solid.placed(g.pos.into(), UnitQuaternion::new_normalize(quat))
     }

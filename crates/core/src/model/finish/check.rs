@@ -1,10 +1,12 @@
 //! The rules that every model keeps, element by element.
 
+mod assets;
+
 use std::collections::HashSet;
 
-use super::super::{Activation, JointKind, Model, ModelError, SensorKind, Shape, Transmission, label};
+use super::super::{Activation, EqualityKind, JointKind, Model, ModelError, Shape, Transmission, label};
 
-type Checked = Result<(), ModelError>;
+pub(super) type Checked = Result<(), ModelError>;
 
 /// Rows that a contact may have: frictionless, sliding, torsional, rolling.
 const DIMENSIONS: [u8; 4] = [1, 3, 4, 6];
@@ -13,23 +15,23 @@ const DIMENSIONS: [u8; 4] = [1, 3, 4, 6];
 const TRIANGLE: f64 = 1e-6;
 
 /// An element of the model: errors name it.
-struct At(String);
+pub(super) struct At(String);
 
 impl At {
-    fn new(kind: &str, name: &str, index: usize) -> Self {
+    pub(super) fn new(kind: &str, name: &str, index: usize) -> Self {
         Self(format!("{kind} {:?}", label(name, index)))
     }
 
-    fn fail(&self, what: impl Into<String>, remedy: impl Into<String>) -> Checked {
+    pub(super) fn fail(&self, what: impl Into<String>, remedy: impl Into<String>) -> Checked {
         Err(ModelError::invalid(&self.0, what, remedy))
     }
 
-    fn finite(&self, what: &str, x: &[f64]) -> Checked {
+    pub(super) fn finite(&self, what: &str, x: &[f64]) -> Checked {
         if x.iter().all(|v| v.is_finite()) { Ok(()) } else { self.fail(format!("{what} is {x:?}"), "give finite numbers") }
     }
 
     /// Finite and at least 0.
-    fn size(&self, what: &str, x: &[f64], unit: &str) -> Checked {
+    pub(super) fn size(&self, what: &str, x: &[f64], unit: &str) -> Checked {
         match x.iter().find(|v| !v.is_finite() || **v < 0.0) {
             Some(v) => self.fail(format!("{what} is {v}{unit}"), "give a finite number of at least 0"),
             None => Ok(()),
@@ -37,7 +39,7 @@ impl At {
     }
 
     /// Finite and greater than 0.
-    fn positive(&self, what: &str, x: &[f64], unit: &str) -> Checked {
+    pub(super) fn positive(&self, what: &str, x: &[f64], unit: &str) -> Checked {
         match x.iter().find(|v| !v.is_finite() || **v <= 0.0) {
             Some(v) => self.fail(format!("{what} is {v}{unit}"), "give a finite number greater than 0"),
             None => Ok(()),
@@ -55,7 +57,7 @@ impl At {
         }
     }
 
-    fn index(&self, what: &str, index: usize, count: usize) -> Checked {
+    pub(super) fn index(&self, what: &str, index: usize, count: usize) -> Checked {
         if index < count {
             return Ok(());
         }
@@ -70,7 +72,7 @@ impl At {
     }
 
     /// A hinge or slide of the model.
-    fn scalar_joint(&self, model: &Model, joint: usize) -> Checked {
+    pub(super) fn scalar_joint(&self, model: &Model, joint: usize) -> Checked {
         self.index("joint", joint, model.joints.len())?;
         let kind = match model.joints[joint].kind {
             JointKind::Free => "free",
@@ -177,18 +179,17 @@ pub(super) fn values(model: &Model) -> Checked {
     let scene = At("model".into());
     scene.positive("timestep", &[model.timestep], " s")?;
     scene.finite("gravity", &model.gravity)?;
+    scene.finite("magnetic", &model.magnetic)?;
     names(model)?;
     bodies(model)?;
     joints(model)?;
     geoms(model)?;
     pairs(model)?;
+    assets::check(model)?;
     tendons(model)?;
+    equalities(model)?;
     actuators(model)?;
-    for (i, sensor) in model.sensors.iter().enumerate() {
-        let (SensorKind::JointPos(j) | SensorKind::JointVel(j)) = sensor.kind;
-        At::new("sensor", &sensor.name, i).scalar_joint(model, j)?;
-    }
-    Ok(())
+    super::sensors::check(model)
 }
 
 /// Names are how users refer to elements: two of a kind with one name cannot be told apart.
@@ -207,7 +208,9 @@ fn names(model: &Model) -> Checked {
     unique("joint", model.joints.iter().map(|x| &x.name))?;
     unique("geom", model.geoms.iter().map(|x| &x.name))?;
     unique("tendon", model.tendons.iter().map(|x| &x.name))?;
+    unique("equality", model.equalities.iter().map(|x| &x.name))?;
     unique("actuator", model.actuators.iter().map(|x| &x.name))?;
+    unique("site", model.sites.iter().map(|x| &x.name))?;
     unique("sensor", model.sensors.iter().map(|x| &x.name))?;
     unique("keyframe", model.keyframes.iter().map(|x| &x.name))
 }
@@ -272,9 +275,17 @@ fn geoms(model: &Model) -> Checked {
             }
             Shape::Ellipsoid { radii } => at.positive("semi-axis", &radii, " m")?,
             Shape::Box { half } => at.positive("half size", &half, " m")?,
-            Shape::Mesh { radius, .. } => at.size("bounding radius", &[radius], " m")?,
+            Shape::Mesh { .. } => {}
         }
         at.finite("pos", &geom.pos)?;
+        at.finite("surface velocity", &geom.surface_velocity)?;
+        if let Some(e) = &geom.fluid {
+            at.positive("semi-axis in the medium", &e.axes, " m")?;
+            at.size("drag in the medium", &[e.share, e.blunt_drag, e.slender_drag, e.angular_drag], "")?;
+            at.finite("lift in the medium", &[e.kutta_lift, e.magnus_lift])?;
+            at.size("virtual mass", &e.virtual_mass, " m^3")?;
+            at.size("virtual inertia", &e.virtual_inertia, " m^5")?;
+        }
         at.contact(geom.condim, &geom.friction, geom.restitution, geom.margin, geom.gap)?;
     }
     Ok(())
@@ -301,6 +312,49 @@ fn tendons(model: &Model) -> Checked {
         for &(joint, coefficient) in &tendon.joints {
             at.scalar_joint(model, joint)?;
             at.finite("coefficient", &[coefficient])?;
+        }
+        at.range("range", tendon.range)?;
+        at.size("stiffness", &[tendon.stiffness], "")?;
+        at.range("spring_length", Some(tendon.spring_length))?;
+        at.size("damping", &[tendon.damping], "")?;
+        at.size("armature", &[tendon.armature], "")?;
+        at.size("frictionloss", &[tendon.frictionloss], "")?;
+    }
+    Ok(())
+}
+
+fn equalities(model: &Model) -> Checked {
+    for (i, equality) in model.equalities.iter().enumerate() {
+        let at = At::new("equality", &equality.name, i);
+        at.finite("data", &equality.data())?;
+        if equality.stiffness.is_nan() || equality.stiffness < 0.0 {
+            return at.fail(format!("stiffness is {}", equality.stiffness), "give a number of at least 0, infinity for a hard one");
+        }
+        at.size("damping", &[equality.damping], "")?;
+        match &equality.kind {
+            EqualityKind::Connect { bodies, .. } | EqualityKind::Weld { bodies, .. } => {
+                bodies.iter().try_for_each(|&b| at.index("body", b, model.bodies.len()))?;
+                if bodies[0] == bodies[1] {
+                    return at.fail(format!("body {:?} against itself", model.body_label(bodies[0])), "name two bodies");
+                }
+            }
+            &EqualityKind::Joint { joint, other, .. } => {
+                at.scalar_joint(model, joint)?;
+                other.map_or(Ok(()), |j| at.scalar_joint(model, j))?;
+                if other == Some(joint) {
+                    return at.fail(format!("joint {:?} against itself", model.joint_label(joint)), "name two joints, or one");
+                }
+            }
+            &EqualityKind::Tendon { tendon, other, .. } => {
+                at.index("tendon", tendon, model.tendons.len())?;
+                other.map_or(Ok(()), |t| at.index("tendon", t, model.tendons.len()))?;
+                if other == Some(tendon) {
+                    return at.fail(format!("tendon {tendon} against itself"), "name two tendons, or one");
+                }
+            }
+        }
+        if let EqualityKind::Weld { torquescale, .. } = equality.kind {
+            at.size("torquescale", &[torquescale], " m")?;
         }
     }
     Ok(())

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::super::{GeomPair, JointKind, Kernel, Model, Omission, Shape};
+use super::super::{GeomPair, Kernel, Model, Omission, Shape};
 
 /// Name of an element, and why it is left out.
 type User = (String, String);
@@ -11,8 +11,7 @@ type User = (String, String);
 type Users = fn(&Model, &[GeomPair]) -> Vec<User>;
 
 /// The table: what is missing, and who uses it.
-const MISSING: [(&str, Users); 3] =
-    [("joint limit", ball_limits), ("contact dimension", torsion_and_rolling), ("collision", pairs_without_kernel)];
+const MISSING: [(&str, Users); 1] = [("collision", pairs_without_kernel)];
 
 /// Every element that uses something of the table.
 pub(super) fn not_simulated(model: &Model) -> Vec<Omission> {
@@ -24,30 +23,6 @@ pub(super) fn not_simulated(model: &Model) -> Vec<Omission> {
 /// Whether this module wrote it.
 pub(super) fn is_own(omission: &Omission) -> bool {
     MISSING.iter().any(|(kind, _)| *kind == omission.kind)
-}
-
-fn ball_limits(model: &Model, _: &[GeomPair]) -> Vec<User> {
-    let limited = (0..model.joints.len()).filter(|&j| model.joints[j].kind == JointKind::Ball && model.joints[j].range.is_some());
-    limited.map(|j| (model.joint_label(j), "limits of ball joints are not simulated yet; it turns freely".into())).collect()
-}
-
-fn torsion_and_rolling(model: &Model, pairs: &[GeomPair]) -> Vec<User> {
-    let sources = |pair: &GeomPair| pair.geoms.into_iter().filter(|&g| model.geoms[g].condim == pair.condim).collect::<Vec<_>>();
-    let mut users: BTreeMap<usize, u8> = BTreeMap::new();
-    let mut explicit: BTreeMap<[usize; 2], u8> = BTreeMap::new();
-    for pair in pairs.iter().filter(|p| p.condim > 3) {
-        let sources = sources(pair);
-        if sources.is_empty() {
-            explicit.insert(pair.geoms, pair.condim);
-        }
-        users.extend(sources.into_iter().map(|g| (g, model.geoms[g].condim)));
-    }
-    let reason = |condim: u8| {
-        let what = if condim == 4 { "torsional" } else { "torsional and rolling" };
-        format!("{what} friction (condim {condim}) is not simulated yet; its contacts have sliding friction only")
-    };
-    let of_pair = |([a, b], c): ([usize; 2], u8)| (format!("{} / {}", model.geom_label(a), model.geom_label(b)), reason(c));
-    users.into_iter().map(|(g, c)| (model.geom_label(g), reason(c))).chain(explicit.into_iter().map(of_pair)).collect()
 }
 
 /// One entry for every geom whose shape is the reason: of two, the later in the order of [`GeomPair::geoms`], or the height field.

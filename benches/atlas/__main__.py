@@ -1,0 +1,51 @@
+"""The long sweep: `python -m atlas` writes docs/atlas.md, atlas.png and atlas.csv."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+from stepper._machine import one_core, provenance
+
+from atlas import scenes
+from atlas.engines import peers, stepper_engines
+from atlas.picture import draw
+from atlas.report import read_csv, write_csv, write_markdown
+from atlas.run import Row, sweep
+from atlas.world import World
+
+
+def main() -> None:
+    """Reads the arguments, sweeps, writes."""
+    parser = argparse.ArgumentParser(prog="atlas", description=__doc__)
+    parser.add_argument("scenes", nargs="*", help="numbers, 1 to 32 and S1 to S7; default: all")
+    parser.add_argument("--out", type=Path, default=Path("docs"), help="folder; default: docs")
+    parser.add_argument("--limit", type=float, default=10.0, help="processor time of one run at the most, s")
+    parser.add_argument("--ours", action="store_true", help="stepper alone")
+    parser.add_argument("--from-csv", action="store_true", help="do not run anything: write the report again from atlas.csv")
+    args = parser.parse_args()
+    chosen = [s for s in scenes.ALL if not args.scenes or s.number in args.scenes]
+    args.out.mkdir(parents=True, exist_ok=True)
+    data = args.out / "atlas.csv"
+    if args.from_csv:
+        rows, notes = read_csv(data)
+    else:
+        World.limit = args.limit
+        begin = time.monotonic()
+        engines = [*stepper_engines(), *([] if args.ours else peers())]
+        with one_core():
+            rows = sweep(chosen, engines, _say)
+        notes = provenance() | {"seconds": round(time.monotonic() - begin)}
+        write_csv(data, rows, notes)
+    write_markdown(args.out / "atlas.md", scenes.ALL, rows, notes)
+    draw(args.out / "atlas.png", rows)
+
+
+def _say(row: Row) -> None:
+    sys.stderr.write(f"{row.number:>3} {row.name:45} {row.dt:7.0e} {row.engine:24} {row.outcome:10} {row.error:9.2e}\n")
+
+
+if __name__ == "__main__":
+    main()

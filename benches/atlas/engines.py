@@ -1,0 +1,223 @@
+"""The columns of the table: stepper's default and its alternatives, MuJoCo's default and two tunings, rapier's default."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import mujoco
+import numpy as np
+import stepper
+from numpy.typing import ArrayLike
+from stepper._chart.engines import MujocoEngine
+
+from atlas.world import Array, CannotRunError, DivergedError, Touch, World
+
+
+@dataclass(frozen=True)
+class Stepper:
+    """Ours.
+
+    Attributes:
+        name: As in the table.
+        options: The setting; the time step is the scene's.
+        precision: "f64" or "f32".
+    """
+
+    name: str
+    options: stepper.Options = field(default_factory=stepper.Options)
+    precision: str = "f64"
+
+    def start(self, mjcf: str, dt: float, num_envs: int = 1, *, restitution: float | None = None, iterations: int | None = None) -> World:
+        """See `atlas.scene.Engine`."""
+        options = dataclasses.replace(self.options, timestep=dt)
+        if iterations is not None:
+            options = dataclasses.replace(options, iterations=iterations)
+        return _StepperWorld(mjcf, options, num_envs, self.precision, restitution)
+
+
+@lru_cache(maxsize=8)
+def _load(mjcf: str) -> stepper.Model:
+    try:
+        return stepper.load(mjcf)
+    except stepper.ModelError as error:
+        raise CannotRunError(f"stepper does not simulate this: {error}") from error
+
+
+class _StepperWorld(World):
+    def __init__(self, mjcf: str, options: stepper.Options, num_envs: int, precision: str, restitution: float | None) -> None:
+        super().__init__(mjcf, options.timestep or 0.0, num_envs)
+        model = _load(mjcf)
+        if restitution is not None:
+            model = model.replace(geom_restitution=np.full(model.ngeom, restitution))
+        self.sim = stepper.Stepper(model, num_envs, options=options, precision=precision)
+
+    @property
+    def qpos(self) -> Array:
+        return np.asarray(self.sim.qpos, dtype=np.float64)
+
+    @property
+    def qvel(self) -> Array:
+        return np.asarray(self.sim.qvel, dtype=np.float64)
+
+    def set(self, qpos: ArrayLike | None = None, qvel: ArrayLike | None = None) -> None:
+        self.sim.set_state(qpos, qvel)
+
+    def push(self, body: str, force: ArrayLike, torque: ArrayLike = (0, 0, 0)) -> None:
+        self.sim.xfrc_applied[:, self.body(body), :3] = force
+        self.sim.xfrc_applied[:, self.body(body), 3:] = torque
+
+    def touches(self, env: int = 0) -> list[Touch]:
+        found = self.sim.contacts(env)
+        return [Touch((int(c["geom"][0]), int(c["geom"][1])), c["normal"], float(c["force"][0])) for c in found]
+
+    def _advance(self, ctrl: Array | None, nstep: int) -> None:
+        self.sim.step(ctrl, nstep=nstep)
+
+    def _check(self) -> None:
+        flags = np.atleast_1d(self.sim.status)
+        for flag in stepper.Status:
+            if count := int(np.count_nonzero(flags & flag)):
+                self.flags[str(flag.name)] += count
+        if (flags & stepper.Status.NON_FINITE).any():
+            raise DivergedError("a step was not finite")
+
+
+@dataclass(frozen=True)
+class Mujoco:
+    """MuJoCo.
+
+    Attributes:
+        name: As in the table.
+        settings: Integrator, cone, solver, impratio.
+        solref: Time constant of contacts, limits and equalities in time steps; None leaves the model's.
+    """
+
+    name: str
+    settings: MujocoEngine
+    solref: float | None = None
+
+    def start(self, mjcf: str, dt: float, num_envs: int = 1, *, restitution: float | None = None, iterations: int | None = None) -> World:
+        """See `atlas.scene.Engine`."""
+        world = _MujocoWorld(self, mjcf, dt, num_envs, restitution)
+        if iterations is not None:
+            world.model.opt.iterations = iterations
+        return world
+
+
+class _MujocoWorld(World):
+    def __init__(self, engine: Mujoco, mjcf: str, dt: float, num_envs: int, restitution: float | None) -> None:
+        super().__init__(mjcf, dt, num_envs)
+        model = self.model
+        engine.settings.configure(mujoco, model)
+        model.opt.timestep = dt
+        if engine.solref is not None:
+            _stiffen(model, engine.solref * dt, restitution)
+        self._data = [mujoco.MjData(model) for _ in range(num_envs)]
+        self._time = [0.0] * num_envs
+
+    @property
+    def qpos(self) -> Array:
+        return np.array([d.qpos for d in self._data])
+
+    @property
+    def qvel(self) -> Array:
+        return np.array([d.qvel for d in self._data])
+
+    def set(self, qpos: ArrayLike | None = None, qvel: ArrayLike | None = None) -> None:
+        for env, d in enumerate(self._data):
+            for target, given in ((d.qpos, qpos), (d.qvel, qvel)):
+                if given is not None:
+                    target[:] = np.broadcast_to(np.asarray(given, float), (self.num_envs, target.size))[env]
+
+    def push(self, body: str, force: ArrayLike, torque: ArrayLike = (0, 0, 0)) -> None:
+        wrench = np.hstack([np.broadcast_to(np.asarray(part, float), (self.num_envs, 3)) for part in (force, torque)])
+        for d, one in zip(self._data, wrench, strict=True):
+            d.xfrc_applied[self.body(body)] = one
+
+    def touches(self, env: int = 0) -> list[Touch]:
+        d, out, force = self._data[env], [], np.zeros(6)
+        for i, c in enumerate(d.contact):
+            mujoco.mj_contactForce(self.model, d, i, force)
+            out.append(Touch((int(c.geom[0]), int(c.geom[1])), c.frame[:3].copy(), float(force[0])))
+        return out
+
+    def _advance(self, ctrl: Array | None, nstep: int) -> None:
+        for env, d in enumerate(self._data):
+            if ctrl is not None:
+                d.ctrl[:] = ctrl[env]
+            mujoco.mj_step(self.model, d, nstep)
+
+    def _check(self) -> None:
+        for d in self._data:
+            # A bad state makes MuJoCo start the environment anew, and count a warning.
+            if any(d.warning[w].number for w in (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, BAD_QACC)):
+                raise DivergedError("MuJoCo restarted an environment with a bad state")
+
+
+BAD_QACC = mujoco.mjtWarning.mjWARN_BADQACC
+ELASTIC_STEPS = 10.0
+"""Time steps that an elastic impact of tuned MuJoCo is spread over: its contact is a spring."""
+
+
+def _stiffen(model: mujoco.MjModel, time_constant: float, restitution: float | None) -> None:
+    """Contacts as stiff as the time step allows (solref = 2 dt, as the documentation's section "Solver parameters" advises).
+
+    With restitution, the direct format (-stiffness, -damping) that it offers for bouncing: a spring whose half period is `ELASTIC_STEPS`
+    time steps, and the damping ratio that gives that coefficient: e = exp(-pi zeta / sqrt(1 - zeta^2)).
+    """
+    reference = np.array([time_constant, 1.0])
+    model.jnt_solref[:] = reference
+    model.eq_solref[:] = reference
+    model.tendon_solref_lim[:] = reference
+    if restitution:
+        log = -np.log(restitution) / np.pi
+        zeta = log / np.sqrt(1.0 + log**2)
+        rate = np.pi / (ELASTIC_STEPS * time_constant / 2.0)
+        reference = np.array([-(rate**2), -max(2.0 * zeta * rate, 1e-12)])
+    model.geom_solref[:] = reference
+    model.pair_solref[:] = reference
+
+
+@dataclass(frozen=True)
+class Rapier:
+    """Rapier by its Python wheel, in 32 bits, with its default settings; friction combined as in MuJoCo (the larger)."""
+
+    name: str
+
+    def start(self, mjcf: str, dt: float, num_envs: int = 1, *, restitution: float | None = None, iterations: int | None = None) -> World:
+        """See `atlas.scene.Engine`."""
+        from atlas.rapier import RapierWorld  # noqa: PLC0415  (optional)
+
+        return RapierWorld(mjcf, dt, num_envs, restitution, iterations)
+
+
+def stepper_engines() -> list[Stepper]:
+    """Ours: the default first."""
+    settings = {
+        "euler": {"integrator": "euler"},
+        "baumgarte": {"stabilization": "baumgarte"},
+        "euler, baumgarte": {"integrator": "euler", "stabilization": "baumgarte"},
+        "rk4": {"integrator": "rk4"},
+        "implicit": {"integrator": "implicit"},
+        "newton": {"solver": "newton"},
+    }
+    default = stepper.Options()
+    out = [Stepper("stepper"), *(Stepper(f"stepper {name}", dataclasses.replace(default, **s)) for name, s in settings.items())]
+    return [*out, Stepper("stepper f32", default, "f32")]
+
+
+def peers() -> list[Mujoco | Rapier]:
+    """MuJoCo as it comes; as its guide advises for contact without slip, with two integrators; rapier where it is installed."""
+    tuned = {"cone": "ELLIPTIC"}
+    out: list[Mujoco | Rapier] = [
+        Mujoco("MuJoCo", MujocoEngine("default")),
+        Mujoco("MuJoCo tuned", MujocoEngine("implicitfast, impratio 100", "IMPLICITFAST", impratio=100.0, **tuned), 2.0),
+        Mujoco("MuJoCo tuned, discrete", MujocoEngine("discrete, impratio 10", "DISCRETE", impratio=10.0, **tuned), 2.0),
+    ]
+    try:
+        import rapier3d  # noqa: F401, PLC0415  (optional)
+    except ModuleNotFoundError:
+        return out
+    return [*out, Rapier("rapier")]

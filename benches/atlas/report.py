@@ -1,0 +1,149 @@
+"""docs/atlas.md and atlas.csv from the rows of a sweep."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, fields
+from pathlib import Path
+
+from atlas.known import reason
+from atlas.run import CANNOT, HELD, Row
+from atlas.scene import Scene
+
+USUAL = 2e-3
+"""s: the time step whose error the summary shows."""
+
+HEAD = """# The failure atlas
+
+Scenes with known answers where methods fail: the 32 of the list that this project began with, and the seven public tests of SimBenchmark
+(S1 to S7), written anew from its parameters. Every right answer is a closed form, statics or a conservation law, never another simulator.
+`make atlas` runs all of it and writes this page, [atlas.csv](atlas.csv) and the picture; `tests/failure/` holds a shorter sweep.
+
+![scenes by engines and time steps](atlas.png)
+
+Engines: **stepper** is `Options()`, the default; its alternatives change what their names say; f32 is `precision="f32"`. **MuJoCo** is its
+default; **tuned** follows its own guide for contact without slip: elliptic cones, impratio 100 with implicitfast, impratio 10 with
+discrete, solref of two steps (with restitution, the direct format for a bouncing spring). **rapier** is the Python wheel with its defaults,
+in 32 bits. MuJoCo has no coefficient of restitution, so its default cannot hold a bounce.
+
+"""
+
+
+def write_csv(path: Path, rows: Sequence[Row], provenance: Mapping[str, object]) -> None:
+    """Every run, under comment lines that say where it comes from."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        for key, value in provenance.items():
+            file.write(f"# {key}: {json.dumps(value)}\n")
+        writer = csv.writer(file)
+        writer.writerow(f.name for f in fields(Row))
+        writer.writerows([f"{v:.4g}" if isinstance(v, float) else v for v in asdict(row).values()] for row in rows)
+
+
+def read_csv(path: Path) -> tuple[list[Row], dict[str, object]]:
+    """What `write_csv` wrote."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    notes = {key: json.loads(value) for key, value in (line[2:].split(": ", 1) for line in lines if line.startswith("# "))}
+    numbers = {"dt", "error", "tolerance", "cost"}
+    rows = []
+    for record in csv.DictReader(line for line in lines if not line.startswith("# ")):
+        rows.append(Row(**{k: float(v) if k in numbers else v for k, v in record.items()}))
+    return rows, notes
+
+
+def write_markdown(path: Path, scenes: Sequence[Scene], rows: Sequence[Row], provenance: Mapping[str, object]) -> None:
+    """The page: a summary, reasons for what stepper does not hold, what the answers are, every run."""
+    engines = list(dict.fromkeys(row.engine for row in rows))
+    by = {(r.number, r.name, r.dt, r.engine): r for r in rows}
+    shown = [s for s in scenes if any((s.number, s.name) == (r.number, r.name) for r in rows)]
+    parts = [HEAD, _summary(shown, engines, by), _reasons(shown, by), _answers(shown), _all(shown, engines, by), _provenance(provenance)]
+    path.write_text("\n".join(parts), encoding="utf-8")
+
+
+def _line(cells: Sequence[str]) -> str:
+    return "| " + " | ".join(cells) + " |\n"
+
+
+def _number(x: float) -> str:
+    if math.isnan(x):
+        return ""
+    if math.isinf(x):
+        return "inf"
+    return "0" if x == 0 else f"{x:.0e}".replace("e-0", "e-").replace("e+0", "e").replace("e+", "e")
+
+
+def _summary(scenes: Sequence[Scene], engines: Sequence[str], by: Mapping[tuple[str, str, float, str], Row]) -> str:
+    text = "## Time steps held, of those swept, and the error at the step nearest to 2 ms\n\n"
+    text += _line(["scene", "unit", *engines]) + _line(["---"] * (len(engines) + 2))
+    totals = dict.fromkeys(engines, 0)
+    for scene in scenes:
+        usual = min(scene.dts, key=lambda dt: abs(math.log(dt / USUAL)))
+        cells = [scene.title, scene.unit]
+        for engine in engines:
+            runs = [by[scene.number, scene.name, dt, engine] for dt in scene.dts]
+            held = sum(r.outcome == HELD for r in runs)
+            totals[engine] += held
+            if all(r.outcome == CANNOT for r in runs):
+                cells.append("-")
+                continue
+            mark = "**" if held == len(runs) else ""
+            cells.append(f"{mark}{held}/{len(runs)}{mark} {_number(by[scene.number, scene.name, usual, engine].error)}")
+        text += _line(cells)
+    runs = sum(len(scene.dts) for scene in scenes)
+    return text + _line([f"all, of {runs}", "", *(f"**{totals[e]}**" for e in engines)])
+
+
+def _reasons(scenes: Sequence[Scene], by: Mapping[tuple[str, str, float, str], Row]) -> str:
+    found: dict[str, list[str]] = {}
+    for scene in scenes:
+        for row in (r for (number, name, _, _), r in by.items() if (number, name) == (scene.number, scene.name)):
+            if row.engine.startswith("stepper") and row.outcome != HELD:
+                why = reason(scene.title, row.engine, row.dt) or row.note.splitlines()[0:1] or ["not explained yet"]
+                why = why if isinstance(why, str) else why[0]
+                found.setdefault(why, []).append(
+                    f"{scene.title} ({row.engine.removeprefix('stepper').strip() or 'default'}, {row.dt * 1e3:g} ms)"
+                )
+    text = "\n## What stepper does not hold, and why\n\n"
+    for why, where in found.items():
+        text += f"* {why}\n" + "".join(f"  * {line}\n" for line in _grouped(where))
+    return text
+
+
+def _grouped(where: Sequence[str]) -> list[str]:
+    """Entries of one scene on one line."""
+    lines: dict[str, list[str]] = {}
+    for entry in where:
+        title, _, rest = entry.rpartition(" (")
+        lines.setdefault(title, []).append(rest.rstrip(")"))
+    return [f"{title}: {'; '.join(rest)}" for title, rest in lines.items()]
+
+
+def _answers(scenes: Sequence[Scene]) -> str:
+    text = "\n## What is right, and when a scene counts as held\n\n"
+    text += _line(["scene", "right answer", "source", "error that holds, at 2 ms", "because"]) + _line(["---"] * 5)
+    for s in scenes:
+        text += _line([s.title, s.answer, s.source, f"{_number(s.tolerance(USUAL))} {s.unit}", s.because])
+    return text
+
+
+def _all(scenes: Sequence[Scene], engines: Sequence[str], by: Mapping[tuple[str, str, float, str], Row]) -> str:
+    text = "\n## Every run: holds (+) or fails (x), error; cost in ms of one core per simulated second\n\n"
+    text += _line(["scene", "dt, ms", *engines]) + _line(["---"] * (len(engines) + 2))
+    for scene in scenes:
+        for dt in scene.dts:
+            cells = [scene.title, f"{dt * 1e3:g}"]
+            for engine in engines:
+                row = by[scene.number, scene.name, dt, engine]
+                if row.outcome == CANNOT:
+                    cells.append("-")
+                else:
+                    cells.append(f"{'+' if row.outcome == HELD else 'x'} {_number(row.error)}; {row.cost * 1e3:.2g}")
+            text += _line(cells)
+    return text
+
+
+def _provenance(provenance: Mapping[str, object]) -> str:
+    text = "\n## Where these numbers come from\n\n"
+    return text + "".join(f"* {key}: {value if isinstance(value, str) else json.dumps(value)}\n" for key, value in provenance.items())

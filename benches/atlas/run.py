@@ -1,0 +1,89 @@
+"""The sweep: every scene in every engine at every time step, errors and costs."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from atlas.scene import Engine, Scene
+from atlas.world import CannotRunError, DivergedError, TooSlowError, World
+
+HELD, FAILS, CANNOT = "holds", "fails", "cannot run"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One run.
+
+    Attributes:
+        number: Of the scene.
+        name: Of the scene.
+        engine: With its setting.
+        dt: Time step, s.
+        outcome: "holds", "fails" or "cannot run".
+        error: In the scene's unit; infinite if it diverged, NaN if it cannot run.
+        tolerance: Largest error that holds.
+        unit: Of both.
+        cost: Processor time per simulated second of one environment, s/s.
+        flags: What the engine said of its steps, and in how many calls of one step or up to a thousand.
+        note: Why it cannot run or how it diverged.
+    """
+
+    number: str
+    name: str
+    engine: str
+    dt: float
+    outcome: str
+    error: float
+    tolerance: float
+    unit: str
+    cost: float
+    flags: str
+    note: str = ""
+
+
+class _Metered:
+    """An engine that remembers the worlds it started."""
+
+    def __init__(self, engine: Engine) -> None:
+        self.engine = engine
+        self.name = engine.name
+        self.worlds: list[World] = []
+
+    def start(self, mjcf: str, dt: float, num_envs: int = 1, *, restitution: float | None = None, iterations: int | None = None) -> World:
+        world = self.engine.start(mjcf, dt, num_envs, restitution=restitution, iterations=iterations)
+        self.worlds.append(world)
+        return world
+
+    def cost(self) -> tuple[float, str]:
+        """(s of processor per simulated s of an environment, flags)."""
+        seconds = sum(w.seconds * w.num_envs for w in self.worlds)
+        cpu, flags = sum(w.cpu for w in self.worlds), sum((w.flags for w in self.worlds), Counter())
+        return (cpu / seconds if seconds > 0.0 else math.nan), " ".join(f"{name}:{count}" for name, count in flags.items())
+
+
+def run(scene: Scene, engine: Engine, dt: float) -> Row:
+    """One scene in one engine at one time step."""
+    metered = _Metered(engine)
+    note = ""
+    try:
+        error = float(scene.measure(metered, dt))
+    except CannotRunError as reason:
+        error, note = math.nan, str(reason)
+    except (DivergedError, TooSlowError) as reason:
+        error, note = math.inf, str(reason)
+    outcome = CANNOT if math.isnan(error) and note else HELD if scene.holds(error, dt) else FAILS
+    return Row(scene.number, scene.name, engine.name, dt, outcome, error, scene.tolerance(dt), scene.unit, *metered.cost(), note)
+
+
+def sweep(scenes: Sequence[Scene], engines: Sequence[Engine], progress: Callable[[Row], None]) -> list[Row]:
+    """All of them, scene by scene."""
+    rows = []
+    for scene in scenes:
+        for dt in scene.dts:
+            for engine in engines:
+                rows.append(run(scene, engine, dt))
+                progress(rows[-1])
+    return rows

@@ -1,0 +1,241 @@
+"""Scenes 8 to 11: motion without contact. Energy and momentum are constant; states are those of closed forms or converged solutions."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import mujoco
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.special import ellipj, ellipk
+
+from atlas.mjcf import G, document
+from atlas.quadruped import POSE, quadruped
+from atlas.scene import Engine, Scene
+from atlas.world import Array
+
+# Scene 8: a body with three unequal inertias spins about its middle axis (Dzhanibekov). Landau & Lifshitz, Mechanics, section 37.
+
+I1, I2, I3 = 0.010, 0.020, 0.026
+SPIN, TOUCH = 5.0, 0.05
+ENERGY = (I2 * SPIN**2 + I3 * TOUCH**2) / 2
+L2 = (I2 * SPIN) ** 2 + (I3 * TOUCH) ** 2
+RATE = math.sqrt((I3 - I2) * (L2 - 2 * ENERGY * I1) / (I1 * I2 * I3))
+M = (I2 - I1) * (2 * ENERGY * I3 - L2) / ((I3 - I2) * (L2 - 2 * ENERGY * I1))
+PERIOD = 4 * float(ellipk(M)) / RATE
+
+
+def omega(t: float) -> Array:
+    """Angular velocity in the body's axes after t s; it begins as (0, SPIN, TOUCH), a quarter of a period into Jacobi's functions."""
+    sn, cn, dn, _ = ellipj(ellipk(M) + RATE * t, M)
+    a1 = math.sqrt((2 * ENERGY * I3 - L2) / (I1 * (I3 - I1)))
+    a2 = math.sqrt((2 * ENERGY * I3 - L2) / (I2 * (I3 - I2)))
+    a3 = math.sqrt((L2 - 2 * ENERGY * I1) / (I3 * (I3 - I1)))
+    return np.array([a1 * cn, a2 * sn, a3 * dn])
+
+
+TUMBLER = document(f"""<body name="body"><freejoint/><inertial pos="0 0 0" mass="1" diaginertia="{I1} {I2} {I3}"/>
+  <geom type="box" size=".1 .1 .1" mass="0" contype="0" conaffinity="0"/></body>""", gravity=(0, 0, 0))  # fmt: skip
+START = (0, 0, 0, 0, SPIN, TOUCH)
+
+
+def tumbling(engine: Engine, dt: float) -> float:
+    """Largest relative error of energy or angular momentum over a hundred periods, looked at ten times a period."""
+    world = engine.start(TUMBLER, dt)
+    world.set(qvel=START)
+    spin, worst = np.array([0, I2 * SPIN, I3 * TOUCH]), 0.0
+    for _ in range(1000):
+        world.run(PERIOD / 10)
+        worst = max(worst, abs(float(world.energy()[0]) / ENERGY - 1.0), float(np.linalg.norm(world.momentum()[1] - spin)) / math.sqrt(L2))
+    return worst
+
+
+def flips(engine: Engine, dt: float) -> float:
+    """Largest error of the angular velocity at every tenth of one period, over SPIN."""
+    world = engine.start(TUMBLER, dt)
+    world.set(qvel=START)
+    worst = 0.0
+    for _ in range(10):
+        world.run(PERIOD / 10)
+        worst = max(worst, float(np.linalg.norm(world.qvel[0, 3:] - omega(world.seconds))) / SPIN)
+    return worst
+
+
+def second_order(rate: float, factor: float = 1.0):
+    """(rate h)^2: what a rule of second order loses of a motion with that angular rate."""
+    return lambda dt: factor * (rate * dt) ** 2
+
+
+# Scene 9: the inertia of MuJoCo's issue 3553, once in the moving body and once in a child that is fixed to it.
+
+FIXED = '<inertial pos="0 0 0" mass="0.12" diaginertia="0.00017231 0.00000658 0.00017243"/>'
+
+
+def _spun(inside: str, engine: Engine, dt: float) -> Array:
+    shape = '<geom type="sphere" size=".01" mass="0" contype="0" conaffinity="0"/>'
+    world = engine.start(document(f'<body name="root"><freejoint/>{inside.format(FIXED + shape)}</body>', gravity=(0, 0, 0)), dt)
+    world.set(qvel=[0, 0, 0, 20.0, 30.0, 10.0])
+    world.step(10_000)
+    return world.qvel[0, 3:]
+
+
+def fixed_child(engine: Engine, dt: float) -> float:
+    """Relative difference of the angular velocities after 10,000 steps."""
+    merged, nested = _spun("{}", engine, dt), _spun('<body name="child">{}</body>', engine, dt)
+    return float(np.linalg.norm(nested - merged) / np.linalg.norm(merged))
+
+
+# Scene 10: the quadruped floats and swings its legs.
+
+
+def swimming(engine: Engine, dt: float) -> float:
+    """Linear (kg m/s) and angular (kg m^2/s) momentum after ten seconds of swinging every joint, squared and added."""
+    world = engine.start(quadruped(gravity=0.0, torques=True), dt)
+    rng = np.random.default_rng(2)
+    qpos = world.qpos[0]
+    qpos[7:] = POSE
+    world.set(qpos, np.zeros(world.model.nv))
+    phase, every = rng.uniform(0, 2 * np.pi, 12), 0.04
+    for k in range(round(10.0 / every)):
+        world.run(every, 0.2 * np.sin(phase + 0.3 * k))
+    linear, angular = world.momentum()
+    return float(linear @ linear + angular @ angular)
+
+
+# Scene 11: a double pendulum and a chain of five links.
+
+LENGTH = 0.5
+
+
+def chain(links: int) -> str:
+    """Links of 0.5 m and 0.25 kg that hang in a plane, one hinge each."""
+    text = ""
+    for k in range(links):
+        text += f'<body pos="0 0 {-LENGTH if k else 0}"><joint axis="0 1 0"/>'
+        text += f'<geom type="capsule" size=".03" mass="0.25" fromto="0 0 0 0 0 {-LENGTH}" contype="0" conaffinity="0"/>'
+    return document(text + "</body>" * links)
+
+
+@cache
+def fastest(links: int) -> float:
+    """Highest angular rate of small swings about hanging, rad/s: from M q'' = -K q with K by differences of the bias force."""
+    model = mujoco.MjModel.from_xml_string(chain(links))
+    d, K, small = mujoco.MjData(model), np.zeros((links, links)), 1e-6
+    for i in range(links):
+        for sign in (1, -1):
+            d.qpos[:] = 0
+            d.qpos[i] = sign * small
+            mujoco.mj_forward(model, d)
+            K[:, i] += sign * d.qfrc_bias / (2 * small)
+    d.qpos[:] = 0
+    mujoco.mj_forward(model, d)
+    M_full = np.zeros((links, links))
+    mujoco.mj_fullM(model, d, M_full)
+    return float(np.sqrt(np.linalg.eigvals(np.linalg.solve(M_full, K)).real.max()))
+
+
+def _released(links: int) -> Array:
+    """The first link stands out sideways, the others behind it."""
+    qpos = np.zeros(links)
+    qpos[0] = 1.2
+    return qpos
+
+
+@cache
+def reference(links: int) -> Array:
+    """Angles and rates after a second, by DOP853 on MuJoCo's accelerations, rtol = atol = 1e-12."""
+    model = mujoco.MjModel.from_xml_string(chain(links))
+    d = mujoco.MjData(model)
+
+    def rate(_: float, y: Array) -> Array:
+        d.qpos[:], d.qvel[:] = np.split(y, 2)
+        mujoco.mj_forward(model, d)
+        return np.concatenate([d.qvel, d.qacc_smooth])
+
+    start = np.concatenate([_released(links), np.zeros(links)])
+    return np.asarray(solve_ivp(rate, (0.0, 1.0), start, method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1])
+
+
+def pendulum_state(links: int):
+    """Largest error of an angle after one second, rad."""
+
+    def measure(engine: Engine, dt: float) -> float:
+        world = engine.start(chain(links), dt)
+        world.set(_released(links), np.zeros(links))
+        world.run(1.0)
+        return float(np.abs(world.qpos[0] - reference(links)[:links]).max())
+
+    return measure
+
+
+def pendulum_energy(links: int):
+    """Largest deviation of the energy in five seconds, over the work of lifting all links by one length."""
+
+    def measure(engine: Engine, dt: float) -> float:
+        world = engine.start(chain(links), dt)
+        world.set(_released(links), np.zeros(links))
+        start, worst = float(world.energy()[0]), 0.0
+        for _ in range(250):
+            world.run(0.02)
+            worst = max(worst, abs(float(world.energy()[0]) - start))
+        return worst / (links * 0.25 * G * LENGTH)
+
+    return measure
+
+
+CONSERVED = "conservation laws"
+SECOND = "(rate h)^2 of its fastest angular rate: a rule of second order"
+
+SCENES = (
+    Scene("8", "tumbling: energy and momentum", "constant for a hundred periods", CONSERVED, "1", second_order(SPIN), SECOND, tumbling),
+    Scene("8", "tumbling: flips", "Jacobi's elliptic functions", "Landau & Lifshitz, section 37", "1", second_order(SPIN), SECOND, flips),
+    Scene(
+        "9",
+        "inertia on a fixed child",
+        "as if merged into the parent",
+        "rigid bodies",
+        "1",
+        lambda dt: 1e-6,
+        "10,000 steps of rounding, amplified by its flips",
+        fixed_child,
+        (1e-4, 1e-3),
+        (1e-3,),
+    ),
+    Scene(
+        "10",
+        "floating robot, internal torques",
+        "momentum stays zero",
+        CONSERVED,
+        "(kg m/s)^2",
+        lambda dt: 1e-8 * (dt / 1e-3) ** 4,
+        "1e-8 at 1 ms; a square of an error of second order",
+        swimming,
+    ),
+    *(
+        scene
+        for links, name in ((2, "double pendulum"), (5, "5-link chain"))
+        for scene in (
+            Scene(
+                "11",
+                f"{name}: energy",
+                "constant",
+                CONSERVED,
+                "1",
+                lambda dt, n=links: (fastest(n) * dt) ** 2,
+                SECOND,
+                pendulum_energy(links),
+            ),
+            Scene(
+                "11",
+                f"{name}: state after 1 s",
+                "that of a converged solution",
+                "DOP853, rtol 1e-12",
+                "rad",
+                lambda dt, n=links: (fastest(n) * dt) ** 2,
+                SECOND,
+                pendulum_state(links),
+            ),
+        )
+    ),
+)

@@ -1,0 +1,163 @@
+"""Scenes 1, 2, 7 and 26: impacts."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from atlas.mjcf import FLOOR, G, ball, document, free
+from atlas.scene import Engine, Scene, flat
+
+# Scenes 1 and 2: a block on a vertical slide; joint position 0 is touching. Every engine's contact must be at rest on the floor there.
+
+STEP, E = 0.02, 0.25
+BLOCK = document('<geom name="floor" type="plane" size="0 0 1"/><body name="block" pos="0 0 0.1"><joint type="slide" axis="0 0 1"/>'
+                 '<geom type="box" size=".1 .1 .1" mass="1"/></body>')  # fmt: skip
+
+
+def recursion(h: float, v: float, steps: int) -> list[tuple[float, float]]:
+    """The textbook's states: v <- v - g dt, then h <- h + v dt; where that is below the floor, h <- 0 and v <- -e v."""
+    out = []
+    for _ in range(steps):
+        v -= G * STEP
+        h += v * STEP
+        if h < 0:
+            h, v = 0.0, -E * v
+        out.append((h, v))
+    return out
+
+
+def falling(engine: Engine, dt: float) -> float:
+    """Largest difference of height (m) or velocity (m/s) from the recursion in eight steps."""
+    world = engine.start(BLOCK, dt, restitution=E)
+    world.set([0.20], [-0.10])
+    worst = 0.0
+    for h, v in recursion(0.20, -0.10, 8):
+        world.step()
+        worst = max(worst, abs(world.qpos[0, 0] - h), abs(world.qvel[0, 0] - v))
+    return worst
+
+
+def one_step(engine: Engine, dt: float) -> float:
+    """Error of the velocity (m/s) after one step into the floor."""
+    world = engine.start(BLOCK, dt, restitution=E)
+    world.set([0.005], [-1.5])
+    world.step()
+    return abs(float(world.qvel[0, 0]) - E * (1.5 + G * STEP))
+
+
+# Scene 7: apexes e^(2n) H. SimBenchmark's elastic one, 7 x 7 spheres for 20 s, is S2.
+
+RADIUS, DROP, BOUNCE = 0.1, 0.9, 0.5
+
+
+def apexes(engine: Engine, dt: float) -> float:
+    """Largest error of the first three apexes, from the energy after each bounce, m."""
+    world = engine.start(document(FLOOR + free("ball", ball(RADIUS, 1.0), (0, 0, RADIUS + DROP))), dt, restitution=BOUNCE)
+    found, before, worst = 0, 0.0, 0.0
+    for _ in range(round(2.0 / dt)):
+        world.step()
+        z, v = world.qpos[0, 2] - RADIUS, world.qvel[0, 2]
+        if before > 0.0 >= v:
+            found += 1
+            worst = max(worst, abs(z + v * v / (2 * G) - BOUNCE ** (2 * found) * DROP))
+            if found == 3:
+                return worst
+        before = v
+    return math.inf
+
+
+# Scene 26: five balls in a row, no gravity, the first one comes with speed V.
+
+BALLS, V = 5, 0.5
+
+
+def cradle(gap: float) -> str:
+    """Equal balls on one line, so far apart."""
+    row = "".join(free(f"ball{k}", ball(RADIUS, 1.0), (k * (2 * RADIUS + gap) - (0.05 if k == 0 else 0.0), 0, 0)) for k in range(BALLS))
+    return document(row, gravity=(0, 0, 0))
+
+
+def _strike(engine: Engine, dt: float, gap: float) -> np.ndarray:
+    """Speeds along the line after all is over, m/s."""
+    world = engine.start(cradle(gap), dt, restitution=1.0)
+    qvel = np.zeros((1, 6 * BALLS))
+    qvel[0, 0] = V
+    world.set(world.qpos, qvel)
+    world.run((0.05 + BALLS * gap) / V + 0.5)
+    return world.qvel[0, ::6]
+
+
+def conserved(engine: Engine, dt: float) -> float:
+    """Relative error of momentum or energy, whichever is larger, of balls that touch."""
+    v = _strike(engine, dt, 0.0)
+    return float(max(abs(v.sum() / V - 1.0), abs((v**2).sum() / V**2 - 1.0)))
+
+
+def sequential(engine: Engine, dt: float) -> float:
+    """Largest error of a speed after collisions one at a time, m/s: the balls are apart by more than the way of two steps."""
+    v = _strike(engine, dt, 0.03)
+    return float(np.abs(v - [0, 0, 0, 0, V]).max())
+
+
+ONCE = (STEP,)
+NEWTON = "Newton's law of impact"
+ROUND = "a hundred operations on numbers of order 1"
+
+SCENES = (
+    Scene(
+        "1",
+        "falling block",
+        "the textbook's recursion, step for step: after 8 steps h 0.0427, v -1.6696",
+        "the recursion itself",
+        "m, m/s",
+        flat(1e-12),
+        ROUND,
+        falling,
+        ONCE,
+        ONCE,
+    ),
+    Scene(
+        "2",
+        "one step into the floor",
+        "-1.6962 m/s before the contact, +0.4241 after it",
+        "by hand",
+        "m/s",
+        flat(1e-12),
+        ROUND,
+        one_step,
+        ONCE,
+        ONCE,
+    ),
+    Scene(
+        "7",
+        "apexes of a bounce, e 0.5",
+        "e^(2n) H",
+        NEWTON,
+        "m",
+        lambda dt: 2 * dt * math.sqrt(2 * G * DROP),
+        "a bounce happens within a step of touching, so the way of a step at impact speed, before and after it",
+        apexes,
+    ),
+    Scene(
+        "26",
+        "Newton's cradle, touching",
+        "momentum and energy are conserved",
+        "conservation laws",
+        "1",
+        flat(2e-5),
+        "the solver's tolerance of 1e-6 m/s in each of five speeds, over the first ball's, twice",
+        conserved,
+    ),
+    Scene(
+        "26",
+        "Newton's cradle, 3 cm apart",
+        "the last ball leaves with the speed of the first",
+        NEWTON + " for two equal balls",
+        "m/s",
+        flat(1e-6),
+        "the solver's tolerance",
+        sequential,
+    ),
+)

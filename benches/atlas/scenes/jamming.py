@@ -1,0 +1,278 @@
+"""Scenes 18 to 20 and 31: a wedge, Painleve's rod, two hinged boxes, a pinch: friction and geometry that jam."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from atlas.mjcf import FLOOR, G, about_y, ball, box, document, numbers
+from atlas.scene import Engine, Scene, flat
+from atlas.scenes.friction import ACCELERATION, COULOMB, CREEP, NO_CREEP, creep
+
+# Scene 18: two jaws on slides squeeze a wedge of half-angle alpha; no gravity. It stays iff tan alpha <= mu.
+
+ALPHA = math.radians(15)
+JAW, WEDGE, SQUEEZE, WIDTH, THICK = 1.0, 1.0, 50.0, 0.05, 0.01
+
+
+def wedge(factor: float) -> str:
+    """The wedge is two plates of one body, thicker upwards; friction is factor tan alpha."""
+    plates, jaws = "", ""
+    for side in (1, -1):
+        normal = np.array([side * math.cos(ALPHA), 0.0, -math.sin(ALPHA)])
+        face = np.array([side * WIDTH, 0.0, 0.0])
+        turn = numbers(about_y(side * ALPHA))
+        plates += f'<geom type="box" size="{THICK} .05 .05" pos="{numbers(face - THICK * normal)}" quat="{turn}" mass="{WEDGE / 2}"/>'
+        jaw = f'<geom type="box" size="{THICK} .1 .1" quat="{turn}" mass="{JAW}"/>'
+        jaws += f'<body name="jaw{side}" pos="{numbers(face + THICK * normal)}"><joint type="slide" axis="1 0 0"/>{jaw}</body>'
+    body = f'<body name="wedge"><freejoint/>{plates}</body>'
+    return document(body + jaws, friction=factor * math.tan(ALPHA), gravity=(0, 0, 0))
+
+
+def _squeezed(engine: Engine, dt: float, factor: float):
+    world = engine.start(wedge(factor), dt)
+    for side in (1, -1):
+        world.push(f"jaw{side}", (-side * SQUEEZE, 0, 0))
+    return world
+
+
+def wedge_held(engine: Engine, dt: float) -> float:
+    """Creep with mu = 1.01 tan alpha."""
+    return creep(_squeezed(engine, dt, 1.01), 2000)
+
+
+def wedge_expelled(engine: Engine, dt: float) -> float:
+    """Relative error of the acceleration with mu = 0.9 tan alpha.
+
+    With v the wedge's speed, the jaws close with v tan alpha. Wedge: m a = 2 N (sin - mu cos); jaw: M a tan = F - N (cos + mu sin).
+    """
+    mu, s, c = 0.9 * math.tan(ALPHA), math.sin(ALPHA), math.cos(ALPHA)
+    right = SQUEEZE / (JAW * math.tan(ALPHA) + WEDGE * (c + mu * s) / (2 * (s - mu * c)))
+    world = _squeezed(engine, dt, 0.9)
+    seconds = max(0.02, 2 * dt)
+    world.run(seconds)
+    return abs(float(world.qvel[0, 2]) / (world.seconds * right) - 1.0)
+
+
+# Scene 19: a slender rod slides on its tip, tan theta = 2, where the least mu of the paradox is 4/3.
+
+HALF, MASS, SLIDE = 0.5, 1.0, 1.0
+INERTIA = MASS * HALF**2 / 3
+THETA = math.atan(2.0)
+TIP = 1e-4
+
+
+def rod(mu: float) -> str:
+    """A rod in the x-z plane, the lower tip, a small sphere, on the floor; the rod rises behind it."""
+    c, s = math.cos(THETA), math.sin(THETA)
+    inertia = f'<inertial pos="0 0 0" mass="{MASS}" diaginertia="{INERTIA} {INERTIA} {INERTIA}"/>'
+    tip = f'<geom type="sphere" size="{TIP}" pos="{numbers((HALF * c, 0, -HALF * s))}" mass="0"/>'
+    return document(FLOOR + f'<body name="rod" pos="{numbers((0, 0, HALF * s + TIP))}"><freejoint/>{inertia}{tip}</body>', friction=mu)
+
+
+def _contact() -> tuple[np.ndarray, np.ndarray]:
+    """The tip's Jacobian (2, 3) in (x, z, rotation about y), and its inverse inertia W = J M^-1 J^T."""
+    x, z = HALF * math.cos(THETA), -HALF * math.sin(THETA) - TIP
+    jacobian = np.array([[1.0, 0.0, z], [0.0, 1.0, -x]])
+    return jacobian, jacobian @ np.diag([1 / MASS, 1 / MASS, 1 / INERTIA]) @ jacobian.T
+
+
+def critical() -> float:
+    """Least mu with which pressing the sliding tip down makes it accelerate into the floor: W_nn / |W_tn|; (1 + 3 cos^2)/(3 sin cos)."""
+    _, w = _contact()
+    return float(w[1, 1] / abs(w[0, 1]))
+
+
+def _jamming() -> float:
+    """The direction of slip, 1 or -1, whose friction presses the tip down: that in which the tip goes before the rod's centre."""
+    return math.copysign(1.0, float(_contact()[1][0, 1]))
+
+
+def _slide(engine: Engine, dt: float, mu: float) -> np.ndarray:
+    """Velocity (x, z, rotation about y) after one step of sliding in that direction."""
+    world = engine.start(rod(mu), dt)
+    world.set(qvel=[_jamming() * SLIDE, 0, 0, 0, 0, 0])
+    world.step()
+    return world.qvel[0][[0, 2, 4]]
+
+
+def right_velocity(mu: float, dt: float) -> np.ndarray:
+    """Velocity (x, z, rotation) after one step, by Coulomb: the tip slides on with N from v_n = 0 where it can, else it sticks."""
+    jacobian, w = _contact()
+    inverse = np.diag([1 / MASS, 1 / MASS, 1 / INERTIA])
+    free = np.array([_jamming() * SLIDE, -G * dt, 0.0])
+    wrench = jacobian.T @ np.array([-_jamming() * mu, 1.0])
+    yields = float((jacobian @ inverse @ wrench)[1])
+    if yields > 0:
+        slid = free - inverse @ wrench * (jacobian @ free)[1] / yields
+        if (jacobian @ slid)[0] * _jamming() > 0:
+            return slid
+    return free - inverse @ jacobian.T @ np.linalg.solve(w, jacobian @ free)
+
+
+def painleve(factor: float):
+    """Error of the velocity (m/s, rad/s) after one step with so many times the critical friction."""
+
+    def measure(engine: Engine, dt: float) -> float:
+        mu = factor * critical()
+        return float(np.abs(_slide(engine, dt, mu) - right_velocity(mu, dt)).max())
+
+    return measure
+
+
+# Scene 20: two boxes on parallel hinges fall on one another until their faces meet, as in DART's issue 892.
+
+SIDE = 0.1
+
+
+def hinged() -> str:
+    """Cubes hinged to the world at their outer lower edges, tilted outwards by 0.3 rad; upright, their inner faces coincide."""
+    text = ""
+    for side in (1, -1):
+        text += f'<body pos="{side * 2 * SIDE} 0 0"><joint type="hinge" axis="0 {-side} 0"/>'
+        text += f'<geom type="box" size="{SIDE} {SIDE} {SIDE}" pos="{-side * SIDE} 0 {SIDE}" mass="1"/></body>'
+    return document(text, friction=0.5)
+
+
+def aligned(engine: Engine, dt: float) -> float:
+    """Largest angle from upright (rad) or speed (rad/s) after five seconds."""
+    world = engine.start(hinged(), dt)
+    world.set([-0.3, -0.3], [0.0, 0.0])
+    world.run(5.0)
+    return float(max(np.abs(world.qpos).max(), np.abs(world.qvel).max()))
+
+
+# Scene 31: two fingers on a carriage pinch an object and lift it with acceleration LIFT; it holds iff mu >= m (g + a) / (2 F).
+
+OBJECT, LIFT, FINGER, CARRIAGE = 0.2, 2.0, 0.1, 1e3
+PINCHES = (
+    (0.2, "ball", None),
+    (0.5, "ball", 5),
+    (1.0, "ball", 20),
+    (0.2, "cube", None),
+    (0.5, "cube", 5),
+    (0.5, "cube", 20),
+    (1.0, "cube", None),
+)
+"""Friction, object, iterations of the solver."""
+
+
+HELD = {"cube": box((0.02, 0.02, 0.02), OBJECT), "ball": ball(0.02, OBJECT)}
+"""A cube is held at four points a side, whose loads statics does not determine; a ball at one."""
+
+
+def pinch(mu: float, shape: str) -> str:
+    """A carriage so heavy that the load does not slow it; fingers on slides with force motors; a free object between them."""
+    fingers, motors = "", ""
+    for side in (1, -1):
+        fingers += f'<body name="finger{side}" pos="{side * 0.03} 0 0"><joint name="finger{side}" type="slide" axis="{-side} 0 0"/>'
+        fingers += f'<geom type="box" size=".01 .05 .05" mass="{FINGER}"/></body>'
+        motors += f'<motor joint="finger{side}"/>'
+    carriage = f'<geom type="sphere" size=".01" pos="0 0 .3" mass="{CARRIAGE}" contype="0" conaffinity="0"/>'
+    hand = f'<body name="hand"><joint type="slide" axis="0 0 1"/>{carriage}{fingers}</body>'
+    held = f'<body name="object"><freejoint/><geom {HELD[shape]}/></body>'
+    return document(hand + held, friction=mu, after=f"<actuator>{motors}</actuator>")
+
+
+def _lifted(engine: Engine, dt: float, case: tuple[float, str, int | None], factor: float) -> tuple[float, float]:
+    """Slip of the object against the hand (m) in the second half of half a second, and its mean downward acceleration there, m/s^2."""
+    mu, shape, iterations = case
+    world = engine.start(pinch(mu, shape), dt, iterations=iterations)
+    force = OBJECT * (G + LIFT) / (2 * mu) * factor
+    squeeze = [force, force]
+    world.push("hand", (0, 0, (CARRIAGE + 2 * FINGER + OBJECT) * (G + LIFT)))
+    world.run(0.25, squeeze)
+    start, before = world.qpos[0, 5] - world.qpos[0, 0], world.qvel[0, 5] - world.qvel[0, 0]
+    world.run(0.25, squeeze)
+    seconds = round(0.25 / dt) * dt
+    end, after = world.qpos[0, 5] - world.qpos[0, 0], world.qvel[0, 5] - world.qvel[0, 0]
+    return abs(float(end - start)), float(before - after) / seconds
+
+
+def pinch_holds(*case: float | str | None):
+    """Slip speed with 1.01 of the force that is needed, m/s."""
+
+    def measure(engine: Engine, dt: float) -> float:
+        return _lifted(engine, dt, case, 1.01)[0] / 0.25
+
+    return measure
+
+
+def pinch_slips(*case: float | str | None):
+    """Relative error of the acceleration of the slip with 0.99 of it: a hundredth of g + a."""
+
+    def measure(engine: Engine, dt: float) -> float:
+        return abs(_lifted(engine, dt, case, 0.99)[1] / (0.01 * (G + LIFT)) - 1.0)
+
+    return measure
+
+
+REST = "1e-5 m of penetration over 0.2 m"
+TIMES = (1e-4, 2e-3, 2e-2)
+
+SCENES = (
+    Scene("18", "wedge, mu = 1.01 tan alpha", "held", COULOMB, "m/s", flat(CREEP), NO_CREEP, wedge_held),
+    Scene(
+        "18",
+        "wedge, mu = 0.9 tan alpha",
+        "expelled with the acceleration of two jaws and a wedge",
+        COULOMB,
+        "1",
+        flat(1e-3),
+        "the jaws and the wedge turn by the solver's tolerance",
+        wedge_expelled,
+    ),
+    Scene(
+        "19",
+        "Painleve rod, mu 5 % above critical",
+        "an impact without collision: the tip stops",
+        "Darboux-Keller: sticking is the only end of the impulse",
+        "m/s",
+        flat(1e-6),
+        "the solver's tolerance",
+        painleve(1.05),
+    ),
+    Scene(
+        "19",
+        "Painleve rod, mu 5 % below critical",
+        "slides on, or stops where a step of friction suffices",
+        COULOMB,
+        "m/s",
+        flat(1e-6),
+        "the solver's tolerance",
+        painleve(0.95),
+    ),
+    Scene("20", "two hinged boxes, faces aligned", "rest upright, face to face", "statics", "rad, rad/s", flat(1e-4), REST, aligned),
+    *(
+        scene
+        for mu, shape, n in PINCHES
+        for suffix in (f" of a {shape}, mu {mu}" + (f", {n} iterations" if n else ""),)
+        for scene in (
+            Scene(
+                "31",
+                f"pinch at 1.01{suffix}",
+                "holds at mu >= m (g + a) / 2 F",
+                COULOMB,
+                "m/s",
+                flat(CREEP),
+                NO_CREEP,
+                pinch_holds(mu, shape, n),
+                TIMES,
+                (2e-3,),
+            ),
+            Scene(
+                "31",
+                f"pinch at 0.99{suffix}",
+                "slips with 0.01 (g + a)",
+                COULOMB,
+                "1",
+                flat(1e-3),
+                ACCELERATION,
+                pinch_slips(mu, shape, n),
+                TIMES,
+                (2e-3,),
+            ),
+        )
+    ),
+)

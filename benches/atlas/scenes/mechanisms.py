@@ -1,0 +1,235 @@
+"""Scenes 13 and 22 to 24: a ball on a chain, stiff servos, loops, joint limits."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from atlas.mjcf import FLOOR, G, document
+from atlas.scene import Engine, Scene, flat
+from atlas.scenes.flight import second_order
+from atlas.scenes.stacks import SHARE, STATICS, share
+
+# Scene 13: 40 links of 5 cm and 20 g, and a ball 670 times heavier.
+
+LINKS, LINK, LINK_MASS = 40, 0.05, 0.02
+BALL_MASS = 670 * LINK_MASS
+GHOST = 'contype="0" conaffinity="0"'
+ROD = f'<geom type="capsule" size=".005" fromto="0 0 0 0 0 {-LINK}" mass="{LINK_MASS}" {GHOST}/>'
+WEIGHT = f'<geom type="sphere" size=".1" pos="0 0 {-LINK}" mass="{BALL_MASS}" {GHOST}/>'
+CARRIER = 1.0
+
+
+def hung_from_a_carrier() -> str:
+    """The chain hangs by hinges from a plate of 1 kg that stands on four feet; what it pulls is what the floor carries."""
+    text = ""
+    for k in range(LINKS):
+        axis = "0 1 0" if k % 2 == 0 else "1 0 0"
+        text += f'<body pos="0 0 {-LINK if k else 0}"><joint type="hinge" axis="{axis}"/>{ROD}{WEIGHT if k == LINKS - 1 else ""}'
+    feet = "".join(f'<geom type="sphere" size=".02" mass="{CARRIER / 4}" pos="{x} {y} 0"/>' for x in (-0.1, 0.1) for y in (-0.1, 0.1))
+    return document(FLOOR + f'<body name="carrier" pos="0 0 .02"><freejoint/>{feet}{text}' + "</body>" * (LINKS + 1))
+
+
+def tension(engine: Engine, dt: float) -> float:
+    """Relative error of the force under the carrier, after two seconds."""
+    world = engine.start(hung_from_a_carrier(), dt)
+    world.run(2.0)
+    return abs(world.normal_force() / ((CARRIER + LINKS * LINK_MASS + BALL_MASS) * G) - 1.0)
+
+
+def of_loose_links() -> str:
+    """The same chain of free bodies, each connected to the one above at a point."""
+    text, joints = "", ""
+    for k in range(LINKS):
+        text += f'<body name="link{k}" pos="0 0 {-LINK * k}"><freejoint/>{ROD}{WEIGHT if k == LINKS - 1 else ""}</body>'
+        above = f' body2="link{k - 1}"' if k else ""
+        joints += f'<connect body1="link{k}"{above} anchor="0 0 0"/>'
+    return document(text, after=f"<equality>{joints}</equality>")
+
+
+def stretch(engine: Engine, dt: float) -> float:
+    """How far the ball is from where it hung, after two seconds, m."""
+    world = engine.start(of_loose_links(), dt)
+    start = world.qpos[0, -7:-4]
+    world.run(2.0)
+    return float(np.linalg.norm(world.qpos[0, -7:-4] - start))
+
+
+# Scene 22: critically damped servos on 1 kg; the step is what the stiffness is measured in.
+
+HELD = 200
+"""Steps."""
+
+
+def servo(ratio: float):
+    """What is left of an offset after 200 steps with h sqrt(k/m) = ratio."""
+
+    def measure(engine: Engine, dt: float) -> float:
+        k = (ratio / dt) ** 2
+        slide = f'<body><joint name="slide" type="slide" axis="1 0 0"/><geom type="sphere" size=".1" mass="1" {GHOST}/></body>'
+        drive = f'<actuator><position joint="slide" kp="{k!r}" kv="{2 * math.sqrt(k)!r}"/></actuator>'
+        world = engine.start(document(slide, gravity=(0, 0, 0), after=drive), dt)
+        world.step(HELD, [0.1])
+        return abs(float(world.qpos[0, 0]) / 0.1 - 1.0)
+
+    return measure
+
+
+# Scene 23: loops. A parallelogram passes through the position in which all links are in line; a ring of eight links swings.
+
+CRANK, BASE, SPIN = 0.5, 1.0, 2.0
+
+
+def four_bar() -> str:
+    """Cranks of 0.5 m on pivots 1 m apart, a coupler of 1 m; no gravity."""
+    rod = '<geom type="capsule" size=".02" fromto="0 0 0 {} 0 0" mass="{}" ' + GHOST + "/>"
+    hinge = '<joint type="hinge" axis="0 -1 0"/>'
+    coupler = f'<body name="coupler" pos="{CRANK} 0 0">{hinge}{rod.format(BASE, 1.0)}</body>'
+    crank = f'<body name="crank">{hinge}{rod.format(CRANK, 0.5)}{coupler}</body>'
+    rocker = f'<body name="rocker" pos="{BASE} 0 0">{hinge}{rod.format(CRANK, 0.5)}</body>'
+    loop = f'<equality><connect body1="coupler" body2="rocker" anchor="{BASE} 0 0"/></equality>'
+    return document(crank + rocker, gravity=(0, 0, 0), after=loop)
+
+
+def _turning(engine: Engine, dt: float) -> tuple[float, float]:
+    """Largest gap of the loop (m) and largest relative error of the energy in ten seconds, six times through the singularity."""
+    world = engine.start(four_bar(), dt)
+    # All angles are zero in line; the loop is closed at any common angle of the cranks.
+    world.set([1.0, -1.0, 1.0], [-SPIN, SPIN, -SPIN])
+    start, gap, drift = float(world.energy()[0]), 0.0, 0.0
+    for _ in range(500):
+        world.run(0.02)
+        d = world.at()
+        ends = [
+            d.xpos[world.body(name)] + d.xmat[world.body(name)].reshape(3, 3)[:, 0] * length
+            for name, length in (("coupler", BASE), ("rocker", CRANK))
+        ]
+        gap = max(gap, float(np.linalg.norm(ends[0] - ends[1])))
+        drift = max(drift, abs(float(d.energy.sum()) / start - 1.0))
+    return gap, drift
+
+
+def loop_gap(engine: Engine, dt: float) -> float:
+    """Largest gap, m."""
+    return _turning(engine, dt)[0]
+
+
+def loop_energy(engine: Engine, dt: float) -> float:
+    """Largest relative error of the energy."""
+    return _turning(engine, dt)[1]
+
+
+RING = 8
+
+
+def ring() -> str:
+    """Links of 0.2 m that start as a regular octagon in a vertical plane, hung at one corner, closed at that corner by a connect."""
+    turn, length = 2 * math.pi / RING, 0.2
+    text = ""
+    for k in range(RING):
+        at = f"{length} 0 0" if k else "0 0 0"
+        angle = turn if k else turn / 2
+        text += f'<body name="link{k}" pos="{at}" euler="0 {angle!r} 0"><joint type="hinge" axis="0 1 0"/>'
+        text += f'<geom type="capsule" size=".01" fromto="0 0 0 {length} 0 0" mass=".1" {GHOST}/>'
+    loop = f'<equality><connect body1="link{RING - 1}" anchor="{length} 0 0"/></equality>'
+    return document(text + "</body>" * RING, after=loop)
+
+
+def ring_gap(engine: Engine, dt: float) -> float:
+    """Largest gap of the ring in five seconds of swinging, m."""
+    world = engine.start(ring(), dt)
+    gap = 0.0
+    for _ in range(100):
+        world.run(0.05)
+        d = world.at()
+        last = world.body(f"link{RING - 1}")
+        gap = max(gap, float(np.linalg.norm(d.xpos[last] + 0.2 * d.xmat[last].reshape(3, 3)[:, 0])))
+    return gap
+
+
+# Scene 24: a chain that swings against its joint limits; nothing dissipates but the limits.
+
+LIMIT, LIMITED = 0.3, 5
+
+
+def limited() -> str:
+    """Five links of 0.3 m with limits of 0.3 rad; the first is free."""
+    text = ""
+    for k in range(LIMITED):
+        limits = f'range="{-LIMIT} {LIMIT}" limited="true"' if k else ""
+        text += f'<body pos="0 0 {-0.3 if k else 0}"><joint type="hinge" axis="0 1 0" {limits}/>'
+        text += f'<geom type="capsule" size=".02" fromto="0 0 0 0 0 -.3" mass=".2" {GHOST}/>'
+    return document(text + "</body>" * LIMITED)
+
+
+RATE = math.sqrt(G / 0.3) * LIMITED
+"""rad/s: five links fold about as fast as the shortest pendulum swings, five times over."""
+
+
+def gain(engine: Engine, dt: float) -> float:
+    """Largest gain of energy in 1e4 steps over the work of lifting the chain by its length."""
+    world = engine.start(limited(), dt)
+    world.set([1.5, 0.2, -0.2, 0.2, -0.2], np.zeros(LIMITED))
+    start, worst = float(world.energy()[0]), 0.0
+    for _ in range(1000):
+        world.step(10)
+        worst = max(worst, float(world.energy()[0]) - start)
+    return worst / (0.2 * LIMITED * G * 0.3 * LIMITED)
+
+
+CONSERVED = "conservation laws"
+GAP = "a hundredth of a millimetre, as for contacts"
+LEFT = "a thousandth; critical damping leaves e^-100 in 200 steps of a ratio of 0.5"
+
+SCENES = (
+    Scene("13", "ball and chain: tension", "the weight below", STATICS, "1", share, SHARE, tension),
+    Scene(
+        "13",
+        "ball and chain of loose links",
+        "no stretch",
+        "rigid bodies",
+        "m",
+        flat(LINKS * 1e-5),
+        "1e-5 m a link, as for contacts",
+        stretch,
+        (5e-4, 2e-3, 1e-2),
+        (2e-3,),
+    ),
+    *(
+        Scene(
+            "22",
+            f"servo, h sqrt(k/m) = {r}",
+            "settles",
+            "critically damped oscillator",
+            "1",
+            flat(1e-3),
+            LEFT,
+            servo(r),
+            (1e-4, 2e-3, 2e-2),
+        )
+        for r in (0.5, 2, 10, 100)
+    ),
+    Scene("23", "four-bar through its singularity: gap", "the loop stays closed", "rigid links", "m", flat(1e-5), GAP, loop_gap),
+    Scene(
+        "23",
+        "four-bar through its singularity: energy",
+        "constant",
+        CONSERVED,
+        "1",
+        second_order(SPIN),
+        "(spin h)^2: a rule of second order",
+        loop_energy,
+    ),
+    Scene("23", "ring of eight links: gap", "the loop stays closed", "rigid links", "m", flat(1e-5), GAP, ring_gap),
+    Scene(
+        "24",
+        "chain at its joint limits",
+        "no energy gain in 1e4 steps",
+        "inelastic limits",
+        "1",
+        second_order(RATE),
+        "(rate h)^2: a rule of second order",
+        gain,
+    ),
+)

@@ -1,0 +1,187 @@
+"""Scenes 29 and 30: Euler's disc, a coin, a wheel, a caster, a capstan."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from atlas.mjcf import FLOOR, G, document, free, numbers
+from atlas.scene import Engine, Scene, flat
+from atlas.scenes.friction import COULOMB, CREEP, NO_CREEP
+from atlas.world import World
+
+# Scene 29: a heavy disc, spun at a tilt, and a coin that rolls.
+
+DISC_RADIUS, DISC_HALF, DISC_MASS = 0.0375, 0.0064, 0.44
+DISC = f'type="cylinder" size="{DISC_RADIUS} {DISC_HALF}" mass="{DISC_MASS}"'
+
+
+def _tilted(tilt: float) -> tuple[float, tuple[float, ...]]:
+    """Height and orientation of a disc whose axis is tilted from the vertical about x, its lowest point on the floor."""
+    return DISC_RADIUS * math.sin(tilt) + DISC_HALF * math.cos(tilt), (math.cos(tilt / 2), math.sin(tilt / 2), 0.0, 0.0)
+
+
+def _growth(world: World, seconds: float) -> float:
+    """Largest rise of the energy above any earlier value, over the first."""
+    least = start = float(world.energy()[0])
+    worst = 0.0
+    for _ in range(round(seconds / max(world.dt, 5e-3))):
+        world.run(max(world.dt, 5e-3))
+        now = float(world.energy()[0])
+        worst, least = max(worst, now - least), min(least, now)
+    return worst / start
+
+
+def eulers_disc(engine: Engine, dt: float) -> float:
+    """Growth in three seconds from a tilt of 0.5 rad, spinning about the vertical at the rate of steady rolling in place.
+
+    A thin disc that rolls with its centre at rest turns with W^2 = 4 g / (r sin tilt) about the vertical (Moffatt 2000), and not about its
+    own axis.
+    """
+    tilt = 0.5
+    height, turn = _tilted(tilt)
+    world = engine.start(document(FLOOR + free("disc", DISC, (0, 0, height), turn), friction=0.8), dt)
+    rate = math.sqrt(4 * G / (DISC_RADIUS * math.sin(tilt)))
+    # The angular velocity lies along the diameter through the contact: W sin tilt about the body's y axis.
+    world.set(qvel=[0, 0, 0, 0, rate * math.sin(tilt), 0])
+    return _growth(world, 3.0)
+
+
+def coin(engine: Engine, dt: float) -> float:
+    """Growth in three seconds of rolling at 0.5 m/s, leaning by 0.1 rad."""
+    height, turn = _tilted(math.pi / 2 - 0.1)
+    world = engine.start(document(FLOOR + free("coin", DISC, (0, 0, height), turn), friction=0.8), dt)
+    # The axis is about -y: rolling towards +x is a spin about +y, so against the axis.
+    world.set(qvel=[0.5, 0, 0, 0, 0, -0.5 / DISC_RADIUS])
+    return _growth(world, 3.0)
+
+
+# Scene 30: a rolling wheel with a lateral force; a caster; a rope of beads around a bollard.
+
+WHEEL, WIDE, MU = 0.1, 0.05, 0.4
+
+
+def lateral(engine: Engine, dt: float) -> float:
+    """Sideways creep of a wheel that rolls at 1 m/s, pushed sideways at its hub with 0.9 mu m g, m/s; it is too wide to tip."""
+    turn = (math.cos(math.pi / 4), math.sin(math.pi / 4), 0, 0)
+    wheel = f'type="cylinder" size="{WHEEL} {WIDE}" mass="2"'
+    world = engine.start(document(FLOOR + free("wheel", wheel, (0, 0, WHEEL), turn), friction=MU), dt)
+    # The body's z axis is world -y: rolling towards +x is a spin about +y.
+    world.set(qvel=[1.0, 0, 0, 0, 0, -1.0 / WHEEL])
+    world.push("wheel", (0, 0.9 * MU * 2 * G, 0))
+    world.run(0.1)
+    start = float(world.qpos[0, 1])
+    world.run(1.0)
+    return abs(float(world.qpos[0, 1]) - start)
+
+
+TRAIL, SPEED, SWUNG = 0.1, 0.5, 1.0
+
+
+def caster(engine: Engine, dt: float) -> float:
+    """Largest error of tan(angle/2) of a caster that is drawn along a line by its pivot, in one second.
+
+    Its wheel does not slip sideways, so it follows a tractrix: tan(a/2) = tan(a0/2) exp(-s/L), whatever the speed (Newton 1676).
+    """
+    wheel = f'<body pos="{-TRAIL} 0 0"><joint type="hinge" axis="0 1 0"/><geom type="sphere" size=".05" mass=".5"/></body>'
+    fork = (
+        f'<body name="fork"><joint type="hinge" axis="0 0 1"/><inertial pos="0 0 0" mass=".1" diaginertia="1e-4 1e-4 1e-4"/>{wheel}</body>'
+    )
+    cart = '<geom type="box" size=".1 .1 .01" pos="0 0 .1" mass="1000" contype="0" conaffinity="0"/>'
+    slides = '<joint type="slide" axis="1 0 0"/>'
+    lift = '<joint type="slide" axis="0 0 1"/>'
+    # The cart bears nothing; the fork slides vertically on it, with 20 kg, so that the wheel is pressed down.
+    press = f'<body>{lift}<geom type="sphere" size=".01" pos="0 0 .2" mass="20" contype="0" conaffinity="0"/>{fork}</body>'
+    world = engine.start(document(FLOOR + f'<body name="cart" pos="0 0 .05">{slides}{cart}{press}</body>', friction=1.0), dt)
+    world.set([0, 0, SWUNG, 0], [SPEED, 0, -SPEED / TRAIL * math.sin(SWUNG), SPEED * math.cos(SWUNG) / 0.05])
+    worst = 0.0
+    for _ in range(50):
+        world.run(0.02)
+        q = world.qpos[0]
+        worst = max(worst, abs(math.tan(q[2] / 2) - math.tan(SWUNG / 2) * math.exp(-q[0] / TRAIL)))
+    return worst
+
+
+BOLLARD, BEADS, ROPE_MU, TURN = 0.2, 16, 0.3, math.pi
+STEP_ANGLE = TURN / BEADS
+BEAD, BEAD_MASS, HOLD = 0.002, 0.1, 1.0
+"""m, kg, N: slow enough for the largest step, sqrt(T2 / (m link)) = 25 rad/s."""
+SECONDS = 0.5
+
+
+def gripping() -> float:
+    """Largest T2/T1 of a light rope with BEADS corners: at each, (T1 + T2) sin(d/2) mu >= (T2 - T1) cos(d/2); exp(mu phi) for many."""
+    t = ROPE_MU * math.tan(STEP_ANGLE / 2)
+    return ((1 + t) / (1 - t)) ** BEADS
+
+
+def rope() -> str:
+    """Beads on hinges half around a bollard, and a straight end of one link on either side; bead k is at angle k d on the bollard's top."""
+    reach = BOLLARD + BEAD
+    places = [np.array([reach * math.cos(a), 0, reach * math.sin(a)]) for a in (STEP_ANGLE * (k + 0.5) for k in range(BEADS))]
+    link = 2 * reach * math.sin(STEP_ANGLE / 2)
+    first, last = places[0] - [0, 0, link], places[-1] - [0, 0, link]
+    points = [first, *places, last]
+    text = ""
+    for k, point in enumerate(points):
+        at = point - points[k - 1] if k else point
+        joints = '<joint type="hinge" axis="0 1 0"/>' if k else '<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>'
+        solid = "" if 0 < k <= BEADS else 'contype="0" conaffinity="0"'
+        text += f'<body name="bead{k}" pos="{numbers(at)}">{joints}<geom type="sphere" size="{BEAD}" mass="{BEAD_MASS}" {solid}/>'
+    bollard = f'<geom type="capsule" size="{BOLLARD}" fromto="0 -1 0 0 1 0"/>'
+    return document(bollard + text + "</body>" * len(points), friction=ROPE_MU, gravity=(0, 0, 0))
+
+
+def _pulled(engine: Engine, dt: float, factor: float) -> float:
+    """Way of the rope's strong end in half a second, m, in its direction."""
+    world = engine.start(rope(), dt)
+    world.push("bead0", (0, 0, -HOLD))
+    world.push(f"bead{BEADS + 1}", (0, 0, -HOLD * gripping() * factor))
+    last = world.body(f"bead{BEADS + 1}")
+    # The friction under a bead is not at its hinge: links turn by a thousandth of a radian before the rope is taut.
+    world.run(SECONDS)
+    start = float(world.at().xpos[last][2])
+    world.run(SECONDS)
+    return start - float(world.at().xpos[last][2])
+
+
+def capstan_holds(engine: Engine, dt: float) -> float:
+    """Creep at 0.95 of the threshold, m/s."""
+    return abs(_pulled(engine, dt, 0.95)) / SECONDS
+
+
+def capstan_slips(engine: Engine, dt: float) -> float:
+    """How far it is from half of the way that the surplus gives the rope, at 1.05 of the threshold, m."""
+    surplus = 0.05 * HOLD * gripping() / ((BEADS + 2) * BEAD_MASS)
+    return max(0.0, 0.5 * surplus * SECONDS**2 / 2 - _pulled(engine, dt, 1.05))
+
+
+THOUSANDTH = "a thousandth of the first energy"
+
+SCENES = (
+    Scene("29", "Euler's disc", "the energy never grows", "friction only takes", "1", flat(1e-3), THOUSANDTH, eulers_disc),
+    Scene("29", "rolling coin", "the energy never grows", "friction only takes", "1", flat(1e-3), THOUSANDTH, coin),
+    Scene("30", "wheel, 0.9 mu N sideways", "no lateral slip", COULOMB, "m/s", flat(CREEP), NO_CREEP, lateral),
+    Scene(
+        "30",
+        "caster",
+        "a tractrix",
+        "no lateral slip, Newton 1676",
+        "1",
+        lambda dt: SPEED * dt / TRAIL / 2,
+        "half a step's way over the trail: a rule of first order",
+        caster,
+    ),
+    Scene("30", "capstan at 0.95 of mu phi", "holds", "capstan equation for 16 corners", "m/s", flat(CREEP), NO_CREEP, capstan_holds),
+    Scene(
+        "30",
+        "capstan at 1.05 of mu phi",
+        "slips",
+        "capstan equation for 16 corners",
+        "m",
+        flat(0.0),
+        "at least half of the way that the surplus force gives the rope",
+        capstan_slips,
+    ),
+)

@@ -1,0 +1,235 @@
+"""SimBenchmark's seven public tests: S1 rolling, S2 bouncing, S3 666, S4 elastic 666, and a quadruped's momentum S5, energy S6, stand S7.
+
+Written anew from the parameters in github.com/leggedrobotics/SimBenchmark (benchmark/include, benchmark/res/yaml).
+Errors are its own: means over all steps of squares, in squared units.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from atlas.mjcf import FLOOR, G, ball, box, document, free
+from atlas.quadruped import POSE, STAND, quadruped
+from atlas.scene import Engine, Scene, flat
+from atlas.world import World
+
+SAMPLE = 0.01
+"""s: energy and penetration are looked at that often, not every step."""
+
+# S1. A plate of 20 x 20 x 1 m and 10 kg on the ground (mu 0.4), 25 balls of 1 kg on it (mu 0.8), 150 N on the plate, 60 degrees off x.
+
+PLATE, BALL, COUNT, FORCE, MU = 10.0, 1.0, 25, 150.0, 0.4
+WAY = np.array([0.5, math.sqrt(0.75), 0.0])
+
+
+def rolling_accelerations() -> tuple[float, float]:
+    """(plate, ball), m/s^2: f on each ball moves its lowest point with f/m (1 + 5/2), and the plate with (F - mu (M + n m) g - n f) / M."""
+    driving = FORCE - MU * (PLATE + COUNT * BALL) * G
+    f = driving / PLATE / (3.5 / BALL + COUNT / PLATE)
+    return (driving - COUNT * f) / PLATE, f / BALL
+
+
+def rolling(engine: Engine, dt: float) -> float:
+    """Mean squared error of the velocities of the plate and of the first ball over 4 s, (m/s)^2."""
+    balls = "".join(
+        free(f"ball{i}{j}", ball(0.5, BALL) + ' friction="0.8 0 0"', (2.0 * i - 4, 2.0 * j - 4, 1.5)) for i in range(5) for j in range(5)
+    )
+    world = engine.start(document(FLOOR + free("plate", box((10, 10, 0.5), PLATE), (0, 0, 0.5)) + balls, friction=MU), dt)
+    world.push("plate", FORCE * WAY)
+    plate, first = rolling_accelerations()
+    errors = []
+    for k in range(round(4.0 / dt)):
+        v, t = world.qvel[0], k * dt
+        errors.append(((v[:3] - plate * t * WAY) ** 2).sum() + ((v[6:9] - first * t * WAY) ** 2).sum())
+        world.step()
+    return float(np.mean(errors))
+
+
+# S2. 7 x 7 spheres of 10 kg from 5 m, e 1, no friction, 20 s.
+
+
+def _energy_error(world: World, seconds: float) -> float:
+    """Mean squared deviation of the energy from the start's, J^2."""
+    start, errors = float(world.energy()[0]), []
+    every = max(SAMPLE, world.dt)
+    for _ in range(round(seconds / every)):
+        world.run(every)
+        errors.append((float(world.energy()[0]) - start) ** 2)
+    return float(np.mean(errors))
+
+
+def bouncing(engine: Engine, dt: float) -> float:
+    """Mean squared error of the energy, 24 kJ, J^2."""
+    spheres = "".join(free(f"ball{i}{j}", ball(0.1, 10.0), (2.0 * i, 2.0 * j, 5.0)) for i in range(7) for j in range(7))
+    return _energy_error(engine.start(document(FLOOR + spheres, friction=0.0), dt, restitution=1.0), 20.0)
+
+
+# S3 and S4. 6 x 6 x 6 spheres of 10 kg, 1 cm apart, perturbed by up to 1 mm.
+
+
+def spheres(height: float) -> str:
+    """The cube of spheres, its lowest layer's centres at a height."""
+    rng = np.random.default_rng(42)
+    text = ""
+    for i in range(6):
+        for j in range(6):
+            for k in range(6):
+                at = 0.21 * np.array([i, j, k]) + 0.001 * rng.uniform(size=3) + [0, 0, height]
+                text += free(f"ball{i}{j}{k}", ball(0.1, 10.0), at)
+    return document(FLOOR + text, friction=0.0)
+
+
+def falling_cube(engine: Engine, dt: float) -> float:
+    """Mean over 10 s of the sum of squared overlaps, m^2."""
+    world = engine.start(spheres(0.101), dt, restitution=0.0)
+    errors, every = [], max(10 * SAMPLE, dt)
+    upper = np.triu_indices(216, 1)
+    for _ in range(round(10.0 / every)):
+        world.run(every)
+        centres = world.qpos[0].reshape(216, 7)[:, :3]
+        squares = (centres**2).sum(axis=1)
+        apart = np.sqrt(np.maximum(squares[:, None] + squares - 2 * centres @ centres.T, 0.0))[upper]
+        errors.append((np.maximum(0.2 - apart, 0.0) ** 2).sum() + (np.maximum(0.1 - centres[:, 2], 0.0) ** 2).sum())
+    return float(np.mean(errors))
+
+
+def elastic_cube(engine: Engine, dt: float) -> float:
+    """Mean squared error of the energy over 10 s, J^2."""
+    return _energy_error(engine.start(spheres(1.101), dt, restitution=1.0), 10.0)
+
+
+# S5 to S7. The quadruped.
+
+
+def _posed(world: World, height: float) -> np.ndarray:
+    """The last 19 coordinates are the robot's."""
+    qpos = world.qpos[0]
+    qpos[-17] = height
+    qpos[-12:] = POSE
+    return qpos
+
+
+def momentum(engine: Engine, dt: float) -> float:
+    """Mean squared error of the linear momentum over 10 s: a sphere of 10 kg with 5 m/s strikes the floating robot, (kg m/s)^2."""
+    world = engine.start(quadruped(gravity=0.0, beside=free("ball", ball(0.2, 10.0), (0, -5, 2))), dt)
+    qvel = np.zeros(world.model.nv)
+    qvel[1] = 5.0
+    world.set(_posed(world, 2.0), qvel)
+    errors, every = [], max(SAMPLE, dt)
+    for _ in range(round(10.0 / every)):
+        world.run(every)
+        errors.append(((world.momentum()[0] - [0, 50.0, 0]) ** 2).sum())
+    return float(np.mean(errors))
+
+
+def energy(engine: Engine, dt: float) -> float:
+    """Mean squared error of the energy, J^2, in 2 s of free flight after 1 s of pulling the trunk up with twice the weight."""
+    world = engine.start(quadruped(), dt)
+    world.set(_posed(world, 2.0), np.zeros(world.model.nv))
+    world.push("trunk", (0, 0, 2 * float(world.model.body_subtreemass[0]) * G))
+    world.run(1.0)
+    world.push("trunk", (0, 0, 0))
+    return _energy_error(world, 2.0)
+
+
+GAINS = (400.0, 1.0)
+"""N m/rad, N m s/rad: the header's. The yaml file's 40 N m/rad is 4 x 40 against m g h = 180 N m/rad of this robot's sway: it falls."""
+
+
+def standing(engine: Engine, dt: float) -> float:
+    """Fastest velocity of the robot's after ten seconds of standing on its servos (m/s, rad/s)."""
+    world = engine.start(quadruped(beside=FLOOR, gains=GAINS), dt)
+    world.set(_posed(world, STAND), np.zeros(world.model.nv))
+    world.run(10.0, POSE)
+    if not 0.8 * STAND < world.qpos[0, 2] < STAND:
+        return math.inf
+    return float(np.abs(world.qvel).max())
+
+
+def fourth(dt: float) -> float:
+    """The square of an error of second order: 1e-8 at 1 ms."""
+    return 1e-8 * (dt / 1e-3) ** 4
+
+
+FOURTH = "1e-8 at 1 ms; a square of an error of second order"
+STEPS = (5e-4, 1e-3, 2e-3, 5e-3, 2e-2)
+FEW = (5e-3, 2e-2)
+CONSERVED = "conservation laws"
+
+SCENES = (
+    Scene(
+        "S1",
+        "rolling",
+        "a plate pulled under 25 balls that roll on it",
+        "Coulomb and Newton-Euler in closed form",
+        "(m/s)^2",
+        flat(1e-8),
+        "a millionth of the squared speeds",
+        rolling,
+        (1e-3, 2e-3, 5e-3, 2e-2),
+        (1e-3, 5e-3),
+    ),
+    Scene(
+        "S2",
+        "bouncing",
+        "the energy of 49 elastic spheres is constant",
+        CONSERVED,
+        "J^2",
+        flat(1e-6),
+        "4e-8 of the energy, squared",
+        bouncing,
+        STEPS,
+        (5e-3, 2e-2),
+    ),
+    Scene(
+        "S3",
+        "666",
+        "216 inelastic spheres do not overlap",
+        "rigid bodies",
+        "m^2",
+        flat(216 * 3 * 1e-10),
+        "three contacts a sphere, each overlapping 1e-5 m",
+        falling_cube,
+        FEW,
+        (2e-2,),
+    ),
+    Scene(
+        "S4",
+        "elastic 666",
+        "the energy of 216 elastic spheres is constant",
+        CONSERVED,
+        "J^2",
+        flat(1e-6),
+        "2e-8 of the energy, squared",
+        elastic_cube,
+        FEW,
+        (2e-2,),
+    ),
+    Scene(
+        "S5",
+        "quadruped's momentum",
+        "constant, when a ball strikes it in space",
+        CONSERVED,
+        "(kg m/s)^2",
+        fourth,
+        FOURTH,
+        momentum,
+        STEPS,
+        STEPS,
+    ),
+    Scene("S6", "quadruped's energy", "constant in free flight", CONSERVED, "J^2", fourth, FOURTH, energy, STEPS, STEPS),
+    Scene(
+        "S7",
+        "quadruped's standing",
+        "stands still",
+        "statics",
+        "m/s, rad/s",
+        flat(1e-6),
+        "the solver's tolerance",
+        standing,
+        STEPS,
+        (1e-3, 5e-3),
+    ),
+)

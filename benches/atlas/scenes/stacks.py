@@ -1,0 +1,220 @@
+"""Scenes 12, 14, 15 and 17: boxes on boxes, a table of four legs, and boxes that start inside one another."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from atlas.mjcf import FLOOR, G, box, document, free
+from atlas.scene import Engine, Scene, flat
+from atlas.scenes.friction import CREEP, NO_CREEP
+from atlas.world import World
+
+HALF = 0.05
+COUNT = 10
+RATIOS = (100, 200, 300, 1000)
+SWEEP = (5e-4, 2e-3, 5e-3, 2e-2)
+"""Stacks take the longest."""
+
+
+def tower(top: float) -> str:
+    """Ten boxes of 1 kg and 10 cm, the top one so many times heavier; each touches the one below."""
+    masses = [1.0] * (COUNT - 1) + [float(top)]
+    boxes = (free(f"box{k}", box((HALF,) * 3, m), (0, 0, HALF * (2 * k + 1))) for k, m in enumerate(masses))
+    return document(FLOOR + "".join(boxes), friction=0.5)
+
+
+def weights(top: float):
+    """Largest relative error of the force in an interface against the weight above it, after two seconds."""
+
+    def measure(engine: Engine, dt: float) -> float:
+        world = engine.start(tower(top), dt)
+        world.run(2.0)
+        names = ["world"] + [f"box{k}" for k in range(COUNT)]
+        worst = 0.0
+        for k in range(COUNT):
+            above = (COUNT - 1 - k + top) * G
+            worst = max(worst, abs(world.normal_force((names[k], names[k + 1])) / above - 1.0))
+        return worst
+
+    return measure
+
+
+def stands_a_minute(engine: Engine, dt: float) -> float:
+    """Farthest that any of the ten boxes, the top one 1000 times heavier, is from where it began after 60 s (10,000 steps at most), m."""
+    world = engine.start(tower(1000), dt)
+    start = world.qpos.reshape(COUNT, 7)[:, :3]
+    world.step(min(round(60.0 / dt), LONGEST))
+    return float(np.linalg.norm(world.qpos.reshape(COUNT, 7)[:, :3] - start, axis=1).max())
+
+
+LONGEST = 30_000
+"""Steps of 2 ms in a minute; smaller steps run for less than that."""
+
+
+def on_two(engine: Engine, dt: float) -> float:
+    """Relative error of the forces between two small boxes and one 20 times their size, and under them, after two seconds.
+
+    Each small box carries at four points, so statics gives the sum alone: one may carry up to a ninth more than the other.
+    """
+    s, big, deep = 0.05, 1.0, 0.05
+    density = 1000.0
+    small_mass, big_mass = 8 * s * s * deep * density, 8 * big * big * deep * density
+    world = engine.start(
+        document(
+            FLOOR
+            + free("left", box((s, deep, s), small_mass), (s - big, 0, s))
+            + free("right", box((s, deep, s), small_mass), (big - s, 0, s))
+            + free("big", box((big, deep, big), big_mass), (0, 0, 2 * s + big)),
+            friction=0.5,
+        ),
+        dt,
+    )
+    world.run(2.0)
+    load = sum(world.normal_force((small, "big")) for small in ("left", "right"))
+    below = sum(world.normal_force(("world", small)) for small in ("left", "right"))
+    return max(abs(load / (big_mass * G) - 1.0), abs(below / ((big_mass + 2 * small_mass) * G) - 1.0))
+
+
+def steady(engine: Engine, dt: float) -> float:
+    """Creep of any box of ten equal ones, or its speed at the end, whichever is larger, over 1e5 steps (the last 99,000 count), m/s."""
+    world = engine.start(tower(1.0), dt)
+    world.step(1000)
+    start = world.qpos.reshape(COUNT, 7)[:, :3]
+    steps = 99_000
+    world.step(steps)
+    moved = np.linalg.norm(world.qpos.reshape(COUNT, 7)[:, :3] - start, axis=1).max()
+    return float(max(moved / (steps * dt), np.abs(world.qvel).max()))
+
+
+# Scene 15: one body with four feet. Its weight can be shared in infinitely many ways; the sum and the motion are one.
+
+LEGS = ((0.3, 0.2), (0.3, -0.2), (-0.3, 0.2), (-0.3, -0.2))
+TABLE_MASS = 7.0
+
+
+def table(order: tuple[int, ...]) -> str:
+    """A plate on four spherical feet, listed in an order."""
+    feet = "".join(f'<geom type="sphere" size=".02" mass="0" pos="{LEGS[k][0]} {LEGS[k][1]} -.38"/>' for k in order)
+    plate = '<geom type="box" size=".35 .25 .02" contype="0" conaffinity="0" mass="0"/>'
+    inertia = f'<inertial pos="0.02 0.01 -0.05" mass="{TABLE_MASS}" diaginertia="0.4 0.5 0.6"/>'
+    return document(FLOOR + f'<body name="table" pos="0 0 0.4"><freejoint/>{inertia}{plate}{feet}</body>', friction=0.4)
+
+
+def table_forces(engine: Engine, dt: float) -> float:
+    """Relative error of the sum of the feet's normal forces, after two seconds."""
+    world = engine.start(table((0, 1, 2, 3)), dt)
+    world.run(2.0)
+    return abs(world.normal_force() / (TABLE_MASS * G) - 1.0)
+
+
+def table_order(engine: Engine, dt: float) -> float:
+    """Largest difference of the table's place between orders of its feet, when it is pushed and slides for half a second, m."""
+    places = []
+    for order in ((0, 1, 2, 3), (3, 1, 0, 2), (2, 3, 1, 0)):
+        world = engine.start(table(order), dt)
+        world.push("table", (0.6 * TABLE_MASS * G, 0.1 * TABLE_MASS * G, 0.0), (0.0, 0.0, 0.5))
+        world.run(0.5)
+        places.append(world.qpos[0, :3])
+    return float(np.ptp(places, axis=0).max())
+
+
+# Scene 17: a pyramid of four rows; every box overlaps those under it, and the lowest the floor, by a quarter of its height.
+
+PYRAMID = 0.1
+OVERLAP = 0.25
+
+
+def pyramid() -> str:
+    """Ten boxes of 1 kg."""
+    text = ""
+    for row in range(4):
+        for k in range(4 - row):
+            at = ((k - (3 - row) / 2) * 2 * PYRAMID * 1.02, 0.0, PYRAMID + 2 * PYRAMID * (1 - OVERLAP) * row - 2 * PYRAMID * OVERLAP)
+            text += free(f"box{row}{k}", box((PYRAMID,) * 3, 1.0), at)
+    return document(FLOOR + text, friction=0.5)
+
+
+def pops(engine: Engine, dt: float) -> float:
+    """Largest kinetic energy on the way apart, over the work of lifting the whole pyramid by one overlap."""
+    world = engine.start(pyramid(), dt)
+    worst = 0.0
+    for _ in range(max(1, round(3.0 / max(dt, 5e-3)))):
+        world.run(max(dt, 5e-3))
+        worst = max(worst, float(world.kinetic()[0]))
+    return worst / (10 * G * 2 * PYRAMID * OVERLAP) if _apart(world) else math.inf
+
+
+def _apart(world: World) -> bool:
+    """Whether the boxes stand in four rows, without overlap beyond a hundredth of their size."""
+    heights = np.sort(world.qpos.reshape(10, 7)[:, 2])
+    rows = [heights[:4], heights[4:7], heights[7:9], heights[9:]]
+    centres = [PYRAMID * (2 * row + 1) for row in range(4)]
+    return all(np.abs(h - c).max() < 0.02 * PYRAMID for h, c in zip(rows, centres, strict=True))
+
+
+def share(dt: float) -> float:
+    """What the solver's tolerance is of an interface's load: 1e-6 m/s a step over g dt, ten interfaces deep."""
+    return max(1e-6, 10 * 1e-6 / (G * dt))
+
+
+SHARE = "ten times the solver's tolerance of 1e-6 m/s over g dt, the load of a step"
+STATICS = "statics"
+
+SCENES = (
+    *(
+        Scene(
+            "12",
+            f"ten boxes, the top one {r} times heavier",
+            "each interface carries the weight above",
+            STATICS,
+            "1",
+            share,
+            SHARE,
+            weights(r),
+            SWEEP,
+            (2e-3,),
+        )
+        for r in RATIOS
+    ),
+    Scene(
+        "12",
+        "the same, 1000 times, for a minute",
+        "stands",
+        STATICS,
+        "m",
+        flat(1e-4),
+        "ten interfaces of 1e-5 m, the penetration allowed at rest",
+        stands_a_minute,
+        (2e-3, 1e-2),
+        (1e-2,),
+    ),
+    Scene("12", "a box on two of a twentieth of its size", "they carry it", STATICS, "1", share, SHARE, on_two, SWEEP, (2e-3, 2e-2)),
+    Scene(
+        "14", "ten equal boxes for 1e5 steps", "no drift, no jitter", STATICS, "m/s", flat(CREEP), NO_CREEP, steady, (2e-3, 2e-2), (2e-2,)
+    ),
+    Scene("15", "table of four legs: forces", "the sum is m g", STATICS, "1", share, SHARE, table_forces),
+    Scene(
+        "15",
+        "table of four legs: order",
+        "the motion does not depend on the order of contacts",
+        "renaming contacts changes no physics",
+        "m",
+        lambda dt: 1e-6,
+        "the solver's tolerance of 1e-6 m/s for half a second, four feet, half of it each",
+        table_order,
+    ),
+    Scene(
+        "17",
+        "overlap of 25 % at the start",
+        "separates, kinetic energy gained ~ 0",
+        "rigid bodies store none",
+        "1",
+        flat(0.01),
+        "a hundredth of the work of lifting the pyramid by the overlap",
+        pops,
+        SWEEP,
+        (2e-3, 2e-2),
+    ),
+)

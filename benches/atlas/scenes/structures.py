@@ -1,0 +1,139 @@
+"""Scene 16: a house of cards, an arch of 17 blocks, a row of 15 dominoes."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from atlas.mjcf import FLOOR, about_y, box, document, free, numbers
+from atlas.scene import Engine, Scene, flat
+from atlas.scenes.stacks import STATICS
+from atlas.world import World
+
+
+def _moved(world: World, seconds: float) -> float:
+    """Farthest that any free body is from where it began, m."""
+    start = world.qpos.reshape(-1, 7)[:, :3]
+    world.run(seconds)
+    return float(np.linalg.norm(world.qpos.reshape(-1, 7)[:, :3] - start, axis=1).max())
+
+
+# Cards of 2 mm x 40 cm x 30 cm lean on one another at 25 degrees, mu 0.7: two frames, a card across their tops, a frame on that.
+
+THIN, TALL, DEEP, LEAN, CARD = 0.001, 0.2, 0.15, math.radians(25), 0.17
+RISE = TALL * math.cos(LEAN) + THIN * math.sin(LEAN)
+"""From a leaning card's centre down to its lowest edge, and up to its highest."""
+REACH = TALL * math.sin(LEAN) + THIN * math.cos(LEAN)
+"""From its centre sideways to the edge where two cards of a frame meet. That edge is 2 THIN sin LEAN below the highest one."""
+SPACING = 0.35
+
+
+def _frame(name: str, x: float, z: float) -> str:
+    """Two cards that lean on one another over (x, z); each needs friction of less than tan LEAN = 0.47 at its foot."""
+    card = box((THIN, DEEP, TALL), CARD)
+    cards = (free(f"{name}{side}", card, (x + side * REACH, 0, z + RISE), about_y(-side * LEAN)) for side in (-1, 1))
+    return "".join(cards)
+
+
+def house() -> str:
+    """A frame's two highest edges are 2 THIN cos LEAN to either side of its middle: the card across lies on four of them."""
+    across = free("across", box((TALL, DEEP, THIN), CARD), (0, 0, 2 * RISE + THIN))
+    frames = _frame("left", -SPACING / 2, 0) + _frame("right", SPACING / 2, 0) + _frame("top", 0, 2 * RISE + 2 * THIN)
+    return document(FLOOR + frames + across, friction=0.7)
+
+
+def cards(engine: Engine, dt: float) -> float:
+    """Farthest that a card moves in five seconds, m."""
+    return _moved(engine.start(house(), dt), 5.0)
+
+
+# The arch: a catenary, whose thrust runs along its centre line when it is of even thickness (Hooke 1675), cut square to the thrust.
+
+BLOCKS, SPREAD, THICK, ARCH_DEEP = 17, 1.6, 0.12, 0.15
+
+
+def _catenary(s: float) -> tuple[np.ndarray, np.ndarray]:
+    """Centre line (x, z) and its normal, at an arc length from the crown; c = 1 m, so that x = asinh(s), z = -cosh(x)."""
+    x = math.asinh(s)
+    slope = -math.sinh(x)
+    normal = np.array([-slope, 1.0]) / math.hypot(slope, 1.0)
+    return np.array([x, -math.cosh(x)]), normal
+
+
+def arch() -> str:
+    """Blocks of equal arc length; the last ones are cut level on the floor, where tan of the thrust is 1/sinh(1.6) = 0.42 < mu."""
+    ends = math.sinh(SPREAD)
+    ground = -math.cosh(SPREAD)
+    assets, bodies = "", ""
+    for k in range(BLOCKS):
+        corners = []
+        for s in (ends * (2 * k / BLOCKS - 1), ends * (2 * (k + 1) / BLOCKS - 1)):
+            centre, normal = _catenary(s)
+            for side in (-1, 1):
+                at = centre + side * THICK / 2 * normal
+                if k in {0, BLOCKS - 1} and abs(abs(s) - ends) < 1e-9:
+                    # Along the tangent to the ground.
+                    tangent = np.array([normal[1], -normal[0]])
+                    at = at + tangent * (ground - at[1]) / tangent[1]
+                corners.append(at - [0, ground])
+        middle = np.mean(corners, axis=0)
+        points = [(x - middle[0], y, z - middle[1]) for x, z in corners for y in (-ARCH_DEEP, ARCH_DEEP)]
+        assets += f'<mesh name="block{k}" vertex="{numbers(c for p in points for c in p)}"/>'
+        shape = f'<geom type="mesh" mesh="block{k}" density="1000"/>'
+        bodies += f'<body name="block{k}" pos="{numbers((middle[0], 0, middle[1]))}"><freejoint/>{shape}</body>'
+    return document(FLOOR + bodies, friction=0.6, before=f"<asset>{assets}</asset>")
+
+
+def stands(engine: Engine, dt: float) -> float:
+    """Farthest that a block moves in five seconds, m."""
+    return _moved(engine.start(arch(), dt), 5.0)
+
+
+# Dominoes of 1 x 5 x 10 cm, 5 cm apart, mu 0.6; the first one is tipped past its edge.
+
+DOMINOES, GAP = 15, 0.05
+DOMINO = (0.005, 0.025, 0.05)
+
+
+def dominoes(engine: Engine, dt: float) -> float:
+    """Dominoes that have not fallen in order (past 45 degrees one after the other) in four seconds."""
+    row = "".join(free(f"domino{k}", box(DOMINO, 0.05), (GAP * k, 0, DOMINO[2])) for k in range(DOMINOES))
+    world = engine.start(document(FLOOR + row, friction=0.6), dt)
+    qpos = world.qpos[0].reshape(DOMINOES, 7)
+    # Turned about its lower front edge by twice the angle at which its centre is above that edge.
+    tip = 2 * math.atan(DOMINO[0] / DOMINO[2])
+    x, _, z = DOMINO
+    qpos[0, 0] = x - x * math.cos(tip) + z * math.sin(tip)
+    qpos[0, 2] = x * math.sin(tip) + z * math.cos(tip)
+    qpos[0, 3:] = about_y(tip)
+    world.set(qpos.ravel(), np.zeros(6 * DOMINOES))
+    fallen = np.full(DOMINOES, math.inf)
+    for _ in range(round(4.0 / max(dt, 2e-3))):
+        world.run(max(dt, 2e-3))
+        quat = world.qpos[0].reshape(DOMINOES, 7)[:, 3:]
+        upright = 1 - 2 * (quat[:, 1] ** 2 + quat[:, 2] ** 2)
+        fallen = np.where((upright < math.cos(math.pi / 4)) & ~np.isfinite(fallen), world.seconds, fallen)
+    in_order = np.isfinite(fallen) & (fallen >= np.concatenate([[0.0], fallen[:-1]]))
+    return float(DOMINOES - in_order.sum())
+
+
+LEVER = "1e-4 m: a penetration of 1e-5 m at an edge moves the far end of a thin card ten times as far"
+FEW = (1e-3, 2e-3, 5e-3, 2e-2)
+
+SCENES = (
+    Scene("16", "house of cards", "stands", STATICS, "m", flat(1e-4), LEVER, cards, FEW, (2e-3, 2e-2)),
+    Scene("16", "arch of 17 blocks", "stands", "catenary, Hooke 1675", "m", flat(1e-4), "ten joints of 1e-5 m", stands, FEW, (2e-3, 2e-2)),
+    Scene(
+        "16",
+        "15 dominoes",
+        "fall in order",
+        "each releases more energy than the next needs to tip",
+        "1",
+        flat(0.0),
+        "every one",
+        dominoes,
+        FEW,
+        (2e-3, 2e-2),
+    ),
+)

@@ -1,0 +1,163 @@
+"""Scenes 21, 25, 27 and 28: walls, seams, thin walls at speed, far from the origin, extreme time steps."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from atlas.mjcf import FLOOR, G, ball, box, document, free
+from atlas.scene import LONG, Engine, Scene, flat
+from atlas.scenes.stacks import STATICS
+
+# Scene 21: a box is pushed into a wall; a box slides over a floor with seams.
+
+PUSH = 20.0
+CUBE = box((0.1, 0.1, 0.1), 1.0)
+
+
+def flicker(engine: Engine, dt: float) -> float:
+    """Largest relative error of the wall's force in any of 200 steps, after a second of pushing. The floor is frictionless."""
+    wall = '<geom name="wall" type="box" size=".05 .5 .5" pos=".16 0 .5"/>'
+    world = engine.start(document(FLOOR + wall + free("cube", CUBE, (0, 0, 0.1)), friction=0.0), dt)
+    world.push("cube", (PUSH, 0, 0))
+    world.run(1.0)
+    worst = 0.0
+    for _ in range(200):
+        world.step()
+        worst = max(worst, abs(world.normal_force(("world", "cube"), (-1, 0, 0)) / PUSH - 1.0))
+    return worst
+
+
+TILES = '<geom type="box" size=".1 .5 .05" pos="{x!r} 0 -.05"/>'
+FIELD = '<asset><hfield name="flat" nrow="3" ncol="41" size="4 .5 .1 .1" elevation="{}"/></asset>'.format("0 " * 123)
+
+
+def seams(kind: str):
+    """Largest change of a sliding box's height (m), speed (m/s) or pitch (rad) in a second at 1 m/s without friction."""
+
+    def measure(engine: Engine, dt: float) -> float:
+        if kind == "tiles":
+            floor, before = "".join(TILES.format(x=0.2 * k) for k in range(-3, 10)), ""
+        else:
+            floor, before = '<geom type="hfield" hfield="flat"/>', FIELD
+        world = engine.start(document(floor + free("cube", box((0.12, 0.12, 0.05), 1.0), (0.03, 0, 0.05)), friction=0.0, before=before), dt)
+        world.run(0.5)
+        start = world.qpos[0]
+        world.set(start, [1.0, 0, 0, 0, 0, 0])
+        worst = 0.0
+        for _ in range(round(1.0 / max(dt, 2e-3))):
+            world.run(max(dt, 2e-3))
+            q, v = world.qpos[0], world.qvel[0]
+            worst = max(worst, abs(q[2] - start[2]), abs(v[0] - 1.0), 2 * abs(q[5] - start[5]))
+        return worst
+
+    return measure
+
+
+# Scene 25: a sphere of 2 cm at 100 m/s, a wall of 2 mm.
+
+RADIUS, THIN, FAST = 0.02, 0.001, 100.0
+
+
+def tunnelling(engine: Engine, dt: float) -> float:
+    """How far the sphere's front is beyond the wall's near face, at worst, m."""
+    wall = f'<geom type="box" size="{THIN} 1 1"/>'
+    start = -0.5 * FAST * 0.02 - 0.3
+    world = engine.start(document(wall + free("ball", ball(RADIUS, 0.1), (start, 0, 0)), gravity=(0, 0, 0)), dt)
+    world.set(qvel=[FAST, 0, 0, 0, 0, 0])
+    worst = -math.inf
+    for _ in range(math.ceil(0.05 / dt)):
+        world.step()
+        worst = max(worst, float(world.qpos[0, 0]) + RADIUS + THIN)
+    return max(worst, 0.0)
+
+
+# Scene 27: the same motion, shifted by 1e5 m along every axis.
+
+FAR = 1e5
+
+
+def _thrown(engine: Engine, dt: float, shift: float) -> np.ndarray:
+    """Places of a ball that rolls and a box that slides to a stop, after a second."""
+    at = np.full(3, shift)
+    floor = f'<geom type="plane" size="0 0 1" pos="{shift!r} {shift!r} {shift!r}"/>'
+    bodies = free("ball", ball(0.1, 1.0), np.add(at, (0, 1, 0.1))) + free("cube", box((0.1, 0.1, 0.05), 1.0), np.add(at, (0, 0, 0.05)))
+    world = engine.start(document(floor + bodies, friction=0.3), dt)
+    qvel = np.zeros(12)
+    qvel[[0, 1, 6, 7]] = [2.0, 0.5, 1.0, 0.3]
+    world.set(world.qpos[0], qvel)
+    world.run(1.0)
+    q = world.qpos[0]
+    return np.concatenate([q[:3] - at, q[7:10] - at])
+
+
+def far_away(engine: Engine, dt: float) -> float:
+    """Largest difference of a coordinate, m."""
+    return float(np.abs(_thrown(engine, dt, FAR) - _thrown(engine, dt, 0.0)).max())
+
+
+# Scene 28: the smallest and the largest step. What a wrong model or state says is in tests/failure.
+
+
+def extreme(engine: Engine, dt: float) -> float:
+    """Largest gain of energy of a box that is thrown on the floor, in 2000 steps, over m g times its height of fall."""
+    world = engine.start(document(FLOOR + free("cube", CUBE, (0, 0, 0.5), (0.9, 0.2, 0.3, 0.1)), friction=0.5), dt)
+    world.set(qvel=[0.5, 0, -1.0, 1.0, 2.0, 0.5])
+    start, worst = float(world.energy()[0]), 0.0
+    for _ in range(200):
+        world.step(10)
+        worst = max(worst, float(world.energy()[0]) - start)
+    return worst / (G * 0.5)
+
+
+SCENES = (
+    Scene(
+        "21",
+        "pushed into a wall",
+        "a steady force",
+        STATICS,
+        "1",
+        lambda dt: max(1e-6, 1e-6 / (PUSH * dt)),
+        "the solver's tolerance of 1e-6 m/s over the push of a step, F dt / m",
+        flicker,
+    ),
+    Scene(
+        "21", "sliding over seams of tiles", "no bump", "a plane", "m, m/s, rad", flat(1e-5), "1e-5 m, as for penetration", seams("tiles")
+    ),
+    Scene(
+        "21",
+        "sliding over a flat height field",
+        "no bump",
+        "a plane",
+        "m, m/s, rad",
+        flat(1e-5),
+        "1e-5 m, as for penetration",
+        seams("field"),
+        (5e-4, 2e-3, 2e-2),
+        (2e-3, 2e-2),
+    ),
+    Scene("25", "fast sphere, thin wall", "does not pass", "rigid bodies", "m", flat(1e-5), "1e-5 m, as for penetration", tunnelling),
+    Scene(
+        "27",
+        "far from the origin",
+        "the same motion",
+        "invariance under translation",
+        "m",
+        flat(1e-9),
+        "64-bit numbers are 1.5e-11 m apart at 1e5 m",
+        far_away,
+    ),
+    Scene(
+        "28",
+        "extreme time steps",
+        "finite, no energy gained",
+        "friction and inelastic impacts only take",
+        "1",
+        flat(0.01),
+        "a hundredth of the fall",
+        extreme,
+        (1e-6, *LONG, 0.1),
+        (1e-6, 0.1),
+    ),
+)

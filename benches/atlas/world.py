@@ -1,0 +1,163 @@
+"""One scene in one engine: what measures may ask of it, and how its cost is counted.
+
+States have MuJoCo's layout in every engine (qpos with quaternions w, x, y, z; a free joint's velocity linear in world axes, angular in the
+body's). What engines do not all report (energy, momentum, places of bodies) is computed from states by one yardstick, MuJoCo's kinematics.
+"""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from collections import Counter
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+AT_ONCE = 1000
+"""Steps in one call of an engine at the most."""
+
+
+class CannotRunError(Exception):
+    """An engine does not have what a scene needs; the message says what."""
+
+
+class DivergedError(Exception):
+    """A state is not finite, or the engine gave up on it."""
+
+
+class TooSlowError(Exception):
+    """A run took more processor time than `World.limit`."""
+
+
+@dataclass(frozen=True)
+class Touch:
+    """One point of contact: the two geoms, normal (3,) from the first to the second, normal force in N."""
+
+    geoms: tuple[int, int]
+    normal: Array
+    force: float
+
+
+class World(ABC):
+    """A batch of environments of one scene.
+
+    Attributes:
+        model: The scene as MuJoCo compiles it: names, masses, the yardstick.
+        dt: Time step, s.
+        num_envs: Environments.
+        cpu: Processor time spent in steps so far, s.
+        seconds: Simulated time so far, s.
+        flags: What the engine itself said of its steps: how many calls of `step` (of any environment) had each flag.
+        limit: Processor time after which a world raises `TooSlowError`, s.
+    """
+
+    limit = float("inf")
+
+    def __init__(self, mjcf: str, dt: float, num_envs: int) -> None:
+        self.model = mujoco.MjModel.from_xml_string(mjcf)
+        self.dt = dt
+        self.num_envs = num_envs
+        self.cpu = 0.0
+        self.seconds = 0.0
+        self.flags: Counter[str] = Counter()
+        self._yard = mujoco.MjData(self.model)
+
+    @property
+    @abstractmethod
+    def qpos(self) -> Array:
+        """Configurations, (num_envs, nq), a copy."""
+
+    @property
+    @abstractmethod
+    def qvel(self) -> Array:
+        """Velocities, (num_envs, nv), a copy."""
+
+    @abstractmethod
+    def set(self, qpos: ArrayLike | None = None, qvel: ArrayLike | None = None) -> None:
+        """Starts from states, (num_envs, n) or (n,) for all."""
+
+    @abstractmethod
+    def push(self, body: str, force: ArrayLike, torque: ArrayLike = (0, 0, 0)) -> None:
+        """Force (N) and torque (N m) at a body's centre of mass from now on, world axes, (num_envs, 3) or (3,) for all."""
+
+    @abstractmethod
+    def touches(self, env: int = 0) -> list[Touch]:
+        """Contacts of the last step that bear a force."""
+
+    @abstractmethod
+    def _advance(self, ctrl: Array | None, nstep: int) -> None:
+        """Makes steps; this is what is timed."""
+
+    @abstractmethod
+    def _check(self) -> None:
+        """Looks at what the steps said of themselves; raises `DivergedError` if a state is not finite."""
+
+    def step(self, nstep: int = 1, ctrl: ArrayLike | None = None) -> None:
+        """Makes steps under one control, (num_envs, nu) or (nu,) for all."""
+        given = None if ctrl is None else np.broadcast_to(np.asarray(ctrl, float), (self.num_envs, self.model.nu))
+        while nstep > 0:
+            some = min(nstep, AT_ONCE)
+            begin = time.process_time()
+            self._advance(given, some)
+            self.cpu += time.process_time() - begin
+            self.seconds += some * self.dt
+            nstep -= some
+            self._check()
+            if self.cpu > self.limit:
+                raise TooSlowError(f"stopped after {self.limit:g} s of processor time and {self.seconds:g} simulated seconds")
+
+    def run(self, seconds: float, ctrl: ArrayLike | None = None) -> None:
+        """As many steps as that takes, rounded, at least one."""
+        self.step(max(1, round(seconds / self.dt)), ctrl)
+
+    def body(self, name: str) -> int:
+        """A body's index."""
+        return int(mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name))
+
+    def geom(self, name: str) -> int:
+        """A geom's index."""
+        return int(mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_GEOM, name))
+
+    def at(self, env: int = 0) -> mujoco.MjData:
+        """MuJoCo's data at the present state of one environment: kinematics, energy and momentum, no dynamics, until the next call."""
+        d, m = self._yard, self.model
+        d.qpos[:], d.qvel[:] = self.qpos[env], self.qvel[env]
+        mujoco.mj_kinematics(m, d)
+        mujoco.mj_comPos(m, d)
+        mujoco.mj_crb(m, d)
+        mujoco.mj_comVel(m, d)
+        mujoco.mj_energyPos(m, d)
+        mujoco.mj_energyVel(m, d)
+        mujoco.mj_subtreeVel(m, d)
+        return d
+
+    def energy(self) -> Array:
+        """Total energy of every environment, J."""
+        return np.array([self.at(env).energy.sum() for env in range(self.num_envs)])
+
+    def kinetic(self) -> Array:
+        """Kinetic energy of every environment, J."""
+        return np.array([self.at(env).energy[1] for env in range(self.num_envs)])
+
+    def momentum(self, env: int = 0) -> tuple[Array, Array]:
+        """Linear momentum (3,), kg m/s, and angular momentum about the common centre of mass (3,), kg m^2/s."""
+        d = self.at(env)
+        return d.subtree_linvel[0] * self.model.body_subtreemass[0], d.subtree_angmom[0].copy()
+
+    def normal_force(self, between: tuple[str, str] | None = None, axis: ArrayLike = (0, 0, 1), env: int = 0) -> float:
+        """Sum of normal forces along an axis (N), of all contacts or those of two bodies, in the last step.
+
+        Counted on the second body of the pair; without a pair, along the contacts' own normals from the first geom to the second.
+        """
+        total = 0.0
+        for touch in self.touches(env):
+            a, b = (int(self.model.geom_bodyid[g]) for g in touch.geoms)
+            if between is None:
+                total += touch.force * abs(float(touch.normal @ np.asarray(axis, float)))
+            elif {a, b} == {self.body(n) for n in between}:
+                sign = 1 if b == self.body(between[1]) else -1
+                total += sign * touch.force * float(touch.normal @ np.asarray(axis, float))
+        return total

@@ -1,0 +1,243 @@
+"""Environment steps per second of the models that people train on, beside MuJoCo: one markdown table, in throughput.md and .json too.
+
+Both engines step the same environments with the same random controls at the model's own time step. MuJoCo runs with the model's own
+settings and with implicitfast, Newton and elliptic cones; ratios are against the faster of the two. Contacts and penetration of both are
+measured by one yardstick, MuJoCo's collision detection. See README.md beside this file.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import importlib.util
+import json
+import os
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import geometric_mean, median
+from typing import Any
+
+import numpy as np
+from stepper import Model, ModelError, Stepper, load
+from stepper._crowd import Array, Crowd, MujocoCrowd, Referee, StepperCrowd
+from stepper._demo import MATCHED, Plan, Track, race
+from stepper._machine import allowed_cores, one_core, provenance, require
+
+MODELS = (
+    *(("gymnasium", f"envs/mujoco/assets/{name}.xml") for name in ("ant", "humanoid", "half_cheetah", "hopper", "walker2d_v5")),
+    *(("dm_control", f"suite/{name}.xml") for name in ("humanoid", "quadruped", "humanoid_CMU", "cheetah", "walker")),
+    ("robosuite", "models/assets/robots/panda/robot.xml"),
+    ("gymnasium_robotics", "envs/assets/hand/reach.xml"),
+)
+"""Package and file in it."""
+
+OURS = ("stepper f64", "stepper f32")
+PEERS = (f"MuJoCo {MATCHED.setting}", "MuJoCo defaults")
+ALONE = 8
+"""Environments that are stepped alone, one after the other; their mean counts."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A model to run: its name, its file, and both engines' reading of it."""
+
+    name: str
+    path: str
+    model: Model
+    control: Array
+
+
+def cases(plan: Plan, only: list[str]) -> Iterator[Case | str]:
+    """The models that are there and that stepper simulates whole; for each of the others a line that says why not."""
+    for package, file in MODELS:
+        name = f"{package} {Path(file).parent.name if Path(file).stem in ('robot', 'reach') else Path(file).stem}"
+        if only and not any(part in name for part in only):
+            continue
+        spec = importlib.util.find_spec(package)
+        folders = list(spec.submodule_search_locations or ()) if spec else []
+        if not folders:
+            yield f"{name}: {package} is not installed: pip install {package.replace('_', '-' if 'gym' in package else '_')}"
+            continue
+        path = os.path.join(folders[0], file)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", UserWarning)
+                model = load(path)
+        except (ModelError, OSError) as error:
+            yield f"{name}: {' '.join(str(error).split())[:240]}"
+            continue
+        yield Case(name, path, model, random_control(path, plan))
+
+
+def random_control(path: str, plan: Plan) -> Array:
+    """Random controls, each held for `plan.hold` steps: uniform in the actuators' ranges, or in -1 to 1 where there is none."""
+    mujoco = require("mujoco", "to read the model")
+    model = mujoco.MjModel.from_xml_path(path)
+    low, high = np.where(model.actuator_ctrllimited[:, None], model.actuator_ctrlrange, (-1.0, 1.0)).T
+    return np.random.default_rng(plan.seed).uniform(low, high, (-(-plan.steps // plan.hold), plan.num_envs, model.nu))
+
+
+def crowds(case: Case, plan: Plan, threads: int) -> list[Crowd]:
+    """Ours in both precisions, and MuJoCo with both settings."""
+    return [
+        StepperCrowd(case.model, plan.num_envs, threads=threads),
+        StepperCrowd(case.model, plan.num_envs, precision="f32", threads=threads),
+        MujocoCrowd(case.path, plan.num_peers, threads=threads, settings=MATCHED),
+        MujocoCrowd(case.path, plan.num_peers, threads=threads),
+    ]
+
+
+def alone(case: Case, plan: Plan) -> dict[str, list[float]]:
+    """Microseconds per step of environments that are stepped alone, one step per call from Python, by engine and chunk."""
+    mujoco = require("mujoco", "to run MuJoCo beside stepper")
+
+    def ours() -> Callable[[Array], None]:
+        return Stepper(case.model).step
+
+    def theirs(settings: Any) -> Callable[[Array], None]:
+        model = mujoco.MjModel.from_xml_path(case.path)
+        if settings is not None:
+            settings.configure(mujoco, model)
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
+        data = mujoco.MjData(model)
+        held = data.ctrl
+
+        def step(ctrl: Array) -> None:
+            held[:] = ctrl
+            mujoco.mj_step(model, data)
+
+        return step
+
+    sims = {OURS[0]: [ours() for _ in range(ALONE)]}
+    sims |= {peer: [theirs(settings) for _ in range(ALONE)] for peer, settings in zip(PEERS, (MATCHED, None), strict=True)}
+    times: dict[str, list[float]] = {name: [] for name in sims}
+    for begin in range(0, plan.steps, plan.chunk):
+        steps = range(begin, min(begin + plan.chunk, plan.steps))
+        for name, envs in sims.items():
+            spent = 0.0
+            for env, step in enumerate(envs):
+                rows = [case.control[k // plan.hold, env % plan.num_envs] for k in steps]
+                start = time.process_time()
+                for row in rows:
+                    step(row)
+                spent += time.process_time() - start
+            times[name].append(1e6 * spent / (len(steps) * ALONE))
+    return times
+
+
+def ratio(ours: list[float], theirs: list[float]) -> float:
+    """How many times faster: the median of the ratios of chunks that ran one after the other."""
+    return median(their / our for our, their in zip(ours, theirs, strict=True))
+
+
+def against(times: dict[str, list[float]], name: str) -> float:
+    """Ratio of one of ours to the faster of MuJoCo's settings."""
+    return min(ratio(times[name], times[peer]) for peer in PEERS)
+
+
+def _quiet(what: str, done: float) -> None:
+    """No progress: a model takes seconds."""
+
+
+def measure(case: Case, plan: Plan) -> dict[str, Any]:
+    """All figures of a model, ready for JSON."""
+    with one_core():
+        running = crowds(case, plan, threads=1)
+        one = race(running, case.control, plan, clock=time.process_time, tick=_quiet, what=case.name, referee=Referee(case.path))
+        single = alone(case, plan)
+    many: dict[str, Track] = {}
+    if len(allowed_cores()) > 1:
+        others = crowds(case, plan, threads=0)
+        many = race(others, case.control, plan, clock=time.perf_counter, tick=_quiet, what=case.name, referee=None)
+
+    times = {name: track.times["control"] for name, track in one.items()}
+    wall = {name: track.times["control"] for name, track in many.items()}
+    samples = {name: track.samples["control"] for name, track in one.items()}
+    certificates = {crowd.name: crowd.certificates["control"] for crowd in running if isinstance(crowd, StepperCrowd)}
+    return {
+        "model": case.name,
+        "nv": case.model.nv,
+        "timestep": Stepper(case.model).timestep,
+        "microseconds": {name: median(found) for name, found in times.items()},
+        "microseconds_all_cores": {name: median(found) for name, found in wall.items()},
+        "microseconds_alone": {name: median(found) for name, found in single.items()},
+        "ratio": {name: against(times, name) for name in OURS},
+        "ratio_all_cores": {name: against(wall, name) for name in OURS} if wall else {},
+        "ratio_alone": against(single, OURS[0]),
+        "contacts": {name: float(np.mean([s.contacts for s in found])) for name, found in samples.items()},
+        "penetration": {name: max(s.penetration for s in found) for name, found in samples.items()},
+        "certificates": {name: dataclasses.asdict(certificate) for name, certificate in certificates.items()},
+    }
+
+
+def table(rows: list[dict[str, Any]]) -> str:
+    """The markdown table, with geometric means of the ratios in its last line."""
+    many = bool(rows[0]["ratio_all_cores"])
+    heads = ["model", "dofs", "dt ms", "us f64", "us f32", "us MuJoCo same / own", "f64 x", "f32 x"]
+    heads += ["all cores f64 x", "f32 x", "cores gain"] if many else []
+    heads += ["alone us / MuJoCo", "alone x", "contacts f64 / f32 / same / own", "penetration mm f64 / f32 / same / own"]
+    heads += ["residual m/s f64 / f32", "not converged % f64 / f32"]
+    lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
+    names = (*OURS, *PEERS)
+    for row in rows:
+        us, single, certificates = row["microseconds"], row["microseconds_alone"], row["certificates"]
+        cells = [row["model"], row["nv"], f"{1e3 * row['timestep']:g}", *(f"{us[name]:.2f}" for name in OURS)]
+        cells += [" / ".join(f"{us[name]:.1f}" for name in PEERS), *(f"**{row['ratio'][name]:.1f}**" for name in OURS)]
+        if many:
+            cells += [*(f"{row['ratio_all_cores'][name]:.1f}" for name in OURS)]
+            cells += [f"{us[OURS[0]] / row['microseconds_all_cores'][OURS[0]]:.2f}"]
+        cells += [f"{single[OURS[0]]:.1f} / {min(single[peer] for peer in PEERS):.1f}", f"**{row['ratio_alone']:.1f}**"]
+        cells += [" / ".join(f"{row['contacts'][name]:.1f}" for name in names)]
+        cells += [" / ".join(f"{1e3 * row['penetration'][name]:.2g}" for name in names)]
+        cells += [" / ".join(f"{certificates[name]['worst_residual']:.1g}" for name in OURS)]
+        cells += [" / ".join(f"{100 * certificates[name]['not_converged'] / certificates[name]['env_steps']:.2g}" for name in OURS)]
+        lines.append("| " + " | ".join(map(str, cells)) + " |")
+    means = {name: geometric_mean(row["ratio"][name] for row in rows) for name in OURS}
+    cells = ["**geometric mean**", "", "", "", "", "", *(f"**{means[name]:.1f}**" for name in OURS)]
+    if many:
+        cells += [*(f"{geometric_mean(row['ratio_all_cores'][name] for row in rows):.1f}" for name in OURS)]
+        gains = [row["microseconds"][OURS[0]] / row["microseconds_all_cores"][OURS[0]] for row in rows]
+        cells += [f"{geometric_mean(gains):.2f}"]
+    cells += ["", f"**{geometric_mean(row['ratio_alone'] for row in rows):.1f}**", "", "", "", ""]
+    return "\n".join([*lines, "| " + " | ".join(cells) + " |"])
+
+
+def main() -> None:
+    """Reads the arguments and measures."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("models", nargs="*", help="parts of names; default: all")
+    parser.add_argument("--num-envs", type=int, default=256, help="environments in stepper")
+    parser.add_argument("--peers", type=int, default=64, help="environments in MuJoCo, with the controls of the first ones")
+    parser.add_argument("--steps", type=int, default=300, help="steps of random control")
+    parser.add_argument("--seed", type=int, default=0, help="of the random control")
+    parser.add_argument("--out", type=Path, default=Path("out"), help="folder; default: out")
+    args = parser.parse_args()
+    plan = Plan(num_envs=args.num_envs, peers=args.peers, steps=args.steps, rest=0, seed=args.seed)
+    # What MuJoCo's compiler warns of has been said often enough.
+    require("mujoco", "to run MuJoCo beside stepper").set_mju_user_warning(lambda message: None)
+    rows, left_out = [], []
+    for case in cases(plan, args.models):
+        if isinstance(case, str):
+            left_out.append(case)
+            print(f"left out: {case}", flush=True)
+            continue
+        rows.append(measure(case, plan))
+        done = rows[-1]
+        print(f"{case.name}: {done['ratio'][OURS[0]]:.1f} times, alone {done['ratio_alone']:.1f} times", flush=True)
+    if not rows:
+        parser.error("no model to run: " + "; ".join(left_out))
+    came_from = provenance()
+    text = table(rows)
+    args.out.mkdir(parents=True, exist_ok=True)
+    figures = {"plan": dataclasses.asdict(plan), "models": rows, "left_out": left_out, "provenance": came_from}
+    (args.out / "throughput.json").write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+    (args.out / "throughput.md").write_text(text + "\n", encoding="utf-8")
+    machine = ", ".join(f"{name} {came_from[name]}" for name in ("cpu", "cores", "load_average", "utc", "versions"))
+    print(f"\n{text}\n\n{machine}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,164 @@
+//! General convex collision, one pair of shapes of one environment at a time, in f64.
+//!
+//! Every shape is a *core* thickened by a radius (a ball is a thick point, a capsule a thick segment; the others have radius 0). The contact
+//! normal is the direction of the largest separation of the cores,
+//!
+//! ```text
+//! s(n) = min over B of n . y - max over A of n . x,        n* = argmax s(n) over unit vectors,
+//! ```
+//!
+//! which is the distance where the cores are apart and minus the least translation that parts them where they overlap (`separation.rs`).
+//! Any unit vector gives a bound from below, so overlapping shapes always have a contact. The features that face each other along n* are then
+//! laid on one another (`manifold.rs`).
+//!
+//! All is computed in the frame of the first shape: what a scene's place in the world changes is rounding. Nothing is remembered from call to
+//! call: the same poses give the same contacts.
+
+mod boxes;
+mod clip;
+mod gjk;
+mod hull;
+mod manifold;
+mod pair;
+mod patch;
+mod separation;
+mod shape;
+mod surface;
+
+use std::sync::Arc;
+
+use crate::spatial::*;
+
+pub use hull::{Hull, HullError};
+pub use manifold::{MAX_POINTS, Manifold, Point};
+pub use shape::ConvexShape;
+pub use surface::{Grid, MAX_SURFACE_POINTS, MeshSurface, Surface, collide_surface};
+
+use manifold::Clipper;
+use pair::Pair;
+
+/// A vector in f64.
+type V = V3<f64>;
+
+/// Where a shape is: its origin and its axes (columns) in the world.
+#[derive(Clone, Copy, Debug)]
+pub struct Pose {
+    /// m
+    pub pos: V,
+    /// Rotation, row by row.
+    pub mat: M3<f64>,
+}
+
+/// What collides here.
+#[derive(Clone, Debug)]
+pub enum Solid {
+    /// All below the xy plane.
+    HalfSpace,
+    /// A convex shape.
+    Convex(ConvexShape),
+    /// A surface of triangles; it may be large, and is shared.
+    Surface(Arc<Surface>),
+}
+
+/// Room to work: made once, reused for every pair.
+#[derive(Clone, Debug, Default)]
+pub struct Room {
+    clipper: Clipper,
+    triangles: Vec<u32>,
+    all: Vec<Point>,
+}
+
+/// Room to work, and what was found.
+#[derive(Clone, Debug, Default)]
+pub struct Narrow {
+    room: Room,
+    found: Manifold,
+}
+
+impl Narrow {
+    /// Room for these solids, so that nothing grows later. Only surfaces of triangles still may, when a shape first lies on very many.
+    pub fn for_solids<'a>(solids: impl Iterator<Item = &'a Solid>) -> Self {
+        let corners = solids.map(|s| if let Solid::Convex(shape) = s { shape.corners() } else { 0 }).max().unwrap_or(0);
+        let mut narrow = Self::default();
+        if corners > 0 {
+            narrow.room.clipper.reserve(corners);
+            narrow.room.triangles.reserve(256);
+            narrow.room.all.reserve(256);
+            narrow.found.points.reserve(256);
+        }
+        narrow
+    }
+
+    /// The contact points of two solids within `prediction` (m) of each other; a half space comes first.
+    pub fn collide(&mut self, solids: [&Solid; 2], poses: [Pose; 2], prediction: f64) -> &[Point] {
+        let Self { room, found } = self;
+        match solids {
+            [Solid::Convex(a), Solid::Convex(b)] => collide(a, &poses[0], b, &poses[1], prediction, found, room),
+            [Solid::HalfSpace, Solid::Convex(b)] => collide_plane(&poses[0], b, &poses[1], prediction, found, room),
+            [Solid::Surface(a), Solid::Convex(b)] => collide_surface(a, &poses[0], b, &poses[1], prediction, found, room),
+            [Solid::Convex(a), Solid::Surface(b)] => {
+                collide_surface(b, &poses[1], a, &poses[0], prediction, found, room);
+                found.turn();
+            }
+            [Solid::HalfSpace, Solid::Surface(b)] => surface::collide_plane_surface(&poses[0], b, &poses[1], prediction, found, room),
+            [_, Solid::Surface(_)] => unreachable!("a surface meets convex shapes"),
+            [_, Solid::HalfSpace] => unreachable!("a half space comes first, and two never meet"),
+        }
+        &found.points
+    }
+}
+
+/// Finds the contact points of two convex shapes that are within `prediction` (m) of each other: at most [`MAX_POINTS`], in the world, normals
+/// from the first to the second, ascending by feature.
+///
+/// `out` is empty exactly if the shapes are further apart than that.
+pub fn collide(a: &ConvexShape, pose_a: &Pose, b: &ConvexShape, pose_b: &Pose, prediction: f64, out: &mut Manifold, room: &mut Room) {
+    out.clear();
+    let pair = Pair::new(a, pose_a, b, pose_b);
+    if !pair.is_near(prediction) {
+        return;
+    }
+    if let (ConvexShape::Box { half: ha }, ConvexShape::Box { half: hb }) = (a, b) {
+        let Some(by_axes) = boxes::separation(&pair, *ha, *hb, prediction) else { return };
+        if let Some(found) = by_axes {
+            room.clipper.manifold(&pair, &found, prediction, out);
+            // A face gives the distance where something is above it.
+            if found.separation <= 0.0 || (!out.is_lone() && out.deepest() <= found.separation + 1e-9 * pair.size) {
+                out.place(pose_a);
+                return;
+            }
+            out.clear();
+        }
+    }
+    let found = separation::nearest(&pair, prediction);
+    if found.separation - pair.thickness() <= prediction {
+        room.clipper.manifold(&pair, &found, prediction, out);
+        out.place(pose_a);
+    }
+}
+
+/// Signed distance of two convex shapes (m; minus the depth where they overlap) and the unit normal from the first to the second, in the world.
+pub fn distance(a: &ConvexShape, pose_a: &Pose, b: &ConvexShape, pose_b: &Pose) -> (f64, V) {
+    let pair = Pair::new(a, pose_a, b, pose_b);
+    let found = separation::nearest(&pair, f64::INFINITY);
+    (found.separation - pair.thickness(), rotate(&pose_a.mat, found.normal))
+}
+
+/// The half space below the xy plane of `plane` and a convex shape, as [`collide`].
+pub fn collide_plane(plane: &Pose, shape: &ConvexShape, pose: &Pose, prediction: f64, out: &mut Manifold, room: &mut Room) {
+    out.clear();
+    let pair = Pair::new(&ConvexShape::Sphere { radius: 0.0 }, plane, shape, pose);
+    room.clipper.half_space(&pair, prediction, out);
+    out.place(plane);
+}
+
+/// x / |x|, or the fallback where x is 0.
+fn unit_or(x: V, fallback: V) -> V {
+    let length = norm(x);
+    if length > 0.0 { scale(x, 1.0 / length) } else { fallback }
+}
+
+/// -x
+fn neg(x: V) -> V {
+    [-x[0], -x[1], -x[2]]
+}

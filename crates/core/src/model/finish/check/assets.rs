@@ -1,0 +1,63 @@
+//! Meshes and height fields.
+
+use super::{At, Checked};
+use crate::model::{HeightField, Mesh, Model, Shape};
+
+pub(super) fn check(model: &Model) -> Checked {
+    model.meshes.iter().enumerate().try_for_each(|(i, m)| mesh(m, i))?;
+    model.height_fields.iter().enumerate().try_for_each(|(i, h)| height_field(h, i))?;
+    if !model.geoms.iter().any(|g| matches!(g.shape, Shape::Mesh { .. } | Shape::HeightField { .. })) {
+        return Ok(());
+    }
+    // What touches nothing needs no form: meshes that are only drawn may be left out.
+    let mut used: Vec<usize> = model.collision_pairs().iter().flat_map(|p| p.geoms).collect();
+    used.sort_unstable();
+    used.dedup();
+    used.into_iter().try_for_each(|g| form(model, g))
+}
+
+fn mesh(mesh: &Mesh, index: usize) -> Checked {
+    let at = At::new("mesh", &mesh.name, index);
+    if let Some(v) = mesh.vertices.iter().position(|v| v.iter().any(|x| !x.is_finite())) {
+        return at.fail(format!("vertex {v} is {:?}", mesh.vertices[v]), "give finite numbers");
+    }
+    let n = mesh.vertices.len();
+    match mesh.faces.iter().position(|f| f.iter().any(|&v| v as usize >= n)) {
+        Some(f) => at.fail(format!("face {f} is {:?}, with {n} vertices", mesh.faces[f]), "give indices of its vertices, from 0"),
+        None => Ok(()),
+    }
+}
+
+fn height_field(field: &HeightField, index: usize) -> Checked {
+    let at = At::new("height field", &field.name, index);
+    let [rows, columns] = field.shape;
+    if rows < 2 || columns < 2 {
+        return at.fail(format!("it has {rows} rows and {columns} columns"), "give at least 2 of each");
+    }
+    at.length("elevation", &field.elevation, rows * columns, "rows times columns")?;
+    at.positive("half extent", &field.half, " m")?;
+    at.size("base", &[field.base], " m")
+}
+
+/// A geom that can touch others has a form.
+fn form(model: &Model, index: usize) -> Checked {
+    let geom = &model.geoms[index];
+    let at = At::new("geom", &geom.name, index);
+    match &geom.shape {
+        Shape::HeightField { asset } if model.height_field_of(&geom.shape).is_none() => {
+            at.fail(format!("refers to height field {asset:?}, which does not exist"), "add it to the model's height fields")
+        }
+        Shape::Mesh { asset, concave } => {
+            let Some(mesh) = model.mesh_of(&geom.shape) else {
+                return at.fail(format!("refers to mesh {asset:?}, which does not exist"), "add it to the model's meshes");
+            };
+            let of_mesh = |what: String, remedy: &str| at.fail(format!("mesh {asset:?}: {what}"), remedy);
+            match mesh.hull() {
+                Err(e) if !concave => of_mesh(format!("{e}, so it has no convex hull"), "give it at least four points that span a volume"),
+                _ if *concave && mesh.faces.is_empty() => of_mesh("it has no faces".into(), "give its triangles, or let it not be concave"),
+                _ => Ok(()),
+            }
+        }
+        _ => Ok(()),
+    }
+}

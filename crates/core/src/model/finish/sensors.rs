@@ -1,0 +1,180 @@
+//! The rules of sites and sensors.
+
+use super::super::{ContactSide, EqualityKind, FrameReading, JointKind, Model, Object, Sensor, SensorKind, Shape};
+use super::check::{At, Checked};
+
+/// Every site and sensor.
+pub(super) fn check(model: &Model) -> Checked {
+    for (i, site) in model.sites.iter().enumerate() {
+        let at = At::new("site", &site.name, i);
+        at.index("body", site.body, model.bodies.len())?;
+        at.finite("pos", &site.pos)?;
+        match site.shape {
+            Shape::Sphere { radius } => at.size("radius", &[radius], " m")?,
+            Shape::Capsule { radius, half_length } | Shape::Cylinder { radius, half_length } => {
+                at.size("size", &[radius, half_length], " m")?;
+            }
+            Shape::Ellipsoid { radii: size } | Shape::Box { half: size } => at.size("size", &size, " m")?,
+            Shape::Plane | Shape::Mesh { .. } | Shape::HeightField { .. } => {
+                return at.fail(format!("its volume is a {}", site.shape.name()), "give a sphere, capsule, ellipsoid, cylinder or box");
+            }
+        }
+    }
+    model.sensors.iter().enumerate().try_for_each(|(i, sensor)| one(model, i, sensor))
+}
+
+fn one(model: &Model, i: usize, sensor: &Sensor) -> Checked {
+    use SensorKind as K;
+    let at = At::new("sensor", &sensor.name, i);
+    at.size("noise", &[sensor.noise], "")?;
+    at.size("cutoff", &[sensor.cutoff], "")?;
+    at.size("delay", &[sensor.delay], " s")?;
+    at.size("interval", &[sensor.interval], " s")?;
+    let site = |s: usize| at.index("site", s, model.sites.len());
+    let geoms = |which: &[usize]| which.iter().try_for_each(|&g| at.index("geom", g, model.geoms.len()));
+    match &sensor.kind {
+        &(K::JointPos(j)
+        | K::JointVel(j)
+        | K::JointActuatorForce(j)
+        | K::JointLimitPos(j)
+        | K::JointLimitVel(j)
+        | K::JointLimitForce(j)) => at.scalar_joint(model, j),
+        &(K::BallQuat(j) | K::BallAngVel(j)) => ball(model, &at, j),
+        &(K::TendonPos(t) | K::TendonVel(t) | K::TendonActuatorForce(t)) => at.index("tendon", t, model.tendons.len()),
+        &(K::ActuatorPos(a) | K::ActuatorVel(a) | K::ActuatorForce(a)) => at.index("actuator", a, model.actuators.len()),
+        &(K::Force(s) | K::Torque(s)) => site(s).and_then(|()| open(model, &at, s)),
+        &(K::Magnetometer(s) | K::Velocimeter(s) | K::Gyro(s) | K::Accelerometer(s) | K::Touch(s)) => site(s),
+        &(K::SubtreeCom(b) | K::SubtreeLinVel(b) | K::SubtreeAngMom(b)) => at.index("body", b, model.bodies.len()),
+        K::PotentialEnergy | K::KineticEnergy | K::Clock => Ok(()),
+        K::Frame { what, object: of, reference } => {
+            object(model, &at, *of)?;
+            match reference {
+                Some(_) if matches!(what, FrameReading::LinAcc | FrameReading::AngAcc) => {
+                    at.fail("an acceleration with a reference frame", "leave the reference out: accelerations are those against the world")
+                }
+                Some(reference) => object(model, &at, *reference),
+                None => Ok(()),
+            }
+        }
+        K::InsideSite { object: of, site: s } => object(model, &at, *of).and_then(|()| site(*s)),
+        K::RangeFinder { site: s, rays, fields, geoms: seen } => {
+            site(*s)?;
+            geoms(seen)?;
+            ascending(&at, fields)?;
+            seen.iter().try_for_each(|&g| simple(model, &at, g))?;
+            rays.iter().try_for_each(|ray| {
+                let length = ray.iter().map(|x| x * x).sum::<f64>().sqrt();
+                if (length - 1.0).abs() <= 1e-9 {
+                    Ok(())
+                } else {
+                    at.fail(format!("ray {ray:?} has length {length}"), "give one of length 1")
+                }
+            })
+        }
+        K::Proximity { from, to, cutoff, .. } => {
+            at.size("cutoff", &[*cutoff], " m")?;
+            geoms(from)?;
+            geoms(to)?;
+            from.iter().try_for_each(|&a| to.iter().try_for_each(|&b| near(model, &at, a, b)))
+        }
+        K::Contact { first, second, fields, slots, .. } => {
+            side(model, &at, *first)?;
+            side(model, &at, *second)?;
+            ascending(&at, fields)?;
+            if *slots == 0 { at.fail("it has room for no contact", "give one slot or more") } else { Ok(()) }
+        }
+        K::Combination(terms) => combination(model, &at, i, terms),
+    }
+}
+
+fn ball(model: &Model, at: &At, joint: usize) -> Checked {
+    at.index("joint", joint, model.joints.len())?;
+    if model.joints[joint].kind == JointKind::Ball {
+        return Ok(());
+    }
+    at.fail(format!("refers to joint {:?}, which is no ball joint", model.joint_label(joint)), "refer to a ball joint")
+}
+
+fn object(model: &Model, at: &At, object: Object) -> Checked {
+    match object {
+        Object::Body(b) | Object::XBody(b) => at.index("body", b, model.bodies.len()),
+        Object::Geom(g) => at.index("geom", g, model.geoms.len()),
+        Object::Site(s) => at.index("site", s, model.sites.len()),
+    }
+}
+
+/// Distances are known of a plane and anything simple, and of balls and capsules.
+fn near(model: &Model, at: &At, a: usize, b: usize) -> Checked {
+    let round = |s: &Shape| matches!(s, Shape::Sphere { .. } | Shape::Capsule { .. });
+    let simple = |s: &Shape| !matches!(s, Shape::Plane | Shape::Mesh { .. } | Shape::HeightField { .. });
+    let [p, q] = [a, b].map(|g| &model.geoms[g].shape);
+    let plane = |p: &Shape, q: &Shape| matches!(p, Shape::Plane) && simple(q);
+    if (round(p) && round(q)) || plane(p, q) || plane(q, p) {
+        return Ok(());
+    }
+    let names = [a, b].map(|g| model.geom_label(g));
+    let what = format!("the distance between {} {:?} and {} {:?} is not simulated yet", p.name(), names[0], q.name(), names[1]);
+    at.fail(what, "measure between balls, capsules and planes, or leave the sensor out")
+}
+
+fn side(model: &Model, at: &At, side: ContactSide) -> Checked {
+    match side {
+        ContactSide::Any => Ok(()),
+        ContactSide::Geom(g) => at.index("geom", g, model.geoms.len()),
+        ContactSide::Body(b) | ContactSide::Subtree(b) => at.index("body", b, model.bodies.len()),
+        ContactSide::Site(s) => at.index("site", s, model.sites.len()),
+    }
+}
+
+/// Rays meet simple shapes.
+fn simple(model: &Model, at: &At, geom: usize) -> Checked {
+    let shape = &model.geoms[geom].shape;
+    if !matches!(shape, Shape::Mesh { .. } | Shape::HeightField { .. }) {
+        return Ok(());
+    }
+    let what = format!("its rays would meet {} {:?}, which is not simulated yet", shape.name(), model.geom_label(geom));
+    at.fail(what, "leave that geom out of those that are seen, or leave the sensor out")
+}
+
+/// What a force sensor carries is part of no closed loop, whose force is not known body by body.
+fn open(model: &Model, at: &At, site: usize) -> Checked {
+    let mut carried = vec![false; model.bodies.len()];
+    carried[model.sites[site].body] = true;
+    for b in model.sites[site].body + 1..carried.len() {
+        carried[b] = carried[model.bodies[b].parent];
+    }
+    for equality in model.equalities.iter().filter(|e| e.active) {
+        let (EqualityKind::Connect { bodies, .. } | EqualityKind::Weld { bodies, .. }) = equality.kind else { continue };
+        if carried[bodies[0]] != carried[bodies[1]] {
+            let what = format!("what it carries is held by equality {:?} too, whose share of the force is not simulated", equality.name);
+            return at.fail(what, "leave the sensor out, or measure beyond the loop");
+        }
+    }
+    Ok(())
+}
+
+fn ascending<T: Ord + std::fmt::Debug>(at: &At, fields: &[T]) -> Checked {
+    if !fields.is_empty() && fields.windows(2).all(|w| w[0] < w[1]) {
+        return Ok(());
+    }
+    at.fail(format!("its fields are {fields:?}"), "give one or more, each once, in the order of their definition")
+}
+
+fn combination(model: &Model, at: &At, index: usize, terms: &[(usize, f64)]) -> Checked {
+    if terms.is_empty() {
+        return at.fail("a combination of nothing", "give one term or more");
+    }
+    let dim = |s: usize| model.sensors[s].dim(&model.sensors);
+    for &(sensor, coefficient) in terms {
+        at.finite("coefficient", &[coefficient])?;
+        if sensor >= index {
+            return at.fail(format!("combines sensor {sensor}, itself sensor {index}"), "combine sensors that come before it");
+        }
+        if dim(sensor) != dim(terms[0].0) {
+            let (a, b) = (model.sensor_label(terms[0].0), model.sensor_label(sensor));
+            let what = format!("combines {a:?} of dimension {} with {b:?} of dimension {}", dim(terms[0].0), dim(sensor));
+            return at.fail(what, "combine readings of one dimension");
+        }
+    }
+    Ok(())
+}

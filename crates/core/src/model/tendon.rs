@@ -1,0 +1,34 @@
+//! Fixed tendons.
+
+use serde::{Deserialize, Serialize};
+
+use super::Model;
+
+/// A fixed tendon: its length is a linear combination of scalar joint positions. Its unit u is that of the combination.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Tendon {
+    /// Name; may be empty.
+    pub name: String,
+    /// Joint and coefficient.
+    pub joints: Vec<(usize, f64)>,
+    /// Lowest and highest length, u.
+    pub range: Option<[f64; 2]>,
+    /// Spring stiffness, N/u.
+    pub stiffness: f64,
+    /// Lengths between which the spring is slack, u.
+    pub spring_length: [f64; 2],
+    /// Viscous damping, N s/u.
+    pub damping: f64,
+    /// Inertia that moves with the length, N s^2/u.
+    pub armature: f64,
+    /// Dry friction, N.
+    pub frictionloss: f64,
+}
+
+impl Tendon {
+    /// Its length at a configuration of the model.
+    pub fn length(&self, model: &Model, qpos: &[f64]) -> f64 {
+        let addresses = model.joint_addresses();
+        self.joints.iter().map(|&(j, c)| c * qpos[addresses[j].0]).sum()
+    }
+}

@@ -1,0 +1,94 @@
+//! What stage 9 is made of: poses and motions of frames, masses, rays, contacts; random numbers and the errors of real sensors.
+
+pub mod errors;
+mod frames;
+mod masses;
+pub mod memory;
+mod philox;
+mod proximity;
+mod rays;
+mod touching;
+
+use stepper_real::Real;
+
+use crate::contacts::Contacts;
+use crate::kinematics::Kinematics;
+use crate::plan::Plan;
+use crate::spatial::*;
+
+pub use philox::{Word, normals, philox4x32_10, uniform};
+
+/// All that sensors can ask: the state after a step, and what the step did.
+#[derive(Debug)]
+pub struct Moment<'a, R: Real> {
+    /// Configuration.
+    pub q: &'a [R],
+    /// Velocity.
+    pub v: &'a [R],
+    /// Simulated time, s.
+    pub time: R,
+    /// Length of the step, s.
+    pub h: R,
+    /// (v+ - v) / h of the step, impulses included.
+    pub acceleration: &'a [R],
+    /// Forces of the actuators.
+    pub actuator_force: &'a [R],
+    /// Wrenches that the user applied (force, torque), 6 nbody; empty when there are none.
+    pub xfrc: &'a [R],
+    /// Impulses of limits and dry friction.
+    pub scalar_impulse: &'a [R],
+    /// Contacts with their impulses.
+    pub contacts: &'a Contacts<R>,
+}
+
+/// Room for what sensors share. Mocap frames are placed in `kinematics` and in `orientation` by whoever knows them.
+#[derive(Clone, Debug)]
+pub struct Room<R: Real> {
+    /// Readings of ideal sensors.
+    pub truth: Vec<R>,
+    /// Orientation of every frame as a quaternion; empty when no sensor reads one.
+    pub orientation: Vec<[R; 4]>,
+    /// Velocity of every link about its tree's reference point.
+    pub velocity: Vec<V6<R>>,
+    /// Acceleration of every link about its tree's reference point; gravity is an upward acceleration of the world.
+    pub acceleration: Vec<V6<R>>,
+    pub(crate) order: Vec<(f64, usize)>,
+}
+
+impl<R: Real> Room<R> {
+    /// Room for a plan.
+    pub fn new(plan: &Plan<R::Scalar>) -> Self {
+        let sensing = &plan.sensing;
+        let links = if sensing.needs.velocities { plan.links.len() } else { 0 };
+        let frames = if sensing.link_quat.is_empty() { 0 } else { plan.nframe() };
+        let one = [R::one(), R::zero(), R::zero(), R::zero()];
+        Self {
+            truth: vec![R::zero(); sensing.width],
+            orientation: vec![one; frames],
+            velocity: vec![zero(); links],
+            acceleration: vec![zero(); links],
+            order: Vec::with_capacity(if sensing.needs.contacts { plan.contact_points } else { 0 }),
+        }
+    }
+
+    /// Makes what the sensors share.
+    pub fn prepare(&mut self, plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, moment: &Moment<'_, R>) {
+        if !self.orientation.is_empty() {
+            frames::orientations(plan, moment.q, &mut self.orientation);
+        }
+        if plan.sensing.needs.acceleration {
+            frames::accelerations(plan, kinematics, moment, &mut self.velocity, &mut self.acceleration);
+        } else if plan.sensing.needs.velocities {
+            R::vectorize(
+                #[inline(always)]
+                || kinematics.velocities(plan, moment.v, &mut self.velocity),
+            );
+        }
+    }
+}
+
+pub use frames::{frame, site_motion};
+pub use masses::{angular_momentum, com, com_velocity, kinetic, parent_force, potential};
+pub use proximity::proximity;
+pub use rays::{inside, range};
+pub use touching::{contacts, touch};

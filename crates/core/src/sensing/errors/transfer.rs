@@ -1,0 +1,114 @@
+//! What is said of a sensor: numbers with their checks.
+
+use serde::{Deserialize, Serialize};
+
+use crate::model::Quantity;
+
+/// The transfer function of one sensor. Every list has one number for all environments, or one for each.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Transfer {
+    /// Factor of every channel.
+    pub scale: Vec<f64>,
+    /// Mixes the channels before the factor: (dim, dim), row by row; empty is the identity.
+    pub matrix: Vec<f64>,
+    /// Standard deviation of the relative error of each channel's factor, drawn at reset.
+    pub scale_std: Vec<f64>,
+    /// Standard deviation of what each channel reads of every other, drawn at reset, rad.
+    pub misalignment_std: Vec<f64>,
+    /// Standard deviation of the bias, drawn at reset.
+    pub bias_std: Vec<f64>,
+    /// Growth of the drift, per sqrt(s).
+    pub drift_std: Vec<f64>,
+    /// Correlation time of the drift, s; infinite for a random walk.
+    pub drift_time: Vec<f64>,
+    /// Standard deviation of a sample's noise, or its half width if uniform.
+    pub noise_std: Vec<f64>,
+    /// Whether the noise is uniform instead of Gaussian.
+    pub uniform: bool,
+    /// Density of white noise, per sqrt(Hz).
+    pub noise_density: Vec<f64>,
+    /// Step of the quantisation; 0 is none.
+    pub quantum: Vec<f64>,
+    /// Lowest reading.
+    pub low: Vec<f64>,
+    /// Highest reading.
+    pub high: Vec<f64>,
+    /// Time between samples, s; 0 is every step.
+    pub period: Vec<f64>,
+    /// s
+    pub delay: Vec<f64>,
+    /// Half width of the delay's scatter from step to step, s.
+    pub jitter: Vec<f64>,
+    /// Probability that a sample is lost and the last one held.
+    pub dropout: Vec<f64>,
+}
+
+/// Longest delay, in steps.
+const LONGEST: f64 = 100_000.0;
+
+impl Transfer {
+    fn fields(&self) -> [(&'static str, &[f64]); 15] {
+        [
+            ("scale", &self.scale),
+            ("scale_std", &self.scale_std),
+            ("misalignment_std", &self.misalignment_std),
+            ("bias_std", &self.bias_std),
+            ("drift_std", &self.drift_std),
+            ("drift_time", &self.drift_time),
+            ("noise_std", &self.noise_std),
+            ("noise_density", &self.noise_density),
+            ("quantum", &self.quantum),
+            ("limits", &self.low),
+            ("limits", &self.high),
+            ("period", &self.period),
+            ("delay", &self.delay),
+            ("jitter", &self.jitter),
+            ("dropout", &self.dropout),
+        ]
+    }
+
+    /// The first number out of its range, in words.
+    pub(super) fn check(&self, dim: usize, quantity: Quantity, num_envs: usize, h: f64) -> Result<(), String> {
+        for (name, x) in self.fields() {
+            if x.len() != 1 && x.len() != num_envs {
+                return Err(format!("{name} has {} numbers, must have 1, or {num_envs}, one for each environment", x.len()));
+            }
+            let signed = matches!(name, "scale" | "limits");
+            let open = matches!(name, "limits" | "drift_time");
+            if let Some(v) = x.iter().find(|v| v.is_nan() || (!signed && **v < 0.0) || (!open && v.is_infinite())) {
+                let range = if signed { "a number" } else { "a finite number of at least 0" };
+                return Err(format!("{name} is {v}, must be {range}"));
+            }
+        }
+        let each = |x: &[f64], env: usize| x[env % x.len()];
+        for env in 0..num_envs {
+            let (low, high) = (each(&self.low, env), each(&self.high, env));
+            if low > high {
+                return Err(format!("limits are ({low}, {high}), must be (low, high)"));
+            }
+            if each(&self.dropout, env) > 1.0 {
+                return Err(format!("dropout is {}, must be a probability from 0 to 1", each(&self.dropout, env)));
+            }
+            if each(&self.drift_time, env) == 0.0 {
+                return Err("drift_time is 0 s, must be above 0, or None for a random walk".into());
+            }
+            let steps = (each(&self.delay, env) + each(&self.jitter, env)) / h;
+            if steps > LONGEST {
+                return Err(format!("delay and jitter are {steps:.0} steps of {h} s, must be at most {LONGEST} steps"));
+            }
+        }
+        if !self.matrix.is_empty() && (self.matrix.len() != dim * dim || !self.matrix.iter().all(|x| x.is_finite())) {
+            return Err(format!("scale is a matrix of {} numbers, must be ({dim}, {dim}) and finite", self.matrix.len()));
+        }
+        let scaled = self.scale.iter().any(|&x| x != 1.0) || [&self.scale_std, &self.misalignment_std].iter().any(|x| any(x));
+        if matches!(quantity, Quantity::Axis | Quantity::Quaternion) && (scaled || !self.matrix.is_empty()) {
+            return Err("scale and misalignment of a unit vector or quaternion mean nothing; give it bias, drift and noise, in rad".into());
+        }
+        Ok(())
+    }
+}
+
+pub(super) fn any(x: &[f64]) -> bool {
+    x.iter().any(|&x| x != 0.0)
+}

@@ -1,0 +1,209 @@
+//! Poses, velocities and accelerations of frames.
+
+use stepper_real::Real;
+
+use super::{Moment, Room};
+use crate::kinematics::{Kinematics, quat_at};
+use crate::model::{FrameReading, JointKind};
+use crate::plan::Plan;
+use crate::plan::sensing::Place;
+use crate::spatial::*;
+
+/// Orientation of every link as a quaternion: products along the tree, so that the sign is that of the coordinates.
+pub(super) fn orientations<R: Real>(plan: &Plan<R::Scalar>, q: &[R], out: &mut [[R; 4]]) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for (l, link) in plan.links.iter().enumerate() {
+                let mut quat = quat_mul(out[link.parent], splat(plan.sensing.link_quat[l]));
+                for joint in &plan.joints[link.joints.clone()] {
+                    match joint.kind {
+                        JointKind::Free => quat = quat_at(q, joint.q + 3),
+                        JointKind::Ball => quat = quat_mul(quat, quat_at(q, joint.q)),
+                        JointKind::Slide => {}
+                        JointKind::Hinge => {
+                            let (sin, cos) = ((q[joint.q] - R::splat(joint.reference)) * R::of(0.5)).sin_cos();
+                            let [x, y, z] = scale(splat(joint.axis), sin);
+                            quat = quat_mul(quat, [cos, x, y, z]);
+                        }
+                    }
+                }
+                out[l + 1] = quat_normalize(quat);
+            }
+        },
+    )
+}
+
+/// Velocities and accelerations of the links: the forward half of recursive Newton-Euler (Featherstone 2008, section 5.3).
+pub(super) fn accelerations<R: Real>(
+    plan: &Plan<R::Scalar>,
+    kinematics: &Kinematics<R>,
+    moment: &Moment<'_, R>,
+    velocity: &mut [V6<R>],
+    acceleration: &mut [V6<R>],
+) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let ground = ground(plan);
+            for (l, link) in plan.links.iter().enumerate() {
+                let (mut motion, mut change) =
+                    if link.is_root { (zero(), ground) } else { (velocity[link.parent - 1], acceleration[link.parent - 1]) };
+                for joint in &plan.joints[link.joints.clone()] {
+                    let mut rotations = joint.v..joint.v + joint.kind.nv();
+                    if joint.kind == JointKind::Free {
+                        // The world's axes do not turn with the body.
+                        for d in joint.v..joint.v + 3 {
+                            motion = add_scaled(motion, kinematics.axes[d], moment.v[d]);
+                            change = add_scaled(change, kinematics.axes[d], moment.acceleration[d]);
+                        }
+                        rotations.start += 3;
+                    }
+                    let mut own = zero();
+                    for d in rotations {
+                        own = add_scaled(own, kinematics.axes[d], moment.v[d]);
+                        change = add_scaled(change, kinematics.axes[d], moment.acceleration[d]);
+                    }
+                    change = add(change, cross_motion(&motion, &own));
+                    motion = add(motion, own);
+                }
+                velocity[l] = motion;
+                acceleration[l] = change;
+            }
+        },
+    )
+}
+
+/// Gravity as an upward acceleration of the world.
+#[inline(always)]
+pub(super) fn ground<R: Real>(plan: &Plan<R::Scalar>) -> V6<R> {
+    spatial(zero(), scale(splat(plan.gravity), -R::one()))
+}
+
+/// Position of a place in the world.
+pub(super) fn position<R: Real>(kinematics: &Kinematics<R>, place: &Place<R::Scalar>) -> V3<R> {
+    R::vectorize(
+        #[inline(always)]
+        || kinematics.point(place.frame, splat(place.pos)),
+    )
+}
+
+/// Orientation of a place in the world.
+pub(super) fn orientation<R: Real>(kinematics: &Kinematics<R>, place: &Place<R::Scalar>) -> M3<R> {
+    R::vectorize(
+        #[inline(always)]
+        || mat_mul(&kinematics.mat[place.frame], &splat(place.mat)),
+    )
+}
+
+/// Motion of a frame and the point about which it is given; the world and what the user poses stand still.
+#[inline(always)]
+pub(super) fn motion_of<R: Real>(
+    plan: &Plan<R::Scalar>,
+    kinematics: &Kinematics<R>,
+    motions: &[V6<R>],
+    still: V6<R>,
+    frame: usize,
+) -> (V6<R>, V3<R>) {
+    match frame.checked_sub(1).and_then(|l| plan.links.get(l).map(|link| (l, link))) {
+        Some((l, link)) => (motions[l], kinematics.origin[link.tree]),
+        None => (still, zero()),
+    }
+}
+
+/// (angular, linear) velocity at a place, world axes.
+fn velocity<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, room: &Room<R>, place: &Place<R::Scalar>) -> [V3<R>; 2] {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let (motion, origin) = motion_of(plan, kinematics, &room.velocity, zero(), place.frame);
+            [angular(&motion), velocity_at(&motion, sub(position(kinematics, place), origin))]
+        },
+    )
+}
+
+/// (angular, linear) acceleration at a place, less gravity, world axes: the spatial acceleration there plus omega x v.
+fn acceleration<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, room: &Room<R>, place: &Place<R::Scalar>) -> [V3<R>; 2] {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let (change, origin) = motion_of(plan, kinematics, &room.acceleration, ground(plan), place.frame);
+            let [omega, v] = velocity(plan, kinematics, room, place);
+            let there = velocity_at(&change, sub(position(kinematics, place), origin));
+            [angular(&change), add(there, cross(omega, v))]
+        },
+    )
+}
+
+/// Velocity and acceleration of a site in its own axes: [angular velocity, linear velocity] or [angular, linear acceleration].
+pub fn site_motion<R: Real>(
+    plan: &Plan<R::Scalar>,
+    kinematics: &Kinematics<R>,
+    room: &Room<R>,
+    place: &Place<R::Scalar>,
+    accelerations: bool,
+) -> [V3<R>; 2] {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let motion = if accelerations { acceleration(plan, kinematics, room, place) } else { velocity(plan, kinematics, room, place) };
+            let axes = orientation(kinematics, place);
+            motion.map(
+                #[inline(always)]
+                |x| rotate_back(&axes, x),
+            )
+        },
+    )
+}
+
+/// A frame's reading: three numbers, or four of a quaternion.
+pub fn frame<R: Real>(
+    plan: &Plan<R::Scalar>,
+    kinematics: &Kinematics<R>,
+    room: &Room<R>,
+    what: FrameReading,
+    object: &Place<R::Scalar>,
+    reference: Option<&Place<R::Scalar>>,
+    out: &mut [R],
+) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            use FrameReading as F;
+            if what == F::Quat {
+                let quat = |p: &Place<R::Scalar>| quat_mul(room.orientation[p.frame], splat(p.quat));
+                let own = quat(object);
+                let seen = reference.map_or(own, |r| {
+                    let [w, x, y, z] = quat(r);
+                    quat_mul([w, -x, -y, -z], own)
+                });
+                out.copy_from_slice(&seen);
+                return;
+            }
+            let arm = |r: &Place<R::Scalar>| sub(position(kinematics, object), position(kinematics, r));
+            let x = match what {
+                F::Pos => reference.map_or_else(|| position(kinematics, object), arm),
+                F::XAxis => column(&orientation(kinematics, object), 0),
+                F::YAxis => column(&orientation(kinematics, object), 1),
+                F::ZAxis => column(&orientation(kinematics, object), 2),
+                F::AngVel => {
+                    let [w, _] = velocity(plan, kinematics, room, object);
+                    reference.map_or(w, |r| sub(w, velocity(plan, kinematics, room, r)[0]))
+                }
+                F::LinVel => {
+                    let [_, v] = velocity(plan, kinematics, room, object);
+                    reference.map_or(v, |r| {
+                        // The velocity that an observer who turns with the reference sees.
+                        let [w, u] = velocity(plan, kinematics, room, r);
+                        sub(sub(v, u), cross(w, arm(r)))
+                    })
+                }
+                F::AngAcc => acceleration(plan, kinematics, room, object)[0],
+                F::LinAcc => acceleration(plan, kinematics, room, object)[1],
+                F::Quat => unreachable!("returned above"),
+            };
+            let x = reference.map_or(x, |r| rotate_back(&orientation(kinematics, r), x));
+            out.copy_from_slice(&x);
+        },
+    )
+}

@@ -1,0 +1,183 @@
+//! Momentum, energy, and the force that carries a part of the tree.
+
+use stepper_real::{Real, Scalar};
+
+use super::frames::{ground, motion_of, orientation, position};
+use super::{Moment, Room};
+use crate::kinematics::{Kinematics, quat_at};
+use crate::model::JointKind;
+use crate::plan::Plan;
+use crate::plan::sensing::{Part, Place, Subtree};
+use crate::spatial::*;
+
+/// Centre of mass of a subtree, m.
+pub fn com<R: Real>(kinematics: &Kinematics<R>, subtree: &Subtree<R::Scalar>, empty: V3<R>) -> V3<R> {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            if subtree.parts.is_empty() {
+                return empty;
+            }
+            let mut sum = zero();
+            for part in &subtree.parts {
+                sum = add_scaled(sum, kinematics.point(part.frame, splat(part.com)), R::splat(part.mass));
+            }
+            scale(sum, R::one() / R::splat(subtree.mass))
+        },
+    )
+}
+
+/// Inertia of a part about the point about which its motion is given, that motion, and that point.
+fn moving<R: Real>(
+    plan: &Plan<R::Scalar>,
+    kinematics: &Kinematics<R>,
+    room: &Room<R>,
+    part: &Part<R::Scalar>,
+) -> (Inertia<R>, V6<R>, V3<R>) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let (motion, origin) = motion_of(plan, kinematics, &room.velocity, zero(), part.frame);
+            let arm = sub(kinematics.point(part.frame, splat(part.com)), origin);
+            (inertia_at(R::splat(part.mass), splat(part.inertia), &kinematics.mat[part.frame], arm), motion, origin)
+        },
+    )
+}
+
+/// Velocity of the centre of mass of a subtree, m/s.
+pub fn com_velocity<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, room: &Room<R>, subtree: &Subtree<R::Scalar>) -> V3<R> {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            if subtree.parts.is_empty() {
+                return zero();
+            }
+            let mut sum = zero();
+            for part in &subtree.parts {
+                let (motion, origin) = motion_of(plan, kinematics, &room.velocity, zero(), part.frame);
+                let arm = sub(kinematics.point(part.frame, splat(part.com)), origin);
+                sum = add_scaled(sum, velocity_at(&motion, arm), R::splat(part.mass));
+            }
+            scale(sum, R::one() / R::splat(subtree.mass))
+        },
+    )
+}
+
+/// Angular momentum of a subtree about its centre of mass, kg m^2/s.
+pub fn angular_momentum<R: Real>(
+    plan: &Plan<R::Scalar>,
+    kinematics: &Kinematics<R>,
+    room: &Room<R>,
+    subtree: &Subtree<R::Scalar>,
+) -> V3<R> {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let centre = com(kinematics, subtree, zero());
+            let mut sum = zero();
+            for part in &subtree.parts {
+                let (inertia, motion, origin) = moving(plan, kinematics, room, part);
+                let momentum = apply_inertia(&inertia, &motion);
+                sum = add(sum, add(angular(&momentum), cross(sub(origin, centre), linear(&momentum))));
+            }
+            sum
+        },
+    )
+}
+
+/// Force and torque, about the place and in its axes, with which the parent carries a subtree: what accelerates its masses, less what
+/// contacts and the user apply to it (Newton and Euler's laws for the subtree as a whole).
+pub fn parent_force<R: Real>(
+    plan: &Plan<R::Scalar>,
+    kinematics: &Kinematics<R>,
+    room: &Room<R>,
+    moment: &Moment<'_, R>,
+    place: &Place<R::Scalar>,
+    subtree: &Subtree<R::Scalar>,
+) -> [V3<R>; 2] {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let point = position(kinematics, place);
+            let (mut force, mut torque) = (zero(), zero());
+            for part in &subtree.parts {
+                let (inertia, motion, origin) = moving(plan, kinematics, room, part);
+                let (change, _) = motion_of(plan, kinematics, &room.acceleration, ground(plan), part.frame);
+                let rate = add(apply_inertia(&inertia, &change), cross_force(&motion, &apply_inertia(&inertia, &motion)));
+                force = add(force, linear(&rate));
+                torque = add(torque, add(angular(&rate), cross(sub(origin, point), linear(&rate))));
+            }
+            if !moment.xfrc.is_empty() {
+                for (b, body) in plan.bodies.iter().enumerate().filter(|(b, _)| subtree.bodies[*b]) {
+                    let w = &moment.xfrc[6 * b..6 * b + 6];
+                    let (f, t) = ([w[0], w[1], w[2]], [w[3], w[4], w[5]]);
+                    let arm = sub(kinematics.point(body.frame, splat(body.com)), point);
+                    force = sub(force, f);
+                    torque = sub(torque, add(t, cross(arm, f)));
+                }
+            }
+            let (f, t) = super::touching::wrench_on(plan, moment, point, &subtree.bodies);
+            let axes = orientation(kinematics, place);
+            [rotate_back(&axes, sub(force, f)), rotate_back(&axes, sub(torque, t))]
+        },
+    )
+}
+
+/// Energy of gravity and of the springs of joints and tendons, J.
+pub fn potential<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, q: &[R], all: &Subtree<R::Scalar>) -> R {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let mut sum = R::zero();
+            for part in &all.parts {
+                sum -= R::splat(part.mass) * dot(splat(plan.gravity), kinematics.point(part.frame, splat(part.com)));
+            }
+            let half = R::of(0.5);
+            for joint in plan.joints.iter().filter(|j| j.stiffness.to_f64() != 0.0) {
+                let k = R::splat(joint.stiffness) * half;
+                let (mut at, mut i) = (joint.q, 0);
+                if joint.kind != JointKind::Ball {
+                    let scalars = if joint.kind == JointKind::Free { 3 } else { 1 };
+                    for s in 0..scalars {
+                        sum += k * (q[at + s] - R::splat(joint.rest[s])).square();
+                    }
+                    (at, i) = (at + scalars, scalars);
+                }
+                if matches!(joint.kind, JointKind::Ball | JointKind::Free) {
+                    let rest = |k: usize| R::splat(joint.rest[i + k]);
+                    let twist = quat_log(quat_mul([rest(0), -rest(1), -rest(2), -rest(3)], quat_at(q, at)));
+                    sum += k * dot(twist, twist);
+                }
+            }
+            for tendon in &plan.tendons {
+                let Some((spring, [low, high])) = &tendon.spring else { continue };
+                let length = tendon.length.value(q);
+                let stretch = length - length.max(R::splat(*low)).min(R::splat(*high));
+                sum += R::splat(spring.stiffness) * half * stretch.square();
+            }
+            sum
+        },
+    )
+}
+
+/// Energy of motion, rotors and tendons' inertia included, J.
+pub fn kinetic<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, room: &Room<R>, v: &[R], all: &Subtree<R::Scalar>) -> R {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let mut sum = R::zero();
+            for part in &all.parts {
+                let (inertia, motion, _) = moving(plan, kinematics, room, part);
+                sum += dot6(apply_inertia(&inertia, &motion), motion);
+            }
+            for (dof, &v) in plan.dofs.iter().zip(v) {
+                sum += R::splat(dof.armature) * v * v;
+            }
+            for tendon in &plan.tendons {
+                let Some((spring, _)) = &tendon.spring else { continue };
+                sum += R::splat(spring.inertia) * tendon.length.rate(v).square();
+            }
+            sum * R::of(0.5)
+        },
+    )
+}

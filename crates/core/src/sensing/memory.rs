@@ -1,0 +1,131 @@
+//! What sensors remember from step to step, lane-interleaved.
+
+use serde::{Deserialize, Serialize};
+use stepper_real::Scalar;
+
+use super::errors::Keys;
+use crate::contacts::MAX_LANES;
+use crate::plan::Plan;
+
+/// Memory of the sensors of a group of environments.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Memory<S> {
+    /// Lanes (bits) whose state was set and that have not stepped since: there is no last step to read.
+    pub fresh: u32,
+    /// Lanes (bits) whose transfer functions have not begun.
+    pub waiting: u32,
+    /// Seed of every lane.
+    pub seed: Vec<u64>,
+    /// Environment of every lane, as far as random numbers are concerned.
+    pub stream: Vec<u32>,
+    /// Episodes of every lane before this one.
+    pub episode: Vec<u32>,
+    /// Steps of every lane since the beginning of its episode.
+    pub step: Vec<u32>,
+    /// (v+ - v) / h of the last step, nv per lane; empty when no sensor needs it, and so on.
+    pub acceleration: Vec<S>,
+    /// Controls of the last step, nu per lane.
+    pub ctrl: Vec<S>,
+    /// Wrenches that the user applied in the last step, 6 nbody per lane.
+    pub xfrc: Vec<S>,
+    /// Numbers of the transfer functions.
+    pub numbers: Vec<S>,
+    /// Where every delay line was written last.
+    pub cursors: Vec<u32>,
+    /// Readings after the transfer functions; empty when all sensors are ideal.
+    pub observation: Vec<S>,
+}
+
+impl<S: Scalar> Memory<S> {
+    /// Memory of sensors that are ideal; `first` is the first environment of the group.
+    pub fn new(plan: &Plan<S>, lanes: usize, first: usize) -> Self {
+        let needs = plan.sensing.needs;
+        let zeros = |there: bool, n: usize| vec![S::default(); if there { n * lanes } else { 0 }];
+        Self {
+            fresh: 0,
+            waiting: 0,
+            seed: vec![0; lanes],
+            stream: (0..lanes).map(|l| (first + l) as u32).collect(),
+            episode: vec![0; lanes],
+            step: vec![0; lanes],
+            acceleration: zeros(needs.acceleration, plan.nv),
+            ctrl: zeros(needs.step || needs.actuators, plan.actuators.len()),
+            xfrc: zeros(needs.wrenches, 6 * plan.bodies.len()),
+            numbers: vec![],
+            cursors: vec![],
+            observation: vec![],
+        }
+    }
+
+    /// Makes room for transfer functions.
+    pub fn with_errors(&mut self, numbers: usize, lines: usize, readings: usize) {
+        let lanes = self.seed.len();
+        self.numbers = vec![S::default(); numbers * lanes];
+        self.cursors = vec![0; lines];
+        self.observation = vec![S::default(); readings * lanes];
+    }
+
+    fn arrays(&self) -> [&Vec<S>; 5] {
+        [&self.acceleration, &self.ctrl, &self.xfrc, &self.numbers, &self.observation]
+    }
+
+    /// Forgets the last step of a lane.
+    pub fn forget(&mut self, lane: usize) {
+        let lanes = self.seed.len();
+        for numbers in [&mut self.acceleration, &mut self.xfrc] {
+            numbers.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = S::default());
+        }
+        self.fresh |= 1 << lane;
+        self.waiting |= 1 << lane;
+    }
+
+    /// Begins a new episode of a lane, the first one under a new seed.
+    pub fn begin(&mut self, lane: usize, seed: Option<u64>) {
+        // Ideal sensors draw nothing: their episodes are all the same.
+        let counts = seed.is_none() && !self.observation.is_empty();
+        self.episode[lane] = if counts { self.episode[lane].wrapping_add(1) } else { 0 };
+        self.seed[lane] = seed.unwrap_or(self.seed[lane]);
+        self.step[lane] = 0;
+        self.ctrl.iter_mut().skip(lane).step_by(self.seed.len()).for_each(|x| *x = S::default());
+        self.forget(lane);
+    }
+
+    /// What nobody can read of a lane that is no environment is zero.
+    pub fn clear(&mut self, lane: usize) {
+        let lanes = self.seed.len();
+        let all = [&mut self.acceleration, &mut self.ctrl, &mut self.xfrc, &mut self.numbers, &mut self.observation];
+        for numbers in all {
+            numbers.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = S::default());
+        }
+        (self.seed[lane], self.stream[lane], self.episode[lane], self.step[lane]) = (0, 0, 0, 0);
+        self.fresh &= !(1 << lane);
+        self.waiting &= !(1 << lane);
+    }
+
+    /// Memory that it holds, bytes.
+    pub fn bytes(&self) -> usize {
+        let scalars: usize = self.arrays().into_iter().map(|x| size_of_val(&x[..])).sum();
+        scalars + self.seed.len() * 20 + self.cursors.len() * 4
+    }
+
+    /// Whether two memories are of the same shape.
+    pub fn fits(&self, other: &Self) -> bool {
+        let sizes = |m: &Self| (m.arrays().map(Vec::len), m.seed.len(), [&m.stream, &m.episode, &m.step].map(Vec::len), m.cursors.len());
+        sizes(self) == sizes(other)
+    }
+
+    /// Who draws random numbers now.
+    #[inline(always)]
+    pub fn keys(&self) -> Keys {
+        let lane = |x: &[u32]| {
+            let mut word = [0; MAX_LANES];
+            word[..x.len()].copy_from_slice(x);
+            word
+        };
+        let mut seed = [[0; MAX_LANES]; 2];
+        for (l, &s) in self.seed.iter().enumerate() {
+            (seed[0][l], seed[1][l]) = (s as u32, (s >> 32) as u32);
+        }
+        Keys { seed, stream: lane(&self.stream), episode: lane(&self.episode), step: lane(&self.step) }
+    }
+}

@@ -1,0 +1,115 @@
+//! Closest points of two shapes: a plane and anything simple, balls and capsules among themselves.
+
+use stepper_real::{Mask, Real};
+
+use super::frames::{orientation, position};
+use crate::geometry::{Segment, segments};
+use crate::kinematics::Kinematics;
+use crate::model::ProximityReading;
+use crate::plan::sensing::{Form, Pair, Solid};
+use crate::spatial::*;
+
+/// A signed distance and the points that are so far apart.
+#[derive(Clone, Copy)]
+struct Nearest<R> {
+    distance: R,
+    points: [V3<R>; 2],
+    normal: V3<R>,
+}
+
+/// The nearest of all pairs.
+pub fn proximity<R: Real>(kinematics: &Kinematics<R>, what: ProximityReading, pairs: &[Pair<R::Scalar>], cutoff: R, out: &mut [R]) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let mut best = Nearest { distance: R::of(f64::INFINITY), points: [zero(); 2], normal: zero() };
+            for (a, b) in pairs {
+                let new = between(kinematics, a, b);
+                let nearer = new.distance.lt(best.distance);
+                best.distance = R::select(nearer, new.distance, best.distance);
+                best.points = [select(nearer, new.points[0], best.points[0]), select(nearer, new.points[1], best.points[1])];
+                best.normal = select(nearer, new.normal, best.normal);
+            }
+            let within = best.distance.lt(cutoff);
+            match what {
+                ProximityReading::Distance => out[0] = R::select(within, best.distance, cutoff),
+                ProximityReading::Normal => {
+                    let towards = scale(best.normal, R::one().copysign(best.distance));
+                    out.copy_from_slice(&select(within, towards, zero()));
+                }
+                ProximityReading::FromTo => {
+                    out[..3].copy_from_slice(&select(within, best.points[0], zero()));
+                    out[3..].copy_from_slice(&select(within, best.points[1], zero()));
+                }
+            }
+        },
+    )
+}
+
+fn between<R: Real>(kinematics: &Kinematics<R>, a: &Solid<R::Scalar>, b: &Solid<R::Scalar>) -> Nearest<R> {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            if a.form == Form::Plane {
+                return from_plane(kinematics, a, b);
+            }
+            if b.form == Form::Plane {
+                let turned = from_plane(kinematics, b, a);
+                let [p, q] = turned.points;
+                return Nearest { points: [q, p], normal: scale(turned.normal, -R::one()), ..turned };
+            }
+            let segment = |s: &Solid<R::Scalar>| Segment {
+                centre: position(kinematics, &s.place),
+                axis: column(&orientation(kinematics, &s.place), 2),
+                half_length: R::splat(s.size[1]),
+                radius: R::splat(s.size[0]),
+            };
+            let ([first, second], two) = segments(&segment(a), &segment(b));
+            // Of parallel capsules either end is as near; the nearer to rounding is taken.
+            let swap = two.and(second.distance.lt(first.distance));
+            let distance = R::select(swap, second.distance, first.distance);
+            let (pos, normal) = (select(swap, second.pos, first.pos), select(swap, second.normal, first.normal));
+            let half = distance * R::of(0.5);
+            Nearest { distance, points: [add_scaled(pos, normal, -half), add_scaled(pos, normal, half)], normal }
+        },
+    )
+}
+
+/// The deepest point of a shape below a plane.
+fn from_plane<R: Real>(kinematics: &Kinematics<R>, plane: &Solid<R::Scalar>, solid: &Solid<R::Scalar>) -> Nearest<R> {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let normal = column(&orientation(kinematics, &plane.place), 2);
+            let mat = orientation(kinematics, &solid.place);
+            let down = rotate_back(&mat, scale(normal, -R::one()));
+            let deepest = support(solid.form, splat(solid.size), down);
+            let point = add(position(kinematics, &solid.place), rotate(&mat, deepest));
+            let distance = dot(normal, sub(point, position(kinematics, &plane.place)));
+            Nearest { distance, points: [add_scaled(point, normal, -distance), point], normal }
+        },
+    )
+}
+
+/// The point of a shape that is furthest along a unit direction, in the shape's frame.
+#[inline(always)]
+fn support<R: Real>(form: Form, size: V3<R>, d: V3<R>) -> V3<R> {
+    let ball = scale(d, size[0]);
+    let end = size[1].copysign(d[2]);
+    match form {
+        Form::Plane | Form::Sphere => ball,
+        Form::Capsule => [ball[0], ball[1], ball[2] + end],
+        Form::Cylinder => {
+            let across = (d[0] * d[0] + d[1] * d[1]).sqrt();
+            let upright = across.gt(R::zero());
+            let k = R::select(upright, size[0] / R::select(upright, across, R::one()), R::zero());
+            [d[0] * k, d[1] * k, end]
+        }
+        Form::Ellipsoid => {
+            let scaled: V3<R> = std::array::from_fn(|k| size[k] * d[k]);
+            let k = norm(scaled).recip();
+            std::array::from_fn(|i| size[i] * scaled[i] * k)
+        }
+        Form::Box => std::array::from_fn(|k| size[k].copysign(d[k])),
+    }
+}

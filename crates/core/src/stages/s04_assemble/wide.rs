@@ -1,0 +1,133 @@
+//! Contacts with torsional and rolling friction: three more rows, of the turning about the contact's axes.
+
+use stepper_real::{Mask, Real, Scalar};
+
+use super::equality::Site;
+use crate::constraints::Constraints;
+use crate::contacts::{ContactId, Contacts, MAX_LANES};
+use crate::plan::Plan;
+use crate::spatial::*;
+use crate::surfaces;
+
+impl<R: Real> Constraints<R> {
+    /// Adds slot `k` in the lanes `lanes`, in which it has torsional or rolling friction; `support` is gathered.
+    #[inline(always)]
+    pub(super) fn add_wide(&mut self, site: Site<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
+        let (plan, mass, moment) = (site.plan, site.mass, site.moment);
+        let (slot, active) = (&contacts.data[k], R::Mask::from_bits(lanes));
+        let mut friction = Friction::of(plan, &contacts.ids[k], lanes);
+        friction.scale_to(slot.mu);
+        let normal = self.contact_columns(site, contacts, k, lanes);
+        self.half_solve::<3>(plan, mass);
+        for &d in &self.support {
+            self.linear[d as usize] = self.column[d as usize];
+        }
+        let turning = self.turn_columns(site, contacts, k, lanes, friction.scale);
+        self.half_solve::<3>(plan, mass);
+        let (bias, position) = self.biases(site.options, moment.gap(slot.point.distance), moment.h, active);
+        let [free, before] = normal;
+        let (g, active) = self.bounce(plan, site.options, slot, moment, active, [free[0], before[0]], bias);
+        let (linear, column, rub) = (&self.linear, &self.column, friction.slides);
+        self.problem.push_wide(
+            &self.support,
+            #[inline(always)]
+            |d| {
+                let (a, b, s) = (linear[d], column[d], mass.sqrt_inv_d[d]);
+                let t = s * rub;
+                [a[0] * s, a[1] * t, a[2] * t, b[0] * s, b[1] * s, b[2] * s]
+            },
+            active,
+            friction.mu,
+            [g, free[1] * rub, free[2] * rub, turning[0], turning[1], turning[2]],
+        );
+        self.position_bias.push(free[0] + position);
+        let (push, torque) = (slot.impulse, friction.unscale(contacts.torque[k]));
+        let warm = [push[0], push[1] * rub, push[2] * rub, torque[0], torque[1], torque[2]];
+        self.iterate.wide.push(select(active, warm, zero()));
+        self.wide_slots.push((k, R::Mask::from_bits(lanes), friction.scale));
+        self.constrained = self.constrained.or(active);
+    }
+
+    /// J of the relative turning about the contact's axes, times `weight`, left in `column`; returns its free velocity.
+    #[inline(always)]
+    fn turn_columns(&mut self, site: Site<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32, weight: V3<R>) -> V3<R> {
+        let slot = &contacts.data[k];
+        let n = slot.point.normal;
+        let axes = [n, slot.tangent, cross(n, slot.tangent)];
+        let carried = angular(&surfaces::motion(site.plan, site.kinematics, contacts, k, lanes));
+        let mut free: V3<R> = std::array::from_fn(|i| dot(axes[i], carried) * weight[i]);
+        for &d in &self.support {
+            let d = d as usize;
+            let sign = self.sign_of(d);
+            let axis = angular(&site.kinematics.axes[d]);
+            let mut j = zero();
+            for i in 0..3 {
+                // Adding zero turns -0 into 0, so that a lane's bits do not depend on what its neighbours touch.
+                j[i] = dot(axes[i], axis) * sign * weight[i] + R::zero();
+            }
+            free = add_scaled(free, j, site.moment.v_free[d]);
+            self.column[d] = j;
+        }
+        free
+    }
+}
+
+/// Friction of the contacts in one slot.
+struct Friction<R: Real> {
+    /// Torsional and rolling, m.
+    more: [R; 2],
+    /// Of the scaled rows: sliding friction, or 1 for contacts that slide freely.
+    mu: R,
+    /// 1 for contacts with sliding friction, else 0.
+    slides: R,
+    /// What the rows of turning are multiplied by, m.
+    scale: V3<R>,
+}
+
+impl<R: Real> Friction<R> {
+    #[inline(always)]
+    fn of(plan: &Plan<R::Scalar>, ids: &[ContactId; MAX_LANES], lanes: u32) -> Self {
+        let mut more = [R::zero(); 2];
+        let mut rest = lanes;
+        while rest != 0 {
+            let l = rest.trailing_zeros() as usize;
+            rest &= rest - 1;
+            let pair = plan.pair(ids[l].pair());
+            more[0].set_lane(l, pair.torsion);
+            more[1].set_lane(l, pair.rolling);
+        }
+        Self { more, mu: R::one(), slides: R::zero(), scale: zero() }
+    }
+
+    #[inline(always)]
+    fn scale_to(&mut self, mu: R) {
+        let slides = mu.gt(R::zero());
+        self.mu = R::select(slides, mu, R::one());
+        self.slides = R::select(slides, R::one(), R::zero());
+        let [spin, roll] = self.more;
+        self.scale = [spin / self.mu, roll / self.mu, roll / self.mu];
+    }
+
+    /// Scaled impulses of torques.
+    #[inline(always)]
+    fn unscale(&self, torque: V3<R>) -> V3<R> {
+        let mut out = torque;
+        for i in 0..3 {
+            let there = self.scale[i].gt(R::zero());
+            out[i] = R::select(there, torque[i] / R::select(there, self.scale[i], R::one()), R::zero());
+        }
+        out
+    }
+}
+
+/// Lanes (bits) of slot `k` whose contact has torsional or rolling friction.
+#[inline(always)]
+pub(super) fn wide_lanes<S: Scalar>(plan: &Plan<S>, ids: &[ContactId; MAX_LANES], lanes: u32) -> u32 {
+    let (mut out, mut rest) = (0, if plan.wide { lanes } else { 0 });
+    while rest != 0 {
+        let l = rest.trailing_zeros();
+        rest &= rest - 1;
+        out |= u32::from(plan.pair(ids[l as usize].pair()).is_wide()) << l;
+    }
+    out
+}

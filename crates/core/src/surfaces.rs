@@ -1,0 +1,46 @@
+//! Velocities of surfaces that no degree of freedom moves: conveyors, and bodies that the user moves.
+
+use stepper_real::{Mask, Real};
+
+use crate::contacts::Contacts;
+use crate::kinematics::Kinematics;
+use crate::plan::Plan;
+use crate::spatial::*;
+
+/// Motion (angular, linear at the point) at contact `k` of the second surface against the first, as far as no degree of freedom makes it.
+/// A conveyor's is taken along the tangent plane and about the normal (MuJoCo's documentation of `surfacevel`).
+#[inline(always)]
+pub fn motion<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> V6<R> {
+    let (mut sum, point) = (zero(), &contacts.data[k].point);
+    for surface in &plan.surfaces {
+        let (mut plus, mut minus) = (0u32, 0u32);
+        let mut rest = lanes;
+        while rest != 0 {
+            let l = rest.trailing_zeros();
+            rest &= rest - 1;
+            let [a, b] = plan.pair_geoms(contacts.ids[k][l as usize].pair()).expect("a contact belongs to a pair");
+            plus |= u32::from(b == surface.geom) << l;
+            minus |= u32::from(a == surface.geom) << l;
+        }
+        if plus | minus == 0 {
+            continue;
+        }
+        let frame = plan.geoms[surface.geom].frame;
+        let mut m = zero();
+        if let Some(k) = surface.mocap {
+            let posed = &kinematics.posed[k];
+            m = spatial(angular(posed), velocity_at(posed, sub(point.pos, kinematics.pos[frame])));
+        }
+        if let Some(own) = surface.own {
+            let mat = &kinematics.mat[frame];
+            let [along, spin] = own.map(|x| rotate(mat, splat(x)));
+            let arm = sub(point.pos, kinematics.point(frame, splat(plan.geoms[surface.geom].pos)));
+            let own = add(along, cross(spin, arm));
+            let n = point.normal;
+            m = add(m, spatial(scale(n, dot(spin, n)), add_scaled(own, n, -dot(own, n))));
+        }
+        let (plus, minus) = (R::Mask::from_bits(plus), R::Mask::from_bits(minus));
+        sum = select(plus, add(sum, m), select(minus, sub(sum, m), sum));
+    }
+    sum
+}

@@ -1,0 +1,129 @@
+//! Concave meshes and height fields: the seams between triangles are not felt, and a closed surface is the solid that it bounds.
+//! PROPTEST_CASES=5000 searches longer.
+
+use std::sync::Arc;
+
+use proptest::prelude::*;
+use stepper_core::geometry::convex::{ConvexShape, Grid, Hull, Manifold, MeshSurface, Pose, Room, Surface, collide_surface, distance};
+use stepper_core::spatial::*;
+
+type V = V3<f64>;
+
+const STILL: Pose = Pose { pos: [0.0; 3], mat: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] };
+
+fn vector(size: f64) -> impl Strategy<Value = V> {
+    prop::array::uniform3(-size..size)
+}
+
+fn rotation() -> impl Strategy<Value = M3<f64>> {
+    let any = vector(1.0).prop_filter("a direction", |v| norm(*v) > 0.1).prop_map(|v| scale(v, 1.0 / norm(v)));
+    let any = (any, -3.1..3.1f64).prop_map(|(u, x)| axis_rotation(u, x.sin(), x.cos()));
+    prop_oneof![1 => Just(STILL.mat), 4 => any]
+}
+
+fn hull() -> impl Strategy<Value = Arc<Hull>> {
+    prop::collection::vec(vector(0.4), 6..20).prop_filter_map("has volume", |p| Hull::new(&p).ok().map(Arc::new))
+}
+
+fn shape() -> impl Strategy<Value = ConvexShape> {
+    let s = || 0.05..0.25f64;
+    prop_oneof![
+        s().prop_map(|radius| ConvexShape::Sphere { radius }),
+        (s(), s()).prop_map(|(radius, half_length)| ConvexShape::Capsule { radius, half_length }),
+        (s(), s()).prop_map(|(radius, half_length)| ConvexShape::Cylinder { radius, half_length }),
+        prop::array::uniform3(s()).prop_map(|radii| ConvexShape::Ellipsoid { radii }),
+        prop::array::uniform3(s()).prop_map(|half| ConvexShape::Box { half }),
+        hull().prop_map(ConvexShape::Hull),
+    ]
+}
+
+/// A flat square of 2 x 2 m, cut into triangles by a grid of `n` cells with diagonals that turn this way and that.
+fn floor(n: usize) -> Surface {
+    let at = |k: usize| -1.0 + 2.0 * k as f64 / n as f64;
+    let vertices: Vec<V> = (0..(n + 1) * (n + 1)).map(|k| [at(k % (n + 1)), at(k / (n + 1)), 0.0]).collect();
+    let faces: Vec<[u32; 3]> = (0..n * n)
+        .flat_map(|k| {
+            let (c, r) = (k % n, k / n);
+            let [p, q, s, t] = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(dc, dr)| ((r + dr) * (n + 1) + c + dc) as u32);
+            if (r + c) % 2 == 0 { [[p, q, s], [p, s, t]] } else { [[p, q, t], [q, s, t]] }
+        })
+        .collect();
+    Surface::Mesh(MeshSurface::new(&vertices, &faces))
+}
+
+fn slope(n: usize, rise: [f64; 2]) -> Surface {
+    let at = |k: usize| -1.0 + 2.0 * k as f64 / (n - 1) as f64;
+    let elevation = (0..n * n).map(|k| rise[0] * at(k % n) + rise[1] * at(k / n)).collect();
+    Surface::Grid(Grid { shape: [n, n], half: [1.0; 2], elevation, base: 1.0 })
+}
+
+fn touch(surface: &Surface, b: &ConvexShape, pose: &Pose, prediction: f64) -> Manifold {
+    let mut out = Manifold::default();
+    collide_surface(surface, &STILL, b, pose, prediction, &mut out, &mut Room::default());
+    out
+}
+
+/// The height of the shape's lowest point along `n`.
+fn lowest(b: &ConvexShape, pose: &Pose, n: V) -> f64 {
+    dot(n, add(pose.pos, rotate(&pose.mat, b.support(rotate_back(&pose.mat, scale(n, -1.0)))))) - b.radius()
+}
+
+proptest! {
+    #[test]
+    fn seams_of_a_plane_are_not_felt(b in shape(), at in prop::array::uniform2(-0.3..0.3f64), mat in rotation(), n in 3..9usize, depth in -0.01..0.02f64) {
+        let up = [0.0, 0.0, 1.0];
+        let pose = Pose { pos: [at[0], at[1], 0.0], mat };
+        let pose = Pose { pos: [at[0], at[1], -lowest(&b, &pose, up) - depth], ..pose };
+        let points = touch(&floor(n), &b, &pose, 0.02).points;
+        prop_assert!(!points.is_empty());
+        prop_assert!(points.iter().all(|p| norm(sub(p.normal, up)) < 1e-12), "{points:?}");
+        let deepest = points.iter().map(|p| p.distance).fold(f64::INFINITY, f64::min);
+        prop_assert!((deepest + depth).abs() < 1e-9, "{deepest} {depth}");
+        prop_assert!(points.windows(2).all(|w| w[0].feature < w[1].feature) && points.len() <= 5, "{points:?}");
+    }
+
+    #[test]
+    fn seams_of_a_slope_are_not_felt(b in shape(), at in prop::array::uniform2(-0.3..0.3f64), mat in rotation(), n in 3..9usize,
+                                     depth in -0.01..0.02f64, rise in prop::array::uniform2(-0.5..0.5f64)) {
+        let normal = [-rise[0], -rise[1], 1.0];
+        let normal = scale(normal, 1.0 / norm(normal));
+        let pose = Pose { pos: [at[0], at[1], 0.0], mat };
+        // Raised until it is as deep as asked.
+        let lift = (-lowest(&b, &pose, normal) - depth) / normal[2];
+        let pose = Pose { pos: [at[0], at[1], lift], ..pose };
+        let points = touch(&slope(n, rise), &b, &pose, 0.02).points;
+        prop_assert!(!points.is_empty());
+        prop_assert!(points.iter().all(|p| norm(sub(p.normal, normal)) < 1e-9), "{points:?}");
+        let deepest = points.iter().map(|p| p.distance).fold(f64::INFINITY, f64::min);
+        prop_assert!((deepest + depth).abs() < 1e-9, "{deepest} {depth}");
+    }
+
+    #[test]
+    fn a_closed_surface_is_its_solid(solid in hull(), b in shape(), pos in vector(0.8), mat in rotation()) {
+        let surface = Surface::Mesh(MeshSurface::new(solid.points(), solid.triangles()));
+        let pose = Pose { pos, mat };
+        let (exact, n) = distance(&ConvexShape::Hull(solid), &STILL, &b, &pose);
+        let points = touch(&surface, &b, &pose, 0.1).points;
+        if exact > 0.1 {
+            prop_assert!(points.is_empty(), "{exact} {points:?}");
+        } else if exact > 0.0 {
+            // The nearest point is on some triangle: its normal and distance are the solid's. A shape beside a seam that bulges less than its
+            // edge's share of it may see more.
+            let best = points.iter().find(|p| (p.distance - exact).abs() < 1e-6 && norm(sub(p.normal, n)) < 1e-3);
+            prop_assert!(best.is_some(), "{exact} {n:?} {points:?}");
+        } else if exact > -0.005 {
+            prop_assert!(!points.is_empty(), "overlapping by {exact}, yet no contact");
+        }
+    }
+}
+
+#[test]
+fn below_a_height_field_is_pushed_up() {
+    let ball = ConvexShape::Sphere { radius: 0.1 };
+    let pose = Pose { pos: [0.03, 0.01, -0.5], ..STILL };
+    let points = touch(&slope(5, [0.0; 2]), &ball, &pose, 0.01).points;
+    assert_eq!(points.len(), 1);
+    assert!((points[0].distance + 0.6).abs() < 1e-12 && points[0].normal[2] > 0.999);
+    let under = Pose { pos: [0.0, 0.0, -1.2], ..STILL };
+    assert!(touch(&slope(5, [0.0; 2]), &ball, &under, 0.01).points.is_empty());
+}

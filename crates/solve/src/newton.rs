@@ -1,0 +1,120 @@
+//! Augmented-Lagrangian Newton: the second tier, for the lanes that sweeps do not bring to the tolerance.
+//!
+//! Per lane and island, in scalar f64. The unknown is w, whose metric is the identity. With De Saxce's terms s_i = mu_i |v_t,i| held, the
+//! problem is convex, and the proximal method solves it by a few minimisations over w of
+//!
+//! ```text
+//! 1/2 |w|^2 + sum_i |P_K(lambda_i - rho_i (Y_i w + g_i + s_i))|^2 / (2 rho_i),      then lambda <- P_K(...)
+//! ```
+//!
+//! (Rockafellar 1976; for contacts Cadoux 2009 and Acary & Cadoux 2013, whose outer fixed point on s this is too) by Newton's method with an
+//! exact line search. The steps rho_i = kappa dim / trace(G_ii) are so long that one or two proximal steps are enough, and what is hyperstatic
+//! does no harm: the matrix is the identity plus a positive semidefinite one, and of many possible forces those near the start are taken.
+//! Between the minimisations s is renewed, with Anderson's acceleration; and after the first, steps on the exact law are tried, s included, whose
+//! matrix is not symmetric: near the answer they converge at once, and where they do not they are taken back.
+//!
+//! Nothing proves that s converges, and Coulomb's law may have no solution or several (Painleve 1895). The residual says how it went.
+
+mod anderson;
+mod cone;
+mod descent;
+mod island;
+mod lane;
+mod order;
+mod penalty;
+mod skyline;
+#[cfg(test)]
+mod tests;
+
+use crate::{Iterate, Problem};
+use descent::{Descent, Goal};
+use island::Island;
+use lane::Lane;
+use order::{Islands, Order};
+use stepper_real::{Mask, Real, Scalar};
+
+/// Room to work, made once per thread; it grows with the largest problem that it has seen.
+#[derive(Clone, Debug, Default)]
+pub struct Newton {
+    lane: Lane,
+    /// Its coordinates are in the order of the factors.
+    island: Island,
+    islands: Islands,
+    order: Order,
+    descent: Descent,
+    v: Vec<f64>,
+    /// Blocks of the lane that the island has.
+    members: Vec<usize>,
+}
+
+/// How it went in one lane.
+#[derive(Clone, Copy, Debug)]
+struct Verdict {
+    residual: f64,
+    steps: u32,
+    /// Whether any island has a smaller residual than before.
+    better: bool,
+}
+
+impl Newton {
+    /// Improves the impulses of the lanes `lanes` whose `residual` is above the tolerance, each alone, by at most `steps` Newton steps an
+    /// island. Replaces their residuals and adds the Newton steps to `taken`. No lane ends with a larger residual than it had.
+    pub fn solve<R: Real>(
+        &mut self,
+        problem: &Problem<R>,
+        iterate: &mut Iterate<R>,
+        steps: u32,
+        tolerance: R,
+        lanes: R::Mask,
+        [residual, taken]: [&mut R; 2],
+    ) {
+        let mut rest = lanes.and(residual.gt(tolerance)).and(residual.is_finite()).bits();
+        while rest != 0 {
+            let lane = rest.trailing_zeros() as usize;
+            rest &= rest - 1;
+            self.lane.gather(problem, iterate, lane);
+            let goal = Goal { tolerance: tolerance.lane(lane).to_f64(), steps };
+            let verdict = self.solve_lane::<R>(goal);
+            if verdict.better {
+                self.lane.scatter(lane, iterate);
+                residual.set_lane(lane, Scalar::from_f64(verdict.residual));
+            }
+            taken.set_lane(lane, taken.lane(lane) + Scalar::from_f64(f64::from(verdict.steps)));
+        }
+    }
+
+    /// All islands of the lane. Impulses are left as numbers of the lanes' precision, and so they are judged.
+    fn solve_lane<R: Real>(&mut self, goal: Goal) -> Verdict {
+        let mut verdict = Verdict { residual: 0.0, steps: 0, better: false };
+        self.islands.find(&self.lane);
+        self.order.prepare(&self.lane);
+        for name in 0..self.islands.count {
+            self.take_island(name);
+            let before = self.island.residual(&mut self.v);
+            let mut after = before;
+            if before > goal.tolerance {
+                verdict.steps += self.descent.solve::<R>(&mut self.island, goal);
+                for x in self.island.lambda.iter_mut().chain(&mut self.island.w) {
+                    *x = R::Scalar::from_f64(*x).to_f64();
+                }
+                after = self.island.residual(&mut self.v);
+            }
+            // An answer that is not a number is none.
+            if after < before {
+                self.island.give(&mut self.lane, &self.members, &self.order.coordinates);
+                verdict.better = true;
+            }
+            verdict.residual = verdict.residual.max(if after < before { after } else { before });
+        }
+        verdict
+    }
+
+    /// Copies the rows of an island.
+    fn take_island(&mut self, name: usize) {
+        let Self { lane, island, islands, order, members, .. } = self;
+        members.clear();
+        members.extend((0..lane.blocks.len()).filter(|&i| islands.of_block[i] as usize == name));
+        order.island(lane, members[0]);
+        island.take(lane, members, &order.coordinates, &order.number);
+    }
+}

@@ -1,0 +1,89 @@
+//! The fixed point s = T(s) of De Saxce's terms, accelerated by remembering a few of its steps (Anderson 1965; the type II form of Walker & Ni
+//! 2011, equation 2.2).
+//!
+//! With f = T(s) - s, the next s is `s + f - sum_j c_j (ds_j + df_j)`, where c minimises `|f - sum_j c_j df_j|` over the last changes. Plain
+//! iteration shrinks the error by 0.97 a time in the worst robots measured; this takes 3 to 10 times.
+
+/// Steps that are remembered.
+const MEMORY: usize = 3;
+
+/// Past changes of s and of f.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Anderson {
+    /// Entries of s.
+    n: usize,
+    /// Steps taken since the start.
+    taken: usize,
+    last_s: Vec<f64>,
+    last_f: Vec<f64>,
+    /// The j-th change at `j * n`.
+    ds: Vec<f64>,
+    df: Vec<f64>,
+}
+
+impl Anderson {
+    /// Forgets everything; `n` entries.
+    pub(super) fn restart(&mut self, n: usize) {
+        self.n = n;
+        self.taken = 0;
+        for (room, len) in [(&mut self.last_s, n), (&mut self.last_f, n), (&mut self.ds, MEMORY * n), (&mut self.df, MEMORY * n)] {
+            room.clear();
+            room.resize(len, 0.0);
+        }
+    }
+
+    /// Replaces `s` by the next one; `image` is T(s). No entry falls below zero.
+    pub(super) fn next(&mut self, s: &mut [f64], image: &[f64]) {
+        let n = self.n;
+        if self.taken > 0 {
+            let at = (self.taken - 1) % MEMORY * n;
+            for i in 0..n {
+                self.ds[at + i] = s[i] - self.last_s[i];
+                self.df[at + i] = (image[i] - s[i]) - self.last_f[i];
+            }
+        }
+        for i in 0..n {
+            self.last_s[i] = s[i];
+            self.last_f[i] = image[i] - s[i];
+        }
+        let c = self.coefficients();
+        for i in 0..n {
+            let mut next = image[i];
+            for (j, c) in c.iter().enumerate() {
+                next -= c * (self.ds[j * n + i] + self.df[j * n + i]);
+            }
+            s[i] = next.max(0.0);
+        }
+        self.taken += 1;
+    }
+
+    /// The least-squares coefficients, by elimination in the normal equations.
+    fn coefficients(&self) -> [f64; MEMORY] {
+        let (n, m) = (self.n, self.taken.min(MEMORY));
+        let column = |j: usize| &self.df[j * n..(j + 1) * n];
+        let inner = |a: &[f64], b: &[f64]| a.iter().zip(b).fold(0.0, |sum, (a, b)| sum + a * b);
+        let (mut a, mut c) = ([[0.0; MEMORY]; MEMORY], [0.0; MEMORY]);
+        let mut trace = 0.0;
+        for i in 0..m {
+            (0..m).for_each(|j| a[i][j] = inner(column(i), column(j)));
+            c[i] = inner(column(i), &self.last_f);
+            trace += a[i][i];
+        }
+        for i in 0..m {
+            // Changes that are nearly the same do not make a coefficient large.
+            a[i][i] += 1e-12 * trace + f64::MIN_POSITIVE;
+        }
+        for i in 0..m {
+            for j in i + 1..m {
+                let factor = a[j][i] / a[i][i];
+                (i..m).for_each(|k| a[j][k] -= factor * a[i][k]);
+                c[j] -= factor * c[i];
+            }
+        }
+        for i in (0..m).rev() {
+            let rest = (i + 1..m).fold(c[i], |rest, k| rest - a[i][k] * c[k]);
+            c[i] = rest / a[i][i];
+        }
+        c
+    }
+}

@@ -1,0 +1,185 @@
+//! One island's rows, dense between their first and last coordinate.
+//!
+//! Coordinates come in tiles of four, and a block's rows span whole tiles, so that every inner loop is over fours without a rest: the compiler
+//! makes vectors of them on every CPU, with the same bits.
+
+use std::ops::Range;
+
+use super::cone::{Case, inner, norm};
+use super::lane::{Lane, Set};
+
+/// Coordinates in a tile.
+pub(super) const TILE: usize = 4;
+
+/// One constraint: rows that are projected together.
+#[derive(Clone, Debug)]
+pub(super) struct Block {
+    /// Its set of impulses.
+    pub(super) set: Set,
+    /// Coordinates that its rows span: whole tiles.
+    pub(super) span: Range<usize>,
+    /// Places of its entries in [`Island::y`], one row after the other.
+    pub(super) y: Range<usize>,
+    /// Its rows, as places in [`Island::g`] and [`Island::lambda`].
+    pub(super) rows: Range<usize>,
+    /// Step of the natural map: `dim / trace(G_ii)`, compliance included.
+    pub(super) rho: f64,
+    /// Compliance R >= 0 on the diagonal of G, the same for all of its rows.
+    pub(super) compliance: f64,
+}
+
+/// Constraints over some coordinates of w, whose number is a multiple of [`TILE`].
+#[derive(Clone, Debug, Default)]
+pub(super) struct Island {
+    pub(super) blocks: Vec<Block>,
+    /// Entries of the blocks.
+    pub(super) y: Vec<f64>,
+    /// Velocity of every row before any impulse, with its bias, m/s.
+    pub(super) g: Vec<f64>,
+    /// Impulse of every row, N s.
+    pub(super) lambda: Vec<f64>,
+    /// w = sum_i y_i lambda_i; zero in the coordinates that fill the last tile.
+    pub(super) w: Vec<f64>,
+}
+
+impl Island {
+    /// Takes the blocks `members` of a lane, whose coordinates are `coordinates` in this order; `number` is its inverse.
+    pub(super) fn take(&mut self, lane: &Lane, members: &[usize], coordinates: &[u32], number: &[u32]) {
+        self.blocks.clear();
+        self.y.clear();
+        self.g.clear();
+        self.lambda.clear();
+        self.w.clear();
+        self.w.extend(coordinates.iter().map(|&c| lane.w[c as usize]));
+        self.w.resize(coordinates.len().next_multiple_of(TILE), 0.0);
+        for block in members.iter().map(|&i| &lane.blocks[i]) {
+            let (support, entries) = lane.entries(block);
+            let places = || support.iter().map(|&c| number[c as usize] as usize);
+            let (least, most) = places().fold((usize::MAX, 0), |(least, most), c| (least.min(c), most.max(c)));
+            let span = least / TILE * TILE..(most + 1).next_multiple_of(TILE);
+            let (dim, at, row) = (block.rows.len(), self.y.len(), self.g.len());
+            self.y.resize(at + dim * span.len(), 0.0);
+            for (c, entries) in places().zip(entries.chunks_exact(dim)) {
+                for (r, &y) in entries.iter().enumerate() {
+                    self.y[at + r * span.len() + c - span.start] = y;
+                }
+            }
+            self.g.extend_from_slice(&lane.g[block.rows.clone()]);
+            self.lambda.extend_from_slice(&lane.lambda[block.rows.clone()]);
+            let trace = inner(entries, entries) + block.compliance * dim as f64;
+            self.blocks.push(Block {
+                set: block.set,
+                span,
+                y: at..self.y.len(),
+                rows: row..row + dim,
+                rho: dim as f64 / trace,
+                compliance: block.compliance,
+            });
+        }
+    }
+
+    /// Gives impulses and w back.
+    pub(super) fn give(&self, lane: &mut Lane, members: &[usize], coordinates: &[u32]) {
+        for (&i, block) in members.iter().zip(&self.blocks) {
+            lane.lambda[lane.blocks[i].rows.clone()].copy_from_slice(&self.lambda[block.rows.clone()]);
+        }
+        for (&c, &w) in coordinates.iter().zip(&self.w) {
+            lane.w[c as usize] = w;
+        }
+    }
+
+    /// Rows of a block.
+    #[inline(always)]
+    pub(super) fn entries(&self, block: &Block) -> std::slice::ChunksExact<'_, f64> {
+        self.y[block.y.clone()].chunks_exact(block.span.len())
+    }
+
+    /// out = Y x, for all rows.
+    #[inline(always)]
+    pub(super) fn multiply(&self, x: &[f64], out: &mut Vec<f64>) {
+        out.clear();
+        for block in &self.blocks {
+            let x = &x[block.span.clone()];
+            for y in self.entries(block) {
+                out.push(dot(y, x));
+            }
+        }
+    }
+
+    /// out += sign Y^T x.
+    #[inline(always)]
+    pub(super) fn add_transposed(&self, x: &[f64], sign: f64, out: &mut [f64]) {
+        for block in &self.blocks {
+            let out = &mut out[block.span.clone()];
+            for (y, x) in self.entries(block).zip(&x[block.rows.clone()]) {
+                add_scaled(out, sign * x, y);
+            }
+        }
+    }
+
+    /// Makes w consistent with the impulses.
+    pub(super) fn refresh(&mut self) {
+        let mut w = std::mem::take(&mut self.w);
+        w.fill(0.0);
+        self.add_transposed(&self.lambda, 1.0, &mut w);
+        self.w = w;
+    }
+
+    /// Natural-map residual of the exact Coulomb problem, m/s, as [`crate::residual`] has it; leaves the velocities Y w + R lambda + g in `v`.
+    pub(super) fn residual(&self, v: &mut Vec<f64>) -> f64 {
+        self.multiply(&self.w, v);
+        let mut worst = 0.0;
+        for block in &self.blocks {
+            for i in block.rows.clone() {
+                v[i] += block.compliance * self.lambda[i] + self.g[i];
+            }
+            let own = natural(block, &self.lambda[block.rows.clone()], &v[block.rows.clone()]);
+            // A NaN stays.
+            worst = if own <= worst { worst } else { own };
+        }
+        worst
+    }
+}
+
+/// Residual of one block.
+fn natural(block: &Block, lambda: &[f64], v: &[f64]) -> f64 {
+    let rho = block.rho;
+    match block.set {
+        Set::Interval { lo, hi } => {
+            let moved = lambda[0] - rho * v[0];
+            // Written so that a NaN stays.
+            let mapped = if moved < lo { lo } else { moved };
+            (lambda[0] - if mapped > hi { hi } else { mapped }).abs() / rho
+        }
+        Set::Cone { mu } => {
+            let n = lambda[0] - rho * (v[0] + mu * norm(&v[1..]));
+            let moved = || lambda[1..].iter().zip(&v[1..]).map(|(l, v)| l - rho * v);
+            let tangent = moved().fold(0.0, |sum, x| sum + x * x).sqrt();
+            let (height, scale) = Case::of(n, tangent, mu).image(n, tangent, mu);
+            let apart = lambda[1..].iter().zip(moved()).fold(0.0, |sum, (l, x)| sum + (l - x * scale).powi(2));
+            ((lambda[0] - height).powi(2) + apart).sqrt() / rho
+        }
+    }
+}
+
+/// Sum of products over whole tiles, with a partial sum for each place in a tile: a fixed order.
+#[inline(always)]
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let mut sum = [0.0; TILE];
+    for (a, b) in a.chunks_exact(TILE).zip(b.chunks_exact(TILE)) {
+        for k in 0..TILE {
+            sum[k] += a[k] * b[k];
+        }
+    }
+    (sum[0] + sum[1]) + (sum[2] + sum[3])
+}
+
+/// x += s y over whole tiles.
+#[inline(always)]
+pub(super) fn add_scaled(x: &mut [f64], s: f64, y: &[f64]) {
+    for (x, y) in x.chunks_exact_mut(TILE).zip(y.chunks_exact(TILE)) {
+        for k in 0..TILE {
+            x[k] += s * y[k];
+        }
+    }
+}

@@ -1,0 +1,262 @@
+//! Factors of a matrix whose pattern is symmetric, kept between the first entry of every row and the diagonal (Jennings 1966).
+//!
+//! Elimination fills nothing outside this skyline, so that its area is all the memory, and an order of the coordinates that keeps it low
+//! ([`super::order`]) is all the sparsity. `A = L U` with a unit diagonal in U; L is kept by rows, U by columns, both below the same
+//! skyline, four of them at a time: for each coordinate the four numbers of a tile lie side by side. There is no pivoting: the matrices are the
+//! identity plus a positive semidefinite part, or near that; who factors others looks at the pivots.
+
+use std::ops::Range;
+
+use super::island::TILE;
+
+/// A number for each of four rows.
+type Tile = [f64; TILE];
+
+/// A matrix, then its factors.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Skyline {
+    /// First column of every tile of rows, a multiple of four.
+    first: Vec<usize>,
+    /// Where each tile of rows begins in `lower` and `upper`, less its first column.
+    start: Vec<usize>,
+    /// L, with the diagonal.
+    lower: Vec<Tile>,
+    /// U, without.
+    upper: Vec<Tile>,
+}
+
+impl Skyline {
+    /// Forgets the pattern; `dimension` rows with nothing but a diagonal.
+    pub(super) fn reset(&mut self, dimension: usize) {
+        self.first.clear();
+        self.first.extend((0..dimension).step_by(TILE));
+    }
+
+    /// Makes room for entries between all coordinates of `span`.
+    pub(super) fn reserve(&mut self, span: &Range<usize>) {
+        for first in &mut self.first[span.start / TILE..span.end / TILE] {
+            *first = span.start.min(*first);
+        }
+    }
+
+    /// Ends the pattern.
+    pub(super) fn finish(&mut self) {
+        self.start.clear();
+        let mut next = 0;
+        for (j, &first) in self.first.iter().enumerate() {
+            self.start.push(next);
+            next += TILE * (j + 1) - first;
+        }
+        self.lower.resize(next, [0.0; TILE]);
+        self.upper.resize(next, [0.0; TILE]);
+    }
+
+    /// The identity.
+    #[inline(always)]
+    pub(super) fn identity(&mut self) {
+        self.lower.fill([0.0; TILE]);
+        self.upper.fill([0.0; TILE]);
+        for j in 0..self.first.len() {
+            let at = self.place(j, TILE * j);
+            for k in 0..TILE {
+                self.lower[at + k][k] = 1.0;
+            }
+        }
+    }
+
+    /// Where column `c` of the tile `j` of rows is.
+    #[inline(always)]
+    fn place(&self, j: usize, c: usize) -> usize {
+        self.start[j] + c - self.first[j]
+    }
+
+    /// Adds `sum_r a_r^T b_r` between the coordinates of `span`; a and b hold some rows, one after the other.
+    #[inline(always)]
+    pub(super) fn add_product(&mut self, span: &Range<usize>, a: &[f64], b: &[f64], symmetric: bool) {
+        let n = span.len();
+        // Three rows at a time, which is a contact.
+        let (mut at, rows) = (0, a.len() / n);
+        while at < rows {
+            let some = if rows - at >= 3 { 3 } else { 1 };
+            let (a, b) = (&a[at * n..(at + some) * n], &b[at * n..(at + some) * n]);
+            for j in span.start / TILE..span.end / TILE {
+                let (place, row) = (self.place(j, span.start), TILE * j - span.start);
+                let (below, all) = (place..place + row, place..place + row + TILE);
+                if some == 3 {
+                    add_rows::<3>(&mut self.lower[all], a, b, n, row);
+                } else {
+                    add_rows::<1>(&mut self.lower[all], a, b, n, row);
+                }
+                if !symmetric {
+                    if some == 3 {
+                        add_rows::<3>(&mut self.upper[below], b, a, n, row);
+                    } else {
+                        add_rows::<1>(&mut self.upper[below], b, a, n, row);
+                    }
+                }
+            }
+            at += some;
+        }
+    }
+
+    /// L U = A; false when a pivot is not above `least`, and the factors are of no use. Of a symmetric matrix only L is read.
+    #[inline(always)]
+    pub(super) fn factor(&mut self, least: f64, symmetric: bool) -> bool {
+        for j in 0..self.first.len() {
+            for k in self.first[j] / TILE..j {
+                self.eliminate(j, k, symmetric);
+            }
+            if !self.factor_diagonal(j, least) {
+                return false;
+            }
+        }
+        true
+    }
+
+    /// The entries of the tile `j` of rows in the tile `k` of columns, k < j.
+    #[inline(always)]
+    fn eliminate(&mut self, j: usize, k: usize, symmetric: bool) {
+        let from = self.first[j].max(self.first[k]);
+        let (own, other) = (self.place(j, from), self.place(k, from));
+        let count = (TILE * k).saturating_sub(from);
+        let (here, corner) = (self.place(j, TILE * k), self.place(k, TILE * k));
+        let mut l: [Tile; TILE] = std::array::from_fn(|c| self.lower[here + c]);
+        for (l_jm, u_mk) in self.lower[own..own + count].iter().zip(&self.upper[other..other + count]) {
+            subtract_outer(&mut l, l_jm, u_mk);
+        }
+        for c in 1..TILE {
+            for m in 0..c {
+                let u = self.upper[corner + m][c];
+                for r in 0..TILE {
+                    l[c][r] -= l[m][r] * u;
+                }
+            }
+        }
+        let mut u = l;
+        if !symmetric {
+            u = std::array::from_fn(|c| self.upper[here + c]);
+            for (u_mj, l_km) in self.upper[own..own + count].iter().zip(&self.lower[other..other + count]) {
+                subtract_outer(&mut u, u_mj, l_km);
+            }
+        }
+        for c in 0..TILE {
+            let pivot = self.lower[corner + c][c];
+            if !symmetric {
+                for m in 0..c {
+                    let l = self.lower[corner + m][c];
+                    for r in 0..TILE {
+                        u[c][r] -= u[m][r] * l;
+                    }
+                }
+            }
+            for r in 0..TILE {
+                u[c][r] /= pivot;
+            }
+            self.lower[here + c] = l[c];
+            self.upper[here + c] = u[c];
+        }
+    }
+
+    /// The four rows of the tile `j` among themselves.
+    #[inline(always)]
+    fn factor_diagonal(&mut self, j: usize, least: f64) -> bool {
+        let (first, here) = (self.start[j], self.place(j, TILE * j));
+        let mut d: [Tile; TILE] = std::array::from_fn(|c| self.lower[here + c]);
+        for (l, u) in self.lower[first..here].iter().zip(&self.upper[first..here]) {
+            subtract_outer(&mut d, l, u);
+        }
+        // d[c][r] is row r, column c.
+        for c in 0..TILE {
+            let pivot = d[c][c];
+            // Also where it is NaN.
+            if pivot.partial_cmp(&least) != Some(std::cmp::Ordering::Greater) {
+                return false;
+            }
+            for k in c + 1..TILE {
+                d[k][c] /= pivot;
+                let u = d[k][c];
+                for r in c + 1..TILE {
+                    d[k][r] -= d[c][r] * u;
+                }
+            }
+        }
+        for m in 0..TILE {
+            self.lower[here + m] = d[m];
+            // Row m of U, by columns.
+            self.upper[here + m] = std::array::from_fn(|c| d[c][m]);
+        }
+        true
+    }
+
+    /// x <- A^-1 x with the factors.
+    #[inline(always)]
+    pub(super) fn solve(&self, x: &mut [f64]) {
+        for j in 0..self.first.len() {
+            let here = self.place(j, TILE * j);
+            let (before, own) = x.split_at_mut(TILE * j);
+            let mut sum: Tile = std::array::from_fn(|r| own[r]);
+            for (l, x) in self.lower[self.start[j]..here].iter().zip(&before[self.first[j]..]) {
+                for r in 0..TILE {
+                    sum[r] -= l[r] * x;
+                }
+            }
+            for c in 0..TILE {
+                let l = &self.lower[here + c];
+                sum[c] /= l[c];
+                for r in c + 1..TILE {
+                    sum[r] -= l[r] * sum[c];
+                }
+            }
+            own[..TILE].copy_from_slice(&sum);
+        }
+        for j in (0..self.first.len()).rev() {
+            let here = self.place(j, TILE * j);
+            let (before, own) = x.split_at_mut(TILE * j);
+            let mut sum: Tile = std::array::from_fn(|r| own[r]);
+            for c in (0..TILE).rev() {
+                for m in 0..c {
+                    sum[m] -= self.upper[here + m][c] * sum[c];
+                }
+            }
+            own[..TILE].copy_from_slice(&sum);
+            for (u, x) in self.upper[self.start[j]..here].iter().zip(&mut before[self.first[j]..]) {
+                *x -= (u[0] * sum[0] + u[1] * sum[1]) + (u[2] * sum[2] + u[3] * sum[3]);
+            }
+        }
+    }
+}
+
+/// d[c][r] -= a[r] b[c].
+#[inline(always)]
+fn subtract_outer(d: &mut [Tile; TILE], a: &Tile, b: &Tile) {
+    for c in 0..TILE {
+        for r in 0..TILE {
+            d[c][r] -= a[r] * b[c];
+        }
+    }
+}
+
+/// out[c][k] += sum_r a_r[row + k] b_r[c], over N rows of n numbers, for whole tiles of columns c.
+#[inline(always)]
+fn add_rows<const N: usize>(out: &mut [Tile], a: &[f64], b: &[f64], n: usize, row: usize) {
+    let own: [Tile; N] = std::array::from_fn(|r| tile(a, r * n + row));
+    for (t, out) in out.chunks_exact_mut(TILE).enumerate() {
+        // Four by four in registers: over single columns the compiler would make vectors of the wrong dimension.
+        let mut d: [Tile; TILE] = std::array::from_fn(|c| out[c]);
+        for r in 0..N {
+            let b = tile(b, r * n + TILE * t);
+            for c in 0..TILE {
+                for k in 0..TILE {
+                    d[c][k] += own[r][k] * b[c];
+                }
+            }
+        }
+        out.copy_from_slice(&d);
+    }
+}
+
+/// The four numbers at `at`.
+#[inline(always)]
+fn tile(x: &[f64], at: usize) -> Tile {
+    std::array::from_fn(|k| x[at + k])
+}

@@ -1,0 +1,155 @@
+//! What the lanes' problem cannot say yet: equalities, compliance, and cones with any number of tangents.
+
+use super::Newton;
+use super::descent::Goal;
+use super::lane::{Lane, Set};
+use super::skyline::Skyline;
+
+const GOAL: Goal = Goal { tolerance: 1e-11, steps: 100 };
+const FREE: Set = Set::Interval { lo: f64::NEG_INFINITY, hi: f64::INFINITY };
+
+/// A number in [-1, 1] for every seed.
+fn noise(seed: usize) -> f64 {
+    let x = (seed as f64 * 12.9898).sin() * 43758.5453;
+    2.0 * (x - x.floor()) - 1.0
+}
+
+fn lane(dimension: usize) -> Newton {
+    let mut room = Newton::default();
+    room.lane.w.resize(dimension, 0.0);
+    room
+}
+
+fn row<const N: usize>(lane: &mut Lane, seed: usize, set: Set, g: [f64; N], compliance: f64) {
+    let n = lane.w.len();
+    let support: Vec<u32> = (0..n as u32).collect();
+    let entries = (0..n).map(|c| std::array::from_fn(|r| noise(1000 * seed + 10 * c + r)));
+    lane.add(&support, entries, set, 0, g, [0.0; N]);
+    lane.blocks.last_mut().unwrap().compliance = compliance;
+}
+
+/// Velocity y . w + R lambda + g of every row.
+fn velocities(lane: &Lane) -> Vec<f64> {
+    let mut v = vec![];
+    for block in &lane.blocks {
+        let (support, y) = lane.entries(block);
+        for (r, row) in block.rows.clone().enumerate() {
+            let sum: f64 = support.iter().enumerate().map(|(k, &c)| y[k * block.rows.len() + r] * lane.w[c as usize]).sum();
+            v.push(sum + block.compliance * lane.lambda[row] + lane.g[row]);
+        }
+    }
+    v
+}
+
+#[test]
+fn equalities_hold_and_compliance_gives() {
+    let mut room = lane(7);
+    for (i, compliance) in [0.0, 0.3, 2.0].into_iter().enumerate() {
+        row(&mut room.lane, i, FREE, [noise(77 + i)], compliance);
+    }
+    let verdict = room.solve_lane::<f64>(GOAL);
+    assert!(verdict.residual <= 1e-11, "{}", verdict.residual);
+    // A linear problem: one proximal step for each kappa, each of one Newton step, and one to polish.
+    assert!(verdict.steps <= 4, "{}", verdict.steps);
+    assert!(velocities(&room.lane).iter().all(|v| v.abs() <= 1e-10));
+    assert!(room.lane.lambda.iter().all(|l| l.abs() > 1e-3));
+}
+
+#[test]
+fn equalities_that_say_the_same_share_evenly() {
+    let mut room = lane(7);
+    for _ in 0..3 {
+        row(&mut room.lane, 4, FREE, [0.7], 0.0);
+    }
+    let verdict = room.solve_lane::<f64>(GOAL);
+    assert!(verdict.residual <= 1e-11);
+    let lambda = &room.lane.lambda;
+    assert!((lambda[0] - lambda[1]).abs() + (lambda[0] - lambda[2]).abs() <= 1e-12);
+}
+
+#[test]
+fn bounds_saturate() {
+    let mut room = lane(5);
+    row(&mut room.lane, 1, Set::Interval { lo: -0.1, hi: 0.1 }, [3.0], 0.0);
+    let verdict = room.solve_lane::<f64>(GOAL);
+    assert!(verdict.residual <= 1e-11);
+    assert_eq!(room.lane.lambda, [-0.1]);
+}
+
+/// One contact with `T = D + 1` rows: u is in the dual cone, at right angles to the impulse.
+fn cone<const T: usize>(mu: f64, pull: f64) {
+    let mut room = lane(9);
+    let g: [f64; T] = std::array::from_fn(|k| if k == 0 { -1.0 } else { pull * noise(5 + k) });
+    row(&mut room.lane, 2, Set::Cone { mu }, g, 0.0);
+    let verdict = room.solve_lane::<f64>(GOAL);
+    assert!(verdict.residual <= 1e-11, "{T} rows: {}", verdict.residual);
+    let (v, lambda) = (velocities(&room.lane), &room.lane.lambda);
+    let length = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let dissipated: f64 = v[1..].iter().zip(&lambda[1..]).map(|(v, l)| v * l).sum();
+    assert!(lambda[0] > 0.0 && v[0].abs() < 1e-10);
+    assert!(length(&lambda[1..]) <= mu * lambda[0] * (1.0 + 1e-12));
+    assert!((dissipated + mu * lambda[0] * length(&v[1..])).abs() < 1e-9);
+    let sticks = length(&v[1..]) < 1e-9;
+    assert_eq!(sticks, mu > 1.0, "{T} rows");
+}
+
+#[test]
+fn cones_have_any_number_of_tangents() {
+    for (mu, pull) in [(2.0, 0.01), (0.2, 3.0)] {
+        cone::<2>(mu, pull);
+        cone::<3>(mu, pull);
+        cone::<4>(mu, pull);
+        cone::<6>(mu, pull);
+    }
+}
+
+#[test]
+fn islands_are_solved_apart() {
+    let mut room = lane(8);
+    for (i, start) in [0, 4, 0, 4].into_iter().enumerate() {
+        let entries = (0..3).map(|c| [noise(100 * i + c)]);
+        let support = [start, start + 1, start + 3];
+        room.lane.add(&support, entries, FREE, 0, [1.0], [0.0]);
+    }
+    let verdict = room.solve_lane::<f64>(GOAL);
+    assert_eq!(room.islands.count, 2);
+    assert_eq!(room.islands.of_block, [0, 1, 0, 1]);
+    assert!(verdict.residual <= 1e-11);
+    assert_eq!((room.lane.w[2], room.lane.w[6]), (0.0, 0.0));
+}
+
+/// A chain of joined tiles: factors of a matrix with and without symmetry, against the product.
+#[test]
+fn factors_solve() {
+    let n = 20;
+    for symmetric in [true, false] {
+        let mut matrix = Skyline::default();
+        let mut dense = vec![vec![0.0; n]; n];
+        (0..n).for_each(|i| dense[i][i] = 1.0);
+        let spans = [0..8, 4..12, 8..20, 16..20, 0..4];
+        matrix.reset(n);
+        spans.iter().for_each(|span| matrix.reserve(span));
+        matrix.finish();
+        matrix.identity();
+        for (k, span) in spans.iter().enumerate() {
+            for rows in [1, 3, 5] {
+                let a: Vec<f64> = (0..rows * span.len()).map(|i| noise(500 * k + i)).collect();
+                let b: Vec<f64> = a.iter().enumerate().map(|(i, a)| if symmetric { *a } else { a + 0.1 * noise(i) }).collect();
+                matrix.add_product(span, &a, &b, symmetric);
+                for (i, j) in span.clone().flat_map(|i| span.clone().map(move |j| (i, j))) {
+                    for r in 0..rows {
+                        dense[i][j] += a[r * span.len() + i - span.start] * b[r * span.len() + j - span.start];
+                    }
+                }
+            }
+        }
+        assert!(matrix.factor(0.0, symmetric));
+        let answer: Vec<f64> = (0..n).map(|i| noise(9000 + i)).collect();
+        let mut x: Vec<f64> = dense.iter().map(|row| row.iter().zip(&answer).map(|(a, x)| a * x).sum()).collect();
+        matrix.solve(&mut x);
+        // Condition of some hundred.
+        for (x, answer) in x.iter().zip(&answer) {
+            assert!((x - answer).abs() < 1e-12, "{symmetric}: {x} {answer}");
+        }
+    }
+}

@@ -1,0 +1,68 @@
+//! Equality rows, made orthogonal to one another (modified Gram-Schmidt; Golub & Van Loan 2013, algorithm 5.2.6).
+//!
+//! Hard equalities demand y_k . w + g_k = 0 whatever the impulses, so any invertible combination of them demands the same. Combined so that
+//! their entries are orthogonal, a sweep over them is the exact solution of all of them together, where a sweep over the rows of a closed
+//! loop as they come converges slowly. A row that depends on those before it (a planar loop closed in three dimensions, two welds of the
+//! same bodies) is left with no entries and drops out.
+
+use std::ops::Range;
+
+use crate::Problem;
+use stepper_real::{Mask, Real, Scalar};
+
+impl<R: Real> Problem<R> {
+    /// Makes the scalar rows `rows` orthogonal; `also` holds more right-hand sides of each of them, which are combined like g.
+    ///
+    /// The rows must be equalities (any impulse) without compliance, pushed one after the other with the same support. Their impulses are
+    /// then those of the combined rows. `sizes` are the squared lengths of numbers that each row's entries are differences of: a row
+    /// shorter than 1e-6 of that (f32: 3e-3) is rounding, or so nearly dependent that no impulse should be asked for it, and drops out.
+    #[inline(always)]
+    pub fn orthogonalise<const N: usize>(&mut self, rows: Range<usize>, sizes: &[R], also: &mut [[R; N]]) {
+        let root = <R::Scalar as Scalar>::EPSILON.to_f64().sqrt();
+        let tolerance = R::of(root * root.sqrt());
+        for (k, &size) in rows.clone().zip(sizes) {
+            for j in rows.start..k {
+                let share = self.remove(k, j);
+                let other = also[j - rows.start];
+                for (x, other) in also[k - rows.start].iter_mut().zip(other) {
+                    *x -= share * other;
+                }
+            }
+            let at = self.scalars[k].y;
+            let n = self.scalars[k].support.len();
+            let mut rest = R::zero();
+            for &y in &self.y[at..at + n] {
+                rest += y * y;
+            }
+            let row = &mut self.scalars[k];
+            row.active = row.active.and(rest.gt(tolerance * size));
+            row.diagonal = R::select(row.active, rest, R::zero());
+            row.inv_diagonal = R::one() / R::select(row.active, rest, R::one());
+            let active = row.active;
+            for y in &mut self.y[at..at + n] {
+                *y = R::select(active, *y, R::zero());
+            }
+        }
+    }
+
+    /// Takes from row `k` its part along the earlier row `j`; returns how much of it.
+    #[inline(always)]
+    fn remove(&mut self, k: usize, j: usize) -> R {
+        let n = self.scalars[k].support.len();
+        debug_assert_eq!(n, self.scalars[j].support.len(), "rows of one support");
+        let (done, rest) = self.y.split_at_mut(self.scalars[k].y);
+        let at = self.scalars[j].y;
+        let (before, row) = (&done[at..at + n], &mut rest[..n]);
+        let mut along = R::zero();
+        for (&a, &b) in before.iter().zip(row.iter()) {
+            along += a * b;
+        }
+        let share = along * self.scalars[j].inv_diagonal;
+        for (&a, b) in before.iter().zip(row) {
+            *b -= share * a;
+        }
+        let g = self.scalars[j].g;
+        self.scalars[k].g -= share * g;
+        share
+    }
+}

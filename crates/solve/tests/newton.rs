@@ -1,0 +1,295 @@
+//! The second tier against the conditions that define its answer, against the first, and where there is no answer.
+
+use proptest::prelude::*;
+use stepper_real::{F32x16, F64x8, Mask, Real};
+use stepper_solve::newton::Newton;
+use stepper_solve::{Iterate, Problem, Settings, pgs, residual, solve};
+
+/// Rows of a problem: limits with one row, contacts with three.
+#[derive(Clone, Debug)]
+struct Case {
+    n: usize,
+    limits: Vec<(Vec<f64>, f64)>,
+    contacts: Vec<Contact>,
+}
+
+#[derive(Clone, Debug)]
+struct Contact {
+    y: Vec<[f64; 3]>,
+    mu: f64,
+    g: [f64; 3],
+}
+
+/// Random problems: every row touches some coordinates, which are scaled by up to `ratio` (the root of a ratio of masses), and some contacts
+/// come twice.
+fn case(most: usize, ratio: f64, mu: impl Strategy<Value = f64> + Clone + 'static) -> impl Strategy<Value = Case> {
+    (1..most, 6usize..16).prop_flat_map(move |(contacts, n)| {
+        let entry = prop_oneof![1 => Just(0.0), 2 => -1.0..1.0];
+        let row = prop::collection::vec(prop::array::uniform3(entry.clone()), n);
+        let contact = (row, mu.clone(), prop::array::uniform3(-2.0..2.0), prop::bool::weighted(0.2));
+        let limit = (prop::collection::vec(entry, n), -1.0..1.0);
+        let scale = prop::collection::vec((0.0..1.0f64).prop_map(move |x| ratio.powf(-x)), n);
+        (prop::collection::vec(contact, contacts), prop::collection::vec(limit, 0..4), scale).prop_map(move |(contacts, limits, scale)| {
+            let mut all = vec![];
+            for (mut y, mu, g, twice) in contacts {
+                y.iter_mut().zip(&scale).for_each(|(y, s)| *y = y.map(|y| y * s));
+                let contact = Contact { y, mu, g };
+                all.extend(std::iter::repeat_n(contact, 1 + usize::from(twice)));
+            }
+            let limits = limits.into_iter().map(|(y, g)| (y.iter().zip(&scale).map(|(y, s)| y * s).collect(), g)).collect();
+            Case { n, limits, contacts: all }
+        })
+    })
+}
+
+/// The cases in lanes, cold; lanes beyond them have no rows.
+fn build<R: Real>(cases: &[Case]) -> (Problem<R>, Iterate<R>) {
+    let n = cases.iter().map(|c| c.n).max().unwrap();
+    let most = |count: fn(&Case) -> usize| cases.iter().map(count).max().unwrap();
+    let (limits, contacts) = (most(|c| c.limits.len()), most(|c| c.contacts.len()));
+    let mut problem = Problem::with_capacity(n, limits, contacts);
+    let mut iterate = Iterate::with_capacity(n, limits, contacts);
+    problem.clear();
+    iterate.clear();
+    let support: Vec<u32> = (0..n as u32).collect();
+    let lanes = |number: &dyn Fn(&Case) -> Option<f64>| {
+        let mut x = R::zero();
+        cases.iter().enumerate().for_each(|(l, c)| x.set_lane(l, stepper_real::Scalar::from_f64(number(c).unwrap_or(0.0))));
+        x
+    };
+    let active = |exists: &dyn Fn(&Case) -> bool| {
+        R::Mask::from_bits(cases.iter().enumerate().fold(0, |bits, (l, c)| bits | u32::from(exists(c)) << l))
+    };
+    for k in 0..limits {
+        let row = |c: &Case| c.limits.get(k).cloned();
+        let y = |i: usize| lanes(&|c| row(c).and_then(|(y, _)| y.get(i).copied()));
+        let bounds = [R::zero(), R::of(f64::INFINITY)];
+        problem.push_scalar(&support, y, R::one(), active(&|c| c.limits.len() > k), lanes(&|c| row(c).map(|(_, g)| g)), bounds);
+        iterate.scalars.push(R::zero());
+    }
+    for k in 0..contacts {
+        let of = |c: &Case| c.contacts.get(k).cloned();
+        let y = |i: usize| std::array::from_fn(|r| lanes(&|c| of(c).and_then(|x| x.y.get(i).map(|y| y[r]))));
+        let g = std::array::from_fn(|r| lanes(&|c| of(c).map(|x| x.g[r])));
+        problem.push_contact(&support, y, active(&|c| c.contacts.len() > k), lanes(&|c| of(c).map(|x| x.mu)), g);
+        iterate.contacts.push([R::zero(); 3]);
+    }
+    iterate.start(&problem);
+    (problem, iterate)
+}
+
+/// Newton's method alone, cold; returns (residual, Newton steps).
+fn newton(problem: &Problem<f64>, iterate: &mut Iterate<f64>, steps: u32, tolerance: f64) -> (f64, f64) {
+    let (mut left, mut taken) = (residual(problem, iterate), 0.0);
+    Newton::default().solve(problem, iterate, steps, tolerance, true, [&mut left, &mut taken]);
+    (left, taken)
+}
+
+fn bits(iterate: &Iterate<f64>) -> Vec<u64> {
+    iterate.w.iter().chain(&iterate.scalars).chain(iterate.contacts.iter().flatten()).map(|x| x.to_bits()).collect()
+}
+
+/// Largest difference of two w.
+fn apart(a: &Iterate<f64>, b: &Iterate<f64>) -> f64 {
+    a.w.iter().zip(&b.w).fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+
+    /// Mass ratios to 1e4, friction to 1.5, redundant rows. A random problem may have no answer: then the residual says so, and it is no worse
+    /// than at the start.
+    #[test]
+    fn what_is_returned_is_what_the_residual_says(case in case(9, 1e2, 0.0..1.5)) {
+        let (problem, mut iterate) = build::<f64>(std::slice::from_ref(&case));
+        let before = residual(&problem, &iterate);
+        let (after, _) = newton(&problem, &mut iterate, 200, 1e-9);
+        prop_assert!(iterate.w.iter().chain(iterate.contacts.iter().flatten()).all(|x| x.is_finite()));
+        // The tiers add the same numbers up in different orders.
+        prop_assert!(after <= before * (1.0 + 1e-14));
+        // w is that of the impulses, and both residuals are of the same numbers, up to the order of sums over impulses of any size.
+        let size = 1.0 + bits(&iterate).iter().fold(0.0f64, |m, &x| m.max(f64::from_bits(x).abs()));
+        prop_assert!((residual(&problem, &iterate) - after).abs() <= 1e-12 * size, "{} {after}", residual(&problem, &iterate));
+        let w = iterate.w.clone();
+        iterate.start(&problem);
+        for (a, b) in w.iter().zip(&iterate.w) {
+            prop_assert!((a - b).abs() <= 1e-12 * size);
+        }
+    }
+
+    /// Without friction the problem is convex and w is unique: it is solved, in any order of the rows, and as the first tier solves it.
+    #[test]
+    fn without_friction_everything_is_solved_in_any_order(case in case(9, 1e2, Just(0.0)), turn in 0usize..9) {
+        let (problem, mut iterate) = build::<f64>(std::slice::from_ref(&case));
+        let (left, _) = newton(&problem, &mut iterate, 300, 1e-10);
+        // Rows that no motion satisfies together have no answer; with more coordinates than rows there is one.
+        prop_assume!(case.contacts.len() + case.limits.len() < case.n);
+        prop_assert!(left <= 1e-10, "{left}");
+        let mut turned = case.clone();
+        turned.contacts.rotate_left(turn % case.contacts.len());
+        turned.limits.reverse();
+        let (other, mut again) = build::<f64>(&[turned]);
+        let (left, _) = newton(&other, &mut again, 300, 1e-10);
+        prop_assert!(left <= 1e-10, "{left}");
+        // The energy norm of the error is at most the root of sum |lambda_i| r.
+        let impulse: f64 = iterate.contacts.iter().chain(&again.contacts).map(|l| l[0]).chain(iterate.scalars.iter().chain(&again.scalars).copied()).sum();
+        let tolerance = 2.0 * (impulse * 1e-10).sqrt() + 1e-9;
+        prop_assert!(apart(&iterate, &again) <= tolerance, "{} {tolerance}", apart(&iterate, &again));
+        let mut swept = iterate.clone();
+        swept.contacts.fill([0.0; 3]);
+        swept.scalars.fill(0.0);
+        swept.start(&problem);
+        let outcome = pgs::solve(&problem, &mut swept, pgs::Settings { sweeps: 20_000, tolerance: 1e-10 }, true);
+        prop_assume!(outcome.residual <= 1e-10);
+        let impulse = impulse + swept.contacts.iter().map(|l| l[0]).chain(swept.scalars.iter().copied()).sum::<f64>();
+        prop_assert!(apart(&iterate, &swept) <= 2.0 * (impulse * 1e-10).sqrt() + 1e-9);
+    }
+
+    /// A contact that is there twice shares its impulse evenly, and moves nothing otherwise.
+    #[test]
+    fn redundant_contacts_share(case in case(4, 1.0, 0.0..0.5)) {
+        let once = Case { limits: vec![], ..case };
+        let twice = Case { contacts: once.contacts.iter().flat_map(|c| [c.clone(), c.clone()]).collect(), ..once.clone() };
+        let (problem, mut iterate) = build::<f64>(&[once]);
+        let (doubled, mut both) = build::<f64>(&[twice]);
+        let left = [newton(&problem, &mut iterate, 300, 1e-11).0, newton(&doubled, &mut both, 300, 1e-11).0];
+        prop_assume!(left[0] <= 1e-11 && left[1] <= 1e-11);
+        let size = 1.0 + bits(&both).iter().fold(0.0f64, |m, &x| m.max(f64::from_bits(x).abs()));
+        for pair in both.contacts.chunks(2) {
+            for k in 0..3 {
+                prop_assert!((pair[0][k] - pair[1][k]).abs() <= 1e-9 * size, "{pair:?}");
+            }
+        }
+    }
+
+    /// Eight problems of different sizes in lanes give each the bits that it has alone, after sweeps and all.
+    #[test]
+    fn lanes_have_the_bits_of_one(cases in prop::collection::vec(case(7, 1e1, 0.0..1.5), 8)) {
+        let settings = Settings { sweeps: 3, newton: 12, tolerance: 1e-9 };
+        let (problem, mut iterate) = build::<F64x8>(&cases);
+        let wide = Settings { sweeps: 3, newton: 12, tolerance: F64x8::of(1e-9) };
+        let outcome = solve(&problem, &mut iterate, wide, Mask::splat(true), &mut Newton::default());
+        let mut room = Newton::default();
+        for (l, case) in cases.iter().enumerate() {
+            let (problem, mut alone) = build::<f64>(std::slice::from_ref(case));
+            let single = solve(&problem, &mut alone, settings, true, &mut room);
+            prop_assert_eq!(single.residual.to_bits(), outcome.residual.lane(l).to_bits());
+            prop_assert_eq!((single.sweeps, single.newton), (outcome.sweeps.lane(l), outcome.newton.lane(l)));
+            for (a, b) in alone.w.iter().zip(&iterate.w) {
+                prop_assert_eq!(a.to_bits(), b.lane(l).to_bits());
+            }
+            for (a, b) in alone.contacts.iter().zip(&iterate.contacts) {
+                prop_assert_eq!(a.map(f64::to_bits), b.map(|b| b.lane(l).to_bits()));
+            }
+        }
+    }
+
+    /// In 32 bits the answer is rounded before it is judged.
+    #[test]
+    fn single_precision_is_judged_as_it_is_returned(cases in prop::collection::vec(case(5, 1e1, 0.0..1.0), 16)) {
+        let (problem, mut iterate) = build::<F32x16>(&cases);
+        let settings = Settings { sweeps: 2, newton: 40, tolerance: F32x16::of(1e-4) };
+        let outcome = solve(&problem, &mut iterate, settings, Mask::splat(true), &mut Newton::default());
+        let left = residual(&problem, &iterate);
+        for l in 0..16 {
+            let size = iterate.contacts.iter().flatten().chain(&iterate.scalars).fold(1.0f32, |m, x| m.max(x.lane(l).abs()));
+            // Velocities are sums of some ten products of entries of order one with impulses.
+            let rounding = 30.0 * f32::EPSILON * size;
+            prop_assert!((left.lane(l) - outcome.residual.lane(l)).abs() <= rounding, "{} {}", left.lane(l), outcome.residual.lane(l));
+        }
+    }
+}
+
+/// Random problems of the same kind, one for each seed.
+fn problems(count: u32, most: usize, ratio: f64, mu: impl Strategy<Value = f64> + Clone + 'static) -> Vec<Case> {
+    use proptest::strategy::ValueTree;
+    let mut runner = proptest::test_runner::TestRunner::deterministic();
+    let strategy = case(most, ratio, mu);
+    (0..count).map(|_| strategy.new_tree(&mut runner).unwrap().current()).collect()
+}
+
+/// Random rows may demand what no motion can, and couple normal and tangent as no machine does. With friction to 0.3 an answer nearly always
+/// exists; up to 1.5 it often does not, and sweeps (20,000) find a few that are missed here and miss as many that are found.
+#[test]
+fn nearly_all_random_problems_are_solved() {
+    for (mu, most) in [(0.3, MOST_LEFT[0]), (1.5, MOST_LEFT[1])] {
+        let cases: Vec<Case> = problems(500, 9, 1e2, 0.0..mu).into_iter().filter(|c| c.contacts.len() + c.limits.len() < c.n).collect();
+        let left = cases.iter().filter(|case| {
+            let (problem, mut iterate) = build::<f64>(std::slice::from_ref(case));
+            newton(&problem, &mut iterate, 200, 1e-9).0 > 1e-9
+        });
+        let left = left.count() as f64 / cases.len() as f64;
+        println!("friction to {mu}: {left:.3} of {} left", cases.len());
+        assert!(left <= most, "{left}");
+    }
+}
+
+/// Parts left at the most, for friction to 0.3 and to 1.5; measured: see the test's output.
+const MOST_LEFT: [f64; 2] = [0.01, 0.05];
+
+/// Coupling of normal and tangent beyond 1/mu: pressing slides, sliding presses (Painleve 1895). Velocities are those of one body.
+fn painleve(coupling: f64, slip: f64) -> Case {
+    let y = vec![[1.0, coupling, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 1.0]];
+    Case { n: 3, limits: vec![], contacts: vec![Contact { y, mu: 1.2, g: [-0.1, slip, 0.0] }] }
+}
+
+#[test]
+fn painleve_problems_stay_finite_and_are_reported() {
+    for coupling in [-8.0, -3.0, -1.5, -0.9, 0.9, 1.5, 3.0, 8.0] {
+        for slip in [-5.0, -0.1, 0.0, 0.1, 5.0] {
+            for sweeps in [1, 10] {
+                let (problem, mut iterate) = build::<f64>(&[painleve(coupling, slip)]);
+                let settings = Settings { sweeps, newton: 50, tolerance: 1e-9 };
+                let outcome = solve(&problem, &mut iterate, settings, true, &mut Newton::default());
+                assert!(bits(&iterate).iter().all(|&x| f64::from_bits(x).is_finite()), "{coupling} {slip}");
+                let size = 1.0 + iterate.contacts[0].iter().fold(0.0f64, |m, x| m.max(x.abs())) * coupling.abs();
+                assert!((outcome.residual - residual(&problem, &iterate)).abs() <= 1e-14 * size, "{coupling} {slip}");
+            }
+        }
+    }
+}
+
+#[test]
+fn running_out_of_steps_is_reported_and_no_worse_than_sweeps() {
+    let mut ran_out = 0;
+    for case in problems(100, 9, 1e2, 0.5..1.5) {
+        let mut sweeps = f64::INFINITY;
+        for newton in [0, 1, 2, 4] {
+            let (problem, mut iterate) = build::<f64>(std::slice::from_ref(&case));
+            let settings = Settings { sweeps: 2, newton, tolerance: 1e-12 };
+            let outcome = solve(&problem, &mut iterate, settings, true, &mut Newton::default());
+            assert!(outcome.newton <= f64::from(newton) * case.contacts.len() as f64);
+            sweeps = sweeps.min(if newton == 0 { outcome.residual } else { f64::INFINITY });
+            // The tiers add the same numbers up in different orders.
+            assert!(outcome.residual <= sweeps * (1.0 + 1e-14), "{} {sweeps}", outcome.residual);
+            ran_out += u32::from(newton == 1 && outcome.residual > 1e-12);
+        }
+    }
+    assert!(ran_out > 50, "only {ran_out} ran out");
+}
+
+#[test]
+fn a_solved_lane_keeps_its_bits() {
+    let cases = problems(8, 6, 1e1, 0.0..0.5);
+    let (problem, mut iterate) = build::<F64x8>(&cases);
+    let mut room = Newton::default();
+    let settings = Settings { sweeps: 200, newton: 100, tolerance: F64x8::of(1e-8) };
+    let outcome = solve(&problem, &mut iterate, settings, Mask::splat(true), &mut room);
+    let (mut left, mut taken) = (outcome.residual, F64x8::zero());
+    let before = iterate.clone();
+    room.solve(&problem, &mut iterate, 10, F64x8::of(1e-9), Mask::from_bits(0b10), [&mut left, &mut taken]);
+    for l in (0..8).filter(|&l| l != 1) {
+        assert!(iterate.w.iter().zip(&before.w).all(|(a, b)| a.lane(l).to_bits() == b.lane(l).to_bits()));
+        assert_eq!(taken.lane(l), 0.0);
+    }
+}
+
+#[test]
+fn numbers_that_are_none_are_left_alone() {
+    let mut case = painleve(0.2, 1.0);
+    case.contacts[0].g[1] = f64::NAN;
+    let (problem, mut iterate) = build::<f64>(&[case]);
+    let outcome = solve(&problem, &mut iterate, Settings { sweeps: 3, newton: 5, tolerance: 1e-9 }, true, &mut Newton::default());
+    assert!(outcome.residual.is_nan());
+    assert_eq!(outcome.newton, 0.0);
+}

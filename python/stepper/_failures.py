@@ -1,0 +1,72 @@
+"""Why an episode failed: what a step says of itself, laid to physics, sensing or action."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stepper._status import Status
+
+if TYPE_CHECKING:
+    from stepper._stepper import Stepper
+
+KEPT = 1000
+"""Failures of each cause that are kept one by one; all are counted."""
+
+DEEP = 1e-3
+"""Overlap in m from which on a step counts as penetration."""
+
+CAUSES = {
+    ("action", "non-finite"): "a control is NaN or infinite; the environment kept its state",
+    ("action", "clipped"): "a control lies outside its range and was clipped",
+    ("physics", "non-finite"): "the step was not finite though its controls were; the environment kept its state",
+    ("physics", "residual"): "the residual is above the tolerance",
+    ("physics", "contacts full"): "there were more contacts than room",
+    ("physics", "unresolved"): "the time step was too long for the motion",
+    ("physics", "penetration"): f"geoms overlap by more than {DEEP:g} m",
+}
+"""Whose fault, and what happened."""
+
+
+class Failures:
+    """Counts what failed, by cause, and keeps where the first of each were."""
+
+    def __init__(self, sim: Stepper):
+        bounds = np.asarray(sim.model.actuator_ctrlrange).reshape(-1, 2)
+        self._low, self._high = bounds[:, 0], bounds[:, 1]
+        self._count = dict.fromkeys(CAUSES, 0)
+        self._first: dict[tuple[str, str], list[tuple[int, int]]] = {cause: [] for cause in CAUSES}
+
+    def look(self, row: int, fields: dict[str, np.ndarray[Any, Any]]) -> None:
+        """Takes in one row of a recording; see `stepper._record.FIELDS`."""
+        ctrl = fields["ctrl"]
+        status, deep = np.atleast_1d(fields["status"]), np.atleast_1d(fields["penetration"])
+        bad = ~np.all(np.isfinite(ctrl), axis=1)
+        outside = np.any((ctrl < self._low) | (ctrl > self._high), axis=1) & ~bad
+
+        def says(flag: Status) -> np.ndarray[Any, Any]:
+            return (status & flag.value).astype(bool)
+
+        found = {
+            ("action", "non-finite"): bad,
+            ("action", "clipped"): outside,
+            ("physics", "non-finite"): says(Status.NON_FINITE) & ~bad,
+            ("physics", "residual"): says(Status.NOT_CONVERGED),
+            ("physics", "contacts full"): says(Status.CONTACTS_FULL),
+            ("physics", "unresolved"): says(Status.UNRESOLVED),
+            ("physics", "penetration"): deep > DEEP,
+        }
+        for cause, where in found.items():
+            environments = np.flatnonzero(where)
+            self._count[cause] += len(environments)
+            room = KEPT - len(self._first[cause])
+            self._first[cause] += [(row, int(env)) for env in environments[:room]]
+
+    def summary(self) -> list[dict[str, Any]]:
+        """What happened at all: whose fault, what, how often, and the first (row, environment) pairs."""
+        return [
+            {"whose": whose, "what": what, "meaning": CAUSES[whose, what], "count": count, "first": self._first[whose, what]}
+            for (whose, what), count in self._count.items()
+            if count
+        ]

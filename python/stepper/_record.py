@@ -1,0 +1,182 @@
+"""Stage 10 on disk: a run as it happened, and the proof that it can be repeated.
+
+A recording is a folder:
+
+    run.json         what was in force: versions, machine, options, precision, seed, digest of the model, shapes and units of the fields;
+                     at the end the number of rows, and what failed
+    model.stepper    the model, as `Model.save` writes it
+    00000.npz ...    rows, each file complete in itself: what is lost in a crash is the last file alone
+
+Arrays of a file: `kind` (n,) says what each row was (`KINDS`). The rows of steps have the fields of `FIELDS`, stacked in their order; the
+others their arguments, as "row/name".
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stepper._failures import Failures
+from stepper._machine import provenance
+
+if TYPE_CHECKING:
+    from stepper._stepper import Stepper
+
+FORMAT = 1
+KINDS = ("start", "step", "reset", "set_state", "applied")
+"""What a row can be. "applied" stands before a step whose applied forces or mocap poses are other than those of the step before."""
+FIELDS = {
+    "ctrl": "as given, N, N m or what the actuator takes",
+    "nstep": "steps of the call",
+    "qpos": "m and rad",
+    "qvel": "m/s and rad/s",
+    "act": "",
+    "time": "s",
+    "observation": "of each sensor",
+    "residual": "m/s",
+    "iterations": "",
+    "status": "flags, stepper.Status",
+    "penetration": "m",
+}
+COMPARED = ("qpos", "qvel", "act", "time", "observation", "residual", "iterations", "status")
+"""Fields that a replay has to reproduce, bit for bit."""
+APPLIED = ("qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat")
+
+
+class Recorder:
+    """Writes what a `Stepper` does into a folder. A context manager; `close` ends the recording.
+
+    Args:
+        sim: The stepper; it must not be recorded already.
+        path: The folder, new or empty.
+        chunk: Bytes that are kept in memory before a file is written.
+
+    Raises:
+        FileExistsError: There is something in the folder.
+        ValueError: The stepper is being recorded.
+
+    Attributes:
+        path: The folder.
+        rows: Rows so far.
+        failures: What failed so far, and why.
+    """
+
+    def __init__(self, sim: Stepper, path: str | os.PathLike[str], *, chunk: int = 64 << 20):
+        if sim.recorder is not None:
+            raise ValueError(f"this stepper is already recorded into {sim.recorder.path}; close that recording first")
+        if chunk < 1:
+            raise ValueError(f"chunk is {chunk}, must be 1 or more bytes")
+        self.path = Path(path)
+        if self.path.exists() and any(self.path.iterdir()):
+            raise FileExistsError(f"{self.path} is not empty; give a new folder, or remove it")
+        self.path.mkdir(parents=True, exist_ok=True)
+        self.rows = 0
+        self.failures = Failures(sim)
+        self._sim, self._chunk, self._files = sim, chunk, 0
+        self._applied: list[np.ndarray[Any, Any] | None] = [None] * len(APPLIED)
+        self._clear()
+        sim.model.save(self.path / "model.stepper")
+        self._header = header(sim)
+        self._write_header(closed=False)
+        self._add("start", state=_state_bytes(sim))
+
+    def step(self, sim: Stepper, *, ctrl: np.ndarray[Any, Any], nstep: int, applied: list[np.ndarray[Any, Any] | None]) -> None:
+        """Called by the stepper after a call of `step`."""
+        if not all(_same(now, before) for now, before in zip(applied, self._applied, strict=True)):
+            self._applied = [None if now is None else now.copy() for now in applied]
+            self._add("applied", **{name: now for name, now in zip(APPLIED, self._applied, strict=True) if now is not None})
+        row = {name: np.asarray(getattr(sim, name)) for name in FIELDS if name not in ("ctrl", "nstep")}
+        row |= {"ctrl": ctrl, "nstep": np.asarray(nstep)}
+        self.failures.look(self.rows, row)
+        for name, value in row.items():
+            self._steps[name].append(value)
+        self._count("step", sum(value.nbytes for value in row.values()))
+
+    def reset(self, _sim: Stepper, **arguments: Any) -> None:
+        """Called by the stepper after a reset."""
+        self._add("reset", **arguments)
+
+    def set_state(self, _sim: Stepper, **arguments: Any) -> None:
+        """Called by the stepper after `set_state`."""
+        if "state" in arguments:
+            arguments = {"state": _state_bytes(self._sim)}
+        self._add("set_state", **arguments)
+
+    def close(self) -> None:
+        """Writes what is left and says in run.json that the recording is complete. The stepper goes on unrecorded."""
+        if self._sim.recorder is self:
+            self._sim.recorder = None
+            self._flush()
+            self._write_header(closed=True)
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    def _add(self, kind: str, **arguments: Any) -> None:
+        arrays = {name: np.asarray(value) for name, value in arguments.items()}
+        self._others |= {f"{len(self._kinds)}/{name}": value for name, value in arrays.items()}
+        self._count(kind, sum(value.nbytes for value in arrays.values()))
+
+    def _count(self, kind: str, nbytes: int) -> None:
+        self._kinds.append(KINDS.index(kind))
+        self.rows += 1
+        self._bytes += nbytes
+        if self._bytes >= self._chunk:
+            self._flush()
+
+    def _clear(self) -> None:
+        self._kinds: list[int] = []
+        self._steps: dict[str, list[np.ndarray[Any, Any]]] = {name: [] for name in FIELDS}
+        self._others: dict[str, np.ndarray[Any, Any]] = {}
+        self._bytes = 0
+
+    def _flush(self) -> None:
+        if not self._kinds:
+            return
+        stacked = {name: np.stack(rows) for name, rows in self._steps.items() if rows}
+        final = self.path / f"{self._files:05d}.npz"
+        # Under another name until it is whole.
+        partial = final.with_suffix(".part")
+        with partial.open("wb") as file:
+            np.savez(file, kind=np.array(self._kinds, np.uint8), **stacked, **self._others)  # type: ignore[arg-type]
+        partial.replace(final)
+        self._files += 1
+        self._clear()
+
+    def _write_header(self, *, closed: bool) -> None:
+        text = json.dumps(self._header | {"closed": closed, "rows": self.rows, "failures": self.failures.summary()}, indent=2)
+        (self.path / "run.json").write_text(text + "\n", encoding="utf-8")
+
+
+def header(sim: Stepper) -> dict[str, Any]:
+    """Theta: everything that was in force."""
+    return {
+        "format": FORMAT,
+        "model": {"name": sim.model.name, "sha256": sim.model.digest, "file": "model.stepper"},
+        "options": dataclasses.asdict(sim.options),
+        "timestep": sim.timestep,
+        "num_envs": sim.num_envs,
+        "precision": sim.precision,
+        "threads": sim.threads,
+        "seed": sim.seed,
+        "sensors": None if sim.sensors is None else sim.sensors.to_dict(),
+        "fields": FIELDS,
+        "provenance": provenance(),
+    }
+
+
+def _state_bytes(sim: Stepper) -> np.ndarray[Any, Any]:
+    return np.frombuffer(sim.get_state().bytes, np.uint8)
+
+
+def _same(a: np.ndarray[Any, Any] | None, b: np.ndarray[Any, Any] | None) -> bool:
+    return (a is None and b is None) or (a is not None and b is not None and a.tobytes() == b.tobytes())

@@ -1,0 +1,229 @@
+"""`stepper.SensorModel`: what it takes, what it refuses, and that readings are the last step's, whoever reads them and how often."""
+
+from __future__ import annotations
+
+import json
+import pickle
+
+import numpy as np
+import pytest
+import stepper
+from stepper import SensorModel, Transfer, devices
+
+SCENE = """
+<mujoco>
+  <option timestep="0.002"/>
+  <worldbody>
+    <geom name="floor" type="plane" size="1 1 1"/>
+    <body name="arm" pos="0 0 1">
+      <joint name="pivot" type="hinge" axis="0 1 0" damping="0.1"/>
+      <geom name="rod" type="capsule" fromto="0 0 0 0 0 -.5" size="0.05"/>
+      <site name="imu" pos="0 0 -.3"/>
+    </body>
+  </worldbody>
+  <actuator><motor name="torque" joint="pivot"/></actuator>
+  <sensor>
+    <jointpos name="angle" joint="pivot" noise="0.01"/>
+    <jointvel name="rate" joint="pivot" cutoff="0.5"/>
+    <gyro name="gyro" site="imu"/>
+    <accelerometer name="acceleration" site="imu"/>
+    <framequat name="attitude" objtype="site" objname="imu"/>
+    <clock name="clock"/>
+  </sensor>
+</mujoco>
+"""
+ALL = Transfer(
+    scale_std=0.01, misalignment_std=0.01, bias_std=0.1, drift_std=0.3, drift_time=0.5, noise_std=0.02, quantum=1e-4, limits=(-50, 50),
+    period=0.004, delay=0.005, jitter=0.003, dropout=0.1,
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def model() -> stepper.Model:
+    return stepper.load(SCENE)
+
+
+def noisy(model: stepper.Model, num_envs: int | None = None, **settings) -> stepper.Stepper:
+    sensors = SensorModel({"attitude": Transfer(bias_std=0.1, noise_std=0.05, delay=0.005)}, default=ALL)
+    return stepper.Stepper(model, num_envs, sensors=sensors, **settings)
+
+
+def episode(sim: stepper.Stepper, calls: int = 20) -> np.ndarray:
+    rows = [sim.observation]
+    for k in range(calls):
+        sim.step(np.full(sim.model.nu, np.sin(0.3 * k)), nstep=1 + k % 3)
+        rows.append(sim.observation)
+    return np.array(rows)
+
+
+def test_shapes_and_addresses(model):
+    assert model.nsensordata == 1 + 1 + 3 + 3 + 4 + 1
+    assert model.sensor_names == ["angle", "rate", "gyro", "acceleration", "attitude", "clock"]
+    assert [(s["type"], s["adr"], s["dim"]) for s in model.sensors][2:5] == [("gyro", 2, 3), ("accelerometer", 5, 3), ("framequat", 8, 4)]
+    assert stepper.Stepper(model).observation.shape == (13,)
+    assert stepper.Stepper(model, 3).observation.shape == (3, 13)
+    assert stepper.Stepper(model, 3, precision="f32").sensor_truth.dtype == np.float32
+
+
+def test_without_a_model_of_errors_the_truth_is_observed(model):
+    sim = stepper.Stepper(model, 5)
+    sim.step(1.0 * np.ones(1), nstep=10)
+    np.testing.assert_array_equal(sim.observation, sim.sensor_truth)
+    np.testing.assert_array_equal(sim.observation[:, 0], sim.qpos[:, 0])
+    np.testing.assert_array_equal(sim.observation[:, 12], sim.time)
+
+
+def test_reading_twice_gives_the_same_and_reading_changes_nothing(model):
+    read, unread = noisy(model, 11, seed=3), noisy(model, 11, seed=3)
+    for k in range(15):
+        for sim in (read, unread):
+            sim.step(np.array([np.sin(k)]))
+        first = read.observation
+        read.sensor_truth  # noqa: B018  (reading is what is tested)
+        np.testing.assert_array_equal(read.observation, first)
+    np.testing.assert_array_equal(read.observation, unread.observation)
+    assert read.get_state() == unread.get_state()
+
+
+def test_observe_fills_an_array(model):
+    sim = noisy(model, 4)
+    out = np.empty((4, model.nsensordata))
+    assert sim.observe(out=out) is out
+    np.testing.assert_array_equal(out, sim.observation)
+    single = np.empty((4, model.nsensordata), dtype=np.float32)
+    np.testing.assert_array_equal(sim.observe(out=single), sim.observation.astype(np.float32))
+    with pytest.raises(ValueError, match=r"out has shape \(4,\), must be \(4, 13\)"):
+        sim.observe(out=np.empty(4))
+
+
+@pytest.mark.parametrize("settings", [{"threads": 2}, {"threads": 3}])
+def test_bits_do_not_depend_on_threads(model, settings):
+    np.testing.assert_array_equal(episode(noisy(model, 40, seed=5)), episode(noisy(model, 40, seed=5, **settings)))
+
+
+def test_bits_do_not_depend_on_the_batch(model):
+    """Environment 0 alone runs in scalars, with others in lanes; environment 9 is in another lane of another group."""
+    many, few, alone = (episode(noisy(model, n, seed=5)) for n in (13, 10, 1))
+    np.testing.assert_array_equal(many[:, :10], few)
+    np.testing.assert_array_equal(many[:, :1], alone)
+
+
+def test_seeds_episodes_and_environments_differ(model):
+    sim = noisy(model, 3, seed=1)
+    first = episode(sim)
+    assert len({row.tobytes() for row in first[-1]}) == 3
+    sim.reset()
+    second = episode(sim)
+    assert not np.any(first[:, :, 0] == second[:, :, 0])
+    sim.reset(seed=1)
+    np.testing.assert_array_equal(episode(sim), first)
+    sim.reset(seed=2)
+    assert not np.array_equal(episode(sim), first)
+
+
+def test_a_masked_reset_leaves_the_others_alone(model):
+    sim, other = noisy(model, 10, seed=4), noisy(model, 10, seed=4)
+    episode(sim), episode(other)
+    mask = np.arange(10) % 3 == 0
+    sim.reset(mask)
+    for s in (sim, other):
+        s.step(np.ones(1), nstep=3)
+    np.testing.assert_array_equal(sim.observation[~mask], other.observation[~mask])
+    assert np.all(sim.time[mask] == pytest.approx(0.006))
+
+
+def test_states_carry_bias_drift_and_delay_lines(model):
+    sim = noisy(model, 9, seed=8)
+    episode(sim)
+    state, twin = sim.get_state(), pickle.loads(pickle.dumps(sim))
+    assert twin.sensors == sim.sensors
+    expected = episode(sim)
+    np.testing.assert_array_equal(episode(twin), expected)
+    sim.set_state(state)
+    np.testing.assert_array_equal(episode(sim), expected)
+
+
+def test_delay_lines_begin_with_the_first_reading(model):
+    sim = stepper.Stepper(model, 2, sensors=SensorModel({"angle": Transfer(delay=0.01)}))
+    sim.reset(qpos=np.array([[0.5], [-0.25]]))
+    np.testing.assert_array_equal(sim.observation[:, 0], [0.5, -0.25])
+    truth = [sim.sensor_truth[:, 0]]
+    for k in range(12):
+        sim.step()
+        truth.append(sim.sensor_truth[:, 0])
+        np.testing.assert_array_equal(sim.observation[:, 0], truth[max(0, k + 1 - 5)])
+
+
+def test_what_is_refused_is_named(model):
+    def refused(match: str, error=ValueError, **transfer):
+        with pytest.raises(error, match=match):
+            stepper.Stepper(model, 4, sensors=SensorModel({"angle": Transfer(**transfer)}))
+
+    refused('sensor "angle": noise_std is -1', noise_std=-1)
+    refused("limits are \\(1, -1\\)", limits=(1, -1))
+    refused("dropout is 1.5", dropout=1.5)
+    refused("must be at most", delay=1e9)
+    refused("drift_time is 0", drift_time=0)
+    refused("bias_std is NaN", bias_std=float("nan"))
+    refused(r"noise_std has shape \(3,\), must be \(\) or \(4,\)", noise_std=[1, 2, 3])
+    refused(r"must be \(1, 1\)", scale=np.eye(2))
+    refused("noise is 'pink'", noise="pink")
+    refused("must be a number", TypeError, noise_std="loud")
+    with pytest.raises(ValueError, match="no sensor fits 'angel', there are: angle, rate"):
+        stepper.Stepper(model, sensors=SensorModel({"angel": ALL}))
+    with pytest.raises(ValueError, match=r"attitude.*scale and misalignment of a unit vector or quaternion"):
+        stepper.Stepper(model, sensors=SensorModel({"attitude": Transfer(scale=2.0)}))
+    with pytest.raises(TypeError, match=r"sensors is 'noise'.*SensorModel"):
+        stepper.Stepper(model, sensors="noise")
+
+
+def test_numbers_may_differ_between_environments(model):
+    delay = np.array([0.0, 0.002, 0.006, 0.008])
+    sim = stepper.Stepper(model, 4, sensors=SensorModel({"clock": Transfer(delay=delay, scale=[1, 2, 3, 4])}))
+    sim.step(nstep=10)
+    np.testing.assert_allclose(sim.observation[:, 12], (0.02 - delay) * [1, 2, 3, 4], rtol=1e-12)
+
+
+def test_names_patterns_and_default(model):
+    sensors = SensorModel({"a*": Transfer(scale=2.0), "angle": Transfer(scale=3.0), "attitude": Transfer()}, default=Transfer(scale=5.0))
+    sim = stepper.Stepper(model, sensors=sensors)
+    sim.reset(qpos=[1.0], qvel=[1.0])
+    ratio = sim.observation[[0, 1, 5]] / sim.sensor_truth[[0, 1, 5]]
+    np.testing.assert_allclose(ratio, [3, 5, 2], rtol=1e-12)
+
+
+def test_mjcf_declares_noise_and_cutoff(model):
+    sensors = SensorModel.from_mjcf(model)
+    assert sensors == SensorModel({"angle": Transfer(noise_std=0.01), "rate": Transfer(limits=(-0.5, 0.5))})
+    sim = stepper.Stepper(model, sensors=sensors)
+    sim.reset(qvel=[3.0])
+    assert sim.observation[1] == 0.5
+    assert 0 < abs(sim.observation[0]) < 0.06
+
+
+def test_files(model, tmp_path):
+    toml = tmp_path / "sensors.toml"
+    toml.write_text(
+        '[default]\nnoise_std = 0.5\n[sensors.gyro]\ndevice = "mpu6050_gyro"\nperiod = 0.01\n[sensors."an*"]\nlimits = [-1, 1]\n'
+    )
+    read = SensorModel.from_file(toml)
+    assert read.default == Transfer(noise_std=0.5)
+    assert read.named["an*"].limits == (-1, 1)
+    assert read.named["gyro"].period == 0.01
+    assert read.named["gyro"].noise_density == devices.find("mpu6050_gyro").noise_density
+    file = tmp_path / "sensors.json"
+    file.write_text(json.dumps(read.to_dict()))
+    assert SensorModel.from_file(file) == read
+    toml.write_text("[sensors.gyro]\nnoize = 1\n")
+    with pytest.raises(ValueError, match=r"sensors.toml: sensor 'gyro': unknown entries \['noize'\]"):
+        SensorModel.from_file(toml)
+    toml.write_text('[sensors.gyro]\ndevice = "abacus"\n')
+    with pytest.raises(ValueError, match=r"sensor 'gyro': no device 'abacus', there are: .*hg1700_gyro"):
+        SensorModel.from_file(toml)
+
+
+@pytest.mark.parametrize("name", sorted(devices.DEVICES))
+def test_every_device_works(model, name):
+    sim = stepper.Stepper(model, 2, sensors=SensorModel({"gyro": devices.find(name)}))
+    sim.step(nstep=3)
+    assert np.all(np.isfinite(sim.observation))

@@ -1,0 +1,38 @@
+"""SimBenchmark's seven public tests, written anew: benches/atlas/scenes/simbenchmark.py."""
+
+from atlas_cases import cases, check
+
+
+@cases("S1")
+def test_rolling(scene, engine, dt):
+    check(scene, engine, dt)
+
+
+@cases("S2")
+def test_bouncing(scene, engine, dt):
+    check(scene, engine, dt)
+
+
+@cases("S3")
+def test_666(scene, engine, dt):
+    check(scene, engine, dt)
+
+
+@cases("S4")
+def test_elastic_666(scene, engine, dt):
+    check(scene, engine, dt)
+
+
+@cases("S5")
+def test_momentum(scene, engine, dt):
+    check(scene, engine, dt)
+
+
+@cases("S6")
+def test_energy(scene, engine, dt):
+    check(scene, engine, dt)
+
+
+@cases("S7")
+def test_standing(scene, engine, dt):
+    check(scene, engine, dt)

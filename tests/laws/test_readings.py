@@ -1,0 +1,257 @@
+"""What readings obey: Newton's law, and the statistics of the errors that were asked for.
+
+Bounds of statistics are five standard deviations of the estimator, which the seed's own draw stays within, once and for all.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import stepper
+from stepper import SensorModel, Transfer, devices
+
+STILL = """
+<mujoco>
+  <option timestep="{dt}" gravity="0 0 0"/>
+  <worldbody><body><joint name="pivot" type="hinge" axis="0 1 0"/><geom size="0.1"/><site name="imu"/></body></worldbody>
+  <sensor><gyro name="gyro" site="imu"/><jointpos name="angle" joint="pivot"/><framezaxis name="axis" objtype="site" objname="imu"/>
+  <framequat name="attitude" objtype="site" objname="imu"/></sensor>
+</mujoco>
+"""
+GYRO, ANGLE, AXIS, ATTITUDE = slice(0, 3), 3, slice(4, 7), slice(7, 11)
+
+
+def errors(steps: int, num_envs: int, dt: float = 0.01, seed: int = 0, **transfers: Transfer) -> np.ndarray:
+    """Readings of sensors at rest, (steps + 1, num_envs, nsensordata)."""
+    model = stepper.load(STILL.format(dt=dt))
+    sim = stepper.Stepper(model, num_envs, sensors=SensorModel(transfers), seed=seed)
+    rows = [sim.observation]
+    for _ in range(steps):
+        sim.step()
+        rows.append(sim.observation)
+    return np.array(rows)
+
+
+def moments(x: np.ndarray) -> tuple[float, float, float, float]:
+    """Mean, variance, skewness and kurtosis."""
+    x = x.ravel()
+    d = x - x.mean()
+    var = np.mean(d**2)
+    return x.mean(), var, np.mean(d**3) / var**1.5, np.mean(d**4) / var**2
+
+
+def test_gaussian_noise_has_its_moments():
+    x = errors(200, 256, gyro=Transfer(noise_std=0.3))[:, :, GYRO]
+    n = x.size
+    mean, var, skew, kurtosis = moments(x)
+    assert abs(mean) < 5 * 0.3 / np.sqrt(n)
+    assert abs(var / 0.09 - 1) < 5 * np.sqrt(2 / n)
+    assert abs(skew) < 5 * np.sqrt(6 / n)
+    assert abs(kurtosis - 3) < 5 * np.sqrt(24 / n)
+    # Beyond three standard deviations there are 0.27 % of a normal distribution.
+    tail = np.mean(np.abs(x) > 0.9)
+    assert abs(tail - 0.0027) < 5 * np.sqrt(0.0027 / n)
+
+
+def test_uniform_noise_has_its_moments():
+    x = errors(200, 256, angle=Transfer(noise_std=0.3, noise="uniform"))[:, :, ANGLE]
+    mean, var, _, kurtosis = moments(x)
+    n = x.size
+    assert np.abs(x).max() <= 0.3
+    assert abs(mean) < 5 * np.sqrt(0.03 / n)
+    assert abs(var / 0.03 - 1) < 5 * np.sqrt(0.8 / n)
+    assert abs(kurtosis - 1.8) < 5 * np.sqrt(24 / n)
+
+
+def test_noise_is_white():
+    """Means of the periodogram over its lower and upper half agree, and no neighbours in time are correlated."""
+    x = errors(2047, 32, angle=Transfer(noise_std=1.0))[:, :, ANGLE]
+    power = np.abs(np.fft.rfft(x, axis=0)[1:-1]) ** 2 / len(x)
+    low, high = power[: len(power) // 2], power[len(power) // 2 :]
+    assert abs(low.mean() - high.mean()) < 5 * np.sqrt(2 / low.size)
+    for lag in (1, 2, 7):
+        assert abs(np.mean(x[lag:] * x[:-lag])) < 5 / np.sqrt(x.size)
+
+
+def test_environments_sensors_axes_and_episodes_are_independent():
+    x = errors(4000, 16, gyro=Transfer(noise_std=1.0), angle=Transfer(noise_std=1.0))[:, :, :4]
+    columns = x.reshape(len(x), -1)
+    correlation = np.corrcoef(columns.T) - np.eye(columns.shape[1])
+    # The largest of 2,016 correlations of normal numbers stays below 5 standard deviations.
+    assert np.abs(correlation).max() < 5 / np.sqrt(len(x))
+    other = errors(4000, 16, seed=1, gyro=Transfer(noise_std=1.0), angle=Transfer(noise_std=1.0))[:, :, :4].reshape(len(x), -1)
+    assert np.abs(np.mean(columns * other, axis=0)).max() < 5 / np.sqrt(len(x))
+
+
+def test_bias_is_drawn_once_an_episode():
+    model = stepper.load(STILL.format(dt=0.01))
+    sim = stepper.Stepper(model, 4096, sensors=SensorModel({"gyro": Transfer(bias_std=0.2)}))
+    first = sim.observation[:, GYRO]
+    sim.step(nstep=10)
+    np.testing.assert_array_equal(sim.observation[:, GYRO], first)
+    sim.reset()
+    second = sim.observation[:, GYRO]
+    n = first.size
+    assert abs(np.std(first) / 0.2 - 1) < 5 / np.sqrt(2 * n)
+    assert abs(np.mean(first * second)) < 5 * 0.04 / np.sqrt(n)
+
+
+def allan(x: np.ndarray, dt: float, tau: float) -> float:
+    """Allan deviation at tau of rates (time, ...), from the differences of neighbouring means over tau."""
+    m = round(tau / dt)
+    means = x[: len(x) // m * m].reshape(len(x) // m, m, -1).mean(axis=1)
+    return float(np.sqrt(0.5 * np.mean(np.diff(means, axis=0) ** 2)))
+
+
+@pytest.mark.parametrize("dt", [0.02, 0.005])
+def test_the_allan_deviation_of_an_imu_is_its_data_sheets(dt):
+    """White noise of density N has N / sqrt(tau) at any time step: at 1 s the angle random walk of the sheet."""
+    device = devices.find("adis16470_gyro")
+    white = Transfer(noise_density=device.noise_density)
+    seconds, envs = 16, 64
+    x = errors(round(seconds / dt) - 1, envs, dt, gyro=white)[:, :, GYRO]
+    for tau in (0.1, 1.0):
+        # Half of the differences of means are independent.
+        count = seconds / tau * envs * 3 / 2
+        assert abs(allan(x, dt, tau) / (np.deg2rad(0.008) / np.sqrt(tau)) - 1) < 5 / np.sqrt(2 * count)
+
+
+def test_a_random_walk_grows_with_the_root_of_time():
+    x = errors(100, 2048, 0.01, gyro=Transfer(drift_std=0.4))[:, :, GYRO]
+    assert np.all(x[0] == 0)
+    n = x[0].size
+    for k in (1, 25, 100):
+        assert abs(np.std(x[k]) / (0.4 * np.sqrt(0.01 * k)) - 1) < 5 / np.sqrt(2 * n)
+
+
+@pytest.mark.parametrize("dt", [0.02, 0.005])
+def test_a_gauss_markov_drift_has_its_variance_and_correlation_time(dt):
+    tau, kick = 0.1, 0.5
+    x = errors(round(1.0 / dt), 2048, dt, gyro=Transfer(drift_std=kick, drift_time=tau))[:, :, GYRO]
+    var = kick**2 * tau / 2
+    n = x[0].size
+    assert abs(np.var(x[-1]) / var - 1) < 5 * np.sqrt(2 / n)
+    lag = round(0.1 / dt)
+    assert abs(np.mean(x[-1] * x[-1 - lag]) / var - np.exp(-1)) < 5 * np.sqrt(2 / n)
+
+
+def test_quantum_and_limits():
+    x = errors(50, 64, angle=Transfer(noise_std=1.0, quantum=0.25, limits=(-1.0, 1.5)))[:, :, ANGLE]
+    np.testing.assert_array_equal(x, np.round(x / 0.25) * 0.25)
+    assert (x.min(), x.max()) == (-1.0, 1.5)
+
+
+def test_samples_are_held_for_their_period():
+    x = errors(60, 8, 0.01, angle=Transfer(noise_std=1.0, period=0.05))[:, :, ANGLE]
+    changed = np.any(np.diff(x, axis=0) != 0, axis=1)
+    np.testing.assert_array_equal(np.flatnonzero(changed) + 1, np.arange(5, 61, 5))
+
+
+def test_a_period_that_is_no_multiple_of_the_step_is_kept_on_average():
+    x = errors(1000, 1, 0.01, angle=Transfer(noise_std=1.0, period=0.025))[:, :, ANGLE]
+    assert abs(np.count_nonzero(np.diff(x, axis=0)) - 400) <= 1
+
+
+def test_dropout_holds_the_last_sample():
+    x = errors(400, 64, angle=Transfer(noise_std=1.0, dropout=0.3))[:, :, ANGLE]
+    held = np.mean(np.diff(x, axis=0) == 0)
+    assert abs(held - 0.3) < 5 * np.sqrt(0.21 / (400 * 64))
+
+
+def test_jitter_scatters_the_delay():
+    model = stepper.load(STILL.replace("<framequat", '<clock name="clock"/><framequat').format(dt=0.01))
+    sim = stepper.Stepper(model, 64, sensors=SensorModel({"clock": Transfer(delay=0.05, jitter=0.02)}))
+    sim.step(nstep=20)
+    late = []
+    for _ in range(200):
+        sim.step()
+        late.append(sim.time - sim.observation[:, 7])
+    late = np.array(late)
+    assert late.min() >= 0.03 - 1e-12
+    assert late.max() <= 0.07 + 1e-12
+    assert abs(late.mean() - 0.05) < 5 * 0.04 / np.sqrt(12 * late.size)
+    assert abs(late.std() / (0.04 / np.sqrt(12)) - 1) < 0.02
+
+
+def test_unit_vectors_and_quaternions_stay_unit_and_turn_by_the_error():
+    x = errors(100, 64, axis=Transfer(noise_std=0.1), attitude=Transfer(noise_std=0.1, delay=0.015))
+    np.testing.assert_allclose(np.linalg.norm(x[:, :, AXIS], axis=-1), 1, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(x[:, :, ATTITUDE], axis=-1), 1, atol=1e-12)
+    # Rotation vectors of three components of 0.1 rad have the mean square 0.03; the middle of two has half of it.
+    angles = 2 * np.arccos(np.clip(np.abs(x[20:, :, ATTITUDE.start]), 0, 1))
+    assert abs(np.mean(angles**2) / 0.015 - 1) < 0.05
+
+
+def test_misalignment_mixes_the_axes():
+    model = stepper.load(STILL.format(dt=0.01))
+    matrix = np.array([[1.0, 0.1, 0.0], [0.0, 2.0, 0.0], [0.0, -0.2, 1.0]])
+    sim = stepper.Stepper(model, sensors=SensorModel({"gyro": Transfer(scale=matrix)}))
+    sim.reset(qvel=[3.0])
+    np.testing.assert_allclose(sim.observation[GYRO], matrix @ sim.sensor_truth[GYRO], rtol=1e-14)
+    np.testing.assert_allclose(sim.sensor_truth[GYRO], [0, 3, 0], atol=1e-14)
+
+
+TRAY = """
+<mujoco>
+  <option timestep="0.002"/>
+  <worldbody>
+    <geom type="plane" size="1 1 1" pos="0 0 -5"/>
+    <body name="arm" pos="0 0 1">
+      <joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/><joint name="tilt" type="hinge" axis="0 1 0"/>
+      <geom type="capsule" size=".05 .1" mass="2" contype="0" conaffinity="0"/>
+      <body name="tray" pos="0 0 .3">
+        <geom name="pan" type="sphere" size=".1" mass="1.5"/>
+        <site name="wrist" pos="0 0 -.1" euler="20 30 40"/>
+      </body>
+    </body>
+    <body name="ball" pos="0 0 1.6"><freejoint/><geom name="ball" size=".1" mass=".7"/></body>
+  </worldbody>
+  <actuator><position joint="x" kp="500" kv="50"/><position joint="z" kp="5000" kv="200"/>
+  <position joint="tilt" kp="500" kv="20"/></actuator>
+  <sensor>
+    <force name="force" site="wrist"/><torque name="torque" site="wrist"/>
+    <framelinacc name="acceleration" objtype="body" objname="tray"/><subtreelinvel name="velocity" body="tray"/>
+    <touch name="touch" site="wrist"/>
+    <contact name="net" geom1="pan" geom2="ball" data="found force pos normal" reduce="netforce"/>
+    <framexaxis objtype="site" objname="wrist"/><frameyaxis objtype="site" objname="wrist"/><framezaxis objtype="site" objname="wrist"/>
+  </sensor>
+</mujoco>
+"""
+
+
+def test_a_wrist_carries_weight_inertia_and_what_lies_on_the_tray():
+    """Force on the tray = m (a - g) - contacts, in any motion: Newton's law to rounding, and to 1e-8 as was asked for."""
+    model = stepper.load(TRAY)
+    sim = stepper.Stepper(model)
+    struck = 0
+    for k in range(600):
+        sim.step([0.1 * np.sin(0.02 * k), 0.05 * np.cos(0.03 * k), 0.3 * np.sin(0.05 * k)])
+        x = sim.sensor_truth
+        axes = x[-9:].reshape(3, 3).T
+        contact = sum((c["force"] @ c["frame"] for c in sim.contacts() if c["body"][1] == 3), np.zeros(3))
+        found = axes @ x[:3]
+        # framelinacc is less gravity already; the ball's push is on the ball.
+        np.testing.assert_allclose(found, 1.5 * x[6:9] + contact, rtol=0, atol=1e-8)
+        struck += bool(np.any(contact))
+        np.testing.assert_allclose(x[14:17], contact, atol=1e-10)
+        assert x[13] == len([c for c in sim.contacts() if c["body"][1] == 3])
+    assert 0 < struck < 600
+
+
+def test_a_robot_at_rest_weighs_what_it_weighs():
+    """On a floor an accelerometer reads gravity upwards, the touch sensor the weight; at reset too, before any step."""
+    text = """
+    <mujoco><worldbody><geom type="plane" size="1 1 1"/>
+      <body name="box" pos="0 0 .1"><freejoint/><geom type="box" size=".1 .1 .1" mass="3"/><site name="imu"/>
+      <site name="sole" pos="0 0 -.1" type="box" size=".2 .2 .01"/></body></worldbody>
+      <sensor><accelerometer site="imu"/><touch site="sole"/><contact subtree1="box" data="found" num="8"/></sensor></mujoco>"""
+    sim = stepper.Stepper(stepper.load(text))
+    for _ in range(2):
+        x = sim.sensor_truth
+        np.testing.assert_allclose(x[:3], [0, 0, 9.81], atol=1e-4)
+        np.testing.assert_allclose(x[3], 3 * 9.81, rtol=1e-4)
+        assert np.array_equal(x[4:], [4, 4, 4, 4, 0, 0, 0, 0])
+        sim.step(nstep=200)
+    sim.xfrc_applied[1, 2] = 5.0
+    sim.step(nstep=100)
+    np.testing.assert_allclose(sim.sensor_truth[3], 3 * 9.81 - 5.0, rtol=1e-4)

@@ -107,6 +107,11 @@ impl<S: Scalar> Errors<S> {
         Ok(errors)
     }
 
+    /// Sensors that are not ideal, by their numbers in the model.
+    pub fn sensors(&self) -> impl Iterator<Item = usize> {
+        self.sensors.iter().map(|s| s.sensor)
+    }
+
     /// Whether every sensor is ideal.
     pub fn is_empty(&self) -> bool {
         self.sensors.is_empty()
@@ -169,6 +174,11 @@ impl<S: Scalar> Imperfect<S> {
             line: if delay > 0.0 { delay.ceil() as usize + 2 } else { 0 },
             table,
         }
+    }
+
+    /// Where the noise begins among the numbers drawn in a step: Gaussian noise comes in one draw with the drift and after it.
+    fn noise_at(&self) -> usize {
+        if self.drifts && self.noisy && !self.uniform { self.freedom } else { 0 }
     }
 
     fn size(&self) -> usize {

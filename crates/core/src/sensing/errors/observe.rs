@@ -4,6 +4,7 @@ use stepper_real::{Mask, Real, Scalar};
 
 use super::draws::{Keys, Purpose, draw, draw_uniform};
 use super::{Errors, Imperfect, Number};
+use crate::contacts::MAX_LANES;
 use crate::model::Quantity;
 use crate::spatial::*;
 
@@ -23,6 +24,8 @@ pub struct Slots<'a, S> {
     pub numbers: &'a mut [S],
     /// Where each delay line was written last.
     pub cursors: &'a mut [u32],
+    /// What each sensor clipped and lost, counted.
+    pub faults: &'a mut [u32],
     /// Readings.
     pub observation: &'a mut [S],
 }
@@ -88,6 +91,15 @@ fn put<R: Real>(numbers: &mut [R::Scalar], at: usize, lanes: R::Mask, x: R) {
     R::select(lanes, x, old).store(&mut numbers[at * R::LANES..]);
 }
 
+/// Adds one in some lanes.
+fn count<R: Real>(lanes: R::Mask, counts: &mut [u32]) {
+    let mut bits = lanes.bits();
+    while bits != 0 {
+        counts[bits.trailing_zeros() as usize] += 1;
+        bits &= bits - 1;
+    }
+}
+
 impl<S: Scalar> Imperfect<S> {
     #[expect(clippy::too_many_arguments, reason = "what is read, by whom, and what is remembered")]
     fn observe<R: Real<Scalar = S>>(
@@ -104,16 +116,27 @@ impl<S: Scalar> Imperfect<S> {
     ) {
         if start {
             self.begin(table, keys, lanes, work, slots.numbers);
-        } else if self.drifts {
-            self.drift(table, keys, lanes, work, slots.numbers);
         }
         let mut timing = [R::zero(); 2];
         if self.lossy || self.jittery {
             draw_uniform(keys, Purpose::Timing, self.sensor, &mut timing);
         }
-        let taken = self.taken(table, timing[0], lanes, start, h, slots.numbers);
+        let [taken, lost] = self.taken(table, timing[0], lanes, start, h, slots.numbers);
+        let (clips, losses) = slots.faults[2 * index * R::LANES..][..2 * R::LANES].split_at_mut(R::LANES);
+        count::<R>(lost, losses);
+        if self.drifts {
+            let numbers = if taken.any() { self.noise_at() + self.freedom } else { self.freedom };
+            draw(keys, Purpose::Drift, self.sensor, false, &mut work.drawn[..numbers]);
+            if !start {
+                self.drift(table, lanes, work, slots.numbers);
+            }
+        }
         if taken.any() {
-            self.sample(table, truth, keys, work, slots.numbers);
+            let clipped = self.sample(table, truth, keys, work, slots.numbers);
+            // The first reading of an episode belongs to no step.
+            if !start {
+                count::<R>(clipped.and(taken), clips);
+            }
             write(&work.sample[..self.dim], self.held_at(), taken, slots.numbers);
         }
         if self.line > 0 {
@@ -127,8 +150,8 @@ impl<S: Scalar> Imperfect<S> {
         }
     }
 
-    /// Which lanes take a sample now and do not lose it.
-    fn taken<R: Real<Scalar = S>>(&self, table: &[S], chance: R, lanes: R::Mask, start: bool, h: f64, memory: &mut [S]) -> R::Mask {
+    /// Which lanes take a sample now, and which lose the one that is due.
+    fn taken<R: Real<Scalar = S>>(&self, table: &[S], chance: R, lanes: R::Mask, start: bool, h: f64, memory: &mut [S]) -> [R::Mask; 2] {
         R::vectorize(
             #[inline(always)]
             || {
@@ -142,10 +165,8 @@ impl<S: Scalar> Imperfect<S> {
                     put(memory, self.phase_at(), lanes, if start { R::zero() } else { rest });
                     taken = if start { lanes } else { lanes.and(due) };
                 }
-                if self.lossy && !start {
-                    taken = taken.and_not(chance.lt(number(Number::Dropout)));
-                }
-                taken
+                let lost = if self.lossy && !start { taken.and(chance.lt(number(Number::Dropout))) } else { R::Mask::splat(false) };
+                [taken.and_not(lost), lost]
             },
         )
     }
@@ -186,12 +207,12 @@ impl<S: Scalar> Imperfect<S> {
         )
     }
 
-    fn drift<R: Real<Scalar = S>>(&self, table: &[S], keys: &Keys, lanes: R::Mask, work: &mut Work<R>, memory: &mut [S]) {
+    /// A step of the drift by the numbers drawn.
+    fn drift<R: Real<Scalar = S>>(&self, table: &[S], lanes: R::Mask, work: &Work<R>, memory: &mut [S]) {
         R::vectorize(
             #[inline(always)]
             || {
                 let (decay, kick): (R, R) = (get(table, Number::Decay as usize), get(table, Number::Kick as usize));
-                draw(keys, Purpose::Drift, self.sensor, false, &mut work.drawn[..self.freedom]);
                 for k in 0..self.freedom {
                     let at = self.drift_at() + k;
                     let next = get::<R>(memory, at) * decay + kick * work.drawn[k];
@@ -201,8 +222,8 @@ impl<S: Scalar> Imperfect<S> {
         )
     }
 
-    /// Scale and misalignment, bias, drift, noise, quantisation and clip: the sample of now, left in `work.sample`.
-    fn sample<R: Real<Scalar = S>>(&self, table: &[S], truth: &[R], keys: &Keys, work: &mut Work<R>, memory: &[S]) {
+    /// Scale and misalignment, bias, drift, noise, quantisation and clip: the sample of now, left in `work.sample`. Returns where it was clipped.
+    fn sample<R: Real<Scalar = S>>(&self, table: &[S], truth: &[R], keys: &Keys, work: &mut Work<R>, memory: &[S]) -> R::Mask {
         R::vectorize(
             #[inline(always)]
             || {
@@ -211,9 +232,12 @@ impl<S: Scalar> Imperfect<S> {
                 let truth = &truth[self.at..self.at + dim];
                 work.error[..freedom].fill(R::zero());
                 if self.noisy {
-                    draw(keys, Purpose::Noise, self.sensor, self.uniform, &mut work.drawn[..freedom]);
+                    let from = self.noise_at();
+                    if from == 0 {
+                        draw(keys, Purpose::Noise, self.sensor, self.uniform, &mut work.drawn[..freedom]);
+                    }
                     for k in 0..freedom {
-                        work.error[k] = number(Number::Noise) * work.drawn[k];
+                        work.error[k] = number(Number::Noise) * work.drawn[from + k];
                     }
                 }
                 for k in 0..freedom {
@@ -225,6 +249,7 @@ impl<S: Scalar> Imperfect<S> {
                     Quantity::Real | Quantity::Positive => self.shift(number(Number::Scale), truth, work, memory),
                     Quantity::Axis | Quantity::Quaternion => turn(truth, work),
                 }
+                let mut clipped = R::Mask::splat(false);
                 for k in 0..dim {
                     let mut x = work.sample[k];
                     if self.quantised {
@@ -234,10 +259,13 @@ impl<S: Scalar> Imperfect<S> {
                         x = R::select(coarse, grid, x);
                     }
                     if self.clipped {
-                        x = R::select(x.eq(x), x.clamp(number(Number::Low), number(Number::High)), x);
+                        let (low, high) = (number(Number::Low), number(Number::High));
+                        clipped = clipped.or(x.lt(low)).or(high.lt(x));
+                        x = R::select(x.eq(x), x.clamp(low, high), x);
                     }
                     work.sample[k] = x;
                 }
+                clipped
             },
         )
     }
@@ -300,6 +328,11 @@ impl<S: Scalar> Imperfect<S> {
                 }
                 // Staircases and readings that may be absent have no values in between.
                 let smooth = !self.sampled && self.quantity != Quantity::Positive;
+                let (mut new, mut old, mut part) = ([0; MAX_LANES], [0; MAX_LANES], [0.0; MAX_LANES]);
+                let back = |steps: f64| {
+                    let steps = (steps as usize).min(line - 1);
+                    if steps <= cursor { cursor - steps } else { cursor + line - steps }
+                };
                 for l in 0..R::LANES {
                     let steps = delay.lane(l).to_f64();
                     let steps = if steps > 0.0 { steps } else { 0.0 };
@@ -307,16 +340,18 @@ impl<S: Scalar> Imperfect<S> {
                     let near = (steps + 0.5).floor();
                     let steps = if (steps - near).abs() < 1e-9 * (1.0 + near) { near } else { steps };
                     let whole = if smooth { steps.floor() } else { steps.ceil() };
-                    let part = if smooth { steps - whole } else { 0.0 };
-                    let entry = |back: usize, k: usize| {
-                        let s = (cursor + line - back.min(line - 1)) % line;
-                        slots.numbers[(self.line_at() + s * dim + k) * R::LANES + l].to_f64()
-                    };
-                    for k in 0..dim {
-                        let (new, old) = (entry(whole as usize, k), entry(whole as usize + 1, k));
-                        let x = if part > 0.0 { new + (old - new) * part } else { new };
-                        work.sample[k].set_lane(l, Scalar::from_f64(x));
+                    part[l] = if smooth { steps - whole } else { 0.0 };
+                    (new[l], old[l]) = (back(whole), back(whole + 1.0));
+                }
+                let samples = &slots.numbers[self.line_at() * R::LANES..][..line * dim * R::LANES];
+                for k in 0..dim {
+                    let mut out = [S::default(); MAX_LANES];
+                    for l in 0..R::LANES {
+                        let entry = |s: usize| samples[(s * dim + k) * R::LANES + l].to_f64();
+                        let new = entry(new[l]);
+                        out[l] = S::from_f64(if part[l] > 0.0 { new + (entry(old[l]) - new) * part[l] } else { new });
                     }
+                    work.sample[k] = R::load(&out);
                 }
                 if smooth && matches!(self.quantity, Quantity::Axis | Quantity::Quaternion) {
                     normalise(&mut work.sample[..dim]);

@@ -1,8 +1,8 @@
 """What sensors cost: the time of a humanoids' step with them over the time without, one markdown table.
 
-dm_control's humanoid has the 66 readings of its file (IMU, forces and torques at the joints of the legs, touch); "with joints" adds position
-and velocity of all joints and an orientation. Batches take turns along the same random controls, in one process on one core; processor
-time; the median over turns counts. See docs/sensors.md.
+dm_control's humanoid has the 66 readings of its file (IMU, forces and torques at the joints of the legs, touch); "with joints" adds
+position and velocity of all joints and an orientation. Batches take turns along the same random controls, in one process on one core;
+processor time; the median over turns counts. See docs/sensors.md.
 """
 
 from __future__ import annotations

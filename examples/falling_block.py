@@ -1,8 +1,8 @@
 """A block that falls on a floor, as a Gymnasium environment: alone, and many at once.
 
-The block starts 0.20 m above the floor at -0.10 m/s. At every reset its restitution is drawn from 0.1 to 0.5. A step is 0.02 s; a thruster pushes
-up or down with at most half the block's weight, so that it cannot hover: how long it stays up depends on how it is pushed between bounces.
-Each of the 50 steps of an episode that ends with the block above 0.05 m is worth 1.
+The block starts 0.20 m above the floor at -0.10 m/s. At every reset its restitution is drawn from 0.1 to 0.5. A step is 0.02 s; a thruster
+pushes up or down with at most half the block's weight, so that it cannot hover: how long it stays up depends on how it is pushed between
+bounces. Each of the 50 steps of an episode that ends with the block above 0.05 m is worth 1.
 
     python examples/falling_block.py      # mean scores of a few policies
 
@@ -150,10 +150,10 @@ class FallingBlocks(VectorEnv[Array, Array, Array]):
         return {"restitution": np.where(mask, self._restitution[:, 1], 0.0), "_restitution": mask}
 
     def _randomize(self) -> None:
-        self._sim.randomize(geom_restitution=self._restitution)
+        self._sim.randomize(geom_restitution=self._restitution)  # type: ignore[attr-defined]
 
 
-gymnasium.register("stepper/FallingBlock-v0", entry_point=FallingBlock, vector_entry_point=FallingBlocks)
+gymnasium.register("stepper/FallingBlock-v0", entry_point=f"{__name__}:FallingBlock", vector_entry_point=f"{__name__}:FallingBlocks")
 
 POLICIES = {
     "nothing": lambda height, velocity: 0.0 * height,

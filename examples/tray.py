@@ -1,7 +1,7 @@
 """An object on a tray, pushed sideways: it stays if and only if the push is at most mu N, whatever the time step.
 
-0.3 kg weigh 2.94 N. Pushed with 2 N, the object stays at mu = 1.0 (friction carries up to 2.94 N), and slides at mu = 0.55 (up to 1.62 N) with
-a = F/m - mu g. The step is 5 ms in the first case and 8 ms in the second; the answers are the same at any other.
+0.3 kg weigh 2.94 N. Pushed with 2 N, the object stays at mu = 1.0 (friction carries up to 2.94 N), and slides at mu = 0.55 (up to 1.62 N)
+with a = F/m - mu g. The step is 5 ms in the first case and 8 ms in the second; the answers are the same at any other.
 
     python examples/tray.py               # both cases, and the force at which the object begins to slide
 """
@@ -76,8 +76,8 @@ def main() -> None:
         for dt in sorted({usual, 0.001, 0.002, 0.02}):
             done = push(mu, dt)
             expected = max(0.0, PUSH / MASS - mu * G)
-            row = f"{mu:5} {dt:6} {mu * MASS * G:9.4f} {expected:14.6f} {done.acceleration:14.6f} {done.residual:14.1e} {threshold(mu, dt):14.5f}"
-            print(row)
+            found = f"{done.acceleration:14.6f} {done.residual:14.1e} {threshold(mu, dt):14.5f}"
+            print(f"{mu:5} {dt:6} {mu * MASS * G:9.4f} {expected:14.6f} {found}")
 
 
 if __name__ == "__main__":

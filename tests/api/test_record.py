@@ -115,9 +115,10 @@ def test_failures_are_laid_to_action_or_physics(tmp_path):
 
 PENDULUM = """
 <mujoco><option timestep="0.002"/>
-  <worldbody><body><joint name="pivot" type="hinge" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 -.5" size=".05"/><site name="imu"/></body>
-  </worldbody><actuator><motor joint="pivot"/></actuator>
-  <sensor><jointpos name="angle" joint="pivot"/><gyro name="gyro" site="imu"/><accelerometer name="acceleration" site="imu"/></sensor></mujoco>"""
+  <worldbody><body><joint name="pivot" type="hinge" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 -.5" size=".05"/>
+  <site name="imu"/></body></worldbody><actuator><motor joint="pivot"/></actuator>
+  <sensor><jointpos name="angle" joint="pivot"/><gyro name="gyro" site="imu"/><accelerometer name="acceleration" site="imu"/></sensor>
+</mujoco>"""
 SENSORS = stepper.SensorModel(
     {
         "gyro": stepper.Transfer(limits=(-0.5, 0.5), noise_density=1e-3),
@@ -158,10 +159,11 @@ def test_failures_of_sensing_are_counted_by_sensor(tmp_path):
         sim.reset(qpos=[[0.0], [0.05], [1.0], [2.0]])
         for _ in range(steps):
             sim.step()
-            beyond += np.any(np.abs(sim.sensor_truth[:, 1:4]) > 0.5, axis=1)
+            saturated = np.any(np.abs(sim.sensor_truth[:, 1:4]) > 0.5, axis=1)
+            beyond += saturated
             still += sim.observation[:, 7] == before
             before = sim.observation[:, 7]
-            np.testing.assert_array_equal(sim.sensor_faults[:, 1], np.stack([np.any(np.abs(sim.sensor_truth[:, 1:4]) > 0.5, 1), 0 * still], 1))
+            np.testing.assert_array_equal(sim.sensor_faults[:, 1], np.stack([saturated, np.zeros(4)], axis=1))
         last = sim.sensor_faults
         assert last.shape == (4, 4, 2)
         assert not last[:, [0, 2]].any()
@@ -206,6 +208,6 @@ def test_the_report_names_sensors(tmp_path, capsys):
     with sim.record(tmp_path / "run"):
         sim.step(nstep=3)
     report(tmp_path / "run")
-    assert "sensing: 1 times a sample of a sensor was lost, and the one before stayed held, first in row 1, environment 0; readings: gyro 3" in (
-        capsys.readouterr().out
-    )
+    said = capsys.readouterr().out
+    assert "sensing: 1 times a sample of a sensor was lost" in said
+    assert "first in row 1, environment 0; readings: gyro 3" in said

@@ -12,8 +12,8 @@ def test_perfect_sensors_inflate_the_score(seed):
     ideal, noisy = scores(IDEAL, seed, 16), scores(NOISY, seed, 16)
     # With ideal sensors the pole stands: all but a thousandth of the score, in every episode.
     assert ideal.min() > 0.99 * STEPS
-    # 0.01 rad are 1.4 rad/s on a rate that is a difference over 10 ms: the controller loses in every episode, from the same starts, and by ten
-    # standard errors on the mean.
+    # 0.01 rad are 1.4 rad/s on a rate that is a difference over 10 ms: the controller loses in every episode, from the same starts, and by
+    # ten standard errors on the mean.
     lost = ideal - noisy
     assert lost.min() > 0
     assert lost.mean() > 10 * lost.std() / np.sqrt(len(lost))

@@ -194,7 +194,8 @@ def test_what_the_table_calls_not_simulated_is_left_out_with_its_reason():
 
 LIMITED = """
 <mujoco><option timestep="0.001"/><worldbody><body><joint name="lift" type="slide" axis="0 0 1" limited="true" range="-.2 .3"/>
-  <geom size=".1" mass="2"/><body pos="1 0 0"><joint name="other" type="slide" axis="0 0 1"/><geom size=".1" mass="3"/></body></body></worldbody>
+  <geom size=".1" mass="2"/>
+  <body pos="1 0 0"><joint name="other" type="slide" axis="0 0 1"/><geom size=".1" mass="3"/></body></body></worldbody>
 <tendon><fixed name="rope" limited="true" range="-.5 .4"><joint joint="lift" coef="2"/><joint joint="other" coef="-1"/></fixed></tendon>
 <sensor><jointlimitpos joint="lift"/><jointlimitvel joint="lift"/><jointlimitfrc joint="lift"/>
   <tendonlimitpos tendon="rope"/><tendonlimitvel tendon="rope"/><tendonlimitfrc tendon="rope"/></sensor></mujoco>"""
@@ -211,7 +212,8 @@ def test_limits_are_overlaps_as_mujocos_and_forces_as_statics_has_them():
         np.testing.assert_allclose(sim.sensor_truth[[0, 1, 3, 4]], expected[[0, 1, 3, 4]], rtol=0, atol=1e-15)
         beyond += np.count_nonzero(expected[[0, 3]])
     assert 50 < beyond < 350
-    # At rest the second mass hangs on the rope, 3 g, which draws the first one down twice as much; that lies in its own limit: (2 + 3) g + 2 x 3 g.
+    # At rest the second mass hangs on the rope, 3 g, which draws the first one down twice as much; that lies in its own limit, which
+    # bears (2 + 3) g + 2 x 3 g.
     sim = simulate(stepper.load(compiled))
     sim.step(nstep=3000)
     assert sim.status == 0

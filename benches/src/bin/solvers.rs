@@ -38,8 +38,9 @@ start, in one environment in f64: one step of {STEP} s from rest, friction {FRIC
 is a residual that was not brought down, and what is left of it in m/s.
 
 * **PGS**: sweeps with the exact solution of every contact, at most {SWEEPS}; the residual is taken after every sweep.
-* **NNCG**: the same with nonsmooth conjugate gradients (Silcowitz, Niebe and Erleben 2010), at most {SWEEPS}. This is `solver=\"pgs\"`.
-* **AL-Newton**: the second tier alone, augmented-Lagrangian Newton island by island, at most {STEPS} steps. This is `solver=\"newton\"`.",
+* **NNCG**: the same with nonsmooth conjugate gradients (Silcowitz, Niebe and Erleben 2010), at most {SWEEPS}. `solver=\"pgs\"` is this.
+* **AL-Newton**: the second tier alone, augmented-Lagrangian Newton island by island, at most {STEPS} steps. `solver=\"newton\"` is this
+  after two sweeps.",
     )
 }
 
@@ -53,7 +54,7 @@ const MEANING: &str = "
 * Newton's method needs a few steps on every stack and pinch, whatever the masses, and some ten times as many in a wall, where many contacts
   share the load and which of them slide has to be found. A step factorises a matrix, so it costs as much as tens of sweeps.
 * So neither is enough alone: robots on legs and light contacts converge in a few warm-started sweeps, over eight environments at a time; stacks,
-  pinches and mass ratios need the second tier. `solver=\"auto\"`, the default, sweeps up to `iterations` times, and sends the environments whose
+  pinches and mass ratios need the second tier. `solver=\"auto\"`, the default, sweeps at most 50 times, and sends the environments whose
   residual is then above `tolerance` to Newton's method, one by one. `sim.residual` says what either left.
 * In steps of a simulation both begin with the impulses of the step before: these are the costs of a blow, not of rest.
 ";

@@ -52,7 +52,7 @@ const MEANING: &str = "
   each other: a top box a hundred times heavier is beyond plain sweeps, a thousand times beyond accelerated ones. Conjugate gradients save
   a factor of 2 to 20 where sweeps converge at all.
 * Newton's method needs a few steps on every stack and pinch, whatever the masses, and some ten times as many in a wall, where many contacts
-  share the load and which of them slide has to be found. A step factorises a matrix, so it costs as much as tens of sweeps.
+  share the load and which of them slide has to be found. A step factorises a matrix, so it costs as much as ten to twenty sweeps.
 * So neither is enough alone: robots on legs and light contacts converge in a few warm-started sweeps, over eight environments at a time; stacks,
   pinches and mass ratios need the second tier. `solver=\"auto\"`, the default, sweeps at most 50 times, and sends the environments whose
   residual is then above `tolerance` to Newton's method, one by one. `sim.residual` says what either left.

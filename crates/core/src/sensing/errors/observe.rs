@@ -4,17 +4,16 @@ use stepper_real::{Mask, Real, Scalar};
 
 use super::draws::{Keys, Purpose, draw, draw_uniform};
 use super::{Errors, Imperfect, Number};
-use crate::contacts::MAX_LANES;
 use crate::model::Quantity;
 use crate::spatial::*;
 
 /// Room for one sensor's numbers.
 #[derive(Clone, Debug, Default)]
 pub struct Work<R> {
-    drawn: Vec<R>,
-    error: Vec<R>,
-    sample: Vec<R>,
-    mixed: Vec<R>,
+    pub(super) drawn: Vec<R>,
+    pub(super) error: Vec<R>,
+    pub(super) sample: Vec<R>,
+    pub(super) mixed: Vec<R>,
 }
 
 /// What survives a step, lane-interleaved, and what the sensors say.
@@ -61,7 +60,7 @@ impl<S: Scalar> Errors<S> {
             },
         );
         for (k, sensor) in self.sensors.iter().enumerate() {
-            let table = &self.tables[group][sensor.table * R::LANES..];
+            let table = &self.table(group)[sensor.table * R::LANES..];
             sensor.observe(table, truth, keys, lanes, start, h, work, slots, k);
         }
     }
@@ -80,13 +79,13 @@ fn write<R: Real>(from: &[R], at: usize, lanes: R::Mask, to: &mut [R::Scalar]) {
 }
 
 #[inline(always)]
-fn get<R: Real>(numbers: &[R::Scalar], at: usize) -> R {
+pub(super) fn get<R: Real>(numbers: &[R::Scalar], at: usize) -> R {
     R::load(&numbers[at * R::LANES..])
 }
 
 /// Writes in some lanes.
 #[inline(always)]
-fn put<R: Real>(numbers: &mut [R::Scalar], at: usize, lanes: R::Mask, x: R) {
+pub(super) fn put<R: Real>(numbers: &mut [R::Scalar], at: usize, lanes: R::Mask, x: R) {
     let old = get::<R>(numbers, at);
     R::select(lanes, x, old).store(&mut numbers[at * R::LANES..]);
 }
@@ -296,69 +295,6 @@ impl<S: Scalar> Imperfect<S> {
             },
         )
     }
-
-    /// Puts the held sample into the delay line and takes out what was there `delay` steps ago, left in `work.sample`.
-    #[expect(clippy::too_many_arguments, reason = "what is read, by whom, and what is remembered")]
-    fn delay<R: Real<Scalar = S>>(
-        &self,
-        table: &[S],
-        chance: R,
-        lanes: R::Mask,
-        start: bool,
-        slots: &mut Slots<'_, S>,
-        index: usize,
-        work: &mut Work<R>,
-    ) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let (dim, line) = (self.dim, self.line);
-                let number = |n: Number| get::<R>(table, n as usize);
-                let delay = number(Number::Delay) + number(Number::Jitter) * (chance + chance - R::one());
-                // One line for all lanes: its end moves with every step, and a lane that starts fills it with its first sample.
-                if !start {
-                    slots.cursors[index] = (slots.cursors[index] + 1) % line as u32;
-                }
-                let cursor = slots.cursors[index] as usize;
-                for k in 0..dim {
-                    let x: R = get(slots.numbers, self.held_at() + k);
-                    for s in if start { 0..line } else { cursor..cursor + 1 } {
-                        put(slots.numbers, self.line_at() + s * dim + k, lanes, x);
-                    }
-                }
-                // Staircases and readings that may be absent have no values in between.
-                let smooth = !self.sampled && self.quantity != Quantity::Positive;
-                let (mut new, mut old, mut part) = ([0; MAX_LANES], [0; MAX_LANES], [0.0; MAX_LANES]);
-                let back = |steps: f64| {
-                    let steps = (steps as usize).min(line - 1);
-                    if steps <= cursor { cursor - steps } else { cursor + line - steps }
-                };
-                for l in 0..R::LANES {
-                    let steps = delay.lane(l).to_f64();
-                    let steps = if steps > 0.0 { steps } else { 0.0 };
-                    // A delay of a whole number of steps, but for rounding, is one.
-                    let near = (steps + 0.5).floor();
-                    let steps = if (steps - near).abs() < 1e-9 * (1.0 + near) { near } else { steps };
-                    let whole = if smooth { steps.floor() } else { steps.ceil() };
-                    part[l] = if smooth { steps - whole } else { 0.0 };
-                    (new[l], old[l]) = (back(whole), back(whole + 1.0));
-                }
-                let samples = &slots.numbers[self.line_at() * R::LANES..][..line * dim * R::LANES];
-                for k in 0..dim {
-                    let mut out = [S::default(); MAX_LANES];
-                    for l in 0..R::LANES {
-                        let entry = |s: usize| samples[(s * dim + k) * R::LANES + l].to_f64();
-                        let new = entry(new[l]);
-                        out[l] = S::from_f64(if part[l] > 0.0 { new + (entry(old[l]) - new) * part[l] } else { new });
-                    }
-                    work.sample[k] = R::load(&out);
-                }
-                if smooth && matches!(self.quantity, Quantity::Axis | Quantity::Quaternion) {
-                    normalise(&mut work.sample[..dim]);
-                }
-            },
-        )
-    }
 }
 
 /// Turns a unit vector or quaternion by the rotation vector `work.error`; the quaternion in its own frame.
@@ -376,7 +312,7 @@ fn turn<R: Real>(truth: &[R], work: &mut Work<R>) {
     )
 }
 
-fn normalise<R: Real>(x: &mut [R]) {
+pub(super) fn normalise<R: Real>(x: &mut [R]) {
     R::vectorize(
         #[inline(always)]
         || {

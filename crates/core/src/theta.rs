@@ -111,6 +111,9 @@ impl<S: Scalar> Own<S> {
     /// Gives environments what they have other than the model, and nothing else. Groups have `lanes` lanes.
     pub fn assign(&mut self, shared: &Params<S>, groups: usize, lanes: usize, envs: &[usize], differences: &[Differences]) {
         self.make_room(shared, groups, lanes, differences);
+        if self.places.is_empty() {
+            return;
+        }
         for (&env, differences) in envs.iter().zip(differences) {
             let (numbers, lane) = (&mut self.numbers[env / lanes], env % lanes);
             let mut rest = differences.iter().peekable();

@@ -41,9 +41,13 @@ impl Model {
         Ok(self)
     }
 
-    /// As [`Model::check`] for a finished model in which fields of [`RANDOMIZABLE`](super::RANDOMIZABLE) have other numbers.
+    /// The numbers of a finished model in which fields of [`RANDOMIZABLE`](super::RANDOMIZABLE) are others.
     pub(super) fn check_parameters(&self) -> Result<(), ModelError> {
-        check::parameters(self)?;
+        check::parameters(self)
+    }
+
+    /// Whether everything that can move has inertia.
+    pub(super) fn check_inertia(&self) -> Result<(), ModelError> {
         inertia::check(self)
     }
 

@@ -46,6 +46,7 @@ impl<'a> Variants<'a> {
         }
         self.model.check_parameters()?;
         same_structure(self.base, &self.model)?;
+        self.model.check_inertia()?;
         Ok(&self.model)
     }
 }

@@ -10,6 +10,8 @@
 
 mod passed;
 
+use std::borrow::Cow;
+
 use stepper_real::{Mask, Real, Scalar};
 
 pub use self::passed::may_have_passed;
@@ -366,14 +368,12 @@ impl<R: Real> Scene<'_, R> {
                 pos: self.poses.pos[g].map(|x| x.lane(lane).to_f64()),
                 mat: self.poses.mat[g].map(|x| x.lane(lane).to_f64()),
             };
-            let solids = [a, b].map(|g| self.plan.geoms[g].solid.as_ref().expect("made for every geom of this kernel"));
-            let sized: [_; 2] =
-                std::array::from_fn(|k| solids[k].sized([a, b].map(|g| self.plan.params.geom_size(g).map(|x| x.lane(lane).to_f64()))[k]));
-            let found = narrow.collide(
-                std::array::from_fn(|k| sized[k].as_ref().unwrap_or(solids[k])),
-                [pose(a), pose(b)],
-                reach.lane(lane).to_f64(),
-            );
+            let solids = [a, b].map(|g| {
+                let solid = self.plan.geoms[g].solid.as_ref().expect("made for every geom of this kernel");
+                let own = solid.sized(self.plan.params.geom_size(g).map(|x| x.lane(lane).to_f64()));
+                own.map_or(Cow::Borrowed(solid), Cow::Owned)
+            });
+            let found = narrow.collide([&solids[0], &solids[1]], [pose(a), pose(b)], reach.lane(lane).to_f64());
             for p in found {
                 let point = ContactPoint { distance: R::of(p.distance), pos: p.pos.map(R::of), normal: p.normal.map(R::of) };
                 self.offer(index, p.feature, pair, near.and(R::Mask::from_bits(1 << lane)), point, contacts);

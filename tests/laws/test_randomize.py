@@ -1,7 +1,7 @@
 """Parameters per environment: each environment is, bit for bit, one of a stepper of its own model.
 
-All comparisons are of raw bytes. Both sides read numbers that come out of one function (`Plan::params_of`) and make the same operations with
-them, so that not even rounding may differ.
+All comparisons are of raw bytes. Both sides read numbers that come out of one function (`Plan::params_of`) and do the same
+operations with them, so that not even rounding may differ.
 """
 
 import functools
@@ -50,8 +50,8 @@ MEADOW = """
     <subtreecom body="arm"/><subtreelinvel body="arm"/><subtreeangmom body="arm"/>
     <framepos objtype="body" objname="forearm"/><framelinacc objtype="geom" objname="fist"/>
     <force site="hand"/><torque site="hand"/><accelerometer site="ball"/><jointlimitpos joint="elbow"/><jointlimitvel joint="shoulder"/>
-    <jointlimitfrc joint="shoulder"/><actuatorfrc actuator="servo"/><e_potential/><e_kinetic/><distance geom1="ball" geom2="pill" cutoff="9"/>
-    <rangefinder site="hand"/><touch site="hand"/>
+    <jointlimitfrc joint="shoulder"/><actuatorfrc actuator="servo"/><e_potential/><e_kinetic/>
+    <distance geom1="ball" geom2="pill" cutoff="9"/><rangefinder site="hand"/><touch site="hand"/>
   </sensor>
 </mujoco>
 """

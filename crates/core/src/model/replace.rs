@@ -333,6 +333,31 @@ mod tests {
     }
 
     #[test]
+    fn sizes_are_those_of_the_shape_and_the_medium_sees_them() {
+        let mut model = rich();
+        model.geoms[1].fluid = Some(crate::model::Ellipsoid {
+            share: 1.0,
+            blunt_drag: 0.5,
+            slender_drag: 0.25,
+            angular_drag: 1.5,
+            kutta_lift: 1.0,
+            magnus_lift: 1.0,
+            virtual_mass: [1e-3; 3],
+            virtual_inertia: [1e-5; 3],
+            axes: [0.1; 3],
+        });
+        let mut sizes = model.field("geom_size").unwrap().1;
+        assert_eq!(sizes[..9], [0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.05, 0.3, 0.0]);
+        sizes[3] = 0.2;
+        let larger = model.replace("geom_size", &sizes).unwrap();
+        assert_eq!(larger.geoms[1].shape, Shape::Sphere { radius: 0.2 });
+        assert_eq!(larger.geoms[1].fluid.unwrap().axes, [0.2; 3]);
+        sizes[5] = 0.2;
+        let error = model.replace("geom_size", &sizes).unwrap_err().to_string();
+        assert!(error.contains("number 5 is 0.2") && error.contains("beyond a ball's radius"), "{error}");
+    }
+
+    #[test]
     fn several_fields_need_only_fit_together() {
         let model = rich();
         let mut inertia = model.field("body_inertia").unwrap().1;

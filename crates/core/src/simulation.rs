@@ -10,7 +10,7 @@ use thiserror::Error;
 use crate::batch::{self, Batch, Engine, Field, StepInputs};
 use crate::model::{Model, ModelError};
 use crate::options::Options;
-use crate::plan::Plan;
+use crate::plan::{LanePlan, Plan};
 use crate::query::Snapshot;
 use crate::rollout::{Precision, Quantity, Recording};
 use crate::sensing::errors::Transfer;
@@ -40,7 +40,7 @@ pub struct Simulation {
     engine: Box<dyn Engine>,
     num_envs: usize,
     precision: Precision,
-    plan: OnceLock<Plan<f64>>,
+    plan: OnceLock<LanePlan<f64>>,
     theta: Theta,
 }
 
@@ -321,8 +321,8 @@ impl Simulation {
     }
 
     /// The model as the step reads it, in f64.
-    pub fn plan(&self) -> &Plan<f64> {
-        self.plan.get_or_init(|| Plan::new(&self.model))
+    pub fn plan(&self) -> &LanePlan<f64> {
+        self.plan.get_or_init(|| LanePlan::new(&Plan::new(&self.model)))
     }
 
     /// One environment, to ask about its mass matrix, energy and the like; inputs of that environment alone.

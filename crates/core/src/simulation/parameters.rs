@@ -1,5 +1,7 @@
 //! Parameters that environments have of their own.
 
+use std::borrow::Cow;
+
 use super::{Error, Simulation};
 use crate::model::randomizable;
 use crate::plan::LanePlan;
@@ -44,12 +46,14 @@ impl Simulation {
     }
 
     /// The plan of one environment, in f64.
-    pub fn plan_of(&self, env: usize) -> LanePlan<f64> {
-        let mut plan = LanePlan::new(self.plan());
-        if !self.theta.is_empty() {
-            let own = self.theta.differences(&self.model, self.plan(), &[], &[env]).expect("checked when it was assigned");
-            plan.params.set(&own[0]);
+    pub fn plan_of(&self, env: usize) -> Cow<'_, LanePlan<f64>> {
+        let shared = self.plan();
+        if self.theta.is_empty() {
+            return Cow::Borrowed(shared);
         }
-        plan
+        let own = self.theta.differences(&self.model, shared, &[], &[env]).expect("checked when it was assigned");
+        let mut plan = shared.clone();
+        plan.params.set(&own[0]);
+        Cow::Owned(plan)
     }
 }

@@ -144,13 +144,10 @@ class FallingBlocks(VectorEnv[Array, Array, Array]):
         """Starts episodes of the blocks of a mask; their info."""
         # Drawn for all, so that a block's numbers do not depend on which others begin with it.
         self._restitution[mask, 1] = self.np_random.uniform(*RESTITUTION, self.num_envs)[mask]
-        self._randomize()
+        self._sim.randomize(mask, geom_restitution=self._restitution)
         self._sim.reset(mask, qpos=[HEIGHT], qvel=[VELOCITY])
         self._steps[mask], self._over[mask] = 0, False
         return {"restitution": np.where(mask, self._restitution[:, 1], 0.0), "_restitution": mask}
-
-    def _randomize(self) -> None:
-        self._sim.randomize(geom_restitution=self._restitution)  # type: ignore[attr-defined]
 
 
 gymnasium.register("stepper/FallingBlock-v0", entry_point=f"{__name__}:FallingBlock", vector_entry_point=f"{__name__}:FallingBlocks")

@@ -70,7 +70,12 @@ KNOWN: tuple[Known, ...] = (
         (5e-4, 1.0),
         "creeps by some 5e-9 m/s, at the rate of the solver's residual",
     ),
-    Known(r"31 pinch at 1.01 of a cube.* 5 iterations", "stepper newton", ANY, "five steps of Newton's method do not solve the first step, and no sweeps follow"),
+    Known(
+        r"31 pinch at 1.01 of a cube.* 5 iterations",
+        "stepper newton",
+        ANY,
+        "five steps of Newton's method do not solve the first step, and no sweeps follow",
+    ),
     Known(r"S2 .*", r"stepper (euler.*|implicit)", (5e-3, 1.0), "rules of the first order"),
     Known(r"S[34] .*", r"stepper.*", (2e-2, 1.0), HEAP),
     Known(

@@ -55,16 +55,6 @@ def test_a_step_before_the_first_reset_is_refused():
         FallingBlock().step(np.zeros(1))
 
 
-needs_randomize = pytest.mark.skipif(not hasattr(stepper.Stepper, "randomize"), reason="restitution per environment is on its way")
-
-
-@pytest.fixture
-def shared(monkeypatch):
-    """Autoreset does not depend on restitution: these tests run without it where it cannot be set yet."""
-    if not hasattr(stepper.Stepper, "randomize"):
-        monkeypatch.setattr(falling_block.FallingBlocks, "_randomize", lambda self: None)
-
-
 def episode(env, seed=0, steps=50, action=0.5):
     """Everything that so many steps say after a reset."""
     observation, info = env.reset(seed=seed)
@@ -78,7 +68,6 @@ def episode(env, seed=0, steps=50, action=0.5):
     return rows
 
 
-@needs_randomize
 def test_many_blocks_bounce_as_single_ones_of_their_restitution():
     rows = episode(FallingBlocks(N), seed=4)
     for env in range(N):
@@ -90,7 +79,6 @@ def test_many_blocks_bounce_as_single_ones_of_their_restitution():
             sim.step([0.5])
 
 
-@needs_randomize
 def test_every_episode_of_every_block_has_its_own_restitution():
     env = FallingBlocks(2000, autoreset_mode=AutoresetMode.SAME_STEP)
     rows = episode(env, seed=1)
@@ -103,7 +91,6 @@ def test_every_episode_of_every_block_has_its_own_restitution():
     assert abs(np.corrcoef(first, second)[0, 1]) < 5 / np.sqrt(2000)
 
 
-@pytest.mark.usefixtures("shared")
 def test_the_next_step_resets_what_is_over():
     rows = episode(FallingBlocks(N), steps=52)
     start, last, over, first = rows[0], rows[50], rows[51], rows[52]
@@ -117,7 +104,6 @@ def test_the_next_step_resets_what_is_over():
     assert not first[2].any()
 
 
-@pytest.mark.usefixtures("shared")
 def test_the_same_step_resets_and_hands_over_the_last_observation():
     next_step = episode(FallingBlocks(N))
     rows = episode(FallingBlocks(N, autoreset_mode="SameStep"), steps=51)
@@ -129,7 +115,6 @@ def test_the_same_step_resets_and_hands_over_the_last_observation():
     assert "final_obs" not in rows[51][3]
 
 
-@pytest.mark.usefixtures("shared")
 def test_without_autoreset_a_mask_says_which():
     env = FallingBlocks(N, autoreset_mode=AutoresetMode.DISABLED)
     last = episode(env)[50]
@@ -148,7 +133,6 @@ def test_without_autoreset_a_mask_says_which():
         env.reset(options={"reset_mask": np.ones(2, dtype=bool)})
 
 
-@pytest.mark.usefixtures("shared")
 def test_blocks_at_different_moments_of_their_episodes_are_reset_alone():
     env = FallingBlocks(N)
     env.reset(seed=0)
@@ -165,7 +149,6 @@ def test_blocks_at_different_moments_of_their_episodes_are_reset_alone():
     np.testing.assert_array_equal(truncated, np.arange(N) == 2)
 
 
-@pytest.mark.usefixtures("shared")
 def test_seeds_and_threads():
     rows = {key: episode(FallingBlocks(40, threads=threads), seed=seed) for key, seed, threads in [("a", 1, 1), ("b", 1, 2), ("c", 2, 1)]}
     for a, b in zip(rows["a"], rows["b"], strict=True):
@@ -175,7 +158,6 @@ def test_seeds_and_threads():
     assert not np.any(restitution["a"] == restitution["c"])
 
 
-@pytest.mark.usefixtures("shared")
 def test_gymnasium_makes_many():
     env = gymnasium.make_vec("stepper/FallingBlock-v0", num_envs=3, vectorization_mode="vector_entry_point")
     assert env.metadata["autoreset_mode"] == AutoresetMode.NEXT_STEP

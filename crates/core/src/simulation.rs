@@ -1,5 +1,7 @@
 //! A simulation: a model, its settings and a batch of environments. What the bindings translate.
 
+mod parameters;
+
 use std::sync::{Arc, OnceLock};
 
 use stepper_real::Level;
@@ -8,12 +10,13 @@ use thiserror::Error;
 use crate::batch::{self, Batch, Engine, Field, StepInputs};
 use crate::model::{Model, ModelError};
 use crate::options::Options;
-use crate::plan::Plan;
+use crate::plan::{LanePlan, Plan};
 use crate::query::Snapshot;
 use crate::rollout::{Precision, Quantity, Recording};
 use crate::sensing::errors::Transfer;
 use crate::state::StoredContact;
 use crate::step::Inputs;
+use crate::theta::Theta;
 use crate::worker::Worker;
 
 /// A call that cannot be carried out.
@@ -37,7 +40,8 @@ pub struct Simulation {
     engine: Box<dyn Engine>,
     num_envs: usize,
     precision: Precision,
-    plan: OnceLock<Plan<f64>>,
+    plan: OnceLock<LanePlan<f64>>,
+    theta: Theta,
 }
 
 impl Simulation {
@@ -82,7 +86,7 @@ impl Simulation {
             Precision::F64 => Box::new(Batch::<f64>::new(&model, &options, n, single, threads, level)),
             Precision::F32 => Box::new(Batch::<f32>::new(&model, &options, n, single, threads, level)),
         };
-        let mut simulation = Self { model, options, engine, num_envs: n, precision, plan: OnceLock::new() };
+        let mut simulation = Self { model, options, engine, num_envs: n, precision, plan: OnceLock::new(), theta: Theta::default() };
         (0..n).for_each(|env| simulation.reset(env));
         simulation
     }
@@ -324,8 +328,8 @@ impl Simulation {
     }
 
     /// The model as the step reads it, in f64.
-    pub fn plan(&self) -> &Plan<f64> {
-        self.plan.get_or_init(|| Plan::new(&self.model))
+    pub fn plan(&self) -> &LanePlan<f64> {
+        self.plan.get_or_init(|| LanePlan::new(&Plan::new(&self.model)))
     }
 
     /// One environment, to ask about its mass matrix, energy and the like; inputs of that environment alone.

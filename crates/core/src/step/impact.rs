@@ -6,7 +6,7 @@ use stepper_solve::Outcome;
 use super::{Rule, Scratch};
 use crate::kinematics::advance;
 use crate::options::Options;
-use crate::plan::Plan;
+use crate::plan::LanePlan;
 use crate::spin;
 use crate::stages::s05_solve::solve;
 
@@ -26,7 +26,7 @@ const PASSES: usize = 3;
 /// both. The first solution took them at a velocity that knew of last step's impulses alone, which after an impact is wrong by the jump: an
 /// error of first order in momentum and energy, at every impact.
 pub(super) fn solve_impacts<R: Real>(
-    plan: &Plan<R::Scalar>,
+    plan: &LanePlan<R>,
     options: &Options,
     rule: &Rule<R>,
     s: &mut Scratch<R>,
@@ -48,7 +48,7 @@ pub(super) fn solve_impacts<R: Real>(
 
 /// Lanes whose velocity after the step, left in `v_next`, is far from that which inertial forces were taken with; of the first solution, which
 /// took them at the mean of the velocities and not half at each, also those in which constraints made the velocity jump.
-fn jumping<R: Real>(plan: &Plan<R::Scalar>, rule: &Rule<R>, s: &mut Scratch<R>, first: bool) -> R::Mask {
+fn jumping<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>, first: bool) -> R::Mask {
     s.constraints.warm_change(plan, &s.smooth.mass, &mut s.v_next);
     R::vectorize(
         #[inline(always)]
@@ -74,7 +74,7 @@ fn jumping<R: Real>(plan: &Plan<R::Scalar>, rule: &Rule<R>, s: &mut Scratch<R>, 
 }
 
 /// The free velocity of the lanes `lanes` with inertial forces at the velocity before the step and at `v_next`, half each.
-fn take_inertial_forces<R: Real>(plan: &Plan<R::Scalar>, rule: &Rule<R>, s: &mut Scratch<R>, lanes: R::Mask) {
+fn take_inertial_forces<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>, lanes: R::Mask) {
     // With the forces of stage 1 as they are: what depends on the velocity in them is implicit.
     let (forces, half) = ([&s.drive.tau[..], &s.applied], rule.h * R::of(0.5));
     s.smooth.acceleration(plan, &s.kinematics, forces, &s.v, &s.v);

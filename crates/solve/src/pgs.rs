@@ -77,7 +77,9 @@ fn sweep<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, running: R::Ma
         let next = clamp(lambda - v * row.inv_diagonal, row.lo, row.hi);
         let d = keep(lanes, next - lambda);
         iterate.scalars[i] = R::select(lanes, next, lambda);
-        problem.add_scalar(row, d, &mut iterate.w);
+        if moves(d) {
+            problem.add_scalar(row, d, &mut iterate.w);
+        }
         change = change.max(d.abs() * row.diagonal);
     }
     for (i, block) in problem.contacts.iter().enumerate() {
@@ -101,10 +103,20 @@ fn sweep<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, running: R::Ma
             iterate.contacts[i][k] = R::select(lanes, next[k], lambda[k]);
         }
         iterate.slip[i] = R::select(lanes, slip, iterate.slip[i]);
-        problem.add_contact(block, d, &mut iterate.w);
-        change = change.max(d[0].abs().max(d[1].abs()).max(d[2].abs()) * block.inv_rho);
+        let most = d[0].abs().max(d[1].abs()).max(d[2].abs());
+        if moves(most) {
+            problem.add_contact(block, d, &mut iterate.w);
+        }
+        change = change.max(most * block.inv_rho);
     }
     if problem.wide.is_empty() { change } else { change.max(sweep_wide(problem, iterate, running, exact)) }
+}
+
+/// Whether any lane's impulse changes: many limits and contacts stay open from sweep to sweep. Nothing would come of adding their zeros, since no
+/// sum is ever -0.
+#[inline(always)]
+fn moves<R: Real>(d: R) -> bool {
+    !d.eq(R::zero()).all()
 }
 
 /// The visits of the contacts with six rows.
@@ -132,7 +144,9 @@ fn sweep_wide<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, running: 
             iterate.wide[i][k] = R::select(lanes, next[k], lambda[k]);
         }
         iterate.wide_slip[i] = R::select(lanes, slip, iterate.wide_slip[i]);
-        problem.add_wide(block, d, &mut iterate.w);
+        if moves(most) {
+            problem.add_wide(block, d, &mut iterate.w);
+        }
         change = change.max(most * block.inv_rho);
     }
     change

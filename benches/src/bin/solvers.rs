@@ -22,13 +22,13 @@ fn main() {
         "Iterations / ms until the residual is {TOLERANCE:e} m/s, from a cold start: one step of {STEP} s from rest, friction {FRICTION}."
     );
     println!(
-        "PGS: sweeps with the exact solution of every contact; NNCG: the same with conjugate gradients, both at most {SWEEPS}; Newton: the"
+        "PGS: sweeps with the exact solution of every contact; PGS+AA: the same with Anderson's acceleration, both at most {SWEEPS}; Newton: the"
     );
     println!(
         "second tier alone, at most {STEPS} steps. An x is a residual that was not brought down. PGS takes the residual after every sweep,"
     );
     println!("the others when little changes.\n");
-    println!("| problem | contacts | PGS | NNCG | AL-Newton |");
+    println!("| problem | contacts | PGS | PGS+AA | AL-Newton |");
     println!("|---|---|---|---|---|");
     for heap in Heap::all() {
         let cells = [plain, accelerated, newton].map(|method| cell(&heap, method));

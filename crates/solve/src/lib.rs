@@ -19,7 +19,7 @@
 pub mod cone;
 mod contact;
 pub mod newton;
-mod nncg;
+mod anderson;
 mod orthogonal;
 pub mod pgs;
 mod problem;

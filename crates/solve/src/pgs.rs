@@ -1,10 +1,10 @@
-//! Projected Gauss-Seidel with the exact solution of every contact's own problem, accelerated by conjugate gradients: the fast tier.
+//! Projected Gauss-Seidel with the exact solution of every contact's own problem, with Anderson's acceleration: the fast tier.
 //!
 //! Rows are visited in a fixed order; each takes the impulse that solves it while the others stand. A lane stops when its residual
 //! meets the tolerance, and from then on its mask keeps every one of its bits.
 
 use crate::cone::{clamp, keep};
-use crate::{Iterate, Problem, nncg, residual};
+use crate::{Iterate, Problem, anderson, residual};
 use stepper_real::{Mask, Real};
 
 /// When to stop.
@@ -37,13 +37,13 @@ pub fn solve<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: 
             let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero() };
             let (mut running, mut unsolved, mut threshold) = (lanes, lanes, tolerance);
             let limit = R::of(f64::from(settings.sweeps.max(1)));
-            nncg::begin(iterate);
+            anderson::begin(iterate);
             while unsolved.any() {
                 let change = sweep(problem, iterate, running, outcome.sweeps.lt(R::of(EXACT_SWEEPS)));
                 outcome.sweeps += keep(running, R::one());
                 running = running.and(change.gt(threshold)).and(outcome.sweeps.lt(limit));
                 if running.any() {
-                    nncg::accelerate(iterate, running);
+                    anderson::accelerate(iterate, running);
                     continue;
                 }
                 outcome.residual = R::select(unsolved, residual(problem, iterate), outcome.residual);

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::nncg::Direction;
+use crate::anderson::History;
 use crate::{ContactBlock, WideBlock};
 use stepper_real::{Mask, Real};
 
@@ -298,7 +298,7 @@ pub struct Iterate<R: Real> {
     /// Multiplier of the friction disc in each contact, the starting point of the next local solve; 0 while it sticks.
     pub(crate) slip: Vec<R>,
     pub(crate) wide_slip: Vec<R>,
-    pub(crate) direction: Direction<R>,
+    pub(crate) history: History<R>,
 }
 
 impl<R: Real> Iterate<R> {
@@ -316,7 +316,7 @@ impl<R: Real> Iterate<R> {
             wide: Vec::with_capacity(room.wide),
             slip: Vec::with_capacity(room.contacts),
             wide_slip: Vec::with_capacity(room.wide),
-            direction: Direction::new(room),
+            history: History::new(room),
         }
     }
 

@@ -57,7 +57,7 @@ impl<R: Real> History<R> {
     }
 }
 
-/// Forgets everything before the first sweep.
+/// Forgets everything before the first sweep, or after a pause of all lanes.
 #[inline(always)]
 pub(crate) fn begin<R: Real>(iterate: &mut Iterate<R>) {
     let n = iterate.w.len() + iterate.scalars.len() + 3 * iterate.contacts.len() + 6 * iterate.wide.len();
@@ -102,14 +102,16 @@ pub(crate) fn accelerate<R: Real>(iterate: &mut Iterate<R>, running: R::Mask) {
     }
     let c = past.coefficients();
     for k in 0..MEMORY {
-        if past.known[k].none() {
+        let known = past.known[k];
+        if known.none() {
             break;
         }
         at = 0;
         for part in [&mut w[..], scalars, contacts.as_flattened_mut(), wide.as_flattened_mut()] {
             let end = at + part.len();
             for (x, dt) in part.iter_mut().zip(&past.dt[k][at..end]) {
-                *x -= c[k] * *dt;
+                // Not even -0 changes where a neighbour remembers more.
+                *x = R::select(known, *x - c[k] * *dt, *x);
             }
             at = end;
         }
@@ -149,9 +151,9 @@ impl<R: Real> History<R> {
             gram[0][j] = own;
             c[j] = keep(known[j], off);
         }
-        // Elimination, the newest first; a change that is nearly a sum of newer ones is left out.
+        // Elimination, the newest first; a change that is nearly a sum of newer ones is left out: its large c would magnify rounding.
         let mut a = *gram;
-        let rounding = R::of(<R::Scalar as Scalar>::EPSILON.to_f64() * 1e3);
+        let rounding = R::of(<R::Scalar as Scalar>::EPSILON.to_f64().sqrt());
         for i in 0..MEMORY {
             let good = known[i].and(a[i][i].gt(rounding * gram[i][i]));
             let inverse = one / R::select(good, a[i][i], one);

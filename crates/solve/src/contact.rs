@@ -136,11 +136,11 @@ impl<R: Real> ContactBlock<R> {
 
     /// The impulse at the s > 0 at which |lambda_t(s)| = mu lambda_n(s), in the lanes `todo`.
     ///
-    /// One step beyond [`NEAR`] is enough: the error is squared once more, and the next visit starts from this s.
+    /// A step beyond [`near`] is the last, and its error is not looked at.
     #[inline(always)]
     fn slip(&self, p: [R; 2], push: R, guess: R, mut todo: R::Mask) -> Slip<R> {
         let zero = R::zero();
-        let near = R::of(NEAR);
+        let near = near::<R>();
         let unbounded = R::of(f64::INFINITY);
         let (mut lo, mut hi, mut s) = (zero, unbounded, guess);
         for _ in 0..MAX_NEWTON {
@@ -156,7 +156,7 @@ impl<R: Real> ContactBlock<R> {
             let slope = (self.coupling[0] * x0 + self.coupling[1] * x1) * length2 + n * (x[0] * x0 + x[1] * x1);
             let newton = s - excess * length2 / (self.mu * slope);
             let bisect = R::select(hi.lt(unbounded), (lo + hi) * R::of(0.5), s + s + self.a[0]);
-            let inside = newton.ge(lo).and(newton.le(hi));
+            let inside = newton.ge(lo).and(newton.le(hi)).and(newton.lt(unbounded));
             s = R::select(todo, R::select(inside, newton, bisect), s);
             todo = todo.and_not(excess.abs().le(near * length));
             if todo.none() {
@@ -166,7 +166,8 @@ impl<R: Real> ContactBlock<R> {
         // What Newton's method left is removed by scaling, so that the impulse is on its cone.
         let (_, x, n) = self.sliding(p, push, s);
         let n = n.max(zero);
-        let scale = self.mu * n / (x[0] * x[0] + x[1] * x[1]).sqrt();
+        let length = norm2(x[0], x[1]);
+        let scale = self.mu * n / R::select(length.gt(zero), length, R::one());
         Slip { x: [x[0] * scale, x[1] * scale], n, s }
     }
 
@@ -191,5 +192,9 @@ struct Slip<R: Real> {
 /// Newton steps of a sliding contact; one to three are usual, the rest is for bisection to rescue a poor start.
 pub(crate) const MAX_NEWTON: usize = 24;
 
-/// How far from its cone, as a part of its length, a sliding impulse may be before the last Newton step.
-pub(crate) const NEAR: f64 = 1e-4;
+/// How far from its cone, as a part of its length, a sliding impulse may be before the last Newton step, which squares it: four roots of the
+/// rounding.
+#[inline(always)]
+pub(crate) fn near<R: Real>() -> R {
+    R::of(4.0 * <R::Scalar as Scalar>::EPSILON.to_f64().sqrt())
+}

@@ -46,9 +46,13 @@ pub fn solve<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: 
                     anderson::accelerate(iterate, running);
                     continue;
                 }
+                // Acceleration adds w and the impulses up apart. Where nothing has changed since, this finds the same bits again.
+                iterate.start(problem);
                 outcome.residual = R::select(unsolved, residual(problem, iterate), outcome.residual);
                 unsolved = unsolved.and(outcome.residual.gt(tolerance)).and(outcome.sweeps.lt(limit));
                 running = unsolved;
+                // All have paused: lanes that paused long ago start as those that did just now.
+                anderson::begin(iterate);
                 threshold = R::select(unsolved, threshold * R::of(0.25), threshold);
             }
             outcome

@@ -7,7 +7,7 @@
 use std::ops::Range;
 
 use crate::cone::{keep, positive};
-use crate::contact::{MAX_NEWTON, NEAR};
+use crate::contact::{MAX_NEWTON, near};
 use stepper_real::{Mask, Real, Scalar};
 
 /// Tangential rows.
@@ -140,7 +140,7 @@ impl<R: Real> WideBlock<R> {
     #[inline(always)]
     fn slip(&self, p: [R; T], push: R, guess: R, mut todo: R::Mask) -> Slip<R> {
         let zero = R::zero();
-        let near = R::of(NEAR);
+        let near = near::<R>();
         let unbounded = R::of(f64::INFINITY);
         let (mut lo, mut hi, mut s) = (zero, unbounded, guess);
         for _ in 0..MAX_NEWTON {
@@ -155,7 +155,7 @@ impl<R: Real> WideBlock<R> {
             let slope = dot(self.coupling, rate) * length2 + n * dot(x, rate);
             let newton = s - excess * length2 / (self.mu * slope);
             let bisect = R::select(hi.lt(unbounded), (lo + hi) * R::of(0.5), s + s + self.nn);
-            let inside = newton.ge(lo).and(newton.le(hi));
+            let inside = newton.ge(lo).and(newton.le(hi)).and(newton.lt(unbounded));
             s = R::select(todo, R::select(inside, newton, bisect), s);
             todo = todo.and_not(excess.abs().le(near * length));
             if todo.none() {

@@ -62,9 +62,13 @@ impl<R: Real> GeomPoses<R> {
     fn slips_through(&self, plan: &Plan<R::Scalar>, pair: &PairPlan<R::Scalar>, h: R, slack: R) -> R::Mask {
         let [a, b] = pair.geoms;
         let way = self.lead[a] + self.lead[b];
+        let far = way.gt(R::splat(pair.thin));
+        if far.none() {
+            return far;
+        }
         let reach = R::splat(pair.reach) + R::splat(pair.margin) + way;
         let apart = sub(self.pos[b], self.pos[a]);
-        let meets = way.gt(R::splat(pair.thin)).and(dot(apart, apart).lt(reach * reach));
+        let meets = far.and(dot(apart, apart).lt(reach * reach));
         let unseen = way.gt(self.travel[a] + self.travel[b] + slack);
         let bends = (self.bend(plan, a, h) + self.bend(plan, b, h)).gt(R::splat(pair.thin));
         meets.and(unseen.or(bends))

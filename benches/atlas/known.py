@@ -29,23 +29,12 @@ NOT_EULER = r"stepper(?! euler).*"
 
 BAUMGARTE = r"stepper (euler, )?baumgarte"
 EXPLICIT = "springs and servos are explicit with this integrator, as in MuJoCo's: stable up to h sqrt(k/m) = 2"
-UNEVEN = (
-    "four contacts a side are hyperstatic, and the sweeps leave the impulses as uneven as the first impact made them: the object turns "
-    "while it slips. Forces of least norm would hold it"
-)
 HEAP = "a heap of 216 spheres at this time step falls by more than a radius of theirs in a few steps; what the law leaves open decides"
 
 KNOWN: tuple[Known, ...] = (
     Known(r"9 .*", EULER, ANY, "Euler's rule takes Coriolis and centrifugal forces at the beginning of the step, and gains energy"),
     Known(
         r"13 .*tension", "stepper", (5e-3, 1.0), "the chain goes on swinging along its length at this time step; the mean tension is right"
-    ),
-    Known(r"14 .*", "stepper newton", (2e-2, 1.0), "without sweeps before it, Newton's method leaves impulses that let the stack drift"),
-    Known(
-        r"15 .*order",
-        r"stepper.*",
-        ANY,
-        "a hyperstatic table's forces depend on the order of its legs, and with them friction's torque",
     ),
     Known(r"17 .*|29 Euler.*", BAUMGARTE, ANY, "Baumgarte's velocity stays in the motion as kinetic energy"),
     Known(
@@ -75,7 +64,6 @@ KNOWN: tuple[Known, ...] = (
         (5e-4, 1.0),
         "creeps by some 5e-9 m/s, at the rate of the solver's residual",
     ),
-    Known(r"31 .*cube.*", r"stepper.*", ANY, UNEVEN),
     Known(r"S2 .*", r"stepper (euler.*|implicit)", (5e-3, 1.0), "rules of the first order"),
     Known(r"S[34] .*", r"stepper.*", (2e-2, 1.0), HEAP),
     Known(

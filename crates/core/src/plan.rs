@@ -64,6 +64,8 @@ pub struct Plan<S: Scalar> {
     pub pairs: Vec<PairPlan<S>>,
     /// Geoms whose pairs are too many to list.
     pub crowd: Option<Crowd<S>>,
+    /// Links that nothing holds.
+    pub loose: Vec<bool>,
     /// Whether any pair has torsional or rolling friction.
     pub wide: bool,
     /// Joint limits.
@@ -268,6 +270,7 @@ impl<S: Scalar> Plan<S> {
             compensation: passive::compensation(model, &merged),
             surfaces: passive::surfaces(model, &geoms, merged.leaders.len()),
             spinners: Self::spinners(&links, &joints),
+            loose: Self::loose(&links, &joints),
             links,
             joints,
             dofs,
@@ -312,6 +315,13 @@ impl<S: Scalar> Plan<S> {
             (!round).then_some(SpinnerPlan { link: l, dof: joint.v, kind: joint.kind, mass, inertia, arm })
         };
         (0..links.len()).filter_map(spinner).collect()
+    }
+
+    /// Whether each link is alone on a free joint.
+    fn loose(links: &[Link<S>], joints: &[JointPlan<S>]) -> Vec<bool> {
+        let free = |link: &Link<S>| matches!(&joints[link.joints.clone()], [joint] if joint.kind == JointKind::Free);
+        let alone = |link: &Link<S>| links.iter().filter(|other| other.tree == link.tree).count() == 1;
+        links.iter().map(|link| free(link) && alone(link)).collect()
     }
 
     /// Number of frames: the world, the links and the mocap bodies.

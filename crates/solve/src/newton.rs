@@ -9,7 +9,8 @@
 //!
 //! (Rockafellar 1976; for contacts Cadoux 2009 and Acary & Cadoux 2013, whose outer fixed point on s this is too) by Newton's method with an
 //! exact line search. The steps rho_i = kappa dim / trace(G_ii) are so long that one or two proximal steps are enough, and what is hyperstatic
-//! does no harm: the matrix is the identity plus a positive semidefinite one, and of many possible forces those near the start are taken.
+//! does no harm: the matrix is the identity plus a positive semidefinite one. Of many possible forces those near the start are taken, or
+//! the least, if the first step starts from zero.
 //! Between the minimisations s is renewed, with Anderson's acceleration; and after the first, steps on the exact law are tried, s included, whose
 //! matrix is not symmetric: near the answer they converge at once, and where they do not they are taken back.
 //!
@@ -47,6 +48,14 @@ pub struct Newton {
     members: Vec<usize>,
 }
 
+/// A [`Goal`] for every lane.
+#[derive(Clone, Copy, Debug)]
+struct Aim<R> {
+    steps: u32,
+    tolerance: R,
+    least: bool,
+}
+
 /// How it went in one lane.
 #[derive(Clone, Copy, Debug)]
 struct Verdict {
@@ -58,7 +67,8 @@ struct Verdict {
 
 impl Newton {
     /// Improves the impulses of the lanes `lanes` whose `residual` is above the tolerance, each alone, by at most `steps` Newton steps an
-    /// island. Replaces their residuals and adds the Newton steps to `taken`. No lane ends with a larger residual than it had.
+    /// island. Replaces their residuals and adds the Newton steps to `taken`. No lane ends with a larger residual than it had. Of many possible
+    /// impulses it takes those near the start.
     pub fn solve<R: Real>(
         &mut self,
         problem: &Problem<R>,
@@ -66,14 +76,39 @@ impl Newton {
         steps: u32,
         tolerance: R,
         lanes: R::Mask,
+        outcome: [&mut R; 2],
+    ) {
+        self.search(problem, iterate, Aim { steps, tolerance, least: false }, lanes, outcome);
+    }
+
+    /// The same, but of many possible impulses it takes the least (in the metric of 1/rho), whatever came before and whatever the order of the
+    /// rows.
+    pub fn share<R: Real>(
+        &mut self,
+        problem: &Problem<R>,
+        iterate: &mut Iterate<R>,
+        steps: u32,
+        tolerance: R,
+        lanes: R::Mask,
+        outcome: [&mut R; 2],
+    ) {
+        self.search(problem, iterate, Aim { steps, tolerance, least: true }, lanes, outcome);
+    }
+
+    fn search<R: Real>(
+        &mut self,
+        problem: &Problem<R>,
+        iterate: &mut Iterate<R>,
+        aim: Aim<R>,
+        lanes: R::Mask,
         [residual, taken]: [&mut R; 2],
     ) {
-        let mut rest = lanes.and(residual.gt(tolerance)).and(residual.is_finite()).bits();
+        let mut rest = lanes.and(residual.gt(aim.tolerance)).and(residual.is_finite()).bits();
         while rest != 0 {
             let lane = rest.trailing_zeros() as usize;
             rest &= rest - 1;
             self.lane.gather(problem, iterate, lane);
-            let goal = Goal { tolerance: tolerance.lane(lane).to_f64(), steps };
+            let goal = Goal { tolerance: aim.tolerance.lane(lane).to_f64(), steps: aim.steps, least: aim.least };
             let verdict = self.solve_lane::<R>(goal);
             if verdict.better {
                 self.lane.scatter(lane, iterate);

@@ -61,6 +61,8 @@ pub struct Problem<R: Real> {
     pub contacts: Vec<ContactBlock<R>>,
     /// Contacts with torsional or rolling friction, swept last.
     pub wide: Vec<WideBlock<R>>,
+    /// Lanes in which the rows leave it open how a load is shared.
+    pub hyperstatic: R::Mask,
 }
 
 impl<R: Real> Problem<R> {
@@ -81,6 +83,7 @@ impl<R: Real> Problem<R> {
             scalars: Vec::with_capacity(room.scalars),
             contacts: Vec::with_capacity(room.contacts),
             wide: Vec::with_capacity(room.wide),
+            hyperstatic: R::Mask::splat(false),
         }
     }
 
@@ -94,6 +97,7 @@ impl<R: Real> Problem<R> {
         self.contacts.clear();
         self.y6.clear();
         self.wide.clear();
+        self.hyperstatic = R::Mask::splat(false);
     }
 
     /// Number of coordinates of w.

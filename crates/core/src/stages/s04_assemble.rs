@@ -14,6 +14,7 @@
 //! bounce with.
 
 mod equality;
+mod hyperstatic;
 mod tendon;
 mod wide;
 
@@ -79,6 +80,7 @@ impl<R: Real> Constraints<R> {
                         }
                     }
                 }
+                self.problem.hyperstatic = hyperstatic::lanes(plan, contacts);
                 self.iterate.start(&self.problem);
             },
         )

@@ -22,6 +22,8 @@ pub(super) struct Goal {
     pub(super) tolerance: f64,
     /// Newton steps at the most.
     pub(super) steps: u32,
+    /// Whether, of many possible impulses, the least are sought, instead of those near the start.
+    pub(super) least: bool,
 }
 
 /// Room for an island, and how far its search has come.
@@ -71,6 +73,11 @@ impl Descent {
         self.now = rows.residual(&mut self.v);
         self.best.keep(rows, self.now);
         self.forget_slip(rows);
+        if goal.least && self.now > goal.tolerance {
+            // A proximal step from zero; the search for it begins at the motion that is known.
+            rows.lambda.fill(0.0);
+            kappa = kappa.max(KAPPA[1].min(stiffest));
+        }
         // A try of the exact law that fails makes the next one wait twice as long and begin with a smaller kappa.
         let (mut wait, mut pause) = (1, 1);
         while self.steps < goal.steps && self.best.residual > goal.tolerance && self.now.is_finite() {

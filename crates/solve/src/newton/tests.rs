@@ -5,7 +5,7 @@ use super::descent::Goal;
 use super::lane::{Lane, Set};
 use super::skyline::Skyline;
 
-const GOAL: Goal = Goal { tolerance: 1e-11, steps: 100 };
+const GOAL: Goal = Goal { tolerance: 1e-11, steps: 100, least: false };
 const FREE: Set = Set::Interval { lo: f64::NEG_INFINITY, hi: f64::INFINITY };
 
 /// A number in [-1, 1] for every seed.

@@ -5,7 +5,7 @@
 //! whose sweeps change more than the one before forgets the past.
 
 use crate::cone::keep;
-use crate::{Capacity, Iterate};
+use crate::{Capacity, Iterate, Problem};
 use stepper_real::{Mask, Real, Scalar};
 
 /// Changes that are remembered.
@@ -69,6 +69,16 @@ pub(crate) fn begin<R: Real>(iterate: &mut Iterate<R>) {
     past.image.resize(n, R::zero());
     for dt in &mut past.dt {
         dt.resize(n, R::zero());
+    }
+}
+
+/// Makes w consistent with the impulses in the lanes `lanes`; the others keep every bit.
+#[inline(always)]
+pub(crate) fn settle<R: Real>(iterate: &mut Iterate<R>, problem: &Problem<R>, lanes: R::Mask) {
+    std::mem::swap(&mut iterate.w, &mut iterate.history.start);
+    iterate.start(problem);
+    for (w, &before) in iterate.w.iter_mut().zip(&iterate.history.start) {
+        *w = R::select(lanes, *w, before);
     }
 }
 

@@ -47,7 +47,7 @@ pub fn solve<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: 
                     continue;
                 }
                 // Acceleration adds w and the impulses up apart. Where nothing has changed since, this finds the same bits again.
-                iterate.start(problem);
+                anderson::settle(iterate, problem, lanes);
                 outcome.residual = R::select(unsolved, residual(problem, iterate), outcome.residual);
                 unsolved = unsolved.and(outcome.residual.gt(tolerance)).and(outcome.sweeps.lt(limit));
                 running = unsolved;

@@ -65,12 +65,6 @@ KNOWN: tuple[Known, ...] = (
     ),
     Known(r"27 .*", r"stepper.*", (0.0, 5e-3), "rounding of positions at 1e5 m, 1.5e-11 m, gathers to some 3e-9 m"),
     Known(
-        r"30 wheel, 0.9 mu N sideways",
-        r"stepper(?! newton).*",
-        (5e-4, 1.0),
-        "creeps by some 5e-9 m/s, at the rate of the solver's residual",
-    ),
-    Known(
         r"31 pinch at 1.01 of a cube.* 5 iterations",
         "stepper newton",
         ANY,

@@ -28,7 +28,7 @@ class Options:
 
             With "midpoint" and "implicit" a servo at a bound of its force gives the bound, and none of its stiffness. Fixed tendons whose
             joints lie on several branches act with an inertia that grows with h^2 k and h d, which keeps them stable too.
-        solver: "pgs" (projected Gauss-Seidel that solves every contact's own Coulomb problem exactly, accelerated by conjugate gradients),
+        solver: "pgs" (projected Gauss-Seidel that solves every contact's own Coulomb problem exactly, with Anderson's acceleration),
             "newton" (augmented-Lagrangian Newton for every environment that the first two sweeps do not solve), or "auto": sweeps, then
             Newton for the environments that they leave above the tolerance.
         iterations: Sweeps of the solver at the most ("auto" makes no more than 50), and Newton steps at the most for each island of bodies

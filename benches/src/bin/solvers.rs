@@ -19,7 +19,7 @@ fn main() {
     pin();
     println!("# Solvers\n\n{}\n", setting());
     println!("{}, one core; {}.\n", cpu(), rustc());
-    println!("| problem | contacts | PGS | NNCG | AL-Newton |");
+    println!("| problem | contacts | PGS | PGS+AA | AL-Newton |");
     println!("|---|---|---|---|---|");
     for heap in Heap::all() {
         let cells = [plain, accelerated, newton].map(|method| cell(&heap, method));
@@ -38,7 +38,7 @@ start, in one environment in f64: one step of {STEP} s from rest, friction {FRIC
 is a residual that was not brought down, and what is left of it in m/s.
 
 * **PGS**: sweeps with the exact solution of every contact, at most {SWEEPS}; the residual is taken after every sweep.
-* **NNCG**: the same with nonsmooth conjugate gradients (Silcowitz, Niebe and Erleben 2010), at most {SWEEPS}. `solver=\"pgs\"` is this.
+* **PGS+AA**: the same with Anderson's acceleration (1965; Walker and Ni 2011), at most {SWEEPS}. `solver=\"pgs\"` is this.
 * **AL-Newton**: the second tier alone, augmented-Lagrangian Newton island by island, at most {STEPS} steps. `solver=\"newton\"` is this
   after two sweeps.",
     )

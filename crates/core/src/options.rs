@@ -40,7 +40,7 @@ pub enum Stabilization {
 pub enum Solver {
     /// Sweeps, then Newton's method for the environments whose residual they leave above the tolerance.
     Auto,
-    /// Projected Gauss-Seidel alone, accelerated by conjugate gradients.
+    /// Projected Gauss-Seidel alone, with Anderson's acceleration.
     Pgs,
     /// Augmented-Lagrangian Newton for all but what the first sweeps solve.
     Newton,

@@ -135,31 +135,19 @@ impl<R: Real> ContactBlock<R> {
     }
 
     /// The impulse at the s > 0 at which |lambda_t(s)| = mu lambda_n(s), in the lanes `todo`.
+    ///
+    /// A step beyond [`near`] is the last, and its error is not looked at.
     #[inline(always)]
     fn slip(&self, p: [R; 2], push: R, guess: R, mut todo: R::Mask) -> Slip<R> {
         let zero = R::zero();
-        let tolerance = R::of(<R::Scalar as Scalar>::EPSILON.to_f64() * 16.0);
+        let near = near::<R>();
         let unbounded = R::of(f64::INFINITY);
         let (mut lo, mut hi, mut s) = (zero, unbounded, guess);
-        let mut out = Slip { x: [zero; 2], n: zero, s };
         for _ in 0..MAX_NEWTON {
-            let (d0, d1) = (self.a[0] + s, self.a[1] + s);
-            let inverse = R::one() / (d0 * d1);
-            let (i0, i1) = (d1 * inverse, d0 * inverse);
-            let x = [-p[0] * i0, -p[1] * i1];
-            let n = push - (self.coupling[0] * x[0] + self.coupling[1] * x[1]);
+            let ([i0, i1], x, n) = self.sliding(p, push, s);
             let length2 = x[0] * x[0] + x[1] * x[1];
             let length = length2.sqrt();
             let excess = self.mu * n - length;
-            out = Slip {
-                x: [R::select(todo, x[0], out.x[0]), R::select(todo, x[1], out.x[1])],
-                n: R::select(todo, n, out.n),
-                s: R::select(todo, s, out.s),
-            };
-            todo = todo.and_not(excess.abs().le(tolerance * length));
-            if todo.none() {
-                break;
-            }
             let low = excess.lt(zero);
             lo = R::select(low, s, lo);
             hi = R::select(low, hi, s);
@@ -168,13 +156,29 @@ impl<R: Real> ContactBlock<R> {
             let slope = (self.coupling[0] * x0 + self.coupling[1] * x1) * length2 + n * (x[0] * x0 + x[1] * x1);
             let newton = s - excess * length2 / (self.mu * slope);
             let bisect = R::select(hi.lt(unbounded), (lo + hi) * R::of(0.5), s + s + self.a[0]);
-            let inside = newton.gt(lo).and(newton.lt(hi));
-            s = R::select(inside, newton, bisect);
+            let inside = newton.ge(lo).and(newton.le(hi)).and(newton.lt(unbounded));
+            s = R::select(todo, R::select(inside, newton, bisect), s);
+            todo = todo.and_not(excess.abs().le(near * length));
+            if todo.none() {
+                break;
+            }
         }
         // What Newton's method left is removed by scaling, so that the impulse is on its cone.
-        let n = out.n.max(zero);
-        let scale = self.mu * n / (out.x[0] * out.x[0] + out.x[1] * out.x[1]).sqrt();
-        Slip { x: [out.x[0] * scale, out.x[1] * scale], n, s: out.s }
+        let (_, x, n) = self.sliding(p, push, s);
+        let n = n.max(zero);
+        let length = norm2(x[0], x[1]);
+        let scale = self.mu * n / R::select(length.gt(zero), length, R::one());
+        Slip { x: [x[0] * scale, x[1] * scale], n, s }
+    }
+
+    /// At the multiplier s: the inverses of A + s, the tangential impulse, the normal one.
+    #[inline(always)]
+    fn sliding(&self, p: [R; 2], push: R, s: R) -> ([R; 2], [R; 2], R) {
+        let (d0, d1) = (self.a[0] + s, self.a[1] + s);
+        let inverse = R::one() / (d0 * d1);
+        let (i0, i1) = (d1 * inverse, d0 * inverse);
+        let x = [-p[0] * i0, -p[1] * i1];
+        ([i0, i1], x, push - (self.coupling[0] * x[0] + self.coupling[1] * x[1]))
     }
 }
 
@@ -185,5 +189,12 @@ struct Slip<R: Real> {
     s: R,
 }
 
-/// Newton steps of a sliding contact; three or four are usual, the rest is for bisection to rescue a poor start.
-const MAX_NEWTON: usize = 24;
+/// Newton steps of a sliding contact; one to three are usual, the rest is for bisection to rescue a poor start.
+pub(crate) const MAX_NEWTON: usize = 24;
+
+/// How far from its cone, as a part of its length, a sliding impulse may be before the last Newton step, which squares it: four roots of the
+/// rounding.
+#[inline(always)]
+pub(crate) fn near<R: Real>() -> R {
+    R::of(4.0 * <R::Scalar as Scalar>::EPSILON.to_f64().sqrt())
+}

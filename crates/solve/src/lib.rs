@@ -16,10 +16,10 @@
 //!
 //! Everything is written once over [`Real`](stepper_real::Real): one environment, or one per SIMD lane.
 
+mod anderson;
 pub mod cone;
 mod contact;
 pub mod newton;
-mod nncg;
 mod orthogonal;
 pub mod pgs;
 mod problem;

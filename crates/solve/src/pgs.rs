@@ -1,10 +1,10 @@
-//! Projected Gauss-Seidel with the exact solution of every contact's own problem, accelerated by conjugate gradients: the fast tier.
+//! Projected Gauss-Seidel with the exact solution of every contact's own problem, with Anderson's acceleration: the fast tier.
 //!
 //! Rows are visited in a fixed order; each takes the impulse that solves it while the others stand. A lane stops when its residual
 //! meets the tolerance, and from then on its mask keeps every one of its bits.
 
 use crate::cone::{clamp, keep};
-use crate::{Iterate, Problem, nncg, residual};
+use crate::{Iterate, Problem, anderson, residual};
 use stepper_real::{Mask, Real};
 
 /// When to stop.
@@ -37,18 +37,22 @@ pub fn solve<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: 
             let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero() };
             let (mut running, mut unsolved, mut threshold) = (lanes, lanes, tolerance);
             let limit = R::of(f64::from(settings.sweeps.max(1)));
-            nncg::begin(iterate);
+            anderson::begin(iterate);
             while unsolved.any() {
                 let change = sweep(problem, iterate, running, outcome.sweeps.lt(R::of(EXACT_SWEEPS)));
                 outcome.sweeps += keep(running, R::one());
                 running = running.and(change.gt(threshold)).and(outcome.sweeps.lt(limit));
                 if running.any() {
-                    nncg::accelerate(iterate, running);
+                    anderson::accelerate(iterate, running);
                     continue;
                 }
+                // Acceleration adds w and the impulses up apart. Where nothing has changed since, this finds the same bits again.
+                anderson::settle(iterate, problem, lanes);
                 outcome.residual = R::select(unsolved, residual(problem, iterate), outcome.residual);
                 unsolved = unsolved.and(outcome.residual.gt(tolerance)).and(outcome.sweeps.lt(limit));
                 running = unsolved;
+                // All have paused: lanes that paused long ago start as those that did just now.
+                anderson::begin(iterate);
                 threshold = R::select(unsolved, threshold * R::of(0.25), threshold);
             }
             outcome
@@ -77,7 +81,9 @@ fn sweep<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, running: R::Ma
         let next = clamp(lambda - v * row.inv_diagonal, row.lo, row.hi);
         let d = keep(lanes, next - lambda);
         iterate.scalars[i] = R::select(lanes, next, lambda);
-        problem.add_scalar(row, d, &mut iterate.w);
+        if moves(d) {
+            problem.add_scalar(row, d, &mut iterate.w);
+        }
         change = change.max(d.abs() * row.diagonal);
     }
     for (i, block) in problem.contacts.iter().enumerate() {
@@ -101,10 +107,20 @@ fn sweep<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, running: R::Ma
             iterate.contacts[i][k] = R::select(lanes, next[k], lambda[k]);
         }
         iterate.slip[i] = R::select(lanes, slip, iterate.slip[i]);
-        problem.add_contact(block, d, &mut iterate.w);
-        change = change.max(d[0].abs().max(d[1].abs()).max(d[2].abs()) * block.inv_rho);
+        let most = d[0].abs().max(d[1].abs()).max(d[2].abs());
+        if moves(most) {
+            problem.add_contact(block, d, &mut iterate.w);
+        }
+        change = change.max(most * block.inv_rho);
     }
     if problem.wide.is_empty() { change } else { change.max(sweep_wide(problem, iterate, running, exact)) }
+}
+
+/// Whether any lane's impulse changes: many limits and contacts stay open from sweep to sweep. Nothing would come of adding their zeros, since no
+/// sum is ever -0.
+#[inline(always)]
+fn moves<R: Real>(d: R) -> bool {
+    !d.eq(R::zero()).all()
 }
 
 /// The visits of the contacts with six rows.
@@ -132,7 +148,9 @@ fn sweep_wide<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, running: 
             iterate.wide[i][k] = R::select(lanes, next[k], lambda[k]);
         }
         iterate.wide_slip[i] = R::select(lanes, slip, iterate.wide_slip[i]);
-        problem.add_wide(block, d, &mut iterate.w);
+        if moves(most) {
+            problem.add_wide(block, d, &mut iterate.w);
+        }
         change = change.max(most * block.inv_rho);
     }
     change

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::nncg::Direction;
+use crate::anderson::History;
 use crate::{ContactBlock, WideBlock};
 use stepper_real::{Mask, Real};
 
@@ -203,11 +203,19 @@ impl<R: Real> Problem<R> {
     #[inline(always)]
     pub fn scalar_velocity(&self, row: &ScalarRow<R>, w: &[R]) -> R {
         let (support, y) = self.scalar_entries(row);
-        let mut v = R::zero();
-        for (&c, &y) in support.iter().zip(y) {
-            v += y * w[c as usize];
+        // Two partial sums, each waiting for itself alone. A row's support is that of all lanes, so that the order is everybody's.
+        let mut v = [R::zero(); 2];
+        let (pairs, last) = support.as_chunks::<2>();
+        let (y, y_last) = y.as_chunks::<2>();
+        for (c, y) in pairs.iter().zip(y) {
+            for k in 0..2 {
+                v[k] += y[k] * w[c[k] as usize];
+            }
         }
-        v + row.g
+        for (&c, &y) in last.iter().zip(y_last) {
+            v[0] += y * w[c as usize];
+        }
+        (v[0] + v[1]) + row.g
     }
 
     /// Velocity (n, t1, t2) of a contact for the scaled velocity change w.
@@ -294,7 +302,7 @@ pub struct Iterate<R: Real> {
     /// Multiplier of the friction disc in each contact, the starting point of the next local solve; 0 while it sticks.
     pub(crate) slip: Vec<R>,
     pub(crate) wide_slip: Vec<R>,
-    pub(crate) direction: Direction<R>,
+    pub(crate) history: History<R>,
 }
 
 impl<R: Real> Iterate<R> {
@@ -312,7 +320,7 @@ impl<R: Real> Iterate<R> {
             wide: Vec::with_capacity(room.wide),
             slip: Vec::with_capacity(room.contacts),
             wide_slip: Vec::with_capacity(room.wide),
-            direction: Direction::new(room),
+            history: History::new(room),
         }
     }
 

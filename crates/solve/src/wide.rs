@@ -7,6 +7,7 @@
 use std::ops::Range;
 
 use crate::cone::{keep, positive};
+use crate::contact::{MAX_NEWTON, near};
 use stepper_real::{Mask, Real, Scalar};
 
 /// Tangential rows.
@@ -134,34 +135,19 @@ impl<R: Real> WideBlock<R> {
         out
     }
 
-    /// The impulse at the s > 0 at which |x(s)| = mu n(s), in the lanes `todo`: Newton's method on mu n / |x| = 1 inside a bracket.
+    /// The impulse at the s > 0 at which |x(s)| = mu n(s), in the lanes `todo`: Newton's method on mu n / |x| = 1 inside a bracket, as exact
+    /// as that of [`ContactBlock`](crate::ContactBlock).
     #[inline(always)]
     fn slip(&self, p: [R; T], push: R, guess: R, mut todo: R::Mask) -> Slip<R> {
         let zero = R::zero();
-        let tolerance = R::of(<R::Scalar as Scalar>::EPSILON.to_f64() * 16.0);
+        let near = near::<R>();
         let unbounded = R::of(f64::INFINITY);
         let (mut lo, mut hi, mut s) = (zero, unbounded, guess);
-        let mut out = Slip { x: [zero; T], n: zero, s };
         for _ in 0..MAX_NEWTON {
-            let (mut x, mut rate) = ([zero; T], [zero; T]);
-            for i in 0..T {
-                let inverse = R::one() / (self.a[i] + s);
-                x[i] = -p[i] * inverse;
-                rate[i] = x[i] * inverse;
-            }
-            let n = push - dot(self.coupling, x);
+            let (rate, x, n) = self.sliding(p, push, s);
             let length2 = dot(x, x);
             let length = length2.sqrt();
             let excess = self.mu * n - length;
-            for i in 0..T {
-                out.x[i] = R::select(todo, x[i], out.x[i]);
-            }
-            out.n = R::select(todo, n, out.n);
-            out.s = R::select(todo, s, out.s);
-            todo = todo.and_not(excess.abs().le(tolerance * length));
-            if todo.none() {
-                break;
-            }
             let low = excess.lt(zero);
             lo = R::select(low, s, lo);
             hi = R::select(low, hi, s);
@@ -169,17 +155,34 @@ impl<R: Real> WideBlock<R> {
             let slope = dot(self.coupling, rate) * length2 + n * dot(x, rate);
             let newton = s - excess * length2 / (self.mu * slope);
             let bisect = R::select(hi.lt(unbounded), (lo + hi) * R::of(0.5), s + s + self.nn);
-            let inside = newton.gt(lo).and(newton.lt(hi));
-            s = R::select(inside, newton, bisect);
+            let inside = newton.ge(lo).and(newton.le(hi)).and(newton.lt(unbounded));
+            s = R::select(todo, R::select(inside, newton, bisect), s);
+            todo = todo.and_not(excess.abs().le(near * length));
+            if todo.none() {
+                break;
+            }
         }
         // What Newton's method left is removed by scaling, so that the impulse is on its cone.
-        let n = out.n.max(zero);
-        let length = dot(out.x, out.x).sqrt();
+        let (_, mut x, n) = self.sliding(p, push, s);
+        let n = n.max(zero);
+        let length = dot(x, x).sqrt();
         let scale = self.mu * n / R::select(length.gt(zero), length, R::one());
-        for x in &mut out.x {
+        for x in &mut x {
             *x *= scale;
         }
-        Slip { n, ..out }
+        Slip { x, n, s }
+    }
+
+    /// At the multiplier s: what the tangential impulse loses per s, that impulse, the normal one.
+    #[inline(always)]
+    fn sliding(&self, p: [R; T], push: R, s: R) -> ([R; T], [R; T], R) {
+        let (mut x, mut rate) = ([R::zero(); T], [R::zero(); T]);
+        for i in 0..T {
+            let inverse = R::one() / (self.a[i] + s);
+            x[i] = -p[i] * inverse;
+            rate[i] = x[i] * inverse;
+        }
+        (rate, x, push - dot(self.coupling, x))
     }
 }
 
@@ -189,9 +192,6 @@ struct Slip<R: Real> {
     n: R,
     s: R,
 }
-
-/// Newton steps of a sliding contact; three or four are usual, the rest is for bisection to rescue a poor start.
-const MAX_NEWTON: usize = 24;
 
 /// Sweeps of Jacobi's method: it converges quadratically, and five dimensions take four to five.
 const JACOBI: usize = 5;

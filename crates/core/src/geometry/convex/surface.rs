@@ -257,6 +257,11 @@ fn touch(facet: &Facet, pair: &Pair<'_>, upward: bool, prediction: f64, out: &mu
         }
         return;
     }
+    if facet.bulges == [false; 3] {
+        // Every normal is the triangle's, whatever is nearest.
+        room.clipper.over_first(pair, &flat, prediction, out);
+        return;
+    }
     let found = separation::nearest(pair, prediction);
     if found.separation - pair.thickness() > prediction {
         return;

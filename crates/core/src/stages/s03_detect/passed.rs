@@ -62,10 +62,14 @@ impl<R: Real> GeomPoses<R> {
     fn slips_through(&self, plan: &LanePlan<R>, pair: &PairPlan<R::Scalar>, h: R, slack: R) -> R::Mask {
         let [a, b] = pair.geoms;
         let way = self.lead[a] + self.lead[b];
+        let thin = plan.thin(pair.geoms);
+        let far = way.gt(thin);
+        if far.none() {
+            return far;
+        }
         let reach = plan.reach(pair.geoms) + R::splat(pair.margin) + way;
         let apart = sub(self.pos[b], self.pos[a]);
-        let thin = plan.thin(pair.geoms);
-        let meets = way.gt(thin).and(dot(apart, apart).lt(reach * reach));
+        let meets = far.and(dot(apart, apart).lt(reach * reach));
         let unseen = way.gt(self.travel[a] + self.travel[b] + slack);
         let bends = (self.bend(plan, a, h) + self.bend(plan, b, h)).gt(thin);
         meets.and(unseen.or(bends))

@@ -43,12 +43,6 @@ KNOWN: tuple[Known, ...] = (
         "without sweeps to bring it to a standstill, the stack creeps at the speed that Newton's method leaves, some 1e-9 m/s",
     ),
     Known(r"17 .*|29 Euler.*", BAUMGARTE, ANY, "Baumgarte's velocity stays in the motion as kinetic energy"),
-    Known(
-        r"21 sliding over seams of tiles",
-        r"stepper.*",
-        ANY,
-        "tiles are geoms of their own: edges between two are not known to be inner ones",
-    ),
     Known(r"22 .* = (2|10|100)", EULER, ANY, EXPLICIT),
     Known(r"22 .* = (10|100)", "stepper rk4", ANY, EXPLICIT),
     Known(

@@ -267,7 +267,7 @@ impl<R: Real> Rig<R> {
                 iterate.start(problem);
             },
         );
-        solve(&self.options, &self.v, &mut self.constraints, &mut self.contacts);
+        solve(&self.options, &self.v, self.constraints.constrained, &mut self.constraints, &mut self.contacts);
     }
 
     fn mass_matrix(&mut self, plan: &LanePlan<R>, theta: Theta<R>) {

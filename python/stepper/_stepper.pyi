@@ -158,6 +158,9 @@ class Stepper:
     included, and forces are impulses over h. Where no step was made since the state was set, accelerations and forces are those of the step
     that would be made from it.
     """
+    sensor_faults: Final[_Array]
+    """Of each sensor, readings that were clipped to its limits and samples that were lost in the last call of `step`:
+    (num_envs, nsensor, 2) uint32."""
     qfrc_applied: _Array
     """Writable, read by every step: forces on the joints in N or N m, (num_envs, nv)."""
     xfrc_applied: _Array

@@ -72,6 +72,8 @@ pub trait Engine: Send + Sync {
     fn set_time(&mut self, env: usize, time: f64);
     /// Flags of the last call.
     fn status(&self, env: usize) -> u32;
+    /// Readings that were clipped and samples that were lost in the last call: two numbers for every sensor of the model.
+    fn sensor_faults(&self, env: usize, out: &mut [[u32; 2]]);
     /// (residual in m/s, sweeps and Newton steps together) of the last step.
     fn certificate(&self, env: usize) -> (f64, f64);
     /// Contacts of the last step: geoms of the model and the numbers.
@@ -339,6 +341,14 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
     fn status(&self, env: usize) -> u32 {
         let (group, lane) = self.at(env);
         group.status[lane]
+    }
+
+    fn sensor_faults(&self, env: usize, out: &mut [[u32; 2]]) {
+        let (group, lane) = self.at(env);
+        let counts = group.sensing.faults.chunks_exact(2 * self.lanes);
+        for (sensor, counts) in self.errors.iter().flat_map(Errors::sensors).zip(counts) {
+            out[sensor] = [counts[lane], counts[self.lanes + lane]];
+        }
     }
 
     fn certificate(&self, env: usize) -> (f64, f64) {

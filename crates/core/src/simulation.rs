@@ -267,6 +267,13 @@ impl Simulation {
         self.engine.status(env)
     }
 
+    /// Readings that were clipped and samples that were lost in the last call, for every sensor of the model.
+    pub fn sensor_faults(&self, env: usize) -> Vec<[u32; 2]> {
+        let mut out = vec![[0; 2]; self.model.sensors.len()];
+        self.engine.sensor_faults(env, &mut out);
+        out
+    }
+
     /// (residual in m/s, sweeps and Newton steps together) of the last step.
     pub fn certificate(&self, env: usize) -> (f64, f64) {
         self.engine.certificate(env)

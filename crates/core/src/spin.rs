@@ -64,6 +64,36 @@ pub fn correct<R: Real>(
     )
 }
 
+/// Puts right the free velocities `v_free` of single bodies, which were found with the mean of the gyroscopic forces at the velocities before
+/// and after the step: with the impulses of contacts, the momentum then changes by exactly theirs.
+pub fn settle<R: Real>(
+    plan: &LanePlan<R>,
+    kinematics: &Kinematics<R>,
+    mass: &MassMatrix<R>,
+    h: R,
+    [v, after]: [&[R]; 2],
+    v_free: &mut [R],
+) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for spinner in &plan.spinners {
+                let body = Body::new(plan, kinematics, spinner);
+                let at = spinner.dof;
+                let [old, new] = [v, after].map(|v| take(v, at, spinner.kind));
+                let explicit = scale(add(body.gyroscopic(&old), body.gyroscopic(&new)), h * R::of(0.5));
+                let transport = sub(sub(body.momentum(&new, h), body.momentum(&old, -h)), body.inertial(&sub(new, old)));
+                let mut change = sub(explicit, transport);
+                solve(plan, mass, spinner, &mut change);
+                let dofs = spinner.kind.nv();
+                for (v, change) in v_free[at..at + dofs].iter_mut().zip(&change[6 - dofs..]) {
+                    *v += *change;
+                }
+            }
+        },
+    )
+}
+
 /// Velocity (linear in world axes, angular in the body's) of a free or ball joint: the latter has no linear part.
 #[inline(always)]
 fn take<R: Real>(v: &[R], at: usize, kind: JointKind) -> V6<R> {

@@ -1,5 +1,7 @@
 //! One step of a group of environments, read aloud.
 
+mod impact;
+
 use stepper_real::{Mask, Real};
 
 use crate::constraints::{Constraints, Moment};
@@ -67,6 +69,9 @@ pub struct Scratch<R: Real> {
     q_ahead: Vec<R>,
     v_mean: Vec<R>,
     act_eval: Vec<R>,
+    /// Velocity after the step with which inertial forces are taken.
+    expected: Vec<R>,
+    change: Vec<R>,
     limit: Limit<R>,
     unresolved: R::Mask,
     q_next: Vec<R>,
@@ -105,6 +110,8 @@ impl<R: Real> Scratch<R> {
             q_ahead: zeros(plan.nq),
             v_mean: zeros(plan.nv),
             act_eval: zeros(plan.na),
+            expected: zeros(plan.nv),
+            change: zeros(plan.nv),
             limit: Limit::new(plan),
             unresolved: R::Mask::splat(false),
             q_next: zeros(plan.nq),
@@ -203,7 +210,11 @@ pub fn step<R: Real>(plan: &LanePlan<R>, options: &Options, s: &mut Scratch<R>) 
         correct_forces(plan, &rule, s);
     }
     // 5 solve
-    let outcome = solve(options, &s.v, &mut s.constraints, &mut s.new_contacts);
+    let constrained = s.constraints.constrained;
+    let mut outcome = solve(options, &s.v, constrained, &mut s.constraints, &mut s.new_contacts);
+    if rule.integrator.in_the_middle() {
+        outcome = impact::solve_impacts(plan, options, &rule, s, outcome);
+    }
     // 6 integrate velocity
     keep_impulse(plan, s);
     integrate_velocity(plan, &s.smooth.mass, &s.v_free, &mut s.constraints.iterate.w, &mut s.v_next);
@@ -313,6 +324,7 @@ fn saturate_servos<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<
 /// What is to be expected includes the impulses of the last step, so that a robot at rest feels no force of a motion that its contacts prevent.
 fn correct_forces<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) {
     s.constraints.warm_change(plan, &s.smooth.mass, &mut s.v_mean);
+    advance(&s.v_free, &s.v_mean, R::one(), &mut s.expected);
     blend(&s.v, &s.v_free, rule.share, &mut s.v_mean);
     let at = At { q: rule.springs_at(&s.q_eval, &s.q_ahead), v: &s.v, v_at: &s.v_mean, act: &s.act_eval, ctrl: &s.inputs.ctrl };
     actuate(plan, &at, rule.servos(), &mut s.drive);
@@ -327,7 +339,7 @@ fn correct_forces<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R
         leave_out_inertial_forces(plan, rule, s);
     }
     std::mem::swap(&mut s.v_free, &mut s.v_next);
-    s.constraints.shift(plan, &s.smooth.mass, &mut s.v_mean);
+    s.constraints.shift(plan, &s.smooth.mass, &mut s.v_mean, R::Mask::splat(true));
 }
 
 /// In unresolved lanes, the free velocity without velocity-dependent inertial forces, and its change by that.

@@ -218,6 +218,7 @@ fn run_group<R: Real>(call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, 
     senses.begin(call, plan, group, at.first, s);
     load(call, group, at.first, s);
     group.status.fill(0);
+    group.sensing.faults.fill(0);
     for control in 0..call.calls {
         load_control(call, control, at.first, s);
         let (status, residual) = run_control(call, plan, group, at.first, s, senses);

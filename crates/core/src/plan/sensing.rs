@@ -6,7 +6,7 @@ use nalgebra::UnitQuaternion;
 use stepper_real::Scalar;
 
 use super::merge::{Merged, matrix, quaternion};
-use super::scalars;
+use super::{TendonPlan, scalars};
 use crate::model::{
     ContactField, ContactReduction, ContactSide, FrameReading, Model, Object, ProximityReading, Quantity, RayField, Sensor, SensorKind,
     Shape, Transmission,
@@ -153,10 +153,10 @@ pub enum Read<S> {
     Rate(Vec<(usize, S)>),
     /// sum of coefficient times the force of an actuator, within bounds.
     Drive(Vec<(usize, S)>, Option<[S; 2]>),
-    /// Overlap with the nearer end of a limit: address in q, limit of the plan.
-    LimitPos(usize, usize),
-    /// Its rate: address in q, dof, limit of the plan.
-    LimitVel(usize, usize, usize),
+    /// Overlap of a sum of coefficient q with the nearer end of its range.
+    LimitPos(Vec<(usize, S)>, Bounds<S>),
+    /// Its rate: the same in v besides.
+    LimitVel([Vec<(usize, S)>; 2], Bounds<S>),
     /// Impulse of a limit, by its index in the plan.
     LimitForce(usize),
     /// A limit that is not there.
@@ -201,10 +201,20 @@ pub enum Read<S> {
     Combination(Vec<(usize, S)>),
 }
 
+/// Ends of a range.
+#[derive(Clone, Copy, Debug)]
+pub enum Bounds<S> {
+    /// Those of a joint's limit, by its index in the plan.
+    Limit(usize),
+    /// Fixed ones.
+    Range([S; 2]),
+}
+
 impl<S: Scalar> SensingPlan<S> {
-    pub(super) fn new(model: &Model, merged: &Merged) -> Self {
+    pub(super) fn new(model: &Model, merged: &Merged, tendons: &[TendonPlan<S>]) -> Self {
+        let owners = tendons.iter().map(|t| (t.index, t.owner)).collect();
+        let compiler = Compiler { model, merged, addresses: model.joint_addresses(), owners, found: RefCell::default() };
         let at = model.sensor_addresses();
-        let compiler = Compiler { model, merged, addresses: model.joint_addresses(), found: RefCell::default() };
         let compile = |(i, s): (usize, &Sensor)| SensorPlan {
             at: at[i],
             dim: s.dim(&model.sensors),
@@ -267,6 +277,8 @@ struct Compiler<'a> {
     model: &'a Model,
     merged: &'a Merged,
     addresses: Vec<(usize, usize)>,
+    /// Tendons of the model that have rows, and where their impulses are.
+    owners: Vec<(usize, usize)>,
     found: RefCell<Found>,
 }
 
@@ -287,11 +299,17 @@ impl Compiler<'_> {
             K::JointPos(j) | K::BallQuat(j) => Read::Position(self.addresses[j].0),
             K::JointVel(j) | K::BallAngVel(j) => Read::Velocity(self.addresses[j].1),
             K::JointActuatorForce(j) => self.drive(j),
-            K::JointLimitPos(j) => self.limit(j, |q, _, limit| Read::LimitPos(q, limit)),
-            K::JointLimitVel(j) => self.limit(j, Read::LimitVel),
-            K::JointLimitForce(j) => self.limit(j, |_, _, limit| Read::LimitForce(limit)),
-            K::TendonPos(t) => Read::Length(self.arms(&self.model.tendons[t].joints, 1.0).map(|(q, _, c)| (q, c)).collect()),
-            K::TendonVel(t) => Read::Rate(self.arms(&self.model.tendons[t].joints, 1.0).map(|(_, v, c)| (v, c)).collect()),
+            K::JointLimitPos(j) => self.overlap(&[(j, 1.0)], self.limit_of(j).map(Bounds::Limit), false),
+            K::JointLimitVel(j) => self.overlap(&[(j, 1.0)], self.limit_of(j).map(Bounds::Limit), true),
+            K::JointLimitForce(j) => self.limit_of(j).map_or(Read::Nothing, Read::LimitForce),
+            K::TendonPos(t) => Read::Length(self.sums(&self.model.tendons[t].joints, 1.0)[0].clone()),
+            K::TendonVel(t) => Read::Rate(self.sums(&self.model.tendons[t].joints, 1.0)[1].clone()),
+            K::TendonLimitPos(t) => self.overlap(&self.model.tendons[t].joints, self.range_of(t), false),
+            K::TendonLimitVel(t) => self.overlap(&self.model.tendons[t].joints, self.range_of(t), true),
+            K::TendonLimitForce(t) => {
+                let owner = self.owners.iter().find(|owner| owner.0 == t && self.model.tendons[t].range.is_some());
+                owner.map_or(Read::Nothing, |owner| Read::LimitForce(owner.1))
+            }
             K::TendonActuatorForce(t) => {
                 let pulls = |a: &usize| self.model.actuators[*a].transmission == Transmission::Tendon(t);
                 Read::Drive((0..self.model.actuators.len()).filter(pulls).map(|a| (a, S::ONE)).collect(), None)
@@ -331,6 +349,12 @@ impl Compiler<'_> {
         arms.iter().map(move |&(j, c)| (self.addresses[j].0, self.addresses[j].1, S::from_f64(c * gear)))
     }
 
+    /// Terms in q and in v.
+    fn sums<S: Scalar>(&self, arms: &[(usize, f64)], gear: f64) -> [Vec<(usize, S)>; 2] {
+        let arms = || self.arms(arms, gear);
+        [arms().map(|(q, _, c)| (q, c)).collect(), arms().map(|(_, v, c)| (v, c)).collect()]
+    }
+
     fn moment<S: Scalar>(&self, a: usize) -> impl Iterator<Item = (usize, usize, S)> {
         let actuator = &self.model.actuators[a];
         let arms = match actuator.transmission {
@@ -347,10 +371,20 @@ impl Compiler<'_> {
         Read::Drive(arms.filter(|&(_, v, _)| v == dof).map(|(a, _, c)| (a, c)).collect(), range)
     }
 
-    fn limit<S: Scalar>(&self, j: usize, read: impl Fn(usize, usize, usize) -> Read<S>) -> Read<S> {
-        let (q, v) = self.addresses[j];
-        let index = super::limits(self.model, &self.addresses).iter().position(|l| l.dof == v);
-        index.map_or(Read::Nothing, |limit| read(q, v, limit))
+    /// Index in the plan of a joint's limit.
+    fn limit_of(&self, j: usize) -> Option<usize> {
+        super::limits(self.model, &self.addresses).iter().position(|l| l.dof == self.addresses[j].1)
+    }
+
+    fn range_of<S: Scalar>(&self, t: usize) -> Option<Bounds<S>> {
+        self.model.tendons[t].range.map(|range| Bounds::Range(scalars(range)))
+    }
+
+    /// The overlap of a joint or tendon with its limits, or the overlap's rate.
+    fn overlap<S: Scalar>(&self, arms: &[(usize, f64)], bounds: Option<Bounds<S>>, rate: bool) -> Read<S> {
+        let Some(bounds) = bounds else { return Read::Nothing };
+        let sums = self.sums(arms, 1.0);
+        if rate { Read::LimitVel(sums, bounds) } else { Read::LimitPos(sums[0].clone(), bounds) }
     }
 
     fn place<S: Scalar>(&self, object: Object) -> Place<S> {

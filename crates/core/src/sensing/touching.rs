@@ -27,16 +27,22 @@ struct Contact {
     torque: [f64; 3],
 }
 
+/// Geoms of the model that a contact is between, and their bodies.
+fn parties<R: Real>(plan: &LanePlan<R>, contacts: &Contacts<R>, slot: usize, lane: usize) -> [[usize; 2]; 2] {
+    let pair = plan.pair_geoms(contacts.ids[slot][lane].pair()).expect("a contact belongs to a pair");
+    let geoms = pair.map(|g| plan.geoms[g].index);
+    [geoms, geoms.map(|g| plan.sensing.geom_body[g])]
+}
+
 impl Contact {
     fn of<R: Real>(plan: &LanePlan<R>, contacts: &Contacts<R>, h: R, slot: usize, lane: usize) -> Self {
-        let pair = plan.pair_geoms(contacts.ids[slot][lane].pair()).expect("a contact belongs to a pair");
-        let geoms = pair.map(|g| plan.geoms[g].index);
+        let [geoms, bodies] = parties(plan, contacts, slot, lane);
         let data = &contacts.data[slot];
         let at = |x: V3<R>| x.map(|x| x.lane(lane).to_f64());
         let h = h.lane(lane).to_f64();
         Self {
             geoms,
-            bodies: geoms.map(|g| plan.sensing.geom_body[g]),
+            bodies,
             distance: data.point.distance.lane(lane).to_f64(),
             pos: at(data.point.pos),
             axes: frame(at(data.point.normal)),
@@ -87,11 +93,11 @@ pub(super) fn wrench_on<R: Real>(plan: &LanePlan<R>, moment: &Moment<'_, R>, poi
                 let point = point.map(|x| x.lane(lane).to_f64());
                 let (mut f, mut t) = ([0.0; 3], [0.0; 3]);
                 for slot in 0..moment.contacts.count[lane] {
-                    let contact = Contact::of(plan, moment.contacts, moment.h, slot, lane);
-                    let [first, second] = contact.bodies.map(|b| bodies[b]);
+                    let [first, second] = parties(plan, moment.contacts, slot, lane)[1].map(|b| bodies[b]);
                     if first == second {
                         continue;
                     }
+                    let contact = Contact::of(plan, moment.contacts, moment.h, slot, lane);
                     let sign = if second { 1.0 } else { -1.0 };
                     let push = scale(contact.world_force(), sign);
                     t = add(t, scale(contact.world(contact.torque), sign));
@@ -112,13 +118,16 @@ pub(super) fn wrench_on<R: Real>(plan: &LanePlan<R>, moment: &Moment<'_, R>, poi
 pub fn touch<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, moment: &Moment<'_, R>, body: usize, solid: &Solid<R::Scalar>) -> R {
     let mut reading = R::zero();
     for lane in 0..R::LANES {
-        let zone = Zone::of(plan, kinematics, solid, lane);
         let mut sum = 0.0;
         for slot in 0..moment.contacts.count[lane] {
-            let contact = Contact::of(plan, moment.contacts, moment.h, slot, lane);
-            if contact.force[0] <= 0.0 || !contact.bodies.contains(&body) {
+            if !parties(plan, moment.contacts, slot, lane)[1].contains(&body) {
                 continue;
             }
+            let contact = Contact::of(plan, moment.contacts, moment.h, slot, lane);
+            if contact.force[0] <= 0.0 {
+                continue;
+            }
+            let zone = Zone::of(plan, kinematics, solid, lane);
             // Along the force on the other body, away from this one.
             let away = scale(contact.axes[0], if contact.bodies[1] == body { -1.0 } else { 1.0 });
             let direction = rotate_back(&zone.axes, away);

@@ -97,8 +97,8 @@ impl<R: Real> Constraints<R> {
         )
     }
 
-    /// Takes up a change of the free velocity after the rows were made. `change` is used up.
-    pub fn shift(&mut self, plan: &LanePlan<R>, mass: &MassMatrix<R>, change: &mut [R]) {
+    /// Takes up a change of the free velocity of the lanes `lanes` after the rows were made. `change` is used up.
+    pub fn shift(&mut self, plan: &LanePlan<R>, mass: &MassMatrix<R>, change: &mut [R], lanes: R::Mask) {
         R::vectorize(
             #[inline(always)]
             || {
@@ -106,21 +106,22 @@ impl<R: Real> Constraints<R> {
                 let (scalars, contacts) = self.position_bias.split_at_mut(self.problem.scalars.len());
                 for (i, position) in scalars.iter_mut().enumerate() {
                     let row = &self.problem.scalars[i];
-                    let g = self.problem.scalar_velocity(row, change);
-                    *position += g - row.g;
+                    let g = R::select(lanes, self.problem.scalar_velocity(row, change), row.g);
+                    *position = R::select(lanes, *position + (g - row.g), *position);
                     self.problem.scalars[i].g = g;
                 }
                 let (contacts, wide) = contacts.split_at_mut(self.problem.contacts.len());
                 for (i, position) in wide.iter_mut().enumerate() {
                     let block = &self.problem.wide[i];
-                    let g = self.problem.wide_velocity(block, change);
-                    *position += g[0] - block.g[0];
+                    let mut g = self.problem.wide_velocity(block, change);
+                    (0..6).for_each(|k| g[k] = R::select(lanes, g[k], block.g[k]));
+                    *position = R::select(lanes, *position + (g[0] - block.g[0]), *position);
                     self.problem.wide[i].g = g;
                 }
                 for (i, position) in contacts.iter_mut().enumerate() {
                     let block = &self.problem.contacts[i];
-                    let g = self.problem.contact_velocity(block, change);
-                    *position += g[0] - block.g[0];
+                    let g = select(lanes, self.problem.contact_velocity(block, change), block.g);
+                    *position = R::select(lanes, *position + (g[0] - block.g[0]), *position);
                     self.problem.contacts[i].g = g;
                 }
             },

@@ -7,7 +7,7 @@ use stepper_real::Real;
 
 use crate::kinematics::Kinematics;
 use crate::plan::LanePlan;
-use crate::plan::sensing::{Place, Read, SensorPlan};
+use crate::plan::sensing::{Bounds, Place, Read, SensorPlan};
 use crate::sensing::*;
 use crate::spatial::*;
 
@@ -41,8 +41,8 @@ fn read<R: Real>(
         Read::Rate(terms) => weighted(terms, moment.v),
         Read::Drive(terms, None) => weighted(terms, moment.actuator_force),
         Read::Drive(terms, Some(bounds)) => within(weighted(terms, moment.actuator_force), *bounds),
-        Read::LimitPos(q, limit) => overlap(moment.q[*q], R::one(), plan.params.limit(*limit))[0],
-        Read::LimitVel(q, v, limit) => overlap(moment.q[*q], moment.v[*v], plan.params.limit(*limit))[1],
+        Read::LimitPos(length, range) => overlap(weighted(length, moment.q), R::one(), bounds(plan, range))[0],
+        Read::LimitVel([length, rate], range) => overlap(weighted(length, moment.q), weighted(rate, moment.v), bounds(plan, range))[1],
         Read::LimitForce(limit) => moment.scalar_impulse[*limit] / moment.h,
         Read::Nothing => R::zero(),
         Read::Clock => moment.time,
@@ -134,6 +134,13 @@ fn combine<R: Real>(terms: &[(usize, R::Scalar)], at: usize, dim: usize, truth: 
             }
         },
     )
+}
+
+fn bounds<R: Real>(plan: &LanePlan<R>, bounds: &Bounds<R::Scalar>) -> [R; 2] {
+    match *bounds {
+        Bounds::Limit(limit) => plan.params.limit(limit),
+        Bounds::Range(range) => range.map(R::splat),
+    }
 }
 
 /// How far q is from the nearer end of its range where it is beyond it, and that distance's rate at velocity v; else zeros.

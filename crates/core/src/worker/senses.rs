@@ -110,7 +110,12 @@ impl<R: Real> Senses<R> {
     ) {
         let keys = group.sensing.keys();
         let memory = &mut group.sensing;
-        let mut slots = Slots { numbers: &mut memory.numbers, cursors: &mut memory.cursors, observation: &mut memory.observation };
+        let mut slots = Slots {
+            numbers: &mut memory.numbers,
+            cursors: &mut memory.cursors,
+            faults: &mut memory.faults,
+            observation: &mut memory.observation,
+        };
         let work = self.work.get_or_insert_with(|| errors.work());
         errors.observe(first / R::LANES, &self.room.truth, &keys, lanes, start, call.options.timestep, work, &mut slots);
     }

@@ -7,7 +7,7 @@ use stepper_benches::rig::Rig;
 use stepper_benches::scenes::{Scene, ant, humanoid};
 use stepper_core::batch::{Field, StepInputs};
 use stepper_core::model::{Model, Shape};
-use stepper_core::plan::Plan;
+use stepper_core::plan::{LanePlan, Plan};
 use stepper_core::{Integrator, Level, Options, Precision, Simulation, Status};
 use stepper_real::Real;
 
@@ -106,7 +106,7 @@ fn runs_repeat_their_bits() {
 #[test]
 fn the_parts_make_nearly_the_step() {
     let scene = Scene::humanoid();
-    let plan = Plan::new(&scene.model);
+    let plan = LanePlan::new(&Plan::new(&scene.model));
     let mut episode = Episode::new(&scene, 0, 8, Precision::F64, Level::Baseline);
     let mut rig = Rig::<stepper_real::F64x8>::new(&plan, &episode);
     rig.step(&plan);

@@ -38,12 +38,7 @@ pub fn correct<R: Real>(
         #[inline(always)]
         || {
             for spinner in &plan.spinners {
-                let body = Body::new(plan, kinematics, spinner);
-                // What turns as a ball does has no gyroscopic force.
-                let round = body.is_round();
-                if round.all() {
-                    continue;
-                }
+                let Some((body, tumbles)) = Body::tumbling(plan, kinematics, spinner) else { continue };
                 let at = spinner.dof;
                 let before = body.momentum(&take(v, at, spinner.kind), -h);
                 let explicit = scale(body.gyroscopic(&take(v_eval, at, spinner.kind)), h);
@@ -58,7 +53,7 @@ pub fn correct<R: Real>(
                     new = add(start, change);
                 }
                 let dofs = spinner.kind.nv();
-                v_free[at..at + dofs].copy_from_slice(&select(round, start, new)[6 - dofs..]);
+                v_free[at..at + dofs].copy_from_slice(&select(tumbles, new, start)[6 - dofs..]);
             }
         },
     )
@@ -78,7 +73,7 @@ pub fn settle<R: Real>(
         #[inline(always)]
         || {
             for spinner in &plan.spinners {
-                let body = Body::new(plan, kinematics, spinner);
+                let Some((body, tumbles)) = Body::tumbling(plan, kinematics, spinner) else { continue };
                 let at = spinner.dof;
                 let [old, new] = [v, after].map(|v| take(v, at, spinner.kind));
                 let explicit = scale(add(body.gyroscopic(&old), body.gyroscopic(&new)), h * R::of(0.5));
@@ -87,7 +82,7 @@ pub fn settle<R: Real>(
                 solve(plan, mass, spinner, &mut change);
                 let dofs = spinner.kind.nv();
                 for (v, change) in v_free[at..at + dofs].iter_mut().zip(&change[6 - dofs..]) {
-                    *v += *change;
+                    *v = R::select(tumbles, *v + *change, *v);
                 }
             }
         },
@@ -142,16 +137,19 @@ struct Body<R: Real> {
 }
 
 impl<R: Real> Body<R> {
+    /// With the lanes in which it has a gyroscopic force; `None` where it turns as a ball about its centre does in all of them.
     #[inline(always)]
-    fn new(plan: &LanePlan<R>, kinematics: &Kinematics<R>, spinner: &SpinnerPlan<R::Scalar>) -> Self {
+    fn tumbling(plan: &LanePlan<R>, kinematics: &Kinematics<R>, spinner: &SpinnerPlan<R::Scalar>) -> Option<(Self, R::Mask)> {
         let Inertial { mass, com, inertia } = plan.params.inertial(spinner.link);
-        Self {
+        let body = Self {
             mat: kinematics.mat[spinner.link + 1],
             mass,
             inertia,
             arm: sub(com, splat(spinner.anchor)),
             free: spinner.kind == JointKind::Free,
-        }
+        };
+        let tumbles = body.is_round().not();
+        tumbles.any().then_some((body, tumbles))
     }
 
     /// Lanes in which it turns as a ball about its centre does.

@@ -41,7 +41,7 @@ impl Theta {
     /// Whether nothing is left of it when these fields are assigned to `all` environments or to some.
     pub fn ends_with(&self, assigned: &[Assignment<'_>], all: bool) -> bool {
         let taken_back = |name: &&str| all && assigned.iter().any(|(assigned, _)| assigned == name);
-        assigned.iter().all(|(_, values)| values.is_none()) && self.fields.keys().all(|name| taken_back(&name))
+        assigned.iter().all(|(_, values)| values.is_none()) && self.fields.keys().all(taken_back)
     }
 
     /// What the environments `envs` have other than the model when these fields are assigned to them.

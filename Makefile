@@ -14,12 +14,13 @@ test: build
 	cargo test --release --workspace --exclude stepper-python --exclude stepper-benches
 	$(BIN)/python -m pytest
 
-# Speed, as ratios: stages and steps in Rust, then side by side with MuJoCo.
+# Speed, as ratios: stages and steps in Rust, side by side with MuJoCo, and what sensors cost.
 bench: build
 	cargo bench -p stepper-benches
 	$(BIN)/python benches/versus/throughput.py
 	$(BIN)/python benches/versus/humanoid.py
 	$(BIN)/python benches/versus/chart.py
+	$(BIN)/python benches/sensing.py
 
 # Scenes with known answers where methods fail, in every engine and setting: docs/atlas.md. And the geometry, fuzzed for long.
 atlas: build $(VENV)/atlas.stamp

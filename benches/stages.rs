@@ -7,7 +7,7 @@ use stepper_benches::clock::{Run, pin, thread_time};
 use stepper_benches::episode::{Episode, single};
 use stepper_benches::rig::{Part, Rig, moments};
 use stepper_benches::scenes::Scene;
-use stepper_core::plan::Plan;
+use stepper_core::plan::{LanePlan, Plan};
 use stepper_core::{Level, Precision};
 use stepper_real::Real;
 
@@ -31,7 +31,7 @@ fn stages(c: &mut Criterion) {
 }
 
 fn parts<R: Real<Scalar = f64>, T: Run>(c: &mut Criterion, name: &str, scene: &Scene, whole: impl Fn() -> T) {
-    let plan = Plan::new(&scene.model);
+    let plan = LanePlan::new(&Plan::new(&scene.model));
     let mut rigs: Option<Vec<Rig<R>>> = None;
     let mut run = None;
     let mut group = c.benchmark_group(name);
@@ -50,7 +50,7 @@ fn parts<R: Real<Scalar = f64>, T: Run>(c: &mut Criterion, name: &str, scene: &S
     });
 }
 
-fn repeated<R: Real<Scalar = f64>>(rig: &mut Rig<R>, plan: &Plan<f64>, part: Part, times: u64) -> Duration {
+fn repeated<R: Real<Scalar = f64>>(rig: &mut Rig<R>, plan: &LanePlan<R>, part: Part, times: u64) -> Duration {
     rig.ready(plan);
     // Once to warm the caches.
     rig.repeat(plan, part, 1);

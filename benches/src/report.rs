@@ -108,17 +108,26 @@ impl Report {
 
 impl Machine {
     fn this(rounds: usize) -> Self {
-        let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-        let model = info.lines().find_map(|l| l.strip_prefix("model name")).and_then(|l| l.split_once(": "));
         Self {
-            cpu: model.map_or_else(|| std::env::consts::ARCH.into(), |(_, name)| name.into()),
-            cores: info.lines().filter(|l| l.starts_with("processor")).count(),
+            cpu: cpu(),
+            cores: processors().lines().filter(|l| l.starts_with("processor")).count(),
             levels: Level::available().iter().map(Level::to_string).collect(),
             rustc: rustc(),
             commit: says("git", &["describe", "--always", "--dirty"]),
             rounds,
         }
     }
+}
+
+fn processors() -> String {
+    std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default()
+}
+
+/// Model of the processor; its architecture where the system does not say.
+pub fn cpu() -> String {
+    let info = processors();
+    let model = info.lines().find_map(|l| l.strip_prefix("model name")).and_then(|l| l.split_once(": "));
+    model.map_or_else(|| std::env::consts::ARCH.into(), |(_, name)| name.into())
 }
 
 /// The compiler's version.

@@ -11,7 +11,7 @@ use stepper_core::contacts::Contacts;
 use stepper_core::drive::{At, Drive, Implicit, Theta};
 use stepper_core::inertia::{MassMatrix, NewtonEuler, bias_force};
 use stepper_core::kinematics::{Kinematics, advance, displace};
-use stepper_core::plan::Plan;
+use stepper_core::plan::LanePlan;
 use stepper_core::spatial::{Inertia, V3, zero};
 use stepper_core::stages::s01_actuate::actuate;
 use stepper_core::stages::s02_smooth::Smooth;
@@ -133,7 +133,7 @@ pub struct Rig<R: Real> {
 
 impl<R: Real> Rig<R> {
     /// As many environments as there are lanes, in the state and with the first control of an episode; warm starts are cold.
-    pub fn new(plan: &Plan<R::Scalar>, episode: &Episode) -> Self {
+    pub fn new(plan: &LanePlan<R>, episode: &Episode) -> Self {
         use stepper_core::batch::Field;
         let zeros = |n: usize| vec![R::zero(); n];
         let room = plan.contact_points.min(16 + 4 * plan.links.len());
@@ -186,7 +186,7 @@ impl<R: Real> Rig<R> {
     }
 
     /// Makes a plain step.
-    pub fn step(&mut self, plan: &Plan<R::Scalar>) {
+    pub fn step(&mut self, plan: &LanePlan<R>) {
         self.ready(plan);
         std::mem::swap(&mut self.q, &mut self.q_next);
         std::mem::swap(&mut self.v, &mut self.v_next);
@@ -196,20 +196,20 @@ impl<R: Real> Rig<R> {
     }
 
     /// Does every part once from the state and the warm start, so that each can be repeated with what it reads.
-    pub fn ready(&mut self, plan: &Plan<R::Scalar>) {
+    pub fn ready(&mut self, plan: &LanePlan<R>) {
         self.constraints.scalar_impulse.clone_from(&self.last_scalars);
         Part::ALL.into_iter().for_each(|part| self.once(plan, part));
     }
 
     /// Does a part over and over at the same moment.
-    pub fn repeat(&mut self, plan: &Plan<R::Scalar>, part: Part, times: u64) {
+    pub fn repeat(&mut self, plan: &LanePlan<R>, part: Part, times: u64) {
         for _ in 0..times {
             self.once(black_box(plan), part);
         }
     }
 
     #[inline(never)]
-    fn once(&mut self, plan: &Plan<R::Scalar>, part: Part) {
+    fn once(&mut self, plan: &LanePlan<R>, part: Part) {
         let h = R::of(self.options.timestep);
         let half = R::of(0.5 * self.options.timestep);
         let theta = Theta { damping: half, stiffness: half * half };
@@ -267,17 +267,17 @@ impl<R: Real> Rig<R> {
                 iterate.start(problem);
             },
         );
-        solve(&self.options, &self.v, &mut self.constraints, &mut self.contacts);
+        solve(&self.options, &self.v, self.constraints.constrained, &mut self.constraints, &mut self.contacts);
     }
 
-    fn mass_matrix(&mut self, plan: &Plan<R::Scalar>, theta: Theta<R>) {
+    fn mass_matrix(&mut self, plan: &LanePlan<R>, theta: Theta<R>) {
         R::vectorize(
             #[inline(always)]
             || self.matrix.assemble(plan, &self.kinematics, &mut self.composite, theta),
         );
     }
 
-    fn factor(&mut self, plan: &Plan<R::Scalar>) {
+    fn factor(&mut self, plan: &LanePlan<R>) {
         R::vectorize(
             #[inline(always)]
             || {
@@ -287,7 +287,7 @@ impl<R: Real> Rig<R> {
         );
     }
 
-    fn bias_force(&mut self, plan: &Plan<R::Scalar>) {
+    fn bias_force(&mut self, plan: &LanePlan<R>) {
         R::vectorize(
             #[inline(always)]
             || bias_force(plan, &self.kinematics, &self.v, &mut self.recursion, &mut self.bias),
@@ -302,7 +302,7 @@ fn set_lane<R: Real>(lane: usize, values: &[f64], to: &mut [R]) {
 }
 
 /// The same group at several moments of an episode, so that no single one of them is typical for all.
-pub fn moments<R: Real>(plan: &Plan<R::Scalar>, scene: &Scene, count: usize) -> Vec<Rig<R>> {
+pub fn moments<R: Real>(plan: &LanePlan<R>, scene: &Scene, count: usize) -> Vec<Rig<R>> {
     use stepper_core::{Level, Precision};
     let level = *Level::available().last().unwrap_or(&Level::Baseline);
     let episode = Episode::new(scene, 0, R::LANES, Precision::F64, level);

@@ -53,7 +53,11 @@ def report(recording: Path) -> None:
     print(", ".join(f"{name} {value}" for name, value in (head["options"] | {"seed": head["seed"]}).items() if value is not None))
     for failure in head["failures"]:
         row, env = failure["first"][0]
-        print(f"{failure['whose']}: {failure['count']} times {failure['meaning']}, first in row {row}, environment {env}")
+        readings = ", ".join(f"{name} {count}" for name, count in failure.get("readings", {}).items())
+        print(
+            f"{failure['whose']}: {failure['count']} times {failure['meaning']}, first in row {row}, environment {env}"
+            + (f"; readings: {readings}" if readings else "")
+        )
     if not head["failures"]:
         print("nothing failed")
 

@@ -24,23 +24,37 @@ CAUSES = {
     ("physics", "residual"): "the residual is above the tolerance",
     ("physics", "contacts full"): "there were more contacts than room",
     ("physics", "unresolved"): "the time step was too long for the motion",
+    ("physics", "tunnelled"): "something moved so fast that it may have passed through something thin",
     ("physics", "penetration"): f"geoms overlap by more than {DEEP:g} m",
+    ("sensing", "saturation"): "a reading was clipped to the limits of its sensor",
+    ("sensing", "dropout"): "a sample of a sensor was lost, and the one before stayed held",
 }
 """Whose fault, and what happened."""
 
 
 class Failures:
-    """Counts what failed, by cause, and keeps where the first of each were."""
+    """Counts what failed, by cause and sensor, and keeps where the first of each were."""
 
     def __init__(self, sim: Stepper):
         bounds = np.asarray(sim.model.actuator_ctrlrange).reshape(-1, 2)
         self._low, self._high = bounds[:, 0], bounds[:, 1]
+        self._sensors = [sensor["name"] or f"#{index}" for index, sensor in enumerate(sim.model.sensors)]
+        self._readings = np.zeros((len(self._sensors), 2), dtype=np.int64)
         self._count = dict.fromkeys(CAUSES, 0)
         self._first: dict[tuple[str, str], list[tuple[int, int]]] = {cause: [] for cause in CAUSES}
 
-    def look(self, row: int, fields: dict[str, np.ndarray[Any, Any]]) -> None:
-        """Takes in one row of a recording; see `stepper._record.FIELDS`."""
+    def look(self, row: int, fields: dict[str, np.ndarray[Any, Any]], faults: np.ndarray[Any, Any]) -> None:
+        """Takes in one row of a recording.
+
+        Args:
+            row: Which.
+            fields: See `stepper._record.FIELDS`.
+            faults: `Stepper.sensor_faults`.
+        """
         ctrl = fields["ctrl"]
+        faults = faults.reshape(len(ctrl), len(self._sensors), 2)
+        self._readings += faults.sum(axis=0, dtype=np.int64)
+        clipped, lost = np.any(faults, axis=1).T
         status, deep = np.atleast_1d(fields["status"]), np.atleast_1d(fields["penetration"])
         bad = ~np.all(np.isfinite(ctrl), axis=1)
         outside = np.any((ctrl < self._low) | (ctrl > self._high), axis=1) & ~bad
@@ -55,7 +69,10 @@ class Failures:
             ("physics", "residual"): says(Status.NOT_CONVERGED),
             ("physics", "contacts full"): says(Status.CONTACTS_FULL),
             ("physics", "unresolved"): says(Status.UNRESOLVED),
+            ("physics", "tunnelled"): says(Status.TUNNELLED),
             ("physics", "penetration"): deep > DEEP,
+            ("sensing", "saturation"): clipped,
+            ("sensing", "dropout"): lost,
         }
         for cause, where in found.items():
             environments = np.flatnonzero(where)
@@ -64,9 +81,17 @@ class Failures:
             self._first[cause] += [(row, int(env)) for env in environments[:room]]
 
     def summary(self) -> list[dict[str, Any]]:
-        """What happened at all: whose fault, what, how often, and the first (row, environment) pairs."""
-        return [
+        """What happened at all: whose fault, what, in how many calls of `step` of an environment, and the first (row, environment) pairs.
+
+        Of sensing also "readings", how many of each sensor.
+        """
+        found = [
             {"whose": whose, "what": what, "meaning": CAUSES[whose, what], "count": count, "first": self._first[whose, what]}
             for (whose, what), count in self._count.items()
             if count
         ]
+        for entry in found:
+            if entry["whose"] == "sensing":
+                counts = self._readings[:, int(entry["what"] == "dropout")]
+                entry["readings"] = {name: int(count) for name, count in zip(self._sensors, counts, strict=True) if count}
+        return found

@@ -107,6 +107,7 @@ def provenance() -> dict[str, object]:
         "cpu": cpu_name(),
         "cores": len(allowed_cores()),
         "cpu_levels": cpu_levels(),
+        "cpu_level": os.environ.get("STEPPER_CPU_LEVEL") or cpu_levels()[-1],
         "STEPPER_CPU_LEVEL": os.environ.get("STEPPER_CPU_LEVEL"),
         "load_average": load,
         "platform": platform.platform(),

@@ -29,7 +29,14 @@ JOINTS = {
     "ballquat": "BallQuat",
     "ballangvel": "BallAngVel",
 }
-TENDONS = {"tendonpos": "TendonPos", "tendonvel": "TendonVel", "tendonactfrc": "TendonActuatorForce"}
+TENDONS = {
+    "tendonpos": "TendonPos",
+    "tendonvel": "TendonVel",
+    "tendonactfrc": "TendonActuatorForce",
+    "tendonlimitpos": "TendonLimitPos",
+    "tendonlimitvel": "TendonLimitVel",
+    "tendonlimitfrc": "TendonLimitForce",
+}
 ACTUATORS = {"actuatorpos": "ActuatorPos", "actuatorvel": "ActuatorVel", "actuatorfrc": "ActuatorForce"}
 SITES = {
     "magnetometer": "Magnetometer",
@@ -60,9 +67,6 @@ REDUCTIONS = ("None", "MinDistance", "MaxForce", "NetForce")
 
 MISSING = {
     "camprojection": "cameras are not part of the model",
-    "tendonlimitpos": "limits of tendons have no sensor yet",
-    "tendonlimitvel": "limits of tendons have no sensor yet",
-    "tendonlimitfrc": "limits of tendons have no sensor yet",
     "tactile": "pressure over a mesh is not simulated",
     "plugin": "plugins are MuJoCo's",
     "user": "its callback is MuJoCo's",

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from stepper._stepper import Stepper
 
 FORMAT = 1
-KINDS = ("start", "step", "reset", "set_state", "applied")
+KINDS = ("start", "step", "reset", "set_state", "applied", "randomize")
 """What a row can be. "applied" stands before a step whose applied forces or mocap poses are other than those of the step before."""
 FIELDS = {
     "ctrl": "as given, N, N m or what the actuator takes",
@@ -84,7 +84,7 @@ class Recorder:
         sim.model.save(self.path / "model.stepper")
         self._header = header(sim)
         self._write_header(closed=False)
-        self._add("start", state=_state_bytes(sim))
+        self._add("start", state=_state_bytes(sim), **{f"theta/{name}": values for name, values in sim.randomized.items()})
 
     def step(self, sim: Stepper, *, ctrl: np.ndarray[Any, Any], nstep: int, applied: list[np.ndarray[Any, Any] | None]) -> None:
         """Called by the stepper after a call of `step`."""
@@ -93,7 +93,7 @@ class Recorder:
             self._add("applied", **{name: now for name, now in zip(APPLIED, self._applied, strict=True) if now is not None})
         row = {name: np.asarray(getattr(sim, name)) for name in FIELDS if name not in ("ctrl", "nstep")}
         row |= {"ctrl": ctrl, "nstep": np.asarray(nstep)}
-        self.failures.look(self.rows, row)
+        self.failures.look(self.rows, row, sim.sensor_faults)
         for name, value in row.items():
             self._steps[name].append(value)
         self._count("step", sum(value.nbytes for value in row.values()))
@@ -107,6 +107,15 @@ class Recorder:
         if "state" in arguments:
             arguments = {"state": _state_bytes(self._sim)}
         self._add("set_state", **arguments)
+
+    def randomize(self, sim: Stepper, *, mask: Any = None, fields: dict[str, Any] | None = None) -> None:
+        """Called by the stepper after `randomize`. Of the fields, the rows of the environments that changed are kept."""
+        chosen = np.full(sim.num_envs or 1, True) if mask is None else np.asarray(mask)
+        rows = {name: values for name, values in (fields or {}).items() if values is not None}
+        # The model's own numbers again: a name alone, or no name at all.
+        shared = [name for name in fields or {} if name not in rows]
+        kept = {f"theta/{name}": np.asarray(values, np.float64).reshape(len(chosen), -1)[chosen] for name, values in rows.items()}
+        self._add("randomize", mask=chosen, shared=np.array(shared, "U"), **kept)
 
     def close(self) -> None:
         """Writes what is left and says in run.json that the recording is complete. The stepper goes on unrecorded."""

@@ -147,9 +147,12 @@ def _repeat(sim: Stepper, kind: str, arrays: Arrays, row: int, step: int) -> Dif
         sim.step(ctrl, nstep=int(arrays["nstep"]))
         return _compare(sim, arrays, row, step)
     if kind in ("start", "set_state") and "state" in arrays:
+        _randomize(sim, arrays)
         sim.set_state(State(arrays["state"].tobytes(), bytes.fromhex(sim.model.digest)))
     elif kind == "set_state":
         sim.set_state(**arrays)
+    elif kind == "randomize":
+        _randomize(sim, arrays)
     elif kind == "reset":
         word, number = arrays.pop("keyframe", None), arrays.pop("seed", None)
         keyframe, seed = None if word is None else str(word), None if number is None else int(number)
@@ -159,6 +162,21 @@ def _repeat(sim: Stepper, kind: str, arrays: Arrays, row: int, step: int) -> Dif
             if name in arrays:
                 setattr(sim, name, arrays[name])
     return None
+
+
+def _randomize(sim: Stepper, arrays: Arrays) -> None:
+    """Assigns the fields of a row of the recording; its rows are those of the environments that changed."""
+    rows = {name.removeprefix("theta/"): values for name, values in arrays.items() if name.startswith("theta/")}
+    n = sim.num_envs or 1
+    mask = arrays.get("mask", np.full(n, True))
+    fields: dict[str, np.ndarray[Any, Any] | None] = {str(name): None for name in arrays.get("shared", ())}
+    for name, values in rows.items():
+        shape = np.shape(getattr(sim.model, name))
+        full = np.zeros((n, *shape))
+        full[mask] = values.reshape(-1, *shape)
+        fields[name] = full if sim.num_envs is not None else full[0]
+    if fields or "mask" in arrays:
+        sim.randomize(mask, **fields)
 
 
 def _compare(sim: Stepper, arrays: Arrays, row: int, step: int) -> Difference | None:

@@ -158,6 +158,9 @@ class Stepper:
     included, and forces are impulses over h. Where no step was made since the state was set, accelerations and forces are those of the step
     that would be made from it.
     """
+    sensor_faults: Final[_Array]
+    """Of each sensor, readings that were clipped to its limits and samples that were lost in the last call of `step`:
+    (num_envs, nsensor, 2) uint32."""
     qfrc_applied: _Array
     """Writable, read by every step: forces on the joints in N or N m, (num_envs, nv)."""
     xfrc_applied: _Array
@@ -166,6 +169,8 @@ class Stepper:
     """Writable, read by every step: positions of the mocap bodies in m, (num_envs, nmocap, 3)."""
     mocap_quat: _Array
     """Writable, read by every step: orientations of the mocap bodies, (num_envs, nmocap, 4)."""
+    randomized: Final[dict[str, NDArray[np.float64]]]
+    """Fields that environments have of their own, in the shapes of `randomize`: copies."""
 
     def __new__(
         cls,
@@ -239,8 +244,9 @@ class Stepper:
 
         Returns:
             "per_env": of each environment; "per_thread": working room of each thread that steps, none of which is per environment;
-            "state" and "inputs": what all environments hold, and what waits for the next step (controls, applied forces, mocap poses);
-            "threads": how many have room; "total": "state" + "inputs" + "threads" x "per_thread".
+            "state", "parameters" and "inputs": what all environments hold, what they have of their own by `randomize`, and what waits for
+            the next step (controls, applied forces, mocap poses); "threads": how many have room; "total": "state" + "parameters" +
+            "inputs" + "threads" x "per_thread".
         """
     def set_state(
         self,
@@ -263,6 +269,30 @@ class Stepper:
         Raises:
             ValueError: A wrong shape, a number that is not finite, a quaternion of zeros, a state of another model. Nothing is changed
                 then.
+        """
+    def randomize(self, mask: ArrayLike | None = None, **fields: ArrayLike | None) -> None:
+        """Gives environments parameters of their own, as `Model.replace` would give them to a model; what derives from them follows.
+
+        Every environment then moves as one of a `Stepper` of its own model, bit for bit. Parameters are not part of the state: `reset` and
+        `set_state` leave them, pickles and recordings have them. Other fields stay as they are, whether the model's or randomized before.
+        What no environment has of its own costs neither time nor memory.
+
+        Args:
+            mask: (num_envs,) bool: the environments that change; None is all. Rows of the others are not read.
+            **fields: Arrays with num_envs in front of the shape that the field has in the model; None gives the model's own numbers
+                back, and so do all fields when none is named:
+                gravity (num_envs, 3) m/s^2; body_mass (num_envs, nbody) kg, body_ipos (num_envs, nbody, 3) m, the centre of mass, and
+                body_inertia (num_envs, nbody, 3) kg m^2, principal moments, each by itself: a body of twice the mass keeps its inertia
+                unless it is given too; geom_friction (num_envs, ngeom, 3) sliding, torsional (m), rolling (m); geom_restitution
+                (num_envs, ngeom); geom_size, geom_pos (num_envs, ngeom, 3) m, which leave masses alone; jnt_stiffness (num_envs, njnt) N/m
+                or N m/rad; jnt_range (num_envs, njnt, 2) m or rad; dof_damping, dof_armature, dof_frictionloss (num_envs, nv);
+                actuator_gain, actuator_bias (num_envs, nu, 3), whose force is gain . (1, length, velocity) times the input plus
+                bias . (1, length, velocity).
+
+        Raises:
+            ValueError: A wrong shape; both are named.
+            ModelError: A field that all environments share, numbers that no model may have, or that ask for something that the model has
+                none of, such as dry friction where it has 0; with field, element and environment. Nothing is changed then.
         """
     def record(self, path: str | PathLike[str], **settings: Any) -> Recorder:
         """Writes everything that happens from now on into a new folder, until the `Recorder` is closed; `stepper.replay` repeats it.

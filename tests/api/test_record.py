@@ -113,6 +113,83 @@ def test_failures_are_laid_to_action_or_physics(tmp_path):
     assert head["options"]["iterations"] == 1
 
 
+PENDULUM = """
+<mujoco><option timestep="0.002"/>
+  <worldbody><body><joint name="pivot" type="hinge" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 -.5" size=".05"/>
+  <site name="imu"/></body></worldbody><actuator><motor joint="pivot"/></actuator>
+  <sensor><jointpos name="angle" joint="pivot"/><gyro name="gyro" site="imu"/><accelerometer name="acceleration" site="imu"/></sensor>
+</mujoco>"""
+SENSORS = stepper.SensorModel(
+    {
+        "gyro": stepper.Transfer(limits=(-0.5, 0.5), noise_density=1e-3),
+        "acceleration": stepper.Transfer(bias_std=0.1, drift_std=0.1, drift_time=1.0, delay=0.005, jitter=0.001, dropout=0.2, period=0.004),
+    }
+)
+
+
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+@pytest.mark.parametrize("num_envs", [1, 21])
+def test_noisy_readings_are_replayed_too(tmp_path, precision, num_envs):
+    """Everything that a transfer function has, from a moment in mid-episode, with resets of some environments and under another seed."""
+    sim = stepper.Stepper(stepper.load(PENDULUM), num_envs, precision=precision, threads=2, sensors=SENSORS, seed=5)
+    sim.step(nstep=9)
+    with sim.record(tmp_path / "run"):
+        for k in range(40):
+            sim.step(np.sin([0.1 * k]), nstep=1 + k % 3)
+            if k % 10 == 5:
+                sim.reset(np.arange(num_envs) % 2 == 0, seed=11 if k == 25 else None)
+    for threads in (1, 3):
+        assert stepper.replay(tmp_path / "run", threads=threads)
+    # The same environments in a larger batch read the same.
+    larger = stepper.Stepper(sim.model, num_envs + 9, precision=precision, sensors=SENSORS, seed=5)
+    larger.step(nstep=9)
+    with np.load(tmp_path / "run/00000.npz") as rows:
+        for k in range(6):
+            larger.step(np.sin([0.1 * k]), nstep=1 + k % 3)
+            np.testing.assert_array_equal(larger.observation[:num_envs], rows["observation"][k])
+
+
+def test_failures_of_sensing_are_counted_by_sensor(tmp_path):
+    """Saturation is known from the truth; lost samples from readings of the clock, which stand still."""
+    text = PENDULUM.replace("</sensor>", '<clock name="clock"/></sensor>')
+    sensors = stepper.SensorModel({"gyro": stepper.Transfer(limits=(-0.5, 0.5)), "clock": stepper.Transfer(dropout=0.3)})
+    sim = stepper.Stepper(stepper.load(text), 4, sensors=sensors)
+    beyond, still, steps, before = np.zeros(4, int), np.zeros(4, int), 300, np.zeros(4)
+    with sim.record(tmp_path / "run"):
+        sim.reset(qpos=[[0.0], [0.05], [1.0], [2.0]])
+        for _ in range(steps):
+            sim.step()
+            saturated = np.any(np.abs(sim.sensor_truth[:, 1:4]) > 0.5, axis=1)
+            beyond += saturated
+            still += sim.observation[:, 7] == before
+            before = sim.observation[:, 7]
+            np.testing.assert_array_equal(sim.sensor_faults[:, 1], np.stack([saturated, np.zeros(4)], axis=1))
+        last = sim.sensor_faults
+        assert last.shape == (4, 4, 2)
+        assert not last[:, [0, 2]].any()
+        # Many steps in a call are counted one by one.
+        sim.step(nstep=50)
+        assert sim.sensor_faults[3, 1, 0] > 40
+        counted = sim.sensor_faults
+    found = {(f["whose"], f["what"]): f for f in json.loads((tmp_path / "run/run.json").read_text())["failures"]}
+    assert found["sensing", "saturation"]["readings"] == {"gyro": beyond.sum() + counted[:, 1, 0].sum()}
+    assert found["sensing", "dropout"]["readings"] == {"clock": still.sum() + counted[:, 3, 1].sum()}
+    assert all(env >= 2 for _, env in found["sensing", "saturation"]["first"])
+    assert beyond[0] == beyond[1] == 0 < min(beyond[2:])
+    # Five standard deviations of a binomial number.
+    assert abs(still.sum() - 0.3 * 4 * steps) < 5 * np.sqrt(0.21 * 4 * steps)
+
+
+def test_what_sensors_lost_is_forgotten_at_a_reset():
+    sim = stepper.Stepper(stepper.load(PENDULUM), sensors=stepper.SensorModel(default=stepper.Transfer(dropout=1.0)))
+    sim.step(nstep=3)
+    np.testing.assert_array_equal(sim.sensor_faults, [[0, 3]] * 3)
+    sim.reset()
+    assert not sim.sensor_faults.any()
+    sim.step(nstep=0)
+    assert not sim.sensor_faults.any()
+
+
 def test_the_command_line_reports_and_replays(tmp_path, capsys):
     from stepper._cli import replay, report
 
@@ -122,3 +199,15 @@ def test_the_command_line_reports_and_replays(tmp_path, capsys):
     said = capsys.readouterr().out
     assert "5 environments" in said
     assert "bit for bit" in said
+
+
+def test_the_report_names_sensors(tmp_path, capsys):
+    from stepper._cli import report
+
+    sim = stepper.Stepper(stepper.load(PENDULUM), sensors=stepper.SensorModel({"gyro": stepper.Transfer(dropout=1.0)}))
+    with sim.record(tmp_path / "run"):
+        sim.step(nstep=3)
+    report(tmp_path / "run")
+    said = capsys.readouterr().out
+    assert "sensing: 1 times a sample of a sensor was lost" in said
+    assert "first in row 1, environment 0; readings: gyro 3" in said

@@ -116,6 +116,56 @@ def test_the_allan_deviation_of_an_imu_is_its_data_sheets(dt):
         assert abs(allan(x, dt, tau) / (np.deg2rad(0.008) / np.sqrt(tau)) - 1) < 5 / np.sqrt(2 * count)
 
 
+def test_the_allan_deviation_of_a_whole_imu_has_its_drift():
+    """Of the industrial gyro: white noise N^2 / tau, and the Gauss-Markov drift's (IEEE 952, annex C) with its in-run stability and 100 s.
+
+    sigma^2 = s^2 2 T/tau (1 - T / (2 tau) (3 - 4 e^(-tau/T) + e^(-2 tau/T))) for a drift of standard deviation s and correlation time T.
+    """
+    dt, envs, seconds, T = 0.25, 96, 2000.0, 100.0
+    density, stability = np.deg2rad(0.008), np.deg2rad(8 / 3600)
+    # The drift begins at 0: five correlation times are left out.
+    x = errors(round((5 * T + seconds) / dt), envs, dt, gyro=devices.find("adis16470_gyro"))[round(5 * T / dt) :, :, GYRO]
+    for tau in (1.0, 10.0, 100.0, 250.0):
+        ratio = T / tau
+        drift = 2 * stability**2 * ratio * (1 - ratio / 2 * (3 - 4 * np.exp(-1 / ratio) + np.exp(-2 / ratio)))
+        expected = np.sqrt(density**2 / tau + drift)
+        # Half of the differences of means are independent, of a drift those 100 s apart.
+        count = seconds / max(tau, T if drift > 0.1 * expected**2 else 0.0) * envs * 3 / 2
+        assert abs(allan(x, dt, tau) / expected - 1) < 5 / np.sqrt(2 * count)
+
+
+def test_drift_and_noise_are_independent():
+    """Differences of neighbours d_k + n_k - n_(k-1) have the variance d^2 + 2 n^2, -n^2 with the next one, and nothing with other axes'."""
+    n, d = 0.3, 0.2
+    x = errors(400, 512, 0.01, gyro=Transfer(noise_std=n, drift_std=d / np.sqrt(0.01)))[:, :, GYRO]
+    step = np.diff(x, axis=0)
+    var = d**2 + 2 * n**2
+    # Five standard deviations of a mean of products of two numbers of that variance; neighbours that are correlated count half.
+    bound = 5 * np.sqrt(2 * 2) * var / np.sqrt(step.size)
+    assert abs(np.mean(step**2) - var) < bound
+    assert abs(np.mean(step[1:] * step[:-1]) + n**2) < bound
+    assert abs(np.mean(step[2:] * step[:-2])) < bound
+    assert abs(np.mean(step * np.roll(step, 1, axis=2))) < bound
+    assert abs(np.mean(step * np.roll(step, 1, axis=1))) < bound
+
+
+def test_the_spectrum_of_a_gauss_markov_drift_is_its_own():
+    """Power at frequency f in proportion to 1 / (1 + a^2 - 2 a cos(2 pi f dt)), a = e^(-dt / T): its knee is at 1 / (2 pi T)."""
+    dt, T, kick = 0.01, 0.1, 0.5
+    a = np.exp(-dt / T)
+    # 25 correlation times until it is stationary; a window, so that the knee does not leak into what lies far above it.
+    x = errors(4096 + 250, 64, dt, gyro=Transfer(drift_std=kick, drift_time=T))[-4096:, :, GYRO].reshape(4096, -1)
+    window = np.hanning(4096)[:, None]
+    power = np.mean(np.abs(np.fft.rfft(x * window, axis=0)) ** 2, axis=1) / np.sum(window**2)
+    f = np.fft.rfftfreq(4096, dt)
+    expected = kick**2 * T / 2 * (1 - a**2) / (1 + a**2 - 2 * a * np.cos(2 * np.pi * f * dt))
+    for low, high in ((0.2, 0.5), (1.0, 2.0), (5.0, 10.0), (20.0, 49.0)):
+        band = (f >= low) & (f < high)
+        # A power is chi^2 of two degrees of freedom; of neighbours, which the window mixes, every second is independent.
+        count = band.sum() * x.shape[1] / 2
+        assert abs(np.mean(power[band] / expected[band]) - 1) < 5 / np.sqrt(count)
+
+
 def test_a_random_walk_grows_with_the_root_of_time():
     x = errors(100, 2048, 0.01, gyro=Transfer(drift_std=0.4))[:, :, GYRO]
     assert np.all(x[0] == 0)
@@ -137,8 +187,8 @@ def test_a_gauss_markov_drift_has_its_variance_and_correlation_time(dt):
 
 def test_quantum_and_limits():
     x = errors(50, 64, angle=Transfer(noise_std=1.0, quantum=0.25, limits=(-1.0, 1.5)))[:, :, ANGLE]
-    np.testing.assert_array_equal(x, np.round(x / 0.25) * 0.25)
-    assert (x.min(), x.max()) == (-1.0, 1.5)
+    # Every multiple between the limits, and nothing else.
+    np.testing.assert_array_equal(np.unique(x), np.arange(-1.0, 1.51, 0.25))
 
 
 def test_samples_are_held_for_their_period():

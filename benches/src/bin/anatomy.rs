@@ -12,7 +12,7 @@ use stepper_benches::rig::{Part, Rig, moments};
 use stepper_benches::scenes::{Scene, chain};
 use stepper_core::batch::StepInputs;
 use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
-use stepper_core::plan::Plan;
+use stepper_core::plan::{LanePlan, Plan};
 use stepper_core::{Level, Options, Precision, Simulation};
 use stepper_real::{Real, at_level};
 
@@ -72,7 +72,7 @@ fn stages(scene: &Scene, level: Level) {
 
 /// Microseconds per environment of every part.
 fn stage_times<R: Real>(scene: &Scene) -> Vec<f64> {
-    let plan = Plan::<R::Scalar>::new(&scene.model);
+    let plan = LanePlan::new(&Plan::new(&scene.model));
     let mut rigs: Vec<Rig<R>> = moments(&plan, scene, MOMENTS);
     let mut time = |part: Part| {
         let mut total = Duration::ZERO;
@@ -92,7 +92,7 @@ fn stage_times<R: Real>(scene: &Scene) -> Vec<f64> {
 
 /// Operations of the step, what the core does in a second, and the time that no code can be faster than.
 fn floor(scene: &Scene, level: Level) {
-    let plan = Plan::<f64>::new(&scene.model);
+    let plan = LanePlan::new(&Plan::new(&scene.model));
     let mut rigs: Vec<Rig<Counted>> = moments(&plan, scene, MOMENTS);
     let sweeps = at_level!(level, F64x8, rates());
     println!("| part | sums | divisions, roots | others | floor in F64x8 lanes, us |\n|---|---|---|---|---|");

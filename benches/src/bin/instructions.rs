@@ -11,7 +11,7 @@ use stepper_benches::episode::{Episode, single};
 use stepper_benches::report::rustc;
 use stepper_benches::rig::{Part, Rig, moments};
 use stepper_benches::scenes::Scene;
-use stepper_core::plan::Plan;
+use stepper_core::plan::{LanePlan, Plan};
 use stepper_core::{Level, Precision};
 
 const USAGE: &str = "usage: instructions [--save [FILE]] [--against FILE]
@@ -129,7 +129,7 @@ fn work() {
         }
     }
     let scene = Scene::humanoid();
-    let plan = Plan::<f64>::new(&scene.model);
+    let plan = LanePlan::new(&Plan::new(&scene.model));
     let mut rigs: Vec<Rig<f64>> = moments(&plan, &scene, MOMENTS);
     for part in Part::ALL {
         rigs.iter_mut().for_each(|rig| rig.ready(&plan));

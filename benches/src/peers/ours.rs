@@ -61,7 +61,7 @@ impl Engine for Ours {
         self.simulation.get(Field::Qpos, 0, &mut q);
         let mut kinematics = Kinematics::new(plan);
         kinematics.update(plan, &q);
-        plan.links.iter().enumerate().map(|(l, link)| kinematics.point(l + 1, link.com)).collect()
+        (0..plan.links.len()).map(|l| kinematics.point(l + 1, plan.params.inertial(l).com)).collect()
     }
 
     fn energy(&self) -> f64 {

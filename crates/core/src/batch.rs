@@ -13,6 +13,7 @@ use crate::plan::Plan;
 use crate::rollout::{Recording, Share};
 use crate::sensing::errors::{Errors, Transfer};
 use crate::state::{Group, StoredContact};
+use crate::theta::{Differences, Own};
 use crate::worker::{Call, Place, Query, Site, Stepped, Worker};
 
 /// What the user says to a call of step, environment-major; empty slices say nothing.
@@ -49,6 +50,10 @@ pub trait Engine: Send + Sync {
     fn sense(&mut self, options: &Options, inputs: &StepInputs<'_>, truth: bool, out: &mut [f64]);
     /// Gives the sensors transfer functions, `None` to ideal ones.
     fn equip(&mut self, model: &Model, options: &Options, transfers: &[Option<Transfer>]) -> Result<(), String>;
+    /// Gives environments parameters that differ from the model's; `None` takes all of them back, from all.
+    fn randomize(&mut self, envs: &[usize], differences: Option<&[Differences]>);
+    /// Memory of those parameters, bytes.
+    fn parameter_bytes(&self) -> usize;
     /// Says as which environment one draws random numbers.
     fn set_stream(&mut self, env: usize, stream: u32);
     /// Begins a new episode of one environment, the first one under a new seed.
@@ -67,6 +72,8 @@ pub trait Engine: Send + Sync {
     fn set_time(&mut self, env: usize, time: f64);
     /// Flags of the last call.
     fn status(&self, env: usize) -> u32;
+    /// Readings that were clipped and samples that were lost in the last call: two numbers for every sensor of the model.
+    fn sensor_faults(&self, env: usize, out: &mut [[u32; 2]]);
     /// (residual in m/s, sweeps and Newton steps together) of the last step.
     fn certificate(&self, env: usize) -> (f64, f64);
     /// Contacts of the last step: geoms of the model and the numbers.
@@ -93,6 +100,7 @@ pub struct Batch<S: Stepped> {
     level: Level,
     threads: usize,
     errors: Option<Errors<S>>,
+    own: Own<S>,
     crew: Crew,
 }
 
@@ -110,7 +118,8 @@ fn room_for_contacts<S: Stepped>(plan: &Plan<S>, options: &Options) -> usize {
     let mut links_of_tree = vec![0; plan.ntree];
     plan.links.iter().for_each(|l| links_of_tree[l.tree] += 1);
     let mut is_ball = vec![true; plan.nframe()];
-    plan.geoms.iter().filter(|g| g.lever != S::ZERO).for_each(|g| is_ball[g.frame] = false);
+    let long = |g: &usize| plan.params.lever(*g) != S::ZERO;
+    (0..plan.geoms.len()).filter(long).for_each(|g| is_ball[plan.geoms[g].frame] = false);
     let room = plan.links.iter().enumerate().map(|(l, link)| match is_ball[l + 1] {
         _ if links_of_tree[link.tree] > 1 => 4,
         true => 6,
@@ -141,7 +150,7 @@ impl<S: Stepped> Batch<S> {
         let groups = (0..num_envs.div_ceil(lanes)).map(group).collect();
         let threads = if threads == 0 { std::thread::available_parallelism().map_or(1, usize::from) } else { threads };
         let crew = Crew { idle: Mutex::new(Vec::new()), pool: None };
-        Self { plan, groups, lanes, num_envs, max_contacts, level, threads, errors: None, crew }
+        Self { plan, groups, lanes, num_envs, max_contacts, level, threads, errors: None, own: Own::default(), crew }
     }
 
     fn hire(&self, options: &Options) -> Worker {
@@ -173,7 +182,7 @@ impl<S: Stepped> Batch<S> {
     fn call<'a>(&'a self, options: &'a Options, inputs: &StepInputs<'a>, calls: usize, nstep: usize) -> Call<'a, S> {
         let StepInputs { ctrl, qfrc, xfrc, .. } = *inputs;
         let (mocap, errors) = ([inputs.mocap_pos, inputs.mocap_quat], self.errors.as_ref());
-        Call { plan: &self.plan, options, num_envs: self.num_envs, calls, nstep, ctrl, qfrc, xfrc, mocap, errors }
+        Call { plan: &self.plan, options, num_envs: self.num_envs, calls, nstep, ctrl, qfrc, xfrc, mocap, errors, own: &self.own }
     }
 
     /// Sends the groups to the workers once, for all steps of a call.
@@ -266,6 +275,19 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
         Ok(())
     }
 
+    fn randomize(&mut self, envs: &[usize], differences: Option<&[Differences]>) {
+        if let Some(differences) = differences {
+            self.own.assign(&self.plan.params, self.groups.len(), self.lanes, envs, differences);
+        } else {
+            // Workers still have what they read last.
+            (self.own, self.crew.idle) = (Own::default(), Mutex::default());
+        }
+    }
+
+    fn parameter_bytes(&self) -> usize {
+        self.own.bytes()
+    }
+
     fn set_stream(&mut self, env: usize, stream: u32) {
         let (group, lane) = self.at_mut(env);
         group.sensing.stream[lane] = stream;
@@ -319,6 +341,14 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
     fn status(&self, env: usize) -> u32 {
         let (group, lane) = self.at(env);
         group.status[lane]
+    }
+
+    fn sensor_faults(&self, env: usize, out: &mut [[u32; 2]]) {
+        let (group, lane) = self.at(env);
+        let counts = group.sensing.faults.chunks_exact(2 * self.lanes);
+        for (sensor, counts) in self.errors.iter().flat_map(Errors::sensors).zip(counts) {
+            out[sensor] = [counts[lane], counts[self.lanes + lane]];
+        }
     }
 
     fn certificate(&self, env: usize) -> (f64, f64) {

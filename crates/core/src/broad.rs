@@ -7,7 +7,7 @@
 
 use stepper_real::{Real, Scalar};
 
-use crate::plan::{Crowd, Plan};
+use crate::plan::{Crowd, LanePlan};
 use crate::spatial::*;
 
 /// Bits of a coordinate of a cube in its key.
@@ -36,22 +36,15 @@ pub(crate) struct Broad {
 
 impl Broad {
     /// Finds the pairs of the lanes in `alive`, from the centres of all geoms and how far each can get.
-    pub(crate) fn find<R: Real>(
-        &mut self,
-        plan: &Plan<R::Scalar>,
-        crowd: &Crowd<R::Scalar>,
-        alive: u32,
-        pos: &[V3<R>],
-        way: &[R],
-        slack: R,
-    ) {
+    pub(crate) fn find<R: Real>(&mut self, plan: &LanePlan<R>, crowd: &Crowd<R::Scalar>, alive: u32, pos: &[V3<R>], way: &[R], slack: R) {
         self.found.clear();
         for lane in (0..R::LANES).filter(|l| alive >> l & 1 == 1) {
             self.balls.clear();
             self.balls.extend(crowd.members.iter().map(|member| {
                 let g = member.geom;
                 let centre = pos[g].map(|x| x.lane(lane).to_f64());
-                let reach = (plan.geoms[g].bound.to_f64() + member.margin) + (way[g].lane(lane).to_f64() + slack.lane(lane).to_f64());
+                let reach =
+                    (plan.params.bound(g).lane(lane).to_f64() + member.margin) + (way[g].lane(lane).to_f64() + slack.lane(lane).to_f64());
                 // A hair more than the exact test will ask for, also in single precision.
                 let rounding = 1e-6 * (reach + centre.iter().map(|x| x.abs()).sum::<f64>());
                 Ball { centre, radius: reach + rounding, moves: plan.geoms[g].frame != 0 }

@@ -18,7 +18,7 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::plan::{ActuatorPlan, Plan};
+use crate::plan::{ActuatorPlan, LanePlan, Plan};
 use crate::spatial::*;
 
 /// Which shares of damping and stiffness go into the mass matrix.
@@ -118,7 +118,7 @@ impl<R: Real> Drive<R> {
 
     /// Sum of the actuators' forces on every dof, within the bounds of joints.
     #[inline(always)]
-    pub(crate) fn gather(&mut self, plan: &Plan<R::Scalar>, implicit: bool) {
+    pub(crate) fn gather(&mut self, plan: &LanePlan<R>, implicit: bool) {
         self.tau.fill(R::zero());
         for (actuator, &force) in plan.actuators.iter().zip(&self.force) {
             for &(_, dof, arm) in &actuator.moment {
@@ -134,7 +134,7 @@ impl<R: Real> Drive<R> {
 
     /// Finds servos whose force at the end of the step would exceed its bounds, if the velocity changed by `dv`: they keep to the bound and
     /// lose their stiffness. Returns the lanes in which there is a new one; [`Drive::gather`] must follow.
-    pub fn saturate(&mut self, plan: &Plan<R::Scalar>, dv: &[R], h: R) -> R::Mask {
+    pub fn saturate(&mut self, plan: &LanePlan<R>, dv: &[R], h: R) -> R::Mask {
         R::vectorize(
             #[inline(always)]
             || {
@@ -174,7 +174,7 @@ impl<R: Real> Drive<R> {
 
     /// Fixes the force of servo `k` at what is implied, within its bounds, in `lanes`.
     #[inline(always)]
-    fn stop(&mut self, plan: &Plan<R::Scalar>, k: usize, lanes: R::Mask) {
+    fn stop(&mut self, plan: &LanePlan<R>, k: usize, lanes: R::Mask) {
         let actuator = plan.servos[k].actuator;
         let held = within(self.implied[actuator], plan.actuators[actuator].force_range);
         self.force[actuator] = R::select(lanes, held, self.force[actuator]);

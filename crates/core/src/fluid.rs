@@ -11,7 +11,7 @@
 use stepper_real::Real;
 
 use crate::kinematics::Kinematics;
-use crate::plan::{EllipsoidPlan, FluidPlan, FluidShape, Plan};
+use crate::plan::{EllipsoidPlan, FluidShape, LanePlan, Plan};
 use crate::spatial::*;
 
 /// What the medium does, and room to work; empty for scenes without one.
@@ -42,13 +42,13 @@ impl<R: Real> Fluid<R> {
 
     /// Adds `time` times the drag at velocity `v` to the mass matrix's `entries`.
     #[inline(always)]
-    pub fn linearise(&mut self, plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, v: &[R], time: R, entries: &mut [R]) {
+    pub fn linearise(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, v: &[R], time: R, entries: &mut [R]) {
         kinematics.velocities(plan, v, &mut self.velocity);
         self.composite.fill([zero(); 3]);
         for (i, body) in plan.fluid.iter().enumerate() {
-            let (mat, arm) = place(plan, kinematics, body);
+            let (mat, arm) = place(plan, kinematics, i);
             self.before[i] = local(plan, &self.velocity[body.link], &mat, arm);
-            self.drag[i] = secant(&body.shape, &self.before[i]);
+            self.drag[i] = secant(plan, i, &self.before[i]);
             let sum = &mut self.composite[body.link];
             let added = at_origin(&self.drag[i], &mat, arm);
             *sum = std::array::from_fn(|k| add(sum[k], added[k]));
@@ -73,13 +73,13 @@ impl<R: Real> Fluid<R> {
 
     /// Takes the medium's forces, at the links' velocities `motion`, off the forces that the links need.
     #[inline(always)]
-    pub fn subtract(&self, plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, motion: &[V6<R>], force: &mut [V6<R>]) {
+    pub fn subtract(&self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, motion: &[V6<R>], force: &mut [V6<R>]) {
         for (i, body) in plan.fluid.iter().enumerate() {
-            let (mat, arm) = place(plan, kinematics, body);
+            let (mat, arm) = place(plan, kinematics, i);
             let v = local(plan, &motion[body.link], &mat, arm);
             let mut own = match &body.shape {
-                FluidShape::Box { .. } => {
-                    let drag = secant(&body.shape, &v);
+                FluidShape::Box => {
+                    let drag = secant(plan, i, &v);
                     std::array::from_fn(|k| -(drag[k] * v[k]))
                 }
                 FluidShape::Ellipsoid(e) => ellipsoid_force(e, &v),
@@ -96,24 +96,28 @@ impl<R: Real> Fluid<R> {
 
 /// Axes of a body, and its centre from its tree's reference point.
 #[inline(always)]
-fn place<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, body: &FluidPlan<R::Scalar>) -> (M3<R>, V3<R>) {
+fn place<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, i: usize) -> (M3<R>, V3<R>) {
+    let body = &plan.fluid[i];
     let frame = body.link + 1;
     let mat = mat_mul(&kinematics.mat[frame], &splat(body.mat));
-    (mat, sub(kinematics.point(frame, splat(body.pos)), kinematics.origin[plan.links[body.link].tree]))
+    (mat, sub(kinematics.point(frame, plan.params.fluid_pos(i)), kinematics.origin[plan.links[body.link].tree]))
 }
 
 /// Velocity against the medium, in the body's own axes.
 #[inline(always)]
-fn local<R: Real>(plan: &Plan<R::Scalar>, motion: &V6<R>, mat: &M3<R>, arm: V3<R>) -> V6<R> {
+fn local<R: Real>(plan: &LanePlan<R>, motion: &V6<R>, mat: &M3<R>, arm: V3<R>) -> V6<R> {
     let velocity = sub(velocity_at(motion, arm), splat(plan.wind));
     spatial(rotate_back(mat, angular(motion)), rotate_back(mat, velocity))
 }
 
 /// Drag over velocity, per axis.
 #[inline(always)]
-fn secant<R: Real>(shape: &FluidShape<R::Scalar>, v: &V6<R>) -> V6<R> {
-    match shape {
-        FluidShape::Box { viscous, drag } => std::array::from_fn(|k| R::splat(viscous[k]) + R::splat(drag[k]) * v[k].abs()),
+fn secant<R: Real>(plan: &LanePlan<R>, i: usize, v: &V6<R>) -> V6<R> {
+    match &plan.fluid[i].shape {
+        FluidShape::Box => {
+            let [viscous, drag] = plan.params.fluid_box(i);
+            std::array::from_fn(|k| viscous[k] + drag[k] * v[k].abs())
+        }
         FluidShape::Ellipsoid(e) => {
             let [spin, slide] = ellipsoid_drag(e, v).0.map(|d| d * R::splat(e.share));
             [spin, spin, spin, slide, slide, slide]

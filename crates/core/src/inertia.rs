@@ -5,7 +5,7 @@ use stepper_real::Real;
 use crate::drive::Theta;
 use crate::kinematics::Kinematics;
 use crate::model::JointKind;
-use crate::plan::Plan;
+use crate::plan::{DofParams, LanePlan, Plan};
 use crate::spatial::*;
 
 /// The mass matrix of a tree of joints and its factors M = L^T D L (Featherstone 2008, section 6.5).
@@ -36,7 +36,7 @@ impl<R: Real> MassMatrix<R> {
 
     /// M by composite rigid bodies, plus armature, plus the shares `theta` of the joints' damping and stiffness on the diagonal.
     #[inline(always)]
-    pub fn assemble(&mut self, plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, composite: &mut [Inertia<R>], theta: Theta<R>) {
+    pub fn assemble(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, composite: &mut [Inertia<R>], theta: Theta<R>) {
         composite.copy_from_slice(&kinematics.inertia);
         for l in (0..plan.links.len()).rev() {
             let link = &plan.links[l];
@@ -50,14 +50,15 @@ impl<R: Real> MassMatrix<R> {
                 for (entry, &a) in row.iter_mut().zip(plan.chain_of(d)) {
                     *entry = dot6(kinematics.axes[a as usize], momentum);
                 }
-                row[0] += R::splat(dof.armature) + theta.damping * R::splat(dof.damping) + theta.stiffness * R::splat(dof.stiffness);
+                let DofParams { damping, stiffness, armature } = plan.params.dof(d);
+                row[0] += armature + theta.damping * damping + theta.stiffness * stiffness;
             }
         }
     }
 
     /// Adds what servos add: their weights along their moments.
     #[inline(always)]
-    pub fn add_servos(&mut self, plan: &Plan<R::Scalar>, weights: &[R]) {
+    pub fn add_servos(&mut self, plan: &LanePlan<R>, weights: &[R]) {
         for (servo, &weight) in plan.servos.iter().zip(weights) {
             for &(entry, coefficient) in &servo.entries {
                 self.entries[entry] += R::splat(coefficient) * weight;
@@ -67,7 +68,7 @@ impl<R: Real> MassMatrix<R> {
 
     /// Replaces M by its factors.
     #[inline(always)]
-    pub fn factor(&mut self, plan: &Plan<R::Scalar>) {
+    pub fn factor(&mut self, plan: &LanePlan<R>) {
         for i in (0..plan.nv).rev() {
             let dof = &plan.dofs[i];
             // Ancestors come before i, so their rows end where this one begins or earlier.
@@ -93,7 +94,7 @@ impl<R: Real> MassMatrix<R> {
 
     /// x <- L^-T x
     #[inline(always)]
-    pub fn solve_lower_transposed(&self, plan: &Plan<R::Scalar>, x: &mut [R]) {
+    pub fn solve_lower_transposed(&self, plan: &LanePlan<R>, x: &mut [R]) {
         for i in (0..plan.nv).rev() {
             let dof = &plan.dofs[i];
             let (row, chain) = (&self.entries[dof.chain..dof.chain + dof.depth], plan.chain_of(i));
@@ -106,7 +107,7 @@ impl<R: Real> MassMatrix<R> {
 
     /// x <- L^-1 x
     #[inline(always)]
-    pub fn solve_lower(&self, plan: &Plan<R::Scalar>, x: &mut [R]) {
+    pub fn solve_lower(&self, plan: &LanePlan<R>, x: &mut [R]) {
         for i in 0..plan.nv {
             let dof = &plan.dofs[i];
             let (row, chain) = (&self.entries[dof.chain..dof.chain + dof.depth], plan.chain_of(i));
@@ -121,7 +122,7 @@ impl<R: Real> MassMatrix<R> {
 
     /// The velocity change of a scaled one: w <- L^-1 D^-1/2 w.
     #[inline(always)]
-    pub fn unscale(&self, plan: &Plan<R::Scalar>, w: &mut [R]) {
+    pub fn unscale(&self, plan: &LanePlan<R>, w: &mut [R]) {
         for i in 0..plan.nv {
             w[i] *= self.sqrt_inv_d[i];
         }
@@ -130,7 +131,7 @@ impl<R: Real> MassMatrix<R> {
 
     /// The scaled velocity change, in which the mass matrix is the identity: x <- D^1/2 L x.
     #[inline(always)]
-    pub fn scale(&self, plan: &Plan<R::Scalar>, x: &mut [R]) {
+    pub fn scale(&self, plan: &LanePlan<R>, x: &mut [R]) {
         // From the leaves, so that ancestors are still what they were.
         for i in (0..plan.nv).rev() {
             let dof = &plan.dofs[i];
@@ -145,7 +146,7 @@ impl<R: Real> MassMatrix<R> {
 
     /// The momentum of a scaled velocity change: w <- L^T D^1/2 w.
     #[inline(always)]
-    pub fn momentum(&self, plan: &Plan<R::Scalar>, w: &mut [R]) {
+    pub fn momentum(&self, plan: &LanePlan<R>, w: &mut [R]) {
         // From the root, so that descendants add to what is already scaled.
         for i in 0..plan.nv {
             let dof = &plan.dofs[i];
@@ -160,7 +161,7 @@ impl<R: Real> MassMatrix<R> {
 
     /// x <- M^-1 x
     #[inline(always)]
-    pub fn solve(&self, plan: &Plan<R::Scalar>, x: &mut [R]) {
+    pub fn solve(&self, plan: &LanePlan<R>, x: &mut [R]) {
         self.solve_lower_transposed(plan, x);
         for i in 0..plan.nv {
             x[i] *= self.inv_d[i];
@@ -171,17 +172,16 @@ impl<R: Real> MassMatrix<R> {
 
 /// Coriolis, centrifugal and gravitational forces: recursive Newton-Euler with zero joint acceleration, world-aligned.
 #[inline(always)]
-pub fn bias_force<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, v: &[R], work: &mut NewtonEuler<R>, out: &mut [R]) {
+pub fn bias_force<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, v: &[R], work: &mut NewtonEuler<R>, out: &mut [R]) {
     link_forces(plan, kinematics, v, work);
     project_forces(plan, kinematics, &mut work.force, out);
 }
 
 /// The first half of [`bias_force`]: the force that every link needs if its joints do not accelerate, and its velocity.
 #[inline(always)]
-pub fn link_forces<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, v: &[R], work: &mut NewtonEuler<R>) {
-    let gravity: V3<R> = splat(plan.gravity);
+pub fn link_forces<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, v: &[R], work: &mut NewtonEuler<R>) {
     // Gravity as an upward acceleration of the world.
-    let ground = spatial(zero(), scale(gravity, -R::one()));
+    let ground = spatial(zero(), scale(plan.params.gravity(), -R::one()));
     for (l, link) in plan.links.iter().enumerate() {
         let (mut motion, mut change) =
             if link.is_root { (zero(), ground) } else { (work.velocity[link.parent - 1], work.acceleration[link.parent - 1]) };
@@ -211,7 +211,7 @@ pub fn link_forces<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, 
 
 /// Forces on the links, carried to the joints: out = sum over links of J^T f. `force` is used up.
 #[inline(always)]
-pub fn project_forces<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, force: &mut [V6<R>], out: &mut [R]) {
+pub fn project_forces<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, force: &mut [V6<R>], out: &mut [R]) {
     for l in (0..plan.links.len()).rev() {
         let link = &plan.links[l];
         for d in link.dofs.clone() {

@@ -3,7 +3,7 @@
 use stepper_real::{Real, Scalar};
 
 use crate::model::JointKind;
-use crate::plan::{JointPlan, Link, Plan};
+use crate::plan::{Inertial, JointPlan, LanePlan, Link, Plan};
 use crate::spatial::*;
 
 /// Poses of all frames and the motion subspaces of all joints at one configuration, in world axes.
@@ -46,7 +46,7 @@ impl<R: Real> Kinematics<R> {
     }
 
     /// Places everything at the configuration `q`.
-    pub fn update(&mut self, plan: &Plan<R::Scalar>, q: &[R]) {
+    pub fn update(&mut self, plan: &LanePlan<R>, q: &[R]) {
         R::vectorize(
             #[inline(always)]
             || {
@@ -61,8 +61,9 @@ impl<R: Real> Kinematics<R> {
                     }
                     let origin = self.origin[link.tree];
                     self.refer_axes_to(plan, link, origin);
-                    let com = sub(add(pos, rotate(&mat, splat(link.com))), origin);
-                    self.inertia[l] = inertia_at(R::splat(link.mass), splat(link.inertia), &mat, com);
+                    let Inertial { mass, com, inertia } = plan.params.inertial(l);
+                    let com = sub(add(pos, rotate(&mat, com)), origin);
+                    self.inertia[l] = inertia_at(mass, inertia, &mat, com);
                 }
             },
         )
@@ -70,7 +71,7 @@ impl<R: Real> Kinematics<R> {
 
     /// Sines and cosines of all hinges, in a loop of their own: even those of one environment are computed side by side then.
     #[inline(always)]
-    fn turn_all(&mut self, plan: &Plan<R::Scalar>, q: &[R]) {
+    fn turn_all(&mut self, plan: &LanePlan<R>, q: &[R]) {
         let [angles, sines, cosines] = &mut self.turns;
         for (angle, joint) in angles.iter_mut().zip(hinges(plan)) {
             *angle = q[joint.q] - R::splat(joint.reference);
@@ -82,7 +83,7 @@ impl<R: Real> Kinematics<R> {
 
     /// Pose of a link, whose first hinge is number `hinge`; leaves (axis, anchor) of its rotations and (0, axis) of its translations in `axes`.
     #[inline(always)]
-    fn place(&mut self, plan: &Plan<R::Scalar>, link: &Link<R::Scalar>, q: &[R], hinge: &mut usize) -> (V3<R>, M3<R>) {
+    fn place(&mut self, plan: &LanePlan<R>, link: &Link<R::Scalar>, q: &[R], hinge: &mut usize) -> (V3<R>, M3<R>) {
         let (base, frame) = (self.pos[link.parent], self.mat[link.parent]);
         let mut pos = add(base, rotate(&frame, splat(link.pos)));
         let mut mat = match link.mat {
@@ -135,7 +136,7 @@ impl<R: Real> Kinematics<R> {
 
     /// Turns (axis, anchor) of the rotations of a link into motions about the reference point.
     #[inline(always)]
-    fn refer_axes_to(&mut self, plan: &Plan<R::Scalar>, link: &Link<R::Scalar>, origin: V3<R>) {
+    fn refer_axes_to(&mut self, plan: &LanePlan<R>, link: &Link<R::Scalar>, origin: V3<R>) {
         for joint in &plan.joints[link.joints.clone()] {
             let rotations = match joint.kind {
                 JointKind::Free => joint.v + 3..joint.v + 6,
@@ -152,7 +153,7 @@ impl<R: Real> Kinematics<R> {
 
     /// Velocity of every link about its tree's reference point.
     #[inline(always)]
-    pub fn velocities(&self, plan: &Plan<R::Scalar>, v: &[R], out: &mut [V6<R>]) {
+    pub fn velocities(&self, plan: &LanePlan<R>, v: &[R], out: &mut [V6<R>]) {
         for (l, link) in plan.links.iter().enumerate() {
             let mut motion = if link.is_root { zero() } else { out[link.parent - 1] };
             for d in link.dofs.clone() {
@@ -203,7 +204,7 @@ pub fn quat_at<R: Real>(q: &[R], at: usize) -> [R; 4] {
 
 /// q (+) d: the configuration after the displacement `d` (length nv) along the velocities' own coordinates. Rotations by the exponential
 /// map, quaternions renormalised.
-pub fn displace<R: Real>(plan: &Plan<R::Scalar>, q: &[R], d: &[R], factor: R, out: &mut [R]) {
+pub fn displace<R: Real>(plan: &LanePlan<R>, q: &[R], d: &[R], factor: R, out: &mut [R]) {
     R::vectorize(
         #[inline(always)]
         || {

@@ -56,6 +56,7 @@ pub mod stages;
 pub mod state;
 pub mod step;
 pub mod surfaces;
+pub mod theta;
 pub mod worker;
 
 pub use model::{Model, ModelError};

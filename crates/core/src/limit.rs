@@ -11,7 +11,7 @@ use stepper_real::{Mask, Real};
 
 use crate::kinematics::{Kinematics, kinetic_energy};
 use crate::model::JointKind;
-use crate::plan::Plan;
+use crate::plan::{LanePlan, Plan};
 use crate::spatial::*;
 
 /// Turn of a joint in a step from which on it is looked at, rad.
@@ -24,7 +24,7 @@ const MOST: f64 = 1.0;
 const CHANGE: f64 = 0.25;
 
 /// Lanes in which the corrector's `change` of the free velocity `v_free` says that the step is too long for its motion.
-pub fn unresolved<R: Real>(plan: &Plan<R::Scalar>, v: &[R], v_free: &[R], change: &[R], h: R) -> R::Mask {
+pub fn unresolved<R: Real>(plan: &LanePlan<R>, v: &[R], v_free: &[R], change: &[R], h: R) -> R::Mask {
     R::vectorize(
         #[inline(always)]
         || {
@@ -42,7 +42,7 @@ pub fn unresolved<R: Real>(plan: &Plan<R::Scalar>, v: &[R], v_free: &[R], change
 
 /// Largest angular velocity of a joint, rad/s.
 #[inline(always)]
-fn fastest_turn<R: Real>(plan: &Plan<R::Scalar>, v: &[R]) -> R {
+fn fastest_turn<R: Real>(plan: &LanePlan<R>, v: &[R]) -> R {
     let mut turn = R::zero();
     for joint in plan.joints.iter().filter(|j| j.kind != JointKind::Slide) {
         let first = if joint.kind == JointKind::Free { 3 } else { 0 };
@@ -54,7 +54,7 @@ fn fastest_turn<R: Real>(plan: &Plan<R::Scalar>, v: &[R]) -> R {
 }
 
 /// Slows `v` down in `lanes` until its fastest joint turns by a radian a step.
-pub fn slow_down<R: Real>(plan: &Plan<R::Scalar>, lanes: R::Mask, h: R, v: &mut [R]) {
+pub fn slow_down<R: Real>(plan: &LanePlan<R>, lanes: R::Mask, h: R, v: &mut [R]) {
     R::vectorize(
         #[inline(always)]
         || {
@@ -69,11 +69,11 @@ pub fn slow_down<R: Real>(plan: &Plan<R::Scalar>, lanes: R::Mask, h: R, v: &mut 
 }
 
 /// Kinetic energy with rotors at a placed configuration, J.
-fn energy<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, v: &[R], velocity: &mut [V6<R>]) -> R {
+fn energy<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, v: &[R], velocity: &mut [V6<R>]) -> R {
     kinematics.velocities(plan, v, velocity);
     let mut sum = kinetic_energy(kinematics, velocity);
-    for (dof, &v) in plan.dofs.iter().zip(v) {
-        sum += R::splat(dof.armature) * v.square() * R::of(0.5);
+    for (d, &v) in v.iter().enumerate() {
+        sum += plan.params.dof(d).armature * v.square() * R::of(0.5);
     }
     sum
 }
@@ -98,7 +98,7 @@ impl<R: Real> Limit<R> {
     #[expect(clippy::too_many_arguments, reason = "the states that the step joins, named at the call")]
     pub fn keep_energy(
         &mut self,
-        plan: &Plan<R::Scalar>,
+        plan: &LanePlan<R>,
         middle: &Kinematics<R>,
         lanes: R::Mask,
         before: [&[R]; 2],

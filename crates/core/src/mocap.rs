@@ -7,7 +7,7 @@
 use stepper_real::{Mask, Real};
 
 use crate::kinematics::{Kinematics, all_finite};
-use crate::plan::Plan;
+use crate::plan::LanePlan;
 use crate::spatial::*;
 
 /// The way of one mocap body during a call.
@@ -56,7 +56,7 @@ impl<R: Real> Way<R> {
 }
 
 /// Places the mocap bodies where they are so many seconds after the beginning of the call.
-pub fn place<R: Real>(plan: &Plan<R::Scalar>, ways: &[Way<R>], time: R, kinematics: &mut Kinematics<R>) {
+pub fn place<R: Real>(plan: &LanePlan<R>, ways: &[Way<R>], time: R, kinematics: &mut Kinematics<R>) {
     R::vectorize(
         #[inline(always)]
         || {

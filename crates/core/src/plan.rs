@@ -4,9 +4,11 @@
 //! frames `1..=links` the links, the rest bodies that the user poses (mocap). Pairs that can never collide are not in the list.
 
 mod collision;
+mod compile;
 mod drives;
 mod equality;
 mod merge;
+mod params;
 mod passive;
 pub mod sensing;
 
@@ -17,11 +19,13 @@ use crate::model::{JointKind, Model};
 pub use collision::{Crowd, GeomPlan, Member, PairPlan};
 pub use drives::{ActuatorPlan, ForceRangePlan, ServoPlan};
 pub use equality::{Combination, EqualityBlock, EqualityPlan, EqualityRows, Spring, TendonPlan};
+use merge::Merged;
 pub(crate) use merge::matrix;
+pub use params::{ContactParams, DofParams, Inertial, LanePlan, Params};
 pub use passive::{EllipsoidPlan, FluidPlan, FluidShape, GravityCompensation, SurfacePlan};
 pub use sensing::SensingPlan;
 
-/// Everything of a model that a step reads, in the scalar type of its lanes.
+/// Everything of a model that a step reads, in the scalar type of its lanes: its structure, and the numbers that all environments share.
 #[derive(Clone, Debug)]
 pub struct Plan<S: Scalar> {
     /// Number of configuration coordinates.
@@ -32,16 +36,16 @@ pub struct Plan<S: Scalar> {
     pub na: usize,
     /// Number of kinematic trees.
     pub ntree: usize,
-    /// Gravitational acceleration, m/s^2.
-    pub gravity: [S; 3],
+    /// The model's own parameters; environments may have others, see [`LanePlan`].
+    pub params: Params<S>,
     /// Velocity of the medium, m/s.
     pub wind: [S; 3],
     /// What the medium acts on.
     pub fluid: Vec<FluidPlan<S>>,
-    /// Single bodies whose gyroscopic force is not zero.
+    /// Single bodies that can tumble.
     pub spinners: Vec<SpinnerPlan<S>>,
     /// Forces against gravity.
-    pub compensation: Vec<GravityCompensation<S>>,
+    pub compensation: Vec<GravityCompensation>,
     /// Surfaces that no degree of freedom moves.
     pub surfaces: Vec<SurfacePlan<S>>,
     /// Moving bodies, parents first; link l is frame l + 1.
@@ -49,7 +53,7 @@ pub struct Plan<S: Scalar> {
     /// Joints, by link.
     pub joints: Vec<JointPlan<S>>,
     /// Degrees of freedom.
-    pub dofs: Vec<Dof<S>>,
+    pub dofs: Vec<Dof>,
     /// `chain[dof.chain..][..dof.depth]`: the dof and its ancestors, towards the root. Also the layout of the mass matrix's entries.
     pub chain: Vec<u32>,
     /// For every frame, the set of dofs that move it, as 64-bit words.
@@ -66,16 +70,16 @@ pub struct Plan<S: Scalar> {
     pub crowd: Option<Crowd<S>>,
     /// Links that nothing holds.
     pub loose: Vec<bool>,
-    /// Whether any pair has torsional or rolling friction.
+    /// Whether any pair can have torsional or rolling friction.
     pub wide: bool,
     /// Joint limits.
-    pub limits: Vec<LimitPlan<S>>,
+    pub limits: Vec<LimitPlan>,
     /// Dry friction.
-    pub frictions: Vec<FrictionPlan<S>>,
+    pub frictions: Vec<FrictionPlan>,
     /// Equalities that act.
     pub equalities: Vec<EqualityBlock<S>>,
     /// Limits of ball joints.
-    pub ball_limits: Vec<BallLimitPlan<S>>,
+    pub ball_limits: Vec<BallLimitPlan>,
     /// Fixed tendons with limits, dry friction, springs, dampers or inertia.
     pub tendons: Vec<TendonPlan<S>>,
     /// Impulses that survive a step, one for every scalar row that there can be: limits, dry friction, then what names its `owner`.
@@ -94,6 +98,7 @@ pub struct Plan<S: Scalar> {
     pub has_thin: bool,
     /// Contacts that can exist at once.
     pub contact_points: usize,
+    merged: Merged,
 }
 
 /// A moving body with everything welded to it.
@@ -109,12 +114,6 @@ pub struct Link<S> {
     pub pos: [S; 3],
     /// Orientation in the parent frame before its joints; `None` when aligned.
     pub mat: Option<[S; 9]>,
-    /// Mass, kg.
-    pub mass: S,
-    /// Centre of mass, m.
-    pub com: [S; 3],
-    /// Inertia about the centre of mass: xx, yy, zz, xy, xz, yz, kg m^2.
-    pub inertia: [S; 6],
     /// Its joints.
     pub joints: std::ops::Range<usize>,
     /// Its degrees of freedom.
@@ -140,15 +139,15 @@ pub struct JointPlan<S> {
     pub principal: Option<(usize, bool)>,
     /// Position at which the joint changes nothing.
     pub reference: S,
-    /// Spring stiffness.
-    pub stiffness: S,
+    /// Whether it has a spring.
+    pub sprung: bool,
     /// Where the spring rests: one coordinate, or a quaternion, or position and quaternion.
     pub rest: [S; 7],
 }
 
 /// A degree of freedom.
 #[derive(Clone, Debug)]
-pub struct Dof<S> {
+pub struct Dof {
     /// The link that it moves.
     pub link: usize,
     /// Its kinematic tree.
@@ -157,12 +156,6 @@ pub struct Dof<S> {
     pub chain: usize,
     /// Length of its chain.
     pub depth: usize,
-    /// Viscous damping.
-    pub damping: S,
-    /// Stiffness of its joint's spring that is taken implicitly: 0 for one that pushes away.
-    pub stiffness: S,
-    /// Added inertia.
-    pub armature: S,
 }
 
 /// A link alone on a free or ball joint.
@@ -174,12 +167,8 @@ pub struct SpinnerPlan<S> {
     pub dof: usize,
     /// Free or ball.
     pub kind: JointKind,
-    /// kg
-    pub mass: S,
-    /// Inertia about the centre of mass: xx, yy, zz, xy, xz, yz, kg m^2.
-    pub inertia: [S; 6],
-    /// Centre of mass from the joint, m.
-    pub arm: [S; 3],
+    /// The joint in the link's frame, m.
+    pub anchor: [S; 3],
 }
 
 /// A body that the user poses.
@@ -202,51 +191,43 @@ pub struct BodyPlan<S> {
     pub pos: [S; 3],
     /// Its orientation in that frame.
     pub mat: [S; 9],
-    /// Its own centre of mass in that frame, m.
-    pub com: [S; 3],
 }
 
 /// Range of a hinge or slide.
 #[derive(Clone, Debug)]
-pub struct LimitPlan<S> {
+pub struct LimitPlan {
     /// Address in q.
     pub q: usize,
     /// Degree of freedom.
     pub dof: usize,
-    /// Lowest position.
-    pub low: S,
-    /// Highest position.
-    pub high: S,
 }
 
 /// Range of a ball joint.
 #[derive(Clone, Debug)]
-pub struct BallLimitPlan<S> {
+pub struct BallLimitPlan {
     /// Address in q.
     pub q: usize,
     /// First degree of freedom.
     pub dof: usize,
-    /// Greatest angle of its rotation, rad.
-    pub most: S,
     /// Index of its impulse.
     pub owner: usize,
 }
 
 /// Dry friction of a degree of freedom.
 #[derive(Clone, Debug)]
-pub struct FrictionPlan<S> {
+pub struct FrictionPlan {
     /// Degree of freedom.
     pub dof: usize,
-    /// N or N m.
-    pub loss: S,
+    /// The joint in the model.
+    pub joint: usize,
 }
 
 impl<S: Scalar> Plan<S> {
     /// Compiles a finished model.
     pub fn new(model: &Model) -> Self {
-        let merged = merge::Merged::new(model);
+        let merged = Merged::new(model);
         let addresses = model.joint_addresses();
-        let dofs = merge::dofs::<S>(model, &merged);
+        let dofs = merge::dofs(model, &merged);
         let chain = merged.chain.clone();
         let (limits, frictions) = (limits(model, &addresses), frictions(model, &addresses));
         let mut scalar_impulses = limits.len() + frictions.len();
@@ -254,17 +235,17 @@ impl<S: Scalar> Plan<S> {
         let compiler = equality::Compiler { model, merged: &merged, addresses: &addresses };
         let (equalities, tendons) = (compiler.equalities(&mut scalar_impulses), compiler.tendons(&mut scalar_impulses));
         let (geoms, pairs, crowd) = collision::compile::<S>(model, &merged);
-        let has_thin = crowd.is_some() || pairs.iter().any(|p| p.thin < S::from_f64(f64::INFINITY));
+        let has_thin = crowd.is_some() || pairs.iter().any(|p| !p.geoms.iter().any(|&g| geoms[g].is_plane));
         let listed: usize = pairs.iter().map(|p| p.kernel.points()).sum();
         let contact_points = listed + crowd.as_ref().map_or(0, Crowd::contact_points);
         let (links, joints) = (merge::links(model, &merged), merge::joints(model, &addresses));
         let drives = drives::Drives::new(model, &addresses, &dofs, &chain);
-        Self {
+        let mut plan = Self {
             nq: model.nq(),
             nv: model.nv(),
             na: model.na(),
             ntree: merged.ntree,
-            gravity: scalars(model.gravity),
+            params: Params::default(),
             wind: scalars(model.medium.wind),
             fluid: passive::fluid(model, &merged),
             compensation: passive::compensation(model, &merged),
@@ -279,26 +260,29 @@ impl<S: Scalar> Plan<S> {
             mocap: merge::mocap(model, &merged),
             bodies: merge::bodies(model, &merged),
             geoms,
-            wide: crowd.as_ref().is_some_and(Crowd::is_wide) || pairs.iter().any(PairPlan::is_wide),
+            wide: crowd.as_ref().is_some_and(Crowd::is_wide) || pairs.iter().any(|p| p.condim > 3),
             pairs,
             crowd,
             limits,
             frictions,
             ball_limits,
             equalities,
-            tendons,
             scalar_impulses,
             servos_are_bounded: drives.servos_are_bounded(),
             actuators: drives.actuators,
             servos: drives.servos,
             actuator_force_ranges: drives.force_ranges,
-            sensing: SensingPlan::new(model, &merged),
+            sensing: SensingPlan::new(model, &merged, &tendons),
+            tendons,
             has_thin,
             contact_points,
-        }
+            merged,
+        };
+        plan.params = plan.params_of(model).map(S::from_f64);
+        plan
     }
 
-    /// Links that are alone on a free or ball joint, but for those that turn as balls do.
+    /// Links that are alone on a free or ball joint.
     fn spinners(links: &[Link<S>], joints: &[JointPlan<S>]) -> Vec<SpinnerPlan<S>> {
         let alone = |l: usize| links[l].is_root && !links.iter().any(|other| !other.is_root && other.parent == l + 1);
         let spinner = |l: usize| {
@@ -308,11 +292,7 @@ impl<S: Scalar> Plan<S> {
                 return None;
             }
             let anchor = if joint.kind == JointKind::Ball { joint.anchor } else { [S::default(); 3] };
-            let arm = std::array::from_fn(|k| S::from_f64(link.com[k].to_f64() - anchor[k].to_f64()));
-            let [x, y, z, rest @ ..] = link.inertia.map(Scalar::to_f64);
-            let round = x == y && y == z && rest == [0.0; 3] && arm.iter().all(|a: &S| a.to_f64() == 0.0);
-            let (mass, inertia) = (link.mass, link.inertia);
-            (!round).then_some(SpinnerPlan { link: l, dof: joint.v, kind: joint.kind, mass, inertia, arm })
+            Some(SpinnerPlan { link: l, dof: joint.v, kind: joint.kind, anchor })
         };
         (0..links.len()).filter_map(spinner).collect()
     }
@@ -363,24 +343,21 @@ pub(crate) fn scalars<S: Scalar, const N: usize>(x: [f64; N]) -> [S; N] {
     x.map(S::from_f64)
 }
 
-fn limits<S: Scalar>(model: &Model, addresses: &[(usize, usize)]) -> Vec<LimitPlan<S>> {
-    let limited = model.joints.iter().zip(addresses).filter(|(j, _)| matches!(j.kind, JointKind::Hinge | JointKind::Slide));
-    limited
-        .filter_map(|(j, &(q, dof))| j.range.map(|[low, high]| LimitPlan { q, dof, low: S::from_f64(low), high: S::from_f64(high) }))
-        .collect()
+fn limits(model: &Model, addresses: &[(usize, usize)]) -> Vec<LimitPlan> {
+    let limited = model.joints.iter().zip(addresses).filter(|(j, _)| compile::is_scalar(j) && j.range.is_some());
+    limited.map(|(_, &(q, dof))| LimitPlan { q, dof }).collect()
 }
 
-fn ball_limits<S: Scalar>(model: &Model, addresses: &[(usize, usize)], owner: &mut usize) -> Vec<BallLimitPlan<S>> {
-    let limited = model.joints.iter().zip(addresses).filter(|(j, _)| j.kind == JointKind::Ball);
-    let plan = |(j, &(q, dof)): (&crate::model::Joint, &(usize, usize))| {
-        let [low, high] = j.range?;
+fn ball_limits(model: &Model, addresses: &[(usize, usize)], owner: &mut usize) -> Vec<BallLimitPlan> {
+    let limited = model.joints.iter().zip(addresses).filter(|(j, _)| j.kind == JointKind::Ball && j.range.is_some());
+    let plan = |(_, &(q, dof)): (&crate::model::Joint, &(usize, usize))| {
         *owner += 1;
-        Some(BallLimitPlan { q, dof, most: S::from_f64(low.max(high)), owner: *owner - 1 })
+        BallLimitPlan { q, dof, owner: *owner - 1 }
     };
-    limited.filter_map(plan).collect()
+    limited.map(plan).collect()
 }
 
-fn frictions<S: Scalar>(model: &Model, addresses: &[(usize, usize)]) -> Vec<FrictionPlan<S>> {
-    let rough = model.joints.iter().zip(addresses).filter(|(j, _)| j.frictionloss > 0.0);
-    rough.flat_map(|(j, &(_, v))| (v..v + j.kind.nv()).map(|dof| FrictionPlan { dof, loss: S::from_f64(j.frictionloss) })).collect()
+fn frictions(model: &Model, addresses: &[(usize, usize)]) -> Vec<FrictionPlan> {
+    let rough = model.joints.iter().zip(addresses).enumerate().filter(|(_, (j, _))| j.frictionloss > 0.0);
+    rough.flat_map(|(joint, (j, &(_, v)))| (v..v + j.kind.nv()).map(move |dof| FrictionPlan { dof, joint })).collect()
 }

@@ -7,7 +7,7 @@ use crate::drive::{At, Drive, Implicit};
 use crate::inertia::{MassMatrix, NewtonEuler, bias_force};
 use crate::kinematics::{Kinematics, kinetic_energy};
 use crate::model::JointKind;
-use crate::plan::{Plan, TendonPlan};
+use crate::plan::{Inertial, LanePlan, TendonPlan};
 use crate::spatial::*;
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s02_smooth::Smooth;
@@ -29,7 +29,7 @@ pub struct Snapshot {
 }
 
 impl Snapshot {
-    fn kinematics(&self, plan: &Plan<f64>) -> Kinematics<f64> {
+    fn kinematics(&self, plan: &LanePlan<f64>) -> Kinematics<f64> {
         let mut kinematics = Kinematics::new(plan);
         for (m, &(pos, quat)) in plan.mocap.iter().zip(&self.mocap) {
             kinematics.pos[m.frame] = pos;
@@ -40,7 +40,7 @@ impl Snapshot {
     }
 
     /// The mass matrix, row by row, (nv, nv), armature included.
-    pub fn mass_matrix(&self, plan: &Plan<f64>) -> Vec<f64> {
+    pub fn mass_matrix(&self, plan: &LanePlan<f64>) -> Vec<f64> {
         let mut mass = MassMatrix::new(plan);
         mass.assemble(plan, &self.kinematics(plan), &mut vec![zero(); plan.links.len()], Implicit::none().theta);
         let mut full = vec![0.0; plan.nv * plan.nv];
@@ -60,14 +60,14 @@ impl Snapshot {
     }
 
     /// Coriolis, centrifugal and gravitational forces, (nv,).
-    pub fn bias_force(&self, plan: &Plan<f64>) -> Vec<f64> {
+    pub fn bias_force(&self, plan: &LanePlan<f64>) -> Vec<f64> {
         let mut out = vec![0.0; plan.nv];
         bias_force(plan, &self.kinematics(plan), &self.v, &mut NewtonEuler::new(plan), &mut out);
         out
     }
 
     /// Acceleration without constraints, (nv,).
-    pub fn smooth_acceleration(&self, plan: &Plan<f64>) -> Vec<f64> {
+    pub fn smooth_acceleration(&self, plan: &LanePlan<f64>) -> Vec<f64> {
         let kinematics = self.kinematics(plan);
         let mut smooth = Smooth::new(plan);
         smooth.factor_mass(plan, &kinematics, Implicit::none());
@@ -88,7 +88,7 @@ impl Snapshot {
     }
 
     /// The acceleration with the inertia of tendons, which the factors of the mass matrix leave to rows of the constraint problem.
-    fn with_tendon_inertia(&self, plan: &Plan<f64>, smooth: &mut Smooth<f64>) {
+    fn with_tendon_inertia(&self, plan: &LanePlan<f64>, smooth: &mut Smooth<f64>) {
         let full = DMatrix::from_row_slice(plan.nv, plan.nv, &self.mass_matrix(plan));
         // What the joints' forces are, from the acceleration that they give without that inertia.
         let free = DVector::from_column_slice(&smooth.acc);
@@ -108,16 +108,17 @@ impl Snapshot {
     }
 
     /// Potential energy (gravity and springs of joints and tendons) and kinetic energy (armature included), J.
-    pub fn energy(&self, plan: &Plan<f64>) -> (f64, f64) {
+    pub fn energy(&self, plan: &LanePlan<f64>) -> (f64, f64) {
         let kinematics = self.kinematics(plan);
         let mut potential = 0.0;
-        for (l, link) in plan.links.iter().enumerate() {
-            potential -= link.mass * dot(plan.gravity, kinematics.point(l + 1, link.com));
+        for l in 0..plan.links.len() {
+            let Inertial { mass, com, .. } = plan.params.inertial(l);
+            potential -= mass * dot(plan.params.gravity(), kinematics.point(l + 1, com));
         }
-        for joint in &plan.joints {
-            potential += 0.5 * joint.stiffness * self.stretch_squared(joint);
+        for (j, joint) in plan.joints.iter().enumerate() {
+            potential += 0.5 * plan.params.spring(j) * self.stretch_squared(joint);
         }
-        let mut rotors: f64 = plan.dofs.iter().zip(&self.v).map(|(d, v)| d.armature * v * v).sum();
+        let mut rotors: f64 = self.v.iter().enumerate().map(|(d, v)| plan.params.dof(d).armature * v * v).sum();
         for tendon in &plan.tendons {
             let Some((spring, _)) = &tendon.spring else { continue };
             potential += 0.5 * spring.stiffness * self.stretch(tendon).square();
@@ -146,15 +147,16 @@ impl Snapshot {
     }
 
     /// Linear momentum, and angular momentum about the common centre of mass, of everything that moves; rotors are massless here.
-    pub fn momentum(&self, plan: &Plan<f64>) -> ([f64; 3], [f64; 3]) {
+    pub fn momentum(&self, plan: &LanePlan<f64>) -> ([f64; 3], [f64; 3]) {
         let kinematics = self.kinematics(plan);
         let mut velocities = vec![zero(); plan.links.len()];
         kinematics.velocities(plan, &self.v, &mut velocities);
-        let mass: f64 = plan.links.iter().map(|l| l.mass).sum();
+        let inertials = (0..plan.links.len()).map(|l| plan.params.inertial(l));
+        let mass: f64 = inertials.clone().map(|link| link.mass).sum();
         if mass == 0.0 {
             return ([0.0; 3], [0.0; 3]);
         }
-        let coms = plan.links.iter().enumerate().map(|(l, link)| scale(kinematics.point(l + 1, link.com), link.mass));
+        let coms = inertials.enumerate().map(|(l, link)| scale(kinematics.point(l + 1, link.com), link.mass));
         let centre = scale(coms.fold([0.0; 3], add), 1.0 / mass);
         let (mut linear_sum, mut angular_sum) = ([0.0; 3], [0.0; 3]);
         for (l, link) in plan.links.iter().enumerate() {

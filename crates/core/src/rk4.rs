@@ -5,7 +5,7 @@ use stepper_real::Real;
 use crate::drive::{At, Drive, Implicit, within};
 use crate::kinematics::{Kinematics, displace};
 use crate::model::JointKind;
-use crate::plan::Plan;
+use crate::plan::{LanePlan, Plan};
 use crate::spatial::*;
 use crate::stages::s01_actuate::{activation_rate, actuate};
 use crate::stages::s02_smooth::Smooth;
@@ -51,7 +51,7 @@ impl<R: Real> Rk4<R> {
     /// One step of `h` seconds from `state` = (q, v, act), left in (q, v, act) of this room.
     ///
     /// Mocap bodies stand where `kinematics` has them.
-    pub(crate) fn step(&mut self, plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, inputs: &Inputs<R>, state: [&[R]; 3], h: R) {
+    pub(crate) fn step(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, inputs: &Inputs<R>, state: [&[R]; 3], h: R) {
         for mocap in &plan.mocap {
             self.kinematics.pos[mocap.frame] = kinematics.pos[mocap.frame];
             self.kinematics.mat[mocap.frame] = kinematics.mat[mocap.frame];
@@ -81,7 +81,7 @@ impl<R: Real> Rk4<R> {
     }
 
     /// state + way * rate; the very state when `way` is zero, whatever the rates are.
-    fn go(&mut self, plan: &Plan<R::Scalar>, state: [&[R]; 3], way: R) {
+    fn go(&mut self, plan: &LanePlan<R>, state: [&[R]; 3], way: R) {
         R::vectorize(
             #[inline(always)]
             || {
@@ -104,7 +104,7 @@ impl<R: Real> Rk4<R> {
     }
 
     /// Rates at (theta, v, act).
-    fn rates(&mut self, plan: &Plan<R::Scalar>, inputs: &Inputs<R>) {
+    fn rates(&mut self, plan: &LanePlan<R>, inputs: &Inputs<R>) {
         self.angular_rates(plan);
         self.kinematics.update(plan, &self.q);
         self.smooth.factor_mass(plan, &self.kinematics, Implicit::none());
@@ -116,7 +116,7 @@ impl<R: Real> Rk4<R> {
     }
 
     /// theta' at (theta, v).
-    fn angular_rates(&mut self, plan: &Plan<R::Scalar>) {
+    fn angular_rates(&mut self, plan: &LanePlan<R>) {
         R::vectorize(
             #[inline(always)]
             || {

@@ -13,7 +13,7 @@ use stepper_real::Real;
 
 use crate::contacts::Contacts;
 use crate::kinematics::Kinematics;
-use crate::plan::Plan;
+use crate::plan::{LanePlan, Plan};
 use crate::spatial::*;
 
 pub use philox::{Word, normals, philox4x32_10, uniform};
@@ -72,7 +72,7 @@ impl<R: Real> Room<R> {
     }
 
     /// Makes what the sensors share.
-    pub fn prepare(&mut self, plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, moment: &Moment<'_, R>) {
+    pub fn prepare(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, moment: &Moment<'_, R>) {
         if !self.orientation.is_empty() {
             frames::orientations(plan, moment.q, &mut self.orientation);
         }

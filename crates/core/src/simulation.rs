@@ -1,5 +1,7 @@
 //! A simulation: a model, its settings and a batch of environments. What the bindings translate.
 
+mod parameters;
+
 use std::sync::{Arc, OnceLock};
 
 use stepper_real::Level;
@@ -8,12 +10,13 @@ use thiserror::Error;
 use crate::batch::{self, Batch, Engine, Field, StepInputs};
 use crate::model::{Model, ModelError};
 use crate::options::Options;
-use crate::plan::Plan;
+use crate::plan::{LanePlan, Plan};
 use crate::query::Snapshot;
 use crate::rollout::{Precision, Quantity, Recording};
 use crate::sensing::errors::Transfer;
 use crate::state::StoredContact;
 use crate::step::Inputs;
+use crate::theta::Theta;
 use crate::worker::Worker;
 
 /// A call that cannot be carried out.
@@ -37,7 +40,8 @@ pub struct Simulation {
     engine: Box<dyn Engine>,
     num_envs: usize,
     precision: Precision,
-    plan: OnceLock<Plan<f64>>,
+    plan: OnceLock<LanePlan<f64>>,
+    theta: Theta,
 }
 
 impl Simulation {
@@ -82,7 +86,7 @@ impl Simulation {
             Precision::F64 => Box::new(Batch::<f64>::new(&model, &options, n, single, threads, level)),
             Precision::F32 => Box::new(Batch::<f32>::new(&model, &options, n, single, threads, level)),
         };
-        let mut simulation = Self { model, options, engine, num_envs: n, precision, plan: OnceLock::new() };
+        let mut simulation = Self { model, options, engine, num_envs: n, precision, plan: OnceLock::new(), theta: Theta::default() };
         (0..n).for_each(|env| simulation.reset(env));
         simulation
     }
@@ -263,6 +267,13 @@ impl Simulation {
         self.engine.status(env)
     }
 
+    /// Readings that were clipped and samples that were lost in the last call, for every sensor of the model.
+    pub fn sensor_faults(&self, env: usize) -> Vec<[u32; 2]> {
+        let mut out = vec![[0; 2]; self.model.sensors.len()];
+        self.engine.sensor_faults(env, &mut out);
+        out
+    }
+
     /// (residual in m/s, sweeps and Newton steps together) of the last step.
     pub fn certificate(&self, env: usize) -> (f64, f64) {
         self.engine.certificate(env)
@@ -317,8 +328,8 @@ impl Simulation {
     }
 
     /// The model as the step reads it, in f64.
-    pub fn plan(&self) -> &Plan<f64> {
-        self.plan.get_or_init(|| Plan::new(&self.model))
+    pub fn plan(&self) -> &LanePlan<f64> {
+        self.plan.get_or_init(|| LanePlan::new(&Plan::new(&self.model)))
     }
 
     /// One environment, to ask about its mass matrix, energy and the like; inputs of that environment alone.

@@ -14,12 +14,12 @@
 //! It is solved by fixed-point iteration of M (w+ - w) = h (torque) - N, N = p+(w+) - p-(w) - M (w+ - w), which gains a factor of about
 //! h |w| / 2 each time.
 
-use stepper_real::Real;
+use stepper_real::{Mask, Real};
 
 use crate::inertia::MassMatrix;
 use crate::kinematics::Kinematics;
 use crate::model::JointKind;
-use crate::plan::{Plan, SpinnerPlan};
+use crate::plan::{Inertial, LanePlan, SpinnerPlan};
 use crate::spatial::*;
 
 /// Iterations; at a turn of 0.1 rad in half a step the last changes w by 1e-8 of what the corrector left, some 1e-4 of w.
@@ -27,7 +27,7 @@ const ITERATIONS: usize = 8;
 
 /// Corrects the free velocities `v_free` of single bodies, which were found with the gyroscopic force at the velocity `v_eval`.
 pub fn correct<R: Real>(
-    plan: &Plan<R::Scalar>,
+    plan: &LanePlan<R>,
     kinematics: &Kinematics<R>,
     mass: &MassMatrix<R>,
     h: R,
@@ -38,7 +38,12 @@ pub fn correct<R: Real>(
         #[inline(always)]
         || {
             for spinner in &plan.spinners {
-                let body = Body::new(kinematics, spinner);
+                let body = Body::new(plan, kinematics, spinner);
+                // What turns as a ball does has no gyroscopic force.
+                let round = body.is_round();
+                if round.all() {
+                    continue;
+                }
                 let at = spinner.dof;
                 let before = body.momentum(&take(v, at, spinner.kind), -h);
                 let explicit = scale(body.gyroscopic(&take(v_eval, at, spinner.kind)), h);
@@ -53,7 +58,37 @@ pub fn correct<R: Real>(
                     new = add(start, change);
                 }
                 let dofs = spinner.kind.nv();
-                v_free[at..at + dofs].copy_from_slice(&new[6 - dofs..]);
+                v_free[at..at + dofs].copy_from_slice(&select(round, start, new)[6 - dofs..]);
+            }
+        },
+    )
+}
+
+/// Puts right the free velocities `v_free` of single bodies, which were found with the mean of the gyroscopic forces at the velocities before
+/// and after the step: with the impulses of contacts, the momentum then changes by exactly theirs.
+pub fn settle<R: Real>(
+    plan: &LanePlan<R>,
+    kinematics: &Kinematics<R>,
+    mass: &MassMatrix<R>,
+    h: R,
+    [v, after]: [&[R]; 2],
+    v_free: &mut [R],
+) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for spinner in &plan.spinners {
+                let body = Body::new(plan, kinematics, spinner);
+                let at = spinner.dof;
+                let [old, new] = [v, after].map(|v| take(v, at, spinner.kind));
+                let explicit = scale(add(body.gyroscopic(&old), body.gyroscopic(&new)), h * R::of(0.5));
+                let transport = sub(sub(body.momentum(&new, h), body.momentum(&old, -h)), body.inertial(&sub(new, old)));
+                let mut change = sub(explicit, transport);
+                solve(plan, mass, spinner, &mut change);
+                let dofs = spinner.kind.nv();
+                for (v, change) in v_free[at..at + dofs].iter_mut().zip(&change[6 - dofs..]) {
+                    *v += *change;
+                }
             }
         },
     )
@@ -70,7 +105,7 @@ fn take<R: Real>(v: &[R], at: usize, kind: JointKind) -> V6<R> {
 
 /// x <- A^-1 x on the dofs of one body alone.
 #[inline(always)]
-fn solve<R: Real>(plan: &Plan<R::Scalar>, mass: &MassMatrix<R>, spinner: &SpinnerPlan<R::Scalar>, x: &mut V6<R>) {
+fn solve<R: Real>(plan: &LanePlan<R>, mass: &MassMatrix<R>, spinner: &SpinnerPlan<R::Scalar>, x: &mut V6<R>) {
     let (n, at) = (spinner.kind.nv(), spinner.dof);
     let skip = 6 - n;
     if skip > 0 {
@@ -108,14 +143,23 @@ struct Body<R: Real> {
 
 impl<R: Real> Body<R> {
     #[inline(always)]
-    fn new(kinematics: &Kinematics<R>, spinner: &SpinnerPlan<R::Scalar>) -> Self {
+    fn new(plan: &LanePlan<R>, kinematics: &Kinematics<R>, spinner: &SpinnerPlan<R::Scalar>) -> Self {
+        let Inertial { mass, com, inertia } = plan.params.inertial(spinner.link);
         Self {
             mat: kinematics.mat[spinner.link + 1],
-            mass: R::splat(spinner.mass),
-            inertia: splat(spinner.inertia),
-            arm: splat(spinner.arm),
+            mass,
+            inertia,
+            arm: sub(com, splat(spinner.anchor)),
             free: spinner.kind == JointKind::Free,
         }
+    }
+
+    /// Lanes in which it turns as a ball about its centre does.
+    #[inline(always)]
+    fn is_round(&self) -> R::Mask {
+        let [xx, yy, zz, rest @ ..] = self.inertia;
+        let zeros = rest.into_iter().chain(self.arm).map(|x| x.eq(R::zero()));
+        zeros.fold(xx.eq(yy).and(yy.eq(zz)), R::Mask::and)
     }
 
     /// I w in own axes.

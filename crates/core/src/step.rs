@@ -1,5 +1,7 @@
 //! One step of a group of environments, read aloud.
 
+mod impact;
+
 use stepper_real::{Mask, Real};
 
 use crate::constraints::{Constraints, Moment};
@@ -9,7 +11,7 @@ use crate::kinematics::{Kinematics, advance, all_finite, blend, displace};
 use crate::limit::{Limit, slow_down, unresolved};
 use crate::mocap::{self, Way};
 use crate::options::{Integrator, Options};
-use crate::plan::Plan;
+use crate::plan::{LanePlan, Plan};
 use crate::rk4::Rk4;
 use crate::spatial::*;
 use crate::spin;
@@ -67,6 +69,9 @@ pub struct Scratch<R: Real> {
     q_ahead: Vec<R>,
     v_mean: Vec<R>,
     act_eval: Vec<R>,
+    /// Velocity after the step with which inertial forces are taken.
+    expected: Vec<R>,
+    change: Vec<R>,
     limit: Limit<R>,
     unresolved: R::Mask,
     q_next: Vec<R>,
@@ -105,12 +110,21 @@ impl<R: Real> Scratch<R> {
             q_ahead: zeros(plan.nq),
             v_mean: zeros(plan.nv),
             act_eval: zeros(plan.na),
+            expected: zeros(plan.nv),
+            change: zeros(plan.nv),
             limit: Limit::new(plan),
             unresolved: R::Mask::splat(false),
             q_next: zeros(plan.nq),
             v_next: zeros(plan.nv),
             act_next: zeros(plan.na),
         }
+    }
+}
+
+impl<R: Real> Scratch<R> {
+    /// Takes up parameters that are read before a step: where the geoms of the world are.
+    pub(crate) fn settle(&mut self, plan: &LanePlan<R>) {
+        self.poses.settle(plan);
     }
 }
 
@@ -169,7 +183,7 @@ impl<R: Real> Rule<R> {
 /// One step of `options.timestep` seconds: state and inputs in, next state and its record out.
 ///
 /// This is ordinary code that calls kernels: each stage is compiled once for every lane type and CPU level.
-pub fn step<R: Real>(plan: &Plan<R::Scalar>, options: &Options, s: &mut Scratch<R>) -> Record<R> {
+pub fn step<R: Real>(plan: &LanePlan<R>, options: &Options, s: &mut Scratch<R>) -> Record<R> {
     let mut rule = Rule::new(options);
     let h = rule.h;
 
@@ -196,7 +210,11 @@ pub fn step<R: Real>(plan: &Plan<R::Scalar>, options: &Options, s: &mut Scratch<
         correct_forces(plan, &rule, s);
     }
     // 5 solve
-    let outcome = solve(options, &s.v, &mut s.constraints, &mut s.new_contacts);
+    let constrained = s.constraints.constrained;
+    let mut outcome = solve(options, &s.v, constrained, &mut s.constraints, &mut s.new_contacts);
+    if rule.integrator.in_the_middle() {
+        outcome = impact::solve_impacts(plan, options, &rule, s, outcome);
+    }
     // 6 integrate velocity
     keep_impulse(plan, s);
     integrate_velocity(plan, &s.smooth.mass, &s.v_free, &mut s.constraints.iterate.w, &mut s.v_next);
@@ -236,7 +254,7 @@ pub fn step<R: Real>(plan: &Plan<R::Scalar>, options: &Options, s: &mut Scratch<
 }
 
 /// Stage 3. Returns the lanes that are taken too far from the beginning of the step.
-fn find_contacts<R: Real>(plan: &Plan<R::Scalar>, rule: &Rule<R>, s: &mut Scratch<R>) -> R::Mask {
+fn find_contacts<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) -> R::Mask {
     detect(plan, &s.kinematics, [&s.v, &s.v_free], [rule.h, rule.lead], s.alive, &mut s.poses, &mut s.new_contacts)
 }
 
@@ -247,7 +265,7 @@ fn closing<R: Real>(at_beginning: R::Mask) -> R {
 }
 
 /// The configuration and activations at which forces are taken.
-fn place<R: Real>(plan: &Plan<R::Scalar>, rule: &Rule<R>, s: &mut Scratch<R>) {
+fn place<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) {
     if rule.integrator.in_the_middle() {
         displace(plan, &s.q, &s.v, rule.lead, &mut s.q_eval);
         advance_activation(plan, &s.act, &s.act, &s.inputs.ctrl, rule.lead, &mut s.act_eval);
@@ -263,7 +281,7 @@ fn place<R: Real>(plan: &Plan<R::Scalar>, rule: &Rule<R>, s: &mut Scratch<R>) {
 }
 
 /// Stages 1 and 2: the velocity at the end of the step if nothing were in the way.
-fn free_motion<R: Real>(plan: &Plan<R::Scalar>, rule: &Rule<R>, s: &mut Scratch<R>) {
+fn free_motion<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) {
     s.smooth.apply(plan, &s.kinematics, [&s.inputs.qfrc, &s.inputs.xfrc], &mut s.applied);
     s.drive.release();
     let at = At { q: rule.springs_at(&s.q_eval, &s.q_ahead), v: &s.v, v_at: &s.v, act: &s.act_eval, ctrl: &s.inputs.ctrl };
@@ -275,7 +293,7 @@ fn free_motion<R: Real>(plan: &Plan<R::Scalar>, rule: &Rule<R>, s: &mut Scratch<
     advance(&s.v, &s.smooth.acc, rule.h, &mut s.v_free);
 }
 
-fn accelerate<R: Real>(plan: &Plan<R::Scalar>, rule: &Rule<R>, s: &mut Scratch<R>) {
+fn accelerate<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) {
     let (servos, drag_at): (&[R], _) = if rule.corrects { (&s.drive.weight, Some(&s.v[..])) } else { (&[], None) };
     s.smooth.factor_mass(plan, &s.kinematics, Implicit { theta: rule.theta, servos, drag_at });
     s.smooth.acceleration(plan, &s.kinematics, [&s.drive.tau, &s.applied], &s.v, &s.v);
@@ -285,7 +303,7 @@ fn accelerate<R: Real>(plan: &Plan<R::Scalar>, rule: &Rule<R>, s: &mut Scratch<R
 const SATURATION_PASSES: usize = 4;
 
 /// Takes the stiffness from servos whose force would exceed its bounds, and with it the mass matrix that they had part in.
-fn saturate_servos<R: Real>(plan: &Plan<R::Scalar>, rule: &Rule<R>, s: &mut Scratch<R>) {
+fn saturate_servos<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) {
     for _ in 0..SATURATION_PASSES {
         // The change of velocity to be expected: by the forces, and by constraints that push as in the last step.
         s.v_next.copy_from_slice(&s.impulse);
@@ -304,8 +322,9 @@ fn saturate_servos<R: Real>(plan: &Plan<R::Scalar>, rule: &Rule<R>, s: &mut Scra
 /// step (or at that velocity itself): one corrector pass, which keeps the midpoint rule's second order.
 ///
 /// What is to be expected includes the impulses of the last step, so that a robot at rest feels no force of a motion that its contacts prevent.
-fn correct_forces<R: Real>(plan: &Plan<R::Scalar>, rule: &Rule<R>, s: &mut Scratch<R>) {
+fn correct_forces<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) {
     s.constraints.warm_change(plan, &s.smooth.mass, &mut s.v_mean);
+    advance(&s.v_free, &s.v_mean, R::one(), &mut s.expected);
     blend(&s.v, &s.v_free, rule.share, &mut s.v_mean);
     let at = At { q: rule.springs_at(&s.q_eval, &s.q_ahead), v: &s.v, v_at: &s.v_mean, act: &s.act_eval, ctrl: &s.inputs.ctrl };
     actuate(plan, &at, rule.servos(), &mut s.drive);
@@ -320,11 +339,11 @@ fn correct_forces<R: Real>(plan: &Plan<R::Scalar>, rule: &Rule<R>, s: &mut Scrat
         leave_out_inertial_forces(plan, rule, s);
     }
     std::mem::swap(&mut s.v_free, &mut s.v_next);
-    s.constraints.shift(plan, &s.smooth.mass, &mut s.v_mean);
+    s.constraints.shift(plan, &s.smooth.mass, &mut s.v_mean, R::Mask::splat(true));
 }
 
 /// In unresolved lanes, the free velocity without velocity-dependent inertial forces, and its change by that.
-fn leave_out_inertial_forces<R: Real>(plan: &Plan<R::Scalar>, rule: &Rule<R>, s: &mut Scratch<R>) {
+fn leave_out_inertial_forces<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) {
     let at = At { q: rule.springs_at(&s.q_eval, &s.q_ahead), v: &s.v, v_at: &s.v, act: &s.act_eval, ctrl: &s.inputs.ctrl };
     actuate(plan, &at, rule.servos(), &mut s.drive);
     s.smooth.acceleration(plan, &s.kinematics, [&s.drive.tau, &s.applied], &s.v, &s.limit.rest);
@@ -341,7 +360,7 @@ fn leave_out_inertial_forces<R: Real>(plan: &Plan<R::Scalar>, rule: &Rule<R>, s:
 }
 
 /// Keeps the impulse of all constraints on the joints, from the scaled velocity change of stage 5, where bounded servos need it.
-fn keep_impulse<R: Real>(plan: &Plan<R::Scalar>, s: &mut Scratch<R>) {
+fn keep_impulse<R: Real>(plan: &LanePlan<R>, s: &mut Scratch<R>) {
     if !plan.servos_are_bounded {
         return;
     }
@@ -355,7 +374,7 @@ fn keep_impulse<R: Real>(plan: &Plan<R::Scalar>, s: &mut Scratch<R>) {
 }
 
 /// Takes the next state over in the lanes where it is finite; the others stay where they were and start cold. Returns those lanes.
-fn accept<R: Real>(plan: &Plan<R::Scalar>, s: &mut Scratch<R>) -> R::Mask {
+fn accept<R: Real>(plan: &LanePlan<R>, s: &mut Scratch<R>) -> R::Mask {
     R::vectorize(
         #[inline(always)]
         || {

@@ -4,13 +4,13 @@ use stepper_real::{Mask, Real};
 
 use crate::contacts::Contacts;
 use crate::kinematics::Kinematics;
-use crate::plan::Plan;
+use crate::plan::LanePlan;
 use crate::spatial::*;
 
 /// Motion (angular, linear at the point) at contact `k` of the second surface against the first, as far as no degree of freedom makes it.
 /// A conveyor's is taken along the tangent plane and about the normal (MuJoCo's documentation of `surfacevel`).
 #[inline(always)]
-pub fn motion<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> V6<R> {
+pub fn motion<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> V6<R> {
     let (mut sum, point) = (zero(), &contacts.data[k].point);
     for surface in &plan.surfaces {
         let (mut plus, mut minus) = (0u32, 0u32);
@@ -34,7 +34,7 @@ pub fn motion<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, conta
         if let Some(own) = surface.own {
             let mat = &kinematics.mat[frame];
             let [along, spin] = own.map(|x| rotate(mat, splat(x)));
-            let arm = sub(point.pos, kinematics.point(frame, splat(plan.geoms[surface.geom].pos)));
+            let arm = sub(point.pos, kinematics.point(frame, plan.params.geom_pos(surface.geom)));
             let own = add(along, cross(spin, arm));
             let n = point.normal;
             m = add(m, spatial(scale(n, dot(spin, n)), add_scaled(own, n, -dot(own, n))));

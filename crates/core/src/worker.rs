@@ -9,12 +9,13 @@ use stepper_real::{Level, Mask, Real, Scalar, at_level};
 use crate::contacts::MAX_LANES;
 use crate::mocap::Way;
 use crate::options::Options;
-use crate::plan::Plan;
+use crate::plan::{LanePlan, Plan};
 use crate::rollout::{Numbers, Quantity, Share};
 use crate::sensing::errors::Errors;
 use crate::spatial::*;
 use crate::state::Group;
 use crate::step::{Scratch, step};
+use crate::theta::Own;
 use senses::Senses;
 
 /// One call of `step` or `rollout` for all environments: what every group needs to know. Arrays are environment-major.
@@ -40,6 +41,8 @@ pub struct Call<'a, S: Scalar> {
     pub mocap: [&'a [f64]; 2],
     /// What sensors that are not ideal make of the truth.
     pub errors: Option<&'a Errors<S>>,
+    /// Parameters that environments have of their own.
+    pub own: &'a Own<S>,
 }
 
 /// A thread's room to work, and the step compiled for its lanes and CPU level.
@@ -173,13 +176,25 @@ impl Stepped for f32 {
 
 fn make_room<R: Real>(site: &Site<'_, R::Scalar>) -> Box<dyn Any + Send> {
     let scratch = Scratch::<R>::new(site.plan, site.options, site.max_contacts);
-    Box::new(Desk { scratch, senses: Senses::new(site.plan) })
+    Box::new(Desk { scratch, senses: Senses::new(site.plan), plan: LanePlan::new(site.plan) })
 }
 
 /// Where a worker steps and reads.
 struct Desk<R: Real> {
     scratch: Scratch<R>,
     senses: Senses<R>,
+    /// The plan with the parameters of the group that is worked on.
+    plan: LanePlan<R>,
+}
+
+impl<R: Real> Desk<R> {
+    /// Takes up the parameters of the group whose first environment is `first`.
+    fn turn_to(&mut self, call: &Call<'_, R::Scalar>, first: usize) {
+        if let Some(numbers) = call.own.numbers.get(first / R::LANES) {
+            self.plan.params.take_up(&call.own.places, numbers);
+            self.scratch.settle(&self.plan);
+        }
+    }
 }
 
 fn read_group<R: Real>(
@@ -189,20 +204,25 @@ fn read_group<R: Real>(
     room: &mut (dyn Any + Send),
     query: Query<'_>,
 ) {
-    let Desk { scratch, senses } = room.downcast_mut::<Desk<R>>().expect("room of another lane type");
-    senses.read(call, group, first, scratch, query.truth, query.out);
+    let desk = room.downcast_mut::<Desk<R>>().expect("room of another lane type");
+    desk.turn_to(call, first);
+    let Desk { scratch, senses, plan } = desk;
+    senses.read(call, plan, group, first, scratch, query.truth, query.out);
 }
 
 /// All steps of a call for one group.
 fn run_group<R: Real>(call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, at: Place<'_, '_, R::Scalar>, room: &mut (dyn Any + Send)) {
-    let Desk { scratch: s, senses } = room.downcast_mut::<Desk<R>>().expect("room of another lane type");
-    senses.begin(call, group, at.first, s);
+    let desk = room.downcast_mut::<Desk<R>>().expect("room of another lane type");
+    desk.turn_to(call, at.first);
+    let Desk { scratch: s, senses, plan } = desk;
+    senses.begin(call, plan, group, at.first, s);
     load(call, group, at.first, s);
     group.status.fill(0);
+    group.sensing.faults.fill(0);
     for control in 0..call.calls {
         load_control(call, control, at.first, s);
-        let (status, residual) = run_control(call, group, at.first, s, senses);
-        let readings = if at.share.has(Quantity::Observation) { senses.readings(call, group, s) } else { &[] };
+        let (status, residual) = run_control(call, plan, group, at.first, s, senses);
+        let readings = if at.share.has(Quantity::Observation) { senses.readings(call, plan, group, s) } else { &[] };
         at.share.write(control, at.first - at.share_first, s, readings, &status, residual);
     }
     if call.calls * call.nstep > 0 {
@@ -214,6 +234,7 @@ fn run_group<R: Real>(call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, 
 /// The steps of one control; returns the flags of all of them, and their largest residual.
 fn run_control<R: Real>(
     call: &Call<'_, R::Scalar>,
+    plan: &LanePlan<R>,
     group: &mut Group<R::Scalar>,
     first: usize,
     s: &mut Scratch<R>,
@@ -223,7 +244,7 @@ fn run_control<R: Real>(
     let (mut status, mut residual) = ([0; MAX_LANES], R::zero());
     for _ in 0..call.nstep {
         senses.before_step(s);
-        let record = step(call.plan, call.options, s);
+        let record = step(plan, call.options, s);
         s.elapsed += h;
         let kept = record.non_finite.bits();
         for l in 0..R::LANES {
@@ -236,7 +257,7 @@ fn run_control<R: Real>(
         record.residual.store(&mut group.residual);
         record.iterations.store(&mut group.iterations);
         // 9 sense
-        senses.after_step(call, group, first, s);
+        senses.after_step(call, plan, group, first, s);
     }
     for (all, one) in group.status.iter_mut().zip(status) {
         *all |= one;

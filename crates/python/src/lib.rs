@@ -5,6 +5,7 @@ mod contacts;
 mod memory;
 mod model;
 mod options;
+mod randomize;
 mod rollout;
 mod state;
 mod stepper;

@@ -61,16 +61,18 @@ impl Stepper {
     pub(crate) fn memory_report<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let n = self.simulation.num_envs();
         let state = self.simulation.bytes();
+        let parameters = self.simulation.parameter_bytes();
         let inputs = 8 * (self.ctrl.len() + self.applied_len(py));
         let thread = heap_of(|| self.simulation.worker());
         let threads = self.simulation.threads();
         let report = PyDict::new(py);
-        report.set_item("per_env", (state + inputs).div_ceil(n))?;
+        report.set_item("per_env", (state + parameters + inputs).div_ceil(n))?;
         report.set_item("per_thread", thread)?;
         report.set_item("state", state)?;
+        report.set_item("parameters", parameters)?;
         report.set_item("inputs", inputs)?;
         report.set_item("threads", threads)?;
-        report.set_item("total", state + inputs + threads * thread)?;
+        report.set_item("total", state + parameters + inputs + threads * thread)?;
         Ok(report)
     }
 }

@@ -463,6 +463,20 @@ impl Stepper {
         notify(slf, "set_state", &[("mask", mask), ("qpos", qpos), ("qvel", qvel), ("act", act)])
     }
 
+    #[pyo3(signature = (mask=None, **fields))]
+    fn randomize(slf: &Bound<'_, Self>, mask: Option<Bound<'_, PyAny>>, fields: Option<Bound<'_, PyDict>>) -> PyResult<()> {
+        let mut this = borrow(slf)?;
+        let envs = this.chosen(mask.as_ref())?;
+        this.assign_parameters(fields.as_ref(), &envs)?;
+        drop(this);
+        notify(slf, "randomize", &[("mask", mask), ("fields", fields.map(Bound::into_any))])
+    }
+
+    #[getter]
+    fn randomized<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        self.parameters(py)
+    }
+
     /// Keeps everything that happens from now on; see `stepper._record`.
     #[pyo3(signature = (path, **settings))]
     fn record<'py>(slf: &Bound<'py, Self>, path: Bound<'py, PyAny>, settings: Option<&Bound<'py, PyDict>>) -> PyResult<Bound<'py, PyAny>> {
@@ -577,6 +591,13 @@ impl Stepper {
     }
 
     #[getter]
+    fn sensor_faults<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let counts: Vec<u32> = (0..self.n()).flat_map(|env| self.simulation.sensor_faults(env)).flatten().collect();
+        let shape = self.shape(&[self.simulation.model().sensors.len(), 2]);
+        Ok(numpy::PyArray1::from_vec(py, counts).reshape(shape)?.into_any())
+    }
+
+    #[getter]
     fn sensors(&self, py: Python<'_>) -> Option<Py<PyAny>> {
         self.sensors.as_ref().map(|s| s.clone_ref(py))
     }
@@ -648,12 +669,12 @@ impl Stepper {
     #[pyo3(signature = (env=0))]
     fn mass_matrix<'py>(&self, py: Python<'py>, env: isize) -> PyResult<Bound<'py, PyAny>> {
         let nv = self.simulation.model().nv();
-        array(py, &[nv, nv], self.snapshot(py, env)?.mass_matrix(self.simulation.plan()), Precision::F64)
+        array(py, &[nv, nv], self.snapshot(py, env)?.mass_matrix(&self.simulation.plan_of(self.env(env)?)), Precision::F64)
     }
 
     #[pyo3(signature = (env=0))]
     fn bias_force<'py>(&self, py: Python<'py>, env: isize) -> PyResult<Bound<'py, PyAny>> {
-        let out = self.snapshot(py, env)?.bias_force(self.simulation.plan());
+        let out = self.snapshot(py, env)?.bias_force(&self.simulation.plan_of(self.env(env)?));
         array(py, &[out.len()], out, Precision::F64)
     }
 
@@ -665,24 +686,25 @@ impl Stepper {
             check_shape("ctrl", ctrl.shape(), &[&[self.simulation.model().nu()]])?;
             snapshot.inputs.ctrl.copy_from_slice(ctrl.as_slice()?);
         }
-        let out = snapshot.smooth_acceleration(self.simulation.plan());
+        let out = snapshot.smooth_acceleration(&self.simulation.plan_of(self.env(env)?));
         array(py, &[out.len()], out, Precision::F64)
     }
 
     #[pyo3(signature = (env=0))]
     fn energy(&self, py: Python<'_>, env: isize) -> PyResult<(f64, f64)> {
-        Ok(self.snapshot(py, env)?.energy(self.simulation.plan()))
+        Ok(self.snapshot(py, env)?.energy(&self.simulation.plan_of(self.env(env)?)))
     }
 
     #[pyo3(signature = (env=0))]
     fn momentum<'py>(&self, py: Python<'py>, env: isize) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
-        let (linear, angular) = self.snapshot(py, env)?.momentum(self.simulation.plan());
+        let (linear, angular) = self.snapshot(py, env)?.momentum(&self.simulation.plan_of(self.env(env)?));
         Ok((array(py, &[3], linear.to_vec(), Precision::F64)?, array(py, &[3], angular.to_vec(), Precision::F64)?))
     }
 
     fn __getstate__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let state = PyDict::new(py);
         state.set_item("state", PyBytes::new(py, &self.simulation.save_state()))?;
+        state.set_item("randomized", self.parameters(py)?)?;
         state.set_item("ctrl", self.ctrl.clone())?;
         state.set_item("applied", self.applied.iter().map(|a| a.as_ref().map(|a| a.clone_ref(py))).collect::<Vec<_>>())?;
         Ok(state)
@@ -691,6 +713,8 @@ impl Stepper {
     fn __setstate__(&mut self, state: &Bound<'_, PyDict>) -> PyResult<()> {
         let item = |name: &str| state.get_item(name)?.ok_or_else(|| PyValueError::new_err(format!("pickled Stepper lacks {name}")));
         self.simulation.restore_state(&item("state")?.extract::<Vec<u8>>()?).map_err(value_error)?;
+        let all: Vec<usize> = (0..self.n()).collect();
+        self.assign_parameters(Some(item("randomized")?.cast::<PyDict>()?), &all)?;
         self.ctrl = item("ctrl")?.extract()?;
         let applied: Vec<Option<Py<PyArrayDyn<f64>>>> = item("applied")?.extract()?;
         for (slot, array) in self.applied.iter_mut().zip(applied) {

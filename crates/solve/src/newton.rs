@@ -78,11 +78,12 @@ impl Newton {
         lanes: R::Mask,
         outcome: [&mut R; 2],
     ) {
+        let lanes = lanes.and(outcome[0].gt(tolerance));
         self.search(problem, iterate, Aim { steps, tolerance, least: false }, lanes, outcome);
     }
 
-    /// The same, but of many possible impulses it takes the least (in the metric of 1/rho), whatever came before and whatever the order of the
-    /// rows.
+    /// The same for all of `lanes`, but of many possible impulses it takes the least (in the metric of 1/rho), whatever came before and whatever
+    /// the order of the rows. Those it leaves meet the tolerance, or have a smaller residual than they had.
     pub fn share<R: Real>(
         &mut self,
         problem: &Problem<R>,
@@ -103,7 +104,7 @@ impl Newton {
         lanes: R::Mask,
         [residual, taken]: [&mut R; 2],
     ) {
-        let mut rest = lanes.and(residual.gt(aim.tolerance)).and(residual.is_finite()).bits();
+        let mut rest = lanes.and(residual.is_finite()).bits();
         while rest != 0 {
             let lane = rest.trailing_zeros() as usize;
             rest &= rest - 1;
@@ -127,7 +128,7 @@ impl Newton {
             self.take_island(name);
             let before = self.island.residual(&mut self.v);
             let mut after = before;
-            if before > goal.tolerance {
+            if goal.least || before > goal.tolerance {
                 verdict.steps += self.descent.solve::<R>(&mut self.island, goal);
                 for x in self.island.lambda.iter_mut().chain(&mut self.island.w) {
                     *x = R::Scalar::from_f64(*x).to_f64();
@@ -135,11 +136,12 @@ impl Newton {
                 after = self.island.residual(&mut self.v);
             }
             // An answer that is not a number is none.
-            if after < before {
+            let better = after < before || after <= goal.tolerance;
+            if better {
                 self.island.give(&mut self.lane, &self.members, &self.order.coordinates);
                 verdict.better = true;
             }
-            verdict.residual = verdict.residual.max(if after < before { after } else { before });
+            verdict.residual = verdict.residual.max(if better { after } else { before });
         }
         verdict
     }

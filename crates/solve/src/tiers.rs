@@ -1,6 +1,6 @@
 //! Both tiers: sweeps over all lanes, then Newton's method for each lane that they leave.
 
-use crate::cone::keep;
+use crate::cone::{keep, norm2};
 use crate::newton::Newton;
 use crate::{Iterate, Problem, pgs, residual};
 use stepper_real::{Mask, Real, Scalar};
@@ -27,11 +27,25 @@ pub struct Outcome<R: Real> {
     pub newton: R,
 }
 
-/// Residual above which the load of hyperstatic lanes is shared anew, m/s: what is left moves it from point to point, step after step.
+/// Residual above which the load of hyperstatic lanes is shared anew, m/s: what is left moves it from point to point.
 ///
 /// Measured on a table of four legs that slides for half a second at 0.1 ms (scene 15 of the atlas): the order of its legs matters by 2e-6 m
 /// with 1e-8, by 1e-7 m with 1e-9.
 const SHARED: f64 = 1e-9;
+
+/// Speed of a loaded contact from which on it slips, m/s: then friction's torque depends on how the load is shared.
+const SLIPS: f64 = 1e-6;
+
+/// Tangential speed of the fastest contact that carries load, m/s.
+#[inline(always)]
+fn fastest_slip<R: Real>(problem: &Problem<R>, iterate: &Iterate<R>) -> R {
+    let mut most = R::zero();
+    for (block, lambda) in problem.contacts.iter().zip(&iterate.contacts) {
+        let v = problem.contact_velocity(block, &iterate.w);
+        most = most.max(keep(block.active.and(lambda[0].gt(R::zero())), norm2(v[1], v[2])));
+    }
+    most
+}
 
 /// Improves the impulses of the lanes `lanes` until each meets the tolerance or the settings are used up.
 ///
@@ -48,12 +62,14 @@ pub fn solve<R: Real>(
     let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton: R::zero() };
     let (mut rest, shared) = (lanes, lanes.and(problem.hyperstatic));
     if newton > 0 && shared.any() {
-        let goal = R::of(SHARED).max(R::of(<R::Scalar as Scalar>::EPSILON.to_f64() * 1e6));
-        outcome.residual = R::vectorize(
+        let goal = R::of(SHARED).max(R::of(<R::Scalar as Scalar>::EPSILON.to_f64() * 10.0));
+        let (left, slip) = R::vectorize(
             #[inline(always)]
-            || keep(shared, residual(problem, iterate)),
+            || (residual(problem, iterate), fastest_slip(problem, iterate)),
         );
-        room.share(problem, iterate, newton, goal, shared, [&mut outcome.residual, &mut outcome.newton]);
+        outcome.residual = keep(shared, left);
+        let anew = shared.and(left.gt(goal).or(slip.gt(R::of(SLIPS))));
+        room.share(problem, iterate, newton, goal, anew, [&mut outcome.residual, &mut outcome.newton]);
         // What hardly moves is brought to a standstill by sweeps: their changes are too small to matter.
         rest = lanes.and_not(shared.and(outcome.residual.le(tolerance)).and(tolerance.gt(goal)));
     }

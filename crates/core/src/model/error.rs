@@ -41,6 +41,14 @@ impl ModelError {
         Self::Invalid { what: what.into(), place: place.into(), remedy: remedy.into() }
     }
 
+    /// The same error, of something larger: a place before the place.
+    pub(crate) fn of(self, whole: &str) -> Self {
+        match self {
+            Self::Invalid { what, place, remedy } => Self::Invalid { what, place: format!("{whole}: {place}"), remedy },
+            other => other,
+        }
+    }
+
     pub(super) fn file(path: impl Into<String>, what: impl Into<String>, remedy: impl Into<String>) -> Self {
         Self::File { what: what.into(), path: path.into(), remedy: remedy.into() }
     }

@@ -41,6 +41,16 @@ impl Model {
         Ok(self)
     }
 
+    /// The numbers of a finished model in which fields of [`RANDOMIZABLE`](super::RANDOMIZABLE) are others.
+    pub(super) fn check_parameters(&self) -> Result<(), ModelError> {
+        check::parameters(self)
+    }
+
+    /// Whether everything that can move has inertia.
+    pub(super) fn check_inertia(&self) -> Result<(), ModelError> {
+        inertia::check(self)
+    }
+
     fn normalise(&mut self) -> Result<(), ModelError> {
         for (i, body) in self.bodies.iter_mut().enumerate() {
             let place = format!("body {:?}", label(&body.name, i));

@@ -21,6 +21,7 @@ mod replace;
 mod sensor;
 mod shape;
 mod tendon;
+mod variant;
 
 use serde::{Deserialize, Serialize};
 
@@ -40,6 +41,8 @@ pub use sensor::{
 };
 pub use shape::Shape;
 pub use tendon::Tendon;
+pub use variant::RANDOMIZABLE;
+pub(crate) use variant::{Variants, randomizable};
 
 /// A scene: bodies in a tree, their joints, shapes, actuators and sensors. Body 0 is the world.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -46,6 +46,9 @@ pub const REPLACEABLE: &[Field] = &[
     rows("geom_restitution", 1, "coefficient of restitution", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.restitution))),
     rows("geom_margin", 1, "distance at which a contact pushes, m", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.margin))),
     rows("geom_gap", 1, "distance beyond the margin that is reported, m", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.gap))),
+    rows("geom_size", 3, "radius, half length; or half sizes; or semi-axes; 0 where the shape has no number; m", |m, f| {
+        m.geoms.iter_mut().for_each(|g| size(g, f));
+    }),
     rows("geom_pos", 3, "position in the body's frame, m", |m, f| each_geom(m, f, |g| &mut g.pos)),
     rows("geom_quat", 4, "orientation in the body's frame", |m, f| each_geom(m, f, |g| &mut g.quat)),
     rows("geom_condim", 1, "rows of a contact", |m, f| m.geoms.iter_mut().for_each(|g| whole(&mut g.condim, f))),
@@ -114,6 +117,26 @@ fn each_dof(model: &mut Model, f: &mut dyn FnMut(&mut f64), get: fn(&mut Joint) 
     }
 }
 
+/// What the medium takes a geom for follows its size.
+fn size(geom: &mut Geom, f: &mut dyn FnMut(&mut f64)) {
+    let before = geom.semi_axes();
+    let [mut none, mut nor] = [0.0; 2];
+    let numbers: [&mut f64; 3] = match &mut geom.shape {
+        Shape::Sphere { radius } => [radius, &mut none, &mut nor],
+        Shape::Capsule { radius, half_length } | Shape::Cylinder { radius, half_length } => [radius, half_length, &mut none],
+        Shape::Ellipsoid { radii: [a, b, c] } | Shape::Box { half: [a, b, c] } => [a, b, c],
+        Shape::Plane | Shape::Mesh { .. } | Shape::HeightField { .. } => {
+            (0..3).for_each(|_| f(&mut 0.0));
+            return;
+        }
+    };
+    numbers.into_iter().for_each(f);
+    let after = geom.semi_axes();
+    if let (Some(medium), Some(axes), true) = (&mut geom.fluid, after, before != after) {
+        medium.axes = axes;
+    }
+}
+
 /// No range is one from -inf to inf.
 fn bounds(range: &mut Option<[f64; 2]>, f: &mut dyn FnMut(&mut f64)) {
     const NONE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
@@ -148,8 +171,13 @@ impl Field {
     }
 
     fn read(&self, model: &Model) -> Vec<f64> {
+        self.read_in(&mut model.clone())
+    }
+
+    /// As [`Field::read`], without a copy of the model; it stays what it is.
+    fn read_in(&self, model: &mut Model) -> Vec<f64> {
         let mut values = vec![];
-        (self.visit)(&mut model.clone(), &mut |x| values.push(*x));
+        (self.visit)(model, &mut |x| values.push(*x));
         values
     }
 
@@ -158,7 +186,7 @@ impl Field {
     }
 }
 
-fn find(name: &str) -> Result<&'static Field, ModelError> {
+pub(super) fn find(name: &str) -> Result<&'static Field, ModelError> {
     REPLACEABLE.iter().find(|f| f.name == name).ok_or_else(|| {
         let known: Vec<&str> = REPLACEABLE.iter().map(|f| f.name).collect();
         ModelError::invalid(format!("field {name:?}"), "there is no such field", format!("choose one of: {}", known.join(", ")))
@@ -196,8 +224,8 @@ impl Model {
     }
 }
 
-fn write(model: &mut Model, field: &Field, values: &[f64]) -> Result<(), ModelError> {
-    let count = field.read(model).len();
+pub(super) fn write(model: &mut Model, field: &Field, values: &[f64]) -> Result<(), ModelError> {
+    let count = field.read_in(model).len();
     if values.len() != count {
         let shape = field.shape(model);
         let what = format!("got {} numbers for shape {shape:?}", values.len());
@@ -205,7 +233,7 @@ fn write(model: &mut Model, field: &Field, values: &[f64]) -> Result<(), ModelEr
     }
     let mut next = values.iter();
     (field.visit)(model, &mut |x| *x = *next.next().expect("as many as were counted"));
-    let held = field.read(model);
+    let held = field.read_in(model);
     match (0..count).find(|&k| held[k].to_bits() != values[k].to_bits()) {
         Some(k) => Err(ModelError::invalid(
             field.place(),
@@ -216,6 +244,8 @@ fn write(model: &mut Model, field: &Field, values: &[f64]) -> Result<(), ModelEr
                 "give all degrees of freedom of a ball or free joint the same value"
             } else if field.name == "geom_concave" {
                 "give 0 or 1, and 1 only to meshes"
+            } else if field.name == "geom_size" {
+                "give 0 where the shape has no number: to planes, meshes and height fields, and beyond a ball's radius"
             } else {
                 "give whole numbers in range"
             },
@@ -300,6 +330,31 @@ mod tests {
         data[10] = 1.0;
         let error = model.replace("eq_data", &data).unwrap_err().to_string();
         assert!(error.contains("number 10 is 1") && error.contains("give 0"), "{error}");
+    }
+
+    #[test]
+    fn sizes_are_those_of_the_shape_and_the_medium_sees_them() {
+        let mut model = rich();
+        model.geoms[1].fluid = Some(crate::model::Ellipsoid {
+            share: 1.0,
+            blunt_drag: 0.5,
+            slender_drag: 0.25,
+            angular_drag: 1.5,
+            kutta_lift: 1.0,
+            magnus_lift: 1.0,
+            virtual_mass: [1e-3; 3],
+            virtual_inertia: [1e-5; 3],
+            axes: [0.1; 3],
+        });
+        let mut sizes = model.field("geom_size").unwrap().1;
+        assert_eq!(sizes[..9], [0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.05, 0.3, 0.0]);
+        sizes[3] = 0.2;
+        let larger = model.replace("geom_size", &sizes).unwrap();
+        assert_eq!(larger.geoms[1].shape, Shape::Sphere { radius: 0.2 });
+        assert_eq!(larger.geoms[1].fluid.unwrap().axes, [0.2; 3]);
+        sizes[5] = 0.2;
+        let error = model.replace("geom_size", &sizes).unwrap_err().to_string();
+        assert!(error.contains("number 5 is 0.2") && error.contains("beyond a ball's radius"), "{error}");
     }
 
     #[test]

@@ -165,6 +165,12 @@ pub enum SensorKind {
     TendonVel(usize),
     /// Sum of the actuators' forces on a tendon.
     TendonActuatorForce(usize),
+    /// Distance to the nearer limit of a tendon where it is exceeded, else 0.
+    TendonLimitPos(usize),
+    /// Rate of that distance where the limit is exceeded, else 0.
+    TendonLimitVel(usize),
+    /// Force of the limit.
+    TendonLimitForce(usize),
     /// Length of an actuator's transmission, gear included.
     ActuatorPos(usize),
     /// Rate of that length.
@@ -337,6 +343,7 @@ impl Sensor {
                 | K::Touch(_)
                 | K::Contact { .. }
                 | K::JointLimitForce(_)
+                | K::TendonLimitForce(_)
                 | K::Frame { what: FrameReading::LinAcc | FrameReading::AngAcc, .. }
         )
     }
@@ -357,6 +364,9 @@ impl Sensor {
             K::TendonPos(_) => "tendonpos",
             K::TendonVel(_) => "tendonvel",
             K::TendonActuatorForce(_) => "tendonactuatorfrc",
+            K::TendonLimitPos(_) => "tendonlimitpos",
+            K::TendonLimitVel(_) => "tendonlimitvel",
+            K::TendonLimitForce(_) => "tendonlimitfrc",
             K::ActuatorPos(_) => "actuatorpos",
             K::ActuatorVel(_) => "actuatorvel",
             K::ActuatorForce(_) => "actuatorfrc",

@@ -1,12 +1,13 @@
 //! Collision geometry: where geoms are fixed, and the pairs that can touch.
 
+use std::cmp::Ordering;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
-use stepper_real::Scalar;
+use stepper_real::{Real, Scalar};
 
 use super::merge::{Merged, matrix, quaternion, vector};
-use super::scalars;
+use super::params::{ContactParams, Params};
 use crate::geometry::convex::{ConvexShape, Grid, MeshSurface, Solid, Surface};
 use crate::model::{Filter, Geom, GeomPair, HeightField, Kernel, Mesh, Model, Shape};
 
@@ -17,31 +18,17 @@ pub struct GeomPlan<S> {
     pub index: usize,
     /// The frame that it is fixed to.
     pub frame: usize,
-    /// Its origin in the frame, m.
-    pub pos: [S; 3],
+    /// Whether it is a half space.
+    pub is_plane: bool,
     /// Its orientation in the frame.
     pub mat: [S; 9],
     /// Whether any pair reads more of its orientation than its z axis.
     pub full_orientation: bool,
-    /// radius, half length (capsule, cylinder), half sizes (box) or half axes (ellipsoid), m.
-    pub size: [S; 3],
-    /// Radius of a ball about its origin that holds it; infinite for a plane, m.
-    pub bound: S,
-    /// How thin it is: half its least width, infinite for what has one side only, m.
-    pub inner: S,
-    /// How far it reaches beyond the ball of that radius, which turning cannot be seen of, m.
-    pub lever: S,
     /// What [`Kernel::Convex`] collides; not there when no pair asks for it.
     pub solid: Option<Solid>,
 }
 
 impl<S: Scalar> GeomPlan<S> {
-    /// Whether it is a half space.
-    #[inline(always)]
-    pub fn is_plane(&self) -> bool {
-        self.bound == S::from_f64(f64::INFINITY)
-    }
-
     /// Prepares it for [`Kernel::Convex`].
     fn make_solid(&mut self, model: &Model, shape: &Shape) {
         self.solid.get_or_insert_with(|| solid(model, shape));
@@ -56,28 +43,10 @@ pub struct PairPlan<S> {
     pub geoms: [usize; 2],
     /// Narrow phase.
     pub kernel: Kernel,
-    /// Sliding friction; 0 for a frictionless contact.
-    pub mu: S,
-    /// Torsional friction, m; 0 for none.
-    pub torsion: S,
-    /// Rolling friction, m; 0 for none.
-    pub rolling: S,
-    /// Coefficient of restitution.
-    pub restitution: S,
+    /// Rows of a contact: 1, 3, 4 or 6.
+    pub condim: u8,
     /// Distance at which the contact pushes, m.
     pub margin: S,
-    /// Sum of the bounding radii; of the second geom alone when the first is a plane, m.
-    pub reach: S,
-    /// Way in which the geoms cannot pass through one another to where the nearest way out is on the far side, m; infinite if they never do.
-    pub thin: S,
-}
-
-impl<S: Scalar> PairPlan<S> {
-    /// Whether its contacts have more than sliding friction.
-    #[inline(always)]
-    pub fn is_wide(&self) -> bool {
-        self.torsion > S::default() || self.rolling > S::default()
-    }
 }
 
 /// Geoms that all may meet one another, so many that their pairs are found anew in every step instead of being listed.
@@ -92,7 +61,6 @@ pub struct Crowd<S> {
     filter: Filter,
     /// Of every geom of the model.
     shapes: Vec<Shape>,
-    bulks: Vec<Bulk>,
     wide: bool,
     scalar: PhantomData<S>,
 }
@@ -136,7 +104,22 @@ impl<S: Scalar> Crowd<S> {
         }
         let shapes = geoms.map(|g| &self.shapes[g]);
         let pair = self.filter.pair(geoms)?;
-        Some(pair_plan(&pair, Kernel::of(shapes[0], shapes[1])?, self.geoms(number)?, geoms.map(|g| self.bulks[g])))
+        Some(pair_plan(&pair, Kernel::of(shapes[0], shapes[1])?, self.geoms(number)?))
+    }
+
+    /// What the contacts of a pair are like, from what the geoms bring (see [`Filter::precedence`]).
+    #[inline(always)]
+    pub(super) fn contact<R: Real<Scalar = S>>(&self, number: usize, params: &Params<R>) -> ContactParams<R> {
+        let [a, b] = self.members_of(number).expect("a pair of the crowd").map(|m| m.model_geom);
+        let (order, condim) = self.filter.precedence([a, b]);
+        let (a, b) = (params.member(a), params.member(b));
+        let either = |k: usize| match order {
+            Ordering::Greater => a[k],
+            Ordering::Less => b[k],
+            Ordering::Equal => a[k].max(b[k]),
+        };
+        let more = |least: u8, x: R| if condim > least { x } else { R::zero() };
+        ContactParams { mu: more(1, either(0)), torsion: more(3, either(1)), rolling: more(4, either(2)), restitution: a[3].max(b[3]) }
     }
 
     /// Whether any of its pairs can have more than sliding friction.
@@ -179,7 +162,7 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
         if matches!(kernel, Kernel::Convex | Kernel::Surface) {
             places.into_iter().zip(shapes).for_each(|(g, shape)| geoms[g].make_solid(model, shape));
         }
-        pairs.push(pair_plan(&pair, kernel, places, pair.geoms.map(|g| bulk(model, g))));
+        pairs.push(pair_plan(&pair, kernel, places));
     }
     let mut members = Vec::new();
     for g in (0..model.geoms.len()).filter(|&g| among[g]) {
@@ -197,7 +180,6 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
     let crowd = (!members.is_empty()).then(|| Crowd {
         widest: members.iter().map(|m| bound(model, &model.geoms[m.model_geom].shape) + m.margin).fold(0.0, f64::max),
         wide: members.iter().any(|m| model.geoms[m.model_geom].condim > 3),
-        bulks: (0..model.geoms.len()).map(|g| bulk(model, g)).collect(),
         members,
         first: pairs.len(),
         filter,
@@ -231,55 +213,41 @@ fn listed_pairs(model: &Model, filter: &Filter, among: &[bool]) -> Vec<GeomPair>
 
 /// How large and how thin a geom is.
 #[derive(Clone, Copy, Debug)]
-struct Bulk {
-    bound: f64,
-    inner: f64,
+pub(super) struct Bulk {
+    pub(super) bound: f64,
+    pub(super) inner: f64,
 }
 
-fn bulk(model: &Model, geom: usize) -> Bulk {
+pub(super) fn bulk(model: &Model, geom: usize) -> Bulk {
     let shape = &model.geoms[geom].shape;
     Bulk { bound: bound(model, shape), inner: inner(model, shape) }
 }
 
-fn pair_plan<S: Scalar>(pair: &GeomPair, kernel: Kernel, geoms: [usize; 2], [a, b]: [Bulk; 2]) -> PairPlan<S> {
-    let reach = if a.bound.is_finite() { a.bound } else { 0.0 } + b.bound;
-    PairPlan {
-        geoms,
-        kernel,
-        mu: S::from_f64(if pair.condim == 1 { 0.0 } else { pair.friction[0] }),
-        torsion: S::from_f64(if pair.condim > 3 { pair.friction[1] } else { 0.0 }),
-        rolling: S::from_f64(if pair.condim > 4 { pair.friction[2] } else { 0.0 }),
-        restitution: S::from_f64(pair.restitution),
-        margin: S::from_f64(pair.margin),
-        reach: S::from_f64(reach),
-        thin: S::from_f64(0.5 * (a.inner + b.inner)),
-    }
+fn pair_plan<S: Scalar>(pair: &GeomPair, kernel: Kernel, geoms: [usize; 2]) -> PairPlan<S> {
+    PairPlan { geoms, kernel, condim: pair.condim, margin: S::from_f64(pair.margin) }
 }
 
 fn geom<S: Scalar>(model: &Model, merged: &Merged, index: usize) -> GeomPlan<S> {
     let g = &model.geoms[index];
-    let (bp, bq) = (merged.pos[g.body], merged.quat[g.body]);
-    let pos = bp + bq * vector(g.pos);
-    let quat = bq * quaternion(g.quat);
-    let size = match g.shape {
+    let quat = merged.quat[g.body] * quaternion(g.quat);
+    GeomPlan {
+        index,
+        frame: merged.frame[g.body],
+        is_plane: matches!(g.shape, Shape::Plane),
+        mat: matrix(&quat),
+        full_orientation: !matches!(g.shape, Shape::Plane | Shape::Sphere { .. } | Shape::Capsule { .. }),
+        solid: None,
+    }
+}
+
+/// What a step reads of a shape's size: radius, half length (capsule, cylinder), half sizes (box) or half axes (ellipsoid), m.
+pub(super) fn size(shape: &Shape) -> [f64; 3] {
+    match *shape {
         Shape::Sphere { radius } => [radius, 0.0, 0.0],
         Shape::Capsule { radius, half_length } | Shape::Cylinder { radius, half_length } => [radius, half_length, 0.0],
         Shape::Box { half } => half,
         Shape::Ellipsoid { radii } => radii,
         Shape::Plane | Shape::HeightField { .. } | Shape::Mesh { .. } => [0.0; 3],
-    };
-    let Bulk { bound, inner } = bulk(model, index);
-    GeomPlan {
-        index,
-        frame: merged.frame[g.body],
-        pos: scalars(pos.into()),
-        mat: matrix(&quat),
-        full_orientation: !matches!(g.shape, Shape::Plane | Shape::Sphere { .. } | Shape::Capsule { .. }),
-        size: scalars(size),
-        bound: S::from_f64(bound),
-        solid: None,
-        inner: S::from_f64(inner),
-        lever: S::from_f64(if bound.is_finite() { bound - inner } else { 0.0 }),
     }
 }
 

@@ -20,10 +20,6 @@ pub struct ActuatorPlan<S> {
     pub act: Option<usize>,
     /// Dynamics of the activation.
     pub activation: Activation,
-    /// Affine gain.
-    pub gain: [S; 3],
-    /// Affine bias.
-    pub bias: [S; 3],
     /// Whether gain or bias depend on length or velocity.
     pub needs_motion: bool,
     /// Its place among the servos.
@@ -59,7 +55,7 @@ pub(super) struct Drives<S> {
 }
 
 impl<S: Scalar> Drives<S> {
-    pub(super) fn new(model: &Model, addresses: &[(usize, usize)], dofs: &[Dof<S>], chain: &[u32]) -> Self {
+    pub(super) fn new(model: &Model, addresses: &[(usize, usize)], dofs: &[Dof], chain: &[u32]) -> Self {
         let mut drives = Self { actuators: Vec::new(), servos: Vec::new(), force_ranges: Vec::new() };
         let mut na = 0;
         for actuator in &model.actuators {
@@ -99,8 +95,6 @@ impl<S: Scalar> Drives<S> {
             act_range: a.act_range.map(scalars),
             act,
             activation: a.activation,
-            gain: scalars(a.gain),
-            bias: scalars(a.bias),
             needs_motion,
             servo,
         });
@@ -121,7 +115,7 @@ impl<S: Scalar> Drives<S> {
 }
 
 /// Entries of a a^T in the layout of the mass matrix, for a moment (dof, arm); see [`crate::drive`] for moments across branches.
-fn entries<S: Scalar>(moment: &[(usize, f64)], dofs: &[Dof<S>], chain: &[u32]) -> Vec<(usize, f64)> {
+fn entries(moment: &[(usize, f64)], dofs: &[Dof], chain: &[u32]) -> Vec<(usize, f64)> {
     let mut arms: Vec<(usize, f64)> = Vec::new();
     for &(dof, arm) in moment {
         match arms.iter_mut().find(|(d, _)| *d == dof) {

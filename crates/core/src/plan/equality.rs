@@ -98,6 +98,8 @@ pub struct EqualityBlock<S> {
 /// A fixed tendon with rows of its own.
 #[derive(Clone, Debug)]
 pub struct TendonPlan<S> {
+    /// The model's tendon.
+    pub index: usize,
     /// Its length.
     pub length: Combination<S>,
     /// Degrees of freedom that it moves, with their ancestors, ascending.
@@ -203,7 +205,7 @@ impl Compiler<'_> {
     /// Tendons that have rows.
     pub(super) fn tendons<S: Scalar>(&self, owner: &mut usize) -> Vec<TendonPlan<S>> {
         let mut plans = Vec::new();
-        for tendon in &self.model.tendons {
+        for (index, tendon) in self.model.tendons.iter().enumerate() {
             let sprung = tendon.stiffness > 0.0 || tendon.damping > 0.0 || tendon.armature > 0.0;
             if !sprung && tendon.range.is_none() && tendon.frictionloss == 0.0 {
                 continue;
@@ -214,6 +216,7 @@ impl Compiler<'_> {
                 inertia: S::from_f64(tendon.armature),
             };
             plans.push(TendonPlan {
+                index,
                 length: self.combination(&tendon.joints),
                 support: self.with_ancestors(tendon.joints.iter().map(|&(j, _)| self.addresses[j].1)),
                 range: tendon.range.map(scalars),

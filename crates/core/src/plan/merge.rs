@@ -7,6 +7,7 @@ use super::{BodyPlan, Dof, JointPlan, Link, MocapPlan, scalars};
 use crate::model::{JointKind, Model};
 
 /// Which frame every body is fixed to, and where in it.
+#[derive(Clone, Debug)]
 pub(crate) struct Merged {
     pub(crate) frame: Vec<usize>,
     pub(crate) pos: Vec<Vector3<f64>>,
@@ -141,7 +142,6 @@ pub(crate) fn links<S: Scalar>(model: &Model, merged: &Merged) -> Vec<Link<S>> {
         let p = body.parent;
         let pos = merged.pos[p] + merged.quat[p] * vector(body.pos);
         let quat = merged.quat[p] * quaternion(body.quat);
-        let (mass, com, inertia) = combined(model, merged, |b| merged.frame[b] == 1 + l);
         let (joint0, dof0) = (joint, dof);
         for j in model.joints.iter().filter(|j| j.body == leader) {
             joint += 1;
@@ -153,9 +153,6 @@ pub(crate) fn links<S: Scalar>(model: &Model, merged: &Merged) -> Vec<Link<S>> {
             is_root: parent == 0 || parent > nlink,
             pos: scalars(pos.into()),
             mat: (quat != UnitQuaternion::identity()).then(|| matrix(&quat)),
-            mass: S::from_f64(mass),
-            com: scalars(com.into()),
-            inertia: scalars(inertia),
             joints: joint0..joint,
             dofs: dof0..dof,
         }
@@ -198,23 +195,21 @@ pub(crate) fn joints<S: Scalar>(model: &Model, addresses: &[(usize, usize)]) -> 
             axis: scalars(j.axis),
             principal,
             reference: S::from_f64(if scalar { model.qpos0[q] } else { 0.0 }),
-            stiffness: S::from_f64(j.stiffness),
+            sprung: j.stiffness != 0.0,
             rest: scalars(rest),
         }
     };
     model.joints.iter().zip(addresses).map(joint).collect()
 }
 
-pub(crate) fn dofs<S: Scalar>(model: &Model, merged: &Merged) -> Vec<Dof<S>> {
-    let joints = model.joints.iter().flat_map(|j| std::iter::repeat_n(j, j.kind.nv()));
-    let dof = |(d, j): (usize, &crate::model::Joint)| {
+pub(crate) fn dofs(model: &Model, merged: &Merged) -> Vec<Dof> {
+    let dof = |d: usize| {
         let link = merged.dof_link[d];
         let (chain, depth) = merged.dof_chain[d];
         let tree = merged.link_tree[link];
-        let [damping, stiffness, armature] = scalars([j.damping, j.stiffness.max(0.0), j.armature]);
-        Dof { link, tree, chain, depth, damping, stiffness, armature }
+        Dof { link, tree, chain, depth }
     };
-    joints.enumerate().map(dof).collect()
+    (0..model.nv()).map(dof).collect()
 }
 
 pub(crate) fn mocap<S: Scalar>(model: &Model, merged: &Merged) -> Vec<MocapPlan<S>> {
@@ -226,9 +221,6 @@ pub(crate) fn mocap<S: Scalar>(model: &Model, merged: &Merged) -> Vec<MocapPlan<
 }
 
 pub(crate) fn bodies<S: Scalar>(model: &Model, merged: &Merged) -> Vec<BodyPlan<S>> {
-    let plan = |b: usize| {
-        let com = merged.pos[b] + merged.quat[b] * vector(model.bodies[b].ipos);
-        BodyPlan { frame: merged.frame[b], pos: scalars(merged.pos[b].into()), mat: matrix(&merged.quat[b]), com: scalars(com.into()) }
-    };
+    let plan = |b: usize| BodyPlan { frame: merged.frame[b], pos: scalars(merged.pos[b].into()), mat: matrix(&merged.quat[b]) };
     (0..model.bodies.len()).map(plan).collect()
 }

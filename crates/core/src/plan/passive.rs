@@ -6,17 +6,17 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use stepper_real::Scalar;
 
 use super::collision::GeomPlan;
-use super::merge::{Merged, matrix, quaternion, vector};
+use super::merge::{Merged, matrix, quaternion};
 use super::scalars;
-use crate::model::{Ellipsoid, Medium, Model};
+use crate::model::{Body, Ellipsoid, Medium, Model, Object};
 
 /// A body or geom that the medium acts on.
 #[derive(Clone, Debug)]
 pub struct FluidPlan<S> {
     /// Its link.
     pub link: usize,
-    /// Its centre in the link's frame, m.
-    pub pos: [S; 3],
+    /// The body or geom of the model.
+    pub object: Object,
     /// Its axes in the link's frame.
     pub mat: [S; 9],
     /// What it is for the medium.
@@ -27,12 +27,7 @@ pub struct FluidPlan<S> {
 #[derive(Clone, Debug)]
 pub enum FluidShape<S> {
     /// A box: force or torque -(viscous + drag |v|) v along every axis.
-    Box {
-        /// N m s, N s/m
-        viscous: [S; 6],
-        /// N m s^2, N s^2/m^2
-        drag: [S; 6],
-    },
+    Box,
     /// An ellipsoid.
     Ellipsoid(Box<EllipsoidPlan<S>>),
 }
@@ -66,13 +61,11 @@ pub struct EllipsoidPlan<S> {
 
 /// A force against gravity.
 #[derive(Clone, Debug)]
-pub struct GravityCompensation<S> {
+pub struct GravityCompensation {
     /// The link.
     pub link: usize,
-    /// Where it acts in the link's frame, m.
-    pub pos: [S; 3],
-    /// N, world axes.
-    pub force: [S; 3],
+    /// The body of the model at whose centre of mass it acts.
+    pub body: usize,
 }
 
 /// A geom whose surface moves without its links: a conveyor, or part of a body that the user moves.
@@ -99,25 +92,24 @@ pub(super) fn fluid<S: Scalar>(model: &Model, merged: &Merged) -> Vec<FluidPlan<
         if frame == 0 || frame > merged.leaders.len() || body.mass < TINY {
             continue;
         }
-        let mut push = |pos: [f64; 3], quat: [f64; 4], shape| {
-            let at = merged.pos[b] + merged.quat[b] * vector(pos);
+        let mut push = |object: Object, quat: [f64; 4], shape| {
             let axes: UnitQuaternion<f64> = merged.quat[b] * quaternion(quat);
-            found.push(FluidPlan { link: frame - 1, pos: scalars(at.into()), mat: matrix(&axes), shape });
+            found.push(FluidPlan { link: frame - 1, object, mat: matrix(&axes), shape });
         };
-        let geoms: Vec<_> = model.geoms.iter().filter(|g| g.body == b && g.fluid.is_some()).collect();
+        let geoms: Vec<_> = model.geoms.iter().enumerate().filter(|(_, g)| g.body == b && g.fluid.is_some()).collect();
         if geoms.is_empty() {
-            push(body.ipos, body.iquat, inertia_box(body.mass, body.inertia, &model.medium));
+            push(Object::Body(b), body.iquat, FluidShape::Box);
         }
-        for geom in geoms {
+        for (g, geom) in geoms {
             let coefficients = geom.fluid.as_ref().expect("filtered above");
-            push(geom.pos, geom.quat, ellipsoid(coefficients, &model.medium));
+            push(Object::Geom(g), geom.quat, ellipsoid(coefficients, &model.medium));
         }
     }
     found
 }
 
-/// The box of a body's mass and inertia, in the medium (MuJoCo's documentation, "Inertia model").
-fn inertia_box<S: Scalar>(mass: f64, [ix, iy, iz]: [f64; 3], medium: &Medium) -> FluidShape<S> {
+/// Viscous and quadratic drag of the box of a body's mass and inertia, in the medium (MuJoCo's documentation, "Inertia model").
+pub(super) fn inertia_box(&Body { mass, inertia: [ix, iy, iz], .. }: &Body, medium: &Medium) -> [[f64; 6]; 2] {
     let side = |sum: f64| (sum.max(TINY) / mass * 6.0).sqrt();
     let b = [side(iy + iz - ix), side(ix + iz - iy), side(ix + iy - iz)];
     let diameter = (b[0] + b[1] + b[2]) / 3.0;
@@ -127,7 +119,7 @@ fn inertia_box<S: Scalar>(mass: f64, [ix, iy, iz]: [f64; 3], medium: &Medium) ->
         0..3 => medium.density * b[k] * (others(k).0.powi(4) + others(k).1.powi(4)) / 64.0,
         _ => 0.5 * medium.density * others(k - 3).0 * others(k - 3).1,
     });
-    FluidShape::Box { viscous: scalars([spin, spin, spin, slide, slide, slide]), drag: scalars(drag) }
+    [[spin, spin, spin, slide, slide, slide], drag]
 }
 
 fn ellipsoid<S: Scalar>(e: &Ellipsoid, medium: &Medium) -> FluidShape<S> {
@@ -154,19 +146,12 @@ fn ellipsoid<S: Scalar>(e: &Ellipsoid, medium: &Medium) -> FluidShape<S> {
     }))
 }
 
-pub(super) fn compensation<S: Scalar>(model: &Model, merged: &Merged) -> Vec<GravityCompensation<S>> {
-    let gravity = vector(model.gravity);
+pub(super) fn compensation(model: &Model, merged: &Merged) -> Vec<GravityCompensation> {
     let acts = |&b: &usize| {
         let (body, frame) = (&model.bodies[b], merged.frame[b]);
-        body.gravcomp != 0.0 && body.mass > 0.0 && frame > 0 && frame <= merged.leaders.len() && gravity != Vector3::zeros()
+        body.gravcomp != 0.0 && body.mass > 0.0 && frame > 0 && frame <= merged.leaders.len()
     };
-    let plan = |b: usize| {
-        let body = &model.bodies[b];
-        let pos = merged.pos[b] + merged.quat[b] * vector(body.ipos);
-        let force = gravity * -(body.mass * body.gravcomp);
-        GravityCompensation { link: merged.frame[b] - 1, pos: scalars(pos.into()), force: scalars(force.into()) }
-    };
-    (1..model.bodies.len()).filter(acts).map(plan).collect()
+    (1..model.bodies.len()).filter(acts).map(|body| GravityCompensation { link: merged.frame[body] - 1, body }).collect()
 }
 
 pub(super) fn surfaces<S: Scalar>(model: &Model, geoms: &[GeomPlan<S>], links: usize) -> Vec<SurfacePlan<S>> {

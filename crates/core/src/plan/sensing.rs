@@ -1,10 +1,12 @@
 //! What sensors read: objects become places in frames, bodies with all that hangs from them become parts.
 
-use nalgebra::{UnitQuaternion, Vector3};
+use std::cell::RefCell;
+
+use nalgebra::UnitQuaternion;
 use stepper_real::Scalar;
 
-use super::merge::{Merged, combined, matrix, quaternion, vector};
-use super::scalars;
+use super::merge::{Merged, matrix, quaternion};
+use super::{TendonPlan, scalars};
 use crate::model::{
     ContactField, ContactReduction, ContactSide, FrameReading, Model, Object, ProximityReading, Quantity, RayField, Sensor, SensorKind,
     Shape, Transmission,
@@ -25,6 +27,12 @@ pub struct SensingPlan<S> {
     pub geom_body: Vec<usize>,
     /// What the sensors need.
     pub needs: Needs,
+    /// Bodies with all that hangs from them whose masses are read.
+    pub subtrees: Vec<Subtree>,
+    /// Places that are read: rows of [`Params::place`](super::Params::place).
+    pub places: Vec<Object>,
+    /// Geoms and sites whose shape is read: rows of [`Params::size`](super::Params::size).
+    pub shapes: Vec<Object>,
 }
 
 /// What sensors need beyond q, v and the activations.
@@ -64,8 +72,8 @@ pub struct SensorPlan<S> {
 pub struct Place<S> {
     /// The plan's frame.
     pub frame: usize,
-    /// Position in it, m.
-    pub pos: [S; 3],
+    /// Its number among all places, for its position in the frame.
+    pub index: usize,
     /// Orientation in it.
     pub mat: [S; 9],
     /// The same as a quaternion.
@@ -79,8 +87,8 @@ pub struct Solid<S> {
     pub place: Place<S>,
     /// What.
     pub form: Form,
-    /// radius, half length; or semi-axes; or half sizes; m.
-    pub size: [S; 3],
+    /// Its number among all shapes, for its size.
+    pub index: usize,
 }
 
 /// Two shapes whose distance is read.
@@ -105,26 +113,22 @@ pub enum Form {
 
 /// What belongs to a body and all that hangs from it, by frame.
 #[derive(Clone, Debug)]
-pub struct Subtree<S> {
-    /// kg
-    pub mass: S,
+pub struct Subtree {
+    /// Its number among all subtrees, for its mass.
+    pub index: usize,
     /// Its masses.
-    pub parts: Vec<Part<S>>,
+    pub parts: Vec<Part>,
     /// Which bodies of the model it has.
     pub bodies: Vec<bool>,
 }
 
 /// A mass fixed to a frame.
 #[derive(Clone, Copy, Debug)]
-pub struct Part<S> {
+pub struct Part {
     /// The plan's frame.
     pub frame: usize,
-    /// kg
-    pub mass: S,
-    /// Centre of mass, m.
-    pub com: [S; 3],
-    /// Inertia about it: xx, yy, zz, xy, xz, yz, kg m^2.
-    pub inertia: [S; 6],
+    /// Its row of [`Params::inertial`](super::Params::inertial).
+    pub index: usize,
 }
 
 /// One side of the contacts of a contact sensor.
@@ -136,7 +140,7 @@ pub enum Side<S> {
     Zone(Solid<S>),
 }
 
-/// What a sensor reads, in terms of the plan.
+/// What a sensor reads, in terms of the plan; subtrees by their number.
 #[derive(Clone, Debug)]
 pub enum Read<S> {
     /// So many entries of q.
@@ -149,10 +153,10 @@ pub enum Read<S> {
     Rate(Vec<(usize, S)>),
     /// sum of coefficient times the force of an actuator, within bounds.
     Drive(Vec<(usize, S)>, Option<[S; 2]>),
-    /// Overlap with the nearer limit: address in q, low, high.
-    LimitPos(usize, [S; 2]),
-    /// Its rate: address in q, dof, low, high.
-    LimitVel(usize, usize, [S; 2]),
+    /// Overlap of a sum of coefficient q with the nearer end of its range.
+    LimitPos(Vec<(usize, S)>, Bounds<S>),
+    /// Its rate: the same in v besides.
+    LimitVel([Vec<(usize, S)>; 2], Bounds<S>),
     /// Impulse of a limit, by its index in the plan.
     LimitForce(usize),
     /// A limit that is not there.
@@ -168,9 +172,9 @@ pub enum Read<S> {
     /// Linear acceleration less gravity in its own frame.
     Accelerometer(Place<S>),
     /// Force of the parent on a subtree.
-    Force(Place<S>, Subtree<S>),
+    Force(Place<S>, usize),
     /// Torque of the parent on a subtree.
-    Torque(Place<S>, Subtree<S>),
+    Torque(Place<S>, usize),
     /// Normal forces on a body of the model whose line meets a volume.
     Touch(usize, Solid<S>),
     /// Rays.
@@ -182,29 +186,40 @@ pub enum Read<S> {
     /// Contacts.
     Contact([Side<S>; 2], Vec<ContactField>, ContactReduction, usize),
     /// Centre of mass.
-    Com(Subtree<S>),
+    Com(usize),
     /// Its velocity.
-    ComVelocity(Subtree<S>),
+    ComVelocity(usize),
     /// Angular momentum about it.
-    AngularMomentum(Subtree<S>),
+    AngularMomentum(usize),
     /// Energy of gravity and springs.
-    Potential(Subtree<S>),
+    Potential(usize),
     /// Energy of motion.
-    Kinetic(Subtree<S>),
+    Kinetic(usize),
     /// Time.
     Clock,
     /// Coefficients times readings that begin at these addresses.
     Combination(Vec<(usize, S)>),
 }
 
+/// Ends of a range.
+#[derive(Clone, Copy, Debug)]
+pub enum Bounds<S> {
+    /// Those of a joint's limit, by its index in the plan.
+    Limit(usize),
+    /// Fixed ones.
+    Range([S; 2]),
+}
+
 impl<S: Scalar> SensingPlan<S> {
-    pub(super) fn new(model: &Model, merged: &Merged) -> Self {
+    pub(super) fn new(model: &Model, merged: &Merged, tendons: &[TendonPlan<S>]) -> Self {
+        let owners = tendons.iter().map(|t| (t.index, t.owner)).collect();
+        let compiler = Compiler { model, merged, addresses: model.joint_addresses(), owners, found: RefCell::default() };
         let at = model.sensor_addresses();
         let compile = |(i, s): (usize, &Sensor)| SensorPlan {
             at: at[i],
             dim: s.dim(&model.sensors),
             quantity: s.quantity(),
-            read: Compiler { model, merged, addresses: model.joint_addresses() }.read(&s.kind, &at),
+            read: compiler.read(&s.kind, &at),
         };
         let sensors: Vec<_> = model.sensors.iter().enumerate().map(compile).collect();
         let needs = Needs::of(&sensors, model);
@@ -213,8 +228,12 @@ impl<S: Scalar> SensingPlan<S> {
             let body = &model.bodies[leader];
             wxyz(&(merged.quat[body.parent] * quaternion(body.quat)))
         };
+        let Found { subtrees, places, shapes, .. } = compiler.found.into_inner();
         Self {
             sensors,
+            subtrees,
+            places,
+            shapes,
             width: model.nsensordata(),
             magnetic: scalars(model.magnetic),
             link_quat: if quaternions { merged.leaders.iter().map(link_quat).collect() } else { vec![] },
@@ -258,6 +277,18 @@ struct Compiler<'a> {
     model: &'a Model,
     merged: &'a Merged,
     addresses: Vec<(usize, usize)>,
+    /// Tendons of the model that have rows, and where their impulses are.
+    owners: Vec<(usize, usize)>,
+    found: RefCell<Found>,
+}
+
+/// What the sensors so far read that has numbers of its own.
+#[derive(Default)]
+struct Found {
+    subtrees: Vec<Subtree>,
+    places: Vec<Object>,
+    shapes: Vec<Object>,
+    parts: usize,
 }
 
 impl Compiler<'_> {
@@ -268,11 +299,17 @@ impl Compiler<'_> {
             K::JointPos(j) | K::BallQuat(j) => Read::Position(self.addresses[j].0),
             K::JointVel(j) | K::BallAngVel(j) => Read::Velocity(self.addresses[j].1),
             K::JointActuatorForce(j) => self.drive(j),
-            K::JointLimitPos(j) => self.limit(j, |q, _, range| Read::LimitPos(q, range)),
-            K::JointLimitVel(j) => self.limit(j, Read::LimitVel),
-            K::JointLimitForce(j) => self.limit_force(j),
-            K::TendonPos(t) => Read::Length(self.arms(&self.model.tendons[t].joints, 1.0).map(|(q, _, c)| (q, c)).collect()),
-            K::TendonVel(t) => Read::Rate(self.arms(&self.model.tendons[t].joints, 1.0).map(|(_, v, c)| (v, c)).collect()),
+            K::JointLimitPos(j) => self.overlap(&[(j, 1.0)], self.limit_of(j).map(Bounds::Limit), false),
+            K::JointLimitVel(j) => self.overlap(&[(j, 1.0)], self.limit_of(j).map(Bounds::Limit), true),
+            K::JointLimitForce(j) => self.limit_of(j).map_or(Read::Nothing, Read::LimitForce),
+            K::TendonPos(t) => Read::Length(self.sums(&self.model.tendons[t].joints, 1.0)[0].clone()),
+            K::TendonVel(t) => Read::Rate(self.sums(&self.model.tendons[t].joints, 1.0)[1].clone()),
+            K::TendonLimitPos(t) => self.overlap(&self.model.tendons[t].joints, self.range_of(t), false),
+            K::TendonLimitVel(t) => self.overlap(&self.model.tendons[t].joints, self.range_of(t), true),
+            K::TendonLimitForce(t) => {
+                let owner = self.owners.iter().find(|owner| owner.0 == t && self.model.tendons[t].range.is_some());
+                owner.map_or(Read::Nothing, |owner| Read::LimitForce(owner.1))
+            }
             K::TendonActuatorForce(t) => {
                 let pulls = |a: &usize| self.model.actuators[*a].transmission == Transmission::Tendon(t);
                 Read::Drive((0..self.model.actuators.len()).filter(pulls).map(|a| (a, S::ONE)).collect(), None)
@@ -312,6 +349,12 @@ impl Compiler<'_> {
         arms.iter().map(move |&(j, c)| (self.addresses[j].0, self.addresses[j].1, S::from_f64(c * gear)))
     }
 
+    /// Terms in q and in v.
+    fn sums<S: Scalar>(&self, arms: &[(usize, f64)], gear: f64) -> [Vec<(usize, S)>; 2] {
+        let arms = || self.arms(arms, gear);
+        [arms().map(|(q, _, c)| (q, c)).collect(), arms().map(|(_, v, c)| (v, c)).collect()]
+    }
+
     fn moment<S: Scalar>(&self, a: usize) -> impl Iterator<Item = (usize, usize, S)> {
         let actuator = &self.model.actuators[a];
         let arms = match actuator.transmission {
@@ -328,40 +371,46 @@ impl Compiler<'_> {
         Read::Drive(arms.filter(|&(_, v, _)| v == dof).map(|(a, _, c)| (a, c)).collect(), range)
     }
 
-    fn limit<S: Scalar>(&self, j: usize, read: impl Fn(usize, usize, [S; 2]) -> Read<S>) -> Read<S> {
-        let (q, v) = self.addresses[j];
-        self.model.joints[j].range.map_or(Read::Nothing, |range| read(q, v, scalars(range)))
+    /// Index in the plan of a joint's limit.
+    fn limit_of(&self, j: usize) -> Option<usize> {
+        super::limits(self.model, &self.addresses).iter().position(|l| l.dof == self.addresses[j].1)
     }
 
-    fn limit_force<S: Scalar>(&self, j: usize) -> Read<S> {
-        let dof = self.addresses[j].1;
-        let index = super::limits::<S>(self.model, &self.addresses).iter().position(|l| l.dof == dof);
-        index.map_or(Read::Nothing, Read::LimitForce)
+    fn range_of<S: Scalar>(&self, t: usize) -> Option<Bounds<S>> {
+        self.model.tendons[t].range.map(|range| Bounds::Range(scalars(range)))
+    }
+
+    /// The overlap of a joint or tendon with its limits, or the overlap's rate.
+    fn overlap<S: Scalar>(&self, arms: &[(usize, f64)], bounds: Option<Bounds<S>>, rate: bool) -> Read<S> {
+        let Some(bounds) = bounds else { return Read::Nothing };
+        let sums = self.sums(arms, 1.0);
+        if rate { Read::LimitVel(sums, bounds) } else { Read::LimitPos(sums[0].clone(), bounds) }
     }
 
     fn place<S: Scalar>(&self, object: Object) -> Place<S> {
-        let (body, pos, quat) = match object {
-            Object::XBody(b) => (b, [0.0; 3], [1.0, 0.0, 0.0, 0.0]),
-            Object::Body(b) => (b, self.model.bodies[b].ipos, self.model.bodies[b].iquat),
-            Object::Geom(g) => (self.model.geoms[g].body, self.model.geoms[g].pos, self.model.geoms[g].quat),
-            Object::Site(s) => (self.model.sites[s].body, self.model.sites[s].pos, self.model.sites[s].quat),
+        let (body, quat) = match object {
+            Object::XBody(b) => (b, [1.0, 0.0, 0.0, 0.0]),
+            Object::Body(b) => (b, self.model.bodies[b].iquat),
+            Object::Geom(g) => (self.model.geoms[g].body, self.model.geoms[g].quat),
+            Object::Site(s) => (self.model.sites[s].body, self.model.sites[s].quat),
         };
-        let at: Vector3<f64> = self.merged.pos[body] + self.merged.quat[body] * vector(pos);
         let quat = self.merged.quat[body] * quaternion(quat);
-        Place { frame: self.merged.frame[body], pos: scalars(at.into()), mat: matrix(&quat), quat: wxyz(&quat) }
+        let index = number(&mut self.found.borrow_mut().places, object);
+        Place { frame: self.merged.frame[body], index, mat: matrix(&quat), quat: wxyz(&quat) }
     }
 
     fn solid<S: Scalar>(&self, object: Object, shape: &Shape) -> Option<Solid<S>> {
-        let (form, size) = match *shape {
-            Shape::Plane => (Form::Plane, [0.0; 3]),
-            Shape::Sphere { radius } => (Form::Sphere, [radius, 0.0, 0.0]),
-            Shape::Capsule { radius, half_length } => (Form::Capsule, [radius, half_length, 0.0]),
-            Shape::Cylinder { radius, half_length } => (Form::Cylinder, [radius, half_length, 0.0]),
-            Shape::Ellipsoid { radii } => (Form::Ellipsoid, radii),
-            Shape::Box { half } => (Form::Box, half),
+        let form = match *shape {
+            Shape::Plane => Form::Plane,
+            Shape::Sphere { .. } => Form::Sphere,
+            Shape::Capsule { .. } => Form::Capsule,
+            Shape::Cylinder { .. } => Form::Cylinder,
+            Shape::Ellipsoid { .. } => Form::Ellipsoid,
+            Shape::Box { .. } => Form::Box,
             Shape::Mesh { .. } | Shape::HeightField { .. } => return None,
         };
-        Some(Solid { place: self.place(object), form, size: scalars(size) })
+        let index = number(&mut self.found.borrow_mut().shapes, object);
+        Some(Solid { place: self.place(object), form, index })
     }
 
     fn zone<S: Scalar>(&self, site: usize) -> Solid<S> {
@@ -399,17 +448,30 @@ impl Compiler<'_> {
         below
     }
 
-    fn subtree<S: Scalar>(&self, root: usize) -> Subtree<S> {
+    /// The number of a body's subtree.
+    fn subtree(&self, root: usize) -> usize {
         let bodies = self.descendants(root);
-        let mut frames: Vec<usize> = (0..bodies.len()).filter(|&b| bodies[b]).map(|b| self.merged.frame[b]).collect();
+        let mut found = self.found.borrow_mut();
+        if let Some(tree) = found.subtrees.iter().find(|tree| tree.bodies == bodies) {
+            return tree.index;
+        }
+        let heavy = |b: &usize| bodies[*b] && self.model.bodies[*b].mass > 0.0;
+        let mut frames: Vec<usize> = (0..bodies.len()).filter(heavy).map(|b| self.merged.frame[b]).collect();
         frames.sort_unstable();
         frames.dedup();
-        let part = |&frame: &usize| {
-            let (mass, com, inertia) = combined(self.model, self.merged, |b| bodies[b] && self.merged.frame[b] == frame);
-            Part { frame, mass: S::from_f64(mass), com: scalars(com.into()), inertia: scalars(inertia) }
-        };
-        let parts: Vec<Part<S>> = frames.iter().map(part).filter(|p| p.mass > S::ZERO).collect();
-        let mass = (0..bodies.len()).filter(|&b| bodies[b]).map(|b| self.model.bodies[b].mass).sum();
-        Subtree { mass: S::from_f64(mass), parts, bodies }
+        let first = self.merged.leaders.len() + found.parts;
+        let parts: Vec<_> = frames.into_iter().enumerate().map(|(k, frame)| Part { frame, index: first + k }).collect();
+        found.parts += parts.len();
+        let index = found.subtrees.len();
+        found.subtrees.push(Subtree { index, parts, bodies });
+        index
     }
+}
+
+/// The number of an object in a list, which takes it up if it is new.
+fn number(list: &mut Vec<Object>, object: Object) -> usize {
+    list.iter().position(|&o| o == object).unwrap_or_else(|| {
+        list.push(object);
+        list.len() - 1
+    })
 }

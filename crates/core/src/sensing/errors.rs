@@ -9,6 +9,7 @@
 //! 2012, section 5.5). A noise density N per sqrt(Hz) is white noise of N / sqrt(T) at a sampling time of T, so that the Allan deviation
 //! at 1 s is N whatever the time step (IEEE 952). Unit vectors and quaternions are turned by bias, drift and noise as a rotation vector.
 
+mod delay;
 mod draws;
 mod observe;
 mod transfer;
@@ -75,7 +76,8 @@ struct Imperfect<S> {
 #[derive(Clone, Debug)]
 pub struct Errors<S> {
     sensors: Vec<Imperfect<S>>,
-    /// For every group of lanes the numbers of every sensor, lane-interleaved.
+    /// The numbers of every sensor, lane-interleaved: for every group of lanes, or once where they are the same in all environments, so that
+    /// they stay in cache from group to group.
     tables: Vec<Vec<S>>,
     /// Numbers that survive a step, per lane.
     pub memory: usize,
@@ -90,7 +92,9 @@ impl<S: Scalar> Errors<S> {
     /// The first number out of its range, with the sensor's name.
     pub fn new(model: &Model, transfers: &[Option<Transfer>], num_envs: usize, lanes: usize, h: f64) -> Result<Self, String> {
         let addresses = model.sensor_addresses();
-        let mut errors = Self { sensors: vec![], tables: vec![vec![]; num_envs.div_ceil(lanes)], memory: 0, lines: 0 };
+        let shared = transfers.iter().flatten().all(Transfer::is_shared);
+        let tables = vec![vec![]; if shared { 1 } else { num_envs.div_ceil(lanes) }];
+        let mut errors = Self { sensors: vec![], tables, memory: 0, lines: 0 };
         for (i, (sensor, transfer)) in model.sensors.iter().zip(transfers).enumerate() {
             let Some(t) = transfer else { continue };
             let (dim, quantity) = (sensor.dim(&model.sensors), sensor.quantity());
@@ -105,6 +109,16 @@ impl<S: Scalar> Errors<S> {
             }
         }
         Ok(errors)
+    }
+
+    /// The numbers of a group of lanes.
+    fn table(&self, group: usize) -> &[S] {
+        &self.tables[if self.tables.len() == 1 { 0 } else { group }]
+    }
+
+    /// Sensors that are not ideal, by their numbers in the model.
+    pub fn sensors(&self) -> impl Iterator<Item = usize> {
+        self.sensors.iter().map(|s| s.sensor)
     }
 
     /// Whether every sensor is ideal.
@@ -169,6 +183,11 @@ impl<S: Scalar> Imperfect<S> {
             line: if delay > 0.0 { delay.ceil() as usize + 2 } else { 0 },
             table,
         }
+    }
+
+    /// Where the noise begins among the numbers drawn in a step: Gaussian noise comes in one draw with the drift and after it.
+    fn noise_at(&self) -> usize {
+        if self.drifts && self.noisy && !self.uniform { self.freedom } else { 0 }
     }
 
     fn size(&self) -> usize {

@@ -5,12 +5,12 @@ use stepper_real::Real;
 use super::{Moment, Room};
 use crate::kinematics::{Kinematics, quat_at};
 use crate::model::{FrameReading, JointKind};
-use crate::plan::Plan;
+use crate::plan::LanePlan;
 use crate::plan::sensing::Place;
 use crate::spatial::*;
 
 /// Orientation of every link as a quaternion: products along the tree, so that the sign is that of the coordinates.
-pub(super) fn orientations<R: Real>(plan: &Plan<R::Scalar>, q: &[R], out: &mut [[R; 4]]) {
+pub(super) fn orientations<R: Real>(plan: &LanePlan<R>, q: &[R], out: &mut [[R; 4]]) {
     R::vectorize(
         #[inline(always)]
         || {
@@ -36,7 +36,7 @@ pub(super) fn orientations<R: Real>(plan: &Plan<R::Scalar>, q: &[R], out: &mut [
 
 /// Velocities and accelerations of the links: the forward half of recursive Newton-Euler (Featherstone 2008, section 5.3).
 pub(super) fn accelerations<R: Real>(
-    plan: &Plan<R::Scalar>,
+    plan: &LanePlan<R>,
     kinematics: &Kinematics<R>,
     moment: &Moment<'_, R>,
     velocity: &mut [V6<R>],
@@ -76,15 +76,15 @@ pub(super) fn accelerations<R: Real>(
 
 /// Gravity as an upward acceleration of the world.
 #[inline(always)]
-pub(super) fn ground<R: Real>(plan: &Plan<R::Scalar>) -> V6<R> {
-    spatial(zero(), scale(splat(plan.gravity), -R::one()))
+pub(super) fn ground<R: Real>(plan: &LanePlan<R>) -> V6<R> {
+    spatial(zero(), scale(plan.params.gravity(), -R::one()))
 }
 
 /// Position of a place in the world.
-pub(super) fn position<R: Real>(kinematics: &Kinematics<R>, place: &Place<R::Scalar>) -> V3<R> {
+pub(super) fn position<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, place: &Place<R::Scalar>) -> V3<R> {
     R::vectorize(
         #[inline(always)]
-        || kinematics.point(place.frame, splat(place.pos)),
+        || kinematics.point(place.frame, plan.params.place(place.index)),
     )
 }
 
@@ -99,7 +99,7 @@ pub(super) fn orientation<R: Real>(kinematics: &Kinematics<R>, place: &Place<R::
 /// Motion of a frame and the point about which it is given; the world and what the user poses stand still.
 #[inline(always)]
 pub(super) fn motion_of<R: Real>(
-    plan: &Plan<R::Scalar>,
+    plan: &LanePlan<R>,
     kinematics: &Kinematics<R>,
     motions: &[V6<R>],
     still: V6<R>,
@@ -112,24 +112,24 @@ pub(super) fn motion_of<R: Real>(
 }
 
 /// (angular, linear) velocity at a place, world axes.
-fn velocity<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, room: &Room<R>, place: &Place<R::Scalar>) -> [V3<R>; 2] {
+fn velocity<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, room: &Room<R>, place: &Place<R::Scalar>) -> [V3<R>; 2] {
     R::vectorize(
         #[inline(always)]
         || {
             let (motion, origin) = motion_of(plan, kinematics, &room.velocity, zero(), place.frame);
-            [angular(&motion), velocity_at(&motion, sub(position(kinematics, place), origin))]
+            [angular(&motion), velocity_at(&motion, sub(position(plan, kinematics, place), origin))]
         },
     )
 }
 
 /// (angular, linear) acceleration at a place, less gravity, world axes: the spatial acceleration there plus omega x v.
-fn acceleration<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, room: &Room<R>, place: &Place<R::Scalar>) -> [V3<R>; 2] {
+fn acceleration<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, room: &Room<R>, place: &Place<R::Scalar>) -> [V3<R>; 2] {
     R::vectorize(
         #[inline(always)]
         || {
             let (change, origin) = motion_of(plan, kinematics, &room.acceleration, ground(plan), place.frame);
             let [omega, v] = velocity(plan, kinematics, room, place);
-            let there = velocity_at(&change, sub(position(kinematics, place), origin));
+            let there = velocity_at(&change, sub(position(plan, kinematics, place), origin));
             [angular(&change), add(there, cross(omega, v))]
         },
     )
@@ -137,7 +137,7 @@ fn acceleration<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, roo
 
 /// Velocity and acceleration of a site in its own axes: [angular velocity, linear velocity] or [angular, linear acceleration].
 pub fn site_motion<R: Real>(
-    plan: &Plan<R::Scalar>,
+    plan: &LanePlan<R>,
     kinematics: &Kinematics<R>,
     room: &Room<R>,
     place: &Place<R::Scalar>,
@@ -158,7 +158,7 @@ pub fn site_motion<R: Real>(
 
 /// A frame's reading: three numbers, or four of a quaternion.
 pub fn frame<R: Real>(
-    plan: &Plan<R::Scalar>,
+    plan: &LanePlan<R>,
     kinematics: &Kinematics<R>,
     room: &Room<R>,
     what: FrameReading,
@@ -180,9 +180,9 @@ pub fn frame<R: Real>(
                 out.copy_from_slice(&seen);
                 return;
             }
-            let arm = |r: &Place<R::Scalar>| sub(position(kinematics, object), position(kinematics, r));
+            let arm = |r: &Place<R::Scalar>| sub(position(plan, kinematics, object), position(plan, kinematics, r));
             let x = match what {
-                F::Pos => reference.map_or_else(|| position(kinematics, object), arm),
+                F::Pos => reference.map_or_else(|| position(plan, kinematics, object), arm),
                 F::XAxis => column(&orientation(kinematics, object), 0),
                 F::YAxis => column(&orientation(kinematics, object), 1),
                 F::ZAxis => column(&orientation(kinematics, object), 2),

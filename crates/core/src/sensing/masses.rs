@@ -1,17 +1,17 @@
 //! Momentum, energy, and the force that carries a part of the tree.
 
-use stepper_real::{Real, Scalar};
+use stepper_real::Real;
 
 use super::frames::{ground, motion_of, orientation, position};
 use super::{Moment, Room};
 use crate::kinematics::{Kinematics, quat_at};
 use crate::model::JointKind;
-use crate::plan::Plan;
 use crate::plan::sensing::{Part, Place, Subtree};
+use crate::plan::{Inertial, LanePlan};
 use crate::spatial::*;
 
 /// Centre of mass of a subtree, m.
-pub fn com<R: Real>(kinematics: &Kinematics<R>, subtree: &Subtree<R::Scalar>, empty: V3<R>) -> V3<R> {
+pub fn com<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, subtree: &Subtree, empty: V3<R>) -> V3<R> {
     R::vectorize(
         #[inline(always)]
         || {
@@ -20,32 +20,29 @@ pub fn com<R: Real>(kinematics: &Kinematics<R>, subtree: &Subtree<R::Scalar>, em
             }
             let mut sum = zero();
             for part in &subtree.parts {
-                sum = add_scaled(sum, kinematics.point(part.frame, splat(part.com)), R::splat(part.mass));
+                let Inertial { mass, com, .. } = plan.params.inertial(part.index);
+                sum = add_scaled(sum, kinematics.point(part.frame, com), mass);
             }
-            scale(sum, R::one() / R::splat(subtree.mass))
+            scale(sum, R::one() / plan.params.total(subtree.index))
         },
     )
 }
 
 /// Inertia of a part about the point about which its motion is given, that motion, and that point.
-fn moving<R: Real>(
-    plan: &Plan<R::Scalar>,
-    kinematics: &Kinematics<R>,
-    room: &Room<R>,
-    part: &Part<R::Scalar>,
-) -> (Inertia<R>, V6<R>, V3<R>) {
+fn moving<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, room: &Room<R>, part: &Part) -> (Inertia<R>, V6<R>, V3<R>) {
     R::vectorize(
         #[inline(always)]
         || {
             let (motion, origin) = motion_of(plan, kinematics, &room.velocity, zero(), part.frame);
-            let arm = sub(kinematics.point(part.frame, splat(part.com)), origin);
-            (inertia_at(R::splat(part.mass), splat(part.inertia), &kinematics.mat[part.frame], arm), motion, origin)
+            let Inertial { mass, com, inertia } = plan.params.inertial(part.index);
+            let arm = sub(kinematics.point(part.frame, com), origin);
+            (inertia_at(mass, inertia, &kinematics.mat[part.frame], arm), motion, origin)
         },
     )
 }
 
 /// Velocity of the centre of mass of a subtree, m/s.
-pub fn com_velocity<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, room: &Room<R>, subtree: &Subtree<R::Scalar>) -> V3<R> {
+pub fn com_velocity<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, room: &Room<R>, subtree: &Subtree) -> V3<R> {
     R::vectorize(
         #[inline(always)]
         || {
@@ -55,25 +52,21 @@ pub fn com_velocity<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>,
             let mut sum = zero();
             for part in &subtree.parts {
                 let (motion, origin) = motion_of(plan, kinematics, &room.velocity, zero(), part.frame);
-                let arm = sub(kinematics.point(part.frame, splat(part.com)), origin);
-                sum = add_scaled(sum, velocity_at(&motion, arm), R::splat(part.mass));
+                let Inertial { mass, com, .. } = plan.params.inertial(part.index);
+                let arm = sub(kinematics.point(part.frame, com), origin);
+                sum = add_scaled(sum, velocity_at(&motion, arm), mass);
             }
-            scale(sum, R::one() / R::splat(subtree.mass))
+            scale(sum, R::one() / plan.params.total(subtree.index))
         },
     )
 }
 
 /// Angular momentum of a subtree about its centre of mass, kg m^2/s.
-pub fn angular_momentum<R: Real>(
-    plan: &Plan<R::Scalar>,
-    kinematics: &Kinematics<R>,
-    room: &Room<R>,
-    subtree: &Subtree<R::Scalar>,
-) -> V3<R> {
+pub fn angular_momentum<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, room: &Room<R>, subtree: &Subtree) -> V3<R> {
     R::vectorize(
         #[inline(always)]
         || {
-            let centre = com(kinematics, subtree, zero());
+            let centre = com(plan, kinematics, subtree, zero());
             let mut sum = zero();
             for part in &subtree.parts {
                 let (inertia, motion, origin) = moving(plan, kinematics, room, part);
@@ -88,17 +81,17 @@ pub fn angular_momentum<R: Real>(
 /// Force and torque, about the place and in its axes, with which the parent carries a subtree: what accelerates its masses, less what
 /// contacts and the user apply to it (Newton and Euler's laws for the subtree as a whole).
 pub fn parent_force<R: Real>(
-    plan: &Plan<R::Scalar>,
+    plan: &LanePlan<R>,
     kinematics: &Kinematics<R>,
     room: &Room<R>,
     moment: &Moment<'_, R>,
     place: &Place<R::Scalar>,
-    subtree: &Subtree<R::Scalar>,
+    subtree: &Subtree,
 ) -> [V3<R>; 2] {
     R::vectorize(
         #[inline(always)]
         || {
-            let point = position(kinematics, place);
+            let point = position(plan, kinematics, place);
             let (mut force, mut torque) = (zero(), zero());
             for part in &subtree.parts {
                 let (inertia, motion, origin) = moving(plan, kinematics, room, part);
@@ -111,7 +104,7 @@ pub fn parent_force<R: Real>(
                 for (b, body) in plan.bodies.iter().enumerate().filter(|(b, _)| subtree.bodies[*b]) {
                     let w = &moment.xfrc[6 * b..6 * b + 6];
                     let (f, t) = ([w[0], w[1], w[2]], [w[3], w[4], w[5]]);
-                    let arm = sub(kinematics.point(body.frame, splat(body.com)), point);
+                    let arm = sub(kinematics.point(body.frame, plan.params.body_com(b)), point);
                     force = sub(force, f);
                     torque = sub(torque, add(t, cross(arm, f)));
                 }
@@ -124,17 +117,18 @@ pub fn parent_force<R: Real>(
 }
 
 /// Energy of gravity and of the springs of joints and tendons, J.
-pub fn potential<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, q: &[R], all: &Subtree<R::Scalar>) -> R {
+pub fn potential<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, q: &[R], all: &Subtree) -> R {
     R::vectorize(
         #[inline(always)]
         || {
             let mut sum = R::zero();
             for part in &all.parts {
-                sum -= R::splat(part.mass) * dot(splat(plan.gravity), kinematics.point(part.frame, splat(part.com)));
+                let Inertial { mass, com, .. } = plan.params.inertial(part.index);
+                sum -= mass * dot(plan.params.gravity(), kinematics.point(part.frame, com));
             }
             let half = R::of(0.5);
-            for joint in plan.joints.iter().filter(|j| j.stiffness.to_f64() != 0.0) {
-                let k = R::splat(joint.stiffness) * half;
+            for (j, joint) in plan.joints.iter().enumerate().filter(|(_, joint)| joint.sprung) {
+                let k = plan.params.spring(j) * half;
                 let (mut at, mut i) = (joint.q, 0);
                 if joint.kind != JointKind::Ball {
                     let scalars = if joint.kind == JointKind::Free { 3 } else { 1 };
@@ -161,7 +155,7 @@ pub fn potential<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, q:
 }
 
 /// Energy of motion, rotors and tendons' inertia included, J.
-pub fn kinetic<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, room: &Room<R>, v: &[R], all: &Subtree<R::Scalar>) -> R {
+pub fn kinetic<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, room: &Room<R>, v: &[R], all: &Subtree) -> R {
     R::vectorize(
         #[inline(always)]
         || {
@@ -170,8 +164,8 @@ pub fn kinetic<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, room
                 let (inertia, motion, _) = moving(plan, kinematics, room, part);
                 sum += dot6(apply_inertia(&inertia, &motion), motion);
             }
-            for (dof, &v) in plan.dofs.iter().zip(v) {
-                sum += R::splat(dof.armature) * v * v;
+            for (d, &v) in v.iter().enumerate() {
+                sum += plan.params.dof(d).armature * v * v;
             }
             for tendon in &plan.tendons {
                 let Some((spring, _)) = &tendon.spring else { continue };

@@ -34,6 +34,8 @@ pub struct Memory<S> {
     pub cursors: Vec<u32>,
     /// Readings after the transfer functions; empty when all sensors are ideal.
     pub observation: Vec<S>,
+    /// For every sensor that is not ideal, readings that were clipped in the last call, per lane, and samples that were lost.
+    pub faults: Vec<u32>,
 }
 
 impl<S: Scalar> Memory<S> {
@@ -54,6 +56,7 @@ impl<S: Scalar> Memory<S> {
             numbers: vec![],
             cursors: vec![],
             observation: vec![],
+            faults: vec![],
         }
     }
 
@@ -62,6 +65,7 @@ impl<S: Scalar> Memory<S> {
         let lanes = self.seed.len();
         self.numbers = vec![S::default(); numbers * lanes];
         self.cursors = vec![0; lines];
+        self.faults = vec![0; 2 * lines * lanes];
         self.observation = vec![S::default(); readings * lanes];
     }
 
@@ -75,6 +79,7 @@ impl<S: Scalar> Memory<S> {
         for numbers in [&mut self.acceleration, &mut self.xfrc] {
             numbers.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = S::default());
         }
+        self.faults.iter_mut().skip(lane).step_by(lanes).for_each(|n| *n = 0);
         self.fresh |= 1 << lane;
         self.waiting |= 1 << lane;
     }
@@ -97,6 +102,7 @@ impl<S: Scalar> Memory<S> {
         for numbers in all {
             numbers.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = S::default());
         }
+        self.faults.iter_mut().skip(lane).step_by(lanes).for_each(|n| *n = 0);
         (self.seed[lane], self.stream[lane], self.episode[lane], self.step[lane]) = (0, 0, 0, 0);
         self.fresh &= !(1 << lane);
         self.waiting &= !(1 << lane);
@@ -105,12 +111,13 @@ impl<S: Scalar> Memory<S> {
     /// Memory that it holds, bytes.
     pub fn bytes(&self) -> usize {
         let scalars: usize = self.arrays().into_iter().map(|x| size_of_val(&x[..])).sum();
-        scalars + self.seed.len() * 20 + self.cursors.len() * 4
+        scalars + self.seed.len() * 20 + (self.cursors.len() + self.faults.len()) * 4
     }
 
     /// Whether two memories are of the same shape.
     pub fn fits(&self, other: &Self) -> bool {
-        let sizes = |m: &Self| (m.arrays().map(Vec::len), m.seed.len(), [&m.stream, &m.episode, &m.step].map(Vec::len), m.cursors.len());
+        let words = |m: &Self| [&m.stream, &m.episode, &m.step, &m.cursors, &m.faults].map(Vec::len);
+        let sizes = |m: &Self| (m.arrays().map(Vec::len), m.seed.len(), words(m));
         sizes(self) == sizes(other)
     }
 

@@ -34,11 +34,18 @@ pub fn philox4x32_10(mut counter: [Word; 4], mut key: [Word; 2], lanes: usize) -
 /// Uniform numbers in (0, 1), symmetric about 1/2: the middles of 2^32 equal intervals.
 #[inline(always)]
 pub fn uniform<R: Real>(word: &Word) -> R {
-    let mut out = R::zero();
+    each(word, unit)
+}
+
+/// A number from the word of every lane, computed in f64.
+#[inline(always)]
+fn each<R: Real>(word: &Word, number: impl Fn(u32) -> f64) -> R {
+    // Into an array and from there: lanes set one by one are computed one by one, an array all at once.
+    let mut out = [R::Scalar::default(); MAX_LANES];
     for l in 0..R::LANES {
-        out.set_lane(l, Scalar::from_f64(unit(word[l])));
+        out[l] = Scalar::from_f64(number(word[l]));
     }
-    out
+    R::load(&out)
 }
 
 #[inline(always)]
@@ -49,14 +56,19 @@ fn unit(x: u32) -> f64 {
 /// Two independent standard normal numbers of two words (Box and Muller 1958). The largest is 6.7.
 #[inline(always)]
 pub fn normals<R: Real>(radius: &Word, angle: &Word) -> [R; 2] {
-    let mut square = R::zero();
-    for l in 0..R::LANES {
-        square.set_lane(l, Scalar::from_f64(-2.0 * ln_unit(radius[l])));
-    }
+    let square: R = each(
+        radius,
+        #[inline(always)]
+        |x| -2.0 * ln_unit(x),
+    );
     let r = square.sqrt();
     let (s, c) = (uniform::<R>(angle) * R::of(std::f64::consts::TAU)).sin_cos();
     [r * c, r * s]
 }
+
+/// Coefficients of z^10 to z in artanh(t) / t - 1 at z = t^2.
+const ARTANH: [f64; 10] =
+    [1.0 / 21.0, 1.0 / 19.0, 1.0 / 17.0, 1.0 / 15.0, 1.0 / 13.0, 1.0 / 11.0, 1.0 / 9.0, 1.0 / 7.0, 1.0 / 5.0, 1.0 / 3.0];
 
 /// ln of the middle of interval `x` of (0, 1): the same bits on every machine, within a few ulp.
 ///
@@ -67,14 +79,11 @@ fn ln_unit(x: u32) -> f64 {
     let bits = u.to_bits();
     // Adding 1/sqrt 2's distance from 1 to the bits carries into the exponent where the fraction is above sqrt 2.
     let shifted = bits + (0x3FF0_0000_0000_0000 - 0x3FE6_A09E_667F_3BCD);
-    let k = (shifted >> 52) as f64 - 1023.0;
+    let k = f64::from((shifted >> 52) as i32) - 1023.0;
     let m = f64::from_bits((shifted & 0x000F_FFFF_FFFF_FFFF) + 0x3FE6_A09E_667F_3BCD);
     let t = (m - 1.0) / (m + 1.0);
     let z = t * t;
-    let mut sum = 0.0;
-    for i in (1..=10).rev() {
-        sum = (sum + 1.0 / (2 * i + 1) as f64) * z;
-    }
+    let sum = ARTANH.iter().fold(0.0, |sum, &c| (sum + c) * z);
     k * std::f64::consts::LN_2 + (2.0 * t + 2.0 * t * sum)
 }
 

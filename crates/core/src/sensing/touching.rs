@@ -8,7 +8,7 @@ use super::{Moment, Room};
 use crate::contacts::{Contacts, frame};
 use crate::kinematics::Kinematics;
 use crate::model::{ContactField, ContactReduction};
-use crate::plan::Plan;
+use crate::plan::LanePlan;
 use crate::plan::sensing::{Side, Solid};
 use crate::spatial::*;
 
@@ -27,16 +27,22 @@ struct Contact {
     torque: [f64; 3],
 }
 
+/// Geoms of the model that a contact is between, and their bodies.
+fn parties<R: Real>(plan: &LanePlan<R>, contacts: &Contacts<R>, slot: usize, lane: usize) -> [[usize; 2]; 2] {
+    let pair = plan.pair_geoms(contacts.ids[slot][lane].pair()).expect("a contact belongs to a pair");
+    let geoms = pair.map(|g| plan.geoms[g].index);
+    [geoms, geoms.map(|g| plan.sensing.geom_body[g])]
+}
+
 impl Contact {
-    fn of<R: Real>(plan: &Plan<R::Scalar>, contacts: &Contacts<R>, h: R, slot: usize, lane: usize) -> Self {
-        let pair = plan.pair_geoms(contacts.ids[slot][lane].pair()).expect("a contact belongs to a pair");
-        let geoms = pair.map(|g| plan.geoms[g].index);
+    fn of<R: Real>(plan: &LanePlan<R>, contacts: &Contacts<R>, h: R, slot: usize, lane: usize) -> Self {
+        let [geoms, bodies] = parties(plan, contacts, slot, lane);
         let data = &contacts.data[slot];
         let at = |x: V3<R>| x.map(|x| x.lane(lane).to_f64());
         let h = h.lane(lane).to_f64();
         Self {
             geoms,
-            bodies: geoms.map(|g| plan.sensing.geom_body[g]),
+            bodies,
             distance: data.point.distance.lane(lane).to_f64(),
             pos: at(data.point.pos),
             axes: frame(at(data.point.normal)),
@@ -64,11 +70,11 @@ struct Zone {
 }
 
 impl Zone {
-    fn of<R: Real>(kinematics: &Kinematics<R>, solid: &Solid<R::Scalar>, lane: usize) -> Self {
+    fn of<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, solid: &Solid<R::Scalar>, lane: usize) -> Self {
         Self {
-            origin: position(kinematics, &solid.place).map(|x| x.lane(lane).to_f64()),
+            origin: position(plan, kinematics, &solid.place).map(|x| x.lane(lane).to_f64()),
             axes: orientation(kinematics, &solid.place).map(|x| x.lane(lane).to_f64()),
-            size: solid.size.map(Scalar::to_f64),
+            size: plan.params.size(solid.index).map(|x| x.lane(lane).to_f64()),
         }
     }
 
@@ -78,7 +84,7 @@ impl Zone {
 }
 
 /// Force of all contacts on some bodies, and its torque about a point.
-pub(super) fn wrench_on<R: Real>(plan: &Plan<R::Scalar>, moment: &Moment<'_, R>, point: V3<R>, bodies: &[bool]) -> (V3<R>, V3<R>) {
+pub(super) fn wrench_on<R: Real>(plan: &LanePlan<R>, moment: &Moment<'_, R>, point: V3<R>, bodies: &[bool]) -> (V3<R>, V3<R>) {
     R::vectorize(
         #[inline(always)]
         || {
@@ -87,11 +93,11 @@ pub(super) fn wrench_on<R: Real>(plan: &Plan<R::Scalar>, moment: &Moment<'_, R>,
                 let point = point.map(|x| x.lane(lane).to_f64());
                 let (mut f, mut t) = ([0.0; 3], [0.0; 3]);
                 for slot in 0..moment.contacts.count[lane] {
-                    let contact = Contact::of(plan, moment.contacts, moment.h, slot, lane);
-                    let [first, second] = contact.bodies.map(|b| bodies[b]);
+                    let [first, second] = parties(plan, moment.contacts, slot, lane)[1].map(|b| bodies[b]);
                     if first == second {
                         continue;
                     }
+                    let contact = Contact::of(plan, moment.contacts, moment.h, slot, lane);
                     let sign = if second { 1.0 } else { -1.0 };
                     let push = scale(contact.world_force(), sign);
                     t = add(t, scale(contact.world(contact.torque), sign));
@@ -109,22 +115,19 @@ pub(super) fn wrench_on<R: Real>(plan: &Plan<R::Scalar>, moment: &Moment<'_, R>,
 }
 
 /// Sum of the normal forces on a body whose line meets a volume, N.
-pub fn touch<R: Real>(
-    plan: &Plan<R::Scalar>,
-    kinematics: &Kinematics<R>,
-    moment: &Moment<'_, R>,
-    body: usize,
-    solid: &Solid<R::Scalar>,
-) -> R {
+pub fn touch<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, moment: &Moment<'_, R>, body: usize, solid: &Solid<R::Scalar>) -> R {
     let mut reading = R::zero();
     for lane in 0..R::LANES {
-        let zone = Zone::of(kinematics, solid, lane);
         let mut sum = 0.0;
         for slot in 0..moment.contacts.count[lane] {
-            let contact = Contact::of(plan, moment.contacts, moment.h, slot, lane);
-            if contact.force[0] <= 0.0 || !contact.bodies.contains(&body) {
+            if !parties(plan, moment.contacts, slot, lane)[1].contains(&body) {
                 continue;
             }
+            let contact = Contact::of(plan, moment.contacts, moment.h, slot, lane);
+            if contact.force[0] <= 0.0 {
+                continue;
+            }
+            let zone = Zone::of(plan, kinematics, solid, lane);
             // Along the force on the other body, away from this one.
             let away = scale(contact.axes[0], if contact.bodies[1] == body { -1.0 } else { 1.0 });
             let direction = rotate_back(&zone.axes, away);
@@ -140,7 +143,7 @@ pub fn touch<R: Real>(
 /// Readings of a contact sensor.
 #[expect(clippy::too_many_arguments, reason = "what the sensor selects, and what it selects from")]
 pub fn contacts<R: Real>(
-    plan: &Plan<R::Scalar>,
+    plan: &LanePlan<R>,
     kinematics: &Kinematics<R>,
     room: &mut Room<R>,
     moment: &Moment<'_, R>,
@@ -157,7 +160,7 @@ pub fn contacts<R: Real>(
         order.clear();
         for slot in 0..moment.contacts.count[lane] {
             let contact = Contact::of(plan, moment.contacts, moment.h, slot, lane);
-            if matches(kinematics, sides, &contact, lane).is_some() {
+            if matches(plan, kinematics, sides, &contact, lane).is_some() {
                 let key = match reduction {
                     ContactReduction::MinDistance => contact.distance,
                     ContactReduction::MaxForce => -dot(contact.force, contact.force),
@@ -191,11 +194,17 @@ pub fn contacts<R: Real>(
 }
 
 /// Whether a contact is between the sides, and whether it has to be turned round for that.
-fn matches<R: Real>(kinematics: &Kinematics<R>, sides: &[Side<R::Scalar>; 2], contact: &Contact, lane: usize) -> Option<bool> {
+fn matches<R: Real>(
+    plan: &LanePlan<R>,
+    kinematics: &Kinematics<R>,
+    sides: &[Side<R::Scalar>; 2],
+    contact: &Contact,
+    lane: usize,
+) -> Option<bool> {
     let fits = |side: &Side<R::Scalar>, geom: usize| match side {
         Side::Geoms(which) => which[geom],
         Side::Zone(solid) => {
-            let zone = Zone::of(kinematics, solid, lane);
+            let zone = Zone::of(plan, kinematics, solid, lane);
             holds(solid.form, zone.size, zone.local(contact.pos))
         }
     };
@@ -211,7 +220,7 @@ fn matches<R: Real>(kinematics: &Kinematics<R>, sides: &[Side<R::Scalar>; 2], co
 
 /// A contact that matches, seen from the first side.
 fn seen<R: Real>(
-    plan: &Plan<R::Scalar>,
+    plan: &LanePlan<R>,
     kinematics: &Kinematics<R>,
     moment: &Moment<'_, R>,
     sides: &[Side<R::Scalar>; 2],
@@ -219,7 +228,7 @@ fn seen<R: Real>(
     lane: usize,
 ) -> Contact {
     let mut contact = Contact::of(plan, moment.contacts, moment.h, slot, lane);
-    if matches(kinematics, sides, &contact, lane) == Some(true) {
+    if matches(plan, kinematics, sides, &contact, lane) == Some(true) {
         // Normal and first tangent turn round, and so does the force: along both its components stay.
         let [n, t, s] = contact.axes;
         contact.axes = [scale(n, -1.0), scale(t, -1.0), s];

@@ -1,16 +1,16 @@
 //! Stage 1: actions and state become generalized forces.
 
-use stepper_real::{Real, Scalar};
+use stepper_real::Real;
 
 use crate::drive::{At, Drive, Theta, along, within};
 use crate::kinematics::quat_at;
 use crate::model::{Activation, JointKind};
-use crate::plan::{ActuatorPlan, Plan};
+use crate::plan::{ActuatorPlan, LanePlan};
 use crate::spatial::*;
 
 /// Forces of actuators and springs, N or N m, and what servos add to the mass matrix; joint damping and the stiffness of joints are added
 /// in stage 2. Servos that are at a bound of their force stay there until [`Drive::release`].
-pub fn actuate<R: Real>(plan: &Plan<R::Scalar>, at: &At<'_, R>, theta: Option<Theta<R>>, drive: &mut Drive<R>) {
+pub fn actuate<R: Real>(plan: &LanePlan<R>, at: &At<'_, R>, theta: Option<Theta<R>>, drive: &mut Drive<R>) {
     R::vectorize(
         #[inline(always)]
         || {
@@ -21,10 +21,10 @@ pub fn actuate<R: Real>(plan: &Plan<R::Scalar>, at: &At<'_, R>, theta: Option<Th
                 };
                 match (theta, actuator.servo) {
                     (Some(theta), Some(k)) => {
-                        let (force, weight) = servo_force(actuator, at, input, theta);
+                        let (force, weight) = servo_force(actuator, plan.params.actuator(i), at, input, theta);
                         drive.set_servo(i, k, force, weight);
                     }
-                    _ => drive.force[i] = within(affine_force(actuator, at, input), actuator.force_range),
+                    _ => drive.force[i] = within(affine_force(actuator, plan.params.actuator(i), at, input), actuator.force_range),
                 }
             }
             gather(plan, at.q, theta.is_some(), drive);
@@ -33,7 +33,7 @@ pub fn actuate<R: Real>(plan: &Plan<R::Scalar>, at: &At<'_, R>, theta: Option<Th
 }
 
 /// The forces of `drive` on the joints, with those of springs: what [`actuate`] ends with, for when a servo's force changed.
-pub fn regather<R: Real>(plan: &Plan<R::Scalar>, q: &[R], drive: &mut Drive<R>) {
+pub fn regather<R: Real>(plan: &LanePlan<R>, q: &[R], drive: &mut Drive<R>) {
     R::vectorize(
         #[inline(always)]
         || gather(plan, q, true, drive),
@@ -41,7 +41,7 @@ pub fn regather<R: Real>(plan: &Plan<R::Scalar>, q: &[R], drive: &mut Drive<R>) 
 }
 
 #[inline(always)]
-fn gather<R: Real>(plan: &Plan<R::Scalar>, q: &[R], implicit: bool, drive: &mut Drive<R>) {
+fn gather<R: Real>(plan: &LanePlan<R>, q: &[R], implicit: bool, drive: &mut Drive<R>) {
     drive.gather(plan, implicit);
     add_springs(plan, q, &mut drive.tau);
 }
@@ -54,8 +54,7 @@ fn control<R: Real>(u: R, range: Option<[R::Scalar; 2]>) -> R {
 
 /// force = gain . (1, length, velocity) input + bias . (1, length, velocity)
 #[inline(always)]
-fn affine_force<R: Real>(actuator: &ActuatorPlan<R::Scalar>, at: &At<'_, R>, input: R) -> R {
-    let (gain, bias): (V3<R>, V3<R>) = (splat(actuator.gain), splat(actuator.bias));
+fn affine_force<R: Real>(actuator: &ActuatorPlan<R::Scalar>, [gain, bias]: [V3<R>; 2], at: &At<'_, R>, input: R) -> R {
     if !actuator.needs_motion {
         return gain[0] * input + bias[0];
     }
@@ -65,8 +64,7 @@ fn affine_force<R: Real>(actuator: &ActuatorPlan<R::Scalar>, at: &At<'_, R>, inp
 
 /// The same without what the mass matrix does, and what it does: stiffness and damping against the motion are implicit, the rest is not.
 #[inline(always)]
-fn servo_force<R: Real>(actuator: &ActuatorPlan<R::Scalar>, at: &At<'_, R>, input: R, theta: Theta<R>) -> (R, R) {
-    let (gain, bias): (V3<R>, V3<R>) = (splat(actuator.gain), splat(actuator.bias));
+fn servo_force<R: Real>(actuator: &ActuatorPlan<R::Scalar>, [gain, bias]: [V3<R>; 2], at: &At<'_, R>, input: R, theta: Theta<R>) -> (R, R) {
     let [level, slope, rate]: V3<R> = std::array::from_fn(|k| gain[k] * input + bias[k]);
     let (stiffness, damping) = ((-slope).max(R::zero()), (-rate).max(R::zero()));
     let (velocity, implicit) = (along(actuator, at.v_at), along(actuator, at.v));
@@ -84,12 +82,9 @@ fn length<R: Real>(actuator: &ActuatorPlan<R::Scalar>, q: &[R]) -> R {
 }
 
 #[inline(always)]
-fn add_springs<R: Real>(plan: &Plan<R::Scalar>, q: &[R], tau: &mut [R]) {
-    for joint in &plan.joints {
-        if joint.stiffness.to_f64() == 0.0 {
-            continue;
-        }
-        let k = R::splat(joint.stiffness);
+fn add_springs<R: Real>(plan: &LanePlan<R>, q: &[R], tau: &mut [R]) {
+    for (j, joint) in plan.joints.iter().enumerate().filter(|(_, joint)| joint.sprung) {
+        let k = plan.params.spring(j);
         let rest = |i: usize| R::splat(joint.rest[i]);
         let (mut at, mut dof, mut i) = (joint.q, joint.v, 0);
         if joint.kind != JointKind::Ball {
@@ -110,7 +105,7 @@ fn add_springs<R: Real>(plan: &Plan<R::Scalar>, q: &[R], tau: &mut [R]) {
 }
 
 /// The activation after `h` seconds at the rates that belong to `rate_at`: `out = act + h rate(rate_at)`, clamped; exact lags use `act`.
-pub fn advance_activation<R: Real>(plan: &Plan<R::Scalar>, act: &[R], rate_at: &[R], ctrl: &[R], h: R, out: &mut [R]) {
+pub fn advance_activation<R: Real>(plan: &LanePlan<R>, act: &[R], rate_at: &[R], ctrl: &[R], h: R, out: &mut [R]) {
     R::vectorize(
         #[inline(always)]
         || {
@@ -130,7 +125,7 @@ pub fn advance_activation<R: Real>(plan: &Plan<R::Scalar>, act: &[R], rate_at: &
 }
 
 /// Rates of the activations at `act`, 1/s.
-pub fn activation_rate<R: Real>(plan: &Plan<R::Scalar>, act: &[R], ctrl: &[R], out: &mut [R]) {
+pub fn activation_rate<R: Real>(plan: &LanePlan<R>, act: &[R], ctrl: &[R], out: &mut [R]) {
     R::vectorize(
         #[inline(always)]
         || {

@@ -6,7 +6,7 @@ use crate::drive::Implicit;
 use crate::fluid::Fluid;
 use crate::inertia::{MassMatrix, NewtonEuler, link_forces, project_forces};
 use crate::kinematics::Kinematics;
-use crate::plan::Plan;
+use crate::plan::{LanePlan, Plan};
 use crate::spatial::*;
 
 /// Smooth dynamics at one configuration.
@@ -38,7 +38,7 @@ impl<R: Real> Smooth<R> {
     }
 
     /// The mass matrix with what is implicit, and its factors.
-    pub fn factor_mass(&mut self, plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
+    pub fn factor_mass(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
         R::vectorize(
             #[inline(always)]
             || {
@@ -57,7 +57,7 @@ impl<R: Real> Smooth<R> {
 
     /// `acc = A^-1 (tau + applied - c(q, v_bias) - D v)` with the matrix A of [`Smooth::factor_mass`]: a step of it is implicit in what A holds
     /// of the damping D and of springs (see [`crate::drive`]).
-    pub fn acceleration(&mut self, plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, forces: [&[R]; 2], v: &[R], v_bias: &[R]) {
+    pub fn acceleration(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, forces: [&[R]; 2], v: &[R], v_bias: &[R]) {
         R::vectorize(
             #[inline(always)]
             || {
@@ -65,15 +65,15 @@ impl<R: Real> Smooth<R> {
                 if !plan.fluid.is_empty() {
                     self.fluid.subtract(plan, kinematics, &self.work.velocity, &mut self.work.force);
                 }
-                for hold in &plan.compensation {
-                    let arm = sub(kinematics.point(hold.link + 1, splat(hold.pos)), kinematics.origin[plan.links[hold.link].tree]);
-                    let force: V3<R> = splat(hold.force);
+                for (i, hold) in plan.compensation.iter().enumerate() {
+                    let [pos, force] = plan.params.hold(i);
+                    let arm = sub(kinematics.point(hold.link + 1, pos), kinematics.origin[plan.links[hold.link].tree]);
                     self.work.force[hold.link] = sub(self.work.force[hold.link], spatial(cross(arm, force), force));
                 }
                 project_forces(plan, kinematics, &mut self.work.force, &mut self.bias);
                 let [tau, applied] = forces;
                 for i in 0..plan.nv {
-                    let damping = R::splat(plan.dofs[i].damping) * v[i];
+                    let damping = plan.params.dof(i).damping * v[i];
                     self.acc[i] = (tau[i] + applied[i]) - self.bias[i] - damping;
                 }
                 self.mass.solve(plan, &mut self.acc);
@@ -83,7 +83,7 @@ impl<R: Real> Smooth<R> {
 
     /// What the user applies, as generalized forces: `qfrc` on the joints, and the wrenches `xfrc` (force, torque; six per body, at its centre
     /// of mass, world axes). Either may be empty.
-    pub fn apply(&mut self, plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, [qfrc, xfrc]: [&[R]; 2], out: &mut [R]) {
+    pub fn apply(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, [qfrc, xfrc]: [&[R]; 2], out: &mut [R]) {
         if qfrc.is_empty() {
             out.fill(R::zero());
         } else {
@@ -94,7 +94,7 @@ impl<R: Real> Smooth<R> {
         }
     }
 
-    fn add_wrenches(&mut self, plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, xfrc: &[R], out: &mut [R]) {
+    fn add_wrenches(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, xfrc: &[R], out: &mut [R]) {
         R::vectorize(
             #[inline(always)]
             || {
@@ -106,7 +106,7 @@ impl<R: Real> Smooth<R> {
                     let l = body.frame - 1;
                     let w = &xfrc[6 * b..6 * b + 6];
                     let (force, torque) = ([w[0], w[1], w[2]], [w[3], w[4], w[5]]);
-                    let arm = sub(kinematics.point(body.frame, splat(body.com)), kinematics.origin[plan.links[l].tree]);
+                    let arm = sub(kinematics.point(body.frame, plan.params.body_com(b)), kinematics.origin[plan.links[l].tree]);
                     self.work.force[l] = add(self.work.force[l], spatial(add(torque, cross(arm, force)), force));
                 }
                 project_forces(plan, kinematics, &mut self.work.force, &mut self.bias);
@@ -118,7 +118,7 @@ impl<R: Real> Smooth<R> {
     }
 
     /// x <- A^-1 x
-    pub fn solve(&self, plan: &Plan<R::Scalar>, x: &mut [R]) {
+    pub fn solve(&self, plan: &LanePlan<R>, x: &mut [R]) {
         R::vectorize(
             #[inline(always)]
             || self.mass.solve(plan, x),

@@ -10,6 +10,8 @@
 
 mod passed;
 
+use std::borrow::Cow;
+
 use stepper_real::{Mask, Real, Scalar};
 
 pub use self::passed::may_have_passed;
@@ -21,7 +23,7 @@ use crate::geometry::{
     sphere_box, sphere_cylinder,
 };
 use crate::kinematics::Kinematics;
-use crate::plan::{Kernel, PairPlan, Plan};
+use crate::plan::{Kernel, LanePlan, PairPlan, Plan};
 use crate::spatial::*;
 
 /// Where the colliding geoms are and how far they can get.
@@ -34,34 +36,44 @@ pub struct GeomPoses<R: Real> {
     travel: Vec<R>,
     /// Bound on the way of any point of the geom from the beginning of the step to where it is taken, m.
     lead: Vec<R>,
+    /// Radius of a ball about the geom's origin that holds it in two free steps, of a plane only its way, m.
+    extent: Vec<R>,
     velocity: Vec<V6<R>>,
     broad: Broad,
     narrow: Narrow,
 }
 
 impl<R: Real> GeomPoses<R> {
-    /// Room for a plan; geoms of the world are placed for good.
+    /// Room for a plan; geoms of the world are placed where the model has them.
     pub fn new(plan: &Plan<R::Scalar>) -> Self {
         Self {
-            pos: plan.geoms.iter().map(|g| splat(g.pos)).collect(),
+            pos: (0..plan.geoms.len()).map(|g| splat(plan.params.geom_pos(g))).collect(),
             mat: plan.geoms.iter().map(|g| splat(g.mat)).collect(),
             travel: vec![R::zero(); plan.geoms.len()],
             lead: vec![R::zero(); plan.geoms.len()],
+            extent: vec![R::zero(); plan.geoms.len()],
             velocity: vec![zero(); plan.links.len()],
             broad: Broad::default(),
             narrow: Narrow::for_solids(plan.geoms.iter().filter_map(|g| g.solid.as_ref())),
         }
     }
 
+    /// Places the geoms that are fixed to the world, where environments may have them elsewhere.
+    pub(crate) fn settle(&mut self, plan: &LanePlan<R>) {
+        for (i, _) in plan.geoms.iter().enumerate().filter(|(_, g)| g.frame == 0) {
+            self.pos[i] = plan.params.geom_pos(i);
+        }
+    }
+
     /// Places the geoms that are not fixed to the world.
     #[inline(always)]
-    fn place(&mut self, plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>) {
+    fn place(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>) {
         for (i, g) in plan.geoms.iter().enumerate() {
             if g.frame == 0 {
                 continue;
             }
             let mat = &kinematics.mat[g.frame];
-            self.pos[i] = kinematics.point(g.frame, splat(g.pos));
+            self.pos[i] = kinematics.point(g.frame, plan.params.geom_pos(i));
             if g.full_orientation {
                 self.mat[i] = mat_mul(mat, &splat(g.mat));
             } else {
@@ -75,21 +87,24 @@ impl<R: Real> GeomPoses<R> {
 
     /// Bounds on the ways of all geoms from where they are placed, with the velocity `v` of the joints; leaves the velocities of the links.
     #[inline(always)]
-    fn update_travel(&mut self, plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, v: &[R], time: R) {
+    fn update_travel(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
         kinematics.velocities(plan, v, &mut self.velocity);
         ways(plan, kinematics, &self.pos, &self.velocity, time, &mut self.travel);
+        for (i, g) in plan.geoms.iter().enumerate() {
+            self.extent[i] = if g.is_plane { self.travel[i] } else { self.travel[i] + plan.params.bound(i) };
+        }
     }
 
     /// The same of the way from the beginning of the step.
     #[inline(always)]
-    fn update_lead(&mut self, plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, v: &[R], time: R) {
+    fn update_lead(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
         kinematics.velocities(plan, v, &mut self.velocity);
         ways(plan, kinematics, &self.pos, &self.velocity, time, &mut self.lead);
     }
 
     /// Velocity of the point `p` of a frame.
     #[inline(always)]
-    fn velocity_of(&self, plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, frame: usize, p: V3<R>) -> V3<R> {
+    fn velocity_of(&self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, frame: usize, p: V3<R>) -> V3<R> {
         if frame == 0 {
             return zero();
         }
@@ -102,17 +117,17 @@ impl<R: Real> GeomPoses<R> {
 
 /// Bound on the way of any point of each geom that is not fixed to the world, at the velocities of the links.
 #[inline(always)]
-fn ways<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, pos: &[V3<R>], velocity: &[V6<R>], time: R, out: &mut [R]) {
+fn ways<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, pos: &[V3<R>], velocity: &[V6<R>], time: R, out: &mut [R]) {
     for (i, g) in plan.geoms.iter().enumerate() {
         if g.frame != 0 && g.frame <= plan.links.len() {
             let motion = velocity[g.frame - 1];
             let arm = sub(pos[i], kinematics.origin[plan.links[g.frame - 1].tree]);
-            out[i] = (norm(velocity_at(&motion, arm)) + norm(angular(&motion)) * R::splat(g.bound)) * time;
+            out[i] = (norm(velocity_at(&motion, arm)) + norm(angular(&motion)) * plan.params.bound(i)) * time;
         } else if g.frame > plan.links.len() {
             let motion = &kinematics.posed[g.frame - plan.links.len() - 1];
             // A plane has no bound: 0 * infinity must not become NaN.
             let spin = norm(angular(motion));
-            let swing = R::select(spin.gt(R::zero()), spin * R::splat(g.bound), R::zero());
+            let swing = R::select(spin.gt(R::zero()), spin * plan.params.bound(i), R::zero());
             out[i] = (norm(velocity_at(motion, sub(pos[i], kinematics.pos[g.frame]))) + swing) * time;
         }
     }
@@ -121,7 +136,7 @@ fn ways<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, pos: &[V3<R
 /// Finds the contacts of the lanes `alive` at poses that are `lead` seconds from the beginning of the step. Returns the lanes whose contacts
 /// cannot be trusted so far from it.
 pub fn detect<R: Real>(
-    plan: &Plan<R::Scalar>,
+    plan: &LanePlan<R>,
     kinematics: &Kinematics<R>,
     [v, v_free]: [&[R]; 2],
     [h, lead]: [R; 2],
@@ -133,9 +148,8 @@ pub fn detect<R: Real>(
     if plan.geoms.is_empty() {
         return R::Mask::splat(false);
     }
-    let gravity: V3<R> = splat(plan.gravity);
     // What gravity covers in a step, and a micrometre for scenes without it.
-    let slack = norm(gravity) * h * h + R::of(1e-6);
+    let slack = norm(plan.params.gravity()) * h * h + R::of(1e-6);
     let leads = plan.has_thin && lead.gt(R::zero()).any();
     R::vectorize(
         #[inline(always)]
@@ -176,7 +190,7 @@ pub fn detect<R: Real>(
 }
 
 struct Scene<'a, R: Real> {
-    plan: &'a Plan<R::Scalar>,
+    plan: &'a LanePlan<R>,
     kinematics: &'a Kinematics<R>,
     poses: &'a GeomPoses<R>,
     h: R,
@@ -229,9 +243,9 @@ impl<R: Real> Scene<'_, R> {
     fn can_touch(&self, pair: &PairPlan<R::Scalar>) -> R::Mask {
         let [a, b] = pair.geoms;
         let apart = sub(self.poses.pos[b], self.poses.pos[a]);
-        let reach = R::splat(pair.reach) + R::splat(pair.margin) + self.poses.travel[a] + self.poses.travel[b] + self.slack;
+        let reach = self.poses.extent[a] + self.poses.extent[b] + R::splat(pair.margin) + self.slack;
         match pair.kernel {
-            _ if self.plan.geoms[a].is_plane() => dot(apart, column(&self.poses.mat[a], 2)).lt(reach),
+            _ if self.plan.geoms[a].is_plane => dot(apart, column(&self.poses.mat[a], 2)).lt(reach),
             _ => dot(apart, apart).lt(reach * reach),
         }
     }
@@ -240,13 +254,13 @@ impl<R: Real> Scene<'_, R> {
     #[inline(always)]
     fn leads_too_far(&self, pair: &PairPlan<R::Scalar>) -> R::Mask {
         let [a, b] = pair.geoms;
-        (self.poses.lead[a] + self.poses.lead[b]).gt(R::splat(pair.thin))
+        (self.poses.lead[a] + self.poses.lead[b]).gt(self.plan.thin(pair.geoms))
     }
 
     #[inline(always)]
     fn plane_sphere(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
-        let radius = R::splat(self.plan.geoms[b].size[0]);
+        let radius = self.plan.params.geom_size(b)[0];
         let point = plane_sphere(self.poses.pos[a], column(&self.poses.mat[a], 2), self.poses.pos[b], radius);
         self.offer(index, 0, pair, near, point, contacts);
     }
@@ -267,7 +281,7 @@ impl<R: Real> Scene<'_, R> {
     #[inline(always)]
     fn plane_box(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
-        let half = splat(self.plan.geoms[b].size);
+        let half = self.plan.params.geom_size(b);
         let normal = column(&self.poses.mat[a], 2);
         for corner in 0..8 {
             let point = plane_box(self.poses.pos[a], normal, self.poses.pos[b], &self.poses.mat[b], half, corner);
@@ -291,7 +305,7 @@ impl<R: Real> Scene<'_, R> {
     #[inline(always)]
     fn plane_ellipsoid(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
-        let radii = splat(self.plan.geoms[b].size);
+        let radii = self.plan.params.geom_size(b);
         let ellipsoid = Ellipsoid { centre: self.poses.pos[b], mat: self.poses.mat[b], radii };
         let point = plane_ellipsoid(self.poses.pos[a], column(&self.poses.mat[a], 2), &ellipsoid);
         self.offer(index, 0, pair, near, point, contacts);
@@ -300,14 +314,14 @@ impl<R: Real> Scene<'_, R> {
     #[inline(always)]
     fn sphere_box(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
-        let point = sphere_box(self.poses.pos[a], R::splat(self.plan.geoms[a].size[0]), &self.cuboid(b));
+        let point = sphere_box(self.poses.pos[a], self.plan.params.geom_size(a)[0], &self.cuboid(b));
         self.offer(index, 0, pair, near, point, contacts);
     }
 
     #[inline(always)]
     fn sphere_cylinder(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
-        let point = sphere_cylinder(self.poses.pos[a], R::splat(self.plan.geoms[a].size[0]), &self.cylinder(b));
+        let point = sphere_cylinder(self.poses.pos[a], self.plan.params.geom_size(a)[0], &self.cylinder(b));
         self.offer(index, 0, pair, near, point, contacts);
     }
 
@@ -321,12 +335,12 @@ impl<R: Real> Scene<'_, R> {
 
     #[inline(always)]
     fn cuboid(&self, geom: usize) -> Cuboid<R> {
-        Cuboid { centre: self.poses.pos[geom], mat: self.poses.mat[geom], half: splat(self.plan.geoms[geom].size) }
+        Cuboid { centre: self.poses.pos[geom], mat: self.poses.mat[geom], half: self.plan.params.geom_size(geom) }
     }
 
     #[inline(always)]
     fn cylinder(&self, geom: usize) -> Cylinder<R> {
-        let [radius, half_length, _] = splat(self.plan.geoms[geom].size);
+        let [radius, half_length, _] = self.plan.params.geom_size(geom);
         Cylinder { centre: self.poses.pos[geom], mat: self.poses.mat[geom], radius, half_length }
     }
 
@@ -354,8 +368,12 @@ impl<R: Real> Scene<'_, R> {
                 pos: self.poses.pos[g].map(|x| x.lane(lane).to_f64()),
                 mat: self.poses.mat[g].map(|x| x.lane(lane).to_f64()),
             };
-            let solids = [a, b].map(|g| self.plan.geoms[g].solid.as_ref().expect("made for every geom of this kernel"));
-            let found = narrow.collide(solids, [pose(a), pose(b)], reach.lane(lane).to_f64());
+            let solids = [a, b].map(|g| {
+                let solid = self.plan.geoms[g].solid.as_ref().expect("made for every geom of this kernel");
+                let own = solid.sized(self.plan.params.geom_size(g).map(|x| x.lane(lane).to_f64()));
+                own.map_or(Cow::Borrowed(solid), Cow::Owned)
+            });
+            let found = narrow.collide([&solids[0], &solids[1]], [pose(a), pose(b)], reach.lane(lane).to_f64());
             for p in found {
                 let point = ContactPoint { distance: R::of(p.distance), pos: p.pos.map(R::of), normal: p.normal.map(R::of) };
                 self.offer(index, p.feature, pair, near.and(R::Mask::from_bits(1 << lane)), point, contacts);
@@ -365,7 +383,7 @@ impl<R: Real> Scene<'_, R> {
 
     #[inline(always)]
     fn segment(&self, geom: usize) -> Segment<R> {
-        let [radius, half_length, _] = splat(self.plan.geoms[geom].size);
+        let [radius, half_length, _] = self.plan.params.geom_size(geom);
         Segment { centre: self.poses.pos[geom], axis: column(&self.poses.mat[geom], 2), half_length, radius }
     }
 
@@ -396,7 +414,8 @@ impl<R: Real> Scene<'_, R> {
                 let closing = (-dot(point.normal, sub(vb, va))).max(R::zero());
                 let touching = near.and(point.distance.lt(closing * (self.h + self.h) + self.slack));
                 let id = ContactId::new(index, feature);
-                contacts.push(touching.bits(), id, &point, R::splat(pair.mu), R::splat(pair.restitution));
+                let params = self.plan.contact(index);
+                contacts.push(touching.bits(), id, &point, params.mu, params.restitution);
             },
         )
     }

@@ -27,7 +27,7 @@ use crate::contacts::{Contacts, Slot};
 use crate::inertia::MassMatrix;
 use crate::kinematics::Kinematics;
 use crate::options::{Options, Stabilization};
-use crate::plan::Plan;
+use crate::plan::LanePlan;
 use crate::spatial::*;
 use crate::surfaces;
 
@@ -39,7 +39,7 @@ impl<R: Real> Constraints<R> {
     /// Builds all rows and their warm start.
     pub fn assemble(
         &mut self,
-        plan: &Plan<R::Scalar>,
+        plan: &LanePlan<R>,
         options: &Options,
         kinematics: &Kinematics<R>,
         mass: &MassMatrix<R>,
@@ -87,7 +87,7 @@ impl<R: Real> Constraints<R> {
     }
 
     /// The velocity change that the warm start alone would make, left in `out`.
-    pub fn warm_change(&self, plan: &Plan<R::Scalar>, mass: &MassMatrix<R>, out: &mut [R]) {
+    pub fn warm_change(&self, plan: &LanePlan<R>, mass: &MassMatrix<R>, out: &mut [R]) {
         R::vectorize(
             #[inline(always)]
             || {
@@ -97,8 +97,8 @@ impl<R: Real> Constraints<R> {
         )
     }
 
-    /// Takes up a change of the free velocity after the rows were made. `change` is used up.
-    pub fn shift(&mut self, plan: &Plan<R::Scalar>, mass: &MassMatrix<R>, change: &mut [R]) {
+    /// Takes up a change of the free velocity of the lanes `lanes` after the rows were made. `change` is used up.
+    pub fn shift(&mut self, plan: &LanePlan<R>, mass: &MassMatrix<R>, change: &mut [R], lanes: R::Mask) {
         R::vectorize(
             #[inline(always)]
             || {
@@ -106,21 +106,22 @@ impl<R: Real> Constraints<R> {
                 let (scalars, contacts) = self.position_bias.split_at_mut(self.problem.scalars.len());
                 for (i, position) in scalars.iter_mut().enumerate() {
                     let row = &self.problem.scalars[i];
-                    let g = self.problem.scalar_velocity(row, change);
-                    *position += g - row.g;
+                    let g = R::select(lanes, self.problem.scalar_velocity(row, change), row.g);
+                    *position = R::select(lanes, *position + (g - row.g), *position);
                     self.problem.scalars[i].g = g;
                 }
                 let (contacts, wide) = contacts.split_at_mut(self.problem.contacts.len());
                 for (i, position) in wide.iter_mut().enumerate() {
                     let block = &self.problem.wide[i];
-                    let g = self.problem.wide_velocity(block, change);
-                    *position += g[0] - block.g[0];
+                    let mut g = self.problem.wide_velocity(block, change);
+                    (0..6).for_each(|k| g[k] = R::select(lanes, g[k], block.g[k]));
+                    *position = R::select(lanes, *position + (g[0] - block.g[0]), *position);
                     self.problem.wide[i].g = g;
                 }
                 for (i, position) in contacts.iter_mut().enumerate() {
                     let block = &self.problem.contacts[i];
-                    let g = self.problem.contact_velocity(block, change);
-                    *position += g[0] - block.g[0];
+                    let g = select(lanes, self.problem.contact_velocity(block, change), block.g);
+                    *position = R::select(lanes, *position + (g[0] - block.g[0]), *position);
                     self.problem.contacts[i].g = g;
                 }
             },
@@ -129,9 +130,9 @@ impl<R: Real> Constraints<R> {
 
     /// Dry friction: |lambda| <= h f.
     #[inline(always)]
-    fn add_frictions(&mut self, plan: &Plan<R::Scalar>, mass: &MassMatrix<R>, moment: &Moment<'_, R>) {
+    fn add_frictions(&mut self, plan: &LanePlan<R>, mass: &MassMatrix<R>, moment: &Moment<'_, R>) {
         for (i, friction) in plan.frictions.iter().enumerate() {
-            let most = R::splat(friction.loss) * moment.h;
+            let most = plan.params.friction(i) * moment.h;
             let g = moment.v_free[friction.dof];
             self.position_bias.push(g);
             self.add_scalar(plan, mass, friction.dof, plan.limits.len() + i, R::one(), moment.alive, g, [-most, most]);
@@ -140,11 +141,12 @@ impl<R: Real> Constraints<R> {
 
     /// Limits: the nearer end of each range, where it can be reached within the step.
     #[inline(always)]
-    fn add_limits(&mut self, plan: &Plan<R::Scalar>, options: &Options, mass: &MassMatrix<R>, moment: &Moment<'_, R>) {
+    fn add_limits(&mut self, plan: &LanePlan<R>, options: &Options, mass: &MassMatrix<R>, moment: &Moment<'_, R>) {
         let bounds = [R::zero(), R::of(f64::INFINITY)];
         for (i, limit) in plan.limits.iter().enumerate() {
             let q = moment.q[limit.q];
-            let (below, above) = (q - R::splat(limit.low), R::splat(limit.high) - q);
+            let [lowest, highest] = plan.params.limit(i);
+            let (below, above) = (q - lowest, highest - q);
             let low = below.le(above);
             let sign = R::select(low, R::one(), -R::one());
             let phi = R::select(low, below, above);
@@ -184,7 +186,7 @@ impl<R: Real> Constraints<R> {
     #[expect(clippy::too_many_arguments, reason = "one row, every part of it named at the call")]
     fn add_scalar(
         &mut self,
-        plan: &Plan<R::Scalar>,
+        plan: &LanePlan<R>,
         mass: &MassMatrix<R>,
         dof: usize,
         owner: usize,
@@ -223,7 +225,7 @@ impl<R: Real> Constraints<R> {
 
     /// `column` <- L^-T `column`, on `support` with all its ancestors, in the first `N` components.
     #[inline(always)]
-    fn half_solve<const N: usize>(&mut self, plan: &Plan<R::Scalar>, mass: &MassMatrix<R>) {
+    fn half_solve<const N: usize>(&mut self, plan: &LanePlan<R>, mass: &MassMatrix<R>) {
         for &d in self.support.iter().rev() {
             let d = d as usize;
             let row = &plan.dofs[d];
@@ -239,7 +241,7 @@ impl<R: Real> Constraints<R> {
 
     /// The dofs that move slot k in any of its lanes, ascending, and in which lanes each moves the second and the first geom.
     #[inline(always)]
-    fn gather_support(&mut self, plan: &Plan<R::Scalar>, contacts: &Contacts<R>, k: usize, lanes: u32) {
+    fn gather_support(&mut self, plan: &LanePlan<R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         self.words.fill(0);
         let frames = |l: usize| plan.pair_geoms(contacts.ids[k][l].pair()).expect("made from this plan").map(|g| plan.geoms[g].frame);
         let mut rest = lanes;
@@ -342,7 +344,7 @@ impl<R: Real> Constraints<R> {
     #[expect(clippy::too_many_arguments, reason = "one contact, every part of it named at the call")]
     fn bounce(
         &mut self,
-        plan: &Plan<R::Scalar>,
+        plan: &LanePlan<R>,
         options: &Options,
         slot: &Slot<R>,
         moment: &Moment<'_, R>,
@@ -358,9 +360,8 @@ impl<R: Real> Constraints<R> {
         let (h, phi, threshold) = (moment.h, slot.point.distance, R::of(options.restitution_threshold));
         let euler = !options.integrator.in_the_middle();
         let approach = if euler { free } else { before };
-        let gravity: V3<R> = splat(plan.gravity);
         // What a slow contact and gravity close within the step.
-        let near = phi.le(h * (threshold + h * norm(gravity)) + R::of(options.slop));
+        let near = phi.le(h * (threshold + h * norm(plan.params.gravity())) + R::of(options.slop));
         let rests = before.abs().le(threshold).and(near);
         let closed = phi.le(R::of(options.slop)).or((phi + h * free).lt(R::zero()));
         let bounces = elastic.and(closed).and(approach.abs().gt(threshold)).and_not(rests);

@@ -8,14 +8,20 @@ use crate::contacts::Contacts;
 use crate::options::Options;
 use crate::spatial::*;
 
-/// Solves to the tolerance and leaves the impulses where the next step finds its warm start.
+/// Solves the lanes `lanes` to the tolerance and leaves the impulses where the next step finds its warm start.
 ///
 /// What moves slowly is solved more tightly, to a part of its own speed `v`: else a robot at rest would creep at the speed of the tolerance.
-pub fn solve<R: Real>(options: &Options, v: &[R], constraints: &mut Constraints<R>, contacts: &mut Contacts<R>) -> Outcome<R> {
+pub fn solve<R: Real>(
+    options: &Options,
+    v: &[R],
+    lanes: R::Mask,
+    constraints: &mut Constraints<R>,
+    contacts: &mut Contacts<R>,
+) -> Outcome<R> {
     let [sweeps, newton] = options.effort();
     let settings = Settings { sweeps, newton, tolerance: tolerance(options, v) };
-    let Constraints { problem, iterate, constrained, newton, scalar_impulse, owners, slots, wide_slots, .. } = constraints;
-    let outcome = stepper_solve::solve(problem, iterate, settings, *constrained, newton);
+    let Constraints { problem, iterate, newton, scalar_impulse, owners, slots, wide_slots, .. } = constraints;
+    let outcome = stepper_solve::solve(problem, iterate, settings, lanes, newton);
     for (&owner, &lambda) in owners.iter().zip(&iterate.scalars) {
         scalar_impulse[owner] = lambda;
     }

@@ -3,10 +3,10 @@
 use stepper_real::Real;
 
 use crate::inertia::MassMatrix;
-use crate::plan::Plan;
+use crate::plan::LanePlan;
 
 /// v+ = v_free + L^-1 D^-1/2 w, where w is the scaled velocity change of stage 5. `w` is used up.
-pub fn integrate_velocity<R: Real>(plan: &Plan<R::Scalar>, mass: &MassMatrix<R>, v_free: &[R], w: &mut [R], out: &mut [R]) {
+pub fn integrate_velocity<R: Real>(plan: &LanePlan<R>, mass: &MassMatrix<R>, v_free: &[R], w: &mut [R], out: &mut [R]) {
     R::vectorize(
         #[inline(always)]
         || {

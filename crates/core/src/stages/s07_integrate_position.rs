@@ -3,9 +3,9 @@
 use stepper_real::Real;
 
 use crate::kinematics::displace;
-use crate::plan::Plan;
+use crate::plan::LanePlan;
 
 /// q+ = q (+) h v.
-pub fn integrate_position<R: Real>(plan: &Plan<R::Scalar>, q: &[R], v: &[R], h: R, out: &mut [R]) {
+pub fn integrate_position<R: Real>(plan: &LanePlan<R>, q: &[R], v: &[R], h: R, out: &mut [R]) {
     displace(plan, q, v, h, out);
 }

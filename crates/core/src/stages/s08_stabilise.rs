@@ -10,7 +10,7 @@ use crate::constraints::Constraints;
 use crate::inertia::MassMatrix;
 use crate::kinematics::displace;
 use crate::options::Options;
-use crate::plan::Plan;
+use crate::plan::LanePlan;
 
 /// Residual that is enough for a correction, m/s: a fraction of a micrometre a step, and the next step sees what is left of the overlap.
 const CLOSE: f64 = 1e-4;
@@ -21,7 +21,7 @@ const SWEEPS: u32 = 10;
 /// Corrects `q_next`, which has moved with `v_next` for `way` seconds, in the lanes that need it.
 #[expect(clippy::too_many_arguments, reason = "the state before, the state after, and what joins them")]
 pub fn stabilise<R: Real>(
-    plan: &Plan<R::Scalar>,
+    plan: &LanePlan<R>,
     options: &Options,
     mass: &MassMatrix<R>,
     constraints: &mut Constraints<R>,

@@ -6,13 +6,13 @@
 use stepper_real::Real;
 
 use crate::kinematics::Kinematics;
-use crate::plan::Plan;
-use crate::plan::sensing::{Place, Read, SensorPlan};
+use crate::plan::LanePlan;
+use crate::plan::sensing::{Bounds, Place, Read, SensorPlan};
 use crate::sensing::*;
 use crate::spatial::*;
 
 /// True readings of all sensors, left in `room.truth`. `kinematics` is placed at the moment's configuration here, except mocap frames.
-pub fn sense<R: Real>(plan: &Plan<R::Scalar>, kinematics: &mut Kinematics<R>, room: &mut Room<R>, moment: &Moment<'_, R>) {
+pub fn sense<R: Real>(plan: &LanePlan<R>, kinematics: &mut Kinematics<R>, room: &mut Room<R>, moment: &Moment<'_, R>) {
     if plan.sensing.needs.poses {
         kinematics.update(plan, moment.q);
     }
@@ -25,7 +25,7 @@ pub fn sense<R: Real>(plan: &Plan<R::Scalar>, kinematics: &mut Kinematics<R>, ro
 
 /// One sensor.
 fn read<R: Real>(
-    plan: &Plan<R::Scalar>,
+    plan: &LanePlan<R>,
     kinematics: &Kinematics<R>,
     room: &mut Room<R>,
     moment: &Moment<'_, R>,
@@ -33,6 +33,7 @@ fn read<R: Real>(
 ) {
     let (at, dim) = (sensor.at, sensor.dim);
     let place = at..at + dim;
+    let tree = |index: &usize| &plan.sensing.subtrees[*index];
     let scalar = match &sensor.read {
         Read::Position(q) => return room.truth[place].copy_from_slice(&moment.q[*q..q + dim]),
         Read::Velocity(v) => return room.truth[place].copy_from_slice(&moment.v[*v..v + dim]),
@@ -40,14 +41,14 @@ fn read<R: Real>(
         Read::Rate(terms) => weighted(terms, moment.v),
         Read::Drive(terms, None) => weighted(terms, moment.actuator_force),
         Read::Drive(terms, Some(bounds)) => within(weighted(terms, moment.actuator_force), *bounds),
-        Read::LimitPos(q, range) => overlap(moment.q[*q], R::one(), *range)[0],
-        Read::LimitVel(q, v, range) => overlap(moment.q[*q], moment.v[*v], *range)[1],
+        Read::LimitPos(length, range) => overlap(weighted(length, moment.q), R::one(), bounds(plan, range))[0],
+        Read::LimitVel([length, rate], range) => overlap(weighted(length, moment.q), weighted(rate, moment.v), bounds(plan, range))[1],
         Read::LimitForce(limit) => moment.scalar_impulse[*limit] / moment.h,
         Read::Nothing => R::zero(),
         Read::Clock => moment.time,
-        Read::Potential(all) => potential(plan, kinematics, moment.q, all),
-        Read::Kinetic(all) => kinetic(plan, kinematics, room, moment.v, all),
-        Read::Inside(object, zone) => inside(kinematics, object, zone),
+        Read::Potential(all) => potential(plan, kinematics, moment.q, tree(all)),
+        Read::Kinetic(all) => kinetic(plan, kinematics, room, moment.v, tree(all)),
+        Read::Inside(object, zone) => inside(plan, kinematics, object, zone),
         Read::Touch(body, zone) => touch(plan, kinematics, moment, *body, zone),
         Read::Combination(terms) => {
             combine(terms, at, dim, &mut room.truth);
@@ -61,8 +62,10 @@ fn read<R: Real>(
             frame(plan, kinematics, room, *what, object, reference.as_ref(), &mut out[..dim]);
             return room.truth[place].copy_from_slice(&out[..dim]);
         }
-        Read::Range(site, rays, fields, solids) => return range(kinematics, site, rays, fields, solids, &mut room.truth[place]),
-        Read::Proximity(what, pairs, cutoff) => return proximity(kinematics, *what, pairs, R::splat(*cutoff), &mut room.truth[place]),
+        Read::Range(site, rays, fields, solids) => return range(plan, kinematics, site, rays, fields, solids, &mut room.truth[place]),
+        Read::Proximity(what, pairs, cutoff) => {
+            return proximity(plan, kinematics, *what, pairs, R::splat(*cutoff), &mut room.truth[place]);
+        }
         vector => {
             let x = three(plan, kinematics, room, moment, vector);
             return room.truth[place].copy_from_slice(&x);
@@ -72,29 +75,24 @@ fn read<R: Real>(
 }
 
 /// Sensors of three numbers.
-fn three<R: Real>(
-    plan: &Plan<R::Scalar>,
-    kinematics: &Kinematics<R>,
-    room: &Room<R>,
-    moment: &Moment<'_, R>,
-    read: &Read<R::Scalar>,
-) -> V3<R> {
+fn three<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, room: &Room<R>, moment: &Moment<'_, R>, read: &Read<R::Scalar>) -> V3<R> {
+    let tree = |index: &usize| &plan.sensing.subtrees[*index];
     match read {
         Read::Magnetometer(site) => magnetic_field(plan, kinematics, site),
         Read::Velocimeter(site) => site_motion(plan, kinematics, room, site, false)[1],
         Read::Gyro(site) => site_motion(plan, kinematics, room, site, false)[0],
         Read::Accelerometer(site) => site_motion(plan, kinematics, room, site, true)[1],
-        Read::Force(site, subtree) => parent_force(plan, kinematics, room, moment, site, subtree)[0],
-        Read::Torque(site, subtree) => parent_force(plan, kinematics, room, moment, site, subtree)[1],
-        Read::Com(subtree) => com(kinematics, subtree, zero()),
-        Read::ComVelocity(subtree) => com_velocity(plan, kinematics, room, subtree),
-        Read::AngularMomentum(subtree) => angular_momentum(plan, kinematics, room, subtree),
+        Read::Force(site, subtree) => parent_force(plan, kinematics, room, moment, site, tree(subtree))[0],
+        Read::Torque(site, subtree) => parent_force(plan, kinematics, room, moment, site, tree(subtree))[1],
+        Read::Com(subtree) => com(plan, kinematics, tree(subtree), zero()),
+        Read::ComVelocity(subtree) => com_velocity(plan, kinematics, room, tree(subtree)),
+        Read::AngularMomentum(subtree) => angular_momentum(plan, kinematics, room, tree(subtree)),
         _ => unreachable!("every other sensor is read above"),
     }
 }
 
 /// The magnetic field in a site's axes.
-fn magnetic_field<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, site: &Place<R::Scalar>) -> V3<R> {
+fn magnetic_field<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, site: &Place<R::Scalar>) -> V3<R> {
     R::vectorize(
         #[inline(always)]
         || rotate_back(&mat_mul(&kinematics.mat[site.frame], &splat(site.mat)), splat(plan.sensing.magnetic)),
@@ -138,13 +136,20 @@ fn combine<R: Real>(terms: &[(usize, R::Scalar)], at: usize, dim: usize, truth: 
     )
 }
 
+fn bounds<R: Real>(plan: &LanePlan<R>, bounds: &Bounds<R::Scalar>) -> [R; 2] {
+    match *bounds {
+        Bounds::Limit(limit) => plan.params.limit(limit),
+        Bounds::Range(range) => range.map(R::splat),
+    }
+}
+
 /// How far q is from the nearer end of its range where it is beyond it, and that distance's rate at velocity v; else zeros.
-fn overlap<R: Real>(q: R, v: R, [low, high]: [R::Scalar; 2]) -> [R; 2] {
+fn overlap<R: Real>(q: R, v: R, [low, high]: [R; 2]) -> [R; 2] {
     R::vectorize(
         #[inline(always)]
         || {
             let z = R::zero();
-            let (below, above) = (q - R::splat(low), R::splat(high) - q);
+            let (below, above) = (q - low, high - q);
             let (under, over) = (below.lt(z), above.lt(z));
             [R::select(under, below, R::select(over, above, z)), R::select(under, v, R::select(over, -v, z))]
         },

@@ -6,7 +6,7 @@ use super::{Call, load};
 use crate::contacts::Contacts;
 use crate::drive::{At, Drive};
 use crate::mocap;
-use crate::plan::Plan;
+use crate::plan::{LanePlan, Plan};
 use crate::sensing::errors::{Errors, Slots, Work};
 use crate::sensing::{Moment, Room};
 use crate::spatial::*;
@@ -50,20 +50,26 @@ impl<R: Real> Senses<R> {
     }
 
     /// Takes up a step, and lets sensors that are not ideal read it.
-    pub(super) fn after_step(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, s: &mut Scratch<R>) {
+    pub(super) fn after_step(
+        &mut self,
+        call: &Call<'_, R::Scalar>,
+        plan: &LanePlan<R>,
+        group: &mut Group<R::Scalar>,
+        first: usize,
+        s: &mut Scratch<R>,
+    ) {
         self.accelerate(s, call.options.timestep, R::Mask::splat(true));
         for l in 0..R::LANES {
             group.sensing.step[l] = group.sensing.step[l].wrapping_add(1);
         }
         if let Some(errors) = call.errors {
-            self.sense(call, group, s);
+            self.sense(call, plan, group, s);
             self.observe(errors, call, group, first, s.alive, false);
         }
     }
 
     /// True readings of the state in `s`, left in the room.
-    fn sense(&mut self, call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, s: &mut Scratch<R>) {
-        let plan = call.plan;
+    fn sense(&mut self, call: &Call<'_, R::Scalar>, plan: &LanePlan<R>, group: &Group<R::Scalar>, s: &mut Scratch<R>) {
         if plan.sensing.needs.actuators {
             actuate(plan, &At::state(&s.q, &s.v, &s.act, &s.inputs.ctrl), None, &mut self.drive);
         }
@@ -104,15 +110,26 @@ impl<R: Real> Senses<R> {
     ) {
         let keys = group.sensing.keys();
         let memory = &mut group.sensing;
-        let mut slots = Slots { numbers: &mut memory.numbers, cursors: &mut memory.cursors, observation: &mut memory.observation };
+        let mut slots = Slots {
+            numbers: &mut memory.numbers,
+            cursors: &mut memory.cursors,
+            faults: &mut memory.faults,
+            observation: &mut memory.observation,
+        };
         let work = self.work.get_or_insert_with(|| errors.work());
         errors.observe(first / R::LANES, &self.room.truth, &keys, lanes, start, call.options.timestep, work, &mut slots);
     }
 
     /// Readings of the state in `s`, after a step.
-    pub(super) fn readings(&mut self, call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, s: &mut Scratch<R>) -> &[R] {
+    pub(super) fn readings(
+        &mut self,
+        call: &Call<'_, R::Scalar>,
+        plan: &LanePlan<R>,
+        group: &Group<R::Scalar>,
+        s: &mut Scratch<R>,
+    ) -> &[R] {
         if call.errors.is_none() {
-            self.sense(call, group, s);
+            self.sense(call, plan, group, s);
         } else {
             take(&group.sensing.observation, &mut self.room.truth);
         }
@@ -134,19 +151,28 @@ impl<R: Real> Senses<R> {
 
     /// Lets the transfer functions begin in the lanes that wait for it. What the user applies is left out of that reading, so that it is the
     /// same whenever it is made, before a step or by the step itself.
-    pub(super) fn begin(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, s: &mut Scratch<R>) {
+    pub(super) fn begin(
+        &mut self,
+        call: &Call<'_, R::Scalar>,
+        plan: &LanePlan<R>,
+        group: &mut Group<R::Scalar>,
+        first: usize,
+        s: &mut Scratch<R>,
+    ) {
         let waiting = group.sensing.waiting & group.alive;
         if let (Some(errors), true) = (call.errors, waiting != 0) {
-            self.look(&Call { qfrc: &[], xfrc: &[], ..*call }, group, first, s);
+            self.look(&Call { qfrc: &[], xfrc: &[], ..*call }, plan, group, first, s);
             self.observe(errors, call, group, first, R::Mask::from_bits(waiting), true);
             group.sensing.waiting = 0;
         }
     }
 
     /// Readings of all environments of a group, environment-major: true ones, or after the transfer functions.
+    #[expect(clippy::too_many_arguments, reason = "whose sensors, and where the readings go")]
     pub(super) fn read(
         &mut self,
         call: &Call<'_, R::Scalar>,
+        plan: &LanePlan<R>,
         group: &mut Group<R::Scalar>,
         first: usize,
         s: &mut Scratch<R>,
@@ -156,10 +182,10 @@ impl<R: Real> Senses<R> {
         let width = call.plan.sensing.width;
         let rows = out.chunks_exact_mut(width).enumerate();
         if truth || call.errors.is_none() {
-            self.look(call, group, first, s);
+            self.look(call, plan, group, first, s);
             rows.for_each(|(l, row)| row.iter_mut().zip(&self.room.truth).for_each(|(out, x)| *out = x.lane(l).to_f64()));
         } else {
-            self.begin(call, group, first, s);
+            self.begin(call, plan, group, first, s);
             let readings = &group.sensing.observation;
             rows.for_each(|(l, row)| row.iter_mut().enumerate().for_each(|(i, out)| *out = readings[i * R::LANES + l].to_f64()));
         }
@@ -167,7 +193,7 @@ impl<R: Real> Senses<R> {
 
     /// Reads the state of a group. Where no step was made since the state was set, sensors of accelerations and forces read the step that
     /// would be made from it, which is not kept.
-    fn look(&mut self, call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, s: &mut Scratch<R>) {
+    fn look(&mut self, call: &Call<'_, R::Scalar>, plan: &LanePlan<R>, group: &Group<R::Scalar>, first: usize, s: &mut Scratch<R>) {
         let needs = call.plan.sensing.needs;
         load(call, group, first, s);
         take(&group.sensing.ctrl, &mut s.inputs.ctrl);
@@ -176,7 +202,7 @@ impl<R: Real> Senses<R> {
         if fresh != 0 {
             s.alive = R::Mask::from_bits(fresh);
             self.before_step(s);
-            step(call.plan, call.options, s);
+            step(plan, call.options, s);
             self.accelerate(s, call.options.timestep, R::Mask::from_bits(fresh));
             take(&group.q, &mut s.q);
             take(&group.v, &mut s.v);
@@ -197,7 +223,7 @@ impl<R: Real> Senses<R> {
                 *x = R::select(R::Mask::from_bits(fresh), *x, last);
             }
         }
-        self.sense(call, group, s);
+        self.sense(call, plan, group, s);
     }
 }
 

@@ -64,7 +64,8 @@ impl Answer {
 }
 
 impl Descent {
-    /// Improves `rows`; returns the Newton steps that it took. What it leaves is never worse than what it found.
+    /// Improves `rows`; returns the Newton steps that it took. What it leaves is never worse than what it found, unless the least impulses are
+    /// sought.
     pub(super) fn solve<R: Real>(&mut self, rows: &mut Island, goal: Goal) -> u32 {
         let stiffest = stiffest(rows, goal.tolerance);
         let (mut kappa, mut bold) = (KAPPA[0].min(stiffest), KAPPA[1].min(stiffest));
@@ -73,9 +74,10 @@ impl Descent {
         self.now = rows.residual(&mut self.v);
         self.best.keep(rows, self.now);
         self.forget_slip(rows);
-        if goal.least && self.now > goal.tolerance {
+        if goal.least {
             // A proximal step from zero; the search for it begins at the motion that is known.
             rows.lambda.fill(0.0);
+            self.best.residual = f64::INFINITY;
             kappa = kappa.max(KAPPA[1].min(stiffest));
         }
         // A try of the exact law that fails makes the next one wait twice as long and begin with a smaller kappa.

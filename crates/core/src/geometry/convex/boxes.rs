@@ -8,7 +8,23 @@ use crate::spatial::*;
 /// Edges this parallel (sine) have no axis of their own: the faces beside them do for both.
 const PARALLEL: f64 = 1e-6;
 
-/// The axis of the largest separation among the 15 of two boxes; `None` where it is beyond `prediction`, `Some(None)`
+/// Depth up to which what overlaps along two axes at once overlaps in a sliver that is no contact, m.
+///
+/// A box that slides from one tile to the next has its lower face in the plane of their upper ones, up to what a contact at rest leaves open or
+/// overlapping. Between it and the side of the tile ahead there is nothing to strike, however near it comes.
+const SLIVER: f64 = 1e-5;
+
+/// 1 - cos of faces in one plane: over 10 cm they part by [`SLIVER`].
+const COPLANAR: f64 = 5e-9;
+
+/// Whether two boxes, a face of each in one plane or nearly so, are apart, or nearly so, along the normal of another face.
+fn graze(faces: &[(f64, V); 6]) -> bool {
+    let parallel = |f: &V, g: &V| 1.0 - dot(*f, *g).abs() <= COPLANAR;
+    let touching = faces[..3].iter().filter(|f| f.0.abs() <= SLIVER && faces[3..].iter().any(|g| parallel(&f.1, &g.1)));
+    touching.into_iter().any(|f| faces.iter().any(|g| g.0 >= -SLIVER && !parallel(&f.1, &g.1)))
+}
+
+/// The axis of the largest separation among the 15 of two boxes; `None` where it is beyond `prediction` or where they only graze, `Some(None)`
 /// where no axis gives the distance. Faces are preferred to edges and the
 /// first box's to the second's, unless worse by more than rounding: the choice at rest stays.
 pub(super) fn separation(pair: &Pair<'_>, ha: V, hb: V, prediction: f64) -> Option<Option<Separation>> {
@@ -17,7 +33,10 @@ pub(super) fn separation(pair: &Pair<'_>, ha: V, hb: V, prediction: f64) -> Opti
     let q = rotate_back(r, p);
     let cos = |i: usize, j: usize| r[3 * i + j].abs();
     let mut best = (f64::NEG_INFINITY, [0.0; 3]);
+    let (mut faces, mut count) = ([best; 6], 0);
     let mut take = |s: f64, axis: V, advantage: f64| {
+        faces[count] = (s, axis);
+        count += 1;
         if s > best.0 + advantage {
             best = (s, axis);
         }
@@ -33,7 +52,7 @@ pub(super) fn separation(pair: &Pair<'_>, ha: V, hb: V, prediction: f64) -> Opti
         take(q[j].abs() - hb[j] - (ha[0] * cos(0, j) + ha[1] * cos(1, j) + ha[2] * cos(2, j)), axis, tie);
     }
     let face = best;
-    if face.0 > prediction {
+    if face.0 > prediction || graze(&faces) {
         return None;
     }
     let edge = edges(pair, ha, hb);

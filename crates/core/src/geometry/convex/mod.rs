@@ -60,6 +60,21 @@ pub enum Solid {
     Surface(Arc<Surface>),
 }
 
+impl Solid {
+    /// The same of another size (radius, half length; half axes or half sizes; m); `None` where the form is an asset's.
+    pub fn sized(&self, size: V) -> Option<Self> {
+        let [radius, half_length, _] = size;
+        Some(Self::Convex(match self {
+            Self::Convex(ConvexShape::Sphere { .. }) => ConvexShape::Sphere { radius },
+            Self::Convex(ConvexShape::Capsule { .. }) => ConvexShape::Capsule { radius, half_length },
+            Self::Convex(ConvexShape::Cylinder { .. }) => ConvexShape::Cylinder { radius, half_length },
+            Self::Convex(ConvexShape::Ellipsoid { .. }) => ConvexShape::Ellipsoid { radii: size },
+            Self::Convex(ConvexShape::Box { .. }) => ConvexShape::Box { half: size },
+            Self::Convex(ConvexShape::Hull(_) | ConvexShape::Triangle(_)) | Self::HalfSpace | Self::Surface(_) => return None,
+        }))
+    }
+}
+
 /// Room to work: made once, reused for every pair.
 #[derive(Clone, Debug, Default)]
 pub struct Room {

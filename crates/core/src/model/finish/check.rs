@@ -192,6 +192,15 @@ pub(super) fn values(model: &Model) -> Checked {
     super::sensors::check(model)
 }
 
+/// The numbers that environments may have of their own; everything else is as it was when the model was checked.
+pub(super) fn parameters(model: &Model) -> Checked {
+    At("model".into()).finite("gravity", &model.gravity)?;
+    bodies(model)?;
+    joints(model)?;
+    geoms(model)?;
+    actuators(model)
+}
+
 /// Names are how users refer to elements: two of a kind with one name cannot be told apart.
 fn names(model: &Model) -> Checked {
     fn unique<'a>(kind: &str, names: impl Iterator<Item = &'a String>) -> Checked {

@@ -40,7 +40,12 @@ fn one(model: &Model, i: usize, sensor: &Sensor) -> Checked {
         | K::JointLimitVel(j)
         | K::JointLimitForce(j)) => at.scalar_joint(model, j),
         &(K::BallQuat(j) | K::BallAngVel(j)) => ball(model, &at, j),
-        &(K::TendonPos(t) | K::TendonVel(t) | K::TendonActuatorForce(t)) => at.index("tendon", t, model.tendons.len()),
+        &(K::TendonPos(t)
+        | K::TendonVel(t)
+        | K::TendonActuatorForce(t)
+        | K::TendonLimitPos(t)
+        | K::TendonLimitVel(t)
+        | K::TendonLimitForce(t)) => at.index("tendon", t, model.tendons.len()),
         &(K::ActuatorPos(a) | K::ActuatorVel(a) | K::ActuatorForce(a)) => at.index("actuator", a, model.actuators.len()),
         &(K::Force(s) | K::Torque(s)) => site(s).and_then(|()| open(model, &at, s)),
         &(K::Magnetometer(s) | K::Velocimeter(s) | K::Gyro(s) | K::Accelerometer(s) | K::Touch(s)) => site(s),

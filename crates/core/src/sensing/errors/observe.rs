@@ -10,10 +10,10 @@ use crate::spatial::*;
 /// Room for one sensor's numbers.
 #[derive(Clone, Debug, Default)]
 pub struct Work<R> {
-    drawn: Vec<R>,
-    error: Vec<R>,
-    sample: Vec<R>,
-    mixed: Vec<R>,
+    pub(super) drawn: Vec<R>,
+    pub(super) error: Vec<R>,
+    pub(super) sample: Vec<R>,
+    pub(super) mixed: Vec<R>,
 }
 
 /// What survives a step, lane-interleaved, and what the sensors say.
@@ -23,6 +23,8 @@ pub struct Slots<'a, S> {
     pub numbers: &'a mut [S],
     /// Where each delay line was written last.
     pub cursors: &'a mut [u32],
+    /// What each sensor clipped and lost, counted.
+    pub faults: &'a mut [u32],
     /// Readings.
     pub observation: &'a mut [S],
 }
@@ -58,7 +60,7 @@ impl<S: Scalar> Errors<S> {
             },
         );
         for (k, sensor) in self.sensors.iter().enumerate() {
-            let table = &self.tables[group][sensor.table * R::LANES..];
+            let table = &self.table(group)[sensor.table * R::LANES..];
             sensor.observe(table, truth, keys, lanes, start, h, work, slots, k);
         }
     }
@@ -77,15 +79,24 @@ fn write<R: Real>(from: &[R], at: usize, lanes: R::Mask, to: &mut [R::Scalar]) {
 }
 
 #[inline(always)]
-fn get<R: Real>(numbers: &[R::Scalar], at: usize) -> R {
+pub(super) fn get<R: Real>(numbers: &[R::Scalar], at: usize) -> R {
     R::load(&numbers[at * R::LANES..])
 }
 
 /// Writes in some lanes.
 #[inline(always)]
-fn put<R: Real>(numbers: &mut [R::Scalar], at: usize, lanes: R::Mask, x: R) {
+pub(super) fn put<R: Real>(numbers: &mut [R::Scalar], at: usize, lanes: R::Mask, x: R) {
     let old = get::<R>(numbers, at);
     R::select(lanes, x, old).store(&mut numbers[at * R::LANES..]);
+}
+
+/// Adds one in some lanes.
+fn count<R: Real>(lanes: R::Mask, counts: &mut [u32]) {
+    let mut bits = lanes.bits();
+    while bits != 0 {
+        counts[bits.trailing_zeros() as usize] += 1;
+        bits &= bits - 1;
+    }
 }
 
 impl<S: Scalar> Imperfect<S> {
@@ -104,16 +115,27 @@ impl<S: Scalar> Imperfect<S> {
     ) {
         if start {
             self.begin(table, keys, lanes, work, slots.numbers);
-        } else if self.drifts {
-            self.drift(table, keys, lanes, work, slots.numbers);
         }
         let mut timing = [R::zero(); 2];
         if self.lossy || self.jittery {
             draw_uniform(keys, Purpose::Timing, self.sensor, &mut timing);
         }
-        let taken = self.taken(table, timing[0], lanes, start, h, slots.numbers);
+        let [taken, lost] = self.taken(table, timing[0], lanes, start, h, slots.numbers);
+        let (clips, losses) = slots.faults[2 * index * R::LANES..][..2 * R::LANES].split_at_mut(R::LANES);
+        count::<R>(lost, losses);
+        if self.drifts {
+            let numbers = if taken.any() { self.noise_at() + self.freedom } else { self.freedom };
+            draw(keys, Purpose::Drift, self.sensor, false, &mut work.drawn[..numbers]);
+            if !start {
+                self.drift(table, lanes, work, slots.numbers);
+            }
+        }
         if taken.any() {
-            self.sample(table, truth, keys, work, slots.numbers);
+            let clipped = self.sample(table, truth, keys, work, slots.numbers);
+            // The first reading of an episode belongs to no step.
+            if !start {
+                count::<R>(clipped.and(taken), clips);
+            }
             write(&work.sample[..self.dim], self.held_at(), taken, slots.numbers);
         }
         if self.line > 0 {
@@ -127,8 +149,8 @@ impl<S: Scalar> Imperfect<S> {
         }
     }
 
-    /// Which lanes take a sample now and do not lose it.
-    fn taken<R: Real<Scalar = S>>(&self, table: &[S], chance: R, lanes: R::Mask, start: bool, h: f64, memory: &mut [S]) -> R::Mask {
+    /// Which lanes take a sample now, and which lose the one that is due.
+    fn taken<R: Real<Scalar = S>>(&self, table: &[S], chance: R, lanes: R::Mask, start: bool, h: f64, memory: &mut [S]) -> [R::Mask; 2] {
         R::vectorize(
             #[inline(always)]
             || {
@@ -142,10 +164,8 @@ impl<S: Scalar> Imperfect<S> {
                     put(memory, self.phase_at(), lanes, if start { R::zero() } else { rest });
                     taken = if start { lanes } else { lanes.and(due) };
                 }
-                if self.lossy && !start {
-                    taken = taken.and_not(chance.lt(number(Number::Dropout)));
-                }
-                taken
+                let lost = if self.lossy && !start { taken.and(chance.lt(number(Number::Dropout))) } else { R::Mask::splat(false) };
+                [taken.and_not(lost), lost]
             },
         )
     }
@@ -186,12 +206,12 @@ impl<S: Scalar> Imperfect<S> {
         )
     }
 
-    fn drift<R: Real<Scalar = S>>(&self, table: &[S], keys: &Keys, lanes: R::Mask, work: &mut Work<R>, memory: &mut [S]) {
+    /// A step of the drift by the numbers drawn.
+    fn drift<R: Real<Scalar = S>>(&self, table: &[S], lanes: R::Mask, work: &Work<R>, memory: &mut [S]) {
         R::vectorize(
             #[inline(always)]
             || {
                 let (decay, kick): (R, R) = (get(table, Number::Decay as usize), get(table, Number::Kick as usize));
-                draw(keys, Purpose::Drift, self.sensor, false, &mut work.drawn[..self.freedom]);
                 for k in 0..self.freedom {
                     let at = self.drift_at() + k;
                     let next = get::<R>(memory, at) * decay + kick * work.drawn[k];
@@ -201,8 +221,8 @@ impl<S: Scalar> Imperfect<S> {
         )
     }
 
-    /// Scale and misalignment, bias, drift, noise, quantisation and clip: the sample of now, left in `work.sample`.
-    fn sample<R: Real<Scalar = S>>(&self, table: &[S], truth: &[R], keys: &Keys, work: &mut Work<R>, memory: &[S]) {
+    /// Scale and misalignment, bias, drift, noise, quantisation and clip: the sample of now, left in `work.sample`. Returns where it was clipped.
+    fn sample<R: Real<Scalar = S>>(&self, table: &[S], truth: &[R], keys: &Keys, work: &mut Work<R>, memory: &[S]) -> R::Mask {
         R::vectorize(
             #[inline(always)]
             || {
@@ -211,9 +231,12 @@ impl<S: Scalar> Imperfect<S> {
                 let truth = &truth[self.at..self.at + dim];
                 work.error[..freedom].fill(R::zero());
                 if self.noisy {
-                    draw(keys, Purpose::Noise, self.sensor, self.uniform, &mut work.drawn[..freedom]);
+                    let from = self.noise_at();
+                    if from == 0 {
+                        draw(keys, Purpose::Noise, self.sensor, self.uniform, &mut work.drawn[..freedom]);
+                    }
                     for k in 0..freedom {
-                        work.error[k] = number(Number::Noise) * work.drawn[k];
+                        work.error[k] = number(Number::Noise) * work.drawn[from + k];
                     }
                 }
                 for k in 0..freedom {
@@ -225,6 +248,7 @@ impl<S: Scalar> Imperfect<S> {
                     Quantity::Real | Quantity::Positive => self.shift(number(Number::Scale), truth, work, memory),
                     Quantity::Axis | Quantity::Quaternion => turn(truth, work),
                 }
+                let mut clipped = R::Mask::splat(false);
                 for k in 0..dim {
                     let mut x = work.sample[k];
                     if self.quantised {
@@ -234,10 +258,13 @@ impl<S: Scalar> Imperfect<S> {
                         x = R::select(coarse, grid, x);
                     }
                     if self.clipped {
-                        x = R::select(x.eq(x), x.clamp(number(Number::Low), number(Number::High)), x);
+                        let (low, high) = (number(Number::Low), number(Number::High));
+                        clipped = clipped.or(x.lt(low)).or(high.lt(x));
+                        x = R::select(x.eq(x), x.clamp(low, high), x);
                     }
                     work.sample[k] = x;
                 }
+                clipped
             },
         )
     }
@@ -268,62 +295,6 @@ impl<S: Scalar> Imperfect<S> {
             },
         )
     }
-
-    /// Puts the held sample into the delay line and takes out what was there `delay` steps ago, left in `work.sample`.
-    #[expect(clippy::too_many_arguments, reason = "what is read, by whom, and what is remembered")]
-    fn delay<R: Real<Scalar = S>>(
-        &self,
-        table: &[S],
-        chance: R,
-        lanes: R::Mask,
-        start: bool,
-        slots: &mut Slots<'_, S>,
-        index: usize,
-        work: &mut Work<R>,
-    ) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let (dim, line) = (self.dim, self.line);
-                let number = |n: Number| get::<R>(table, n as usize);
-                let delay = number(Number::Delay) + number(Number::Jitter) * (chance + chance - R::one());
-                // One line for all lanes: its end moves with every step, and a lane that starts fills it with its first sample.
-                if !start {
-                    slots.cursors[index] = (slots.cursors[index] + 1) % line as u32;
-                }
-                let cursor = slots.cursors[index] as usize;
-                for k in 0..dim {
-                    let x: R = get(slots.numbers, self.held_at() + k);
-                    for s in if start { 0..line } else { cursor..cursor + 1 } {
-                        put(slots.numbers, self.line_at() + s * dim + k, lanes, x);
-                    }
-                }
-                // Staircases and readings that may be absent have no values in between.
-                let smooth = !self.sampled && self.quantity != Quantity::Positive;
-                for l in 0..R::LANES {
-                    let steps = delay.lane(l).to_f64();
-                    let steps = if steps > 0.0 { steps } else { 0.0 };
-                    // A delay of a whole number of steps, but for rounding, is one.
-                    let near = (steps + 0.5).floor();
-                    let steps = if (steps - near).abs() < 1e-9 * (1.0 + near) { near } else { steps };
-                    let whole = if smooth { steps.floor() } else { steps.ceil() };
-                    let part = if smooth { steps - whole } else { 0.0 };
-                    let entry = |back: usize, k: usize| {
-                        let s = (cursor + line - back.min(line - 1)) % line;
-                        slots.numbers[(self.line_at() + s * dim + k) * R::LANES + l].to_f64()
-                    };
-                    for k in 0..dim {
-                        let (new, old) = (entry(whole as usize, k), entry(whole as usize + 1, k));
-                        let x = if part > 0.0 { new + (old - new) * part } else { new };
-                        work.sample[k].set_lane(l, Scalar::from_f64(x));
-                    }
-                }
-                if smooth && matches!(self.quantity, Quantity::Axis | Quantity::Quaternion) {
-                    normalise(&mut work.sample[..dim]);
-                }
-            },
-        )
-    }
 }
 
 /// Turns a unit vector or quaternion by the rotation vector `work.error`; the quaternion in its own frame.
@@ -341,7 +312,7 @@ fn turn<R: Real>(truth: &[R], work: &mut Work<R>) {
     )
 }
 
-fn normalise<R: Real>(x: &mut [R]) {
+pub(super) fn normalise<R: Real>(x: &mut [R]) {
     R::vectorize(
         #[inline(always)]
         || {

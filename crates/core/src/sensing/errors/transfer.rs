@@ -68,6 +68,11 @@ impl Transfer {
         ]
     }
 
+    /// Whether all environments have the same numbers.
+    pub(super) fn is_shared(&self) -> bool {
+        self.fields().iter().all(|(_, x)| x.len() == 1)
+    }
+
     /// The first number out of its range, in words.
     pub(super) fn check(&self, dim: usize, quantity: Quantity, num_envs: usize, h: f64) -> Result<(), String> {
         for (name, x) in self.fields() {

@@ -4,13 +4,13 @@ use stepper_real::{Mask, Real};
 
 use super::GeomPoses;
 use crate::kinematics::Kinematics;
-use crate::plan::{PairPlan, Plan};
+use crate::plan::{LanePlan, PairPlan};
 use crate::spatial::*;
 
 /// Lanes in which the step, now that its velocity `v_next` is known, may have taken something through something thin: a pair was faster than
 /// [`detect`](super::detect) looked out for, or turned so far that its way bends by more than it is thick.
 pub fn may_have_passed<R: Real>(
-    plan: &Plan<R::Scalar>,
+    plan: &LanePlan<R>,
     kinematics: &Kinematics<R>,
     v_next: &[R],
     h: R,
@@ -26,7 +26,7 @@ pub fn may_have_passed<R: Real>(
     {
         return R::Mask::splat(false);
     }
-    let slack = norm(splat::<R, 3>(plan.gravity)) * h * h + R::of(1e-6);
+    let slack = norm(plan.params.gravity()) * h * h + R::of(1e-6);
     let mut broad = std::mem::take(&mut poses.broad);
     if let Some(crowd) = &plan.crowd {
         broad.find(plan, crowd, alive.bits(), &poses.pos, &poses.lead, slack);
@@ -51,37 +51,38 @@ pub fn may_have_passed<R: Real>(
 impl<R: Real> GeomPoses<R> {
     /// Bounds on the ways of the step as it was made, left in `lead`. Returns the lanes in which some geom moved by half its thickness.
     #[inline(always)]
-    fn update_ways(&mut self, plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, v_next: &[R], h: R) -> R::Mask {
+    fn update_ways(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, v_next: &[R], h: R) -> R::Mask {
         self.update_lead(plan, kinematics, v_next, h);
-        let moved = self.lead.iter().zip(&plan.geoms).map(|(way, g)| way.gt(R::splat(g.inner) * R::of(0.5)));
+        let moved = self.lead.iter().enumerate().map(|(g, way)| way.gt(plan.params.inner(g) * R::of(0.5)));
         moved.fold(R::Mask::splat(false), R::Mask::or)
     }
 
     /// Lanes in which a pair could get through unseen.
     #[inline(always)]
-    fn slips_through(&self, plan: &Plan<R::Scalar>, pair: &PairPlan<R::Scalar>, h: R, slack: R) -> R::Mask {
+    fn slips_through(&self, plan: &LanePlan<R>, pair: &PairPlan<R::Scalar>, h: R, slack: R) -> R::Mask {
         let [a, b] = pair.geoms;
         let way = self.lead[a] + self.lead[b];
-        let far = way.gt(R::splat(pair.thin));
+        let thin = plan.thin(pair.geoms);
+        let far = way.gt(thin);
         if far.none() {
             return far;
         }
-        let reach = R::splat(pair.reach) + R::splat(pair.margin) + way;
+        let reach = plan.reach(pair.geoms) + R::splat(pair.margin) + way;
         let apart = sub(self.pos[b], self.pos[a]);
         let meets = far.and(dot(apart, apart).lt(reach * reach));
         let unseen = way.gt(self.travel[a] + self.travel[b] + slack);
-        let bends = (self.bend(plan, a, h) + self.bend(plan, b, h)).gt(R::splat(pair.thin));
+        let bends = (self.bend(plan, a, h) + self.bend(plan, b, h)).gt(thin);
         meets.and(unseen.or(bends))
     }
 
     /// How far an arc leaves its tangent: half the square of the angle, times what it swings, m.
     #[inline(always)]
-    fn bend(&self, plan: &Plan<R::Scalar>, geom: usize, h: R) -> R {
+    fn bend(&self, plan: &LanePlan<R>, geom: usize, h: R) -> R {
         let g = &plan.geoms[geom];
         if g.frame == 0 || g.frame > plan.links.len() {
             return R::zero();
         }
         let w = angular(&self.velocity[g.frame - 1]);
-        dot(w, w) * h * h * R::of(0.5) * R::splat(g.lever)
+        dot(w, w) * h * h * R::of(0.5) * plan.params.lever(geom)
     }
 }

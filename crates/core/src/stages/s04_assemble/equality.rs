@@ -17,7 +17,7 @@ use crate::constraints::{Constraints, Moment};
 use crate::inertia::MassMatrix;
 use crate::kinematics::Kinematics;
 use crate::options::{Options, Stabilization};
-use crate::plan::{Combination, EqualityBlock, EqualityPlan, EqualityRows, Plan, Spring};
+use crate::plan::{Combination, EqualityBlock, EqualityPlan, EqualityRows, LanePlan, Plan, Spring};
 use crate::spatial::*;
 
 /// Error that the position solve leaves alone, m or rad: far below what anyone measures, so that a loop at rest costs no second solve.
@@ -35,7 +35,7 @@ struct Rows<R: Real> {
 /// What the rows are made from.
 #[derive(Clone, Copy)]
 pub(super) struct Site<'a, R: Real> {
-    pub(super) plan: &'a Plan<R::Scalar>,
+    pub(super) plan: &'a LanePlan<R>,
     pub(super) options: &'a Options,
     pub(super) kinematics: &'a Kinematics<R>,
     pub(super) mass: &'a MassMatrix<R>,
@@ -335,7 +335,7 @@ fn acceleration<R: Real>(site: Site<'_, R>, frame: usize, p: V3<R>) -> V3<R> {
     let (velocity, change) = (&moment.motion.velocity[l], &moment.motion.acceleration[l]);
     let arm = sub(p, kinematics.origin[plan.links[l].tree]);
     // The recursion takes gravity as an upward acceleration of the world.
-    let change = spatial(angular(change), add(linear(change), splat(plan.gravity)));
+    let change = spatial(angular(change), add(linear(change), plan.params.gravity()));
     add(velocity_at(&change, arm), cross(angular(velocity), velocity_at(velocity, arm)))
 }
 

@@ -87,13 +87,13 @@ impl<R: Real> Constraints<R> {
     /// Limits of ball joints: the rotation vector's length stays below the range (MuJoCo's `mj_instantiateLimit`).
     #[inline(always)]
     pub(super) fn add_ball_limits(&mut self, site: Site<'_, R>) {
-        for limit in &site.plan.ball_limits {
+        for (i, limit) in site.plan.ball_limits.iter().enumerate() {
             let turn = quat_log(quat_at(site.moment.q, limit.q));
             let angle = norm(turn);
             // Without a turn there is no direction to turn back to.
             let turned = angle.gt(R::zero());
             let axis = scale(turn, -(R::one() / R::select(turned, angle, R::one())));
-            let phi = R::splat(limit.most) - angle;
+            let phi = site.plan.params.ball_limit(i) - angle;
             let v = site.moment.v_free;
             let free = dot(axis, [v[limit.dof], v[limit.dof + 1], v[limit.dof + 2]]);
             let Some((active, velocity, position)) = self.reach(site, phi, free) else {

@@ -1,11 +1,11 @@
 //! Contacts with torsional and rolling friction: three more rows, of the turning about the contact's axes.
 
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real};
 
 use super::equality::Site;
 use crate::constraints::Constraints;
 use crate::contacts::{ContactId, Contacts, MAX_LANES};
-use crate::plan::Plan;
+use crate::plan::LanePlan;
 use crate::spatial::*;
 use crate::surfaces;
 
@@ -86,15 +86,15 @@ struct Friction<R: Real> {
 
 impl<R: Real> Friction<R> {
     #[inline(always)]
-    fn of(plan: &Plan<R::Scalar>, ids: &[ContactId; MAX_LANES], lanes: u32) -> Self {
+    fn of(plan: &LanePlan<R>, ids: &[ContactId; MAX_LANES], lanes: u32) -> Self {
         let mut more = [R::zero(); 2];
         let mut rest = lanes;
         while rest != 0 {
             let l = rest.trailing_zeros() as usize;
             rest &= rest - 1;
-            let pair = plan.pair(ids[l].pair());
-            more[0].set_lane(l, pair.torsion);
-            more[1].set_lane(l, pair.rolling);
+            let params = plan.contact(ids[l].pair());
+            more[0].set_lane(l, params.torsion.lane(l));
+            more[1].set_lane(l, params.rolling.lane(l));
         }
         Self { more, mu: R::one(), slides: R::zero(), scale: zero() }
     }
@@ -122,12 +122,14 @@ impl<R: Real> Friction<R> {
 
 /// Lanes (bits) of slot `k` whose contact has torsional or rolling friction.
 #[inline(always)]
-pub(super) fn wide_lanes<S: Scalar>(plan: &Plan<S>, ids: &[ContactId; MAX_LANES], lanes: u32) -> u32 {
+pub(super) fn wide_lanes<R: Real>(plan: &LanePlan<R>, ids: &[ContactId; MAX_LANES], lanes: u32) -> u32 {
     let (mut out, mut rest) = (0, if plan.wide { lanes } else { 0 });
     while rest != 0 {
-        let l = rest.trailing_zeros();
+        let l = rest.trailing_zeros() as usize;
         rest &= rest - 1;
-        out |= u32::from(plan.pair(ids[l as usize].pair()).is_wide()) << l;
+        let params = plan.contact(ids[l].pair());
+        let more = params.torsion.max(params.rolling).lane(l);
+        out |= u32::from(more > Default::default()) << l;
     }
     out
 }

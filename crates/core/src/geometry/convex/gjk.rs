@@ -27,8 +27,9 @@ struct Simplex {
     count: usize,
 }
 
-/// The nearest points of A and B + shift, searched from the direction `start` (from B to A).
-pub(super) fn nearest(pair: &Pair<'_>, shift: V, start: V) -> Nearest {
+/// The nearest points of A and B + shift, searched from the direction `start` (from B to A); points further apart than `beyond` (m) where the
+/// sets certainly are.
+pub(super) fn nearest(pair: &Pair<'_>, shift: V, start: V, beyond: f64) -> Nearest {
     let mut simplex = Simplex { count: 1, ..Simplex::default() };
     simplex.vertex[0] = pair.support([-start[0], -start[1], -start[2]], shift);
     simplex.weight[0] = 1.0;
@@ -40,6 +41,10 @@ pub(super) fn nearest(pair: &Pair<'_>, shift: V, start: V) -> Nearest {
             return simplex.result(v, false);
         }
         let vertex = pair.support([-v[0], -v[1], -v[2]], shift);
+        // A plane at right angles to v parts the sets by v . w / |v|.
+        if dot(v, vertex.w) > beyond * length {
+            break;
+        }
         // |v|^2 - v . w bounds what is left to gain.
         if length * length - dot(v, vertex.w) <= length * (rounding + 1e-15 * length) {
             break;

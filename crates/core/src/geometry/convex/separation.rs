@@ -42,7 +42,7 @@ const NEAR_FACE: f64 = 0.05;
 pub(super) fn nearest(pair: &Pair<'_>, prediction: f64) -> Separation {
     let gap = GAP * pair.least;
     let start = neg(pair.apart);
-    let first = gjk::nearest(pair, [0.0; 3], start);
+    let first = gjk::nearest(pair, [0.0; 3], start, gap.max(prediction + pair.thickness()));
     let length = norm(first.v);
     if first.apart && length >= gap {
         let found = Separation { normal: scale(first.v, -1.0 / length), separation: length, points: [first.x, first.y] };
@@ -117,7 +117,7 @@ fn climb(pair: &Pair<'_>, start: Candidate, gap: f64) -> Separation {
     let enough = 1e-14 * pair.size;
     for _ in 0..CLIMBS {
         let shift = scale(best.normal, gap - best.separation);
-        let near = gjk::nearest(pair, shift, neg(best.normal));
+        let near = gjk::nearest(pair, shift, neg(best.normal), f64::INFINITY);
         let length = norm(near.v);
         if !near.apart || length == 0.0 {
             break;

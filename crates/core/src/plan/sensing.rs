@@ -147,8 +147,14 @@ pub enum Read<S> {
     Length(Vec<(usize, S)>),
     /// sum of coefficient v
     Rate(Vec<(usize, S)>),
-    /// sum of coefficient times the force of an actuator, within bounds.
-    Drive(Vec<(usize, S)>, Option<[S; 2]>),
+    /// Sum of the forces of actuators.
+    ActuatorForce(Vec<usize>),
+    /// Force of all actuators on a dof.
+    JointForce(usize),
+    /// Length of an actuator on a site.
+    ActuatorLength(usize),
+    /// Its rate.
+    ActuatorRate(usize),
     /// Overlap with the nearer limit: address in q, low, high.
     LimitPos(usize, [S; 2]),
     /// Its rate: address in q, dof, low, high.
@@ -198,7 +204,8 @@ pub enum Read<S> {
 }
 
 impl<S: Scalar> SensingPlan<S> {
-    pub(super) fn new(model: &Model, merged: &Merged) -> Self {
+    /// `lossy` says whether part of what actuators do is known from the impulses of a step alone.
+    pub(super) fn new(model: &Model, merged: &Merged, lossy: bool) -> Self {
         let at = model.sensor_addresses();
         let compile = |(i, s): (usize, &Sensor)| SensorPlan {
             at: at[i],
@@ -207,7 +214,8 @@ impl<S: Scalar> SensingPlan<S> {
             read: Compiler { model, merged, addresses: model.joint_addresses() }.read(&s.kind, &at),
         };
         let sensors: Vec<_> = model.sensors.iter().enumerate().map(compile).collect();
-        let needs = Needs::of(&sensors, model);
+        let mut needs = Needs::of(&sensors, model);
+        needs.step |= lossy && needs.actuators;
         let quaternions = sensors.iter().any(|s| matches!(s.read, Read::Frame(FrameReading::Quat, ..)));
         let link_quat = |&leader: &usize| {
             let body = &model.bodies[leader];
@@ -234,15 +242,18 @@ impl Needs {
             matches!(r, Read::Velocimeter(_) | Read::Gyro(_) | Read::ComVelocity(_) | Read::AngularMomentum(_) | Read::Kinetic(_))
                 || matches!(r, Read::Frame(FrameReading::LinVel | FrameReading::AngVel, ..))
         };
+        let drives =
+            |r: &Read<S>| matches!(r, Read::ActuatorForce(_) | Read::JointForce(_) | Read::ActuatorLength(_) | Read::ActuatorRate(_));
         let bodiless = |r: &Read<S>| {
-            matches!(r, Read::Position(_) | Read::Velocity(_) | Read::Length(_) | Read::Rate(_) | Read::Drive(..) | Read::Nothing)
+            matches!(r, Read::Position(_) | Read::Velocity(_) | Read::Length(_) | Read::Rate(_) | Read::Nothing)
+                || drives(r)
                 || matches!(r, Read::LimitPos(..) | Read::LimitVel(..) | Read::LimitForce(_) | Read::Clock | Read::Combination(_))
         };
         Self {
             poses: any(&|r| !bodiless(r)),
             velocities: acceleration || any(&moving),
             acceleration,
-            actuators: any(&|r| matches!(r, Read::Drive(..))),
+            actuators: any(&drives),
             wrenches,
             contacts: wrenches || any(&|r| matches!(r, Read::Touch(..) | Read::Contact(..))),
             step: model.sensors.iter().any(Sensor::needs_step),
@@ -252,6 +263,19 @@ impl Needs {
 
 fn wxyz<S: Scalar>(q: &UnitQuaternion<f64>) -> [S; 4] {
     scalars([q.w, q.i, q.j, q.k])
+}
+
+/// Where an object of the model is.
+pub(super) fn place<S: Scalar>(model: &Model, merged: &Merged, object: Object) -> Place<S> {
+    let (body, pos, quat) = match object {
+        Object::XBody(b) => (b, [0.0; 3], [1.0, 0.0, 0.0, 0.0]),
+        Object::Body(b) => (b, model.bodies[b].ipos, model.bodies[b].iquat),
+        Object::Geom(g) => (model.geoms[g].body, model.geoms[g].pos, model.geoms[g].quat),
+        Object::Site(s) => (model.sites[s].body, model.sites[s].pos, model.sites[s].quat),
+    };
+    let at: Vector3<f64> = merged.pos[body] + merged.quat[body] * vector(pos);
+    let quat = merged.quat[body] * quaternion(quat);
+    Place { frame: merged.frame[body], pos: scalars(at.into()), mat: matrix(&quat), quat: wxyz(&quat) }
 }
 
 struct Compiler<'a> {
@@ -267,7 +291,7 @@ impl Compiler<'_> {
         match *kind {
             K::JointPos(j) | K::BallQuat(j) => Read::Position(self.addresses[j].0),
             K::JointVel(j) | K::BallAngVel(j) => Read::Velocity(self.addresses[j].1),
-            K::JointActuatorForce(j) => self.drive(j),
+            K::JointActuatorForce(j) => Read::JointForce(self.addresses[j].1),
             K::JointLimitPos(j) => self.limit(j, |q, _, range| Read::LimitPos(q, range)),
             K::JointLimitVel(j) => self.limit(j, Read::LimitVel),
             K::JointLimitForce(j) => self.limit_force(j),
@@ -275,11 +299,11 @@ impl Compiler<'_> {
             K::TendonVel(t) => Read::Rate(self.arms(&self.model.tendons[t].joints, 1.0).map(|(_, v, c)| (v, c)).collect()),
             K::TendonActuatorForce(t) => {
                 let pulls = |a: &usize| self.model.actuators[*a].transmission == Transmission::Tendon(t);
-                Read::Drive((0..self.model.actuators.len()).filter(pulls).map(|a| (a, S::ONE)).collect(), None)
+                Read::ActuatorForce((0..self.model.actuators.len()).filter(pulls).collect())
             }
-            K::ActuatorPos(a) => Read::Length(self.moment(a).map(|(q, _, c)| (q, c)).collect()),
-            K::ActuatorVel(a) => Read::Rate(self.moment(a).map(|(_, v, c)| (v, c)).collect()),
-            K::ActuatorForce(a) => Read::Drive(vec![(a, S::ONE)], None),
+            K::ActuatorPos(a) => self.moment(a).map_or(Read::ActuatorLength(a), |m| Read::Length(m.map(|(q, _, c)| (q, c)).collect())),
+            K::ActuatorVel(a) => self.moment(a).map_or(Read::ActuatorRate(a), |m| Read::Rate(m.map(|(_, v, c)| (v, c)).collect())),
+            K::ActuatorForce(a) => Read::ActuatorForce(vec![a]),
             K::Frame { what, object, reference } => Read::Frame(what, self.place(object), reference.map(|r| self.place(r))),
             K::Magnetometer(s) => Read::Magnetometer(site(s)),
             K::Velocimeter(s) => Read::Velocimeter(site(s)),
@@ -312,20 +336,15 @@ impl Compiler<'_> {
         arms.iter().map(move |&(j, c)| (self.addresses[j].0, self.addresses[j].1, S::from_f64(c * gear)))
     }
 
-    fn moment<S: Scalar>(&self, a: usize) -> impl Iterator<Item = (usize, usize, S)> {
+    /// The moment of an actuator, if it is the same in every configuration.
+    fn moment<S: Scalar>(&self, a: usize) -> Option<impl Iterator<Item = (usize, usize, S)>> {
         let actuator = &self.model.actuators[a];
         let arms = match actuator.transmission {
             Transmission::Joint(j) => vec![(j, 1.0)],
             Transmission::Tendon(t) => self.model.tendons[t].joints.clone(),
+            Transmission::Site { .. } => return None,
         };
-        self.arms(&arms, actuator.gear).collect::<Vec<_>>().into_iter()
-    }
-
-    fn drive<S: Scalar>(&self, j: usize) -> Read<S> {
-        let dof = self.addresses[j].1;
-        let arms = (0..self.model.actuators.len()).flat_map(|a| self.moment::<S>(a).map(move |(_, v, c)| (a, v, c)));
-        let range = self.model.joints[j].actuator_force_range.map(scalars);
-        Read::Drive(arms.filter(|&(_, v, _)| v == dof).map(|(a, _, c)| (a, c)).collect(), range)
+        Some(self.arms(&arms, actuator.gear).collect::<Vec<_>>().into_iter())
     }
 
     fn limit<S: Scalar>(&self, j: usize, read: impl Fn(usize, usize, [S; 2]) -> Read<S>) -> Read<S> {
@@ -340,15 +359,7 @@ impl Compiler<'_> {
     }
 
     fn place<S: Scalar>(&self, object: Object) -> Place<S> {
-        let (body, pos, quat) = match object {
-            Object::XBody(b) => (b, [0.0; 3], [1.0, 0.0, 0.0, 0.0]),
-            Object::Body(b) => (b, self.model.bodies[b].ipos, self.model.bodies[b].iquat),
-            Object::Geom(g) => (self.model.geoms[g].body, self.model.geoms[g].pos, self.model.geoms[g].quat),
-            Object::Site(s) => (self.model.sites[s].body, self.model.sites[s].pos, self.model.sites[s].quat),
-        };
-        let at: Vector3<f64> = self.merged.pos[body] + self.merged.quat[body] * vector(pos);
-        let quat = self.merged.quat[body] * quaternion(quat);
-        Place { frame: self.merged.frame[body], pos: scalars(at.into()), mat: matrix(&quat), quat: wxyz(&quat) }
+        place(self.model, self.merged, object)
     }
 
     fn solid<S: Scalar>(&self, object: Object, shape: &Shape) -> Option<Solid<S>> {

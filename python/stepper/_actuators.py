@@ -202,7 +202,7 @@ class ActuatorModel:
 
     def _row(self, name: str, num_envs: int) -> dict[str, Any] | None:
         drive = self.drive_of(name)
-        if drive is None or drive == Drive():
+        if drive is None or _plain(drive) == _plain(Drive()):
             return None
         try:
             return drive._row(num_envs)

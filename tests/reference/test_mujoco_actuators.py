@@ -13,7 +13,7 @@ from numerics import relative_error
 BOUND = 1e-10  # As for smooth dynamics: rounding (1e-16) times what a mass matrix loses in a difference of accelerations.
 STATES = 20
 
-TREE = """<mujoco><option timestep=".002" gravity="0 0 -9.81"/><worldbody><site name="base" pos=".3 -.2 .1" euler="10 20 30"/>
+TREE = """<mujoco><option timestep=".002" gravity="0 0 -9.81"><flag contact="disable"/></option><worldbody><site name="base" pos=".3 -.2 .1" euler="10 20 30"/>
   <body pos="0 0 1"><freejoint/><geom type="box" size=".1 .2 .3"/><site name="hull" pos=".1 .05 -.2" euler="40 10 -20"/>
     <body pos=".2 0 .1"><joint name="swing" axis="1 2 0" pos=".05 0 0"/><geom type="capsule" size=".05 .2" euler="10 20 0"/>
       <body pos="0 .4 .1"><joint name="rail" type="slide" axis="1 0 1"/><geom type="sphere" size=".1"/>
@@ -68,7 +68,7 @@ def test_forces_lengths_and_velocities(kind):
     reader = stepper.Stepper(sim.model, options=stepper.Options(timestep=1e-15))
     for _ in range(STATES):
         state = random_state(model, rng)
-        act, ctrl = rng.uniform(-1, 1, model.na), rng.uniform(-1, 1, model.nu)
+        act, ctrl = rng.uniform(-0.3, 0.3, model.na), rng.uniform(-1, 1, model.nu)
         data = forward(model, *state, ctrl, act=act)
         sim.set_state(*state, act=act)
         idle.set_state(*state)
@@ -87,7 +87,6 @@ def test_trajectories_of_actuators_on_sites(kind, integrator):
     text, until, fine = scene(kind), 0.05, 2e-5
     model = mujoco.MjModel.from_xml_string(text)
     model.opt.timestep, model.opt.integrator = fine, mujoco.mjtIntegrator.mjINT_RK4
-    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     data = mujoco.MjData(model)
     ctrl = np.linspace(-0.5, 0.5, model.nu)
     data.ctrl[:] = ctrl
@@ -98,9 +97,10 @@ def test_trajectories_of_actuators_on_sites(kind, integrator):
         sim = stepper.Stepper(stepper.load(model), options=stepper.Options(timestep=h, integrator=integrator))
         sim.step(ctrl, nstep=round(until / h))
         errors.append(relative_error(sim.qvel, data.qvel))
-    # Order 1 at least: half the step, half the error, or both are at the reference's own.
-    order = {"midpoint": 2, "rk4": 4}.get(integrator, 1)
-    assert errors[1] < max(1.3 * errors[0] / 2**order, 1e-9)
+    # A stiffness or damping across branches is an added inertia in the mass matrix (crates/core/src/drive.rs), which is of first order.
+    order = 4 if integrator == "rk4" else 2 if integrator == "midpoint" and kind == "motor" else 1
+    # Half the step, that part of the error, or both are at the reference's own.
+    assert errors[1] < max(1.1 * errors[0] / 2**order, 1e-9)
     assert errors[1] < 0.02
 
 
@@ -108,10 +108,12 @@ def test_trajectories_of_actuators_on_sites(kind, integrator):
 @pytest.mark.parametrize("target", ["site on the world", "site on the same tree"])
 def test_a_stiff_servo_on_a_site_is_stable(target, integrator):
     """h sqrt(k/m) of 20 and more: what the mass matrix holds of a wrench, on one chain or across branches, keeps the motion bounded."""
-    text = TREE.format(actuators=f'<position {TARGETS[target]} kp="1e6" kv="1e3"/>', sensors="").replace("-9.81", "0")
+    text = TREE.format(actuators=f'<position {TARGETS[target]} kp="1e6" kv="1e3" name="a"/>', sensors='<actuatorpos actuator="a"/>').replace("-9.81", "0")
     sim = simulate(text, integrator=integrator)
-    sim.step(np.zeros(1), nstep=2000)
-    assert sim.status == stepper.Status.OK
-    # Potential energy of the start: a length of the order of 10 times gear 4, of which nothing is gained.
-    assert np.all(np.isfinite(sim.qpos))
-    assert np.abs(sim.qvel).max() < 1e3
+    length = sim.sensor_truth[0]
+    energy = 1e6 / 2 * 1e-3**2  # Of a servo whose set point is a thousandth beyond its length, in J: all that there is.
+    for _ in range(2000):
+        sim.step([length + 1e-3])
+        assert sim.status == stepper.Status.OK
+        # The arms turn with the bodies, which the rules take to second order (midpoint) and first order.
+        assert sim.energy()[1] < 1.2 * energy

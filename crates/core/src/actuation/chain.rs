@@ -23,7 +23,7 @@ enum Number {
     Kd,
     IntegralLimit,
     Period,
-    /// Bounds beyond which the integral does not grow.
+    /// Bounds of a servo's effort, beyond which its integral does not grow.
     Least,
     Most,
     Stall,
@@ -256,7 +256,7 @@ fn numbers(t: &DriveTrain, env: usize, h: f64) -> [f64; NUMBERS] {
         let stall = of(&m.stall_torque) * m.gear;
         set(Number::Stall, stall);
         set(Number::Drag, stall * m.gear / of(&m.no_load_speed));
-        (least, most) = if m.voltage { (-1.0, 1.0) } else { (low.max(-stall), high.min(stall)) };
+        (least, most) = if m.voltage { (-1.0, 1.0) } else { (low, high) };
     }
     set(Number::Least, least);
     set(Number::Most, most);
@@ -281,6 +281,12 @@ fn get<R: Real>(numbers: &[R::Scalar], at: usize) -> R {
 fn put<R: Real>(numbers: &mut [R::Scalar], at: usize, lanes: R::Mask, x: R) {
     let old = get::<R>(numbers, at);
     R::select(lanes, x, old).store(&mut numbers[at * R::LANES..]);
+}
+
+/// An effort within its bounds; NaN stays.
+#[inline(always)]
+fn bounded<R: Real>(x: R, [low, high]: [R; 2]) -> R {
+    R::select(x.eq(x), x.clamp(low, high), x)
 }
 
 /// Length and velocity of an actuator on joints.
@@ -384,7 +390,7 @@ impl Chain {
         if servo == Servo::Continuous {
             return kp * u + integral;
         }
-        put(numbers, at + 2, due, rest + integral);
+        put(numbers, at + 2, due, bounded(rest + integral, [number(Number::Least), number(Number::Most)]));
         get(numbers, at + 2)
     }
 
@@ -406,8 +412,9 @@ impl Chain {
         if self.servo == Servo::Continuous {
             let [length, velocity] = motion(actuator, state);
             let pull = get::<R>(table, Number::Kp as usize) * length + get::<R>(table, Number::Kd as usize) * velocity;
-            let goal = get::<R>(numbers, at + 1) - pull;
-            let effort = R::select(start, u - pull, goal + (effort - goal) * decay);
+            let bounds = [get::<R>(table, Number::Least as usize), get(table, Number::Most as usize)];
+            let goal = bounded(R::select(start, u, get(numbers, at + 1)) - pull, bounds);
+            let effort = R::select(start, goal, goal + (effort - goal) * decay);
             put(numbers, at, taken, effort);
             put(numbers, at + 1, taken, u);
             return u + (effort - u) * mean;

@@ -94,7 +94,7 @@ fn place<R: Real>(plan: &Plan<R::Scalar>, kinematics: &Kinematics<R>, wrench: &W
     if let Some(reference) = &wrench.reference {
         let (from, axes) = pose(kinematics, reference);
         let way = rotate_back(&axes, sub(pos, from));
-        let turn = quat_log(mat_to_quat(&mat_mul_transposed(&axes, &mat)));
+        let turn = rotate_back(&axes, quat_log(mat_to_quat(&mat_mul_transposed(&mat, &axes))));
         length = dot(force, way) + dot(torque, turn);
         (frame, other) = (axes, from);
     }

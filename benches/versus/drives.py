@@ -1,4 +1,4 @@
-"""What drive trains cost: a humanoid's step with a drive on every actuator, over its step without, medians of interleaved calls on one core.
+"""What drives cost: a humanoid's step with a drive on every actuator, over its step without; medians of interleaved calls on one core.
 
 Both begin every call at the same state, of a run without drives under random control: a robot that moves otherwise costs otherwise.
 
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from statistics import median
@@ -16,21 +17,23 @@ from statistics import median
 import numpy as np
 from stepper import PID, ActuatorModel, DCMotor, Drive, Stepper, load
 
-CURVE = {"stall_torque": 1.5, "no_load_speed": 1500.0, "rotor_inertia": 1e-6}
+MOTOR = DCMotor(stall_torque=1.5, no_load_speed=1500.0, rotor_inertia=1e-6)
+SERVO = PID(kp=0.001, ki=0.001, kd=0.0001, integral_limit=0.1)
+SAMPLED = replace(SERVO, period=0.01)
+CHAIN = Drive(delay=0.0073, lag=0.01, limits=(-0.8, 0.8), motor=MOTOR, servo=SAMPLED)
 STAGES = {
     "none (again)": None,
     "delay": Drive(delay=0.0073),
     "lag": Drive(lag=0.01),
     "delay, lag, limits": Drive(delay=0.0073, lag=0.01, limits=(-0.8, 0.8)),
-    "motor, torque": Drive(motor=DCMotor(**CURVE)),
-    "motor, voltage": Drive(motor=DCMotor(**CURVE, control="voltage")),
-    "PID at 100 Hz": Drive(servo=PID(kp=0.001, ki=0.001, kd=0.0001, integral_limit=0.1, period=0.01)),
-    "PID, continuous": Drive(servo=PID(kp=0.001, ki=0.001, kd=0.0001, integral_limit=0.1)),
-    "chain without friction": Drive(delay=0.0073, lag=0.01, limits=(-0.8, 0.8), motor=DCMotor(**CURVE),
-                                    servo=PID(kp=0.001, ki=0.001, kd=0.0001, integral_limit=0.1, period=0.01)),
-    "full chain": Drive(delay=0.0073, lag=0.01, limits=(-0.8, 0.8), motor=DCMotor(**CURVE, efficiency=0.85), friction=0.005,
-                        servo=PID(kp=0.001, ki=0.001, kd=0.0001, integral_limit=0.1, period=0.01)),
-}  # fmt: skip
+    "motor, torque": Drive(motor=MOTOR),
+    "motor, voltage": Drive(motor=replace(MOTOR, control="voltage")),
+    "PID at 100 Hz": Drive(servo=SAMPLED),
+    "PID, continuous": Drive(servo=SERVO),
+    "delay, lag, limits, motor": replace(CHAIN, servo=None),
+    "the same, PID at 100 Hz": CHAIN,
+    "the same, friction": replace(CHAIN, friction=0.005, motor=replace(MOTOR, efficiency=0.85)),
+}
 
 
 def main() -> None:
@@ -57,7 +60,7 @@ def main() -> None:
     print(f"{n} humanoids, {options.precision}, {options.calls} calls of {options.nstep} steps")
     print(f"{'drive on all actuators':<26}{'us a step':>10}{'ratio':>8}")
     for name, drive in STAGES.items():
-        driven = Stepper(model, n, precision=options.precision, actuators=drive and ActuatorModel(default=drive))
+        driven = Stepper(model, n, precision=options.precision, actuators=None if drive is None else ActuatorModel(default=drive))
         pairs: list[tuple[float, float]] = []
         for ctrl, (qpos, qvel) in zip(controls, states, strict=True):
             clock = []

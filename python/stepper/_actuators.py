@@ -23,8 +23,8 @@ Number: TypeAlias = "float | ArrayLike"
 class PID:
     """A servo that takes the place of an actuator's own law: the control is a set point of the actuator's length (MJCF's gear included).
 
-    effort = kp (control - length) + integral of ki (control - length) - kd velocity. The integral does not grow where it would drive the effort
-    further beyond its bounds. Every number is one for all environments or an array (num_envs,).
+    effort = kp (control - length) + integral of ki (control - length) - kd velocity. The integral does not grow where it would drive the
+    effort further beyond its bounds. Every number is one for all environments or an array (num_envs,).
 
     Attributes:
         kp: N or N m per unit of length.
@@ -67,8 +67,8 @@ class DCMotor:
         gear: Turns of the shaft for one of the actuator (rad per unit of its length).
         efficiency: Share of the power that the gear passes on, both ways: it gives efficiency times the torque to what it drives, and
             takes 1 / efficiency times the torque to be driven backwards.
-        control: "torque": the effort is a torque that the motor follows as far as its curve, of either sign of the voltage, lets it. "voltage":
-            the effort is the share of the nominal voltage, from -1 to 1.
+        control: "torque": the effort is a torque that the motor follows as far as its curve, of either sign of the voltage, lets it.
+            "voltage": the effort is the share of the nominal voltage, from -1 to 1.
     """
 
     stall_torque: Number | None = None

@@ -35,11 +35,11 @@ class Failures:
     def __init__(self, sim: Stepper):
         bounds = np.asarray(sim.model.actuator_ctrlrange).reshape(-1, 2)
         self._low, self._high = bounds[:, 0].copy(), bounds[:, 1].copy()
-        for index, name in enumerate(sim.model.actuator_names if sim.actuators is not None else ()):
-            drive = sim.actuators.drive_of(name or f"#{index}")
-            if drive is not None and drive.servo is not None:
-                # A set point of a servo has no range.
-                self._low[index], self._high[index] = -np.inf, np.inf
+        if sim.actuators is not None:
+            drives = [sim.actuators.drive_of(name or f"#{index}") for index, name in enumerate(sim.model.actuator_names)]
+            servos = [index for index, drive in enumerate(drives) if drive is not None and drive.servo is not None]
+            # A set point of a servo has no range.
+            self._low[servos], self._high[servos] = -np.inf, np.inf
         self._count = dict.fromkeys(CAUSES, 0)
         self._first: dict[tuple[str, str], list[tuple[int, int]]] = {cause: [] for cause in CAUSES}
 

@@ -302,8 +302,8 @@ class Stepper:
 
         Args:
             env: The environment.
-            ctrl: Controls, (nu,); None is those of the last call of `step`. With `actuators=`, what the drives hand on to the actuators' law
-                (None is what they did last).
+            ctrl: Controls, (nu,); None is those of the last call of `step`. With `actuators=`, what the drives hand on to the
+                actuators' law (None is what they did last).
         """
     def energy(self, env: int = 0) -> tuple[float, float]:
         """Potential energy (gravity, joint springs) and kinetic energy (armature included), in J."""

@@ -1,7 +1,7 @@
 """Drive trains against closed forms: what becomes of a control before it is a force.
 
-All of them are exact or known to the order of the integrator; a body of one joint has no other error than rounding, which a thousand steps add
-up to 1e-13 of the largest number or less.
+All of them are exact or known to the order of the integrator; a body of one joint has no other error than rounding, which a thousand steps
+add up to 1e-13 of the largest number or less.
 """
 
 import numpy as np
@@ -33,7 +33,7 @@ def factor(integrator: str, x: float) -> float:
 @pytest.mark.parametrize("control", ["voltage", "torque"])
 @pytest.mark.parametrize("ratio", [0.01, 1.0, 50.0])
 def test_a_motor_spins_up_exponentially(ratio, control, integrator):
-    """J w' = T (1 - w/w0), at full voltage or with more torque asked for than there is: 1 - w/w0 = e^(-t/tau), tau = J w0 / T, at any h/tau."""
+    """J w' = T (1 - w/w0), at full voltage or with more torque asked for than there is: 1 - w/w0 = e^(-t/tau), tau = J w0 / T."""
     stall, speed, gear, rotor = 0.2, 300.0, 5.0, 1e-4
     inertia = J + gear**2 * rotor
     tau = inertia * (speed / gear) / (gear * stall)
@@ -109,10 +109,10 @@ def test_delay_lines_begin_with_the_first_control():
     assert sim.qvel[0] == pytest.approx(2.0 * H / J, rel=ROUNDING)
 
 
-def numpy_pid(servo: PID, limits, target, length, velocity, every):
+def numpy_pid(servo: PID, limits, target, states, every):
     """Efforts of a sampled PID with conditional integration, for the states before every step."""
     integral, effort, out = 0.0, 0.0, []
-    for k, (q, v) in enumerate(zip(length, velocity, strict=True)):
+    for k, (q, v) in enumerate(states):
         if k % every == 0:
             error = target[k] - q
             more = np.clip(integral + servo.ki * servo.period * error, -servo.integral_limit, servo.integral_limit)
@@ -133,18 +133,17 @@ def test_a_sampled_pid_is_the_textbooks(every, limits, integral_limit):
     servo = PID(kp=2.0, ki=5.0, kd=0.05, integral_limit=integral_limit, period=every * H)
     sim = wheel(Drive(servo=servo, limits=limits), joint='damping=".02"')
     target = np.where(np.arange(600) < 300, 1.0, -0.5)
-    length, velocity, effort = [], [], []
+    states, effort = [], []
     for k in range(600):
-        length.append(sim.qpos[0])
-        velocity.append(sim.qvel[0])
+        states.append((sim.qpos[0], sim.qvel[0]))
         sim.step([target[k]])
         effort.append(sim.sensor_truth[0])
-    expected = numpy_pid(servo, limits, target, length, velocity, every)
+    expected = numpy_pid(servo, limits, target, states, every)
     assert np.abs(np.array(effort) - expected).max() < ROUNDING * max(1, np.abs(expected).max())
 
 
 def test_an_integral_removes_the_error_and_unwinds():
-    """A constant load: without the integral an error of load / kp is left, with it none; and a long saturation leaves no overshoot of its own."""
+    """A constant load: without the integral an error of load / kp is left, with it none."""
     load, kp = 0.4, 4.0
     for ki, error in ((0.0, load / kp), (8.0, 0.0)):
         sim = wheel(Drive(servo=PID(kp=kp, ki=ki, kd=0.5, period=2 * H), limits=(-1, 1)))
@@ -172,7 +171,7 @@ def test_a_continuous_pd_is_mjcfs_position_servo(integrator):
 @pytest.mark.parametrize("lag", [0.0, 0.01])
 @pytest.mark.parametrize("ratio", [0.5, 10.0, 100.0])
 def test_a_stiff_pd_with_limits_and_a_motor_settles(ratio, lag, integrator):
-    """h sqrt(k/J) up to 100: it speeds up along its limit and its curve, never beyond them, and settles; a lag takes its own damping."""
+    """H sqrt(k/J) up to 100: it speeds up along its limit and its curve, never beyond them, and settles; a lag takes its own damping."""
     limit, stall, speed = 1.0, 1.5, 30.0
     kp = J * (ratio / H) ** 2
     drive = Drive(servo=PID(kp=kp, kd=0.1 * kp), limits=(-limit, limit), motor=DCMotor(stall_torque=stall, no_load_speed=speed), lag=lag)
@@ -184,7 +183,8 @@ def test_a_stiff_pd_with_limits_and_a_motor_settles(ratio, lag, integrator):
         assert gained <= limit * (1 + 1e-9)
         assert abs(sim.qvel[0]) <= speed
     sim.step([2.0], nstep=9000)
-    # It slides along kp e = kd v: e^(-t / 0.1 s) of 2 rad after 20 s. The midpoint rule damps what it cannot resolve by (x-1)/(x+1), x = h kd / 2J.
+    # It slides along kp e = kd v: e^(-t / 0.1 s) of 2 rad after 20 s. The midpoint rule damps what it cannot resolve by (x-1)/(x+1) a step,
+    # x = h kd / 2J; behind a lag it may ring at the step's frequency with the velocity of its limit, which averages to nothing.
     x = H * 0.1 * kp / (2 * J)
     slow = ((x - 1) / (x + 1)) ** 9000 if integrator == "midpoint" and x > 1 else 0.0
     assert sim.qpos[0] == pytest.approx(2.0, abs=1e-6 + H * limit * H / J * (slow + 1e-3))
@@ -212,8 +212,10 @@ def test_a_gear_loses_power_both_ways(efficiency):
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 @pytest.mark.parametrize("seed", range(4))
 def test_a_gear_creates_no_energy(seed, integrator):
-    """Whatever the motor and the load do, losses only slow the wheel down; and in each step that does not turn it back, it gains at the most what
-    the motor's shaft and the load put in. Where it turns back within a step, the work before and after the turn is not known from its ends."""
+    """Whatever the motor and the load do, losses only slow the wheel down, and it gains at the most what the motor's shaft and the load put in.
+
+    Where it turns back within a step, the work before and after the turn is not known from its ends.
+    """
     rng = np.random.default_rng(seed)
     motor = DCMotor(gear=3.0, efficiency=rng.uniform(0.2, 1.0))
     sim = wheel(Drive(motor=motor, friction=rng.uniform(0, 0.05)), integrator=integrator, joint=f'frictionloss="{rng.uniform(0, 0.02)}"')

@@ -13,7 +13,8 @@ from numerics import relative_error
 BOUND = 1e-10  # As for smooth dynamics: rounding (1e-16) times what a mass matrix loses in a difference of accelerations.
 STATES = 20
 
-TREE = """<mujoco><option timestep=".002" gravity="0 0 -9.81"><flag contact="disable"/></option><worldbody><site name="base" pos=".3 -.2 .1" euler="10 20 30"/>
+TREE = """<mujoco><option timestep=".002" gravity="0 0 -9.81"><flag contact="disable"/></option>
+  <worldbody><site name="base" pos=".3 -.2 .1" euler="10 20 30"/>
   <body pos="0 0 1"><freejoint/><geom type="box" size=".1 .2 .3"/><site name="hull" pos=".1 .05 -.2" euler="40 10 -20"/>
     <body pos=".2 0 .1"><joint name="swing" axis="1 2 0" pos=".05 0 0"/><geom type="capsule" size=".05 .2" euler="10 20 0"/>
       <body pos="0 .4 .1"><joint name="rail" type="slide" axis="1 0 1"/><geom type="sphere" size=".1"/>
@@ -107,8 +108,9 @@ def test_trajectories_of_actuators_on_sites(kind, integrator):
 @pytest.mark.parametrize("integrator", ["midpoint", "implicit"])
 @pytest.mark.parametrize("target", ["site on the world", "site on the same tree"])
 def test_a_stiff_servo_on_a_site_is_stable(target, integrator):
-    """h sqrt(k/m) of 20 and more: what the mass matrix holds of a wrench, on one chain or across branches, keeps the motion bounded."""
-    text = TREE.format(actuators=f'<position {TARGETS[target]} kp="1e6" kv="1e3" name="a"/>', sensors='<actuatorpos actuator="a"/>').replace("-9.81", "0")
+    """At h sqrt(k/m) of 20 and more: what the mass matrix holds of a wrench, on one chain or across branches, keeps the motion bounded."""
+    actuator = f'<position {TARGETS[target]} kp="1e6" kv="1e3" name="a"/>'
+    text = TREE.format(actuators=actuator, sensors='<actuatorpos actuator="a"/>').replace("-9.81", "0")
     sim = simulate(text, integrator=integrator)
     length = sim.sensor_truth[0]
     energy = 1e6 / 2 * 1e-3**2  # Of a servo whose set point is a thousandth beyond its length, in J: all that there is.

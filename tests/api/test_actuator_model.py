@@ -129,6 +129,14 @@ def test_set_state_begins_anew():
     assert sim.qvel.tobytes() == fresh.qvel.tobytes()
 
 
+def test_a_rollout_is_as_many_steps():
+    ctrl = controls(5, 15)
+    stepped, rolled = roll(sim_of(5), ctrl), sim_of(5)
+    out = rolled.rollout(ctrl, nstep=2, fields=["qvel"])
+    assert out["qvel"][-1].tobytes() == stepped.qvel.tobytes()
+    assert rolled.get_state() == stepped.get_state()
+
+
 def test_a_stepper_pickles_with_its_drives():
     ctrl = controls(5, 20)
     sim = roll(sim_of(5), ctrl[:9])

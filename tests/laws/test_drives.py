@@ -17,11 +17,11 @@ WHEEL = """<mujoco><option gravity="0 0 0"/><worldbody><body><joint name="axle" 
   <actuator>{actuator}</actuator><sensor><actuatorfrc actuator="m"/><jointactuatorfrc joint="axle"/></sensor></mujoco>"""
 
 
-def wheel(drive: Drive | None, *, actuator='<motor name="m" joint="axle"/>', joint="", inertia=J, num_envs=None, h=H, **options):
+def wheel(drive: Drive | None, *, actuator='<motor name="m" joint="axle"/>', joint="", num_envs=None, h=H, precision="f64", **options):
     """A wheel of inertia J with one actuator."""
-    model = stepper.load(WHEEL.format(joint=joint, actuator=actuator, inertia=inertia))
+    model = stepper.load(WHEEL.format(joint=joint, actuator=actuator, inertia=J))
     options = stepper.Options(timestep=h, **({"integrator": "midpoint"} | options))
-    return stepper.Stepper(model, num_envs, options=options, actuators=drive and ActuatorModel({"m": drive}))
+    return stepper.Stepper(model, num_envs, options=options, precision=precision, actuators=drive and ActuatorModel({"m": drive}))
 
 
 def factor(integrator: str, x: float) -> float:
@@ -212,7 +212,7 @@ def test_a_gear_loses_power_both_ways(efficiency):
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 @pytest.mark.parametrize("seed", range(4))
 def test_a_gear_creates_no_energy(seed, integrator):
-    """Whatever the motor and the load do, losses only slow the wheel down, and it gains at the most what the motor's shaft and the load put in.
+    """Whatever the motor and the load do, losses only slow the wheel down, and it gains at the most what shaft and load put in.
 
     Where it turns back within a step, the work before and after the turn is not known from its ends.
     """
@@ -256,7 +256,8 @@ def test_limits_hold():
         assert sim.sensor_truth == pytest.approx(expected, rel=ROUNDING)
 
 
-def test_numbers_of_each_environment():
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+def test_numbers_of_each_environment(precision):
     """Each of a batch is what it is alone."""
     n = 11
     delay, kp, stall = np.linspace(0, 0.02, n), np.linspace(1, 5, n), np.linspace(0.5, 2, n)
@@ -266,8 +267,8 @@ def test_numbers_of_each_environment():
         motor = DCMotor(stall_torque=stall[i], no_load_speed=20.0, efficiency=efficiency[i])
         return Drive(delay=delay[i], lag=0.01, servo=PID(kp=kp[i], kd=0.1), motor=motor, friction=friction[i])
 
-    batch = wheel(drive(slice(None)), num_envs=n)
-    alone = [wheel(drive(i)) for i in range(n)]
+    batch = wheel(drive(slice(None)), num_envs=n, precision=precision)
+    alone = [wheel(drive(i), precision=precision) for i in range(n)]
     for k in range(100):
         for sim in (batch, *alone):
             sim.step([np.sin(k / 5)])

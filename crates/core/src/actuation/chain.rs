@@ -86,7 +86,7 @@ impl<S: Scalar> Chains<S> {
                 Some(_) => Servo::Sampled,
             };
             let line = if longest > 0.0 { longest.ceil() as usize + 2 } else { 0 };
-            let delay = steps.iter().all(|x| *x == steps[0]).then(|| parts(steps[0], servo == Servo::Sampled));
+            let delay = steps.iter().all(|x| *x == steps[0]).then(|| parts(S::from_f64(steps[0]).to_f64(), servo == Servo::Sampled));
             let (memory, table, lagged) = (all.memory, all.chains.len() * NUMBERS, any(&train.lag));
             let chain = Chain { actuator, servo, lagged, line, delay, memory, cursor: all.lines, table };
             all.memory += line + 2 * usize::from(lagged) + [0, 1, 3][servo as usize];
@@ -335,18 +335,20 @@ impl Chain {
             );
         }
         let slot = |back: usize| self.memory + (cursor + line - back.min(line - 1)) % line;
-        if let Some((whole, part)) = self.delay {
-            let new = get::<R>(numbers, slot(whole));
-            return if part > 0.0 { new + (get::<R>(numbers, slot(whole + 1)) - new) * R::of(part) } else { new };
+        let (mut new, mut old, mut part);
+        if let Some((whole, rest)) = self.delay {
+            (new, part) = (get::<R>(numbers, slot(whole)), R::of(rest));
+            old = if rest > 0.0 { get(numbers, slot(whole + 1)) } else { new };
+        } else {
+            (new, old, part) = (R::zero(), R::zero(), R::zero());
+            for l in 0..R::LANES {
+                let (whole, rest) = parts(get::<R>(table, Number::Delay as usize).lane(l).to_f64(), self.servo == Servo::Sampled);
+                new.set_lane(l, numbers[slot(whole) * R::LANES + l]);
+                old.set_lane(l, numbers[slot(whole + 1) * R::LANES + l]);
+                part.set_lane(l, Scalar::from_f64(rest));
+            }
         }
-        let mut out = R::zero();
-        for l in 0..R::LANES {
-            let (whole, part) = parts(get::<R>(table, Number::Delay as usize).lane(l).to_f64(), self.servo == Servo::Sampled);
-            let entry = |back: usize| numbers[slot(back) * R::LANES + l].to_f64();
-            let (new, old) = (entry(whole), entry(whole + 1));
-            out.set_lane(l, Scalar::from_f64(if part > 0.0 { new + (old - new) * part } else { new }));
-        }
-        out
+        R::select(part.gt(R::zero()), new + (old - new) * part, new)
     }
 
     /// A servo's effort for the set point `u`: as it is held, or, of a continuous one, without what depends on the motion within the step.

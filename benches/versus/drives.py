@@ -34,6 +34,8 @@ STAGES = {
     "the same, PID at 100 Hz": CHAIN,
     "the same, friction": replace(CHAIN, friction=0.005, motor=replace(MOTOR, efficiency=0.85)),
 }
+ROUGH = "MJCF's frictionloss"
+"""Dry friction of 0.3 N m on every hinge, to compare."""
 
 
 def main() -> None:
@@ -59,8 +61,10 @@ def main() -> None:
         plain.step(ctrl, nstep=options.nstep)
     print(f"{n} humanoids, {options.precision}, {options.calls} calls of {options.nstep} steps")
     print(f"{'drive on all actuators':<26}{'us a step':>10}{'ratio':>8}")
-    for name, drive in STAGES.items():
-        driven = Stepper(model, n, precision=options.precision, actuators=None if drive is None else ActuatorModel(default=drive))
+    rough = model.replace(dof_frictionloss=np.where(np.arange(model.nv) < 6, 0.0, 0.3))
+    for name, drive in (*STAGES.items(), (ROUGH, None)):
+        scene = rough if name == ROUGH else model
+        driven = Stepper(scene, n, precision=options.precision, actuators=None if drive is None else ActuatorModel(default=drive))
         pairs: list[tuple[float, float]] = []
         for ctrl, (qpos, qvel) in zip(controls, states, strict=True):
             clock = []

@@ -4,6 +4,7 @@ Load a scene with `load`, step environments of it with `Stepper`, and read in `S
 """
 
 from stepper import devices
+from stepper._actuators import PID, ActuatorModel, DCMotor, Drive
 from stepper._load import load
 from stepper._options import Options
 from stepper._record import Recorder
@@ -13,7 +14,11 @@ from stepper._status import Status
 from stepper._stepper import Model, ModelError, State, Stepper, __version__, cpu_levels
 
 __all__ = [
+    "PID",
+    "ActuatorModel",
+    "DCMotor",
     "Difference",
+    "Drive",
     "Model",
     "ModelError",
     "Options",

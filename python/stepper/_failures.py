@@ -37,7 +37,12 @@ class Failures:
 
     def __init__(self, sim: Stepper):
         bounds = np.asarray(sim.model.actuator_ctrlrange).reshape(-1, 2)
-        self._low, self._high = bounds[:, 0], bounds[:, 1]
+        self._low, self._high = bounds[:, 0].copy(), bounds[:, 1].copy()
+        if sim.actuators is not None:
+            drives = [sim.actuators.drive_of(name or f"#{index}") for index, name in enumerate(sim.model.actuator_names)]
+            servos = [index for index, drive in enumerate(drives) if drive is not None and drive.servo is not None]
+            # A set point of a servo has no range.
+            self._low[servos], self._high[servos] = -np.inf, np.inf
         self._sensors = [sensor["name"] or f"#{index}" for index, sensor in enumerate(sim.model.sensors)]
         self._readings = np.zeros((len(self._sensors), 2), dtype=np.int64)
         self._count = dict.fromkeys(CAUSES, 0)

@@ -19,7 +19,7 @@ Description = dict[str, Any]
 # MuJoCo's numbers, which do not change (mjtype.h); the tests compare them with the installed version's.
 FREE, BALL, SLIDE, HINGE = range(4)
 PLANE, HFIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH, SDF = range(9)
-TRN_JOINT, TRN_JOINT_IN_PARENT, TRN_TENDON = 0, 1, 3
+TRN_JOINT, TRN_JOINT_IN_PARENT, TRN_TENDON, TRN_SITE = 0, 1, 3, 4
 DYN_NONE, DYN_INTEGRATOR, DYN_FILTER, DYN_FILTER_EXACT = range(4)
 FIXED, AFFINE = 0, 1
 NO_BIAS, AFFINE_BIAS = 0, 1
@@ -151,7 +151,7 @@ class Source:
             return str(getattr(mj, enum)(value).name).split("_", 1)[1].lower()
 
         reasons = []
-        if not (on_joint or transmission == TRN_TENDON):
+        if not (on_joint or transmission in (TRN_TENDON, TRN_SITE)):
             reasons.append(f"transmission {word('mjtTrn', transmission)}")
         elif on_joint and not self.moves_one(target):
             reasons.append(f"transmission to the ball or free joint {self.label('JOINT', target)}")
@@ -410,8 +410,7 @@ def _points(source: Source, i: int, data: list[float], objects: list[int]) -> De
 
 def _actuator(source: Source, i: int) -> Description:
     m = source.m
-    target, ctrl = int(m.actuator_trnid[i, 0]), int(m.actuator_ctrladr[i])
-    on_tendon = int(m.actuator_trntype[i]) == TRN_TENDON
+    ctrl, on_site = int(m.actuator_ctrladr[i]), int(m.actuator_trntype[i]) == TRN_SITE
     group = int(m.actuator_group[i])
     idle = source.off("actuation") or (0 <= group < 31 and bool(int(m.opt.disableactuator) >> group & 1))
     gain = [*m.actuator_gainprm[i, :1].tolist(), 0.0, 0.0] if m.actuator_gaintype[i] == FIXED else m.actuator_gainprm[i, :3].tolist()
@@ -419,8 +418,8 @@ def _actuator(source: Source, i: int) -> Description:
     clamps = bool(m.actuator_ctrllimited[ctrl]) and not source.off("clampctrl")
     return {
         "name": source.name("ACTUATOR", i),
-        "transmission": {"Tendon": source.tendons[target]} if on_tendon else {"Joint": target},
-        "gear": source.gear(i),
+        "transmission": _transmission(source, i),
+        "gear": 1.0 if on_site else source.gear(i),
         "ctrl_range": m.actuator_ctrlrange[ctrl].tolist() if clamps else None,
         "force_range": m.actuator_forcerange[i].tolist() if m.actuator_forcelimited[i] else None,
         "act_range": m.actuator_actrange[i].tolist() if m.actuator_actlimited[i] else None,
@@ -428,6 +427,15 @@ def _actuator(source: Source, i: int) -> Description:
         "gain": [0.0, 0.0, 0.0] if idle else gain,
         "bias": [0.0, 0.0, 0.0] if idle else bias,
     }
+
+
+def _transmission(source: Source, i: int) -> Description:
+    m, kind = source.m, int(source.m.actuator_trntype[i])
+    target, reference = m.actuator_trnid[i].tolist()
+    if kind == TRN_SITE:
+        wrench = m.actuator_gear[m.actuator_outadr[i]].tolist()
+        return {"Site": {"site": target, "reference": reference if reference >= 0 else None, "wrench": wrench}}
+    return {"Tendon": source.tendons[target]} if kind == TRN_TENDON else {"Joint": target}
 
 
 def _activation(source: Source, i: int) -> str | Description:

@@ -181,7 +181,7 @@ def _actuators(source: Source) -> None:
         if np.any(m.actuator_dampingpoly[a]):
             source.leave_out("actuator damping polynomial", name, "damping that grows with speed is not simulated; the linear part is")
         if a not in source.joint_actuators.get(int(m.actuator_trnid[a, 0]), []) and (m.actuator_damping[a] or m.actuator_armature[a]):
-            source.leave_out("actuator damping and armature", name, "they act through a tendon, which is not simulated")
+            source.leave_out("actuator damping and armature", name, "they act through a tendon or site, which is not simulated")
 
 
 def _keyframes(source: Source) -> None:

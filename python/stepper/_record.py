@@ -177,6 +177,7 @@ def header(sim: Stepper) -> dict[str, Any]:
         "precision": sim.precision,
         "threads": sim.threads,
         "seed": sim.seed,
+        "actuators": None if sim.actuators is None else sim.actuators.to_dict(),
         "sensors": None if sim.sensors is None else sim.sensors.to_dict(),
         "fields": FIELDS,
         "provenance": provenance(),

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from stepper._actuators import ActuatorModel
 from stepper._options import Options
 from stepper._record import APPLIED, COMPARED, FORMAT, KINDS
 from stepper._sensors import SensorModel
@@ -102,6 +103,7 @@ def replay(path: str | os.PathLike[str], *, model: Model | None = None, threads:
         precision=head["precision"],
         threads=head["threads"] if threads is None else threads,
         seed=head["seed"],
+        actuators=None if head.get("actuators") is None else ActuatorModel.from_dict(head["actuators"], str(folder)),
         sensors=None if head.get("sensors") is None else SensorModel.from_dict(head["sensors"], str(folder)),
     )
     versions = (head["provenance"]["versions"]["stepper"], __version__)

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import fnmatch
-import json
 import math
 import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
+
+from stepper._tables import check_names, check_number, fitting, numbers, read_file
 
 if TYPE_CHECKING:
     from stepper._stepper import Model
@@ -76,31 +74,23 @@ class Transfer:
             value = getattr(self, field.name)
             if field.name in ("noise", "limits") or value is None:
                 continue
-            if np.asarray(value).dtype.kind not in "iuf":
-                raise TypeError(f"{field.name} is {value!r}, must be a number or an array of numbers")
+            check_number(field.name, value)
 
     def _row(self, num_envs: int) -> dict[str, Any]:
         """What the Rust crate's `Transfer` holds."""
-
-        def numbers(name: str, value: Number) -> list[float]:
-            array = np.asarray(value, dtype=np.float64)
-            if array.shape not in ((), (1,), (num_envs,)):
-                raise ValueError(f"{name} has shape {array.shape}, must be () or ({num_envs},)")
-            return array.ravel().tolist()
-
         mixes = np.ndim(self.scale) == 2
         low, high = (-math.inf, math.inf) if self.limits is None else self.limits
         plain = ("scale_std", "misalignment_std", "bias_std", "drift_std", "noise_std", "quantum", "delay", "jitter", "dropout")
         return {
-            **{name: numbers(name, getattr(self, name)) for name in plain},
-            "scale": [1.0] if mixes else numbers("scale", self.scale),
+            **{name: numbers(name, getattr(self, name), num_envs) for name in plain},
+            "scale": [1.0] if mixes else numbers("scale", self.scale, num_envs),
             "matrix": np.asarray(self.scale, dtype=np.float64).ravel().tolist() if mixes else [],
-            "drift_time": numbers("drift_time", math.inf if self.drift_time is None else self.drift_time),
+            "drift_time": numbers("drift_time", math.inf if self.drift_time is None else self.drift_time, num_envs),
             "uniform": self.noise == "uniform",
-            "noise_density": numbers("noise_density", 0.0 if self.noise_density is None else self.noise_density),
-            "low": numbers("limits[0]", low),
-            "high": numbers("limits[1]", high),
-            "period": numbers("period", 0.0 if self.period is None else self.period),
+            "noise_density": numbers("noise_density", 0.0 if self.noise_density is None else self.noise_density, num_envs),
+            "low": numbers("limits[0]", low, num_envs),
+            "high": numbers("limits[1]", high, num_envs),
+            "period": numbers("period", 0.0 if self.period is None else self.period, num_envs),
         }
 
 
@@ -145,15 +135,7 @@ class SensorModel:
         Raises:
             ValueError: An unknown entry or device, named with the file.
         """
-        file = Path(path)
-        if file.suffix not in (".toml", ".json"):
-            raise ValueError(f"{file}: the ending is {file.suffix!r}, must be .toml or .json")
-        text = file.read_text(encoding="utf-8")
-        try:
-            data = tomllib.loads(text) if file.suffix == ".toml" else json.loads(text)
-        except ValueError as error:
-            raise ValueError(f"{file}: {error}") from error
-        return cls.from_dict(data, str(file))
+        return cls.from_dict(read_file(path), str(path))
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], place: str = "sensors") -> SensorModel:
@@ -180,14 +162,11 @@ class SensorModel:
             ValueError: A name that no sensor has, a pattern that fits none, a wrong shape.
         """
         names = [sensor["name"] or f"#{index}" for index, sensor in enumerate(model.sensors)]
-        for name in self.named:
-            if name not in names and not fnmatch.filter(names, name):
-                raise ValueError(f"no sensor fits {name!r}, there are: {', '.join(names) or 'none'}")
+        check_names(self.named, names, "sensor")
         return [self._row(name, num_envs) for name in names]
 
     def _row(self, name: str, num_envs: int) -> dict[str, Any] | None:
-        fitting = [t for pattern, t in self.named.items() if fnmatch.fnmatchcase(name, pattern)]
-        transfer = self.named.get(name) or (fitting[0] if fitting else self.default)
+        transfer = fitting(self.named, self.default, name)
         if transfer is None:
             return None
         try:

@@ -12,6 +12,7 @@ from typing import Any, Final, TypeAlias, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from stepper._actuators import ActuatorModel
 from stepper._options import Options
 from stepper._record import Recorder
 from stepper._sensors import SensorModel
@@ -113,6 +114,7 @@ class Stepper:
         threads: Threads that step; 0 is all that this process may use. The bits are the same for any number.
         seed: For what is random: the errors of sensors.
         sensors: What sensors make of the truth; None is ideal ones.
+        actuators: What becomes of controls before they are forces; None is ideal actuators.
 
     Raises:
         ValueError: A setting out of its range.
@@ -149,6 +151,8 @@ class Stepper:
     """Whom `step`, `reset` and `set_state` tell what they did (see `stepper.Recorder`); None is nobody."""
     sensors: Final[SensorModel | None]
     """What sensors make of the truth."""
+    actuators: Final[ActuatorModel | None]
+    """What becomes of controls before they are forces."""
     observation: Final[_Array]
     """Sensor readings of the last step, the same however often they are read: (num_envs, nsensordata)."""
     sensor_truth: Final[_Array]
@@ -182,6 +186,7 @@ class Stepper:
         threads: int = 1,
         seed: int = 0,
         sensors: SensorModel | None = None,
+        actuators: ActuatorModel | None = None,
     ) -> Stepper: ...
     def reset(
         self,
@@ -327,7 +332,8 @@ class Stepper:
 
         Args:
             env: The environment.
-            ctrl: Controls, (nu,); None is those of the last call of `step`.
+            ctrl: Controls, (nu,); None is those of the last call of `step`. With `actuators=`, what the drives hand on to the
+                actuators' law (None is what they did last).
         """
     def energy(self, env: int = 0) -> tuple[float, float]:
         """Potential energy (gravity, joint springs) and kinetic energy (armature included), in J."""

@@ -70,7 +70,7 @@ LEFT_OUT = {
     "fixed tendon belt: not simulated: its stiffness that grows with deflection": {
         "rest": '<tendon><fixed name="belt" stiffness="1 2"><joint joint="ja" coef="1"/></fixed></tendon>'
     },
-    "actuator thrust: transmission site": {"rest": '<actuator><motor name="thrust" site="sa"/></actuator>'},
+    "actuator stick: transmission body": {"rest": '<actuator><adhesion name="stick" body="a" gain="1" ctrlrange="0 1"/></actuator>'},
     "actuator spin: transmission to the ball or free joint jb": {
         "jb": "ball",
         "rest": '<actuator><motor name="spin" joint="jb" gear="1 0 0"/></actuator>',
@@ -432,7 +432,7 @@ def test_numbers_of_mujoco_are_the_installed_ones() -> None:
     assert numbers("mjtJoint", "mjJNT_FREE mjJNT_BALL mjJNT_SLIDE mjJNT_HINGE") == [0, 1, 2, 3]
     shapes = "PLANE HFIELD SPHERE CAPSULE ELLIPSOID CYLINDER BOX MESH SDF"
     assert numbers("mjtGeom", " ".join(f"mjGEOM_{s}" for s in shapes.split())) == list(range(9))
-    assert numbers("mjtTrn", "mjTRN_JOINT mjTRN_JOINTINPARENT mjTRN_TENDON") == [0, 1, 3]
+    assert numbers("mjtTrn", "mjTRN_JOINT mjTRN_JOINTINPARENT mjTRN_TENDON mjTRN_SITE") == [0, 1, 3, 4]
     assert numbers("mjtDyn", "mjDYN_NONE mjDYN_INTEGRATOR mjDYN_FILTER mjDYN_FILTEREXACT") == [0, 1, 2, 3]
     assert numbers("mjtGain", "mjGAIN_FIXED mjGAIN_AFFINE") == numbers("mjtBias", "mjBIAS_NONE mjBIAS_AFFINE") == [0, 1]
     assert numbers("mjtWrap", "mjWRAP_JOINT") == [1]

@@ -364,3 +364,25 @@ def test_rows_without_the_mask_are_not_read():
     gravity[2] = 1.0
     sim.randomize(np.arange(4) == 2, gravity=gravity)
     np.testing.assert_array_equal(sim.randomized["gravity"], np.where(np.arange(4)[:, None] == 2, 1.0, meadow().gravity))
+
+
+def test_parameters_and_drives_go_together():
+    """Rotors are added to the armature that each environment has of its own, and friction to its dry friction."""
+    model = stepper.load(
+        """<mujoco><worldbody><body><joint name="hinge" axis="0 1 0" armature=".1" frictionloss=".02"/>
+        <geom type="capsule" fromto="0 0 0 .5 0 0" size=".02"/></body></worldbody>
+        <actuator><motor name="motor" joint="hinge"/></actuator></mujoco>"""
+    )
+    motor = stepper.DCMotor(stall_torque=1.0, no_load_speed=20.0, rotor_inertia=1e-3, gear=10.0, efficiency=0.8)
+    drives = stepper.ActuatorModel({"motor": stepper.Drive(motor=motor, friction=0.01)})
+    armature, mass, friction = np.array([[0.1], [0.2], [0.3]]), np.array([[0, 1.0], [0, 1.5], [0, 2.0]]), np.array([[0.02], [0.05], [0.01]])
+    sim = stepper.Stepper(model, 3, actuators=drives)
+    sim.randomize(dof_armature=armature, body_mass=mass, dof_frictionloss=friction)
+    sim.step([1.0], nstep=200)
+    for env in range(3):
+        alone = stepper.Stepper(
+            model.replace(dof_armature=armature[env], body_mass=mass[env], dof_frictionloss=friction[env]), actuators=drives
+        )
+        alone.step([1.0], nstep=200)
+        assert abs(alone.qpos[0]) > 0.1
+        assert np.array_equal(alone.qpos, sim.qpos[env])

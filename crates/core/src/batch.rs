@@ -6,7 +6,9 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use stepper_real::Level;
 
+use crate::actuation::{Chains, DriveTrain, memory};
 use crate::contacts::ContactId;
+use crate::drive::Train;
 use crate::model::Model;
 use crate::options::Options;
 use crate::plan::Plan;
@@ -54,6 +56,11 @@ pub trait Engine: Send + Sync {
     fn randomize(&mut self, envs: &[usize], differences: Option<&[Differences]>);
     /// Memory of those parameters, bytes.
     fn parameter_bytes(&self) -> usize;
+    /// Gives the actuators drive trains, `None` to those without; the model and the trains are what [`DriveTrain::fold`] returned. All
+    /// environments are new then.
+    fn couple(&mut self, model: &Model, options: &Options, trains: &[Option<DriveTrain>]);
+    /// What the drive trains of one environment hand on: controls, and the numbers of those that act within a step.
+    fn handed_on(&self, env: usize) -> Option<(Vec<f64>, Vec<Train<f64>>)>;
     /// Says as which environment one draws random numbers.
     fn set_stream(&mut self, env: usize, stream: u32);
     /// Begins a new episode of one environment, the first one under a new seed.
@@ -101,6 +108,7 @@ pub struct Batch<S: Stepped> {
     threads: usize,
     errors: Option<Errors<S>>,
     own: Own<S>,
+    chains: Option<Chains<S>>,
     crew: Crew,
 }
 
@@ -136,21 +144,25 @@ pub fn bytes_per_env<S: Stepped>(model: &Model, options: &Options) -> usize {
     group.bytes().div_ceil(S::LANES)
 }
 
+fn groups<S: Stepped>(model: &Model, plan: &Plan<S>, num_envs: usize, lanes: usize, max_contacts: usize) -> Vec<Group<S>> {
+    let qpos0: Vec<S> = model.qpos0.iter().map(|&x| S::from_f64(x)).collect();
+    let group = |g: usize| {
+        let used = (num_envs - g * lanes).min(lanes);
+        Group::new(plan, &qpos0, lanes, ((1u64 << used) - 1) as u32, g * lanes, max_contacts)
+    };
+    (0..num_envs.div_ceil(lanes)).map(group).collect()
+}
+
 impl<S: Stepped> Batch<S> {
     /// `num_envs` environments at the model's reset state. `threads` 0 means all that this process may use.
     pub fn new(model: &Model, options: &Options, num_envs: usize, single: bool, threads: usize, level: Level) -> Self {
         let plan = Plan::<S>::new(model);
         let lanes = if single { S::SINGLE } else { S::LANES };
         let max_contacts = room_for_contacts(&plan, options);
-        let qpos0: Vec<S> = model.qpos0.iter().map(|&x| S::from_f64(x)).collect();
-        let group = |g: usize| {
-            let used = (num_envs - g * lanes).min(lanes);
-            Group::new(&plan, &qpos0, lanes, ((1u64 << used) - 1) as u32, g * lanes, max_contacts)
-        };
-        let groups = (0..num_envs.div_ceil(lanes)).map(group).collect();
+        let groups = groups(model, &plan, num_envs, lanes, max_contacts);
         let threads = if threads == 0 { std::thread::available_parallelism().map_or(1, usize::from) } else { threads };
         let crew = Crew { idle: Mutex::new(Vec::new()), pool: None };
-        Self { plan, groups, lanes, num_envs, max_contacts, level, threads, errors: None, own: Own::default(), crew }
+        Self { plan, groups, lanes, num_envs, max_contacts, level, threads, errors: None, chains: None, own: Own::default(), crew }
     }
 
     fn hire(&self, options: &Options) -> Worker {
@@ -181,8 +193,9 @@ impl<S: Stepped> Batch<S> {
 
     fn call<'a>(&'a self, options: &'a Options, inputs: &StepInputs<'a>, calls: usize, nstep: usize) -> Call<'a, S> {
         let StepInputs { ctrl, qfrc, xfrc, .. } = *inputs;
-        let (mocap, errors) = ([inputs.mocap_pos, inputs.mocap_quat], self.errors.as_ref());
-        Call { plan: &self.plan, options, num_envs: self.num_envs, calls, nstep, ctrl, qfrc, xfrc, mocap, errors, own: &self.own }
+        let mocap = [inputs.mocap_pos, inputs.mocap_quat];
+        let (errors, chains, own) = (self.errors.as_ref(), self.chains.as_ref(), &self.own);
+        Call { plan: &self.plan, options, num_envs: self.num_envs, calls, nstep, ctrl, qfrc, xfrc, mocap, errors, chains, own }
     }
 
     /// Sends the groups to the workers once, for all steps of a call.
@@ -288,6 +301,27 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
         self.own.bytes()
     }
 
+    fn couple(&mut self, model: &Model, options: &Options, trains: &[Option<DriveTrain>]) {
+        self.plan = Plan::with_trains(model, trains);
+        self.crew = Crew { idle: Mutex::new(Vec::new()), pool: None };
+        self.groups = groups(model, &self.plan, self.num_envs, self.lanes, self.max_contacts);
+        let chains = Chains::new(trains, self.num_envs, self.lanes, options.timestep);
+        if !chains.is_empty() {
+            for group in &mut self.groups {
+                let nu = model.nu();
+                group.actuation = memory::Memory::with_chains(self.lanes, group.alive, chains.memory, chains.lines, nu);
+            }
+            self.chains = Some(chains);
+        }
+    }
+
+    fn handed_on(&self, env: usize) -> Option<(Vec<f64>, Vec<Train<f64>>)> {
+        let chains = self.chains.as_ref()?;
+        let (group, lane) = self.at(env);
+        let applied = group.actuation.applied.iter().skip(lane).step_by(self.lanes).map(|x| x.to_f64()).collect();
+        Some((applied, chains.read(&self.plan, env / self.lanes, self.lanes, lane)))
+    }
+
     fn set_stream(&mut self, env: usize, stream: u32) {
         let (group, lane) = self.at_mut(env);
         group.sensing.stream[lane] = stream;
@@ -296,6 +330,7 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
     fn begin(&mut self, env: usize, seed: Option<u64>) {
         let (group, lane) = self.at_mut(env);
         group.sensing.begin(lane, seed);
+        group.actuation.begin(lane, group.lanes);
     }
 
     fn read(&self, field: Field, env: usize, out: &mut [f64]) {

@@ -54,6 +54,9 @@ pub struct Moment<'a, R: Real> {
     pub motion: &'a NewtonEuler<R>,
     /// Velocity after the step without constraints.
     pub v_free: &'a [R],
+    /// What drive trains lose to friction (against motion forwards, against motion backwards), N or N m, for every row of dry friction; empty
+    /// without any.
+    pub losses: &'a [[R; 2]],
     /// Time step, s.
     pub h: R,
     /// Part of a gap that may close in the step.

@@ -14,12 +14,18 @@
 //! inertia, with which the same stability holds.
 //!
 //! A servo at a bound of its force contributes the bound and no stiffness. Whether it is there is decided by the force at the end of the
-//! step that is to be expected: without constraints but for the impulses of the last step.
+//! step that is to be expected: without constraints but for the impulses of the last step. A motor at its torque-speed curve contributes the
+//! curve: its stall torque, and the drag of its back-EMF as a damper.
+
+mod region;
+mod wrench;
 
 use stepper_real::{Mask, Real};
 
-use crate::plan::{ActuatorPlan, LanePlan, Plan};
+use crate::plan::{LanePlan, Plan, TrainPlan};
 use crate::spatial::*;
+use region::Region;
+pub(crate) use region::bounded;
 
 /// Which shares of damping and stiffness go into the mass matrix.
 #[derive(Clone, Copy, Debug)]
@@ -37,6 +43,8 @@ pub struct Implicit<'a, R: Real> {
     pub theta: Theta<R>,
     /// Weights of servos; none takes them explicitly.
     pub servos: &'a [R],
+    /// Arms of actuators on sites.
+    pub arms: &'a [R],
     /// Velocity before the step, at which drag of the medium is linearised; none takes it explicitly.
     pub drag_at: Option<&'a [R]>,
 }
@@ -44,8 +52,36 @@ pub struct Implicit<'a, R: Real> {
 impl<R: Real> Implicit<'_, R> {
     /// Nothing: the mass matrix itself.
     pub fn none() -> Self {
-        Self { theta: Theta { damping: R::zero(), stiffness: R::zero() }, servos: &[], drag_at: None }
+        Self { theta: Theta { damping: R::zero(), stiffness: R::zero() }, servos: &[], arms: &[], drag_at: None }
     }
+}
+
+/// What is implicit in stage 1.
+#[derive(Clone, Copy, Debug)]
+pub struct Implied<R> {
+    /// Shares of damping and stiffness.
+    pub theta: Theta<R>,
+    /// Whether that holds for every servo, or for drive trains alone.
+    pub all: bool,
+}
+
+/// Numbers of a drive train that acts within a step, per lane, at the actuator's side of its gear.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Train<R> {
+    /// Force of a continuous servo per unit of length, N or N m per unit.
+    pub slope: R,
+    /// Force of it per unit of velocity.
+    pub rate: R,
+    /// Bounds of the effort, N or N m.
+    pub limits: [R; 2],
+    /// Stall torque of the motor, N or N m.
+    pub stall: R,
+    /// Torque that the motor loses per unit of velocity to its back-EMF.
+    pub drag: R,
+    /// Share of the power that the gear passes on.
+    pub efficiency: R,
+    /// Dry friction, N or N m.
+    pub friction: R,
 }
 
 /// Where forces are taken.
@@ -59,14 +95,48 @@ pub struct At<'a, R: Real> {
     pub v_at: &'a [R],
     /// Activations.
     pub act: &'a [R],
-    /// Controls.
+    /// Controls, as drive trains hand them on.
     pub ctrl: &'a [R],
+    /// Drive trains that act within a step.
+    pub trains: &'a [Train<R>],
 }
 
 impl<'a, R: Real> At<'a, R> {
     /// A state as it is.
-    pub fn state(q: &'a [R], v: &'a [R], act: &'a [R], ctrl: &'a [R]) -> Self {
-        Self { q, v, v_at: v, act, ctrl }
+    pub fn state(q: &'a [R], v: &'a [R], act: &'a [R], ctrl: &'a [R], trains: &'a [Train<R>]) -> Self {
+        Self { q, v, v_at: v, act, ctrl, trains }
+    }
+}
+
+/// Force as an affine function of length and velocity.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Law<R> {
+    pub(crate) level: R,
+    pub(crate) slope: R,
+    pub(crate) rate: R,
+}
+
+/// How an actuator moves: its length, the velocity at which what is not implicit is taken, and that before the step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Motion<R> {
+    pub(crate) length: R,
+    pub(crate) velocity: R,
+    pub(crate) before: R,
+}
+
+impl<R: Real> Law<R> {
+    /// The force.
+    #[inline(always)]
+    pub(crate) fn force(&self, motion: &Motion<R>) -> R {
+        self.level + self.slope * motion.length + self.rate * motion.velocity
+    }
+
+    /// The force without what the mass matrix does, and what it does: stiffness and damping against the motion are implicit, the rest is not.
+    #[inline(always)]
+    pub(crate) fn implied(&self, motion: &Motion<R>, theta: Theta<R>) -> (R, R) {
+        let (stiffness, damping) = ((-self.slope).max(R::zero()), (-self.rate).max(R::zero()));
+        let velocity = self.rate * motion.velocity + damping * (motion.velocity - motion.before);
+        (self.level + self.slope * motion.length + velocity, damping * theta.damping + stiffness * theta.stiffness)
     }
 }
 
@@ -75,6 +145,8 @@ impl<'a, R: Real> At<'a, R> {
 pub struct Drive<R: Real> {
     /// Generalized forces of actuators and springs, N or N m. Joint damping is not here: stage 2 takes it implicitly.
     pub tau: Vec<R>,
+    /// Forces of actuators alone, within the bounds of joints; left by what is explicit.
+    pub joint: Vec<R>,
     /// Force of every actuator, where its servo is taken explicitly.
     pub force: Vec<R>,
     /// What every servo adds to the mass matrix along its moment.
@@ -84,6 +156,16 @@ pub struct Drive<R: Real> {
     /// Lanes in which the sum of actuator forces on a dof is at its bound, for every such dof.
     bounded: Vec<R::Mask>,
     implied: Vec<R>,
+    /// Arms of all actuators on sites.
+    pub arms: Vec<R>,
+    /// Lengths of actuators on sites.
+    lengths: Vec<R>,
+    /// Where every drive train is on its curve.
+    regions: Vec<Region<R>>,
+    /// Whether the regions of this step are still to be found.
+    fresh: bool,
+    /// What drive trains lose, see [`crate::constraints::Moment::losses`].
+    pub losses: Vec<[R; 2]>,
 }
 
 impl<R: Real> Drive<R> {
@@ -93,11 +175,17 @@ impl<R: Real> Drive<R> {
         let never = |n: usize| vec![R::Mask::splat(false); n];
         Self {
             tau: zeros(plan.nv),
+            joint: zeros(plan.nv),
             force: zeros(plan.actuators.len()),
             weight: zeros(plan.servos.len()),
             saturated: never(plan.servos.len()),
             bounded: never(plan.actuator_force_ranges.len()),
             implied: zeros(if plan.servos_are_bounded { plan.actuators.len() } else { 0 }),
+            arms: zeros(plan.wrench_arms[0]),
+            lengths: zeros(plan.wrench_arms[1]),
+            regions: vec![Region::default(); plan.trains],
+            fresh: true,
+            losses: vec![zero(); if plan.lossy { plan.frictions.len() } else { 0 }],
         }
     }
 
@@ -106,6 +194,7 @@ impl<R: Real> Drive<R> {
     pub fn release(&mut self) {
         self.saturated.fill(R::Mask::splat(false));
         self.bounded.fill(R::Mask::splat(false));
+        self.fresh = true;
     }
 
     /// Takes over the implicit force of a servo, in the lanes in which it is not at a bound.
@@ -116,13 +205,46 @@ impl<R: Real> Drive<R> {
         self.weight[servo] = R::select(held, R::zero(), weight);
     }
 
+    /// Takes over the law of a drive train, where it is on its curve.
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "one actuator, every part of it named at the call")]
+    pub(crate) fn set_train(
+        &mut self,
+        actuator: usize,
+        servo: usize,
+        law: &Law<R>,
+        motion: &Motion<R>,
+        plan: &TrainPlan<R::Scalar>,
+        numbers: &Train<R>,
+        theta: Theta<R>,
+    ) {
+        self.regions[plan.index].take(law.implied(motion, theta), motion.before);
+        if self.fresh {
+            self.regions[plan.index].guess(plan, numbers);
+        }
+        self.follow(servo, actuator, plan, numbers, theta);
+    }
+
+    /// Takes over the force of a drive train where it is on its curve.
+    #[inline(always)]
+    fn follow(&mut self, servo: usize, actuator: usize, plan: &TrainPlan<R::Scalar>, numbers: &Train<R>, theta: Theta<R>) {
+        let (force, weight) = self.regions[plan.index].force(numbers, theta);
+        self.set_servo(actuator, servo, force, weight);
+    }
+
     /// Sum of the actuators' forces on every dof, within the bounds of joints.
     #[inline(always)]
     pub(crate) fn gather(&mut self, plan: &LanePlan<R>, implicit: bool) {
+        self.fresh = false;
         self.tau.fill(R::zero());
         for (actuator, &force) in plan.actuators.iter().zip(&self.force) {
             for &(_, dof, arm) in &actuator.moment {
                 self.tau[dof] += R::splat(arm) * force;
+            }
+            if let Some(wrench) = &actuator.wrench {
+                for (&(dof, _), &arm) in wrench.dofs.iter().zip(&self.arms[wrench.arms..]) {
+                    self.tau[dof] += arm * force;
+                }
             }
         }
         for (range, &bounded) in plan.actuator_force_ranges.iter().zip(&self.bounded) {
@@ -134,16 +256,25 @@ impl<R: Real> Drive<R> {
 
     /// Finds servos whose force at the end of the step would exceed its bounds, if the velocity changed by `dv`: they keep to the bound and
     /// lose their stiffness. Returns the lanes in which there is a new one; [`Drive::gather`] must follow.
-    pub fn saturate(&mut self, plan: &LanePlan<R>, dv: &[R], h: R) -> R::Mask {
+    ///
+    /// Drive trains go where their curves have them, `pass` after pass; from the third on none comes back from a bound, so that it ends.
+    pub fn saturate(&mut self, plan: &LanePlan<R>, trains: &[Train<R>], theta: Theta<R>, dv: &[R], h: R, pass: usize) -> R::Mask {
         R::vectorize(
             #[inline(always)]
             || {
-                self.implied.copy_from_slice(&self.force);
-                for (servo, &weight) in plan.servos.iter().zip(&self.weight) {
-                    let along = along(&plan.actuators[servo.actuator], dv);
-                    self.implied[servo.actuator] -= weight / h * along;
-                }
                 let mut new = R::Mask::splat(false);
+                self.implied.copy_from_slice(&self.force);
+                for (k, servo) in plan.servos.iter().enumerate() {
+                    let actuator = &plan.actuators[servo.actuator];
+                    let along = self.along(actuator, dv);
+                    if let Some(train) = actuator.train {
+                        let moved = self.regions[train.index].place(&train, &trains[train.index], theta, along / h, pass < 2);
+                        let moved = moved.and_not(self.saturated[k]);
+                        self.follow(k, servo.actuator, &train, &trains[train.index], theta);
+                        new = new.or(moved);
+                    }
+                    self.implied[servo.actuator] = self.force[servo.actuator] - self.weight[k] / h * along;
+                }
                 for (k, servo) in plan.servos.iter().enumerate() {
                     let Some(bounds) = plan.actuators[servo.actuator].force_range else { continue };
                     let beyond = outside(self.implied[servo.actuator], bounds).and_not(self.saturated[k]);
@@ -182,16 +313,6 @@ impl<R: Real> Drive<R> {
         self.weight[k] = R::select(lanes, R::zero(), self.weight[k]);
         self.saturated[k] = self.saturated[k].or(lanes);
     }
-}
-
-/// a . x along an actuator's moment.
-#[inline(always)]
-pub(crate) fn along<R: Real>(actuator: &ActuatorPlan<R::Scalar>, x: &[R]) -> R {
-    let mut sum = R::zero();
-    for &(_, dof, arm) in &actuator.moment {
-        sum += R::splat(arm) * x[dof];
-    }
-    sum
 }
 
 /// `x` within a range. A NaN must not turn into a bound: it stays, and the environment is refused in stage 6.

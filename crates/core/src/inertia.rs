@@ -58,10 +58,23 @@ impl<R: Real> MassMatrix<R> {
 
     /// Adds what servos add: their weights along their moments.
     #[inline(always)]
-    pub fn add_servos(&mut self, plan: &LanePlan<R>, weights: &[R]) {
+    pub fn add_servos(&mut self, plan: &LanePlan<R>, weights: &[R], arms: &[R]) {
         for (servo, &weight) in plan.servos.iter().zip(weights) {
             for &(entry, coefficient) in &servo.entries {
                 self.entries[entry] += R::splat(coefficient) * weight;
+            }
+            for &(entry, [a, b]) in &servo.products {
+                self.entries[entry] += arms[a] * arms[b] * weight;
+            }
+            if !servo.spread.is_empty() {
+                let total = servo.spread.iter().fold(
+                    R::zero(),
+                    #[inline(always)]
+                    |sum, &(_, arm)| sum + arms[arm].abs(),
+                );
+                for &(entry, arm) in &servo.spread {
+                    self.entries[entry] += arms[arm].abs() * total * weight;
+                }
             }
         }
     }

@@ -31,6 +31,7 @@
 //!
 //! Models come from [`Model::builder`], or from files that the Python package saved: [`Model::load`].
 
+pub mod actuation;
 pub mod batch;
 mod broad;
 pub mod constraints;

@@ -14,10 +14,11 @@ pub mod sensing;
 
 use stepper_real::Scalar;
 
+use crate::actuation::DriveTrain;
 pub use crate::model::Kernel;
-use crate::model::{JointKind, Model};
+use crate::model::{JointKind, Model, Transmission};
 pub use collision::{Crowd, GeomPlan, Member, PairPlan};
-pub use drives::{ActuatorPlan, ForceRangePlan, ServoPlan};
+pub use drives::{ActuatorPlan, ForceRangePlan, ServoPlan, Spot, TrainPlan, WrenchPlan};
 pub use equality::{Combination, EqualityBlock, EqualityPlan, EqualityRows, Spring, TendonPlan};
 use merge::Merged;
 pub(crate) use merge::matrix;
@@ -92,6 +93,12 @@ pub struct Plan<S: Scalar> {
     pub actuator_force_ranges: Vec<ForceRangePlan<S>>,
     /// Whether a bound, of its own or of a joint, holds for any servo.
     pub servos_are_bounded: bool,
+    /// Arms of all wrenches at sites, and how many wrenches there are.
+    pub wrench_arms: [usize; 2],
+    /// Drive trains that act within a step.
+    pub trains: usize,
+    /// Whether drive trains lose effort to friction.
+    pub lossy: bool,
     /// Sensors: what each reads.
     pub sensing: SensingPlan<S>,
     /// Whether there are pairs that can pass through one another: anything but half spaces and height fields.
@@ -220,16 +227,23 @@ pub struct FrictionPlan {
     pub dof: usize,
     /// The joint in the model.
     pub joint: usize,
+    /// Whether drive trains add to it.
+    pub driven: bool,
 }
 
 impl<S: Scalar> Plan<S> {
     /// Compiles a finished model.
     pub fn new(model: &Model) -> Self {
+        Self::with_trains(model, &[])
+    }
+
+    /// The same with drive trains, one entry for every actuator; the model is what [`DriveTrain::fold`] made of it.
+    pub fn with_trains(model: &Model, trains: &[Option<DriveTrain>]) -> Self {
         let merged = Merged::new(model);
         let addresses = model.joint_addresses();
         let dofs = merge::dofs(model, &merged);
         let chain = merged.chain.clone();
-        let (limits, frictions) = (limits(model, &addresses), frictions(model, &addresses));
+        let (limits, frictions) = (limits(model, &addresses), frictions(model, trains, &addresses));
         let mut scalar_impulses = limits.len() + frictions.len();
         let ball_limits = ball_limits(model, &addresses, &mut scalar_impulses);
         let compiler = equality::Compiler { model, merged: &merged, addresses: &addresses };
@@ -239,7 +253,18 @@ impl<S: Scalar> Plan<S> {
         let listed: usize = pairs.iter().map(|p| p.kernel.points()).sum();
         let contact_points = listed + crowd.as_ref().map_or(0, Crowd::contact_points);
         let (links, joints) = (merge::links(model, &merged), merge::joints(model, &addresses));
-        let drives = drives::Drives::new(model, &addresses, &dofs, &chain);
+        let movers = merged.movers(model.nv());
+        let scene = drives::Scene {
+            model,
+            merged: &merged,
+            addresses: &addresses,
+            movers: &movers,
+            dofs: &dofs,
+            chain: &chain,
+            frictions: &frictions,
+        };
+        let drives = drives::Drives::new(scene, trains);
+        let lossy = frictions.iter().any(|f| f.driven);
         let mut plan = Self {
             nq: model.nq(),
             nv: model.nv(),
@@ -256,7 +281,7 @@ impl<S: Scalar> Plan<S> {
             joints,
             dofs,
             chain,
-            movers: merged.movers(model.nv()),
+            movers,
             mocap: merge::mocap(model, &merged),
             bodies: merge::bodies(model, &merged),
             geoms,
@@ -269,10 +294,13 @@ impl<S: Scalar> Plan<S> {
             equalities,
             scalar_impulses,
             servos_are_bounded: drives.servos_are_bounded(),
+            wrench_arms: [drives.arms, drives.wrenches],
+            trains: drives.trains,
+            lossy,
             actuators: drives.actuators,
             servos: drives.servos,
             actuator_force_ranges: drives.force_ranges,
-            sensing: SensingPlan::new(model, &merged, &tendons),
+            sensing: SensingPlan::new(model, &merged, &tendons, lossy),
             tendons,
             has_thin,
             contact_points,
@@ -357,7 +385,14 @@ fn ball_limits(model: &Model, addresses: &[(usize, usize)], owner: &mut usize) -
     limited.map(plan).collect()
 }
 
-fn frictions(model: &Model, addresses: &[(usize, usize)]) -> Vec<FrictionPlan> {
-    let rough = model.joints.iter().zip(addresses).enumerate().filter(|(_, (j, _))| j.frictionloss > 0.0);
-    rough.flat_map(|(joint, (j, &(_, v)))| (v..v + j.kind.nv()).map(move |dof| FrictionPlan { dof, joint })).collect()
+fn frictions(model: &Model, trains: &[Option<DriveTrain>], addresses: &[(usize, usize)]) -> Vec<FrictionPlan> {
+    let mut driven = vec![false; model.joints.len()];
+    for (actuator, train) in model.actuators.iter().zip(trains) {
+        if let (Transmission::Joint(j), Some(train)) = (actuator.transmission, train) {
+            driven[j] |= train.loses();
+        }
+    }
+    let joints = model.joints.iter().zip(addresses).zip(driven).enumerate();
+    let rough = joints.filter(|(_, ((j, _), driven))| j.frictionloss > 0.0 || *driven);
+    rough.flat_map(|(joint, ((j, &(_, v)), driven))| (v..v + j.kind.nv()).map(move |dof| FrictionPlan { dof, joint, driven })).collect()
 }

@@ -74,7 +74,8 @@ impl Snapshot {
         let mut applied = vec![0.0; plan.nv];
         smooth.apply(plan, &kinematics, [&self.inputs.qfrc, &self.inputs.xfrc], &mut applied);
         let mut drive = Drive::new(plan);
-        actuate(plan, &At::state(&self.q, &self.v, &self.act, &self.inputs.ctrl), None, &mut drive);
+        drive.transmit(plan, &kinematics, &self.v, 0.0);
+        actuate(plan, &At::state(&self.q, &self.v, &self.act, &self.inputs.ctrl, &self.inputs.trains), None, &mut drive);
         for tendon in &plan.tendons {
             let Some((spring, _)) = &tendon.spring else { continue };
             let pull = spring.stiffness * self.stretch(tendon) + spring.damping * tendon.length.rate(&self.v);

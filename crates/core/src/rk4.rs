@@ -109,7 +109,8 @@ impl<R: Real> Rk4<R> {
         self.kinematics.update(plan, &self.q);
         self.smooth.factor_mass(plan, &self.kinematics, Implicit::none());
         self.smooth.apply(plan, &self.kinematics, [&inputs.qfrc, &inputs.xfrc], &mut self.applied);
-        actuate(plan, &At::state(&self.q, &self.v, &self.act, &inputs.ctrl), None, &mut self.drive);
+        self.drive.transmit(plan, &self.kinematics, &self.v, R::zero());
+        actuate(plan, &At::state(&self.q, &self.v, &self.act, &inputs.ctrl, &inputs.trains), None, &mut self.drive);
         self.smooth.acceleration(plan, &self.kinematics, [&self.drive.tau, &self.applied], &self.v, &self.v);
         self.rate[1].copy_from_slice(&self.smooth.acc);
         activation_rate(plan, &self.act, &inputs.ctrl, &mut self.rate[2]);

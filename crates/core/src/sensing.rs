@@ -12,6 +12,7 @@ mod touching;
 use stepper_real::Real;
 
 use crate::contacts::Contacts;
+use crate::drive::Drive;
 use crate::kinematics::Kinematics;
 use crate::plan::{LanePlan, Plan};
 use crate::spatial::*;
@@ -32,7 +33,7 @@ pub struct Moment<'a, R: Real> {
     /// (v+ - v) / h of the step, impulses included.
     pub acceleration: &'a [R],
     /// Forces of the actuators.
-    pub actuator_force: &'a [R],
+    pub drive: &'a Drive<R>,
     /// Wrenches that the user applied (force, torque), 6 nbody; empty when there are none.
     pub xfrc: &'a [R],
     /// Impulses of limits and dry friction.

@@ -7,6 +7,7 @@ use std::sync::{Arc, OnceLock};
 use stepper_real::Level;
 use thiserror::Error;
 
+use crate::actuation::DriveTrain;
 use crate::batch::{self, Batch, Engine, Field, StepInputs};
 use crate::model::{Model, ModelError};
 use crate::options::Options;
@@ -42,6 +43,8 @@ pub struct Simulation {
     precision: Precision,
     plan: OnceLock<LanePlan<f64>>,
     theta: Theta,
+    /// The model as drive trains change it, and the trains.
+    driven: Option<(Model, Vec<Option<DriveTrain>>)>,
 }
 
 impl Simulation {
@@ -86,7 +89,8 @@ impl Simulation {
             Precision::F64 => Box::new(Batch::<f64>::new(&model, &options, n, single, threads, level)),
             Precision::F32 => Box::new(Batch::<f32>::new(&model, &options, n, single, threads, level)),
         };
-        let mut simulation = Self { model, options, engine, num_envs: n, precision, plan: OnceLock::new(), theta: Theta::default() };
+        let mut simulation =
+            Self { model, options, engine, num_envs: n, precision, plan: OnceLock::new(), theta: Theta::default(), driven: None };
         (0..n).for_each(|env| simulation.reset(env));
         simulation
     }
@@ -300,6 +304,25 @@ impl Simulation {
         self.engine.equip(&self.model, &self.options, transfers).map_err(Error::Value)
     }
 
+    /// Gives the actuators drive trains, one entry for every actuator, `None` to those without. All environments are reset.
+    ///
+    /// # Errors
+    /// [`Error::Value`] for a number out of its range, or what an actuator cannot have, with the actuator's name.
+    pub fn couple(&mut self, trains: &[Option<DriveTrain>]) -> Result<(), Error> {
+        let (found, must) = (trains.len(), self.model.nu());
+        if found != must {
+            return Err(Error::Value(format!("there are {found} drives, must be {must}, one for every actuator")));
+        }
+        if !self.theta.is_empty() {
+            return Err(Error::Value("environments have parameters of their own: give drives first, or take the parameters back".into()));
+        }
+        let (model, trains) = DriveTrain::fold(&self.model, trains, self.num_envs, self.options.timestep).map_err(Error::Value)?;
+        self.engine.couple(&model, &self.options, &trains);
+        (self.plan, self.driven) = (OnceLock::new(), Some((model, trains)));
+        (0..self.num_envs).for_each(|env| self.reset(env));
+        Ok(())
+    }
+
     /// Says as which environment one draws random numbers: its place in the batch unless told otherwise.
     pub fn set_stream(&mut self, env: usize, stream: u32) {
         self.engine.set_stream(env, stream);
@@ -329,7 +352,12 @@ impl Simulation {
 
     /// The model as the step reads it, in f64.
     pub fn plan(&self) -> &LanePlan<f64> {
-        self.plan.get_or_init(|| LanePlan::new(&Plan::new(&self.model)))
+        self.plan.get_or_init(|| {
+            LanePlan::new(&match &self.driven {
+                Some((model, trains)) => Plan::with_trains(model, trains),
+                None => Plan::new(&self.model),
+            })
+        })
     }
 
     /// One environment, to ask about its mass matrix, energy and the like; inputs of that environment alone.
@@ -342,17 +370,18 @@ impl Simulation {
         };
         let three = |x: &[f64], k: usize| [x[3 * k], x[3 * k + 1], x[3 * k + 2]];
         let four = |x: &[f64], k: usize| [x[4 * k], x[4 * k + 1], x[4 * k + 2], x[4 * k + 3]];
-        let given = !inputs.mocap_pos.is_empty();
-        let pose = |(k, m): (usize, &crate::plan::MocapPlan<f64>)| match given {
+        let posed = !inputs.mocap_pos.is_empty();
+        let pose = |(k, m): (usize, &crate::plan::MocapPlan<f64>)| match posed {
             true => (three(inputs.mocap_pos, k), four(inputs.mocap_quat, k)),
             false => (m.pos, m.quat),
         };
-        let ctrl = if inputs.ctrl.is_empty() { vec![0.0; plan.actuators.len()] } else { inputs.ctrl.to_vec() };
+        let given = || if inputs.ctrl.is_empty() { vec![0.0; plan.actuators.len()] } else { inputs.ctrl.to_vec() };
+        let (ctrl, trains) = self.engine.handed_on(env).unwrap_or_else(|| (given(), vec![]));
         Snapshot {
             q: read(Field::Qpos, plan.nq),
             v: read(Field::Qvel, plan.nv),
             act: read(Field::Act, plan.na),
-            inputs: Inputs { ctrl, qfrc: inputs.qfrc.to_vec(), xfrc: inputs.xfrc.to_vec() },
+            inputs: Inputs { ctrl, trains, qfrc: inputs.qfrc.to_vec(), xfrc: inputs.xfrc.to_vec() },
             mocap: plan.mocap.iter().enumerate().map(pose).collect(),
         }
     }

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use stepper_real::{Real, Scalar};
 
+use crate::actuation;
 use crate::contacts::{ContactId, Contacts, MAX_LANES};
 use crate::plan::Plan;
 use crate::sensing::memory::Memory;
@@ -53,6 +54,8 @@ pub struct Group<S> {
     pub iterations: Vec<S>,
     /// What sensors remember.
     pub sensing: Memory<S>,
+    /// What drive trains remember.
+    pub actuation: actuation::memory::Memory<S>,
 }
 
 impl<S: Scalar> Group<S> {
@@ -77,6 +80,7 @@ impl<S: Scalar> Group<S> {
             residual: zeros(1),
             iterations: zeros(1),
             sensing: Memory::new(plan, lanes, first),
+            actuation: actuation::memory::Memory::default(),
         }
     }
 
@@ -93,6 +97,7 @@ impl<S: Scalar> Group<S> {
         self.residual[lane] = S::default();
         self.iterations[lane] = S::default();
         self.sensing.forget(lane);
+        self.actuation.forget(lane, lanes);
     }
 
     /// Memory that it holds, bytes.
@@ -101,7 +106,13 @@ impl<S: Scalar> Group<S> {
         let numbers = [&self.q, &self.v, &self.act, &self.residual, &self.iterations].into_iter().chain(impulses);
         let scalars: usize = numbers.map(|x| size_of_val(&x[..])).sum();
         let counts = [&self.contact_count, &self.status].into_iter().map(|x| size_of_val(&x[..])).sum::<usize>();
-        size_of::<Self>() + scalars + counts + size_of_val(&self.contact_ids[..]) + size_of_val(&self.time[..]) + self.sensing.bytes()
+        size_of::<Self>()
+            + scalars
+            + counts
+            + size_of_val(&self.contact_ids[..])
+            + size_of_val(&self.time[..])
+            + self.sensing.bytes()
+            + self.actuation.bytes()
     }
 
     /// Whether two groups are of the same shape.
@@ -111,7 +122,7 @@ impl<S: Scalar> Group<S> {
             let numbers = ([&g.q, &g.v, &g.act, &g.residual, &g.iterations].map(Vec::len), impulses);
             (g.lanes, g.alive, numbers, [&g.contact_count, &g.status].map(Vec::len), g.contact_ids.len(), g.time.len())
         };
-        sizes(self) == sizes(other) && self.sensing.fits(&other.sensing)
+        sizes(self) == sizes(other) && self.sensing.fits(&other.sensing) && self.actuation.fits(&other.actuation)
     }
 
     /// The same state in one form only: what nobody can read is zero.
@@ -123,6 +134,7 @@ impl<S: Scalar> Group<S> {
                 group.forget(lane);
                 group.time[lane] = 0.0;
                 group.sensing.clear(lane);
+                group.actuation.clear(lane, lanes);
             }
             let held = group.contact_count[lane] as usize;
             group.contact_ids.iter_mut().skip(held * lanes + lane).step_by(lanes).for_each(|x| *x = 0);

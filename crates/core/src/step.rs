@@ -6,7 +6,7 @@ use stepper_real::{Mask, Real};
 
 use crate::constraints::{Constraints, Moment};
 use crate::contacts::Contacts;
-use crate::drive::{At, Drive, Implicit, Theta};
+use crate::drive::{At, Drive, Implicit, Implied, Theta, Train};
 use crate::kinematics::{Kinematics, advance, all_finite, blend, displace};
 use crate::limit::{Limit, slow_down, unresolved};
 use crate::mocap::{self, Way};
@@ -27,8 +27,10 @@ use crate::stages::s10_record::Record;
 /// What the user says to a step.
 #[derive(Clone, Debug)]
 pub struct Inputs<R> {
-    /// Controls, nu.
+    /// Controls, nu, as drive trains hand them on.
     pub ctrl: Vec<R>,
+    /// Drive trains that act within a step.
+    pub trains: Vec<Train<R>>,
     /// Forces on the joints, nv, N or N m; empty when there are none.
     pub qfrc: Vec<R>,
     /// Wrenches on the bodies (force, torque), 6 nbody, N and N m; empty when there are none.
@@ -55,6 +57,8 @@ pub struct Scratch<R: Real> {
     /// Poses at which the dynamics are taken.
     pub kinematics: Kinematics<R>,
     pub(crate) inputs: Inputs<R>,
+    /// Controls as the user gave them, nu; drive trains make `inputs` of them.
+    pub(crate) given: Vec<R>,
     /// Ways of the mocap bodies during this call, and the time of it that has passed, s.
     pub(crate) ways: Vec<Way<R>>,
     pub(crate) elapsed: f64,
@@ -94,9 +98,11 @@ impl<R: Real> Scratch<R> {
             kinematics: Kinematics::new(plan),
             inputs: Inputs {
                 ctrl: zeros(plan.actuators.len()),
+                trains: vec![Train::default(); plan.trains],
                 qfrc: Vec::with_capacity(plan.nv),
                 xfrc: Vec::with_capacity(6 * plan.bodies.len()),
             },
+            given: zeros(plan.actuators.len()),
             ways: plan.mocap.iter().map(|m| Way::at(splat(m.pos), splat(m.quat))).collect(),
             elapsed: 0.0,
             new_contacts: Contacts::new(max_contacts).with_torques(plan.wide),
@@ -169,9 +175,9 @@ impl<R: Real> Rule<R> {
         }
     }
 
-    /// How stage 1 takes servos.
-    fn servos(&self) -> Option<Theta<R>> {
-        self.corrects.then_some(self.theta)
+    /// How stage 1 takes servos. Euler's rule takes those of drive trains alone implicitly, as it does the joints' damping.
+    fn servos(&self) -> Option<Implied<R>> {
+        Some(Implied { theta: self.theta, all: self.corrects })
     }
 
     /// The configuration at which springs and servos are taken.
@@ -203,7 +209,16 @@ pub fn step<R: Real>(plan: &LanePlan<R>, options: &Options, s: &mut Scratch<R>) 
     }
     s.new_contacts.prepare(&mut s.contacts);
     // 4 assemble
-    let moment = Moment { q: &s.q_eval, v: &s.v, motion: &s.smooth.work, v_free: &s.v_free, h, closing: closing(too_far), alive: s.alive };
+    let moment = Moment {
+        q: &s.q_eval,
+        v: &s.v,
+        motion: &s.smooth.work,
+        v_free: &s.v_free,
+        losses: &s.drive.losses,
+        h,
+        closing: closing(too_far),
+        alive: s.alive,
+    };
     s.constraints.assemble(plan, options, &s.kinematics, &s.smooth.mass, &moment, &mut s.new_contacts);
     if rule.corrects {
         // 1 and 2 again, with what stage 4 knows of the velocity to come
@@ -278,24 +293,36 @@ fn place<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) {
     }
     mocap::place(plan, &s.ways, R::of(s.elapsed) + rule.lead, &mut s.kinematics);
     s.kinematics.update(plan, &s.q_eval);
+    s.drive.transmit(plan, &s.kinematics, &s.v, rule.reach);
 }
 
 /// Stages 1 and 2: the velocity at the end of the step if nothing were in the way.
 fn free_motion<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) {
     s.smooth.apply(plan, &s.kinematics, [&s.inputs.qfrc, &s.inputs.xfrc], &mut s.applied);
     s.drive.release();
-    let at = At { q: rule.springs_at(&s.q_eval, &s.q_ahead), v: &s.v, v_at: &s.v, act: &s.act_eval, ctrl: &s.inputs.ctrl };
+    let at = At {
+        q: rule.springs_at(&s.q_eval, &s.q_ahead),
+        v: &s.v,
+        v_at: &s.v,
+        act: &s.act_eval,
+        ctrl: &s.inputs.ctrl,
+        trains: &s.inputs.trains,
+    };
     actuate(plan, &at, rule.servos(), &mut s.drive);
     accelerate(plan, rule, s);
-    if plan.servos_are_bounded && rule.corrects {
+    if plan.servos_are_bounded && (rule.corrects || plan.trains > 0) {
         saturate_servos(plan, rule, s);
+    }
+    if plan.lossy {
+        s.drive.lose(plan, &s.inputs.trains, true);
     }
     advance(&s.v, &s.smooth.acc, rule.h, &mut s.v_free);
 }
 
 fn accelerate<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) {
-    let (servos, drag_at): (&[R], _) = if rule.corrects { (&s.drive.weight, Some(&s.v[..])) } else { (&[], None) };
-    s.smooth.factor_mass(plan, &s.kinematics, Implicit { theta: rule.theta, servos, drag_at });
+    let servos: &[R] = if rule.corrects || plan.trains > 0 { &s.drive.weight } else { &[] };
+    let drag_at = rule.corrects.then_some(&s.v[..]);
+    s.smooth.factor_mass(plan, &s.kinematics, Implicit { theta: rule.theta, servos, arms: &s.drive.arms, drag_at });
     s.smooth.acceleration(plan, &s.kinematics, [&s.drive.tau, &s.applied], &s.v, &s.v);
 }
 
@@ -304,16 +331,16 @@ const SATURATION_PASSES: usize = 4;
 
 /// Takes the stiffness from servos whose force would exceed its bounds, and with it the mass matrix that they had part in.
 fn saturate_servos<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) {
-    for _ in 0..SATURATION_PASSES {
+    for pass in 0..SATURATION_PASSES {
         // The change of velocity to be expected: by the forces, and by constraints that push as in the last step.
         s.v_next.copy_from_slice(&s.impulse);
         s.smooth.solve(plan, &mut s.v_next);
         advance(&s.v_next, &s.smooth.acc, rule.h, &mut s.v_mean);
         // Lanes in which nothing is new do it all again and find the same bits.
-        if s.drive.saturate(plan, &s.v_mean, rule.h).and(s.alive).none() {
+        if s.drive.saturate(plan, &s.inputs.trains, rule.theta, &s.v_mean, rule.h, pass).and(s.alive).none() {
             return;
         }
-        regather(plan, rule.springs_at(&s.q_eval, &s.q_ahead), &mut s.drive);
+        regather(plan, rule.springs_at(&s.q_eval, &s.q_ahead), rule.corrects, &mut s.drive);
         accelerate(plan, rule, s);
     }
 }
@@ -326,7 +353,14 @@ fn correct_forces<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R
     s.constraints.warm_change(plan, &s.smooth.mass, &mut s.v_mean);
     advance(&s.v_free, &s.v_mean, R::one(), &mut s.expected);
     blend(&s.v, &s.v_free, rule.share, &mut s.v_mean);
-    let at = At { q: rule.springs_at(&s.q_eval, &s.q_ahead), v: &s.v, v_at: &s.v_mean, act: &s.act_eval, ctrl: &s.inputs.ctrl };
+    let at = At {
+        q: rule.springs_at(&s.q_eval, &s.q_ahead),
+        v: &s.v,
+        v_at: &s.v_mean,
+        act: &s.act_eval,
+        ctrl: &s.inputs.ctrl,
+        trains: &s.inputs.trains,
+    };
     actuate(plan, &at, rule.servos(), &mut s.drive);
     s.smooth.acceleration(plan, &s.kinematics, [&s.drive.tau, &s.applied], &s.v, &s.v_mean);
     advance(&s.v, &s.smooth.acc, rule.h, &mut s.v_next);
@@ -344,7 +378,14 @@ fn correct_forces<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R
 
 /// In unresolved lanes, the free velocity without velocity-dependent inertial forces, and its change by that.
 fn leave_out_inertial_forces<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) {
-    let at = At { q: rule.springs_at(&s.q_eval, &s.q_ahead), v: &s.v, v_at: &s.v, act: &s.act_eval, ctrl: &s.inputs.ctrl };
+    let at = At {
+        q: rule.springs_at(&s.q_eval, &s.q_ahead),
+        v: &s.v,
+        v_at: &s.v,
+        act: &s.act_eval,
+        ctrl: &s.inputs.ctrl,
+        trains: &s.inputs.trains,
+    };
     actuate(plan, &at, rule.servos(), &mut s.drive);
     s.smooth.acceleration(plan, &s.kinematics, [&s.drive.tau, &s.applied], &s.v, &s.limit.rest);
     R::vectorize(

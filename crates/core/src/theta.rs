@@ -44,7 +44,8 @@ impl Theta {
         assigned.iter().all(|(_, values)| values.is_none()) && self.fields.keys().all(taken_back)
     }
 
-    /// What the environments `envs` have other than the model when these fields are assigned to them.
+    /// What the environments `envs` have other than the model when these fields are assigned to them. `driven` is what drive trains make of a
+    /// model.
     ///
     /// # Errors
     /// [`ModelError`] of the first variant that is no model or has another structure, with its environment.
@@ -52,6 +53,7 @@ impl Theta {
         &self,
         model: &Model,
         plan: &Plan<f64>,
+        driven: Option<&dyn Fn(&Model) -> Model>,
         assigned: &[Assignment<'_>],
         envs: &[usize],
     ) -> Result<Vec<Differences>, ModelError> {
@@ -62,7 +64,8 @@ impl Theta {
         let differences = |&env: &usize| {
             let values = rows.values().zip(&shared).map(|(rows, shared)| rows.map_or(&shared[..], |all| row(all, env, shared.len())));
             let variant = variants.with(values).map_err(|e| e.of(&format!("environment {env}")))?;
-            Ok(differ(&plan.params_of(variant), &plan.params))
+            let numbers = driven.map_or_else(|| plan.params_of(variant), |driven| plan.params_of(&driven(variant)));
+            Ok(differ(&numbers, &plan.params))
         };
         envs.iter().map(differences).collect()
     }

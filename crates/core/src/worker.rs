@@ -6,6 +6,7 @@ use std::any::Any;
 
 use stepper_real::{Level, Mask, Real, Scalar, at_level};
 
+use crate::actuation::Chains;
 use crate::contacts::MAX_LANES;
 use crate::mocap::Way;
 use crate::options::Options;
@@ -43,6 +44,8 @@ pub struct Call<'a, S: Scalar> {
     pub errors: Option<&'a Errors<S>>,
     /// Parameters that environments have of their own.
     pub own: &'a Own<S>,
+    /// Drive trains of the actuators.
+    pub chains: Option<&'a Chains<S>>,
 }
 
 /// A thread's room to work, and the step compiled for its lanes and CPU level.
@@ -244,7 +247,23 @@ fn run_control<R: Real>(
     let (mut status, mut residual) = ([0; MAX_LANES], R::zero());
     for _ in 0..call.nstep {
         senses.before_step(s);
+        if let Some(chains) = call.chains {
+            let state = [&s.q[..], &s.v[..]];
+            chains.advance(
+                plan,
+                first / R::LANES,
+                &s.given,
+                state,
+                s.alive,
+                h,
+                &mut group.actuation,
+                (&mut s.inputs.ctrl, &mut s.inputs.trains),
+            );
+        }
         let record = step(plan, call.options, s);
+        if let Some(chains) = call.chains {
+            chains.settle(plan, first / R::LANES, &mut group.actuation, (&mut s.inputs.ctrl, &mut s.inputs.trains));
+        }
         s.elapsed += h;
         let kept = record.non_finite.bits();
         for l in 0..R::LANES {
@@ -304,6 +323,9 @@ fn load<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: us
                 }
             }
             group.load_contacts(&mut s.contacts);
+            if let Some(chains) = call.chains {
+                chains.load(call.plan, first / lanes, &mut s.inputs.trains);
+            }
             let used = (call.num_envs - first).min(lanes);
             resize(&mut s.inputs.qfrc, call.qfrc, call.plan.nv);
             gather(call.qfrc, call.plan.nv, first, used, &mut s.inputs.qfrc);
@@ -335,7 +357,10 @@ fn load_control<R: Real>(call: &Call<'_, R::Scalar>, control: usize, first: usiz
         || {
             let row = call.ctrl.len() / call.calls;
             let used = (call.num_envs - first).min(R::LANES);
-            gather(&call.ctrl[control * row..(control + 1) * row], call.plan.actuators.len(), first, used, &mut s.inputs.ctrl);
+            gather(&call.ctrl[control * row..(control + 1) * row], call.plan.actuators.len(), first, used, &mut s.given);
+            if call.chains.is_none() {
+                s.inputs.ctrl.copy_from_slice(&s.given);
+            }
         },
     )
 }

@@ -5,7 +5,7 @@ mod common;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use common::{action, errors, start, walker};
+use common::{action, errors, start, trains, walker};
 use stepper_core::batch::{Field, StepInputs};
 use stepper_core::{Integrator, Level, Options, Precision, Simulation, Solver, Stabilization};
 
@@ -50,6 +50,7 @@ fn a_step_allocates_nothing_the_second_time() {
     for options in settings {
         for (n, precision) in [(1, Precision::F64), (20, Precision::F64), (20, Precision::F32)] {
             let mut sim = Simulation::at_level(model.clone(), options, Some(n), precision, 1, level);
+            sim.couple(&trains(&model)).unwrap();
             sim.equip(&errors(&model)).unwrap();
             for env in 0..n {
                 let (q, v) = start(&model, env);

@@ -6,6 +6,7 @@ use numpy::{PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethod
 use pyo3::exceptions::{PyIndexError, PyMemoryError, PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
+use stepper_core::actuation::DriveTrain;
 use stepper_core::batch::{Field, StepInputs};
 use stepper_core::sensing::errors::Transfer;
 use stepper_core::{Error, Precision, Simulation};
@@ -30,6 +31,7 @@ pub(crate) struct Stepper {
     applied: [Option<Py<PyArrayDyn<f64>>>; 4],
     recorder: Option<Py<PyAny>>,
     sensors: Option<Py<PyAny>>,
+    actuators: Option<Py<PyAny>>,
 }
 
 /// A whole number as it was given; the common case costs no import.
@@ -267,11 +269,27 @@ impl Stepper {
 
 /// What a `stepper.SensorModel` says of every sensor of a model.
 fn transfers(sensors: &Bound<'_, PyAny>, model: &Py<Model>, num_envs: usize) -> PyResult<Vec<Option<Transfer>>> {
-    let resolve = sensors
-        .getattr("transfers")
-        .map_err(|_| PyTypeError::new_err(format!("sensors is {}, must be a stepper.SensorModel", described(sensors))))?;
-    let all = resolve.call1((model.clone_ref(sensors.py()), num_envs))?;
+    let all = resolved(sensors, model, num_envs, ["sensors", "transfers", "SensorModel"])?;
     pythonize::depythonize(&all).map_err(|e| PyValueError::new_err(format!("sensors: {e}")))
+}
+
+/// What a `stepper.ActuatorModel` says of every actuator of a model.
+fn drives(actuators: &Bound<'_, PyAny>, model: &Py<Model>, num_envs: usize) -> PyResult<Vec<Option<DriveTrain>>> {
+    let all = resolved(actuators, model, num_envs, ["actuators", "drives", "ActuatorModel"])?;
+    pythonize::depythonize(&all).map_err(|e| PyValueError::new_err(format!("actuators: {e}")))
+}
+
+/// What an argument says of every sensor or actuator, by a method of its class.
+fn resolved<'py>(
+    given: &Bound<'py, PyAny>,
+    model: &Py<Model>,
+    num_envs: usize,
+    [argument, method, class]: [&str; 3],
+) -> PyResult<Bound<'py, PyAny>> {
+    let resolve = given
+        .getattr(method)
+        .map_err(|_| PyTypeError::new_err(format!("{argument} is {}, must be a stepper.{class}", described(given))))?;
+    resolve.call1((model.clone_ref(given.py()), num_envs))
 }
 
 /// The stepper, to be written to by one thread at a time.
@@ -296,7 +314,7 @@ fn notify(slf: &Bound<'_, Stepper>, what: &str, given: &[(&str, Option<Bound<'_,
 #[pymethods]
 impl Stepper {
     #[new]
-    #[pyo3(signature = (model, num_envs=None, *, options=None, precision="f64", threads=Whole::Number(1), seed=Whole::Number(0), sensors=None), text_signature = "(model, num_envs=None, *, options=None, precision='f64', threads=1, seed=0, sensors=None)")]
+    #[pyo3(signature = (model, num_envs=None, *, options=None, precision="f64", threads=Whole::Number(1), seed=Whole::Number(0), sensors=None, actuators=None), text_signature = "(model, num_envs=None, *, options=None, precision='f64', threads=1, seed=0, sensors=None, actuators=None)")]
     #[expect(clippy::too_many_arguments, reason = "Python's keywords")]
     fn new(
         py: Python<'_>,
@@ -307,6 +325,7 @@ impl Stepper {
         threads: Whole<'_>,
         seed: Whole<'_>,
         sensors: Option<Bound<'_, PyAny>>,
+        actuators: Option<Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let num_envs = num_envs.map(|n| whole(&n, "num_envs", 1)).transpose()?.map(|n| n as usize);
         let (threads, seed) = (threads.from(0, "threads")? as usize, seed.from(0, "seed")?);
@@ -324,6 +343,9 @@ impl Stepper {
         let nu = core.nu();
         let mut simulation = Simulation::new(core, settings, num_envs, precision, threads).map_err(value_error)?;
         let n = simulation.num_envs();
+        if let Some(actuators) = &actuators {
+            simulation.couple(&drives(actuators, &model, n)?).map_err(value_error)?;
+        }
         (0..n).for_each(|env| simulation.begin(env, Some(seed)));
         if let Some(sensors) = &sensors {
             simulation.equip(&transfers(sensors, &model, n)?).map_err(value_error)?;
@@ -343,6 +365,7 @@ impl Stepper {
             applied,
             recorder: None,
             sensors: sensors.map(Bound::unbind),
+            actuators: actuators.map(Bound::unbind),
         })
     }
 
@@ -602,6 +625,11 @@ impl Stepper {
         self.sensors.as_ref().map(|s| s.clone_ref(py))
     }
 
+    #[getter]
+    fn actuators(&self, py: Python<'_>) -> Option<Py<PyAny>> {
+        self.actuators.as_ref().map(|a| a.clone_ref(py))
+    }
+
     #[pyo3(signature = (out=None))]
     fn observe<'py>(&mut self, py: Python<'py>, out: Option<Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
         let Some(out) = out else { return self.readings(py, false) };
@@ -732,6 +760,7 @@ impl Stepper {
         keywords.set_item("threads", this.threads)?;
         keywords.set_item("seed", this.seed)?;
         keywords.set_item("sensors", this.sensors(py))?;
+        keywords.set_item("actuators", this.actuators(py))?;
         let make = py.import("functools")?.getattr("partial")?.call((slf.get_type(),), Some(&keywords))?;
         let args = (this.model.clone_ref(py), this.num_envs()).into_pyobject(py)?;
         (make, args, this.__getstate__(py)?).into_pyobject(py)

@@ -248,11 +248,11 @@ impl ModelBuilder {
             let equality = builder.resolve(&model)?;
             model.equalities.push(equality);
         }
+        model.sites.clone_from(&self.sites);
         for builder in &self.actuators {
             let actuator = builder.resolve(&model)?;
             model.actuators.push(actuator);
         }
-        model.sites.clone_from(&self.sites);
         for (name, reading) in &self.sensors {
             let place = format!("sensor {name:?}");
             let kind = match reading {

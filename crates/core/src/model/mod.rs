@@ -232,12 +232,21 @@ pub struct Pair {
 }
 
 /// What an actuator pulls on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Transmission {
     /// A hinge or slide.
     Joint(usize),
     /// A fixed tendon.
     Tendon(usize),
+    /// A site, with a wrench.
+    Site {
+        /// The site.
+        site: usize,
+        /// The site in whose frame the wrench is given and against which it acts; without one it is the site's own frame, and the length is 0.
+        reference: Option<usize>,
+        /// Force and torque (N, N m) per unit of the actuator's force.
+        wrench: [f64; 6],
+    },
 }
 
 /// Dynamics between the control and the force.

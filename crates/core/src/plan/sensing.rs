@@ -151,8 +151,14 @@ pub enum Read<S> {
     Length(Vec<(usize, S)>),
     /// sum of coefficient v
     Rate(Vec<(usize, S)>),
-    /// sum of coefficient times the force of an actuator, within bounds.
-    Drive(Vec<(usize, S)>, Option<[S; 2]>),
+    /// Sum of the forces of actuators.
+    ActuatorForce(Vec<usize>),
+    /// Force of all actuators on a dof.
+    JointForce(usize),
+    /// Length of an actuator on a site.
+    ActuatorLength(usize),
+    /// Its rate.
+    ActuatorRate(usize),
     /// Overlap of a sum of coefficient q with the nearer end of its range.
     LimitPos(Vec<(usize, S)>, Bounds<S>),
     /// Its rate: the same in v besides.
@@ -211,7 +217,8 @@ pub enum Bounds<S> {
 }
 
 impl<S: Scalar> SensingPlan<S> {
-    pub(super) fn new(model: &Model, merged: &Merged, tendons: &[TendonPlan<S>]) -> Self {
+    /// `lossy` says whether part of what actuators do is known from the impulses of a step alone.
+    pub(super) fn new(model: &Model, merged: &Merged, tendons: &[TendonPlan<S>], lossy: bool) -> Self {
         let owners = tendons.iter().map(|t| (t.index, t.owner)).collect();
         let compiler = Compiler { model, merged, addresses: model.joint_addresses(), owners, found: RefCell::default() };
         let at = model.sensor_addresses();
@@ -222,7 +229,8 @@ impl<S: Scalar> SensingPlan<S> {
             read: compiler.read(&s.kind, &at),
         };
         let sensors: Vec<_> = model.sensors.iter().enumerate().map(compile).collect();
-        let needs = Needs::of(&sensors, model);
+        let mut needs = Needs::of(&sensors, model);
+        needs.step |= lossy && needs.actuators;
         let quaternions = sensors.iter().any(|s| matches!(s.read, Read::Frame(FrameReading::Quat, ..)));
         let link_quat = |&leader: &usize| {
             let body = &model.bodies[leader];
@@ -253,15 +261,18 @@ impl Needs {
             matches!(r, Read::Velocimeter(_) | Read::Gyro(_) | Read::ComVelocity(_) | Read::AngularMomentum(_) | Read::Kinetic(_))
                 || matches!(r, Read::Frame(FrameReading::LinVel | FrameReading::AngVel, ..))
         };
+        let drives =
+            |r: &Read<S>| matches!(r, Read::ActuatorForce(_) | Read::JointForce(_) | Read::ActuatorLength(_) | Read::ActuatorRate(_));
         let bodiless = |r: &Read<S>| {
-            matches!(r, Read::Position(_) | Read::Velocity(_) | Read::Length(_) | Read::Rate(_) | Read::Drive(..) | Read::Nothing)
+            matches!(r, Read::Position(_) | Read::Velocity(_) | Read::Length(_) | Read::Rate(_) | Read::Nothing)
+                || drives(r)
                 || matches!(r, Read::LimitPos(..) | Read::LimitVel(..) | Read::LimitForce(_) | Read::Clock | Read::Combination(_))
         };
         Self {
             poses: any(&|r| !bodiless(r)),
             velocities: acceleration || any(&moving),
             acceleration,
-            actuators: any(&|r| matches!(r, Read::Drive(..))),
+            actuators: any(&drives),
             wrenches,
             contacts: wrenches || any(&|r| matches!(r, Read::Touch(..) | Read::Contact(..))),
             step: model.sensors.iter().any(Sensor::needs_step),
@@ -298,7 +309,7 @@ impl Compiler<'_> {
         match *kind {
             K::JointPos(j) | K::BallQuat(j) => Read::Position(self.addresses[j].0),
             K::JointVel(j) | K::BallAngVel(j) => Read::Velocity(self.addresses[j].1),
-            K::JointActuatorForce(j) => self.drive(j),
+            K::JointActuatorForce(j) => Read::JointForce(self.addresses[j].1),
             K::JointLimitPos(j) => self.overlap(&[(j, 1.0)], self.limit_of(j).map(Bounds::Limit), false),
             K::JointLimitVel(j) => self.overlap(&[(j, 1.0)], self.limit_of(j).map(Bounds::Limit), true),
             K::JointLimitForce(j) => self.limit_of(j).map_or(Read::Nothing, Read::LimitForce),
@@ -312,11 +323,11 @@ impl Compiler<'_> {
             }
             K::TendonActuatorForce(t) => {
                 let pulls = |a: &usize| self.model.actuators[*a].transmission == Transmission::Tendon(t);
-                Read::Drive((0..self.model.actuators.len()).filter(pulls).map(|a| (a, S::ONE)).collect(), None)
+                Read::ActuatorForce((0..self.model.actuators.len()).filter(pulls).collect())
             }
-            K::ActuatorPos(a) => Read::Length(self.moment(a).map(|(q, _, c)| (q, c)).collect()),
-            K::ActuatorVel(a) => Read::Rate(self.moment(a).map(|(_, v, c)| (v, c)).collect()),
-            K::ActuatorForce(a) => Read::Drive(vec![(a, S::ONE)], None),
+            K::ActuatorPos(a) => self.moment(a).map_or(Read::ActuatorLength(a), |m| Read::Length(m.map(|(q, _, c)| (q, c)).collect())),
+            K::ActuatorVel(a) => self.moment(a).map_or(Read::ActuatorRate(a), |m| Read::Rate(m.map(|(_, v, c)| (v, c)).collect())),
+            K::ActuatorForce(a) => Read::ActuatorForce(vec![a]),
             K::Frame { what, object, reference } => Read::Frame(what, self.place(object), reference.map(|r| self.place(r))),
             K::Magnetometer(s) => Read::Magnetometer(site(s)),
             K::Velocimeter(s) => Read::Velocimeter(site(s)),
@@ -355,20 +366,15 @@ impl Compiler<'_> {
         [arms().map(|(q, _, c)| (q, c)).collect(), arms().map(|(_, v, c)| (v, c)).collect()]
     }
 
-    fn moment<S: Scalar>(&self, a: usize) -> impl Iterator<Item = (usize, usize, S)> {
+    /// The moment of an actuator, if it is the same in every configuration.
+    fn moment<S: Scalar>(&self, a: usize) -> Option<impl Iterator<Item = (usize, usize, S)>> {
         let actuator = &self.model.actuators[a];
         let arms = match actuator.transmission {
             Transmission::Joint(j) => vec![(j, 1.0)],
             Transmission::Tendon(t) => self.model.tendons[t].joints.clone(),
+            Transmission::Site { .. } => return None,
         };
-        self.arms(&arms, actuator.gear).collect::<Vec<_>>().into_iter()
-    }
-
-    fn drive<S: Scalar>(&self, j: usize) -> Read<S> {
-        let dof = self.addresses[j].1;
-        let arms = (0..self.model.actuators.len()).flat_map(|a| self.moment::<S>(a).map(move |(_, v, c)| (a, v, c)));
-        let range = self.model.joints[j].actuator_force_range.map(scalars);
-        Read::Drive(arms.filter(|&(_, v, _)| v == dof).map(|(a, _, c)| (a, c)).collect(), range)
+        Some(self.arms(&arms, actuator.gear).collect::<Vec<_>>().into_iter())
     }
 
     /// Index in the plan of a joint's limit.

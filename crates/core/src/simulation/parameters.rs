@@ -3,9 +3,10 @@
 use std::borrow::Cow;
 
 use super::{Error, Simulation};
-use crate::model::randomizable;
+use crate::actuation::DriveTrain;
+use crate::model::{Model, ModelError, randomizable};
 use crate::plan::LanePlan;
-use crate::theta::{Assignment, Theta};
+use crate::theta::{Assignment, Differences, Theta};
 
 impl Simulation {
     /// Gives the environments `envs`, ascending, numbers of their own in some fields. Other fields and the state stay what they are.
@@ -20,10 +21,21 @@ impl Simulation {
             self.engine.randomize(envs, None);
             return Ok(());
         }
-        let differences = self.theta.differences(&self.model, self.plan(), &assigned, envs)?;
+        let differences = self.differences(&assigned, envs)?;
         self.theta.assign(&self.model, self.num_envs, &assigned, envs);
         self.engine.randomize(envs, Some(&differences));
         Ok(())
+    }
+
+    fn differences(&self, assigned: &[Assignment<'_>], envs: &[usize]) -> Result<Vec<Differences>, ModelError> {
+        let Some((_, trains)) = &self.driven else {
+            return self.theta.differences(&self.model, self.plan(), None, assigned, envs);
+        };
+        let driven = |variant: &Model| {
+            let folded = DriveTrain::fold(variant, trains, self.num_envs, self.options.timestep);
+            folded.expect("drive trains were checked with the model, and a variant has its structure").0
+        };
+        self.theta.differences(&self.model, self.plan(), Some(&driven), assigned, envs)
     }
 
     fn assignment<'a>(&self, name: &str, values: Option<&'a [f64]>) -> Result<Assignment<'a>, Error> {
@@ -51,7 +63,7 @@ impl Simulation {
         if self.theta.is_empty() {
             return Cow::Borrowed(shared);
         }
-        let own = self.theta.differences(&self.model, shared, &[], &[env]).expect("checked when it was assigned");
+        let own = self.differences(&[], &[env]).expect("checked when it was assigned");
         let mut plan = shared.clone();
         plan.params.set(&own[0]);
         Cow::Owned(plan)

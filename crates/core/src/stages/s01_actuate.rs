@@ -2,15 +2,15 @@
 
 use stepper_real::Real;
 
-use crate::drive::{At, Drive, Theta, along, within};
+use crate::drive::{At, Drive, Implied, Law, bounded, within};
 use crate::kinematics::quat_at;
 use crate::model::{Activation, JointKind};
 use crate::plan::{ActuatorPlan, LanePlan};
 use crate::spatial::*;
 
 /// Forces of actuators and springs, N or N m, and what servos add to the mass matrix; joint damping and the stiffness of joints are added
-/// in stage 2. Servos that are at a bound of their force stay there until [`Drive::release`].
-pub fn actuate<R: Real>(plan: &LanePlan<R>, at: &At<'_, R>, theta: Option<Theta<R>>, drive: &mut Drive<R>) {
+/// in stage 2. Servos that are at a bound of their force stay there until [`Drive::release`]. Without `implied` all is taken explicitly.
+pub fn actuate<R: Real>(plan: &LanePlan<R>, at: &At<'_, R>, implied: Option<Implied<R>>, drive: &mut Drive<R>) {
     R::vectorize(
         #[inline(always)]
         || {
@@ -19,31 +19,48 @@ pub fn actuate<R: Real>(plan: &LanePlan<R>, at: &At<'_, R>, theta: Option<Theta<
                     Some(a) => at.act[a],
                     None => control(u, actuator.ctrl_range),
                 };
-                match (theta, actuator.servo) {
-                    (Some(theta), Some(k)) => {
-                        let (force, weight) = servo_force(actuator, plan.params.actuator(i), at, input, theta);
+                let Some(k) = actuator.servo else {
+                    let [gain, bias] = plan.params.actuator(i);
+                    let force = within(gain[0] * input + bias[0], actuator.force_range);
+                    drive.force[i] = match &actuator.train {
+                        Some(train) => bounded(train, &at.trains[train.index], force, R::zero()),
+                        None => force,
+                    };
+                    continue;
+                };
+                let (law, motion) = (law(actuator, plan.params.actuator(i), at, input), drive.motion(actuator, at.q, at.v_at, at.v));
+                match (implied, &actuator.train) {
+                    (Some(implied), Some(train)) => {
+                        drive.set_train(i, k, &law, &motion, train, &at.trains[train.index], implied.theta);
+                    }
+                    (Some(Implied { theta, all: true }), None) => {
+                        let (force, weight) = law.implied(&motion, theta);
                         drive.set_servo(i, k, force, weight);
                     }
-                    _ => drive.force[i] = within(affine_force(actuator, plan.params.actuator(i), at, input), actuator.force_range),
+                    (None, Some(train)) => {
+                        drive.force[i] = bounded(train, &at.trains[train.index], law.force(&motion), motion.velocity);
+                    }
+                    (_, None) => drive.force[i] = within(law.force(&motion), actuator.force_range),
                 }
             }
-            gather(plan, at.q, theta.is_some(), drive);
+            drive.gather(plan, implied.is_some_and(|i| i.all));
+            if implied.is_none() {
+                drive.joint.copy_from_slice(&drive.tau);
+            }
+            add_springs(plan, at.q, &mut drive.tau);
         },
     )
 }
 
 /// The forces of `drive` on the joints, with those of springs: what [`actuate`] ends with, for when a servo's force changed.
-pub fn regather<R: Real>(plan: &LanePlan<R>, q: &[R], drive: &mut Drive<R>) {
+pub fn regather<R: Real>(plan: &LanePlan<R>, q: &[R], all: bool, drive: &mut Drive<R>) {
     R::vectorize(
         #[inline(always)]
-        || gather(plan, q, true, drive),
+        || {
+            drive.gather(plan, all);
+            add_springs(plan, q, &mut drive.tau);
+        },
     )
-}
-
-#[inline(always)]
-fn gather<R: Real>(plan: &LanePlan<R>, q: &[R], implicit: bool, drive: &mut Drive<R>) {
-    drive.gather(plan, implicit);
-    add_springs(plan, q, &mut drive.tau);
 }
 
 /// A control within its range. One that is infinite is no control: it becomes NaN, and the environment is refused.
@@ -52,33 +69,20 @@ fn control<R: Real>(u: R, range: Option<[R::Scalar; 2]>) -> R {
     R::select(u.is_finite(), within(u, range), R::of(f64::NAN))
 }
 
-/// force = gain . (1, length, velocity) input + bias . (1, length, velocity)
+/// force = gain . (1, length, velocity) input + bias . (1, length, velocity), or what a drive train makes of it: a continuous servo of its own, or
+/// a motor whose control is the share of its voltage.
 #[inline(always)]
-fn affine_force<R: Real>(actuator: &ActuatorPlan<R::Scalar>, [gain, bias]: [V3<R>; 2], at: &At<'_, R>, input: R) -> R {
-    if !actuator.needs_motion {
-        return gain[0] * input + bias[0];
+fn law<R: Real>(actuator: &ActuatorPlan<R::Scalar>, [gain, bias]: [V3<R>; 2], at: &At<'_, R>, input: R) -> Law<R> {
+    let [level, mut slope, mut rate]: V3<R> = std::array::from_fn(|k| gain[k] * input + bias[k]);
+    let Some(train) = &actuator.train else { return Law { level, slope, rate } };
+    let numbers = &at.trains[train.index];
+    if train.servo {
+        (slope, rate) = (numbers.slope, numbers.rate);
     }
-    let (length, velocity) = (length(actuator, at.q), along(actuator, at.v_at));
-    (gain[0] + gain[1] * length + gain[2] * velocity) * input + (bias[0] + bias[1] * length + bias[2] * velocity)
-}
-
-/// The same without what the mass matrix does, and what it does: stiffness and damping against the motion are implicit, the rest is not.
-#[inline(always)]
-fn servo_force<R: Real>(actuator: &ActuatorPlan<R::Scalar>, [gain, bias]: [V3<R>; 2], at: &At<'_, R>, input: R, theta: Theta<R>) -> (R, R) {
-    let [level, slope, rate]: V3<R> = std::array::from_fn(|k| gain[k] * input + bias[k]);
-    let (stiffness, damping) = ((-slope).max(R::zero()), (-rate).max(R::zero()));
-    let (velocity, implicit) = (along(actuator, at.v_at), along(actuator, at.v));
-    let force = level + slope * length(actuator, at.q) + (rate * velocity + damping * (velocity - implicit));
-    (force, damping * theta.damping + stiffness * theta.stiffness)
-}
-
-#[inline(always)]
-fn length<R: Real>(actuator: &ActuatorPlan<R::Scalar>, q: &[R]) -> R {
-    let mut sum = R::zero();
-    for &(at, _, arm) in &actuator.moment {
-        sum += R::splat(arm) * q[at];
+    match train.motor {
+        Some(true) => Law { level: level * numbers.stall, slope: slope * numbers.stall, rate: rate * numbers.stall - numbers.drag },
+        _ => Law { level, slope, rate },
     }
-    sum
 }
 
 #[inline(always)]

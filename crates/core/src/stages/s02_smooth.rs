@@ -43,7 +43,7 @@ impl<R: Real> Smooth<R> {
             #[inline(always)]
             || {
                 self.mass.assemble(plan, kinematics, &mut self.composite, implicit.theta);
-                self.mass.add_servos(plan, implicit.servos);
+                self.mass.add_servos(plan, implicit.servos, implicit.arms);
                 if !plan.fluid.is_empty() {
                     match implicit.drag_at {
                         Some(v) => self.fluid.linearise(plan, kinematics, v, implicit.theta.damping, &mut self.mass.entries),

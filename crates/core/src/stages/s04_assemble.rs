@@ -128,14 +128,19 @@ impl<R: Real> Constraints<R> {
         )
     }
 
-    /// Dry friction: |lambda| <= h f.
+    /// Dry friction: |lambda| <= h f, and what drive trains lose, which depends on the direction.
     #[inline(always)]
     fn add_frictions(&mut self, plan: &LanePlan<R>, mass: &MassMatrix<R>, moment: &Moment<'_, R>) {
         for (i, friction) in plan.frictions.iter().enumerate() {
             let most = plan.params.friction(i) * moment.h;
+            let mut bounds = [-most, most];
+            if friction.driven {
+                let [forwards, backwards] = moment.losses[i];
+                bounds = [bounds[0] - forwards * moment.h, bounds[1] + backwards * moment.h];
+            }
             let g = moment.v_free[friction.dof];
             self.position_bias.push(g);
-            self.add_scalar(plan, mass, friction.dof, plan.limits.len() + i, R::one(), moment.alive, g, [-most, most]);
+            self.add_scalar(plan, mass, friction.dof, plan.limits.len() + i, R::one(), moment.alive, g, bounds);
         }
     }
 

@@ -39,8 +39,10 @@ fn read<R: Real>(
         Read::Velocity(v) => return room.truth[place].copy_from_slice(&moment.v[*v..v + dim]),
         Read::Length(terms) => weighted(terms, moment.q),
         Read::Rate(terms) => weighted(terms, moment.v),
-        Read::Drive(terms, None) => weighted(terms, moment.actuator_force),
-        Read::Drive(terms, Some(bounds)) => within(weighted(terms, moment.actuator_force), *bounds),
+        Read::ActuatorForce(actuators) => total(actuators, &moment.drive.force),
+        Read::JointForce(dof) => moment.drive.joint[*dof],
+        Read::ActuatorLength(a) => moment.drive.length(plan, *a, moment.q),
+        Read::ActuatorRate(a) => moment.drive.rate(plan, *a, moment.v),
         Read::LimitPos(length, range) => overlap(weighted(length, moment.q), R::one(), bounds(plan, range))[0],
         Read::LimitVel([length, rate], range) => overlap(weighted(length, moment.q), weighted(rate, moment.v), bounds(plan, range))[1],
         Read::LimitForce(limit) => moment.scalar_impulse[*limit] / moment.h,
@@ -113,10 +115,17 @@ fn weighted<R: Real>(terms: &[(usize, R::Scalar)], x: &[R]) -> R {
     )
 }
 
-fn within<R: Real>(x: R, [low, high]: [R::Scalar; 2]) -> R {
+/// sum of x
+fn total<R: Real>(which: &[usize], x: &[R]) -> R {
     R::vectorize(
         #[inline(always)]
-        || x.clamp(R::splat(low), R::splat(high)),
+        || {
+            which.iter().fold(
+                R::zero(),
+                #[inline(always)]
+                |sum, &i| sum + x[i],
+            )
+        },
     )
 }
 

@@ -70,11 +70,19 @@ impl<R: Real> Senses<R> {
 
     /// True readings of the state in `s`, left in the room.
     fn sense(&mut self, call: &Call<'_, R::Scalar>, plan: &LanePlan<R>, group: &Group<R::Scalar>, s: &mut Scratch<R>) {
-        if plan.sensing.needs.actuators {
-            actuate(plan, &At::state(&s.q, &s.v, &s.act, &s.inputs.ctrl), None, &mut self.drive);
-        }
         let elapsed = R::of(s.elapsed);
         mocap::place(plan, &s.ways, elapsed, &mut s.kinematics);
+        if plan.sensing.needs.actuators {
+            if plan.wrench_arms[1] > 0 {
+                s.kinematics.update(plan, &s.q);
+                self.drive.transmit(plan, &s.kinematics, &s.v, R::zero());
+            }
+            actuate(plan, &At::state(&s.q, &s.v, &s.act, &s.inputs.ctrl, &s.inputs.trains), None, &mut self.drive);
+            if plan.lossy {
+                self.drive.lose(plan, &s.inputs.trains, false);
+                self.drive.subtract_losses(plan, &s.inputs.trains, &s.constraints.scalar_impulse, R::of(call.options.timestep));
+            }
+        }
         if !self.room.orientation.is_empty() {
             for (m, way) in plan.mocap.iter().zip(&s.ways) {
                 self.room.orientation[m.frame] = R::vectorize(
@@ -91,7 +99,7 @@ impl<R: Real> Senses<R> {
             time,
             h: R::of(call.options.timestep),
             acceleration: &self.acceleration,
-            actuator_force: &self.drive.force,
+            drive: &self.drive,
             xfrc: if plan.sensing.needs.wrenches { &s.inputs.xfrc } else { &[] },
             scalar_impulse: &s.constraints.scalar_impulse,
             contacts: &s.contacts,

@@ -3,6 +3,7 @@
 
 use std::sync::Arc;
 
+use stepper_core::actuation::{DriveTrain, Motor, Servo};
 use stepper_core::batch::{Field, StepInputs};
 use stepper_core::model::{
     ActuatorBuilder, BodyBuilder, ContactField, ContactReduction, ContactSide, EqualityBuilder, FrameReading, GeomBuilder, JointBuilder,
@@ -87,6 +88,7 @@ fn add_sensors(scene: &mut ModelBuilder, trunk: usize) {
         slots: 3,
     };
     let (rays, fields) = (vec![[0.0, 0.0, -1.0], [0.6, 0.0, -0.8]], vec![RayField::Distance]);
+    scene.actuator(ActuatorBuilder::position("thrust", "hip", 3.0, 0.1).on_site([1.0, 0.0, 0.5, 0.1, 0.0, 0.2], Some("imu")));
     for (name, kind) in [
         ("gyro", SensorKind::Gyro(imu)),
         ("accelerometer", SensorKind::Accelerometer(imu)),
@@ -100,6 +102,8 @@ fn add_sensors(scene: &mut ModelBuilder, trunk: usize) {
         ("momentum", SensorKind::SubtreeAngMom(trunk)),
         ("energy", SensorKind::KineticEnergy),
         ("servo", SensorKind::ActuatorForce(0)),
+        ("knee", SensorKind::ActuatorForce(3)),
+        ("thrust", SensorKind::ActuatorPos(8)),
         ("hip", SensorKind::JointLimitForce(1)),
         ("clock", SensorKind::Clock),
     ] {
@@ -130,6 +134,38 @@ pub(crate) fn errors(model: &Model) -> Vec<Option<Transfer>> {
         dropout: vec![0.1],
     };
     model.sensors.iter().map(|s| Some(transfer(s))).collect()
+}
+
+/// Drive trains of every kind: on the first leg motors with a continuous servo on the hip, on the second a sampled one; a lag behind a delay on
+/// the third; the fourth is ideal.
+pub(crate) fn trains(model: &Model) -> Vec<Option<DriveTrain>> {
+    let servo = |period: Vec<f64>| Servo { kp: vec![20.0], ki: vec![5.0], kd: vec![0.5], integral_limit: vec![2.0], period };
+    let motor = |voltage| Motor {
+        stall_torque: vec![2.0],
+        no_load_speed: vec![40.0],
+        rotor_inertia: 1e-4,
+        gear: 5.0,
+        efficiency: vec![0.7],
+        voltage,
+    };
+    let train = |servo, motor, lag| DriveTrain {
+        delay: vec![0.0093],
+        delay_steps: vec![0.0],
+        lag: vec![lag],
+        low: vec![-6.0],
+        high: vec![7.0],
+        friction: vec![if lag > 0.05 { 0.0 } else { 0.02 }],
+        servo,
+        motor,
+    };
+    let of = |i: usize| match i {
+        0 => Some(train(Some(servo(vec![])), Some(motor(false)), 0.01)),
+        1 => Some(train(None, Some(motor(true)), 0.0)),
+        2 | 3 => Some(train(Some(servo(vec![0.02])), None, 0.02)),
+        4 | 5 => Some(train(None, None, 0.1)),
+        _ => None,
+    };
+    (0..model.nu()).map(of).collect()
 }
 
 /// A pseudo-random number in [-1, 1], the same on every machine.
@@ -166,6 +202,7 @@ pub(crate) fn run(
     calls: usize,
 ) -> Vec<Vec<u64>> {
     let mut sim = Simulation::at_level(model.clone(), options, Some(envs.len()), precision, threads, level);
+    sim.couple(&trains(model)).unwrap();
     sim.equip(&errors(model)).unwrap();
     for (e, &env) in envs.iter().enumerate() {
         sim.set_stream(e, env as u32);

@@ -3,12 +3,20 @@
 use super::super::{Activation, Actuator, Model, ModelError, Transmission};
 use super::{find, find_joint};
 
-/// An actuator on a joint or tendon, by name.
+/// What a builder's target names.
+#[derive(Clone, Debug)]
+enum Target {
+    Joint,
+    Tendon,
+    Site { reference: Option<String>, wrench: [f64; 6] },
+}
+
+/// An actuator on a joint, tendon or site, by name.
 #[derive(Clone, Debug)]
 pub struct ActuatorBuilder {
     pub(super) actuator: Actuator,
-    target: String,
-    on_tendon: bool,
+    name: String,
+    target: Target,
 }
 
 impl ActuatorBuilder {
@@ -24,7 +32,7 @@ impl ActuatorBuilder {
             gain,
             bias,
         };
-        Self { actuator, target: target.into(), on_tendon: false }
+        Self { actuator, name: target.into(), target: Target::Joint }
     }
 
     /// The control is the force (N, N m) on a joint, by name.
@@ -44,7 +52,14 @@ impl ActuatorBuilder {
 
     /// The name that was given is a tendon's, not a joint's.
     pub fn on_tendon(mut self) -> Self {
-        self.on_tendon = true;
+        self.target = Target::Tendon;
+        self
+    }
+
+    /// The name that was given is a site's, on which a wrench (force, torque) acts for every unit of force: in the frame of the site, or in that
+    /// of another site, whose body takes the reaction.
+    pub fn on_site(mut self, wrench: [f64; 6], reference: Option<&str>) -> Self {
+        self.target = Target::Site { reference: reference.map(Into::into), wrench };
         self
     }
 
@@ -74,10 +89,14 @@ impl ActuatorBuilder {
 
     pub(super) fn resolve(&self, model: &Model) -> Result<Actuator, ModelError> {
         let place = format!("actuator {:?}", self.actuator.name);
-        let transmission = if self.on_tendon {
-            Transmission::Tendon(find(model.tendons.iter().map(|t| &t.name), &self.target, "tendon", &place)?)
-        } else {
-            Transmission::Joint(find_joint(model, &self.target, &place)?)
+        let site = |name: &str| find(model.sites.iter().map(|s| &s.name), name, "site", &place);
+        let transmission = match &self.target {
+            Target::Joint => Transmission::Joint(find_joint(model, &self.name, &place)?),
+            Target::Tendon => Transmission::Tendon(find(model.tendons.iter().map(|t| &t.name), &self.name, "tendon", &place)?),
+            Target::Site { reference, wrench } => {
+                let reference = reference.as_deref().map(site).transpose()?;
+                Transmission::Site { site: site(&self.name)?, reference, wrench: *wrench }
+            }
         };
         Ok(Actuator { transmission, ..self.actuator.clone() })
     }

@@ -375,6 +375,11 @@ fn actuators(model: &Model) -> Checked {
         match actuator.transmission {
             Transmission::Joint(j) => at.scalar_joint(model, j)?,
             Transmission::Tendon(t) => at.index("tendon", t, model.tendons.len())?,
+            Transmission::Site { site, reference, wrench } => {
+                at.index("site", site, model.sites.len())?;
+                reference.map_or(Ok(()), |r| at.index("site", r, model.sites.len()))?;
+                at.finite("wrench", &wrench)?;
+            }
         }
         if let Activation::Filter(tau) | Activation::FilterExact(tau) = actuator.activation {
             at.positive("time constant", &[tau], " s")?;

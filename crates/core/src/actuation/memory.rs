@@ -1,0 +1,56 @@
+//! What drive trains remember from step to step, lane-interleaved.
+
+use serde::{Deserialize, Serialize};
+use stepper_real::Scalar;
+
+/// Memory of the drive trains of a group of environments.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Memory<S> {
+    /// Lanes (bits) whose drive trains have not begun: their first control fills their delay lines.
+    pub waiting: u32,
+    /// Delay lines, lagged efforts, integrals, phases and held samples.
+    pub numbers: Vec<S>,
+    /// Where every delay line was written last.
+    pub cursors: Vec<u32>,
+    /// Controls that the trains handed on in the last step, nu per lane.
+    pub applied: Vec<S>,
+}
+
+impl<S: Scalar> Memory<S> {
+    /// Makes room.
+    pub fn with_chains(lanes: usize, alive: u32, numbers: usize, lines: usize, controls: usize) -> Self {
+        let zeros = |n: usize| vec![S::default(); n * lanes];
+        Self { waiting: alive, numbers: zeros(numbers), cursors: vec![0; lines], applied: zeros(controls) }
+    }
+
+    /// Forgets what a lane's trains did; the next control is the first.
+    pub fn forget(&mut self, lane: usize, lanes: usize) {
+        if !self.applied.is_empty() {
+            self.numbers.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = S::default());
+            self.waiting |= 1 << lane;
+        }
+    }
+
+    /// Begins a new episode of a lane: nothing was applied yet.
+    pub fn begin(&mut self, lane: usize, lanes: usize) {
+        self.forget(lane, lanes);
+        self.applied.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = S::default());
+    }
+
+    /// What nobody can read of a lane that is no environment is zero.
+    pub fn clear(&mut self, lane: usize, lanes: usize) {
+        self.begin(lane, lanes);
+        self.waiting &= !(1 << lane);
+    }
+
+    /// Memory that it holds, bytes.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&self.numbers[..]) + size_of_val(&self.applied[..]) + size_of_val(&self.cursors[..])
+    }
+
+    /// Whether two memories are of the same shape.
+    pub fn fits(&self, other: &Self) -> bool {
+        let sizes = |m: &Self| (m.numbers.len(), m.cursors.len(), m.applied.len());
+        sizes(self) == sizes(other)
+    }
+}

@@ -1,0 +1,262 @@
+"""Actuators that are not ideal: what becomes of a control before it is a force."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stepper._tables import check_names, check_number, fitting, numbers, read_file
+
+if TYPE_CHECKING:
+    from stepper._stepper import Model
+
+Number: TypeAlias = "float | ArrayLike"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PID:
+    """A servo that takes the place of an actuator's own law: the control is a set point of the actuator's length (MJCF's gear included).
+
+    effort = kp (control - length) + integral of ki (control - length) - kd velocity. The integral does not grow where it would drive the
+    effort further beyond its bounds. Every number is one for all environments or an array (num_envs,).
+
+    Attributes:
+        kp: N or N m per unit of length.
+        ki: N or N m per unit of length and second.
+        kd: N or N m per unit of velocity.
+        integral_limit: Largest effort of the integral, N or N m; None is none.
+        period: Time between samples in s, with the effort held in between, as a digital controller does it; never shorter than a step.
+            None is a continuous servo: its stiffness and damping are implicit, so that no time step is too long for them.
+    """
+
+    kp: Number
+    ki: Number = 0.0
+    kd: Number = 0.0
+    integral_limit: Number | None = None
+    period: Number | None = None
+
+    def __post_init__(self) -> None:
+        _check(self)
+
+    def _row(self, num_envs: int) -> dict[str, Any]:
+        limit = math.inf if self.integral_limit is None else self.integral_limit
+        return {
+            **{name: numbers(name, getattr(self, name), num_envs) for name in ("kp", "ki", "kd")},
+            "integral_limit": numbers("integral_limit", limit, num_envs),
+            "period": [] if self.period is None else numbers("period", self.period, num_envs),
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class DCMotor:
+    """A DC motor behind a gear without backlash. Its numbers are those of its shaft, which turns `gear` times as fast as the actuator.
+
+    At nominal voltage its torque is stall_torque (1 - speed / no_load_speed): the back-EMF is a damper, and is implicit. Every number but
+    rotor_inertia and gear is one for all environments or an array (num_envs,).
+
+    Attributes:
+        stall_torque: N m at nominal voltage; None is a motor without a torque-speed curve.
+        no_load_speed: rad/s at nominal voltage.
+        rotor_inertia: kg m^2; the joint gets gear^2 times as much.
+        gear: Turns of the shaft for one of the actuator (rad per unit of its length).
+        efficiency: Share of the power that the gear passes on, both ways: it gives efficiency times the torque to what it drives, and
+            takes 1 / efficiency times the torque to be driven backwards.
+        control: "torque": the effort is a torque that the motor follows as far as its curve, of either sign of the voltage, lets it.
+            "voltage": the effort is the share of the nominal voltage, from -1 to 1.
+    """
+
+    stall_torque: Number | None = None
+    no_load_speed: Number | None = None
+    rotor_inertia: float = 0.0
+    gear: float = 1.0
+    efficiency: Number = 1.0
+    control: str = "torque"
+
+    def __post_init__(self) -> None:
+        _check(self, "control")
+        if self.control not in ("torque", "voltage"):
+            raise ValueError(f"control is {self.control!r}, must be 'torque' or 'voltage'")
+        if (self.stall_torque is None) != (self.no_load_speed is None):
+            raise ValueError("stall_torque and no_load_speed go together: give both or none")
+
+    def _row(self, num_envs: int) -> dict[str, Any]:
+        def curve(name: str) -> list[float]:
+            value = getattr(self, name)
+            return [] if value is None else numbers(name, value, num_envs)
+
+        return {
+            "stall_torque": curve("stall_torque"),
+            "no_load_speed": curve("no_load_speed"),
+            "rotor_inertia": float(self.rotor_inertia),
+            "gear": float(self.gear),
+            "efficiency": numbers("efficiency", self.efficiency, num_envs),
+            "voltage": self.control == "voltage",
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drive:
+    """What lies between the control of an actuator and its force, in the order in which it acts. The default is an ideal actuator.
+
+    Control range, delay, servo, lag, the actuator's own law, limits, torque-speed curve, gear and friction. Every number is one for all
+    environments or an array (num_envs,). See docs/actuators.md.
+
+    Attributes:
+        delay: s. Between steps the control is what it is on average over the step.
+        delay_steps: The same in steps; the two add up.
+        lag: Time constant in s of a first-order lag of the control, or of the servo's effort; 0 is none.
+        limits: Lowest and highest effort, N or N m, beside the actuator's own.
+        motor: A motor with its gear.
+        servo: A servo in place of the actuator's own law and control range.
+        friction: Dry friction at the actuator's side of its gear, N or N m; the joint has gear times as much.
+    """
+
+    delay: Number = 0.0
+    delay_steps: Number = 0.0
+    lag: Number = 0.0
+    limits: tuple[Number, Number] | None = None
+    motor: DCMotor | None = None
+    servo: PID | None = None
+    friction: Number = 0.0
+
+    def __post_init__(self) -> None:
+        if self.limits is not None and len(self.limits) != 2:
+            raise ValueError(f"limits is {self.limits!r}, must be (low, high)")
+        for name, kind in (("motor", DCMotor), ("servo", PID)):
+            given = getattr(self, name)
+            if given is not None and not isinstance(given, kind):
+                raise TypeError(f"{name} is {given!r}, must be a stepper.{kind.__name__}")
+        _check(self, "limits", "motor", "servo")
+
+    def _row(self, num_envs: int) -> dict[str, Any]:
+        """What the Rust crate's `DriveTrain` holds."""
+        low, high = (-math.inf, math.inf) if self.limits is None else self.limits
+        return {
+            **{name: numbers(name, getattr(self, name), num_envs) for name in ("delay", "delay_steps", "lag", "friction")},
+            "low": numbers("limits[0]", low, num_envs),
+            "high": numbers("limits[1]", high, num_envs),
+            "servo": None if self.servo is None else self.servo._row(num_envs),
+            "motor": None if self.motor is None else self.motor._row(num_envs),
+        }
+
+
+class ActuatorModel:
+    """Drives of a model's actuators, for `Stepper(..., actuators=)`.
+
+    Args:
+        drives: By the name of the actuator, or a pattern like "left_*"; a name goes before patterns, and of patterns the first counts.
+        default: For actuators that none of them fits; None leaves those ideal.
+    """
+
+    def __init__(self, drives: Mapping[str, Drive] | None = None, *, default: Drive | None = None):
+        self.named = dict(drives or {})
+        self.default = default
+        for name, drive in [*self.named.items(), ("default", default)]:
+            if not isinstance(drive, Drive) and not (name == "default" and drive is None):
+                raise TypeError(f"the drive of {name!r} is {drive!r}, must be a stepper.Drive")
+
+    @classmethod
+    def from_file(cls, path: str | os.PathLike[str]) -> ActuatorModel:
+        """Reads a TOML (.toml) or JSON (.json) file.
+
+        A table `actuators` has a table for every name or pattern, a table `default` may be beside it. Their entries are the attributes of
+        `Drive`, with tables `motor` and `servo` for those of `DCMotor` and `PID`.
+
+        Raises:
+            ValueError: An unknown entry, named with the file.
+        """
+        return cls.from_dict(read_file(path), str(path))
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any], place: str = "actuators") -> ActuatorModel:
+        """The inverse of `to_dict`, and the contents of a file; `place` begins messages."""
+        if unknown := set(data) - {"actuators", "default"}:
+            raise ValueError(f"{place}: unknown tables {sorted(unknown)}, must be 'actuators' and 'default'")
+        named = {name: _read(table, Drive, f"{place}: actuator {name!r}") for name, table in data.get("actuators", {}).items()}
+        return cls(named, default=_read(data["default"], Drive, f"{place}: default") if "default" in data else None)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The contents of a file that `from_file` reads; arrays become lists."""
+        out: dict[str, Any] = {"actuators": {name: _plain(drive) for name, drive in self.named.items()}}
+        return out | ({"default": _plain(self.default)} if self.default else {})
+
+    def drives(self, model: Model, num_envs: int) -> list[dict[str, Any] | None]:
+        """What the actuators of a model get, one entry for each; None for ideal ones.
+
+        Raises:
+            ValueError: A name that no actuator has, a pattern that fits none, a wrong shape.
+        """
+        names = [name or f"#{index}" for index, name in enumerate(model.actuator_names)]
+        check_names(self.named, names, "actuator")
+        return [self._row(name, num_envs) for name in names]
+
+    def drive_of(self, name: str) -> Drive | None:
+        """The drive of an actuator, by its name or "#3"; None for an ideal one."""
+        return fitting(self.named, self.default, name)
+
+    def _row(self, name: str, num_envs: int) -> dict[str, Any] | None:
+        drive = self.drive_of(name)
+        if drive is None or _plain(drive) == _plain(Drive()):
+            return None
+        try:
+            return drive._row(num_envs)
+        except ValueError as error:
+            raise ValueError(f"drive of actuator {name!r}: {error}") from None
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, ActuatorModel) and self.to_dict() == other.to_dict()
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        return f"ActuatorModel({self.named!r}, default={self.default!r})"
+
+
+def _check(part: PID | DCMotor | Drive, *others: str) -> None:
+    """Raises TypeError if an attribute that is a number is none."""
+    for field in fields(part):
+        value = getattr(part, field.name)
+        if field.name not in others and value is not None:
+            check_number(field.name, value)
+
+
+def _plain(part: PID | DCMotor | Drive) -> dict[str, Any]:
+    """Attributes that are given, as plain numbers, lists and tables."""
+    out: dict[str, Any] = {}
+    for field in fields(part):
+        value = getattr(part, field.name)
+        if value is None:
+            continue
+        if isinstance(value, PID | DCMotor):
+            out[field.name] = _plain(value)
+        elif field.name == "limits":
+            out[field.name] = [np.asarray(end).tolist() for end in value]
+        else:
+            out[field.name] = value if isinstance(value, str) else np.asarray(value).tolist()
+    return out
+
+
+def _read(table: Any, kind: type[Any], place: str) -> Any:
+    """A part of an actuator model from a table of a file."""
+    if not isinstance(table, dict):
+        raise ValueError(f"{place} is {table!r}, must be a table of entries")
+    given = dict(table)
+    known = {field.name for field in fields(kind)}
+    if unknown := set(given) - known:
+        raise ValueError(f"{place}: unknown entries {sorted(unknown)}, must be of: {', '.join(sorted(known))}")
+    if kind is Drive:
+        for name, part in (("motor", DCMotor), ("servo", PID)):
+            if name in given:
+                given[name] = _read(given[name], part, f"{place}: {name}")
+        if "limits" in given:
+            given["limits"] = tuple(given["limits"])
+    try:
+        return kind(**given)
+    except (TypeError, ValueError) as error:
+        raise type(error)(f"{place}: {error}") from None

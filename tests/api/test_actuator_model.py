@@ -1,0 +1,323 @@
+"""Actuator models: what can be said, what is refused, and that all they remember is state: same bits however it is run."""
+
+import json
+import pickle
+
+import numpy as np
+import pytest
+import stepper
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from models import stepper_model
+from stepper import PID, ActuatorModel, DCMotor, Drive
+
+ROBOT = "dm_control/humanoid"
+MOTOR = DCMotor(stall_torque=2.0, no_load_speed=400.0, gear=0.5, rotor_inertia=1e-5, efficiency=0.8)
+CHAIN = Drive(delay=0.0047, lag=0.012, limits=(-0.7, 0.6), motor=MOTOR, friction=0.01)
+EVERYTHING = ActuatorModel(
+    {
+        "*_hip_*": CHAIN,
+        "*_knee": Drive(servo=PID(kp=2.0, ki=3.0, kd=0.01, integral_limit=0.2, period=0.01), delay_steps=2.5, lag=0.003),
+        "*_ankle_*": Drive(servo=PID(kp=0.5, kd=0.004), limits=(-1, 1), lag=0.004),
+        "abdomen_*": Drive(motor=DCMotor(stall_torque=1.5, no_load_speed=500.0, control="voltage"), delay=0.002),
+    },
+    default=Drive(lag=0.01),
+)
+
+
+def sim_of(num_envs=None, *, actuators=EVERYTHING, **settings):
+    return stepper.Stepper(stepper_model(ROBOT), num_envs, actuators=actuators, **settings)
+
+
+def controls(n: int, calls: int, seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(-1.2, 1.2, (calls, n, stepper_model(ROBOT).nu))
+
+
+def bits(sim) -> bytes:
+    return b"".join(np.ascontiguousarray(x).tobytes() for x in (sim.qpos, sim.qvel, sim.time, sim.residual, sim.status))
+
+
+def roll(sim, ctrl, nstep=2):
+    for row in ctrl:
+        sim.step(row, nstep=nstep)
+    return sim
+
+
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+@pytest.mark.parametrize("integrator", ["midpoint", "implicit", "euler", "rk4"])
+def test_a_place_in_the_batch_changes_nothing(integrator, precision):
+    n, ctrl = 19, controls(19, 15)
+    options = stepper.Options(integrator=integrator)
+    whole = roll(sim_of(n, options=options, precision=precision), ctrl)
+    assert np.all(np.isfinite(whole.qpos))
+    threaded = roll(sim_of(n, options=options, precision=precision, threads=2), ctrl)
+    assert bits(threaded) == bits(whole)
+    assert threaded.get_state() == whole.get_state()
+    part = roll(sim_of(3, options=options, precision=precision), ctrl[:, 9:12])
+    alone = roll(sim_of(None, options=options, precision=precision), ctrl[:, 10])
+    for name in ("qpos", "qvel"):
+        rows = getattr(whole, name)[9:12]
+        assert getattr(part, name).tobytes() == rows.tobytes()
+        assert getattr(alone, name).tobytes() == rows[1].tobytes()
+
+
+share = st.floats(0.2, 1.0)
+drives = st.builds(
+    Drive,
+    delay=st.floats(0, 0.02),
+    delay_steps=st.floats(0, 3),
+    lag=st.one_of(st.just(0.0), st.floats(1e-4, 0.1)),
+    limits=st.one_of(st.none(), st.tuples(st.floats(-2, -0.1), st.floats(0.1, 2))),
+    friction=st.floats(0, 0.1),
+    motor=st.one_of(st.none(), st.builds(DCMotor, stall_torque=st.floats(0.5, 5), no_load_speed=st.floats(10, 500), efficiency=share,
+                                         control=st.sampled_from(["torque", "voltage"]))),
+    servo=st.one_of(st.none(), st.builds(PID, kp=st.floats(0, 50), ki=st.floats(0, 5), kd=st.floats(0, 1),
+                                         period=st.one_of(st.none(), st.floats(1e-3, 0.05)))),
+)  # fmt: skip
+
+
+@given(drives, st.integers(0, 2**31), st.integers(1, 12))
+@settings(max_examples=25, deadline=None)
+def test_any_drive_has_the_same_bits_alone_in_a_batch_and_after_a_state(drive, seed, where):
+    """On a pendulum of three arms; the state is taken in the middle of the run and put into another stepper."""
+    model, n = stepper_model("gymnasium/hopper"), 13
+    ctrl = np.random.default_rng(seed).uniform(-1, 1, (12, n, model.nu))
+    actuators = ActuatorModel(default=drive)
+    batch = stepper.Stepper(model, n, actuators=actuators)
+    alone = stepper.Stepper(model, actuators=actuators)
+    other = stepper.Stepper(model, n, actuators=actuators)
+    for k, row in enumerate(ctrl):
+        batch.step(row)
+        alone.step(row[where])
+        if k == 5:
+            kept = pickle.loads(pickle.dumps(batch.get_state()))
+    assert np.all(np.isfinite(batch.qvel))
+    assert alone.qvel.tobytes() == batch.qvel[where].tobytes()
+    roll(other, ctrl[::-1][:3], nstep=1)
+    other.set_state(kept)
+    roll(other, ctrl[6:], nstep=1)
+    assert bits(other) == bits(batch)
+    assert other.get_state() == batch.get_state()
+
+
+def test_a_masked_reset_leaves_nothing_behind_and_others_alone():
+    n, ctrl = 9, controls(9, 24)
+    sim, fresh, left = sim_of(n), sim_of(n), sim_of(n)
+    roll(sim, ctrl[:12])
+    roll(left, ctrl)
+    mask = np.arange(n) % 2 == 0
+    sim.reset(mask)
+    roll(sim, ctrl[12:])
+    roll(fresh, ctrl[12:])
+    assert sim.qvel[mask].tobytes() == fresh.qvel[mask].tobytes()
+    assert sim.qvel[~mask].tobytes() == left.qvel[~mask].tobytes()
+    # What a new episode begins with is the same wherever the line of the group stands.
+    sim.reset()
+    fresh.reset()
+    roll(sim, ctrl[:9])
+    roll(fresh, ctrl[:9])
+    assert bits(sim) == bits(fresh)
+
+
+def test_set_state_begins_anew():
+    sim, fresh = sim_of(), sim_of()
+    ctrl = controls(1, 20)[:, 0]
+    roll(sim, ctrl)
+    for s in (sim, fresh):
+        s.set_state(qpos=sim.model.qpos0, qvel=np.zeros(sim.model.nv))
+        roll(s, ctrl[:7])
+    assert sim.qvel.tobytes() == fresh.qvel.tobytes()
+
+
+def test_a_rollout_is_as_many_steps():
+    ctrl = controls(5, 15)
+    stepped, rolled = roll(sim_of(5), ctrl), sim_of(5)
+    out = rolled.rollout(ctrl, nstep=2, fields=["qvel"])
+    assert out["qvel"][-1].tobytes() == stepped.qvel.tobytes()
+    # Flags are those of the whole call; all else goes on alike.
+    assert roll(rolled, ctrl[:4]).get_state() == roll(stepped, ctrl[:4]).get_state()
+
+
+def test_a_stepper_pickles_with_its_drives():
+    ctrl = controls(5, 20)
+    sim = roll(sim_of(5), ctrl[:9])
+    copy = pickle.loads(pickle.dumps(sim))
+    assert copy.actuators == sim.actuators
+    assert bits(roll(copy, ctrl[9:])) == bits(roll(sim, ctrl[9:]))
+
+
+@pytest.mark.parametrize("num_envs", [None, 5])
+def test_record_and_replay(tmp_path, num_envs):
+    sim, ctrl = sim_of(num_envs), controls(5, 30)
+    with sim.record(tmp_path / "run"):
+        for k, row in enumerate(ctrl):
+            sim.step(row if num_envs else row[0])
+            if k == 10:
+                sim.reset(None if num_envs is None else np.arange(num_envs) == 2)
+    result = stepper.replay(tmp_path / "run", threads=2)
+    assert result, str(result)
+    # Another drive is another run.
+    head = json.loads((tmp_path / "run/run.json").read_text())
+    assert ActuatorModel.from_dict(head["actuators"]) == EVERYTHING
+    head["actuators"]["default"]["lag"] = 0.02
+    (tmp_path / "run/run.json").write_text(json.dumps(head))
+    assert stepper.replay(tmp_path / "run").difference.field == "qpos"
+    # And without them the state does not fit.
+    head["actuators"] = None
+    (tmp_path / "run/run.json").write_text(json.dumps(head))
+    with pytest.raises(ValueError, match="state"):
+        stepper.replay(tmp_path / "run")
+
+
+def test_a_control_that_is_not_finite_is_not_taken_up(tmp_path):
+    """Its environment keeps its state and says so, in that step and no later; the delay line goes on with the control before."""
+    actuators = ActuatorModel(default=Drive(delay_steps=3, lag=0.01))
+    sim, held = sim_of(3, actuators=actuators), sim_of(3, actuators=actuators)
+    ctrl = controls(3, 12)
+    bad = ctrl.copy()
+    bad[4, 1, 2], bad[4, 2, 0] = np.nan, np.inf
+    with sim.record(tmp_path / "run"):
+        for k in range(12):
+            before = sim.qpos
+            sim.step(bad[k])
+            held.step(ctrl[k])
+            refused = (np.asarray(sim.status) & stepper.Status.NON_FINITE.value) != 0
+            assert refused.tolist() == [False, k == 4, k == 4]
+            assert np.all(sim.qpos[refused] == before[refused])
+            assert np.all(np.isfinite(sim.qpos))
+    assert sim.qpos[0].tobytes() == held.qpos[0].tobytes()
+    head = json.loads((tmp_path / "run/run.json").read_text())
+    found = {(f["whose"], f["what"]): f["count"] for f in head["failures"]}
+    assert found["action", "non-finite"] == 2
+    assert ("physics", "non-finite") not in found
+
+
+def test_a_first_control_that_is_not_finite_begins_nothing():
+    actuators = ActuatorModel(default=Drive(delay_steps=3, lag=0.01))
+    sim, fresh, ctrl = sim_of(actuators=actuators), sim_of(actuators=actuators), controls(1, 6)[:, 0]
+    sim.step(np.full(sim.model.nu, np.nan))
+    assert bits(roll(sim, ctrl)) == bits(roll(fresh, ctrl))
+
+
+def test_set_points_are_not_clipped_controls(tmp_path):
+    """The range of a control holds for what is left of MJCF's law alone."""
+    sim = sim_of(actuators=ActuatorModel(default=Drive(servo=PID(kp=0.1))))
+    with sim.record(tmp_path / "run"):
+        sim.step(np.full(sim.model.nu, 3.0))
+    assert not [f for f in json.loads((tmp_path / "run/run.json").read_text())["failures"] if f["whose"] == "action"]
+
+
+def test_files(tmp_path):
+    text = """
+        [actuators.right_knee]
+        delay = 0.01
+        limits = [-1, 2.5]
+        [actuators.right_knee.motor]
+        stall_torque = 3.0
+        no_load_speed = 100
+        [actuators.right_knee.servo]
+        kp = [1.0, 2.0, 3.0]
+        period = 0.01
+        [default]
+        lag = 0.02
+    """
+    (tmp_path / "a.toml").write_text(text)
+    read = ActuatorModel.from_file(tmp_path / "a.toml")
+    assert read.default == Drive(lag=0.02)
+    knee = read.named["right_knee"]
+    assert (knee.limits, knee.motor, knee.servo.period) == ((-1, 2.5), DCMotor(stall_torque=3.0, no_load_speed=100), 0.01)
+    (tmp_path / "b.json").write_text(json.dumps(read.to_dict()))
+    assert ActuatorModel.from_file(tmp_path / "b.json") == read
+    assert ActuatorModel.from_dict(EVERYTHING.to_dict()) == EVERYTHING
+    sim_of(3, actuators=read).step()
+
+
+@pytest.mark.parametrize(("text", "message"), [
+    ("[motors]", "unknown tables"),
+    ("[default]\nlagg = 1", r"default: unknown entries \['lagg'\]"),
+    ("[actuators.a.servo]\nkp = 1\nkq = 2", "actuator 'a': servo: unknown entries"),
+    ("[actuators.a.servo]\nki = 1", "actuator 'a': servo"),
+    ("[default]\nmotor = 3", "default: motor is 3"),
+])  # fmt: skip
+def test_bad_files(tmp_path, text, message):
+    (tmp_path / "a.toml").write_text(text)
+    with pytest.raises((ValueError, TypeError), match=message):
+        ActuatorModel.from_file(tmp_path / "a.toml")
+
+
+@pytest.mark.parametrize(("drive", "message"), [
+    (Drive(delay=-1), "delay is -1"),
+    (Drive(delay=[0.1, 0.2]), r"delay has shape \(2,\), must be \(\) or \(3,\)"),
+    (Drive(delay=1e6), "at most 100000 steps"),
+    (Drive(lag=np.nan), "lag is NaN"),
+    (Drive(limits=(1, -1)), r"limits are \(1, -1\)"),
+    (Drive(motor=DCMotor(stall_torque=0.0, no_load_speed=1.0)), "stall_torque is 0"),
+    (Drive(motor=DCMotor(efficiency=1.5)), "efficiency is 1.5"),
+    (Drive(motor=DCMotor(gear=0.0)), "gear is 0"),
+    (Drive(motor=DCMotor(control="voltage")), "needs stall_torque"),
+    (Drive(servo=PID(kp=-1.0)), "kp is -1"),
+    (Drive(servo=PID(kp=1.0, period=0.0)), "period is 0"),
+    (Drive(friction=np.inf), "friction is inf"),
+])  # fmt: skip
+def test_numbers_out_of_range_are_named(drive, message):
+    with pytest.raises(ValueError, match=rf"drive of actuator .right_knee.: .*{message}"):
+        sim_of(3, actuators=ActuatorModel({"right_knee": drive}))
+
+
+@pytest.mark.parametrize(("make", "message"), [
+    (lambda: sim_of(actuators=ActuatorModel({"elbow": Drive()})), "no actuator fits 'elbow', there are: abdomen_y"),
+    (lambda: sim_of(actuators={"right_knee": Drive()}), "must be a stepper.ActuatorModel"),
+    (lambda: ActuatorModel({"a": PID(kp=1)}), "must be a stepper.Drive"),
+    (lambda: Drive(servo=DCMotor()), "must be a stepper.PID"),
+    (lambda: Drive(lag="slow"), "lag is 'slow'"),
+    (lambda: DCMotor(stall_torque=1.0), "go together"),
+    (lambda: DCMotor(control="current"), "must be 'torque' or 'voltage'"),
+    (lambda: Drive(limits=(1, 2, 3)), "limits"),
+])  # fmt: skip
+def test_what_cannot_be_said(make, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        make()
+
+
+ODD = """<mujoco><worldbody><body><joint name="j" axis="0 1 0"/><geom size=".1"/><site name="s"/></body></worldbody>
+  <tendon><fixed name="t"><joint joint="j" coef="2"/></fixed></tendon><actuator><motor name="site" site="s" gear="1 0 0 0 1 0"/>
+  <motor name="tendon" tendon="t"/><general name="lag" joint="j" dyntype="filter" dynprm=".1"/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize(("name", "drive", "message"), [
+    ("site", Drive(servo=PID(kp=1.0)), "a length of its own"),
+    ("site", Drive(motor=DCMotor(rotor_inertia=1.0)), "rotor_inertia cannot"),
+    ("site", Drive(friction=1.0), "leave them out"),
+    ("tendon", Drive(motor=DCMotor(efficiency=0.5)), "leave them out"),
+    ("lag", Drive(servo=PID(kp=1.0)), "activation dynamics"),
+])  # fmt: skip
+def test_what_an_actuator_cannot_have(name, drive, message):
+    with pytest.raises(ValueError, match=f"drive of actuator .{name}.: .*{message}"):
+        stepper.Stepper(stepper.load(ODD), actuators=ActuatorModel({name: drive}))
+
+
+def test_what_odd_actuators_can_have():
+    motor = DCMotor(stall_torque=0.1, no_load_speed=5.0)
+    model = ActuatorModel({"site": Drive(delay_steps=1.5, lag=0.01, motor=motor), "lag": Drive(delay=0.01, limits=(-1, 1)),
+                           "tendon": Drive(servo=PID(kp=1, kd=0.1), motor=DCMotor(rotor_inertia=1e-3, gear=3.0))})  # fmt: skip
+    sim = stepper.Stepper(stepper.load(ODD), actuators=model)
+    sim.step([1.0, 0.3, 1.0], nstep=500)
+    assert sim.status == stepper.Status.OK
+    # Rows of tendons carry their inertia: the wheel's is the joint's mass alone.
+    assert sim.mass_matrix()[0, 0] == pytest.approx(stepper.Stepper(sim.model).mass_matrix()[0, 0] + 4 * 9 * 1e-3)
+
+
+def test_smooth_acceleration_knows_the_drives():
+    """What the trains hand on last, under their curve: the acceleration that the next short step makes."""
+    motor = DCMotor(stall_torque=0.5, no_load_speed=30.0)
+    actuators = ActuatorModel(default=Drive(lag=1e-6, motor=motor, limits=(-0.4, 0.4)))
+    options = stepper.Options(timestep=1e-7)
+    sim = stepper.Stepper(stepper_model("gymnasium/inverted_double_pendulum"), actuators=actuators, options=options)
+    sim.reset(qpos=[0.1, 0.2, 0.3], qvel=[1.0, -1.0, 0.5])
+    sim.step([0.0])
+    sim.step([0.3], nstep=300)
+    expected, before = sim.smooth_acceleration(), sim.qvel
+    sim.step([0.3])
+    # e^-30 of the lag is left; a step moves the arm by 1e-7 of its speed; the difference of velocities loses 1e-16 / 1e-7 times its size.
+    assert (sim.qvel - before) / 1e-7 == pytest.approx(expected, rel=3e-5)
+    assert np.abs(expected - sim.smooth_acceleration(ctrl=[0.0])).max() > 1e-2

@@ -1,0 +1,121 @@
+"""Actuators against MuJoCo: every kind that is simulated, on joints, fixed tendons and sites.
+
+Lengths, velocities, forces and generalized forces are functions of the state, so they agree to rounding: 1e-10 relative to the largest.
+"""
+
+import mujoco
+import numpy as np
+import pytest
+import stepper
+from models import forward, random_state, simulate
+from numerics import relative_error
+
+BOUND = 1e-10  # As for smooth dynamics: rounding (1e-16) times what a mass matrix loses in a difference of accelerations.
+STATES = 20
+
+TREE = """<mujoco><option timestep=".002" gravity="0 0 -9.81"><flag contact="disable"/></option>
+  <worldbody><site name="base" pos=".3 -.2 .1" euler="10 20 30"/>
+  <body pos="0 0 1"><freejoint/><geom type="box" size=".1 .2 .3"/><site name="hull" pos=".1 .05 -.2" euler="40 10 -20"/>
+    <body pos=".2 0 .1"><joint name="swing" axis="1 2 0" pos=".05 0 0"/><geom type="capsule" size=".05 .2" euler="10 20 0"/>
+      <body pos="0 .4 .1"><joint name="rail" type="slide" axis="1 0 1"/><geom type="sphere" size=".1"/>
+        <site name="tip" pos=".1 .2 .3" euler="70 -30 10"/></body></body>
+    <body pos="-.2 0 .1"><joint name="socket" type="ball"/><geom type="capsule" size=".05 .2" pos="0 0 .2"/>
+      <body pos="0 0 .4"><joint name="wrist" axis="0 1 0"/><geom type="sphere" size=".08" pos=".1 0 0"/>
+        <site name="hand" pos="0 .1 .2" euler="5 6 7"/></body></body></body></worldbody>
+  <tendon><fixed name="belt"><joint joint="swing" coef=".7"/><joint joint="wrist" coef="-1.3"/></fixed></tendon>
+  <actuator>{actuators}</actuator><sensor>{sensors}</sensor></mujoco>"""
+
+GEAR = 'gear="1 -2 3 .5 -.4 .3"'
+TARGETS = {
+    "joint": 'joint="swing" gear="3"',
+    "slide": 'joint="rail" gear="-2"',
+    "tendon": 'tendon="belt" gear="1.5"',
+    "site": f'site="tip" {GEAR}',
+    "site on the world": f'site="tip" refsite="base" {GEAR}',
+    "site on the same tree": f'site="tip" refsite="hand" {GEAR}',
+    "site on an ancestor": f'site="hand" refsite="hull" {GEAR}',
+    "site on its own body": f'site="hull" refsite="hull" {GEAR}',
+    "translation": 'site="hand" refsite="base" gear="1 2 3 0 0 0"',
+    "rotation": 'site="hand" refsite="base" gear="0 0 0 1 2 3"',
+}
+KINDS = {
+    "motor": "motor {}",
+    "bounded motor": 'motor {} ctrllimited="true" ctrlrange="-.5 .5" forcelimited="true" forcerange="-.4 .3"',
+    "position": 'position {} kp="20" kv="3"',
+    "velocity": 'velocity {} kv="4"',
+    "intvelocity": 'intvelocity {} kp="20" kv="2" actrange="-1 1"',
+    "damper": 'damper {} kv="3" ctrlrange="0 1"',
+    "affine": 'general {} gaintype="affine" gainprm="1 2 -3" biastype="affine" biasprm=".1 -4 -5"',
+    "integrator": 'general {} dyntype="integrator" gainprm="3" biastype="affine" biasprm="0 -2 -1" actlimited="true" actrange="-.3 .3"',
+    "filter": 'general {} dyntype="filter" dynprm=".05" gainprm="2"',
+    "exact filter": 'general {} dyntype="filterexact" dynprm=".05" gainprm="2" biastype="affine" biasprm="0 -3 -1"',
+}
+
+
+def scene(kind: str) -> str:
+    """One actuator of a kind on every target, with sensors of each and of the joints."""
+    names = [f"a{k}" for k in range(len(TARGETS))]
+    made = [f'<{KINDS[kind].format(target)} name="{name}"/>' for name, target in zip(names, TARGETS.values(), strict=True)]
+    read = "".join(f'<{s} actuator="{name}"/>' for name in names for s in ("actuatorpos", "actuatorvel", "actuatorfrc"))
+    joints = "".join(f'<jointactuatorfrc joint="{j}"/>' for j in ("swing", "rail", "wrist"))
+    return TREE.format(actuators="".join(made), sensors=read + joints)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_forces_lengths_and_velocities(kind):
+    text, rng = scene(kind), np.random.default_rng(0)
+    model, sim, idle = mujoco.MjModel.from_xml_string(text), simulate(text), simulate(TREE.format(actuators="", sensors=""))
+    assert sim.model.nu == model.nu
+    reader = stepper.Stepper(sim.model, options=stepper.Options(timestep=1e-15))
+    for _ in range(STATES):
+        state = random_state(model, rng)
+        act, ctrl = rng.uniform(-0.3, 0.3, model.na), rng.uniform(-1, 1, model.nu)
+        data = forward(model, *state, ctrl, act=act)
+        sim.set_state(*state, act=act)
+        idle.set_state(*state)
+        found = sim.mass_matrix() @ (sim.smooth_acceleration(ctrl=ctrl) - idle.smooth_acceleration())
+        assert relative_error(found, data.qfrc_actuator) < BOUND
+        # A step so short that it changes nothing takes up the control.
+        reader.set_state(*state, act=act)
+        reader.step(ctrl)
+        assert relative_error(reader.sensor_truth, data.sensordata) < BOUND
+
+
+@pytest.mark.parametrize("integrator", ["midpoint", "implicit", "euler", "rk4"])
+@pytest.mark.parametrize("kind", ["motor", "position", "velocity"])
+def test_trajectories_of_actuators_on_sites(kind, integrator):
+    """Every integrator converges to MuJoCo's trajectory at a fine step: arms, reactions and implicit parts are those of one model."""
+    text, until, fine = scene(kind), 0.05, 2e-5
+    model = mujoco.MjModel.from_xml_string(text)
+    model.opt.timestep, model.opt.integrator = fine, mujoco.mjtIntegrator.mjINT_RK4
+    data = mujoco.MjData(model)
+    ctrl = np.linspace(-0.5, 0.5, model.nu)
+    data.ctrl[:] = ctrl
+    for _ in range(round(until / fine)):
+        mujoco.mj_step(model, data)
+    errors = []
+    for h in (1e-3, 5e-4):
+        sim = stepper.Stepper(stepper.load(model), options=stepper.Options(timestep=h, integrator=integrator))
+        sim.step(ctrl, nstep=round(until / h))
+        errors.append(relative_error(sim.qvel, data.qvel))
+    # A stiffness or damping across branches is an added inertia in the mass matrix (crates/core/src/drive.rs), which is of first order.
+    order = 4 if integrator == "rk4" else 2 if integrator == "midpoint" and kind == "motor" else 1
+    # Half the step, that part of the error, or both are at the reference's own.
+    assert errors[1] < max(1.1 * errors[0] / 2**order, 1e-9)
+    assert errors[1] < 0.02
+
+
+@pytest.mark.parametrize("integrator", ["midpoint", "implicit"])
+@pytest.mark.parametrize("target", ["site on the world", "site on the same tree"])
+def test_a_stiff_servo_on_a_site_is_stable(target, integrator):
+    """At h sqrt(k/m) of 20 and more: what the mass matrix holds of a wrench, on one chain or across branches, keeps the motion bounded."""
+    actuator = f'<position {TARGETS[target]} kp="1e6" kv="1e3" name="a"/>'
+    text = TREE.format(actuators=actuator, sensors='<actuatorpos actuator="a"/>').replace("-9.81", "0")
+    sim = simulate(text, integrator=integrator)
+    length = sim.sensor_truth[0]
+    energy = 1e6 / 2 * 1e-3**2  # Of a servo whose set point is a thousandth beyond its length, in J: all that there is.
+    for _ in range(2000):
+        sim.step([length + 1e-3])
+        assert sim.status == stepper.Status.OK
+        # The arms turn with the bodies, which the rules take to second order (midpoint) and first order.
+        assert sim.energy()[1] < 1.2 * energy

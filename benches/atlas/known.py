@@ -64,7 +64,7 @@ KNOWN: tuple[Known, ...] = (
         ANY,
         "five steps of Newton's method do not solve the first step, and no sweeps follow",
     ),
-    Known(r"S2 .*", r"stepper (euler.*|implicit)", (5e-3, 1.0), "rules of the first order"),
+    Known(r"S2 .*", r"stepper (euler.*|implicit)", ANY, "rules of the first order"),
     Known(r"S[34] .*", r"stepper.*", (2e-2, 1.0), HEAP),
     Known(
         r"S5 .*",
@@ -75,6 +75,12 @@ KNOWN: tuple[Known, ...] = (
     Known(r"S5 .*", r"stepper.*", (2e-2, 1.0), "the legs turn by 0.1 rad in a step"),
     Known(r"S5 .*", r"stepper (euler.*|implicit)", ANY, "rules of the first order"),
     Known(r"S6 .*", r"stepper (euler.*|implicit)", ANY, "rules of the first order"),
+    Known(
+        r".*",
+        "stepper f32",
+        ANY,
+        "numbers of 32 bits: velocities of order 1 m/s are 1e-7 m/s apart, and the solver's tolerance is no tighter",
+    ),
 )
 
 

@@ -8,7 +8,7 @@ use std::hint::black_box;
 use stepper_core::Options;
 use stepper_core::constraints::{Constraints, Moment};
 use stepper_core::contacts::Contacts;
-use stepper_core::drive::{At, Drive, Implicit, Theta};
+use stepper_core::drive::{At, Drive, Implicit, Implied, Theta};
 use stepper_core::inertia::{MassMatrix, NewtonEuler, bias_force};
 use stepper_core::kinematics::{Kinematics, advance, displace};
 use stepper_core::plan::LanePlan;
@@ -217,12 +217,15 @@ impl<R: Real> Rig<R> {
             Part::Displace => displace(plan, &self.q, &self.v, half, &mut self.q_eval),
             Part::Kinematics => self.kinematics.update(plan, &self.q_eval),
             Part::Mass => {
-                let implicit = Implicit { theta, servos: &self.drive.weight, drag_at: Some(&self.v) };
+                let implicit = Implicit { theta, servos: &self.drive.weight, arms: &self.drive.arms, drag_at: Some(&self.v) };
                 self.smooth.factor_mass(plan, &self.kinematics, implicit);
             }
             Part::MassMatrix => self.mass_matrix(plan, theta),
             Part::Factor => self.factor(plan),
-            Part::Actuate => actuate(plan, &At::state(&self.q_eval, &self.v, &[], &self.ctrl), Some(theta), &mut self.drive),
+            Part::Actuate => {
+                let at = At::state(&self.q_eval, &self.v, &[], &self.ctrl, &[]);
+                actuate(plan, &at, Some(Implied { theta, all: true }), &mut self.drive);
+            }
             Part::Acceleration => {
                 self.smooth.acceleration(plan, &self.kinematics, [&self.drive.tau, &self.none], &self.v, &self.v);
                 advance(&self.v, &self.smooth.acc, h, &mut self.v_free);
@@ -241,7 +244,8 @@ impl<R: Real> Rig<R> {
             }
             Part::Assemble => {
                 let motion = &self.smooth.work;
-                let moment = Moment { q: &self.q_eval, v: &self.v, motion, v_free: &self.v_free, h, closing: R::one(), alive: self.alive };
+                let (losses, closing) = (&self.drive.losses[..], R::one());
+                let moment = Moment { q: &self.q_eval, v: &self.v, motion, v_free: &self.v_free, losses, h, closing, alive: self.alive };
                 self.constraints.assemble(plan, &self.options, &self.kinematics, &self.smooth.mass, &moment, &mut self.contacts);
                 self.warm_scalars.clone_from(&self.constraints.iterate.scalars);
                 self.warm_contacts.clone_from(&self.constraints.iterate.contacts);

@@ -36,7 +36,8 @@ KNOWN: tuple[Known, ...] = (
         r"[12] .*",
         NOT_EULER,
         (2e-2, 1.0),
-        "the midpoint rule meets the floor in the middle of a step: what falls further than the gap in half of one overlaps until it is pushed out",
+        "the midpoint rule meets the floor in the middle of a step: what falls further than the gap in half of one "
+        "overlaps until it is pushed out",
     ),
     Known(r"(8|10|11) .*", r"stepper (euler.*|implicit)", ANY, "rules of the first order"),
     Known(r"9 .*", EULER, ANY, "Euler's rule takes Coriolis and centrifugal forces at the beginning of the step, and gains energy"),
@@ -74,12 +75,21 @@ KNOWN: tuple[Known, ...] = (
         ANY,
         "five steps of Newton's method do not solve the first step, and no sweeps follow",
     ),
-    Known(r"29 rolling coin", "stepper implicit", ANY, "a rule of the first order"),
+    Known(r"29 rolling coin", "stepper implicit", (4e-3, 1e-2), "a rule of the first order"),
     Known(
         r"30 wheel.*|31 pinch at 1.01 .*", "stepper newton", (2e-2, 1.0), "creeps at the speed that Newton's method leaves, some 1e-9 m/s"
     ),
     Known(
-        r"31 .*5 iterations", r"stepper.*", ANY, "five iterations do not solve the first step, and what they leave unevenly shared is kept"
+        r"31 pinch at 1.01 of a cube, .*5 iterations",
+        r"stepper.*",
+        (2e-2, 1.0),
+        "five iterations do not solve the first step, and what they leave unevenly shared is kept",
+    ),
+    Known(
+        r"31 pinch at 0.99 of a cube, .*5 iterations",
+        r"stepper.*",
+        (0.0, 2e-4),
+        "five iterations do not solve the first step, and what they leave unevenly shared is kept",
     ),
     Known(r"S3 .*", r"stepper.*", (5e-3, 1e-2), "spheres overlap by some 3e-5 m while the heap falls together"),
     Known(

@@ -255,7 +255,7 @@ impl<R: Real> Drive<R> {
     }
 
     /// Finds servos whose force at the end of the step would exceed its bounds, if the velocity changed by `dv`: they keep to the bound and
-    /// lose their stiffness. Returns the lanes in which there is a new one; [`Drive::gather`] must follow.
+    /// lose their stiffness. Returns the lanes in which there is a new one; `gather` must follow.
     ///
     /// Drive trains go where their curves have them, `pass` after pass; from the third on none comes back from a bound, so that it ends.
     pub fn saturate(&mut self, plan: &LanePlan<R>, trains: &[Train<R>], theta: Theta<R>, dv: &[R], h: R, pass: usize) -> R::Mask {

@@ -29,6 +29,7 @@ NOT_EULER = r"stepper(?! euler).*"
 
 BAUMGARTE = r"stepper (euler, )?baumgarte"
 EXPLICIT = "springs and servos are explicit with this integrator, as in MuJoCo's: stable up to h sqrt(k/m) = 2"
+FEW = "five iterations do not solve the first step, and what they leave unevenly shared is kept"
 HEAP = "a heap of 216 spheres at this time step falls by more than a radius of theirs in a few steps; what the law leaves open decides"
 
 KNOWN: tuple[Known, ...] = (
@@ -83,13 +84,13 @@ KNOWN: tuple[Known, ...] = (
         r"31 pinch at 1.01 of a cube, .*5 iterations",
         r"stepper.*",
         (2e-2, 1.0),
-        "five iterations do not solve the first step, and what they leave unevenly shared is kept",
+        FEW,
     ),
     Known(
         r"31 pinch at 0.99 of a cube, .*5 iterations",
         r"stepper.*",
         (0.0, 2e-4),
-        "five iterations do not solve the first step, and what they leave unevenly shared is kept",
+        FEW,
     ),
     Known(r"S3 .*", r"stepper.*", (5e-3, 1e-2), "spheres overlap by some 3e-5 m while the heap falls together"),
     Known(

@@ -128,7 +128,6 @@ pub struct Rig<R: Real> {
     q_next: Vec<R>,
     v_free: Vec<R>,
     v_next: Vec<R>,
-    w: Vec<R>,
 }
 
 impl<R: Real> Rig<R> {
@@ -164,7 +163,6 @@ impl<R: Real> Rig<R> {
             q_next: zeros(plan.nq),
             v_free: zeros(plan.nv),
             v_next: zeros(plan.nv),
-            w: zeros(plan.nv),
         };
         for lane in 0..R::LANES {
             for (field, to) in [(Field::Qpos, &mut rig.q), (Field::Qvel, &mut rig.v)] {
@@ -251,10 +249,7 @@ impl<R: Real> Rig<R> {
                 self.warm_contacts.clone_from(&self.constraints.iterate.contacts);
             }
             Part::Solve => self.solve(),
-            Part::Velocity => {
-                self.w.copy_from_slice(&self.constraints.iterate.w);
-                integrate_velocity(plan, &self.smooth.mass, &self.v_free, &mut self.w, &mut self.v_next);
-            }
+            Part::Velocity => integrate_velocity(plan, &self.smooth.mass, &self.v_free, &self.constraints.iterate.w, &mut self.v_next),
             Part::Position => integrate_position(plan, &self.q_eval, &self.v_next, half, &mut self.q_next),
         }
     }

@@ -69,7 +69,7 @@ pub struct Plan<S: Scalar> {
     pub pairs: Vec<PairPlan<S>>,
     /// Geoms whose pairs are too many to list.
     pub crowd: Option<Crowd<S>>,
-    /// Links that nothing holds.
+    /// Which links nothing holds; empty if all are held.
     pub loose: Vec<bool>,
     /// Whether any pair can have torsional or rolling friction.
     pub wide: bool,
@@ -253,6 +253,7 @@ impl<S: Scalar> Plan<S> {
         let listed: usize = pairs.iter().map(|p| p.kernel.points()).sum();
         let contact_points = listed + crowd.as_ref().map_or(0, Crowd::contact_points);
         let (links, joints) = (merge::links(model, &merged), merge::joints(model, &addresses));
+        let spinners = Self::spinners(&links, &joints);
         let movers = merged.movers(model.nv());
         let scene = drives::Scene {
             model,
@@ -275,8 +276,8 @@ impl<S: Scalar> Plan<S> {
             fluid: passive::fluid(model, &merged),
             compensation: passive::compensation(model, &merged),
             surfaces: passive::surfaces(model, &geoms, merged.leaders.len()),
-            spinners: Self::spinners(&links, &joints),
-            loose: Self::loose(&links, &joints),
+            loose: Self::loose(&spinners, links.len()),
+            spinners,
             links,
             joints,
             dofs,
@@ -325,11 +326,14 @@ impl<S: Scalar> Plan<S> {
         (0..links.len()).filter_map(spinner).collect()
     }
 
-    /// Whether each link is alone on a free joint.
-    fn loose(links: &[Link<S>], joints: &[JointPlan<S>]) -> Vec<bool> {
-        let free = |link: &Link<S>| matches!(&joints[link.joints.clone()], [joint] if joint.kind == JointKind::Free);
-        let alone = |link: &Link<S>| links.iter().filter(|other| other.tree == link.tree).count() == 1;
-        links.iter().map(|link| free(link) && alone(link)).collect()
+    /// Which of `links` links are alone on a free joint; empty if none is.
+    fn loose(spinners: &[SpinnerPlan<S>], links: usize) -> Vec<bool> {
+        let mut loose = vec![];
+        for spinner in spinners.iter().filter(|s| s.kind == JointKind::Free) {
+            loose.resize(links, false);
+            loose[spinner.link] = true;
+        }
+        loose
     }
 
     /// Number of frames: the world, the links and the mocap bodies.

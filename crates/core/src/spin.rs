@@ -46,9 +46,7 @@ pub fn correct<R: Real>(
                 let old = take(v, at, spinner.kind);
                 let mut new = start;
                 for _ in 0..ITERATIONS {
-                    let inertial = body.inertial(&sub(new, old));
-                    let transport = sub(sub(body.momentum(&new, h), before), inertial);
-                    let mut change = sub(explicit, transport);
+                    let mut change = sub(explicit, body.transport([&old, &new], before, h));
                     solve(plan, mass, spinner, &mut change);
                     new = add(start, change);
                 }
@@ -77,8 +75,7 @@ pub fn settle<R: Real>(
                 let at = spinner.dof;
                 let [old, new] = [v, after].map(|v| take(v, at, spinner.kind));
                 let explicit = scale(add(body.gyroscopic(&old), body.gyroscopic(&new)), h * R::of(0.5));
-                let transport = sub(sub(body.momentum(&new, h), body.momentum(&old, -h)), body.inertial(&sub(new, old)));
-                let mut change = sub(explicit, transport);
+                let mut change = sub(explicit, body.transport([&old, &new], body.momentum(&old, -h), h));
                 solve(plan, mass, spinner, &mut change);
                 let dofs = spinner.kind.nv();
                 for (v, change) in v_free[at..at + dofs].iter_mut().zip(&change[6 - dofs..]) {
@@ -195,6 +192,12 @@ impl<R: Real> Body<R> {
         let l = add(self.spin(w), cross(self.arm, p));
         let p = rotate(&self.mat, p);
         [p[0], p[1], p[2], l[0], l[1], l[2]]
+    }
+
+    /// N: what the momentum `before` changes by from the velocity `old` to `new`, beyond M (new - old).
+    #[inline(always)]
+    fn transport(&self, [old, new]: [&V6<R>; 2], before: V6<R>, h: R) -> V6<R> {
+        sub(sub(self.momentum(new, h), before), self.inertial(&sub(*new, *old)))
     }
 
     /// The velocity-dependent part of the bias force.

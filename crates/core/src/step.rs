@@ -184,6 +184,11 @@ impl<R: Real> Rule<R> {
     fn springs_at<'a>(&self, here: &'a [R], ahead: &'a [R]) -> &'a [R] {
         if self.integrator == Integrator::Implicit { ahead } else { here }
     }
+
+    /// Where forces are taken: configurations of the step and ahead of it, velocities before the step and where what is not implicit is taken.
+    fn forces_at<'a>(&self, [here, ahead]: [&'a [R]; 2], [v, v_at]: [&'a [R]; 2], act: &'a [R], inputs: &'a Inputs<R>) -> At<'a, R> {
+        At { q: self.springs_at(here, ahead), v, v_at, act, ctrl: &inputs.ctrl, trains: &inputs.trains }
+    }
 }
 
 /// One step of `options.timestep` seconds: state and inputs in, next state and its record out.
@@ -224,15 +229,14 @@ pub fn step<R: Real>(plan: &LanePlan<R>, options: &Options, s: &mut Scratch<R>) 
         // 1 and 2 again, with what stage 4 knows of the velocity to come
         correct_forces(plan, &rule, s);
     }
-    // 5 solve
-    let constrained = s.constraints.constrained;
-    let mut outcome = solve(options, &s.v, constrained, &mut s.constraints, &mut s.new_contacts);
+    // 5 solve, 6 integrate velocity
+    let mut outcome = solve(options, &s.v, s.constraints.constrained, &mut s.constraints, &mut s.new_contacts);
+    integrate_velocity(plan, &s.smooth.mass, &s.v_free, &s.constraints.iterate.w, &mut s.v_next);
     if rule.integrator.in_the_middle() {
+        // 2, 5 and 6 again where the velocity jumped
         outcome = impact::solve_impacts(plan, options, &rule, s, outcome);
     }
-    // 6 integrate velocity
     keep_impulse(plan, s);
-    integrate_velocity(plan, &s.smooth.mass, &s.v_free, &mut s.constraints.iterate.w, &mut s.v_next);
     if s.unresolved.any() {
         slow_down(plan, s.unresolved, h, &mut s.v_next);
     }
@@ -300,14 +304,7 @@ fn place<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) {
 fn free_motion<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) {
     s.smooth.apply(plan, &s.kinematics, [&s.inputs.qfrc, &s.inputs.xfrc], &mut s.applied);
     s.drive.release();
-    let at = At {
-        q: rule.springs_at(&s.q_eval, &s.q_ahead),
-        v: &s.v,
-        v_at: &s.v,
-        act: &s.act_eval,
-        ctrl: &s.inputs.ctrl,
-        trains: &s.inputs.trains,
-    };
+    let at = rule.forces_at([&s.q_eval, &s.q_ahead], [&s.v, &s.v], &s.act_eval, &s.inputs);
     actuate(plan, &at, rule.servos(), &mut s.drive);
     accelerate(plan, rule, s);
     if plan.servos_are_bounded && (rule.corrects || plan.trains > 0) {
@@ -353,14 +350,7 @@ fn correct_forces<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R
     s.constraints.warm_change(plan, &s.smooth.mass, &mut s.v_mean);
     advance(&s.v_free, &s.v_mean, R::one(), &mut s.expected);
     blend(&s.v, &s.v_free, rule.share, &mut s.v_mean);
-    let at = At {
-        q: rule.springs_at(&s.q_eval, &s.q_ahead),
-        v: &s.v,
-        v_at: &s.v_mean,
-        act: &s.act_eval,
-        ctrl: &s.inputs.ctrl,
-        trains: &s.inputs.trains,
-    };
+    let at = rule.forces_at([&s.q_eval, &s.q_ahead], [&s.v, &s.v_mean], &s.act_eval, &s.inputs);
     actuate(plan, &at, rule.servos(), &mut s.drive);
     s.smooth.acceleration(plan, &s.kinematics, [&s.drive.tau, &s.applied], &s.v, &s.v_mean);
     advance(&s.v, &s.smooth.acc, rule.h, &mut s.v_next);
@@ -378,14 +368,7 @@ fn correct_forces<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R
 
 /// In unresolved lanes, the free velocity without velocity-dependent inertial forces, and its change by that.
 fn leave_out_inertial_forces<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) {
-    let at = At {
-        q: rule.springs_at(&s.q_eval, &s.q_ahead),
-        v: &s.v,
-        v_at: &s.v,
-        act: &s.act_eval,
-        ctrl: &s.inputs.ctrl,
-        trains: &s.inputs.trains,
-    };
+    let at = rule.forces_at([&s.q_eval, &s.q_ahead], [&s.v, &s.v], &s.act_eval, &s.inputs);
     actuate(plan, &at, rule.servos(), &mut s.drive);
     s.smooth.acceleration(plan, &s.kinematics, [&s.drive.tau, &s.applied], &s.v, &s.limit.rest);
     R::vectorize(

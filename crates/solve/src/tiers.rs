@@ -1,4 +1,5 @@
-//! Both tiers: sweeps over all lanes, then Newton's method for each lane that they leave.
+//! Both tiers: Newton's method first for lanes whose loads must be shared, sweeps over all the others, then Newton's method for each lane that they
+//! leave.
 
 use crate::cone::{keep, norm2};
 use crate::newton::Newton;

@@ -9,6 +9,7 @@ use crate::options::Options;
 use crate::plan::LanePlan;
 use crate::spin;
 use crate::stages::s05_solve::solve;
+use crate::stages::s06_integrate_velocity::integrate_velocity;
 
 /// Change of a link's velocity by the jump in inertial forces from which on it is worth a second solution, rad/s or m/s.
 const MATTERS: f64 = 1e-5;
@@ -20,7 +21,7 @@ const RESOLVED: f64 = 0.02;
 /// Solutions at the most: each takes the inertial forces at the velocity of the one before, which errs by the time step times as much.
 const PASSES: usize = 3;
 
-/// Stages 2 and 5 again in the lanes in which constraints have stopped or turned a motion that stage 2 reckoned with.
+/// Stages 2, 5 and 6 again in the lanes in which constraints have stopped or turned a motion that stage 2 reckoned with.
 ///
 /// The midpoint rule goes half of the step with the velocity before it and half with that after it, so inertial forces are the mean of those at
 /// both. The first solution took them at a velocity that knew of last step's impulses alone, which after an impact is wrong by the jump: an
@@ -42,22 +43,21 @@ pub(super) fn solve_impacts<R: Real>(
         outcome.residual = R::select(lanes, again.residual, outcome.residual);
         outcome.sweeps += again.sweeps;
         outcome.newton += again.newton;
+        integrate_velocity(plan, &s.smooth.mass, &s.v_free, &s.constraints.iterate.w, &mut s.v_next);
     }
     outcome
 }
 
-/// Lanes whose velocity after the step, left in `v_next`, is far from that which inertial forces were taken with; of the first solution, which
+/// Lanes whose velocity after the step, `v_next`, is far from that which inertial forces were taken with; of the first solution, which
 /// took them at the mean of the velocities and not half at each, also those in which constraints made the velocity jump.
-fn jumping<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>, first: bool) -> R::Mask {
-    s.constraints.warm_change(plan, &s.smooth.mass, &mut s.v_next);
+fn jumping<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &Scratch<R>, first: bool) -> R::Mask {
     R::vectorize(
         #[inline(always)]
         || {
             let (mut jump, mut fastest, mut pushed, mut smooth) = (R::zero(), R::zero(), R::zero(), R::zero());
             for i in 0..plan.nv {
-                pushed = pushed.max(s.v_next[i].abs());
+                pushed = pushed.max((s.v_next[i] - s.v_free[i]).abs());
                 smooth = smooth.max((s.v_free[i] - s.v[i]).abs());
-                s.v_next[i] += s.v_free[i];
                 jump = jump.max((s.v_next[i] - s.expected[i]).abs());
                 fastest = fastest.max(s.v[i].abs()).max(s.v_next[i].abs());
             }

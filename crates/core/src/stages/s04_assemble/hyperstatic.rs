@@ -13,7 +13,7 @@ const SHARED: usize = 3;
 /// As long as all points stick, the motion is one whatever the forces are. When they slip, friction's torque depends on how the load is shared:
 /// forces left by sweeps, which load the points that they visit first, turn a box that two fingers hold.
 pub(super) fn lanes<R: Real>(plan: &Plan<R::Scalar>, contacts: &Contacts<R>) -> R::Mask {
-    if !plan.loose.contains(&true) {
+    if plan.loose.is_empty() {
         return R::Mask::splat(false);
     }
     let shares = |l: usize| {

@@ -204,27 +204,37 @@ impl<S: Stepped> Batch<S> {
         if threaded {
             self.pool();
         }
+        // Without threads there is nobody to lock the workers against.
+        let mut alone = if threaded { None } else { self.crew.idle.get_mut().expect("a worker panicked").pop() };
         let mut groups = std::mem::take(&mut self.groups);
         let call = self.call(options, inputs, calls, nstep);
         // Small pieces even out what some groups cost more than others.
         let size = if threaded { groups.len().div_ceil(8 * self.threads) } else { groups.len() };
         let mut shares = recording.map_or_else(Vec::new, |all| all.split(self.num_envs, size * self.lanes, S::numbers));
-        let work = |piece: usize, groups: &mut [Group<S>], share: &mut Share<'_, S>| {
-            let mut worker = self.hire(options);
+        let work = |worker: &mut Worker, piece: usize, groups: &mut [Group<S>], share: &mut Share<'_, S>| {
             let share_first = piece * size * self.lanes;
             for (g, group) in groups.iter_mut().enumerate() {
                 worker.run(&call, group, Place { first: share_first + g * self.lanes, share_first, share: &mut *share });
             }
-            self.release(worker);
         };
         match &self.crew.pool {
             Some((_, pool)) if threaded => {
                 shares.resize_with(groups.len().div_ceil(size), Share::default);
                 let pieces = groups.par_chunks_mut(size).zip(&mut shares).enumerate();
-                pool.install(|| pieces.for_each(|(piece, (groups, share))| work(piece, groups, share)));
+                pool.install(|| {
+                    pieces.for_each(|(piece, (groups, share))| {
+                        let mut worker = self.hire(options);
+                        work(&mut worker, piece, groups, share);
+                        self.release(worker);
+                    });
+                });
             }
-            _ => work(0, &mut groups, shares.first_mut().unwrap_or(&mut Share::default())),
+            _ => {
+                let worker = alone.get_or_insert_with(|| self.make_worker(options));
+                work(worker, 0, &mut groups, shares.first_mut().unwrap_or(&mut Share::default()));
+            }
         }
+        self.crew.idle.get_mut().expect("a worker panicked").extend(alone);
         self.groups = groups;
     }
 

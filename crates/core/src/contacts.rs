@@ -188,7 +188,7 @@ impl<R: Real> Contacts<R> {
                 for k in 0..self.slots() {
                     self.data[k].impulse = zero();
                 }
-                self.torque.fill(zero());
+                self.torque.iter_mut().for_each(|torque| *torque = zero());
                 for l in 0..R::LANES {
                     self.match_lane(last, l);
                 }

@@ -192,8 +192,11 @@ impl<R: Real> Drive<R> {
     /// Forgets which servos are at their bounds.
     #[inline(always)]
     pub fn release(&mut self) {
-        self.saturated.fill(R::Mask::splat(false));
-        self.bounded.fill(R::Mask::splat(false));
+        // Without servos none is at a bound.
+        if !self.saturated.is_empty() {
+            self.saturated.fill(R::Mask::splat(false));
+            self.bounded.fill(R::Mask::splat(false));
+        }
         self.fresh = true;
     }
 

@@ -112,8 +112,8 @@ impl<R: Real> MassMatrix<R> {
             let dof = &plan.dofs[i];
             let (row, chain) = (&self.entries[dof.chain..dof.chain + dof.depth], plan.chain_of(i));
             let xi = x[i];
-            for k in 1..dof.depth {
-                x[chain[k] as usize] -= row[k] * xi;
+            for (&l, &a) in row.iter().zip(chain).skip(1) {
+                x[a as usize] -= l * xi;
             }
         }
     }
@@ -126,8 +126,8 @@ impl<R: Real> MassMatrix<R> {
             let (row, chain) = (&self.entries[dof.chain..dof.chain + dof.depth], plan.chain_of(i));
             let mut sum = x[i];
             // Towards the root, so that the newest value, the parent's, comes first and the rest can be in flight.
-            for k in (1..dof.depth).rev() {
-                sum -= row[k] * x[chain[k] as usize];
+            for (&l, &a) in row[1..].iter().zip(&chain[1..]).rev() {
+                sum -= l * x[a as usize];
             }
             x[i] = sum;
         }
@@ -136,8 +136,8 @@ impl<R: Real> MassMatrix<R> {
     /// The velocity change of a scaled one: w <- L^-1 D^-1/2 w.
     #[inline(always)]
     pub fn unscale(&self, plan: &LanePlan<R>, w: &mut [R]) {
-        for i in 0..plan.nv {
-            w[i] *= self.sqrt_inv_d[i];
+        for (w, &scale) in w.iter_mut().zip(&self.sqrt_inv_d) {
+            *w *= scale;
         }
         self.solve_lower(plan, w);
     }
@@ -150,8 +150,8 @@ impl<R: Real> MassMatrix<R> {
             let dof = &plan.dofs[i];
             let (row, chain) = (&self.entries[dof.chain..dof.chain + dof.depth], plan.chain_of(i));
             let mut sum = x[i];
-            for k in 1..dof.depth {
-                sum += row[k] * x[chain[k] as usize];
+            for (&l, &a) in row.iter().zip(chain).skip(1) {
+                sum += l * x[a as usize];
             }
             x[i] = sum * self.sqrt_d[i];
         }
@@ -166,8 +166,8 @@ impl<R: Real> MassMatrix<R> {
             let (row, chain) = (&self.entries[dof.chain..dof.chain + dof.depth], plan.chain_of(i));
             let xi = w[i] * self.sqrt_d[i];
             w[i] = xi;
-            for k in 1..dof.depth {
-                w[chain[k] as usize] += row[k] * xi;
+            for (&l, &a) in row.iter().zip(chain).skip(1) {
+                w[a as usize] += l * xi;
             }
         }
     }
@@ -176,8 +176,8 @@ impl<R: Real> MassMatrix<R> {
     #[inline(always)]
     pub fn solve(&self, plan: &LanePlan<R>, x: &mut [R]) {
         self.solve_lower_transposed(plan, x);
-        for i in 0..plan.nv {
-            x[i] *= self.inv_d[i];
+        for (x, &inv) in x.iter_mut().zip(&self.inv_d) {
+            *x *= inv;
         }
         self.solve_lower(plan, x);
     }

@@ -254,8 +254,8 @@ pub fn advance<R: Real>(x: &[R], rate: &[R], way: R, out: &mut [R]) {
     R::vectorize(
         #[inline(always)]
         || {
-            for i in 0..out.len() {
-                out[i] = x[i] + rate[i] * way;
+            for ((out, &x), &rate) in out.iter_mut().zip(x).zip(rate) {
+                *out = x + rate * way;
             }
         },
     )
@@ -266,8 +266,8 @@ pub fn blend<R: Real>(x: &[R], end: &[R], share: R, y: &mut [R]) {
     R::vectorize(
         #[inline(always)]
         || {
-            for i in 0..y.len() {
-                y[i] = x[i] + ((end[i] + y[i]) - x[i]) * share;
+            for ((y, &x), &end) in y.iter_mut().zip(x).zip(end) {
+                *y = x + ((end + *y) - x) * share;
             }
         },
     )

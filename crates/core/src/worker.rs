@@ -129,12 +129,15 @@ impl Stepped for f64 {
     const SINGLE: usize = 1;
 
     fn room(site: &Site<'_, f64>, lanes: usize, level: Level) -> Box<dyn Any + Send> {
-        if lanes == 1 { make_room::<f64>(site) } else { at_level!(level, F64x8, make_room(site)) }
+        if lanes == 1 { at_level!(level, F64x1, make_room(site)) } else { at_level!(level, F64x8, make_room(site)) }
     }
 
     fn run(call: &Call<'_, f64>, group: &mut Group<f64>, at: Place<'_, '_, f64>, level: Level, room: &mut (dyn Any + Send)) {
-        // The scalar instantiation is the reference that every lane agrees with to the bit.
-        if group.lanes == 1 { run_group::<f64>(call, group, at, room) } else { at_level!(level, F64x8, run_group(call, group, at, room)) }
+        if group.lanes == 1 {
+            at_level!(level, F64x1, run_group(call, group, at, room))
+        } else {
+            at_level!(level, F64x8, run_group(call, group, at, room))
+        }
     }
 
     fn numbers(array: Numbers<'_>) -> &mut [f64] {
@@ -146,7 +149,7 @@ impl Stepped for f64 {
 
     fn sense(call: &Call<'_, f64>, group: &mut Group<f64>, first: usize, level: Level, room: &mut (dyn Any + Send), query: Query<'_>) {
         if group.lanes == 1 {
-            read_group::<f64>(call, group, first, room, query)
+            at_level!(level, F64x1, read_group(call, group, first, room, query))
         } else {
             at_level!(level, F64x8, read_group(call, group, first, room, query))
         }
@@ -221,7 +224,9 @@ fn run_group<R: Real>(call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, 
     senses.begin(call, plan, group, at.first, s);
     load(call, group, at.first, s);
     group.status.fill(0);
-    group.sensing.faults.fill(0);
+    if !group.sensing.faults.is_empty() {
+        group.sensing.faults.fill(0);
+    }
     for control in 0..call.calls {
         load_control(call, control, at.first, s);
         let (status, residual) = run_control(call, plan, group, at.first, s, senses);

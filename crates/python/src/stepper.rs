@@ -132,9 +132,9 @@ impl Stepper {
     /// Rows of a (num_envs, width) or (width,) array, one per environment.
     fn rows<'py>(&self, given: &Bound<'py, PyAny>, name: &str, width: usize) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
         let given = readonly(given, name)?;
-        let full = self.shape(&[width]);
-        // For a single environment both are the same.
-        check_shape(name, given.shape(), &[&full[..], &[width]][..1 + usize::from(self.batched)])?;
+        let full = [self.n(), width];
+        // A single environment has no axis of environments.
+        check_shape(name, given.shape(), &[&full[..], &[width]][usize::from(!self.batched)..])?;
         Ok(given)
     }
 

@@ -174,3 +174,6 @@ array_lanes! {
     /// One truth value for each lane of [`F32x16`].
     M32x16, u32
 }
+
+/// One `f64`, with the instructions that every CPU has around it.
+pub type F64x1 = f64;

@@ -49,7 +49,7 @@ mod real;
 mod scalar;
 mod single;
 
-pub use array::{F32x16, F64x8};
+pub use array::{F32x16, F64x1, F64x8};
 pub use level::{Level, LevelError};
 pub use mask::Mask;
 pub use real::Real;

@@ -3,6 +3,104 @@
 use crate::Real;
 use crate::operators::vectorize;
 
+/// A lane type of one `f64`, whose kernels are compiled with the instructions of a CPU level.
+macro_rules! lone {
+    ($(#[$doc:meta])* $name:ident, $features:literal) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, Default)]
+        #[repr(transparent)]
+        pub struct $name(f64);
+
+        operators! { $name:
+            Add add AddAssign add_assign = |a, b| $name(a.0 + b.0);
+            Sub sub SubAssign sub_assign = |a, b| $name(a.0 - b.0);
+            Mul mul MulAssign mul_assign = |a, b| $name(a.0 * b.0);
+            Div div DivAssign div_assign = |a, b| $name(a.0 / b.0);
+        }
+
+        impl core::ops::Neg for $name {
+            type Output = Self;
+            #[inline(always)]
+            fn neg(self) -> Self {
+                $name(-self.0)
+            }
+        }
+
+        impl Real for $name {
+            type Scalar = f64;
+            type Mask = bool;
+            const LANES: usize = 1;
+            vectorize!($features);
+
+            #[inline(always)]
+            fn splat(x: f64) -> Self {
+                $name(x)
+            }
+            #[inline(always)]
+            fn load(s: &[f64]) -> Self {
+                $name(s[0])
+            }
+            #[inline(always)]
+            fn store(self, s: &mut [f64]) {
+                s[0] = self.0;
+            }
+            #[inline(always)]
+            fn lane(self, i: usize) -> f64 {
+                self.0.lane(i)
+            }
+            #[inline(always)]
+            fn set_lane(&mut self, i: usize, x: f64) {
+                self.0.set_lane(i, x);
+            }
+            #[inline(always)]
+            fn lt(self, o: Self) -> bool {
+                self.0 < o.0
+            }
+            #[inline(always)]
+            fn le(self, o: Self) -> bool {
+                self.0 <= o.0
+            }
+            #[inline(always)]
+            fn eq(self, o: Self) -> bool {
+                self.0 == o.0
+            }
+            #[inline(always)]
+            fn select(m: bool, a: Self, b: Self) -> Self {
+                if m { a } else { b }
+            }
+            #[inline(always)]
+            fn min(self, o: Self) -> Self {
+                $name(Real::min(self.0, o.0))
+            }
+            #[inline(always)]
+            fn max(self, o: Self) -> Self {
+                $name(Real::max(self.0, o.0))
+            }
+            #[inline(always)]
+            fn abs(self) -> Self {
+                $name(Real::abs(self.0))
+            }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                $name(Real::sqrt(self.0))
+            }
+            #[inline(always)]
+            fn copysign(self, sign: Self) -> Self {
+                $name(Real::copysign(self.0, sign.0))
+            }
+            #[inline(always)]
+            fn round_even(self) -> Self {
+                $name(Real::round_even(self.0))
+            }
+            #[inline(always)]
+            fn pow2(self) -> Self {
+                $name(Real::pow2(self.0))
+            }
+        }
+    };
+}
+pub(crate) use lone;
+
 macro_rules! single {
     ($t:ident, $mantissa_bits:literal, $exponent_bias:literal) => {
         impl Real for $t {

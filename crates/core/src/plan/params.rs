@@ -179,6 +179,12 @@ impl<T: Copy> Params<T> {
         DofParams { damping, stiffness, armature }
     }
 
+    /// Of all degrees of freedom: damping, stiffness, armature.
+    #[inline(always)]
+    pub fn dofs(&self) -> &[[T; 3]] {
+        self.numbers[self.at.dofs..self.at.springs].as_chunks().0
+    }
+
     /// Stiffness of a joint's spring, N/m or N m/rad.
     #[inline(always)]
     pub fn spring(&self, joint: usize) -> T {

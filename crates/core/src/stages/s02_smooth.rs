@@ -72,9 +72,11 @@ impl<R: Real> Smooth<R> {
                 }
                 project_forces(plan, kinematics, &mut self.work.force, &mut self.bias);
                 let [tau, applied] = forces;
-                for i in 0..plan.nv {
-                    let damping = plan.params.dof(i).damping * v[i];
-                    self.acc[i] = (tau[i] + applied[i]) - self.bias[i] - damping;
+                let forces = tau.iter().zip(applied).zip(&self.bias);
+                for (((acc, ((&tau, &applied), &bias)), &[damping, ..]), &v) in
+                    self.acc.iter_mut().zip(forces).zip(plan.params.dofs()).zip(v)
+                {
+                    *acc = (tau + applied) - bias - damping * v;
                 }
                 self.mass.solve(plan, &mut self.acc);
             },

@@ -38,7 +38,11 @@ pub struct GeomPoses<R: Real> {
     lead: Vec<R>,
     /// Radius of a ball about the geom's origin that holds it in two free steps, of a plane only its way, m.
     extent: Vec<R>,
+    /// Lanes in which the way in `lead` is more than half of what the geom can be passed through with.
+    fast: Vec<R::Mask>,
     velocity: Vec<V6<R>>,
+    /// Pairs that are near and can pass through one another, with the lanes.
+    thin: Vec<([usize; 2], R::Mask)>,
     broad: Broad,
     narrow: Narrow,
 }
@@ -52,7 +56,9 @@ impl<R: Real> GeomPoses<R> {
             travel: vec![R::zero(); plan.geoms.len()],
             lead: vec![R::zero(); plan.geoms.len()],
             extent: vec![R::zero(); plan.geoms.len()],
+            fast: vec![R::Mask::splat(false); plan.geoms.len()],
             velocity: vec![zero(); plan.links.len()],
+            thin: Vec::with_capacity(plan.pairs.len()),
             broad: Broad::default(),
             narrow: Narrow::for_solids(plan.geoms.iter().filter_map(|g| g.solid.as_ref())),
         }
@@ -100,6 +106,12 @@ impl<R: Real> GeomPoses<R> {
     fn update_lead(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
         kinematics.velocities(plan, v, &mut self.velocity);
         ways(plan, kinematics, &self.pos, &self.velocity, time, &mut self.lead);
+    }
+
+    /// Lanes in which the way from the beginning of the step is long enough for the geoms to be through.
+    #[inline(always)]
+    fn leads_too_far(&self, plan: &LanePlan<R>, [a, b]: [usize; 2]) -> R::Mask {
+        (self.lead[a] + self.lead[b]).gt(plan.thin([a, b]))
     }
 
     /// Velocity of the point `p` of a frame.
@@ -155,9 +167,6 @@ pub fn detect<R: Real>(
         #[inline(always)]
         || {
             poses.place(plan, kinematics);
-            if leads {
-                poses.update_lead(plan, kinematics, v, lead);
-            }
             poses.update_travel(plan, kinematics, v_free, h + h);
         },
     );
@@ -165,28 +174,36 @@ pub fn detect<R: Real>(
     if let Some(crowd) = &plan.crowd {
         broad.find(plan, crowd, alive.bits(), &poses.pos, &poses.travel, slack);
     }
-    let too_far = R::vectorize(
+    let (mut narrow, mut thin) = (std::mem::take(&mut poses.narrow), std::mem::take(&mut poses.thin));
+    thin.clear();
+    R::vectorize(
         #[inline(always)]
         || {
-            let mut narrow = std::mem::take(&mut poses.narrow);
             let scene = Scene { plan, kinematics, poses, h, slack, leads };
-            let mut too_far = R::Mask::splat(false);
             for (index, pair) in plan.pairs.iter().enumerate() {
-                too_far = too_far.or(scene.collide(index, pair, alive, &mut narrow, contacts));
+                scene.collide(index, pair, alive, &mut narrow, &mut thin, contacts);
             }
             if let Some(crowd) = &plan.crowd {
                 for &(number, lanes) in &broad.pairs {
                     if let Some(pair) = crowd.pair(number) {
-                        too_far = too_far.or(scene.collide(number, &pair, R::Mask::from_bits(lanes), &mut narrow, contacts));
+                        scene.collide(number, &pair, R::Mask::from_bits(lanes), &mut narrow, &mut thin, contacts);
                     }
                 }
             }
-            poses.narrow = narrow;
-            too_far
         },
     );
-    poses.broad = broad;
-    too_far
+    (poses.broad, poses.narrow, poses.thin) = (broad, narrow, thin);
+    if poses.thin.is_empty() {
+        return R::Mask::splat(false);
+    }
+    R::vectorize(
+        #[inline(always)]
+        || {
+            poses.update_lead(plan, kinematics, v, lead);
+            let too_far = poses.thin.iter().map(|&(geoms, near)| near.and(poses.leads_too_far(plan, geoms)));
+            too_far.fold(R::Mask::splat(false), R::Mask::or)
+        },
+    )
 }
 
 struct Scene<'a, R: Real> {
@@ -199,7 +216,7 @@ struct Scene<'a, R: Real> {
 }
 
 impl<R: Real> Scene<'_, R> {
-    /// Takes up the contacts of a pair in the lanes `alive`. Returns those that are too far from the beginning of the step.
+    /// Takes up the contacts of a pair in the lanes `alive`, and keeps it in `thin` if it may be through.
     #[inline(always)]
     fn collide(
         &self,
@@ -207,14 +224,17 @@ impl<R: Real> Scene<'_, R> {
         pair: &PairPlan<R::Scalar>,
         alive: R::Mask,
         narrow: &mut Narrow,
+        thin: &mut Vec<([usize; 2], R::Mask)>,
         contacts: &mut Contacts<R>,
-    ) -> R::Mask {
+    ) {
         let near = alive.and(self.can_touch(pair));
         if near.none() {
-            return near;
+            return;
         }
         self.meet(index, pair, near, narrow, contacts);
-        if self.leads { near.and(self.leads_too_far(pair)) } else { R::Mask::splat(false) }
+        if self.leads && !pair.on_plane {
+            thin.push((pair.geoms, near));
+        }
     }
 
     /// Takes up the contacts of a pair in the lanes `near`. A kernel of its own: inlined where it is called, it and what it offers would
@@ -244,17 +264,7 @@ impl<R: Real> Scene<'_, R> {
         let [a, b] = pair.geoms;
         let apart = sub(self.poses.pos[b], self.poses.pos[a]);
         let reach = self.poses.extent[a] + self.poses.extent[b] + R::splat(pair.margin) + self.slack;
-        match pair.kernel {
-            _ if self.plan.geoms[a].is_plane => dot(apart, column(&self.poses.mat[a], 2)).lt(reach),
-            _ => dot(apart, apart).lt(reach * reach),
-        }
-    }
-
-    /// Lanes in which the way from the beginning of the step is long enough to be through.
-    #[inline(always)]
-    fn leads_too_far(&self, pair: &PairPlan<R::Scalar>) -> R::Mask {
-        let [a, b] = pair.geoms;
-        (self.poses.lead[a] + self.poses.lead[b]).gt(self.plan.thin(pair.geoms))
+        if pair.on_plane { dot(apart, column(&self.poses.mat[a], 2)).lt(reach) } else { dot(apart, apart).lt(reach * reach) }
     }
 
     #[inline(always)]

@@ -53,14 +53,22 @@ impl<R: Real> GeomPoses<R> {
     #[inline(always)]
     fn update_ways(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, v_next: &[R], h: R) -> R::Mask {
         self.update_lead(plan, kinematics, v_next, h);
-        let moved = self.lead.iter().enumerate().map(|(g, way)| way.gt(plan.params.inner(g) * R::of(0.5)));
-        moved.fold(R::Mask::splat(false), R::Mask::or)
+        let mut moved = R::Mask::splat(false);
+        for (g, (&way, fast)) in self.lead.iter().zip(&mut self.fast).enumerate() {
+            *fast = way.gt(plan.params.inner(g) * R::of(0.5));
+            moved = moved.or(*fast);
+        }
+        moved
     }
 
     /// Lanes in which a pair could get through unseen.
     #[inline(always)]
     fn slips_through(&self, plan: &LanePlan<R>, pair: &PairPlan<R::Scalar>, h: R, slack: R) -> R::Mask {
         let [a, b] = pair.geoms;
+        // Two ways that are not more than half of what is thin are not more together.
+        if self.fast[a].or(self.fast[b]).none() {
+            return R::Mask::splat(false);
+        }
         let way = self.lead[a] + self.lead[b];
         let thin = plan.thin(pair.geoms);
         let far = way.gt(thin);

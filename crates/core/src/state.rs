@@ -199,9 +199,11 @@ impl<S: Scalar> Group<S> {
             }
             let slot = &contacts.data[k];
             let numbers = [slot.impulse, slot.point.pos, slot.point.normal];
-            for (i, x) in numbers.iter().flatten().chain(std::iter::once(&slot.point.distance)).enumerate() {
-                x.store(&mut self.contact_data[(k * CONTACT_NUMBERS + i) * lanes..]);
+            let out = &mut self.contact_data[k * CONTACT_NUMBERS * lanes..(k + 1) * CONTACT_NUMBERS * lanes];
+            for (i, x) in numbers.as_flattened().iter().enumerate() {
+                x.store(&mut out[i * lanes..]);
             }
+            slot.point.distance.store(&mut out[(CONTACT_NUMBERS - 1) * lanes..]);
             for (i, x) in contacts.torque.get(k).into_iter().flatten().enumerate() {
                 x.store(&mut self.contact_torque[(k * 3 + i) * lanes..]);
             }

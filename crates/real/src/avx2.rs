@@ -7,7 +7,6 @@
 //! one they are calls, slow but right.
 
 use crate::operators::{as_lanes, lane_access, operators, vectorize};
-use crate::single::lone;
 use crate::{Mask, Real};
 use core::arch::x86_64::{__m256i, _CMP_EQ_OQ, _CMP_LE_OQ, _CMP_LT_OQ};
 
@@ -228,10 +227,6 @@ mod single {
         M32x16, i32, mantissa 23, bias 127.0
     }
 }
+pub use crate::lone::F64x1;
 pub use double::{F64x8, M64x8};
 pub use single::{F32x16, M32x16};
-
-lone! {
-    /// One `f64`, with this level's instructions around it.
-    F64x1, "avx2"
-}

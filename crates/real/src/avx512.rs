@@ -190,4 +190,4 @@ pub use double::{F64x8, M64x8};
 pub use single::{F32x16, M32x16};
 
 /// One `f64`: wider registers than those of AVX2 gain it nothing.
-pub use crate::avx2::F64x1;
+pub use crate::lone::F64x1;

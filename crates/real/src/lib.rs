@@ -43,6 +43,8 @@ pub mod avx512;
 mod coefficients;
 mod elementary;
 mod level;
+#[cfg(target_arch = "x86_64")]
+mod lone;
 mod mask;
 mod operators;
 mod real;

@@ -235,7 +235,7 @@ impl<R: Real> Constraints<R> {
             let d = d as usize;
             let row = &plan.dofs[d];
             let x = self.column[d];
-            for (&l, &a) in mass.entries[row.chain..row.chain + row.depth].iter().zip(plan.chain_of(d)).skip(1) {
+            for (&l, &a) in mass.entries[row.chain + 1..row.chain + row.depth].iter().zip(&plan.chain_of(d)[1..]) {
                 let target = &mut self.column[a as usize];
                 for k in 0..N {
                     target[k] -= x[k] * l;

@@ -1,0 +1,124 @@
+//! One `f64` with AVX2 instructions around it, for one environment alone: the arithmetic of `f64`, in kernels that the compiler may vectorise
+//! across what one environment has. Features: `avx2`.
+//!
+//! Wider registers gain it nothing (measured on the models of `benches/versus`), so it is the type of the level above as well.
+
+use crate::Real;
+use crate::operators::{operators, vectorize};
+use core::arch::x86_64::{
+    _mm_loadu_pd, _mm_mul_pd, _mm_set1_pd, _mm_storeu_pd, _mm_sub_pd, _mm256_loadu_pd, _mm256_mul_pd, _mm256_set1_pd, _mm256_storeu_pd,
+    _mm256_sub_pd,
+};
+
+/// One `f64`. As for the wider types, it may be used only where the CPU was asked for the level before.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(transparent)]
+pub struct F64x1(f64);
+
+operators! { F64x1:
+    Add add AddAssign add_assign = |a, b| F64x1(a.0 + b.0);
+    Sub sub SubAssign sub_assign = |a, b| F64x1(a.0 - b.0);
+    Mul mul MulAssign mul_assign = |a, b| F64x1(a.0 * b.0);
+    Div div DivAssign div_assign = |a, b| F64x1(a.0 / b.0);
+}
+
+impl core::ops::Neg for F64x1 {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        F64x1(-self.0)
+    }
+}
+
+impl Real for F64x1 {
+    type Scalar = f64;
+    type Mask = bool;
+    const LANES: usize = 1;
+    vectorize!("avx2");
+
+    #[inline(always)]
+    fn splat(x: f64) -> Self {
+        F64x1(x)
+    }
+    #[inline(always)]
+    fn load(s: &[f64]) -> Self {
+        F64x1(s[0])
+    }
+    #[inline(always)]
+    fn store(self, s: &mut [f64]) {
+        s[0] = self.0;
+    }
+    #[inline(always)]
+    fn lane(self, i: usize) -> f64 {
+        self.0.lane(i)
+    }
+    #[inline(always)]
+    fn set_lane(&mut self, i: usize, x: f64) {
+        self.0.set_lane(i, x);
+    }
+    #[inline(always)]
+    fn lt(self, o: Self) -> bool {
+        self.0 < o.0
+    }
+    #[inline(always)]
+    fn le(self, o: Self) -> bool {
+        self.0 <= o.0
+    }
+    #[inline(always)]
+    fn eq(self, o: Self) -> bool {
+        self.0 == o.0
+    }
+    #[inline(always)]
+    fn select(m: bool, a: Self, b: Self) -> Self {
+        if m { a } else { b }
+    }
+    #[inline(always)]
+    fn min(self, o: Self) -> Self {
+        F64x1(Real::min(self.0, o.0))
+    }
+    #[inline(always)]
+    fn max(self, o: Self) -> Self {
+        F64x1(Real::max(self.0, o.0))
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        F64x1(Real::abs(self.0))
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        F64x1(Real::sqrt(self.0))
+    }
+    #[inline(always)]
+    fn copysign(self, sign: Self) -> Self {
+        F64x1(Real::copysign(self.0, sign.0))
+    }
+    #[inline(always)]
+    fn round_even(self) -> Self {
+        F64x1(Real::round_even(self.0))
+    }
+    #[inline(always)]
+    fn pow2(self) -> Self {
+        F64x1(Real::pow2(self.0))
+    }
+
+    #[inline(always)]
+    fn subtract_scaled(y: &mut [Self], a: Self, x: &[Self]) {
+        // By hand: what the compiler makes of so short a loop spends more on getting started than on the numbers.
+        let (fours, y) = y.as_chunks_mut::<4>();
+        let (x_fours, x) = x[..4 * fours.len() + y.len()].as_chunks::<4>();
+        // SAFETY of all intrinsics: the module's contract, and `F64x1` lies in memory as `f64`.
+        for (y, x) in fours.iter_mut().zip(x_fours) {
+            let (y, x) = (y.as_mut_ptr().cast::<f64>(), x.as_ptr().cast::<f64>());
+            unsafe { _mm256_storeu_pd(y, _mm256_sub_pd(_mm256_loadu_pd(y), _mm256_mul_pd(_mm256_set1_pd(a.0), _mm256_loadu_pd(x)))) }
+        }
+        let (twos, y) = y.as_chunks_mut::<2>();
+        let (x_twos, x) = x.as_chunks::<2>();
+        for (y, x) in twos.iter_mut().zip(x_twos) {
+            let (y, x) = (y.as_mut_ptr().cast::<f64>(), x.as_ptr().cast::<f64>());
+            unsafe { _mm_storeu_pd(y, _mm_sub_pd(_mm_loadu_pd(y), _mm_mul_pd(_mm_set1_pd(a.0), _mm_loadu_pd(x)))) }
+        }
+        if let ([y], [x]) = (y, x) {
+            *y -= a * *x;
+        }
+    }
+}

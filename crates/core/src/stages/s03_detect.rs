@@ -38,11 +38,9 @@ pub struct GeomPoses<R: Real> {
     lead: Vec<R>,
     /// Radius of a ball about the geom's origin that holds it in two free steps, of a plane only its way, m.
     extent: Vec<R>,
-    /// Lanes in which the way in `lead` is more than half of what the geom can be passed through with.
-    fast: Vec<R::Mask>,
     velocity: Vec<V6<R>>,
-    /// Pairs that are near and can pass through one another, with the lanes.
-    thin: Vec<([usize; 2], R::Mask)>,
+    /// Pairs without a plane that are near, with the lanes.
+    near: Vec<(PairPlan<R::Scalar>, R::Mask)>,
     broad: Broad,
     narrow: Narrow,
 }
@@ -56,9 +54,8 @@ impl<R: Real> GeomPoses<R> {
             travel: vec![R::zero(); plan.geoms.len()],
             lead: vec![R::zero(); plan.geoms.len()],
             extent: vec![R::zero(); plan.geoms.len()],
-            fast: vec![R::Mask::splat(false); plan.geoms.len()],
             velocity: vec![zero(); plan.links.len()],
-            thin: Vec::with_capacity(plan.pairs.len()),
+            near: Vec::with_capacity(plan.pairs.len()),
             broad: Broad::default(),
             narrow: Narrow::for_solids(plan.geoms.iter().filter_map(|g| g.solid.as_ref())),
         }
@@ -174,34 +171,43 @@ pub fn detect<R: Real>(
     if let Some(crowd) = &plan.crowd {
         broad.find(plan, crowd, alive.bits(), &poses.pos, &poses.travel, slack);
     }
-    let (mut narrow, mut thin) = (std::mem::take(&mut poses.narrow), std::mem::take(&mut poses.thin));
-    thin.clear();
+    let (mut narrow, mut near) = (std::mem::take(&mut poses.narrow), std::mem::take(&mut poses.near));
+    near.clear();
     R::vectorize(
         #[inline(always)]
         || {
-            let scene = Scene { plan, kinematics, poses, h, slack, leads };
+            let scene = Scene { plan, kinematics, poses, h, slack };
+            let mut first = Ball::of(poses, 0);
             for (index, pair) in plan.pairs.iter().enumerate() {
-                scene.collide(index, pair, alive, &mut narrow, &mut thin, contacts);
+                // Pairs are listed by their first geom.
+                if pair.geoms[0] != first.geom {
+                    first = Ball::of(poses, pair.geoms[0]);
+                }
+                scene.collide(index, pair, alive, &first, &mut narrow, &mut near, contacts);
             }
             if let Some(crowd) = &plan.crowd {
                 for &(number, lanes) in &broad.pairs {
                     if let Some(pair) = crowd.pair(number) {
-                        scene.collide(number, &pair, R::Mask::from_bits(lanes), &mut narrow, &mut thin, contacts);
+                        let first = Ball::of(poses, pair.geoms[0]);
+                        scene.collide(number, &pair, R::Mask::from_bits(lanes), &first, &mut narrow, &mut near, contacts);
                     }
                 }
             }
         },
     );
-    (poses.broad, poses.narrow, poses.thin) = (broad, narrow, thin);
-    if poses.thin.is_empty() {
+    (poses.broad, poses.narrow, poses.near) = (broad, narrow, near);
+    if !leads || poses.near.is_empty() {
         return R::Mask::splat(false);
     }
     R::vectorize(
         #[inline(always)]
         || {
             poses.update_lead(plan, kinematics, v, lead);
-            let too_far = poses.thin.iter().map(|&(geoms, near)| near.and(poses.leads_too_far(plan, geoms)));
-            too_far.fold(R::Mask::splat(false), R::Mask::or)
+            let mut too_far = R::Mask::splat(false);
+            for (pair, near) in &poses.near {
+                too_far = too_far.or(near.and(poses.leads_too_far(plan, pair.geoms)));
+            }
+            too_far
         },
     )
 }
@@ -212,28 +218,45 @@ struct Scene<'a, R: Real> {
     poses: &'a GeomPoses<R>,
     h: R,
     slack: R,
-    leads: bool,
+}
+
+/// What of a pair's first geom its second is tested against.
+struct Ball<R> {
+    geom: usize,
+    pos: V3<R>,
+    extent: R,
+    /// Its normal, if it is a plane.
+    axis: V3<R>,
+}
+
+impl<R: Real> Ball<R> {
+    #[inline(always)]
+    fn of(poses: &GeomPoses<R>, geom: usize) -> Self {
+        Self { geom, pos: poses.pos[geom], extent: poses.extent[geom], axis: column(&poses.mat[geom], 2) }
+    }
 }
 
 impl<R: Real> Scene<'_, R> {
-    /// Takes up the contacts of a pair in the lanes `alive`, and keeps it in `thin` if it may be through.
+    /// Takes up the contacts of a pair in the lanes `alive`, and keeps it in `close` if it is near and without a plane.
     #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "a pair, and where its contacts go")]
     fn collide(
         &self,
         index: usize,
         pair: &PairPlan<R::Scalar>,
         alive: R::Mask,
+        first: &Ball<R>,
         narrow: &mut Narrow,
-        thin: &mut Vec<([usize; 2], R::Mask)>,
+        close: &mut Vec<(PairPlan<R::Scalar>, R::Mask)>,
         contacts: &mut Contacts<R>,
     ) {
-        let near = alive.and(self.can_touch(pair));
+        let near = alive.and(self.can_touch(first, pair));
         if near.none() {
             return;
         }
         self.meet(index, pair, near, narrow, contacts);
-        if self.leads && !pair.on_plane {
-            thin.push((pair.geoms, near));
+        if !pair.on_plane {
+            close.push((*pair, near));
         }
     }
 
@@ -260,11 +283,11 @@ impl<R: Real> Scene<'_, R> {
 
     /// Lanes in which the bounding volumes of a pair can meet within the step.
     #[inline(always)]
-    fn can_touch(&self, pair: &PairPlan<R::Scalar>) -> R::Mask {
-        let [a, b] = pair.geoms;
-        let apart = sub(self.poses.pos[b], self.poses.pos[a]);
-        let reach = self.poses.extent[a] + self.poses.extent[b] + R::splat(pair.margin) + self.slack;
-        if pair.on_plane { dot(apart, column(&self.poses.mat[a], 2)).lt(reach) } else { dot(apart, apart).lt(reach * reach) }
+    fn can_touch(&self, first: &Ball<R>, pair: &PairPlan<R::Scalar>) -> R::Mask {
+        let b = pair.geoms[1];
+        let apart = sub(self.poses.pos[b], first.pos);
+        let reach = first.extent + self.poses.extent[b] + R::splat(pair.margin) + self.slack;
+        if pair.on_plane { dot(apart, first.axis).lt(reach) } else { dot(apart, apart).lt(reach * reach) }
     }
 
     #[inline(always)]

@@ -86,18 +86,21 @@ impl<R: Real> MassMatrix<R> {
             let dof = &plan.dofs[i];
             // Ancestors come before i, so their rows end where this one begins or earlier.
             let (before, rest) = self.entries.split_at_mut(dof.chain);
-            let (diagonal, mut above) = rest[..dof.depth].split_first_mut().expect("a dof is in its own chain");
-            let inv = R::one() / *diagonal;
+            let row = &mut rest[..dof.depth];
+            let inv = R::one() / row[0];
             let root = inv.sqrt();
             self.inv_d[i] = inv;
             self.sqrt_inv_d[i] = root;
-            self.sqrt_d[i] = *diagonal * root;
-            for &start in &plan.rows[dof.chain + 1..dof.chain + dof.depth] {
-                let start = start as usize;
-                let a = above[0] * inv;
-                R::subtract_scaled(&mut before[start..start + above.len()], a, above);
-                above[0] = a;
-                above = &mut above[1..];
+            self.sqrt_d[i] = row[0] * root;
+            let chain = plan.chain_of(i);
+            for k in 1..dof.depth {
+                let a = row[k] * inv;
+                let target = plan.dofs[chain[k] as usize].chain;
+                let ancestor = &mut before[target..target + dof.depth - k];
+                for (entry, &x) in ancestor.iter_mut().zip(&row[k..]) {
+                    *entry -= a * x;
+                }
+                row[k] = a;
             }
         }
     }

@@ -57,8 +57,6 @@ pub struct Plan<S: Scalar> {
     pub dofs: Vec<Dof>,
     /// `chain[dof.chain..][..dof.depth]`: the dof and its ancestors, towards the root. Also the layout of the mass matrix's entries.
     pub chain: Vec<u32>,
-    /// Where the row of each dof of `chain` begins.
-    pub rows: Vec<u32>,
     /// For every frame, the set of dofs that move it, as 64-bit words.
     pub movers: Vec<Vec<u64>>,
     /// Frames of mocap bodies and the bodies themselves.
@@ -245,7 +243,6 @@ impl<S: Scalar> Plan<S> {
         let addresses = model.joint_addresses();
         let dofs = merge::dofs(model, &merged);
         let chain = merged.chain.clone();
-        let rows = chain.iter().map(|&d| dofs[d as usize].chain as u32).collect();
         let (limits, frictions) = (limits(model, &addresses), frictions(model, trains, &addresses));
         let mut scalar_impulses = limits.len() + frictions.len();
         let ball_limits = ball_limits(model, &addresses, &mut scalar_impulses);
@@ -285,7 +282,6 @@ impl<S: Scalar> Plan<S> {
             joints,
             dofs,
             chain,
-            rows,
             movers,
             mocap: merge::mocap(model, &merged),
             bodies: merge::bodies(model, &merged),

@@ -5,10 +5,6 @@
 
 use crate::Real;
 use crate::operators::{operators, vectorize};
-use core::arch::x86_64::{
-    _mm_loadu_pd, _mm_mul_pd, _mm_set1_pd, _mm_storeu_pd, _mm_sub_pd, _mm256_loadu_pd, _mm256_mul_pd, _mm256_set1_pd, _mm256_storeu_pd,
-    _mm256_sub_pd,
-};
 
 /// One `f64`. As for the wider types, it may be used only where the CPU was asked for the level before.
 #[derive(Clone, Copy, Debug, Default)]
@@ -99,26 +95,5 @@ impl Real for F64x1 {
     #[inline(always)]
     fn pow2(self) -> Self {
         F64x1(Real::pow2(self.0))
-    }
-
-    #[inline(always)]
-    fn subtract_scaled(y: &mut [Self], a: Self, x: &[Self]) {
-        // By hand: what the compiler makes of so short a loop spends more on getting started than on the numbers.
-        let (fours, y) = y.as_chunks_mut::<4>();
-        let (x_fours, x) = x[..4 * fours.len() + y.len()].as_chunks::<4>();
-        // SAFETY of all intrinsics: the module's contract, and `F64x1` lies in memory as `f64`.
-        for (y, x) in fours.iter_mut().zip(x_fours) {
-            let (y, x) = (y.as_mut_ptr().cast::<f64>(), x.as_ptr().cast::<f64>());
-            unsafe { _mm256_storeu_pd(y, _mm256_sub_pd(_mm256_loadu_pd(y), _mm256_mul_pd(_mm256_set1_pd(a.0), _mm256_loadu_pd(x)))) }
-        }
-        let (twos, y) = y.as_chunks_mut::<2>();
-        let (x_twos, x) = x.as_chunks::<2>();
-        for (y, x) in twos.iter_mut().zip(x_twos) {
-            let (y, x) = (y.as_mut_ptr().cast::<f64>(), x.as_ptr().cast::<f64>());
-            unsafe { _mm_storeu_pd(y, _mm_sub_pd(_mm_loadu_pd(y), _mm_mul_pd(_mm_set1_pd(a.0), _mm_loadu_pd(x)))) }
-        }
-        if let ([y], [x]) = (y, x) {
-            *y -= a * *x;
-        }
     }
 }

@@ -129,17 +129,6 @@ pub trait Real:
     fn square(self) -> Self {
         self * self
     }
-    /// `y -= a x`, entry by entry of slices of the same length.
-    ///
-    /// # Panics
-    /// When `x` is shorter.
-    #[inline(always)]
-    fn subtract_scaled(y: &mut [Self], a: Self, x: &[Self]) {
-        let x = &x[..y.len()];
-        for (y, &x) in y.iter_mut().zip(x) {
-            *y -= a * x;
-        }
-    }
     /// 2^self for an integral `self` whose power is normal (f64: -1022 to 1023, f32: -126 to 127). Anything else gives some number,
     /// the same everywhere.
     fn pow2(self) -> Self;

@@ -43,8 +43,6 @@ pub struct PairPlan<S> {
     pub geoms: [usize; 2],
     /// Narrow phase.
     pub kernel: Kernel,
-    /// Whether the first is a half space.
-    pub on_plane: bool,
     /// Rows of a contact: 1, 3, 4 or 6.
     pub condim: u8,
     /// Distance at which the contact pushes, m.
@@ -106,7 +104,7 @@ impl<S: Scalar> Crowd<S> {
         }
         let shapes = geoms.map(|g| &self.shapes[g]);
         let pair = self.filter.pair(geoms)?;
-        Some(pair_plan(&pair, Kernel::of(shapes[0], shapes[1])?, self.geoms(number)?, shapes[0]))
+        Some(pair_plan(&pair, Kernel::of(shapes[0], shapes[1])?, self.geoms(number)?))
     }
 
     /// What the contacts of a pair are like, from what the geoms bring (see [`Filter::precedence`]).
@@ -164,7 +162,7 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
         if matches!(kernel, Kernel::Convex | Kernel::Surface) {
             places.into_iter().zip(shapes).for_each(|(g, shape)| geoms[g].make_solid(model, shape));
         }
-        pairs.push(pair_plan(&pair, kernel, places, shapes[0]));
+        pairs.push(pair_plan(&pair, kernel, places));
     }
     let mut members = Vec::new();
     for g in (0..model.geoms.len()).filter(|&g| among[g]) {
@@ -225,8 +223,8 @@ pub(super) fn bulk(model: &Model, geom: usize) -> Bulk {
     Bulk { bound: bound(model, shape), inner: inner(model, shape) }
 }
 
-fn pair_plan<S: Scalar>(pair: &GeomPair, kernel: Kernel, geoms: [usize; 2], first: &Shape) -> PairPlan<S> {
-    PairPlan { geoms, kernel, on_plane: matches!(first, Shape::Plane), condim: pair.condim, margin: S::from_f64(pair.margin) }
+fn pair_plan<S: Scalar>(pair: &GeomPair, kernel: Kernel, geoms: [usize; 2]) -> PairPlan<S> {
+    PairPlan { geoms, kernel, condim: pair.condim, margin: S::from_f64(pair.margin) }
 }
 
 fn geom<S: Scalar>(model: &Model, merged: &Merged, index: usize) -> GeomPlan<S> {

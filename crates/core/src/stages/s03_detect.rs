@@ -39,8 +39,6 @@ pub struct GeomPoses<R: Real> {
     /// Radius of a ball about the geom's origin that holds it in two free steps, of a plane only its way, m.
     extent: Vec<R>,
     velocity: Vec<V6<R>>,
-    /// Pairs without a plane that are near, with the lanes.
-    near: Vec<(PairPlan<R::Scalar>, R::Mask)>,
     broad: Broad,
     narrow: Narrow,
 }
@@ -55,7 +53,6 @@ impl<R: Real> GeomPoses<R> {
             lead: vec![R::zero(); plan.geoms.len()],
             extent: vec![R::zero(); plan.geoms.len()],
             velocity: vec![zero(); plan.links.len()],
-            near: Vec::with_capacity(plan.pairs.len()),
             broad: Broad::default(),
             narrow: Narrow::for_solids(plan.geoms.iter().filter_map(|g| g.solid.as_ref())),
         }
@@ -103,12 +100,6 @@ impl<R: Real> GeomPoses<R> {
     fn update_lead(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
         kinematics.velocities(plan, v, &mut self.velocity);
         ways(plan, kinematics, &self.pos, &self.velocity, time, &mut self.lead);
-    }
-
-    /// Lanes in which the way from the beginning of the step is long enough for the geoms to be through.
-    #[inline(always)]
-    fn leads_too_far(&self, plan: &LanePlan<R>, [a, b]: [usize; 2]) -> R::Mask {
-        (self.lead[a] + self.lead[b]).gt(plan.thin([a, b]))
     }
 
     /// Velocity of the point `p` of a frame.
@@ -164,6 +155,9 @@ pub fn detect<R: Real>(
         #[inline(always)]
         || {
             poses.place(plan, kinematics);
+            if leads {
+                poses.update_lead(plan, kinematics, v, lead);
+            }
             poses.update_travel(plan, kinematics, v_free, h + h);
         },
     );
@@ -171,45 +165,28 @@ pub fn detect<R: Real>(
     if let Some(crowd) = &plan.crowd {
         broad.find(plan, crowd, alive.bits(), &poses.pos, &poses.travel, slack);
     }
-    let (mut narrow, mut near) = (std::mem::take(&mut poses.narrow), std::mem::take(&mut poses.near));
-    near.clear();
-    R::vectorize(
+    let too_far = R::vectorize(
         #[inline(always)]
         || {
-            let scene = Scene { plan, kinematics, poses, h, slack };
-            let mut first = Ball::of(poses, 0);
+            let mut narrow = std::mem::take(&mut poses.narrow);
+            let scene = Scene { plan, kinematics, poses, h, slack, leads };
+            let mut too_far = R::Mask::splat(false);
             for (index, pair) in plan.pairs.iter().enumerate() {
-                // Pairs are listed by their first geom.
-                if pair.geoms[0] != first.geom {
-                    first = Ball::of(poses, pair.geoms[0]);
-                }
-                scene.collide(index, pair, alive, &first, &mut narrow, &mut near, contacts);
+                too_far = too_far.or(scene.collide(index, pair, alive, &mut narrow, contacts));
             }
             if let Some(crowd) = &plan.crowd {
                 for &(number, lanes) in &broad.pairs {
                     if let Some(pair) = crowd.pair(number) {
-                        let first = Ball::of(poses, pair.geoms[0]);
-                        scene.collide(number, &pair, R::Mask::from_bits(lanes), &first, &mut narrow, &mut near, contacts);
+                        too_far = too_far.or(scene.collide(number, &pair, R::Mask::from_bits(lanes), &mut narrow, contacts));
                     }
                 }
             }
-        },
-    );
-    (poses.broad, poses.narrow, poses.near) = (broad, narrow, near);
-    if !leads || poses.near.is_empty() {
-        return R::Mask::splat(false);
-    }
-    R::vectorize(
-        #[inline(always)]
-        || {
-            poses.update_lead(plan, kinematics, v, lead);
-            let mut too_far = R::Mask::splat(false);
-            for (pair, near) in &poses.near {
-                too_far = too_far.or(near.and(poses.leads_too_far(plan, pair.geoms)));
-            }
+            poses.narrow = narrow;
             too_far
         },
-    )
+    );
+    poses.broad = broad;
+    too_far
 }
 
 struct Scene<'a, R: Real> {
@@ -218,46 +195,26 @@ struct Scene<'a, R: Real> {
     poses: &'a GeomPoses<R>,
     h: R,
     slack: R,
-}
-
-/// What of a pair's first geom its second is tested against.
-struct Ball<R> {
-    geom: usize,
-    pos: V3<R>,
-    extent: R,
-    /// Its normal, if it is a plane.
-    axis: V3<R>,
-}
-
-impl<R: Real> Ball<R> {
-    #[inline(always)]
-    fn of(poses: &GeomPoses<R>, geom: usize) -> Self {
-        Self { geom, pos: poses.pos[geom], extent: poses.extent[geom], axis: column(&poses.mat[geom], 2) }
-    }
+    leads: bool,
 }
 
 impl<R: Real> Scene<'_, R> {
-    /// Takes up the contacts of a pair in the lanes `alive`, and keeps it in `close` if it is near and without a plane.
+    /// Takes up the contacts of a pair in the lanes `alive`. Returns those that are too far from the beginning of the step.
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "a pair, and where its contacts go")]
     fn collide(
         &self,
         index: usize,
         pair: &PairPlan<R::Scalar>,
         alive: R::Mask,
-        first: &Ball<R>,
         narrow: &mut Narrow,
-        close: &mut Vec<(PairPlan<R::Scalar>, R::Mask)>,
         contacts: &mut Contacts<R>,
-    ) {
-        let near = alive.and(self.can_touch(first, pair));
+    ) -> R::Mask {
+        let near = alive.and(self.can_touch(pair));
         if near.none() {
-            return;
+            return near;
         }
         self.meet(index, pair, near, narrow, contacts);
-        if !pair.on_plane {
-            close.push((*pair, near));
-        }
+        if self.leads { near.and(self.leads_too_far(pair)) } else { R::Mask::splat(false) }
     }
 
     /// Takes up the contacts of a pair in the lanes `near`. A kernel of its own: inlined where it is called, it and what it offers would
@@ -283,11 +240,21 @@ impl<R: Real> Scene<'_, R> {
 
     /// Lanes in which the bounding volumes of a pair can meet within the step.
     #[inline(always)]
-    fn can_touch(&self, first: &Ball<R>, pair: &PairPlan<R::Scalar>) -> R::Mask {
-        let b = pair.geoms[1];
-        let apart = sub(self.poses.pos[b], first.pos);
-        let reach = first.extent + self.poses.extent[b] + R::splat(pair.margin) + self.slack;
-        if pair.on_plane { dot(apart, first.axis).lt(reach) } else { dot(apart, apart).lt(reach * reach) }
+    fn can_touch(&self, pair: &PairPlan<R::Scalar>) -> R::Mask {
+        let [a, b] = pair.geoms;
+        let apart = sub(self.poses.pos[b], self.poses.pos[a]);
+        let reach = self.poses.extent[a] + self.poses.extent[b] + R::splat(pair.margin) + self.slack;
+        match pair.kernel {
+            _ if self.plan.geoms[a].is_plane => dot(apart, column(&self.poses.mat[a], 2)).lt(reach),
+            _ => dot(apart, apart).lt(reach * reach),
+        }
+    }
+
+    /// Lanes in which the way from the beginning of the step is long enough to be through.
+    #[inline(always)]
+    fn leads_too_far(&self, pair: &PairPlan<R::Scalar>) -> R::Mask {
+        let [a, b] = pair.geoms;
+        (self.poses.lead[a] + self.poses.lead[b]).gt(self.plan.thin(pair.geoms))
     }
 
     #[inline(always)]

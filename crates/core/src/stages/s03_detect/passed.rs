@@ -17,31 +17,16 @@ pub fn may_have_passed<R: Real>(
     alive: R::Mask,
     poses: &mut GeomPoses<R>,
 ) -> R::Mask {
-    if !plan.has_thin {
+    if !plan.has_thin
+        || R::vectorize(
+            #[inline(always)]
+            || alive.and(poses.update_ways(plan, kinematics, v_next, h)),
+        )
+        .none()
+    {
         return R::Mask::splat(false);
     }
     let slack = norm(plan.params.gravity()) * h * h + R::of(1e-6);
-    let [moved, surprised] = R::vectorize(
-        #[inline(always)]
-        || poses.update_ways(plan, kinematics, v_next, h, slack),
-    );
-    let moved = moved.and(alive);
-    if moved.none() {
-        return moved;
-    }
-    if surprised.and(alive).none() {
-        // What was not near in stage 3 is not now.
-        return R::vectorize(
-            #[inline(always)]
-            || {
-                let mut passed = R::Mask::splat(false);
-                for (pair, near) in &poses.near {
-                    passed = passed.or(near.and(poses.slips_through(plan, pair, h, slack)));
-                }
-                passed
-            },
-        );
-    }
     let mut broad = std::mem::take(&mut poses.broad);
     if let Some(crowd) = &plan.crowd {
         broad.find(plan, crowd, alive.bits(), &poses.pos, &poses.lead, slack);
@@ -49,10 +34,8 @@ pub fn may_have_passed<R: Real>(
     let passed = R::vectorize(
         #[inline(always)]
         || {
-            let mut passed = R::Mask::splat(false);
-            for pair in &plan.pairs {
-                passed = passed.or(poses.slips_through(plan, pair, h, slack));
-            }
+            let listed = plan.pairs.iter().map(|pair| poses.slips_through(plan, pair, h, slack));
+            let mut passed = listed.fold(R::Mask::splat(false), R::Mask::or);
             if let Some(crowd) = &plan.crowd {
                 for pair in broad.pairs.iter().filter_map(|p| crowd.pair(p.0)) {
                     passed = passed.or(poses.slips_through(plan, &pair, h, slack));
@@ -66,18 +49,12 @@ pub fn may_have_passed<R: Real>(
 }
 
 impl<R: Real> GeomPoses<R> {
-    /// Bounds on the ways of the step as it was made, left in `lead`. Returns the lanes in which some geom moved by half its thickness, and
-    /// those in which some geom gets further than stage 3 looked out for.
+    /// Bounds on the ways of the step as it was made, left in `lead`. Returns the lanes in which some geom moved by half its thickness.
     #[inline(always)]
-    fn update_ways(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, v_next: &[R], h: R, slack: R) -> [R::Mask; 2] {
+    fn update_ways(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, v_next: &[R], h: R) -> R::Mask {
         self.update_lead(plan, kinematics, v_next, h);
-        let [mut moved, mut surprised] = [R::Mask::splat(false); 2];
-        let (half, room) = (R::of(0.5), slack * R::of(0.5));
-        for (g, (&way, &travel)) in self.lead.iter().zip(&self.travel).enumerate() {
-            moved = moved.or(way.gt(plan.params.inner(g) * half));
-            surprised = surprised.or(way.gt(travel + room));
-        }
-        [moved, surprised]
+        let moved = self.lead.iter().enumerate().map(|(g, way)| way.gt(plan.params.inner(g) * R::of(0.5)));
+        moved.fold(R::Mask::splat(false), R::Mask::or)
     }
 
     /// Lanes in which a pair could get through unseen.

@@ -28,14 +28,17 @@ pub fn unresolved<R: Real>(plan: &LanePlan<R>, v: &[R], v_free: &[R], change: &[
     R::vectorize(
         #[inline(always)]
         || {
+            let fast = (fastest_turn(plan, v).max(fastest_turn(plan, v_free)) * h).gt(R::of(TURN));
+            if fast.none() {
+                return fast;
+            }
             let (mut size, mut most) = (R::zero(), R::zero());
             for i in 0..plan.nv {
                 size = size.max(v[i].abs()).max(v_free[i].abs());
                 // Not max, which loses a NaN.
                 most = R::select(change[i].abs().le(most), most, change[i].abs());
             }
-            let turn = fastest_turn(plan, v).max(fastest_turn(plan, v_free));
-            (turn * h).gt(R::of(TURN)).and_not(most.le(size * R::of(CHANGE)))
+            fast.and_not(most.le(size * R::of(CHANGE)))
         },
     )
 }

@@ -57,6 +57,9 @@ impl<R: Real> Way<R> {
 
 /// Places the mocap bodies where they are so many seconds after the beginning of the call.
 pub fn place<R: Real>(plan: &LanePlan<R>, ways: &[Way<R>], time: R, kinematics: &mut Kinematics<R>) {
+    if ways.is_empty() {
+        return;
+    }
     R::vectorize(
         #[inline(always)]
         || {

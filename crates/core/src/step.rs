@@ -231,7 +231,7 @@ pub fn step<R: Real>(plan: &LanePlan<R>, options: &Options, s: &mut Scratch<R>) 
     }
     // 5 solve, 6 integrate velocity
     let mut outcome = solve(options, &s.v, s.constraints.constrained, &mut s.constraints, &mut s.new_contacts);
-    integrate_velocity(plan, &s.smooth.mass, &s.v_free, &s.constraints.iterate.w, &mut s.v_next);
+    integrate_velocity(plan, &s.smooth.mass, &s.v_free, &s.constraints, &mut s.v_next);
     if rule.integrator.in_the_middle() {
         // 2, 5 and 6 again where the velocity jumped
         outcome = impact::solve_impacts(plan, options, &rule, s, outcome);

@@ -1,7 +1,7 @@
 //! Every backend gives every lane the bits that a lone scalar gets.
 
 use proptest::prelude::*;
-use stepper_real::{F32x16, F64x8, Level, Mask, Real, at_level};
+use stepper_real::{F32x16, F64x1, F64x8, Level, Mask, Real, at_level};
 
 /// Names of what `operations` writes, in its order.
 const NAMES: [&str; 37] = [
@@ -153,6 +153,7 @@ macro_rules! check {
 }
 
 check!(check_f64, f64, F64x8);
+check!(check_alone, f64, F64x1);
 check!(check_f32, f32, F32x16);
 
 /// Values at which something changes: a sign, a case, a rounding, the range.
@@ -200,6 +201,7 @@ proptest! {
     #[test]
     fn f64_lanes_give_the_bits_of_scalars(a in inputs!(f64, u64, specials_f64), b in inputs!(f64, u64, specials_f64)) {
         check_f64(&a, &b);
+        check_alone(&a, &b);
     }
 
     #[test]
@@ -213,6 +215,7 @@ fn special_values_pair_by_pair() {
     let specials = specials_f64();
     for &a in &specials {
         check_f64(&vec![a; specials.len()], &specials);
+        check_alone(&vec![a; specials.len()], &specials);
     }
     let specials = specials_f32();
     for &a in &specials {

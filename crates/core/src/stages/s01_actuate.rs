@@ -110,6 +110,9 @@ fn add_springs<R: Real>(plan: &LanePlan<R>, q: &[R], tau: &mut [R]) {
 
 /// The activation after `h` seconds at the rates that belong to `rate_at`: `out = act + h rate(rate_at)`, clamped; exact lags use `act`.
 pub fn advance_activation<R: Real>(plan: &LanePlan<R>, act: &[R], rate_at: &[R], ctrl: &[R], h: R, out: &mut [R]) {
+    if out.is_empty() {
+        return;
+    }
     R::vectorize(
         #[inline(always)]
         || {

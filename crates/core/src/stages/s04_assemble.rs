@@ -92,13 +92,18 @@ impl<R: Real> Constraints<R> {
             #[inline(always)]
             || {
                 out.copy_from_slice(&self.iterate.w);
-                mass.unscale(plan, out);
+                if !self.problem.is_empty() {
+                    mass.unscale(plan, out);
+                }
             },
         )
     }
 
     /// Takes up a change of the free velocity of the lanes `lanes` after the rows were made. `change` is used up.
     pub fn shift(&mut self, plan: &LanePlan<R>, mass: &MassMatrix<R>, change: &mut [R], lanes: R::Mask) {
+        if self.problem.is_empty() {
+            return;
+        }
         R::vectorize(
             #[inline(always)]
             || {

@@ -34,7 +34,7 @@ pub(super) fn solve_impacts<R: Real>(
     mut outcome: Outcome<R>,
 ) -> Outcome<R> {
     for pass in 0..PASSES {
-        let lanes = jumping(plan, rule, s, pass == 0);
+        let lanes = jumping(rule, s, pass == 0);
         if lanes.none() {
             break;
         }
@@ -43,23 +43,23 @@ pub(super) fn solve_impacts<R: Real>(
         outcome.residual = R::select(lanes, again.residual, outcome.residual);
         outcome.sweeps += again.sweeps;
         outcome.newton += again.newton;
-        integrate_velocity(plan, &s.smooth.mass, &s.v_free, &s.constraints.iterate.w, &mut s.v_next);
+        integrate_velocity(plan, &s.smooth.mass, &s.v_free, &s.constraints, &mut s.v_next);
     }
     outcome
 }
 
 /// Lanes whose velocity after the step, `v_next`, is far from that which inertial forces were taken with; of the first solution, which
 /// took them at the mean of the velocities and not half at each, also those in which constraints made the velocity jump.
-fn jumping<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &Scratch<R>, first: bool) -> R::Mask {
+fn jumping<R: Real>(rule: &Rule<R>, s: &Scratch<R>, first: bool) -> R::Mask {
     R::vectorize(
         #[inline(always)]
         || {
             let (mut jump, mut fastest, mut pushed, mut smooth) = (R::zero(), R::zero(), R::zero(), R::zero());
-            for i in 0..plan.nv {
-                pushed = pushed.max((s.v_next[i] - s.v_free[i]).abs());
-                smooth = smooth.max((s.v_free[i] - s.v[i]).abs());
-                jump = jump.max((s.v_next[i] - s.expected[i]).abs());
-                fastest = fastest.max(s.v[i].abs()).max(s.v_next[i].abs());
+            for (((&v, &free), &next), &expected) in s.v.iter().zip(&s.v_free).zip(&s.v_next).zip(&s.expected) {
+                pushed = pushed.max((next - free).abs());
+                smooth = smooth.max((free - v).abs());
+                jump = jump.max((next - expected).abs());
+                fastest = fastest.max(v.abs()).max(next.abs());
             }
             let apart = if first { pushed * pushed * R::of(0.25) } else { R::zero() };
             let change = jump.max(pushed);

@@ -38,6 +38,9 @@ impl<R: Real> Senses<R> {
 
     /// (v+ - v) / h in the lanes `lanes`.
     fn accelerate(&mut self, s: &Scratch<R>, h: f64, lanes: R::Mask) {
+        if self.acceleration.is_empty() {
+            return;
+        }
         R::vectorize(
             #[inline(always)]
             || {

@@ -36,6 +36,17 @@ pub(crate) fn readonly<'py>(given: &Bound<'py, PyAny>, name: &str) -> PyResult<P
     array.try_readonly().map_err(|e| PyValueError::new_err(format!("{name}: {e}")))
 }
 
+/// What `read` makes of shape and numbers of a C-contiguous float64 array; nothing of anything else.
+///
+/// Without the account that [`PyReadonlyArrayDyn`] keeps of who reads and writes, which costs as much as the rest of a call.
+pub(crate) fn with_numbers<T>(given: &Bound<'_, PyAny>, read: impl FnOnce(&[usize], &[f64]) -> T) -> Option<T> {
+    let exact = given.cast::<PyArrayDyn<f64>>().ok().filter(|array| array.is_c_contiguous())?;
+    // SAFETY: the numbers are looked at here only, while this thread is attached to the interpreter, and no other that is attached writes to
+    // them meanwhile: what pyo3's safe `PyBuffer::copy_to_slice` relies on as well.
+    let numbers = unsafe { exact.as_slice() }.ok()?;
+    Some(read(exact.shape(), numbers))
+}
+
 /// Refuses a shape that is none of `allowed`, naming both.
 pub(crate) fn check_shape(name: &str, found: &[usize], allowed: &[&[usize]]) -> PyResult<()> {
     if allowed.contains(&found) {

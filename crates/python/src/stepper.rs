@@ -11,7 +11,7 @@ use stepper_core::batch::{Field, StepInputs};
 use stepper_core::sensing::errors::Transfer;
 use stepper_core::{Error, Precision, Simulation};
 
-use crate::array::{array, check_shape, described, readonly, whole};
+use crate::array::{array, check_shape, described, readonly, whole, with_numbers};
 use crate::contacts::structured;
 use crate::model::{Model, to_py};
 use crate::options::{settings, unknown};
@@ -132,10 +132,14 @@ impl Stepper {
     /// Rows of a (num_envs, width) or (width,) array, one per environment.
     fn rows<'py>(&self, given: &Bound<'py, PyAny>, name: &str, width: usize) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
         let given = readonly(given, name)?;
+        self.check_rows(given.shape(), name, width)?;
+        Ok(given)
+    }
+
+    fn check_rows(&self, found: &[usize], name: &str, width: usize) -> PyResult<()> {
         let full = [self.n(), width];
         // A single environment has no axis of environments.
-        check_shape(name, given.shape(), &[&full[..], &[width]][usize::from(!self.batched)..])?;
-        Ok(given)
+        check_shape(name, found, &[&full[..], &[width]][usize::from(!self.batched)..])
     }
 
     /// Rows of `given` for the environments `envs`, checked; none when nothing is given.
@@ -186,6 +190,28 @@ impl Stepper {
         } else {
             self.ctrl.chunks_exact_mut(rows.len()).for_each(|row| row.copy_from_slice(rows));
         }
+    }
+
+    /// Checks controls, zero without any, and keeps them if they are `used`: those that no step is made with were never in force.
+    fn take_control(&mut self, given: Option<&Bound<'_, PyAny>>, used: bool) -> PyResult<()> {
+        let nu = self.simulation.model().nu();
+        match given {
+            None if used => self.ctrl.fill(0.0),
+            None => {}
+            Some(given) => {
+                let keep = |this: &mut Self, numbers: &[f64]| {
+                    if used {
+                        this.hold(numbers)
+                    }
+                };
+                let taken = with_numbers(given, |shape, numbers| self.check_rows(shape, "ctrl", nu).map(|()| keep(self, numbers)));
+                match taken {
+                    Some(taken) => taken?,
+                    None => keep(self, self.rows(given, "ctrl", nu)?.as_slice()?),
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Positions and orientations of mocap bodies go together: whoever moves a body may leave its orientation alone.
@@ -412,15 +438,7 @@ impl Stepper {
         let (py, mut guard) = (slf.py(), borrow(slf)?);
         let this = &mut *guard;
         let nstep = nstep.from(0, "nstep")? as usize;
-        let nu = this.simulation.model().nu();
-        let given = ctrl.as_ref().map(|ctrl| this.rows(ctrl, "ctrl", nu)).transpose()?;
-        // A control that no step was made with was never in force.
-        if nstep > 0 {
-            match &given {
-                None => this.ctrl.fill(0.0),
-                Some(given) => this.hold(given.as_slice()?),
-            }
-        }
+        this.take_control(ctrl.as_ref(), nstep > 0)?;
         this.complete_mocap(py)?;
         let held = this.held(py)?;
         let inputs = held.inputs(&this.ctrl)?;
@@ -429,7 +447,7 @@ impl Stepper {
         if this.recorder.is_none() {
             return Ok(());
         }
-        let ctrl = array(py, &[this.n(), nu], this.ctrl.clone(), Precision::F64)?;
+        let ctrl = array(py, &[this.n(), this.simulation.model().nu()], this.ctrl.clone(), Precision::F64)?;
         let applied = this.applied.iter().map(|a| a.as_ref().map(|a| a.clone_ref(py))).collect::<Vec<_>>().into_pyobject(py)?;
         drop(held);
         drop(guard);

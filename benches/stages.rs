@@ -19,7 +19,12 @@ fn stages(c: &mut Criterion) {
     let level = Level::best().expect("STEPPER_CPU_LEVEL names a level of this machine");
     let name = format!("humanoid stages F64x8 {level}");
     let scene = Scene::humanoid();
-    parts::<f64, _>(c, "humanoid stages f64", &scene, || single(&scene));
+    let alone = || single(&scene);
+    match level {
+        #[cfg(target_arch = "x86_64")]
+        Level::Avx2 | Level::Avx512 => parts::<stepper_real::avx2::F64x1, _>(c, "humanoid stages f64", &scene, alone),
+        _ => parts::<f64, _>(c, "humanoid stages f64", &scene, alone),
+    }
     let eight = || Episode::new(&scene, 0, 8, Precision::F64, level);
     match level {
         #[cfg(target_arch = "x86_64")]

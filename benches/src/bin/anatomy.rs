@@ -48,7 +48,11 @@ fn calls(part: Part) -> f64 {
 }
 
 fn stages(scene: &Scene, level: Level) {
-    let columns = [stage_times::<f64>(scene), at_level!(level, F64x8, stage_times(scene)), at_level!(level, F32x16, stage_times(scene))];
+    let columns = [
+        at_level!(level, F64x1, stage_times(scene)),
+        at_level!(level, F64x8, stage_times(scene)),
+        at_level!(level, F32x16, stage_times(scene)),
+    ];
     let sums = columns.clone().map(|times| Part::ALL.iter().zip(&times).map(|(&part, t)| calls(part) * t).sum::<f64>());
     println!(
         "| stage of the humanoid's step | times | f64 us | F64x8 us | % | F32x16 us | F64x8 is faster by |\n|---|---|---|---|---|---|---|"

@@ -13,6 +13,7 @@ use stepper_benches::rig::{Part, Rig, moments};
 use stepper_benches::scenes::Scene;
 use stepper_core::plan::{LanePlan, Plan};
 use stepper_core::{Level, Precision};
+use stepper_real::{Real, at_level};
 
 const USAGE: &str = "usage: instructions [--save [FILE]] [--against FILE]
 
@@ -128,9 +129,14 @@ fn work() {
             whole(&format!("{} F64x8 avx2", scene.name), Episode::new(&scene, 0, 8, Precision::F64, Level::Avx2));
         }
     }
+    at_level!(*Level::available().last().expect("the baseline is always available"), F64x1, stages());
+}
+
+/// The stages of the humanoid's step.
+fn stages<R: Real<Scalar = f64>>() {
     let scene = Scene::humanoid();
     let plan = LanePlan::new(&Plan::new(&scene.model));
-    let mut rigs: Vec<Rig<f64>> = moments(&plan, &scene, MOMENTS);
+    let mut rigs: Vec<Rig<R>> = moments(&plan, &scene, MOMENTS);
     for part in Part::ALL {
         rigs.iter_mut().for_each(|rig| rig.ready(&plan));
         counted(&mut || rigs.iter_mut().for_each(|rig| rig.repeat(&plan, part, 1)));

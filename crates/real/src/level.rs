@@ -124,7 +124,7 @@ impl std::error::Error for LevelError {}
 /// Calls a generic function with the lane type of a CPU level, picked at run time.
 ///
 /// `at_level!(level, F64x8, step(state, h))` is `step::<F64x8>(state, h)` with the `F64x8` of that [`Level`]: its first type argument is
-/// the lane type (`F64x8` or `F32x16`, which need not be imported); further ones are written `step::<_, Further>(state, h)`. The types of
+/// the lane type (`F64x1`, `F64x8` or `F32x16`, which need not be imported); further ones are written `step::<_, Further>(state, h)`. The types of
 /// arguments and result are the same at every level: numbers go in and out as scalars, through [`Real::load`] and [`Real::store`].
 ///
 /// The function itself is ordinary code. What it computes it computes in [`Real::vectorize`], which compiles a closure with the level's

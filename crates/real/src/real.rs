@@ -4,7 +4,7 @@ use crate::{Mask, Scalar, elementary};
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// A real number per environment: `f64` for one, `F64x8` for eight and `F32x16` for sixteen environments side by side.
+/// A real number per environment: `f64` or `F64x1` for one, `F64x8` for eight and `F32x16` for sixteen environments side by side.
 ///
 /// Every operation gives each lane the bits that a lone scalar would get, on every backend: IEEE 754 arithmetic rounded to nearest,
 /// no fused multiply-add, no approximate reciprocals. Only which NaN comes out of an operation (its sign and payload) may differ

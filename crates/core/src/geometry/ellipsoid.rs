@@ -28,9 +28,3 @@ pub fn plane_ellipsoid<R: Real>(origin: V3<R>, normal: V3<R>, ellipsoid: &Ellips
     let pos = add_scaled(sub(ellipsoid.centre, lowest), normal, -(distance * R::of(0.5)));
     ContactPoint { distance, pos, normal }
 }
-
-/// Entry by entry.
-#[inline(always)]
-fn times<R: Real>(a: V3<R>, b: V3<R>) -> V3<R> {
-    [a[0] * b[0], a[1] * b[1], a[2] * b[2]]
-}

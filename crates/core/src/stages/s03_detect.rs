@@ -9,6 +9,7 @@
 //! faster than it was looked out for or because it turns too far for a straight row, is reported ([`may_have_passed`]).
 
 mod passed;
+mod terrain;
 
 use std::borrow::Cow;
 
@@ -17,7 +18,7 @@ use stepper_real::{Mask, Real, Scalar};
 pub use self::passed::may_have_passed;
 use crate::broad::Broad;
 use crate::contacts::{ContactId, ContactPoint, Contacts};
-use crate::geometry::convex::{Narrow, Pose};
+use crate::geometry::convex::{Narrow, Pose, Solid, Surface};
 use crate::geometry::{
     Cuboid, Cylinder, Ellipsoid, Segment, capsule_box, cylinder_rims, plane_box, plane_ellipsoid, plane_point, plane_sphere, segments,
     sphere_box, sphere_cylinder,
@@ -112,6 +113,16 @@ impl<R: Real> GeomPoses<R> {
             return velocity_at(&kinematics.posed[frame - plan.links.len() - 1], sub(p, kinematics.pos[frame]));
         }
         velocity_at(&self.velocity[frame - 1], sub(p, kinematics.origin[plan.links[frame - 1].tree]))
+    }
+
+    /// Angular velocity of a frame.
+    #[inline(always)]
+    fn spin_of(&self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, frame: usize) -> V3<R> {
+        match frame {
+            0 => zero(),
+            _ if frame > plan.links.len() => angular(&kinematics.posed[frame - plan.links.len() - 1]),
+            _ => angular(&self.velocity[frame - 1]),
+        }
     }
 }
 
@@ -359,6 +370,13 @@ impl<R: Real> Scene<'_, R> {
     #[inline(always)]
     fn convex(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, narrow: &mut Narrow, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
+        let near = match &self.plan.geoms[a].solid {
+            Some(Solid::Surface(surface)) => match &**surface {
+                Surface::Grid(grid) => self.may_meet_terrain(grid, pair, near),
+                Surface::Mesh(_) => near,
+            },
+            _ => near,
+        };
         let reach = R::splat(pair.margin) + self.poses.travel[a] + self.poses.travel[b] + self.slack;
         let mut rest = near.bits();
         while rest != 0 {

@@ -21,7 +21,7 @@ use crate::contacts::{ContactId, ContactPoint, Contacts};
 use crate::geometry::convex::{Narrow, Pose, Solid, Surface};
 use crate::geometry::{
     Cuboid, Cylinder, Ellipsoid, Segment, capsule_box, cylinder_rims, plane_box, plane_ellipsoid, plane_point, plane_sphere, segments,
-    sphere_box, sphere_cylinder,
+    sphere_box, sphere_cylinder, sphere_ellipsoid,
 };
 use crate::kinematics::Kinematics;
 use crate::plan::{Kernel, LanePlan, PairPlan, Plan};
@@ -39,6 +39,8 @@ pub struct GeomPoses<R: Real> {
     lead: Vec<R>,
     /// Radius of a ball about the geom's origin that holds it in two free steps, of a plane only its way, m.
     extent: Vec<R>,
+    /// Lanes (bits) in which the geom moves by half its thickness or more in the step, left by [`may_have_passed`].
+    moved: Vec<u32>,
     velocity: Vec<V6<R>>,
     broad: Broad,
     narrow: Narrow,
@@ -53,6 +55,7 @@ impl<R: Real> GeomPoses<R> {
             travel: vec![R::zero(); plan.geoms.len()],
             lead: vec![R::zero(); plan.geoms.len()],
             extent: vec![R::zero(); plan.geoms.len()],
+            moved: vec![0; plan.geoms.len()],
             velocity: vec![zero(); plan.links.len()],
             broad: Broad::default(),
             narrow: Narrow::for_solids(plan.geoms.iter().filter_map(|g| g.solid.as_ref())),
@@ -242,6 +245,7 @@ impl<R: Real> Scene<'_, R> {
                 Kernel::PlaneEllipsoid => self.plane_ellipsoid(index, pair, near, contacts),
                 Kernel::SphereBox => self.sphere_box(index, pair, near, contacts),
                 Kernel::SphereCylinder => self.sphere_cylinder(index, pair, near, contacts),
+                Kernel::SphereEllipsoid => self.sphere_ellipsoid(index, pair, near, contacts),
                 Kernel::CapsuleBox => self.capsule_box(index, pair, near, contacts),
                 Kernel::Segments => self.segments(index, pair, near, contacts),
                 Kernel::Convex | Kernel::Surface => self.convex(index, pair, near, narrow, contacts),
@@ -316,9 +320,7 @@ impl<R: Real> Scene<'_, R> {
     #[inline(always)]
     fn plane_ellipsoid(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
-        let radii = self.plan.params.geom_size(b);
-        let ellipsoid = Ellipsoid { centre: self.poses.pos[b], mat: self.poses.mat[b], radii };
-        let point = plane_ellipsoid(self.poses.pos[a], column(&self.poses.mat[a], 2), &ellipsoid);
+        let point = plane_ellipsoid(self.poses.pos[a], column(&self.poses.mat[a], 2), &self.ellipsoid(b));
         self.offer(index, 0, pair, near, point, contacts);
     }
 
@@ -337,6 +339,13 @@ impl<R: Real> Scene<'_, R> {
     }
 
     #[inline(always)]
+    fn sphere_ellipsoid(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
+        let [a, b] = pair.geoms;
+        let point = sphere_ellipsoid(self.poses.pos[a], self.plan.params.geom_size(a)[0], &self.ellipsoid(b));
+        self.offer(index, 0, pair, near, point, contacts);
+    }
+
+    #[inline(always)]
     fn capsule_box(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
         let (points, exist) = capsule_box(&self.segment(a), &self.cuboid(b));
@@ -347,6 +356,11 @@ impl<R: Real> Scene<'_, R> {
     #[inline(always)]
     fn cuboid(&self, geom: usize) -> Cuboid<R> {
         Cuboid { centre: self.poses.pos[geom], mat: self.poses.mat[geom], half: self.plan.params.geom_size(geom) }
+    }
+
+    #[inline(always)]
+    fn ellipsoid(&self, geom: usize) -> Ellipsoid<R> {
+        Ellipsoid { centre: self.poses.pos[geom], mat: self.poses.mat[geom], radii: self.plan.params.geom_size(geom) }
     }
 
     #[inline(always)]

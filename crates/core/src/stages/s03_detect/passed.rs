@@ -53,17 +53,27 @@ impl<R: Real> GeomPoses<R> {
     #[inline(always)]
     fn update_ways(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, v_next: &[R], h: R) -> R::Mask {
         self.update_lead(plan, kinematics, v_next, h);
-        let moved = self.lead.iter().enumerate().map(|(g, way)| way.gt(plan.params.inner(g) * R::of(0.5)));
-        moved.fold(R::Mask::splat(false), R::Mask::or)
+        let mut any = R::Mask::splat(false);
+        for (g, way) in self.lead.iter().enumerate() {
+            let moved = way.gt(plan.params.inner(g) * R::of(0.5));
+            self.moved[g] = moved.bits();
+            any = any.or(moved);
+        }
+        any
     }
 
     /// Lanes in which a pair could get through unseen.
     #[inline(always)]
     fn slips_through(&self, plan: &LanePlan<R>, pair: &PairPlan<R::Scalar>, h: R, slack: R) -> R::Mask {
         let [a, b] = pair.geoms;
+        // Where neither does, both together do not move by half of both thicknesses.
+        let far = R::Mask::from_bits(self.moved[a] | self.moved[b]);
+        if far.none() {
+            return far;
+        }
         let way = self.lead[a] + self.lead[b];
         let thin = plan.thin(pair.geoms);
-        let far = way.gt(thin);
+        let far = far.and(way.gt(thin));
         if far.none() {
             return far;
         }

@@ -179,7 +179,7 @@ impl<R: Real> Scene<'_, R> {
     }
 
     #[inline(always)]
-    fn segment(&self, geom: usize) -> Segment<R> {
+    pub(super) fn segment(&self, geom: usize) -> Segment<R> {
         let [radius, half_length, _] = self.plan.params.geom_size(geom);
         Segment { centre: self.poses.pos[geom], axis: column(&self.poses.mat[geom], 2), half_length, radius }
     }
@@ -205,9 +205,8 @@ impl<R: Real> Scene<'_, R> {
                 if near.none() {
                     return;
                 }
-                let frame = |g: usize| self.plan.geoms[g].frame;
-                let va = self.poses.velocity_of(self.plan, self.kinematics, frame(a), point.pos);
-                let vb = self.poses.velocity_of(self.plan, self.kinematics, frame(b), point.pos);
+                let [_, va] = self.motion_at(&self.poses.velocity, a, point.pos);
+                let [_, vb] = self.motion_at(&self.poses.velocity, b, point.pos);
                 let closing = (-dot(point.normal, sub(vb, va))).max(R::zero());
                 let touching = near.and(point.distance.lt(closing * (self.h + self.h) + self.slack));
                 let id = ContactId::new(index, feature);

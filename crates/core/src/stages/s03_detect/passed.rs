@@ -2,7 +2,7 @@
 
 use stepper_real::{Mask, Real};
 
-use super::GeomPoses;
+use super::{GeomPoses, slack};
 use crate::kinematics::Kinematics;
 use crate::plan::{LanePlan, PairPlan};
 use crate::spatial::*;
@@ -26,7 +26,7 @@ pub fn may_have_passed<R: Real>(
     {
         return R::Mask::splat(false);
     }
-    let slack = norm(plan.params.gravity()) * h * h + R::of(1e-6);
+    let slack = slack(plan, h);
     let mut broad = std::mem::take(&mut poses.broad);
     if let Some(crowd) = &plan.crowd {
         broad.find(plan, crowd, alive.bits(), &poses.pos, &poses.lead, slack);
@@ -49,14 +49,15 @@ pub fn may_have_passed<R: Real>(
 }
 
 impl<R: Real> GeomPoses<R> {
-    /// Bounds on the ways of the step as it was made, left in `lead`. Returns the lanes in which some geom moved by half its thickness.
+    /// Bounds on the ways of the step as it was made, left in `lead`. Returns the lanes in which some geom moved by half its thickness; no two
+    /// others get past one another.
     #[inline(always)]
     fn update_ways(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, v_next: &[R], h: R) -> R::Mask {
         self.update_lead(plan, kinematics, v_next, h);
         let mut any = R::Mask::splat(false);
-        for (g, way) in self.lead.iter().enumerate() {
+        for (g, (way, fast)) in self.lead.iter().zip(&mut self.fast).enumerate() {
             let moved = way.gt(plan.params.inner(g) * R::of(0.5));
-            self.moved[g] = moved.bits();
+            *fast = moved.any();
             any = any.or(moved);
         }
         any
@@ -66,14 +67,12 @@ impl<R: Real> GeomPoses<R> {
     #[inline(always)]
     fn slips_through(&self, plan: &LanePlan<R>, pair: &PairPlan<R::Scalar>, h: R, slack: R) -> R::Mask {
         let [a, b] = pair.geoms;
-        // Where neither does, both together do not move by half of both thicknesses.
-        let far = R::Mask::from_bits(self.moved[a] | self.moved[b]);
-        if far.none() {
-            return far;
+        if !(self.fast[a] || self.fast[b]) {
+            return R::Mask::splat(false);
         }
         let way = self.lead[a] + self.lead[b];
         let thin = plan.thin(pair.geoms);
-        let far = far.and(way.gt(thin));
+        let far = way.gt(thin);
         if far.none() {
             return far;
         }
@@ -92,7 +91,7 @@ impl<R: Real> GeomPoses<R> {
         if g.frame == 0 || g.frame > plan.links.len() {
             return R::zero();
         }
-        let w = angular(&self.velocity[g.frame - 1]);
+        let w = angular(&self.led_by[g.frame - 1]);
         dot(w, w) * h * h * R::of(0.5) * plan.params.lever(geom)
     }
 }

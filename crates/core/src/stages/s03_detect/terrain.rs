@@ -27,7 +27,8 @@ impl<R: Real> Scene<'_, R> {
         let at = rotate_back(mat, sub(centre, self.poses.pos[field]));
         let (depth, core) = self.reach_below(shape, up);
 
-        let ([v, w], [v_field, w_field]) = (self.motion_of(shape, centre), self.motion_of(field, centre));
+        let links = &self.poses.velocity;
+        let ([w, v], [w_field, v_field]) = (self.motion_at(links, shape, centre), self.motion_at(links, field, centre));
         let (v, w) = (sub(v, v_field), sub(w, w_field));
         let rise = dot(up, v) - norm(cross(up, w)) * core;
         let speed = norm(v) + norm(w) * core;
@@ -53,13 +54,6 @@ impl<R: Real> Scene<'_, R> {
             }
         }
         near
-    }
-
-    /// Velocity of the point `p` of a geom, and its angular velocity.
-    #[inline(always)]
-    fn motion_of(&self, geom: usize, p: V3<R>) -> [V3<R>; 2] {
-        let frame = self.plan.geoms[geom].frame;
-        [self.poses.velocity_of(self.plan, self.kinematics, frame, p), self.poses.spin_of(self.plan, self.kinematics, frame)]
     }
 
     /// How far a geom reaches from its origin against the unit vector `up`, and the radius of a ball that holds all but what a ball or capsule

@@ -5,7 +5,7 @@ use stepper_real::Real;
 use crate::drive::Theta;
 use crate::kinematics::Kinematics;
 use crate::model::JointKind;
-use crate::plan::{DofParams, LanePlan, Plan};
+use crate::plan::{Below, DofParams, LanePlan, Plan};
 use crate::spatial::*;
 
 /// The mass matrix of a tree of joints and its factors M = L^T D L (Featherstone 2008, section 6.5).
@@ -21,6 +21,8 @@ pub struct MassMatrix<R: Real> {
     pub sqrt_inv_d: Vec<R>,
     /// sqrt(D).
     pub sqrt_d: Vec<R>,
+    /// Of the row that is being factored: how much of each row below is subtracted.
+    shares: Vec<R>,
 }
 
 impl<R: Real> MassMatrix<R> {
@@ -31,6 +33,7 @@ impl<R: Real> MassMatrix<R> {
             inv_d: vec![R::zero(); plan.nv],
             sqrt_inv_d: vec![R::zero(); plan.nv],
             sqrt_d: vec![R::zero(); plan.nv],
+            shares: vec![R::zero(); plan.nv],
         }
     }
 
@@ -80,28 +83,41 @@ impl<R: Real> MassMatrix<R> {
     }
 
     /// Replaces M by its factors.
+    ///
+    /// From the leaves, a row at a time: what all rows below it subtract from it is summed where it stays in registers.
     #[inline(always)]
     pub fn factor(&mut self, plan: &LanePlan<R>) {
         for i in (0..plan.nv).rev() {
             let dof = &plan.dofs[i];
-            // Ancestors come before i, so their rows end where this one begins or earlier.
-            let (before, rest) = self.entries.split_at_mut(dof.chain);
-            let row = &mut rest[..dof.depth];
-            let inv = R::one() / row[0];
+            let below = plan.below(i);
+            for (share, d) in self.shares.iter_mut().zip(below) {
+                *share = self.entries[d.entry as usize] * self.inv_d[d.dof as usize];
+            }
+            let shares = &self.shares[..below.len()];
+            let mut k = 0;
+            while dof.depth - k >= 8 {
+                subtract::<R, 8>(&mut self.entries, dof.chain, k, below, shares);
+                k += 8;
+            }
+            if dof.depth - k >= 4 {
+                subtract::<R, 4>(&mut self.entries, dof.chain, k, below, shares);
+                k += 4;
+            }
+            if dof.depth - k >= 2 {
+                subtract::<R, 2>(&mut self.entries, dof.chain, k, below, shares);
+                k += 2;
+            }
+            if dof.depth > k {
+                subtract::<R, 1>(&mut self.entries, dof.chain, k, below, shares);
+            }
+            for (&share, d) in shares.iter().zip(below) {
+                self.entries[d.entry as usize] = share;
+            }
+            let inv = R::one() / self.entries[dof.chain];
             let root = inv.sqrt();
             self.inv_d[i] = inv;
             self.sqrt_inv_d[i] = root;
-            self.sqrt_d[i] = row[0] * root;
-            let chain = plan.chain_of(i);
-            for k in 1..dof.depth {
-                let a = row[k] * inv;
-                let target = plan.dofs[chain[k] as usize].chain;
-                let ancestor = &mut before[target..target + dof.depth - k];
-                for (entry, &x) in ancestor.iter_mut().zip(&row[k..]) {
-                    *entry -= a * x;
-                }
-                row[k] = a;
-            }
+            self.sqrt_d[i] = self.entries[dof.chain] * root;
         }
     }
 
@@ -181,6 +197,22 @@ impl<R: Real> MassMatrix<R> {
         }
         self.solve_lower(plan, x);
     }
+}
+
+/// Subtracts from entries `k..k + N` of the row that starts at `row` the shares of the same columns of the rows below.
+#[inline(always)]
+fn subtract<R: Real, const N: usize>(entries: &mut [R], row: usize, k: usize, below: &[Below], shares: &[R]) {
+    let at = row + k;
+    let mut sum = [R::zero(); N];
+    sum.copy_from_slice(&entries[at..at + N]);
+    for (d, &share) in below.iter().zip(shares) {
+        let at = d.entry as usize + k;
+        let other = &entries[at..at + N];
+        for j in 0..N {
+            sum[j] -= share * other[j];
+        }
+    }
+    entries[at..at + N].copy_from_slice(&sum);
 }
 
 /// Coriolis, centrifugal and gravitational forces: recursive Newton-Euler with zero joint acceleration, world-aligned.

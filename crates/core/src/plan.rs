@@ -57,6 +57,8 @@ pub struct Plan<S: Scalar> {
     pub dofs: Vec<Dof>,
     /// `chain[dof.chain..][..dof.depth]`: the dof and its ancestors, towards the root. Also the layout of the mass matrix's entries.
     pub chain: Vec<u32>,
+    /// `below[dof.below]`: the dofs that have a dof in their chain, itself left out, the last first.
+    pub below: Vec<Below>,
     /// For every frame, the set of dofs that move it, as 64-bit words.
     pub movers: Vec<Vec<u64>>,
     /// Frames of mocap bodies and the bodies themselves.
@@ -163,6 +165,17 @@ pub struct Dof {
     pub chain: usize,
     /// Length of its chain.
     pub depth: usize,
+    /// Where its descendants are listed.
+    pub below: std::ops::Range<usize>,
+}
+
+/// A descendant of a dof.
+#[derive(Clone, Copy, Debug)]
+pub struct Below {
+    /// Which.
+    pub dof: u32,
+    /// Where its chain has the ancestor: its entry of the mass matrix with it. The ancestors of that follow, as in the ancestor's own row.
+    pub entry: u32,
 }
 
 /// A link alone on a free or ball joint.
@@ -241,7 +254,7 @@ impl<S: Scalar> Plan<S> {
     pub fn with_trains(model: &Model, trains: &[Option<DriveTrain>]) -> Self {
         let merged = Merged::new(model);
         let addresses = model.joint_addresses();
-        let dofs = merge::dofs(model, &merged);
+        let (dofs, below) = merge::dofs(model, &merged);
         let chain = merged.chain.clone();
         let (limits, frictions) = (limits(model, &addresses), frictions(model, trains, &addresses));
         let mut scalar_impulses = limits.len() + frictions.len();
@@ -282,6 +295,7 @@ impl<S: Scalar> Plan<S> {
             joints,
             dofs,
             chain,
+            below,
             movers,
             mocap: merge::mocap(model, &merged),
             bodies: merge::bodies(model, &merged),
@@ -367,6 +381,12 @@ impl<S: Scalar> Plan<S> {
     pub fn chain_of(&self, dof: usize) -> &[u32] {
         let d = &self.dofs[dof];
         &self.chain[d.chain..d.chain + d.depth]
+    }
+
+    /// The descendants of a dof, the last first.
+    #[inline(always)]
+    pub fn below(&self, dof: usize) -> &[Below] {
+        &self.below[self.dofs[dof].below.clone()]
     }
 }
 

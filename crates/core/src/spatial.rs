@@ -44,6 +44,16 @@ pub fn scale<R: Real, const N: usize>(a: [R; N], s: R) -> [R; N] {
     out
 }
 
+/// a b, entry by entry
+#[inline(always)]
+pub fn times<R: Real, const N: usize>(a: [R; N], b: [R; N]) -> [R; N] {
+    let mut out = [R::zero(); N];
+    for i in 0..N {
+        out[i] = a[i] * b[i];
+    }
+    out
+}
+
 /// a + b s
 #[inline(always)]
 pub fn add_scaled<R: Real, const N: usize>(a: [R; N], b: [R; N], s: R) -> [R; N] {

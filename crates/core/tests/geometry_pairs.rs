@@ -6,7 +6,9 @@ mod shapes;
 use proptest::prelude::*;
 use shapes::{Body, ball, capsule, cases, cuboid, cylinder, ellipsoid, is_distance, turn, unit, vector};
 use stepper_core::contacts::ContactPoint;
-use stepper_core::geometry::{capsule_box, cylinder_rims, plane_ellipsoid, plane_point, segments, sphere_box, sphere_cylinder};
+use stepper_core::geometry::{
+    capsule_box, cylinder_rims, plane_ellipsoid, plane_point, segments, sphere_box, sphere_cylinder, sphere_ellipsoid,
+};
 use stepper_core::spatial::*;
 
 /// The contacts that a kernel finds.
@@ -23,6 +25,7 @@ fn contacts(a: &Body, b: &Body) -> Vec<ContactPoint<f64>> {
             present(points, exist)
         }
         (Body::Capsule(s), Body::Cylinder(c)) => vec![sphere_cylinder(s.centre, s.radius, c)],
+        (Body::Capsule(s), Body::Ellipsoid(e)) => vec![sphere_ellipsoid(s.centre, s.radius, e)],
         (Body::Capsule(s), Body::Capsule(t)) => {
             let (points, two) = segments(s, t);
             present(points, [true, two])
@@ -42,6 +45,7 @@ fn pair() -> impl Strategy<Value = (Body, Body)> {
         1 => (half_space(), ellipsoid().prop_map(Body::Ellipsoid)),
         1 => (ball().prop_map(Body::Capsule), cuboid().prop_map(Body::Cuboid)),
         1 => (ball().prop_map(Body::Capsule), cylinder().prop_map(Body::Cylinder)),
+        2 => (ball().prop_map(Body::Capsule), ellipsoid().prop_map(Body::Ellipsoid)),
         3 => (capsule().prop_map(Body::Capsule), cuboid().prop_map(Body::Cuboid)),
     ]
 }

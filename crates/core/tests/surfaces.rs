@@ -54,7 +54,7 @@ fn floor(n: usize) -> Surface {
 fn slope(n: usize, rise: [f64; 2]) -> Surface {
     let at = |k: usize| -1.0 + 2.0 * k as f64 / (n - 1) as f64;
     let elevation = (0..n * n).map(|k| rise[0] * at(k % n) + rise[1] * at(k / n)).collect();
-    Surface::Grid(Grid { shape: [n, n], half: [1.0; 2], elevation, base: 1.0 })
+    Surface::Grid(Grid::new([n, n], [1.0; 2], elevation, 1.0))
 }
 
 fn touch(surface: &Surface, b: &ConvexShape, pose: &Pose, prediction: f64) -> Manifold {

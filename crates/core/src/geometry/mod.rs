@@ -11,6 +11,6 @@ mod segments;
 
 pub use boxes::{Cuboid, capsule_box, sphere_box};
 pub use cylinder::{Cylinder, cylinder_rims, plane_point, sphere_cylinder};
-pub use ellipsoid::{Ellipsoid, plane_ellipsoid};
+pub use ellipsoid::{Ellipsoid, plane_ellipsoid, sphere_ellipsoid};
 pub use plane::{plane_box, plane_sphere};
 pub use segments::{Segment, segments};

@@ -19,6 +19,8 @@ pub enum Kernel {
     SphereBox,
     /// A ball and a cylinder: 1 point.
     SphereCylinder,
+    /// A ball and an ellipsoid: 1 point.
+    SphereEllipsoid,
     /// A capsule and a box: up to 2 points.
     CapsuleBox,
     /// Two balls, or capsules taken as segments of any length: up to 2 points.
@@ -34,7 +36,7 @@ impl Kernel {
     /// Contacts that a pair can have.
     pub const fn points(self) -> usize {
         match self {
-            Self::PlaneSphere | Self::PlaneEllipsoid | Self::SphereBox | Self::SphereCylinder => 1,
+            Self::PlaneSphere | Self::PlaneEllipsoid | Self::SphereBox | Self::SphereCylinder | Self::SphereEllipsoid => 1,
             Self::PlaneCapsule | Self::CapsuleBox | Self::Segments => 2,
             Self::PlaneBox | Self::PlaneCylinder => 8,
             Self::Surface => crate::geometry::convex::MAX_SURFACE_POINTS,
@@ -52,6 +54,7 @@ impl Kernel {
             (Shape::Plane, Shape::Ellipsoid { .. }) => Some(Self::PlaneEllipsoid),
             (Shape::Sphere { .. }, Shape::Box { .. }) => Some(Self::SphereBox),
             (Shape::Sphere { .. }, Shape::Cylinder { .. }) => Some(Self::SphereCylinder),
+            (Shape::Sphere { .. }, Shape::Ellipsoid { .. }) => Some(Self::SphereEllipsoid),
             (Shape::Capsule { .. }, Shape::Box { .. }) => Some(Self::CapsuleBox),
             (Shape::Sphere { .. } | Shape::Capsule { .. }, Shape::Sphere { .. } | Shape::Capsule { .. }) => Some(Self::Segments),
             (_, Shape::Plane | Shape::HeightField { .. }) => None,

@@ -282,7 +282,7 @@ fn solid(model: &Model, shape: &Shape) -> Solid {
         }
         Shape::HeightField { .. } => {
             let HeightField { shape, half, elevation, base, .. } = model.height_field_of(shape).expect(CHECKED).clone();
-            return Solid::Surface(Arc::new(Surface::Grid(Grid { shape, half, elevation, base })));
+            return Solid::Surface(Arc::new(Surface::Grid(Grid::new(shape, half, elevation, base))));
         }
     })
 }

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use stepper_real::Scalar;
 
-use super::{BodyPlan, Dof, JointPlan, Link, MocapPlan, scalars};
+use super::{Below, BodyPlan, Dof, JointPlan, Link, MocapPlan, scalars};
 use crate::model::{JointKind, Model};
 
 /// Which frame every body is fixed to, and where in it.
@@ -202,14 +202,25 @@ pub(crate) fn joints<S: Scalar>(model: &Model, addresses: &[(usize, usize)]) -> 
     model.joints.iter().zip(addresses).map(joint).collect()
 }
 
-pub(crate) fn dofs(model: &Model, merged: &Merged) -> Vec<Dof> {
-    let dof = |d: usize| {
+/// Degrees of freedom, and the descendants of each.
+pub(crate) fn dofs(model: &Model, merged: &Merged) -> (Vec<Dof>, Vec<Below>) {
+    let mut under = vec![vec![]; model.nv()];
+    for d in (0..model.nv()).rev() {
+        let (start, _) = merged.dof_chain[d];
+        for (k, &ancestor) in merged.chain_of(d).iter().enumerate().skip(1) {
+            under[ancestor as usize].push(Below { dof: d as u32, entry: (start + k) as u32 });
+        }
+    }
+    let mut below = vec![];
+    let dof = |(d, mut own): (usize, Vec<Below>)| {
         let link = merged.dof_link[d];
         let (chain, depth) = merged.dof_chain[d];
         let tree = merged.link_tree[link];
-        Dof { link, tree, chain, depth }
+        let from = below.len();
+        below.append(&mut own);
+        Dof { link, tree, chain, depth, below: from..below.len() }
     };
-    (0..model.nv()).map(dof).collect()
+    (under.into_iter().enumerate().map(dof).collect(), below)
 }
 
 pub(crate) fn mocap<S: Scalar>(model: &Model, merged: &Merged) -> Vec<MocapPlan<S>> {

@@ -8,20 +8,17 @@
 //! are therefore taken at the beginning ([`detect`] returns them), and what can still slip through afterwards, because an impulse made it
 //! faster than it was looked out for or because it turns too far for a straight row, is reported ([`may_have_passed`]).
 
+mod meet;
 mod passed;
+mod terrain;
 
-use std::borrow::Cow;
-
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real};
 
 pub use self::passed::may_have_passed;
 use crate::broad::Broad;
-use crate::contacts::{ContactId, ContactPoint, Contacts};
-use crate::geometry::convex::{Narrow, Pose};
-use crate::geometry::{
-    Cuboid, Cylinder, Ellipsoid, Segment, capsule_box, cylinder_rims, plane_box, plane_ellipsoid, plane_point, plane_sphere, segments,
-    sphere_box, sphere_cylinder,
-};
+use crate::contacts::Contacts;
+use crate::geometry::convex::Narrow;
+use crate::geometry::segments;
 use crate::kinematics::Kinematics;
 use crate::plan::{Kernel, LanePlan, PairPlan, Plan};
 use crate::spatial::*;
@@ -43,6 +40,8 @@ pub struct GeomPoses<R: Real> {
     /// Radius of a ball about the geom's origin that holds it in two free steps, of a plane only its way, m.
     extent: Vec<R>,
     velocity: Vec<V6<R>>,
+    /// Listed pairs that can touch, and the lanes (bits) in which they can; with room for one more.
+    near: Vec<(u32, u32)>,
     broad: Broad,
     narrow: Narrow,
 }
@@ -59,6 +58,7 @@ impl<R: Real> GeomPoses<R> {
             fast: vec![false; plan.geoms.len()],
             led_by: vec![zero(); plan.links.len()],
             velocity: vec![zero(); plan.links.len()],
+            near: vec![(0, 0); plan.pairs.len() + 1],
             broad: Broad::default(),
             narrow: Narrow::for_solids(plan.geoms.iter().filter_map(|g| g.solid.as_ref())),
         }
@@ -154,7 +154,7 @@ pub fn detect<R: Real>(
             poses.update_travel(plan, kinematics, v_free, h + h);
         },
     );
-    let mut broad = std::mem::take(&mut poses.broad);
+    let (mut broad, mut near) = (std::mem::take(&mut poses.broad), std::mem::take(&mut poses.near));
     if let Some(crowd) = &plan.crowd {
         broad.find(plan, crowd, alive.bits(), &poses.pos, &poses.travel, slack);
     }
@@ -164,13 +164,18 @@ pub fn detect<R: Real>(
             let mut narrow = std::mem::take(&mut poses.narrow);
             let scene = Scene { plan, kinematics, poses, h, slack, lead, leads };
             let mut too_far = R::Mask::splat(false);
-            for (index, pair) in plan.pairs.iter().enumerate() {
-                too_far = too_far.or(scene.collide(index, pair, alive, &mut narrow, contacts));
+            let count = scene.find_near(alive, &mut near);
+            for &(index, lanes) in &near[..count] {
+                let (index, lanes) = (index as usize, R::Mask::from_bits(lanes));
+                too_far = too_far.or(scene.collide(index, &plan.pairs[index], lanes, &mut narrow, contacts));
             }
             if let Some(crowd) = &plan.crowd {
                 for &(number, lanes) in &broad.pairs {
                     if let Some(pair) = crowd.pair(number) {
-                        too_far = too_far.or(scene.collide(number, &pair, R::Mask::from_bits(lanes), &mut narrow, contacts));
+                        let lanes = R::Mask::from_bits(lanes).and(scene.can_touch(&pair));
+                        if lanes.any() {
+                            too_far = too_far.or(scene.collide(number, &pair, lanes, &mut narrow, contacts));
+                        }
                     }
                 }
             }
@@ -178,7 +183,7 @@ pub fn detect<R: Real>(
             too_far
         },
     );
-    poses.broad = broad;
+    (poses.broad, poses.near) = (broad, near);
     too_far
 }
 
@@ -201,55 +206,42 @@ struct Scene<'a, R: Real> {
 }
 
 impl<R: Real> Scene<'_, R> {
-    /// Takes up the contacts of a pair in the lanes `alive`. Returns those that are too far from the beginning of the step.
+    /// Lists the pairs that can touch in any of the lanes `alive`, ascending; returns how many. Most cannot, and a robot has hundreds: what the
+    /// pairs of a geom share is kept at hand, and nothing branches.
     #[inline(always)]
-    fn collide(
-        &self,
-        index: usize,
-        pair: &PairPlan<R::Scalar>,
-        alive: R::Mask,
-        narrow: &mut Narrow,
-        contacts: &mut Contacts<R>,
-    ) -> R::Mask {
-        let near = alive.and(self.can_touch(pair));
-        if near.none() {
-            return near;
+    fn find_near(&self, alive: R::Mask, near: &mut [(u32, u32)]) -> usize {
+        let GeomPoses { pos, extent, mat, .. } = self.poses;
+        let (mut index, mut count) = (0, 0);
+        for run in self.plan.pairs.chunk_by(|a, b| a.geoms[0] == b.geoms[0]) {
+            let a = run[0].geoms[0];
+            let (is_plane, normal, centre, reach) = (self.plan.geoms[a].is_plane, column(&mat[a], 2), pos[a], extent[a] + self.slack);
+            for pair in run {
+                let b = pair.geoms[1];
+                let (apart, reach) = (sub(pos[b], centre), reach + extent[b] + R::splat(pair.margin));
+                let touch = if is_plane { dot(apart, normal).lt(reach) } else { dot(apart, apart).lt(reach * reach) };
+                let lanes = alive.and(touch).bits();
+                near[count] = (index, lanes);
+                count += usize::from(lanes != 0);
+                index += 1;
+            }
         }
+        count
+    }
+
+    /// Takes up the contacts of a pair in the lanes `near`. Returns those that are too far from the beginning of the step.
+    #[inline(always)]
+    fn collide(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, narrow: &mut Narrow, contacts: &mut Contacts<R>) -> R::Mask {
         self.meet(index, pair, near, narrow, contacts);
         if self.leads { near.and(self.leads_too_far(pair)) } else { R::Mask::splat(false) }
     }
 
-    /// Takes up the contacts of a pair in the lanes `near`. A kernel of its own: inlined where it is called, it and what it offers would
-    /// take most of the time of a build.
-    #[inline(never)]
-    fn meet(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, narrow: &mut Narrow, contacts: &mut Contacts<R>) {
-        R::vectorize(
-            #[inline(always)]
-            || match pair.kernel {
-                Kernel::PlaneSphere => self.plane_sphere(index, pair, near, contacts),
-                Kernel::PlaneCapsule => self.plane_capsule(index, pair, near, contacts),
-                Kernel::PlaneBox => self.plane_box(index, pair, near, contacts),
-                Kernel::PlaneCylinder => self.plane_cylinder(index, pair, near, contacts),
-                Kernel::PlaneEllipsoid => self.plane_ellipsoid(index, pair, near, contacts),
-                Kernel::SphereBox => self.sphere_box(index, pair, near, contacts),
-                Kernel::SphereCylinder => self.sphere_cylinder(index, pair, near, contacts),
-                Kernel::CapsuleBox => self.capsule_box(index, pair, near, contacts),
-                Kernel::Segments => self.segments(index, pair, near, contacts),
-                Kernel::Convex | Kernel::Surface => self.convex(index, pair, near, narrow, contacts),
-            },
-        )
-    }
-
-    /// Lanes in which the bounding volumes of a pair can meet within the step.
+    /// Lanes in which the bounding balls of a pair of the crowd can meet within the step.
     #[inline(always)]
     fn can_touch(&self, pair: &PairPlan<R::Scalar>) -> R::Mask {
         let [a, b] = pair.geoms;
         let apart = sub(self.poses.pos[b], self.poses.pos[a]);
         let reach = self.poses.extent[a] + self.poses.extent[b] + R::splat(pair.margin) + self.slack;
-        match pair.kernel {
-            _ if self.plan.geoms[a].is_plane => dot(apart, column(&self.poses.mat[a], 2)).lt(reach),
-            _ => dot(apart, apart).lt(reach * reach),
-        }
+        dot(apart, apart).lt(reach * reach)
     }
 
     /// Lanes in which the way from the beginning of the step is long enough to be through: that of either geom as seen from the other.
@@ -299,167 +291,5 @@ impl<R: Real> Scene<'_, R> {
             None => (&links[frame - 1], self.kinematics.origin[self.plan.links[frame - 1].tree]),
         };
         [angular(motion), velocity_at(motion, sub(p, origin))]
-    }
-
-    #[inline(always)]
-    fn plane_sphere(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
-        let [a, b] = pair.geoms;
-        let radius = self.plan.params.geom_size(b)[0];
-        let point = plane_sphere(self.poses.pos[a], column(&self.poses.mat[a], 2), self.poses.pos[b], radius);
-        self.offer(index, 0, pair, near, point, contacts);
-    }
-
-    #[inline(always)]
-    fn plane_capsule(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
-        let [a, b] = pair.geoms;
-        let capsule = self.segment(b);
-        let normal = column(&self.poses.mat[a], 2);
-        for end in 0..2 {
-            let x = if end == 0 { capsule.half_length } else { -capsule.half_length };
-            let centre = add_scaled(capsule.centre, capsule.axis, x);
-            let point = plane_sphere(self.poses.pos[a], normal, centre, capsule.radius);
-            self.offer(index, end, pair, near, point, contacts);
-        }
-    }
-
-    #[inline(always)]
-    fn plane_box(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
-        let [a, b] = pair.geoms;
-        let half = self.plan.params.geom_size(b);
-        let normal = column(&self.poses.mat[a], 2);
-        for corner in 0..8 {
-            let point = plane_box(self.poses.pos[a], normal, self.poses.pos[b], &self.poses.mat[b], half, corner);
-            self.offer(index, corner as u32, pair, near, point, contacts);
-        }
-    }
-
-    #[inline(always)]
-    fn plane_cylinder(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
-        let [a, b] = pair.geoms;
-        let normal = column(&self.poses.mat[a], 2);
-        let frame = self.plan.geoms[b].frame;
-        let links = 1..=self.plan.links.len();
-        let tip = if links.contains(&frame) { scale(cross(normal, angular(&self.poses.velocity[frame - 1])), self.h) } else { zero() };
-        for (k, &rim) in cylinder_rims(normal, tip, &self.cylinder(b)).iter().enumerate() {
-            let point = plane_point(self.poses.pos[a], normal, rim);
-            self.offer(index, k as u32, pair, near, point, contacts);
-        }
-    }
-
-    #[inline(always)]
-    fn plane_ellipsoid(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
-        let [a, b] = pair.geoms;
-        let radii = self.plan.params.geom_size(b);
-        let ellipsoid = Ellipsoid { centre: self.poses.pos[b], mat: self.poses.mat[b], radii };
-        let point = plane_ellipsoid(self.poses.pos[a], column(&self.poses.mat[a], 2), &ellipsoid);
-        self.offer(index, 0, pair, near, point, contacts);
-    }
-
-    #[inline(always)]
-    fn sphere_box(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
-        let [a, b] = pair.geoms;
-        let point = sphere_box(self.poses.pos[a], self.plan.params.geom_size(a)[0], &self.cuboid(b));
-        self.offer(index, 0, pair, near, point, contacts);
-    }
-
-    #[inline(always)]
-    fn sphere_cylinder(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
-        let [a, b] = pair.geoms;
-        let point = sphere_cylinder(self.poses.pos[a], self.plan.params.geom_size(a)[0], &self.cylinder(b));
-        self.offer(index, 0, pair, near, point, contacts);
-    }
-
-    #[inline(always)]
-    fn capsule_box(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
-        let [a, b] = pair.geoms;
-        let (points, exist) = capsule_box(&self.segment(a), &self.cuboid(b));
-        self.offer(index, 0, pair, near.and(exist[0]), points[0], contacts);
-        self.offer(index, 1, pair, near.and(exist[1]), points[1], contacts);
-    }
-
-    #[inline(always)]
-    fn cuboid(&self, geom: usize) -> Cuboid<R> {
-        Cuboid { centre: self.poses.pos[geom], mat: self.poses.mat[geom], half: self.plan.params.geom_size(geom) }
-    }
-
-    #[inline(always)]
-    fn cylinder(&self, geom: usize) -> Cylinder<R> {
-        let [radius, half_length, _] = self.plan.params.geom_size(geom);
-        Cylinder { centre: self.poses.pos[geom], mat: self.poses.mat[geom], radius, half_length }
-    }
-
-    #[inline(always)]
-    fn segments(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
-        let [a, b] = pair.geoms;
-        let (points, two) = segments(&self.segment(a), &self.segment(b));
-        self.offer(index, 0, pair, near, points[0], contacts);
-        let both = near.and(two);
-        if both.any() {
-            self.offer(index, 1, pair, both, points[1], contacts);
-        }
-    }
-
-    /// Lane by lane, in f64: what one lane does no other sees.
-    #[inline(always)]
-    fn convex(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, narrow: &mut Narrow, contacts: &mut Contacts<R>) {
-        let [a, b] = pair.geoms;
-        let reach = R::splat(pair.margin) + self.poses.travel[a] + self.poses.travel[b] + self.slack;
-        let mut rest = near.bits();
-        while rest != 0 {
-            let lane = rest.trailing_zeros() as usize;
-            rest &= rest - 1;
-            let pose = |g: usize| Pose {
-                pos: self.poses.pos[g].map(|x| x.lane(lane).to_f64()),
-                mat: self.poses.mat[g].map(|x| x.lane(lane).to_f64()),
-            };
-            let solids = [a, b].map(|g| {
-                let solid = self.plan.geoms[g].solid.as_ref().expect("made for every geom of this kernel");
-                let own = solid.sized(self.plan.params.geom_size(g).map(|x| x.lane(lane).to_f64()));
-                own.map_or(Cow::Borrowed(solid), Cow::Owned)
-            });
-            let found = narrow.collide([&solids[0], &solids[1]], [pose(a), pose(b)], reach.lane(lane).to_f64());
-            for p in found {
-                let point = ContactPoint { distance: R::of(p.distance), pos: p.pos.map(R::of), normal: p.normal.map(R::of) };
-                self.offer(index, p.feature, pair, near.and(R::Mask::from_bits(1 << lane)), point, contacts);
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn segment(&self, geom: usize) -> Segment<R> {
-        let [radius, half_length, _] = self.plan.params.geom_size(geom);
-        Segment { centre: self.poses.pos[geom], axis: column(&self.poses.mat[geom], 2), half_length, radius }
-    }
-
-    /// Takes the point up in the lanes where it can touch within the step. A kernel of its own, as [`Scene::meet`].
-    #[inline(never)]
-    fn offer(
-        &self,
-        index: usize,
-        feature: u32,
-        pair: &PairPlan<R::Scalar>,
-        near: R::Mask,
-        mut point: ContactPoint<R>,
-        contacts: &mut Contacts<R>,
-    ) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                point.distance -= R::splat(pair.margin);
-                // Nothing moves further than the bound, so the exact test is needed only below it.
-                let [a, b] = pair.geoms;
-                let near = near.and(point.distance.lt(self.poses.travel[a] + self.poses.travel[b] + self.slack));
-                if near.none() {
-                    return;
-                }
-                let [_, va] = self.motion_at(&self.poses.velocity, a, point.pos);
-                let [_, vb] = self.motion_at(&self.poses.velocity, b, point.pos);
-                let closing = (-dot(point.normal, sub(vb, va))).max(R::zero());
-                let touching = near.and(point.distance.lt(closing * (self.h + self.h) + self.slack));
-                let id = ContactId::new(index, feature);
-                let params = self.plan.contact(index);
-                contacts.push(touching.bits(), id, &point, params.mu, params.restitution);
-            },
-        )
     }
 }

@@ -5,6 +5,8 @@
 //! be felt as a bump. So the normal at such a feature is that of the triangle, and the contact exists only where the shape is over the triangle: its
 //! neighbour has the rest.
 
+use std::ops::Range;
+
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::math::Vector;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
@@ -52,6 +54,16 @@ pub struct Grid {
     pub elevation: Vec<f64>,
     /// Shapes further below are not pushed up, m.
     pub base: f64,
+    highest: f64,
+}
+
+/// What a grid is like under a shape.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Under {
+    /// Greatest height of the cells there, m; minus infinity off the grid.
+    pub(crate) highest: f64,
+    /// Whether they are level and no neighbour falls away: every contact is upright then.
+    pub(crate) level: bool,
 }
 
 /// A triangle, and where the surface bulges at the edges that leave its corners (an outer edge does).
@@ -92,6 +104,17 @@ fn bounds(points: &[V]) -> Aabb {
 }
 
 impl Grid {
+    /// Heights `elevation` (row by row, x fastest, m) of `shape` points along y and x, over a rectangle of the half sizes `half` along x and y, m.
+    pub fn new(shape: [usize; 2], half: [f64; 2], elevation: Vec<f64>, base: f64) -> Self {
+        let highest = elevation.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        Self { shape, half, elevation, base, highest }
+    }
+
+    /// Greatest height, m.
+    pub(crate) fn highest(&self) -> f64 {
+        self.highest
+    }
+
     fn vertex(&self, c: usize, r: usize) -> V {
         let at = |k: usize, n: usize, half: f64| -half + 2.0 * half * k as f64 / (n - 1) as f64;
         let [rows, columns] = self.shape;
@@ -118,18 +141,44 @@ impl Grid {
         Facet::new(corners, third)
     }
 
+    /// Columns (k = 0) or rows (k = 1) of cells between two places along x or y.
+    fn cells(&self, k: usize, low: f64, high: f64) -> Range<usize> {
+        let n = self.shape[1 - k];
+        let cell = 2.0 * self.half[k] / (n - 1) as f64;
+        // Saturating: what is off the grid has an empty range.
+        let first = ((low + self.half[k]) / cell).floor().max(0.0) as usize;
+        let last = ((high + self.half[k]) / cell).floor();
+        first..if last < 0.0 { 0 } else { (last as usize + 1).min(n - 1) }
+    }
+
+    /// What is under a disc.
+    pub(crate) fn under_disc(&self, [x, y]: [f64; 2], radius: f64) -> Under {
+        let [rows, columns] = self.shape;
+        let (c, r) = (self.cells(0, x - radius, x + radius), self.cells(1, y - radius, y + radius));
+        let mut highest = f64::NEG_INFINITY;
+        if c.is_empty() || r.is_empty() {
+            return Under { highest, level: true };
+        }
+        // Cells beside them show whether an edge falls away; at the border of the grid it does.
+        let mut level = c.start > 0 && r.start > 0 && c.end < columns - 1 && r.end < rows - 1;
+        let first = self.elevation[r.start * columns + c.start];
+        for row in r.start.saturating_sub(1)..=(r.end + 1).min(rows - 1) {
+            for column in c.start.saturating_sub(1)..=(c.end + 1).min(columns - 1) {
+                let height = self.elevation[row * columns + column];
+                level &= height == first;
+                if (c.start..=c.end).contains(&column) && (r.start..=r.end).contains(&row) {
+                    highest = highest.max(height);
+                }
+            }
+        }
+        Under { highest, level }
+    }
+
     /// Triangles of the cells under a box.
     fn under(&self, low: V, high: V, out: &mut Vec<u32>) {
-        let [rows, columns] = self.shape;
-        let range = |k: usize, n: usize| {
-            let cell = 2.0 * self.half[k] / (n - 1) as f64;
-            // Saturating: what is off the grid has an empty range.
-            let first = ((low[k] + self.half[k]) / cell).floor().max(0.0) as usize;
-            let last = ((high[k] + self.half[k]) / cell).floor();
-            first..if last < 0.0 { 0 } else { (last as usize + 1).min(n - 1) }
-        };
-        for r in range(1, rows) {
-            for c in range(0, columns) {
+        let columns = self.shape[1];
+        for r in self.cells(1, low[1], high[1]) {
+            for c in self.cells(0, low[0], high[0]) {
                 let cell = r * (columns - 1) + c;
                 let top = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(dc, dr)| self.elevation[(r + dr) * columns + c + dc]);
                 if top.into_iter().fold(f64::NEG_INFINITY, f64::max) >= low[2] {

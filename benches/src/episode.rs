@@ -96,9 +96,10 @@ impl<T: Run> Run for InTurn<T> {
     }
 }
 
-/// The first eight environments of a scene, each alone in `f64`.
+/// The first eight environments of a scene, each alone in `f64`, at the best level of this build and machine.
 pub fn single(scene: &Scene) -> InTurn<Episode> {
-    InTurn((0..8).map(|env| Episode::new(scene, env, 1, Precision::F64, Level::Baseline)).collect())
+    let level = *Level::available().last().expect("some level is always available");
+    InTurn((0..8).map(|env| Episode::new(scene, env, 1, Precision::F64, level)).collect())
 }
 
 /// The first 64 environments of a scene in lanes.

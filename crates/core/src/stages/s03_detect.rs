@@ -42,6 +42,8 @@ pub struct GeomPoses<R: Real> {
     velocity: Vec<V6<R>>,
     /// Listed pairs that can touch, and the lanes (bits) in which they can; with room for one more.
     near: Vec<(u32, u32)>,
+    /// How many there are.
+    near_count: usize,
     broad: Broad,
     narrow: Narrow,
 }
@@ -59,6 +61,7 @@ impl<R: Real> GeomPoses<R> {
             led_by: vec![zero(); plan.links.len()],
             velocity: vec![zero(); plan.links.len()],
             near: vec![(0, 0); plan.pairs.len() + 1],
+            near_count: 0,
             broad: Broad::default(),
             narrow: Narrow::for_solids(plan.geoms.iter().filter_map(|g| g.solid.as_ref())),
         }
@@ -99,6 +102,28 @@ impl<R: Real> GeomPoses<R> {
         for (i, g) in plan.geoms.iter().enumerate() {
             self.extent[i] = if g.is_plane { self.travel[i] } else { self.travel[i] + plan.params.bound(i) };
         }
+    }
+
+    /// Lists the pairs that can touch in any of the lanes `alive`, ascending. Most cannot, and a robot has hundreds: what the pairs of a geom share is
+    /// kept at hand, and nothing branches.
+    #[inline(always)]
+    fn find_near(&mut self, plan: &LanePlan<R>, slack: R, alive: R::Mask) {
+        let Self { pos, extent, mat, near, .. } = self;
+        let (mut index, mut count) = (0, 0);
+        for run in plan.pairs.chunk_by(|a, b| a.geoms[0] == b.geoms[0]) {
+            let a = run[0].geoms[0];
+            let (is_plane, normal, centre, reach) = (plan.geoms[a].is_plane, column(&mat[a], 2), pos[a], extent[a] + slack);
+            for pair in run {
+                let b = pair.geoms[1];
+                let (apart, reach) = (sub(pos[b], centre), reach + extent[b] + R::splat(pair.margin));
+                let touch = if is_plane { dot(apart, normal).lt(reach) } else { dot(apart, apart).lt(reach * reach) };
+                let lanes = alive.and(touch).bits();
+                near[count] = (index, lanes);
+                count += usize::from(lanes != 0);
+                index += 1;
+            }
+        }
+        self.near_count = count;
     }
 
     /// The same of the way from the beginning of the step.
@@ -148,15 +173,21 @@ pub fn detect<R: Real>(
         #[inline(always)]
         || {
             poses.place(plan, kinematics);
-            if leads {
-                poses.update_lead(plan, kinematics, v, lead);
-            }
             poses.update_travel(plan, kinematics, v_free, h + h);
+            poses.find_near(plan, slack, alive);
         },
     );
-    let (mut broad, mut near) = (std::mem::take(&mut poses.broad), std::mem::take(&mut poses.near));
+    let (mut broad, near) = (std::mem::take(&mut poses.broad), std::mem::take(&mut poses.near));
     if let Some(crowd) = &plan.crowd {
         broad.find(plan, crowd, alive.bits(), &poses.pos, &poses.travel, slack);
+    }
+    let is_thin = |&(index, _): &(u32, u32)| !plan.geoms[plan.pairs[index as usize].geoms[0]].is_plane;
+    let leads = leads && (plan.crowd.is_some() || near[..poses.near_count].iter().any(is_thin));
+    if leads {
+        R::vectorize(
+            #[inline(always)]
+            || poses.update_lead(plan, kinematics, v, lead),
+        );
     }
     let too_far = R::vectorize(
         #[inline(always)]
@@ -164,8 +195,7 @@ pub fn detect<R: Real>(
             let mut narrow = std::mem::take(&mut poses.narrow);
             let scene = Scene { plan, kinematics, poses, h, slack, lead, leads };
             let mut too_far = R::Mask::splat(false);
-            let count = scene.find_near(alive, &mut near);
-            for &(index, lanes) in &near[..count] {
+            for &(index, lanes) in &near[..poses.near_count] {
                 let (index, lanes) = (index as usize, R::Mask::from_bits(lanes));
                 too_far = too_far.or(scene.collide(index, &plan.pairs[index], lanes, &mut narrow, contacts));
             }
@@ -206,28 +236,6 @@ struct Scene<'a, R: Real> {
 }
 
 impl<R: Real> Scene<'_, R> {
-    /// Lists the pairs that can touch in any of the lanes `alive`, ascending; returns how many. Most cannot, and a robot has hundreds: what the
-    /// pairs of a geom share is kept at hand, and nothing branches.
-    #[inline(always)]
-    fn find_near(&self, alive: R::Mask, near: &mut [(u32, u32)]) -> usize {
-        let GeomPoses { pos, extent, mat, .. } = self.poses;
-        let (mut index, mut count) = (0, 0);
-        for run in self.plan.pairs.chunk_by(|a, b| a.geoms[0] == b.geoms[0]) {
-            let a = run[0].geoms[0];
-            let (is_plane, normal, centre, reach) = (self.plan.geoms[a].is_plane, column(&mat[a], 2), pos[a], extent[a] + self.slack);
-            for pair in run {
-                let b = pair.geoms[1];
-                let (apart, reach) = (sub(pos[b], centre), reach + extent[b] + R::splat(pair.margin));
-                let touch = if is_plane { dot(apart, normal).lt(reach) } else { dot(apart, apart).lt(reach * reach) };
-                let lanes = alive.and(touch).bits();
-                near[count] = (index, lanes);
-                count += usize::from(lanes != 0);
-                index += 1;
-            }
-        }
-        count
-    }
-
     /// Takes up the contacts of a pair in the lanes `near`. Returns those that are too far from the beginning of the step.
     #[inline(always)]
     fn collide(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, narrow: &mut Narrow, contacts: &mut Contacts<R>) -> R::Mask {

@@ -17,25 +17,36 @@ pub fn may_have_passed<R: Real>(
     alive: R::Mask,
     poses: &mut GeomPoses<R>,
 ) -> R::Mask {
-    if !plan.has_thin
-        || R::vectorize(
-            #[inline(always)]
-            || alive.and(poses.update_ways(plan, kinematics, v_next, h)),
-        )
-        .none()
-    {
+    if !plan.has_thin {
         return R::Mask::splat(false);
     }
     let slack = slack(plan, h);
+    let [moved, surprising] = R::vectorize(
+        #[inline(always)]
+        || poses.update_ways(plan, kinematics, v_next, h, slack),
+    );
+    if moved.and(alive).none() {
+        return R::Mask::splat(false);
+    }
+    // Where nothing got further than stage 3 looked out for, what was not near then is not met now.
+    let foreseen = surprising.and(alive).none();
     let mut broad = std::mem::take(&mut poses.broad);
-    if let Some(crowd) = &plan.crowd {
+    if let (Some(crowd), false) = (&plan.crowd, foreseen) {
         broad.find(plan, crowd, alive.bits(), &poses.pos, &poses.lead, slack);
     }
     let passed = R::vectorize(
         #[inline(always)]
         || {
-            let listed = plan.pairs.iter().map(|pair| poses.slips_through(plan, pair, h, slack));
-            let mut passed = listed.fold(R::Mask::splat(false), R::Mask::or);
+            let mut passed = R::Mask::splat(false);
+            if foreseen {
+                for &(index, _) in &poses.near[..poses.near_count] {
+                    passed = passed.or(poses.slips_through(plan, &plan.pairs[index as usize], h, slack));
+                }
+            } else {
+                for pair in &plan.pairs {
+                    passed = passed.or(poses.slips_through(plan, pair, h, slack));
+                }
+            }
             if let Some(crowd) = &plan.crowd {
                 for pair in broad.pairs.iter().filter_map(|p| crowd.pair(p.0)) {
                     passed = passed.or(poses.slips_through(plan, &pair, h, slack));
@@ -49,18 +60,20 @@ pub fn may_have_passed<R: Real>(
 }
 
 impl<R: Real> GeomPoses<R> {
-    /// Bounds on the ways of the step as it was made, left in `lead`. Returns the lanes in which some geom moved by half its thickness; no two
-    /// others get past one another.
+    /// Bounds on the ways of the step as it was made, left in `lead`. Returns the lanes in which some geom moved by half its thickness, since no
+    /// two others get past one another, and those in which some geom got further than stage 3 looked out for.
     #[inline(always)]
-    fn update_ways(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, v_next: &[R], h: R) -> R::Mask {
+    fn update_ways(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, v_next: &[R], h: R, slack: R) -> [R::Mask; 2] {
         self.update_lead(plan, kinematics, v_next, h);
-        let mut any = R::Mask::splat(false);
-        for (g, (way, fast)) in self.lead.iter().zip(&mut self.fast).enumerate() {
-            let moved = way.gt(plan.params.inner(g) * R::of(0.5));
+        let [mut any, mut surprising] = [R::Mask::splat(false); 2];
+        let half = R::of(0.5);
+        for (g, ((&way, &travel), fast)) in self.lead.iter().zip(&self.travel).zip(&mut self.fast).enumerate() {
+            let moved = way.gt(plan.params.inner(g) * half);
             *fast = moved.any();
             any = any.or(moved);
+            surprising = surprising.or(way.gt(travel + slack * half));
         }
-        any
+        [any, surprising]
     }
 
     /// Lanes in which a pair could get through unseen.

@@ -28,7 +28,8 @@ from stepper._machine import provenance
 if TYPE_CHECKING:
     from stepper._stepper import Stepper
 
-FORMAT = 1
+FORMAT = 2
+"""2: random numbers of sensors are drawn in another order."""
 KINDS = ("start", "step", "reset", "set_state", "applied", "randomize")
 """What a row can be. "applied" stands before a step whose applied forces or mocap poses are other than those of the step before."""
 FIELDS = {

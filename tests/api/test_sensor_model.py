@@ -114,7 +114,8 @@ def test_seeds_episodes_and_environments_differ(model):
     assert len({row.tobytes() for row in first[-1]}) == 3
     sim.reset()
     second = episode(sim)
-    assert not np.any(first[:, :, 0] == second[:, :, 0])
+    # Multiples of 1e-4 of numbers that scatter by 0.3: each of 63 is the same with probability 1e-4, and is held for two steps.
+    assert np.count_nonzero(first[:, :, 0] == second[:, :, 0]) <= 4
     sim.reset(seed=1)
     np.testing.assert_array_equal(episode(sim), first)
     sim.reset(seed=2)

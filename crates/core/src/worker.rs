@@ -179,7 +179,7 @@ impl Stepped for f32 {
 
 fn make_room<R: Real>(site: &Site<'_, R::Scalar>) -> Box<dyn Any + Send> {
     let scratch = Scratch::<R>::new(site.plan, site.options, site.max_contacts);
-    Box::new(Desk { scratch, senses: Senses::new(site.plan), plan: LanePlan::new(site.plan) })
+    Box::new(Desk { scratch, senses: Senses::new(site.plan, site.max_contacts), plan: LanePlan::new(site.plan) })
 }
 
 /// Where a worker steps and reads.

@@ -25,9 +25,15 @@ pub(super) struct Senses<R: Real> {
 }
 
 impl<R: Real> Senses<R> {
-    pub(super) fn new(plan: &Plan<R::Scalar>) -> Self {
+    pub(super) fn new(plan: &Plan<R::Scalar>, max_contacts: usize) -> Self {
         let n = if plan.sensing.needs.acceleration { plan.nv } else { 0 };
-        Self { room: Room::new(plan), drive: Drive::new(plan), work: None, v_before: vec![R::zero(); n], acceleration: vec![R::zero(); n] }
+        Self {
+            room: Room::new(plan, max_contacts),
+            drive: Drive::new(plan),
+            work: None,
+            v_before: vec![R::zero(); n],
+            acceleration: vec![R::zero(); n],
+        }
     }
 
     /// Keeps what a step will change.
@@ -148,13 +154,19 @@ impl<R: Real> Senses<R> {
     pub(super) fn remember(&self, group: &mut Group<R::Scalar>, s: &Scratch<R>) {
         let memory = &mut group.sensing;
         memory.fresh = 0;
-        for (x, out) in [(&self.acceleration, &mut memory.acceleration), (&s.inputs.ctrl, &mut memory.ctrl)] {
-            for (x, out) in x.iter().zip(out.chunks_exact_mut(R::LANES)) {
-                x.store(out);
-            }
-        }
-        let given = |i: usize| s.inputs.xfrc.get(i).copied().unwrap_or_default();
-        memory.xfrc.chunks_exact_mut(R::LANES).enumerate().for_each(|(i, out)| given(i).store(out));
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for (x, out) in [(&self.acceleration, &mut memory.acceleration), (&s.inputs.ctrl, &mut memory.ctrl)] {
+                    for (x, out) in x.iter().zip(out.chunks_exact_mut(R::LANES)) {
+                        x.store(out);
+                    }
+                }
+                for (i, out) in memory.xfrc.chunks_exact_mut(R::LANES).enumerate() {
+                    s.inputs.xfrc.get(i).copied().unwrap_or_default().store(out);
+                }
+            },
+        )
     }
 
     /// Lets the transfer functions begin in the lanes that wait for it. What the user applies is left out of that reading, so that it is the
@@ -236,12 +248,17 @@ impl<R: Real> Senses<R> {
 }
 
 fn take<R: Real>(from: &[R::Scalar], out: &mut [R]) {
-    if from.is_empty() {
-        out.fill(R::zero());
-    }
-    for (x, from) in out.iter_mut().zip(from.chunks_exact(R::LANES)) {
-        *x = R::load(from);
-    }
+    R::vectorize(
+        #[inline(always)]
+        || {
+            if from.is_empty() {
+                out.fill(R::zero());
+            }
+            for (x, from) in out.iter_mut().zip(from.chunks_exact(R::LANES)) {
+                *x = R::load(from);
+            }
+        },
+    )
 }
 
 /// The contacts of one lane as they are in the state.

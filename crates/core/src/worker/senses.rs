@@ -163,10 +163,10 @@ impl<R: Real> Senses<R> {
                     }
                 }
                 for (i, out) in memory.xfrc.chunks_exact_mut(R::LANES).enumerate() {
-                    s.inputs.xfrc.get(i).copied().unwrap_or_default().store(out);
+                    s.inputs.xfrc.get(i).copied().unwrap_or(R::zero()).store(out);
                 }
             },
-        )
+        );
     }
 
     /// Lets the transfer functions begin in the lanes that wait for it. What the user applies is left out of that reading, so that it is the

@@ -94,7 +94,7 @@ class Recorder:
             self._add("applied", **{name: now for name, now in zip(APPLIED, self._applied, strict=True) if now is not None})
         row = {name: np.asarray(getattr(sim, name)) for name in FIELDS if name not in ("ctrl", "nstep")}
         row |= {"ctrl": ctrl, "nstep": np.asarray(nstep)}
-        self.failures.look(self.rows, row, sim.sensor_faults)
+        self.failures.look(self.rows, row, sim.sensor_faults, sim.actuator_saturation)
         for name, value in row.items():
             self._steps[name].append(value)
         self._count("step", sum(value.nbytes for value in row.values()))

@@ -165,6 +165,9 @@ class Stepper:
     sensor_faults: Final[_Array]
     """Of each sensor, readings that were clipped to its limits and samples that were lost in the last call of `step`:
     (num_envs, nsensor, 2) uint32."""
+    actuator_saturation: Final[_Array]
+    """Steps of the last call of `step` in which the effort of each actuator was cut to its bounds: its `forcerange`, its joint's
+    `actuatorfrcrange`, or the limits and torque-speed curve of its drive: (num_envs, nu) uint32."""
     qfrc_applied: _Array
     """Writable, read by every step: forces on the joints in N or N m, (num_envs, nv)."""
     xfrc_applied: _Array

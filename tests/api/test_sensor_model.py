@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import pickle
+import re
 
+import mujoco
 import numpy as np
 import pytest
 import stepper
@@ -133,6 +135,19 @@ def test_a_masked_reset_leaves_the_others_alone(model):
     assert np.all(sim.time[mask] == pytest.approx(0.006))
 
 
+def test_a_masked_reset_leaves_nothing_behind(model):
+    """Under a seed of its own an environment reads what a new one does: nothing of a bias, drift or delay line is left."""
+    used, new = noisy(model, 10, seed=4), noisy(model, 10, seed=99)
+    episode(used)
+    mask = np.arange(10) % 3 == 0
+    for sim in (used, new):
+        sim.reset(mask, seed=7)
+    for k in range(20):
+        np.testing.assert_array_equal(used.observation[mask], new.observation[mask])
+        for sim in (used, new):
+            sim.step(np.full(1, np.sin(k)))
+
+
 def test_states_carry_bias_drift_and_delay_lines(model):
     sim = noisy(model, 9, seed=8)
     episode(sim)
@@ -200,6 +215,40 @@ def test_mjcf_declares_noise_and_cutoff(model):
     sim.reset(qvel=[3.0])
     assert sim.observation[1] == 0.5
     assert 0 < abs(sim.observation[0]) < 0.06
+
+
+@pytest.mark.parametrize(
+    "history",
+    ['delay="{3}" nsample="8"', 'delay="{2.5}" nsample="8"', 'delay="{2.5}" nsample="8" interp="linear"', 'delay="{9}" nsample="4"',
+     'interval="{3}" nsample="4"', 'interval="{3}" delay="{2}" nsample="8"', 'interval="{2.5}" nsample="4"'],
+)  # fmt: skip
+def test_mjcf_declares_delays_and_intervals(history):
+    """Readings are MuJoCo's, which are those before its last step; its history begins with zeros, as the clock does.
+
+    Steps are powers of two: where times are rounded, MuJoCo's samples come a step late.
+    """
+    history = re.sub(r"{(.*?)}", lambda steps: str(float(steps[1]) / 128), history)
+    text = f'<mujoco><option timestep="{1 / 128}"/><sensor><clock name="clock" {history}/></sensor></mujoco>'
+    mj = mujoco.MjModel.from_xml_string(text)
+    data, loaded = mujoco.MjData(mj), stepper.load(mj)
+    sim = stepper.Stepper(loaded, sensors=SensorModel.from_mjcf(loaded))
+    for _ in range(40):
+        mujoco.mj_step(mj, data)
+        assert sim.observation == pytest.approx(data.sensordata, abs=1e-12)
+        sim.step()
+
+
+@pytest.mark.parametrize(
+    ("history", "what"),
+    [
+        ('delay=".025" nsample="8" interp="cubic"', "cubic"),
+        ('delay=".02" interval=".03" nsample="8" interp="linear"', "the older one"),
+        ('interval=".03 -.01" nsample="8"', "that of the reset"),
+    ],
+)
+def test_what_mjcf_declares_and_is_read_otherwise_is_listed(history, what):
+    loaded = stepper.load(f'<mujoco><option timestep=".01"/><sensor><clock name="watch" {history}/></sensor></mujoco>')
+    assert any("watch" in line and what in line for line in loaded.explain().splitlines())
 
 
 def test_files(model, tmp_path):

@@ -81,6 +81,8 @@ pub trait Engine: Send + Sync {
     fn status(&self, env: usize) -> u32;
     /// Readings that were clipped and samples that were lost in the last call: two numbers for every sensor of the model.
     fn sensor_faults(&self, env: usize, out: &mut [[u32; 2]]);
+    /// Steps of the last call in which the effort of each actuator was cut to its bounds.
+    fn actuator_saturation(&self, env: usize, out: &mut [u32]);
     /// (residual in m/s, sweeps and Newton steps together) of the last step.
     fn certificate(&self, env: usize) -> (f64, f64);
     /// Contacts of the last step: geoms of the model and the numbers.
@@ -383,6 +385,13 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
         let counts = group.sensing.faults.chunks_exact(2 * self.lanes);
         for (sensor, counts) in self.errors.iter().flat_map(Errors::sensors).zip(counts) {
             out[sensor] = [counts[lane], counts[self.lanes + lane]];
+        }
+    }
+
+    fn actuator_saturation(&self, env: usize, out: &mut [u32]) {
+        let (group, lane) = self.at(env);
+        for (out, counts) in out.iter_mut().zip(group.saturated.chunks_exact(self.lanes)) {
+            *out = counts[lane];
         }
     }
 

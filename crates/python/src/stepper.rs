@@ -621,6 +621,13 @@ impl Stepper {
     }
 
     #[getter]
+    fn actuator_saturation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let counts: Vec<u32> = (0..self.n()).flat_map(|env| self.simulation.actuator_saturation(env)).collect();
+        let shape = self.shape(&[self.simulation.model().nu()]);
+        Ok(numpy::PyArray1::from_vec(py, counts).reshape(shape)?.into_any())
+    }
+
+    #[getter]
     fn sensors(&self, py: Python<'_>) -> Option<Py<PyAny>> {
         self.sensors.as_ref().map(|s| s.clone_ref(py))
     }

@@ -251,6 +251,81 @@ def test_what_mjcf_declares_and_is_read_otherwise_is_listed(history, what):
     assert any("watch" in line and what in line for line in loaded.explain().splitlines())
 
 
+SEEN = """
+<mujoco><worldbody>
+  <geom name="floor" type="plane" size="1 1 1"/><geom name="wall" type="box" size=".1 5 5" pos="3 0 5"/>
+  <body name="head" pos="0 0 2"><joint name="tilt" axis="0 1 0"/><geom name="skull" size=".3"/><site name="eye" pos=".1 0 0"/></body>
+</worldbody><sensor><jointpos name="angle" joint="tilt"/><gyro name="gyro" site="eye"/>
+<accelerometer name="feel" site="eye"/></sensor></mujoco>"""
+
+
+def test_fans_of_rays_and_combinations_are_added(tmp_path):
+    """Distances to a floor and a wall by hand; the sensor's own body is not in the way; files and transfer functions know them."""
+    directions = [[1.0, 0, 0], [0, 0, -2.0], [1, 0, -1], [-1, 0, 0]]
+    fan = stepper.RayFan("eye", directions)
+    grown = stepper.load(SEEN).with_sensors({
+        "fan": fan,
+        "down": stepper.RayFan("eye", directions[1:2], geoms=["floor"], data=("distance", "point")),
+        "mixed": stepper.Combination({"gyro": 2.0, "feel": -0.5}),
+        "twice": stepper.Combination({"mixed": 2.0}),
+    })  # fmt: skip
+    assert grown.sensor_names == ["angle", "gyro", "feel", "fan", "down", "mixed", "twice"]
+    grown.save(tmp_path / "grown.stepper")
+    assert stepper.load(tmp_path / "grown.stepper") == grown
+    sim = stepper.Stepper(grown, 9, sensors=SensorModel({"fan": Transfer(delay=0.01)}))
+    sim.step(nstep=3)
+    x = sim.sensor_truth
+    sim.reset(qvel=np.full((9, 1), 0.3))
+    x = sim.sensor_truth
+    # The eye stands at (0.1, 0, 2), the wall's face at x = 2.9.
+    np.testing.assert_allclose(x[:, 7:11], np.tile([2.8, 2.0, 2 * np.sqrt(2), -1.0], (9, 1)), atol=1e-12)
+    np.testing.assert_allclose(x[:, 11:15], np.tile([2.0, 0.1, 0.0, 0.0], (9, 1)), atol=1e-12)
+    np.testing.assert_allclose(x[:, 15:18], 2.0 * x[:, 1:4] - 0.5 * x[:, 4:7], atol=1e-14)
+    np.testing.assert_allclose(x[:, 18:21], 2 * x[:, 15:18], atol=1e-14)
+    np.testing.assert_array_equal(sim.observation[:, 7:11], x[:, 7:11])
+
+
+@pytest.mark.parametrize(
+    ("sensors", "error", "match"),
+    [
+        ({"fan": stepper.RayFan("ear", [[1, 0, 0]])}, ValueError, r"sensor 'fan': no site 'ear', there are: eye"),
+        ({"fan": stepper.RayFan("eye", [1, 0, 0])}, ValueError, r"sensor 'fan': rays has shape \(3,\), must be \(n, 3\)"),
+        ({"fan": stepper.RayFan("eye", [[1, 0, 0], [0, 0, 0]])}, ValueError, r"sensor 'fan': ray 1 is \[0.0, 0.0, 0.0\]"),
+        ({"fan": stepper.RayFan("eye", [[1, 0, 0]], geoms=["door"])}, ValueError, r"sensor 'fan': no geom 'door', there are: floor"),
+        ({"fan": stepper.RayFan("eye", [[1, 0, 0]], data=("normal",))}, ValueError, r"data has \['normal'\], must be of: distance"),
+        ({"fan": stepper.RayFan("eye", [[1, 0, 0]], data=())}, stepper.ModelError, r'sensor "fan".*fields'),
+        ({"sum": stepper.Combination({"gyr": 1.0})}, ValueError, r"sensor 'sum': no sensor 'gyr', there are: angle, gyro"),
+        ({"sum": stepper.Combination({"gyro": 1.0, "angle": 1.0})}, stepper.ModelError, r'"gyro" of dimension 3 with "angle"'),
+        ({"sum": stepper.Combination({})}, stepper.ModelError, r"combination of nothing"),
+        ({"gyro": stepper.Combination({"angle": 1.0})}, stepper.ModelError, r'gyro'),
+        ({"sum": {"gyro": 1.0}}, TypeError, r"sensor 'sum' is .* must be a stepper.RayFan or stepper.Combination"),
+        ([stepper.Combination({"gyro": 1.0})], TypeError, r"must be a mapping of names"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_added_is_named(sensors, error, match):
+    with pytest.raises(error, match=match):
+        stepper.load(SEEN).with_sensors(sensors)
+
+
+def test_what_is_no_table_or_number_is_named(model, tmp_path):
+    for make, error, match in [
+        (lambda: Transfer(noise_std=None), TypeError, "noise_std is None, must be a number"),
+        (lambda: Transfer(limits=3), ValueError, r"limits is 3, must be \(low, high\)"),
+        (lambda: Transfer(limits=("a", 1)), TypeError, r"limits\[0\] is 'a'"),
+        (lambda: SensorModel([ALL]), TypeError, "transfers is .* must be a mapping of names to stepper.Transfer"),
+        (lambda: SensorModel.from_dict({"sensors": [1]}), ValueError, "sensors: sensors is"),
+        (lambda: SensorModel.from_dict({"sensors": {"gyro": {"limits": 1}}}), ValueError, "sensor 'gyro': limits is 1"),
+        (lambda: stepper.Stepper(model).observe(out=np.zeros(13, int)), TypeError, "out has dtype int64"),
+        (lambda: stepper.Stepper(model).observe(out=[0.0] * 13), TypeError, "out is .* must be an array"),
+    ]:
+        with pytest.raises(error, match=match):
+            make()
+    file = tmp_path / "list.json"
+    file.write_text("[]")
+    with pytest.raises(ValueError, match=r"list.json holds a list, must hold tables by name"):
+        SensorModel.from_file(file)
+
+
 def test_files(model, tmp_path):
     toml = tmp_path / "sensors.toml"
     toml.write_text(

@@ -429,7 +429,7 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
             return Err(format!("a state of {} environments, this stepper has {}", saved.num_envs, self.num_envs));
         }
         if saved.groups.len() != self.groups.len() || !saved.groups.iter().zip(&self.groups).all(|(a, b)| a.fits(b)) {
-            return Err("a state of another model, precision or max_contacts".into());
+            return Err("a state of another model, other sensors or actuators, another precision or max_contacts".into());
         }
         let contacts_exist = |g: &Group<S>| {
             let known = |&id: &u64| id == 0 || self.plan.pair_geoms(ContactId(id).pair()).is_some();

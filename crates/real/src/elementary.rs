@@ -100,12 +100,30 @@ pub(crate) fn sin_cos_octant<R: Real>(x: R) -> (R, R) {
 /// where s = f / (2 + f).
 #[inline(always)]
 pub(crate) fn ln<R: Real>(x: R) -> R {
-    let (zero, one) = (R::zero(), R::one());
+    let zero = R::zero();
     // Subnormal numbers have no exponent of their own; this makes them normal in either precision.
     const SHIFT: u32 = 54;
     let small = x.lt(R::splat(R::Scalar::MIN_POSITIVE));
     let (m, e) = R::select(small, x * R::of((1u64 << SHIFT) as f64), x).split();
-    let e = R::select(small, e - R::of(f64::from(SHIFT)), e);
+    let y = ln_of_parts(m, R::select(small, e - R::of(f64::from(SHIFT)), e));
+
+    let ordinary = x.gt(zero).and(x.lt(R::splat(R::Scalar::INFINITY)));
+    let at_zero = R::splat(-R::Scalar::INFINITY);
+    let other = R::select(x.eq(zero), at_zero, R::select(x.lt(zero), R::splat(R::Scalar::NAN), x));
+    R::select(ordinary, y, other)
+}
+
+/// ln x of a positive normal number.
+#[inline(always)]
+pub(crate) fn ln_normal<R: Real>(x: R) -> R {
+    let (m, e) = x.split();
+    ln_of_parts(m, e)
+}
+
+/// ln of m 2^e, for m in [1, 2).
+#[inline(always)]
+fn ln_of_parts<R: Real>(m: R, e: R) -> R {
+    let one = R::one();
     let upper = m.gt(R::of(core::f64::consts::SQRT_2));
     let f = R::select(upper, m * R::of(0.5), m) - one;
     let e = R::select(upper, e + one, e);
@@ -115,12 +133,7 @@ pub(crate) fn ln<R: Real>(x: R) -> R {
     let half_square = R::of(0.5) * f * f;
     let [ln2_high, ln2_low] = R::Scalar::LN_2;
     let rest = s * (half_square + z * polynomial(z, R::Scalar::LN)) + e * R::splat(ln2_low);
-    let y = e * R::splat(ln2_high) - ((half_square - rest) - f);
-
-    let ordinary = x.gt(zero).and(x.lt(R::splat(R::Scalar::INFINITY)));
-    let at_zero = R::splat(-R::Scalar::INFINITY);
-    let other = R::select(x.eq(zero), at_zero, R::select(x.lt(zero), R::splat(R::Scalar::NAN), x));
-    R::select(ordinary, y, other)
+    e * R::splat(ln2_high) - ((half_square - rest) - f)
 }
 
 /// e^x = 2^k e^r with r = x - k ln 2, and e^r = 1 + r + r c / (2 - c), where c = r - r^2 P(r^2).

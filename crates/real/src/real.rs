@@ -162,6 +162,11 @@ pub trait Real:
     fn ln(self) -> Self {
         elementary::ln(self)
     }
+    /// What [`Real::ln`] makes of a positive normal number. Anything else gives some number, the same everywhere.
+    #[inline(always)]
+    fn ln_normal(self) -> Self {
+        elementary::ln_normal(self)
+    }
     /// e^self, within 0.9 ulp (f32: 0.95). Overflows to infinity; underflows gradually through the subnormals to 0.
     #[inline(always)]
     fn exp(self) -> Self {

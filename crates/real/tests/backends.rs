@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use stepper_real::{F32x16, F64x8, Level, Mask, Real, at_level};
 
 /// Names of what `operations` writes, in its order.
-const NAMES: [&str; 42] = [
+const NAMES: [&str; 43] = [
     "add",
     "sub",
     "mul",
@@ -41,6 +41,7 @@ const NAMES: [&str; 42] = [
     "sin_cos_octant.0",
     "sin_cos_octant.1",
     "ln",
+    "ln_normal",
     "exp",
     "atan2",
     "acos",
@@ -110,6 +111,7 @@ fn operations<R: Real>(a: &[R::Scalar], b: &[R::Scalar], out: &mut [R::Scalar]) 
         octant_sin,
         octant_cos,
         a.ln(),
+        a.ln_normal(),
         a.exp(),
         a.atan2(b),
         a.acos(),

@@ -73,7 +73,7 @@ fn signed<R: Real>(word: &Word, shift: u32) -> R {
 pub fn normals<R: Real>(radius: &Word, angle: &Word) -> [R; 2] {
     /// pi/4 over 2^31.
     const UNIT: f64 = std::f64::consts::FRAC_PI_4 / 2_147_483_648.0;
-    let r = (-uniform::<R>(radius).ln()).sqrt();
+    let r = (-uniform::<R>(radius).ln_normal()).sqrt();
     let (a, first, second): (R, R, R) = (signed(angle, 2), signed(angle, 0), signed(angle, 1));
     let (s, c) = (a * R::of(UNIT) + R::of(2.0 * UNIT)).sin_cos_octant();
     [(r * (c - s)).copysign(first), (r * (c + s)).copysign(second)]

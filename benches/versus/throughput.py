@@ -102,8 +102,8 @@ def alone(case: Case, plan: Plan) -> dict[str, list[float]]:
     """Microseconds per step of environments that are stepped alone, one step per call from Python, by engine and chunk."""
     mujoco = require("mujoco", "to run MuJoCo beside stepper")
 
-    def ours() -> Callable[[Array], None]:
-        return Stepper(case.model).step
+    def ours(options: Options | None = None) -> Callable[[Array], None]:
+        return Stepper(case.model, options=options).step
 
     def theirs(settings: Any) -> Callable[[Array], None]:
         model = mujoco.MjModel.from_xml_path(case.path)
@@ -119,7 +119,8 @@ def alone(case: Case, plan: Plan) -> dict[str, list[float]]:
 
         return step
 
-    sims = {OURS[0]: [ours() for _ in range(ALONE)]}
+    quick = fast(case.model)
+    sims = {OURS[0]: [ours() for _ in range(ALONE)], FAST[0]: [ours(quick) for _ in range(ALONE)]}
     sims |= {peer: [theirs(settings) for _ in range(ALONE)] for peer, settings in zip(PEERS, (MATCHED, None), strict=True)}
     times: dict[str, list[float]] = {name: [] for name in sims}
     for begin in range(0, plan.steps, plan.chunk):
@@ -174,7 +175,7 @@ def measure(case: Case, plan: Plan) -> dict[str, Any]:
         "microseconds_alone": {name: median(found) for name, found in single.items()},
         "ratio": {name: against(times, name) for name in (*OURS, *FAST)},
         "ratio_all_cores": {name: against(wall, name) for name in OURS} if wall else {},
-        "ratio_alone": against(single, OURS[0]),
+        "ratio_alone": {name: against(single, name) for name in (OURS[0], FAST[0])},
         "contacts": {name: float(np.mean([s.contacts for s in found])) for name, found in samples.items()},
         "penetration": {name: max(s.penetration for s in found) for name, found in samples.items()},
         "certificates": {name: dataclasses.asdict(certificate) for name, certificate in certificates.items()},
@@ -188,7 +189,7 @@ def table(rows: list[dict[str, Any]]) -> str:
     heads += ["fast f64 x", "fast f32 x"]
     heads += ["all cores f64 x", "f32 x", "cores gain"] if many else []
     all_six = "f64 / f32 / fast f64 / fast f32 / same / own"
-    heads += ["alone us / MuJoCo", "alone x", f"contacts {all_six}", f"penetration mm {all_six}"]
+    heads += ["alone us / fast / MuJoCo", "alone x", "fast alone x", f"contacts {all_six}", f"penetration mm {all_six}"]
     heads += ["residual m/s f64 / f32 / fast f64 / fast f32", "not converged % f64 / f32 / fast f64 / fast f32"]
     lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
     ours = (*OURS, *FAST)
@@ -200,7 +201,8 @@ def table(rows: list[dict[str, Any]]) -> str:
         if many:
             cells += [*(f"{row['ratio_all_cores'][name]:.1f}" for name in OURS)]
             cells += [f"{us[OURS[0]] / row['microseconds_all_cores'][OURS[0]]:.2f}"]
-        cells += [f"{single[OURS[0]]:.1f} / {min(single[peer] for peer in PEERS):.1f}", f"**{row['ratio_alone']:.1f}**"]
+        cells += [f"{single[OURS[0]]:.1f} / {single[FAST[0]]:.1f} / {min(single[peer] for peer in PEERS):.1f}"]
+        cells += [f"**{found:.1f}**" for found in row["ratio_alone"].values()]
         cells += [" / ".join(f"{row['contacts'][name]:.1f}" for name in names)]
         cells += [" / ".join(f"{1e3 * row['penetration'][name]:.2g}" for name in names)]
         cells += [" / ".join(f"{certificates[name]['worst_residual']:.1g}" for name in ours)]
@@ -212,7 +214,7 @@ def table(rows: list[dict[str, Any]]) -> str:
         cells += [*(f"{geometric_mean(row['ratio_all_cores'][name] for row in rows):.1f}" for name in OURS)]
         gains = [row["microseconds"][OURS[0]] / row["microseconds_all_cores"][OURS[0]] for row in rows]
         cells += [f"{geometric_mean(gains):.2f}"]
-    cells += ["", f"**{geometric_mean(row['ratio_alone'] for row in rows):.1f}**", "", "", "", ""]
+    cells += ["", *(f"**{geometric_mean(row['ratio_alone'][name] for row in rows):.1f}**" for name in (OURS[0], FAST[0])), "", "", "", ""]
     return "\n".join([*lines, "| " + " | ".join(cells) + " |"])
 
 
@@ -239,7 +241,7 @@ def main() -> None:
             continue
         rows.append(measure(case, plan))
         done = rows[-1]
-        print(f"{case.name}: {done['ratio'][OURS[0]]:.1f} times, alone {done['ratio_alone']:.1f} times", flush=True)
+        print(f"{case.name}: {done['ratio'][OURS[0]]:.1f} times, fast {done['ratio'][FAST[0]]:.1f} times", flush=True)
     if not rows:
         parser.error("no model to run: " + "; ".join(left_out))
     came_from = provenance()

@@ -7,6 +7,7 @@ from stepper import devices
 from stepper._actuators import PID, ActuatorModel, DCMotor, Drive
 from stepper._load import load
 from stepper._options import Options
+from stepper._readings import Combination, RayFan
 from stepper._record import Recorder
 from stepper._replay import Difference, Replay, replay
 from stepper._sensors import SensorModel, Transfer
@@ -16,12 +17,14 @@ from stepper._stepper import Model, ModelError, State, Stepper, __version__, cpu
 __all__ = [
     "PID",
     "ActuatorModel",
+    "Combination",
     "DCMotor",
     "Difference",
     "Drive",
     "Model",
     "ModelError",
     "Options",
+    "RayFan",
     "Recorder",
     "Replay",
     "SensorModel",

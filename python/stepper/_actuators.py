@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stepper._tables import check_names, check_number, fitting, numbers, read_file
+from stepper._tables import by_name, check_names, check_numbers, fitting, named_tables, numbers, read_file
 
 if TYPE_CHECKING:
     from stepper._stepper import Model
@@ -42,7 +42,7 @@ class PID:
     period: Number | None = None
 
     def __post_init__(self) -> None:
-        _check(self)
+        check_numbers(self)
 
     def _row(self, num_envs: int) -> dict[str, Any]:
         limit = math.inf if self.integral_limit is None else self.integral_limit
@@ -79,7 +79,10 @@ class DCMotor:
     control: str = "torque"
 
     def __post_init__(self) -> None:
-        _check(self, "control")
+        check_numbers(self, "control")
+        for name in ("rotor_inertia", "gear"):
+            if np.ndim(getattr(self, name)):
+                raise ValueError(f"{name} is {getattr(self, name)!r}, must be one number for all environments")
         if self.control not in ("torque", "voltage"):
             raise ValueError(f"control is {self.control!r}, must be 'torque' or 'voltage'")
         if (self.stall_torque is None) != (self.no_load_speed is None):
@@ -126,13 +129,11 @@ class Drive:
     friction: Number = 0.0
 
     def __post_init__(self) -> None:
-        if self.limits is not None and len(self.limits) != 2:
-            raise ValueError(f"limits is {self.limits!r}, must be (low, high)")
         for name, kind in (("motor", DCMotor), ("servo", PID)):
             given = getattr(self, name)
             if given is not None and not isinstance(given, kind):
                 raise TypeError(f"{name} is {given!r}, must be a stepper.{kind.__name__}")
-        _check(self, "limits", "motor", "servo")
+        check_numbers(self, "motor", "servo")
 
     def _row(self, num_envs: int) -> dict[str, Any]:
         """What the Rust crate's `DriveTrain` holds."""
@@ -155,11 +156,7 @@ class ActuatorModel:
     """
 
     def __init__(self, drives: Mapping[str, Drive] | None = None, *, default: Drive | None = None):
-        self.named = dict(drives or {})
-        self.default = default
-        for name, drive in [*self.named.items(), ("default", default)]:
-            if not isinstance(drive, Drive) and not (name == "default" and drive is None):
-                raise TypeError(f"the drive of {name!r} is {drive!r}, must be a stepper.Drive")
+        self.named, self.default = by_name(drives, default, Drive, "drive"), default
 
     @classmethod
     def from_file(cls, path: str | os.PathLike[str]) -> ActuatorModel:
@@ -176,9 +173,8 @@ class ActuatorModel:
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], place: str = "actuators") -> ActuatorModel:
         """The inverse of `to_dict`, and the contents of a file; `place` begins messages."""
-        if unknown := set(data) - {"actuators", "default"}:
-            raise ValueError(f"{place}: unknown tables {sorted(unknown)}, must be 'actuators' and 'default'")
-        named = {name: _read(table, Drive, f"{place}: actuator {name!r}") for name, table in data.get("actuators", {}).items()}
+        tables = named_tables(data, "actuators", place)
+        named = {name: _read(table, Drive, f"{place}: actuator {name!r}") for name, table in tables.items()}
         return cls(named, default=_read(data["default"], Drive, f"{place}: default") if "default" in data else None)
 
     def to_dict(self) -> dict[str, Any]:
@@ -218,14 +214,6 @@ class ActuatorModel:
         return f"ActuatorModel({self.named!r}, default={self.default!r})"
 
 
-def _check(part: PID | DCMotor | Drive, *others: str) -> None:
-    """Raises TypeError if an attribute that is a number is none."""
-    for field in fields(part):
-        value = getattr(part, field.name)
-        if field.name not in others and value is not None:
-            check_number(field.name, value)
-
-
 def _plain(part: PID | DCMotor | Drive) -> dict[str, Any]:
     """Attributes that are given, as plain numbers, lists and tables."""
     out: dict[str, Any] = {}
@@ -254,7 +242,7 @@ def _read(table: Any, kind: type[Any], place: str) -> Any:
         for name, part in (("motor", DCMotor), ("servo", PID)):
             if name in given:
                 given[name] = _read(given[name], part, f"{place}: {name}")
-        if "limits" in given:
+        if isinstance(given.get("limits"), list):
             given["limits"] = tuple(given["limits"])
     try:
         return kind(**given)

@@ -53,10 +53,11 @@ def report(recording: Path) -> None:
     print(", ".join(f"{name} {value}" for name, value in (head["options"] | {"seed": head["seed"]}).items() if value is not None))
     for failure in head["failures"]:
         row, env = failure["first"][0]
-        readings = ", ".join(f"{name} {count}" for name, count in failure.get("readings", {}).items())
+        word = "steps" if "steps" in failure else "readings"
+        counts = ", ".join(f"{name} {count}" for name, count in failure.get(word, {}).items())
         print(
             f"{failure['whose']}: {failure['count']} times {failure['meaning']}, first in row {row}, environment {env}"
-            + (f"; readings: {readings}" if readings else "")
+            + (f"; {word}: {counts}" if counts else "")
         )
     if not head["failures"]:
         print("nothing failed")

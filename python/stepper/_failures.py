@@ -20,6 +20,7 @@ DEEP = 1e-3
 CAUSES = {
     ("action", "non-finite"): "a control is NaN or infinite; the environment kept its state",
     ("action", "clipped"): "a control lies outside its range and was clipped",
+    ("action", "saturated"): "the effort of an actuator was cut to its bounds",
     ("physics", "non-finite"): "the step was not finite though its controls were; the environment kept its state",
     ("physics", "residual"): "the residual is above the tolerance",
     ("physics", "contacts full"): "there were more contacts than room",
@@ -33,7 +34,7 @@ CAUSES = {
 
 
 class Failures:
-    """Counts what failed, by cause and sensor, and keeps where the first of each were."""
+    """Counts what failed, by cause, sensor and actuator, and keeps where the first of each were."""
 
     def __init__(self, sim: Stepper):
         bounds = np.asarray(sim.model.actuator_ctrlrange).reshape(-1, 2)
@@ -43,23 +44,36 @@ class Failures:
             servos = [index for index, drive in enumerate(drives) if drive is not None and drive.servo is not None]
             # A set point of a servo has no range.
             self._low[servos], self._high[servos] = -np.inf, np.inf
-        self._sensors = [sensor["name"] or f"#{index}" for index, sensor in enumerate(sim.model.sensors)]
-        self._readings = np.zeros((len(self._sensors), 2), dtype=np.int64)
+        sensors = [sensor["name"] or f"#{index}" for index, sensor in enumerate(sim.model.sensors)]
+        actuators = [name or f"#{index}" for index, name in enumerate(sim.model.actuator_names)]
+        self._each = {
+            ("sensing", "saturation"): ("readings", sensors, np.zeros(len(sensors), dtype=np.int64)),
+            ("sensing", "dropout"): ("readings", sensors, np.zeros(len(sensors), dtype=np.int64)),
+            ("action", "saturated"): ("steps", actuators, np.zeros(len(actuators), dtype=np.int64)),
+        }
         self._count = dict.fromkeys(CAUSES, 0)
         self._first: dict[tuple[str, str], list[tuple[int, int]]] = {cause: [] for cause in CAUSES}
 
-    def look(self, row: int, fields: dict[str, np.ndarray[Any, Any]], faults: np.ndarray[Any, Any]) -> None:
+    def look(
+        self, row: int, fields: dict[str, np.ndarray[Any, Any]], faults: np.ndarray[Any, Any], saturation: np.ndarray[Any, Any]
+    ) -> None:
         """Takes in one row of a recording.
 
         Args:
             row: Which.
             fields: See `stepper._record.FIELDS`.
             faults: `Stepper.sensor_faults`.
+            saturation: `Stepper.actuator_saturation`.
         """
         ctrl = fields["ctrl"]
-        faults = faults.reshape(len(ctrl), len(self._sensors), 2)
-        self._readings += faults.sum(axis=0, dtype=np.int64)
-        clipped, lost = np.any(faults, axis=1).T
+        faults, saturation = faults.reshape(len(ctrl), -1, 2), saturation.reshape(len(ctrl), -1)
+        counted = {
+            ("sensing", "saturation"): faults[:, :, 0],
+            ("sensing", "dropout"): faults[:, :, 1],
+            ("action", "saturated"): saturation,
+        }
+        for cause, counts in counted.items():
+            self._each[cause][2][:] += counts.sum(axis=0, dtype=np.int64)
         status, deep = np.atleast_1d(fields["status"]), np.atleast_1d(fields["penetration"])
         bad = ~np.all(np.isfinite(ctrl), axis=1)
         outside = np.any((ctrl < self._low) | (ctrl > self._high), axis=1) & ~bad
@@ -76,8 +90,7 @@ class Failures:
             ("physics", "unresolved"): says(Status.UNRESOLVED),
             ("physics", "tunnelled"): says(Status.TUNNELLED),
             ("physics", "penetration"): deep > DEEP,
-            ("sensing", "saturation"): clipped,
-            ("sensing", "dropout"): lost,
+            **{cause: np.any(counts, axis=1) for cause, counts in counted.items()},
         }
         for cause, where in found.items():
             environments = np.flatnonzero(where)
@@ -88,7 +101,7 @@ class Failures:
     def summary(self) -> list[dict[str, Any]]:
         """What happened at all: whose fault, what, in how many calls of `step` of an environment, and the first (row, environment) pairs.
 
-        Of sensing also "readings", how many of each sensor.
+        Of sensing also "readings", how many of each sensor; of saturated actions "steps", how many of each actuator.
         """
         found = [
             {"whose": whose, "what": what, "meaning": CAUSES[whose, what], "count": count, "first": self._first[whose, what]}
@@ -96,7 +109,7 @@ class Failures:
             if count
         ]
         for entry in found:
-            if entry["whose"] == "sensing":
-                counts = self._readings[:, int(entry["what"] == "dropout")]
-                entry["readings"] = {name: int(count) for name, count in zip(self._sensors, counts, strict=True) if count}
+            if (counted := self._each.get((str(entry["whose"]), str(entry["what"])))) is not None:
+                word, names, counts = counted
+                entry[word] = {name: int(count) for name, count in zip(names, counts, strict=True) if count}
         return found

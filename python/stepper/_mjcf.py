@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from stepper._mjcf_actuators import TRN_JOINT, TRN_JOINT_IN_PARENT, activation, actuator, why_dropped
 from stepper._mjcf_omissions import list_omissions
 from stepper._mjcf_sensors import sensors, sites
 
@@ -19,10 +20,6 @@ Description = dict[str, Any]
 # MuJoCo's numbers, which do not change (mjtype.h); the tests compare them with the installed version's.
 FREE, BALL, SLIDE, HINGE = range(4)
 PLANE, HFIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH, SDF = range(9)
-TRN_JOINT, TRN_JOINT_IN_PARENT, TRN_TENDON, TRN_SITE = 0, 1, 3, 4
-DYN_NONE, DYN_INTEGRATOR, DYN_FILTER, DYN_FILTER_EXACT = range(4)
-FIXED, AFFINE = 0, 1
-NO_BIAS, AFFINE_BIAS = 0, 1
 WRAP_JOINT = 1
 CONNECT, WELD, JOINT, TENDON = range(4)
 OBJ_BODY = 1
@@ -141,38 +138,10 @@ class Source:
         """Gear of an actuator with one output."""
         return float(self.m.actuator_gear[self.m.actuator_outadr[actuator], 0])
 
-    def why_dropped(self, actuator: int) -> list[str]:
-        """What an actuator has that cannot be described at all."""
-        m, a, mj = self.m, actuator, self.mujoco
-        target, transmission = int(m.actuator_trnid[a, 0]), int(m.actuator_trntype[a])
-        on_joint = transmission in (TRN_JOINT, TRN_JOINT_IN_PARENT)
-
-        def word(enum: str, value: int) -> str:
-            return str(getattr(mj, enum)(value).name).split("_", 1)[1].lower()
-
-        reasons = []
-        if not (on_joint or transmission in (TRN_TENDON, TRN_SITE)):
-            reasons.append(f"transmission {word('mjtTrn', transmission)}")
-        elif on_joint and not self.moves_one(target):
-            reasons.append(f"transmission to the ball or free joint {self.label('JOINT', target)}")
-        elif transmission == TRN_TENDON and target not in self.tendons:
-            reasons.append(f"transmission to the spatial tendon {self.label('TENDON', target)}")
-        if m.actuator_dyntype[a] not in (DYN_NONE, DYN_INTEGRATOR, DYN_FILTER, DYN_FILTER_EXACT):
-            reasons.append(f"dynamics {word('mjtDyn', m.actuator_dyntype[a])}")
-        if m.actuator_gaintype[a] not in (FIXED, AFFINE):
-            reasons.append(f"gain {word('mjtGain', m.actuator_gaintype[a])}")
-        if m.actuator_biastype[a] not in (NO_BIAS, AFFINE_BIAS):
-            reasons.append(f"bias {word('mjtBias', m.actuator_biastype[a])}")
-        if m.actuator_ctrlnum[a] != 1:
-            reasons.append(f"{m.actuator_ctrlnum[a]} controls")
-        if m.actuator_plugin[a] >= 0:
-            reasons.append("a plugin")
-        return reasons
-
     @cached_property
     def actuators(self) -> list[int]:
         """Actuators that the description has."""
-        return [a for a in range(self.m.nactuator) if not self.why_dropped(a)]
+        return [a for a in range(self.m.nactuator) if not why_dropped(self, a)]
 
 
 def describe(m: Any) -> Description:
@@ -202,7 +171,7 @@ def describe(m: Any) -> Description:
         "excludes": [[int(s) >> 16, int(s) & 0xFFFF] for s in m.exclude_signature],
         "tendons": [_tendon(source, i) for i in source.tendons],
         "equalities": [_equality(source, i) for i in source.equalities],
-        "actuators": [_actuator(source, i) for i in source.actuators],
+        "actuators": [actuator(source, i) for i in source.actuators],
         "sites": sites(source),
         "sensors": list(sensors(source)),
         "keyframes": [_keyframe(source, i) for i in range(m.nkey)],
@@ -408,50 +377,11 @@ def _points(source: Source, i: int, data: list[float], objects: list[int]) -> De
     return shape | {"relpose": relpose.tolist(), "torquescale": data[10]} if weld else shape
 
 
-def _actuator(source: Source, i: int) -> Description:
-    m = source.m
-    ctrl, on_site = int(m.actuator_ctrladr[i]), int(m.actuator_trntype[i]) == TRN_SITE
-    group = int(m.actuator_group[i])
-    idle = source.off("actuation") or (0 <= group < 31 and bool(int(m.opt.disableactuator) >> group & 1))
-    gain = [*m.actuator_gainprm[i, :1].tolist(), 0.0, 0.0] if m.actuator_gaintype[i] == FIXED else m.actuator_gainprm[i, :3].tolist()
-    bias = m.actuator_biasprm[i, :3].tolist() if m.actuator_biastype[i] == AFFINE_BIAS else [0.0, 0.0, 0.0]
-    clamps = bool(m.actuator_ctrllimited[ctrl]) and not source.off("clampctrl")
-    return {
-        "name": source.name("ACTUATOR", i),
-        "transmission": _transmission(source, i),
-        "gear": 1.0 if on_site else source.gear(i),
-        "ctrl_range": m.actuator_ctrlrange[ctrl].tolist() if clamps else None,
-        "force_range": m.actuator_forcerange[i].tolist() if m.actuator_forcelimited[i] else None,
-        "act_range": m.actuator_actrange[i].tolist() if m.actuator_actlimited[i] else None,
-        "activation": _activation(source, i),
-        "gain": [0.0, 0.0, 0.0] if idle else gain,
-        "bias": [0.0, 0.0, 0.0] if idle else bias,
-    }
-
-
-def _transmission(source: Source, i: int) -> Description:
-    m, kind = source.m, int(source.m.actuator_trntype[i])
-    target, reference = m.actuator_trnid[i].tolist()
-    if kind == TRN_SITE:
-        wrench = m.actuator_gear[m.actuator_outadr[i]].tolist()
-        return {"Site": {"site": target, "reference": reference if reference >= 0 else None, "wrench": wrench}}
-    return {"Tendon": source.tendons[target]} if kind == TRN_TENDON else {"Joint": target}
-
-
-def _activation(source: Source, i: int) -> str | Description:
-    kind, tau = int(source.m.actuator_dyntype[i]), float(source.m.actuator_dynprm[i, 0])
-    if kind == DYN_FILTER:
-        return {"Filter": tau}
-    if kind == DYN_FILTER_EXACT:
-        return {"FilterExact": tau}
-    return "Integrator" if kind == DYN_INTEGRATOR else "None"
-
-
 def _keyframe(source: Source, i: int) -> Description:
     m = source.m
     qpos = np.array(m.key_qpos[i])
     source.mujoco.mj_normalizeQuat(m, qpos)
-    active = [a for a in source.actuators if m.actuator_dyntype[a] != DYN_NONE]
+    active = [a for a in source.actuators if activation(source, a) != "None"]
     return {
         "name": source.name("KEY", i),
         "time": float(m.key_time[i]),

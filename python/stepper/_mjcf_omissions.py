@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stepper._mjcf_actuators import CUBIC, activation, delay, is_whole, why_dropped
+
 if TYPE_CHECKING:
     from stepper._mjcf import Source
 
@@ -28,16 +30,16 @@ FIELDS = {
         actuator_trntype actuator_dyntype actuator_gaintype actuator_biastype actuator_ctrladr actuator_ctrlnum actuator_outadr
         actuator_actadr actuator_trnid actuator_dynprm actuator_gainprm actuator_biasprm actuator_actlimited actuator_actrange
         actuator_damping actuator_armature actuator_group actuator_forcelimited actuator_forcerange actuator_ctrllimited
-        actuator_ctrlrange actuator_gear
+        actuator_ctrlrange actuator_gear actuator_delay actuator_history actuator_ctrlspec actuator_actnum
         mesh_vertadr mesh_vertnum mesh_vert mesh_faceadr mesh_facenum mesh_face hfield_size hfield_nrow hfield_ncol hfield_adr hfield_data
         sensor_type sensor_objtype sensor_objid sensor_reftype sensor_refid sensor_intprm sensor_noise sensor_cutoff sensor_delay
-        sensor_interval site_bodyid site_pos site_quat site_type site_size geom_rgba geom_matid mat_rgba
+        sensor_interval sensor_history site_bodyid site_pos site_quat site_type site_size geom_rgba geom_matid mat_rgba
         key_time key_qpos key_qvel key_act key_ctrl
         """,
     "left out, listed": """
         jnt_actgravcomp jnt_stiffnesspoly jnt_springyield dof_dampingpoly geom_adhesion pair_adhesion
         tendon_actfrclimited tendon_actfrcrange tendon_stiffnesspoly tendon_dampingpoly tendon_springyield
-        actuator_actearly actuator_history actuator_delay actuator_dampingpoly actuator_plugin actuator_cranklength actuator_ctrlspec
+        actuator_actearly actuator_dampingpoly actuator_plugin actuator_cranklength
         flex_* flexedge_* plugin* body_plugin geom_plugin sensor_plugin
         key_mpos key_mquat *_solref *_solimp *_solmix *_solref_* *_solimp_* pair_solreffriction
         """,
@@ -51,9 +53,9 @@ FIELDS = {
         dof_M0 dof_length geom_sameframe geom_castshadow geom_aabb site_* cam_* light_* mesh_* skin_* hfield_* tex_* mat_*
         geom_rbound pair_signature efm0_* efmC_perm
         tendon_type tendon_actuatorid tendon_plasticadr tendon_treenum tendon_treeid tendon_width tendon_length0 tendon_invweight0 ten_J_*
-        actuator_outnum actuator_actnum actuator_historyadr actuator_acc0 actuator_length0 actuator_lengthrange
+        actuator_outnum actuator_historyadr actuator_acc0 actuator_length0 actuator_lengthrange
         sensor_datatype sensor_needstage sensor_dim sensor_adr
-        sensor_history sensor_historyadr key_plastic
+        sensor_historyadr key_plastic
         numeric_* text_* tuple_* name_* B_* M_* D_* mapM2M mapM2D mapD2M
         """,
 }
@@ -169,15 +171,17 @@ def _tendons(source: Source) -> None:
 def _actuators(source: Source) -> None:
     m = source.m
     for a in range(m.nactuator):
-        name, dropped = source.label("ACTUATOR", a), source.why_dropped(a)
+        name, dropped = source.label("ACTUATOR", a), why_dropped(source, a)
         if dropped:
             left_out = f"the actuator is left out with its controls, so nu is smaller by {m.actuator_ctrlnum[a]}"
             source.leave_out("actuator", name, f"{', '.join(dropped)} not simulated; {left_out}")
             continue
-        if m.actuator_actearly[a] and m.actuator_dyntype[a]:
+        if m.actuator_actearly[a] and activation(source, a) != "None":
             source.leave_out("actuator early activation", name, "its force lags its activation by one step")
-        if m.actuator_delay[a]:
-            source.leave_out("actuator delay", name, f"the delay of {m.actuator_delay[a]:g} s is not simulated; it acts at once")
+        late, between = delay(source, a)
+        if between == CUBIC and not is_whole(late, m.opt.timestep):
+            reason = f"between controls {late:g} s ago it takes the line, not the cubic polynomial"
+            source.leave_out("actuator delay", name, reason)
         if np.any(m.actuator_dampingpoly[a]):
             source.leave_out("actuator damping polynomial", name, "damping that grows with speed is not simulated; the linear part is")
         if a not in source.joint_actuators.get(int(m.actuator_trnid[a, 0]), []) and (m.actuator_damping[a] or m.actuator_armature[a]):

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stepper._mjcf_actuators import CUBIC, OLDER, is_whole
+
 if TYPE_CHECKING:
     from stepper._mjcf import Source
 
@@ -128,9 +130,27 @@ def sensors(source: Source) -> Iterator[Description]:
             "kind": kind,
             "noise": float(m.sensor_noise[i]),
             "cutoff": float(m.sensor_cutoff[i]),
-            "delay": float(m.sensor_delay[i]),
-            "interval": float(m.sensor_interval[i, 0]),
+            **_history(source, i, word, name),
         }
+
+
+def _history(source: Source, i: int, word: str, name: str) -> Description:
+    """Delay and interval in s. Of a delay that is no whole number of steps, an interval of a step says that the older reading is taken."""
+    m, step = source.m, float(source.m.opt.timestep)
+    samples, between = (int(x) for x in m.sensor_history[i])
+    interval, phase = (float(x) for x in m.sensor_interval[i])
+    delay = min(float(m.sensor_delay[i]), samples * (interval or step))
+    if phase:
+        source.leave_out(f"sensor {word} phase", name, "its first sample is that of the reset", changes_motion=False)
+    if delay and interval and between != OLDER:
+        reason = "between samples it reads the older one, not what lies between them"
+        source.leave_out(f"sensor {word} interpolation", name, reason, changes_motion=False)
+    elif delay and between == CUBIC and not is_whole(delay, step):
+        reason = "between two readings it takes the line, not the cubic polynomial"
+        source.leave_out(f"sensor {word} interpolation", name, reason, changes_motion=False)
+    if delay and between == OLDER and not is_whole(delay, step):
+        interval = interval or step
+    return {"delay": delay, "interval": interval}
 
 
 def _kind(source: Source, i: int, word: str) -> str | Description:

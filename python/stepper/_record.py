@@ -28,7 +28,8 @@ from stepper._machine import provenance
 if TYPE_CHECKING:
     from stepper._stepper import Stepper
 
-FORMAT = 1
+FORMAT = 2
+"""2: random numbers of sensors are drawn in another order."""
 KINDS = ("start", "step", "reset", "set_state", "applied", "randomize")
 """What a row can be. "applied" stands before a step whose applied forces or mocap poses are other than those of the step before."""
 FIELDS = {
@@ -93,7 +94,7 @@ class Recorder:
             self._add("applied", **{name: now for name, now in zip(APPLIED, self._applied, strict=True) if now is not None})
         row = {name: np.asarray(getattr(sim, name)) for name in FIELDS if name not in ("ctrl", "nstep")}
         row |= {"ctrl": ctrl, "nstep": np.asarray(nstep)}
-        self.failures.look(self.rows, row, sim.sensor_faults)
+        self.failures.look(self.rows, row, sim.sensor_faults, sim.actuator_saturation)
         for name, value in row.items():
             self._steps[name].append(value)
         self._count("step", sum(value.nbytes for value in row.values()))

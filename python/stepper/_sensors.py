@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stepper._tables import check_names, check_number, fitting, numbers, read_file
+from stepper._tables import by_name, check_names, check_numbers, fitting, named_tables, numbers, read_file
 
 if TYPE_CHECKING:
     from stepper._stepper import Model
@@ -68,13 +68,7 @@ class Transfer:
             raise ValueError(f"noise is {self.noise!r}, must be 'gaussian' or 'uniform'")
         if self.noise == "uniform" and self.noise_density is not None:
             raise ValueError("noise_density is that of Gaussian noise; give uniform noise its half width as noise_std")
-        if self.limits is not None and len(self.limits) != 2:
-            raise ValueError(f"limits is {self.limits!r}, must be (low, high)")
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if field.name in ("noise", "limits") or value is None:
-                continue
-            check_number(field.name, value)
+        check_numbers(self, "noise")
 
     def _row(self, num_envs: int) -> dict[str, Any]:
         """What the Rust crate's `Transfer` holds."""
@@ -103,11 +97,7 @@ class SensorModel:
     """
 
     def __init__(self, transfers: Mapping[str, Transfer] | None = None, *, default: Transfer | None = None):
-        self.named = dict(transfers or {})
-        self.default = default
-        for name, transfer in [*self.named.items(), ("default", default)]:
-            if not isinstance(transfer, Transfer) and not (name == "default" and transfer is None):
-                raise TypeError(f"the transfer of {name!r} is {transfer!r}, must be a stepper.Transfer")
+        self.named, self.default = by_name(transfers, default, Transfer, "transfer"), default
 
     @classmethod
     def from_mjcf(cls, model: Model) -> SensorModel:
@@ -140,9 +130,7 @@ class SensorModel:
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], place: str = "sensors") -> SensorModel:
         """The inverse of `to_dict`, and the contents of a file; `place` begins messages."""
-        if unknown := set(data) - {"sensors", "default"}:
-            raise ValueError(f"{place}: unknown tables {sorted(unknown)}, must be 'sensors' and 'default'")
-        named = {name: _read(table, f"{place}: sensor {name!r}") for name, table in data.get("sensors", {}).items()}
+        named = {name: _read(table, f"{place}: sensor {name!r}") for name, table in named_tables(data, "sensors", place).items()}
         return cls(named, default=_read(data["default"], f"{place}: default") if "default" in data else None)
 
     def to_dict(self) -> dict[str, Any]:
@@ -194,7 +182,7 @@ def _read(table: Any, place: str) -> Transfer:
     known = {field.name for field in fields(Transfer)}
     if unknown := set(given) - known:
         raise ValueError(f"{place}: unknown entries {sorted(unknown)}, must be of: {', '.join(sorted(known))}")
-    if "limits" in given:
+    if isinstance(given.get("limits"), list):
         given["limits"] = tuple(given["limits"])
     try:
         return replace(devices.find(device) if device else Transfer(), **given)

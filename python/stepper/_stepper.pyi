@@ -5,7 +5,7 @@ quaternions (w, x, y, z).
 """
 
 import builtins
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from typing import Any, Final, TypeAlias, final
 
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from stepper._actuators import ActuatorModel
 from stepper._options import Options
+from stepper._readings import Combination, RayFan
 from stepper._record import Recorder
 from stepper._sensors import SensorModel
 
@@ -84,6 +85,15 @@ class Model:
             ValueError: A wrong shape.
             ModelError: An unknown field, or values that the model cannot have.
         """
+    def with_sensors(self, sensors: Mapping[str, RayFan | Combination]) -> Model:
+        """A new model with more sensors by name, behind its own.
+
+        Raises:
+            ValueError: A name that nothing has, or directions that are none.
+            ModelError: A sensor that the model cannot have.
+        """
+    def geoms_seen_from(self, site: int) -> list[int]:
+        """Indices of the geoms that rays from a site can meet: all simple shapes but those of the site's own body."""
     def __getattr__(self, name: str, /) -> _Array: ...
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
@@ -165,6 +175,9 @@ class Stepper:
     sensor_faults: Final[_Array]
     """Of each sensor, readings that were clipped to its limits and samples that were lost in the last call of `step`:
     (num_envs, nsensor, 2) uint32."""
+    actuator_saturation: Final[_Array]
+    """Steps of the last call of `step` in which the effort of each actuator was cut to its bounds: its `forcerange`, its joint's
+    `actuatorfrcrange`, or the limits and torque-speed curve of its drive: (num_envs, nu) uint32."""
     qfrc_applied: _Array
     """Writable, read by every step: forces on the joints in N or N m, (num_envs, nv)."""
     xfrc_applied: _Array

@@ -7,6 +7,7 @@ import json
 import os
 import tomllib
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -30,7 +31,30 @@ def read_file(path: str | os.PathLike[str]) -> dict[str, Any]:
         data: dict[str, Any] = tomllib.loads(text) if file.suffix == ".toml" else json.loads(text)
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from error
+    if not isinstance(data, dict):
+        raise ValueError(f"{file} holds a {type(data).__name__}, must hold tables by name")
     return data
+
+
+def named_tables(data: Mapping[str, Any], name: str, place: str) -> dict[str, Any]:
+    """The table `name` of tables; raises ValueError for anything else."""
+    if unknown := set(data) - {name, "default"}:
+        raise ValueError(f"{place}: unknown tables {sorted(unknown)}, must be {name!r} and 'default'")
+    tables = data.get(name, {})
+    if not isinstance(tables, Mapping):
+        raise ValueError(f"{place}: {name} is {tables!r}, must be a table by name")
+    return dict(tables)
+
+
+def by_name(given: Any, default: Any, kind: type[T], what: str) -> dict[str, T]:
+    """A mapping of names to parts of a kind, as a new one; raises TypeError for anything else."""
+    if given is not None and not isinstance(given, Mapping):
+        raise TypeError(f"{what}s is {given!r}, must be a mapping of names to stepper.{kind.__name__}")
+    named = dict(given or {})
+    for name, part in [*named.items(), ("default", default)]:
+        if not isinstance(part, kind) and not (name == "default" and part is None):
+            raise TypeError(f"the {what} of {name!r} is {part!r}, must be a stepper.{kind.__name__}")
+    return named
 
 
 def fitting(named: Mapping[str, T], default: T | None, name: str) -> T | None:
@@ -48,8 +72,27 @@ def check_names(named: Mapping[str, T], names: Sequence[str], kind: str) -> None
 
 def check_number(name: str, value: Any) -> None:
     """Raises TypeError if a value is neither a number nor an array of numbers."""
-    if np.asarray(value).dtype.kind not in "iuf":
+    try:
+        fits = np.asarray(value).dtype.kind in "iuf"
+    except ValueError:
+        fits = False
+    if not fits:
         raise TypeError(f"{name} is {value!r}, must be a number or an array of numbers")
+
+
+def check_numbers(part: Any, *others: str) -> None:
+    """Raises TypeError if an attribute of a dataclass that is a number is none, or ValueError if its `limits` are not two."""
+    for field in fields(part):
+        value = getattr(part, field.name)
+        if field.name in others or (value is None and field.default is None):
+            continue
+        if field.name != "limits":
+            check_number(field.name, value)
+        elif isinstance(value, tuple | list) and len(value) == 2:
+            check_number("limits[0]", value[0])
+            check_number("limits[1]", value[1])
+        else:
+            raise ValueError(f"limits is {value!r}, must be (low, high)")
 
 
 def numbers(name: str, value: ArrayLike, num_envs: int) -> list[float]:

@@ -1,6 +1,7 @@
 """Recordings: replayed bit for bit across threads and precisions, refused for another model, and read for what failed."""
 
 import json
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -178,6 +179,60 @@ def test_failures_of_sensing_are_counted_by_sensor(tmp_path):
     assert beyond[0] == beyond[1] == 0 < min(beyond[2:])
     # Five standard deviations of a binomial number.
     assert abs(still.sum() - 0.3 * 4 * steps) < 5 * np.sqrt(0.21 * 4 * steps)
+
+
+ARM = """
+<mujoco><option timestep="0.002" gravity="0 0 0"/>
+  <worldbody><body><joint name="a" axis="0 1 0" actuatorfrcrange="-3 3"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
+  <body><joint name="b" axis="0 1 0"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></body></worldbody>
+  <actuator><motor name="plain" joint="a" forcerange="-2 2"/><motor name="driven" joint="b"/><position name="servo" joint="b" kp="100"
+  forcerange="-1 1"/><motor name="second" joint="a"/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize("integrator", ["midpoint", "implicit", "euler"])
+@pytest.mark.parametrize("num_envs", [1, 11])
+def test_efforts_at_their_bounds_are_counted_by_actuator(tmp_path, integrator, num_envs):
+    drives = stepper.ActuatorModel({"driven": stepper.Drive(motor=stepper.DCMotor(stall_torque=4.0, no_load_speed=50.0))})
+    sim = stepper.Stepper(stepper.load(ARM), num_envs, actuators=drives, options=stepper.Options(integrator=integrator))
+
+    def counts(*ctrl, nstep=3):
+        sim.reset()
+        sim.step(np.tile(ctrl, (num_envs, 1)).astype(float), nstep=nstep)
+        assert sim.actuator_saturation.shape == (num_envs, 4)
+        assert np.ptp(sim.actuator_saturation, axis=0).max() == 0
+        return sim.actuator_saturation[0].tolist()
+
+    with sim.record(tmp_path / "run"):
+        assert counts(1.9, 3.9, 0.005, 0.0) == [0, 0, 0, 0]
+        assert counts(2.1, 0.0, 0.0, 0.0) == [3, 0, 0, 0]
+        assert counts(0.0, 5.0, 0.0, 0.0) == [0, 3, 0, 0]
+        assert counts(0.0, 0.0, -0.5, 0.0, nstep=2) == [0, 0, 2, 0]
+        # The joint's bound is that of the sum: both are cut.
+        assert counts(1.5, 0.0, 0.0, 2.0) == [3, 0, 0, 3]
+    sim.reset()
+    assert not sim.actuator_saturation.any()
+    found = {(f["whose"], f["what"]): f for f in json.loads((tmp_path / "run/run.json").read_text())["failures"]}
+    saturated = found["action", "saturated"]
+    assert saturated["count"] == 4 * num_envs
+    assert saturated["steps"] == {"plain": 6 * num_envs, "driven": 3 * num_envs, "servo": 2 * num_envs, "second": 3 * num_envs}
+    assert saturated["first"][0] == [4, 0]
+
+
+def test_a_recording_needs_no_more_memory_the_longer_it_is(tmp_path):
+    sim = stepper.Stepper(stepper_model(ROBOT), 4)
+    peaks = []
+    with sim.record(tmp_path / "run", chunk=50_000):
+        sim.step(nstep=1)
+        tracemalloc.start()
+        for _ in range(4):
+            tracemalloc.reset_peak()
+            for _ in range(150):
+                sim.step(nstep=1)
+            peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert len(list((tmp_path / "run").glob("*.npz"))) > 4
+    # A chunk, the same again while it is written, and what the failures keep of 600 steps.
+    assert peaks[-1] < 1.2 * peaks[0] + 20_000
 
 
 def test_what_sensors_lost_is_forgotten_at_a_reset():

@@ -45,6 +45,10 @@ KINDS = {
     "velocity": 'velocity {} kv="4"',
     "intvelocity": 'intvelocity {} kp="20" kv="2" actrange="-1 1"',
     "damper": 'damper {} kv="3" ctrlrange="0 1"',
+    "DC motor": 'dcmotor {} motorconst=".5 .6" resistance="2" ctrlrange="-.7 .7"',
+    "bounded DC motor": 'dcmotor {} nominal="12 .5 6" saturation=".03 0 0"',
+    "PID without an integral": 'pid {} kp="20" kv="3" input="pos" posrange="-.5 .5"',
+    "PID of the speed": 'pid {} kp="20" kv="3" input="vel"',
     "affine": 'general {} gaintype="affine" gainprm="1 2 -3" biastype="affine" biasprm=".1 -4 -5"',
     "integrator": 'general {} dyntype="integrator" gainprm="3" biastype="affine" biasprm="0 -2 -1" actlimited="true" actrange="-.3 .3"',
     "filter": 'general {} dyntype="filter" dynprm=".05" gainprm="2"',
@@ -103,6 +107,64 @@ def test_trajectories_of_actuators_on_sites(kind, integrator):
     # Half the step, that part of the error, or both are at the reference's own.
     assert errors[1] < max(1.1 * errors[0] / 2**order, 1e-9)
     assert errors[1] < 0.02
+
+
+WHEEL = """<mujoco><option gravity="0 0 0" timestep=".01"/><worldbody><body><joint name="axle" axis="0 0 1"/>
+  <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></worldbody>
+  <actuator><motor name="m" joint="axle" {history}/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize("delay", [0.01, 0.03, 0.0249999999999999, 0.025, 0.07])
+@pytest.mark.parametrize("history", ['nsample="8"', 'nsample="8" interp="linear"', 'nsample="2"', 'nsample="3" interp="linear"'])
+def test_a_delay_is_mujocos(delay, history):
+    """Whatever acts between two controls, and where the history is shorter than the delay. The first control is 0, as MuJoCo's are."""
+    model = mujoco.MjModel.from_xml_string(WHEEL.format(history=f'{history} delay="{delay}"'))
+    data, sim = mujoco.MjData(model), stepper.Stepper(stepper.load(model))
+    rng = np.random.default_rng(0)
+    for k in range(40):
+        data.ctrl[:] = rng.normal() if k else 0.0
+        sim.step(data.ctrl)
+        mujoco.mj_step(model, data)
+        assert sim.qvel == pytest.approx(data.qvel, abs=1e-14)
+
+
+def test_a_declared_delay_adds_to_a_drives_and_to_a_batch():
+    model = stepper.load(WHEEL.format(history='nsample="8" delay=".03"'))
+    for actuators, late in ((None, 3), (stepper.ActuatorModel({"m": stepper.Drive(delay_steps=2)}), 5)):
+        sim = stepper.Stepper(model, 9, actuators=actuators)
+        sim.step(np.zeros((9, 1)))
+        moves = []
+        for _ in range(8):
+            sim.step(np.ones((9, 1)))
+            moves.append(bool(np.all(sim.qvel > 0)))
+        assert moves == [k >= late for k in range(8)]
+
+
+def test_a_cubic_delay_is_refused_but_where_it_is_whole():
+    history = 'nsample="8" interp="cubic" delay="{}"'
+    stepper.load(WHEEL.format(history=history.format(0.03)))
+    with pytest.raises(stepper.ModelError, match=r"actuator delay.*m.*cubic"):
+        stepper.load(WHEEL.format(history=history.format(0.025)))
+
+
+@pytest.mark.parametrize(
+    "actuator",
+    [
+        'dcmotor {} motorconst=".05" resistance="2" inductance=".01"',
+        'dcmotor {} motorconst=".05" resistance="2" cogging=".1 6 0"',
+        'dcmotor {} motorconst=".05" resistance="2" lugre="1 2 3 4 5"',
+        'dcmotor {} motorconst=".05" resistance="2" thermal="1 2 3 4 5 6"',
+        'dcmotor {} motorconst=".05" resistance="2" input="pos" controller="1 2 3"',
+        'pid {} kp="3" ki="1" input="pos"',
+        'pid {} kp="3" slewmax="1" input="pos"',
+        'pid {} kp="3"',
+    ],
+)
+def test_motors_and_servos_beyond_an_affine_law_are_refused_by_name(actuator):
+    text = TREE.format(actuators=f"<{actuator.format(TARGETS['joint'])} name='hip'/>", sensors="")
+    with pytest.raises(stepper.ModelError, match=r"hip.*(dcmotor|pid|2 controls) not simulated"):
+        stepper.load(text)
+    assert stepper.load(text, strict=False).nu == 0
 
 
 @pytest.mark.parametrize("integrator", ["midpoint", "implicit"])

@@ -81,6 +81,8 @@ pub trait Engine: Send + Sync {
     fn status(&self, env: usize) -> u32;
     /// Readings that were clipped and samples that were lost in the last call: two numbers for every sensor of the model.
     fn sensor_faults(&self, env: usize, out: &mut [[u32; 2]]);
+    /// Steps of the last call in which the effort of each actuator was cut to its bounds.
+    fn actuator_saturation(&self, env: usize, out: &mut [u32]);
     /// (residual in m/s, sweeps and Newton steps together) of the last step.
     fn certificate(&self, env: usize) -> (f64, f64);
     /// Contacts of the last step: geoms of the model and the numbers.
@@ -396,6 +398,13 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
         }
     }
 
+    fn actuator_saturation(&self, env: usize, out: &mut [u32]) {
+        let (group, lane) = self.at(env);
+        for (out, counts) in out.iter_mut().zip(group.saturated.chunks_exact(self.lanes)) {
+            *out = counts[lane];
+        }
+    }
+
     fn certificate(&self, env: usize) -> (f64, f64) {
         let (group, lane) = self.at(env);
         (group.residual[lane].to_f64(), group.iterations[lane].to_f64())
@@ -430,7 +439,7 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
             return Err(format!("a state of {} environments, this stepper has {}", saved.num_envs, self.num_envs));
         }
         if saved.groups.len() != self.groups.len() || !saved.groups.iter().zip(&self.groups).all(|(a, b)| a.fits(b)) {
-            return Err("a state of another model, precision or max_contacts".into());
+            return Err("a state of another model, other sensors or actuators, another precision or max_contacts".into());
         }
         let contacts_exist = |g: &Group<S>| {
             let known = |&id: &u64| id == 0 || self.plan.pair_geoms(ContactId(id).pair()).is_some();

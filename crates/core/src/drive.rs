@@ -25,7 +25,7 @@ use stepper_real::{Mask, Real};
 use crate::plan::{LanePlan, Plan, TrainPlan};
 use crate::spatial::*;
 use region::Region;
-pub(crate) use region::bounded;
+pub(crate) use region::{bounded, exceeds};
 
 /// Which shares of damping and stiffness go into the mass matrix.
 #[derive(Clone, Copy, Debug)]
@@ -156,6 +156,10 @@ pub struct Drive<R: Real> {
     /// Lanes in which the sum of actuator forces on a dof is at its bound, for every such dof.
     bounded: Vec<R::Mask>,
     implied: Vec<R>,
+    /// Lanes in which an actuator that is taken explicitly asks for more than its bounds.
+    pub(crate) beyond: Vec<R::Mask>,
+    /// Lanes in which the sum of actuator forces on a dof is cut to its bounds, for every such dof.
+    cut: Vec<R::Mask>,
     /// Arms of all actuators on sites.
     pub arms: Vec<R>,
     /// Lengths of actuators on sites.
@@ -181,6 +185,8 @@ impl<R: Real> Drive<R> {
             saturated: never(plan.servos.len()),
             bounded: never(plan.actuator_force_ranges.len()),
             implied: zeros(if plan.servos_are_bounded { plan.actuators.len() } else { 0 }),
+            beyond: never(plan.actuators.len()),
+            cut: never(plan.actuator_force_ranges.len()),
             arms: zeros(plan.wrench_arms[0]),
             lengths: zeros(plan.wrench_arms[1]),
             regions: vec![Region::default(); plan.trains],
@@ -250,11 +256,31 @@ impl<R: Real> Drive<R> {
                 }
             }
         }
-        for (range, &bounded) in plan.actuator_force_ranges.iter().zip(&self.bounded) {
+        for (r, range) in plan.actuator_force_ranges.iter().enumerate() {
             let tau = &mut self.tau[range.dof];
             let clamped = within(*tau, Some(range.bounds));
-            *tau = if implicit && range.has_servos { R::select(bounded, clamped, *tau) } else { clamped };
+            let implicit = implicit && range.has_servos;
+            self.cut[r] = if implicit { self.bounded[r] } else { outside(*tau, range.bounds) };
+            *tau = if implicit { R::select(self.bounded[r], clamped, *tau) } else { clamped };
         }
+    }
+
+    /// Lanes in which the effort of an actuator was cut to its bounds, or a sum on its joint that it is part of.
+    #[inline(always)]
+    pub(crate) fn is_cut(&self, plan: &LanePlan<R>, actuator: usize) -> R::Mask {
+        let (of_it, mut cut) = (&plan.actuators[actuator], self.beyond[actuator]);
+        if let Some(k) = of_it.servo {
+            cut = cut.or(self.saturated[k]);
+            if let Some(train) = &of_it.train {
+                cut = cut.or(self.regions[train.index].is_cut());
+            }
+        }
+        for (r, range) in plan.actuator_force_ranges.iter().enumerate() {
+            if range.actuators.iter().any(|&(a, _)| a == actuator) {
+                cut = cut.or(self.cut[r]);
+            }
+        }
+        cut
     }
 
     /// Finds servos whose force at the end of the step would exceed its bounds, if the velocity changed by `dv`: they keep to the bound and
@@ -331,7 +357,7 @@ pub(crate) fn within<R: Real>(x: R, range: Option<[R::Scalar; 2]>) -> R {
 }
 
 #[inline(always)]
-fn outside<R: Real>(x: R, range: [R::Scalar; 2]) -> R::Mask {
+pub(crate) fn outside<R: Real>(x: R, range: [R::Scalar; 2]) -> R::Mask {
     let [lo, hi] = splat(range);
     x.lt(lo).or(x.gt(hi))
 }

@@ -376,6 +376,13 @@ impl<S: Scalar> Plan<S> {
         }
     }
 
+    /// Whether any actuator's effort has bounds.
+    pub fn efforts_are_bounded(&self) -> bool {
+        let bounded = |t: &TrainPlan<S>| t.limited || t.motor.is_some();
+        let own = self.actuators.iter().any(|a| a.force_range.is_some() || a.train.as_ref().is_some_and(bounded));
+        own || !self.actuator_force_ranges.is_empty()
+    }
+
     /// The dof and its ancestors, towards the root.
     #[inline(always)]
     pub fn chain_of(&self, dof: usize) -> &[u32] {

@@ -53,12 +53,15 @@ pub struct Room<R: Real> {
     pub velocity: Vec<V6<R>>,
     /// Acceleration of every link about its tree's reference point; gravity is an upward acceleration of the world.
     pub acceleration: Vec<V6<R>>,
+    /// Force and torque of the parent on every subtree of the plan's list.
+    pub carried: Vec<[V3<R>; 2]>,
+    pub(crate) felt: touching::Felt,
     pub(crate) order: Vec<(f64, usize)>,
 }
 
 impl<R: Real> Room<R> {
     /// Room for a plan.
-    pub fn new(plan: &Plan<R::Scalar>) -> Self {
+    pub fn new(plan: &Plan<R::Scalar>, max_contacts: usize) -> Self {
         let sensing = &plan.sensing;
         let links = if sensing.needs.velocities { plan.links.len() } else { 0 };
         let frames = if sensing.link_quat.is_empty() { 0 } else { plan.nframe() };
@@ -68,7 +71,9 @@ impl<R: Real> Room<R> {
             orientation: vec![one; frames],
             velocity: vec![zero(); links],
             acceleration: vec![zero(); links],
-            order: Vec::with_capacity(if sensing.needs.contacts { plan.contact_points } else { 0 }),
+            carried: vec![[zero(); 2]; sensing.carried.len()],
+            felt: touching::Felt::new(if sensing.needs.contacts { max_contacts * R::LANES } else { 0 }),
+            order: Vec::with_capacity(if sensing.needs.contacts { max_contacts } else { 0 }),
         }
     }
 
@@ -85,11 +90,17 @@ impl<R: Real> Room<R> {
                 || kinematics.velocities(plan, moment.v, &mut self.velocity),
             );
         }
+        if plan.sensing.needs.contacts {
+            self.felt.take_up(plan, moment);
+        }
+        for (k, (site, subtree)) in plan.sensing.carried.iter().enumerate() {
+            self.carried[k] = masses::parent_force(plan, kinematics, self, moment, site, &plan.sensing.subtrees[*subtree]);
+        }
     }
 }
 
 pub use frames::{frame, site_motion};
-pub use masses::{angular_momentum, com, com_velocity, kinetic, parent_force, potential};
+pub use masses::{angular_momentum, com, com_velocity, kinetic, potential};
 pub use proximity::proximity;
 pub use rays::{inside, range};
 pub use touching::{contacts, touch};

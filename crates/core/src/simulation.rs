@@ -71,7 +71,12 @@ impl Simulation {
                 )));
             }
         }
-        Ok(Self::at_level(model, options, num_envs, precision, threads, level))
+        let mut simulation = Self::at_level(model, options, num_envs, precision, threads, level);
+        if simulation.model.actuators.iter().any(|a| a.delay > 0.0) {
+            let trains = vec![None; simulation.model.nu()];
+            simulation.couple(&trains)?;
+        }
+        Ok(simulation)
     }
 
     /// As [`Simulation::new`] on a CPU level that this machine has, whatever the environment variable says; options are taken as they are.
@@ -276,6 +281,13 @@ impl Simulation {
     pub fn sensor_faults(&self, env: usize) -> Vec<[u32; 2]> {
         let mut out = vec![[0; 2]; self.model.sensors.len()];
         self.engine.sensor_faults(env, &mut out);
+        out
+    }
+
+    /// Steps of the last call in which the effort of each actuator was cut to its bounds.
+    pub fn actuator_saturation(&self, env: usize) -> Vec<u32> {
+        let mut out = vec![0; self.model.nu()];
+        self.engine.actuator_saturation(env, &mut out);
         out
     }
 

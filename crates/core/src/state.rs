@@ -48,6 +48,8 @@ pub struct Group<S> {
     pub time: Vec<f64>,
     /// Flags of the last call, per lane.
     pub status: Vec<u32>,
+    /// Steps of the last call in which the effort of each actuator was cut to its bounds, per lane; empty when none has any.
+    pub saturated: Vec<u32>,
     /// Residual of the last step, m/s, per lane.
     pub residual: Vec<S>,
     /// Sweeps of the last step, per lane.
@@ -77,6 +79,7 @@ impl<S: Scalar> Group<S> {
             contact_torque: zeros(if plan.wide { 3 * max_contacts } else { 0 }),
             time: vec![0.0; lanes],
             status: vec![0; lanes],
+            saturated: vec![0; if plan.efforts_are_bounded() { plan.actuators.len() * lanes } else { 0 }],
             residual: zeros(1),
             iterations: zeros(1),
             sensing: Memory::new(plan, lanes, first),
@@ -94,6 +97,7 @@ impl<S: Scalar> Group<S> {
         self.contact_ids.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = 0);
         self.contact_count[lane] = 0;
         self.status[lane] = Status::OK.0;
+        self.saturated.iter_mut().skip(lane).step_by(lanes).for_each(|n| *n = 0);
         self.residual[lane] = S::default();
         self.iterations[lane] = S::default();
         self.sensing.forget(lane);
@@ -105,7 +109,7 @@ impl<S: Scalar> Group<S> {
         let impulses = [&self.scalar_impulse, &self.impulse, &self.mocap, &self.contact_data, &self.contact_torque];
         let numbers = [&self.q, &self.v, &self.act, &self.residual, &self.iterations].into_iter().chain(impulses);
         let scalars: usize = numbers.map(|x| size_of_val(&x[..])).sum();
-        let counts = [&self.contact_count, &self.status].into_iter().map(|x| size_of_val(&x[..])).sum::<usize>();
+        let counts = [&self.contact_count, &self.status, &self.saturated].into_iter().map(|x| size_of_val(&x[..])).sum::<usize>();
         size_of::<Self>()
             + scalars
             + counts
@@ -120,7 +124,7 @@ impl<S: Scalar> Group<S> {
         let sizes = |g: &Self| {
             let impulses = [&g.scalar_impulse, &g.impulse, &g.mocap, &g.contact_data, &g.contact_torque].map(Vec::len);
             let numbers = ([&g.q, &g.v, &g.act, &g.residual, &g.iterations].map(Vec::len), impulses);
-            (g.lanes, g.alive, numbers, [&g.contact_count, &g.status].map(Vec::len), g.contact_ids.len(), g.time.len())
+            (g.lanes, g.alive, numbers, [&g.contact_count, &g.status, &g.saturated].map(Vec::len), g.contact_ids.len(), g.time.len())
         };
         sizes(self) == sizes(other) && self.sensing.fits(&other.sensing) && self.actuation.fits(&other.actuation)
     }

@@ -67,7 +67,7 @@ pub struct Scratch<R: Real> {
     v_free: Vec<R>,
     poses: GeomPoses<R>,
     rk4: Option<Rk4<R>>,
-    drive: Drive<R>,
+    pub(crate) drive: Drive<R>,
     applied: Vec<R>,
     q_eval: Vec<R>,
     q_ahead: Vec<R>,
@@ -306,7 +306,8 @@ fn free_motion<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) 
     s.drive.release();
     let at = rule.forces_at([&s.q_eval, &s.q_ahead], [&s.v, &s.v], &s.act_eval, &s.inputs);
     actuate(plan, &at, rule.servos(), &mut s.drive);
-    accelerate(plan, rule, s);
+    s.smooth.factor_mass(plan, &s.kinematics, implicit(plan, rule, &s.drive, &s.v));
+    s.smooth.acceleration(plan, &s.kinematics, [&s.drive.tau, &s.applied], &s.v, &s.v);
     if plan.servos_are_bounded && (rule.corrects || plan.trains > 0) {
         saturate_servos(plan, rule, s);
     }
@@ -316,11 +317,10 @@ fn free_motion<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) 
     advance(&s.v, &s.smooth.acc, rule.h, &mut s.v_free);
 }
 
-fn accelerate<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) {
-    let servos: &[R] = if rule.corrects || plan.trains > 0 { &s.drive.weight } else { &[] };
-    let drag_at = rule.corrects.then_some(&s.v[..]);
-    s.smooth.factor_mass(plan, &s.kinematics, Implicit { theta: rule.theta, servos, arms: &s.drive.arms, drag_at });
-    s.smooth.acceleration(plan, &s.kinematics, [&s.drive.tau, &s.applied], &s.v, &s.v);
+/// What the mass matrix holds besides M.
+fn implicit<'a, R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, drive: &'a Drive<R>, v: &'a [R]) -> Implicit<'a, R> {
+    let servos: &[R] = if rule.corrects || plan.trains > 0 { &drive.weight } else { &[] };
+    Implicit { theta: rule.theta, servos, arms: &drive.arms, drag_at: rule.corrects.then_some(v) }
 }
 
 /// How often servos are looked at again after others have reached their bounds.
@@ -338,7 +338,8 @@ fn saturate_servos<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<
             return;
         }
         regather(plan, rule.springs_at(&s.q_eval, &s.q_ahead), rule.corrects, &mut s.drive);
-        accelerate(plan, rule, s);
+        s.smooth.factor_mass_again(plan, &s.kinematics, implicit(plan, rule, &s.drive, &s.v));
+        s.smooth.acceleration_again(plan, [&s.drive.tau, &s.applied], &s.v);
     }
 }
 

@@ -182,7 +182,7 @@ impl Stepped for f32 {
 
 fn make_room<R: Real>(site: &Site<'_, R::Scalar>) -> Box<dyn Any + Send> {
     let scratch = Scratch::<R>::new(site.plan, site.options, site.max_contacts);
-    Box::new(Desk { scratch, senses: Senses::new(site.plan), plan: LanePlan::new(site.plan) })
+    Box::new(Desk { scratch, senses: Senses::new(site.plan, site.max_contacts), plan: LanePlan::new(site.plan) })
 }
 
 /// Where a worker steps and reads.
@@ -224,6 +224,7 @@ fn run_group<R: Real>(call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, 
     senses.begin(call, plan, group, at.first, s);
     load(call, group, at.first, s);
     group.status.fill(0);
+    group.saturated.fill(0);
     if !group.sensing.faults.is_empty() {
         group.sensing.faults.fill(0);
     }
@@ -277,6 +278,9 @@ fn run_control<R: Real>(
                 group.time[l] += h;
             }
         }
+        if !group.saturated.is_empty() {
+            count_saturated(plan, s, &mut group.saturated);
+        }
         residual = residual.max(record.residual);
         record.residual.store(&mut group.residual);
         record.iterations.store(&mut group.iterations);
@@ -287,6 +291,22 @@ fn run_control<R: Real>(
         *all |= one;
     }
     (status, residual)
+}
+
+/// Adds one for every actuator whose effort a step has cut to its bounds.
+fn count_saturated<R: Real>(plan: &LanePlan<R>, s: &Scratch<R>, counts: &mut [u32]) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for (actuator, counts) in counts.chunks_exact_mut(R::LANES).enumerate() {
+                let mut lanes = s.drive.is_cut(plan, actuator).and(s.alive).bits();
+                while lanes != 0 {
+                    counts[lanes.trailing_zeros() as usize] += 1;
+                    lanes &= lanes - 1;
+                }
+            }
+        },
+    )
 }
 
 fn store<R: Real>(group: &mut Group<R::Scalar>, s: &Scratch<R>) {

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use numpy::PyUntypedArrayMethods;
-use pyo3::exceptions::{PyAttributeError, PyKeyError, PyValueError};
+use pyo3::exceptions::{PyAttributeError, PyIndexError, PyKeyError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
 use stepper_core::Precision;
@@ -90,6 +90,20 @@ impl Model {
         let values: Vec<(&str, &[f64])> = values.iter().map(|(name, x)| (name.as_str(), x.as_slice())).collect();
         let core = self.core.replace_all(&values).map_err(to_py)?;
         Ok(Self::of(core))
+    }
+
+    fn with_sensors(slf: &Bound<'_, Self>, sensors: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let described = slf.py().import("stepper._readings")?.getattr("describe")?.call1((slf, sensors))?;
+        let more: Vec<Sensor> = pythonize::depythonize(&described)?;
+        slf.get().core.with_sensors(more).map(Self::of).map_err(to_py)
+    }
+
+    fn geoms_seen_from(&self, site: usize) -> PyResult<Vec<usize>> {
+        let count = self.core.sites.len();
+        if site >= count {
+            return Err(PyIndexError::new_err(format!("site {site} of {count}")));
+        }
+        Ok(self.core.geoms_seen_from(site))
     }
 
     /// Any field that `replace` takes.

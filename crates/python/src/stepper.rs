@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use numpy::{PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use numpy::{PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyIndexError, PyMemoryError, PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
@@ -639,6 +639,13 @@ impl Stepper {
     }
 
     #[getter]
+    fn actuator_saturation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let counts: Vec<u32> = (0..self.n()).flat_map(|env| self.simulation.actuator_saturation(env)).collect();
+        let shape = self.shape(&[self.simulation.model().nu()]);
+        Ok(numpy::PyArray1::from_vec(py, counts).reshape(shape)?.into_any())
+    }
+
+    #[getter]
     fn sensors(&self, py: Python<'_>) -> Option<Py<PyAny>> {
         self.sensors.as_ref().map(|s| s.clone_ref(py))
     }
@@ -652,7 +659,14 @@ impl Stepper {
     fn observe<'py>(&mut self, py: Python<'py>, out: Option<Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
         let Some(out) = out else { return self.readings(py, false) };
         let must = self.shape(&[self.simulation.model().nsensordata()]);
-        check_shape("out", &out.getattr("shape")?.extract::<Vec<usize>>()?, &[&must])?;
+        let Ok(given) = out.cast::<numpy::PyUntypedArray>() else {
+            return Err(PyTypeError::new_err(format!("out is {}, must be an array to be filled", described(&out))));
+        };
+        let dtype = given.dtype();
+        if dtype.kind() != b'f' {
+            return Err(PyTypeError::new_err(format!("out has dtype {dtype}, must be one of real numbers")));
+        }
+        check_shape("out", given.shape(), &[&must])?;
         match out.cast::<PyArrayDyn<f64>>() {
             Ok(exact) if exact.is_c_contiguous() => {
                 let mut held = exact.try_readwrite().map_err(|e| PyValueError::new_err(format!("out: {e}")))?;

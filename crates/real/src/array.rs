@@ -107,6 +107,10 @@ macro_rules! array_lanes {
             fn pow2(self) -> Self {
                 each_lane!($name, $n, |i| Real::pow2(self.0[i]))
             }
+            #[inline(always)]
+            fn split(self) -> (Self, Self) {
+                (each_lane!($name, $n, |i| Real::split(self.0[i]).0), each_lane!($name, $n, |i| Real::split(self.0[i]).1))
+            }
         }
 
         impl Mask for $mask {

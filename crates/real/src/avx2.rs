@@ -135,6 +135,15 @@ macro_rules! avx2_lanes {
                 const BIASED: $scalar = (1u64 << $mantissa) as $scalar + $bias;
                 halves!($name, |I| from_int(shift_left::<$mantissa>(to_int(add(self.0[I], set1(BIASED))))))
             }
+            #[inline(always)]
+            fn split(self) -> (Self, Self) {
+                // See the scalar's split.
+                const ONE_BITS: $scalar = (1u64 << $mantissa) as $scalar;
+                const FRACTION: $scalar = $scalar::from_bits((1 << $mantissa) - 1);
+                let exponent = halves!($name, |I| from_int(shift_right::<$mantissa>(to_int(self.0[I]))));
+                let mantissa = halves!($name, |I| or(and(self.0[I], set1(FRACTION)), set1(1.0)));
+                (mantissa, halves!($name, |I| sub(or(exponent.0[I], set1(ONE_BITS)), set1(ONE_BITS + $bias))))
+            }
         }
 
         impl Mask for $mask {
@@ -200,8 +209,8 @@ mod double {
         _mm256_blendv_pd as blend, _mm256_castpd_si256 as to_int, _mm256_castsi256_pd as from_int, _mm256_cmp_pd as cmp,
         _mm256_cmpeq_epi64 as equal_int, _mm256_div_pd as div, _mm256_loadu_pd as loadu, _mm256_max_pd as max, _mm256_min_pd as min,
         _mm256_movemask_pd as movemask, _mm256_mul_pd as mul, _mm256_or_pd as or, _mm256_round_pd as round, _mm256_set1_epi64x as set1_int,
-        _mm256_set1_pd as set1, _mm256_slli_epi64 as shift_left, _mm256_sqrt_pd as sqrt, _mm256_storeu_pd as storeu, _mm256_sub_pd as sub,
-        _mm256_xor_pd as xor,
+        _mm256_set1_pd as set1, _mm256_slli_epi64 as shift_left, _mm256_sqrt_pd as sqrt, _mm256_srli_epi64 as shift_right,
+        _mm256_storeu_pd as storeu, _mm256_sub_pd as sub, _mm256_xor_pd as xor,
     };
     avx2_lanes! {
         /// Eight `f64` lanes.
@@ -217,8 +226,8 @@ mod single {
         _mm256_blendv_ps as blend, _mm256_castps_si256 as to_int, _mm256_castsi256_ps as from_int, _mm256_cmp_ps as cmp,
         _mm256_cmpeq_epi32 as equal_int, _mm256_div_ps as div, _mm256_loadu_ps as loadu, _mm256_max_ps as max, _mm256_min_ps as min,
         _mm256_movemask_ps as movemask, _mm256_mul_ps as mul, _mm256_or_ps as or, _mm256_round_ps as round, _mm256_set1_epi32 as set1_int,
-        _mm256_set1_ps as set1, _mm256_slli_epi32 as shift_left, _mm256_sqrt_ps as sqrt, _mm256_storeu_ps as storeu, _mm256_sub_ps as sub,
-        _mm256_xor_ps as xor,
+        _mm256_set1_ps as set1, _mm256_slli_epi32 as shift_left, _mm256_sqrt_ps as sqrt, _mm256_srli_epi32 as shift_right,
+        _mm256_storeu_ps as storeu, _mm256_sub_ps as sub, _mm256_xor_ps as xor,
     };
     avx2_lanes! {
         /// Sixteen `f32` lanes.

@@ -110,6 +110,17 @@ macro_rules! avx512_lanes {
                 const BIASED: $scalar = (1u64 << $mantissa) as $scalar + $bias;
                 $name(unsafe { from_int(shift_left::<$mantissa>(to_int(add(self.0, set1(BIASED))))) })
             }
+            #[inline(always)]
+            fn split(self) -> (Self, Self) {
+                // See the scalar's split.
+                const ONE_BITS: $scalar = (1u64 << $mantissa) as $scalar;
+                const FRACTION: $scalar = $scalar::from_bits((1 << $mantissa) - 1);
+                unsafe {
+                    let exponent = from_int(shift_right::<$mantissa>(to_int(self.0)));
+                    let mantissa = or(and(self.0, set1(FRACTION)), set1(1.0));
+                    ($name(mantissa), $name(sub(or(exponent, set1(ONE_BITS)), set1(ONE_BITS + $bias))))
+                }
+            }
         }
 
         // Masks are plain integers to the compiler, which keeps them in mask registers where that pays.
@@ -161,7 +172,7 @@ mod double {
         _mm512_castsi512_pd as from_int, _mm512_cmp_pd_mask as cmp, _mm512_div_pd as div, _mm512_loadu_pd as loadu,
         _mm512_mask_blend_pd as blend, _mm512_max_pd as max, _mm512_min_pd as min, _mm512_mul_pd as mul, _mm512_or_pd as or,
         _mm512_roundscale_pd as roundscale, _mm512_set1_pd as set1, _mm512_slli_epi64 as shift_left, _mm512_sqrt_pd as sqrt,
-        _mm512_storeu_pd as storeu, _mm512_sub_pd as sub, _mm512_xor_pd as xor,
+        _mm512_srli_epi64 as shift_right, _mm512_storeu_pd as storeu, _mm512_sub_pd as sub, _mm512_xor_pd as xor,
     };
     avx512_lanes! {
         /// Eight `f64` lanes.
@@ -177,7 +188,7 @@ mod single {
         _mm512_castsi512_ps as from_int, _mm512_cmp_ps_mask as cmp, _mm512_div_ps as div, _mm512_loadu_ps as loadu,
         _mm512_mask_blend_ps as blend, _mm512_max_ps as max, _mm512_min_ps as min, _mm512_mul_ps as mul, _mm512_or_ps as or,
         _mm512_roundscale_ps as roundscale, _mm512_set1_ps as set1, _mm512_slli_epi32 as shift_left, _mm512_sqrt_ps as sqrt,
-        _mm512_storeu_ps as storeu, _mm512_sub_ps as sub, _mm512_xor_ps as xor,
+        _mm512_srli_epi32 as shift_right, _mm512_storeu_ps as storeu, _mm512_sub_ps as sub, _mm512_xor_ps as xor,
     };
     avx512_lanes! {
         /// Sixteen `f32` lanes.

@@ -25,6 +25,8 @@ pub trait Coefficients: Sized + 'static {
     const LN_2: [Self; 2];
     /// (x coth(x/2) - 2) / x^2 in x^2.
     const EXP: &'static [Self];
+    /// (ln((1 + s) / (1 - s)) - 2 s) / s^3 in s^2.
+    const LN: &'static [Self];
 
     /// Above this, sums may overflow and are scaled down first.
     const HUGE: Self;
@@ -80,6 +82,15 @@ impl Coefficients for f64 {
         -1.65339022054652515390e-06,
         4.13813679705723846039e-08,
     ];
+    const LN: &'static [f64] = &[
+        6.666666666666735130e-01,
+        3.999999999940941908e-01,
+        2.857142874366239149e-01,
+        2.222219843214978396e-01,
+        1.818357216161805012e-01,
+        1.531383769920937332e-01,
+        1.479819860511658591e-01,
+    ];
 
     const HUGE: f64 = 1e300;
     const PI: [f64; 2] = [3.141592653589793, 1.2246467991473532e-16];
@@ -127,6 +138,7 @@ impl Coefficients for f32 {
     // 16 bits: exact for |k| < 2^8.
     const LN_2: [f32; 2] = [0.693145751953125, 1.428606765330187e-06];
     const EXP: &'static [f32] = &[1.6666625440e-1, -2.7667332906e-3];
+    const LN: &'static [f32] = &[0.66666662693, 0.40000972152, 0.28498786688, 0.24279078841];
 
     const HUGE: f32 = 1e37;
     const PI: [f32; 2] = [3.1415927410125732, -8.742277657347586e-08];

@@ -132,6 +132,8 @@ pub trait Real:
     /// 2^self for an integral `self` whose power is normal (f64: -1022 to 1023, f32: -126 to 127). Anything else gives some number,
     /// the same everywhere.
     fn pow2(self) -> Self;
+    /// (m, e) with `self = m 2^e` and m in [1, 2), of a positive normal number. Anything else gives some numbers, the same everywhere.
+    fn split(self) -> (Self, Self);
 
     /// Sine and cosine, within 0.8 ulp up to 1.6e6 rad (f32: 1.2e4 rad).
     ///
@@ -149,6 +151,21 @@ pub trait Real:
     #[inline(always)]
     fn cos(self) -> Self {
         self.sin_cos().1
+    }
+    /// Sine and cosine of at most pi/4 either way, within 0.8 ulp: what [`Real::sin_cos`] makes of an argument that needs no reduction.
+    #[inline(always)]
+    fn sin_cos_octant(self) -> (Self, Self) {
+        elementary::sin_cos_octant(self)
+    }
+    /// Natural logarithm, within 0.85 ulp. -infinity for zeros of either sign, NaN below.
+    #[inline(always)]
+    fn ln(self) -> Self {
+        elementary::ln(self)
+    }
+    /// What [`Real::ln`] makes of a positive normal number. Anything else gives some number, the same everywhere.
+    #[inline(always)]
+    fn ln_normal(self) -> Self {
+        elementary::ln_normal(self)
     }
     /// e^self, within 0.9 ulp (f32: 0.95). Overflows to infinity; underflows gradually through the subnormals to 0.
     #[inline(always)]

@@ -4,7 +4,7 @@ use crate::Real;
 use crate::operators::vectorize;
 
 macro_rules! single {
-    ($t:ident, $mantissa_bits:literal, $exponent_bias:literal) => {
+    ($t:ident, $int:ident, $mantissa_bits:literal, $exponent_bias:literal) => {
         impl Real for $t {
             type Scalar = $t;
             type Mask = bool;
@@ -84,9 +84,18 @@ macro_rules! single {
                 const BIASED: $t = (1u64 << $mantissa_bits) as $t + $exponent_bias;
                 $t::from_bits((self + BIASED).to_bits() << $mantissa_bits)
             }
+            #[inline(always)]
+            fn split(self) -> (Self, Self) {
+                // The biased exponent becomes the low bits of a number whose last bit is worth one; the fraction gets the exponent of 1.
+                const ONE_BITS: $t = (1u64 << $mantissa_bits) as $t;
+                const FRACTION: $int = (1 << $mantissa_bits) - 1;
+                let bits = self.to_bits();
+                let exponent = $t::from_bits((bits >> $mantissa_bits) | ONE_BITS.to_bits()) - (ONE_BITS + $exponent_bias);
+                ($t::from_bits((bits & FRACTION) | (1.0 as $t).to_bits()), exponent)
+            }
         }
     };
 }
 
-single!(f64, 52, 1023.0);
-single!(f32, 23, 127.0);
+single!(f64, u64, 52, 1023.0);
+single!(f32, u32, 23, 127.0);

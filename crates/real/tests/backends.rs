@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use stepper_real::{F32x16, F64x1, F64x8, Level, Mask, Real, at_level};
 
 /// Names of what `operations` writes, in its order.
-const NAMES: [&str; 37] = [
+const NAMES: [&str; 43] = [
     "add",
     "sub",
     "mul",
@@ -32,10 +32,16 @@ const NAMES: [&str; 37] = [
     "square",
     "pow2",
     "pow2 of integer",
+    "split.0",
+    "split.1",
     "sin_cos.0",
     "sin_cos.1",
     "sin",
     "cos",
+    "sin_cos_octant.0",
+    "sin_cos_octant.1",
+    "ln",
+    "ln_normal",
     "exp",
     "atan2",
     "acos",
@@ -66,6 +72,8 @@ fn operations<R: Real>(a: &[R::Scalar], b: &[R::Scalar], out: &mut [R::Scalar]) 
         replaced.set_lane(i, b.lane(i));
     }
     let (sin, cos) = a.sin_cos();
+    let (octant_sin, octant_cos) = a.sin_cos_octant();
+    let (mantissa, exponent) = a.split();
     let results: [R; NAMES.len()] = [
         a + b,
         a - b,
@@ -94,10 +102,16 @@ fn operations<R: Real>(a: &[R::Scalar], b: &[R::Scalar], out: &mut [R::Scalar]) 
         a.square(),
         a.pow2(),
         a.round_even().clamp(R::of(-126.0), R::of(127.0)).pow2(),
+        mantissa,
+        exponent,
         sin,
         cos,
         a.sin(),
         a.cos(),
+        octant_sin,
+        octant_cos,
+        a.ln(),
+        a.ln_normal(),
         a.exp(),
         a.atan2(b),
         a.acos(),
@@ -254,6 +268,18 @@ fn round_even_is_the_standard_rounding() {
     }
     for x in specials_f32() {
         assert!(Real::round_even(x).to_bits() == x.round_ties_even().to_bits() || x.is_nan(), "{x:e}");
+    }
+}
+
+#[test]
+fn split_takes_a_number_apart() {
+    for x in specials_f64().into_iter().filter(|x| x.is_normal() && *x > 0.0) {
+        let (m, e) = Real::split(x);
+        assert!((1.0..2.0).contains(&m) && m * (e * 0.5).floor().exp2() * (e - (e * 0.5).floor()).exp2() == x, "{x:e}: {m} 2^{e}");
+    }
+    for x in specials_f32().into_iter().filter(|x| x.is_normal() && *x > 0.0) {
+        let (m, e) = Real::split(x);
+        assert!((1.0..2.0).contains(&m) && f64::from(m) * f64::from(e).exp2() == f64::from(x), "{x:e}: {m} 2^{e}");
     }
 }
 

@@ -31,6 +31,24 @@ macro_rules! hash {
     }};
 }
 
+macro_rules! hash_ln {
+    ($scalar:ident) => {{
+        let mut hash = Hash(0xcbf2_9ce4_8422_2325);
+        for i in 1..40_000i32 {
+            let (sin, cos) = Real::sin_cos_octant(i as $scalar / 65536.0);
+            for result in [sin, cos, Real::ln(i as $scalar / 1024.0), Real::ln(1024.0 / i as $scalar)] {
+                hash.take(result.to_bits().into());
+            }
+        }
+        hash.0
+    }};
+}
+
+#[test]
+fn logarithms_have_the_bits_of_the_first_day() {
+    assert_eq!((hash_ln!(f64), hash_ln!(f32)), (0x6796fdc6727b13d9, 0xf5afb92f456b3483));
+}
+
 #[test]
 fn results_have_the_bits_of_the_first_day() {
     assert_eq!((hash!(f64), hash!(f32)), (0x0366_ab7b_c71f_33ea, 0x8482_9753_bbdf_928d));

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::{Activation, Model, Transmission, label};
+use crate::model::{Activation, Actuator, Model, Transmission, label};
 
 /// A drive train. Every list has one number for all environments, or one for each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -67,7 +67,30 @@ pub(super) fn any(x: &[f64]) -> bool {
     x.iter().any(|&x| x != 0.0)
 }
 
+impl Actuator {
+    /// Steps of length `h` by which the control acts later.
+    fn delay_in_steps(&self, h: f64) -> f64 {
+        let steps = self.delay / h;
+        let near = steps.round();
+        // A whole number of steps, but for rounding, is one.
+        if (steps - near).abs() < 1e-9 * (1.0 + near) {
+            near
+        } else if self.delay_holds {
+            steps.ceil()
+        } else {
+            steps
+        }
+    }
+}
+
 impl DriveTrain {
+    /// One that does nothing.
+    fn ideal() -> Self {
+        let [none, low, high] = [0.0, f64::NEG_INFINITY, f64::INFINITY].map(|x| vec![x]);
+        let (delay, delay_steps, lag) = (none.clone(), none.clone(), none.clone());
+        Self { delay, delay_steps, lag, low, high, friction: none, servo: None, motor: None }
+    }
+
     /// Whether it is a servo that acts within a step.
     pub(crate) fn is_continuous_servo(&self) -> bool {
         self.servo.as_ref().is_some_and(|s| s.period.is_empty())
@@ -96,6 +119,10 @@ impl DriveTrain {
     pub fn fold(model: &Model, trains: &[Option<Self>], num_envs: usize, h: f64) -> Result<(Model, Vec<Option<Self>>), String> {
         let (mut model, mut trains) = (model.clone(), trains.to_vec());
         for (i, train) in trains.iter_mut().enumerate() {
+            let steps = model.actuators[i].delay_in_steps(h);
+            if steps > 0.0 {
+                train.get_or_insert_with(Self::ideal).delay_steps.iter_mut().for_each(|x| *x += steps);
+            }
             let Some(train) = train else { continue };
             let name = label(&model.actuators[i].name, i);
             train.check(num_envs, h).and_then(|()| train.give(&mut model, i)).map_err(|e| format!("drive of actuator {name:?}: {e}"))?;

@@ -66,6 +66,12 @@ impl<R: Real> Region<R> {
         moved
     }
 
+    /// Lanes at a bound.
+    #[inline(always)]
+    pub(super) fn is_cut(&self) -> R::Mask {
+        self.held.or(self.curve)
+    }
+
     /// The force here, without what the mass matrix does, and what it does.
     #[inline(always)]
     pub(super) fn force(&self, numbers: &Train<R>, theta: Theta<R>) -> (R, R) {
@@ -97,6 +103,13 @@ fn whereabouts<R: Real>(plan: &TrainPlan<R::Scalar>, numbers: &Train<R>, force: 
         held = held.and_not(curve);
     }
     [held, curve, upper]
+}
+
+/// Lanes in which a force that the law asks for at a velocity is cut.
+#[inline(always)]
+pub(crate) fn exceeds<R: Real>(plan: &TrainPlan<R::Scalar>, numbers: &Train<R>, force: R, velocity: R) -> R::Mask {
+    let [held, curve, _] = whereabouts(plan, numbers, force, velocity);
+    held.or(curve)
 }
 
 /// A force within the limits and under the curve of its drive train.

@@ -172,6 +172,10 @@ impl Model {
         vec![
             Line::list("actuators without activation", names(false)),
             Line::list("actuators with activation", names(true)),
+            Line::list(
+                "delays of controls",
+                self.actuators.iter().enumerate().filter(|(_, a)| a.delay > 0.0).map(|(i, a)| super::label(&a.name, i)),
+            ),
             Line::list("fixed tendons", tendons(|_| true)),
             Line::list("limits of fixed tendons", tendons(|t| t.range.is_some())),
             Line::list(

@@ -271,6 +271,10 @@ pub struct Actuator {
     pub transmission: Transmission,
     /// Scales the length, the velocity and the force.
     pub gear: f64,
+    /// s by which the control acts later.
+    pub delay: f64,
+    /// Whether between two controls the older one acts, and not what lies between them.
+    pub delay_holds: bool,
     /// Control is clamped to it.
     pub ctrl_range: Option<[f64; 2]>,
     /// Force is clamped to it, N or N m.

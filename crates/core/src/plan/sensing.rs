@@ -29,6 +29,8 @@ pub struct SensingPlan<S> {
     pub needs: Needs,
     /// Bodies with all that hangs from them whose masses are read.
     pub subtrees: Vec<Subtree>,
+    /// Where the force and torque of the parent on a subtree are read, and which subtree that is.
+    pub carried: Vec<(Place<S>, usize)>,
     /// Places that are read: rows of [`Params::place`](super::Params::place).
     pub places: Vec<Object>,
     /// Geoms and sites whose shape is read: rows of [`Params::size`](super::Params::size).
@@ -177,10 +179,10 @@ pub enum Read<S> {
     Gyro(Place<S>),
     /// Linear acceleration less gravity in its own frame.
     Accelerometer(Place<S>),
-    /// Force of the parent on a subtree.
-    Force(Place<S>, usize),
+    /// Force of the parent on a subtree, by its number among those that are read.
+    Force(usize),
     /// Torque of the parent on a subtree.
-    Torque(Place<S>, usize),
+    Torque(usize),
     /// Normal forces on a body of the model whose line meets a volume.
     Touch(usize, Solid<S>),
     /// Rays.
@@ -236,10 +238,13 @@ impl<S: Scalar> SensingPlan<S> {
             let body = &model.bodies[leader];
             wxyz(&(merged.quat[body.parent] * quaternion(body.quat)))
         };
+        let sites = compiler.found.borrow().carried.clone();
+        let carried = sites.iter().map(|&s| (compiler.place(Object::Site(s)), compiler.subtree(model.sites[s].body))).collect();
         let Found { subtrees, places, shapes, .. } = compiler.found.into_inner();
         Self {
             sensors,
             subtrees,
+            carried,
             places,
             shapes,
             width: model.nsensordata(),
@@ -297,6 +302,8 @@ struct Compiler<'a> {
 #[derive(Default)]
 struct Found {
     subtrees: Vec<Subtree>,
+    /// Sites at which forces and torques are read.
+    carried: Vec<usize>,
     places: Vec<Object>,
     shapes: Vec<Object>,
     parts: usize,
@@ -333,8 +340,8 @@ impl Compiler<'_> {
             K::Velocimeter(s) => Read::Velocimeter(site(s)),
             K::Gyro(s) => Read::Gyro(site(s)),
             K::Accelerometer(s) => Read::Accelerometer(site(s)),
-            K::Force(s) => Read::Force(site(s), self.subtree(self.model.sites[s].body)),
-            K::Torque(s) => Read::Torque(site(s), self.subtree(self.model.sites[s].body)),
+            K::Force(s) => Read::Force(number(&mut self.found.borrow_mut().carried, s)),
+            K::Torque(s) => Read::Torque(number(&mut self.found.borrow_mut().carried, s)),
             K::Touch(s) => Read::Touch(self.model.sites[s].body, self.zone(s)),
             K::RangeFinder { site: s, ref rays, ref fields, ref geoms } => {
                 let seen = geoms.iter().filter_map(|&g| self.solid(Object::Geom(g), &self.model.geoms[g].shape)).collect();
@@ -474,10 +481,10 @@ impl Compiler<'_> {
     }
 }
 
-/// The number of an object in a list, which takes it up if it is new.
-fn number(list: &mut Vec<Object>, object: Object) -> usize {
-    list.iter().position(|&o| o == object).unwrap_or_else(|| {
-        list.push(object);
+/// The number of something in a list, which takes it up if it is new.
+fn number<T: Copy + PartialEq>(list: &mut Vec<T>, thing: T) -> usize {
+    list.iter().position(|&t| t == thing).unwrap_or_else(|| {
+        list.push(thing);
         list.len() - 1
     })
 }

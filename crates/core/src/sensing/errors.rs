@@ -14,7 +14,7 @@ mod draws;
 mod observe;
 mod transfer;
 
-use stepper_real::Scalar;
+use stepper_real::{Real, Scalar};
 
 use crate::model::{Model, Quantity};
 pub use draws::Keys;
@@ -64,25 +64,51 @@ struct Imperfect<S> {
     sampled: bool,
     lossy: bool,
     jittery: bool,
-    /// Address of its numbers in the memory: matrix, bias, drift, phase and held sample, delay line.
+    /// Address of its numbers in the memory: matrix, bias, drift, phase, delay line or held sample.
     memory: usize,
+    /// Address of its random numbers in a step.
+    draws: usize,
     /// Samples of the delay line; 0 without one.
     line: usize,
-    /// Address of its place in the table.
-    table: usize,
+    /// Whether a delay between two samples lies between them: staircases and readings that may be absent have no values in between.
+    smooth: bool,
 }
 
 /// The transfer functions of a model's sensors in a batch.
 #[derive(Clone, Debug)]
 pub struct Errors<S> {
     sensors: Vec<Imperfect<S>>,
-    /// The numbers of every sensor, lane-interleaved: for every group of lanes, or once where they are the same in all environments, so that
-    /// they stay in cache from group to group.
+    /// Addresses of the readings of ideal sensors.
+    ideal: Vec<usize>,
+    /// The numbers of every sensor: lane-interleaved for every group of lanes, or once where they are the same in all environments.
     tables: Vec<Vec<S>>,
+    /// Lanes of a row of the tables: 1 where all environments have the same.
+    lanes: usize,
     /// Numbers that survive a step, per lane.
     pub memory: usize,
     /// Delay lines.
     pub lines: usize,
+    /// Random numbers of a step.
+    draws: usize,
+}
+
+/// The numbers of a group of lanes, of all sensors or of one.
+struct Numbers<'a, S> {
+    rows: &'a [S],
+    lanes: usize,
+}
+
+impl<S: Scalar> Numbers<'_, S> {
+    /// Those of one sensor.
+    #[inline(always)]
+    fn of(&self, sensor: usize) -> Self {
+        Numbers { rows: &self.rows[sensor * NUMBERS * self.lanes..], lanes: self.lanes }
+    }
+
+    #[inline(always)]
+    fn number<R: Real<Scalar = S>>(&self, n: Number) -> R {
+        if self.lanes == 1 { R::splat(self.rows[n as usize]) } else { R::load(&self.rows[n as usize * R::LANES..]) }
+    }
 }
 
 impl<S: Scalar> Errors<S> {
@@ -94,13 +120,18 @@ impl<S: Scalar> Errors<S> {
         let addresses = model.sensor_addresses();
         let shared = transfers.iter().flatten().all(Transfer::is_shared);
         let tables = vec![vec![]; if shared { 1 } else { num_envs.div_ceil(lanes) }];
-        let mut errors = Self { sensors: vec![], tables, memory: 0, lines: 0 };
+        let lanes = if shared { 1 } else { lanes };
+        let mut errors = Self { sensors: vec![], ideal: vec![], tables, lanes, memory: 0, lines: 0, draws: 0 };
         for (i, (sensor, transfer)) in model.sensors.iter().zip(transfers).enumerate() {
-            let Some(t) = transfer else { continue };
             let (dim, quantity) = (sensor.dim(&model.sensors), sensor.quantity());
+            let Some(t) = transfer else {
+                errors.ideal.extend(addresses[i]..addresses[i] + dim);
+                continue;
+            };
             t.check(dim, quantity, num_envs, h).map_err(|e| format!("transfer of sensor {:?}: {e}", model.sensor_label(i)))?;
-            let placed = Imperfect::new(t, i, addresses[i], dim, quantity, h, errors.memory, errors.sensors.len() * NUMBERS);
+            let placed = Imperfect::new(t, i, addresses[i], dim, quantity, h, [errors.memory, errors.draws]);
             errors.memory += placed.size();
+            errors.draws += placed.draws_of(true).1;
             errors.lines += 1;
             errors.sensors.push(placed);
             for (g, table) in errors.tables.iter_mut().enumerate() {
@@ -112,8 +143,8 @@ impl<S: Scalar> Errors<S> {
     }
 
     /// The numbers of a group of lanes.
-    fn table(&self, group: usize) -> &[S] {
-        &self.tables[if self.tables.len() == 1 { 0 } else { group }]
+    fn table(&self, group: usize) -> Numbers<'_, S> {
+        Numbers { rows: &self.tables[if self.tables.len() == 1 { 0 } else { group }], lanes: self.lanes }
     }
 
     /// Sensors that are not ideal, by their numbers in the model.
@@ -156,8 +187,7 @@ fn numbers(t: &Transfer, env: usize, h: f64) -> [f64; NUMBERS] {
 }
 
 impl<S: Scalar> Imperfect<S> {
-    #[expect(clippy::too_many_arguments, reason = "where a sensor is in every list")]
-    fn new(t: &Transfer, sensor: usize, at: usize, dim: usize, quantity: Quantity, h: f64, memory: usize, table: usize) -> Self {
+    fn new(t: &Transfer, sensor: usize, at: usize, dim: usize, quantity: Quantity, h: f64, [memory, draws]: [usize; 2]) -> Self {
         let turned = matches!(quantity, Quantity::Axis | Quantity::Quaternion);
         let longest = |x: &[f64]| x.iter().fold(0.0, |a: f64, &b| a.max(b)) / h;
         let delay = longest(&t.delay) + longest(&t.jitter);
@@ -180,18 +210,47 @@ impl<S: Scalar> Imperfect<S> {
             lossy: any(&t.dropout),
             jittery: any(&t.jitter),
             memory,
-            line: if delay > 0.0 { delay.ceil() as usize + 2 } else { 0 },
-            table,
+            draws,
+            // From the newest sample to the oldest that is asked for.
+            line: if delay > 0.0 { delay.ceil() as usize + 1 } else { 0 },
+            smooth: !any(&t.period) && quantity != Quantity::Positive,
         }
     }
 
-    /// Where the noise begins among the numbers drawn in a step: Gaussian noise comes in one draw with the drift and after it.
+    /// How many random numbers a step needs, and how many of them at the beginning are normal: those of the drift, those of the Gaussian noise
+    /// of a sample; behind them two uniform ones for dropout and jitter, and those of uniform noise.
+    #[inline(always)]
+    fn draws_of(&self, sampling: bool) -> (usize, usize) {
+        let drift = self.noise_at();
+        let noise = if self.noisy { self.freedom } else { 0 };
+        match (sampling, self.jittery) {
+            (true, _) if self.uniform => (drift, self.uniform_at() + noise),
+            (true, _) => (drift + noise, self.uniform_at()),
+            (false, true) => (drift, self.uniform_at()),
+            (false, false) => (drift, drift),
+        }
+    }
+
+    /// Where the Gaussian noise begins among them.
+    #[inline(always)]
     fn noise_at(&self) -> usize {
-        if self.drifts && self.noisy && !self.uniform { self.freedom } else { 0 }
+        if self.drifts { self.freedom } else { 0 }
+    }
+
+    /// Where the two numbers for dropout and jitter are: normal ones come in pairs.
+    #[inline(always)]
+    fn timing_at(&self) -> usize {
+        (self.noise_at() + if self.noisy && !self.uniform { self.freedom } else { 0 }).next_multiple_of(2)
+    }
+
+    /// Where those of uniform noise are.
+    #[inline(always)]
+    fn uniform_at(&self) -> usize {
+        self.timing_at() + if self.lossy || self.jittery { 2 } else { 0 }
     }
 
     fn size(&self) -> usize {
-        self.line_at() - self.memory + self.line * self.dim
+        self.line_at() - self.memory + self.line.max(1) * self.dim
     }
 
     fn matrix_at(&self) -> usize {
@@ -210,11 +269,8 @@ impl<S: Scalar> Imperfect<S> {
         self.drift_at() + if self.drifts { self.freedom } else { 0 }
     }
 
-    fn held_at(&self) -> usize {
-        self.phase_at() + usize::from(self.sampled)
-    }
-
+    /// The delay line, or the held sample alone.
     fn line_at(&self) -> usize {
-        self.held_at() + self.dim
+        self.phase_at() + usize::from(self.sampled)
     }
 }

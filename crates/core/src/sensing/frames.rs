@@ -146,12 +146,10 @@ pub fn site_motion<R: Real>(
     R::vectorize(
         #[inline(always)]
         || {
-            let motion = if accelerations { acceleration(plan, kinematics, room, place) } else { velocity(plan, kinematics, room, place) };
+            let [turning, moving] =
+                if accelerations { acceleration(plan, kinematics, room, place) } else { velocity(plan, kinematics, room, place) };
             let axes = orientation(kinematics, place);
-            motion.map(
-                #[inline(always)]
-                |x| rotate_back(&axes, x),
-            )
+            [rotate_back(&axes, turning), rotate_back(&axes, moving)]
         },
     )
 }
@@ -171,12 +169,11 @@ pub fn frame<R: Real>(
         || {
             use FrameReading as F;
             if what == F::Quat {
-                let quat = |p: &Place<R::Scalar>| quat_mul(room.orientation[p.frame], splat(p.quat));
-                let own = quat(object);
-                let seen = reference.map_or(own, |r| {
-                    let [w, x, y, z] = quat(r);
-                    quat_mul([w, -x, -y, -z], own)
-                });
+                let mut seen = quat_mul(room.orientation[object.frame], splat(object.quat));
+                if let Some(r) = reference {
+                    let [w, x, y, z] = quat_mul(room.orientation[r.frame], splat(r.quat));
+                    seen = quat_mul([w, -x, -y, -z], seen);
+                }
                 out.copy_from_slice(&seen);
                 return;
             }

@@ -80,7 +80,7 @@ pub fn angular_momentum<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>,
 
 /// Force and torque, about the place and in its axes, with which the parent carries a subtree: what accelerates its masses, less what
 /// contacts and the user apply to it (Newton and Euler's laws for the subtree as a whole).
-pub fn parent_force<R: Real>(
+pub(super) fn parent_force<R: Real>(
     plan: &LanePlan<R>,
     kinematics: &Kinematics<R>,
     room: &Room<R>,
@@ -109,7 +109,7 @@ pub fn parent_force<R: Real>(
                     torque = sub(torque, add(t, cross(arm, f)));
                 }
             }
-            let (f, t) = super::touching::wrench_on(plan, moment, point, &subtree.bodies);
+            let (f, t) = room.felt.wrench_on(point, &subtree.bodies);
             let axes = orientation(kinematics, place);
             [rotate_back(&axes, sub(force, f)), rotate_back(&axes, sub(torque, t))]
         },

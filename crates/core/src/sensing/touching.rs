@@ -5,7 +5,7 @@ use stepper_real::{Real, Scalar};
 use super::frames::{orientation, position};
 use super::rays::{holds, ray};
 use super::{Moment, Room};
-use crate::contacts::{Contacts, frame};
+use crate::contacts::{Contacts, MAX_LANES, frame};
 use crate::kinematics::Kinematics;
 use crate::model::{ContactField, ContactReduction};
 use crate::plan::LanePlan;
@@ -13,7 +13,8 @@ use crate::plan::sensing::{Side, Solid};
 use crate::spatial::*;
 
 /// One contact of one lane.
-struct Contact {
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Contact {
     /// Geoms of the model, and their bodies.
     geoms: [usize; 2],
     bodies: [usize; 2],
@@ -38,16 +39,15 @@ impl Contact {
     fn of<R: Real>(plan: &LanePlan<R>, contacts: &Contacts<R>, h: R, slot: usize, lane: usize) -> Self {
         let [geoms, bodies] = parties(plan, contacts, slot, lane);
         let data = &contacts.data[slot];
-        let at = |x: V3<R>| x.map(|x| x.lane(lane).to_f64());
         let h = h.lane(lane).to_f64();
         Self {
             geoms,
             bodies,
             distance: data.point.distance.lane(lane).to_f64(),
-            pos: at(data.point.pos),
-            axes: frame(at(data.point.normal)),
-            force: at(data.impulse).map(|x| x / h),
-            torque: contacts.torque.get(slot).map_or([0.0; 3], |&x| at(x).map(|x| x / h)),
+            pos: lane_of(&data.point.pos, lane),
+            axes: frame(lane_of(&data.point.normal, lane)),
+            force: over(lane_of(&data.impulse, lane), h),
+            torque: contacts.torque.get(slot).map_or([0.0; 3], |x| over(lane_of(x, lane), h)),
         }
     }
 
@@ -62,6 +62,32 @@ impl Contact {
     }
 }
 
+/// A volume where it is.
+struct Volume<R: Real> {
+    origin: V3<R>,
+    axes: M3<R>,
+    size: V3<R>,
+}
+
+impl<R: Real> Volume<R> {
+    fn of(plan: &LanePlan<R>, kinematics: &Kinematics<R>, solid: &Solid<R::Scalar>) -> Self {
+        R::vectorize(
+            #[inline(always)]
+            || Self {
+                origin: position(plan, kinematics, &solid.place),
+                axes: orientation(kinematics, &solid.place),
+                size: plan.params.size(solid.index),
+            },
+        )
+    }
+
+    /// As one lane sees it.
+    #[inline(always)]
+    fn zone(&self, lane: usize) -> Zone {
+        Zone { origin: lane_of(&self.origin, lane), axes: lane_of(&self.axes, lane), size: lane_of(&self.size, lane) }
+    }
+}
+
 /// A volume as one lane sees it.
 struct Zone {
     origin: [f64; 3],
@@ -70,64 +96,94 @@ struct Zone {
 }
 
 impl Zone {
-    fn of<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, solid: &Solid<R::Scalar>, lane: usize) -> Self {
-        Self {
-            origin: position(plan, kinematics, &solid.place).map(|x| x.lane(lane).to_f64()),
-            axes: orientation(kinematics, &solid.place).map(|x| x.lane(lane).to_f64()),
-            size: plan.params.size(solid.index).map(|x| x.lane(lane).to_f64()),
-        }
-    }
-
     fn local(&self, p: [f64; 3]) -> [f64; 3] {
         rotate_back(&self.axes, sub(p, self.origin))
     }
 }
 
-/// Force of all contacts on some bodies, and its torque about a point.
-pub(super) fn wrench_on<R: Real>(plan: &LanePlan<R>, moment: &Moment<'_, R>, point: V3<R>, bodies: &[bool]) -> (V3<R>, V3<R>) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let (mut force, mut torque): (V3<R>, V3<R>) = (zero(), zero());
-            for lane in 0..R::LANES {
-                let point = point.map(|x| x.lane(lane).to_f64());
-                let (mut f, mut t) = ([0.0; 3], [0.0; 3]);
-                for slot in 0..moment.contacts.count[lane] {
-                    let [first, second] = parties(plan, moment.contacts, slot, lane)[1].map(|b| bodies[b]);
-                    if first == second {
-                        continue;
-                    }
-                    let contact = Contact::of(plan, moment.contacts, moment.h, slot, lane);
-                    let sign = if second { 1.0 } else { -1.0 };
-                    let push = scale(contact.world_force(), sign);
-                    t = add(t, scale(contact.world(contact.torque), sign));
-                    f = add(f, push);
-                    t = add(t, cross(sub(contact.pos, point), push));
-                }
-                for k in 0..3 {
-                    force[k].set_lane(lane, Scalar::from_f64(f[k]));
-                    torque[k].set_lane(lane, Scalar::from_f64(t[k]));
-                }
+/// x / h, rounded once.
+#[inline(always)]
+fn over([x, y, z]: [f64; 3], h: f64) -> [f64; 3] {
+    [x / h, y / h, z / h]
+}
+
+/// The numbers of one lane, read where they lie.
+#[inline(always)]
+fn lane_of<R: Real, const N: usize>(x: &[R; N], lane: usize) -> [f64; N] {
+    let mut out = [0.0; N];
+    for i in 0..N {
+        out[i] = x[i].lane(lane).to_f64();
+    }
+    out
+}
+
+/// The contacts of a moment, lane by lane.
+#[derive(Clone, Debug)]
+pub(crate) struct Felt {
+    contacts: Vec<Contact>,
+    /// Where those of every lane begin and end.
+    ends: [usize; MAX_LANES + 1],
+}
+
+impl Felt {
+    /// Room for so many contacts of all lanes.
+    pub(super) fn new(most: usize) -> Self {
+        Self { contacts: Vec::with_capacity(most), ends: [0; MAX_LANES + 1] }
+    }
+
+    /// Takes up what all sensors read.
+    pub(super) fn take_up<R: Real>(&mut self, plan: &LanePlan<R>, moment: &Moment<'_, R>) {
+        self.contacts.clear();
+        for lane in 0..R::LANES {
+            for slot in 0..moment.contacts.count[lane] {
+                self.contacts.push(Contact::of(plan, moment.contacts, moment.h, slot, lane));
             }
-            (force, torque)
-        },
-    )
+            self.ends[lane + 1] = self.contacts.len();
+        }
+    }
+
+    /// Those of one lane.
+    fn lane(&self, lane: usize) -> &[Contact] {
+        &self.contacts[self.ends[lane]..self.ends[lane + 1]]
+    }
+
+    /// Force of all contacts on some bodies, and its torque about a point.
+    pub(super) fn wrench_on<R: Real>(&self, point: V3<R>, bodies: &[bool]) -> (V3<R>, V3<R>) {
+        let (mut force, mut torque): (V3<R>, V3<R>) = ([R::default(); 3], [R::default(); 3]);
+        for lane in 0..R::LANES {
+            let point = lane_of(&point, lane);
+            let (mut f, mut t) = ([0.0; 3], [0.0; 3]);
+            for contact in self.lane(lane) {
+                let [first, second] = contact.bodies.map(|b| bodies[b]);
+                if first == second {
+                    continue;
+                }
+                let sign = if second { 1.0 } else { -1.0 };
+                let push = scale(contact.world_force(), sign);
+                t = add(t, scale(contact.world(contact.torque), sign));
+                f = add(f, push);
+                t = add(t, cross(sub(contact.pos, point), push));
+            }
+            for k in 0..3 {
+                force[k].set_lane(lane, Scalar::from_f64(f[k]));
+                torque[k].set_lane(lane, Scalar::from_f64(t[k]));
+            }
+        }
+        (force, torque)
+    }
 }
 
 /// Sum of the normal forces on a body whose line meets a volume, N.
-pub fn touch<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, moment: &Moment<'_, R>, body: usize, solid: &Solid<R::Scalar>) -> R {
-    let mut reading = R::zero();
+pub fn touch<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, room: &Room<R>, body: usize, solid: &Solid<R::Scalar>) -> R {
+    let mut reading = R::default();
+    let mut volume = None;
     for lane in 0..R::LANES {
         let mut sum = 0.0;
-        for slot in 0..moment.contacts.count[lane] {
-            if !parties(plan, moment.contacts, slot, lane)[1].contains(&body) {
+        for contact in room.felt.lane(lane) {
+            if !contact.bodies.contains(&body) || contact.force[0] <= 0.0 {
                 continue;
             }
-            let contact = Contact::of(plan, moment.contacts, moment.h, slot, lane);
-            if contact.force[0] <= 0.0 {
-                continue;
-            }
-            let zone = Zone::of(plan, kinematics, solid, lane);
+            let zone = volume.get_or_insert_with(|| Volume::of(plan, kinematics, solid)).zone(lane);
             // Along the force on the other body, away from this one.
             let away = scale(contact.axes[0], if contact.bodies[1] == body { -1.0 } else { 1.0 });
             let direction = rotate_back(&zone.axes, away);
@@ -141,12 +197,10 @@ pub fn touch<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, moment: &M
 }
 
 /// Readings of a contact sensor.
-#[expect(clippy::too_many_arguments, reason = "what the sensor selects, and what it selects from")]
 pub fn contacts<R: Real>(
     plan: &LanePlan<R>,
     kinematics: &Kinematics<R>,
     room: &mut Room<R>,
-    moment: &Moment<'_, R>,
     sides: &[Side<R::Scalar>; 2],
     fields: &[ContactField],
     (reduction, slots): (ContactReduction, usize),
@@ -158,9 +212,8 @@ pub fn contacts<R: Real>(
         (0..width * slots).for_each(|k| put(k, 0.0));
         let order = &mut room.order;
         order.clear();
-        for slot in 0..moment.contacts.count[lane] {
-            let contact = Contact::of(plan, moment.contacts, moment.h, slot, lane);
-            if matches(plan, kinematics, sides, &contact, lane).is_some() {
+        for (slot, contact) in room.felt.lane(lane).iter().enumerate() {
+            if matches(plan, kinematics, sides, contact, lane).is_some() {
                 let key = match reduction {
                     ContactReduction::MinDistance => contact.distance,
                     ContactReduction::MaxForce => -dot(contact.force, contact.force),
@@ -179,14 +232,14 @@ pub fn contacts<R: Real>(
         }
         let found = order.len();
         if found > 0 && reduction == ContactReduction::NetForce {
-            let all = order.iter().map(|&(_, slot)| seen(plan, kinematics, moment, sides, slot, lane));
+            let all = order.iter().map(|&(_, slot)| seen(plan, kinematics, sides, room.felt.lane(lane)[slot], lane));
             let net = net_force(all);
             let mut put = |k: usize, x: f64| room.truth[at + k].set_lane(lane, Scalar::from_f64(x));
             report(&net, fields, found, &mut put);
             continue;
         }
         for k in 0..found.min(slots) {
-            let contact = seen(plan, kinematics, moment, sides, room.order[k].1, lane);
+            let contact = seen(plan, kinematics, sides, room.felt.lane(lane)[room.order[k].1], lane);
             let mut put = |i: usize, x: f64| room.truth[at + k * width + i].set_lane(lane, Scalar::from_f64(x));
             report(&contact, fields, found, &mut put);
         }
@@ -204,7 +257,7 @@ fn matches<R: Real>(
     let fits = |side: &Side<R::Scalar>, geom: usize| match side {
         Side::Geoms(which) => which[geom],
         Side::Zone(solid) => {
-            let zone = Zone::of(plan, kinematics, solid, lane);
+            let zone = Volume::of(plan, kinematics, solid).zone(lane);
             holds(solid.form, zone.size, zone.local(contact.pos))
         }
     };
@@ -222,12 +275,10 @@ fn matches<R: Real>(
 fn seen<R: Real>(
     plan: &LanePlan<R>,
     kinematics: &Kinematics<R>,
-    moment: &Moment<'_, R>,
     sides: &[Side<R::Scalar>; 2],
-    slot: usize,
+    mut contact: Contact,
     lane: usize,
 ) -> Contact {
-    let mut contact = Contact::of(plan, moment.contacts, moment.h, slot, lane);
     if matches(plan, kinematics, sides, &contact, lane) == Some(true) {
         // Normal and first tangent turn round, and so does the force: along both its components stay.
         let [n, t, s] = contact.axes;

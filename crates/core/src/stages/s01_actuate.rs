@@ -1,8 +1,8 @@
 //! Stage 1: actions and state become generalized forces.
 
-use stepper_real::Real;
+use stepper_real::{Mask, Real};
 
-use crate::drive::{At, Drive, Implied, Law, bounded, within};
+use crate::drive::{At, Drive, Implied, Law, bounded, exceeds, outside, within};
 use crate::kinematics::quat_at;
 use crate::model::{Activation, JointKind};
 use crate::plan::{ActuatorPlan, LanePlan};
@@ -21,14 +21,20 @@ pub fn actuate<R: Real>(plan: &LanePlan<R>, at: &At<'_, R>, implied: Option<Impl
                 };
                 let Some(k) = actuator.servo else {
                     let [gain, bias] = plan.params.actuator(i);
-                    let force = within(gain[0] * input + bias[0], actuator.force_range);
+                    let asked = gain[0] * input + bias[0];
+                    let force = within(asked, actuator.force_range);
+                    drive.beyond[i] = beyond(asked, actuator.force_range);
                     drive.force[i] = match &actuator.train {
-                        Some(train) => bounded(train, &at.trains[train.index], force, R::zero()),
+                        Some(train) => {
+                            drive.beyond[i] = drive.beyond[i].or(exceeds(train, &at.trains[train.index], force, R::zero()));
+                            bounded(train, &at.trains[train.index], force, R::zero())
+                        }
                         None => force,
                     };
                     continue;
                 };
                 let (law, motion) = (law(actuator, plan.params.actuator(i), at, input), drive.motion(actuator, at.q, at.v_at, at.v));
+                drive.beyond[i] = R::Mask::splat(false);
                 match (implied, &actuator.train) {
                     (Some(implied), Some(train)) => {
                         drive.set_train(i, k, &law, &motion, train, &at.trains[train.index], implied.theta);
@@ -40,7 +46,11 @@ pub fn actuate<R: Real>(plan: &LanePlan<R>, at: &At<'_, R>, implied: Option<Impl
                     (None, Some(train)) => {
                         drive.force[i] = bounded(train, &at.trains[train.index], law.force(&motion), motion.velocity);
                     }
-                    (_, None) => drive.force[i] = within(law.force(&motion), actuator.force_range),
+                    (_, None) => {
+                        let asked = law.force(&motion);
+                        drive.beyond[i] = beyond(asked, actuator.force_range);
+                        drive.force[i] = within(asked, actuator.force_range);
+                    }
                 }
             }
             drive.gather(plan, implied.is_some_and(|i| i.all));
@@ -50,6 +60,15 @@ pub fn actuate<R: Real>(plan: &LanePlan<R>, at: &At<'_, R>, implied: Option<Impl
             add_springs(plan, at.q, &mut drive.tau);
         },
     )
+}
+
+/// Lanes in which a force that is asked for is outside its range.
+#[inline(always)]
+fn beyond<R: Real>(asked: R, range: Option<[R::Scalar; 2]>) -> R::Mask {
+    match range {
+        Some(range) => outside(asked, range),
+        None => R::Mask::splat(false),
+    }
 }
 
 /// The forces of `drive` on the joints, with those of springs: what [`actuate`] ends with, for when a servo's force changed.

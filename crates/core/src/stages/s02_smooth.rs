@@ -21,6 +21,8 @@ pub struct Smooth<R: Real> {
     /// Velocities and accelerations of the links, left by [`Smooth::acceleration`].
     pub work: NewtonEuler<R>,
     composite: Vec<Inertia<R>>,
+    /// Entries of the mass matrix without servos, if servos at their bounds may leave it within a step.
+    bare: Vec<R>,
     fluid: Fluid<R>,
 }
 
@@ -32,6 +34,7 @@ impl<R: Real> Smooth<R> {
             bias: vec![R::zero(); plan.nv],
             acc: vec![R::zero(); plan.nv],
             composite: vec![zero(); plan.links.len()],
+            bare: vec![R::zero(); if plan.servos_are_bounded { plan.chain.len() } else { 0 }],
             work: NewtonEuler::new(plan),
             fluid: Fluid::new(plan),
         }
@@ -43,16 +46,34 @@ impl<R: Real> Smooth<R> {
             #[inline(always)]
             || {
                 self.mass.assemble(plan, kinematics, &mut self.composite, implicit.theta);
-                self.mass.add_servos(plan, implicit.servos, implicit.arms);
-                if !plan.fluid.is_empty() {
-                    match implicit.drag_at {
-                        Some(v) => self.fluid.linearise(plan, kinematics, v, implicit.theta.damping, &mut self.mass.entries),
-                        None => self.fluid.forget(),
-                    }
-                }
-                self.mass.factor(plan);
+                let n = self.bare.len();
+                self.bare.copy_from_slice(&self.mass.entries[..n]);
+                self.factor(plan, kinematics, implicit);
             },
         )
+    }
+
+    /// The same again at the same configuration, where servos are others than they were.
+    pub fn factor_mass_again(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                self.mass.entries.copy_from_slice(&self.bare);
+                self.factor(plan, kinematics, implicit);
+            },
+        )
+    }
+
+    #[inline(always)]
+    fn factor(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
+        self.mass.add_servos(plan, implicit.servos, implicit.arms);
+        if !plan.fluid.is_empty() {
+            match implicit.drag_at {
+                Some(v) => self.fluid.linearise(plan, kinematics, v, implicit.theta.damping, &mut self.mass.entries),
+                None => self.fluid.forget(),
+            }
+        }
+        self.mass.factor(plan);
     }
 
     /// `acc = A^-1 (tau + applied - c(q, v_bias) - D v)` with the matrix A of [`Smooth::factor_mass`]: a step of it is implicit in what A holds
@@ -71,16 +92,26 @@ impl<R: Real> Smooth<R> {
                     self.work.force[hold.link] = sub(self.work.force[hold.link], spatial(cross(arm, force), force));
                 }
                 project_forces(plan, kinematics, &mut self.work.force, &mut self.bias);
-                let [tau, applied] = forces;
-                let forces = tau.iter().zip(applied).zip(&self.bias);
-                for (((acc, ((&tau, &applied), &bias)), &[damping, ..]), &v) in
-                    self.acc.iter_mut().zip(forces).zip(plan.params.dofs()).zip(v)
-                {
-                    *acc = (tau + applied) - bias - damping * v;
-                }
-                self.mass.solve(plan, &mut self.acc);
+                self.accelerate(plan, forces, v);
             },
         )
+    }
+
+    /// The same again with the bias force of the last time.
+    pub fn acceleration_again(&mut self, plan: &LanePlan<R>, forces: [&[R]; 2], v: &[R]) {
+        R::vectorize(
+            #[inline(always)]
+            || self.accelerate(plan, forces, v),
+        )
+    }
+
+    #[inline(always)]
+    fn accelerate(&mut self, plan: &LanePlan<R>, [tau, applied]: [&[R]; 2], v: &[R]) {
+        let forces = tau.iter().zip(applied).zip(&self.bias);
+        for (((acc, ((&tau, &applied), &bias)), &[damping, ..]), &v) in self.acc.iter_mut().zip(forces).zip(plan.params.dofs()).zip(v) {
+            *acc = (tau + applied) - bias - damping * v;
+        }
+        self.mass.solve(plan, &mut self.acc);
     }
 
     /// What the user applies, as generalized forces: `qfrc` on the joints, and the wrenches `xfrc` (force, torque; six per body, at its centre

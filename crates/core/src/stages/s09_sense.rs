@@ -51,13 +51,13 @@ fn read<R: Real>(
         Read::Potential(all) => potential(plan, kinematics, moment.q, tree(all)),
         Read::Kinetic(all) => kinetic(plan, kinematics, room, moment.v, tree(all)),
         Read::Inside(object, zone) => inside(plan, kinematics, object, zone),
-        Read::Touch(body, zone) => touch(plan, kinematics, moment, *body, zone),
+        Read::Touch(body, zone) => touch(plan, kinematics, room, *body, zone),
         Read::Combination(terms) => {
             combine(terms, at, dim, &mut room.truth);
             return;
         }
         Read::Contact(sides, fields, reduction, slots) => {
-            return contacts(plan, kinematics, room, moment, sides, fields, (*reduction, *slots), at);
+            return contacts(plan, kinematics, room, sides, fields, (*reduction, *slots), at);
         }
         Read::Frame(what, object, reference) => {
             let mut out = [R::zero(); 4];
@@ -69,7 +69,7 @@ fn read<R: Real>(
             return proximity(plan, kinematics, *what, pairs, R::splat(*cutoff), &mut room.truth[place]);
         }
         vector => {
-            let x = three(plan, kinematics, room, moment, vector);
+            let x = three(plan, kinematics, room, vector);
             return room.truth[place].copy_from_slice(&x);
         }
     };
@@ -77,15 +77,15 @@ fn read<R: Real>(
 }
 
 /// Sensors of three numbers.
-fn three<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, room: &Room<R>, moment: &Moment<'_, R>, read: &Read<R::Scalar>) -> V3<R> {
+fn three<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, room: &Room<R>, read: &Read<R::Scalar>) -> V3<R> {
     let tree = |index: &usize| &plan.sensing.subtrees[*index];
     match read {
         Read::Magnetometer(site) => magnetic_field(plan, kinematics, site),
         Read::Velocimeter(site) => site_motion(plan, kinematics, room, site, false)[1],
         Read::Gyro(site) => site_motion(plan, kinematics, room, site, false)[0],
         Read::Accelerometer(site) => site_motion(plan, kinematics, room, site, true)[1],
-        Read::Force(site, subtree) => parent_force(plan, kinematics, room, moment, site, tree(subtree))[0],
-        Read::Torque(site, subtree) => parent_force(plan, kinematics, room, moment, site, tree(subtree))[1],
+        Read::Force(carried) => room.carried[*carried][0],
+        Read::Torque(carried) => room.carried[*carried][1],
         Read::Com(subtree) => com(plan, kinematics, tree(subtree), zero()),
         Read::ComVelocity(subtree) => com_velocity(plan, kinematics, room, tree(subtree)),
         Read::AngularMomentum(subtree) => angular_momentum(plan, kinematics, room, tree(subtree)),

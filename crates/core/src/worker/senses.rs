@@ -25,9 +25,15 @@ pub(super) struct Senses<R: Real> {
 }
 
 impl<R: Real> Senses<R> {
-    pub(super) fn new(plan: &Plan<R::Scalar>) -> Self {
+    pub(super) fn new(plan: &Plan<R::Scalar>, max_contacts: usize) -> Self {
         let n = if plan.sensing.needs.acceleration { plan.nv } else { 0 };
-        Self { room: Room::new(plan), drive: Drive::new(plan), work: None, v_before: vec![R::zero(); n], acceleration: vec![R::zero(); n] }
+        Self {
+            room: Room::new(plan, max_contacts),
+            drive: Drive::new(plan),
+            work: None,
+            v_before: vec![R::zero(); n],
+            acceleration: vec![R::zero(); n],
+        }
     }
 
     /// Keeps what a step will change.
@@ -245,12 +251,17 @@ impl<R: Real> Senses<R> {
 }
 
 fn take<R: Real>(from: &[R::Scalar], out: &mut [R]) {
-    if from.is_empty() {
-        out.fill(R::zero());
-    }
-    for (x, from) in out.iter_mut().zip(from.chunks_exact(R::LANES)) {
-        *x = R::load(from);
-    }
+    R::vectorize(
+        #[inline(always)]
+        || {
+            if from.is_empty() {
+                out.fill(R::zero());
+            }
+            for (x, from) in out.iter_mut().zip(from.chunks_exact(R::LANES)) {
+                *x = R::load(from);
+            }
+        },
+    )
 }
 
 /// The contacts of one lane as they are in the state.

@@ -25,6 +25,8 @@ impl ActuatorBuilder {
             name: name.into(),
             transmission: Transmission::Joint(0),
             gear: 1.0,
+            delay: 0.0,
+            delay_holds: false,
             ctrl_range: None,
             force_range: None,
             act_range: None,
@@ -66,6 +68,12 @@ impl ActuatorBuilder {
     /// Scales length, velocity and force.
     pub fn gear(mut self, gear: f64) -> Self {
         self.actuator.gear = gear;
+        self
+    }
+
+    /// Lets the control act so much later, s.
+    pub fn delay(mut self, delay: f64) -> Self {
+        self.actuator.delay = delay;
         self
     }
 

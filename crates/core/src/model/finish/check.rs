@@ -385,6 +385,7 @@ fn actuators(model: &Model) -> Checked {
             at.positive("time constant", &[tau], " s")?;
         }
         at.finite("gear", &[actuator.gear])?;
+        at.size("delay", &[actuator.delay], " s")?;
         at.finite("gain", &actuator.gain)?;
         at.finite("bias", &actuator.bias)?;
         at.range("ctrl_range", actuator.ctrl_range)?;

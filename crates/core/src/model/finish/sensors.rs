@@ -1,6 +1,6 @@
 //! The rules of sites and sensors.
 
-use super::super::{ContactSide, EqualityKind, FrameReading, JointKind, Model, Object, Sensor, SensorKind, Shape};
+use super::super::{ContactSide, EqualityKind, FrameReading, Geom, JointKind, Model, ModelError, Object, Sensor, SensorKind, Shape};
 use super::check::{At, Checked};
 
 /// Every site and sensor.
@@ -89,6 +89,24 @@ fn one(model: &Model, i: usize, sensor: &Sensor) -> Checked {
             if *slots == 0 { at.fail("it has room for no contact", "give one slot or more") } else { Ok(()) }
         }
         K::Combination(terms) => combination(model, &at, i, terms),
+    }
+}
+
+impl Model {
+    /// The same model with more sensors behind its own.
+    ///
+    /// # Errors
+    /// [`ModelError::Invalid`] for the first sensor that the model cannot have.
+    pub fn with_sensors(&self, sensors: impl IntoIterator<Item = Sensor>) -> Result<Self, ModelError> {
+        let mut model = self.clone();
+        model.sensors.extend(sensors);
+        model.check()
+    }
+
+    /// The geoms that rays from a site can meet: all simple shapes but those of its own body.
+    pub fn geoms_seen_from(&self, site: usize) -> Vec<usize> {
+        let seen = |g: &Geom| g.body != self.sites[site].body && !matches!(g.shape, Shape::Mesh { .. } | Shape::HeightField { .. });
+        (0..self.geoms.len()).filter(|&g| seen(&self.geoms[g])).collect()
     }
 }
 

@@ -2,94 +2,105 @@
 
 use stepper_real::{Mask, Real, Scalar};
 
-use super::observe::{Slots, Work, get, normalise, put};
-use super::{Imperfect, Number};
+use super::observe::{Slots, get, put};
+use super::{Imperfect, Number, Numbers};
 use crate::contacts::MAX_LANES;
 use crate::model::Quantity;
 
 impl<S: Scalar> Imperfect<S> {
-    /// Puts the held sample into the delay line and takes out what was there `delay` steps ago, left in `work.sample`.
-    #[expect(clippy::too_many_arguments, reason = "what is read, by whom, and what is remembered")]
+    /// Addresses of the samples held so far and of those to keep now. One line serves all lanes: its end moves with every step.
+    #[inline(always)]
+    pub(super) fn turn_line(&self, start: bool, cursors: &mut [u32], index: usize) -> (usize, usize) {
+        if self.line == 0 {
+            return (self.line_at(), self.line_at());
+        }
+        let held = self.line_at() + cursors[index] as usize * self.dim;
+        if !start {
+            let next = cursors[index] + 1;
+            cursors[index] = if next as usize == self.line { 0 } else { next };
+        }
+        (held, self.line_at() + cursors[index] as usize * self.dim)
+    }
+
+    /// Reads what was kept `delay` steps ago; a lane that starts fills its line with its first sample.
+    #[inline(always)]
     pub(super) fn delay<R: Real<Scalar = S>>(
         &self,
-        table: &[S],
+        table: &Numbers<'_, S>,
         chance: R,
         lanes: R::Mask,
         start: bool,
         slots: &mut Slots<'_, S>,
         index: usize,
-        work: &mut Work<R>,
     ) {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let (dim, line) = (self.dim, self.line);
-                let number = |n: Number| get::<R>(table, n as usize);
-                let delay = number(Number::Delay) + number(Number::Jitter) * (chance + chance - R::one());
-                // One line for all lanes: its end moves with every step, and a lane that starts fills it with its first sample.
-                if !start {
-                    slots.cursors[index] = (slots.cursors[index] + 1) % line as u32;
-                }
-                let cursor = slots.cursors[index] as usize;
-                for k in 0..dim {
-                    let x: R = get(slots.numbers, self.held_at() + k);
-                    for s in if start { 0..line } else { cursor..cursor + 1 } {
-                        put(slots.numbers, self.line_at() + s * dim + k, lanes, x);
-                    }
-                }
-                // Staircases and readings that may be absent have no values in between.
-                let smooth = !self.sampled && self.quantity != Quantity::Positive;
-                // Lane by lane in arrays, without branches, so that the compiler takes all lanes at once.
-                let (mut new, mut old, mut parts) = ([0; MAX_LANES], [0; MAX_LANES], [S::default(); MAX_LANES]);
-                let mut delays = [S::default(); MAX_LANES];
-                delay.store(&mut delays);
-                let (here, length) = (cursor as i32, line as i32);
-                let back = |steps: i32| {
-                    let at = here - steps.min(length - 1);
-                    if at < 0 { at + length } else { at }
-                };
-                for l in 0..R::LANES {
-                    let steps = delays[l].to_f64();
-                    let steps = if steps > 0.0 { steps } else { 0.0 };
-                    // A delay of a whole number of steps, but for rounding, is one.
-                    let near = (steps + 0.5).floor();
-                    let steps = if (steps - near).abs() < 1e-9 * (1.0 + near) { near } else { steps };
-                    let whole = if smooth { steps.floor() } else { steps.ceil() };
-                    parts[l] = S::from_f64(steps - whole);
-                    (new[l], old[l]) = (back(whole as i32), back(whole as i32 + 1));
-                }
-                self.recall(&new, slots.numbers, &mut work.sample);
-                if smooth {
-                    self.recall(&old, slots.numbers, &mut work.mixed);
-                    let part = R::load(&parts);
-                    let between = part.gt(R::zero());
-                    for (x, &old) in work.sample[..dim].iter_mut().zip(&work.mixed) {
-                        *x = R::select(between, *x + (old - *x) * part, *x);
-                    }
-                }
-                if smooth && matches!(self.quantity, Quantity::Axis | Quantity::Quaternion) {
-                    normalise(&mut work.sample[..dim]);
-                }
-            },
-        )
-    }
-
-    /// The samples at the places of the delay line that every lane asks for.
-    #[inline(always)]
-    fn recall<R: Real<Scalar = S>>(&self, places: &[i32; MAX_LANES], memory: &[S], out: &mut [R]) {
-        // Place by place: lanes that differ at all, by jitter or numbers of their own, ask for a few.
-        let mut left = (1u32 << R::LANES) - 1;
-        while left != 0 {
-            let place = places[left.trailing_zeros() as usize];
-            let mut bits = 0;
-            for (l, &p) in places[..R::LANES].iter().enumerate() {
-                bits |= u32::from(p == place) << l;
-            }
-            left &= !bits;
-            let lanes = R::Mask::from_bits(bits);
-            for (k, x) in out[..self.dim].iter_mut().enumerate() {
-                *x = R::select(lanes, get(memory, self.line_at() + place as usize * self.dim + k), *x);
+        let (dim, line, cursor) = (self.dim, self.line, slots.cursors[index] as usize);
+        if start {
+            for k in 0..dim * line {
+                let first: R = get(slots.numbers, self.line_at() + cursor * dim + k % dim);
+                put(slots.numbers, self.line_at() + k, lanes, first);
             }
         }
+        let mut delay: R = table.number(Number::Delay);
+        if self.jittery {
+            delay += table.number::<R>(Number::Jitter) * (chance + chance - R::one());
+        }
+        let (whole, part) = parts(delay, self.smooth);
+        let between = part.gt(R::zero());
+        let place = |steps: usize| {
+            let steps = steps.min(line - 1);
+            self.line_at() + dim * if steps > cursor { cursor + line - steps } else { cursor - steps }
+        };
+        // Place by place: lanes that differ at all, by jitter or numbers of their own, ask for a few.
+        let mut asked = [S::default(); MAX_LANES];
+        whole.store(&mut asked);
+        let mut left = R::Mask::splat(true).bits();
+        while left != 0 {
+            let steps = asked[left.trailing_zeros() as usize];
+            let same = whole.eq(R::splat(steps));
+            left &= !same.bits();
+            let steps = steps.to_f64() as u32 as usize;
+            let (new, old) = (place(steps), place(steps + 1));
+            for k in 0..dim {
+                let mut x: R = get(slots.numbers, new + k);
+                if self.smooth {
+                    let before: R = get(slots.numbers, old + k);
+                    x = R::select(between, x + (before - x) * part, x);
+                }
+                put(slots.observation, self.at + k, lanes.and(same), x);
+            }
+        }
+        if self.smooth && matches!(self.quantity, Quantity::Axis | Quantity::Quaternion) {
+            self.normalise::<R>(lanes, slots.observation);
+        }
+    }
+
+    /// Makes the readings in some lanes a unit vector or quaternion again.
+    #[inline(always)]
+    fn normalise<R: Real<Scalar = S>>(&self, lanes: R::Mask, observation: &mut [S]) {
+        let mut square = R::zero();
+        for k in 0..self.dim {
+            square += get::<R>(observation, self.at + k).square();
+        }
+        let there = square.gt(R::zero());
+        let factor = R::one() / R::select(there, square, R::one()).sqrt();
+        for k in 0..self.dim {
+            put(observation, self.at + k, lanes, get::<R>(observation, self.at + k) * factor);
+        }
+    }
+}
+
+/// A delay in steps as whole ones and what is left; of a staircase the next whole one.
+#[inline(always)]
+fn parts<R: Real>(steps: R, smooth: bool) -> (R, R) {
+    let steps = steps.max(R::zero());
+    // A delay of a whole number of steps, but for rounding, is one.
+    let rounding = R::of(1e-9f64.max(4.0 * R::Scalar::EPSILON.to_f64()));
+    let near = steps.round_even();
+    let steps = R::select((steps - near).abs().lt(rounding * (R::one() + near)), near, steps);
+    if smooth {
+        let whole = R::select(near.gt(steps), near - R::one(), near);
+        (whole, steps - whole)
+    } else {
+        (R::select(near.lt(steps), near + R::one(), near), R::zero())
     }
 }

@@ -8,11 +8,10 @@ use crate::sensing::philox::{Word, normals, philox4x32_10, uniform};
 /// What the numbers of a draw are for: part of their counter.
 #[derive(Clone, Copy)]
 pub(super) enum Purpose {
-    Noise,
-    Drift,
+    /// Drift, noise, jitter and dropout of a step.
+    Step,
     Bias,
     Mixing,
-    Timing,
 }
 
 /// Who draws: part of the counter and the key, one per lane.
@@ -28,51 +27,28 @@ pub struct Keys {
     pub step: Word,
 }
 
-/// The block of random words of a purpose.
-#[inline(always)]
-fn words(keys: &Keys, purpose: Purpose, sensor: usize, block: usize, lanes: usize) -> [Word; 4] {
-    let label = (purpose as u32) << 29 | (block as u32 & 0x1FFF) << 16 | (sensor as u32 & 0xFFFF);
-    // The rest of a long label is part of the episode's number, whose upper half is never reached.
-    let mut episode = keys.episode;
-    let beyond = ((block >> 13) as u32) << 24 | ((sensor >> 16) as u32) << 16;
-    episode.iter_mut().for_each(|e| *e ^= beyond);
-    philox4x32_10([keys.step, keys.stream, episode, [label; MAX_LANES]], keys.seed, lanes)
-}
-
-/// Standard normal numbers, or uniform ones in (-1, 1).
-pub(super) fn draw<R: Real>(keys: &Keys, purpose: Purpose, sensor: usize, flat: bool, out: &mut [R]) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for (block, out) in out.chunks_mut(4).enumerate() {
-                let w = words(keys, purpose, sensor, block, R::LANES);
-                let four = if flat {
-                    [0, 1, 2, 3].map(
-                        #[inline(always)]
-                        |k| {
-                            let u: R = uniform(&w[k]);
-                            u + u - R::one()
-                        },
-                    )
-                } else if out.len() > 2 {
-                    let ([a, b], [c, d]) = (normals(&w[0], &w[1]), normals(&w[2], &w[3]));
-                    [a, b, c, d]
-                } else {
-                    let [a, b] = normals(&w[0], &w[1]);
-                    [a, b, a, b]
-                };
-                out.copy_from_slice(&four[..out.len()]);
+impl Keys {
+    /// Draws for a purpose: `normal` standard normal numbers, two of every two words, and uniform ones in (0, 1) after them.
+    #[inline(always)]
+    pub(super) fn draw<R: Real>(&self, purpose: Purpose, sensor: usize, normal: usize, out: &mut [R]) {
+        for (block, out) in out.chunks_mut(4).enumerate() {
+            let words = self.words(purpose, sensor, block, R::LANES);
+            for (pair, out) in out.chunks_mut(2).enumerate() {
+                let (first, second) = (&words[2 * pair], &words[2 * pair + 1]);
+                let two = if 4 * block + 2 * pair < normal { normals(first, second) } else { [uniform(first), uniform(second)] };
+                out.copy_from_slice(&two[..out.len()]);
             }
-        },
-    )
-}
+        }
+    }
 
-pub(super) fn draw_uniform<R: Real>(keys: &Keys, purpose: Purpose, sensor: usize, out: &mut [R; 2]) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let w = words(keys, purpose, sensor, 0, R::LANES);
-            *out = [uniform(&w[0]), uniform(&w[1])];
-        },
-    )
+    /// The block of random words of a purpose.
+    #[inline(always)]
+    fn words(&self, purpose: Purpose, sensor: usize, block: usize, lanes: usize) -> [Word; 4] {
+        let label = (purpose as u32) << 29 | (block as u32 & 0x1FFF) << 16 | (sensor as u32 & 0xFFFF);
+        // The rest of a long label is part of the episode's number, whose upper half is never reached.
+        let beyond = ((block >> 13) as u32) << 24 | ((sensor >> 16) as u32) << 16;
+        let mut episode = self.episode;
+        episode[..lanes].iter_mut().for_each(|e| *e ^= beyond);
+        philox4x32_10(&[self.step, self.stream, episode, [label; MAX_LANES]], &self.seed, lanes)
+    }
 }

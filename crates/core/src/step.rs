@@ -274,7 +274,8 @@ pub fn step<R: Real>(plan: &LanePlan<R>, options: &Options, s: &mut Scratch<R>) 
 
 /// Stage 3. Returns the lanes that are taken too far from the beginning of the step.
 fn find_contacts<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) -> R::Mask {
-    detect(plan, &s.kinematics, [&s.v, &s.v_free], [rule.h, rule.lead], s.alive, &mut s.poses, &mut s.new_contacts)
+    let contacts = (&s.contacts, &mut s.new_contacts);
+    detect(plan, &s.kinematics, [&s.v, &s.v_free], [rule.h, rule.lead], s.alive, &mut s.poses, contacts)
 }
 
 /// The part of a gap that may close in a step. Where a step of the midpoint rule is taken at its beginning, two thirds: the next step then meets

@@ -17,7 +17,7 @@ use stepper_real::{Mask, Real, Scalar};
 pub use self::passed::may_have_passed;
 use crate::broad::Broad;
 use crate::contacts::{ContactId, ContactPoint, Contacts};
-use crate::geometry::convex::{Narrow, Pose};
+use crate::geometry::convex::{Narrow, Pose, Reach};
 use crate::geometry::{
     Cuboid, Cylinder, Ellipsoid, Segment, capsule_box, cylinder_rims, plane_box, plane_ellipsoid, plane_point, plane_sphere, segments,
     sphere_box, sphere_cylinder,
@@ -134,7 +134,7 @@ fn ways<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, pos: &[V3<R>], 
 }
 
 /// Finds the contacts of the lanes `alive` at poses that are `lead` seconds from the beginning of the step. Returns the lanes whose contacts
-/// cannot be trusted so far from it.
+/// cannot be trusted so far from it. Those of the `last` step say where to look first, and change nothing.
 pub fn detect<R: Real>(
     plan: &LanePlan<R>,
     kinematics: &Kinematics<R>,
@@ -142,7 +142,7 @@ pub fn detect<R: Real>(
     [h, lead]: [R; 2],
     alive: R::Mask,
     poses: &mut GeomPoses<R>,
-    contacts: &mut Contacts<R>,
+    (last, contacts): (&Contacts<R>, &mut Contacts<R>),
 ) -> R::Mask {
     contacts.clear();
     if plan.geoms.is_empty() {
@@ -169,7 +169,7 @@ pub fn detect<R: Real>(
         #[inline(always)]
         || {
             let mut narrow = std::mem::take(&mut poses.narrow);
-            let scene = Scene { plan, kinematics, poses, h, slack, leads };
+            let scene = Scene { plan, kinematics, poses, last, h, slack, leads };
             let mut too_far = R::Mask::splat(false);
             for (index, pair) in plan.pairs.iter().enumerate() {
                 too_far = too_far.or(scene.collide(index, pair, alive, &mut narrow, contacts));
@@ -193,6 +193,7 @@ struct Scene<'a, R: Real> {
     plan: &'a LanePlan<R>,
     kinematics: &'a Kinematics<R>,
     poses: &'a GeomPoses<R>,
+    last: &'a Contacts<R>,
     h: R,
     slack: R,
     leads: bool,
@@ -373,7 +374,9 @@ impl<R: Real> Scene<'_, R> {
                 let own = solid.sized(self.plan.params.geom_size(g).map(|x| x.lane(lane).to_f64()));
                 own.map_or(Cow::Borrowed(solid), Cow::Owned)
             });
-            let found = narrow.collide([&solids[0], &solids[1]], [pose(a), pose(b)], reach.lane(lane).to_f64());
+            let known = self.last.normal_of(index, lane).map(|n| n.map(Scalar::to_f64));
+            let reach = Reach { prediction: reach.lane(lane).to_f64(), known };
+            let found = narrow.collide([&solids[0], &solids[1]], [pose(a), pose(b)], reach);
             for p in found {
                 let point = ContactPoint { distance: R::of(p.distance), pos: p.pos.map(R::of), normal: p.normal.map(R::of) };
                 self.offer(index, p.feature, pair, near.and(R::Mask::from_bits(1 << lane)), point, contacts);

@@ -12,15 +12,17 @@
 //! laid on one another (`manifold.rs`).
 //!
 //! All is computed in the frame of the first shape: what a scene's place in the world changes is rounding. Nothing is remembered from call to
-//! call: the same poses give the same contacts.
+//! call: the same poses give the same contacts, whether a normal from before is known (`recall.rs`) or not.
 
 mod boxes;
 mod clip;
+mod expand;
 mod gjk;
 mod hull;
 mod manifold;
 mod pair;
 mod patch;
+mod recall;
 mod separation;
 mod shape;
 mod surface;
@@ -34,6 +36,7 @@ pub use manifold::{MAX_POINTS, Manifold, Point};
 pub use shape::ConvexShape;
 pub use surface::{Grid, MAX_SURFACE_POINTS, MeshSurface, Surface, collide_surface};
 
+use expand::Polytope;
 use manifold::Clipper;
 use pair::Pair;
 
@@ -75,10 +78,26 @@ impl Solid {
     }
 }
 
+/// How far to look, and where first.
+#[derive(Clone, Copy, Debug)]
+pub struct Reach {
+    /// Distance beyond which nothing is a contact, m.
+    pub prediction: f64,
+    /// The normal that the pair had in the last step, in the world: what is found is the same without it, later.
+    pub known: Option<V>,
+}
+
+impl From<f64> for Reach {
+    fn from(prediction: f64) -> Self {
+        Self { prediction, known: None }
+    }
+}
+
 /// Room to work: made once, reused for every pair.
 #[derive(Clone, Debug, Default)]
 pub struct Room {
     clipper: Clipper,
+    polytope: Polytope,
     triangles: Vec<u32>,
     all: Vec<Point>,
 }
@@ -104,11 +123,12 @@ impl Narrow {
         narrow
     }
 
-    /// The contact points of two solids within `prediction` (m) of each other; a half space comes first.
-    pub fn collide(&mut self, solids: [&Solid; 2], poses: [Pose; 2], prediction: f64) -> &[Point] {
+    /// The contact points of two solids within reach of each other; a half space comes first.
+    pub fn collide(&mut self, solids: [&Solid; 2], poses: [Pose; 2], reach: Reach) -> &[Point] {
         let Self { room, found } = self;
+        let prediction = reach.prediction;
         match solids {
-            [Solid::Convex(a), Solid::Convex(b)] => collide(a, &poses[0], b, &poses[1], prediction, found, room),
+            [Solid::Convex(a), Solid::Convex(b)] => collide(a, &poses[0], b, &poses[1], reach, found, room),
             [Solid::HalfSpace, Solid::Convex(b)] => collide_plane(&poses[0], b, &poses[1], prediction, found, room),
             [Solid::Surface(a), Solid::Convex(b)] => collide_surface(a, &poses[0], b, &poses[1], prediction, found, room),
             [Solid::Convex(a), Solid::Surface(b)] => {
@@ -123,11 +143,20 @@ impl Narrow {
     }
 }
 
-/// Finds the contact points of two convex shapes that are within `prediction` (m) of each other: at most [`MAX_POINTS`], in the world, normals
+/// Finds the contact points of two convex shapes that are within reach (m) of each other: at most [`MAX_POINTS`], in the world, normals
 /// from the first to the second, ascending by feature.
 ///
 /// `out` is empty exactly if the shapes are further apart than that.
-pub fn collide(a: &ConvexShape, pose_a: &Pose, b: &ConvexShape, pose_b: &Pose, prediction: f64, out: &mut Manifold, room: &mut Room) {
+pub fn collide(
+    a: &ConvexShape,
+    pose_a: &Pose,
+    b: &ConvexShape,
+    pose_b: &Pose,
+    reach: impl Into<Reach>,
+    out: &mut Manifold,
+    room: &mut Room,
+) {
+    let Reach { prediction, known } = reach.into();
     out.clear();
     let pair = Pair::new(a, pose_a, b, pose_b);
     if !pair.is_near(prediction) {
@@ -145,7 +174,8 @@ pub fn collide(a: &ConvexShape, pose_a: &Pose, b: &ConvexShape, pose_b: &Pose, p
             out.clear();
         }
     }
-    let found = separation::nearest(&pair, prediction);
+    let known = known.map(|n| rotate_back(&pose_a.mat, n));
+    let found = separation::nearest(&pair, known, prediction, &mut room.polytope);
     if found.separation - pair.thickness() <= prediction {
         room.clipper.manifold(&pair, &found, prediction, out);
         out.place(pose_a);
@@ -155,7 +185,7 @@ pub fn collide(a: &ConvexShape, pose_a: &Pose, b: &ConvexShape, pose_b: &Pose, p
 /// Signed distance of two convex shapes (m; minus the depth where they overlap) and the unit normal from the first to the second, in the world.
 pub fn distance(a: &ConvexShape, pose_a: &Pose, b: &ConvexShape, pose_b: &Pose) -> (f64, V) {
     let pair = Pair::new(a, pose_a, b, pose_b);
-    let found = separation::nearest(&pair, f64::INFINITY);
+    let found = separation::nearest(&pair, None, f64::INFINITY, &mut Polytope::default());
     (found.separation - pair.thickness(), rotate(&pose_a.mat, found.normal))
 }
 

@@ -246,7 +246,7 @@ fn name(triangle: u32, feature: u32) -> u32 {
 /// The points of a triangle.
 fn touch(facet: &Facet, pair: &Pair<'_>, upward: bool, prediction: f64, out: &mut Manifold, room: &mut Room) {
     let normal = triangle_normal(&facet.corners);
-    let flat = Separation { normal, separation: pair.separation(normal), points: [facet.corners[0]; 2] };
+    let flat = Separation { normal, separation: pair.separation(normal), points: [facet.corners[0]; 2], corners: pair.corners(normal) };
     if flat.separation - pair.thickness() > prediction {
         return;
     }
@@ -262,7 +262,7 @@ fn touch(facet: &Facet, pair: &Pair<'_>, upward: bool, prediction: f64, out: &mu
         room.clipper.over_first(pair, &flat, prediction, out);
         return;
     }
-    let found = separation::nearest(pair, prediction);
+    let found = separation::nearest(pair, None, prediction, &mut room.polytope);
     if found.separation - pair.thickness() > prediction {
         return;
     }

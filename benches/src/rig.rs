@@ -231,8 +231,7 @@ impl<R: Real> Rig<R> {
             Part::BiasForce => self.bias_force(plan),
             Part::Detect => {
                 let velocities = [&self.v[..], &self.v_free[..]];
-                let contacts = (&self.last, &mut self.contacts);
-                detect(plan, &self.kinematics, velocities, [h, R::zero()], self.alive, &mut self.poses, contacts);
+                detect(plan, &self.kinematics, velocities, [h, R::zero()], self.alive, &mut self.poses, &mut self.contacts);
             }
             Part::WarmStart => {
                 // It uses up what it reads.

@@ -128,14 +128,6 @@ impl<R: Real> Contacts<R> {
         (0..R::LANES).fold(0, |bits, l| bits | (u32::from(self.count[l] > k) << l))
     }
 
-    /// The normal of a contact of a pair in lane `l`, if it has one.
-    pub fn normal_of(&self, pair: usize, l: usize) -> Option<V3<R::Scalar>> {
-        let held = &self.ids[..self.count[l]];
-        let k = held.partition_point(|ids| ids[l].pair() < pair);
-        let is_of_pair = held.get(k).is_some_and(|ids| ids[l].pair() == pair);
-        is_of_pair.then(|| self.data[k].point.normal.map(|x| x.lane(l)))
-    }
-
     /// Adds the contact to the lanes in `bits`; lanes without room are marked in `full`.
     ///
     /// Pairs come in ascending order; the features of a pair may come in any, and are sorted here.

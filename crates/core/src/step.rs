@@ -65,7 +65,7 @@ pub struct Scratch<R: Real> {
     new_contacts: Contacts<R>,
     smooth: Smooth<R>,
     v_free: Vec<R>,
-    poses: GeomPoses<R>,
+    pub(crate) poses: GeomPoses<R>,
     rk4: Option<Rk4<R>>,
     drive: Drive<R>,
     applied: Vec<R>,
@@ -274,8 +274,7 @@ pub fn step<R: Real>(plan: &LanePlan<R>, options: &Options, s: &mut Scratch<R>) 
 
 /// Stage 3. Returns the lanes that are taken too far from the beginning of the step.
 fn find_contacts<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) -> R::Mask {
-    let contacts = (&s.contacts, &mut s.new_contacts);
-    detect(plan, &s.kinematics, [&s.v, &s.v_free], [rule.h, rule.lead], s.alive, &mut s.poses, contacts)
+    detect(plan, &s.kinematics, [&s.v, &s.v_free], [rule.h, rule.lead], s.alive, &mut s.poses, &mut s.new_contacts)
 }
 
 /// The part of a gap that may close in a step. Where a step of the midpoint rule is taken at its beginning, two thirds: the next step then meets

@@ -30,7 +30,8 @@ fn hull() -> impl Strategy<Value = Arc<Hull>> {
         let corner = |i: usize| std::array::from_fn(|k| if i >> k & 1 == 1 { half[k] } else { -half[k] });
         (0..8).map(corner).collect()
     });
-    prop_oneof![few, many, cuboid].prop_filter_map("has volume", |p: Vec<V>| Hull::new(&p).ok().filter(|h| h.points().len() > 3).map(Arc::new))
+    prop_oneof![few, many, cuboid]
+        .prop_filter_map("has volume", |p: Vec<V>| Hull::new(&p).ok().filter(|h| h.points().len() > 3).map(Arc::new))
 }
 
 fn reach(hull: &Hull, n: V) -> f64 {
@@ -51,10 +52,15 @@ fn edges(hull: &Hull, pose: &Pose) -> Vec<V> {
 /// The largest separation over all normals that a facet of the difference can have: of overlapping hulls it is minus their depth.
 fn over_all_facets(a: &Hull, pa: &Pose, b: &Hull, pb: &Pose) -> f64 {
     let separation = |n: V| -posed_reach(a, pa, n) - posed_reach(b, pb, scale(n, -1.0));
-    let faces = |hull: &Hull, pose: &Pose| hull.triangles().iter().map(|t| {
-        let [p, q, r] = t.map(|v| hull.points()[v as usize]);
-        rotate(&pose.mat, cross(sub(q, p), sub(r, p)))
-    }).collect::<Vec<V>>();
+    let faces = |hull: &Hull, pose: &Pose| {
+        hull.triangles()
+            .iter()
+            .map(|t| {
+                let [p, q, r] = t.map(|v| hull.points()[v as usize]);
+                rotate(&pose.mat, cross(sub(q, p), sub(r, p)))
+            })
+            .collect::<Vec<V>>()
+    };
     let (first, second) = (edges(a, pa), edges(b, pb));
     let across = first.iter().flat_map(|u| second.iter().map(|v| cross(*u, *v)));
     let of_first = faces(a, pa).into_iter();
@@ -80,9 +86,11 @@ proptest! {
     fn the_depth_is_the_least_over_all_facets(a in hull(), ma in rotation(), b in hull(), at in vector(0.5), mb in rotation()) {
         let (pa, pb) = (Pose { pos: [0.0; 3], mat: ma }, Pose { pos: at, mat: mb });
         let best = over_all_facets(&a, &pa, &b, &pb);
-        prop_assume!(best < 0.0);
+        if best >= 0.0 {
+            return Ok(());
+        }
         let (found, n) = distance(&ConvexShape::Hull(a.clone()), &pa, &ConvexShape::Hull(b.clone()), &pb);
-        // A face stands for what is as good up to a billionth of the size, and for triangles on its plane up to a millionth.
+        // A face stands for what is as good up to a billionth of the size, which is 2 m at most.
         prop_assert!((found - best).abs() < 2e-9, "{found}, over all facets {best}");
         let along = -posed_reach(&a, &pa, n) - posed_reach(&b, &pb, scale(n, -1.0));
         prop_assert!((found - along).abs() < 1e-12, "{found}, along its normal {along}");

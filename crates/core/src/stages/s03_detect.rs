@@ -23,6 +23,7 @@ use crate::geometry::{
     sphere_box, sphere_cylinder,
 };
 use crate::kinematics::Kinematics;
+use crate::normals::Normals;
 use crate::plan::{Kernel, LanePlan, PairPlan, Plan};
 use crate::spatial::*;
 
@@ -40,7 +41,14 @@ pub struct GeomPoses<R: Real> {
     extent: Vec<R>,
     velocity: Vec<V6<R>>,
     broad: Broad,
+    search: Search,
+}
+
+/// The narrow phase, and where it looks first.
+#[derive(Clone, Debug, Default)]
+struct Search {
     narrow: Narrow,
+    normals: Normals,
 }
 
 impl<R: Real> GeomPoses<R> {
@@ -54,8 +62,21 @@ impl<R: Real> GeomPoses<R> {
             extent: vec![R::zero(); plan.geoms.len()],
             velocity: vec![zero(); plan.links.len()],
             broad: Broad::default(),
-            narrow: Narrow::for_solids(plan.geoms.iter().filter_map(|g| g.solid.as_ref())),
+            search: Search {
+                narrow: Narrow::for_solids(plan.geoms.iter().filter_map(|g| g.solid.as_ref())),
+                normals: Normals::new(plan, R::LANES),
+            },
         }
+    }
+
+    /// Normals of hulls that are near one another.
+    pub(crate) fn normals(&self) -> &Normals {
+        &self.search.normals
+    }
+
+    /// Takes over the normals of the last step.
+    pub(crate) fn recall(&mut self, normals: &Normals) {
+        self.search.normals.copy_from(normals);
     }
 
     /// Places the geoms that are fixed to the world, where environments may have them elsewhere.
@@ -134,7 +155,7 @@ fn ways<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, pos: &[V3<R>], 
 }
 
 /// Finds the contacts of the lanes `alive` at poses that are `lead` seconds from the beginning of the step. Returns the lanes whose contacts
-/// cannot be trusted so far from it. Those of the `last` step say where to look first, and change nothing.
+/// cannot be trusted so far from it.
 pub fn detect<R: Real>(
     plan: &LanePlan<R>,
     kinematics: &Kinematics<R>,
@@ -142,7 +163,7 @@ pub fn detect<R: Real>(
     [h, lead]: [R; 2],
     alive: R::Mask,
     poses: &mut GeomPoses<R>,
-    (last, contacts): (&Contacts<R>, &mut Contacts<R>),
+    contacts: &mut Contacts<R>,
 ) -> R::Mask {
     contacts.clear();
     if plan.geoms.is_empty() {
@@ -168,20 +189,20 @@ pub fn detect<R: Real>(
     let too_far = R::vectorize(
         #[inline(always)]
         || {
-            let mut narrow = std::mem::take(&mut poses.narrow);
-            let scene = Scene { plan, kinematics, poses, last, h, slack, leads };
+            let mut search = std::mem::take(&mut poses.search);
+            let scene = Scene { plan, kinematics, poses, h, slack, leads };
             let mut too_far = R::Mask::splat(false);
             for (index, pair) in plan.pairs.iter().enumerate() {
-                too_far = too_far.or(scene.collide(index, pair, alive, &mut narrow, contacts));
+                too_far = too_far.or(scene.collide(index, pair, alive, &mut search, contacts));
             }
             if let Some(crowd) = &plan.crowd {
                 for &(number, lanes) in &broad.pairs {
                     if let Some(pair) = crowd.pair(number) {
-                        too_far = too_far.or(scene.collide(number, &pair, R::Mask::from_bits(lanes), &mut narrow, contacts));
+                        too_far = too_far.or(scene.collide(number, &pair, R::Mask::from_bits(lanes), &mut search, contacts));
                     }
                 }
             }
-            poses.narrow = narrow;
+            poses.search = search;
             too_far
         },
     );
@@ -193,7 +214,6 @@ struct Scene<'a, R: Real> {
     plan: &'a LanePlan<R>,
     kinematics: &'a Kinematics<R>,
     poses: &'a GeomPoses<R>,
-    last: &'a Contacts<R>,
     h: R,
     slack: R,
     leads: bool,
@@ -207,21 +227,21 @@ impl<R: Real> Scene<'_, R> {
         index: usize,
         pair: &PairPlan<R::Scalar>,
         alive: R::Mask,
-        narrow: &mut Narrow,
+        search: &mut Search,
         contacts: &mut Contacts<R>,
     ) -> R::Mask {
         let near = alive.and(self.can_touch(pair));
         if near.none() {
             return near;
         }
-        self.meet(index, pair, near, narrow, contacts);
+        self.meet(index, pair, near, search, contacts);
         if self.leads { near.and(self.leads_too_far(pair)) } else { R::Mask::splat(false) }
     }
 
     /// Takes up the contacts of a pair in the lanes `near`. A kernel of its own: inlined where it is called, it and what it offers would
     /// take most of the time of a build.
     #[inline(never)]
-    fn meet(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, narrow: &mut Narrow, contacts: &mut Contacts<R>) {
+    fn meet(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, search: &mut Search, contacts: &mut Contacts<R>) {
         R::vectorize(
             #[inline(always)]
             || match pair.kernel {
@@ -234,7 +254,7 @@ impl<R: Real> Scene<'_, R> {
                 Kernel::SphereCylinder => self.sphere_cylinder(index, pair, near, contacts),
                 Kernel::CapsuleBox => self.capsule_box(index, pair, near, contacts),
                 Kernel::Segments => self.segments(index, pair, near, contacts),
-                Kernel::Convex | Kernel::Surface => self.convex(index, pair, near, narrow, contacts),
+                Kernel::Convex | Kernel::Surface => self.convex(index, pair, near, search, contacts),
             },
         )
     }
@@ -358,7 +378,7 @@ impl<R: Real> Scene<'_, R> {
 
     /// Lane by lane, in f64: what one lane does no other sees.
     #[inline(always)]
-    fn convex(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, narrow: &mut Narrow, contacts: &mut Contacts<R>) {
+    fn convex(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, search: &mut Search, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
         let reach = R::splat(pair.margin) + self.poses.travel[a] + self.poses.travel[b] + self.slack;
         let mut rest = near.bits();
@@ -374,9 +394,12 @@ impl<R: Real> Scene<'_, R> {
                 let own = solid.sized(self.plan.params.geom_size(g).map(|x| x.lane(lane).to_f64()));
                 own.map_or(Cow::Borrowed(solid), Cow::Owned)
             });
-            let known = self.last.normal_of(index, lane).map(|n| n.map(Scalar::to_f64));
-            let reach = Reach { prediction: reach.lane(lane).to_f64(), known };
-            let found = narrow.collide([&solids[0], &solids[1]], [pose(a), pose(b)], reach);
+            let Search { narrow, normals } = &mut *search;
+            let reach = Reach { prediction: reach.lane(lane).to_f64(), known: normals.of(lane, index) };
+            let (found, axis) = narrow.collide([&solids[0], &solids[1]], [pose(a), pose(b)], reach);
+            if let Some(axis) = axis {
+                normals.keep(lane, index, axis);
+            }
             for p in found {
                 let point = ContactPoint { distance: R::of(p.distance), pos: p.pos.map(R::of), normal: p.normal.map(R::of) };
                 self.offer(index, p.feature, pair, near.and(R::Mask::from_bits(1 << lane)), point, contacts);

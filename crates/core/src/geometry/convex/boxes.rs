@@ -65,10 +65,10 @@ pub(super) fn separation(pair: &Pair<'_>, ha: V, hb: V, prediction: f64) -> Opti
             return Some(None);
         }
         let points = edge_points(pair, ha, hb, edge.1, edge.2);
-        return Some(Some(Separation::new(edge.1, edge.0, points)));
+        return Some(Some(Separation { normal: edge.1, separation: edge.0, points }));
     }
     let points = [pair.a.support(face.1), pair.support_b(neg(face.1))];
-    Some(Some(Separation::new(face.1, face.0, points)))
+    Some(Some(Separation { normal: face.1, separation: face.0, points }))
 }
 
 /// The best axis across an edge of each: separation, axis, which edges.

@@ -5,6 +5,7 @@
 
 use super::V;
 use super::pair::{Pair, Vertex};
+use super::separation::Separation;
 use crate::spatial::*;
 
 /// Times that it may grow.
@@ -38,9 +39,9 @@ impl Default for Polytope {
 }
 
 impl Polytope {
-    /// The normal of the nearest facet of A - B, outward, and three corners of it; `start` is a tetrahedron that holds the origin. `None` where
-    /// it is none, or where rounding hides the facet.
-    pub(super) fn nearest_facet(&mut self, pair: &Pair<'_>, start: &[Vertex]) -> Option<(V, [Vertex; 3])> {
+    /// The separation along the nearest facet of A - B; `start` is a tetrahedron that holds the origin. `None` where it is none, or where rounding
+    /// hides the facet.
+    pub(super) fn nearest_facet(&mut self, pair: &Pair<'_>, start: &[Vertex]) -> Option<Separation> {
         if start.len() < 4 {
             return None;
         }
@@ -60,11 +61,22 @@ impl Polytope {
                 return None;
             }
             if gain <= ENOUGH * pair.size || self.vertices.iter().any(|v| v.names == vertex.names) {
-                return Some((nearest.normal, nearest.corners.map(|c| self.vertices[c as usize])));
+                return Some(self.separation(&nearest, vertex));
             }
             self.grow(vertex, 1e-3 * ENOUGH * pair.size);
         }
         None
+    }
+
+    /// What the normal of a facet separates, `furthest` being the furthest corner that way, and where the normal through the origin meets it.
+    fn separation(&self, facet: &Face, furthest: Vertex) -> Separation {
+        let corners = facet.corners.map(|c| &self.vertices[c as usize]);
+        let [a, b, c] = corners.map(|c| c.w);
+        let n = facet.normal;
+        let share = [dot(n, cross(b, c)), dot(n, cross(c, a)), dot(n, cross(a, b))];
+        let sum = share[0] + share[1] + share[2];
+        let mix = |get: fn(&Vertex) -> V| (0..3).fold([0.0; 3], |p, k| add_scaled(p, get(corners[k]), share[k] / sum));
+        Separation { normal: n, separation: -dot(n, furthest.w), points: [mix(|c| c.x), mix(|c| c.y)] }
     }
 
     /// Takes up a corner outside: what it sees makes way for faces between it and the horizon.

@@ -81,7 +81,7 @@ impl Nearest {
 
     /// The same with all that goes with it.
     pub(super) fn separation(&self, normal: V) -> Separation {
-        Separation::new(normal, self.length(), self.points())
+        Separation { normal, separation: self.length(), points: self.points() }
     }
 
     /// The nearest points.

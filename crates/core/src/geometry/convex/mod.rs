@@ -39,6 +39,7 @@ pub use surface::{Grid, MAX_SURFACE_POINTS, MeshSurface, Surface, collide_surfac
 use expand::Polytope;
 use manifold::Clipper;
 use pair::Pair;
+use separation::Facing;
 
 /// A vector in f64.
 type V = V3<f64>;
@@ -123,8 +124,8 @@ impl Narrow {
         narrow
     }
 
-    /// The contact points of two solids within reach of each other; a half space comes first.
-    pub fn collide(&mut self, solids: [&Solid; 2], poses: [Pose; 2], reach: Reach) -> &[Point] {
+    /// The contact points of two solids within reach of each other, and [`Manifold::axis`]; a half space comes first.
+    pub fn collide(&mut self, solids: [&Solid; 2], poses: [Pose; 2], reach: Reach) -> (&[Point], Option<V>) {
         let Self { room, found } = self;
         let prediction = reach.prediction;
         match solids {
@@ -139,7 +140,7 @@ impl Narrow {
             [_, Solid::Surface(_)] => unreachable!("a surface meets convex shapes"),
             [_, Solid::HalfSpace] => unreachable!("a half space comes first, and two never meet"),
         }
-        &found.points
+        (&found.points, found.axis)
     }
 }
 
@@ -165,7 +166,7 @@ pub fn collide(
     if let (ConvexShape::Box { half: ha }, ConvexShape::Box { half: hb }) = (a, b) {
         let Some(by_axes) = boxes::separation(&pair, *ha, *hb, prediction) else { return };
         if let Some(found) = by_axes {
-            room.clipper.manifold(&pair, &found, prediction, out);
+            room.clipper.manifold(&pair, &Facing::new(&pair, found), prediction, out);
             // A face gives the distance where something is above it.
             if found.separation <= 0.0 || (!out.is_lone() && out.deepest() <= found.separation + 1e-9 * pair.size) {
                 out.place(pose_a);
@@ -174,18 +175,19 @@ pub fn collide(
             out.clear();
         }
     }
-    let known = known.map(|n| rotate_back(&pose_a.mat, n));
-    let found = separation::nearest(&pair, known, prediction, &mut room.polytope);
-    if found.separation - pair.thickness() <= prediction {
-        room.clipper.manifold(&pair, &found, prediction, out);
+    let known = known.map(|n| unit_or(rotate_back(&pose_a.mat, n), [0.0, 0.0, 1.0]));
+    let facing = separation::nearest(&pair, known, prediction, &mut room.polytope);
+    if facing.found.separation - pair.thickness() <= prediction {
+        room.clipper.manifold(&pair, &facing, prediction, out);
         out.place(pose_a);
     }
+    out.axis = (a.is_hull() && b.is_hull()).then(|| rotate(&pose_a.mat, facing.found.normal));
 }
 
 /// Signed distance of two convex shapes (m; minus the depth where they overlap) and the unit normal from the first to the second, in the world.
 pub fn distance(a: &ConvexShape, pose_a: &Pose, b: &ConvexShape, pose_b: &Pose) -> (f64, V) {
     let pair = Pair::new(a, pose_a, b, pose_b);
-    let found = separation::nearest(&pair, None, f64::INFINITY, &mut Polytope::default());
+    let found = separation::nearest(&pair, None, f64::INFINITY, &mut Polytope::default()).found;
     (found.separation - pair.thickness(), rotate(&pose_a.mat, found.normal))
 }
 

@@ -85,9 +85,10 @@ impl<'a> Pair<'a> {
         dot(n, self.support_b(neg(n))) - dot(n, self.a.support(n))
     }
 
-    /// The same where the furthest corners are near known ones.
-    pub(super) fn separation_near(&self, n: V, [i, j]: [u32; 2]) -> f64 {
-        dot(n, self.place(self.b.climb(j, rotate_back(&self.mat, neg(n))))) - dot(n, self.a.climb(i, n))
+    /// The same, and the corners that are furthest, where they are near known ones.
+    pub(super) fn separation_near(&self, n: V, [i, j]: [u32; 2]) -> (f64, [u32; 2]) {
+        let ((x, i), (y, j)) = (self.a.climb(i, n), self.b.climb(j, rotate_back(&self.mat, neg(n))));
+        (dot(n, self.place(y)) - dot(n, x), [i, j])
     }
 
     /// A point of the second in the frame of the first.

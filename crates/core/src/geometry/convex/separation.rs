@@ -16,7 +16,7 @@
 
 use super::expand::Polytope;
 use super::gjk::{self, Nearest};
-use super::pair::{Pair, Vertex};
+use super::pair::Pair;
 use super::recall::recall;
 use super::shape::ConvexShape;
 use super::{V, neg, unit_or};
@@ -31,20 +31,23 @@ pub(super) struct Separation {
     pub(super) separation: f64,
     /// The points of the cores that are nearest along it.
     pub(super) points: [V; 2],
-    /// The corners of the cores that are furthest along it and against it, once it is settled.
+}
+
+/// A separation with the corners of the cores that are furthest along its normal and against it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Facing {
+    pub(super) found: Separation,
     pub(super) corners: [u32; 2],
 }
 
-impl Separation {
-    pub(super) fn new(normal: V, separation: f64, points: [V; 2]) -> Self {
-        Self { normal, separation, points, corners: [0; 2] }
+impl Facing {
+    pub(super) fn new(pair: &Pair<'_>, found: Separation) -> Self {
+        Self { found, corners: pair.corners(found.normal) }
     }
 }
 
 /// Polytopes are clear of one another beyond this share of their size: the direction between their nearest points is certain.
 const CLEAR: f64 = 1e-9;
-/// Edges this parallel (sine) have no direction across both.
-const PARALLEL: f64 = 1e-3;
 /// The gap that is opened, as a share of the least extent.
 const GAP: f64 = 1e-3;
 /// Climbing steps at most; two to four are usual.
@@ -53,41 +56,38 @@ const CLIMBS: usize = 12;
 const DEEP: f64 = 0.01;
 const FAR: f64 = 0.5;
 /// Directions within this of a face's normal (sine) may be taken for it.
-pub(super) const NEAR_FACE: f64 = 0.05;
+const NEAR_FACE: f64 = 0.05;
 
 /// The largest separation of the cores; stops early with a lower bound of it where that is beyond `prediction`.
 ///
 /// `known` is a direction near which the normal may be, as it was in the last step: it saves time, and changes nothing.
-pub(super) fn nearest(pair: &Pair<'_>, known: Option<V>, prediction: f64, polytope: &mut Polytope) -> Separation {
+pub(super) fn nearest(pair: &Pair<'_>, known: Option<V>, prediction: f64, polytope: &mut Polytope) -> Facing {
     let reach = prediction + pair.thickness();
-    let found = match known.and_then(|n| recall(pair, n, reach)) {
-        Some(found) => found,
-        None if pair.is_polytope() => of_polytopes(pair, reach, polytope),
-        None => of_round_bodies(pair, reach),
-    };
-    if found.separation > reach { found } else { prefer_face(pair, found) }
+    if let Some(facing) = known.and_then(|n| recall(pair, n, reach)) {
+        return if facing.found.separation > reach { facing } else { prefer_face(pair, facing) };
+    }
+    let found = if pair.is_polytope() { of_polytopes(pair, reach, polytope) } else { of_round_bodies(pair, reach) };
+    if found.separation > reach {
+        return Facing { found, corners: [0; 2] };
+    }
+    // Rounding of the search is left behind: the normal is the facet's own.
+    let facing = recall(pair, found.normal, reach).unwrap_or_else(|| Facing { found, corners: pair.corners(found.normal) });
+    prefer_face(pair, facing)
 }
 
 fn of_polytopes(pair: &Pair<'_>, reach: f64, polytope: &mut Polytope) -> Separation {
     let first = gjk::nearest(pair, [0.0; 3], neg(pair.apart), reach.max(CLEAR * pair.size));
     if let Some(normal) = first.normal(CLEAR * pair.size) {
-        let across = if first.length() > reach { None } else { across(first.vertices(), normal) };
-        return across.unwrap_or_else(|| first.separation(normal));
+        return first.separation(normal);
     }
     // Only a tetrahedron holds the origin.
-    match polytope.nearest_facet(pair, first.vertices()) {
-        Some((normal, corners)) => across(&corners, normal).unwrap_or_else(|| facet(pair, &corners, normal)),
-        None => pushed_out(pair, &first),
-    }
+    polytope.nearest_facet(pair, first.vertices()).unwrap_or_else(|| pushed_out(pair, &first))
 }
 
 fn of_round_bodies(pair: &Pair<'_>, reach: f64) -> Separation {
     let gap = GAP * pair.least;
     let first = gjk::nearest(pair, [0.0; 3], neg(pair.apart), reach.max(gap));
-    match first.normal(gap) {
-        Some(normal) => first.separation(normal),
-        None => pushed_out(pair, &first),
-    }
+    first.normal(gap).map_or_else(|| pushed_out(pair, &first), |normal| first.separation(normal))
 }
 
 /// By climbing, see above; `first` is what the search without a gap found.
@@ -110,43 +110,6 @@ fn pushed_out(pair: &Pair<'_>, first: &Nearest) -> Separation {
         }
     }
     found
-}
-
-/// The separation across an edge of each, where that is what the corners name.
-fn across(corners: &[Vertex], towards: V) -> Option<Separation> {
-    let ends = |side: usize| {
-        let names = corners.iter().map(|v| v.names[side]);
-        let (low, high) = (names.clone().min()?, names.clone().max()?);
-        let two = low < high && names.clone().all(|n| n == low || n == high);
-        let find = |name: u32| corners.iter().find(|v| v.names[side] == name).map(|v| if side == 0 { v.x } else { v.y });
-        if two { Some([find(low)?, find(high)?]) } else { None }
-    };
-    let (found, _) = edges(ends(0)?, ends(1)?, towards)?;
-    (dot(found.normal, towards) > 0.999).then_some(found)
-}
-
-/// The separation across two edges whose lines are nearest within them, and where along them, in shares.
-pub(super) fn edges([p, q]: [V; 2], [r, s]: [V; 2], towards: V) -> Option<(Separation, [f64; 2])> {
-    let (u, v, d) = (sub(q, p), sub(s, r), sub(r, p));
-    let n = cross(u, v);
-    let nn = dot(n, n);
-    if nn <= PARALLEL * PARALLEL * dot(u, u) * dot(v, v) {
-        return None;
-    }
-    let at = [dot(cross(d, v), n) / nn, dot(cross(d, u), n) / nn];
-    let normal = scale(n, 1f64.copysign(dot(n, towards)) / nn.sqrt());
-    Some((Separation::new(normal, dot(normal, d), [add_scaled(p, u, at[0]), add_scaled(r, v, at[1])]), at))
-}
-
-/// The separation across a corner and a face.
-fn facet(pair: &Pair<'_>, corners: &[Vertex; 3], normal: V) -> Separation {
-    // Where the normal through the origin pierces the facet.
-    let w = corners.map(|c| c.w);
-    let n = cross(sub(w[1], w[0]), sub(w[2], w[0]));
-    let area = [dot(n, cross(w[1], w[2])), dot(n, cross(w[2], w[0])), dot(n, cross(w[0], w[1]))];
-    let sum = area[0] + area[1] + area[2];
-    let mix = |get: fn(&Vertex) -> V| (0..3).fold([0.0; 3], |p, k| add_scaled(p, get(&corners[k]), area[k] / sum));
-    Separation::new(normal, pair.separation(normal), [mix(|c| c.x), mix(|c| c.y)])
 }
 
 /// The best of the directions that the shapes suggest.
@@ -209,22 +172,22 @@ fn climb(pair: &Pair<'_>, start: Candidate, gap: f64) -> Separation {
         }
         best = next;
     }
-    Separation::new(best.normal, best.separation, points)
+    Separation { normal: best.normal, separation: best.separation, points }
 }
 
 /// Takes the normal of a face instead where that separates as well up to rounding: the normals of resting contacts are then exact, and
 /// do not change from step to step. The first shape's face is preferred.
-fn prefer_face(pair: &Pair<'_>, found: Separation) -> Separation {
+fn prefer_face(pair: &Pair<'_>, facing: Facing) -> Facing {
+    let Facing { found, corners } = facing;
     let tie = 1e-9 * pair.size;
-    let corners = pair.corners(found.normal);
     for flat in pair.flats(found.normal, corners).into_iter().flatten() {
         let cos = dot(flat, found.normal);
         if cos > 0.0 && 1.0 - cos < NEAR_FACE * NEAR_FACE {
-            let separation = pair.separation_near(flat, corners);
+            let (separation, corners) = pair.separation_near(flat, corners);
             if separation >= found.separation - tie {
-                return Separation { normal: flat, separation, corners: pair.corners(flat), ..found };
+                return Facing { found: Separation { normal: flat, separation, ..found }, corners };
             }
         }
     }
-    Separation { corners, ..found }
+    facing
 }

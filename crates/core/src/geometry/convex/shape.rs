@@ -90,11 +90,15 @@ impl ConvexShape {
         }
     }
 
-    /// The point of the core furthest along `d`, from a corner that is nearly so.
-    pub(super) fn climb(&self, corner: u32, d: V) -> V {
+    /// The corner of the core furthest along `d`, from one that is nearly so.
+    #[inline]
+    pub(super) fn climb(&self, from: u32, d: V) -> (V, u32) {
         match self {
-            Self::Hull(hull) => hull.points()[hull.climb(corner as usize, d)],
-            _ => self.support(d),
+            Self::Hull(hull) => {
+                let v = hull.climb(from as usize, d);
+                (hull.points()[v], v as u32)
+            }
+            _ => self.corner(d),
         }
     }
 
@@ -104,6 +108,11 @@ impl ConvexShape {
             Self::Hull(hull) => hull.points()[corner as usize],
             _ => self.support(d),
         }
+    }
+
+    /// Whether it is the hull of points.
+    pub(crate) fn is_hull(&self) -> bool {
+        matches!(self, Self::Hull(_))
     }
 
     /// Whether the core is the hull of its corners.

@@ -89,7 +89,7 @@ impl Hull {
         for (f, face) in faces.iter().enumerate() {
             face.vertices.iter().for_each(|&v| around[v as usize].push(f as u32));
         }
-        let (rings, first) = rings(&points, &triangles, &faces);
+        let (rings, first) = rings(&points, &triangles);
         let start = if points.len() > FEW { starts(&points) } else { vec![] };
         let extreme = std::array::from_fn(|k| {
             let mut d = [0.0; 3];
@@ -193,7 +193,8 @@ impl Hull {
         let mut best = (f64::INFINITY, vertex);
         for ring in self.rings(vertex) {
             let rise = ring.along(d);
-            for k in 0..ring.edges {
+            for k in 0..SIDE {
+                // 0 / 0 where there is none: never less.
                 let square = rise[k] * rise[k] / ring.square[k];
                 if square < best.0 {
                     best = (square, ring.to[k] as usize);
@@ -250,8 +251,6 @@ struct Ring {
     /// Squares of their lengths, m^2.
     square: [f64; SIDE],
     to: [u32; SIDE],
-    /// How many of them are across an edge; what follows are short cuts around a large face.
-    edges: usize,
 }
 
 impl Ring {
@@ -264,28 +263,19 @@ impl Ring {
 }
 
 /// The rings of all points, one after the other, and where each point's begin.
-fn rings(points: &[V], triangles: &[[u32; 3]], faces: &[Face]) -> (Vec<Ring>, Vec<u32>) {
+fn rings(points: &[V], triangles: &[[u32; 3]]) -> (Vec<Ring>, Vec<u32>) {
     let mut beside: Vec<Vec<u32>> = vec![vec![]; points.len()];
     for t in triangles {
         (0..3).for_each(|k| beside[t[k] as usize].push(t[(k + 1) % 3]));
     }
-    let mut ahead: Vec<Vec<u32>> = vec![vec![]; points.len()];
-    for face in faces.iter().filter(|f| f.vertices.len() > SIDE) {
-        let n = face.vertices.len();
-        for (k, &v) in face.vertices.iter().enumerate() {
-            ahead[v as usize].extend([4, 2, 6, 1, 7].map(|eighths| face.vertices[(k + n * eighths / 8) % n]));
-        }
-    }
     let (mut rings, mut first) = (vec![], vec![0]);
-    for (v, p) in points.iter().enumerate() {
-        let all: Vec<u32> = beside[v].iter().chain(&ahead[v]).copied().collect();
-        for (c, some) in all.chunks(SIDE).enumerate() {
-            let edges = beside[v].len().saturating_sub(c * SIDE).min(SIDE);
-            let mut ring = Ring { edge: [[0.0; SIDE]; 3], square: [0.0; SIDE], to: [0; SIDE], edges };
-            for (k, &w) in some.iter().enumerate() {
-                let e = sub(points[w as usize], *p);
+    for (p, beside) in points.iter().zip(&beside) {
+        for some in beside.chunks(SIDE) {
+            let mut ring = Ring { edge: [[0.0; SIDE]; 3], square: [0.0; SIDE], to: [0; SIDE] };
+            for (k, &v) in some.iter().enumerate() {
+                let e = sub(points[v as usize], *p);
                 (0..3).for_each(|i| ring.edge[i][k] = e[i]);
-                (ring.square[k], ring.to[k]) = (dot(e, e), w);
+                (ring.square[k], ring.to[k]) = (dot(e, e), v);
             }
             rings.push(ring);
         }
@@ -295,7 +285,7 @@ fn rings(points: &[V], triangles: &[[u32; 3]], faces: &[Face]) -> (Vec<Ring>, Ve
 }
 
 /// Cells along the edge of a side of the cube of [`Hull::start`].
-const CELLS: usize = 32;
+const CELLS: usize = 16;
 
 /// The cell of the cube's surface that a direction points to.
 fn cell(d: V) -> usize {

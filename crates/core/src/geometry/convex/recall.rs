@@ -110,8 +110,11 @@ fn edges([p, q]: [V; 2], [r, s]: [V; 2], towards: V) -> Option<(Separation, [f64
 /// Whether a facet is the nearest of all, see above.
 fn is_certain(pair: &Pair<'_>, facet: &Separation, room: f64) -> bool {
     let depth = -facet.separation;
-    if room <= OUTLINE * pair.size || depth <= 0.0 {
-        return room > OUTLINE * pair.size;
+    if room <= OUTLINE * pair.size {
+        return false;
+    }
+    if depth <= 0.0 {
+        return true;
     }
     let along = dot(facet.normal, pair.apart);
     let below = along + depth;

@@ -23,22 +23,23 @@ struct Face {
 }
 
 /// Room for a polytope.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Polytope {
     vertices: Vec<Vertex>,
     faces: Vec<Face>,
     horizon: Vec<[u16; 2]>,
 }
 
-impl Default for Polytope {
-    fn default() -> Self {
-        // Euler: a polytope of v triangles' corners has 2 v - 4 of them.
-        let v = GROWTHS + 4;
-        Self { vertices: Vec::with_capacity(v), faces: Vec::with_capacity(2 * v), horizon: Vec::with_capacity(3 * v) }
-    }
-}
-
 impl Polytope {
+    /// Room for the largest that there can be.
+    pub(super) fn reserve(&mut self) {
+        // Euler: a polytope of v corners has 2 v - 4 triangles, and 3 v - 6 edges.
+        let v = GROWTHS + 4;
+        self.vertices.reserve(v);
+        self.faces.reserve(2 * v);
+        self.horizon.reserve(3 * v);
+    }
+
     /// The separation along the nearest facet of A - B; `start` is a tetrahedron that holds the origin. `None` where it is none, or where rounding
     /// hides the facet.
     pub(super) fn nearest_facet(&mut self, pair: &Pair<'_>, start: &[Vertex]) -> Option<Separation> {

@@ -117,6 +117,7 @@ impl Narrow {
         let mut narrow = Self::default();
         if corners > 0 {
             narrow.room.clipper.reserve(corners);
+            narrow.room.polytope.reserve();
             narrow.room.triangles.reserve(256);
             narrow.room.all.reserve(256);
             narrow.found.points.reserve(256);

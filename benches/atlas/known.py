@@ -48,12 +48,6 @@ KNOWN: tuple[Known, ...] = (
         (5e-3, 1.0),
         "the chain goes on swinging along its length at this time step; the mean tension is right",
     ),
-    Known(
-        r"14 .*",
-        "stepper newton",
-        (2e-2, 1.0),
-        "without sweeps to bring it to a standstill, the stack creeps at the speed that Newton's method leaves, some 1e-9 m/s",
-    ),
     Known(r"17 .*|29 Euler.*", BAUMGARTE, ANY, "Baumgarte's velocity stays in the motion as kinetic energy"),
     Known(r"22 .* = (2|10|100)", EULER, ANY, EXPLICIT),
     Known(r"22 .* = (10|100)", "stepper rk4", ANY, EXPLICIT),

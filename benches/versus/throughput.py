@@ -1,8 +1,9 @@
 """Environment steps per second of the models that people train on, beside MuJoCo: one markdown table, in throughput.md and .json too.
 
 Both engines step the same environments with the same random controls at the model's own time step. MuJoCo runs with the model's own
-settings and with implicitfast, Newton and elliptic cones; ratios are against the faster of the two. Contacts and penetration of both are
-measured by one yardstick, MuJoCo's collision detection. See README.md beside this file.
+settings and with implicitfast, Newton and elliptic cones; ratios are against the faster of the two. stepper runs with its defaults, and
+with what is as accurate as MuJoCo ("fast"). Contacts and penetration of both are measured by one yardstick, MuJoCo's collision
+detection. See README.md beside this file.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from statistics import geometric_mean, median
 from typing import Any
 
 import numpy as np
-from stepper import Model, ModelError, Stepper, load
+from stepper import Model, ModelError, Options, Stepper, load
 from stepper._crowd import Array, Crowd, MujocoCrowd, Referee, StepperCrowd
 from stepper._demo import MATCHED, Plan, Track, race
 from stepper._machine import allowed_cores, one_core, provenance, require
@@ -35,6 +36,7 @@ MODELS = (
 """Package and file in it."""
 
 OURS = ("stepper f64", "stepper f32")
+FAST = ("stepper f64 fast", "stepper f32 fast")
 PEERS = (f"MuJoCo {MATCHED.setting}", "MuJoCo defaults")
 ALONE = 8
 """Environments that are stepped alone, one after the other; their mean counts."""
@@ -80,11 +82,17 @@ def random_control(path: str, plan: Plan) -> Array:
     return np.random.default_rng(plan.seed).uniform(low, high, (-(-plan.steps // plan.hold), plan.num_envs, model.nu))
 
 
+def fast(model: Model) -> Options:
+    """MuJoCo's own integrator and stabilisation in the velocity, solved to a millimetre per second."""
+    return Options(timestep=Stepper(model).timestep, integrator="euler", stabilization="baumgarte", tolerance=1e-3)
+
+
 def crowds(case: Case, plan: Plan, threads: int) -> list[Crowd]:
-    """Ours in both precisions, and MuJoCo with both settings."""
+    """Ours in both precisions with both settings, and MuJoCo with both settings."""
+    quick = fast(case.model)
     return [
-        StepperCrowd(case.model, plan.num_envs, threads=threads),
-        StepperCrowd(case.model, plan.num_envs, precision="f32", threads=threads),
+        *(StepperCrowd(case.model, plan.num_envs, precision=p, threads=threads) for p in ("f64", "f32")),
+        *(StepperCrowd(case.model, plan.num_envs, precision=p, threads=threads, options=quick, setting="fast") for p in ("f64", "f32")),
         MujocoCrowd(case.path, plan.num_peers, threads=threads, settings=MATCHED),
         MujocoCrowd(case.path, plan.num_peers, threads=threads),
     ]
@@ -94,8 +102,8 @@ def alone(case: Case, plan: Plan) -> dict[str, list[float]]:
     """Microseconds per step of environments that are stepped alone, one step per call from Python, by engine and chunk."""
     mujoco = require("mujoco", "to run MuJoCo beside stepper")
 
-    def ours() -> Callable[[Array], None]:
-        return Stepper(case.model).step
+    def ours(options: Options | None = None) -> Callable[[Array], None]:
+        return Stepper(case.model, options=options).step
 
     def theirs(settings: Any) -> Callable[[Array], None]:
         model = mujoco.MjModel.from_xml_path(case.path)
@@ -111,7 +119,8 @@ def alone(case: Case, plan: Plan) -> dict[str, list[float]]:
 
         return step
 
-    sims = {OURS[0]: [ours() for _ in range(ALONE)]}
+    quick = fast(case.model)
+    sims = {OURS[0]: [ours() for _ in range(ALONE)], FAST[0]: [ours(quick) for _ in range(ALONE)]}
     sims |= {peer: [theirs(settings) for _ in range(ALONE)] for peer, settings in zip(PEERS, (MATCHED, None), strict=True)}
     times: dict[str, list[float]] = {name: [] for name in sims}
     for begin in range(0, plan.steps, plan.chunk):
@@ -164,9 +173,9 @@ def measure(case: Case, plan: Plan) -> dict[str, Any]:
         "microseconds": {name: median(found) for name, found in times.items()},
         "microseconds_all_cores": {name: median(found) for name, found in wall.items()},
         "microseconds_alone": {name: median(found) for name, found in single.items()},
-        "ratio": {name: against(times, name) for name in OURS},
+        "ratio": {name: against(times, name) for name in (*OURS, *FAST)},
         "ratio_all_cores": {name: against(wall, name) for name in OURS} if wall else {},
-        "ratio_alone": against(single, OURS[0]),
+        "ratio_alone": {name: against(single, name) for name in (OURS[0], FAST[0])},
         "contacts": {name: float(np.mean([s.contacts for s in found])) for name, found in samples.items()},
         "penetration": {name: max(s.penetration for s in found) for name, found in samples.items()},
         "certificates": {name: dataclasses.asdict(certificate) for name, certificate in certificates.items()},
@@ -177,31 +186,35 @@ def table(rows: list[dict[str, Any]]) -> str:
     """The markdown table, with geometric means of the ratios in its last line."""
     many = bool(rows[0]["ratio_all_cores"])
     heads = ["model", "dofs", "dt ms", "us f64", "us f32", "us MuJoCo same / own", "f64 x", "f32 x"]
+    heads += ["fast f64 x", "fast f32 x"]
     heads += ["all cores f64 x", "f32 x", "cores gain"] if many else []
-    heads += ["alone us / MuJoCo", "alone x", "contacts f64 / f32 / same / own", "penetration mm f64 / f32 / same / own"]
-    heads += ["residual m/s f64 / f32", "not converged % f64 / f32"]
+    all_six = "f64 / f32 / fast f64 / fast f32 / same / own"
+    heads += ["alone us / fast / MuJoCo", "alone x", "fast alone x", f"contacts {all_six}", f"penetration mm {all_six}"]
+    heads += ["residual m/s f64 / f32 / fast f64 / fast f32", "not converged % f64 / f32 / fast f64 / fast f32"]
     lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
-    names = (*OURS, *PEERS)
+    ours = (*OURS, *FAST)
+    names = (*ours, *PEERS)
     for row in rows:
         us, single, certificates = row["microseconds"], row["microseconds_alone"], row["certificates"]
         cells = [row["model"], row["nv"], f"{1e3 * row['timestep']:g}", *(f"{us[name]:.2f}" for name in OURS)]
-        cells += [" / ".join(f"{us[name]:.1f}" for name in PEERS), *(f"**{row['ratio'][name]:.1f}**" for name in OURS)]
+        cells += [" / ".join(f"{us[name]:.1f}" for name in PEERS), *(f"**{row['ratio'][name]:.1f}**" for name in ours)]
         if many:
             cells += [*(f"{row['ratio_all_cores'][name]:.1f}" for name in OURS)]
             cells += [f"{us[OURS[0]] / row['microseconds_all_cores'][OURS[0]]:.2f}"]
-        cells += [f"{single[OURS[0]]:.1f} / {min(single[peer] for peer in PEERS):.1f}", f"**{row['ratio_alone']:.1f}**"]
+        cells += [f"{single[OURS[0]]:.1f} / {single[FAST[0]]:.1f} / {min(single[peer] for peer in PEERS):.1f}"]
+        cells += [f"**{found:.1f}**" for found in row["ratio_alone"].values()]
         cells += [" / ".join(f"{row['contacts'][name]:.1f}" for name in names)]
         cells += [" / ".join(f"{1e3 * row['penetration'][name]:.2g}" for name in names)]
-        cells += [" / ".join(f"{certificates[name]['worst_residual']:.1g}" for name in OURS)]
-        cells += [" / ".join(f"{100 * certificates[name]['not_converged'] / certificates[name]['env_steps']:.2g}" for name in OURS)]
+        cells += [" / ".join(f"{certificates[name]['worst_residual']:.1g}" for name in ours)]
+        cells += [" / ".join(f"{100 * certificates[name]['not_converged'] / certificates[name]['env_steps']:.2g}" for name in ours)]
         lines.append("| " + " | ".join(map(str, cells)) + " |")
-    means = {name: geometric_mean(row["ratio"][name] for row in rows) for name in OURS}
-    cells = ["**geometric mean**", "", "", "", "", "", *(f"**{means[name]:.1f}**" for name in OURS)]
+    means = {name: geometric_mean(row["ratio"][name] for row in rows) for name in ours}
+    cells = ["**geometric mean**", "", "", "", "", "", *(f"**{means[name]:.1f}**" for name in ours)]
     if many:
         cells += [*(f"{geometric_mean(row['ratio_all_cores'][name] for row in rows):.1f}" for name in OURS)]
         gains = [row["microseconds"][OURS[0]] / row["microseconds_all_cores"][OURS[0]] for row in rows]
         cells += [f"{geometric_mean(gains):.2f}"]
-    cells += ["", f"**{geometric_mean(row['ratio_alone'] for row in rows):.1f}**", "", "", "", ""]
+    cells += ["", *(f"**{geometric_mean(row['ratio_alone'][name] for row in rows):.1f}**" for name in (OURS[0], FAST[0])), "", "", "", ""]
     return "\n".join([*lines, "| " + " | ".join(cells) + " |"])
 
 
@@ -228,7 +241,7 @@ def main() -> None:
             continue
         rows.append(measure(case, plan))
         done = rows[-1]
-        print(f"{case.name}: {done['ratio'][OURS[0]]:.1f} times, alone {done['ratio_alone']:.1f} times", flush=True)
+        print(f"{case.name}: {done['ratio'][OURS[0]]:.1f} times, fast {done['ratio'][FAST[0]]:.1f} times", flush=True)
     if not rows:
         parser.error("no model to run: " + "; ".join(left_out))
     came_from = provenance()

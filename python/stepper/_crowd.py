@@ -75,11 +75,22 @@ class Certificate:
 
 
 class StepperCrowd:
-    """Ours."""
+    """Ours.
 
-    def __init__(self, model: Model, num_envs: int, *, precision: str = "f64", threads: int = 1, options: Options | None = None) -> None:
+    Args:
+        model: What to step.
+        num_envs: Number of environments.
+        precision: "f64" or "f32".
+        threads: Threads; 0 is one per core.
+        options: Settings; None is the default.
+        setting: Their name in tables.
+    """
+
+    def __init__(
+        self, model: Model, num_envs: int, *, precision: str = "f64", threads: int = 1, options: Options | None = None, setting: str = ""
+    ) -> None:
         self.sim = Stepper(model, num_envs, options=options, precision=precision, threads=threads)
-        self.name = f"stepper {precision}"
+        self.name = f"stepper {precision} {setting}".strip()
         self.num_envs = num_envs
         self.certificates: dict[str, Certificate] = {}
 

@@ -82,51 +82,80 @@ pub(crate) fn settle<R: Real>(iterate: &mut Iterate<R>, problem: &Problem<R>, la
     }
 }
 
-/// Replaces what a sweep left by where the next one starts, in the lanes `running`.
+/// Replaces what a sweep left by where the next one starts, in the lanes `running`. Returns the lanes in which that is elsewhere: there, w and the
+/// impulses are added up apart.
 #[inline(always)]
-pub(crate) fn accelerate<R: Real>(iterate: &mut Iterate<R>, running: R::Mask) {
-    let Iterate { w, scalars, contacts, wide, history: past, .. } = iterate;
-    past.shift();
-    let mut length = R::zero();
-    for (((w, start), f), df) in w.iter().zip(&past.start).zip(&mut past.f).zip(&mut past.df[0]) {
-        let now = *w - *start;
-        length += now * now;
-        *df = now - *f;
-        *f = now;
-    }
-    let goes = running.and(length.le(past.length));
-    past.length = R::select(running, length, past.length);
-    for known in &mut past.known[1..] {
-        *known = known.and(goes);
-    }
-    past.known[0] = past.ran.and(goes);
-    past.ran = running;
-    let mut at = 0;
-    for part in [&w[..], scalars, contacts.as_flattened(), wide.as_flattened()] {
-        let end = at + part.len();
-        for ((x, image), dt) in part.iter().zip(&mut past.image[at..end]).zip(&mut past.dt[0][at..end]) {
-            *dt = *x - *image;
-            *image = *x;
+pub(crate) fn accelerate<R: Real>(iterate: &mut Iterate<R>, running: R::Mask) -> R::Mask {
+    match iterate.note(running) {
+        0 => {
+            let Iterate { w, history, .. } = iterate;
+            history.start.copy_from_slice(w);
+            return R::Mask::splat(false);
         }
-        at = end;
+        1 => iterate.leap::<1>(),
+        2 => iterate.leap::<2>(),
+        3 => iterate.leap::<3>(),
+        _ => iterate.leap::<MEMORY>(),
     }
-    let c = past.coefficients();
-    for k in 0..MEMORY {
-        let known = past.known[k];
-        if known.none() {
-            break;
+    iterate.history.known[0]
+}
+
+impl<R: Real> Iterate<R> {
+    /// Writes down what a sweep of the lanes `running` did. Returns how many changes are known in any lane.
+    #[inline(always)]
+    fn note(&mut self, running: R::Mask) -> usize {
+        let Self { w, scalars, contacts, wide, history: past, .. } = self;
+        past.shift();
+        let mut length = R::zero();
+        for (((w, start), f), df) in w.iter().zip(&past.start).zip(&mut past.f).zip(&mut past.df[0]) {
+            let now = *w - *start;
+            length += now * now;
+            *df = now - *f;
+            *f = now;
         }
-        at = 0;
-        for part in [&mut w[..], scalars, contacts.as_flattened_mut(), wide.as_flattened_mut()] {
+        let goes = running.and(length.le(past.length));
+        past.length = R::select(running, length, past.length);
+        for known in &mut past.known[1..] {
+            *known = known.and(goes);
+        }
+        past.known[0] = past.ran.and(goes);
+        past.ran = running;
+        let known = past.known[0];
+        let mut at = 0;
+        for part in [&w[..], scalars, contacts.as_flattened(), wide.as_flattened()] {
             let end = at + part.len();
-            for (x, dt) in part.iter_mut().zip(&past.dt[k][at..end]) {
-                // Not even -0 changes where a neighbour remembers more.
-                *x = R::select(known, *x - c[k] * *dt, *x);
+            for ((x, image), dt) in part.iter().zip(&mut past.image[at..end]).zip(&mut past.dt[0][at..end]) {
+                // Zero, and never what is not a number, where a lane is not to use it.
+                *dt = keep(known, *x - *image);
+                *image = *x;
             }
             at = end;
         }
+        past.known.iter().take_while(|known| known.any()).count()
     }
-    past.start.copy_from_slice(w);
+
+    /// Takes the last `N` changes out of what the sweep left.
+    #[inline(always)]
+    fn leap<const N: usize>(&mut self) {
+        let c = self.history.coefficients::<N>();
+        let Self { w, scalars, contacts, wide, history: past, .. } = self;
+        let mut at = 0;
+        for part in [&mut w[..], scalars, contacts.as_flattened_mut(), wide.as_flattened_mut()] {
+            let end = at + part.len();
+            let mut dt = past.dt.iter().map(|dt| &dt[at..end]);
+            let dt: [&[R]; N] = std::array::from_fn(|_| dt.next().expect("N is at most MEMORY"));
+            for (i, x) in part.iter_mut().enumerate() {
+                // From zero, which is no -0: where a neighbour remembers more, nothing changes.
+                let mut sum = R::zero();
+                for k in 0..N {
+                    sum += c[k] * dt[k][i];
+                }
+                *x -= sum;
+            }
+            at = end;
+        }
+        past.start.copy_from_slice(w);
+    }
 }
 
 impl<R: Real> History<R> {
@@ -143,44 +172,40 @@ impl<R: Real> History<R> {
         }
     }
 
-    /// The c of least squares; 0 for what a lane does not know.
+    /// The c of least squares over the last `N` changes; 0 for what a lane does not know.
     #[inline(always)]
-    fn coefficients(&mut self) -> [R; MEMORY] {
+    fn coefficients<const N: usize>(&mut self) -> [R; N] {
         let Self { f, df, known, gram, .. } = self;
         let (zero, one) = (R::zero(), R::one());
-        let mut c = [zero; MEMORY];
-        for j in 0..MEMORY {
-            if known[j].none() {
-                break;
+        let (mut own, mut c) = ([zero; N], [zero; N]);
+        for i in 0..f.len() {
+            for j in 0..N {
+                let older = df[j][i];
+                own[j] += df[0][i] * older;
+                c[j] += older * f[i];
             }
-            let (mut own, mut off) = (zero, zero);
-            for ((a, b), f) in df[0].iter().zip(&df[j]).zip(&*f) {
-                own += *a * *b;
-                off += *b * *f;
-            }
-            gram[0][j] = own;
-            c[j] = keep(known[j], off);
         }
+        gram[0][..N].copy_from_slice(&own);
         // Elimination, the newest first; a change that is nearly a sum of newer ones is left out: its large c would magnify rounding.
         let mut a = *gram;
         let rounding = R::of(<R::Scalar as Scalar>::EPSILON.to_f64().sqrt());
-        for i in 0..MEMORY {
+        for i in 0..N {
             let good = known[i].and(a[i][i].gt(rounding * gram[i][i]));
             let inverse = one / R::select(good, a[i][i], one);
             c[i] = keep(good, c[i]);
-            for j in i + 1..MEMORY {
+            for j in i + 1..N {
                 a[i][j] = keep(good.and(known[j]), a[i][j]);
                 let factor = a[i][j] * inverse;
-                for k in j..MEMORY {
+                for k in j..N {
                     a[j][k] -= factor * keep(known[k], a[i][k]);
                 }
                 c[j] -= factor * c[i];
             }
             a[i][i] = inverse;
         }
-        for i in (0..MEMORY).rev() {
+        for i in (0..N).rev() {
             let mut rest = c[i];
-            for j in i + 1..MEMORY {
+            for j in i + 1..N {
                 rest -= a[i][j] * c[j];
             }
             c[i] = rest * a[i][i];

@@ -144,7 +144,7 @@ impl<R: Real> ContactBlock<R> {
         let unbounded = R::of(f64::INFINITY);
         let (mut lo, mut hi, mut s) = (zero, unbounded, guess);
         for _ in 0..MAX_NEWTON {
-            let ([i0, i1], x, n) = self.sliding(p, push, s);
+            let Sliding { x, n, dn, .. } = self.sliding(p, push, s);
             let length2 = x[0] * x[0] + x[1] * x[1];
             let length = length2.sqrt();
             let excess = self.mu * n - length;
@@ -152,8 +152,7 @@ impl<R: Real> ContactBlock<R> {
             lo = R::select(low, s, lo);
             hi = R::select(low, hi, s);
             // The derivative of mu n / |x| over s, times |x|^3 / mu.
-            let (x0, x1) = (x[0] * i0, x[1] * i1);
-            let slope = (self.coupling[0] * x0 + self.coupling[1] * x1) * length2 + n * (x[0] * x0 + x[1] * x1);
+            let slope = dn * length2 + n * (x[0] * p[0] + x[1] * p[1]);
             let newton = s - excess * length2 / (self.mu * slope);
             let bisect = R::select(hi.lt(unbounded), (lo + hi) * R::of(0.5), s + s + self.a[0]);
             let inside = newton.ge(lo).and(newton.le(hi)).and(newton.lt(unbounded));
@@ -164,22 +163,35 @@ impl<R: Real> ContactBlock<R> {
             }
         }
         // What Newton's method left is removed by scaling, so that the impulse is on its cone.
-        let (_, x, n) = self.sliding(p, push, s);
-        let n = n.max(zero);
+        let Sliding { x, n, d, .. } = self.sliding(p, push, s);
+        let n = (n / d).max(zero);
         let length = norm2(x[0], x[1]);
         let scale = self.mu * n / R::select(length.gt(zero), length, R::one());
         Slip { x: [x[0] * scale, x[1] * scale], n, s }
     }
 
-    /// At the multiplier s: the inverses of A + s, the tangential impulse, the normal one.
+    /// The impulse at the multiplier s, without a division.
     #[inline(always)]
-    fn sliding(&self, p: [R; 2], push: R, s: R) -> ([R; 2], [R; 2], R) {
+    fn sliding(&self, p: [R; 2], push: R, s: R) -> Sliding<R> {
         let (d0, d1) = (self.a[0] + s, self.a[1] + s);
-        let inverse = R::one() / (d0 * d1);
-        let (i0, i1) = (d1 * inverse, d0 * inverse);
-        let x = [-p[0] * i0, -p[1] * i1];
-        ([i0, i1], x, push - (self.coupling[0] * x[0] + self.coupling[1] * x[1]))
+        let d = d0 * d1;
+        let x = [-p[0] * d1, -p[1] * d0];
+        let n = push * d - (self.coupling[0] * x[0] + self.coupling[1] * x[1]);
+        let dn = push * (d0 + d1) + (self.coupling[0] * p[0] + self.coupling[1] * p[1]);
+        Sliding { x, n, dn, d }
     }
+}
+
+/// A sliding contact at some multiplier s: its impulse, times d.
+struct Sliding<R: Real> {
+    /// Tangential, in the principal axes of A; its derivative over s is -p.
+    x: [R; 2],
+    /// Normal.
+    n: R,
+    /// Its derivative over s.
+    dn: R,
+    /// det(A + s).
+    d: R,
 }
 
 /// A sliding contact: tangential impulse in the principal axes of A, normal impulse, multiplier of the friction disc.

@@ -37,17 +37,21 @@ pub fn solve<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: 
             let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero() };
             let (mut running, mut unsolved, mut threshold) = (lanes, lanes, tolerance);
             let limit = R::of(f64::from(settings.sweeps.max(1)));
+            // Lanes in which w and the impulses were added up apart.
+            let mut apart = R::Mask::splat(false);
             anderson::begin(iterate);
             while unsolved.any() {
                 let change = sweep(problem, iterate, running, outcome.sweeps.lt(R::of(EXACT_SWEEPS)));
                 outcome.sweeps += keep(running, R::one());
                 running = running.and(change.gt(threshold)).and(outcome.sweeps.lt(limit));
                 if running.any() {
-                    anderson::accelerate(iterate, running);
+                    apart = apart.or(anderson::accelerate(iterate, running));
                     continue;
                 }
-                // Acceleration adds w and the impulses up apart. Where nothing has changed since, this finds the same bits again.
-                anderson::settle(iterate, problem, lanes);
+                if apart.any() {
+                    anderson::settle(iterate, problem, apart);
+                    apart = R::Mask::splat(false);
+                }
                 outcome.residual = R::select(unsolved, residual(problem, iterate), outcome.residual);
                 unsolved = unsolved.and(outcome.residual.gt(tolerance)).and(outcome.sweeps.lt(limit));
                 running = unsolved;

@@ -37,6 +37,10 @@ pub struct GeomPoses<R: Real> {
     travel: Vec<R>,
     /// Bound on the way of any point of the geom from the beginning of the step to where it is taken, m.
     lead: Vec<R>,
+    /// Which geoms went by half their thickness in any lane.
+    fast: Vec<bool>,
+    /// Velocities of the links on that way.
+    led_by: Vec<V6<R>>,
     /// Radius of a ball about the geom's origin that holds it in two free steps, of a plane only its way, m.
     extent: Vec<R>,
     velocity: Vec<V6<R>>,
@@ -60,6 +64,8 @@ impl<R: Real> GeomPoses<R> {
             travel: vec![R::zero(); plan.geoms.len()],
             lead: vec![R::zero(); plan.geoms.len()],
             extent: vec![R::zero(); plan.geoms.len()],
+            fast: vec![false; plan.geoms.len()],
+            led_by: vec![zero(); plan.links.len()],
             velocity: vec![zero(); plan.links.len()],
             broad: Broad::default(),
             search: Search {
@@ -119,20 +125,8 @@ impl<R: Real> GeomPoses<R> {
     /// The same of the way from the beginning of the step.
     #[inline(always)]
     fn update_lead(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
-        kinematics.velocities(plan, v, &mut self.velocity);
-        ways(plan, kinematics, &self.pos, &self.velocity, time, &mut self.lead);
-    }
-
-    /// Velocity of the point `p` of a frame.
-    #[inline(always)]
-    fn velocity_of(&self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, frame: usize, p: V3<R>) -> V3<R> {
-        if frame == 0 {
-            return zero();
-        }
-        if frame > plan.links.len() {
-            return velocity_at(&kinematics.posed[frame - plan.links.len() - 1], sub(p, kinematics.pos[frame]));
-        }
-        velocity_at(&self.velocity[frame - 1], sub(p, kinematics.origin[plan.links[frame - 1].tree]))
+        kinematics.velocities(plan, v, &mut self.led_by);
+        ways(plan, kinematics, &self.pos, &self.led_by, time, &mut self.lead);
     }
 }
 
@@ -169,8 +163,7 @@ pub fn detect<R: Real>(
     if plan.geoms.is_empty() {
         return R::Mask::splat(false);
     }
-    // What gravity covers in a step, and a micrometre for scenes without it.
-    let slack = norm(plan.params.gravity()) * h * h + R::of(1e-6);
+    let slack = slack(plan, h);
     let leads = plan.has_thin && lead.gt(R::zero()).any();
     R::vectorize(
         #[inline(always)]
@@ -190,7 +183,7 @@ pub fn detect<R: Real>(
         #[inline(always)]
         || {
             let mut search = std::mem::take(&mut poses.search);
-            let scene = Scene { plan, kinematics, poses, h, slack, leads };
+            let scene = Scene { plan, kinematics, poses, h, slack, lead, leads };
             let mut too_far = R::Mask::splat(false);
             for (index, pair) in plan.pairs.iter().enumerate() {
                 too_far = too_far.or(scene.collide(index, pair, alive, &mut search, contacts));
@@ -210,12 +203,21 @@ pub fn detect<R: Real>(
     too_far
 }
 
+/// What gravity covers in a step, and a micrometre for scenes without it.
+fn slack<R: Real>(plan: &LanePlan<R>, h: R) -> R {
+    R::vectorize(
+        #[inline(always)]
+        || norm(plan.params.gravity()) * h * h + R::of(1e-6),
+    )
+}
+
 struct Scene<'a, R: Real> {
     plan: &'a LanePlan<R>,
     kinematics: &'a Kinematics<R>,
     poses: &'a GeomPoses<R>,
     h: R,
     slack: R,
+    lead: R,
     leads: bool,
 }
 
@@ -271,11 +273,53 @@ impl<R: Real> Scene<'_, R> {
         }
     }
 
-    /// Lanes in which the way from the beginning of the step is long enough to be through.
+    /// Lanes in which the way from the beginning of the step is long enough to be through: that of either geom as seen from the other.
     #[inline(always)]
     fn leads_too_far(&self, pair: &PairPlan<R::Scalar>) -> R::Mask {
         let [a, b] = pair.geoms;
-        (self.poses.lead[a] + self.poses.lead[b]).gt(self.plan.thin(pair.geoms))
+        let thin = self.plan.thin(pair.geoms);
+        let far = (self.poses.lead[a] + self.poses.lead[b]).gt(thin);
+        if far.none() {
+            return far;
+        }
+        // Limbs that fly along together are fast and yet do not pass one another, and what is apart again has gone the whole way through. (Where
+        // that chord is shorter than this, a graze an eighth as deep as the two are thick is missed.)
+        let gap = self.gap(pair);
+        let through = R::select(gap.gt(R::zero()), gap + thin + thin, thin);
+        far.and(self.way_past(a, b).min(self.way_past(b, a)).gt(through))
+    }
+
+    /// Lower bound on the distance of a pair that is thin, m.
+    #[inline(always)]
+    fn gap(&self, pair: &PairPlan<R::Scalar>) -> R {
+        let [a, b] = pair.geoms;
+        match pair.kernel {
+            Kernel::Segments => segments(&self.segment(a), &self.segment(b)).0[0].distance,
+            _ => norm(sub(self.poses.pos[b], self.poses.pos[a])) - self.plan.reach(pair.geoms),
+        }
+    }
+
+    /// Bound on the way of any point of the geom `b`, as seen from `a`, from the beginning of the step, m.
+    #[inline(always)]
+    fn way_past(&self, a: usize, b: usize) -> R {
+        let (there, here) =
+            (self.motion_at(&self.poses.led_by, b, self.poses.pos[b]), self.motion_at(&self.poses.led_by, a, self.poses.pos[b]));
+        let spin = norm(sub(there[0], here[0]));
+        // A plane has no bound: 0 * infinity must not become NaN.
+        let swing = R::select(spin.gt(R::zero()), spin * self.plan.params.bound(b), R::zero());
+        (norm(sub(there[1], here[1])) + swing) * self.lead
+    }
+
+    /// Motion of a geom (angular, linear where it passes the point `p`) if the links have the velocities `links`.
+    #[inline(always)]
+    fn motion_at(&self, links: &[V6<R>], geom: usize, p: V3<R>) -> [V3<R>; 2] {
+        let frame = self.plan.geoms[geom].frame;
+        let (motion, origin) = match frame.checked_sub(self.plan.links.len() + 1) {
+            _ if frame == 0 => return [zero(); 2],
+            Some(mocap) => (&self.kinematics.posed[mocap], self.kinematics.pos[frame]),
+            None => (&links[frame - 1], self.kinematics.origin[self.plan.links[frame - 1].tree]),
+        };
+        [angular(motion), velocity_at(motion, sub(p, origin))]
     }
 
     #[inline(always)]
@@ -434,9 +478,8 @@ impl<R: Real> Scene<'_, R> {
                 if near.none() {
                     return;
                 }
-                let frame = |g: usize| self.plan.geoms[g].frame;
-                let va = self.poses.velocity_of(self.plan, self.kinematics, frame(a), point.pos);
-                let vb = self.poses.velocity_of(self.plan, self.kinematics, frame(b), point.pos);
+                let [_, va] = self.motion_at(&self.poses.velocity, a, point.pos);
+                let [_, vb] = self.motion_at(&self.poses.velocity, b, point.pos);
                 let closing = (-dot(point.normal, sub(vb, va))).max(R::zero());
                 let touching = near.and(point.distance.lt(closing * (self.h + self.h) + self.slack));
                 let id = ContactId::new(index, feature);

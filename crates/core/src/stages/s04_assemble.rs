@@ -293,7 +293,8 @@ impl<R: Real> Constraints<R> {
         let n = slot.point.normal;
         let axes = [n, slot.tangent, cross(n, slot.tangent)];
         let carried = linear(&surfaces::motion(plan, kinematics, contacts, k, lanes));
-        let mut free = axes.map(|axis| dot(axis, carried));
+        // Not `map`: what the library's function inlines, it inlines with baseline instructions.
+        let mut free = [dot(axes[0], carried), dot(axes[1], carried), dot(axes[2], carried)];
         let mut before = free[0];
         let (mut arm, mut tree) = (zero(), usize::MAX);
         for &d in &self.support {

@@ -22,16 +22,21 @@ pub fn solve<R: Real>(
     let settings = Settings { sweeps, newton, tolerance: tolerance(options, v) };
     let Constraints { problem, iterate, newton, scalar_impulse, owners, slots, wide_slots, .. } = constraints;
     let outcome = stepper_solve::solve(problem, iterate, settings, lanes, newton);
-    for (&owner, &lambda) in owners.iter().zip(&iterate.scalars) {
-        scalar_impulse[owner] = lambda;
-    }
-    for (&(k, lanes), &lambda) in slots.iter().zip(&iterate.contacts) {
-        contacts.data[k].impulse = select(lanes, lambda, contacts.data[k].impulse);
-    }
-    for (&(k, lanes, scale), &[n, a, b, spin, roll, other]) in wide_slots.iter().zip(&iterate.wide) {
-        contacts.data[k].impulse = select(lanes, [n, a, b], contacts.data[k].impulse);
-        contacts.torque[k] = select(lanes, [spin * scale[0], roll * scale[1], other * scale[2]], contacts.torque[k]);
-    }
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for (&owner, &lambda) in owners.iter().zip(&iterate.scalars) {
+                scalar_impulse[owner] = lambda;
+            }
+            for (&(k, lanes), &lambda) in slots.iter().zip(&iterate.contacts) {
+                contacts.data[k].impulse = select(lanes, lambda, contacts.data[k].impulse);
+            }
+            for (&(k, lanes, scale), &[n, a, b, spin, roll, other]) in wide_slots.iter().zip(&iterate.wide) {
+                contacts.data[k].impulse = select(lanes, [n, a, b], contacts.data[k].impulse);
+                contacts.torque[k] = select(lanes, [spin * scale[0], roll * scale[1], other * scale[2]], contacts.torque[k]);
+            }
+        },
+    );
     outcome
 }
 

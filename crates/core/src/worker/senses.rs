@@ -148,13 +148,19 @@ impl<R: Real> Senses<R> {
     pub(super) fn remember(&self, group: &mut Group<R::Scalar>, s: &Scratch<R>) {
         let memory = &mut group.sensing;
         memory.fresh = 0;
-        for (x, out) in [(&self.acceleration, &mut memory.acceleration), (&s.inputs.ctrl, &mut memory.ctrl)] {
-            for (x, out) in x.iter().zip(out.chunks_exact_mut(R::LANES)) {
-                x.store(out);
-            }
-        }
-        let given = |i: usize| s.inputs.xfrc.get(i).copied().unwrap_or_default();
-        memory.xfrc.chunks_exact_mut(R::LANES).enumerate().for_each(|(i, out)| given(i).store(out));
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for (x, out) in [(&self.acceleration, &mut memory.acceleration), (&s.inputs.ctrl, &mut memory.ctrl)] {
+                    for (x, out) in x.iter().zip(out.chunks_exact_mut(R::LANES)) {
+                        x.store(out);
+                    }
+                }
+                for (i, out) in memory.xfrc.chunks_exact_mut(R::LANES).enumerate() {
+                    s.inputs.xfrc.get(i).copied().unwrap_or(R::zero()).store(out);
+                }
+            },
+        );
     }
 
     /// Lets the transfer functions begin in the lanes that wait for it. What the user applies is left out of that reading, so that it is the

@@ -2,7 +2,7 @@
 
 use stepper_real::{Mask, Real};
 
-use super::GeomPoses;
+use super::{GeomPoses, slack};
 use crate::kinematics::Kinematics;
 use crate::plan::{LanePlan, PairPlan};
 use crate::spatial::*;
@@ -26,7 +26,7 @@ pub fn may_have_passed<R: Real>(
     {
         return R::Mask::splat(false);
     }
-    let slack = norm(plan.params.gravity()) * h * h + R::of(1e-6);
+    let slack = slack(plan, h);
     let mut broad = std::mem::take(&mut poses.broad);
     if let Some(crowd) = &plan.crowd {
         broad.find(plan, crowd, alive.bits(), &poses.pos, &poses.lead, slack);
@@ -49,18 +49,27 @@ pub fn may_have_passed<R: Real>(
 }
 
 impl<R: Real> GeomPoses<R> {
-    /// Bounds on the ways of the step as it was made, left in `lead`. Returns the lanes in which some geom moved by half its thickness.
+    /// Bounds on the ways of the step as it was made, left in `lead`. Returns the lanes in which some geom moved by half its thickness; no two
+    /// others get past one another.
     #[inline(always)]
     fn update_ways(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, v_next: &[R], h: R) -> R::Mask {
         self.update_lead(plan, kinematics, v_next, h);
-        let moved = self.lead.iter().enumerate().map(|(g, way)| way.gt(plan.params.inner(g) * R::of(0.5)));
-        moved.fold(R::Mask::splat(false), R::Mask::or)
+        let mut any = R::Mask::splat(false);
+        for (g, (way, fast)) in self.lead.iter().zip(&mut self.fast).enumerate() {
+            let moved = way.gt(plan.params.inner(g) * R::of(0.5));
+            *fast = moved.any();
+            any = any.or(moved);
+        }
+        any
     }
 
     /// Lanes in which a pair could get through unseen.
     #[inline(always)]
     fn slips_through(&self, plan: &LanePlan<R>, pair: &PairPlan<R::Scalar>, h: R, slack: R) -> R::Mask {
         let [a, b] = pair.geoms;
+        if !(self.fast[a] || self.fast[b]) {
+            return R::Mask::splat(false);
+        }
         let way = self.lead[a] + self.lead[b];
         let thin = plan.thin(pair.geoms);
         let far = way.gt(thin);
@@ -82,7 +91,7 @@ impl<R: Real> GeomPoses<R> {
         if g.frame == 0 || g.frame > plan.links.len() {
             return R::zero();
         }
-        let w = angular(&self.velocity[g.frame - 1]);
+        let w = angular(&self.led_by[g.frame - 1]);
         dot(w, w) * h * h * R::of(0.5) * plan.params.lever(geom)
     }
 }

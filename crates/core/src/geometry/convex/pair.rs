@@ -96,9 +96,16 @@ impl<'a> Pair<'a> {
         add(self.pos, rotate(&self.mat, p))
     }
 
-    /// The corners that are furthest along `n` and against it.
+    /// The corners that are furthest along `n` and against it; 0 of what is no hull, where nobody asks.
     pub(super) fn corners(&self, n: V) -> [u32; 2] {
-        [self.a.corner(n).1, self.b.corner(rotate_back(&self.mat, neg(n))).1]
+        let first = if self.a.is_hull() { self.a.corner(n).1 } else { 0 };
+        [first, if self.b.is_hull() { self.b.corner(rotate_back(&self.mat, neg(n))).1 } else { 0 }]
+    }
+
+    /// How far two corners are apart along `n`, m; of what is no hull the furthest.
+    pub(super) fn apart_at(&self, n: V, [i, j]: [u32; 2]) -> f64 {
+        let y = self.place(self.b.support_at(j, rotate_back(&self.mat, neg(n))));
+        dot(n, sub(y, self.a.support_at(i, n)))
     }
 
     /// The outward normals nearest to facing the other along `n`, of the faces around `corners`: of the first (along n) and the second (against n,

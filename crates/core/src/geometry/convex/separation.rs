@@ -179,12 +179,16 @@ fn climb(pair: &Pair<'_>, start: Candidate, gap: f64) -> Separation {
 /// do not change from step to step. The first shape's face is preferred.
 fn prefer_face(pair: &Pair<'_>, facing: Facing) -> Facing {
     let Facing { found, corners } = facing;
-    let tie = 1e-9 * pair.size;
+    let worse = found.separation - 1e-9 * pair.size;
     for flat in pair.flats(found.normal, corners).into_iter().flatten() {
+        if flat == found.normal {
+            return facing;
+        }
         let cos = dot(flat, found.normal);
-        if cos > 0.0 && 1.0 - cos < NEAR_FACE * NEAR_FACE {
+        // Any two points bound what it can separate.
+        if cos > 0.0 && 1.0 - cos < NEAR_FACE * NEAR_FACE && pair.apart_at(flat, corners) >= worse {
             let (separation, corners) = pair.separation_near(flat, corners);
-            if separation >= found.separation - tie {
+            if separation >= worse {
                 return Facing { found: Separation { normal: flat, separation, ..found }, corners };
             }
         }

@@ -44,6 +44,7 @@ pub mod kinematics;
 pub mod limit;
 pub mod mocap;
 pub mod model;
+pub mod normals;
 pub mod options;
 pub mod plan;
 pub mod query;

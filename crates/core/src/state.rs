@@ -5,6 +5,7 @@ use stepper_real::{Real, Scalar};
 
 use crate::actuation;
 use crate::contacts::{ContactId, Contacts, MAX_LANES};
+use crate::normals::Normals;
 use crate::plan::Plan;
 use crate::sensing::memory::Memory;
 use crate::stages::s10_record::Status;
@@ -44,6 +45,8 @@ pub struct Group<S> {
     pub contact_data: Vec<S>,
     /// Angular impulses of contact k of lane l, three numbers each; empty when the scene has no torsional or rolling friction.
     pub contact_torque: Vec<S>,
+    /// Normals of pairs of hulls that were near one another in the last step.
+    pub normals: Normals,
     /// s, per lane.
     pub time: Vec<f64>,
     /// Flags of the last call, per lane.
@@ -77,6 +80,7 @@ impl<S: Scalar> Group<S> {
             contact_ids: vec![0; max_contacts * lanes],
             contact_data: zeros(max_contacts * CONTACT_NUMBERS),
             contact_torque: zeros(if plan.wide { 3 * max_contacts } else { 0 }),
+            normals: Normals::new(plan, lanes),
             time: vec![0.0; lanes],
             status: vec![0; lanes],
             saturated: vec![0; if plan.efforts_are_bounded() { plan.actuators.len() * lanes } else { 0 }],
@@ -96,6 +100,7 @@ impl<S: Scalar> Group<S> {
         }
         self.contact_ids.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = 0);
         self.contact_count[lane] = 0;
+        self.normals.forget(lane);
         self.status[lane] = Status::OK.0;
         self.saturated.iter_mut().skip(lane).step_by(lanes).for_each(|n| *n = 0);
         self.residual[lane] = S::default();
@@ -115,6 +120,7 @@ impl<S: Scalar> Group<S> {
             + counts
             + size_of_val(&self.contact_ids[..])
             + size_of_val(&self.time[..])
+            + self.normals.bytes()
             + self.sensing.bytes()
             + self.actuation.bytes()
     }
@@ -126,7 +132,10 @@ impl<S: Scalar> Group<S> {
             let numbers = ([&g.q, &g.v, &g.act, &g.residual, &g.iterations].map(Vec::len), impulses);
             (g.lanes, g.alive, numbers, [&g.contact_count, &g.status, &g.saturated].map(Vec::len), g.contact_ids.len(), g.time.len())
         };
-        sizes(self) == sizes(other) && self.sensing.fits(&other.sensing) && self.actuation.fits(&other.actuation)
+        sizes(self) == sizes(other)
+            && self.normals.fits(&other.normals)
+            && self.sensing.fits(&other.sensing)
+            && self.actuation.fits(&other.actuation)
     }
 
     /// The same state in one form only: what nobody can read is zero.

@@ -65,7 +65,7 @@ pub struct Scratch<R: Real> {
     new_contacts: Contacts<R>,
     smooth: Smooth<R>,
     v_free: Vec<R>,
-    poses: GeomPoses<R>,
+    pub(crate) poses: GeomPoses<R>,
     rk4: Option<Rk4<R>>,
     pub(crate) drive: Drive<R>,
     applied: Vec<R>,

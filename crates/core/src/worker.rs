@@ -321,6 +321,7 @@ fn store<R: Real>(group: &mut Group<R::Scalar>, s: &Scratch<R>) {
                 }
             }
             group.store_contacts(&s.contacts);
+            group.normals.copy_from(s.poses.normals());
             for (way, out) in s.ways.iter().zip(group.mocap.chunks_exact_mut(7 * R::LANES)) {
                 for (x, out) in way.end().iter().zip(out.chunks_exact_mut(R::LANES)) {
                     x.store(out);
@@ -348,6 +349,7 @@ fn load<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: us
                 }
             }
             group.load_contacts(&mut s.contacts);
+            s.poses.recall(&group.normals);
             if let Some(chains) = call.chains {
                 chains.load(call.plan, first / lanes, &mut s.inputs.trains);
             }

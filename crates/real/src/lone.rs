@@ -96,4 +96,9 @@ impl Real for F64x1 {
     fn pow2(self) -> Self {
         F64x1(Real::pow2(self.0))
     }
+    #[inline(always)]
+    fn split(self) -> (Self, Self) {
+        let (mantissa, exponent) = Real::split(self.0);
+        (F64x1(mantissa), F64x1(exponent))
+    }
 }

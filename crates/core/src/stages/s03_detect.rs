@@ -20,6 +20,7 @@ use crate::contacts::Contacts;
 use crate::geometry::convex::Narrow;
 use crate::geometry::segments;
 use crate::kinematics::Kinematics;
+use crate::normals::Normals;
 use crate::plan::{Kernel, LanePlan, PairPlan, Plan};
 use crate::spatial::*;
 
@@ -45,7 +46,14 @@ pub struct GeomPoses<R: Real> {
     /// How many there are.
     near_count: usize,
     broad: Broad,
+    search: Search,
+}
+
+/// The narrow phase, and where it looks first.
+#[derive(Clone, Debug, Default)]
+struct Search {
     narrow: Narrow,
+    normals: Normals,
 }
 
 impl<R: Real> GeomPoses<R> {
@@ -63,8 +71,21 @@ impl<R: Real> GeomPoses<R> {
             near: vec![(0, 0); plan.pairs.len() + 1],
             near_count: 0,
             broad: Broad::default(),
-            narrow: Narrow::for_solids(plan.geoms.iter().filter_map(|g| g.solid.as_ref())),
+            search: Search {
+                narrow: Narrow::for_solids(plan.geoms.iter().filter_map(|g| g.solid.as_ref())),
+                normals: Normals::new(plan, R::LANES),
+            },
         }
+    }
+
+    /// Normals of hulls that are near one another.
+    pub(crate) fn normals(&self) -> &Normals {
+        &self.search.normals
+    }
+
+    /// Takes over the normals of the last step.
+    pub(crate) fn recall(&mut self, normals: &Normals) {
+        self.search.normals.copy_from(normals);
     }
 
     /// Places the geoms that are fixed to the world, where environments may have them elsewhere.
@@ -192,24 +213,24 @@ pub fn detect<R: Real>(
     let too_far = R::vectorize(
         #[inline(always)]
         || {
-            let mut narrow = std::mem::take(&mut poses.narrow);
+            let mut search = std::mem::take(&mut poses.search);
             let scene = Scene { plan, kinematics, poses, h, slack, lead, leads };
             let mut too_far = R::Mask::splat(false);
             for &(index, lanes) in &near[..poses.near_count] {
                 let (index, lanes) = (index as usize, R::Mask::from_bits(lanes));
-                too_far = too_far.or(scene.collide(index, &plan.pairs[index], lanes, &mut narrow, contacts));
+                too_far = too_far.or(scene.collide(index, &plan.pairs[index], lanes, &mut search, contacts));
             }
             if let Some(crowd) = &plan.crowd {
                 for &(number, lanes) in &broad.pairs {
                     if let Some(pair) = crowd.pair(number) {
                         let lanes = R::Mask::from_bits(lanes).and(scene.can_touch(&pair));
                         if lanes.any() {
-                            too_far = too_far.or(scene.collide(number, &pair, lanes, &mut narrow, contacts));
+                            too_far = too_far.or(scene.collide(number, &pair, lanes, &mut search, contacts));
                         }
                     }
                 }
             }
-            poses.narrow = narrow;
+            poses.search = search;
             too_far
         },
     );
@@ -238,8 +259,8 @@ struct Scene<'a, R: Real> {
 impl<R: Real> Scene<'_, R> {
     /// Takes up the contacts of a pair in the lanes `near`. Returns those that are too far from the beginning of the step.
     #[inline(always)]
-    fn collide(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, narrow: &mut Narrow, contacts: &mut Contacts<R>) -> R::Mask {
-        self.meet(index, pair, near, narrow, contacts);
+    fn collide(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, search: &mut Search, contacts: &mut Contacts<R>) -> R::Mask {
+        self.meet(index, pair, near, search, contacts);
         if self.leads { near.and(self.leads_too_far(pair)) } else { R::Mask::splat(false) }
     }
 

@@ -10,6 +10,10 @@ use crate::spatial::*;
 
 /// Points are taken for coplanar within this share of the hull's size: vertices of mesh files are in single precision.
 const COPLANAR: f64 = 1e-6;
+/// Of a product of two vectors, as a share of their lengths.
+const ROUNDING: f64 = 2e-15;
+/// A face is exactly flat within this share.
+const EXACT: f64 = 1e-12;
 /// Points that are searched one after the other; in larger hulls the search climbs along edges.
 const FEW: usize = 40;
 
@@ -44,9 +48,12 @@ pub struct Hull {
     faces: Vec<Face>,
     /// Faces around every point.
     around: Vec<Vec<u32>>,
-    /// Points across an edge from every point.
-    beside: Vec<Vec<u32>>,
-    /// Points furthest along the axes and against them: where searches begin.
+    /// Points across an edge from every point: those of point v are in `rings[first[v]..first[v + 1]]`.
+    rings: Vec<Ring>,
+    first: Vec<u32>,
+    /// Points furthest along the directions through the cells of a cube's sides: where searches begin.
+    start: Vec<u32>,
+    /// Points furthest along the axes and against them.
     extreme: [usize; 6],
     centre: V,
     bound: f64,
@@ -82,10 +89,8 @@ impl Hull {
         for (f, face) in faces.iter().enumerate() {
             face.vertices.iter().for_each(|&v| around[v as usize].push(f as u32));
         }
-        let mut beside: Vec<Vec<u32>> = vec![vec![]; points.len()];
-        for t in &triangles {
-            (0..3).for_each(|k| beside[t[k] as usize].push(t[(k + 1) % 3]));
-        }
+        let (rings, first) = rings(&points, &triangles);
+        let start = if points.len() > FEW { starts(&points) } else { vec![] };
         let extreme = std::array::from_fn(|k| {
             let mut d = [0.0; 3];
             d[k / 2] = if k % 2 == 0 { 1.0 } else { -1.0 };
@@ -93,7 +98,7 @@ impl Hull {
         });
         let depth = |f: &Face| dot(f.normal, sub(points[f.vertices[0] as usize], centre));
         let least = faces.iter().map(depth).fold(f64::INFINITY, f64::min);
-        Ok(Self { points, triangles, faces, around, beside, extreme, centre, bound, least })
+        Ok(Self { points, triangles, faces, around, rings, first, start, extreme, centre, bound, least })
     }
 
     /// Its vertices, m.
@@ -135,27 +140,35 @@ impl Hull {
         if self.points.len() <= FEW {
             return furthest(&self.points, d);
         }
-        let axis = super::shape::widest(d);
-        let mut at = self.extreme[2 * axis + usize::from(d[axis] < 0.0)];
-        let mut most = dot(self.points[at], d);
+        self.climb(self.start[cell(d)] as usize, d)
+    }
+
+    /// The vertex furthest along `d`, from one that is nearly so.
+    pub(super) fn climb(&self, from: usize, d: V) -> usize {
+        // Among what is equal up to rounding there is nothing to climb, and around a flat face a long way to go.
+        let level = ROUNDING * self.bound * (d[0].abs() + d[1].abs() + d[2].abs());
+        let mut at = from;
         loop {
-            let mut next = at;
-            for &v in &self.beside[at] {
-                let x = dot(self.points[v as usize], d);
-                if x > most {
-                    (next, most) = (v as usize, x);
+            let mut best = (level, at);
+            for ring in self.rings(at) {
+                let rise = ring.along(d);
+                let higher = |a: f64, b: f64| if a > b { a } else { b };
+                let four: [f64; 4] = std::array::from_fn(|k| higher(rise[k], rise[k + 4]));
+                let highest = higher(higher(four[0], four[2]), higher(four[1], four[3]));
+                if highest > best.0 {
+                    let k = (0..SIDE).fold(0, |k, i| if rise[i] == highest { i } else { k });
+                    best = (highest, ring.to[k] as usize);
                 }
             }
-            if next == at {
+            if best.1 == at {
                 return at;
             }
-            at = next;
+            at = best.1;
         }
     }
 
-    /// The vertices across an edge from a vertex.
-    pub(super) fn beside(&self, vertex: usize) -> &[u32] {
-        &self.beside[vertex]
+    fn rings(&self, vertex: usize) -> &[Ring] {
+        &self.rings[self.first[vertex] as usize..self.first[vertex + 1] as usize]
     }
 
     /// The faces around a vertex.
@@ -163,16 +176,54 @@ impl Hull {
         &self.around[vertex]
     }
 
-    /// The face around the vertex furthest along `d` whose normal is nearest to it.
-    pub(super) fn facing(&self, d: V) -> usize {
+    /// The face around a vertex whose normal is nearest to `d`.
+    pub(super) fn facing_at(&self, vertex: usize, d: V) -> usize {
         let mut best = (f64::NEG_INFINITY, 0);
-        for &f in &self.around[self.support(d)] {
+        for &f in &self.around[vertex] {
             let x = dot(self.faces[f as usize].normal, d);
             if x > best.0 {
                 best = (x, f as usize);
             }
         }
         best.1
+    }
+
+    /// The vertex across the edge of a vertex that is nearest to right angles to `d`, the first of equals.
+    pub(super) fn level(&self, vertex: usize, d: V) -> usize {
+        let mut best = (f64::INFINITY, vertex);
+        for ring in self.rings(vertex) {
+            let rise = ring.along(d);
+            for k in 0..SIDE {
+                // 0 / 0 where there is none: never less.
+                let square = rise[k] * rise[k] / ring.square[k];
+                if square < best.0 {
+                    best = (square, ring.to[k] as usize);
+                }
+            }
+        }
+        best.1
+    }
+
+    /// How far a point over a face is from its outline, m; negative beside it, and where the face is flat only up to the tolerance of its making.
+    pub(super) fn room_over(&self, face: usize, p: V) -> f64 {
+        let Face { normal, vertices } = &self.faces[face];
+        let n = vertices.len();
+        let corner = |k: usize| self.points[vertices[k % n] as usize];
+        let o = corner(0);
+        let mut room = f64::INFINITY;
+        for k in 0..n {
+            let (q, r) = (corner(k), corner(k + 1));
+            if n > 3 && dot(*normal, sub(q, o)).abs() > EXACT * self.bound {
+                return f64::NEG_INFINITY;
+            }
+            let inwards = cross(*normal, sub(r, q));
+            let x = dot(inwards, sub(p, q)) / norm(inwards);
+            if x <= 0.0 {
+                return x;
+            }
+            room = room.min(x);
+        }
+        room
     }
 
     /// Normals of faces that may separate it from something at `towards`: all of a small hull, else those that face it around the
@@ -187,6 +238,77 @@ impl Hull {
             self.around[vertex].iter().for_each(|&f| visit(self.faces[f as usize].normal));
         }
     }
+}
+
+/// Points of a [`Ring`].
+const SIDE: usize = 8;
+
+/// Some of the points across an edge from a point: enough for most points, and a number that the compiler makes vectors of.
+#[derive(Clone, Debug, PartialEq)]
+struct Ring {
+    /// From the point to each, m, by coordinate; zeros where there are fewer.
+    edge: [[f64; SIDE]; 3],
+    /// Squares of their lengths, m^2.
+    square: [f64; SIDE],
+    to: [u32; SIDE],
+}
+
+impl Ring {
+    /// How far each is from the point along `d`.
+    #[inline(always)]
+    fn along(&self, d: V) -> [f64; SIDE] {
+        let [x, y, z] = &self.edge;
+        std::array::from_fn(|k| x[k] * d[0] + y[k] * d[1] + z[k] * d[2])
+    }
+}
+
+/// The rings of all points, one after the other, and where each point's begin.
+fn rings(points: &[V], triangles: &[[u32; 3]]) -> (Vec<Ring>, Vec<u32>) {
+    let mut beside: Vec<Vec<u32>> = vec![vec![]; points.len()];
+    for t in triangles {
+        (0..3).for_each(|k| beside[t[k] as usize].push(t[(k + 1) % 3]));
+    }
+    let (mut rings, mut first) = (vec![], vec![0]);
+    for (p, beside) in points.iter().zip(&beside) {
+        for some in beside.chunks(SIDE) {
+            let mut ring = Ring { edge: [[0.0; SIDE]; 3], square: [0.0; SIDE], to: [0; SIDE] };
+            for (k, &v) in some.iter().enumerate() {
+                let e = sub(points[v as usize], *p);
+                (0..3).for_each(|i| ring.edge[i][k] = e[i]);
+                (ring.square[k], ring.to[k]) = (dot(e, e), v);
+            }
+            rings.push(ring);
+        }
+        first.push(rings.len() as u32);
+    }
+    (rings, first)
+}
+
+/// Cells along the edge of a side of the cube of [`Hull::start`].
+const CELLS: usize = 16;
+
+/// The cell of the cube's surface that a direction points to.
+fn cell(d: V) -> usize {
+    let k = super::shape::widest(d);
+    let side = 2 * k + usize::from(d[k] < 0.0);
+    let scale = 0.5 * CELLS as f64 / d[k].abs();
+    // Saturating: 0 / 0 has some cell too.
+    let at = |x: f64| ((x * scale + 0.5 * CELLS as f64) as usize).min(CELLS - 1);
+    (side * CELLS + at(d[(k + 1) % 3])) * CELLS + at(d[(k + 2) % 3])
+}
+
+/// The points furthest along the directions through the middles of all cells.
+fn starts(points: &[V]) -> Vec<u32> {
+    let middle = |i: usize| (2 * i + 1) as f64 / CELLS as f64 - 1.0;
+    let through = |c: usize| {
+        let (side, at) = (c / (CELLS * CELLS), c % (CELLS * CELLS));
+        let (k, mut d) = (side / 2, [0.0; 3]);
+        d[k] = if side % 2 == 0 { 1.0 } else { -1.0 };
+        d[(k + 1) % 3] = middle(at / CELLS);
+        d[(k + 2) % 3] = middle(at % CELLS);
+        d
+    };
+    (0..6 * CELLS * CELLS).map(|c| furthest(points, through(c)) as u32).collect()
 }
 
 /// Volume and its centre: tetrahedra from a point of it to the triangles.

@@ -3,7 +3,7 @@
 use super::clip::{Shared, Work, overlay};
 use super::pair::Pair;
 use super::patch::{Kind, Patch, View, edge};
-use super::separation::Separation;
+use super::separation::Facing;
 use super::{Pose, V};
 use crate::contacts::frame;
 use crate::spatial::*;
@@ -32,12 +32,15 @@ pub struct Point {
 pub struct Manifold {
     /// Ascending by feature.
     pub points: Vec<Point>,
+    /// A direction of large separation, if one was looked for: the normal, or what parts shapes that are further apart. In the world, unit.
+    pub axis: Option<V>,
 }
 
 impl Manifold {
     /// Forgets all points.
     pub fn clear(&mut self) {
         self.points.clear();
+        self.axis = None;
     }
 
     /// The least distance, m; infinite where there is no point.
@@ -91,15 +94,15 @@ impl Clipper {
 
     /// The points of two cores along a normal, in the frame of the first, those beyond `prediction` dropped. At least one if the shapes are
     /// within it.
-    pub(super) fn manifold(&mut self, pair: &Pair<'_>, found: &Separation, prediction: f64, out: &mut Manifold) {
+    pub(super) fn manifold(&mut self, pair: &Pair<'_>, facing: &Facing, prediction: f64, out: &mut Manifold) {
+        let Facing { found, corners } = *facing;
         let n = found.normal;
         let axes = frame(n);
         let views = views(pair, &axes);
-        let is_flat = pair.flats(n).map(|m| m.is_some_and(|m| 1.0 - dot(m, n) <= FLAT));
+        let is_flat = pair.flats(n, corners).map(|m| m.is_some_and(|m| 1.0 - dot(m, n) <= FLAT));
         if is_flat[0] || is_flat[1] {
             let reference = usize::from(!is_flat[0]);
-            self.patches[0].fill(pair.a, &views[0]);
-            self.patches[1].fill(pair.b, &views[1]);
+            self.fill(pair, &views, corners);
             let (r, o) = (&self.patches[reference], &self.patches[1 - reference]);
             overlay(r, o, 1e-9 * pair.size, &mut self.work, &mut self.shared);
             if reference == 1 {
@@ -107,24 +110,29 @@ impl Clipper {
             }
             self.emit(pair, &axes, prediction, out);
         } else {
-            self.lines(pair, &views, &axes, prediction, out);
+            self.lines(pair, &views, &axes, corners, prediction, out);
         }
         let distance = found.separation - pair.thickness();
         if out.points.is_empty() && distance <= prediction {
             // Beside the nearest points, at the height halfway between the surfaces.
             let [x, y] = found.points;
             let middle = scale(add(x, y), 0.5);
-            let pos = add_scaled(middle, n, dot(n, pair.a.support(n)) + pair.a.radius() + 0.5 * distance - dot(n, middle));
+            let pos = add_scaled(middle, n, dot(n, pair.a.support_at(corners[0], n)) + pair.a.radius() + 0.5 * distance - dot(n, middle));
             out.points.push(Point { pos, normal: n, distance, feature: LONE });
         }
     }
 
+    /// Takes up the patches that face each other around the furthest corners.
+    fn fill(&mut self, pair: &Pair<'_>, views: &[View<'_>; 2], corners: [u32; 2]) {
+        self.patches[0].fill(pair.a, &views[0], corners[0]);
+        self.patches[1].fill(pair.b, &views[1], corners[1]);
+    }
+
     /// The points that are over the face of the first shape whose normal is given: none where the second is beside it.
-    pub(super) fn over_first(&mut self, pair: &Pair<'_>, face: &Separation, prediction: f64, out: &mut Manifold) {
-        let axes = frame(face.normal);
+    pub(super) fn over_first(&mut self, pair: &Pair<'_>, face: &Facing, prediction: f64, out: &mut Manifold) {
+        let axes = frame(face.found.normal);
         let views = views(pair, &axes);
-        self.patches[0].fill(pair.a, &views[0]);
-        self.patches[1].fill(pair.b, &views[1]);
+        self.fill(pair, &views, face.corners);
         overlay(&self.patches[0], &self.patches[1], 1e-9 * pair.size, &mut self.work, &mut self.shared);
         self.emit(pair, &axes, prediction, out);
     }
@@ -134,8 +142,9 @@ impl Clipper {
         let axes = frame([0.0, 0.0, 1.0]);
         let view = views(pair, &axes)[1];
         let patch = &mut self.patches[1];
-        patch.fill(pair.b, &view);
-        patch.add_neighbours(pair.b, &view);
+        let corner = pair.b.corner(view.towards()).1;
+        patch.fill(pair.b, &view, corner);
+        patch.add_neighbours(pair.b, &view, corner);
         self.shared.clear();
         self.shared.extend(patch.corners.iter().map(|c| Shared { x: c.x, y: c.y, h: [0.0, c.h], id: c.id }));
         self.emit(pair, &axes, prediction, out);
@@ -154,14 +163,18 @@ impl Clipper {
     }
 
     /// Both ends of what two parallel lines share.
-    fn lines(&mut self, pair: &Pair<'_>, views: &[View<'_>; 2], axes: &[V; 3], prediction: f64, out: &mut Manifold) {
-        let edges = [edge(pair.a, views[0].towards(), ALONG), edge(pair.b, views[1].towards(), ALONG)];
+    fn lines(&mut self, pair: &Pair<'_>, views: &[View<'_>; 2], axes: &[V; 3], corners: [u32; 2], prediction: f64, out: &mut Manifold) {
+        let edges = [edge(pair.a, views[0].towards(), corners[0], ALONG), edge(pair.b, views[1].towards(), corners[1], ALONG)];
         let [Some(p), Some(q)] = edges else { return };
+        let (u, v) = (sub(p[1], p[0]), rotate(views[1].mat, sub(q[1], q[0])));
+        let sine = norm(cross(u, v));
+        if sine > ALONG * norm(u) * norm(v) {
+            return;
+        }
         let [p, q] = [p.map(|x| views[0].see(x)), q.map(|x| views[1].see(x))];
         let (u, v) = ([p[1][0] - p[0][0], p[1][1] - p[0][1]], [q[1][0] - q[0][0], q[1][1] - q[0][1]]);
         let (uu, vv) = (u[0] * u[0] + u[1] * u[1], v[0] * v[0] + v[1] * v[1]);
-        let sine = (u[0] * v[1] - u[1] * v[0]).abs();
-        if uu == 0.0 || vv == 0.0 || sine > ALONG * (uu * vv).sqrt() {
+        if uu == 0.0 || vv == 0.0 {
             return;
         }
         // Along the first line, in shares of it: the ends of the second.

@@ -12,15 +12,17 @@
 //! laid on one another (`manifold.rs`).
 //!
 //! All is computed in the frame of the first shape: what a scene's place in the world changes is rounding. Nothing is remembered from call to
-//! call: the same poses give the same contacts.
+//! call: the same poses give the same contacts, whether a normal from before is known (`recall.rs`) or not.
 
 mod boxes;
 mod clip;
+mod expand;
 mod gjk;
 mod hull;
 mod manifold;
 mod pair;
 mod patch;
+mod recall;
 mod separation;
 mod shape;
 mod surface;
@@ -34,8 +36,10 @@ pub use manifold::{MAX_POINTS, Manifold, Point};
 pub use shape::ConvexShape;
 pub use surface::{Grid, MAX_SURFACE_POINTS, MeshSurface, Surface, collide_surface};
 
+use expand::Polytope;
 use manifold::Clipper;
 use pair::Pair;
+use separation::Facing;
 
 /// A vector in f64.
 type V = V3<f64>;
@@ -75,10 +79,26 @@ impl Solid {
     }
 }
 
+/// How far to look, and where first.
+#[derive(Clone, Copy, Debug)]
+pub struct Reach {
+    /// Distance beyond which nothing is a contact, m.
+    pub prediction: f64,
+    /// The normal that the pair had in the last step, in the world: what is found is the same without it, later.
+    pub known: Option<V>,
+}
+
+impl From<f64> for Reach {
+    fn from(prediction: f64) -> Self {
+        Self { prediction, known: None }
+    }
+}
+
 /// Room to work: made once, reused for every pair.
 #[derive(Clone, Debug, Default)]
 pub struct Room {
     clipper: Clipper,
+    polytope: Polytope,
     triangles: Vec<u32>,
     all: Vec<Point>,
 }
@@ -97,6 +117,7 @@ impl Narrow {
         let mut narrow = Self::default();
         if corners > 0 {
             narrow.room.clipper.reserve(corners);
+            narrow.room.polytope.reserve();
             narrow.room.triangles.reserve(256);
             narrow.room.all.reserve(256);
             narrow.found.points.reserve(256);
@@ -104,11 +125,12 @@ impl Narrow {
         narrow
     }
 
-    /// The contact points of two solids within `prediction` (m) of each other; a half space comes first.
-    pub fn collide(&mut self, solids: [&Solid; 2], poses: [Pose; 2], prediction: f64) -> &[Point] {
+    /// The contact points of two solids within reach of each other, and [`Manifold::axis`]; a half space comes first.
+    pub fn collide(&mut self, solids: [&Solid; 2], poses: [Pose; 2], reach: Reach) -> (&[Point], Option<V>) {
         let Self { room, found } = self;
+        let prediction = reach.prediction;
         match solids {
-            [Solid::Convex(a), Solid::Convex(b)] => collide(a, &poses[0], b, &poses[1], prediction, found, room),
+            [Solid::Convex(a), Solid::Convex(b)] => collide(a, &poses[0], b, &poses[1], reach, found, room),
             [Solid::HalfSpace, Solid::Convex(b)] => collide_plane(&poses[0], b, &poses[1], prediction, found, room),
             [Solid::Surface(a), Solid::Convex(b)] => collide_surface(a, &poses[0], b, &poses[1], prediction, found, room),
             [Solid::Convex(a), Solid::Surface(b)] => {
@@ -119,15 +141,24 @@ impl Narrow {
             [_, Solid::Surface(_)] => unreachable!("a surface meets convex shapes"),
             [_, Solid::HalfSpace] => unreachable!("a half space comes first, and two never meet"),
         }
-        &found.points
+        (&found.points, found.axis)
     }
 }
 
-/// Finds the contact points of two convex shapes that are within `prediction` (m) of each other: at most [`MAX_POINTS`], in the world, normals
+/// Finds the contact points of two convex shapes that are within reach (m) of each other: at most [`MAX_POINTS`], in the world, normals
 /// from the first to the second, ascending by feature.
 ///
 /// `out` is empty exactly if the shapes are further apart than that.
-pub fn collide(a: &ConvexShape, pose_a: &Pose, b: &ConvexShape, pose_b: &Pose, prediction: f64, out: &mut Manifold, room: &mut Room) {
+pub fn collide(
+    a: &ConvexShape,
+    pose_a: &Pose,
+    b: &ConvexShape,
+    pose_b: &Pose,
+    reach: impl Into<Reach>,
+    out: &mut Manifold,
+    room: &mut Room,
+) {
+    let Reach { prediction, known } = reach.into();
     out.clear();
     let pair = Pair::new(a, pose_a, b, pose_b);
     if !pair.is_near(prediction) {
@@ -136,7 +167,7 @@ pub fn collide(a: &ConvexShape, pose_a: &Pose, b: &ConvexShape, pose_b: &Pose, p
     if let (ConvexShape::Box { half: ha }, ConvexShape::Box { half: hb }) = (a, b) {
         let Some(by_axes) = boxes::separation(&pair, *ha, *hb, prediction) else { return };
         if let Some(found) = by_axes {
-            room.clipper.manifold(&pair, &found, prediction, out);
+            room.clipper.manifold(&pair, &Facing::new(&pair, found), prediction, out);
             // A face gives the distance where something is above it.
             if found.separation <= 0.0 || (!out.is_lone() && out.deepest() <= found.separation + 1e-9 * pair.size) {
                 out.place(pose_a);
@@ -145,17 +176,19 @@ pub fn collide(a: &ConvexShape, pose_a: &Pose, b: &ConvexShape, pose_b: &Pose, p
             out.clear();
         }
     }
-    let found = separation::nearest(&pair, prediction);
-    if found.separation - pair.thickness() <= prediction {
-        room.clipper.manifold(&pair, &found, prediction, out);
+    let known = known.map(|n| unit_or(rotate_back(&pose_a.mat, n), [0.0, 0.0, 1.0]));
+    let facing = separation::nearest(&pair, known, prediction, &mut room.polytope);
+    if facing.found.separation - pair.thickness() <= prediction {
+        room.clipper.manifold(&pair, &facing, prediction, out);
         out.place(pose_a);
     }
+    out.axis = (a.is_hull() && b.is_hull()).then(|| rotate(&pose_a.mat, facing.found.normal));
 }
 
 /// Signed distance of two convex shapes (m; minus the depth where they overlap) and the unit normal from the first to the second, in the world.
 pub fn distance(a: &ConvexShape, pose_a: &Pose, b: &ConvexShape, pose_b: &Pose) -> (f64, V) {
     let pair = Pair::new(a, pose_a, b, pose_b);
-    let found = separation::nearest(&pair, f64::INFINITY);
+    let found = separation::nearest(&pair, None, f64::INFINITY, &mut Polytope::default()).found;
     (found.separation - pair.thickness(), rotate(&pose_a.mat, found.normal))
 }
 

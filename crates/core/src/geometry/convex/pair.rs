@@ -25,6 +25,8 @@ pub(super) struct Vertex {
     pub(super) w: V,
     pub(super) x: V,
     pub(super) y: V,
+    /// Which corners they are.
+    pub(super) names: [u32; 2],
 }
 
 impl<'a> Pair<'a> {
@@ -55,6 +57,11 @@ impl<'a> Pair<'a> {
         self.pos.iter().chain(&self.mat).all(|x| x.is_finite())
     }
 
+    /// Whether both cores are hulls of their corners.
+    pub(super) fn is_polytope(&self) -> bool {
+        self.a.is_polytope() && self.b.is_polytope()
+    }
+
     /// Sum of what the cores are thickened by, m.
     pub(super) fn thickness(&self) -> f64 {
         self.a.radius() + self.b.radius()
@@ -67,9 +74,10 @@ impl<'a> Pair<'a> {
 
     /// The vertex of A - (B + shift) furthest along `d`.
     pub(super) fn support(&self, d: V, shift: V) -> Vertex {
-        let x = self.a.support(d);
-        let y = add(self.support_b(neg(d)), shift);
-        Vertex { w: sub(x, y), x, y }
+        let (x, i) = self.a.corner(d);
+        let (y, j) = self.b.corner(rotate_back(&self.mat, neg(d)));
+        let y = add(add(self.pos, rotate(&self.mat, y)), shift);
+        Vertex { w: sub(x, y), x, y, names: [i, j] }
     }
 
     /// Separation of the cores along the unit vector `n`, m.
@@ -77,9 +85,33 @@ impl<'a> Pair<'a> {
         dot(n, self.support_b(neg(n))) - dot(n, self.a.support(n))
     }
 
-    /// The outward normals nearest to facing the other along `n`: of the first (along n) and the second (against n, turned along n).
-    pub(super) fn flats(&self, n: V) -> [Option<V>; 2] {
-        let b = self.b.flat(rotate_back(&self.mat, neg(n)));
-        [self.a.flat(n), b.map(|m| neg(rotate(&self.mat, m)))]
+    /// The same, and the corners that are furthest, where they are near known ones.
+    pub(super) fn separation_near(&self, n: V, [i, j]: [u32; 2]) -> (f64, [u32; 2]) {
+        let ((x, i), (y, j)) = (self.a.climb(i, n), self.b.climb(j, rotate_back(&self.mat, neg(n))));
+        (dot(n, self.place(y)) - dot(n, x), [i, j])
+    }
+
+    /// A point of the second in the frame of the first.
+    pub(super) fn place(&self, p: V) -> V {
+        add(self.pos, rotate(&self.mat, p))
+    }
+
+    /// The corners that are furthest along `n` and against it; 0 of what is no hull, where nobody asks.
+    pub(super) fn corners(&self, n: V) -> [u32; 2] {
+        let first = if self.a.is_hull() { self.a.corner(n).1 } else { 0 };
+        [first, if self.b.is_hull() { self.b.corner(rotate_back(&self.mat, neg(n))).1 } else { 0 }]
+    }
+
+    /// How far two corners are apart along `n`, m; of what is no hull the furthest.
+    pub(super) fn apart_at(&self, n: V, [i, j]: [u32; 2]) -> f64 {
+        let y = self.place(self.b.support_at(j, rotate_back(&self.mat, neg(n))));
+        dot(n, sub(y, self.a.support_at(i, n)))
+    }
+
+    /// The outward normals nearest to facing the other along `n`, of the faces around `corners`: of the first (along n) and the second (against n,
+    /// turned along n).
+    pub(super) fn flats(&self, n: V, corners: [u32; 2]) -> [Option<V>; 2] {
+        let b = self.b.flat(rotate_back(&self.mat, neg(n)), corners[1]);
+        [self.a.flat(n, corners[0]), b.map(|m| neg(rotate(&self.mat, m)))]
     }
 }

@@ -79,8 +79,8 @@ const LEVEL: f64 = 1e-6;
 const UPRIGHT: f64 = 0.7;
 
 impl Patch {
-    /// The patch of `shape` that faces the other. Faces are taken whole even where only an edge of them touches: each point has its own height.
-    pub(super) fn fill(&mut self, shape: &ConvexShape, view: &View<'_>) {
+    /// The patch of `shape` that faces the other, around its furthest corner. Faces are taken whole even where only an edge of them touches: each point has its own height.
+    pub(super) fn fill(&mut self, shape: &ConvexShape, view: &View<'_>, corner: u32) {
         let d = view.towards();
         self.corners.clear();
         self.kind = Kind::Points;
@@ -95,7 +95,7 @@ impl Patch {
             ConvexShape::Cylinder { radius, half_length } => self.cylinder(view, d, *radius, *half_length),
             ConvexShape::Box { half } => self.cuboid(view, d, *half),
             ConvexShape::Hull(hull) => {
-                let face = hull.face(hull.facing(d));
+                let face = hull.face(hull.facing_at(corner as usize, d));
                 let n = face.vertices.len();
                 for (k, &v) in face.vertices.iter().enumerate() {
                     let next = face.vertices[(k + 1) % n];
@@ -112,9 +112,9 @@ impl Patch {
     }
 
     /// For a half space: also the vertices around the faces beside the lowest vertex of a hull.
-    pub(super) fn add_neighbours(&mut self, shape: &ConvexShape, view: &View<'_>) {
+    pub(super) fn add_neighbours(&mut self, shape: &ConvexShape, view: &View<'_>, corner: u32) {
         if let ConvexShape::Hull(hull) = shape {
-            let faces = hull.faces_around(hull.support(view.towards()));
+            let faces = hull.faces_around(corner as usize);
             for v in faces.iter().flat_map(|&f| &hull.face(f as usize).vertices) {
                 if self.corners.iter().all(|c| c.id != *v) {
                     self.push(view, hull.points()[*v as usize], *v, 0);
@@ -194,8 +194,8 @@ impl Patch {
     }
 }
 
-/// The straight line of the shape's surface that is furthest along `d` (unit, its own frame): an edge, or the side of a round body.
-pub(super) fn edge(shape: &ConvexShape, d: V, tolerance: f64) -> Option<[V; 2]> {
+/// The straight line of the shape's surface that is furthest along `d` (unit, its own frame), where `corner` is: an edge, or the side of a round body.
+pub(super) fn edge(shape: &ConvexShape, d: V, corner: u32, tolerance: f64) -> Option<[V; 2]> {
     match shape {
         ConvexShape::Sphere { .. } | ConvexShape::Ellipsoid { .. } => None,
         ConvexShape::Capsule { half_length: h, .. } => (d[2].abs() < tolerance).then_some([[0.0, 0.0, -h], [0.0, 0.0, *h]]),
@@ -210,11 +210,9 @@ pub(super) fn edge(shape: &ConvexShape, d: V, tolerance: f64) -> Option<[V; 2]> 
             Some(ends)
         }
         ConvexShape::Hull(hull) => {
-            let v = hull.support(d);
-            let p = hull.points()[v];
-            let slope = |&q: &V| dot(d, sub(q, p)).abs() / norm(sub(q, p));
-            let others = hull.beside(v).iter().map(|&q| hull.points()[q as usize]);
-            others.min_by(|a, b| slope(a).total_cmp(&slope(b))).filter(|q| slope(q) < tolerance).map(|q| [p, q])
+            let level = hull.level(corner as usize, d);
+            let [p, q] = [corner as usize, level].map(|v| hull.points()[v]);
+            (dot(d, sub(q, p)).abs() < tolerance * norm(sub(q, p))).then_some([p, q])
         }
         ConvexShape::Triangle(t) => {
             let v = super::shape::furthest(t, d);

@@ -1,18 +1,23 @@
 //! The direction of the largest separation of two cores.
 //!
-//! Where they are clearly apart it is the direction between their nearest points. Where they touch or overlap, the second is pushed out
-//! along the best direction known until a small gap opens, and the direction between the nearest points across that gap is no worse:
-//! with the shift t n0, t = gap - s(n0), the shifted separation is s'(n) = s(n) + t n . n0, so that
+//! Where they are apart it is the direction between their nearest points (`gjk.rs`). Where polytopes overlap it is the normal of the facet of
+//! their difference that is nearest to the origin (`expand.rs`); a contact that is near what it was needs neither (`recall.rs`).
+//!
+//! Where round bodies touch or overlap, and where rounding leaves polytopes undecided, the second is pushed out along the best direction known
+//! until a small gap opens, and the direction between the nearest points across that gap is no worse: with the shift t n0, t = gap - s(n0), the
+//! shifted separation is s'(n) = s(n) + t n . n0, so that
 //!
 //! ```text
 //! s(n1) = s'(n1) - t n1 . n0 >= s'(n0) - t = s(n0).
 //! ```
 //!
-//! Repeated, this climbs to the nearest local maximum of s, on smooth surfaces by the factor (depth + gap) / (radius of curvature + gap) each time.
-//! No polytope is expanded, and there is always an answer: it starts from the best of the faces and axes of both shapes.
+//! Repeated, this climbs to the nearest local maximum of s, on smooth surfaces by the factor (depth + gap) / (radius of curvature + gap) each time,
+//! and there is always an answer: it starts from the best of the faces and axes of both shapes.
 
-use super::gjk;
+use super::expand::Polytope;
+use super::gjk::{self, Nearest};
 use super::pair::Pair;
+use super::recall::recall;
 use super::shape::ConvexShape;
 use super::{V, neg, unit_or};
 use crate::spatial::*;
@@ -28,6 +33,21 @@ pub(super) struct Separation {
     pub(super) points: [V; 2],
 }
 
+/// A separation with the corners of the cores that are furthest along its normal and against it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Facing {
+    pub(super) found: Separation,
+    pub(super) corners: [u32; 2],
+}
+
+impl Facing {
+    pub(super) fn new(pair: &Pair<'_>, found: Separation) -> Self {
+        Self { found, corners: pair.corners(found.normal) }
+    }
+}
+
+/// Polytopes are clear of one another beyond this share of their size: the direction between their nearest points is certain.
+const CLEAR: f64 = 1e-9;
 /// The gap that is opened, as a share of the least extent.
 const GAP: f64 = 1e-3;
 /// Climbing steps at most; two to four are usual.
@@ -39,18 +59,43 @@ const FAR: f64 = 0.5;
 const NEAR_FACE: f64 = 0.05;
 
 /// The largest separation of the cores; stops early with a lower bound of it where that is beyond `prediction`.
-pub(super) fn nearest(pair: &Pair<'_>, prediction: f64) -> Separation {
-    let gap = GAP * pair.least;
-    let start = neg(pair.apart);
-    let first = gjk::nearest(pair, [0.0; 3], start, gap.max(prediction + pair.thickness()));
-    let length = norm(first.v);
-    if first.apart && length >= gap {
-        let found = Separation { normal: scale(first.v, -1.0 / length), separation: length, points: [first.x, first.y] };
-        return if length - pair.thickness() > prediction { found } else { prefer_face(pair, found) };
+///
+/// `known` is a direction near which the normal may be, as it was in the last step: it saves time, and changes nothing.
+pub(super) fn nearest(pair: &Pair<'_>, known: Option<V>, prediction: f64, polytope: &mut Polytope) -> Facing {
+    let reach = prediction + pair.thickness();
+    if let Some(facing) = known.and_then(|n| recall(pair, n, reach)) {
+        return if facing.found.separation > reach { facing } else { prefer_face(pair, facing) };
     }
+    let found = if pair.is_polytope() { of_polytopes(pair, reach, polytope) } else { of_round_bodies(pair, reach) };
+    if found.separation > reach {
+        return Facing { found, corners: [0; 2] };
+    }
+    // Rounding of the search is left behind: the normal is the facet's own.
+    let facing = recall(pair, found.normal, reach).unwrap_or_else(|| Facing { found, corners: pair.corners(found.normal) });
+    prefer_face(pair, facing)
+}
+
+fn of_polytopes(pair: &Pair<'_>, reach: f64, polytope: &mut Polytope) -> Separation {
+    let first = gjk::nearest(pair, [0.0; 3], neg(pair.apart), reach.max(CLEAR * pair.size));
+    if let Some(normal) = first.normal(CLEAR * pair.size) {
+        return first.separation(normal);
+    }
+    // Only a tetrahedron holds the origin.
+    polytope.nearest_facet(pair, first.vertices()).unwrap_or_else(|| pushed_out(pair, &first))
+}
+
+fn of_round_bodies(pair: &Pair<'_>, reach: f64) -> Separation {
+    let gap = GAP * pair.least;
+    let first = gjk::nearest(pair, [0.0; 3], neg(pair.apart), reach.max(gap));
+    first.normal(gap).map_or_else(|| pushed_out(pair, &first), |normal| first.separation(normal))
+}
+
+/// By climbing, see above; `first` is what the search without a gap found.
+fn pushed_out(pair: &Pair<'_>, first: &Nearest) -> Separation {
+    let gap = GAP * pair.least;
     let mut starts = suggested(pair);
-    if first.apart && length > 0.0 {
-        starts.offer(pair, scale(first.v, -1.0 / length));
+    if let Some(normal) = first.normal(0.0) {
+        starts.offer(pair, normal);
     }
     let [best, others @ ..] = starts.0;
     let mut found = climb(pair, best, gap);
@@ -64,7 +109,7 @@ pub(super) fn nearest(pair: &Pair<'_>, prediction: f64) -> Separation {
             }
         }
     }
-    prefer_face(pair, found)
+    found
 }
 
 /// The best of the directions that the shapes suggest.
@@ -118,13 +163,10 @@ fn climb(pair: &Pair<'_>, start: Candidate, gap: f64) -> Separation {
     for _ in 0..CLIMBS {
         let shift = scale(best.normal, gap - best.separation);
         let near = gjk::nearest(pair, shift, neg(best.normal), f64::INFINITY);
-        let length = norm(near.v);
-        if !near.apart || length == 0.0 {
-            break;
-        }
-        let next = Candidate { normal: scale(near.v, -1.0 / length), separation: 0.0 };
-        let next = Candidate { separation: pair.separation(next.normal), ..next };
-        points = [near.x, sub(near.y, shift)];
+        let Some(normal) = near.normal(0.0) else { break };
+        let next = Candidate { normal, separation: pair.separation(normal) };
+        let [x, y] = near.points();
+        points = [x, sub(y, shift)];
         if next.separation <= best.separation + enough {
             break;
         }
@@ -135,16 +177,21 @@ fn climb(pair: &Pair<'_>, start: Candidate, gap: f64) -> Separation {
 
 /// Takes the normal of a face instead where that separates as well up to rounding: the normals of resting contacts are then exact, and
 /// do not change from step to step. The first shape's face is preferred.
-fn prefer_face(pair: &Pair<'_>, found: Separation) -> Separation {
-    let tie = 1e-9 * pair.size;
-    for flat in pair.flats(found.normal).into_iter().flatten() {
+fn prefer_face(pair: &Pair<'_>, facing: Facing) -> Facing {
+    let Facing { found, corners } = facing;
+    let worse = found.separation - 1e-9 * pair.size;
+    for flat in pair.flats(found.normal, corners).into_iter().flatten() {
+        if flat == found.normal {
+            return facing;
+        }
         let cos = dot(flat, found.normal);
-        if cos > 0.0 && 1.0 - cos < NEAR_FACE * NEAR_FACE {
-            let separation = pair.separation(flat);
-            if separation >= found.separation - tie {
-                return Separation { normal: flat, separation, ..found };
+        // Any two points bound what it can separate.
+        if cos > 0.0 && 1.0 - cos < NEAR_FACE * NEAR_FACE && pair.apart_at(flat, corners) >= worse {
+            let (separation, corners) = pair.separation_near(flat, corners);
+            if separation >= worse {
+                return Facing { found: Separation { normal: flat, separation, ..found }, corners };
             }
         }
     }
-    found
+    facing
 }

@@ -54,24 +54,70 @@ impl ConvexShape {
 
     /// The point of the core furthest along `d` (of any length). Where several are, one of them, the same whatever the length of `d`.
     pub fn support(&self, d: V) -> V {
+        self.corner(d).0
+    }
+
+    /// The same, with the number of the corner that it is; 0 where the core has no corners.
+    #[inline]
+    pub(super) fn corner(&self, d: V) -> (V, u32) {
+        let round = |p: V| (p, 0);
         match self {
-            Self::Sphere { .. } => [0.0; 3],
-            Self::Capsule { half_length, .. } => [0.0, 0.0, half_length.copysign(d[2])],
+            Self::Sphere { .. } => round([0.0; 3]),
+            Self::Capsule { half_length, .. } => ([0.0, 0.0, half_length.copysign(d[2])], u32::from(d[2].is_sign_negative())),
             Self::Cylinder { radius, half_length } => {
                 let across = d[0] * d[0] + d[1] * d[1];
                 let k = if across > 0.0 { radius / across.sqrt() } else { 0.0 };
-                [d[0] * k, d[1] * k, half_length.copysign(d[2])]
+                round([d[0] * k, d[1] * k, half_length.copysign(d[2])])
             }
             Self::Ellipsoid { radii: r } => {
                 // x = R^2 d / |R d| maximises d . x over |R^-1 x| <= 1.
                 let rd = [r[0] * d[0], r[1] * d[1], r[2] * d[2]];
                 let u = unit_or(rd, [0.0; 3]);
-                [r[0] * u[0], r[1] * u[1], r[2] * u[2]]
+                round([r[0] * u[0], r[1] * u[1], r[2] * u[2]])
             }
-            Self::Box { half } => std::array::from_fn(|k| half[k].copysign(d[k])),
-            Self::Hull(hull) => hull.points()[hull.support(d)],
-            Self::Triangle(p) => p[furthest(p, d)],
+            Self::Box { half } => {
+                let number = (0..3).fold(0, |bits, k| bits | u32::from(d[k].is_sign_negative()) << k);
+                (std::array::from_fn(|k| half[k].copysign(d[k])), number)
+            }
+            Self::Hull(hull) => {
+                let v = hull.support(d);
+                (hull.points()[v], v as u32)
+            }
+            Self::Triangle(p) => {
+                let k = furthest(p, d);
+                (p[k], k as u32)
+            }
         }
+    }
+
+    /// The corner of the core furthest along `d`, from one that is nearly so.
+    #[inline]
+    pub(super) fn climb(&self, from: u32, d: V) -> (V, u32) {
+        match self {
+            Self::Hull(hull) => {
+                let v = hull.climb(from as usize, d);
+                (hull.points()[v], v as u32)
+            }
+            _ => self.corner(d),
+        }
+    }
+
+    /// The point of the core furthest along `d`, where the corner is known.
+    pub(super) fn support_at(&self, corner: u32, d: V) -> V {
+        match self {
+            Self::Hull(hull) => hull.points()[corner as usize],
+            _ => self.support(d),
+        }
+    }
+
+    /// Whether it is the hull of points.
+    pub(crate) fn is_hull(&self) -> bool {
+        matches!(self, Self::Hull(_))
+    }
+
+    /// Whether the core is the hull of its corners.
+    pub(super) fn is_polytope(&self) -> bool {
+        !matches!(self, Self::Cylinder { .. } | Self::Ellipsoid { .. })
     }
 
     /// No feature of it has more corners.
@@ -122,8 +168,8 @@ impl ConvexShape {
         }
     }
 
-    /// The outward normal of the flat face that faces `d` most; `None` where there is no such face.
-    pub(super) fn flat(&self, d: V) -> Option<V> {
+    /// The outward normal of the flat face around `corner`, the one furthest along `d`, that faces `d` most; `None` where there is no such face.
+    pub(super) fn flat(&self, d: V, corner: u32) -> Option<V> {
         match self {
             Self::Sphere { .. } | Self::Capsule { .. } | Self::Ellipsoid { .. } => None,
             Self::Cylinder { .. } => Some([0.0, 0.0, 1f64.copysign(d[2])]),
@@ -133,7 +179,7 @@ impl ConvexShape {
                 n[k] = 1f64.copysign(d[k]);
                 Some(n)
             }
-            Self::Hull(hull) => Some(hull.face(hull.facing(d)).normal),
+            Self::Hull(hull) => Some(hull.face(hull.facing_at(corner as usize, d)).normal),
             Self::Triangle(p) => {
                 let n = triangle_normal(p);
                 Some(if dot(n, d) < 0.0 { super::neg(n) } else { n })

@@ -13,7 +13,7 @@ use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
 
 use super::manifold::{Manifold, Point, VERTICES, thin};
 use super::pair::Pair;
-use super::separation::{self, Separation};
+use super::separation::{self, Facing, Separation};
 use super::shape::triangle_normal;
 use super::{ConvexShape, Pose, Room, V};
 use crate::spatial::*;
@@ -302,16 +302,17 @@ fn touch(facet: &Facet, pair: &Pair<'_>, upward: bool, prediction: f64, out: &mu
     if dot(normal, pair.apart) <= 0.0 {
         // Behind the triangle: inside a height field, on the other side of a wall of a mesh.
         if upward {
-            room.clipper.over_first(pair, &flat, prediction, out);
+            room.clipper.over_first(pair, &Facing::new(pair, flat), prediction, out);
         }
         return;
     }
     if facet.bulges == [false; 3] {
         // Every normal is the triangle's, whatever is nearest.
-        room.clipper.over_first(pair, &flat, prediction, out);
+        room.clipper.over_first(pair, &Facing::new(pair, flat), prediction, out);
         return;
     }
-    let found = separation::nearest(pair, prediction);
+    let facing = separation::nearest(pair, None, prediction, &mut room.polytope);
+    let found = &facing.found;
     if found.separation - pair.thickness() > prediction {
         return;
     }
@@ -320,9 +321,9 @@ fn touch(facet: &Facet, pair: &Pair<'_>, upward: bool, prediction: f64, out: &mu
     let own = bulges && cos > 0.0 && 1.0 - cos > 1e-12;
     if !own || level {
         // Only what is over the triangle: the neighbours have the rest.
-        room.clipper.over_first(pair, &flat, prediction, out);
+        room.clipper.over_first(pair, &Facing::new(pair, flat), prediction, out);
     }
     if own && out.points.is_empty() {
-        room.clipper.manifold(pair, &found, prediction, out);
+        room.clipper.manifold(pair, &facing, prediction, out);
     }
 }

@@ -4,9 +4,9 @@ use std::borrow::Cow;
 
 use stepper_real::{Mask, Real, Scalar};
 
-use super::Scene;
+use super::{Scene, Search};
 use crate::contacts::{ContactId, ContactPoint, Contacts};
-use crate::geometry::convex::{Narrow, Pose, Solid, Surface};
+use crate::geometry::convex::{Pose, Reach, Solid, Surface};
 use crate::geometry::{
     Cuboid, Cylinder, Ellipsoid, Segment, capsule_box, cylinder_rims, plane_box, plane_ellipsoid, plane_point, plane_sphere, segments,
     sphere_box, sphere_cylinder, sphere_ellipsoid,
@@ -18,7 +18,7 @@ impl<R: Real> Scene<'_, R> {
     /// Takes up the contacts of a pair in the lanes `near`. A kernel of its own: inlined where it is called, it and what it offers would
     /// take most of the time of a build.
     #[inline(never)]
-    pub(super) fn meet(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, narrow: &mut Narrow, contacts: &mut Contacts<R>) {
+    pub(super) fn meet(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, search: &mut Search, contacts: &mut Contacts<R>) {
         R::vectorize(
             #[inline(always)]
             || match pair.kernel {
@@ -32,7 +32,7 @@ impl<R: Real> Scene<'_, R> {
                 Kernel::SphereEllipsoid => self.sphere_ellipsoid(index, pair, near, contacts),
                 Kernel::CapsuleBox => self.capsule_box(index, pair, near, contacts),
                 Kernel::Segments => self.segments(index, pair, near, contacts),
-                Kernel::Convex | Kernel::Surface => self.convex(index, pair, near, narrow, contacts),
+                Kernel::Convex | Kernel::Surface => self.convex(index, pair, near, search, contacts),
             },
         )
     }
@@ -147,7 +147,7 @@ impl<R: Real> Scene<'_, R> {
 
     /// Lane by lane, in f64: what one lane does no other sees.
     #[inline(always)]
-    fn convex(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, narrow: &mut Narrow, contacts: &mut Contacts<R>) {
+    fn convex(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, search: &mut Search, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
         let near = match &self.plan.geoms[a].solid {
             Some(Solid::Surface(surface)) => match &**surface {
@@ -170,7 +170,12 @@ impl<R: Real> Scene<'_, R> {
                 let own = solid.sized(self.plan.params.geom_size(g).map(|x| x.lane(lane).to_f64()));
                 own.map_or(Cow::Borrowed(solid), Cow::Owned)
             });
-            let found = narrow.collide([&solids[0], &solids[1]], [pose(a), pose(b)], reach.lane(lane).to_f64());
+            let Search { narrow, normals } = &mut *search;
+            let reach = Reach { prediction: reach.lane(lane).to_f64(), known: normals.of(lane, index) };
+            let (found, axis) = narrow.collide([&solids[0], &solids[1]], [pose(a), pose(b)], reach);
+            if let Some(axis) = axis {
+                normals.keep(lane, index, axis);
+            }
             for p in found {
                 let point = ContactPoint { distance: R::of(p.distance), pos: p.pos.map(R::of), normal: p.normal.map(R::of) };
                 self.offer(index, p.feature, pair, near.and(R::Mask::from_bits(1 << lane)), point, contacts);

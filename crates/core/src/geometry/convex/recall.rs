@@ -1,0 +1,124 @@
+//! The contact normal of two hulls, if it is one of few near what it was in the last step.
+//!
+//! Along the old normal a face of one hull, or an edge of each, is tried as the facet of their difference that is nearest to the origin. It is
+//! taken only where that is certain, so what is found does not depend on what was known: without it, the search from scratch finds the same.
+//!
+//! With n the facet's normal, s its separation and the nearest point at least `room` within its outline, it is certain where the hulls are apart
+//! (two points at the distance s prove it), and where they overlap by d = -s and the ball of radius d about the origin lies in what is known of
+//! the difference, the facet's disc of radius `room` and the ball of radius r about the difference of the centres: with that centre H deep below
+//! the facet and L beside it, where 2 d < H and d (1 + 2 L / H) < min(room, r).
+
+use super::hull::Hull;
+use super::pair::Pair;
+use super::separation::{Facing, Separation};
+use super::shape::ConvexShape;
+use super::{V, neg};
+use crate::spatial::*;
+
+/// The part of what would be certain that is taken for it: the rest is for rounding.
+const SURE: f64 = 0.5;
+/// Nearer to the outline than this share of the size the nearest point is on it.
+const OUTLINE: f64 = 1e-9;
+/// Corners further than an edge by less than this share of the size are as far.
+const ROUNDING: f64 = 4e-15;
+/// Edges this parallel (sine) have no direction across both.
+const PARALLEL: f64 = 1e-3;
+/// Normals further than this from what is known (1 - cos) are not tried.
+const NEAR: f64 = 0.01;
+
+/// What may be the facet: a face of the first or the second, an edge of each.
+#[derive(Clone, Copy)]
+enum Facet {
+    First(usize),
+    Second(usize),
+    Across(Facing, f64),
+}
+
+/// The largest separation, if that is certain; else, or for other shapes, `None`. Where it is beyond `reach`, a lower bound of it.
+pub(super) fn recall(pair: &Pair<'_>, known: V, reach: f64) -> Option<Facing> {
+    let (ConvexShape::Hull(a), ConvexShape::Hull(b)) = (pair.a, pair.b) else { return None };
+    let corners = pair.corners(known);
+    let [i, j] = corners.map(|c| c as usize);
+    let (x, y) = (a.points()[i], pair.place(b.points()[j]));
+    let along = dot(known, sub(y, x));
+    if along > reach {
+        return Some(Facing { found: Separation { normal: known, separation: along, points: [x, y] }, corners });
+    }
+    let back = rotate_back(&pair.mat, neg(known));
+    let (f, g) = (a.facing_at(i, known), b.facing_at(j, back));
+    let across = across([a, b], [i, j], pair, known, back);
+    let mut tries = [
+        (dot(a.face(f).normal, known), Facet::First(f)),
+        (dot(b.face(g).normal, back), Facet::Second(g)),
+        across.map_or((-1.0, Facet::First(f)), |(facing, room)| (dot(facing.found.normal, known), Facet::Across(facing, room))),
+    ];
+    tries.sort_unstable_by(|s, t| t.0.total_cmp(&s.0));
+    let near = tries.into_iter().take_while(|t| t.0 > 1.0 - NEAR);
+    near.map(|t| t.1).find_map(|facet| {
+        let (found, corners, room) = match facet {
+            Facet::First(f) => {
+                let n = a.face(f).normal;
+                let (separation, corners) = pair.separation_near(n, corners);
+                let y = pair.place(b.points()[corners[1] as usize]);
+                (Separation { normal: n, separation, points: [add_scaled(y, n, -separation), y] }, corners, a.room_over(f, y))
+            }
+            Facet::Second(g) => {
+                let n = neg(rotate(&pair.mat, b.face(g).normal));
+                let (separation, corners) = pair.separation_near(n, corners);
+                let x = a.points()[corners[0] as usize];
+                let local = rotate_back(&pair.mat, sub(x, pair.pos));
+                (Separation { normal: n, separation, points: [x, add_scaled(x, n, separation)] }, corners, b.room_over(g, local))
+            }
+            Facet::Across(Facing { found, corners }, room) => {
+                // The edges must be the furthest of all that way.
+                if pair.separation_near(found.normal, corners).0 < found.separation - ROUNDING * pair.size {
+                    return None;
+                }
+                (found, corners, room)
+            }
+        };
+        (found.separation > reach || is_certain(pair, &found, room)).then_some(Facing { found, corners })
+    })
+}
+
+/// The separation across the edges at two corners that are nearest to right angles to what is known, and how far from the edges' ends it is.
+fn across([a, b]: [&Hull; 2], [i, j]: [usize; 2], pair: &Pair<'_>, known: V, back: V) -> Option<(Facing, f64)> {
+    let (k, l) = (a.level(i, known), b.level(j, back));
+    let ends = |hull: &Hull, v: usize, w: usize| [v.min(w), v.max(w)].map(|c| hull.points()[c]);
+    let (e, h) = (ends(a, i, k), ends(b, j, l).map(|p| pair.place(p)));
+    let (found, [s, t]) = edges(e, h, known)?;
+    let (u, v) = (sub(e[1], e[0]), sub(h[1], h[0]));
+    let area = norm(cross(u, v));
+    let room = (s.min(1.0 - s) * area / norm(v)).min(t.min(1.0 - t) * area / norm(u));
+    (room > 0.0).then_some((Facing { found, corners: [i.min(k) as u32, j.min(l) as u32] }, room))
+}
+
+/// The separation across two edges whose lines are nearest within them, and where along them, in shares.
+fn edges([p, q]: [V; 2], [r, s]: [V; 2], towards: V) -> Option<(Separation, [f64; 2])> {
+    let (u, v, d) = (sub(q, p), sub(s, r), sub(r, p));
+    let n = cross(u, v);
+    let nn = dot(n, n);
+    if nn <= PARALLEL * PARALLEL * dot(u, u) * dot(v, v) {
+        return None;
+    }
+    let at = [dot(cross(d, v), n) / nn, dot(cross(d, u), n) / nn];
+    let normal = scale(n, 1f64.copysign(dot(n, towards)) / nn.sqrt());
+    let points = [add_scaled(p, u, at[0]), add_scaled(r, v, at[1])];
+    Some((Separation { normal, separation: dot(normal, d), points }, at))
+}
+
+/// Whether a facet is the nearest of all, see above.
+fn is_certain(pair: &Pair<'_>, facet: &Separation, room: f64) -> bool {
+    let depth = -facet.separation;
+    if room <= OUTLINE * pair.size {
+        return false;
+    }
+    if depth <= 0.0 {
+        return true;
+    }
+    let along = dot(facet.normal, pair.apart);
+    let below = along + depth;
+    let beside = norm(add_scaled(pair.apart, facet.normal, -along));
+    let ball = pair.a.least() + pair.b.least();
+    2.0 * depth < below && depth * (below + 2.0 * beside) < SURE * room.min(ball) * below
+}

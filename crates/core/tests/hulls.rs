@@ -1,0 +1,122 @@
+//! Contacts of convex hulls: against all that can be the normal, and the same whether the last step's normal is known or not.
+
+use std::sync::Arc;
+
+use proptest::prelude::*;
+use stepper_core::geometry::convex::{ConvexShape, Hull, Manifold, Point, Pose, Reach, Room, collide, distance};
+use stepper_core::spatial::*;
+
+type V = V3<f64>;
+
+fn vector(size: f64) -> impl Strategy<Value = V> {
+    prop::array::uniform3(-size..size)
+}
+
+fn unit() -> impl Strategy<Value = V> {
+    vector(1.0).prop_filter("a direction", |v| norm(*v) > 0.1).prop_map(|v| scale(v, 1.0 / norm(v)))
+}
+
+fn rotation() -> impl Strategy<Value = M3<f64>> {
+    let aligned = Just([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
+    let any = (unit(), -3.1..3.1f64).prop_map(|(u, x)| axis_rotation(u, x.sin(), x.cos()));
+    prop_oneof![1 => aligned, 4 => any]
+}
+
+/// Corners in the open, corners on a ball (a fine mesh), and a box (faces of four corners).
+fn hull() -> impl Strategy<Value = Arc<Hull>> {
+    let few = prop::collection::vec(vector(0.5), 4..12);
+    let many = prop::collection::vec(unit().prop_map(|u| scale(u, 0.4)), 50..70);
+    let cuboid = prop::array::uniform3(0.1..0.5f64).prop_map(|half| {
+        let corner = |i: usize| std::array::from_fn(|k| if i >> k & 1 == 1 { half[k] } else { -half[k] });
+        (0..8).map(corner).collect()
+    });
+    prop_oneof![few, many, cuboid]
+        .prop_filter_map("has volume", |p: Vec<V>| Hull::new(&p).ok().filter(|h| h.points().len() > 3).map(Arc::new))
+}
+
+fn reach(hull: &Hull, n: V) -> f64 {
+    hull.points().iter().map(|p| dot(*p, n)).fold(f64::NEG_INFINITY, f64::max)
+}
+
+/// max n . x over the hull as it is posed, about the world's origin.
+fn posed_reach(hull: &Hull, pose: &Pose, n: V) -> f64 {
+    dot(n, pose.pos) + reach(hull, rotate_back(&pose.mat, n))
+}
+
+fn edges(hull: &Hull, pose: &Pose) -> Vec<V> {
+    let edge = |[v, w]: [u32; 2]| rotate(&pose.mat, sub(hull.points()[w as usize], hull.points()[v as usize]));
+    let around = hull.triangles().iter().flat_map(|t| (0..3).map(|k| [t[k], t[(k + 1) % 3]]));
+    around.filter(|[v, w]| v < w).map(edge).collect()
+}
+
+/// The largest separation over all normals that a facet of the difference can have: of overlapping hulls it is minus their depth.
+fn over_all_facets(a: &Hull, pa: &Pose, b: &Hull, pb: &Pose) -> f64 {
+    let separation = |n: V| -posed_reach(a, pa, n) - posed_reach(b, pb, scale(n, -1.0));
+    let faces = |hull: &Hull, pose: &Pose| {
+        hull.triangles()
+            .iter()
+            .map(|t| {
+                let [p, q, r] = t.map(|v| hull.points()[v as usize]);
+                rotate(&pose.mat, cross(sub(q, p), sub(r, p)))
+            })
+            .collect::<Vec<V>>()
+    };
+    let (first, second) = (edges(a, pa), edges(b, pb));
+    let across = first.iter().flat_map(|u| second.iter().map(|v| cross(*u, *v)));
+    let of_first = faces(a, pa).into_iter();
+    let of_second = faces(b, pb).into_iter().map(|n| scale(n, -1.0));
+    let all = of_first.chain(of_second).chain(across.flat_map(|n| [n, scale(n, -1.0)]));
+    all.filter(|n| norm(*n) > 1e-9).map(|n| separation(scale(n, 1.0 / norm(n)))).fold(f64::NEG_INFINITY, f64::max)
+}
+
+fn contacts(a: &ConvexShape, pa: &Pose, b: &ConvexShape, pb: &Pose, known: Option<V>) -> Vec<Point> {
+    let mut out = Manifold::default();
+    collide(a, pa, b, pb, Reach { prediction: 0.02, known }, &mut out, &mut Room::default());
+    out.points
+}
+
+/// All numbers of some points, as bits.
+fn bits(points: &[Point]) -> Vec<[u64; 8]> {
+    let numbers = |p: &Point| [p.pos[0], p.pos[1], p.pos[2], p.normal[0], p.normal[1], p.normal[2], p.distance].map(f64::to_bits);
+    points.iter().map(|p| std::array::from_fn(|i| numbers(p).get(i).copied().unwrap_or(p.feature.into()))).collect()
+}
+
+proptest! {
+    #[test]
+    fn the_depth_is_the_least_over_all_facets(a in hull(), ma in rotation(), b in hull(), at in vector(0.5), mb in rotation()) {
+        let (pa, pb) = (Pose { pos: [0.0; 3], mat: ma }, Pose { pos: at, mat: mb });
+        let best = over_all_facets(&a, &pa, &b, &pb);
+        if best >= 0.0 {
+            return Ok(());
+        }
+        let (found, n) = distance(&ConvexShape::Hull(a.clone()), &pa, &ConvexShape::Hull(b.clone()), &pb);
+        // A face stands for what is as good up to a billionth of the size, which is 2 m at most.
+        prop_assert!((found - best).abs() < 2e-9, "{found}, over all facets {best}");
+        let along = -posed_reach(&a, &pa, n) - posed_reach(&b, &pb, scale(n, -1.0));
+        prop_assert!((found - along).abs() < 1e-12, "{found}, along its normal {along}");
+    }
+
+    #[test]
+    fn supports_are_the_furthest_points(a in hull(), d in vector(1.0)) {
+        let shape = ConvexShape::Hull(a.clone());
+        prop_assert!(dot(shape.support(d), d) > reach(&a, d) - 1e-15);
+    }
+
+    #[test]
+    fn a_known_normal_changes_no_bit(a in hull(), ma in rotation(), b in hull(), towards in unit(), mb in rotation(),
+                                     gap in prop_oneof![-0.03..0.02f64, -1e-4..1e-4f64, Just(0.0)], tilt in vector(0.02)) {
+        let (first, second) = (ConvexShape::Hull(a.clone()), ConvexShape::Hull(b.clone()));
+        let (pa, far) = (Pose { pos: [0.1, -0.2, 0.3], mat: ma }, Pose { pos: scale(towards, 3.0), mat: mb });
+        // Together along the line between their nearest points, up to the gap.
+        let (apart, n) = distance(&first, &pa, &second, &far);
+        let pb = Pose { pos: add_scaled(far.pos, n, gap - apart), ..far };
+        let scratch = contacts(&first, &pa, &second, &pb, None);
+        for near in [n, add(n, tilt), towards, scale(n, -1.0)] {
+            let known = Some(scale(near, 1.0 / norm(near)));
+            prop_assert_eq!(bits(&contacts(&first, &pa, &second, &pb, known)), bits(&scratch));
+        }
+        for p in &scratch {
+            prop_assert_eq!(bits(&contacts(&first, &pa, &second, &pb, Some(p.normal))), bits(&scratch));
+        }
+    }
+}

@@ -9,7 +9,7 @@ use stepper_solve::Settings;
 use crate::constraints::Constraints;
 use crate::inertia::MassMatrix;
 use crate::kinematics::displace;
-use crate::options::{Options, Solver};
+use crate::options::Options;
 use crate::plan::LanePlan;
 
 /// Residual that is enough for a correction, m/s: a fraction of a micrometre a step, and the next step sees what is left of the overlap.
@@ -37,8 +37,6 @@ pub fn stabilise<R: Real>(
     }
     demand_positions(constraints);
     let [sweeps, newton] = options.effort();
-    // Sweeps alone, unless asked for more: what they leave to Newton's method here is not worth its cost.
-    let newton = if options.solver == Solver::Newton { newton } else { 0 };
     let settings = Settings { sweeps: sweeps.min(SWEEPS), newton, tolerance: R::of(options.tolerance.max(CLOSE)) };
     let Constraints { problem, iterate, newton, .. } = constraints;
     stepper_solve::solve(problem, iterate, settings, lanes, newton);

@@ -47,11 +47,7 @@ fn each<R: Real>(word: &Word, number: impl Fn(u32) -> f64) -> R {
 /// Uniform numbers in (0, 1), symmetric about 1/2: the middles of 2^32 equal intervals, rounded to the lanes' precision.
 #[inline(always)]
 pub fn uniform<R: Real>(word: &Word) -> R {
-    let x: R = each(
-        word,
-        #[inline(always)]
-        |x| f64::from(x),
-    );
+    let x: R = each(word, f64::from);
     x * R::of(1.0 / 4_294_967_296.0) + R::of(0.5 / 4_294_967_296.0)
 }
 

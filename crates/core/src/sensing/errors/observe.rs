@@ -211,7 +211,6 @@ impl<S: Scalar> Imperfect<S> {
     /// Scale and misalignment, bias, drift, noise, quantisation and clip: the samples of now, kept in the lanes that take one; others keep what
     /// they held. Returns where something was clipped.
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "what is read, by whom, and what is remembered")]
     fn sample<R: Real<Scalar = S>>(
         &self,
         table: &Numbers<'_, S>,

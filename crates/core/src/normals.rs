@@ -47,7 +47,7 @@ impl Normals {
         (self.places > 0).then(|| lane * self.places + pair % self.places)
     }
 
-    /// The normal of a pair in the last step, in the world, if it is known.
+    /// The normal of a pair in the last step, in the first's frame, if it is known.
     pub(crate) fn of(&self, lane: usize, pair: usize) -> Option<V3<f64>> {
         let held = &self.held[self.at(lane, pair)?];
         (held.pair == pair as u32).then(|| held.normal.map(f64::from))

@@ -32,7 +32,7 @@ pub struct Point {
 pub struct Manifold {
     /// Ascending by feature.
     pub points: Vec<Point>,
-    /// A direction of large separation, if one was looked for: the normal, or what parts shapes that are further apart. In the world, unit.
+    /// A direction of large separation, if one was looked for: the normal, or what parts shapes that are further apart. In the first's frame, unit.
     pub axis: Option<V>,
 }
 

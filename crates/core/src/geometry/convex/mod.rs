@@ -14,6 +14,7 @@
 //! All is computed in the frame of the first shape: what a scene's place in the world changes is rounding. Nothing is remembered from call to
 //! call: the same poses give the same contacts, whether a normal from before is known (`recall.rs`) or not.
 
+mod approach;
 mod boxes;
 mod clip;
 mod expand;
@@ -31,6 +32,7 @@ use std::sync::Arc;
 
 use crate::spatial::*;
 
+pub use approach::Approach;
 pub use hull::{Hull, HullError};
 pub use manifold::{MAX_POINTS, Manifold, Point};
 pub use shape::ConvexShape;
@@ -39,7 +41,7 @@ pub use surface::{Grid, MAX_SURFACE_POINTS, MeshSurface, Surface, collide_surfac
 use expand::Polytope;
 use manifold::Clipper;
 use pair::Pair;
-use separation::Facing;
+use separation::{Facing, Separation};
 
 /// A vector in f64.
 type V = V3<f64>;
@@ -84,13 +86,23 @@ impl Solid {
 pub struct Reach {
     /// Distance beyond which nothing is a contact, m.
     pub prediction: f64,
-    /// The normal that the pair had in the last step, in the world: what is found is the same without it, later.
+    /// The normal that the pair had in the last step, in the first's frame: what is found is the same without it, later.
     pub known: Option<V>,
+    /// How hulls move: contacts that do not count within the step may be left out.
+    pub approach: Option<Approach>,
+}
+
+impl Reach {
+    /// Whether cores separated so are further apart than any contact.
+    fn is_beyond(&self, pair: &Pair<'_>, found: &Separation) -> bool {
+        let gap = found.separation - pair.thickness();
+        gap > self.prediction || self.approach.is_some_and(|a| a.keeps(found.normal, gap, pair.size))
+    }
 }
 
 impl From<f64> for Reach {
     fn from(prediction: f64) -> Self {
-        Self { prediction, known: None }
+        Self { prediction, known: None, approach: None }
     }
 }
 
@@ -158,7 +170,8 @@ pub fn collide(
     out: &mut Manifold,
     room: &mut Room,
 ) {
-    let Reach { prediction, known } = reach.into();
+    let mut reach = reach.into();
+    let prediction = reach.prediction;
     out.clear();
     let pair = Pair::new(a, pose_a, b, pose_b);
     if !pair.is_near(prediction) {
@@ -176,19 +189,19 @@ pub fn collide(
             out.clear();
         }
     }
-    let known = known.map(|n| unit_or(rotate_back(&pose_a.mat, n), [0.0, 0.0, 1.0]));
-    let facing = separation::nearest(&pair, known, prediction, &mut room.polytope);
-    if facing.found.separation - pair.thickness() <= prediction {
+    reach.known = reach.known.map(|n| unit_or(n, [0.0, 0.0, 1.0]));
+    let facing = separation::nearest(&pair, &reach, &mut room.polytope);
+    if !reach.is_beyond(&pair, &facing.found) {
         room.clipper.manifold(&pair, &facing, prediction, out);
         out.place(pose_a);
     }
-    out.axis = (a.is_hull() && b.is_hull()).then(|| rotate(&pose_a.mat, facing.found.normal));
+    out.axis = (a.is_hull() && b.is_hull()).then_some(facing.found.normal);
 }
 
 /// Signed distance of two convex shapes (m; minus the depth where they overlap) and the unit normal from the first to the second, in the world.
 pub fn distance(a: &ConvexShape, pose_a: &Pose, b: &ConvexShape, pose_b: &Pose) -> (f64, V) {
     let pair = Pair::new(a, pose_a, b, pose_b);
-    let found = separation::nearest(&pair, None, f64::INFINITY, &mut Polytope::default()).found;
+    let found = separation::nearest(&pair, &f64::INFINITY.into(), &mut Polytope::default()).found;
     (found.separation - pair.thickness(), rotate(&pose_a.mat, found.normal))
 }
 

@@ -12,7 +12,7 @@ use super::hull::Hull;
 use super::pair::Pair;
 use super::separation::{Facing, Separation};
 use super::shape::ConvexShape;
-use super::{V, neg};
+use super::{Reach, V, neg};
 use crate::spatial::*;
 
 /// The part of what would be certain that is taken for it: the rest is for rounding.
@@ -35,14 +35,14 @@ enum Facet {
 }
 
 /// The largest separation, if that is certain; else, or for other shapes, `None`. Where it is beyond `reach`, a lower bound of it.
-pub(super) fn recall(pair: &Pair<'_>, known: V, reach: f64) -> Option<Facing> {
+pub(super) fn recall(pair: &Pair<'_>, known: V, reach: &Reach) -> Option<Facing> {
     let (ConvexShape::Hull(a), ConvexShape::Hull(b)) = (pair.a, pair.b) else { return None };
     let corners = pair.corners(known);
     let [i, j] = corners.map(|c| c as usize);
     let (x, y) = (a.points()[i], pair.place(b.points()[j]));
-    let along = dot(known, sub(y, x));
-    if along > reach {
-        return Some(Facing { found: Separation { normal: known, separation: along, points: [x, y] }, corners });
+    let along = Separation { normal: known, separation: dot(known, sub(y, x)), points: [x, y] };
+    if reach.is_beyond(pair, &along) {
+        return Some(Facing { found: along, corners });
     }
     let back = rotate_back(&pair.mat, neg(known));
     let (f, g) = (a.facing_at(i, known), b.facing_at(j, back));
@@ -77,7 +77,7 @@ pub(super) fn recall(pair: &Pair<'_>, known: V, reach: f64) -> Option<Facing> {
                 (found, corners, room)
             }
         };
-        (found.separation > reach || is_certain(pair, &found, room)).then_some(Facing { found, corners })
+        (reach.is_beyond(pair, &found) || is_certain(pair, &found, room)).then_some(Facing { found, corners })
     })
 }
 

@@ -19,7 +19,7 @@ use super::gjk::{self, Nearest};
 use super::pair::Pair;
 use super::recall::recall;
 use super::shape::ConvexShape;
-use super::{V, neg, unit_or};
+use super::{Reach, V, neg, unit_or};
 use crate::spatial::*;
 
 /// A direction and what it separates.
@@ -57,17 +57,19 @@ const DEEP: f64 = 0.01;
 const FAR: f64 = 0.5;
 /// Directions within this of a face's normal (sine) may be taken for it.
 const NEAR_FACE: f64 = 0.05;
+/// Separations that differ by less than this share of the size are alike.
+pub(super) const ALIKE: f64 = 1e-9;
 
-/// The largest separation of the cores; stops early with a lower bound of it where that is beyond `prediction`.
+/// The largest separation of the cores; stops early with a lower bound of it where that is beyond reach.
 ///
-/// `known` is a direction near which the normal may be, as it was in the last step: it saves time, and changes nothing.
-pub(super) fn nearest(pair: &Pair<'_>, known: Option<V>, prediction: f64, polytope: &mut Polytope) -> Facing {
-    let reach = prediction + pair.thickness();
-    if let Some(facing) = known.and_then(|n| recall(pair, n, reach)) {
-        return if facing.found.separation > reach { facing } else { prefer_face(pair, facing) };
+/// What is known of the normal saves time, and changes nothing.
+pub(super) fn nearest(pair: &Pair<'_>, reach: &Reach, polytope: &mut Polytope) -> Facing {
+    if let Some(facing) = reach.known.and_then(|n| recall(pair, n, reach)) {
+        return if reach.is_beyond(pair, &facing.found) { facing } else { prefer_face(pair, facing) };
     }
-    let found = if pair.is_polytope() { of_polytopes(pair, reach, polytope) } else { of_round_bodies(pair, reach) };
-    if found.separation > reach {
+    let distance = reach.prediction + pair.thickness();
+    let found = if pair.is_polytope() { of_polytopes(pair, distance, polytope) } else { of_round_bodies(pair, distance) };
+    if reach.is_beyond(pair, &found) {
         return Facing { found, corners: [0; 2] };
     }
     // Rounding of the search is left behind: the normal is the facet's own.
@@ -179,7 +181,7 @@ fn climb(pair: &Pair<'_>, start: Candidate, gap: f64) -> Separation {
 /// do not change from step to step. The first shape's face is preferred.
 fn prefer_face(pair: &Pair<'_>, facing: Facing) -> Facing {
     let Facing { found, corners } = facing;
-    let worse = found.separation - 1e-9 * pair.size;
+    let worse = found.separation - ALIKE * pair.size;
     for flat in pair.flats(found.normal, corners).into_iter().flatten() {
         if flat == found.normal {
             return facing;

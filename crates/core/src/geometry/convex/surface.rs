@@ -311,7 +311,7 @@ fn touch(facet: &Facet, pair: &Pair<'_>, upward: bool, prediction: f64, out: &mu
         room.clipper.over_first(pair, &Facing::new(pair, flat), prediction, out);
         return;
     }
-    let facing = separation::nearest(pair, None, prediction, &mut room.polytope);
+    let facing = separation::nearest(pair, &prediction.into(), &mut room.polytope);
     let found = &facing.found;
     if found.separation - pair.thickness() > prediction {
         return;

@@ -6,7 +6,7 @@ use stepper_real::{Mask, Real, Scalar};
 
 use super::{Scene, Search};
 use crate::contacts::{ContactId, ContactPoint, Contacts};
-use crate::geometry::convex::{Pose, Reach, Solid, Surface};
+use crate::geometry::convex::{Approach, Pose, Reach, Solid, Surface};
 use crate::geometry::{
     Cuboid, Cylinder, Ellipsoid, Segment, capsule_box, cylinder_rims, plane_box, plane_ellipsoid, plane_point, plane_sphere, segments,
     sphere_box, sphere_cylinder, sphere_ellipsoid,
@@ -157,6 +157,8 @@ impl<R: Real> Scene<'_, R> {
             _ => near,
         };
         let reach = R::splat(pair.margin) + self.poses.travel[a] + self.poses.travel[b] + self.slack;
+        let are_hulls = [a, b].iter().all(|&g| matches!(&self.plan.geoms[g].solid, Some(Solid::Convex(shape)) if shape.is_hull()));
+        let moving = are_hulls.then(|| self.approach(pair, reach));
         let mut rest = near.bits();
         while rest != 0 {
             let lane = rest.trailing_zeros() as usize;
@@ -171,7 +173,14 @@ impl<R: Real> Scene<'_, R> {
                 own.map_or(Cow::Borrowed(solid), Cow::Owned)
             });
             let Search { narrow, normals } = &mut *search;
-            let reach = Reach { prediction: reach.lane(lane).to_f64(), known: normals.of(lane, index) };
+            let of = |x: R| x.lane(lane).to_f64();
+            let approach = moving.map(|[way, turn, [radius, slack, _]]| Approach {
+                way: way.map(of),
+                turn: turn.map(of),
+                radius: of(radius),
+                slack: of(slack),
+            });
+            let reach = Reach { prediction: of(reach), known: normals.of(lane, index), approach };
             let (found, axis) = narrow.collide([&solids[0], &solids[1]], [pose(a), pose(b)], reach);
             if let Some(axis) = axis {
                 normals.keep(lane, index, axis);
@@ -181,6 +190,23 @@ impl<R: Real> Scene<'_, R> {
                 self.offer(index, p.feature, pair, near.and(R::Mask::from_bits(1 << lane)), point, contacts);
             }
         }
+    }
+
+    /// What an [`Approach`] holds, over lanes: way and turn of the second geom as seen from the first, in its frame; radius and slack.
+    #[inline(always)]
+    fn approach(&self, pair: &PairPlan<R::Scalar>, reach: R) -> [V3<R>; 3] {
+        let [a, b] = pair.geoms;
+        // Contacts are halfway between the two, no further than half the reach from either: the ball about the lens that their balls share.
+        let [ra, rb] = [a, b].map(|g| self.plan.params.bound(g) + R::of(0.5) * reach);
+        let apart = sub(self.poses.pos[b], self.poses.pos[a]);
+        let length = norm(apart).max(R::of(1e-9));
+        let from_a = (R::of(0.5) * (length + (ra * ra - rb * rb) / length)).max(R::zero()).min(length);
+        let from_b = length - from_a;
+        let radius = (ra * ra - from_a * from_a).min(rb * rb - from_b * from_b).max(R::zero()).sqrt();
+        let centre = add_scaled(self.poses.pos[a], apart, from_a / length);
+        let ([wa, va], [wb, vb]) = (self.motion_at(&self.poses.velocity, a, centre), self.motion_at(&self.poses.velocity, b, centre));
+        let seen = |x: V3<R>| scale(rotate_back(&self.poses.mat[a], x), self.h);
+        [seen(sub(vb, va)), seen(sub(wb, wa)), [radius, R::splat(pair.margin).max(R::zero()) + self.slack, R::zero()]]
     }
 
     #[inline(always)]

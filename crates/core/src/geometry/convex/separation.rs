@@ -57,6 +57,8 @@ const DEEP: f64 = 0.01;
 const FAR: f64 = 0.5;
 /// Directions within this of a face's normal (sine) may be taken for it.
 const NEAR_FACE: f64 = 0.05;
+/// Nearest points further beside one another than this share of the size are not one over the other.
+const BESIDE: f64 = 1e-7;
 /// Separations that differ by less than this share of the size are alike.
 pub(super) const ALIKE: f64 = 1e-9;
 
@@ -177,6 +179,14 @@ fn climb(pair: &Pair<'_>, start: Candidate, gap: f64) -> Separation {
     Separation { normal: best.normal, separation: best.separation, points }
 }
 
+/// Whether nearest points are beside one another as seen along a face's normal: what is nearest is not over the face then, and clipped with the face
+/// as reference it would be lost, with as much height as what is around it is steep. Of polytopes, whose nearest points are exact.
+fn is_beside(pair: &Pair<'_>, found: &Separation, flat: V) -> bool {
+    let [x, y] = found.points;
+    let apart = sub(y, x);
+    found.separation > 0.0 && pair.is_polytope() && norm(add_scaled(apart, flat, -dot(apart, flat))) > BESIDE * pair.size
+}
+
 /// Takes the normal of a face instead where that separates as well up to rounding: the normals of resting contacts are then exact, and
 /// do not change from step to step. The first shape's face is preferred.
 fn prefer_face(pair: &Pair<'_>, facing: Facing) -> Facing {
@@ -187,6 +197,9 @@ fn prefer_face(pair: &Pair<'_>, facing: Facing) -> Facing {
             return facing;
         }
         let cos = dot(flat, found.normal);
+        if is_beside(pair, &found, flat) {
+            continue;
+        }
         // Any two points bound what it can separate.
         if cos > 0.0 && 1.0 - cos < NEAR_FACE * NEAR_FACE && pair.apart_at(flat, corners) >= worse {
             let (separation, corners) = pair.separation_near(flat, corners);

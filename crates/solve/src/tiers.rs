@@ -15,6 +15,8 @@ pub struct Settings<R> {
     pub newton: u32,
     /// Residual at which each lane is done, m/s.
     pub tolerance: R,
+    /// Residual above which a lane that sweeps have left goes on to the second tier, m/s; at least the tolerance.
+    pub rough: R,
 }
 
 /// How it went, per lane.
@@ -59,7 +61,7 @@ pub fn solve<R: Real>(
     lanes: R::Mask,
     room: &mut Newton,
 ) -> Outcome<R> {
-    let Settings { sweeps, newton, tolerance } = settings;
+    let Settings { sweeps, newton, tolerance, rough } = settings;
     let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton: R::zero() };
     let (mut rest, shared) = (lanes, lanes.and(problem.hyperstatic));
     if newton > 0 && shared.any() {
@@ -80,7 +82,8 @@ pub fn solve<R: Real>(
         outcome.sweeps = swept.sweeps;
     }
     if newton > 0 {
-        room.solve(problem, iterate, newton, tolerance, lanes, [&mut outcome.residual, &mut outcome.newton]);
+        let left = lanes.and(outcome.residual.gt(rough));
+        room.solve(problem, iterate, newton, tolerance, left, [&mut outcome.residual, &mut outcome.newton]);
     }
     outcome
 }

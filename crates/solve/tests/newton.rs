@@ -193,9 +193,9 @@ proptest! {
     /// Eight problems of different sizes in lanes give each the bits that it has alone, after sweeps and all.
     #[test]
     fn lanes_have_the_bits_of_one(cases in prop::collection::vec(case(7, 1e1, 0.0..1.5), 8)) {
-        let settings = Settings { sweeps: 3, newton: 12, tolerance: 1e-9 };
+        let settings = Settings { sweeps: 3, newton: 12, tolerance: 1e-9, rough: 1e-9 };
         let (problem, mut iterate) = build::<F64x8>(&cases);
-        let wide = Settings { sweeps: 3, newton: 12, tolerance: F64x8::of(1e-9) };
+        let wide = Settings { sweeps: 3, newton: 12, tolerance: F64x8::of(1e-9), rough: F64x8::of(1e-9) };
         let outcome = solve(&problem, &mut iterate, wide, Mask::splat(true), &mut Newton::default());
         let mut room = Newton::default();
         for (l, case) in cases.iter().enumerate() {
@@ -216,7 +216,7 @@ proptest! {
     #[test]
     fn single_precision_is_judged_as_it_is_returned(cases in prop::collection::vec(case(5, 1e1, 0.0..1.0), 16)) {
         let (problem, mut iterate) = build::<F32x16>(&cases);
-        let settings = Settings { sweeps: 2, newton: 40, tolerance: F32x16::of(1e-4) };
+        let settings = Settings { sweeps: 2, newton: 40, tolerance: F32x16::of(1e-4), rough: F32x16::of(1e-4) };
         let outcome = solve(&problem, &mut iterate, settings, Mask::splat(true), &mut Newton::default());
         let left = residual(&problem, &iterate);
         for l in 0..16 {
@@ -267,7 +267,7 @@ fn painleve_problems_stay_finite_and_are_reported() {
         for slip in [-5.0, -0.1, 0.0, 0.1, 5.0] {
             for sweeps in [1, 10] {
                 let (problem, mut iterate) = build::<f64>(&[painleve(coupling, slip)]);
-                let settings = Settings { sweeps, newton: 50, tolerance: 1e-9 };
+                let settings = Settings { sweeps, newton: 50, tolerance: 1e-9, rough: 1e-9 };
                 let outcome = solve(&problem, &mut iterate, settings, true, &mut Newton::default());
                 assert!(bits(&iterate).iter().all(|&x| f64::from_bits(x).is_finite()), "{coupling} {slip}");
                 let size = 1.0 + iterate.contacts[0].iter().fold(0.0f64, |m, x| m.max(x.abs())) * coupling.abs();
@@ -284,7 +284,7 @@ fn running_out_of_steps_is_reported_and_no_worse_than_sweeps() {
         let mut sweeps = f64::INFINITY;
         for newton in [0, 1, 2, 4] {
             let (problem, mut iterate) = build::<f64>(std::slice::from_ref(&case));
-            let settings = Settings { sweeps: 2, newton, tolerance: 1e-12 };
+            let settings = Settings { sweeps: 2, newton, tolerance: 1e-12, rough: 1e-12 };
             let outcome = solve(&problem, &mut iterate, settings, true, &mut Newton::default());
             assert!(outcome.newton <= f64::from(newton) * case.contacts.len() as f64);
             sweeps = sweeps.min(if newton == 0 { outcome.residual } else { f64::INFINITY });
@@ -301,7 +301,7 @@ fn a_solved_lane_keeps_its_bits() {
     let cases = problems(8, 6, 1e1, 0.0..0.5);
     let (problem, mut iterate) = build::<F64x8>(&cases);
     let mut room = Newton::default();
-    let settings = Settings { sweeps: 200, newton: 100, tolerance: F64x8::of(1e-8) };
+    let settings = Settings { sweeps: 200, newton: 100, tolerance: F64x8::of(1e-8), rough: F64x8::of(1e-8) };
     let outcome = solve(&problem, &mut iterate, settings, Mask::splat(true), &mut room);
     let (mut left, mut taken) = (outcome.residual, F64x8::zero());
     let before = iterate.clone();
@@ -317,7 +317,8 @@ fn numbers_that_are_none_are_left_alone() {
     let mut case = painleve(0.2, 1.0);
     case.contacts[0].g[1] = f64::NAN;
     let (problem, mut iterate) = build::<f64>(&[case]);
-    let outcome = solve(&problem, &mut iterate, Settings { sweeps: 3, newton: 5, tolerance: 1e-9 }, true, &mut Newton::default());
+    let outcome =
+        solve(&problem, &mut iterate, Settings { sweeps: 3, newton: 5, tolerance: 1e-9, rough: 1e-9 }, true, &mut Newton::default());
     assert!(outcome.residual.is_nan());
     assert_eq!(outcome.newton, 0.0);
 }

@@ -19,7 +19,8 @@ pub fn solve<R: Real>(
     contacts: &mut Contacts<R>,
 ) -> Outcome<R> {
     let [sweeps, newton] = options.effort();
-    let settings = Settings { sweeps, newton, tolerance: tolerance(options, v) };
+    let tolerance = tolerance(options, v);
+    let settings = Settings { sweeps, newton, tolerance, rough: tolerance };
     let Constraints { problem, iterate, newton, scalar_impulse, owners, slots, wide_slots, .. } = constraints;
     let outcome = stepper_solve::solve(problem, iterate, settings, lanes, newton);
     R::vectorize(

@@ -9,11 +9,15 @@ use stepper_solve::Settings;
 use crate::constraints::Constraints;
 use crate::inertia::MassMatrix;
 use crate::kinematics::displace;
-use crate::options::Options;
+use crate::options::{Options, Solver};
 use crate::plan::LanePlan;
 
 /// Residual that is enough for a correction, m/s: a fraction of a micrometre a step, and the next step sees what is left of the overlap.
 const CLOSE: f64 = 1e-4;
+
+/// Residual above which Newton's method goes on where sweeps stop, m/s: they can leave a hundredth of a radian a step where two limbs are jammed. Below
+/// it, it would cost more than the correction is worth (humanoids under random control: 4 % of the step).
+const ROUGH: f64 = 1e-2;
 
 /// Sweeps from the impulses of stage 5, which differ by the correction alone.
 const SWEEPS: u32 = 10;
@@ -37,7 +41,9 @@ pub fn stabilise<R: Real>(
     }
     demand_positions(constraints);
     let [sweeps, newton] = options.effort();
-    let settings = Settings { sweeps: sweeps.min(SWEEPS), newton, tolerance: R::of(options.tolerance.max(CLOSE)) };
+    let tolerance = options.tolerance.max(CLOSE);
+    let rough = if options.solver == Solver::Newton { tolerance } else { tolerance.max(ROUGH) };
+    let settings = Settings { sweeps: sweeps.min(SWEEPS), newton, tolerance: R::of(tolerance), rough: R::of(rough) };
     let Constraints { problem, iterate, newton, .. } = constraints;
     stepper_solve::solve(problem, iterate, settings, lanes, newton);
     R::vectorize(

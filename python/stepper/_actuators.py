@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -148,11 +148,11 @@ class Drive:
 
 
 class ActuatorModel:
-    """Drives of a model's actuators, for `Stepper(..., actuators=)`.
+    """Drives of a model's actuators, for `Stepper(..., actuators=)` and `Stepper.randomize(actuators=)`.
 
     Args:
         drives: By the name of the actuator, or a pattern like "left_*"; a name goes before patterns, and of patterns the first counts.
-        default: For actuators that none of them fits; None leaves those ideal.
+        default: For actuators that none of them fits; None leaves those ideal, or, of `randomize`, as they are.
     """
 
     def __init__(self, drives: Mapping[str, Drive] | None = None, *, default: Drive | None = None):
@@ -183,22 +183,46 @@ class ActuatorModel:
         return out | ({"default": _plain(self.default)} if self.default else {})
 
     def drives(self, model: Model, num_envs: int) -> list[dict[str, Any] | None]:
-        """What the actuators of a model get, one entry for each; None for ideal ones.
+        """What the actuators of a model get, one entry for each; None where nothing is said.
 
         Raises:
             ValueError: A name that no actuator has, a pattern that fits none, a wrong shape.
         """
-        names = [name or f"#{index}" for index, name in enumerate(model.actuator_names)]
+        names = _names(model)
         check_names(self.named, names, "actuator")
         return [self._row(name, num_envs) for name in names]
 
     def drive_of(self, name: str) -> Drive | None:
-        """The drive of an actuator, by its name or "#3"; None for an ideal one."""
+        """The drive of an actuator, by its name or "#3"; None where nothing is said of it."""
         return fitting(self.named, self.default, name)
+
+    def chosen(self, mask: np.ndarray[Any, Any]) -> ActuatorModel:
+        """The same with the numbers of some environments alone, a mask (num_envs,)."""
+        return self._changed(lambda x: x[mask])
+
+    def spread(self, mask: np.ndarray[Any, Any]) -> ActuatorModel:
+        """The inverse of `chosen`: rows of the others are 0."""
+
+        def spread(x: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+            out = np.zeros(len(mask))
+            out[mask] = x
+            return out
+
+        return self._changed(spread)
+
+    def _changed(self, change: Callable[[np.ndarray[Any, Any]], np.ndarray[Any, Any]]) -> ActuatorModel:
+        default = None if self.default is None else _changed(self.default, change)
+        return ActuatorModel({name: _changed(drive, change) for name, drive in self.named.items()}, default=default)
+
+    @classmethod
+    def _from_rows(cls, model: Model, rows: list[dict[str, Any] | None]) -> ActuatorModel:
+        """The inverse of `drives`."""
+        named = zip(_names(model), rows, strict=True)
+        return cls({name: _from_row(row, Drive) for name, row in named if row is not None})
 
     def _row(self, name: str, num_envs: int) -> dict[str, Any] | None:
         drive = self.drive_of(name)
-        if drive is None or _plain(drive) == _plain(Drive()):
+        if drive is None:
             return None
         try:
             return drive._row(num_envs)
@@ -228,6 +252,43 @@ def _plain(part: PID | DCMotor | Drive) -> dict[str, Any]:
         else:
             out[field.name] = value if isinstance(value, str) else np.asarray(value).tolist()
     return out
+
+
+def _names(model: Model) -> list[str]:
+    return [name or f"#{index}" for index, name in enumerate(model.actuator_names)]
+
+
+def _changed(part: Any, change: Callable[[np.ndarray[Any, Any]], np.ndarray[Any, Any]]) -> Any:
+    """A part of an actuator model with other arrays of environments; what all of them share stays."""
+
+    def new(value: Any) -> Any:
+        if isinstance(value, PID | DCMotor):
+            return _changed(value, change)
+        if isinstance(value, tuple):
+            return tuple(new(end) for end in value)
+        return value if value is None or isinstance(value, str) or np.size(value) == 1 else change(np.asarray(value, np.float64))
+
+    return replace(part, **{field.name: new(getattr(part, field.name)) for field in fields(part)})
+
+
+def _from_row(row: dict[str, Any], kind: type[Any]) -> Any:
+    """A part of an actuator model from what the Rust crate holds: no numbers, or infinite ones, are what None says."""
+
+    def number(value: Any) -> Any:
+        if not isinstance(value, list):
+            return value
+        return None if value in ([], [math.inf]) else value[0] if len(value) == 1 else np.array(value)
+
+    own = {name: number(value) for name, value in row.items()}
+    if kind is Drive:
+        low, high = own.pop("low"), own.pop("high")
+        unlimited = (row["low"], row["high"]) == ([-math.inf], [math.inf])
+        own["limits"] = None if unlimited else (low, math.inf if high is None else high)
+        for name, part in (("motor", DCMotor), ("servo", PID)):
+            own[name] = None if own[name] is None else _from_row(own[name], part)
+    elif kind is DCMotor:
+        own["control"] = "voltage" if own.pop("voltage") else "torque"
+    return kind(**own)
 
 
 def _read(table: Any, kind: type[Any], place: str) -> Any:

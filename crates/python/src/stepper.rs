@@ -21,7 +21,7 @@ use crate::state::State;
 #[pyclass(module = "stepper._stepper")]
 pub(crate) struct Stepper {
     pub(crate) simulation: Simulation,
-    model: Py<Model>,
+    pub(crate) model: Py<Model>,
     options: Py<PyAny>,
     batched: bool,
     pub(crate) precision: Precision,
@@ -300,7 +300,7 @@ fn transfers(sensors: &Bound<'_, PyAny>, model: &Py<Model>, num_envs: usize) -> 
 }
 
 /// What a `stepper.ActuatorModel` says of every actuator of a model.
-fn drives(actuators: &Bound<'_, PyAny>, model: &Py<Model>, num_envs: usize) -> PyResult<Vec<Option<DriveTrain>>> {
+pub(crate) fn drives(actuators: &Bound<'_, PyAny>, model: &Py<Model>, num_envs: usize) -> PyResult<Vec<Option<DriveTrain>>> {
     let all = resolved(actuators, model, num_envs, ["actuators", "drives", "ActuatorModel"])?;
     pythonize::depythonize(&all).map_err(|e| PyValueError::new_err(format!("actuators: {e}")))
 }

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from stepper._stepper import Model
 
 Number: TypeAlias = "float | ArrayLike"
+Envs: TypeAlias = "np.ndarray[Any, Any] | None"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,12 +45,12 @@ class PID:
     def __post_init__(self) -> None:
         check_numbers(self)
 
-    def _row(self, num_envs: int) -> dict[str, Any]:
+    def _row(self, num_envs: int, envs: Envs = None) -> dict[str, Any]:
         limit = math.inf if self.integral_limit is None else self.integral_limit
         return {
-            **{name: numbers(name, getattr(self, name), num_envs) for name in ("kp", "ki", "kd")},
-            "integral_limit": numbers("integral_limit", limit, num_envs),
-            "period": [] if self.period is None else numbers("period", self.period, num_envs),
+            **{name: numbers(name, getattr(self, name), num_envs, envs) for name in ("kp", "ki", "kd")},
+            "integral_limit": numbers("integral_limit", limit, num_envs, envs),
+            "period": [] if self.period is None else numbers("period", self.period, num_envs, envs),
         }
 
 
@@ -88,17 +89,17 @@ class DCMotor:
         if (self.stall_torque is None) != (self.no_load_speed is None):
             raise ValueError("stall_torque and no_load_speed go together: give both or none")
 
-    def _row(self, num_envs: int) -> dict[str, Any]:
+    def _row(self, num_envs: int, envs: Envs = None) -> dict[str, Any]:
         def curve(name: str) -> list[float]:
             value = getattr(self, name)
-            return [] if value is None else numbers(name, value, num_envs)
+            return [] if value is None else numbers(name, value, num_envs, envs)
 
         return {
             "stall_torque": curve("stall_torque"),
             "no_load_speed": curve("no_load_speed"),
             "rotor_inertia": float(self.rotor_inertia),
             "gear": float(self.gear),
-            "efficiency": numbers("efficiency", self.efficiency, num_envs),
+            "efficiency": numbers("efficiency", self.efficiency, num_envs, envs),
             "voltage": self.control == "voltage",
         }
 
@@ -135,15 +136,15 @@ class Drive:
                 raise TypeError(f"{name} is {given!r}, must be a stepper.{kind.__name__}")
         check_numbers(self, "motor", "servo")
 
-    def _row(self, num_envs: int) -> dict[str, Any]:
+    def _row(self, num_envs: int, envs: Envs = None) -> dict[str, Any]:
         """What the Rust crate's `DriveTrain` holds."""
         low, high = (-math.inf, math.inf) if self.limits is None else self.limits
         return {
-            **{name: numbers(name, getattr(self, name), num_envs) for name in ("delay", "delay_steps", "lag", "friction")},
-            "low": numbers("limits[0]", low, num_envs),
-            "high": numbers("limits[1]", high, num_envs),
-            "servo": None if self.servo is None else self.servo._row(num_envs),
-            "motor": None if self.motor is None else self.motor._row(num_envs),
+            **{name: numbers(name, getattr(self, name), num_envs, envs) for name in ("delay", "delay_steps", "lag", "friction")},
+            "low": numbers("limits[0]", low, num_envs, envs),
+            "high": numbers("limits[1]", high, num_envs, envs),
+            "servo": None if self.servo is None else self.servo._row(num_envs, envs),
+            "motor": None if self.motor is None else self.motor._row(num_envs, envs),
         }
 
 
@@ -182,15 +183,15 @@ class ActuatorModel:
         out: dict[str, Any] = {"actuators": {name: _plain(drive) for name, drive in self.named.items()}}
         return out | ({"default": _plain(self.default)} if self.default else {})
 
-    def drives(self, model: Model, num_envs: int) -> list[dict[str, Any] | None]:
-        """What the actuators of a model get, one entry for each; None where nothing is said.
+    def drives(self, model: Model, num_envs: int, envs: Envs = None) -> list[dict[str, Any] | None]:
+        """What the actuators of a model get, one entry for each; None where nothing is said. Of all environments, or of some.
 
         Raises:
             ValueError: A name that no actuator has, a pattern that fits none, a wrong shape.
         """
         names = _names(model)
         check_names(self.named, names, "actuator")
-        return [self._row(name, num_envs) for name in names]
+        return [self._row(name, num_envs, envs) for name in names]
 
     def drive_of(self, name: str) -> Drive | None:
         """The drive of an actuator, by its name or "#3"; None where nothing is said of it."""
@@ -220,12 +221,12 @@ class ActuatorModel:
         named = zip(_names(model), rows, strict=True)
         return cls({name: _from_row(row, Drive) for name, row in named if row is not None})
 
-    def _row(self, name: str, num_envs: int) -> dict[str, Any] | None:
+    def _row(self, name: str, num_envs: int, envs: Envs) -> dict[str, Any] | None:
         drive = self.drive_of(name)
         if drive is None:
             return None
         try:
-            return drive._row(num_envs)
+            return drive._row(num_envs, envs)
         except ValueError as error:
             raise ValueError(f"drive of actuator {name!r}: {error}") from None
 

@@ -21,7 +21,8 @@ impl Stepper {
         for (name, value) in fields.into_iter().flatten() {
             let name: String = name.extract()?;
             if name == ACTUATORS {
-                let trains = if value.is_none() { None } else { Some(drives(&value, &self.model, self.simulation.num_envs())?) };
+                let trains =
+                    if value.is_none() { None } else { Some(drives(&value, &self.model, self.simulation.num_envs(), Some(envs))?) };
                 redrawn = Some(self.simulation.redrawn(trains.as_deref(), envs).map_err(value_error)?);
                 continue;
             }

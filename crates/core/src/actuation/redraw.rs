@@ -53,8 +53,8 @@ impl Driven {
         drawn.iter_mut().flatten().flatten().flat_map(DriveTrain::numbers).map(|x| size_of_val(&x[..])).sum()
     }
 
-    /// What comes of other numbers for the environments `envs`: an entry for every actuator, with lists of one number or one for each of all
-    /// environments; `None` leaves a train as it is. Without any, `envs` are as all were made.
+    /// What comes of other numbers for the environments `envs`: an entry for every actuator, with lists of one number or one for each of
+    /// these; `None` leaves a train as it is. Without any, they are as they were made.
     ///
     /// # Errors
     /// What a number may not be, or what the simulation was not made for, with the actuator's name.
@@ -66,16 +66,12 @@ impl Driven {
         num_envs: usize,
         h: f64,
     ) -> Result<Redrawn, String> {
-        let mut trains = given.unwrap_or(&self.made).to_vec();
         if envs.is_empty() || (given.is_none() && self.drawn.is_none()) {
-            return Ok(Redrawn { envs: vec![], trains: vec![None; trains.len()], drawn: self.drawn.clone() });
+            return Ok(Redrawn { envs: vec![], trains: vec![None; self.made.len()], drawn: self.drawn.clone() });
         }
+        let as_made = || self.made.iter().map(|made| made.as_ref().map(|made| made.of(envs))).collect();
+        let mut trains = given.map_or_else(as_made, <[_]>::to_vec);
         let place = |i: usize| format!("drive of actuator {:?}", label(&model.actuators[i].name, i));
-        for (i, train) in trains.iter_mut().enumerate() {
-            if let Some(t) = train {
-                t.select(envs, num_envs).map_err(|e| format!("{}: {e}", place(i)))?;
-            }
-        }
         let mut drawn = self.drawn.as_ref().unwrap_or(&self.made).clone();
         let (folded, mut new) = DriveTrain::fold(model, &trains, envs.len(), h)?;
         for (i, (train, given)) in new.iter_mut().zip(&mut trains).enumerate() {
@@ -120,15 +116,13 @@ impl DriveTrain {
         all
     }
 
-    /// Keeps the numbers of some environments.
-    fn select(&mut self, envs: &[usize], num_envs: usize) -> Result<(), String> {
-        for x in self.numbers().into_iter().filter(|x| x.len() > 1) {
-            if x.len() != num_envs {
-                return Err(format!("{} numbers, must be 1, or {num_envs}, one for each environment", x.len()));
-            }
+    /// The numbers of some environments.
+    fn of(&self, envs: &[usize]) -> Self {
+        let mut own = self.clone();
+        for x in own.numbers().into_iter().filter(|x| x.len() > 1) {
             *x = envs.iter().map(|&env| x[env]).collect();
         }
-        Ok(())
+        own
     }
 
     /// Takes over the numbers of a train with the same stages, whose lists have one for all of `envs` or one for each.

@@ -28,8 +28,8 @@ impl Simulation {
     }
 
     /// What comes of drawing the numbers of drive trains anew for the environments `envs`, ascending: an entry for every actuator, with lists
-    /// of one number or one for each of all environments, of which theirs are read; `None` leaves a train as it is. `trains` of `None` gives
-    /// back what [`Simulation::couple`] gave. Nothing is changed until [`Simulation::redraw`].
+    /// of one number or one for each of these; `None` leaves a train as it is. `trains` of `None` gives back what [`Simulation::couple`] gave.
+    /// Nothing is changed until [`Simulation::redraw`].
     ///
     /// # Errors
     /// [`Error::Value`] for a number out of its range, or what the trains were not made for, with the actuator's name.

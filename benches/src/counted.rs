@@ -145,6 +145,11 @@ impl Real for Counted {
         other();
         Self(Real::pow2(self.0))
     }
+    fn split(self) -> (Self, Self) {
+        other();
+        let (mantissa, exponent) = Real::split(self.0);
+        (Self(mantissa), Self(exponent))
+    }
 }
 
 #[cfg(test)]

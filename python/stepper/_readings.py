@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -56,10 +57,12 @@ def describe(model: Model, sensors: Mapping[str, RayFan | Combination]) -> list[
     found = []
     for name, sensor in sensors.items():
         place = f"sensor {name!r}"
+        if not isinstance(name, str):
+            raise TypeError(f"{place}: its name must be a string")
         if isinstance(sensor, RayFan):
             kind: dict[str, Any] = {"RangeFinder": _fan(model, sensor, place)}
         elif isinstance(sensor, Combination):
-            kind = {"Combination": [(_index(names, term, "sensor", place), float(c)) for term, c in sensor.terms.items()]}
+            kind = {"Combination": _terms(names, sensor, place)}
         else:
             raise TypeError(f"{place} is {sensor!r}, must be a stepper.RayFan or stepper.Combination")
         found.append({"name": name, "kind": kind, "noise": 0.0, "cutoff": 0.0, "delay": 0.0, "interval": 0.0})
@@ -69,7 +72,13 @@ def describe(model: Model, sensors: Mapping[str, RayFan | Combination]) -> list[
 
 def _fan(model: Model, fan: RayFan, place: str) -> dict[str, Any]:
     site = _index(model.site_names, fan.site, "site", place)
-    rays = np.asarray(fan.rays, np.float64)
+    for what in ("geoms", "data"):
+        if isinstance(getattr(fan, what), str):
+            raise TypeError(f"{place}: {what} is {getattr(fan, what)!r}, must be a sequence of strings")
+    try:
+        rays = np.asarray(fan.rays, np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{place}: rays is {fan.rays!r}, must be an array (n, 3) of numbers") from error
     if rays.ndim != 2 or rays.shape[1] != 3 or not len(rays):
         raise ValueError(f"{place}: rays has shape {rays.shape}, must be (n, 3)")
     lengths = np.linalg.norm(rays, axis=1)
@@ -81,6 +90,18 @@ def _fan(model: Model, fan: RayFan, place: str) -> dict[str, Any]:
     seen = model.geoms_seen_from(site) if fan.geoms is None else [_index(model.geom_names, geom, "geom", place) for geom in fan.geoms]
     fields = [word.capitalize() for word in fan.data]
     return {"site": site, "rays": (rays / lengths[:, None]).tolist(), "fields": fields, "geoms": seen}
+
+
+def _terms(names: Sequence[str], combination: Combination, place: str) -> list[tuple[int, float]]:
+    if not isinstance(combination.terms, Mapping):
+        raise TypeError(f"{place}: terms is {combination.terms!r}, must be a mapping of names to coefficients")
+    terms: list[tuple[int, float]] = []
+    for name, coefficient in combination.terms.items():
+        index = _index(names, name, "sensor", place)
+        if not isinstance(coefficient, Real):
+            raise TypeError(f"{place}: the coefficient of {name!r} is {coefficient!r}, must be a number")
+        terms.append((index, float(coefficient)))
+    return terms
 
 
 def _index(names: Sequence[str], name: str, kind: str, place: str) -> int:

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -87,6 +88,24 @@ def test_arrays_of_the_caller():
         assert np.array_equal(array, expected[name])
     assert set(stepper_of().rollout(ctrl, fields=["qpos"], out=out)) == {"qpos", "qvel", "status", "residual"}
     assert set(expected) == {"qpos", "qvel", "observation", "status", "residual"}
+
+
+def test_an_array_that_another_thread_fills_is_no_control():
+    sim, other = stepper_of(), stepper_of()
+    out = np.zeros((400, ENVS, 27))
+    ctrl = out.reshape(-1)[: ENVS * 21].reshape(ENVS, 21)
+    refused = 0
+    with ThreadPoolExecutor(1) as pool:
+        call = pool.submit(sim.rollout, controls((400, ENVS)), out={"qvel": out})
+        while not call.done():
+            try:
+                other.step(ctrl, nstep=0)
+            except ValueError as error:
+                assert "ctrl" in str(error)
+                refused += 1
+    assert refused
+    call.result()
+    other.step(ctrl, nstep=0)
 
 
 def test_no_control_and_no_step():

@@ -197,6 +197,7 @@ impl<R: Real> Rule<R> {
 pub fn step<R: Real>(plan: &LanePlan<R>, options: &Options, s: &mut Scratch<R>) -> Record<R> {
     let mut rule = Rule::new(options);
     let h = rule.h;
+    s.poses.begin();
 
     // Where the step is taken: Moreau's rule takes everything in the middle of the step, Euler's at its beginning.
     place(plan, &rule, s);

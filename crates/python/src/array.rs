@@ -1,7 +1,10 @@
 //! NumPy arrays in and out: shapes are checked here, and both are named when they differ.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use numpy::{IntoPyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods, ndarray::ArrayD};
 use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::marker::Ungil;
 use pyo3::prelude::*;
 use stepper_core::Precision;
 
@@ -36,13 +39,29 @@ pub(crate) fn readonly<'py>(given: &Bound<'py, PyAny>, name: &str) -> PyResult<P
     array.try_readonly().map_err(|e| PyValueError::new_err(format!("{name}: {e}")))
 }
 
-/// What `read` makes of shape and numbers of a C-contiguous float64 array; nothing of anything else.
+/// Calls that write to arrays of Python's while their threads are detached from the interpreter. Changed and read by attached threads alone.
+static WRITING: AtomicUsize = AtomicUsize::new(0);
+
+/// Lets other threads of Python run during `work`, which may write to arrays that they have too.
+pub(crate) fn write_detached<T: Ungil>(py: Python<'_>, work: impl FnOnce() -> T + Ungil) -> T {
+    WRITING.fetch_add(1, Ordering::Relaxed);
+    let done = py.detach(work);
+    // Not after a panic: then only what is slower is left.
+    WRITING.fetch_sub(1, Ordering::Relaxed);
+    done
+}
+
+/// What `read` makes of shape and numbers of a C-contiguous float64 array; nothing of anything else, or while some array is written to.
 ///
 /// Without the account that [`PyReadonlyArrayDyn`] keeps of who reads and writes, which costs as much as the rest of a call.
 pub(crate) fn with_numbers<T>(given: &Bound<'_, PyAny>, read: impl FnOnce(&[usize], &[f64]) -> T) -> Option<T> {
+    if WRITING.load(Ordering::Relaxed) > 0 {
+        return None;
+    }
     let exact = given.cast::<PyArrayDyn<f64>>().ok().filter(|array| array.is_c_contiguous())?;
-    // SAFETY: the numbers are looked at here only, while this thread is attached to the interpreter, and no other that is attached writes to
-    // them meanwhile: what pyo3's safe `PyBuffer::copy_to_slice` relies on as well.
+    // SAFETY: the numbers are looked at here only, while this thread is attached to the interpreter. Nothing in this crate writes to them
+    // meanwhile: attached, no other thread can, and detached none does. Of Python's other threads that is what pyo3's safe
+    // `PyBuffer::copy_to_slice` relies on as well.
     let numbers = unsafe { exact.as_slice() }.ok()?;
     Some(read(exact.shape(), numbers))
 }

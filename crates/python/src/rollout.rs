@@ -7,7 +7,7 @@ use pyo3::types::PyDict;
 use stepper_core::Precision;
 use stepper_core::rollout::{Numbers, Quantity, Recording};
 
-use crate::array::{check_shape, described, readonly, shape_text};
+use crate::array::{check_shape, described, readonly, shape_text, write_detached};
 use crate::options::unknown;
 use crate::stepper::{Stepper, value_error};
 
@@ -69,7 +69,7 @@ impl Stepper {
         let held = self.held(py)?;
         let inputs = held.inputs(controls)?;
         let simulation = &mut self.simulation;
-        py.detach(|| simulation.rollout(&inputs, calls, nstep, recording)).map_err(value_error)?;
+        write_detached(py, || simulation.rollout(&inputs, calls, nstep, recording)).map_err(value_error)?;
         Ok(result)
     }
 

@@ -11,7 +11,7 @@ use stepper_core::batch::{Field, StepInputs};
 use stepper_core::sensing::errors::Transfer;
 use stepper_core::{Error, Precision, Simulation};
 
-use crate::array::{array, check_shape, described, readonly, whole, with_numbers};
+use crate::array::{array, check_shape, described, readonly, whole, with_numbers, write_detached};
 use crate::contacts::structured;
 use crate::model::{Model, to_py};
 use crate::options::{settings, unknown};
@@ -260,7 +260,7 @@ impl Stepper {
         let slice = |i: usize| held[i].as_ref().map_or(Ok(&[][..]), |array| array.as_slice().map_err(PyErr::from));
         let inputs = StepInputs { ctrl: &[], qfrc: slice(0)?, xfrc: slice(1)?, mocap_pos: slice(2)?, mocap_quat: slice(3)? };
         let simulation = &mut self.simulation;
-        py.detach(|| simulation.sense(&inputs, truth, out)).map_err(value_error)
+        write_detached(py, || simulation.sense(&inputs, truth, out)).map_err(value_error)
     }
 
     fn readings<'py>(&mut self, py: Python<'py>, truth: bool) -> PyResult<Bound<'py, PyAny>> {

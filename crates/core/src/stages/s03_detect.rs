@@ -53,7 +53,10 @@ pub struct GeomPoses<R: Real> {
 #[derive(Clone, Debug, Default)]
 struct Search {
     narrow: Narrow,
-    normals: Normals,
+    /// Normals of the last step: where a search begins, however often a step searches.
+    known: Normals,
+    /// Those of this step.
+    found: Normals,
 }
 
 impl<R: Real> GeomPoses<R> {
@@ -73,19 +76,26 @@ impl<R: Real> GeomPoses<R> {
             broad: Broad::default(),
             search: Search {
                 narrow: Narrow::for_solids(plan.geoms.iter().filter_map(|g| g.solid.as_ref())),
-                normals: Normals::new(plan, R::LANES),
+                known: Normals::new(plan, R::LANES),
+                found: Normals::new(plan, R::LANES),
             },
         }
     }
 
     /// Normals of hulls that are near one another.
     pub(crate) fn normals(&self) -> &Normals {
-        &self.search.normals
+        &self.search.found
     }
 
     /// Takes over the normals of the last step.
     pub(crate) fn recall(&mut self, normals: &Normals) {
-        self.search.normals.copy_from(normals);
+        self.search.found.copy_from(normals);
+    }
+
+    /// Begins a step: what the last one found is known.
+    pub(crate) fn begin(&mut self) {
+        let Search { known, found, .. } = &mut self.search;
+        known.copy_from(found);
     }
 
     /// Places the geoms that are fixed to the world, where environments may have them elsewhere.
@@ -147,7 +157,7 @@ impl<R: Real> GeomPoses<R> {
         self.near_count = count;
     }
 
-    /// The same of the way from the beginning of the step.
+    /// Bounds on the ways of all geoms from the beginning of the step; leaves the velocities of the links on them.
     #[inline(always)]
     fn update_lead(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
         kinematics.velocities(plan, v, &mut self.led_by);

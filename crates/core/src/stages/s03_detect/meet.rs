@@ -170,13 +170,13 @@ impl<R: Real> Scene<'_, R> {
                 let own = solid.sized(self.plan.params.geom_size(g).map(|x| x.lane(lane).to_f64()));
                 own.map_or(Cow::Borrowed(solid), Cow::Owned)
             });
-            let Search { narrow, normals } = &mut *search;
-            let reach = Reach { prediction: reach.lane(lane).to_f64(), known: normals.of(lane, index) };
-            let (found, axis) = narrow.collide([&solids[0], &solids[1]], [pose(a), pose(b)], reach);
+            let Search { narrow, known, found } = &mut *search;
+            let reach = Reach { prediction: reach.lane(lane).to_f64(), known: known.of(lane, index) };
+            let (points, axis) = narrow.collide([&solids[0], &solids[1]], [pose(a), pose(b)], reach);
             if let Some(axis) = axis {
-                normals.keep(lane, index, axis);
+                found.keep(lane, index, axis);
             }
-            for p in found {
+            for p in points {
                 let point = ContactPoint { distance: R::of(p.distance), pos: p.pos.map(R::of), normal: p.normal.map(R::of) };
                 self.offer(index, p.feature, pair, near.and(R::Mask::from_bits(1 << lane)), point, contacts);
             }

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from stepper._stepper import Model
 
 Number: TypeAlias = "float | ArrayLike"
+Envs: TypeAlias = "np.ndarray[Any, Any] | None"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,12 +45,12 @@ class PID:
     def __post_init__(self) -> None:
         check_numbers(self)
 
-    def _row(self, num_envs: int) -> dict[str, Any]:
+    def _row(self, num_envs: int, envs: Envs = None) -> dict[str, Any]:
         limit = math.inf if self.integral_limit is None else self.integral_limit
         return {
-            **{name: numbers(name, getattr(self, name), num_envs) for name in ("kp", "ki", "kd")},
-            "integral_limit": numbers("integral_limit", limit, num_envs),
-            "period": [] if self.period is None else numbers("period", self.period, num_envs),
+            **{name: numbers(name, getattr(self, name), num_envs, envs) for name in ("kp", "ki", "kd")},
+            "integral_limit": numbers("integral_limit", limit, num_envs, envs),
+            "period": [] if self.period is None else numbers("period", self.period, num_envs, envs),
         }
 
 
@@ -88,17 +89,17 @@ class DCMotor:
         if (self.stall_torque is None) != (self.no_load_speed is None):
             raise ValueError("stall_torque and no_load_speed go together: give both or none")
 
-    def _row(self, num_envs: int) -> dict[str, Any]:
+    def _row(self, num_envs: int, envs: Envs = None) -> dict[str, Any]:
         def curve(name: str) -> list[float]:
             value = getattr(self, name)
-            return [] if value is None else numbers(name, value, num_envs)
+            return [] if value is None else numbers(name, value, num_envs, envs)
 
         return {
             "stall_torque": curve("stall_torque"),
             "no_load_speed": curve("no_load_speed"),
             "rotor_inertia": float(self.rotor_inertia),
             "gear": float(self.gear),
-            "efficiency": numbers("efficiency", self.efficiency, num_envs),
+            "efficiency": numbers("efficiency", self.efficiency, num_envs, envs),
             "voltage": self.control == "voltage",
         }
 
@@ -135,24 +136,24 @@ class Drive:
                 raise TypeError(f"{name} is {given!r}, must be a stepper.{kind.__name__}")
         check_numbers(self, "motor", "servo")
 
-    def _row(self, num_envs: int) -> dict[str, Any]:
+    def _row(self, num_envs: int, envs: Envs = None) -> dict[str, Any]:
         """What the Rust crate's `DriveTrain` holds."""
         low, high = (-math.inf, math.inf) if self.limits is None else self.limits
         return {
-            **{name: numbers(name, getattr(self, name), num_envs) for name in ("delay", "delay_steps", "lag", "friction")},
-            "low": numbers("limits[0]", low, num_envs),
-            "high": numbers("limits[1]", high, num_envs),
-            "servo": None if self.servo is None else self.servo._row(num_envs),
-            "motor": None if self.motor is None else self.motor._row(num_envs),
+            **{name: numbers(name, getattr(self, name), num_envs, envs) for name in ("delay", "delay_steps", "lag", "friction")},
+            "low": numbers("limits[0]", low, num_envs, envs),
+            "high": numbers("limits[1]", high, num_envs, envs),
+            "servo": None if self.servo is None else self.servo._row(num_envs, envs),
+            "motor": None if self.motor is None else self.motor._row(num_envs, envs),
         }
 
 
 class ActuatorModel:
-    """Drives of a model's actuators, for `Stepper(..., actuators=)`.
+    """Drives of a model's actuators, for `Stepper(..., actuators=)` and `Stepper.randomize(actuators=)`.
 
     Args:
         drives: By the name of the actuator, or a pattern like "left_*"; a name goes before patterns, and of patterns the first counts.
-        default: For actuators that none of them fits; None leaves those ideal.
+        default: For actuators that none of them fits; None leaves those ideal, or, of `randomize`, as they are.
     """
 
     def __init__(self, drives: Mapping[str, Drive] | None = None, *, default: Drive | None = None):
@@ -182,26 +183,50 @@ class ActuatorModel:
         out: dict[str, Any] = {"actuators": {name: _plain(drive) for name, drive in self.named.items()}}
         return out | ({"default": _plain(self.default)} if self.default else {})
 
-    def drives(self, model: Model, num_envs: int) -> list[dict[str, Any] | None]:
-        """What the actuators of a model get, one entry for each; None for ideal ones.
+    def drives(self, model: Model, num_envs: int, envs: Envs = None) -> list[dict[str, Any] | None]:
+        """What the actuators of a model get, one entry for each; None where nothing is said. Of all environments, or of some.
 
         Raises:
             ValueError: A name that no actuator has, a pattern that fits none, a wrong shape.
         """
-        names = [name or f"#{index}" for index, name in enumerate(model.actuator_names)]
+        names = _names(model)
         check_names(self.named, names, "actuator")
-        return [self._row(name, num_envs) for name in names]
+        return [self._row(name, num_envs, envs) for name in names]
 
     def drive_of(self, name: str) -> Drive | None:
-        """The drive of an actuator, by its name or "#3"; None for an ideal one."""
+        """The drive of an actuator, by its name or "#3"; None where nothing is said of it."""
         return fitting(self.named, self.default, name)
 
-    def _row(self, name: str, num_envs: int) -> dict[str, Any] | None:
+    def chosen(self, mask: np.ndarray[Any, Any]) -> ActuatorModel:
+        """The same with the numbers of some environments alone, a mask (num_envs,)."""
+        return self._changed(lambda x: x[mask])
+
+    def spread(self, mask: np.ndarray[Any, Any]) -> ActuatorModel:
+        """The inverse of `chosen`: rows of the others are 0."""
+
+        def spread(x: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+            out = np.zeros(len(mask))
+            out[mask] = x
+            return out
+
+        return self._changed(spread)
+
+    def _changed(self, change: Callable[[np.ndarray[Any, Any]], np.ndarray[Any, Any]]) -> ActuatorModel:
+        default = None if self.default is None else _changed(self.default, change)
+        return ActuatorModel({name: _changed(drive, change) for name, drive in self.named.items()}, default=default)
+
+    @classmethod
+    def _from_rows(cls, model: Model, rows: list[dict[str, Any] | None]) -> ActuatorModel:
+        """The inverse of `drives`."""
+        named = zip(_names(model), rows, strict=True)
+        return cls({name: _from_row(row, Drive) for name, row in named if row is not None})
+
+    def _row(self, name: str, num_envs: int, envs: Envs) -> dict[str, Any] | None:
         drive = self.drive_of(name)
-        if drive is None or _plain(drive) == _plain(Drive()):
+        if drive is None:
             return None
         try:
-            return drive._row(num_envs)
+            return drive._row(num_envs, envs)
         except ValueError as error:
             raise ValueError(f"drive of actuator {name!r}: {error}") from None
 
@@ -228,6 +253,43 @@ def _plain(part: PID | DCMotor | Drive) -> dict[str, Any]:
         else:
             out[field.name] = value if isinstance(value, str) else np.asarray(value).tolist()
     return out
+
+
+def _names(model: Model) -> list[str]:
+    return [name or f"#{index}" for index, name in enumerate(model.actuator_names)]
+
+
+def _changed(part: Any, change: Callable[[np.ndarray[Any, Any]], np.ndarray[Any, Any]]) -> Any:
+    """A part of an actuator model with other arrays of environments; what all of them share stays."""
+
+    def new(value: Any) -> Any:
+        if isinstance(value, PID | DCMotor):
+            return _changed(value, change)
+        if isinstance(value, tuple):
+            return tuple(new(end) for end in value)
+        return value if value is None or isinstance(value, str) or np.size(value) == 1 else change(np.asarray(value, np.float64))
+
+    return replace(part, **{field.name: new(getattr(part, field.name)) for field in fields(part)})
+
+
+def _from_row(row: dict[str, Any], kind: type[Any]) -> Any:
+    """A part of an actuator model from what the Rust crate holds: no numbers, or infinite ones, are what None says."""
+
+    def number(value: Any) -> Any:
+        if not isinstance(value, list):
+            return value
+        return None if value in ([], [math.inf]) else value[0] if len(value) == 1 else np.array(value)
+
+    own = {name: number(value) for name, value in row.items()}
+    if kind is Drive:
+        low, high = own.pop("low"), own.pop("high")
+        unlimited = (row["low"], row["high"]) == ([-math.inf], [math.inf])
+        own["limits"] = None if unlimited else (low, math.inf if high is None else high)
+        for name, part in (("motor", DCMotor), ("servo", PID)):
+            own[name] = None if own[name] is None else _from_row(own[name], part)
+    elif kind is DCMotor:
+        own["control"] = "voltage" if own.pop("voltage") else "torque"
+    return kind(**own)
 
 
 def _read(table: Any, kind: type[Any], place: str) -> Any:

@@ -85,7 +85,7 @@ class Recorder:
         sim.model.save(self.path / "model.stepper")
         self._header = header(sim)
         self._write_header(closed=False)
-        self._add("start", state=_state_bytes(sim), **{f"theta/{name}": values for name, values in sim.randomized.items()})
+        self._add("start", state=_state_bytes(sim), **_parameters(sim.randomized, np.full(sim.num_envs or 1, True)))
 
     def step(self, sim: Stepper, *, ctrl: np.ndarray[Any, Any], nstep: int, applied: list[np.ndarray[Any, Any] | None]) -> None:
         """Called by the stepper after a call of `step`."""
@@ -115,8 +115,7 @@ class Recorder:
         rows = {name: values for name, values in (fields or {}).items() if values is not None}
         # The model's own numbers again: a name alone, or no name at all.
         shared = [name for name in fields or {} if name not in rows]
-        kept = {f"theta/{name}": np.asarray(values, np.float64).reshape(len(chosen), -1)[chosen] for name, values in rows.items()}
-        self._add("randomize", mask=chosen, shared=np.array(shared, "U"), **kept)
+        self._add("randomize", mask=chosen, shared=np.array(shared, "U"), **_parameters(rows, chosen))
 
     def close(self) -> None:
         """Writes what is left and says in run.json that the recording is complete. The stepper goes on unrecorded."""
@@ -183,6 +182,15 @@ def header(sim: Stepper) -> dict[str, Any]:
         "fields": FIELDS,
         "provenance": provenance(),
     }
+
+
+def _parameters(fields: dict[str, Any], chosen: np.ndarray[Any, Any]) -> dict[str, np.ndarray[Any, Any]]:
+    """Arrays of a row for what `randomize` takes: numbers of the chosen environments, and drives as JSON."""
+    rows = {name: values for name, values in fields.items() if name != "actuators"}
+    kept = {f"theta/{name}": np.asarray(values, np.float64).reshape(len(chosen), -1)[chosen] for name, values in rows.items()}
+    if "actuators" in fields:
+        kept["actuators"] = np.array(json.dumps(fields["actuators"].chosen(chosen).to_dict()))
+    return kept
 
 
 def _state_bytes(sim: Stepper) -> np.ndarray[Any, Any]:

@@ -171,12 +171,14 @@ def _randomize(sim: Stepper, arrays: Arrays) -> None:
     rows = {name.removeprefix("theta/"): values for name, values in arrays.items() if name.startswith("theta/")}
     n = sim.num_envs or 1
     mask = arrays.get("mask", np.full(n, True))
-    fields: dict[str, np.ndarray[Any, Any] | None] = {str(name): None for name in arrays.get("shared", ())}
+    fields: dict[str, np.ndarray[Any, Any] | ActuatorModel | None] = {str(name): None for name in arrays.get("shared", ())}
     for name, values in rows.items():
         shape = np.shape(getattr(sim.model, name))
         full = np.zeros((n, *shape))
         full[mask] = values.reshape(-1, *shape)
         fields[name] = full if sim.num_envs is not None else full[0]
+    if "actuators" in arrays:
+        fields["actuators"] = ActuatorModel.from_dict(json.loads(str(arrays["actuators"]))).spread(mask)
     if fields or "mask" in arrays:
         sim.randomize(mask, **fields)
 

@@ -162,7 +162,7 @@ class Stepper:
     sensors: Final[SensorModel | None]
     """What sensors make of the truth."""
     actuators: Final[ActuatorModel | None]
-    """What becomes of controls before they are forces."""
+    """What becomes of controls before they are forces, as the stepper was made; what `randomize` drew since is in `randomized`."""
     observation: Final[_Array]
     """Sensor readings of the last step, the same however often they are read: (num_envs, nsensordata)."""
     sensor_truth: Final[_Array]
@@ -186,8 +186,8 @@ class Stepper:
     """Writable, read by every step: positions of the mocap bodies in m, (num_envs, nmocap, 3)."""
     mocap_quat: _Array
     """Writable, read by every step: orientations of the mocap bodies, (num_envs, nmocap, 4)."""
-    randomized: Final[dict[str, NDArray[np.float64]]]
-    """Fields that environments have of their own, in the shapes of `randomize`: copies."""
+    randomized: Final[dict[str, Any]]
+    """What environments have of their own, as `randomize` takes it: arrays by field, and under "actuators" an `ActuatorModel`. Copies."""
 
     def __new__(
         cls,
@@ -262,9 +262,9 @@ class Stepper:
 
         Returns:
             "per_env": of each environment; "per_thread": working room of each thread that steps, none of which is per environment;
-            "state", "parameters" and "inputs": what all environments hold, what they have of their own by `randomize`, and what waits for
-            the next step (controls, applied forces, mocap poses); "threads": how many have room; "total": "state" + "parameters" +
-            "inputs" + "threads" x "per_thread".
+            "state", "parameters" and "inputs": what all environments hold, what they have of their own by `randomize` and as numbers of
+            drives, and what waits for the next step (controls, applied forces, mocap poses); "threads": how many have room; "total":
+            "state" + "parameters" + "inputs" + "threads" x "per_thread".
         """
     def set_state(
         self,
@@ -288,7 +288,7 @@ class Stepper:
             ValueError: A wrong shape, a number that is not finite, a quaternion of zeros, a state of another model. Nothing is changed
                 then.
         """
-    def randomize(self, mask: ArrayLike | None = None, **fields: ArrayLike | None) -> None:
+    def randomize(self, mask: ArrayLike | None = None, **fields: ArrayLike | ActuatorModel | None) -> None:
         """Gives environments parameters of their own, as `Model.replace` would give them to a model; what derives from them follows.
 
         Every environment then moves as one of a `Stepper` of its own model, bit for bit. Parameters are not part of the state: `reset` and
@@ -306,9 +306,15 @@ class Stepper:
                 or N m/rad; jnt_range (num_envs, njnt, 2) m or rad; dof_damping, dof_armature, dof_frictionloss (num_envs, nv);
                 actuator_gain, actuator_bias (num_envs, nu, 3), whose force is gain . (1, length, velocity) times the input plus
                 bias . (1, length, velocity).
+                actuators, a `stepper.ActuatorModel`: its drives take the place of those of the actuators it fits, with all their numbers
+                (what a `Drive` does not say is its default); other actuators keep theirs, and None gives back what the stepper was made
+                with. Stages are compiled: a servo, motor, lag, limits or friction must have been given to `Stepper(..., actuators=)`, to
+                one environment at least, and delays may be as long as the longest there. Delay lines, lags and integrals are state: they
+                stay as they are until `reset`.
 
         Raises:
-            ValueError: A wrong shape; both are named.
+            ValueError: A wrong shape; both are named. A number that a drive may not have, or a stage or delay that it was not made for,
+                with the actuator. Nothing is changed then.
             ModelError: A field that all environments share, numbers that no model may have, or that ask for something that the model has
                 none of, such as dry friction where it has 0; with field, element and environment. Nothing is changed then.
         """

@@ -95,9 +95,9 @@ def check_numbers(part: Any, *others: str) -> None:
             raise ValueError(f"limits is {value!r}, must be (low, high)")
 
 
-def numbers(name: str, value: ArrayLike, num_envs: int) -> list[float]:
-    """One number for all environments, or one for each."""
+def numbers(name: str, value: ArrayLike, num_envs: int, envs: np.ndarray[Any, Any] | None = None) -> list[float]:
+    """One number for all environments, or one for each: of all, or of some."""
     array = np.asarray(value, dtype=np.float64)
     if array.shape not in ((), (1,), (num_envs,)):
         raise ValueError(f"{name} has shape {array.shape}, must be () or ({num_envs},)")
-    return array.ravel().tolist()
+    return (array.ravel() if envs is None or array.size == 1 else array[envs]).tolist()

@@ -10,7 +10,9 @@
 
 mod chain;
 pub mod memory;
+mod redraw;
 mod train;
 
 pub use chain::Chains;
+pub use redraw::{Driven, Redrawn};
 pub use train::{DriveTrain, Motor, Servo};

@@ -54,11 +54,13 @@ pub trait Engine: Send + Sync {
     fn equip(&mut self, model: &Model, options: &Options, transfers: &[Option<Transfer>]) -> Result<(), String>;
     /// Gives environments parameters that differ from the model's; `None` takes all of them back, from all.
     fn randomize(&mut self, envs: &[usize], differences: Option<&[Differences]>);
-    /// Memory of those parameters, bytes.
+    /// Memory of those parameters and of the numbers of drive trains, bytes.
     fn parameter_bytes(&self) -> usize;
     /// Gives the actuators drive trains, `None` to those without; the model and the trains are what [`DriveTrain::fold`] returned. All
     /// environments are new then.
     fn couple(&mut self, model: &Model, options: &Options, trains: &[Option<DriveTrain>]);
+    /// Gives the environments `envs` other numbers of their trains: lists of one, or one for each of these; `None` leaves a train as it is.
+    fn redraw(&mut self, options: &Options, trains: &[Option<DriveTrain>], envs: &[usize]);
     /// What the drive trains of one environment hand on: controls, and the numbers of those that act within a step.
     fn handed_on(&self, env: usize) -> Option<(Vec<f64>, Vec<Train<f64>>)>;
     /// Says as which environment one draws random numbers.
@@ -310,7 +312,7 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
     }
 
     fn parameter_bytes(&self) -> usize {
-        self.own.bytes()
+        self.own.bytes() + self.chains.as_ref().map_or(0, Chains::bytes)
     }
 
     fn couple(&mut self, model: &Model, options: &Options, trains: &[Option<DriveTrain>]) {
@@ -327,11 +329,17 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
         }
     }
 
+    fn redraw(&mut self, options: &Options, trains: &[Option<DriveTrain>], envs: &[usize]) {
+        if let Some(chains) = &mut self.chains {
+            chains.assign(trains, envs, options.timestep);
+        }
+    }
+
     fn handed_on(&self, env: usize) -> Option<(Vec<f64>, Vec<Train<f64>>)> {
         let chains = self.chains.as_ref()?;
         let (group, lane) = self.at(env);
         let applied = group.actuation.applied.iter().skip(lane).step_by(self.lanes).map(|x| x.to_f64()).collect();
-        Some((applied, chains.read(&self.plan, env / self.lanes, self.lanes, lane)))
+        Some((applied, chains.read(&self.plan, env / self.lanes, lane)))
     }
 
     fn set_stream(&mut self, env: usize, stream: u32) {

@@ -7,7 +7,7 @@ use std::sync::{Arc, OnceLock};
 use stepper_real::Level;
 use thiserror::Error;
 
-use crate::actuation::DriveTrain;
+use crate::actuation::{DriveTrain, Driven};
 use crate::batch::{self, Batch, Engine, Field, StepInputs};
 use crate::model::{Model, ModelError};
 use crate::options::Options;
@@ -43,8 +43,7 @@ pub struct Simulation {
     precision: Precision,
     plan: OnceLock<LanePlan<f64>>,
     theta: Theta,
-    /// The model as drive trains change it, and the trains.
-    driven: Option<(Model, Vec<Option<DriveTrain>>)>,
+    driven: Option<Driven>,
 }
 
 impl Simulation {
@@ -329,9 +328,9 @@ impl Simulation {
         if !self.theta.is_empty() {
             return Err(Error::Value("environments have parameters of their own: give drives first, or take the parameters back".into()));
         }
-        let (model, trains) = DriveTrain::fold(&self.model, trains, self.num_envs, self.options.timestep).map_err(Error::Value)?;
-        self.engine.couple(&model, &self.options, &trains);
-        (self.plan, self.driven) = (OnceLock::new(), Some((model, trains)));
+        let driven = Driven::new(&self.model, trains, self.num_envs, self.options.timestep).map_err(Error::Value)?;
+        self.engine.couple(&driven.model, &self.options, &driven.trains);
+        (self.plan, self.driven) = (OnceLock::new(), Some(driven));
         (0..self.num_envs).for_each(|env| self.reset(env));
         Ok(())
     }
@@ -367,7 +366,7 @@ impl Simulation {
     pub fn plan(&self) -> &LanePlan<f64> {
         self.plan.get_or_init(|| {
             LanePlan::new(&match &self.driven {
-                Some((model, trains)) => Plan::with_trains(model, trains),
+                Some(driven) => Plan::with_trains(&driven.model, &driven.trains),
                 None => Plan::new(&self.model),
             })
         })

@@ -1,19 +1,31 @@
 //! `Stepper.randomize`: arrays in and out.
 
 use numpy::PyUntypedArrayMethods;
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use stepper_core::Precision;
 
 use crate::array::{array, check_shape, readonly};
-use crate::stepper::{Stepper, value_error};
+use crate::stepper::{Stepper, drives, value_error};
+
+/// The field that is no field of the model.
+const ACTUATORS: &str = "actuators";
 
 impl Stepper {
-    /// Assigns fields, (num_envs, ...) each, to some environments; None is the model's own numbers, and so is every field when none is named.
+    /// Assigns fields, (num_envs, ...) each, and `actuators` to some environments; None is the model's own numbers, and what drives were made
+    /// with, and so is every field when none is named.
     pub(crate) fn assign_parameters(&mut self, fields: Option<&Bound<'_, PyDict>>, envs: &[usize]) -> PyResult<()> {
         let mut given: Vec<(String, Option<Vec<f64>>)> = Vec::new();
+        let mut redrawn = None;
         for (name, value) in fields.into_iter().flatten() {
             let name: String = name.extract()?;
+            if name == ACTUATORS {
+                let trains =
+                    if value.is_none() { None } else { Some(drives(&value, &self.model, self.simulation.num_envs(), Some(envs))?) };
+                redrawn = Some(self.simulation.redrawn(trains.as_deref(), envs).map_err(value_error)?);
+                continue;
+            }
             if value.is_none() {
                 given.push((name, None));
                 continue;
@@ -24,19 +36,29 @@ impl Stepper {
             }
             given.push((name, Some(value.as_slice()?.to_vec())));
         }
-        if given.is_empty() {
+        if given.is_empty() && redrawn.is_none() {
+            redrawn = Some(self.simulation.redrawn(None, envs).map_err(value_error)?);
             given.extend(self.simulation.theta().fields().map(|(name, _)| (name.to_owned(), None)));
         }
         let assigned: Vec<(&str, Option<&[f64]>)> = given.iter().map(|(name, values)| (name.as_str(), values.as_deref())).collect();
-        self.simulation.randomize(&assigned, envs).map_err(value_error)
+        if !assigned.is_empty() {
+            self.simulation.randomize(&assigned, envs).map_err(value_error)?;
+        }
+        self.simulation.redraw(redrawn.flatten());
+        Ok(())
     }
 
-    /// The fields that environments have of their own, by name.
+    /// The fields that environments have of their own, by name; drives as a `stepper.ActuatorModel`.
     pub(crate) fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
         for (name, values) in self.simulation.theta().fields() {
             let (tail, _) = self.simulation.model().field(name).expect("a field of the model");
             all.set_item(name, array(py, &self.shape(&tail), values.to_vec(), Precision::F64)?)?;
+        }
+        if let Some(drawn) = self.simulation.drawn() {
+            let rows = pythonize::pythonize(py, drawn).map_err(|e| PyValueError::new_err(e.to_string()))?;
+            let class = py.import("stepper._actuators")?.getattr("ActuatorModel")?;
+            all.set_item(ACTUATORS, class.call_method1("_from_rows", (self.model.clone_ref(py), rows))?)?;
         }
         Ok(all)
     }

@@ -21,7 +21,7 @@ use crate::state::State;
 #[pyclass(module = "stepper._stepper")]
 pub(crate) struct Stepper {
     pub(crate) simulation: Simulation,
-    model: Py<Model>,
+    pub(crate) model: Py<Model>,
     options: Py<PyAny>,
     batched: bool,
     pub(crate) precision: Precision,
@@ -295,27 +295,32 @@ impl Stepper {
 
 /// What a `stepper.SensorModel` says of every sensor of a model.
 fn transfers(sensors: &Bound<'_, PyAny>, model: &Py<Model>, num_envs: usize) -> PyResult<Vec<Option<Transfer>>> {
-    let all = resolved(sensors, model, num_envs, ["sensors", "transfers", "SensorModel"])?;
+    let all = resolved(sensors, (model.clone_ref(sensors.py()), num_envs), ["sensors", "transfers", "SensorModel"])?;
     pythonize::depythonize(&all).map_err(|e| PyValueError::new_err(format!("sensors: {e}")))
 }
 
-/// What a `stepper.ActuatorModel` says of every actuator of a model.
-fn drives(actuators: &Bound<'_, PyAny>, model: &Py<Model>, num_envs: usize) -> PyResult<Vec<Option<DriveTrain>>> {
-    let all = resolved(actuators, model, num_envs, ["actuators", "drives", "ActuatorModel"])?;
+/// What a `stepper.ActuatorModel` says of every actuator of a model, in all environments or in those of `envs`.
+pub(crate) fn drives(
+    actuators: &Bound<'_, PyAny>,
+    model: &Py<Model>,
+    num_envs: usize,
+    envs: Option<&[usize]>,
+) -> PyResult<Vec<Option<DriveTrain>>> {
+    let envs = envs.map(|envs| numpy::PyArray1::from_iter(actuators.py(), envs.iter().map(|&env| env as i64)));
+    let all = resolved(actuators, (model.clone_ref(actuators.py()), num_envs, envs), ["actuators", "drives", "ActuatorModel"])?;
     pythonize::depythonize(&all).map_err(|e| PyValueError::new_err(format!("actuators: {e}")))
 }
 
 /// What an argument says of every sensor or actuator, by a method of its class.
 fn resolved<'py>(
     given: &Bound<'py, PyAny>,
-    model: &Py<Model>,
-    num_envs: usize,
+    arguments: impl pyo3::call::PyCallArgs<'py>,
     [argument, method, class]: [&str; 3],
 ) -> PyResult<Bound<'py, PyAny>> {
     let resolve = given
         .getattr(method)
         .map_err(|_| PyTypeError::new_err(format!("{argument} is {}, must be a stepper.{class}", described(given))))?;
-    resolve.call1((model.clone_ref(given.py()), num_envs))
+    resolve.call1(arguments)
 }
 
 /// The stepper, to be written to by one thread at a time.
@@ -370,7 +375,7 @@ impl Stepper {
         let mut simulation = Simulation::new(core, settings, num_envs, precision, threads).map_err(value_error)?;
         let n = simulation.num_envs();
         if let Some(actuators) = &actuators {
-            simulation.couple(&drives(actuators, &model, n)?).map_err(value_error)?;
+            simulation.couple(&drives(actuators, &model, n, None)?).map_err(value_error)?;
         }
         (0..n).for_each(|env| simulation.begin(env, Some(seed)));
         if let Some(sensors) = &sensors {

@@ -66,6 +66,8 @@ pub struct Chains<S> {
     chains: Vec<Chain>,
     /// For every group of lanes the numbers of every train, lane-interleaved.
     tables: Vec<Vec<S>>,
+    lanes: usize,
+    num_envs: usize,
     /// Numbers that survive a step, per lane.
     pub memory: usize,
     /// Delay lines.
@@ -75,29 +77,51 @@ pub struct Chains<S> {
 impl<S: Scalar> Chains<S> {
     /// `trains` has an entry for every actuator of the model; they are what [`DriveTrain::fold`] returned.
     pub fn new(trains: &[Option<DriveTrain>], num_envs: usize, lanes: usize, h: f64) -> Self {
-        let mut all = Self { chains: vec![], tables: vec![vec![]; num_envs.div_ceil(lanes)], memory: 0, lines: 0 };
+        let mut all = Self { chains: vec![], tables: vec![], lanes, num_envs, memory: 0, lines: 0 };
         for (actuator, train) in trains.iter().enumerate() {
             let Some(train) = train else { continue };
-            let steps: Vec<f64> = (0..num_envs).map(|env| numbers(train, env, h)[Number::Delay as usize]).collect();
-            let longest = steps.iter().fold(0.0, |a: f64, &b| a.max(b));
+            let longest = train.longest(num_envs, h);
             let servo = match &train.servo {
                 None => Servo::None,
                 Some(s) if s.period.is_empty() => Servo::Continuous,
                 Some(_) => Servo::Sampled,
             };
-            let line = if longest > 0.0 { longest.ceil() as usize + 2 } else { 0 };
-            let delay = steps.iter().all(|x| *x == steps[0]).then(|| parts(S::from_f64(steps[0]).to_f64(), servo == Servo::Sampled));
+            let line = if longest > 0 { longest + 2 } else { 0 };
             let (memory, table, lagged) = (all.memory, all.chains.len() * NUMBERS, any(&train.lag));
-            let chain = Chain { actuator, servo, lagged, line, delay, memory, cursor: all.lines, table };
+            let chain = Chain { actuator, servo, lagged, line, delay: None, memory, cursor: all.lines, table };
             all.memory += line + 2 * usize::from(lagged) + [0, 1, 3][servo as usize];
             all.lines += usize::from(line > 0);
             all.chains.push(chain);
-            for (g, table) in all.tables.iter_mut().enumerate() {
-                let rows: Vec<_> = (0..lanes).map(|l| numbers(train, (g * lanes + l).min(num_envs - 1), h)).collect();
-                table.extend((0..NUMBERS).flat_map(|n| rows.iter().map(move |row| S::from_f64(row[n]))));
-            }
         }
+        all.tables = vec![vec![S::default(); all.chains.len() * NUMBERS * lanes]; num_envs.div_ceil(lanes)];
+        all.assign(trains, &(0..num_envs).collect::<Vec<_>>(), h);
         all
+    }
+
+    /// Gives the environments `envs` the numbers of `trains`, whose lists have one for all of these or one for each; of actuators without an
+    /// entry they stay. What is remembered stays too.
+    pub fn assign(&mut self, trains: &[Option<DriveTrain>], envs: &[usize], h: f64) {
+        let lanes = self.lanes;
+        for chain in &mut self.chains {
+            let Some(train) = &trains[chain.actuator] else { continue };
+            for (k, &env) in envs.iter().enumerate() {
+                let (table, lane) = (&mut self.tables[env / lanes][chain.table * lanes..], env % lanes);
+                // Lanes that are no environment are as the last one.
+                let alike = if env + 1 == self.num_envs { lane..lanes } else { lane..lane + 1 };
+                for (row, x) in table.chunks_exact_mut(lanes).zip(numbers(train, k, h)) {
+                    row[alike.clone()].fill(S::from_f64(x));
+                }
+            }
+            let at = (chain.table + Number::Delay as usize) * lanes;
+            let first = self.tables[0][at];
+            let shared = self.tables.iter().all(|table| table[at..at + lanes].iter().all(|x| *x == first));
+            chain.delay = shared.then(|| parts(first.to_f64(), chain.servo == Servo::Sampled));
+        }
+    }
+
+    /// Memory of the numbers, bytes.
+    pub fn bytes(&self) -> usize {
+        self.tables.iter().map(|table| size_of_val(&table[..])).sum()
     }
 
     /// Whether there is no train.
@@ -132,11 +156,11 @@ impl<S: Scalar> Chains<S> {
     }
 
     /// The same of one lane.
-    pub fn read(&self, plan: &Plan<S>, group: usize, lanes: usize, lane: usize) -> Vec<Train<f64>> {
+    pub fn read(&self, plan: &Plan<S>, group: usize, lane: usize) -> Vec<Train<f64>> {
         let mut trains = vec![Train::default(); plan.trains];
         for chain in &self.chains {
             let Some(train) = plan.actuators[chain.actuator].train else { continue };
-            let number = |n: Number| self.tables[group][(chain.table + n as usize) * lanes + lane].to_f64();
+            let number = |n: Number| self.tables[group][(chain.table + n as usize) * self.lanes + lane].to_f64();
             let share = if train.servo { 1.0 - number(Number::Decay) } else { 0.0 };
             trains[train.index] = Train {
                 slope: -share * number(Number::Kp),
@@ -244,7 +268,7 @@ fn numbers(t: &DriveTrain, env: usize, h: f64) -> [f64; NUMBERS] {
     let (decay, mean) = if lag > 0.0 { ((-h / lag).exp(), -lag / h * (-h / lag).exp_m1()) } else { (0.0, 0.0) };
     let mut row = [0.0; NUMBERS];
     let mut set = |n: Number, x: f64| row[n as usize] = x;
-    set(Number::Delay, of(&t.delay) / h + of(&t.delay_steps));
+    set(Number::Delay, t.steps(env, h));
     set(Number::Decay, decay);
     set(Number::Mean, mean);
     set(Number::Low, low);

@@ -85,10 +85,21 @@ impl Actuator {
 
 impl DriveTrain {
     /// One that does nothing.
-    fn ideal() -> Self {
+    pub(crate) fn ideal() -> Self {
         let [none, low, high] = [0.0, f64::NEG_INFINITY, f64::INFINITY].map(|x| vec![x]);
         let (delay, delay_steps, lag) = (none.clone(), none.clone(), none.clone());
         Self { delay, delay_steps, lag, low, high, friction: none, servo: None, motor: None }
+    }
+
+    /// Delay of one environment in steps of length `h`.
+    pub(super) fn steps(&self, env: usize, h: f64) -> f64 {
+        let of = |x: &[f64]| x[env % x.len()];
+        of(&self.delay) / h + of(&self.delay_steps)
+    }
+
+    /// The longest of them in whole steps.
+    pub(super) fn longest(&self, num_envs: usize, h: f64) -> usize {
+        (0..num_envs).map(|env| self.steps(env, h)).fold(0.0, f64::max).ceil() as usize
     }
 
     /// Whether it is a servo that acts within a step.
@@ -119,6 +130,7 @@ impl DriveTrain {
     pub fn fold(model: &Model, trains: &[Option<Self>], num_envs: usize, h: f64) -> Result<(Model, Vec<Option<Self>>), String> {
         let (mut model, mut trains) = (model.clone(), trains.to_vec());
         for (i, train) in trains.iter_mut().enumerate() {
+            *train = train.take().filter(|t| *t != Self::ideal());
             let steps = model.actuators[i].delay_in_steps(h);
             if steps > 0.0 {
                 train.get_or_insert_with(Self::ideal).delay_steps.iter_mut().for_each(|x| *x += steps);
@@ -143,8 +155,7 @@ impl DriveTrain {
         }
         let bounded = self.servo.is_some() || self.curve().is_some() || self.is_limited();
         if let Some([low, high]) = actuator.force_range.filter(|_| bounded) {
-            self.low.iter_mut().for_each(|x| *x = x.max(low));
-            self.high.iter_mut().for_each(|x| *x = x.min(high));
+            self.narrow([low, high]);
             actuator.force_range = None;
         }
         if self.loses() && !matches!(actuator.transmission, Transmission::Joint(_)) {
@@ -158,6 +169,12 @@ impl DriveTrain {
             Transmission::Site { .. } => return Err("rotor_inertia cannot be reflected to a site; leave it out".into()),
         }
         Ok(())
+    }
+
+    /// Takes further limits of the effort over.
+    pub(super) fn narrow(&mut self, [low, high]: [f64; 2]) {
+        self.low.iter_mut().for_each(|x| *x = x.max(low));
+        self.high.iter_mut().for_each(|x| *x = x.min(high));
     }
 
     fn check(&self, num_envs: usize, h: f64) -> Result<(), String> {
@@ -197,7 +214,7 @@ impl DriveTrain {
             if low > high {
                 return Err(format!("limits are ({low}, {high}), must be (low, high)"));
             }
-            let steps = each(&self.delay, env) / h + each(&self.delay_steps, env);
+            let steps = self.steps(env, h);
             if steps > LONGEST {
                 return Err(format!("delay is {steps:.0} steps of {h} s, must be at most {LONGEST} steps"));
             }

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use super::{Error, Simulation};
-use crate::actuation::DriveTrain;
+use crate::actuation::{DriveTrain, Driven, Redrawn};
 use crate::model::{Model, ModelError, randomizable};
 use crate::plan::LanePlan;
 use crate::theta::{Assignment, Differences, Theta};
@@ -27,8 +27,40 @@ impl Simulation {
         Ok(())
     }
 
+    /// What comes of drawing the numbers of drive trains anew for the environments `envs`, ascending: an entry for every actuator, with lists
+    /// of one number or one for each of these; `None` leaves a train as it is. `trains` of `None` gives back what [`Simulation::couple`] gave.
+    /// Nothing is changed until [`Simulation::redraw`].
+    ///
+    /// # Errors
+    /// [`Error::Value`] for a number out of its range, or what the trains were not made for, with the actuator's name.
+    pub fn redrawn(&self, trains: Option<&[Option<DriveTrain>]>, envs: &[usize]) -> Result<Option<Redrawn>, Error> {
+        let h = self.options.timestep;
+        match (&self.driven, trains) {
+            (Some(driven), _) => driven.redraw(&self.model, trains, envs, self.num_envs, h).map(Some).map_err(Error::Value),
+            (None, None) => Ok(None),
+            (None, Some(trains)) => {
+                // Trains that none was made with, so that whoever is given one hears of it.
+                let none = Driven::new(&self.model, &vec![None; trains.len()], self.num_envs, h).map_err(Error::Value)?;
+                none.redraw(&self.model, Some(trains), envs, self.num_envs, h).map(|_| None).map_err(Error::Value)
+            }
+        }
+    }
+
+    /// Draws the numbers of drive trains anew. What the trains remember, and the rest of the state, stays.
+    pub fn redraw(&mut self, redrawn: Option<Redrawn>) {
+        if let (Some(driven), Some(redrawn)) = (&mut self.driven, redrawn) {
+            self.engine.redraw(&self.options, &redrawn.trains, &redrawn.envs);
+            driven.take(redrawn);
+        }
+    }
+
+    /// Drive trains as environments have them of their own, with lists of one number or one for each environment.
+    pub fn drawn(&self) -> Option<&[Option<DriveTrain>]> {
+        self.driven.as_ref()?.drawn()
+    }
+
     fn differences(&self, assigned: &[Assignment<'_>], envs: &[usize]) -> Result<Vec<Differences>, ModelError> {
-        let Some((_, trains)) = &self.driven else {
+        let Some(Driven { trains, .. }) = &self.driven else {
             return self.theta.differences(&self.model, self.plan(), None, assigned, envs);
         };
         let driven = |variant: &Model| {
@@ -55,9 +87,9 @@ impl Simulation {
         &self.theta
     }
 
-    /// Memory of parameters that environments have of their own, bytes.
+    /// Memory of parameters that environments have of their own, and of the numbers of drive trains, bytes.
     pub fn parameter_bytes(&self) -> usize {
-        self.theta.bytes() + self.engine.parameter_bytes()
+        self.theta.bytes() + self.engine.parameter_bytes() + self.driven.as_ref().map_or(0, Driven::bytes)
     }
 
     /// The plan of one environment, in f64.

@@ -15,6 +15,7 @@ Law = tuple[list[float], list[float]]
 # MuJoCo's numbers (mjtype.h), compared with the installed version's by a test.
 TRN_JOINT, TRN_JOINT_IN_PARENT, TRN_TENDON, TRN_SITE = 0, 1, 3, 4
 DYN_NONE, DYN_INTEGRATOR, DYN_FILTER, DYN_FILTER_EXACT = range(4)
+SIMULATED = (DYN_NONE, DYN_INTEGRATOR, DYN_FILTER, DYN_FILTER_EXACT)
 GAIN_FIXED, GAIN_AFFINE, GAIN_DCMOTOR, GAIN_PID = 0, 1, 3, 5
 BIAS_NONE, BIAS_AFFINE, BIAS_DCMOTOR = 0, 1, 3
 INPUT_POS, INPUT_VEL, INPUT_VOLTAGE = 1, 2, 8
@@ -39,7 +40,7 @@ def why_dropped(source: Source, a: int) -> list[str]:
     elif transmission == TRN_TENDON and target not in source.tendons:
         reasons.append(f"transmission to the spatial tendon {source.label('TENDON', target)}")
     if law(source, a) is None:
-        if m.actuator_dyntype[a] not in (DYN_NONE, DYN_INTEGRATOR, DYN_FILTER, DYN_FILTER_EXACT):
+        if m.actuator_dyntype[a] not in SIMULATED:
             reasons.append(f"dynamics {word('mjtDyn', m.actuator_dyntype[a])}")
         if m.actuator_gaintype[a] not in (GAIN_FIXED, GAIN_AFFINE):
             reasons.append(f"gain {word('mjtGain', m.actuator_gaintype[a])}")
@@ -62,7 +63,7 @@ def law(source: Source, a: int) -> Law | None:
         more = np.any(gain[2:]) or np.any(bias) or np.any(np.delete(m.actuator_dynprm[a], 1)) or m.actuator_actnum[a]
         resistance, constant = gain[:2].tolist()
         return None if more or inputs != INPUT_VOLTAGE else ([constant / resistance, 0.0, 0.0], [0.0, 0.0, -(constant**2) / resistance])
-    if m.actuator_dyntype[a] not in (DYN_NONE, DYN_INTEGRATOR, DYN_FILTER, DYN_FILTER_EXACT):
+    if m.actuator_dyntype[a] not in SIMULATED:
         return None
     if kinds == (GAIN_PID, BIAS_AFFINE) and m.actuator_dyntype[a] == DYN_NONE and inputs in (INPUT_POS, INPUT_VEL):
         return [float(-bias[1 if inputs == INPUT_POS else 2]), 0.0, 0.0], bias[:3].tolist()

@@ -275,9 +275,9 @@ impl<R: Real> Drive<R> {
                 cut = cut.or(self.regions[train.index].is_cut());
             }
         }
-        for (r, range) in plan.actuator_force_ranges.iter().enumerate() {
-            if range.actuators.iter().any(|&(a, _)| a == actuator) {
-                cut = cut.or(self.cut[r]);
+        for (range, &of_sum) in plan.actuator_force_ranges.iter().zip(&self.cut) {
+            if of_sum.any() && range.actuators.iter().any(|&(a, _)| a == actuator) {
+                cut = cut.or(of_sum);
             }
         }
         cut

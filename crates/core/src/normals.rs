@@ -33,7 +33,7 @@ pub struct Normals {
 impl Normals {
     /// Room for so many lanes; none in a scene without pairs of hulls.
     pub fn new<S: Scalar>(plan: &Plan<S>, lanes: usize) -> Self {
-        let is_hull = |g: usize| matches!(&plan.geoms[g].solid, Some(Solid::Convex(shape)) if shape.is_hull());
+        let is_hull = |g: usize| plan.geoms[g].solid.as_ref().is_some_and(Solid::is_hull);
         let listed = plan.pairs.iter().filter(|p| p.kernel == Kernel::Convex && p.geoms.iter().all(|&g| is_hull(g))).count();
         let crowded = plan.crowd.iter().flat_map(|c| &c.members).filter(|m| is_hull(m.geom)).count();
         let places = match listed + crowded.saturating_sub(1) {

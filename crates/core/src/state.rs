@@ -63,6 +63,22 @@ pub struct Group<S> {
     pub actuation: actuation::memory::Memory<S>,
 }
 
+/// Lane-interleaved numbers out of a state. A kernel's part.
+#[inline(always)]
+pub(crate) fn take<R: Real>(from: &[R::Scalar], out: &mut [R]) {
+    for (x, from) in out.iter_mut().zip(from.chunks_exact(R::LANES)) {
+        *x = R::load(from);
+    }
+}
+
+/// Numbers into a state, lane-interleaved. A kernel's part.
+#[inline(always)]
+pub(crate) fn put<R: Real>(x: &[R], out: &mut [R::Scalar]) {
+    for (x, out) in x.iter().zip(out.chunks_exact_mut(R::LANES)) {
+        x.store(out);
+    }
+}
+
 impl<S: Scalar> Group<S> {
     /// A group of environments at the model's reset state, `first` and those after it; `alive` says which lanes are used.
     pub fn new(plan: &Plan<S>, qpos0: &[S], lanes: usize, alive: u32, first: usize, max_contacts: usize) -> Self {

@@ -14,7 +14,7 @@ use crate::plan::{LanePlan, Plan};
 use crate::rollout::{Numbers, Quantity, Share};
 use crate::sensing::errors::Errors;
 use crate::spatial::*;
-use crate::state::Group;
+use crate::state::{Group, put, take};
 use crate::step::{Scratch, step};
 use crate::theta::Own;
 use senses::Senses;
@@ -316,16 +316,12 @@ fn store<R: Real>(group: &mut Group<R::Scalar>, s: &Scratch<R>) {
             let state = [(&s.q, &mut group.q), (&s.v, &mut group.v), (&s.act, &mut group.act)];
             let impulses = [(&s.constraints.scalar_impulse, &mut group.scalar_impulse), (&s.impulse, &mut group.impulse)];
             for (x, out) in state.into_iter().chain(impulses) {
-                for (x, out) in x.iter().zip(out.chunks_exact_mut(R::LANES)) {
-                    x.store(out);
-                }
+                put(x, out);
             }
             group.store_contacts(&s.contacts);
             group.normals.copy_from(s.poses.normals());
             for (way, out) in s.ways.iter().zip(group.mocap.chunks_exact_mut(7 * R::LANES)) {
-                for (x, out) in way.end().iter().zip(out.chunks_exact_mut(R::LANES)) {
-                    x.store(out);
-                }
+                put(&way.end(), out);
             }
         },
     )
@@ -344,9 +340,7 @@ fn load<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: us
                 (&mut s.constraints.scalar_impulse, &group.scalar_impulse),
                 (&mut s.impulse, &group.impulse),
             ] {
-                for (x, from) in x.iter_mut().zip(from.chunks_exact(lanes)) {
-                    *x = R::load(from);
-                }
+                take(from, x);
             }
             group.load_contacts(&mut s.contacts);
             s.poses.recall(&group.normals);

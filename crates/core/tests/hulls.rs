@@ -1,20 +1,16 @@
 //! Contacts of convex hulls: against all that can be the normal, and the same whether the last step's normal is known or not.
 
+#[path = "common/shapes.rs"]
+mod shapes;
+
 use std::sync::Arc;
 
 use proptest::prelude::*;
+use shapes::{unit, vector};
 use stepper_core::geometry::convex::{Approach, ConvexShape, Hull, Manifold, Point, Pose, Reach, Room, collide, distance};
 use stepper_core::spatial::*;
 
 type V = V3<f64>;
-
-fn vector(size: f64) -> impl Strategy<Value = V> {
-    prop::array::uniform3(-size..size)
-}
-
-fn unit() -> impl Strategy<Value = V> {
-    vector(1.0).prop_filter("a direction", |v| norm(*v) > 0.1).prop_map(|v| scale(v, 1.0 / norm(v)))
-}
 
 fn rotation() -> impl Strategy<Value = M3<f64>> {
     let aligned = Just([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);

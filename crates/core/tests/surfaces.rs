@@ -1,9 +1,13 @@
 //! Concave meshes and height fields: the seams between triangles are not felt, and a closed surface is the solid that it bounds.
 //! PROPTEST_CASES=5000 searches longer.
 
+#[path = "common/shapes.rs"]
+mod shapes;
+
 use std::sync::Arc;
 
 use proptest::prelude::*;
+use shapes::{simple, unit, vector};
 use stepper_core::geometry::convex::{ConvexShape, Grid, Hull, Manifold, MeshSurface, Pose, Room, Surface, collide_surface, distance};
 use stepper_core::spatial::*;
 
@@ -11,13 +15,8 @@ type V = V3<f64>;
 
 const STILL: Pose = Pose { pos: [0.0; 3], mat: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] };
 
-fn vector(size: f64) -> impl Strategy<Value = V> {
-    prop::array::uniform3(-size..size)
-}
-
 fn rotation() -> impl Strategy<Value = M3<f64>> {
-    let any = vector(1.0).prop_filter("a direction", |v| norm(*v) > 0.1).prop_map(|v| scale(v, 1.0 / norm(v)));
-    let any = (any, -3.1..3.1f64).prop_map(|(u, x)| axis_rotation(u, x.sin(), x.cos()));
+    let any = (unit(), -3.1..3.1f64).prop_map(|(u, x)| axis_rotation(u, x.sin(), x.cos()));
     prop_oneof![1 => Just(STILL.mat), 4 => any]
 }
 
@@ -26,14 +25,9 @@ fn hull() -> impl Strategy<Value = Arc<Hull>> {
 }
 
 fn shape() -> impl Strategy<Value = ConvexShape> {
-    let s = || 0.05..0.25f64;
     prop_oneof![
-        s().prop_map(|radius| ConvexShape::Sphere { radius }),
-        (s(), s()).prop_map(|(radius, half_length)| ConvexShape::Capsule { radius, half_length }),
-        (s(), s()).prop_map(|(radius, half_length)| ConvexShape::Cylinder { radius, half_length }),
-        prop::array::uniform3(s()).prop_map(|radii| ConvexShape::Ellipsoid { radii }),
-        prop::array::uniform3(s()).prop_map(|half| ConvexShape::Box { half }),
-        hull().prop_map(ConvexShape::Hull),
+        5 => simple(|| 0.05..0.25),
+        1 => hull().prop_map(ConvexShape::Hull),
     ]
 }
 

@@ -87,17 +87,15 @@ pub(crate) fn settle<R: Real>(iterate: &mut Iterate<R>, problem: &Problem<R>, la
 #[inline(always)]
 pub(crate) fn accelerate<R: Real>(iterate: &mut Iterate<R>, running: R::Mask) -> R::Mask {
     match iterate.note(running) {
-        0 => {
-            let Iterate { w, history, .. } = iterate;
-            history.start.copy_from_slice(w);
-            return R::Mask::splat(false);
-        }
+        0 => {}
         1 => iterate.leap::<1>(),
         2 => iterate.leap::<2>(),
         3 => iterate.leap::<3>(),
         _ => iterate.leap::<MEMORY>(),
     }
-    iterate.history.known[0]
+    let Iterate { w, history, .. } = iterate;
+    history.start.copy_from_slice(w);
+    history.known[0]
 }
 
 impl<R: Real> Iterate<R> {
@@ -154,7 +152,6 @@ impl<R: Real> Iterate<R> {
             }
             at = end;
         }
-        past.start.copy_from_slice(w);
     }
 }
 

@@ -309,15 +309,13 @@ impl<R: Real> Scene<'_, R> {
         }
     }
 
-    /// Bound on the way of any point of the geom `b`, as seen from `a`, from the beginning of the step, m.
+    /// Bound on the way of any point of the geom `b`, as seen from `a`, from the beginning of the step, m. Neither is a plane, which has no bound.
     #[inline(always)]
     fn way_past(&self, a: usize, b: usize) -> R {
         let (there, here) =
             (self.motion_at(&self.poses.led_by, b, self.poses.pos[b]), self.motion_at(&self.poses.led_by, a, self.poses.pos[b]));
         let spin = norm(sub(there[0], here[0]));
-        // A plane has no bound: 0 * infinity must not become NaN.
-        let swing = R::select(spin.gt(R::zero()), spin * self.plan.params.bound(b), R::zero());
-        (norm(sub(there[1], here[1])) + swing) * self.lead
+        (norm(sub(there[1], here[1])) + spin * self.plan.params.bound(b)) * self.lead
     }
 
     /// Motion of a geom (angular, linear where it passes the point `p`) if the links have the velocities `links`.

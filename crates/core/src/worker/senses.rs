@@ -12,7 +12,7 @@ use crate::sensing::{Moment, Room};
 use crate::spatial::*;
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s09_sense::sense;
-use crate::state::Group;
+use crate::state::{self, Group, put};
 use crate::step::{Scratch, step};
 
 /// Room of a worker's sensors.
@@ -161,9 +161,7 @@ impl<R: Real> Senses<R> {
             #[inline(always)]
             || {
                 for (x, out) in [(&self.acceleration, &mut memory.acceleration), (&s.inputs.ctrl, &mut memory.ctrl)] {
-                    for (x, out) in x.iter().zip(out.chunks_exact_mut(R::LANES)) {
-                        x.store(out);
-                    }
+                    put(x, out);
                 }
                 for (i, out) in memory.xfrc.chunks_exact_mut(R::LANES).enumerate() {
                     s.inputs.xfrc.get(i).copied().unwrap_or(R::zero()).store(out);
@@ -257,9 +255,7 @@ fn take<R: Real>(from: &[R::Scalar], out: &mut [R]) {
             if from.is_empty() {
                 out.fill(R::zero());
             }
-            for (x, from) in out.iter_mut().zip(from.chunks_exact(R::LANES)) {
-                *x = R::load(from);
-            }
+            state::take(from, out);
         },
     )
 }

@@ -3,6 +3,7 @@
 
 use proptest::prelude::*;
 use stepper_core::contacts::ContactPoint;
+use stepper_core::geometry::convex::ConvexShape;
 use stepper_core::geometry::{Cuboid, Cylinder, Ellipsoid, Segment};
 use stepper_core::spatial::*;
 
@@ -160,6 +161,17 @@ pub(crate) fn vector(size: f64) -> impl Strategy<Value = V3<f64>> {
 
 pub(crate) fn unit() -> impl Strategy<Value = V3<f64>> {
     vector(1.0).prop_filter("a direction", |v| norm(*v) > 0.1).prop_map(|v| scale(v, 1.0 / norm(v)))
+}
+
+/// Shapes that are no mesh, of such radii and half lengths.
+pub(crate) fn simple<S: Strategy<Value = f64> + 'static>(s: impl Fn() -> S) -> impl Strategy<Value = ConvexShape> {
+    prop_oneof![
+        s().prop_map(|radius| ConvexShape::Sphere { radius }),
+        (s(), s()).prop_map(|(radius, half_length)| ConvexShape::Capsule { radius, half_length }),
+        (s(), s()).prop_map(|(radius, half_length)| ConvexShape::Cylinder { radius, half_length }),
+        prop::array::uniform3(s()).prop_map(|radii| ConvexShape::Ellipsoid { radii }),
+        prop::array::uniform3(s()).prop_map(|half| ConvexShape::Box { half }),
+    ]
 }
 
 /// Rotations: any, and the twenty-four of a cube's, which make edges and faces parallel.

@@ -67,6 +67,11 @@ pub enum Solid {
 }
 
 impl Solid {
+    /// Whether it is the hull of points.
+    pub(crate) fn is_hull(&self) -> bool {
+        matches!(self, Self::Convex(shape) if shape.is_hull())
+    }
+
     /// The same of another size (radius, half length; half axes or half sizes; m); `None` where the form is an asset's.
     pub fn sized(&self, size: V) -> Option<Self> {
         let [radius, half_length, _] = size;

@@ -75,7 +75,7 @@ pub(super) fn nearest(pair: &Pair<'_>, reach: &Reach, polytope: &mut Polytope) -
         return Facing { found, corners: [0; 2] };
     }
     // Rounding of the search is left behind: the normal is the facet's own.
-    let facing = recall(pair, found.normal, reach).unwrap_or_else(|| Facing { found, corners: pair.corners(found.normal) });
+    let facing = recall(pair, found.normal, reach).unwrap_or_else(|| Facing::new(pair, found));
     prefer_face(pair, facing)
 }
 

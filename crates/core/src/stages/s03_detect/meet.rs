@@ -157,7 +157,7 @@ impl<R: Real> Scene<'_, R> {
             _ => near,
         };
         let reach = R::splat(pair.margin) + self.poses.travel[a] + self.poses.travel[b] + self.slack;
-        let are_hulls = [a, b].iter().all(|&g| matches!(&self.plan.geoms[g].solid, Some(Solid::Convex(shape)) if shape.is_hull()));
+        let are_hulls = [a, b].iter().all(|&g| self.plan.geoms[g].solid.as_ref().is_some_and(Solid::is_hull));
         let moving = are_hulls.then(|| self.approach(pair, reach));
         let mut rest = near.bits();
         while rest != 0 {
@@ -174,7 +174,7 @@ impl<R: Real> Scene<'_, R> {
             });
             let Search { narrow, known, found } = &mut *search;
             let of = |x: R| x.lane(lane).to_f64();
-            let approach = moving.map(|[way, turn, [radius, slack, _]]| Approach {
+            let approach = moving.map(|(way, turn, [radius, slack])| Approach {
                 way: way.map(of),
                 turn: turn.map(of),
                 radius: of(radius),
@@ -194,7 +194,7 @@ impl<R: Real> Scene<'_, R> {
 
     /// What an [`Approach`] holds, over lanes: way and turn of the second geom as seen from the first, in its frame; radius and slack.
     #[inline(always)]
-    fn approach(&self, pair: &PairPlan<R::Scalar>, reach: R) -> [V3<R>; 3] {
+    fn approach(&self, pair: &PairPlan<R::Scalar>, reach: R) -> (V3<R>, V3<R>, [R; 2]) {
         let [a, b] = pair.geoms;
         // Contacts are halfway between the two, no further than half the reach from either: the ball about the lens that their balls share.
         let [ra, rb] = [a, b].map(|g| self.plan.params.bound(g) + R::of(0.5) * reach);
@@ -206,7 +206,7 @@ impl<R: Real> Scene<'_, R> {
         let centre = add_scaled(self.poses.pos[a], apart, from_a / length);
         let ([wa, va], [wb, vb]) = (self.motion_at(&self.poses.velocity, a, centre), self.motion_at(&self.poses.velocity, b, centre));
         let seen = |x: V3<R>| scale(rotate_back(&self.poses.mat[a], x), self.h);
-        [seen(sub(vb, va)), seen(sub(wb, wa)), [radius, R::splat(pair.margin).max(R::zero()) + self.slack, R::zero()]]
+        (seen(sub(vb, va)), seen(sub(wb, wa)), [radius, R::splat(pair.margin).max(R::zero()) + self.slack])
     }
 
     #[inline(always)]

@@ -53,9 +53,9 @@ pub struct GeomPoses<R: Real> {
 #[derive(Clone, Debug, Default)]
 struct Search {
     narrow: Narrow,
-    /// Normals of the last step: where a search begins, however often a step searches.
+    /// What the last step left: where a search begins, however often a step searches.
     known: Normals,
-    /// Those of this step.
+    /// What this one leaves.
     found: Normals,
 }
 
@@ -82,12 +82,12 @@ impl<R: Real> GeomPoses<R> {
         }
     }
 
-    /// Normals of hulls that are near one another.
+    /// What is known of hulls that are near one another.
     pub(crate) fn normals(&self) -> &Normals {
         &self.search.found
     }
 
-    /// Takes over the normals of the last step.
+    /// Takes over what the last step left.
     pub(crate) fn recall(&mut self, normals: &Normals) {
         self.search.found.copy_from(normals);
     }
@@ -95,7 +95,8 @@ impl<R: Real> GeomPoses<R> {
     /// Begins a step: what the last one found is known.
     pub(crate) fn begin(&mut self) {
         let Search { known, found, .. } = &mut self.search;
-        known.copy_from(found);
+        std::mem::swap(known, found);
+        found.clear();
     }
 
     /// Places the geoms that are fixed to the world, where environments may have them elsewhere.
@@ -195,6 +196,7 @@ pub fn detect<R: Real>(
     contacts: &mut Contacts<R>,
 ) -> R::Mask {
     contacts.clear();
+    poses.search.found.clear();
     if plan.geoms.is_empty() {
         return R::Mask::splat(false);
     }

@@ -1,0 +1,123 @@
+//! What parts two hulls for many steps: a half space that holds the first, and a ball that holds the second and bulges little towards the first.
+//!
+//! Each is fixed to its hull and made of its vertices alone, so no pose, reset or change of a state makes it untrue. With the first within
+//! n . x <= a, and the second within the ball of radius r about c = p - q m in its own frame, the hulls are parted along n by
+//!
+//! ```text
+//! n . (pos + mat c) - r |n| - a = n . (pos + mat p) - q |n + mat m|^2 / 2 - (a + r |n| - q (|n|^2 + |m|^2) / 2)
+//! ```
+//!
+//! at least. It is made with m = -mat^T n and p the second's furthest corner that way: what turning costs is then of second order in the angle, and
+//! the right side does not suffer where q is a hundred times the hull's size. The ball is the least that bulges by e beyond p: a corner w that is
+//! t deep along m and l from p is within it where
+//!
+//! ```text
+//! (l^2 - e^2) / (2 (t + e)) <= q,        r^2 = q^2 |m|^2 + 2 q e + e^2.
+//! ```
+
+use serde::{Deserialize, Serialize};
+use stepper_real::{Real, Scalar};
+
+use super::approach::Approach;
+use super::pair::Pair;
+use super::{ConvexShape, V, neg};
+use crate::spatial::*;
+
+/// The part of what two hulls have to spare that the ball may bulge by: more makes it smaller, and leaves less for the hulls to move.
+const BULGE: f64 = 0.2;
+/// Where it is less than this share of the hulls' size there is nothing to gain: the ball would be as good as a half space for a step or two.
+const LEAST: f64 = 1e-5;
+
+/// A normal of two hulls, and what parts them along it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Parting {
+    /// n: from the first to the second, unit, in the first's frame.
+    normal: [f32; 3],
+    /// p, in the second's frame, m.
+    tip: [f32; 3],
+    /// m, in the second's frame.
+    axis: [f32; 3],
+    /// q, m.
+    curve: f32,
+    /// a + r |n| - q (|n|^2 + |m|^2) / 2, m; infinite where nothing is known to part them.
+    offset: f32,
+}
+
+impl Parting {
+    /// A normal along which nothing is known to part the hulls.
+    pub(crate) const fn none(normal: [f32; 3]) -> Self {
+        Self { normal, tip: [0.0; 3], axis: [0.0; 3], curve: 0.0, offset: f32::INFINITY }
+    }
+
+    /// What parts hulls that have `spare` (m) to spare along the unit vector `n`.
+    pub(super) fn new(pair: &Pair<'_>, n: V, spare: f64) -> Self {
+        let (narrow, e) = (n.map(|x| x as f32), BULGE * spare);
+        let (ConvexShape::Hull(a), ConvexShape::Hull(b), true) = (pair.a, pair.b, e > LEAST * pair.size) else {
+            return Self::none(narrow);
+        };
+        // Of the numbers as they are kept, so that what is rounded is true.
+        let wide = |x: [f32; 3]| x.map(f64::from);
+        let [i, j] = pair.corners(n).map(|c| c as usize);
+        let tip = b.points()[j].map(|x| x as f32);
+        let axis = neg(rotate_back(&pair.mat, n)).map(|x| x as f32);
+        let (n, p, m) = (wide(narrow), wide(tip), wide(axis));
+        let needed = b.points().iter().map(|w| {
+            let d = sub(p, *w);
+            (dot(d, d) - e * e) / (2.0 * (dot(d, m) + e))
+        });
+        let curve = (needed.fold(0.0, f64::max) * (1.0 + 1e-6)) as f32;
+        let q = f64::from(curve);
+        let radius = (q * q * dot(m, m) + 2.0 * q * e + e * e).sqrt();
+        let offset = dot(n, a.points()[i]) + radius * norm(n) - 0.5 * q * (dot(n, n) + dot(m, m));
+        Self { normal: narrow, tip, axis, curve, offset: offset as f32 }
+    }
+
+    /// n
+    pub(crate) fn normal(&self) -> V {
+        self.normal.map(f64::from)
+    }
+}
+
+/// What parts two hulls in each lane.
+#[derive(Clone, Copy, Debug)]
+pub struct Partings<R: Real> {
+    normal: V3<R>,
+    tip: V3<R>,
+    axis: V3<R>,
+    curve: R,
+    offset: R,
+}
+
+impl<R: Real> Partings<R> {
+    /// Nothing parts them in any lane.
+    #[inline(always)]
+    pub(crate) fn none() -> Self {
+        let zero = R::zero();
+        Self { normal: [zero; 3], tip: [zero; 3], axis: [zero; 3], curve: zero, offset: R::splat(R::Scalar::INFINITY) }
+    }
+
+    /// Sets a lane.
+    #[inline(always)]
+    pub(crate) fn set_lane(&mut self, lane: usize, parting: &Parting) {
+        let of = |x: f32| R::Scalar::from_f64(f64::from(x));
+        for k in 0..3 {
+            self.normal[k].set_lane(lane, of(parting.normal[k]));
+            self.tip[k].set_lane(lane, of(parting.tip[k]));
+            self.axis[k].set_lane(lane, of(parting.axis[k]));
+        }
+        self.curve.set_lane(lane, of(parting.curve));
+        self.offset.set_lane(lane, of(parting.offset));
+    }
+
+    /// Lanes in which no contact of hulls that approach one another so can count within the step: `apart` leads from the first's origin to the
+    /// second's, `mats` are their axes, `size` is that of both, m.
+    #[inline(always)]
+    pub(crate) fn keep(&self, apart: V3<R>, mats: [&M3<R>; 2], approach: &Approach<R>, size: f64) -> R::Mask {
+        let n = rotate(mats[0], self.normal);
+        let turned = add(n, rotate(mats[1], self.axis));
+        // Axes are at right angles and of length 1 up to a few roundings.
+        let curved = self.curve * (R::of(0.5) * dot(turned, turned) + R::of(16.0) * R::splat(R::Scalar::EPSILON));
+        let gap = dot(n, add(apart, rotate(mats[1], self.tip))) - curved - self.offset;
+        approach.keeps(self.normal, gap, size)
+    }
+}

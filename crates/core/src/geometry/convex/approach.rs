@@ -17,7 +17,7 @@
 //! g >= 2 h (-n' . u) + slack
 //! ```
 
-use stepper_real::{Mask, Real, Scalar};
+use stepper_real::{Mask, Real};
 
 use super::separation::ALIKE;
 use crate::spatial::*;
@@ -82,7 +82,7 @@ impl<R: Real> Approach<R> {
     /// That of one lane.
     #[inline(always)]
     pub(crate) fn lane(&self, lane: usize) -> Approach {
-        let of = |x: R| x.lane(lane).to_f64();
-        Approach { way: self.way.map(of), turn: self.turn.map(of), radius: of(self.radius), slack: of(self.slack) }
+        let [radius, slack] = of_lane(&[self.radius, self.slack], lane);
+        Approach { way: of_lane(&self.way, lane), turn: of_lane(&self.turn, lane), radius, slack }
     }
 }

@@ -110,8 +110,12 @@ pub struct Reach {
 impl Reach {
     /// Whether cores separated so are further apart than any contact.
     fn is_beyond(&self, pair: &Pair<'_>, found: &Separation) -> bool {
-        let gap = found.separation - pair.thickness();
-        gap > self.prediction || self.approach.is_some_and(|a| a.keeps(found.normal, gap, pair.size))
+        self.is_parted(found.normal, found.separation - pair.thickness(), pair.size)
+    }
+
+    /// Whether shapes of this size (m) that a plane parts by `gap` (m) have no contact.
+    fn is_parted(&self, normal: V, gap: f64, size: f64) -> bool {
+        gap > self.prediction || self.approach.is_some_and(|a| a.keeps(normal, gap, size))
     }
 
     /// Whether no contact with the normal that was found counts.
@@ -121,9 +125,10 @@ impl Reach {
     }
 
     /// What two hulls know of one another afterwards.
-    fn parting(&self, pair: &Pair<'_>, found: &Separation) -> Parting {
-        let spare = self.approach.map_or(0.0, |a| a.spare(found.normal, found.separation, pair.size));
-        Parting::new(pair, found.normal, spare)
+    fn parting(&self, pair: &Pair<'_>, facing: &Facing) -> Parting {
+        let Separation { normal, separation, .. } = facing.found;
+        let spare = self.approach.map_or(0.0, |a| a.spare(normal, separation, pair.size));
+        Parting::new(pair, normal, facing.corners, spare)
     }
 }
 
@@ -222,7 +227,7 @@ pub fn collide(
         room.clipper.manifold(&pair, &facing, prediction, out);
         out.place(pose_a);
     }
-    out.parting = (a.is_hull() && b.is_hull()).then(|| reach.parting(&pair, &facing.found));
+    out.parting = (a.is_hull() && b.is_hull()).then(|| reach.parting(&pair, &facing));
 }
 
 /// Signed distance of two convex shapes (m; minus the depth where they overlap) and the unit normal from the first to the second, in the world.

@@ -49,23 +49,19 @@ impl Parting {
         Self { normal, tip: [0.0; 3], axis: [0.0; 3], curve: 0.0, offset: f32::INFINITY }
     }
 
-    /// What parts hulls that have `spare` (m) to spare along the unit vector `n`.
-    pub(super) fn new(pair: &Pair<'_>, n: V, spare: f64) -> Self {
+    /// What parts hulls that have `spare` (m) to spare along the unit vector `n`, if any; `corners` are the furthest that way.
+    pub(super) fn new(pair: &Pair<'_>, n: V, corners: [u32; 2], spare: f64) -> Self {
         let (narrow, e) = (n.map(|x| x as f32), BULGE * spare);
         let (ConvexShape::Hull(a), ConvexShape::Hull(b), true) = (pair.a, pair.b, e > LEAST * pair.size) else {
             return Self::none(narrow);
         };
         // Of the numbers as they are kept, so that what is rounded is true.
         let wide = |x: [f32; 3]| x.map(f64::from);
-        let [i, j] = pair.corners(n).map(|c| c as usize);
+        let [i, j] = corners.map(|c| c as usize);
         let tip = b.points()[j].map(|x| x as f32);
         let axis = neg(rotate_back(&pair.mat, n)).map(|x| x as f32);
         let (n, p, m) = (wide(narrow), wide(tip), wide(axis));
-        let needed = b.points().iter().map(|w| {
-            let d = sub(p, *w);
-            (dot(d, d) - e * e) / (2.0 * (dot(d, m) + e))
-        });
-        let curve = (needed.fold(0.0, f64::max) * (1.0 + 1e-6)) as f32;
+        let curve = (b.curve(p, m, e) * (1.0 + 1e-6)) as f32;
         let q = f64::from(curve);
         let radius = (q * q * dot(m, m) + 2.0 * q * e + e * e).sqrt();
         let offset = dot(n, a.points()[i]) + radius * norm(n) - 0.5 * q * (dot(n, n) + dot(m, m));

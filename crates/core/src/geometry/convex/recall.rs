@@ -8,9 +8,10 @@
 //! the difference, the facet's disc of radius `room` and the ball of radius r about the difference of the centres: with that centre H deep below
 //! the facet and L beside it, where 2 d < H and d (1 + 2 L / H) < min(room, r).
 
+use super::gjk;
 use super::hull::Hull;
 use super::pair::Pair;
-use super::separation::{Facing, Separation};
+use super::separation::{Facing, GAP, Separation};
 use super::shape::ConvexShape;
 use super::{Reach, V, neg};
 use crate::spatial::*;
@@ -34,10 +35,38 @@ enum Facet {
     Across(Facing, f64),
 }
 
-/// The largest separation, if that is certain; else, or for other shapes, `None`. Where it is beyond `reach`, a lower bound of it.
+/// The largest separation, if that is certain where a normal is known, or between the points that are nearest across the edges there; else, or for
+/// other shapes, `None`. Where it is beyond `reach`, a lower bound of it.
 pub(super) fn recall(pair: &Pair<'_>, known: V, reach: &Reach) -> Option<Facing> {
     let (ConvexShape::Hull(a), ConvexShape::Hull(b)) = (pair.a, pair.b) else { return None };
     let corners = pair.corners(known);
+    facet_along(pair, [a, b], known, corners, reach).or_else(|| {
+        let near = beside(pair, [a, b], known, corners, reach)?;
+        facet_along(pair, [a, b], near, pair.corners(near), reach)
+    })
+}
+
+/// The separation along a normal's facet, if that is certain to be the largest. Where it is beyond `reach`, a lower bound of it.
+pub(super) fn facet(pair: &Pair<'_>, normal: V, reach: &Reach) -> Option<Facing> {
+    let (ConvexShape::Hull(a), ConvexShape::Hull(b)) = (pair.a, pair.b) else { return None };
+    facet_along(pair, [a, b], normal, pair.corners(normal), reach)
+}
+
+/// The direction between the nearest points, or one along which the hulls are beyond `reach`, searched from the edges along which a known normal hardly
+/// rises. Hulls that overlap are taken a small gap apart.
+fn beside(pair: &Pair<'_>, [a, b]: [&Hull; 2], known: V, corners: [u32; 2], reach: &Reach) -> Option<V> {
+    let [i, j] = corners;
+    let back = rotate_back(&pair.mat, neg(known));
+    let next = [a.level(i as usize, known) as u32, b.level(j as usize, back) as u32];
+    let pushed = (GAP * pair.least - pair.apart_at(known, corners)).max(0.0);
+    let shift = scale(known, pushed);
+    let start = [corners, [next[0], j], [i, next[1]]].map(|names| pair.vertex(names, shift));
+    let enough = |n: V, gap: f64| pushed == 0.0 && reach.is_parted(n, gap, pair.size);
+    gjk::nearest_from(pair, shift, start, enough).normal(0.0)
+}
+
+/// See [`facet`]; `corners` are the furthest along `known` and against it.
+fn facet_along(pair: &Pair<'_>, [a, b]: [&Hull; 2], known: V, corners: [u32; 2], reach: &Reach) -> Option<Facing> {
     let [i, j] = corners.map(|c| c as usize);
     let (x, y) = (a.points()[i], pair.place(b.points()[j]));
     let along = Separation { normal: known, separation: dot(known, sub(y, x)), points: [x, y] };

@@ -17,7 +17,7 @@
 use super::expand::Polytope;
 use super::gjk::{self, Nearest};
 use super::pair::Pair;
-use super::recall::recall;
+use super::recall::{facet, recall};
 use super::shape::ConvexShape;
 use super::{Reach, V, neg, unit_or};
 use crate::spatial::*;
@@ -49,7 +49,7 @@ impl Facing {
 /// Polytopes are clear of one another beyond this share of their size: the direction between their nearest points is certain.
 const CLEAR: f64 = 1e-9;
 /// The gap that is opened, as a share of the least extent.
-const GAP: f64 = 1e-3;
+pub(super) const GAP: f64 = 1e-3;
 /// Climbing steps at most; two to four are usual.
 const CLIMBS: usize = 12;
 /// Overlaps beyond this share of the least extent are deep: several ways out are tried, with a gap of [`FAR`].
@@ -72,10 +72,10 @@ pub(super) fn nearest(pair: &Pair<'_>, reach: &Reach, polytope: &mut Polytope) -
     let distance = reach.prediction + pair.thickness();
     let found = if pair.is_polytope() { of_polytopes(pair, distance, polytope) } else { of_round_bodies(pair, distance) };
     if reach.is_beyond(pair, &found) {
-        return Facing { found, corners: [0; 2] };
+        return Facing::new(pair, found);
     }
     // Rounding of the search is left behind: the normal is the facet's own.
-    let facing = recall(pair, found.normal, reach).unwrap_or_else(|| Facing::new(pair, found));
+    let facing = facet(pair, found.normal, reach).unwrap_or_else(|| Facing::new(pair, found));
     prefer_face(pair, facing)
 }
 

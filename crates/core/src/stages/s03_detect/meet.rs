@@ -175,12 +175,9 @@ impl<R: Real> Scene<'_, R> {
             None => near,
         };
         for lane in lanes(near.bits()) {
-            let pose = |g: usize| Pose {
-                pos: self.poses.pos[g].map(|x| x.lane(lane).to_f64()),
-                mat: self.poses.mat[g].map(|x| x.lane(lane).to_f64()),
-            };
+            let poses = [self.pose(a, lane), self.pose(b, lane)];
             let [first, second] = [(a, solids[0]), (b, solids[1])].map(|(g, solid)| {
-                let own = solid.sized(self.plan.params.geom_size(g).map(|x| x.lane(lane).to_f64()));
+                let own = solid.sized(of_lane(&self.plan.params.geom_size(g), lane));
                 own.map_or(Cow::Borrowed(solid), Cow::Owned)
             });
             let Search { narrow, known, found } = &mut *search;
@@ -189,7 +186,7 @@ impl<R: Real> Scene<'_, R> {
                 known: known.of(lane, index).map(Parting::normal),
                 approach: approach.map(|x| x.lane(lane)),
             };
-            let (points, parting) = narrow.collide([&first, &second], [pose(a), pose(b)], reach);
+            let (points, parting) = narrow.collide([&first, &second], poses, reach);
             if let Some(parting) = parting {
                 found.keep(lane, index, &parting);
             }
@@ -198,6 +195,11 @@ impl<R: Real> Scene<'_, R> {
                 self.offer(index, p.feature, pair, near.and(R::Mask::from_bits(1 << lane)), point, contacts);
             }
         }
+    }
+
+    #[inline(always)]
+    fn pose(&self, geom: usize, lane: usize) -> Pose {
+        Pose { pos: of_lane(&self.poses.pos[geom], lane), mat: of_lane(&self.poses.mat[geom], lane) }
     }
 
     /// Those of the lanes `near` in which what is known of two hulls says that no contact of theirs can count.
@@ -242,9 +244,9 @@ impl<R: Real> Scene<'_, R> {
         let radius = (ra * ra - from_a * from_a).min(rb * rb - from_b * from_b).max(R::zero()).sqrt();
         let centre = add_scaled(self.poses.pos[a], apart, from_a / length);
         let ([wa, va], [wb, vb]) = (self.motion_at(&self.poses.velocity, a, centre), self.motion_at(&self.poses.velocity, b, centre));
-        let seen = |x: V3<R>| scale(rotate_back(&self.poses.mat[a], x), self.h);
-        let slack = R::splat(pair.margin).max(R::zero()) + self.slack;
-        Approach { way: seen(sub(vb, va)), turn: seen(sub(wb, wa)), radius, slack }
+        let mat = &self.poses.mat[a];
+        let (way, turn) = (scale(rotate_back(mat, sub(vb, va)), self.h), scale(rotate_back(mat, sub(wb, wa)), self.h));
+        Approach { way, turn, radius, slack: R::splat(pair.margin).max(R::zero()) + self.slack }
     }
 
     #[inline(always)]

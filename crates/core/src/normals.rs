@@ -19,7 +19,7 @@ struct Held {
     parting: Parting,
 }
 
-const NONE: Held = Held { pair: u32::MAX, parting: Parting::none([0.0; 3]) };
+const NONE: Held = Held { pair: u32::MAX, parting: Parting::NONE };
 
 /// The normals of all lanes of a group.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -38,11 +38,14 @@ impl Normals {
         let listed = plan.pairs.iter().filter(|p| p.kernel == Kernel::Convex && p.geoms.iter().all(|&g| is_hull(g))).count();
         let crowded = plan.crowd.iter().flat_map(|c| &c.members).filter(|m| is_hull(m.geom)).count();
         let places = (listed + crowded * crowded.saturating_sub(1) / 2).min(PLACES);
+        let lanes = if places == 0 { 0 } else { lanes };
         Self { places, count: vec![0; lanes], held: vec![NONE; places * lanes] }
     }
 
+    #[inline(always)]
     fn used(&self, lane: usize) -> std::ops::Range<usize> {
-        lane * self.places..lane * self.places + self.count[lane] as usize
+        let used = self.count.get(lane).map_or(0, |&n| n as usize);
+        lane * self.places..lane * self.places + used
     }
 
     /// What is known of a pair.
@@ -63,7 +66,9 @@ impl Normals {
 
     /// Forgets all.
     pub(crate) fn clear(&mut self) {
-        self.count.fill(0);
+        for lane in 0..self.count.len() {
+            self.forget(lane);
+        }
     }
 
     /// Takes over those of the same plan and number of lanes.
@@ -77,7 +82,9 @@ impl Normals {
 
     /// Forgets those of a lane.
     pub(crate) fn forget(&mut self, lane: usize) {
-        self.count[lane] = 0;
+        if let Some(count) = self.count.get_mut(lane) {
+            *count = 0;
+        }
     }
 
     /// The same in one form only: what nobody can read is nothing.

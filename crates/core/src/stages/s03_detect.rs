@@ -96,7 +96,6 @@ impl<R: Real> GeomPoses<R> {
     pub(crate) fn begin(&mut self) {
         let Search { known, found, .. } = &mut self.search;
         std::mem::swap(known, found);
-        found.clear();
     }
 
     /// Places the geoms that are fixed to the world, where environments may have them elsewhere.

@@ -95,7 +95,7 @@ impl Clipper {
     /// The points of two cores along a normal, in the frame of the first, those beyond `prediction` dropped. At least one if the shapes are
     /// within it.
     pub(super) fn manifold(&mut self, pair: &Pair<'_>, facing: &Facing, prediction: f64, out: &mut Manifold) {
-        let Facing { found, corners } = *facing;
+        let Facing { found, corners, .. } = *facing;
         let n = found.normal;
         let axes = frame(n);
         let views = views(pair, &axes);

@@ -37,6 +37,7 @@ pub use approach::Approach;
 pub use hull::{Hull, HullError};
 pub use manifold::{MAX_POINTS, Manifold, Point};
 pub use parting::{Parting, Partings};
+pub use recall::Known;
 pub use shape::ConvexShape;
 pub use surface::{Grid, MAX_SURFACE_POINTS, MeshSurface, Surface, collide_surface};
 
@@ -101,8 +102,8 @@ impl Solid {
 pub struct Reach {
     /// Distance beyond which nothing is a contact, m.
     pub prediction: f64,
-    /// The normal that the pair had in the last step, in the first's frame: what is found is the same without it, later.
-    pub known: Option<V>,
+    /// What is known of the pair from the last step: what is found is the same without it, later.
+    pub known: Option<Known>,
     /// How hulls move: contacts that do not count within the step may be left out.
     pub approach: Option<Approach>,
 }
@@ -127,8 +128,7 @@ impl Reach {
     /// What two hulls know of one another afterwards.
     fn parting(&self, pair: &Pair<'_>, facing: &Facing) -> Parting {
         let Separation { normal, separation, .. } = facing.found;
-        let spare = self.approach.map_or(0.0, |a| a.spare(normal, separation, pair.size));
-        Parting::new(pair, normal, facing.corners, spare)
+        Parting::new(pair, facing, self.approach.map_or(0.0, |a| a.spare(normal, separation, pair.size)))
     }
 }
 
@@ -221,7 +221,7 @@ pub fn collide(
             out.clear();
         }
     }
-    reach.known = reach.known.map(|n| unit_or(n, [0.0, 0.0, 1.0]));
+    reach.known = reach.known.map(|known| Known { normal: unit_or(known.normal, [0.0, 0.0, 1.0]), ..known });
     let facing = separation::nearest(&pair, &reach, &mut room.polytope);
     if !reach.is_left_out(&pair, &facing.found) {
         room.clipper.manifold(&pair, &facing, prediction, out);

@@ -20,7 +20,9 @@ use stepper_real::{Real, Scalar};
 
 use super::approach::Approach;
 use super::pair::Pair;
-use super::{ConvexShape, V, neg};
+use super::recall::Known;
+use super::separation::Facing;
+use super::{ConvexShape, neg};
 use crate::spatial::*;
 
 /// The part of what two hulls have to spare that the ball may bulge by: more makes it smaller, and leaves less for the hulls to move.
@@ -28,11 +30,14 @@ const BULGE: f64 = 0.2;
 /// Where it is less than this share of the hulls' size there is nothing to gain: the ball would be as good as a half space for a step or two.
 const LEAST: f64 = 1e-5;
 
-/// A normal of two hulls, and what parts them along it.
+/// A normal of two hulls, where it was found, and what parts them along it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Parting {
     /// n: from the first to the second, unit, in the first's frame.
     normal: [f32; 3],
+    /// Corners that are furthest that way and against it, and the other ends of the edges that it is across; the corners again, if it is not.
+    corners: [u32; 2],
+    ends: [u32; 2],
     /// p, in the second's frame, m.
     tip: [f32; 3],
     /// m, in the second's frame.
@@ -44,20 +49,22 @@ pub struct Parting {
 }
 
 impl Parting {
-    /// A normal along which nothing is known to part the hulls.
-    pub(crate) const fn none(normal: [f32; 3]) -> Self {
-        Self { normal, tip: [0.0; 3], axis: [0.0; 3], curve: 0.0, offset: f32::INFINITY }
-    }
+    /// Nothing.
+    pub(crate) const NONE: Self =
+        Self { normal: [0.0; 3], corners: [0; 2], ends: [0; 2], tip: [0.0; 3], axis: [0.0; 3], curve: 0.0, offset: f32::INFINITY };
 
-    /// What parts hulls that have `spare` (m) to spare along the unit vector `n`, if any; `corners` are the furthest that way.
-    pub(super) fn new(pair: &Pair<'_>, n: V, corners: [u32; 2], spare: f64) -> Self {
-        let (narrow, e) = (n.map(|x| x as f32), BULGE * spare);
+    /// What parts hulls that have `spare` (m) to spare along the normal that was found.
+    pub(super) fn new(pair: &Pair<'_>, facing: &Facing, spare: f64) -> Self {
+        let Facing { found, corners, ends } = *facing;
+        let (n, e) = (found.normal, BULGE * spare);
+        let narrow = n.map(|x| x as f32);
+        let unknown = Self { normal: narrow, corners, ends, ..Self::NONE };
         let (ConvexShape::Hull(a), ConvexShape::Hull(b), true) = (pair.a, pair.b, e > LEAST * pair.size) else {
-            return Self::none(narrow);
+            return unknown;
         };
         // Of the numbers as they are kept, so that what is rounded is true.
         let wide = |x: [f32; 3]| x.map(f64::from);
-        let [i, j] = corners.map(|c| c as usize);
+        let [i, j] = facing.corners.map(|c| c as usize);
         let tip = b.points()[j].map(|x| x as f32);
         let axis = neg(rotate_back(&pair.mat, n)).map(|x| x as f32);
         let (n, p, m) = (wide(narrow), wide(tip), wide(axis));
@@ -65,12 +72,13 @@ impl Parting {
         let q = f64::from(curve);
         let radius = (q * q * dot(m, m) + 2.0 * q * e + e * e).sqrt();
         let offset = dot(n, a.points()[i]) + radius * norm(n) - 0.5 * q * (dot(n, n) + dot(m, m));
-        Self { normal: narrow, tip, axis, curve, offset: offset as f32 }
+        Self { tip, axis, curve, offset: offset as f32, ..unknown }
     }
 
-    /// n
-    pub(crate) fn normal(&self) -> V {
-        self.normal.map(f64::from)
+    /// Where the next search begins.
+    pub fn known(&self) -> Known {
+        let [i, j] = self.corners;
+        Known { normal: self.normal.map(f64::from), edges: Some([[i, self.ends[0]], [j, self.ends[1]]]) }
     }
 }
 
@@ -87,14 +95,14 @@ pub struct Partings<R: Real> {
 impl<R: Real> Partings<R> {
     /// Nothing parts them in any lane.
     #[inline(always)]
-    pub(crate) fn none() -> Self {
+    pub fn none() -> Self {
         let zero = R::zero();
         Self { normal: [zero; 3], tip: [zero; 3], axis: [zero; 3], curve: zero, offset: R::splat(R::Scalar::INFINITY) }
     }
 
     /// Sets a lane.
     #[inline(always)]
-    pub(crate) fn set_lane(&mut self, lane: usize, parting: &Parting) {
+    pub fn set_lane(&mut self, lane: usize, parting: &Parting) {
         let of = |x: f32| R::Scalar::from_f64(f64::from(x));
         for k in 0..3 {
             self.normal[k].set_lane(lane, of(parting.normal[k]));
@@ -108,7 +116,7 @@ impl<R: Real> Partings<R> {
     /// Lanes in which no contact of hulls that approach one another so can count within the step: `apart` leads from the first's origin to the
     /// second's, `mats` are their axes, `size` is that of both, m.
     #[inline(always)]
-    pub(crate) fn keep(&self, apart: V3<R>, mats: [&M3<R>; 2], approach: &Approach<R>, size: f64) -> R::Mask {
+    pub fn keep(&self, apart: V3<R>, mats: [&M3<R>; 2], approach: &Approach<R>, size: f64) -> R::Mask {
         let n = rotate(mats[0], self.normal);
         let turned = add(n, rotate(mats[1], self.axis));
         // Axes are at right angles and of length 1 up to a few roundings.

@@ -183,7 +183,7 @@ impl<R: Real> Scene<'_, R> {
             let Search { narrow, known, found } = &mut *search;
             let reach = Reach {
                 prediction: reach.lane(lane).to_f64(),
-                known: known.of(lane, index).map(Parting::normal),
+                known: known.of(lane, index).map(Parting::known),
                 approach: approach.map(|x| x.lane(lane)),
             };
             let (points, parting) = narrow.collide([&first, &second], poses, reach);
@@ -236,7 +236,8 @@ impl<R: Real> Scene<'_, R> {
     fn approach(&self, pair: &PairPlan<R::Scalar>, reach: R) -> Approach<R> {
         let [a, b] = pair.geoms;
         // Contacts are halfway between the two, no further than half the reach from either: the ball about the lens that their balls share.
-        let [ra, rb] = [a, b].map(|g| self.plan.params.bound(g) + R::of(0.5) * reach);
+        let half = R::of(0.5) * reach;
+        let (ra, rb) = (self.plan.params.bound(a) + half, self.plan.params.bound(b) + half);
         let apart = sub(self.poses.pos[b], self.poses.pos[a]);
         let length = norm(apart).max(R::of(1e-9));
         let from_a = (R::of(0.5) * (length + (ra * ra - rb * rb) / length)).max(R::zero()).min(length);

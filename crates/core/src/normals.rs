@@ -71,15 +71,6 @@ impl Normals {
         }
     }
 
-    /// Takes over those of the same plan and number of lanes.
-    pub(crate) fn copy_from(&mut self, other: &Self) {
-        for lane in 0..other.count.len() {
-            self.count[lane] = other.count[lane];
-            let used = other.used(lane);
-            self.held[used.clone()].copy_from_slice(&other.held[used]);
-        }
-    }
-
     /// Forgets those of a lane.
     pub(crate) fn forget(&mut self, lane: usize) {
         if let Some(count) = self.count.get_mut(lane) {

@@ -82,14 +82,9 @@ impl<R: Real> GeomPoses<R> {
         }
     }
 
-    /// What is known of hulls that are near one another.
-    pub(crate) fn normals(&self) -> &Normals {
-        &self.search.found
-    }
-
-    /// Takes over what the last step left.
-    pub(crate) fn recall(&mut self, normals: &Normals) {
-        self.search.found.copy_from(normals);
+    /// Takes what a group's last step left, and leaves what was found last: before a group's steps and after them.
+    pub(crate) fn exchange(&mut self, normals: &mut Normals) {
+        std::mem::swap(&mut self.search.found, normals);
     }
 
     /// Begins a step: what the last one found is known.

@@ -1,18 +1,18 @@
 //! What parts two hulls for many steps: a half space that holds the first, and a ball that holds the second and bulges little towards the first.
 //!
 //! Each is fixed to its hull and made of its vertices alone, so no pose, reset or change of a state makes it untrue. With the first within
-//! n . x <= a, and the second within the ball of radius r about c = p - q m in its own frame, the hulls are parted along n by
+//! n . x <= a, and the second within the ball of radius q |m| + e about p - q m in its own frame, the hulls are parted along n by
 //!
 //! ```text
-//! n . (pos + mat c) - r |n| - a = n . (pos + mat p) - q |n + mat m|^2 / 2 - (a + r |n| - q (|n|^2 + |m|^2) / 2)
+//! n . (pos + mat (p - q m)) - (q |m| + e) |n| - a >= n . (pos + mat p) - q |n + mat m|^2 / 2 - (a + e |n|)
 //! ```
 //!
-//! at least. It is made with m = -mat^T n and p the second's furthest corner that way: what turning costs is then of second order in the angle, and
-//! the right side does not suffer where q is a hundred times the hull's size. The ball is the least that bulges by e beyond p: a corner w that is
+//! at least, and the right side does not suffer where q is a thousand times the hull's size. It is made with m = -mat^T n and p the second's furthest
+//! corner that way: what turning costs is then of second order in the angle. The ball is the least that bulges by e beyond p: a corner w that is
 //! t deep along m and l from p is within it where
 //!
 //! ```text
-//! (l^2 - e^2) / (2 (t + e)) <= q,        r^2 = q^2 |m|^2 + 2 q e + e^2.
+//! (l^2 - e^2) / (2 (t + e)) <= q.
 //! ```
 
 use serde::{Deserialize, Serialize};
@@ -26,9 +26,9 @@ use super::{ConvexShape, neg};
 use crate::spatial::*;
 
 /// The part of what two hulls have to spare that the ball may bulge by: more makes it smaller, and leaves less for the hulls to move.
-const BULGE: f64 = 0.2;
-/// Where it is less than this share of the hulls' size there is nothing to gain: the ball would be as good as a half space for a step or two.
-const LEAST: f64 = 1e-5;
+const BULGE: f64 = 0.05;
+/// With less to spare than this share of their size it would last for a step or two, and is not worth making.
+const LEAST: f64 = 5e-5;
 
 /// A normal of two hulls, where it was found, and what parts them along it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -44,7 +44,7 @@ pub struct Parting {
     axis: [f32; 3],
     /// q, m.
     curve: f32,
-    /// a + r |n| - q (|n|^2 + |m|^2) / 2, m; infinite where nothing is known to part them.
+    /// a + e |n|, m; infinite where nothing is known to part them.
     offset: f32,
 }
 
@@ -59,7 +59,7 @@ impl Parting {
         let (n, e) = (found.normal, BULGE * spare);
         let narrow = n.map(|x| x as f32);
         let unknown = Self { normal: narrow, corners, ends, ..Self::NONE };
-        let (ConvexShape::Hull(a), ConvexShape::Hull(b), true) = (pair.a, pair.b, e > LEAST * pair.size) else {
+        let (ConvexShape::Hull(a), ConvexShape::Hull(b), true) = (pair.a, pair.b, spare > LEAST * pair.size) else {
             return unknown;
         };
         // Of the numbers as they are kept, so that what is rounded is true.
@@ -69,9 +69,10 @@ impl Parting {
         let axis = neg(rotate_back(&pair.mat, n)).map(|x| x as f32);
         let (n, p, m) = (wide(narrow), wide(tip), wide(axis));
         let curve = (b.curve(p, m, e) * (1.0 + 1e-6)) as f32;
-        let q = f64::from(curve);
-        let radius = (q * q * dot(m, m) + 2.0 * q * e + e * e).sqrt();
-        let offset = dot(n, a.points()[i]) + radius * norm(n) - 0.5 * q * (dot(n, n) + dot(m, m));
+        // m is not quite a unit vector: the square of the radius is (q |m|)^2 + 2 q e + e^2.
+        let (q, flat) = (f64::from(curve), f64::from(curve) * norm(m));
+        let bulge = (2.0 * q * e + e * e) / (flat + (flat * flat + 2.0 * q * e + e * e).sqrt());
+        let offset = dot(n, a.points()[i]) + bulge * norm(n);
         Self { tip, axis, curve, offset: offset as f32, ..unknown }
     }
 
@@ -119,8 +120,7 @@ impl<R: Real> Partings<R> {
     pub fn keep(&self, apart: V3<R>, mats: [&M3<R>; 2], approach: &Approach<R>, size: f64) -> R::Mask {
         let n = rotate(mats[0], self.normal);
         let turned = add(n, rotate(mats[1], self.axis));
-        // Axes are at right angles and of length 1 up to a few roundings.
-        let curved = self.curve * (R::of(0.5) * dot(turned, turned) + R::of(16.0) * R::splat(R::Scalar::EPSILON));
+        let curved = R::of(0.5) * self.curve * dot(turned, turned);
         let gap = dot(n, add(apart, rotate(mats[1], self.tip))) - curved - self.offset;
         approach.keeps(self.normal, gap, size)
     }

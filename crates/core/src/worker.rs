@@ -127,15 +127,19 @@ impl Worker {
     }
 }
 
+/// Lanes of `n` in one register, or of two registers where that takes less time: it takes as much as 1.8 times one (docs/performance.md). With the
+/// sixteen registers of AVX2 it would take 2.2 to 2.5 times.
+fn lanes(n: usize, num_envs: usize, threads: usize, level: Level) -> usize {
+    let groups = |lanes: usize| num_envs.div_ceil(lanes).div_ceil(threads);
+    if level == Level::Avx512 && 9 * groups(2 * n) <= 5 * groups(n) { 2 * n } else { n }
+}
+
 impl Stepped for f64 {
     const LANES: usize = 8;
     const SINGLE: usize = 1;
 
-    /// Sixteen where that takes less time: it takes as much as 1.8 groups of eight (docs/performance.md). With the sixteen registers of AVX2 it
-    /// would take 2.2 to 2.5.
     fn lanes(num_envs: usize, threads: usize, level: Level) -> usize {
-        let groups = |lanes: usize| num_envs.div_ceil(lanes).div_ceil(threads);
-        if level == Level::Avx512 && 9 * groups(16) <= 5 * groups(8) { 16 } else { 8 }
+        lanes(8, num_envs, threads, level)
     }
 
     fn room(site: &Site<'_, f64>, lanes: usize, level: Level) -> Box<dyn Any + Send> {
@@ -174,16 +178,20 @@ impl Stepped for f32 {
     const LANES: usize = 16;
     const SINGLE: usize = 16;
 
-    fn lanes(_: usize, _: usize, _: Level) -> usize {
-        16
+    fn lanes(num_envs: usize, threads: usize, level: Level) -> usize {
+        lanes(16, num_envs, threads, level)
     }
 
-    fn room(site: &Site<'_, f32>, _lanes: usize, level: Level) -> Box<dyn Any + Send> {
-        at_level!(level, F32x16, make_room(site))
+    fn room(site: &Site<'_, f32>, lanes: usize, level: Level) -> Box<dyn Any + Send> {
+        if lanes == 32 { at_avx512!(F32x32, make_room(site)) } else { at_level!(level, F32x16, make_room(site)) }
     }
 
     fn run(call: &Call<'_, f32>, group: &mut Group<f32>, at: Place<'_, '_, f32>, level: Level, room: &mut (dyn Any + Send)) {
-        at_level!(level, F32x16, run_group(call, group, at, room));
+        if group.lanes == 32 {
+            at_avx512!(F32x32, run_group(call, group, at, room))
+        } else {
+            at_level!(level, F32x16, run_group(call, group, at, room))
+        }
     }
 
     fn numbers(array: Numbers<'_>) -> &mut [f32] {
@@ -194,7 +202,11 @@ impl Stepped for f32 {
     }
 
     fn sense(call: &Call<'_, f32>, group: &mut Group<f32>, first: usize, level: Level, room: &mut (dyn Any + Send), query: Query<'_>) {
-        at_level!(level, F32x16, read_group(call, group, first, room, query));
+        if group.lanes == 32 {
+            at_avx512!(F32x32, read_group(call, group, first, room, query))
+        } else {
+            at_level!(level, F32x16, read_group(call, group, first, room, query))
+        }
     }
 }
 

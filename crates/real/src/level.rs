@@ -174,7 +174,7 @@ macro_rules! at_level {
     }};
 }
 
-/// As [`at_level!`] at the level AVX-512, for the lane type that only this one has: `F64x16`.
+/// As [`at_level!`] at the level AVX-512, for the lane types that only this one has: `F64x16` and `F32x32`.
 ///
 /// # Panics
 /// When the machine or this build lacks the level.

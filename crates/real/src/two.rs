@@ -83,7 +83,7 @@ impl<R: Real<Half = R>> Real for Two<R> {
         register.set_lane(i % R::LANES, x);
     }
     #[inline(always)]
-    fn pick(self, order: &[u64]) -> R {
+    fn pick(self, order: &[u32]) -> R {
         R::pick_of_two(self.0, self.1, order)
     }
     #[inline(always)]

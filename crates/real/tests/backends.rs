@@ -64,7 +64,7 @@ fn operations<R: Real>(a: &[R::Scalar], b: &[R::Scalar], out: &mut [R::Scalar]) 
     subtracted -= b;
     multiplied *= b;
     divided /= b;
-    let mut lanes = [a.lane(0); 16];
+    let mut lanes = [a.lane(0); 32];
     b.store(&mut lanes);
     let loaded = R::load(&lanes);
     let mut replaced = a;
@@ -178,16 +178,23 @@ macro_rules! run {
     };
 }
 
+macro_rules! run_two {
+    ($lanes:ident) => {
+        |level, a: &[_], b: &[_], out: &mut [_]| {
+            let there = level == Level::Avx512;
+            if there {
+                at_avx512!($lanes, vectorized(a, b, out));
+            }
+            there
+        }
+    };
+}
+
 check!(check_f64, f64, 8, run!(F64x8));
 check!(check_alone, f64, 1, run!(F64x1));
 check!(check_f32, f32, 16, run!(F32x16));
-check!(check_two, f64, 16, |level, a: &[_], b: &[_], out: &mut [_]| {
-    let there = level == Level::Avx512;
-    if there {
-        at_avx512!(F64x16, vectorized(a, b, out));
-    }
-    there
-});
+check!(check_two, f64, 16, run_two!(F64x16));
+check!(check_two_f32, f32, 32, run_two!(F32x32));
 
 /// Values at which something changes: a sign, a case, a rounding, the range.
 macro_rules! specials {
@@ -241,6 +248,7 @@ proptest! {
     #[test]
     fn f32_lanes_give_the_bits_of_scalars(a in inputs!(f32, u32, specials_f32), b in inputs!(f32, u32, specials_f32)) {
         check_f32(&a, &b);
+        check_two_f32(&a, &b);
     }
 }
 
@@ -255,6 +263,7 @@ fn special_values_pair_by_pair() {
     let specials = specials_f32();
     for &a in &specials {
         check_f32(&vec![a; specials.len()], &specials);
+        check_two_f32(&vec![a; specials.len()], &specials);
     }
 }
 
@@ -274,24 +283,38 @@ fn a_lane_does_not_see_its_neighbours() {
     }
 }
 
-fn picked<R: Real>(x: &[R::Scalar], order: &[u64], out: &mut [R::Scalar]) {
+fn picked<R: Real>(x: &[R::Scalar], order: &[u32], out: &mut [R::Scalar]) {
     R::vectorize(
         #[inline(always)]
         || R::load(x).pick(order).store(out),
     )
 }
 
+/// Picks half of the lanes of two portable registers and of two of AVX-512.
+macro_rules! check_picks {
+    ($x:ident, $order:ident, $portable:ident, $lanes:ident) => {{
+        let expected: Vec<_> = $order.iter().map(|&l| $x[l as usize]).collect();
+        let mut out = expected.clone();
+        out.reverse();
+        picked::<Two<array::$portable>>(&$x, &$order, &mut out);
+        prop_assert_eq!(&out, &expected);
+        if Level::Avx512.is_available() {
+            out.reverse();
+            at_avx512!($lanes, picked(&$x, &$order, &mut out));
+            prop_assert_eq!(&out, &expected);
+        }
+    }};
+}
+
 proptest! {
     #[test]
-    fn lanes_are_picked_by_name(order in prop::collection::vec(0u64..16, 8), x in prop::collection::vec(-1e3..1e3f64, 16)) {
-        let expected: Vec<f64> = order.iter().map(|&l| x[l as usize]).collect();
-        let mut out = [0.0; 8];
-        picked::<Two<array::F64x8>>(&x, &order, &mut out);
-        prop_assert_eq!(&out[..], &expected[..]);
-        if Level::Avx512.is_available() {
-            at_avx512!(F64x16, picked(&x, &order, &mut out));
-            prop_assert_eq!(&out[..], &expected[..]);
-        }
+    fn lanes_are_picked_by_number(order in prop::collection::vec(0u32..16, 8), x in prop::collection::vec(-1e3..1e3f64, 16)) {
+        check_picks!(x, order, F64x8, F64x16);
+    }
+
+    #[test]
+    fn more_lanes_are_picked_by_number(order in prop::collection::vec(0u32..32, 16), x in prop::collection::vec(-1e3..1e3f32, 32)) {
+        check_picks!(x, order, F32x16, F32x32);
     }
 }
 

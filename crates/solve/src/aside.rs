@@ -18,7 +18,7 @@ pub(crate) struct Aside<R: Real> {
 #[derive(Clone, Copy)]
 pub(crate) struct Order {
     /// One for every lane of the half; those beyond the count are whatever comes first.
-    from: [u64; 16],
+    from: [u32; 16],
     count: usize,
 }
 
@@ -27,7 +27,7 @@ impl Order {
     fn of(mut bits: u32) -> Self {
         let mut order = Self { from: [0; 16], count: 0 };
         while bits != 0 {
-            order.from[order.count] = u64::from(bits.trailing_zeros());
+            order.from[order.count] = bits.trailing_zeros();
             order.count += 1;
             bits &= bits - 1;
         }
@@ -99,10 +99,11 @@ pub(crate) fn pause<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, run
     if R::LANES == R::Half::LANES {
         return false;
     }
-    let order = Order::of(run.running.bits());
-    if order.count > R::Half::LANES {
+    let running = run.running.bits();
+    if running.count_ones() as usize > R::Half::LANES {
         return false;
     }
+    let order = Order::of(running);
     let Some(mut aside) = iterate.aside.take() else { return false };
     let Aside { problem: part, iterate: own } = &mut *aside;
     problem.pick(&order, part);

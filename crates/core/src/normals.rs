@@ -78,6 +78,20 @@ impl Normals {
         }
     }
 
+    /// Those of `n` lanes from `first` on.
+    pub(crate) fn part(&self, first: usize, n: usize) -> Self {
+        let count = self.count.get(first..first + n).unwrap_or_default().to_vec();
+        Self { places: self.places, count, held: self.held[first * self.places..(first + n) * self.places].to_vec() }
+    }
+
+    /// Takes over those of `n` lanes from `first` on.
+    pub(crate) fn set_part(&mut self, first: usize, n: usize, part: &Self) {
+        if self.places > 0 {
+            self.count[first..first + n].copy_from_slice(&part.count);
+            self.held[first * self.places..(first + n) * self.places].copy_from_slice(&part.held);
+        }
+    }
+
     /// The same in one form only: what nobody can read is nothing.
     pub(crate) fn tidy(&mut self) {
         for lane in 0..self.count.len() {

@@ -159,7 +159,7 @@ impl<R: Real> Scene<'_, R> {
     #[inline(always)]
     fn convex(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, search: &mut Search, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
-        let near = match &self.plan.geoms[a].solid {
+        let mut near = match &self.plan.geoms[a].solid {
             Some(Solid::Surface(surface)) => match &**surface {
                 Surface::Grid(grid) => self.may_meet_terrain(grid, pair, near),
                 Surface::Mesh(_) => near,
@@ -167,25 +167,21 @@ impl<R: Real> Scene<'_, R> {
             _ => near,
         };
         let reach = R::splat(pair.margin) + self.poses.travel[a] + self.poses.travel[b] + self.slack;
-        let solids = [a, b].map(|g| self.plan.geoms[g].solid.as_ref().expect("made for every geom of this kernel"));
-        let hulls = Solid::size_of_hulls(solids).map(|size| (size, self.approach(pair, reach)));
-        let approach = hulls.map(|(_, approach)| approach);
-        let near = match hulls {
-            Some((size, approach)) => near.and_not(self.are_parted(index, pair, near, &approach, size, search)),
-            None => near,
-        };
+        let mut approach = None;
+        if let Some(size) = Solid::size_of_hulls([self.solid(a), self.solid(b)]) {
+            let moving = self.approach(pair, reach);
+            near = near.and_not(self.are_parted(index, pair, near, &moving, size, search));
+            approach = Some(moving);
+        }
         for lane in lanes(near.bits()) {
             let poses = [self.pose(a, lane), self.pose(b, lane)];
-            let [first, second] = [(a, solids[0]), (b, solids[1])].map(|(g, solid)| {
-                let own = solid.sized(of_lane(&self.plan.params.geom_size(g), lane));
-                own.map_or(Cow::Borrowed(solid), Cow::Owned)
-            });
+            let (first, second) = (self.solid_in(a, lane), self.solid_in(b, lane));
             let Search { narrow, known, found } = &mut *search;
-            let reach = Reach {
-                prediction: reach.lane(lane).to_f64(),
-                known: known.of(lane, index).map(Parting::known),
-                approach: approach.map(|x| x.lane(lane)),
-            };
+            let mut reach = Reach::from(reach.lane(lane).to_f64());
+            reach.known = known.of(lane, index).map(Parting::known);
+            if let Some(moving) = &approach {
+                reach.approach = Some(moving.lane(lane));
+            }
             let (points, parting) = narrow.collide([&first, &second], poses, reach);
             if let Some(parting) = parting {
                 found.keep(lane, index, &parting);
@@ -195,6 +191,18 @@ impl<R: Real> Scene<'_, R> {
                 self.offer(index, p.feature, pair, near.and(R::Mask::from_bits(1 << lane)), point, contacts);
             }
         }
+    }
+
+    #[inline(always)]
+    fn solid(&self, geom: usize) -> &Solid {
+        self.plan.geoms[geom].solid.as_ref().expect("made for every geom of this kernel")
+    }
+
+    /// Of the size that it has in a lane.
+    #[inline(always)]
+    fn solid_in(&self, geom: usize, lane: usize) -> Cow<'_, Solid> {
+        let solid = self.solid(geom);
+        solid.sized(of_lane(&self.plan.params.geom_size(geom), lane)).map_or(Cow::Borrowed(solid), Cow::Owned)
     }
 
     #[inline(always)]

@@ -5,6 +5,7 @@ use parry3d_f64::transformation::try_convex_hull;
 use thiserror::Error;
 
 use super::V;
+use super::blocks::{Block, Ring, SIDE, rings};
 use super::shape::furthest;
 use crate::spatial::*;
 
@@ -142,18 +143,13 @@ impl Hull {
         let mut q = 0.0;
         for block in &self.blocks {
             // With d = p - w: d . d - e^2 <= 2 q (d . m + e).
-            let lacks = |q: f64| {
-                let (k, c) = (add_scaled(scale(p, -2.0), m, 2.0 * q), dot(p, p) - e * e - 2.0 * q * (dot(p, m) + e));
-                let [x, y, z] = &block.at;
-                let lack: [f64; SIDE] = std::array::from_fn(|i| block.square[i] + (x[i] * k[0] + y[i] * k[1] + z[i] * k[2]));
-                (lack, -c)
-            };
-            let (lack, none) = lacks(q);
-            if lack.iter().fold(f64::NEG_INFINITY, |most, &x| if x > most { x } else { most }) > none {
-                for i in 0..SIDE {
-                    let d = sub(p, std::array::from_fn(|k| block.at[k][i]));
-                    q = f64::max(q, (dot(d, d) - e * e) / (2.0 * (dot(d, m) + e)));
-                }
+            let (along, most) = (add_scaled(scale(p, -2.0), m, 2.0 * q), 2.0 * q * (dot(p, m) + e) + e * e - dot(p, p));
+            if block.highest(along) > most {
+                let needed = block.points().map(|w| {
+                    let d = sub(p, w);
+                    (dot(d, d) - e * e) / (2.0 * (dot(d, m) + e))
+                });
+                q = needed.fold(q, f64::max);
             }
         }
         q
@@ -262,66 +258,6 @@ impl Hull {
             self.around[vertex].iter().for_each(|&f| visit(self.faces[f as usize].normal));
         }
     }
-}
-
-/// Points of a [`Ring`].
-const SIDE: usize = 8;
-
-/// Some of the points across an edge from a point: enough for most points, and a number that the compiler makes vectors of.
-#[derive(Clone, Debug, PartialEq)]
-struct Ring {
-    /// From the point to each, m, by coordinate; zeros where there are fewer.
-    edge: [[f64; SIDE]; 3],
-    /// Squares of their lengths, m^2.
-    square: [f64; SIDE],
-    to: [u32; SIDE],
-}
-
-impl Ring {
-    /// How far each is from the point along `d`.
-    #[inline(always)]
-    fn along(&self, d: V) -> [f64; SIDE] {
-        let [x, y, z] = &self.edge;
-        std::array::from_fn(|k| x[k] * d[0] + y[k] * d[1] + z[k] * d[2])
-    }
-}
-
-/// Some of the points, the last repeated where there are fewer.
-#[derive(Clone, Debug, PartialEq)]
-struct Block {
-    /// By coordinate, m.
-    at: [[f64; SIDE]; 3],
-    /// Squares of their distances from the origin, m^2.
-    square: [f64; SIDE],
-}
-
-impl Block {
-    fn new(points: &[V]) -> Self {
-        let point = |i: usize| points[i.min(points.len() - 1)];
-        Self { at: std::array::from_fn(|k| std::array::from_fn(|i| point(i)[k])), square: std::array::from_fn(|i| dot(point(i), point(i))) }
-    }
-}
-
-/// The rings of all points, one after the other, and where each point's begin.
-fn rings(points: &[V], triangles: &[[u32; 3]]) -> (Vec<Ring>, Vec<u32>) {
-    let mut beside: Vec<Vec<u32>> = vec![vec![]; points.len()];
-    for t in triangles {
-        (0..3).for_each(|k| beside[t[k] as usize].push(t[(k + 1) % 3]));
-    }
-    let (mut rings, mut first) = (vec![], vec![0]);
-    for (p, beside) in points.iter().zip(&beside) {
-        for some in beside.chunks(SIDE) {
-            let mut ring = Ring { edge: [[0.0; SIDE]; 3], square: [0.0; SIDE], to: [0; SIDE] };
-            for (k, &v) in some.iter().enumerate() {
-                let e = sub(points[v as usize], *p);
-                (0..3).for_each(|i| ring.edge[i][k] = e[i]);
-                (ring.square[k], ring.to[k]) = (dot(e, e), v);
-            }
-            rings.push(ring);
-        }
-        first.push(rings.len() as u32);
-    }
-    (rings, first)
 }
 
 /// Cells along the edge of a side of the cube of [`Hull::start`].

@@ -15,6 +15,7 @@
 //! call: the same poses give the same contacts, whether a normal from before is known (`recall.rs`), or what parts the two (`parting.rs`), or not.
 
 mod approach;
+mod blocks;
 mod boxes;
 mod clip;
 mod expand;

@@ -1,7 +1,8 @@
 //! The contact normal of two hulls, if it is one of few near what it was in the last step.
 //!
-//! Along the old normal a face of one hull, or an edge of each, is tried as the facet of their difference that is nearest to the origin. It is
-//! taken only where that is certain, so what is found does not depend on what was known: without it, the search from scratch finds the same.
+//! The old edges, then along the old normal a face of one hull, or an edge of each, are tried as the facet of their difference that is nearest to the
+//! origin; then what a search for the nearest points that begins there ends at. A facet is taken only where that is certain, so what is found does not
+//! depend on what was known: without it, the search from scratch finds the same.
 //!
 //! With n the facet's normal, s its separation and the nearest point at least `room` within its outline, it is certain where the hulls are apart
 //! (two points at the distance s prove it), and where they overlap by d = -s and the ball of radius d about the origin lies in what is known of

@@ -24,9 +24,23 @@ use crate::normals::Normals;
 use crate::plan::{Kernel, LanePlan, PairPlan, Plan};
 use crate::spatial::*;
 
-/// Where the colliding geoms are and how far they can get.
+/// Where the colliding geoms are, which of them are near one another, and the search for their contacts.
 #[derive(Clone, Debug)]
 pub struct GeomPoses<R: Real> {
+    placed: Placed<R>,
+    /// What gravity covers in a step, m.
+    slack: R,
+    /// Listed pairs that can touch, and the lanes (bits) in which they can; with room for one more.
+    near: Vec<(u32, u32)>,
+    /// How many there are.
+    near_count: usize,
+    broad: Broad,
+    search: Search,
+}
+
+/// Where the geoms are and how far they can get.
+#[derive(Clone, Debug)]
+struct Placed<R: Real> {
     pos: Vec<V3<R>>,
     /// Whole orientation; only its z axis is kept up where that is all that is read.
     mat: Vec<M3<R>>,
@@ -41,16 +55,10 @@ pub struct GeomPoses<R: Real> {
     /// Radius of a ball about the geom's origin that holds it in two free steps, of a plane only its way, m.
     extent: Vec<R>,
     velocity: Vec<V6<R>>,
-    /// Listed pairs that can touch, and the lanes (bits) in which they can; with room for one more.
-    near: Vec<(u32, u32)>,
-    /// How many there are.
-    near_count: usize,
-    broad: Broad,
-    search: Search,
 }
 
 /// The narrow phase, and where it looks first.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 struct Search {
     narrow: Narrow,
     /// Normals of the last step: where a search begins, however often a step searches.
@@ -63,14 +71,8 @@ impl<R: Real> GeomPoses<R> {
     /// Room for a plan; geoms of the world are placed where the model has them.
     pub fn new(plan: &Plan<R::Scalar>) -> Self {
         Self {
-            pos: (0..plan.geoms.len()).map(|g| splat(plan.params.geom_pos(g))).collect(),
-            mat: plan.geoms.iter().map(|g| splat(g.mat)).collect(),
-            travel: vec![R::zero(); plan.geoms.len()],
-            lead: vec![R::zero(); plan.geoms.len()],
-            extent: vec![R::zero(); plan.geoms.len()],
-            fast: vec![false; plan.geoms.len()],
-            led_by: vec![zero(); plan.links.len()],
-            velocity: vec![zero(); plan.links.len()],
+            placed: Placed::new(plan),
+            slack: R::zero(),
             near: vec![(0, 0); plan.pairs.len() + 1],
             near_count: 0,
             broad: Broad::default(),
@@ -101,7 +103,45 @@ impl<R: Real> GeomPoses<R> {
     /// Places the geoms that are fixed to the world, where environments may have them elsewhere.
     pub(crate) fn settle(&mut self, plan: &LanePlan<R>) {
         for (i, _) in plan.geoms.iter().enumerate().filter(|(_, g)| g.frame == 0) {
-            self.pos[i] = plan.params.geom_pos(i);
+            self.placed.pos[i] = plan.params.geom_pos(i);
+        }
+    }
+
+    /// Lists the pairs that can touch in any of the lanes `alive`, ascending. Most cannot, and a robot has hundreds: what the pairs of a geom share is
+    /// kept at hand, and nothing branches.
+    #[inline(always)]
+    fn find_near(&mut self, plan: &LanePlan<R>, alive: R::Mask) {
+        let Self { placed: Placed { pos, extent, mat, .. }, slack, near, .. } = self;
+        let (mut index, mut count) = (0, 0);
+        for run in plan.pairs.chunk_by(|a, b| a.geoms[0] == b.geoms[0]) {
+            let a = run[0].geoms[0];
+            let (is_plane, normal, centre, reach) = (plan.geoms[a].is_plane, column(&mat[a], 2), pos[a], extent[a] + *slack);
+            for pair in run {
+                let b = pair.geoms[1];
+                let (apart, reach) = (sub(pos[b], centre), reach + extent[b] + R::splat(pair.margin));
+                let touch = if is_plane { dot(apart, normal).lt(reach) } else { dot(apart, apart).lt(reach * reach) };
+                let lanes = alive.and(touch).bits();
+                near[count] = (index, lanes);
+                count += usize::from(lanes != 0);
+                index += 1;
+            }
+        }
+        self.near_count = count;
+    }
+}
+
+impl<R: Real> Placed<R> {
+    fn new(plan: &Plan<R::Scalar>) -> Self {
+        let zeros = || vec![R::zero(); plan.geoms.len()];
+        Self {
+            pos: (0..plan.geoms.len()).map(|g| splat(plan.params.geom_pos(g))).collect(),
+            mat: plan.geoms.iter().map(|g| splat(g.mat)).collect(),
+            travel: zeros(),
+            lead: zeros(),
+            fast: vec![false; plan.geoms.len()],
+            led_by: vec![zero(); plan.links.len()],
+            extent: zeros(),
+            velocity: vec![zero(); plan.links.len()],
         }
     }
 
@@ -133,28 +173,6 @@ impl<R: Real> GeomPoses<R> {
         for (i, g) in plan.geoms.iter().enumerate() {
             self.extent[i] = if g.is_plane { self.travel[i] } else { self.travel[i] + plan.params.bound(i) };
         }
-    }
-
-    /// Lists the pairs that can touch in any of the lanes `alive`, ascending. Most cannot, and a robot has hundreds: what the pairs of a geom share is
-    /// kept at hand, and nothing branches.
-    #[inline(always)]
-    fn find_near(&mut self, plan: &LanePlan<R>, slack: R, alive: R::Mask) {
-        let Self { pos, extent, mat, near, .. } = self;
-        let (mut index, mut count) = (0, 0);
-        for run in plan.pairs.chunk_by(|a, b| a.geoms[0] == b.geoms[0]) {
-            let a = run[0].geoms[0];
-            let (is_plane, normal, centre, reach) = (plan.geoms[a].is_plane, column(&mat[a], 2), pos[a], extent[a] + slack);
-            for pair in run {
-                let b = pair.geoms[1];
-                let (apart, reach) = (sub(pos[b], centre), reach + extent[b] + R::splat(pair.margin));
-                let touch = if is_plane { dot(apart, normal).lt(reach) } else { dot(apart, apart).lt(reach * reach) };
-                let lanes = alive.and(touch).bits();
-                near[count] = (index, lanes);
-                count += usize::from(lanes != 0);
-                index += 1;
-            }
-        }
-        self.near_count = count;
     }
 
     /// Bounds on the ways of all geoms from the beginning of the step; leaves the velocities of the links on them.
@@ -198,68 +216,63 @@ pub fn detect<R: Real>(
     if plan.geoms.is_empty() {
         return R::Mask::splat(false);
     }
-    let slack = slack(plan, h);
     let leads = plan.has_thin && lead.gt(R::zero()).any();
     R::vectorize(
         #[inline(always)]
         || {
-            poses.place(plan, kinematics);
-            poses.update_travel(plan, kinematics, v_free, h + h);
-            poses.find_near(plan, slack, alive);
+            poses.slack = slack(plan, h);
+            poses.placed.place(plan, kinematics);
+            poses.placed.update_travel(plan, kinematics, v_free, h + h);
+            poses.find_near(plan, alive);
         },
     );
-    let (mut broad, near) = (std::mem::take(&mut poses.broad), std::mem::take(&mut poses.near));
+    let GeomPoses { placed, slack, near, near_count, broad, search } = poses;
+    let (near, slack) = (&near[..*near_count], *slack);
     if let Some(crowd) = &plan.crowd {
-        broad.find(plan, crowd, alive.bits(), &poses.pos, &poses.travel, slack);
+        broad.find(plan, crowd, alive.bits(), &placed.pos, &placed.travel, slack);
     }
     let is_thin = |&(index, _): &(u32, u32)| !plan.geoms[plan.pairs[index as usize].geoms[0]].is_plane;
-    let leads = leads && (plan.crowd.is_some() || near[..poses.near_count].iter().any(is_thin));
+    let leads = leads && (plan.crowd.is_some() || near.iter().any(is_thin));
     if leads {
         R::vectorize(
             #[inline(always)]
-            || poses.update_lead(plan, kinematics, v, lead),
+            || placed.update_lead(plan, kinematics, v, lead),
         );
     }
-    let too_far = R::vectorize(
+    R::vectorize(
         #[inline(always)]
         || {
-            let mut search = std::mem::take(&mut poses.search);
-            let scene = Scene { plan, kinematics, poses, h, slack, lead, leads };
+            let scene = Scene { plan, kinematics, poses: placed, h, slack, lead, leads };
             let mut too_far = R::Mask::splat(false);
-            for &(index, lanes) in &near[..poses.near_count] {
+            for &(index, lanes) in near {
                 let (index, lanes) = (index as usize, R::Mask::from_bits(lanes));
-                too_far = too_far.or(scene.collide(index, &plan.pairs[index], lanes, &mut search, contacts));
+                too_far = too_far.or(scene.collide(index, &plan.pairs[index], lanes, search, contacts));
             }
             if let Some(crowd) = &plan.crowd {
                 for &(number, lanes) in &broad.pairs {
                     if let Some(pair) = crowd.pair(number) {
                         let lanes = R::Mask::from_bits(lanes).and(scene.can_touch(&pair));
                         if lanes.any() {
-                            too_far = too_far.or(scene.collide(number, &pair, lanes, &mut search, contacts));
+                            too_far = too_far.or(scene.collide(number, &pair, lanes, search, contacts));
                         }
                     }
                 }
             }
-            poses.search = search;
             too_far
         },
-    );
-    (poses.broad, poses.near) = (broad, near);
-    too_far
+    )
 }
 
 /// What gravity covers in a step, and a micrometre for scenes without it.
+#[inline(always)]
 fn slack<R: Real>(plan: &LanePlan<R>, h: R) -> R {
-    R::vectorize(
-        #[inline(always)]
-        || norm(plan.params.gravity()) * h * h + R::of(1e-6),
-    )
+    norm(plan.params.gravity()) * h * h + R::of(1e-6)
 }
 
 struct Scene<'a, R: Real> {
     plan: &'a LanePlan<R>,
     kinematics: &'a Kinematics<R>,
-    poses: &'a GeomPoses<R>,
+    poses: &'a Placed<R>,
     h: R,
     slack: R,
     lead: R,

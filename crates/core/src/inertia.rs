@@ -21,8 +21,6 @@ pub struct MassMatrix<R: Real> {
     pub sqrt_inv_d: Vec<R>,
     /// sqrt(D).
     pub sqrt_d: Vec<R>,
-    /// Of the row that is being factored: how much of each row below is subtracted.
-    shares: Vec<R>,
 }
 
 impl<R: Real> MassMatrix<R> {
@@ -33,7 +31,6 @@ impl<R: Real> MassMatrix<R> {
             inv_d: vec![R::zero(); plan.nv],
             sqrt_inv_d: vec![R::zero(); plan.nv],
             sqrt_d: vec![R::zero(); plan.nv],
-            shares: vec![R::zero(); plan.nv],
         }
     }
 
@@ -84,40 +81,30 @@ impl<R: Real> MassMatrix<R> {
 
     /// Replaces M by its factors.
     ///
-    /// From the leaves, a row at a time: what all rows below it subtract from it is summed where it stays in registers.
+    /// From the leaves, a row at a time and up to eight columns of it: what all rows below it subtract from them is summed where it stays in
+    /// registers.
     #[inline(always)]
     pub fn factor(&mut self, plan: &LanePlan<R>) {
+        let Self { entries, inv_d, .. } = self;
         for i in (0..plan.nv).rev() {
-            let dof = &plan.dofs[i];
-            let below = plan.below(i);
-            for (share, d) in self.shares.iter_mut().zip(below) {
-                *share = self.entries[d.entry as usize] * self.inv_d[d.dof as usize];
+            let (dof, below) = (&plan.dofs[i], plan.below(i));
+            for k in (0..dof.depth).step_by(8) {
+                match dof.depth - k {
+                    1 => subtract::<R, 1>(entries, inv_d, dof.chain, k, below),
+                    2 => subtract::<R, 2>(entries, inv_d, dof.chain, k, below),
+                    3 => subtract::<R, 3>(entries, inv_d, dof.chain, k, below),
+                    4 => subtract::<R, 4>(entries, inv_d, dof.chain, k, below),
+                    5 => subtract::<R, 5>(entries, inv_d, dof.chain, k, below),
+                    6 => subtract::<R, 6>(entries, inv_d, dof.chain, k, below),
+                    7 => subtract::<R, 7>(entries, inv_d, dof.chain, k, below),
+                    _ => subtract::<R, 8>(entries, inv_d, dof.chain, k, below),
+                }
             }
-            let shares = &self.shares[..below.len()];
-            let mut k = 0;
-            while dof.depth - k >= 8 {
-                subtract::<R, 8>(&mut self.entries, dof.chain, k, below, shares);
-                k += 8;
-            }
-            if dof.depth - k >= 4 {
-                subtract::<R, 4>(&mut self.entries, dof.chain, k, below, shares);
-                k += 4;
-            }
-            if dof.depth - k >= 2 {
-                subtract::<R, 2>(&mut self.entries, dof.chain, k, below, shares);
-                k += 2;
-            }
-            if dof.depth > k {
-                subtract::<R, 1>(&mut self.entries, dof.chain, k, below, shares);
-            }
-            for (&share, d) in shares.iter().zip(below) {
-                self.entries[d.entry as usize] = share;
-            }
-            let inv = R::one() / self.entries[dof.chain];
+            let inv = R::one() / entries[dof.chain];
             let root = inv.sqrt();
-            self.inv_d[i] = inv;
+            inv_d[i] = inv;
             self.sqrt_inv_d[i] = root;
-            self.sqrt_d[i] = self.entries[dof.chain] * root;
+            self.sqrt_d[i] = entries[dof.chain] * root;
         }
     }
 
@@ -199,20 +186,24 @@ impl<R: Real> MassMatrix<R> {
     }
 }
 
-/// Subtracts from entries `k..k + N` of the row that starts at `row` the shares of the same columns of the rows below.
+/// Subtracts from entries `k..k + N` of the row that starts at `row` their shares of the same columns of the rows below. The share of a row, its
+/// entry of L, is found with the first columns and kept in the place of its entry of M.
 #[inline(always)]
-fn subtract<R: Real, const N: usize>(entries: &mut [R], row: usize, k: usize, below: &[Below], shares: &[R]) {
-    let at = row + k;
-    let mut sum = [R::zero(); N];
-    sum.copy_from_slice(&entries[at..at + N]);
-    for (d, &share) in below.iter().zip(shares) {
-        let at = d.entry as usize + k;
-        let other = &entries[at..at + N];
+fn subtract<R: Real, const N: usize>(entries: &mut [R], inv_d: &[R], row: usize, k: usize, below: &[Below]) {
+    let (mut sum, mut other) = ([R::zero(); N], [R::zero(); N]);
+    sum.copy_from_slice(&entries[row + k..row + k + N]);
+    for d in below {
+        let at = d.entry as usize;
+        other.copy_from_slice(&entries[at + k..at + k + N]);
+        let share = if k == 0 { other[0] * inv_d[d.dof as usize] } else { entries[at] };
         for j in 0..N {
             sum[j] -= share * other[j];
         }
+        if k == 0 {
+            entries[at] = share;
+        }
     }
-    entries[at..at + N].copy_from_slice(&sum);
+    entries[row + k..row + k + N].copy_from_slice(&sum);
 }
 
 /// Coriolis, centrifugal and gravitational forces: recursive Newton-Euler with zero joint acceleration, world-aligned.

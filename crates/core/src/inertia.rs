@@ -5,7 +5,7 @@ use stepper_real::Real;
 use crate::drive::Theta;
 use crate::kinematics::Kinematics;
 use crate::model::JointKind;
-use crate::plan::{Below, DofParams, LanePlan, Plan};
+use crate::plan::{Below, Dof, DofParams, LanePlan, Plan};
 use crate::spatial::*;
 
 /// The mass matrix of a tree of joints and its factors M = L^T D L (Featherstone 2008, section 6.5).
@@ -88,17 +88,9 @@ impl<R: Real> MassMatrix<R> {
         let Self { entries, inv_d, .. } = self;
         for i in (0..plan.nv).rev() {
             let (dof, below) = (&plan.dofs[i], plan.below(i));
-            for k in (0..dof.depth).step_by(8) {
-                match dof.depth - k {
-                    1 => subtract::<R, 1>(entries, inv_d, dof.chain, k, below),
-                    2 => subtract::<R, 2>(entries, inv_d, dof.chain, k, below),
-                    3 => subtract::<R, 3>(entries, inv_d, dof.chain, k, below),
-                    4 => subtract::<R, 4>(entries, inv_d, dof.chain, k, below),
-                    5 => subtract::<R, 5>(entries, inv_d, dof.chain, k, below),
-                    6 => subtract::<R, 6>(entries, inv_d, dof.chain, k, below),
-                    7 => subtract::<R, 7>(entries, inv_d, dof.chain, k, below),
-                    _ => subtract::<R, 8>(entries, inv_d, dof.chain, k, below),
-                }
+            subtract_columns(entries, inv_d, dof, 0, below);
+            for k in (8..dof.depth).step_by(8) {
+                subtract_columns(entries, inv_d, dof, k, below);
             }
             let inv = R::one() / entries[dof.chain];
             let root = inv.sqrt();
@@ -183,6 +175,21 @@ impl<R: Real> MassMatrix<R> {
             *x *= inv;
         }
         self.solve_lower(plan, x);
+    }
+}
+
+/// Subtracts from up to eight columns of a row, from the `k`-th on, what the rows below it have there.
+#[inline(always)]
+fn subtract_columns<R: Real>(entries: &mut [R], inv_d: &[R], dof: &Dof, k: usize, below: &[Below]) {
+    match dof.depth - k {
+        1 => subtract::<R, 1>(entries, inv_d, dof.chain, k, below),
+        2 => subtract::<R, 2>(entries, inv_d, dof.chain, k, below),
+        3 => subtract::<R, 3>(entries, inv_d, dof.chain, k, below),
+        4 => subtract::<R, 4>(entries, inv_d, dof.chain, k, below),
+        5 => subtract::<R, 5>(entries, inv_d, dof.chain, k, below),
+        6 => subtract::<R, 6>(entries, inv_d, dof.chain, k, below),
+        7 => subtract::<R, 7>(entries, inv_d, dof.chain, k, below),
+        _ => subtract::<R, 8>(entries, inv_d, dof.chain, k, below),
     }
 }
 

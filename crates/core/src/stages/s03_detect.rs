@@ -12,7 +12,9 @@ mod meet;
 mod passed;
 mod terrain;
 
-use stepper_real::{Mask, Real};
+use std::ops::Range;
+
+use stepper_real::{Mask, Real, Scalar};
 
 pub use self::passed::may_have_passed;
 use crate::broad::Broad;
@@ -30,12 +32,23 @@ pub struct GeomPoses<R: Real> {
     placed: Placed<R>,
     /// What gravity covers in a step, m.
     slack: R,
+    /// Listed pairs, cut where the first geom or the margin changes.
+    runs: Vec<Range<usize>>,
     /// Listed pairs that can touch, and the lanes (bits) in which they can; with room for one more.
     near: Vec<(u32, u32)>,
     /// How many there are.
     near_count: usize,
     broad: Broad,
     search: Search,
+}
+
+fn runs<S: Scalar>(pairs: &[PairPlan<S>]) -> Vec<Range<usize>> {
+    let mut end = 0;
+    let run = |pairs: &[PairPlan<S>]| {
+        end += pairs.len();
+        end - pairs.len()..end
+    };
+    pairs.chunk_by(|a, b| (a.geoms[0], a.margin) == (b.geoms[0], b.margin)).map(run).collect()
 }
 
 /// Where the geoms are and how far they can get.
@@ -52,8 +65,8 @@ struct Placed<R: Real> {
     fast: Vec<bool>,
     /// Velocities of the links on that way.
     led_by: Vec<V6<R>>,
-    /// Radius of a ball about the geom's origin that holds it in two free steps, of a plane only its way, m.
-    extent: Vec<R>,
+    /// Ball about the geom's origin that holds it in two free steps (centre, radius), of a plane only its way, m.
+    balls: Vec<[R; 4]>,
     velocity: Vec<V6<R>>,
 }
 
@@ -73,6 +86,7 @@ impl<R: Real> GeomPoses<R> {
         Self {
             placed: Placed::new(plan),
             slack: R::zero(),
+            runs: runs(&plan.pairs),
             near: vec![(0, 0); plan.pairs.len() + 1],
             near_count: 0,
             broad: Broad::default(),
@@ -111,19 +125,19 @@ impl<R: Real> GeomPoses<R> {
     /// kept at hand, and nothing branches.
     #[inline(always)]
     fn find_near(&mut self, plan: &LanePlan<R>, alive: R::Mask) {
-        let Self { placed: Placed { pos, extent, mat, .. }, slack, near, .. } = self;
-        let (mut index, mut count) = (0, 0);
-        for run in plan.pairs.chunk_by(|a, b| a.geoms[0] == b.geoms[0]) {
-            let a = run[0].geoms[0];
-            let (is_plane, normal, centre, reach) = (plan.geoms[a].is_plane, column(&mat[a], 2), pos[a], extent[a] + *slack);
-            for pair in run {
-                let b = pair.geoms[1];
-                let (apart, reach) = (sub(pos[b], centre), reach + extent[b] + R::splat(pair.margin));
+        let Self { placed: Placed { balls, mat, .. }, slack, runs, near, .. } = self;
+        let mut count = 0;
+        for run in &*runs {
+            let PairPlan { geoms: [a, _], margin, .. } = plan.pairs[run.start];
+            let ([x, y, z, radius], is_plane, normal) = (balls[a], plan.geoms[a].is_plane, column(&mat[a], 2));
+            let (centre, reach) = ([x, y, z], radius + *slack + R::splat(margin));
+            for (index, pair) in (run.start as u32..).zip(&plan.pairs[run.clone()]) {
+                let [x, y, z, radius] = balls[pair.geoms[1]];
+                let (apart, reach) = (sub([x, y, z], centre), reach + radius);
                 let touch = if is_plane { dot(apart, normal).lt(reach) } else { dot(apart, apart).lt(reach * reach) };
                 let lanes = alive.and(touch).bits();
                 near[count] = (index, lanes);
                 count += usize::from(lanes != 0);
-                index += 1;
             }
         }
         self.near_count = count;
@@ -140,7 +154,7 @@ impl<R: Real> Placed<R> {
             lead: zeros(),
             fast: vec![false; plan.geoms.len()],
             led_by: vec![zero(); plan.links.len()],
-            extent: zeros(),
+            balls: vec![zero(); plan.geoms.len()],
             velocity: vec![zero(); plan.links.len()],
         }
     }
@@ -171,7 +185,9 @@ impl<R: Real> Placed<R> {
         kinematics.velocities(plan, v, &mut self.velocity);
         ways(plan, kinematics, &self.pos, &self.velocity, time, &mut self.travel);
         for (i, g) in plan.geoms.iter().enumerate() {
-            self.extent[i] = if g.is_plane { self.travel[i] } else { self.travel[i] + plan.params.bound(i) };
+            let radius = if g.is_plane { self.travel[i] } else { self.travel[i] + plan.params.bound(i) };
+            let [x, y, z] = self.pos[i];
+            self.balls[i] = [x, y, z, radius];
         }
     }
 
@@ -226,7 +242,7 @@ pub fn detect<R: Real>(
             poses.find_near(plan, alive);
         },
     );
-    let GeomPoses { placed, slack, near, near_count, broad, search } = poses;
+    let GeomPoses { placed, slack, near, near_count, broad, search, .. } = poses;
     let (near, slack) = (&near[..*near_count], *slack);
     if let Some(crowd) = &plan.crowd {
         broad.find(plan, crowd, alive.bits(), &placed.pos, &placed.travel, slack);
@@ -292,7 +308,7 @@ impl<R: Real> Scene<'_, R> {
     fn can_touch(&self, pair: &PairPlan<R::Scalar>) -> R::Mask {
         let [a, b] = pair.geoms;
         let apart = sub(self.poses.pos[b], self.poses.pos[a]);
-        let reach = self.poses.extent[a] + self.poses.extent[b] + R::splat(pair.margin) + self.slack;
+        let reach = self.poses.balls[a][3] + self.poses.balls[b][3] + R::splat(pair.margin) + self.slack;
         dot(apart, apart).lt(reach * reach)
     }
 

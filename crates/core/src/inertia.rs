@@ -100,15 +100,32 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
+    /// Row `i` of L and the dofs of its entries.
+    #[inline(always)]
+    fn row<'a>(&'a self, plan: &'a LanePlan<R>, i: usize) -> (&'a [R], &'a [u32]) {
+        let dof = &plan.dofs[i];
+        (&self.entries[dof.chain..dof.chain + dof.depth], plan.chain_of(i))
+    }
+
     /// x <- L^-T x
     #[inline(always)]
     pub fn solve_lower_transposed(&self, plan: &LanePlan<R>, x: &mut [R]) {
-        for i in (0..plan.nv).rev() {
-            let dof = &plan.dofs[i];
-            let (row, chain) = (&self.entries[dof.chain..dof.chain + dof.depth], plan.chain_of(i));
-            let xi = x[i];
-            for (&l, &a) in row[1..].iter().zip(&chain[1..]) {
-                x[a as usize] -= l * xi;
+        let mut i = plan.nv;
+        while i > 0 {
+            i -= 1;
+            let ((row, chain), xi) = (self.row(plan, i), x[i]);
+            if !is_above(i, chain) {
+                for (&l, &a) in row[1..].iter().zip(&chain[1..]) {
+                    x[a as usize] -= l * xi;
+                }
+                continue;
+            }
+            // The parent is the row before and has the same ancestors: both at once.
+            i -= 1;
+            let ((above, chain), parent) = (self.row(plan, i), x[i] - row[1] * xi);
+            x[i] = parent;
+            for ((&l, &m), &a) in row[2..].iter().zip(&above[1..]).zip(&chain[1..]) {
+                x[a as usize] = (x[a as usize] - l * xi) - m * parent;
             }
         }
     }
@@ -116,15 +133,27 @@ impl<R: Real> MassMatrix<R> {
     /// x <- L^-1 x
     #[inline(always)]
     pub fn solve_lower(&self, plan: &LanePlan<R>, x: &mut [R]) {
-        for i in 0..plan.nv {
-            let dof = &plan.dofs[i];
-            let (row, chain) = (&self.entries[dof.chain..dof.chain + dof.depth], plan.chain_of(i));
-            let mut sum = x[i];
-            // Towards the root, so that the newest value, the parent's, comes first and the rest can be in flight.
-            for (&l, &a) in row[1..].iter().zip(&chain[1..]).rev() {
+        let mut i = 0;
+        while i < plan.nv {
+            // Towards the leaves, so that the newest value, the parent's, comes last and the rest can be in flight.
+            let ((row, chain), mut sum) = (self.row(plan, i), x[i]);
+            if i + 1 == plan.nv || !is_above(i + 1, plan.chain_of(i + 1)) {
+                for (&l, &a) in row[1..].iter().zip(&chain[1..]).rev() {
+                    sum -= l * x[a as usize];
+                }
+                x[i] = sum;
+                i += 1;
+                continue;
+            }
+            // The next row is a child and has the same ancestors: both at once.
+            let ((below, _), mut child) = (self.row(plan, i + 1), x[i + 1]);
+            for ((&l, &m), &a) in row[1..].iter().zip(&below[2..]).zip(&chain[1..]).rev() {
                 sum -= l * x[a as usize];
+                child -= m * x[a as usize];
             }
             x[i] = sum;
+            x[i + 1] = child - below[1] * sum;
+            i += 2;
         }
     }
 
@@ -176,6 +205,12 @@ impl<R: Real> MassMatrix<R> {
         }
         self.solve_lower(plan, x);
     }
+}
+
+/// Whether the dof before the `i`-th, whose chain is given, is its parent.
+#[inline(always)]
+fn is_above(i: usize, chain: &[u32]) -> bool {
+    chain.len() > 1 && chain[1] as usize + 1 == i
 }
 
 /// Subtracts from up to eight columns of a row, from the `k`-th on, what the rows below it have there.

@@ -266,12 +266,14 @@ fn run_group<R: Real>(call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, 
     if !group.sensing.faults.is_empty() {
         group.sensing.faults.fill(0);
     }
+    s.poses.exchange(&mut group.normals);
     for control in 0..call.calls {
         load_control(call, control, at.first, s);
         let (status, residual) = run_control(call, plan, group, at.first, s, senses);
         let readings = if at.share.has(Quantity::Observation) { senses.readings(call, plan, group, s) } else { &[] };
         at.share.write(control, at.first - at.share_first, s, readings, &status, residual);
     }
+    s.poses.exchange(&mut group.normals);
     if call.calls * call.nstep > 0 {
         senses.remember(group, s);
         store(group, s);
@@ -357,7 +359,6 @@ fn store<R: Real>(group: &mut Group<R::Scalar>, s: &Scratch<R>) {
                 put(x, out);
             }
             group.store_contacts(&s.contacts);
-            group.normals.copy_from(s.poses.normals());
             for (way, out) in s.ways.iter().zip(group.mocap.chunks_exact_mut(7 * R::LANES)) {
                 put(&way.end(), out);
             }
@@ -381,7 +382,6 @@ fn load<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: us
                 take(from, x);
             }
             group.load_contacts(&mut s.contacts);
-            s.poses.recall(&group.normals);
             if let Some(chains) = call.chains {
                 chains.load(call.plan, first / lanes, &mut s.inputs.trains);
             }

@@ -5,7 +5,7 @@ use stepper_real::Real;
 use crate::drive::Theta;
 use crate::kinematics::Kinematics;
 use crate::model::JointKind;
-use crate::plan::{Below, DofParams, LanePlan, Plan};
+use crate::plan::{Below, Dof, DofParams, LanePlan, Plan};
 use crate::spatial::*;
 
 /// The mass matrix of a tree of joints and its factors M = L^T D L (Featherstone 2008, section 6.5).
@@ -21,8 +21,6 @@ pub struct MassMatrix<R: Real> {
     pub sqrt_inv_d: Vec<R>,
     /// sqrt(D).
     pub sqrt_d: Vec<R>,
-    /// Of the row that is being factored: how much of each row below is subtracted.
-    shares: Vec<R>,
 }
 
 impl<R: Real> MassMatrix<R> {
@@ -33,7 +31,6 @@ impl<R: Real> MassMatrix<R> {
             inv_d: vec![R::zero(); plan.nv],
             sqrt_inv_d: vec![R::zero(); plan.nv],
             sqrt_d: vec![R::zero(); plan.nv],
-            shares: vec![R::zero(); plan.nv],
         }
     }
 
@@ -84,52 +81,51 @@ impl<R: Real> MassMatrix<R> {
 
     /// Replaces M by its factors.
     ///
-    /// From the leaves, a row at a time: what all rows below it subtract from it is summed where it stays in registers.
+    /// From the leaves, a row at a time and up to eight columns of it: what all rows below it subtract from them is summed where it stays in
+    /// registers.
     #[inline(always)]
     pub fn factor(&mut self, plan: &LanePlan<R>) {
+        let Self { entries, inv_d, .. } = self;
         for i in (0..plan.nv).rev() {
-            let dof = &plan.dofs[i];
-            let below = plan.below(i);
-            for (share, d) in self.shares.iter_mut().zip(below) {
-                *share = self.entries[d.entry as usize] * self.inv_d[d.dof as usize];
+            let (dof, below) = (&plan.dofs[i], plan.below(i));
+            subtract_columns(entries, inv_d, dof, 0, below);
+            for k in (8..dof.depth).step_by(8) {
+                subtract_columns(entries, inv_d, dof, k, below);
             }
-            let shares = &self.shares[..below.len()];
-            let mut k = 0;
-            while dof.depth - k >= 8 {
-                subtract::<R, 8>(&mut self.entries, dof.chain, k, below, shares);
-                k += 8;
-            }
-            if dof.depth - k >= 4 {
-                subtract::<R, 4>(&mut self.entries, dof.chain, k, below, shares);
-                k += 4;
-            }
-            if dof.depth - k >= 2 {
-                subtract::<R, 2>(&mut self.entries, dof.chain, k, below, shares);
-                k += 2;
-            }
-            if dof.depth > k {
-                subtract::<R, 1>(&mut self.entries, dof.chain, k, below, shares);
-            }
-            for (&share, d) in shares.iter().zip(below) {
-                self.entries[d.entry as usize] = share;
-            }
-            let inv = R::one() / self.entries[dof.chain];
+            let inv = R::one() / entries[dof.chain];
             let root = inv.sqrt();
-            self.inv_d[i] = inv;
+            inv_d[i] = inv;
             self.sqrt_inv_d[i] = root;
-            self.sqrt_d[i] = self.entries[dof.chain] * root;
+            self.sqrt_d[i] = entries[dof.chain] * root;
         }
+    }
+
+    /// Row `i` of L and the dofs of its entries.
+    #[inline(always)]
+    fn row<'a>(&'a self, plan: &'a LanePlan<R>, i: usize) -> (&'a [R], &'a [u32]) {
+        let dof = &plan.dofs[i];
+        (&self.entries[dof.chain..dof.chain + dof.depth], plan.chain_of(i))
     }
 
     /// x <- L^-T x
     #[inline(always)]
     pub fn solve_lower_transposed(&self, plan: &LanePlan<R>, x: &mut [R]) {
-        for i in (0..plan.nv).rev() {
-            let dof = &plan.dofs[i];
-            let (row, chain) = (&self.entries[dof.chain..dof.chain + dof.depth], plan.chain_of(i));
-            let xi = x[i];
-            for (&l, &a) in row[1..].iter().zip(&chain[1..]) {
-                x[a as usize] -= l * xi;
+        let mut i = plan.nv;
+        while i > 0 {
+            i -= 1;
+            let ((row, chain), xi) = (self.row(plan, i), x[i]);
+            if !is_above(i, chain) {
+                for (&l, &a) in row[1..].iter().zip(&chain[1..]) {
+                    x[a as usize] -= l * xi;
+                }
+                continue;
+            }
+            // The parent is the row before and has the same ancestors: both at once.
+            i -= 1;
+            let ((above, chain), parent) = (self.row(plan, i), x[i] - row[1] * xi);
+            x[i] = parent;
+            for ((&l, &m), &a) in row[2..].iter().zip(&above[1..]).zip(&chain[1..]) {
+                x[a as usize] = (x[a as usize] - l * xi) - m * parent;
             }
         }
     }
@@ -137,15 +133,27 @@ impl<R: Real> MassMatrix<R> {
     /// x <- L^-1 x
     #[inline(always)]
     pub fn solve_lower(&self, plan: &LanePlan<R>, x: &mut [R]) {
-        for i in 0..plan.nv {
-            let dof = &plan.dofs[i];
-            let (row, chain) = (&self.entries[dof.chain..dof.chain + dof.depth], plan.chain_of(i));
-            let mut sum = x[i];
-            // Towards the root, so that the newest value, the parent's, comes first and the rest can be in flight.
-            for (&l, &a) in row[1..].iter().zip(&chain[1..]).rev() {
+        let mut i = 0;
+        while i < plan.nv {
+            // Towards the leaves, so that the newest value, the parent's, comes last and the rest can be in flight.
+            let ((row, chain), mut sum) = (self.row(plan, i), x[i]);
+            if i + 1 == plan.nv || !is_above(i + 1, plan.chain_of(i + 1)) {
+                for (&l, &a) in row[1..].iter().zip(&chain[1..]).rev() {
+                    sum -= l * x[a as usize];
+                }
+                x[i] = sum;
+                i += 1;
+                continue;
+            }
+            // The next row is a child and has the same ancestors: both at once.
+            let ((below, _), mut child) = (self.row(plan, i + 1), x[i + 1]);
+            for ((&l, &m), &a) in row[1..].iter().zip(&below[2..]).zip(&chain[1..]).rev() {
                 sum -= l * x[a as usize];
+                child -= m * x[a as usize];
             }
             x[i] = sum;
+            x[i + 1] = child - below[1] * sum;
+            i += 2;
         }
     }
 
@@ -199,20 +207,45 @@ impl<R: Real> MassMatrix<R> {
     }
 }
 
-/// Subtracts from entries `k..k + N` of the row that starts at `row` the shares of the same columns of the rows below.
+/// Whether the dof before the `i`-th, whose chain is given, is its parent.
 #[inline(always)]
-fn subtract<R: Real, const N: usize>(entries: &mut [R], row: usize, k: usize, below: &[Below], shares: &[R]) {
-    let at = row + k;
-    let mut sum = [R::zero(); N];
-    sum.copy_from_slice(&entries[at..at + N]);
-    for (d, &share) in below.iter().zip(shares) {
-        let at = d.entry as usize + k;
-        let other = &entries[at..at + N];
+fn is_above(i: usize, chain: &[u32]) -> bool {
+    chain.len() > 1 && chain[1] as usize + 1 == i
+}
+
+/// Subtracts from up to eight columns of a row, from the `k`-th on, what the rows below it have there.
+#[inline(always)]
+fn subtract_columns<R: Real>(entries: &mut [R], inv_d: &[R], dof: &Dof, k: usize, below: &[Below]) {
+    match dof.depth - k {
+        1 => subtract::<R, 1>(entries, inv_d, dof.chain, k, below),
+        2 => subtract::<R, 2>(entries, inv_d, dof.chain, k, below),
+        3 => subtract::<R, 3>(entries, inv_d, dof.chain, k, below),
+        4 => subtract::<R, 4>(entries, inv_d, dof.chain, k, below),
+        5 => subtract::<R, 5>(entries, inv_d, dof.chain, k, below),
+        6 => subtract::<R, 6>(entries, inv_d, dof.chain, k, below),
+        7 => subtract::<R, 7>(entries, inv_d, dof.chain, k, below),
+        _ => subtract::<R, 8>(entries, inv_d, dof.chain, k, below),
+    }
+}
+
+/// Subtracts from entries `k..k + N` of the row that starts at `row` their shares of the same columns of the rows below. The share of a row, its
+/// entry of L, is found with the first columns and kept in the place of its entry of M.
+#[inline(always)]
+fn subtract<R: Real, const N: usize>(entries: &mut [R], inv_d: &[R], row: usize, k: usize, below: &[Below]) {
+    let (mut sum, mut other) = ([R::zero(); N], [R::zero(); N]);
+    sum.copy_from_slice(&entries[row + k..row + k + N]);
+    for d in below {
+        let at = d.entry as usize;
+        other.copy_from_slice(&entries[at + k..at + k + N]);
+        let share = if k == 0 { other[0] * inv_d[d.dof as usize] } else { entries[at] };
         for j in 0..N {
             sum[j] -= share * other[j];
         }
+        if k == 0 {
+            entries[at] = share;
+        }
     }
-    entries[at..at + N].copy_from_slice(&sum);
+    entries[row + k..row + k + N].copy_from_slice(&sum);
 }
 
 /// Coriolis, centrifugal and gravitational forces: recursive Newton-Euler with zero joint acceleration, world-aligned.

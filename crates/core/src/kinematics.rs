@@ -183,17 +183,27 @@ fn turn<R: Real>(mat: &M3<R>, joint: &JointPlan<R::Scalar>, sin: R, cos: R) -> (
         let axis = splat(joint.axis);
         return (rotate(mat, axis), mat_mul(mat, &axis_rotation(axis, sin, cos)));
     };
-    // About a principal axis only the other two columns change.
-    let (i, j) = ((k + 1) % 3, (k + 2) % 3);
     let sin = if backwards { -sin } else { sin };
+    let (axis, out) = match k {
+        0 => turn_about::<R, 0>(mat, sin, cos),
+        1 => turn_about::<R, 1>(mat, sin, cos),
+        _ => turn_about::<R, 2>(mat, sin, cos),
+    };
+    (if backwards { scale(axis, -R::one()) } else { axis }, out)
+}
+
+/// Axis `K` of a frame, and the frame turned about it: only the other two columns change. `K` is constant, since what a variable indexes stays
+/// in memory.
+#[inline(always)]
+fn turn_about<R: Real, const K: usize>(mat: &M3<R>, sin: R, cos: R) -> (V3<R>, M3<R>) {
+    let (i, j) = ((K + 1) % 3, (K + 2) % 3);
     let mut out = *mat;
     for r in 0..3 {
         let (a, b) = (mat[3 * r + i], mat[3 * r + j]);
         out[3 * r + i] = a * cos + b * sin;
         out[3 * r + j] = b * cos - a * sin;
     }
-    let axis = column(mat, k);
-    (if backwards { scale(axis, -R::one()) } else { axis }, out)
+    (column(mat, K), out)
 }
 
 /// The quaternion stored at `q[at..]`.

@@ -352,8 +352,11 @@ fn correct_forces<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R
     s.constraints.warm_change(plan, &s.smooth.mass, &mut s.v_mean);
     advance(&s.v_free, &s.v_mean, R::one(), &mut s.expected);
     blend(&s.v, &s.v_free, rule.share, &mut s.v_mean);
-    let at = rule.forces_at([&s.q_eval, &s.q_ahead], [&s.v, &s.v_mean], &s.act_eval, &s.inputs);
-    actuate(plan, &at, rule.servos(), &mut s.drive);
+    // Without servos no force of stage 1 depends on the velocity.
+    if !plan.servos.is_empty() {
+        let at = rule.forces_at([&s.q_eval, &s.q_ahead], [&s.v, &s.v_mean], &s.act_eval, &s.inputs);
+        actuate(plan, &at, rule.servos(), &mut s.drive);
+    }
     s.smooth.acceleration(plan, &s.kinematics, [&s.drive.tau, &s.applied], &s.v, &s.v_mean);
     advance(&s.v, &s.smooth.acc, rule.h, &mut s.v_next);
     if !plan.spinners.is_empty() && rule.integrator.in_the_middle() {

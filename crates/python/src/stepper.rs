@@ -323,6 +323,15 @@ fn resolved<'py>(
     resolve.call1(arguments)
 }
 
+/// Whether steps take so short, two or three microseconds, that letting other threads of Python run meanwhile costs more than it gives.
+fn is_brief(simulation: &Simulation, nstep: usize) -> bool {
+    let dofs = simulation.num_envs() * simulation.model().nv().max(1);
+    dofs.saturating_mul(nstep) <= BRIEF
+}
+
+/// Degrees of freedom times steps.
+const BRIEF: usize = 10;
+
 /// The stepper, to be written to by one thread at a time.
 fn borrow<'py>(slf: &Bound<'py, Stepper>) -> PyResult<PyRefMut<'py, Stepper>> {
     slf.try_borrow_mut().map_err(|_| PyRuntimeError::new_err("this Stepper is at work in another thread; give every thread its own"))
@@ -448,7 +457,11 @@ impl Stepper {
         let held = this.held(py)?;
         let inputs = held.inputs(&this.ctrl)?;
         let simulation = &mut this.simulation;
-        py.detach(|| simulation.step(&inputs, nstep)).map_err(value_error)?;
+        if is_brief(simulation, nstep) {
+            simulation.step(&inputs, nstep).map_err(value_error)?;
+        } else {
+            py.detach(|| simulation.step(&inputs, nstep)).map_err(value_error)?;
+        }
         if this.recorder.is_none() {
             return Ok(());
         }

@@ -180,9 +180,9 @@ impl<R: Real> History<R> {
     /// Makes everything a sweep older.
     #[inline(always)]
     fn shift(&mut self) {
-        self.df.rotate_right(1);
-        self.dt.rotate_right(1);
         for k in (1..MEMORY).rev() {
+            self.df.swap(k, k - 1);
+            self.dt.swap(k, k - 1);
             self.known[k] = self.known[k - 1];
             for j in (k..MEMORY).rev() {
                 self.gram[k][j] = self.gram[k - 1][j - 1];

@@ -381,6 +381,15 @@ impl<R: Real> Iterate<R> {
         self.wide_slip.clear();
     }
 
+    /// Whether the impulses change any velocity.
+    #[inline(always)]
+    pub fn moves(&self) -> bool {
+        self.w.iter().any(
+            #[inline(always)]
+            |w| !w.eq(R::zero()).all(),
+        )
+    }
+
     /// Makes w consistent with the impulses.
     #[inline(always)]
     pub fn start(&mut self, problem: &Problem<R>) {

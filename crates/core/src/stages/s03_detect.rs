@@ -12,7 +12,9 @@ mod meet;
 mod passed;
 mod terrain;
 
-use stepper_real::{Mask, Real};
+use std::ops::Range;
+
+use stepper_real::{Mask, Real, Scalar};
 
 pub use self::passed::may_have_passed;
 use crate::broad::Broad;
@@ -24,9 +26,34 @@ use crate::normals::Normals;
 use crate::plan::{Kernel, LanePlan, PairPlan, Plan};
 use crate::spatial::*;
 
-/// Where the colliding geoms are and how far they can get.
+/// Where the colliding geoms are, which of them are near one another, and the search for their contacts.
 #[derive(Clone, Debug)]
 pub struct GeomPoses<R: Real> {
+    placed: Placed<R>,
+    /// What gravity covers in a step, m.
+    slack: R,
+    /// Listed pairs, cut where the first geom or the margin changes.
+    runs: Vec<Range<usize>>,
+    /// Listed pairs that can touch, and the lanes (bits) in which they can; with room for one more.
+    near: Vec<(u32, u32)>,
+    /// How many there are.
+    near_count: usize,
+    broad: Broad,
+    search: Search,
+}
+
+fn runs<S: Scalar>(pairs: &[PairPlan<S>]) -> Vec<Range<usize>> {
+    let mut end = 0;
+    let run = |pairs: &[PairPlan<S>]| {
+        end += pairs.len();
+        end - pairs.len()..end
+    };
+    pairs.chunk_by(|a, b| (a.geoms[0], a.margin) == (b.geoms[0], b.margin)).map(run).collect()
+}
+
+/// Where the geoms are and how far they can get.
+#[derive(Clone, Debug)]
+struct Placed<R: Real> {
     pos: Vec<V3<R>>,
     /// Whole orientation; only its z axis is kept up where that is all that is read.
     mat: Vec<M3<R>>,
@@ -38,19 +65,13 @@ pub struct GeomPoses<R: Real> {
     fast: Vec<bool>,
     /// Velocities of the links on that way.
     led_by: Vec<V6<R>>,
-    /// Radius of a ball about the geom's origin that holds it in two free steps, of a plane only its way, m.
-    extent: Vec<R>,
+    /// Ball about the geom's origin that holds it in two free steps (centre, radius), of a plane only its way, m.
+    balls: Vec<[R; 4]>,
     velocity: Vec<V6<R>>,
-    /// Listed pairs that can touch, and the lanes (bits) in which they can; with room for one more.
-    near: Vec<(u32, u32)>,
-    /// How many there are.
-    near_count: usize,
-    broad: Broad,
-    search: Search,
 }
 
 /// The narrow phase, and where it looks first.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 struct Search {
     narrow: Narrow,
     /// What the last step left: where a search begins, however often a step searches.
@@ -63,14 +84,9 @@ impl<R: Real> GeomPoses<R> {
     /// Room for a plan; geoms of the world are placed where the model has them.
     pub fn new(plan: &Plan<R::Scalar>) -> Self {
         Self {
-            pos: (0..plan.geoms.len()).map(|g| splat(plan.params.geom_pos(g))).collect(),
-            mat: plan.geoms.iter().map(|g| splat(g.mat)).collect(),
-            travel: vec![R::zero(); plan.geoms.len()],
-            lead: vec![R::zero(); plan.geoms.len()],
-            extent: vec![R::zero(); plan.geoms.len()],
-            fast: vec![false; plan.geoms.len()],
-            led_by: vec![zero(); plan.links.len()],
-            velocity: vec![zero(); plan.links.len()],
+            placed: Placed::new(plan),
+            slack: R::zero(),
+            runs: runs(&plan.pairs),
             near: vec![(0, 0); plan.pairs.len() + 1],
             near_count: 0,
             broad: Broad::default(),
@@ -96,7 +112,45 @@ impl<R: Real> GeomPoses<R> {
     /// Places the geoms that are fixed to the world, where environments may have them elsewhere.
     pub(crate) fn settle(&mut self, plan: &LanePlan<R>) {
         for (i, _) in plan.geoms.iter().enumerate().filter(|(_, g)| g.frame == 0) {
-            self.pos[i] = plan.params.geom_pos(i);
+            self.placed.pos[i] = plan.params.geom_pos(i);
+        }
+    }
+
+    /// Lists the pairs that can touch in any of the lanes `alive`, ascending. Most cannot, and a robot has hundreds: what the pairs of a geom share is
+    /// kept at hand, and nothing branches.
+    #[inline(always)]
+    fn find_near(&mut self, plan: &LanePlan<R>, alive: R::Mask) {
+        let Self { placed: Placed { balls, mat, .. }, slack, runs, near, .. } = self;
+        let mut count = 0;
+        for run in &*runs {
+            let PairPlan { geoms: [a, _], margin, .. } = plan.pairs[run.start];
+            let ([x, y, z, radius], is_plane, normal) = (balls[a], plan.geoms[a].is_plane, column(&mat[a], 2));
+            let (centre, reach) = ([x, y, z], radius + *slack + R::splat(margin));
+            for (index, pair) in (run.start as u32..).zip(&plan.pairs[run.clone()]) {
+                let [x, y, z, radius] = balls[pair.geoms[1]];
+                let (apart, reach) = (sub([x, y, z], centre), reach + radius);
+                let touch = if is_plane { dot(apart, normal).lt(reach) } else { dot(apart, apart).lt(reach * reach) };
+                let lanes = alive.and(touch).bits();
+                near[count] = (index, lanes);
+                count += usize::from(lanes != 0);
+            }
+        }
+        self.near_count = count;
+    }
+}
+
+impl<R: Real> Placed<R> {
+    fn new(plan: &Plan<R::Scalar>) -> Self {
+        let zeros = || vec![R::zero(); plan.geoms.len()];
+        Self {
+            pos: (0..plan.geoms.len()).map(|g| splat(plan.params.geom_pos(g))).collect(),
+            mat: plan.geoms.iter().map(|g| splat(g.mat)).collect(),
+            travel: zeros(),
+            lead: zeros(),
+            fast: vec![false; plan.geoms.len()],
+            led_by: vec![zero(); plan.links.len()],
+            balls: vec![zero(); plan.geoms.len()],
+            velocity: vec![zero(); plan.links.len()],
         }
     }
 
@@ -126,30 +180,10 @@ impl<R: Real> GeomPoses<R> {
         kinematics.velocities(plan, v, &mut self.velocity);
         ways(plan, kinematics, &self.pos, &self.velocity, time, &mut self.travel);
         for (i, g) in plan.geoms.iter().enumerate() {
-            self.extent[i] = if g.is_plane { self.travel[i] } else { self.travel[i] + plan.params.bound(i) };
+            let radius = if g.is_plane { self.travel[i] } else { self.travel[i] + plan.params.bound(i) };
+            let [x, y, z] = self.pos[i];
+            self.balls[i] = [x, y, z, radius];
         }
-    }
-
-    /// Lists the pairs that can touch in any of the lanes `alive`, ascending. Most cannot, and a robot has hundreds: what the pairs of a geom share is
-    /// kept at hand, and nothing branches.
-    #[inline(always)]
-    fn find_near(&mut self, plan: &LanePlan<R>, slack: R, alive: R::Mask) {
-        let Self { pos, extent, mat, near, .. } = self;
-        let (mut index, mut count) = (0, 0);
-        for run in plan.pairs.chunk_by(|a, b| a.geoms[0] == b.geoms[0]) {
-            let a = run[0].geoms[0];
-            let (is_plane, normal, centre, reach) = (plan.geoms[a].is_plane, column(&mat[a], 2), pos[a], extent[a] + slack);
-            for pair in run {
-                let b = pair.geoms[1];
-                let (apart, reach) = (sub(pos[b], centre), reach + extent[b] + R::splat(pair.margin));
-                let touch = if is_plane { dot(apart, normal).lt(reach) } else { dot(apart, apart).lt(reach * reach) };
-                let lanes = alive.and(touch).bits();
-                near[count] = (index, lanes);
-                count += usize::from(lanes != 0);
-                index += 1;
-            }
-        }
-        self.near_count = count;
     }
 
     /// Bounds on the ways of all geoms from the beginning of the step; leaves the velocities of the links on them.
@@ -194,68 +228,63 @@ pub fn detect<R: Real>(
     if plan.geoms.is_empty() {
         return R::Mask::splat(false);
     }
-    let slack = slack(plan, h);
     let leads = plan.has_thin && lead.gt(R::zero()).any();
     R::vectorize(
         #[inline(always)]
         || {
-            poses.place(plan, kinematics);
-            poses.update_travel(plan, kinematics, v_free, h + h);
-            poses.find_near(plan, slack, alive);
+            poses.slack = slack(plan, h);
+            poses.placed.place(plan, kinematics);
+            poses.placed.update_travel(plan, kinematics, v_free, h + h);
+            poses.find_near(plan, alive);
         },
     );
-    let (mut broad, near) = (std::mem::take(&mut poses.broad), std::mem::take(&mut poses.near));
+    let GeomPoses { placed, slack, near, near_count, broad, search, .. } = poses;
+    let (near, slack) = (&near[..*near_count], *slack);
     if let Some(crowd) = &plan.crowd {
-        broad.find(plan, crowd, alive.bits(), &poses.pos, &poses.travel, slack);
+        broad.find(plan, crowd, alive.bits(), &placed.pos, &placed.travel, slack);
     }
     let is_thin = |&(index, _): &(u32, u32)| !plan.geoms[plan.pairs[index as usize].geoms[0]].is_plane;
-    let leads = leads && (plan.crowd.is_some() || near[..poses.near_count].iter().any(is_thin));
+    let leads = leads && (plan.crowd.is_some() || near.iter().any(is_thin));
     if leads {
         R::vectorize(
             #[inline(always)]
-            || poses.update_lead(plan, kinematics, v, lead),
+            || placed.update_lead(plan, kinematics, v, lead),
         );
     }
-    let too_far = R::vectorize(
+    R::vectorize(
         #[inline(always)]
         || {
-            let mut search = std::mem::take(&mut poses.search);
-            let scene = Scene { plan, kinematics, poses, h, slack, lead, leads };
+            let scene = Scene { plan, kinematics, poses: placed, h, slack, lead, leads };
             let mut too_far = R::Mask::splat(false);
-            for &(index, lanes) in &near[..poses.near_count] {
+            for &(index, lanes) in near {
                 let (index, lanes) = (index as usize, R::Mask::from_bits(lanes));
-                too_far = too_far.or(scene.collide(index, &plan.pairs[index], lanes, &mut search, contacts));
+                too_far = too_far.or(scene.collide(index, &plan.pairs[index], lanes, search, contacts));
             }
             if let Some(crowd) = &plan.crowd {
                 for &(number, lanes) in &broad.pairs {
                     if let Some(pair) = crowd.pair(number) {
                         let lanes = R::Mask::from_bits(lanes).and(scene.can_touch(&pair));
                         if lanes.any() {
-                            too_far = too_far.or(scene.collide(number, &pair, lanes, &mut search, contacts));
+                            too_far = too_far.or(scene.collide(number, &pair, lanes, search, contacts));
                         }
                     }
                 }
             }
-            poses.search = search;
             too_far
         },
-    );
-    (poses.broad, poses.near) = (broad, near);
-    too_far
+    )
 }
 
 /// What gravity covers in a step, and a micrometre for scenes without it.
+#[inline(always)]
 fn slack<R: Real>(plan: &LanePlan<R>, h: R) -> R {
-    R::vectorize(
-        #[inline(always)]
-        || norm(plan.params.gravity()) * h * h + R::of(1e-6),
-    )
+    norm(plan.params.gravity()) * h * h + R::of(1e-6)
 }
 
 struct Scene<'a, R: Real> {
     plan: &'a LanePlan<R>,
     kinematics: &'a Kinematics<R>,
-    poses: &'a GeomPoses<R>,
+    poses: &'a Placed<R>,
     h: R,
     slack: R,
     lead: R,
@@ -275,7 +304,7 @@ impl<R: Real> Scene<'_, R> {
     fn can_touch(&self, pair: &PairPlan<R::Scalar>) -> R::Mask {
         let [a, b] = pair.geoms;
         let apart = sub(self.poses.pos[b], self.poses.pos[a]);
-        let reach = self.poses.extent[a] + self.poses.extent[b] + R::splat(pair.margin) + self.slack;
+        let reach = self.poses.balls[a][3] + self.poses.balls[b][3] + R::splat(pair.margin) + self.slack;
         dot(apart, apart).lt(reach * reach)
     }
 

@@ -92,7 +92,7 @@ impl<R: Real> Constraints<R> {
             #[inline(always)]
             || {
                 out.copy_from_slice(&self.iterate.w);
-                if !self.problem.is_empty() {
+                if self.iterate.moves() {
                     mass.unscale(plan, out);
                 }
             },

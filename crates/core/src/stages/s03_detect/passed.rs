@@ -2,7 +2,7 @@
 
 use stepper_real::{Mask, Real};
 
-use super::{GeomPoses, slack};
+use super::{GeomPoses, Placed};
 use crate::kinematics::Kinematics;
 use crate::plan::{LanePlan, PairPlan};
 use crate::spatial::*;
@@ -20,46 +20,44 @@ pub fn may_have_passed<R: Real>(
     if !plan.has_thin {
         return R::Mask::splat(false);
     }
-    let slack = slack(plan, h);
+    let GeomPoses { placed, slack, near, near_count, broad, .. } = poses;
+    let slack = *slack;
     let [moved, surprising] = R::vectorize(
         #[inline(always)]
-        || poses.update_ways(plan, kinematics, v_next, h, slack),
+        || placed.update_ways(plan, kinematics, v_next, h, slack),
     );
     if moved.and(alive).none() {
         return R::Mask::splat(false);
     }
     // Where nothing got further than stage 3 looked out for, what was not near then is not met now.
     let foreseen = surprising.and(alive).none();
-    let mut broad = std::mem::take(&mut poses.broad);
     if let (Some(crowd), false) = (&plan.crowd, foreseen) {
-        broad.find(plan, crowd, alive.bits(), &poses.pos, &poses.lead, slack);
+        broad.find(plan, crowd, alive.bits(), &placed.pos, &placed.lead, slack);
     }
-    let passed = R::vectorize(
+    R::vectorize(
         #[inline(always)]
         || {
             let mut passed = R::Mask::splat(false);
             if foreseen {
-                for &(index, _) in &poses.near[..poses.near_count] {
-                    passed = passed.or(poses.slips_through(plan, &plan.pairs[index as usize], h, slack));
+                for &(index, _) in &near[..*near_count] {
+                    passed = passed.or(placed.slips_through(plan, &plan.pairs[index as usize], h, slack));
                 }
             } else {
                 for pair in &plan.pairs {
-                    passed = passed.or(poses.slips_through(plan, pair, h, slack));
+                    passed = passed.or(placed.slips_through(plan, pair, h, slack));
                 }
             }
             if let Some(crowd) = &plan.crowd {
                 for pair in broad.pairs.iter().filter_map(|p| crowd.pair(p.0)) {
-                    passed = passed.or(poses.slips_through(plan, &pair, h, slack));
+                    passed = passed.or(placed.slips_through(plan, &pair, h, slack));
                 }
             }
             passed.and(alive)
         },
-    );
-    poses.broad = broad;
-    passed
+    )
 }
 
-impl<R: Real> GeomPoses<R> {
+impl<R: Real> Placed<R> {
     /// Bounds on the ways of the step as it was made, left in `lead`. Returns the lanes in which some geom moved by half its thickness, since no
     /// two others get past one another, and those in which some geom got further than stage 3 looked out for.
     #[inline(always)]

@@ -79,6 +79,7 @@ impl Neg for Counted {
 impl Real for Counted {
     type Scalar = f64;
     type Mask = bool;
+    type Half = Self;
     const LANES: usize = 1;
 
     fn splat(x: f64) -> Self {

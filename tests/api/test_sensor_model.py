@@ -152,9 +152,14 @@ def test_states_carry_bias_drift_and_delay_lines(model):
     sim = noisy(model, 9, seed=8)
     episode(sim)
     state, twin = sim.get_state(), pickle.loads(pickle.dumps(sim))
+    # Nine environments in lanes of another width, where the CPU has it.
+    other = stepper.Stepper(model, 9, sensors=sim.sensors, seed=1, threads=2)
+    other.set_state(state)
+    assert other.get_state() == state
     assert twin.sensors == sim.sensors
     expected = episode(sim)
     np.testing.assert_array_equal(episode(twin), expected)
+    np.testing.assert_array_equal(episode(other), expected)
     sim.set_state(state)
     np.testing.assert_array_equal(episode(sim), expected)
 

@@ -161,10 +161,10 @@ impl<S: Stepped> Batch<S> {
     /// `num_envs` environments at the model's reset state. `threads` 0 means all that this process may use.
     pub fn new(model: &Model, options: &Options, num_envs: usize, single: bool, threads: usize, level: Level) -> Self {
         let plan = Plan::<S>::new(model);
-        let lanes = if single { S::SINGLE } else { S::LANES };
+        let threads = if threads == 0 { std::thread::available_parallelism().map_or(1, usize::from) } else { threads };
+        let lanes = if single { S::SINGLE } else { S::lanes(num_envs, threads, level) };
         let max_contacts = room_for_contacts(&plan, options);
         let groups = groups(model, &plan, num_envs, lanes, max_contacts);
-        let threads = if threads == 0 { std::thread::available_parallelism().map_or(1, usize::from) } else { threads };
         let crew = Crew { idle: Mutex::new(Vec::new()), pool: None };
         Self { plan, groups, lanes, num_envs, max_contacts, level, threads, errors: None, chains: None, own: Own::default(), crew }
     }
@@ -240,6 +240,11 @@ impl<S: Stepped> Batch<S> {
         }
         self.crew.idle.get_mut().expect("a worker panicked").extend(alone);
         self.groups = groups;
+    }
+
+    /// Lanes of a group in a saved state.
+    fn saved_lanes(&self) -> usize {
+        self.lanes.min(S::LANES)
     }
 
     fn at(&self, env: usize) -> (&Group<S>, usize) {
@@ -437,8 +442,12 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
     }
 
     fn save(&self) -> Vec<u8> {
-        postcard::to_stdvec(&Saved { num_envs: self.num_envs, groups: self.groups.iter().map(Group::canonical).collect() })
-            .expect("numbers serialise")
+        let n = self.saved_lanes();
+        let parts = (0..self.num_envs.div_ceil(n)).map(|part| {
+            let (group, lane) = self.at(part * n);
+            group.part(lane, n).canonical()
+        });
+        postcard::to_stdvec(&Saved { num_envs: self.num_envs, groups: parts.collect() }).expect("numbers serialise")
     }
 
     fn restore(&mut self, bytes: &[u8]) -> Result<(), String> {
@@ -446,7 +455,12 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
         if saved.num_envs != self.num_envs {
             return Err(format!("a state of {} environments, this stepper has {}", saved.num_envs, self.num_envs));
         }
-        if saved.groups.len() != self.groups.len() || !saved.groups.iter().zip(&self.groups).all(|(a, b)| a.fits(b)) {
+        let n = self.saved_lanes();
+        let fits = |(part, saved): (usize, &Group<S>)| {
+            let (group, lane) = self.at(part * n);
+            saved.fits(&group.part(lane, n))
+        };
+        if saved.groups.len() != self.num_envs.div_ceil(n) || !saved.groups.iter().enumerate().all(fits) {
             return Err("a state of another model, other sensors or actuators, another precision or max_contacts".into());
         }
         let contacts_exist = |g: &Group<S>| {
@@ -456,11 +470,15 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
         if !saved.groups.iter().all(contacts_exist) {
             return Err("its contacts belong to no pair of this model: the bytes are damaged".into());
         }
-        self.groups = saved.groups;
+        for (part, saved) in saved.groups.iter().enumerate() {
+            let (group, lane) = self.at_mut(part * n);
+            group.set_part(lane, saved);
+        }
         Ok(())
     }
 }
 
+/// All that survives a step, in groups of one width whatever steps them: 8 `f64` or 16 `f32`, or one environment alone.
 #[derive(Serialize, Deserialize)]
 struct Saved<S> {
     num_envs: usize,

@@ -5,7 +5,7 @@ use stepper_real::Real;
 use crate::spatial::*;
 
 /// The most lanes a group can have.
-pub const MAX_LANES: usize = 16;
+pub const MAX_LANES: usize = 32;
 
 /// Identity of a contact from step to step: which pair of the plan (high 32 bits), which feature of the pair (low 32 bits). Ascending within
 /// an environment.

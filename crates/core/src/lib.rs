@@ -41,6 +41,7 @@ pub mod fluid;
 pub mod geometry;
 pub mod inertia;
 pub mod kinematics;
+mod lanes;
 pub mod limit;
 pub mod mocap;
 pub mod model;

@@ -70,6 +70,16 @@ impl Normals {
         self.held[lane * self.places..(lane + 1) * self.places].fill(NONE);
     }
 
+    /// Those of `n` lanes from `first` on.
+    pub(crate) fn part(&self, first: usize, n: usize) -> Self {
+        Self { places: self.places, held: self.held[first * self.places..(first + n) * self.places].to_vec() }
+    }
+
+    /// Takes over those of `n` lanes from `first` on.
+    pub(crate) fn set_part(&mut self, first: usize, n: usize, part: &Self) {
+        self.held[first * self.places..(first + n) * self.places].copy_from_slice(&part.held);
+    }
+
     /// Whether there is room for as many.
     pub(crate) fn fits(&self, other: &Self) -> bool {
         (self.places, self.held.len()) == (other.places, other.held.len())

@@ -5,6 +5,7 @@ use stepper_real::{Real, Scalar};
 
 use crate::actuation;
 use crate::contacts::{ContactId, Contacts, MAX_LANES};
+use crate::lanes::{columns, lane_bits, set_columns, set_lane_bits};
 use crate::normals::Normals;
 use crate::plan::Plan;
 use crate::sensing::memory::Memory;
@@ -61,22 +62,6 @@ pub struct Group<S> {
     pub sensing: Memory<S>,
     /// What drive trains remember.
     pub actuation: actuation::memory::Memory<S>,
-}
-
-/// Lane-interleaved numbers out of a state. A kernel's part.
-#[inline(always)]
-pub(crate) fn take<R: Real>(from: &[R::Scalar], out: &mut [R]) {
-    for (x, from) in out.iter_mut().zip(from.chunks_exact(R::LANES)) {
-        *x = R::load(from);
-    }
-}
-
-/// Numbers into a state, lane-interleaved. A kernel's part.
-#[inline(always)]
-pub(crate) fn put<R: Real>(x: &[R], out: &mut [R::Scalar]) {
-    for (x, out) in x.iter().zip(out.chunks_exact_mut(R::LANES)) {
-        x.store(out);
-    }
 }
 
 impl<S: Scalar> Group<S> {
@@ -173,6 +158,65 @@ impl<S: Scalar> Group<S> {
             unused.step_by(lanes).for_each(|x| *x = S::default());
         }
         group
+    }
+
+    /// The part of it that lanes `first` to `first + n` are.
+    pub fn part(&self, first: usize, n: usize) -> Self {
+        let lanes = self.lanes;
+        let numbers = |x: &[S]| columns(x, lanes, first, n);
+        let words = |x: &[u32]| columns(x, lanes, first, n);
+        Self {
+            lanes: n,
+            alive: lane_bits(self.alive, first, n),
+            q: numbers(&self.q),
+            v: numbers(&self.v),
+            act: numbers(&self.act),
+            scalar_impulse: numbers(&self.scalar_impulse),
+            impulse: numbers(&self.impulse),
+            mocap: numbers(&self.mocap),
+            contact_count: words(&self.contact_count),
+            contact_ids: columns(&self.contact_ids, lanes, first, n),
+            contact_data: numbers(&self.contact_data),
+            contact_torque: numbers(&self.contact_torque),
+            normals: self.normals.part(first, n),
+            time: columns(&self.time, lanes, first, n),
+            status: words(&self.status),
+            saturated: words(&self.saturated),
+            residual: numbers(&self.residual),
+            iterations: numbers(&self.iterations),
+            sensing: self.sensing.part(first, n),
+            actuation: self.actuation.part(lanes, first, n),
+        }
+    }
+
+    /// Takes over lanes `first` and those after it from a part.
+    pub fn set_part(&mut self, first: usize, part: &Self) {
+        let (lanes, n) = (self.lanes, part.lanes);
+        set_lane_bits(&mut self.alive, first, n, part.alive);
+        for (to, from) in [
+            (&mut self.q, &part.q),
+            (&mut self.v, &part.v),
+            (&mut self.act, &part.act),
+            (&mut self.scalar_impulse, &part.scalar_impulse),
+            (&mut self.impulse, &part.impulse),
+            (&mut self.mocap, &part.mocap),
+            (&mut self.contact_data, &part.contact_data),
+            (&mut self.contact_torque, &part.contact_torque),
+            (&mut self.residual, &part.residual),
+            (&mut self.iterations, &part.iterations),
+        ] {
+            set_columns(to, lanes, first, n, from);
+        }
+        for (to, from) in
+            [(&mut self.contact_count, &part.contact_count), (&mut self.status, &part.status), (&mut self.saturated, &part.saturated)]
+        {
+            set_columns(to, lanes, first, n, from);
+        }
+        set_columns(&mut self.contact_ids, lanes, first, n, &part.contact_ids);
+        set_columns(&mut self.time, lanes, first, n, &part.time);
+        self.normals.set_part(first, n, &part.normals);
+        self.sensing.set_part(first, n, &part.sensing);
+        self.actuation.set_part(lanes, first, n, &part.actuation);
     }
 
     /// Contacts of the last step of a lane.

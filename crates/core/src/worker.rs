@@ -4,17 +4,18 @@ mod senses;
 
 use std::any::Any;
 
-use stepper_real::{Level, Mask, Real, Scalar, at_level};
+use stepper_real::{Level, Mask, Real, Scalar, at_avx512, at_level};
 
 use crate::actuation::Chains;
 use crate::contacts::MAX_LANES;
+use crate::lanes::{put, take};
 use crate::mocap::Way;
 use crate::options::Options;
 use crate::plan::{LanePlan, Plan};
 use crate::rollout::{Numbers, Quantity, Share};
 use crate::sensing::errors::Errors;
 use crate::spatial::*;
-use crate::state::{Group, put, take};
+use crate::state::Group;
 use crate::step::{Scratch, step};
 use crate::theta::Own;
 use senses::Senses;
@@ -68,10 +69,12 @@ pub struct Site<'a, S: Scalar> {
 
 /// A scalar type with the lanes that step it.
 pub trait Stepped: Scalar {
-    /// Lanes of a group of many environments.
+    /// Lanes of a group in which states are saved, whatever steps them.
     const LANES: usize;
     /// Lanes of a single environment.
     const SINGLE: usize;
+    /// Lanes of a group of many environments, stepped by so many threads.
+    fn lanes(num_envs: usize, threads: usize, level: Level) -> usize;
     /// Room for groups of `lanes` lanes at a CPU level that this machine has.
     fn room(site: &Site<'_, Self>, lanes: usize, level: Level) -> Box<dyn Any + Send>;
     /// Makes the steps of `call` in one group.
@@ -124,19 +127,34 @@ impl Worker {
     }
 }
 
+/// Lanes of `n` in one register, or of two registers where that takes less time: it takes as much as 1.8 times one (docs/performance.md). With the
+/// sixteen registers of AVX2 it would take 2.2 to 2.5 times.
+fn lanes(n: usize, num_envs: usize, threads: usize, level: Level) -> usize {
+    let groups = |lanes: usize| num_envs.div_ceil(lanes).div_ceil(threads);
+    if level == Level::Avx512 && 9 * groups(2 * n) <= 5 * groups(n) { 2 * n } else { n }
+}
+
 impl Stepped for f64 {
     const LANES: usize = 8;
     const SINGLE: usize = 1;
 
+    fn lanes(num_envs: usize, threads: usize, level: Level) -> usize {
+        lanes(8, num_envs, threads, level)
+    }
+
     fn room(site: &Site<'_, f64>, lanes: usize, level: Level) -> Box<dyn Any + Send> {
-        if lanes == 1 { at_level!(level, F64x1, make_room(site)) } else { at_level!(level, F64x8, make_room(site)) }
+        match lanes {
+            1 => at_level!(level, F64x1, make_room(site)),
+            8 => at_level!(level, F64x8, make_room(site)),
+            _ => at_avx512!(F64x16, make_room(site)),
+        }
     }
 
     fn run(call: &Call<'_, f64>, group: &mut Group<f64>, at: Place<'_, '_, f64>, level: Level, room: &mut (dyn Any + Send)) {
-        if group.lanes == 1 {
-            at_level!(level, F64x1, run_group(call, group, at, room))
-        } else {
-            at_level!(level, F64x8, run_group(call, group, at, room))
+        match group.lanes {
+            1 => at_level!(level, F64x1, run_group(call, group, at, room)),
+            8 => at_level!(level, F64x8, run_group(call, group, at, room)),
+            _ => at_avx512!(F64x16, run_group(call, group, at, room)),
         }
     }
 
@@ -148,10 +166,10 @@ impl Stepped for f64 {
     }
 
     fn sense(call: &Call<'_, f64>, group: &mut Group<f64>, first: usize, level: Level, room: &mut (dyn Any + Send), query: Query<'_>) {
-        if group.lanes == 1 {
-            at_level!(level, F64x1, read_group(call, group, first, room, query))
-        } else {
-            at_level!(level, F64x8, read_group(call, group, first, room, query))
+        match group.lanes {
+            1 => at_level!(level, F64x1, read_group(call, group, first, room, query)),
+            8 => at_level!(level, F64x8, read_group(call, group, first, room, query)),
+            _ => at_avx512!(F64x16, read_group(call, group, first, room, query)),
         }
     }
 }
@@ -160,12 +178,20 @@ impl Stepped for f32 {
     const LANES: usize = 16;
     const SINGLE: usize = 16;
 
-    fn room(site: &Site<'_, f32>, _lanes: usize, level: Level) -> Box<dyn Any + Send> {
-        at_level!(level, F32x16, make_room(site))
+    fn lanes(num_envs: usize, threads: usize, level: Level) -> usize {
+        lanes(16, num_envs, threads, level)
+    }
+
+    fn room(site: &Site<'_, f32>, lanes: usize, level: Level) -> Box<dyn Any + Send> {
+        if lanes == 32 { at_avx512!(F32x32, make_room(site)) } else { at_level!(level, F32x16, make_room(site)) }
     }
 
     fn run(call: &Call<'_, f32>, group: &mut Group<f32>, at: Place<'_, '_, f32>, level: Level, room: &mut (dyn Any + Send)) {
-        at_level!(level, F32x16, run_group(call, group, at, room));
+        if group.lanes == 32 {
+            at_avx512!(F32x32, run_group(call, group, at, room))
+        } else {
+            at_level!(level, F32x16, run_group(call, group, at, room))
+        }
     }
 
     fn numbers(array: Numbers<'_>) -> &mut [f32] {
@@ -176,7 +202,11 @@ impl Stepped for f32 {
     }
 
     fn sense(call: &Call<'_, f32>, group: &mut Group<f32>, first: usize, level: Level, room: &mut (dyn Any + Send), query: Query<'_>) {
-        at_level!(level, F32x16, read_group(call, group, first, room, query));
+        if group.lanes == 32 {
+            at_avx512!(F32x32, read_group(call, group, first, room, query))
+        } else {
+            at_level!(level, F32x16, read_group(call, group, first, room, query))
+        }
     }
 }
 

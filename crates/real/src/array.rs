@@ -49,6 +49,7 @@ macro_rules! array_lanes {
             lane_access!($name, $scalar, $n);
             vectorize!();
             type Mask = $mask;
+            type Half = Self;
 
             #[inline(always)]
             fn splat(x: $scalar) -> Self {

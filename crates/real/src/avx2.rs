@@ -70,6 +70,7 @@ macro_rules! avx2_lanes {
             lane_access!($name, $scalar, $n);
             vectorize!("avx2");
             type Mask = $mask;
+            type Half = Self;
 
             #[inline(always)]
             fn splat(x: $scalar) -> Self {

@@ -174,6 +174,18 @@ macro_rules! at_level {
     }};
 }
 
+/// As [`at_level!`] at the level AVX-512, for the lane types that only this one has: `F64x16` and `F32x32`.
+///
+/// # Panics
+/// When the machine or this build lacks the level.
+#[macro_export]
+macro_rules! at_avx512 {
+    ($lanes:ident, $run:ident ($($arg:expr),* $(,)?)) => {{
+        assert!($crate::Level::Avx512.is_available(), "CPU level avx512 is not available on this machine and build");
+        $crate::__if_avx512!($run::<$crate::avx512::$lanes>($($arg),*))
+    }};
+}
+
 // A `cfg` inside `at_level!` would ask the features of the crate that uses it; these ask those of this crate.
 #[cfg(not(any(one_level = "avx512", one_level = "avx2")))]
 #[doc(hidden)]

@@ -3,7 +3,8 @@
 //! The simulator's hot path is written once, generic over [`Real`], and instantiated for
 //!
 //! * `f64`, one environment, the reference;
-//! * `F64x1`, `F64x8` and `F32x16`, one, eight and sixteen environments, once per CPU level: [`mod@array`] (portable), `avx2` and `avx512`.
+//! * `F64x1`, `F64x8` and `F32x16`, one, eight and sixteen environments, once per CPU level: [`mod@array`] (portable), `avx2` and `avx512`;
+//! * `F64x16` and `F32x32`, sixteen and thirty-two environments in [two](Two) registers of `avx512`, which has enough of them.
 //!
 //! Every backend gives every lane the bits that `f64` (or `f32`) gives alone, for arithmetic, for [`Real::min`] and its like, and for
 //! the elementary functions: so a result depends neither on the CPU nor on an environment's neighbours. This assumes the floating-point
@@ -50,9 +51,11 @@ mod operators;
 mod real;
 mod scalar;
 mod single;
+mod two;
 
 pub use array::{F32x16, F64x1, F64x8};
 pub use level::{Level, LevelError};
 pub use mask::Mask;
 pub use real::Real;
 pub use scalar::Scalar;
+pub use two::{Two, TwoMask};

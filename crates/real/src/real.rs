@@ -4,7 +4,8 @@ use crate::{Mask, Scalar, elementary};
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// A real number per environment: `f64` or `F64x1` for one, `F64x8` for eight and `F32x16` for sixteen environments side by side.
+/// A real number per environment: `f64` or `F64x1` for one, `F64x8` for eight, `F64x16` and `F32x16` for sixteen,
+/// `F32x32` for thirty-two environments side by side.
 ///
 /// Every operation gives each lane the bits that a lone scalar would get, on every backend: IEEE 754 arithmetic rounded to nearest,
 /// no fused multiply-add, no approximate reciprocals. Only which NaN comes out of an operation (its sign and payload) may differ
@@ -33,6 +34,8 @@ pub trait Real:
     type Scalar: Scalar;
     /// One truth value per lane.
     type Mask: Mask;
+    /// Half of the lanes, in half the registers; `Self` where there is one register.
+    type Half: Real<Scalar = Self::Scalar, Half = Self::Half>;
     /// Environments side by side.
     const LANES: usize;
 
@@ -73,6 +76,28 @@ pub trait Real:
     /// # Panics
     /// When there is no lane `i`.
     fn set_lane(&mut self, i: usize, x: Self::Scalar);
+    /// Lane `order[i]` becomes lane i, for each lane of `Half`.
+    ///
+    /// # Panics
+    /// When `order` is shorter than that, or names a lane that is not there.
+    #[inline(always)]
+    fn pick(self, order: &[u32]) -> Self::Half {
+        let mut picked = Self::Half::zero();
+        for (i, &l) in order[..Self::Half::LANES].iter().enumerate() {
+            picked.set_lane(i, self.lane(l as usize));
+        }
+        picked
+    }
+    /// The same for two of these: the lanes of `high` come after those of `low`. Of a lane that is not there something is picked, or it panics.
+    #[inline(always)]
+    fn pick_of_two(low: Self, high: Self, order: &[u32]) -> Self {
+        let mut picked = Self::zero();
+        for (i, &l) in order[..Self::LANES].iter().enumerate() {
+            let l = l as usize;
+            picked.set_lane(i, if l < Self::LANES { low.lane(l) } else { high.lane(l - Self::LANES) });
+        }
+        picked
+    }
     /// Runs `kernel` as a function of its own, compiled with the instructions of this type's CPU level: what it inlines, it inlines with
     /// them. So a long computation can be made of several kernels called from ordinary code, each compiled once.
     ///

@@ -1,7 +1,7 @@
 //! Every backend gives every lane the bits that a lone scalar gets.
 
 use proptest::prelude::*;
-use stepper_real::{F32x16, F64x1, F64x8, Level, Mask, Real, at_level};
+use stepper_real::{Level, Mask, Real, Two, array, at_avx512, at_level};
 
 /// Names of what `operations` writes, in its order.
 const NAMES: [&str; 43] = [
@@ -64,7 +64,7 @@ fn operations<R: Real>(a: &[R::Scalar], b: &[R::Scalar], out: &mut [R::Scalar]) 
     subtracted -= b;
     multiplied *= b;
     divided /= b;
-    let mut lanes = [a.lane(0); 16];
+    let mut lanes = [a.lane(0); 32];
     b.store(&mut lanes);
     let loaded = R::load(&lanes);
     let mut replaced = a;
@@ -135,9 +135,9 @@ fn vectorized<R: Real>(a: &[R::Scalar], b: &[R::Scalar], out: &mut [R::Scalar]) 
 
 /// Compares the lanes of every level with scalars, bit for bit. Which NaN it is may differ.
 macro_rules! check {
-    ($name:ident, $scalar:ident, $lanes:ident) => {
+    ($name:ident, $scalar:ident, $n:literal, $run:expr) => {
         fn $name(a: &[$scalar], b: &[$scalar]) {
-            const N: usize = $lanes::LANES;
+            const N: usize = $n;
             let (mut group_a, mut group_b) = ([0.0; N], [0.0; N]);
             for (a, b) in a.chunks(N).zip(b.chunks(N)) {
                 group_a[..a.len()].copy_from_slice(a);
@@ -148,7 +148,9 @@ macro_rules! check {
                 }
                 for &level in Level::available() {
                     let mut out = [0.0; N * NAMES.len()];
-                    at_level!(level, $lanes, vectorized(&group_a, &group_b, &mut out));
+                    if !$run(level, &group_a, &group_b, &mut out) {
+                        continue;
+                    }
                     for (op, name) in NAMES.iter().enumerate() {
                         for lane in 0..N {
                             let (x, y) = (out[op * N + lane], expected[lane][op]);
@@ -166,9 +168,33 @@ macro_rules! check {
     };
 }
 
-check!(check_f64, f64, F64x8);
-check!(check_alone, f64, F64x1);
-check!(check_f32, f32, F32x16);
+/// Runs the operations at a level, if it has the lane type.
+macro_rules! run {
+    ($lanes:ident) => {
+        |level, a: &[_], b: &[_], out: &mut [_]| {
+            at_level!(level, $lanes, vectorized(a, b, out));
+            true
+        }
+    };
+}
+
+macro_rules! run_two {
+    ($lanes:ident) => {
+        |level, a: &[_], b: &[_], out: &mut [_]| {
+            let there = level == Level::Avx512;
+            if there {
+                at_avx512!($lanes, vectorized(a, b, out));
+            }
+            there
+        }
+    };
+}
+
+check!(check_f64, f64, 8, run!(F64x8));
+check!(check_alone, f64, 1, run!(F64x1));
+check!(check_f32, f32, 16, run!(F32x16));
+check!(check_two, f64, 16, run_two!(F64x16));
+check!(check_two_f32, f32, 32, run_two!(F32x32));
 
 /// Values at which something changes: a sign, a case, a rounding, the range.
 macro_rules! specials {
@@ -215,12 +241,14 @@ proptest! {
     #[test]
     fn f64_lanes_give_the_bits_of_scalars(a in inputs!(f64, u64, specials_f64), b in inputs!(f64, u64, specials_f64)) {
         check_f64(&a, &b);
+        check_two(&a, &b);
         check_alone(&a, &b);
     }
 
     #[test]
     fn f32_lanes_give_the_bits_of_scalars(a in inputs!(f32, u32, specials_f32), b in inputs!(f32, u32, specials_f32)) {
         check_f32(&a, &b);
+        check_two_f32(&a, &b);
     }
 }
 
@@ -229,11 +257,13 @@ fn special_values_pair_by_pair() {
     let specials = specials_f64();
     for &a in &specials {
         check_f64(&vec![a; specials.len()], &specials);
+        check_two(&vec![a; specials.len()], &specials);
         check_alone(&vec![a; specials.len()], &specials);
     }
     let specials = specials_f32();
     for &a in &specials {
         check_f32(&vec![a; specials.len()], &specials);
+        check_two_f32(&vec![a; specials.len()], &specials);
     }
 }
 
@@ -250,6 +280,41 @@ fn a_lane_does_not_see_its_neighbours() {
         quiet[4] = f64::NAN;
         quiet[6] = 1e300;
         assert_eq!(alone, lane_5(level, &quiet), "level {level}");
+    }
+}
+
+fn picked<R: Real>(x: &[R::Scalar], order: &[u32], out: &mut [R::Scalar]) {
+    R::vectorize(
+        #[inline(always)]
+        || R::load(x).pick(order).store(out),
+    )
+}
+
+/// Picks half of the lanes of two portable registers and of two of AVX-512.
+macro_rules! check_picks {
+    ($x:ident, $order:ident, $portable:ident, $lanes:ident) => {{
+        let expected: Vec<_> = $order.iter().map(|&l| $x[l as usize]).collect();
+        let mut out = expected.clone();
+        out.reverse();
+        picked::<Two<array::$portable>>(&$x, &$order, &mut out);
+        prop_assert_eq!(&out, &expected);
+        if Level::Avx512.is_available() {
+            out.reverse();
+            at_avx512!($lanes, picked(&$x, &$order, &mut out));
+            prop_assert_eq!(&out, &expected);
+        }
+    }};
+}
+
+proptest! {
+    #[test]
+    fn lanes_are_picked_by_number(order in prop::collection::vec(0u32..16, 8), x in prop::collection::vec(-1e3..1e3f64, 16)) {
+        check_picks!(x, order, F64x8, F64x16);
+    }
+
+    #[test]
+    fn more_lanes_are_picked_by_number(order in prop::collection::vec(0u32..32, 16), x in prop::collection::vec(-1e3..1e3f32, 32)) {
+        check_picks!(x, order, F32x16, F32x32);
     }
 }
 

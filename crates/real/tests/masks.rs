@@ -1,6 +1,6 @@
 //! Masks are sets of lanes at every level: nothing outside the lanes, and the laws of sets inside.
 
-use stepper_real::{Level, Mask, Real, at_level};
+use stepper_real::{Level, Mask, Real, at_avx512, at_level};
 
 /// Words that `algebra` writes.
 const WORDS: usize = 14;
@@ -61,6 +61,9 @@ fn sixteen_lanes_with_a_few_partners() {
             for y in [0, 0xffff, 0x5555, 0x8001, x.reverse_bits() >> 16, x ^ 0x0ff0] {
                 let out = at_level!(level, F32x16, vectorized(x, y));
                 assert_eq!(out, expected(16, x, y), "{x:#b} {y:#b} at level {level}");
+                if level == Level::Avx512 {
+                    assert_eq!(at_avx512!(F64x16, vectorized(x, y)), out, "{x:#b} {y:#b} in two registers");
+                }
             }
         }
     }

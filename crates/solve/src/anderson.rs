@@ -4,6 +4,7 @@
 //! over the changes of f and of T(x) between the last sweeps. Lengths are those of w, so |f|^2 is twice the kinetic energy of the change. A lane
 //! whose sweeps change more than the one before forgets the past.
 
+use crate::aside::Order;
 use crate::cone::keep;
 use crate::{Capacity, Iterate, Problem};
 use stepper_real::{Mask, Real, Scalar};
@@ -156,6 +157,26 @@ impl<R: Real> Iterate<R> {
 }
 
 impl<R: Real> History<R> {
+    /// The part of some lanes, as far as any of them remembers.
+    #[inline(always)]
+    pub(crate) fn pick(&self, order: &Order, out: &mut History<R::Half>) {
+        order.pick_numbers(&self.start, &mut out.start);
+        order.pick_numbers(&self.f, &mut out.f);
+        order.pick_numbers(&self.image, &mut out.image);
+        out.length = order.pick(self.length);
+        out.ran = order.pick_mask::<R>(self.ran);
+        for k in 0..MEMORY {
+            out.known[k] = order.pick_mask::<R>(self.known[k]);
+            out.gram[k] = order.pick_each(&self.gram[k]);
+            if out.known[k].any() {
+                order.pick_numbers(&self.df[k], &mut out.df[k]);
+                order.pick_numbers(&self.dt[k], &mut out.dt[k]);
+            } else {
+                out.dt[k].resize(self.dt[k].len(), R::Half::zero());
+            }
+        }
+    }
+
     /// Makes everything a sweep older.
     #[inline(always)]
     fn shift(&mut self) {

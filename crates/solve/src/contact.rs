@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use crate::aside::Order;
 use crate::cone::{keep, norm2, positive};
 use stepper_real::{Mask, Real, Scalar};
 
@@ -77,6 +78,26 @@ impl<R: Real> ContactBlock<R> {
             coupling: [cos * ca + sin * cb, cos * cb - sin * ca],
             rho: R::of(3.0) / trace,
             inv_rho: trace * R::of(1.0 / 3.0),
+        }
+    }
+
+    /// The part of some lanes.
+    #[inline(always)]
+    pub(crate) fn pick(&self, order: &Order) -> ContactBlock<R::Half> {
+        ContactBlock {
+            support: self.support.clone(),
+            y: self.y,
+            active: order.pick_mask::<R>(self.active),
+            mu: order.pick(self.mu),
+            g: order.pick_each(&self.g),
+            gram: order.pick_each(&self.gram),
+            inv_gnn: order.pick(self.inv_gnn),
+            axis: order.pick_each(&self.axis),
+            a: order.pick_each(&self.a),
+            inv_a: order.pick_each(&self.inv_a),
+            coupling: order.pick_each(&self.coupling),
+            rho: order.pick(self.rho),
+            inv_rho: order.pick(self.inv_rho),
         }
     }
 

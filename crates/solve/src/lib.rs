@@ -17,6 +17,7 @@
 //! Everything is written once over [`Real`](stepper_real::Real): one environment, or one per SIMD lane.
 
 mod anderson;
+mod aside;
 pub mod cone;
 mod contact;
 pub mod newton;

@@ -4,7 +4,7 @@
 //! meets the tolerance, and from then on its mask keeps every one of its bits.
 
 use crate::cone::{clamp, keep};
-use crate::{Iterate, Problem, anderson, residual};
+use crate::{Iterate, Problem, anderson, aside, residual};
 use stepper_real::{Mask, Real};
 
 /// When to stop.
@@ -34,34 +34,57 @@ pub fn solve<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: 
         #[inline(always)]
         || {
             let tolerance = settings.tolerance;
-            let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero() };
-            let (mut running, mut unsolved, mut threshold) = (lanes, lanes, tolerance);
-            let limit = R::of(f64::from(settings.sweeps.max(1)));
-            // Lanes in which w and the impulses were added up apart.
-            let mut apart = R::Mask::splat(false);
+            let no = R::Mask::splat(false);
+            let mut run =
+                Run { running: lanes, threshold: tolerance, sweeps: R::zero(), most: f64::from(settings.sweeps.max(1)), apart: no };
+            let (mut worst, mut unsolved) = (R::zero(), lanes);
             anderson::begin(iterate);
             while unsolved.any() {
-                let change = sweep(problem, iterate, running, outcome.sweeps.lt(R::of(EXACT_SWEEPS)));
-                outcome.sweeps += keep(running, R::one());
-                running = running.and(change.gt(threshold)).and(outcome.sweeps.lt(limit));
-                if running.any() {
-                    apart = apart.or(anderson::accelerate(iterate, running));
-                    continue;
+                while run.running.any() {
+                    if !aside::pause(problem, iterate, &mut run) {
+                        run.sweep(problem, iterate);
+                    }
                 }
-                if apart.any() {
-                    anderson::settle(iterate, problem, apart);
-                    apart = R::Mask::splat(false);
+                if run.apart.any() {
+                    anderson::settle(iterate, problem, run.apart);
+                    run.apart = no;
                 }
-                outcome.residual = R::select(unsolved, residual(problem, iterate), outcome.residual);
-                unsolved = unsolved.and(outcome.residual.gt(tolerance)).and(outcome.sweeps.lt(limit));
-                running = unsolved;
+                worst = R::select(unsolved, residual(problem, iterate), worst);
+                unsolved = unsolved.and(worst.gt(tolerance)).and(run.sweeps.lt(R::of(run.most)));
+                run.running = unsolved;
                 // All have paused: lanes that paused long ago start as those that did just now.
                 anderson::begin(iterate);
-                threshold = R::select(unsolved, threshold * R::of(0.25), threshold);
+                run.threshold = R::select(unsolved, run.threshold * R::of(0.25), run.threshold);
             }
-            outcome
+            Outcome { residual: worst, sweeps: run.sweeps }
         },
     )
+}
+
+/// How far the sweeps of each lane are.
+pub(crate) struct Run<R: Real> {
+    pub(crate) running: R::Mask,
+    /// Change of a sweep at which a lane pauses, m/s.
+    pub(crate) threshold: R,
+    /// Sweeps made.
+    pub(crate) sweeps: R,
+    /// Sweeps at the most.
+    pub(crate) most: f64,
+    /// Lanes in which w and the impulses were added up apart.
+    pub(crate) apart: R::Mask,
+}
+
+impl<R: Real> Run<R> {
+    /// One sweep of the lanes that are running.
+    #[inline(always)]
+    pub(crate) fn sweep(&mut self, problem: &Problem<R>, iterate: &mut Iterate<R>) {
+        let change = sweep(problem, iterate, self.running, self.sweeps.lt(R::of(EXACT_SWEEPS)));
+        self.sweeps += keep(self.running, R::one());
+        self.running = self.running.and(change.gt(self.threshold)).and(self.sweeps.lt(R::of(self.most)));
+        if self.running.any() {
+            self.apart = self.apart.or(anderson::accelerate(iterate, self.running));
+        }
+    }
 }
 
 /// Sweeps with the exact solution of every contact; what they have not brought home goes on with the weaker update.

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use crate::anderson::History;
+use crate::aside::{Aside, Order};
 use crate::{ContactBlock, WideBlock};
 use stepper_real::{Mask, Real};
 
@@ -98,6 +99,38 @@ impl<R: Real> Problem<R> {
         self.y6.clear();
         self.wide.clear();
         self.hyperstatic = R::Mask::splat(false);
+    }
+
+    /// The part of some lanes.
+    #[inline(always)]
+    pub(crate) fn pick(&self, order: &Order, out: &mut Problem<R::Half>) {
+        out.support.clear();
+        out.support.extend_from_slice(&self.support);
+        order.pick_numbers(&self.y, &mut out.y);
+        order.pick_all(&self.y3, &mut out.y3);
+        order.pick_all(&self.y6, &mut out.y6);
+        out.scalars.clear();
+        for row in &self.scalars {
+            out.scalars.push(ScalarRow {
+                support: row.support.clone(),
+                y: row.y,
+                active: order.pick_mask::<R>(row.active),
+                g: order.pick(row.g),
+                lo: order.pick(row.lo),
+                hi: order.pick(row.hi),
+                compliance: order.pick(row.compliance),
+                diagonal: order.pick(row.diagonal),
+                inv_diagonal: order.pick(row.inv_diagonal),
+            });
+        }
+        out.contacts.clear();
+        for block in &self.contacts {
+            out.contacts.push(block.pick(order));
+        }
+        out.wide.clear();
+        for block in &self.wide {
+            out.wide.push(block.pick(order));
+        }
     }
 
     /// Number of coordinates of w.
@@ -303,6 +336,7 @@ pub struct Iterate<R: Real> {
     pub(crate) slip: Vec<R>,
     pub(crate) wide_slip: Vec<R>,
     pub(crate) history: History<R>,
+    pub(crate) aside: Option<Box<Aside<R::Half>>>,
 }
 
 impl<R: Real> Iterate<R> {
@@ -321,7 +355,20 @@ impl<R: Real> Iterate<R> {
             slip: Vec::with_capacity(room.contacts),
             wide_slip: Vec::with_capacity(room.wide),
             history: History::new(room),
+            aside: Aside::new::<R>(room),
         }
+    }
+
+    /// The part of some lanes.
+    #[inline(always)]
+    pub(crate) fn pick(&self, order: &Order, out: &mut Iterate<R::Half>) {
+        let lists = [(&self.w, &mut out.w), (&self.scalars, &mut out.scalars), (&self.slip, &mut out.slip)];
+        for (from, to) in lists.into_iter().chain([(&self.wide_slip, &mut out.wide_slip)]) {
+            order.pick_numbers(from, to);
+        }
+        order.pick_all(&self.contacts, &mut out.contacts);
+        order.pick_all(&self.wide, &mut out.wide);
+        self.history.pick(order, &mut out.history);
     }
 
     /// Forgets all impulses; the caller pushes a warm start (or zeros) for every row, then calls [`Iterate::start`].

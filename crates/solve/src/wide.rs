@@ -6,6 +6,7 @@
 
 use std::ops::Range;
 
+use crate::aside::Order;
 use crate::cone::{keep, positive};
 use crate::contact::{MAX_NEWTON, near};
 use stepper_real::{Mask, Real, Scalar};
@@ -76,6 +77,31 @@ impl<R: Real> WideBlock<R> {
         let step = R::one() / (largest + nn * dot(coupling, coupling));
         let (rho, inv_rho) = (R::of(6.0) / trace, trace * R::of(1.0 / 6.0));
         Self { support, y, active: exists, mu, g, inv_gnn, nn, axes, a, inv_a, coupling, step, rho, inv_rho }
+    }
+
+    /// The part of some lanes.
+    #[inline(always)]
+    pub(crate) fn pick(&self, order: &Order) -> WideBlock<R::Half> {
+        let mut axes = [[R::Half::zero(); T]; T];
+        for i in 0..T {
+            axes[i] = order.pick_each(&self.axes[i]);
+        }
+        WideBlock {
+            support: self.support.clone(),
+            y: self.y,
+            active: order.pick_mask::<R>(self.active),
+            mu: order.pick(self.mu),
+            g: order.pick_each(&self.g),
+            inv_gnn: order.pick(self.inv_gnn),
+            nn: order.pick(self.nn),
+            axes,
+            a: order.pick_each(&self.a),
+            inv_a: order.pick_each(&self.inv_a),
+            coupling: order.pick_each(&self.coupling),
+            step: order.pick(self.step),
+            rho: order.pick(self.rho),
+            inv_rho: order.pick(self.inv_rho),
+        }
     }
 
     /// The impulse that solves this contact alone, when `v` is its velocity under the impulse `lambda`; with the multiplier s of its

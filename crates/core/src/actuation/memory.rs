@@ -3,6 +3,8 @@
 use serde::{Deserialize, Serialize};
 use stepper_real::Scalar;
 
+use crate::lanes::{columns, lane_bits, set_columns, set_lane_bits};
+
 /// Memory of the drive trains of a group of environments.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Memory<S> {
@@ -41,6 +43,25 @@ impl<S: Scalar> Memory<S> {
     pub fn clear(&mut self, lane: usize, lanes: usize) {
         self.begin(lane, lanes);
         self.waiting &= !(1 << lane);
+    }
+
+    /// What `n` of the `lanes` remember, from `first` on.
+    pub fn part(&self, lanes: usize, first: usize, n: usize) -> Self {
+        Self {
+            waiting: lane_bits(self.waiting, first, n),
+            numbers: columns(&self.numbers, lanes, first, n),
+            cursors: self.cursors.clone(),
+            applied: columns(&self.applied, lanes, first, n),
+        }
+    }
+
+    /// Takes over what `n` of the `lanes` remember, from `first` on.
+    pub fn set_part(&mut self, lanes: usize, first: usize, n: usize, part: &Self) {
+        set_lane_bits(&mut self.waiting, first, n, part.waiting);
+        set_columns(&mut self.numbers, lanes, first, n, &part.numbers);
+        set_columns(&mut self.applied, lanes, first, n, &part.applied);
+        // All environments step together.
+        self.cursors.copy_from_slice(&part.cursors);
     }
 
     /// Memory that it holds, bytes.

@@ -5,6 +5,7 @@ use stepper_real::Scalar;
 
 use super::errors::Keys;
 use crate::contacts::MAX_LANES;
+use crate::lanes::{columns, lane_bits, set_columns, set_lane_bits};
 use crate::plan::Plan;
 
 /// Memory of the sensors of a group of environments.
@@ -106,6 +107,55 @@ impl<S: Scalar> Memory<S> {
         (self.seed[lane], self.stream[lane], self.episode[lane], self.step[lane]) = (0, 0, 0, 0);
         self.fresh &= !(1 << lane);
         self.waiting &= !(1 << lane);
+    }
+
+    /// What `n` lanes from `first` on remember.
+    pub fn part(&self, first: usize, n: usize) -> Self {
+        let lanes = self.seed.len();
+        let numbers = |x: &[S]| columns(x, lanes, first, n);
+        let words = |x: &[u32]| columns(x, lanes, first, n);
+        Self {
+            fresh: lane_bits(self.fresh, first, n),
+            waiting: lane_bits(self.waiting, first, n),
+            seed: columns(&self.seed, lanes, first, n),
+            stream: words(&self.stream),
+            episode: words(&self.episode),
+            step: words(&self.step),
+            acceleration: numbers(&self.acceleration),
+            ctrl: numbers(&self.ctrl),
+            xfrc: numbers(&self.xfrc),
+            numbers: numbers(&self.numbers),
+            cursors: self.cursors.clone(),
+            observation: numbers(&self.observation),
+            faults: words(&self.faults),
+        }
+    }
+
+    /// Takes over what `n` lanes from `first` on remember.
+    pub fn set_part(&mut self, first: usize, n: usize, part: &Self) {
+        let lanes = self.seed.len();
+        set_lane_bits(&mut self.fresh, first, n, part.fresh);
+        set_lane_bits(&mut self.waiting, first, n, part.waiting);
+        set_columns(&mut self.seed, lanes, first, n, &part.seed);
+        for (to, from) in [
+            (&mut self.stream, &part.stream),
+            (&mut self.episode, &part.episode),
+            (&mut self.step, &part.step),
+            (&mut self.faults, &part.faults),
+        ] {
+            set_columns(to, lanes, first, n, from);
+        }
+        for (to, from) in [
+            (&mut self.acceleration, &part.acceleration),
+            (&mut self.ctrl, &part.ctrl),
+            (&mut self.xfrc, &part.xfrc),
+            (&mut self.numbers, &part.numbers),
+            (&mut self.observation, &part.observation),
+        ] {
+            set_columns(to, lanes, first, n, from);
+        }
+        // All environments step together.
+        self.cursors.copy_from_slice(&part.cursors);
     }
 
     /// Memory that it holds, bytes.

@@ -5,6 +5,7 @@ use stepper_real::{Mask, Real, Scalar};
 use super::{Call, load};
 use crate::contacts::Contacts;
 use crate::drive::{At, Drive};
+use crate::lanes::{self, put};
 use crate::mocap;
 use crate::plan::{LanePlan, Plan};
 use crate::sensing::errors::{Errors, Slots, Work};
@@ -12,7 +13,7 @@ use crate::sensing::{Moment, Room};
 use crate::spatial::*;
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s09_sense::sense;
-use crate::state::{self, Group, put};
+use crate::state::Group;
 use crate::step::{Scratch, step};
 
 /// Room of a worker's sensors.
@@ -255,7 +256,7 @@ fn take<R: Real>(from: &[R::Scalar], out: &mut [R]) {
             if from.is_empty() {
                 out.fill(R::zero());
             }
-            state::take(from, out);
+            lanes::take(from, out);
         },
     )
 }

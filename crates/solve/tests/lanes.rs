@@ -1,0 +1,78 @@
+//! A lane has the bits of the problem alone, also after most of its neighbours are done and the rest has gone on in half the registers.
+
+use proptest::prelude::*;
+use stepper_real::{Mask, Real, Two, array};
+use stepper_solve::pgs::{Settings, solve};
+use stepper_solve::{Iterate, Problem};
+
+type Lanes = Two<array::F64x8>;
+
+const N: usize = 9;
+const CONTACTS: usize = 3;
+/// Numbers of a problem: of a limit in every coordinate, of narrow contacts and of a wide one, and whether each is there.
+const NUMBERS: usize = N * (N + 1) + CONTACTS * (3 * N + 3) + 6 * N + 6;
+const ROWS: usize = N + CONTACTS + 1;
+
+/// Numbers of 16 problems of one shape, and which rows they have.
+type Problems = Vec<(Vec<f64>, Vec<bool>)>;
+
+fn problems() -> impl Strategy<Value = Problems> {
+    prop::collection::vec((prop::collection::vec(-1.0..1.0, NUMBERS), prop::collection::vec(any::<bool>(), ROWS)), 16)
+}
+
+/// The problems of `R::LANES` environments, with a start that is not zero.
+fn build<R: Real<Scalar = f64>>(problems: &Problems) -> (Problem<R>, Iterate<R>) {
+    let mut at = 0;
+    let mut next = || {
+        let mut x = R::zero();
+        problems.iter().enumerate().for_each(|(l, (numbers, _))| x.set_lane(l, numbers[at]));
+        at += 1;
+        x
+    };
+    let active = |row: usize| R::Mask::from_bits(problems.iter().enumerate().fold(0, |bits, (l, p)| bits | u32::from(p.1[row]) << l));
+    let keep = |row: usize, x: R| R::select(active(row), x, R::zero());
+    let room = stepper_solve::Capacity { dimension: N, scalars: N, scalar_entries: N * N, contacts: CONTACTS, wide: 1, contact_support: N };
+    let (mut problem, mut iterate) = (Problem::new(&room), Iterate::new(&room));
+    iterate.clear();
+    let support: Vec<u32> = (0..N as u32).collect();
+    for row in 0..N {
+        let y: Vec<R> = support.iter().map(|_| next()).collect();
+        problem.push_scalar(&support, |i| y[i], R::one(), active(row), next(), [R::zero(), R::of(f64::INFINITY)]);
+        iterate.scalars.push(keep(row, R::of(0.1)));
+    }
+    for k in 0..CONTACTS {
+        let row = N + k;
+        let y: Vec<[R; 3]> = support.iter().map(|_| [keep(row, next()), keep(row, next()), keep(row, next())]).collect();
+        let g = [next(), next(), next()];
+        problem.push_contact(&support, |i| y[i], active(row), R::of(0.4), g);
+        iterate.contacts.push([keep(row, R::of(0.2)), R::zero(), R::zero()]);
+    }
+    let row = N + CONTACTS;
+    let y: Vec<[R; 6]> = support.iter().map(|_| std::array::from_fn(|_| keep(row, next()))).collect();
+    problem.push_wide(&support, |i| y[i], active(row), R::of(0.6), std::array::from_fn(|_| next()));
+    iterate.wide.push([R::zero(); 6]);
+    iterate.start(&problem);
+    (problem, iterate)
+}
+
+/// What a solve leaves of lane `l`.
+fn left<R: Real<Scalar = f64>>(problems: &Problems, tolerance: f64) -> Vec<Vec<u64>> {
+    let (problem, mut iterate) = build::<R>(problems);
+    let outcome = solve(&problem, &mut iterate, Settings { sweeps: 60, tolerance: R::of(tolerance) }, R::Mask::splat(true));
+    let impulses = [iterate.contacts.as_flattened(), iterate.wide.as_flattened(), &iterate.scalars, &iterate.w].concat();
+    let all = [&[outcome.residual, outcome.sweeps], &impulses[..]].concat();
+    (0..R::LANES).map(|l| all.iter().map(|x| x.lane(l).to_bits()).collect()).collect()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(60))]
+
+    #[test]
+    fn a_lane_has_the_bits_of_its_problem_alone(problems in problems(), tolerance in prop_oneof![Just(1e-3), Just(1e-9)]) {
+        let together = left::<Lanes>(&problems, tolerance);
+        for (l, problem) in problems.into_iter().enumerate() {
+            let alone = left::<f64>(&vec![problem], tolerance);
+            prop_assert_eq!(&together[l], &alone[0], "lane {}", l);
+        }
+    }
+}

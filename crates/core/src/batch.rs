@@ -162,7 +162,7 @@ impl<S: Stepped> Batch<S> {
     pub fn new(model: &Model, options: &Options, num_envs: usize, single: bool, threads: usize, level: Level) -> Self {
         let plan = Plan::<S>::new(model);
         let threads = if threads == 0 { std::thread::available_parallelism().map_or(1, usize::from) } else { threads };
-        let lanes = if single { S::SINGLE } else { S::lanes(num_envs, threads, level) };
+        let lanes = if single { S::SINGLE } else { S::lanes(&plan, num_envs, threads, level) };
         let max_contacts = room_for_contacts(&plan, options);
         let groups = groups(model, &plan, num_envs, lanes, max_contacts);
         let crew = Crew { idle: Mutex::new(Vec::new()), pool: None };

@@ -3,7 +3,7 @@
 //! Spatial vectors are (angular, linear), both in world axes. Motions, forces and inertias of one kinematic tree are all taken about one
 //! point, the position of its root, so that they add without transforms (Featherstone 2008, chapter 2).
 
-use stepper_real::Real;
+use stepper_real::{Real, Scalar};
 
 /// A vector.
 pub type V3<R> = [R; 3];
@@ -80,6 +80,16 @@ pub fn splat<R: Real, const N: usize>(a: [R::Scalar; N]) -> [R; N] {
     let mut out = [R::zero(); N];
     for i in 0..N {
         out[i] = R::splat(a[i]);
+    }
+    out
+}
+
+/// One lane of numbers.
+#[inline(always)]
+pub fn of_lane<R: Real, const N: usize>(x: &[R; N], lane: usize) -> [f64; N] {
+    let mut out = [0.0; N];
+    for i in 0..N {
+        out[i] = x[i].lane(lane).to_f64();
     }
     out
 }

@@ -46,7 +46,7 @@ pub struct Group<S> {
     pub contact_data: Vec<S>,
     /// Angular impulses of contact k of lane l, three numbers each; empty when the scene has no torsional or rolling friction.
     pub contact_torque: Vec<S>,
-    /// Normals of pairs of hulls that were near one another in the last step.
+    /// What is known of pairs of hulls that were near one another in the last step.
     pub normals: Normals,
     /// s, per lane.
     pub time: Vec<f64>,
@@ -157,6 +157,7 @@ impl<S: Scalar> Group<S> {
             let unused = group.contact_torque.iter_mut().skip(held * 3 * lanes + lane);
             unused.step_by(lanes).for_each(|x| *x = S::default());
         }
+        group.normals.tidy();
         group
     }
 

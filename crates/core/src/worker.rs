@@ -74,7 +74,7 @@ pub trait Stepped: Scalar {
     /// Lanes of a single environment.
     const SINGLE: usize;
     /// Lanes of a group of many environments, stepped by so many threads.
-    fn lanes(num_envs: usize, threads: usize, level: Level) -> usize;
+    fn lanes(plan: &Plan<Self>, num_envs: usize, threads: usize, level: Level) -> usize;
     /// Room for groups of `lanes` lanes at a CPU level that this machine has.
     fn room(site: &Site<'_, Self>, lanes: usize, level: Level) -> Box<dyn Any + Send>;
     /// Makes the steps of `call` in one group.
@@ -127,19 +127,24 @@ impl Worker {
     }
 }
 
-/// Lanes of `n` in one register, or of two registers where that takes less time: it takes as much as 1.8 times one (docs/performance.md). With the
-/// sixteen registers of AVX2 it would take 2.2 to 2.5 times.
-fn lanes(n: usize, num_envs: usize, threads: usize, level: Level) -> usize {
+/// Largest mass matrix (entries, 128 bytes each in two registers) with which a step still works in the caches next to the core. Two registers make
+/// dm_control's humanoid (243) 4 to 6 % faster, humanoid_CMU (952) up to 4 % slower.
+const SMALL: usize = 512;
+
+/// Lanes of one register, `n`, or of two where that takes less time: it takes as much as 1.8 times one (docs/performance.md). With the sixteen
+/// registers of AVX2 it would take 2.2 to 2.5 times.
+fn lanes<S: Scalar>(n: usize, plan: &Plan<S>, num_envs: usize, threads: usize, level: Level) -> usize {
     let groups = |lanes: usize| num_envs.div_ceil(lanes).div_ceil(threads);
-    if level == Level::Avx512 && 9 * groups(2 * n) <= 5 * groups(n) { 2 * n } else { n }
+    let pays = plan.chain.len() <= SMALL && 9 * groups(2 * n) <= 5 * groups(n);
+    if level == Level::Avx512 && pays { 2 * n } else { n }
 }
 
 impl Stepped for f64 {
     const LANES: usize = 8;
     const SINGLE: usize = 1;
 
-    fn lanes(num_envs: usize, threads: usize, level: Level) -> usize {
-        lanes(8, num_envs, threads, level)
+    fn lanes(plan: &Plan<f64>, num_envs: usize, threads: usize, level: Level) -> usize {
+        lanes(8, plan, num_envs, threads, level)
     }
 
     fn room(site: &Site<'_, f64>, lanes: usize, level: Level) -> Box<dyn Any + Send> {
@@ -178,8 +183,8 @@ impl Stepped for f32 {
     const LANES: usize = 16;
     const SINGLE: usize = 16;
 
-    fn lanes(num_envs: usize, threads: usize, level: Level) -> usize {
-        lanes(16, num_envs, threads, level)
+    fn lanes(plan: &Plan<f32>, num_envs: usize, threads: usize, level: Level) -> usize {
+        lanes(16, plan, num_envs, threads, level)
     }
 
     fn room(site: &Site<'_, f32>, lanes: usize, level: Level) -> Box<dyn Any + Send> {
@@ -261,12 +266,14 @@ fn run_group<R: Real>(call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, 
     if !group.sensing.faults.is_empty() {
         group.sensing.faults.fill(0);
     }
+    s.poses.exchange(&mut group.normals);
     for control in 0..call.calls {
         load_control(call, control, at.first, s);
         let (status, residual) = run_control(call, plan, group, at.first, s, senses);
         let readings = if at.share.has(Quantity::Observation) { senses.readings(call, plan, group, s) } else { &[] };
         at.share.write(control, at.first - at.share_first, s, readings, &status, residual);
     }
+    s.poses.exchange(&mut group.normals);
     if call.calls * call.nstep > 0 {
         senses.remember(group, s);
         store(group, s);
@@ -352,7 +359,6 @@ fn store<R: Real>(group: &mut Group<R::Scalar>, s: &Scratch<R>) {
                 put(x, out);
             }
             group.store_contacts(&s.contacts);
-            group.normals.copy_from(s.poses.normals());
             for (way, out) in s.ways.iter().zip(group.mocap.chunks_exact_mut(7 * R::LANES)) {
                 put(&way.end(), out);
             }
@@ -376,7 +382,6 @@ fn load<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: us
                 take(from, x);
             }
             group.load_contacts(&mut s.contacts);
-            s.poses.recall(&group.normals);
             if let Some(chains) = call.chains {
                 chains.load(call.plan, first / lanes, &mut s.inputs.trains);
             }

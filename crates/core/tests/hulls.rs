@@ -7,7 +7,9 @@ use std::sync::Arc;
 
 use proptest::prelude::*;
 use shapes::{unit, vector};
-use stepper_core::geometry::convex::{Approach, ConvexShape, Hull, Manifold, Point, Pose, Reach, Room, collide, distance};
+use stepper_core::geometry::convex::{
+    Approach, ConvexShape, Hull, Known, Manifold, Parting, Partings, Point, Pose, Reach, Room, collide, distance,
+};
 use stepper_core::spatial::*;
 
 type V = V3<f64>;
@@ -67,12 +69,34 @@ fn over_all_facets(a: &Hull, pa: &Pose, b: &Hull, pb: &Pose) -> f64 {
 
 const PREDICTION: f64 = 0.02;
 
+fn meet(a: &ConvexShape, pa: &Pose, b: &ConvexShape, pb: &Pose, known: Option<Known>, approach: Option<Approach>) -> Manifold {
+    let mut out = Manifold::default();
+    collide(a, pa, b, pb, Reach { prediction: PREDICTION, known, approach }, &mut out, &mut Room::default());
+    out
+}
+
 /// `known` in the world.
 fn contacts(a: &ConvexShape, pa: &Pose, b: &ConvexShape, pb: &Pose, known: Option<V>, approach: Option<Approach>) -> Vec<Point> {
-    let mut out = Manifold::default();
-    let reach = Reach { prediction: PREDICTION, known: known.map(|n| rotate_back(&pa.mat, n)), approach };
-    collide(a, pa, b, pb, reach, &mut out, &mut Room::default());
-    out.points
+    meet(a, pa, b, pb, known.map(|n| rotate_back(&pa.mat, n).into()), approach).points
+}
+
+/// A pose some way and turn (m, rad) further.
+fn moved(pose: &Pose, way: V, turn: V) -> Pose {
+    let angle = norm(turn);
+    let mat = if angle > 0.0 { mat_mul(&axis_rotation(scale(turn, 1.0 / angle), angle.sin(), angle.cos()), &pose.mat) } else { pose.mat };
+    Pose { pos: add(pose.pos, way), mat }
+}
+
+/// Whether two hulls of this size are parted for an approach.
+fn are_parted(parting: &Parting, pa: &Pose, pb: &Pose, approach: &Approach, size: f64) -> bool {
+    let mut partings = Partings::<f64>::none();
+    partings.set_lane(0, parting);
+    partings.keep(sub(pb.pos, pa.pos), [&pa.mat, &pb.mat], approach, size)
+}
+
+/// What bounds the size of two hulls.
+fn size(a: &Hull, b: &Hull) -> f64 {
+    [a, b].iter().map(|h| h.points().iter().map(|p| norm(sub(*p, h.centre()))).fold(0.0, f64::max)).sum()
 }
 
 /// Poses of two hulls that are `gap` apart along the line between their nearest points, which goes roughly `towards` the second.
@@ -121,6 +145,47 @@ proptest! {
         }
         for p in &scratch {
             prop_assert_eq!(bits(&contacts(&first, &pa, &second, &pb, Some(p.normal), None)), bits(&scratch));
+        }
+    }
+
+    #[test]
+    fn what_is_known_from_the_last_step_changes_no_bit(a in hull(), ma in rotation(), b in hull(), towards in unit(), mb in rotation(),
+                                                       gap in prop_oneof![-0.03..0.02f64, -1e-4..1e-4f64, Just(0.0)],
+                                                       way in vector(1.0), turn in vector(1.0), speed in -6.0..-1.0f64) {
+        let (first, second) = (ConvexShape::Hull(a), ConvexShape::Hull(b));
+        let (pa, pb, _) = beside(&first, ma, &second, mb, towards, gap);
+        let (mut known, mut pb) = (None, pb);
+        for _ in 0..3 {
+            let scratch = meet(&first, &pa, &second, &pb, None, None);
+            let found = meet(&first, &pa, &second, &pb, known, None);
+            prop_assert_eq!(bits(&found.points), bits(&scratch.points));
+            known = found.parting.map(|p| p.known());
+            pb = moved(&pb, scale(way, 10f64.powf(speed)), scale(turn, 10f64.powf(speed)));
+        }
+    }
+
+    #[test]
+    fn what_parts_hulls_parts_them_wherever_they_go(a in hull(), ma in rotation(), b in hull(), mb in rotation(), towards in unit(),
+                                                    gap in prop_oneof![1e-5..0.02f64, 1e-5..1e-3f64], way in vector(1.0), turn in vector(1.0),
+                                                    speed in -5.0..-1.0f64, hurry in -7.0..-3.0f64) {
+        let (first, second) = (ConvexShape::Hull(a.clone()), ConvexShape::Hull(b.clone()));
+        let (pa, pb, _) = beside(&first, ma, &second, mb, towards, gap);
+        let still = Approach { way: [0.0; 3], turn: [0.0; 3], radius: 1.0, slack: 0.1 * gap };
+        let fast = Approach { way: scale(way, 10f64.powf(hurry)), ..still };
+        let size = size(&a, &b);
+        for approach in [still, fast] {
+            let parting = meet(&first, &pa, &second, &pb, None, Some(approach)).parting.expect("they are near");
+            if norm(approach.way) == 0.0 && gap > 1e-3 * size {
+                prop_assert!(are_parted(&parting, &pa, &pb, &Approach { slack: 0.5 * gap, ..still }, size), "not even where they were");
+            }
+            for away in [0.0, 0.3, 1.0] {
+                let pb = moved(&pb, scale(way, away * 10f64.powf(speed)), scale(turn, away * 10f64.powf(speed)));
+                let (distance, _) = distance(&first, &pa, &second, &pb);
+                for share in [0.9, 1.0 - 1e-4, 1.0 + 1e-9, 1.1] {
+                    let nearest = Approach { slack: distance.max(0.0) * share, ..still };
+                    prop_assert!(!are_parted(&parting, &pa, &pb, &nearest, size) || distance > nearest.slack, "{distance} at {share}");
+                }
+            }
         }
     }
 

@@ -74,9 +74,9 @@ struct Placed<R: Real> {
 #[derive(Clone, Debug)]
 struct Search {
     narrow: Narrow,
-    /// Normals of the last step: where a search begins, however often a step searches.
+    /// What the last step left: where a search begins, however often a step searches.
     known: Normals,
-    /// Those of this step.
+    /// What this one leaves.
     found: Normals,
 }
 
@@ -98,20 +98,15 @@ impl<R: Real> GeomPoses<R> {
         }
     }
 
-    /// Normals of hulls that are near one another.
-    pub(crate) fn normals(&self) -> &Normals {
-        &self.search.found
-    }
-
-    /// Takes over the normals of the last step.
-    pub(crate) fn recall(&mut self, normals: &Normals) {
-        self.search.found.copy_from(normals);
+    /// Takes what a group's last step left, and leaves what was found last: before a group's steps and after them.
+    pub(crate) fn exchange(&mut self, normals: &mut Normals) {
+        std::mem::swap(&mut self.search.found, normals);
     }
 
     /// Begins a step: what the last one found is known.
     pub(crate) fn begin(&mut self) {
         let Search { known, found, .. } = &mut self.search;
-        known.copy_from(found);
+        std::mem::swap(known, found);
     }
 
     /// Places the geoms that are fixed to the world, where environments may have them elsewhere.
@@ -229,6 +224,7 @@ pub fn detect<R: Real>(
     contacts: &mut Contacts<R>,
 ) -> R::Mask {
     contacts.clear();
+    poses.search.found.clear();
     if plan.geoms.is_empty() {
         return R::Mask::splat(false);
     }

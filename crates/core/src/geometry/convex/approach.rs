@@ -11,9 +11,14 @@
 //!
 //! for all u that the contact may see: u = v + w x r, where r reaches to points halfway between the hulls, all of them in a ball. The normal
 //! that is reported may be one that separates worse by e, see `prefer_face`: it is then at most (2 e / g)^(1/2) away from n', and 2 c h greater by
-//! 2 h |u| times this.
+//! 2 h |u| times this. Once n' is known there is none where
+//!
+//! ```text
+//! g >= 2 h (-n' . u) + slack
+//! ```
 
-use super::V;
+use stepper_real::{Mask, Real};
+
 use super::separation::ALIKE;
 use crate::spatial::*;
 
@@ -22,27 +27,62 @@ const HAIR: f64 = 4e-6;
 
 /// How two bodies move as seen from the first, in its frame, in a step.
 #[derive(Clone, Copy, Debug)]
-pub struct Approach {
+pub struct Approach<R = f64> {
     /// Way of the second where it is at the centre of the ball that all contacts are in, m.
-    pub way: V,
+    pub way: V3<R>,
     /// Angle that the second turns by, rad.
-    pub turn: V,
+    pub turn: V3<R>,
     /// Radius of that ball, m.
-    pub radius: f64,
+    pub radius: R,
     /// Distance below which a contact counts however slow it is, m.
-    pub slack: f64,
+    pub slack: R,
 }
 
-impl Approach {
-    /// Whether no contact of hulls that a plane with the normal `n` (unit, from the first to the second) parts by `gap` can count within the
-    /// step; `size` is that of both, m.
-    pub(super) fn keeps(&self, n: V, gap: f64, size: f64) -> bool {
-        if gap <= self.slack {
-            return false;
-        }
-        let fastest = norm(self.way) + norm(self.turn) * self.radius;
-        let along = dot(n, self.way) - norm(cross(n, self.turn)) * self.radius;
-        let tilt = (2.0 * ALIKE * size / gap).sqrt();
-        gap >= fastest * (1.0 + 2.0 * tilt) - along + self.slack + HAIR * (size + fastest)
+impl<R: Real> Approach<R> {
+    /// What hulls that a plane with the normal `n` (unit, from the first to the second) parts by `gap` have to spare: where it is not negative, no
+    /// contact can count within the step; `size` is that of both, m.
+    #[inline(always)]
+    pub(super) fn spare(&self, n: V3<R>, gap: R, size: f64) -> R {
+        let fastest = self.fastest();
+        let along = dot(n, self.way) - self.swing(n);
+        let tilt = (R::of(2.0 * ALIKE * size) / gap).sqrt();
+        gap - (fastest * (R::one() + R::of(2.0) * tilt) - along + self.slack + self.hair(size, fastest))
+    }
+
+    /// Whether none can.
+    #[inline(always)]
+    pub(super) fn keeps(&self, n: V3<R>, gap: R, size: f64) -> R::Mask {
+        gap.gt(self.slack).and(self.spare(n, gap, size).ge(R::zero()))
+    }
+
+    /// Whether no contact with the normal `n`, `gap` long or longer, can count within the step.
+    #[inline(always)]
+    pub(super) fn keeps_along(&self, n: V3<R>, gap: R, size: f64) -> R::Mask {
+        let closing = (self.swing(n) - dot(n, self.way)).max(R::zero());
+        gap.ge(R::of(2.0) * closing + self.slack + self.hair(size, self.fastest()))
+    }
+
+    /// Bound on the way of the second in the ball, m.
+    #[inline(always)]
+    fn fastest(&self) -> R {
+        norm(self.way) + norm(self.turn) * self.radius
+    }
+
+    /// Bound on what the turn adds to the way along the unit vector `n`, m.
+    #[inline(always)]
+    fn swing(&self, n: V3<R>) -> R {
+        norm(cross(n, self.turn)) * self.radius
+    }
+
+    #[inline(always)]
+    fn hair(&self, size: f64, fastest: R) -> R {
+        R::of(HAIR) * (R::of(size) + fastest)
+    }
+
+    /// That of one lane.
+    #[inline(always)]
+    pub(crate) fn lane(&self, lane: usize) -> Approach {
+        let [radius, slack] = of_lane(&[self.radius, self.slack], lane);
+        Approach { way: of_lane(&self.way, lane), turn: of_lane(&self.turn, lane), radius, slack }
     }
 }

@@ -29,11 +29,27 @@ const ITERATIONS: usize = 200;
 /// The nearest points of A and B + shift, searched from the direction `start` (from B to A); points further apart than `beyond` (m) where the
 /// sets certainly are.
 pub(super) fn nearest(pair: &Pair<'_>, shift: V, start: V, beyond: f64) -> Nearest {
-    let named = pair.is_polytope();
     let mut simplex = Simplex { count: 1, ..Simplex::default() };
     simplex.vertex[0] = pair.support([-start[0], -start[1], -start[2]], shift);
     simplex.weight[0] = 1.0;
-    let mut v = simplex.vertex[0].w;
+    let v = simplex.vertex[0].w;
+    // A plane at right angles to v parts the sets by v . w / |v|.
+    search(pair, shift, simplex, v, |_, length, along| along > beyond * length)
+}
+
+/// The same, searched from three corners of the difference, and no further than to a plane that is `enough`, told by its normal (unit, from A to B)
+/// and by how far it parts the sets, m.
+pub(super) fn nearest_from(pair: &Pair<'_>, shift: V, corners: [Vertex; 3], enough: impl Fn(V, f64) -> bool) -> Nearest {
+    let [a, b, c] = corners;
+    let mut simplex = Simplex { vertex: [a, b, c, c], weight: [0.0; 4], count: 3 };
+    let v = simplex.reduce().unwrap_or([0.0; 3]);
+    search(pair, shift, simplex, v, |v, length, along| along > 0.0 && enough(scale(v, -1.0 / length), along / length))
+}
+
+/// From a simplex and the point `v` of it that is nearest to the origin until rounding, or a plane that parts the sets enough, ends it.
+#[inline(always)]
+fn search(pair: &Pair<'_>, shift: V, mut simplex: Simplex, mut v: V, enough: impl Fn(V, f64, f64) -> bool) -> Nearest {
+    let named = pair.is_polytope();
     let rounding = 4e-16 * (pair.size + norm(v));
     for _ in 0..ITERATIONS {
         let length = norm(v);
@@ -42,8 +58,7 @@ pub(super) fn nearest(pair: &Pair<'_>, shift: V, start: V, beyond: f64) -> Neare
         }
         let vertex = pair.support([-v[0], -v[1], -v[2]], shift);
         let along = dot(v, vertex.w);
-        // A plane at right angles to v parts the sets by v . w / |v|.
-        if along > beyond * length {
+        if enough(v, length, along) {
             break;
         }
         // |v|^2 - v . w bounds what is left to gain. A corner that is there already brings nothing new.

@@ -51,6 +51,7 @@ pub struct Hull {
     /// Points across an edge from every point: those of point v are in `rings[first[v]..first[v + 1]]`.
     rings: Vec<Ring>,
     first: Vec<u32>,
+    blocks: Vec<Block>,
     /// Points furthest along the directions through the cells of a cube's sides: where searches begin.
     start: Vec<u32>,
     /// Points furthest along the axes and against them.
@@ -90,6 +91,7 @@ impl Hull {
             face.vertices.iter().for_each(|&v| around[v as usize].push(f as u32));
         }
         let (rings, first) = rings(&points, &triangles);
+        let blocks = points.chunks(SIDE).map(Block::new).collect();
         let start = if points.len() > FEW { starts(&points) } else { vec![] };
         let extreme = std::array::from_fn(|k| {
             let mut d = [0.0; 3];
@@ -98,7 +100,7 @@ impl Hull {
         });
         let depth = |f: &Face| dot(f.normal, sub(points[f.vertices[0] as usize], centre));
         let least = faces.iter().map(depth).fold(f64::INFINITY, f64::min);
-        Ok(Self { points, triangles, faces, around, rings, first, start, extreme, centre, bound, least })
+        Ok(Self { points, triangles, faces, around, rings, first, blocks, start, extreme, centre, bound, least })
     }
 
     /// Its vertices, m.
@@ -133,6 +135,28 @@ impl Hull {
     /// From its centre to the nearest face, m.
     pub(super) fn least(&self) -> f64 {
         self.least
+    }
+
+    /// The least q, m, for which the ball of radius (q + e) about p - q m, `m` being a unit vector, holds all vertices.
+    pub(super) fn curve(&self, p: V, m: V, e: f64) -> f64 {
+        let mut q = 0.0;
+        for block in &self.blocks {
+            // With d = p - w: d . d - e^2 <= 2 q (d . m + e).
+            let lacks = |q: f64| {
+                let (k, c) = (add_scaled(scale(p, -2.0), m, 2.0 * q), dot(p, p) - e * e - 2.0 * q * (dot(p, m) + e));
+                let [x, y, z] = &block.at;
+                let lack: [f64; SIDE] = std::array::from_fn(|i| block.square[i] + (x[i] * k[0] + y[i] * k[1] + z[i] * k[2]));
+                (lack, -c)
+            };
+            let (lack, none) = lacks(q);
+            if lack.iter().fold(f64::NEG_INFINITY, |most, &x| if x > most { x } else { most }) > none {
+                for i in 0..SIDE {
+                    let d = sub(p, std::array::from_fn(|k| block.at[k][i]));
+                    q = f64::max(q, (dot(d, d) - e * e) / (2.0 * (dot(d, m) + e)));
+                }
+            }
+        }
+        q
     }
 
     /// The vertex furthest along `d`. On a convex surface a vertex with no better neighbour is the best.
@@ -259,6 +283,22 @@ impl Ring {
     fn along(&self, d: V) -> [f64; SIDE] {
         let [x, y, z] = &self.edge;
         std::array::from_fn(|k| x[k] * d[0] + y[k] * d[1] + z[k] * d[2])
+    }
+}
+
+/// Some of the points, the last repeated where there are fewer.
+#[derive(Clone, Debug, PartialEq)]
+struct Block {
+    /// By coordinate, m.
+    at: [[f64; SIDE]; 3],
+    /// Squares of their distances from the origin, m^2.
+    square: [f64; SIDE],
+}
+
+impl Block {
+    fn new(points: &[V]) -> Self {
+        let point = |i: usize| points[i.min(points.len() - 1)];
+        Self { at: std::array::from_fn(|k| std::array::from_fn(|i| point(i)[k])), square: std::array::from_fn(|i| dot(point(i), point(i))) }
     }
 }
 

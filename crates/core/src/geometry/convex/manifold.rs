@@ -4,7 +4,7 @@ use super::clip::{Shared, Work, overlay};
 use super::pair::Pair;
 use super::patch::{Kind, Patch, View, edge};
 use super::separation::Facing;
-use super::{Pose, V};
+use super::{Parting, Pose, V};
 use crate::contacts::frame;
 use crate::spatial::*;
 
@@ -32,15 +32,15 @@ pub struct Point {
 pub struct Manifold {
     /// Ascending by feature.
     pub points: Vec<Point>,
-    /// A direction of large separation, if one was looked for: the normal, or what parts shapes that are further apart. In the first's frame, unit.
-    pub axis: Option<V>,
+    /// What two hulls know of one another: the normal, or that of a plane that parts those that are further apart.
+    pub parting: Option<Parting>,
 }
 
 impl Manifold {
     /// Forgets all points.
     pub fn clear(&mut self) {
         self.points.clear();
-        self.axis = None;
+        self.parting = None;
     }
 
     /// The least distance, m; infinite where there is no point.
@@ -95,7 +95,7 @@ impl Clipper {
     /// The points of two cores along a normal, in the frame of the first, those beyond `prediction` dropped. At least one if the shapes are
     /// within it.
     pub(super) fn manifold(&mut self, pair: &Pair<'_>, facing: &Facing, prediction: f64, out: &mut Manifold) {
-        let Facing { found, corners } = *facing;
+        let Facing { found, corners, .. } = *facing;
         let n = found.normal;
         let axes = frame(n);
         let views = views(pair, &axes);

@@ -12,7 +12,7 @@
 //! laid on one another (`manifold.rs`).
 //!
 //! All is computed in the frame of the first shape: what a scene's place in the world changes is rounding. Nothing is remembered from call to
-//! call: the same poses give the same contacts, whether a normal from before is known (`recall.rs`) or not.
+//! call: the same poses give the same contacts, whether a normal from before is known (`recall.rs`), or what parts the two (`parting.rs`), or not.
 
 mod approach;
 mod boxes;
@@ -22,6 +22,7 @@ mod gjk;
 mod hull;
 mod manifold;
 mod pair;
+mod parting;
 mod patch;
 mod recall;
 mod separation;
@@ -35,6 +36,8 @@ use crate::spatial::*;
 pub use approach::Approach;
 pub use hull::{Hull, HullError};
 pub use manifold::{MAX_POINTS, Manifold, Point};
+pub use parting::{Parting, Partings};
+pub use recall::Known;
 pub use shape::ConvexShape;
 pub use surface::{Grid, MAX_SURFACE_POINTS, MeshSurface, Surface, collide_surface};
 
@@ -72,6 +75,14 @@ impl Solid {
         matches!(self, Self::Convex(shape) if shape.is_hull())
     }
 
+    /// The size of two hulls, m; `None` where one is none.
+    pub(crate) fn size_of_hulls(solids: [&Self; 2]) -> Option<f64> {
+        match solids {
+            [Self::Convex(a @ ConvexShape::Hull(_)), Self::Convex(b @ ConvexShape::Hull(_))] => Some(a.bound() + b.bound()),
+            _ => None,
+        }
+    }
+
     /// The same of another size (radius, half length; half axes or half sizes; m); `None` where the form is an asset's.
     pub fn sized(&self, size: V) -> Option<Self> {
         let [radius, half_length, _] = size;
@@ -91,8 +102,8 @@ impl Solid {
 pub struct Reach {
     /// Distance beyond which nothing is a contact, m.
     pub prediction: f64,
-    /// The normal that the pair had in the last step, in the first's frame: what is found is the same without it, later.
-    pub known: Option<V>,
+    /// What is known of the pair from the last step: what is found is the same without it, later.
+    pub known: Option<Known>,
     /// How hulls move: contacts that do not count within the step may be left out.
     pub approach: Option<Approach>,
 }
@@ -100,8 +111,24 @@ pub struct Reach {
 impl Reach {
     /// Whether cores separated so are further apart than any contact.
     fn is_beyond(&self, pair: &Pair<'_>, found: &Separation) -> bool {
+        self.is_parted(found.normal, found.separation - pair.thickness(), pair.size)
+    }
+
+    /// Whether shapes of this size (m) that a plane parts by `gap` (m) have no contact.
+    fn is_parted(&self, normal: V, gap: f64, size: f64) -> bool {
+        gap > self.prediction || self.approach.is_some_and(|a| a.keeps(normal, gap, size))
+    }
+
+    /// Whether no contact with the normal that was found counts.
+    fn is_left_out(&self, pair: &Pair<'_>, found: &Separation) -> bool {
         let gap = found.separation - pair.thickness();
-        gap > self.prediction || self.approach.is_some_and(|a| a.keeps(found.normal, gap, pair.size))
+        self.is_beyond(pair, found) || self.approach.is_some_and(|a| a.keeps_along(found.normal, gap, pair.size))
+    }
+
+    /// What two hulls know of one another afterwards.
+    fn parting(&self, pair: &Pair<'_>, facing: &Facing) -> Parting {
+        let Separation { normal, separation, .. } = facing.found;
+        Parting::new(pair, facing, self.approach.map_or(0.0, |a| a.spare(normal, separation, pair.size)))
     }
 }
 
@@ -142,8 +169,8 @@ impl Narrow {
         narrow
     }
 
-    /// The contact points of two solids within reach of each other, and [`Manifold::axis`]; a half space comes first.
-    pub fn collide(&mut self, solids: [&Solid; 2], poses: [Pose; 2], reach: Reach) -> (&[Point], Option<V>) {
+    /// The contact points of two solids within reach of each other, and [`Manifold::parting`]; a half space comes first.
+    pub fn collide(&mut self, solids: [&Solid; 2], poses: [Pose; 2], reach: Reach) -> (&[Point], Option<Parting>) {
         let Self { room, found } = self;
         let prediction = reach.prediction;
         match solids {
@@ -158,7 +185,7 @@ impl Narrow {
             [_, Solid::Surface(_)] => unreachable!("a surface meets convex shapes"),
             [_, Solid::HalfSpace] => unreachable!("a half space comes first, and two never meet"),
         }
-        (&found.points, found.axis)
+        (&found.points, found.parting)
     }
 }
 
@@ -194,13 +221,13 @@ pub fn collide(
             out.clear();
         }
     }
-    reach.known = reach.known.map(|n| unit_or(n, [0.0, 0.0, 1.0]));
+    reach.known = reach.known.map(|known| Known { normal: unit_or(known.normal, [0.0, 0.0, 1.0]), ..known });
     let facing = separation::nearest(&pair, &reach, &mut room.polytope);
-    if !reach.is_beyond(&pair, &facing.found) {
+    if !reach.is_left_out(&pair, &facing.found) {
         room.clipper.manifold(&pair, &facing, prediction, out);
         out.place(pose_a);
     }
-    out.axis = (a.is_hull() && b.is_hull()).then_some(facing.found.normal);
+    out.parting = (a.is_hull() && b.is_hull()).then(|| reach.parting(&pair, &facing));
 }
 
 /// Signed distance of two convex shapes (m; minus the depth where they overlap) and the unit normal from the first to the second, in the world.

@@ -80,6 +80,13 @@ impl<'a> Pair<'a> {
         Vertex { w: sub(x, y), x, y, names: [i, j] }
     }
 
+    /// The vertex of the difference that two corners of hulls make, `shift` being added to the second.
+    pub(super) fn vertex(&self, names: [u32; 2], shift: V) -> Vertex {
+        let (x, y) = (self.a.support_at(names[0], shift), self.place(self.b.support_at(names[1], shift)));
+        let y = add(y, shift);
+        Vertex { w: sub(x, y), x, y, names }
+    }
+
     /// Separation of the cores along the unit vector `n`, m.
     pub(super) fn separation(&self, n: V) -> f64 {
         dot(n, self.support_b(neg(n))) - dot(n, self.a.support(n))

@@ -17,7 +17,7 @@
 use super::expand::Polytope;
 use super::gjk::{self, Nearest};
 use super::pair::Pair;
-use super::recall::recall;
+use super::recall::{facet, recall};
 use super::shape::ConvexShape;
 use super::{Reach, V, neg, unit_or};
 use crate::spatial::*;
@@ -33,23 +33,26 @@ pub(super) struct Separation {
     pub(super) points: [V; 2],
 }
 
-/// A separation with the corners of the cores that are furthest along its normal and against it.
+/// A separation with the corners of the cores that are furthest along its normal and against it, and the other ends of the edges there that it is across;
+/// the corners again, where it is across none.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Facing {
     pub(super) found: Separation,
     pub(super) corners: [u32; 2],
+    pub(super) ends: [u32; 2],
 }
 
 impl Facing {
     pub(super) fn new(pair: &Pair<'_>, found: Separation) -> Self {
-        Self { found, corners: pair.corners(found.normal) }
+        let corners = pair.corners(found.normal);
+        Self { found, corners, ends: corners }
     }
 }
 
 /// Polytopes are clear of one another beyond this share of their size: the direction between their nearest points is certain.
 const CLEAR: f64 = 1e-9;
 /// The gap that is opened, as a share of the least extent.
-const GAP: f64 = 1e-3;
+pub(super) const GAP: f64 = 1e-3;
 /// Climbing steps at most; two to four are usual.
 const CLIMBS: usize = 12;
 /// Overlaps beyond this share of the least extent are deep: several ways out are tried, with a gap of [`FAR`].
@@ -66,16 +69,16 @@ pub(super) const ALIKE: f64 = 1e-9;
 ///
 /// What is known of the normal saves time, and changes nothing.
 pub(super) fn nearest(pair: &Pair<'_>, reach: &Reach, polytope: &mut Polytope) -> Facing {
-    if let Some(facing) = reach.known.and_then(|n| recall(pair, n, reach)) {
+    if let Some(facing) = reach.known.and_then(|known| recall(pair, &known, reach)) {
         return if reach.is_beyond(pair, &facing.found) { facing } else { prefer_face(pair, facing) };
     }
     let distance = reach.prediction + pair.thickness();
     let found = if pair.is_polytope() { of_polytopes(pair, distance, polytope) } else { of_round_bodies(pair, distance) };
     if reach.is_beyond(pair, &found) {
-        return Facing { found, corners: [0; 2] };
+        return Facing::new(pair, found);
     }
     // Rounding of the search is left behind: the normal is the facet's own.
-    let facing = recall(pair, found.normal, reach).unwrap_or_else(|| Facing::new(pair, found));
+    let facing = facet(pair, found.normal, reach).unwrap_or_else(|| Facing::new(pair, found));
     prefer_face(pair, facing)
 }
 
@@ -190,7 +193,7 @@ fn is_beside(pair: &Pair<'_>, found: &Separation, flat: V) -> bool {
 /// Takes the normal of a face instead where that separates as well up to rounding: the normals of resting contacts are then exact, and
 /// do not change from step to step. The first shape's face is preferred.
 fn prefer_face(pair: &Pair<'_>, facing: Facing) -> Facing {
-    let Facing { found, corners } = facing;
+    let Facing { found, corners, ends } = facing;
     let worse = found.separation - ALIKE * pair.size;
     for flat in pair.flats(found.normal, corners).into_iter().flatten() {
         if flat == found.normal {
@@ -204,7 +207,7 @@ fn prefer_face(pair: &Pair<'_>, facing: Facing) -> Facing {
         if cos > 0.0 && 1.0 - cos < NEAR_FACE * NEAR_FACE && pair.apart_at(flat, corners) >= worse {
             let (separation, corners) = pair.separation_near(flat, corners);
             if separation >= worse {
-                return Facing { found: Separation { normal: flat, separation, ..found }, corners };
+                return Facing { found: Separation { normal: flat, separation, ..found }, corners, ends };
             }
         }
     }

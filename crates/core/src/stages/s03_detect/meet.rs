@@ -6,13 +6,23 @@ use stepper_real::{Mask, Real, Scalar};
 
 use super::{Scene, Search};
 use crate::contacts::{ContactId, ContactPoint, Contacts};
-use crate::geometry::convex::{Approach, Pose, Reach, Solid, Surface};
+use crate::geometry::convex::{Approach, Parting, Partings, Pose, Reach, Solid, Surface};
 use crate::geometry::{
     Cuboid, Cylinder, Ellipsoid, Segment, capsule_box, cylinder_rims, plane_box, plane_ellipsoid, plane_point, plane_sphere, segments,
     sphere_box, sphere_cylinder, sphere_ellipsoid,
 };
 use crate::plan::{Kernel, PairPlan};
 use crate::spatial::*;
+
+/// The lanes of some bits.
+#[inline(always)]
+fn lanes(mut bits: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let lane = bits.trailing_zeros() as usize;
+        bits &= bits.wrapping_sub(1);
+        (lane < u32::BITS as usize).then_some(lane)
+    })
+}
 
 impl<R: Real> Scene<'_, R> {
     /// Takes up the contacts of a pair in the lanes `near`. A kernel of its own: inlined where it is called, it and what it offers would
@@ -157,33 +167,28 @@ impl<R: Real> Scene<'_, R> {
             _ => near,
         };
         let reach = R::splat(pair.margin) + self.poses.travel[a] + self.poses.travel[b] + self.slack;
-        let are_hulls = [a, b].iter().all(|&g| self.plan.geoms[g].solid.as_ref().is_some_and(Solid::is_hull));
-        let moving = are_hulls.then(|| self.approach(pair, reach));
-        let mut rest = near.bits();
-        while rest != 0 {
-            let lane = rest.trailing_zeros() as usize;
-            rest &= rest - 1;
-            let pose = |g: usize| Pose {
-                pos: self.poses.pos[g].map(|x| x.lane(lane).to_f64()),
-                mat: self.poses.mat[g].map(|x| x.lane(lane).to_f64()),
-            };
-            let solids = [a, b].map(|g| {
-                let solid = self.plan.geoms[g].solid.as_ref().expect("made for every geom of this kernel");
-                let own = solid.sized(self.plan.params.geom_size(g).map(|x| x.lane(lane).to_f64()));
+        let solids = [a, b].map(|g| self.plan.geoms[g].solid.as_ref().expect("made for every geom of this kernel"));
+        let hulls = Solid::size_of_hulls(solids).map(|size| (size, self.approach(pair, reach)));
+        let approach = hulls.map(|(_, approach)| approach);
+        let near = match hulls {
+            Some((size, approach)) => near.and_not(self.are_parted(index, pair, near, &approach, size, search)),
+            None => near,
+        };
+        for lane in lanes(near.bits()) {
+            let poses = [self.pose(a, lane), self.pose(b, lane)];
+            let [first, second] = [(a, solids[0]), (b, solids[1])].map(|(g, solid)| {
+                let own = solid.sized(of_lane(&self.plan.params.geom_size(g), lane));
                 own.map_or(Cow::Borrowed(solid), Cow::Owned)
             });
             let Search { narrow, known, found } = &mut *search;
-            let of = |x: R| x.lane(lane).to_f64();
-            let approach = moving.map(|(way, turn, [radius, slack])| Approach {
-                way: way.map(of),
-                turn: turn.map(of),
-                radius: of(radius),
-                slack: of(slack),
-            });
-            let reach = Reach { prediction: of(reach), known: known.of(lane, index), approach };
-            let (points, axis) = narrow.collide([&solids[0], &solids[1]], [pose(a), pose(b)], reach);
-            if let Some(axis) = axis {
-                found.keep(lane, index, axis);
+            let reach = Reach {
+                prediction: reach.lane(lane).to_f64(),
+                known: known.of(lane, index).map(Parting::known),
+                approach: approach.map(|x| x.lane(lane)),
+            };
+            let (points, parting) = narrow.collide([&first, &second], poses, reach);
+            if let Some(parting) = parting {
+                found.keep(lane, index, &parting);
             }
             for p in points {
                 let point = ContactPoint { distance: R::of(p.distance), pos: p.pos.map(R::of), normal: p.normal.map(R::of) };
@@ -192,12 +197,47 @@ impl<R: Real> Scene<'_, R> {
         }
     }
 
-    /// What an [`Approach`] holds, over lanes: way and turn of the second geom as seen from the first, in its frame; radius and slack.
     #[inline(always)]
-    fn approach(&self, pair: &PairPlan<R::Scalar>, reach: R) -> (V3<R>, V3<R>, [R; 2]) {
+    fn pose(&self, geom: usize, lane: usize) -> Pose {
+        Pose { pos: of_lane(&self.poses.pos[geom], lane), mat: of_lane(&self.poses.mat[geom], lane) }
+    }
+
+    /// Those of the lanes `near` in which what is known of two hulls says that no contact of theirs can count.
+    #[inline(always)]
+    fn are_parted(
+        &self,
+        index: usize,
+        pair: &PairPlan<R::Scalar>,
+        near: R::Mask,
+        approach: &Approach<R>,
+        size: f64,
+        search: &mut Search,
+    ) -> R::Mask {
+        let [a, b] = pair.geoms;
+        let Search { known, found, .. } = search;
+        let mut partings = Partings::none();
+        for lane in lanes(near.bits()) {
+            if let Some(parting) = known.of(lane, index) {
+                partings.set_lane(lane, parting);
+            }
+        }
+        let apart = sub(self.poses.pos[b], self.poses.pos[a]);
+        let parted = near.and(partings.keep(apart, [&self.poses.mat[a], &self.poses.mat[b]], approach, size));
+        for lane in lanes(parted.bits()) {
+            if let Some(parting) = known.of(lane, index) {
+                found.keep(lane, index, parting);
+            }
+        }
+        parted
+    }
+
+    /// Way and turn of the second geom as seen from the first, in its frame, over lanes.
+    #[inline(always)]
+    fn approach(&self, pair: &PairPlan<R::Scalar>, reach: R) -> Approach<R> {
         let [a, b] = pair.geoms;
         // Contacts are halfway between the two, no further than half the reach from either: the ball about the lens that their balls share.
-        let [ra, rb] = [a, b].map(|g| self.plan.params.bound(g) + R::of(0.5) * reach);
+        let half = R::of(0.5) * reach;
+        let (ra, rb) = (self.plan.params.bound(a) + half, self.plan.params.bound(b) + half);
         let apart = sub(self.poses.pos[b], self.poses.pos[a]);
         let length = norm(apart).max(R::of(1e-9));
         let from_a = (R::of(0.5) * (length + (ra * ra - rb * rb) / length)).max(R::zero()).min(length);
@@ -205,8 +245,9 @@ impl<R: Real> Scene<'_, R> {
         let radius = (ra * ra - from_a * from_a).min(rb * rb - from_b * from_b).max(R::zero()).sqrt();
         let centre = add_scaled(self.poses.pos[a], apart, from_a / length);
         let ([wa, va], [wb, vb]) = (self.motion_at(&self.poses.velocity, a, centre), self.motion_at(&self.poses.velocity, b, centre));
-        let seen = |x: V3<R>| scale(rotate_back(&self.poses.mat[a], x), self.h);
-        (seen(sub(vb, va)), seen(sub(wb, wa)), [radius, R::splat(pair.margin).max(R::zero()) + self.slack])
+        let mat = &self.poses.mat[a];
+        let (way, turn) = (scale(rotate_back(mat, sub(vb, va)), self.h), scale(rotate_back(mat, sub(wb, wa)), self.h));
+        Approach { way, turn, radius, slack: R::splat(pair.margin).max(R::zero()) + self.slack }
     }
 
     #[inline(always)]

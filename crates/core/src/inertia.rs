@@ -171,8 +171,7 @@ impl<R: Real> MassMatrix<R> {
     pub fn scale(&self, plan: &LanePlan<R>, x: &mut [R]) {
         // From the leaves, so that ancestors are still what they were.
         for i in (0..plan.nv).rev() {
-            let dof = &plan.dofs[i];
-            let (row, chain) = (&self.entries[dof.chain..dof.chain + dof.depth], plan.chain_of(i));
+            let (row, chain) = self.row(plan, i);
             let mut sum = x[i];
             for (&l, &a) in row[1..].iter().zip(&chain[1..]) {
                 sum += l * x[a as usize];
@@ -186,8 +185,7 @@ impl<R: Real> MassMatrix<R> {
     pub fn momentum(&self, plan: &LanePlan<R>, w: &mut [R]) {
         // From the root, so that descendants add to what is already scaled.
         for i in 0..plan.nv {
-            let dof = &plan.dofs[i];
-            let (row, chain) = (&self.entries[dof.chain..dof.chain + dof.depth], plan.chain_of(i));
+            let (row, chain) = self.row(plan, i);
             let xi = w[i] * self.sqrt_d[i];
             w[i] = xi;
             for (&l, &a) in row[1..].iter().zip(&chain[1..]) {

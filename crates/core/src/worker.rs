@@ -416,10 +416,8 @@ fn load_control<R: Real>(call: &Call<'_, R::Scalar>, control: usize, first: usiz
         || {
             let row = call.ctrl.len() / call.calls;
             let used = (call.num_envs - first).min(R::LANES);
-            gather(&call.ctrl[control * row..(control + 1) * row], call.plan.actuators.len(), first, used, &mut s.given);
-            if call.chains.is_none() {
-                s.inputs.ctrl.copy_from_slice(&s.given);
-            }
+            let out = if call.chains.is_some() { &mut s.given } else { &mut s.inputs.ctrl };
+            gather(&call.ctrl[control * row..(control + 1) * row], call.plan.actuators.len(), first, used, out);
         },
     )
 }

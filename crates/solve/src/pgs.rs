@@ -38,8 +38,9 @@ pub fn solve<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: 
             let mut run =
                 Run { running: lanes, threshold: tolerance, sweeps: R::zero(), most: f64::from(settings.sweeps.max(1)), apart: no };
             let (mut worst, mut unsolved) = (R::zero(), lanes);
-            anderson::begin(iterate);
             while unsolved.any() {
+                // Lanes that paused long ago start as those that did just now.
+                anderson::begin(iterate);
                 while run.running.any() {
                     if !aside::pause(problem, iterate, &mut run) {
                         run.sweep(problem, iterate);
@@ -52,8 +53,6 @@ pub fn solve<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: 
                 worst = R::select(unsolved, residual(problem, iterate), worst);
                 unsolved = unsolved.and(worst.gt(tolerance)).and(run.sweeps.lt(R::of(run.most)));
                 run.running = unsolved;
-                // All have paused: lanes that paused long ago start as those that did just now.
-                anderson::begin(iterate);
                 run.threshold = R::select(unsolved, run.threshold * R::of(0.25), run.threshold);
             }
             Outcome { residual: worst, sweeps: run.sweeps }

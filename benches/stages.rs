@@ -1,4 +1,4 @@
-//! The stages of a humanoid's step, one at a time: one environment in `f64`, and eight in the lanes of the best CPU level. Times are per
+//! The stages of a humanoid's step, one at a time: one environment in `f64`, and as many as the best CPU level has lanes for. Times are per
 //! environment, averaged over moments of an episode. The whole step beside them calls some stages twice, and loads and stores its state.
 
 use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
@@ -17,7 +17,7 @@ const MOMENTS: usize = 8;
 fn stages(c: &mut Criterion) {
     pin();
     let level = Level::best().expect("STEPPER_CPU_LEVEL names a level of this machine");
-    let name = format!("humanoid stages F64x8 {level}");
+    let name = format!("humanoid stages f64 lanes {level}");
     let scene = Scene::humanoid();
     let alone = || single(&scene);
     match level {
@@ -25,13 +25,16 @@ fn stages(c: &mut Criterion) {
         Level::Avx2 | Level::Avx512 => parts::<stepper_real::avx2::F64x1, _>(c, "humanoid stages f64", &scene, alone),
         _ => parts::<f64, _>(c, "humanoid stages f64", &scene, alone),
     }
-    let eight = || Episode::new(&scene, 0, 8, Precision::F64, level);
+    let lanes = |n: usize| {
+        let scene = &scene;
+        move || Episode::new(scene, 0, n, Precision::F64, level)
+    };
     match level {
         #[cfg(target_arch = "x86_64")]
-        Level::Avx512 => parts::<stepper_real::avx512::F64x8, _>(c, &name, &scene, eight),
+        Level::Avx512 => parts::<stepper_real::avx512::F64x16, _>(c, &name, &scene, lanes(16)),
         #[cfg(target_arch = "x86_64")]
-        Level::Avx2 => parts::<stepper_real::avx2::F64x8, _>(c, &name, &scene, eight),
-        _ => parts::<stepper_real::array::F64x8, _>(c, &name, &scene, eight),
+        Level::Avx2 => parts::<stepper_real::avx2::F64x8, _>(c, &name, &scene, lanes(8)),
+        _ => parts::<stepper_real::array::F64x8, _>(c, &name, &scene, lanes(8)),
     }
 }
 
@@ -48,7 +51,8 @@ fn parts<R: Real<Scalar = f64>, T: Run>(c: &mut Criterion, name: &str, scene: &S
             b.iter_custom(|times| rigs.iter_mut().map(|rig| repeated(rig, &plan, part, times)).sum());
         });
     }
-    group.throughput(Throughput::Elements(800));
+    // A hundred steps of the group, or of eight environments one after the other.
+    group.throughput(Throughput::Elements(100 * R::LANES.max(8) as u64));
     group.bench_function("whole step", |b| {
         let run = run.get_or_insert_with(&whole);
         b.iter_custom(|times| run.time(times));

@@ -12,8 +12,8 @@ fn steps(c: &mut Criterion) {
     for scene in Scene::all() {
         bench(c, scene.name, "f64", || single(&scene));
         for &level in Level::available() {
-            bench(c, scene.name, &format!("F64x8 {level}"), || lanes(&scene, Precision::F64, level));
-            bench(c, scene.name, &format!("F32x16 {level}"), || lanes(&scene, Precision::F32, level));
+            bench(c, scene.name, &format!("f64 lanes {level}"), || lanes(&scene, Precision::F64, level));
+            bench(c, scene.name, &format!("f32 lanes {level}"), || lanes(&scene, Precision::F32, level));
         }
     }
 }

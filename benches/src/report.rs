@@ -165,7 +165,7 @@ fn steps(scene: &Scene, rounds: usize) -> Group {
     let mut alone = single(scene);
     let (mut names, mut batches) = (vec!["f64".to_owned()], vec![]);
     for &level in Level::available() {
-        for (lane, precision) in [("F64x8", Precision::F64), ("F32x16", Precision::F32)] {
+        for (lane, precision) in [("f64 lanes", Precision::F64), ("f32 lanes", Precision::F32)] {
             names.push(format!("{lane} {level}"));
             batches.push(lanes(scene, precision, level));
         }

@@ -14,7 +14,7 @@ use stepper_core::batch::StepInputs;
 use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
 use stepper_core::plan::{LanePlan, Plan};
 use stepper_core::{Level, Options, Precision, Simulation};
-use stepper_real::{Real, at_level};
+use stepper_real::{Real, at_avx512, at_level};
 
 /// Moments of an episode that stages are averaged over.
 const MOMENTS: usize = 8;
@@ -50,12 +50,12 @@ fn calls(part: Part) -> f64 {
 fn stages(scene: &Scene, level: Level) {
     let columns = [
         at_level!(level, F64x1, stage_times(scene)),
-        at_level!(level, F64x8, stage_times(scene)),
-        at_level!(level, F32x16, stage_times(scene)),
+        if level == Level::Avx512 { at_avx512!(F64x16, stage_times(scene)) } else { at_level!(level, F64x8, stage_times(scene)) },
+        if level == Level::Avx512 { at_avx512!(F32x32, stage_times(scene)) } else { at_level!(level, F32x16, stage_times(scene)) },
     ];
     let sums = columns.clone().map(|times| Part::ALL.iter().zip(&times).map(|(&part, t)| calls(part) * t).sum::<f64>());
     println!(
-        "| stage of the humanoid's step | times | f64 us | F64x8 us | % | F32x16 us | F64x8 is faster by |\n|---|---|---|---|---|---|---|"
+        "| stage of the humanoid's step | times | f64 us | f64 lanes us | % | f32 lanes us | f64 lanes are faster by |\n|---|---|---|---|---|---|---|"
     );
     for (k, part) in Part::ALL.into_iter().enumerate() {
         let [a, b, c] = columns.clone().map(|times| times[k]);
@@ -69,8 +69,8 @@ fn stages(scene: &Scene, level: Level) {
     println!("| sum | | {a:.2} | {b:.3} | 100 | {c:.3} | {:.1} |", a / b);
     let mut alone = single(scene);
     let mut wide = [Precision::F64, Precision::F32].map(|precision| Episode::new(scene, 0, 64, precision, level));
-    let [eight, sixteen] = &mut wide;
-    let whole = medians(&mut [&mut alone, eight, sixteen], ROUNDS);
+    let [double, single_precision] = &mut wide;
+    let whole = medians(&mut [&mut alone, double, single_precision], ROUNDS);
     println!("| whole step | | {:.2} | {:.3} | | {:.3} | {:.1} |\n", whole[0], whole[1], whole[2], whole[0] / whole[1]);
 }
 
@@ -99,7 +99,7 @@ fn floor(scene: &Scene, level: Level) {
     let plan = LanePlan::new(&Plan::new(&scene.model));
     let mut rigs: Vec<Rig<Counted>> = moments(&plan, scene, MOMENTS);
     let sweeps = at_level!(level, F64x8, rates());
-    println!("| part | sums | divisions, roots | others | floor in F64x8 lanes, us |\n|---|---|---|---|---|");
+    println!("| part | sums | divisions, roots | others | floor in f64 lanes, us |\n|---|---|---|---|---|");
     let mut all = [0.0; 4];
     for part in Part::ALL.into_iter().filter(|&part| calls(part) > 0.0) {
         let mut done = [0.0; 3];
@@ -119,7 +119,7 @@ fn floor(scene: &Scene, level: Level) {
     let simulation = Episode::new(scene, 0, 64, Precision::F64, level);
     let bytes = simulation.simulation().bytes() as f64 / 64.0;
     println!(
-        "One core: {:.1} G sums/s and {:.2} G divisions/s in F64x8 lanes, {:.1} GB/s copied.",
+        "One core: {:.1} G sums/s and {:.2} G divisions/s in f64 lanes, {:.1} GB/s copied.",
         sweeps[0] / 1e9,
         sweeps[1] / 1e9,
         sweeps[2] / 1e9
@@ -203,7 +203,7 @@ fn advance(simulation: &mut Simulation, nstep: usize) {
 }
 
 fn growth(what: &str, models: [(usize, Arc<Model>); 4], level: Level) {
-    println!("| {what} | f64 us | F64x8 us | F32x16 us |\n|---|---|---|---|");
+    println!("| {what} | f64 us | f64 lanes us | f32 lanes us |\n|---|---|---|---|");
     for (n, model) in models {
         let time = |num_envs, precision| cost(&mut simulation(&model, num_envs, precision, 1, level), 100, thread_time);
         println!("| {n} | {:.2} | {:.3} | {:.3} |", time(1, Precision::F64), time(64, Precision::F64), time(64, Precision::F32));

@@ -128,8 +128,8 @@ pub fn entries(course: Course) -> Vec<Entry> {
     all.push(("stepper f64, euler", alone(Integrator::Euler)));
     all.push(("stepper f64, midpoint (default)", alone(Integrator::Midpoint)));
     all.push(("stepper f64, rk4", alone(Integrator::Rk4)));
-    all.push(("stepper F64x8, midpoint", lanes(Precision::F64)));
-    all.push(("stepper F32x16, midpoint", lanes(Precision::F32)));
+    all.push(("stepper f64 lanes, midpoint", lanes(Precision::F64)));
+    all.push(("stepper f32 lanes, midpoint", lanes(Precision::F32)));
     all.into_iter().map(|(name, engine)| Entry::new(course, name, engine, &answer)).collect()
 }
 

@@ -24,7 +24,7 @@ use self::equality::Site;
 use self::wide::wide_lanes;
 use crate::constraints::{Constraints, Moment};
 use crate::contacts::{Contacts, Slot};
-use crate::inertia::MassMatrix;
+use crate::inertia::{MassMatrix, is_above};
 use crate::kinematics::Kinematics;
 use crate::options::{Options, Stabilization};
 use crate::plan::LanePlan;
@@ -205,19 +205,7 @@ impl<R: Real> Constraints<R> {
         g: R,
         bounds: [R; 2],
     ) {
-        let chain = plan.chain_of(dof);
-        self.support.clear();
-        self.support.extend(chain.iter().rev());
-        // Half a solve of a unit vector, towards the root: each entry is gathered from those below it, the newest last, so that the others can
-        // be in flight.
-        for (k, &a) in chain.iter().enumerate() {
-            let mut sum = if k == 0 { R::one() } else { R::zero() };
-            for (j, &d) in chain[..k].iter().enumerate() {
-                let d = d as usize;
-                sum -= mass.entries[plan.dofs[d].chain + k - j] * self.column[d][0];
-            }
-            self.column[a as usize][0] = sum;
-        }
+        self.unit_column(plan, mass, dof);
         let column = &self.column;
         self.problem.push_scalar(
             &self.support,
@@ -233,17 +221,59 @@ impl<R: Real> Constraints<R> {
         self.constrained = self.constrained.or(active);
     }
 
+    /// L^-T times a unit vector, left in the first component of `column` on `support`, the chain of `dof`.
+    #[inline(always)]
+    fn unit_column(&mut self, plan: &LanePlan<R>, mass: &MassMatrix<R>, dof: usize) {
+        let chain = plan.chain_of(dof);
+        self.support.clear();
+        self.support.extend(chain.iter().rev());
+        let path = &mut self.path[..chain.len()];
+        path.fill(R::zero());
+        path[0] = R::one();
+        let mut rest = &mut path[..];
+        // Row k of the chain has the entries of all that follow it, so that those of two rows meet one after the other without an index.
+        for pair in chain.chunks(2) {
+            let [x, y, tail @ ..] = rest else { break };
+            let ((row, _), (above, _)) = (mass.row(plan, pair[0] as usize), mass.row(plan, pair[1] as usize));
+            *y -= row[1] * *x;
+            for ((target, &l), &m) in tail.iter_mut().zip(&row[2..]).zip(&above[1..]) {
+                *target = (*target - l * *x) - m * *y;
+            }
+            rest = tail;
+        }
+        for (&a, &x) in chain.iter().zip(&self.path) {
+            self.column[a as usize][0] = x;
+        }
+    }
+
     /// `column` <- L^-T `column`, on `support` with all its ancestors, in the first `N` components.
     #[inline(always)]
     fn half_solve<const N: usize>(&mut self, plan: &LanePlan<R>, mass: &MassMatrix<R>) {
-        for &d in self.support.iter().rev() {
-            let d = d as usize;
-            let row = &plan.dofs[d];
-            let x = self.column[d];
-            for (&l, &a) in mass.entries[row.chain + 1..row.chain + row.depth].iter().zip(&plan.chain_of(d)[1..]) {
-                let target = &mut self.column[a as usize];
+        let (mut rest, column) = (&self.support[..], &mut self.column);
+        while let [before @ .., d] = rest {
+            rest = before;
+            let d = *d as usize;
+            let ((row, chain), x) = (mass.row(plan, d), column[d]);
+            if !is_above(d, chain) {
+                for (&l, &a) in row[1..].iter().zip(&chain[1..]) {
+                    let target = &mut column[a as usize];
+                    for k in 0..N {
+                        target[k] -= x[k] * l;
+                    }
+                }
+                continue;
+            }
+            // The parent is the dof before and has the same ancestors: both at once.
+            rest = &before[..before.len() - 1];
+            let ((above, chain), mut parent) = (mass.row(plan, d - 1), column[d - 1]);
+            for k in 0..N {
+                parent[k] -= x[k] * row[1];
+            }
+            column[d - 1] = parent;
+            for ((&l, &m), &a) in row[2..].iter().zip(&above[1..]).zip(&chain[1..]) {
+                let target = &mut column[a as usize];
                 for k in 0..N {
-                    target[k] -= x[k] * l;
+                    target[k] = (target[k] - x[k] * l) - parent[k] * m;
                 }
             }
         }
@@ -252,41 +282,50 @@ impl<R: Real> Constraints<R> {
     /// The dofs that move slot k in any of its lanes, ascending, and in which lanes each moves the second and the first geom.
     #[inline(always)]
     fn gather_support(&mut self, plan: &LanePlan<R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
+        let ids = &contacts.ids[k];
         self.words.fill(0);
-        let frames = |l: usize| plan.pair_geoms(contacts.ids[k][l].pair()).expect("made from this plan").map(|g| plan.geoms[g].frame);
         let mut rest = lanes;
         while rest != 0 {
-            let [a, b] = frames(rest.trailing_zeros() as usize);
-            rest &= rest - 1;
-            for (w, word) in self.words.iter_mut().enumerate() {
-                *word |= plan.movers[a][w] | plan.movers[b][w];
+            // All lanes of one pair at once: there are fewer pairs than lanes.
+            let pair = ids[rest.trailing_zeros() as usize].pair();
+            let mut same = 0;
+            for (l, id) in ids[..R::LANES].iter().enumerate() {
+                same |= u32::from(id.pair() == pair) << l;
+            }
+            same &= rest;
+            rest &= !same;
+            let [a, b] = plan.pair_geoms(pair).expect("made from this plan");
+            let (first, second) = (&plan.movers[plan.geoms[a].frame], &plan.movers[plan.geoms[b].frame]);
+            for (w, ((&first, &second), word)) in first.iter().zip(second).zip(&mut self.words).enumerate() {
+                let old = *word;
+                *word |= first | second;
+                let mut bits = first | second;
+                while bits != 0 {
+                    let i = bits.trailing_zeros();
+                    bits &= bits - 1;
+                    // All ones where the dof is in the set.
+                    let lanes_of = |set: u64| ((set >> i & 1) as u32).wrapping_neg();
+                    let sign = &mut self.signs[64 * w + i as usize];
+                    let [plus, minus] = sign.map(|bits| bits & lanes_of(old));
+                    *sign = [plus | same & lanes_of(second), minus | same & lanes_of(first)];
+                }
             }
         }
         self.support.clear();
         for (w, &word) in self.words.iter().enumerate() {
             let mut bits = word;
             while bits != 0 {
-                let d = 64 * w as u32 + bits.trailing_zeros();
+                self.support.push(64 * w as u32 + bits.trailing_zeros());
                 bits &= bits - 1;
-                self.support.push(d);
-                self.plus[d as usize] = 0;
-                self.minus[d as usize] = 0;
             }
-        }
-        let mut rest = lanes;
-        while rest != 0 {
-            let l = rest.trailing_zeros();
-            rest &= rest - 1;
-            let [a, b] = frames(l as usize);
-            mark(&plan.movers[b], 1 << l, &mut self.plus);
-            mark(&plan.movers[a], 1 << l, &mut self.minus);
         }
     }
 
     /// 1 in the lanes in which a dof moves the second geom of the gathered slot, -1 where it moves the first.
     #[inline(always)]
     fn sign_of(&self, d: usize) -> R {
-        R::select(R::Mask::from_bits(self.plus[d]), R::one(), R::zero()) - R::select(R::Mask::from_bits(self.minus[d]), R::one(), R::zero())
+        let [plus, minus] = self.signs[d];
+        R::select(R::Mask::from_bits(plus), R::one(), R::zero()) - R::select(R::Mask::from_bits(minus), R::one(), R::zero())
     }
 
     /// J of a contact's rows (n, t1, t2), left in `column`; returns its velocities, free and before the step. `surface` is the velocity that
@@ -381,17 +420,5 @@ impl<R: Real> Constraints<R> {
         }
         let stays = active.and_not(elastic).or(bounces).or(elastic.and(rests));
         (free + R::select(bounces, e * approach, bias), stays)
-    }
-}
-
-/// Sets `bit` in the entries named by a bit set.
-#[inline(always)]
-fn mark(set: &[u64], bit: u32, out: &mut [u32]) {
-    for (w, &word) in set.iter().enumerate() {
-        let mut bits = word;
-        while bits != 0 {
-            out[64 * w + bits.trailing_zeros() as usize] |= bit;
-            bits &= bits - 1;
-        }
     }
 }

@@ -38,8 +38,10 @@ pub struct Constraints<R: Real> {
     pub(crate) column: Vec<V3<R>>,
     pub(crate) linear: Vec<V3<R>>,
     pub(crate) support: Vec<u32>,
-    pub(crate) plus: Vec<u32>,
-    pub(crate) minus: Vec<u32>,
+    /// Entries of a column along a chain.
+    pub(crate) path: Vec<R>,
+    /// In which lanes (bits) each dof moves the second geom of a contact, and the first.
+    pub(crate) signs: Vec<[u32; 2]>,
     pub(crate) words: Vec<u64>,
 }
 
@@ -94,8 +96,8 @@ impl<R: Real> Constraints<R> {
             column: vec![zero(); plan.nv],
             linear: vec![zero(); if plan.wide { plan.nv } else { 0 }],
             support: Vec::with_capacity(plan.nv),
-            plus: vec![0; plan.nv],
-            minus: vec![0; plan.nv],
+            path: vec![R::zero(); plan.nv],
+            signs: vec![[0; 2]; plan.nv],
             words: vec![0; plan.nv.div_ceil(64)],
         }
     }

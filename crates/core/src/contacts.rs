@@ -128,6 +128,12 @@ impl<R: Real> Contacts<R> {
         (0..R::LANES).fold(0, |bits, l| bits | (u32::from(self.count[l] > k) << l))
     }
 
+    /// The pairs that slot `k` holds in the lanes `lanes`, each once with its lanes (bits): there are fewer of them than lanes.
+    #[inline(always)]
+    pub fn pairs(&self, k: usize, lanes: u32) -> SlotPairs<'_> {
+        SlotPairs { ids: &self.ids[k][..R::LANES], rest: lanes }
+    }
+
     /// Adds the contact to the lanes in `bits`; lanes without room are marked in `full`.
     ///
     /// Pairs come in ascending order; the features of a pair may come in any, and are sorted here.
@@ -225,6 +231,32 @@ impl<R: Real> Contacts<R> {
                 }
             }
         }
+    }
+}
+
+/// See [`Contacts::pairs`].
+#[derive(Clone, Debug)]
+pub struct SlotPairs<'a> {
+    ids: &'a [ContactId],
+    rest: u32,
+}
+
+impl Iterator for SlotPairs<'_> {
+    type Item = (usize, u32);
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<(usize, u32)> {
+        if self.rest == 0 {
+            return None;
+        }
+        let pair = self.ids[self.rest.trailing_zeros() as usize].pair();
+        let mut same = 0;
+        for (l, id) in self.ids.iter().enumerate() {
+            same |= u32::from(id.pair() == pair) << l;
+        }
+        same &= self.rest;
+        self.rest &= !same;
+        Some((pair, same))
     }
 }
 

@@ -102,7 +102,7 @@ impl<R: Real> MassMatrix<R> {
 
     /// Row `i` of L and the dofs of its entries.
     #[inline(always)]
-    fn row<'a>(&'a self, plan: &'a LanePlan<R>, i: usize) -> (&'a [R], &'a [u32]) {
+    pub(crate) fn row<'a>(&'a self, plan: &'a LanePlan<R>, i: usize) -> (&'a [R], &'a [u32]) {
         let dof = &plan.dofs[i];
         (&self.entries[dof.chain..dof.chain + dof.depth], plan.chain_of(i))
     }
@@ -207,7 +207,7 @@ impl<R: Real> MassMatrix<R> {
 
 /// Whether the dof before the `i`-th, whose chain is given, is its parent.
 #[inline(always)]
-fn is_above(i: usize, chain: &[u32]) -> bool {
+pub(crate) fn is_above(i: usize, chain: &[u32]) -> bool {
     chain.len() > 1 && chain[1] as usize + 1 == i
 }
 

@@ -14,13 +14,10 @@ pub fn motion<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, contacts:
     let (mut sum, point) = (zero(), &contacts.data[k].point);
     for surface in &plan.surfaces {
         let (mut plus, mut minus) = (0u32, 0u32);
-        let mut rest = lanes;
-        while rest != 0 {
-            let l = rest.trailing_zeros();
-            rest &= rest - 1;
-            let [a, b] = plan.pair_geoms(contacts.ids[k][l as usize].pair()).expect("a contact belongs to a pair");
-            plus |= u32::from(b == surface.geom) << l;
-            minus |= u32::from(a == surface.geom) << l;
+        for (pair, lanes) in contacts.pairs(k, lanes) {
+            let [a, b] = plan.pair_geoms(pair).expect("a contact belongs to a pair");
+            plus |= if b == surface.geom { lanes } else { 0 };
+            minus |= if a == surface.geom { lanes } else { 0 };
         }
         if plus | minus == 0 {
             continue;

@@ -20,6 +20,7 @@ mod anderson;
 mod aside;
 pub mod cone;
 mod contact;
+mod entries;
 pub mod newton;
 mod orthogonal;
 pub mod pgs;

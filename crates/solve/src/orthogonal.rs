@@ -31,7 +31,7 @@ impl<R: Real> Problem<R> {
             let at = self.scalars[k].y;
             let n = self.scalars[k].support.len();
             let mut rest = R::zero();
-            for &y in &self.y[at..at + n] {
+            for &y in self.y.row(at, n) {
                 rest += y * y;
             }
             let row = &mut self.scalars[k];
@@ -39,7 +39,7 @@ impl<R: Real> Problem<R> {
             row.diagonal = R::select(row.active, rest, R::zero());
             row.inv_diagonal = R::one() / R::select(row.active, rest, R::one());
             let active = row.active;
-            for y in &mut self.y[at..at + n] {
+            for y in self.y.row_mut(at, n) {
                 *y = R::select(active, *y, R::zero());
             }
         }
@@ -50,9 +50,7 @@ impl<R: Real> Problem<R> {
     fn remove(&mut self, k: usize, j: usize) -> R {
         let n = self.scalars[k].support.len();
         debug_assert_eq!(n, self.scalars[j].support.len(), "rows of one support");
-        let (done, rest) = self.y.split_at_mut(self.scalars[k].y);
-        let at = self.scalars[j].y;
-        let (before, row) = (&done[at..at + n], &mut rest[..n]);
+        let (before, row) = self.y.two_rows(self.scalars[j].y, self.scalars[k].y, n);
         let mut along = R::zero();
         for (&a, &b) in before.iter().zip(row.iter()) {
             along += a * b;

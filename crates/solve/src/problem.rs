@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use crate::anderson::History;
 use crate::aside::{Aside, Order};
+use crate::entries::Entries;
 use crate::{ContactBlock, WideBlock};
 use stepper_real::{Mask, Real};
 
@@ -53,9 +54,9 @@ pub struct Capacity {
 pub struct Problem<R: Real> {
     dimension: usize,
     support: Vec<u32>,
-    pub(crate) y: Vec<R>,
-    y3: Vec<[R; 3]>,
-    y6: Vec<[R; 6]>,
+    pub(crate) y: Entries<R>,
+    y3: Entries<[R; 3]>,
+    y6: Entries<[R; 6]>,
     /// Equalities, limits and dry friction, swept first.
     pub scalars: Vec<ScalarRow<R>>,
     /// Contacts.
@@ -78,9 +79,9 @@ impl<R: Real> Problem<R> {
         Self {
             dimension: room.dimension,
             support: Vec::with_capacity(room.scalar_entries + contact_entries + room.wide * room.contact_support),
-            y: Vec::with_capacity(room.scalar_entries),
-            y3: Vec::with_capacity(contact_entries),
-            y6: Vec::with_capacity(room.wide * room.contact_support),
+            y: Entries::with_capacity(room.scalar_entries),
+            y3: Entries::with_capacity(contact_entries),
+            y6: Entries::with_capacity(room.wide * room.contact_support),
             scalars: Vec::with_capacity(room.scalars),
             contacts: Vec::with_capacity(room.contacts),
             wide: Vec::with_capacity(room.wide),
@@ -106,9 +107,18 @@ impl<R: Real> Problem<R> {
     pub(crate) fn pick(&self, order: &Order, out: &mut Problem<R::Half>) {
         out.support.clear();
         out.support.extend_from_slice(&self.support);
-        order.pick_numbers(&self.y, &mut out.y);
-        order.pick_all(&self.y3, &mut out.y3);
-        order.pick_all(&self.y6, &mut out.y6);
+        out.y.clear();
+        for (to, &from) in out.y.add(self.y.len()).iter_mut().zip(self.y.row(0, self.y.len())) {
+            *to = order.pick(from);
+        }
+        out.y3.clear();
+        for (to, from) in out.y3.add(self.y3.len()).iter_mut().zip(self.y3.row(0, self.y3.len())) {
+            *to = order.pick_each(from);
+        }
+        out.y6.clear();
+        for (to, from) in out.y6.add(self.y6.len()).iter_mut().zip(self.y6.row(0, self.y6.len())) {
+            *to = order.pick_each(from);
+        }
         out.scalars.clear();
         for row in &self.scalars {
             out.scalars.push(ScalarRow {
@@ -152,10 +162,10 @@ impl<R: Real> Problem<R> {
     pub fn push_scalar(&mut self, support: &[u32], y: impl Fn(usize) -> R, sign: R, active: R::Mask, g: R, bounds: [R; 2]) {
         let (s0, y0) = (self.support.len(), self.y.len());
         let mut diagonal = R::zero();
-        for &c in support {
+        self.support.extend_from_slice(support);
+        for (entry, &c) in self.y.add(support.len()).iter_mut().zip(support) {
             let value = R::select(active, y(c as usize) * sign, R::zero());
-            self.support.push(c);
-            self.y.push(value);
+            *entry = value;
             diagonal += value * value;
         }
         let movable = diagonal.gt(R::zero());
@@ -187,10 +197,10 @@ impl<R: Real> Problem<R> {
     pub fn push_contact(&mut self, support: &[u32], y: impl Fn(usize) -> [R; 3], active: R::Mask, mu: R, g: [R; 3]) {
         let (s0, y0) = (self.support.len(), self.y3.len());
         let mut gram = [R::zero(); 6];
-        for &c in support {
+        self.support.extend_from_slice(support);
+        for (entry, &c) in self.y3.add(support.len()).iter_mut().zip(support) {
             let [n, a, b] = y(c as usize);
-            self.support.push(c);
-            self.y3.push([n, a, b]);
+            *entry = [n, a, b];
             let products = [n * n, n * a, n * b, a * a, a * b, b * b];
             for i in 0..6 {
                 gram[i] += products[i];
@@ -205,10 +215,10 @@ impl<R: Real> Problem<R> {
     pub fn push_wide(&mut self, support: &[u32], y: impl Fn(usize) -> [R; 6], active: R::Mask, mu: R, g: [R; 6]) {
         let (s0, y0) = (self.support.len(), self.y6.len());
         let mut gram = [[R::zero(); 6]; 6];
-        for &c in support {
+        self.support.extend_from_slice(support);
+        for (entry, &c) in self.y6.add(support.len()).iter_mut().zip(support) {
             let y = y(c as usize);
-            self.support.push(c);
-            self.y6.push(y);
+            *entry = y;
             for i in 0..6 {
                 for j in i..6 {
                     gram[i][j] += y[i] * y[j];
@@ -222,14 +232,14 @@ impl<R: Real> Problem<R> {
     #[inline(always)]
     pub(crate) fn scalar_entries(&self, row: &ScalarRow<R>) -> (&[u32], &[R]) {
         let support = &self.support[row.support.clone()];
-        (support, &self.y[row.y..row.y + support.len()])
+        (support, self.y.row(row.y, support.len()))
     }
 
     /// Coordinates and entries of a contact.
     #[inline(always)]
     pub(crate) fn contact_entries(&self, block: &ContactBlock<R>) -> (&[u32], &[[R; 3]]) {
         let support = &self.support[block.support.clone()];
-        (support, &self.y3[block.y..block.y + support.len()])
+        (support, self.y3.row(block.y, support.len()))
     }
 
     /// Velocity of a scalar row for the scaled velocity change w, but for what its compliance gives way.
@@ -269,7 +279,7 @@ impl<R: Real> Problem<R> {
     #[inline(always)]
     pub(crate) fn wide_entries(&self, block: &WideBlock<R>) -> (&[u32], &[[R; 6]]) {
         let support = &self.support[block.support.clone()];
-        (support, &self.y6[block.y..block.y + support.len()])
+        (support, self.y6.row(block.y, support.len()))
     }
 
     /// Velocity of a contact with six rows for the scaled velocity change w.

@@ -13,6 +13,7 @@
 //! A contact with e > 0 that is neither closed nor about to rest has no row: to stop it at the surface would take the energy that it is to
 //! bounce with.
 
+mod columns;
 mod equality;
 mod hyperstatic;
 mod tendon;
@@ -29,7 +30,6 @@ use crate::kinematics::Kinematics;
 use crate::options::{Options, Stabilization};
 use crate::plan::LanePlan;
 use crate::spatial::*;
-use crate::surfaces;
 
 /// How far a joint limit is looked ahead beyond what the free velocity closes, rad or m: impulses of contacts can turn a joint towards its
 /// limit in the same step.
@@ -65,7 +65,7 @@ impl<R: Real> Constraints<R> {
                 self.add_equalities(site);
                 for k in 0..contacts.slots() {
                     let lanes = contacts.lanes_of(k);
-                    let narrow = lanes & !wide_lanes(plan, &contacts.ids[k], lanes);
+                    let narrow = lanes & !wide_lanes(plan, contacts, k, lanes);
                     if narrow != 0 {
                         self.gather_support(plan, contacts, k, narrow);
                         self.add_contact(site, contacts, k, narrow);
@@ -73,7 +73,7 @@ impl<R: Real> Constraints<R> {
                 }
                 if plan.wide {
                     for k in 0..contacts.slots() {
-                        let wide = wide_lanes(plan, &contacts.ids[k], contacts.lanes_of(k));
+                        let wide = wide_lanes(plan, contacts, k, contacts.lanes_of(k));
                         if wide != 0 {
                             self.gather_support(plan, contacts, k, wide);
                             self.add_wide(site, contacts, k, wide);
@@ -205,19 +205,7 @@ impl<R: Real> Constraints<R> {
         g: R,
         bounds: [R; 2],
     ) {
-        let chain = plan.chain_of(dof);
-        self.support.clear();
-        self.support.extend(chain.iter().rev());
-        // Half a solve of a unit vector, towards the root: each entry is gathered from those below it, the newest last, so that the others can
-        // be in flight.
-        for (k, &a) in chain.iter().enumerate() {
-            let mut sum = if k == 0 { R::one() } else { R::zero() };
-            for (j, &d) in chain[..k].iter().enumerate() {
-                let d = d as usize;
-                sum -= mass.entries[plan.dofs[d].chain + k - j] * self.column[d][0];
-            }
-            self.column[a as usize][0] = sum;
-        }
+        self.unit_column(plan, mass, dof);
         let column = &self.column;
         self.problem.push_scalar(
             &self.support,
@@ -231,93 +219,6 @@ impl<R: Real> Constraints<R> {
         self.iterate.scalars.push(R::select(active, self.scalar_impulse[owner], R::zero()));
         self.owners.push(owner);
         self.constrained = self.constrained.or(active);
-    }
-
-    /// `column` <- L^-T `column`, on `support` with all its ancestors, in the first `N` components.
-    #[inline(always)]
-    fn half_solve<const N: usize>(&mut self, plan: &LanePlan<R>, mass: &MassMatrix<R>) {
-        for &d in self.support.iter().rev() {
-            let d = d as usize;
-            let row = &plan.dofs[d];
-            let x = self.column[d];
-            for (&l, &a) in mass.entries[row.chain + 1..row.chain + row.depth].iter().zip(&plan.chain_of(d)[1..]) {
-                let target = &mut self.column[a as usize];
-                for k in 0..N {
-                    target[k] -= x[k] * l;
-                }
-            }
-        }
-    }
-
-    /// The dofs that move slot k in any of its lanes, ascending, and in which lanes each moves the second and the first geom.
-    #[inline(always)]
-    fn gather_support(&mut self, plan: &LanePlan<R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
-        self.words.fill(0);
-        let frames = |l: usize| plan.pair_geoms(contacts.ids[k][l].pair()).expect("made from this plan").map(|g| plan.geoms[g].frame);
-        let mut rest = lanes;
-        while rest != 0 {
-            let [a, b] = frames(rest.trailing_zeros() as usize);
-            rest &= rest - 1;
-            for (w, word) in self.words.iter_mut().enumerate() {
-                *word |= plan.movers[a][w] | plan.movers[b][w];
-            }
-        }
-        self.support.clear();
-        for (w, &word) in self.words.iter().enumerate() {
-            let mut bits = word;
-            while bits != 0 {
-                let d = 64 * w as u32 + bits.trailing_zeros();
-                bits &= bits - 1;
-                self.support.push(d);
-                self.plus[d as usize] = 0;
-                self.minus[d as usize] = 0;
-            }
-        }
-        let mut rest = lanes;
-        while rest != 0 {
-            let l = rest.trailing_zeros();
-            rest &= rest - 1;
-            let [a, b] = frames(l as usize);
-            mark(&plan.movers[b], 1 << l, &mut self.plus);
-            mark(&plan.movers[a], 1 << l, &mut self.minus);
-        }
-    }
-
-    /// 1 in the lanes in which a dof moves the second geom of the gathered slot, -1 where it moves the first.
-    #[inline(always)]
-    fn sign_of(&self, d: usize) -> R {
-        R::select(R::Mask::from_bits(self.plus[d]), R::one(), R::zero()) - R::select(R::Mask::from_bits(self.minus[d]), R::one(), R::zero())
-    }
-
-    /// J of a contact's rows (n, t1, t2), left in `column`; returns its velocities, free and before the step. `surface` is the velocity that
-    /// the surfaces have of themselves, the second's against the first's.
-    #[inline(always)]
-    fn contact_columns(&mut self, site: Site<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> [V3<R>; 2] {
-        let Site { plan, kinematics, moment, .. } = site;
-        let slot = &contacts.data[k];
-        let n = slot.point.normal;
-        let axes = [n, slot.tangent, cross(n, slot.tangent)];
-        let carried = linear(&surfaces::motion(plan, kinematics, contacts, k, lanes));
-        // Not `map`: what the library's function inlines, it inlines with baseline instructions.
-        let mut free = [dot(axes[0], carried), dot(axes[1], carried), dot(axes[2], carried)];
-        let mut before = free[0];
-        let (mut arm, mut tree) = (zero(), usize::MAX);
-        for &d in &self.support {
-            let d = d as usize;
-            if plan.dofs[d].tree != tree {
-                tree = plan.dofs[d].tree;
-                arm = sub(slot.point.pos, kinematics.origin[tree]);
-            }
-            let sign = self.sign_of(d);
-            let motion = velocity_at(&kinematics.axes[d], arm);
-            // Adding zero turns -0 into 0, so that a lane's bits do not depend on what its neighbours touch.
-            let j =
-                [dot(axes[0], motion) * sign + R::zero(), dot(axes[1], motion) * sign + R::zero(), dot(axes[2], motion) * sign + R::zero()];
-            free = add_scaled(free, j, moment.v_free[d]);
-            before += j[0] * moment.v[d];
-            self.column[d] = j;
-        }
-        [free, [before, R::zero(), R::zero()]]
     }
 
     /// Adds slot `k` in the lanes `lanes`, in which it has sliding friction at the most; `support` is gathered.
@@ -381,17 +282,5 @@ impl<R: Real> Constraints<R> {
         }
         let stays = active.and_not(elastic).or(bounces).or(elastic.and(rests));
         (free + R::select(bounces, e * approach, bias), stays)
-    }
-}
-
-/// Sets `bit` in the entries named by a bit set.
-#[inline(always)]
-fn mark(set: &[u64], bit: u32, out: &mut [u32]) {
-    for (w, &word) in set.iter().enumerate() {
-        let mut bits = word;
-        while bits != 0 {
-            out[64 * w + bits.trailing_zeros() as usize] |= bit;
-            bits &= bits - 1;
-        }
     }
 }

@@ -4,7 +4,7 @@ use stepper_real::{Mask, Real};
 
 use super::equality::Site;
 use crate::constraints::Constraints;
-use crate::contacts::{ContactId, Contacts, MAX_LANES};
+use crate::contacts::Contacts;
 use crate::plan::LanePlan;
 use crate::spatial::*;
 use crate::surfaces;
@@ -15,7 +15,7 @@ impl<R: Real> Constraints<R> {
     pub(super) fn add_wide(&mut self, site: Site<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         let (plan, mass, moment) = (site.plan, site.mass, site.moment);
         let (slot, active) = (&contacts.data[k], R::Mask::from_bits(lanes));
-        let mut friction = Friction::of(plan, &contacts.ids[k], lanes);
+        let mut friction = Friction::of(plan, contacts, k, lanes);
         friction.scale_to(slot.mu);
         let normal = self.contact_columns(site, contacts, k, lanes);
         self.half_solve::<3>(plan, mass);
@@ -86,15 +86,11 @@ struct Friction<R: Real> {
 
 impl<R: Real> Friction<R> {
     #[inline(always)]
-    fn of(plan: &LanePlan<R>, ids: &[ContactId; MAX_LANES], lanes: u32) -> Self {
+    fn of(plan: &LanePlan<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> Self {
         let mut more = [R::zero(); 2];
-        let mut rest = lanes;
-        while rest != 0 {
-            let l = rest.trailing_zeros() as usize;
-            rest &= rest - 1;
-            let params = plan.contact(ids[l].pair());
-            more[0].set_lane(l, params.torsion.lane(l));
-            more[1].set_lane(l, params.rolling.lane(l));
+        for (pair, lanes) in contacts.pairs(k, lanes) {
+            let (params, there) = (plan.contact(pair), R::Mask::from_bits(lanes));
+            more = [R::select(there, params.torsion, more[0]), R::select(there, params.rolling, more[1])];
         }
         Self { more, mu: R::one(), slides: R::zero(), scale: zero() }
     }
@@ -122,14 +118,11 @@ impl<R: Real> Friction<R> {
 
 /// Lanes (bits) of slot `k` whose contact has torsional or rolling friction.
 #[inline(always)]
-pub(super) fn wide_lanes<R: Real>(plan: &LanePlan<R>, ids: &[ContactId; MAX_LANES], lanes: u32) -> u32 {
-    let (mut out, mut rest) = (0, if plan.wide { lanes } else { 0 });
-    while rest != 0 {
-        let l = rest.trailing_zeros() as usize;
-        rest &= rest - 1;
-        let params = plan.contact(ids[l].pair());
-        let more = params.torsion.max(params.rolling).lane(l);
-        out |= u32::from(more > Default::default()) << l;
+pub(super) fn wide_lanes<R: Real>(plan: &LanePlan<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> u32 {
+    let mut wide = 0;
+    for (pair, lanes) in contacts.pairs(k, if plan.wide { lanes } else { 0 }) {
+        let params = plan.contact(pair);
+        wide |= params.torsion.max(params.rolling).gt(R::zero()).bits() & lanes;
     }
-    out
+    wide
 }

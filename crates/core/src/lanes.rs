@@ -40,3 +40,21 @@ pub(crate) fn set_lane_bits(set: &mut u32, first: usize, n: usize, bits: u32) {
     let there = (((1u64 << n) - 1) as u32) << first;
     *set = *set & !there | bits << first;
 }
+
+/// The lanes of a set, ascending.
+#[inline(always)]
+pub(crate) fn each_of(mut set: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let lane = set.trailing_zeros() as usize;
+        set &= set.wrapping_sub(1);
+        (lane < u32::BITS as usize).then_some(lane)
+    })
+}
+
+/// Adds one in the lanes of a set.
+#[inline(always)]
+pub(crate) fn count(set: u32, counts: &mut [u32]) {
+    for lane in each_of(set) {
+        counts[lane] += 1;
+    }
+}

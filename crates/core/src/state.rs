@@ -140,25 +140,24 @@ impl<S: Scalar> Group<S> {
     }
 
     /// The same state in one form only: what nobody can read is zero.
-    pub fn canonical(&self) -> Self {
-        let mut group = self.clone();
+    pub fn canonical(mut self) -> Self {
         let lanes = self.lanes;
         for lane in 0..lanes {
             if self.alive >> lane & 1 == 0 {
-                group.forget(lane);
-                group.time[lane] = 0.0;
-                group.sensing.clear(lane);
-                group.actuation.clear(lane, lanes);
+                self.forget(lane);
+                self.time[lane] = 0.0;
+                self.sensing.clear(lane);
+                self.actuation.clear(lane, lanes);
             }
-            let held = group.contact_count[lane] as usize;
-            group.contact_ids.iter_mut().skip(held * lanes + lane).step_by(lanes).for_each(|x| *x = 0);
-            let unused = group.contact_data.iter_mut().skip(held * CONTACT_NUMBERS * lanes + lane);
+            let held = self.contact_count[lane] as usize;
+            self.contact_ids.iter_mut().skip(held * lanes + lane).step_by(lanes).for_each(|x| *x = 0);
+            let unused = self.contact_data.iter_mut().skip(held * CONTACT_NUMBERS * lanes + lane);
             unused.step_by(lanes).for_each(|x| *x = S::default());
-            let unused = group.contact_torque.iter_mut().skip(held * 3 * lanes + lane);
+            let unused = self.contact_torque.iter_mut().skip(held * 3 * lanes + lane);
             unused.step_by(lanes).for_each(|x| *x = S::default());
         }
-        group.normals.tidy();
-        group
+        self.normals.tidy();
+        self
     }
 
     /// The part of it that lanes `first` to `first + n` are.

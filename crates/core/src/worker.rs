@@ -8,7 +8,7 @@ use stepper_real::{Level, Mask, Real, Scalar, at_avx512, at_level};
 
 use crate::actuation::Chains;
 use crate::contacts::MAX_LANES;
-use crate::lanes::{put, take};
+use crate::lanes::{count, put, take};
 use crate::mocap::Way;
 use crate::options::Options;
 use crate::plan::{LanePlan, Plan};
@@ -339,11 +339,7 @@ fn count_saturated<R: Real>(plan: &LanePlan<R>, s: &Scratch<R>, counts: &mut [u3
         #[inline(always)]
         || {
             for (actuator, counts) in counts.chunks_exact_mut(R::LANES).enumerate() {
-                let mut lanes = s.drive.is_cut(plan, actuator).and(s.alive).bits();
-                while lanes != 0 {
-                    counts[lanes.trailing_zeros() as usize] += 1;
-                    lanes &= lanes - 1;
-                }
+                count(s.drive.is_cut(plan, actuator).and(s.alive).bits(), counts);
             }
         },
     )

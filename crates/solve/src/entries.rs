@@ -46,6 +46,15 @@ impl<T: Copy + Default> Entries<T> {
         self.items.resize(self.len, T::default());
     }
 
+    /// Takes what `of` makes of each of the others, and forgets its own.
+    #[inline(always)]
+    pub(crate) fn copy_from<U>(&mut self, others: &Entries<U>, of: impl Fn(&U) -> T) {
+        self.clear();
+        for (to, from) in self.add(others.len).iter_mut().zip(&others.items) {
+            *to = of(from);
+        }
+    }
+
     /// `n` entries from the `start`-th on.
     #[inline(always)]
     pub(crate) fn row(&self, start: usize, n: usize) -> &[T] {

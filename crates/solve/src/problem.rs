@@ -107,18 +107,21 @@ impl<R: Real> Problem<R> {
     pub(crate) fn pick(&self, order: &Order, out: &mut Problem<R::Half>) {
         out.support.clear();
         out.support.extend_from_slice(&self.support);
-        out.y.clear();
-        for (to, &from) in out.y.add(self.y.len()).iter_mut().zip(self.y.row(0, self.y.len())) {
-            *to = order.pick(from);
-        }
-        out.y3.clear();
-        for (to, from) in out.y3.add(self.y3.len()).iter_mut().zip(self.y3.row(0, self.y3.len())) {
-            *to = order.pick_each(from);
-        }
-        out.y6.clear();
-        for (to, from) in out.y6.add(self.y6.len()).iter_mut().zip(self.y6.row(0, self.y6.len())) {
-            *to = order.pick_each(from);
-        }
+        out.y.copy_from(
+            &self.y,
+            #[inline(always)]
+            |&y| order.pick(y),
+        );
+        out.y3.copy_from(
+            &self.y3,
+            #[inline(always)]
+            |y| order.pick_each(y),
+        );
+        out.y6.copy_from(
+            &self.y6,
+            #[inline(always)]
+            |y| order.pick_each(y),
+        );
         out.scalars.clear();
         for row in &self.scalars {
             out.scalars.push(ScalarRow {

@@ -4,6 +4,7 @@ use stepper_real::{Mask, Real, Scalar};
 
 use super::draws::{Keys, Purpose};
 use super::{Errors, Imperfect, Number, Numbers};
+use crate::lanes::count;
 use crate::model::Quantity;
 use crate::spatial::*;
 
@@ -89,16 +90,6 @@ pub(super) fn put<R: Real>(numbers: &mut [R::Scalar], at: usize, lanes: R::Mask,
     R::select(lanes, x, old).store(&mut numbers[at * R::LANES..]);
 }
 
-/// Adds one in some lanes.
-#[inline(always)]
-fn count<R: Real>(lanes: R::Mask, counts: &mut [u32]) {
-    let mut bits = lanes.bits();
-    while bits != 0 {
-        counts[bits.trailing_zeros() as usize] += 1;
-        bits &= bits - 1;
-    }
-}
-
 impl<S: Scalar> Imperfect<S> {
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "what is read, by whom, and what is remembered")]
@@ -133,10 +124,10 @@ impl<S: Scalar> Imperfect<S> {
             }
         }
         let faults = &mut slots.faults[2 * index * R::LANES..];
-        count::<R>(lost, &mut faults[R::LANES..]);
+        count(lost.bits(), &mut faults[R::LANES..]);
         // The first reading of an episode belongs to no step.
         if !start {
-            count::<R>(clipped.and(taken), faults);
+            count(clipped.and(taken).bits(), faults);
         }
         if self.line > 0 {
             let chance = if self.jittery { drawn[self.timing_at() + 1] } else { R::zero() };

@@ -11,18 +11,9 @@ use crate::geometry::{
     Cuboid, Cylinder, Ellipsoid, Segment, capsule_box, cylinder_rims, plane_box, plane_ellipsoid, plane_point, plane_sphere, segments,
     sphere_box, sphere_cylinder, sphere_ellipsoid,
 };
+use crate::lanes::each_of;
 use crate::plan::{Kernel, PairPlan};
 use crate::spatial::*;
-
-/// The lanes of some bits.
-#[inline(always)]
-fn lanes(mut bits: u32) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        let lane = bits.trailing_zeros() as usize;
-        bits &= bits.wrapping_sub(1);
-        (lane < u32::BITS as usize).then_some(lane)
-    })
-}
 
 impl<R: Real> Scene<'_, R> {
     /// Takes up the contacts of a pair in the lanes `near`. A kernel of its own: inlined where it is called, it and what it offers would
@@ -173,7 +164,7 @@ impl<R: Real> Scene<'_, R> {
             near = near.and_not(self.are_parted(index, pair, near, &moving, size, search));
             approach = Some(moving);
         }
-        for lane in lanes(near.bits()) {
+        for lane in each_of(near.bits()) {
             let poses = [self.pose(a, lane), self.pose(b, lane)];
             let (first, second) = (self.solid_in(a, lane), self.solid_in(b, lane));
             let Search { narrow, known, found } = &mut *search;
@@ -224,14 +215,14 @@ impl<R: Real> Scene<'_, R> {
         let [a, b] = pair.geoms;
         let Search { known, found, .. } = search;
         let mut partings = Partings::none();
-        for lane in lanes(near.bits()) {
+        for lane in each_of(near.bits()) {
             if let Some(parting) = known.of(lane, index) {
                 partings.set_lane(lane, parting);
             }
         }
         let apart = sub(self.poses.pos[b], self.poses.pos[a]);
         let parted = near.and(partings.keep(apart, [&self.poses.mat[a], &self.poses.mat[b]], approach, size));
-        for lane in lanes(parted.bits()) {
+        for lane in each_of(parted.bits()) {
             if let Some(parting) = known.of(lane, index) {
                 found.keep(lane, index, parting);
             }

@@ -14,6 +14,7 @@ use stepper_real::{Mask, Real, Scalar};
 
 use super::Scene;
 use crate::geometry::convex::{ConvexShape, Grid, Solid};
+use crate::lanes::each_of;
 use crate::plan::PairPlan;
 use crate::spatial::*;
 
@@ -42,10 +43,7 @@ impl<R: Real> Scene<'_, R> {
 
         let low = at[2] - depth;
         let mut near = near.and((low - R::of(grid.highest())).lt(anyhow));
-        let mut rest = near.bits();
-        while rest != 0 {
-            let lane = rest.trailing_zeros() as usize;
-            rest &= rest - 1;
+        for lane in each_of(near.bits()) {
             let of = |x: R| x.lane(lane).to_f64();
             let under = grid.under_disc([of(at[0]), of(at[1])], of(around + hair));
             let limit = if under.level { level } else { anyhow };

@@ -1,5 +1,7 @@
 //! The constraint problem of a step with its room to work: what stage 4 makes, stage 5 solves and stage 8 solves again.
 
+use std::ops::Range;
+
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::newton::Newton;
 use stepper_solve::{Capacity, Iterate, Problem};
@@ -21,7 +23,8 @@ pub struct Constraints<R: Real> {
     pub constrained: R::Mask,
     /// Lanes in which the velocities of the solution are not those that the positions should move with.
     pub needs_position_solve: R::Mask,
-    /// What each row demands of the positions alone: velocity g of stage 8, scalar rows first, then contacts, then those with six rows.
+    /// What each row demands of the positions alone, scalar rows first, then contacts, then those with six rows: velocity g of stage 8 of scalar and
+    /// normal rows, of the others what is added to g.
     pub position_bias: Vec<R>,
     /// Impulses of limits, then of dry friction, by their index in the plan, then of what names its owner: the warm start.
     pub scalar_impulse: Vec<R>,
@@ -43,6 +46,8 @@ pub struct Constraints<R: Real> {
     /// In which lanes (bits) each dof moves the second geom of a contact, and the first.
     pub(crate) signs: Vec<[u32; 2]>,
     pub(crate) words: Vec<u64>,
+    /// Rows of the equalities that are taken out of the row which is made.
+    pub(crate) tied: Vec<Range<usize>>,
 }
 
 /// What the rows are made from.
@@ -86,7 +91,7 @@ impl<R: Real> Constraints<R> {
             newton: Newton::default(),
             constrained: R::Mask::splat(false),
             needs_position_solve: R::Mask::splat(false),
-            position_bias: Vec::with_capacity(room.scalars + room.contacts + room.wide),
+            position_bias: Vec::with_capacity(room.scalars + 3 * room.contacts + 6 * room.wide),
             scalar_impulse: vec![R::zero(); plan.scalar_impulses],
             owners: Vec::with_capacity(room.scalars),
             slots: Vec::with_capacity(max_contacts),
@@ -99,17 +104,21 @@ impl<R: Real> Constraints<R> {
             path: vec![R::zero(); plan.nv],
             signs: vec![[0; 2]; plan.nv],
             words: vec![0; plan.nv.div_ceil(64)],
+            tied: Vec::with_capacity(plan.equalities.len()),
         }
     }
 }
 
-/// What the rows of a plan can take at the most: a contact touches the ancestors of two frames in each of its lanes.
+/// What the rows of a plan can take at the most: a contact touches the ancestors of two frames in each of its lanes, and any row what equalities tie
+/// to it.
 fn room<S: Scalar>(plan: &Plan<S>, contacts: usize, lanes: usize) -> Capacity {
-    let depth = |dof: usize| plan.dofs[dof].depth;
+    let tied = plan.equalities.iter().filter(|b| b.separate).map(|b| b.support.len()).sum::<usize>();
+    let with_tied = |entries: usize| (entries + tied).min(plan.nv);
+    let depth = |dof: usize| with_tied(plan.dofs[dof].depth);
     let single = plan.limits.iter().map(|l| depth(l.dof)).chain(plan.frictions.iter().map(|f| depth(f.dof))).sum::<usize>();
     let balls = plan.ball_limits.iter().map(|b| depth(b.dof + 2)).sum::<usize>();
-    let equalities = plan.equalities.iter().map(|b| b.rows * b.support.len()).sum::<usize>();
-    let tendons = plan.tendons.iter().map(|t| 3 * t.support.len()).sum::<usize>();
+    let equalities = plan.equalities.iter().map(|b| b.rows * with_tied(b.support.len())).sum::<usize>();
+    let tendons = plan.tendons.iter().map(|t| 3 * with_tied(t.support.len())).sum::<usize>();
     let mut moved: Vec<usize> = plan.movers.iter().map(|m| m.iter().map(|w| w.count_ones() as usize).sum()).collect();
     moved.sort_unstable();
     let deepest: usize = moved.iter().rev().take(2).sum();
@@ -119,6 +128,6 @@ fn room<S: Scalar>(plan: &Plan<S>, contacts: usize, lanes: usize) -> Capacity {
         scalar_entries: single + balls + equalities + tendons,
         contacts,
         wide: if plan.wide { contacts } else { 0 },
-        contact_support: (deepest * lanes).min(plan.nv),
+        contact_support: with_tied(deepest * lanes),
     }
 }

@@ -30,6 +30,7 @@ mod tiers;
 mod wide;
 
 pub use contact::ContactBlock;
+pub use orthogonal::dependence;
 pub use problem::{Capacity, Iterate, Problem, ScalarRow};
 pub use residual::residual;
 pub use tiers::{Outcome, Settings, solve};

@@ -7,10 +7,37 @@
 
 use std::ops::Range;
 
-use crate::Problem;
+use crate::{Problem, ScalarRow};
 use stepper_real::{Mask, Real, Scalar};
 
+/// Part of the squared length of a row at which what is left of it, its parts along other rows taken away, is rounding.
+pub fn dependence<R: Real>() -> f64 {
+    let root = <R::Scalar as Scalar>::EPSILON.to_f64().sqrt();
+    root * root.sqrt()
+}
+
+impl<R: Real> ScalarRow<R> {
+    /// How much of the row is in another one, when `along` is the product of the entries of both.
+    #[inline(always)]
+    pub fn share(&self, along: R) -> R {
+        along * self.inv_diagonal
+    }
+}
+
 impl<R: Real> Problem<R> {
+    /// Makes all scalar rows that there are separate: each is an equality without compliance, and orthogonal to every other row that there is or
+    /// that will be pushed. They are solved once, and not visited by sweeps: no other impulse moves them.
+    #[inline(always)]
+    pub fn separate(&mut self) {
+        self.separate = self.scalars.len();
+    }
+
+    /// How many scalar rows are separate.
+    #[inline(always)]
+    pub fn separated(&self) -> usize {
+        self.separate
+    }
+
     /// Makes the scalar rows `rows` orthogonal; `also` holds more right-hand sides of each of them, which are combined like g.
     ///
     /// The rows must be equalities (any impulse) without compliance, pushed one after the other with the same support. Their impulses are
@@ -18,8 +45,7 @@ impl<R: Real> Problem<R> {
     /// shorter than 1e-6 of that (f32: 3e-3) is rounding, or so nearly dependent that no impulse should be asked for it, and drops out.
     #[inline(always)]
     pub fn orthogonalise<const N: usize>(&mut self, rows: Range<usize>, sizes: &[R], also: &mut [[R; N]]) {
-        let root = <R::Scalar as Scalar>::EPSILON.to_f64().sqrt();
-        let tolerance = R::of(root * root.sqrt());
+        let tolerance = R::of(dependence::<R>());
         for (k, &size) in rows.clone().zip(sizes) {
             for j in rows.start..k {
                 let share = self.remove(k, j);
@@ -55,7 +81,7 @@ impl<R: Real> Problem<R> {
         for (&a, &b) in before.iter().zip(row.iter()) {
             along += a * b;
         }
-        let share = along * self.scalars[j].inv_diagonal;
+        let share = self.scalars[j].share(along);
         for (&a, b) in before.iter().zip(row) {
             *b -= share * a;
         }

@@ -37,6 +37,7 @@ pub fn solve<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: 
             let no = R::Mask::splat(false);
             let mut run =
                 Run { running: lanes, threshold: tolerance, sweeps: R::zero(), most: f64::from(settings.sweeps.max(1)), apart: no };
+            iterate.meet(problem, lanes);
             let (mut worst, mut unsolved) = (R::zero(), lanes);
             while unsolved.any() {
                 // Lanes that paused long ago start as those that did just now.
@@ -93,11 +94,11 @@ impl<R: Real> Run<R> {
 /// update from the beginning they are 2.7 %.
 const EXACT_SWEEPS: f64 = 25.0;
 
-/// One visit of every row, with the exact solution of a contact in the lanes `exact`; returns the largest change as a velocity, m/s.
+/// One visit of every row that is not separate, with the exact solution of a contact in the lanes `exact`; returns the largest change as a velocity, m/s.
 #[inline(always)]
 fn sweep<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, running: R::Mask, exact: R::Mask) -> R {
     let mut change = R::zero();
-    for (i, row) in problem.scalars.iter().enumerate() {
+    for (i, row) in problem.scalars.iter().enumerate().skip(problem.separate) {
         let lanes = running.and(row.active);
         if lanes.none() {
             continue;

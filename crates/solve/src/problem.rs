@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use crate::anderson::History;
 use crate::aside::{Aside, Order};
+use crate::cone::keep;
 use crate::entries::Entries;
 use crate::{ContactBlock, WideBlock};
 use stepper_real::{Mask, Real};
@@ -59,6 +60,8 @@ pub struct Problem<R: Real> {
     y6: Entries<[R; 6]>,
     /// Equalities, limits and dry friction, swept first.
     pub scalars: Vec<ScalarRow<R>>,
+    /// The first so many of them are separate, see [`Problem::separate`].
+    pub(crate) separate: usize,
     /// Contacts.
     pub contacts: Vec<ContactBlock<R>>,
     /// Contacts with torsional or rolling friction, swept last.
@@ -83,6 +86,7 @@ impl<R: Real> Problem<R> {
             y3: Entries::with_capacity(contact_entries),
             y6: Entries::with_capacity(room.wide * room.contact_support),
             scalars: Vec::with_capacity(room.scalars),
+            separate: 0,
             contacts: Vec::with_capacity(room.contacts),
             wide: Vec::with_capacity(room.wide),
             hyperstatic: R::Mask::splat(false),
@@ -96,6 +100,7 @@ impl<R: Real> Problem<R> {
         self.y.clear();
         self.y3.clear();
         self.scalars.clear();
+        self.separate = 0;
         self.contacts.clear();
         self.y6.clear();
         self.wide.clear();
@@ -122,6 +127,7 @@ impl<R: Real> Problem<R> {
             #[inline(always)]
             |y| order.pick_each(y),
         );
+        out.separate = self.separate;
         out.scalars.clear();
         for row in &self.scalars {
             out.scalars.push(ScalarRow {
@@ -233,7 +239,7 @@ impl<R: Real> Problem<R> {
 
     /// Coordinates and entries of a scalar row.
     #[inline(always)]
-    pub(crate) fn scalar_entries(&self, row: &ScalarRow<R>) -> (&[u32], &[R]) {
+    pub fn scalar_entries(&self, row: &ScalarRow<R>) -> (&[u32], &[R]) {
         let support = &self.support[row.support.clone()];
         (support, self.y.row(row.y, support.len()))
     }
@@ -401,6 +407,17 @@ impl<R: Real> Iterate<R> {
             #[inline(always)]
             |w| !w.eq(R::zero()).all(),
         )
+    }
+
+    /// Solves the separate rows in the lanes `lanes`.
+    #[inline(always)]
+    pub(crate) fn meet(&mut self, problem: &Problem<R>, lanes: R::Mask) {
+        for (row, lambda) in problem.scalars.iter().zip(&mut self.scalars).take(problem.separate) {
+            let v = problem.scalar_velocity(row, &self.w);
+            let d = keep(lanes.and(row.active), -(v * row.inv_diagonal));
+            *lambda += d;
+            problem.add_scalar(row, d, &mut self.w);
+        }
     }
 
     /// Makes w consistent with the impulses.

@@ -68,7 +68,10 @@ pub fn solve<R: Real>(
         let goal = R::of(SHARED).max(R::of(<R::Scalar as Scalar>::EPSILON.to_f64() * 10.0));
         let (left, slip) = R::vectorize(
             #[inline(always)]
-            || (residual(problem, iterate), fastest_slip(problem, iterate)),
+            || {
+                iterate.meet(problem, shared);
+                (residual(problem, iterate), fastest_slip(problem, iterate))
+            },
         );
         outcome.residual = keep(shared, left);
         let anew = shared.and(left.gt(goal).or(slip.gt(R::of(SLIPS))));

@@ -14,6 +14,7 @@
 //! bounce with.
 
 mod columns;
+mod eliminate;
 mod equality;
 mod hyperstatic;
 mod tendon;
@@ -57,12 +58,22 @@ impl<R: Real> Constraints<R> {
                 self.wide_slots.clear();
                 self.constrained = R::Mask::splat(false);
                 self.needs_position_solve = R::Mask::splat(false);
+                let site = Site { plan, options, kinematics, mass, moment };
+                if !plan.equalities.is_empty() {
+                    self.add_equalities(site, true);
+                    self.problem.separate();
+                }
                 self.add_frictions(plan, mass, moment);
                 self.add_limits(plan, options, mass, moment);
-                let site = Site { plan, options, kinematics, mass, moment };
-                self.add_ball_limits(site);
-                self.add_tendons(site);
-                self.add_equalities(site);
+                if !plan.ball_limits.is_empty() {
+                    self.add_ball_limits(site);
+                }
+                if !plan.tendons.is_empty() {
+                    self.add_tendons(site);
+                }
+                if !plan.equalities.is_empty() {
+                    self.add_equalities(site, false);
+                }
                 for k in 0..contacts.slots() {
                     let lanes = contacts.lanes_of(k);
                     let narrow = lanes & !wide_lanes(plan, contacts, k, lanes);
@@ -75,7 +86,6 @@ impl<R: Real> Constraints<R> {
                     for k in 0..contacts.slots() {
                         let wide = wide_lanes(plan, contacts, k, contacts.lanes_of(k));
                         if wide != 0 {
-                            self.gather_support(plan, contacts, k, wide);
                             self.add_wide(site, contacts, k, wide);
                         }
                     }
@@ -115,15 +125,15 @@ impl<R: Real> Constraints<R> {
                     *position = R::select(lanes, *position + (g - row.g), *position);
                     self.problem.scalars[i].g = g;
                 }
-                let (contacts, wide) = contacts.split_at_mut(self.problem.contacts.len());
-                for (i, position) in wide.iter_mut().enumerate() {
+                let (contacts, wide) = contacts.split_at_mut(3 * self.problem.contacts.len());
+                for (i, [position, ..]) in wide.as_chunks_mut::<6>().0.iter_mut().enumerate() {
                     let block = &self.problem.wide[i];
                     let mut g = self.problem.wide_velocity(block, change);
                     (0..6).for_each(|k| g[k] = R::select(lanes, g[k], block.g[k]));
                     *position = R::select(lanes, *position + (g[0] - block.g[0]), *position);
                     self.problem.wide[i].g = g;
                 }
-                for (i, position) in contacts.iter_mut().enumerate() {
+                for (i, [position, ..]) in contacts.as_chunks_mut::<3>().0.iter_mut().enumerate() {
                     let block = &self.problem.contacts[i];
                     let g = select(lanes, self.problem.contact_velocity(block, change), block.g);
                     *position = R::select(lanes, *position + (g[0] - block.g[0]), *position);
@@ -144,8 +154,7 @@ impl<R: Real> Constraints<R> {
                 bounds = [bounds[0] - forwards * moment.h, bounds[1] + backwards * moment.h];
             }
             let g = moment.v_free[friction.dof];
-            self.position_bias.push(g);
-            self.add_scalar(plan, mass, friction.dof, plan.limits.len() + i, R::one(), moment.alive, g, bounds);
+            self.add_scalar(plan, mass, friction.dof, plan.limits.len() + i, R::one(), moment.alive, [g, g], bounds);
         }
     }
 
@@ -168,8 +177,7 @@ impl<R: Real> Constraints<R> {
                 continue;
             }
             let (bias, position) = self.biases(options, phi, moment.h, active);
-            self.position_bias.push(v + position);
-            self.add_scalar(plan, mass, limit.dof, i, sign, active, v + bias, bounds);
+            self.add_scalar(plan, mass, limit.dof, i, sign, active, [v + bias, v + position], bounds);
         }
     }
 
@@ -202,10 +210,16 @@ impl<R: Real> Constraints<R> {
         owner: usize,
         sign: R,
         active: R::Mask,
-        g: R,
+        mut g: [R; 2],
         bounds: [R; 2],
     ) {
         self.unit_column(plan, mass, dof);
+        self.tie(plan);
+        if !self.tied.is_empty() {
+            let mut own = [scale(g, sign)];
+            self.eliminate(mass, &mut own);
+            g = scale(own[0], sign);
+        }
         let column = &self.column;
         self.problem.push_scalar(
             &self.support,
@@ -213,9 +227,10 @@ impl<R: Real> Constraints<R> {
             |d| column[d][0] * mass.sqrt_inv_d[d],
             sign,
             active,
-            g,
+            g[0],
             bounds,
         );
+        self.position_bias.push(g[1]);
         self.iterate.scalars.push(R::select(active, self.scalar_impulse[owner], R::zero()));
         self.owners.push(owner);
         self.constrained = self.constrained.or(active);
@@ -230,6 +245,8 @@ impl<R: Real> Constraints<R> {
         self.half_solve::<3>(plan, mass);
         let (bias, position) = self.biases(options, moment.gap(slot.point.distance), moment.h, active);
         let (normal, active) = self.bounce(plan, options, slot, moment, active, [free[0], before[0]], bias);
+        let mut g = [[normal, free[0] + position], [free[1]; 2], [free[2]; 2]];
+        self.eliminate(mass, &mut g);
         let column = &self.column;
         self.problem.push_contact(
             &self.support,
@@ -237,9 +254,9 @@ impl<R: Real> Constraints<R> {
             |d| scale(column[d], mass.sqrt_inv_d[d]),
             active,
             slot.mu,
-            [normal, free[1], free[2]],
+            [g[0][0], g[1][0], g[2][0]],
         );
-        self.position_bias.push(free[0] + position);
+        self.position_bias.extend([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
         self.iterate.contacts.push(select(active, slot.impulse, zero()));
         self.slots.push((k, R::Mask::from_bits(lanes)));
         self.constrained = self.constrained.or(active);

@@ -71,13 +71,22 @@ fn demand_positions<R: Real>(constraints: &mut Constraints<R>) {
             for (row, &g) in constraints.problem.scalars.iter_mut().zip(&constraints.position_bias) {
                 row.g = g;
             }
-            for (block, &g) in constraints.problem.contacts.iter_mut().zip(&constraints.position_bias[scalars..]) {
-                block.g[0] = g;
+            let (contacts, wide) = constraints.position_bias[scalars..].split_at(3 * constraints.problem.contacts.len());
+            for (block, demands) in constraints.problem.contacts.iter_mut().zip(contacts.as_chunks().0) {
+                demand(&mut block.g, demands);
             }
-            let contacts = scalars + constraints.problem.contacts.len();
-            for (block, &g) in constraints.problem.wide.iter_mut().zip(&constraints.position_bias[contacts..]) {
-                block.g[0] = g;
+            for (block, demands) in constraints.problem.wide.iter_mut().zip(wide.as_chunks().0) {
+                demand(&mut block.g, demands);
             }
         },
     )
+}
+
+/// Of a contact's rows, the normal one first.
+#[inline(always)]
+fn demand<R: Real, const N: usize>(g: &mut [R; N], demands: &[R; N]) {
+    g[0] = demands[0];
+    for k in 1..N {
+        g[k] += demands[k];
+    }
 }

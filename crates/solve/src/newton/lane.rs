@@ -44,12 +44,14 @@ pub(super) struct Lane {
     pub(super) g: Vec<f64>,
     /// Impulse of every row, N s.
     pub(super) lambda: Vec<f64>,
-    /// w = sum_i y_i lambda_i, all coordinates.
+    /// w = sum_i y_i lambda_i, all coordinates, without the separate rows.
     pub(super) w: Vec<f64>,
+    /// What those rows make of w: they are solved, and no other row sees it.
+    separate: Vec<f64>,
 }
 
 impl Lane {
-    /// Takes what lane `lane` has: scalar rows first, then contacts.
+    /// Takes what lane `lane` has but for the separate rows: scalar rows first, then contacts.
     pub(super) fn gather<R: Real>(&mut self, problem: &Problem<R>, iterate: &Iterate<R>, lane: usize) {
         let exists = |mask: R::Mask| mask.bits() >> lane & 1 == 1;
         let number = |x: R| x.lane(lane).to_f64();
@@ -59,8 +61,14 @@ impl Lane {
         self.g.clear();
         self.lambda.clear();
         self.w.clear();
-        self.w.extend(iterate.w.iter().map(|&x| number(x)));
-        for (i, (row, &lambda)) in problem.scalars.iter().zip(&iterate.scalars).enumerate() {
+        self.separate.clear();
+        self.separate.resize(iterate.w.len(), 0.0);
+        for (row, &lambda) in problem.scalars.iter().zip(&iterate.scalars).take(problem.separate) {
+            let (support, y) = problem.scalar_entries(row);
+            support.iter().zip(y).for_each(|(&c, &y)| self.separate[c as usize] += number(y) * number(lambda));
+        }
+        self.w.extend(iterate.w.iter().zip(&self.separate).map(|(&x, part)| number(x) - part));
+        for (i, (row, &lambda)) in problem.scalars.iter().zip(&iterate.scalars).enumerate().skip(problem.separate) {
             if exists(row.active) {
                 let (support, y) = problem.scalar_entries(row);
                 let set = Set::Interval { lo: number(row.lo), hi: number(row.hi) };
@@ -149,8 +157,8 @@ impl Lane {
                 }
             }
         }
-        for (to, &x) in iterate.w.iter_mut().zip(&self.w) {
-            to.set_lane(lane, Scalar::from_f64(x));
+        for ((to, &x), part) in iterate.w.iter_mut().zip(&self.w).zip(&self.separate) {
+            to.set_lane(lane, Scalar::from_f64(x + part));
         }
     }
 }

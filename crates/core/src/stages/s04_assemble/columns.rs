@@ -69,7 +69,8 @@ impl<R: Real> Constraints<R> {
         }
     }
 
-    /// The dofs that move slot k in any of its lanes, ascending, and in which lanes each moves the second and the first geom.
+    /// The dofs that move slot k in any of its lanes, or that are tied to them, ascending, and in which lanes each moves the second and the first
+    /// geom.
     #[inline(always)]
     pub(super) fn gather_support(&mut self, plan: &LanePlan<R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         self.words.fill(0);
@@ -91,6 +92,13 @@ impl<R: Real> Constraints<R> {
                 }
             }
         }
+        self.list_support();
+        self.tie(plan);
+    }
+
+    /// Lists the dofs in `words`, ascending.
+    #[inline(always)]
+    pub(super) fn list_support(&mut self) {
         self.support.clear();
         for (w, &word) in self.words.iter().enumerate() {
             let mut bits = word;

@@ -43,20 +43,29 @@ pub(super) struct Site<'a, R: Real> {
 }
 
 impl<R: Real> Constraints<R> {
-    /// Adds the rows of all equalities, block by block.
+    /// Adds the rows of equalities, block by block: of those that are separate, or of all others.
+    pub(super) fn add_equalities(&mut self, site: Site<'_, R>, separate: bool) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for block in site.plan.equalities.iter().filter(|block| block.separate == separate) {
+                    self.add_block(site, block);
+                }
+            },
+        )
+    }
+
     #[inline(always)]
-    pub(super) fn add_equalities(&mut self, site: Site<'_, R>) {
-        for block in &site.plan.equalities {
-            let start = self.problem.scalars.len();
-            self.sizes.clear();
-            self.demands.clear();
-            for equality in &block.equalities {
-                self.add_equality(site, block, equality);
-            }
-            if block.hard {
-                self.problem.orthogonalise(start..start + block.rows, &self.sizes, &mut self.demands);
-                self.hold(site.options, start);
-            }
+    fn add_block(&mut self, site: Site<'_, R>, block: &EqualityBlock<R::Scalar>) {
+        let start = self.problem.scalars.len();
+        self.sizes.clear();
+        self.demands.clear();
+        for equality in &block.equalities {
+            self.add_equality(site, block, equality);
+        }
+        if block.hard {
+            self.problem.orthogonalise(start..start + block.rows, &self.sizes, &mut self.demands);
+            self.hold(site.options, start);
         }
     }
 
@@ -87,6 +96,7 @@ impl<R: Real> Constraints<R> {
     fn add_equality(&mut self, site: Site<'_, R>, block: &EqualityBlock<R::Scalar>, equality: &EqualityPlan<R::Scalar>) {
         self.support.clear();
         self.support.extend_from_slice(&block.support);
+        self.tie(site.plan);
         match &equality.rows {
             EqualityRows::Points { frames, anchors, turn } => {
                 let rows = self.meet(site, *frames, *anchors);
@@ -200,18 +210,22 @@ impl<R: Real> Constraints<R> {
         }
         self.half_solve::<N>(site.plan, site.mass);
         let correction = self.correct(site.options, rows, h, alive);
+        let mut laws = [Law { g: [R::zero(); 2], compliance: R::zero(), active: alive, bounds: free_bounds() }; N];
+        let mut g = [[R::zero(); 2]; N];
         for k in 0..N {
-            let owner = equality.owner + first + k;
-            let law = match &equality.spring {
-                None => Law { g: free[k], compliance: R::zero(), active: alive, bounds: free_bounds() },
-                Some(spring) => {
-                    let (error, before, free, gram) = (rows.error[k], before[k], free[k], self.gram(site.mass, k));
-                    let law = law_of(site.options, spring, Stretch { error, before, free, gram, taut: alive }, h, alive);
-                    self.position_bias.push(law.g);
-                    law
-                }
-            };
-            self.push_row(site.mass, k, owner, &law);
+            laws[k].g = [free[k]; 2];
+            if let Some(spring) = &equality.spring {
+                let (error, before, free, gram) = (rows.error[k], before[k], free[k], self.gram(site.mass, k));
+                laws[k] = law_of(site.options, spring, Stretch { error, before, free, gram, taut: alive }, h, alive);
+            }
+            g[k] = laws[k].g;
+        }
+        self.eliminate(site.mass, &mut g);
+        for k in 0..N {
+            self.push_row(site.mass, k, equality.owner + first + k, &Law { g: g[k], ..laws[k] });
+            if equality.spring.is_some() {
+                self.position_bias.push(g[k][1]);
+            }
             self.sizes.push(rows.size);
             self.demands.push([rows.kappa[k] * h * R::of(0.5), before[k], correction[k]]);
         }
@@ -242,9 +256,18 @@ impl<R: Real> Constraints<R> {
         sum
     }
 
+    /// Adds the first component of `column` on `support` as a scalar row.
+    #[inline(always)]
+    pub(super) fn add_row(&mut self, mass: &MassMatrix<R>, owner: usize, law: Law<R>) {
+        let mut g = [law.g];
+        self.eliminate(mass, &mut g);
+        self.push_row(mass, 0, owner, &Law { g: g[0], ..law });
+        self.position_bias.push(g[0][1]);
+    }
+
     /// Pushes component `k` of `column` on `support` as a scalar row.
     #[inline(always)]
-    pub(super) fn push_row(&mut self, mass: &MassMatrix<R>, k: usize, owner: usize, law: &Law<R>) {
+    fn push_row(&mut self, mass: &MassMatrix<R>, k: usize, owner: usize, law: &Law<R>) {
         let column = &self.column;
         self.problem.push_scalar(
             &self.support,
@@ -252,7 +275,7 @@ impl<R: Real> Constraints<R> {
             |d| column[d][k] * mass.sqrt_inv_d[d],
             R::one(),
             law.active,
-            law.g,
+            law.g[0],
             law.bounds,
         );
         self.problem.soften(law.compliance);
@@ -263,8 +286,10 @@ impl<R: Real> Constraints<R> {
 }
 
 /// What a scalar row obeys.
+#[derive(Clone, Copy)]
 pub(super) struct Law<R: Real> {
-    pub(super) g: R,
+    /// Its velocity before any impulse with its bias: of the step, and when positions are solved apart.
+    pub(super) g: [R; 2],
     pub(super) compliance: R,
     pub(super) active: R::Mask,
     /// Least and greatest impulse.
@@ -275,6 +300,12 @@ pub(super) struct Law<R: Real> {
 #[inline(always)]
 fn free_bounds<R: Real>() -> [R; 2] {
     [R::of(f64::NEG_INFINITY), R::of(f64::INFINITY)]
+}
+
+/// The law of a limit that is left at the velocity `free`, with its biases in the velocities and when positions are solved apart.
+#[inline(always)]
+pub(super) fn limit_law<R: Real>(free: R, [velocity, position]: [R; 2], active: R::Mask) -> Law<R> {
+    Law { g: [free + velocity, free + position], compliance: R::zero(), active, bounds: [R::zero(), R::of(f64::INFINITY)] }
 }
 
 /// What a spring's row is made from: its error, its velocities before the step and free, and its diagonal entry of G.
@@ -315,7 +346,7 @@ pub(super) fn law_of<R: Real>(options: &Options, spring: &Spring<R::Scalar>, row
     let p = k * row.error + ((half - quarter) * early - a) * row.before;
     let active = alive.and(q.gt(R::zero()));
     let compliance = R::one() / R::select(active, q, R::one());
-    Law { g: row.free + p * compliance, compliance, active, bounds: free_bounds() }
+    Law { g: [row.free + p * compliance; 2], compliance, active, bounds: free_bounds() }
 }
 
 /// Whether a dof moves a frame.

@@ -10,24 +10,40 @@ use crate::spatial::*;
 use crate::surfaces;
 
 impl<R: Real> Constraints<R> {
-    /// Adds slot `k` in the lanes `lanes`, in which it has torsional or rolling friction; `support` is gathered.
-    #[inline(always)]
+    /// Adds slot `k` in the lanes `lanes`, in which it has torsional or rolling friction.
     pub(super) fn add_wide(&mut self, site: Site<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                self.gather_support(site.plan, contacts, k, lanes);
+                self.push_wide(site, contacts, k, lanes);
+            },
+        )
+    }
+
+    #[inline(always)]
+    fn push_wide(&mut self, site: Site<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         let (plan, mass, moment) = (site.plan, site.mass, site.moment);
         let (slot, active) = (&contacts.data[k], R::Mask::from_bits(lanes));
         let mut friction = Friction::of(plan, contacts, k, lanes);
         friction.scale_to(slot.mu);
         let normal = self.contact_columns(site, contacts, k, lanes);
         self.half_solve::<3>(plan, mass);
+        let (bias, position) = self.biases(site.options, moment.gap(slot.point.distance), moment.h, active);
+        let [free, before] = normal;
+        let (g, active) = self.bounce(plan, site.options, slot, moment, active, [free[0], before[0]], bias);
+        let mut slides = [[g, free[0] + position], [free[1]; 2], [free[2]; 2]];
+        self.eliminate(mass, &mut slides);
         for &d in &self.support {
             self.linear[d as usize] = self.column[d as usize];
         }
         let turning = self.turn_columns(site, contacts, k, lanes, friction.scale);
         self.half_solve::<3>(plan, mass);
-        let (bias, position) = self.biases(site.options, moment.gap(slot.point.distance), moment.h, active);
-        let [free, before] = normal;
-        let (g, active) = self.bounce(plan, site.options, slot, moment, active, [free[0], before[0]], bias);
+        let mut turns = [[turning[0]; 2], [turning[1]; 2], [turning[2]; 2]];
+        self.eliminate(mass, &mut turns);
         let (linear, column, rub) = (&self.linear, &self.column, friction.slides);
+        slides[1] = scale(slides[1], rub);
+        slides[2] = scale(slides[2], rub);
         self.problem.push_wide(
             &self.support,
             #[inline(always)]
@@ -38,9 +54,12 @@ impl<R: Real> Constraints<R> {
             },
             active,
             friction.mu,
-            [g, free[1] * rub, free[2] * rub, turning[0], turning[1], turning[2]],
+            [slides[0][0], slides[1][0], slides[2][0], turns[0][0], turns[1][0], turns[2][0]],
         );
-        self.position_bias.push(free[0] + position);
+        self.position_bias.push(slides[0][1]);
+        for [velocity, position] in [slides[1], slides[2], turns[0], turns[1], turns[2]] {
+            self.position_bias.push(position - velocity);
+        }
         let (push, torque) = (slot.impulse, friction.unscale(contacts.torque[k]));
         let warm = [push[0], push[1] * rub, push[2] * rub, torque[0], torque[1], torque[2]];
         self.iterate.wide.push(select(active, warm, zero()));

@@ -1,0 +1,156 @@
+//! Hard equalities, taken out of every other row: what is left to be solved goes on in the motions that they allow.
+//!
+//! The rows e_k of separate equalities are orthogonal and demand e_k . w + g_k = 0. For another row y . w + g,
+//!
+//! ```text
+//! y' = y - sum_k a_k e_k,    g' = g - sum_k a_k g_k,    a_k = y . e_k / |e_k|^2
+//! ```
+//!
+//! is the same velocity for every w that they allow, and an impulse along y' leaves them as they are (the Schur complement of their block of G;
+//! Golub & Van Loan 2013, section 3.2). So they are solved once, exactly, and impulses of the other rows are what they were. Sweeps that go back and
+//! forth between a leg's coupling and the contact of its foot need two to five times as many.
+
+use stepper_real::{Mask, Real};
+use stepper_solve::{ScalarRow, dependence};
+
+use crate::constraints::Constraints;
+use crate::inertia::MassMatrix;
+use crate::plan::LanePlan;
+use crate::spatial::*;
+
+impl<R: Real> Constraints<R> {
+    /// Finds the separate equalities that share a degree of freedom with `support`, and adds what they move to it, with zeros in `column`.
+    #[inline(always)]
+    pub(super) fn tie(&mut self, plan: &LanePlan<R>) {
+        self.tied.clear();
+        if self.problem.separated() > 0 {
+            self.find_tied(plan);
+        }
+    }
+
+    #[inline(never)]
+    fn find_tied(&mut self, plan: &LanePlan<R>) {
+        self.words.fill(0);
+        for &d in &self.support {
+            self.words[d as usize / 64] |= 1 << (d % 64);
+        }
+        let mut start = 0;
+        for block in plan.equalities.iter().filter(|block| block.separate) {
+            let rows = start..start + block.rows;
+            start = rows.end;
+            if block.set.iter().zip(&self.words).all(|(tied, moved)| tied & moved == 0) {
+                continue;
+            }
+            for &d in &block.support {
+                let d = d as usize;
+                if self.words[d / 64] >> (d % 64) & 1 == 0 {
+                    self.column[d] = zero();
+                    self.signs[d] = [0; 2];
+                }
+            }
+            for (word, tied) in self.words.iter_mut().zip(&block.set) {
+                *word |= tied;
+            }
+            self.tied.push(rows);
+        }
+        if !self.tied.is_empty() {
+            self.list_support();
+        }
+    }
+
+    /// Takes the tied equalities out of the first `N` components of `column` on `support`, half solved, and out of what these rows demand: their
+    /// velocities g of the step, and when positions are solved apart. Of a row that depends on them nothing is left.
+    #[inline(always)]
+    pub(super) fn eliminate<const N: usize>(&mut self, mass: &MassMatrix<R>, demands: &mut [[R; 2]; N]) {
+        if !self.tied.is_empty() {
+            self.eliminate_tied(mass, demands);
+        }
+    }
+
+    /// A kernel of its own: inlined where rows are made, it would be most of the code there, which few scenes need.
+    #[inline(never)]
+    fn eliminate_tied<const N: usize>(&mut self, mass: &MassMatrix<R>, demands: &mut [[R; 2]; N]) {
+        R::vectorize(
+            #[inline(always)]
+            || self.eliminate_blocks(mass, demands),
+        )
+    }
+
+    #[inline(always)]
+    fn eliminate_blocks<const N: usize>(&mut self, mass: &MassMatrix<R>, demands: &mut [[R; 2]; N]) {
+        let mut whole = [R::zero(); N];
+        for &d in &self.support {
+            let (x, weight) = (&mut self.column[d as usize], mass.sqrt_inv_d[d as usize]);
+            for n in 0..N {
+                x[n] *= weight;
+                whole[n] += x[n].square();
+            }
+        }
+        let mut rest = whole;
+        for block in 0..self.tied.len() {
+            let rows = self.tied[block].clone();
+            for first in rows.clone().step_by(4) {
+                match rows.end - first {
+                    1 => self.eliminate_rows::<N, 1>(first, demands, &mut rest),
+                    2 => self.eliminate_rows::<N, 2>(first, demands, &mut rest),
+                    3 => self.eliminate_rows::<N, 3>(first, demands, &mut rest),
+                    _ => self.eliminate_rows::<N, 4>(first, demands, &mut rest),
+                }
+            }
+        }
+        for n in 0..N {
+            let depends = rest[n].lt(whole[n] * R::of(dependence::<R>()));
+            if depends.any() {
+                for &d in &self.support {
+                    let x = &mut self.column[d as usize][n];
+                    *x = R::select(depends, R::zero(), *x);
+                }
+            }
+        }
+        for &d in &self.support {
+            let weight = mass.sqrt_d[d as usize];
+            for n in 0..N {
+                self.column[d as usize][n] *= weight;
+            }
+        }
+    }
+
+    /// The same of `K` rows from `first` on, which have one support: what they hold is found in one pass over it, and taken away in another. `rest`
+    /// are the squared lengths of what is left.
+    #[inline(always)]
+    fn eliminate_rows<const N: usize, const K: usize>(&mut self, first: usize, demands: &mut [[R; 2]; N], rest: &mut [R; N]) {
+        let Self { problem, column, position_bias, .. } = self;
+        let rows: &[ScalarRow<R>; K] = problem.scalars[first..].first_chunk().expect("a block has its rows");
+        let (support, _) = problem.scalar_entries(&rows[0]);
+        let mut entries: [&[R]; K] = [&[]; K];
+        for k in 0..K {
+            entries[k] = &problem.scalar_entries(&rows[k]).1[..support.len()];
+        }
+        let mut along = [[R::zero(); N]; K];
+        for (i, &d) in support.iter().enumerate() {
+            let x = &column[d as usize];
+            for k in 0..K {
+                for n in 0..N {
+                    along[k][n] += x[n] * entries[k][i];
+                }
+            }
+        }
+        for k in 0..K {
+            let g = [rows[k].g, position_bias[first + k]];
+            for n in 0..N {
+                let share = rows[k].share(along[k][n]);
+                rest[n] -= share * along[k][n];
+                demands[n] = sub(demands[n], scale(g, share));
+                along[k][n] = share;
+            }
+        }
+        for (i, &d) in support.iter().enumerate() {
+            let x = &mut column[d as usize];
+            for k in 0..K {
+                for n in 0..N {
+                    x[n] -= along[k][n] * entries[k][i];
+                }
+            }
+        }
+    }
+}

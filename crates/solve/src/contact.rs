@@ -34,6 +34,8 @@ pub struct ContactBlock<R: Real> {
     pub(crate) rho: R,
     /// Its inverse.
     pub(crate) inv_rho: R,
+    /// So many times what is left of trace(G) it was before separate rows were taken out.
+    pub(crate) whole: R,
 }
 
 impl<R: Real> ContactBlock<R> {
@@ -78,6 +80,7 @@ impl<R: Real> ContactBlock<R> {
             coupling: [cos * ca + sin * cb, cos * cb - sin * ca],
             rho: R::of(3.0) / trace,
             inv_rho: trace * R::of(1.0 / 3.0),
+            whole: R::one(),
         }
     }
 
@@ -98,6 +101,7 @@ impl<R: Real> ContactBlock<R> {
             coupling: order.pick_each(&self.coupling),
             rho: order.pick(self.rho),
             inv_rho: order.pick(self.inv_rho),
+            whole: order.pick(self.whole),
         }
     }
 

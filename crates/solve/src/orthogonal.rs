@@ -17,6 +17,12 @@ pub fn dependence<R: Real>() -> f64 {
 }
 
 impl<R: Real> ScalarRow<R> {
+    /// Where its entries are among those of all scalar rows.
+    #[inline(always)]
+    pub fn entries(&self) -> Range<usize> {
+        self.y..self.y + self.support.len()
+    }
+
     /// How much of the row is in another one, when `along` is the product of the entries of both.
     #[inline(always)]
     pub fn share(&self, along: R) -> R {
@@ -30,6 +36,33 @@ impl<R: Real> Problem<R> {
     #[inline(always)]
     pub fn separate(&mut self) {
         self.separate = self.scalars.len();
+    }
+
+    /// Says how many times trace(G_ii) of the scalar row pushed last was as large before separate rows were taken out of it. Residuals are measured
+    /// by the whole.
+    #[inline(always)]
+    pub fn measure_scalar(&mut self, times: R) {
+        if let Some(row) = self.scalars.last_mut() {
+            row.whole = times;
+        }
+    }
+
+    /// The same of the contact pushed last.
+    #[inline(always)]
+    pub fn measure_contact(&mut self, times: R) {
+        if let Some(block) = self.contacts.last_mut() {
+            block.whole = times;
+            (block.rho, block.inv_rho) = (block.rho / times, block.inv_rho * times);
+        }
+    }
+
+    /// The same of the contact with six rows pushed last.
+    #[inline(always)]
+    pub fn measure_wide(&mut self, times: R) {
+        if let Some(block) = self.wide.last_mut() {
+            block.whole = times;
+            (block.rho, block.inv_rho) = (block.rho / times, block.inv_rho * times);
+        }
     }
 
     /// How many scalar rows are separate.

@@ -28,6 +28,8 @@ pub struct ScalarRow<R: Real> {
     pub(crate) diagonal: R,
     /// Its inverse; 1 where the row does not exist or cannot move.
     pub(crate) inv_diagonal: R,
+    /// So many times what is left of it the diagonal entry was before separate rows were taken out.
+    pub(crate) whole: R,
 }
 
 /// How much a problem and its iterate reserve, so that filling them allocates nothing.
@@ -140,6 +142,7 @@ impl<R: Real> Problem<R> {
                 compliance: order.pick(row.compliance),
                 diagonal: order.pick(row.diagonal),
                 inv_diagonal: order.pick(row.inv_diagonal),
+                whole: order.pick(row.whole),
             });
         }
         out.contacts.clear();
@@ -188,6 +191,7 @@ impl<R: Real> Problem<R> {
             compliance: R::zero(),
             diagonal,
             inv_diagonal: R::one() / R::select(movable, diagonal, R::one()),
+            whole: R::one(),
         });
     }
 

@@ -5,14 +5,14 @@ use crate::{Iterate, Problem};
 use stepper_real::Real;
 
 /// Natural-map residual of the exact Coulomb problem, per lane, m/s (rad/s for angular rows):
-/// `max_i |lambda_i - P_K(lambda_i - rho_i u_i)| / rho_i` with `rho_i = n / trace(G_ii)` for n rows and De Saxce's `u = v + (mu |v_t|, 0, 0)`.
+/// `max_i |lambda_i - P_K(lambda_i - rho_i u_i)| / rho_i` with `rho_i = n / trace(G_ii)` for n rows, before separate ones were taken out of them, and De Saxce's `u = v + (mu |v_t|, 0, 0)`.
 #[inline(always)]
 pub fn residual<R: Real>(problem: &Problem<R>, iterate: &Iterate<R>) -> R {
     let mut worst = R::zero();
     for (row, &lambda) in problem.scalars.iter().zip(&iterate.scalars) {
         let v = problem.scalar_velocity(row, &iterate.w) + row.compliance * lambda;
-        let mapped = clamp(lambda - row.inv_diagonal * v, row.lo, row.hi);
-        worst = worse(worst, keep(row.active, (lambda - mapped).abs() * row.diagonal));
+        let mapped = clamp(lambda - (row.inv_diagonal / row.whole) * v, row.lo, row.hi);
+        worst = worse(worst, keep(row.active, (lambda - mapped).abs() * (row.diagonal * row.whole)));
     }
     for (block, &lambda) in problem.contacts.iter().zip(&iterate.contacts) {
         let v = problem.contact_velocity(block, &iterate.w);

@@ -44,6 +44,8 @@ pub struct WideBlock<R: Real> {
     pub(crate) rho: R,
     /// Its inverse.
     pub(crate) inv_rho: R,
+    /// So many times what is left of trace(G) it was before separate rows were taken out.
+    pub(crate) whole: R,
 }
 
 impl<R: Real> WideBlock<R> {
@@ -76,7 +78,7 @@ impl<R: Real> WideBlock<R> {
         let coupling = turn(&axes, k);
         let step = R::one() / (largest + nn * dot(coupling, coupling));
         let (rho, inv_rho) = (R::of(6.0) / trace, trace * R::of(1.0 / 6.0));
-        Self { support, y, active: exists, mu, g, inv_gnn, nn, axes, a, inv_a, coupling, step, rho, inv_rho }
+        Self { support, y, active: exists, mu, g, inv_gnn, nn, axes, a, inv_a, coupling, step, rho, inv_rho, whole: R::one() }
     }
 
     /// The part of some lanes.
@@ -101,6 +103,7 @@ impl<R: Real> WideBlock<R> {
             step: order.pick(self.step),
             rho: order.pick(self.rho),
             inv_rho: order.pick(self.inv_rho),
+            whole: order.pick(self.whole),
         }
     }
 

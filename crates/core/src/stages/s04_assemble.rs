@@ -22,6 +22,7 @@ mod wide;
 
 use stepper_real::{Mask, Real};
 
+use self::eliminate::times;
 use self::equality::Site;
 use self::wide::wide_lanes;
 use crate::constraints::{Constraints, Moment};
@@ -61,7 +62,7 @@ impl<R: Real> Constraints<R> {
                 let site = Site { plan, options, kinematics, mass, moment };
                 if !plan.equalities.is_empty() {
                     self.add_equalities(site, true);
-                    self.problem.separate();
+                    self.keep_separate(mass);
                 }
                 self.add_frictions(plan, mass, moment);
                 self.add_limits(plan, options, mass, moment);
@@ -215,9 +216,9 @@ impl<R: Real> Constraints<R> {
     ) {
         self.unit_column(plan, mass, dof);
         self.tie(plan);
-        if !self.tied.is_empty() {
-            let mut own = [scale(g, sign)];
-            self.eliminate(mass, &mut own);
+        let mut own = [scale(g, sign)];
+        let lengths = self.eliminate(mass, &mut own);
+        if lengths.is_some() {
             g = scale(own[0], sign);
         }
         let column = &self.column;
@@ -230,6 +231,9 @@ impl<R: Real> Constraints<R> {
             g[0],
             bounds,
         );
+        if let Some(lengths) = lengths {
+            self.problem.measure_scalar(times(&lengths.whole, &lengths.rest));
+        }
         self.position_bias.push(g[1]);
         self.iterate.scalars.push(R::select(active, self.scalar_impulse[owner], R::zero()));
         self.owners.push(owner);
@@ -246,7 +250,7 @@ impl<R: Real> Constraints<R> {
         let (bias, position) = self.biases(options, moment.gap(slot.point.distance), moment.h, active);
         let (normal, active) = self.bounce(plan, options, slot, moment, active, [free[0], before[0]], bias);
         let mut g = [[normal, free[0] + position], [free[1]; 2], [free[2]; 2]];
-        self.eliminate(mass, &mut g);
+        let lengths = self.eliminate(mass, &mut g);
         let column = &self.column;
         self.problem.push_contact(
             &self.support,
@@ -256,6 +260,9 @@ impl<R: Real> Constraints<R> {
             slot.mu,
             [g[0][0], g[1][0], g[2][0]],
         );
+        if let Some(lengths) = lengths {
+            self.problem.measure_contact(times(&lengths.whole, &lengths.rest));
+        }
         self.position_bias.extend([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
         self.iterate.contacts.push(select(active, slot.impulse, zero()));
         self.slots.push((k, R::Mask::from_bits(lanes)));

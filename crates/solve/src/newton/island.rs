@@ -66,7 +66,7 @@ impl Island {
             }
             self.g.extend_from_slice(&lane.g[block.rows.clone()]);
             self.lambda.extend_from_slice(&lane.lambda[block.rows.clone()]);
-            let trace = inner(entries, entries) + block.compliance * dim as f64;
+            let trace = (inner(entries, entries) + block.compliance * dim as f64) * block.whole;
             self.blocks.push(Block {
                 set: block.set,
                 span,

@@ -31,6 +31,8 @@ pub(super) struct Member {
     pub(super) rows: Range<usize>,
     /// Compliance R >= 0 on the diagonal of G, the same for all of its rows.
     pub(super) compliance: f64,
+    /// So many times what is left of trace(G) it was before separate rows were taken out.
+    pub(super) whole: f64,
 }
 
 /// All rows of one lane, sparse.
@@ -75,7 +77,7 @@ impl Lane {
                 if self.add(support, y.iter().map(|&y| [number(y)]), set, i, [number(row.g)], [number(lambda)])
                     && let Some(block) = self.blocks.last_mut()
                 {
-                    block.compliance = number(row.compliance);
+                    (block.compliance, block.whole) = (number(row.compliance), number(row.whole));
                 }
             }
         }
@@ -83,15 +85,26 @@ impl Lane {
             if exists(block.active) {
                 let (support, y) = problem.contact_entries(block);
                 let set = Set::Cone { mu: number(block.mu) };
-                self.add(support, y.iter().map(|y| y.map(number)), set, i, block.g.map(number), lambda.map(number));
+                if self.add(support, y.iter().map(|y| y.map(number)), set, i, block.g.map(number), lambda.map(number)) {
+                    self.measure(number(block.whole));
+                }
             }
         }
         for (i, (block, lambda)) in problem.wide.iter().zip(&iterate.wide).enumerate() {
             if exists(block.active) {
                 let (support, y) = problem.wide_entries(block);
                 let set = Set::Cone { mu: number(block.mu) };
-                self.add(support, y.iter().map(|y| y.map(number)), set, i, block.g.map(number), lambda.map(number));
+                if self.add(support, y.iter().map(|y| y.map(number)), set, i, block.g.map(number), lambda.map(number)) {
+                    self.measure(number(block.whole));
+                }
             }
+        }
+    }
+
+    /// Says how much longer the block added last was with separate rows.
+    fn measure(&mut self, whole: f64) {
+        if let Some(block) = self.blocks.last_mut() {
+            block.whole = whole;
         }
     }
 
@@ -118,7 +131,7 @@ impl Lane {
             self.g.extend_from_slice(&g);
             self.lambda.extend_from_slice(&lambda);
             let support = s0..self.support.len();
-            self.blocks.push(Member { set, source, support, y: y0, rows: row..row + N, compliance: 0.0 });
+            self.blocks.push(Member { set, source, support, y: y0, rows: row..row + N, compliance: 0.0, whole: 1.0 });
         }
         moves
     }

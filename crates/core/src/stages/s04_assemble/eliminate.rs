@@ -58,18 +58,30 @@ impl<R: Real> Constraints<R> {
         }
     }
 
-    /// Takes the tied equalities out of the first `N` components of `column` on `support`, half solved, and out of what these rows demand: their
-    /// velocities g of the step, and when positions are solved apart. Of a row that depends on them nothing is left.
+    /// Keeps the entries of separate equalities as `eliminate` reads them.
     #[inline(always)]
-    pub(super) fn eliminate<const N: usize>(&mut self, mass: &MassMatrix<R>, demands: &mut [[R; 2]; N]) {
-        if !self.tied.is_empty() {
-            self.eliminate_tied(mass, demands);
+    pub(super) fn keep_separate(&mut self, mass: &MassMatrix<R>) {
+        self.problem.separate();
+        self.separate.clear();
+        for row in &self.problem.scalars {
+            let (support, y) = self.problem.scalar_entries(row);
+            for (&d, &y) in support.iter().zip(y) {
+                self.separate.push([y * mass.sqrt_inv_d[d as usize], y * mass.sqrt_d[d as usize]]);
+            }
         }
+    }
+
+    /// Takes the tied equalities out of the first `N` components of `column` on `support`, half solved but for D^-1/2, and out of what these rows
+    /// demand: their velocities g of the step, and when positions are solved apart. Of a row that depends on them nothing is left. Returns the
+    /// squared lengths of the rows before, and of what is left; nothing where no equality is tied.
+    #[inline(always)]
+    pub(super) fn eliminate<const N: usize>(&mut self, mass: &MassMatrix<R>, demands: &mut [[R; 2]; N]) -> Option<Lengths<R, N>> {
+        if self.tied.is_empty() { None } else { Some(self.eliminate_tied(mass, demands)) }
     }
 
     /// A kernel of its own: inlined where rows are made, it would be most of the code there, which few scenes need.
     #[inline(never)]
-    fn eliminate_tied<const N: usize>(&mut self, mass: &MassMatrix<R>, demands: &mut [[R; 2]; N]) {
+    fn eliminate_tied<const N: usize>(&mut self, mass: &MassMatrix<R>, demands: &mut [[R; 2]; N]) -> Lengths<R, N> {
         R::vectorize(
             #[inline(always)]
             || self.eliminate_blocks(mass, demands),
@@ -77,13 +89,12 @@ impl<R: Real> Constraints<R> {
     }
 
     #[inline(always)]
-    fn eliminate_blocks<const N: usize>(&mut self, mass: &MassMatrix<R>, demands: &mut [[R; 2]; N]) {
+    fn eliminate_blocks<const N: usize>(&mut self, mass: &MassMatrix<R>, demands: &mut [[R; 2]; N]) -> Lengths<R, N> {
         let mut whole = [R::zero(); N];
         for &d in &self.support {
-            let (x, weight) = (&mut self.column[d as usize], mass.sqrt_inv_d[d as usize]);
+            let (x, weight) = (&self.column[d as usize], mass.sqrt_inv_d[d as usize]);
             for n in 0..N {
-                x[n] *= weight;
-                whole[n] += x[n].square();
+                whole[n] += (x[n] * weight).square();
             }
         }
         let mut rest = whole;
@@ -107,31 +118,27 @@ impl<R: Real> Constraints<R> {
                 }
             }
         }
-        for &d in &self.support {
-            let weight = mass.sqrt_d[d as usize];
-            for n in 0..N {
-                self.column[d as usize][n] *= weight;
-            }
-        }
+        Lengths { whole, rest }
     }
 
-    /// The same of `K` rows from `first` on, which have one support: what they hold is found in one pass over it, and taken away in another. `rest`
-    /// are the squared lengths of what is left.
+    /// The same of `K` rows from `first` on, which have one support: what they hold is found in one pass over it, and taken away in another. What
+    /// does not touch them keeps its bits. `rest` are the squared lengths of what is left.
     #[inline(always)]
     fn eliminate_rows<const N: usize, const K: usize>(&mut self, first: usize, demands: &mut [[R; 2]; N], rest: &mut [R; N]) {
-        let Self { problem, column, position_bias, .. } = self;
+        let Self { problem, column, position_bias, separate, .. } = self;
         let rows: &[ScalarRow<R>; K] = problem.scalars[first..].first_chunk().expect("a block has its rows");
         let (support, _) = problem.scalar_entries(&rows[0]);
-        let mut entries: [&[R]; K] = [&[]; K];
+        let mut entries: [&[[R; 2]]; K] = [&[]; K];
         for k in 0..K {
-            entries[k] = &problem.scalar_entries(&rows[k]).1[..support.len()];
+            let at = rows[k].entries().start;
+            entries[k] = &separate[at..at + support.len()];
         }
         let mut along = [[R::zero(); N]; K];
         for (i, &d) in support.iter().enumerate() {
             let x = &column[d as usize];
             for k in 0..K {
                 for n in 0..N {
-                    along[k][n] += x[n] * entries[k][i];
+                    along[k][n] += x[n] * entries[k][i][0];
                 }
             }
         }
@@ -148,9 +155,29 @@ impl<R: Real> Constraints<R> {
             let x = &mut column[d as usize];
             for k in 0..K {
                 for n in 0..N {
-                    x[n] -= along[k][n] * entries[k][i];
+                    x[n] -= along[k][n] * entries[k][i][1];
                 }
             }
         }
     }
+}
+
+/// Squared lengths of rows in the metric of G.
+#[derive(Clone, Copy)]
+pub(super) struct Lengths<R, const N: usize> {
+    pub(super) whole: [R; N],
+    /// Of what is left when equalities are taken out.
+    pub(super) rest: [R; N],
+}
+
+/// How many times what is left of trace(G) it was: 1 where there is nothing, and exactly where nothing was taken.
+#[inline(always)]
+pub(super) fn times<R: Real>(whole: &[R], rest: &[R]) -> R {
+    let [mut before, mut after] = [R::zero(); 2];
+    for (&whole, &rest) in whole.iter().zip(rest) {
+        before += whole;
+        after += rest;
+    }
+    let there = after.gt(R::zero());
+    R::select(there, before / R::select(there, after, R::one()), R::one())
 }

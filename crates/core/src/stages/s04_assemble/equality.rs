@@ -13,6 +13,7 @@
 
 use stepper_real::{Mask, Real, Scalar};
 
+use super::eliminate::times;
 use crate::constraints::{Constraints, Moment};
 use crate::inertia::MassMatrix;
 use crate::kinematics::Kinematics;
@@ -220,9 +221,12 @@ impl<R: Real> Constraints<R> {
             }
             g[k] = laws[k].g;
         }
-        self.eliminate(site.mass, &mut g);
+        let lengths = self.eliminate(site.mass, &mut g);
         for k in 0..N {
             self.push_row(site.mass, k, equality.owner + first + k, &Law { g: g[k], ..laws[k] });
+            if let Some(lengths) = &lengths {
+                self.measure(laws[k].compliance, lengths.whole[k], lengths.rest[k]);
+            }
             if equality.spring.is_some() {
                 self.position_bias.push(g[k][1]);
             }
@@ -260,9 +264,18 @@ impl<R: Real> Constraints<R> {
     #[inline(always)]
     pub(super) fn add_row(&mut self, mass: &MassMatrix<R>, owner: usize, law: Law<R>) {
         let mut g = [law.g];
-        self.eliminate(mass, &mut g);
+        let lengths = self.eliminate(mass, &mut g);
         self.push_row(mass, 0, owner, &Law { g: g[0], ..law });
+        if let Some(lengths) = lengths {
+            self.measure(law.compliance, lengths.whole[0], lengths.rest[0]);
+        }
         self.position_bias.push(g[0][1]);
+    }
+
+    /// Says by what the residual of the row pushed last is measured: its squared length before and after equalities were taken out.
+    #[inline(always)]
+    fn measure(&mut self, compliance: R, whole: R, rest: R) {
+        self.problem.measure_scalar(times(&[whole, compliance], &[rest, compliance]));
     }
 
     /// Pushes component `k` of `column` on `support` as a scalar row.

@@ -2,6 +2,7 @@
 
 use stepper_real::{Mask, Real};
 
+use super::eliminate::times;
 use super::equality::Site;
 use crate::constraints::Constraints;
 use crate::contacts::Contacts;
@@ -33,14 +34,14 @@ impl<R: Real> Constraints<R> {
         let [free, before] = normal;
         let (g, active) = self.bounce(plan, site.options, slot, moment, active, [free[0], before[0]], bias);
         let mut slides = [[g, free[0] + position], [free[1]; 2], [free[2]; 2]];
-        self.eliminate(mass, &mut slides);
+        let sliding = self.eliminate(mass, &mut slides);
         for &d in &self.support {
             self.linear[d as usize] = self.column[d as usize];
         }
         let turning = self.turn_columns(site, contacts, k, lanes, friction.scale);
         self.half_solve::<3>(plan, mass);
         let mut turns = [[turning[0]; 2], [turning[1]; 2], [turning[2]; 2]];
-        self.eliminate(mass, &mut turns);
+        let turned = self.eliminate(mass, &mut turns);
         let (linear, column, rub) = (&self.linear, &self.column, friction.slides);
         slides[1] = scale(slides[1], rub);
         slides[2] = scale(slides[2], rub);
@@ -56,6 +57,13 @@ impl<R: Real> Constraints<R> {
             friction.mu,
             [slides[0][0], slides[1][0], slides[2][0], turns[0][0], turns[1][0], turns[2][0]],
         );
+        if let (Some(sliding), Some(turned)) = (sliding, turned) {
+            let [whole, rest] = [[sliding.whole, turned.whole], [sliding.rest, turned.rest]].map(
+                #[inline(always)]
+                |[[n, a, b], turns]| [[n, a * rub, b * rub], turns],
+            );
+            self.problem.measure_wide(times(whole.as_flattened(), rest.as_flattened()));
+        }
         self.position_bias.push(slides[0][1]);
         for [velocity, position] in [slides[1], slides[2], turns[0], turns[1], turns[2]] {
             self.position_bias.push(position - velocity);

@@ -224,8 +224,6 @@ struct Slip<R: Real> {
 
 /// Sweeps of Jacobi's method at the most: it converges quadratically, and five dimensions take four to five to the last digit.
 const JACOBI: usize = 5;
-/// Square of the cosine between two axes that are left as they are. An update errs by as much of its length, and the next one mends it.
-const ALIGNED: f64 = 1e-10;
 
 #[inline(always)]
 fn dot<R: Real>(a: [R; T], b: [R; T]) -> R {
@@ -252,28 +250,31 @@ fn turn<R: Real>(axes: &[[R; T]; T], x: [R; T]) -> [R; T] {
     out
 }
 
-/// Makes a symmetric matrix diagonal by Jacobi's cyclic method (Golub & Van Loan 2013, section 8.5); returns its principal axes.
+/// Makes a symmetric matrix diagonal by Jacobi's cyclic method (Golub & Van Loan 2013, section 8.5); returns its principal axes. Axes are left as
+/// they are when the square of the cosine between them is below epsilon^(3/2): the next turn would be rounding.
 #[inline(always)]
 fn principal_axes<R: Real>(m: &mut [[R; T]; T]) -> [[R; T]; T] {
     let mut axes = [[R::zero(); T]; T];
     for i in 0..T {
         axes[i][i] = R::one();
     }
+    let epsilon = <R::Scalar as Scalar>::EPSILON.to_f64();
+    let aligned = R::of(epsilon * epsilon.sqrt());
     for _ in 0..JACOBI {
         for p in 0..T {
             for q in p + 1..T {
-                rotate(m, &mut axes, p, q);
+                rotate(m, &mut axes, p, q, aligned);
             }
         }
     }
     axes
 }
 
-/// Turns the axes p and q so that m[p][q] becomes zero.
+/// Turns the axes p and q so that m[p][q] becomes zero, where they are not `aligned`.
 #[inline(always)]
-fn rotate<R: Real>(m: &mut [[R; T]; T], axes: &mut [[R; T]; T], p: usize, q: usize) {
+fn rotate<R: Real>(m: &mut [[R; T]; T], axes: &mut [[R; T]; T], p: usize, q: usize, aligned: R) {
     let off = m[p][q];
-    let apart = (off * off).gt(m[p][p] * m[q][q] * R::of(ALIGNED));
+    let apart = (off * off).gt(m[p][p] * m[q][q] * aligned);
     if apart.none() {
         return;
     }

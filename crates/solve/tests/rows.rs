@@ -1,4 +1,4 @@
-//! Scalar rows: equalities made orthogonal, and compliance.
+//! Scalar rows: equalities made orthogonal and taken out of others, and compliance.
 
 use proptest::prelude::*;
 use stepper_solve::pgs::{Settings, solve};
@@ -48,6 +48,51 @@ proptest! {
         }
         for (row, also) in problem.scalars.iter().zip(&also) {
             prop_assert_eq!([row.g, -row.g], *also);
+        }
+    }
+
+    #[test]
+    fn what_separate_rows_hold_is_taken_out_of_a_limit_once_for_all((n, y, g) in equalities(), limit in prop::collection::vec(-1.0..1.0f64, 9), free in -2.0..2.0f64) {
+        let rows = y.len();
+        let support: Vec<u32> = (0..n as u32).collect();
+        let sizes: Vec<f64> = y.iter().map(|y| dot(y, y)).collect();
+        let limits = [0.0, f64::INFINITY];
+        let [mut together, mut apart] = [(); 2].map(|()| {
+            let mut problem = Problem::with_capacity(n, rows + 1, 0);
+            for (y, &g) in y.iter().zip(&g) {
+                problem.push_scalar(&support, |i| y[i], 1.0, true, g, FREE);
+            }
+            problem.orthogonalise::<1>(0..rows, &sizes, &mut vec![[0.0]; rows]);
+            problem
+        });
+        together.push_scalar(&support, |i| limit[i], 1.0, true, free, limits);
+        let (mut rest, mut demand) = (limit.clone(), free);
+        for row in &apart.scalars {
+            let (_, entries) = apart.scalar_entries(row);
+            let share = row.share(dot(entries, &rest[..n]));
+            entries.iter().zip(&mut rest).for_each(|(y, x)| *x -= share * y);
+            demand -= share * row.g;
+        }
+        let (whole, left) = (dot(&limit[..n], &limit[..n]), dot(&rest[..n], &rest[..n]));
+        prop_assume!(left > 1e-2 * whole);
+        apart.separate();
+        apart.push_scalar(&support, |i| rest[i], 1.0, true, demand, limits);
+        apart.measure_scalar(whole / left);
+        // One sweep is enough where the rows are apart; together they go to and fro.
+        let [one, many] = [(&apart, 1), (&together, 20_000)].map(|(problem, sweeps)| {
+            let mut iterate = Iterate::with_capacity(n, rows + 1, 0);
+            iterate.scalars.extend(vec![0.0; rows + 1]);
+            iterate.start(problem);
+            let outcome = solve(problem, &mut iterate, Settings { sweeps, tolerance: 1e-12 }, true);
+            (iterate, outcome)
+        });
+        prop_assert!(one.1.residual < 1e-10, "residual {}", one.1.residual);
+        prop_assert!(many.1.residual < 1e-9, "residual {}", many.1.residual);
+        // The limit's impulse is the same, and so is w: residuals over the least squared length that was assumed, 1e-2 of a row of order one.
+        let scale = 1.0 + g.iter().fold(free.abs(), |most, g| most.max(g.abs()));
+        prop_assert!((one.0.scalars[rows] - many.0.scalars[rows]).abs() * left < 1e-6 * scale);
+        for (a, b) in one.0.w.iter().zip(&many.0.w) {
+            prop_assert!((a - b).abs() < 1e-4 * scale, "{a} or {b}");
         }
     }
 

@@ -49,7 +49,7 @@ pub struct Constraints<R: Real> {
     /// Rows of the equalities that are taken out of the row which is made.
     pub(crate) tied: Vec<Range<usize>>,
     /// Entries of the separate equalities, times D^-1/2 and times D^1/2.
-    pub(crate) separate: Vec<[R; 2]>,
+    pub(crate) separate: [Vec<R>; 2],
 }
 
 /// What the rows are made from.
@@ -107,7 +107,7 @@ impl<R: Real> Constraints<R> {
             signs: vec![[0; 2]; plan.nv],
             words: vec![0; plan.nv.div_ceil(64)],
             tied: Vec::with_capacity(plan.equalities.len()),
-            separate: Vec::with_capacity(plan.equalities.iter().map(|b| b.rows * b.support.len()).sum()),
+            separate: std::array::from_fn(|_| Vec::with_capacity(plan.equalities.iter().map(|b| b.rows * b.support.len()).sum())),
         }
     }
 }

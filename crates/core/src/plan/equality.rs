@@ -76,6 +76,8 @@ pub struct Spring<S> {
 pub struct EqualityPlan<S> {
     /// What its rows are made from.
     pub rows: EqualityRows<S>,
+    /// Degrees of freedom that it moves, with their ancestors, ascending.
+    pub support: Vec<u32>,
     /// `None` when it is hard.
     pub spring: Option<Spring<S>>,
     /// Index of its first row's impulse.
@@ -189,7 +191,7 @@ impl Compiler<'_> {
         for equality in self.model.equalities.iter().filter(|e| e.active) {
             let (rows, support) = self.rows(&equality.kind);
             let count = equality.kind.rows();
-            let plan = EqualityPlan { rows, spring: spring(equality), owner: *owner };
+            let plan = EqualityPlan { rows, support: support.clone(), spring: spring(equality), owner: *owner };
             *owner += count;
             let hard = plan.spring.is_none();
             let mut block = EqualityBlock { equalities: vec![plan], support, rows: count, hard, separate: hard, set: vec![] };

@@ -62,7 +62,7 @@ impl<R: Real> Constraints<R> {
                 let site = Site { plan, options, kinematics, mass, moment };
                 if !plan.equalities.is_empty() {
                     self.add_equalities(site, true);
-                    self.keep_separate(mass);
+                    self.keep_separate(plan, mass);
                 }
                 self.add_frictions(plan, mass, moment);
                 self.add_limits(plan, options, mass, moment);

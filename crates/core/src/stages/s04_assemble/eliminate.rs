@@ -60,13 +60,26 @@ impl<R: Real> Constraints<R> {
 
     /// Keeps the entries of separate equalities as `eliminate` reads them.
     #[inline(always)]
-    pub(super) fn keep_separate(&mut self, mass: &MassMatrix<R>) {
+    pub(super) fn keep_separate(&mut self, plan: &LanePlan<R>, mass: &MassMatrix<R>) {
         self.problem.separate();
-        self.separate.clear();
-        for row in &self.problem.scalars {
-            let (support, y) = self.problem.scalar_entries(row);
-            for (&d, &y) in support.iter().zip(y) {
-                self.separate.push([y * mass.sqrt_inv_d[d as usize], y * mass.sqrt_d[d as usize]]);
+        let Self { problem, separate, .. } = self;
+        let [found, taken] = separate;
+        found.clear();
+        taken.clear();
+        let mut first = 0;
+        for block in plan.equalities.iter().filter(|block| block.separate) {
+            let end = first + block.rows;
+            while first < end {
+                // Entries of up to four rows lie side by side.
+                let rows = &problem.scalars[first..end.min(first + 4)];
+                for (i, &d) in block.support.iter().enumerate() {
+                    for row in rows {
+                        let y = problem.scalar_entries(row).1[i];
+                        found.push(y * mass.sqrt_inv_d[d as usize]);
+                        taken.push(y * mass.sqrt_d[d as usize]);
+                    }
+                }
+                first += rows.len();
             }
         }
     }
@@ -128,34 +141,34 @@ impl<R: Real> Constraints<R> {
         let Self { problem, column, position_bias, separate, .. } = self;
         let rows: &[ScalarRow<R>; K] = problem.scalars[first..].first_chunk().expect("a block has its rows");
         let (support, _) = problem.scalar_entries(&rows[0]);
-        let mut entries: [&[[R; 2]]; K] = [&[]; K];
-        for k in 0..K {
-            let at = rows[k].entries().start;
-            entries[k] = &separate[at..at + support.len()];
-        }
-        let mut along = [[R::zero(); N]; K];
-        for (i, &d) in support.iter().enumerate() {
+        let at = rows[0].entries().start;
+        let [found, taken] = [&separate[0], &separate[1]].map(
+            #[inline(always)]
+            |entries| entries[at..].as_chunks::<K>().0,
+        );
+        let mut along = [[R::zero(); K]; N];
+        for (&d, y) in support.iter().zip(found) {
             let x = &column[d as usize];
-            for k in 0..K {
-                for n in 0..N {
-                    along[k][n] += x[n] * entries[k][i][0];
+            for n in 0..N {
+                for k in 0..K {
+                    along[n][k] += x[n] * y[k];
                 }
             }
         }
         for k in 0..K {
             let g = [rows[k].g, position_bias[first + k]];
             for n in 0..N {
-                let share = rows[k].share(along[k][n]);
-                rest[n] -= share * along[k][n];
+                let share = rows[k].share(along[n][k]);
+                rest[n] -= share * along[n][k];
                 demands[n] = sub(demands[n], scale(g, share));
-                along[k][n] = share;
+                along[n][k] = share;
             }
         }
-        for (i, &d) in support.iter().enumerate() {
+        for (&d, y) in support.iter().zip(taken) {
             let x = &mut column[d as usize];
-            for k in 0..K {
-                for n in 0..N {
-                    x[n] -= along[k][n] * entries[k][i][1];
+            for n in 0..N {
+                for k in 0..K {
+                    x[n] -= along[n][k] * y[k];
                 }
             }
         }

@@ -95,23 +95,43 @@ impl<R: Real> Constraints<R> {
 
     #[inline(always)]
     fn add_equality(&mut self, site: Site<'_, R>, block: &EqualityBlock<R::Scalar>, equality: &EqualityPlan<R::Scalar>) {
-        self.support.clear();
-        self.support.extend_from_slice(&block.support);
-        self.tie(site.plan);
         match &equality.rows {
             EqualityRows::Points { frames, anchors, turn } => {
+                self.move_own(equality);
                 let rows = self.meet(site, *frames, *anchors);
-                self.push_rows::<3>(site, equality, 0, &rows);
+                self.push_rows::<3>(site, block, equality, 0, &rows);
                 if let Some((mats, weight)) = turn {
+                    self.move_own(equality);
                     let rows = self.align(site, *frames, mats, R::splat(*weight));
-                    self.push_rows::<3>(site, equality, 3, &rows);
+                    self.push_rows::<3>(site, block, equality, 3, &rows);
                 }
             }
             EqualityRows::Coupling { first, second, polynomial } => {
+                self.move_own(equality);
                 let rows = self.couple(site, first, second.as_ref(), splat(*polynomial));
-                self.push_rows::<1>(site, equality, 0, &rows);
+                self.push_rows::<1>(site, block, equality, 0, &rows);
             }
         }
+    }
+
+    /// Makes `support` what an equality moves itself.
+    #[inline(always)]
+    fn move_own(&mut self, equality: &EqualityPlan<R::Scalar>) {
+        self.support.clear();
+        self.support.extend_from_slice(&equality.support);
+    }
+
+    /// Makes `support` that of all rows of a block, with zeros in `column` where an equality moves nothing itself.
+    #[inline(always)]
+    fn move_all(&mut self, block: &EqualityBlock<R::Scalar>, equality: &EqualityPlan<R::Scalar>) {
+        let mut own = equality.support.iter().peekable();
+        for &d in &block.support {
+            if own.next_if_eq(&&d).is_none() {
+                self.column[d as usize] = zero();
+            }
+        }
+        self.support.clear();
+        self.support.extend_from_slice(&block.support);
     }
 
     /// Two points meet: error p0 - p1 (MuJoCo's `mjEQ_CONNECT`). Leaves J in `column`.
@@ -199,9 +219,16 @@ impl<R: Real> Constraints<R> {
         size
     }
 
-    /// Turns the first `N` components of `column` on `support` into rows of an equality.
+    /// Turns the first `N` components of `column` on `support` into rows of an equality on the support of its block.
     #[inline(always)]
-    fn push_rows<const N: usize>(&mut self, site: Site<'_, R>, equality: &EqualityPlan<R::Scalar>, first: usize, rows: &Rows<R>) {
+    fn push_rows<const N: usize>(
+        &mut self,
+        site: Site<'_, R>,
+        block: &EqualityBlock<R::Scalar>,
+        equality: &EqualityPlan<R::Scalar>,
+        first: usize,
+        rows: &Rows<R>,
+    ) {
         let Moment { v_free, v, h, alive, .. } = *site.moment;
         let (mut free, mut before) = ([R::zero(); 3], [R::zero(); 3]);
         for &d in &self.support {
@@ -210,6 +237,8 @@ impl<R: Real> Constraints<R> {
             before = add_scaled(before, self.column[d], v[d]);
         }
         self.half_solve::<N>(site.plan, site.mass);
+        self.move_all(block, equality);
+        self.tie(site.plan);
         let correction = self.correct(site.options, rows, h, alive);
         let mut laws = [Law { g: [R::zero(); 2], compliance: R::zero(), active: alive, bounds: free_bounds() }; N];
         let mut g = [[R::zero(); 2]; N];

@@ -2,10 +2,14 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use numpy::{IntoPyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods, ndarray::ArrayD};
+use numpy::{
+    IntoPyArray, PyArrayDescr, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods, dtype,
+    ndarray::ArrayD,
+};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::marker::Ungil;
 use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
 use stepper_core::Precision;
 
 /// An array of the given shape; float32 in that precision.
@@ -53,17 +57,27 @@ pub(crate) fn write_detached<T: Ungil>(py: Python<'_>, work: impl FnOnce() -> T 
 
 /// What `read` makes of shape and numbers of a C-contiguous float64 array; nothing of anything else, or while some array is written to.
 ///
-/// Without the account that [`PyReadonlyArrayDyn`] keeps of who reads and writes, which costs as much as the rest of a call.
+/// Without the account that [`PyReadonlyArrayDyn`] keeps of who reads and writes, which costs as much as the rest of a call, and with a dtype
+/// compared by its address: NumPy has one of each of its own.
 pub(crate) fn with_numbers<T>(given: &Bound<'_, PyAny>, read: impl FnOnce(&[usize], &[f64]) -> T) -> Option<T> {
+    static FLOAT64: PyOnceLock<Py<PyArrayDescr>> = PyOnceLock::new();
     if WRITING.load(Ordering::Relaxed) > 0 {
         return None;
     }
-    let exact = given.cast::<PyArrayDyn<f64>>().ok().filter(|array| array.is_c_contiguous())?;
+    let array = given.cast::<PyUntypedArray>().ok()?;
+    let float64 = FLOAT64.get_or_init(given.py(), || dtype::<f64>(given.py()).unbind());
+    // SAFETY: an array has a dtype, whose address is only compared.
+    let found = unsafe { (*array.as_array_ptr()).descr };
+    if found.cast() != float64.as_ptr() || !array.is_c_contiguous() {
+        return None;
+    }
+    // SAFETY: its dtype is that of f64, and this type says nothing of its axes.
+    let array = unsafe { array.cast_unchecked::<PyArrayDyn<f64>>() };
     // SAFETY: the numbers are looked at here only, while this thread is attached to the interpreter. Nothing in this crate writes to them
     // meanwhile: attached, no other thread can, and detached none does. Of Python's other threads that is what pyo3's safe
     // `PyBuffer::copy_to_slice` relies on as well.
-    let numbers = unsafe { exact.as_slice() }.ok()?;
-    Some(read(exact.shape(), numbers))
+    let numbers = unsafe { array.as_slice() }.ok()?;
+    Some(read(array.shape(), numbers))
 }
 
 /// Refuses a shape that is none of `allowed`, naming both.

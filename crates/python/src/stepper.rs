@@ -26,6 +26,8 @@ pub(crate) struct Stepper {
     batched: bool,
     pub(crate) precision: Precision,
     threads: usize,
+    /// Steps of a call, at most, that end before it pays to let other threads of Python run.
+    brief: usize,
     seed: u64,
     pub(crate) ctrl: Vec<f64>,
     applied: [Option<Py<PyArrayDyn<f64>>>; 4],
@@ -194,24 +196,50 @@ impl Stepper {
 
     /// Checks controls, zero without any, and keeps them if they are `used`: those that no step is made with were never in force.
     fn take_control(&mut self, given: Option<&Bound<'_, PyAny>>, used: bool) -> PyResult<()> {
-        let nu = self.simulation.model().nu();
-        match given {
-            None if used => self.ctrl.fill(0.0),
-            None => {}
-            Some(given) => {
-                let keep = |this: &mut Self, numbers: &[f64]| {
-                    if used {
-                        this.hold(numbers)
-                    }
-                };
-                let taken = with_numbers(given, |shape, numbers| self.check_rows(shape, "ctrl", nu).map(|()| keep(self, numbers)));
-                match taken {
-                    Some(taken) => taken?,
-                    None => keep(self, self.rows(given, "ctrl", nu)?.as_slice()?),
-                }
+        let Some(given) = given else {
+            if used {
+                self.ctrl.fill(0.0);
             }
+            return Ok(());
+        };
+        let (n, nu) = (self.n(), self.simulation.model().nu());
+        let taken = with_numbers(given, |shape, numbers| {
+            let fits = matches!(*shape, [row] if row == nu) || (self.batched && matches!(*shape, [rows, row] if rows == n && row == nu));
+            if fits && used {
+                self.hold(numbers);
+            }
+            fits
+        });
+        if taken == Some(true) { Ok(()) } else { self.convert_control(given, used) }
+    }
+
+    /// The same of what is no plain array of the right shape.
+    #[cold]
+    fn convert_control(&mut self, given: &Bound<'_, PyAny>, used: bool) -> PyResult<()> {
+        let rows = self.rows(given, "ctrl", self.simulation.model().nu())?;
+        if used {
+            self.hold(rows.as_slice()?);
         }
         Ok(())
+    }
+
+    /// Makes `nstep` steps with the controls that are held and what the user applies.
+    fn advance(&mut self, py: Python<'_>, nstep: usize) -> PyResult<()> {
+        if self.applied.iter().any(Option::is_some) {
+            return self.advance_applied(py, nstep);
+        }
+        let inputs = StepInputs { ctrl: &self.ctrl, ..StepInputs::default() };
+        let simulation = &mut self.simulation;
+        let made = if nstep <= self.brief { simulation.step(&inputs, nstep) } else { py.detach(|| simulation.step(&inputs, nstep)) };
+        made.map_err(value_error)
+    }
+
+    #[cold]
+    fn advance_applied(&mut self, py: Python<'_>, nstep: usize) -> PyResult<()> {
+        self.complete_mocap(py)?;
+        let held = self.held(py)?;
+        let (inputs, simulation) = (held.inputs(&self.ctrl)?, &mut self.simulation);
+        py.detach(|| simulation.step(&inputs, nstep)).map_err(value_error)
     }
 
     /// Positions and orientations of mocap bodies go together: whoever moves a body may leave its orientation alone.
@@ -323,13 +351,8 @@ fn resolved<'py>(
     resolve.call1(arguments)
 }
 
-/// Whether steps take so short, two or three microseconds, that letting other threads of Python run meanwhile costs more than it gives.
-fn is_brief(simulation: &Simulation, nstep: usize) -> bool {
-    let dofs = simulation.num_envs() * simulation.model().nv().max(1);
-    dofs.saturating_mul(nstep) <= BRIEF
-}
-
-/// Degrees of freedom times steps.
+/// Degrees of freedom times steps that take so short, two or three microseconds, that letting other threads of Python run meanwhile costs more
+/// than it gives.
 const BRIEF: usize = 10;
 
 /// The stepper, to be written to by one thread at a time.
@@ -349,6 +372,16 @@ fn notify(slf: &Bound<'_, Stepper>, what: &str, given: &[(&str, Option<Bound<'_,
     }
     recorder.call_method(slf.py(), what, (slf,), Some(&arguments))?;
     Ok(())
+}
+
+/// Tells the recorder of a step: all that it was made with.
+#[cold]
+fn tell_of_step(slf: &Bound<'_, Stepper>, this: PyRefMut<'_, Stepper>, nstep: usize) -> PyResult<()> {
+    let py = slf.py();
+    let ctrl = array(py, &[this.n(), this.simulation.model().nu()], this.ctrl.clone(), Precision::F64)?;
+    let applied = this.applied.iter().map(|a| a.as_ref().map(|a| a.clone_ref(py))).collect::<Vec<_>>().into_pyobject(py)?;
+    drop(this);
+    notify(slf, "step", &[("ctrl", Some(ctrl)), ("nstep", Some(nstep.into_pyobject(py)?.into_any())), ("applied", Some(applied))])
 }
 
 #[pymethods]
@@ -380,7 +413,7 @@ impl Stepper {
         };
         let core = model.get().core.clone();
         let settings = settings(&options, core.timestep, precision)?;
-        let nu = core.nu();
+        let (nu, nv) = (core.nu(), core.nv());
         let mut simulation = Simulation::new(core, settings, num_envs, precision, threads).map_err(value_error)?;
         let n = simulation.num_envs();
         if let Some(actuators) = &actuators {
@@ -390,7 +423,8 @@ impl Stepper {
         if let Some(sensors) = &sensors {
             simulation.equip(&transfers(sensors, &model, n)?).map_err(value_error)?;
         }
-        let ctrl = vec![0.0; nu * simulation.num_envs()];
+        let ctrl = vec![0.0; nu * n];
+        let brief = BRIEF / (n * nv.max(1));
         let applied = [const { None }; 4];
         let (batched, options) = (num_envs.is_some(), options.unbind());
         Ok(Self {
@@ -400,6 +434,7 @@ impl Stepper {
             batched,
             precision,
             threads,
+            brief,
             seed,
             ctrl,
             applied,
@@ -448,28 +483,12 @@ impl Stepper {
     }
 
     #[pyo3(signature = (ctrl=None, nstep=Whole::Number(1)), text_signature = "($self, ctrl=None, nstep=1)")]
-    fn step(slf: &Bound<'_, Self>, ctrl: Option<Bound<'_, PyAny>>, nstep: Whole<'_>) -> PyResult<()> {
-        let (py, mut guard) = (slf.py(), borrow(slf)?);
-        let this = &mut *guard;
+    fn step(slf: &Bound<'_, Self>, ctrl: Option<&Bound<'_, PyAny>>, nstep: Whole<'_>) -> PyResult<()> {
+        let mut this = borrow(slf)?;
         let nstep = nstep.from(0, "nstep")? as usize;
-        this.take_control(ctrl.as_ref(), nstep > 0)?;
-        this.complete_mocap(py)?;
-        let held = this.held(py)?;
-        let inputs = held.inputs(&this.ctrl)?;
-        let simulation = &mut this.simulation;
-        if is_brief(simulation, nstep) {
-            simulation.step(&inputs, nstep).map_err(value_error)?;
-        } else {
-            py.detach(|| simulation.step(&inputs, nstep)).map_err(value_error)?;
-        }
-        if this.recorder.is_none() {
-            return Ok(());
-        }
-        let ctrl = array(py, &[this.n(), this.simulation.model().nu()], this.ctrl.clone(), Precision::F64)?;
-        let applied = this.applied.iter().map(|a| a.as_ref().map(|a| a.clone_ref(py))).collect::<Vec<_>>().into_pyobject(py)?;
-        drop(held);
-        drop(guard);
-        notify(slf, "step", &[("ctrl", Some(ctrl)), ("nstep", Some(nstep.into_pyobject(py)?.into_any())), ("applied", Some(applied))])
+        this.take_control(ctrl, nstep > 0)?;
+        this.advance(slf.py(), nstep)?;
+        if this.recorder.is_none() { Ok(()) } else { tell_of_step(slf, this, nstep) }
     }
 
     #[pyo3(signature = (ctrl, nstep=Whole::Number(1), *, fields=None, out=None), text_signature = "($self, ctrl, nstep=1, *, fields=None, out=None)")]

@@ -1,5 +1,6 @@
 //! Many environments of one model: groups of lanes over threads.
 
+use std::any::Any;
 use std::sync::Mutex;
 
 use rayon::prelude::*;
@@ -94,7 +95,7 @@ pub trait Engine: Send + Sync {
     /// Threads that step.
     fn threads(&self) -> usize;
     /// The room of a thread.
-    fn worker(&self, options: &Options) -> Worker;
+    fn worker(&self, options: &Options) -> Box<dyn Any + Send>;
     /// All that survives a step, as bytes.
     fn save(&self) -> Vec<u8>;
     /// Takes over what [`Engine::save`] wrote.
@@ -113,12 +114,12 @@ pub struct Batch<S: Stepped> {
     errors: Option<Errors<S>>,
     own: Own<S>,
     chains: Option<Chains<S>>,
-    crew: Crew,
+    crew: Crew<S>,
 }
 
 /// Workers and the pool that runs them, made at the first step and again after a fork.
-struct Crew {
-    idle: Mutex<Vec<Worker>>,
+struct Crew<S> {
+    idle: Mutex<Vec<Box<dyn Worker<S>>>>,
     pool: Option<(u32, rayon::ThreadPool)>,
 }
 
@@ -169,18 +170,22 @@ impl<S: Stepped> Batch<S> {
         Self { plan, groups, lanes, num_envs, max_contacts, level, threads, errors: None, chains: None, own: Own::default(), crew }
     }
 
-    fn hire(&self, options: &Options) -> Worker {
+    fn hire(&self, options: &Options) -> Box<dyn Worker<S>> {
         let idle = self.crew.idle.lock().expect("a worker panicked").pop();
         idle.unwrap_or_else(|| self.make_worker(options))
     }
 
-    fn make_worker(&self, options: &Options) -> Worker {
-        let site = Site { plan: &self.plan, options, max_contacts: self.max_contacts };
-        Worker::new(&site, self.lanes, self.level)
+    fn make_worker(&self, options: &Options) -> Box<dyn Worker<S>> {
+        S::worker(&Site { plan: &self.plan, options, max_contacts: self.max_contacts }, self.lanes, self.level)
     }
 
-    fn release(&self, worker: Worker) {
+    fn release(&self, worker: Box<dyn Worker<S>>) {
         self.crew.idle.lock().expect("a worker panicked").push(worker);
+    }
+
+    /// Workers that nobody else can reach meanwhile: there is nothing to lock.
+    fn idle(&mut self) -> &mut Vec<Box<dyn Worker<S>>> {
+        self.crew.idle.get_mut().expect("a worker panicked")
     }
 
     /// A pool does not survive a fork: the child makes its own.
@@ -202,43 +207,51 @@ impl<S: Stepped> Batch<S> {
         Call { plan: &self.plan, options, num_envs: self.num_envs, calls, nstep, ctrl, qfrc, xfrc, mocap, errors, chains, own }
     }
 
-    /// Sends the groups to the workers once, for all steps of a call.
-    fn drive(&mut self, options: &Options, inputs: &StepInputs<'_>, calls: usize, nstep: usize, recording: Option<Recording<'_>>) {
-        let threaded = self.threads > 1 && self.groups.len() > 1;
-        if threaded {
-            self.pool();
+    fn threaded(&self) -> bool {
+        self.threads > 1 && self.groups.len() > 1
+    }
+
+    /// Groups that a worker takes at a time: small pieces even out what some groups cost more than others.
+    fn piece(&self) -> usize {
+        if self.threaded() { self.groups.len().div_ceil(8 * self.threads) } else { self.groups.len() }
+    }
+
+    /// Sends the groups to the workers once, for all steps of a call, which `shares` write down piece by piece, if there are any.
+    fn drive(&mut self, options: &Options, inputs: &StepInputs<'_>, calls: usize, nstep: usize, shares: &mut [Share<'_, S>]) {
+        if self.threaded() {
+            return self.drive_threads(options, inputs, calls, nstep, shares);
         }
-        // Without threads there is nobody to lock the workers against.
-        let mut alone = if threaded { None } else { self.crew.idle.get_mut().expect("a worker panicked").pop() };
+        let worker = self.idle().pop();
+        let mut worker = worker.unwrap_or_else(|| self.make_worker(options));
         let mut groups = std::mem::take(&mut self.groups);
         let call = self.call(options, inputs, calls, nstep);
-        // Small pieces even out what some groups cost more than others.
-        let size = if threaded { groups.len().div_ceil(8 * self.threads) } else { groups.len() };
-        let mut shares = recording.map_or_else(Vec::new, |all| all.split(self.num_envs, size * self.lanes, S::numbers));
-        let work = |worker: &mut Worker, piece: usize, groups: &mut [Group<S>], share: &mut Share<'_, S>| {
-            let share_first = piece * size * self.lanes;
-            for (g, group) in groups.iter_mut().enumerate() {
-                worker.run(&call, group, Place { first: share_first + g * self.lanes, share_first, share: &mut *share });
-            }
-        };
-        match &self.crew.pool {
-            Some((_, pool)) if threaded => {
-                shares.resize_with(groups.len().div_ceil(size), Share::default);
-                let pieces = groups.par_chunks_mut(size).zip(&mut shares).enumerate();
-                pool.install(|| {
-                    pieces.for_each(|(piece, (groups, share))| {
-                        let mut worker = self.hire(options);
-                        work(&mut worker, piece, groups, share);
-                        self.release(worker);
-                    });
-                });
-            }
-            _ => {
-                let worker = alone.get_or_insert_with(|| self.make_worker(options));
-                work(worker, 0, &mut groups, shares.first_mut().unwrap_or(&mut Share::default()));
-            }
+        for (g, group) in groups.iter_mut().enumerate() {
+            worker.run(&call, group, Place { first: g * self.lanes, share_first: 0, share: shares.first_mut() });
         }
-        self.crew.idle.get_mut().expect("a worker panicked").extend(alone);
+        self.groups = groups;
+        self.idle().push(worker);
+    }
+
+    #[cold]
+    fn drive_threads(&mut self, options: &Options, inputs: &StepInputs<'_>, calls: usize, nstep: usize, shares: &mut [Share<'_, S>]) {
+        let size = self.piece();
+        self.pool();
+        let mut groups = std::mem::take(&mut self.groups);
+        let call = self.call(options, inputs, calls, nstep);
+        let mut shares: Vec<_> = shares.iter_mut().map(Some).collect();
+        shares.resize_with(groups.len().div_ceil(size), || None);
+        let pieces = groups.par_chunks_mut(size).zip(&mut shares).enumerate();
+        let (_, pool) = self.crew.pool.as_ref().expect("made above");
+        pool.install(|| {
+            pieces.for_each(|(piece, (groups, share))| {
+                let mut worker = self.hire(options);
+                let share_first = piece * size * self.lanes;
+                for (g, group) in groups.iter_mut().enumerate() {
+                    worker.run(&call, group, Place { first: share_first + g * self.lanes, share_first, share: share.as_deref_mut() });
+                }
+                self.release(worker);
+            });
+        });
         self.groups = groups;
     }
 
@@ -251,18 +264,21 @@ impl<S: Stepped> Batch<S> {
         (&self.groups[env / self.lanes], env % self.lanes)
     }
 
+    /// To write to: what workers still have of it is the state no more.
     fn at_mut(&mut self, env: usize) -> (&mut Group<S>, usize) {
+        self.idle().iter_mut().for_each(|worker| worker.forget());
         (&mut self.groups[env / self.lanes], env % self.lanes)
     }
 }
 
 impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
     fn step(&mut self, options: &Options, inputs: &StepInputs<'_>, nstep: usize) {
-        self.drive(options, inputs, 1, nstep, None);
+        self.drive(options, inputs, 1, nstep, &mut []);
     }
 
     fn rollout(&mut self, options: &Options, inputs: &StepInputs<'_>, calls: usize, nstep: usize, recording: Recording<'_>) {
-        self.drive(options, inputs, calls, nstep, Some(recording));
+        let mut shares = recording.split(self.num_envs, self.piece() * self.lanes, S::numbers);
+        self.drive(options, inputs, calls, nstep, &mut shares);
     }
 
     fn sense(&mut self, options: &Options, inputs: &StepInputs<'_>, truth: bool, out: &mut [f64]) {
@@ -270,7 +286,7 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
         if width == 0 {
             return;
         }
-        let threaded = self.threads > 1 && self.groups.len() > 1;
+        let (threaded, share) = (self.threaded(), self.piece());
         if threaded {
             self.pool();
         }
@@ -285,7 +301,6 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
         };
         match &self.crew.pool {
             Some((_, pool)) if threaded => {
-                let share = groups.len().div_ceil(8 * self.threads);
                 let rows = out.par_chunks_mut(share * self.lanes * width);
                 pool.install(|| {
                     groups.par_chunks_mut(share).zip(rows).enumerate().for_each(|(i, (chunk, out))| work(i * share, chunk, out));
@@ -437,7 +452,7 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
         self.threads.min(self.groups.len())
     }
 
-    fn worker(&self, options: &Options) -> Worker {
+    fn worker(&self, options: &Options) -> Box<dyn Any + Send> {
         self.make_worker(options)
     }
 

@@ -76,7 +76,7 @@ impl<R: Real> Slot<R> {
 #[derive(Clone, Debug)]
 pub struct Contacts<R: Real> {
     /// Contacts of each lane.
-    pub count: [usize; MAX_LANES],
+    pub count: Box<[usize; MAX_LANES]>,
     /// Identity of every lane's contact in every slot.
     pub ids: Vec<[ContactId; MAX_LANES]>,
     /// The slots in use are the first `slots()`.
@@ -95,7 +95,7 @@ impl<R: Real> Contacts<R> {
         let point = ContactPoint { distance: z, pos: [z; 3], normal: up };
         let empty = Slot { point, tangent: [R::one(), z, z], mu: z, restitution: z, impulse: [z; 3] };
         Self {
-            count: [0; MAX_LANES],
+            count: Box::new([0; MAX_LANES]),
             ids: vec![[ContactId::default(); MAX_LANES]; capacity],
             data: vec![empty; capacity],
             torque: vec![],
@@ -112,7 +112,7 @@ impl<R: Real> Contacts<R> {
     /// Forgets all contacts.
     #[inline(always)]
     pub fn clear(&mut self) {
-        self.count = [0; MAX_LANES];
+        self.count[..R::LANES].fill(0);
         self.full = 0;
     }
 
@@ -178,6 +178,9 @@ impl<R: Real> Contacts<R> {
     ///
     /// An impulse is carried over as a vector of the world, so that the choice of tangents does not matter.
     pub fn prepare(&mut self, last: &mut Self) {
+        if self.slots() == 0 {
+            return;
+        }
         R::vectorize(
             #[inline(always)]
             || {

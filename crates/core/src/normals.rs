@@ -42,6 +42,12 @@ impl Normals {
         Self { places, count: vec![0; lanes], held: vec![NONE; places * lanes] }
     }
 
+    /// Whether the scene has no pairs of hulls.
+    #[inline(always)]
+    pub(crate) fn is_empty(&self) -> bool {
+        self.places == 0
+    }
+
     #[inline(always)]
     fn used(&self, lane: usize) -> std::ops::Range<usize> {
         let used = self.count.get(lane).map_or(0, |&n| n as usize);

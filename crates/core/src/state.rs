@@ -5,7 +5,7 @@ use stepper_real::{Real, Scalar};
 
 use crate::actuation;
 use crate::contacts::{ContactId, Contacts, MAX_LANES};
-use crate::lanes::{columns, lane_bits, set_columns, set_lane_bits};
+use crate::lanes::{columns, lane_bits, put, set_columns, set_lane_bits};
 use crate::normals::Normals;
 use crate::plan::Plan;
 use crate::sensing::memory::Memory;
@@ -239,21 +239,19 @@ impl<S: Scalar> Group<S> {
     #[inline(always)]
     pub fn load_contacts<R: Real<Scalar = S>>(&self, out: &mut Contacts<R>) {
         out.clear();
-        let mut most = 0;
-        for l in 0..self.lanes {
-            out.count[l] = self.contact_count[l] as usize;
-            most = most.max(out.count[l]);
+        for (to, &count) in out.count.iter_mut().zip(&self.contact_count) {
+            *to = count as usize;
         }
-        for k in 0..most {
-            for l in 0..self.lanes {
-                out.ids[k][l] = ContactId(self.contact_ids[k * self.lanes + l]);
+        for k in 0..out.slots() {
+            for (to, &id) in out.ids[k].iter_mut().zip(&self.contact_ids[k * R::LANES..(k + 1) * R::LANES]) {
+                *to = ContactId(id);
             }
+            let numbers = &self.contact_data[k * CONTACT_NUMBERS * R::LANES..(k + 1) * CONTACT_NUMBERS * R::LANES];
             for i in 0..3 {
-                let number = |at: usize| &self.contact_data[(k * CONTACT_NUMBERS + at) * self.lanes..];
-                out.data[k].impulse[i] = R::load(number(i));
-                out.data[k].point.normal[i] = R::load(number(NORMAL + i));
+                out.data[k].impulse[i] = R::load(&numbers[i * R::LANES..]);
+                out.data[k].point.normal[i] = R::load(&numbers[(NORMAL + i) * R::LANES..]);
                 if let Some(torque) = out.torque.get_mut(k) {
-                    torque[i] = R::load(&self.contact_torque[(k * 3 + i) * self.lanes..]);
+                    torque[i] = R::load(&self.contact_torque[(k * 3 + i) * R::LANES..]);
                 }
             }
         }
@@ -262,23 +260,20 @@ impl<S: Scalar> Group<S> {
     /// Stores the contacts of all lanes.
     #[inline(always)]
     pub fn store_contacts<R: Real<Scalar = S>>(&mut self, contacts: &Contacts<R>) {
-        let lanes = self.lanes;
-        for l in 0..lanes {
-            self.contact_count[l] = contacts.count[l] as u32;
+        for (to, &count) in self.contact_count[..R::LANES].iter_mut().zip(contacts.count.iter()) {
+            *to = count as u32;
         }
         for k in 0..contacts.slots() {
-            for l in 0..lanes {
-                self.contact_ids[k * lanes + l] = contacts.ids[k][l].0;
+            for (to, id) in self.contact_ids[k * R::LANES..(k + 1) * R::LANES].iter_mut().zip(&contacts.ids[k]) {
+                *to = id.0;
             }
             let slot = &contacts.data[k];
             let numbers = [slot.impulse, slot.point.pos, slot.point.normal];
-            let out = &mut self.contact_data[k * CONTACT_NUMBERS * lanes..(k + 1) * CONTACT_NUMBERS * lanes];
-            for (i, x) in numbers.as_flattened().iter().enumerate() {
-                x.store(&mut out[i * lanes..]);
-            }
-            slot.point.distance.store(&mut out[(CONTACT_NUMBERS - 1) * lanes..]);
+            let out = &mut self.contact_data[k * CONTACT_NUMBERS * R::LANES..][..CONTACT_NUMBERS * R::LANES];
+            put(numbers.as_flattened(), out);
+            slot.point.distance.store(&mut out[(CONTACT_NUMBERS - 1) * R::LANES..]);
             for (i, x) in contacts.torque.get(k).into_iter().flatten().enumerate() {
-                x.store(&mut self.contact_torque[(k * 3 + i) * lanes..]);
+                x.store(&mut self.contact_torque[(k * 3 + i) * R::LANES..]);
             }
         }
     }

@@ -8,6 +8,7 @@ use crate::constraints::{Constraints, Moment};
 use crate::contacts::Contacts;
 use crate::drive::{At, Drive, Implicit, Implied, Theta, Train};
 use crate::kinematics::{Kinematics, advance, all_finite, blend, displace};
+use crate::lanes::each_of;
 use crate::limit::{Limit, slow_down, unresolved};
 use crate::mocap::{self, Way};
 use crate::options::{Integrator, Options};
@@ -54,6 +55,8 @@ pub struct Scratch<R: Real> {
     pub impulse: Vec<R>,
     /// Lanes that are environments.
     pub alive: R::Mask,
+    /// Whether all of the above is the state of the group that is worked on: then it need not be loaded again.
+    pub(crate) current: bool,
     /// Poses at which the dynamics are taken.
     pub kinematics: Kinematics<R>,
     pub(crate) inputs: Inputs<R>,
@@ -95,6 +98,7 @@ impl<R: Real> Scratch<R> {
             constraints: Constraints::new(plan, max_contacts),
             impulse: zeros(if plan.servos_are_bounded { plan.nv } else { 0 }),
             alive: R::Mask::splat(true),
+            current: false,
             kinematics: Kinematics::new(plan),
             inputs: Inputs {
                 ctrl: zeros(plan.actuators.len()),
@@ -232,7 +236,7 @@ pub fn step<R: Real>(plan: &LanePlan<R>, options: &Options, s: &mut Scratch<R>) 
     }
     // 5 solve, 6 integrate velocity
     let mut outcome = solve(options, &s.v, s.constraints.constrained, &mut s.constraints, &mut s.new_contacts);
-    integrate_velocity(plan, &s.smooth.mass, &s.v_free, &s.constraints, &mut s.v_next);
+    let pushed = integrate_velocity(plan, &s.smooth.mass, &s.v_free, &s.constraints, &mut s.v_next);
     if rule.integrator.in_the_middle() {
         // 2, 5 and 6 again where the velocity jumped
         outcome = impact::solve_impacts(plan, options, &rule, s, outcome);
@@ -242,7 +246,8 @@ pub fn step<R: Real>(plan: &LanePlan<R>, options: &Options, s: &mut Scratch<R>) 
         slow_down(plan, s.unresolved, h, &mut s.v_next);
     }
     // 7 integrate position
-    let tunnelled = may_have_passed(plan, &s.kinematics, &s.v_next, h, s.alive, &mut s.poses);
+    let free = !pushed && !rule.corrects;
+    let tunnelled = may_have_passed(plan, &s.kinematics, &s.v_next, free, h, s.alive, &mut s.poses);
     integrate_position(plan, &s.q_eval, &s.v_next, rule.rest, &mut s.q_next);
     advance_activation(plan, &s.act, &s.act_eval, &s.inputs.ctrl, h, &mut s.act_next);
     // 8 stabilise
@@ -404,38 +409,59 @@ fn keep_impulse<R: Real>(plan: &LanePlan<R>, s: &mut Scratch<R>) {
 
 /// Takes the next state over in the lanes where it is finite; the others stay where they were and start cold. Returns those lanes.
 fn accept<R: Real>(plan: &LanePlan<R>, s: &mut Scratch<R>) -> R::Mask {
-    R::vectorize(
+    let finite = R::vectorize(
         #[inline(always)]
         || {
-            let mut finite = all_finite(&s.q_next).and(all_finite(&s.v_next)).and(all_finite(&s.act_next));
+            let mut finite = R::Mask::splat(true);
+            for x in [&s.q_next, &s.v_next, &s.act_next] {
+                finite = finite.and(all_finite(x));
+            }
             // A pose that the user gave and that is none would hide its contacts: the step is refused instead.
             for m in &plan.mocap {
                 finite = finite.and(all_finite(&s.kinematics.pos[m.frame])).and(all_finite(&s.kinematics.mat[m.frame]));
             }
-            let moves = finite.and(s.alive);
-            for (old, new) in [(&mut s.q, &s.q_next), (&mut s.v, &s.v_next), (&mut s.act, &s.act_next)] {
-                for (old, &new) in old.iter_mut().zip(new) {
-                    *old = R::select(moves, new, *old);
-                }
-            }
-            if s.alive.and_not(finite).any() {
-                for lambda in s.constraints.scalar_impulse.iter_mut().chain(&mut s.impulse) {
-                    *lambda = R::select(finite, *lambda, R::zero());
-                }
-                for l in 0..R::LANES {
-                    if s.alive.and_not(finite).bits() >> l & 1 == 1 {
-                        s.new_contacts.count[l] = 0;
-                    }
-                }
-                for slot in &mut s.new_contacts.data {
-                    slot.impulse = select(finite, slot.impulse, zero());
-                }
-                for torque in &mut s.new_contacts.torque {
-                    *torque = select(finite, *torque, zero());
-                }
-            }
-            std::mem::swap(&mut s.contacts, &mut s.new_contacts);
             finite
+        },
+    );
+    if !finite.and(s.alive).all() {
+        stay(s, finite);
+    }
+    // What was is room for the step after the next.
+    std::mem::swap(&mut s.q, &mut s.q_next);
+    std::mem::swap(&mut s.v, &mut s.v_next);
+    std::mem::swap(&mut s.act, &mut s.act_next);
+    std::mem::swap(&mut s.contacts, &mut s.new_contacts);
+    finite
+}
+
+/// Lets the lanes whose next state is not finite, and those that are no environment, stay where they are; the former start cold.
+#[cold]
+fn stay<R: Real>(s: &mut Scratch<R>, finite: R::Mask) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let moves = finite.and(s.alive);
+            for (next, old) in [(&mut s.q_next, &s.q), (&mut s.v_next, &s.v), (&mut s.act_next, &s.act)] {
+                for (next, &old) in next.iter_mut().zip(old) {
+                    *next = R::select(moves, *next, old);
+                }
+            }
+            let refused = s.alive.and_not(finite);
+            if refused.none() {
+                return;
+            }
+            for lambda in s.constraints.scalar_impulse.iter_mut().chain(&mut s.impulse) {
+                *lambda = R::select(finite, *lambda, R::zero());
+            }
+            for l in each_of(refused.bits()) {
+                s.new_contacts.count[l] = 0;
+            }
+            for slot in &mut s.new_contacts.data {
+                slot.impulse = select(finite, slot.impulse, zero());
+            }
+            for torque in &mut s.new_contacts.torque {
+                *torque = select(finite, *torque, zero());
+            }
         },
     )
 }

@@ -7,7 +7,6 @@ use std::any::Any;
 use stepper_real::{Level, Mask, Real, Scalar, at_avx512, at_level};
 
 use crate::actuation::Chains;
-use crate::contacts::MAX_LANES;
 use crate::lanes::{count, put, take};
 use crate::mocap::Way;
 use crate::options::Options;
@@ -49,11 +48,14 @@ pub struct Call<'a, S: Scalar> {
     pub chains: Option<&'a Chains<S>>,
 }
 
-/// A thread's room to work, and the step compiled for its lanes and CPU level.
-pub struct Worker {
-    level: Level,
-    lanes: usize,
-    room: Box<dyn Any + Send>,
+/// A thread's room to work, with the step compiled for its lanes and CPU level.
+pub trait Worker<S: Scalar>: Any + Send {
+    /// Makes the steps of `call` in one group.
+    fn run(&mut self, call: &Call<'_, S>, group: &mut Group<S>, at: Place<'_, '_, S>);
+    /// Reads the sensors of one group, whose first environment is `first`.
+    fn sense(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, query: Query<'_>);
+    /// Says that somebody else has written to the state of a group.
+    fn forget(&mut self);
 }
 
 /// How to make a worker.
@@ -75,17 +77,13 @@ pub trait Stepped: Scalar {
     const SINGLE: usize;
     /// Lanes of a group of many environments, stepped by so many threads.
     fn lanes(plan: &Plan<Self>, num_envs: usize, threads: usize, level: Level) -> usize;
-    /// Room for groups of `lanes` lanes at a CPU level that this machine has.
-    fn room(site: &Site<'_, Self>, lanes: usize, level: Level) -> Box<dyn Any + Send>;
-    /// Makes the steps of `call` in one group.
-    fn run(call: &Call<'_, Self>, group: &mut Group<Self>, at: Place<'_, '_, Self>, level: Level, room: &mut (dyn Any + Send));
+    /// A worker for groups of `lanes` lanes at a CPU level that this machine has.
+    fn worker(site: &Site<'_, Self>, lanes: usize, level: Level) -> Box<dyn Worker<Self>>;
     /// An array of a recording in this precision.
     ///
     /// # Panics
     /// When it is of the other; [`Simulation`](crate::Simulation) has checked it.
     fn numbers(array: Numbers<'_>) -> &mut [Self];
-    /// Reads the sensors of one group, whose first environment is `first`.
-    fn sense(call: &Call<'_, Self>, group: &mut Group<Self>, first: usize, level: Level, room: &mut (dyn Any + Send), query: Query<'_>);
 }
 
 /// Which readings are asked for.
@@ -104,27 +102,8 @@ pub struct Place<'a, 'b, S> {
     pub first: usize,
     /// The first environment of the share.
     pub share_first: usize,
-    /// What the group and its neighbours write.
-    pub share: &'a mut Share<'b, S>,
-}
-
-impl Worker {
-    /// A worker for groups of `lanes` lanes.
-    pub fn new<S: Stepped>(site: &Site<'_, S>, lanes: usize, level: Level) -> Self {
-        Self { level, lanes, room: S::room(site, lanes, level) }
-    }
-
-    /// Makes the steps of `call` in one group.
-    pub fn run<S: Stepped>(&mut self, call: &Call<'_, S>, group: &mut Group<S>, at: Place<'_, '_, S>) {
-        assert_eq!(group.lanes, self.lanes, "a worker steps groups of its own width");
-        S::run(call, group, at, self.level, &mut *self.room);
-    }
-
-    /// Reads the sensors of one group, whose first environment is `first`.
-    pub fn sense<S: Stepped>(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, query: Query<'_>) {
-        assert_eq!(group.lanes, self.lanes, "a worker reads groups of its own width");
-        S::sense(call, group, first, self.level, &mut *self.room, query);
-    }
+    /// What the group and its neighbours write, if anything.
+    pub share: Option<&'a mut Share<'b, S>>,
 }
 
 /// Largest mass matrix (entries, 128 bytes each in two registers) with which a step still works in the caches next to the core. Two registers make
@@ -147,19 +126,11 @@ impl Stepped for f64 {
         lanes(8, plan, num_envs, threads, level)
     }
 
-    fn room(site: &Site<'_, f64>, lanes: usize, level: Level) -> Box<dyn Any + Send> {
+    fn worker(site: &Site<'_, f64>, lanes: usize, level: Level) -> Box<dyn Worker<f64>> {
         match lanes {
-            1 => at_level!(level, F64x1, make_room(site)),
-            8 => at_level!(level, F64x8, make_room(site)),
-            _ => at_avx512!(F64x16, make_room(site)),
-        }
-    }
-
-    fn run(call: &Call<'_, f64>, group: &mut Group<f64>, at: Place<'_, '_, f64>, level: Level, room: &mut (dyn Any + Send)) {
-        match group.lanes {
-            1 => at_level!(level, F64x1, run_group(call, group, at, room)),
-            8 => at_level!(level, F64x8, run_group(call, group, at, room)),
-            _ => at_avx512!(F64x16, run_group(call, group, at, room)),
+            1 => at_level!(level, F64x1, desk(site)),
+            8 => at_level!(level, F64x8, desk(site)),
+            _ => at_avx512!(F64x16, desk(site)),
         }
     }
 
@@ -167,14 +138,6 @@ impl Stepped for f64 {
         match array {
             Numbers::F64(x) => x,
             Numbers::F32(_) => panic!("a recording in 32 bits of a batch in 64"),
-        }
-    }
-
-    fn sense(call: &Call<'_, f64>, group: &mut Group<f64>, first: usize, level: Level, room: &mut (dyn Any + Send), query: Query<'_>) {
-        match group.lanes {
-            1 => at_level!(level, F64x1, read_group(call, group, first, room, query)),
-            8 => at_level!(level, F64x8, read_group(call, group, first, room, query)),
-            _ => at_avx512!(F64x16, read_group(call, group, first, room, query)),
         }
     }
 }
@@ -187,16 +150,8 @@ impl Stepped for f32 {
         lanes(16, plan, num_envs, threads, level)
     }
 
-    fn room(site: &Site<'_, f32>, lanes: usize, level: Level) -> Box<dyn Any + Send> {
-        if lanes == 32 { at_avx512!(F32x32, make_room(site)) } else { at_level!(level, F32x16, make_room(site)) }
-    }
-
-    fn run(call: &Call<'_, f32>, group: &mut Group<f32>, at: Place<'_, '_, f32>, level: Level, room: &mut (dyn Any + Send)) {
-        if group.lanes == 32 {
-            at_avx512!(F32x32, run_group(call, group, at, room))
-        } else {
-            at_level!(level, F32x16, run_group(call, group, at, room))
-        }
+    fn worker(site: &Site<'_, f32>, lanes: usize, level: Level) -> Box<dyn Worker<f32>> {
+        if lanes == 32 { at_avx512!(F32x32, desk(site)) } else { at_level!(level, F32x16, desk(site)) }
     }
 
     fn numbers(array: Numbers<'_>) -> &mut [f32] {
@@ -205,19 +160,15 @@ impl Stepped for f32 {
             Numbers::F64(_) => panic!("a recording in 64 bits of a batch in 32"),
         }
     }
-
-    fn sense(call: &Call<'_, f32>, group: &mut Group<f32>, first: usize, level: Level, room: &mut (dyn Any + Send), query: Query<'_>) {
-        if group.lanes == 32 {
-            at_avx512!(F32x32, read_group(call, group, first, room, query))
-        } else {
-            at_level!(level, F32x16, read_group(call, group, first, room, query))
-        }
-    }
 }
 
-fn make_room<R: Real>(site: &Site<'_, R::Scalar>) -> Box<dyn Any + Send> {
-    let scratch = Scratch::<R>::new(site.plan, site.options, site.max_contacts);
-    Box::new(Desk { scratch, senses: Senses::new(site.plan, site.max_contacts), plan: LanePlan::new(site.plan) })
+fn desk<R: Real>(site: &Site<'_, R::Scalar>) -> Box<dyn Worker<R::Scalar>> {
+    Box::new(Desk {
+        scratch: Scratch::<R>::new(site.plan, site.options, site.max_contacts),
+        senses: Senses::new(site.plan, site.max_contacts),
+        plan: LanePlan::new(site.plan),
+        flags: vec![0; R::LANES],
+    })
 }
 
 /// Where a worker steps and reads.
@@ -226,6 +177,59 @@ struct Desk<R: Real> {
     senses: Senses<R>,
     /// The plan with the parameters of the group that is worked on.
     plan: LanePlan<R>,
+    /// Flags of the steps of a control, per lane.
+    flags: Vec<u32>,
+}
+
+impl<R: Real> Worker<R::Scalar> for Desk<R> {
+    fn run(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, at: Place<'_, '_, R::Scalar>) {
+        assert_eq!(group.lanes, R::LANES, "a worker steps groups of its own width");
+        let Place { first, share_first, mut share } = at;
+        self.turn_to(call, first);
+        self.senses.begin(call, &self.plan, group, first, &mut self.scratch);
+        if !self.scratch.current {
+            load(group, &mut self.scratch);
+        }
+        self.scratch.current = false;
+        take_up(call, group, first, &mut self.scratch);
+        group.status[..R::LANES].fill(0);
+        // An empty array takes the C library's masked stores a hundred times as long as a short one.
+        if !group.saturated.is_empty() {
+            group.saturated.fill(0);
+        }
+        if !group.sensing.faults.is_empty() {
+            group.sensing.faults.fill(0);
+        }
+        self.scratch.poses.exchange(&mut group.normals);
+        for control in 0..call.calls {
+            take_up_control(call, control, first, &mut self.scratch);
+            let residual = self.run_control(call, group, first);
+            let Self { scratch: s, senses, plan, flags } = self;
+            if let Some(share) = &mut share {
+                let readings = if share.has(Quantity::Observation) { senses.readings(call, plan, group, s) } else { &[] };
+                share.write(control, first - share_first, s, readings, flags, residual);
+            }
+        }
+        let s = &mut self.scratch;
+        s.poses.exchange(&mut group.normals);
+        if call.calls * call.nstep > 0 {
+            self.senses.remember(group, s);
+            store(group, s);
+        }
+        // Who has one group alone goes on with it.
+        s.current = call.num_envs <= R::LANES;
+    }
+
+    fn sense(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, query: Query<'_>) {
+        assert_eq!(group.lanes, R::LANES, "a worker reads groups of its own width");
+        self.turn_to(call, first);
+        let Self { scratch, senses, plan, .. } = self;
+        senses.read(call, plan, group, first, scratch, query.truth, query.out);
+    }
+
+    fn forget(&mut self) {
+        self.scratch.current = false;
+    }
 }
 
 impl<R: Real> Desk<R> {
@@ -236,101 +240,54 @@ impl<R: Real> Desk<R> {
             self.scratch.settle(&self.plan);
         }
     }
-}
 
-fn read_group<R: Real>(
-    call: &Call<'_, R::Scalar>,
-    group: &mut Group<R::Scalar>,
-    first: usize,
-    room: &mut (dyn Any + Send),
-    query: Query<'_>,
-) {
-    let desk = room.downcast_mut::<Desk<R>>().expect("room of another lane type");
-    desk.turn_to(call, first);
-    let Desk { scratch, senses, plan } = desk;
-    senses.read(call, plan, group, first, scratch, query.truth, query.out);
-}
-
-/// All steps of a call for one group.
-fn run_group<R: Real>(call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, at: Place<'_, '_, R::Scalar>, room: &mut (dyn Any + Send)) {
-    let desk = room.downcast_mut::<Desk<R>>().expect("room of another lane type");
-    desk.turn_to(call, at.first);
-    let Desk { scratch: s, senses, plan } = desk;
-    senses.begin(call, plan, group, at.first, s);
-    load(call, group, at.first, s);
-    group.status.fill(0);
-    // An empty array takes the C library's masked stores a hundred times as long as a short one.
-    if !group.saturated.is_empty() {
-        group.saturated.fill(0);
-    }
-    if !group.sensing.faults.is_empty() {
-        group.sensing.faults.fill(0);
-    }
-    s.poses.exchange(&mut group.normals);
-    for control in 0..call.calls {
-        load_control(call, control, at.first, s);
-        let (status, residual) = run_control(call, plan, group, at.first, s, senses);
-        let readings = if at.share.has(Quantity::Observation) { senses.readings(call, plan, group, s) } else { &[] };
-        at.share.write(control, at.first - at.share_first, s, readings, &status, residual);
-    }
-    s.poses.exchange(&mut group.normals);
-    if call.calls * call.nstep > 0 {
-        senses.remember(group, s);
-        store(group, s);
-    }
-}
-
-/// The steps of one control; returns the flags of all of them, and their largest residual.
-fn run_control<R: Real>(
-    call: &Call<'_, R::Scalar>,
-    plan: &LanePlan<R>,
-    group: &mut Group<R::Scalar>,
-    first: usize,
-    s: &mut Scratch<R>,
-    senses: &mut Senses<R>,
-) -> ([u32; MAX_LANES], R) {
-    let h = call.options.timestep;
-    let (mut status, mut residual) = ([0; MAX_LANES], R::zero());
-    for _ in 0..call.nstep {
-        senses.before_step(s);
-        if let Some(chains) = call.chains {
-            let state = [&s.q[..], &s.v[..]];
-            chains.advance(
-                plan,
-                first / R::LANES,
-                &s.given,
-                state,
-                s.alive,
-                h,
-                &mut group.actuation,
-                (&mut s.inputs.ctrl, &mut s.inputs.trains),
-            );
-        }
-        let record = step(plan, call.options, s);
-        if let Some(chains) = call.chains {
-            chains.settle(plan, first / R::LANES, &mut group.actuation, (&mut s.inputs.ctrl, &mut s.inputs.trains));
-        }
-        s.elapsed += h;
-        let kept = record.non_finite.bits();
-        for l in 0..R::LANES {
-            status[l] |= record.status(l).0;
-            if kept >> l & 1 == 0 {
-                group.time[l] += h;
+    /// The steps of one control; leaves the flags of all of them, and returns their largest residual.
+    fn run_control(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize) -> R {
+        let Self { scratch: s, senses, plan, flags } = self;
+        let (h, flags) = (call.options.timestep, &mut flags[..R::LANES]);
+        let mut residual = R::zero();
+        flags.fill(0);
+        for _ in 0..call.nstep {
+            senses.before_step(s);
+            if let Some(chains) = call.chains {
+                let state = [&s.q[..], &s.v[..]];
+                chains.advance(
+                    plan,
+                    first / R::LANES,
+                    &s.given,
+                    state,
+                    s.alive,
+                    h,
+                    &mut group.actuation,
+                    (&mut s.inputs.ctrl, &mut s.inputs.trains),
+                );
             }
+            let record = step(plan, call.options, s);
+            if let Some(chains) = call.chains {
+                chains.settle(plan, first / R::LANES, &mut group.actuation, (&mut s.inputs.ctrl, &mut s.inputs.trains));
+            }
+            s.elapsed += h;
+            let kept = record.non_finite.bits();
+            for (l, flags) in flags.iter_mut().enumerate() {
+                *flags |= record.status(l).0;
+                if kept >> l & 1 == 0 {
+                    group.time[l] += h;
+                }
+            }
+            if !group.saturated.is_empty() {
+                count_saturated(plan, s, &mut group.saturated);
+            }
+            residual = residual.max(record.residual);
+            record.residual.store(&mut group.residual);
+            record.iterations.store(&mut group.iterations);
+            // 9 sense
+            senses.after_step(call, plan, group, first, s);
         }
-        if !group.saturated.is_empty() {
-            count_saturated(plan, s, &mut group.saturated);
+        for (all, one) in group.status[..R::LANES].iter_mut().zip(flags) {
+            *all |= *one;
         }
-        residual = residual.max(record.residual);
-        record.residual.store(&mut group.residual);
-        record.iterations.store(&mut group.iterations);
-        // 9 sense
-        senses.after_step(call, plan, group, first, s);
+        residual
     }
-    for (all, one) in group.status.iter_mut().zip(status) {
-        *all |= one;
-    }
-    (status, residual)
 }
 
 /// Adds one for every actuator whose effort a step has cut to its bounds.
@@ -362,12 +319,11 @@ fn store<R: Real>(group: &mut Group<R::Scalar>, s: &Scratch<R>) {
     )
 }
 
-fn load<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, s: &mut Scratch<R>) {
+fn load<R: Real>(group: &Group<R::Scalar>, s: &mut Scratch<R>) {
+    s.alive = R::Mask::from_bits(group.alive);
     R::vectorize(
         #[inline(always)]
         || {
-            let lanes = R::LANES;
-            s.alive = R::Mask::from_bits(group.alive);
             for (x, from) in [
                 (&mut s.q, &group.q),
                 (&mut s.v, &group.v),
@@ -378,67 +334,78 @@ fn load<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: us
                 take(from, x);
             }
             group.load_contacts(&mut s.contacts);
-            if let Some(chains) = call.chains {
-                chains.load(call.plan, first / lanes, &mut s.inputs.trains);
-            }
-            let used = (call.num_envs - first).min(lanes);
-            resize(&mut s.inputs.qfrc, call.qfrc, call.plan.nv);
-            gather(call.qfrc, call.plan.nv, first, used, &mut s.inputs.qfrc);
-            resize(&mut s.inputs.xfrc, call.xfrc, 6 * call.plan.bodies.len());
-            gather(call.xfrc, 6 * call.plan.bodies.len(), first, used, &mut s.inputs.xfrc);
-            if !call.plan.mocap.is_empty() {
-                let seconds = R::of((call.calls * call.nstep).max(1) as f64 * call.options.timestep);
-                let given = !call.mocap[0].is_empty();
-                s.elapsed = 0.0;
-                for (k, m) in call.plan.mocap.iter().enumerate() {
-                    let n = call.plan.mocap.len();
-                    let (mut pos, mut quat): (V3<R>, [R; 4]) = (splat(m.pos), splat(m.quat));
-                    for l in 0..if given { used } else { 0 } {
-                        let at = (first + l) * n + k;
-                        (0..3).for_each(|i| pos[i].set_lane(l, Scalar::from_f64(call.mocap[0][3 * at + i])));
-                        (0..4).for_each(|i| quat[i].set_lane(l, Scalar::from_f64(call.mocap[1][4 * at + i])));
-                    }
-                    s.ways[k] = Way::new(std::array::from_fn(|i| R::load(&group.mocap[(7 * k + i) * lanes..])), pos, quat, seconds);
+        },
+    )
+}
+
+/// Takes up what the user says for the whole call.
+fn take_up<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, s: &mut Scratch<R>) {
+    if let Some(chains) = call.chains {
+        chains.load(call.plan, first / R::LANES, &mut s.inputs.trains);
+    }
+    let used = (call.num_envs - first).min(R::LANES);
+    for (rows, n, out) in [(call.qfrc, call.plan.nv, &mut s.inputs.qfrc), (call.xfrc, 6 * call.plan.bodies.len(), &mut s.inputs.xfrc)] {
+        out.clear();
+        if !rows.is_empty() {
+            out.resize(n, R::zero());
+            gather(rows, n, first, used, out);
+        }
+    }
+    if !call.plan.mocap.is_empty() {
+        find_ways(call, group, first, used, s);
+    }
+}
+
+/// The ways of the mocap bodies during the call.
+fn find_ways<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, used: usize, s: &mut Scratch<R>) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let seconds = R::of((call.calls * call.nstep).max(1) as f64 * call.options.timestep);
+            let given = !call.mocap[0].is_empty();
+            s.elapsed = 0.0;
+            for (k, m) in call.plan.mocap.iter().enumerate() {
+                let n = call.plan.mocap.len();
+                let (mut pos, mut quat): (V3<R>, [R; 4]) = (splat(m.pos), splat(m.quat));
+                for l in 0..if given { used } else { 0 } {
+                    let at = (first + l) * n + k;
+                    (0..3).for_each(|i| pos[i].set_lane(l, Scalar::from_f64(call.mocap[0][3 * at + i])));
+                    (0..4).for_each(|i| quat[i].set_lane(l, Scalar::from_f64(call.mocap[1][4 * at + i])));
                 }
+                let last = std::array::from_fn(|i| R::load(&group.mocap[(7 * k + i) * R::LANES..]));
+                s.ways[k] = Way::new(last, pos, quat, seconds);
             }
         },
     )
 }
 
 /// Takes up control number `control` of the call.
-fn load_control<R: Real>(call: &Call<'_, R::Scalar>, control: usize, first: usize, s: &mut Scratch<R>) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let row = call.ctrl.len() / call.calls;
-            let used = (call.num_envs - first).min(R::LANES);
-            let out = if call.chains.is_some() { &mut s.given } else { &mut s.inputs.ctrl };
-            gather(&call.ctrl[control * row..(control + 1) * row], call.plan.actuators.len(), first, used, out);
-        },
-    )
-}
-
-/// Empty when the user gives none.
-#[inline(always)]
-fn resize<R: Real>(out: &mut Vec<R>, given: &[f64], n: usize) {
-    out.resize(if given.is_empty() { 0 } else { n }, R::zero());
+fn take_up_control<R: Real>(call: &Call<'_, R::Scalar>, control: usize, first: usize, s: &mut Scratch<R>) {
+    let row = call.ctrl.len() / call.calls;
+    let used = (call.num_envs - first).min(R::LANES);
+    let out = if call.chains.is_some() { &mut s.given } else { &mut s.inputs.ctrl };
+    gather(&call.ctrl[control * row..(control + 1) * row], call.plan.actuators.len(), first, used, out);
 }
 
 /// Rows `first..first + used` of an array with `n` columns, one per lane; a single row is everybody's, an empty array is zero.
-#[inline(always)]
 fn gather<R: Real>(rows: &[f64], n: usize, first: usize, used: usize, out: &mut [R]) {
-    if n == 0 || out.is_empty() {
-        return;
-    }
-    let shared = rows.len() == n;
-    for (i, x) in out.iter_mut().enumerate() {
-        *x = R::zero();
-        if rows.is_empty() {
-            continue;
-        }
-        for l in 0..used {
-            let row = if shared { 0 } else { first + l };
-            x.set_lane(l, Scalar::from_f64(rows[row * n + i]));
-        }
-    }
+    R::vectorize(
+        #[inline(always)]
+        || {
+            if n == 0 || out.is_empty() {
+                return;
+            }
+            let shared = rows.len() == n;
+            for (i, x) in out.iter_mut().enumerate() {
+                *x = R::zero();
+                if rows.is_empty() {
+                    continue;
+                }
+                for l in 0..used {
+                    let row = if shared { 0 } else { first + l };
+                    x.set_lane(l, Scalar::from_f64(rows[row * n + i]));
+                }
+            }
+        },
+    )
 }

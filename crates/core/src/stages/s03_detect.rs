@@ -100,13 +100,17 @@ impl<R: Real> GeomPoses<R> {
 
     /// Takes what a group's last step left, and leaves what was found last: before a group's steps and after them.
     pub(crate) fn exchange(&mut self, normals: &mut Normals) {
-        std::mem::swap(&mut self.search.found, normals);
+        if !normals.is_empty() {
+            std::mem::swap(&mut self.search.found, normals);
+        }
     }
 
     /// Begins a step: what the last one found is known.
     pub(crate) fn begin(&mut self) {
         let Search { known, found, .. } = &mut self.search;
-        std::mem::swap(known, found);
+        if !known.is_empty() {
+            std::mem::swap(known, found);
+        }
     }
 
     /// Places the geoms that are fixed to the world, where environments may have them elsewhere.
@@ -224,7 +228,9 @@ pub fn detect<R: Real>(
     contacts: &mut Contacts<R>,
 ) -> R::Mask {
     contacts.clear();
-    poses.search.found.clear();
+    if !poses.search.found.is_empty() {
+        poses.search.found.clear();
+    }
     if plan.geoms.is_empty() {
         return R::Mask::splat(false);
     }
@@ -242,6 +248,9 @@ pub fn detect<R: Real>(
     let (near, slack) = (&near[..*near_count], *slack);
     if let Some(crowd) = &plan.crowd {
         broad.find(plan, crowd, alive.bits(), &placed.pos, &placed.travel, slack);
+    }
+    if near.is_empty() && plan.crowd.is_none() {
+        return R::Mask::splat(false);
     }
     let is_thin = |&(index, _): &(u32, u32)| !plan.geoms[plan.pairs[index as usize].geoms[0]].is_plane;
     let leads = leads && (plan.crowd.is_some() || near.iter().any(is_thin));

@@ -6,18 +6,26 @@ use crate::constraints::Constraints;
 use crate::inertia::MassMatrix;
 use crate::plan::LanePlan;
 
-/// v+ = v_free + L^-1 D^-1/2 w, where w is the scaled velocity change of stage 5: zero where nothing pushes.
-pub fn integrate_velocity<R: Real>(plan: &LanePlan<R>, mass: &MassMatrix<R>, v_free: &[R], constraints: &Constraints<R>, out: &mut [R]) {
+/// v+ = v_free + L^-1 D^-1/2 w, where w is the scaled velocity change of stage 5: zero where nothing pushes. Returns whether anything does.
+pub fn integrate_velocity<R: Real>(
+    plan: &LanePlan<R>,
+    mass: &MassMatrix<R>,
+    v_free: &[R],
+    constraints: &Constraints<R>,
+    out: &mut [R],
+) -> bool {
     R::vectorize(
         #[inline(always)]
         || {
             out.copy_from_slice(&constraints.iterate.w);
-            if constraints.iterate.moves() {
+            let pushed = constraints.iterate.moves();
+            if pushed {
                 mass.unscale(plan, out);
             }
             for (out, &free) in out.iter_mut().zip(v_free) {
                 *out = free + *out;
             }
+            pushed
         },
     )
 }

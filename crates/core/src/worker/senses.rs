@@ -2,7 +2,7 @@
 
 use stepper_real::{Mask, Real, Scalar};
 
-use super::{Call, load};
+use super::{Call, load, take_up};
 use crate::contacts::Contacts;
 use crate::drive::{At, Drive};
 use crate::lanes::{self, put};
@@ -39,8 +39,9 @@ impl<R: Real> Senses<R> {
 
     /// Keeps what a step will change.
     pub(super) fn before_step(&mut self, s: &Scratch<R>) {
-        let n = self.v_before.len();
-        self.v_before.copy_from_slice(&s.v[..n]);
+        if !self.v_before.is_empty() {
+            self.v_before.copy_from_slice(&s.v);
+        }
     }
 
     /// (v+ - v) / h in the lanes `lanes`.
@@ -158,6 +159,9 @@ impl<R: Real> Senses<R> {
     pub(super) fn remember(&self, group: &mut Group<R::Scalar>, s: &Scratch<R>) {
         let memory = &mut group.sensing;
         memory.fresh = 0;
+        if memory.acceleration.is_empty() && memory.ctrl.is_empty() && memory.xfrc.is_empty() {
+            return;
+        }
         R::vectorize(
             #[inline(always)]
             || {
@@ -181,12 +185,25 @@ impl<R: Real> Senses<R> {
         first: usize,
         s: &mut Scratch<R>,
     ) {
-        let waiting = group.sensing.waiting & group.alive;
-        if let (Some(errors), true) = (call.errors, waiting != 0) {
-            self.look(&Call { qfrc: &[], xfrc: &[], ..*call }, plan, group, first, s);
-            self.observe(errors, call, group, first, R::Mask::from_bits(waiting), true);
-            group.sensing.waiting = 0;
+        if let (Some(errors), true) = (call.errors, group.sensing.waiting & group.alive != 0) {
+            self.first_look(errors, call, plan, group, first, s);
         }
+    }
+
+    #[cold]
+    fn first_look(
+        &mut self,
+        errors: &Errors<R::Scalar>,
+        call: &Call<'_, R::Scalar>,
+        plan: &LanePlan<R>,
+        group: &mut Group<R::Scalar>,
+        first: usize,
+        s: &mut Scratch<R>,
+    ) {
+        let waiting = group.sensing.waiting & group.alive;
+        self.look(&Call { qfrc: &[], xfrc: &[], ..*call }, plan, group, first, s);
+        self.observe(errors, call, group, first, R::Mask::from_bits(waiting), true);
+        group.sensing.waiting = 0;
     }
 
     /// Readings of all environments of a group, environment-major: true ones, or after the transfer functions.
@@ -217,7 +234,9 @@ impl<R: Real> Senses<R> {
     /// would be made from it, which is not kept.
     fn look(&mut self, call: &Call<'_, R::Scalar>, plan: &LanePlan<R>, group: &Group<R::Scalar>, first: usize, s: &mut Scratch<R>) {
         let needs = call.plan.sensing.needs;
-        load(call, group, first, s);
+        load(group, s);
+        take_up(call, group, first, s);
+        s.current = false;
         take(&group.sensing.ctrl, &mut s.inputs.ctrl);
         take(&group.sensing.acceleration, &mut self.acceleration);
         let fresh = if needs.step { group.sensing.fresh & group.alive } else { 0 };

@@ -8,11 +8,13 @@ use crate::plan::{LanePlan, PairPlan};
 use crate::spatial::*;
 
 /// Lanes in which the step, now that its velocity `v_next` is known, may have taken something through something thin: a pair was faster than
-/// [`detect`](super::detect) looked out for, or turned so far that its way bends by more than it is thick.
+/// [`detect`](super::detect) looked out for, or turned so far that its way bends by more than it is thick. `free` says that this velocity is the
+/// free one that it looked out with.
 pub fn may_have_passed<R: Real>(
     plan: &LanePlan<R>,
     kinematics: &Kinematics<R>,
     v_next: &[R],
+    free: bool,
     h: R,
     alive: R::Mask,
     poses: &mut GeomPoses<R>,
@@ -22,6 +24,9 @@ pub fn may_have_passed<R: Real>(
     }
     let GeomPoses { placed, slack, near, near_count, broad, .. } = poses;
     let slack = *slack;
+    if free && placed.rested(plan, alive) {
+        return R::Mask::splat(false);
+    }
     let [moved, surprising] = R::vectorize(
         #[inline(always)]
         || placed.update_ways(plan, kinematics, v_next, h, slack),
@@ -58,6 +63,20 @@ pub fn may_have_passed<R: Real>(
 }
 
 impl<R: Real> Placed<R> {
+    /// Whether no geom moved by half its thickness in a free step: stage 3 has its way in two of them, twice as long to the bit.
+    fn rested(&self, plan: &LanePlan<R>, alive: R::Mask) -> bool {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                let mut moved = R::Mask::splat(false);
+                for (g, travel) in self.travel.iter().enumerate() {
+                    moved = moved.or(travel.gt(plan.params.inner(g)));
+                }
+                moved.and(alive).none()
+            },
+        )
+    }
+
     /// Bounds on the ways of the step as it was made, left in `lead`. Returns the lanes in which some geom moved by half its thickness, since no
     /// two others get past one another, and those in which some geom got further than stage 3 looked out for.
     #[inline(always)]

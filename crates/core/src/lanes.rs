@@ -1,23 +1,5 @@
 //! Numbers of a group of lanes, interleaved: entry i of lane l is at `i * lanes + l`. And sets of lanes, one bit each.
 
-use stepper_real::Real;
-
-/// Out of a state into registers. A kernel's part.
-#[inline(always)]
-pub(crate) fn take<R: Real>(from: &[R::Scalar], out: &mut [R]) {
-    for (x, from) in out.iter_mut().zip(from.chunks_exact(R::LANES)) {
-        *x = R::load(from);
-    }
-}
-
-/// Out of registers into a state. A kernel's part.
-#[inline(always)]
-pub(crate) fn put<R: Real>(x: &[R], out: &mut [R::Scalar]) {
-    for (x, out) in x.iter().zip(out.chunks_exact_mut(R::LANES)) {
-        x.store(out);
-    }
-}
-
 /// Lanes `first` to `first + n` of lane-interleaved numbers.
 pub(crate) fn columns<T: Copy>(rows: &[T], lanes: usize, first: usize, n: usize) -> Vec<T> {
     rows.chunks_exact(lanes).flat_map(|row| &row[first..first + n]).copied().collect()

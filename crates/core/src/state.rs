@@ -5,7 +5,7 @@ use stepper_real::{Real, Scalar};
 
 use crate::actuation;
 use crate::contacts::{ContactId, Contacts, MAX_LANES};
-use crate::lanes::{columns, lane_bits, put, set_columns, set_lane_bits};
+use crate::lanes::{columns, lane_bits, set_columns, set_lane_bits};
 use crate::normals::Normals;
 use crate::plan::Plan;
 use crate::sensing::memory::Memory;
@@ -270,7 +270,7 @@ impl<S: Scalar> Group<S> {
             let slot = &contacts.data[k];
             let numbers = [slot.impulse, slot.point.pos, slot.point.normal];
             let out = &mut self.contact_data[k * CONTACT_NUMBERS * R::LANES..][..CONTACT_NUMBERS * R::LANES];
-            put(numbers.as_flattened(), out);
+            R::store_all(numbers.as_flattened(), out);
             slot.point.distance.store(&mut out[(CONTACT_NUMBERS - 1) * R::LANES..]);
             for (i, x) in contacts.torque.get(k).into_iter().flatten().enumerate() {
                 x.store(&mut self.contact_torque[(k * 3 + i) * R::LANES..]);

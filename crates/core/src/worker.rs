@@ -7,7 +7,7 @@ use std::any::Any;
 use stepper_real::{Level, Mask, Real, Scalar, at_avx512, at_level};
 
 use crate::actuation::Chains;
-use crate::lanes::{count, put, take};
+use crate::lanes::count;
 use crate::mocap::Way;
 use crate::options::Options;
 use crate::plan::{LanePlan, Plan};
@@ -306,14 +306,18 @@ fn store<R: Real>(group: &mut Group<R::Scalar>, s: &Scratch<R>) {
     R::vectorize(
         #[inline(always)]
         || {
-            let state = [(&s.q, &mut group.q), (&s.v, &mut group.v), (&s.act, &mut group.act)];
-            let impulses = [(&s.constraints.scalar_impulse, &mut group.scalar_impulse), (&s.impulse, &mut group.impulse)];
-            for (x, out) in state.into_iter().chain(impulses) {
-                put(x, out);
+            for (x, out) in [
+                (&s.q, &mut group.q),
+                (&s.v, &mut group.v),
+                (&s.act, &mut group.act),
+                (&s.constraints.scalar_impulse, &mut group.scalar_impulse),
+                (&s.impulse, &mut group.impulse),
+            ] {
+                R::store_all(x, out);
             }
             group.store_contacts(&s.contacts);
             for (way, out) in s.ways.iter().zip(group.mocap.chunks_exact_mut(7 * R::LANES)) {
-                put(&way.end(), out);
+                R::store_all(&way.end(), out);
             }
         },
     )
@@ -331,7 +335,7 @@ fn load<R: Real>(group: &Group<R::Scalar>, s: &mut Scratch<R>) {
                 (&mut s.constraints.scalar_impulse, &group.scalar_impulse),
                 (&mut s.impulse, &group.impulse),
             ] {
-                take(from, x);
+                R::load_all(from, x);
             }
             group.load_contacts(&mut s.contacts);
         },

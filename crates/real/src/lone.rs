@@ -45,6 +45,21 @@ impl Real for F64x1 {
     fn store(self, s: &mut [f64]) {
         s[0] = self.0;
     }
+    // One copy: a loop over the few numbers of one environment, vectorised for many, takes longer.
+    #[inline(always)]
+    fn load_all(from: &[f64], out: &mut [Self]) {
+        let n = from.len().min(out.len());
+        // SAFETY: `repr(transparent)`.
+        let out = unsafe { core::slice::from_raw_parts_mut(out.as_mut_ptr().cast::<f64>(), n) };
+        out.copy_from_slice(&from[..n]);
+    }
+    #[inline(always)]
+    fn store_all(all: &[Self], out: &mut [f64]) {
+        let n = all.len().min(out.len());
+        // SAFETY: `repr(transparent)`.
+        let all = unsafe { core::slice::from_raw_parts(all.as_ptr().cast::<f64>(), n) };
+        out[..n].copy_from_slice(all);
+    }
     #[inline(always)]
     fn lane(self, i: usize) -> f64 {
         self.0.lane(i)

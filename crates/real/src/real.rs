@@ -66,6 +66,20 @@ pub trait Real:
     /// # Panics
     /// When `s` is shorter.
     fn store(self, s: &mut [Self::Scalar]);
+    /// Loads `out` from numbers that lie one after the other, as far as there are any.
+    #[inline(always)]
+    fn load_all(from: &[Self::Scalar], out: &mut [Self]) {
+        for (x, from) in out.iter_mut().zip(from.chunks_exact(Self::LANES)) {
+            *x = Self::load(from);
+        }
+    }
+    /// Writes `all` one after the other, as far as there is room.
+    #[inline(always)]
+    fn store_all(all: &[Self], out: &mut [Self::Scalar]) {
+        for (x, out) in all.iter().zip(out.chunks_exact_mut(Self::LANES)) {
+            x.store(out);
+        }
+    }
     /// The number in lane `i`.
     ///
     /// # Panics

@@ -5,7 +5,6 @@ use stepper_real::{Mask, Real, Scalar};
 use super::{Call, load, take_up};
 use crate::contacts::Contacts;
 use crate::drive::{At, Drive};
-use crate::lanes::{self, put};
 use crate::mocap;
 use crate::plan::{LanePlan, Plan};
 use crate::sensing::errors::{Errors, Slots, Work};
@@ -166,7 +165,7 @@ impl<R: Real> Senses<R> {
             #[inline(always)]
             || {
                 for (x, out) in [(&self.acceleration, &mut memory.acceleration), (&s.inputs.ctrl, &mut memory.ctrl)] {
-                    put(x, out);
+                    R::store_all(x, out);
                 }
                 for (i, out) in memory.xfrc.chunks_exact_mut(R::LANES).enumerate() {
                     s.inputs.xfrc.get(i).copied().unwrap_or(R::zero()).store(out);
@@ -275,7 +274,7 @@ fn take<R: Real>(from: &[R::Scalar], out: &mut [R]) {
             if from.is_empty() {
                 out.fill(R::zero());
             }
-            lanes::take(from, out);
+            R::load_all(from, out);
         },
     )
 }

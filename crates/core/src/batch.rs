@@ -232,7 +232,7 @@ impl<S: Stepped> Batch<S> {
         self.idle().push(worker);
     }
 
-    #[cold]
+    #[inline(never)]
     fn drive_threads(&mut self, options: &Options, inputs: &StepInputs<'_>, calls: usize, nstep: usize, shares: &mut [Share<'_, S>]) {
         let size = self.piece();
         self.pool();

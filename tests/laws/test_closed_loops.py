@@ -91,7 +91,8 @@ def test_a_torn_loop_closes_and_rests():
 LEG = """<body name="{0}" pos="{1} 0 .62"><freejoint/><geom type="box" size=".1 .1 .05" mass="3"/>
   <body pos="0 0 -.05"><joint name="{0} hip" axis="0 1 0"/><geom type="capsule" size=".02" fromto="0 0 0 .1 0 -.25" mass=".3"/>
   <body pos=".1 0 -.25"><joint name="{0} knee" axis="0 1 0"/><geom type="capsule" size=".02" fromto="0 0 0 -.1 0 -.25" mass=".2"/>
-  <body pos="-.1 0 -.25"><joint name="{0} ankle" axis="0 1 0"/><geom type="box" size=".06 .04 .01" mass=".1"/></body></body></body></body>"""
+  <body pos="-.1 0 -.25"><joint name="{0} ankle" axis="0 1 0"/><geom type="box" size=".06 .04 .01" mass=".1"/>
+  </body></body></body></body>"""
 COUPLED = f"""<mujoco><compiler angle="radian"/><worldbody><geom type="plane" size="9 9 1"/>
   <body name="ball" pos=".7 0 .3"><freejoint/><geom size=".1" mass="1"/></body>
   {LEG.format("a", 0)}{LEG.format("b", 1.5)}</worldbody>
@@ -124,7 +125,7 @@ def test_an_environment_does_not_see_what_equalities_tie_in_its_neighbours(preci
 
 
 def test_couplings_cost_no_sweeps():
-    """They are taken out of every other row and solved once: sweeps of the quadruped under random control go over contacts and limits alone."""
+    """They are taken out of every other row and solved once: sweeps of the quadruped go over contacts and limits alone."""
     model = mujoco.MjModel.from_xml_path(str(SOURCES["dm_control/quadruped"]))
     sweeps = []
     for coupled in (True, False):

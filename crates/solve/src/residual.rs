@@ -11,8 +11,12 @@ pub fn residual<R: Real>(problem: &Problem<R>, iterate: &Iterate<R>) -> R {
     let mut worst = R::zero();
     for (row, &lambda) in problem.scalars.iter().zip(&iterate.scalars) {
         let v = problem.scalar_velocity(row, &iterate.w) + row.compliance * lambda;
-        let mapped = clamp(lambda - (row.inv_diagonal / row.whole) * v, row.lo, row.hi);
-        worst = worse(worst, keep(row.active, (lambda - mapped).abs() * (row.diagonal * row.whole)));
+        let (mut rho, mut inv_rho) = (row.inv_diagonal, row.diagonal);
+        if problem.separate > 0 {
+            (rho, inv_rho) = (rho / row.whole, inv_rho * row.whole);
+        }
+        let mapped = clamp(lambda - rho * v, row.lo, row.hi);
+        worst = worse(worst, keep(row.active, (lambda - mapped).abs() * inv_rho));
     }
     for (block, &lambda) in problem.contacts.iter().zip(&iterate.contacts) {
         let v = problem.contact_velocity(block, &iterate.w);

@@ -22,7 +22,7 @@ mod wide;
 
 use stepper_real::{Mask, Real};
 
-use self::eliminate::times;
+use self::eliminate::Lengths;
 use self::equality::Site;
 use self::wide::wide_lanes;
 use crate::constraints::{Constraints, Moment};
@@ -216,9 +216,10 @@ impl<R: Real> Constraints<R> {
     ) {
         self.unit_column(plan, mass, dof);
         self.tie(plan);
-        let mut own = [scale(g, sign)];
-        let lengths = self.eliminate(mass, &mut own);
-        if lengths.is_some() {
+        let mut times = None;
+        if !self.tied.is_empty() {
+            let mut own = [scale(g, sign)];
+            times = self.eliminate(mass, &mut own).map(Lengths::times);
             g = scale(own[0], sign);
         }
         let column = &self.column;
@@ -231,8 +232,8 @@ impl<R: Real> Constraints<R> {
             g[0],
             bounds,
         );
-        if let Some(lengths) = lengths {
-            self.problem.measure_scalar(times(&lengths.whole, &lengths.rest));
+        if let Some(times) = times {
+            self.problem.measure_scalar(times);
         }
         self.position_bias.push(g[1]);
         self.iterate.scalars.push(R::select(active, self.scalar_impulse[owner], R::zero()));
@@ -261,7 +262,7 @@ impl<R: Real> Constraints<R> {
             [g[0][0], g[1][0], g[2][0]],
         );
         if let Some(lengths) = lengths {
-            self.problem.measure_contact(times(&lengths.whole, &lengths.rest));
+            self.problem.measure_contact(lengths.times());
         }
         self.position_bias.extend([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
         self.iterate.contacts.push(select(active, slot.impulse, zero()));

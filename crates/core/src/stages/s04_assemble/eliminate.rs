@@ -183,6 +183,14 @@ pub(super) struct Lengths<R, const N: usize> {
     pub(super) rest: [R; N],
 }
 
+impl<R: Real, const N: usize> Lengths<R, N> {
+    /// See [`times`].
+    #[inline(always)]
+    pub(super) fn times(self) -> R {
+        times(&self.whole, &self.rest)
+    }
+}
+
 /// How many times what is left of trace(G) it was: 1 where there is nothing, and exactly where nothing was taken.
 #[inline(always)]
 pub(super) fn times<R: Real>(whole: &[R], rest: &[R]) -> R {

@@ -249,7 +249,9 @@ impl<R: Real> Rig<R> {
                 self.warm_contacts.clone_from(&self.constraints.iterate.contacts);
             }
             Part::Solve => self.solve(),
-            Part::Velocity => integrate_velocity(plan, &self.smooth.mass, &self.v_free, &self.constraints, &mut self.v_next),
+            Part::Velocity => {
+                integrate_velocity(plan, &self.smooth.mass, &self.v_free, &self.constraints, &mut self.v_next);
+            }
             Part::Position => integrate_position(plan, &self.q_eval, &self.v_next, half, &mut self.q_next),
         }
     }

@@ -3,7 +3,6 @@
 use std::any::Any;
 use std::sync::Mutex;
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use stepper_real::Level;
 
@@ -188,16 +187,15 @@ impl<S: Stepped> Batch<S> {
         self.crew.idle.get_mut().expect("a worker panicked")
     }
 
-    /// A pool does not survive a fork: the child makes its own.
-    fn pool(&mut self) -> &rayon::ThreadPool {
+    /// Makes the pool, one thread less than are to step: the one that calls is among them. It does not survive a fork: the child makes its own.
+    fn make_pool(&mut self) {
         let pid = std::process::id();
         if self.crew.pool.as_ref().is_none_or(|(owner, _)| *owner != pid) {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads).thread_name(|i| format!("stepper-{i}")).build();
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads - 1).thread_name(|i| format!("stepper-{i}")).build();
             let stale = self.crew.pool.replace((pid, pool.expect("threads can be started")));
             // The parent's threads do not exist here; waiting for them would never end.
             std::mem::forget(stale.filter(|(owner, _)| *owner != pid));
         }
-        &self.crew.pool.as_ref().expect("made above").1
     }
 
     fn call<'a>(&'a self, options: &'a Options, inputs: &StepInputs<'a>, calls: usize, nstep: usize) -> Call<'a, S> {
@@ -235,24 +233,41 @@ impl<S: Stepped> Batch<S> {
     #[inline(never)]
     fn drive_threads(&mut self, options: &Options, inputs: &StepInputs<'_>, calls: usize, nstep: usize, shares: &mut [Share<'_, S>]) {
         let size = self.piece();
-        self.pool();
+        self.make_pool();
         let mut groups = std::mem::take(&mut self.groups);
         let call = self.call(options, inputs, calls, nstep);
-        let mut shares: Vec<_> = shares.iter_mut().map(Some).collect();
-        shares.resize_with(groups.len().div_ceil(size), || None);
-        let pieces = groups.par_chunks_mut(size).zip(&mut shares).enumerate();
-        let (_, pool) = self.crew.pool.as_ref().expect("made above");
-        pool.install(|| {
-            pieces.for_each(|(piece, (groups, share))| {
-                let mut worker = self.hire(options);
-                let share_first = piece * size * self.lanes;
-                for (g, group) in groups.iter_mut().enumerate() {
-                    worker.run(&call, group, Place { first: share_first + g * self.lanes, share_first, share: share.as_deref_mut() });
-                }
-                self.release(worker);
-            });
+        let shares = shares.iter_mut().map(Some).chain(std::iter::repeat_with(|| None));
+        self.hand_out(options, groups.chunks_mut(size).zip(shares).enumerate(), |worker, (piece, (groups, mut share))| {
+            let share_first = piece * size * self.lanes;
+            for (g, group) in groups.iter_mut().enumerate() {
+                worker.run(&call, group, Place { first: share_first + g * self.lanes, share_first, share: share.as_deref_mut() });
+            }
         });
         self.groups = groups;
+    }
+
+    /// Lets this thread, and those of the pool if there is one, take pieces whenever they are ready for one, each with a worker. This thread need not
+    /// be woken, and the others join it when they are awake.
+    fn hand_out<P: Send>(&self, options: &Options, pieces: impl Iterator<Item = P> + Send, work: impl Fn(&mut dyn Worker<S>, P) + Sync) {
+        let helpers = self.threads.min(pieces.size_hint().0) - 1;
+        let pieces = Mutex::new(pieces);
+        let next = || pieces.lock().expect("taking a piece does not panic").next();
+        let take = || {
+            let mut worker = None;
+            while let Some(piece) = next() {
+                work(&mut **worker.get_or_insert_with(|| self.hire(options)), piece);
+            }
+            worker.into_iter().for_each(|worker| self.release(worker));
+        };
+        match &self.crew.pool {
+            Some((_, pool)) => pool.in_place_scope(|scope| {
+                for _ in 0..helpers {
+                    scope.spawn(|_| take());
+                }
+                take();
+            }),
+            None => take(),
+        }
     }
 
     /// Lanes of a group in a saved state.
@@ -286,28 +301,18 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
         if width == 0 {
             return;
         }
-        let (threaded, share) = (self.threaded(), self.piece());
-        if threaded {
-            self.pool();
+        let share = self.piece();
+        if self.threaded() {
+            self.make_pool();
         }
         let mut groups = std::mem::take(&mut self.groups);
         let call = self.call(options, inputs, 1, 0);
-        let work = |first: usize, groups: &mut [Group<S>], out: &mut [f64]| {
-            let mut worker = self.hire(options);
+        let rows = out.chunks_mut(share * self.lanes * width);
+        self.hand_out(options, groups.chunks_mut(share).zip(rows).enumerate(), |worker, (piece, (groups, out))| {
             for (g, (group, out)) in groups.iter_mut().zip(out.chunks_mut(self.lanes * width)).enumerate() {
-                worker.sense(&call, group, (first + g) * self.lanes, Query { truth, out });
+                worker.sense(&call, group, (piece * share + g) * self.lanes, Query { truth, out });
             }
-            self.release(worker);
-        };
-        match &self.crew.pool {
-            Some((_, pool)) if threaded => {
-                let rows = out.par_chunks_mut(share * self.lanes * width);
-                pool.install(|| {
-                    groups.par_chunks_mut(share).zip(rows).enumerate().for_each(|(i, (chunk, out))| work(i * share, chunk, out));
-                });
-            }
-            _ => work(0, &mut groups, out),
-        }
+        });
         self.groups = groups;
     }
 

@@ -13,6 +13,10 @@ use stepper_core::spatial::*;
 
 type V = V3<f64>;
 
+/// Of points whose depths differ by less than 1e-6 of the size of what touches (a shape and a triangle of up to 1.7 m together) the first is kept, so
+/// that the choice does not change from step to step: a point on a seam instead of the lowest one beside it.
+const TIE: f64 = 2e-6;
+
 const STILL: Pose = Pose { pos: [0.0; 3], mat: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] };
 
 fn rotation() -> impl Strategy<Value = M3<f64>> {
@@ -72,7 +76,8 @@ proptest! {
         prop_assert!(!points.is_empty());
         prop_assert!(points.iter().all(|p| norm(sub(p.normal, up)) < 1e-12), "{points:?}");
         let deepest = points.iter().map(|p| p.distance).fold(f64::INFINITY, f64::min);
-        prop_assert!((deepest + depth).abs() < 1e-9, "{deepest} {depth}");
+        prop_assert!((deepest + depth).abs() < TIE, "{deepest} {depth}");
+        prop_assert!(deepest + depth > -1e-9, "deeper than it is: {deepest} {depth}");
         prop_assert!(points.windows(2).all(|w| w[0].feature < w[1].feature) && points.len() <= 5, "{points:?}");
     }
 
@@ -89,7 +94,8 @@ proptest! {
         prop_assert!(!points.is_empty());
         prop_assert!(points.iter().all(|p| norm(sub(p.normal, normal)) < 1e-9), "{points:?}");
         let deepest = points.iter().map(|p| p.distance).fold(f64::INFINITY, f64::min);
-        prop_assert!((deepest + depth).abs() < 1e-9, "{deepest} {depth}");
+        prop_assert!((deepest + depth).abs() < TIE, "{deepest} {depth}");
+        prop_assert!(deepest + depth > -1e-9, "deeper than it is: {deepest} {depth}");
     }
 
     #[test]

@@ -72,8 +72,8 @@ impl Normals {
 
     /// Forgets all.
     pub(crate) fn clear(&mut self) {
-        for lane in 0..self.count.len() {
-            self.forget(lane);
+        if !self.is_empty() {
+            (0..self.count.len()).for_each(|lane| self.forget(lane));
         }
     }
 

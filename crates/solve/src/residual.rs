@@ -5,7 +5,8 @@ use crate::{Iterate, Problem};
 use stepper_real::Real;
 
 /// Natural-map residual of the exact Coulomb problem, per lane, m/s (rad/s for angular rows):
-/// `max_i |lambda_i - P_K(lambda_i - rho_i u_i)| / rho_i` with `rho_i = n / trace(G_ii)` for n rows, before separate ones were taken out of them, and De Saxce's `u = v + (mu |v_t|, 0, 0)`.
+/// `max_i |lambda_i - P_K(lambda_i - rho_i u_i)| / rho_i` with `rho_i = n / trace(G_ii)` for n rows, before separate
+/// ones were taken out of them, and De Saxce's `u = v + (mu |v_t|, 0, 0)`.
 #[inline(always)]
 pub fn residual<R: Real>(problem: &Problem<R>, iterate: &Iterate<R>) -> R {
     let mut worst = R::zero();

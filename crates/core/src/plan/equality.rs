@@ -194,7 +194,7 @@ impl Compiler<'_> {
             let plan = EqualityPlan { rows, support: support.clone(), spring: spring(equality), owner: *owner };
             *owner += count;
             let hard = plan.spring.is_none();
-            let mut block = EqualityBlock { equalities: vec![plan], support, rows: count, hard, separate: hard, set: vec![] };
+            let mut block = EqualityBlock { equalities: vec![plan], support, rows: count, hard, separate: false, set: vec![] };
             let met = |b: &EqualityBlock<S>| hard && b.hard && b.support.iter().any(|d| block.support.binary_search(d).is_ok());
             let (together, apart): (Vec<_>, Vec<_>) = blocks.into_iter().partition(met);
             let total = count + together.iter().map(|b| b.rows).sum::<usize>();
@@ -239,7 +239,7 @@ impl Compiler<'_> {
 }
 
 fn join<S: Scalar>(blocks: Vec<EqualityBlock<S>>, last: EqualityBlock<S>, rows: usize) -> EqualityBlock<S> {
-    let mut out = EqualityBlock { equalities: vec![], support: vec![], rows, hard: true, separate: true, set: vec![] };
+    let mut out = EqualityBlock { equalities: vec![], support: vec![], rows, hard: true, separate: false, set: vec![] };
     for block in blocks.into_iter().chain([last]) {
         out.equalities.extend(block.equalities);
         out.support.extend(block.support);

@@ -228,9 +228,7 @@ pub fn detect<R: Real>(
     contacts: &mut Contacts<R>,
 ) -> R::Mask {
     contacts.clear();
-    if !poses.search.found.is_empty() {
-        poses.search.found.clear();
-    }
+    poses.search.found.clear();
     if plan.geoms.is_empty() {
         return R::Mask::splat(false);
     }

@@ -74,10 +74,8 @@ impl Lane {
             if exists(row.active) {
                 let (support, y) = problem.scalar_entries(row);
                 let set = Set::Interval { lo: number(row.lo), hi: number(row.hi) };
-                if self.add(support, y.iter().map(|&y| [number(y)]), set, i, [number(row.g)], [number(lambda)])
-                    && let Some(block) = self.blocks.last_mut()
-                {
-                    (block.compliance, block.whole) = (number(row.compliance), number(row.whole));
+                if self.add(support, y.iter().map(|&y| [number(y)]), set, i, [number(row.g)], [number(lambda)]) {
+                    self.measure(number(row.compliance), number(row.whole));
                 }
             }
         }
@@ -86,7 +84,7 @@ impl Lane {
                 let (support, y) = problem.contact_entries(block);
                 let set = Set::Cone { mu: number(block.mu) };
                 if self.add(support, y.iter().map(|y| y.map(number)), set, i, block.g.map(number), lambda.map(number)) {
-                    self.measure(number(block.whole));
+                    self.measure(0.0, number(block.whole));
                 }
             }
         }
@@ -95,16 +93,16 @@ impl Lane {
                 let (support, y) = problem.wide_entries(block);
                 let set = Set::Cone { mu: number(block.mu) };
                 if self.add(support, y.iter().map(|y| y.map(number)), set, i, block.g.map(number), lambda.map(number)) {
-                    self.measure(number(block.whole));
+                    self.measure(0.0, number(block.whole));
                 }
             }
         }
     }
 
-    /// Says how much longer the block added last was with separate rows.
-    fn measure(&mut self, whole: f64) {
+    /// Says the compliance of the block added last, and how much longer it was with separate rows.
+    fn measure(&mut self, compliance: f64, whole: f64) {
         if let Some(block) = self.blocks.last_mut() {
-            block.whole = whole;
+            (block.compliance, block.whole) = (compliance, whole);
         }
     }
 

@@ -92,8 +92,8 @@ impl<R: Real> Constraints<R> {
                 }
             }
         }
+        self.find_tied(plan);
         self.list_support();
-        self.tie(plan);
     }
 
     /// Lists the dofs in `words`, ascending.

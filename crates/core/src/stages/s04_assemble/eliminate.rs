@@ -22,18 +22,29 @@ impl<R: Real> Constraints<R> {
     /// Finds the separate equalities that share a degree of freedom with `support`, and adds what they move to it, with zeros in `column`.
     #[inline(always)]
     pub(super) fn tie(&mut self, plan: &LanePlan<R>) {
+        if self.problem.separated() > 0 {
+            self.words.fill(0);
+            for &d in &self.support {
+                self.words[d as usize / 64] |= 1 << (d % 64);
+            }
+        }
+        self.find_tied(plan);
+        if !self.tied.is_empty() {
+            self.list_support();
+        }
+    }
+
+    /// The same of the dofs in `words`.
+    #[inline(always)]
+    pub(super) fn find_tied(&mut self, plan: &LanePlan<R>) {
         self.tied.clear();
         if self.problem.separated() > 0 {
-            self.find_tied(plan);
+            self.search_blocks(plan);
         }
     }
 
     #[inline(never)]
-    fn find_tied(&mut self, plan: &LanePlan<R>) {
-        self.words.fill(0);
-        for &d in &self.support {
-            self.words[d as usize / 64] |= 1 << (d % 64);
-        }
+    fn search_blocks(&mut self, plan: &LanePlan<R>) {
         let mut start = 0;
         for block in plan.equalities.iter().filter(|block| block.separate) {
             let rows = start..start + block.rows;
@@ -52,9 +63,6 @@ impl<R: Real> Constraints<R> {
                 *word |= tied;
             }
             self.tied.push(rows);
-        }
-        if !self.tied.is_empty() {
-            self.list_support();
         }
     }
 

@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test bench atlas check build format clean
+.PHONY: demo test bench atlas corpus fuzz check build format clean
 
 # The main job: 1,024 humanoids, beside MuJoCo.
 demo: build
@@ -27,6 +27,15 @@ atlas: build $(VENV)/atlas.stamp
 	PYTHONPATH=benches $(BIN)/python -m atlas
 	PROPTEST_CASES=20000 cargo test --release -p stepper-core --test geometry
 
+# Every robot of twenty packages, in stepper and in MuJoCo: docs/corpus.md. Resumes; CORPUS='--package NAME' and more, see --help.
+corpus: build
+	PYTHONPATH=benches $(BIN)/python -m corpus $(CORPUS)
+
+# Saved models, states, pickles, recordings, MJCF and calls that nobody means well, for some minutes: findings in out/fuzz.
+MINUTES ?= 10
+fuzz: build
+	PYTHONPATH=tests $(BIN)/python -m fuzz --minutes $(MINUTES)
+
 # Format, lints, documentation, types, and the stub against the binary.
 check: build $(VENV)/check.stamp
 	cargo fmt --all --check
@@ -35,10 +44,12 @@ check: build $(VENV)/check.stamp
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
-	$(BIN)/python -m mypy.stubtest stepper._stepper --allowlist tests/stubtest_allowlist.txt
+	$(BIN)/python -m mypy.stubtest stepper._stepper
 
-format: $(VENV)/check.stamp
+format: $(VENV)/check.stamp build
 	cargo fmt --all
+	$(BIN)/python tests/stub_docs.py
+	$(BIN)/python tests/notices.py
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 

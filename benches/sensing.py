@@ -12,11 +12,13 @@ import time
 from dataclasses import replace
 from pathlib import Path
 from statistics import median
+from typing import get_args
 
 import numpy as np
 from stepper import Model, SensorModel, Stepper, Transfer, load
 from stepper._demo import Plan, humanoid_path, random_control
 from stepper._machine import one_core, provenance, require
+from stepper._options import Precision
 
 FULL = Transfer(
     scale_std=0.01, misalignment_std=0.01, bias_std=0.01, drift_std=0.01, drift_time=10.0, noise_density=1e-3, quantum=1e-3,
@@ -54,7 +56,7 @@ def with_joints() -> Model:
     return load(spec.compile())
 
 
-def measure(model: Model, plan: Plan, precision: str) -> dict[str, list[float]]:
+def measure(model: Model, plan: Plan, precision: Precision) -> dict[str, list[float]]:
     """Microseconds per step and environment of every turn, by what the sensors have."""
     sims = {
         name: Stepper(model, plan.num_envs, sensors=equipped(model, transfer), precision=precision) for name, transfer in TRANSFERS.items()
@@ -83,7 +85,7 @@ def main() -> None:
     with one_core():
         print("| humanoid | readings | precision | sensors | us a step | over nothing | over ideal |\n|---|---|---|---|---|---|---|")
         for title, model in (("of the file", load(Path(humanoid_path()))), ("with joints", with_joints())):
-            for precision in ("f64", "f32"):
+            for precision in get_args(Precision):
                 times = {name: np.array(row) for name, row in measure(model, plan, precision).items()}
                 first, second = list(times.values())[:2]
                 for name, row in times.items():

@@ -9,7 +9,7 @@ use stepper_benches::rig::{Part, Rig, moments};
 use stepper_benches::scenes::Scene;
 use stepper_core::plan::{LanePlan, Plan};
 use stepper_core::{Level, Precision};
-use stepper_real::Real;
+use stepper_real::{Real, at_avx512, at_level};
 
 /// Moments that are averaged over.
 const MOMENTS: usize = 8;
@@ -20,21 +20,14 @@ fn stages(c: &mut Criterion) {
     let name = format!("humanoid stages f64 lanes {level}");
     let scene = Scene::humanoid();
     let alone = || single(&scene);
-    match level {
-        #[cfg(target_arch = "x86_64")]
-        Level::Avx2 | Level::Avx512 => parts::<stepper_real::avx2::F64x1, _>(c, "humanoid stages f64", &scene, alone),
-        _ => parts::<f64, _>(c, "humanoid stages f64", &scene, alone),
-    }
+    at_level!(level, F64x1, parts::<_, _>(c, "humanoid stages f64", &scene, alone));
     let lanes = |n: usize| {
         let scene = &scene;
         move || Episode::new(scene, 0, n, Precision::F64, level)
     };
     match level {
-        #[cfg(target_arch = "x86_64")]
-        Level::Avx512 => parts::<stepper_real::avx512::F64x16, _>(c, &name, &scene, lanes(16)),
-        #[cfg(target_arch = "x86_64")]
-        Level::Avx2 => parts::<stepper_real::avx2::F64x8, _>(c, &name, &scene, lanes(8)),
-        _ => parts::<stepper_real::array::F64x8, _>(c, &name, &scene, lanes(8)),
+        Level::Avx512 => at_avx512!(F64x16, parts::<_, _>(c, &name, &scene, lanes(16))),
+        _ => at_level!(level, F64x8, parts::<_, _>(c, &name, &scene, lanes(8))),
     }
 }
 

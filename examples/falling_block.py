@@ -134,10 +134,10 @@ class FallingBlocks(VectorEnv[Array, Array, Array]):
         reward = np.where(waiting, 0.0, self._sim.qpos[:, 0] > LOWEST)
         truncated = self._steps >= STEPS
         self._over = truncated.copy()
-        observation = self._sim.observation
+        observation = self._sim.observe()
         if self.autoreset_mode == AutoresetMode.SAME_STEP and truncated.any():
             info = self._begin(truncated) | {"final_obs": observation, "_final_obs": truncated, "final_info": {}, "_final_info": truncated}
-            observation = self._sim.observation
+            observation = self._sim.observe()
         return observation, reward, np.zeros(self.num_envs, dtype=bool), truncated, info
 
     def _begin(self, mask: Array) -> dict[str, Any]:

@@ -35,12 +35,17 @@ class Heap:
         return text + "</worldbody></mujoco>"
 
 
-def heap(shapes, friction: float, seed: int, spacing: float = 0.35) -> Heap:
-    """Bodies in a row above the floor, with random orientations and velocities, downwards in the mean."""
+REACH = {"sphere": 1.0, "capsule": 2.0, "box": 3**0.5}
+"""Distance of a shape's farthest point from its centre, in sizes."""
+
+
+def heap(shapes, friction: float, seed: int, spacing: float | None = None) -> Heap:
+    """Bodies in a row above the floor, thrown at random, downwards in the mean: side by side unless a spacing is given."""
     rng, n = np.random.default_rng(seed), len(shapes)
+    reach = np.array([REACH[kind] * size for kind, size, _ in shapes])
     qpos, qvel = np.zeros((n, 7)), rng.normal(scale=1.5, size=(n, 6))
     qvel[:, 2] = -np.abs(qvel[:, 2])
-    qpos[:, 0] = spacing * np.arange(n)
+    qpos[:, 0] = 2 * np.cumsum(reach) - reach if spacing is None else spacing * np.arange(n)
     qpos[:, 1] = rng.uniform(-0.05, 0.05, n)
     qpos[:, 2] = [0.02 + 2 * size for _, size, _ in shapes]
     qpos[:, 3:] = [random_quaternion(rng) for _ in range(n)]

@@ -95,3 +95,8 @@ def full_mass_matrix(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
     out = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, out)
     return out
+
+
+def contact_bits(contacts: np.ndarray) -> bytes:
+    """Bits of contacts, whichever environment has them."""
+    return b"".join(contacts[name].tobytes() for name in contacts.dtype.names if name != "env")

@@ -20,7 +20,7 @@ from atlas.world import World
 def main() -> None:
     """Reads the arguments, sweeps, writes."""
     parser = argparse.ArgumentParser(prog="atlas", description=__doc__)
-    parser.add_argument("scenes", nargs="*", help="numbers, 1 to 32 and S1 to S7; default: all")
+    parser.add_argument("scenes", nargs="*", help="numbers, 1 to 35 and S1 to S7; default: all")
     parser.add_argument("--out", type=Path, default=Path("docs"), help="folder; default: docs")
     parser.add_argument("--limit", type=float, default=10.0, help="processor time of one run at the most, s")
     parser.add_argument("--ours", action="store_true", help="stepper alone")

@@ -51,15 +51,17 @@ class _StepperWorld(World):
         model = _load(mjcf)
         if restitution is not None:
             model = model.replace(geom_restitution=np.full(model.ngeom, restitution))
+        if (concave := self.surfaces).any():
+            model = model.replace(geom_concave=concave.astype(float))
         self.sim = stepper.Stepper(model, num_envs, options=options, precision=precision)
 
     @property
     def qpos(self) -> Array:
-        return np.asarray(self.sim.qpos, dtype=np.float64)
+        return np.array(self.sim.qpos, dtype=np.float64)
 
     @property
     def qvel(self) -> Array:
-        return np.asarray(self.sim.qvel, dtype=np.float64)
+        return np.array(self.sim.qvel, dtype=np.float64)
 
     def set(self, qpos: ArrayLike | None = None, qvel: ArrayLike | None = None) -> None:
         self.sim.set_state(qpos, qvel)
@@ -110,6 +112,8 @@ class _MujocoWorld(World):
     def __init__(self, engine: Mujoco, mjcf: str, dt: float, num_envs: int, restitution: float | None) -> None:
         super().__init__(mjcf, dt, num_envs)
         model = self.model
+        if self.surfaces.any():
+            raise CannotRunError("MuJoCo takes a mesh for its hull")
         engine.settings.configure(mujoco, model)
         model.opt.timestep = dt
         if engine.solref is not None:

@@ -37,10 +37,28 @@ KNOWN: tuple[Known, ...] = (
         r"[12] .*",
         NOT_EULER,
         (2e-2, 1.0),
-        "the midpoint rule meets the floor in the middle of a step: what falls further than the gap in half of one "
-        "overlaps until it is pushed out",
+        "the textbook's recursion bounces at the end of the step; the midpoint rule does where the floor is met, and gravity "
+        "acts on what is left of the step",
     ),
     Known(r"(8|10|11) .*", r"stepper (euler.*|implicit)", ANY, "rules of the first order"),
+    Known(r"40 .*", r"stepper (euler.*|implicit)", ANY, "rules of the first order"),
+    Known(
+        r"(36 .*|39 .*)",
+        BAUMGARTE,
+        ANY,
+        "what Baumgarte's method adds to velocities stays in the motion, and where demands contradict one another it never ends",
+    ),
+    Known(r"37 a slot .*", BAUMGARTE, (0.0, 2e-4), "demands that contradict one another: impulses of 1e10 N s hold the box where it is"),
+    Known(r"40 .*", "stepper f32", (0.0, 1e-4), "the rounding of 50,000 steps in single precision"),
+    Known(
+        r"41 pushed box at 0.999 .*",
+        "stepper f32",
+        (3e-4, 3e-3),
+        "single precision leaves velocities to 1e-5 m/s, and the box some 1e-6 rad",
+    ),
+    Known(
+        r"41 .* 1.001 .*", "stepper f32", (0.0, 2e-4), "the rounding of 10,000 steps in single precision, beside a thousandth of the weight"
+    ),
     Known(r"9 .*", EULER, ANY, "Euler's rule takes Coriolis and centrifugal forces at the beginning of the step, and gains energy"),
     Known(
         r"13 .*tension",
@@ -57,12 +75,6 @@ KNOWN: tuple[Known, ...] = (
     Known(r"17 .*|29 Euler.*", BAUMGARTE, ANY, "Baumgarte's velocity stays in the motion as kinetic energy"),
     Known(r"22 .* = (2|10|100)", EULER, ANY, EXPLICIT),
     Known(r"22 .* = (10|100)", "stepper rk4", ANY, EXPLICIT),
-    Known(
-        r"22 .* = 100",
-        r"stepper( baumgarte| newton)?",
-        ANY,
-        "the midpoint rule damps what a step cannot resolve by 4 % a step only; implicit holds",
-    ),
     Known(
         r"23 ring of eight links: gap",
         r"stepper.*",
@@ -87,13 +99,8 @@ KNOWN: tuple[Known, ...] = (
         FEW,
     ),
     Known(r"S3 .*", r"stepper.*", (5e-3, 1e-2), "spheres overlap by some 3e-5 m while the heap falls together"),
-    Known(
-        r"S4 .*",
-        r"stepper(?! baumgarte).*",
-        (5e-3, 1e-2),
-        "pushing spheres apart lifts them; Baumgarte's stabilisation, which leaves bouncing contacts alone, holds",
-    ),
     Known(r"S2 .*", r"stepper (euler.*|implicit)", ANY, "rules of the first order"),
+    Known(r"3[345] .*", r"stepper (euler.*|implicit)", ANY, "rules of the first order"),
     Known(r"S[34] .*", r"stepper.*", (2e-2, 1.0), HEAP),
     Known(
         r"S5 .*",

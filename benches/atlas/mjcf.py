@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+import numpy as np
+from numpy.typing import NDArray
+
 G = 9.81
 """m/s^2."""
 
@@ -50,3 +53,28 @@ def incline(geom: str, height: float, slope: float, friction: float) -> str:
     at = (height * math.sin(slope), 0.0, height * math.cos(slope))
     plane = f'<geom name="floor" type="plane" size="0 0 1" quat="{numbers(turn)}"/>'
     return document(plane + free("body", geom, at, turn), friction=friction)
+
+
+SURFACE = "surface"
+"""Name of a mesh geom that is meant as its triangles, not as their hull: MJCF has no word for it."""
+
+
+def surface(half: float, heights: NDArray[np.float64], kind: str) -> tuple[str, str]:
+    """Assets and a geom: heights over a square of the half size (m), rows along y, as a height field ("hfield") or a mesh ("mesh").
+
+    The diagonals of the cells of a height field go from their least corner, those of the mesh the other way.
+    """
+    rows, columns = heights.shape
+    heights = heights - heights.min()
+    if kind == "hfield":
+        top = max(float(heights.max()), 1e-3)
+        # MuJoCo reads rows from the far side.
+        given = f'nrow="{rows}" ncol="{columns}" size="{half!r} {half!r} {top!r} .1" elevation="{numbers((heights[::-1] / top).ravel())}"'
+        return f'<asset><hfield name="ground" {given}/></asset>', f'<geom name="{SURFACE}" type="hfield" hfield="ground"/>'
+    x, y = np.meshgrid(np.linspace(-half, half, columns), np.linspace(-half, half, rows))
+    vertices = np.stack([x, y, heights], axis=-1).ravel()
+    corner = np.arange(rows * columns).reshape(rows, columns)
+    p, q, s, t = corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1]
+    faces = np.stack([p, q, t, q, s, t], axis=-1).ravel()
+    asset = f'<mesh name="ground" inertia="shell" vertex="{numbers(vertices)}" face="{" ".join(map(str, faces))}"/>'
+    return f"<asset>{asset}</asset>", f'<geom name="{SURFACE}" type="mesh" mesh="ground"/>'

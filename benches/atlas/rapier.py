@@ -30,6 +30,8 @@ class RapierWorld(World):
             raise CannotRunError("rapier: one joint per body")
         if (m.geom_type == mujoco.mjtGeom.mjGEOM_ELLIPSOID).any():
             raise CannotRunError("rapier: no ellipsoids")
+        if self.surfaces.any():
+            raise CannotRunError("rapier's MJCF loader takes a mesh for its hull")
 
     def _joints(self) -> list[tuple[int, int, int, int, int]]:
         """(body, parent, type, index in qpos, index in qvel) of every joint."""

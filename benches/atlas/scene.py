@@ -42,7 +42,7 @@ class Scene:
     """One row of the table.
 
     Attributes:
-        number: In the list of scenes, "1" to "32"; "S1" to "S7" are SimBenchmark's.
+        number: In the list of scenes, "1" to "35"; "S1" to "S7" are SimBenchmark's.
         name: A few words, unique within the number.
         answer: What is right.
         source: Where that comes from: a closed form, statics, a law of conservation, a textbook.

@@ -15,6 +15,8 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from atlas.mjcf import SURFACE
+
 Array = NDArray[np.float64]
 AT_ONCE = 1000
 """Steps in one call of an engine at the most."""
@@ -64,6 +66,12 @@ class World(ABC):
         self.seconds = 0.0
         self.flags: Counter[str] = Counter()
         self._yard = mujoco.MjData(self.model)
+
+    @property
+    def surfaces(self) -> NDArray[np.bool_]:
+        """Of every geom, whether it is a mesh that is meant as its triangles."""
+        m = self.model
+        return np.array([m.geom_type[g] == mujoco.mjtGeom.mjGEOM_MESH and m.geom(g).name == SURFACE for g in range(m.ngeom)])
 
     @property
     @abstractmethod

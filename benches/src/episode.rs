@@ -1,7 +1,7 @@
 //! A batch of environments that goes the same way every time.
 
 use stepper_core::batch::{Field, StepInputs};
-use stepper_core::{Level, Options, Precision, Simulation};
+use stepper_core::{Level, Options, Precision, SavedState, Simulation};
 
 use crate::clock::Run;
 use crate::scenes::Scene;
@@ -14,7 +14,7 @@ const CALLS: usize = 20;
 /// A hundred steps of some environments of a scene under pseudo-random controls, from the state that they had after the warm-up.
 pub struct Episode {
     simulation: Simulation,
-    start: Vec<u8>,
+    start: SavedState,
     controls: Vec<Vec<f64>>,
 }
 

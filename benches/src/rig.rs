@@ -210,7 +210,7 @@ impl<R: Real> Rig<R> {
     fn once(&mut self, plan: &LanePlan<R>, part: Part) {
         let h = R::of(self.options.timestep);
         let half = R::of(0.5 * self.options.timestep);
-        let theta = Theta { damping: half, stiffness: half * half };
+        let theta = Theta { damping: half, stiffness: half * half, step: h };
         match part {
             Part::Displace => displace(plan, &self.q, &self.v, half, &mut self.q_eval),
             Part::Kinematics => self.kinematics.update(plan, &self.q_eval),
@@ -243,7 +243,8 @@ impl<R: Real> Rig<R> {
             Part::Assemble => {
                 let motion = &self.smooth.work;
                 let (losses, closing) = (&self.drive.losses[..], R::one());
-                let moment = Moment { q: &self.q_eval, v: &self.v, motion, v_free: &self.v_free, losses, h, closing, alive: self.alive };
+                let (q, v, v_free, alive) = (&self.q_eval[..], &self.v[..], &self.v_free[..], self.alive);
+                let moment = Moment { q, v, motion, v_free, losses, h, lead: half, closing, alive };
                 self.constraints.assemble(plan, &self.options, &self.kinematics, &self.smooth.mass, &moment, &mut self.contacts);
                 self.warm_scalars.clone_from(&self.constraints.iterate.scalars);
                 self.warm_contacts.clone_from(&self.constraints.iterate.contacts);
@@ -274,7 +275,10 @@ impl<R: Real> Rig<R> {
     fn mass_matrix(&mut self, plan: &LanePlan<R>, theta: Theta<R>) {
         R::vectorize(
             #[inline(always)]
-            || self.matrix.assemble(plan, &self.kinematics, &mut self.composite, theta),
+            || {
+                self.matrix.assemble(plan, &self.kinematics, &mut self.composite);
+                self.matrix.add_joints(plan, theta, &mut []);
+            },
         );
     }
 

@@ -5,10 +5,11 @@ Load a scene with `load`, step environments of it with `Stepper`, and read in `S
 
 from stepper import devices
 from stepper._actuators import PID, ActuatorModel, DCMotor, Drive
-from stepper._load import load
+from stepper._load import ModelWarning, load
 from stepper._options import Options
 from stepper._readings import Combination, RayFan
 from stepper._record import Recorder
+from stepper._recording import RecordingError
 from stepper._replay import Difference, Replay, replay
 from stepper._sensors import SensorModel, Transfer
 from stepper._status import Status
@@ -23,9 +24,11 @@ __all__ = [
     "Drive",
     "Model",
     "ModelError",
+    "ModelWarning",
     "Options",
     "RayFan",
     "Recorder",
+    "RecordingError",
     "Replay",
     "SensorModel",
     "State",

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from stepper._machine import require
 from stepper._stepper import ModelError
@@ -36,21 +37,33 @@ def chart(scene: str, out: Path, *, quick: bool) -> None:
 
 def explain(model: str) -> None:
     """What of a model is simulated, what is left out and why, and what rigid bodies cannot model."""
-    from stepper import load  # noqa: PLC0415  (as above)
+    from stepper import ModelWarning, load  # noqa: PLC0415  (as above)
 
-    print(load(model, strict=False).explain())
+    with warnings.catch_warnings():
+        # The report has it.
+        warnings.simplefilter("ignore", ModelWarning)
+        print(load(model, strict=False).explain())
 
 
 def report(recording: Path) -> None:
     """What was in force in a recording, and what failed in it: physics, sensing or action."""
-    from stepper._replay import read_header  # noqa: PLC0415  (as above)
+    from stepper._recording import HEADER, check_files, read_header, reading  # noqa: PLC0415  (as above)
 
     head = read_header(recording)
+    check_files(recording, head)
+    with reading(recording / HEADER):
+        _report(recording, head)
+
+
+def _report(recording: Path, head: dict[str, Any]) -> None:
     envs = "one environment" if head["num_envs"] is None else f"{head['num_envs']} environments"
     end = "" if head["closed"] else ", not closed: its end may be missing"
     print(f'{recording}: {head["rows"]} rows of {envs} of "{head["model"]["name"]}", dt {head["timestep"]:g} s, {head["precision"]}{end}')
     print(f"model {head['model']['sha256']}")
-    print(", ".join(f"{name} {value}" for name, value in (head["options"] | {"seed": head["seed"]}).items() if value is not None))
+    if head["note"]:
+        print(f"note: {head['note']}")
+    settings = head["options"] | {"tolerance": head["tolerance"], "seed": head["seed"]}
+    print(", ".join(f"{name} {value}" for name, value in settings.items() if value is not None))
     for failure in head["failures"]:
         row, env = failure["first"][0]
         word = "steps" if "steps" in failure else "readings"

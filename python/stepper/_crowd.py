@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from stepper._chart.engines import MujocoEngine
 from stepper._machine import require
-from stepper._options import Options
+from stepper._options import Options, Precision
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
 
@@ -87,7 +87,14 @@ class StepperCrowd:
     """
 
     def __init__(
-        self, model: Model, num_envs: int, *, precision: str = "f64", threads: int = 1, options: Options | None = None, setting: str = ""
+        self,
+        model: Model,
+        num_envs: int,
+        *,
+        precision: Precision = "f64",
+        threads: int = 1,
+        options: Options | None = None,
+        setting: str = "",
     ) -> None:
         self.sim = Stepper(model, num_envs, options=options, precision=precision, threads=threads)
         self.name = f"stepper {precision} {setting}".strip()

@@ -14,9 +14,6 @@ if TYPE_CHECKING:
 KEPT = 1000
 """Failures of each cause that are kept one by one; all are counted."""
 
-DEEP = 1e-3
-"""Overlap in m from which on a step counts as penetration."""
-
 CAUSES = {
     ("action", "non-finite"): "a control is NaN or infinite; the environment kept its state",
     ("action", "clipped"): "a control lies outside its range and was clipped",
@@ -26,7 +23,9 @@ CAUSES = {
     ("physics", "contacts full"): "there were more contacts than room",
     ("physics", "unresolved"): "the time step was too long for the motion",
     ("physics", "tunnelled"): "something moved so fast that it may have passed through something thin",
-    ("physics", "penetration"): f"geoms overlap by more than {DEEP:g} m",
+    ("physics", "infeasible"): "what constraints demand cannot be met, and impulses prove it",
+    ("physics", "deep"): "geoms overlap by more than 1 mm",
+    ("physics", "over limit"): "a joint or tendon is beyond its range by more than 0.01 rad or m",
     ("sensing", "saturation"): "a reading was clipped to the limits of its sensor",
     ("sensing", "dropout"): "a sample of a sensor was lost, and the one before stayed held",
 }
@@ -74,7 +73,7 @@ class Failures:
         }
         for cause, counts in counted.items():
             self._each[cause][2][:] += counts.sum(axis=0, dtype=np.int64)
-        status, deep = np.atleast_1d(fields["status"]), np.atleast_1d(fields["penetration"])
+        status = np.atleast_1d(fields["status"])
         bad = ~np.all(np.isfinite(ctrl), axis=1)
         outside = np.any((ctrl < self._low) | (ctrl > self._high), axis=1) & ~bad
 
@@ -89,7 +88,9 @@ class Failures:
             ("physics", "contacts full"): says(Status.CONTACTS_FULL),
             ("physics", "unresolved"): says(Status.UNRESOLVED),
             ("physics", "tunnelled"): says(Status.TUNNELLED),
-            ("physics", "penetration"): deep > DEEP,
+            ("physics", "infeasible"): says(Status.INFEASIBLE),
+            ("physics", "deep"): says(Status.DEEP),
+            ("physics", "over limit"): says(Status.OVER_LIMIT),
             **{cause: np.any(counts, axis=1) for cause, counts in counted.items()},
         }
         for cause, where in found.items():

@@ -14,13 +14,13 @@ from pathlib import Path
 from types import ModuleType
 
 INSTALL = {
-    "matplotlib": 'pip install "stepper[cli]"',
-    "mujoco": 'pip install "stepper[mjcf]"',
+    "matplotlib": 'pip install "stepper-sim[cli]"',
+    "mujoco": 'pip install "stepper-sim[mjcf]"',
     "mujoco.batch": 'pip install "mujoco>=4.0,<5"',
-    "rich": 'pip install "stepper[cli]"',
+    "rich": 'pip install "stepper-sim[cli]"',
     "dm_control": "pip install dm_control",
     "scipy": "pip install scipy",
-    "typer": 'pip install "stepper[cli]"',
+    "typer": 'pip install "stepper-sim[cli]"',
 }
 
 

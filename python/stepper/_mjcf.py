@@ -4,6 +4,7 @@ One function for each kind of element. What cannot be described is listed by `st
 field of MjModel whether it is used, has no effect on the motion, or is left out.
 """
 
+import sys
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
@@ -13,6 +14,7 @@ import numpy as np
 
 from stepper._mjcf_actuators import TRN_JOINT, TRN_JOINT_IN_PARENT, activation, actuator, why_dropped
 from stepper._mjcf_omissions import list_omissions
+from stepper._mjcf_requested import requested
 from stepper._mjcf_sensors import sensors, sites
 
 Description = dict[str, Any]
@@ -33,11 +35,10 @@ DISABLE = {
     "damper": 1 << 6,
     "gravity": 1 << 7,
     "clampctrl": 1 << 8,
-    "filterparent": 1 << 10,
     "actuation": 1 << 11,
     "sensor": 1 << 13,
+    "eulerdamp": 1 << 15,
 }
-ENABLE = {"override": 1 << 0, "sleep": 1 << 4}
 _CONSTRAINTS = ("contact", "limit", "frictionloss", "equality")
 
 
@@ -67,13 +68,19 @@ class Source:
         return self.name(kind, index) or f"#{index}"
 
     def off(self, feature: str) -> bool:
-        """Whether the model's flags disable a feature."""
+        """Whether the model's flags disable a feature, one of `DISABLE`."""
         flags = int(self.m.opt.disableflags)
         return bool(flags & DISABLE[feature]) or (feature in _CONSTRAINTS and bool(flags & DISABLE["constraint"]))
 
     def leave_out(self, kind: str, name: str, reason: str, *, changes_motion: bool = True) -> None:
         """Notes an element that the description does without."""
         self.omitted.append({"kind": kind, "name": name, "reason": reason, "changes_motion": changes_motion})
+
+    @property
+    def collides(self) -> bool:
+        """Whether anything can touch anything."""
+        m = self.m
+        return bool(np.any(m.geom_contype) or np.any(m.geom_conaffinity) or m.npair) and not self.off("contact")
 
     @property
     def still(self) -> bool:
@@ -162,6 +169,7 @@ def describe(m: Any) -> Description:
         "gravity": [0.0, 0.0, 0.0] if none else m.opt.gravity.tolist(),
         "magnetic": m.opt.magnetic.tolist(),
         "medium": _medium(source),
+        "explicit_damping": source.off("eulerdamp"),
         "bodies": [_body(source, i) for i in range(m.nbody)],
         "joints": [_joint(source, i) for i in range(m.njnt)],
         "geoms": [_geom(source, i) for i in range(m.ngeom)],
@@ -178,6 +186,7 @@ def describe(m: Any) -> Description:
         "qpos0": m.qpos0.tolist(),
         "qpos_spring": m.qpos_spring.tolist(),
         "omitted": source.omitted,
+        "requested": requested(source),
     }
 
 
@@ -208,7 +217,8 @@ def _joint(source: Source, i: int) -> Description:
     m = source.m
     dof = source.dofs(i).start
     # Rotor inertia and damping of actuators act through their gear (MuJoCo adds gear^2 times both to the joint's).
-    gears = [(a, source.gear(a) ** 2) for a in source.joint_actuators[i]]
+    # Of a gear whose square is none, the model says so itself.
+    gears = [(a, min(source.gear(a) * source.gear(a), sys.float_info.max)) for a in source.joint_actuators[i]]
     damping = float(m.dof_damping[dof]) + sum(g * float(m.actuator_damping[a]) for a, g in gears)
     return {
         "name": source.name("JOINT", i),

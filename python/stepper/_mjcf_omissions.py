@@ -34,6 +34,8 @@ FIELDS = {
         mesh_vertadr mesh_vertnum mesh_vert mesh_faceadr mesh_facenum mesh_face hfield_size hfield_nrow hfield_ncol hfield_adr hfield_data
         sensor_type sensor_objtype sensor_objid sensor_reftype sensor_refid sensor_intprm sensor_noise sensor_cutoff sensor_delay
         sensor_interval sensor_history site_bodyid site_pos site_quat site_type site_size geom_rgba geom_matid mat_rgba
+        geom_solref geom_solimp pair_solref pair_solimp jnt_solref jnt_solimp dof_solref dof_solimp eq_solref eq_solimp
+        tendon_solref_lim tendon_solimp_lim tendon_solref_fri tendon_solimp_fri
         key_time key_qpos key_qvel key_act key_ctrl
         """,
     "left out, listed": """
@@ -41,7 +43,7 @@ FIELDS = {
         tendon_actfrclimited tendon_actfrcrange tendon_stiffnesspoly tendon_dampingpoly tendon_springyield
         actuator_actearly actuator_dampingpoly actuator_plugin actuator_cranklength
         flex_* flexedge_* plugin* body_plugin geom_plugin sensor_plugin
-        key_mpos key_mquat *_solref *_solimp *_solmix *_solref_* *_solimp_* pair_solreffriction
+        key_mpos key_mquat flex_solref flex_solimp *_solmix pair_solreffriction
         """,
     # Counts, addresses, names, derived constants, drawing, bounding volumes, and what belongs to MuJoCo's own solver.
     "no effect on the motion": """
@@ -61,6 +63,35 @@ FIELDS = {
 }
 
 
+FLAGS = {
+    "disable": {
+        "warmstart": (9, "the solver begins with the impulses of the last step, whatever the flag says", False),
+        "filterparent": (10, "parent and child never collide here, whatever the flag says", True),
+        "refsafe": (12, "it is about soft contact, and contacts are hard", False),
+        "midphase": (14, "it is about MuJoCo's search for contacts, and changes none of them", False),
+        "eulerdamp": (15, "the integrator euler takes the joints' damping explicitly, as the flag says; the others, implicitly", False),
+        "autoreset": (16, "a step whose result is not finite is refused, and a flag of status says so", False),
+        "nativeccd": (17, "it chooses among MuJoCo's ways to find contacts; stepper has its own", False),
+        "island": (18, "it is about MuJoCo's solver", False),
+        "multiccd": (19, "it chooses among MuJoCo's ways to find contacts; stepper finds all points of a patch", False),
+    },
+    "enable": {
+        "override": (0, "the override of contact parameters is not read; geoms keep their own", True),
+        "energy": (1, "Stepper.energy() says it whenever it is asked", False),
+        "fwdinv": (2, "it is about MuJoCo's solver; status and residual say how well a step was solved", False),
+        "invdiscrete": (3, "there are no inverse dynamics that it could change", False),
+        "sleep": (4, "bodies at rest are simulated like all others", False),
+        "diagexact": (5, "it is about soft contact, and contacts are hard", False),
+        "ipc": (6, "it is about deformable bodies, which are not simulated", False),
+        "speculative": (7, "contacts that may close within a step are always found before they do", False),
+    },
+}
+"""Flags of MuJoCo that are listed when they are set: bit, what is done instead, whether that changes the motion.
+
+`stepper._mjcf.DISABLE` has those that are honoured; a test holds both against the installed version.
+"""
+
+
 def list_omissions(source: Source) -> None:
     """Fills `source.omitted`."""
     _scene(source)
@@ -74,14 +105,21 @@ def list_omissions(source: Source) -> None:
 
 def _scene(source: Source) -> None:
     m = source.m
-    if int(m.opt.enableflags) & 1:
-        source.leave_out("contact override", "option", "the override of contact parameters is not read; geoms keep their own")
-    if int(m.opt.enableflags) >> 4 & 1:
-        source.leave_out("sleep", "option", "bodies at rest are simulated like all others", changes_motion=False)
+    for kind, flags in (("disable", int(m.opt.disableflags)), ("enable", int(m.opt.enableflags))):
+        for name, (bit, reason, changes_motion) in FLAGS[kind].items():
+            if flags >> bit & 1 and _matters(source, name):
+                source.leave_out(f"flag {name}", f"{kind}d", reason, changes_motion=changes_motion)
     for i in range(m.nflex):
         source.leave_out("flex", source.label("FLEX", i), "deformable bodies are not simulated; its vertices move as bodies without shape")
     for i in range(m.nplugin):
         source.leave_out("plugin", source.label("PLUGIN", i), "plugins are MuJoCo's; its forces, shapes and readings are missing")
+
+
+def _matters(source: Source, flag: str) -> bool:
+    """Whether a scene has what a flag is about, where that is easily told."""
+    if flag == "eulerdamp":
+        return bool(np.any(source.m.dof_damping)) and not source.off("damper")
+    return flag not in ("filterparent", "override") or source.collides
 
 
 def _joints(source: Source) -> None:
@@ -108,19 +146,8 @@ def _joints(source: Source) -> None:
 
 def _contacts(source: Source) -> None:
     m = source.m
-    limits = (np.any(m.jnt_limited) or np.any(m.tendon_limited)) and not source.off("limit")
-    losses = (np.any(m.dof_frictionloss) or np.any(m.tendon_frictionloss)) and not source.off("frictionloss")
-    contacts = (np.any(m.geom_contype) or np.any(m.geom_conaffinity) or m.npair) and not source.off("contact")
-    equalities = np.any(m.eq_active0) and not source.off("equality")
-    if contacts or limits or losses or equalities:
-        reason = (
-            "contacts, equalities, limits and dry friction are hard: solref, solimp, solmix, impratio and the cone's shape are not read"
-        )
-        source.leave_out("soft contact parameters", "all", reason, changes_motion=False)
-    if not contacts:
+    if not source.collides:
         return
-    if source.off("filterparent"):
-        source.leave_out("collision of parent and child", "option", "parent and child never collide here, whatever the flag says")
     for g in np.flatnonzero(m.geom_type == 8):
         source.leave_out("signed distance field", source.label("GEOM", int(g)), "it collides as the convex hull of its mesh")
     for g in np.flatnonzero(m.geom_adhesion):

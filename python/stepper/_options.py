@@ -3,6 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+Precision: TypeAlias = Literal["f64", "f32"]
+"""Scalar type of the lanes."""
+
+if TYPE_CHECKING:
+    from stepper._stepper import Model
+
+_INTEGRATORS: dict[str, Literal["euler", "midpoint", "implicit", "rk4"]] = {
+    "Euler": "euler",
+    "RK4": "rk4",
+    "implicit": "implicit",
+    "implicitfast": "implicit",
+}
+_SOLVERS: dict[str, Literal["pgs", "newton", "auto"]] = {"PGS": "pgs", "Newton": "newton", "CG": "auto"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,13 +59,36 @@ class Options:
     """
 
     timestep: float | None = None
-    integrator: str = "midpoint"
-    solver: str = "auto"
+    integrator: Literal["euler", "midpoint", "implicit", "rk4"] = "midpoint"
+    solver: Literal["auto", "pgs", "newton"] = "auto"
     iterations: int = 50
     tolerance: float | None = None
-    stabilization: str = "split"
+    stabilization: Literal["baumgarte", "split", "none"] = "split"
     baumgarte: float = 0.2
     slop: float = 1e-5
     max_correction_speed: float = 1.0
     restitution_threshold: float = 0.01
     max_contacts: int | None = None
+
+    @classmethod
+    def of(cls, model: Model) -> Options:
+        """What the model's source asks for, as far as stepper has it; the rest is as in `Options()`.
+
+        The integrator: MuJoCo's Euler is "euler", RK4 "rk4", implicit and implicitfast are "implicit" (whose derivatives of forces are
+        stepper's own). The solver: PGS is "pgs", Newton "newton", and CG, which is not there, "auto"; with at least its iterations,
+        which are a bound and cost nothing where a step is solved before. The time step is the model's own. MuJoCo's tolerance is no
+        velocity and is not taken; contacts are hard and the friction cone is circular, whatever the source says (`Model.deviations`).
+
+        Args:
+            model: A model. One that was made in code asks for nothing.
+
+        Raises:
+            ValueError: The source asks for an integrator that stepper does not have.
+        """
+        asked = model.requested
+        if asked is None:
+            return cls()
+        name = asked["integrator"]
+        if name not in _INTEGRATORS:
+            raise ValueError(f"the source asks for {name}, which stepper does not have; choose Options(integrator=...)")
+        return cls(integrator=_INTEGRATORS[name], solver=_SOLVERS[asked["solver"]], iterations=max(cls.iterations, asked["iterations"]))

@@ -1,15 +1,4 @@
-"""Stage 10 on disk: a run as it happened, and the proof that it can be repeated.
-
-A recording is a folder:
-
-    run.json         what was in force: versions, machine, options, precision, seed, digest of the model, shapes and units of the fields;
-                     at the end the number of rows, and what failed
-    model.stepper    the model, as `Model.save` writes it
-    00000.npz ...    rows, each file complete in itself: what is lost in a crash is the last file alone
-
-Arrays of a file: `kind` (n,) says what each row was (`KINDS`). The rows of steps have the fields of `FIELDS`, stacked in their order; the
-others their arguments, as "row/name".
-"""
+"""Stage 10 on disk: a run as it happened, and the proof that it can be repeated. Its format: `stepper._recording`."""
 
 from __future__ import annotations
 
@@ -24,30 +13,10 @@ import numpy as np
 
 from stepper._failures import Failures
 from stepper._machine import provenance
+from stepper._recording import APPLIED, COMPARED, FIELDS, FORMAT, KINDS, MODEL, digest_of, write_header
 
 if TYPE_CHECKING:
     from stepper._stepper import Stepper
-
-FORMAT = 2
-"""2: random numbers of sensors are drawn in another order."""
-KINDS = ("start", "step", "reset", "set_state", "applied", "randomize")
-"""What a row can be. "applied" stands before a step whose applied forces or mocap poses are other than those of the step before."""
-FIELDS = {
-    "ctrl": "as given, N, N m or what the actuator takes",
-    "nstep": "steps of the call",
-    "qpos": "m and rad",
-    "qvel": "m/s and rad/s",
-    "act": "",
-    "time": "s",
-    "observation": "of each sensor",
-    "residual": "m/s",
-    "iterations": "",
-    "status": "flags, stepper.Status",
-    "penetration": "m",
-}
-COMPARED = ("qpos", "qvel", "act", "time", "observation", "residual", "iterations", "status")
-"""Fields that a replay has to reproduce, bit for bit."""
-APPLIED = ("qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat")
 
 
 class Recorder:
@@ -57,6 +26,7 @@ class Recorder:
         sim: The stepper; it must not be recorded already.
         path: The folder, new or empty.
         chunk: Bytes that are kept in memory before a file is written.
+        note: A label or remark of your own, kept in run.json.
 
     Raises:
         FileExistsError: There is something in the folder.
@@ -68,7 +38,7 @@ class Recorder:
         failures: What failed so far, and why.
     """
 
-    def __init__(self, sim: Stepper, path: str | os.PathLike[str], *, chunk: int = 64 << 20):
+    def __init__(self, sim: Stepper, path: str | os.PathLike[str], *, chunk: int = 64 << 20, note: str = ""):
         if sim.recorder is not None:
             raise ValueError(f"this stepper is already recorded into {sim.recorder.path}; close that recording first")
         if chunk < 1:
@@ -79,12 +49,13 @@ class Recorder:
         self.path.mkdir(parents=True, exist_ok=True)
         self.rows = 0
         self.failures = Failures(sim)
-        self._sim, self._chunk, self._files = sim, chunk, 0
+        self._sim, self._chunk = sim, chunk
+        self._files: list[dict[str, str | int]] = []
         self._applied: list[np.ndarray[Any, Any] | None] = [None] * len(APPLIED)
         self._clear()
-        sim.model.save(self.path / "model.stepper")
-        self._header = header(sim)
-        self._write_header(closed=False)
+        sim.model.save(self.path / MODEL)
+        self._header = header(sim, note)
+        self._flush()
         self._add("start", state=_state_bytes(sim), **_parameters(sim.randomized, np.full(sim.num_envs or 1, True)))
 
     def step(self, sim: Stepper, *, ctrl: np.ndarray[Any, Any], nstep: int, applied: list[np.ndarray[Any, Any] | None]) -> None:
@@ -92,7 +63,7 @@ class Recorder:
         if not all(_same(now, before) for now, before in zip(applied, self._applied, strict=True)):
             self._applied = [None if now is None else now.copy() for now in applied]
             self._add("applied", **{name: now for name, now in zip(APPLIED, self._applied, strict=True) if now is not None})
-        row = {name: np.asarray(getattr(sim, name)) for name in FIELDS if name not in ("ctrl", "nstep")}
+        row = {name: np.asarray(getattr(sim, name)) for name in COMPARED}
         row |= {"ctrl": ctrl, "nstep": np.asarray(nstep)}
         self.failures.look(self.rows, row, sim.sensor_faults, sim.actuator_saturation)
         for name, value in row.items():
@@ -100,7 +71,8 @@ class Recorder:
         self._count("step", sum(value.nbytes for value in row.values()))
 
     def reset(self, _sim: Stepper, **arguments: Any) -> None:
-        """Called by the stepper after a reset."""
+        """Called by the stepper after a reset, which ended what the user applied: what is applied next is a row again."""
+        self._applied = [None] * len(APPLIED)
         self._add("reset", **arguments)
 
     def set_state(self, _sim: Stepper, **arguments: Any) -> None:
@@ -121,8 +93,7 @@ class Recorder:
         """Writes what is left and says in run.json that the recording is complete. The stepper goes on unrecorded."""
         if self._sim.recorder is self:
             self._sim.recorder = None
-            self._flush()
-            self._write_header(closed=True)
+            self._flush(closed=True)
 
     def __enter__(self) -> Recorder:
         return self
@@ -148,31 +119,40 @@ class Recorder:
         self._others: dict[str, np.ndarray[Any, Any]] = {}
         self._bytes = 0
 
-    def _flush(self) -> None:
-        if not self._kinds:
-            return
+    def _flush(self, *, closed: bool = False) -> None:
+        if self._kinds:
+            self._write_rows()
+        write_header(self.path, self._header | {"closed": closed, **self._so_far()})
+
+    def _write_rows(self) -> None:
         stacked = {name: np.stack(rows) for name, rows in self._steps.items() if rows}
-        final = self.path / f"{self._files:05d}.npz"
+        final = self.path / f"{len(self._files):05d}.npz"
         # Under another name until it is whole.
         partial = final.with_suffix(".part")
-        with partial.open("wb") as file:
+        with partial.open("w+b") as file:
             np.savez(file, kind=np.array(self._kinds, np.uint8), **stacked, **self._others)  # type: ignore[arg-type]
+            file.seek(0)
+            digest = digest_of(file)
         partial.replace(final)
-        self._files += 1
+        steps = self._kinds.count(KINDS.index("step"))
+        self._files.append({"name": final.name, "rows": len(self._kinds), "steps": steps, "sha256": digest})
         self._clear()
 
-    def _write_header(self, *, closed: bool) -> None:
-        text = json.dumps(self._header | {"closed": closed, "rows": self.rows, "failures": self.failures.summary()}, indent=2)
-        (self.path / "run.json").write_text(text + "\n", encoding="utf-8")
+    def _so_far(self) -> dict[str, Any]:
+        """What run.json says of the files that were written."""
+        rows = sum(int(file["rows"]) for file in self._files)
+        return {"rows": rows, "files": self._files, "failures": self.failures.summary()}
 
 
-def header(sim: Stepper) -> dict[str, Any]:
+def header(sim: Stepper, note: str = "") -> dict[str, Any]:
     """Theta: everything that was in force."""
     return {
         "format": FORMAT,
-        "model": {"name": sim.model.name, "sha256": sim.model.digest, "file": "model.stepper"},
+        "note": note,
+        "model": {"name": sim.model.name, "sha256": sim.model.digest, "file": MODEL},
         "options": dataclasses.asdict(sim.options),
         "timestep": sim.timestep,
+        "tolerance": sim.tolerance,
         "num_envs": sim.num_envs,
         "precision": sim.precision,
         "threads": sim.threads,

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
+import operator
 import os
-from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +13,9 @@ import numpy as np
 
 from stepper._actuators import ActuatorModel
 from stepper._options import Options
-from stepper._record import APPLIED, COMPARED, FORMAT, KINDS
+from stepper._recording import APPLIED, COMPARED, HEADER, MODEL, Arrays, Header, RecordingError, read_header, read_rows, reading
 from stepper._sensors import SensorModel
 from stepper._stepper import Model, State, Stepper, __version__
-
-Arrays = dict[str, np.ndarray[Any, Any]]
 
 
 @dataclass(frozen=True)
@@ -86,78 +84,72 @@ def replay(path: str | os.PathLike[str], *, model: Model | None = None, threads:
         threads: Threads that step; None is as recorded. The bits do not depend on it.
 
     Raises:
-        ValueError: The recording is of another model, or damaged.
+        TypeError, ValueError: `model` is no model, or `threads` no number of threads.
+        RecordingError: The recording is of another model, a file of it is missing, or something in it is not what was written.
         OSError: It cannot be read.
+        MemoryError: It has more environments than there is memory for.
     """
+    if model is not None and not isinstance(model, Model):
+        raise TypeError(f"model is {model!r} ({type(model).__name__}), must be a stepper.Model")
+    if threads is not None and operator.index(threads) < 0:
+        raise ValueError(f"threads is {threads}, must be a whole number, 0 or more")
     folder = Path(path)
     head = read_header(folder)
-    own = Model.from_file(folder / head["model"]["file"])
-    for digest, whose in [(own.digest, "the model in its folder"), (model.digest if model else own.digest, "the model given")]:
-        if digest != head["model"]["sha256"]:
-            name = head["model"]["name"]
-            raise ValueError(f'{folder} was recorded with model "{name}" {head["model"]["sha256"][:12]}, {whose} is {digest[:12]}')
-    sim = Stepper(
-        own,
-        head["num_envs"],
-        options=Options(**head["options"]),
-        precision=head["precision"],
-        threads=head["threads"] if threads is None else threads,
-        seed=head["seed"],
-        actuators=None if head.get("actuators") is None else ActuatorModel.from_dict(head["actuators"], str(folder)),
-        sensors=None if head.get("sensors") is None else SensorModel.from_dict(head["sensors"], str(folder)),
-    )
-    versions = (head["provenance"]["versions"]["stepper"], __version__)
+    with reading(folder / HEADER):
+        sim = _stepper(folder, head, model, threads)
+        versions = (head["provenance"]["versions"]["stepper"], __version__)
     rows = steps = 0
-    for kind, arrays in read_rows(folder):
-        difference = _repeat(sim, kind, arrays, rows, steps)
+    for place, kind, arrays in read_rows(folder, head):
+        with reading(place):
+            difference = _repeat(sim, kind, arrays, rows, steps)
         rows, steps = rows + 1, steps + (kind == "step")
         if difference:
             return Replay(rows, steps, difference, head["closed"], versions)
     return Replay(rows, steps, None, head["closed"], versions)
 
 
-def read_header(folder: Path) -> dict[str, Any]:
-    """The contents of run.json.
-
-    Raises:
-        ValueError: It is not one that this version reads.
-    """
-    head: dict[str, Any] = json.loads((folder / "run.json").read_text(encoding="utf-8"))
-    if head.get("format") != FORMAT:
-        raise ValueError(f"{folder} has format {head.get('format')} of recordings, this version reads {FORMAT}")
-    return head
-
-
-def read_rows(folder: Path) -> Iterator[tuple[str, Arrays]]:
-    """Every row of a recording: what it was, and its arrays. One file is in memory at a time."""
-    for file in sorted(folder.glob("[0-9]*.npz")):
-        with np.load(file, allow_pickle=False) as chunk:
-            arrays = dict(chunk)
-        step = 0
-        for row, kind in enumerate(KINDS[k] for k in arrays.pop("kind")):
-            if kind == "step":
-                yield kind, {name: values[step] for name, values in arrays.items() if "/" not in name}
-                step += 1
-            else:
-                own = f"{row}/"
-                yield kind, {name.removeprefix(own): values for name, values in arrays.items() if name.startswith(own)}
+def _stepper(folder: Path, head: Header, model: Model | None, threads: int | None) -> Stepper:
+    """A stepper as the recorded one was made."""
+    with reading(folder / MODEL):
+        own = Model.from_file(folder / MODEL)
+    for digest, whose in [(own.digest, "the model in its folder"), (model.digest if model else own.digest, "the model given")]:
+        if digest != head["model"]["sha256"]:
+            name = head["model"]["name"]
+            raise RecordingError(f'{folder} was recorded with model "{name}" {head["model"]["sha256"][:12]}, {whose} is {digest[:12]}')
+    if differ := head["options"].keys() ^ {field.name for field in fields(Options)}:
+        raise RecordingError(
+            f"{folder / HEADER}: options have or lack {', '.join(sorted(differ))}; replay it with the version that recorded"
+        )
+    return Stepper(
+        own,
+        head["num_envs"],
+        options=Options(**head["options"]),
+        precision=head["precision"],
+        threads=head["threads"] if threads is None else threads,
+        seed=head["seed"],
+        actuators=None if head["actuators"] is None else ActuatorModel.from_dict(head["actuators"], str(folder)),
+        sensors=None if head["sensors"] is None else SensorModel.from_dict(head["sensors"], str(folder)),
+    )
 
 
 def _repeat(sim: Stepper, kind: str, arrays: Arrays, row: int, step: int) -> Difference | None:
+    if (kind == "start") != (row == 0):
+        raise ValueError(f"it is a {kind}: a recording begins with a start, and has no other")
     if kind == "step":
         ctrl = arrays["ctrl"] if sim.num_envs is not None else arrays["ctrl"][0]
         sim.step(ctrl, nstep=int(arrays["nstep"]))
         return _compare(sim, arrays, row, step)
-    if kind in ("start", "set_state") and "state" in arrays:
+    if kind == "start" or (kind == "set_state" and "state" in arrays):
         _randomize(sim, arrays)
-        sim.set_state(State(arrays["state"].tobytes(), bytes.fromhex(sim.model.digest)))
+        sim.set_state(State(arrays["state"].tobytes()))
     elif kind == "set_state":
-        sim.set_state(**arrays)
+        cold = bool(arrays.pop("cold", True))
+        sim.set_state(**arrays, cold=cold)
     elif kind == "randomize":
         _randomize(sim, arrays)
     elif kind == "reset":
         word, number = arrays.pop("keyframe", None), arrays.pop("seed", None)
-        keyframe, seed = None if word is None else str(word), None if number is None else int(number)
+        keyframe, seed = None if word is None else word.item(), None if number is None else int(number)
         sim.reset(**arrays, keyframe=keyframe, seed=seed)
     else:
         for name in APPLIED:
@@ -171,22 +163,25 @@ def _randomize(sim: Stepper, arrays: Arrays) -> None:
     rows = {name.removeprefix("theta/"): values for name, values in arrays.items() if name.startswith("theta/")}
     n = sim.num_envs or 1
     mask = arrays.get("mask", np.full(n, True))
-    fields: dict[str, np.ndarray[Any, Any] | ActuatorModel | None] = {str(name): None for name in arrays.get("shared", ())}
+    drawn: dict[str, np.ndarray[Any, Any] | ActuatorModel | None] = {str(name): None for name in arrays.get("shared", ())}
     for name, values in rows.items():
         shape = np.shape(getattr(sim.model, name))
         full = np.zeros((n, *shape))
         full[mask] = values.reshape(-1, *shape)
-        fields[name] = full if sim.num_envs is not None else full[0]
+        drawn[name] = full if sim.num_envs is not None else full[0]
     if "actuators" in arrays:
-        fields["actuators"] = ActuatorModel.from_dict(json.loads(str(arrays["actuators"]))).spread(mask)
-    if fields or "mask" in arrays:
-        sim.randomize(mask, **fields)
+        drawn["actuators"] = ActuatorModel.from_dict(json.loads(str(arrays["actuators"]))).spread(mask)
+    if drawn or "mask" in arrays:
+        sim.randomize(mask, **drawn)
 
 
 def _compare(sim: Stepper, arrays: Arrays, row: int, step: int) -> Difference | None:
     n = sim.num_envs or 1
     for name in COMPARED:
-        was, now = arrays[name].reshape(n, -1), np.asarray(getattr(sim, name)).reshape(n, -1)
+        was, now = arrays[name], np.asarray(getattr(sim, name))
+        if was.shape != now.shape:
+            raise ValueError(f"{name} has shape {was.shape}, must be {now.shape}")
+        was, now = was.reshape(n, -1), now.reshape(n, -1)
         # As bits, so that -0 is not 0 and NaN is NaN.
         differs = was.dtype != now.dtype or was.tobytes() != now.tobytes()
         if differs:

@@ -31,7 +31,8 @@ class Transfer:
         scale: Factor of every channel; or a matrix (dim, dim) that mixes them.
         scale_std: Standard deviation of the relative error of each channel's factor, drawn at each reset.
         misalignment_std: Standard deviation of what each channel reads of every other, in rad, drawn at each reset.
-        bias_std: Standard deviation of each channel's bias, drawn at each reset.
+        bias: Bias of every channel, the same in every episode.
+        bias_std: Standard deviation of what each channel's bias has beside it, drawn at each reset.
         drift_std: Growth of each channel's drift, per sqrt(s); it is 0 at each reset.
         drift_time: Correlation time of the drift in s, which makes it a first-order Gauss-Markov process of standard deviation
             drift_std sqrt(drift_time / 2) in the long run; None is a random walk.
@@ -50,6 +51,7 @@ class Transfer:
     scale: Number = 1.0
     scale_std: Number = 0.0
     misalignment_std: Number = 0.0
+    bias: Number = 0.0
     bias_std: Number = 0.0
     drift_std: Number = 0.0
     drift_time: Number | None = None
@@ -74,7 +76,7 @@ class Transfer:
         """What the Rust crate's `Transfer` holds."""
         mixes = np.ndim(self.scale) == 2
         low, high = (-math.inf, math.inf) if self.limits is None else self.limits
-        plain = ("scale_std", "misalignment_std", "bias_std", "drift_std", "noise_std", "quantum", "delay", "jitter", "dropout")
+        plain = ("scale_std", "misalignment_std", "bias", "bias_std", "drift_std", "noise_std", "quantum", "delay", "jitter", "dropout")
         return {
             **{name: numbers(name, getattr(self, name), num_envs) for name in plain},
             "scale": [1.0] if mixes else numbers("scale", self.scale, num_envs),

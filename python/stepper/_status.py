@@ -9,9 +9,12 @@ class Status(IntFlag):
     """Flags of `Stepper.status`, one word per environment: all that happened during the last call of `step`."""
 
     OK = 0
-    """Solved to the tolerance, finite, every contact held."""
+    """Solved to the tolerance, finite, every contact held, nothing deep in another thing or far beyond its range."""
     NOT_CONVERGED = 1
-    """The residual of a step was above the tolerance; `Stepper.residual` says by how much."""
+    """The residual of a step was above the tolerance; `Stepper.residual` says by how much. Above 0.01 m/s (and ten times the tolerance) the
+    kinetic energy was kept from growing by impulses that do not solve the problem, and no joint left the step with more than a radian a
+    step. So it was, and the flag is set, where impulses cancel in a jam and are so large that even a small residual leaves the energy
+    undecided."""
     NON_FINITE = 2
     """A step was not finite; the environment keeps its last finite state and its time stands still."""
     CONTACTS_FULL = 4
@@ -23,3 +26,13 @@ class Status(IntFlag):
     is NON_FINITE."""
     TUNNELLED = 16
     """Something moved so fast that it may have passed through something thin: a smaller time step would tell."""
+    INFEASIBLE = 32
+    """What constraints demand cannot be met, and a witness proves it: impulses that move nothing, or so little that no motion within the
+    bounds of a correction (5 `max_correction_speed` in m/s, and 10 of that in rad/s) gives what they ask for. Overlaps that contradict one
+    another, a weld out of reach, a contact whose normal passes a hinge. What can be met is, in the least squares of the rest."""
+    DEEP = 64
+    """A contact overlapped by more than 1 mm: a hundred times the default slop, more than a contact that is solved keeps. `Stepper.depth`
+    says by how much. Bodies that begin inside one another, and steps that do not resolve an impact between edges, are why."""
+    OVER_LIMIT = 128
+    """A joint or tendon was beyond its range by more than 0.01 rad (0.6 degrees; of slides and tendons 0.01 m) after a step: more than a
+    hard stop gives. `Stepper.limit_overshoot` says by how much."""

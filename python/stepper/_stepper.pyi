@@ -1,7 +1,8 @@
 """The binary: models and steppers.
 
 Arrays are C-contiguous NumPy arrays, float64 unless `precision="f32"`. With `num_envs=None` the leading axis is absent. SI units,
-quaternions (w, x, y, z).
+quaternions (w, x, y, z). What an attribute gives is a read-only copy, unless its documentation says that it is writable; what a method
+returns belongs to whoever asked.
 """
 
 import builtins
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stepper._actuators import ActuatorModel
-from stepper._options import Options
+from stepper._options import Options, Precision
 from stepper._readings import Combination, RayFan
 from stepper._record import Recorder
 from stepper._sensors import SensorModel
@@ -24,41 +25,198 @@ __version__: Final[str]
 _Array: TypeAlias = NDArray[Any]
 
 def cpu_levels() -> list[str]:
-    """CPU levels of this machine, slowest first; STEPPER_CPU_LEVEL chooses one. Results have the same bits at every level."""
+    """CPU levels of this machine, slowest first."""
 
 class ModelError(ValueError):
-    """A model that cannot be simulated: what is wrong, where in the model, and what to do."""
+    """A model that cannot be simulated: what is wrong, where, and what to do."""
 
 @final
 class Model:
     """A scene, immutable: bodies, joints, geoms, actuators, sensors.
 
-    Any field that `replace` takes can be read as an attribute, e.g. `model.geom_friction` (ngeom, 3).
+    Every field that `replace` takes is an attribute, a read-only copy, e.g. `model.geom_friction` (ngeom, 3). Models compare by
+    value and pickle.
     """
 
     name: Final[str]
+    """Name of the scene; may be empty."""
     nq: Final[int]
+    """Coordinates of a configuration."""
     nv: Final[int]
+    """Degrees of freedom."""
     nu: Final[int]
+    """Controls."""
     na: Final[int]
+    """Activations of actuators."""
     nbody: Final[int]
+    """Bodies, the world included, which is body 0."""
     njnt: Final[int]
+    """Joints."""
     ngeom: Final[int]
+    """Geoms."""
     nsensordata: Final[int]
+    """Readings of all sensors together."""
     body_names: Final[list[str]]
+    """Names of the bodies in their order; empty where one has none."""
     joint_names: Final[list[str]]
+    """Names of the joints in their order; empty where one has none."""
     geom_names: Final[list[str]]
+    """Names of the geoms in their order; empty where one has none."""
     actuator_names: Final[list[str]]
+    """Names of the actuators in their order; empty where one has none."""
     sensor_names: Final[list[str]]
+    """Names of the sensors in their order; empty where one has none."""
     site_names: Final[list[str]]
+    """Names of the sites in their order; empty where one has none."""
     keyframe_names: Final[list[str]]
+    """Names of the keyframes in their order; empty where one has none."""
     sensors: Final[list[dict[str, Any]]]
     """name, type, adr (of the first reading), dim, datatype; and what the source declares: noise, cutoff, delay, interval."""
     omitted: Final[list[tuple[str, str, str]]]
     """(kind, name, reason) of everything in the source that this model leaves out."""
+    requested: Final[dict[str, Any] | None]
+    """What the source asks of a simulator that stepper does in its own way: integrator, solver, iterations, cone, constrained
+    (whether it has constraints, which are soft there), soft (what has solref or solimp of its own). None where the model was made
+    in code."""
+    deviations: Final[list[str]]
+    """What the source asks for expressly and default options do otherwise, in words: an integrator other than Euler's, softness."""
     digest: Final[str]
     """SHA-256 of the model, in hexadecimal."""
-
+    @property
+    def gravity(self) -> _Array:
+        """Gravitational acceleration, m/s^2: (3,)."""
+    @property
+    def timestep(self) -> _Array:
+        """Default time step, s."""
+    @property
+    def qpos0(self) -> _Array:
+        """Configuration at reset: (nq,)."""
+    @property
+    def qpos_spring(self) -> _Array:
+        """Configuration in which springs rest: (nq,)."""
+    @property
+    def density(self) -> _Array:
+        """Density of the medium, kg/m^3."""
+    @property
+    def viscosity(self) -> _Array:
+        """Viscosity of the medium, Pa s."""
+    @property
+    def wind(self) -> _Array:
+        """Velocity of the medium, m/s: (3,)."""
+    @property
+    def body_gravcomp(self) -> _Array:
+        """Share of its weight that is held up: (nbody,)."""
+    @property
+    def geom_surfacevel(self) -> _Array:
+        """Velocity of the surface, m/s and rad/s: (ngeom, 6)."""
+    @property
+    def body_mass(self) -> _Array:
+        """Mass, kg: (nbody,)."""
+    @property
+    def body_inertia(self) -> _Array:
+        """Principal moments of inertia, kg m^2: (nbody, 3)."""
+    @property
+    def body_ipos(self) -> _Array:
+        """Centre of mass in the body's frame, m: (nbody, 3)."""
+    @property
+    def body_iquat(self) -> _Array:
+        """Orientation of the principal axes: (nbody, 4)."""
+    @property
+    def body_pos(self) -> _Array:
+        """Position in the parent's frame, m: (nbody, 3)."""
+    @property
+    def body_quat(self) -> _Array:
+        """Orientation in the parent's frame: (nbody, 4)."""
+    @property
+    def geom_friction(self) -> _Array:
+        """Sliding (1), torsional (m), rolling (m) friction: (ngeom, 3)."""
+    @property
+    def geom_restitution(self) -> _Array:
+        """Coefficient of restitution: (ngeom,)."""
+    @property
+    def geom_margin(self) -> _Array:
+        """Distance at which a contact pushes, m: (ngeom,)."""
+    @property
+    def geom_gap(self) -> _Array:
+        """Distance beyond the margin that is reported, m: (ngeom,)."""
+    @property
+    def geom_size(self) -> _Array:
+        """Radius, half length; or half sizes; or semi-axes; 0 where the shape has no number; m: (ngeom, 3)."""
+    @property
+    def geom_pos(self) -> _Array:
+        """Position in the body's frame, m: (ngeom, 3)."""
+    @property
+    def geom_quat(self) -> _Array:
+        """Orientation in the body's frame: (ngeom, 4)."""
+    @property
+    def geom_condim(self) -> _Array:
+        """Rows of a contact: (ngeom,)."""
+    @property
+    def geom_concave(self) -> _Array:
+        """Whether a mesh collides as its triangles (1) or as its convex hull (0): (ngeom,)."""
+    @property
+    def jnt_stiffness(self) -> _Array:
+        """Spring stiffness, N/m or N m/rad: (njnt,)."""
+    @property
+    def jnt_range(self) -> _Array:
+        """Lowest and highest position, m or rad: (njnt, 2)."""
+    @property
+    def jnt_actfrcrange(self) -> _Array:
+        """Bounds of the sum of actuator forces, N or N m: (njnt, 2)."""
+    @property
+    def dof_damping(self) -> _Array:
+        """Viscous damping, N s/m or N m s/rad: (nv,)."""
+    @property
+    def dof_armature(self) -> _Array:
+        """Added inertia, kg or kg m^2: (nv,)."""
+    @property
+    def dof_frictionloss(self) -> _Array:
+        """Dry friction, N or N m: (nv,)."""
+    @property
+    def tendon_range(self) -> _Array:
+        """Lowest and highest length: (ntendon, 2)."""
+    @property
+    def tendon_stiffness(self) -> _Array:
+        """Spring stiffness: (ntendon,)."""
+    @property
+    def tendon_lengthspring(self) -> _Array:
+        """Lengths between which the spring is slack: (ntendon, 2)."""
+    @property
+    def tendon_damping(self) -> _Array:
+        """Viscous damping: (ntendon,)."""
+    @property
+    def tendon_armature(self) -> _Array:
+        """Added inertia: (ntendon,)."""
+    @property
+    def tendon_frictionloss(self) -> _Array:
+        """Dry friction, N: (ntendon,)."""
+    @property
+    def eq_active0(self) -> _Array:
+        """1 for an equality that acts, else 0: (neq,)."""
+    @property
+    def eq_data(self) -> _Array:
+        """Anchors, pose and torquescale, or polynomial, as MuJoCo lays them out: (neq, 11)."""
+    @property
+    def eq_stiffness(self) -> _Array:
+        """Infinity for a hard equality, else a spring's: (neq,)."""
+    @property
+    def eq_damping(self) -> _Array:
+        """Damping beside the spring of a soft equality: (neq,)."""
+    @property
+    def actuator_gear(self) -> _Array:
+        """Scale of length, velocity and force: (nu,)."""
+    @property
+    def actuator_gain(self) -> _Array:
+        """Affine gain: (nu, 3)."""
+    @property
+    def actuator_bias(self) -> _Array:
+        """Affine bias: (nu, 3)."""
+    @property
+    def actuator_ctrlrange(self) -> _Array:
+        """Bounds of the control: (nu, 2)."""
+    @property
+    def actuator_forcerange(self) -> _Array:
+        """Bounds of the force, N or N m: (nu, 2)."""
     @staticmethod
     def from_description(description: dict[str, Any], strict: bool) -> Model:
         """The model of a plain description (the fields of the Rust crate's `Model`), checked.
@@ -77,7 +235,11 @@ class Model:
     def save(self, path: str | PathLike[str]) -> None:
         """Writes the model so that `stepper.load(path)` gives the same one, bit for bit, without the MJCF reader."""
     def explain(self) -> str:
-        """What is modelled, what was left out and why, and what rigid bodies cannot model."""
+        """A report in words.
+
+        What the source asks for and something else runs by default; what is modelled; what was left out and why; what costs nothing;
+        what rigid bodies cannot model; and what is in the way of what at the reference pose.
+        """
     def replace(self, **fields: ArrayLike) -> Model:
         """A new model with other values in some fields, e.g. `geom_restitution=` (ngeom,); what derives from a field follows.
 
@@ -94,21 +256,30 @@ class Model:
         """
     def geoms_seen_from(self, site: int) -> list[int]:
         """Indices of the geoms that rays from a site can meet: all simple shapes but those of the site's own body."""
-    def __getattr__(self, name: str, /) -> _Array: ...
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
     def __hash__(self) -> int: ...
 
 @final
 class State:
-    """Everything of a `Stepper` that survives a step. Compares by bits and pickles."""
+    """Everything that survives a step, of all environments of a `Stepper` or of one; see `Stepper.get_state`.
+
+    Compares by bits and pickles.
+
+    Args:
+        bytes: What `State.bytes` gave.
+
+    Raises:
+        ValueError: The bytes are no state, cut off or damaged, or of another version.
+    """
 
     bytes: Final[builtins.bytes]
-    """What `State(bytes, digest)` takes."""
+    """What `State(bytes)` takes: the state with a checksum and the digest of its model."""
     digest: Final[builtins.bytes]
     """SHA-256 of the model that it belongs to."""
     nbytes: Final[int]
-    def __new__(cls, bytes: builtins.bytes, digest: builtins.bytes) -> State: ...
+    """Length of `bytes`."""
+    def __new__(cls, bytes: builtins.bytes) -> State: ...
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
 
@@ -133,30 +304,49 @@ class Stepper:
     """
 
     model: Final[Model]
+    """The scene."""
     options: Final[Options]
+    """Settings of the step, as they were given."""
     num_envs: Final[int | None]
+    """Number of environments; None is a single one, without the leading axis."""
     timestep: Final[float]
-    precision: Final[str]
+    """Time step in force, s."""
+    tolerance: Final[float]
+    """Residual at which the solver stops, in force, m/s."""
+    precision: Final[Precision]
+    """Scalar type of the lanes: "f64" or "f32"."""
     threads: Final[int]
+    """Threads that step; 0 is all that this process may use."""
     seed: Final[int]
+    """Seed of the errors of sensors."""
     qpos: Final[_Array]
-    """Configuration, a copy: (num_envs, nq)."""
+    """Configuration: (num_envs, nq), m and quaternions and rad. `set_state(qpos=...)` sets it."""
     qvel: Final[_Array]
-    """Velocity, a copy: (num_envs, nv)."""
+    """Velocity: (num_envs, nv), m/s and rad/s. `set_state(qvel=...)` sets it."""
     act: Final[_Array]
-    """Activations, a copy: (num_envs, na)."""
+    """Activations of actuators: (num_envs, na). `set_state(act=...)` sets them."""
     ctrl: Final[_Array]
-    """Controls of the last call of `step`, a copy: (num_envs, nu)."""
+    """Controls in force: (num_envs, nu). Those of the last step or the keyframe that an episode began with, zero after any other
+    reset."""
+    xpos: Final[_Array]
+    """Positions of the bodies at the present `qpos`: (num_envs, nbody, 3) in m, of their frames' origins. Body 0 is the world.
+    MuJoCo's `mj_step` leaves those before the step, `mj_forward` these."""
+    xquat: Final[_Array]
+    """Orientations of the bodies at the present `qpos`: (num_envs, nbody, 4)."""
     time: Final[Any]
-    """Simulated time in s: (num_envs,)."""
+    """Simulated time in s: (num_envs,). `set_state(time=...)` sets it."""
     status: Final[Any]
     """Flags of the last call of `step`, see `stepper.Status`: (num_envs,) uint32."""
     residual: Final[Any]
     """Natural-map residual of the last step in m/s: (num_envs,)."""
     iterations: Final[Any]
     """Sweeps and Newton steps of the solver in the last step, together: (num_envs,) uint32."""
-    penetration: Final[Any]
-    """Deepest overlap of the last step's contacts, beyond their margins, in m: (num_envs,)."""
+    depth: Final[Any]
+    """Deepest overlap of a contact beyond its margin in the last call of `step`, of all its steps, in m: (num_envs,) float64. It is
+    seen where a step is taken, by "midpoint" and "rk4" in its middle. Above 1 mm `status` says DEEP."""
+    limit_overshoot: Final[Any]
+    """Farthest that a joint or tendon was beyond its range after a step of the last call of `step`, in rad or m: (num_envs,)
+    float64. Above 0.01 `status` says OVER_LIMIT."""
     recorder: Any
     """Whom `step`, `reset` and `set_state` tell what they did (see `stepper.Recorder`); None is nobody."""
     sensors: Final[SensorModel | None]
@@ -164,14 +354,14 @@ class Stepper:
     actuators: Final[ActuatorModel | None]
     """What becomes of controls before they are forces, as the stepper was made; what `randomize` drew since is in `randomized`."""
     observation: Final[_Array]
-    """Sensor readings of the last step, the same however often they are read: (num_envs, nsensordata)."""
+    """Sensor readings of the last step, the same however often they are read: (num_envs, nsensordata). `observe()` gives an array to
+    write to."""
     sensor_truth: Final[_Array]
     """The readings of ideal sensors: (num_envs, nsensordata).
 
-    Positions and velocities are those after the last step; accelerations are (v+ - v) / h of that step, impulses of contacts and limits
-    included, and forces are impulses over h. Where no step was made since the state was set, accelerations and forces are those of the step
-    that would be made from it.
-    """
+    Positions and velocities are those after the last step; accelerations are (v+ - v) / h of that step, impulses of contacts and
+    limits included, and forces are impulses over h. Where no step was made since the state was set, accelerations and forces are
+    those of the step that would be made from it."""
     sensor_faults: Final[_Array]
     """Of each sensor, readings that were clipped to its limits and samples that were lost in the last call of `step`:
     (num_envs, nsensor, 2) uint32."""
@@ -179,15 +369,16 @@ class Stepper:
     """Steps of the last call of `step` in which the effort of each actuator was cut to its bounds: its `forcerange`, its joint's
     `actuatorfrcrange`, or the limits and torque-speed curve of its drive: (num_envs, nu) uint32."""
     qfrc_applied: _Array
-    """Writable, read by every step: forces on the joints in N or N m, (num_envs, nv)."""
+    """Writable, read by every step until changed or reset: forces on the joints in N or N m, (num_envs, nv)."""
     xfrc_applied: _Array
-    """Writable, read by every step: force (N) and torque (N m) at every body's centre of mass, world axes, (num_envs, nbody, 6)."""
+    """Writable, read by every step until changed or reset: force (N) and torque (N m) at every body's centre of mass, world axes,
+    (num_envs, nbody, 6)."""
     mocap_pos: _Array
-    """Writable, read by every step: positions of the mocap bodies in m, (num_envs, nmocap, 3)."""
+    """Writable, read by every step until changed or reset: positions of the mocap bodies in m, (num_envs, nmocap, 3)."""
     mocap_quat: _Array
-    """Writable, read by every step: orientations of the mocap bodies, (num_envs, nmocap, 4)."""
+    """Writable, read by every step until changed or reset: orientations of the mocap bodies, (num_envs, nmocap, 4)."""
     randomized: Final[dict[str, Any]]
-    """What environments have of their own, as `randomize` takes it: arrays by field, and under "actuators" an `ActuatorModel`. Copies."""
+    """What environments have of their own, as `randomize` takes it: arrays by field, and under "actuators" an `ActuatorModel`."""
 
     def __new__(
         cls,
@@ -195,7 +386,7 @@ class Stepper:
         num_envs: int | None = None,
         *,
         options: Options | None = None,
-        precision: str = "f64",
+        precision: Precision = "f64",
         threads: int = 1,
         seed: int = 0,
         sensors: SensorModel | None = None,
@@ -208,16 +399,19 @@ class Stepper:
         qpos: ArrayLike | None = None,
         qvel: ArrayLike | None = None,
         seed: int | None = None,
-        keyframe: str | None = None,
+        keyframe: str | int | None = None,
     ) -> None:
         """Starts a new episode in all environments, or in those of a boolean mask (num_envs,). Nothing of the old one remains.
+
+        Forces that are applied end, mocap bodies go back to where the model has them, and controls in force are zero, or the
+        keyframe's, until `step` takes others. Parameters of `randomize` stay.
 
         Args:
             mask: Which environments; None is all.
             qpos: Where they start, (num_envs, nq) or (nq,); None is the model's reference. Quaternions are normalised.
             qvel: How fast, (num_envs, nv) or (nv,); None is at rest.
             seed: A new seed; None keeps the old one.
-            keyframe: Name of a keyframe to start from.
+            keyframe: Name or index of a keyframe to start from: its qpos, qvel, act, ctrl and time.
 
         Raises:
             ValueError: A wrong shape, a number that is not finite, a quaternion of zeros. Nothing is changed then.
@@ -227,25 +421,31 @@ class Stepper:
         """Makes `nstep` steps in every environment.
 
         Args:
-            ctrl: Controls, (num_envs, nu) or (nu,) for all, held for all steps; None is zero.
+            ctrl: Controls, (num_envs, nu) or (nu,) for all, held until others are given; None holds those in force (`Stepper.ctrl`),
+                as MuJoCo does.
             nstep: Number of steps.
 
         Raises:
             ValueError: A wrong shape; the message has both. A control that is NaN is no error: its environment keeps its state and
                 says NON_FINITE in `status`.
+            KeyboardInterrupt: Ctrl-C in a long call, which looks for signals some twenty times a second. Every environment has then
+                made the same number of steps, the exception's `steps`, and all is as a call with that `nstep` leaves it; but mocap
+                bodies are where their way has brought them, and a recording in which they were under way replays up to this call
+                only. What another signal's handler raises ends the call alike.
         """
     def rollout(
         self, ctrl: ArrayLike, nstep: int = 1, *, fields: Sequence[str] | None = None, out: dict[str, _Array] | None = None
     ) -> dict[str, _Array]:
         """Makes `nstep` steps with each of T controls, without Python in between: the bits of T calls of `step`.
 
-        A thread keeps its environments for all T controls. `qfrc_applied`, `xfrc_applied` and mocap poses stay as they are throughout.
+        A thread keeps its environments for all T controls. `qfrc_applied`, `xfrc_applied` and mocap poses stay as they are
+        throughout.
 
         Args:
             ctrl: Controls, (T, num_envs, nu), or (T, nu) for all environments.
             nstep: Steps that each control is held.
-            fields: What to write down after every control: "qpos" (T, num_envs, nq), "qvel" (T, num_envs, nv), "act" (T, num_envs, na),
-                "observation" (T, num_envs, nsensordata). None is what `out` names, and without `out` all but "act".
+            fields: What to write down after every control: "qpos" (T, num_envs, nq), "qvel" (T, num_envs, nv), "act" (T, num_envs,
+                na), "observation" (T, num_envs, nsensordata). None is what `out` names, and without `out` all but "act".
             out: Arrays to write into, by field: of those shapes, C-contiguous, float64, or float32 with `precision="f32"`.
 
         Returns:
@@ -256,15 +456,17 @@ class Stepper:
         Raises:
             ValueError: A wrong shape, an unknown field, an array of `out` that cannot be written or is given twice.
             TypeError: An array of `out` of the wrong dtype.
+            KeyboardInterrupt: As in `step`; `steps` counts those of all controls. Rows of `out` have what followed each control, of
+                the last one what followed the steps that were made; the rows beyond are as they were.
         """
     def memory(self) -> dict[str, int]:
         """Memory that the environments take, in bytes, without NumPy arrays that were handed out.
 
         Returns:
             "per_env": of each environment; "per_thread": working room of each thread that steps, none of which is per environment;
-            "state", "parameters" and "inputs": what all environments hold, what they have of their own by `randomize` and as numbers of
-            drives, and what waits for the next step (controls, applied forces, mocap poses); "threads": how many have room; "total":
-            "state" + "parameters" + "inputs" + "threads" x "per_thread".
+            "state", "parameters" and "inputs": what all environments hold, what they have of their own by `randomize` and as numbers
+            of drives, and what waits for the next step (controls, applied forces, mocap poses); "threads": how many have room;
+            "total": "state" + "parameters" + "inputs" + "threads" x "per_thread".
         """
     def set_state(
         self,
@@ -273,50 +475,61 @@ class Stepper:
         mask: ArrayLike | None = None,
         *,
         act: ArrayLike | None = None,
+        time: ArrayLike | None = None,
+        cold: bool = True,
     ) -> None:
-        """Sets configuration, velocity or activations; or, given a `State` alone, everything that survives a step.
+        """Sets configuration, velocity, activations or time; or, given a `State`, everything that survives a step.
 
-        Warm starts are forgotten, so that what follows depends on the new state alone; continuing from a `State` repeats the same bits.
+        The next state is a function of `qpos`, `qvel`, `act` and the controls; what the solver starts from moves it by some 1e-7 of a
+        velocity (docs/decisions/visible_state.md). The other memory of an environment is that of its drives (delay lines, lags,
+        integrals) and sensors (bias, drift, delay lines, samples held).
 
         Args:
-            qpos: (num_envs, nq) or (nq,), or what `get_state` returned.
+            qpos: (num_envs, nq) or (nq,). Or what `get_state` returned: of a batch of the same size each environment takes its own
+                part, of a single environment all take the same. Continuing from a `State` repeats the same bits; where a state of one
+                is given to a batch, each environment's sensors draw random numbers of their own from then on.
             qvel: (num_envs, nv) or (nv,).
-            mask: Which environments; None is all.
+            mask: Which environments, (num_envs,) bool; None is all. `set_state(get_state(env=3), mask=...)` copies environment 3 to
+                others.
             act: (num_envs, na) or (na,).
+            time: s, (num_envs,) or one for all.
+            cold: Whether the memory is forgotten where qpos, qvel or act are set: impulses that the solver starts from, contacts,
+                flags, delay lines (which the next control and reading fill) and errors of sensors, so that what follows depends on
+                the new state alone. False keeps it, for whoever corrects the state of an environment that goes on: an observer beside
+                its plant. That also saves the time of a start from nothing.
 
         Raises:
-            ValueError: A wrong shape, a number that is not finite, a quaternion of zeros, a state of another model. Nothing is changed
-                then.
+            ValueError: A wrong shape, a number that is not finite, a quaternion of zeros, a state of another model. Nothing is
+                changed then.
         """
     def randomize(self, mask: ArrayLike | None = None, **fields: ArrayLike | ActuatorModel | None) -> None:
         """Gives environments parameters of their own, as `Model.replace` would give them to a model; what derives from them follows.
 
-        Every environment then moves as one of a `Stepper` of its own model, bit for bit. Parameters are not part of the state: `reset` and
-        `set_state` leave them, pickles and recordings have them. Other fields stay as they are, whether the model's or randomized before.
-        What no environment has of its own costs neither time nor memory.
+        Every environment then moves as one of a `Stepper` of its own model, bit for bit. Parameters are not part of the state:
+        `reset` and `set_state` leave them, pickles and recordings have them. Other fields stay as they are, whether the model's or
+        randomized before. What no environment has of its own costs neither time nor memory.
 
         Args:
             mask: (num_envs,) bool: the environments that change; None is all. Rows of the others are not read.
             **fields: Arrays with num_envs in front of the shape that the field has in the model; None gives the model's own numbers
-                back, and so do all fields when none is named:
-                gravity (num_envs, 3) m/s^2; body_mass (num_envs, nbody) kg, body_ipos (num_envs, nbody, 3) m, the centre of mass, and
-                body_inertia (num_envs, nbody, 3) kg m^2, principal moments, each by itself: a body of twice the mass keeps its inertia
-                unless it is given too; geom_friction (num_envs, ngeom, 3) sliding, torsional (m), rolling (m); geom_restitution
-                (num_envs, ngeom); geom_size, geom_pos (num_envs, ngeom, 3) m, which leave masses alone; jnt_stiffness (num_envs, njnt) N/m
-                or N m/rad; jnt_range (num_envs, njnt, 2) m or rad; dof_damping, dof_armature, dof_frictionloss (num_envs, nv);
-                actuator_gain, actuator_bias (num_envs, nu, 3), whose force is gain . (1, length, velocity) times the input plus
-                bias . (1, length, velocity).
-                actuators, a `stepper.ActuatorModel`: its drives take the place of those of the actuators it fits, with all their numbers
-                (what a `Drive` does not say is its default); other actuators keep theirs, and None gives back what the stepper was made
-                with. Stages are compiled: a servo, motor, lag, limits or friction must have been given to `Stepper(..., actuators=)`, to
-                one environment at least, and delays may be as long as the longest there. Delay lines, lags and integrals are state: they
-                stay as they are until `reset`.
+                back, and so do all fields when none is named: gravity (num_envs, 3) m/s^2; body_mass (num_envs, nbody) kg, body_ipos
+                (num_envs, nbody, 3) m, the centre of mass, and body_inertia (num_envs, nbody, 3) kg m^2, principal moments, each by
+                itself: a body of twice the mass keeps its inertia unless it is given too; geom_friction (num_envs, ngeom, 3) sliding,
+                torsional (m), rolling (m); geom_restitution (num_envs, ngeom); geom_size, geom_pos (num_envs, ngeom, 3) m, which
+                leave masses alone; jnt_stiffness (num_envs, njnt) N/m or N m/rad; jnt_range (num_envs, njnt, 2) m or rad;
+                dof_damping, dof_armature, dof_frictionloss (num_envs, nv); actuator_gain, actuator_bias (num_envs, nu, 3), whose
+                force is gain . (1, length, velocity) times the input plus bias . (1, length, velocity). actuators, a
+                `stepper.ActuatorModel`: its drives take the place of those of the actuators it fits, with all their numbers (what a
+                `Drive` does not say is its default); other actuators keep theirs, and None gives back what the stepper was made with.
+                Stages are compiled: a servo, motor, lag, limits or friction must have been given to `Stepper(..., actuators=)`, to
+                one environment at least, and delays may be as long as the longest there. Delay lines, lags and integrals are state:
+                they stay as they are until `reset`.
 
         Raises:
-            ValueError: A wrong shape; both are named. A number that a drive may not have, or a stage or delay that it was not made for,
-                with the actuator. Nothing is changed then.
-            ModelError: A field that all environments share, numbers that no model may have, or that ask for something that the model has
-                none of, such as dry friction where it has 0; with field, element and environment. Nothing is changed then.
+            ValueError: A wrong shape; both are named. A number that a drive may not have, or a stage or delay that it was not made
+                for, with the actuator. Nothing is changed then.
+            ModelError: A field that all environments share, numbers that no model may have, or that ask for something that the model
+                has none of, such as dry friction where it has 0; with field, element and environment. Nothing is changed then.
         """
     def record(self, path: str | PathLike[str], **settings: Any) -> Recorder:
         """Writes everything that happens from now on into a new folder, until the `Recorder` is closed; `stepper.replay` repeats it.
@@ -326,21 +539,30 @@ class Stepper:
             **settings: See `stepper.Recorder`.
         """
     def observe(self, out: _Array | None = None) -> _Array:
-        """`observation`, written into `out` if there is one: (num_envs, nsensordata), without an allocation if it is float64."""
-    def get_state(self) -> State:
-        """Everything that survives a step."""
-    def contacts(self, env: int = 0) -> NDArray[np.void]:
-        """Contacts of the last step of one environment: those that were given a row.
+        """`observation`, written into `out` if there is one: (num_envs, nsensordata)."""
+    def get_state(self, env: int | None = None) -> State:
+        """Everything that survives a step, the controls in force included.
 
-        That is every one that the motion can close within the step, also contacts that do not touch (distance > 0), mostly without force.
-        Distances are measured from the margin, at which contacts begin to push. A gap, which in MuJoCo 4 reports contacts beyond the margin
-        that do not push, has no effect here: what is farther than a step away is not listed.
+        What is applied (`qfrc_applied` and the like) and parameters of `randomize` are not part of it.
+
+        Args:
+            env: An environment; None is all of them.
+        """
+    def contacts(self, env: int | None = None) -> NDArray[np.void]:
+        """Contacts of the last step: those that were given a row.
+
+        That is every one that the motion can close within the step, also contacts that do not touch (distance > 0), mostly without
+        force. Distances are measured from the margin, at which contacts begin to push. A gap, which in MuJoCo 4 reports contacts
+        beyond the margin that do not push, has no effect here: what is farther than a step away is not listed.
+
+        Args:
+            env: An environment; None is all of them, one after the other.
 
         Returns:
-            A structured array: geom (2,), body (2,), pos (3,) in m, normal (3,) from the first geom to the second, distance in m from
-            the margin, force (3,) in N on the second geom along normal, t1, t2, torque (3,) in N m on it about the same directions, of
-            torsional and rolling friction (condim 4 and 6), and frame (3, 3), whose rows are these directions. The second geom's torque
-            acts at pos, and |(force_t / mu_slide, torque_n / mu_spin, torque_t / mu_roll)| <= force_n.
+            A structured array: env, geom (2,), body (2,), pos (3,) in m, normal (3,) from the first geom to the second, distance in m
+            from the margin, force (3,) in N on the second geom along normal, t1, t2, torque (3,) in N m on it about the same
+            directions, of torsional and rolling friction (condim 4 and 6), and frame (3, 3), whose rows are these directions. The
+            second geom's torque acts at pos, and |(force_t / mu_slide, torque_n / mu_spin, torque_t / mu_roll)| <= force_n.
         """
     def mass_matrix(self, env: int = 0) -> NDArray[np.float64]:
         """Mass matrix of the present configuration, (nv, nv), armature included, without terms that depend on the time step."""
@@ -351,7 +573,7 @@ class Stepper:
 
         Args:
             env: The environment.
-            ctrl: Controls, (nu,); None is those of the last call of `step`. With `actuators=`, what the drives hand on to the
+            ctrl: Controls, (nu,); None is those in force. With `actuators=`, what the drives hand on to the
                 actuators' law (None is what they did last).
         """
     def energy(self, env: int = 0) -> tuple[float, float]:

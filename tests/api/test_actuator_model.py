@@ -9,6 +9,7 @@ import stepper
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from models import stepper_model
+from recordings import edit_header
 from stepper import PID, ActuatorModel, DCMotor, Drive
 
 ROBOT = "dm_control/humanoid"
@@ -164,12 +165,10 @@ def test_record_and_replay(tmp_path, num_envs):
     # Another drive is another run.
     head = json.loads((tmp_path / "run/run.json").read_text())
     assert ActuatorModel.from_dict(head["actuators"]) == EVERYTHING
-    head["actuators"]["default"]["lag"] = 0.02
-    (tmp_path / "run/run.json").write_text(json.dumps(head))
+    edit_header(tmp_path / "run", lambda head: head["actuators"]["default"].update(lag=0.02))
     assert stepper.replay(tmp_path / "run").difference.field == "qpos"
     # And without them the state does not fit.
-    head["actuators"] = None
-    (tmp_path / "run/run.json").write_text(json.dumps(head))
+    edit_header(tmp_path / "run", lambda head: head.update(actuators=None))
     with pytest.raises(ValueError, match="state"):
         stepper.replay(tmp_path / "run")
 

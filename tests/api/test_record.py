@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import stepper
 from models import stepper_model
+from recordings import edit_file, edit_header
 
 ROBOT = "gymnasium/ant"
 N, STEPS = 5, 30
@@ -52,16 +53,40 @@ def test_small_chunks_are_the_same_recording(tmp_path):
 
 def test_a_difference_is_named_by_step_field_and_environment(tmp_path):
     run(tmp_path / "run")
-    file = tmp_path / "run/00000.npz"
-    with np.load(file) as chunk:
-        arrays = dict(chunk)
-    arrays["qvel"][12, 3, 4] = np.nextafter(arrays["qvel"][12, 3, 4], 9.0)
-    np.savez(file, **arrays)
+    edit_file(tmp_path / "run", lambda arrays: arrays["qvel"].__setitem__((12, 3, 4), np.nextafter(arrays["qvel"][12, 3, 4], 9.0)))
     difference = stepper.replay(tmp_path / "run").difference
     assert (difference.step, difference.field, difference.env) == (12, "qvel", 3)
     assert difference.recorded[4] != difference.replayed[4]
     assert "call 12" in str(difference)
     assert "environment 3" in str(difference)
+
+
+@pytest.mark.parametrize("field", ["depth", "limit_overshoot"])
+def test_overlaps_are_compared(tmp_path, field):
+    run(tmp_path / "run")
+
+    def change(arrays):
+        assert arrays["depth"].any()
+        arrays[field][12, 3] += 1e-9
+
+    edit_file(tmp_path / "run", change)
+    assert stepper.replay(tmp_path / "run").difference.field == field
+
+
+@pytest.mark.parametrize(("precision", "given", "tolerance"), [("f64", None, 1e-6), ("f32", None, 1e-4), ("f64", 1e-3, 1e-3)])
+def test_a_recording_says_the_tolerance_in_force_and_keeps_a_note(tmp_path, capsys, precision, given, tolerance):
+    from stepper._cli import report
+
+    sim = stepper.Stepper(stepper_model(ROBOT), options=stepper.Options(tolerance=given), precision=precision)
+    with sim.record(tmp_path / "run", note="third gripper, dry"):
+        sim.step()
+    head = json.loads((tmp_path / "run/run.json").read_text())
+    assert (head["tolerance"], head["note"]) == (tolerance, "third gripper, dry")
+    assert sim.tolerance == tolerance
+    report(tmp_path / "run")
+    said = capsys.readouterr().out
+    assert f"tolerance {tolerance}" in said
+    assert "note: third gripper, dry" in said
 
 
 def test_another_model_is_refused(tmp_path):
@@ -72,6 +97,141 @@ def test_another_model_is_refused(tmp_path):
     other.save(tmp_path / "run/model.stepper")
     with pytest.raises(ValueError, match="recorded with model"):
         stepper.replay(tmp_path / "run")
+
+
+def remove_the_last_file(folder):
+    max(folder.glob("*.npz")).unlink()
+
+
+def remove_all_files(folder):
+    for file in folder.glob("*.npz"):
+        file.unlink()
+
+
+def swap_two_files(folder):
+    (folder / "00001.npz").rename(folder / "kept")
+    (folder / "00002.npz").rename(folder / "00001.npz")
+    (folder / "kept").rename(folder / "00002.npz")
+
+
+def cut_a_file(folder):
+    file = folder / "00001.npz"
+    file.write_bytes(file.read_bytes()[:-40])
+
+
+def flip_a_bit(folder):
+    data = bytearray((folder / "00001.npz").read_bytes())
+    data[len(data) // 2] ^= 4
+    (folder / "00001.npz").write_bytes(data)
+
+
+def edit_the_options(folder):
+    text = (folder / "run.json").read_text()
+    assert '"iterations": 50' in text
+    (folder / "run.json").write_text(text.replace('"iterations": 50', '"iterations": 49'))
+
+
+@pytest.mark.parametrize(("damage", "place"), [
+    (remove_the_last_file, r"run: 000\d\d.npz is missing, 1 of \d+ files"),
+    (remove_all_files, r"run: 00000.npz is missing, (\d+) of \1 files"),
+    (swap_two_files, "00001.npz: its contents are not those that were recorded"),
+    (cut_a_file, "00001.npz: its contents are not those that were recorded"),
+    (flip_a_bit, "00001.npz: its contents are not those that were recorded"),
+    (edit_the_options, "run.json: its contents do not match its SHA-256"),
+    (lambda folder: (folder / "00077.npz").write_bytes(b""), "00077.npz is no file of this recording"),
+    (lambda folder: (folder / "run.json").write_text("[1"), "run.json: "),
+    (lambda folder: (folder / "run.json").write_text("[1]"), "run.json: no description of a recording"),
+    (lambda folder: (folder / "run.json").write_text("{}"), "has format None of recordings"),
+    (lambda folder: (folder / "run.json").write_bytes(b"\xff\xfe{}"), "run.json: "),
+    (lambda folder: (folder / "model.stepper").write_bytes(b"stepper\xff"), "model.stepper: .*cut off"),
+])  # fmt: skip
+def test_a_recording_that_was_cut_swapped_or_edited_is_refused_with_the_place(tmp_path, damage, place):
+    run(tmp_path / "run", chunk=10_000)
+    assert stepper.replay(tmp_path / "run")
+    damage(tmp_path / "run")
+    with pytest.raises(stepper.RecordingError, match=place):
+        stepper.replay(tmp_path / "run")
+
+
+@pytest.mark.parametrize("key", ["options", "num_envs", "precision", "seed", "closed", "files", "rows", "provenance", "model"])
+@pytest.mark.parametrize("value", ["missing", None, -1, "x", [], {}, 1e300])
+def test_a_header_that_lacks_something_or_has_nonsense_is_one_documented_error(tmp_path, key, value):
+    """Behind a checksum that is right."""
+    sim = stepper.Stepper(stepper.load(PENDULUM))
+    with sim.record(tmp_path / "run"):
+        sim.step()
+    edit_header(tmp_path / "run", lambda head: head.pop(key) if value == "missing" else head.update({key: value}))
+    if (key, value) in [("num_envs", None)]:
+        assert stepper.replay(tmp_path / "run")
+        return
+    with pytest.raises(stepper.RecordingError, match="run"):
+        stepper.replay(tmp_path / "run")
+
+
+@pytest.mark.parametrize("change", [
+    lambda arrays: arrays.pop("kind"),
+    lambda arrays: arrays.update(kind=np.array([0, 9], np.uint8)),
+    lambda arrays: arrays.update(kind=np.array([0, 2], np.uint8)),
+    lambda arrays: arrays.update(kind=np.array(["a", "b"])),
+    lambda arrays: arrays.pop("ctrl"),
+    lambda arrays: arrays.pop("depth"),
+    lambda arrays: arrays.update(qpos=arrays["qpos"][:0]),
+    lambda arrays: arrays.update(qpos=arrays["qpos"][..., :0]),
+    lambda arrays: arrays.update(nstep=np.array([-1])),
+    lambda arrays: arrays.update(nstep=np.array([np.nan])),
+    lambda arrays: arrays.update(ctrl=np.array([["x"]])),
+    lambda arrays: arrays.pop("0/state"),
+    lambda arrays: arrays.update({"0/state": arrays["0/state"][:-1]}),
+    lambda arrays: arrays.update({"0/theta/body_mass": np.ones((1, 9))}),
+    lambda arrays: arrays.update({"0/theta/body_weight": np.ones((1, 2))}),
+    lambda arrays: arrays.update({"0/actuators": np.array("{")}),
+])  # fmt: skip
+def test_rows_that_lack_something_or_have_nonsense_are_one_documented_error(tmp_path, change):
+    """Behind checksums that are right."""
+    sim = stepper.Stepper(stepper.load(PENDULUM))
+    with sim.record(tmp_path / "run"):
+        sim.step()
+    edit_file(tmp_path / "run", change)
+    with pytest.raises(stepper.RecordingError, match=r"00000.npz"):
+        stepper.replay(tmp_path / "run")
+
+
+@pytest.mark.parametrize("name", ["/tmp/model.stepper", "../model.stepper", "a/model.stepper", "", "other.stepper", None])
+def test_the_model_of_a_recording_lies_in_its_folder(tmp_path, name):
+    sim = run(tmp_path / "run")
+    sim.model.save(tmp_path / "model.stepper")
+    edit_header(tmp_path / "run", lambda head: head["model"].update(file=name))
+    with pytest.raises(stepper.RecordingError, match=r"run.json: model.file is .* must be 'model.stepper'"):
+        stepper.replay(tmp_path / "run")
+
+
+def test_a_run_that_was_cut_off_has_no_hole(tmp_path):
+    """Every file but the last is known, also where nobody closed the recording; the report says so too."""
+    from stepper._cli import report
+
+    sim = stepper.Stepper(stepper_model(ROBOT))
+    sim.record(tmp_path / "run", chunk=1)
+    for _ in range(4):
+        sim.step()
+    # A file whose name did not come into run.json any more.
+    (tmp_path / "run/00005.npz").write_bytes((tmp_path / "run/00004.npz").read_bytes())
+    result = stepper.replay(tmp_path / "run")
+    assert (bool(result), result.steps, result.complete) == (True, 4, False)
+    (tmp_path / "run/00002.npz").unlink()
+    for read in (stepper.replay, report):
+        with pytest.raises(stepper.RecordingError, match=r"00002\.npz is missing, 1 of 5 files"):
+            read(tmp_path / "run")
+
+
+def test_what_replay_is_given_wrongly_is_not_laid_to_the_recording(tmp_path):
+    run(tmp_path / "run")
+    with pytest.raises(ValueError, match="threads is -1") as error:
+        stepper.replay(tmp_path / "run", threads=-1)
+    assert not isinstance(error.value, stepper.RecordingError)
+    with pytest.raises(TypeError, match=r"must be a stepper\.Model"):
+        stepper.replay(tmp_path / "run", model="ant")
+    with pytest.raises(FileNotFoundError):
+        stepper.replay(tmp_path / "nothing")
 
 
 def test_a_run_that_was_cut_off_is_replayed_as_far_as_it_goes(tmp_path):

@@ -132,13 +132,6 @@ def test_what_is_no_array_of_numbers_is_named():
         falling().step(["left", "right"])
 
 
-def test_results_are_copies():
-    sim = falling()
-    before = sim.qpos
-    sim.qpos[:] = 0
-    assert np.array_equal(sim.qpos, before)
-
-
 # What goes wrong
 
 
@@ -204,7 +197,7 @@ def test_a_single_environment_with_a_nan_action_keeps_its_state():
 @pytest.mark.parametrize("method", ["set_state", "reset"])
 def test_a_quaternion_of_zeros_is_named(method):
     sim = falling()
-    qpos = sim.qpos
+    qpos = sim.qpos.copy()
     qpos[6, 3:7] = 0
     with pytest.raises(ValueError, match=r"environment 6.*root"):
         getattr(sim, method)(qpos=qpos)
@@ -213,7 +206,7 @@ def test_a_quaternion_of_zeros_is_named(method):
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_a_state_that_is_not_finite_is_named(value):
     sim = falling()
-    qvel = sim.qvel
+    qvel = sim.qvel.copy()
     qvel[3, 11] = value
     with pytest.raises(ValueError, match=r"qvel\[11\] of environment 3"):
         sim.set_state(qvel=qvel)
@@ -387,7 +380,7 @@ def test_contacts_say_who_touches_whom_where_and_how_hard():
 def test_no_contacts_are_an_empty_array_with_the_same_fields():
     sim = simulate(TWO_BALLS)
     assert sim.contacts().shape == (0,)
-    assert sim.contacts().dtype.names == ("geom", "body", "pos", "normal", "distance", "force", "torque", "frame")
+    assert sim.contacts().dtype.names == ("env", "geom", "body", "pos", "normal", "distance", "force", "torque", "frame")
 
 
 def test_full_contacts_are_flagged():

@@ -16,7 +16,7 @@ ANGLES = np.radians([0, 10, 22.5, 30, 45, 60, 67.5, 80, 90])
 def paths(text: str, dt: float, choice: dict, yaw: float = 0.0) -> np.ndarray:
     """Where pushes in all directions end, along the push and across it."""
     sim = simulate(text, len(ANGLES), timestep=dt, **choice)
-    qpos = sim.qpos
+    qpos = sim.qpos.copy()
     qpos[:, 3:] = [np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)]
     along = np.array([np.cos(ANGLES), np.sin(ANGLES)]).T
     sim.set_state(qpos, np.hstack([V0 * along, np.zeros((len(ANGLES), 4))]))

@@ -46,7 +46,7 @@ def test_a_standing_cylinder_rests(integrator):
 def test_a_lying_cylinder_rolls_straight(integrator):
     """Without slip from the start it rolls for ever: nothing turns it off its way."""
     sim = simulate(TEXT.format(z=R, turn='euler="90 0 0"'), timestep=2e-3, integrator=integrator)
-    qvel = sim.qvel
+    qvel = sim.qvel.copy()
     qvel[0] = 1.0
     qvel[3:6] = [0.0, 0.0, -1.0 / R]  # Its axis, z in its own frame, is the world's -y.
     sim.set_state(qvel=qvel)

@@ -25,8 +25,8 @@ def wheel(drive: Drive | None, *, actuator='<motor name="m" joint="axle"/>', joi
 
 
 def factor(integrator: str, x: float) -> float:
-    """What a rule makes of e^-x in a step: Pade's (1, 1) for the midpoint rule, (0, 1) for those that are implicit in the damping."""
-    return (1 - x / 2) / (1 + x / 2) if integrator == "midpoint" else 1 / (1 + x)
+    """What a rule makes of e^-x in a step: Pade's (1, 2) for the midpoint rule, (0, 1) for those that are implicit in the damping."""
+    return (1 - x / 3) / (1 + 2 * x / 3 + x**2 / 6) if integrator == "midpoint" else 1 / (1 + x)
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
@@ -48,8 +48,8 @@ def test_a_motor_spins_up_exponentially(ratio, control, integrator):
         # The torque that there is, at the speed after the step.
         assert sim.sensor_truth == pytest.approx(gear * stall * left, abs=ROUNDING)
     if ratio == 0.01:
-        # x^n - e^(-n ratio): the rule's truncation, n ratio^3 / 12 or n ratio^2 / 2 times what is left.
-        bound = {"midpoint": ratio**2 / 12, "implicit": ratio / 2, "euler": ratio / 2}[integrator]
+        # x^n - e^(-n ratio): the rule's truncation, n ratio^4 / 72 or n ratio^2 / 2 times what is left.
+        bound = {"midpoint": ratio**3 / 72, "implicit": ratio / 2, "euler": ratio / 2}[integrator]
         assert abs(left - np.exp(-40 * ratio)) <= 1.1 * bound * 40 * ratio * left
 
 

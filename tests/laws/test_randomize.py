@@ -12,7 +12,7 @@ import pytest
 import stepper
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from models import stepper_model
+from models import contact_bits, stepper_model
 
 MEADOW = """
 <mujoco model="meadow">
@@ -121,7 +121,14 @@ def everything(sim: stepper.Stepper, env: int | None) -> list[bytes]:
     """Bits of all that can be read of an environment; None is the only one."""
     own = [sim.qpos, sim.qvel, sim.residual, np.uint32(sim.iterations), np.uint32(sim.status), sim.observation]
     at = env or 0
-    asked = [sim.contacts(at), sim.mass_matrix(at), sim.bias_force(at), sim.smooth_acceleration(at), sim.energy(at), *sim.momentum(at)]
+    asked = [
+        contact_bits(sim.contacts(at)),
+        sim.mass_matrix(at),
+        sim.bias_force(at),
+        sim.smooth_acceleration(at),
+        sim.energy(at),
+        *sim.momentum(at),
+    ]
     return [np.asarray(x if env is None else x[env]).tobytes() for x in own] + [np.asarray(x).tobytes() for x in asked]
 
 

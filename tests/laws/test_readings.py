@@ -83,6 +83,20 @@ def test_environments_sensors_axes_and_episodes_are_independent():
     assert np.abs(np.mean(columns * other, axis=0)).max() < 5 / np.sqrt(len(x))
 
 
+def test_a_fixed_bias_is_the_same_in_every_episode_and_what_is_drawn_is_about_it():
+    model = stepper.load(STILL.format(dt=0.01))
+    fixed = stepper.Stepper(model, 3, sensors=SensorModel({"gyro": Transfer(bias=[0.1, -0.2, 0.0])}))
+    for _ in range(3):
+        fixed.step(nstep=2)
+        errors = (fixed.observation - fixed.sensor_truth)[:, GYRO]
+        np.testing.assert_allclose(errors, np.tile([[0.1], [-0.2], [0.0]], 3), atol=1e-15)
+        fixed.reset()
+    drawn = stepper.Stepper(model, 4096, sensors=SensorModel({"gyro": Transfer(bias=0.1, bias_std=0.2)}))
+    errors = (drawn.observation - drawn.sensor_truth)[:, GYRO].ravel()
+    assert abs(errors.mean() - 0.1) < 5 * 0.2 / np.sqrt(errors.size)
+    assert abs(errors.std() - 0.2) < 5 * 0.2 / np.sqrt(2 * errors.size)
+
+
 def test_bias_is_drawn_once_an_episode():
     model = stepper.load(STILL.format(dt=0.01))
     sim = stepper.Stepper(model, 4096, sensors=SensorModel({"gyro": Transfer(bias_std=0.2)}))

@@ -161,7 +161,7 @@ def test_random_boxes_never_sink_into_one_another():
     ]
     geoms = [(kinds[i % 4], 0.2 + 0.25 * i) for i in range(8)]
     sim = simulate(scene('type="box" size="9 9 .5" pos="0 0 -.5"', geoms), timestep=0.002)
-    qpos = sim.qpos.reshape(8, 7)
+    qpos = sim.qpos.copy().reshape(8, 7)
     qpos[:, :2] = rng.uniform(-0.1, 0.1, (8, 2))
     qpos[:, 3:] = [random_quaternion(rng) for _ in range(8)]
     sim.reset(qpos=qpos.ravel())

@@ -31,7 +31,7 @@ def test_a_wall_stops_what_flies_into_it(body, way, dt, integrator, stabilizatio
     text = HEAD + WALL + f"<body><freejoint/><geom {BODIES[body]}/></body>" + TAIL
     sim = simulate(text, ENVS, timestep=dt, integrator=integrator, stabilization=stabilization)
     speed = way / dt
-    qpos, qvel = sim.qpos, sim.qvel
+    qpos, qvel = sim.qpos.copy(), sim.qvel.copy()
     qpos[:, 0] = -0.2 - way * np.linspace(0.0, 2.0, ENVS)
     qvel[:, 0] = speed
     sim.set_state(qpos, qvel)
@@ -55,7 +55,7 @@ def test_a_flying_wall_takes_along_what_it_meets(dt, integrator):
     wall = '<body><joint type="slide" axis="1 0 0"/><geom type="box" size=".0005 2 2" mass="1000"/></body>'
     sim = simulate(HEAD + wall + f"<body><freejoint/><geom {BODIES['sphere']}/></body>" + TAIL, ENVS, timestep=dt, integrator=integrator)
     way = 0.3
-    qpos, qvel = sim.qpos, sim.qvel
+    qpos, qvel = sim.qpos.copy(), sim.qvel.copy()
     qpos[:, 0] = -0.2 - way * np.linspace(0.0, 2.0, ENVS)
     qvel[:, 0] = way / dt
     sim.set_state(qpos, qvel)
@@ -73,7 +73,7 @@ def test_a_swinging_bar_stops_at_a_post_or_says_that_it_may_not_have(angle, dt, 
     post = '<body euler="0 0 57.29577951308232"><geom type="box" size=".25 .0005 .1" pos=".75 0 0"/></body>'
     bar = '<body><joint axis="0 0 1"/><geom type="capsule" size=".01" fromto=".02 0 0 1 0 0" mass="1"/></body>'
     sim = simulate(HEAD + post + bar + TAIL, ENVS, timestep=dt, integrator=integrator)
-    qpos, qvel = sim.qpos, sim.qvel
+    qpos, qvel = sim.qpos.copy(), sim.qvel.copy()
     qpos[:, 0] = -angle * np.linspace(0.0, 1.0, ENVS)
     qvel[:, 0] = angle / dt
     sim.set_state(qpos, qvel)
@@ -91,7 +91,7 @@ def test_what_is_struck_fast_and_unforeseen_is_reported():
     heavy = '<body pos="-.5 0 0"><freejoint/><geom type="sphere" size=".1" mass="100" margin="0"/></body>'
     light = '<body pos="-.3 0 0"><freejoint/><geom type="sphere" size=".02" mass=".01"/></body>'
     sim = simulate(HEAD + WALL + heavy + light + TAIL, timestep=1e-2, integrator="euler")
-    qvel = sim.qvel
+    qvel = sim.qvel.copy()
     qvel[0] = 100.0
     sim.set_state(qvel=qvel)
     passed = False

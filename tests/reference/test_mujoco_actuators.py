@@ -85,6 +85,41 @@ def test_forces_lengths_and_velocities(kind):
         assert relative_error(reader.sensor_truth, data.sensordata) < BOUND
 
 
+@pytest.mark.parametrize("gear", ["0 0 0 1 0 0", "0 0 0 .1 0 -.05", "0 0 0 -2 1 3", "1 0 0 1 0 0"])
+@pytest.mark.parametrize("sites", [("tip", "hull"), ("hull", "base"), ("base", "hand")])
+def test_setpoints_of_angles_are_those_nearest_to_them(sites, gear):
+    """Servos of a rotational gear with a reference, on a free base: setpoints up to several turns away, and what is no such servo.
+
+    MuJoCo takes a setpoint on the circle where the gear is a rotation alone and the servo pulls back with as much as it pulls with.
+    """
+    target = f'site="{sites[0]}" refsite="{sites[1]}" gear="{gear}"'
+    servos = {
+        "position": f'position {target} kp="20" kv="3"',
+        "servo": f'general {target} gainprm="2" biastype="affine" biasprm=".5 -2 -.1"',
+        "of another gain": f'general {target} gainprm="2" biastype="affine" biasprm=".5 -3 -.1"',
+        "integrated": f'intvelocity {target} kp="20" actrange="-30 30"',
+        "filtered": f'position {target} kp="20" timeconst=".1"',
+        "filtered by Euler": f'general {target} gainprm="2" biastype="affine" biasprm="0 -2 0" dyntype="filter" dynprm=".1"',
+        "PID": f'pid {target} kp="20" kv="3" input="pos"',
+    }
+    rng = np.random.default_rng(1)
+    for made in servos.values():
+        model = mujoco.MjModel.from_xml_string(TREE.format(actuators=f"<{made}/>", sensors=""))
+        sim = simulate(model, integrator="euler")
+        for _ in range(STATES):
+            state, act, ctrl = random_state(model, rng), rng.uniform(-20, 20, model.na), rng.uniform(-20, 20, 1)
+            data = forward(model, *state, ctrl, act=act)
+            sim.set_state(*state, act=act)
+            assert relative_error(sim.smooth_acceleration(ctrl=ctrl), data.qacc_smooth) < BOUND
+            # Activations follow the nearest setpoint too. MuJoCo's own differ by whole turns, of which forces know nothing.
+            if model.na:
+                sim.step(ctrl)
+                mujoco.mj_step(model, data)
+                turn = 2 * np.pi * np.linalg.norm(np.array(gear.split(), dtype=float)[3:])
+                apart = (sim.act[0] - data.act[0]) / (turn if gear[0] == "0" and made != servos["of another gain"] else np.inf)
+                assert sim.act[0] - data.act[0] - turn * round(apart) == pytest.approx(0.0, abs=1e-12 * 30)
+
+
 @pytest.mark.parametrize("integrator", ["midpoint", "implicit", "euler", "rk4"])
 @pytest.mark.parametrize("kind", ["motor", "position", "velocity"])
 def test_trajectories_of_actuators_on_sites(kind, integrator):

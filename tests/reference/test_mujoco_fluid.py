@@ -96,3 +96,82 @@ def test_terminal_speed():
     # The cube of a ball's inertia, m (a^2 + a^2) / 3 = 2/5 m r^2 with half side a; the model's ball has the diameter 2 a.
     side = 2 * np.sqrt(0.6) * radius
     assert sim.qvel[2] == pytest.approx(-mass * 9.81 / (3 * np.pi * side * 50), rel=1e-12)
+
+
+PLATE = """<mujoco><option density="1.2" viscosity="2e-5" wind="{wind}" gravity="0 0 0"/><worldbody><body><freejoint/>
+  <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>
+  <geom type="{kind}" size="{size}" fluidshape="ellipsoid" fluidcoef="{coef}"/></body></worldbody></mujoco>"""
+
+
+def fluid_forces(kind: str, size, coef, rng, *, wind: str = "3 -2 1", speed: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    """Forces of the medium on one body of unit inertia: found and MuJoCo's, in twenty random states."""
+    numbers = {"size": " ".join(map(repr, size)), "coef": " ".join(map(repr, coef))}
+    model = mujoco.MjModel.from_xml_string(PLATE.format(kind=kind, wind=wind, **numbers))
+    found, right = [], []
+    sim = simulate(model)
+    for _ in range(20):
+        qpos, _ = random_state(model, rng)
+        qvel = rng.normal(size=6) * speed
+        qvel[:3] += model.opt.wind  # The speed is that against the medium.
+        data = forward(model, qpos, qvel)
+        sim.set_state(qpos, qvel)
+        found.append(sim.smooth_acceleration())
+        right.append(data.qacc_smooth)
+    return np.array(found), np.array(right)
+
+
+@pytest.mark.parametrize("thin", [1.0, 1e-2, 1e-4])
+@pytest.mark.parametrize("large", [1.0, 1e-3])
+@pytest.mark.parametrize(("speed", "wind"), [(10.0, "3 -2 1"), (1e-3, "0 0 0")])
+def test_ellipsoids_of_any_size_and_thinness_at_any_speed(thin, large, speed, wind):
+    """Every coefficient by itself and all together, on ellipsoids and boxes: plates and needles too.
+
+    MuJoCo 4 makes the projected area of directions and of shares of the largest axis, so that no size or speed is cut off.
+    """
+    rng = np.random.default_rng(5)
+    for kind in ("ellipsoid", "box"):
+        for axes in ([1.0, 0.7, thin], [1.0, thin, 0.8 * thin]):
+            for coef in (*np.eye(5), rng.uniform(0, 2, 5)):
+                size = (large * rng.permutation(axes)).tolist()
+                found, right = fluid_forces(kind, size, coef.tolist(), rng, wind=wind, speed=speed)
+                # Inertial forces, a squared velocity times an inertia of 1, cancel to their rounding.
+                assert np.abs(found - right).max() < BOUND * np.abs(right).max() + 1e-15 * (3 * speed) ** 2
+
+
+def test_what_an_ellipsoid_without_an_area_feels():
+    """A needle that flies along itself: drag and no lift, and numbers, in either precision."""
+    rng = np.random.default_rng(0)
+    for size in ([1.0, 1e-9, 1e-9], [1e-6, 1e-14, 1e-15], [1.0, 1.0, 1e-9]):
+        found, right = fluid_forces("ellipsoid", size, [1.0, 0.25, 1.5, 1.0, 1.0], rng)
+        # Inertial forces of velocities up to 5 cancel to their rounding.
+        assert np.abs(found - right).max() <= BOUND * np.abs(right).max() + 1e-16 * 5**2
+        model = mujoco.MjModel.from_xml_string(
+            PLATE.format(kind="ellipsoid", wind="3 -2 1", size=" ".join(map(repr, size)), coef="1 .25 1.5 1 1")
+        )
+        sim = simulate(model, precision="f32")
+        for _ in range(10):
+            sim.set_state(qvel=rng.normal(size=6))
+            sim.step()
+            assert np.isfinite(sim.qvel).all()
+
+
+@pytest.mark.parametrize("axes", [[0.1, 0.07, 0.05], [0.1, 0.07, 1e-5], [1e-3, 1e-5, 1e-6]])
+def test_single_precision_has_the_same_lift(axes):
+    """A body that the wind blows at: its change of velocity in a step, to the rounding of sums whose parts are that much larger."""
+    text = PLATE.format(kind="ellipsoid", wind="3 -2 1", size=" ".join(map(repr, axes)), coef="0.5 0.25 1.5 1 1").replace(
+        'density="1.2"', 'density="1e6"'
+    )
+    model, rng = mujoco.MjModel.from_xml_string(text), np.random.default_rng(1)
+    changes = []
+    for precision in ("f64", "f32"):
+        sim, rng, found = simulate(model, precision=precision, timestep=1e-2), np.random.default_rng(1), []
+        for _ in range(20):
+            qpos, _ = random_state(model, rng)
+            sim.set_state(qpos, np.zeros(6))
+            sim.step()
+            found.append(np.array(sim.qvel, dtype=float))
+        changes.append(np.array(found))
+    for part in (slice(0, 3), slice(3, 6)):
+        scale = np.abs(changes[0][:, part]).max()
+        # Rounding 6e-8, of products of four factors and the rotation to the body's axes, in which a thin body feels little along itself.
+        assert np.abs(changes[1] - changes[0])[:, part].max() < 1e-5 * scale

@@ -42,7 +42,7 @@ def floor_force(sim, env: int) -> np.ndarray:
 @pytest.mark.parametrize("name", ROBOTS)
 def test_at_rest(name, integrator, stabilization):
     sim = simulate(stepper_model(name, strict=name != "dm_control/quadruped"), ENVS, integrator=integrator, stabilization=stabilization)
-    qpos = sim.qpos
+    qpos = sim.qpos.copy()
     ROBOTS[name](qpos, np.random.default_rng(0))
     sim.set_state(qpos=qpos)
     sim.step(nstep=round(SETTLE / sim.timestep))

@@ -1,9 +1,45 @@
 """Every scene, by topic; `ALL` in the order of their numbers."""
 
 from atlas.scene import Scene
-from atlas.scenes import flight, friction, impacts, jamming, mechanisms, rolling, simbenchmark, stacks, structures, walls
+from atlas.scenes import (
+    contradictions,
+    facets,
+    flight,
+    friction,
+    grooves,
+    impact_times,
+    impacts,
+    jamming,
+    mechanisms,
+    rolling,
+    simbenchmark,
+    stacks,
+    structures,
+    tipping,
+    top,
+    turning,
+    walls,
+)
 
-TOPICS = (flight, friction, impacts, jamming, mechanisms, rolling, simbenchmark, stacks, structures, walls)
+TOPICS = (
+    contradictions,
+    facets,
+    flight,
+    friction,
+    grooves,
+    impact_times,
+    impacts,
+    jamming,
+    mechanisms,
+    rolling,
+    simbenchmark,
+    stacks,
+    structures,
+    tipping,
+    top,
+    turning,
+    walls,
+)
 
 
 def _place(scene: Scene) -> tuple[bool, int]:

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use stepper_core::batch::{Field, StepInputs};
 use stepper_core::kinematics::Kinematics;
 use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
-use stepper_core::{Integrator, Level, Options, Precision, Simulation};
+use stepper_core::{Integrator, Level, Options, Precision, SavedState, Simulation};
 
 use super::{BOX_FRICTION, BOX_HALF, BOX_SPEED, Course, Engine};
 use crate::clock::Run;
@@ -14,7 +14,7 @@ use crate::scenes::chain;
 /// Environments of a course, all alike.
 pub struct Ours {
     simulation: Simulation,
-    start: Vec<u8>,
+    start: SavedState,
     steps: usize,
 }
 

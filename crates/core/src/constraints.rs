@@ -4,11 +4,21 @@ use std::ops::Range;
 
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::newton::Newton;
-use stepper_solve::{Capacity, Iterate, Problem};
+use stepper_solve::{Capacity, Iterate, Problem, Reference, Saved};
 
 use crate::inertia::NewtonEuler;
+use crate::islands::Islands;
 use crate::plan::Plan;
 use crate::spatial::*;
+
+/// Compliance of a demand of positions, relative to its mobility. A demand along a row that moves as freely as its fellows is met but for a
+/// thousandth; the motion that it asks for is at most 1 / (2 sqrt(DAMPING)), 16 times what it would be if the row did.
+pub(crate) const DAMPING: f64 = 1e-3;
+
+/// Length over which a demand of positions bends its own row, m. The way that a step is to go, over this length, is more compliance: an arm that is
+/// stretched towards what it cannot reach would swing to and fro about the end of its reach without it (the curvature times what is left, which
+/// Gauss and Newton's linearisation leaves out; Nocedal & Wright 2006, section 10.3).
+pub(crate) const ARM: f64 = 0.1;
 
 /// The constraint problem of a step, and which of the model's elements its rows belong to.
 #[derive(Clone, Debug)]
@@ -17,14 +27,29 @@ pub struct Constraints<R: Real> {
     pub problem: Problem<R>,
     /// The impulses.
     pub iterate: Iterate<R>,
+    /// Impacts of the contacts, in their order: those without torsional and rolling friction first. Empty where no contact is elastic.
+    pub(crate) impacts: Vec<Impact<R>>,
+    /// Whether there are any elastic contacts, for a rule that looks at the times of impacts.
+    pub(crate) has_impacts: bool,
     /// Room of the second tier.
     pub newton: Newton,
     /// Lanes that have any row.
     pub constrained: R::Mask,
     /// Lanes in which the velocities of the solution are not those that the positions should move with.
     pub needs_position_solve: R::Mask,
+    /// Lanes in which the bias of an overlap is part of the velocities.
+    pub biased: R::Mask,
+    /// Lanes in which a contact bounces: positions and velocities differ there by any speed.
+    pub rebounding: R::Mask,
+    /// Mobility of the bodies of every contact if nothing held them, 1/kg.
+    pub(crate) floors: Vec<R>,
+    /// What a correction starts from.
+    pub(crate) reference: Reference<R>,
+    pub(crate) islands: Islands,
+    /// Impulses of lanes whose loads are shared evenly, while they are estimated.
+    pub(crate) shared: Saved<R>,
     /// What each row demands of the positions alone, scalar rows first, then contacts, then those with six rows: velocity g of stage 8 of scalar and
-    /// normal rows, of the others what is added to g.
+    /// normal rows, of the others what is added to g. Where an overlap's bias is part of the velocities, the demand without it.
     pub position_bias: Vec<R>,
     /// Impulses of limits, then of dry friction, by their index in the plan, then of what names its owner: the warm start.
     pub scalar_impulse: Vec<R>,
@@ -46,10 +71,25 @@ pub struct Constraints<R: Real> {
     /// In which lanes (bits) each dof moves the second geom of a contact, and the first.
     pub(crate) signs: Vec<[u32; 2]>,
     pub(crate) words: Vec<u64>,
+    /// Lanes (bits) in which both surfaces of the gathered contact can move.
+    pub(crate) moving: u32,
     /// Rows of the equalities that are taken out of the row which is made.
     pub(crate) tied: Vec<Range<usize>>,
     /// Entries of the separate equalities, times D^-1/2 and times D^1/2.
     pub(crate) separate: [Vec<R>; 2],
+}
+
+/// A contact that bounces within the step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Impact<R: Real> {
+    /// Lanes in which it does.
+    pub(crate) lanes: R::Mask,
+    /// Lanes in which it overlapped before.
+    pub(crate) deep: R::Mask,
+    /// When, from the beginning of the step, as a part of it.
+    pub(crate) share: R,
+    /// 1 + e.
+    pub(crate) factor: R,
 }
 
 /// What the rows are made from.
@@ -68,6 +108,8 @@ pub struct Moment<'a, R: Real> {
     pub losses: &'a [[R; 2]],
     /// Time step, s.
     pub h: R,
+    /// From the configuration before the step to that at which the rows are taken, s.
+    pub lead: R,
     /// Part of a gap that may close in the step.
     pub closing: R,
     /// Environments that step.
@@ -90,9 +132,17 @@ impl<R: Real> Constraints<R> {
         Self {
             problem: Problem::new(&room),
             iterate: Iterate::new(&room),
+            impacts: Vec::with_capacity(max_contacts + room.wide),
+            has_impacts: false,
             newton: Newton::default(),
             constrained: R::Mask::splat(false),
             needs_position_solve: R::Mask::splat(false),
+            biased: R::Mask::splat(false),
+            rebounding: R::Mask::splat(false),
+            floors: Vec::with_capacity(room.contacts + room.wide),
+            reference: Reference::new(&room),
+            islands: Islands::new(plan.ntree),
+            shared: Saved::new(&room),
             position_bias: Vec::with_capacity(room.scalars + 3 * room.contacts + 6 * room.wide),
             scalar_impulse: vec![R::zero(); plan.scalar_impulses],
             owners: Vec::with_capacity(room.scalars),
@@ -106,6 +156,7 @@ impl<R: Real> Constraints<R> {
             path: vec![R::zero(); plan.nv],
             signs: vec![[0; 2]; plan.nv],
             words: vec![0; plan.nv.div_ceil(64)],
+            moving: 0,
             tied: Vec::with_capacity(plan.equalities.len()),
             separate: std::array::from_fn(|_| Vec::with_capacity(plan.equalities.iter().map(|b| b.rows * b.support.len()).sum())),
         }

@@ -1,6 +1,6 @@
 //! The contacts of one step, packed per lane: slot k of lane l is that lane's k-th contact, whichever geoms it joins.
 
-use stepper_real::Real;
+use stepper_real::{Mask, Real};
 
 use crate::spatial::*;
 
@@ -126,6 +126,12 @@ impl<R: Real> Contacts<R> {
     #[inline(always)]
     pub fn lanes_of(&self, k: usize) -> u32 {
         (0..R::LANES).fold(0, |bits, l| bits | (u32::from(self.count[l] > k) << l))
+    }
+
+    /// Lanes in which slot `k` holds an elastic contact.
+    #[inline(always)]
+    pub fn elastic(&self, k: usize) -> R::Mask {
+        self.data[k].restitution.gt(R::zero()).and(R::Mask::from_bits(self.lanes_of(k)))
     }
 
     /// The pairs that slot `k` holds in the lanes `lanes`, each once with its lanes (bits): there are fewer of them than lanes.

@@ -13,8 +13,21 @@
 //! moment lie on one chain; otherwise a a^T is replaced by the diagonal matrix |a_i| sum_j |a_j|, which is not smaller (Gershgorin): an added
 //! inertia, with which the same stability holds.
 //!
+//! Of a spring or damper that a step does not resolve the midpoint rule keeps the amplitude, and turns it around in every step: its amplification
+//! tends to -1. Where there is damping, which makes the true motion die out, the step therefore takes more of it at its end, by
+//! s = z / (6 + z), z = h d / m with the inertia m of the diagonal of M:
+//!
+//! ```text
+//! f = -k (x_mid + h/4 a.dv - x0) - d (xdot + (1 + s)/2 a.dv) - 3/2 s h k (xdot + a.dv)
+//! ```
+//!
+//! For a damper alone, that is the Pade approximation (1 - z/3) / (1 + 2 z/3 + z^2/6) of exp(-z), Radau IIA's of third order (Hairer & Wanner,
+//! section IV.3): it tends to 0. For a stiff spring, the last term multiplies the area in the phase plane by 1 / (1 + 6 s) in a step, which is
+//! 1 - z + O(z^2) as in the true motion, exp(-z) (Liouville), and 1/7 at the most. What is added is of the order h^2, and nothing without damping:
+//! the rule stays of second order, and keeps the energy of springs that nothing damps.
+//!
 //! A servo at a bound of its force contributes the bound and no stiffness. Whether it is there is decided by the force at the end of the
-//! step that is to be expected: without constraints but for the impulses of the last step. A motor at its torque-speed curve contributes the
+//! step that is to be expected, first with the impulses of the last step, and again with an estimate of this one's. A motor at its torque-speed curve contributes the
 //! curve: its stall torque, and the drag of its back-EMF as a damper.
 
 mod region;
@@ -22,7 +35,7 @@ mod wrench;
 
 use stepper_real::{Mask, Real};
 
-use crate::plan::{LanePlan, Plan, TrainPlan};
+use crate::plan::{ActuatorPlan, LanePlan, Plan, TrainPlan};
 use crate::spatial::*;
 use region::Region;
 pub(crate) use region::{bounded, exceeds};
@@ -34,6 +47,29 @@ pub struct Theta<R> {
     pub damping: R,
     /// Squared time by which stiffness is multiplied, s^2; zero takes springs and servos explicitly.
     pub stiffness: R,
+    /// Time step by which more is taken of what a step does not resolve, s; zero takes as much of all.
+    pub step: R,
+}
+
+impl<R: Real> Theta<R> {
+    /// Whether more is taken of any damping, so that its share must be known.
+    #[inline(always)]
+    pub(crate) fn fits(self, damping: R) -> bool {
+        (self.step * damping).gt(R::zero()).any()
+    }
+
+    /// How much more of a damping is taken at the end of the step, from 0 to 1, for a rate of damping d / m, 1/s.
+    #[inline(always)]
+    pub(crate) fn share(self, rate: R) -> R {
+        let z = self.step * rate;
+        z / (R::of(6.0) + z)
+    }
+
+    /// Damping that a spring gets with that share.
+    #[inline(always)]
+    pub(crate) fn drag(self, share: R, stiffness: R) -> R {
+        R::of(1.5) * share * self.step * stiffness
+    }
 }
 
 /// What the mass matrix holds besides M.
@@ -52,7 +88,8 @@ pub struct Implicit<'a, R: Real> {
 impl<R: Real> Implicit<'_, R> {
     /// Nothing: the mass matrix itself.
     pub fn none() -> Self {
-        Self { theta: Theta { damping: R::zero(), stiffness: R::zero() }, servos: &[], arms: &[], drag_at: None }
+        let theta = Theta { damping: R::zero(), stiffness: R::zero(), step: R::zero() };
+        Self { theta, servos: &[], arms: &[], drag_at: None }
     }
 }
 
@@ -133,10 +170,38 @@ impl<R: Real> Law<R> {
 
     /// The force without what the mass matrix does, and what it does: stiffness and damping against the motion are implicit, the rest is not.
     #[inline(always)]
-    pub(crate) fn implied(&self, motion: &Motion<R>, theta: Theta<R>) -> (R, R) {
+    pub(crate) fn implied(&self, motion: &Motion<R>, gauge: Gauge<R>, theta: Theta<R>) -> (R, R) {
         let (stiffness, damping) = ((-self.slope).max(R::zero()), (-self.rate).max(R::zero()));
-        let velocity = self.rate * motion.velocity + damping * (motion.velocity - motion.before);
-        (self.level + self.slope * motion.length + velocity, damping * theta.damping + stiffness * theta.stiffness)
+        let share = theta.share(gauge.rate(damping));
+        let drag = theta.drag(share, stiffness);
+        let velocity = self.rate * motion.velocity + damping * (motion.velocity - motion.before) - drag * motion.before;
+        let weight = damping * theta.damping * (R::one() + share) + stiffness * theta.stiffness + drag * theta.step;
+        (self.level + self.slope * motion.length + velocity, weight)
+    }
+}
+
+/// What an actuator moves.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Gauge<R> {
+    /// Inverse of the inertia along its moment, 1/kg or 1/(kg m^2) over the square of its gear.
+    mobility: R,
+    /// Rate at which the joints' damping slows it down, 1/s.
+    slowing: R,
+}
+
+impl<R: Real> Gauge<R> {
+    /// A sum to which a dof is added; `slowing` is weighted by the mobilities.
+    #[inline(always)]
+    fn with(self, arm: R, inertia: R, damping: R) -> Self {
+        let inverse = inertia.recip();
+        let part = arm.square() * inverse;
+        Self { mobility: self.mobility + part, slowing: self.slowing + part * damping * inverse }
+    }
+
+    /// Rate of damping with that of the actuator.
+    #[inline(always)]
+    pub(crate) fn rate(self, damping: R) -> R {
+        self.mobility * damping + self.slowing
     }
 }
 
@@ -151,11 +216,15 @@ pub struct Drive<R: Real> {
     pub force: Vec<R>,
     /// What every servo adds to the mass matrix along its moment.
     pub weight: Vec<R>,
+    /// What every servo moves, where that matters.
+    gauges: Vec<Gauge<R>>,
     /// Lanes in which a servo is at a bound of its force.
     saturated: Vec<R::Mask>,
     /// Lanes in which the sum of actuator forces on a dof is at its bound, for every such dof.
     bounded: Vec<R::Mask>,
     implied: Vec<R>,
+    /// Force and weight of every servo where nothing bounds it, if any is bounded.
+    unbounded: Vec<[R; 2]>,
     /// Lanes in which an actuator that is taken explicitly asks for more than its bounds.
     pub(crate) beyond: Vec<R::Mask>,
     /// Lanes in which the sum of actuator forces on a dof is cut to its bounds, for every such dof.
@@ -182,9 +251,11 @@ impl<R: Real> Drive<R> {
             joint: zeros(plan.nv),
             force: zeros(plan.actuators.len()),
             weight: zeros(plan.servos.len()),
+            gauges: vec![Gauge { mobility: R::zero(), slowing: R::zero() }; plan.servos.len()],
             saturated: never(plan.servos.len()),
             bounded: never(plan.actuator_force_ranges.len()),
             implied: zeros(if plan.servos_are_bounded { plan.actuators.len() } else { 0 }),
+            unbounded: vec![[R::zero(); 2]; if plan.servos_are_bounded { plan.servos.len() } else { 0 }],
             beyond: never(plan.actuators.len()),
             cut: never(plan.actuator_force_ranges.len()),
             arms: zeros(plan.wrench_arms[0]),
@@ -204,6 +275,42 @@ impl<R: Real> Drive<R> {
             self.bounded.fill(R::Mask::splat(false));
         }
         self.fresh = true;
+    }
+
+    /// Takes up what servos move, for the mass matrix's diagonal `inertia`.
+    pub fn gauge(&mut self, plan: &LanePlan<R>, inertia: &[R]) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for k in 0..plan.servos.len() {
+                    self.gauges[k] = self.gauge_of(plan, &plan.actuators[plan.servos[k].actuator], inertia);
+                }
+            },
+        )
+    }
+
+    /// Of several dofs, a mean by their part in the mobility.
+    #[inline(always)]
+    fn gauge_of(&self, plan: &LanePlan<R>, actuator: &ActuatorPlan<R::Scalar>, inertia: &[R]) -> Gauge<R> {
+        let mut sum = Gauge { mobility: R::zero(), slowing: R::zero() };
+        for &(_, dof, arm) in &actuator.moment {
+            sum = sum.with(R::splat(arm), inertia[dof], plan.params.dof(dof).damping);
+        }
+        if let Some(wrench) = &actuator.wrench {
+            for (&(dof, _), &arm) in wrench.dofs.iter().zip(&self.arms[wrench.arms..]) {
+                sum = sum.with(arm, inertia[dof], plan.params.dof(dof).damping);
+            }
+        }
+        let Gauge { mobility, slowing } = sum;
+        let moves = mobility.gt(R::zero());
+        let slowing = R::select(moves, slowing / R::select(moves, mobility, R::one()), R::zero());
+        Gauge { mobility, slowing }
+    }
+
+    /// What a servo moves.
+    #[inline(always)]
+    pub(crate) fn gauge_at(&self, servo: usize) -> Gauge<R> {
+        self.gauges[servo]
     }
 
     /// Takes over the implicit force of a servo, in the lanes in which it is not at a bound.
@@ -227,7 +334,8 @@ impl<R: Real> Drive<R> {
         numbers: &Train<R>,
         theta: Theta<R>,
     ) {
-        self.regions[plan.index].take(law.implied(motion, theta), motion.before);
+        let gauge = self.gauges[servo];
+        self.regions[plan.index].take(law.implied(motion, gauge, theta), motion.before, gauge);
         if self.fresh {
             self.regions[plan.index].guess(plan, numbers);
         }
@@ -292,6 +400,11 @@ impl<R: Real> Drive<R> {
             #[inline(always)]
             || {
                 let mut new = R::Mask::splat(false);
+                if pass == 0 {
+                    for (k, servo) in plan.servos.iter().enumerate() {
+                        self.unbounded[k] = [self.force[servo.actuator], self.weight[k]];
+                    }
+                }
                 self.implied.copy_from_slice(&self.force);
                 for (k, servo) in plan.servos.iter().enumerate() {
                     let actuator = &plan.actuators[servo.actuator];
@@ -330,6 +443,64 @@ impl<R: Real> Drive<R> {
                 new
             },
         )
+    }
+
+    /// Lanes in which the change of velocity `dv` puts a servo on another side of its bounds than [`Drive::saturate`] expected.
+    pub fn misjudged(&mut self, plan: &LanePlan<R>, trains: &[Train<R>], theta: Theta<R>, dv: &[R], h: R) -> R::Mask {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                let mut wrong = R::Mask::splat(false);
+                let differ = |a: R::Mask, b: R::Mask| a.and_not(b).or(b.and_not(a));
+                self.implied.copy_from_slice(&self.force);
+                for (k, servo) in plan.servos.iter().enumerate() {
+                    let actuator = &plan.actuators[servo.actuator];
+                    let along = self.along(actuator, dv);
+                    let [force, weight] = match actuator.train {
+                        Some(train) => {
+                            let mut region = self.regions[train.index];
+                            let moved = region.place(&train, &trains[train.index], theta, along / h, true);
+                            wrong = wrong.or(moved.and_not(self.saturated[k]));
+                            let (force, weight) = region.force(&trains[train.index], theta);
+                            [force, weight]
+                        }
+                        None => self.unbounded[k],
+                    };
+                    self.implied[servo.actuator] = force - weight / h * along;
+                }
+                for r in 0..plan.actuator_force_ranges.len() {
+                    let range = &plan.actuator_force_ranges[r];
+                    if !range.has_servos {
+                        continue;
+                    }
+                    let mut sum = R::zero();
+                    for &(actuator, arm) in &range.actuators {
+                        sum += R::splat(arm) * within(self.implied[actuator], plan.actuators[actuator].force_range);
+                    }
+                    wrong = wrong.or(differ(outside(sum, range.bounds), self.bounded[r]));
+                }
+                for (k, servo) in plan.servos.iter().enumerate() {
+                    let Some(bounds) = plan.actuators[servo.actuator].force_range else { continue };
+                    let beyond = outside(self.implied[servo.actuator], bounds);
+                    // A servo that a sum holds is at a bound that is not its own.
+                    let held = self.held_by_sum(plan, servo.actuator);
+                    wrong = wrong.or(differ(beyond, self.saturated[k]).and_not(held));
+                }
+                wrong
+            },
+        )
+    }
+
+    /// Lanes in which a bound of a sum holds an actuator.
+    #[inline(always)]
+    fn held_by_sum(&self, plan: &LanePlan<R>, actuator: usize) -> R::Mask {
+        let mut held = R::Mask::splat(false);
+        for (range, &bounded) in plan.actuator_force_ranges.iter().zip(&self.bounded) {
+            if bounded.any() && range.actuators.iter().any(|&(a, _)| a == actuator) {
+                held = held.or(bounded);
+            }
+        }
+        held
     }
 
     /// Fixes the force of servo `k` at what is implied, within its bounds, in `lanes`.

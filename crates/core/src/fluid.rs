@@ -153,39 +153,66 @@ fn apply<R: Real>([spin, lever, slide]: &[M3<R>; 3], motion: &V6<R>) -> V6<R> {
     spatial(add(rotate(spin, w), rotate(lever, v)), add(rotate_back(lever, w), rotate(slide, v)))
 }
 
-/// Drag over velocity of rotation and translation; the projected area, and what it was made from.
+/// The ellipsoid's projection along its velocity.
+#[derive(Clone, Copy, Debug)]
+struct Projection<R> {
+    speed: R,
+    /// Unit vector of the velocity.
+    along: V3<R>,
+    /// Its area, m^2.
+    area: R,
+    /// Its normal over the cosine of the angle between it and the velocity, times the area of it.
+    normal: V3<R>,
+}
+
+/// The projected area pi sqrt(sum b_k^4 v_k^2 / sum b_k^2 v_k^2), b_k the product of the two other semi-axes; its normal is along b_k^2 v_k.
+///
+/// It is made of directions and of shares of the largest area, so that neither small bodies nor slow ones nor single precision meet a bound that has
+/// a unit. Needles that fly along themselves, b / a^2 < 3e-8 with the longest semi-axis a, have no area, in MuJoCo (4.0) too.
 #[inline(always)]
-fn ellipsoid_drag<R: Real>(e: &EllipsoidPlan<R::Scalar>, v: &V6<R>) -> ([R; 2], [R; 3]) {
-    let (w, v) = (angular(v), linear(v));
+fn projection<R: Real>(e: &EllipsoidPlan<R::Scalar>, v: V3<R>) -> Projection<R> {
     let areas: V3<R> = splat(e.areas);
+    let speed = norm(v);
+    let along = scale(v, speed.max(R::of(1e-15)).recip());
     let (mut denominator, mut numerator) = (R::zero(), R::zero());
     for k in 0..3 {
-        denominator += areas[k].square().square() * v[k].square();
-        numerator += (areas[k] * v[k]).square();
+        denominator += (areas[k].square() * along[k]).square();
+        numerator += (areas[k] * along[k]).square();
     }
-    let area = R::of(std::f64::consts::PI) * (denominator / numerator.max(R::of(1e-15))).sqrt();
+    let there = numerator.gt(R::splat(e.no_area));
+    let (numerator, denominator) = (R::select(there, numerator, R::one()), R::select(there, denominator, R::zero()));
+    let area = R::splat(e.widest) * (denominator / numerator).sqrt();
+    // With the area this is widest sqrt(numerator / denominator): where a body has an area, its denominator is not zero.
+    let inverse = R::splat(e.widest) * (numerator / R::select(there, denominator, numerator)).sqrt();
+    let share = R::select(there, inverse, R::zero());
+    Projection { speed, along, area, normal: std::array::from_fn(|k| areas[k].square() * along[k] * share) }
+}
+
+/// Drag over velocity of rotation and translation.
+#[inline(always)]
+fn ellipsoid_drag<R: Real>(e: &EllipsoidPlan<R::Scalar>, v: &V6<R>) -> ([R; 2], Projection<R>) {
+    let projection = projection(e, linear(v));
+    let w = angular(v);
     let [blunt, slender]: [R; 2] = splat(e.drag);
     let [spin, slide]: [R; 2] = splat(e.viscous);
     let moments: V3<R> = splat(e.moments);
     let density = R::splat(e.density);
     let turning = spin + density * norm([w[0] * moments[0], w[1] * moments[1], w[2] * moments[2]]);
-    let sliding = slide + density * norm(v) * (area * blunt + slender * (R::splat(e.widest) - area));
-    ([turning, sliding], [area, numerator, denominator])
+    let Projection { speed, area, .. } = projection;
+    let sliding = slide + density * speed * (area * blunt + slender * (R::splat(e.widest) - area));
+    ([turning, sliding], projection)
 }
 
 #[inline(always)]
 fn ellipsoid_force<R: Real>(e: &EllipsoidPlan<R::Scalar>, motion: &V6<R>) -> V6<R> {
-    let ([turning, sliding], [area, numerator, denominator]) = ellipsoid_drag(e, motion);
+    let ([turning, sliding], projection) = ellipsoid_drag(e, motion);
     let (w, v) = (angular(motion), linear(motion));
-    let (m, i, areas): (V3<R>, V3<R>, V3<R>) = (splat(e.added_mass), splat(e.added_inertia), splat(e.areas));
+    let (m, i): (V3<R>, V3<R>) = (splat(e.added_mass), splat(e.added_inertia));
     let p: V3<R> = std::array::from_fn(|k| m[k] * v[k]);
     let l: V3<R> = std::array::from_fn(|k| i[k] * w[k]);
     let mut torque = add(cross(p, v), cross(l, w));
     let mut force = add(cross(p, w), scale(cross(w, v), R::splat(e.magnus)));
-    // The normal of the projected area, not of unit length; its length is divided out with the cosine.
-    let normal: V3<R> = std::array::from_fn(|k| areas[k].square() * v[k]);
-    let cosine = numerator / (norm(v) * denominator).max(R::of(1e-15));
-    let circulation = scale(cross(normal, v), R::splat(e.kutta) * cosine * area);
+    let circulation = scale(cross(projection.normal, projection.along), R::splat(e.kutta) * projection.speed);
     force = add(force, cross(circulation, v));
     torque = sub(torque, scale(w, turning));
     force = sub(force, scale(v, sliding));

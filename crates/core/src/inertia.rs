@@ -34,9 +34,9 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// M by composite rigid bodies, plus armature, plus the shares `theta` of the joints' damping and stiffness on the diagonal.
+    /// M by composite rigid bodies, plus armature.
     #[inline(always)]
-    pub fn assemble(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, composite: &mut [Inertia<R>], theta: Theta<R>) {
+    pub fn assemble(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, composite: &mut [Inertia<R>]) {
         composite.copy_from_slice(&kinematics.inertia);
         for l in (0..plan.links.len()).rev() {
             let link = &plan.links[l];
@@ -50,8 +50,27 @@ impl<R: Real> MassMatrix<R> {
                 for (entry, &a) in row.iter_mut().zip(plan.chain_of(d)) {
                     *entry = dot6(kinematics.axes[a as usize], momentum);
                 }
-                let DofParams { damping, stiffness, armature } = plan.params.dof(d);
-                row[0] += armature + theta.damping * damping + theta.stiffness * stiffness;
+                row[0] += plan.params.dof(d).armature;
+            }
+        }
+    }
+
+    /// Adds the shares `theta` of the joints' damping and stiffness to the diagonal of M. What stiff springs get of damping that they have not
+    /// themselves, see [`crate::drive`], goes to `drag`, which may be empty where no joint has a spring.
+    #[inline(always)]
+    pub fn add_joints(&mut self, plan: &LanePlan<R>, theta: Theta<R>, drag: &mut [R]) {
+        for (d, dof) in plan.dofs.iter().enumerate() {
+            let DofParams { damping, stiffness, .. } = plan.params.dof(d);
+            let entry = &mut self.entries[dof.chain];
+            // What nothing damps has a share of zero; most dofs of most robots are without.
+            let share = match theta.fits(damping) {
+                true => theta.share(damping / *entry),
+                false => R::zero(),
+            };
+            *entry += theta.damping * (R::one() + share) * damping + theta.stiffness * stiffness;
+            if let Some(drag) = drag.get_mut(d) {
+                *drag = theta.drag(share, stiffness);
+                *entry += theta.step * *drag;
             }
         }
     }

@@ -40,3 +40,39 @@ pub(crate) fn count(set: u32, counts: &mut [u32]) {
         counts[lane] += 1;
     }
 }
+
+/// A ring of samples among the numbers of an environment: sample k of `width` numbers is at `at + k * width`.
+#[derive(Clone, Copy, Debug)]
+pub struct DelayLine {
+    /// Address of its first number.
+    pub at: usize,
+    /// Samples; 0 is no line.
+    pub samples: usize,
+    /// Numbers of a sample.
+    pub width: usize,
+}
+
+impl DelayLine {
+    /// Turns the line of one environment, whose newest sample is number `newest`, so that it is number `place`.
+    pub(crate) fn turn<T>(&self, numbers: &mut [T], newest: u32, place: u32) {
+        if self.samples > 0 {
+            let by = (place as usize + self.samples - newest as usize) % self.samples;
+            numbers[self.at..self.at + self.samples * self.width].rotate_right(by * self.width);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_turned_line_has_its_samples_in_the_same_order() {
+        let line = DelayLine { at: 1, samples: 3, width: 2 };
+        let mut numbers = [-1, 10, 11, 20, 21, 30, 31, -2];
+        line.turn(&mut numbers, 0, 2);
+        assert_eq!(numbers, [-1, 20, 21, 30, 31, 10, 11, -2]);
+        line.turn(&mut numbers, 2, 0);
+        assert_eq!(numbers, [-1, 10, 11, 20, 21, 30, 31, -2]);
+    }
+}

@@ -48,6 +48,13 @@ impl<R: Real> Way<R> {
         quat_normalize(quat_mul(turn, self.quat))
     }
 
+    /// Its pose so many seconds after the beginning of the call, to be kept.
+    #[inline(always)]
+    pub fn pose_at(&self, time: R) -> [R; 7] {
+        let (pos, quat) = (add_scaled(self.pos, linear(&self.motion), time), self.quat_at(time));
+        [pos[0], pos[1], pos[2], quat[0], quat[1], quat[2], quat[3]]
+    }
+
     /// Where the way ends, to be kept.
     #[inline(always)]
     pub fn end(&self) -> [R; 7] {

@@ -5,10 +5,11 @@ use serde::{Deserialize, Serialize};
 /// How velocities and positions advance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Integrator {
-    /// Semi-implicit Euler: everything at q, then q+ = q (+) h v+. First order. Implicit in joint damping alone, as MuJoCo's.
+    /// Semi-implicit Euler: everything at q, then q+ = q (+) h v+. First order. Implicit in
+    /// joint damping alone, as MuJoCo's, unless the model wants that explicit too; and in springs and dampers of tendons.
     Euler,
     /// Moreau's midpoint: everything at q (+) h/2 v, then q+ = q_mid (+) h/2 v+. Second order in free flight; springs, dampers and servos by
-    /// the implicit midpoint rule (A-stable).
+    /// the implicit midpoint rule (A-stable), with more of the damping at the end of the step where that does not resolve it.
     Midpoint,
     /// Euler's rule with springs, dampers and servos at the end of the step (L-stable) and velocity-dependent forces at the velocity to be
     /// expected there. First order; it takes energy out of what it cannot resolve.

@@ -93,6 +93,8 @@ pub struct Plan<S: Scalar> {
     pub servos: Vec<ServoPlan<S>>,
     /// Bounds of the sum of actuator forces on a dof.
     pub actuator_force_ranges: Vec<ForceRangePlan<S>>,
+    /// Whether Euler's rule takes the joints' damping explicitly.
+    pub explicit_damping: bool,
     /// Whether a bound, of its own or of a joint, holds for any servo.
     pub servos_are_bounded: bool,
     /// Arms of all wrenches at sites, and how many wrenches there are.
@@ -123,6 +125,8 @@ pub struct Link<S> {
     pub pos: [S; 3],
     /// Orientation in the parent frame before its joints; `None` when aligned.
     pub mat: Option<[S; 9]>,
+    /// The same as a quaternion.
+    pub quat: [S; 4],
     /// Its joints.
     pub joints: std::ops::Range<usize>,
     /// Its degrees of freedom.
@@ -211,6 +215,8 @@ pub struct BodyPlan<S> {
     pub pos: [S; 3],
     /// Its orientation in that frame.
     pub mat: [S; 9],
+    /// The same as a quaternion.
+    pub quat: [S; 4],
 }
 
 /// Range of a hinge or slide.
@@ -308,6 +314,7 @@ impl<S: Scalar> Plan<S> {
             ball_limits,
             equalities,
             scalar_impulses,
+            explicit_damping: model.explicit_damping,
             servos_are_bounded: drives.servos_are_bounded(),
             wrench_arms: [drives.arms, drives.wrenches],
             trains: drives.trains,

@@ -8,6 +8,7 @@ use crate::inertia::{MassMatrix, NewtonEuler, bias_force};
 use crate::kinematics::{Kinematics, kinetic_energy};
 use crate::model::JointKind;
 use crate::plan::{Inertial, LanePlan, TendonPlan};
+use crate::sensing::orientations;
 use crate::spatial::*;
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s02_smooth::Smooth;
@@ -28,6 +29,34 @@ pub struct Snapshot {
     pub mocap: Vec<([f64; 3], [f64; 4])>,
 }
 
+/// Poses of all bodies at configurations that come one after the other.
+#[derive(Clone, Debug)]
+pub struct BodyPoses<'a> {
+    plan: &'a LanePlan<f64>,
+    kinematics: Kinematics<f64>,
+    orientation: Vec<[f64; 4]>,
+}
+
+impl<'a> BodyPoses<'a> {
+    /// Room for a plan.
+    pub fn new(plan: &'a LanePlan<f64>) -> Self {
+        Self { plan, kinematics: Kinematics::new(plan), orientation: vec![[1.0, 0.0, 0.0, 0.0]; plan.nframe()] }
+    }
+
+    /// Position (m) and orientation of every body at the configuration `q`, with the mocap bodies at poses that the user gave.
+    pub fn at(&mut self, q: &[f64], mocap: impl Iterator<Item = ([f64; 3], [f64; 4])>) -> impl Iterator<Item = ([f64; 3], [f64; 4])> {
+        let Self { plan, kinematics, orientation } = self;
+        for (m, (pos, quat)) in plan.mocap.iter().zip(mocap) {
+            orientation[m.frame] = quat_normalize(quat);
+            kinematics.pos[m.frame] = pos;
+            kinematics.mat[m.frame] = quat_to_mat(orientation[m.frame]);
+        }
+        kinematics.update(plan, q);
+        orientations(plan, q, orientation);
+        plan.bodies.iter().map(|b| (kinematics.point(b.frame, b.pos), quat_mul(orientation[b.frame], b.quat)))
+    }
+}
+
 impl Snapshot {
     fn kinematics(&self, plan: &LanePlan<f64>) -> Kinematics<f64> {
         let mut kinematics = Kinematics::new(plan);
@@ -42,7 +71,7 @@ impl Snapshot {
     /// The mass matrix, row by row, (nv, nv), armature included.
     pub fn mass_matrix(&self, plan: &LanePlan<f64>) -> Vec<f64> {
         let mut mass = MassMatrix::new(plan);
-        mass.assemble(plan, &self.kinematics(plan), &mut vec![zero(); plan.links.len()], Implicit::none().theta);
+        mass.assemble(plan, &self.kinematics(plan), &mut vec![zero(); plan.links.len()]);
         let mut full = vec![0.0; plan.nv * plan.nv];
         for i in 0..plan.nv {
             let dof = &plan.dofs[i];

@@ -133,6 +133,18 @@ impl<S: Scalar> Share<'_, S> {
         self.quantities.iter().any(|q| q.0 == quantity)
     }
 
+    /// What [`Share::write`] wrote of flags and residuals after control number `call`, of which not all steps were made: leaves the former in
+    /// `status` and returns the latter.
+    pub fn resume<R: Real<Scalar = S>>(&self, call: usize, first: usize, alive: R::Mask, status: &mut [u32]) -> R {
+        let used = alive.bits().count_ones() as usize;
+        status[..used].copy_from_slice(&self.status[call][first..first + used]);
+        let mut residual = R::zero();
+        for (l, &x) in self.residual[call][first..first + used].iter().enumerate() {
+            residual.set_lane(l, Scalar::from_f64(x));
+        }
+        residual
+    }
+
     /// Writes down the lanes of a group whose first environment is number `first` of the share, after control number `call`.
     pub fn write<R: Real<Scalar = S>>(&mut self, call: usize, first: usize, s: &Scratch<R>, readings: &[R], status: &[u32], residual: R) {
         let used = s.alive.bits().count_ones() as usize;

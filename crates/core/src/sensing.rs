@@ -64,7 +64,7 @@ impl<R: Real> Room<R> {
     pub fn new(plan: &Plan<R::Scalar>, max_contacts: usize) -> Self {
         let sensing = &plan.sensing;
         let links = if sensing.needs.velocities { plan.links.len() } else { 0 };
-        let frames = if sensing.link_quat.is_empty() { 0 } else { plan.nframe() };
+        let frames = if sensing.quaternions { plan.nframe() } else { 0 };
         let one = [R::one(), R::zero(), R::zero(), R::zero()];
         Self {
             truth: vec![R::zero(); sensing.width],
@@ -99,7 +99,7 @@ impl<R: Real> Room<R> {
     }
 }
 
-pub use frames::{frame, site_motion};
+pub use frames::{frame, orientations, site_motion};
 pub use masses::{angular_momentum, com, com_velocity, kinetic, potential};
 pub use proximity::proximity;
 pub use rays::{inside, range};

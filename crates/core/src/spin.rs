@@ -1,7 +1,8 @@
 //! Gyroscopic motion of single bodies, free or on a ball joint, by a discrete midpoint rule that keeps their angular momentum.
 //!
 //! With everything taken at the orientation R in the middle of the step, the body comes from R exp(-h/2 w) and goes to R exp(h/2 w+). Its
-//! angular momentum before and after, in the axes of R, are p-(w) = exp(-h/2 w) I w and p+(w+) = exp(h/2 w+) I w+. The step
+//! angular momentum before and after, in the axes of R, are p-(w) = exp(-h/2 w) I w and p+(w+) = exp(h/2 w+) I w+. (Where the step is taken
+//! `lead` seconds after its beginning and `rest` seconds before its end, these stand for the two halves.) The step
 //!
 //! ```text
 //! p+(w+) = p-(w) + h (torque)
@@ -25,28 +26,31 @@ use crate::spatial::*;
 /// Iterations; at a turn of 0.1 rad in half a step the last changes w by 1e-8 of what the corrector left, some 1e-4 of w.
 const ITERATIONS: usize = 8;
 
-/// Corrects the free velocities `v_free` of single bodies, which were found with the gyroscopic force at the velocity `v_eval`.
+/// Corrects the free velocities `v_free` of single bodies, which were found with the gyroscopic force at the velocity `v_eval`. The step was taken
+/// `ways` = (lead, rest) seconds after its beginning and before its end.
 pub fn correct<R: Real>(
     plan: &LanePlan<R>,
     kinematics: &Kinematics<R>,
     mass: &MassMatrix<R>,
-    h: R,
+    ways: [R; 2],
     [v, v_eval]: [&[R]; 2],
     v_free: &mut [R],
 ) {
     R::vectorize(
         #[inline(always)]
         || {
+            let [lead, rest] = ways;
+            let h = lead + rest;
             for spinner in &plan.spinners {
                 let Some((body, tumbles)) = Body::tumbling(plan, kinematics, spinner) else { continue };
                 let at = spinner.dof;
-                let before = body.momentum(&take(v, at, spinner.kind), -h);
+                let before = body.momentum(&take(v, at, spinner.kind), -lead);
                 let explicit = scale(body.gyroscopic(&take(v_eval, at, spinner.kind)), h);
                 let start = take(v_free, at, spinner.kind);
                 let old = take(v, at, spinner.kind);
                 let mut new = start;
                 for _ in 0..ITERATIONS {
-                    let mut change = sub(explicit, body.transport([&old, &new], before, h));
+                    let mut change = sub(explicit, body.transport([&old, &new], before, rest));
                     solve(plan, mass, spinner, &mut change);
                     new = add(start, change);
                 }
@@ -57,25 +61,27 @@ pub fn correct<R: Real>(
     )
 }
 
-/// Puts right the free velocities `v_free` of single bodies, which were found with the mean of the gyroscopic forces at the velocities before
-/// and after the step: with the impulses of contacts, the momentum then changes by exactly theirs.
+/// Puts right the free velocities `v_free` of single bodies, which were found with the gyroscopic force at the velocity before the step for the
+/// first of `times` seconds and with that at the velocity after it for the second: with the impulses of contacts, the momentum then changes by
+/// exactly theirs.
 pub fn settle<R: Real>(
     plan: &LanePlan<R>,
     kinematics: &Kinematics<R>,
     mass: &MassMatrix<R>,
-    h: R,
+    [ways, times]: [[R; 2]; 2],
     [v, after]: [&[R]; 2],
     v_free: &mut [R],
 ) {
     R::vectorize(
         #[inline(always)]
         || {
+            let [lead, rest] = ways;
             for spinner in &plan.spinners {
                 let Some((body, tumbles)) = Body::tumbling(plan, kinematics, spinner) else { continue };
                 let at = spinner.dof;
                 let [old, new] = [v, after].map(|v| take(v, at, spinner.kind));
-                let explicit = scale(add(body.gyroscopic(&old), body.gyroscopic(&new)), h * R::of(0.5));
-                let mut change = sub(explicit, body.transport([&old, &new], body.momentum(&old, -h), h));
+                let explicit = add_scaled(scale(body.gyroscopic(&old), times[0]), body.gyroscopic(&new), times[1]);
+                let mut change = sub(explicit, body.transport([&old, &new], body.momentum(&old, -lead), rest));
                 solve(plan, mass, spinner, &mut change);
                 let dofs = spinner.kind.nv();
                 for (v, change) in v_free[at..at + dofs].iter_mut().zip(&change[6 - dofs..]) {
@@ -164,13 +170,11 @@ impl<R: Real> Body<R> {
         [xx * w[0] + xy * w[1] + xz * w[2], xy * w[0] + yy * w[1] + yz * w[2], xz * w[0] + yz * w[1] + zz * w[2]]
     }
 
-    /// Momentum (linear in world axes, angular in the middle's axes about the joint), half of `way` seconds after the middle at the
-    /// velocity v.
+    /// Momentum (linear in world axes, angular in the middle's axes about the joint), `way` seconds after the middle at the velocity v.
     #[inline(always)]
     fn momentum(&self, v: &V6<R>, way: R) -> V6<R> {
         let (u, w) = ([v[0], v[1], v[2]], [v[3], v[4], v[5]]);
-        let half = way * R::of(0.5);
-        let turn = quat_to_mat(quat_exp(scale(w, half)));
+        let turn = quat_to_mat(quat_exp(scale(w, way)));
         let own = rotate(&turn, self.spin(w));
         // Everything in the middle's axes.
         let u = rotate_back(&self.mat, u);
@@ -196,8 +200,8 @@ impl<R: Real> Body<R> {
 
     /// N: what the momentum `before` changes by from the velocity `old` to `new`, beyond M (new - old).
     #[inline(always)]
-    fn transport(&self, [old, new]: [&V6<R>; 2], before: V6<R>, h: R) -> V6<R> {
-        sub(sub(self.momentum(new, h), before), self.inertial(&sub(*new, *old)))
+    fn transport(&self, [old, new]: [&V6<R>; 2], before: V6<R>, rest: R) -> V6<R> {
+        sub(sub(self.momentum(new, rest), before), self.inertial(&sub(*new, *old)))
     }
 
     /// The velocity-dependent part of the bias force.

@@ -58,6 +58,10 @@ pub struct Group<S> {
     pub residual: Vec<S>,
     /// Sweeps of the last step, per lane.
     pub iterations: Vec<S>,
+    /// Deepest overlap of the contacts in the last call, m, per lane.
+    pub depth: Vec<S>,
+    /// Farthest that a joint or tendon was beyond its range after a step of the last call, rad or m, per lane.
+    pub overshoot: Vec<S>,
     /// What sensors remember.
     pub sensing: Memory<S>,
     /// What drive trains remember.
@@ -87,6 +91,8 @@ impl<S: Scalar> Group<S> {
             saturated: vec![0; if plan.efforts_are_bounded() { plan.actuators.len() * lanes } else { 0 }],
             residual: zeros(1),
             iterations: zeros(1),
+            depth: zeros(1),
+            overshoot: zeros(1),
             sensing: Memory::new(plan, lanes, first),
             actuation: actuation::memory::Memory::default(),
         }
@@ -104,8 +110,9 @@ impl<S: Scalar> Group<S> {
         self.normals.forget(lane);
         self.status[lane] = Status::OK.0;
         self.saturated.iter_mut().skip(lane).step_by(lanes).for_each(|n| *n = 0);
-        self.residual[lane] = S::default();
-        self.iterations[lane] = S::default();
+        for number in [&mut self.residual, &mut self.iterations, &mut self.depth, &mut self.overshoot] {
+            number[lane] = S::default();
+        }
         self.sensing.forget(lane);
         self.actuation.forget(lane, lanes);
     }
@@ -113,7 +120,8 @@ impl<S: Scalar> Group<S> {
     /// Memory that it holds, bytes.
     pub fn bytes(&self) -> usize {
         let impulses = [&self.scalar_impulse, &self.impulse, &self.mocap, &self.contact_data, &self.contact_torque];
-        let numbers = [&self.q, &self.v, &self.act, &self.residual, &self.iterations].into_iter().chain(impulses);
+        let record = [&self.residual, &self.iterations, &self.depth, &self.overshoot];
+        let numbers = [&self.q, &self.v, &self.act].into_iter().chain(record).chain(impulses);
         let scalars: usize = numbers.map(|x| size_of_val(&x[..])).sum();
         let counts = [&self.contact_count, &self.status, &self.saturated].into_iter().map(|x| size_of_val(&x[..])).sum::<usize>();
         size_of::<Self>()
@@ -130,7 +138,8 @@ impl<S: Scalar> Group<S> {
     pub fn fits(&self, other: &Self) -> bool {
         let sizes = |g: &Self| {
             let impulses = [&g.scalar_impulse, &g.impulse, &g.mocap, &g.contact_data, &g.contact_torque].map(Vec::len);
-            let numbers = ([&g.q, &g.v, &g.act, &g.residual, &g.iterations].map(Vec::len), impulses);
+            let record = [&g.residual, &g.iterations, &g.depth, &g.overshoot].map(Vec::len);
+            let numbers = ([&g.q, &g.v, &g.act].map(Vec::len), record, impulses);
             (g.lanes, g.alive, numbers, [&g.contact_count, &g.status, &g.saturated].map(Vec::len), g.contact_ids.len(), g.time.len())
         };
         sizes(self) == sizes(other)
@@ -184,6 +193,8 @@ impl<S: Scalar> Group<S> {
             saturated: words(&self.saturated),
             residual: numbers(&self.residual),
             iterations: numbers(&self.iterations),
+            depth: numbers(&self.depth),
+            overshoot: numbers(&self.overshoot),
             sensing: self.sensing.part(first, n),
             actuation: self.actuation.part(lanes, first, n),
         }
@@ -204,6 +215,8 @@ impl<S: Scalar> Group<S> {
             (&mut self.contact_torque, &part.contact_torque),
             (&mut self.residual, &part.residual),
             (&mut self.iterations, &part.iterations),
+            (&mut self.depth, &part.depth),
+            (&mut self.overshoot, &part.overshoot),
         ] {
             set_columns(to, lanes, first, n, from);
         }

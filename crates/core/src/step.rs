@@ -3,6 +3,7 @@
 mod impact;
 
 use stepper_real::{Mask, Real};
+use stepper_solve::Outcome;
 
 use crate::constraints::{Constraints, Moment};
 use crate::contacts::Contacts;
@@ -19,11 +20,11 @@ use crate::spin;
 use crate::stages::s01_actuate::{actuate, advance_activation, regather};
 use crate::stages::s02_smooth::Smooth;
 use crate::stages::s03_detect::{GeomPoses, detect, may_have_passed};
-use crate::stages::s05_solve::solve;
+use crate::stages::s05_solve::{estimate, forget_estimate, solve};
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s07_integrate_position::integrate_position;
-use crate::stages::s08_stabilise::stabilise;
-use crate::stages::s10_record::Record;
+use crate::stages::s08_stabilise::{Solved, restrain, stabilise};
+use crate::stages::s10_record::{DEEP, OVER_LIMIT, Record, depth, limit_overshoot};
 
 /// What the user says to a step.
 #[derive(Clone, Debug)]
@@ -79,6 +80,9 @@ pub struct Scratch<R: Real> {
     /// Velocity after the step with which inertial forces are taken.
     expected: Vec<R>,
     change: Vec<R>,
+    /// Impacts of the step, and room for the velocity before them.
+    impacts: impact::Impacts<R>,
+    before_impact: Vec<R>,
     limit: Limit<R>,
     unresolved: R::Mask,
     q_next: Vec<R>,
@@ -122,6 +126,8 @@ impl<R: Real> Scratch<R> {
             act_eval: zeros(plan.na),
             expected: zeros(plan.nv),
             change: zeros(plan.nv),
+            impacts: impact::Impacts::new(plan),
+            before_impact: zeros(plan.nv),
             limit: Limit::new(plan),
             unresolved: R::Mask::splat(false),
             q_next: zeros(plan.nq),
@@ -165,23 +171,42 @@ impl<R: Real> Rule<R> {
         let integrator = options.integrator;
         match integrator {
             Integrator::Midpoint | Integrator::Rk4 => {
-                let theta = Theta { damping: half, stiffness: half * half };
+                let theta = Theta { damping: half, stiffness: half * half, step: h };
                 Self { integrator, h, lead: half, rest: half, reach: none, theta, share, corrects: true }
             }
             Integrator::Implicit => {
-                let theta = Theta { damping: h, stiffness: h * h };
+                let theta = Theta { damping: h, stiffness: h * h, step: none };
                 Self { integrator, h, lead: none, rest: h, reach: h, theta, share: R::one(), corrects: true }
             }
             Integrator::Euler => {
-                let theta = Theta { damping: h, stiffness: none };
+                let theta = Theta { damping: h, stiffness: none, step: none };
                 Self { integrator, h, lead: none, rest: h, reach: none, theta, share: none, corrects: false }
             }
         }
     }
 
+    /// The part of a gap that may close in a step: the next step is to meet the surface exactly in its middle, instead of beyond it. That is two thirds
+    /// where the midpoint rule is taken at the beginning of a step; `impacts` are taken anywhere.
+    fn closing(&self, at_beginning: R::Mask, impacts: R::Mask) -> R {
+        let whole = R::select(at_beginning, R::of(2.0 / 3.0), R::one());
+        if impacts.none() {
+            return whole;
+        }
+        R::vectorize(
+            #[inline(always)]
+            || R::select(impacts, self.h / (self.rest + self.h * R::of(0.5)), whole),
+        )
+    }
+
     /// How stage 1 takes servos. Euler's rule takes those of drive trains alone implicitly, as it does the joints' damping.
     fn servos(&self) -> Option<Implied<R>> {
         Some(Implied { theta: self.theta, all: self.corrects })
+    }
+
+    /// Shares of the joints' own damping and stiffness: Euler's rule takes damping explicitly where the model asks for it.
+    fn joints(&self, plan: &LanePlan<R>) -> Theta<R> {
+        let explicit = plan.explicit_damping && self.integrator == Integrator::Euler;
+        Theta { damping: if explicit { R::zero() } else { self.theta.damping }, ..self.theta }
     }
 
     /// The configuration at which springs and servos are taken.
@@ -217,21 +242,23 @@ pub fn step<R: Real>(plan: &LanePlan<R>, options: &Options, s: &mut Scratch<R>) 
         free_motion(plan, &rule, s);
         find_contacts(plan, &rule, s);
     }
+    if rule.integrator.in_the_middle() {
+        impact::place_at_impacts(plan, options, &mut rule, s);
+    }
     s.new_contacts.prepare(&mut s.contacts);
     // 4 assemble
-    let moment = Moment {
-        q: &s.q_eval,
-        v: &s.v,
-        motion: &s.smooth.work,
-        v_free: &s.v_free,
-        losses: &s.drive.losses,
-        h,
-        closing: closing(too_far),
-        alive: s.alive,
-    };
-    s.constraints.assemble(plan, options, &s.kinematics, &s.smooth.mass, &moment, &mut s.new_contacts);
+    assemble(plan, options, &rule, s, too_far);
+    let bounded = plan.servos_are_bounded && (rule.corrects || plan.trains > 0);
+    if bounded && s.constraints.constrained.any() && reconsider_servos(plan, &rule, s) {
+        // 1, 2 and 4 again, where servos reach their bounds, or leave them, by impulses of this step
+        free_motion(plan, &rule, s);
+        assemble(plan, options, &rule, s, too_far);
+        // Where nothing was wrong, this repeats the bits of the estimate before.
+        estimate(&s.v, h, s.constraints.constrained, &mut s.constraints);
+        forget_estimate(s.constraints.constrained, &mut s.constraints);
+    }
     if rule.corrects {
-        // 1 and 2 again, with what stage 4 knows of the velocity to come
+        // 1 and 2 again, at the velocity that an estimate of stage 5 leads to
         correct_forces(plan, &rule, s);
     }
     // 5 solve, 6 integrate velocity
@@ -242,8 +269,13 @@ pub fn step<R: Real>(plan: &LanePlan<R>, options: &Options, s: &mut Scratch<R>) 
         outcome = impact::solve_impacts(plan, options, &rule, s, outcome);
     }
     keep_impulse(plan, s);
-    if s.unresolved.any() {
-        slow_down(plan, s.unresolved, h, &mut s.v_next);
+    let solved = Solved { mass: &s.smooth.mass, contacts: &s.new_contacts, v_free: &s.v_free, h };
+    let mut infeasible = restrain(plan, options, &solved, &mut s.constraints, &mut outcome, &mut s.v_mean, &mut s.v_next);
+    // Where the step is too long for the motion, or the impulses do not decide it, speed and energy are kept from growing by force.
+    let undecided = undecided(options, s, outcome.residual);
+    let guarded = s.unresolved.or(undecided);
+    if guarded.any() {
+        slow_down(plan, guarded, h, &mut s.v_next);
     }
     // 7 integrate position
     let free = !pushed && !rule.corrects;
@@ -251,8 +283,11 @@ pub fn step<R: Real>(plan: &LanePlan<R>, options: &Options, s: &mut Scratch<R>) 
     integrate_position(plan, &s.q_eval, &s.v_next, rule.rest, &mut s.q_next);
     advance_activation(plan, &s.act, &s.act_eval, &s.inputs.ctrl, h, &mut s.act_next);
     // 8 stabilise
+    let impacts = impact::carry_positions(plan, &rule, s);
+    let v_free = if impacts.any() { &s.change } else { &s.v_free };
     let work = [&mut s.v_mean[..], &mut s.q_eval[..]];
-    stabilise(plan, options, &s.smooth.mass, &mut s.constraints, &s.v_free, &s.v_next, h, work, &mut s.q_next);
+    let solved = Solved { mass: &s.smooth.mass, contacts: &s.new_contacts, v_free, h };
+    infeasible = infeasible.or(stabilise(plan, options, &solved, &mut s.constraints, &s.v_next, work, &mut s.q_next));
     if let Some(rk4) = &mut s.rk4 {
         // Lanes that nothing touched take the higher order.
         rk4.step(plan, &s.kinematics, &s.inputs, [&s.q, &s.v, &s.act], h);
@@ -260,17 +295,24 @@ pub fn step<R: Real>(plan: &LanePlan<R>, options: &Options, s: &mut Scratch<R>) 
         rk4.take(smooth, [&mut s.q_next, &mut s.v_next, &mut s.act_next]);
     }
 
-    if s.unresolved.any() {
+    if guarded.any() {
         let (before, after) = ([&s.q[..], &s.v[..]], [&s.q_next[..], &s.v_next[..]]);
-        s.limit.keep_energy(plan, &s.kinematics, s.unresolved, before, after, &s.v_free, &mut s.v_mean);
+        s.limit.keep_energy(plan, &s.kinematics, guarded, before, after, &s.v_free, &mut s.v_mean);
         std::mem::swap(&mut s.v_next, &mut s.v_mean);
     }
 
     let finite = accept(plan, s);
+    // 10 record
+    let (depth, overshoot) = (depth(&s.constraints, &s.contacts, finite), limit_overshoot(plan, &s.q));
     Record {
         residual: outcome.residual,
         iterations: outcome.sweeps + outcome.newton,
-        not_converged: s.alive.and_not(outcome.residual.le(R::of(options.tolerance))),
+        depth,
+        overshoot,
+        deep: s.alive.and(depth.gt(R::of(DEEP))),
+        over_limit: s.alive.and(overshoot.gt(R::of(OVER_LIMIT))),
+        not_converged: undecided.or(s.alive.and_not(outcome.residual.le(R::of(options.tolerance)))),
+        infeasible: s.alive.and(infeasible),
         non_finite: s.alive.and_not(finite),
         contacts_full: s.contacts.full,
         unresolved: s.unresolved,
@@ -278,15 +320,56 @@ pub fn step<R: Real>(plan: &LanePlan<R>, options: &Options, s: &mut Scratch<R>) 
     }
 }
 
+/// Stage 4.
+fn assemble<R: Real>(plan: &LanePlan<R>, options: &Options, rule: &Rule<R>, s: &mut Scratch<R>, too_far: R::Mask) {
+    let moment = Moment {
+        q: &s.q_eval,
+        v: &s.v,
+        motion: &s.smooth.work,
+        v_free: &s.v_free,
+        losses: &s.drive.losses,
+        h: rule.h,
+        lead: rule.lead,
+        closing: rule.closing(too_far, s.impacts.lanes),
+        alive: s.alive,
+    };
+    s.constraints.assemble(plan, options, &s.kinematics, &s.smooth.mass, &moment, &mut s.new_contacts);
+}
+
+/// Compares where servos are on their bounds with what an estimate of the impulses says, which takes the place of those of the last step where the two
+/// differ. Returns whether they do in any lane.
+fn reconsider_servos<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) -> bool {
+    let lanes = s.constraints.constrained;
+    estimate(&s.v, rule.h, lanes, &mut s.constraints);
+    s.constraints.impulse_change(plan, &s.smooth.mass, &mut s.v_mean);
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for i in 0..plan.nv {
+                s.v_mean[i] = (s.v_free[i] - s.v[i]) + s.v_mean[i];
+            }
+        },
+    );
+    let wrong = s.drive.misjudged(plan, &s.inputs.trains, rule.theta, &s.v_mean, rule.h).and(lanes).and(s.alive);
+    if wrong.any() {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                s.change.copy_from_slice(&s.constraints.iterate.w);
+                s.smooth.mass.momentum(plan, &mut s.change);
+                for (kept, &now) in s.impulse.iter_mut().zip(&s.change) {
+                    *kept = R::select(wrong, now, *kept);
+                }
+            },
+        );
+    }
+    forget_estimate(lanes, &mut s.constraints);
+    wrong.any()
+}
+
 /// Stage 3. Returns the lanes that are taken too far from the beginning of the step.
 fn find_contacts<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) -> R::Mask {
     detect(plan, &s.kinematics, [&s.v, &s.v_free], [rule.h, rule.lead], s.alive, &mut s.poses, &mut s.new_contacts)
-}
-
-/// The part of a gap that may close in a step. Where a step of the midpoint rule is taken at its beginning, two thirds: the next step then meets
-/// the surface exactly in its middle, instead of beyond it.
-fn closing<R: Real>(at_beginning: R::Mask) -> R {
-    R::select(at_beginning, R::of(2.0 / 3.0), R::one())
 }
 
 /// The configuration and activations at which forces are taken.
@@ -310,9 +393,13 @@ fn place<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) {
 fn free_motion<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) {
     s.smooth.apply(plan, &s.kinematics, [&s.inputs.qfrc, &s.inputs.xfrc], &mut s.applied);
     s.drive.release();
+    s.smooth.assemble_mass(plan, &s.kinematics, rule.joints(plan));
+    if rule.integrator.in_the_middle() && !plan.servos.is_empty() {
+        s.drive.gauge(plan, &s.smooth.inertia);
+    }
     let at = rule.forces_at([&s.q_eval, &s.q_ahead], [&s.v, &s.v], &s.act_eval, &s.inputs);
     actuate(plan, &at, rule.servos(), &mut s.drive);
-    s.smooth.factor_mass(plan, &s.kinematics, implicit(plan, rule, &s.drive, &s.v));
+    s.smooth.complete_mass(plan, &s.kinematics, implicit(plan, rule, &s.drive, &s.v));
     s.smooth.acceleration(plan, &s.kinematics, [&s.drive.tau, &s.applied], &s.v, &s.v);
     if plan.servos_are_bounded && (rule.corrects || plan.trains > 0) {
         saturate_servos(plan, rule, s);
@@ -326,7 +413,7 @@ fn free_motion<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) 
 /// What the mass matrix holds besides M.
 fn implicit<'a, R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, drive: &'a Drive<R>, v: &'a [R]) -> Implicit<'a, R> {
     let servos: &[R] = if rule.corrects || plan.trains > 0 { &drive.weight } else { &[] };
-    Implicit { theta: rule.theta, servos, arms: &drive.arms, drag_at: rule.corrects.then_some(v) }
+    Implicit { theta: rule.joints(plan), servos, arms: &drive.arms, drag_at: rule.corrects.then_some(v) }
 }
 
 /// How often servos are looked at again after others have reached their bounds.
@@ -352,9 +439,15 @@ fn saturate_servos<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<
 /// Stages 1 and 2 again, with the forces that depend on the velocity taken at the mean of v and the velocity to be expected at the end of the
 /// step (or at that velocity itself): one corrector pass, which keeps the midpoint rule's second order.
 ///
-/// What is to be expected includes the impulses of the last step, so that a robot at rest feels no force of a motion that its contacts prevent.
+/// What is to be expected includes the impulses of constraints, so that a robot at rest feels no force of a motion that its contacts prevent. They are
+/// those of this step, so that where it ends follows from where it begins.
 fn correct_forces<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) {
-    s.constraints.warm_change(plan, &s.smooth.mass, &mut s.v_mean);
+    let constrained = s.constraints.constrained;
+    if constrained.any() {
+        estimate(&s.v, rule.h, constrained, &mut s.constraints);
+    }
+    s.constraints.impulse_change(plan, &s.smooth.mass, &mut s.v_mean);
+    leave_out_blows(rule, &s.v_free, &mut s.v_mean);
     advance(&s.v_free, &s.v_mean, R::one(), &mut s.expected);
     blend(&s.v, &s.v_free, rule.share, &mut s.v_mean);
     // Without servos no force of stage 1 depends on the velocity.
@@ -365,7 +458,7 @@ fn correct_forces<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R
     s.smooth.acceleration(plan, &s.kinematics, [&s.drive.tau, &s.applied], &s.v, &s.v_mean);
     advance(&s.v, &s.smooth.acc, rule.h, &mut s.v_next);
     if !plan.spinners.is_empty() && rule.integrator.in_the_middle() {
-        spin::correct(plan, &s.kinematics, &s.smooth.mass, rule.h, [&s.v, &s.v_mean], &mut s.v_next);
+        spin::correct(plan, &s.kinematics, &s.smooth.mass, [rule.lead, rule.rest], [&s.v, &s.v_mean], &mut s.v_next);
     }
     advance(&s.v_next, &s.v_free, -R::one(), &mut s.v_mean);
     s.unresolved = unresolved(plan, &s.v, &s.v_next, &s.v_mean, rule.h).and(s.alive);
@@ -374,11 +467,87 @@ fn correct_forces<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R
     }
     std::mem::swap(&mut s.v_free, &mut s.v_next);
     s.constraints.shift(plan, &s.smooth.mass, &mut s.v_mean, R::Mask::splat(true));
+    if constrained.any() {
+        forget_estimate(constrained, &mut s.constraints);
+    }
+}
+
+/// Turn by a blow within the step beyond which the velocity after it says nothing of the forces in it, rad.
+const BLOW: f64 = 0.1;
+
+/// Leaves the `change` by impulses out of what is to be expected in lanes in which it turns by so much that it makes the motion faster than the step
+/// resolves: forces of that motion would feed it.
+fn leave_out_blows<R: Real>(rule: &Rule<R>, v_free: &[R], change: &mut [R]) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let (mut most, mut free, mut pushed) = (R::zero(), R::zero(), R::zero());
+            for (&change, &v) in change.iter().zip(v_free) {
+                most = most.max(change.abs());
+                free = free.max(v.abs());
+                pushed = pushed.max((v + change).abs());
+            }
+            let blow = (rule.h * most).gt(R::of(BLOW)).and(pushed.gt(free));
+            if blow.any() {
+                for change in change {
+                    *change = R::select(blow, R::zero(), *change);
+                }
+            }
+        },
+    )
+}
+
+/// Residual from which on impulses may be anything, m/s: energy is kept from growing by them, as in steps that are too long.
+const UNSOLVED: f64 = 1e-2;
+
+/// Lanes whose impulses do not decide what becomes of their energy: the residual is large, or it is small beside velocities but not beside what
+/// enormous impulses make of it.
+fn undecided<R: Real>(options: &Options, s: &Scratch<R>, residual: R) -> R::Mask {
+    let Constraints { problem, iterate, constrained, .. } = &s.constraints;
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let unsolved = s.alive.and(residual.gt(R::of(UNSOLVED.max(10.0 * options.tolerance))));
+            unsolved.or(s.alive.and(*constrained).and(stepper_solve::undecided(problem, iterate, residual)))
+        },
+    )
+}
+
+/// Stages 5 and 6 again in the lanes `lanes`, from the impulses that there are.
+fn solve_again<R: Real>(plan: &LanePlan<R>, options: &Options, s: &mut Scratch<R>, lanes: R::Mask, outcome: &mut Outcome<R>) {
+    let again = solve(options, &s.v, lanes, &mut s.constraints, &mut s.new_contacts);
+    outcome.replace(&again, lanes);
+    integrate_velocity(plan, &s.smooth.mass, &s.v_free, &s.constraints, &mut s.v_next);
+}
+
+/// Takes over `change` as the free velocity of the lanes `lanes`, and `v_next` as the expected one; leaves by how much the former changed in `change`.
+fn take_over_change<R: Real>(plan: &LanePlan<R>, s: &mut Scratch<R>, lanes: R::Mask) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for i in 0..plan.nv {
+                let new = R::select(lanes, s.change[i], s.v_free[i]);
+                s.change[i] = new - s.v_free[i];
+                s.v_free[i] = new;
+                s.expected[i] = R::select(lanes, s.v_next[i], s.expected[i]);
+            }
+        },
+    );
 }
 
 /// In unresolved lanes, the free velocity without velocity-dependent inertial forces, and its change by that.
 fn leave_out_inertial_forces<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) {
-    let at = rule.forces_at([&s.q_eval, &s.q_ahead], [&s.v, &s.v], &s.act_eval, &s.inputs);
+    // The other lanes' forces stay those of their mean velocity, to the bit: further solutions read them.
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for i in 0..plan.nv {
+                let mean = s.v[i] + (s.expected[i] - s.v[i]) * rule.share;
+                s.change[i] = R::select(s.unresolved, s.v[i], mean);
+            }
+        },
+    );
+    let at = rule.forces_at([&s.q_eval, &s.q_ahead], [&s.v, &s.change], &s.act_eval, &s.inputs);
     actuate(plan, &at, rule.servos(), &mut s.drive);
     s.smooth.acceleration(plan, &s.kinematics, [&s.drive.tau, &s.applied], &s.v, &s.limit.rest);
     R::vectorize(

@@ -41,3 +41,17 @@ pub fn motion<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, contacts:
     }
     sum
 }
+
+/// Angular velocity that conveyors among a pair's geoms have of themselves, the second's against the first's, rad/s.
+#[inline(always)]
+pub fn spin<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, [a, b]: [usize; 2]) -> V3<R> {
+    let mut sum = zero();
+    for surface in &plan.surfaces {
+        let (plus, minus) = (surface.geom == b, surface.geom == a);
+        if let (Some([_, spin]), true) = (surface.own, plus || minus) {
+            let spin = rotate(&kinematics.mat[plan.geoms[surface.geom].frame], splat(spin));
+            sum = if plus { add(sum, spin) } else { sub(sum, spin) };
+        }
+    }
+    sum
+}

@@ -3,6 +3,7 @@
 mod senses;
 
 use std::any::Any;
+use std::ops::Range;
 
 use stepper_real::{Level, Mask, Real, Scalar, at_avx512, at_level};
 
@@ -40,12 +41,56 @@ pub struct Call<'a, S: Scalar> {
     pub xfrc: &'a [f64],
     /// (num_envs, nmocap, 3) and (num_envs, nmocap, 4), or empty for the model's.
     pub mocap: [&'a [f64]; 2],
+    /// The steps of the call that are made now.
+    pub part: Part,
     /// What sensors that are not ideal make of the truth.
     pub errors: Option<&'a Errors<S>>,
     /// Parameters that environments have of their own.
     pub own: &'a Own<S>,
     /// Drive trains of the actuators.
     pub chains: Option<&'a Chains<S>>,
+}
+
+impl<S: Scalar> Call<'_, S> {
+    /// Steps of all controls together.
+    fn steps(&self) -> usize {
+        self.calls.saturating_mul(self.nstep)
+    }
+}
+
+/// Some steps of a call, which follow one another. The parts of a call make the bits of the whole.
+#[derive(Clone, Copy, Debug)]
+pub struct Part {
+    /// The first of them, counted over all controls.
+    pub from: usize,
+    /// The first after them.
+    pub to: usize,
+    /// Time of the call before them, s.
+    pub elapsed: f64,
+    /// Whether no other part follows.
+    pub ends: bool,
+}
+
+impl Part {
+    /// All of so many steps.
+    pub fn whole(steps: usize) -> Self {
+        Self { from: 0, to: steps, elapsed: 0.0, ends: true }
+    }
+
+    /// The controls that have steps of it, all of them where a control has no step.
+    fn controls(&self, calls: usize, nstep: usize) -> Range<usize> {
+        match nstep {
+            0 => 0..calls,
+            _ if self.from == self.to => 0..0,
+            _ => self.from / nstep..self.to.div_ceil(nstep),
+        }
+    }
+
+    /// The steps of it that a control has, as places among the control's own.
+    fn steps_of(&self, control: usize, nstep: usize) -> Range<usize> {
+        let before = control * nstep;
+        self.from.saturating_sub(before)..(self.to - before).min(nstep)
+    }
 }
 
 /// A thread's room to work, with the step compiled for its lanes and CPU level.
@@ -192,18 +237,19 @@ impl<R: Real> Worker<R::Scalar> for Desk<R> {
         }
         self.scratch.current = false;
         take_up(call, group, first, &mut self.scratch);
-        group.status[..R::LANES].fill(0);
-        // An empty array takes the C library's masked stores a hundred times as long as a short one.
-        if !group.saturated.is_empty() {
-            group.saturated.fill(0);
-        }
-        if !group.sensing.faults.is_empty() {
-            group.sensing.faults.fill(0);
+        if call.part.from == 0 {
+            forget_faults::<R>(group);
         }
         self.scratch.poses.exchange(&mut group.normals);
-        for control in 0..call.calls {
+        for control in call.part.controls(call.calls, call.nstep) {
             take_up_control(call, control, first, &mut self.scratch);
-            let residual = self.run_control(call, group, first);
+            let steps = call.part.steps_of(control, call.nstep);
+            let mut residual = R::zero();
+            self.flags[..R::LANES].fill(0);
+            if let (Some(share), true) = (&share, steps.start > 0) {
+                residual = share.resume(control, first - share_first, self.scratch.alive, &mut self.flags);
+            }
+            let residual = self.run_control(call, group, first, steps.len(), residual);
             let Self { scratch: s, senses, plan, flags } = self;
             if let Some(share) = &mut share {
                 let readings = if share.has(Quantity::Observation) { senses.readings(call, plan, group, s) } else { &[] };
@@ -212,9 +258,12 @@ impl<R: Real> Worker<R::Scalar> for Desk<R> {
         }
         let s = &mut self.scratch;
         s.poses.exchange(&mut group.normals);
-        if call.calls * call.nstep > 0 {
+        if call.part.to > call.part.from {
             self.senses.remember(group, s);
             store(group, s);
+        }
+        if call.part.ends && call.part.to > 0 {
+            keep_ways(call, group, s);
         }
         // Who has one group alone goes on with it.
         s.current = call.num_envs <= R::LANES;
@@ -241,13 +290,12 @@ impl<R: Real> Desk<R> {
         }
     }
 
-    /// The steps of one control; leaves the flags of all of them, and returns their largest residual.
-    fn run_control(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize) -> R {
+    /// Some steps of one control; adds their flags to those that are there, and returns their largest residual and that given.
+    fn run_control(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, steps: usize, mut residual: R) -> R {
         let Self { scratch: s, senses, plan, flags } = self;
         let (h, flags) = (call.options.timestep, &mut flags[..R::LANES]);
-        let mut residual = R::zero();
-        flags.fill(0);
-        for _ in 0..call.nstep {
+        let (mut depth, mut overshoot) = (R::load(&group.depth), R::load(&group.overshoot));
+        for _ in 0..steps {
             senses.before_step(s);
             if let Some(chains) = call.chains {
                 let state = [&s.q[..], &s.v[..]];
@@ -278,11 +326,14 @@ impl<R: Real> Desk<R> {
                 count_saturated(plan, s, &mut group.saturated);
             }
             residual = residual.max(record.residual);
+            (depth, overshoot) = (depth.max(record.depth), overshoot.max(record.overshoot));
             record.residual.store(&mut group.residual);
             record.iterations.store(&mut group.iterations);
             // 9 sense
             senses.after_step(call, plan, group, first, s);
         }
+        depth.store(&mut group.depth);
+        overshoot.store(&mut group.overshoot);
         for (all, one) in group.status[..R::LANES].iter_mut().zip(flags) {
             *all |= *one;
         }
@@ -316,11 +367,38 @@ fn store<R: Real>(group: &mut Group<R::Scalar>, s: &Scratch<R>) {
                 R::store_all(x, out);
             }
             group.store_contacts(&s.contacts);
+        },
+    )
+}
+
+/// Keeps where the mocap bodies have got to: the end of their ways, if all steps of the call were made.
+fn keep_ways<R: Real>(call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, s: &Scratch<R>) {
+    if s.ways.is_empty() {
+        return;
+    }
+    let arrived = call.part.to == call.steps();
+    R::vectorize(
+        #[inline(always)]
+        || {
             for (way, out) in s.ways.iter().zip(group.mocap.chunks_exact_mut(7 * R::LANES)) {
-                R::store_all(&way.end(), out);
+                R::store_all(&if arrived { way.end() } else { way.pose_at(R::of(s.elapsed)) }, out);
             }
         },
     )
+}
+
+/// Begins the counts of a call anew.
+fn forget_faults<R: Real>(group: &mut Group<R::Scalar>) {
+    group.status[..R::LANES].fill(0);
+    group.depth[..R::LANES].fill(R::Scalar::default());
+    group.overshoot[..R::LANES].fill(R::Scalar::default());
+    // An empty array takes the C library's masked stores a hundred times as long as a short one.
+    if !group.saturated.is_empty() {
+        group.saturated.fill(0);
+    }
+    if !group.sensing.faults.is_empty() {
+        group.sensing.faults.fill(0);
+    }
 }
 
 fn load<R: Real>(group: &Group<R::Scalar>, s: &mut Scratch<R>) {
@@ -365,9 +443,9 @@ fn find_ways<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, firs
     R::vectorize(
         #[inline(always)]
         || {
-            let seconds = R::of((call.calls * call.nstep).max(1) as f64 * call.options.timestep);
+            let seconds = R::of(call.steps().max(1) as f64 * call.options.timestep);
             let given = !call.mocap[0].is_empty();
-            s.elapsed = 0.0;
+            s.elapsed = call.part.elapsed;
             for (k, m) in call.plan.mocap.iter().enumerate() {
                 let n = call.plan.mocap.len();
                 let (mut pos, mut quat): (V3<R>, [R; 4]) = (splat(m.pos), splat(m.quat));

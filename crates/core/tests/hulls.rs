@@ -225,3 +225,98 @@ proptest! {
         }
     }
 }
+
+/// Points of every kind, before they are scaled: anywhere in a cube or ball, on a coarse lattice (many on one plane or line), some twice, in single precision.
+fn cloud() -> impl Strategy<Value = Vec<V>> {
+    let anywhere = prop::collection::vec(vector(1.0), 8..200);
+    let on_ball = prop::collection::vec(unit(), 8..200);
+    let lattice = prop::collection::vec(prop::array::uniform3(-3..=3i32).prop_map(|p| p.map(f64::from)), 20..200);
+    let single = prop::collection::vec(vector(1.0).prop_map(|p| p.map(|x| f64::from((x * 8.0).round() as f32 / 8.0))), 30..200);
+    prop_oneof![anywhere, on_ball, lattice, single]
+}
+
+/// Closed, of one piece and without holes.
+fn is_closed(hull: &Hull) -> bool {
+    let edges: std::collections::BTreeSet<(u32, u32)> =
+        hull.triangles().iter().flat_map(|t| (0..3).map(move |k| (t[k], t[(k + 1) % 3]))).collect();
+    let twice = edges.iter().all(|&(a, b)| edges.contains(&(b, a))) && edges.len() == 3 * hull.triangles().len();
+    twice && hull.points().len() + hull.triangles().len() == edges.len() / 2 + 2
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn points_of_any_thickness_have_a_hull(cloud in cloud(), thin in prop::array::uniform3(prop_oneof![2 => Just(0.0), 3 => -11.0..0.0f64]),
+                                           mat in rotation(), size in -4.0..3.0f64, at in prop_oneof![Just(0.0), Just(3.0)]) {
+        let size = 10f64.powf(size);
+        let scales = thin.map(|x| size * 10f64.powf(x));
+        // What is on one plane before it is scaled has no hull.
+        let Ok(unscaled) = Hull::new(&cloud) else { return Ok(()) };
+        let depth = |n: V, on: V| cloud.iter().map(|p| dot(n, sub(on, *p))).fold(0.0, f64::max);
+        let width = unscaled.faces().iter().map(|f| depth(f.normal, unscaled.points()[f.vertices[0] as usize])).fold(f64::INFINITY, f64::min);
+        let least = scales.into_iter().fold(f64::INFINITY, f64::min) * width;
+        let points: Vec<V> = cloud.iter().map(|p| {
+            let p = rotate(&mat, std::array::from_fn(|k| p[k] * scales[k]));
+            p.map(|x| x + at * size)
+        }).collect();
+        let most = points.iter().flatten().fold(0.0, |most: f64, x| most.max(x.abs()));
+        // Thinner than some hundred roundings of a coordinate, points are on one plane.
+        prop_assume!(least > 1e-12 * most);
+        let hull = Hull::new(&points).unwrap();
+        prop_assert!(is_closed(&hull), "not a closed surface");
+        prop_assert!(hull.points().iter().all(|p| points.contains(p)), "a corner that nobody gave");
+        // Faces are flat within a thousandth of the thickness, and no more than a millionth of the size.
+        let rounding = 1e-14 * most;
+        let flat = (2e-3 * least * 3.0).min(4e-6 * most) + rounding;
+        for face in hull.faces() {
+            let on = hull.points()[face.vertices[0] as usize];
+            let furthest = points.iter().map(|p| dot(face.normal, sub(*p, on))).fold(f64::NEG_INFINITY, f64::max);
+            // A plane through three points is known as well as they are apart from a line.
+            let of = |k: usize| hull.points()[face.vertices[k] as usize];
+            let n = face.vertices.len();
+            let (mut area, mut longest) = ([0.0; 3], 0.0f64);
+            for k in 0..n {
+                area = add(area, cross(sub(of(k), on), sub(of((k + 1) % n), on)));
+                longest = longest.max(norm(sub(of(k), of((k + 1) % n))));
+            }
+            let flat = flat + rounding * (1.0 + most * longest / norm(area));
+            prop_assert!(furthest <= flat, "{furthest} outside of a face, {flat} would do");
+        }
+        // In every direction it reaches as far as the points.
+        let shape = ConvexShape::Hull(Arc::new(hull.clone()));
+        for p in points.iter().filter(|p| norm(sub(**p, hull.centre())) > 0.0).take(10) {
+            let d = sub(*p, hull.centre());
+            let d = scale(d, 1.0 / norm(d));
+            let furthest = points.iter().map(|p| dot(d, *p)).fold(f64::NEG_INFINITY, f64::max);
+            let reach = dot(d, shape.support(d));
+            prop_assert!((furthest - reach).abs() <= rounding, "{furthest} {reach}");
+        }
+    }
+
+    #[test]
+    fn thin_hulls_touch_a_ball_where_they_are_nearest(cloud in prop::collection::vec(vector(1.0), 8..60), thin in -9.0..0.0f64, mat in rotation(),
+                                                      towards in unit(), gap in 0.001..0.01f64) {
+        let points: Vec<V> = cloud.iter().map(|p| rotate(&mat, [p[0], p[1], p[2] * 10f64.powf(thin)])).collect();
+        let hull = Arc::new(Hull::new(&points).unwrap());
+        let ball = ConvexShape::Sphere { radius: 0.1 };
+        let still = Pose { pos: [0.0; 3], mat: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] };
+        let far = Pose { pos: scale(towards, 3.0), ..still };
+        let (apart, n) = distance(&ConvexShape::Hull(hull.clone()), &still, &ball, &far);
+        let pose = Pose { pos: add_scaled(far.pos, n, gap - apart), ..far };
+        let found = contacts(&ConvexShape::Hull(hull.clone()), &still, &ball, &pose, None, None);
+        prop_assert_eq!(found.len(), 1);
+        // A plane with all of the hull behind it, which the ball touches at that distance: nothing is nearer.
+        let p = &found[0];
+        prop_assert!((p.distance - gap).abs() < 1e-9, "{} {gap}", p.distance);
+        let behind = points.iter().map(|x| dot(p.normal, sub(*x, pose.pos))).fold(f64::NEG_INFINITY, f64::max);
+        prop_assert!((behind + 0.1 + gap).abs() < 1e-9, "{behind}");
+    }
+}
+
+#[test]
+fn what_is_on_one_plane_up_to_rounding_has_no_hull() {
+    let turn = axis_rotation([0.6, 0.0, 0.8], 1f64.sin(), 1f64.cos());
+    let flat: Vec<V> = (0..50).map(|k| rotate(&turn, [f64::from(k).sin(), f64::from(k * k).cos(), 0.0])).collect();
+    assert_eq!(Hull::new(&flat), Err(stepper_core::geometry::convex::HullError::Flat));
+}

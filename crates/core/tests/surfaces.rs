@@ -127,3 +127,88 @@ fn below_a_height_field_is_pushed_up() {
     let under = Pose { pos: [0.0, 0.0, -1.2], ..STILL };
     assert!(touch(&slope(5, [0.0; 2]), &ball, &under, 0.01).points.is_empty());
 }
+
+/// Heights over a square of 2 m, rough or smooth, and the same as a mesh whose diagonals are those of a height field or the others.
+fn rough() -> impl Strategy<Value = (Grid, usize)> {
+    let heights = (4..9usize).prop_flat_map(|n| prop::collection::vec(0.0..1.0f64, n * n).prop_map(move |z| (n, z)));
+    (heights, prop_oneof![Just(0.3), Just(0.03)], 0..3usize)
+        .prop_map(|((n, z), most, form)| (Grid::new([n, n], [1.0; 2], z.into_iter().map(|z| most * z).collect(), 1.0), form))
+}
+
+/// The vertices of a grid, and its triangles: parted as those of a height field, or the other way.
+fn triangles(grid: &Grid, other_way: bool) -> (Vec<V>, Vec<[u32; 3]>) {
+    let n = grid.shape[0];
+    let at = |k: usize| -1.0 + 2.0 * k as f64 / (n - 1) as f64;
+    let vertices = (0..n * n).map(|k| [at(k % n), at(k / n), grid.elevation[k]]).collect();
+    let faces = (0..(n - 1) * (n - 1)).flat_map(|k| {
+        let (c, r) = (k % (n - 1), k / (n - 1));
+        let [p, q, s, t] = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(dc, dr)| ((r + dr) * n + c + dc) as u32);
+        if other_way { [[p, q, t], [q, s, t]] } else { [[p, q, s], [p, s, t]] }
+    });
+    (vertices, faces.collect())
+}
+
+/// The point of a triangle that is nearest to `p`: of its plane, or of an edge.
+fn nearest_of_triangle(t: &[V; 3], p: V) -> V {
+    let n = cross(sub(t[1], t[0]), sub(t[2], t[0]));
+    let foot = add_scaled(p, n, -dot(n, sub(p, t[0])) / dot(n, n));
+    if (0..3).all(|k| dot(n, cross(sub(t[(k + 1) % 3], t[k]), sub(foot, t[k]))) >= 0.0) {
+        return foot;
+    }
+    let on_edge = |k: usize| {
+        let (a, u) = (t[k], sub(t[(k + 1) % 3], t[k]));
+        add_scaled(a, u, (dot(u, sub(p, a)) / dot(u, u)).clamp(0.0, 1.0))
+    };
+    (0..3).map(on_edge).min_by(|a, b| norm(sub(*a, p)).total_cmp(&norm(sub(*b, p)))).unwrap()
+}
+
+proptest! {
+    #[test]
+    fn what_a_ball_touches_is_nearer_than_all_around_it((grid, form) in rough(), at in prop::array::uniform2(-0.8..0.8f64), radius in 0.02..0.3f64,
+                                                        gap in 0.001..0.05f64) {
+        let (vertices, faces) = triangles(&grid, form == 2);
+        let corners: Vec<[V; 3]> = faces.iter().map(|f| f.map(|v| vertices[v as usize])).collect();
+        let surface = if form == 0 { Surface::Grid(grid) } else { Surface::Mesh(MeshSurface::new(&vertices, &faces)) };
+        let distance_to = |p: V| corners.iter().map(|t| norm(sub(p, nearest_of_triangle(t, p)))).fold(f64::INFINITY, f64::min);
+        // Lowered until it is as near as asked: its distance is never more than its height over the surface.
+        let mut centre = [at[0], at[1], 1.0];
+        for _ in 0..200 {
+            centre[2] -= distance_to(centre) - radius - gap;
+        }
+        prop_assume!((distance_to(centre) - radius - gap).abs() < 1e-9);
+        let pose = Pose { pos: centre, ..STILL };
+        let points = touch(&surface, &ConvexShape::Sphere { radius }, &pose, 0.06).points;
+        // The nearest is there ...
+        let least = points.iter().map(|p| p.distance).fold(f64::INFINITY, f64::min);
+        prop_assert!((least - gap).abs() < 1e-8, "{least} {gap}");
+        // ... and none has a point nearby on the surface that is nearer.
+        for p in &points {
+            let x = add_scaled(centre, p.normal, -(p.distance + radius));
+            let nearby = corners.iter().map(|t| nearest_of_triangle(t, centre)).filter(|y| norm(sub(*y, x)) < 1e-3);
+            let nearest = nearby.map(|y| norm(sub(y, centre))).fold(f64::INFINITY, f64::min);
+            // Normals within 1e-6 of a neighbour's are taken for its own.
+            prop_assert!(nearest > p.distance + radius - 1e-8, "{} {}", p.distance + radius, nearest);
+        }
+    }
+
+    #[test]
+    fn what_is_nearest_on_a_rough_surface_is_found((grid, form) in rough(), b in shape(), at in prop::array::uniform2(-0.5..0.5f64), mat in rotation(),
+                                                   gap in 0.001..0.05f64) {
+        let (vertices, faces) = triangles(&grid, form == 2);
+        let surface = if form == 0 { Surface::Grid(grid) } else { Surface::Mesh(MeshSurface::new(&vertices, &faces)) };
+        let near = |pose: &Pose| {
+            let each = faces.iter().map(|f| distance(&ConvexShape::Triangle(f.map(|v| vertices[v as usize])), &STILL, &b, pose));
+            each.min_by(|x, y| x.0.total_cmp(&y.0)).unwrap()
+        };
+        let mut pose = Pose { pos: [at[0], at[1], 1.5], mat };
+        for _ in 0..100 {
+            pose.pos[2] -= near(&pose).0 - gap;
+        }
+        let (exact, normal) = near(&pose);
+        prop_assume!((exact - gap).abs() < 1e-6);
+        let points = touch(&surface, &b, &pose, 0.06).points;
+        // Round bodies and flat faces: where several points are equally near, the normal is that of one of them.
+        let found = points.iter().find(|p| (p.distance - exact).abs() < 1e-6 && norm(sub(p.normal, normal)) < 1e-3);
+        prop_assert!(found.is_some(), "{exact} {normal:?} {points:?}");
+    }
+}

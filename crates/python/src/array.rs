@@ -1,15 +1,14 @@
 //! NumPy arrays in and out: shapes are checked here, and both are named when they differ.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
-
+use numpy::npyffi::{NPY_ARRAY_WRITEABLE, PY_ARRAY_API};
 use numpy::{
     IntoPyArray, PyArrayDescr, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods, dtype,
     ndarray::ArrayD,
 };
-use pyo3::exceptions::{PyTypeError, PyValueError};
-use pyo3::marker::Ungil;
+use pyo3::exceptions::{PyAttributeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
+use pyo3::types::PyDict;
 use stepper_core::Precision;
 
 /// An array of the given shape; float32 in that precision.
@@ -19,6 +18,43 @@ pub(crate) fn array<'py>(py: Python<'py>, shape: &[usize], data: Vec<f64>, preci
         Precision::F64 => shaped.into_pyarray(py).into_any(),
         Precision::F32 => shaped.mapv(|x| x as f32).into_pyarray(py).into_any(),
     })
+}
+
+/// A read-only array that an attribute is read as, which names the call that sets `field` to whoever writes to it (`stepper._hints`).
+pub(crate) fn read_only<'py>(array: Bound<'py, PyAny>, field: &str) -> PyResult<Bound<'py, PyAny>> {
+    static KINDS: PyOnceLock<Py<PyDict>> = PyOnceLock::new();
+    read_only_as(array, field, "kind", &KINDS)
+}
+
+/// The same of what environments have of their own.
+pub(crate) fn read_only_of_environments<'py>(array: Bound<'py, PyAny>, field: &str) -> PyResult<Bound<'py, PyAny>> {
+    static KINDS: PyOnceLock<Py<PyDict>> = PyOnceLock::new();
+    read_only_as(array, field, "kind_of_environments", &KINDS)
+}
+
+fn read_only_as<'py>(array: Bound<'py, PyAny>, field: &str, make: &str, kinds: &PyOnceLock<Py<PyDict>>) -> PyResult<Bound<'py, PyAny>> {
+    let py = array.py();
+    let kinds = kinds.get_or_init(py, || PyDict::new(py).unbind()).bind(py);
+    let kind = match kinds.get_item(field)? {
+        Some(kind) => kind,
+        None => {
+            let kind = py.import("stepper._hints")?.call_method1(make, (field,))?;
+            kinds.set_item(field, &kind)?;
+            kind
+        }
+    };
+    let array = array.cast_into::<PyUntypedArray>()?;
+    // SAFETY: the array was made here, like the one that it may be a view of, and nobody else has them; the kind is a subclass of ndarray, and
+    // without a dtype it keeps its own.
+    unsafe {
+        let mut part = array.as_array_ptr();
+        while !part.is_null() && numpy::npyffi::PyArray_Check(py, part.cast()) != 0 {
+            (*part).flags &= !NPY_ARRAY_WRITEABLE;
+            part = (*part).base.cast();
+        }
+        let view = PY_ARRAY_API.PyArray_View(py, array.as_array_ptr(), std::ptr::null_mut(), kind.as_ptr().cast());
+        Bound::from_owned_ptr_or_err(py, view)
+    }
 }
 
 /// "(2, 3)"
@@ -43,27 +79,12 @@ pub(crate) fn readonly<'py>(given: &Bound<'py, PyAny>, name: &str) -> PyResult<P
     array.try_readonly().map_err(|e| PyValueError::new_err(format!("{name}: {e}")))
 }
 
-/// Calls that write to arrays of Python's while their threads are detached from the interpreter. Changed and read by attached threads alone.
-static WRITING: AtomicUsize = AtomicUsize::new(0);
-
-/// Lets other threads of Python run during `work`, which may write to arrays that they have too.
-pub(crate) fn write_detached<T: Ungil>(py: Python<'_>, work: impl FnOnce() -> T + Ungil) -> T {
-    WRITING.fetch_add(1, Ordering::Relaxed);
-    let done = py.detach(work);
-    // Not after a panic: then only what is slower is left.
-    WRITING.fetch_sub(1, Ordering::Relaxed);
-    done
-}
-
-/// What `read` makes of shape and numbers of a C-contiguous float64 array; nothing of anything else, or while some array is written to.
+/// What `read` makes of shape and numbers of a C-contiguous float64 array; nothing of anything else.
 ///
 /// Without the account that [`PyReadonlyArrayDyn`] keeps of who reads and writes, which costs as much as the rest of a call, and with a dtype
 /// compared by its address: NumPy has one of each of its own.
 pub(crate) fn with_numbers<T>(given: &Bound<'_, PyAny>, read: impl FnOnce(&[usize], &[f64]) -> T) -> Option<T> {
     static FLOAT64: PyOnceLock<Py<PyArrayDescr>> = PyOnceLock::new();
-    if WRITING.load(Ordering::Relaxed) > 0 {
-        return None;
-    }
     let array = given.cast::<PyUntypedArray>().ok()?;
     let float64 = FLOAT64.get_or_init(given.py(), || dtype::<f64>(given.py()).unbind());
     // SAFETY: an array has a dtype, whose address is only compared.
@@ -74,8 +95,8 @@ pub(crate) fn with_numbers<T>(given: &Bound<'_, PyAny>, read: impl FnOnce(&[usiz
     // SAFETY: its dtype is that of f64, and this type says nothing of its axes.
     let array = unsafe { array.cast_unchecked::<PyArrayDyn<f64>>() };
     // SAFETY: the numbers are looked at here only, while this thread is attached to the interpreter. Nothing in this crate writes to them
-    // meanwhile: attached, no other thread can, and detached none does. Of Python's other threads that is what pyo3's safe
-    // `PyBuffer::copy_to_slice` relies on as well.
+    // meanwhile: it touches arrays of Python's only while attached, and detached it has copies. Of Python's other threads that is what pyo3's
+    // safe `PyBuffer::copy_to_slice` relies on as well.
     let numbers = unsafe { array.as_slice() }.ok()?;
     Some(read(array.shape(), numbers))
 }
@@ -97,6 +118,26 @@ pub(crate) fn whole(given: &Bound<'_, PyAny>, name: &str, least: u64) -> PyResul
         Ok(number) if number >= least && usize::try_from(number).is_ok() => Ok(number),
         _ => Err(PyValueError::new_err(format!("{name} is {index}, must be a whole number, {least} or more, in {} bits", usize::BITS))),
     }
+}
+
+/// Assigns an attribute as Python does; where it takes none, the error says which call does (`stepper._hints`).
+pub(crate) fn assign_attribute(owner: &Bound<'_, PyAny>, name: &Bound<'_, PyAny>, value: &Bound<'_, PyAny>) -> PyResult<()> {
+    let py = owner.py();
+    // SAFETY: three objects that live as long as the call.
+    match unsafe { pyo3::ffi::PyObject_GenericSetAttr(owner.as_ptr(), name.as_ptr(), value.as_ptr()) } {
+        0 => Ok(()),
+        _ => {
+            let error = PyErr::fetch(py);
+            if error.is_instance_of::<PyAttributeError>(py) { Err(hint(owner, "not_assigned", name)?) } else { Err(error) }
+        }
+    }
+}
+
+/// What to say of an attribute that is not there, or takes no assignment.
+pub(crate) fn hint(owner: &Bound<'_, PyAny>, which: &str, name: &Bound<'_, PyAny>) -> PyResult<PyErr> {
+    let class = owner.get_type();
+    let error = owner.py().import("stepper._hints")?.call_method1(which, (class, name))?;
+    Ok(PyErr::from_value(error))
 }
 
 /// "'five' (str)", for messages about values of the wrong type.

@@ -1,41 +1,80 @@
 //! Contacts as a structured array.
 
+use numpy::PyArrayDescr;
 use pyo3::prelude::*;
-use pyo3::types::PyTuple;
-use stepper_core::Model;
-use stepper_core::state::StoredContact;
+use pyo3::sync::PyOnceLock;
+use pyo3::types::{PyByteArray, PyDict, PyTuple};
+use stepper_core::Simulation;
 
-/// The array that `Stepper.contacts` returns.
-pub(crate) fn structured<'py>(py: Python<'py>, model: &Model, contacts: &[([usize; 2], StoredContact)]) -> PyResult<Bound<'py, PyAny>> {
-    let numpy = py.import("numpy")?;
-    let fields: [(&str, &str, Vec<usize>); 8] = [
-        ("geom", "i4", vec![2]),
-        ("body", "i4", vec![2]),
-        ("pos", "f8", vec![3]),
-        ("normal", "f8", vec![3]),
-        ("distance", "f8", vec![]),
-        ("force", "f8", vec![3]),
-        ("torque", "f8", vec![3]),
-        ("frame", "f8", vec![3, 3]),
-    ];
-    let dtype: Vec<_> =
-        fields.iter().map(|(name, kind, shape)| PyTuple::new(py, shape).map(|s| (*name, *kind, s))).collect::<PyResult<_>>()?;
-    let out = numpy.call_method1("zeros", (contacts.len(), dtype))?;
-    if contacts.is_empty() {
-        return Ok(out);
+/// A row of the array: what its dtype says, in that order.
+#[repr(C)]
+#[derive(Clone, Copy)]
+struct Row {
+    env: i32,
+    geom: [i32; 2],
+    body: [i32; 2],
+    /// What aligns the numbers that follow.
+    unused: i32,
+    pos: [f64; 3],
+    normal: [f64; 3],
+    distance: f64,
+    force: [f64; 3],
+    torque: [f64; 3],
+    frame: [[f64; 3]; 3],
+}
+
+/// Names, kinds and shapes of the fields of [`Row`].
+const FIELDS: [(&str, &str, &[usize]); 9] = [
+    ("env", "i4", &[]),
+    ("geom", "i4", &[2]),
+    ("body", "i4", &[2]),
+    ("pos", "f8", &[3]),
+    ("normal", "f8", &[3]),
+    ("distance", "f8", &[]),
+    ("force", "f8", &[3]),
+    ("torque", "f8", &[3]),
+    ("frame", "f8", &[3, 3]),
+];
+
+fn dtype(py: Python<'_>) -> PyResult<Py<PyArrayDescr>> {
+    let fields: Vec<_> =
+        FIELDS.iter().map(|(name, kind, shape)| PyTuple::new(py, *shape).map(|s| (*name, *kind, s))).collect::<PyResult<_>>()?;
+    let aligned = PyDict::new(py);
+    aligned.set_item("align", true)?;
+    let made = py.import("numpy")?.getattr("dtype")?.call((fields,), Some(&aligned))?;
+    assert_eq!(made.getattr("itemsize")?.extract::<usize>()?, size_of::<Row>(), "NumPy aligns as C does");
+    Ok(made.cast_into::<PyArrayDescr>()?.unbind())
+}
+
+/// The array that `Stepper.contacts` returns, of these environments.
+pub(crate) fn structured<'py>(
+    py: Python<'py>,
+    simulation: &Simulation,
+    envs: impl IntoIterator<Item = usize>,
+) -> PyResult<Bound<'py, PyAny>> {
+    static DTYPE: PyOnceLock<Py<PyArrayDescr>> = PyOnceLock::new();
+    let dtype = DTYPE.get_or_try_init(py, || dtype(py))?;
+    let bodies = &simulation.model().geoms;
+    let mut rows = Vec::new();
+    for env in envs {
+        rows.extend(simulation.contacts(env).iter().map(|(geoms, c)| Row {
+            env: env as i32,
+            geom: geoms.map(|g| g as i32),
+            body: geoms.map(|g| bodies[g].body as i32),
+            unused: 0,
+            pos: c.pos,
+            normal: c.normal,
+            distance: c.distance,
+            force: c.impulse,
+            torque: c.torque,
+            frame: stepper_core::contacts::frame(c.normal),
+        }));
     }
-    let column = |f: &dyn Fn(usize) -> Vec<f64>| (0..contacts.len()).map(f).collect::<Vec<_>>();
-    let bodies = |k: usize| contacts[k].0.iter().map(|&g| model.geoms[g].body as f64).collect();
-    out.set_item("geom", column(&|k| contacts[k].0.iter().map(|&g| g as f64).collect()))?;
-    out.set_item("body", column(&bodies))?;
-    out.set_item("pos", column(&|k| contacts[k].1.pos.to_vec()))?;
-    out.set_item("normal", column(&|k| contacts[k].1.normal.to_vec()))?;
-    out.set_item("distance", contacts.iter().map(|c| c.1.distance).collect::<Vec<_>>())?;
-    out.set_item("force", column(&|k| contacts[k].1.impulse.to_vec()))?;
-    out.set_item("torque", column(&|k| contacts[k].1.torque.to_vec()))?;
-    out.set_item(
-        "frame",
-        contacts.iter().map(|c| stepper_core::contacts::frame(c.1.normal).map(|r| r.to_vec()).to_vec()).collect::<Vec<_>>(),
-    )?;
-    Ok(out)
+    // SAFETY: rows are plain numbers without a gap between them.
+    let bytes = unsafe { std::slice::from_raw_parts(rows.as_ptr().cast::<u8>(), size_of_val(&rows[..])) };
+    let numpy = py.import("numpy")?;
+    if rows.is_empty() {
+        return numpy.call_method1("empty", (0, dtype));
+    }
+    numpy.call_method1("frombuffer", (PyByteArray::new(py, bytes), dtype))
 }

@@ -15,6 +15,7 @@ use pyo3::prelude::*;
 #[pymodule]
 fn _stepper(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<model::Model>()?;
+    model::add_fields(&m.py().get_type::<model::Model>())?;
     m.add_class::<stepper::Stepper>()?;
     m.add_class::<state::State>()?;
     m.add("ModelError", m.py().get_type::<model::ModelError>())?;

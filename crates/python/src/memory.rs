@@ -62,7 +62,7 @@ impl Stepper {
         let n = self.simulation.num_envs();
         let state = self.simulation.bytes();
         let parameters = self.simulation.parameter_bytes();
-        let inputs = 8 * (self.ctrl.len() + self.applied_len(py));
+        let inputs = 8 * (self.simulation.ctrl().len() + self.applied_len(py));
         let thread = heap_of(|| self.simulation.worker());
         let threads = self.simulation.threads();
         let report = PyDict::new(py);

@@ -3,13 +3,13 @@
 use std::path::PathBuf;
 
 use numpy::PyUntypedArrayMethods;
-use pyo3::exceptions::{PyAttributeError, PyIndexError, PyKeyError, PyValueError};
+use pyo3::exceptions::{PyIndexError, PyKeyError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict, PyTuple};
+use pyo3::types::{PyBytes, PyCFunction, PyDict, PyTuple, PyType};
 use stepper_core::Precision;
-use stepper_core::model::{Keyframe, Model as Core, Sensor};
+use stepper_core::model::{Field, Keyframe, Model as Core, REPLACEABLE, Sensor};
 
-use crate::array::{array, readonly, shape_text};
+use crate::array::{array, assign_attribute, hint, read_only, readonly, shape_text, whole};
 use crate::stepper::SharedModel;
 
 pyo3::create_exception!(
@@ -23,10 +23,38 @@ pub(crate) fn to_py(error: stepper_core::ModelError) -> PyErr {
     ModelError::new_err(error.to_string())
 }
 
-/// A scene, immutable.
+/// A scene, immutable: bodies, joints, geoms, actuators, sensors.
+///
+/// Every field that `replace` takes is an attribute, a read-only copy, e.g. `model.geom_friction` (ngeom, 3). Models compare by
+/// value and pickle.
 #[pyclass(module = "stepper._stepper", frozen)]
 pub(crate) struct Model {
     pub(crate) core: SharedModel,
+}
+
+/// "Mass, kg: (nbody,)."
+fn describe(field: &Field) -> String {
+    let mut letters = field.what.chars();
+    let first = letters.next().into_iter().flat_map(char::to_uppercase);
+    let axes = field.axes();
+    let end = if axes.is_empty() { String::new() } else { format!(": {axes}") };
+    first.chain(letters).collect::<String>() + &end + "."
+}
+
+/// Gives the class an attribute for every field that `replace` takes.
+pub(crate) fn add_fields(class: &Bound<'_, PyType>) -> PyResult<()> {
+    let py = class.py();
+    let property = py.import("builtins")?.getattr("property")?;
+    for field in REPLACEABLE {
+        let read = move |args: &Bound<'_, PyTuple>, _: Option<&Bound<'_, PyDict>>| {
+            let model = args.get_item(0)?;
+            let (shape, values) = model.cast::<Model>()?.get().core.field(field.name).expect("a field of every model");
+            Ok::<_, PyErr>(read_only(array(args.py(), &shape, values, Precision::F64)?, field.name)?.unbind())
+        };
+        let getter = PyCFunction::new_closure(py, None, None, read)?;
+        class.setattr(field.name, property.call1((getter, py.None(), py.None(), describe(field)))?)?;
+    }
+    Ok(())
 }
 
 impl Model {
@@ -34,43 +62,71 @@ impl Model {
         Self { core: core.into() }
     }
 
-    pub(crate) fn find_keyframe(&self, name: &str) -> PyResult<Keyframe> {
-        let found = self.core.keyframes.iter().find(|k| k.name == name);
-        let known: Vec<&str> = self.core.keyframes.iter().map(|k| k.name.as_str()).collect();
-        found.cloned().ok_or_else(|| PyKeyError::new_err(format!("no keyframe \"{name}\", there are: {}", known.join(", "))))
+    /// A keyframe by name or index.
+    pub(crate) fn find_keyframe(&self, given: &Bound<'_, PyAny>) -> PyResult<Keyframe> {
+        let all = &self.core.keyframes;
+        let found = match given.extract::<String>() {
+            Ok(name) => all.iter().find(|k| k.name == name),
+            Err(_) => all.get(whole(given, "keyframe, if it is no name,", 0)? as usize),
+        };
+        let known = || all.iter().enumerate().map(|(i, k)| if k.name.is_empty() { i.to_string() } else { k.name.clone() });
+        found.cloned().ok_or_else(|| {
+            let given = given.str().map_or_else(|_| String::new(), |text| text.to_string());
+            PyKeyError::new_err(match all.is_empty() {
+                true => format!("no keyframe \"{given}\": this model has none; give reset(qpos=..., qvel=...)"),
+                false => format!("no keyframe \"{given}\", there are: {}", known().collect::<Vec<_>>().join(", ")),
+            })
+        })
     }
 }
 
 #[pymethods]
 impl Model {
+    /// The model of a plain description (the fields of the Rust crate's `Model`), checked.
+    ///
+    /// Raises:
+    ///     ModelError: The description is not valid, or strict and it has elements that are not simulated.
     #[staticmethod]
     fn from_description(description: &Bound<'_, PyAny>, strict: bool) -> PyResult<Self> {
         let core: Core = pythonize::depythonize(description).map_err(|e| ModelError::new_err(format!("not a model description: {e}")))?;
         core.finish(strict).map(Self::of).map_err(to_py)
     }
 
+    /// The inverse of `to_bytes`.
     #[staticmethod]
     fn from_bytes(bytes: &[u8]) -> PyResult<Self> {
         Core::from_bytes(bytes).map(Self::of).map_err(to_py)
     }
 
+    /// A model that `save` wrote.
     #[staticmethod]
     fn from_file(path: PathBuf) -> PyResult<Self> {
         Core::load(&path).map(Self::of).map_err(to_py)
     }
 
+    /// The contents of a saved model.
     fn to_bytes<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
         PyBytes::new(py, &self.core.to_bytes())
     }
 
+    /// Writes the model so that `stepper.load(path)` gives the same one, bit for bit, without the MJCF reader.
     fn save(&self, path: PathBuf) -> PyResult<()> {
         self.core.save(&path).map_err(to_py)
     }
 
+    /// A report in words.
+    ///
+    /// What the source asks for and something else runs by default; what is modelled; what was left out and why; what costs nothing;
+    /// what rigid bodies cannot model; and what is in the way of what at the reference pose.
     fn explain(&self) -> String {
-        self.core.explain()
+        stepper_core::overlaps::explain(&self.core)
     }
 
+    /// A new model with other values in some fields, e.g. `geom_restitution=` (ngeom,); what derives from a field follows.
+    ///
+    /// Raises:
+    ///     ValueError: A wrong shape.
+    ///     ModelError: An unknown field, or values that the model cannot have.
     #[pyo3(signature = (**fields))]
     fn replace(&self, fields: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
         let mut values = Vec::new();
@@ -92,103 +148,140 @@ impl Model {
         Ok(Self::of(core))
     }
 
+    /// A new model with more sensors by name, behind its own.
+    ///
+    /// Raises:
+    ///     ValueError: A name that nothing has, or directions that are none.
+    ///     ModelError: A sensor that the model cannot have.
     fn with_sensors(slf: &Bound<'_, Self>, sensors: &Bound<'_, PyAny>) -> PyResult<Self> {
         let described = slf.py().import("stepper._readings")?.getattr("describe")?.call1((slf, sensors))?;
         let more: Vec<Sensor> = pythonize::depythonize(&described)?;
         slf.get().core.with_sensors(more).map(Self::of).map_err(to_py)
     }
 
-    fn geoms_seen_from(&self, site: usize) -> PyResult<Vec<usize>> {
-        let count = self.core.sites.len();
+    /// Indices of the geoms that rays from a site can meet: all simple shapes but those of the site's own body.
+    fn geoms_seen_from(&self, site: &Bound<'_, PyAny>) -> PyResult<Vec<usize>> {
+        let (site, count) = (whole(site, "site", 0)? as usize, self.core.sites.len());
         if site >= count {
             return Err(PyIndexError::new_err(format!("site {site} of {count}")));
         }
         Ok(self.core.geoms_seen_from(site))
     }
 
-    /// Any field that `replace` takes.
-    fn __getattr__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
-        match self.core.field(name) {
-            Some((shape, values)) => array(py, &shape, values, Precision::F64),
-            None => Err(PyAttributeError::new_err(format!("'Model' object has no attribute '{name}'"))),
-        }
+    fn __getattr__(slf: &Bound<'_, Self>, name: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
+        Err(hint(slf, "no_attribute", name)?)
     }
 
+    fn __setattr__(slf: &Bound<'_, Self>, name: &Bound<'_, PyAny>, value: &Bound<'_, PyAny>) -> PyResult<()> {
+        assign_attribute(slf, name, value)
+    }
+
+    /// What the source asks of a simulator that stepper does in its own way: integrator, solver, iterations, cone, constrained
+    /// (whether it has constraints, which are soft there), soft (what has solref or solimp of its own). None where the model was made
+    /// in code.
+    #[getter]
+    fn requested<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let asked = self.core.requested.as_ref().map(|asked| pythonize::pythonize(py, asked));
+        asked.transpose().map_err(|e| PyValueError::new_err(e.to_string()))
+    }
+
+    /// What the source asks for expressly and default options do otherwise, in words: an integrator other than Euler's, softness.
+    #[getter]
+    fn deviations(&self) -> Vec<String> {
+        self.core.deviations(false)
+    }
+
+    /// Name of the scene; may be empty.
     #[getter]
     fn name(&self) -> &str {
         &self.core.name
     }
 
+    /// Coordinates of a configuration.
     #[getter]
     fn nq(&self) -> usize {
         self.core.nq()
     }
 
+    /// Degrees of freedom.
     #[getter]
     fn nv(&self) -> usize {
         self.core.nv()
     }
 
+    /// Controls.
     #[getter]
     fn nu(&self) -> usize {
         self.core.nu()
     }
 
+    /// Activations of actuators.
     #[getter]
     fn na(&self) -> usize {
         self.core.na()
     }
 
+    /// Bodies, the world included, which is body 0.
     #[getter]
     fn nbody(&self) -> usize {
         self.core.bodies.len()
     }
 
+    /// Joints.
     #[getter]
     fn njnt(&self) -> usize {
         self.core.joints.len()
     }
 
+    /// Geoms.
     #[getter]
     fn ngeom(&self) -> usize {
         self.core.geoms.len()
     }
 
+    /// Readings of all sensors together.
     #[getter]
     fn nsensordata(&self) -> usize {
         self.core.nsensordata()
     }
 
+    /// Names of the bodies in their order; empty where one has none.
     #[getter]
     fn body_names(&self) -> Vec<&str> {
         self.core.bodies.iter().map(|x| x.name.as_str()).collect()
     }
 
+    /// Names of the joints in their order; empty where one has none.
     #[getter]
     fn joint_names(&self) -> Vec<&str> {
         self.core.joints.iter().map(|x| x.name.as_str()).collect()
     }
 
+    /// Names of the geoms in their order; empty where one has none.
     #[getter]
     fn geom_names(&self) -> Vec<&str> {
         self.core.geoms.iter().map(|x| x.name.as_str()).collect()
     }
 
+    /// Names of the actuators in their order; empty where one has none.
     #[getter]
     fn actuator_names(&self) -> Vec<&str> {
         self.core.actuators.iter().map(|x| x.name.as_str()).collect()
     }
 
+    /// Names of the sensors in their order; empty where one has none.
     #[getter]
     fn sensor_names(&self) -> Vec<&str> {
         self.core.sensors.iter().map(|x| x.name.as_str()).collect()
     }
 
+    /// Names of the sites in their order; empty where one has none.
     #[getter]
     fn site_names(&self) -> Vec<&str> {
         self.core.sites.iter().map(|x| x.name.as_str()).collect()
     }
 
+    /// name, type, adr (of the first reading), dim, datatype; and what the source declares: noise, cutoff, delay, interval.
     #[getter]
     fn sensors<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
         let one = |(sensor, at): (&Sensor, usize)| {
@@ -206,16 +299,19 @@ impl Model {
         self.core.sensors.iter().zip(self.core.sensor_addresses()).map(one).collect()
     }
 
+    /// Names of the keyframes in their order; empty where one has none.
     #[getter]
     fn keyframe_names(&self) -> Vec<&str> {
         self.core.keyframes.iter().map(|x| x.name.as_str()).collect()
     }
 
+    /// (kind, name, reason) of everything in the source that this model leaves out.
     #[getter]
     fn omitted(&self) -> Vec<(&str, &str, &str)> {
         self.core.omitted.iter().map(|o| (o.kind.as_str(), o.name.as_str(), o.reason.as_str())).collect()
     }
 
+    /// SHA-256 of the model, in hexadecimal.
     #[getter]
     fn digest(&self) -> String {
         self.core.digest().iter().map(|b| format!("{b:02x}")).collect()

@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use stepper_core::Precision;
 
-use crate::array::{array, check_shape, readonly};
+use crate::array::{array, check_shape, read_only_of_environments, readonly};
 use crate::stepper::{Stepper, drives, value_error};
 
 /// The field that is no field of the model.
@@ -53,7 +53,8 @@ impl Stepper {
         let all = PyDict::new(py);
         for (name, values) in self.simulation.theta().fields() {
             let (tail, _) = self.simulation.model().field(name).expect("a field of the model");
-            all.set_item(name, array(py, &self.shape(&tail), values.to_vec(), Precision::F64)?)?;
+            let values = array(py, &self.shape(&tail), values.to_vec(), Precision::F64)?;
+            all.set_item(name, read_only_of_environments(values, name)?)?;
         }
         if let Some(drawn) = self.simulation.drawn() {
             let rows = pythonize::pythonize(py, drawn).map_err(|e| PyValueError::new_err(e.to_string()))?;

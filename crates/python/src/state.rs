@@ -2,44 +2,56 @@
 
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyTuple};
+use stepper_core::SavedState;
 
-/// Everything of a `Stepper` that survives a step.
+use crate::stepper::value_error;
+
+/// Everything that survives a step, of all environments of a `Stepper` or of one; see `Stepper.get_state`.
+///
+/// Compares by bits and pickles.
+///
+/// Args:
+///     bytes: What `State.bytes` gave.
+///
+/// Raises:
+///     ValueError: The bytes are no state, cut off or damaged, or of another version.
 #[pyclass(module = "stepper._stepper", frozen)]
 pub(crate) struct State {
-    pub(crate) bytes: Vec<u8>,
-    pub(crate) digest: [u8; 32],
+    pub(crate) saved: SavedState,
 }
 
 #[pymethods]
 impl State {
     #[new]
-    fn new(bytes: Vec<u8>, digest: [u8; 32]) -> Self {
-        Self { bytes, digest }
+    fn new(bytes: &[u8]) -> PyResult<Self> {
+        let saved = SavedState::from_bytes(bytes).map_err(value_error)?;
+        Ok(Self { saved })
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let py = slf.py();
-        let this = slf.get();
-        let args = (PyBytes::new(py, &this.bytes), PyBytes::new(py, &this.digest)).into_pyobject(py)?;
+        let args = (slf.get().bytes(slf.py()),).into_pyobject(slf.py())?;
         Ok((slf.get_type().into_any(), args))
     }
 
     fn __eq__(&self, other: &Self) -> bool {
-        self.bytes == other.bytes && self.digest == other.digest
+        self.saved == other.saved
     }
 
+    /// What `State(bytes)` takes: the state with a checksum and the digest of its model.
     #[getter]
     fn bytes<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
-        PyBytes::new(py, &self.bytes)
+        PyBytes::new(py, &self.saved.to_bytes())
     }
 
+    /// SHA-256 of the model that it belongs to.
     #[getter]
     fn digest<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
-        PyBytes::new(py, &self.digest)
+        PyBytes::new(py, &self.saved.model())
     }
 
+    /// Length of `bytes`.
     #[getter]
     fn nbytes(&self) -> usize {
-        self.bytes.len()
+        self.saved.nbytes()
     }
 }

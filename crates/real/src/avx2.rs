@@ -1,10 +1,10 @@
 //! Lanes in two AVX registers, masks as vectors of compare results. Features: `avx2`.
 //!
 //! # Safety
-//! The functions here are safe to name but execute AVX2 instructions. These types may be used, and values of them made, only where
-//! the CPU was asked for the level before: below [`at_level!`](crate::at_level), which asks. Every method is `#[inline(always)]`, so
-//! that the intrinsics end up inlined into the function that [`Real::vectorize`] makes and inherit its `#[target_feature]`; outside of
-//! one they are calls, slow but right.
+//! The functions here are safe to call but execute AVX2 instructions. The module is private, and its types have no name outside but
+//! through an unsafe trait: below [`at_level!`](crate::at_level), which asks the CPU for the level before. Every method is
+//! `#[inline(always)]`, so that the intrinsics end up inlined into the function that [`Real::vectorize`] makes and inherit its
+//! `#[target_feature]`; outside of one they are calls, slow but right.
 
 use crate::operators::{as_lanes, lane_access, operators, vectorize};
 use crate::{Mask, Real};
@@ -237,6 +237,5 @@ mod single {
         M32x16, i32, mantissa 23, bias 127.0
     }
 }
-pub use crate::lone::F64x1;
-pub use double::{F64x8, M64x8};
-pub use single::{F32x16, M32x16};
+pub(crate) use double::F64x8;
+pub(crate) use single::F32x16;

@@ -1,10 +1,10 @@
 //! Lanes in one AVX-512 register, masks in mask registers. Features: `avx512f,avx512dq,avx512vl`.
 //!
 //! # Safety
-//! The functions here are safe to name but execute AVX-512 instructions. These types may be used, and values of them made, only where
-//! the CPU was asked for the level before: below [`at_level!`](crate::at_level), which asks. Every method is `#[inline(always)]`, so
-//! that the intrinsics end up inlined into the function that [`Real::vectorize`] makes and inherit its `#[target_feature]`; outside of
-//! one they are calls, slow but right.
+//! The functions here are safe to call but execute AVX-512 instructions. The module is private, and its types have no name outside but
+//! through an unsafe trait: below [`at_level!`](crate::at_level), which asks the CPU for the level before. Every method is
+//! `#[inline(always)]`, so that the intrinsics end up inlined into the function that [`Real::vectorize`] makes and inherit its
+//! `#[target_feature]`; outside of one they are calls, slow but right.
 
 use crate::operators::{as_lanes, lane_access, operators, vectorize};
 use crate::{Mask, Real};
@@ -211,12 +211,5 @@ mod single {
         }
     }
 }
-pub use double::{F64x8, M64x8};
-/// Sixteen `f64` lanes in two of the thirty-two registers.
-pub type F64x16 = crate::Two<F64x8>;
-/// Thirty-two `f32` lanes in two registers.
-pub type F32x32 = crate::Two<F32x16>;
-pub use single::{F32x16, M32x16};
-
-/// One `f64`: wider registers than those of AVX2 gain it nothing.
-pub use crate::lone::F64x1;
+pub(crate) use double::F64x8;
+pub(crate) use single::F32x16;

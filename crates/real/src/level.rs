@@ -4,6 +4,9 @@ use core::fmt;
 use core::str::FromStr;
 use std::sync::OnceLock;
 
+#[cfg(target_arch = "x86_64")]
+use crate::Real;
+
 /// The environment variable that overrides [`Level::best`].
 const VARIABLE: &str = "STEPPER_CPU_LEVEL";
 
@@ -153,7 +156,18 @@ impl std::error::Error for LevelError {}
 ///
 /// # Panics
 /// When the machine or this build lacks the level: get one from [`Level::best`] or [`Level::available`], once, and keep it. A lane type
-/// executes its level's instructions wherever it is used, so this is the one way to name it that cannot go wrong.
+/// executes its level's instructions wherever it is used, so this is the one way to it: code without `unsafe` cannot name the type.
+///
+/// ```compile_fail
+/// use stepper_real::{Real, avx512};
+/// // Undefined on a CPU without AVX-512.
+/// avx512::F64x8::splat(1.0);
+/// ```
+///
+/// ```compile_fail
+/// struct Asked; // Nobody was.
+/// impl stepper_real::HasAvx2 for Asked {}
+/// ```
 ///
 /// [`Level`]: crate::Level
 /// [`Level::best`]: crate::Level::best
@@ -167,8 +181,18 @@ macro_rules! at_level {
         let level: $crate::Level = $level;
         assert!(level.is_available(), "CPU level {level} is not available on this machine and build");
         match level {
-            $crate::Level::Avx512 => $crate::__if_avx512!($run::<$crate::avx512::$lanes $(, $($extra),+)?>($($arg),*)),
-            $crate::Level::Avx2 => $crate::__if_avx2!($run::<$crate::avx2::$lanes $(, $($extra),+)?>($($arg),*)),
+            $crate::Level::Avx512 => $crate::__if_avx512!({
+                struct Asked;
+                // SAFETY: asked above.
+                unsafe impl $crate::HasAvx512 for Asked {}
+                $run::<<Asked as $crate::Avx512>::$lanes $(, $($extra),+)?>($($arg),*)
+            }),
+            $crate::Level::Avx2 => $crate::__if_avx2!({
+                struct Asked;
+                // SAFETY: asked above.
+                unsafe impl $crate::HasAvx2 for Asked {}
+                $run::<<Asked as $crate::Avx2>::$lanes $(, $($extra),+)?>($($arg),*)
+            }),
             $crate::Level::Baseline => $crate::__if_baseline!($run::<$crate::array::$lanes $(, $($extra),+)?>($($arg),*)),
         }
     }};
@@ -180,10 +204,72 @@ macro_rules! at_level {
 /// When the machine or this build lacks the level.
 #[macro_export]
 macro_rules! at_avx512 {
-    ($lanes:ident, $run:ident ($($arg:expr),* $(,)?)) => {{
+    ($lanes:ident, $run:ident $(::<_, $($extra:ty),+>)? ($($arg:expr),* $(,)?)) => {{
         assert!($crate::Level::Avx512.is_available(), "CPU level avx512 is not available on this machine and build");
-        $crate::__if_avx512!($run::<$crate::avx512::$lanes>($($arg),*))
+        $crate::__if_avx512!({
+            struct Asked;
+            // SAFETY: asked above.
+            unsafe impl $crate::HasAvx512 for Asked {}
+            $run::<<Asked as $crate::Avx512>::$lanes $(, $($extra),+)?>($($arg),*)
+        })
     }};
+}
+
+/// A witness that the CPU has the instructions of [`Level::Avx2`]: the lane types of this level have no other name than [`Avx2`] gives them.
+///
+/// # Safety
+/// Its implementor is named only where [`Level::is_available`] said so before. [`at_level!`](crate::at_level) does that.
+#[cfg(target_arch = "x86_64")]
+pub unsafe trait HasAvx2 {}
+
+/// The same for [`Level::Avx512`].
+///
+/// # Safety
+/// As for [`HasAvx2`].
+#[cfg(target_arch = "x86_64")]
+pub unsafe trait HasAvx512 {}
+
+/// Lane types of the level AVX2.
+#[cfg(target_arch = "x86_64")]
+pub trait Avx2 {
+    /// One `f64`.
+    type F64x1: Real<Scalar = f64>;
+    /// Eight `f64` lanes.
+    type F64x8: Real<Scalar = f64>;
+    /// Sixteen `f32` lanes.
+    type F32x16: Real<Scalar = f32>;
+}
+
+/// Lane types of the level AVX-512.
+#[cfg(target_arch = "x86_64")]
+pub trait Avx512 {
+    /// One `f64`.
+    type F64x1: Real<Scalar = f64>;
+    /// Eight `f64` lanes.
+    type F64x8: Real<Scalar = f64>;
+    /// Sixteen `f64` lanes in two of the thirty-two registers.
+    type F64x16: Real<Scalar = f64>;
+    /// Sixteen `f32` lanes.
+    type F32x16: Real<Scalar = f32>;
+    /// Thirty-two `f32` lanes in two registers.
+    type F32x32: Real<Scalar = f32>;
+}
+
+#[cfg(target_arch = "x86_64")]
+impl<T: HasAvx2> Avx2 for T {
+    type F64x1 = crate::lone::F64x1;
+    type F64x8 = crate::avx2::F64x8;
+    type F32x16 = crate::avx2::F32x16;
+}
+
+// Wider registers than those of AVX2 gain one `f64` nothing.
+#[cfg(target_arch = "x86_64")]
+impl<T: HasAvx512> Avx512 for T {
+    type F64x1 = crate::lone::F64x1;
+    type F64x8 = crate::avx512::F64x8;
+    type F64x16 = crate::Two<crate::avx512::F64x8>;
+    type F32x16 = crate::avx512::F32x16;
+    type F32x32 = crate::Two<crate::avx512::F32x16>;
 }
 
 // A `cfg` inside `at_level!` would ask the features of the crate that uses it; these ask those of this crate.

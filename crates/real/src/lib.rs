@@ -38,9 +38,9 @@
 
 pub mod array;
 #[cfg(target_arch = "x86_64")]
-pub mod avx2;
+mod avx2;
 #[cfg(target_arch = "x86_64")]
-pub mod avx512;
+mod avx512;
 mod coefficients;
 mod elementary;
 mod level;
@@ -54,6 +54,8 @@ mod single;
 mod two;
 
 pub use array::{F32x16, F64x1, F64x8};
+#[cfg(target_arch = "x86_64")]
+pub use level::{Avx2, Avx512, HasAvx2, HasAvx512};
 pub use level::{Level, LevelError};
 pub use mask::Mask;
 pub use real::Real;

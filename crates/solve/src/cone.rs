@@ -1,6 +1,6 @@
 //! Projections on the sets that impulses live in.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, Scalar};
 
 /// The point of the friction cone `|x_t| <= mu x_n` nearest to `x = (n, t1, t2, ...)`.
 ///
@@ -57,4 +57,22 @@ pub(crate) fn keep<R: Real>(m: R::Mask, x: R) -> R {
 #[inline(always)]
 pub(crate) fn positive<R: Real>(m: R::Mask, x: R) -> R::Mask {
     m.and(x.gt(R::zero()))
+}
+
+/// Part of the mobilities in all directions of a contact below which that along the normal is none: the square of a lever that is a hundred-thousandth of
+/// the other directions', or rounding.
+///
+/// What turns about such a lever approaches by 1e-5 of its speed, and holding it takes 1e5 times the force that turns it. A cylinder that is steered
+/// about an axis through its contact goes through this pose, where forces were 1e15 N.
+#[inline(always)]
+fn negligible<R: Real>() -> f64 {
+    let lever = f64::max(1e-5, 1e3 * <R::Scalar as Scalar>::EPSILON.to_f64());
+    lever * lever
+}
+
+/// Lanes of `m` in which a contact can move along its normal, with the mobility `along`, 1/kg: more than `least`, and more than a negligible part
+/// of the mobilities `all` in its three directions.
+#[inline(always)]
+pub(crate) fn movable<R: Real>(m: R::Mask, along: R, all: R, least: R) -> R::Mask {
+    positive(m, along).and(along.gt(least.max(all * R::of(negligible::<R>()))))
 }

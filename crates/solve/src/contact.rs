@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::aside::Order;
-use crate::cone::{keep, norm2, positive};
+use crate::cone::{keep, movable, norm2};
 use stepper_real::{Mask, Real, Scalar};
 
 /// A contact with friction: rows (n, t1, t2).
@@ -16,11 +16,15 @@ pub struct ContactBlock<R: Real> {
     pub(crate) y: usize,
     /// Lanes in which the contact exists.
     pub active: R::Mask,
+    /// Lanes in which there is a contact along whose normal nothing can move: it has no rows, and its impulse stays.
+    pub held: R::Mask,
     /// Coefficient of friction; 0 for a frictionless contact.
     pub mu: R,
     /// Velocity before any impulse, with the bias of the normal row, m/s.
     pub g: [R; 3],
-    /// G_nn, G_na, G_nb, G_aa, G_ab, G_bb.
+    /// Compliance R, at least 0: the velocity that every row gives way by per unit of impulse. 0 is hard.
+    pub(crate) compliance: R,
+    /// G_nn, G_na, G_nb, G_aa, G_ab, G_bb, compliance included.
     gram: [R; 6],
     inv_gnn: R,
     /// Principal axis of A: (cos, sin).
@@ -39,16 +43,42 @@ pub struct ContactBlock<R: Real> {
 }
 
 impl<R: Real> ContactBlock<R> {
+    /// `least` is the mobility along the normal below which nothing moves, 1/kg.
     #[inline(always)]
-    pub(crate) fn new(support: Range<usize>, y: usize, gram: [R; 6], active: R::Mask, mu: R, g: [R; 3]) -> Self {
+    pub(crate) fn new(support: Range<usize>, y: usize, gram: [R; 6], active: R::Mask, mu: R, g: [R; 3], least: R) -> Self {
         // Lanes without this contact get the identity block, so that nothing below divides by zero.
-        let exists = positive(active, gram[0]);
+        let exists = movable(active, gram[0], gram[0] + gram[3] + gram[5], least);
         let identity = [R::one(), R::zero(), R::zero(), R::one(), R::zero(), R::one()];
         let mut block = identity;
         for i in 0..6 {
             block[i] = R::select(exists, gram[i], identity[i]);
         }
-        let [nn, na, nb, aa, ab, bb] = block;
+        let mut made = Self {
+            support,
+            y,
+            active: exists,
+            held: active.and_not(exists),
+            mu,
+            g,
+            compliance: R::zero(),
+            gram: block,
+            inv_gnn: R::one(),
+            axis: [R::one(), R::zero()],
+            a: [R::one(); 2],
+            inv_a: [R::one(); 2],
+            coupling: [R::zero(); 2],
+            rho: R::one(),
+            inv_rho: R::one(),
+            whole: R::one(),
+        };
+        made.prepare();
+        made
+    }
+
+    /// Makes what the exact solution needs of the block of G.
+    #[inline(always)]
+    fn prepare(&mut self) {
+        let [nn, na, nb, aa, ab, bb] = self.gram;
         let inv_gnn = R::one() / nn;
         let trace = nn + aa + bb;
 
@@ -60,28 +90,37 @@ impl<R: Real> ContactBlock<R> {
         let cos = R::select(round, R::one(), ((R::one() + ratio).max(R::zero()) * R::of(0.5)).sqrt());
         let sin = keep(round.not(), ((R::one() - ratio).max(R::zero()) * R::of(0.5)).sqrt()).copysign(a12);
 
-        // A direction in which the contact cannot move (a planar mechanism) has a zero principal value: a floor far below any
-        // physical ratio, and far above the rounding of the entries, keeps its impulse at zero instead of 0/0.
-        let floor = trace * R::of(<R::Scalar as Scalar>::EPSILON.to_f64() * 1e5);
+        let floor = least_tangent(trace);
         let major = (mean + radius).max(floor);
         let minor = ((a11 * a22 - a12 * a12) / major).max(floor);
         let (ca, cb) = (na * inv_gnn, nb * inv_gnn);
-        Self {
-            support,
-            y,
-            active: exists,
-            mu,
-            g,
-            gram: block,
-            inv_gnn,
-            axis: [cos, sin],
-            a: [major, minor],
-            inv_a: [R::one() / major, R::one() / minor],
-            coupling: [cos * ca + sin * cb, cos * cb - sin * ca],
-            rho: R::of(3.0) / trace,
-            inv_rho: trace * R::of(1.0 / 3.0),
-            whole: R::one(),
+        self.inv_gnn = inv_gnn;
+        self.axis = [cos, sin];
+        self.a = [major, minor];
+        self.inv_a = [R::one() / major, R::one() / minor];
+        self.coupling = [cos * ca + sin * cb, cos * cb - sin * ca];
+        self.rho = R::of(3.0) / trace;
+        self.inv_rho = trace * R::of(1.0 / 3.0);
+    }
+
+    /// Mean diagonal entry of G, before separate rows were taken out of it.
+    #[inline(always)]
+    pub(crate) fn mobility(&self) -> R {
+        (self.gram[0] + self.gram[3] + self.gram[5]) * self.whole * R::of(1.0 / 3.0)
+    }
+
+    /// Gives all rows the compliance R, where the impulse `lambda` costs nothing.
+    #[inline(always)]
+    pub(crate) fn damp(&mut self, compliance: R, lambda: [R; 3]) {
+        self.compliance = compliance;
+        for k in 0..3 {
+            self.g[k] -= compliance * lambda[k];
         }
+        for k in [0, 3, 5] {
+            self.gram[k] += compliance;
+        }
+        self.prepare();
+        (self.rho, self.inv_rho) = (self.rho / self.whole, self.inv_rho * self.whole);
     }
 
     /// The part of some lanes.
@@ -91,8 +130,10 @@ impl<R: Real> ContactBlock<R> {
             support: self.support.clone(),
             y: self.y,
             active: order.pick_mask::<R>(self.active),
+            held: order.pick_mask::<R>(self.held),
             mu: order.pick(self.mu),
             g: order.pick_each(&self.g),
+            compliance: order.pick(self.compliance),
             gram: order.pick_each(&self.gram),
             inv_gnn: order.pick(self.inv_gnn),
             axis: order.pick_each(&self.axis),
@@ -105,7 +146,7 @@ impl<R: Real> ContactBlock<R> {
         }
     }
 
-    /// The impulse that solves this contact alone, when `v` is its velocity under the impulse `lambda`; with the multiplier s of its
+    /// The impulse that solves this contact alone, when `v` is its velocity under the impulse `lambda`, compliance included; with the multiplier s of its
     /// friction disc (0 where it sticks or opens).
     ///
     /// Sliding is Newton's method on `mu lambda_n(s) / |lambda_t(s)| = 1`, which is linear in s when A is round and uncoupled, kept
@@ -152,7 +193,7 @@ impl<R: Real> ContactBlock<R> {
         let n = (lambda[0] - v[0] * self.inv_gnn).max(zero);
         let d = n - lambda[0];
         let half = (aa - bb) * R::of(0.5);
-        let step = R::one() / ((aa + bb) * R::of(0.5) + norm2(half, ab));
+        let step = R::one() / ((aa + bb) * R::of(0.5) + norm2(half, ab)).max(least_tangent(self.gram[0] + aa + bb));
         let x = [lambda[1] - (v[1] + na * d) * step, lambda[2] - (v[2] + nb * d) * step];
         let (length, most) = (norm2(x[0], x[1]), self.mu * n);
         let scale = R::select(length.gt(most), most / R::select(length.gt(zero), length, R::one()), R::one());
@@ -224,6 +265,16 @@ struct Slip<R: Real> {
     x: [R; 2],
     n: R,
     s: R,
+}
+
+/// The least tangential mobility of a contact whose block has the trace `trace`, 1/kg.
+///
+/// A direction in which the contact cannot move (a planar mechanism) has a zero principal value: a floor below most physical ratios, and far above the
+/// rounding of the entries, keeps its impulse at zero instead of 0/0. It bounds a step, not the answer: what can move less takes more sweeps.
+/// Where a cylinder is braked in line with both of its axes a floor of 2e-11 made impulses of 1e8 N s of rounding.
+#[inline(always)]
+pub(crate) fn least_tangent<R: Real>(trace: R) -> R {
+    trace * R::of(f64::max(1e-8, <R::Scalar as Scalar>::EPSILON.to_f64() * 1e5))
 }
 
 /// Newton steps of a sliding contact; one to three are usual, the rest is for bisection to rescue a poor start.

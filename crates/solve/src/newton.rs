@@ -18,6 +18,7 @@
 
 mod anderson;
 mod cone;
+mod dense;
 mod descent;
 mod island;
 mod lane;
@@ -46,6 +47,19 @@ pub struct Newton {
     v: Vec<f64>,
     /// Blocks of the lane that the island has.
     members: Vec<usize>,
+    work: Work,
+}
+
+/// What the last call has done in all its lanes and islands together. With at most n steps asked for, there are at most n steps and n rounds an
+/// island, whatever the numbers are: what a lane can cost its neighbours.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Work {
+    /// Islands searched.
+    pub islands: u32,
+    /// Newton steps: each factorises a matrix and looks at some 30 points along its direction at the most.
+    pub steps: u32,
+    /// Rounds: each evaluates the problem a few times.
+    pub rounds: u32,
 }
 
 /// A [`Goal`] for every lane.
@@ -96,6 +110,11 @@ impl Newton {
         self.search(problem, iterate, Aim { steps, tolerance, least: true }, lanes, outcome);
     }
 
+    /// What the last call has done.
+    pub fn work(&self) -> Work {
+        self.work
+    }
+
     fn search<R: Real>(
         &mut self,
         problem: &Problem<R>,
@@ -104,6 +123,7 @@ impl Newton {
         lanes: R::Mask,
         [residual, taken]: [&mut R; 2],
     ) {
+        self.work = Work::default();
         let mut rest = lanes.and(residual.is_finite()).bits();
         while rest != 0 {
             let lane = rest.trailing_zeros() as usize;
@@ -129,7 +149,10 @@ impl Newton {
             let before = self.island.residual(&mut self.v);
             let mut after = before;
             if goal.least || before > goal.tolerance {
-                verdict.steps += self.descent.solve::<R>(&mut self.island, goal);
+                let steps = self.descent.solve::<R>(&mut self.island, goal);
+                verdict.steps += steps;
+                let Work { islands, steps: all, rounds } = self.work;
+                self.work = Work { islands: islands + 1, steps: all + steps, rounds: rounds + self.descent.rounds };
                 for x in self.island.lambda.iter_mut().chain(&mut self.island.w) {
                     *x = R::Scalar::from_f64(*x).to_f64();
                 }

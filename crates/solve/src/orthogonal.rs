@@ -44,10 +44,20 @@ impl<R: Real> Problem<R> {
     pub fn measure_scalar(&mut self, times: R) {
         if let Some(row) = self.scalars.last_mut() {
             row.whole = times;
+            row.mobility *= times;
         }
     }
 
-    /// The same of the contact pushed last.
+    /// Says what the damping of the demand of the scalar row pushed last is relative to: the mobility of its fellows, say, where the row itself
+    /// can be nearly immovable.
+    #[inline(always)]
+    pub fn set_mobility(&mut self, mobility: R) {
+        if let Some(row) = self.scalars.last_mut() {
+            row.mobility = R::select(row.mobility.gt(R::zero()), mobility, R::zero());
+        }
+    }
+
+    /// Says the same ratio of the contact pushed last.
     #[inline(always)]
     pub fn measure_contact(&mut self, times: R) {
         if let Some(block) = self.contacts.last_mut() {
@@ -76,8 +86,15 @@ impl<R: Real> Problem<R> {
     /// The rows must be equalities (any impulse) without compliance, pushed one after the other with the same support. Their impulses are
     /// then those of the combined rows. `sizes` are the squared lengths of numbers that each row's entries are differences of: a row
     /// shorter than 1e-6 of that (f32: 3e-3) is rounding, or so nearly dependent that no impulse should be asked for it, and drops out.
+    /// `decide` may change the right-hand sides of a row that is done, before those after it reckon with them.
     #[inline(always)]
-    pub fn orthogonalise<const N: usize>(&mut self, rows: Range<usize>, sizes: &[R], also: &mut [[R; N]]) {
+    pub fn orthogonalise<const N: usize>(
+        &mut self,
+        rows: Range<usize>,
+        sizes: &[R],
+        also: &mut [[R; N]],
+        mut decide: impl FnMut(&mut ScalarRow<R>, &mut [R; N]),
+    ) {
         let tolerance = R::of(dependence::<R>());
         for (k, &size) in rows.clone().zip(sizes) {
             for j in rows.start..k {
@@ -94,9 +111,12 @@ impl<R: Real> Problem<R> {
                 rest += y * y;
             }
             let row = &mut self.scalars[k];
-            row.active = row.active.and(rest.gt(tolerance * size));
+            let asked = row.active;
+            row.active = asked.and(rest.gt(tolerance * size));
+            row.held = asked.and_not(row.active);
             row.diagonal = R::select(row.active, rest, R::zero());
             row.inv_diagonal = R::one() / R::select(row.active, rest, R::one());
+            decide(row, &mut also[k - rows.start]);
             let active = row.active;
             for y in self.y.row_mut(at, n) {
                 *y = R::select(active, *y, R::zero());

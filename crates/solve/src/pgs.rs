@@ -28,29 +28,25 @@ pub struct Outcome<R: Real> {
 /// Improves the impulses of the lanes `lanes` until each meets the tolerance or the sweeps run out.
 ///
 /// A lane pauses when a sweep changes nothing by more than its threshold, which is cheap to know; when all have paused the residual is
-/// taken, and who is above the tolerance goes on with a lower threshold.
+/// taken, and who is above the tolerance goes on with a lower threshold. Every lane that goes on makes a sweep at least, so that rounds are no more
+/// than sweeps.
 pub fn solve<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: Settings<R>, lanes: R::Mask) -> Outcome<R> {
     R::vectorize(
         #[inline(always)]
         || {
             let tolerance = settings.tolerance;
             let no = R::Mask::splat(false);
-            let mut run =
-                Run { running: lanes, threshold: tolerance, sweeps: R::zero(), most: f64::from(settings.sweeps.max(1)), apart: no };
+            let mut run = Run {
+                running: lanes,
+                threshold: tolerance,
+                sweeps: R::zero(),
+                most: f64::from(settings.sweeps.clamp(1, MOST_SWEEPS)),
+                apart: no,
+            };
             iterate.meet(problem, lanes);
             let (mut worst, mut unsolved) = (R::zero(), lanes);
             while unsolved.any() {
-                // Lanes that paused long ago start as those that did just now.
-                anderson::begin(iterate);
-                while run.running.any() {
-                    if !aside::pause(problem, iterate, &mut run) {
-                        run.sweep(problem, iterate);
-                    }
-                }
-                if run.apart.any() {
-                    anderson::settle(iterate, problem, run.apart);
-                    run.apart = no;
-                }
+                run.sweep_until_paused(problem, iterate);
                 worst = R::select(unsolved, residual(problem, iterate), worst);
                 unsolved = unsolved.and(worst.gt(tolerance)).and(run.sweeps.lt(R::of(run.most)));
                 run.running = unsolved;
@@ -60,6 +56,26 @@ pub fn solve<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: 
         },
     )
 }
+
+/// Improves the impulses of the lanes `lanes` until a sweep changes none by more than the tolerance, or the sweeps run out: an estimate, whose residual
+/// nobody takes. Of `lanes`, those outside `moving` keep their impulses.
+pub fn estimate<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: Settings<R>, lanes: R::Mask, moving: R::Mask) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let no = R::Mask::splat(false);
+            let most = f64::from(settings.sweeps);
+            let mut run = Run { running: moving, threshold: settings.tolerance, sweeps: R::zero(), most, apart: no };
+            iterate.meet(problem, lanes);
+            if moving.any() {
+                run.sweep_until_paused(problem, iterate);
+            }
+        },
+    )
+}
+
+/// Sweeps are counted in the lanes' numbers: in 32 bits one more than this would be as many.
+const MOST_SWEEPS: u32 = 1 << 24;
 
 /// How far the sweeps of each lane are.
 pub(crate) struct Run<R: Real> {
@@ -75,6 +91,22 @@ pub(crate) struct Run<R: Real> {
 }
 
 impl<R: Real> Run<R> {
+    /// Sweeps until every lane has paused; w and the impulses agree then.
+    #[inline(always)]
+    fn sweep_until_paused(&mut self, problem: &Problem<R>, iterate: &mut Iterate<R>) {
+        // Lanes that paused long ago start as those that did just now.
+        anderson::begin(iterate);
+        while self.running.any() {
+            if !aside::pause(problem, iterate, self) {
+                self.sweep(problem, iterate);
+            }
+        }
+        if self.apart.any() {
+            anderson::settle(iterate, problem, self.apart);
+            self.apart = R::Mask::splat(false);
+        }
+    }
+
     /// One sweep of the lanes that are running.
     #[inline(always)]
     pub(crate) fn sweep(&mut self, problem: &Problem<R>, iterate: &mut Iterate<R>) {
@@ -119,8 +151,8 @@ fn sweep<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, running: R::Ma
         if lanes.none() {
             continue;
         }
-        let v = problem.contact_velocity(block, &iterate.w);
         let lambda = iterate.contacts[i];
+        let v = problem.contact_velocity_under(block, &iterate.w, &lambda);
         let (mut next, slip) = block.solve(v, lambda, iterate.slip[i], lanes);
         if lanes.and_not(exact).any() {
             let weak = block.relax(v, lambda);
@@ -159,8 +191,8 @@ fn sweep_wide<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, running: 
         if lanes.none() {
             continue;
         }
-        let v = problem.wide_velocity(block, &iterate.w);
         let lambda = iterate.wide[i];
+        let v = problem.wide_velocity_under(block, &iterate.w, &lambda);
         let (mut next, slip) = block.solve(v, lambda, iterate.wide_slip[i], lanes);
         if lanes.and_not(exact).any() {
             let weak = block.relax(v, lambda);

@@ -7,7 +7,7 @@ use crate::aside::{Aside, Order};
 use crate::cone::keep;
 use crate::entries::Entries;
 use crate::{ContactBlock, WideBlock};
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, Scalar};
 
 /// A bounded scalar row: an equality (any lambda), a limit (`0 <= lambda`), or dry friction (`|lambda| <= h f`).
 #[derive(Clone, Debug)]
@@ -30,6 +30,12 @@ pub struct ScalarRow<R: Real> {
     pub(crate) inv_diagonal: R,
     /// So many times what is left of it the diagonal entry was before separate rows were taken out.
     pub(crate) whole: R,
+    /// Mobility that the damping of its demand is relative to; 0 for a row that is soft by its own law.
+    pub(crate) mobility: R,
+    /// What damping took from the demand already, m/s: see [`ScalarRow::damp_correction`].
+    pub(crate) lack: R,
+    /// Lanes in which there is a row that nothing can move.
+    pub(crate) held: R::Mask,
 }
 
 /// How much a problem and its iterate reserve, so that filling them allocates nothing.
@@ -70,6 +76,10 @@ pub struct Problem<R: Real> {
     pub wide: Vec<WideBlock<R>>,
     /// Lanes in which the rows leave it open how a load is shared.
     pub hyperstatic: R::Mask,
+    /// Mobility along a contact's normal below which nothing moves, 1/kg; of the contacts that are pushed from now on.
+    pub least_mobility: R,
+    /// Whether rows have been given compliance, see [`Problem::damp`].
+    pub(crate) damped: bool,
 }
 
 impl<R: Real> Problem<R> {
@@ -92,6 +102,8 @@ impl<R: Real> Problem<R> {
             contacts: Vec::with_capacity(room.contacts),
             wide: Vec::with_capacity(room.wide),
             hyperstatic: R::Mask::splat(false),
+            least_mobility: R::zero(),
+            damped: false,
         }
     }
 
@@ -107,6 +119,7 @@ impl<R: Real> Problem<R> {
         self.y6.clear();
         self.wide.clear();
         self.hyperstatic = R::Mask::splat(false);
+        self.damped = false;
     }
 
     /// The part of some lanes.
@@ -130,6 +143,7 @@ impl<R: Real> Problem<R> {
             |y| order.pick_each(y),
         );
         out.separate = self.separate;
+        out.damped = self.damped;
         out.scalars.clear();
         for row in &self.scalars {
             out.scalars.push(ScalarRow {
@@ -143,6 +157,9 @@ impl<R: Real> Problem<R> {
                 diagonal: order.pick(row.diagonal),
                 inv_diagonal: order.pick(row.inv_diagonal),
                 whole: order.pick(row.whole),
+                mobility: order.pick(row.mobility),
+                lack: order.pick(row.lack),
+                held: order.pick_mask::<R>(row.held),
             });
         }
         out.contacts.clear();
@@ -192,6 +209,9 @@ impl<R: Real> Problem<R> {
             diagonal,
             inv_diagonal: R::one() / R::select(movable, diagonal, R::one()),
             whole: R::one(),
+            mobility: diagonal,
+            lack: R::zero(),
+            held: R::Mask::splat(false),
         });
     }
 
@@ -200,6 +220,7 @@ impl<R: Real> Problem<R> {
     pub fn soften(&mut self, compliance: R) {
         if let Some(row) = self.scalars.last_mut() {
             row.compliance = compliance;
+            row.mobility = R::select(compliance.gt(R::zero()), R::zero(), row.mobility);
             row.diagonal += compliance;
             row.inv_diagonal = R::one() / R::select(row.diagonal.gt(R::zero()), row.diagonal, R::one());
         }
@@ -219,7 +240,7 @@ impl<R: Real> Problem<R> {
                 gram[i] += products[i];
             }
         }
-        self.contacts.push(ContactBlock::new(s0..s0 + support.len(), y0, gram, active, mu, g));
+        self.contacts.push(ContactBlock::new(s0..s0 + support.len(), y0, gram, active, mu, g, self.least_mobility));
     }
 
     /// Adds a contact whose rows (n, t1, t2, spin, roll1, roll2), scaled so that their friction is `mu` in all, have the entries `y` at the
@@ -238,7 +259,7 @@ impl<R: Real> Problem<R> {
                 }
             }
         }
-        self.wide.push(WideBlock::new(s0..s0 + support.len(), y0, &gram, active, mu, g));
+        self.wide.push(WideBlock::new(s0..s0 + support.len(), y0, &gram, active, mu, g, self.least_mobility));
     }
 
     /// Coordinates and entries of a scalar row.
@@ -246,6 +267,24 @@ impl<R: Real> Problem<R> {
     pub fn scalar_entries(&self, row: &ScalarRow<R>) -> (&[u32], &[R]) {
         let support = &self.support[row.support.clone()];
         (support, self.y.row(row.y, support.len()))
+    }
+
+    /// Calls `f` for every row or contact that a lane has with the coordinates that it touches there, ascending.
+    pub fn for_each_support(&self, lane: usize, mut f: impl FnMut(&mut dyn Iterator<Item = u32>)) {
+        let exists = |mask: R::Mask| mask.bits() >> lane & 1 == 1;
+        let there = |y: R| y.lane(lane).to_f64() != 0.0;
+        for row in self.scalars.iter().filter(|row| exists(row.active)) {
+            let (support, y) = self.scalar_entries(row);
+            f(&mut support.iter().zip(y).filter(|(_, y)| there(**y)).map(|(c, _)| *c));
+        }
+        for block in self.contacts.iter().filter(|block| exists(block.active)) {
+            let (support, y) = self.contact_entries(block);
+            f(&mut support.iter().zip(y).filter(|(_, y)| y.iter().any(|&y| there(y))).map(|(c, _)| *c));
+        }
+        for block in self.wide.iter().filter(|block| exists(block.active)) {
+            let (support, y) = self.wide_entries(block);
+            f(&mut support.iter().zip(y).filter(|(_, y)| y.iter().any(|&y| there(y))).map(|(c, _)| *c));
+        }
     }
 
     /// Coordinates and entries of a contact.
@@ -272,6 +311,30 @@ impl<R: Real> Problem<R> {
             v[0] += y * w[c as usize];
         }
         (v[0] + v[1]) + row.g
+    }
+
+    /// Velocity of a contact for the scaled velocity change w and the impulse `lambda`, with what its compliance gives way.
+    #[inline(always)]
+    pub(crate) fn contact_velocity_under(&self, block: &ContactBlock<R>, w: &[R], lambda: &[R; 3]) -> [R; 3] {
+        let mut v = self.contact_velocity(block, w);
+        if self.damped {
+            for k in 0..3 {
+                v[k] += block.compliance * lambda[k];
+            }
+        }
+        v
+    }
+
+    /// The same of a contact with six rows.
+    #[inline(always)]
+    pub(crate) fn wide_velocity_under(&self, block: &WideBlock<R>, w: &[R], lambda: &[R; 6]) -> [R; 6] {
+        let mut v = self.wide_velocity(block, w);
+        if self.damped {
+            for k in 0..6 {
+                v[k] += block.compliance * lambda[k];
+            }
+        }
+        v
     }
 
     /// Velocity (n, t1, t2) of a contact for the scaled velocity change w.
@@ -314,7 +377,7 @@ impl<R: Real> Problem<R> {
 
     /// w += Y d for a contact with six rows.
     #[inline(always)]
-    pub(crate) fn add_wide(&self, block: &WideBlock<R>, d: [R; 6], w: &mut [R]) {
+    pub fn add_wide(&self, block: &WideBlock<R>, d: [R; 6], w: &mut [R]) {
         let (support, y) = self.wide_entries(block);
         for (&c, y) in support.iter().zip(y) {
             let mut sum = y[0] * d[0];
@@ -336,7 +399,7 @@ impl<R: Real> Problem<R> {
 
     /// w += Y d for a contact.
     #[inline(always)]
-    pub(crate) fn add_contact(&self, block: &ContactBlock<R>, d: [R; 3], w: &mut [R]) {
+    pub fn add_contact(&self, block: &ContactBlock<R>, d: [R; 3], w: &mut [R]) {
         let (support, y) = self.contact_entries(block);
         for (&c, y) in support.iter().zip(y) {
             w[c as usize] += y[0] * d[0] + y[1] * d[1] + y[2] * d[2];
@@ -360,6 +423,49 @@ pub struct Iterate<R: Real> {
     pub(crate) wide_slip: Vec<R>,
     pub(crate) history: History<R>,
     pub(crate) aside: Option<Box<Aside<R::Half>>>,
+    /// What a further pass may not make worse.
+    pub(crate) kept: Saved<R>,
+}
+
+/// Impulses and w that are put aside for a while.
+#[derive(Clone, Debug, Default)]
+pub struct Saved<R> {
+    w: Vec<R>,
+    scalars: Vec<R>,
+    contacts: Vec<[R; 3]>,
+    wide: Vec<[R; 6]>,
+}
+
+impl<R: Real> Saved<R> {
+    /// Room for the unknowns of a problem with that room.
+    pub fn new(room: &Capacity) -> Self {
+        Self {
+            w: Vec::with_capacity(room.dimension),
+            scalars: Vec::with_capacity(room.scalars),
+            contacts: Vec::with_capacity(room.contacts),
+            wide: Vec::with_capacity(room.wide),
+        }
+    }
+
+    /// Keeps what an iterate has, if any lane of `lanes` will want it back.
+    pub fn keep(&mut self, iterate: &Iterate<R>, lanes: R::Mask) {
+        if lanes.any() {
+            self.w.clone_from(&iterate.w);
+            self.scalars.clone_from(&iterate.scalars);
+            self.contacts.clone_from(&iterate.contacts);
+            self.wide.clone_from(&iterate.wide);
+        }
+    }
+
+    /// Gives it back to the lanes `lanes`.
+    pub fn give(&self, iterate: &mut Iterate<R>, lanes: R::Mask) {
+        if lanes.any() {
+            R::vectorize(
+                #[inline(always)]
+                || iterate.copy_lanes(self, lanes),
+            );
+        }
+    }
 }
 
 impl<R: Real> Iterate<R> {
@@ -379,6 +485,7 @@ impl<R: Real> Iterate<R> {
             wide_slip: Vec::with_capacity(room.wide),
             history: History::new(room),
             aside: Aside::new::<R>(room),
+            kept: Saved::new(room),
         }
     }
 
@@ -392,6 +499,23 @@ impl<R: Real> Iterate<R> {
         order.pick_all(&self.contacts, &mut out.contacts);
         order.pick_all(&self.wide, &mut out.wide);
         self.history.pick(order, &mut out.history);
+    }
+
+    /// Copies impulses and w of the lanes `lanes`.
+    #[inline(always)]
+    fn copy_lanes(&mut self, from: &Saved<R>, lanes: R::Mask) {
+        let Saved { w, scalars, contacts, wide } = from;
+        for (to, from) in [(&mut self.w, w), (&mut self.scalars, scalars)] {
+            for (to, &from) in to.iter_mut().zip(from) {
+                *to = R::select(lanes, from, *to);
+            }
+        }
+        for (to, from) in [(self.contacts.as_flattened_mut(), contacts.as_flattened()), (self.wide.as_flattened_mut(), wide.as_flattened())]
+        {
+            for (to, &from) in to.iter_mut().zip(from) {
+                *to = R::select(lanes, from, *to);
+            }
+        }
     }
 
     /// Forgets all impulses; the caller pushes a warm start (or zeros) for every row, then calls [`Iterate::start`].

@@ -20,14 +20,14 @@ pub fn residual<R: Real>(problem: &Problem<R>, iterate: &Iterate<R>) -> R {
         worst = worse(worst, keep(row.active, (lambda - mapped).abs() * inv_rho));
     }
     for (block, &lambda) in problem.contacts.iter().zip(&iterate.contacts) {
-        let v = problem.contact_velocity(block, &iterate.w);
+        let v = problem.contact_velocity_under(block, &iterate.w, &lambda);
         let u = [v[0] + block.mu * norm2(v[1], v[2]), v[1], v[2]];
         let moved = [lambda[0] - block.rho * u[0], lambda[1] - block.rho * u[1], lambda[2] - block.rho * u[2]];
         let mapped = project(moved, block.mu);
         worst = worse(worst, keep(block.active, distance(lambda, mapped) * block.inv_rho));
     }
     for (block, &lambda) in problem.wide.iter().zip(&iterate.wide) {
-        let v = problem.wide_velocity(block, &iterate.w);
+        let v = problem.wide_velocity_under(block, &iterate.w, &lambda);
         let mut slip = v[1] * v[1];
         for &v in &v[2..] {
             slip += v * v;
@@ -40,6 +40,26 @@ pub fn residual<R: Real>(problem: &Problem<R>, iterate: &Iterate<R>) -> R {
         worst = worse(worst, keep(block.active, distance(lambda, project(moved, block.mu)) * block.inv_rho));
     }
     worst
+}
+
+/// Lanes in which what a residual of `residual` m/s (at most 1e-6) leaves open of the impulses' work, `residual sum_i |lambda_i|`, is more than the
+/// kinetic energy |w|^2 / 2 of all that they change: impulses that cancel, a million times what they hold, where a jam has hardly a lever.
+#[inline(always)]
+pub fn undecided<R: Real>(problem: &Problem<R>, iterate: &Iterate<R>, residual: R) -> R::Mask {
+    let (mut impulse, mut energy) = (R::zero(), R::zero());
+    for (row, &lambda) in problem.scalars.iter().zip(&iterate.scalars) {
+        impulse += keep(row.active, lambda.abs());
+    }
+    for (block, lambda) in problem.contacts.iter().zip(&iterate.contacts) {
+        impulse += keep(block.active, lambda[0]);
+    }
+    for (block, lambda) in problem.wide.iter().zip(&iterate.wide) {
+        impulse += keep(block.active, lambda[0]);
+    }
+    for &w in &iterate.w {
+        energy += w * w;
+    }
+    (residual.min(R::of(1e-6)) * impulse).gt(energy * R::of(0.5))
 }
 
 /// The larger; a NaN on the right wins, so that it is never hidden.

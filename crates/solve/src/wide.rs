@@ -7,8 +7,8 @@
 use std::ops::Range;
 
 use crate::aside::Order;
-use crate::cone::{keep, positive};
-use crate::contact::{MAX_NEWTON, near};
+use crate::cone::{keep, movable, positive};
+use crate::contact::{MAX_NEWTON, least_tangent, near};
 use stepper_real::{Mask, Real, Scalar};
 
 /// Tangential rows.
@@ -25,10 +25,14 @@ pub struct WideBlock<R: Real> {
     pub(crate) y: usize,
     /// Lanes in which the contact exists.
     pub active: R::Mask,
+    /// Lanes in which there is a contact along whose normal nothing can move: it has no rows, and its impulse stays.
+    pub held: R::Mask,
     /// Coefficient of friction of the scaled rows.
     pub mu: R,
     /// Velocity before any impulse, with the bias of the normal row, m/s.
     pub g: [R; 6],
+    /// Compliance R, at least 0: the velocity that every row gives way by per unit of impulse. 0 is hard.
+    pub(crate) compliance: R,
     inv_gnn: R,
     nn: R,
     /// Principal axes of A, one after the other.
@@ -49,10 +53,11 @@ pub struct WideBlock<R: Real> {
 }
 
 impl<R: Real> WideBlock<R> {
-    /// `gram` is G, of which the upper triangle is read.
+    /// `gram` is G, of which the upper triangle is read; `least` is the mobility along the normal below which nothing moves, 1/kg.
     #[inline(always)]
-    pub(crate) fn new(support: Range<usize>, y: usize, gram: &[[R; 6]; 6], active: R::Mask, mu: R, g: [R; 6]) -> Self {
-        let exists = positive(active, gram[0][0]);
+    pub(crate) fn new(support: Range<usize>, y: usize, gram: &[[R; 6]; 6], active: R::Mask, mu: R, g: [R; 6], least: R) -> Self {
+        let sliding = gram[0][0] + gram[1][1] + gram[2][2];
+        let exists = movable(active, gram[0][0], sliding, least);
         let nn = R::select(exists, gram[0][0], R::one());
         let inv_gnn = R::one() / nn;
         let (mut trace, mut k, mut matrix) = (nn, [R::zero(); T], [[R::zero(); T]; T]);
@@ -67,8 +72,7 @@ impl<R: Real> WideBlock<R> {
             }
         }
         let axes = principal_axes(&mut matrix);
-        // A direction in which the contact cannot move has a zero principal value. The floor only makes its update careful.
-        let floor = trace * R::of(<R::Scalar as Scalar>::EPSILON.to_f64() * 64.0);
+        let floor = least_tangent(trace);
         let (mut a, mut inv_a, mut largest) = ([R::zero(); T], [R::zero(); T], R::zero());
         for i in 0..T {
             a[i] = matrix[i][i].max(floor);
@@ -78,7 +82,38 @@ impl<R: Real> WideBlock<R> {
         let coupling = turn(&axes, k);
         let step = R::one() / (largest + nn * dot(coupling, coupling));
         let (rho, inv_rho) = (R::of(6.0) / trace, trace * R::of(1.0 / 6.0));
-        Self { support, y, active: exists, mu, g, inv_gnn, nn, axes, a, inv_a, coupling, step, rho, inv_rho, whole: R::one() }
+        let (held, compliance, whole) = (active.and_not(exists), R::zero(), R::one());
+        Self { support, y, active: exists, held, mu, g, compliance, inv_gnn, nn, axes, a, inv_a, coupling, step, rho, inv_rho, whole }
+    }
+
+    /// Mean diagonal entry of G, before separate rows were taken out of it.
+    #[inline(always)]
+    pub(crate) fn mobility(&self) -> R {
+        self.inv_rho
+    }
+
+    /// Gives all rows the compliance R, where the impulse `lambda` costs nothing. The principal axes stay: they serve the update alone.
+    #[inline(always)]
+    pub(crate) fn damp(&mut self, compliance: R, lambda: [R; 6]) {
+        self.compliance = compliance;
+        for k in 0..6 {
+            self.g[k] -= compliance * lambda[k];
+        }
+        let nn = self.nn;
+        self.nn += compliance;
+        self.inv_gnn = R::one() / self.nn;
+        let (share, mut largest) = (nn * self.inv_gnn, R::zero());
+        for i in 0..T {
+            // Of the tangential block, what the normal impulse no longer takes away.
+            let freed = self.coupling[i] * self.coupling[i] * nn * (R::one() - share);
+            self.a[i] += compliance + freed;
+            self.inv_a[i] = R::one() / self.a[i];
+            self.coupling[i] *= share;
+            largest = largest.max(self.a[i]);
+        }
+        self.step = R::one() / (largest + self.nn * dot(self.coupling, self.coupling));
+        self.inv_rho += compliance * self.whole;
+        self.rho = R::one() / self.inv_rho;
     }
 
     /// The part of some lanes.
@@ -92,8 +127,10 @@ impl<R: Real> WideBlock<R> {
             support: self.support.clone(),
             y: self.y,
             active: order.pick_mask::<R>(self.active),
+            held: order.pick_mask::<R>(self.held),
             mu: order.pick(self.mu),
             g: order.pick_each(&self.g),
+            compliance: order.pick(self.compliance),
             inv_gnn: order.pick(self.inv_gnn),
             nn: order.pick(self.nn),
             axes,

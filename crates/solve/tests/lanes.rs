@@ -1,5 +1,8 @@
 //! A lane has the bits of the problem alone, also after most of its neighbours are done and the rest has gone on in half the registers.
 
+mod common;
+
+use common::cases;
 use proptest::prelude::*;
 use stepper_real::{Mask, Real, Two, array};
 use stepper_solve::pgs::{Settings, solve};
@@ -65,7 +68,7 @@ fn left<R: Real<Scalar = f64>>(problems: &Problems, tolerance: f64) -> Vec<Vec<u
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(60))]
+    #![proptest_config(cases(60))]
 
     #[test]
     fn a_lane_has_the_bits_of_its_problem_alone(problems in problems(), tolerance in prop_oneof![Just(1e-3), Just(1e-9)]) {

@@ -1,9 +1,12 @@
 //! The second tier against the conditions that define its answer, against the first, and where there is no answer.
 
+mod common;
+
+use common::{Share, cases};
 use proptest::prelude::*;
 use stepper_real::{F32x16, F64x8, Mask, Real};
 use stepper_solve::newton::Newton;
-use stepper_solve::{Iterate, Problem, Settings, pgs, residual, solve};
+use stepper_solve::{Iterate, PASSES, Problem, Settings, pgs, residual, solve};
 
 /// Rows of a problem: limits with one row, contacts with three.
 #[derive(Clone, Debug)]
@@ -95,100 +98,7 @@ fn apart(a: &Iterate<f64>, b: &Iterate<f64>) -> f64 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(300))]
-
-    /// Mass ratios to 1e4, friction to 1.5, redundant rows. A random problem may have no answer: then the residual says so, and it is no worse
-    /// than at the start.
-    #[test]
-    fn what_is_returned_is_what_the_residual_says(case in case(9, 1e2, 0.0..1.5)) {
-        let (problem, mut iterate) = build::<f64>(std::slice::from_ref(&case));
-        let before = residual(&problem, &iterate);
-        let (after, _) = newton(&problem, &mut iterate, 200, 1e-9);
-        prop_assert!(iterate.w.iter().chain(iterate.contacts.iter().flatten()).all(|x| x.is_finite()));
-        // The tiers add the same numbers up in different orders.
-        prop_assert!(after <= before * (1.0 + 1e-14));
-        // w is that of the impulses, and both residuals are of the same numbers, up to the order of sums over impulses of any size.
-        let size = 1.0 + bits(&iterate).iter().fold(0.0f64, |m, &x| m.max(f64::from_bits(x).abs()));
-        prop_assert!((residual(&problem, &iterate) - after).abs() <= 1e-12 * size, "{} {after}", residual(&problem, &iterate));
-        let w = iterate.w.clone();
-        iterate.start(&problem);
-        for (a, b) in w.iter().zip(&iterate.w) {
-            prop_assert!((a - b).abs() <= 1e-12 * size);
-        }
-    }
-
-    /// Without friction the problem is convex and w is unique: it is solved, in any order of the rows, and as the first tier solves it.
-    #[test]
-    fn without_friction_everything_is_solved_in_any_order(case in case(9, 1e2, Just(0.0)), turn in 0usize..9) {
-        let (problem, mut iterate) = build::<f64>(std::slice::from_ref(&case));
-        let (left, _) = newton(&problem, &mut iterate, 300, 1e-10);
-        // Rows that no motion satisfies together have no answer; with more coordinates than rows there is one.
-        prop_assume!(case.contacts.len() + case.limits.len() < case.n);
-        prop_assert!(left <= 1e-10, "{left}");
-        let mut turned = case.clone();
-        turned.contacts.rotate_left(turn % case.contacts.len());
-        turned.limits.reverse();
-        let (other, mut again) = build::<f64>(&[turned]);
-        let (left, _) = newton(&other, &mut again, 300, 1e-10);
-        prop_assert!(left <= 1e-10, "{left}");
-        // The energy norm of the error is at most the root of sum |lambda_i| r.
-        let impulse: f64 = iterate.contacts.iter().chain(&again.contacts).map(|l| l[0]).chain(iterate.scalars.iter().chain(&again.scalars).copied()).sum();
-        let tolerance = 2.0 * (impulse * 1e-10).sqrt() + 1e-9;
-        prop_assert!(apart(&iterate, &again) <= tolerance, "{} {tolerance}", apart(&iterate, &again));
-        let mut swept = iterate.clone();
-        swept.contacts.fill([0.0; 3]);
-        swept.scalars.fill(0.0);
-        swept.start(&problem);
-        let outcome = pgs::solve(&problem, &mut swept, pgs::Settings { sweeps: 20_000, tolerance: 1e-10 }, true);
-        prop_assume!(outcome.residual <= 1e-10);
-        let impulse = impulse + swept.contacts.iter().map(|l| l[0]).chain(swept.scalars.iter().copied()).sum::<f64>();
-        prop_assert!(apart(&iterate, &swept) <= 2.0 * (impulse * 1e-10).sqrt() + 1e-9);
-    }
-
-    /// Of many possible impulses `share` takes the least, from a cold start as from what sweeps left, whichever contact comes first.
-    #[test]
-    fn shared_loads_depend_on_neither_start_nor_order(case in case(4, 1.0, Just(0.0)), turn in 1usize..8) {
-        let mut crowded = Case { limits: vec![], ..case };
-        let copies = crowded.contacts.clone();
-        crowded.contacts.extend(copies);
-        let (problem, mut cold) = build::<f64>(std::slice::from_ref(&crowded));
-        let n = crowded.contacts.len();
-        crowded.contacts.rotate_left(turn % n);
-        let (turned, mut other) = build::<f64>(&[crowded]);
-        let mut swept = cold.clone();
-        pgs::solve(&problem, &mut swept, pgs::Settings { sweeps: 50, tolerance: 1e-10 }, true);
-        let share = |problem: &Problem<f64>, iterate: &mut Iterate<f64>| {
-            let (mut left, mut taken) = (residual(problem, iterate), 0.0);
-            Newton::default().share(problem, iterate, 300, 1e-11, true, [&mut left, &mut taken]);
-            left
-        };
-        let left = [share(&problem, &mut cold), share(&problem, &mut swept), share(&turned, &mut other)];
-        prop_assume!(left.iter().all(|&left| left <= 1e-11));
-        let size = cold.contacts.iter().fold(1e-3f64, |most, lambda| most.max(lambda[0]));
-        for k in 0..n {
-            // The proximal step is so long that the least impulses are found to a part of 1 / kappa = 1e-5 of them.
-            prop_assert!((cold.contacts[k][0] - swept.contacts[k][0]).abs() <= 1e-4 * size, "{:?} {:?}", cold.contacts, swept.contacts);
-            let same = other.contacts[(k + n - turn % n) % n][0];
-            prop_assert!((cold.contacts[k][0] - same).abs() <= 1e-4 * size, "{:?} {:?}", cold.contacts, other.contacts);
-        }
-    }
-
-    /// A contact that is there twice shares its impulse evenly, and moves nothing otherwise.
-    #[test]
-    fn redundant_contacts_share(case in case(4, 1.0, 0.0..0.5)) {
-        let once = Case { limits: vec![], ..case };
-        let twice = Case { contacts: once.contacts.iter().flat_map(|c| [c.clone(), c.clone()]).collect(), ..once.clone() };
-        let (problem, mut iterate) = build::<f64>(&[once]);
-        let (doubled, mut both) = build::<f64>(&[twice]);
-        let left = [newton(&problem, &mut iterate, 300, 1e-11).0, newton(&doubled, &mut both, 300, 1e-11).0];
-        prop_assume!(left[0] <= 1e-11 && left[1] <= 1e-11);
-        let size = 1.0 + bits(&both).iter().fold(0.0f64, |m, &x| m.max(f64::from_bits(x).abs()));
-        for pair in both.contacts.chunks(2) {
-            for k in 0..3 {
-                prop_assert!((pair[0][k] - pair[1][k]).abs() <= 1e-9 * size, "{pair:?}");
-            }
-        }
-    }
+    #![proptest_config(cases(300))]
 
     /// Eight problems of different sizes in lanes give each the bits that it has alone, after sweeps and all.
     #[test]
@@ -226,6 +136,141 @@ proptest! {
             prop_assert!((left.lane(l) - outcome.residual.lane(l)).abs() <= rounding, "{} {}", left.lane(l), outcome.residual.lane(l));
         }
     }
+}
+
+/// Mass ratios to 1e4, friction to 1.5, redundant rows. A random problem may have no answer: then the residual says so, and it is no worse
+/// than at the start.
+#[test]
+fn what_is_returned_is_what_the_residual_says() {
+    let solved = Share::default();
+    proptest!(cases(300), |(case in case(9, 1e2, 0.0..1.5))| {
+        let (problem, mut iterate) = build::<f64>(std::slice::from_ref(&case));
+        let before = residual(&problem, &iterate);
+        let (after, _) = newton(&problem, &mut iterate, 200, 1e-9);
+        solved.count(after <= 1e-9);
+        prop_assert!(iterate.w.iter().chain(iterate.contacts.iter().flatten()).all(|x| x.is_finite()));
+        // The tiers add the same numbers up in different orders.
+        prop_assert!(after <= before * (1.0 + 1e-14));
+        // w is that of the impulses, and both residuals are of the same numbers, up to the order of sums over impulses of any size.
+        let size = 1.0 + bits(&iterate).iter().fold(0.0f64, |m, &x| m.max(f64::from_bits(x).abs()));
+        prop_assert!((residual(&problem, &iterate) - after).abs() <= 1e-12 * size, "{} {after}", residual(&problem, &iterate));
+        let w = iterate.w.clone();
+        iterate.start(&problem);
+        for (a, b) in w.iter().zip(&iterate.w) {
+            prop_assert!((a - b).abs() <= 1e-12 * size);
+        }
+    });
+    // As many rows as coordinates and more often have no answer: 11.9 % of 30,000 draws were left.
+    solved.at_least(0.87, "solved");
+}
+
+/// Without friction the problem is convex and w is unique: it is solved, in any order of the rows, and as the first tier solves it.
+#[test]
+fn without_friction_everything_is_solved_in_any_order() {
+    let answered = Share::default();
+    let swept_too = Share::default();
+    proptest!(cases(300), |(case in case(9, 1e2, Just(0.0)), turn in 0usize..9)| {
+        let (problem, mut iterate) = build::<f64>(std::slice::from_ref(&case));
+        let (left, _) = newton(&problem, &mut iterate, 300, 1e-10);
+        // Rows that no motion satisfies together have no answer.
+        prop_assume!(answered.count(has_an_answer(&case)));
+        // Velocities are sums of impulses times entries of at most one, so that impulses of 1e6 N s and more leave their own rounding.
+        prop_assert!(left <= 1e-10 + rounding(&iterate), "{left}");
+        let mut turned = case.clone();
+        turned.contacts.rotate_left(turn % case.contacts.len());
+        turned.limits.reverse();
+        let (other, mut again) = build::<f64>(&[turned]);
+        let (left, _) = newton(&other, &mut again, 300, 1e-10);
+        prop_assert!(left <= 1e-10 + rounding(&again), "{left}");
+        // The energy norm of the error is at most the root of sum |lambda_i| r.
+        let impulse: f64 = iterate.contacts.iter().chain(&again.contacts).map(|l| l[0]).chain(iterate.scalars.iter().chain(&again.scalars).copied()).sum();
+        let tolerance = 2.0 * (impulse * 1e-10).sqrt() + 1e-9;
+        prop_assert!(apart(&iterate, &again) <= tolerance, "{} {tolerance}", apart(&iterate, &again));
+        let mut swept = iterate.clone();
+        swept.contacts.fill([0.0; 3]);
+        swept.scalars.fill(0.0);
+        swept.start(&problem);
+        let outcome = pgs::solve(&problem, &mut swept, pgs::Settings { sweeps: 20_000, tolerance: 1e-10 }, true);
+        prop_assume!(swept_too.count(outcome.residual <= 1e-10));
+        let impulse = impulse + swept.contacts.iter().map(|l| l[0]).chain(swept.scalars.iter().copied()).sum::<f64>();
+        prop_assert!(apart(&iterate, &swept) <= 2.0 * (impulse * 1e-10).sqrt() + 1e-9);
+    });
+    // A property of the draws: 0.757 of 26,450.
+    answered.at_least(0.74, "with an answer for certain");
+    // What is left to 20,000 sweeps: 0.1 % of 20,000 draws, of rows that are nearly multiples of others.
+    swept_too.at_least(0.998, "solved by sweeps too");
+}
+
+/// Of many possible impulses `share` takes the least, from a cold start as from what sweeps left, whichever contact comes first.
+#[test]
+fn shared_loads_depend_on_neither_start_nor_order() {
+    let solved = Share::default();
+    proptest!(cases(300), |(case in case(4, 1.0, Just(0.0)), turn in 1usize..8)| {
+        let mut crowded = Case { limits: vec![], ..case };
+        let copies = crowded.contacts.clone();
+        crowded.contacts.extend(copies);
+        let (problem, mut cold) = build::<f64>(std::slice::from_ref(&crowded));
+        let n = crowded.contacts.len();
+        crowded.contacts.rotate_left(turn % n);
+        let (turned, mut other) = build::<f64>(&[crowded]);
+        let mut swept = cold.clone();
+        pgs::solve(&problem, &mut swept, pgs::Settings { sweeps: 50, tolerance: 1e-10 }, true);
+        let share = |problem: &Problem<f64>, iterate: &mut Iterate<f64>| {
+            let (mut left, mut taken) = (residual(problem, iterate), 0.0);
+            Newton::default().share(problem, iterate, 300, 1e-11, true, [&mut left, &mut taken]);
+            left
+        };
+        let left = [share(&problem, &mut cold), share(&problem, &mut swept), share(&turned, &mut other)];
+        prop_assume!(solved.count(left.iter().all(|&left| left <= 1e-11)));
+        let size = cold.contacts.iter().fold(1e-3f64, |most, lambda| most.max(lambda[0]));
+        for k in 0..n {
+            // The proximal step is so long that the least impulses are found to a part of 1 / kappa = 1e-5 of them.
+            prop_assert!((cold.contacts[k][0] - swept.contacts[k][0]).abs() <= 1e-4 * size, "{:?} {:?}", cold.contacts, swept.contacts);
+            let same = other.contacts[(k + n - turn % n) % n][0];
+            prop_assert!((cold.contacts[k][0] - same).abs() <= 1e-4 * size, "{:?} {:?}", cold.contacts, other.contacts);
+        }
+    });
+    // Without friction all are solved: of 35,000 draws none was left.
+    solved.at_least(0.9999, "solved");
+}
+
+/// A contact that is there twice shares its impulse evenly, and moves nothing otherwise.
+#[test]
+fn redundant_contacts_share() {
+    let solved = Share::default();
+    proptest!(cases(300), |(case in case(4, 1.0, 0.0..0.5))| {
+        let once = Case { limits: vec![], ..case };
+        let twice = Case { contacts: once.contacts.iter().flat_map(|c| [c.clone(), c.clone()]).collect(), ..once.clone() };
+        let (problem, mut iterate) = build::<f64>(&[once]);
+        let (doubled, mut both) = build::<f64>(&[twice]);
+        let left = [newton(&problem, &mut iterate, 300, 1e-11).0, newton(&doubled, &mut both, 300, 1e-11).0];
+        prop_assume!(solved.count(left[0] <= 1e-11 && left[1] <= 1e-11));
+        let size = 1.0 + bits(&both).iter().fold(0.0f64, |m, &x| m.max(f64::from_bits(x).abs()));
+        for pair in both.contacts.chunks(2) {
+            for k in 0..3 {
+                prop_assert!((pair[0][k] - pair[1][k]).abs() <= 1e-9 * size, "{pair:?}");
+            }
+        }
+    });
+    // With friction nothing proves it. Of 35,000 draws 0.48 % were left, of rows that couple normal and tangent as no machine does.
+    solved.at_least(0.993, "solved");
+}
+
+/// Rounding of velocities, m/s: some of that of each impulse.
+fn rounding(iterate: &Iterate<f64>) -> f64 {
+    4.0 * f64::EPSILON * iterate.contacts.iter().map(|l| l[0]).chain(iterate.scalars.iter().copied()).sum::<f64>()
+}
+
+/// Whether rows are fewer than coordinates and, but for copies, far from dependent: then there is a motion for whatever they demand. Fewer rows
+/// alone do not make it certain: a contact that touches two coordinates can demand what limits of these two forbid.
+fn has_an_answer(case: &Case) -> bool {
+    let contacts = case.contacts.iter().map(|c| c.y.iter().map(|y| y[0]).collect::<Vec<f64>>());
+    let mut rows: Vec<Vec<f64>> = case.limits.iter().map(|l| l.0.clone()).chain(contacts).collect();
+    let fewer = rows.len() < case.n;
+    rows.dedup();
+    let y = nalgebra::DMatrix::from_fn(rows.len(), case.n, |i, j| rows[i][j] / rows[i].iter().map(|y| y * y).sum::<f64>().sqrt());
+    // A motion of 1e5 m/s is known to 1e-11 m/s, less than the tolerance.
+    fewer && y.iter().all(|y| y.is_finite()) && y.singular_values().min() > 1e-5
 }
 
 /// Random problems of the same kind, one for each seed.
@@ -286,7 +331,7 @@ fn running_out_of_steps_is_reported_and_no_worse_than_sweeps() {
             let (problem, mut iterate) = build::<f64>(std::slice::from_ref(&case));
             let settings = Settings { sweeps: 2, newton, tolerance: 1e-12, rough: 1e-12 };
             let outcome = solve(&problem, &mut iterate, settings, true, &mut Newton::default());
-            assert!(outcome.newton <= f64::from(newton) * case.contacts.len() as f64);
+            assert!(outcome.newton <= f64::from(newton) * (PASSES * case.contacts.len()) as f64);
             sweeps = sweeps.min(if newton == 0 { outcome.residual } else { f64::INFINITY });
             // The tiers add the same numbers up in different orders.
             assert!(outcome.residual <= sweeps * (1.0 + 1e-14), "{} {sweeps}", outcome.residual);

@@ -1,5 +1,8 @@
 //! Scalar rows: equalities made orthogonal and taken out of others, and compliance.
 
+mod common;
+
+use common::cases;
 use proptest::prelude::*;
 use stepper_solve::pgs::{Settings, solve};
 use stepper_solve::{Iterate, Problem, residual};
@@ -24,6 +27,8 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 proptest! {
+    #![proptest_config(cases(256))]
+
     #[test]
     fn one_sweep_solves_orthogonal_equalities_and_drops_dependent_ones((n, y, g) in equalities()) {
         let rows = y.len();
@@ -36,7 +41,7 @@ proptest! {
         }
         let sizes: Vec<f64> = y.iter().map(|y| dot(y, y)).collect();
         let mut also: Vec<[f64; 2]> = g.iter().map(|&g| [g, -g]).collect();
-        problem.orthogonalise(0..rows, &sizes, &mut also);
+        problem.orthogonalise(0..rows, &sizes, &mut also, |_, _| {});
         iterate.start(&problem);
         let outcome = solve(&problem, &mut iterate, Settings { sweeps: 1, tolerance: 1e-9 }, true);
         let kept = problem.scalars.iter().filter(|r| r.active).count();
@@ -62,7 +67,7 @@ proptest! {
             for (y, &g) in y.iter().zip(&g) {
                 problem.push_scalar(&support, |i| y[i], 1.0, true, g, FREE);
             }
-            problem.orthogonalise::<1>(0..rows, &sizes, &mut vec![[0.0]; rows]);
+            problem.orthogonalise::<1>(0..rows, &sizes, &mut vec![[0.0]; rows], |_, _| {});
             problem
         });
         together.push_scalar(&support, |i| limit[i], 1.0, true, free, limits);

@@ -1,5 +1,8 @@
 //! The solver against the conditions that define its answer, and against brute force.
 
+mod common;
+
+use common::{Share, cases};
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 use stepper_solve::pgs::{Settings, solve};
@@ -52,28 +55,7 @@ fn dense_velocities(case: &Case, iterate: &Iterate<f64>) -> Vec<[f64; 3]> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(400))]
-
-    #[test]
-    fn solutions_satisfy_the_law(case in case()) {
-        let (problem, mut iterate) = build(&case);
-        let settings = Settings { sweeps: 20_000, tolerance: 1e-11 };
-        let outcome = solve(&problem, &mut iterate, settings, true);
-        prop_assume!(outcome.residual <= 1e-11);
-        let size = 1.0 + iterate.contacts.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
-        // The natural map bounds each condition by its residual, times the scale of G (at most about 100 here) and of the impulses.
-        let tolerance = 1e-8 * size;
-        for ((v, lambda), &mu) in dense_velocities(&case, &iterate).iter().zip(&iterate.contacts).zip(&case.mu) {
-            let tangential = lambda[1].hypot(lambda[2]);
-            let slip = v[1].hypot(v[2]);
-            prop_assert!(lambda[0] >= 0.0 && v[0] >= -tolerance, "separation {} impulse {}", v[0], lambda[0]);
-            prop_assert!((lambda[0] * v[0]).abs() <= tolerance * size, "complementarity {}", lambda[0] * v[0]);
-            prop_assert!(tangential <= mu * lambda[0] + 1e-12 * size, "cone: {tangential} of {}", mu * lambda[0]);
-            // Maximum dissipation: lambda_t . v_t = -mu lambda_n |v_t|.
-            let power = lambda[1] * v[1] + lambda[2] * v[2];
-            prop_assert!((power + mu * lambda[0] * slip).abs() <= tolerance * (1.0 + slip), "dissipation {power}, mu n slip {}", mu * lambda[0] * slip);
-        }
-    }
+    #![proptest_config(cases(400))]
 
     #[test]
     fn a_single_contact_is_solved_by_one_sweep(case in case()) {
@@ -83,17 +65,6 @@ proptest! {
         let outcome = solve(&problem, &mut iterate, Settings { sweeps: 1, tolerance: 1e-9 }, true);
         // Rounding of G (condition up to 1e6 for nearly dependent rows) times the velocity of order one.
         prop_assert!(outcome.residual < 1e-9, "residual {}", outcome.residual);
-    }
-
-    #[test]
-    fn the_residual_sees_every_defect(case in case(), which in 0usize..4, push in prop_oneof![-0.5..-0.01, 0.01..0.5]) {
-        let (problem, mut iterate) = build(&case);
-        let outcome = solve(&problem, &mut iterate, Settings { sweeps: 20_000, tolerance: 1e-10 }, true);
-        prop_assume!(outcome.residual <= 1e-10);
-        let k = which % case.y.len();
-        iterate.contacts[k][0] += push;
-        iterate.start(&problem);
-        prop_assert!(residual(&problem, &iterate) > 1e-6);
     }
 
     #[test]
@@ -108,23 +79,78 @@ proptest! {
         let inside = [height, other[1] * shrink, other[2] * shrink];
         prop_assert!(distance(x, p) <= distance(x, inside) + 1e-12);
     }
+}
 
-    #[test]
-    fn a_warm_start_at_the_answer_stays_there(case in case()) {
+#[test]
+fn solutions_satisfy_the_law() {
+    let solved = Share::default();
+    proptest!(cases(400), |(case in case())| {
+        let (problem, mut iterate) = build(&case);
+        let settings = Settings { sweeps: 20_000, tolerance: 1e-11 };
+        let outcome = solve(&problem, &mut iterate, settings, true);
+        prop_assume!(solved.count(outcome.residual <= 1e-11));
+        let size = 1.0 + iterate.contacts.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
+        // The natural map bounds each condition by its residual, times the scale of G (at most about 100 here) and of the impulses.
+        let tolerance = 1e-8 * size;
+        for ((v, lambda), &mu) in dense_velocities(&case, &iterate).iter().zip(&iterate.contacts).zip(&case.mu) {
+            let tangential = lambda[1].hypot(lambda[2]);
+            let slip = v[1].hypot(v[2]);
+            prop_assert!(lambda[0] >= 0.0 && v[0] >= -tolerance, "separation {} impulse {}", v[0], lambda[0]);
+            prop_assert!((lambda[0] * v[0]).abs() <= tolerance * size, "complementarity {}", lambda[0] * v[0]);
+            prop_assert!(tangential <= mu * lambda[0] + 1e-12 * size, "cone: {tangential} of {}", mu * lambda[0]);
+            // Maximum dissipation: lambda_t . v_t = -mu lambda_n |v_t|.
+            let power = lambda[1] * v[1] + lambda[2] * v[2];
+            prop_assert!((power + mu * lambda[0] * slip).abs() <= tolerance * (1.0 + slip), "dissipation {power}, mu n slip {}", mu * lambda[0] * slip);
+        }
+    });
+    // Sweeps cycle now and then where friction is strong and couples with the normal: 0.17 % of 20,000 draws.
+    solved.at_least(0.9975, "solved");
+}
+
+#[test]
+fn the_residual_sees_every_defect() {
+    let solved = Share::default();
+    proptest!(cases(400), |(case in case(), which in 0usize..4, push in prop_oneof![-0.5..-0.01, 0.01..0.5])| {
+        let (problem, mut iterate) = build(&case);
+        let outcome = solve(&problem, &mut iterate, Settings { sweeps: 20_000, tolerance: 1e-10 }, true);
+        prop_assume!(solved.count(outcome.residual <= 1e-10));
+        let k = which % case.y.len();
+        iterate.contacts[k][0] += push;
+        iterate.start(&problem);
+        prop_assert!(residual(&problem, &iterate) > 1e-6);
+    });
+    // As above: 0.18 % of 20,000 draws.
+    solved.at_least(0.9975, "solved");
+}
+
+#[test]
+fn a_warm_start_at_the_answer_stays_there() {
+    let solved = Share::default();
+    let soon = Share::default();
+    let stays = Share::default();
+    proptest!(cases(400), |(case in case())| {
         let (problem, mut iterate) = build(&case);
         let settings = Settings { sweeps: 20_000, tolerance: 1e-10 };
         let outcome = solve(&problem, &mut iterate, settings, true);
-        prop_assume!(outcome.residual <= 1e-10);
+        prop_assume!(solved.count(outcome.residual <= 1e-10));
         // Where exact sweeps cycled there can be several answers, between which they choose.
-        prop_assume!(outcome.sweeps <= 25.0);
+        prop_assume!(soon.count(outcome.sweeps <= 25.0));
         let before = dense_velocities(&case, &iterate);
         let again = solve(&problem, &mut iterate, settings, true);
-        prop_assert!(again.sweeps <= 2.0);
+        prop_assert!(again.residual <= 1e-10);
+        stays.count(again.sweeps <= 2.0);
         for (a, b) in before.iter().flatten().zip(dense_velocities(&case, &iterate).iter().flatten()) {
             // Forces may not be unique, velocities are: they move by no more than the residual lets them, times the scale of G.
             prop_assert!((a - b).abs() < 1e-7);
         }
-    }
+    });
+    // As above.
+    solved.at_least(0.9975, "solved");
+    // Some take more sweeps than exact ones: 0.9 % of 30,000 draws.
+    soon.at_least(0.985, "solved by exact sweeps");
+    // A sweep goes on while it changes impulses by more than the tolerance. The residual takes steps of 3 / trace, an exact solution those of the
+    // principal values, which can be longer by any factor: one in 30,000 draws went on.
+    stays.at_least(0.9998, "left by two sweeps");
 }
 
 #[test]

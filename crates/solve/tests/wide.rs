@@ -1,5 +1,8 @@
 //! Contacts with six rows against the conditions that define their answer.
 
+mod common;
+
+use common::{Share, cases};
 use proptest::prelude::*;
 use stepper_solve::pgs::{Settings, solve};
 use stepper_solve::{Capacity, Iterate, Problem, cone, residual};
@@ -60,27 +63,7 @@ fn length(x: &[f64]) -> f64 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(400))]
-
-    #[test]
-    fn solutions_satisfy_the_law(case in case()) {
-        let (problem, mut iterate) = build(&case);
-        let outcome = solve(&problem, &mut iterate, Settings { sweeps: 20_000, tolerance: 1e-11 }, true);
-        prop_assume!(outcome.residual <= 1e-11);
-        let size = 1.0 + iterate.wide.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
-        // The natural map bounds each condition by its residual, times the scale of G (about 100 at the most) and of the impulses.
-        let tolerance = 1e-8 * size;
-        for (k, lambda) in iterate.wide.iter().enumerate() {
-            let (v, mu) = (velocity(&case, &iterate, k), case.mu[k]);
-            let (pull, slip) = (length(&lambda[1..]), length(&v[1..]));
-            prop_assert!(lambda[0] >= 0.0 && v[0] >= -tolerance, "separation {} impulse {}", v[0], lambda[0]);
-            prop_assert!((lambda[0] * v[0]).abs() <= tolerance * size, "complementarity {}", lambda[0] * v[0]);
-            prop_assert!(pull <= mu * lambda[0] + 1e-12 * size, "cone: {pull} of {}", mu * lambda[0]);
-            // Maximum dissipation: lambda_t . v_t = -mu lambda_n |v_t|.
-            let power: f64 = lambda[1..].iter().zip(&v[1..]).map(|(l, v)| l * v).sum();
-            prop_assert!((power + mu * lambda[0] * slip).abs() <= tolerance * (1.0 + slip), "power {power}, slip {slip}");
-        }
-    }
+    #![proptest_config(cases(400))]
 
     #[test]
     fn a_single_contact_is_solved_by_one_sweep(case in case()) {
@@ -89,16 +72,6 @@ proptest! {
         let outcome = solve(&problem, &mut iterate, Settings { sweeps: 1, tolerance: 1e-9 }, true);
         // Rounding of G, and what its floor (1e-14 of the trace) and Jacobi's method leave of rows that are short against the others.
         prop_assert!(outcome.residual < 1e-8, "residual {}", outcome.residual);
-    }
-
-    #[test]
-    fn the_residual_sees_every_defect(case in case(), push in prop_oneof![-0.5..-0.01, 0.01..0.5]) {
-        let (problem, mut iterate) = build(&case);
-        let outcome = solve(&problem, &mut iterate, Settings { sweeps: 20_000, tolerance: 1e-10 }, true);
-        prop_assume!(outcome.residual <= 1e-10);
-        iterate.wide[0][0] += push;
-        iterate.start(&problem);
-        prop_assert!(residual(&problem, &iterate) > 1e-6);
     }
 
     #[test]
@@ -112,4 +85,44 @@ proptest! {
         inside[1..].iter_mut().for_each(|x| *x *= shrink);
         prop_assert!(distance(&x, &p) <= distance(&x, &inside) + 1e-12);
     }
+}
+
+#[test]
+fn solutions_satisfy_the_law() {
+    let solved = Share::default();
+    proptest!(cases(400), |(case in case())| {
+        let (problem, mut iterate) = build(&case);
+        let outcome = solve(&problem, &mut iterate, Settings { sweeps: 20_000, tolerance: 1e-11 }, true);
+        prop_assume!(solved.count(outcome.residual <= 1e-11));
+        let size = 1.0 + iterate.wide.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
+        // The natural map bounds each condition by its residual, times the scale of G (about 100 at the most) and of the impulses.
+        let tolerance = 1e-8 * size;
+        for (k, lambda) in iterate.wide.iter().enumerate() {
+            let (v, mu) = (velocity(&case, &iterate, k), case.mu[k]);
+            let (pull, slip) = (length(&lambda[1..]), length(&v[1..]));
+            prop_assert!(lambda[0] >= 0.0 && v[0] >= -tolerance, "separation {} impulse {}", v[0], lambda[0]);
+            prop_assert!((lambda[0] * v[0]).abs() <= tolerance * size, "complementarity {}", lambda[0] * v[0]);
+            prop_assert!(pull <= mu * lambda[0] + 1e-12 * size, "cone: {pull} of {}", mu * lambda[0]);
+            // Maximum dissipation: lambda_t . v_t = -mu lambda_n |v_t|.
+            let power: f64 = lambda[1..].iter().zip(&v[1..]).map(|(l, v)| l * v).sum();
+            prop_assert!((power + mu * lambda[0] * slip).abs() <= tolerance * (1.0 + slip), "power {power}, slip {slip}");
+        }
+    });
+    // Sweeps cycle now and then where friction is strong: 0.04 % of 20,000 draws.
+    solved.at_least(0.999, "solved");
+}
+
+#[test]
+fn the_residual_sees_every_defect() {
+    let solved = Share::default();
+    proptest!(cases(400), |(case in case(), push in prop_oneof![-0.5..-0.01, 0.01..0.5])| {
+        let (problem, mut iterate) = build(&case);
+        let outcome = solve(&problem, &mut iterate, Settings { sweeps: 20_000, tolerance: 1e-10 }, true);
+        prop_assume!(solved.count(outcome.residual <= 1e-10));
+        iterate.wide[0][0] += push;
+        iterate.start(&problem);
+        prop_assert!(residual(&problem, &iterate) > 1e-6);
+    });
+    // As above, with a looser tolerance: 0.02 % of 20,000 draws are left.
+    solved.at_least(0.999, "solved");
 }

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper._machine import require
-from stepper._options import Options
+from stepper._options import Options, Precision
 
 if TYPE_CHECKING:
     from stepper._stepper import Model
@@ -66,7 +66,7 @@ class StepperEngine:
     setting: str
     options: Options = field(default_factory=Options)
     batch: int | None = None
-    precision: str = "f64"
+    precision: Precision = "f64"
     engine: str = "stepper"
 
     def start(self, mjcf: str, dt: float) -> Run:
@@ -82,7 +82,7 @@ def _load(mjcf: str) -> Model:
 
 
 class _StepperRun:
-    def __init__(self, mjcf: str, options: Options, batch: int | None, precision: str) -> None:
+    def __init__(self, mjcf: str, options: Options, batch: int | None, precision: Precision) -> None:
         from stepper._stepper import Stepper  # noqa: PLC0415  (the binary, when it is needed)
 
         self._sim = Stepper(_load(mjcf), batch, options=options, precision=precision)

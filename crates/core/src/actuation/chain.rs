@@ -5,6 +5,7 @@ use stepper_real::{Mask, Real, Scalar};
 use super::memory::Memory;
 use super::train::{DriveTrain, any};
 use crate::drive::{Train, within};
+use crate::lanes::DelayLine;
 use crate::plan::{ActuatorPlan, Plan};
 
 /// Number of a train that may differ between environments, in the order of the table.
@@ -96,6 +97,11 @@ impl<S: Scalar> Chains<S> {
         all.tables = vec![vec![S::default(); all.chains.len() * NUMBERS * lanes]; num_envs.div_ceil(lanes)];
         all.assign(trains, &(0..num_envs).collect::<Vec<_>>(), h);
         all
+    }
+
+    /// Where every delay line is in the memory: its address, and its samples of one number each.
+    pub fn delay_lines(&self) -> impl Iterator<Item = DelayLine> {
+        self.chains.iter().filter(|c| c.line > 0).map(|c| DelayLine { at: c.memory, samples: c.line, width: 1 })
     }
 
     /// Gives the environments `envs` the numbers of `trains`, whose lists have one for all of these or one for each; of actuators without an

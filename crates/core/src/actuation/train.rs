@@ -163,6 +163,12 @@ impl DriveTrain {
         }
         let Some(motor) = self.motor.as_ref().filter(|m| m.rotor_inertia > 0.0) else { return Ok(()) };
         let reflected = (actuator.gear * motor.gear).powi(2) * motor.rotor_inertia;
+        if !reflected.is_finite() {
+            return Err(format!(
+                "rotor_inertia {} behind gears {:e} and {:e} is not finite",
+                motor.rotor_inertia, actuator.gear, motor.gear
+            ));
+        }
         match actuator.transmission {
             Transmission::Joint(j) => model.joints[j].armature += reflected,
             Transmission::Tendon(t) => model.tendons[t].armature += reflected,

@@ -2,7 +2,7 @@
 
 use stepper_real::{Mask, Real};
 
-use super::{Drive, Theta, Train};
+use super::{Drive, Gauge, Theta, Train};
 use crate::plan::{LanePlan, TrainPlan};
 use crate::spatial::*;
 
@@ -17,6 +17,8 @@ pub(super) struct Region<R: Real> {
     law: (R, R),
     /// Velocity before the step.
     before: R,
+    /// What it moves.
+    gauge: Gauge<R>,
     /// Lanes at a limit of the effort.
     held: R::Mask,
     /// Lanes at the motor's curve.
@@ -28,15 +30,16 @@ pub(super) struct Region<R: Real> {
 impl<R: Real> Default for Region<R> {
     fn default() -> Self {
         let never = R::Mask::splat(false);
-        Self { law: (R::zero(), R::zero()), before: R::zero(), held: never, curve: never, upper: never }
+        let gauge = Gauge { mobility: R::zero(), slowing: R::zero() };
+        Self { law: (R::zero(), R::zero()), before: R::zero(), gauge, held: never, curve: never, upper: never }
     }
 }
 
 impl<R: Real> Region<R> {
-    /// Takes up the law: its force and weight, and the velocity before the step.
+    /// Takes up the law: its force and weight, the velocity before the step, and what it moves.
     #[inline(always)]
-    pub(super) fn take(&mut self, law: (R, R), before: R) {
-        (self.law, self.before) = (law, before);
+    pub(super) fn take(&mut self, law: (R, R), before: R, gauge: Gauge<R>) {
+        (self.law, self.before, self.gauge) = (law, before, gauge);
     }
 
     /// Where a step begins: a law without stiffness is as it is at the velocity before the step, one with is free.
@@ -79,7 +82,8 @@ impl<R: Real> Region<R> {
         let curve = R::select(self.upper, numbers.stall, -numbers.stall) - numbers.drag * self.before;
         let force = R::select(self.curve, curve, R::select(self.held, held, self.law.0));
         let weight = R::select(self.held, R::zero(), self.law.1);
-        (force, R::select(self.curve, numbers.drag * theta.damping, weight))
+        let drag = numbers.drag * theta.damping * (R::one() + theta.share(self.gauge.rate(numbers.drag)));
+        (force, R::select(self.curve, drag, weight))
     }
 }
 

@@ -5,7 +5,7 @@ use std::fmt::Display;
 
 use super::Kernel;
 use super::pairs::{Verdict, weld_groups};
-use super::{Activation, JointKind, Model};
+use super::{Activation, JointKind, Model, Requested};
 
 /// Phenomena that no rigid-body simulator has, whatever the scene.
 const BEYOND: [&str; 7] = [
@@ -44,6 +44,7 @@ impl Model {
         let (changing, harmless) = self.left_out();
         [
             sizes,
+            section("The source asks for it, and by default something else runs", &self.deviations(true)),
             section("Modelled", &text(modelled)),
             section("Left out, and the motion is different for it", &changing),
             section("Left out, not counted as a change of the motion", &harmless),
@@ -51,6 +52,14 @@ impl Model {
             section("Beyond rigid bodies, whatever the scene", &BEYOND.map(String::from)),
         ]
         .join("\n\n")
+    }
+
+    /// What the source asks for and default options do otherwise, in words: what it asks for expressly; with `implied` also what it leaves at
+    /// its own simulator's defaults.
+    pub fn deviations(&self, implied: bool) -> Vec<String> {
+        let Some(asked) = &self.requested else { return vec![] };
+        let lines = [asked.integrator_line(), asked.softness_line(), asked.cone_line()];
+        lines.into_iter().flatten().filter(|(express, _)| *express || implied).map(|(_, line)| line).collect()
     }
 
     fn links(&self) -> Vec<Line> {
@@ -209,6 +218,38 @@ impl Model {
     }
 }
 
+/// Whether the source asks for it expressly, and the line.
+type Deviation = Option<(bool, String)>;
+
+impl Requested {
+    fn integrator_line(&self) -> Deviation {
+        // Euler's rule is what a source has that says nothing.
+        let (express, name) = (self.integrator != "Euler", &self.integrator);
+        let asked = if express { "asks for" } else { "has the default," };
+        let line = format!("integrator: the source {asked} {name}, and midpoint runs. Options.of(model) takes the source's");
+        Some((express, line))
+    }
+
+    fn softness_line(&self) -> Deviation {
+        if !self.constrained {
+            return None;
+        }
+        let hard = "contacts, limits, equalities and dry friction are hard here: solref, solimp and impratio are not read, bodies do not sink in, \
+                    limits do not give, and impacts stop at once";
+        Some(match &self.soft[..] {
+            [] => (false, format!("softness: MuJoCo's default, and {hard}")),
+            soft => (true, format!("softness: the source gives solref or solimp to {}, and {hard}", soft.join("; "))),
+        })
+    }
+
+    fn cone_line(&self) -> Deviation {
+        let pyramid = self.cone.as_deref() == Some("pyramidal");
+        let line = "friction cone: MuJoCo's default, a pyramid, which gives less friction between its edges, by up to 29 %; the exact circular \
+                    cone runs";
+        pyramid.then(|| (false, line.to_owned()))
+    }
+}
+
 impl Verdict {
     const fn collides(self) -> bool {
         matches!(self, Self::Collides | Self::Explicit)
@@ -315,6 +356,21 @@ mod tests {
         assert!(["joint limits", "hinge joints", "restitution", "fixed tendons"].iter().all(|p| absent.contains(p)), "{text}");
         assert_eq!(lines(&text, "Left out, and the motion is different for it"), ["nothing"]);
         assert_eq!(lines(&text, "Beyond rigid bodies, whatever the scene").len(), BEYOND.len());
+    }
+
+    #[test]
+    fn what_the_source_asks_for_and_does_not_get_comes_first() {
+        const TITLE: &str = "The source asks for it, and by default something else runs";
+        let mut model = rich();
+        assert_eq!(lines(&model.explain(), TITLE), ["nothing"]);
+        let cone = Some("pyramidal".to_owned());
+        let (integrator, solver) = ("RK4".to_owned(), "Newton".to_owned());
+        let soft = vec!["1 geom: ball".to_owned()];
+        model.requested = Some(Requested { integrator, solver, iterations: 100, cone, constrained: true, soft });
+        let text = model.explain();
+        let found = lines(&text, TITLE);
+        assert!(["asks for RK4, and midpoint runs", "1 geom: ball", "circular"].iter().all(|part| has(&found, part)), "{text}");
+        assert_eq!(model.deviations(false).len(), 2);
     }
 
     #[test]

@@ -17,7 +17,7 @@ use super::{Model, ModelError};
 const MAGIC: [u8; 8] = *b"stepper\xff";
 
 /// Version of the format of saved models; changes whenever [`Model`] does.
-pub const FORMAT_VERSION: u32 = 7;
+pub const FORMAT_VERSION: u32 = 9;
 
 const HEADER: usize = 8 + 4 + 32;
 const MEMORY: &str = "saved model";

@@ -57,6 +57,8 @@ pub struct Model {
     pub magnetic: [f64; 3],
     /// What fills the space between the bodies.
     pub medium: Medium,
+    /// Whether the integrator `euler` takes the joints' damping explicitly; the others never do.
+    pub explicit_damping: bool,
     /// Bodies, parents before children; body 0 is the world.
     pub bodies: Vec<Body>,
     /// Joints in the order of their bodies.
@@ -89,6 +91,8 @@ pub struct Model {
     pub qpos_spring: Vec<f64>,
     /// What the source described and this model leaves out.
     pub omitted: Vec<Omission>,
+    /// What the source asks of a simulator that stepper does in its own way; nothing where the model was made in code.
+    pub requested: Option<Requested>,
 }
 
 /// A rigid body.
@@ -317,6 +321,23 @@ pub struct Omission {
     pub reason: String,
     /// Whether the motion would be different with it.
     pub changes_motion: bool,
+}
+
+/// What a source asks of a simulator, where stepper has a way of its own, in the source's words.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Requested {
+    /// Integrator: "Euler", "RK4", "implicit" or "implicitfast".
+    pub integrator: String,
+    /// Solver: "PGS", "CG" or "Newton".
+    pub solver: String,
+    /// Iterations of that solver at the most.
+    pub iterations: u32,
+    /// Shape of the friction cone, "pyramidal" or "elliptic"; nothing where nothing can touch.
+    pub cone: Option<String>,
+    /// Whether it has constraints, which are soft there.
+    pub constrained: bool,
+    /// What has a softness of its own, other than the source's default: "2 geoms: foot, floor".
+    pub soft: Vec<String>,
 }
 
 impl Model {

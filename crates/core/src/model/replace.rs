@@ -160,6 +160,27 @@ fn flag(set: &mut bool, f: &mut dyn FnMut(&mut f64)) {
 }
 
 impl Field {
+    /// Its shape in words: "(ngeom, 3)"; empty for a scalar.
+    pub fn axes(&self) -> String {
+        let width = match self.width {
+            None => return String::new(),
+            Some(1) => String::new(),
+            Some(width) => format!(" {width}"),
+        };
+        let count = match self.name.split_once('_').map_or(self.name, |(kind, _)| kind) {
+            "body" => "nbody",
+            "geom" => "ngeom",
+            "jnt" => "njnt",
+            "dof" => "nv",
+            "tendon" => "ntendon",
+            "eq" => "neq",
+            "actuator" => "nu",
+            "qpos0" | "qpos" => "nq",
+            _ => "3",
+        };
+        format!("({count},{width})")
+    }
+
     /// Its shape in this model: `[]` for a scalar, `[n]`, or `[n, width]`.
     pub fn shape(&self, model: &Model) -> Vec<usize> {
         let count = self.read(model).len();
@@ -198,6 +219,22 @@ impl Model {
     /// reads -inf to inf.
     pub fn field(&self, name: &str) -> Option<(Vec<usize>, Vec<f64>)> {
         find(name).ok().map(|field| (field.shape(self), field.read(self)))
+    }
+
+    /// Whether the finite numbers of all fields are at most `most`, in magnitude.
+    ///
+    /// # Errors
+    /// [`ModelError::Invalid`] for the first that is not.
+    pub(crate) fn check_range(&self, most: f64) -> Result<(), ModelError> {
+        let mut model = self.clone();
+        for field in REPLACEABLE {
+            let values = field.read_in(&mut model);
+            if let Some(k) = values.iter().position(|x| x.is_finite() && x.abs() > most) {
+                let what = format!("number {k} is {:e}, which 32 bits cannot hold", values[k]);
+                return Err(ModelError::invalid(field.place(), what, format!("give at most {most:e}, or choose 64 bits")));
+            }
+        }
+        Ok(())
     }
 
     /// A model with other numbers in one field, validated like any other: see [`REPLACEABLE`]. If this model leaves nothing out that changes

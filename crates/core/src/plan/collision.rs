@@ -20,6 +20,8 @@ pub struct GeomPlan<S> {
     pub frame: usize,
     /// Whether it is a half space.
     pub is_plane: bool,
+    /// Whether all that touches it is at one distance from a point of it, the nearest of its axis: a sphere or a capsule.
+    pub is_round: bool,
     /// Its orientation in the frame.
     pub mat: [S; 9],
     /// Whether any pair reads more of its orientation than its z axis.
@@ -236,6 +238,7 @@ fn geom<S: Scalar>(model: &Model, merged: &Merged, index: usize) -> GeomPlan<S> 
         index,
         frame: merged.frame[g.body],
         is_plane: matches!(g.shape, Shape::Plane),
+        is_round: matches!(g.shape, Shape::Sphere { .. } | Shape::Capsule { .. }),
         mat: matrix(&quat),
         full_orientation: !matches!(g.shape, Shape::Plane | Shape::Sphere { .. } | Shape::Capsule { .. }),
         solid: None,

@@ -1,5 +1,7 @@
 //! Actuators, and which entries of the mass matrix those that act as springs and dampers touch.
 
+use std::f64::consts::PI;
+
 use stepper_real::Scalar;
 
 use super::merge::{Merged, matrix, quaternion, vector};
@@ -52,6 +54,8 @@ pub struct WrenchPlan<S> {
     pub reference: Option<Spot<S>>,
     /// Force and torque per unit of the actuator's force, gear included.
     pub wrench: [S; 6],
+    /// What a whole turn adds to the length, where the length is an angle.
+    pub turn: Option<S>,
     /// Dofs that move the site (1) or the reference (-1), but not both.
     pub dofs: Vec<(usize, S)>,
     /// Where its arms begin among those of all wrenches; its length is at its index among them.
@@ -185,7 +189,10 @@ impl<S: Scalar> Drives<S> {
             _ => None,
         };
         let dofs: Vec<_> = (0..scene.dofs.len()).filter_map(side).collect();
-        let plan = WrenchPlan { site, reference, wrench: scalars(wrench.map(|x| x * a.gear)), arms: self.arms, index: self.wrenches, dofs };
+        let wrench = wrench.map(|x| x * a.gear);
+        let is_angle = reference.is_some() && wrench[..3] == [0.0; 3] && wrench[3..] != [0.0; 3];
+        let turn = is_angle.then(|| S::from_f64(2.0 * PI * wrench[3..].iter().map(|x| x * x).sum::<f64>().sqrt()));
+        let plan = WrenchPlan { site, reference, wrench: scalars(wrench), arms: self.arms, index: self.wrenches, turn, dofs };
         self.arms += plan.dofs.len();
         self.wrenches += 1;
         Some(plan)

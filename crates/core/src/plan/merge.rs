@@ -38,6 +38,11 @@ pub(crate) fn matrix<S: Scalar>(q: &UnitQuaternion<f64>) -> [S; 9] {
     std::array::from_fn(|k| S::from_f64(m[(k / 3, k % 3)]))
 }
 
+/// (w, x, y, z)
+pub(crate) fn wxyz<S: Scalar>(q: &UnitQuaternion<f64>) -> [S; 4] {
+    scalars([q.w, q.i, q.j, q.k])
+}
+
 impl Merged {
     pub(crate) fn new(model: &Model) -> Self {
         let n = model.bodies.len();
@@ -153,6 +158,7 @@ pub(crate) fn links<S: Scalar>(model: &Model, merged: &Merged) -> Vec<Link<S>> {
             is_root: parent == 0 || parent > nlink,
             pos: scalars(pos.into()),
             mat: (quat != UnitQuaternion::identity()).then(|| matrix(&quat)),
+            quat: wxyz(&quat),
             joints: joint0..joint,
             dofs: dof0..dof,
         }
@@ -232,6 +238,11 @@ pub(crate) fn mocap<S: Scalar>(model: &Model, merged: &Merged) -> Vec<MocapPlan<
 }
 
 pub(crate) fn bodies<S: Scalar>(model: &Model, merged: &Merged) -> Vec<BodyPlan<S>> {
-    let plan = |b: usize| BodyPlan { frame: merged.frame[b], pos: scalars(merged.pos[b].into()), mat: matrix(&merged.quat[b]) };
+    let plan = |b: usize| BodyPlan {
+        frame: merged.frame[b],
+        pos: scalars(merged.pos[b].into()),
+        mat: matrix(&merged.quat[b]),
+        quat: wxyz(&merged.quat[b]),
+    };
     (0..model.bodies.len()).map(plan).collect()
 }

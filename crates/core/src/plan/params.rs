@@ -43,6 +43,27 @@ impl<R: Real> LanePlan<R> {
         }
     }
 
+    /// Mobility of a frame's body if nothing held it, 1/kg; 0 for the world and for what the user poses.
+    #[inline(always)]
+    pub fn mobility(&self, frame: usize) -> R {
+        if frame == 0 || frame > self.links.len() {
+            return R::zero();
+        }
+        let mass = self.params.inertial(frame - 1).mass;
+        let heavy = mass.gt(R::zero());
+        R::select(heavy, R::one() / R::select(heavy, mass, R::one()), R::zero())
+    }
+
+    /// Mass of everything that moves, kg.
+    #[inline(always)]
+    pub fn moving_mass(&self) -> R {
+        let mut sum = R::zero();
+        for link in 0..self.links.len() {
+            sum += self.params.inertial(link).mass;
+        }
+        sum
+    }
+
     /// Sum of the bounding radii of a pair; of the second geom alone when the first is a plane, m.
     #[inline(always)]
     pub fn reach(&self, [a, b]: [usize; 2]) -> R {

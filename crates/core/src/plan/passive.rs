@@ -47,8 +47,10 @@ pub struct EllipsoidPlan<S> {
     pub magnus: S,
     /// Kutta coefficient times density.
     pub kutta: S,
-    /// Areas (semi-axes b c, c a, a b), m^2.
+    /// Products of two semi-axes b c, c a, a b over the largest of them.
     pub areas: [S; 3],
+    /// Sum of squares of `areas` along the velocity's direction below which there is no projected area.
+    pub no_area: S,
     /// Largest projected area, m^2.
     pub widest: S,
     /// Blunt and slender drag.
@@ -126,6 +128,7 @@ fn ellipsoid<S: Scalar>(e: &Ellipsoid, medium: &Medium) -> FluidShape<S> {
     let [a, b, c] = e.axes;
     let (most, least) = (a.max(b).max(c), a.min(b).min(c));
     let middle = a + b + c - most - least;
+    let widest = (most * middle).max(f64::MIN_POSITIVE);
     let diameter = 2.0 / 3.0 * (a + b + c);
     let moment = |k: usize| 8.0 / 15.0 * PI * e.axes[k] * e.axes[(k + 1) % 3].max(e.axes[(k + 2) % 3]).powi(4);
     let largest = 8.0 / 15.0 * PI * middle * most.powi(4);
@@ -138,8 +141,9 @@ fn ellipsoid<S: Scalar>(e: &Ellipsoid, medium: &Medium) -> FluidShape<S> {
         added_inertia: scalars(e.virtual_inertia.map(|m| medium.density * m)),
         magnus: S::from_f64(e.magnus_lift * medium.density * volume),
         kutta: S::from_f64(e.kutta_lift * medium.density),
-        areas: scalars([b * c, c * a, a * b]),
-        widest: S::from_f64(PI * most * middle),
+        areas: scalars([b * c, c * a, a * b].map(|area| area / widest)),
+        no_area: S::from_f64(1e-15 * (most * most / widest).powi(2)),
+        widest: S::from_f64(PI * widest),
         drag: scalars([e.blunt_drag, e.slender_drag]),
         viscous: scalars([PI * diameter.powi(3), 3.0 * PI * diameter].map(|x| x * medium.viscosity)),
         moments: scalars(moments),

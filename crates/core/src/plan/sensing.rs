@@ -2,10 +2,9 @@
 
 use std::cell::RefCell;
 
-use nalgebra::UnitQuaternion;
 use stepper_real::Scalar;
 
-use super::merge::{Merged, matrix, quaternion};
+use super::merge::{Merged, matrix, quaternion, wxyz};
 use super::{TendonPlan, scalars};
 use crate::model::{
     ContactField, ContactReduction, ContactSide, FrameReading, Model, Object, ProximityReading, Quantity, RayField, Sensor, SensorKind,
@@ -21,8 +20,8 @@ pub struct SensingPlan<S> {
     pub width: usize,
     /// Magnetic field in the world, T.
     pub magnetic: [S; 3],
-    /// Orientation of every link in its parent's frame before its joints; empty when no sensor reads a quaternion.
-    pub link_quat: Vec<[S; 4]>,
+    /// Whether any sensor reads a quaternion.
+    pub quaternions: bool,
     /// Body of every geom of the model.
     pub geom_body: Vec<usize>,
     /// What the sensors need.
@@ -234,10 +233,6 @@ impl<S: Scalar> SensingPlan<S> {
         let mut needs = Needs::of(&sensors, model);
         needs.step |= lossy && needs.actuators;
         let quaternions = sensors.iter().any(|s| matches!(s.read, Read::Frame(FrameReading::Quat, ..)));
-        let link_quat = |&leader: &usize| {
-            let body = &model.bodies[leader];
-            wxyz(&(merged.quat[body.parent] * quaternion(body.quat)))
-        };
         let sites = compiler.found.borrow().carried.clone();
         let carried = sites.iter().map(|&s| (compiler.place(Object::Site(s)), compiler.subtree(model.sites[s].body))).collect();
         let Found { subtrees, places, shapes, .. } = compiler.found.into_inner();
@@ -249,7 +244,7 @@ impl<S: Scalar> SensingPlan<S> {
             shapes,
             width: model.nsensordata(),
             magnetic: scalars(model.magnetic),
-            link_quat: if quaternions { merged.leaders.iter().map(link_quat).collect() } else { vec![] },
+            quaternions,
             geom_body: model.geoms.iter().map(|g| g.body).collect(),
             needs,
         }
@@ -283,10 +278,6 @@ impl Needs {
             step: model.sensors.iter().any(Sensor::needs_step),
         }
     }
-}
-
-fn wxyz<S: Scalar>(q: &UnitQuaternion<f64>) -> [S; 4] {
-    scalars([q.w, q.i, q.j, q.k])
 }
 
 struct Compiler<'a> {

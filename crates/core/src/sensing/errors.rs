@@ -16,6 +16,7 @@ mod transfer;
 
 use stepper_real::{Real, Scalar};
 
+use crate::lanes::DelayLine;
 use crate::model::{Model, Quantity};
 pub use draws::Keys;
 pub use observe::{Slots, Work};
@@ -28,6 +29,7 @@ enum Number {
     Scale,
     ScaleStd,
     MisalignmentStd,
+    Bias,
     BiasStd,
     Decay,
     Kick,
@@ -41,7 +43,7 @@ enum Number {
     Dropout,
 }
 
-const NUMBERS: usize = 14;
+const NUMBERS: usize = 15;
 
 /// One sensor that is not ideal.
 #[derive(Clone, Debug)]
@@ -112,6 +114,11 @@ impl<S: Scalar> Numbers<'_, S> {
 }
 
 impl<S: Scalar> Errors<S> {
+    /// Where the delay line of every sensor that is not ideal is in the memory; without samples where it has none.
+    pub fn delay_lines(&self) -> impl Iterator<Item = DelayLine> {
+        self.sensors.iter().map(|s| DelayLine { at: s.line_at(), samples: s.line, width: s.dim })
+    }
+
     /// `transfers` has an entry for every sensor of the model, `None` for ideal ones.
     ///
     /// # Errors
@@ -172,6 +179,7 @@ fn numbers(t: &Transfer, env: usize, h: f64) -> [f64; NUMBERS] {
         of(&t.scale),
         of(&t.scale_std),
         of(&t.misalignment_std),
+        of(&t.bias),
         of(&t.bias_std),
         decay,
         kick,
@@ -201,7 +209,7 @@ impl<S: Scalar> Imperfect<S> {
             uniform: t.uniform,
             mixed: !t.matrix.is_empty() || any(&t.scale_std) || any(&t.misalignment_std),
             scaled: t.scale.iter().any(|&x| x != 1.0),
-            biased: any(&t.bias_std),
+            biased: any(&t.bias) || any(&t.bias_std),
             drifts: any(&t.drift_std),
             noisy: any(&t.noise_std) || any(&t.noise_density),
             quantised: any(&t.quantum),

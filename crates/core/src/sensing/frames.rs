@@ -10,12 +10,12 @@ use crate::plan::sensing::Place;
 use crate::spatial::*;
 
 /// Orientation of every link as a quaternion: products along the tree, so that the sign is that of the coordinates.
-pub(super) fn orientations<R: Real>(plan: &LanePlan<R>, q: &[R], out: &mut [[R; 4]]) {
+pub fn orientations<R: Real>(plan: &LanePlan<R>, q: &[R], out: &mut [[R; 4]]) {
     R::vectorize(
         #[inline(always)]
         || {
             for (l, link) in plan.links.iter().enumerate() {
-                let mut quat = quat_mul(out[link.parent], splat(plan.sensing.link_quat[l]));
+                let mut quat = quat_mul(out[link.parent], splat(link.quat));
                 for joint in &plan.joints[link.joints.clone()] {
                     match joint.kind {
                         JointKind::Free => quat = quat_at(q, joint.q + 3),

@@ -74,6 +74,11 @@ impl<S: Scalar> Memory<S> {
         [&self.acceleration, &self.ctrl, &self.xfrc, &self.numbers, &self.observation]
     }
 
+    /// Says that the state of a lane was set: there is no last step to read. All else stays.
+    pub fn refresh(&mut self, lane: usize) {
+        self.fresh |= 1 << lane;
+    }
+
     /// Forgets the last step of a lane.
     pub fn forget(&mut self, lane: usize) {
         let lanes = self.seed.len();
@@ -81,7 +86,7 @@ impl<S: Scalar> Memory<S> {
             numbers.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = S::default());
         }
         self.faults.iter_mut().skip(lane).step_by(lanes).for_each(|n| *n = 0);
-        self.fresh |= 1 << lane;
+        self.refresh(lane);
         self.waiting |= 1 << lane;
     }
 

@@ -6,6 +6,7 @@ use super::{Error, Simulation};
 use crate::actuation::{DriveTrain, Driven, Redrawn};
 use crate::model::{Model, ModelError, randomizable};
 use crate::plan::LanePlan;
+use crate::rollout::Precision;
 use crate::theta::{Assignment, Differences, Theta};
 
 impl Simulation {
@@ -18,12 +19,12 @@ impl Simulation {
         let assigned = assigned.iter().map(|&(name, values)| self.assignment(name, values)).collect::<Result<Vec<_>, _>>()?;
         if self.theta.ends_with(&assigned, envs.len() == self.num_envs) {
             self.theta = Theta::default();
-            self.engine.randomize(envs, None);
+            self.engine_mut().randomize(envs, None);
             return Ok(());
         }
         let differences = self.differences(&assigned, envs)?;
         self.theta.assign(&self.model, self.num_envs, &assigned, envs);
-        self.engine.randomize(envs, Some(&differences));
+        self.engine_mut().randomize(envs, Some(&differences));
         Ok(())
     }
 
@@ -49,6 +50,7 @@ impl Simulation {
     /// Draws the numbers of drive trains anew. What the trains remember, and the rest of the state, stays.
     pub fn redraw(&mut self, redrawn: Option<Redrawn>) {
         if let (Some(driven), Some(redrawn)) = (&mut self.driven, redrawn) {
+            self.truth.known = false;
             self.engine.redraw(&self.options, &redrawn.trains, &redrawn.envs);
             driven.take(redrawn);
         }
@@ -76,6 +78,10 @@ impl Simulation {
     fn assignment<'a>(&self, name: &str, values: Option<&'a [f64]>) -> Result<Assignment<'a>, Error> {
         let field = randomizable(name)?;
         let must = self.num_envs * self.model.field(name).expect("a field of the model").1.len();
+        let beyond = |x: &&f64| self.precision == Precision::F32 && x.is_finite() && !(**x as f32).is_finite();
+        if let Some(x) = values.and_then(|values| values.iter().find(beyond)) {
+            return Err(Error::Value(format!("{name} has {x:e}, which 32 bits cannot hold; give a smaller number")));
+        }
         match values.map_or(must, <[f64]>::len) {
             found if found == must => Ok((field.name, values)),
             found => Err(Error::Value(format!("{name} has {found} numbers, must have {must}"))),

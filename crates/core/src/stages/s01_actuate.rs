@@ -33,14 +33,16 @@ pub fn actuate<R: Real>(plan: &LanePlan<R>, at: &At<'_, R>, implied: Option<Impl
                     };
                     continue;
                 };
-                let (law, motion) = (law(actuator, plan.params.actuator(i), at, input), drive.motion(actuator, at.q, at.v_at, at.v));
+                let motion = drive.motion(actuator, at.q, at.v_at, at.v);
+                let parameters = plan.params.actuator(i);
+                let law = law(actuator, parameters, at, on_the_circle(actuator, parameters, input, motion.length));
                 drive.beyond[i] = R::Mask::splat(false);
                 match (implied, &actuator.train) {
                     (Some(implied), Some(train)) => {
                         drive.set_train(i, k, &law, &motion, train, &at.trains[train.index], implied.theta);
                     }
                     (Some(Implied { theta, all: true }), None) => {
-                        let (force, weight) = law.implied(&motion, theta);
+                        let (force, weight) = law.implied(&motion, drive.gauge_at(k), theta);
                         drive.set_servo(i, k, force, weight);
                     }
                     (None, Some(train)) => {
@@ -86,6 +88,30 @@ pub fn regather<R: Real>(plan: &LanePlan<R>, q: &[R], all: bool, drive: &mut Dri
 #[inline(always)]
 fn control<R: Real>(u: R, range: Option<[R::Scalar; 2]>) -> R {
     R::select(u.is_finite(), within(u, range), R::of(f64::NAN))
+}
+
+/// A setpoint of an angle as the one of those, whole turns apart, that is nearest to it, as MuJoCo's: it need not turn back when it winds further
+/// than half a turn. A setpoint is the input of what pulls back with as much as it pulls with.
+#[inline(always)]
+fn on_the_circle<R: Real>(actuator: &ActuatorPlan<R::Scalar>, [gain, bias]: [V3<R>; 2], input: R, angle: R) -> R {
+    let Some(turn) = actuator.wrench.as_ref().and_then(|w| w.turn) else { return input };
+    if actuator.train.is_some() {
+        return input;
+    }
+    let turn = R::splat(turn);
+    let nearest = input - turn * ((input - angle) / turn).round_even();
+    let alone = gain[1].eq(R::zero()).and(gain[2].eq(R::zero()));
+    R::select(alone.and(gain[0].eq(-bias[1])), nearest, input)
+}
+
+/// What an activation follows: the control, for the angle of a servo that nearest to the activation `at`.
+#[inline(always)]
+fn setpoint<R: Real>(plan: &LanePlan<R>, i: usize, actuator: &ActuatorPlan<R::Scalar>, u: R, at: R) -> R {
+    let u = control(u, actuator.ctrl_range);
+    match actuator.activation {
+        Activation::Filter(_) | Activation::FilterExact(_) => on_the_circle(actuator, plan.params.actuator(i), u, at),
+        Activation::None | Activation::Integrator => u,
+    }
 }
 
 /// force = gain . (1, length, velocity) input + bias . (1, length, velocity), or what a drive train makes of it: a continuous servo of its own, or
@@ -135,9 +161,9 @@ pub fn advance_activation<R: Real>(plan: &LanePlan<R>, act: &[R], rate_at: &[R],
     R::vectorize(
         #[inline(always)]
         || {
-            for (actuator, &u) in plan.actuators.iter().zip(ctrl) {
+            for (i, (actuator, &u)) in plan.actuators.iter().zip(ctrl).enumerate() {
                 let Some(a) = actuator.act else { continue };
-                let u = control(u, actuator.ctrl_range);
+                let u = setpoint(plan, i, actuator, u, rate_at[a]);
                 let next = match actuator.activation {
                     Activation::None => act[a],
                     Activation::Integrator => act[a] + h * u,
@@ -155,9 +181,9 @@ pub fn activation_rate<R: Real>(plan: &LanePlan<R>, act: &[R], ctrl: &[R], out: 
     R::vectorize(
         #[inline(always)]
         || {
-            for (actuator, &u) in plan.actuators.iter().zip(ctrl) {
+            for (i, (actuator, &u)) in plan.actuators.iter().zip(ctrl).enumerate() {
                 let Some(a) = actuator.act else { continue };
-                let u = control(u, actuator.ctrl_range);
+                let u = setpoint(plan, i, actuator, u, act[a]);
                 out[a] = match actuator.activation {
                     Activation::None => R::zero(),
                     Activation::Integrator => u,

@@ -2,7 +2,7 @@
 
 use stepper_real::Real;
 
-use crate::drive::Implicit;
+use crate::drive::{Implicit, Theta};
 use crate::fluid::Fluid;
 use crate::inertia::{MassMatrix, NewtonEuler, link_forces, project_forces};
 use crate::kinematics::Kinematics;
@@ -20,6 +20,10 @@ pub struct Smooth<R: Real> {
     pub acc: Vec<R>,
     /// Velocities and accelerations of the links, left by [`Smooth::acceleration`].
     pub work: NewtonEuler<R>,
+    /// Diagonal of M itself, where there are servos.
+    pub inertia: Vec<R>,
+    /// Damping of stiff springs beyond the joints' own, where joints have springs; see [`crate::drive`].
+    drag: Vec<R>,
     composite: Vec<Inertia<R>>,
     /// Entries of the mass matrix without servos, if servos at their bounds may leave it within a step.
     bare: Vec<R>,
@@ -33,6 +37,8 @@ impl<R: Real> Smooth<R> {
             mass: MassMatrix::new(plan),
             bias: vec![R::zero(); plan.nv],
             acc: vec![R::zero(); plan.nv],
+            inertia: vec![R::zero(); if plan.servos.is_empty() { 0 } else { plan.nv }],
+            drag: vec![R::zero(); if plan.joints.iter().any(|j| j.sprung) { plan.nv } else { 0 }],
             composite: vec![zero(); plan.links.len()],
             bare: vec![R::zero(); if plan.servos_are_bounded { plan.chain.len() } else { 0 }],
             work: NewtonEuler::new(plan),
@@ -40,17 +46,42 @@ impl<R: Real> Smooth<R> {
         }
     }
 
-    /// The mass matrix with what is implicit, and its factors.
+    /// The mass matrix with what is implicit of the joints' damping and stiffness.
+    pub fn assemble_mass(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, theta: Theta<R>) {
+        R::vectorize(
+            #[inline(always)]
+            || self.assemble(plan, kinematics, theta),
+        )
+    }
+
+    /// What is left to do after [`Smooth::assemble_mass`]: what else is implicit, and the factors.
+    pub fn complete_mass(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
+        R::vectorize(
+            #[inline(always)]
+            || self.factor(plan, kinematics, implicit),
+        )
+    }
+
+    /// Both in one.
     pub fn factor_mass(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
         R::vectorize(
             #[inline(always)]
             || {
-                self.mass.assemble(plan, kinematics, &mut self.composite, implicit.theta);
-                let n = self.bare.len();
-                self.bare.copy_from_slice(&self.mass.entries[..n]);
+                self.assemble(plan, kinematics, implicit.theta);
                 self.factor(plan, kinematics, implicit);
             },
         )
+    }
+
+    #[inline(always)]
+    fn assemble(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, theta: Theta<R>) {
+        self.mass.assemble(plan, kinematics, &mut self.composite);
+        for (inertia, dof) in self.inertia.iter_mut().zip(&plan.dofs) {
+            *inertia = self.mass.entries[dof.chain];
+        }
+        self.mass.add_joints(plan, theta, &mut self.drag);
+        let n = self.bare.len();
+        self.bare.copy_from_slice(&self.mass.entries[..n]);
     }
 
     /// The same again at the same configuration, where servos are others than they were.
@@ -110,6 +141,9 @@ impl<R: Real> Smooth<R> {
         let forces = tau.iter().zip(applied).zip(&self.bias);
         for (((acc, ((&tau, &applied), &bias)), &[damping, ..]), &v) in self.acc.iter_mut().zip(forces).zip(plan.params.dofs()).zip(v) {
             *acc = (tau + applied) - bias - damping * v;
+        }
+        for ((acc, &drag), &v) in self.acc.iter_mut().zip(&self.drag).zip(v) {
+            *acc -= drag * v;
         }
         self.mass.solve(plan, &mut self.acc);
     }

@@ -1,6 +1,6 @@
 //! Stage 5: the constraint problem becomes impulses, with the residual that certifies them.
 
-use stepper_real::{Real, Scalar};
+use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::{Outcome, Settings};
 
 use crate::constraints::Constraints;
@@ -41,6 +41,56 @@ pub fn solve<R: Real>(
     outcome
 }
 
+/// Sweeps of an estimate at the most: with 8 of them, 13 % of the steps of dm_control's humanoid under random control depend on the step before by more
+/// than 1e-4 m/s, with 16 of them 2 %.
+const ESTIMATE_SWEEPS: u32 = 16;
+
+/// Change of the velocity by inertial forces that an estimate may be wrong by, m/s: they change it by some h |v| of what the velocity is off.
+const ESTIMATE_ERROR: f64 = 1e-5;
+
+/// Turn or way within a step below which nothing moves whose inertial forces an estimate could be wrong by, rad or m.
+const RESTS: f64 = 1e-6;
+
+/// Least exact estimate, m/s.
+const ROUGHEST_ESTIMATE: f64 = 1e-2;
+
+/// Estimates the impulses in the lanes `lanes` before forces that depend on the velocity are taken: where a step ends follows from its own contacts
+/// then, and not from those of the step before.
+///
+/// What rests keeps the impulses of the step before: they hold it, and sweeps of a stack would leave less.
+pub fn estimate<R: Real>(v: &[R], h: R, lanes: R::Mask, constraints: &mut Constraints<R>) {
+    let (moving, tolerance) = R::vectorize(
+        #[inline(always)]
+        || {
+            let turn = h * fastest(v);
+            let slow = (turn * R::of(ROUGHEST_ESTIMATE)).le(R::of(ESTIMATE_ERROR));
+            let tolerance = R::select(slow, R::of(ROUGHEST_ESTIMATE), R::of(ESTIMATE_ERROR) / R::select(slow, R::one(), turn));
+            (lanes.and(turn.gt(R::of(RESTS))), tolerance)
+        },
+    );
+    let settings = stepper_solve::pgs::Settings { sweeps: ESTIMATE_SWEEPS, tolerance };
+    let Constraints { problem, iterate, shared, .. } = constraints;
+    // Impulses that share a load evenly are not for sweeps to change: they come back after the estimate.
+    let hyperstatic = lanes.and(problem.hyperstatic);
+    shared.keep(iterate, hyperstatic);
+    stepper_solve::pgs::estimate(problem, iterate, settings, lanes, moving);
+}
+
+/// Gives the lanes whose loads are shared evenly their impulses back after an estimate.
+pub fn forget_estimate<R: Real>(lanes: R::Mask, constraints: &mut Constraints<R>) {
+    let Constraints { problem, iterate, shared, .. } = constraints;
+    shared.give(iterate, lanes.and(problem.hyperstatic));
+}
+
+#[inline(always)]
+fn fastest<R: Real>(v: &[R]) -> R {
+    let mut fastest = R::zero();
+    for &v in v {
+        fastest = fastest.max(v.abs());
+    }
+    fastest
+}
+
 /// Residual relative to the speed of the fastest degree of freedom. A residual of r moves joints at up to some 60 r (measured on ants at rest),
 /// so that this lets what creeps decay.
 const RELATIVE: f64 = 1e-3;
@@ -50,13 +100,9 @@ fn tolerance<R: Real>(options: &Options, v: &[R]) -> R {
     R::vectorize(
         #[inline(always)]
         || {
-            let mut fastest = R::zero();
-            for &v in v {
-                fastest = fastest.max(v.abs());
-            }
             let rounding = R::of(<R::Scalar as Scalar>::EPSILON.to_f64() * 1e4);
             let most = R::of(options.tolerance);
-            (fastest * R::of(RELATIVE)).max(rounding).min(most)
+            (fastest(v) * R::of(RELATIVE)).max(rounding).min(most)
         },
     )
 }

@@ -2,15 +2,24 @@
 //!
 //! A second solve of the same rows, without restitution, finds the velocity that closes every gap just so and removes a part of every overlap.
 //! It is used once, for the positions, and thrown away: no kinetic energy comes of it.
+//!
+//! What positions demand may be impossible: overlaps that contradict one another, a weld out of reach, a contact whose normal passes a hinge.
+//! So the demands are damped ([`stepper_solve::Problem::damp`]), what they move is bounded, island by island, and where a witness proves
+//! that no motion within the bounds meets them, the lane is marked infeasible.
 
-use stepper_real::{Mask, Real};
-use stepper_solve::Settings;
+use stepper_real::{Mask, Real, Scalar};
+use stepper_solve::{Outcome, Problem, Settings};
 
-use crate::constraints::Constraints;
+use crate::constraints::{ARM, Constraints, DAMPING};
+use crate::contacts::Contacts;
 use crate::inertia::MassMatrix;
+use crate::islands::Islands;
 use crate::kinematics::displace;
+use crate::lanes::each_of;
+use crate::model::JointKind;
 use crate::options::{Options, Solver};
-use crate::plan::LanePlan;
+use crate::plan::{LanePlan, Plan};
+use crate::spatial::*;
 
 /// Residual that is enough for a correction, m/s: a fraction of a micrometre a step, and the next step sees what is left of the overlap.
 const CLOSE: f64 = 1e-4;
@@ -22,71 +31,288 @@ const ROUGH: f64 = 1e-2;
 /// Sweeps from the impulses of stage 5, which differ by the correction alone.
 const SWEEPS: u32 = 10;
 
-/// Corrects `q_next`, which has moved with `v_next` for `way` seconds, in the lanes that need it.
-#[expect(clippy::too_many_arguments, reason = "the state before, the state after, and what joins them")]
+/// Bound of what a correction moves, relative to `max_correction_speed`; of what it turns, over the length ARM: 5 m/s and 50 rad/s by default.
+const FASTEST: f64 = 5.0;
+
+/// Largest turn of a joint by the correction of one step, rad: farther away the rows say nothing of where positions go.
+const LARGEST_TURN: f64 = 1.0;
+
+/// Change of a velocity by constraints, relative to the bounds of a correction, that may be Baumgarte's bias at its worst: 20 m/s or 200 rad/s by default.
+const ABSURD: f64 = 4.0;
+
+/// Demand that is worth a proof that it cannot be met, m/s.
+const LACKING: f64 = 1e-2;
+
+/// Bounds of the motion of a correction.
+#[derive(Clone, Copy, Debug)]
+struct Bounds<R> {
+    /// m/s
+    shift: R,
+    /// rad/s
+    turn: R,
+}
+
+impl<R: Real> Bounds<R> {
+    #[inline(always)]
+    fn new(options: &Options, h: R) -> Self {
+        let shift = R::of((FASTEST * options.max_correction_speed).max(1e-9));
+        Self { shift, turn: (shift * R::of(1.0 / ARM)).min(R::of(LARGEST_TURN) / h) }
+    }
+
+    /// Changes of velocities beyond which Baumgarte's bias is held for their cause, whatever the time step.
+    #[inline(always)]
+    fn absurd(options: &Options) -> Self {
+        let shift = R::of((ABSURD * FASTEST * options.max_correction_speed).max(1e-9));
+        Self { shift, turn: shift * R::of(1.0 / ARM) }
+    }
+
+    /// Bound of each degree of freedom of a joint: shifts come first in a free joint.
+    #[inline(always)]
+    fn of(&self, kind: JointKind, dof: usize) -> R {
+        if kind == JointKind::Slide || kind == JointKind::Free && dof < 3 { self.shift } else { self.turn }
+    }
+}
+
+/// What joins the state before the step and that after it.
+pub struct Solved<'a, R: Real> {
+    /// Factors of the mass matrix.
+    pub mass: &'a MassMatrix<R>,
+    /// Contacts of the step.
+    pub contacts: &'a Contacts<R>,
+    /// Velocity after the step without constraints.
+    pub v_free: &'a [R],
+    /// Time step, s.
+    pub h: R,
+}
+
+/// Corrects `q_next`, which has moved with `v_next`, in the lanes that need it. Returns those of them in which the demands cannot be met.
 pub fn stabilise<R: Real>(
     plan: &LanePlan<R>,
     options: &Options,
-    mass: &MassMatrix<R>,
+    solved: &Solved<'_, R>,
     constraints: &mut Constraints<R>,
-    v_free: &[R],
     v_next: &[R],
-    h: R,
     [work, corrected]: [&mut [R]; 2],
     q_next: &mut [R],
-) {
+) -> R::Mask {
     let lanes = constraints.needs_position_solve;
     if lanes.none() {
-        return;
+        return lanes;
     }
-    demand_positions(constraints);
+    let infeasible = correct(plan, options, solved, constraints, lanes, v_next, work);
+    displace(plan, q_next, work, solved.h, corrected);
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for i in 0..plan.nq {
+                q_next[i] = R::select(lanes, corrected[i], q_next[i]);
+            }
+        },
+    );
+    infeasible
+}
+
+/// Restrains Baumgarte's method where constraints change a velocity by four times what a correction may. There the velocity `v_next` becomes that of
+/// the rows without their bias, with the bounded correction that the split form would give positions. Returns the lanes in which demands cannot
+/// be met.
+pub fn restrain<R: Real>(
+    plan: &LanePlan<R>,
+    options: &Options,
+    solved: &Solved<'_, R>,
+    constraints: &mut Constraints<R>,
+    outcome: &mut Outcome<R>,
+    work: &mut [R],
+    v_next: &mut [R],
+) -> R::Mask {
+    let never = R::Mask::splat(false);
+    if constraints.biased.none() {
+        return never;
+    }
+    let bounds = Bounds::absurd(options);
+    let lanes = R::vectorize(
+        #[inline(always)]
+        || {
+            for (work, (&v, &free)) in work.iter_mut().zip(v_next.iter().zip(solved.v_free)) {
+                *work = v - free;
+            }
+            let unmet = constraints.problem.held_demand().gt(R::of(LACKING));
+            constraints.biased.and(excess(plan, work, bounds).gt(R::one()).or(unmet))
+        },
+    );
+    if lanes.none() {
+        return never;
+    }
+    let [sweeps, newton] = options.effort();
+    let tolerance = R::of(options.tolerance);
+    let settings = Settings { sweeps, newton, tolerance, rough: tolerance };
+    R::vectorize(
+        #[inline(always)]
+        || constraints.problem.exchange(&mut constraints.position_bias),
+    );
+    let Constraints { problem, iterate, newton, .. } = constraints;
+    let again = stepper_solve::solve(problem, iterate, settings, lanes, newton);
+    outcome.replace(&again, lanes);
+    R::vectorize(
+        #[inline(always)]
+        || {
+            work.copy_from_slice(&constraints.iterate.w);
+            solved.mass.unscale(plan, work);
+            for i in 0..plan.nv {
+                v_next[i] = R::select(lanes, solved.v_free[i] + work[i], v_next[i]);
+            }
+        },
+    );
+    let infeasible = correct(plan, options, solved, constraints, lanes, v_next, work);
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for (v, &more) in v_next.iter_mut().zip(work.iter()) {
+                *v += R::select(lanes, more, R::zero());
+            }
+        },
+    );
+    infeasible
+}
+
+/// The bounded velocity, beyond `v_next`, that meets what positions demand in the lanes `lanes`, left in `out`.
+fn correct<R: Real>(
+    plan: &LanePlan<R>,
+    options: &Options,
+    solved: &Solved<'_, R>,
+    constraints: &mut Constraints<R>,
+    lanes: R::Mask,
+    v_next: &[R],
+    out: &mut [R],
+) -> R::Mask {
+    let (share, bend) = (R::of(DAMPING), solved.h * R::of(1.0 / ARM));
+    R::vectorize(
+        #[inline(always)]
+        || {
+            constraints.problem.exchange(&mut constraints.position_bias);
+            constraints.find_floors(plan, solved.contacts);
+            let Constraints { problem, iterate, floors, position_bias, reference, .. } = constraints;
+            problem.damp(iterate, [share, bend], floors, position_bias, reference);
+        },
+    );
     let [sweeps, newton] = options.effort();
     let tolerance = options.tolerance.max(CLOSE);
     let rough = if options.solver == Solver::Newton { tolerance } else { tolerance.max(ROUGH) };
     let settings = Settings { sweeps: sweeps.min(SWEEPS), newton, tolerance: R::of(tolerance), rough: R::of(rough) };
     let Constraints { problem, iterate, newton, .. } = constraints;
     stepper_solve::solve(problem, iterate, settings, lanes, newton);
-    R::vectorize(
+    let bounds = Bounds::new(options, solved.h);
+    let (fast, lacking) = R::vectorize(
         #[inline(always)]
         || {
-            let w = &mut constraints.iterate.w;
-            mass.unscale(plan, w);
+            out.copy_from_slice(&constraints.iterate.w);
+            solved.mass.unscale(plan, out);
             for i in 0..plan.nv {
-                work[i] = (v_free[i] + w[i]) - v_next[i];
+                out[i] = (solved.v_free[i] + out[i]) - v_next[i];
             }
-            displace(plan, q_next, work, h, corrected);
-            for i in 0..plan.nq {
-                q_next[i] = R::select(lanes, corrected[i], q_next[i]);
-            }
+            let short = constraints.problem.shortfall(&constraints.iterate, &constraints.reference);
+            let held = constraints.problem.held_demand();
+            let fast = lanes.and_not(constraints.rebounding).and(excess(plan, out, bounds).gt(R::one()));
+            (fast, lanes.and(short.max(held).gt(R::of(LACKING))))
         },
-    )
+    );
+    if fast.any() {
+        let Constraints { problem, islands, .. } = constraints;
+        bound_islands(plan, problem, islands, fast, bounds, out);
+    }
+    if lacking.any() { prove_infeasible(plan, solved.mass, constraints, lacking, bounds) } else { lacking }
 }
 
-/// Makes the rows demand what the positions need; the impulses of stage 5 and what they do to the velocity are the start.
-fn demand_positions<R: Real>(constraints: &mut Constraints<R>) {
+/// The largest part that a motion is of its bounds.
+#[inline(always)]
+fn excess<R: Real>(plan: &Plan<R::Scalar>, v: &[R], bounds: Bounds<R>) -> R {
+    let mut most = R::zero();
+    for joint in &plan.joints {
+        most = most.max(excess_of(joint.kind, &v[joint.v..joint.v + joint.kind.nv()], bounds));
+    }
+    most
+}
+
+/// The same of one joint, whose direction of shift or axis of turn does not matter.
+#[inline(always)]
+fn excess_of<R: Real>(kind: JointKind, v: &[R], bounds: Bounds<R>) -> R {
+    match kind {
+        JointKind::Free => (norm([v[0], v[1], v[2]]) / bounds.shift).max(norm([v[3], v[4], v[5]]) / bounds.turn),
+        JointKind::Ball => norm([v[0], v[1], v[2]]) / bounds.turn,
+        JointKind::Slide | JointKind::Hinge => v[0].abs() / bounds.of(kind, 0),
+    }
+}
+
+/// Slows the motion `v` down, in the lanes `lanes`, where an island of bodies that rows join exceeds its bounds: all of the island alike, so that loops
+/// stay closed.
+#[cold]
+fn bound_islands<R: Real>(
+    plan: &Plan<R::Scalar>,
+    problem: &Problem<R>,
+    islands: &mut Islands,
+    lanes: R::Mask,
+    bounds: Bounds<R>,
+    v: &mut [R],
+) {
+    for lane in each_of(lanes.bits()) {
+        islands.find(plan, problem, lane);
+        for joint in &plan.joints {
+            let excess = excess_of(joint.kind, &v[joint.v..joint.v + joint.kind.nv()], bounds);
+            islands.note(plan.dofs[joint.v].tree, excess.lane(lane).to_f64());
+        }
+        for joint in &plan.joints {
+            let most = islands.most(plan.dofs[joint.v].tree);
+            let factor = R::of(if most > 1.0 { 1.0 / most } else { 1.0 });
+            for v in &mut v[joint.v..joint.v + joint.kind.nv()] {
+                v.set_lane(lane, (*v * factor).lane(lane));
+            }
+        }
+    }
+}
+
+/// Those of the lanes `lanes` in which the impulses of the correction prove that no motion within the bounds meets what positions demand.
+#[cold]
+fn prove_infeasible<R: Real>(
+    plan: &LanePlan<R>,
+    mass: &MassMatrix<R>,
+    constraints: &mut Constraints<R>,
+    lanes: R::Mask,
+    bounds: Bounds<R>,
+) -> R::Mask {
     R::vectorize(
         #[inline(always)]
         || {
-            let scalars = constraints.problem.scalars.len();
-            for (row, &g) in constraints.problem.scalars.iter_mut().zip(&constraints.position_bias) {
-                row.g = g;
+            let Constraints { problem, iterate, reference, .. } = constraints;
+            let lack = problem.witness(iterate, reference);
+            let momentum = reference.momentum();
+            mass.momentum(plan, momentum);
+            let mut most = R::zero();
+            for joint in &plan.joints {
+                for k in 0..joint.kind.nv() {
+                    most += momentum[joint.v + k].abs() * bounds.of(joint.kind, k);
+                }
             }
-            let (contacts, wide) = constraints.position_bias[scalars..].split_at(3 * constraints.problem.contacts.len());
-            for (block, demands) in constraints.problem.contacts.iter_mut().zip(contacts.as_chunks().0) {
-                demand(&mut block.g, demands);
-            }
-            for (block, demands) in constraints.problem.wide.iter_mut().zip(wide.as_chunks().0) {
-                demand(&mut block.g, demands);
-            }
+            // A contact that nothing can move along its normal is a witness by itself.
+            let held = problem.held_demand().gt(R::of(LACKING));
+            lanes.and(held.or(lack.gt(most)))
         },
     )
 }
 
-/// Of a contact's rows, the normal one first.
-#[inline(always)]
-fn demand<R: Real, const N: usize>(g: &mut [R; N], demands: &[R; N]) {
-    g[0] = demands[0];
-    for k in 1..N {
-        g[k] += demands[k];
+impl<R: Real> Constraints<R> {
+    /// Mobility of the bodies of every contact if nothing held them, 1/kg: what damping is at least relative to.
+    #[inline(always)]
+    fn find_floors(&mut self, plan: &LanePlan<R>, contacts: &Contacts<R>) {
+        let Self { floors, slots, wide_slots, .. } = self;
+        floors.clear();
+        let all = slots.iter().map(|slot| (slot.0, slot.1)).chain(wide_slots.iter().map(|slot| (slot.0, slot.1)));
+        for (k, lanes) in all {
+            let mut floor = R::zero();
+            for (pair, lanes) in contacts.pairs(k, lanes.bits()) {
+                let geoms = plan.pair_geoms(pair).expect("made from this plan");
+                let free = plan.mobility(plan.geoms[geoms[0]].frame) + plan.mobility(plan.geoms[geoms[1]].frame);
+                floor = R::select(R::Mask::from_bits(lanes), free, floor);
+            }
+            floors.push(floor);
+        }
     }
 }

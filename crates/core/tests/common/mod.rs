@@ -119,6 +119,7 @@ pub(crate) fn errors(model: &Model) -> Vec<Option<Transfer>> {
         matrix: vec![],
         scale_std: vec![if turned(s) { 0.0 } else { 0.1 }],
         misalignment_std: vec![if turned(s) { 0.0 } else { 0.1 }],
+        bias: vec![-0.05],
         bias_std: vec![0.1],
         drift_std: vec![0.5],
         drift_time: vec![0.2],

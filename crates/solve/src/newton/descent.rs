@@ -1,4 +1,12 @@
 //! One island, from its warm start to the tolerance: the outer loop.
+//!
+//! With De Saxce's terms held the problem is convex, and proximal steps converge on it whatever it is, if it has an answer: after k of them the
+//! residual is at most the distance from the first impulses to the nearest answer, over kappa and the root of k (Rockafellar 1976, theorem 1;
+//! Guler 1991, theorem 2.1). Rows that are nearly multiples of others have answers that are far away, so kappa grows until the residual falls
+//! by a factor at every step. What bounds kappa is rounding, see [`stiffest`].
+//!
+//! Every loop has a bound: a search makes at most `Goal::steps` Newton steps and as many rounds, of which each evaluates the problem at most
+//! twice besides, and it ends where a round changes nothing.
 
 use super::anderson::Anderson;
 use super::island::Island;
@@ -10,17 +18,21 @@ use stepper_real::Real;
 /// Measured on 1,202 problems that sweeps left of humanoids: beginning with 10 or with 1e5 takes 10 to 20 % more Newton steps; 1e4 and 1e6
 /// at the end as many, 1e7 twice as many.
 const KAPPA: [f64; 2] = [1e3, 1e5];
-/// Where proximal steps are too short (mass ratios beyond 1e5), no more.
-const MOST_KAPPA: f64 = 1e9;
+/// Where proximal steps are too short (mass ratios beyond 1e5, rows that are nearly multiples of others), no more: the matrix is the identity and
+/// some kappa of it, and what is left of the identity after rounding is still above zero.
+const MOST_KAPPA: f64 = 1e12;
 /// No less, however tight the tolerance.
 const LEAST_KAPPA: f64 = 1e2;
+
+/// Steps of a try of the exact law that need not lower its error.
+const PATIENCE: u32 = 3;
 
 /// Where a search stops.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Goal {
     /// Residual, m/s.
     pub(super) tolerance: f64,
-    /// Newton steps at the most.
+    /// Newton steps at the most, and rounds of the outer loop at the most.
     pub(super) steps: u32,
     /// Whether, of many possible impulses, the least are sought, instead of those near the start.
     pub(super) least: bool,
@@ -40,6 +52,8 @@ pub(super) struct Descent {
     /// Residual of the last impulses.
     now: f64,
     steps: u32,
+    /// Rounds of the outer loop in the last search.
+    pub(super) rounds: u32,
 }
 
 /// Impulses with their w and residual.
@@ -67,26 +81,32 @@ impl Descent {
     /// Improves `rows`; returns the Newton steps that it took. What it leaves is never worse than what it found, unless the least impulses are
     /// sought.
     pub(super) fn solve<R: Real>(&mut self, rows: &mut Island, goal: Goal) -> u32 {
-        let stiffest = stiffest(rows, goal.tolerance);
-        let (mut kappa, mut bold) = (KAPPA[0].min(stiffest), KAPPA[1].min(stiffest));
         self.penalty.reset(rows);
-        self.steps = 0;
+        (self.steps, self.rounds) = (0, 0);
         self.now = rows.residual(&mut self.v);
         self.best.keep(rows, self.now);
         self.forget_slip(rows);
+        let mut most = stiffest(&self.penalty.slip, goal.tolerance);
+        let mut kappa = KAPPA[0].min(most);
         if goal.least {
             // A proximal step from zero; the search for it begins at the motion that is known.
             rows.lambda.fill(0.0);
             self.best.residual = f64::INFINITY;
-            kappa = kappa.max(KAPPA[1].min(stiffest));
+            kappa = kappa.max(KAPPA[1].min(most));
         }
-        // A try of the exact law that fails makes the next one wait twice as long and begin with a smaller kappa.
+        let mut bold = kappa;
+        // A try of the exact law that fails makes the next one wait twice as long and begin with a smaller kappa; one that succeeds is a proximal
+        // step that the next one lengthens, also where its residual has not fallen: what has friction need not fall all the way.
         let (mut wait, mut pause) = (1, 1);
-        while self.steps < goal.steps && self.best.residual > goal.tolerance && self.now.is_finite() {
+        // Kappa at which the matrix had no factors.
+        let mut broken = f64::INFINITY;
+        while self.steps < goal.steps && self.rounds < goal.steps && self.best.residual > goal.tolerance && self.now.is_finite() {
+            self.rounds += 1;
             if wait == 0 {
                 self.penalty.kappa = bold;
-                if self.implicit::<R>(rows, goal) {
-                    bold = (10.0 * bold).min(kappa);
+                let last = self.now;
+                if self.implicit::<R>(rows, goal) && (self.now < 0.9 * last || bold < KAPPA[1].min(most)) {
+                    bold = (10.0 * bold).min(KAPPA[1]).min(most);
                     pause = 1;
                     continue;
                 }
@@ -96,12 +116,26 @@ impl Descent {
             wait -= 1;
             self.penalty.kappa = kappa;
             let before = self.now;
-            self.minimise::<R>(rows, goal);
-            self.adopt(rows);
+            if !self.minimise::<R>(rows, goal) {
+                // The same again with what has factors, from where numbers are numbers.
+                rows.w.clone_from(&self.best.w);
+                broken = kappa;
+                kappa *= 0.01;
+                if kappa < LEAST_KAPPA {
+                    break;
+                }
+                continue;
+            }
+            let moved = self.adopt(rows);
             let off = self.renew_slip(rows);
             // What is left though the slips are right is left by proximal steps that are too short.
             let short = self.now > 0.1 * before && off < 0.1 * self.now;
-            kappa = if short { 10.0 * kappa } else { kappa }.max(KAPPA[1]).min(stiffest);
+            most = stiffest(&self.penalty.slip, goal.tolerance).min(0.01 * broken);
+            let last = kappa;
+            kappa = if short { 10.0 * kappa } else { kappa }.max(KAPPA[1]).min(most);
+            if !moved && off == 0.0 && kappa == last {
+                break;
+            }
         }
         self.best.give(rows);
         self.steps
@@ -124,8 +158,9 @@ impl Descent {
         off
     }
 
-    /// The convex problem, with De Saxce's terms held. While they are far from right it need not be exact.
-    fn minimise<R: Real>(&mut self, rows: &mut Island, goal: Goal) {
+    /// The convex problem, with De Saxce's terms held. While they are far from right it need not be exact. False when the matrix has no factors,
+    /// or numbers have grown beyond all bounds.
+    fn minimise<R: Real>(&mut self, rows: &mut Island, goal: Goal) -> bool {
         let enough = 0.1 * goal.tolerance.max(0.1 * self.now.min(1e-3));
         let mut error = self.penalty.evaluate(rows, false);
         // An error that is not a number ends it too.
@@ -133,45 +168,55 @@ impl Descent {
             self.steps += 1;
             error = self.penalty.advance::<R>(rows, false);
         }
+        error.is_finite()
     }
 
-    /// Tries a proximal step on the exact law; true when that lowers the residual, else nothing has changed.
+    /// Tries a proximal step on the exact law; true when it has an answer, else nothing has changed.
     fn implicit<R: Real>(&mut self, rows: &mut Island, goal: Goal) -> bool {
         self.before.keep(rows, self.now);
         let mut error = self.penalty.evaluate(rows, true);
+        let (mut least, mut patience) = (error, PATIENCE);
         while error > 0.1 * goal.tolerance {
-            let last = error;
             self.steps += 1;
             error = self.penalty.advance::<R>(rows, true);
-            let falls = error < 0.9 * last;
-            if !falls || self.steps >= goal.steps {
+            // Which contacts slip is found by steps that need not fall.
+            if error < 0.9 * least {
+                least = error;
+            } else if patience > 0 && error.is_finite() {
+                patience -= 1;
+            } else {
+                patience = 0;
+                least = f64::NAN;
+            }
+            if least.is_nan() || self.steps >= goal.steps {
                 self.before.give(rows);
                 return false;
             }
         }
         self.adopt(rows);
-        if self.now < 0.9 * self.before.residual {
-            self.forget_slip(rows);
-            return true;
-        }
-        self.before.give(rows);
-        self.now = self.before.residual;
-        false
+        self.forget_slip(rows);
+        true
     }
 
-    /// The proximal step's impulses become the present ones; the best are kept.
-    fn adopt(&mut self, rows: &mut Island) {
+    /// The proximal step's impulses become the present ones; the best are kept. Returns whether any has changed.
+    fn adopt(&mut self, rows: &mut Island) -> bool {
+        let moved = rows.lambda != self.penalty.z;
         rows.lambda.copy_from_slice(&self.penalty.z);
         rows.refresh();
         self.now = rows.residual(&mut self.v);
         if self.now < self.best.residual {
             self.best.keep(rows, self.now);
         }
+        moved
     }
 }
 
-/// The kappa whose rounding leaves velocities within the tolerance: z errs by about rho times the rounding of the velocities that cancel.
-fn stiffest(rows: &Island, tolerance: f64) -> f64 {
-    let fastest = rows.g.iter().fold(0.0, |most: f64, g| most.max(g.abs()));
-    MOST_KAPPA.min(0.1 * tolerance / (f64::EPSILON * fastest)).max(LEAST_KAPPA)
+/// The kappa whose rounding leaves velocities within the tolerance.
+///
+/// Velocities of rows that push are small at the end of a proximal step, and they are sums of ever smaller changes, so that their rounding is
+/// small too, however fast the rest moves. But where a contact slips, rho times De Saxce's term cancels against mu times the length of x's
+/// tangential part: what is left has lost rho times the rounding of the slip.
+fn stiffest(slip: &[f64], tolerance: f64) -> f64 {
+    let fastest = slip.iter().fold(0.0, |most: f64, s| most.max(*s));
+    (0.1 * tolerance / (f64::EPSILON * fastest)).clamp(LEAST_KAPPA, MOST_KAPPA)
 }

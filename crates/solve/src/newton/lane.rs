@@ -84,7 +84,7 @@ impl Lane {
                 let (support, y) = problem.contact_entries(block);
                 let set = Set::Cone { mu: number(block.mu) };
                 if self.add(support, y.iter().map(|y| y.map(number)), set, i, block.g.map(number), lambda.map(number)) {
-                    self.measure(0.0, number(block.whole));
+                    self.measure(number(block.compliance), number(block.whole));
                 }
             }
         }
@@ -93,7 +93,7 @@ impl Lane {
                 let (support, y) = problem.wide_entries(block);
                 let set = Set::Cone { mu: number(block.mu) };
                 if self.add(support, y.iter().map(|y| y.map(number)), set, i, block.g.map(number), lambda.map(number)) {
-                    self.measure(0.0, number(block.whole));
+                    self.measure(number(block.compliance), number(block.whole));
                 }
             }
         }

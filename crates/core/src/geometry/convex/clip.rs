@@ -17,6 +17,30 @@ fn crossing(a: u32, b: u32) -> u32 {
     1 << 31 | a.min(b) << 15 | a.max(b)
 }
 
+/// Edges of the reference, a triangle whose edges are named 0 to 2, that meet at a place which [`overlay`] has named; `None` of a corner of the other.
+pub(super) fn edges_of_triangle(other: &Patch, id: u32) -> Option<[usize; 2]> {
+    let disc = other.kind == Kind::Disc;
+    if id >> 31 == 0 {
+        // Of a polygon and a disc the corners are named as they are.
+        return (disc && id & REFERENCE == 0).then(|| [id as usize, (id as usize + 2) % 3]);
+    }
+    let [a, b] = [id >> 15 & 0xffff, id & 0x7fff];
+    let own = |name: u32| (name >= EDGES).then(|| (name - EDGES) as usize);
+    // Crossings with a rim name the triangle's edge first, those with a line count it from [`EDGES`].
+    if disc { Some([a as usize; 2]) } else { own(b).map(|edge| [own(a).unwrap_or(edge), edge]) }
+}
+
+/// Adds corners of `other` that are behind the reference, a triangle, and beside it by no more than their depth times `rises` of each edge.
+pub(super) fn behind(reference: &Patch, other: &Patch, rises: &[f64; 3], out: &mut Vec<Shared>) {
+    for c in &other.corners {
+        let depth = reference.height(c.x, c.y) - c.h;
+        if depth > 0.0 && half_planes(reference).zip(rises).all(|((outside, _), rise)| outside(c.x, c.y) <= rise * depth) {
+            let id = if other.kind == Kind::Disc { c.id | REFERENCE } else { c.id };
+            out.push(Shared { id, ..on_both(reference, c) });
+        }
+    }
+}
+
 /// A corner of the reference, distinct from those of the other.
 const REFERENCE: u32 = 1 << 30;
 

@@ -1,16 +1,17 @@
 //! Convex hulls of points, with their faces.
 
-use parry3d_f64::math::Vector;
-use parry3d_f64::transformation::try_convex_hull;
 use thiserror::Error;
 
 use super::V;
 use super::blocks::{Block, Ring, SIDE, rings};
+use super::quickhull;
 use super::shape::furthest;
 use crate::spatial::*;
 
-/// Points are taken for coplanar within this share of the hull's size: vertices of mesh files are in single precision.
+/// Points are taken for coplanar within this share of the hull's size: vertices of mesh files are in single precision ...
 const COPLANAR: f64 = 1e-6;
+/// ... and within this share of its thickness: the faces of a thin one are no more bent than those of a thick one.
+const COPLANAR_THICKNESS: f64 = 1e-3;
 /// Of a product of two vectors, as a share of their lengths.
 const ROUNDING: f64 = 2e-15;
 /// A face is exactly flat within this share.
@@ -24,7 +25,7 @@ pub enum HullError {
     /// Fewer than four points.
     #[error("fewer than four points")]
     TooFew,
-    /// All on one plane, line or point.
+    /// All on one plane, line or point, up to rounding.
     #[error("its points lie on one plane")]
     Flat,
     /// Not finite.
@@ -74,19 +75,23 @@ impl Hull {
         if points.len() < 4 {
             return Err(HullError::TooFew);
         }
-        let given: Vec<Vector> = points.iter().map(|&[x, y, z]| Vector::new(x, y, z)).collect();
-        let (corners, triangles) = try_convex_hull(&given).map_err(|_| HullError::Flat)?;
-        let points: Vec<V> = corners.iter().map(|p| [p.x, p.y, p.z]).collect();
-        Self::from_triangles(points, triangles)
+        let triangles = quickhull::triangles(points).ok_or(HullError::Flat)?;
+        // Its corners alone, in their order.
+        let corners: std::collections::BTreeSet<u32> = triangles.iter().flatten().copied().collect();
+        let place: std::collections::BTreeMap<u32, u32> = corners.iter().copied().zip(0..).collect();
+        let points: Vec<V> = corners.iter().map(|&v| points[v as usize]).collect();
+        Self::from_triangles(points, triangles.iter().map(|t| t.map(|v| place[&v])).collect())
     }
 
     fn from_triangles(points: Vec<V>, triangles: Vec<[u32; 3]>) -> Result<Self, HullError> {
-        let (volume, centre) = volume(&points, &triangles);
+        let (volume, area, centre) = volume(&points, &triangles);
         let bound = points.iter().map(|p| norm(sub(*p, centre))).fold(0.0, f64::max);
-        if volume <= COPLANAR * bound.powi(3) || volume.is_nan() {
+        if volume <= 0.0 || volume.is_nan() {
             return Err(HullError::Flat);
         }
-        let faces = merge(&points, &triangles, COPLANAR * bound);
+        // A ball within it has no larger radius than 3 volume / area.
+        let thickness = 3.0 * volume / area;
+        let faces = merge(&points, &triangles, (COPLANAR * bound).min(COPLANAR_THICKNESS * thickness));
         let mut around = vec![vec![]; points.len()];
         for (f, face) in faces.iter().enumerate() {
             face.vertices.iter().for_each(|&v| around[v as usize].push(f as u32));
@@ -168,7 +173,8 @@ impl Hull {
         // Among what is equal up to rounding there is nothing to climb, and around a flat face a long way to go.
         let level = ROUNDING * self.bound * (d[0].abs() + d[1].abs() + d[2].abs());
         let mut at = from;
-        loop {
+        // No vertex comes twice, but for what underflow makes of a direction.
+        for _ in 0..self.points.len() {
             let mut best = (level, at);
             for ring in self.rings(at) {
                 let rise = ring.along(d);
@@ -181,10 +187,11 @@ impl Hull {
                 }
             }
             if best.1 == at {
-                return at;
+                break;
             }
             at = best.1;
         }
+        at
     }
 
     fn rings(&self, vertex: usize) -> &[Ring] {
@@ -287,23 +294,32 @@ fn starts(points: &[V]) -> Vec<u32> {
     (0..6 * CELLS * CELLS).map(|c| furthest(points, through(c)) as u32).collect()
 }
 
-/// Volume and its centre: tetrahedra from a point of it to the triangles.
-fn volume(points: &[V], triangles: &[[u32; 3]]) -> (f64, V) {
+/// Volume, area and the centre of the volume: tetrahedra from a point of it to the triangles, none of which counts less than nothing.
+fn volume(points: &[V], triangles: &[[u32; 3]]) -> (f64, f64, V) {
     let origin = points[0];
-    let (mut sum, mut moment) = (0.0, [0.0; 3]);
+    let (mut sum, mut area, mut moment) = (0.0, 0.0, [0.0; 3]);
     for t in triangles {
+        let six = -quickhull::outside(points, *t, 0);
         let [a, b, c] = t.map(|i| sub(points[i as usize], origin));
-        let six = dot(a, cross(b, c));
         sum += six;
+        area += 0.5 * norm(area_of([a, b, c]));
         moment = add_scaled(moment, add(add(a, b), c), six / 4.0);
     }
-    (sum / 6.0, add_scaled(origin, moment, 1.0 / sum))
+    (sum / 6.0, area, add_scaled(origin, moment, 1.0 / sum))
+}
+
+/// Twice the area of a triangle along its normal, from its two shorter edges: of a narrow one nothing else is left of two long ones.
+fn area_of(corners: [V; 3]) -> V {
+    let edges: [V; 3] = std::array::from_fn(|k| sub(corners[(k + 1) % 3], corners[k]));
+    let square = edges.map(|e| dot(e, e));
+    let longest = (0..3).fold(0, |best, k| if square[k] > square[best] { k } else { best });
+    cross(edges[(longest + 1) % 3], edges[(longest + 2) % 3])
 }
 
 /// Triangles on one plane become one face; the largest decide the planes.
 fn merge(points: &[V], triangles: &[[u32; 3]], tolerance: f64) -> Vec<Face> {
     let corner = |t: usize, k: usize| points[triangles[t][k % 3] as usize];
-    let area = |t: usize| cross(sub(corner(t, 1), corner(t, 0)), sub(corner(t, 2), corner(t, 0)));
+    let area = |t: usize| area_of([corner(t, 0), corner(t, 1), corner(t, 2)]);
     let mut across = std::collections::BTreeMap::new();
     for (t, v) in triangles.iter().enumerate() {
         (0..3).for_each(|k| {

@@ -1,6 +1,6 @@
 //! Contact points from a normal: the facing features are laid on one another, and few points keep their area and depth.
 
-use super::clip::{Shared, Work, overlay};
+use super::clip::{Shared, Work, behind, edges_of_triangle, overlay};
 use super::pair::Pair;
 use super::patch::{Kind, Patch, View, edge};
 use super::separation::Facing;
@@ -128,12 +128,30 @@ impl Clipper {
         self.patches[1].fill(pair.b, &views[1], corners[1]);
     }
 
-    /// The points that are over the face of the first shape whose normal is given: none where the second is beside it.
-    pub(super) fn over_first(&mut self, pair: &Pair<'_>, face: &Facing, prediction: f64, out: &mut Manifold) {
+    /// The points over a triangle of a surface, the first shape, whose normal is given: none where the second is beside it.
+    ///
+    /// Corners of the second count where they are over it, and behind a valley where they are over neither of the two there (`rises` of every edge is
+    /// the tangent of its angle). Where edges of the two cross, only what an edge that bulges carries counts, and of something that lies flat on it:
+    /// else a corner of the second is deeper, or another triangle is nearer.
+    pub(super) fn over_facet(
+        &mut self,
+        pair: &Pair<'_>,
+        face: &Facing,
+        bulges: &[bool; 3],
+        rises: &[f64; 3],
+        prediction: f64,
+        out: &mut Manifold,
+    ) {
         let axes = frame(face.found.normal);
         let views = views(pair, &axes);
         self.fill(pair, &views, face.corners);
-        overlay(&self.patches[0], &self.patches[1], 1e-9 * pair.size, &mut self.work, &mut self.shared);
+        let [facet, other] = &self.patches;
+        overlay(facet, other, 1e-9 * pair.size, &mut self.work, &mut self.shared);
+        let is_level = other.is_level(ALONG);
+        self.shared.retain(|s| edges_of_triangle(other, s.id).is_none_or(|edges| is_level && edges.into_iter().any(|k| bulges[k])));
+        if rises.iter().any(|&x| x > 0.0) {
+            behind(facet, other, rises, &mut self.shared);
+        }
         self.emit(pair, &axes, prediction, out);
     }
 
@@ -237,8 +255,10 @@ pub(super) fn thin(all: &mut Vec<Point>, size: f64, most: usize, out: &mut Manif
     while let Some(&first) = all.first() {
         let start = out.points.len();
         let axes = frame(first.normal);
+        // A normal that is no unit vector is not even like itself: the first goes whatever it is, so that the list ends.
+        let mut is_first = true;
         all.retain(|p| {
-            let same = alike(&first, p);
+            let same = std::mem::take(&mut is_first) || alike(&first, p);
             let known = |q: &Point| norm(sub(p.pos, q.pos)) < 1e-6 * size;
             if same && !out.points[start..].iter().any(known) {
                 out.points.push(*p);
@@ -321,4 +341,19 @@ fn pick(point: &dyn Fn(usize) -> Shared, count: usize, but: &[usize], tie: f64, 
         }
     }
     best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_without_a_normal_are_thinned_too() {
+        let point = |normal: V, feature: u32| Point { normal, feature, ..Point::default() };
+        let mut all = vec![point([f64::NAN; 3], 0), point([0.0; 3], 1), point([0.0, 0.0, 1.0], 2), point([f64::INFINITY, 0.0, 0.0], 3)];
+        let mut out = Manifold::default();
+        thin(&mut all, 1.0, 16, &mut out);
+        assert!(all.is_empty());
+        assert_eq!(out.points.len(), 4);
+    }
 }

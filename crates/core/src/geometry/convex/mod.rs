@@ -25,6 +25,7 @@ mod manifold;
 mod pair;
 mod parting;
 mod patch;
+mod quickhull;
 mod recall;
 mod separation;
 mod shape;

@@ -143,6 +143,15 @@ impl Patch {
         self.plane = [c.h - k * (mx * c.x + my * c.y), k * mx, k * my];
     }
 
+    /// Whether all corners are at one height, up to `slope` times how far they are apart.
+    pub(super) fn is_level(&self, slope: f64) -> bool {
+        let Some(o) = self.corners.first() else { return true };
+        self.corners.iter().all(|c| {
+            let (x, y, h) = (c.x - o.x, c.y - o.y, c.h - o.h);
+            h * h <= slope * slope * (x * x + y * y)
+        })
+    }
+
     pub(super) fn height(&self, x: f64, y: f64) -> f64 {
         self.plane[0] + self.plane[1] * x + self.plane[2] * y
     }

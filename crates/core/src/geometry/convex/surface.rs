@@ -1,9 +1,18 @@
 //! Surfaces of triangles: concave meshes and height fields.
 //!
-//! A surface is solid behind its triangles (below them, for a height field): a contact never pulls a shape through. What a shape touches first
-//! may be an edge or corner between triangles; where the surface does not bulge there, the edge is inside the surface's outline, and its normal would
-//! be felt as a bump. So the normal at such a feature is that of the triangle, and the contact exists only where the shape is over the triangle: its
-//! neighbour has the rest.
+//! A surface is solid behind its triangles (below them, for a height field): a contact never pulls a shape through. What is nearest to a shape is
+//! found triangle by triangle, and the nearest point of one triangle is nearest of the surface around it only if no neighbour comes nearer: with d from
+//! the point p to the shape and u along any way on the surface that leaves p,
+//!
+//! ```text
+//! d . u <= 0.
+//! ```
+//!
+//! Inside a triangle d is its normal; at an edge these d are between the normals of the two triangles that share it, at a corner they are the cone of
+//! those around it (its Gauss image, and the shape is in its Voronoi region: Lin & Canny 1991). Where the surface does not bulge there are none. What is
+//! nearest in another direction is a matter of the neighbour's: taken for a contact, it would be a tilted plane that nothing is behind, and brakes what
+//! glides by. Of such a triangle only corners of the shape count that are over it, with its own normal. The outer edges of a surface are free on
+//! their open side.
 
 use std::ops::Range;
 
@@ -14,7 +23,7 @@ use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
 use super::manifold::{Manifold, Point, VERTICES, thin};
 use super::pair::Pair;
 use super::separation::{self, Facing, Separation};
-use super::shape::triangle_normal;
+use super::shape::{furthest, triangle_normal};
 use super::{ConvexShape, Pose, Room, V};
 use crate::spatial::*;
 
@@ -23,6 +32,9 @@ pub const MAX_SURFACE_POINTS: usize = 16;
 
 /// An edge bulges where the neighbour falls away by more than this share of its size: vertices of mesh files are in single precision.
 const FLAT: f64 = 1e-6;
+
+/// A direction is that of a triangle's normal: 1 - cos of what rounding leaves.
+const PARALLEL: f64 = 1e-12;
 
 /// A surface of triangles in its own frame, m.
 #[derive(Clone, Debug)]
@@ -38,8 +50,11 @@ pub enum Surface {
 pub struct MeshSurface {
     vertices: Vec<V>,
     faces: Vec<[u32; 3]>,
-    /// Across the edge that leaves corner k of a triangle: the neighbour's third vertex.
+    /// Across the edge that leaves corner k of a triangle: the neighbour's third vertex; of several neighbours that of the one that rises most.
     across: Vec<[Option<u32>; 3]>,
+    /// Vertices that share an edge with each: those of vertex v are in `around[first[v]..first[v + 1]]`.
+    around: Vec<u32>,
+    first: Vec<u32>,
     tree: Bvh,
 }
 
@@ -66,35 +81,71 @@ pub(crate) struct Under {
     pub(crate) level: bool,
 }
 
-/// A triangle, and where the surface bulges at the edges that leave its corners (an outer edge does).
+/// A triangle, and what is beside it: entry k belongs to the edge that leaves corner k.
 struct Facet {
     corners: [V; 3],
+    normal: V,
+    /// The neighbours' third corners.
+    across: [Option<V>; 3],
+    /// Where the surface bulges (it does at an outer edge).
     bulges: [bool; 3],
+    /// Tangent of the angle by which a neighbour rises, at most 1: behind a valley, this share of its depth is over neither of the two.
+    rises: [f64; 3],
+}
+
+/// A part of a triangle.
+enum Outline {
+    Inside,
+    /// On the edge that leaves a corner.
+    Edge(usize),
+    Corner(usize),
 }
 
 impl MeshSurface {
     /// Triangles without area are left out.
     pub fn new(vertices: &[V], faces: &[[u32; 3]]) -> Self {
+        // Vertices at one place are one, whatever the file says.
+        let mut places = std::collections::BTreeMap::new();
+        let one: Vec<u32> = (0..).zip(vertices).map(|(v, p)| *places.entry(p.map(|x| (x + 0.0).to_bits())).or_insert(v)).collect();
         let corners = |f: &[u32; 3]| f.map(|v| vertices[v as usize]);
-        let has_area = |f: &&[u32; 3]| {
+        let has_area = |f: &[u32; 3]| {
             let [a, b, c] = corners(f);
             norm(cross(sub(b, a), sub(c, a))) > 0.0
         };
-        let faces: Vec<[u32; 3]> = faces.iter().filter(has_area).copied().collect();
-        let mut third = std::collections::BTreeMap::new();
-        // Vertices at one place are one, whatever the file says.
-        let place = |v: u32| vertices[v as usize].map(|x| (x + 0.0).to_bits());
+        let faces: Vec<[u32; 3]> = faces.iter().map(|f| f.map(|v| one[v as usize])).filter(has_area).collect();
+        let mut thirds: std::collections::BTreeMap<[u32; 2], Vec<u32>> = std::collections::BTreeMap::new();
+        let mut beside = std::collections::BTreeSet::new();
         for f in &faces {
-            (0..3).for_each(|k| {
-                third.insert((place(f[k]), place(f[(k + 1) % 3])), f[(k + 2) % 3]);
-            });
+            for k in 0..3 {
+                let [a, b, c] = [f[k], f[(k + 1) % 3], f[(k + 2) % 3]];
+                thirds.entry([a, b]).or_default().push(c);
+                beside.extend([[a, b], [b, a]]);
+            }
         }
-        let neighbour = |f: &[u32; 3], k: usize| third.get(&(place(f[(k + 1) % 3]), place(f[k]))).copied();
+        let neighbour = |f: &[u32; 3], k: usize| {
+            let [a, b, c] = [f[k], f[(k + 1) % 3], f[(k + 2) % 3]];
+            let rise = |v: &u32| rise(&corners(&[a, b, c]), vertices[*v as usize]);
+            // The other side of a sheet is no neighbour.
+            let others = thirds.get(&[b, a]).into_iter().flatten().copied().filter(|&v| v != c);
+            others.max_by(|x, y| rise(x).total_cmp(&rise(y)))
+        };
         let across = faces.iter().map(|f| std::array::from_fn(|k| neighbour(f, k))).collect();
+        let mut first = vec![0; vertices.len() + 1];
+        beside.iter().for_each(|&[v, _]| first[v as usize + 1] += 1);
+        (0..vertices.len()).for_each(|v| first[v + 1] += first[v]);
+        let around = beside.into_iter().map(|[_, w]| w).collect();
         let boxes: Vec<Aabb> = faces.iter().map(|f| bounds(&corners(f))).collect();
         let tree = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
-        Self { vertices: vertices.to_vec(), faces, across, tree }
+        Self { vertices: vertices.to_vec(), faces, across, around, first, tree }
     }
+}
+
+/// The angle by which a neighbour with the third corner `p` rises from a triangle across the edge that leaves its first corner.
+fn rise(corners: &[V; 3], p: V) -> f64 {
+    let [a, b, _] = *corners;
+    let n = triangle_normal(corners);
+    let d = sub(p, a);
+    dot(n, d).atan2(dot(super::unit_or(cross(sub(b, a), n), [0.0; 3]), d))
 }
 
 fn bounds(points: &[V]) -> Aabb {
@@ -139,6 +190,16 @@ impl Grid {
             ([at(0, 0), at(1, 0), at(1, 1)], third)
         };
         Facet::new(corners, third)
+    }
+
+    /// The points that share an edge with corner `k` of triangle `t`.
+    fn around(&self, t: usize, k: usize) -> impl Iterator<Item = V> + '_ {
+        let cell = t / 2;
+        let (r, c) = (cell / (self.shape[1] - 1), cell % (self.shape[1] - 1));
+        let (dc, dr) = if t % 2 == 1 { [(0, 0), (1, 1), (0, 1)][k] } else { [(0, 0), (1, 0), (1, 1)][k] };
+        let (c, r) = (c + dc, r + dr);
+        let beside = [(-1, -1), (0, -1), (1, 0), (1, 1), (0, 1), (-1, 0)];
+        beside.into_iter().filter_map(move |(x, y)| self.near(c.checked_add_signed(x), r.checked_add_signed(y)))
     }
 
     /// Columns (k = 0) or rows (k = 1) of cells between two places along x or y.
@@ -190,32 +251,42 @@ impl Grid {
 }
 
 impl Facet {
-    fn new(corners: [V; 3], third: [Option<V>; 3]) -> Self {
-        let n = triangle_normal(&corners);
-        let bulges = std::array::from_fn(|k| {
-            third[k].is_none_or(|p| {
-                let d = sub(p, corners[k]);
-                dot(n, d) < -FLAT * norm(d)
+    fn new(corners: [V; 3], across: [Option<V>; 3]) -> Self {
+        let normal = triangle_normal(&corners);
+        let towards = |k: usize| across[k].map(|p| sub(p, corners[k]));
+        let bulges = std::array::from_fn(|k| towards(k).is_none_or(|d| dot(normal, d) < -FLAT * norm(d)));
+        let rises = std::array::from_fn(|k| {
+            towards(k).map_or(0.0, |d| {
+                let outwards = cross(sub(corners[(k + 1) % 3], corners[k]), normal);
+                let (rise, run) = (dot(normal, d), dot(outwards, d) / norm(outwards));
+                if rise <= FLAT * norm(d) {
+                    0.0
+                } else if rise < run {
+                    rise / run
+                } else {
+                    1.0
+                }
             })
         });
-        Self { corners, bulges }
+        Self { corners, normal, across, bulges, rises }
     }
 
-    /// Of the edges and corners that a point of the triangle is on: whether any bulges, and whether any does not.
-    fn outline_at(&self, p: V) -> (bool, bool) {
-        let [a, b, c] = self.corners;
-        let n = cross(sub(b, a), sub(c, a));
-        let nn = dot(n, n);
-        let (mut any, mut none) = (false, false);
-        for k in 0..3 {
-            let (q, r) = (self.corners[k], self.corners[(k + 1) % 3]);
-            // Barycentric coordinate of the corner opposite to the edge.
-            if dot(n, cross(sub(r, q), sub(p, q))) < 1e-9 * nn {
-                any |= self.bulges[k];
-                none |= !self.bulges[k];
-            }
-        }
-        (any, none)
+    /// What of the triangle is furthest along `d`, and a corner that is.
+    fn furthest(&self, d: V) -> (Outline, V) {
+        let k = furthest(&self.corners, d);
+        let p = self.corners[k];
+        let [next, last] = [(k + 1) % 3, (k + 2) % 3];
+        let is_level = |other: usize| {
+            let u = sub(p, self.corners[other]);
+            dot(d, u) <= FLAT * norm(u)
+        };
+        let outline = match (is_level(next), is_level(last)) {
+            (false, false) => Outline::Corner(k),
+            (true, false) => Outline::Edge(k),
+            (false, true) => Outline::Edge(last),
+            (true, true) => Outline::Inside,
+        };
+        (outline, p)
     }
 }
 
@@ -228,6 +299,28 @@ impl Surface {
             }
             Self::Grid(g) => g.facet(t),
         }
+    }
+
+    /// Visits corners of the neighbours at a part of triangle `t`: all ways on the surface that leave the part, but along the triangle itself, are
+    /// between the ways to these. Ends where `visit` says false, and returns that.
+    fn all_beside(&self, t: usize, facet: &Facet, at: &Outline, mut visit: impl FnMut(V) -> bool) -> bool {
+        match (at, self) {
+            (Outline::Inside, _) => true,
+            (Outline::Edge(k), _) => facet.across[*k].is_none_or(visit),
+            (Outline::Corner(k), Self::Grid(g)) => g.around(t, *k).all(visit),
+            (Outline::Corner(k), Self::Mesh(m)) => {
+                let v = m.faces[t][*k] as usize;
+                m.around[m.first[v] as usize..m.first[v + 1] as usize].iter().all(|&w| visit(m.vertices[w as usize]))
+            }
+        }
+    }
+
+    /// Whether no neighbour at the part of triangle `t` that `p` is a point of is nearer to what is in the direction `d` (unit) from there.
+    fn is_nearest(&self, t: usize, facet: &Facet, at: &Outline, p: V, d: V) -> bool {
+        self.all_beside(t, facet, at, |w| {
+            let u = sub(w, p);
+            dot(d, u) <= FLAT * norm(u)
+        })
     }
 
     fn candidates(&self, low: V, high: V, out: &mut Vec<u32>) {
@@ -265,14 +358,27 @@ pub fn collide_surface(a: &Surface, pose_a: &Pose, b: &ConvexShape, pose_b: &Pos
     let mut triangles = std::mem::take(&mut room.triangles);
     a.candidates([0, 1, 2].map(|k| along(k, -1.0)), [0, 1, 2].map(|k| along(k, 1.0)), &mut triangles);
     room.all.clear();
+    // What was left to neighbours: the furthest inside.
+    let mut left: Option<(u32, Facing)> = None;
     for &t in &triangles {
         let facet = a.facet(t as usize);
         let triangle = ConvexShape::Triangle(facet.corners);
         let pair = Pair::between(&triangle, b, whole.pos, whole.mat);
-        touch(&facet, &pair, matches!(a, Surface::Grid(_)), prediction, out, room);
+        if let Some(facing) = touch(a, t as usize, &facet, &pair, prediction, out, room)
+            && left.as_ref().is_none_or(|(_, other)| facing.found.separation < other.found.separation)
+        {
+            left = Some((t, facing));
+        }
         room.all.extend(out.points.drain(..).map(|p| Point { feature: name(t, p.feature), ..p }));
     }
     room.triangles = triangles;
+    // What is nearest of all is no neighbour's, up to rounding.
+    if let Some((t, facing)) = left.filter(|_| room.all.is_empty()) {
+        let triangle = ConvexShape::Triangle(a.facet(t as usize).corners);
+        let pair = Pair::between(&triangle, b, whole.pos, whole.mat);
+        room.clipper.manifold(&pair, &facing, prediction, out);
+        room.all.extend(out.points.drain(..).map(|p| Point { feature: name(t, p.feature), ..p }));
+    }
     thin(&mut room.all, whole.size, MAX_SURFACE_POINTS, out);
     out.place(pose_a);
 }
@@ -292,38 +398,51 @@ fn name(triangle: u32, feature: u32) -> u32 {
     if feature < VERTICES { feature } else { super::manifold::mix(triangle, feature) }
 }
 
-/// The points of a triangle.
-fn touch(facet: &Facet, pair: &Pair<'_>, upward: bool, prediction: f64, out: &mut Manifold, room: &mut Room) {
-    let normal = triangle_normal(&facet.corners);
+/// The points of a triangle; the direction of what is nearest, where that is left to its neighbours.
+fn touch(
+    surface: &Surface,
+    t: usize,
+    facet: &Facet,
+    pair: &Pair<'_>,
+    prediction: f64,
+    out: &mut Manifold,
+    room: &mut Room,
+) -> Option<Facing> {
+    let normal = facet.normal;
     let flat = Separation { normal, separation: pair.separation(normal), points: [facet.corners[0]; 2] };
     if flat.separation - pair.thickness() > prediction {
-        return;
+        return None;
     }
+    let over = |room: &mut Room, out: &mut Manifold| {
+        room.clipper.over_facet(pair, &Facing::new(pair, flat), &facet.bulges, &facet.rises, prediction, out);
+    };
     if dot(normal, pair.apart) <= 0.0 {
         // Behind the triangle: inside a height field, on the other side of a wall of a mesh.
-        if upward {
-            room.clipper.over_first(pair, &Facing::new(pair, flat), prediction, out);
+        if matches!(surface, Surface::Grid(_)) {
+            over(room, out);
         }
-        return;
+        return None;
     }
     if facet.bulges == [false; 3] {
-        // Every normal is the triangle's, whatever is nearest.
-        room.clipper.over_first(pair, &Facing::new(pair, flat), prediction, out);
-        return;
+        // Nothing is nearest at its outline that is not the neighbours' too.
+        over(room, out);
+        return None;
     }
     let facing = separation::nearest(pair, &prediction.into(), &mut room.polytope);
     let found = &facing.found;
     if found.separation - pair.thickness() > prediction {
-        return;
+        return None;
     }
-    let (bulges, level) = facet.outline_at(found.points[0]);
     let cos = dot(found.normal, normal);
-    let own = bulges && cos > 0.0 && 1.0 - cos > 1e-12;
-    if !own || level {
-        // Only what is over the triangle: the neighbours have the rest.
-        room.clipper.over_first(pair, &Facing::new(pair, flat), prediction, out);
+    if 1.0 - cos <= PARALLEL {
+        over(room, out);
+        return None;
     }
-    if own && out.points.is_empty() {
+    let (at, p) = facet.furthest(found.normal);
+    if cos > 0.0 && !matches!(at, Outline::Inside) && surface.is_nearest(t, facet, &at, p, found.normal) {
         room.clipper.manifold(pair, &facing, prediction, out);
+        return None;
     }
+    over(room, out);
+    (out.points.is_empty() && cos > 0.0).then_some(facing)
 }

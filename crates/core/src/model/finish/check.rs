@@ -46,12 +46,15 @@ impl At {
         }
     }
 
-    /// Right way up; infinite ends are no bounds.
+    /// Right way up; infinite ends are no bounds, and leave room between them.
     fn range(&self, what: &str, range: Option<[f64; 2]>) -> Checked {
         match range {
             Some([low, high]) if low.is_nan() || high.is_nan() => self.fail(format!("{what} is [{low}, {high}]"), "give numbers"),
             Some([low, high]) if low > high => {
                 self.fail(format!("{what} [{low}, {high}] is upside down"), "give the lower bound first, or no range")
+            }
+            Some([low, high]) if low == f64::INFINITY || high == f64::NEG_INFINITY => {
+                self.fail(format!("{what} is [{low}, {high}]: no number lies in it"), "give finite bounds, -inf below or inf above")
             }
             _ => Ok(()),
         }
@@ -180,6 +183,9 @@ pub(super) fn values(model: &Model) -> Checked {
     scene.positive("timestep", &[model.timestep], " s")?;
     scene.finite("gravity", &model.gravity)?;
     scene.finite("magnetic", &model.magnetic)?;
+    scene.size("density", &[model.medium.density], " kg/m^3")?;
+    scene.size("viscosity", &[model.medium.viscosity], " Pa s")?;
+    scene.finite("wind", &model.medium.wind)?;
     names(model)?;
     bodies(model)?;
     joints(model)?;
@@ -231,6 +237,7 @@ fn bodies(model: &Model) -> Checked {
         at.finite("centre of mass", &body.ipos)?;
         at.size("mass", &[body.mass], " kg")?;
         at.size("inertia", &body.inertia, " kg m^2")?;
+        at.finite("gravcomp", &[body.gravcomp])?;
         let [a, b, c] = sorted(body.inertia);
         if c > (a + b) * (1.0 + TRIANGLE) {
             return at.fail(
@@ -325,6 +332,7 @@ fn tendons(model: &Model) -> Checked {
         at.range("range", tendon.range)?;
         at.size("stiffness", &[tendon.stiffness], "")?;
         at.range("spring_length", Some(tendon.spring_length))?;
+        at.finite("spring_length", &tendon.spring_length)?;
         at.size("damping", &[tendon.damping], "")?;
         at.size("armature", &[tendon.armature], "")?;
         at.size("frictionloss", &[tendon.frictionloss], "")?;
@@ -385,6 +393,10 @@ fn actuators(model: &Model) -> Checked {
             at.positive("time constant", &[tau], " s")?;
         }
         at.finite("gear", &[actuator.gear])?;
+        if !(actuator.gear * actuator.gear).is_finite() {
+            return at
+                .fail(format!("gear is {:e}, and its square, which scales inertia, is not finite", actuator.gear), "give a smaller one");
+        }
         at.size("delay", &[actuator.delay], " s")?;
         at.finite("gain", &actuator.gain)?;
         at.finite("bias", &actuator.bias)?;

@@ -57,7 +57,8 @@ impl<S: Scalar> Imperfect<S> {
         while left != 0 {
             let steps = asked[left.trailing_zeros() as usize];
             let same = whole.eq(R::splat(steps));
-            left &= !same.bits();
+            // A number that is none is not even equal to itself.
+            left &= (left - 1) & !same.bits();
             let steps = steps.to_f64() as u32 as usize;
             let (new, old) = (place(steps), place(steps + 1));
             for k in 0..dim {

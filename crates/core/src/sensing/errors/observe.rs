@@ -176,7 +176,8 @@ impl<S: Scalar> Imperfect<S> {
                 if self.biased {
                     keys.draw(Purpose::Bias, self.sensor, self.freedom, &mut work.drawn[..self.freedom]);
                     for k in 0..self.freedom {
-                        put(memory, self.bias_at() + k, lanes, table.number::<R>(Number::BiasStd) * work.drawn[k]);
+                        let (mean, std): (R, R) = (table.number(Number::Bias), table.number(Number::BiasStd));
+                        put(memory, self.bias_at() + k, lanes, mean + std * work.drawn[k]);
                     }
                 }
                 if self.drifts {

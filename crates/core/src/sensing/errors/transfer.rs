@@ -16,7 +16,9 @@ pub struct Transfer {
     pub scale_std: Vec<f64>,
     /// Standard deviation of what each channel reads of every other, drawn at reset, rad.
     pub misalignment_std: Vec<f64>,
-    /// Standard deviation of the bias, drawn at reset.
+    /// Bias of every channel, the same in every episode.
+    pub bias: Vec<f64>,
+    /// Standard deviation of what is drawn at reset beside it.
     pub bias_std: Vec<f64>,
     /// Growth of the drift, per sqrt(s).
     pub drift_std: Vec<f64>,
@@ -48,11 +50,12 @@ pub struct Transfer {
 const LONGEST: f64 = 100_000.0;
 
 impl Transfer {
-    fn fields(&self) -> [(&'static str, &[f64]); 15] {
+    fn fields(&self) -> [(&'static str, &[f64]); 16] {
         [
             ("scale", &self.scale),
             ("scale_std", &self.scale_std),
             ("misalignment_std", &self.misalignment_std),
+            ("bias", &self.bias),
             ("bias_std", &self.bias_std),
             ("drift_std", &self.drift_std),
             ("drift_time", &self.drift_time),
@@ -79,7 +82,7 @@ impl Transfer {
             if x.len() != 1 && x.len() != num_envs {
                 return Err(format!("{name} has {} numbers, must have 1, or {num_envs}, one for each environment", x.len()));
             }
-            let signed = matches!(name, "scale" | "limits");
+            let signed = matches!(name, "scale" | "bias" | "limits");
             let open = matches!(name, "limits" | "drift_time");
             if let Some(v) = x.iter().find(|v| v.is_nan() || (!signed && **v < 0.0) || (!open && v.is_infinite())) {
                 let range = if signed { "a number" } else { "a finite number of at least 0" };

@@ -74,8 +74,10 @@ impl<R: Real> Constraints<R> {
     #[inline(always)]
     pub(super) fn gather_support(&mut self, plan: &LanePlan<R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         self.words.fill(0);
+        self.moving = 0;
         for (pair, same) in contacts.pairs(k, lanes) {
             let [a, b] = plan.pair_geoms(pair).expect("made from this plan");
+            self.moving |= if plan.geoms[a].frame != 0 && plan.geoms[b].frame != 0 { same } else { 0 };
             let (first, second) = (&plan.movers[plan.geoms[a].frame], &plan.movers[plan.geoms[b].frame]);
             for (w, ((&first, &second), word)) in first.iter().zip(second).zip(&mut self.words).enumerate() {
                 let old = *word;
@@ -91,6 +93,9 @@ impl<R: Real> Constraints<R> {
                     *sign = [plus | same & lanes_of(second), minus | same & lanes_of(first)];
                 }
             }
+        }
+        if !plan.surfaces.is_empty() {
+            self.moving = lanes;
         }
         self.find_tied(plan);
         self.list_support();

@@ -131,7 +131,7 @@ impl<R: Real> Constraints<R> {
             }
         }
         for n in 0..N {
-            let depends = rest[n].lt(whole[n] * R::of(dependence::<R>()));
+            let depends = rest[n].lt(whole[n] * R::of(dependence::<R>().max(PREVENTED)));
             if depends.any() {
                 for &d in &self.support {
                     let x = &mut self.column[d as usize][n];
@@ -182,6 +182,10 @@ impl<R: Real> Constraints<R> {
         }
     }
 }
+
+/// Part of the squared length of a row that equalities leave, below which they prevent it: a contact whose normal they let move by a thousandth of
+/// what the bodies could has impulses a million times as large as it should, and nothing but rounding decides between them.
+const PREVENTED: f64 = 1e-6;
 
 /// Squared lengths of rows in the metric of G.
 #[derive(Clone, Copy)]

@@ -14,7 +14,7 @@
 use stepper_real::{Mask, Real, Scalar};
 
 use super::eliminate::times;
-use crate::constraints::{Constraints, Moment};
+use crate::constraints::{ARM, Constraints, DAMPING, Moment};
 use crate::inertia::MassMatrix;
 use crate::kinematics::Kinematics;
 use crate::options::{Options, Stabilization};
@@ -31,6 +31,8 @@ struct Rows<R: Real> {
     kappa: V3<R>,
     /// Squared length of what each row's entries are differences of.
     size: R,
+    /// Mobility of the bodies if nothing held them, for rows of points, 1/kg.
+    bodies: R,
 }
 
 /// What the rows are made from.
@@ -65,7 +67,18 @@ impl<R: Real> Constraints<R> {
             self.add_equality(site, block, equality);
         }
         if block.hard {
-            self.problem.orthogonalise(start..start + block.rows, &self.sizes, &mut self.demands);
+            let (bend, split) = (site.moment.h * R::of(1.0 / ARM), site.options.stabilization == Stabilization::Split);
+            self.problem.orthogonalise(
+                start..start + block.rows,
+                &self.sizes,
+                &mut self.demands,
+                #[inline(always)]
+                |row, [_, _, correction]| {
+                    // Baumgarte's bias is what it is: see `restrain` of stage 8.
+                    let damping = if split { R::of(DAMPING) + correction.abs() * bend } else { R::zero() };
+                    *correction = row.damp_correction(damping, *correction);
+                },
+            );
             self.hold(site.options, start);
         }
     }
@@ -82,7 +95,7 @@ impl<R: Real> Constraints<R> {
             let kept = row.g + curve.clamp(-most, most);
             let corrected = kept + correction;
             let (velocity, position) = match options.stabilization {
-                Stabilization::Baumgarte => (corrected, corrected),
+                Stabilization::Baumgarte => (corrected, kept),
                 Stabilization::None => (kept, kept),
                 Stabilization::Split => (kept, corrected),
             };
@@ -156,7 +169,8 @@ impl<R: Real> Constraints<R> {
             self.column[d] = j;
         }
         let kappa = sub(acceleration(site, frames[0], points[0]), acceleration(site, frames[1], points[1]));
-        Rows { error: sub(points[0], points[1]), kappa, size }
+        let bodies = plan.mobility(frames[0]) + plan.mobility(frames[1]);
+        Rows { error: sub(points[0], points[1]), kappa, size, bodies }
     }
 
     /// Two orientations agree: error is the rotation vector from the second to the first in world axes, times the weight. (MuJoCo's
@@ -183,7 +197,7 @@ impl<R: Real> Constraints<R> {
         );
         let turn = quat_log(mat_to_quat(&mat_mul_transposed(&first, &second)));
         let kappa = sub(angular_acceleration(site, frames[0]), angular_acceleration(site, frames[1]));
-        Rows { error: scale(turn, weight), kappa: scale(kappa, weight), size: size * weight * weight }
+        Rows { error: scale(turn, weight), kappa: scale(kappa, weight), size: size * weight * weight, bodies: R::zero() }
     }
 
     /// x - ref = polynomial(y - ref) (MuJoCo's `mjEQ_JOINT` and `mjEQ_TENDON`). Leaves J in `column`.
@@ -204,7 +218,7 @@ impl<R: Real> Constraints<R> {
             kappa = -(bend * second.rate(moment.v).square());
             size += self.add_terms(site, second, -slope);
         }
-        Rows { error: [error, R::zero(), R::zero()], kappa: [kappa, R::zero(), R::zero()], size }
+        Rows { error: [error, R::zero(), R::zero()], kappa: [kappa, R::zero(), R::zero()], size, bodies: R::zero() }
     }
 
     /// Adds a combination's Jacobian, times `factor`, to the first row; returns the squared length of what it adds.
@@ -251,11 +265,20 @@ impl<R: Real> Constraints<R> {
             g[k] = laws[k].g;
         }
         let lengths = self.eliminate(site.mass, &mut g);
+        let mut mobility = R::zero();
+        for k in 0..N {
+            mobility += match &lengths {
+                Some(lengths) => lengths.whole[k],
+                None => self.gram(site.mass, k),
+            };
+        }
+        mobility = mobility * R::of(1.0 / N as f64) + rows.bodies;
         for k in 0..N {
             self.push_row(site.mass, k, equality.owner + first + k, &Law { g: g[k], ..laws[k] });
             if let Some(lengths) = &lengths {
                 self.measure(laws[k].compliance, lengths.whole[k], lengths.rest[k]);
             }
+            self.problem.set_mobility(mobility);
             if equality.spring.is_some() {
                 self.position_bias.push(g[k][1]);
             }
@@ -271,8 +294,10 @@ impl<R: Real> Constraints<R> {
         let error = sub(rows.error, scale(rows.kappa, h * h * R::of(middle)));
         let length = norm(error);
         let wrong = length.gt(R::of(EXACT));
-        if options.stabilization == Stabilization::Split {
-            self.needs_position_solve = self.needs_position_solve.or(alive.and(wrong));
+        match options.stabilization {
+            Stabilization::Split => self.needs_position_solve = self.needs_position_solve.or(alive.and(wrong)),
+            Stabilization::Baumgarte => self.biased = self.biased.or(alive.and(wrong)),
+            Stabilization::None => {}
         }
         let most = R::of(options.max_correction_speed) / R::select(wrong, length, R::one());
         let rate = R::of(options.baumgarte) / h;
@@ -321,7 +346,7 @@ impl<R: Real> Constraints<R> {
             law.bounds,
         );
         self.problem.soften(law.compliance);
-        self.iterate.scalars.push(R::select(law.active, self.scalar_impulse[owner], R::zero()));
+        self.warm_start(owner, law.active);
         self.owners.push(owner);
         self.constrained = self.constrained.or(law.active);
     }

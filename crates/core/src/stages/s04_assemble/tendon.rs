@@ -68,7 +68,7 @@ impl<R: Real> Constraints<R> {
         if active.none() {
             return None;
         }
-        let (velocity, position) = self.biases(site.options, phi, h, active);
+        let (velocity, position) = self.limit_biases(site.options, phi, h, active);
         Some((active, velocity, position))
     }
 

@@ -28,20 +28,29 @@ impl<R: Real> Constraints<R> {
         let (slot, active) = (&contacts.data[k], R::Mask::from_bits(lanes));
         let mut friction = Friction::of(plan, contacts, k, lanes);
         friction.scale_to(slot.mu);
-        let normal = self.contact_columns(site, contacts, k, lanes);
+        let [free, before] = self.contact_columns(site, contacts, k, lanes);
+        let curves = site.options.integrator.in_the_middle() && self.moving != 0;
+        let change = if self.has_impacts || curves { self.free_change(moment) } else { zero() };
         self.half_solve::<3>(plan, mass);
         let (bias, position) = self.biases(site.options, moment.gap(slot.point.distance), moment.h, active);
-        let [free, before] = normal;
-        let (g, active) = self.bounce(plan, site.options, slot, moment, active, [free[0], before[0]], bias);
-        let mut slides = [[g, free[0] + position], [free[1]; 2], [free[2]; 2]];
+        let (bias, mut active) = self.bounce(plan, site.options, slot, moment, active, [free[0], before[0]], bias);
+        let mut slides = [[free[0] + bias, free[0] + position], [free[1]; 2], [free[2]; 2]];
         let sliding = self.eliminate(mass, &mut slides);
+        if self.has_impacts {
+            active = self.bounce_within(site, slot, active, [free, change], bias, &mut slides);
+        }
+        if curves {
+            self.add_curve(site, contacts, k, active, [free, change], &mut slides);
+        }
         for &d in &self.support {
             self.linear[d as usize] = self.column[d as usize];
         }
         let turning = self.turn_columns(site, contacts, k, lanes, friction.scale);
+        let change = if self.has_impacts { self.free_change(moment) } else { zero() };
         self.half_solve::<3>(plan, mass);
         let mut turns = [[turning[0]; 2], [turning[1]; 2], [turning[2]; 2]];
         let turned = self.eliminate(mass, &mut turns);
+        self.turn_at_impact(change, &mut turns);
         let (linear, column, rub) = (&self.linear, &self.column, friction.slides);
         slides[1] = scale(slides[1], rub);
         slides[2] = scale(slides[2], rub);

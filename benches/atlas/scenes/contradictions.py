@@ -1,0 +1,161 @@
+"""Scenes 36, 37 and 39: what constraints demand of positions and cannot get, or only from far away."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from atlas.mjcf import document
+from atlas.scene import Engine, Scene, flat
+
+# Scene 36: the tip of an arm of two links is to be at a point beyond its reach; no gravity, no friction.
+
+LINK, FAR = 0.5, 1.2
+
+
+def out_of_reach() -> str:
+    """The arm begins bent; the point is at the height of its first joint."""
+    second = (
+        f'<body pos="{LINK} 0 0"><joint axis="0 1 0" damping=".1"/><geom type="capsule" size=".02" fromto="0 0 0 {LINK} 0 0" mass="1"/>'
+    )
+    second += f'<site name="tip" pos="{LINK} 0 0"/></body>'
+    arm = f'<body name="arm"><joint axis="0 1 0" damping=".1"/><geom type="capsule" size=".02" fromto="0 0 0 {LINK} 0 0" mass="1"/>'
+    arm += f"{second}</body>"
+    target = f'<site name="target" pos="{FAR} 0 0"/>'
+    text = document(target + arm, gravity=(0, 0, 0))
+    equality = '<equality><connect site1="tip" site2="target"/></equality>'
+    return text.replace("<geom ", '<geom contype="0" conaffinity="0" ').replace("</mujoco>", equality + "</mujoco>")
+
+
+def gap_left(engine: Engine, dt: float) -> float:
+    """Distance of the tip from the point after three seconds, beyond the least there is; infinite while the arm still moves."""
+    world = engine.start(out_of_reach(), dt)
+    world.set(qpos=[0.6, -1.0])
+    world.run(3.0)
+    a, b = world.qpos[0]
+    tip = LINK * np.array([math.cos(a) + math.cos(a + b), -math.sin(a) - math.sin(a + b)])
+    if float(world.kinetic()[0]) > 1e-3:
+        return math.inf
+    return abs(float(np.linalg.norm(tip - [FAR, 0.0])) - (FAR - 2 * LINK))
+
+
+# Scene 37: a pendulum whose hinge is inside a ball, and a slider in a slot that is too narrow for it.
+
+ROD, ROD_MASS = 0.3, 0.5
+
+
+def hinge_in_a_ball(joint: str) -> str:
+    """The normal of the overlap passes the hinge: nothing can move along it."""
+    rod = f'<geom type="capsule" size=".02" fromto="0 0 0 {ROD} 0 0" mass="{ROD_MASS}" condim="1"/>'
+    return document(f'<geom size=".05" condim="1"/><body name="rod">{joint}{rod}</body>')
+
+
+def pendulum_gain(joint: str):
+    """Largest gain of energy within two seconds, relative to what the rod has to fall."""
+
+    def measure(engine: Engine, dt: float) -> float:
+        world = engine.start(hinge_in_a_ball(joint), dt)
+        start, most = float(world.energy()[0]), 0.0
+        for _ in range(20):
+            world.run(0.1)
+            most = max(most, float(world.energy()[0]) - start)
+        return most / (ROD_MASS * 9.81 * ROD)
+
+    return measure
+
+
+SLOT, TOO_WIDE, ASIDE = 0.1, 1e-3, 4e-4
+
+
+def narrow_slot() -> str:
+    """A box on a slide between two walls, each of which it overlaps by a millimetre when it is in the middle."""
+    walls = "".join(f'<geom type="box" size=".05 .1 .1" pos="{side * (SLOT + 0.05)} 0 0" condim="1"/>' for side in (1, -1))
+    box = f'<geom type="box" size="{SLOT + TOO_WIDE} .05 .05" mass="1" condim="1"/>'
+    return document(f'{walls}<body name="box"><joint type="slide" axis="1 0 0"/>{box}</body>', gravity=(0, 0, 0))
+
+
+def off_the_middle(engine: Engine, dt: float) -> float:
+    """Distance from the middle (m), or speed (m/s), after half a second from 0.4 mm aside."""
+    world = engine.start(narrow_slot(), dt)
+    world.set(qpos=[ASIDE])
+    world.run(max(0.5, 50 * dt))
+    return max(abs(float(world.qpos[0, 0])), abs(float(world.qvel[0, 0])))
+
+
+# Scene 39: a hinge that begins half a radian outside its range.
+
+OUTSIDE = 0.5
+
+
+def beyond_its_range() -> str:
+    """A rod on a hinge whose range ends at zero; nothing else acts."""
+    rod = '<geom type="capsule" size=".02" fromto="0 0 0 .3 0 0" mass="1"/>'
+    return document(f'<body name="rod"><joint name="hinge" axis="0 1 0" limited="true" range="-60 0"/>{rod}</body>', gravity=(0, 0, 0))
+
+
+def comes_back(engine: Engine, dt: float) -> float:
+    """Angle outside (rad) half a second later, or speed (rad/s) with which it passes on inside."""
+    world = engine.start(beyond_its_range(), dt)
+    world.set(qpos=[OUTSIDE])
+    world.run(0.5)
+    return max(abs(float(world.qpos[0, 0])), abs(float(world.qvel[0, 0])))
+
+
+HINGE = '<joint axis="0 1 0" damping=".01"/>'
+BALL = '<joint type="ball" damping=".01"/>'
+ENERGY = "gravity's work: the overlap can do none, as its normal has no lever"
+GAIN = "0.2 % of the height: an integrator of first order gains as much of a swinging pendulum's energy at 2 ms"
+
+SCENES = (
+    Scene(
+        "36",
+        "a weld out of reach",
+        "the arm comes to rest stretched towards the point",
+        "geometry: the nearest place that it reaches",
+        "m",
+        flat(1e-3),
+        "a part in a thousand of the arm",
+        gap_left,
+    ),
+    Scene(
+        "37",
+        "a hinge inside a ball",
+        "a damped pendulum, no gain of energy",
+        ENERGY,
+        "1",
+        lambda dt: max(2e-3, dt),
+        GAIN,
+        pendulum_gain(HINGE),
+    ),
+    Scene(
+        "37",
+        "a ball joint inside a ball",
+        "a damped pendulum, no gain of energy",
+        ENERGY,
+        "1",
+        lambda dt: max(2e-3, dt),
+        GAIN,
+        pendulum_gain(BALL),
+    ),
+    Scene(
+        "37",
+        "a slot too narrow for its box",
+        "the box rests in the middle, where both overlaps are the least together",
+        "symmetry",
+        "m, m/s",
+        flat(1e-4),
+        "a tenth of the overlap",
+        off_the_middle,
+    ),
+    Scene(
+        "39",
+        "half a radian outside a joint's range",
+        "back at its end after half a second, at rest",
+        "a limit does no work on what is inside",
+        "rad, rad/s",
+        flat(1e-2),
+        "a fiftieth of the way: a correction of a fifth of the error a step leaves 4e-3 after 22 steps of 20 ms",
+        comes_back,
+    ),
+)

@@ -1,0 +1,135 @@
+"""Scene 38: crests, bowls and facets: what glides over a surface of triangles feels its shape, not its seams."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from atlas.mjcf import G, ball, document, free, surface
+from atlas.scene import Engine, Scene, flat
+from atlas.world import World
+
+RADIUS, HALF = 0.1, 0.5
+"""Of the ball, and of the square that the surface covers, m."""
+CREST, BOWL = 0.5, 0.5
+"""Curvatures over two, 1/m."""
+POINTS = 41
+SPEED = 0.5
+TENT, VALLEY = 0.1, 0.2
+"""Slopes, rad: of either side of the tent, of the far side of the valley."""
+
+Heights = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
+
+
+def _start(engine: Engine, dt: float, heights: Heights, at: tuple[float, float], kind: str) -> World:
+    """A ball without friction on a surface, a hair above what it touches there."""
+    line = np.linspace(-HALF, HALF, POINTS)
+    x, y = np.meshgrid(line, line)
+    z = heights(x, y)
+    # The lowest place over (x, y) where the ball overlaps nothing, of the fine surface.
+    fine = np.linspace(-RADIUS, RADIUS, 401)
+    dx, dy = np.meshgrid(fine, fine)
+    under = dx**2 + dy**2 < RADIUS**2
+    lift = heights(at[0] + dx, at[1] + dy) - z.min() + np.sqrt(np.maximum(RADIUS**2 - dx**2 - dy**2, 0.0))
+    top = float(np.max(lift[under]))
+    assets, geom = surface(HALF, z, kind)
+    return engine.start(document(geom + free("ball", ball(RADIUS, 1.0), (*at, top + 1e-6)), friction=0.0, before=assets), dt)
+
+
+def _share(world: World, velocity: tuple[float, float], seconds: float) -> float:
+    """What is left of the kinetic energy (and of what gravity makes of it) after some time."""
+    world.set(qvel=[*velocity, 0, 0, 0, 0])
+    before = float(world.energy()[0])
+    kinetic = float(world.kinetic()[0])
+    world.run(seconds)
+    return (float(world.energy()[0]) - before) / kinetic + 1.0
+
+
+def crest(kind: str):
+    """Relative change of the energy of a ball that glides along a straight crest, a row of edges, for 0.6 s."""
+
+    def measure(engine: Engine, dt: float) -> float:
+        world = _start(engine, dt, lambda _x, y: -CREST * y**2, (-0.3, 0.0), kind)
+        return abs(_share(world, (SPEED, 0.0), 0.6) - 1.0)
+
+    return measure
+
+
+def tent(engine: Engine, dt: float) -> float:
+    """Relative change of the energy of a ball that glides up one side, over the edge, and down the other; it is too slow to take off."""
+    world = _start(engine, dt, lambda x, _y: -math.tan(TENT) * np.abs(x), (-0.1, 0.01), "hfield")
+    up = SPEED * math.cos(TENT), SPEED * math.sin(TENT)
+    world.set(qvel=[up[0], 0, up[1], 0, 0, 0])
+    before, kinetic = float(world.energy()[0]), float(world.kinetic()[0])
+    world.run(0.5)
+    return abs(float(world.energy()[0]) - before) / kinetic
+
+
+def valley(engine: Engine, dt: float) -> float:
+    """By how much the share of its energy that a ball keeps at a concave edge is outside of cos^2 and 1."""
+    world = _start(engine, dt, lambda x, _y: math.tan(VALLEY) * np.maximum(x, 0.0), (-0.2, 0.01), "hfield")
+    left = _share(world, (2 * SPEED, 0.0), 0.3)
+    return max(math.cos(VALLEY) ** 2 - left, left - 1.0, 0.0)
+
+
+def bowl(kind: str):
+    """Largest relative change of the energy in 1 s of a ball that is let go in a bowl whose facets bulge at their diagonals."""
+
+    def measure(engine: Engine, dt: float) -> float:
+        sign = 1.0 if kind == "hfield" else -1.0
+        world = _start(engine, dt, lambda x, y: BOWL * (x**2 + y**2 + sign * x * y), (0.25, 0.0), kind)
+        # The centre of a ball that rests in the bowl is above its lowest point.
+        height = float(world.qpos[0, 2]) - RADIUS
+        before = float(world.energy()[0])
+        worst = 0.0
+        for _ in range(10):
+            world.run(0.1)
+            worst = max(worst, abs(float(world.energy()[0]) - before) / (G * height))
+        return worst
+
+    return measure
+
+
+CONSERVED = "without friction only concave edges take energy, sin^2 of their angle"
+TURNS = "the normal turns by v dt / r in a step, over all of the edge's angle, and Euler's rule is a step's way off: g v dt sin(a)"
+LATE = "the other side is met up to a step's way late: v dt sin(a) of height"
+FACETS = "40 rows of edges of 0.025 rad each way take sin^2 of that, and a step's way into a concave edge is g v dt sin(a)"
+
+
+def _bowl(dt: float) -> float:
+    return 3 * 40 * math.sin(0.025) ** 2 + 2 * dt
+
+
+SCENES = (
+    *(
+        Scene("38", f"crest, {name}", "the energy stays", CONSERVED, "1", flat(1e-4), "f32: what it knows of the height", crest(kind))
+        for kind, name in (("hfield", "height field"), ("mesh", "mesh"))
+    ),
+    Scene(
+        "38",
+        "tent: a convex edge",
+        "the energy stays",
+        CONSERVED,
+        "1",
+        lambda dt: 1e-3 + 4 * TENT * SPEED * dt / RADIUS + 2 * G * dt * math.sin(TENT) / SPEED,
+        TURNS,
+        tent,
+    ),
+    Scene(
+        "38",
+        "valley: a concave edge",
+        "it keeps between cos^2 of the angle and all",
+        CONSERVED,
+        "1",
+        lambda dt: 1e-3 + 2 * G * dt * math.sin(VALLEY) / (2 * SPEED),
+        LATE,
+        valley,
+    ),
+    *(
+        Scene("38", f"bowl, {name}", "the energy stays nearly", CONSERVED, "1", _bowl, FACETS, bowl(kind))
+        for kind, name in (("hfield", "height field"), ("mesh", "mesh"))
+    ),
+)

@@ -1,0 +1,86 @@
+"""Scene 42: a ball in a groove touches both of its sides at once."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from atlas.mjcf import G, ball, document, free, numbers, surface
+from atlas.scene import Engine, Scene, flat
+from atlas.world import World
+
+RADIUS, HALF = 0.1, 2.0
+"""Of the ball, and of the square that a groove of triangles covers, m."""
+OPENING = math.pi / 3
+"""Between the upright and each side, rad."""
+SLOPE, SPEED, SECONDS = 0.2, 0.5, 1.0
+"""Of the groove, rad; m/s; s."""
+
+
+def _start(engine: Engine, dt: float, kind: str, friction: float, slope: float) -> World:
+    """A ball in a groove along x that gravity tilts downhill towards +x."""
+    if kind == "planes":
+        turn = (math.pi / 2 - OPENING) / 2
+        sides = [(math.cos(turn), sign * math.sin(turn), 0, 0) for sign in (1, -1)]
+        assets, geom = "", "".join(f'<geom type="plane" size="0 0 1" quat="{numbers(q)}"/>' for q in sides)
+    else:
+        y = np.linspace(-HALF, HALF, 41)
+        assets, geom = surface(HALF, np.tile((np.abs(y) / math.tan(OPENING))[:, None], (1, 41)), kind)
+    at = (-1.5, 0, RADIUS / math.sin(OPENING))
+    pull = (G * math.sin(slope), 0, -G * math.cos(slope))
+    return engine.start(document(geom + free("ball", ball(RADIUS, 1.0), at), friction=friction, gravity=pull, before=assets), dt)
+
+
+def level(kind: str):
+    """Relative change of the speed of a ball that glides along a level groove without friction for a second."""
+
+    def measure(engine: Engine, dt: float) -> float:
+        world = _start(engine, dt, kind, 0.0, 0.0)
+        world.set(qvel=[SPEED, 0, 0, 0, 0, 0])
+        world.run(SECONDS)
+        return float(np.linalg.norm(world.qvel[0, :3] - [SPEED, 0, 0])) / SPEED
+
+    return measure
+
+
+def downhill(kind: str, rolls: bool):
+    """Relative error of the way of a ball in a second, from rest, m.
+
+    It touches both sides at r sin(opening) from the axis that it turns about: v = w r sin(opening), and
+    a = g sin(slope) / (1 + 2/5 / sin^2(opening)) where it rolls.
+    """
+
+    def measure(engine: Engine, dt: float) -> float:
+        world = _start(engine, dt, kind, 1.0 if rolls else 0.0, SLOPE)
+        begin = float(world.qpos[0, 0])
+        world.run(SECONDS)
+        turning = 0.4 / math.sin(OPENING) ** 2 if rolls else 0.0
+        expected = G * math.sin(SLOPE) / (1 + turning) * SECONDS**2 / 2
+        return abs((float(world.qpos[0, 0]) - begin) / expected - 1.0)
+
+    return measure
+
+
+ROUNDING = "f32: rounding of 500 steps"
+STEP = "twice a step of the second: a rule of first order starts a step early or late"
+KINDS = (("planes", "planes"), ("hfield", "a height field"), ("mesh", "a mesh"))
+
+SCENES = tuple(
+    scene
+    for kind, name in KINDS
+    for scene in (
+        Scene("42", f"along a groove of {name}", "the speed stays", "no friction", "1", flat(1e-5), ROUNDING, level(kind)),
+        Scene("42", f"sliding down a groove of {name}", "g sin(a) t^2 / 2", "Galilei", "1", lambda dt: 2 * dt, STEP, downhill(kind, False)),
+        Scene(
+            "42",
+            f"rolling down a groove of {name}",
+            "a = g sin(a) / (1 + 2/5 / sin^2(opening))",
+            "rolling about a chord of the ball",
+            "1",
+            lambda dt: 2 * dt,
+            STEP,
+            downhill(kind, True),
+        ),
+    )
+)

@@ -1,0 +1,120 @@
+"""Scene 41: a tall box tips over its edge, iff what turns it about the edge exceeds what its weight turns it back with. Statics."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from atlas.mjcf import FLOOR, G, box, document, free, incline
+from atlas.scene import Engine, Scene
+from atlas.world import World
+
+WIDE, TALL, MASS = 0.1, 0.2, 2.0
+"""Half sizes in m, mass in kg."""
+BOX = box((WIDE, 0.15, TALL), MASS)
+MU = 1.0
+"""Twice the ratio at which it tips: it never slides."""
+ABOVE, BELOW = 1.001, 0.999
+SECONDS = 2.0
+ARM = math.hypot(WIDE, TALL)
+INERTIA = MASS * ARM**2 * 4 / 3
+"""About an edge of the bottom, kg m^2."""
+FORCE = MASS * G * WIDE / TALL
+"""What tips it, horizontally at its centre, N."""
+TILT = 0.1
+"""Where a box that tips is looked at, rad."""
+
+
+def _pushed(factor: float, engine: Engine, dt: float) -> World:
+    world = engine.start(document(FLOOR + free("box", BOX, (0, 0, TALL)), friction=MU), dt)
+    world.push("box", (factor * FORCE, 0, 0))
+    return world
+
+
+def _leaning(factor: float, engine: Engine, dt: float) -> World:
+    return engine.start(incline(BOX, TALL, math.atan(factor * WIDE / TALL), MU), dt)
+
+
+def _tilt(world: World, upright: np.ndarray) -> float:
+    """Angle between the box's axis and where that was, rad."""
+    axis = world.at().xmat[1].reshape(3, 3)[:, 2]
+    return math.atan2(float(np.linalg.norm(np.cross(axis, upright))), float(axis @ upright))
+
+
+def _upright(world: World) -> np.ndarray:
+    return np.array(world.at().xmat[1].reshape(3, 3)[:, 2])
+
+
+def stays(start):
+    """How far a box that is pushed or leans a thousandth too little tilts in two seconds, rad."""
+
+    def measure(engine: Engine, dt: float) -> float:
+        world = start(BELOW, engine, dt)
+        upright, worst = _upright(world), 0.0
+        for _ in range(20):
+            world.run(SECONDS / 20)
+            worst = max(worst, _tilt(world, upright))
+        return worst
+
+    return measure
+
+
+@cache
+def _fall(kind: str) -> float:
+    """Seconds until a box that is pushed or leans a thousandth too much has tilted by `TILT`: I phi'' = torque about the edge."""
+    pull = ABOVE * FORCE if kind == "pushed" else MASS * G * math.sin(math.atan(ABOVE * WIDE / TALL))
+    weight = MASS * G if kind == "pushed" else MASS * G * math.cos(math.atan(ABOVE * WIDE / TALL))
+    corner = math.atan2(TALL, WIDE)
+
+    def rate(_: float, y: np.ndarray) -> list[float]:
+        # The centre is at ARM (-cos, sin)(corner + phi) from the edge, against the pull and above the edge.
+        angle = corner + y[0]
+        return [y[1], ARM * (pull * math.sin(angle) - weight * math.cos(angle)) / INERTIA]
+
+    def there(_: float, y: np.ndarray) -> float:
+        return float(y[0]) - TILT
+
+    there.terminal = True  # type: ignore[attr-defined]
+    found = solve_ivp(rate, (0.0, 10.0), [0.0, 0.0], method="DOP853", rtol=1e-12, atol=1e-14, events=there)
+    return float(found.t_events[0][0])
+
+
+def tips(start, kind: str):
+    """Relative error of the tilt after the seconds in which it should be `TILT`."""
+
+    def measure(engine: Engine, dt: float) -> float:
+        world = start(ABOVE, engine, dt)
+        upright = _upright(world)
+        world.run(_fall(kind))
+        # The state is that after a whole number of steps: the right tilt grows by the rate of the fall in what is left.
+        right = TILT * math.exp(RATE * (world.seconds - _fall(kind)))
+        return abs(_tilt(world, upright) / right - 1.0)
+
+    return measure
+
+
+RATE = math.sqrt(MASS * G * ARM**2 / TALL / INERTIA)
+"""At which the tilt grows at the critical force, 1/s: I phi'' = (F wide + m g tall) phi."""
+HELD = "1e-6 rad: a step solved to 1e-6 m/s, of which the next gives back what it took"
+LATE = "exp(rate h) - 1: a step sooner or later, at the rate with which the tilt grows; and 1e-3 for the solver's tolerance"
+
+SCENES = tuple(
+    scene
+    for start, kind in ((_pushed, "pushed"), (_leaning, "leaning"))
+    for scene in (
+        Scene("41", f"{kind} box at 0.999 of tipping", "stands for two seconds", "statics", "rad", lambda dt: 1e-6, HELD, stays(start)),
+        Scene(
+            "41",
+            f"{kind} box at 1.001 of tipping",
+            f"tilts by {TILT} rad in {_fall(kind):.3f} s",
+            "I phi'' about its edge, DOP853, rtol 1e-12",
+            "1",
+            lambda dt: math.expm1(RATE * dt) + 1e-3,
+            LATE,
+            tips(start, kind),
+        ),
+    )
+)

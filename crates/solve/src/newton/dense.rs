@@ -1,0 +1,116 @@
+//! Factors of a full matrix with partial pivoting (Golub & Van Loan 2013, algorithm 3.4.1), for small islands whose matrix has pivots below zero.
+
+/// P A = L U, row by row.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Dense {
+    dimension: usize,
+    entries: Vec<f64>,
+    /// Row that was exchanged with each row.
+    exchanged: Vec<usize>,
+}
+
+impl Dense {
+    /// The identity.
+    pub(super) fn identity(&mut self, dimension: usize) {
+        self.dimension = dimension;
+        self.entries.clear();
+        self.entries.resize(dimension * dimension, 0.0);
+        self.entries.iter_mut().step_by(dimension + 1).for_each(|x| *x = 1.0);
+    }
+
+    /// Adds `sum_r a_r^T b_r` between the coordinates from `first` on; a and b hold rows of `n` numbers, one after the other.
+    #[inline(always)]
+    pub(super) fn add_product(&mut self, first: usize, n: usize, a: &[f64], b: &[f64]) {
+        for (a, b) in a.chunks_exact(n).zip(b.chunks_exact(n)) {
+            for (i, &a) in a.iter().enumerate() {
+                let at = (first + i) * self.dimension + first;
+                for (x, &b) in self.entries[at..at + n].iter_mut().zip(b) {
+                    *x += a * b;
+                }
+            }
+        }
+    }
+
+    /// Factorises; false when the matrix is singular to rounding, or not finite.
+    #[inline(always)]
+    pub(super) fn factor(&mut self) -> bool {
+        let n = self.dimension;
+        self.exchanged.clear();
+        for k in 0..n {
+            let (mut row, mut most) = (k, 0.0);
+            for i in k..n {
+                let size = self.entries[i * n + k].abs();
+                if size > most {
+                    (row, most) = (i, size);
+                }
+            }
+            if !(most > f64::EPSILON && most.is_finite()) {
+                return false;
+            }
+            self.exchanged.push(row);
+            if row != k {
+                for c in 0..n {
+                    self.entries.swap(k * n + c, row * n + c);
+                }
+            }
+            let (above, below) = self.entries.split_at_mut((k + 1) * n);
+            let pivot = &above[k * n + k..];
+            for row in below.chunks_exact_mut(n) {
+                let factor = row[k] / pivot[0];
+                row[k] = factor;
+                for (x, p) in row[k + 1..].iter_mut().zip(&pivot[1..]) {
+                    *x -= factor * p;
+                }
+            }
+        }
+        true
+    }
+
+    /// x <- A^-1 x with the factors.
+    #[inline(always)]
+    pub(super) fn solve(&self, x: &mut [f64]) {
+        let n = self.dimension;
+        for (k, &row) in self.exchanged.iter().enumerate() {
+            x.swap(k, row);
+        }
+        for i in 1..n {
+            let (before, own) = x.split_at_mut(i);
+            for (l, x) in self.entries[i * n..i * n + i].iter().zip(before.iter()) {
+                own[0] -= l * x;
+            }
+        }
+        for i in (0..n).rev() {
+            let (own, after) = x[i..].split_at_mut(1);
+            let row = &self.entries[i * n + i..(i + 1) * n];
+            for (u, x) in row[1..].iter().zip(after.iter()) {
+                own[0] -= u * x;
+            }
+            own[0] /= row[0];
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Dense;
+
+    #[test]
+    fn a_matrix_with_zeros_on_its_diagonal_is_solved() {
+        let mut matrix = Dense::default();
+        matrix.identity(3);
+        // [0 2 0; 3 0 0; 0 0 -4]
+        matrix.add_product(0, 3, &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], &[-1.0, 2.0, 0.0, 3.0, -1.0, 0.0, 0.0, 0.0, -5.0]);
+        assert!(matrix.factor());
+        let mut x = [2.0, 9.0, 8.0];
+        matrix.solve(&mut x);
+        assert_eq!(x, [3.0, 1.0, -2.0]);
+    }
+
+    #[test]
+    fn a_singular_matrix_has_no_factors() {
+        let mut matrix = Dense::default();
+        matrix.identity(2);
+        matrix.add_product(0, 2, &[1.0, 0.0], &[-1.0, 0.0]);
+        assert!(!matrix.factor());
+    }
+}

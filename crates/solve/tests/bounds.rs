@@ -1,0 +1,139 @@
+//! What is asked for bounds what is done, whatever the numbers are.
+
+mod common;
+
+use common::cases;
+use proptest::prelude::*;
+use stepper_real::{F64x8, Mask, Real};
+use stepper_solve::newton::{Newton, Work};
+use stepper_solve::{Iterate, PASSES, Problem, Settings, residual, solve};
+
+const STEPS: u32 = 50;
+const ROWS: usize = 6;
+const N: usize = 9;
+
+/// Numbers of a problem: a limit and contacts, dense or in two islands.
+#[derive(Clone, Debug)]
+struct Case {
+    /// Entries, N for a limit, then three times N for every contact.
+    y: Vec<f64>,
+    g: Vec<f64>,
+    mu: f64,
+    /// Factor of every coordinate.
+    scale: Vec<f64>,
+    apart: bool,
+}
+
+impl Case {
+    /// Coordinates that a row does not touch are left out.
+    fn touches(&self, row: usize, c: usize) -> bool {
+        !self.apart || row.is_multiple_of(2) == (c < N / 2)
+    }
+}
+
+/// Problems whose coordinates differ by up to 10^`decades`, each way, and whose numbers may be what `odd` says.
+fn case(decades: f64, odd: impl Strategy<Value = f64> + Clone + 'static) -> impl Strategy<Value = Case> {
+    let entry = prop_oneof![2 => Just(0.0), 12 => -1.0..1.0, 1 => odd.clone()];
+    let speed = prop_oneof![8 => -2.0..2.0, 1 => odd];
+    let scale = prop::collection::vec((-1.0..1.0f64).prop_map(move |x| 10f64.powf(decades * x)), N);
+    let y = prop::collection::vec(entry, N + 3 * N * (ROWS - 1));
+    let g = prop::collection::vec(speed, 1 + 3 * (ROWS - 1));
+    (y, g, prop_oneof![Just(0.0), 0.0..1.5], scale, any::<bool>()).prop_map(|(y, g, mu, scale, apart)| Case { y, g, mu, scale, apart })
+}
+
+fn build<R: Real<Scalar = f64>>(case: &Case) -> (Problem<R>, Iterate<R>) {
+    let (mut problem, mut iterate) = (Problem::with_capacity(N, 1, ROWS), Iterate::with_capacity(N, 1, ROWS));
+    let support = |row: usize| (0..N as u32).filter(|&c| case.touches(row, c as usize)).collect::<Vec<_>>();
+    let y = |at: usize, c: usize| R::of(case.y[at + c] * case.scale[c]);
+    let all = R::Mask::splat(true);
+    problem.push_scalar(&support(0), |c| y(0, c), R::one(), all, R::of(case.g[0]), [R::zero(), R::of(f64::INFINITY)]);
+    iterate.scalars.push(R::zero());
+    for k in 1..ROWS {
+        let at = N + 3 * N * (k - 1);
+        let g = std::array::from_fn(|r| R::of(case.g[1 + 3 * (k - 1) + r]));
+        problem.push_contact(&support(k), |c| std::array::from_fn(|r| y(at + r * N, c)), all, R::of(case.mu), g);
+        iterate.contacts.push([R::zero(); 3]);
+    }
+    iterate.start(&problem);
+    (problem, iterate)
+}
+
+/// Fails when more was done than asked for.
+fn check(work: Work) -> Result<(), TestCaseError> {
+    prop_assert!(work.steps <= STEPS * work.islands, "{work:?}");
+    prop_assert!(work.rounds <= STEPS * work.islands, "{work:?}");
+    Ok(())
+}
+
+/// Newton's method alone, towards the least impulses and not.
+fn search(case: &Case, tolerance: f64) -> Result<(), TestCaseError> {
+    for least in [false, true] {
+        let (problem, mut iterate) = build::<f64>(case);
+        let (mut left, mut taken) = (residual(&problem, &iterate), 0.0);
+        let before = left;
+        let mut room = Newton::default();
+        let outcome = [&mut left, &mut taken];
+        if least {
+            room.share(&problem, &mut iterate, STEPS, tolerance, true, outcome);
+        } else {
+            room.solve(&problem, &mut iterate, STEPS, tolerance, true, outcome);
+        }
+        check(room.work())?;
+        prop_assert!(taken <= f64::from(STEPS * room.work().islands));
+        prop_assert!(!left.is_nan() || before.is_nan(), "{before} became no number");
+    }
+    Ok(())
+}
+
+/// Any size of number, and what is none.
+fn odd() -> impl Strategy<Value = f64> + Clone {
+    let size = (-300.0..300.0f64).prop_map(|x| 10f64.powf(x));
+    prop_oneof![Just(f64::NAN), Just(f64::INFINITY), Just(-1e300), Just(1e-60), Just(5e-324), size]
+}
+
+proptest! {
+    #![proptest_config(cases(400))]
+
+    /// Rounding never lets these be met: the search ends where it stands still, or after so many rounds.
+    #[test]
+    fn a_tolerance_out_of_reach_ends(case in case(0.0, Just(1.0)), tolerance in prop_oneof![Just(1e-14), Just(1e-17), Just(1e-30), Just(0.0)]) {
+        search(&case, tolerance)?;
+    }
+
+    /// Three decades of size are nine of inertia and more.
+    #[test]
+    fn masses_over_decades_end(case in case(9.0, Just(1.0)), tolerance in prop_oneof![Just(1e-6), Just(1e-14)]) {
+        search(&case, tolerance)?;
+    }
+
+    #[test]
+    fn numbers_of_any_size_end(case in case(30.0, odd())) {
+        search(&case, 1e-6)?;
+    }
+
+    /// Sweeps are as many as asked for at the most, and a lane that blows up leaves its neighbours their bits.
+    #[test]
+    fn a_lane_that_blows_up_costs_its_neighbours_nothing_but_bounded_time(case in case(0.0, Just(1.0)), at in 0..ROWS, bad in odd()) {
+        let (problem, iterate) = build::<F64x8>(&case);
+        let mut worse = problem.clone();
+        match at {
+            0 => worse.scalars[0].g.set_lane(3, bad),
+            k => worse.contacts[k - 1].g[0].set_lane(3, bad),
+        }
+        let settings = Settings { sweeps: 20, newton: STEPS, tolerance: F64x8::of(1e-9), rough: F64x8::of(1e-9) };
+        let run = |problem: &Problem<F64x8>| {
+            let (mut iterate, mut room) = (iterate.clone(), Newton::default());
+            let outcome = solve(problem, &mut iterate, settings, Mask::splat(true), &mut room);
+            (outcome, iterate, room.work())
+        };
+        let (well, ill) = (run(&problem), run(&worse));
+        check(ill.2)?;
+        for l in 0..8 {
+            prop_assert!(ill.0.sweeps.lane(l) <= (20 * PASSES) as f64);
+            if l != 3 {
+                prop_assert_eq!(well.0.residual.lane(l).to_bits(), ill.0.residual.lane(l).to_bits());
+                prop_assert!(well.1.w.iter().zip(&ill.1.w).all(|(a, b)| a.lane(l).to_bits() == b.lane(l).to_bits()));
+            }
+        }
+    }
+}

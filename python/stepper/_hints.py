@@ -1,0 +1,116 @@
+"""What to do instead: of writing to a copy, of assigning to what cannot be assigned, and of names that nothing has."""
+
+from __future__ import annotations
+
+import difflib
+import functools
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+
+_NOTHING = "nothing sets it: it says how things are"
+_STATE = ("qpos", "qvel", "act", "time")
+_REMEDIES = {
+    **{name: f"sim.set_state({name}=...) sets it" for name in _STATE},
+    "ctrl": "sim.step(ctrl) takes new controls, and holds them until others are given",
+    "xpos": "sim.set_state(qpos=...) moves bodies, sim.mocap_pos those that the user poses",
+    "xquat": "sim.set_state(qpos=...) turns bodies, sim.mocap_quat those that the user poses",
+    "timestep": "stepper.Options(timestep=...) chooses it, and model.replace(timestep=...) a model's own",
+    "tolerance": "stepper.Options(tolerance=...) chooses it",
+    "model": "make another stepper of another model, or change parameters of environments with sim.randomize(...)",
+    "randomized": "sim.randomize(...) sets it",
+    **dict.fromkeys(("options", "num_envs", "precision", "threads", "sensors", "actuators"), "it is chosen when a stepper.Stepper is made"),
+    "seed": "sim.reset(seed=...) takes another",
+    **dict.fromkeys(
+        (
+            "status", "residual", "iterations", "depth", "limit_overshoot", "observation", "sensor_truth", "sensor_faults",
+            "actuator_saturation",
+        ),
+        _NOTHING,
+    ),
+}  # fmt: skip
+_OF_ENVIRONMENTS = "environments have it of their own: sim.randomize({}=...) sets it"
+
+_OPERATORS = ("add", "sub", "mul", "matmul", "truediv", "floordiv", "mod", "pow", "lshift", "rshift", "and", "or", "xor")
+_WRITING = ("__setitem__", *(f"__i{name}__" for name in _OPERATORS), "fill", "sort", "put")
+
+
+class ReadOnly(np.ndarray[Any, Any]):
+    """A copy of numbers that a stepper or a model has. Writing to it is an error that names the call which sets them.
+
+    What is computed from it is a plain array; so is its `copy()`, to which one can write.
+    """
+
+    message = ""
+    # Beside any other array, the other's kind is that of the result.
+    __array_priority__ = -1.0
+
+    def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
+        return array[()] if return_scalar else array
+
+    def __repr__(self) -> str:
+        return repr(self.view(np.ndarray))
+
+    def copy(self, order: Any = "C") -> Any:
+        """A plain array of its own."""
+        return np.array(self, order=order)
+
+    def __reduce_ex__(self, protocol: Any) -> Any:
+        return self.view(np.ndarray).__reduce_ex__(protocol)
+
+
+def _guarded(write: Callable[..., Any]) -> Callable[..., Any]:
+    @functools.wraps(write)
+    def guarded(self: ReadOnly, *given: Any) -> Any:
+        if not self.flags.writeable:
+            raise ValueError(self.message)
+        return write(self, *given)
+
+    return guarded
+
+
+for _name in _WRITING:
+    setattr(ReadOnly, _name, _guarded(getattr(np.ndarray, _name)))
+
+
+def kind(field: str, remedy: str = "") -> type[ReadOnly]:
+    """The kind of array that a field is read as."""
+    message = (
+        f"{field} is a read-only copy, and writing to it would change nothing: {remedy or remedy_of(field)}. Its copy() can be written to"
+    )
+    return type("ReadOnly", (ReadOnly,), {"message": message, "__module__": __name__})
+
+
+def remedy_of(field: str) -> str:
+    """Which call sets an array of a stepper or a field of a model."""
+    return (
+        _REMEDIES.get(field)
+        or f"model.replace({field}=...) makes a model with other numbers, sim.randomize(...) gives environments their own"
+    )
+
+
+def kind_of_environments(field: str) -> type[ReadOnly]:
+    """The kind of array that `Stepper.randomized` has of a field."""
+    return kind(field, _OF_ENVIRONMENTS.format(field))
+
+
+def not_assigned(owner: type, name: str) -> AttributeError:
+    """What to say of an assignment to an attribute that takes none."""
+    there = getattr(owner, name, None)
+    if there is None:
+        return no_attribute(owner, name)
+    # Fields that `replace` takes are properties; what else a model has follows from them.
+    known = name in _REMEDIES or isinstance(there, property)
+    return AttributeError(f"{name} of a stepper.{owner.__name__} cannot be assigned: {remedy_of(name) if known else _NOTHING}")
+
+
+def no_attribute(owner: type, name: str) -> AttributeError:
+    """What to say of a name that nothing has."""
+    return AttributeError(f"a stepper.{owner.__name__} has no attribute {name!r}{near(name, dir(owner))}")
+
+
+def near(name: str, known: Iterable[str]) -> str:
+    """The names most like one that nothing has, as the end of a message; empty when none is."""
+    found = difflib.get_close_matches(name, [other for other in known if not other.startswith("_")], n=3)
+    return f"; did you mean {' or '.join(found)}?" if found else ""

@@ -1,0 +1,102 @@
+"""What attributes give is a copy: a write that would be lost is an error that names the call to use."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+import stepper
+from models import simulate, stepper_model
+
+ROBOT = "dm_control/humanoid"
+STATE = [
+    "qpos",
+    "qvel",
+    "act",
+    "time",
+    "ctrl",
+    "status",
+    "residual",
+    "iterations",
+    "depth",
+    "limit_overshoot",
+    "observation",
+    "sensor_truth",
+]
+WRITABLE = ["qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat"]
+
+
+@pytest.fixture
+def sim():
+    return simulate(stepper_model(ROBOT), 3)
+
+
+@pytest.mark.parametrize(("write", "remedy"), [
+    (lambda sim: sim.qpos.__setitem__((slice(None), 1), 5), r"sim\.set_state\(qpos="),
+    (lambda sim: sim.qpos[0].__setitem__(1, 5), r"sim\.set_state\(qpos="),
+    (lambda sim: exec("sim.qvel += 1", {"sim": sim}), r"sim\.set_state\(qvel="),
+    (lambda sim: exec("sim.time *= 0", {"sim": sim}), r"sim\.set_state\(time="),
+    (lambda sim: sim.ctrl.__setitem__(slice(None), 1), r"sim\.step\(ctrl\)"),
+    (lambda sim: sim.status.fill(0), "nothing sets it"),
+    (lambda sim: sim.xpos.__setitem__((0, 1), 0), r"sim\.set_state\(qpos="),
+    (lambda sim: sim.model.body_mass.__setitem__(0, 3), r"model\.replace\(body_mass="),
+    (lambda sim: exec("model.geom_friction *= 2", {"model": sim.model}), r"model\.replace\(geom_friction="),
+    (lambda sim: sim.randomized["body_mass"].__setitem__(0, 3), r"sim\.randomize\(body_mass="),
+])  # fmt: skip
+def test_a_write_that_would_be_lost_names_the_call_to_use(sim, write, remedy):
+    sim.randomize(body_mass=np.tile(sim.model.body_mass, (3, 1)))
+    with pytest.raises(ValueError, match=f"read-only copy.*{remedy}"):
+        write(sim)
+
+
+@pytest.mark.parametrize(
+    ("name", "remedy"),
+    [
+        ("qpos", r"sim\.set_state\(qpos="),
+        ("ctrl", "step"),
+        ("timestep", "Options"),
+        ("model", "make another"),
+        ("num_envs", "when a stepper.Stepper is made"),
+        ("residual", "nothing sets it"),
+        ("seed", r"reset\(seed="),
+        ("step", "nothing sets it"),
+    ],
+)
+def test_an_assignment_that_nothing_takes_names_the_call_to_use(sim, name, remedy):
+    with pytest.raises(AttributeError, match=f"{name} of a stepper.Stepper cannot be assigned: .*{remedy}"):
+        setattr(sim, name, 0.5)
+    with pytest.raises(AttributeError, match=r"geom_friction of a stepper.Model cannot be assigned: model\.replace\(geom_friction="):
+        sim.model.geom_friction = 0.5
+
+
+def test_what_is_computed_from_a_copy_is_a_plain_array(sim):
+    mine = [
+        sim.qpos + 1, 1 + sim.qpos, np.sin(sim.qpos), sim.qpos.copy(), np.array(sim.qpos), sim.qpos.sum(axis=1), sim.qpos @ np.ones(28),
+        np.concatenate([sim.qpos, sim.qvel], axis=1), np.where(sim.qpos > 0, sim.qpos, 0.0), np.ones((3, 28)) * sim.qpos,
+        np.clip(sim.qpos, -1, 1),
+    ]  # fmt: skip
+    for array in mine:
+        assert type(array) is np.ndarray
+        array[0] = 7
+    assert isinstance(sim.qpos.sum(), float)
+    assert repr(sim.qpos) == repr(sim.qpos.copy())
+    for again in (pickle.loads(pickle.dumps(sim.qpos)), copy.deepcopy(sim.qpos), sim.qpos.astype(np.float32)):
+        again[0] = 7
+
+
+@pytest.mark.parametrize("name", STATE)
+def test_copies_cannot_be_made_writable(sim, name):
+    array = getattr(sim, name)
+    with pytest.raises(ValueError, match="WRITEABLE"):
+        array.flags.writeable = True
+
+
+@pytest.mark.parametrize("name", WRITABLE)
+def test_what_the_user_applies_is_writable(name):
+    bodies = '<body mocap="true"><geom size=".1"/></body><body pos="1 0 0"><freejoint/><geom size=".1"/></body>'
+    scene = f"<mujoco><worldbody>{bodies}</worldbody></mujoco>"
+    sim = stepper.Stepper(stepper.load(scene), 2)
+    getattr(sim, name)[:] = 0.5
+    assert np.all(getattr(sim, name) == 0.5)
+    setattr(sim, name, getattr(sim, name) + 0.5)
+    assert np.all(getattr(sim, name) == 1.0)

@@ -1,0 +1,367 @@
+"""Bytes, threads, numbers and arrays that nobody means well: an error that says what, never a crash, never a wrong state."""
+
+import copy
+import hashlib
+import pickle
+import re
+import struct
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+
+import numpy as np
+import pytest
+import stepper
+from models import simulate, stepper_model
+
+HOPPER, ANT = "dm_control/hopper", "gymnasium/ant"
+SCENE = """
+<mujoco><option density="1.2" viscosity="1e-5" wind="0 0 1"/>
+  <asset><mesh name="rock" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset>
+  <worldbody><geom type="plane" size="1 1 1"/>
+  <body name="hand" mocap="true" pos="0 0 3"><geom size=".05"/></body>
+  <body name="ball" pos="0 0 1" gravcomp=".5"><freejoint/><geom size=".1"/><geom type="mesh" mesh="rock" pos="0 0 1"/></body>
+  <body name="arm" pos="2 0 2"><joint name="a" axis="0 1 0" range="-1 1" stiffness="1" damping=".1" frictionloss=".1"/>
+    <geom type="capsule" size=".05 .2"/><site name="here"/>
+    <body name="tool" pos="0 0 .5"><joint name="b" type="slide" actuatorfrcrange="-5 5"/><geom type="box" size=".1 .1 .1"/></body></body>
+  </worldbody>
+  <tendon><fixed name="belt" range="-3 3" stiffness="1" springlength="-1 1"><joint joint="a" coef="1"/>
+    <joint joint="b" coef="-1"/></fixed></tendon>
+  <equality><joint joint1="a" joint2="b" active="false"/><weld body1="ball" body2="hand" active="false"/></equality>
+  <actuator><position joint="a" kp="10" ctrlrange="-1 1" forcerange="-9 9"/><motor tendon="belt"/></actuator>
+  <sensor><jointpos joint="a"/><accelerometer site="here"/></sensor>
+</mujoco>"""
+
+
+@pytest.fixture(scope="module")
+def model():
+    return stepper.load(SCENE)
+
+
+# Bytes
+
+
+def run(sim, steps=20):
+    for k in range(steps):
+        sim.step(np.full(sim.model.nu, np.sin(k)))
+    return sim
+
+
+def test_every_cut_and_every_flipped_byte_of_a_state_is_refused():
+    sim = run(simulate(stepper_model(HOPPER), 3))
+    state = sim.get_state()
+    before, data = sim.qpos, state.bytes
+    assert stepper.State(data) == state
+    assert len(data) == state.nbytes
+    for at in {*range(0, len(data), 7), len(data) - 1}:
+        with pytest.raises(ValueError, match=r"not a state: (the bytes do not begin|cut off|damaged)"):
+            stepper.State(data[:at])
+        wrong = bytearray(data)
+        wrong[at] ^= 0x10
+        with pytest.raises(ValueError, match=r"not a state: (the bytes do not begin|format version|damaged)"):
+            stepper.State(bytes(wrong))
+    with pytest.raises(ValueError, match="damaged"):
+        stepper.State(data + b"\0")
+    with pytest.raises(ValueError, match=r"format version 9, this stepper reads \d+"):
+        stepper.State(data[:8] + struct.pack("<I", 9) + data[12:])
+    with pytest.raises(ValueError, match="do not begin as those of a state"):
+        stepper.State(sim.model.to_bytes())
+    with pytest.raises(stepper.ModelError, match="not a saved stepper model"):
+        stepper.Model.from_bytes(data)
+    assert np.array_equal(sim.qpos, before)
+
+
+def signed(data):
+    """The checksum that bytes of a state should have: what a damaged disk does not know, and who means ill does."""
+    return data[:45] + hashlib.sha256(data[:45] + data[77:]).digest() + data[77:]
+
+
+def test_a_state_says_which_model_it_belongs_to_and_another_one_refuses_it():
+    sim = simulate(stepper_model(HOPPER))
+    state = stepper.State(sim.get_state().bytes)
+    assert state.digest.hex() == sim.model.digest
+    other = simulate(sim.model.replace(timestep=0.001))
+    with pytest.raises(ValueError, match=f"belongs to another model, {sim.model.digest[:12]}; this one is .*{other.model.digest[:12]}"):
+        other.set_state(state)
+    narrow = simulate(sim.model, precision="f32")
+    with pytest.raises(ValueError, match="numbers in F64, this stepper in F32"):
+        narrow.set_state(state)
+
+
+def test_states_with_a_true_checksum_and_nonsense_in_them_are_refused_or_taken_but_never_crash():
+    """Every byte that parses differently: what comes of it is an error, or a state that steps."""
+    sim = run(simulate(stepper_model(ANT), 3))
+    kept = sim.get_state()
+    data, refused = kept.bytes, 0
+    rng = np.random.default_rng(0)
+    for _ in range(400):
+        wrong = bytearray(data)
+        for at in rng.integers(77, len(data), rng.integers(1, 4)):
+            wrong[at] = rng.choice([0, 1, 0x7F, 0x80, 0xF0, 0xFF, rng.integers(256)])
+        state = stepper.State(signed(bytes(wrong)))
+        try:
+            sim.set_state(state)
+        except ValueError as error:
+            assert "does not fit" in str(error)
+            refused += 1
+            continue
+        sim.step(nstep=2)
+        assert np.isfinite(sim.qpos).all()
+    assert refused > 3
+    for payload in (b"", b"\xff" * 40, data[77:] + b"\0"):
+        with pytest.raises(ValueError, match="does not fit"):
+            sim.set_state(stepper.State(signed(data[:77] + payload)))
+    sim.set_state(qpos=np.where(np.arange(sim.model.nq) == 2, 0.5, sim.model.qpos0), time=0.0)
+    good = sim.get_state().bytes
+    for number in (np.nan, np.inf):
+        wrong = good.replace(struct.pack("<d", 0.5), struct.pack("<d", number))
+        assert wrong != good
+        with pytest.raises(ValueError, match="a number of qpos, qvel, act or time is not finite"):
+            sim.set_state(stepper.State(signed(wrong)))
+
+
+@pytest.mark.parametrize(("name", "value", "what"), [
+    ("state", b"", "not a state"),
+    ("state", 5, "state is not bytes"),
+    ("randomized", [], "randomized is not a dict"),
+    ("randomized", {"body_weight": 1}, "no such field"),
+    ("applied", [None], "has 1 arrays, must have 4"),
+    ("applied", 5, "applied is not a list"),
+    ("applied", [np.zeros(3), None, None, None], r"qfrc_applied has shape \(3,\), must be \(2, 8\)"),
+    ("applied", [None, "x", None, None], "xfrc_applied is not an array of numbers"),
+])  # fmt: skip
+def test_a_crafted_pickle_is_refused_in_words(model, name, value, what):
+    sim = simulate(model, 2)
+    state = sim.__getstate__()
+    sim.__setstate__(state)
+    with pytest.raises(ValueError, match=f"(?s){what}"):
+        sim.__setstate__(state | {name: value})
+    del state[name]
+    with pytest.raises(ValueError, match=f"{name} is missing"):
+        sim.__setstate__(state)
+    sim.step()
+
+
+def test_a_copy_shares_nothing_that_is_written_to(model):
+    sim = simulate(model, 2)
+    sim.xfrc_applied[:] = 1.0
+    sim.mocap_pos[:] = 2.0
+    for other in (copy.copy(sim), copy.deepcopy(sim), pickle.loads(pickle.dumps(sim))):
+        other.xfrc_applied[:] = 7.0
+        assert np.all(sim.xfrc_applied == 1.0)
+        assert np.all(other.mocap_pos == 2.0)
+        other.step()
+        assert np.all(sim.time == 0.0)
+
+
+# Threads
+
+
+@pytest.mark.parametrize("call", [pickle.dumps, copy.copy, copy.deepcopy, lambda sim: sim.get_state(), lambda sim: sim.qpos])
+def test_a_stepper_at_work_in_another_thread_is_said_to_be(call):
+    sim = simulate(stepper_model(ANT), 64)
+    stop, met = threading.Event(), []
+
+    def work():
+        while not stop.is_set():
+            sim.step(nstep=50)
+
+    thread = threading.Thread(target=work, daemon=True)
+    thread.start()
+    deadline = time.monotonic() + 20
+    while not met and time.monotonic() < deadline:
+        try:
+            call(sim)
+        except RuntimeError as error:
+            met.append(str(error))
+    stop.set()
+    thread.join()
+    assert met, "the two never met"
+    assert re.search("at work in another thread|[Aa]lready.*borrowed", met[0])
+    call(sim)
+
+
+def test_threads_are_no_more_than_there_is_to_do():
+    sim = stepper.Stepper(stepper_model(HOPPER), 20, threads=10**18)
+    sim.step(nstep=3)
+    assert sim.threads == 10**18
+    assert sim.memory()["threads"] <= 3
+    once = stepper.Stepper(stepper_model(HOPPER), 20)
+    once.step(nstep=3)
+    assert np.array_equal(sim.qpos, once.qpos)
+
+
+def test_threads_that_the_system_refuses_are_an_error():
+    """In a process of its own, which may not have that many."""
+    code = """
+        import resource, sys
+        sys.path[:0] = {path!r}
+        import numpy as np, stepper
+        from models import stepper_model
+        sim = stepper.Stepper(stepper_model("dm_control/hopper"), 4096, threads=300)
+        # So little room is left that no stack of a thread fits.
+        size = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (size + (64 << 20),) * 2)
+        try:
+            sim.step()
+        except RuntimeError as error:
+            print(error)
+        assert sim.time.max() == 0.0
+    """
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(code.format(path=sys.path))], capture_output=True, text=True, timeout=100, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"\d+ threads cannot be started .*make threads smaller", done.stdout)
+
+
+# Numbers
+
+
+def fields(model):
+    with pytest.raises(stepper.ModelError) as error:
+        model.replace(nonsense=1.0)
+    return re.findall(r"[a-z_0-9]+", str(error.value).split("choose one of: ")[1])
+
+
+OPEN = {"tendon_range", "jnt_actfrcrange", "actuator_ctrlrange", "actuator_forcerange"}
+"""Whose lower bound may be -inf and upper inf."""
+
+
+def test_every_field_refuses_what_is_no_number(model):
+    names = fields(model)
+    assert len(names) > 40
+    for name in names:
+        given = np.array(getattr(model, name))
+        assert given.size, f"{name} has nothing in this scene"
+        for at in {0, given.size // 2, given.size - 1}:
+            for number in (np.nan, np.inf, -np.inf):
+                wrong = given.copy()
+                wrong.flat[at] = number
+                is_no_bound = name in OPEN and number == (np.inf if at % 2 else -np.inf)
+                if is_no_bound or (name == "eq_stiffness" and number == np.inf) or np.array_equal(wrong, given):
+                    model.replace(**{name: wrong})
+                    continue
+                with pytest.raises(stepper.ModelError):
+                    model.replace(**{name: wrong})
+                    pytest.fail(f"{name}[{at}] = {number} was taken")
+
+
+def test_every_field_of_environments_refuses_what_is_no_number(model):
+    sim = simulate(model, 2)
+    tried = 0
+    for name in fields(model):
+        given = np.stack([getattr(model, name)] * 2)
+        for at in {0, given.size // 2, given.size - 1}:
+            for number in (np.nan, np.inf, -np.inf):
+                wrong = given.copy()
+                wrong.flat[at] = number
+                if np.array_equal(wrong, given):
+                    continue
+                with pytest.raises(stepper.ModelError) as error:
+                    sim.randomize(**{name: wrong})
+                tried += "all environments share" not in str(error.value)
+        assert not sim.randomized
+    assert tried > 60
+    sim.step()
+
+
+@pytest.mark.parametrize("text", [
+    SCENE.replace('density="1.2"', 'density="nan"'), SCENE.replace('wind="0 0 1"', 'wind="0 inf 1"'),
+    SCENE.replace('viscosity="1e-5"', 'viscosity="-1"'), SCENE.replace('gravcomp=".5"', 'gravcomp="inf"'),
+    SCENE.replace('<motor tendon="belt"/>', '<motor joint="a" gear="1e200"/>'),
+    SCENE.replace('<motor tendon="belt"/>', '<motor joint="a" gear="1e200" armature="1"/>'),
+])  # fmt: skip
+def test_a_source_with_a_number_that_is_none_is_a_model_error(text):
+    assert text != SCENE
+    with pytest.raises(stepper.ModelError):
+        stepper.load(text)
+
+
+def test_a_state_beyond_the_numbers_of_the_lanes_is_refused():
+    sim = simulate(stepper_model(HOPPER), 2, precision="f32")
+    with pytest.raises(ValueError, match=r"qvel\[0\] of environment 0 is 1e39, must be at most 3.4e38 in 32 bits|32 bits"):
+        sim.set_state(qvel=np.full(sim.model.nv, 1e39))
+    simulate(stepper_model(HOPPER), 2).set_state(qvel=np.full(sim.model.nv, 1e39))
+
+
+def test_a_model_beyond_the_numbers_of_the_lanes_is_refused(model):
+    far = model.replace(qpos0=np.where(np.arange(model.nq) == 1, 1e200, model.qpos0))
+    with pytest.raises(stepper.ModelError, match='field "qpos0": number 1 is 1e200, which 32 bits cannot hold'):
+        simulate(far, precision="f32")
+    simulate(far).step()
+    with pytest.raises(ValueError, match="body_mass has 1e200, which 32 bits cannot hold"):
+        simulate(model, 1, precision="f32").randomize(body_mass=[[0, 1e200, 1, 1, 1]])
+
+
+@pytest.mark.parametrize("env", [5, -3, 10**30, -(10**30)])
+def test_an_environment_that_is_not_there_is_an_index_error(env):
+    sim = simulate(stepper_model(HOPPER), 2)
+    for call in (sim.get_state, sim.contacts, sim.energy, sim.mass_matrix, sim.bias_force, sim.momentum, sim.smooth_acceleration):
+        with pytest.raises(IndexError, match="must be below 2"):
+            call(env)
+
+
+# Arrays
+
+
+def test_what_another_thread_writes_meanwhile_is_not_read(model):
+    """A step reads what was applied when it was called, whole."""
+    sim, other = simulate(model, 64), simulate(model, 64)
+    mine, written = sim.xfrc_applied, []
+    mine[:], other.xfrc_applied[:] = 0.25, 0.25
+
+    def write():
+        deadline = time.monotonic() + 60
+        while not written and time.monotonic() < deadline:
+            try:
+                _ = sim.time
+            except RuntimeError:
+                # The step has begun, and is at work.
+                mine[:] = 50.0
+                written.append(True)
+
+    thread = threading.Thread(target=write, daemon=True)
+    thread.start()
+    while not written:
+        mine[:] = 0.25
+        sim.step(nstep=100)
+        other.step(nstep=100)
+    thread.join()
+    assert np.array_equal(sim.qpos, other.qpos)
+
+
+@pytest.mark.parametrize(("attribute", "value"), [("dtype", "f4"), ("dtype", "i8"), ("dtype", "c16"), ("shape", (-1,))])
+def test_an_array_that_was_made_something_else_is_an_error_and_not_a_crash(model, attribute, value):
+    sim = simulate(model, 2)
+    setattr(sim.xfrc_applied, attribute, value)
+    for call in (sim.step, sim.reset, sim.energy, lambda: sim.sensor_truth, lambda: sim.xpos):
+        with pytest.raises(ValueError, match=r"xfrc_applied is no longer a plain float64 array \(2, 5, 6\)"):
+            call()
+
+
+def test_a_recorder_has_the_methods_of_one(model):
+    sim = simulate(model)
+    with pytest.raises(TypeError, match=r"recorder is 2\.5 .* must be None or have the methods step, reset"):
+        sim.recorder = 2.5
+    sim.step()
+
+
+def test_a_rollout_too_large_for_memory_is_a_memory_error():
+    quiet = stepper.load("<mujoco><worldbody><body><joint/><geom size='.1'/></body></worldbody></mujoco>")
+    sim = simulate(quiet, 2)
+    with pytest.raises(MemoryError):
+        sim.rollout(np.zeros((10**13, 2, 0)))
+
+
+def test_a_rollout_into_given_arrays_and_new_ones_is_the_same(model):
+    ctrl = np.random.default_rng(0).uniform(-1, 1, (30, 3, 2))
+    one, two = simulate(model, 3), simulate(model, 3)
+    new = one.rollout(ctrl, nstep=2)
+    out = {name: np.full_like(array, 7) for name, array in new.items()}
+    given = two.rollout(ctrl, nstep=2, out=out)
+    for name, array in new.items():
+        assert np.array_equal(array, given[name]), name
+        assert given[name] is out[name]

@@ -1,0 +1,134 @@
+"""Mistakes that are made again and again: the message says what to do."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import stepper
+from models import simulate, stepper_model
+
+BALL = "<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"
+
+
+@pytest.fixture
+def sim():
+    return simulate(stepper_model("dm_control/humanoid"), 3)
+
+
+@pytest.mark.parametrize(("mistake", "kind", "message"), [
+    (lambda sim: sim.reset([0, 1]), ValueError, r"mask has dtype int64, must be bool.*mask = np\.isin\(np\.arange\(3\), indices\)"),
+    (lambda _: stepper.Stepper("hopper.xml"), TypeError, r"model is 'hopper.xml' \(str\), must be a stepper.Model: stepper\.load\(...\)"),
+    (lambda _: simulate(BALL).reset(keyframe="up"), KeyError, r"no keyframe .*up.*this model has none; give reset\(qpos=..., qvel=...\)"),
+    (lambda sim: sim.reset(keyframe=1.5), TypeError, "keyframe, if it is no name, is 1.5"),
+    (lambda sim: sim.qpso, AttributeError, "stepper.Stepper has no attribute 'qpso'; did you mean qpos"),
+    (lambda sim: sim.model.body_mas, AttributeError, "stepper.Model has no attribute 'body_mas'; did you mean body_mass"),
+    (lambda sim: setattr(sim, "xfrc_aplied", 0), AttributeError, "no attribute 'xfrc_aplied'; did you mean xfrc_applied"),
+    (lambda sim: sim.flux, AttributeError, "no attribute 'flux'$"),
+    (lambda sim: sim.get_state(env=3), IndexError, "env is 3, must be below 3"),
+])  # fmt: skip
+def test_a_mistake_is_told_what_to_do(sim, mistake, kind, message):
+    with pytest.raises(kind, match=message):
+        mistake(sim)
+
+
+def test_fields_of_a_model_are_listed():
+    assert {"body_mass", "geom_friction", "jnt_range", "timestep", "nq"} <= set(dir(stepper_model("dm_control/humanoid")))
+    assert not hasattr(stepper_model("dm_control/humanoid"), "colour")
+
+
+def test_body_poses_are_mujocos():
+    """After `mj_forward` of the present configuration, signs of the quaternions included; and of bodies that the user moves."""
+    import mujoco
+    from models import mujoco_model, random_state
+
+    rng = np.random.default_rng(0)
+    for name in ("dm_control/humanoid", "gymnasium/ant", "dm_control/quadruped", "dm_control/fish"):
+        compiled = mujoco_model(name)
+        sim = simulate(stepper_model(name), 4)
+        states = [random_state(compiled, rng) for _ in range(4)]
+        sim.set_state(*map(np.array, zip(*states, strict=True)))
+        data = mujoco.MjData(compiled)
+        for env, (qpos, _) in enumerate(states):
+            data.qpos[:] = qpos
+            mujoco.mj_kinematics(compiled, data)
+            np.testing.assert_allclose(sim.xpos[env], data.xpos, atol=1e-12)
+            np.testing.assert_allclose(sim.xquat[env], data.xquat, atol=1e-12)
+    scene = '<mujoco><worldbody><body mocap="true" pos="0 0 1"><body pos="1 0 0"><geom size=".1"/></body></body></worldbody></mujoco>'
+    posed = stepper.Stepper(stepper.load(scene))
+    assert posed.xpos.tolist() == [[0, 0, 0], [0, 0, 1], [1, 0, 1]]
+    posed.mocap_pos[:] = [0, 5, 0]
+    posed.mocap_quat[:] = [np.sqrt(0.5), 0, 0, np.sqrt(0.5)]
+    np.testing.assert_allclose(posed.xpos, [[0, 0, 0], [0, 5, 0], [0, 6, 0]], atol=1e-15)
+
+
+def test_contacts_of_all_environments_are_one_array(sim):
+    qpos = np.tile(sim.model.qpos0, (3, 1))
+    qpos[:, 2] = [0.05, 5.0, 0.2]
+    sim.set_state(qpos=qpos)
+    sim.step()
+    every = sim.contacts()
+    assert set(every["env"].tolist()) == {0, 2}
+    assert every.dtype.names[0] == "env"
+    for env in range(3):
+        one = sim.contacts(env)
+        for name in one.dtype.names:
+            assert np.array_equal(every[every["env"] == env][name], one[name]), name
+    every["pos"][:] = 0  # an array of one's own
+
+
+def test_sensor_truth_is_made_once():
+    """And anew when anything changes that it depends on."""
+    scene = """<mujoco><worldbody><body name="hand" mocap="true" pos="0 0 1"/>
+      <body name="arm"><joint name="hinge"/><geom size=".1" pos=".2 0 0"/><site name="tip" pos=".2 0 0"/></body></worldbody>
+      <actuator><motor joint="hinge"/></actuator>
+      <sensor><framepos objtype="xbody" objname="hand"/><accelerometer site="tip"/><jointpos joint="hinge"/></sensor></mujoco>"""
+    sim = stepper.Stepper(stepper.load(scene), 2)
+
+    def check():
+        """Reads twice, and compares with a stepper that has never read."""
+        first, second = sim.sensor_truth, sim.sensor_truth
+        assert first is not second
+        assert np.array_equal(first, second)
+        other = stepper.Stepper(sim.model, 2)
+        other.set_state(sim.get_state())
+        other.mocap_pos, other.qfrc_applied = sim.mocap_pos, sim.qfrc_applied
+        if "gravity" in sim.randomized:
+            other.randomize(gravity=sim.randomized["gravity"])
+        assert np.array_equal(first, other.sensor_truth)
+        return first
+
+    changes = [
+        lambda: None,
+        lambda: sim.step(np.ones(1)),
+        lambda: (sim.mocap_pos.__setitem__((0, 0), [1, 2, 3]), sim.step()),
+        lambda: sim.reset([True, False]),
+        lambda: sim.set_state(qpos=[0.3]),
+        lambda: sim.qfrc_applied.__setitem__((0, 0), 4.0),
+        lambda: sim.randomize(gravity=np.array([[0, 0, -1], [0, 0, -2]], float)),
+        lambda: sim.rollout(np.zeros((2, 1))),
+    ]
+    before = None
+    for change in changes:
+        change()
+        now = check()
+        assert before is None or not np.array_equal(now, before)
+        before = now
+
+
+@pytest.mark.parametrize("version", ["3.3.0", "2.1", None])
+def test_another_mujoco_is_refused_with_the_version_that_is_needed(tmp_path, version):
+    (tmp_path / "mujoco.py").write_text(f"class MjModel: pass\n__version__ = {version!r}\n" if version else "class MjModel: pass\n")
+    program = f"""
+import sys; sys.path.insert(0, {str(tmp_path)!r})
+import stepper, mujoco
+for source in ('<mujoco/>', mujoco.MjModel()):
+    try: stepper.load(source)
+    except ImportError as error: print(error)
+"""
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    lines = run.stdout.strip().splitlines()
+    assert len(lines) == 2
+    for line in lines:
+        assert f"are read by MuJoCo 4, and MuJoCo {version or 'of an unknown version'} is installed here" in line
+        assert 'pip install "stepper-sim[mjcf]"' in line

@@ -1,0 +1,224 @@
+"""Impacts happen at their own time within a step: second order wherever that is, and no energy comes of it.
+
+The bounds of slopes are 1.8: 2 with what a fit over five time steps of a coarse and a fine end leaves open.
+"""
+
+import numpy as np
+import pytest
+import stepper
+from models import simulate
+from numerics import slope
+
+G, R = 9.81, 0.1
+FLOOR = '<geom type="plane" size="9 9 1"/>'
+
+
+def elastic(text: str, e: float, num_envs: int | None = None, gravity: str = f"0 0 {-G}", **options) -> stepper.Stepper:
+    """A world without friction in which everything bounces with `e`."""
+    head = f'<mujoco><option gravity="{gravity}"/><default><geom condim="1"/></default>'
+    model = stepper.load(f"{head}<worldbody>{text}</worldbody></mujoco>")
+    return simulate(model.replace(geom_restitution=np.full(model.ngeom, e)), num_envs, **{"stabilization": "split"} | options)
+
+
+def ball(x: float = 0.0, y: float = 0.0, z: float = 0.0, r: float = R, more: str = "") -> str:
+    return f'<body pos="{x!r} {y!r} {z!r}"><freejoint/><geom size="{r}" mass="1" {more}/></body>'
+
+
+def pit(tilt: float) -> str:
+    """Five balls above a floor between four walls that lean outwards."""
+    sides = [(1, 0), (-1, 0), (0, 1), (0, -1)]
+    walls = "".join(f'<geom type="plane" size="9 9 1" pos="{-0.6 * x} {-0.6 * y} 0" zaxis="{x} {y} {tilt}"/>' for x, y in sides)
+    return FLOOR + walls + "".join(ball(0.25 * (k % 2), 0.25 * (k // 2), 0.5 + 0.25 * (k // 4)) for k in range(5))
+
+
+def energies(sim: stepper.Stepper) -> np.ndarray:
+    return np.array([sum(sim.energy(env)) for env in range(sim.num_envs or 1)])
+
+
+@pytest.mark.parametrize("integrator", ["midpoint", "rk4"])
+@pytest.mark.parametrize("dt", [2e-3, 1e-2])
+@pytest.mark.parametrize("e", [0.3, 0.5, 0.8, 1.0])
+def test_apexes_are_exact_at_every_height(e, dt, integrator):
+    """Free fall is a parabola, which the step knows: what is left is rounding."""
+    heights = np.linspace(0.5, 1.0, 20, endpoint=False)
+    sim = elastic(FLOOR + ball(), e, 20, timestep=dt, integrator=integrator)
+    qpos = sim.qpos.copy()
+    qpos[:, 2] = R + heights
+    sim.set_state(qpos=qpos)
+    before, bounces = np.zeros(20), np.zeros(20, int)
+    while (bounces < 2).any():
+        sim.step()
+        z, v = sim.qpos[:, 2] - R, sim.qvel[:, 2]
+        top = (before > 0) & (v <= 0) & (bounces < 2)
+        bounces[top] += 1
+        found = z + v**2 / (2 * G)
+        np.testing.assert_allclose(found[top], (e ** (2 * bounces) * heights)[top], rtol=1e-11)
+        before = v
+
+
+def test_the_velocity_after_an_impact_is_e_times_that_before_it():
+    """Without gravity, to rounding, at every phase of the step."""
+    for e in (0.2, 0.7, 1.0):
+        sim = elastic(FLOOR + ball(), e, 16, timestep=1e-2)
+        sim.set_state(qpos=[0, 0, R + 0.05, 1, 0, 0, 0], qvel=np.array([[0, 0, -v, 0, 0, 0] for v in np.linspace(1, 3, 16)]))
+        speeds = np.linspace(1, 3, 16)
+        sim.step(nstep=1)
+        while (sim.qvel[:, 2] < 0).any():
+            sim.step()
+        # With gravity the energy at the surface says the same.
+        surface = speeds**2 + 2 * G * 0.05
+        np.testing.assert_allclose(sim.qvel[:, 2] ** 2 + 2 * G * (sim.qpos[:, 2] - R), e**2 * surface, rtol=1e-11)
+
+
+@pytest.mark.parametrize("e", [0.3, 0.5, 0.9])
+def test_colliding_spheres_only_lose_energy(e):
+    """Sixteen times five spheres in a pit of planes: whenever they strike, in whatever number, energy falls."""
+    sim = elastic(pit(0.2), e, 16, timestep=2e-3)
+    sim.set_state(qvel=np.random.default_rng(3).normal(scale=2.0, size=(16, 30)))
+    first = last = energies(sim)
+    for _ in range(600):
+        sim.step()
+        now = energies(sim)
+        # What overlaps by up to the slop is pushed out by a fifth of it a step, against gravity: 1e-5 m * 1 kg * g, for five.
+        assert (now < last + 5e-4).all()
+        last = now
+    assert (now < first).all()
+
+
+def test_elastic_spheres_among_walls_keep_their_energy_with_several_impacts_in_a_step():
+    """At 10 ms most steps have an impact in some of the ten pairs; times differ within the step, and nothing is gained or lost."""
+    sim = elastic(pit(0.0), 1.0, 16, timestep=1e-2)
+    sim.set_state(qvel=np.random.default_rng(3).normal(scale=2.0, size=(16, 30)))
+    before = energies(sim)
+    sim.step(nstep=500)
+    # Rounding and the solver's tolerance of 1e-6 m/s at each of some thousand impacts.
+    np.testing.assert_allclose(energies(sim), before, rtol=1e-5)
+
+
+def _struck(dt: float) -> float:
+    """Largest error of velocities and places after an oblique impact at five phases, over 5 m/s and 1 m."""
+    r, speed, cut = 0.03, 5.0, np.radians(30)
+    aside = 2 * r * float(np.sin(cut))
+    sim = elastic(ball(-0.2, -aside, r=r) + ball(r=r), 1.0, 5, gravity="0 0 0", timestep=dt)
+    qpos, qvel = sim.qpos.copy(), np.zeros((5, 12))
+    start = -0.2 - np.arange(5) / 5 * speed * dt
+    qpos[:, 0], qvel[:, 0] = start, speed
+    sim.set_state(qpos, qvel)
+    seconds = 0.064
+    sim.step(nstep=round(seconds / dt))
+    normal = np.array([np.cos(cut), np.sin(cut), 0])
+    struck = speed * np.cos(cut) * normal
+    left = seconds - (-2 * r * np.cos(cut) - start) / speed
+    velocity = np.concatenate([[speed, 0, 0] - struck, struck])
+    worst = np.abs(sim.qvel[:, [0, 1, 2, 6, 7, 8]] - velocity).max() / speed
+    place = left[:, None] * struck
+    return max(worst, np.abs(sim.qpos[:, 7:10] - place).max())
+
+
+def test_billiards_converge_with_the_square_of_the_step():
+    dts = [8e-3, 4e-3, 2e-3, 1e-3, 5e-4]
+    errors = [_struck(dt) for dt in dts]
+    # The placement is at the impact to a thousandth of a step, which is V h / 1000 of the way and as much of 2 r in the normal's angle:
+    # 8e-5 at 2 ms; or to what Newton's method leaves of a curve, of higher order.
+    assert max(e / dt for e, dt in zip(errors, dts, strict=True)) < 0.1
+    assert errors[2] < 1e-4
+
+
+def test_an_oblique_bounce_with_friction_is_of_second_order():
+    """A ball with topspin strikes the floor: Coulomb's impulse at the time of the impact, sliding or sticking, by hand."""
+    model = stepper.load(f"<mujoco><worldbody>{FLOOR}{ball(z=0.5)}</worldbody></mujoco>")
+    model = model.replace(geom_restitution=[0.0, 0.6], geom_friction=[[0.3, 0, 0], [0.3, 0, 0]])
+    for vx, spin in [(3.0, 0.0), (0.5, 0.0), (0.2, 20.0)]:
+        for dt in (1e-3, 7e-3):
+            sim = stepper.Stepper(model, options=stepper.Options(timestep=dt))
+            sim.set_state(qvel=[vx, 0, 0, 0, spin, 0])
+            fall = np.sqrt(2 * 0.4 / G)
+            sim.step(nstep=round(0.5 / dt))
+            time = round(0.5 / dt) * dt
+            push = 1.6 * G * fall
+            slip, inertia = vx - R * spin, 0.4 * R**2
+            drag = -np.sign(slip) * min(0.3 * push, abs(slip) * 2 / 7)
+            v, w = vx + drag, spin - R * drag / inertia
+            # The step is taken where the straight way would have struck, G dt^2 / 2 too high at the most; the arm is longer by half of
+            # that, 2.5 dt^2 of 0.1 m, and more than 3 m/s does not slip. And the solver's tolerance.
+            off = 1e-6 + 25 * dt**2
+            assert sim.qvel[0] == pytest.approx(v, abs=off)
+            assert sim.qvel[4] == pytest.approx(w, abs=off / R * 2.5)
+            assert sim.qpos[0] == pytest.approx(vx * fall + v * (time - fall), abs=off)
+            assert sim.qpos[2] == pytest.approx(R + 0.6 * G * fall * (time - fall) - G * (time - fall) ** 2 / 2, abs=1e-9)
+
+
+ARM = """<mujoco><worldbody><geom type="plane" size="9 9 1" zaxis="-1 0 0" pos=".45 0 0"/>
+  <body pos="0 0 1.5"><joint axis="0 1 0"/><geom type="capsule" size=".02" fromto="0 0 0 0 0 -.5" contype="0" conaffinity="0"/>
+  <body pos="0 0 -.5"><joint axis="0 1 0"/><geom type="capsule" size=".02" fromto="0 0 0 0 0 -.4" contype="0" conaffinity="0"/>
+  <geom size=".05" pos="0 0 -.4" condim="1"/></body></body></worldbody></mujoco>"""
+
+
+def test_an_arm_that_strikes_a_wall_converges_with_the_square_of_the_step():
+    """Two hinges, inertial forces that jump at the impact, one bounce with e 0.7."""
+    model = stepper.load(ARM)
+    model = model.replace(geom_restitution=np.full(model.ngeom, 0.7))
+
+    def end(dt):
+        sim = stepper.Stepper(model, options=stepper.Options(timestep=dt))
+        sim.set_state(qpos=[0.6, 0.3], qvel=[-2.0, -1.0])
+        sim.step(nstep=round(0.6 / dt))
+        return np.concatenate([sim.qpos, sim.qvel])
+
+    # From 1 ms on: after the impact an elbow turns with 15 rad/s, and forces of the velocity after it are taken up to 0.02 rad a step.
+    exact, dts = end(1e-5), [1e-3, 5e-4, 2.5e-4, 1.25e-4]
+    errors = [np.abs(end(dt) - exact).max() for dt in dts]
+    # The phase of the impact in the step differs between them, and with it the constant: 1 is first order.
+    assert slope(dts, errors) > 1.6
+    assert errors[0] < 5e-3
+
+
+def test_a_plate_that_is_struck_stays_on_the_floor():
+    """The way that an impulse adds within its step is seen by the contacts below: nothing is pushed through."""
+    plate = '<body pos="0 0 .02"><freejoint/><geom type="box" size=".2 .2 .02" mass="2"/></body>'
+    model = stepper.load(f"<mujoco><worldbody>{FLOOR}{plate}{ball(z=0.64)}</worldbody></mujoco>")
+    # The pair takes the larger coefficient: none between plate and floor is meant, so the plate is inelastic.
+    model = model.replace(geom_restitution=[0.0, 0.0, 0.8])
+    for dt in (1e-3, 5e-3):
+        sim = stepper.Stepper(model, options=stepper.Options(timestep=dt))
+        lowest = 1.0
+        for _ in range(round(2 / dt)):
+            sim.step()
+            lowest = min(lowest, sim.qpos[2])
+        assert lowest > 0.02 - 3e-5  # m: the slop, and what a solution for positions to 1e-4 m/s leaves.
+
+
+@pytest.mark.parametrize("e", [0.1, 0.5, 0.9])
+@pytest.mark.parametrize("dt", [1e-3, 1e-2])
+def test_a_ball_that_bounces_comes_to_rest(dt, e):
+    """Bounces shorter than a step are none: neither hovering nor sinking. At 10 ms those with e 0.9 last 2 v / g (1 - e) = 4 s."""
+    sim = elastic(FLOOR + ball(z=0.3), e, timestep=dt)
+    sim.step(nstep=round(6 / dt))
+    assert np.abs(sim.qvel).max() < 1e-9
+    assert abs(sim.qpos[2] - R) < 2e-5
+
+
+def test_lanes_with_impacts_have_the_bits_of_environments_alone():
+    qvel = np.random.default_rng(5).normal(scale=2.0, size=(20, 12))
+    text = FLOOR + ball(z=0.4) + ball(0.25, z=0.5)
+    together = elastic(text, 0.8, 20, timestep=5e-3)
+    together.set_state(qvel=qvel)
+    together.step(nstep=200)
+    for env in range(0, 20, 3):
+        alone = elastic(text, 0.8, timestep=5e-3)
+        alone.set_state(qvel=qvel[env])
+        alone.step(nstep=200)
+        assert np.array_equal(alone.qpos, together.qpos[env])
+        assert np.array_equal(alone.qvel, together.qvel[env])
+
+
+def test_a_box_that_bounces_on_its_corners_gains_nothing():
+    """Inertia and arms change along the flight, so energy is kept to the order of the step, and to no less at impacts."""
+    errors = []
+    for dt in (4e-3, 2e-3, 1e-3, 5e-4):
+        sim = elastic(FLOOR + '<body pos="0 0 .6"><freejoint/><geom type="box" size=".2 .15 .1" mass="1"/></body>', 1.0, 16, timestep=dt)
+        sim.set_state(qvel=np.random.default_rng(1).normal(size=(16, 6)))
+        before = energies(sim)
+        sim.step(nstep=round(1 / dt))
+        errors.append(np.abs(energies(sim) / before - 1).mean())
+    assert slope([4e-3, 2e-3, 1e-3, 5e-4], errors) > 1.6

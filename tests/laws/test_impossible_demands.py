@@ -1,0 +1,175 @@
+"""Positions that cannot be corrected, or only by absurd motion: what is moved stays bounded, no energy comes of it, and a flag says so."""
+
+import mujoco
+import numpy as np
+import pytest
+import stepper
+from stepper import Options, Status
+
+OVERLAP = """<mujoco><worldbody><geom size=".05"/><body><joint {joint}/>
+<geom type="capsule" size=".02" fromto="0 0 0 .3 0 0"/></body></worldbody></mujoco>"""
+HINGE, BALL = 'axis="0 1 0" damping=".01"', 'type="ball" damping=".01"'
+
+
+def solved(sim: stepper.Stepper) -> int:
+    """What the solver says of a step. That these scenes are deep in one another, and beyond limits, is how they begin."""
+    return int(sim.status) & ~(Status.DEEP | Status.OVER_LIMIT)
+
+
+@pytest.mark.parametrize("stabilization", ["split", "baumgarte", "none"])
+@pytest.mark.parametrize("integrator", ["midpoint", "euler", "implicit"])
+@pytest.mark.parametrize("joint", [HINGE, BALL], ids=["hinge", "ball"])
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+def test_a_normal_that_passes_a_joint_moves_nothing(joint, integrator, stabilization, precision):
+    xml = OVERLAP.format(joint=joint)
+    sim = stepper.Stepper(stepper.load(xml), options=Options(integrator=integrator, stabilization=stabilization), precision=precision)
+    model = mujoco.MjModel.from_xml_string(xml)
+    data, flags, fastest, peer = mujoco.MjData(model), 0, 0.0, 0.0
+    for _ in range(500):
+        sim.step()
+        mujoco.mj_step(model, data)
+        flags |= solved(sim)
+        fastest, peer = max(fastest, float(np.abs(sim.qvel).max())), max(peer, float(np.abs(data.qvel).max()))
+    # A damped pendulum of the same swing in both: time integration differs by some h w^2 of the speed, 2 %.
+    assert fastest == pytest.approx(peer, rel=0.05)
+    assert not flags & ~Status.INFEASIBLE
+    assert bool(flags & Status.INFEASIBLE) == (stabilization != "none")
+
+
+@pytest.mark.parametrize("angle", [10, 20, 30])
+def test_what_cannot_move_along_its_normal_is_said(angle):
+    """A hip that is turned: the lever of the normal is rounding, of another size in every pose."""
+    c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+    xml = f"""<mujoco><worldbody><geom size=".05"/><body euler="{angle} {angle} 0"><joint axis="0 {c} {s}"/>
+    <geom type="capsule" size=".02" fromto="0 0 0 .3 0 0"/></body></worldbody></mujoco>"""
+    sim = stepper.Stepper(stepper.load(xml))
+    sim.step()
+    # Gravity alone moves it: h^2 g / (2 / 3 of the rod's length) at the most.
+    assert abs(float(sim.qpos[0])) < 2e-3**2 * 9.81 / 0.2
+    assert solved(sim) == Status.INFEASIBLE
+
+
+def test_a_feasible_overlap_is_no_witness():
+    xml = """<mujoco><worldbody><geom type="plane" size="1 1 .1"/><body pos="0 0 .04"><freejoint/>
+    <geom size=".05"/></body></worldbody></mujoco>"""
+    sim = stepper.Stepper(stepper.load(xml))
+    for _ in range(500):
+        sim.step()
+        assert solved(sim) == Status.OK
+    assert sim.qpos[2] == pytest.approx(0.05, abs=2e-5)  # the slop, twice
+
+
+@pytest.mark.parametrize("solver", ["auto", "pgs", "newton"])
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+def test_a_contact_that_moves_along_its_normal_alone_stays_finite(solver, precision):
+    """A flap lies level with its axis on a block: its contacts have no tangential mobility, which the update of late sweeps divides by."""
+    xml = """<mujoco><worldbody><geom type="box" size=".1 .1 .05" pos=".2 0 -.05"/>
+    <body><joint axis="0 1 0"/><geom size=".01" pos=".2 0 .01" contype="0" conaffinity="0"/>
+    <geom type="sphere" size=".02" pos=".15 0 .02"/><geom type="sphere" size=".02" pos=".25 0 .02"/></body></worldbody></mujoco>"""
+    options = Options(solver=solver, tolerance=1e-300 if precision == "f64" else 1e-30, stabilization="none")
+    sim = stepper.Stepper(stepper.load(xml), options=options, precision=precision)
+    for _ in range(10):
+        sim.step()
+        assert not sim.status & Status.NON_FINITE
+    assert np.abs(sim.qvel).max() < 1e-6
+
+
+SLOT = """<mujoco><option gravity="0 0 0"/><worldbody>
+<geom type="box" size=".05 .1 .1" pos=".15 0 0"/><geom type="box" size=".05 .1 .1" pos="-.15 0 0"/>
+<body><joint type="slide" axis="1 0 0"/><geom type="box" size=".101 .05 .05"/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("timestep", [1e-4, 5e-4, 2e-3, 1e-2])
+def test_overlaps_that_contradict_settle_for_least_squares(timestep):
+    sim = stepper.Stepper(stepper.load(SLOT), options=Options(timestep=timestep))
+    sim.reset(qpos=[4e-4])
+    sim.step(nstep=max(200, int(0.2 / timestep)))
+    # Both overlaps are a millimetre in the middle; a hundredth of that is far below what anyone would see.
+    assert abs(float(sim.qpos[0])) < 1e-5
+    assert sim.qvel[0] == 0
+    assert solved(sim) == Status.INFEASIBLE
+
+
+def test_baumgarte_gives_a_contradiction_no_more_than_the_capped_speed():
+    options = Options(stabilization="baumgarte")
+    sim = stepper.Stepper(stepper.load(SLOT), options=options)
+    sim.reset(qpos=[4e-4])
+    for _ in range(500):
+        sim.step()
+        assert abs(float(sim.qvel[0])) <= options.max_correction_speed * (1 + 1e-9)
+    assert abs(float(sim.qpos[0])) < 2e-3
+
+
+RANGE = """<mujoco><option gravity="0 0 0" timestep=".01"/><worldbody><body><joint axis="0 1 0" range="-60 0"/>
+<geom type="capsule" size=".02" fromto="0 0 0 .3 0 0"/></body></worldbody></mujoco>"""
+
+
+def test_a_joint_far_outside_its_range_comes_back_like_mujocos():
+    """Half a radian outside, as the ankles of gymnasium's Ant: within a tenth of a second, not half of one."""
+    model = mujoco.MjModel.from_xml_string(RANGE)
+    data = mujoco.MjData(model)
+    sim = stepper.Stepper(stepper.load(model))
+    sim.reset(qpos=[0.52])
+    data.qpos[:] = 0.52
+    inside = None
+    for k in range(100):
+        mujoco.mj_step(model, data)
+        if data.qpos[0] < 0.05 and inside is None:
+            inside = k + 1
+    # MuJoCo's soft limit throws the joint back inside; ours comes back without a speed, in no more than 0.1 s.
+    assert inside is not None
+    assert inside <= 10
+    sim.step(nstep=12)
+    assert abs(float(sim.qpos[0])) < 0.06
+    assert sim.qvel[0] == 0
+
+
+REACH = """<mujoco><option gravity="0 0 0"/><worldbody><site name="far" pos="1.2 0 0"/>
+<body><joint axis="0 1 0"/><geom type="capsule" size=".02" fromto="0 0 0 .5 0 0" contype="0"/>
+<body pos=".5 0 0"><joint axis="0 1 0"/><geom type="capsule" size=".02" fromto="0 0 0 .5 0 0" contype="0"/><site name="tip" pos=".5 0 0"/>
+</body></body></worldbody><equality><connect site1="tip" site2="far"/></equality></mujoco>"""
+
+
+@pytest.mark.parametrize("timestep", [5e-4, 2e-3, 1e-2])
+def test_an_arm_stretches_towards_what_it_cannot_reach(timestep):
+    sim = stepper.Stepper(stepper.load(REACH), options=Options(timestep=timestep))
+    sim.reset(qpos=[0.6, -1.0])
+    sim.step(nstep=int(3 / timestep))
+    a, b = np.asarray(sim.qpos)
+    tip = 0.5 * np.array([np.cos(a) + np.cos(a + b), -np.sin(a) - np.sin(a + b)])
+    # A thousandth of the arm; the correction adds no velocity.
+    assert np.linalg.norm(tip - [1.2, 0]) < 0.2 + 1e-3
+    assert solved(sim) == Status.INFEASIBLE
+    assert sim.energy()[1] < 1e-12
+
+
+def test_islands_keep_their_loops_closed_when_a_correction_is_bounded():
+    """A loop whose limit is far outside moves as one: its gap stays what a correction of one step can leave."""
+    xml = """<mujoco><option gravity="0 0 0"/><worldbody>
+    <body><joint axis="0 1 0" range="-100 -60"/><geom type="capsule" size=".01" fromto="0 0 0 0 0 .2" contype="0"/>
+    <body pos="0 0 .2"><joint axis="0 1 0"/><geom type="capsule" size=".01" fromto="0 0 0 .3 0 0" contype="0"/>
+    <body pos=".3 0 0"><joint axis="0 1 0"/><geom type="capsule" size=".01" fromto="0 0 0 0 0 -.2" contype="0"/></body></body></body>
+    </worldbody><equality><connect body1="world" body2="3" anchor="0 0 0"/></equality></mujoco>"""
+    xml = xml.replace('<body pos=".3 0 0">', '<body name="3" pos=".3 0 0">').replace('anchor="0 0 0"', 'anchor=".3 0 0"')
+    sim = stepper.Stepper(stepper.load(xml))
+    gap = 0.0
+    for _ in range(200):
+        sim.step()
+        a, b, c = np.asarray(sim.qpos)
+        end = np.array([0.2 * np.sin(a), 0.2 * np.cos(a)])
+        end += 0.3 * np.array([np.cos(a + b), -np.sin(a + b)])
+        end -= 0.2 * np.array([np.sin(a + b + c), np.cos(a + b + c)])
+        gap = max(gap, float(np.linalg.norm(end - [0.3, 0])))
+    # 10 rad/s over 2 ms turn by 0.02 rad: half of its square on 0.3 m is 6e-5 m a step, of which a fifth is removed in every step.
+    assert gap < 1e-3
+    assert sim.qpos[0] == pytest.approx(np.radians(-60), abs=1e-3)
+
+
+def test_explain_lists_what_is_in_the_way_at_the_reference_pose():
+    text = stepper.load(OVERLAP.format(joint=HINGE)).explain()
+    section = text.split("In the way at the reference pose:")[1]
+    assert "overlap by 70.00 mm" in section
+    assert "Remedy" in section
+    outside = stepper.load(RANGE.replace('range="-60 0"', 'range="30 60"')).explain().split("In the way at the reference pose:")[1]
+    assert "outside its range by 0.524" in outside
+    assert "nothing" in stepper.load(RANGE).explain().split("In the way at the reference pose:")[1]

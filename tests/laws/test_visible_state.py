@@ -1,0 +1,31 @@
+"""The next state follows from the state that a user can see: configuration, velocity, activation and controls."""
+
+import numpy as np
+import pytest
+import stepper
+from models import stepper_model
+from stepper import Options
+
+ROBOTS = ["dm_control/walker", "dm_control/humanoid", "gymnasium/ant", "gymnasium/half_cheetah"]
+
+
+@pytest.mark.parametrize("integrator", ["midpoint", "implicit", "euler"])
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_a_simulator_that_is_told_the_state_goes_on_like_one_that_came_there(robot, integrator):
+    model, n = stepper_model(robot), 32
+    plant, told = (stepper.Stepper(model, num_envs=n, options=Options(integrator=integrator)) for _ in range(2))
+    rng, differences = np.random.default_rng(0), []
+    for _ in range(20):
+        plant.step(rng.uniform(-1, 1, (n, model.nu)), nstep=20)
+        told.set_state(qpos=plant.qpos, qvel=plant.qvel)
+        ctrl = rng.uniform(-1, 1, (n, model.nu))
+        plant.step(ctrl)
+        told.step(ctrl)
+        solved = (plant.status == 0) & (told.status == 0)
+        differences.extend(np.abs(plant.qvel - told.qvel)[solved].max(axis=1))
+    assert len(differences) > 0.9 * 20 * n
+    # Rows are solved to 1e-6 m/s, most of them far better.
+    assert np.median(differences) < 1e-7
+    # Joints of light feet move by some sixty times that. Coulomb's law can have two solutions (Painleve), both of them solved, and the
+    # impulses before choose: in 1 to 2.5 % of the steps of a humanoid that flails at 20 rad/s, in fewer of all others.
+    assert np.mean(np.asarray(differences) > 1e-4) <= 0.04

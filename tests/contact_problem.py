@@ -1,8 +1,8 @@
 """The constraint problem of one step, built again from MuJoCo's mass matrix and Jacobians: contact.md sections 1 and 2 in NumPy.
 
 Contacts of 3 and 6 rows with their reported impulses; joint limits and equalities with the impulses that the change of velocity leaves to
-them. Euler's rule takes it all at the state before; the midpoint rule at q + h/2 v, which is done here for scenes without forces that
-depend on the velocity.
+them. Euler's rule takes it all at the state before; the midpoint rule at q + h/2 v, which is done here for balls, on which no force
+depends on the velocity.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class Problem:
         for i, mu in enumerate(self.friction):
             rows, impulse = self._block(i)
             velocity = rows @ v
-            velocity[0] += self.bias[i, 0]
+            velocity[:3] += self.bias[i]
             rho = len(rows) / np.trace(rows @ np.linalg.solve(self.mass, rows.T))
             velocity[0] += mu * np.linalg.norm(velocity[1:])
             worst = max(worst, np.linalg.norm(impulse - project(impulse - rho * velocity, mu)) / rho)
@@ -126,6 +126,9 @@ def problem_of(model: mujoco.MjModel, before, contacts: np.ndarray, options, ctr
             mujoco.mj_jac(model, data, side[0], side[1], contact["pos"], body)
         jacobian[i], turning[i] = contact["frame"] @ (sides[1] - sides[0])
         bias[i, 0] = demand_of(contact["distance"], h, options)
+        if midpoint and contact["body"].all():
+            most = np.abs(jacobian[i, 1:] @ before[1])
+            bias[i, 1:] = np.clip(h / 2 * contact["frame"][1:] @ curve(model, data, contact), -most, most)
         condim, mixed = model.geom_condim[contact["geom"]].max(), model.geom_friction[contact["geom"]].max(axis=0)
         friction[i] = mixed[0] if condim > 1 else 0.0
         scale[i] = mixed[[1, 2, 2]] * [condim > 3, condim > 4, condim > 4] / (mixed[0] or 1.0)
@@ -138,6 +141,27 @@ def demand_of(distance: float, h: float, options) -> float:
     """Bias of a row that may close a gap, or has to open an overlap."""
     overlap = max(-distance - options.slop, 0.0)
     return distance / h if distance >= 0 else -min(options.baumgarte * overlap / h, options.max_correction_speed)
+
+
+def curve(model: mujoco.MjModel, data: mujoco.MjData, contact: np.ndarray) -> np.ndarray:
+    """Rate of the relative velocity of two free balls at the place where they touch, as they move on without forces, m/s^2.
+
+    u = v_b - v_a + omega_b x (p - x_b) - omega_a x (p - x_a), with constant v and omega. The place p shares the distance of the centres as the
+    radii do, and follows b along the normal.
+    """
+    radii, centres, v, omega = [], [], [], []
+    for geom, body in zip(contact["geom"], contact["body"], strict=True):
+        assert model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_SPHERE
+        velocity = np.zeros(6)
+        mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_XBODY, body, velocity, 0)
+        radii.append(model.geom_size[geom, 0] + contact["distance"] / 2)
+        centres.append(data.xpos[body])
+        v.append(velocity[3:])
+        omega.append(velocity[:3])
+    normal = (centres[1] - centres[0]) / np.linalg.norm(centres[1] - centres[0])
+    apart = v[1] - v[0]
+    place = v[1] - (apart - normal * (apart @ normal)) * radii[1] / sum(radii)
+    return np.cross(omega[1], place - v[1]) - np.cross(omega[0], place - v[0])
 
 
 def limits(model: mujoco.MjModel, data: mujoco.MjData, free: np.ndarray, options) -> tuple[np.ndarray, np.ndarray]:

@@ -6,6 +6,9 @@
 //! what it must not violate is kept by force: kinetic energy does not exceed that before the step and the work of all other forces,
 //! contacts not counted where they would add to it, and no joint leaves the step with more than a radian a step.
 //! Status UNRESOLVED says so.
+//!
+//! The same holds where impulses throw a joint by half a turn and more within the step, as levers in a jam do: the rows that made it so fast say
+//! nothing of what it meets on its way.
 
 use stepper_real::{Mask, Real};
 
@@ -39,6 +42,30 @@ pub fn unresolved<R: Real>(plan: &LanePlan<R>, v: &[R], v_free: &[R], change: &[
                 most = R::select(change[i].abs().le(most), most, change[i].abs());
             }
             fast.and_not(most.le(size * R::of(CHANGE)))
+        },
+    )
+}
+
+/// Turn of a joint in a step by impulses that is no longer resolved, rad.
+const THROWN: f64 = std::f64::consts::PI;
+
+/// Lanes in which constraints made a hinge or a ball joint turn by half a turn in the step, faster than anything did in `v`, before it, and in `v_free`,
+/// without them.
+pub fn thrown<R: Real>(plan: &LanePlan<R>, [v, v_free]: [&[R]; 2], v_next: &[R], h: R) -> R::Mask {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let mut turn = R::zero();
+            for joint in plan.joints.iter().filter(|j| matches!(j.kind, JointKind::Hinge | JointKind::Ball)) {
+                for &v in &v_next[joint.v..joint.v + joint.kind.nv()] {
+                    turn = turn.max(v.abs());
+                }
+            }
+            let far = (turn * h).gt(R::of(THROWN));
+            if far.none() {
+                return far;
+            }
+            far.and(turn.gt(fastest_turn(plan, v).max(fastest_turn(plan, v_free))))
         },
     )
 }

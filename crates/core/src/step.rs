@@ -10,7 +10,7 @@ use crate::contacts::Contacts;
 use crate::drive::{At, Drive, Implicit, Implied, Theta, Train};
 use crate::kinematics::{Kinematics, advance, all_finite, blend, displace};
 use crate::lanes::each_of;
-use crate::limit::{Limit, slow_down, unresolved};
+use crate::limit::{Limit, slow_down, thrown, unresolved};
 use crate::mocap::{self, Way};
 use crate::options::{Integrator, Options};
 use crate::plan::{LanePlan, Plan};
@@ -226,6 +226,7 @@ impl<R: Real> Rule<R> {
 pub fn step<R: Real>(plan: &LanePlan<R>, options: &Options, s: &mut Scratch<R>) -> Record<R> {
     let mut rule = Rule::new(options);
     let h = rule.h;
+    s.unresolved = R::Mask::splat(false);
     s.poses.begin();
 
     // Where the step is taken: Moreau's rule takes everything in the middle of the step, Euler's at its beginning.
@@ -273,6 +274,9 @@ pub fn step<R: Real>(plan: &LanePlan<R>, options: &Options, s: &mut Scratch<R>) 
     let mut infeasible = restrain(plan, options, &solved, &mut s.constraints, &mut outcome, &mut s.v_mean, &mut s.v_next);
     // Where the step is too long for the motion, or the impulses do not decide it, speed and energy are kept from growing by force.
     let undecided = undecided(options, s, outcome.residual);
+    if s.constraints.constrained.any() {
+        s.unresolved = s.unresolved.or(s.alive.and(thrown(plan, [&s.v, &s.v_free], &s.v_next, h)));
+    }
     let guarded = s.unresolved.or(undecided);
     if guarded.any() {
         slow_down(plan, guarded, h, &mut s.v_next);

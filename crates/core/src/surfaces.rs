@@ -30,7 +30,7 @@ pub fn motion<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, contacts:
         }
         if let Some(own) = surface.own {
             let mat = &kinematics.mat[frame];
-            let [along, spin] = own.map(|x| rotate(mat, splat(x)));
+            let (along, spin) = (rotate(mat, splat(own[0])), rotate(mat, splat(own[1])));
             let arm = sub(point.pos, kinematics.point(frame, plan.params.geom_pos(surface.geom)));
             let own = add(along, cross(spin, arm));
             let n = point.normal;

@@ -115,7 +115,8 @@ pub trait Real:
     /// Runs `kernel` as a function of its own, compiled with the instructions of this type's CPU level: what it inlines, it inlines with
     /// them. So a long computation can be made of several kernels called from ordinary code, each compiled once.
     ///
-    /// The closure and all that it calls must be `#[inline(always)]`, or they run with baseline instructions.
+    /// The closure and all that it calls must be `#[inline(always)]`, or they run with baseline instructions, every operation a call: an array's `map`
+    /// and `from_fn` do, which call closures through functions of their own.
     fn vectorize<T>(kernel: impl FnOnce() -> T) -> T;
 
     /// `self < o`; false where either is NaN.

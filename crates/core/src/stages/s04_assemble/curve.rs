@@ -83,18 +83,13 @@ fn rate<R: Real>(site: Site<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32
     let mut out = zero();
     for (pair, same) in contacts.pairs(k, lanes) {
         let geoms = plan.pair_geoms(pair).expect("made from this plan");
-        let [a, b] = geoms.map(
-            #[inline(always)]
-            |g| field(site, plan.geoms[g].frame, point.pos),
-        );
-        let [from_a, from_b] = geoms.map(
-            #[inline(always)]
-            |g| plan.params.geom_size(g)[0] + half,
-        );
+        let [first, second] = geoms;
+        let (a, b) = (field(site, plan.geoms[first].frame, point.pos), field(site, plan.geoms[second].frame, point.pos));
+        let (from_a, from_b) = (plan.params.geom_size(first)[0] + half, plan.params.geom_size(second)[0] + half);
         // Centres, where there are any, move with their bodies.
         let centre_a = sub(a.velocity, scale(cross(a.turn, n), from_a));
         let centre_b = add_scaled(b.velocity, cross(b.turn, n), from_b);
-        let place = match geoms.map(|g| plan.geoms[g].is_round) {
+        let place = match [plan.geoms[first].is_round, plan.geoms[second].is_round] {
             [true, true] => {
                 let apart = sub(centre_b, centre_a);
                 let turned = scale(add_scaled(apart, n, -dot(apart, n)), from_b / (from_a + from_b));

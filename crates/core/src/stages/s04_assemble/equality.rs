@@ -191,10 +191,8 @@ impl<R: Real> Constraints<R> {
             }
             self.column[d] = scale(j, weight);
         }
-        let [first, second] = [0, 1].map(
-            #[inline(always)]
-            |side| mat_mul(&kinematics.mat[frames[side]], &splat(mats[side])),
-        );
+        let first = mat_mul(&kinematics.mat[frames[0]], &splat(mats[0]));
+        let second = mat_mul(&kinematics.mat[frames[1]], &splat(mats[1]));
         let turn = quat_log(mat_to_quat(&mat_mul_transposed(&first, &second)));
         let kappa = sub(angular_acceleration(site, frames[0]), angular_acceleration(site, frames[1]));
         Rows { error: scale(turn, weight), kappa: scale(kappa, weight), size: size * weight * weight, bodies: R::zero() }

@@ -67,10 +67,7 @@ impl<R: Real> Constraints<R> {
             [slides[0][0], slides[1][0], slides[2][0], turns[0][0], turns[1][0], turns[2][0]],
         );
         if let (Some(sliding), Some(turned)) = (sliding, turned) {
-            let [whole, rest] = [[sliding.whole, turned.whole], [sliding.rest, turned.rest]].map(
-                #[inline(always)]
-                |[[n, a, b], turns]| [[n, a * rub, b * rub], turns],
-            );
+            let (whole, rest) = ([rubbed(sliding.whole, rub), turned.whole], [rubbed(sliding.rest, rub), turned.rest]);
             self.problem.measure_wide(times(whole.as_flattened(), rest.as_flattened()));
         }
         self.position_bias.push(slides[0][1]);
@@ -161,4 +158,10 @@ pub(super) fn wide_lanes<R: Real>(plan: &LanePlan<R>, contacts: &Contacts<R>, k:
         wide |= params.torsion.max(params.rolling).gt(R::zero()).bits() & lanes;
     }
     wide
+}
+
+/// What belongs to the tangents, in the units of their scaled rows.
+#[inline(always)]
+fn rubbed<R: Real>([n, a, b]: V3<R>, rub: R) -> V3<R> {
+    [n, a * rub, b * rub]
 }

@@ -21,9 +21,9 @@ class Status(IntFlag):
     """There were more contacts than `Options.max_contacts`; the ones found last were left out."""
     UNRESOLVED = 8
     """The time step was too long for the motion: joints that turn by half a radian in a step and more, and forces of inertia that make them
-    turn faster still. Centrifugal and gyroscopic forces were left out, the kinetic energy was kept from growing by more than the work done,
-    and no joint left the step with more than a radian a step. Take a shorter step. Not with integrator="euler", which goes on until a step
-    is NON_FINITE."""
+    turn faster still; or impulses that throw a joint by half a turn in the step, as levers in a jam do. Centrifugal and gyroscopic
+    forces were left out, the kinetic energy was kept from growing by more than the work done, and no joint left the step with more than a
+    radian a step. Take a shorter step. Not with integrator="euler", which goes on until a step is NON_FINITE."""
     TUNNELLED = 16
     """Something moved so fast that it may have passed through something thin: a smaller time step would tell."""
     INFEASIBLE = 32

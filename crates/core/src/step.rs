@@ -3,7 +3,6 @@
 mod impact;
 
 use stepper_real::{Mask, Real};
-use stepper_solve::Outcome;
 
 use crate::constraints::{Constraints, Moment};
 use crate::contacts::Contacts;
@@ -226,7 +225,6 @@ impl<R: Real> Rule<R> {
 pub fn step<R: Real>(plan: &LanePlan<R>, options: &Options, s: &mut Scratch<R>) -> Record<R> {
     let mut rule = Rule::new(options);
     let h = rule.h;
-    s.unresolved = R::Mask::splat(false);
     s.poses.begin();
 
     // Where the step is taken: Moreau's rule takes everything in the middle of the step, Euler's at its beginning.
@@ -274,7 +272,7 @@ pub fn step<R: Real>(plan: &LanePlan<R>, options: &Options, s: &mut Scratch<R>) 
     let mut infeasible = restrain(plan, options, &solved, &mut s.constraints, &mut outcome, &mut s.v_mean, &mut s.v_next);
     // Where the step is too long for the motion, or the impulses do not decide it, speed and energy are kept from growing by force.
     let undecided = undecided(options, s, outcome.residual);
-    if s.constraints.constrained.any() {
+    if rule.corrects && s.constraints.constrained.any() {
         s.unresolved = s.unresolved.or(s.alive.and(thrown(plan, [&s.v, &s.v_free], &s.v_next, h)));
     }
     let guarded = s.unresolved.or(undecided);
@@ -515,28 +513,6 @@ fn undecided<R: Real>(options: &Options, s: &Scratch<R>, residual: R) -> R::Mask
             unsolved.or(s.alive.and(*constrained).and(stepper_solve::undecided(problem, iterate, residual)))
         },
     )
-}
-
-/// Stages 5 and 6 again in the lanes `lanes`, from the impulses that there are.
-fn solve_again<R: Real>(plan: &LanePlan<R>, options: &Options, s: &mut Scratch<R>, lanes: R::Mask, outcome: &mut Outcome<R>) {
-    let again = solve(options, &s.v, lanes, &mut s.constraints, &mut s.new_contacts);
-    outcome.replace(&again, lanes);
-    integrate_velocity(plan, &s.smooth.mass, &s.v_free, &s.constraints, &mut s.v_next);
-}
-
-/// Takes over `change` as the free velocity of the lanes `lanes`, and `v_next` as the expected one; leaves by how much the former changed in `change`.
-fn take_over_change<R: Real>(plan: &LanePlan<R>, s: &mut Scratch<R>, lanes: R::Mask) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for i in 0..plan.nv {
-                let new = R::select(lanes, s.change[i], s.v_free[i]);
-                s.change[i] = new - s.v_free[i];
-                s.v_free[i] = new;
-                s.expected[i] = R::select(lanes, s.v_next[i], s.expected[i]);
-            }
-        },
-    );
 }
 
 /// In unresolved lanes, the free velocity without velocity-dependent inertial forces, and its change by that.

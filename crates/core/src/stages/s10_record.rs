@@ -29,7 +29,8 @@ impl Status {
     pub const NON_FINITE: Self = Self(2);
     /// There were more contacts than room; the ones found last were left out.
     pub const CONTACTS_FULL: Self = Self(4);
-    /// The step was too long for the motion: inertial forces of its velocities were left out, and its energy was kept from growing.
+    /// The step was too long for the motion, or impulses threw a joint by half a turn: inertial forces of its velocities were left out, and its energy was
+    /// kept from growing.
     pub const UNRESOLVED: Self = Self(8);
     /// Something moved so fast that it may have passed through something thin.
     pub const TUNNELLED: Self = Self(16);

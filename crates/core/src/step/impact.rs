@@ -6,7 +6,7 @@
 use stepper_real::{Mask, Real};
 use stepper_solve::Outcome;
 
-use super::{Rule, Scratch, find_contacts, free_motion, place, solve_again, take_over_change};
+use super::{Rule, Scratch, find_contacts, free_motion, place};
 use crate::contacts::Contacts;
 use crate::kinematics::{Kinematics, advance};
 use crate::options::Options;
@@ -14,6 +14,8 @@ use crate::plan::{LanePlan, Plan};
 use crate::restitution::{Flight, Meeting};
 use crate::spatial::*;
 use crate::spin;
+use crate::stages::s05_solve::solve;
+use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::surfaces;
 
 /// Change of a link's velocity by the jump in inertial forces from which on it is worth a second solution, rad/s or m/s.
@@ -174,7 +176,9 @@ pub(super) fn solve_impacts<R: Real>(
             break;
         }
         take_inertial_forces(plan, rule, s, lanes, pass == 0);
-        solve_again(plan, options, s, lanes, &mut outcome);
+        let again = solve(options, &s.v, lanes, &mut s.constraints, &mut s.new_contacts);
+        outcome.replace(&again, lanes);
+        integrate_velocity(plan, &s.smooth.mass, &s.v_free, &s.constraints, &mut s.v_next);
     }
     outcome
 }
@@ -237,4 +241,19 @@ fn take_inertial_forces<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scr
     if strikes {
         s.constraints.shift_before_impacts(plan, &s.smooth.mass, &mut s.before_impact, lanes);
     }
+}
+
+/// Takes over `change` as the free velocity of the lanes `lanes`, and `v_next` as the expected one; leaves by how much the former changed in `change`.
+fn take_over_change<R: Real>(plan: &LanePlan<R>, s: &mut Scratch<R>, lanes: R::Mask) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for i in 0..plan.nv {
+                let new = R::select(lanes, s.change[i], s.v_free[i]);
+                s.change[i] = new - s.v_free[i];
+                s.v_free[i] = new;
+                s.expected[i] = R::select(lanes, s.v_next[i], s.expected[i]);
+            }
+        },
+    );
 }

@@ -67,7 +67,10 @@ impl<R: Real> Constraints<R> {
             self.add_equality(site, block, equality);
         }
         if block.hard {
-            let (bend, split) = (site.moment.h * R::of(1.0 / ARM), site.options.stabilization == Stabilization::Split);
+            // The way that the block is to go bends all its rows: a short demand along one that a long one turns away is met at the end of the step no more.
+            let way = self.demands.iter().fold(R::zero(), |most, demand| most.max(demand[2].abs())) * site.moment.h;
+            let split = site.options.stabilization == Stabilization::Split;
+            let damping = if split { R::of(DAMPING) + way * R::of(1.0 / ARM) } else { R::zero() };
             self.problem.orthogonalise(
                 start..start + block.rows,
                 &self.sizes,
@@ -75,7 +78,6 @@ impl<R: Real> Constraints<R> {
                 #[inline(always)]
                 |row, [_, _, correction]| {
                     // Baumgarte's bias is what it is: see `restrain` of stage 8.
-                    let damping = if split { R::of(DAMPING) + correction.abs() * bend } else { R::zero() };
                     *correction = row.damp_correction(damping, *correction);
                 },
             );

@@ -37,6 +37,22 @@ def stepper_model(name: str, *, strict: bool = True) -> stepper.Model:
     """The same in stepper."""
     return stepper.load(str(SOURCES[name]), strict=strict)
 
+STATE = [
+    "qpos",
+    "qvel",
+    "act",
+    "time",
+    "ctrl",
+    "status",
+    "residual",
+    "iterations",
+    "depth",
+    "limit_overshoot",
+    "observation",
+    "sensor_truth",
+]
+"""What a `Stepper` says of where it is and of its last call."""
+
 
 def simulate(model: stepper.Model | mujoco.MjModel | str, num_envs: int | None = None, *, precision: str = "f64", **options):
     """A `Stepper` of a model, a compiled MuJoCo model or MJCF text, with the fields of `Options` as keywords."""

@@ -6,23 +6,9 @@ import pickle
 import numpy as np
 import pytest
 import stepper
-from models import simulate, stepper_model
+from models import STATE, simulate, stepper_model
 
 ROBOT = "dm_control/humanoid"
-STATE = [
-    "qpos",
-    "qvel",
-    "act",
-    "time",
-    "ctrl",
-    "status",
-    "residual",
-    "iterations",
-    "depth",
-    "limit_overshoot",
-    "observation",
-    "sensor_truth",
-]
 WRITABLE = ["qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat"]
 
 

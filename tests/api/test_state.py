@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import stepper
-from models import simulate, stepper_model
+from models import STATE, simulate, stepper_model
 
 HOPPER, HUMANOID = "dm_control/hopper", "dm_control/humanoid"
 MOCAP = """<mujoco><worldbody><body name="hand" mocap="true" pos="0 0 1"><geom size=".1"/></body>
@@ -64,20 +64,7 @@ def test_a_reset_environment_is_a_new_one_in_all_that_remembers():
     sim.xfrc_applied[:, 1, 2] = 10.0
     sim.step(np.full(sim.model.nu, np.nan))
     sim.reset()
-    for name in (
-        "qpos",
-        "qvel",
-        "act",
-        "ctrl",
-        "time",
-        "status",
-        "residual",
-        "iterations",
-        "depth",
-        "limit_overshoot",
-        "observation",
-        "sensor_truth",
-    ):
+    for name in STATE:
         assert np.array_equal(getattr(sim, name), getattr(new, name)), name
     run(sim, 20, seed=5)
     run(new, 20, seed=5)

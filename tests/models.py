@@ -37,6 +37,7 @@ def stepper_model(name: str, *, strict: bool = True) -> stepper.Model:
     """The same in stepper."""
     return stepper.load(str(SOURCES[name]), strict=strict)
 
+
 STATE = [
     "qpos",
     "qvel",

@@ -11,7 +11,7 @@ demo: build
 
 # All tests, Rust and Python.
 test: build
-	cargo test --release --workspace --exclude stepper-python --exclude stepper-benches
+	cargo test --release --workspace --exclude stepper-python --exclude stepper-benches --features stepper-core/nalgebra
 	$(BIN)/python -m pytest
 
 # Speed, as ratios: stages and steps in Rust, side by side with MuJoCo, and what sensors cost.
@@ -39,8 +39,8 @@ fuzz: build
 # Format, lints, documentation, types, and the stub against the binary.
 check: build $(VENV)/check.stamp
 	cargo fmt --all --check
-	cargo clippy --workspace --all-targets -- -D warnings
-	RUSTDOCFLAGS='-D warnings' cargo doc --quiet --no-deps -p stepper-real -p stepper-solve -p stepper-core
+	cargo clippy --workspace --all-targets --features stepper-core/nalgebra -- -D warnings
+	RUSTDOCFLAGS='-D warnings' cargo doc --quiet --no-deps -p stepper-real -p stepper-solve -p stepper-core --features stepper-core/nalgebra
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy

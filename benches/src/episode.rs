@@ -21,7 +21,8 @@ pub struct Episode {
 impl Episode {
     /// Environments `first..first + count` of the scene, stepped on this thread.
     pub fn new(scene: &Scene, first: usize, count: usize, precision: Precision, level: Level) -> Self {
-        let options = Options { timestep: scene.model.timestep, ..Options::default() };
+        // One tolerance in both precisions, so that rows compare.
+        let options = Options { tolerance: Some(Precision::F64.tolerance()), ..Options::default() };
         let mut simulation = Simulation::at_level(scene.model.clone(), options, Some(count), precision, 1, level);
         for env in 0..count {
             let (q, v) = scene.start(first + env);

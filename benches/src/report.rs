@@ -13,6 +13,9 @@ use crate::episode::{lanes, single};
 use crate::peers::{Course, entries};
 use crate::scenes::Scene;
 
+/// Fall of a ratio that is marked: ratios of a quiet machine repeat within a few percent.
+pub const SLOWER: f64 = 0.1;
+
 /// All that a run found out.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Report {
@@ -75,13 +78,39 @@ impl Report {
         }
     }
 
-    /// Prints tables; beside each ratio what it was in `before`, where that has it.
+    /// Whether ratios of another report may be compared with those that this machine makes.
+    ///
+    /// # Errors
+    /// In words, when it is of other CPU levels: every ratio is to the first row, whose speed is that of the best level.
+    pub fn comparable(&self) -> Result<(), String> {
+        let (then, now) = (&self.machine.levels, Machine::this(0).levels);
+        if *then == now {
+            return Ok(());
+        }
+        let (then, now) = (then.join(", "), now.join(", "));
+        Err(format!(
+            "it is of the CPU levels {then}, and this machine and build have {now}: ratios of one do not compare with those of the other"
+        ))
+    }
+
+    /// Prints tables; beside each ratio what it was in `before`, where that has it, and a mark where it fell by more than [`SLOWER`].
     pub fn print(&self, before: Option<&Self>) {
         let m = &self.machine;
         println!("{}, {} cores, one used; levels {}; {}; commit {}", m.cpu, m.cores, m.levels.join(", "), m.rustc, m.commit);
         println!("medians of {} rounds of processor time, per environment step", m.rounds);
-        for group in self.steps.iter().chain(&self.peers) {
-            group.print(before.and_then(|b| b.group(&group.name)));
+        if let Some(Self { machine: b, .. }) = before {
+            println!(
+                "column \"was\": {}; {}; commit {}; \"<\" marks a ratio more than {:.0} % below it",
+                b.cpu,
+                b.rustc,
+                b.commit,
+                100.0 * SLOWER
+            );
+        }
+        let all = self.steps.iter().chain(&self.peers);
+        let fell: usize = all.map(|group| group.print(before.and_then(|b| b.group(&group.name)))).sum();
+        if before.is_some() {
+            println!("\n{fell} ratios fell by more than {:.0} %", 100.0 * SLOWER);
         }
     }
 
@@ -149,15 +178,20 @@ impl Group {
         Self { name, measures, rows: rows.into_iter().map(row).collect() }
     }
 
-    fn print(&self, before: Option<&Self>) {
+    /// Prints the table, and returns how many ratios are marked.
+    fn print(&self, before: Option<&Self>) -> usize {
+        let mut marked = 0;
         let [a, b] = self.measures.clone().unwrap_or_default();
         println!("\n{:<48}{:>10}{:>9}{:>9}{a:>20}{b:>20}", self.name, "us", "ratio", if before.is_some() { "was" } else { "" });
         for row in &self.rows {
-            let was =
-                before.and_then(|b| b.rows.iter().find(|r| r.name == row.name)).map(|r| format!("{:.2}", r.ratio)).unwrap_or_default();
+            let was = before.and_then(|b| b.rows.iter().find(|r| r.name == row.name)).map(|r| r.ratio);
+            let fell = was.is_some_and(|was| row.ratio < (1.0 - SLOWER) * was);
+            marked += usize::from(fell);
+            let (was, mark) = (was.map_or_else(String::new, |was| format!("{was:.2}")), if fell { " <" } else { "" });
             let errors = row.errors.map(|[a, b]| format!("{a:>20.1e}{b:>20.1e}")).unwrap_or_default();
-            println!("  {:<46}{:>10.3}{:>9.2}{was:>9}{errors}", row.name, row.micros, row.ratio);
+            println!("  {:<46}{:>10.3}{:>9.2}{was:>9}{errors}{mark}", row.name, row.micros, row.ratio);
         }
+        marked
     }
 }
 
@@ -196,8 +230,17 @@ mod tests {
         let report = Report { machine: Machine::this(1), steps: vec![group], peers: vec![] };
         let path = std::env::temp_dir().join(format!("stepper-ratios-{}.json", std::process::id()));
         report.save(&path).unwrap();
-        let back = Report::load(&path).unwrap();
+        let mut back = Report::load(&path).unwrap();
         std::fs::remove_file(&path).unwrap();
         assert_eq!(back.group("scene").unwrap().rows[1].errors, Some([1e-3, 0.0]));
+        back.comparable().unwrap();
+        back.machine.levels = vec!["of another machine".into()];
+        assert!(back.comparable().unwrap_err().contains("of another machine"));
+    }
+
+    #[test]
+    fn ratios_that_fell_are_marked() {
+        let group = |fast: f64| Group::new("scene".into(), None, vec![("slow".into(), 3.0, None), ("fast".into(), fast, None)]);
+        assert_eq!([1.5, 1.6, 1.7].map(|fast| group(fast).print(Some(&group(1.5)))), [0, 0, 1]);
     }
 }

@@ -5,12 +5,12 @@
 
 use std::hint::black_box;
 
-use stepper_core::Options;
 use stepper_core::constraints::{Constraints, Moment};
 use stepper_core::contacts::Contacts;
 use stepper_core::drive::{At, Drive, Implicit, Implied, Theta};
 use stepper_core::inertia::{MassMatrix, NewtonEuler, bias_force};
 use stepper_core::kinematics::{Kinematics, advance, displace};
+use stepper_core::options::StepSettings;
 use stepper_core::plan::LanePlan;
 use stepper_core::spatial::{Inertia, V3, zero};
 use stepper_core::stages::s01_actuate::actuate;
@@ -104,7 +104,7 @@ pub struct Rig<R: Real> {
     pub q: Vec<R>,
     /// Velocity.
     pub v: Vec<R>,
-    options: Options,
+    settings: StepSettings,
     ctrl: Vec<R>,
     alive: R::Mask,
     kinematics: Kinematics<R>,
@@ -139,7 +139,7 @@ impl<R: Real> Rig<R> {
         let mut rig = Self {
             q: zeros(plan.nq),
             v: zeros(plan.nv),
-            options: *episode.simulation().options(),
+            settings: *episode.simulation().settings(),
             ctrl: zeros(plan.actuators.len()),
             alive: R::Mask::splat(true),
             kinematics: Kinematics::new(plan),
@@ -167,7 +167,7 @@ impl<R: Real> Rig<R> {
         for lane in 0..R::LANES {
             for (field, to) in [(Field::Qpos, &mut rig.q), (Field::Qvel, &mut rig.v)] {
                 let mut values = vec![0.0; to.len()];
-                episode.simulation().get(field, lane, &mut values);
+                episode.simulation().get(field, lane, &mut values).expect("a field of an environment");
                 set_lane(lane, &values, to);
             }
         }
@@ -208,8 +208,8 @@ impl<R: Real> Rig<R> {
 
     #[inline(never)]
     fn once(&mut self, plan: &LanePlan<R>, part: Part) {
-        let h = R::of(self.options.timestep);
-        let half = R::of(0.5 * self.options.timestep);
+        let h = R::of(self.settings.timestep);
+        let half = R::of(0.5 * self.settings.timestep);
         let theta = Theta { damping: half, stiffness: half * half, step: h };
         match part {
             Part::Displace => displace(plan, &self.q, &self.v, half, &mut self.q_eval),
@@ -245,7 +245,7 @@ impl<R: Real> Rig<R> {
                 let (losses, closing) = (&self.drive.losses[..], R::one());
                 let (q, v, v_free, alive) = (&self.q_eval[..], &self.v[..], &self.v_free[..], self.alive);
                 let moment = Moment { q, v, motion, v_free, losses, h, lead: half, closing, alive };
-                self.constraints.assemble(plan, &self.options, &self.kinematics, &self.smooth.mass, &moment, &mut self.contacts);
+                self.constraints.assemble(plan, &self.settings, &self.kinematics, &self.smooth.mass, &moment, &mut self.contacts);
                 self.warm_scalars.clone_from(&self.constraints.iterate.scalars);
                 self.warm_contacts.clone_from(&self.constraints.iterate.contacts);
             }
@@ -269,7 +269,7 @@ impl<R: Real> Rig<R> {
                 iterate.start(problem);
             },
         );
-        solve(&self.options, &self.v, self.constraints.constrained, &mut self.constraints, &mut self.contacts);
+        solve(&self.settings, &self.v, self.constraints.constrained, &mut self.constraints, &mut self.contacts);
     }
 
     fn mass_matrix(&mut self, plan: &LanePlan<R>, theta: Theta<R>) {

@@ -181,7 +181,8 @@ fn spheres(n: usize) -> Arc<Model> {
 }
 
 fn simulation(model: &Arc<Model>, num_envs: usize, precision: Precision, threads: usize, level: Level) -> Simulation {
-    let options = Options { timestep: model.timestep, ..Options::default() };
+    // One tolerance in both precisions, so that rows compare.
+    let options = Options { tolerance: Some(Precision::F64.tolerance()), ..Options::default() };
     Simulation::at_level(model.clone(), options, Some(num_envs), precision, threads, level)
 }
 

@@ -11,7 +11,9 @@ const USAGE: &str = "usage: ratios [--rounds N] [--save [FILE]] [--against FILE]
 Prints microseconds per environment step, and how many times as fast every row is as the first of its group.
   --rounds N       repeats that the medians are of (default 11)
   --save [FILE]    also writes them as JSON (default benches/baseline.json)
-  --against FILE   report whose ratios are printed beside (default benches/baseline.json, if it is there)";
+  --against FILE   report whose ratios are printed beside (default benches/baseline.json, if it is there); a report of other CPU levels is refused,
+                   the default one left out
+A ratio that fell by more than 10 % is marked with \"<\".";
 
 fn main() -> ExitCode {
     match run() {
@@ -36,8 +38,19 @@ fn run() -> Result<(), String> {
         }
     }
     let before = match against {
-        Some(path) => Some(Report::load(&path).map_err(|e| format!("{}: {e}", path.display()))?),
-        None => Report::load(&baseline).ok(),
+        Some(path) => {
+            let before = Report::load(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+            before.comparable().map_err(|e| format!("{}: {e}", path.display()))?;
+            Some(before)
+        }
+        // Without a word of the user's, what does not compare is left out, and said.
+        None => Report::load(&baseline).ok().filter(|before| match before.comparable() {
+            Ok(()) => true,
+            Err(why) => {
+                println!("not compared with {}: {why}", baseline.display());
+                false
+            }
+        }),
     };
     if pin().is_none() {
         eprintln!("not pinned to a core: pin this process yourself, for example with `taskset -c 0`");

@@ -25,7 +25,7 @@ impl Ours {
             Course::Chain(links) => chain(links),
             Course::Box => sliding_box(),
         };
-        let options = Options { timestep: dt, integrator, ..Options::default() };
+        let options = Options { timestep: Some(dt), integrator, ..Options::default() };
         let mut simulation = Simulation::at_level(model, options, Some(count), precision, 1, level);
         if course == Course::Box {
             let push = [BOX_SPEED, 0.0, 0.0, 0.0, 0.0, 0.0];
@@ -58,14 +58,14 @@ impl Engine for Ours {
     fn centres(&self) -> Vec<[f64; 3]> {
         let plan = self.simulation.plan();
         let mut q = vec![0.0; plan.nq];
-        self.simulation.get(Field::Qpos, 0, &mut q);
+        self.simulation.get(Field::Qpos, 0, &mut q).expect("nq numbers");
         let mut kinematics = Kinematics::new(plan);
         kinematics.update(plan, &q);
         (0..plan.links.len()).map(|l| kinematics.point(l + 1, plan.params.inertial(l).com)).collect()
     }
 
     fn energy(&self) -> f64 {
-        let (potential, kinetic) = self.simulation.snapshot(0, &StepInputs::default()).energy(self.simulation.plan());
+        let (potential, kinetic) = self.simulation.snapshot(0, &StepInputs::default()).expect("no inputs").energy(self.simulation.plan());
         potential + kinetic
     }
 

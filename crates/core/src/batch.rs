@@ -12,7 +12,7 @@ use crate::contacts::ContactId;
 use crate::drive::Train;
 use crate::lanes::DelayLine;
 use crate::model::Model;
-use crate::options::{Options, Solver, Stabilization};
+use crate::options::{Solver, Stabilization, StepSettings};
 use crate::plan::Plan;
 use crate::rollout::{Recording, Share};
 use crate::sensing::errors::{Errors, Transfer};
@@ -47,6 +47,17 @@ pub enum Field {
     Act,
 }
 
+impl Field {
+    /// Name in Python and in messages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Qpos => "qpos",
+            Self::Qvel => "qvel",
+            Self::Act => "act",
+        }
+    }
+}
+
 /// Asked between the parts of a long call, on the thread that calls, whether it is to go on.
 pub type Watch<'a> = Option<&'a mut dyn FnMut() -> bool>;
 
@@ -54,21 +65,21 @@ pub type Watch<'a> = Option<&'a mut dyn FnMut() -> bool>;
 pub trait Engine: Send + Sync {
     /// Makes `nstep` steps, fewer when the watch says so: returns how many, the same in every environment. An error is that of
     /// threads that cannot be started; nothing was done then.
-    fn step(&mut self, options: &Options, inputs: &StepInputs<'_>, nstep: usize, watch: Watch<'_>) -> Result<usize, String>;
+    fn step(&mut self, options: &StepSettings, inputs: &StepInputs<'_>, nstep: usize, watch: Watch<'_>) -> Result<usize, String>;
     /// Reads all sensors of all environments, environment-major: true readings, or those of the last step after the transfer functions. Errors as
     /// those of [`Engine::step`].
-    fn sense(&mut self, options: &Options, inputs: &StepInputs<'_>, truth: bool, out: &mut [f64]) -> Result<(), String>;
+    fn sense(&mut self, options: &StepSettings, inputs: &StepInputs<'_>, truth: bool, out: &mut [f64]) -> Result<(), String>;
     /// Gives the sensors transfer functions, `None` to ideal ones.
-    fn equip(&mut self, model: &Model, options: &Options, transfers: &[Option<Transfer>]) -> Result<(), String>;
+    fn equip(&mut self, model: &Model, options: &StepSettings, transfers: &[Option<Transfer>]) -> Result<(), String>;
     /// Gives environments parameters that differ from the model's; `None` takes all of them back, from all.
     fn randomize(&mut self, envs: &[usize], differences: Option<&[Differences]>);
     /// Memory of those parameters and of the numbers of drive trains, bytes.
     fn parameter_bytes(&self) -> usize;
     /// Gives the actuators drive trains, `None` to those without; the model and the trains are what [`DriveTrain::fold`] returned. All
     /// environments are new then.
-    fn couple(&mut self, model: &Model, options: &Options, trains: &[Option<DriveTrain>]);
+    fn couple(&mut self, model: &Model, options: &StepSettings, trains: &[Option<DriveTrain>]);
     /// Gives the environments `envs` other numbers of their trains: lists of one, or one for each of these; `None` leaves a train as it is.
-    fn redraw(&mut self, options: &Options, trains: &[Option<DriveTrain>], envs: &[usize]);
+    fn redraw(&mut self, options: &StepSettings, trains: &[Option<DriveTrain>], envs: &[usize]);
     /// What the drive trains of one environment hand on: controls, and the numbers of those that act within a step.
     fn handed_on(&self, env: usize) -> Option<(Vec<f64>, Vec<Train<f64>>)>;
     /// Says as which environment one draws random numbers.
@@ -79,7 +90,7 @@ pub trait Engine: Send + Sync {
     /// each. Returns how many steps were made, as [`Engine::step`] does.
     fn rollout(
         &mut self,
-        options: &Options,
+        options: &StepSettings,
         inputs: &StepInputs<'_>,
         calls: [usize; 2],
         recording: Recording<'_>,
@@ -116,7 +127,7 @@ pub trait Engine: Send + Sync {
     /// Threads that step.
     fn threads(&self) -> usize;
     /// The room of a thread.
-    fn worker(&self, options: &Options) -> Box<dyn Any + Send>;
+    fn worker(&self, options: &StepSettings) -> Box<dyn Any + Send>;
     /// All that survives a step, as bytes: `ctrl`, (num_envs, nu), are the controls in force. Of one environment, or of all.
     fn save(&self, env: Option<usize>, ctrl: &[f64]) -> Vec<u8>;
     /// Takes over what [`Engine::save`] wrote, in the environments `envs`: from a state of as many environments as there are each its own, from
@@ -159,7 +170,7 @@ pub struct Compiled<S: Scalar> {
 
 impl<S: Stepped> Compiled<S> {
     /// For settings on a CPU level.
-    pub fn new(model: &Model, options: &Options, level: Level) -> Self {
+    pub fn new(model: &Model, options: &StepSettings, level: Level) -> Self {
         let plan = Plan::new(model);
         let max_contacts = room_for_contacts(model, &plan, options, level);
         Self { plan, max_contacts }
@@ -178,7 +189,7 @@ impl<S: Stepped> Compiled<S> {
 /// A link of a robot has four. A loose body has what a heap of its like brings it: half of the twelve balls that fit around a ball, or of the
 /// six faces of a box in a wall with four points each. Mechanisms whose parts lie on one another (a puzzle, a gripper of many meshes) have more all the
 /// time, and have them in their reset state or a keyframe.
-fn room_for_contacts<S: Stepped>(model: &Model, plan: &Plan<S>, options: &Options, level: Level) -> usize {
+fn room_for_contacts<S: Stepped>(model: &Model, plan: &Plan<S>, options: &StepSettings, level: Level) -> usize {
     if let Some(n) = options.max_contacts {
         return (n as usize).min(plan.contact_points);
     }
@@ -200,8 +211,8 @@ fn room_for_contacts<S: Stepped>(model: &Model, plan: &Plan<S>, options: &Option
 }
 
 /// The most contacts that a step finds from the reset state or a keyframe; there may be more than `room`.
-fn contacts_at_start<S: Stepped>(model: &Model, plan: &Plan<S>, options: &Options, mut room: usize, level: Level) -> usize {
-    let options = Options { solver: Solver::Pgs, iterations: 1, stabilization: Stabilization::None, ..*options };
+fn contacts_at_start<S: Stepped>(model: &Model, plan: &Plan<S>, options: &StepSettings, mut room: usize, level: Level) -> usize {
+    let options = StepSettings { solver: Solver::Pgs, iterations: 1, stabilization: Stabilization::None, ..*options };
     let lanes = S::SINGLE;
     let make = |room: usize| S::worker(&Site { plan, options: &options, max_contacts: room }, lanes, level);
     let own = Own::default();
@@ -232,7 +243,7 @@ fn contacts_at_start<S: Stepped>(model: &Model, plan: &Plan<S>, options: &Option
             worker.forget();
             worker.run(&call, &mut group, Place { first: 0, share_first: 0, share: None });
             most = most.max(group.contact_count[0] as usize);
-            if group.status[0] & Status::CONTACTS_FULL.0 == 0 || room == plan.contact_points {
+            if group.status[0] & Status::CONTACTS_FULL.bits() == 0 || room == plan.contact_points {
                 break;
             }
             room = (2 * room).min(plan.contact_points);
@@ -264,12 +275,12 @@ impl<S: Stepped> Batch<S> {
         Self { plan, groups, lanes, num_envs, max_contacts, level, threads, errors: None, chains: None, own: Own::default(), crew }
     }
 
-    fn hire(&self, options: &Options) -> Box<dyn Worker<S>> {
+    fn hire(&self, options: &StepSettings) -> Box<dyn Worker<S>> {
         let idle = self.crew.idle.lock().expect("a worker panicked").pop();
         idle.unwrap_or_else(|| self.make_worker(options))
     }
 
-    fn make_worker(&self, options: &Options) -> Box<dyn Worker<S>> {
+    fn make_worker(&self, options: &StepSettings) -> Box<dyn Worker<S>> {
         S::worker(&Site { plan: &self.plan, options, max_contacts: self.max_contacts }, self.lanes, self.level)
     }
 
@@ -298,7 +309,7 @@ impl<S: Stepped> Batch<S> {
         Ok(())
     }
 
-    fn call<'a>(&'a self, options: &'a Options, inputs: &StepInputs<'a>, [calls, nstep]: [usize; 2], part: Part) -> Call<'a, S> {
+    fn call<'a>(&'a self, options: &'a StepSettings, inputs: &StepInputs<'a>, [calls, nstep]: [usize; 2], part: Part) -> Call<'a, S> {
         let StepInputs { ctrl, qfrc, xfrc, .. } = *inputs;
         let mocap = [inputs.mocap_pos, inputs.mocap_quat];
         let (errors, chains, own) = (self.errors.as_ref(), self.chains.as_ref(), &self.own);
@@ -318,7 +329,7 @@ impl<S: Stepped> Batch<S> {
     /// ends a part before any begins the next, so that all stop at one count. Returns the steps made.
     fn drive(
         &mut self,
-        options: &Options,
+        options: &StepSettings,
         inputs: &StepInputs<'_>,
         calls: [usize; 2],
         shares: &mut [Share<'_, S>],
@@ -345,7 +356,7 @@ impl<S: Stepped> Batch<S> {
     #[inline(never)]
     fn drive_parts(
         &mut self,
-        options: &Options,
+        options: &StepSettings,
         inputs: &StepInputs<'_>,
         calls: [usize; 2],
         shares: &mut [Share<'_, S>],
@@ -379,7 +390,7 @@ impl<S: Stepped> Batch<S> {
     }
 
     /// Sends the groups to the workers once, for a part of a call, which `shares` write down piece by piece, if there are any.
-    fn drive_part(&mut self, options: &Options, inputs: &StepInputs<'_>, calls: [usize; 2], part: Part, shares: &mut [Share<'_, S>]) {
+    fn drive_part(&mut self, options: &StepSettings, inputs: &StepInputs<'_>, calls: [usize; 2], part: Part, shares: &mut [Share<'_, S>]) {
         if self.threaded() {
             return self.drive_threads(options, inputs, calls, part, shares);
         }
@@ -395,7 +406,14 @@ impl<S: Stepped> Batch<S> {
     }
 
     #[inline(never)]
-    fn drive_threads(&mut self, options: &Options, inputs: &StepInputs<'_>, calls: [usize; 2], part: Part, shares: &mut [Share<'_, S>]) {
+    fn drive_threads(
+        &mut self,
+        options: &StepSettings,
+        inputs: &StepInputs<'_>,
+        calls: [usize; 2],
+        part: Part,
+        shares: &mut [Share<'_, S>],
+    ) {
         let size = self.piece();
         let mut groups = std::mem::take(&mut self.groups);
         let call = self.call(options, inputs, calls, part);
@@ -411,7 +429,12 @@ impl<S: Stepped> Batch<S> {
 
     /// Lets this thread, and those of the pool if there is one, take pieces whenever they are ready for one, each with a worker. This thread need not
     /// be woken, and the others join it when they are awake.
-    fn hand_out<P: Send>(&self, options: &Options, pieces: impl Iterator<Item = P> + Send, work: impl Fn(&mut dyn Worker<S>, P) + Sync) {
+    fn hand_out<P: Send>(
+        &self,
+        options: &StepSettings,
+        pieces: impl Iterator<Item = P> + Send,
+        work: impl Fn(&mut dyn Worker<S>, P) + Sync,
+    ) {
         let helpers = self.threads.min(pieces.size_hint().0) - 1;
         let pieces = Mutex::new(pieces);
         let next = || pieces.lock().expect("taking a piece does not panic").next();
@@ -450,13 +473,13 @@ impl<S: Stepped> Batch<S> {
 }
 
 impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
-    fn step(&mut self, options: &Options, inputs: &StepInputs<'_>, nstep: usize, watch: Watch<'_>) -> Result<usize, String> {
+    fn step(&mut self, options: &StepSettings, inputs: &StepInputs<'_>, nstep: usize, watch: Watch<'_>) -> Result<usize, String> {
         self.drive(options, inputs, [1, nstep], &mut [], watch)
     }
 
     fn rollout(
         &mut self,
-        options: &Options,
+        options: &StepSettings,
         inputs: &StepInputs<'_>,
         calls: [usize; 2],
         recording: Recording<'_>,
@@ -466,7 +489,7 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
         self.drive(options, inputs, calls, &mut shares, watch)
     }
 
-    fn sense(&mut self, options: &Options, inputs: &StepInputs<'_>, truth: bool, out: &mut [f64]) -> Result<(), String> {
+    fn sense(&mut self, options: &StepSettings, inputs: &StepInputs<'_>, truth: bool, out: &mut [f64]) -> Result<(), String> {
         let width = self.plan.sensing.width;
         if width == 0 {
             return Ok(());
@@ -487,7 +510,7 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
         Ok(())
     }
 
-    fn equip(&mut self, model: &Model, options: &Options, transfers: &[Option<Transfer>]) -> Result<(), String> {
+    fn equip(&mut self, model: &Model, options: &StepSettings, transfers: &[Option<Transfer>]) -> Result<(), String> {
         let errors = Errors::new(model, transfers, self.num_envs, self.lanes, options.timestep)?;
         self.crew = Crew { idle: Mutex::new(Vec::new()), pool: None };
         for group in &mut self.groups {
@@ -511,7 +534,7 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
         self.own.bytes() + self.chains.as_ref().map_or(0, Chains::bytes)
     }
 
-    fn couple(&mut self, model: &Model, options: &Options, trains: &[Option<DriveTrain>]) {
+    fn couple(&mut self, model: &Model, options: &StepSettings, trains: &[Option<DriveTrain>]) {
         self.plan = Plan::with_trains(model, trains);
         self.crew = Crew { idle: Mutex::new(Vec::new()), pool: None };
         self.groups = groups(model, &self.plan, self.num_envs, self.lanes, self.max_contacts);
@@ -525,7 +548,7 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
         }
     }
 
-    fn redraw(&mut self, options: &Options, trains: &[Option<DriveTrain>], envs: &[usize]) {
+    fn redraw(&mut self, options: &StepSettings, trains: &[Option<DriveTrain>], envs: &[usize]) {
         if let Some(chains) = &mut self.chains {
             chains.assign(trains, envs, options.timestep);
         }
@@ -648,7 +671,7 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
         self.threads
     }
 
-    fn worker(&self, options: &Options) -> Box<dyn Any + Send> {
+    fn worker(&self, options: &StepSettings) -> Box<dyn Any + Send> {
         self.make_worker(options)
     }
 

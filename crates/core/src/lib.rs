@@ -1,75 +1,145 @@
 //! A rigid-body contact stepper for robots.
 //!
-//! A simulator is a promise about the next state: a state-transition model, a sensor model and an error budget. One step is ten
-//! [`stages`], each explicit and measured; [`step::step`] reads them aloud.
+//! A [`Simulation`] steps many environments of one [`Model`]: articulated bodies with hard contact, Coulomb friction, joint limits, equalities,
+//! actuators and sensors, in SI units and MuJoCo's vocabulary (`qpos`, `qvel`, `ctrl`; nq, nv, nu; quaternions (w, x, y, z)). Environments share
+//! SIMD lanes and threads, and each has the same bits whatever batch, thread count or CPU level steps it. Every step is certified: a residual of
+//! the constraint problem in m/s, and a [`Status`] per environment that says what a step could not do.
 //!
 //! ```
 //! use std::sync::Arc;
-//! use stepper_core::batch::{Field, StepInputs};
-//! use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
-//! use stepper_core::{Options, Precision, Simulation, Status};
+//! use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, WORLD};
+//! use stepper_core::{Field, Model, Options, Precision, SavedState, Simulation, Status, StepInputs};
 //!
-//! // A ball half a metre above a floor.
+//! // A ball half a metre above a floor, with a time step of 1 ms.
 //! let mut scene = Model::builder("drop");
-//! scene.geom(WORLD, GeomBuilder::plane("floor"));
+//! scene.timestep(0.001).geom(WORLD, GeomBuilder::plane("floor"));
 //! let ball = BodyBuilder::new("ball").pos([0.0, 0.0, 0.6]).joint(JointBuilder::free("root"));
 //! scene.body(WORLD, ball.geom(GeomBuilder::sphere("ball", 0.1).density(1000.0)));
 //! let model = Arc::new(scene.finish()?);
 //!
-//! // Sixteen of them, for a second.
+//! // Sixteen of them, of which number 3 is thrown sideways, for a second and a half.
 //! let mut sim = Simulation::new(model.clone(), Options::default(), Some(16), Precision::F64, 1)?;
-//! sim.step(&StepInputs::default(), 500)?;
+//! assert_eq!(sim.timestep(), 0.001); // the model's, unless the options have another
+//! sim.set(Field::Qvel, 3, &[1.0, 0.0, 0.0, 0.0, 0.0, 0.0])?;
+//! sim.step(&StepInputs::default(), 1500)?;
 //!
-//! let mut q = vec![0.0; model.nq()];
-//! sim.get(Field::Qpos, 3, &mut q);
-//! assert!((q[2] - 0.1).abs() < 1e-5); // at rest on the floor, within the slop
-//! assert_eq!(sim.status(3), Status::OK.0);
+//! assert_eq!(sim.status(3), Status::OK);
+//! assert!((sim.qpos(0)[2] - 0.1).abs() < 1e-5); // m; it lies on the floor, within the slop
 //! let weight = model.bodies[1].mass * 9.81;
-//! assert!((sim.contacts(3)[0].1.impulse[0] - weight).abs() < 1e-6 * weight); // N
+//! assert!((sim.contacts(0)[0].force[0] - weight).abs() < 1e-6 * weight); // N
+//! let poses = sim.body_poses_of(3, &StepInputs::default())?;
+//! assert!(poses[1].pos[0] > 0.5); // m
+//!
+//! // A saved state goes on with the same bits, and belongs to its model.
+//! let bytes = sim.save_state().to_bytes();
+//! let mut other = Simulation::new(model, Options::default(), Some(16), Precision::F64, 1)?;
+//! other.restore_state(&SavedState::from_bytes(&bytes)?)?;
+//! other.step(&StepInputs::default(), 100)?;
+//! sim.step(&StepInputs::default(), 100)?;
+//! assert_eq!(other.qpos(3), sim.qpos(3));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Models come from [`Model::builder`], or from files that the Python package saved: [`Model::load`].
+//! More of the kind is in `examples/`: a batch with contacts and poses, states, and environments with parameters of their own.
+//!
+//! Models come from [`Model::builder`], from a [`model::Description`] that is filled in and finished, or from files: [`Model::load`] reads what the
+//! Python package saved, which reads MJCF and URDF. A finished model is valid and cannot be edited.
+//!
+//! # Errors and panics
+//!
+//! Input that cannot be used is an [`Error`], which changes nothing; what is wrong with a model is a [`ModelError`]. Both name the thing, the
+//! value and what it must be, and have a variant for every case to be told apart. What a step could not do is no error but a [`Status`]: an
+//! environment that blows up keeps its last finite state, says so, and leaves the others alone.
+//!
+//! Methods that return no `Result` and take an environment panic when it does not exist, as an index beyond a slice does; each says so. Any other
+//! panic is a defect.
+//!
+//! # Features
+//!
+//! - `nalgebra` (off by default) adds its types to the interface: fields of the state as vectors and matrices, body poses as isometries, contact
+//!   forces in world axes. The crate computes with nalgebra inside in any case; the feature makes it a part of the interface, and exports it so
+//!   that a user has the same version.
+//!
+//! serde, postcard and sha2 are not optional: models and states are bytes with a checksum, and every state carries the digest of its model, without
+//! which a state of another model could not be refused.
+//!
+//! # What is public
+//!
+//! What this page lists. Other modules can be reached from the benches and tests of this workspace, are hidden here, and change without notice: one
+//! step is ten `stages`, which `step::step` reads aloud.
 
+#[doc(hidden)]
 pub mod actuation;
+#[doc(hidden)]
 pub mod batch;
 mod broad;
+#[doc(hidden)]
 pub mod constraints;
+#[doc(hidden)]
 pub mod contacts;
+#[doc(hidden)]
 pub mod drive;
+mod error;
+#[doc(hidden)]
 pub mod fluid;
+#[doc(hidden)]
 pub mod geometry;
+#[doc(hidden)]
 pub mod inertia;
 mod islands;
+#[doc(hidden)]
 pub mod kinematics;
 mod lanes;
+#[doc(hidden)]
 pub mod limit;
+#[doc(hidden)]
 pub mod mocap;
 pub mod model;
+#[doc(hidden)]
 pub mod normals;
+#[doc(hidden)]
 pub mod options;
 pub mod overlaps;
+#[doc(hidden)]
 pub mod plan;
+#[doc(hidden)]
 pub mod query;
+#[doc(hidden)]
 pub mod restitution;
 mod rk4;
 pub mod rollout;
+#[doc(hidden)]
 pub mod saved;
+#[doc(hidden)]
 pub mod sensing;
 mod simulation;
+#[doc(hidden)]
 pub mod spatial;
+#[doc(hidden)]
 pub mod spin;
+#[doc(hidden)]
 pub mod stages;
+#[doc(hidden)]
 pub mod state;
+#[doc(hidden)]
 pub mod step;
+#[doc(hidden)]
 pub mod surfaces;
+#[doc(hidden)]
 pub mod theta;
+#[doc(hidden)]
 pub mod worker;
 
-pub use model::{Model, ModelError};
-pub use options::{Integrator, Options, Solver, Stabilization};
-pub use rollout::Precision;
+pub use actuation::{DriveTrain, Motor, Servo};
+pub use batch::{Field, StepInputs};
+pub use error::Error;
+pub use model::{Model, ModelError, Parameter};
+#[cfg(feature = "nalgebra")]
+pub use nalgebra;
+pub use options::{Integrator, Options, Precision, Solver, Stabilization};
+pub use query::Snapshot;
 pub use saved::SavedState;
-pub use simulation::{Error, Simulation};
+pub use sensing::errors::Transfer;
+pub use simulation::{BodyPose, Contact, Simulation};
 pub use stages::s10_record::Status;
-pub use stepper_real::Level;
+pub use stepper_real::{Level, LevelError};

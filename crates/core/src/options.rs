@@ -1,6 +1,10 @@
-//! theta: every choice of method that a step makes.
+//! Every choice of method that a step makes: [`Options`] as a user gives them, [`StepSettings`] as they are in force.
+
+use std::fmt::Display;
 
 use serde::{Deserialize, Serialize};
+
+use crate::error::Error;
 
 /// How velocities and positions advance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -47,11 +51,34 @@ pub enum Solver {
     Newton,
 }
 
-/// Settings of a step. Times in s, lengths in m (rad for hinge limits), velocities in m/s.
+/// Scalar type of the lanes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Precision {
+    /// Eight lanes of 64 bits.
+    F64,
+    /// Sixteen lanes of 32 bits.
+    F32,
+}
+
+impl Precision {
+    /// Residual at which the solver stops unless [`Options::tolerance`] says otherwise, m/s: 1e-6 in 64 bits, 1e-4 in 32, whose rounding
+    /// keeps the residual from going much lower.
+    pub const fn tolerance(self) -> f64 {
+        match self {
+            Self::F64 => 1e-6,
+            Self::F32 => 1e-4,
+        }
+    }
+}
+
+/// Settings of a step, as a user gives them. Times in s, lengths in m (rad for hinge limits), velocities in m/s.
+///
+/// `None` leaves a setting to the model or to the precision, so that `Options::default()` steps every model with its own time step. What is then
+/// in force, [`Simulation::timestep`](crate::Simulation::timestep) and [`Simulation::tolerance`](crate::Simulation::tolerance) say.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Options {
-    /// Time step.
-    pub timestep: f64,
+    /// Time step, s; `None` is the model's own.
+    pub timestep: Option<f64>,
     /// Integrator.
     pub integrator: Integrator,
     /// Solver.
@@ -59,8 +86,8 @@ pub struct Options {
     /// Sweeps of the solver at the most, and Newton steps at the most for each island of an environment; [`Solver::Auto`] makes no more than
     /// [`AUTO_SWEEPS`] of the former.
     pub iterations: u32,
-    /// Residual at which the solver stops, m/s.
-    pub tolerance: f64,
+    /// Residual at which the solver stops, m/s; `None` is [`Precision::tolerance`].
+    pub tolerance: Option<f64>,
     /// Stabilisation.
     pub stabilization: Stabilization,
     /// Fraction of the overlap beyond the slop removed per step.
@@ -87,11 +114,11 @@ const NEWTON_SWEEPS: u32 = 2;
 impl Default for Options {
     fn default() -> Self {
         Self {
-            timestep: 0.002,
+            timestep: None,
             integrator: Integrator::Midpoint,
             solver: Solver::Auto,
             iterations: 50,
-            tolerance: 1e-6,
+            tolerance: None,
             stabilization: Stabilization::Split,
             baumgarte: 0.2,
             slop: 1e-5,
@@ -103,24 +130,48 @@ impl Default for Options {
 }
 
 impl Options {
-    /// (Sweeps, Newton steps) at the most.
-    pub fn effort(&self) -> [u32; 2] {
-        match self.solver {
-            Solver::Auto => [self.iterations.min(AUTO_SWEEPS), self.iterations],
-            Solver::Pgs => [self.iterations, 0],
-            Solver::Newton => [self.iterations.min(NEWTON_SWEEPS), self.iterations],
+    /// The settings in force for a model whose own time step is `timestep`, s.
+    pub fn resolve(&self, timestep: f64, precision: Precision) -> StepSettings {
+        let Self {
+            integrator,
+            solver,
+            iterations,
+            stabilization,
+            baumgarte,
+            slop,
+            max_correction_speed,
+            restitution_threshold,
+            max_contacts,
+            ..
+        } = *self;
+        StepSettings {
+            timestep: self.timestep.unwrap_or(timestep),
+            integrator,
+            solver,
+            iterations,
+            tolerance: self.tolerance.unwrap_or(precision.tolerance()),
+            stabilization,
+            baumgarte,
+            slop,
+            max_correction_speed,
+            restitution_threshold,
+            max_contacts,
         }
     }
 
-    /// The first setting out of its range, in words.
-    pub fn check(&self) -> Result<(), String> {
-        let positive = |name: &str, x: f64| match x > 0.0 && x.is_finite() {
-            true => Ok(()),
-            false => Err(format!("option {name} is {x}, must be a finite number above 0")),
+    /// Checks the range of every setting.
+    ///
+    /// # Errors
+    /// [`Error::Option`] for the first that is out of its range.
+    pub fn check(&self) -> Result<(), Error> {
+        let wrong = |name: &'static str, found: &dyn Display, must: &'static str| Error::Option { name, found: found.to_string(), must };
+        let positive = |name: &'static str, x: Option<f64>| match x {
+            Some(x) if !(x > 0.0 && x.is_finite()) => Err(wrong(name, &x, "a finite number above 0")),
+            _ => Ok(()),
         };
-        let not_negative = |name: &str, x: f64| match x >= 0.0 {
+        let not_negative = |name: &'static str, x: f64| match x >= 0.0 {
             true => Ok(()),
-            false => Err(format!("option {name} is {x}, must be 0 or more")),
+            false => Err(wrong(name, &x, "0 or more")),
         };
         positive("timestep", self.timestep)?;
         positive("tolerance", self.tolerance)?;
@@ -128,14 +179,52 @@ impl Options {
         not_negative("max_correction_speed", self.max_correction_speed)?;
         not_negative("restitution_threshold", self.restitution_threshold)?;
         if !(0.0..=1.0).contains(&self.baumgarte) {
-            return Err(format!("option baumgarte is {}, must be from 0 to 1", self.baumgarte));
+            return Err(wrong("baumgarte", &self.baumgarte, "from 0 to 1"));
         }
         if self.iterations == 0 {
-            return Err("option iterations is 0, must be 1 or more".into());
+            return Err(wrong("iterations", &0, "1 or more"));
         }
         if self.max_contacts == Some(0) {
-            return Err("option max_contacts is 0, must be 1 or more; drop contacts with contype=0 instead".into());
+            return Err(wrong("max_contacts", &0, "1 or more; drop contacts with contype=0 instead"));
         }
         Ok(())
+    }
+}
+
+/// Settings of a step in force: [`Options`] with the model's time step and the precision's tolerance where those leave them open.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepSettings {
+    /// Time step, s.
+    pub timestep: f64,
+    /// See [`Options::integrator`].
+    pub integrator: Integrator,
+    /// See [`Options::solver`].
+    pub solver: Solver,
+    /// See [`Options::iterations`].
+    pub iterations: u32,
+    /// Residual at which the solver stops, m/s.
+    pub tolerance: f64,
+    /// See [`Options::stabilization`].
+    pub stabilization: Stabilization,
+    /// See [`Options::baumgarte`].
+    pub baumgarte: f64,
+    /// See [`Options::slop`], m or rad.
+    pub slop: f64,
+    /// See [`Options::max_correction_speed`], m/s.
+    pub max_correction_speed: f64,
+    /// See [`Options::restitution_threshold`], m/s.
+    pub restitution_threshold: f64,
+    /// See [`Options::max_contacts`].
+    pub max_contacts: Option<u32>,
+}
+
+impl StepSettings {
+    /// (Sweeps, Newton steps) at the most.
+    pub fn effort(&self) -> [u32; 2] {
+        match self.solver {
+            Solver::Auto => [self.iterations.min(AUTO_SWEEPS), self.iterations],
+            Solver::Pgs => [self.iterations, 0],
+            Solver::Newton => [self.iterations.min(NEWTON_SWEEPS), self.iterations],
+        }
     }
 }

@@ -12,7 +12,7 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::options::Options;
+use crate::options::StepSettings;
 
 /// Part of a step after its end in which an impact still counts as one of it.
 const END: f64 = 1e-6;
@@ -50,7 +50,7 @@ impl<R: Real> Flight<R> {
     ///
     /// A bounce whose flight is shorter than a step is none: it rests, which leaves out heights of (a h^2) / 8, of second order.
     #[inline(always)]
-    pub fn meeting(&self, options: &Options, gravity: R, e: R, lanes: R::Mask) -> Meeting<R> {
+    pub fn meeting(&self, options: &StepSettings, gravity: R, e: R, lanes: R::Mask) -> Meeting<R> {
         let Self { gap, before, free, lead, h } = *self;
         let (zero, one, two) = (R::zero(), R::one(), R::of(2.0));
         let (slop, threshold) = (R::of(options.slop), R::of(options.restitution_threshold));
@@ -81,9 +81,10 @@ impl<R: Real> Flight<R> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::options::{Options, Precision};
 
     fn meeting(gap: f64, before: f64, free: f64, e: f64) -> Meeting<f64> {
-        let options = Options { timestep: 0.01, ..Options::default() };
+        let options = Options::default().resolve(0.01, Precision::F64);
         Flight { gap, before, free, lead: 0.005, h: 0.01 }.meeting(&options, 9.81, e, <f64 as Real>::Mask::splat(true))
     }
 
@@ -115,7 +116,7 @@ mod tests {
 
     #[test]
     fn what_strikes_at_the_end_of_a_step_does_so_there() {
-        let options = Options { timestep: 0.02, ..Options::default() };
+        let options = Options::default().resolve(0.02, Precision::F64);
         for gap in [-1e-17, 0.0, 1e-17, 1e-12] {
             let flight = Flight { gap, before: -0.5, free: -0.5, lead: 0.02, h: 0.02 };
             let found: Meeting<f64> = flight.meeting(&options, 0.0, 1.0, <f64 as Real>::Mask::splat(true));

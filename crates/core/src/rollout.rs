@@ -4,16 +4,8 @@
 
 use stepper_real::{Mask, Real, Scalar};
 
+use crate::options::Precision;
 use crate::step::Scratch;
-
-/// Scalar type of the lanes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Precision {
-    /// Eight lanes of 64 bits.
-    F64,
-    /// Sixteen lanes of 32 bits.
-    F32,
-}
 
 /// What can be written down after a control.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -80,7 +72,7 @@ impl Numbers<'_> {
 pub struct Recording<'a> {
     /// What, and where to: (controls, num_envs, n) each.
     pub quantities: Vec<(Quantity, Numbers<'a>)>,
-    /// Flags of all steps of a control: (controls, num_envs).
+    /// Flags of all steps of a control, as [`Status::bits`](crate::Status::bits): (controls, num_envs).
     pub status: &'a mut [u32],
     /// Largest residual among the steps of a control, m/s: (controls, num_envs).
     pub residual: &'a mut [f64],

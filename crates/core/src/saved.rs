@@ -2,7 +2,7 @@
 //!
 //! | bytes | what |
 //! |---|---|
-//! | 8 | [`MAGIC`] |
+//! | 8 | the bytes that every saved state begins with |
 //! | 4 | [`FORMAT_VERSION`], little endian |
 //! | 1 | bytes of a number of the lanes: 8 or 4 |
 //! | 32 | SHA-256 of the model, see [`Model::digest`](crate::Model::digest) |
@@ -11,8 +11,8 @@
 
 use sha2::{Digest, Sha256};
 
-use crate::rollout::Precision;
-use crate::simulation::Error;
+use crate::error::Error;
+use crate::options::Precision;
 
 /// The first bytes of every saved state. The last is no valid UTF-8, and not that of a saved model.
 const MAGIC: [u8; 8] = *b"stepper\xfe";
@@ -78,9 +78,9 @@ impl SavedState {
     /// The state that [`SavedState::to_bytes`] wrote, bit for bit. Whether it fits a simulation, that says when the state is given to it.
     ///
     /// # Errors
-    /// [`Error::Value`] when the bytes are no state, of another format version, or damaged.
+    /// [`Error::NotAState`] when the bytes are no state, of another format version, or damaged.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, Error> {
-        let refuse = |what: String| Err(Error::Value(format!("not a state: {what}")));
+        let refuse = |what: String| Err(Error::NotAState(what));
         if !bytes.starts_with(&MAGIC) {
             return refuse("the bytes do not begin as those of a state do; give what get_state returned, or its bytes".into());
         }

@@ -108,7 +108,7 @@ impl<S: Scalar> Group<S> {
         self.contact_ids.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = 0);
         self.contact_count[lane] = 0;
         self.normals.forget(lane);
-        self.status[lane] = Status::OK.0;
+        self.status[lane] = Status::OK.bits();
         self.saturated.iter_mut().skip(lane).step_by(lanes).for_each(|n| *n = 0);
         for number in [&mut self.residual, &mut self.iterations, &mut self.depth, &mut self.overshoot] {
             number[lane] = S::default();

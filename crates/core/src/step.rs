@@ -11,7 +11,7 @@ use crate::kinematics::{Kinematics, advance, all_finite, blend, displace};
 use crate::lanes::each_of;
 use crate::limit::{Limit, slow_down, thrown, unresolved};
 use crate::mocap::{self, Way};
-use crate::options::{Integrator, Options};
+use crate::options::{Integrator, StepSettings};
 use crate::plan::{LanePlan, Plan};
 use crate::rk4::Rk4;
 use crate::spatial::*;
@@ -91,7 +91,7 @@ pub struct Scratch<R: Real> {
 
 impl<R: Real> Scratch<R> {
     /// Room for a plan.
-    pub fn new(plan: &Plan<R::Scalar>, options: &Options, max_contacts: usize) -> Self {
+    pub fn new(plan: &Plan<R::Scalar>, options: &StepSettings, max_contacts: usize) -> Self {
         let zeros = |n: usize| vec![R::zero(); n];
         Self {
             q: zeros(plan.nq),
@@ -164,7 +164,7 @@ struct Rule<R> {
 }
 
 impl<R: Real> Rule<R> {
-    fn new(options: &Options) -> Self {
+    fn new(options: &StepSettings) -> Self {
         let (h, half, none) = (R::of(options.timestep), R::of(0.5 * options.timestep), R::zero());
         let share = R::of(0.5);
         let integrator = options.integrator;
@@ -222,7 +222,7 @@ impl<R: Real> Rule<R> {
 /// One step of `options.timestep` seconds: state and inputs in, next state and its record out.
 ///
 /// This is ordinary code that calls kernels: each stage is compiled once for every lane type and CPU level.
-pub fn step<R: Real>(plan: &LanePlan<R>, options: &Options, s: &mut Scratch<R>) -> Record<R> {
+pub fn step<R: Real>(plan: &LanePlan<R>, options: &StepSettings, s: &mut Scratch<R>) -> Record<R> {
     let mut rule = Rule::new(options);
     let h = rule.h;
     s.poses.begin();
@@ -323,7 +323,7 @@ pub fn step<R: Real>(plan: &LanePlan<R>, options: &Options, s: &mut Scratch<R>) 
 }
 
 /// Stage 4.
-fn assemble<R: Real>(plan: &LanePlan<R>, options: &Options, rule: &Rule<R>, s: &mut Scratch<R>, too_far: R::Mask) {
+fn assemble<R: Real>(plan: &LanePlan<R>, options: &StepSettings, rule: &Rule<R>, s: &mut Scratch<R>, too_far: R::Mask) {
     let moment = Moment {
         q: &s.q_eval,
         v: &s.v,
@@ -504,7 +504,7 @@ const UNSOLVED: f64 = 1e-2;
 
 /// Lanes whose impulses do not decide what becomes of their energy: the residual is large, or it is small beside velocities but not beside what
 /// enormous impulses make of it.
-fn undecided<R: Real>(options: &Options, s: &Scratch<R>, residual: R) -> R::Mask {
+fn undecided<R: Real>(options: &StepSettings, s: &Scratch<R>, residual: R) -> R::Mask {
     let Constraints { problem, iterate, constrained, .. } = &s.constraints;
     R::vectorize(
         #[inline(always)]

@@ -10,7 +10,7 @@ use stepper_real::{Level, Mask, Real, Scalar, at_avx512, at_level};
 use crate::actuation::Chains;
 use crate::lanes::count;
 use crate::mocap::Way;
-use crate::options::Options;
+use crate::options::StepSettings;
 use crate::plan::{LanePlan, Plan};
 use crate::rollout::{Numbers, Quantity, Share};
 use crate::sensing::errors::Errors;
@@ -26,7 +26,7 @@ pub struct Call<'a, S: Scalar> {
     /// The compiled model.
     pub plan: &'a Plan<S>,
     /// Settings.
-    pub options: &'a Options,
+    pub options: &'a StepSettings,
     /// Number of environments.
     pub num_envs: usize,
     /// Controls, one after the other; `step` has one.
@@ -109,7 +109,7 @@ pub struct Site<'a, S: Scalar> {
     /// The compiled model.
     pub plan: &'a Plan<S>,
     /// Settings.
-    pub options: &'a Options,
+    pub options: &'a StepSettings,
     /// Contacts an environment has room for.
     pub max_contacts: usize,
 }
@@ -317,7 +317,7 @@ impl<R: Real> Desk<R> {
             s.elapsed += h;
             let kept = record.non_finite.bits();
             for (l, flags) in flags.iter_mut().enumerate() {
-                *flags |= record.status(l).0;
+                *flags |= record.status(l).bits();
                 if kept >> l & 1 == 0 {
                     group.time[l] += h;
                 }

@@ -38,12 +38,12 @@ static ALLOCATOR: Counting = Counting;
 fn a_step_allocates_nothing_the_second_time() {
     let model = walker();
     let level = *Level::available().last().unwrap();
-    let base = Options { timestep: 0.004, ..Options::default() };
+    let base = Options { timestep: Some(0.004), ..Options::default() };
     let settings = [
         base,
         Options { integrator: Integrator::Rk4, ..base },
         Options { integrator: Integrator::Implicit, ..base },
-        Options { timestep: 0.08, ..base },
+        Options { timestep: Some(0.08), ..base },
         Options { integrator: Integrator::Euler, stabilization: Stabilization::Split, ..base },
         Options { solver: Solver::Newton, ..base },
     ];

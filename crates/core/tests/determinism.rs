@@ -8,14 +8,14 @@ use stepper_core::{Integrator, Level, Options, Precision, Solver, Stabilization}
 const CALLS: usize = 150;
 
 fn settings() -> [Options; 7] {
-    let base = Options { timestep: 0.004, ..Options::default() };
+    let base = Options { timestep: Some(0.004), ..Options::default() };
     [
         base,
         Options { integrator: Integrator::Euler, stabilization: Stabilization::Split, ..base },
         Options { integrator: Integrator::Rk4, ..base },
         Options { integrator: Integrator::Implicit, ..base },
         // Too long for the motion of many lanes.
-        Options { timestep: 0.08, ..base },
+        Options { timestep: Some(0.08), ..base },
         // Most lanes run out of sweeps here, each at its own time.
         Options { iterations: 4, ..base },
         Options { solver: Solver::Newton, ..base },
@@ -52,7 +52,7 @@ fn an_environment_alone_in_lanes_and_anywhere_in_a_batch_has_the_same_bits() {
 #[test]
 fn f32_lanes_have_the_same_bits_at_every_level_and_place() {
     let model = walker();
-    let options = Options { timestep: 0.004, tolerance: 1e-4, ..Options::default() };
+    let options = Options { timestep: Some(0.004), tolerance: Some(1e-4), ..Options::default() };
     let all: Vec<usize> = (0..20).collect();
     let expected = run(&model, options, &all, Precision::F32, 1, Level::Baseline, CALLS);
     for &level in Level::available() {

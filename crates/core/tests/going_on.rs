@@ -7,7 +7,7 @@ use std::sync::Arc;
 use common::{action, errors, noise, start, trains, walker};
 use proptest::prelude::*;
 use stepper_core::batch::{Field, StepInputs};
-use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
+use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, Parameter, WORLD};
 use stepper_core::rollout::{Numbers, Quantity, Recording};
 use stepper_core::{Integrator, Options, Precision, Simulation, Stabilization};
 
@@ -44,12 +44,11 @@ fn deed() -> impl Strategy<Value = Deed> {
 /// A paddle that the user moves, under a ball.
 fn paddle() -> Arc<Model> {
     let mut scene = Model::builder("paddle");
-    let paddle = BodyBuilder::new("paddle").pos([0.0, 0.0, 0.5]);
-    let moved = scene.body(WORLD, paddle.geom(GeomBuilder::cuboid("paddle", [0.3, 0.3, 0.05])));
+    let paddle = BodyBuilder::new("paddle").pos([0.0, 0.0, 0.5]).mocap();
+    scene.body(WORLD, paddle.geom(GeomBuilder::cuboid("paddle", [0.3, 0.3, 0.05])));
     let ball = BodyBuilder::new("ball").pos([0.05, 0.0, 0.61]).joint(JointBuilder::free("ball"));
     scene.body(WORLD, ball.geom(GeomBuilder::sphere("ball", 0.06).density(300.0)));
-    let mut model = scene.finish().expect("the paddle is a valid model");
-    model.bodies[moved].mocap = true;
+    let model = scene.finish().expect("the paddle is a valid model");
     Arc::new(model)
 }
 
@@ -73,7 +72,7 @@ impl Scene {
     }
 
     fn randomize(&self, sim: &mut Simulation, masses: Option<&[f64]>) {
-        sim.randomize(&[("body_mass", masses)], &(0..self.num_envs).collect::<Vec<_>>()).unwrap();
+        sim.randomize(&[(Parameter::BodyMass, masses)], &(0..self.num_envs).collect::<Vec<_>>()).unwrap();
     }
 
     /// Does all `deeds`; before each that steps, another simulation is made, given the state, and does it too.
@@ -136,7 +135,7 @@ impl Scene {
                     };
                     sim.set(field, env, &values).unwrap();
                 }
-                Deed::Time => sim.set_time(env, turn as f64),
+                Deed::Time => sim.set_time(env, turn as f64).unwrap(),
                 Deed::Reset => sim.reset(env),
                 Deed::Begin => sim.begin(env, Some(turn as u64)),
                 Deed::Keep => kept = sim.save_state(),
@@ -168,7 +167,7 @@ proptest! {
         fast in any::<bool>(),
     ) {
         let precision = if single { Precision::F32 } else { Precision::F64 };
-        let base = Options { timestep: 0.004, ..Options::default() };
+        let base = Options { timestep: Some(0.004), ..Options::default() };
         let options = if fast { Options { integrator: Integrator::Euler, stabilization: Stabilization::Baumgarte, ..base } } else { base };
         let model = if walks { walker() } else { paddle() };
         Scene { model, options, num_envs: if many { 3 } else { 1 }, precision, equipped: equipped && walks }.act(&deeds);

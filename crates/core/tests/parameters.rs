@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use common::{action, bits, noise, start, walker};
 use stepper_core::batch::{Field, StepInputs};
-use stepper_core::model::{Model, RANDOMIZABLE};
+use stepper_core::model::{Model, Parameter};
 use stepper_core::plan::{Params, Plan};
 use stepper_core::{Level, Options, Precision, Simulation};
 
@@ -32,7 +32,7 @@ fn whatever_may_differ_is_a_parameter_and_a_plan_makes_those_of_its_variants() {
     let model = walker();
     let plan = Plan::<f64>::new(&model);
     let whole = structure(plan.clone());
-    for name in RANDOMIZABLE {
+    for name in Parameter::ALL.map(Parameter::name) {
         let variant = model.replace(name, &varied(&model, name, 1)).unwrap();
         let own = Plan::<f64>::new(&variant);
         let to_bits = |params: &Params<f64>| params.numbers().iter().map(|x| x.to_bits()).collect::<Vec<_>>();
@@ -44,9 +44,9 @@ fn whatever_may_differ_is_a_parameter_and_a_plan_makes_those_of_its_variants() {
 
 fn simulation(model: &Arc<Model>, envs: &[usize], level: Level) -> Vec<Vec<u64>> {
     let mut sim = Simulation::at_level(model.clone(), Options::default(), Some(envs.len()), Precision::F64, 1, level);
-    let fields: Vec<(&str, Vec<f64>)> =
-        RANDOMIZABLE.iter().map(|&name| (name, envs.iter().flat_map(|&env| varied(model, name, env as u64)).collect())).collect();
-    let assigned: Vec<_> = fields.iter().map(|(name, values)| (*name, Some(&values[..]))).collect();
+    let numbers = |name: &str| envs.iter().flat_map(|&env| varied(model, name, env as u64)).collect();
+    let fields: Vec<(Parameter, Vec<f64>)> = Parameter::ALL.into_iter().map(|field| (field, numbers(field.name()))).collect();
+    let assigned: Vec<_> = fields.iter().map(|(field, values)| (*field, Some(&values[..]))).collect();
     sim.randomize(&assigned, &(0..envs.len()).collect::<Vec<_>>()).unwrap();
     for (e, &env) in envs.iter().enumerate() {
         let (q, v) = start(model, env);
@@ -78,10 +78,10 @@ fn nothing_changes_when_one_environment_is_refused() {
     masses[1] = 7.0;
     let last = masses.len() - 1;
     masses[last] = -1.0;
-    let error = sim.randomize(&[("body_mass", Some(&masses))], &[0, 1, 2]).unwrap_err().to_string();
+    let error = sim.randomize(&[(Parameter::BodyMass, Some(&masses))], &[0, 1, 2]).unwrap_err().to_string();
     assert!(error.contains("environment 2: body") && error.contains("mass is -1 kg"), "{error}");
     assert!(sim.theta().is_empty());
     assert_eq!(sim.parameter_bytes(), 0);
-    let error = sim.randomize(&[("body_mass", Some(&masses[1..]))], &[0]).unwrap_err().to_string();
+    let error = sim.randomize(&[(Parameter::BodyMass, Some(&masses[1..]))], &[0]).unwrap_err().to_string();
     assert!(error.contains("body_mass has"), "{error}");
 }

@@ -54,20 +54,19 @@ pub(crate) fn structured<'py>(
 ) -> PyResult<Bound<'py, PyAny>> {
     static DTYPE: PyOnceLock<Py<PyArrayDescr>> = PyOnceLock::new();
     let dtype = DTYPE.get_or_try_init(py, || dtype(py))?;
-    let bodies = &simulation.model().geoms;
     let mut rows = Vec::new();
     for env in envs {
-        rows.extend(simulation.contacts(env).iter().map(|(geoms, c)| Row {
+        rows.extend(simulation.contacts(env).iter().map(|c| Row {
             env: env as i32,
-            geom: geoms.map(|g| g as i32),
-            body: geoms.map(|g| bodies[g].body as i32),
+            geom: c.geoms.map(|g| g as i32),
+            body: c.bodies.map(|b| b as i32),
             unused: 0,
             pos: c.pos,
             normal: c.normal,
             distance: c.distance,
-            force: c.impulse,
+            force: c.force,
             torque: c.torque,
-            frame: stepper_core::contacts::frame(c.normal),
+            frame: c.frame(),
         }));
     }
     // SAFETY: rows are plain numbers without a gap between them.

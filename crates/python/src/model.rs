@@ -7,7 +7,7 @@ use pyo3::exceptions::{PyIndexError, PyKeyError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyCFunction, PyDict, PyTuple, PyType};
 use stepper_core::Precision;
-use stepper_core::model::{Field, Keyframe, Model as Core, REPLACEABLE, Sensor};
+use stepper_core::model::{Description, Field, Keyframe, Model as Core, REPLACEABLE, Sensor};
 
 use crate::array::{array, assign_attribute, hint, read_only, readonly, shape_text, whole};
 use crate::stepper::SharedModel;
@@ -82,14 +82,15 @@ impl Model {
 
 #[pymethods]
 impl Model {
-    /// The model of a plain description (the fields of the Rust crate's `Model`), checked.
+    /// The model of a plain description (the fields of the Rust crate's `Description`), checked.
     ///
     /// Raises:
     ///     ModelError: The description is not valid, or strict and it has elements that are not simulated.
     #[staticmethod]
     fn from_description(description: &Bound<'_, PyAny>, strict: bool) -> PyResult<Self> {
-        let core: Core = pythonize::depythonize(description).map_err(|e| ModelError::new_err(format!("not a model description: {e}")))?;
-        core.finish(strict).map(Self::of).map_err(to_py)
+        let given: Description =
+            pythonize::depythonize(description).map_err(|e| ModelError::new_err(format!("not a model description: {e}")))?;
+        given.finish(strict).map(Self::of).map_err(to_py)
     }
 
     /// The inverse of `to_bytes`.

@@ -2,9 +2,10 @@
 
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use stepper_core::{Integrator, Options, Precision, Solver, Stabilization};
+use stepper_core::{Integrator, Options, Solver, Stabilization};
 
 use crate::array::{described, whole};
+use crate::stepper::value_error;
 
 /// The attributes of the Python dataclass, by name.
 struct Given<'a, 'py>(&'a Bound<'py, PyAny>);
@@ -40,8 +41,8 @@ impl<'py> Given<'_, 'py> {
     }
 }
 
-/// Settings for a model's own time step, from a `stepper.Options`.
-pub(crate) fn settings(given: &Bound<'_, PyAny>, timestep: f64, precision: Precision) -> PyResult<Options> {
+/// The core's settings, from a `stepper.Options`.
+pub(crate) fn settings(given: &Bound<'_, PyAny>) -> PyResult<Options> {
     let given = Given(given);
     let solver = match given.word("solver")?.as_str() {
         "auto" => Solver::Auto,
@@ -62,14 +63,12 @@ pub(crate) fn settings(given: &Bound<'_, PyAny>, timestep: f64, precision: Preci
         "none" => Stabilization::None,
         other => return Err(unknown("stabilization", other, "baumgarte, split, none")),
     };
-    // A residual near the rounding of the lanes cannot be reached.
-    let tolerance = if precision == Precision::F32 { 1e-4 } else { Options::default().tolerance };
     let options = Options {
-        timestep: given.optional("timestep", Given::number)?.unwrap_or(timestep),
+        timestep: given.optional("timestep", Given::number)?,
         integrator,
         solver,
         iterations: given.count("iterations")?,
-        tolerance: given.optional("tolerance", Given::number)?.unwrap_or(tolerance),
+        tolerance: given.optional("tolerance", Given::number)?,
         stabilization,
         baumgarte: given.number("baumgarte")?,
         slop: given.number("slop")?,
@@ -77,7 +76,7 @@ pub(crate) fn settings(given: &Bound<'_, PyAny>, timestep: f64, precision: Preci
         restitution_threshold: given.number("restitution_threshold")?,
         max_contacts: given.optional("max_contacts", Given::count)?,
     };
-    options.check().map_err(PyValueError::new_err)?;
+    options.check().map_err(value_error)?;
     Ok(options)
 }
 

@@ -4,9 +4,10 @@ use numpy::PyUntypedArrayMethods;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use stepper_core::Precision;
+use stepper_core::{Parameter, Precision};
 
 use crate::array::{array, check_shape, read_only_of_environments, readonly};
+use crate::model::to_py;
 use crate::stepper::{Stepper, drives, value_error};
 
 /// The field that is no field of the model.
@@ -40,7 +41,8 @@ impl Stepper {
             redrawn = Some(self.simulation.redrawn(None, envs).map_err(value_error)?);
             given.extend(self.simulation.theta().fields().map(|(name, _)| (name.to_owned(), None)));
         }
-        let assigned: Vec<(&str, Option<&[f64]>)> = given.iter().map(|(name, values)| (name.as_str(), values.as_deref())).collect();
+        let assigned = given.iter().map(|(name, values)| Ok((name.parse()?, values.as_deref())));
+        let assigned: Vec<(Parameter, Option<&[f64]>)> = assigned.collect::<Result<_, _>>().map_err(to_py)?;
         if !assigned.is_empty() {
             self.simulation.randomize(&assigned, envs).map_err(value_error)?;
         }

@@ -8,9 +8,8 @@ use pyo3::exceptions::{PyIndexError, PyKeyboardInterrupt, PyMemoryError, PyOverf
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
 use stepper_core::actuation::DriveTrain;
-use stepper_core::batch::{Field, StepInputs};
 use stepper_core::sensing::errors::Transfer;
-use stepper_core::{Error, Precision, SavedState, Simulation};
+use stepper_core::{Error, Field, Precision, SavedState, Simulation, StepInputs};
 
 use crate::array::{array, assign_attribute, check_shape, described, hint, read_only, readonly, shape_text, whole, with_numbers};
 use crate::contacts::structured;
@@ -103,9 +102,9 @@ impl Applied {
 pub(crate) fn value_error(error: Error) -> PyErr {
     match error {
         Error::Model(e) => to_py(e),
-        Error::Value(message) => PyValueError::new_err(message),
-        Error::Memory(message) => PyMemoryError::new_err(message),
+        Error::Memory { .. } => PyMemoryError::new_err(error.to_string()),
         Error::Threads(message) => PyRuntimeError::new_err(message),
+        _ => PyValueError::new_err(error.to_string()),
     }
 }
 
@@ -148,7 +147,9 @@ impl Stepper {
         let width = self.width(field);
         let mut data = vec![0.0; self.n() * width];
         if width > 0 {
-            data.chunks_exact_mut(width).enumerate().for_each(|(env, row)| self.simulation.get(field, env, row));
+            data.chunks_exact_mut(width)
+                .enumerate()
+                .for_each(|(env, row)| self.simulation.get(field, env, row).expect("a row of an environment"));
         }
         read_only(array(py, &self.shape(&[width]), data, self.precision)?, name)
     }
@@ -408,7 +409,7 @@ impl Stepper {
             mocap_pos: if given { &[] } else { &mocap_pos },
             mocap_quat: if given { &[] } else { &mocap_quat },
         };
-        Ok(self.simulation.snapshot(env, &inputs))
+        self.simulation.snapshot(env, &inputs).map_err(value_error)
     }
 }
 
@@ -570,7 +571,7 @@ impl Stepper {
             None => py.import("stepper")?.getattr("Options")?.call0()?,
         };
         let core = model.get().core.clone();
-        let settings = settings(&options, core.timestep, precision)?;
+        let settings = settings(&options)?;
         let nv = core.nv();
         let mut simulation = Simulation::new(core, settings, num_envs, precision, threads).map_err(value_error)?;
         let n = simulation.num_envs();
@@ -766,7 +767,7 @@ impl Stepper {
         for ((field, _), rows) in fields.iter().zip(&rows) {
             this.write(*field, rows, &envs, cold)?;
         }
-        envs.iter().zip(times).for_each(|(&env, time)| this.simulation.set_time(env, time));
+        envs.iter().zip(times).try_for_each(|(&env, time)| this.simulation.set_time(env, time)).map_err(value_error)?;
         let recorder = recorder_of(slf.py(), this);
         let cold = (!cold).then(|| pyo3::types::PyBool::new(slf.py(), false).to_owned().into_any());
         notify(slf, recorder, "set_state", &[("mask", mask), ("qpos", qpos), ("qvel", qvel), ("act", act), ("time", time), ("cold", cold)])
@@ -879,13 +880,13 @@ impl Stepper {
     /// Time step in force, s.
     #[getter]
     fn timestep(&self) -> f64 {
-        self.simulation.options().timestep
+        self.simulation.timestep()
     }
 
     /// Residual at which the solver stops, in force, m/s.
     #[getter]
     fn tolerance(&self) -> f64 {
-        self.simulation.options().tolerance
+        self.simulation.tolerance()
     }
 
     /// Scalar type of the lanes: "f64" or "f32".
@@ -941,7 +942,7 @@ impl Stepper {
     /// Flags of the last call of `step`, see `stepper.Status`: (num_envs,) uint32.
     #[getter]
     fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.per_env(py, "status", |env| self.simulation.status(env))
+        self.per_env(py, "status", |env| self.simulation.status(env).bits())
     }
 
     /// Natural-map residual of the last step in m/s: (num_envs,).

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::{Activation, Actuator, Model, Transmission, label};
+use crate::model::{Activation, Actuator, Description, Model, Transmission, label};
 
 /// A drive train. Every list has one number for all environments, or one for each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -128,7 +128,7 @@ impl DriveTrain {
     /// # Errors
     /// The first number out of its range, and what an actuator cannot have, with the actuator's name.
     pub fn fold(model: &Model, trains: &[Option<Self>], num_envs: usize, h: f64) -> Result<(Model, Vec<Option<Self>>), String> {
-        let (mut model, mut trains) = (model.clone(), trains.to_vec());
+        let (mut model, mut trains) = (model.clone().into_description(), trains.to_vec());
         for (i, train) in trains.iter_mut().enumerate() {
             *train = train.take().filter(|t| *t != Self::ideal());
             let steps = model.actuators[i].delay_in_steps(h);
@@ -139,10 +139,10 @@ impl DriveTrain {
             let name = label(&model.actuators[i].name, i);
             train.check(num_envs, h).and_then(|()| train.give(&mut model, i)).map_err(|e| format!("drive of actuator {name:?}: {e}"))?;
         }
-        Ok((model, trains))
+        Ok((Model::trusted(model), trains))
     }
 
-    fn give(&mut self, model: &mut Model, i: usize) -> Result<(), String> {
+    fn give(&mut self, model: &mut Description, i: usize) -> Result<(), String> {
         let actuator = &mut model.actuators[i];
         if self.servo.is_some() {
             if actuator.activation != Activation::None {

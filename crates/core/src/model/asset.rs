@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::{MassProperties, Model, Shape};
+use super::{Description, MassProperties, Shape};
 use crate::geometry::convex::{Hull, HullError};
 
 /// A triangle mesh, in the frame of the geoms that use it.
@@ -68,7 +68,7 @@ fn solid(hull: &Hull, density: f64) -> MassProperties {
     MassProperties { mass: volume * density, com, inertia: inertia * density }
 }
 
-impl Model {
+impl Description {
     /// The mesh that a geom's shape refers to.
     pub fn mesh_of(&self, shape: &Shape) -> Option<&Mesh> {
         match shape {

@@ -7,7 +7,7 @@ mod geom;
 mod joint;
 mod tendon;
 
-use super::{HeightField, Keyframe, Medium, Mesh, Model, ModelError, Pair, Sensor, SensorKind, Site};
+use super::{Description, HeightField, Keyframe, Medium, Mesh, Model, ModelError, Pair, Sensor, SensorKind, Site};
 
 pub use actuator::ActuatorBuilder;
 pub use body::BodyBuilder;
@@ -59,7 +59,7 @@ pub const WORLD: usize = 0;
 /// Names refer to elements in actuators, sensors, pairs and excludes; a name that is missing is an error of [`ModelBuilder::finish`].
 #[derive(Clone, Debug)]
 pub struct ModelBuilder {
-    model: Model,
+    model: Description,
     bodies: Vec<BodyBuilder>,
     actuators: Vec<ActuatorBuilder>,
     sites: Vec<Site>,
@@ -74,7 +74,7 @@ impl Model {
     /// Starts a model: only the world, gravity 9.81 m/s^2 along -z, time step 2 ms.
     pub fn builder(name: &str) -> ModelBuilder {
         ModelBuilder {
-            model: Self {
+            model: Description {
                 name: name.into(),
                 timestep: 0.002,
                 gravity: [0.0, 0.0, -9.81],
@@ -231,13 +231,13 @@ impl ModelBuilder {
     /// The model, validated.
     ///
     /// # Errors
-    /// [`ModelError`] when a name is missing, as [`Model::finish`], and for what stepper does not simulate yet.
+    /// [`ModelError`] when a name is missing, as [`Description::finish`], and for what stepper does not simulate yet.
     pub fn finish(&self) -> Result<Model, ModelError> {
         self.describe()?.finish(true)
     }
 
-    /// The model before validation.
-    pub(super) fn describe(&self) -> Result<Model, ModelError> {
+    /// The scene before it is checked.
+    pub(super) fn describe(&self) -> Result<Description, ModelError> {
         let mut model = self.model.clone();
         for (index, builder) in self.bodies.iter().enumerate() {
             builder.add_to(&mut model, index);
@@ -268,7 +268,7 @@ impl ModelBuilder {
         Ok(model)
     }
 
-    fn add_pairs(&self, model: &mut Model) -> Result<(), ModelError> {
+    fn add_pairs(&self, model: &mut Description) -> Result<(), ModelError> {
         for (names, friction) in &self.pairs {
             let [a, b] = names.each_ref().map(|n| find(model.geoms.iter().map(|g| &g.name), n, "geom", "pair"));
             let geoms = [a?, b?];
@@ -292,7 +292,7 @@ fn find<'a>(mut names: impl Iterator<Item = &'a String>, name: &str, kind: &str,
     })
 }
 
-fn find_joint(model: &Model, name: &str, place: &str) -> Result<usize, ModelError> {
+fn find_joint(model: &Description, name: &str, place: &str) -> Result<usize, ModelError> {
     find(model.joints.iter().map(|j| &j.name), name, "joint", place)
 }
 
@@ -334,7 +334,7 @@ mod tests {
         let mut scene = Model::builder("order");
         scene.body(WORLD, BodyBuilder::new("a").joint(JointBuilder::free("")).geom(GeomBuilder::sphere("ball", 0.1)));
         scene.geom(WORLD, GeomBuilder::plane("floor"));
-        let names: Vec<String> = scene.finish().unwrap().geoms.into_iter().map(|g| g.name).collect();
+        let names: Vec<String> = scene.finish().unwrap().geoms.iter().map(|g| g.name.clone()).collect();
         assert_eq!(names, ["floor", "ball"]);
     }
 

@@ -299,7 +299,7 @@ fn section(title: &str, lines: &[String]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::finish::tests::{hollow, rich};
+    use super::super::finish::tests::{hollow, rich_model};
     use super::super::{BodyBuilder, GeomBuilder, JointBuilder, WORLD};
     use super::*;
 
@@ -316,7 +316,7 @@ mod tests {
 
     #[test]
     fn everything_modelled_is_named_and_counted() {
-        let text = rich().explain();
+        let text = rich_model().explain();
         let modelled = lines(&text, "Modelled");
         for part in [
             "4 moving links",
@@ -339,7 +339,7 @@ mod tests {
 
     #[test]
     fn pairs_add_up() {
-        let model = rich();
+        let model = rich_model();
         let census = model.pair_census();
         let n = model.geoms.len();
         assert_eq!(census.values().sum::<usize>(), n * (n - 1) / 2);
@@ -361,12 +361,12 @@ mod tests {
     #[test]
     fn what_the_source_asks_for_and_does_not_get_comes_first() {
         const TITLE: &str = "The source asks for it, and by default something else runs";
-        let mut model = rich();
+        let mut model = rich_model();
         assert_eq!(lines(&model.explain(), TITLE), ["nothing"]);
         let cone = Some("pyramidal".to_owned());
         let (integrator, solver) = ("RK4".to_owned(), "Newton".to_owned());
         let soft = vec!["1 geom: ball".to_owned()];
-        model.requested = Some(Requested { integrator, solver, iterations: 100, cone, constrained: true, soft });
+        model.0.requested = Some(Requested { integrator, solver, iterations: 100, cone, constrained: true, soft });
         let text = model.explain();
         let found = lines(&text, TITLE);
         assert!(["asks for RK4, and midpoint runs", "1 geom: ball", "circular"].iter().all(|part| has(&found, part)), "{text}");

@@ -5,18 +5,18 @@
 //! | 8 | [`MAGIC`] |
 //! | 4 | [`FORMAT_VERSION`], little endian |
 //! | 32 | SHA-256 of the payload |
-//! | rest | payload: the [`Model`] in postcard's encoding (numbers as their IEEE 754 bits, little endian) |
+//! | rest | payload: the [`Description`] in postcard's encoding (numbers as their IEEE 754 bits, little endian) |
 
 use std::path::Path;
 
 use sha2::{Digest, Sha256};
 
-use super::{Model, ModelError};
+use super::{Description, Model, ModelError};
 
 /// The first bytes of every saved model. The last is no valid UTF-8, so no text file begins so.
 const MAGIC: [u8; 8] = *b"stepper\xff";
 
-/// Version of the format of saved models; changes whenever [`Model`] does.
+/// Version of the format of saved models; changes whenever [`Description`] does.
 pub const FORMAT_VERSION: u32 = 9;
 
 const HEADER: usize = 8 + 4 + 32;
@@ -39,7 +39,7 @@ impl Model {
     ///
     /// # Errors
     /// [`ModelError::File`] when the bytes are no saved model, of another format version, or damaged; [`ModelError::Invalid`] when they
-    /// hold a model that [`Model::finish`] would refuse.
+    /// hold a model that [`Description::finish`] would refuse.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, ModelError> {
         parse(bytes, MEMORY)
     }
@@ -71,7 +71,7 @@ impl Model {
     }
 
     fn payload(&self) -> Vec<u8> {
-        postcard::to_stdvec(self).expect("a model is plain data in memory: numbers, strings and sequences of known length")
+        postcard::to_stdvec(&self.0).expect("a model is plain data in memory: numbers, strings and sequences of known length")
     }
 }
 
@@ -97,7 +97,7 @@ fn parse(bytes: &[u8], path: &str) -> Result<Model, ModelError> {
     if digest != &Sha256::digest(payload)[..] {
         return refuse("damaged: the contents do not match their SHA-256".into(), "copy the file again, or save the model again");
     }
-    match postcard::take_from_bytes::<Model>(payload) {
+    match postcard::take_from_bytes::<Description>(payload) {
         Ok((model, [])) => model.check(),
         _ => refuse("not readable by this version, though undamaged".into(), "save the model again with this version of stepper"),
     }
@@ -105,15 +105,15 @@ fn parse(bytes: &[u8], path: &str) -> Result<Model, ModelError> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::finish::tests::rich;
+    use super::super::finish::tests::rich_model;
     use super::*;
     use proptest::prelude::*;
 
     #[test]
     fn round_trip_is_bit_for_bit() {
-        let mut model = rich();
-        model.actuators[0].force_range = Some([f64::NEG_INFINITY, 0.1 + 0.2]);
-        model.gravity = [-0.0, 5e-324, -9.81];
+        let mut model = rich_model();
+        model.0.actuators[0].force_range = Some([f64::NEG_INFINITY, 0.1 + 0.2]);
+        model.0.gravity = [-0.0, 5e-324, -9.81];
         let back = Model::from_bytes(&model.to_bytes()).unwrap();
         assert_eq!(back, model);
         assert_eq!(back.to_bytes(), model.to_bytes());
@@ -124,13 +124,13 @@ mod tests {
     #[test]
     fn files_round_trip_and_replace_one_another() {
         let path = std::env::temp_dir().join(format!("stepper-file-test-{}.stepper", std::process::id()));
-        rich().save(&path).unwrap();
-        rich().save(&path).unwrap();
-        assert_eq!(Model::load(&path).unwrap(), rich());
+        rich_model().save(&path).unwrap();
+        rich_model().save(&path).unwrap();
+        assert_eq!(Model::load(&path).unwrap(), rich_model());
         std::fs::remove_file(&path).unwrap();
         let error = Model::load(&path).unwrap_err().to_string();
         assert!(error.contains("stepper-file-test") && error.contains("check the path"), "{error}");
-        let error = rich().save("/no/such/folder/a.stepper").unwrap_err().to_string();
+        let error = rich_model().save("/no/such/folder/a.stepper").unwrap_err().to_string();
         assert!(error.contains("/no/such/folder/a.stepper") && error.contains("folder"), "{error}");
     }
 
@@ -138,43 +138,43 @@ mod tests {
     fn refusals_say_what_and_what_to_do() {
         let text = |bytes: &[u8]| Model::from_bytes(bytes).unwrap_err().to_string();
         assert!(text(b"<mujoco/>").contains("not a saved stepper model"));
-        let mut other = rich().to_bytes();
+        let mut other = rich_model().to_bytes();
         other[8] = 77;
         assert!(
             text(&other).contains(&format!("format version 77, this stepper reads {FORMAT_VERSION}"))
                 && text(&other).contains("save it again")
         );
-        let mut damaged = rich().to_bytes();
+        let mut damaged = rich_model().to_bytes();
         *damaged.last_mut().unwrap() ^= 1;
         assert!(text(&damaged).contains("damaged"));
     }
 
     #[test]
     fn an_invalid_model_in_a_sound_file_is_refused() {
-        let mut model = rich();
-        model.bodies[1].mass = -1.0;
+        let mut model = rich_model();
+        model.0.bodies[1].mass = -1.0;
         assert!(matches!(Model::from_bytes(&model.to_bytes()), Err(ModelError::Invalid { .. })));
     }
 
     #[test]
     fn every_truncation_is_refused() {
-        let bytes = rich().to_bytes();
+        let bytes = rich_model().to_bytes();
         (0..bytes.len()).for_each(|n| assert!(Model::from_bytes(&bytes[..n]).is_err(), "{n} bytes"));
         assert!(Model::from_bytes(&[&bytes[..], &[0]].concat()).is_err());
     }
 
     proptest! {
         #[test]
-        fn every_bit_flip_is_refused(at in 0..rich().to_bytes().len(), bit in 0..8_u8) {
-            let mut bytes = rich().to_bytes();
+        fn every_bit_flip_is_refused(at in 0..rich_model().to_bytes().len(), bit in 0..8_u8) {
+            let mut bytes = rich_model().to_bytes();
             bytes[at] ^= 1 << bit;
             prop_assert!(Model::from_bytes(&bytes).is_err());
         }
 
         #[test]
         fn any_numbers_survive(x in any::<[f64; 3]>().prop_filter("finite", |x| x.iter().all(|v| v.is_finite()))) {
-            let mut model = rich();
-            model.gravity = x;
+            let mut model = rich_model();
+            model.0.gravity = x;
             let back = Model::from_bytes(&model.to_bytes()).unwrap();
             prop_assert_eq!(back.gravity.map(f64::to_bits), x.map(f64::to_bits));
         }

@@ -1,11 +1,11 @@
-//! The gate: every model that is simulated has passed [`Model::finish`].
+//! The gate: every model has passed [`Description::finish`].
 
 mod check;
 mod inertia;
 mod scope;
 mod sensors;
 
-use super::{EqualityKind, JointKind, Model, ModelError, label};
+use super::{Description, EqualityKind, JointKind, Model, ModelError, label};
 
 /// How far from 1 the length of a quaternion or axis may be and still be taken for rounding in the source.
 const SLOPPY: f64 = 1e-3;
@@ -14,31 +14,31 @@ const SLOPPY: f64 = 1e-3;
 /// finishing a finished model changes no bit.
 const EXACT: f64 = 1e-14;
 
-impl Model {
+impl Description {
     /// Checks everything and normalises what is unit but for rounding.
     ///
-    /// What is described but not simulated yet is an error if `strict`; otherwise it is left out and listed in [`Model::omitted`], with
+    /// What is described but not simulated yet is an error if `strict`; otherwise it is left out and listed in [`Description::omitted`], with
     /// what was listed there before.
     ///
     /// # Errors
     /// [`ModelError::Invalid`] for the first value that no model may have, with the element and the remedy;
     /// [`ModelError::Unsupported`] with every element that changes the motion and is not simulated.
-    pub fn finish(self, strict: bool) -> Result<Self, ModelError> {
-        let mut model = self.check()?;
+    pub fn finish(self, strict: bool) -> Result<Model, ModelError> {
+        let mut model = self.check()?.0;
         model.omitted.retain(|o| !scope::is_own(o));
         let mut found = scope::not_simulated(&model);
         model.omitted.append(&mut found);
         let missing: Vec<_> = model.omitted.iter().filter(|o| o.changes_motion).cloned().collect();
-        if strict && !missing.is_empty() { Err(ModelError::Unsupported(missing)) } else { Ok(model) }
+        if strict && !missing.is_empty() { Err(ModelError::Unsupported(missing)) } else { Ok(Model(model)) }
     }
 
-    /// As [`Model::finish`] but for what is simulated: that was decided when the model was finished.
-    pub(super) fn check(mut self) -> Result<Self, ModelError> {
+    /// As [`Description::finish`] but for what is simulated: that was decided when the model was finished.
+    pub(super) fn check(mut self) -> Result<Model, ModelError> {
         check::structure(&self)?;
         self.normalise()?;
         check::values(&self)?;
         inertia::check(&self)?;
-        Ok(self)
+        Ok(Model(self))
     }
 
     /// The numbers of a finished model in which fields of [`RANDOMIZABLE`](super::RANDOMIZABLE) are others.
@@ -111,8 +111,13 @@ pub(super) mod tests {
     use super::super::*;
     use proptest::prelude::*;
 
-    /// A model with one of everything that is simulated.
-    pub(in super::super) fn rich() -> Model {
+    /// A scene with one of everything that is simulated.
+    pub(in super::super) fn rich() -> Description {
+        rich_model().into_description()
+    }
+
+    /// The same, finished.
+    pub(in super::super) fn rich_model() -> Model {
         let mut scene = Model::builder("rich");
         scene.timestep(0.001).geom(WORLD, GeomBuilder::plane("floor").restitution(0.5));
         let ball = BodyBuilder::new("ball").pos([1.0, 0.0, 1.0]).joint(JointBuilder::free("root").damping(0.01));
@@ -150,7 +155,7 @@ pub(super) mod tests {
     }
 
     /// The rich scene with something that is not simulated: two hollow meshes, "ball" and "rivet", that could meet.
-    pub(in crate::model) fn hollow() -> Model {
+    pub(in crate::model) fn hollow() -> Description {
         let mut model = rich();
         let shape = Shape::Mesh { asset: "rock".into(), concave: true };
         model.meshes.push(rock());
@@ -159,7 +164,7 @@ pub(super) mod tests {
     }
 
     /// The error of the rich model after a change; it must name the element, say the value and the remedy.
-    fn refused(change: impl FnOnce(&mut Model), parts: &[&str]) {
+    fn refused(change: impl FnOnce(&mut Description), parts: &[&str]) {
         let mut model = rich();
         change(&mut model);
         let error = model.finish(true).expect_err(&format!("{parts:?} was accepted"));
@@ -254,7 +259,7 @@ pub(super) mod tests {
         let mesh = |vertices: &[[f64; 3]]| Mesh { name: "rock".into(), vertices: vertices.into(), faces: vec![] };
         let corners = [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1], [-0.1; 3]];
         let shape = |concave: bool| Shape::Mesh { asset: "rock".into(), concave };
-        let with = |m: &mut Model, given: Mesh, concave: bool| {
+        let with = |m: &mut Description, given: Mesh, concave: bool| {
             m.meshes = vec![given];
             m.geoms[1].shape = shape(concave);
         };
@@ -293,7 +298,7 @@ pub(super) mod tests {
 
     #[test]
     fn what_moves_needs_inertia() {
-        let weightless = |m: &mut Model, b: usize| (m.bodies[b].mass, m.bodies[b].inertia) = (0.0, [0.0; 3]);
+        let weightless = |m: &mut Description, b: usize| (m.bodies[b].mass, m.bodies[b].inertia) = (0.0, [0.0; 3]);
         refused(|m| weightless(m, 1), &["body \"ball\"", "joint \"root\"", "mass", "armature"]);
         refused(|m| weightless(m, 4), &["body \"lamp\"", "joint \"socket\""]);
         // A child with mass, or rotor inertia, is enough.
@@ -323,7 +328,7 @@ pub(super) mod tests {
         assert!(scene.finish().is_ok());
     }
 
-    fn kinds(model: &Model) -> Vec<(&str, &str)> {
+    fn kinds(model: &Description) -> Vec<(&str, &str)> {
         model.omitted.iter().map(|o| (o.kind.as_str(), o.name.as_str())).collect()
     }
 
@@ -356,12 +361,12 @@ pub(super) mod tests {
         assert!(all[1].reason.contains("this mesh passes through mesh \"ball\""), "{}", all[1].reason);
         let loose = model.finish(false).unwrap();
         assert_eq!(loose.omitted.len(), 3);
-        assert_eq!(loose.clone().finish(false).unwrap(), loose, "finishing twice changes nothing");
+        assert_eq!(loose.clone().into_description().finish(false).unwrap(), loose, "finishing twice changes nothing");
     }
 
     #[test]
     fn a_repaired_model_forgets_what_was_omitted() {
-        let mut model = hollow().finish(false).unwrap();
+        let mut model = hollow().finish(false).unwrap().into_description();
         assert_eq!(kinds(&model), [("collision", "rivet")]);
         model.geoms[5].shape = rich().geoms[5].shape.clone();
         assert!(model.finish(true).unwrap().omitted.is_empty());
@@ -377,7 +382,7 @@ pub(super) mod tests {
             let once = model.finish(true).unwrap();
             let length = once.bodies[2].quat.iter().map(|x| x * x).sum::<f64>().sqrt();
             prop_assert!((length - 1.0).abs() <= super::EXACT);
-            prop_assert_eq!(once.clone().finish(true).unwrap().to_bytes(), once.to_bytes());
+            prop_assert_eq!(once.clone().into_description().finish(true).unwrap().to_bytes(), once.to_bytes());
         }
     }
 }

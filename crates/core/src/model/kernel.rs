@@ -44,7 +44,7 @@ impl Kernel {
         }
     }
 
-    /// The kernel of two shapes in the order of [`Model::collision_pairs`](super::Model::collision_pairs); `None` when there is none yet.
+    /// The kernel of two shapes in the order of [`Description::collision_pairs`](super::Description::collision_pairs); `None` when there is none yet.
     pub fn of(a: &Shape, b: &Shape) -> Option<Self> {
         match (a, b) {
             (Shape::Plane, Shape::Sphere { .. }) => Some(Self::PlaneSphere),

@@ -1,7 +1,8 @@
 //! The model: what the scene is made of, as its author sees it.
 //!
-//! A [`Model`] is immutable once finished, validated, in SI units. It keeps the vocabulary of MJCF (bodies, joints, geoms, actuators,
-//! sensors, keyframes) and every index a user knows; what the step needs of it is compiled into a [`Plan`](crate::plan::Plan).
+//! A [`Description`] is a scene whose fields anybody may edit. [`Description::finish`] checks it and makes a [`Model`] of it, which can be
+//! read and no longer edited, so that every model is valid. Both keep the vocabulary of MJCF (bodies, joints, geoms, actuators, sensors,
+//! keyframes) and every index a user knows, in SI units; what the step needs of a model is compiled into a [`Plan`](crate::plan::Plan).
 //!
 //! Frames: a body's `pos`, `quat` place it in its parent; a joint's `pos`, `axis` and a geom's `pos`, `quat` are in their body's frame.
 //! Quaternions are (w, x, y, z). Lengths in m, masses in kg, angles in rad.
@@ -23,6 +24,8 @@ mod shape;
 mod tendon;
 mod variant;
 
+use std::ops::Deref;
+
 use serde::{Deserialize, Serialize};
 
 pub use asset::{HeightField, Mesh};
@@ -41,12 +44,69 @@ pub use sensor::{
 };
 pub use shape::Shape;
 pub use tendon::Tendon;
-pub use variant::RANDOMIZABLE;
-pub(crate) use variant::{Variants, randomizable};
+pub use variant::Parameter;
+pub(crate) use variant::Variants;
 
-/// A scene: bodies in a tree, their joints, shapes, actuators and sensors. Body 0 is the world.
+/// A finished scene: a [`Description`] that was checked and cannot be edited any more, so that a simulation may rely on it.
+///
+/// Its fields are those of the description, to be read: `model.timestep`, `model.bodies[1].mass`. [`Model::replace`] makes a model with other
+/// numbers; any other edit goes through the description, and is checked again:
+///
+/// ```
+/// use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
+///
+/// let mut scene = Model::builder("pendulum");
+/// let rod = BodyBuilder::new("rod").joint(JointBuilder::hinge("pivot", [0.0, 1.0, 0.0]));
+/// scene.body(WORLD, rod.geom(GeomBuilder::capsule("rod", 0.02, 0.2).pos([0.0, 0.0, -0.2])));
+/// let model = scene.finish()?;
+///
+/// let mut description = model.into_description();
+/// description.timestep = 0.001;
+/// let model = description.finish(true)?;
+/// assert_eq!(model.timestep, 0.001);
+///
+/// let mut description = model.into_description();
+/// description.timestep = -0.001;
+/// assert!(description.finish(true).is_err());
+/// # Ok::<(), stepper_core::ModelError>(())
+/// ```
+///
+/// A model itself cannot be edited:
+///
+/// ```compile_fail,E0594
+/// # use stepper_core::Model;
+/// fn spoil(model: &mut Model) {
+///     model.timestep = -0.001; // cannot assign to data in dereference of `Model`
+/// }
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Model(Description);
+
+impl Deref for Model {
+    type Target = Description;
+
+    fn deref(&self) -> &Description {
+        &self.0
+    }
+}
+
+impl Model {
+    /// The description that the model was finished from, to be edited and finished again.
+    pub fn into_description(self) -> Description {
+        self.0
+    }
+
+    /// A model of a description that was made of a finished one, by a change that keeps it valid.
+    pub(crate) fn trusted(description: Description) -> Self {
+        Self(description)
+    }
+}
+
+/// A scene before it is checked: bodies in a tree, their joints, shapes, actuators and sensors. Body 0 is the world.
+///
+/// [`ModelBuilder`] is the convenient way to a model. A description is for readers of files, and for edits that the builder does not know.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Model {
+pub struct Description {
     /// Name of the scene; may be empty.
     pub name: String,
     /// Default time step, s.
@@ -340,7 +400,7 @@ pub struct Requested {
     pub soft: Vec<String>,
 }
 
-impl Model {
+impl Description {
     /// Number of configuration coordinates.
     pub fn nq(&self) -> usize {
         self.joints.iter().map(|j| j.kind.nq()).sum()

@@ -17,7 +17,7 @@
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, HashSet};
 
-use super::{Geom, Model, Pair, Shape};
+use super::{Description, Geom, Pair, Shape};
 
 /// Two geoms that can collide, and what a contact between them is like.
 #[derive(Clone, Debug, PartialEq)]
@@ -100,7 +100,7 @@ struct Surface {
 
 /// For every body the body that leads its rigid group: itself if it has joints or is posed by the user, else its parent's leader. The
 /// world leads what is fixed to it.
-pub(super) fn weld_groups(model: &Model) -> (Vec<usize>, Vec<bool>) {
+pub(super) fn weld_groups(model: &Description) -> (Vec<usize>, Vec<bool>) {
     let mut moves = vec![false; model.bodies.len()];
     for joint in &model.joints {
         moves[joint.body] = true;
@@ -126,7 +126,7 @@ const fn rank(shape: &Shape) -> u8 {
 }
 
 impl Filter {
-    pub(crate) fn new(model: &Model) -> Self {
+    pub(crate) fn new(model: &Description) -> Self {
         let (group, moves) = weld_groups(model);
         let tag = |g: &Geom| Tag {
             rank: rank(&g.shape),
@@ -234,7 +234,7 @@ fn mix(geoms: [usize; 2], [a, b]: [&Surface; 2]) -> GeomPair {
     GeomPair { geoms, condim, friction, restitution: a.restitution.max(b.restitution), margin: a.margin + b.margin, gap: a.gap + b.gap }
 }
 
-impl Model {
+impl Description {
     /// The geom pairs that can collide, ascending by their geoms. An explicit pair replaces what the filters say; of two explicit pairs
     /// of the same geoms the first counts. Pairs that no degree of freedom can move against each other are never in the list.
     pub fn collision_pairs(&self) -> Vec<GeomPair> {
@@ -263,7 +263,7 @@ impl Model {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{BodyBuilder, GeomBuilder, JointBuilder, ModelBuilder, WORLD};
+    use super::super::{BodyBuilder, GeomBuilder, JointBuilder, Model, ModelBuilder, WORLD};
     use super::*;
 
     fn ball(name: &str) -> GeomBuilder {

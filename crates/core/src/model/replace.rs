@@ -1,9 +1,9 @@
 //! Models with other numbers: one table of fields, read and written alike.
 
-use super::{Body, Geom, Joint, Model, ModelError, Shape, Tendon};
+use super::{Body, Description, Geom, Joint, Model, ModelError, Shape, Tendon};
 
 /// Hands every number of a field, in order, to a visitor that may change it.
-type Visit = fn(&mut Model, &mut dyn FnMut(&mut f64));
+type Visit = fn(&mut Description, &mut dyn FnMut(&mut f64));
 
 /// An array of numbers of a model.
 #[derive(Clone, Copy, Debug)]
@@ -93,20 +93,20 @@ pub const REPLACEABLE: &[Field] = &[
     }),
 ];
 
-fn each_body(model: &mut Model, f: &mut dyn FnMut(&mut f64), get: fn(&mut Body) -> &mut [f64]) {
+fn each_body(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Body) -> &mut [f64]) {
     model.bodies.iter_mut().flat_map(get).for_each(f);
 }
 
-fn each_geom(model: &mut Model, f: &mut dyn FnMut(&mut f64), get: fn(&mut Geom) -> &mut [f64]) {
+fn each_geom(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Geom) -> &mut [f64]) {
     model.geoms.iter_mut().flat_map(get).for_each(f);
 }
 
-fn each_tendon(model: &mut Model, f: &mut dyn FnMut(&mut f64), get: fn(&mut Tendon) -> &mut [f64]) {
+fn each_tendon(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Tendon) -> &mut [f64]) {
     model.tendons.iter_mut().flat_map(get).for_each(f);
 }
 
 /// A joint's number once for each of its degrees of freedom; the last one written stays.
-fn each_dof(model: &mut Model, f: &mut dyn FnMut(&mut f64), get: fn(&mut Joint) -> &mut f64) {
+fn each_dof(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Joint) -> &mut f64) {
     for joint in &mut model.joints {
         let now = *get(joint);
         for _ in 0..joint.kind.nv() {
@@ -182,7 +182,7 @@ impl Field {
     }
 
     /// Its shape in this model: `[]` for a scalar, `[n]`, or `[n, width]`.
-    pub fn shape(&self, model: &Model) -> Vec<usize> {
+    pub fn shape(&self, model: &Description) -> Vec<usize> {
         let count = self.read(model).len();
         match self.width {
             None => vec![],
@@ -191,12 +191,12 @@ impl Field {
         }
     }
 
-    fn read(&self, model: &Model) -> Vec<f64> {
+    fn read(&self, model: &Description) -> Vec<f64> {
         self.read_in(&mut model.clone())
     }
 
     /// As [`Field::read`], without a copy of the model; it stays what it is.
-    fn read_in(&self, model: &mut Model) -> Vec<f64> {
+    fn read_in(&self, model: &mut Description) -> Vec<f64> {
         let mut values = vec![];
         (self.visit)(model, &mut |x| values.push(*x));
         values
@@ -226,7 +226,7 @@ impl Model {
     /// # Errors
     /// [`ModelError::Invalid`] for the first that is not.
     pub(crate) fn check_range(&self, most: f64) -> Result<(), ModelError> {
-        let mut model = self.clone();
+        let mut model = self.0.clone();
         for field in REPLACEABLE {
             let values = field.read_in(&mut model);
             if let Some(k) = values.iter().position(|x| x.is_finite() && x.abs() > most) {
@@ -242,7 +242,7 @@ impl Model {
     ///
     /// # Errors
     /// [`ModelError::Invalid`] when there is no such field, with both shapes when there are too few or too many numbers, and for what
-    /// the model cannot hold; otherwise as [`Model::finish`].
+    /// the model cannot hold; otherwise as [`Description::finish`].
     pub fn replace(&self, name: &str, values: &[f64]) -> Result<Self, ModelError> {
         self.replace_all(&[(name, values)])
     }
@@ -252,7 +252,7 @@ impl Model {
     /// # Errors
     /// As [`Model::replace`].
     pub fn replace_all(&self, fields: &[(&str, &[f64])]) -> Result<Self, ModelError> {
-        let mut model = self.clone();
+        let mut model = self.0.clone();
         for &(name, values) in fields {
             write(&mut model, find(name)?, values)?;
         }
@@ -261,7 +261,7 @@ impl Model {
     }
 }
 
-pub(super) fn write(model: &mut Model, field: &Field, values: &[f64]) -> Result<(), ModelError> {
+pub(super) fn write(model: &mut Description, field: &Field, values: &[f64]) -> Result<(), ModelError> {
     let count = field.read_in(model).len();
     if values.len() != count {
         let shape = field.shape(model);
@@ -293,12 +293,12 @@ pub(super) fn write(model: &mut Model, field: &Field, values: &[f64]) -> Result<
 
 #[cfg(test)]
 mod tests {
-    use super::super::finish::tests::{hollow, rich};
+    use super::super::finish::tests::{hollow, rich_model};
     use super::*;
 
     #[test]
     fn every_field_reads_back_what_is_written() {
-        let model = rich();
+        let model = rich_model();
         for field in REPLACEABLE {
             let (shape, values) = model.field(field.name).unwrap();
             assert_eq!(shape.iter().product::<usize>(), values.len(), "{}", field.name);
@@ -309,7 +309,7 @@ mod tests {
 
     #[test]
     fn shapes_are_those_of_the_elements() {
-        let model = rich();
+        let model = rich_model();
         let shape = |name: &str| model.field(name).unwrap().0;
         assert_eq!(shape("timestep"), []);
         assert_eq!(shape("gravity"), [3]);
@@ -323,7 +323,7 @@ mod tests {
 
     #[test]
     fn values_arrive_at_their_elements() {
-        let model = rich();
+        let model = rich_model();
         let mut friction = model.field("geom_friction").unwrap().1;
         friction[3] = 0.25;
         assert_eq!(model.replace("geom_friction", &friction).unwrap().geoms[1].friction[0], 0.25);
@@ -338,11 +338,11 @@ mod tests {
 
     #[test]
     fn errors_name_field_shapes_and_remedy() {
-        let text = |name: &str, values: &[f64]| rich().replace(name, values).unwrap_err().to_string();
+        let text = |name: &str, values: &[f64]| rich_model().replace(name, values).unwrap_err().to_string();
         let error = text("geom_friction", &[1.0; 4]);
         assert!(error.contains("field \"geom_friction\"") && error.contains("4 numbers") && error.contains("[7, 3]"), "{error}");
         assert!(text("colour", &[]).contains("body_mass"));
-        let mut damping = rich().field("dof_damping").unwrap().1;
+        let mut damping = rich_model().field("dof_damping").unwrap().1;
         damping[0] = 5.0;
         assert!(text("dof_damping", &damping).contains("same value"));
         assert!(text("geom_condim", &[3.5; 7]).contains("whole numbers"));
@@ -360,7 +360,7 @@ mod tests {
 
     #[test]
     fn numbers_that_a_kind_of_equality_lacks_are_refused() {
-        let model = rich();
+        let model = rich_model();
         let mut data = model.field("eq_data").unwrap().1;
         data[0] = 0.25;
         assert_eq!(model.replace("eq_data", &data).unwrap().equalities[0].data()[0], 0.25);
@@ -371,8 +371,8 @@ mod tests {
 
     #[test]
     fn sizes_are_those_of_the_shape_and_the_medium_sees_them() {
-        let mut model = rich();
-        model.geoms[1].fluid = Some(crate::model::Ellipsoid {
+        let mut model = rich_model();
+        model.0.geoms[1].fluid = Some(crate::model::Ellipsoid {
             share: 1.0,
             blunt_drag: 0.5,
             slender_drag: 0.25,
@@ -396,7 +396,7 @@ mod tests {
 
     #[test]
     fn several_fields_need_only_fit_together() {
-        let model = rich();
+        let model = rich_model();
         let mut inertia = model.field("body_inertia").unwrap().1;
         inertia[6..9].copy_from_slice(&[1.0, 1.0, 2.0]);
         let mass = vec![1.0; model.bodies.len()];

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Model;
+use super::Description;
 
 /// A fixed tendon: its length is a linear combination of scalar joint positions. Its unit u is that of the combination.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -27,7 +27,7 @@ pub struct Tendon {
 
 impl Tendon {
     /// Its length at a configuration of the model.
-    pub fn length(&self, model: &Model, qpos: &[f64]) -> f64 {
+    pub fn length(&self, model: &Description, qpos: &[f64]) -> f64 {
         let addresses = model.joint_addresses();
         self.joints.iter().map(|&(j, c)| c * qpos[addresses[j].0]).sum()
     }

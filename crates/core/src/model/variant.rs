@@ -1,26 +1,111 @@
 //! Variants of a model: other numbers, the same structure. What environments of one batch may differ in.
 
+use std::fmt;
+use std::str::FromStr;
+
 use super::replace::{find, write};
 use super::{Actuator, Body, Field, Geom, Joint, Model, ModelError, label};
 
-/// Names of the fields of [`REPLACEABLE`](super::REPLACEABLE) that environments may each have for themselves.
-pub const RANDOMIZABLE: &[&str] = &[
-    "gravity",
-    "body_mass",
-    "body_ipos",
-    "body_inertia",
-    "geom_friction",
-    "geom_restitution",
-    "geom_size",
-    "geom_pos",
-    "jnt_stiffness",
-    "jnt_range",
-    "dof_damping",
-    "dof_armature",
-    "dof_frictionloss",
-    "actuator_gain",
-    "actuator_bias",
-];
+/// A field of [`REPLACEABLE`](super::REPLACEABLE) that environments may each have for themselves, see
+/// [`Simulation::randomize`](crate::Simulation::randomize). `"body_mass".parse()` gives one by its name in MuJoCo's vocabulary.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Parameter {
+    /// Gravitational acceleration in the world frame, m/s^2: (num_envs, 3).
+    Gravity,
+    /// Masses, kg: (num_envs, nbody). The inertia stays as it is.
+    BodyMass,
+    /// Centres of mass in the bodies' frames, m: (num_envs, nbody, 3).
+    BodyIpos,
+    /// Principal moments of inertia, kg m^2: (num_envs, nbody, 3).
+    BodyInertia,
+    /// Sliding (1), torsional (m) and rolling (m) friction: (num_envs, ngeom, 3).
+    GeomFriction,
+    /// Coefficients of restitution: (num_envs, ngeom).
+    GeomRestitution,
+    /// Sizes as the shapes have them, m: (num_envs, ngeom, 3). Masses stay as they are.
+    GeomSize,
+    /// Positions in the bodies' frames, m: (num_envs, ngeom, 3). Masses stay as they are.
+    GeomPos,
+    /// Spring stiffness, N/m or N m/rad: (num_envs, njnt).
+    JointStiffness,
+    /// Lowest and highest positions, m or rad: (num_envs, njnt, 2).
+    JointRange,
+    /// Viscous damping, N s/m or N m s/rad: (num_envs, nv).
+    DofDamping,
+    /// Inertia added to the diagonal of the mass matrix, kg or kg m^2: (num_envs, nv).
+    DofArmature,
+    /// Dry friction, N or N m: (num_envs, nv).
+    DofFrictionLoss,
+    /// Affine gain of the force: (num_envs, nu, 3).
+    ActuatorGain,
+    /// Affine bias of the force: (num_envs, nu, 3).
+    ActuatorBias,
+}
+
+impl Parameter {
+    /// All of them.
+    pub const ALL: [Self; 15] = [
+        Self::Gravity,
+        Self::BodyMass,
+        Self::BodyIpos,
+        Self::BodyInertia,
+        Self::GeomFriction,
+        Self::GeomRestitution,
+        Self::GeomSize,
+        Self::GeomPos,
+        Self::JointStiffness,
+        Self::JointRange,
+        Self::DofDamping,
+        Self::DofArmature,
+        Self::DofFrictionLoss,
+        Self::ActuatorGain,
+        Self::ActuatorBias,
+    ];
+
+    /// Name of the field, as in Python.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Gravity => "gravity",
+            Self::BodyMass => "body_mass",
+            Self::BodyIpos => "body_ipos",
+            Self::BodyInertia => "body_inertia",
+            Self::GeomFriction => "geom_friction",
+            Self::GeomRestitution => "geom_restitution",
+            Self::GeomSize => "geom_size",
+            Self::GeomPos => "geom_pos",
+            Self::JointStiffness => "jnt_stiffness",
+            Self::JointRange => "jnt_range",
+            Self::DofDamping => "dof_damping",
+            Self::DofArmature => "dof_armature",
+            Self::DofFrictionLoss => "dof_frictionloss",
+            Self::ActuatorGain => "actuator_gain",
+            Self::ActuatorBias => "actuator_bias",
+        }
+    }
+}
+
+impl fmt::Display for Parameter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for Parameter {
+    type Err = ModelError;
+
+    /// # Errors
+    /// [`ModelError::Invalid`] when there is no field of that name, or when it is the same in all environments.
+    fn from_str(name: &str) -> Result<Self, ModelError> {
+        find(name)?;
+        Self::ALL.into_iter().find(|parameter| parameter.name() == name).ok_or_else(|| {
+            let what = "it is the same in all environments of a Stepper";
+            let known = Self::ALL.map(Self::name).join(", ");
+            let remedy = format!("choose one of: {known}; or make a Stepper of model.replace({name}=...)");
+            ModelError::invalid(format!("field {name:?}"), what, remedy)
+        })
+    }
+}
 
 /// Models that differ from one in the numbers of some fields, made one after the other in the same place: assets are copied once.
 pub(crate) struct Variants<'a> {
@@ -32,7 +117,7 @@ pub(crate) struct Variants<'a> {
 impl<'a> Variants<'a> {
     /// Variants in these fields.
     pub(crate) fn new<'n>(base: &'a Model, names: impl IntoIterator<Item = &'n str>) -> Result<Self, ModelError> {
-        let fields = names.into_iter().map(randomizable).collect::<Result<_, _>>()?;
+        let fields = names.into_iter().map(find).collect::<Result<_, _>>()?;
         Ok(Self { base, model: base.clone(), fields })
     }
 
@@ -42,27 +127,13 @@ impl<'a> Variants<'a> {
     /// As [`Model::replace`], and [`ModelError::Invalid`] where a number would give the model rows or terms that the base does not have.
     pub(crate) fn with<'v>(&mut self, values: impl IntoIterator<Item = &'v [f64]>) -> Result<&Model, ModelError> {
         for (field, values) in self.fields.iter().zip(values) {
-            write(&mut self.model, field, values)?;
+            write(&mut self.model.0, field, values)?;
         }
         self.model.check_parameters()?;
         same_structure(self.base, &self.model)?;
         self.model.check_inertia()?;
         Ok(&self.model)
     }
-}
-
-/// The field of that name.
-///
-/// # Errors
-/// [`ModelError::Invalid`] when there is none, or when it is the same in all environments.
-pub(crate) fn randomizable(name: &str) -> Result<&'static Field, ModelError> {
-    let field = find(name)?;
-    if RANDOMIZABLE.contains(&name) {
-        return Ok(field);
-    }
-    let what = "it is the same in all environments of a Stepper";
-    let remedy = format!("choose one of: {}; or make a Stepper of model.replace({name}=...)", RANDOMIZABLE.join(", "));
-    Err(ModelError::invalid(format!("field {name:?}"), what, remedy))
 }
 
 /// What a plan leaves out of a model because of its numbers must be left out of its variants too.

@@ -4,19 +4,23 @@ use std::borrow::Cow;
 
 use super::{Error, Simulation};
 use crate::actuation::{DriveTrain, Driven, Redrawn};
-use crate::model::{Model, ModelError, randomizable};
+use crate::model::{Model, ModelError, Parameter};
+use crate::options::Precision;
 use crate::plan::LanePlan;
-use crate::rollout::Precision;
 use crate::theta::{Assignment, Differences, Theta};
 
 impl Simulation {
     /// Gives the environments `envs`, ascending, numbers of their own in some fields. Other fields and the state stay what they are.
     ///
+    /// Arrays have rows for all environments, in the shape that each [`Parameter`] says; rows of environments that are not in `envs` are not read.
+    /// `None` gives the model's own numbers back.
+    ///
     /// # Errors
-    /// [`Error::Model`] for a field that is not in [`RANDOMIZABLE`](crate::model::RANDOMIZABLE), or numbers that make no model or one of
-    /// another structure, with the environment; [`Error::Value`] for an array of the wrong length. Nothing is changed then.
-    pub fn randomize(&mut self, assigned: &[(&str, Option<&[f64]>)], envs: &[usize]) -> Result<(), Error> {
-        let assigned = assigned.iter().map(|&(name, values)| self.assignment(name, values)).collect::<Result<Vec<_>, _>>()?;
+    /// [`Error::Environment`] or [`Error::Order`] for `envs`; [`Error::Length`] for an array of the wrong length; [`Error::ParameterTooLarge`];
+    /// [`Error::Model`] for numbers that make no model or one of another structure, with the environment. Nothing is changed then.
+    pub fn randomize(&mut self, assigned: &[(Parameter, Option<&[f64]>)], envs: &[usize]) -> Result<(), Error> {
+        self.check_envs(envs)?;
+        let assigned = assigned.iter().map(|&(parameter, values)| self.assignment(parameter, values)).collect::<Result<Vec<_>, _>>()?;
         if self.theta.ends_with(&assigned, envs.len() == self.num_envs) {
             self.theta = Theta::default();
             self.engine_mut().randomize(envs, None);
@@ -33,16 +37,21 @@ impl Simulation {
     /// Nothing is changed until [`Simulation::redraw`].
     ///
     /// # Errors
-    /// [`Error::Value`] for a number out of its range, or what the trains were not made for, with the actuator's name.
+    /// [`Error::Environment`] or [`Error::Order`] for `envs`; [`Error::Count`] when there is not one entry for every actuator; [`Error::Actuator`]
+    /// for a number out of its range, or what the trains were not made for, with the actuator's name.
     pub fn redrawn(&self, trains: Option<&[Option<DriveTrain>]>, envs: &[usize]) -> Result<Option<Redrawn>, Error> {
-        let h = self.options.timestep;
+        self.check_envs(envs)?;
+        if let Some(found) = trains.map(<[_]>::len).filter(|found| *found != self.model.nu()) {
+            return Err(Error::Count { name: "drives", found, must: self.model.nu(), element: "actuator" });
+        }
+        let h = self.settings.timestep;
         match (&self.driven, trains) {
-            (Some(driven), _) => driven.redraw(&self.model, trains, envs, self.num_envs, h).map(Some).map_err(Error::Value),
+            (Some(driven), _) => driven.redraw(&self.model, trains, envs, self.num_envs, h).map(Some).map_err(Error::Actuator),
             (None, None) => Ok(None),
             (None, Some(trains)) => {
                 // Trains that none was made with, so that whoever is given one hears of it.
-                let none = Driven::new(&self.model, &vec![None; trains.len()], self.num_envs, h).map_err(Error::Value)?;
-                none.redraw(&self.model, Some(trains), envs, self.num_envs, h).map(|_| None).map_err(Error::Value)
+                let none = Driven::new(&self.model, &vec![None; trains.len()], self.num_envs, h).map_err(Error::Actuator)?;
+                none.redraw(&self.model, Some(trains), envs, self.num_envs, h).map(|_| None).map_err(Error::Actuator)
             }
         }
     }
@@ -51,7 +60,7 @@ impl Simulation {
     pub fn redraw(&mut self, redrawn: Option<Redrawn>) {
         if let (Some(driven), Some(redrawn)) = (&mut self.driven, redrawn) {
             self.truth.known = false;
-            self.engine.redraw(&self.options, &redrawn.trains, &redrawn.envs);
+            self.engine.redraw(&self.settings, &redrawn.trains, &redrawn.envs);
             driven.take(redrawn);
         }
     }
@@ -66,25 +75,25 @@ impl Simulation {
             return self.theta.differences(&self.model, self.plan(), None, assigned, envs);
         };
         let driven = |variant: &Model| {
-            let mut variant = variant.clone();
+            let mut variant = variant.clone().into_description();
             // The trains have taken over the delays already.
             variant.actuators.iter_mut().for_each(|a| a.delay = 0.0);
-            let folded = DriveTrain::fold(&variant, trains, self.num_envs, self.options.timestep);
+            let folded = DriveTrain::fold(&Model::trusted(variant), trains, self.num_envs, self.settings.timestep);
             folded.expect("drive trains were checked with the model, and a variant has its structure").0
         };
         self.theta.differences(&self.model, self.plan(), Some(&driven), assigned, envs)
     }
 
-    fn assignment<'a>(&self, name: &str, values: Option<&'a [f64]>) -> Result<Assignment<'a>, Error> {
-        let field = randomizable(name)?;
+    fn assignment<'a>(&self, parameter: Parameter, values: Option<&'a [f64]>) -> Result<Assignment<'a>, Error> {
+        let name = parameter.name();
         let must = self.num_envs * self.model.field(name).expect("a field of the model").1.len();
         let beyond = |x: &&f64| self.precision == Precision::F32 && x.is_finite() && !(**x as f32).is_finite();
-        if let Some(x) = values.and_then(|values| values.iter().find(beyond)) {
-            return Err(Error::Value(format!("{name} has {x:e}, which 32 bits cannot hold; give a smaller number")));
+        if let Some(&value) = values.and_then(|values| values.iter().find(beyond)) {
+            return Err(Error::ParameterTooLarge { parameter, value });
         }
         match values.map_or(must, <[f64]>::len) {
-            found if found == must => Ok((field.name, values)),
-            found => Err(Error::Value(format!("{name} has {found} numbers, must have {must}"))),
+            found if found == must => Ok((name, values)),
+            found => Err(Error::Length { name, found, must, detail: String::new() }),
         }
     }
 
@@ -99,7 +108,12 @@ impl Simulation {
     }
 
     /// The plan of one environment, in f64.
+    ///
+    /// # Panics
+    /// When there is no such environment.
+    #[track_caller]
     pub fn plan_of(&self, env: usize) -> Cow<'_, LanePlan<f64>> {
+        self.assert_env(env);
         let shared = self.plan();
         if self.theta.is_empty() {
             return Cow::Borrowed(shared);

@@ -32,7 +32,7 @@ use crate::constraints::{Constraints, Moment};
 use crate::contacts::Contacts;
 use crate::inertia::MassMatrix;
 use crate::kinematics::Kinematics;
-use crate::options::{Options, Stabilization};
+use crate::options::{Stabilization, StepSettings};
 use crate::plan::LanePlan;
 use crate::spatial::*;
 
@@ -54,7 +54,7 @@ impl<R: Real> Constraints<R> {
     pub fn assemble(
         &mut self,
         plan: &LanePlan<R>,
-        options: &Options,
+        options: &StepSettings,
         kinematics: &Kinematics<R>,
         mass: &MassMatrix<R>,
         moment: &Moment<'_, R>,
@@ -179,7 +179,7 @@ impl<R: Real> Constraints<R> {
 
     /// Limits: the nearer end of each range, where it can be reached within the step.
     #[inline(always)]
-    fn add_limits(&mut self, plan: &LanePlan<R>, options: &Options, mass: &MassMatrix<R>, moment: &Moment<'_, R>) {
+    fn add_limits(&mut self, plan: &LanePlan<R>, options: &StepSettings, mass: &MassMatrix<R>, moment: &Moment<'_, R>) {
         let bounds = [R::zero(), R::of(f64::INFINITY)];
         for (i, limit) in plan.limits.iter().enumerate() {
             let q = moment.q[limit.q];
@@ -202,20 +202,20 @@ impl<R: Real> Constraints<R> {
 
     /// The bias of a contact's normal at distance `phi`: in the velocities, and when positions are solved apart.
     #[inline(always)]
-    fn biases(&mut self, options: &Options, phi: R, h: R, active: R::Mask) -> (R, R) {
+    fn biases(&mut self, options: &StepSettings, phi: R, h: R, active: R::Mask) -> (R, R) {
         self.biases_up_to(options, options.max_correction_speed, phi, h, active)
     }
 
     /// The same of a limit. Where positions alone move, it comes back faster than an overlap does: no energy can come of it.
     #[inline(always)]
-    fn limit_biases(&mut self, options: &Options, phi: R, h: R, active: R::Mask) -> (R, R) {
+    fn limit_biases(&mut self, options: &StepSettings, phi: R, h: R, active: R::Mask) -> (R, R) {
         let split = options.stabilization == Stabilization::Split;
         let fastest = options.max_correction_speed * if split { LIMIT_RETURN } else { 1.0 };
         self.biases_up_to(options, fastest, phi, h, active)
     }
 
     #[inline(always)]
-    fn biases_up_to(&mut self, options: &Options, fastest: f64, phi: R, h: R, active: R::Mask) -> (R, R) {
+    fn biases_up_to(&mut self, options: &StepSettings, fastest: f64, phi: R, h: R, active: R::Mask) -> (R, R) {
         let apart = phi.ge(R::zero());
         let overlap = (-phi - R::of(options.slop)).max(R::zero());
         let (wanted, fastest) = (overlap * R::of(options.baumgarte) / h, R::of(fastest));

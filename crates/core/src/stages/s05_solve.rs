@@ -5,14 +5,14 @@ use stepper_solve::{Outcome, Settings};
 
 use crate::constraints::Constraints;
 use crate::contacts::Contacts;
-use crate::options::Options;
+use crate::options::StepSettings;
 use crate::spatial::*;
 
 /// Solves the lanes `lanes` to the tolerance and leaves the impulses where the next step finds its warm start.
 ///
 /// What moves slowly is solved more tightly, to a part of its own speed `v`: else a robot at rest would creep at the speed of the tolerance.
 pub fn solve<R: Real>(
-    options: &Options,
+    options: &StepSettings,
     v: &[R],
     lanes: R::Mask,
     constraints: &mut Constraints<R>,
@@ -96,7 +96,7 @@ fn fastest<R: Real>(v: &[R]) -> R {
 const RELATIVE: f64 = 1e-3;
 
 /// Residual at which each lane stops, m/s; never below what rounding leaves of velocities of order one.
-fn tolerance<R: Real>(options: &Options, v: &[R]) -> R {
+fn tolerance<R: Real>(options: &StepSettings, v: &[R]) -> R {
     R::vectorize(
         #[inline(always)]
         || {

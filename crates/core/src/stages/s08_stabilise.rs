@@ -17,7 +17,7 @@ use crate::islands::Islands;
 use crate::kinematics::displace;
 use crate::lanes::each_of;
 use crate::model::JointKind;
-use crate::options::{Options, Solver};
+use crate::options::{Solver, StepSettings};
 use crate::plan::{LanePlan, Plan};
 use crate::spatial::*;
 
@@ -54,14 +54,14 @@ struct Bounds<R> {
 
 impl<R: Real> Bounds<R> {
     #[inline(always)]
-    fn new(options: &Options, h: R) -> Self {
+    fn new(options: &StepSettings, h: R) -> Self {
         let shift = R::of((FASTEST * options.max_correction_speed).max(1e-9));
         Self { shift, turn: (shift * R::of(1.0 / ARM)).min(R::of(LARGEST_TURN) / h) }
     }
 
     /// Changes of velocities beyond which Baumgarte's bias is held for their cause, whatever the time step.
     #[inline(always)]
-    fn absurd(options: &Options) -> Self {
+    fn absurd(options: &StepSettings) -> Self {
         let shift = R::of((ABSURD * FASTEST * options.max_correction_speed).max(1e-9));
         Self { shift, turn: shift * R::of(1.0 / ARM) }
     }
@@ -88,7 +88,7 @@ pub struct Solved<'a, R: Real> {
 /// Corrects `q_next`, which has moved with `v_next`, in the lanes that need it. Returns those of them in which the demands cannot be met.
 pub fn stabilise<R: Real>(
     plan: &LanePlan<R>,
-    options: &Options,
+    options: &StepSettings,
     solved: &Solved<'_, R>,
     constraints: &mut Constraints<R>,
     v_next: &[R],
@@ -117,7 +117,7 @@ pub fn stabilise<R: Real>(
 /// be met.
 pub fn restrain<R: Real>(
     plan: &LanePlan<R>,
-    options: &Options,
+    options: &StepSettings,
     solved: &Solved<'_, R>,
     constraints: &mut Constraints<R>,
     outcome: &mut Outcome<R>,
@@ -177,7 +177,7 @@ pub fn restrain<R: Real>(
 /// The bounded velocity, beyond `v_next`, that meets what positions demand in the lanes `lanes`, left in `out`.
 fn correct<R: Real>(
     plan: &LanePlan<R>,
-    options: &Options,
+    options: &StepSettings,
     solved: &Solved<'_, R>,
     constraints: &mut Constraints<R>,
     lanes: R::Mask,

@@ -1,5 +1,8 @@
 //! Stage 10: what the step says of itself.
 
+use std::fmt;
+
+use bitflags::bitflags;
 use stepper_real::{Mask, Real};
 
 use crate::constraints::Constraints;
@@ -16,31 +19,49 @@ pub const DEEP: f64 = 1e-3;
 /// distance from which on the limit has a row in every step.
 pub const OVER_LIMIT: f64 = 1e-2;
 
-/// Outcome of a step in one environment, as bits; 0 is a step to be trusted.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Status(pub u32);
+bitflags! {
+    /// Flags of a step in one environment; without any, it is [`Status::OK`], a step to be trusted.
+    ///
+    /// ```
+    /// use stepper_core::Status;
+    ///
+    /// let status = Status::NOT_CONVERGED | Status::DEEP;
+    /// assert!(status.contains(Status::DEEP) && !status.is_empty());
+    /// assert_eq!(status.to_string(), "NOT_CONVERGED | DEEP");
+    /// assert_eq!(Status::OK.to_string(), "OK");
+    /// ```
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+    pub struct Status: u32 {
+        /// The residual is above the tolerance.
+        const NOT_CONVERGED = 1;
+        /// The step was not finite; the environment keeps its last finite state.
+        const NON_FINITE = 2;
+        /// There were more contacts than room; the ones found last were left out.
+        const CONTACTS_FULL = 4;
+        /// The step was too long for the motion, or impulses threw a joint by half a turn: inertial forces of its velocities were left out, and its
+        /// energy was kept from growing.
+        const UNRESOLVED = 8;
+        /// Something moved so fast that it may have passed through something thin.
+        const TUNNELLED = 16;
+        /// What constraints demand cannot be met, and impulses prove it: they move nothing, or so little that no motion within the bounds of a
+        /// correction gives what they ask for. What can be met of it is.
+        const INFEASIBLE = 32;
+        /// A contact overlapped by more than [`DEEP`].
+        const DEEP = 64;
+        /// A joint or tendon was farther beyond its range than [`OVER_LIMIT`] after a step.
+        const OVER_LIMIT = 128;
+    }
+}
 
 impl Status {
-    /// Solved to the tolerance, finite, every contact held.
-    pub const OK: Self = Self(0);
-    /// The residual is above the tolerance.
-    pub const NOT_CONVERGED: Self = Self(1);
-    /// The step was not finite; the environment keeps its last finite state.
-    pub const NON_FINITE: Self = Self(2);
-    /// There were more contacts than room; the ones found last were left out.
-    pub const CONTACTS_FULL: Self = Self(4);
-    /// The step was too long for the motion, or impulses threw a joint by half a turn: inertial forces of its velocities were left out, and its energy was
-    /// kept from growing.
-    pub const UNRESOLVED: Self = Self(8);
-    /// Something moved so fast that it may have passed through something thin.
-    pub const TUNNELLED: Self = Self(16);
-    /// What constraints demand cannot be met, and impulses prove it: they move nothing, or so little that no motion within the bounds of a
-    /// correction gives what they ask for. What can be met of it is.
-    pub const INFEASIBLE: Self = Self(32);
-    /// A contact overlapped by more than [`DEEP`].
-    pub const DEEP: Self = Self(64);
-    /// A joint or tendon was farther beyond its range than [`OVER_LIMIT`] after a step.
-    pub const OVER_LIMIT: Self = Self(128);
+    /// Solved to the tolerance, finite, every contact held: no flag.
+    pub const OK: Self = Self::empty();
+}
+
+impl fmt::Display for Status {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.is_empty() { f.write_str("OK") } else { bitflags::parser::to_writer(self, f) }
+    }
 }
 
 /// The record of one step, lane by lane.
@@ -76,8 +97,8 @@ impl<R: Real> Record<R> {
     /// Flags of one lane.
     #[inline(always)]
     pub fn status(&self, lane: usize) -> Status {
-        let flag = |bits: u32, status: Status| if bits >> lane & 1 == 1 { status.0 } else { 0 };
-        Status(
+        let flag = |bits: u32, status: Status| if bits >> lane & 1 == 1 { status.bits() } else { 0 };
+        Status::from_bits_retain(
             flag(self.not_converged.bits(), Status::NOT_CONVERGED)
                 | flag(self.non_finite.bits(), Status::NON_FINITE)
                 | flag(self.contacts_full, Status::CONTACTS_FULL)

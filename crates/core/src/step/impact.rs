@@ -9,7 +9,7 @@ use stepper_solve::Outcome;
 use super::{Rule, Scratch, find_contacts, free_motion, place};
 use crate::contacts::Contacts;
 use crate::kinematics::{Kinematics, advance};
-use crate::options::Options;
+use crate::options::StepSettings;
 use crate::plan::{LanePlan, Plan};
 use crate::restitution::{Flight, Meeting};
 use crate::spatial::*;
@@ -50,7 +50,7 @@ impl<R: Real> Impacts<R> {
 }
 
 /// Takes the lanes in which elastic contacts strike at the time of the first impact.
-pub(super) fn place_at_impacts<R: Real>(plan: &LanePlan<R>, options: &Options, rule: &mut Rule<R>, s: &mut Scratch<R>) {
+pub(super) fn place_at_impacts<R: Real>(plan: &LanePlan<R>, options: &StepSettings, rule: &mut Rule<R>, s: &mut Scratch<R>) {
     s.impacts.lanes = R::Mask::splat(false);
     for pass in 0..PLACEMENTS {
         let elastic = |k: usize| s.new_contacts.elastic(k).any();
@@ -70,7 +70,7 @@ pub(super) fn place_at_impacts<R: Real>(plan: &LanePlan<R>, options: &Options, r
 
 /// Moves `rule` to the first impact of each lane. Returns the lanes that have one, and those in which it was elsewhere. At the `first` look, what
 /// overlaps and parts came in on the other side: there it is looked at from the beginning of the step.
-fn first_impacts<R: Real>(plan: &LanePlan<R>, options: &Options, rule: &mut Rule<R>, s: &mut Scratch<R>, first: bool) -> [R::Mask; 2] {
+fn first_impacts<R: Real>(plan: &LanePlan<R>, options: &StepSettings, rule: &mut Rule<R>, s: &mut Scratch<R>, first: bool) -> [R::Mask; 2] {
     let Scratch { new_contacts: contacts, kinematics, impacts: Impacts { velocities, .. }, v, v_free, alive, .. } = s;
     R::vectorize(
         #[inline(always)]
@@ -165,7 +165,7 @@ pub(super) fn carry_positions<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &m
 /// at every impact.
 pub(super) fn solve_impacts<R: Real>(
     plan: &LanePlan<R>,
-    options: &Options,
+    options: &StepSettings,
     rule: &Rule<R>,
     s: &mut Scratch<R>,
     mut outcome: Outcome<R>,

@@ -231,14 +231,14 @@ pub(crate) fn bits(sim: &Simulation, env: usize) -> Vec<u64> {
     let mut all = Vec::new();
     for (field, n) in [(Field::Qpos, model.nq()), (Field::Qvel, model.nv()), (Field::Act, model.na())] {
         let mut x = vec![0.0; n];
-        sim.get(field, env, &mut x);
+        sim.get(field, env, &mut x).unwrap();
         all.extend(x);
     }
     let (residual, sweeps) = sim.certificate(env);
-    all.extend([residual, sweeps, sim.time(env), f64::from(sim.status(env))]);
-    for (geoms, c) in sim.contacts(env) {
-        all.extend(geoms.map(|g| g as f64));
-        all.extend(c.impulse.into_iter().chain(c.pos).chain(c.normal).chain([c.distance]));
+    all.extend([residual, sweeps, sim.time(env), f64::from(sim.status(env).bits())]);
+    for c in sim.contacts(env) {
+        all.extend(c.geoms.map(|g| g as f64));
+        all.extend(c.force.into_iter().chain(c.pos).chain(c.normal).chain([c.distance]));
     }
     all.into_iter().map(f64::to_bits).collect()
 }

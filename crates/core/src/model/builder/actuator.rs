@@ -1,6 +1,6 @@
 //! An actuator.
 
-use super::super::{Activation, Actuator, Model, ModelError, Transmission};
+use super::super::{Activation, Actuator, Description, ModelError, Transmission};
 use super::{find, find_joint};
 
 /// What a builder's target names.
@@ -95,7 +95,7 @@ impl ActuatorBuilder {
         self
     }
 
-    pub(super) fn resolve(&self, model: &Model) -> Result<Actuator, ModelError> {
+    pub(super) fn resolve(&self, model: &Description) -> Result<Actuator, ModelError> {
         let place = format!("actuator {:?}", self.actuator.name);
         let site = |name: &str| find(model.sites.iter().map(|s| &s.name), name, "site", &place);
         let transmission = match &self.target {

@@ -1,6 +1,6 @@
 //! A body with its joints and geoms.
 
-use super::super::{Body, Geom, Joint, MassProperties, Model};
+use super::super::{Body, Description, Geom, Joint, MassProperties};
 use super::{GeomBuilder, JointBuilder, WORLD};
 
 /// A body with its joints and geoms.
@@ -78,7 +78,7 @@ impl BodyBuilder {
         self
     }
 
-    pub(super) fn add_to(&self, model: &mut Model, index: usize) {
+    pub(super) fn add_to(&self, model: &mut Description, index: usize) {
         let mut body = self.body.clone();
         if !self.inertial && index != WORLD {
             let total = self.geoms.iter().map(|g| g.mass_properties(model)).fold(MassProperties::zero(), |sum, g| sum.plus(&g));

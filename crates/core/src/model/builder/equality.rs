@@ -1,6 +1,6 @@
 //! An equality.
 
-use super::super::{Equality, EqualityKind, Model, ModelError};
+use super::super::{Description, Equality, EqualityKind, ModelError};
 use super::{find, find_joint};
 
 /// An equality between elements that are named.
@@ -57,7 +57,7 @@ impl EqualityBuilder {
         self
     }
 
-    pub(super) fn resolve(&self, model: &Model) -> Result<Equality, ModelError> {
+    pub(super) fn resolve(&self, model: &Description) -> Result<Equality, ModelError> {
         let mut equality = self.equality.clone();
         let place = format!("equality {:?}", equality.name);
         let index = |name: &Option<String>, kind: &str| -> Result<Option<usize>, ModelError> {

@@ -2,7 +2,7 @@
 
 use nalgebra::{Quaternion, UnitQuaternion};
 
-use super::super::{Geom, MassProperties, Model, Shape};
+use super::super::{Description, Geom, MassProperties, Shape};
 use super::WORLD;
 
 /// Density of a geom that gives neither mass nor density: that of water, kg/m^3.
@@ -155,7 +155,7 @@ impl GeomBuilder {
         self
     }
 
-    pub(super) fn mass_properties(&self, model: &Model) -> MassProperties {
+    pub(super) fn mass_properties(&self, model: &Description) -> MassProperties {
         let g = &self.geom;
         let solid = match (model.mesh_of(&g.shape), self.mass) {
             (Some(mesh), Some(mass)) => {

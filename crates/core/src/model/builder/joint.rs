@@ -106,7 +106,7 @@ impl JointBuilder {
     }
 }
 
-/// The axis with length 1, or as it is when that cannot be: [`Model::finish`] then says so.
+/// The axis with length 1, or as it is when that cannot be: [`Description::finish`](crate::model::Description::finish) then says so.
 fn unit(axis: [f64; 3]) -> [f64; 3] {
     Vector3::from(axis).try_normalize(0.0).map_or(axis, Into::into)
 }

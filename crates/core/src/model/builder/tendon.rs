@@ -1,6 +1,6 @@
 //! A fixed tendon.
 
-use super::super::{Model, ModelError, Tendon};
+use super::super::{Description, ModelError, Tendon};
 use super::find_joint;
 
 /// A fixed tendon: a linear combination of the positions of hinges and slides, by name.
@@ -54,7 +54,7 @@ impl TendonBuilder {
         self
     }
 
-    pub(super) fn resolve(&self, model: &Model) -> Result<Tendon, ModelError> {
+    pub(super) fn resolve(&self, model: &Description) -> Result<Tendon, ModelError> {
         let place = format!("tendon {:?}", self.tendon.name);
         let mut tendon = self.tendon.clone();
         tendon.joints = self.joints.iter().map(|(j, c)| Ok((find_joint(model, j, &place)?, *c))).collect::<Result<_, ModelError>>()?;

@@ -4,7 +4,7 @@ mod assets;
 
 use std::collections::HashSet;
 
-use super::super::{Activation, EqualityKind, JointKind, Model, ModelError, Shape, Transmission, label};
+use super::super::{Activation, Description, EqualityKind, JointKind, ModelError, Shape, Transmission, label};
 
 pub(super) type Checked = Result<(), ModelError>;
 
@@ -75,7 +75,7 @@ impl At {
     }
 
     /// A hinge or slide of the model.
-    pub(super) fn scalar_joint(&self, model: &Model, joint: usize) -> Checked {
+    pub(super) fn scalar_joint(&self, model: &Description, joint: usize) -> Checked {
         self.index("joint", joint, model.joints.len())?;
         let kind = match model.joints[joint].kind {
             JointKind::Free => "free",
@@ -100,7 +100,7 @@ impl At {
 
 /// What must hold before anything else of the model can be looked at: the tree, the indices between bodies, joints and geoms, the
 /// lengths of arrays.
-pub(super) fn structure(model: &Model) -> Checked {
+pub(super) fn structure(model: &Description) -> Checked {
     tree(model)?;
     order("joint", model.joints.iter().map(|j| (j.name.as_str(), j.body)), model.bodies.len())?;
     order("geom", model.geoms.iter().map(|g| (g.name.as_str(), g.body)), model.bodies.len())?;
@@ -120,7 +120,7 @@ pub(super) fn structure(model: &Model) -> Checked {
     Ok(())
 }
 
-fn tree(model: &Model) -> Checked {
+fn tree(model: &Description) -> Checked {
     let Some(world) = model.bodies.first() else {
         return At("model".into()).fail("there are no bodies", "begin with the world body");
     };
@@ -157,7 +157,7 @@ fn order<'a>(kind: &str, elements: impl Iterator<Item = (&'a str, usize)>, nbody
     Ok(())
 }
 
-fn joints_fit_bodies(model: &Model) -> Checked {
+fn joints_fit_bodies(model: &Description) -> Checked {
     for (i, joint) in model.joints.iter().enumerate() {
         let at = At::new("joint", &joint.name, i);
         if joint.body == 0 {
@@ -178,7 +178,7 @@ fn joints_fit_bodies(model: &Model) -> Checked {
 }
 
 /// Every number.
-pub(super) fn values(model: &Model) -> Checked {
+pub(super) fn values(model: &Description) -> Checked {
     let scene = At("model".into());
     scene.positive("timestep", &[model.timestep], " s")?;
     scene.finite("gravity", &model.gravity)?;
@@ -199,7 +199,7 @@ pub(super) fn values(model: &Model) -> Checked {
 }
 
 /// The numbers that environments may have of their own; everything else is as it was when the model was checked.
-pub(super) fn parameters(model: &Model) -> Checked {
+pub(super) fn parameters(model: &Description) -> Checked {
     At("model".into()).finite("gravity", &model.gravity)?;
     bodies(model)?;
     joints(model)?;
@@ -208,7 +208,7 @@ pub(super) fn parameters(model: &Model) -> Checked {
 }
 
 /// Names are how users refer to elements: two of a kind with one name cannot be told apart.
-fn names(model: &Model) -> Checked {
+fn names(model: &Description) -> Checked {
     fn unique<'a>(kind: &str, names: impl Iterator<Item = &'a String>) -> Checked {
         let mut seen = HashSet::new();
         for name in names.filter(|n| !n.is_empty()) {
@@ -230,7 +230,7 @@ fn names(model: &Model) -> Checked {
     unique("keyframe", model.keyframes.iter().map(|x| &x.name))
 }
 
-fn bodies(model: &Model) -> Checked {
+fn bodies(model: &Description) -> Checked {
     for (i, body) in model.bodies.iter().enumerate() {
         let at = At::new("body", &body.name, i);
         at.finite("pos", &body.pos)?;
@@ -257,7 +257,7 @@ fn sorted(mut x: [f64; 3]) -> [f64; 3] {
     x
 }
 
-fn joints(model: &Model) -> Checked {
+fn joints(model: &Description) -> Checked {
     for (i, joint) in model.joints.iter().enumerate() {
         let at = At::new("joint", &joint.name, i);
         at.finite("pos", &joint.pos)?;
@@ -275,7 +275,7 @@ fn joints(model: &Model) -> Checked {
     Ok(())
 }
 
-fn geoms(model: &Model) -> Checked {
+fn geoms(model: &Description) -> Checked {
     for (i, geom) in model.geoms.iter().enumerate() {
         let at = At::new("geom", &geom.name, i);
         match geom.shape {
@@ -307,7 +307,7 @@ fn geoms(model: &Model) -> Checked {
     Ok(())
 }
 
-fn pairs(model: &Model) -> Checked {
+fn pairs(model: &Description) -> Checked {
     for (i, pair) in model.pairs.iter().enumerate() {
         let at = At::new("pair", &pair.name, i);
         pair.geoms.iter().try_for_each(|&g| at.index("geom", g, model.geoms.len()))?;
@@ -322,7 +322,7 @@ fn pairs(model: &Model) -> Checked {
     Ok(())
 }
 
-fn tendons(model: &Model) -> Checked {
+fn tendons(model: &Description) -> Checked {
     for (i, tendon) in model.tendons.iter().enumerate() {
         let at = At::new("tendon", &tendon.name, i);
         for &(joint, coefficient) in &tendon.joints {
@@ -340,7 +340,7 @@ fn tendons(model: &Model) -> Checked {
     Ok(())
 }
 
-fn equalities(model: &Model) -> Checked {
+fn equalities(model: &Description) -> Checked {
     for (i, equality) in model.equalities.iter().enumerate() {
         let at = At::new("equality", &equality.name, i);
         at.finite("data", &equality.data())?;
@@ -377,7 +377,7 @@ fn equalities(model: &Model) -> Checked {
     Ok(())
 }
 
-fn actuators(model: &Model) -> Checked {
+fn actuators(model: &Description) -> Checked {
     for (i, actuator) in model.actuators.iter().enumerate() {
         let at = At::new("actuator", &actuator.name, i);
         match actuator.transmission {

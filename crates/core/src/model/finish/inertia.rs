@@ -8,7 +8,7 @@
 
 use nalgebra::{DMatrix, Matrix6, Quaternion, UnitQuaternion, Vector3, Vector6};
 
-use super::super::{JointKind, MassProperties, Model, ModelError};
+use super::super::{Description, JointKind, MassProperties, ModelError};
 
 /// A pivot this small against the inertia of the whole subtree is rounding error.
 const NOTHING: f64 = 1e-13;
@@ -20,7 +20,7 @@ struct Dof {
     parent: Option<usize>,
 }
 
-pub(super) fn check(model: &Model) -> Result<(), ModelError> {
+pub(super) fn check(model: &Description) -> Result<(), ModelError> {
     let (poses, origins) = poses(model);
     let dofs = dofs(model, &poses, &origins);
     let inertias = composite(model, &poses, &origins);
@@ -51,7 +51,7 @@ fn quaternion(q: [f64; 4]) -> UnitQuaternion<f64> {
 }
 
 /// Every body's pose with all joints at their reference, and the origin of its tree.
-fn poses(model: &Model) -> (Vec<Pose>, Vec<Vector3<f64>>) {
+fn poses(model: &Description) -> (Vec<Pose>, Vec<Vector3<f64>>) {
     let (mut poses, mut origins): (Vec<Pose>, Vec<Vector3<f64>>) = (vec![], vec![]);
     for (i, body) in model.bodies.iter().enumerate() {
         let here = (Vector3::from(body.pos), quaternion(body.quat));
@@ -68,7 +68,7 @@ fn poses(model: &Model) -> (Vec<Pose>, Vec<Vector3<f64>>) {
 }
 
 /// The degrees of freedom, in order.
-fn dofs(model: &Model, poses: &[Pose], origins: &[Vector3<f64>]) -> Vec<Dof> {
+fn dofs(model: &Description, poses: &[Pose], origins: &[Vector3<f64>]) -> Vec<Dof> {
     let mut dofs: Vec<Dof> = vec![];
     let mut last: Vec<Option<usize>> = vec![None; model.bodies.len()];
     let mut joints = model.joints.iter().enumerate().peekable();
@@ -99,7 +99,7 @@ fn spatial(angular: Vector3<f64>, linear: Vector3<f64>) -> Vector6<f64> {
 }
 
 /// For every body the spatial inertia, about the origin of its tree, of all that its own joints carry.
-fn composite(model: &Model, poses: &[Pose], origins: &[Vector3<f64>]) -> Vec<Matrix6<f64>> {
+fn composite(model: &Description, poses: &[Pose], origins: &[Vector3<f64>]) -> Vec<Matrix6<f64>> {
     let mut inertias = vec![Matrix6::zeros(); model.bodies.len()];
     for (b, body) in model.bodies.iter().enumerate().skip(1).rev() {
         let own =
@@ -122,7 +122,7 @@ fn composite(model: &Model, poses: &[Pose], origins: &[Vector3<f64>]) -> Vec<Mat
 }
 
 /// The joint-space inertia matrix; entries between dofs of which neither carries the other stay 0.
-fn mass_matrix(model: &Model, dofs: &[Dof], inertias: &[Matrix6<f64>]) -> DMatrix<f64> {
+fn mass_matrix(model: &Description, dofs: &[Dof], inertias: &[Matrix6<f64>]) -> DMatrix<f64> {
     let mut matrix = DMatrix::zeros(dofs.len(), dofs.len());
     for (i, dof) in dofs.iter().enumerate() {
         let force = inertias[model.joints[dof.joint].body] * dof.motion;

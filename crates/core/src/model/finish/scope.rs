@@ -2,19 +2,19 @@
 
 use std::collections::BTreeMap;
 
-use super::super::{GeomPair, Kernel, Model, Omission, Shape};
+use super::super::{Description, GeomPair, Kernel, Omission, Shape};
 
 /// Name of an element, and why it is left out.
 type User = (String, String);
 
 /// Who uses something.
-type Users = fn(&Model, &[GeomPair]) -> Vec<User>;
+type Users = fn(&Description, &[GeomPair]) -> Vec<User>;
 
 /// The table: what is missing, and who uses it.
 const MISSING: [(&str, Users); 1] = [("collision", pairs_without_kernel)];
 
 /// Every element that uses something of the table.
-pub(super) fn not_simulated(model: &Model) -> Vec<Omission> {
+pub(super) fn not_simulated(model: &Description) -> Vec<Omission> {
     let pairs = model.collision_pairs();
     let rows = MISSING.iter().flat_map(|(kind, users)| users(model, &pairs).into_iter().map(move |user| (kind, user)));
     rows.map(|(kind, (name, reason))| Omission { kind: (*kind).into(), name, reason, changes_motion: true }).collect()
@@ -26,7 +26,7 @@ pub(super) fn is_own(omission: &Omission) -> bool {
 }
 
 /// One entry for every geom whose shape is the reason: of two, the later in the order of [`GeomPair::geoms`], or the height field.
-fn pairs_without_kernel(model: &Model, pairs: &[GeomPair]) -> Vec<User> {
+fn pairs_without_kernel(model: &Description, pairs: &[GeomPair]) -> Vec<User> {
     let mut partners: BTreeMap<usize, BTreeMap<&str, Vec<usize>>> = BTreeMap::new();
     for [a, b] in pairs.iter().map(|p| p.geoms) {
         let (first, second) = (&model.geoms[a].shape, &model.geoms[b].shape);

@@ -1,10 +1,12 @@
 //! The rules of sites and sensors.
 
-use super::super::{ContactSide, EqualityKind, FrameReading, Geom, JointKind, Model, ModelError, Object, Sensor, SensorKind, Shape};
+use super::super::{
+    ContactSide, Description, EqualityKind, FrameReading, Geom, JointKind, Model, ModelError, Object, Sensor, SensorKind, Shape,
+};
 use super::check::{At, Checked};
 
 /// Every site and sensor.
-pub(super) fn check(model: &Model) -> Checked {
+pub(super) fn check(model: &Description) -> Checked {
     for (i, site) in model.sites.iter().enumerate() {
         let at = At::new("site", &site.name, i);
         at.index("body", site.body, model.bodies.len())?;
@@ -23,7 +25,7 @@ pub(super) fn check(model: &Model) -> Checked {
     model.sensors.iter().enumerate().try_for_each(|(i, sensor)| one(model, i, sensor))
 }
 
-fn one(model: &Model, i: usize, sensor: &Sensor) -> Checked {
+fn one(model: &Description, i: usize, sensor: &Sensor) -> Checked {
     use SensorKind as K;
     let at = At::new("sensor", &sensor.name, i);
     at.size("noise", &[sensor.noise], "")?;
@@ -98,7 +100,7 @@ impl Model {
     /// # Errors
     /// [`ModelError::Invalid`] for the first sensor that the model cannot have.
     pub fn with_sensors(&self, sensors: impl IntoIterator<Item = Sensor>) -> Result<Self, ModelError> {
-        let mut model = self.clone();
+        let mut model = self.0.clone();
         model.sensors.extend(sensors);
         model.check()
     }
@@ -110,7 +112,7 @@ impl Model {
     }
 }
 
-fn ball(model: &Model, at: &At, joint: usize) -> Checked {
+fn ball(model: &Description, at: &At, joint: usize) -> Checked {
     at.index("joint", joint, model.joints.len())?;
     if model.joints[joint].kind == JointKind::Ball {
         return Ok(());
@@ -118,7 +120,7 @@ fn ball(model: &Model, at: &At, joint: usize) -> Checked {
     at.fail(format!("refers to joint {:?}, which is no ball joint", model.joint_label(joint)), "refer to a ball joint")
 }
 
-fn object(model: &Model, at: &At, object: Object) -> Checked {
+fn object(model: &Description, at: &At, object: Object) -> Checked {
     match object {
         Object::Body(b) | Object::XBody(b) => at.index("body", b, model.bodies.len()),
         Object::Geom(g) => at.index("geom", g, model.geoms.len()),
@@ -127,7 +129,7 @@ fn object(model: &Model, at: &At, object: Object) -> Checked {
 }
 
 /// Distances are known of a plane and anything simple, and of balls and capsules.
-fn near(model: &Model, at: &At, a: usize, b: usize) -> Checked {
+fn near(model: &Description, at: &At, a: usize, b: usize) -> Checked {
     let round = |s: &Shape| matches!(s, Shape::Sphere { .. } | Shape::Capsule { .. });
     let simple = |s: &Shape| !matches!(s, Shape::Plane | Shape::Mesh { .. } | Shape::HeightField { .. });
     let [p, q] = [a, b].map(|g| &model.geoms[g].shape);
@@ -140,7 +142,7 @@ fn near(model: &Model, at: &At, a: usize, b: usize) -> Checked {
     at.fail(what, "measure between balls, capsules and planes, or leave the sensor out")
 }
 
-fn side(model: &Model, at: &At, side: ContactSide) -> Checked {
+fn side(model: &Description, at: &At, side: ContactSide) -> Checked {
     match side {
         ContactSide::Any => Ok(()),
         ContactSide::Geom(g) => at.index("geom", g, model.geoms.len()),
@@ -150,7 +152,7 @@ fn side(model: &Model, at: &At, side: ContactSide) -> Checked {
 }
 
 /// Rays meet simple shapes.
-fn simple(model: &Model, at: &At, geom: usize) -> Checked {
+fn simple(model: &Description, at: &At, geom: usize) -> Checked {
     let shape = &model.geoms[geom].shape;
     if !matches!(shape, Shape::Mesh { .. } | Shape::HeightField { .. }) {
         return Ok(());
@@ -160,7 +162,7 @@ fn simple(model: &Model, at: &At, geom: usize) -> Checked {
 }
 
 /// What a force sensor carries is part of no closed loop, whose force is not known body by body.
-fn open(model: &Model, at: &At, site: usize) -> Checked {
+fn open(model: &Description, at: &At, site: usize) -> Checked {
     let mut carried = vec![false; model.bodies.len()];
     carried[model.sites[site].body] = true;
     for b in model.sites[site].body + 1..carried.len() {
@@ -183,7 +185,7 @@ fn ascending<T: Ord + std::fmt::Debug>(at: &At, fields: &[T]) -> Checked {
     at.fail(format!("its fields are {fields:?}"), "give one or more, each once, in the order of their definition")
 }
 
-fn combination(model: &Model, at: &At, index: usize, terms: &[(usize, f64)]) -> Checked {
+fn combination(model: &Description, at: &At, index: usize, terms: &[(usize, f64)]) -> Checked {
     if terms.is_empty() {
         return at.fail("a combination of nothing", "give one term or more");
     }

@@ -17,7 +17,7 @@ use super::eliminate::times;
 use crate::constraints::{ARM, Constraints, DAMPING, Moment};
 use crate::inertia::MassMatrix;
 use crate::kinematics::Kinematics;
-use crate::options::{Options, Stabilization};
+use crate::options::{Stabilization, StepSettings};
 use crate::plan::{Combination, EqualityBlock, EqualityPlan, EqualityRows, LanePlan, Plan, Spring};
 use crate::spatial::*;
 
@@ -39,7 +39,7 @@ struct Rows<R: Real> {
 #[derive(Clone, Copy)]
 pub(super) struct Site<'a, R: Real> {
     pub(super) plan: &'a LanePlan<R>,
-    pub(super) options: &'a Options,
+    pub(super) options: &'a StepSettings,
     pub(super) kinematics: &'a Kinematics<R>,
     pub(super) mass: &'a MassMatrix<R>,
     pub(super) moment: &'a Moment<'a, R>,
@@ -90,7 +90,7 @@ impl<R: Real> Constraints<R> {
     /// The work of such a row's impulse is (t^2 - (J v)^2) / 2 G when it asks for J v+ = t: asking for no more than there was, nothing is
     /// gained, not even where a loop straightens and the curvature knows no bounds.
     #[inline(always)]
-    fn hold(&mut self, options: &Options, start: usize) {
+    fn hold(&mut self, options: &StepSettings, start: usize) {
         for (k, &[curve, before, correction]) in self.demands.iter().enumerate() {
             let row = &mut self.problem.scalars[start + k];
             let most = before.abs();
@@ -289,7 +289,7 @@ impl<R: Real> Constraints<R> {
 
     /// The velocity that takes a part of the error away.
     #[inline(always)]
-    fn correct(&mut self, options: &Options, rows: &Rows<R>, h: R, alive: R::Mask) -> V3<R> {
+    fn correct(&mut self, options: &StepSettings, rows: &Rows<R>, h: R, alive: R::Mask) -> V3<R> {
         let middle = if options.integrator.in_the_middle() { 0.125 } else { 0.0 };
         let error = sub(rows.error, scale(rows.kappa, h * h * R::of(middle)));
         let length = norm(error);
@@ -399,7 +399,7 @@ pub(super) struct Stretch<R: Real> {
 /// tree: k J^T J in it would join all joints of a tendon with one another. The midpoint rule does not damp what is too stiff for the step, so
 /// it goes over to Euler's by s = z^2 / (1 + z^2), z = G (h^2 k/4 + h d/2), which keeps its second order.
 #[inline(always)]
-pub(super) fn law_of<R: Real>(options: &Options, spring: &Spring<R::Scalar>, row: Stretch<R>, h: R, alive: R::Mask) -> Law<R> {
+pub(super) fn law_of<R: Real>(options: &StepSettings, spring: &Spring<R::Scalar>, row: Stretch<R>, h: R, alive: R::Mask) -> Law<R> {
     let k = R::select(row.taut, R::splat(spring.stiffness) * h, R::zero());
     let (d, a) = (R::splat(spring.damping) * h, R::splat(spring.inertia));
     let (quarter, half) = (h * k * R::of(0.25), d * R::of(0.5));

@@ -18,7 +18,7 @@ use super::equality::Site;
 use crate::constraints::{Constraints, Impact, Moment};
 use crate::contacts::{Contacts, Slot};
 use crate::inertia::MassMatrix;
-use crate::options::Options;
+use crate::options::StepSettings;
 use crate::plan::LanePlan;
 use crate::restitution::Flight;
 use crate::spatial::*;
@@ -47,7 +47,7 @@ impl<R: Real> Constraints<R> {
     pub(super) fn bounce(
         &mut self,
         plan: &LanePlan<R>,
-        options: &Options,
+        options: &StepSettings,
         slot: &Slot<R>,
         moment: &Moment<'_, R>,
         active: R::Mask,
@@ -239,6 +239,6 @@ impl<R: Real> Constraints<R> {
 
 /// Whether any contact is elastic, for a rule that looks at the times of impacts.
 #[inline(always)]
-pub(super) fn any_impacts<R: Real>(options: &Options, contacts: &Contacts<R>) -> bool {
+pub(super) fn any_impacts<R: Real>(options: &StepSettings, contacts: &Contacts<R>) -> bool {
     options.integrator.in_the_middle() && (0..contacts.slots()).any(|k| contacts.elastic(k).any())
 }

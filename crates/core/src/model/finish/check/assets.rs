@@ -1,9 +1,9 @@
 //! Meshes and height fields.
 
 use super::{At, Checked};
-use crate::model::{HeightField, Mesh, Model, Shape};
+use crate::model::{Description, HeightField, Mesh, Shape};
 
-pub(super) fn check(model: &Model) -> Checked {
+pub(super) fn check(model: &Description) -> Checked {
     model.meshes.iter().enumerate().try_for_each(|(i, m)| mesh(m, i))?;
     model.height_fields.iter().enumerate().try_for_each(|(i, h)| height_field(h, i))?;
     if !model.geoms.iter().any(|g| matches!(g.shape, Shape::Mesh { .. } | Shape::HeightField { .. })) {
@@ -40,7 +40,7 @@ fn height_field(field: &HeightField, index: usize) -> Checked {
 }
 
 /// A geom that can touch others has a form.
-fn form(model: &Model, index: usize) -> Checked {
+fn form(model: &Description, index: usize) -> Checked {
     let geom = &model.geoms[index];
     let at = At::new("geom", &geom.name, index);
     match &geom.shape {

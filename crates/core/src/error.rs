@@ -1,0 +1,186 @@
+//! Calls that cannot be carried out: what was wrong, in types and in words.
+
+use stepper_real::LevelError;
+use thiserror::Error;
+
+use crate::model::{ModelError, Parameter};
+use crate::options::Precision;
+
+/// A call that cannot be carried out. Nothing was changed by it.
+///
+/// The text names the thing, the value found and the value that it must have. What a step could not do is no error but a flag of its environment,
+/// see [`Status`](crate::Status).
+#[derive(Clone, Debug, Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A setting of [`Options`](crate::Options) out of its range.
+    #[error("option {name} is {found}, must be {must}")]
+    Option {
+        /// Name of the setting, as the field is called.
+        name: &'static str,
+        /// Its value.
+        found: String,
+        /// Its range, in words.
+        must: &'static str,
+    },
+    /// A simulation of no environments.
+    #[error("num_envs is 0, must be 1 or more, or None for a single environment")]
+    NoEnvironments,
+    /// An environment that does not exist.
+    #[error("env is {env}, must be below {num_envs}")]
+    Environment {
+        /// Index that was given.
+        env: usize,
+        /// Number of environments.
+        num_envs: usize,
+    },
+    /// A list of environments in which one does not come after the one before it.
+    #[error("environment {env} comes after {before} in the list; name every environment once, in ascending order")]
+    Order {
+        /// The environment.
+        env: usize,
+        /// The one before it in the list.
+        before: usize,
+    },
+    /// An array of the wrong length.
+    #[error("{name} has {found} numbers, must have {must}{detail}")]
+    Length {
+        /// Name of the array.
+        name: &'static str,
+        /// Numbers that it has.
+        found: usize,
+        /// Numbers that it must have.
+        must: usize,
+        /// How that number comes about, for the text; may be empty.
+        detail: String,
+    },
+    /// A list that does not have one entry for every element of the model.
+    #[error("there are {found} {name}, must be {must}, one for every {element}")]
+    Count {
+        /// Name of the list.
+        name: &'static str,
+        /// Entries that it has.
+        found: usize,
+        /// Elements of the model.
+        must: usize,
+        /// Kind of element.
+        element: &'static str,
+    },
+    /// A number that is not finite.
+    #[error("{place} of environment {env} is {value}, must be finite")]
+    NotFinite {
+        /// The number: `qpos[3]`, `time`.
+        place: String,
+        /// Environment.
+        env: usize,
+        /// The value: infinite or NaN.
+        value: f64,
+    },
+    /// A number that 32 bits cannot hold, in a simulation of that precision.
+    #[error("{place} of environment {env} is {value:e}, must be at most {:e} in 32 bits", f32::MAX)]
+    TooLarge {
+        /// The number: `qpos[3]`.
+        place: String,
+        /// Environment.
+        env: usize,
+        /// Its value.
+        value: f64,
+    },
+    /// A parameter that 32 bits cannot hold, in a simulation of that precision.
+    #[error("{parameter} has {value:e}, which 32 bits cannot hold; give a smaller number")]
+    ParameterTooLarge {
+        /// The parameter.
+        parameter: Parameter,
+        /// Its value.
+        value: f64,
+    },
+    /// A quaternion of zeros, or one whose length overflows.
+    #[error(
+        "qpos[{address}..{}] of environment {env}, the orientation of joint \"{joint}\", is {found:?}: its length is {norm}, must be above 0; (1, 0, 0, 0) is no rotation",
+        address + 4
+    )]
+    Quaternion {
+        /// Environment.
+        env: usize,
+        /// Name of the joint, or its index as "#3".
+        joint: String,
+        /// Place of the quaternion in qpos.
+        address: usize,
+        /// The quaternion.
+        found: [f64; 4],
+        /// Its length.
+        norm: f64,
+    },
+    /// Positions of mocap bodies without orientations, or the reverse.
+    #[error("mocap_pos and mocap_quat go together: give both or none")]
+    MocapPoses,
+    /// An array for a rollout in the other precision.
+    #[error("the array for {name} is {found:?}, must be {must:?}")]
+    ArrayPrecision {
+        /// Name of the quantity.
+        name: &'static str,
+        /// Precision of the array.
+        found: Precision,
+        /// Precision of the simulation.
+        must: Precision,
+    },
+    /// Bytes that are no saved state, of another format version, cut off or damaged.
+    #[error("not a state: {0}")]
+    NotAState(String),
+    /// A state of another model. Digests are those of [`Model::digest`](crate::Model::digest).
+    #[error(
+        "this state belongs to another model, {}; this one is \"{name}\", {}: give a state of the same model",
+        abbreviated(state),
+        abbreviated(model)
+    )]
+    OtherModel {
+        /// Digest of the model that the state belongs to.
+        state: [u8; 32],
+        /// Digest of this simulation's model.
+        model: [u8; 32],
+        /// Name of this simulation's model.
+        name: String,
+    },
+    /// A state of the other precision.
+    #[error("this state does not fit: it has numbers in {found:?}, this stepper in {must:?}")]
+    StatePrecision {
+        /// Precision of the state.
+        found: Precision,
+        /// Precision of the simulation.
+        must: Precision,
+    },
+    /// A state of the same model that does not fit: another number of environments, other sensors or drives, damaged contents.
+    #[error("this state does not fit: {0}")]
+    StateMisfit(String),
+    /// An error model that a sensor cannot have, with the sensor's name.
+    #[error("{0}")]
+    Sensor(String),
+    /// A drive train that an actuator cannot have, with the actuator's name.
+    #[error("{0}")]
+    Actuator(String),
+    /// Drive trains for environments that already have parameters of their own.
+    #[error("environments have parameters of their own: give drives first, or take the parameters back")]
+    DrivesAfterParameters,
+    /// More environments than there is memory for.
+    #[error("{num_envs} environments of {bytes_per_env} bytes each are more than the memory here; make num_envs smaller")]
+    Memory {
+        /// Number of environments.
+        num_envs: usize,
+        /// Memory of each, bytes.
+        bytes_per_env: usize,
+    },
+    /// Threads that the system refuses to start.
+    #[error("{0}")]
+    Threads(String),
+    /// A CPU level, asked for by the environment variable `STEPPER_CPU_LEVEL`, that there is not.
+    #[error(transparent)]
+    Level(#[from] LevelError),
+    /// A model that cannot be used, or parameters that make no model.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+}
+
+/// The first digits of a digest, which tell models apart.
+fn abbreviated(digest: &[u8; 32]) -> String {
+    digest[..6].iter().map(|byte| format!("{byte:02x}")).collect()
+}

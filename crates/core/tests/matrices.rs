@@ -1,0 +1,52 @@
+//! nalgebra's types of what a simulation says, with the feature `nalgebra`.
+
+use std::sync::Arc;
+
+use nalgebra::{Isometry3, Vector3};
+use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, WORLD};
+use stepper_core::{Field, Model, Options, Precision, Simulation, StepInputs};
+
+/// A box on a slope of 0.1 rad.
+fn slope() -> Simulation {
+    let mut scene = Model::builder("slope");
+    let (sine, cosine) = 0.05_f64.sin_cos();
+    scene.geom(WORLD, GeomBuilder::plane("slope").quat([cosine, 0.0, sine, 0.0]));
+    let body = BodyBuilder::new("box").pos([0.0, 0.0, 0.05]).quat([cosine, 0.0, sine, 0.0]).joint(JointBuilder::free("root"));
+    scene.body(WORLD, body.geom(GeomBuilder::cuboid("box", [0.1, 0.1, 0.05]).mass(3.0)));
+    Simulation::new(Arc::new(scene.finish().unwrap()), Options::default(), Some(2), Precision::F64, 1).unwrap()
+}
+
+#[test]
+fn vectors_and_matrices_have_the_numbers_of_the_slices() {
+    let mut sim = slope();
+    sim.step(&StepInputs::default(), 5).unwrap();
+    let q = sim.vector(Field::Qpos, 1);
+    assert_eq!(q.as_slice(), sim.qpos(1));
+    sim.set(Field::Qpos, 0, q.as_slice()).unwrap();
+    let all = sim.matrix(Field::Qvel);
+    assert_eq!(all.shape(), (6, 2));
+    assert_eq!(all.column(1).as_slice(), sim.qvel(1));
+    let mass = sim.mass_matrix(0);
+    assert_eq!((mass.shape(), mass[(0, 0)]), ((6, 6), 3.0));
+    assert!((&mass - mass.transpose()).norm() < 1e-15);
+}
+
+#[test]
+fn a_pose_is_an_isometry() {
+    let sim = slope();
+    let pose = sim.body_poses_of(0, &StepInputs::default()).unwrap()[1];
+    let up = Isometry3::from(pose) * Vector3::z();
+    assert!((up - Vector3::new(0.1_f64.sin(), 0.0, 0.1_f64.cos())).norm() < 1e-15);
+    assert_eq!(pose.isometry().translation.vector, Vector3::from(pose.pos));
+}
+
+#[test]
+fn contact_forces_hold_the_weight_in_world_axes() {
+    let mut sim = slope();
+    sim.step(&StepInputs::default(), 200).unwrap();
+    let force: Vector3<f64> = sim.contacts(1).iter().map(|contact| contact.world_force()).sum();
+    assert!((force - Vector3::new(0.0, 0.0, 3.0 * 9.81)).norm() < 1e-5, "{force}");
+    let contact = sim.contacts(1)[0];
+    assert!((contact.rotation().determinant() - 1.0).abs() < 1e-14);
+    assert_eq!((contact.point().coords, contact.world_torque()), (Vector3::from(contact.pos), Vector3::zeros()));
+}

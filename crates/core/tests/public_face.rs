@@ -1,0 +1,249 @@
+//! What a user of the crate relies on: defaults that follow the model, errors that can be matched, readings with their units.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+
+use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Keyframe, WORLD};
+use stepper_core::{Error, Field, Model, ModelError, Options, Parameter, Precision, SavedState, Simulation, Status, StepInputs};
+
+const RADIUS: f64 = 0.1;
+
+/// A ball that lies on a floor, with a time step of its own; and a body that the user moves.
+fn ball(timestep: f64) -> Arc<Model> {
+    let mut scene = Model::builder("ball");
+    scene.timestep(timestep).geom(WORLD, GeomBuilder::plane("floor"));
+    let body = BodyBuilder::new("ball").pos([0.0, 0.0, RADIUS]).joint(JointBuilder::free("root"));
+    scene.body(WORLD, body.geom(GeomBuilder::sphere("ball", RADIUS).mass(2.0)));
+    scene.body(WORLD, BodyBuilder::new("hand").pos([1.0, 0.0, 1.0]).mocap());
+    Arc::new(scene.finish().unwrap())
+}
+
+fn simulation(model: Arc<Model>, options: Options, num_envs: usize) -> Simulation {
+    Simulation::new(model, options, Some(num_envs), Precision::F64, 1).unwrap()
+}
+
+#[test]
+fn the_time_step_is_the_models_unless_it_is_given() {
+    let mut sim = simulation(ball(0.001), Options::default(), 2);
+    sim.step(&StepInputs::default(), 1).unwrap();
+    assert_eq!((sim.timestep(), sim.time(0)), (0.001, 0.001));
+    let mut sim = simulation(ball(0.001), Options { timestep: Some(0.005), ..Options::default() }, 2);
+    sim.step(&StepInputs::default(), 1).unwrap();
+    assert_eq!((sim.timestep(), sim.time(1)), (0.005, 0.005));
+}
+
+#[test]
+fn the_tolerance_follows_the_precision_unless_it_is_given() {
+    for (precision, tolerance) in [(Precision::F64, 1e-6), (Precision::F32, 1e-4)] {
+        let make = |options: Options| Simulation::new(ball(0.002), options, Some(2), precision, 1).unwrap();
+        let mut sim = make(Options::default());
+        assert_eq!(sim.tolerance(), tolerance);
+        sim.step(&StepInputs::default(), 100).unwrap();
+        assert_eq!(sim.status(0), Status::OK);
+        assert_eq!(make(Options { tolerance: Some(1e-3), ..Options::default() }).tolerance(), 1e-3);
+    }
+}
+
+#[test]
+fn a_state_of_another_model_is_refused_and_named() {
+    let (model, other) = (ball(0.002), ball(0.001));
+    let state = SavedState::from_bytes(&simulation(model.clone(), Options::default(), 2).save_state().to_bytes()).unwrap();
+    let mut sim = simulation(other.clone(), Options::default(), 2);
+    sim.step(&StepInputs::default(), 3).unwrap();
+    let before = sim.qpos(0);
+    let error = sim.restore_state(&state).unwrap_err();
+    let hex = |digest: [u8; 32]| digest[..6].iter().map(|byte| format!("{byte:02x}")).collect::<String>();
+    let text = error.to_string();
+    assert!(text.contains(&hex(model.digest())) && text.contains(&hex(other.digest())) && text.contains("\"ball\""), "{text}");
+    assert!(matches!(error, Error::OtherModel { state, model: own, .. } if state == model.digest() && own == other.digest()));
+    assert_eq!(sim.qpos(0), before, "nothing is changed by it");
+    assert!(matches!(SavedState::from_bytes(b"stepper"), Err(Error::NotAState(_))));
+}
+
+#[test]
+fn a_finished_model_is_edited_through_its_description_alone() {
+    // That its fields cannot be assigned to is a doctest of `Model`, which must not compile.
+    let mut description = Arc::unwrap_or_clone(ball(0.002)).into_description();
+    description.timestep = 0.004;
+    let model = description.finish(true).unwrap();
+    assert_eq!(simulation(Arc::new(model.clone()), Options::default(), 1).timestep(), 0.004);
+    for timestep in [-0.002, 0.0, f64::NAN] {
+        let mut description = model.clone().into_description();
+        description.timestep = timestep;
+        assert!(matches!(description.finish(true), Err(ModelError::Invalid { .. })), "{timestep}");
+        assert!(model.replace("timestep", &[timestep]).is_err(), "{timestep}");
+        let options = Options { timestep: Some(timestep), ..Options::default() };
+        let error = Simulation::new(Arc::new(model.clone()), options, None, Precision::F64, 1).err().unwrap();
+        assert!(matches!(error, Error::Option { name: "timestep", .. }), "{error}");
+    }
+}
+
+#[test]
+fn a_contact_has_its_force_in_newtons_whatever_the_time_step() {
+    for timestep in [0.001, 0.004] {
+        let mut sim = simulation(ball(timestep), Options::default(), 3);
+        sim.step(&StepInputs::default(), 10).unwrap();
+        let [contact] = sim.contacts(2)[..] else { panic!("one contact") };
+        let weight = 2.0 * 9.81;
+        assert!((contact.force[0] - weight).abs() < 1e-6 * weight, "{contact:?}");
+        assert_eq!((contact.geoms, contact.bodies), ([0, 1], [0, 1]));
+        assert_eq!((contact.normal, contact.frame()[0]), ([0.0, 0.0, 1.0], contact.normal));
+    }
+}
+
+#[test]
+fn a_status_says_its_flags() {
+    let both = Status::NOT_CONVERGED | Status::DEEP;
+    assert!(both.contains(Status::DEEP) && !both.contains(Status::OVER_LIMIT) && !both.is_empty());
+    assert_eq!((both.to_string(), format!("{both:?}")), ("NOT_CONVERGED | DEEP".into(), "Status(NOT_CONVERGED | DEEP)".into()));
+    assert!(Status::OK.is_empty() && Status::OK.to_string() == "OK");
+    assert_eq!(Status::from_bits_retain(65), both, "as a rollout writes them down");
+
+    let mut sim = simulation(ball(0.002), Options::default(), 2);
+    sim.set(Field::Qpos, 1, &[0.0, 0.0, 0.5 * RADIUS, 1.0, 0.0, 0.0, 0.0]).unwrap();
+    sim.step(&StepInputs::default(), 1).unwrap();
+    assert_eq!((sim.status(0), sim.status(1)), (Status::OK, Status::DEEP));
+}
+
+/// What a call panics with, in words.
+fn panic_of<T>(call: impl FnOnce() -> T) -> String {
+    let payload = catch_unwind(AssertUnwindSafe(call)).err().expect("it panics");
+    payload.downcast_ref::<String>().cloned().unwrap_or_default()
+}
+
+#[test]
+fn an_environment_that_does_not_exist_is_named() {
+    // The lanes of a group reach to eight; those beyond the third are no environments.
+    let model = ball(0.002);
+    let mut sim = simulation(model.clone(), Options::default(), 3);
+    let expected = "env is 3, must be below 3";
+    let reads: [fn(&Simulation); 11] = [
+        |sim| drop(sim.qpos(3)),
+        |sim| drop(sim.qvel(3)),
+        |sim| _ = sim.time(3),
+        |sim| _ = sim.status(3),
+        |sim| _ = sim.depth(3),
+        |sim| _ = sim.limit_overshoot(3),
+        |sim| drop(sim.sensor_faults(3)),
+        |sim| drop(sim.actuator_saturation(3)),
+        |sim| _ = sim.certificate(3),
+        |sim| drop(sim.contacts(3)),
+        |sim| drop(sim.save_state_of(3)),
+    ];
+    for read in reads {
+        assert_eq!(panic_of(|| read(&sim)), expected);
+    }
+    let writes: [fn(&mut Simulation); 3] = [|sim| sim.reset(3), |sim| sim.begin(3, None), |sim| sim.set_stream(3, 0)];
+    for write in writes {
+        assert_eq!(panic_of(|| write(&mut sim)), expected);
+    }
+    let (q, state) = (model.qpos0.clone(), sim.save_state());
+    let inputs = StepInputs::default();
+    let errors = [
+        sim.set(Field::Qpos, 3, &q).unwrap_err(),
+        sim.correct(Field::Qpos, 3, &q).unwrap_err(),
+        sim.get(Field::Qpos, 3, &mut [0.0; 7]).unwrap_err(),
+        sim.set_time(3, 0.0).unwrap_err(),
+        sim.body_poses_of(3, &inputs).unwrap_err(),
+        sim.snapshot(3, &inputs).unwrap_err(),
+        sim.restore_state_in(&state, &[0, 3]).unwrap_err(),
+        sim.randomize(&[], &[3]).unwrap_err(),
+    ];
+    for error in errors {
+        assert!(matches!(error, Error::Environment { env: 3, num_envs: 3 }) && error.to_string() == expected, "{error}");
+    }
+    for envs in [[1, 0], [1, 1]] {
+        assert!(matches!(sim.randomize(&[], &envs), Err(Error::Order { before: 1, .. })));
+        assert!(matches!(sim.restore_state_in(&state, &envs), Err(Error::Order { before: 1, .. })));
+    }
+}
+
+#[test]
+fn an_array_of_the_wrong_length_is_neither_read_nor_written() {
+    let sim = simulation(ball(0.002), Options::default(), 2);
+    for n in [0, 1, 6, 8] {
+        let mut out = vec![-7.0; n];
+        let error = sim.get(Field::Qpos, 1, &mut out).unwrap_err();
+        assert!(matches!(error, Error::Length { name: "qpos", found, must: 7, .. } if found == n), "{error}");
+        assert_eq!(out, vec![-7.0; n]);
+    }
+    let mut sim = sim;
+    let before = (sim.qpos(0), sim.qvel(0));
+    let wrong = |ctrl: usize, qvel: usize| Keyframe {
+        name: String::new(),
+        time: 1.0,
+        qpos: vec![1.0; 7],
+        qvel: vec![1.0; qvel],
+        act: vec![],
+        ctrl: vec![0.0; ctrl],
+    };
+    assert!(matches!(sim.start_from(0, &wrong(1, 6)), Err(Error::Length { name: "ctrl", found: 1, must: 0, .. })));
+    assert!(matches!(sim.start_from(0, &wrong(0, 5)), Err(Error::Length { name: "qvel", found: 5, must: 6, .. })));
+    assert_eq!((sim.qpos(0), sim.qvel(0), sim.time(0)), (before.0, before.1, 0.0), "nothing of a keyframe that does not fit is taken");
+}
+
+#[test]
+fn errors_have_types_to_match() {
+    let model = ball(0.002);
+    let new = |options: Options, num_envs| Simulation::new(model.clone(), options, num_envs, Precision::F32, 1).err().unwrap();
+    assert!(matches!(new(Options { iterations: 0, ..Options::default() }, None), Error::Option { name: "iterations", .. }));
+    assert!(matches!(new(Options::default(), Some(0)), Error::NoEnvironments));
+    assert!(matches!(new(Options::default(), Some(usize::MAX / 2)), Error::Memory { num_envs, .. } if num_envs == usize::MAX / 2));
+
+    let mut sim = Simulation::new(model.clone(), Options::default(), Some(2), Precision::F32, 1).unwrap();
+    let mut q = model.qpos0.clone();
+    q[1] = f64::NAN;
+    assert!(matches!(sim.set(Field::Qpos, 1, &q), Err(Error::NotFinite { env: 1, .. })));
+    q[1] = 1e39;
+    assert!(matches!(sim.set(Field::Qpos, 1, &q), Err(Error::TooLarge { env: 1, value: 1e39, .. })));
+    assert!(matches!(sim.set(Field::Qpos, 0, &[0.0; 7]), Err(Error::Quaternion { env: 0, address: 3, .. })));
+    assert!(matches!(sim.set_time(0, f64::INFINITY), Err(Error::NotFinite { env: 0, .. })));
+    let inputs = StepInputs { ctrl: &[1.0], ..StepInputs::default() };
+    assert!(matches!(sim.step(&inputs, 1), Err(Error::Length { name: "ctrl", found: 1, must: 0, .. })));
+    let inputs = StepInputs { mocap_pos: &[0.0; 6], ..StepInputs::default() };
+    assert!(matches!(sim.step(&inputs, 1), Err(Error::MocapPoses)));
+    assert!(matches!(sim.equip(&[None]), Err(Error::Count { name: "transfers", found: 1, must: 0, .. })));
+    assert!(matches!(sim.couple(&[None]), Err(Error::Count { name: "drives", found: 1, must: 0, .. })));
+    let state = simulation(model, Options::default(), 2).save_state();
+    assert!(matches!(sim.restore_state(&state), Err(Error::StatePrecision { found: Precision::F64, must: Precision::F32 })));
+    let three = Simulation::new(sim.model().clone(), Options::default(), Some(3), Precision::F32, 1).unwrap().save_state();
+    assert!(matches!(sim.restore_state(&three), Err(Error::StateMisfit(_))));
+}
+
+#[test]
+fn body_poses_are_those_of_the_present_configuration() {
+    let mut sim = simulation(ball(0.002), Options::default(), 2);
+    let half = 0.5_f64.sqrt();
+    sim.set(Field::Qpos, 1, &[1.0, 2.0, 3.0, half, half, 0.0, 0.0]).unwrap();
+    let poses = sim.body_poses_of(1, &StepInputs::default()).unwrap();
+    assert_eq!((poses.len(), poses[0].pos, poses[0].quat), (3, [0.0; 3], [1.0, 0.0, 0.0, 0.0]));
+    assert_eq!(poses[1].pos, [1.0, 2.0, 3.0]);
+    assert!(poses[1].quat.iter().zip([half, half, 0.0, 0.0]).all(|(x, y)| (x - y).abs() < 1e-15));
+    assert_eq!((poses[2].pos, poses[2].quat), ([1.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0]), "where the model has it");
+
+    let (pos, quat) = ([9.0, 9.0, 9.0, 0.0, 0.0, 5.0], [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0]);
+    let inputs = StepInputs { mocap_pos: &pos, mocap_quat: &quat, ..StepInputs::default() };
+    let hand = sim.body_poses_of(1, &inputs).unwrap()[2];
+    assert_eq!((hand.pos, hand.quat), ([0.0, 0.0, 5.0], [0.0, 1.0, 0.0, 0.0]), "where the user has it");
+
+    let [positions, orientations] = sim.body_poses(&inputs).unwrap();
+    assert_eq!((positions.len(), orientations.len()), (2 * 3 * 3, 2 * 3 * 4));
+    assert_eq!((&positions[15..], &orientations[20..]), (&hand.pos[..], &hand.quat[..]));
+}
+
+#[test]
+fn parameters_have_the_names_of_their_fields() {
+    for parameter in Parameter::ALL {
+        assert_eq!(parameter.name().parse::<Parameter>().unwrap(), parameter);
+        assert!(ball(0.002).field(parameter.name()).is_some(), "{parameter}");
+    }
+    let text = |name: &str| name.parse::<Parameter>().unwrap_err().to_string();
+    assert!(text("qpos0").contains("the same in all environments") && text("qpos0").contains("body_mass"));
+    assert!(text("colour").contains("no such field"));
+
+    let mut sim = simulation(ball(0.002), Options::default(), 2);
+    sim.randomize(&[(Parameter::BodyMass, Some(&[0.0, 2.0, 0.0, 0.0, 5.0, 0.0]))], &[0, 1]).unwrap();
+    sim.step(&StepInputs::default(), 10).unwrap();
+    let force = |env: usize| sim.contacts(env)[0].force[0];
+    assert!((force(0) - 2.0 * 9.81).abs() < 1e-4 && (force(1) - 5.0 * 9.81).abs() < 1e-4);
+}

@@ -337,7 +337,7 @@ def test_what_another_thread_writes_meanwhile_is_not_read(model):
 def test_an_array_that_was_made_something_else_is_an_error_and_not_a_crash(model, attribute, value):
     sim = simulate(model, 2)
     setattr(sim.xfrc_applied, attribute, value)
-    for call in (sim.step, sim.reset, sim.energy, lambda: sim.sensor_truth, lambda: sim.xpos):
+    for call in (sim.step, sim.reset, sim.energy, lambda: sim.sensor_truth, lambda: sim.xpos, lambda: setattr(sim, "xfrc_applied", np.inf)):
         with pytest.raises(ValueError, match=r"xfrc_applied is no longer a plain float64 array \(2, 5, 6\)"):
             call()
 

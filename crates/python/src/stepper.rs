@@ -366,7 +366,8 @@ impl Stepper {
 
     /// Replaces the contents of a writable array.
     fn assign(&mut self, py: Python<'_>, which: Applied, value: &Bound<'_, PyAny>) -> PyResult<()> {
-        self.applied(py, which)?.set_item(py.Ellipsis(), value)
+        self.applied(py, which)?;
+        self.made(py, which)?.expect("made above").set_item(py.Ellipsis(), value)
     }
 
     /// Readings of all sensors of all environments.

@@ -144,7 +144,7 @@ def test_an_arm_stretches_towards_what_it_cannot_reach(timestep):
 
 
 def welded_arm() -> str:
-    """Seven hinges with the offsets and masses of Fetch's arm, stretched and welded to where its tip is, on a slide that is 39 mm below its range."""
+    """Seven hinges with the offsets and masses of Fetch's arm, stretched and welded to where its tip is; the slide below it is 39 mm out of range."""
     links = [(0.117, 0.06, 2.6), (0.219, 0, 2.7), (0.133, 0, 2.3), (0.197, 0, 2.1), (0.1245, 0, 1.7), (0.1385, 0, 1.7), (0.1665, 0, 1.7)]
     axes = ["0 0 1", "0 1 0", "1 0 0", "0 1 0", "1 0 0", "0 1 0", "1 0 0"]
     starts, tip = [(0.12, 0.35), *((x, z) for x, z, _ in links[:-1])], links[-1][0]
@@ -155,8 +155,8 @@ def welded_arm() -> str:
     slide = '<joint type="slide" axis="0 0 1" range=".0386 .386" armature="1" damping="1e7"/><geom size=".1" mass="10"/>'
     hand = f'<body name="hand" mocap="true" pos="{sum(x for x, _ in starts) + tip} 0 {sum(z for _, z in starts)}"/>'
     weld = '<equality><weld body1="hand" body2="tip"/></equality>'
-    return f'''<mujoco><default><geom contype="0" conaffinity="0"/></default>
-    <worldbody>{hand}<body>{slide}{arm}</body></worldbody>{weld}</mujoco>'''
+    return f"""<mujoco><default><geom contype="0" conaffinity="0"/></default>
+    <worldbody>{hand}<body>{slide}{arm}</body></worldbody>{weld}</mujoco>"""
 
 
 def test_a_stretched_arm_that_a_weld_holds_stands_still():

@@ -144,7 +144,7 @@ def test_an_arm_stretches_towards_what_it_cannot_reach(timestep):
 
 
 def welded_arm() -> str:
-    """Seven hinges with the offsets and masses of Fetch's arm, stretched and welded to where its tip is; the slide below it is 39 mm out of range."""
+    """Seven hinges like those of Fetch's arm, stretched and welded to where its tip is, on a slide that is 39 mm below its range."""
     links = [(0.117, 0.06, 2.6), (0.219, 0, 2.7), (0.133, 0, 2.3), (0.197, 0, 2.1), (0.1245, 0, 1.7), (0.1385, 0, 1.7), (0.1665, 0, 1.7)]
     axes = ["0 0 1", "0 1 0", "1 0 0", "0 1 0", "1 0 0", "0 1 0", "1 0 0"]
     starts, tip = [(0.12, 0.35), *((x, z) for x, z, _ in links[:-1])], links[-1][0]

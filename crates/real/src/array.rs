@@ -1,6 +1,6 @@
 //! Portable lanes: plain arrays and element-wise loops, which the compiler turns into whatever vectors the baseline has (SSE2, NEON).
 //!
-//! The baseline level of x86-64, and the only level of every other architecture.
+//! The only level of every architecture but x86-64, where they are what other lanes are compared with.
 
 use crate::operators::{as_lanes, lane_access, operators, vectorize};
 use crate::{Mask, Real};
@@ -179,6 +179,3 @@ array_lanes! {
     /// One truth value for each lane of [`F32x16`].
     M32x16, u32
 }
-
-/// One `f64`, with the instructions that every CPU has around it.
-pub type F64x1 = f64;

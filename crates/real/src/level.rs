@@ -193,7 +193,7 @@ macro_rules! at_level {
                 unsafe impl $crate::HasAvx2 for Asked {}
                 $run::<<Asked as $crate::Avx2>::$lanes $(, $($extra),+)?>($($arg),*)
             }),
-            $crate::Level::Baseline => $crate::__if_baseline!($run::<$crate::array::$lanes $(, $($extra),+)?>($($arg),*)),
+            $crate::Level::Baseline => $crate::__if_baseline!($run::<$crate::baseline::$lanes $(, $($extra),+)?>($($arg),*)),
         }
     }};
 }

@@ -3,7 +3,7 @@
 //! The simulator's hot path is written once, generic over [`Real`], and instantiated for
 //!
 //! * `f64`, one environment, the reference;
-//! * `F64x1`, `F64x8` and `F32x16`, one, eight and sixteen environments, once per CPU level: [`mod@array`] (portable), `avx2` and `avx512`;
+//! * `F64x1`, `F64x8` and `F32x16`, one, eight and sixteen environments, once per CPU level: [`baseline`], `avx2` and `avx512`;
 //! * `F64x16` and `F32x32`, sixteen and thirty-two environments in [two](Two) registers of `avx512`, which has enough of them.
 //!
 //! Every backend gives every lane the bits that `f64` (or `f32`) gives alone, for arithmetic, for [`Real::min`] and its like, and for
@@ -41,6 +41,7 @@ pub mod array;
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+pub mod baseline;
 mod coefficients;
 mod elementary;
 mod level;
@@ -51,9 +52,11 @@ mod operators;
 mod real;
 mod scalar;
 mod single;
+#[cfg(target_arch = "x86_64")]
+mod sse2;
 mod two;
 
-pub use array::{F32x16, F64x1, F64x8};
+pub use baseline::{F32x16, F64x1, F64x8};
 #[cfg(target_arch = "x86_64")]
 pub use level::{Avx2, Avx512, HasAvx2, HasAvx512};
 pub use level::{Level, LevelError};

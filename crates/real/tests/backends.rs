@@ -190,7 +190,19 @@ macro_rules! run_two {
     };
 }
 
+/// Runs the operations on portable lanes, which no level of x86-64 has, beside the baseline.
+macro_rules! run_portable {
+    ($lanes:ident) => {
+        |level, a: &[_], b: &[_], out: &mut [_]| {
+            vectorized::<array::$lanes>(a, b, out);
+            level == Level::available()[0]
+        }
+    };
+}
+
 check!(check_f64, f64, 8, run!(F64x8));
+check!(check_portable, f64, 8, run_portable!(F64x8));
+check!(check_portable_f32, f32, 16, run_portable!(F32x16));
 check!(check_alone, f64, 1, run!(F64x1));
 check!(check_f32, f32, 16, run!(F32x16));
 check!(check_two, f64, 16, run_two!(F64x16));
@@ -241,6 +253,7 @@ proptest! {
     #[test]
     fn f64_lanes_give_the_bits_of_scalars(a in inputs!(f64, u64, specials_f64), b in inputs!(f64, u64, specials_f64)) {
         check_f64(&a, &b);
+        check_portable(&a, &b);
         check_two(&a, &b);
         check_alone(&a, &b);
     }
@@ -248,6 +261,7 @@ proptest! {
     #[test]
     fn f32_lanes_give_the_bits_of_scalars(a in inputs!(f32, u32, specials_f32), b in inputs!(f32, u32, specials_f32)) {
         check_f32(&a, &b);
+        check_portable_f32(&a, &b);
         check_two_f32(&a, &b);
     }
 }
@@ -257,12 +271,14 @@ fn special_values_pair_by_pair() {
     let specials = specials_f64();
     for &a in &specials {
         check_f64(&vec![a; specials.len()], &specials);
+        check_portable(&vec![a; specials.len()], &specials);
         check_two(&vec![a; specials.len()], &specials);
         check_alone(&vec![a; specials.len()], &specials);
     }
     let specials = specials_f32();
     for &a in &specials {
         check_f32(&vec![a; specials.len()], &specials);
+        check_portable_f32(&vec![a; specials.len()], &specials);
         check_two_f32(&vec![a; specials.len()], &specials);
     }
 }

@@ -1,6 +1,6 @@
 //! Masks are sets of lanes at every level: nothing outside the lanes, and the laws of sets inside.
 
-use stepper_real::{Level, Mask, Real, at_avx512, at_level};
+use stepper_real::{Level, Mask, Real, array, at_avx512, at_level};
 
 /// Words that `algebra` writes.
 const WORDS: usize = 14;
@@ -44,6 +44,11 @@ fn expected(lanes: usize, x: u32, y: u32) -> [u32; WORDS] {
 
 #[test]
 fn eight_lanes_exhaustively() {
+    for x in 0..256 {
+        for y in 0..256 {
+            assert_eq!(vectorized::<array::F64x8>(x, y), expected(8, x, y), "{x:#b} {y:#b} in portable lanes");
+        }
+    }
     for &level in Level::available() {
         for x in 0..256 {
             for y in 0..256 {

@@ -4,11 +4,11 @@ mod common;
 
 use common::cases;
 use proptest::prelude::*;
-use stepper_real::{Mask, Real, Two, array};
+use stepper_real::{F64x8, Mask, Real, Two};
 use stepper_solve::pgs::{Settings, solve};
 use stepper_solve::{Iterate, Problem};
 
-type Lanes = Two<array::F64x8>;
+type Lanes = Two<F64x8>;
 
 const N: usize = 9;
 const CONTACTS: usize = 3;

@@ -1,0 +1,250 @@
+//! Lanes in four SSE registers, masks as vectors of compare results. Every x86-64 CPU has SSE2, so these are the lanes of its baseline level.
+//!
+//! [Portable lanes](crate::array) are compiled to much the same instructions in the end, but the compiler has to find the vectors among scalars
+//! first, which took longer than all other lane types together.
+
+use core::arch::x86_64::{__m128i, _mm_and_si128 as and_int, _mm_cmpeq_epi32 as equal_int, _mm_set1_epi32 as set1_int};
+
+use crate::operators::{as_lanes, lane_access, operators, vectorize};
+use crate::{Mask, Real};
+
+/// The same expression of all quarters; `$i` is the quarter.
+macro_rules! quarters {
+    ($make:ident, |$i:ident| $e:expr) => {{
+        // SAFETY: every x86-64 CPU has SSE2, and what is read lies within its slice.
+        unsafe {
+            $make([
+                {
+                    const $i: usize = 0;
+                    $e
+                },
+                {
+                    const $i: usize = 1;
+                    $e
+                },
+                {
+                    const $i: usize = 2;
+                    $e
+                },
+                {
+                    const $i: usize = 3;
+                    $e
+                },
+            ])
+        }
+    }};
+}
+
+/// Expects the intrinsics of one precision in scope under the short names used below.
+macro_rules! sse2_lanes {
+    ($(#[$doc:meta])* $name:ident, $scalar:ident, $n:literal, $(#[$mask_doc:meta])* $mask:ident,
+     mantissa $mantissa:literal, bias $bias:literal) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy)]
+        #[repr(C, align(64))]
+        pub struct $name([Raw; 4]);
+
+        $(#[$mask_doc])*
+        #[derive(Clone, Copy, Debug)]
+        #[repr(C, align(64))]
+        pub struct $mask([Raw; 4]);
+
+        /// Lanes in one quarter.
+        const QUARTER: usize = $n / 4;
+
+        as_lanes!($name, $scalar, $n);
+
+        operators! { $name:
+            Add add AddAssign add_assign = |a, b| quarters!($name, |I| add(a.0[I], b.0[I]));
+            Sub sub SubAssign sub_assign = |a, b| quarters!($name, |I| sub(a.0[I], b.0[I]));
+            Mul mul MulAssign mul_assign = |a, b| quarters!($name, |I| mul(a.0[I], b.0[I]));
+            Div div DivAssign div_assign = |a, b| quarters!($name, |I| div(a.0[I], b.0[I]));
+        }
+
+        impl core::ops::Neg for $name {
+            type Output = Self;
+            #[inline(always)]
+            fn neg(self) -> Self {
+                quarters!($name, |I| xor(self.0[I], set1(-0.0)))
+            }
+        }
+
+        impl Real for $name {
+            lane_access!($name, $scalar, $n);
+            vectorize!();
+            type Mask = $mask;
+            type Half = Self;
+
+            #[inline(always)]
+            fn splat(x: $scalar) -> Self {
+                quarters!($name, |_I| set1(x))
+            }
+            #[inline(always)]
+            fn load(s: &[$scalar]) -> Self {
+                let s = &s[..$n];
+                quarters!($name, |I| loadu(s.as_ptr().add(I * QUARTER)))
+            }
+            #[inline(always)]
+            fn store(self, s: &mut [$scalar]) {
+                let s = &mut s[..$n];
+                for (i, quarter) in self.0.into_iter().enumerate() {
+                    // SAFETY: within `s`, and every x86-64 CPU has SSE2.
+                    unsafe { storeu(s.as_mut_ptr().add(i * QUARTER), quarter) }
+                }
+            }
+            #[inline(always)]
+            fn lt(self, o: Self) -> $mask {
+                quarters!($mask, |I| less(self.0[I], o.0[I]))
+            }
+            #[inline(always)]
+            fn le(self, o: Self) -> $mask {
+                quarters!($mask, |I| less_equal(self.0[I], o.0[I]))
+            }
+            #[inline(always)]
+            fn eq(self, o: Self) -> $mask {
+                quarters!($mask, |I| equal(self.0[I], o.0[I]))
+            }
+            #[inline(always)]
+            fn select(m: $mask, a: Self, b: Self) -> Self {
+                quarters!($name, |I| or(and(m.0[I], a.0[I]), andnot(m.0[I], b.0[I])))
+            }
+            #[inline(always)]
+            fn min(self, o: Self) -> Self {
+                quarters!($name, |I| min(self.0[I], o.0[I]))
+            }
+            #[inline(always)]
+            fn max(self, o: Self) -> Self {
+                quarters!($name, |I| max(self.0[I], o.0[I]))
+            }
+            #[inline(always)]
+            fn abs(self) -> Self {
+                quarters!($name, |I| andnot(set1(-0.0), self.0[I]))
+            }
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                quarters!($name, |I| sqrt(self.0[I]))
+            }
+            #[inline(always)]
+            fn copysign(self, sign: Self) -> Self {
+                quarters!($name, |I| or(andnot(set1(-0.0), self.0[I]), and(set1(-0.0), sign.0[I])))
+            }
+            #[inline(always)]
+            fn round_even(self) -> Self {
+                // See the scalar's round_even.
+                const INTEGERS: $scalar = (1u64 << $mantissa) as $scalar;
+                let (magnitude, integers) = (self.abs(), Self::splat(INTEGERS));
+                let rounded = ((magnitude + integers) - integers).copysign(self);
+                Self::select(magnitude.lt(integers), rounded, self)
+            }
+            #[inline(always)]
+            fn pow2(self) -> Self {
+                // See the scalar's pow2.
+                const BIASED: $scalar = (1u64 << $mantissa) as $scalar + $bias;
+                quarters!($name, |I| from_int(shift_left::<$mantissa>(to_int(add(self.0[I], set1(BIASED))))))
+            }
+            #[inline(always)]
+            fn split(self) -> (Self, Self) {
+                // See the scalar's split.
+                const ONE_BITS: $scalar = (1u64 << $mantissa) as $scalar;
+                const FRACTION: $scalar = $scalar::from_bits((1 << $mantissa) - 1);
+                let exponent = quarters!($name, |I| from_int(shift_right::<$mantissa>(to_int(self.0[I]))));
+                let mantissa = quarters!($name, |I| or(and(self.0[I], set1(FRACTION)), set1(1.0)));
+                (mantissa, quarters!($name, |I| sub(or(exponent.0[I], set1(ONE_BITS)), set1(ONE_BITS + $bias))))
+            }
+        }
+
+        impl Mask for $mask {
+            #[inline(always)]
+            fn splat(b: bool) -> Self {
+                quarters!($mask, |_I| from_int(set1_int(-(b as i32))))
+            }
+            #[inline(always)]
+            fn from_bits(bits: u32) -> Self {
+                // Lane i keeps bit i of the broadcast word, and is true when that is still there. SSE2 compares 32 bits at the most: a lane of 64 has
+                // its bit twice.
+                const BIT: [i32; 16] = {
+                    let mut bit = [0; 16];
+                    let mut i = 0;
+                    while i < 16 {
+                        bit[i] = 1 << (i * $n / 16);
+                        i += 1;
+                    }
+                    bit
+                };
+                // SAFETY: 64 bytes both, and any bits are a valid integer vector.
+                let bit: [__m128i; 4] = unsafe { core::mem::transmute(BIT) };
+                quarters!($mask, |I| from_int(equal_int(and_int(set1_int(bits as i32), bit[I]), bit[I])))
+            }
+            #[inline(always)]
+            fn bits(self) -> u32 {
+                let [a, b, c, d] = self.0;
+                // SAFETY: every x86-64 CPU has SSE2.
+                let [a, b, c, d] = unsafe { [movemask(a) as u32, movemask(b) as u32, movemask(c) as u32, movemask(d) as u32] };
+                a | b << QUARTER | c << (2 * QUARTER) | d << (3 * QUARTER)
+            }
+            #[inline(always)]
+            fn and(self, o: Self) -> Self {
+                quarters!($mask, |I| and(self.0[I], o.0[I]))
+            }
+            #[inline(always)]
+            fn or(self, o: Self) -> Self {
+                quarters!($mask, |I| or(self.0[I], o.0[I]))
+            }
+            #[inline(always)]
+            fn and_not(self, o: Self) -> Self {
+                quarters!($mask, |I| andnot(o.0[I], self.0[I]))
+            }
+            #[inline(always)]
+            fn not(self) -> Self {
+                Self::splat(true).and_not(self)
+            }
+            #[inline(always)]
+            fn any(self) -> bool {
+                let [a, b, c, d] = self.0;
+                // SAFETY: every x86-64 CPU has SSE2.
+                unsafe { movemask(or(or(a, b), or(c, d))) != 0 }
+            }
+            #[inline(always)]
+            fn all(self) -> bool {
+                let [a, b, c, d] = self.0;
+                // SAFETY: every x86-64 CPU has SSE2.
+                unsafe { movemask(and(and(a, b), and(c, d))) == (1 << QUARTER) - 1 }
+            }
+        }
+    };
+}
+
+mod double {
+    use super::*;
+    use core::arch::x86_64::{
+        __m128d as Raw, _mm_add_pd as add, _mm_and_pd as and, _mm_andnot_pd as andnot, _mm_castpd_si128 as to_int,
+        _mm_castsi128_pd as from_int, _mm_cmpeq_pd as equal, _mm_cmple_pd as less_equal, _mm_cmplt_pd as less, _mm_div_pd as div,
+        _mm_loadu_pd as loadu, _mm_max_pd as max, _mm_min_pd as min, _mm_movemask_pd as movemask, _mm_mul_pd as mul, _mm_or_pd as or,
+        _mm_set1_pd as set1, _mm_slli_epi64 as shift_left, _mm_sqrt_pd as sqrt, _mm_srli_epi64 as shift_right, _mm_storeu_pd as storeu,
+        _mm_sub_pd as sub, _mm_xor_pd as xor,
+    };
+    sse2_lanes! {
+        /// Eight `f64` lanes.
+        F64x8, f64, 8,
+        /// One truth value for each lane of [`F64x8`].
+        M64x8, mantissa 52, bias 1023.0
+    }
+}
+mod single {
+    use super::*;
+    use core::arch::x86_64::{
+        __m128 as Raw, _mm_add_ps as add, _mm_and_ps as and, _mm_andnot_ps as andnot, _mm_castps_si128 as to_int,
+        _mm_castsi128_ps as from_int, _mm_cmpeq_ps as equal, _mm_cmple_ps as less_equal, _mm_cmplt_ps as less, _mm_div_ps as div,
+        _mm_loadu_ps as loadu, _mm_max_ps as max, _mm_min_ps as min, _mm_movemask_ps as movemask, _mm_mul_ps as mul, _mm_or_ps as or,
+        _mm_set1_ps as set1, _mm_slli_epi32 as shift_left, _mm_sqrt_ps as sqrt, _mm_srli_epi32 as shift_right, _mm_storeu_ps as storeu,
+        _mm_sub_ps as sub, _mm_xor_ps as xor,
+    };
+    sse2_lanes! {
+        /// Sixteen `f32` lanes.
+        F32x16, f32, 16,
+        /// One truth value for each lane of [`F32x16`].
+        M32x16, mantissa 23, bias 127.0
+    }
+}
+pub use double::F64x8;
+pub use single::F32x16;

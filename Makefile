@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 DENY := 0.20.2
 
-.PHONY: demo test wheel bench atlas corpus fuzz check advisories build format clean
+.PHONY: demo test wheel bench loading atlas corpus fuzz check advisories build format clean
 
 # The main job: 1,024 humanoids, beside MuJoCo.
 demo: build
@@ -29,6 +29,10 @@ bench: build
 	$(BIN)/python benches/versus/humanoid.py
 	$(BIN)/python benches/versus/chart.py
 	$(BIN)/python benches/sensing.py
+
+# Time until a robot can be stepped, beside MuJoCo's compiler: docs/performance.md. Downloads four packages; FILES='h1_2.xml' for further robots.
+loading: build
+	$(BIN)/python benches/loading.py $(FILES)
 
 # Scenes with known answers where methods fail, in every engine and setting: docs/atlas.md. And the geometry, fuzzed for long.
 atlas: build $(VENV)/atlas.stamp

@@ -158,7 +158,8 @@ def describe(m: Any) -> Description:
         m: A `mujoco.MjModel`.
 
     Returns:
-        What `Model.from_description` takes. Its "omitted" lists what the model has and the description does not.
+        What `Model.from_description` takes; numbers of meshes and height fields are arrays, some of them the compiled model's own. Its
+        "omitted" lists what the model has and the description does not.
     """
     source = Source(m)
     list_omissions(source)
@@ -302,8 +303,8 @@ def _mesh(source: Source, i: int) -> Description:
     faces = slice(int(m.mesh_faceadr[i]), int(m.mesh_faceadr[i] + m.mesh_facenum[i]))
     return {
         "name": source.label("MESH", i),
-        "vertices": m.mesh_vert[vertices].astype(float).tolist(),
-        "faces": m.mesh_face[faces].tolist(),
+        "vertices": m.mesh_vert[vertices],
+        "faces": m.mesh_face[faces],
     }
 
 
@@ -318,7 +319,7 @@ def _height_field(source: Source, i: int) -> Description:
         "name": source.label("HFIELD", i),
         "shape": [rows, columns],
         "half": [x, y],
-        "elevation": heights.tolist(),
+        "elevation": heights,
         "base": base,
     }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 import pickle
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -324,6 +325,8 @@ def test_files_that_do_not_fit_are_refused(tmp_path: Path) -> None:
     assert "damaged" in refusal(good[:-1] + bytes([good[-1] ^ 1]))
     assert "cut off" in refusal(good[:20])
     assert "format version" in refusal(good[:8] + b"\xff\xff\0\0" + good[12:])
+    # The last format without hulls.
+    assert re.search(r"format version 9, this stepper reads \d+; .* save it again", refusal(good[:8] + b"\x09\0\0\0" + good[12:]))
     assert "model.stepper" in refusal(good[:-1])
 
 

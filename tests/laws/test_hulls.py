@@ -75,6 +75,14 @@ def test_a_masked_reset_leaves_nothing_behind(model):
     assert sim.qpos[mask].tobytes() == fresh.qpos[mask].tobytes()
 
 
+def test_a_saved_model_goes_the_same_way(model, tmp_path):
+    model.save(tmp_path / "rocks.stepper")
+    for again in (stepper.load(tmp_path / "rocks.stepper"), model.replace(timestep=model.timestep)):
+        first, second = (start(m, "f64", envs=slice(3)) for m in (model, again))
+        assert second.qpos.tobytes() == first.qpos.tobytes()
+        assert all(contact_bits(second.contacts(env)) == contact_bits(first.contacts(env)) for env in range(3))
+
+
 @pytest.mark.parametrize("thickness", [1.0, 1e-2, 3e-4, 1e-4, 1e-5, 1e-6, 1e-8, 1e-12])
 def test_a_hull_of_any_thickness_lies_on_the_floor(thickness):
     points = np.random.default_rng(0).uniform(-1, 1, (250, 3)) * [thickness, 1, 1]

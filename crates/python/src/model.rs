@@ -2,14 +2,15 @@
 
 use std::path::PathBuf;
 
-use numpy::PyUntypedArrayMethods;
+use numpy::{Element, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyIndexError, PyKeyError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyCFunction, PyDict, PyTuple, PyType};
+use pyo3::types::{PyBytes, PyCFunction, PyDict, PyList, PyTuple, PyType};
+use serde::de::DeserializeOwned;
 use stepper_core::Precision;
-use stepper_core::model::{Description, Field, Keyframe, Model as Core, REPLACEABLE, Sensor};
+use stepper_core::model::{Description, Field, HeightField, Keyframe, Mesh, Model as Core, REPLACEABLE, Sensor};
 
-use crate::array::{array, assign_attribute, hint, read_only, readonly, shape_text, whole};
+use crate::array::{array, assign_attribute, check_shape, hint, read_only, readonly, shape_text, whole};
 use crate::stepper::SharedModel;
 
 pyo3::create_exception!(
@@ -57,6 +58,54 @@ pub(crate) fn add_fields(class: &Bound<'_, PyType>) -> PyResult<()> {
     Ok(())
 }
 
+/// A description as it was given, with assets from arrays: of a large mesh there are a million numbers, which take long one by one.
+fn described(given: &Bound<'_, PyAny>) -> PyResult<Description> {
+    let given = given.cast::<PyDict>()?.copy()?;
+    let meshes = assets(&given, "meshes", &["vertices", "faces"], |mesh: &mut Mesh, [vertices, faces]| {
+        mesh.vertices = rows(&readonly(&vertices, "vertices")?, "vertices")?;
+        let faces = given.py().import("numpy")?.call_method1("ascontiguousarray", (faces, "uint32"))?;
+        mesh.faces = rows(&faces.cast::<PyArrayDyn<u32>>()?.readonly(), "faces")?;
+        Ok(())
+    })?;
+    let height_fields = assets(&given, "height_fields", &["elevation"], |field: &mut HeightField, [elevation]| {
+        field.elevation = readonly(&elevation, "elevation")?.as_slice()?.to_vec();
+        Ok(())
+    })?;
+    Ok(Description { meshes, height_fields, ..pythonize::depythonize(&given)? })
+}
+
+/// Assets of one kind, taken out of a description, whose `arrays` are filled in by `fill`.
+fn assets<'py, T: DeserializeOwned, const N: usize>(
+    description: &Bound<'py, PyDict>,
+    kind: &str,
+    arrays: &[&str; N],
+    fill: impl Fn(&mut T, [Bound<'py, PyAny>; N]) -> PyResult<()>,
+) -> PyResult<Vec<T>> {
+    let (py, mut found) = (description.py(), Vec::new());
+    let given = description.get_item(kind)?.ok_or_else(|| PyKeyError::new_err(kind.to_owned()))?;
+    description.set_item(kind, PyList::empty(py))?;
+    for asset in given.try_iter()? {
+        let asset = asset?.cast::<PyDict>()?.copy()?;
+        let mut taken = Vec::with_capacity(N);
+        for name in arrays {
+            taken.push(asset.get_item(name)?.ok_or_else(|| PyKeyError::new_err((*name).to_owned()))?);
+            asset.set_item(name, PyList::empty(py))?;
+        }
+        let mut made = pythonize::depythonize(&asset)?;
+        fill(&mut made, taken.try_into().expect("one of each"))?;
+        found.push(made);
+    }
+    Ok(found)
+}
+
+/// An array (n, 3), row by row; one that is empty has no rows.
+fn rows<T: Element + Copy>(array: &PyReadonlyArrayDyn<'_, T>, name: &str) -> PyResult<Vec<[T; 3]>> {
+    if array.len() > 0 {
+        check_shape(name, array.shape(), &[&[array.len() / 3, 3]])?;
+    }
+    Ok(array.as_slice()?.as_chunks().0.to_vec())
+}
+
 impl Model {
     fn of(core: Core) -> Self {
         Self { core: core.into() }
@@ -82,15 +131,15 @@ impl Model {
 
 #[pymethods]
 impl Model {
-    /// The model of a plain description (the fields of the Rust crate's `Description`), checked.
+    /// The model of a plain description (the fields of the Rust crate's `Description`), checked. Vertices and faces of meshes and elevations of height
+    /// fields may be arrays.
     ///
     /// Raises:
     ///     ModelError: The description is not valid, or strict and it has elements that are not simulated.
     #[staticmethod]
     fn from_description(description: &Bound<'_, PyAny>, strict: bool) -> PyResult<Self> {
-        let given: Description =
-            pythonize::depythonize(description).map_err(|e| ModelError::new_err(format!("not a model description: {e}")))?;
-        given.finish(strict).map(Self::of).map_err(to_py)
+        let not_one = |e: PyErr| ModelError::new_err(format!("not a model description: {e}"));
+        described(description).map_err(not_one)?.finish(strict).map(Self::of).map_err(to_py)
     }
 
     /// The inverse of `to_bytes`.

@@ -128,7 +128,8 @@ impl DriveTrain {
     /// # Errors
     /// The first number out of its range, and what an actuator cannot have, with the actuator's name.
     pub fn fold(model: &Model, trains: &[Option<Self>], num_envs: usize, h: f64) -> Result<(Model, Vec<Option<Self>>), String> {
-        let (mut model, mut trains) = (model.clone().into_description(), trains.to_vec());
+        let (mut folded, mut trains) = (model.clone(), trains.to_vec());
+        let model = folded.trusted_mut();
         for (i, train) in trains.iter_mut().enumerate() {
             *train = train.take().filter(|t| *t != Self::ideal());
             let steps = model.actuators[i].delay_in_steps(h);
@@ -137,9 +138,9 @@ impl DriveTrain {
             }
             let Some(train) = train else { continue };
             let name = label(&model.actuators[i].name, i);
-            train.check(num_envs, h).and_then(|()| train.give(&mut model, i)).map_err(|e| format!("drive of actuator {name:?}: {e}"))?;
+            train.check(num_envs, h).and_then(|()| train.give(model, i)).map_err(|e| format!("drive of actuator {name:?}: {e}"))?;
         }
-        Ok((Model::trusted(model), trains))
+        Ok((folded, trains))
     }
 
     fn give(&mut self, model: &mut Description, i: usize) -> Result<(), String> {

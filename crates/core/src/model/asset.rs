@@ -33,7 +33,7 @@ pub struct HeightField {
 }
 
 impl Mesh {
-    /// The convex hull of its vertices.
+    /// The convex hull of its vertices, made anew; a finished model has those that it needs, see [`Model::hull_of`](super::Model::hull_of).
     ///
     /// # Errors
     /// [`HullError`] where they span no volume.
@@ -71,10 +71,7 @@ fn solid(hull: &Hull, density: f64) -> MassProperties {
 impl Description {
     /// The mesh that a geom's shape refers to.
     pub fn mesh_of(&self, shape: &Shape) -> Option<&Mesh> {
-        match shape {
-            Shape::Mesh { asset, .. } => self.meshes.iter().find(|m| m.name == *asset),
-            _ => None,
-        }
+        Some(&self.meshes[self.mesh_index(shape)?])
     }
 
     /// The height field that a geom's shape refers to.

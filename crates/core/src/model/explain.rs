@@ -366,7 +366,7 @@ mod tests {
         let cone = Some("pyramidal".to_owned());
         let (integrator, solver) = ("RK4".to_owned(), "Newton".to_owned());
         let soft = vec!["1 geom: ball".to_owned()];
-        model.0.requested = Some(Requested { integrator, solver, iterations: 100, cone, constrained: true, soft });
+        model.description.requested = Some(Requested { integrator, solver, iterations: 100, cone, constrained: true, soft });
         let text = model.explain();
         let found = lines(&text, TITLE);
         assert!(["asks for RK4, and midpoint runs", "1 geom: ball", "circular"].iter().all(|part| has(&found, part)), "{text}");

@@ -5,19 +5,22 @@
 //! | 8 | [`MAGIC`] |
 //! | 4 | [`FORMAT_VERSION`], little endian |
 //! | 32 | SHA-256 of the payload |
-//! | rest | payload: the [`Description`] in postcard's encoding (numbers as their IEEE 754 bits, little endian) |
+//! | rest | payload in postcard's encoding (numbers as their IEEE 754 bits, little endian): the [`Description`], then for every mesh the triangles |
+//! |   | of its convex hull, where the model has it |
 
 use std::path::Path;
 
+use serde::Serialize;
 use sha2::{Digest, Sha256};
 
+use super::hulls::{Source, Surfaces};
 use super::{Description, Model, ModelError};
 
 /// The first bytes of every saved model. The last is no valid UTF-8, so no text file begins so.
 const MAGIC: [u8; 8] = *b"stepper\xff";
 
-/// Version of the format of saved models; changes whenever [`Description`] does.
-pub const FORMAT_VERSION: u32 = 9;
+/// Version of the format of saved models; changes whenever the payload does.
+pub const FORMAT_VERSION: u32 = 10;
 
 const HEADER: usize = 8 + 4 + 32;
 const MEMORY: &str = "saved model";
@@ -25,7 +28,7 @@ const MEMORY: &str = "saved model";
 impl Model {
     /// SHA-256 of all that the model holds: equal for equal models, on any machine.
     pub fn digest(&self) -> [u8; 32] {
-        Sha256::digest(self.payload()).into()
+        Sha256::digest(encoded(&self.description)).into()
     }
 
     /// The model as bytes, see [`Model::from_bytes`].
@@ -71,8 +74,12 @@ impl Model {
     }
 
     fn payload(&self) -> Vec<u8> {
-        postcard::to_stdvec(&self.0).expect("a model is plain data in memory: numbers, strings and sequences of known length")
+        encoded(&(&self.description, self.hulls.surfaces()))
     }
+}
+
+fn encoded(data: &impl Serialize) -> Vec<u8> {
+    postcard::to_stdvec(data).expect("a model is plain data in memory: numbers, strings and sequences of known length")
 }
 
 fn parse(bytes: &[u8], path: &str) -> Result<Model, ModelError> {
@@ -97,23 +104,26 @@ fn parse(bytes: &[u8], path: &str) -> Result<Model, ModelError> {
     if digest != &Sha256::digest(payload)[..] {
         return refuse("damaged: the contents do not match their SHA-256".into(), "copy the file again, or save the model again");
     }
-    match postcard::take_from_bytes::<Description>(payload) {
-        Ok((model, [])) => model.check(),
+    match postcard::take_from_bytes::<(Description, Surfaces)>(payload) {
+        Ok(((model, surfaces), [])) => model.check(Source::Kept(&surfaces)),
         _ => refuse("not readable by this version, though undamaged".into(), "save the model again with this version of stepper"),
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::super::finish::tests::rich_model;
+    use super::super::{BodyBuilder, GeomBuilder, JointBuilder, WORLD};
     use super::*;
     use proptest::prelude::*;
 
     #[test]
     fn round_trip_is_bit_for_bit() {
         let mut model = rich_model();
-        model.0.actuators[0].force_range = Some([f64::NEG_INFINITY, 0.1 + 0.2]);
-        model.0.gravity = [-0.0, 5e-324, -9.81];
+        model.description.actuators[0].force_range = Some([f64::NEG_INFINITY, 0.1 + 0.2]);
+        model.description.gravity = [-0.0, 5e-324, -9.81];
         let back = Model::from_bytes(&model.to_bytes()).unwrap();
         assert_eq!(back, model);
         assert_eq!(back.to_bytes(), model.to_bytes());
@@ -152,8 +162,64 @@ mod tests {
     #[test]
     fn an_invalid_model_in_a_sound_file_is_refused() {
         let mut model = rich_model();
-        model.0.bodies[1].mass = -1.0;
+        model.description.bodies[1].mass = -1.0;
         assert!(matches!(Model::from_bytes(&model.to_bytes()), Err(ModelError::Invalid { .. })));
+    }
+
+    /// A scene with two geoms of a mesh that may fall on a floor, and a mesh that nothing touches as its hull.
+    fn stones() -> Model {
+        let mut scene = Model::builder("stones");
+        scene.geom(WORLD, GeomBuilder::plane("floor"));
+        let corners: Vec<[f64; 3]> = (0..8).map(|k| std::array::from_fn(|i| if k >> i & 1 == 1 { 0.1 } else { -0.1 })).collect();
+        scene.mesh("drawn", &corners[..3], &[]).mesh("stone", &[&corners[..], &[[0.0, 0.01, 0.0]]].concat(), &[]);
+        for name in ["left", "right"] {
+            scene.body(WORLD, BodyBuilder::new(name).joint(JointBuilder::free(name)).geom(GeomBuilder::mesh(name, "stone")));
+        }
+        scene.finish().unwrap()
+    }
+
+    /// As it is saved, with other triangles for the hull of the stone.
+    fn with_surface(model: &Model, change: impl FnOnce(&mut Surfaces)) -> Vec<u8> {
+        let mut surfaces = model.hulls.surfaces();
+        change(&mut surfaces);
+        let payload = encoded(&(&model.description, surfaces));
+        let digest: [u8; 32] = Sha256::digest(&payload).into();
+        [&MAGIC[..], &FORMAT_VERSION.to_le_bytes(), &digest, &payload].concat()
+    }
+
+    #[test]
+    fn hulls_are_kept_and_shared() {
+        let model = stones();
+        let hull = |model: &Model| model.hull_of(&model.geoms[1].shape).unwrap().clone();
+        let surfaces = model.hulls.surfaces();
+        assert!(surfaces[0].is_none() && surfaces[1].as_ref().unwrap().len() == 12);
+        assert!(Arc::ptr_eq(&hull(&model), model.hull_of(&model.geoms[2].shape).unwrap()), "one hull for both geoms");
+        assert!(Arc::ptr_eq(&hull(&model), &hull(&model.replace("timestep", &[0.001]).unwrap())), "other numbers, the same hull");
+        let back = Model::from_bytes(&model.to_bytes()).unwrap();
+        assert_eq!(back, model);
+        assert_eq!(back.to_bytes(), model.to_bytes());
+        // The order of its triangles is that of the file, which only a hull that is made anew would change.
+        let turned = Model::from_bytes(&with_surface(&model, |s| s[1].as_mut().unwrap().reverse())).unwrap();
+        let mut triangles = hull(&turned).triangles().to_vec();
+        assert_ne!(triangles, hull(&model).triangles());
+        triangles.reverse();
+        assert_eq!(triangles, hull(&model).triangles());
+        // What a file does not keep is made of the vertices.
+        assert_eq!(Model::from_bytes(&with_surface(&model, Vec::clear)).unwrap(), model);
+        assert_eq!(turned.digest(), model.digest());
+    }
+
+    #[test]
+    fn another_hull_in_a_sound_file_is_refused() {
+        let model = stones();
+        let refused = |change: &dyn Fn(&mut Vec<[u32; 3]>)| {
+            let error = Model::from_bytes(&with_surface(&model, |s| change(s[1].as_mut().unwrap()))).unwrap_err().to_string();
+            assert!(error.contains("mesh \"stone\"") && error.contains("hull") && error.contains("save the model again"), "{error}");
+        };
+        refused(&|s| s[0][0] = 77);
+        refused(&|s| s.truncate(s.len() - 1));
+        refused(&|s| s.iter_mut().flatten().for_each(|v| *v = if *v == 7 { 8 } else { *v }));
+        refused(&|s| *s = vec![[0, 2, 1], [0, 1, 4], [1, 2, 4], [2, 0, 4]]);
     }
 
     #[test]
@@ -174,7 +240,7 @@ mod tests {
         #[test]
         fn any_numbers_survive(x in any::<[f64; 3]>().prop_filter("finite", |x| x.iter().all(|v| v.is_finite()))) {
             let mut model = rich_model();
-            model.0.gravity = x;
+            model.description.gravity = x;
             let back = Model::from_bytes(&model.to_bytes()).unwrap();
             prop_assert_eq!(back.gravity.map(f64::to_bits), x.map(f64::to_bits));
         }

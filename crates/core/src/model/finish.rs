@@ -5,6 +5,7 @@ mod inertia;
 mod scope;
 mod sensors;
 
+use super::hulls::Source;
 use super::{Description, EqualityKind, JointKind, Model, ModelError, label};
 
 /// How far from 1 the length of a quaternion or axis may be and still be taken for rounding in the source.
@@ -24,21 +25,26 @@ impl Description {
     /// [`ModelError::Invalid`] for the first value that no model may have, with the element and the remedy;
     /// [`ModelError::Unsupported`] with every element that changes the motion and is not simulated.
     pub fn finish(self, strict: bool) -> Result<Model, ModelError> {
-        let mut model = self.check()?.0;
+        self.finish_with(strict, Source::Vertices)
+    }
+
+    /// As [`Description::finish`], with hulls from somewhere.
+    pub(super) fn finish_with(self, strict: bool, hulls: Source<'_>) -> Result<Model, ModelError> {
+        let Model { description: mut model, hulls } = self.check(hulls)?;
         model.omitted.retain(|o| !scope::is_own(o));
         let mut found = scope::not_simulated(&model);
         model.omitted.append(&mut found);
         let missing: Vec<_> = model.omitted.iter().filter(|o| o.changes_motion).cloned().collect();
-        if strict && !missing.is_empty() { Err(ModelError::Unsupported(missing)) } else { Ok(Model(model)) }
+        if strict && !missing.is_empty() { Err(ModelError::Unsupported(missing)) } else { Ok(Model { description: model, hulls }) }
     }
 
     /// As [`Description::finish`] but for what is simulated: that was decided when the model was finished.
-    pub(super) fn check(mut self) -> Result<Model, ModelError> {
+    pub(super) fn check(mut self, hulls: Source<'_>) -> Result<Model, ModelError> {
         check::structure(&self)?;
         self.normalise()?;
-        check::values(&self)?;
+        let hulls = check::values(&self, hulls)?;
         inertia::check(&self)?;
-        Ok(Model(self))
+        Ok(Model { description: self, hulls })
     }
 
     /// The numbers of a finished model in which fields of [`RANDOMIZABLE`](super::RANDOMIZABLE) are others.

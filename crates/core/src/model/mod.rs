@@ -15,6 +15,7 @@ mod explain;
 mod file;
 mod finish;
 mod fluid;
+mod hulls;
 mod kernel;
 mod mass;
 mod pairs;
@@ -34,6 +35,7 @@ pub use equality::{Equality, EqualityKind};
 pub use error::ModelError;
 pub use file::FORMAT_VERSION;
 pub use fluid::{Ellipsoid, Medium};
+use hulls::Hulls;
 pub use kernel::Kernel;
 pub use mass::MassProperties;
 pub(crate) use pairs::Filter;
@@ -80,25 +82,28 @@ pub(crate) use variant::Variants;
 /// }
 /// ```
 #[derive(Clone, Debug, PartialEq)]
-pub struct Model(Description);
+pub struct Model {
+    description: Description,
+    hulls: Hulls,
+}
 
 impl Deref for Model {
     type Target = Description;
 
     fn deref(&self) -> &Description {
-        &self.0
+        &self.description
     }
 }
 
 impl Model {
     /// The description that the model was finished from, to be edited and finished again.
     pub fn into_description(self) -> Description {
-        self.0
+        self.description
     }
 
-    /// A model of a description that was made of a finished one, by a change that keeps it valid.
-    pub(crate) fn trusted(description: Description) -> Self {
-        Self(description)
+    /// Its description, for a change that keeps it valid, and what is made of meshes as it is.
+    pub(crate) fn trusted_mut(&mut self) -> &mut Description {
+        &mut self.description
     }
 }
 

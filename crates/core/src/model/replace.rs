@@ -1,5 +1,6 @@
 //! Models with other numbers: one table of fields, read and written alike.
 
+use super::hulls::Source;
 use super::{Body, Description, Geom, Joint, Model, ModelError, Shape, Tendon};
 
 /// Hands every number of a field, in order, to a visitor that may change it.
@@ -226,7 +227,7 @@ impl Model {
     /// # Errors
     /// [`ModelError::Invalid`] for the first that is not.
     pub(crate) fn check_range(&self, most: f64) -> Result<(), ModelError> {
-        let mut model = self.0.clone();
+        let mut model = self.description.clone();
         for field in REPLACEABLE {
             let values = field.read_in(&mut model);
             if let Some(k) = values.iter().position(|x| x.is_finite() && x.abs() > most) {
@@ -252,12 +253,13 @@ impl Model {
     /// # Errors
     /// As [`Model::replace`].
     pub fn replace_all(&self, fields: &[(&str, &[f64])]) -> Result<Self, ModelError> {
-        let mut model = self.0.clone();
+        let mut model = self.description.clone();
         for &(name, values) in fields {
             write(&mut model, find(name)?, values)?;
         }
         let strict = !self.omitted.iter().any(|o| o.changes_motion);
-        model.finish(strict)
+        // No field is of a mesh.
+        model.finish_with(strict, Source::Same(&self.hulls))
     }
 }
 
@@ -372,7 +374,7 @@ mod tests {
     #[test]
     fn sizes_are_those_of_the_shape_and_the_medium_sees_them() {
         let mut model = rich_model();
-        model.0.geoms[1].fluid = Some(crate::model::Ellipsoid {
+        model.description.geoms[1].fluid = Some(crate::model::Ellipsoid {
             share: 1.0,
             blunt_drag: 0.5,
             slender_drag: 0.25,

@@ -127,7 +127,7 @@ impl<'a> Variants<'a> {
     /// As [`Model::replace`], and [`ModelError::Invalid`] where a number would give the model rows or terms that the base does not have.
     pub(crate) fn with<'v>(&mut self, values: impl IntoIterator<Item = &'v [f64]>) -> Result<&Model, ModelError> {
         for (field, values) in self.fields.iter().zip(values) {
-            write(&mut self.model.0, field, values)?;
+            write(self.model.trusted_mut(), field, values)?;
         }
         self.model.check_parameters()?;
         same_structure(self.base, &self.model)?;

@@ -279,11 +279,11 @@ fn solid(model: &Model, shape: &Shape) -> Solid {
         Shape::Ellipsoid { radii } => ConvexShape::Ellipsoid { radii },
         Shape::Box { half } => ConvexShape::Box { half },
         Shape::Mesh { concave, .. } => {
-            let mesh = model.mesh_of(shape).expect(CHECKED);
             if concave {
+                let mesh = model.mesh_of(shape).expect(CHECKED);
                 return Solid::Surface(Arc::new(Surface::Mesh(MeshSurface::new(&mesh.vertices, &mesh.faces))));
             }
-            ConvexShape::Hull(Arc::new(mesh.hull().expect(CHECKED)))
+            ConvexShape::Hull(model.hull_of(shape).expect(CHECKED).clone())
         }
         Shape::HeightField { .. } => {
             let HeightField { shape, half, elevation, base, .. } = model.height_field_of(shape).expect(CHECKED).clone();

@@ -75,10 +75,10 @@ impl Simulation {
             return self.theta.differences(&self.model, self.plan(), None, assigned, envs);
         };
         let driven = |variant: &Model| {
-            let mut variant = variant.clone().into_description();
+            let mut variant = variant.clone();
             // The trains have taken over the delays already.
-            variant.actuators.iter_mut().for_each(|a| a.delay = 0.0);
-            let folded = DriveTrain::fold(&Model::trusted(variant), trains, self.num_envs, self.settings.timestep);
+            variant.trusted_mut().actuators.iter_mut().for_each(|a| a.delay = 0.0);
+            let folded = DriveTrain::fold(&variant, trains, self.num_envs, self.settings.timestep);
             folded.expect("drive trains were checked with the model, and a variant has its structure").0
         };
         self.theta.differences(&self.model, self.plan(), Some(&driven), assigned, envs)

@@ -20,9 +20,14 @@ impl Ring {
     /// How far each is from the point along `d`.
     #[inline(always)]
     pub(super) fn along(&self, d: V) -> [f64; SIDE] {
-        let [x, y, z] = &self.edge;
-        std::array::from_fn(|k| x[k] * d[0] + y[k] * d[1] + z[k] * d[2])
+        along(&self.edge, d)
     }
+}
+
+/// Components of vectors, by coordinate, along `d`.
+#[inline(always)]
+fn along([x, y, z]: &[[f64; SIDE]; 3], d: V) -> [f64; SIDE] {
+    std::array::from_fn(|k| x[k] * d[0] + y[k] * d[1] + z[k] * d[2])
 }
 
 /// Some of the points, the last repeated where there are fewer.
@@ -51,6 +56,27 @@ impl Block {
     pub(super) fn points(&self) -> impl Iterator<Item = V> + '_ {
         (0..SIDE).map(|i| std::array::from_fn(|k| self.at[k][i]))
     }
+}
+
+/// The greatest of some numbers.
+#[inline(always)]
+pub(super) fn highest(x: [f64; SIDE]) -> f64 {
+    let higher = |a: f64, b: f64| if a > b { a } else { b };
+    let four: [f64; 4] = std::array::from_fn(|k| higher(x[k], x[k + 4]));
+    higher(higher(four[0], four[2]), higher(four[1], four[3]))
+}
+
+/// The first of the points of blocks furthest along `d`.
+pub(super) fn furthest(blocks: &[Block], d: V) -> usize {
+    let mut best = (f64::NEG_INFINITY, 0);
+    for (i, block) in blocks.iter().enumerate() {
+        let highest = highest(along(&block.at, d));
+        if highest > best.0 {
+            best = (highest, i);
+        }
+    }
+    let x = along(&blocks[best.1].at, d);
+    SIDE * best.1 + (0..SIDE).rev().fold(0, |first, k| if x[k] == best.0 { k } else { first })
 }
 
 /// The rings of all points, one after the other, and where each point's begin.

@@ -3,7 +3,8 @@
 use thiserror::Error;
 
 use super::V;
-use super::blocks::{Block, Ring, SIDE, rings};
+use super::blocks::{self, Block, Ring, SIDE, rings};
+use super::proof::Suspect;
 use super::quickhull;
 use super::shape::furthest;
 use crate::spatial::*;
@@ -31,6 +32,9 @@ pub enum HullError {
     /// Not finite.
     #[error("a coordinate is not finite")]
     NotFinite,
+    /// The surface that was given for that of their hull is another.
+    #[error("the surface kept as its convex hull is not that of its vertices")]
+    OtherSurface,
 }
 
 /// A flat face.
@@ -45,6 +49,8 @@ pub struct Face {
 /// The convex hull of points, in their frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hull {
+    /// Places of its vertices among the points that it was made of, ascending.
+    corners: Vec<u32>,
     points: Vec<V>,
     triangles: Vec<[u32; 3]>,
     faces: Vec<Face>,
@@ -76,14 +82,40 @@ impl Hull {
             return Err(HullError::TooFew);
         }
         let triangles = quickhull::triangles(points).ok_or(HullError::Flat)?;
-        // Its corners alone, in their order.
-        let corners: std::collections::BTreeSet<u32> = triangles.iter().flatten().copied().collect();
-        let place: std::collections::BTreeMap<u32, u32> = corners.iter().copied().zip(0..).collect();
-        let points: Vec<V> = corners.iter().map(|&v| points[v as usize]).collect();
-        Self::from_triangles(points, triangles.iter().map(|t| t.map(|v| place[&v])).collect())
+        let (corners, triangles) = corners(points.len(), &triangles);
+        let beside = beside(corners.len(), &triangles).expect("the surface of a hull is closed");
+        Self::of_surface(points, corners, triangles, &beside)
     }
 
-    fn from_triangles(points: Vec<V>, triangles: Vec<[u32; 3]>) -> Result<Self, HullError> {
+    /// The convex hull of points (m), from its [`Hull::surface`]: the same bits, sooner. Where it cannot be shown that the surface is theirs, the hull is
+    /// made anew and compared.
+    ///
+    /// # Errors
+    /// [`HullError::OtherSurface`] where the triangles are not the surface of a convex body that holds the points.
+    pub fn of_known(points: &[V], surface: &[[u32; 3]]) -> Result<Self, HullError> {
+        Self::shown(points, surface)
+            .or_else(|| Self::new(points).ok().filter(|hull| hull.surface() == surface))
+            .ok_or(HullError::OtherSurface)
+    }
+
+    /// The hull of a surface that is certainly convex, and holds the points within the tolerance of its own faces.
+    fn shown(points: &[V], surface: &[[u32; 3]]) -> Option<Self> {
+        if surface.iter().flatten().any(|&v| v as usize >= points.len()) || points.iter().flatten().any(|x| !x.is_finite()) {
+            return None;
+        }
+        let (corners, triangles) = corners(points.len(), surface);
+        let beside = beside(corners.len(), &triangles)?;
+        let hull = Self::of_surface(points, corners, triangles, &beside).ok()?;
+        let suspect = Suspect { points: &hull.points, triangles: &hull.triangles, beside: &beside, centre: hull.centre };
+        (suspect.is_convex() && suspect.holds(points, COPLANAR * hull.bound)).then_some(hull)
+    }
+
+    /// The hull with some of the points (m) for vertices, with triangles of these, and the triangles across their edges.
+    fn of_surface(points: &[V], corners: Vec<u32>, triangles: Vec<[u32; 3]>, beside: &[[u32; 3]]) -> Result<Self, HullError> {
+        if corners.is_empty() {
+            return Err(HullError::TooFew);
+        }
+        let points: Vec<V> = corners.iter().map(|&v| points[v as usize]).collect();
         let (volume, area, centre) = volume(&points, &triangles);
         let bound = points.iter().map(|p| norm(sub(*p, centre))).fold(0.0, f64::max);
         if volume <= 0.0 || volume.is_nan() {
@@ -91,22 +123,22 @@ impl Hull {
         }
         // A ball within it has no larger radius than 3 volume / area.
         let thickness = 3.0 * volume / area;
-        let faces = merge(&points, &triangles, (COPLANAR * bound).min(COPLANAR_THICKNESS * thickness));
+        let faces = merge(&points, &triangles, beside, (COPLANAR * bound).min(COPLANAR_THICKNESS * thickness));
         let mut around = vec![vec![]; points.len()];
         for (f, face) in faces.iter().enumerate() {
             face.vertices.iter().for_each(|&v| around[v as usize].push(f as u32));
         }
         let (rings, first) = rings(&points, &triangles);
-        let blocks = points.chunks(SIDE).map(Block::new).collect();
-        let start = if points.len() > FEW { starts(&points) } else { vec![] };
+        let blocks: Vec<Block> = points.chunks(SIDE).map(Block::new).collect();
+        let start = if points.len() > FEW { starts(&blocks) } else { vec![] };
         let extreme = std::array::from_fn(|k| {
             let mut d = [0.0; 3];
             d[k / 2] = if k % 2 == 0 { 1.0 } else { -1.0 };
-            furthest(&points, d)
+            blocks::furthest(&blocks, d)
         });
         let depth = |f: &Face| dot(f.normal, sub(points[f.vertices[0] as usize], centre));
         let least = faces.iter().map(depth).fold(f64::INFINITY, f64::min);
-        Ok(Self { points, triangles, faces, around, rings, first, blocks, start, extreme, centre, bound, least })
+        Ok(Self { corners, points, triangles, faces, around, rings, first, blocks, start, extreme, centre, bound, least })
     }
 
     /// Its vertices, m.
@@ -117,6 +149,11 @@ impl Hull {
     /// Its surface, counter-clockwise seen from outside.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
+    }
+
+    /// Its surface, counter-clockwise seen from outside, as triangles of the points that it was made of.
+    pub fn surface(&self) -> Vec<[u32; 3]> {
+        self.triangles.iter().map(|t| t.map(|v| self.corners[v as usize])).collect()
     }
 
     /// Its flat faces.
@@ -178,9 +215,7 @@ impl Hull {
             let mut best = (level, at);
             for ring in self.rings(at) {
                 let rise = ring.along(d);
-                let higher = |a: f64, b: f64| if a > b { a } else { b };
-                let four: [f64; 4] = std::array::from_fn(|k| higher(rise[k], rise[k + 4]));
-                let highest = higher(higher(four[0], four[2]), higher(four[1], four[3]));
+                let highest = blocks::highest(rise);
                 if highest > best.0 {
                     let k = (0..SIDE).fold(0, |k, i| if rise[i] == highest { i } else { k });
                     best = (highest, ring.to[k] as usize);
@@ -281,7 +316,7 @@ fn cell(d: V) -> usize {
 }
 
 /// The points furthest along the directions through the middles of all cells.
-fn starts(points: &[V]) -> Vec<u32> {
+fn starts(points: &[Block]) -> Vec<u32> {
     let middle = |i: usize| (2 * i + 1) as f64 / CELLS as f64 - 1.0;
     let through = |c: usize| {
         let (side, at) = (c / (CELLS * CELLS), c % (CELLS * CELLS));
@@ -291,7 +326,42 @@ fn starts(points: &[V]) -> Vec<u32> {
         d[(k + 2) % 3] = middle(at % CELLS);
         d
     };
-    (0..6 * CELLS * CELLS).map(|c| furthest(points, through(c)) as u32).collect()
+    (0..6 * CELLS * CELLS).map(|c| blocks::furthest(points, through(c)) as u32).collect()
+}
+
+/// The points that triangles have for corners, of so many, in their order; and the triangles with their places among them.
+fn corners(points: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, Vec<[u32; 3]>) {
+    let mut place = vec![u32::MAX; points];
+    triangles.iter().flatten().for_each(|&v| place[v as usize] = 0);
+    let corners: Vec<u32> = (0..points as u32).filter(|&v| place[v as usize] == 0).collect();
+    (0..).zip(&corners).for_each(|(i, &v)| place[v as usize] = i);
+    let triangles = triangles.iter().map(|t| t.map(|v| place[v as usize])).collect();
+    (corners, triangles)
+}
+
+/// The triangles across the edges that leave the corners of each; `None` where any edge of this many points has not one triangle on either side.
+fn beside(points: usize, triangles: &[[u32; 3]]) -> Option<Vec<[u32; 3]>> {
+    // The edges that leave point v, as where they lead and whose they are, are in leaving[first[v]..first[v + 1]].
+    let mut first = vec![0; points + 1];
+    triangles.iter().flatten().for_each(|&v| first[v as usize + 1] += 1);
+    (0..points).for_each(|v| first[v + 1] += first[v]);
+    let mut next = first.clone();
+    let mut leaving = vec![(0, 0); 3 * triangles.len()];
+    for (i, t) in (0..).zip(triangles) {
+        for k in 0..3 {
+            let (from, to) = (t[k] as usize, t[(k + 1) % 3]);
+            if leaving[first[from]..next[from]].iter().any(|&(other, _)| other == to) {
+                return None;
+            }
+            leaving[next[from]] = (to, i);
+            next[from] += 1;
+        }
+    }
+    let across = |from: u32, to: u32| {
+        let from = from as usize;
+        leaving[first[from]..first[from + 1]].iter().find(|&&(other, _)| other == to).map(|&(_, t)| t)
+    };
+    triangles.iter().map(|&[a, b, c]| Some([across(b, a)?, across(c, b)?, across(a, c)?])).collect()
 }
 
 /// Volume, area and the centre of the volume: tetrahedra from a point of it to the triangles, none of which counts less than nothing.
@@ -317,60 +387,53 @@ fn area_of(corners: [V; 3]) -> V {
 }
 
 /// Triangles on one plane become one face; the largest decide the planes.
-fn merge(points: &[V], triangles: &[[u32; 3]], tolerance: f64) -> Vec<Face> {
-    let corner = |t: usize, k: usize| points[triangles[t][k % 3] as usize];
-    let area = |t: usize| area_of([corner(t, 0), corner(t, 1), corner(t, 2)]);
-    let mut across = std::collections::BTreeMap::new();
-    for (t, v) in triangles.iter().enumerate() {
-        (0..3).for_each(|k| {
-            across.insert((v[k], v[(k + 1) % 3]), t);
-        });
-    }
-    let mut order: Vec<usize> = (0..triangles.len()).collect();
-    order.sort_by(|&a, &b| norm(area(b)).total_cmp(&norm(area(a))).then(a.cmp(&b)));
-    let mut taken = vec![false; triangles.len()];
+fn merge(points: &[V], triangles: &[[u32; 3]], beside: &[[u32; 3]], tolerance: f64) -> Vec<Face> {
+    let corner = |t: usize, k: usize| points[triangles[t][k] as usize];
+    let areas: Vec<V> = (0..triangles.len()).map(|t| area_of([corner(t, 0), corner(t, 1), corner(t, 2)])).collect();
+    let mut order: Vec<(f64, usize)> = areas.iter().map(|a| norm(*a)).zip(0..).collect();
+    order.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    // The face that has each triangle, by its largest.
+    let mut owner = vec![usize::MAX; triangles.len()];
     let mut faces = vec![];
-    for seed in order {
-        if taken[seed] {
+    for (_, seed) in order {
+        if owner[seed] != usize::MAX {
             continue;
         }
-        let normal = super::unit_or(area(seed), [0.0; 3]);
+        let normal = super::unit_or(areas[seed], [0.0; 3]);
         let on_plane = |t: usize| (0..3).all(|k| dot(normal, sub(corner(t, k), corner(seed, 0))).abs() <= tolerance);
         let (mut patch, mut next) = (vec![], vec![seed]);
-        taken[seed] = true;
+        owner[seed] = seed;
         while let Some(t) = next.pop() {
             patch.push(t);
-            for k in 0..3 {
-                let neighbour = across.get(&(triangles[t][(k + 1) % 3], triangles[t][k]));
-                if let Some(&n) = neighbour.filter(|&&n| !taken[n] && on_plane(n) && dot(normal, area(n)) >= 0.0) {
-                    taken[n] = true;
+            for n in beside[t].map(|n| n as usize) {
+                if owner[n] == usize::MAX && on_plane(n) && dot(normal, areas[n]) >= 0.0 {
+                    owner[n] = seed;
                     next.push(n);
                 }
             }
         }
-        faces.push(outline(&patch, triangles, patch.iter().fold([0.0; 3], |sum, &t| add(sum, area(t))), normal));
+        let edges = patch.iter().flat_map(|&t| (0..3).map(move |k| (t, k)));
+        let outer = edges.filter(|&(t, k)| owner[beside[t][k] as usize] != seed);
+        let vertices = outline(outer.map(|(t, k)| (triangles[t][k], triangles[t][(k + 1) % 3])).collect());
+        let area = patch.iter().fold([0.0; 3], |sum, &t| add(sum, areas[t]));
+        faces.push(Face { normal: super::unit_or(area, normal), vertices });
     }
     faces.retain(|f: &Face| f.vertices.len() >= 3);
     faces
 }
 
-/// The face made of some triangles: its boundary, in order.
-fn outline(patch: &[usize], triangles: &[[u32; 3]], area: V, fallback: V) -> Face {
-    let edges = patch.iter().flat_map(|&t| (0..3).map(move |k| (triangles[t][k], triangles[t][(k + 1) % 3])));
-    let mut boundary: std::collections::BTreeMap<u32, u32> = std::collections::BTreeMap::new();
-    let all: std::collections::BTreeSet<(u32, u32)> = edges.collect();
-    for &(a, b) in &all {
-        if !all.contains(&(b, a)) {
-            boundary.insert(a, b);
-        }
-    }
+/// The vertices along a boundary from the first of them on, given by its edges. Where it meets itself the last edge counts.
+fn outline(mut edges: Vec<(u32, u32)>) -> Vec<u32> {
+    edges.sort_unstable();
+    let mut left = vec![true; edges.len()];
     let mut vertices = vec![];
-    if let Some((&start, _)) = boundary.iter().next() {
-        let mut at = start;
-        while let Some(next) = boundary.remove(&at) {
-            vertices.push(at);
-            at = next;
+    let mut at = edges.first().map(|edge| edge.0);
+    while let Some(vertex) = at {
+        let after = edges.partition_point(|edge| edge.0 <= vertex);
+        at = after.checked_sub(1).filter(|&e| edges[e].0 == vertex && std::mem::take(&mut left[e])).map(|e| edges[e].1);
+        if at.is_some() {
+            vertices.push(vertex);
         }
     }
-    Face { normal: super::unit_or(area, fallback), vertices }
+    vertices
 }

@@ -25,6 +25,7 @@ mod manifold;
 mod pair;
 mod parting;
 mod patch;
+mod proof;
 mod quickhull;
 mod recall;
 mod separation;

@@ -38,13 +38,15 @@ struct Growing<'a> {
     points: &'a [V],
     triangles: Vec<Triangle>,
     near: f64,
+    /// The triangles that leave each point and arrive there along the rim of what was seen last; anything where the rim is not.
+    rim: Vec<[usize; 2]>,
 }
 
 /// The triangles of the hull of finite points, counter-clockwise seen from outside; `None` where all are on one plane up to rounding.
 pub(super) fn triangles(points: &[V]) -> Option<Vec<[u32; 3]>> {
     let largest = points.iter().flatten().fold(0.0, |most: f64, x| most.max(x.abs()));
     let simplex = simplex(points, FLAT * largest)?;
-    let mut hull = Growing { points, triangles: Vec::new(), near: ROUNDING * largest };
+    let mut hull = Growing { points, triangles: Vec::new(), near: ROUNDING * largest, rim: vec![[0; 2]; points.len()] };
     hull.begin(simplex);
     let mut next = 0;
     while next < hull.triangles.len() {
@@ -80,11 +82,13 @@ fn simplex(points: &[V], flat: f64) -> Option<[u32; 4]> {
 
 /// Six times the volume between a triangle and a point, positive outside; its sign is exact.
 pub(super) fn outside(points: &[V], corners: [u32; 3], p: u32) -> f64 {
-    let at = |i: u32| {
-        let [x, y, z] = points[i as usize];
-        Coord3D { x, y, z }
-    };
-    -orient3d(at(corners[0]), at(corners[1]), at(corners[2]), at(p))
+    volume_over(corners.map(|v| points[v as usize]), points[p as usize])
+}
+
+/// The same of places.
+pub(super) fn volume_over(corners: [V; 3], p: V) -> f64 {
+    let [a, b, c, p] = [corners[0], corners[1], corners[2], p].map(|[x, y, z]| Coord3D { x, y, z });
+    -orient3d(a, b, c, p)
 }
 
 impl Growing<'_> {
@@ -147,7 +151,7 @@ impl Growing<'_> {
         let (mut seen, mut next) = (vec![from], 0);
         self.triangles[from].alive = false;
         // The edges between what is seen and what is not: from corner to corner, and what is across, in what is seen.
-        let mut rim = std::collections::BTreeMap::new();
+        let mut rim = vec![];
         while next < seen.len() {
             let t = seen[next];
             next += 1;
@@ -161,17 +165,19 @@ impl Growing<'_> {
                     seen.push(across);
                 } else {
                     let corners = self.triangles[t].corners;
-                    rim.insert(corners[k], (corners[(k + 1) % 3], across));
+                    rim.push((corners[k], corners[(k + 1) % 3], across));
                 }
             }
         }
         let first = self.triangles.len();
-        // In the order of the rim's map: the triangle that leaves each corner.
-        let place: std::collections::BTreeMap<u32, usize> = rim.keys().enumerate().map(|(i, &corner)| (corner, first + i)).collect();
-        let last: std::collections::BTreeMap<u32, usize> = rim.iter().map(|(corner, (to, _))| (*to, place[corner])).collect();
-        for (&corner, &(to, across)) in &rim {
+        rim.sort_unstable();
+        for (index, &(corner, to, _)) in (first..).zip(&rim) {
+            self.rim[corner as usize][0] = index;
+            self.rim[to as usize][1] = index;
+        }
+        for (corner, to, across) in rim {
             let index = self.triangles.len();
-            self.push([corner, to, apex], [across, place[&to], last[&corner]]);
+            self.push([corner, to, apex], [across, self.rim[to as usize][0], self.rim[corner as usize][1]]);
             let back = (0..3).find(|&k| self.triangles[across].corners[k] == to).expect("the edge is in both");
             self.triangles[across].beside[back] = index;
         }

@@ -4,6 +4,7 @@ mod assets;
 
 use std::collections::HashSet;
 
+use super::super::hulls::{Hulls, Source};
 use super::super::{Activation, Description, EqualityKind, JointKind, ModelError, Shape, Transmission, label};
 
 pub(super) type Checked = Result<(), ModelError>;
@@ -178,7 +179,7 @@ fn joints_fit_bodies(model: &Description) -> Checked {
 }
 
 /// Every number.
-pub(super) fn values(model: &Description) -> Checked {
+pub(super) fn values(model: &Description, hulls: Source<'_>) -> Result<Hulls, ModelError> {
     let scene = At("model".into());
     scene.positive("timestep", &[model.timestep], " s")?;
     scene.finite("gravity", &model.gravity)?;
@@ -191,11 +192,12 @@ pub(super) fn values(model: &Description) -> Checked {
     joints(model)?;
     geoms(model)?;
     pairs(model)?;
-    assets::check(model)?;
+    let hulls = assets::check(model, hulls)?;
     tendons(model)?;
     equalities(model)?;
     actuators(model)?;
-    super::sensors::check(model)
+    super::sensors::check(model)?;
+    Ok(hulls)
 }
 
 /// The numbers that environments may have of their own; everything else is as it was when the model was checked.

@@ -1,5 +1,6 @@
 //! The rules of sites and sensors.
 
+use super::super::hulls::Source;
 use super::super::{
     ContactSide, Description, EqualityKind, FrameReading, Geom, JointKind, Model, ModelError, Object, Sensor, SensorKind, Shape,
 };
@@ -100,9 +101,9 @@ impl Model {
     /// # Errors
     /// [`ModelError::Invalid`] for the first sensor that the model cannot have.
     pub fn with_sensors(&self, sensors: impl IntoIterator<Item = Sensor>) -> Result<Self, ModelError> {
-        let mut model = self.0.clone();
+        let mut model = self.description.clone();
         model.sensors.extend(sensors);
-        model.check()
+        model.check(Source::Same(&self.hulls))
     }
 
     /// The geoms that rays from a site can meet: all simple shapes but those of its own body.

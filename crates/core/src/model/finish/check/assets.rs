@@ -1,19 +1,24 @@
 //! Meshes and height fields.
 
 use super::{At, Checked};
-use crate::model::{Description, HeightField, Mesh, Shape};
+use crate::geometry::convex::HullError;
+use crate::model::hulls::{Hulls, Source};
+use crate::model::{Description, HeightField, Mesh, ModelError, Shape};
 
-pub(super) fn check(model: &Description) -> Checked {
+/// Checks them, and finds the hulls of those that can touch something as that.
+pub(super) fn check(model: &Description, source: Source<'_>) -> Result<Hulls, ModelError> {
     model.meshes.iter().enumerate().try_for_each(|(i, m)| mesh(m, i))?;
     model.height_fields.iter().enumerate().try_for_each(|(i, h)| height_field(h, i))?;
     if !model.geoms.iter().any(|g| matches!(g.shape, Shape::Mesh { .. } | Shape::HeightField { .. })) {
-        return Ok(());
+        return Ok(Hulls::default());
     }
     // What touches nothing needs no form: meshes that are only drawn may be left out.
     let mut used: Vec<usize> = model.collision_pairs().iter().flat_map(|p| p.geoms).collect();
     used.sort_unstable();
     used.dedup();
-    used.into_iter().try_for_each(|g| form(model, g))
+    let mut hulls = Hulls::default();
+    used.into_iter().try_for_each(|g| form(model, g, &mut hulls, source))?;
+    Ok(hulls)
 }
 
 fn mesh(mesh: &Mesh, index: usize) -> Checked {
@@ -40,7 +45,7 @@ fn height_field(field: &HeightField, index: usize) -> Checked {
 }
 
 /// A geom that can touch others has a form.
-fn form(model: &Description, index: usize) -> Checked {
+fn form(model: &Description, index: usize, hulls: &mut Hulls, source: Source<'_>) -> Checked {
     let geom = &model.geoms[index];
     let at = At::new("geom", &geom.name, index);
     match &geom.shape {
@@ -48,14 +53,18 @@ fn form(model: &Description, index: usize) -> Checked {
             at.fail(format!("refers to height field {asset:?}, which does not exist"), "add it to the model's height fields")
         }
         Shape::Mesh { asset, concave } => {
-            let Some(mesh) = model.mesh_of(&geom.shape) else {
+            let Some(mesh) = model.mesh_index(&geom.shape) else {
                 return at.fail(format!("refers to mesh {asset:?}, which does not exist"), "add it to the model's meshes");
             };
             let of_mesh = |what: String, remedy: &str| at.fail(format!("mesh {asset:?}: {what}"), remedy);
-            match mesh.hull() {
-                Err(e) if !concave => of_mesh(format!("{e}, so it has no convex hull"), "give it at least four points that span a volume"),
-                _ if *concave && mesh.faces.is_empty() => of_mesh("it has no faces".into(), "give its triangles, or let it not be concave"),
-                _ => Ok(()),
+            if *concave {
+                let none = model.meshes[mesh].faces.is_empty();
+                return if none { of_mesh("it has no faces".into(), "give its triangles, or let it not be concave") } else { Ok(()) };
+            }
+            match hulls.get_or_make(mesh, &model.meshes[mesh], source) {
+                Err(e @ HullError::OtherSurface) => of_mesh(e.to_string(), "save the model again"),
+                Err(e) => of_mesh(format!("{e}, so it has no convex hull"), "give it at least four points that span a volume"),
+                Ok(()) => Ok(()),
             }
         }
         _ => Ok(()),

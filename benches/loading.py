@@ -1,0 +1,95 @@
+"""Time until a robot can be stepped, beside the time of MuJoCo's compiler alone, one markdown table.
+
+MJCF is read by MuJoCo's compiler, so that its time is part of ours. "first" is the first model of a process, each in a process of its
+own; "again" is the same model once more in that process, where MuJoCo has kept what it made of the meshes; "saved" is what
+`Model.save` wrote, in a process of its own. Wall time, since MuJoCo's compiler has threads, with files in memory; engines take turns,
+and the median over turns counts. Packages are those of benches/corpus; files of other robots may be given. See docs/performance.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import time
+import warnings
+from pathlib import Path
+from statistics import median
+
+from corpus.download import unpacked
+from corpus.packages import PACKAGES
+from stepper import Stepper, load
+from stepper._machine import provenance, require
+
+ROBOTS = (
+    ("robosuite-models", "robosuite_models/assets/robots/h1/robot.xml"),
+    ("gymnasium-robotics", "gymnasium_robotics/envs/assets/fetch/slide.xml"),
+    ("robosuite", "robosuite/models/assets/robots/panda/robot.xml"),
+    ("dm-control", "dm_control/third_party/kinova/jaco_arm.xml"),
+)
+"""Package and file: Unitree's H1, a Fetch arm, Franka's Panda, Kinova's Jaco."""
+
+
+def seconds(engine: str, file: str) -> list[float]:
+    """Time of the first load in this process and of the second, s."""
+    mujoco = require("mujoco", "to read MJCF") if engine != "saved" else None
+    times = []
+    for _ in range(2):
+        start = time.perf_counter()
+        if engine == "mujoco":
+            mujoco.MjModel.from_xml_path(file)
+        else:
+            Stepper(load(file, strict=False))
+        times.append(time.perf_counter() - start)
+    return times
+
+
+def in_turns(file: Path, turns: int) -> dict[str, list[float]]:
+    """Medians of both loads, s, by engine."""
+    times: dict[str, list[list[float]]] = {engine: [] for engine in ("mujoco", "stepper", "saved")}
+    with tempfile.TemporaryDirectory() as folder:
+        saved = Path(folder) / "model.stepper"
+        load(file, strict=False).save(saved)
+        for _ in range(turns):
+            for engine, seen in times.items():
+                command = [sys.executable, __file__, "--once", engine, str(saved if engine == "saved" else file)]
+                seen.append(json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout))
+    return {engine: [median(column) for column in zip(*seen, strict=True)] for engine, seen in times.items()}
+
+
+def row(name: str, file: Path, turns: int) -> str:
+    """A line of the table."""
+    found = in_turns(file, turns)
+    (first, again), (ours, ours_again), (saved, _) = found["mujoco"], found["stepper"], found["saved"]
+    ratios = f"{ours / first:.2f} | {ours_again / again:.2f} | {saved / first:.2f}"
+    milliseconds = " | ".join(f"{1e3 * x:.0f}" for x in (first, ours, again, ours_again, saved))
+    return f"| {name} | {ratios} | {milliseconds} |"
+
+
+def main() -> None:
+    """Reads the arguments, measures, prints."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("files", nargs="*", type=Path, help="MJCF of further robots")
+    parser.add_argument("--turns", type=int, default=7, help="processes of each engine; default: 7")
+    parser.add_argument("--cache", type=Path, default=Path("out/corpus"), help="folder of downloads; default: out/corpus")
+    parser.add_argument("--once", nargs=2, metavar=("ENGINE", "FILE"), help=argparse.SUPPRESS)
+    args = parser.parse_args()
+    warnings.simplefilter("ignore")
+    if args.once:
+        print(json.dumps(seconds(*args.once)))
+        return
+    packages = {package.name: package for package in PACKAGES}
+    robots = [(f"{name}: {Path(file).parent.name}/{Path(file).name}", unpacked(packages[name], args.cache) / file) for name, file in ROBOTS]
+    robots += [(path.name, path) for path in args.files]
+    print("| model | first x | again x | saved x | MuJoCo first ms | first ms | MuJoCo again ms | again ms | saved ms |")
+    print("|---|---|---|---|---|---|---|---|---|")
+    for name, path in robots:
+        print(row(name, path.resolve(), args.turns), flush=True)
+    machine = provenance()
+    print(f"\nMedians of {args.turns} turns; {machine['cpu']}, load {machine['load_average']}, {machine['versions']}")
+
+
+if __name__ == "__main__":
+    main()

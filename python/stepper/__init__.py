@@ -5,7 +5,6 @@ Load a scene with `load`, step environments of it with `Stepper`, and read in `S
 
 from stepper import devices
 from stepper._actuators import PID, ActuatorModel, DCMotor, Drive
-from stepper._load import ModelWarning, load
 from stepper._options import Options
 from stepper._readings import Combination, RayFan
 from stepper._record import Recorder
@@ -14,6 +13,7 @@ from stepper._replay import Difference, Replay, replay
 from stepper._sensors import SensorModel, Transfer
 from stepper._status import Status
 from stepper._stepper import Model, ModelError, State, Stepper, __version__, cpu_levels
+from stepper.loading import ModelWarning, load
 
 __all__ = [
     "PID",

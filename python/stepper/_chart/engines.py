@@ -76,7 +76,7 @@ class StepperEngine:
 
 @lru_cache(maxsize=8)
 def _load(mjcf: str) -> Model:
-    from stepper._load import load  # noqa: PLC0415  (needs mujoco-core only here)
+    from stepper.loading import load  # noqa: PLC0415  (needs mujoco-core only here)
 
     return load(mjcf)
 

@@ -8,9 +8,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from stepper._mjcf import describe
 from stepper._stepper import Model, ModelError
-from stepper._urdf import resolve_meshes
+from stepper.loading.mjcf import describe
+from stepper.loading.urdf import resolve_meshes
 
 Source: TypeAlias = "str | os.PathLike[str] | Any"
 

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from stepper._mjcf import Source
+    from stepper.loading.mjcf.source import Source
 
 Description = dict[str, Any]
-Law = tuple[list[float], list[float]]
+AffineForce = tuple[list[float], list[float]]
 
 # MuJoCo's numbers (mjtype.h), compared with the installed version's by a test.
 TRN_JOINT, TRN_JOINT_IN_PARENT, TRN_TENDON, TRN_SITE = 0, 1, 3, 4
@@ -39,7 +39,7 @@ def why_dropped(source: Source, a: int) -> list[str]:
         reasons.append(f"transmission to the ball or free joint {source.label('JOINT', target)}")
     elif transmission == TRN_TENDON and target not in source.tendons:
         reasons.append(f"transmission to the spatial tendon {source.label('TENDON', target)}")
-    if law(source, a) is None:
+    if affine_force(source, a) is None:
         if m.actuator_dyntype[a] not in SIMULATED:
             reasons.append(f"dynamics {word('mjtDyn', m.actuator_dyntype[a])}")
         if m.actuator_gaintype[a] not in (GAIN_FIXED, GAIN_AFFINE):
@@ -53,7 +53,7 @@ def why_dropped(source: Source, a: int) -> list[str]:
     return reasons
 
 
-def law(source: Source, a: int) -> Law | None:
+def affine_force(source: Source, a: int) -> AffineForce | None:
     """Affine gain and bias, if that is what an actuator has: (constant, length, velocity) each."""
     m = source.m
     kinds = int(m.actuator_gaintype[a]), int(m.actuator_biastype[a])
@@ -90,7 +90,7 @@ def actuator(source: Source, i: int) -> Description:
     ctrl, on_site = int(m.actuator_ctrladr[i]), int(m.actuator_trntype[i]) == TRN_SITE
     group = int(m.actuator_group[i])
     idle = source.off("actuation") or (0 <= group < 31 and bool(int(m.opt.disableactuator) >> group & 1))
-    found = law(source, i)
+    found = affine_force(source, i)
     assert found is not None
     gain, bias = found
     clamps = bool(m.actuator_ctrllimited[ctrl]) and not source.off("clampctrl")

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from stepper._mjcf import Source
+from stepper.loading.mjcf.source import Source
 
 # What MuJoCo takes where a source says nothing; a test holds both against the installed version.
 SOLREF = (0.02, 1.0)

@@ -7,19 +7,11 @@ here against the installed version.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stepper._mjcf_actuators import CUBIC, OLDER, is_whole
-
-if TYPE_CHECKING:
-    from stepper._mjcf import Source
-
-Description = dict[str, Any]
-
-PLANE, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX = 0, 2, 3, 4, 5, 6
-TRN_TENDON = 3
+from stepper.loading.mjcf.actuators import CUBIC, OLDER, is_whole
+from stepper.loading.mjcf.source import BOX, CAPSULE, CYLINDER, ELLIPSOID, PLANE, SPHERE, Description, Source
 
 JOINTS = {
     "jointpos": "JointPos",

@@ -6,14 +6,10 @@ errors unless `stepper.load(..., strict=False)`; what the description has but th
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from stepper._mjcf_actuators import CUBIC, activation, delay, is_whole, why_dropped
-
-if TYPE_CHECKING:
-    from stepper._mjcf import Source
+from stepper.loading.mjcf.actuators import CUBIC, activation, delay, is_whole, why_dropped
+from stepper.loading.mjcf.source import Source
 
 FIELDS = {
     "used": """
@@ -88,7 +84,7 @@ FLAGS = {
 }
 """Flags of MuJoCo that are listed when they are set: bit, what is done instead, whether that changes the motion.
 
-`stepper._mjcf.DISABLE` has those that are honoured; a test holds both against the installed version.
+`stepper.loading.mjcf.source.DISABLE` has those that are honoured; a test holds both against the installed version.
 """
 
 

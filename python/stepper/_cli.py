@@ -7,8 +7,8 @@ import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stepper._machine import require
 from stepper._stepper import ModelError
+from stepper.shared.machine import require
 
 if TYPE_CHECKING:
     from typer import Typer

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper._chart.engines import MujocoEngine
-from stepper._machine import require
 from stepper._options import Options, Precision
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
+from stepper.shared.machine import require
 
 Array = NDArray[np.float64]
 

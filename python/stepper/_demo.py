@@ -18,8 +18,8 @@ from stepper import _demo_report
 from stepper._chart import SCENES, Effort, draw, sweep, write_csv
 from stepper._chart.engines import MujocoEngine
 from stepper._crowd import Array, Crowd, Measured, MujocoCrowd, Referee, StepperCrowd
-from stepper._machine import MissingPackageError, allowed_cores, one_core, package_version, provenance, require
 from stepper._stepper import Model, __version__
+from stepper.shared.machine import MissingPackageError, allowed_cores, one_core, package_version, provenance, require
 
 Tick = Callable[[str, float], None]
 """Called with what is being done and the fraction done, never while something is timed."""

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stepper._failures import Failures
-from stepper._machine import provenance
 from stepper._recording import APPLIED, COMPARED, FIELDS, FORMAT, KINDS, MODEL, digest_of, write_header
+from stepper.shared.machine import provenance
 
 if TYPE_CHECKING:
     from stepper._stepper import Stepper

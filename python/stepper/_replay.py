@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from stepper._actuators import ActuatorModel
 from stepper._options import Options
 from stepper._recording import APPLIED, COMPARED, HEADER, MODEL, Arrays, Header, RecordingError, read_header, read_rows, reading
-from stepper._sensors import SensorModel
 from stepper._stepper import Model, State, Stepper, __version__
+from stepper.actuators import ActuatorModel
+from stepper.sensors import SensorModel
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from stepper._chart.run import Row
 from stepper._chart.scenes import Scene
-from stepper._machine import require
+from stepper.shared.machine import require
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper._machine import require
 from stepper._options import Options, Precision
+from stepper.shared.machine import require
 
 if TYPE_CHECKING:
     from stepper._stepper import Model

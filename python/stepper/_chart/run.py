@@ -138,7 +138,7 @@ def sweep(scene: Scene, effort: Effort | None = None, progress: Callable[[float]
     """Runs every engine of a scene at every time step.
 
     Every case is one call that makes all its steps, so Python's share is a microsecond a run. Times are taken in rounds over all cases,
-    so that whatever else the machine does falls on all of them alike. Call it inside `stepper._machine.one_core()`.
+    so that whatever else the machine does falls on all of them alike. Call it inside `stepper.shared.machine.one_core()`.
 
     Args:
         scene: What to run.

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from stepper._chart.engines import Array, Engine, MujocoEngine, Run, StepperEngine
-from stepper._machine import require
 from stepper._options import Options
+from stepper.shared.machine import require
 
 TIMESTEPS = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2)
 """Default sweep, s. Each divides every scene's duration."""

@@ -13,6 +13,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
+from stepper._stepper import __version__, cpu_levels
+
 INSTALL = {
     "matplotlib": 'pip install "stepper-sim[cli]"',
     "mujoco": 'pip install "stepper-sim[mjcf]"',
@@ -97,8 +99,6 @@ def package_version(name: str) -> str | None:
 
 def provenance() -> dict[str, object]:
     """What a figure needs beside it: command, machine, versions, load."""
-    from stepper import __version__, cpu_levels  # noqa: PLC0415  (the package imports its parts, not the other way round)
-
     packages = ("mujoco-core", "dm_control", "numpy", "scipy", "matplotlib")
     load = round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None
     return {

@@ -47,7 +47,7 @@ def explain(model: str) -> None:
 
 def report(recording: Path) -> None:
     """What was in force in a recording, and what failed in it: physics, sensing or action."""
-    from stepper._recording import HEADER, check_files, read_header, reading  # noqa: PLC0415  (as above)
+    from stepper.recording.format import HEADER, check_files, read_header, reading  # noqa: PLC0415  (as above)
 
     head = read_header(recording)
     check_files(recording, head)

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stepper._options import Options, Precision
-from stepper._record import Recorder
 from stepper.actuators import ActuatorModel
+from stepper.recording import Recorder
 from stepper.sensors import Combination, RayFan, SensorModel
 
 __all__ = ["Model", "ModelError", "State", "Stepper", "__version__", "cpu_levels"]

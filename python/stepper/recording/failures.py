@@ -60,7 +60,7 @@ class Failures:
 
         Args:
             row: Which.
-            fields: See `stepper._record.FIELDS`.
+            fields: See `stepper.recording.format.FIELDS`.
             faults: `Stepper.sensor_faults`.
             saturation: `Stepper.actuator_saturation`.
         """

@@ -1,4 +1,4 @@
-"""Stage 10 on disk: a run as it happened, and the proof that it can be repeated. Its format: `stepper._recording`."""
+"""Stage 10 on disk: a run as it happened, and the proof that it can be repeated. Its format: `stepper.recording.format`."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stepper._failures import Failures
-from stepper._recording import APPLIED, COMPARED, FIELDS, FORMAT, KINDS, MODEL, digest_of, write_header
+from stepper.recording.failures import Failures
+from stepper.recording.format import APPLIED, COMPARED, FIELDS, FORMAT, KINDS, MODEL, digest_of, write_header
 from stepper.shared.machine import provenance
 
 if TYPE_CHECKING:

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from stepper._options import Options
-from stepper._recording import APPLIED, COMPARED, HEADER, MODEL, Arrays, Header, RecordingError, read_header, read_rows, reading
 from stepper._stepper import Model, State, Stepper, __version__
 from stepper.actuators import ActuatorModel
+from stepper.recording.format import APPLIED, COMPARED, HEADER, MODEL, Arrays, Header, RecordingError, read_header, read_rows, reading
 from stepper.sensors import SensorModel
 
 

@@ -23,8 +23,8 @@ from typing import Any
 
 import numpy as np
 from stepper import Model, ModelError, Options, Stepper, load
-from stepper._crowd import Array, Crowd, MujocoCrowd, Referee, StepperCrowd
-from stepper._demo import MATCHED, Plan, Track, race
+from stepper.experiments.demo.crowd import Array, Crowd, MujocoCrowd, Referee, StepperCrowd
+from stepper.experiments.demo.race import MATCHED, Plan, Track, race
 from stepper.shared.machine import allowed_cores, one_core, provenance, require
 
 MODELS = (

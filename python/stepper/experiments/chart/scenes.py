@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stepper._chart.engines import Array, Engine, MujocoEngine, Run, StepperEngine
 from stepper._options import Options
+from stepper.experiments.chart.engines import Array, Engine, MujocoEngine, Run, StepperEngine
 from stepper.shared.machine import require
 
 TIMESTEPS = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2)

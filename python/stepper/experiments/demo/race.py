@@ -14,15 +14,14 @@ from statistics import median
 
 import numpy as np
 
-from stepper import _demo_report
-from stepper._chart import SCENES, Effort, draw, sweep, write_csv
-from stepper._chart.engines import MujocoEngine
-from stepper._crowd import Array, Crowd, Measured, MujocoCrowd, Referee, StepperCrowd
-from stepper._stepper import Model, __version__
-from stepper.shared.machine import MissingPackageError, allowed_cores, one_core, package_version, provenance, require
-
-Tick = Callable[[str, float], None]
-"""Called with what is being done and the fraction done, never while something is timed."""
+from stepper._stepper import Model
+from stepper.experiments.chart import SCENES, Effort, charts
+from stepper.experiments.chart.engines import MujocoEngine
+from stepper.experiments.demo.crowd import Array, Crowd, Measured, MujocoCrowd, Referee, StepperCrowd
+from stepper.experiments.demo.report import show
+from stepper.experiments.progress import Tick, progress, show_files
+from stepper.loading import load
+from stepper.shared.machine import MissingPackageError, allowed_cores, one_core, provenance, require
 
 MATCHED = MujocoEngine("implicitfast, elliptic", "IMPLICITFAST", "ELLIPTIC", "NEWTON")
 
@@ -217,8 +216,6 @@ def measure(plan: Plan, tick: Tick) -> dict[str, object]:
     Returns:
         All figures and settings, ready for JSON.
     """
-    from stepper import load  # noqa: PLC0415  (the package imports its parts, not the other way round)
-
     path = humanoid_path()
     model, control, referee = load(path), random_control(path, plan), Referee(path)
     with one_core() as core:
@@ -239,33 +236,6 @@ def measure(plan: Plan, tick: Tick) -> dict[str, object]:
     }
 
 
-def charts(names: Sequence[str], out: Path, effort: Effort, tick: Tick) -> list[Path]:
-    """Sweeps scenes and writes `chart-NAME.png` and `chart-NAME.csv`.
-
-    Args:
-        names: Names in `SCENES`.
-        out: The folder, made if it is not there.
-        effort: How long to measure.
-        tick: Progress.
-
-    Returns:
-        The pictures.
-    """
-    require("matplotlib", "to draw a chart")
-    out.mkdir(parents=True, exist_ok=True)
-    pictures = []
-    for name in names:
-        scene = SCENES[name]()
-        with one_core():
-            rows = sweep(scene, effort, lambda done, name=name: tick(f"chart {name}", done))  # type: ignore[misc]
-        came_from = provenance()
-        note = f"{came_from['cpu']}, one core, {came_from['utc']}, stepper {__version__}, MuJoCo {package_version('mujoco-core')}"
-        write_csv(out / f"chart-{name}.csv", scene, rows, came_from)
-        draw(out / f"chart-{name}.png", scene, rows, note)
-        pictures.append(out / f"chart-{name}.png")
-    return pictures
-
-
 def demo(plan: Plan, out: Path, *, with_charts: bool = True) -> dict[str, object]:
     """Runs, shows progress, prints the table, writes `demo.json` and the charts.
 
@@ -279,10 +249,10 @@ def demo(plan: Plan, out: Path, *, with_charts: bool = True) -> dict[str, object
     """
     require("rich", "for the demo's table")
     out.mkdir(parents=True, exist_ok=True)
-    with _demo_report.progress() as tick:
+    with progress() as tick:
         figures = measure(plan, tick)
         pictures = charts(list(SCENES), out, Effort.quick(), tick) if with_charts else []
     (out / "demo.json").write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
-    _demo_report.show(figures)
-    _demo_report.show_files([out / "demo.json", *pictures])
+    show(figures)
+    show_files([out / "demo.json", *pictures])
     return figures

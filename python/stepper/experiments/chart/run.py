@@ -10,8 +10,8 @@ from statistics import median
 
 import numpy as np
 
-from stepper._chart.engines import Array, Engine, Run
-from stepper._chart.scenes import Scene
+from stepper.experiments.chart.engines import Array, Engine, Run
+from stepper.experiments.chart.scenes import Scene
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stepper._chart.run import Row
-from stepper._chart.scenes import Scene
+from stepper.experiments.chart.run import Row
+from stepper.experiments.chart.scenes import Scene
 from stepper.shared.machine import require
 
 if TYPE_CHECKING:

@@ -8,10 +8,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper._chart.engines import MujocoEngine
 from stepper._options import Options, Precision
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
+from stepper.experiments.chart.engines import MujocoEngine
 from stepper.shared.machine import require
 
 Array = NDArray[np.float64]

@@ -5,16 +5,15 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stepper._options import Options, Precision
+from stepper._stepper import Stepper
+from stepper.loading import load
 from stepper.shared.machine import require
-
-if TYPE_CHECKING:
-    from stepper._stepper import Model
 
 Array = NDArray[np.float64]
 
@@ -74,17 +73,11 @@ class StepperEngine:
         return _StepperRun(mjcf, dataclasses.replace(self.options, timestep=dt), self.batch, self.precision)
 
 
-@lru_cache(maxsize=8)
-def _load(mjcf: str) -> Model:
-    from stepper.loading import load  # noqa: PLC0415  (needs mujoco-core only here)
-
-    return load(mjcf)
+_load = lru_cache(maxsize=8)(load)
 
 
 class _StepperRun:
     def __init__(self, mjcf: str, options: Options, batch: int | None, precision: Precision) -> None:
-        from stepper._stepper import Stepper  # noqa: PLC0415  (the binary, when it is needed)
-
         self._sim = Stepper(_load(mjcf), batch, options=options, precision=precision)
 
     @property

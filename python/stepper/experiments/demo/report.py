@@ -1,36 +1,14 @@
-"""The demo's progress bar and table."""
+"""The demo's table."""
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from stepper.shared.machine import require
 
 Figures = dict[str, Any]
 LENGTHS = ((1.0, "m"), (1e-3, "mm"), (1e-6, "um"), (1e-9, "nm"))
-
-
-@contextlib.contextmanager
-def progress() -> Iterator[Callable[[str, float], None]]:
-    """A progress bar that draws itself only when told, so that it never runs while something is timed.
-
-    Yields:
-        A function of (what is being done, fraction done).
-    """
-    bars = require("rich.progress", "to show progress")
-    with bars.Progress(auto_refresh=False, transient=False) as bar:
-        tasks: dict[str, Any] = {}
-
-        def tick(what: str, done: float) -> None:
-            if what not in tasks:
-                tasks[what] = bar.add_task(what, total=1.0)
-            bar.update(tasks[what], completed=done)
-            bar.refresh()
-
-        yield tick
 
 
 def length(metres: float) -> str:
@@ -96,7 +74,7 @@ def show(figures: Figures) -> None:
     """Prints the table, speed and error together, and how it was measured.
 
     Args:
-        figures: From `stepper._demo.measure`.
+        figures: From `stepper.experiments.demo.race.measure`.
     """
     consoles, tables = require("rich.console", "to print the table"), require("rich.table", "to print the table")
     console = consoles.Console(highlight=False)
@@ -112,13 +90,3 @@ def show(figures: Figures) -> None:
     console.print(table)
     for note in _notes(figures):
         console.print(note, markup=False)
-
-
-def show_files(paths: Sequence[Path]) -> None:
-    """Prints what was written.
-
-    Args:
-        paths: The files.
-    """
-    for path in paths:
-        print(f"wrote {path}")

@@ -16,9 +16,9 @@ from typing import get_args
 
 import numpy as np
 from stepper import Model, SensorModel, Stepper, Transfer, load
-from stepper._demo import Plan, humanoid_path, random_control
-from stepper._machine import one_core, provenance, require
 from stepper._options import Precision
+from stepper.experiments.demo.race import Plan, humanoid_path, random_control
+from stepper.shared.machine import one_core, provenance, require
 
 FULL = Transfer(
     scale_std=0.01, misalignment_std=0.01, bias_std=0.01, drift_std=0.01, drift_time=10.0, noise_density=1e-3, quantum=1e-3,

@@ -1,4 +1,4 @@
-"""Rows of MuJoCo's equalities, built again in NumPy from its Jacobians: error, Jacobian and curvature J' v of every row."""
+"""A linkage with equalities of every kind, and their rows in NumPy from MuJoCo's Jacobians: error, Jacobian and curvature J' v."""
 
 from __future__ import annotations
 
@@ -6,6 +6,45 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+
+LINKAGE = """<mujoco><default><geom contype="0" conaffinity="0" density="300"/></default><worldbody>
+  <site name="wall" pos=".1 .2 .9" euler="20 30 40"/>
+  <body name="hand" mocap="true" pos=".3 .1 .8" euler="10 0 50"/>
+  <body name="a" pos="0 0 1"><joint name="a1" axis="0 1 .2" ref=".3"/><joint name="a2" type="slide" axis="1 0 0"/>
+    <geom type="capsule" size=".03" fromto="0 0 0 .3 0 0"/><site name="sa" pos=".3 .02 0" euler="5 6 7"/>
+    <body name="b" pos=".3 0 0"><joint name="b1" type="ball" armature=".01"/><geom type="box" size=".1 .05 .03" pos=".1 0 0"/>
+      <site name="sb" pos=".2 0 .01" euler="50 0 0"/>
+      
+        <body name="c" pos=".2 0 0"><joint name="c1" axis="0 0 1"/><geom type="capsule" size=".02" fromto="0 0 0 0 .2 0"/>
+        </body></body></body>
+  <body name="d" pos="1 0 1"><freejoint/><geom type="box" size=".1 .2 .05"/><site name="sd" pos=".1 0 0" euler="0 20 0"/></body>
+  <body name="e" pos="-1 0 1"><joint name="e1" axis="0 1 0"/><geom type="capsule" size=".03" fromto="0 0 0 0 0 .3"/>
+    <body name="f" pos="0 0 .3"><joint name="f1" axis="0 1 0"/><geom type="capsule" size=".03" fromto="0 0 0 0 0 .3"/></body></body>
+  </worldbody>
+  <tendon><fixed name="t1"><joint joint="e1" coef="1.5"/><joint joint="f1" coef="-.5"/></fixed>
+    <fixed name="t2"><joint joint="c1" coef="1"/><joint joint="a1" coef=".7"/></fixed></tendon>
+  <equality>{equality}</equality></mujoco>"""
+
+KINDS = {
+    "connect to the world": '<connect body1="c" body2="world" anchor="0 .2 0"/>',
+    "connect from the world": '<connect body1="world" body2="c" anchor=".4 0 1"/>',
+    "connect in a tree": '<connect body1="c" body2="a" anchor="0 .2 .1"/>',
+    "connect of trees": '<connect body1="c" body2="d" anchor=".1 0 .2"/>',
+    "connect of sites": '<connect site1="sb" site2="sd"/>',
+    "weld": '<weld body1="b" body2="d"/>',
+    "weld with a pose and a scale": '<weld body1="d" body2="f" anchor=".1 0 .1" relpose="1 .1 .2 .7 .1 .1 .7" torquescale=".3"/>',
+    "weld without torque": '<weld body1="d" body2="world" torquescale="0"/>',
+    "weld of sites": '<weld site1="sd" site2="wall"/>',
+    "weld to a mocap body": '<weld body1="d" body2="hand"/>',
+    "joint to joint": '<joint joint1="a1" joint2="e1" polycoef=".1 .8 -.3 .2 .1"/>',
+    "joint": '<joint joint1="a1" polycoef=".2 0 0 0 0"/>',
+    "tendon to tendon": '<tendon tendon1="t1" tendon2="t2" polycoef="0 1 .5 0 .2"/>',
+    "tendon": '<tendon tendon1="t1" polycoef=".1 0 0 0 0"/>',
+    "all at once": '<connect body1="c" body2="d" anchor=".1 0 .2"/><weld body1="f" body2="d"/><joint joint1="a2" joint2="c1"/>'
+    '<tendon tendon1="t1"/>',
+    "twice the same": '<connect body1="c" body2="d" anchor=".1 0 .2"/><joint joint1="a1" joint2="e1"/>'
+    '<connect body1="c" body2="d" anchor=".1 0 .2"/>',
+}
 
 
 @dataclass

@@ -3,7 +3,7 @@
 import json
 
 import numpy as np
-from stepper._recording import digest_of, write_header
+from stepper.recording.format import digest_of, write_header
 
 
 def edit_header(folder, change):

@@ -5,10 +5,27 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from imports import circle, graph_of, sources_of, trespasses
 
 ROOT = Path(__file__).parents[1]
 CORE = ROOT / "crates/core/src"
 LAYERS = ["spatial", "model", "kinematics", "stages", "step", "batch"]
+PACKAGE = ROOT / "python/stepper"
+BINARY = frozenset({"stepper._stepper"})
+FOLDERS = {
+    "shared": set(),
+    "sensors": {"shared"},
+    "actuators": {"shared"},
+    "loading": set(),
+    "recording": {"shared", "sensors", "actuators"},
+    "experiments": {"shared", "loading"},
+    "cli": {"shared", "loading", "recording", "experiments"},
+}
+"""Folders of the Python package, and the others that each may import."""
+BOTTOM = {"_stepper", "_options", "_status", "_hints"}
+"""Modules beside the folders that everything may import: the binary, what it is set to, what it says."""
+FACE = {"devices", "_pickles"}
+"""Modules beside the folders that are for users alone: nothing in a folder imports them, or the names of `stepper` itself."""
 
 
 def dependencies(crate: str) -> set[str]:
@@ -75,6 +92,94 @@ def test_solve_knows_no_bodies_and_the_bindings_no_numbers():
     for crate in ("real", "solve", "core"):
         for file in (ROOT / "crates" / crate / "src").rglob("*.rs"):
             assert not re.search(r"\b(pyo3|numpy)\b", code(file)), file
+
+
+def test_every_python_module_is_in_a_declared_folder():
+    inside = [path for path in PACKAGE.iterdir() if path.is_dir() and path.name != "__pycache__"]
+    assert {path.name for path in inside} == set(FOLDERS)
+    assert all(
+        (path / "__init__.py").exists()
+        for folder in inside
+        for path in [folder, *folder.rglob("*")]
+        if path.is_dir() and "__" not in path.name
+    )
+    assert {path.stem for path in PACKAGE.glob("*.py")} | {"_stepper"} == {"__init__"} | BOTTOM | FACE
+
+
+def test_python_folders_import_one_way():
+    assert circle(FOLDERS) == []
+    assert trespasses(graph_of(sources_of(PACKAGE), BINARY), FOLDERS, BOTTOM, FACE) == []
+
+
+def test_no_python_modules_import_in_a_circle():
+    graph = graph_of(sources_of(PACKAGE), BINARY)
+    assert len(graph) > 40
+    assert circle(graph) == []
+
+
+def test_the_bindings_name_python_modules_that_there_are():
+    """They call back at run time, when the package is there."""
+    named = {name for file in (ROOT / "crates/python/src").rglob("*.rs") for name in re.findall(r'import\("(stepper[\w.]*)"\)', code(file))}
+    assert "stepper" in named
+    assert named <= sources_of(PACKAGE).keys()
+
+
+LAYERED = {
+    "p": "from p.high import top",
+    "p.low": "",
+    "p.low.a": "import os",
+    "p.low.b": "from p.low.a import x",
+    "p.high": "from p.high.c import top",
+    "p.high.c": "from p.low import b",
+}
+DECLARED = {"low": set(), "high": {"low"}}
+
+
+def test_layers_without_a_circle_pass():
+    assert circle(graph_of(LAYERED)) == []
+    assert trespasses(graph_of(LAYERED), DECLARED, set(), set()) == []
+    assert graph_of(LAYERED)["p.high.c"] == {"p.low", "p.low.b"}
+
+
+@pytest.mark.parametrize(("planted", "found"), [
+    ({"p.low.a": "from p.low.b import y"}, {"p.low.a", "p.low.b"}),
+    ({"p.low.a": "def f():\n    from p.high import c"}, {"p.high", "p.high.c", "p.low.a", "p.low.b"}),
+    ({"p.low.a": "if True:\n    import p.high.c"}, {"p.high", "p.high.c", "p.low.a", "p.low.b"}),
+    ({"p.low.a": "from p import top"}, {"p", "p.high", "p.high.c", "p.low.a", "p.low.b"}),
+    ({"p.low": "from p.low.b import x", "p.low.a": "from p.low import x"}, {"p.low", "p.low.b", "p.low.a"}),
+    ({"p.low.a": "import p.low.a"}, {"p.low.a"}),
+])  # fmt: skip
+def test_a_planted_circle_is_found(planted, found):
+    """Within a folder, in a function, through a package's own names, of a module with itself."""
+    around = circle(graph_of(LAYERED | planted))
+    assert around[0] == around[-1]
+    assert set(around) <= found
+    upwards = [line for line in trespasses(graph_of(LAYERED | planted), DECLARED, set(), set()) if line.startswith("p.low")]
+    assert bool(upwards) == any("low" not in name for name in found)
+
+
+@pytest.mark.parametrize("test", ["TYPE_CHECKING", "typing.TYPE_CHECKING"])
+def test_imports_for_type_checkers_are_no_circle(test):
+    text = f"if {test}:\n    from p.high import c\nelse:\n    from p.low import b"
+    assert graph_of(LAYERED | {"p.low.a": text})["p.low.a"] == {"p.low.b"}
+
+
+def test_a_module_in_no_declared_folder_and_an_import_upwards_are_named():
+    planted = {
+        "p.low.a": "from p.high import c",
+        "p.high.c": "import p.face",
+        "p.new.d": "",
+        "p._bottom": "import p.low.a",
+        "p.face": "import p.high.c",
+    }
+    assert trespasses(graph_of(LAYERED | planted), DECLARED, {"_bottom"}, {"face"}) == [
+        "p.low.a imports p.high",
+        "p.low.a imports p.high.c",
+        "p.high.c imports p.face",
+        "p.new.d is in no declared folder",
+        "p._bottom imports p.low",
+        "p._bottom imports p.low.a",
+    ]
 
 
 def test_architecture_names_only_what_exists():

@@ -7,7 +7,7 @@ import sys
 import time
 from pathlib import Path
 
-from stepper._machine import one_core, provenance
+from stepper.shared.machine import one_core, provenance
 
 from atlas import scenes
 from atlas.engines import peers, stepper_engines

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-from stepper._machine import provenance
+from stepper.shared.machine import provenance
 
 from corpus import judge
 from corpus.packages import PACKAGES

@@ -5,9 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from stepper._chart import SCENES, Effort
-from stepper._demo import charts
-from stepper._demo_report import progress, show_files
+from stepper.experiments.chart import SCENES, Effort, charts
+from stepper.experiments.progress import progress, show_files
 
 
 def main() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from stepper._demo import Plan, demo
+from stepper.experiments.demo import Plan, demo
 
 
 def main() -> None:

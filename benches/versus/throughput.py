@@ -23,9 +23,9 @@ from typing import Any
 
 import numpy as np
 from stepper import Model, ModelError, Options, Stepper, load
-from stepper._crowd import Array, Crowd, MujocoCrowd, Referee, StepperCrowd
-from stepper._demo import MATCHED, Plan, Track, race
-from stepper._machine import allowed_cores, one_core, provenance, require
+from stepper.experiments.demo.crowd import Array, Crowd, MujocoCrowd, Referee, StepperCrowd
+from stepper.experiments.demo.race import MATCHED, Plan, Track, race
+from stepper.shared.machine import allowed_cores, one_core, provenance, require
 
 MODELS = (
     *(("gymnasium", f"envs/mujoco/assets/{name}.xml") for name in ("ant", "humanoid", "half_cheetah", "hopper", "walker2d_v5")),

@@ -3,17 +3,15 @@
 Load a scene with `load`, step environments of it with `Stepper`, and read in `Stepper.residual` and `Stepper.status` how well that went.
 """
 
+from stepper import _pickles as _pickles
 from stepper import devices
-from stepper._actuators import PID, ActuatorModel, DCMotor, Drive
-from stepper._load import ModelWarning, load
 from stepper._options import Options
-from stepper._readings import Combination, RayFan
-from stepper._record import Recorder
-from stepper._recording import RecordingError
-from stepper._replay import Difference, Replay, replay
-from stepper._sensors import SensorModel, Transfer
 from stepper._status import Status
 from stepper._stepper import Model, ModelError, State, Stepper, __version__, cpu_levels
+from stepper.actuators import PID, ActuatorModel, DCMotor, Drive
+from stepper.loading import ModelWarning, load
+from stepper.recording import Difference, Recorder, RecordingError, Replay, replay
+from stepper.sensors import Combination, RayFan, SensorModel, Transfer
 
 __all__ = [
     "PID",

@@ -1,4 +1,4 @@
-"""Settings of a step: theta."""
+"""Settings of a step."""
 
 from __future__ import annotations
 

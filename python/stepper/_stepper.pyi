@@ -13,11 +13,10 @@ from typing import Any, Final, TypeAlias, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stepper._actuators import ActuatorModel
 from stepper._options import Options, Precision
-from stepper._readings import Combination, RayFan
-from stepper._record import Recorder
-from stepper._sensors import SensorModel
+from stepper.actuators import ActuatorModel
+from stepper.recording import Recorder
+from stepper.sensors import Combination, RayFan, SensorModel
 
 __all__ = ["Model", "ModelError", "State", "Stepper", "__version__", "cpu_levels"]
 __version__: Final[str]

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 import stepper
 from models import SOURCES, mujoco_model, stepper_model
-from stepper import _mjcf
-from stepper._mjcf_omissions import FIELDS, FLAGS
+from stepper.loading.mjcf import source
+from stepper.loading.mjcf.omissions import FIELDS, FLAGS
 
 PENDULUM = """
 <mujoco model="pendulum">
@@ -423,7 +423,7 @@ def test_every_field_of_mjmodel_is_decided() -> None:
     compiled = mujoco.MjModel.from_xml_string("<mujoco/>")
     fields = [name for name in dir(compiled) if not name.startswith("_") and not callable(getattr(compiled, name))]
     undecided = [name for name in fields if not any(fnmatch.fnmatchcase(name, pattern) for pattern in patterns)]
-    assert not undecided, "decide in stepper/_mjcf_omissions.py what new fields of MjModel mean"
+    assert not undecided, "decide in stepper/loading/mjcf/omissions.py what new fields of MjModel mean"
     used = FIELDS["used"].split()
     assert not [name for name in used if not hasattr(compiled, name)]
 
@@ -439,7 +439,7 @@ def test_numbers_of_mujoco_are_the_installed_ones() -> None:
     assert numbers("mjtDyn", "mjDYN_NONE mjDYN_INTEGRATOR mjDYN_FILTER mjDYN_FILTEREXACT") == [0, 1, 2, 3]
     assert numbers("mjtGain", "mjGAIN_FIXED mjGAIN_AFFINE") == numbers("mjtBias", "mjBIAS_NONE mjBIAS_AFFINE") == [0, 1]
     assert numbers("mjtWrap", "mjWRAP_JOINT") == [1]
-    assert {name: int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name.upper()}")) for name in _mjcf.DISABLE} == _mjcf.DISABLE
+    assert {name: int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name.upper()}")) for name in source.DISABLE} == source.DISABLE
 
 
 @pytest.mark.parametrize("which", ["disable", "enable"])
@@ -448,8 +448,8 @@ def test_every_flag_of_mujoco_is_honoured_or_listed(which: str) -> None:
     enum, prefix = {"disable": ("mjtDisableBit", "mjDSBL_"), "enable": ("mjtEnableBit", "mjENBL_")}[which]
     flags = {n.removeprefix(prefix).lower(): int(v) for n, v in getattr(mujoco, enum).__members__.items() if n.startswith(prefix)}
     listed = {name: 1 << bit for name, (bit, _, _) in FLAGS[which].items()}
-    honoured = _mjcf.DISABLE if which == "disable" else {}
-    assert honoured | listed == flags, "decide in stepper/_mjcf_omissions.py what new flags of MuJoCo mean"
+    honoured = source.DISABLE if which == "disable" else {}
+    assert honoured | listed == flags, "decide in stepper/loading/mjcf/omissions.py what new flags of MuJoCo mean"
     scene = """<mujoco><worldbody><geom type="plane" size="1 1 1"/>
       <body pos="0 0 1"><joint damping="1"/><geom size=".1"/></body></worldbody></mujoco>"""
     for name, bit in flags.items():

@@ -75,7 +75,7 @@ def test_overlaps_are_compared(tmp_path, field):
 
 @pytest.mark.parametrize(("precision", "given", "tolerance"), [("f64", None, 1e-6), ("f32", None, 1e-4), ("f64", 1e-3, 1e-3)])
 def test_a_recording_says_the_tolerance_in_force_and_keeps_a_note(tmp_path, capsys, precision, given, tolerance):
-    from stepper._cli import report
+    from stepper.cli.report import report
 
     sim = stepper.Stepper(stepper_model(ROBOT), options=stepper.Options(tolerance=given), precision=precision)
     with sim.record(tmp_path / "run", note="third gripper, dry"):
@@ -207,7 +207,7 @@ def test_the_model_of_a_recording_lies_in_its_folder(tmp_path, name):
 
 def test_a_run_that_was_cut_off_has_no_hole(tmp_path):
     """Every file but the last is known, also where nobody closed the recording; the report says so too."""
-    from stepper._cli import report
+    from stepper.cli.report import report
 
     sim = stepper.Stepper(stepper_model(ROBOT))
     sim.record(tmp_path / "run", chunk=1)
@@ -406,7 +406,8 @@ def test_what_sensors_lost_is_forgotten_at_a_reset():
 
 
 def test_the_command_line_reports_and_replays(tmp_path, capsys):
-    from stepper._cli import replay, report
+    from stepper.cli.replay import replay
+    from stepper.cli.report import report
 
     run(tmp_path / "run")
     report(tmp_path / "run")
@@ -417,7 +418,7 @@ def test_the_command_line_reports_and_replays(tmp_path, capsys):
 
 
 def test_the_report_names_sensors(tmp_path, capsys):
-    from stepper._cli import report
+    from stepper.cli.report import report
 
     sim = stepper.Stepper(stepper.load(PENDULUM), sensors=stepper.SensorModel({"gyro": stepper.Transfer(dropout=1.0)}))
     with sim.record(tmp_path / "run"):

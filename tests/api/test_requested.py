@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import stepper
 from models import SOURCES, stepper_model
-from stepper import _mjcf_requested
+from stepper.loading.mjcf import requested
 
 SCENE = """<mujoco model="robot"><option {option}/><worldbody><geom name="floor" type="plane" size="1 1 1" {floor}/>
   <body pos="0 0 1"><joint name="hinge" axis="0 1 0" range="-1 1" limited="true" {joint}/>
@@ -109,7 +109,7 @@ def test_options_of_a_model_make_a_stepper_that_is_nearer_to_mujoco():
 
 
 def test_the_command_explain_says_it_once(tmp_path, capsys):
-    from stepper._cli import explain
+    from stepper.cli.explain import explain
 
     file = tmp_path / "robot.xml"
     file.write_text(scene(option='integrator="RK4"'))
@@ -126,7 +126,7 @@ def test_a_model_made_in_code_asks_for_nothing():
 
 
 def _description():
-    from stepper._mjcf import describe
+    from stepper.loading.mjcf import describe
 
     described = describe(mujoco.MjModel.from_xml_string(scene()))
     return {key: value for key, value in described.items() if key != "requested"}
@@ -136,8 +136,8 @@ def test_softness_that_is_default_here_is_the_installed_mujocos():
     text = scene(joint='frictionloss=".1"').replace("</mujoco>", '<equality><joint joint1="hinge"/></equality></mujoco>')
     compiled = mujoco.MjModel.from_xml_string(text)
     for kind in ("geom", "jnt", "dof", "eq"):
-        assert np.all(getattr(compiled, f"{kind}_solref") == _mjcf_requested.SOLREF)
-        assert np.all(getattr(compiled, f"{kind}_solimp") == _mjcf_requested.SOLIMP)
+        assert np.all(getattr(compiled, f"{kind}_solref") == requested.SOLREF)
+        assert np.all(getattr(compiled, f"{kind}_solimp") == requested.SOLIMP)
 
 
 @pytest.mark.parametrize("name", SOURCES)

@@ -204,7 +204,7 @@ impl Model {
     ///     ValueError: A name that nothing has, or directions that are none.
     ///     ModelError: A sensor that the model cannot have.
     fn with_sensors(slf: &Bound<'_, Self>, sensors: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let described = slf.py().import("stepper._readings")?.getattr("describe")?.call1((slf, sensors))?;
+        let described = slf.py().import("stepper.sensors.readings")?.getattr("describe")?.call1((slf, sensors))?;
         let more: Vec<Sensor> = pythonize::depythonize(&described)?;
         slf.get().core.with_sensors(more).map(Self::of).map_err(to_py)
     }

@@ -60,7 +60,7 @@ impl Stepper {
         }
         if let Some(drawn) = self.simulation.drawn() {
             let rows = pythonize::pythonize(py, drawn).map_err(|e| PyValueError::new_err(e.to_string()))?;
-            let class = py.import("stepper._actuators")?.getattr("ActuatorModel")?;
+            let class = py.import("stepper")?.getattr("ActuatorModel")?;
             all.set_item(ACTUATORS, class.call_method1("_from_rows", (self.model.clone_ref(py), rows))?)?;
         }
         Ok(all)

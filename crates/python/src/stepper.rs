@@ -823,7 +823,7 @@ impl Stepper {
     ///     **settings: See `stepper.Recorder`.
     #[pyo3(signature = (path, **settings))]
     fn record<'py>(slf: &Bound<'py, Self>, path: Bound<'py, PyAny>, settings: Option<&Bound<'py, PyDict>>) -> PyResult<Bound<'py, PyAny>> {
-        let recorder = slf.py().import("stepper._record")?.getattr("Recorder")?.call((slf, path), settings)?;
+        let recorder = slf.py().import("stepper")?.getattr("Recorder")?.call((slf, path), settings)?;
         borrow(slf)?.recorder = Some(recorder.clone().unbind());
         Ok(recorder)
     }

@@ -1,0 +1,6 @@
+"""Actuators: what becomes of a control before it is a force."""
+
+from stepper.actuators.drives import PID, DCMotor, Drive
+from stepper.actuators.model import ActuatorModel
+
+__all__ = ["PID", "ActuatorModel", "DCMotor", "Drive"]

@@ -1,0 +1,143 @@
+"""Drives of actuators: what lies between a control and its force."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stepper.shared.tables import check_numbers, numbers
+
+Number: TypeAlias = "float | ArrayLike"
+Envs: TypeAlias = "np.ndarray[Any, Any] | None"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PID:
+    """A servo that takes the place of an actuator's own law: the control is a set point of the actuator's length (MJCF's gear included).
+
+    effort = kp (control - length) + integral of ki (control - length) - kd velocity. The integral does not grow where it would drive the
+    effort further beyond its bounds. Every number is one for all environments or an array (num_envs,).
+
+    Attributes:
+        kp: N or N m per unit of length.
+        ki: N or N m per unit of length and second.
+        kd: N or N m per unit of velocity.
+        integral_limit: Largest effort of the integral, N or N m; None is none.
+        period: Time between samples in s, with the effort held in between, as a digital controller does it; never shorter than a step.
+            None is a continuous servo: its stiffness and damping are implicit, so that no time step is too long for them.
+    """
+
+    kp: Number
+    ki: Number = 0.0
+    kd: Number = 0.0
+    integral_limit: Number | None = None
+    period: Number | None = None
+
+    def __post_init__(self) -> None:
+        check_numbers(self)
+
+    def _row(self, num_envs: int, envs: Envs = None) -> dict[str, Any]:
+        limit = math.inf if self.integral_limit is None else self.integral_limit
+        return {
+            **{name: numbers(name, getattr(self, name), num_envs, envs) for name in ("kp", "ki", "kd")},
+            "integral_limit": numbers("integral_limit", limit, num_envs, envs),
+            "period": [] if self.period is None else numbers("period", self.period, num_envs, envs),
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class DCMotor:
+    """A DC motor behind a gear without backlash. Its numbers are those of its shaft, which turns `gear` times as fast as the actuator.
+
+    At nominal voltage its torque is stall_torque (1 - speed / no_load_speed): the back-EMF is a damper, and is implicit. Every number but
+    rotor_inertia and gear is one for all environments or an array (num_envs,).
+
+    Attributes:
+        stall_torque: N m at nominal voltage; None is a motor without a torque-speed curve.
+        no_load_speed: rad/s at nominal voltage.
+        rotor_inertia: kg m^2; the joint gets gear^2 times as much.
+        gear: Turns of the shaft for one of the actuator (rad per unit of its length).
+        efficiency: Share of the power that the gear passes on, both ways: it gives efficiency times the torque to what it drives, and
+            takes 1 / efficiency times the torque to be driven backwards.
+        control: "torque": the effort is a torque that the motor follows as far as its curve, of either sign of the voltage, lets it.
+            "voltage": the effort is the share of the nominal voltage, from -1 to 1.
+    """
+
+    stall_torque: Number | None = None
+    no_load_speed: Number | None = None
+    rotor_inertia: float = 0.0
+    gear: float = 1.0
+    efficiency: Number = 1.0
+    control: str = "torque"
+
+    def __post_init__(self) -> None:
+        check_numbers(self, "control")
+        for name in ("rotor_inertia", "gear"):
+            if np.ndim(getattr(self, name)):
+                raise ValueError(f"{name} is {getattr(self, name)!r}, must be one number for all environments")
+        if self.control not in ("torque", "voltage"):
+            raise ValueError(f"control is {self.control!r}, must be 'torque' or 'voltage'")
+        if (self.stall_torque is None) != (self.no_load_speed is None):
+            raise ValueError("stall_torque and no_load_speed go together: give both or none")
+
+    def _row(self, num_envs: int, envs: Envs = None) -> dict[str, Any]:
+        def curve(name: str) -> list[float]:
+            value = getattr(self, name)
+            return [] if value is None else numbers(name, value, num_envs, envs)
+
+        return {
+            "stall_torque": curve("stall_torque"),
+            "no_load_speed": curve("no_load_speed"),
+            "rotor_inertia": float(self.rotor_inertia),
+            "gear": float(self.gear),
+            "efficiency": numbers("efficiency", self.efficiency, num_envs, envs),
+            "voltage": self.control == "voltage",
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drive:
+    """What lies between the control of an actuator and its force, in the order in which it acts. The default is an ideal actuator.
+
+    Control range, delay, servo, lag, the actuator's own law, limits, torque-speed curve, gear and friction. Every number is one for all
+    environments or an array (num_envs,). See docs/actuators.md.
+
+    Attributes:
+        delay: s. Between steps the control is what it is on average over the step.
+        delay_steps: The same in steps; the two add up.
+        lag: Time constant in s of a first-order lag of the control, or of the servo's effort; 0 is none.
+        limits: Lowest and highest effort, N or N m, beside the actuator's own.
+        motor: A motor with its gear.
+        servo: A servo in place of the actuator's own law and control range.
+        friction: Dry friction at the actuator's side of its gear, N or N m; the joint has gear times as much.
+    """
+
+    delay: Number = 0.0
+    delay_steps: Number = 0.0
+    lag: Number = 0.0
+    limits: tuple[Number, Number] | None = None
+    motor: DCMotor | None = None
+    servo: PID | None = None
+    friction: Number = 0.0
+
+    def __post_init__(self) -> None:
+        for name, kind in (("motor", DCMotor), ("servo", PID)):
+            given = getattr(self, name)
+            if given is not None and not isinstance(given, kind):
+                raise TypeError(f"{name} is {given!r}, must be a stepper.{kind.__name__}")
+        check_numbers(self, "motor", "servo")
+
+    def _row(self, num_envs: int, envs: Envs = None) -> dict[str, Any]:
+        """What the Rust crate's `DriveTrain` holds."""
+        low, high = (-math.inf, math.inf) if self.limits is None else self.limits
+        return {
+            **{name: numbers(name, getattr(self, name), num_envs, envs) for name in ("delay", "delay_steps", "lag", "friction")},
+            "low": numbers("limits[0]", low, num_envs, envs),
+            "high": numbers("limits[1]", high, num_envs, envs),
+            "servo": None if self.servo is None else self.servo._row(num_envs, envs),
+            "motor": None if self.motor is None else self.motor._row(num_envs, envs),
+        }

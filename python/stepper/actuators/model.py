@@ -1,0 +1,181 @@
+"""Actuators that are not ideal: drives of a model's actuators, by name, in code and in files."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stepper.actuators.drives import PID, DCMotor, Drive, Envs
+from stepper.shared.tables import by_name, check_names, fitting, named_tables, read_file
+
+if TYPE_CHECKING:
+    from stepper._stepper import Model
+
+
+class ActuatorModel:
+    """Drives of a model's actuators, for `Stepper(..., actuators=)` and `Stepper.randomize(actuators=)`.
+
+    Args:
+        drives: By the name of the actuator, or a pattern like "left_*"; a name goes before patterns, and of patterns the first counts.
+        default: For actuators that none of them fits; None leaves those ideal, or, of `randomize`, as they are.
+    """
+
+    def __init__(self, drives: Mapping[str, Drive] | None = None, *, default: Drive | None = None):
+        self.named, self.default = by_name(drives, default, Drive, "drive"), default
+
+    @classmethod
+    def from_file(cls, path: str | os.PathLike[str]) -> ActuatorModel:
+        """Reads a TOML (.toml) or JSON (.json) file.
+
+        A table `actuators` has a table for every name or pattern, a table `default` may be beside it. Their entries are the attributes of
+        `Drive`, with tables `motor` and `servo` for those of `DCMotor` and `PID`.
+
+        Raises:
+            ValueError: An unknown entry, named with the file.
+        """
+        return cls.from_dict(read_file(path), str(path))
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any], place: str = "actuators") -> ActuatorModel:
+        """The inverse of `to_dict`, and the contents of a file; `place` begins messages."""
+        tables = named_tables(data, "actuators", place)
+        named = {name: _read(table, Drive, f"{place}: actuator {name!r}") for name, table in tables.items()}
+        return cls(named, default=_read(data["default"], Drive, f"{place}: default") if "default" in data else None)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The contents of a file that `from_file` reads; arrays become lists."""
+        out: dict[str, Any] = {"actuators": {name: _plain(drive) for name, drive in self.named.items()}}
+        return out | ({"default": _plain(self.default)} if self.default else {})
+
+    def drives(self, model: Model, num_envs: int, envs: Envs = None) -> list[dict[str, Any] | None]:
+        """What the actuators of a model get, one entry for each; None where nothing is said. Of all environments, or of some.
+
+        Raises:
+            ValueError: A name that no actuator has, a pattern that fits none, a wrong shape.
+        """
+        names = _names(model)
+        check_names(self.named, names, "actuator")
+        return [self._row(name, num_envs, envs) for name in names]
+
+    def drive_of(self, name: str) -> Drive | None:
+        """The drive of an actuator, by its name or "#3"; None where nothing is said of it."""
+        return fitting(self.named, self.default, name)
+
+    def chosen(self, mask: np.ndarray[Any, Any]) -> ActuatorModel:
+        """The same with the numbers of some environments alone, a mask (num_envs,)."""
+        return self._changed(lambda x: x[mask])
+
+    def spread(self, mask: np.ndarray[Any, Any]) -> ActuatorModel:
+        """The inverse of `chosen`: rows of the others are 0."""
+
+        def spread(x: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+            out = np.zeros(len(mask))
+            out[mask] = x
+            return out
+
+        return self._changed(spread)
+
+    def _changed(self, change: Callable[[np.ndarray[Any, Any]], np.ndarray[Any, Any]]) -> ActuatorModel:
+        default = None if self.default is None else _changed(self.default, change)
+        return ActuatorModel({name: _changed(drive, change) for name, drive in self.named.items()}, default=default)
+
+    @classmethod
+    def _from_rows(cls, model: Model, rows: list[dict[str, Any] | None]) -> ActuatorModel:
+        """The inverse of `drives`."""
+        named = zip(_names(model), rows, strict=True)
+        return cls({name: _from_row(row, Drive) for name, row in named if row is not None})
+
+    def _row(self, name: str, num_envs: int, envs: Envs) -> dict[str, Any] | None:
+        drive = self.drive_of(name)
+        if drive is None:
+            return None
+        try:
+            return drive._row(num_envs, envs)
+        except ValueError as error:
+            raise ValueError(f"drive of actuator {name!r}: {error}") from None
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, ActuatorModel) and self.to_dict() == other.to_dict()
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        return f"ActuatorModel({self.named!r}, default={self.default!r})"
+
+
+def _plain(part: PID | DCMotor | Drive) -> dict[str, Any]:
+    """Attributes that are given, as plain numbers, lists and tables."""
+    out: dict[str, Any] = {}
+    for field in fields(part):
+        value = getattr(part, field.name)
+        if value is None:
+            continue
+        if isinstance(value, PID | DCMotor):
+            out[field.name] = _plain(value)
+        elif field.name == "limits":
+            out[field.name] = [np.asarray(end).tolist() for end in value]
+        else:
+            out[field.name] = value if isinstance(value, str) else np.asarray(value).tolist()
+    return out
+
+
+def _names(model: Model) -> list[str]:
+    return [name or f"#{index}" for index, name in enumerate(model.actuator_names)]
+
+
+def _changed(part: Any, change: Callable[[np.ndarray[Any, Any]], np.ndarray[Any, Any]]) -> Any:
+    """A part of an actuator model with other arrays of environments; what all of them share stays."""
+
+    def new(value: Any) -> Any:
+        if isinstance(value, PID | DCMotor):
+            return _changed(value, change)
+        if isinstance(value, tuple):
+            return tuple(new(end) for end in value)
+        return value if value is None or isinstance(value, str) or np.size(value) == 1 else change(np.asarray(value, np.float64))
+
+    return replace(part, **{field.name: new(getattr(part, field.name)) for field in fields(part)})
+
+
+def _from_row(row: dict[str, Any], kind: type[Any]) -> Any:
+    """A part of an actuator model from what the Rust crate holds: no numbers, or infinite ones, are what None says."""
+
+    def number(value: Any) -> Any:
+        if not isinstance(value, list):
+            return value
+        return None if value in ([], [math.inf]) else value[0] if len(value) == 1 else np.array(value)
+
+    own = {name: number(value) for name, value in row.items()}
+    if kind is Drive:
+        low, high = own.pop("low"), own.pop("high")
+        unlimited = (row["low"], row["high"]) == ([-math.inf], [math.inf])
+        own["limits"] = None if unlimited else (low, math.inf if high is None else high)
+        for name, part in (("motor", DCMotor), ("servo", PID)):
+            own[name] = None if own[name] is None else _from_row(own[name], part)
+    elif kind is DCMotor:
+        own["control"] = "voltage" if own.pop("voltage") else "torque"
+    return kind(**own)
+
+
+def _read(table: Any, kind: type[Any], place: str) -> Any:
+    """A part of an actuator model from a table of a file."""
+    if not isinstance(table, dict):
+        raise ValueError(f"{place} is {table!r}, must be a table of entries")
+    given = dict(table)
+    known = {field.name for field in fields(kind)}
+    if unknown := set(given) - known:
+        raise ValueError(f"{place}: unknown entries {sorted(unknown)}, must be of: {', '.join(sorted(known))}")
+    if kind is Drive:
+        for name, part in (("motor", DCMotor), ("servo", PID)):
+            if name in given:
+                given[name] = _read(given[name], part, f"{place}: {name}")
+        if isinstance(given.get("limits"), list):
+            given["limits"] = tuple(given["limits"])
+    try:
+        return kind(**given)
+    except (TypeError, ValueError) as error:
+        raise type(error)(f"{place}: {error}") from None

@@ -1,0 +1,33 @@
+"""The command line: `stepper demo`, `stepper chart`, `stepper explain`, `stepper report`, `stepper replay`."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+from stepper._stepper import ModelError
+from stepper.cli import chart, demo, explain, replay, report
+from stepper.shared.machine import require
+
+if TYPE_CHECKING:
+    from typer import Typer
+
+COMMANDS = (demo, chart, explain, report, replay)
+
+
+def application() -> Typer:
+    """The commands with their options. Made here because typer is optional."""
+    typer = require("typer", "for the command line")
+    app: Typer = typer.Typer(help=__doc__, add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False)
+    for command in COMMANDS:
+        command.register(app, typer)
+    return app
+
+
+def main() -> None:
+    """Entry point of the command `stepper`. What a user can mend is one line on stderr, without a traceback."""
+    try:
+        application()()
+    except (ImportError, ModelError, OSError, ValueError) as error:
+        print(f"stepper: {error}", file=sys.stderr)
+        sys.exit(1)

@@ -1,0 +1,29 @@
+"""`stepper demo`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+from stepper.cli.options import OUT
+from stepper.experiments.demo import Plan, demo
+
+if TYPE_CHECKING:
+    from typer import Typer
+
+
+def register(app: Typer, typer: ModuleType) -> None:
+    """Adds the command."""
+    folder = typer.Option("out", "--out", help=OUT)
+
+    @app.command("demo")
+    def _(
+        num_envs: int = typer.Option(1024, min=1, help="Humanoids."),
+        steps: int = typer.Option(500, min=1, help="Steps of random control."),
+        rest: int = typer.Option(1000, min=0, help="Steps without control after that."),
+        seed: int = typer.Option(0, min=0, help="Of the random control."),
+        out: Path = folder,
+    ) -> None:
+        """A thousand humanoids fall about and lie still, beside MuJoCo: speed, error, and the first charts."""
+        demo(Plan(num_envs=num_envs, steps=steps, rest=rest, seed=seed), out)

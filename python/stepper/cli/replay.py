@@ -1,0 +1,34 @@
+"""`stepper replay`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+from stepper import recording
+from stepper.cli.options import RECORDING
+
+if TYPE_CHECKING:
+    from typer import Typer
+
+
+def replay(folder: Path, threads: int | None) -> None:
+    """Repeats a recording and compares it bit for bit; says at which step and in which field it differs."""
+    result = recording.replay(folder, threads=threads)
+    print(result)
+    if not result:
+        sys.exit(1)
+
+
+def register(app: Typer, typer: ModuleType) -> None:
+    """Adds the command."""
+    folder = typer.Argument(help=RECORDING)
+
+    @app.command("replay", help=replay.__doc__)
+    def _(
+        recording: Path = folder,
+        threads: int | None = typer.Option(None, min=0, help="Threads; as recorded without it."),
+    ) -> None:
+        replay(recording, threads)

@@ -1,0 +1,51 @@
+"""`stepper report`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from stepper.cli.options import RECORDING
+from stepper.recording.format import HEADER, check_files, read_header, reading
+
+if TYPE_CHECKING:
+    from typer import Typer
+
+
+def report(recording: Path) -> None:
+    """What was in force in a recording, and what failed in it: physics, sensing or action."""
+    head = read_header(recording)
+    check_files(recording, head)
+    with reading(recording / HEADER):
+        _report(recording, head)
+
+
+def _report(recording: Path, head: dict[str, Any]) -> None:
+    envs = "one environment" if head["num_envs"] is None else f"{head['num_envs']} environments"
+    end = "" if head["closed"] else ", not closed: its end may be missing"
+    print(f'{recording}: {head["rows"]} rows of {envs} of "{head["model"]["name"]}", dt {head["timestep"]:g} s, {head["precision"]}{end}')
+    print(f"model {head['model']['sha256']}")
+    if head["note"]:
+        print(f"note: {head['note']}")
+    settings = head["options"] | {"tolerance": head["tolerance"], "seed": head["seed"]}
+    print(", ".join(f"{name} {value}" for name, value in settings.items() if value is not None))
+    for failure in head["failures"]:
+        row, env = failure["first"][0]
+        word = "steps" if "steps" in failure else "readings"
+        counts = ", ".join(f"{name} {count}" for name, count in failure.get(word, {}).items())
+        print(
+            f"{failure['whose']}: {failure['count']} times {failure['meaning']}, first in row {row}, environment {env}"
+            + (f"; {word}: {counts}" if counts else "")
+        )
+    if not head["failures"]:
+        print("nothing failed")
+
+
+def register(app: Typer, typer: ModuleType) -> None:
+    """Adds the command."""
+    folder = typer.Argument(help=RECORDING)
+
+    @app.command("report", help=report.__doc__)
+    def _(recording: Path = folder) -> None:
+        report(recording)

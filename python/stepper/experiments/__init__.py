@@ -1,0 +1,1 @@
+"""Experiments: stepper beside other engines, speed and error together."""

@@ -1,0 +1,129 @@
+"""Actuators of a compiled `mujoco.MjModel`, as the Rust crate describes them (crates/core/src/model/mod.rs)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from stepper.loading.mjcf.source import Source
+
+Description = dict[str, Any]
+AffineForce = tuple[list[float], list[float]]
+
+# MuJoCo's numbers (mjtype.h), compared with the installed version's by a test.
+TRN_JOINT, TRN_JOINT_IN_PARENT, TRN_TENDON, TRN_SITE = 0, 1, 3, 4
+DYN_NONE, DYN_INTEGRATOR, DYN_FILTER, DYN_FILTER_EXACT = range(4)
+SIMULATED = (DYN_NONE, DYN_INTEGRATOR, DYN_FILTER, DYN_FILTER_EXACT)
+GAIN_FIXED, GAIN_AFFINE, GAIN_DCMOTOR, GAIN_PID = 0, 1, 3, 5
+BIAS_NONE, BIAS_AFFINE, BIAS_DCMOTOR = 0, 1, 3
+INPUT_POS, INPUT_VEL, INPUT_VOLTAGE = 1, 2, 8
+OLDER, BETWEEN, CUBIC = range(3)
+"""What acts between two samples of a delayed control or reading (`interp`)."""
+
+
+def why_dropped(source: Source, a: int) -> list[str]:
+    """What an actuator has that cannot be described at all."""
+    m, mj = source.m, source.mujoco
+    target, transmission = int(m.actuator_trnid[a, 0]), int(m.actuator_trntype[a])
+    on_joint = transmission in (TRN_JOINT, TRN_JOINT_IN_PARENT)
+
+    def word(enum: str, value: int) -> str:
+        return str(getattr(mj, enum)(value).name).split("_", 1)[1].lower()
+
+    reasons = []
+    if not (on_joint or transmission in (TRN_TENDON, TRN_SITE)):
+        reasons.append(f"transmission {word('mjtTrn', transmission)}")
+    elif on_joint and not source.moves_one(target):
+        reasons.append(f"transmission to the ball or free joint {source.label('JOINT', target)}")
+    elif transmission == TRN_TENDON and target not in source.tendons:
+        reasons.append(f"transmission to the spatial tendon {source.label('TENDON', target)}")
+    if affine_force(source, a) is None:
+        if m.actuator_dyntype[a] not in SIMULATED:
+            reasons.append(f"dynamics {word('mjtDyn', m.actuator_dyntype[a])}")
+        if m.actuator_gaintype[a] not in (GAIN_FIXED, GAIN_AFFINE):
+            reasons.append(f"gain {word('mjtGain', m.actuator_gaintype[a])}")
+        if m.actuator_biastype[a] not in (BIAS_NONE, BIAS_AFFINE):
+            reasons.append(f"bias {word('mjtBias', m.actuator_biastype[a])}")
+    if m.actuator_ctrlnum[a] != 1:
+        reasons.append(f"{m.actuator_ctrlnum[a]} controls")
+    if m.actuator_plugin[a] >= 0:
+        reasons.append("a plugin")
+    return reasons
+
+
+def affine_force(source: Source, a: int) -> AffineForce | None:
+    """Affine gain and bias, if that is what an actuator has: (constant, length, velocity) each."""
+    m = source.m
+    kinds = int(m.actuator_gaintype[a]), int(m.actuator_biastype[a])
+    gain, bias, inputs = m.actuator_gainprm[a], m.actuator_biasprm[a], int(m.actuator_ctrlspec[a])
+    if kinds == (GAIN_DCMOTOR, BIAS_DCMOTOR):
+        # Torque K (u - K w) / R. Voltage limits (dynprm[1]) are those of a controller; all else is circuit, heat, cogging or friction.
+        more = np.any(gain[2:]) or np.any(bias) or np.any(np.delete(m.actuator_dynprm[a], 1)) or m.actuator_actnum[a]
+        resistance, constant = gain[:2].tolist()
+        return None if more or inputs != INPUT_VOLTAGE else ([constant / resistance, 0.0, 0.0], [0.0, 0.0, -(constant**2) / resistance])
+    if m.actuator_dyntype[a] not in SIMULATED:
+        return None
+    if kinds == (GAIN_PID, BIAS_AFFINE) and m.actuator_dyntype[a] == DYN_NONE and inputs in (INPUT_POS, INPUT_VEL):
+        return [float(-bias[1 if inputs == INPUT_POS else 2]), 0.0, 0.0], bias[:3].tolist()
+    if kinds[0] not in (GAIN_FIXED, GAIN_AFFINE) or kinds[1] not in (BIAS_NONE, BIAS_AFFINE):
+        return None
+    factors = [float(gain[0]), 0.0, 0.0] if kinds[0] == GAIN_FIXED else gain[:3].tolist()
+    return factors, bias[:3].tolist() if kinds[1] == BIAS_AFFINE else [0.0, 0.0, 0.0]
+
+
+def delay(source: Source, a: int) -> tuple[float, int]:
+    """Time in s by which a control acts later, as far back as its history goes, and what acts between two controls."""
+    samples, between = (int(x) for x in source.m.actuator_history[a])
+    return min(float(source.m.actuator_delay[a]), samples * float(source.m.opt.timestep)), between
+
+
+def is_whole(time: float, step: float) -> bool:
+    """Whether a time is a whole number of steps, but for rounding."""
+    return abs(time / step - round(time / step)) < 1e-9 * (1 + time / step)
+
+
+def actuator(source: Source, i: int) -> Description:
+    """An actuator of those that are described."""
+    m = source.m
+    ctrl, on_site = int(m.actuator_ctrladr[i]), int(m.actuator_trntype[i]) == TRN_SITE
+    group = int(m.actuator_group[i])
+    idle = source.off("actuation") or (0 <= group < 31 and bool(int(m.opt.disableactuator) >> group & 1))
+    found = affine_force(source, i)
+    assert found is not None
+    gain, bias = found
+    clamps = bool(m.actuator_ctrllimited[ctrl]) and not source.off("clampctrl")
+    late, between = delay(source, i)
+    return {
+        "name": source.name("ACTUATOR", i),
+        "transmission": _transmission(source, i),
+        "gear": 1.0 if on_site else source.gear(i),
+        "delay": late,
+        "delay_holds": between == OLDER,
+        "ctrl_range": m.actuator_ctrlrange[ctrl].tolist() if clamps else None,
+        "force_range": m.actuator_forcerange[i].tolist() if m.actuator_forcelimited[i] else None,
+        "act_range": m.actuator_actrange[i].tolist() if m.actuator_actlimited[i] else None,
+        "activation": activation(source, i),
+        "gain": [0.0, 0.0, 0.0] if idle else gain,
+        "bias": [0.0, 0.0, 0.0] if idle else bias,
+    }
+
+
+def _transmission(source: Source, i: int) -> Description:
+    m, kind = source.m, int(source.m.actuator_trntype[i])
+    target, reference = m.actuator_trnid[i].tolist()
+    if kind == TRN_SITE:
+        wrench = m.actuator_gear[m.actuator_outadr[i]].tolist()
+        return {"Site": {"site": target, "reference": reference if reference >= 0 else None, "wrench": wrench}}
+    return {"Tendon": source.tendons[target]} if kind == TRN_TENDON else {"Joint": target}
+
+
+def activation(source: Source, i: int) -> str | Description:
+    """Dynamics of the activation."""
+    kind, tau = int(source.m.actuator_dyntype[i]), float(source.m.actuator_dynprm[i, 0])
+    if kind == DYN_FILTER:
+        return {"Filter": tau}
+    if kind == DYN_FILTER_EXACT:
+        return {"FilterExact": tau}
+    return "Integrator" if kind == DYN_INTEGRATOR else "None"

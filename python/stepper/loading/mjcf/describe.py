@@ -1,0 +1,285 @@
+"""A compiled `mujoco.MjModel` as a plain description: the fields of the Rust crate's `Description` (crates/core/src/model/mod.rs).
+
+One function for each kind of element. What cannot be described is listed by `stepper.loading.mjcf.omissions`, where a table says of every
+field of MjModel whether it is used, has no effect on the motion, or is left out.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import numpy as np
+
+from stepper.loading.mjcf.actuators import activation, actuator
+from stepper.loading.mjcf.omissions import list_omissions
+from stepper.loading.mjcf.requested import requested
+from stepper.loading.mjcf.sensors import sensors, sites
+from stepper.loading.mjcf.source import (
+    BOX,
+    CAPSULE,
+    CONNECT,
+    CYLINDER,
+    ELLIPSOID,
+    HFIELD,
+    JOINT,
+    OBJ_BODY,
+    PLANE,
+    SPHERE,
+    TENDON,
+    WELD,
+    Description,
+    Source,
+)
+
+
+def describe(m: Any) -> Description:
+    """The description of a compiled model.
+
+    Args:
+        m: A `mujoco.MjModel`.
+
+    Returns:
+        What `Model.from_description` takes; numbers of meshes and height fields are arrays, some of them the compiled model's own. Its
+        "omitted" lists what the model has and the description does not.
+    """
+    source = Source(m)
+    list_omissions(source)
+    none = source.off("gravity")
+    return {
+        "name": m.names.split(b"\0", 1)[0].decode(),
+        "timestep": float(m.opt.timestep),
+        "gravity": [0.0, 0.0, 0.0] if none else m.opt.gravity.tolist(),
+        "magnetic": m.opt.magnetic.tolist(),
+        "medium": _medium(source),
+        "explicit_damping": source.off("eulerdamp"),
+        "bodies": [_body(source, i) for i in range(m.nbody)],
+        "joints": [_joint(source, i) for i in range(m.njnt)],
+        "geoms": [_geom(source, i) for i in range(m.ngeom)],
+        "meshes": [_mesh(source, i) for i in source.solid_assets["MESH"]],
+        "height_fields": [_height_field(source, i) for i in source.solid_assets["HFIELD"]],
+        "pairs": [] if source.off("contact") else [_pair(source, i) for i in range(m.npair)],
+        "excludes": [[int(s) >> 16, int(s) & 0xFFFF] for s in m.exclude_signature],
+        "tendons": [_tendon(source, i) for i in source.tendons],
+        "equalities": [_equality(source, i) for i in source.equalities],
+        "actuators": [actuator(source, i) for i in source.actuators],
+        "sites": sites(source),
+        "sensors": list(sensors(source)),
+        "keyframes": [_keyframe(source, i) for i in range(m.nkey)],
+        "qpos0": m.qpos0.tolist(),
+        "qpos_spring": m.qpos_spring.tolist(),
+        "omitted": source.omitted,
+        "requested": requested(source),
+    }
+
+
+def _body(source: Source, i: int) -> Description:
+    m = source.m
+    return {
+        "name": source.name("BODY", i),
+        "parent": int(m.body_parentid[i]),
+        "pos": m.body_pos[i].tolist(),
+        "quat": m.body_quat[i].tolist(),
+        "mass": float(m.body_mass[i]),
+        "ipos": m.body_ipos[i].tolist(),
+        "iquat": m.body_iquat[i].tolist(),
+        "inertia": m.body_inertia[i].tolist(),
+        "mocap": bool(m.body_mocapid[i] >= 0),
+        "gravcomp": 0.0 if source.still else float(m.body_gravcomp[i]),
+    }
+
+
+def _medium(source: Source) -> Description:
+    opt = source.m.opt
+    if source.still:
+        return {"density": 0.0, "viscosity": 0.0, "wind": [0.0, 0.0, 0.0]}
+    return {"density": float(opt.density), "viscosity": float(opt.viscosity), "wind": opt.wind.tolist()}
+
+
+def _joint(source: Source, i: int) -> Description:
+    m = source.m
+    dof = source.dofs(i).start
+    # Rotor inertia and damping of actuators act through their gear (MuJoCo adds gear^2 times both to the joint's).
+    # Of a gear whose square is none, the model says so itself.
+    gears = [(a, min(source.gear(a) * source.gear(a), sys.float_info.max)) for a in source.joint_actuators[i]]
+    damping = float(m.dof_damping[dof]) + sum(g * float(m.actuator_damping[a]) for a, g in gears)
+    return {
+        "name": source.name("JOINT", i),
+        "body": int(m.jnt_bodyid[i]),
+        "kind": ("Free", "Ball", "Slide", "Hinge")[int(m.jnt_type[i])],
+        "pos": m.jnt_pos[i].tolist(),
+        "axis": m.jnt_axis[i].tolist(),
+        "stiffness": 0.0 if source.off("spring") else float(m.jnt_stiffness[i]),
+        "damping": 0.0 if source.off("damper") else damping,
+        "armature": float(m.dof_armature[dof]) + sum(g * float(m.actuator_armature[a]) for a, g in gears),
+        "frictionloss": 0.0 if source.off("frictionloss") else float(m.dof_frictionloss[dof]),
+        "range": _joint_range(source, i),
+        "actuator_force_range": m.jnt_actfrcrange[i].tolist() if m.jnt_actfrclimited[i] else None,
+    }
+
+
+def _joint_range(source: Source, i: int) -> list[float] | None:
+    """Range within which a joint moves freely: MuJoCo's limits push from `margin` before the end on."""
+    m = source.m
+    if not m.jnt_limited[i] or source.off("limit"):
+        return None
+    low, high = m.jnt_range[i].tolist()
+    margin = float(m.jnt_margin[i]) if source.moves_one(i) else 0.0
+    return [low + margin, high - margin]
+
+
+def _geom(source: Source, i: int) -> Description:
+    m = source.m
+    collides = not source.off("contact")
+    return {
+        "name": source.name("GEOM", i),
+        "body": int(m.geom_bodyid[i]),
+        "shape": _shape(source, i),
+        "pos": m.geom_pos[i].tolist(),
+        "quat": m.geom_quat[i].tolist(),
+        "contype": int(m.geom_contype[i]) & 0xFFFFFFFF if collides else 0,
+        "conaffinity": int(m.geom_conaffinity[i]) & 0xFFFFFFFF if collides else 0,
+        "condim": int(m.geom_condim[i]),
+        "priority": int(m.geom_priority[i]),
+        "friction": m.geom_friction[i].tolist(),
+        "restitution": 0.0,  # MJCF has none: its contacts are springs and dampers
+        "margin": float(m.geom_margin[i]),
+        "gap": float(m.geom_gap[i]),
+        "surface_velocity": m.geom_surfacevel[i].tolist(),
+        "fluid": _ellipsoid(source, i),
+    }
+
+
+def _ellipsoid(source: Source, i: int) -> Description | None:
+    """How the medium acts on a geom that asks for the model of ellipsoids (the order of mjNFLUID, engine_passive.c)."""
+    x, kind, (a, b, c) = source.m.geom_fluid[i].tolist(), int(source.m.geom_type[i]), source.m.geom_size[i].tolist()
+    if x[0] <= 0:
+        return None
+    axes = {SPHERE: [a, a, a], CAPSULE: [a, a, b + a], CYLINDER: [a, a, b]}.get(kind, [a, b, c])
+    names = ("share", "blunt_drag", "slender_drag", "angular_drag", "kutta_lift", "magnus_lift")
+    return {**dict(zip(names, x, strict=False)), "virtual_mass": x[6:9], "virtual_inertia": x[9:12], "axes": axes}
+
+
+def _shape(source: Source, i: int) -> str | Description:
+    m = source.m
+    x, y, z = m.geom_size[i].tolist()
+    kind, asset = int(m.geom_type[i]), int(m.geom_dataid[i])
+    simple: dict[int, str | Description] = {
+        PLANE: "Plane",
+        SPHERE: {"Sphere": {"radius": x}},
+        CAPSULE: {"Capsule": {"radius": x, "half_length": y}},
+        CYLINDER: {"Cylinder": {"radius": x, "half_length": y}},
+        ELLIPSOID: {"Ellipsoid": {"radii": [x, y, z]}},
+        BOX: {"Box": {"half": [x, y, z]}},
+    }
+    if kind in simple:
+        return simple[kind]
+    if kind == HFIELD:
+        return {"HeightField": {"asset": source.label("HFIELD", asset)}}
+    return {"Mesh": {"asset": source.label("MESH", asset), "concave": False}}
+
+
+def _mesh(source: Source, i: int) -> Description:
+    m = source.m
+    vertices = slice(int(m.mesh_vertadr[i]), int(m.mesh_vertadr[i] + m.mesh_vertnum[i]))
+    faces = slice(int(m.mesh_faceadr[i]), int(m.mesh_faceadr[i] + m.mesh_facenum[i]))
+    return {
+        "name": source.label("MESH", i),
+        "vertices": m.mesh_vert[vertices],
+        "faces": m.mesh_face[faces],
+    }
+
+
+def _height_field(source: Source, i: int) -> Description:
+    m = source.m
+    rows, columns = int(m.hfield_nrow[i]), int(m.hfield_ncol[i])
+    x, y, top, base = m.hfield_size[i].tolist()
+    start = int(m.hfield_adr[i])
+    # MuJoCo keeps heights as shares of the elevation, in single precision.
+    heights = m.hfield_data[start : start + rows * columns].astype(float) * top
+    return {
+        "name": source.label("HFIELD", i),
+        "shape": [rows, columns],
+        "half": [x, y],
+        "elevation": heights,
+        "base": base,
+    }
+
+
+def _pair(source: Source, i: int) -> Description:
+    m = source.m
+    return {
+        "name": source.name("PAIR", i),
+        "geoms": [int(m.pair_geom1[i]), int(m.pair_geom2[i])],
+        "condim": int(m.pair_dim[i]),
+        "friction": m.pair_friction[i, [0, 2, 3]].tolist(),
+        "restitution": 0.0,
+        "margin": float(m.pair_margin[i]),
+        "gap": float(m.pair_gap[i]),
+    }
+
+
+def _tendon(source: Source, i: int) -> Description:
+    m = source.m
+    path = range(int(m.tendon_adr[i]), int(m.tendon_adr[i] + m.tendon_num[i]))
+    limited = bool(m.tendon_limited[i]) and not source.off("limit")
+    low, high = m.tendon_range[i].tolist()
+    margin = float(m.tendon_margin[i])
+    return {
+        "name": source.name("TENDON", i),
+        "joints": [[int(m.wrap_objid[k]), float(m.wrap_prm[k])] for k in path],
+        "range": [low + margin, high - margin] if limited else None,
+        "stiffness": 0.0 if source.off("spring") else float(m.tendon_stiffness[i]),
+        "spring_length": m.tendon_lengthspring[i].tolist(),
+        "damping": 0.0 if source.off("damper") else float(m.tendon_damping[i]),
+        "armature": float(m.tendon_armature[i]),
+        "frictionloss": 0.0 if source.off("frictionloss") else float(m.tendon_frictionloss[i]),
+    }
+
+
+def _equality(source: Source, i: int) -> Description:
+    m, kind = source.m, int(source.m.eq_type[i])
+    data, objects = m.eq_data[i].tolist(), [int(m.eq_obj1id[i]), int(m.eq_obj2id[i])]
+    if kind in (CONNECT, WELD):
+        shape = _points(source, i, data, objects)
+    else:
+        first, other = "joint" if kind == JOINT else "tendon", objects[1]
+        if kind == TENDON:
+            objects = [source.tendons[t] if t >= 0 else t for t in objects]
+        shape = {first: objects[0], "other": objects[1] if other >= 0 else None, "polycoef": data[:5]}
+    return {
+        "name": source.name("EQUALITY", i),
+        "kind": {("Connect", "Weld", "Joint", "Tendon")[kind]: shape},
+        "active": bool(m.eq_active0[i]),
+        "stiffness": np.inf,  # MJCF's are springs and dampers; here they are hard
+        "damping": 0.0,
+    }
+
+
+def _points(source: Source, i: int, data: list[float], objects: list[int]) -> Description:
+    """Bodies and anchors of a connect or weld; a site is a point and an orientation of its body."""
+    m, weld = source.m, int(source.m.eq_type[i]) == WELD
+    anchors, relpose = ([data[3:6], data[0:3]] if weld else [data[0:3], data[3:6]]), np.array(data[6:10])
+    if int(m.eq_objtype[i]) != OBJ_BODY:
+        anchors, back = [m.site_pos[s].tolist() for s in objects], np.zeros(4)
+        # First body times first site is second body times second site.
+        source.mujoco.mju_negQuat(back, m.site_quat[objects[1]])
+        source.mujoco.mju_mulQuat(relpose, m.site_quat[objects[0]], back)
+        objects = [int(m.site_bodyid[s]) for s in objects]
+    shape: Description = {"bodies": objects, "anchors": anchors}
+    return shape | {"relpose": relpose.tolist(), "torquescale": data[10]} if weld else shape
+
+
+def _keyframe(source: Source, i: int) -> Description:
+    m = source.m
+    qpos = np.array(m.key_qpos[i])
+    source.mujoco.mj_normalizeQuat(m, qpos)
+    active = [a for a in source.actuators if activation(source, a) != "None"]
+    return {
+        "name": source.name("KEY", i),
+        "time": float(m.key_time[i]),
+        "qpos": qpos.tolist(),
+        "qvel": m.key_qvel[i].tolist(),
+        "act": [float(m.key_act[i, m.actuator_actadr[a]]) for a in active],
+        "ctrl": [float(m.key_ctrl[i, m.actuator_ctrladr[a]]) for a in source.actuators],
+    }

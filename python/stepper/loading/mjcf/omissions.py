@@ -1,0 +1,221 @@
+"""What a compiled `mujoco.MjModel` has and the description of it does not.
+
+`FIELDS` decides for every field of MjModel 4; a test holds it against the installed version. Elements that would change the motion are
+errors unless `stepper.load(..., strict=False)`; what the description has but the step does not simulate yet is listed by the Rust crate.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stepper.loading.mjcf.actuators import CUBIC, activation, delay, is_whole, why_dropped
+from stepper.loading.mjcf.source import Source
+
+FIELDS = {
+    "used": """
+        names opt qpos0 qpos_spring exclude_signature wrap_type wrap_objid wrap_prm
+        body_parentid body_pos body_quat body_mass body_ipos body_iquat body_inertia body_mocapid body_gravcomp
+        jnt_type jnt_dofadr jnt_bodyid jnt_limited jnt_range jnt_margin jnt_pos jnt_axis jnt_stiffness jnt_actfrclimited jnt_actfrcrange
+        dof_damping dof_armature dof_frictionloss
+        geom_type geom_contype geom_conaffinity geom_condim geom_bodyid geom_dataid geom_priority geom_size geom_pos geom_quat
+        geom_friction geom_margin geom_gap geom_surfacevel geom_fluid
+        pair_dim pair_geom1 pair_geom2 pair_margin pair_gap pair_friction
+        eq_type eq_obj1id eq_obj2id eq_objtype eq_active0 eq_data site_bodyid site_pos site_quat
+        tendon_adr tendon_num tendon_limited tendon_range tendon_margin tendon_stiffness tendon_lengthspring tendon_damping tendon_armature
+        tendon_frictionloss
+        actuator_trntype actuator_dyntype actuator_gaintype actuator_biastype actuator_ctrladr actuator_ctrlnum actuator_outadr
+        actuator_actadr actuator_trnid actuator_dynprm actuator_gainprm actuator_biasprm actuator_actlimited actuator_actrange
+        actuator_damping actuator_armature actuator_group actuator_forcelimited actuator_forcerange actuator_ctrllimited
+        actuator_ctrlrange actuator_gear actuator_delay actuator_history actuator_ctrlspec actuator_actnum
+        mesh_vertadr mesh_vertnum mesh_vert mesh_faceadr mesh_facenum mesh_face hfield_size hfield_nrow hfield_ncol hfield_adr hfield_data
+        sensor_type sensor_objtype sensor_objid sensor_reftype sensor_refid sensor_intprm sensor_noise sensor_cutoff sensor_delay
+        sensor_interval sensor_history site_bodyid site_pos site_quat site_type site_size geom_rgba geom_matid mat_rgba
+        geom_solref geom_solimp pair_solref pair_solimp jnt_solref jnt_solimp dof_solref dof_solimp eq_solref eq_solimp
+        tendon_solref_lim tendon_solimp_lim tendon_solref_fri tendon_solimp_fri
+        key_time key_qpos key_qvel key_act key_ctrl
+        """,
+    "left out, listed": """
+        jnt_actgravcomp jnt_stiffnesspoly jnt_springyield dof_dampingpoly geom_adhesion pair_adhesion
+        tendon_actfrclimited tendon_actfrcrange tendon_stiffnesspoly tendon_dampingpoly tendon_springyield
+        actuator_actearly actuator_dampingpoly actuator_plugin actuator_cranklength
+        flex_* flexedge_* plugin* body_plugin geom_plugin sensor_plugin
+        key_mpos key_mquat flex_solref flex_solimp *_solmix pair_solreffriction
+        """,
+    # Counts, addresses, names, derived constants, drawing, bounding volumes, and what belongs to MuJoCo's own solver.
+    "no effect on the motion": """
+        n[a-zA-Z]* flg_* vis stat signature paths
+        body_rootid body_weldid body_jntnum body_jntadr body_dofnum body_dofadr body_treeid body_geomnum body_geomadr body_simple
+        body_sameframe body_subtreemass body_invweight0 body_margin body_contype body_conaffinity body_bvhadr body_bvhnum
+        bvh_* oct_* tree_* *_user *_group *_matid *_rgba
+        jnt_qposadr jnt_actuatorid jnt_plasticadr dof_bodyid dof_jntid dof_parentid dof_treeid dof_Madr dof_simplenum dof_invweight0
+        dof_M0 dof_length geom_sameframe geom_castshadow geom_aabb site_* cam_* light_* mesh_* skin_* hfield_* tex_* mat_*
+        geom_rbound pair_signature efm0_* efmC_perm
+        tendon_type tendon_actuatorid tendon_plasticadr tendon_treenum tendon_treeid tendon_width tendon_length0 tendon_invweight0 ten_J_*
+        actuator_outnum actuator_historyadr actuator_acc0 actuator_length0 actuator_lengthrange
+        sensor_datatype sensor_needstage sensor_dim sensor_adr
+        sensor_historyadr key_plastic
+        numeric_* text_* tuple_* name_* B_* M_* D_* mapM2M mapM2D mapD2M
+        """,
+}
+
+
+FLAGS = {
+    "disable": {
+        "warmstart": (9, "the solver begins with the impulses of the last step, whatever the flag says", False),
+        "filterparent": (10, "parent and child never collide here, whatever the flag says", True),
+        "refsafe": (12, "it is about soft contact, and contacts are hard", False),
+        "midphase": (14, "it is about MuJoCo's search for contacts, and changes none of them", False),
+        "eulerdamp": (15, "the integrator euler takes the joints' damping explicitly, as the flag says; the others, implicitly", False),
+        "autoreset": (16, "a step whose result is not finite is refused, and a flag of status says so", False),
+        "nativeccd": (17, "it chooses among MuJoCo's ways to find contacts; stepper has its own", False),
+        "island": (18, "it is about MuJoCo's solver", False),
+        "multiccd": (19, "it chooses among MuJoCo's ways to find contacts; stepper finds all points of a patch", False),
+    },
+    "enable": {
+        "override": (0, "the override of contact parameters is not read; geoms keep their own", True),
+        "energy": (1, "Stepper.energy() says it whenever it is asked", False),
+        "fwdinv": (2, "it is about MuJoCo's solver; status and residual say how well a step was solved", False),
+        "invdiscrete": (3, "there are no inverse dynamics that it could change", False),
+        "sleep": (4, "bodies at rest are simulated like all others", False),
+        "diagexact": (5, "it is about soft contact, and contacts are hard", False),
+        "ipc": (6, "it is about deformable bodies, which are not simulated", False),
+        "speculative": (7, "contacts that may close within a step are always found before they do", False),
+    },
+}
+"""Flags of MuJoCo that are listed when they are set: bit, what is done instead, whether that changes the motion.
+
+`stepper.loading.mjcf.source.DISABLE` has those that are honoured; a test holds both against the installed version.
+"""
+
+
+def list_omissions(source: Source) -> None:
+    """Fills `source.omitted`."""
+    _scene(source)
+    _joints(source)
+    _contacts(source)
+    _equalities(source)
+    _tendons(source)
+    _actuators(source)
+    _keyframes(source)
+
+
+def _scene(source: Source) -> None:
+    m = source.m
+    for kind, flags in (("disable", int(m.opt.disableflags)), ("enable", int(m.opt.enableflags))):
+        for name, (bit, reason, changes_motion) in FLAGS[kind].items():
+            if flags >> bit & 1 and _matters(source, name):
+                source.leave_out(f"flag {name}", f"{kind}d", reason, changes_motion=changes_motion)
+    for i in range(m.nflex):
+        source.leave_out("flex", source.label("FLEX", i), "deformable bodies are not simulated; its vertices move as bodies without shape")
+    for i in range(m.nplugin):
+        source.leave_out("plugin", source.label("PLUGIN", i), "plugins are MuJoCo's; its forces, shapes and readings are missing")
+
+
+def _matters(source: Source, flag: str) -> bool:
+    """Whether a scene has what a flag is about, where that is easily told."""
+    if flag == "eulerdamp":
+        return bool(np.any(source.m.dof_damping)) and not source.off("damper")
+    return flag not in ("filterparent", "override") or source.collides
+
+
+def _joints(source: Source) -> None:
+    m = source.m
+    for i in range(m.njnt):
+        name, dofs = source.label("JOINT", i), source.dofs(i)
+        if np.any(m.jnt_stiffnesspoly[i]) and not source.off("spring"):
+            source.leave_out("joint spring polynomial", name, "stiffness that grows with deflection is not simulated; the linear part is")
+        if m.jnt_actgravcomp[i] and m.jnt_actfrclimited[i] and np.any(m.body_gravcomp) and not source.still:
+            reason = "gravity compensation is not counted among the actuators' forces that its bounds hold for"
+            source.leave_out("joint gravity compensation", name, reason)
+        if m.jnt_springyield[i] and m.jnt_stiffness[i] and not source.off("spring"):
+            source.leave_out("joint spring yield", name, "springs do not yield; it stays elastic")
+        if np.any(m.dof_dampingpoly[dofs]) and not source.off("damper"):
+            source.leave_out("joint damping polynomial", name, "damping that grows with speed is not simulated; the linear part is")
+        for field in ("damping", "armature", "frictionloss"):
+            values = getattr(m, f"dof_{field}")[dofs]
+            if np.any(values != values[0]):
+                source.leave_out(f"joint {field}", name, f"{values.tolist()} differ between its degrees of freedom; all get {values[0]:g}")
+        if m.jnt_limited[i] and m.jnt_margin[i] and source.moves_one(i) and not source.off("limit"):
+            reason = f"its range is narrowed by the margin {m.jnt_margin[i]:g}, where MuJoCo's limit comes to rest"
+            source.leave_out("joint margin", name, reason, changes_motion=False)
+
+
+def _contacts(source: Source) -> None:
+    m = source.m
+    if not source.collides:
+        return
+    for g in np.flatnonzero(m.geom_type == 8):
+        source.leave_out("signed distance field", source.label("GEOM", int(g)), "it collides as the convex hull of its mesh")
+    for g in np.flatnonzero(m.geom_adhesion):
+        source.leave_out("adhesion", source.label("GEOM", int(g)), "contacts do not pull")
+    for i in range(m.npair):
+        friction, name = m.pair_friction[i], source.label("PAIR", i)
+        if m.pair_adhesion[i]:
+            source.leave_out("adhesion", name, "contacts do not pull")
+        if (m.pair_dim[i] > 1 and friction[0] != friction[1]) or (m.pair_dim[i] == 6 and friction[3] != friction[4]):
+            reason = f"friction {friction.tolist()} depends on the direction; the first of each two is used"
+            source.leave_out("anisotropic friction", name, reason)
+
+
+def _equalities(source: Source) -> None:
+    m = source.m
+    if source.off("equality"):
+        return
+    for i in range(m.neq):
+        if why := source.why_free(i):
+            kind = str(source.mujoco.mjtEq(int(m.eq_type[i])).name).removeprefix("mjEQ_").lower()
+            source.leave_out(f"equality {kind}", source.label("EQUALITY", i), why, changes_motion=bool(m.eq_active0[i]))
+
+
+def _tendons(source: Source) -> None:
+    m = source.m
+    for i in range(m.ntendon):
+        fixed = source.is_fixed(i)
+        has = {
+            "stiffness": (bool(m.tendon_stiffness[i]) and not fixed and not source.off("spring")),
+            "stiffness that grows with deflection": bool(np.any(m.tendon_stiffnesspoly[i])) and not source.off("spring"),
+            "damping": (bool(m.tendon_damping[i]) and not fixed and not source.off("damper")),
+            "damping that grows with speed": bool(np.any(m.tendon_dampingpoly[i])) and not source.off("damper"),
+            "limits": bool(m.tendon_limited[i]) and not fixed and not source.off("limit"),
+            "dry friction": bool(m.tendon_frictionloss[i]) and not fixed and not source.off("frictionloss"),
+            "armature": bool(m.tendon_armature[i]) and not fixed,
+            "yield": bool(m.tendon_springyield[i]) and bool(m.tendon_stiffness[i]) and not source.off("spring"),
+            "bounds of the actuators' force": bool(m.tendon_actfrclimited[i]) and fixed,
+        }
+        missing = [what for what, there in has.items() if there]
+        if missing:
+            kind = "fixed" if fixed else "spatial"
+            source.leave_out(f"{kind} tendon", source.label("TENDON", i), f"not simulated: its {', '.join(missing)}")
+        if fixed and m.tendon_limited[i] and m.tendon_margin[i] and not source.off("limit"):
+            reason = f"its range is narrowed by the margin {m.tendon_margin[i]:g}, where MuJoCo's limit comes to rest"
+            source.leave_out("tendon margin", source.label("TENDON", i), reason, changes_motion=False)
+
+
+def _actuators(source: Source) -> None:
+    m = source.m
+    for a in range(m.nactuator):
+        name, dropped = source.label("ACTUATOR", a), why_dropped(source, a)
+        if dropped:
+            left_out = f"the actuator is left out with its controls, so nu is smaller by {m.actuator_ctrlnum[a]}"
+            source.leave_out("actuator", name, f"{', '.join(dropped)} not simulated; {left_out}")
+            continue
+        if m.actuator_actearly[a] and activation(source, a) != "None":
+            source.leave_out("actuator early activation", name, "its force lags its activation by one step")
+        late, between = delay(source, a)
+        if between == CUBIC and not is_whole(late, m.opt.timestep):
+            reason = f"between controls {late:g} s ago it takes the line, not the cubic polynomial"
+            source.leave_out("actuator delay", name, reason)
+        if np.any(m.actuator_dampingpoly[a]):
+            source.leave_out("actuator damping polynomial", name, "damping that grows with speed is not simulated; the linear part is")
+        if a not in source.joint_actuators.get(int(m.actuator_trnid[a, 0]), []) and (m.actuator_damping[a] or m.actuator_armature[a]):
+            source.leave_out("actuator damping and armature", name, "they act through a tendon or site, which is not simulated")
+
+
+def _keyframes(source: Source) -> None:
+    m = source.m
+    posed = np.flatnonzero(m.body_mocapid >= 0)
+    for i in range(m.nkey):
+        pos, quat = m.body_pos[posed].ravel(), m.body_quat[posed].ravel()
+        if np.any(m.key_mpos[i] != pos) or np.any(m.key_mquat[i] != quat):
+            reason = "its poses of mocap bodies are not kept; set Stepper.mocap_pos and mocap_quat"
+            source.leave_out("keyframe mocap pose", source.label("KEY", i), reason, changes_motion=False)

@@ -1,0 +1,69 @@
+"""What a compiled `mujoco.MjModel` asks of a simulator that stepper does in its own way: method and softness."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from stepper.loading.mjcf.source import Source
+
+# What MuJoCo takes where a source says nothing; a test holds both against the installed version.
+SOLREF = (0.02, 1.0)
+SOLIMP = (0.9, 0.95, 0.001, 0.5, 2.0)
+
+_SHOWN = 4
+"""Names of a kind that are shown."""
+
+
+def requested(source: Source) -> dict[str, Any]:
+    """The fields of the Rust crate's `Requested`."""
+    m, opt = source.m, source.m.opt
+    limited = (np.any(m.jnt_limited) or np.any(m.tendon_limited)) and not source.off("limit")
+    lossy = (np.any(m.dof_frictionloss) or np.any(m.tendon_frictionloss)) and not source.off("frictionloss")
+    tied = np.any(m.eq_active0) and not source.off("equality")
+    return {
+        "integrator": _word(source, "mjtIntegrator", opt.integrator),
+        "solver": _word(source, "mjtSolver", opt.solver),
+        "iterations": int(opt.iterations),
+        "cone": _word(source, "mjtCone", opt.cone).lower() if source.collides else None,
+        "constrained": bool(source.collides or limited or lossy or tied),
+        "soft": list(_soft(source)),
+    }
+
+
+def _word(source: Source, enum: str, value: int) -> str:
+    """MJCF's own word for a choice."""
+    name = str(getattr(source.mujoco, enum)(int(value)).name).split("_", 1)[1]
+    return {"EULER": "Euler", "NEWTON": "Newton"}.get(name, name if len(name) < 4 else name.lower())
+
+
+def _soft(source: Source) -> list[str]:
+    """What has a softness other than MuJoCo's default, of what can push at all."""
+    m = source.m
+    solid = ((m.geom_contype != 0) | (m.geom_conaffinity != 0)) & source.collides
+    lossy = np.array([bool(np.any(m.dof_frictionloss[source.dofs(j)])) for j in range(m.njnt)], bool)
+    friction = lossy & np.array([_differs(m.dof_solref[source.dofs(j)], m.dof_solimp[source.dofs(j)]).any() for j in range(m.njnt)], bool)
+    limits, losses = not source.off("limit"), not source.off("frictionloss")
+    kinds = {
+        ("GEOM", "geoms"): solid & _differs(m.geom_solref, m.geom_solimp),
+        ("PAIR", "contact pairs"): _differs(m.pair_solref, m.pair_solimp) & (not source.off("contact")),
+        ("JOINT", "limits of joints"): (m.jnt_limited != 0) & _differs(m.jnt_solref, m.jnt_solimp) & limits,
+        ("JOINT", "joints with dry friction"): friction & losses,
+        ("EQUALITY", "equalities"): (m.eq_active0 != 0) & _differs(m.eq_solref, m.eq_solimp) & (not source.off("equality")),
+        ("TENDON", "limits of tendons"): (m.tendon_limited != 0) & _differs(m.tendon_solref_lim, m.tendon_solimp_lim) & limits,
+        ("TENDON", "tendons with dry friction"): (m.tendon_frictionloss != 0) & _differs(m.tendon_solref_fri, m.tendon_solimp_fri) & losses,
+    }
+    found = []
+    for (kind, word), chosen in kinds.items():
+        names = [source.label(kind, int(i)) for i in np.flatnonzero(chosen)]
+        if names:
+            more = ", ..." if len(names) > _SHOWN else ""
+            found.append(f"{len(names)} {word} ({', '.join(names[:_SHOWN])}{more})")
+    return found
+
+
+def _differs(solref: np.ndarray[Any, Any], solimp: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Which rows are not MuJoCo's default."""
+    differs: np.ndarray[Any, Any] = np.any(solref != SOLREF, axis=1) | np.any(solimp != SOLIMP, axis=1)
+    return differs

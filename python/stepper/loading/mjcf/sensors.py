@@ -1,0 +1,282 @@
+"""Sites and sensors of a compiled `mujoco.MjModel`, as the Rust crate describes them (crates/core/src/model/sensor.rs).
+
+`docs/sensors.md` says of every sensor type of MuJoCo whether it is simulated and how its readings differ; a test holds it and the tables
+here against the installed version.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from stepper.loading.mjcf.actuators import CUBIC, OLDER, is_whole
+from stepper.loading.mjcf.source import BOX, CAPSULE, CYLINDER, ELLIPSOID, PLANE, SPHERE, Description, Source
+
+JOINTS = {
+    "jointpos": "JointPos",
+    "jointvel": "JointVel",
+    "jointactfrc": "JointActuatorForce",
+    "jointlimitpos": "JointLimitPos",
+    "jointlimitvel": "JointLimitVel",
+    "jointlimitfrc": "JointLimitForce",
+    "ballquat": "BallQuat",
+    "ballangvel": "BallAngVel",
+}
+TENDONS = {
+    "tendonpos": "TendonPos",
+    "tendonvel": "TendonVel",
+    "tendonactfrc": "TendonActuatorForce",
+    "tendonlimitpos": "TendonLimitPos",
+    "tendonlimitvel": "TendonLimitVel",
+    "tendonlimitfrc": "TendonLimitForce",
+}
+ACTUATORS = {"actuatorpos": "ActuatorPos", "actuatorvel": "ActuatorVel", "actuatorfrc": "ActuatorForce"}
+SITES = {
+    "magnetometer": "Magnetometer",
+    "velocimeter": "Velocimeter",
+    "gyro": "Gyro",
+    "accelerometer": "Accelerometer",
+    "force": "Force",
+    "torque": "Torque",
+    "touch": "Touch",
+}
+FRAMES = {
+    "framepos": "Pos",
+    "framequat": "Quat",
+    "framexaxis": "XAxis",
+    "frameyaxis": "YAxis",
+    "framezaxis": "ZAxis",
+    "framelinvel": "LinVel",
+    "frameangvel": "AngVel",
+    "framelinacc": "LinAcc",
+    "frameangacc": "AngAcc",
+}
+SUBTREES = {"subtreecom": "SubtreeCom", "subtreelinvel": "SubtreeLinVel", "subtreeangmom": "SubtreeAngMom"}
+PROXIMITIES = {"geomdist": "Distance", "geomnormal": "Normal", "geomfromto": "FromTo"}
+SCENE = {"e_potential": "PotentialEnergy", "e_kinetic": "KineticEnergy", "clock": "Clock"}
+RAY_FIELDS = ("Distance", "Direction", "Origin", "Point")
+CONTACT_FIELDS = ("Found", "Force", "Torque", "Distance", "Pos", "Normal", "Tangent")
+REDUCTIONS = ("None", "MinDistance", "MaxForce", "NetForce")
+
+MISSING = {
+    "camprojection": "cameras are not part of the model",
+    "tactile": "pressure over a mesh is not simulated",
+    "plugin": "plugins are MuJoCo's",
+    "user": "its callback is MuJoCo's",
+}
+"""Types that are not simulated, and why."""
+
+
+class _NotReadError(Exception):
+    """A sensor that cannot be described, with the reason."""
+
+
+def kind_of(source: Source, i: int) -> str:
+    """MuJoCo's word for the type of a sensor, e.g. "jointpos"."""
+    return str(source.mujoco.mjtSensor(int(source.m.sensor_type[i])).name).removeprefix("mjSENS_").lower()
+
+
+def sites(source: Source) -> list[Description]:
+    """All sites."""
+    m = source.m
+    return [
+        {
+            "name": source.name("SITE", i),
+            "body": int(m.site_bodyid[i]),
+            "pos": m.site_pos[i].tolist(),
+            "quat": m.site_quat[i].tolist(),
+            "shape": _volume(int(m.site_type[i]), m.site_size[i].tolist()),
+        }
+        for i in range(m.nsite)
+    ]
+
+
+def _volume(kind: int, size: list[float]) -> Description:
+    x, y, z = size
+    volumes: dict[int, Description] = {
+        SPHERE: {"Sphere": {"radius": x}},
+        CAPSULE: {"Capsule": {"radius": x, "half_length": y}},
+        ELLIPSOID: {"Ellipsoid": {"radii": [x, y, z]}},
+        CYLINDER: {"Cylinder": {"radius": x, "half_length": y}},
+        BOX: {"Box": {"half": [x, y, z]}},
+    }
+    return volumes[kind]
+
+
+def sensors(source: Source) -> Iterator[Description]:
+    """The sensors that are simulated; the others are noted as omissions."""
+    m = source.m
+    for i in range(m.nsensor):
+        word, name = kind_of(source, i), source.label("SENSOR", i)
+        if source.off("sensor"):
+            source.leave_out(f"sensor {word}", name, "sensors are disabled by the model's flags", changes_motion=False)
+            continue
+        try:
+            kind = _kind(source, i, word)
+        except _NotReadError as reason:
+            source.leave_out(f"sensor {word}", name, f"not read: {reason}; nsensordata is smaller", changes_motion=False)
+            continue
+        yield {
+            "name": source.name("SENSOR", i),
+            "kind": kind,
+            "noise": float(m.sensor_noise[i]),
+            "cutoff": float(m.sensor_cutoff[i]),
+            **_history(source, i, word, name),
+        }
+
+
+def _history(source: Source, i: int, word: str, name: str) -> Description:
+    """Delay and interval in s. Of a delay that is no whole number of steps, an interval of a step says that the older reading is taken."""
+    m, step = source.m, float(source.m.opt.timestep)
+    samples, between = (int(x) for x in m.sensor_history[i])
+    interval, phase = (float(x) for x in m.sensor_interval[i])
+    delay = min(float(m.sensor_delay[i]), samples * (interval or step))
+    if phase:
+        source.leave_out(f"sensor {word} phase", name, "its first sample is that of the reset", changes_motion=False)
+    if delay and interval and between != OLDER:
+        reason = "between samples it reads the older one, not what lies between them"
+        source.leave_out(f"sensor {word} interpolation", name, reason, changes_motion=False)
+    elif delay and between == CUBIC and not is_whole(delay, step):
+        reason = "between two readings it takes the line, not the cubic polynomial"
+        source.leave_out(f"sensor {word} interpolation", name, reason, changes_motion=False)
+    if delay and between == OLDER and not is_whole(delay, step):
+        interval = interval or step
+    return {"delay": delay, "interval": interval}
+
+
+def _kind(source: Source, i: int, word: str) -> str | Description:
+    target = int(source.m.sensor_objid[i])
+    if word in MISSING:
+        raise _NotReadError(MISSING[word])
+    if word.startswith("joint") and not source.moves_one(target):
+        raise _NotReadError("limits of ball joints have no sensor yet")
+    if word in ("force", "torque") and (loop := _loop(source, int(source.m.site_bodyid[target]))):
+        raise _NotReadError(f"what it carries is held by the equality {loop} too, whose share of the force is not simulated")
+    if word in SCENE:
+        return SCENE[word]
+    if word in (plain := JOINTS | SITES | SUBTREES):
+        return {plain[word]: target}
+    if word in TENDONS:
+        if target not in source.tendons:
+            raise _NotReadError(f"the spatial tendon {source.label('TENDON', target)} is not simulated")
+        return {TENDONS[word]: source.tendons[target]}
+    if word in ACTUATORS:
+        if target not in source.actuators:
+            raise _NotReadError(f"the actuator {source.label('ACTUATOR', target)} is left out")
+        return {ACTUATORS[word]: source.actuators.index(target)}
+    if word in FRAMES:
+        return _frame(source, i, FRAMES[word])
+    return {"insidesite": _inside, "rangefinder": _range, "contact": _contact}.get(word, _proximity)(source, i)
+
+
+def _loop(source: Source, body: int) -> str | None:
+    """An equality that joins what hangs from a body to something else."""
+    m = source.m
+    carried = np.zeros(m.nbody, bool)
+    carried[body] = True
+    for b in range(body + 1, m.nbody):
+        carried[b] = carried[m.body_parentid[b]]
+    points = {int(source.mujoco.mjtEq.mjEQ_CONNECT), int(source.mujoco.mjtEq.mjEQ_WELD)}
+    for i in source.equalities:
+        if int(m.eq_type[i]) in points and m.eq_active0[i]:
+            ends = np.array([m.eq_obj1id[i], m.eq_obj2id[i]])
+            first, second = carried[ends if m.eq_objtype[i] == source.mujoco.mjtObj.mjOBJ_BODY else m.site_bodyid[ends]]
+            if first != second:
+                return source.label("EQUALITY", i)
+    return None
+
+
+def _frame(source: Source, i: int, what: str) -> Description:
+    m, reference = source.m, None
+    if m.sensor_refid[i] >= 0 and what not in ("LinAcc", "AngAcc"):
+        reference = _object(source, int(m.sensor_reftype[i]), int(m.sensor_refid[i]))
+    return {"Frame": {"what": what, "object": _object(source, int(m.sensor_objtype[i]), int(m.sensor_objid[i])), "reference": reference}}
+
+
+def _inside(source: Source, i: int) -> Description:
+    m = source.m
+    found = _object(source, int(m.sensor_objtype[i]), int(m.sensor_objid[i]))
+    return {"InsideSite": {"object": found, "site": int(m.sensor_refid[i])}}
+
+
+def _object_types(source: Source) -> dict[int, str]:
+    objects = source.mujoco.mjtObj
+    return {
+        int(objects.mjOBJ_BODY): "Body",
+        int(objects.mjOBJ_XBODY): "XBody",
+        int(objects.mjOBJ_GEOM): "Geom",
+        int(objects.mjOBJ_SITE): "Site",
+    }
+
+
+def _object(source: Source, kind: int, index: int) -> Description:
+    types = _object_types(source)
+    if kind not in types:
+        raise _NotReadError("cameras are not part of the model")
+    return {types[kind]: index}
+
+
+def _geoms_of(source: Source, kind: int, index: int) -> list[int]:
+    if _object_types(source).get(kind) == "Geom":
+        return [index]
+    return [int(g) for g in np.flatnonzero(source.m.geom_bodyid == index)]
+
+
+def _proximity(source: Source, i: int) -> Description:
+    m, what = source.m, PROXIMITIES[kind_of(source, i)]
+    first = _geoms_of(source, int(m.sensor_objtype[i]), int(m.sensor_objid[i]))
+    second = _geoms_of(source, int(m.sensor_reftype[i]), int(m.sensor_refid[i]))
+    for a in first:
+        for b in second:
+            kinds = {int(m.geom_type[a]), int(m.geom_type[b])}
+            simple = kinds <= {PLANE, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX} and PLANE in kinds and len(kinds) > 1
+            if not (simple or kinds <= {SPHERE, CAPSULE}):
+                names = source.label("GEOM", a), source.label("GEOM", b)
+                raise _NotReadError(f"the distance between geoms {names[0]} and {names[1]} is not simulated yet")
+    return {"Proximity": {"what": what, "from": first, "to": second, "cutoff": float(m.sensor_cutoff[i])}}
+
+
+def _visible(source: Source, geom: int) -> bool:
+    m = source.m
+    material = int(m.geom_matid[geom])
+    return bool(m.geom_rgba[geom, 3]) or (material >= 0 and bool(m.mat_rgba[material, 3]))
+
+
+def _fields(names: tuple[str, ...], bits: int) -> list[str]:
+    if bits >> len(names):
+        raise _NotReadError(f"of its data only {', '.join(names)} are simulated")
+    return [name for k, name in enumerate(names) if bits >> k & 1]
+
+
+def _range(source: Source, i: int) -> Description:
+    m, site = source.m, int(source.m.sensor_objid[i])
+    if _object_types(source).get(int(m.sensor_objtype[i])) != "Site":
+        raise _NotReadError("cameras are not part of the model")
+    seen = [g for g in range(m.ngeom) if m.geom_bodyid[g] != m.site_bodyid[site] and _visible(source, g)]
+    other = [source.label("GEOM", g) for g in seen if int(m.geom_type[g]) not in (PLANE, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX)]
+    if other:
+        raise _NotReadError(f"rays do not meet meshes and height fields yet: {', '.join(other)}")
+    fields = _fields(RAY_FIELDS, int(m.sensor_intprm[i, 0]))
+    return {"RangeFinder": {"site": site, "rays": [[0.0, 0.0, 1.0]], "fields": fields, "geoms": seen}}
+
+
+def _side(source: Source, kind: int, index: int) -> str | Description:
+    types = {**_object_types(source), int(source.mujoco.mjtObj.mjOBJ_XBODY): "Subtree"}
+    if index < 0 or kind == int(source.mujoco.mjtObj.mjOBJ_UNKNOWN):
+        return "Any"
+    return {types[kind]: index}
+
+
+def _contact(source: Source, i: int) -> Description:
+    m = source.m
+    bits, reduction, slots = (int(x) for x in m.sensor_intprm[i, :3])
+    return {
+        "Contact": {
+            "first": _side(source, int(m.sensor_objtype[i]), int(m.sensor_objid[i])),
+            "second": _side(source, int(m.sensor_reftype[i]), int(m.sensor_refid[i])),
+            "fields": _fields(CONTACT_FIELDS, bits),
+            "reduction": REDUCTIONS[reduction],
+            "slots": slots,
+        }
+    }

@@ -1,0 +1,145 @@
+"""A compiled `mujoco.MjModel` while it is read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from stepper.loading.mjcf.actuators import TRN_JOINT, TRN_JOINT_IN_PARENT, why_dropped
+
+Description = dict[str, Any]
+
+# MuJoCo's numbers, which do not change (mjtype.h); the tests compare them with the installed version's.
+FREE, BALL, SLIDE, HINGE = range(4)
+PLANE, HFIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH, SDF = range(9)
+WRAP_JOINT = 1
+CONNECT, WELD, JOINT, TENDON = range(4)
+OBJ_BODY = 1
+DISABLE = {
+    "constraint": 1 << 0,
+    "equality": 1 << 1,
+    "frictionloss": 1 << 2,
+    "limit": 1 << 3,
+    "contact": 1 << 4,
+    "spring": 1 << 5,
+    "damper": 1 << 6,
+    "gravity": 1 << 7,
+    "clampctrl": 1 << 8,
+    "actuation": 1 << 11,
+    "sensor": 1 << 13,
+    "eulerdamp": 1 << 15,
+}
+_CONSTRAINTS = ("contact", "limit", "frictionloss", "equality")
+
+
+@dataclass
+class Source:
+    """A compiled model while it is read.
+
+    Attributes:
+        m: The `mujoco.MjModel`.
+        omitted: What is left out, in the order in which it was found.
+    """
+
+    m: Any
+    omitted: list[Description] = field(default_factory=list)
+
+    @cached_property
+    def mujoco(self) -> Any:
+        """The module that made the model."""
+        return import_module("mujoco")
+
+    def name(self, kind: str, index: int) -> str:
+        """Name of an element, e.g. `name("JOINT", 3)`; empty when it has none."""
+        return str(self.mujoco.mj_id2name(self.m, getattr(self.mujoco.mjtObj, f"mjOBJ_{kind}"), index) or "")
+
+    def label(self, kind: str, index: int) -> str:
+        """Name of an element, or its index as "#3"."""
+        return self.name(kind, index) or f"#{index}"
+
+    def off(self, feature: str) -> bool:
+        """Whether the model's flags disable a feature, one of `DISABLE`."""
+        flags = int(self.m.opt.disableflags)
+        return bool(flags & DISABLE[feature]) or (feature in _CONSTRAINTS and bool(flags & DISABLE["constraint"]))
+
+    def leave_out(self, kind: str, name: str, reason: str, *, changes_motion: bool = True) -> None:
+        """Notes an element that the description does without."""
+        self.omitted.append({"kind": kind, "name": name, "reason": reason, "changes_motion": changes_motion})
+
+    @property
+    def collides(self) -> bool:
+        """Whether anything can touch anything."""
+        m = self.m
+        return bool(np.any(m.geom_contype) or np.any(m.geom_conaffinity) or m.npair) and not self.off("contact")
+
+    @property
+    def still(self) -> bool:
+        """Whether neither the medium nor gravity compensation acts: MuJoCo skips both without springs and dampers."""
+        return self.off("spring") and self.off("damper")
+
+    def dofs(self, joint: int) -> slice:
+        """Degrees of freedom of a joint."""
+        start = int(self.m.jnt_dofadr[joint])
+        return slice(start, start + (6, 3, 1, 1)[int(self.m.jnt_type[joint])])
+
+    def moves_one(self, joint: int) -> bool:
+        """Whether a joint is a slide or hinge."""
+        return int(self.m.jnt_type[joint]) in (SLIDE, HINGE)
+
+    def is_fixed(self, tendon: int) -> bool:
+        """Whether a tendon is a linear combination of joints."""
+        return bool(self.m.wrap_type[self.m.tendon_adr[tendon]] == WRAP_JOINT)
+
+    @cached_property
+    def tendons(self) -> dict[int, int]:
+        """Index in the description of every tendon that it has."""
+        kept = [t for t in range(self.m.ntendon) if self.is_fixed(t)]
+        return {tendon: index for index, tendon in enumerate(kept)}
+
+    def why_free(self, equality: int) -> str:
+        """What keeps an equality from being described at all; empty when nothing does."""
+        m, kind = self.m, int(self.m.eq_type[equality])
+        if kind not in (CONNECT, WELD, JOINT, TENDON):
+            return "constraints of deformable bodies are not simulated"
+        objects = [int(m.eq_obj1id[equality]), int(m.eq_obj2id[equality])]
+        spatial = [t for t in objects if kind == TENDON and t >= 0 and t not in self.tendons]
+        return f"the spatial tendon {self.label('TENDON', spatial[0])} is not simulated" if spatial else ""
+
+    @cached_property
+    def equalities(self) -> list[int]:
+        """Equalities that the description has."""
+        return [] if self.off("equality") else [i for i in range(self.m.neq) if not self.why_free(i)]
+
+    @cached_property
+    def solid_assets(self) -> dict[str, list[int]]:
+        """Meshes and height fields of geoms that can touch others, ascending; what is only drawn is not read."""
+        m = self.m
+        solid = (m.geom_contype != 0) | (m.geom_conaffinity != 0)
+        solid[m.pair_geom1] = solid[m.pair_geom2] = True
+        kinds = {"MESH": (MESH, SDF), "HFIELD": (HFIELD,)}
+        if self.off("contact"):
+            return {kind: [] for kind in kinds}
+        return {kind: sorted({int(i) for i in m.geom_dataid[solid & np.isin(m.geom_type, types)]}) for kind, types in kinds.items()}
+
+    @cached_property
+    def joint_actuators(self) -> dict[int, list[int]]:
+        """Actuators that act on every slide or hinge."""
+        m = self.m
+        found: dict[int, list[int]] = {joint: [] for joint in range(m.njnt)}
+        for a in range(m.nactuator):
+            if int(m.actuator_trntype[a]) in (TRN_JOINT, TRN_JOINT_IN_PARENT) and self.moves_one(int(m.actuator_trnid[a, 0])):
+                found[int(m.actuator_trnid[a, 0])].append(a)
+        return found
+
+    def gear(self, actuator: int) -> float:
+        """Gear of an actuator with one output."""
+        return float(self.m.actuator_gear[self.m.actuator_outadr[actuator], 0])
+
+    @cached_property
+    def actuators(self) -> list[int]:
+        """Actuators that the description has."""
+        return [a for a in range(self.m.nactuator) if not why_dropped(self, a)]

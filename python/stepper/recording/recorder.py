@@ -1,0 +1,181 @@
+"""Stage 10 on disk: a run as it happened, and the proof that it can be repeated. Its format: `stepper.recording.format`."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stepper.recording.failures import Failures
+from stepper.recording.format import APPLIED, COMPARED, FIELDS, FORMAT, KINDS, MODEL, digest_of, write_header
+from stepper.shared.machine import provenance
+
+if TYPE_CHECKING:
+    from stepper._stepper import Stepper
+
+
+class Recorder:
+    """Writes what a `Stepper` does into a folder. A context manager; `close` ends the recording.
+
+    Args:
+        sim: The stepper; it must not be recorded already.
+        path: The folder, new or empty.
+        chunk: Bytes that are kept in memory before a file is written.
+        note: A label or remark of your own, kept in run.json.
+
+    Raises:
+        FileExistsError: There is something in the folder.
+        ValueError: The stepper is being recorded.
+
+    Attributes:
+        path: The folder.
+        rows: Rows so far.
+        failures: What failed so far, and why.
+    """
+
+    def __init__(self, sim: Stepper, path: str | os.PathLike[str], *, chunk: int = 64 << 20, note: str = ""):
+        if sim.recorder is not None:
+            raise ValueError(f"this stepper is already recorded into {sim.recorder.path}; close that recording first")
+        if chunk < 1:
+            raise ValueError(f"chunk is {chunk}, must be 1 or more bytes")
+        self.path = Path(path)
+        if self.path.exists() and any(self.path.iterdir()):
+            raise FileExistsError(f"{self.path} is not empty; give a new folder, or remove it")
+        self.path.mkdir(parents=True, exist_ok=True)
+        self.rows = 0
+        self.failures = Failures(sim)
+        self._sim, self._chunk = sim, chunk
+        self._files: list[dict[str, str | int]] = []
+        self._applied: list[np.ndarray[Any, Any] | None] = [None] * len(APPLIED)
+        self._clear()
+        sim.model.save(self.path / MODEL)
+        self._header = header(sim, note)
+        self._flush()
+        self._add("start", state=_state_bytes(sim), **_parameters(sim.randomized, np.full(sim.num_envs or 1, True)))
+
+    def step(self, sim: Stepper, *, ctrl: np.ndarray[Any, Any], nstep: int, applied: list[np.ndarray[Any, Any] | None]) -> None:
+        """Called by the stepper after a call of `step`."""
+        if not all(_same(now, before) for now, before in zip(applied, self._applied, strict=True)):
+            self._applied = [None if now is None else now.copy() for now in applied]
+            self._add("applied", **{name: now for name, now in zip(APPLIED, self._applied, strict=True) if now is not None})
+        row = {name: np.asarray(getattr(sim, name)) for name in COMPARED}
+        row |= {"ctrl": ctrl, "nstep": np.asarray(nstep)}
+        self.failures.look(self.rows, row, sim.sensor_faults, sim.actuator_saturation)
+        for name, value in row.items():
+            self._steps[name].append(value)
+        self._count("step", sum(value.nbytes for value in row.values()))
+
+    def reset(self, _sim: Stepper, **arguments: Any) -> None:
+        """Called by the stepper after a reset, which ended what the user applied: what is applied next is a row again."""
+        self._applied = [None] * len(APPLIED)
+        self._add("reset", **arguments)
+
+    def set_state(self, _sim: Stepper, **arguments: Any) -> None:
+        """Called by the stepper after `set_state`."""
+        if "state" in arguments:
+            arguments = {"state": _state_bytes(self._sim)}
+        self._add("set_state", **arguments)
+
+    def randomize(self, sim: Stepper, *, mask: Any = None, fields: dict[str, Any] | None = None) -> None:
+        """Called by the stepper after `randomize`. Of the fields, the rows of the environments that changed are kept."""
+        chosen = np.full(sim.num_envs or 1, True) if mask is None else np.asarray(mask)
+        rows = {name: values for name, values in (fields or {}).items() if values is not None}
+        # The model's own numbers again: a name alone, or no name at all.
+        shared = [name for name in fields or {} if name not in rows]
+        self._add("randomize", mask=chosen, shared=np.array(shared, "U"), **_parameters(rows, chosen))
+
+    def close(self) -> None:
+        """Writes what is left and says in run.json that the recording is complete. The stepper goes on unrecorded."""
+        if self._sim.recorder is self:
+            self._sim.recorder = None
+            self._flush(closed=True)
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    def _add(self, kind: str, **arguments: Any) -> None:
+        arrays = {name: np.asarray(value) for name, value in arguments.items()}
+        self._others |= {f"{len(self._kinds)}/{name}": value for name, value in arrays.items()}
+        self._count(kind, sum(value.nbytes for value in arrays.values()))
+
+    def _count(self, kind: str, nbytes: int) -> None:
+        self._kinds.append(KINDS.index(kind))
+        self.rows += 1
+        self._bytes += nbytes
+        if self._bytes >= self._chunk:
+            self._flush()
+
+    def _clear(self) -> None:
+        self._kinds: list[int] = []
+        self._steps: dict[str, list[np.ndarray[Any, Any]]] = {name: [] for name in FIELDS}
+        self._others: dict[str, np.ndarray[Any, Any]] = {}
+        self._bytes = 0
+
+    def _flush(self, *, closed: bool = False) -> None:
+        if self._kinds:
+            self._write_rows()
+        write_header(self.path, self._header | {"closed": closed, **self._so_far()})
+
+    def _write_rows(self) -> None:
+        stacked = {name: np.stack(rows) for name, rows in self._steps.items() if rows}
+        final = self.path / f"{len(self._files):05d}.npz"
+        # Under another name until it is whole.
+        partial = final.with_suffix(".part")
+        with partial.open("w+b") as file:
+            np.savez(file, kind=np.array(self._kinds, np.uint8), **stacked, **self._others)  # type: ignore[arg-type]
+            file.seek(0)
+            digest = digest_of(file)
+        partial.replace(final)
+        steps = self._kinds.count(KINDS.index("step"))
+        self._files.append({"name": final.name, "rows": len(self._kinds), "steps": steps, "sha256": digest})
+        self._clear()
+
+    def _so_far(self) -> dict[str, Any]:
+        """What run.json says of the files that were written."""
+        rows = sum(int(file["rows"]) for file in self._files)
+        return {"rows": rows, "files": self._files, "failures": self.failures.summary()}
+
+
+def header(sim: Stepper, note: str = "") -> dict[str, Any]:
+    """Theta: everything that was in force."""
+    return {
+        "format": FORMAT,
+        "note": note,
+        "model": {"name": sim.model.name, "sha256": sim.model.digest, "file": MODEL},
+        "options": dataclasses.asdict(sim.options),
+        "timestep": sim.timestep,
+        "tolerance": sim.tolerance,
+        "num_envs": sim.num_envs,
+        "precision": sim.precision,
+        "threads": sim.threads,
+        "seed": sim.seed,
+        "actuators": None if sim.actuators is None else sim.actuators.to_dict(),
+        "sensors": None if sim.sensors is None else sim.sensors.to_dict(),
+        "fields": FIELDS,
+        "provenance": provenance(),
+    }
+
+
+def _parameters(fields: dict[str, Any], chosen: np.ndarray[Any, Any]) -> dict[str, np.ndarray[Any, Any]]:
+    """Arrays of a row for what `randomize` takes: numbers of the chosen environments, and drives as JSON."""
+    rows = {name: values for name, values in fields.items() if name != "actuators"}
+    kept = {f"theta/{name}": np.asarray(values, np.float64).reshape(len(chosen), -1)[chosen] for name, values in rows.items()}
+    if "actuators" in fields:
+        kept["actuators"] = np.array(json.dumps(fields["actuators"].chosen(chosen).to_dict()))
+    return kept
+
+
+def _state_bytes(sim: Stepper) -> np.ndarray[Any, Any]:
+    return np.frombuffer(sim.get_state().bytes, np.uint8)
+
+
+def _same(a: np.ndarray[Any, Any] | None, b: np.ndarray[Any, Any] | None) -> bool:
+    return (a is None and b is None) or (a is not None and b is not None and a.tobytes() == b.tobytes())

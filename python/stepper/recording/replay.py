@@ -1,0 +1,190 @@
+"""A recording made again, compared bit for bit."""
+
+from __future__ import annotations
+
+import json
+import operator
+import os
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stepper._options import Options
+from stepper._stepper import Model, State, Stepper, __version__
+from stepper.actuators import ActuatorModel
+from stepper.recording.format import APPLIED, COMPARED, HEADER, MODEL, Arrays, Header, RecordingError, read_header, read_rows, reading
+from stepper.sensors import SensorModel
+
+
+@dataclass(frozen=True)
+class Difference:
+    """The first number that a replay did not reproduce.
+
+    Attributes:
+        row: Row of the recording.
+        step: Call of `step`, counted from 0.
+        field: What differs.
+        env: Environment; 0 for a single one.
+        recorded: What was recorded for that environment.
+        replayed: What came out now.
+    """
+
+    row: int
+    step: int
+    field: str
+    env: int
+    recorded: np.ndarray[Any, Any]
+    replayed: np.ndarray[Any, Any]
+
+    def __str__(self) -> str:
+        where = f"call {self.step} of step (row {self.row}), environment {self.env}: {self.field}"
+        return f"{where} was {self.recorded.tolist()}, is {self.replayed.tolist()}"
+
+
+@dataclass(frozen=True)
+class Replay:
+    """How a replay went.
+
+    Attributes:
+        rows: Rows that were repeated.
+        steps: Calls of `step` among them.
+        difference: The first difference; None when every bit was reproduced.
+        complete: Whether the recording was closed; else its last rows may be missing.
+        versions: Version of stepper that recorded, and this one; bits are promised for equal versions only.
+    """
+
+    rows: int
+    steps: int
+    difference: Difference | None
+    complete: bool
+    versions: tuple[str, str]
+
+    def __bool__(self) -> bool:
+        """Whether every bit was reproduced."""
+        return self.difference is None
+
+    def __str__(self) -> str:
+        end = "" if self.complete else "; the recording was not closed, its end may be missing"
+        recorded, here = self.versions
+        if recorded != here:
+            end += f"; recorded by stepper {recorded}, replayed by {here}"
+        if self.difference is None:
+            return f"{self.steps} calls of step in {self.rows} rows reproduced, bit for bit{end}"
+        return f"differs at {self.difference}{end}"
+
+
+def replay(path: str | os.PathLike[str], *, model: Model | None = None, threads: int | None = None) -> Replay:
+    """Repeats a recording and compares states, observations, residuals and flags, bit for bit. It stops at the first difference.
+
+    Args:
+        path: The folder that `Stepper.record` wrote.
+        model: The model that it must belong to; None takes the recording's own.
+        threads: Threads that step; None is as recorded. The bits do not depend on it.
+
+    Raises:
+        TypeError, ValueError: `model` is no model, or `threads` no number of threads.
+        RecordingError: The recording is of another model, a file of it is missing, or something in it is not what was written.
+        OSError: It cannot be read.
+        MemoryError: It has more environments than there is memory for.
+    """
+    if model is not None and not isinstance(model, Model):
+        raise TypeError(f"model is {model!r} ({type(model).__name__}), must be a stepper.Model")
+    if threads is not None and operator.index(threads) < 0:
+        raise ValueError(f"threads is {threads}, must be a whole number, 0 or more")
+    folder = Path(path)
+    head = read_header(folder)
+    with reading(folder / HEADER):
+        sim = _stepper(folder, head, model, threads)
+        versions = (head["provenance"]["versions"]["stepper"], __version__)
+    rows = steps = 0
+    for place, kind, arrays in read_rows(folder, head):
+        with reading(place):
+            difference = _repeat(sim, kind, arrays, rows, steps)
+        rows, steps = rows + 1, steps + (kind == "step")
+        if difference:
+            return Replay(rows, steps, difference, head["closed"], versions)
+    return Replay(rows, steps, None, head["closed"], versions)
+
+
+def _stepper(folder: Path, head: Header, model: Model | None, threads: int | None) -> Stepper:
+    """A stepper as the recorded one was made."""
+    with reading(folder / MODEL):
+        own = Model.from_file(folder / MODEL)
+    for digest, whose in [(own.digest, "the model in its folder"), (model.digest if model else own.digest, "the model given")]:
+        if digest != head["model"]["sha256"]:
+            name = head["model"]["name"]
+            raise RecordingError(f'{folder} was recorded with model "{name}" {head["model"]["sha256"][:12]}, {whose} is {digest[:12]}')
+    if differ := head["options"].keys() ^ {field.name for field in fields(Options)}:
+        raise RecordingError(
+            f"{folder / HEADER}: options have or lack {', '.join(sorted(differ))}; replay it with the version that recorded"
+        )
+    return Stepper(
+        own,
+        head["num_envs"],
+        options=Options(**head["options"]),
+        precision=head["precision"],
+        threads=head["threads"] if threads is None else threads,
+        seed=head["seed"],
+        actuators=None if head["actuators"] is None else ActuatorModel.from_dict(head["actuators"], str(folder)),
+        sensors=None if head["sensors"] is None else SensorModel.from_dict(head["sensors"], str(folder)),
+    )
+
+
+def _repeat(sim: Stepper, kind: str, arrays: Arrays, row: int, step: int) -> Difference | None:
+    if (kind == "start") != (row == 0):
+        raise ValueError(f"it is a {kind}: a recording begins with a start, and has no other")
+    if kind == "step":
+        ctrl = arrays["ctrl"] if sim.num_envs is not None else arrays["ctrl"][0]
+        sim.step(ctrl, nstep=int(arrays["nstep"]))
+        return _compare(sim, arrays, row, step)
+    if kind == "start" or (kind == "set_state" and "state" in arrays):
+        _randomize(sim, arrays)
+        sim.set_state(State(arrays["state"].tobytes()))
+    elif kind == "set_state":
+        cold = bool(arrays.pop("cold", True))
+        sim.set_state(**arrays, cold=cold)
+    elif kind == "randomize":
+        _randomize(sim, arrays)
+    elif kind == "reset":
+        word, number = arrays.pop("keyframe", None), arrays.pop("seed", None)
+        keyframe, seed = None if word is None else word.item(), None if number is None else int(number)
+        sim.reset(**arrays, keyframe=keyframe, seed=seed)
+    else:
+        for name in APPLIED:
+            if name in arrays:
+                setattr(sim, name, arrays[name])
+    return None
+
+
+def _randomize(sim: Stepper, arrays: Arrays) -> None:
+    """Assigns the fields of a row of the recording; its rows are those of the environments that changed."""
+    rows = {name.removeprefix("theta/"): values for name, values in arrays.items() if name.startswith("theta/")}
+    n = sim.num_envs or 1
+    mask = arrays.get("mask", np.full(n, True))
+    drawn: dict[str, np.ndarray[Any, Any] | ActuatorModel | None] = {str(name): None for name in arrays.get("shared", ())}
+    for name, values in rows.items():
+        shape = np.shape(getattr(sim.model, name))
+        full = np.zeros((n, *shape))
+        full[mask] = values.reshape(-1, *shape)
+        drawn[name] = full if sim.num_envs is not None else full[0]
+    if "actuators" in arrays:
+        drawn["actuators"] = ActuatorModel.from_dict(json.loads(str(arrays["actuators"]))).spread(mask)
+    if drawn or "mask" in arrays:
+        sim.randomize(mask, **drawn)
+
+
+def _compare(sim: Stepper, arrays: Arrays, row: int, step: int) -> Difference | None:
+    n = sim.num_envs or 1
+    for name in COMPARED:
+        was, now = arrays[name], np.asarray(getattr(sim, name))
+        if was.shape != now.shape:
+            raise ValueError(f"{name} has shape {was.shape}, must be {now.shape}")
+        was, now = was.reshape(n, -1), now.reshape(n, -1)
+        # As bits, so that -0 is not 0 and NaN is NaN.
+        differs = was.dtype != now.dtype or was.tobytes() != now.tobytes()
+        if differs:
+            env = next((e for e in range(n) if was[e].tobytes() != now[e].tobytes()), 0)
+            return Difference(row, step, name, env, was[env], now[env])
+    return None

@@ -1,0 +1,109 @@
+"""Transfer functions of devices that one can buy, from their data sheets; numbers that a sheet does not give are left ideal.
+
+Units are those of the readings: rad, rad/s, m/s^2, N, N m. Rates and accelerations are per axis. A sheet's zero-rate or zero-g offset is
+taken for one standard deviation of the bias, in-run stability for the long-run standard deviation of a Gauss-Markov drift of 100 s.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import partial
+
+from stepper.sensors.transfer import Transfer
+
+__all__ = ["DEVICES", "encoder", "encoder_velocity", "find"]
+
+_DEG = math.pi / 180.0
+_HOUR = 3600.0
+_G = 9.80665
+_TAU = 100.0
+
+
+def encoder(bits: int, *, turn: float = 2 * math.pi) -> Transfer:
+    """An absolute encoder of so many bits per turn (rad, or m of travel)."""
+    if not 1 <= bits <= 40:
+        raise ValueError(f"bits is {bits}, must be from 1 to 40")
+    return Transfer(quantum=turn / 2**bits)
+
+
+def encoder_velocity(bits: int, period: float, *, turn: float = 2 * math.pi) -> Transfer:
+    """The speed that is read from such an encoder as counts per sampling period (s)."""
+    if period <= 0:
+        raise ValueError(f"period is {period} s, must be above 0")
+    return Transfer(quantum=encoder(bits, turn=turn).quantum / period, period=period)  # type: ignore[operator]
+
+
+def _drift(stability: float) -> float:
+    """Driving noise, per sqrt(s), of a Gauss-Markov process of this standard deviation in the long run."""
+    return stability * math.sqrt(2.0 / _TAU)
+
+
+def _gyro(
+    *, density: float, bias: float, stability: float, full: float, bits: int | None, scale: float = 0.0, cross: float = 0.0
+) -> Transfer:
+    """A gyro in a sheet's units: degrees, seconds, Hz; stability in degrees per hour."""
+    return Transfer(
+        noise_density=density * _DEG,
+        bias_std=bias * _DEG,
+        drift_std=_drift(stability * _DEG / _HOUR),
+        drift_time=_TAU if stability else None,
+        scale_std=scale,
+        misalignment_std=cross,
+        quantum=2 * full * _DEG / 2**bits if bits else 0.0,
+        limits=(-full * _DEG, full * _DEG),
+    )
+
+
+def _accelerometer(
+    *, density: float, bias: float, stability: float, full: float, bits: int | None, scale: float = 0.0, cross: float = 0.0
+) -> Transfer:
+    """An accelerometer in a sheet's units: micro-g per sqrt(Hz), milli-g of bias, micro-g of stability, g of range."""
+    return Transfer(
+        noise_density=density * 1e-6 * _G,
+        bias_std=bias * 1e-3 * _G,
+        drift_std=_drift(stability * 1e-6 * _G),
+        drift_time=_TAU if stability else None,
+        scale_std=scale,
+        misalignment_std=cross,
+        quantum=2 * full * _G / 2**bits if bits else 0.0,
+        limits=(-full * _G, full * _G),
+    )
+
+
+DEVICES: dict[str, Callable[[], Transfer]] = {
+    # Encoders: bits per turn.
+    **{f"encoder_{bits}bit": partial(encoder, bits) for bits in (10, 12, 14, 16, 17, 18, 20, 23)},
+    # Consumer IMU: InvenSense MPU-6000/MPU-6050 product specification, PS-MPU-6000A-00, revision 3.4 (2013), tables 6.1 and 6.2: rate noise
+    # 0.005 deg/s/sqrt(Hz), zero-rate output 20 deg/s, scale 3 %, cross-axis 2 %, 16 bits; 400 micro-g/sqrt(Hz), zero-g 50 mg, scale 3 %.
+    "mpu6050_gyro": lambda: _gyro(density=0.005, bias=20.0, stability=0.0, full=500.0, bits=16, scale=0.03, cross=0.02),
+    "mpu6050_accelerometer": lambda: _accelerometer(density=400.0, bias=50.0, stability=0.0, full=4.0, bits=16, scale=0.03, cross=0.02),
+    # Industrial IMU: Analog Devices ADIS16470 data sheet, revision C (2019): 8 deg/h in-run stability, 0.008 deg/s/sqrt(Hz), 2000 deg/s;
+    # 13 micro-g in-run stability, 40 g, velocity random walk 0.037 m/s/sqrt(h).
+    "adis16470_gyro": lambda: _gyro(density=0.008, bias=0.0, stability=8.0, full=2000.0, bits=None),
+    "adis16470_accelerometer": lambda: _accelerometer(density=0.037 / 60 / _G * 1e6, bias=0.0, stability=13.0, full=40.0, bits=None),
+    # Tactical IMU: Honeywell HG1700 brochure N61-1619-000-001: gyro bias 1 deg/h, angle random walk 0.125 deg/sqrt(h); accelerometer bias
+    # 1 mg, velocity random walk 0.065 ft/s/sqrt(h).
+    "hg1700_gyro": lambda: _gyro(density=0.125 / 60, bias=1 / _HOUR, stability=0.0, full=math.inf, bits=None),
+    "hg1700_accelerometer": lambda: _accelerometer(
+        density=0.065 * 0.3048 / 60 / _G * 1e6, bias=1.0, stability=0.0, full=math.inf, bits=None
+    ),
+    # Force-torque sensors: ATI Industrial Automation, F/T transducer manual (9620-05-Transducer Section), calibrations Mini45 SI-290-10 and
+    # Gamma SI-130-10: resolution and range of the x axis.
+    "ati_mini45_force": lambda: Transfer(quantum=1 / 8, limits=(-290.0, 290.0)),
+    "ati_mini45_torque": lambda: Transfer(quantum=1 / 376, limits=(-10.0, 10.0)),
+    "ati_gamma_force": lambda: Transfer(quantum=1 / 40, limits=(-130.0, 130.0)),
+    "ati_gamma_torque": lambda: Transfer(quantum=1 / 800, limits=(-10.0, 10.0)),
+}
+"""Every device by name; call the entry for its `Transfer`."""
+
+
+def find(name: str) -> Transfer:
+    """The transfer function of a device.
+
+    Raises:
+        ValueError: There is no such device; the message lists what there is.
+    """
+    if name not in DEVICES:
+        raise ValueError(f"no device {name!r}, there are: {', '.join(sorted(DEVICES))}")
+    return DEVICES[name]()

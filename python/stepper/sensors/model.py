@@ -1,0 +1,118 @@
+"""Sensors that are not ideal: transfer functions of a model's sensors, by name, in code and in files."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, fields, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stepper.sensors import devices
+from stepper.sensors.transfer import Transfer
+from stepper.shared.tables import by_name, check_names, fitting, named_tables, read_file
+
+if TYPE_CHECKING:
+    from stepper._stepper import Model
+
+
+class SensorModel:
+    """Transfer functions of a model's sensors, for `Stepper(..., sensors=)`.
+
+    Args:
+        transfers: By the name of the sensor, or a pattern like "*_gyro"; a name goes before patterns, and of patterns the first counts.
+        default: For sensors that none of them fits; None leaves those ideal.
+    """
+
+    def __init__(self, transfers: Mapping[str, Transfer] | None = None, *, default: Transfer | None = None):
+        self.named, self.default = by_name(transfers, default, Transfer, "transfer"), default
+
+    @classmethod
+    def from_mjcf(cls, model: Model) -> SensorModel:
+        """What the model's source declares of each sensor: noise, cutoff, delay and interval."""
+        transfers = {}
+        for index, sensor in enumerate(model.sensors):
+            cutoff = sensor["cutoff"] if sensor["datatype"] in ("real", "positive") else 0.0
+            # A cutoff of distances between geoms is part of the reading itself.
+            if cutoff and sensor["type"] not in ("distance", "normal", "fromto"):
+                limits = (-cutoff if sensor["datatype"] == "real" else -math.inf, cutoff)
+            else:
+                limits = None
+            made = Transfer(noise_std=sensor["noise"], limits=limits, delay=sensor["delay"], period=sensor["interval"] or None)
+            if made != Transfer():
+                transfers[sensor["name"] or f"#{index}"] = made
+        return cls(transfers)
+
+    @classmethod
+    def from_file(cls, path: str | os.PathLike[str]) -> SensorModel:
+        """Reads a TOML (.toml) or JSON (.json) file.
+
+        A table `sensors` has a table for every name or pattern, a table `default` may be beside it. Their entries are the attributes of
+        `Transfer`; an entry `device` begins with one of `stepper.devices`, e.g. device = "mpu6050_gyro".
+
+        Raises:
+            ValueError: An unknown entry or device, named with the file.
+        """
+        return cls.from_dict(read_file(path), str(path))
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any], place: str = "sensors") -> SensorModel:
+        """The inverse of `to_dict`, and the contents of a file; `place` begins messages."""
+        named = {name: _read(table, f"{place}: sensor {name!r}") for name, table in named_tables(data, "sensors", place).items()}
+        return cls(named, default=_read(data["default"], f"{place}: default") if "default" in data else None)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The contents of a file that `from_file` reads; arrays become lists."""
+
+        def plain(transfer: Transfer) -> dict[str, Any]:
+            given = {name: value for name, value in asdict(transfer).items() if value is not None}
+            return {name: np.asarray(value).tolist() if name != "noise" else value for name, value in given.items()}
+
+        out: dict[str, Any] = {"sensors": {name: plain(transfer) for name, transfer in self.named.items()}}
+        return out | ({"default": plain(self.default)} if self.default else {})
+
+    def transfers(self, model: Model, num_envs: int) -> list[dict[str, Any] | None]:
+        """What the sensors of a model get, one entry for each; None for ideal ones.
+
+        Raises:
+            ValueError: A name that no sensor has, a pattern that fits none, a wrong shape.
+        """
+        names = [sensor["name"] or f"#{index}" for index, sensor in enumerate(model.sensors)]
+        check_names(self.named, names, "sensor")
+        return [self._row(name, num_envs) for name in names]
+
+    def _row(self, name: str, num_envs: int) -> dict[str, Any] | None:
+        transfer = fitting(self.named, self.default, name)
+        if transfer is None:
+            return None
+        try:
+            return transfer._row(num_envs)
+        except ValueError as error:
+            raise ValueError(f"transfer of sensor {name!r}: {error}") from None
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, SensorModel) and self.to_dict() == other.to_dict()
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        return f"SensorModel({self.named!r}, default={self.default!r})"
+
+
+def _read(table: Any, place: str) -> Transfer:
+    """A transfer from a table of a file."""
+    if not isinstance(table, dict):
+        raise ValueError(f"{place} is {table!r}, must be a table of entries like noise_std")
+    given = dict(table)
+    device = given.pop("device", None)
+    known = {field.name for field in fields(Transfer)}
+    if unknown := set(given) - known:
+        raise ValueError(f"{place}: unknown entries {sorted(unknown)}, must be of: {', '.join(sorted(known))}")
+    if isinstance(given.get("limits"), list):
+        given["limits"] = tuple(given["limits"])
+    try:
+        return replace(devices.find(device) if device else Transfer(), **given)
+    except (TypeError, ValueError) as error:
+        raise type(error)(f"{place}: {error}") from None

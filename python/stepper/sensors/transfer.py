@@ -1,0 +1,85 @@
+"""The transfer function of a sensor: what it makes of the truth."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stepper.shared.tables import check_numbers, numbers
+
+Number: TypeAlias = "float | ArrayLike"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Transfer:
+    """The transfer function of a sensor, in the order in which it acts. The default is an ideal sensor.
+
+    Truth, scale and misalignment, bias, drift, noise, quantisation, limits, sample and hold, delay, dropout. Every number is one for all
+    environments or an array (num_envs,), in the unit of the sensor's readings. Readings that are unit vectors or quaternions are turned by
+    bias, drift and noise as a rotation vector in rad; readings that say nothing at 0 and below (touch, rangefinder) are left alone there.
+
+    Attributes:
+        scale: Factor of every channel; or a matrix (dim, dim) that mixes them.
+        scale_std: Standard deviation of the relative error of each channel's factor, drawn at each reset.
+        misalignment_std: Standard deviation of what each channel reads of every other, in rad, drawn at each reset.
+        bias: Bias of every channel, the same in every episode.
+        bias_std: Standard deviation of what each channel's bias has beside it, drawn at each reset.
+        drift_std: Growth of each channel's drift, per sqrt(s); it is 0 at each reset.
+        drift_time: Correlation time of the drift in s, which makes it a first-order Gauss-Markov process of standard deviation
+            drift_std sqrt(drift_time / 2) in the long run; None is a random walk.
+        noise_std: Standard deviation of the white noise of a sample; of uniform noise the half width.
+        noise: "gaussian" or "uniform".
+        noise_density: Density of Gaussian white noise per sqrt(Hz), as in data sheets: a sample's standard deviation is this over the
+            square root of the sampling time, whatever the time step is.
+        quantum: Readings are whole multiples of it; 0 is none.
+        limits: Lowest and highest reading.
+        period: Time between samples in s, held in between; None or 0 is every step.
+        delay: s. Between steps readings are interpolated, unless they are held by `period`.
+        jitter: Half width of the delay's scatter, uniform and drawn at every step, in s.
+        dropout: Probability that a sample is lost and the last one held.
+    """
+
+    scale: Number = 1.0
+    scale_std: Number = 0.0
+    misalignment_std: Number = 0.0
+    bias: Number = 0.0
+    bias_std: Number = 0.0
+    drift_std: Number = 0.0
+    drift_time: Number | None = None
+    noise_std: Number = 0.0
+    noise: str = "gaussian"
+    noise_density: Number | None = None
+    quantum: Number = 0.0
+    limits: tuple[Number, Number] | None = None
+    period: Number | None = None
+    delay: Number = 0.0
+    jitter: Number = 0.0
+    dropout: Number = 0.0
+
+    def __post_init__(self) -> None:
+        if self.noise not in ("gaussian", "uniform"):
+            raise ValueError(f"noise is {self.noise!r}, must be 'gaussian' or 'uniform'")
+        if self.noise == "uniform" and self.noise_density is not None:
+            raise ValueError("noise_density is that of Gaussian noise; give uniform noise its half width as noise_std")
+        check_numbers(self, "noise")
+
+    def _row(self, num_envs: int) -> dict[str, Any]:
+        """What the Rust crate's `Transfer` holds."""
+        mixes = np.ndim(self.scale) == 2
+        low, high = (-math.inf, math.inf) if self.limits is None else self.limits
+        plain = ("scale_std", "misalignment_std", "bias", "bias_std", "drift_std", "noise_std", "quantum", "delay", "jitter", "dropout")
+        return {
+            **{name: numbers(name, getattr(self, name), num_envs) for name in plain},
+            "scale": [1.0] if mixes else numbers("scale", self.scale, num_envs),
+            "matrix": np.asarray(self.scale, dtype=np.float64).ravel().tolist() if mixes else [],
+            "drift_time": numbers("drift_time", math.inf if self.drift_time is None else self.drift_time, num_envs),
+            "uniform": self.noise == "uniform",
+            "noise_density": numbers("noise_density", 0.0 if self.noise_density is None else self.noise_density, num_envs),
+            "low": numbers("limits[0]", low, num_envs),
+            "high": numbers("limits[1]", high, num_envs),
+            "period": numbers("period", 0.0 if self.period is None else self.period, num_envs),
+        }

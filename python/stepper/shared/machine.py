@@ -1,0 +1,115 @@
+"""What a measurement ran on, and how it was kept on one core."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import importlib.metadata
+import os
+import platform
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+from stepper._stepper import __version__, cpu_levels
+
+INSTALL = {
+    "matplotlib": 'pip install "stepper-sim[cli]"',
+    "mujoco": 'pip install "stepper-sim[mjcf]"',
+    "mujoco.batch": 'pip install "mujoco>=4.0,<5"',
+    "rich": 'pip install "stepper-sim[cli]"',
+    "dm_control": "pip install dm_control",
+    "scipy": "pip install scipy",
+    "typer": 'pip install "stepper-sim[cli]"',
+}
+
+
+class MissingPackageError(ImportError):
+    """An optional package is not installed; the message says how to install it."""
+
+
+def require(module: str, purpose: str) -> ModuleType:
+    """Imports an optional module.
+
+    Args:
+        module: Its dotted name.
+        purpose: What it is needed for, the end of the sentence "... is needed ".
+
+    Returns:
+        The module.
+
+    Raises:
+        MissingPackageError: It is not installed.
+    """
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        top = module.split(".", maxsplit=1)[0]
+        if error.name is not None and error.name.split(".", maxsplit=1)[0] != top:
+            raise
+        how = INSTALL.get(module) or INSTALL.get(top) or f"pip install {top}"
+        raise MissingPackageError(f"{module} is needed {purpose}, and is not installed: {how}", name=module) from error
+
+
+def allowed_cores() -> set[int]:
+    """Cores that this process may use; all of them where the system does not say."""
+    if sys.platform == "linux":
+        return os.sched_getaffinity(0)
+    return set(range(os.cpu_count() or 1))
+
+
+@contextlib.contextmanager
+def one_core() -> Iterator[int | None]:
+    """Keeps this process on one core, the last of those it may use.
+
+    Yields:
+        The core; None on systems that have no such call, where the scheduler decides.
+    """
+    if sys.platform != "linux":
+        yield None
+        return
+    before = os.sched_getaffinity(0)
+    core = max(before)
+    os.sched_setaffinity(0, {core})
+    try:
+        yield core
+    finally:
+        os.sched_setaffinity(0, before)
+
+
+def cpu_name() -> str:
+    """The processor's name as the system gives it."""
+    cpuinfo = Path("/proc/cpuinfo")
+    if cpuinfo.exists():
+        for line in cpuinfo.read_text().splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()
+
+
+def package_version(name: str) -> str | None:
+    """Version of an installed distribution, None if it is not installed."""
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+def provenance() -> dict[str, object]:
+    """What a figure needs beside it: command, machine, versions, load."""
+    packages = ("mujoco-core", "dm_control", "numpy", "scipy", "matplotlib")
+    load = round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None
+    return {
+        "command": " ".join([Path(sys.argv[0]).name, *sys.argv[1:]]),
+        "utc": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        "cpu": cpu_name(),
+        "cores": len(allowed_cores()),
+        "cpu_levels": cpu_levels(),
+        "cpu_level": os.environ.get("STEPPER_CPU_LEVEL") or cpu_levels()[-1],
+        "STEPPER_CPU_LEVEL": os.environ.get("STEPPER_CPU_LEVEL"),
+        "load_average": load,
+        "platform": platform.platform(),
+        "versions": {"python": platform.python_version(), "stepper": __version__} | {p: v for p in packages if (v := package_version(p))},
+    }

@@ -1,0 +1,1 @@
+"""Trajectories whose bits are kept in the repository: `golden.json` has their digests."""

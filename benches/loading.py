@@ -21,7 +21,7 @@ from statistics import median
 from corpus.download import unpacked
 from corpus.packages import PACKAGES
 from stepper import Stepper, load
-from stepper._machine import provenance, require
+from stepper.shared.machine import provenance, require
 
 ROBOTS = (
     ("robosuite-models", "robosuite_models/assets/robots/h1/robot.xml"),

@@ -5,17 +5,19 @@
 
 use std::hint::black_box;
 
+use stepper_core::actuation::forces::{At, Drive, Implicit, Implied, Theta};
+use stepper_core::collision::contact_set::Contacts;
+use stepper_core::collision::detection::GeomPoses;
+use stepper_core::compile::LanePlan;
 use stepper_core::constraints::{Constraints, Moment};
-use stepper_core::contacts::Contacts;
-use stepper_core::drive::{At, Drive, Implicit, Implied, Theta};
-use stepper_core::inertia::{MassMatrix, NewtonEuler, bias_force};
-use stepper_core::kinematics::{Kinematics, advance, displace};
+use stepper_core::dynamics::inertia::{MassMatrix, NewtonEuler, bias_force};
+use stepper_core::dynamics::kinematics::{Kinematics, advance, displace};
+use stepper_core::math::spatial::{Inertia, V3, zero};
 use stepper_core::options::StepSettings;
-use stepper_core::plan::LanePlan;
-use stepper_core::spatial::{Inertia, V3, zero};
 use stepper_core::stages::s01_actuate::actuate;
 use stepper_core::stages::s02_smooth::Smooth;
-use stepper_core::stages::s03_detect::{GeomPoses, detect};
+use stepper_core::stages::s03_detect::detect;
+use stepper_core::stages::s04_assemble;
 use stepper_core::stages::s05_solve::solve;
 use stepper_core::stages::s06_integrate_velocity::integrate_velocity;
 use stepper_core::stages::s07_integrate_position::integrate_position;
@@ -245,7 +247,15 @@ impl<R: Real> Rig<R> {
                 let (losses, closing) = (&self.drive.losses[..], R::one());
                 let (q, v, v_free, alive) = (&self.q_eval[..], &self.v[..], &self.v_free[..], self.alive);
                 let moment = Moment { q, v, motion, v_free, losses, h, lead: half, closing, alive };
-                self.constraints.assemble(plan, &self.settings, &self.kinematics, &self.smooth.mass, &moment, &mut self.contacts);
+                s04_assemble::assemble(
+                    plan,
+                    &self.settings,
+                    &self.kinematics,
+                    &self.smooth.mass,
+                    &moment,
+                    &mut self.contacts,
+                    &mut self.constraints,
+                );
                 self.warm_scalars.clone_from(&self.constraints.iterate.scalars);
                 self.warm_contacts.clone_from(&self.constraints.iterate.contacts);
             }

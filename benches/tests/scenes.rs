@@ -6,8 +6,8 @@ use stepper_benches::peers::{Course, Engine, Ours, Rapier, Setting, answer, erro
 use stepper_benches::rig::Rig;
 use stepper_benches::scenes::{Scene, ant, humanoid};
 use stepper_core::batch::{Field, StepInputs};
+use stepper_core::compile::{LanePlan, Plan};
 use stepper_core::model::{Model, Shape};
-use stepper_core::plan::{LanePlan, Plan};
 use stepper_core::{Integrator, Level, Options, Precision, Simulation, Status};
 use stepper_real::Real;
 

@@ -11,8 +11,8 @@ use stepper_benches::episode::{Episode, single};
 use stepper_benches::rig::{Part, Rig, moments};
 use stepper_benches::scenes::{Scene, chain};
 use stepper_core::batch::StepInputs;
+use stepper_core::compile::{LanePlan, Plan};
 use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
-use stepper_core::plan::{LanePlan, Plan};
 use stepper_core::{Level, Options, Precision, Simulation};
 use stepper_real::{Real, at_avx512, at_level};
 

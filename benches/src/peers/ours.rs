@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use stepper_core::batch::{Field, StepInputs};
-use stepper_core::kinematics::Kinematics;
+use stepper_core::dynamics::kinematics::Kinematics;
 use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
 use stepper_core::{Integrator, Level, Options, Precision, SavedState, Simulation};
 

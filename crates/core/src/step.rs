@@ -1,24 +1,26 @@
 //! One step of a group of environments, read aloud.
 
-mod impact;
-
 use stepper_real::{Mask, Real};
 
+use crate::actuation::forces::{At, Drive, Implicit, Implied, Theta, Train};
+use crate::collision::contact_set::Contacts;
+use crate::collision::detection::GeomPoses;
+use crate::collision::tunnelling::may_have_passed;
+use crate::compile::{LanePlan, Plan};
 use crate::constraints::{Constraints, Moment};
-use crate::contacts::Contacts;
-use crate::drive::{At, Drive, Implicit, Implied, Theta, Train};
-use crate::kinematics::{Kinematics, advance, all_finite, blend, displace};
-use crate::lanes::each_of;
-use crate::limit::{Limit, slow_down, thrown, unresolved};
-use crate::mocap::{self, Way};
+use crate::dynamics::gyroscopic;
+use crate::dynamics::kinematics::{Kinematics, advance, all_finite, blend, displace};
+use crate::dynamics::mocap::{self, Way};
+use crate::integrators::impact;
+use crate::integrators::rk4::Rk4;
+use crate::integrators::step_resolution::{Limit, slow_down, thrown, unresolved};
+use crate::math::lanes::each_of;
+use crate::math::spatial::*;
 use crate::options::{Integrator, StepSettings};
-use crate::plan::{LanePlan, Plan};
-use crate::rk4::Rk4;
-use crate::spatial::*;
-use crate::spin;
 use crate::stages::s01_actuate::{actuate, advance_activation, regather};
 use crate::stages::s02_smooth::Smooth;
-use crate::stages::s03_detect::{GeomPoses, detect, may_have_passed};
+use crate::stages::s03_detect::detect;
+use crate::stages::s04_assemble;
 use crate::stages::s05_solve::{estimate, forget_estimate, solve};
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s07_integrate_position::integrate_position;
@@ -65,28 +67,28 @@ pub struct Scratch<R: Real> {
     /// Ways of the mocap bodies during this call, and the time of it that has passed, s.
     pub(crate) ways: Vec<Way<R>>,
     pub(crate) elapsed: f64,
-    new_contacts: Contacts<R>,
-    smooth: Smooth<R>,
-    v_free: Vec<R>,
+    pub(crate) new_contacts: Contacts<R>,
+    pub(crate) smooth: Smooth<R>,
+    pub(crate) v_free: Vec<R>,
     pub(crate) poses: GeomPoses<R>,
-    rk4: Option<Rk4<R>>,
+    pub(crate) rk4: Option<Rk4<R>>,
     pub(crate) drive: Drive<R>,
-    applied: Vec<R>,
-    q_eval: Vec<R>,
-    q_ahead: Vec<R>,
-    v_mean: Vec<R>,
-    act_eval: Vec<R>,
+    pub(crate) applied: Vec<R>,
+    pub(crate) q_eval: Vec<R>,
+    pub(crate) q_ahead: Vec<R>,
+    pub(crate) v_mean: Vec<R>,
+    pub(crate) act_eval: Vec<R>,
     /// Velocity after the step with which inertial forces are taken.
-    expected: Vec<R>,
-    change: Vec<R>,
+    pub(crate) expected: Vec<R>,
+    pub(crate) change: Vec<R>,
     /// Impacts of the step, and room for the velocity before them.
-    impacts: impact::Impacts<R>,
-    before_impact: Vec<R>,
-    limit: Limit<R>,
-    unresolved: R::Mask,
-    q_next: Vec<R>,
-    v_next: Vec<R>,
-    act_next: Vec<R>,
+    pub(crate) impacts: impact::Impacts<R>,
+    pub(crate) before_impact: Vec<R>,
+    pub(crate) limit: Limit<R>,
+    pub(crate) unresolved: R::Mask,
+    pub(crate) q_next: Vec<R>,
+    pub(crate) v_next: Vec<R>,
+    pub(crate) act_next: Vec<R>,
 }
 
 impl<R: Real> Scratch<R> {
@@ -145,22 +147,22 @@ impl<R: Real> Scratch<R> {
 
 /// The integrator as numbers.
 #[derive(Clone, Copy, Debug)]
-struct Rule<R> {
-    integrator: Integrator,
+pub(crate) struct Rule<R> {
+    pub(crate) integrator: Integrator,
     /// Time step, s.
-    h: R,
+    pub(crate) h: R,
     /// From the configuration before the step to that at which everything is taken, s.
-    lead: R,
+    pub(crate) lead: R,
     /// From there to the configuration after the step, s.
-    rest: R,
+    pub(crate) rest: R,
     /// From there to where springs and servos are taken, s; what lies beyond is in the mass matrix.
-    reach: R,
+    pub(crate) reach: R,
     /// Shares of damping and stiffness in the mass matrix.
-    theta: Theta<R>,
+    pub(crate) theta: Theta<R>,
     /// Where velocity-dependent forces are taken, from 0 at the velocity before the step to 1 at that after it.
-    share: R,
+    pub(crate) share: R,
     /// Whether springs and servos are implicit, and velocity-dependent forces are taken again at the velocity to be expected.
-    corrects: bool,
+    pub(crate) corrects: bool,
 }
 
 impl<R: Real> Rule<R> {
@@ -335,7 +337,7 @@ fn assemble<R: Real>(plan: &LanePlan<R>, options: &StepSettings, rule: &Rule<R>,
         closing: rule.closing(too_far, s.impacts.lanes),
         alive: s.alive,
     };
-    s.constraints.assemble(plan, options, &s.kinematics, &s.smooth.mass, &moment, &mut s.new_contacts);
+    s04_assemble::assemble(plan, options, &s.kinematics, &s.smooth.mass, &moment, &mut s.new_contacts, &mut s.constraints);
 }
 
 /// Compares where servos are on their bounds with what an estimate of the impulses says, which takes the place of those of the last step where the two
@@ -370,12 +372,12 @@ fn reconsider_servos<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratc
 }
 
 /// Stage 3. Returns the lanes that are taken too far from the beginning of the step.
-fn find_contacts<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) -> R::Mask {
+pub(crate) fn find_contacts<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) -> R::Mask {
     detect(plan, &s.kinematics, [&s.v, &s.v_free], [rule.h, rule.lead], s.alive, &mut s.poses, &mut s.new_contacts)
 }
 
 /// The configuration and activations at which forces are taken.
-fn place<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) {
+pub(crate) fn place<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) {
     if rule.integrator.in_the_middle() {
         displace(plan, &s.q, &s.v, rule.lead, &mut s.q_eval);
         advance_activation(plan, &s.act, &s.act, &s.inputs.ctrl, rule.lead, &mut s.act_eval);
@@ -392,7 +394,7 @@ fn place<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) {
 }
 
 /// Stages 1 and 2: the velocity at the end of the step if nothing were in the way.
-fn free_motion<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) {
+pub(crate) fn free_motion<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) {
     s.smooth.apply(plan, &s.kinematics, [&s.inputs.qfrc, &s.inputs.xfrc], &mut s.applied);
     s.drive.release();
     s.smooth.assemble_mass(plan, &s.kinematics, rule.joints(plan));
@@ -460,7 +462,7 @@ fn correct_forces<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R
     s.smooth.acceleration(plan, &s.kinematics, [&s.drive.tau, &s.applied], &s.v, &s.v_mean);
     advance(&s.v, &s.smooth.acc, rule.h, &mut s.v_next);
     if !plan.spinners.is_empty() && rule.integrator.in_the_middle() {
-        spin::correct(plan, &s.kinematics, &s.smooth.mass, [rule.lead, rule.rest], [&s.v, &s.v_mean], &mut s.v_next);
+        gyroscopic::correct(plan, &s.kinematics, &s.smooth.mass, [rule.lead, rule.rest], [&s.v, &s.v_mean], &mut s.v_next);
     }
     advance(&s.v_next, &s.v_free, -R::one(), &mut s.v_mean);
     s.unresolved = unresolved(plan, &s.v, &s.v_next, &s.v_mean, rule.h).and(s.alive);

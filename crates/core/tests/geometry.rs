@@ -1,9 +1,9 @@
 //! Narrow phase against sampling, and the symmetries that it must have.
 
 use proptest::prelude::*;
-use stepper_core::contacts::frame;
-use stepper_core::geometry::{Segment, plane_box, plane_sphere, segments};
-use stepper_core::spatial::*;
+use stepper_core::collision::contact_set::frame;
+use stepper_core::collision::pairs::{Segment, plane_box, plane_sphere, segments};
+use stepper_core::math::spatial::*;
 
 fn vector(size: f64) -> impl Strategy<Value = V3<f64>> {
     prop::array::uniform3(-size..size)

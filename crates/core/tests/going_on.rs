@@ -6,9 +6,9 @@ use std::sync::Arc;
 
 use common::{action, errors, noise, start, trains, walker};
 use proptest::prelude::*;
+use stepper_core::batch::rollout::{Numbers, Quantity, Recording};
 use stepper_core::batch::{Field, StepInputs};
 use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, Parameter, WORLD};
-use stepper_core::rollout::{Numbers, Quantity, Recording};
 use stepper_core::{Integrator, Options, Precision, Simulation, Stabilization};
 
 /// What a user may do between two calls of `step`.

@@ -7,10 +7,10 @@ use std::sync::Arc;
 
 use proptest::prelude::*;
 use shapes::{unit, vector};
-use stepper_core::geometry::convex::{
+use stepper_core::collision::convex::{
     Approach, ConvexShape, Hull, HullError, Known, Manifold, Parting, Partings, Point, Pose, Reach, Room, collide, distance,
 };
-use stepper_core::spatial::*;
+use stepper_core::math::spatial::*;
 
 type V = V3<f64>;
 

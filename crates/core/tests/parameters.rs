@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use common::{action, bits, noise, start, walker};
 use stepper_core::batch::{Field, StepInputs};
+use stepper_core::compile::{Params, Plan};
 use stepper_core::model::{Model, Parameter};
-use stepper_core::plan::{Params, Plan};
 use stepper_core::{Level, Options, Precision, Simulation};
 
 /// The numbers of a field, each times a factor of its own from 0.9 to 1.1; those of one joint times the same one.

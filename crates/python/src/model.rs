@@ -169,7 +169,7 @@ impl Model {
     /// What the source asks for and something else runs by default; what is modelled; what was left out and why; what costs nothing;
     /// what rigid bodies cannot model; and what is in the way of what at the reference pose.
     fn explain(&self) -> String {
-        stepper_core::overlaps::explain(&self.core)
+        stepper_core::analysis::overlaps::explain(&self.core)
     }
 
     /// A new model with other values in some fields, e.g. `geom_restitution=` (ngeom,); what derives from a field follows.

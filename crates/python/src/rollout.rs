@@ -5,7 +5,7 @@ use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use stepper_core::Precision;
-use stepper_core::rollout::{Numbers, Quantity, Recording};
+use stepper_core::batch::rollout::{Numbers, Quantity, Recording};
 
 use crate::array::{check_shape, described, readonly, shape_text};
 use crate::options::unknown;

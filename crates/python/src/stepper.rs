@@ -392,7 +392,7 @@ impl Stepper {
         read_only(array(py, &shape, std::mem::take(&mut found[which]), self.precision)?, name)
     }
 
-    fn snapshot(&self, py: Python<'_>, env: Env) -> PyResult<stepper_core::query::Snapshot> {
+    fn snapshot(&self, py: Python<'_>, env: Env) -> PyResult<stepper_core::analysis::quantities::Snapshot> {
         let env = self.env(env)?;
         let model = self.simulation.model();
         let row = |which: Applied, width: usize| -> PyResult<Vec<f64>> {

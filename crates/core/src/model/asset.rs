@@ -3,8 +3,8 @@
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::{Description, MassProperties, Shape};
-use crate::geometry::convex::{Hull, HullError};
+use crate::collision::convex::{Hull, HullError};
+use crate::model::{Description, MassProperties, Shape};
 
 /// A triangle mesh, in the frame of the geoms that use it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -33,7 +33,7 @@ pub struct HeightField {
 }
 
 impl Mesh {
-    /// The convex hull of its vertices, made anew; a finished model has those that it needs, see [`Model::hull_of`](super::Model::hull_of).
+    /// The convex hull of its vertices, made anew; a finished model has those that it needs, see [`Model::hull_of`](crate::model::Model::hull_of).
     ///
     /// # Errors
     /// [`HullError`] where they span no volume.

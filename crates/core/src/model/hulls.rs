@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use super::{Description, Mesh, Model, Shape};
-use crate::geometry::convex::{Hull, HullError};
+use crate::collision::convex::{Hull, HullError};
+use crate::model::{Description, Mesh, Model, Shape};
 
 /// Convex hulls by mesh, of those that something can touch as their hull.
 #[derive(Clone, Debug, Default, PartialEq)]

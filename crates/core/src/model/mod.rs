@@ -2,7 +2,7 @@
 //!
 //! A [`Description`] is a scene whose fields anybody may edit. [`Description::finish`] checks it and makes a [`Model`] of it, which can be
 //! read and no longer edited, so that every model is valid. Both keep the vocabulary of MJCF (bodies, joints, geoms, actuators, sensors,
-//! keyframes) and every index a user knows, in SI units; what the step needs of a model is compiled into a [`Plan`](crate::plan::Plan).
+//! keyframes) and every index a user knows, in SI units; what the step needs of a model is compiled into a [`Plan`](crate::compile::Plan).
 //!
 //! Frames: a body's `pos`, `quat` place it in its parent; a joint's `pos`, `axis` and a geom's `pos`, `quat` are in their body's frame.
 //! Quaternions are (w, x, y, z). Lengths in m, masses in kg, angles in rad.
@@ -29,25 +29,27 @@ use std::ops::Deref;
 
 use serde::{Deserialize, Serialize};
 
-pub use asset::{HeightField, Mesh};
-pub use builder::{ActuatorBuilder, BodyBuilder, EqualityBuilder, GeomBuilder, JointBuilder, ModelBuilder, TendonBuilder, WORLD};
-pub use equality::{Equality, EqualityKind};
-pub use error::ModelError;
-pub use file::FORMAT_VERSION;
-pub use fluid::{Ellipsoid, Medium};
-use hulls::Hulls;
-pub use kernel::Kernel;
-pub use mass::MassProperties;
-pub(crate) use pairs::Filter;
-pub use pairs::GeomPair;
-pub use replace::{Field, REPLACEABLE};
-pub use sensor::{
+pub use crate::model::asset::{HeightField, Mesh};
+pub use crate::model::builder::{
+    ActuatorBuilder, BodyBuilder, EqualityBuilder, GeomBuilder, JointBuilder, ModelBuilder, TendonBuilder, WORLD,
+};
+pub use crate::model::equality::{Equality, EqualityKind};
+pub use crate::model::error::ModelError;
+pub use crate::model::file::FORMAT_VERSION;
+pub use crate::model::fluid::{Ellipsoid, Medium};
+use crate::model::hulls::Hulls;
+pub use crate::model::kernel::Kernel;
+pub use crate::model::mass::MassProperties;
+pub(crate) use crate::model::pairs::Filter;
+pub use crate::model::pairs::GeomPair;
+pub use crate::model::replace::{Field, REPLACEABLE};
+pub use crate::model::sensor::{
     ContactField, ContactReduction, ContactSide, FrameReading, Object, ProximityReading, Quantity, RayField, Sensor, SensorKind, Site,
 };
-pub use shape::Shape;
-pub use tendon::Tendon;
-pub use variant::Parameter;
-pub(crate) use variant::Variants;
+pub use crate::model::shape::Shape;
+pub use crate::model::tendon::Tendon;
+pub use crate::model::variant::Parameter;
+pub(crate) use crate::model::variant::Variants;
 
 /// A finished scene: a [`Description`] that was checked and cannot be edited any more, so that a simulation may rely on it.
 ///

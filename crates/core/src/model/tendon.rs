@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Description;
+use crate::model::Description;
 
 /// A fixed tendon: its length is a linear combination of scalar joint positions. Its unit u is that of the combination.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -2,12 +2,12 @@
 
 use stepper_real::Real;
 
-use super::{Moment, Room};
-use crate::kinematics::{Kinematics, quat_at};
+use crate::compile::LanePlan;
+use crate::compile::sensing::Place;
+use crate::dynamics::kinematics::{Kinematics, quat_at};
+use crate::math::spatial::*;
 use crate::model::{FrameReading, JointKind};
-use crate::plan::LanePlan;
-use crate::plan::sensing::Place;
-use crate::spatial::*;
+use crate::sensing::{Moment, Room};
 
 /// Orientation of every link as a quaternion: products along the tree, so that the sign is that of the coordinates.
 pub fn orientations<R: Real>(plan: &LanePlan<R>, q: &[R], out: &mut [[R; 4]]) {

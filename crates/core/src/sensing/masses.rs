@@ -2,13 +2,13 @@
 
 use stepper_real::Real;
 
-use super::frames::{ground, motion_of, orientation, position};
-use super::{Moment, Room};
-use crate::kinematics::{Kinematics, quat_at};
+use crate::compile::sensing::{Part, Place, Subtree};
+use crate::compile::{Inertial, LanePlan};
+use crate::dynamics::kinematics::{Kinematics, quat_at};
+use crate::math::spatial::*;
 use crate::model::JointKind;
-use crate::plan::sensing::{Part, Place, Subtree};
-use crate::plan::{Inertial, LanePlan};
-use crate::spatial::*;
+use crate::sensing::frames::{ground, motion_of, orientation, position};
+use crate::sensing::{Moment, Room};
 
 /// Centre of mass of a subtree, m.
 pub fn com<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, subtree: &Subtree, empty: V3<R>) -> V3<R> {

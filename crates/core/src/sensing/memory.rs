@@ -3,10 +3,10 @@
 use serde::{Deserialize, Serialize};
 use stepper_real::Scalar;
 
-use super::errors::Keys;
-use crate::contacts::MAX_LANES;
-use crate::lanes::{columns, lane_bits, set_columns, set_lane_bits};
-use crate::plan::Plan;
+use crate::collision::contact_set::MAX_LANES;
+use crate::compile::Plan;
+use crate::math::lanes::{columns, lane_bits, set_columns, set_lane_bits};
+use crate::sensing::errors::Keys;
 
 /// Memory of the sensors of a group of environments.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -2,13 +2,13 @@
 
 use stepper_real::{Mask, Real};
 
-use super::frames::{orientation, position};
-use crate::geometry::{Segment, segments};
-use crate::kinematics::Kinematics;
+use crate::collision::pairs::{Segment, segments};
+use crate::compile::LanePlan;
+use crate::compile::sensing::{Form, Pair, Solid};
+use crate::dynamics::kinematics::Kinematics;
+use crate::math::spatial::*;
 use crate::model::ProximityReading;
-use crate::plan::LanePlan;
-use crate::plan::sensing::{Form, Pair, Solid};
-use crate::spatial::*;
+use crate::sensing::frames::{orientation, position};
 
 /// A signed distance and the points that are so far apart.
 #[derive(Clone, Copy)]

@@ -5,12 +5,12 @@
 
 use stepper_real::{Mask, Real};
 
-use super::frames::{orientation, position};
-use crate::kinematics::Kinematics;
+use crate::compile::LanePlan;
+use crate::compile::sensing::{Form, Place, Solid};
+use crate::dynamics::kinematics::Kinematics;
+use crate::math::spatial::*;
 use crate::model::RayField;
-use crate::plan::LanePlan;
-use crate::plan::sensing::{Form, Place, Solid};
-use crate::spatial::*;
+use crate::sensing::frames::{orientation, position};
 
 /// Distance to a shape along a unit direction, both in the shape's frame; infinite where it is not hit.
 pub(super) fn ray<R: Real>(form: Form, size: V3<R>, o: V3<R>, d: V3<R>) -> R {

@@ -2,15 +2,15 @@
 
 use stepper_real::{Real, Scalar};
 
-use super::frames::{orientation, position};
-use super::rays::{holds, ray};
-use super::{Moment, Room};
-use crate::contacts::{Contacts, MAX_LANES, frame};
-use crate::kinematics::Kinematics;
+use crate::collision::contact_set::{Contacts, MAX_LANES, frame};
+use crate::compile::LanePlan;
+use crate::compile::sensing::{Side, Solid};
+use crate::dynamics::kinematics::Kinematics;
+use crate::math::spatial::*;
 use crate::model::{ContactField, ContactReduction};
-use crate::plan::LanePlan;
-use crate::plan::sensing::{Side, Solid};
-use crate::spatial::*;
+use crate::sensing::frames::{orientation, position};
+use crate::sensing::rays::{holds, ray};
+use crate::sensing::{Moment, Room};
 
 /// One contact of one lane.
 #[derive(Clone, Copy, Debug)]

@@ -2,11 +2,12 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::drive::{At, Drive, Implied, Law, bounded, exceeds, outside, within};
-use crate::kinematics::quat_at;
+use crate::actuation::force_limits::{bounded, exceeds};
+use crate::actuation::forces::{At, Drive, Implied, Law, outside, within};
+use crate::compile::{ActuatorPlan, LanePlan};
+use crate::dynamics::kinematics::quat_at;
+use crate::math::spatial::*;
 use crate::model::{Activation, JointKind};
-use crate::plan::{ActuatorPlan, LanePlan};
-use crate::spatial::*;
 
 /// Forces of actuators and springs, N or N m, and what servos add to the mass matrix; joint damping and the stiffness of joints are added
 /// in stage 2. Servos that are at a bound of their force stay there until [`Drive::release`]. Without `implied` all is taken explicitly.

@@ -2,12 +2,12 @@
 
 use stepper_real::Real;
 
-use crate::drive::{Implicit, Theta};
-use crate::fluid::Fluid;
-use crate::inertia::{MassMatrix, NewtonEuler, link_forces, project_forces};
-use crate::kinematics::Kinematics;
-use crate::plan::{LanePlan, Plan};
-use crate::spatial::*;
+use crate::actuation::forces::{Implicit, Theta};
+use crate::compile::{LanePlan, Plan};
+use crate::dynamics::fluid::Fluid;
+use crate::dynamics::inertia::{MassMatrix, NewtonEuler, link_forces, project_forces};
+use crate::dynamics::kinematics::Kinematics;
+use crate::math::spatial::*;
 
 /// Smooth dynamics at one configuration.
 #[derive(Clone, Debug)]
@@ -22,7 +22,7 @@ pub struct Smooth<R: Real> {
     pub work: NewtonEuler<R>,
     /// Diagonal of M itself, where there are servos.
     pub inertia: Vec<R>,
-    /// Damping of stiff springs beyond the joints' own, where joints have springs; see [`crate::drive`].
+    /// Damping of stiff springs beyond the joints' own, where joints have springs; see [`crate::actuation::forces`].
     drag: Vec<R>,
     composite: Vec<Inertia<R>>,
     /// Entries of the mass matrix without servos, if servos at their bounds may leave it within a step.
@@ -108,7 +108,7 @@ impl<R: Real> Smooth<R> {
     }
 
     /// `acc = A^-1 (tau + applied - c(q, v_bias) - D v)` with the matrix A of [`Smooth::factor_mass`]: a step of it is implicit in what A holds
-    /// of the damping D and of springs (see [`crate::drive`]).
+    /// of the damping D and of springs (see [`crate::actuation::forces`]).
     pub fn acceleration(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, forces: [&[R]; 2], v: &[R], v_bias: &[R]) {
         R::vectorize(
             #[inline(always)]

@@ -3,10 +3,10 @@
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::{Outcome, Settings};
 
+use crate::collision::contact_set::Contacts;
 use crate::constraints::Constraints;
-use crate::contacts::Contacts;
+use crate::math::spatial::*;
 use crate::options::StepSettings;
-use crate::spatial::*;
 
 /// Solves the lanes `lanes` to the tolerance and leaves the impulses where the next step finds its warm start.
 ///

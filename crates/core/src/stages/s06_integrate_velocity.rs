@@ -2,9 +2,9 @@
 
 use stepper_real::Real;
 
+use crate::compile::LanePlan;
 use crate::constraints::Constraints;
-use crate::inertia::MassMatrix;
-use crate::plan::LanePlan;
+use crate::dynamics::inertia::MassMatrix;
 
 /// v+ = v_free + L^-1 D^-1/2 w, where w is the scaled velocity change of stage 5: zero where nothing pushes. Returns whether anything does.
 pub fn integrate_velocity<R: Real>(

@@ -2,8 +2,8 @@
 
 use stepper_real::Real;
 
-use crate::kinematics::displace;
-use crate::plan::LanePlan;
+use crate::compile::LanePlan;
+use crate::dynamics::kinematics::displace;
 
 /// q+ = q (+) h v.
 pub fn integrate_position<R: Real>(plan: &LanePlan<R>, q: &[R], v: &[R], h: R, out: &mut [R]) {

@@ -10,16 +10,16 @@
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::{Outcome, Problem, Settings};
 
+use crate::collision::contact_set::Contacts;
+use crate::compile::{LanePlan, Plan};
+use crate::constraints::islands::Islands;
 use crate::constraints::{ARM, Constraints, DAMPING};
-use crate::contacts::Contacts;
-use crate::inertia::MassMatrix;
-use crate::islands::Islands;
-use crate::kinematics::displace;
-use crate::lanes::each_of;
+use crate::dynamics::inertia::MassMatrix;
+use crate::dynamics::kinematics::displace;
+use crate::math::lanes::each_of;
+use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::options::{Solver, StepSettings};
-use crate::plan::{LanePlan, Plan};
-use crate::spatial::*;
 
 /// Residual that is enough for a correction, m/s: a fraction of a micrometre a step, and the next step sees what is left of the overlap.
 const CLOSE: f64 = 1e-4;

@@ -5,11 +5,11 @@
 
 use stepper_real::Real;
 
-use crate::kinematics::Kinematics;
-use crate::plan::LanePlan;
-use crate::plan::sensing::{Bounds, Place, Read, SensorPlan};
+use crate::compile::LanePlan;
+use crate::compile::sensing::{Bounds, Place, Read, SensorPlan};
+use crate::dynamics::kinematics::Kinematics;
+use crate::math::spatial::*;
 use crate::sensing::*;
-use crate::spatial::*;
 
 /// True readings of all sensors, left in `room.truth`. `kinematics` is placed at the moment's configuration here, except mocap frames.
 pub fn sense<R: Real>(plan: &LanePlan<R>, kinematics: &mut Kinematics<R>, room: &mut Room<R>, moment: &Moment<'_, R>) {

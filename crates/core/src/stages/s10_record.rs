@@ -5,11 +5,11 @@ use std::fmt;
 use bitflags::bitflags;
 use stepper_real::{Mask, Real};
 
+use crate::collision::contact_set::Contacts;
+use crate::compile::LanePlan;
 use crate::constraints::Constraints;
-use crate::contacts::Contacts;
-use crate::kinematics::quat_at;
-use crate::plan::LanePlan;
-use crate::spatial::*;
+use crate::dynamics::kinematics::quat_at;
+use crate::math::spatial::*;
 
 /// Overlap of a contact above which a step is [`Status::DEEP`], m: a hundred times the default slop, more than any contact that is solved keeps,
 /// and what an eye sees between a foot and the floor.

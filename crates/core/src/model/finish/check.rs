@@ -4,8 +4,8 @@ mod assets;
 
 use std::collections::HashSet;
 
-use super::super::hulls::{Hulls, Source};
-use super::super::{Activation, Description, EqualityKind, JointKind, ModelError, Shape, Transmission, label};
+use crate::model::hulls::{Hulls, Source};
+use crate::model::{Activation, Description, EqualityKind, JointKind, ModelError, Shape, Transmission, label};
 
 pub(super) type Checked = Result<(), ModelError>;
 
@@ -196,7 +196,7 @@ pub(super) fn values(model: &Description, hulls: Source<'_>) -> Result<Hulls, Mo
     tendons(model)?;
     equalities(model)?;
     actuators(model)?;
-    super::sensors::check(model)?;
+    crate::model::finish::sensors::check(model)?;
     Ok(hulls)
 }
 

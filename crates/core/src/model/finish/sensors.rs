@@ -1,10 +1,10 @@
 //! The rules of sites and sensors.
 
-use super::super::hulls::Source;
-use super::super::{
+use crate::model::finish::check::{At, Checked};
+use crate::model::hulls::Source;
+use crate::model::{
     ContactSide, Description, EqualityKind, FrameReading, Geom, JointKind, Model, ModelError, Object, Sensor, SensorKind, Shape,
 };
-use super::check::{At, Checked};
 
 /// Every site and sensor.
 pub(super) fn check(model: &Description) -> Checked {

@@ -1,0 +1,491 @@
+//! A worker steps groups of environments on one thread; one kind per lane type, one instantiation per CPU level.
+
+use std::any::Any;
+use std::ops::Range;
+
+use stepper_real::{Level, Mask, Real, Scalar, at_avx512, at_level};
+
+use crate::actuation::Chains;
+use crate::batch::randomization::Own;
+use crate::batch::rollout::{Numbers, Quantity, Share};
+use crate::batch::sensors::Senses;
+use crate::batch::state::Group;
+use crate::compile::{LanePlan, Plan};
+use crate::dynamics::mocap::Way;
+use crate::math::lanes::count;
+use crate::math::spatial::*;
+use crate::options::StepSettings;
+use crate::sensing::errors::Errors;
+use crate::step::{Scratch, step};
+
+/// One call of `step` or `rollout` for all environments: what every group needs to know. Arrays are environment-major.
+#[derive(Clone, Copy, Debug)]
+pub struct Call<'a, S: Scalar> {
+    /// The compiled model.
+    pub plan: &'a Plan<S>,
+    /// Settings.
+    pub options: &'a StepSettings,
+    /// Number of environments.
+    pub num_envs: usize,
+    /// Controls, one after the other; `step` has one.
+    pub calls: usize,
+    /// Steps to make with each control.
+    pub nstep: usize,
+    /// (calls, num_envs, nu), or (calls, nu) for all, or empty for zero.
+    pub ctrl: &'a [f64],
+    /// (num_envs, nv), or empty for none.
+    pub qfrc: &'a [f64],
+    /// (num_envs, nbody, 6), or empty for none.
+    pub xfrc: &'a [f64],
+    /// (num_envs, nmocap, 3) and (num_envs, nmocap, 4), or empty for the model's.
+    pub mocap: [&'a [f64]; 2],
+    /// The steps of the call that are made now.
+    pub part: Part,
+    /// What sensors that are not ideal make of the truth.
+    pub errors: Option<&'a Errors<S>>,
+    /// Parameters that environments have of their own.
+    pub own: &'a Own<S>,
+    /// Drive trains of the actuators.
+    pub chains: Option<&'a Chains<S>>,
+}
+
+impl<S: Scalar> Call<'_, S> {
+    /// Steps of all controls together.
+    fn steps(&self) -> usize {
+        self.calls.saturating_mul(self.nstep)
+    }
+}
+
+/// Some steps of a call, which follow one another. The parts of a call make the bits of the whole.
+#[derive(Clone, Copy, Debug)]
+pub struct Part {
+    /// The first of them, counted over all controls.
+    pub from: usize,
+    /// The first after them.
+    pub to: usize,
+    /// Time of the call before them, s.
+    pub elapsed: f64,
+    /// Whether no other part follows.
+    pub ends: bool,
+}
+
+impl Part {
+    /// All of so many steps.
+    pub fn whole(steps: usize) -> Self {
+        Self { from: 0, to: steps, elapsed: 0.0, ends: true }
+    }
+
+    /// The controls that have steps of it, all of them where a control has no step.
+    fn controls(&self, calls: usize, nstep: usize) -> Range<usize> {
+        match nstep {
+            0 => 0..calls,
+            _ if self.from == self.to => 0..0,
+            _ => self.from / nstep..self.to.div_ceil(nstep),
+        }
+    }
+
+    /// The steps of it that a control has, as places among the control's own.
+    fn steps_of(&self, control: usize, nstep: usize) -> Range<usize> {
+        let before = control * nstep;
+        self.from.saturating_sub(before)..(self.to - before).min(nstep)
+    }
+}
+
+/// A thread's room to work, with the step compiled for its lanes and CPU level.
+pub trait Worker<S: Scalar>: Any + Send {
+    /// Makes the steps of `call` in one group.
+    fn run(&mut self, call: &Call<'_, S>, group: &mut Group<S>, at: Place<'_, '_, S>);
+    /// Reads the sensors of one group, whose first environment is `first`.
+    fn sense(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, query: Query<'_>);
+    /// Says that somebody else has written to the state of a group.
+    fn forget(&mut self);
+}
+
+/// How to make a worker.
+#[derive(Clone, Copy)]
+pub struct Site<'a, S: Scalar> {
+    /// The compiled model.
+    pub plan: &'a Plan<S>,
+    /// Settings.
+    pub options: &'a StepSettings,
+    /// Contacts an environment has room for.
+    pub max_contacts: usize,
+}
+
+/// A scalar type with the lanes that step it.
+pub trait Stepped: Scalar {
+    /// Lanes of a group in which states are saved, whatever steps them.
+    const LANES: usize;
+    /// Lanes of a single environment.
+    const SINGLE: usize;
+    /// Lanes of a group of many environments, stepped by so many threads.
+    fn lanes(plan: &Plan<Self>, num_envs: usize, threads: usize, level: Level) -> usize;
+    /// A worker for groups of `lanes` lanes at a CPU level that this machine has.
+    fn worker(site: &Site<'_, Self>, lanes: usize, level: Level) -> Box<dyn Worker<Self>>;
+    /// An array of a recording in this precision.
+    ///
+    /// # Panics
+    /// When it is of the other; [`Simulation`](crate::Simulation) has checked it.
+    fn numbers(array: Numbers<'_>) -> &mut [Self];
+}
+
+/// Which readings are asked for.
+#[derive(Debug)]
+pub struct Query<'a> {
+    /// Those of ideal sensors.
+    pub truth: bool,
+    /// Where they go: a row for every environment of the group.
+    pub out: &'a mut [f64],
+}
+
+/// Where a group is among the environments, and where it writes down what it does.
+#[derive(Debug)]
+pub struct Place<'a, 'b, S> {
+    /// Its first environment.
+    pub first: usize,
+    /// The first environment of the share.
+    pub share_first: usize,
+    /// What the group and its neighbours write, if anything.
+    pub share: Option<&'a mut Share<'b, S>>,
+}
+
+/// Largest mass matrix (entries, 128 bytes each in two registers) with which a step still works in the caches next to the core. Two registers make
+/// dm_control's humanoid (243) 4 to 6 % faster, humanoid_CMU (952) up to 4 % slower.
+const SMALL: usize = 512;
+
+/// Lanes of one register, `n`, or of two where that takes less time: it takes as much as 1.8 times one (docs/performance.md). With the sixteen
+/// registers of AVX2 it would take 2.2 to 2.5 times.
+fn lanes<S: Scalar>(n: usize, plan: &Plan<S>, num_envs: usize, threads: usize, level: Level) -> usize {
+    let groups = |lanes: usize| num_envs.div_ceil(lanes).div_ceil(threads);
+    let pays = plan.chain.len() <= SMALL && 9 * groups(2 * n) <= 5 * groups(n);
+    if level == Level::Avx512 && pays { 2 * n } else { n }
+}
+
+impl Stepped for f64 {
+    const LANES: usize = 8;
+    const SINGLE: usize = 1;
+
+    fn lanes(plan: &Plan<f64>, num_envs: usize, threads: usize, level: Level) -> usize {
+        lanes(8, plan, num_envs, threads, level)
+    }
+
+    fn worker(site: &Site<'_, f64>, lanes: usize, level: Level) -> Box<dyn Worker<f64>> {
+        match lanes {
+            1 => at_level!(level, F64x1, desk(site)),
+            8 => at_level!(level, F64x8, desk(site)),
+            _ => at_avx512!(F64x16, desk(site)),
+        }
+    }
+
+    fn numbers(array: Numbers<'_>) -> &mut [f64] {
+        match array {
+            Numbers::F64(x) => x,
+            Numbers::F32(_) => panic!("a recording in 32 bits of a batch in 64"),
+        }
+    }
+}
+
+impl Stepped for f32 {
+    const LANES: usize = 16;
+    const SINGLE: usize = 16;
+
+    fn lanes(plan: &Plan<f32>, num_envs: usize, threads: usize, level: Level) -> usize {
+        lanes(16, plan, num_envs, threads, level)
+    }
+
+    fn worker(site: &Site<'_, f32>, lanes: usize, level: Level) -> Box<dyn Worker<f32>> {
+        if lanes == 32 { at_avx512!(F32x32, desk(site)) } else { at_level!(level, F32x16, desk(site)) }
+    }
+
+    fn numbers(array: Numbers<'_>) -> &mut [f32] {
+        match array {
+            Numbers::F32(x) => x,
+            Numbers::F64(_) => panic!("a recording in 64 bits of a batch in 32"),
+        }
+    }
+}
+
+fn desk<R: Real>(site: &Site<'_, R::Scalar>) -> Box<dyn Worker<R::Scalar>> {
+    Box::new(Desk {
+        scratch: Scratch::<R>::new(site.plan, site.options, site.max_contacts),
+        senses: Senses::new(site.plan, site.max_contacts),
+        plan: LanePlan::new(site.plan),
+        flags: vec![0; R::LANES],
+    })
+}
+
+/// Where a worker steps and reads.
+struct Desk<R: Real> {
+    scratch: Scratch<R>,
+    senses: Senses<R>,
+    /// The plan with the parameters of the group that is worked on.
+    plan: LanePlan<R>,
+    /// Flags of the steps of a control, per lane.
+    flags: Vec<u32>,
+}
+
+impl<R: Real> Worker<R::Scalar> for Desk<R> {
+    fn run(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, at: Place<'_, '_, R::Scalar>) {
+        assert_eq!(group.lanes, R::LANES, "a worker steps groups of its own width");
+        let Place { first, share_first, mut share } = at;
+        self.turn_to(call, first);
+        self.senses.begin(call, &self.plan, group, first, &mut self.scratch);
+        if !self.scratch.current {
+            load(group, &mut self.scratch);
+        }
+        self.scratch.current = false;
+        take_up(call, group, first, &mut self.scratch);
+        if call.part.from == 0 {
+            forget_faults::<R>(group);
+        }
+        self.scratch.poses.exchange(&mut group.normals);
+        for control in call.part.controls(call.calls, call.nstep) {
+            take_up_control(call, control, first, &mut self.scratch);
+            let steps = call.part.steps_of(control, call.nstep);
+            let mut residual = R::zero();
+            self.flags[..R::LANES].fill(0);
+            if let (Some(share), true) = (&share, steps.start > 0) {
+                residual = share.resume(control, first - share_first, self.scratch.alive, &mut self.flags);
+            }
+            let residual = self.run_control(call, group, first, steps.len(), residual);
+            let Self { scratch: s, senses, plan, flags } = self;
+            if let Some(share) = &mut share {
+                let readings = if share.has(Quantity::Observation) { senses.readings(call, plan, group, s) } else { &[] };
+                share.write(control, first - share_first, s, readings, flags, residual);
+            }
+        }
+        let s = &mut self.scratch;
+        s.poses.exchange(&mut group.normals);
+        if call.part.to > call.part.from {
+            self.senses.remember(group, s);
+            store(group, s);
+        }
+        if call.part.ends && call.part.to > 0 {
+            keep_ways(call, group, s);
+        }
+        // Who has one group alone goes on with it.
+        s.current = call.num_envs <= R::LANES;
+    }
+
+    fn sense(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, query: Query<'_>) {
+        assert_eq!(group.lanes, R::LANES, "a worker reads groups of its own width");
+        self.turn_to(call, first);
+        let Self { scratch, senses, plan, .. } = self;
+        senses.read(call, plan, group, first, scratch, query.truth, query.out);
+    }
+
+    fn forget(&mut self) {
+        self.scratch.current = false;
+    }
+}
+
+impl<R: Real> Desk<R> {
+    /// Takes up the parameters of the group whose first environment is `first`.
+    fn turn_to(&mut self, call: &Call<'_, R::Scalar>, first: usize) {
+        if let Some(numbers) = call.own.numbers.get(first / R::LANES) {
+            self.plan.params.take_up(&call.own.places, numbers);
+            self.scratch.settle(&self.plan);
+        }
+    }
+
+    /// Some steps of one control; adds their flags to those that are there, and returns their largest residual and that given.
+    fn run_control(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, steps: usize, mut residual: R) -> R {
+        let Self { scratch: s, senses, plan, flags } = self;
+        let (h, flags) = (call.options.timestep, &mut flags[..R::LANES]);
+        let (mut depth, mut overshoot) = (R::load(&group.depth), R::load(&group.overshoot));
+        for _ in 0..steps {
+            senses.before_step(s);
+            if let Some(chains) = call.chains {
+                let state = [&s.q[..], &s.v[..]];
+                chains.advance(
+                    plan,
+                    first / R::LANES,
+                    &s.given,
+                    state,
+                    s.alive,
+                    h,
+                    &mut group.actuation,
+                    (&mut s.inputs.ctrl, &mut s.inputs.trains),
+                );
+            }
+            let record = step(plan, call.options, s);
+            if let Some(chains) = call.chains {
+                chains.settle(plan, first / R::LANES, &mut group.actuation, (&mut s.inputs.ctrl, &mut s.inputs.trains));
+            }
+            s.elapsed += h;
+            let kept = record.non_finite.bits();
+            for (l, flags) in flags.iter_mut().enumerate() {
+                *flags |= record.status(l).bits();
+                if kept >> l & 1 == 0 {
+                    group.time[l] += h;
+                }
+            }
+            if !group.saturated.is_empty() {
+                count_saturated(plan, s, &mut group.saturated);
+            }
+            residual = residual.max(record.residual);
+            (depth, overshoot) = (depth.max(record.depth), overshoot.max(record.overshoot));
+            record.residual.store(&mut group.residual);
+            record.iterations.store(&mut group.iterations);
+            // 9 sense
+            senses.after_step(call, plan, group, first, s);
+        }
+        depth.store(&mut group.depth);
+        overshoot.store(&mut group.overshoot);
+        for (all, one) in group.status[..R::LANES].iter_mut().zip(flags) {
+            *all |= *one;
+        }
+        residual
+    }
+}
+
+/// Adds one for every actuator whose effort a step has cut to its bounds.
+fn count_saturated<R: Real>(plan: &LanePlan<R>, s: &Scratch<R>, counts: &mut [u32]) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for (actuator, counts) in counts.chunks_exact_mut(R::LANES).enumerate() {
+                count(s.drive.is_cut(plan, actuator).and(s.alive).bits(), counts);
+            }
+        },
+    )
+}
+
+fn store<R: Real>(group: &mut Group<R::Scalar>, s: &Scratch<R>) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for (x, out) in [
+                (&s.q, &mut group.q),
+                (&s.v, &mut group.v),
+                (&s.act, &mut group.act),
+                (&s.constraints.scalar_impulse, &mut group.scalar_impulse),
+                (&s.impulse, &mut group.impulse),
+            ] {
+                R::store_all(x, out);
+            }
+            group.store_contacts(&s.contacts);
+        },
+    )
+}
+
+/// Keeps where the mocap bodies have got to: the end of their ways, if all steps of the call were made.
+fn keep_ways<R: Real>(call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, s: &Scratch<R>) {
+    if s.ways.is_empty() {
+        return;
+    }
+    let arrived = call.part.to == call.steps();
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for (way, out) in s.ways.iter().zip(group.mocap.chunks_exact_mut(7 * R::LANES)) {
+                R::store_all(&if arrived { way.end() } else { way.pose_at(R::of(s.elapsed)) }, out);
+            }
+        },
+    )
+}
+
+/// Begins the counts of a call anew.
+fn forget_faults<R: Real>(group: &mut Group<R::Scalar>) {
+    group.status[..R::LANES].fill(0);
+    group.depth[..R::LANES].fill(R::Scalar::default());
+    group.overshoot[..R::LANES].fill(R::Scalar::default());
+    // An empty array takes the C library's masked stores a hundred times as long as a short one.
+    if !group.saturated.is_empty() {
+        group.saturated.fill(0);
+    }
+    if !group.sensing.faults.is_empty() {
+        group.sensing.faults.fill(0);
+    }
+}
+
+pub(super) fn load<R: Real>(group: &Group<R::Scalar>, s: &mut Scratch<R>) {
+    s.alive = R::Mask::from_bits(group.alive);
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for (x, from) in [
+                (&mut s.q, &group.q),
+                (&mut s.v, &group.v),
+                (&mut s.act, &group.act),
+                (&mut s.constraints.scalar_impulse, &group.scalar_impulse),
+                (&mut s.impulse, &group.impulse),
+            ] {
+                R::load_all(from, x);
+            }
+            group.load_contacts(&mut s.contacts);
+        },
+    )
+}
+
+/// Takes up what the user says for the whole call.
+pub(super) fn take_up<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, s: &mut Scratch<R>) {
+    if let Some(chains) = call.chains {
+        chains.load(call.plan, first / R::LANES, &mut s.inputs.trains);
+    }
+    let used = (call.num_envs - first).min(R::LANES);
+    for (rows, n, out) in [(call.qfrc, call.plan.nv, &mut s.inputs.qfrc), (call.xfrc, 6 * call.plan.bodies.len(), &mut s.inputs.xfrc)] {
+        out.clear();
+        if !rows.is_empty() {
+            out.resize(n, R::zero());
+            gather(rows, n, first, used, out);
+        }
+    }
+    if !call.plan.mocap.is_empty() {
+        find_ways(call, group, first, used, s);
+    }
+}
+
+/// The ways of the mocap bodies during the call.
+fn find_ways<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, used: usize, s: &mut Scratch<R>) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let seconds = R::of(call.steps().max(1) as f64 * call.options.timestep);
+            let given = !call.mocap[0].is_empty();
+            s.elapsed = call.part.elapsed;
+            for (k, m) in call.plan.mocap.iter().enumerate() {
+                let n = call.plan.mocap.len();
+                let (mut pos, mut quat): (V3<R>, [R; 4]) = (splat(m.pos), splat(m.quat));
+                for l in 0..if given { used } else { 0 } {
+                    let at = (first + l) * n + k;
+                    (0..3).for_each(|i| pos[i].set_lane(l, Scalar::from_f64(call.mocap[0][3 * at + i])));
+                    (0..4).for_each(|i| quat[i].set_lane(l, Scalar::from_f64(call.mocap[1][4 * at + i])));
+                }
+                let last = std::array::from_fn(|i| R::load(&group.mocap[(7 * k + i) * R::LANES..]));
+                s.ways[k] = Way::new(last, pos, quat, seconds);
+            }
+        },
+    )
+}
+
+/// Takes up control number `control` of the call.
+fn take_up_control<R: Real>(call: &Call<'_, R::Scalar>, control: usize, first: usize, s: &mut Scratch<R>) {
+    let row = call.ctrl.len() / call.calls;
+    let used = (call.num_envs - first).min(R::LANES);
+    let out = if call.chains.is_some() { &mut s.given } else { &mut s.inputs.ctrl };
+    gather(&call.ctrl[control * row..(control + 1) * row], call.plan.actuators.len(), first, used, out);
+}
+
+/// Rows `first..first + used` of an array with `n` columns, one per lane; a single row is everybody's, an empty array is zero.
+fn gather<R: Real>(rows: &[f64], n: usize, first: usize, used: usize, out: &mut [R]) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            if n == 0 || out.is_empty() {
+                return;
+            }
+            let shared = rows.len() == n;
+            for (i, x) in out.iter_mut().enumerate() {
+                *x = R::zero();
+                if rows.is_empty() {
+                    continue;
+                }
+                for l in 0..used {
+                    let row = if shared { 0 } else { first + l };
+                    x.set_lane(l, Scalar::from_f64(rows[row * n + i]));
+                }
+            }
+        },
+    )
+}

@@ -1,0 +1,292 @@
+//! The compiled model: what the step reads, and no more than this scene needs.
+//!
+//! Bodies that cannot move against their parent are merged into one *link*. A *frame* is anything a geom can be fixed to: frame 0 is the world,
+//! frames `1..=links` the links, the rest bodies that the user poses (mocap). Pairs that can never collide are not in the list.
+
+use stepper_real::Scalar;
+
+use crate::compile::actuators::{ActuatorPlan, ForceRangePlan, ServoPlan, TrainPlan};
+use crate::compile::collision::{Crowd, GeomPlan, PairPlan};
+use crate::compile::equality::{EqualityBlock, TendonPlan};
+use crate::compile::merging::Merged;
+use crate::compile::parameters::Params;
+use crate::compile::passive::{FluidPlan, GravityCompensation, SurfacePlan};
+use crate::compile::sensing::SensingPlan;
+use crate::model::JointKind;
+
+/// Everything of a model that a step reads, in the scalar type of its lanes: its structure, and the numbers that all environments share.
+#[derive(Clone, Debug)]
+pub struct Plan<S: Scalar> {
+    /// Number of configuration coordinates.
+    pub nq: usize,
+    /// Number of degrees of freedom.
+    pub nv: usize,
+    /// Number of actuator activations.
+    pub na: usize,
+    /// Number of kinematic trees.
+    pub ntree: usize,
+    /// The model's own parameters; environments may have others, see [`LanePlan`].
+    pub params: Params<S>,
+    /// Velocity of the medium, m/s.
+    pub wind: [S; 3],
+    /// What the medium acts on.
+    pub fluid: Vec<FluidPlan<S>>,
+    /// Single bodies that can tumble.
+    pub spinners: Vec<SpinnerPlan<S>>,
+    /// Forces against gravity.
+    pub compensation: Vec<GravityCompensation>,
+    /// Surfaces that no degree of freedom moves.
+    pub surfaces: Vec<SurfacePlan<S>>,
+    /// Moving bodies, parents first; link l is frame l + 1.
+    pub links: Vec<Link<S>>,
+    /// Joints, by link.
+    pub joints: Vec<JointPlan<S>>,
+    /// Degrees of freedom.
+    pub dofs: Vec<Dof>,
+    /// `chain[dof.chain..][..dof.depth]`: the dof and its ancestors, towards the root. Also the layout of the mass matrix's entries.
+    pub chain: Vec<u32>,
+    /// `below[dof.below]`: the dofs that have a dof in their chain, itself left out, the last first.
+    pub below: Vec<Below>,
+    /// For every frame, the set of dofs that move it, as 64-bit words.
+    pub movers: Vec<Vec<u64>>,
+    /// Frames of mocap bodies and the bodies themselves.
+    pub mocap: Vec<MocapPlan<S>>,
+    /// Frame and pose in it of every body.
+    pub bodies: Vec<BodyPlan<S>>,
+    /// Geoms that take part in collision.
+    pub geoms: Vec<GeomPlan<S>>,
+    /// Pairs that can collide and for which there is a kernel, in a fixed order; all of them, if there is no crowd.
+    pub pairs: Vec<PairPlan<S>>,
+    /// Geoms whose pairs are too many to list.
+    pub crowd: Option<Crowd<S>>,
+    /// Which links nothing holds; empty if all are held.
+    pub loose: Vec<bool>,
+    /// Whether any pair can have torsional or rolling friction.
+    pub wide: bool,
+    /// Joint limits.
+    pub limits: Vec<LimitPlan>,
+    /// Dry friction.
+    pub frictions: Vec<FrictionPlan>,
+    /// Equalities that act.
+    pub equalities: Vec<EqualityBlock<S>>,
+    /// Limits of ball joints.
+    pub ball_limits: Vec<BallLimitPlan>,
+    /// Fixed tendons with limits, dry friction, springs, dampers or inertia.
+    pub tendons: Vec<TendonPlan<S>>,
+    /// Impulses that survive a step, one for every scalar row that there can be: limits, dry friction, then what names its `owner`.
+    pub scalar_impulses: usize,
+    /// Actuators.
+    pub actuators: Vec<ActuatorPlan<S>>,
+    /// Actuators whose force depends on their own motion.
+    pub servos: Vec<ServoPlan<S>>,
+    /// Bounds of the sum of actuator forces on a dof.
+    pub actuator_force_ranges: Vec<ForceRangePlan<S>>,
+    /// Whether Euler's rule takes the joints' damping explicitly.
+    pub explicit_damping: bool,
+    /// Whether a bound, of its own or of a joint, holds for any servo.
+    pub servos_are_bounded: bool,
+    /// Arms of all wrenches at sites, and how many wrenches there are.
+    pub wrench_arms: [usize; 2],
+    /// Drive trains that act within a step.
+    pub trains: usize,
+    /// Whether drive trains lose effort to friction.
+    pub lossy: bool,
+    /// Sensors: what each reads.
+    pub sensing: SensingPlan<S>,
+    /// Whether there are pairs that can pass through one another: anything but half spaces and height fields.
+    pub has_thin: bool,
+    /// Contacts that can exist at once.
+    pub contact_points: usize,
+    pub(crate) merged: Merged,
+}
+
+/// A moving body with everything welded to it.
+#[derive(Clone, Debug)]
+pub struct Link<S> {
+    /// The frame that it hangs from.
+    pub parent: usize,
+    /// Its kinematic tree.
+    pub tree: usize,
+    /// Whether it is the root of its tree.
+    pub is_root: bool,
+    /// Position in the parent frame before its joints, m.
+    pub pos: [S; 3],
+    /// Orientation in the parent frame before its joints; `None` when aligned.
+    pub mat: Option<[S; 9]>,
+    /// The same as a quaternion.
+    pub quat: [S; 4],
+    /// Its joints.
+    pub joints: std::ops::Range<usize>,
+    /// Its degrees of freedom.
+    pub dofs: std::ops::Range<usize>,
+}
+
+/// A joint.
+#[derive(Clone, Debug)]
+pub struct JointPlan<S> {
+    /// How it moves.
+    pub kind: JointKind,
+    /// Address in q.
+    pub q: usize,
+    /// Address in v.
+    pub v: usize,
+    /// Anchor in the link's frame, m.
+    pub anchor: [S; 3],
+    /// Whether the anchor is the link's origin.
+    pub centred: bool,
+    /// Axis in the link's frame.
+    pub axis: [S; 3],
+    /// Which axis of the frame it is, if any, with its sign.
+    pub principal: Option<(usize, bool)>,
+    /// Position at which the joint changes nothing.
+    pub reference: S,
+    /// Whether it has a spring.
+    pub sprung: bool,
+    /// Where the spring rests: one coordinate, or a quaternion, or position and quaternion.
+    pub rest: [S; 7],
+}
+
+/// A degree of freedom.
+#[derive(Clone, Debug)]
+pub struct Dof {
+    /// The link that it moves.
+    pub link: usize,
+    /// Its kinematic tree.
+    pub tree: usize,
+    /// Start of its chain, and of its row in the mass matrix.
+    pub chain: usize,
+    /// Length of its chain.
+    pub depth: usize,
+    /// Where its descendants are listed.
+    pub below: std::ops::Range<usize>,
+}
+
+/// A descendant of a dof.
+#[derive(Clone, Copy, Debug)]
+pub struct Below {
+    /// Which.
+    pub dof: u32,
+    /// Where its chain has the ancestor: its entry of the mass matrix with it. The ancestors of that follow, as in the ancestor's own row.
+    pub entry: u32,
+}
+
+/// A link alone on a free or ball joint.
+#[derive(Clone, Debug)]
+pub struct SpinnerPlan<S> {
+    /// The link.
+    pub link: usize,
+    /// First degree of freedom.
+    pub dof: usize,
+    /// Free or ball.
+    pub kind: JointKind,
+    /// The joint in the link's frame, m.
+    pub anchor: [S; 3],
+}
+
+/// A body that the user poses.
+#[derive(Clone, Debug)]
+pub struct MocapPlan<S> {
+    /// Its frame.
+    pub frame: usize,
+    /// Pose at reset.
+    pub pos: [S; 3],
+    /// Pose at reset.
+    pub quat: [S; 4],
+}
+
+/// Where a body of the model is.
+#[derive(Clone, Debug)]
+pub struct BodyPlan<S> {
+    /// The frame that it is fixed to.
+    pub frame: usize,
+    /// Its origin in that frame, m.
+    pub pos: [S; 3],
+    /// Its orientation in that frame.
+    pub mat: [S; 9],
+    /// The same as a quaternion.
+    pub quat: [S; 4],
+}
+
+/// Range of a hinge or slide.
+#[derive(Clone, Debug)]
+pub struct LimitPlan {
+    /// Address in q.
+    pub q: usize,
+    /// Degree of freedom.
+    pub dof: usize,
+}
+
+/// Range of a ball joint.
+#[derive(Clone, Debug)]
+pub struct BallLimitPlan {
+    /// Address in q.
+    pub q: usize,
+    /// First degree of freedom.
+    pub dof: usize,
+    /// Index of its impulse.
+    pub owner: usize,
+}
+
+/// Dry friction of a degree of freedom.
+#[derive(Clone, Debug)]
+pub struct FrictionPlan {
+    /// Degree of freedom.
+    pub dof: usize,
+    /// The joint in the model.
+    pub joint: usize,
+    /// Whether drive trains add to it.
+    pub driven: bool,
+}
+
+impl<S: Scalar> Plan<S> {
+    /// Number of frames: the world, the links and the mocap bodies.
+    pub fn nframe(&self) -> usize {
+        1 + self.links.len() + self.mocap.len()
+    }
+
+    /// A pair by its number.
+    ///
+    /// # Panics
+    /// When there is none.
+    #[inline(always)]
+    pub fn pair(&self, number: usize) -> PairPlan<S> {
+        match self.pairs.get(number) {
+            Some(pair) => *pair,
+            None => self.crowd.as_ref().and_then(|c| c.pair(number)).expect("a contact belongs to a pair"),
+        }
+    }
+
+    /// Geoms of a pair, the simpler shape first; `None` if there is no pair of this number.
+    #[inline(always)]
+    pub fn pair_geoms(&self, number: usize) -> Option<[usize; 2]> {
+        match self.pairs.get(number) {
+            Some(pair) => Some(pair.geoms),
+            None => self.crowd.as_ref()?.geoms(number),
+        }
+    }
+
+    /// Whether any actuator's effort has bounds.
+    pub fn efforts_are_bounded(&self) -> bool {
+        let bounded = |t: &TrainPlan<S>| t.limited || t.motor.is_some();
+        let own = self.actuators.iter().any(|a| a.force_range.is_some() || a.train.as_ref().is_some_and(bounded));
+        own || !self.actuator_force_ranges.is_empty()
+    }
+
+    /// The dof and its ancestors, towards the root.
+    #[inline(always)]
+    pub fn chain_of(&self, dof: usize) -> &[u32] {
+        let d = &self.dofs[dof];
+        &self.chain[d.chain..d.chain + d.depth]
+    }
+
+    /// The descendants of a dof, the last first.
+    #[inline(always)]
+    pub fn below(&self, dof: usize) -> &[Below] {
+        &self.below[self.dofs[dof].below.clone()]
+    }
+}
+
+/// The same numbers in the scalar type of the lanes.
+pub(crate) fn scalars<S: Scalar, const N: usize>(x: [f64; N]) -> [S; N] {
+    x.map(S::from_f64)
+}

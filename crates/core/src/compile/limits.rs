@@ -1,0 +1,32 @@
+//! Joint limits and dry friction, compiled.
+
+use crate::actuation::spec::DriveTrain;
+use crate::compile::compiled_model::{BallLimitPlan, FrictionPlan, LimitPlan};
+use crate::compile::parameter_layout::is_scalar;
+use crate::model::{JointKind, Model, Transmission};
+
+pub(super) fn limits(model: &Model, addresses: &[(usize, usize)]) -> Vec<LimitPlan> {
+    let limited = model.joints.iter().zip(addresses).filter(|(j, _)| is_scalar(j) && j.range.is_some());
+    limited.map(|(_, &(q, dof))| LimitPlan { q, dof }).collect()
+}
+
+pub(super) fn ball_limits(model: &Model, addresses: &[(usize, usize)], owner: &mut usize) -> Vec<BallLimitPlan> {
+    let limited = model.joints.iter().zip(addresses).filter(|(j, _)| j.kind == JointKind::Ball && j.range.is_some());
+    let plan = |(_, &(q, dof)): (&crate::model::Joint, &(usize, usize))| {
+        *owner += 1;
+        BallLimitPlan { q, dof, owner: *owner - 1 }
+    };
+    limited.map(plan).collect()
+}
+
+pub(super) fn frictions(model: &Model, trains: &[Option<DriveTrain>], addresses: &[(usize, usize)]) -> Vec<FrictionPlan> {
+    let mut driven = vec![false; model.joints.len()];
+    for (actuator, train) in model.actuators.iter().zip(trains) {
+        if let (Transmission::Joint(j), Some(train)) = (actuator.transmission, train) {
+            driven[j] |= train.loses();
+        }
+    }
+    let joints = model.joints.iter().zip(addresses).zip(driven).enumerate();
+    let rough = joints.filter(|(_, ((j, _), driven))| j.frictionloss > 0.0 || *driven);
+    rough.flat_map(|(joint, ((j, &(_, v)), driven))| (v..v + j.kind.nv()).map(move |dof| FrictionPlan { dof, joint, driven })).collect()
+}

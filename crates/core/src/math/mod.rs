@@ -1,0 +1,5 @@
+//! Mathematics without bodies: vectors, rotations and spatial algebra over lanes, interleaved numbers, random numbers.
+
+pub mod lanes;
+pub mod random;
+pub mod spatial;

@@ -1,0 +1,89 @@
+//! What stage 9 is made of: poses and motions of frames, masses, rays, contacts; random numbers and the errors of real sensors.
+
+use stepper_real::Real;
+
+use crate::actuation::forces::Drive;
+use crate::collision::contact_set::Contacts;
+use crate::compile::{LanePlan, Plan};
+use crate::dynamics::kinematics::Kinematics;
+use crate::math::spatial::*;
+
+/// All that sensors can ask: the state after a step, and what the step did.
+#[derive(Debug)]
+pub struct Moment<'a, R: Real> {
+    /// Configuration.
+    pub q: &'a [R],
+    /// Velocity.
+    pub v: &'a [R],
+    /// Simulated time, s.
+    pub time: R,
+    /// Length of the step, s.
+    pub h: R,
+    /// (v+ - v) / h of the step, impulses included.
+    pub acceleration: &'a [R],
+    /// Forces of the actuators.
+    pub drive: &'a Drive<R>,
+    /// Wrenches that the user applied (force, torque), 6 nbody; empty when there are none.
+    pub xfrc: &'a [R],
+    /// Impulses of limits and dry friction.
+    pub scalar_impulse: &'a [R],
+    /// Contacts with their impulses.
+    pub contacts: &'a Contacts<R>,
+}
+
+/// Room for what sensors share. Mocap frames are placed in `kinematics` and in `orientation` by whoever knows them.
+#[derive(Clone, Debug)]
+pub struct Room<R: Real> {
+    /// Readings of ideal sensors.
+    pub truth: Vec<R>,
+    /// Orientation of every frame as a quaternion; empty when no sensor reads one.
+    pub orientation: Vec<[R; 4]>,
+    /// Velocity of every link about its tree's reference point.
+    pub velocity: Vec<V6<R>>,
+    /// Acceleration of every link about its tree's reference point; gravity is an upward acceleration of the world.
+    pub acceleration: Vec<V6<R>>,
+    /// Force and torque of the parent on every subtree of the plan's list.
+    pub carried: Vec<[V3<R>; 2]>,
+    pub(crate) felt: crate::sensing::touching::Felt,
+    pub(crate) order: Vec<(f64, usize)>,
+}
+
+impl<R: Real> Room<R> {
+    /// Room for a plan.
+    pub fn new(plan: &Plan<R::Scalar>, max_contacts: usize) -> Self {
+        let sensing = &plan.sensing;
+        let links = if sensing.needs.velocities { plan.links.len() } else { 0 };
+        let frames = if sensing.quaternions { plan.nframe() } else { 0 };
+        let one = [R::one(), R::zero(), R::zero(), R::zero()];
+        Self {
+            truth: vec![R::zero(); sensing.width],
+            orientation: vec![one; frames],
+            velocity: vec![zero(); links],
+            acceleration: vec![zero(); links],
+            carried: vec![[zero(); 2]; sensing.carried.len()],
+            felt: crate::sensing::touching::Felt::new(if sensing.needs.contacts { max_contacts * R::LANES } else { 0 }),
+            order: Vec::with_capacity(if sensing.needs.contacts { max_contacts } else { 0 }),
+        }
+    }
+
+    /// Makes what the sensors share.
+    pub fn prepare(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, moment: &Moment<'_, R>) {
+        if !self.orientation.is_empty() {
+            crate::sensing::frames::orientations(plan, moment.q, &mut self.orientation);
+        }
+        if plan.sensing.needs.acceleration {
+            crate::sensing::frames::accelerations(plan, kinematics, moment, &mut self.velocity, &mut self.acceleration);
+        } else if plan.sensing.needs.velocities {
+            R::vectorize(
+                #[inline(always)]
+                || kinematics.velocities(plan, moment.v, &mut self.velocity),
+            );
+        }
+        if plan.sensing.needs.contacts {
+            self.felt.take_up(plan, moment);
+        }
+        for (k, (site, subtree)) in plan.sensing.carried.iter().enumerate() {
+            self.carried[k] = crate::sensing::masses::parent_force(plan, kinematics, self, moment, site, &plan.sensing.subtrees[*subtree]);
+        }
+    }
+}

@@ -1,0 +1,17 @@
+//! What stage 9 reads: poses and motions of frames, momentum and energy, rays, contacts, and the error model of sensors.
+
+pub mod errors;
+pub mod frames;
+pub mod inputs;
+pub mod masses;
+pub mod memory;
+pub mod proximity;
+pub mod rays;
+pub mod touching;
+
+pub use frames::{frame, orientations, site_motion};
+pub use inputs::*;
+pub use masses::{angular_momentum, com, com_velocity, kinetic, potential};
+pub use proximity::proximity;
+pub use rays::{inside, range};
+pub use touching::{contacts, touch};

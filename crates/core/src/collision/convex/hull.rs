@@ -2,11 +2,10 @@
 
 use thiserror::Error;
 
-use crate::collision::convex::V;
 use crate::collision::convex::blocks::{self, Block, Ring, SIDE, rings};
 use crate::collision::convex::proof::Suspect;
 use crate::collision::convex::quickhull;
-use crate::collision::convex::shape::furthest;
+use crate::collision::convex::vectors::{V, furthest, unit_or};
 use crate::math::spatial::*;
 
 /// Points are taken for coplanar within this share of the hull's size: vertices of mesh files are in single precision ...
@@ -399,7 +398,7 @@ fn merge(points: &[V], triangles: &[[u32; 3]], beside: &[[u32; 3]], tolerance: f
         if owner[seed] != usize::MAX {
             continue;
         }
-        let normal = crate::collision::convex::unit_or(areas[seed], [0.0; 3]);
+        let normal = unit_or(areas[seed], [0.0; 3]);
         let on_plane = |t: usize| (0..3).all(|k| dot(normal, sub(corner(t, k), corner(seed, 0))).abs() <= tolerance);
         let (mut patch, mut next) = (vec![], vec![seed]);
         owner[seed] = seed;
@@ -416,7 +415,7 @@ fn merge(points: &[V], triangles: &[[u32; 3]], beside: &[[u32; 3]], tolerance: f
         let outer = edges.filter(|&(t, k)| owner[beside[t][k] as usize] != seed);
         let vertices = outline(outer.map(|(t, k)| (triangles[t][k], triangles[t][(k + 1) % 3])).collect());
         let area = patch.iter().fold([0.0; 3], |sum, &t| add(sum, areas[t]));
-        faces.push(Face { normal: crate::collision::convex::unit_or(area, normal), vertices });
+        faces.push(Face { normal: unit_or(area, normal), vertices });
     }
     faces.retain(|f: &Face| f.vertices.len() >= 3);
     faces

@@ -2,10 +2,11 @@
 
 use crate::collision::contact_set::frame;
 use crate::collision::convex::clip::{Shared, Work, behind, edges_of_triangle, overlay};
+use crate::collision::convex::facing::Facing;
 use crate::collision::convex::pair::Pair;
+use crate::collision::convex::parting::Parting;
 use crate::collision::convex::patch::{Kind, Patch, View, edge};
-use crate::collision::convex::separation::Facing;
-use crate::collision::convex::{Parting, Pose, V};
+use crate::collision::convex::vectors::{Pose, V};
 use crate::math::spatial::*;
 
 /// Points that two convex shapes can have: four, and the lowest of a rim.

@@ -3,8 +3,9 @@
 //! Coordinates are (x, y) across the normal and the height h along it. A corner carries the identity of its vertex and of the edge that leaves it:
 //! these name contacts from step to step.
 
+use crate::collision::convex::shape::ConvexShape;
 use crate::collision::convex::shape::widest;
-use crate::collision::convex::{ConvexShape, V};
+use crate::collision::convex::vectors::{V, furthest};
 use crate::math::spatial::*;
 
 /// A corner of a patch.
@@ -224,7 +225,7 @@ pub(super) fn edge(shape: &ConvexShape, d: V, corner: u32, tolerance: f64) -> Op
             (dot(d, sub(q, p)).abs() < tolerance * norm(sub(q, p))).then_some([p, q])
         }
         ConvexShape::Triangle(t) => {
-            let v = crate::collision::convex::shape::furthest(t, d);
+            let v = furthest(t, d);
             let slope = |k: usize| dot(d, sub(t[k], t[v])).abs() / norm(sub(t[k], t[v]));
             let (i, j) = ((v + 1) % 3, (v + 2) % 3);
             let k = if slope(i) <= slope(j) { i } else { j };

@@ -6,7 +6,7 @@
 
 use robust::{Coord3D, orient3d};
 
-use crate::collision::convex::V;
+use crate::collision::convex::vectors::{V, unit_or};
 use crate::math::spatial::*;
 
 /// Points are on a plane within this share of their largest coordinate: a few times what rounding makes of it.
@@ -107,7 +107,7 @@ impl Growing<'_> {
         let across = cross(u, v);
         let area = norm(across);
         let doubt = self.near * (4.0 + 8.0 * dot(u, u).max(dot(v, v)) / area);
-        let plane = Plane { normal: crate::collision::convex::unit_or(across, [0.0; 3]), area, doubt };
+        let plane = Plane { normal: unit_or(across, [0.0; 3]), area, doubt };
         self.triangles.push(Triangle { corners, beside, outside: Vec::new(), alive: true, plane });
     }
 

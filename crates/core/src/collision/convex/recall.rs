@@ -9,12 +9,14 @@
 //! the difference, the facet's disc of radius `room` and the ball of radius r about the difference of the centres: with that centre H deep below
 //! the facet and L beside it, where 2 d < H and d (1 + 2 L / H) < min(room, r).
 
+use crate::collision::convex::facing::{Facing, GAP, Separation};
 use crate::collision::convex::gjk;
 use crate::collision::convex::hull::Hull;
+use crate::collision::convex::known::Known;
 use crate::collision::convex::pair::Pair;
-use crate::collision::convex::separation::{Facing, GAP, Separation};
+use crate::collision::convex::reach::Reach;
 use crate::collision::convex::shape::ConvexShape;
-use crate::collision::convex::{Reach, V, neg};
+use crate::collision::convex::vectors::{V, neg};
 use crate::math::spatial::*;
 
 /// The part of what would be certain that is taken for it: the rest is for rounding.
@@ -34,21 +36,6 @@ enum Facet {
     First(usize),
     Second(usize),
     Across(Facing, f64),
-}
-
-/// What is known of two hulls from the last step.
-#[derive(Clone, Copy, Debug)]
-pub struct Known {
-    /// The normal, from the first to the second, unit, in the first's frame.
-    pub(super) normal: V,
-    /// The ends of an edge of each across which it was; corners, if it was none, or nothing.
-    pub(super) edges: Option<[[u32; 2]; 2]>,
-}
-
-impl From<V> for Known {
-    fn from(normal: V) -> Self {
-        Self { normal, edges: None }
-    }
 }
 
 /// The largest separation, if that is certain across the edges that are known, along the normal, or along the direction between the nearest points as

@@ -15,44 +15,17 @@
 //! and there is always an answer: it starts from the best of the faces and axes of both shapes.
 
 use crate::collision::convex::expand::Polytope;
+use crate::collision::convex::facing::{ALIKE, Facing, GAP, Separation};
 use crate::collision::convex::gjk::{self, Nearest};
 use crate::collision::convex::pair::Pair;
+use crate::collision::convex::reach::Reach;
 use crate::collision::convex::recall::{facet, recall};
 use crate::collision::convex::shape::ConvexShape;
-use crate::collision::convex::{Reach, V, neg, unit_or};
+use crate::collision::convex::vectors::{V, neg, unit_or};
 use crate::math::spatial::*;
-
-/// A direction and what it separates.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Separation {
-    /// Unit, from the first to the second, in the first's frame.
-    pub(super) normal: V,
-    /// Of the cores, m; negative where they overlap.
-    pub(super) separation: f64,
-    /// The points of the cores that are nearest along it.
-    pub(super) points: [V; 2],
-}
-
-/// A separation with the corners of the cores that are furthest along its normal and against it, and the other ends of the edges there that it is across;
-/// the corners again, where it is across none.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Facing {
-    pub(super) found: Separation,
-    pub(super) corners: [u32; 2],
-    pub(super) ends: [u32; 2],
-}
-
-impl Facing {
-    pub(super) fn new(pair: &Pair<'_>, found: Separation) -> Self {
-        let corners = pair.corners(found.normal);
-        Self { found, corners, ends: corners }
-    }
-}
 
 /// Polytopes are clear of one another beyond this share of their size: the direction between their nearest points is certain.
 const CLEAR: f64 = 1e-9;
-/// The gap that is opened, as a share of the least extent.
-pub(super) const GAP: f64 = 1e-3;
 /// Climbing steps at most; two to four are usual.
 const CLIMBS: usize = 12;
 /// Overlaps beyond this share of the least extent are deep: several ways out are tried, with a gap of [`FAR`].
@@ -62,9 +35,6 @@ const FAR: f64 = 0.5;
 const NEAR_FACE: f64 = 0.05;
 /// Nearest points further beside one another than this share of the size are not one over the other.
 const BESIDE: f64 = 1e-7;
-/// Separations that differ by less than this share of the size are alike.
-pub(super) const ALIKE: f64 = 1e-9;
-
 /// The largest separation of the cores; stops early with a lower bound of it where that is beyond reach.
 ///
 /// What is known of the normal saves time, and changes nothing.

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use crate::collision::convex::{Hull, V, unit_or};
+use crate::collision::convex::hull::Hull;
+use crate::collision::convex::vectors::{V, furthest, neg, unit_or};
 use crate::math::spatial::*;
 
 /// A convex shape in its own frame; lengths in m.
@@ -182,7 +183,7 @@ impl ConvexShape {
             Self::Hull(hull) => Some(hull.face(hull.facing_at(corner as usize, d)).normal),
             Self::Triangle(p) => {
                 let n = triangle_normal(p);
-                Some(if dot(n, d) < 0.0 { crate::collision::convex::neg(n) } else { n })
+                Some(if dot(n, d) < 0.0 { neg(n) } else { n })
             }
         }
     }
@@ -207,7 +208,7 @@ impl ConvexShape {
             Self::Triangle(p) => {
                 let n = triangle_normal(p);
                 visit(n);
-                visit(crate::collision::convex::neg(n));
+                visit(neg(n));
             }
         }
     }
@@ -233,19 +234,6 @@ pub(super) fn widest(d: V) -> usize {
     } else {
         2
     }
-}
-
-/// The first of the points furthest along `d`.
-pub(super) fn furthest(points: &[V], d: V) -> usize {
-    let mut best = 0;
-    let mut most = f64::NEG_INFINITY;
-    for (i, p) in points.iter().enumerate() {
-        let x = dot(*p, d);
-        if x > most {
-            (best, most) = (i, x);
-        }
-    }
-    best
 }
 
 pub(super) fn triangle_normal(p: &[V; 3]) -> V {

@@ -20,11 +20,15 @@ use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::math::Vector;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
 
+use crate::collision::convex::facing::{Facing, Separation};
 use crate::collision::convex::manifold::{Manifold, Point, VERTICES, thin};
 use crate::collision::convex::pair::Pair;
-use crate::collision::convex::separation::{self, Facing, Separation};
-use crate::collision::convex::shape::{furthest, triangle_normal};
-use crate::collision::convex::{ConvexShape, Pose, Room, V};
+use crate::collision::convex::room::Room;
+use crate::collision::convex::separation::{self};
+use crate::collision::convex::shape::ConvexShape;
+use crate::collision::convex::shape::triangle_normal;
+use crate::collision::convex::vectors::{Pose, V};
+use crate::collision::convex::vectors::{furthest, unit_or};
 use crate::math::spatial::*;
 
 /// Points that a convex shape and a surface can have.
@@ -145,7 +149,7 @@ fn rise(corners: &[V; 3], p: V) -> f64 {
     let [a, b, _] = *corners;
     let n = triangle_normal(corners);
     let d = sub(p, a);
-    dot(n, d).atan2(dot(crate::collision::convex::unit_or(cross(sub(b, a), n), [0.0; 3]), d))
+    dot(n, d).atan2(dot(unit_or(cross(sub(b, a), n), [0.0; 3]), d))
 }
 
 fn bounds(points: &[V]) -> Aabb {

@@ -6,7 +6,7 @@ use stepper_real::Scalar;
 
 use crate::actuation::DriveTrain;
 use crate::compile::merging::{Merged, matrix, quaternion, vector};
-use crate::compile::{Dof, FrictionPlan, scalars};
+use crate::compile::tree::{Dof, FrictionPlan, scalars};
 use crate::model::{Activation, Actuator, JointKind, Model, Transmission};
 
 /// An actuator on a linear combination of scalar joints, or on a site.

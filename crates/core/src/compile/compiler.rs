@@ -4,11 +4,12 @@ use stepper_real::Scalar;
 
 use crate::actuation::spec::DriveTrain;
 use crate::compile::collision::Crowd;
-use crate::compile::compiled_model::{JointPlan, Link, Plan, SpinnerPlan, scalars};
+use crate::compile::compiled_model::Plan;
 use crate::compile::limits::{ball_limits, frictions, limits};
 use crate::compile::merging::Merged;
 use crate::compile::parameters::Params;
 use crate::compile::sensing::SensingPlan;
+use crate::compile::tree::{JointPlan, Link, SpinnerPlan, scalars};
 use crate::compile::{actuators, collision, equality, merging, passive};
 use crate::model::{JointKind, Model};
 

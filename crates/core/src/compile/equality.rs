@@ -2,8 +2,9 @@
 
 use stepper_real::{Real, Scalar};
 
+use crate::compile::merging::matrix;
 use crate::compile::merging::{Merged, quaternion, vector};
-use crate::compile::{matrix, scalars};
+use crate::compile::tree::scalars;
 use crate::model::{Equality, EqualityKind, Model};
 
 /// A linear combination of scalar joints: a fixed tendon, or one joint.

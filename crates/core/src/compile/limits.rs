@@ -1,9 +1,8 @@
 //! Joint limits and dry friction, compiled.
 
 use crate::actuation::spec::DriveTrain;
-use crate::compile::compiled_model::{BallLimitPlan, FrictionPlan, LimitPlan};
-use crate::compile::parameter_layout::is_scalar;
-use crate::model::{JointKind, Model, Transmission};
+use crate::compile::tree::{BallLimitPlan, FrictionPlan, LimitPlan};
+use crate::model::{Joint, JointKind, Model, Transmission};
 
 pub(super) fn limits(model: &Model, addresses: &[(usize, usize)]) -> Vec<LimitPlan> {
     let limited = model.joints.iter().zip(addresses).filter(|(j, _)| is_scalar(j) && j.range.is_some());
@@ -29,4 +28,8 @@ pub(super) fn frictions(model: &Model, trains: &[Option<DriveTrain>], addresses:
     let joints = model.joints.iter().zip(addresses).zip(driven).enumerate();
     let rough = joints.filter(|(_, ((j, _), driven))| j.frictionloss > 0.0 || *driven);
     rough.flat_map(|(joint, ((j, &(_, v)), driven))| (v..v + j.kind.nv()).map(move |dof| FrictionPlan { dof, joint, driven })).collect()
+}
+
+pub(super) fn is_scalar(joint: &Joint) -> bool {
+    matches!(joint.kind, JointKind::Hinge | JointKind::Slide)
 }

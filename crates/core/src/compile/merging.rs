@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use stepper_real::Scalar;
 
-use crate::compile::{Below, BodyPlan, Dof, JointPlan, Link, MocapPlan, scalars};
+use crate::compile::tree::{Below, BodyPlan, Dof, JointPlan, Link, MocapPlan, scalars};
 use crate::model::{JointKind, Model};
 
 /// Which frame every body is fixed to, and where in it.

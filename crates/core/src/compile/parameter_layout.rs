@@ -3,8 +3,9 @@
 use nalgebra::Vector3;
 use stepper_real::Scalar;
 
-use crate::compile::Plan;
 use crate::compile::collision::{bulk, size};
+use crate::compile::compiled_model::Plan;
+use crate::compile::limits::is_scalar;
 use crate::compile::merging::{combined, vector};
 use crate::compile::parameters::{Params, Tables};
 use crate::compile::passive::{FluidShape, inertia_box};
@@ -41,10 +42,6 @@ impl<S: Scalar> Plan<S> {
         };
         Params { numbers, at }
     }
-}
-
-pub(super) fn is_scalar(joint: &Joint) -> bool {
-    matches!(joint.kind, JointKind::Hinge | JointKind::Slide)
 }
 
 fn widest([low, high]: [f64; 2]) -> f64 {

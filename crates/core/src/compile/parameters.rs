@@ -4,80 +4,7 @@
 //! (place, a number for every lane) of those alone, and a worker writes them over the shared ones before it steps a group. Stages read them
 //! through a [`LanePlan`], one number per lane, and need not know which is which.
 
-use std::ops::Deref;
-
 use stepper_real::{Real, Scalar};
-
-use crate::compile::Plan;
-
-/// A plan as a group of lanes has it: what all environments share, and the parameters that each lane has.
-#[derive(Clone, Debug)]
-pub struct LanePlan<R: Real> {
-    /// What is shared. In place, so that it costs a step no more to find than a plan alone.
-    shared: Plan<R::Scalar>,
-    /// Parameters, lane by lane.
-    pub params: Params<R>,
-}
-
-impl<R: Real> Deref for LanePlan<R> {
-    type Target = Plan<R::Scalar>;
-
-    #[inline(always)]
-    fn deref(&self) -> &Plan<R::Scalar> {
-        &self.shared
-    }
-}
-
-impl<R: Real> LanePlan<R> {
-    /// With the model's own parameters in every lane.
-    pub fn new(plan: &Plan<R::Scalar>) -> Self {
-        Self { shared: plan.clone(), params: plan.params.in_lanes() }
-    }
-
-    /// What the contacts of a pair are like.
-    #[inline(always)]
-    pub fn contact(&self, pair: usize) -> ContactParams<R> {
-        match self.shared.crowd.as_ref() {
-            Some(crowd) if pair >= self.shared.pairs.len() => crowd.contact(pair, &self.params),
-            _ => self.params.contact(pair),
-        }
-    }
-
-    /// Mobility of a frame's body if nothing held it, 1/kg; 0 for the world and for what the user poses.
-    #[inline(always)]
-    pub fn mobility(&self, frame: usize) -> R {
-        if frame == 0 || frame > self.links.len() {
-            return R::zero();
-        }
-        let mass = self.params.inertial(frame - 1).mass;
-        let heavy = mass.gt(R::zero());
-        R::select(heavy, R::one() / R::select(heavy, mass, R::one()), R::zero())
-    }
-
-    /// Mass of everything that moves, kg.
-    #[inline(always)]
-    pub fn moving_mass(&self) -> R {
-        let mut sum = R::zero();
-        for link in 0..self.links.len() {
-            sum += self.params.inertial(link).mass;
-        }
-        sum
-    }
-
-    /// Sum of the bounding radii of a pair; of the second geom alone when the first is a plane, m.
-    #[inline(always)]
-    pub fn reach(&self, [a, b]: [usize; 2]) -> R {
-        let second = self.params.bound(b);
-        if self.shared.geoms[a].is_plane { second } else { self.params.bound(a) + second }
-    }
-
-    /// Way in which the geoms of a pair cannot pass through one another to where the nearest way out is on the far side, m; infinite if they
-    /// never do.
-    #[inline(always)]
-    pub fn thin(&self, [a, b]: [usize; 2]) -> R {
-        R::of(0.5) * (self.params.inner(a) + self.params.inner(b))
-    }
-}
 
 /// What a contact is like.
 #[derive(Clone, Copy, Debug)]
@@ -169,7 +96,7 @@ impl<T: Copy> Params<T> {
     }
 
     #[inline(always)]
-    fn take<const N: usize>(&self, at: usize) -> [T; N] {
+    pub(super) fn take<const N: usize>(&self, at: usize) -> [T; N] {
         *self.numbers[at..at + N].first_chunk().expect("N numbers were taken")
     }
 
@@ -268,7 +195,7 @@ impl<T: Copy> Params<T> {
     }
 
     #[inline(always)]
-    fn contact(&self, pair: usize) -> ContactParams<T> {
+    pub(super) fn contact(&self, pair: usize) -> ContactParams<T> {
         let [mu, torsion, rolling, restitution] = self.take(self.at.pairs + 4 * pair);
         ContactParams { mu, torsion, rolling, restitution }
     }

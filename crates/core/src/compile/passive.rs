@@ -7,7 +7,7 @@ use stepper_real::Scalar;
 
 use crate::compile::collision::GeomPlan;
 use crate::compile::merging::{Merged, matrix, quaternion};
-use crate::compile::scalars;
+use crate::compile::tree::scalars;
 use crate::model::{Body, Ellipsoid, Medium, Model, Object};
 
 /// A body or geom that the medium acts on.

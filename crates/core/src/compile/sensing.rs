@@ -4,8 +4,9 @@ use std::cell::RefCell;
 
 use stepper_real::Scalar;
 
+use crate::compile::equality::TendonPlan;
 use crate::compile::merging::{Merged, matrix, quaternion, wxyz};
-use crate::compile::{TendonPlan, scalars};
+use crate::compile::tree::scalars;
 use crate::model::{
     ContactField, ContactReduction, ContactSide, FrameReading, Model, Object, ProximityReading, Quantity, RayField, Sensor, SensorKind,
     Shape, Transmission,

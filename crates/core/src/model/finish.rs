@@ -1,6 +1,7 @@
 //! The gate: every model has passed [`Description::finish`].
 
 mod check;
+mod element;
 mod inertia;
 mod scope;
 mod sensors;

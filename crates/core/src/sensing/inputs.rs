@@ -4,9 +4,9 @@ use stepper_real::Real;
 
 use crate::actuation::forces::Drive;
 use crate::collision::contact_set::Contacts;
-use crate::compile::{LanePlan, Plan};
-use crate::dynamics::kinematics::Kinematics;
+use crate::compile::Plan;
 use crate::math::spatial::*;
+use crate::sensing::contact_list::Felt;
 
 /// All that sensors can ask: the state after a step, and what the step did.
 #[derive(Debug)]
@@ -44,7 +44,7 @@ pub struct Room<R: Real> {
     pub acceleration: Vec<V6<R>>,
     /// Force and torque of the parent on every subtree of the plan's list.
     pub carried: Vec<[V3<R>; 2]>,
-    pub(crate) felt: crate::sensing::touching::Felt,
+    pub(crate) felt: Felt,
     pub(crate) order: Vec<(f64, usize)>,
 }
 
@@ -61,29 +61,8 @@ impl<R: Real> Room<R> {
             velocity: vec![zero(); links],
             acceleration: vec![zero(); links],
             carried: vec![[zero(); 2]; sensing.carried.len()],
-            felt: crate::sensing::touching::Felt::new(if sensing.needs.contacts { max_contacts * R::LANES } else { 0 }),
+            felt: Felt::new(if sensing.needs.contacts { max_contacts * R::LANES } else { 0 }),
             order: Vec::with_capacity(if sensing.needs.contacts { max_contacts } else { 0 }),
-        }
-    }
-
-    /// Makes what the sensors share.
-    pub fn prepare(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, moment: &Moment<'_, R>) {
-        if !self.orientation.is_empty() {
-            crate::sensing::frames::orientations(plan, moment.q, &mut self.orientation);
-        }
-        if plan.sensing.needs.acceleration {
-            crate::sensing::frames::accelerations(plan, kinematics, moment, &mut self.velocity, &mut self.acceleration);
-        } else if plan.sensing.needs.velocities {
-            R::vectorize(
-                #[inline(always)]
-                || kinematics.velocities(plan, moment.v, &mut self.velocity),
-            );
-        }
-        if plan.sensing.needs.contacts {
-            self.felt.take_up(plan, moment);
-        }
-        for (k, (site, subtree)) in plan.sensing.carried.iter().enumerate() {
-            self.carried[k] = crate::sensing::masses::parent_force(plan, kinematics, self, moment, site, &plan.sensing.subtrees[*subtree]);
         }
     }
 }

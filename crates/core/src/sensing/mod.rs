@@ -1,10 +1,12 @@
 //! What stage 9 reads: poses and motions of frames, momentum and energy, rays, contacts, and the error model of sensors.
 
+mod contact_list;
 pub mod errors;
 pub mod frames;
 pub mod inputs;
 pub mod masses;
 pub mod memory;
+mod prepare;
 pub mod proximity;
 pub mod rays;
 pub mod touching;

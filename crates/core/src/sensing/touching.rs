@@ -2,31 +2,16 @@
 
 use stepper_real::{Real, Scalar};
 
-use crate::collision::contact_set::{Contacts, MAX_LANES, frame};
+use crate::collision::contact_set::{Contacts, frame};
 use crate::compile::LanePlan;
 use crate::compile::sensing::{Side, Solid};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 use crate::model::{ContactField, ContactReduction};
+use crate::sensing::contact_list::{Contact, Felt};
 use crate::sensing::frames::{orientation, position};
+use crate::sensing::inputs::{Moment, Room};
 use crate::sensing::rays::{holds, ray};
-use crate::sensing::{Moment, Room};
-
-/// One contact of one lane.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Contact {
-    /// Geoms of the model, and their bodies.
-    geoms: [usize; 2],
-    bodies: [usize; 2],
-    distance: f64,
-    pos: [f64; 3],
-    /// Normal and tangents.
-    axes: [[f64; 3]; 3],
-    /// Along them, on the second body, N.
-    force: [f64; 3],
-    /// About them, N m.
-    torque: [f64; 3],
-}
 
 /// Geoms of the model that a contact is between, and their bodies.
 fn parties<R: Real>(plan: &LanePlan<R>, contacts: &Contacts<R>, slot: usize, lane: usize) -> [[usize; 2]; 2] {
@@ -117,20 +102,7 @@ fn lane_of<R: Real, const N: usize>(x: &[R; N], lane: usize) -> [f64; N] {
     out
 }
 
-/// The contacts of a moment, lane by lane.
-#[derive(Clone, Debug)]
-pub(crate) struct Felt {
-    contacts: Vec<Contact>,
-    /// Where those of every lane begin and end.
-    ends: [usize; MAX_LANES + 1],
-}
-
 impl Felt {
-    /// Room for so many contacts of all lanes.
-    pub(super) fn new(most: usize) -> Self {
-        Self { contacts: Vec::with_capacity(most), ends: [0; MAX_LANES + 1] }
-    }
-
     /// Takes up what all sensors read.
     pub(super) fn take_up<R: Real>(&mut self, plan: &LanePlan<R>, moment: &Moment<'_, R>) {
         self.contacts.clear();

@@ -306,7 +306,7 @@ const CELLS: usize = 16;
 
 /// The cell of the cube's surface that a direction points to.
 fn cell(d: V) -> usize {
-    let k = crate::collision::convex::shape::widest(d);
+    let k = crate::collision::convex::vectors::widest(d);
     let side = 2 * k + usize::from(d[k] < 0.0);
     let scale = 0.5 * CELLS as f64 / d[k].abs();
     // Saturating: 0 / 0 has some cell too.

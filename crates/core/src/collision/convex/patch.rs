@@ -4,7 +4,7 @@
 //! these name contacts from step to step.
 
 use crate::collision::convex::shape::ConvexShape;
-use crate::collision::convex::shape::widest;
+use crate::collision::convex::vectors::widest;
 use crate::collision::convex::vectors::{V, furthest};
 use crate::math::spatial::*;
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::collision::convex::hull::Hull;
-use crate::collision::convex::vectors::{V, furthest, neg, unit_or};
+use crate::collision::convex::vectors::{V, furthest, neg, unit_or, widest};
 use crate::math::spatial::*;
 
 /// A convex shape in its own frame; lengths in m.
@@ -221,18 +221,6 @@ fn axes(mut visit: impl FnMut(V)) {
             n[k] = sign;
             visit(n);
         }
-    }
-}
-
-/// The coordinate of largest magnitude, the first of equals.
-pub(super) fn widest(d: V) -> usize {
-    let a = d.map(f64::abs);
-    if a[0] >= a[1] && a[0] >= a[2] {
-        0
-    } else if a[1] >= a[2] {
-        1
-    } else {
-        2
     }
 }
 

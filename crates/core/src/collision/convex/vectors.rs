@@ -37,3 +37,15 @@ pub(super) fn unit_or(x: V, fallback: V) -> V {
 pub(super) fn neg(x: V) -> V {
     [-x[0], -x[1], -x[2]]
 }
+
+/// The coordinate of largest magnitude, the first of equals.
+pub(super) fn widest(d: V) -> usize {
+    let a = d.map(f64::abs);
+    if a[0] >= a[1] && a[0] >= a[2] {
+        0
+    } else if a[1] >= a[2] {
+        1
+    } else {
+        2
+    }
+}

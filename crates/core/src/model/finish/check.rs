@@ -4,100 +4,12 @@ mod assets;
 
 use std::collections::HashSet;
 
+use crate::model::finish::element::{At, Checked};
 use crate::model::hulls::{Hulls, Source};
-use crate::model::{Activation, Description, EqualityKind, JointKind, ModelError, Shape, Transmission, label};
-
-pub(super) type Checked = Result<(), ModelError>;
-
-/// Rows that a contact may have: frictionless, sliding, torsional, rolling.
-const DIMENSIONS: [u8; 4] = [1, 3, 4, 6];
+use crate::model::{Activation, Description, EqualityKind, JointKind, ModelError, Shape, Transmission};
 
 /// How much the largest principal moment may exceed the sum of the others, relative: rounding of a source in single precision.
 const TRIANGLE: f64 = 1e-6;
-
-/// An element of the model: errors name it.
-pub(super) struct At(String);
-
-impl At {
-    pub(super) fn new(kind: &str, name: &str, index: usize) -> Self {
-        Self(format!("{kind} {:?}", label(name, index)))
-    }
-
-    pub(super) fn fail(&self, what: impl Into<String>, remedy: impl Into<String>) -> Checked {
-        Err(ModelError::invalid(&self.0, what, remedy))
-    }
-
-    pub(super) fn finite(&self, what: &str, x: &[f64]) -> Checked {
-        if x.iter().all(|v| v.is_finite()) { Ok(()) } else { self.fail(format!("{what} is {x:?}"), "give finite numbers") }
-    }
-
-    /// Finite and at least 0.
-    pub(super) fn size(&self, what: &str, x: &[f64], unit: &str) -> Checked {
-        match x.iter().find(|v| !v.is_finite() || **v < 0.0) {
-            Some(v) => self.fail(format!("{what} is {v}{unit}"), "give a finite number of at least 0"),
-            None => Ok(()),
-        }
-    }
-
-    /// Finite and greater than 0.
-    pub(super) fn positive(&self, what: &str, x: &[f64], unit: &str) -> Checked {
-        match x.iter().find(|v| !v.is_finite() || **v <= 0.0) {
-            Some(v) => self.fail(format!("{what} is {v}{unit}"), "give a finite number greater than 0"),
-            None => Ok(()),
-        }
-    }
-
-    /// Right way up; infinite ends are no bounds, and leave room between them.
-    fn range(&self, what: &str, range: Option<[f64; 2]>) -> Checked {
-        match range {
-            Some([low, high]) if low.is_nan() || high.is_nan() => self.fail(format!("{what} is [{low}, {high}]"), "give numbers"),
-            Some([low, high]) if low > high => {
-                self.fail(format!("{what} [{low}, {high}] is upside down"), "give the lower bound first, or no range")
-            }
-            Some([low, high]) if low == f64::INFINITY || high == f64::NEG_INFINITY => {
-                self.fail(format!("{what} is [{low}, {high}]: no number lies in it"), "give finite bounds, -inf below or inf above")
-            }
-            _ => Ok(()),
-        }
-    }
-
-    pub(super) fn index(&self, what: &str, index: usize, count: usize) -> Checked {
-        if index < count {
-            return Ok(());
-        }
-        self.fail(format!("refers to {what} {index} of {count}"), format!("give the index of a {what} of this model, counted from 0"))
-    }
-
-    fn length(&self, what: &str, x: &[f64], expected: usize, sum: &str) -> Checked {
-        if x.len() == expected {
-            return self.finite(what, x);
-        }
-        self.fail(format!("{what} has length {}", x.len()), format!("give {expected} numbers: {sum}"))
-    }
-
-    /// A hinge or slide of the model.
-    pub(super) fn scalar_joint(&self, model: &Description, joint: usize) -> Checked {
-        self.index("joint", joint, model.joints.len())?;
-        let kind = match model.joints[joint].kind {
-            JointKind::Free => "free",
-            JointKind::Ball => "ball",
-            JointKind::Slide | JointKind::Hinge => return Ok(()),
-        };
-        self.fail(format!("refers to joint {:?}, a {kind} joint", model.joint_label(joint)), "refer to a hinge or slide")
-    }
-
-    fn contact(&self, condim: u8, friction: &[f64], restitution: f64, margin: f64, gap: f64) -> Checked {
-        if !DIMENSIONS.contains(&condim) {
-            return self.fail(format!("condim is {condim}"), "give 1 (frictionless), 3 (sliding), 4 (torsional) or 6 (rolling)");
-        }
-        self.size("friction", friction, "")?;
-        if !(0.0..=1.0).contains(&restitution) {
-            return self.fail(format!("restitution is {restitution}"), "give a number from 0 (no bounce) to 1 (elastic)");
-        }
-        self.finite("margin", &[margin])?;
-        self.size("gap", &[gap], " m")
-    }
-}
 
 /// What must hold before anything else of the model can be looked at: the tree, the indices between bodies, joints and geoms, the
 /// lengths of arrays.

@@ -1,6 +1,6 @@
 //! The rules of sites and sensors.
 
-use crate::model::finish::check::{At, Checked};
+use crate::model::finish::element::{At, Checked};
 use crate::model::hulls::Source;
 use crate::model::{
     ContactSide, Description, EqualityKind, FrameReading, Geom, JointKind, Model, ModelError, Object, Sensor, SensorKind, Shape,

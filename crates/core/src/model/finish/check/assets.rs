@@ -1,7 +1,7 @@
 //! Meshes and height fields.
 
 use crate::collision::convex::HullError;
-use crate::model::finish::check::{At, Checked};
+use crate::model::finish::element::{At, Checked};
 use crate::model::hulls::{Hulls, Source};
 use crate::model::{Description, HeightField, Mesh, ModelError, Shape};
 

@@ -5,7 +5,8 @@
 
 use std::hint::black_box;
 
-use stepper_core::actuation::forces::{At, Drive, Implicit, Implied, Theta};
+use stepper_core::actuation::affine_force::Theta;
+use stepper_core::actuation::forces::{At, Drive, Implicit, Implied};
 use stepper_core::collision::contact_set::Contacts;
 use stepper_core::collision::detection::GeomPoses;
 use stepper_core::compile::LanePlan;

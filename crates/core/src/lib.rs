@@ -103,10 +103,11 @@ pub use batch::saved_state::SavedState;
 pub use batch::simulation::{BodyPose, Contact, Simulation};
 pub use batch::{Field, StepInputs};
 pub use error::Error;
+pub use math::precision::Precision;
 pub use model::{Model, ModelError, Parameter};
 #[cfg(feature = "nalgebra")]
 pub use nalgebra;
-pub use options::{Integrator, Options, Precision, Solver, Stabilization};
+pub use options::{Integrator, Options, Solver, Stabilization};
 pub use sensing::errors::Transfer;
 pub use stages::s10_record::Status;
 pub use stepper_real::{Level, LevelError};

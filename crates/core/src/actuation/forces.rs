@@ -32,41 +32,10 @@
 
 use stepper_real::{Mask, Real};
 
+use crate::actuation::affine_force::{Gauge, Law, Motion, Theta, Train, outside, within};
 use crate::actuation::force_limits::Region;
 use crate::compile::{ActuatorPlan, LanePlan, Plan, TrainPlan};
 use crate::math::spatial::*;
-
-/// Which shares of damping and stiffness go into the mass matrix.
-#[derive(Clone, Copy, Debug)]
-pub struct Theta<R> {
-    /// Time by which damping is multiplied, s.
-    pub damping: R,
-    /// Squared time by which stiffness is multiplied, s^2; zero takes springs and servos explicitly.
-    pub stiffness: R,
-    /// Time step by which more is taken of what a step does not resolve, s; zero takes as much of all.
-    pub step: R,
-}
-
-impl<R: Real> Theta<R> {
-    /// Whether more is taken of any damping, so that its share must be known.
-    #[inline(always)]
-    pub(crate) fn fits(self, damping: R) -> bool {
-        (self.step * damping).gt(R::zero()).any()
-    }
-
-    /// How much more of a damping is taken at the end of the step, from 0 to 1, for a rate of damping d / m, 1/s.
-    #[inline(always)]
-    pub(crate) fn share(self, rate: R) -> R {
-        let z = self.step * rate;
-        z / (R::of(6.0) + z)
-    }
-
-    /// Damping that a spring gets with that share.
-    #[inline(always)]
-    pub(crate) fn drag(self, share: R, stiffness: R) -> R {
-        R::of(1.5) * share * self.step * stiffness
-    }
-}
 
 /// What the mass matrix holds besides M.
 #[derive(Clone, Copy, Debug)]
@@ -98,25 +67,6 @@ pub struct Implied<R> {
     pub all: bool,
 }
 
-/// Numbers of a drive train that acts within a step, per lane, at the actuator's side of its gear.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Train<R> {
-    /// Force of a continuous servo per unit of length, N or N m per unit.
-    pub slope: R,
-    /// Force of it per unit of velocity.
-    pub rate: R,
-    /// Bounds of the effort, N or N m.
-    pub limits: [R; 2],
-    /// Stall torque of the motor, N or N m.
-    pub stall: R,
-    /// Torque that the motor loses per unit of velocity to its back-EMF.
-    pub drag: R,
-    /// Share of the power that the gear passes on.
-    pub efficiency: R,
-    /// Dry friction, N or N m.
-    pub friction: R,
-}
-
 /// Where forces are taken.
 #[derive(Clone, Copy, Debug)]
 pub struct At<'a, R: Real> {
@@ -138,66 +88,6 @@ impl<'a, R: Real> At<'a, R> {
     /// A state as it is.
     pub fn state(q: &'a [R], v: &'a [R], act: &'a [R], ctrl: &'a [R], trains: &'a [Train<R>]) -> Self {
         Self { q, v, v_at: v, act, ctrl, trains }
-    }
-}
-
-/// Force as an affine function of length and velocity.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Law<R> {
-    pub(crate) level: R,
-    pub(crate) slope: R,
-    pub(crate) rate: R,
-}
-
-/// How an actuator moves: its length, the velocity at which what is not implicit is taken, and that before the step.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Motion<R> {
-    pub(crate) length: R,
-    pub(crate) velocity: R,
-    pub(crate) before: R,
-}
-
-impl<R: Real> Law<R> {
-    /// The force.
-    #[inline(always)]
-    pub(crate) fn force(&self, motion: &Motion<R>) -> R {
-        self.level + self.slope * motion.length + self.rate * motion.velocity
-    }
-
-    /// The force without what the mass matrix does, and what it does: stiffness and damping against the motion are implicit, the rest is not.
-    #[inline(always)]
-    pub(crate) fn implied(&self, motion: &Motion<R>, gauge: Gauge<R>, theta: Theta<R>) -> (R, R) {
-        let (stiffness, damping) = ((-self.slope).max(R::zero()), (-self.rate).max(R::zero()));
-        let share = theta.share(gauge.rate(damping));
-        let drag = theta.drag(share, stiffness);
-        let velocity = self.rate * motion.velocity + damping * (motion.velocity - motion.before) - drag * motion.before;
-        let weight = damping * theta.damping * (R::one() + share) + stiffness * theta.stiffness + drag * theta.step;
-        (self.level + self.slope * motion.length + velocity, weight)
-    }
-}
-
-/// What an actuator moves.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Gauge<R> {
-    /// Inverse of the inertia along its moment, 1/kg or 1/(kg m^2) over the square of its gear.
-    pub(super) mobility: R,
-    /// Rate at which the joints' damping slows it down, 1/s.
-    pub(super) slowing: R,
-}
-
-impl<R: Real> Gauge<R> {
-    /// A sum to which a dof is added; `slowing` is weighted by the mobilities.
-    #[inline(always)]
-    fn with(self, arm: R, inertia: R, damping: R) -> Self {
-        let inverse = inertia.recip();
-        let part = arm.square() * inverse;
-        Self { mobility: self.mobility + part, slowing: self.slowing + part * damping * inverse }
-    }
-
-    /// Rate of damping with that of the actuator.
-    #[inline(always)]
-    pub(crate) fn rate(self, damping: R) -> R {
-        self.mobility * damping + self.slowing
     }
 }
 
@@ -509,22 +399,4 @@ impl<R: Real> Drive<R> {
         self.weight[k] = R::select(lanes, R::zero(), self.weight[k]);
         self.saturated[k] = self.saturated[k].or(lanes);
     }
-}
-
-/// `x` within a range. A NaN must not turn into a bound: it stays, and the environment is refused in stage 6.
-#[inline(always)]
-pub(crate) fn within<R: Real>(x: R, range: Option<[R::Scalar; 2]>) -> R {
-    match range {
-        Some(range) => {
-            let [lo, hi] = splat(range);
-            R::select(x.eq(x), x.clamp(lo, hi), x)
-        }
-        None => x,
-    }
-}
-
-#[inline(always)]
-pub(crate) fn outside<R: Real>(x: R, range: [R::Scalar; 2]) -> R::Mask {
-    let [lo, hi] = splat(range);
-    x.lt(lo).or(x.gt(hi))
 }

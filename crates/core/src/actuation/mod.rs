@@ -8,8 +8,10 @@
 //! be implicit; losses are rows of dry friction, and the rotor's inertia is armature. Everything is at the actuator's side: its length is
 //! MJCF's, its effort the force that its gear (MJCF's `gear`) hands on.
 
+pub mod affine_force;
 pub mod force_limits;
 pub mod forces;
+pub mod losses;
 pub mod memory;
 pub mod pipeline;
 pub mod resampling;

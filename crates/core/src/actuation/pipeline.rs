@@ -2,7 +2,7 @@
 
 use stepper_real::{Mask, Real, Scalar};
 
-use crate::actuation::forces::{Train, within};
+use crate::actuation::affine_force::{Train, within};
 use crate::actuation::memory::Memory;
 use crate::actuation::spec::{DriveTrain, any};
 use crate::compile::{ActuatorPlan, Plan};

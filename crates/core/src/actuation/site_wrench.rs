@@ -2,7 +2,8 @@
 
 use stepper_real::Real;
 
-use crate::actuation::forces::{Drive, Motion};
+use crate::actuation::affine_force::Motion;
+use crate::actuation::forces::Drive;
 use crate::compile::{ActuatorPlan, LanePlan, Spot, WrenchPlan};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;

@@ -7,12 +7,12 @@ use crate::actuation::forces::{At, Drive, Implicit};
 use crate::compile::{Inertial, LanePlan, TendonPlan};
 use crate::dynamics::inertia::{MassMatrix, NewtonEuler, bias_force};
 use crate::dynamics::kinematics::{Kinematics, kinetic_energy};
+use crate::integrators::inputs::Inputs;
 use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::sensing::orientations;
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s02_smooth::Smooth;
-use crate::step::Inputs;
 
 /// A state to ask about.
 #[derive(Clone, Debug)]

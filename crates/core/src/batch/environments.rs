@@ -7,12 +7,13 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use stepper_real::{Level, Scalar};
 
-use crate::actuation::forces::Train;
+use crate::actuation::affine_force::Train;
 use crate::actuation::{Chains, DriveTrain, memory};
+use crate::batch::call::{Call, Part};
 use crate::batch::randomization::{Differences, Own};
 use crate::batch::rollout::{Recording, Share};
 use crate::batch::state::{Group, StoredContact};
-use crate::batch::worker::{Call, Part, Place, Query, Site, Stepped, Worker};
+use crate::batch::worker::{Place, Query, Site, Stepped, Worker};
 use crate::collision::contact_set::ContactId;
 use crate::compile::Plan;
 use crate::math::lanes::DelayLine;

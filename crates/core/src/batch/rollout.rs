@@ -4,8 +4,8 @@
 
 use stepper_real::{Mask, Real, Scalar};
 
-use crate::options::Precision;
-use crate::step::Scratch;
+use crate::integrators::workspace::Scratch;
+use crate::math::precision::Precision;
 
 /// What can be written down after a control.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

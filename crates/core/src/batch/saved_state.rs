@@ -12,7 +12,7 @@
 use sha2::{Digest, Sha256};
 
 use crate::error::Error;
-use crate::options::Precision;
+use crate::math::precision::Precision;
 
 /// The first bytes of every saved state. The last is no valid UTF-8, and not that of a saved model.
 const MAGIC: [u8; 8] = *b"stepper\xfe";

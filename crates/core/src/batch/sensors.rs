@@ -3,17 +3,19 @@
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::actuation::forces::{At, Drive};
+use crate::batch::call::Call;
+use crate::batch::exchange::{load, take_up};
 use crate::batch::state::Group;
-use crate::batch::worker::{Call, load, take_up};
 use crate::collision::contact_set::Contacts;
 use crate::compile::{LanePlan, Plan};
 use crate::dynamics::mocap;
+use crate::integrators::workspace::Scratch;
 use crate::math::spatial::*;
 use crate::sensing::errors::{Errors, Slots, Work};
 use crate::sensing::{Moment, Room};
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s09_sense::sense;
-use crate::step::{Scratch, step};
+use crate::step::step;
 
 /// Room of a worker's sensors.
 pub(super) struct Senses<R: Real> {

@@ -21,8 +21,9 @@ use crate::batch::worker::Stepped;
 use crate::batch::{Batch, Compiled, Engine, Field, StepInputs, Watch};
 use crate::compile::{LanePlan, Plan};
 use crate::error::Error;
+use crate::math::precision::Precision;
 use crate::model::{Keyframe, Model};
-use crate::options::{Options, Precision, StepSettings};
+use crate::options::{Options, StepSettings};
 use crate::sensing::errors::Transfer;
 
 /// Environments of one model.

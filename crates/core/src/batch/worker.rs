@@ -1,95 +1,19 @@
 //! A worker steps groups of environments on one thread; one kind per lane type, one instantiation per CPU level.
 
 use std::any::Any;
-use std::ops::Range;
 
 use stepper_real::{Level, Mask, Real, Scalar, at_avx512, at_level};
 
-use crate::actuation::Chains;
-use crate::batch::randomization::Own;
+use crate::batch::call::Call;
+use crate::batch::exchange::{keep_ways, load, store, take_up, take_up_control};
 use crate::batch::rollout::{Numbers, Quantity, Share};
 use crate::batch::sensors::Senses;
 use crate::batch::state::Group;
 use crate::compile::{LanePlan, Plan};
-use crate::dynamics::mocap::Way;
+use crate::integrators::workspace::Scratch;
 use crate::math::lanes::count;
-use crate::math::spatial::*;
 use crate::options::StepSettings;
-use crate::sensing::errors::Errors;
-use crate::step::{Scratch, step};
-
-/// One call of `step` or `rollout` for all environments: what every group needs to know. Arrays are environment-major.
-#[derive(Clone, Copy, Debug)]
-pub struct Call<'a, S: Scalar> {
-    /// The compiled model.
-    pub plan: &'a Plan<S>,
-    /// Settings.
-    pub options: &'a StepSettings,
-    /// Number of environments.
-    pub num_envs: usize,
-    /// Controls, one after the other; `step` has one.
-    pub calls: usize,
-    /// Steps to make with each control.
-    pub nstep: usize,
-    /// (calls, num_envs, nu), or (calls, nu) for all, or empty for zero.
-    pub ctrl: &'a [f64],
-    /// (num_envs, nv), or empty for none.
-    pub qfrc: &'a [f64],
-    /// (num_envs, nbody, 6), or empty for none.
-    pub xfrc: &'a [f64],
-    /// (num_envs, nmocap, 3) and (num_envs, nmocap, 4), or empty for the model's.
-    pub mocap: [&'a [f64]; 2],
-    /// The steps of the call that are made now.
-    pub part: Part,
-    /// What sensors that are not ideal make of the truth.
-    pub errors: Option<&'a Errors<S>>,
-    /// Parameters that environments have of their own.
-    pub own: &'a Own<S>,
-    /// Drive trains of the actuators.
-    pub chains: Option<&'a Chains<S>>,
-}
-
-impl<S: Scalar> Call<'_, S> {
-    /// Steps of all controls together.
-    fn steps(&self) -> usize {
-        self.calls.saturating_mul(self.nstep)
-    }
-}
-
-/// Some steps of a call, which follow one another. The parts of a call make the bits of the whole.
-#[derive(Clone, Copy, Debug)]
-pub struct Part {
-    /// The first of them, counted over all controls.
-    pub from: usize,
-    /// The first after them.
-    pub to: usize,
-    /// Time of the call before them, s.
-    pub elapsed: f64,
-    /// Whether no other part follows.
-    pub ends: bool,
-}
-
-impl Part {
-    /// All of so many steps.
-    pub fn whole(steps: usize) -> Self {
-        Self { from: 0, to: steps, elapsed: 0.0, ends: true }
-    }
-
-    /// The controls that have steps of it, all of them where a control has no step.
-    fn controls(&self, calls: usize, nstep: usize) -> Range<usize> {
-        match nstep {
-            0 => 0..calls,
-            _ if self.from == self.to => 0..0,
-            _ => self.from / nstep..self.to.div_ceil(nstep),
-        }
-    }
-
-    /// The steps of it that a control has, as places among the control's own.
-    fn steps_of(&self, control: usize, nstep: usize) -> Range<usize> {
-        let before = control * nstep;
-        self.from.saturating_sub(before)..(self.to - before).min(nstep)
-    }
-}
+use crate::step::step;
 
 /// A thread's room to work, with the step compiled for its lanes and CPU level.
 pub trait Worker<S: Scalar>: Any + Send {
@@ -351,40 +275,6 @@ fn count_saturated<R: Real>(plan: &LanePlan<R>, s: &Scratch<R>, counts: &mut [u3
     )
 }
 
-fn store<R: Real>(group: &mut Group<R::Scalar>, s: &Scratch<R>) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for (x, out) in [
-                (&s.q, &mut group.q),
-                (&s.v, &mut group.v),
-                (&s.act, &mut group.act),
-                (&s.constraints.scalar_impulse, &mut group.scalar_impulse),
-                (&s.impulse, &mut group.impulse),
-            ] {
-                R::store_all(x, out);
-            }
-            group.store_contacts(&s.contacts);
-        },
-    )
-}
-
-/// Keeps where the mocap bodies have got to: the end of their ways, if all steps of the call were made.
-fn keep_ways<R: Real>(call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, s: &Scratch<R>) {
-    if s.ways.is_empty() {
-        return;
-    }
-    let arrived = call.part.to == call.steps();
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for (way, out) in s.ways.iter().zip(group.mocap.chunks_exact_mut(7 * R::LANES)) {
-                R::store_all(&if arrived { way.end() } else { way.pose_at(R::of(s.elapsed)) }, out);
-            }
-        },
-    )
-}
-
 /// Begins the counts of a call anew.
 fn forget_faults<R: Real>(group: &mut Group<R::Scalar>) {
     group.status[..R::LANES].fill(0);
@@ -397,95 +287,4 @@ fn forget_faults<R: Real>(group: &mut Group<R::Scalar>) {
     if !group.sensing.faults.is_empty() {
         group.sensing.faults.fill(0);
     }
-}
-
-pub(super) fn load<R: Real>(group: &Group<R::Scalar>, s: &mut Scratch<R>) {
-    s.alive = R::Mask::from_bits(group.alive);
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for (x, from) in [
-                (&mut s.q, &group.q),
-                (&mut s.v, &group.v),
-                (&mut s.act, &group.act),
-                (&mut s.constraints.scalar_impulse, &group.scalar_impulse),
-                (&mut s.impulse, &group.impulse),
-            ] {
-                R::load_all(from, x);
-            }
-            group.load_contacts(&mut s.contacts);
-        },
-    )
-}
-
-/// Takes up what the user says for the whole call.
-pub(super) fn take_up<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, s: &mut Scratch<R>) {
-    if let Some(chains) = call.chains {
-        chains.load(call.plan, first / R::LANES, &mut s.inputs.trains);
-    }
-    let used = (call.num_envs - first).min(R::LANES);
-    for (rows, n, out) in [(call.qfrc, call.plan.nv, &mut s.inputs.qfrc), (call.xfrc, 6 * call.plan.bodies.len(), &mut s.inputs.xfrc)] {
-        out.clear();
-        if !rows.is_empty() {
-            out.resize(n, R::zero());
-            gather(rows, n, first, used, out);
-        }
-    }
-    if !call.plan.mocap.is_empty() {
-        find_ways(call, group, first, used, s);
-    }
-}
-
-/// The ways of the mocap bodies during the call.
-fn find_ways<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, used: usize, s: &mut Scratch<R>) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            let seconds = R::of(call.steps().max(1) as f64 * call.options.timestep);
-            let given = !call.mocap[0].is_empty();
-            s.elapsed = call.part.elapsed;
-            for (k, m) in call.plan.mocap.iter().enumerate() {
-                let n = call.plan.mocap.len();
-                let (mut pos, mut quat): (V3<R>, [R; 4]) = (splat(m.pos), splat(m.quat));
-                for l in 0..if given { used } else { 0 } {
-                    let at = (first + l) * n + k;
-                    (0..3).for_each(|i| pos[i].set_lane(l, Scalar::from_f64(call.mocap[0][3 * at + i])));
-                    (0..4).for_each(|i| quat[i].set_lane(l, Scalar::from_f64(call.mocap[1][4 * at + i])));
-                }
-                let last = std::array::from_fn(|i| R::load(&group.mocap[(7 * k + i) * R::LANES..]));
-                s.ways[k] = Way::new(last, pos, quat, seconds);
-            }
-        },
-    )
-}
-
-/// Takes up control number `control` of the call.
-fn take_up_control<R: Real>(call: &Call<'_, R::Scalar>, control: usize, first: usize, s: &mut Scratch<R>) {
-    let row = call.ctrl.len() / call.calls;
-    let used = (call.num_envs - first).min(R::LANES);
-    let out = if call.chains.is_some() { &mut s.given } else { &mut s.inputs.ctrl };
-    gather(&call.ctrl[control * row..(control + 1) * row], call.plan.actuators.len(), first, used, out);
-}
-
-/// Rows `first..first + used` of an array with `n` columns, one per lane; a single row is everybody's, an empty array is zero.
-fn gather<R: Real>(rows: &[f64], n: usize, first: usize, used: usize, out: &mut [R]) {
-    R::vectorize(
-        #[inline(always)]
-        || {
-            if n == 0 || out.is_empty() {
-                return;
-            }
-            let shared = rows.len() == n;
-            for (i, x) in out.iter_mut().enumerate() {
-                *x = R::zero();
-                if rows.is_empty() {
-                    continue;
-                }
-                for l in 0..used {
-                    let row = if shared { 0 } else { first + l };
-                    x.set_lane(l, Scalar::from_f64(rows[row * n + i]));
-                }
-            }
-        },
-    )
 }

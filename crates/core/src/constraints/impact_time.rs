@@ -81,7 +81,8 @@ impl<R: Real> Flight<R> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::options::{Options, Precision};
+    use crate::math::precision::Precision;
+    use crate::options::Options;
 
     fn meeting(gap: f64, before: f64, free: f64, e: f64) -> Meeting<f64> {
         let options = Options::default().resolve(0.01, Precision::F64);

@@ -2,7 +2,7 @@
 
 use stepper_real::Real;
 
-use crate::actuation::forces::Theta;
+use crate::actuation::affine_force::Theta;
 use crate::compile::{Below, Dof, DofParams, LanePlan, Plan};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;

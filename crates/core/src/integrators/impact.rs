@@ -7,16 +7,19 @@ use stepper_real::{Mask, Real};
 use stepper_solve::Outcome;
 
 use crate::collision::contact_set::Contacts;
-use crate::compile::{LanePlan, Plan};
+use crate::compile::LanePlan;
 use crate::constraints::impact_time::{Flight, Meeting};
 use crate::dynamics::gyroscopic;
 use crate::dynamics::kinematics::{Kinematics, advance};
 use crate::dynamics::surface_velocity;
+use crate::integrators::free_motion::{find_contacts, free_motion, place};
+use crate::integrators::impact_set::Impacts;
+use crate::integrators::scheme::Rule;
+use crate::integrators::workspace::Scratch;
 use crate::math::spatial::*;
 use crate::options::StepSettings;
 use crate::stages::s05_solve::solve;
 use crate::stages::s06_integrate_velocity::integrate_velocity;
-use crate::step::{Rule, Scratch, find_contacts, free_motion, place};
 
 /// Change of a link's velocity by the jump in inertial forces from which on it is worth a second solution, rad/s or m/s.
 const MATTERS: f64 = 1e-5;
@@ -32,22 +35,6 @@ const PASSES: usize = 3;
 const PLACEMENTS: usize = 4;
 /// Part of a step within which the time of the impact is that of the placement.
 const CLOSE: f64 = 1e-3;
-
-/// What is known of the impacts of a step.
-#[derive(Clone, Debug)]
-pub(crate) struct Impacts<R: Real> {
-    /// Lanes that are taken at the time of an impact, or were taken away from the middle of the step in search of it.
-    pub(crate) lanes: R::Mask,
-    /// Velocities of the links before the step, and after it without constraints.
-    velocities: [Vec<V6<R>>; 2],
-}
-
-impl<R: Real> Impacts<R> {
-    /// Room for a plan.
-    pub(crate) fn new(plan: &Plan<R::Scalar>) -> Self {
-        Self { lanes: R::Mask::splat(false), velocities: std::array::from_fn(|_| vec![zero(); plan.links.len()]) }
-    }
-}
 
 /// Takes the lanes in which elastic contacts strike at the time of the first impact.
 pub(crate) fn place_at_impacts<R: Real>(plan: &LanePlan<R>, options: &StepSettings, rule: &mut Rule<R>, s: &mut Scratch<R>) {

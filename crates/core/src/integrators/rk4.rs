@@ -2,14 +2,15 @@
 
 use stepper_real::Real;
 
-use crate::actuation::forces::{At, Drive, Implicit, within};
+use crate::actuation::affine_force::within;
+use crate::actuation::forces::{At, Drive, Implicit};
 use crate::compile::{LanePlan, Plan};
 use crate::dynamics::kinematics::{Kinematics, displace};
+use crate::integrators::inputs::Inputs;
 use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::stages::s01_actuate::{activation_rate, actuate};
 use crate::stages::s02_smooth::Smooth;
-use crate::step::Inputs;
 
 /// Room for the four stages.
 ///

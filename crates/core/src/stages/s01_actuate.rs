@@ -2,8 +2,9 @@
 
 use stepper_real::{Mask, Real};
 
+use crate::actuation::affine_force::{Law, outside, within};
 use crate::actuation::force_limits::{bounded, exceeds};
-use crate::actuation::forces::{At, Drive, Implied, Law, outside, within};
+use crate::actuation::forces::{At, Drive, Implied};
 use crate::compile::{ActuatorPlan, LanePlan};
 use crate::dynamics::kinematics::quat_at;
 use crate::math::spatial::*;

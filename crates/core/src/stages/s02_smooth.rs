@@ -2,7 +2,8 @@
 
 use stepper_real::Real;
 
-use crate::actuation::forces::{Implicit, Theta};
+use crate::actuation::affine_force::Theta;
+use crate::actuation::forces::Implicit;
 use crate::compile::{LanePlan, Plan};
 use crate::dynamics::fluid::Fluid;
 use crate::dynamics::inertia::{MassMatrix, NewtonEuler, link_forces, project_forces};

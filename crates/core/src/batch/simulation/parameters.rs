@@ -6,8 +6,8 @@ use crate::actuation::{DriveTrain, Driven, Redrawn};
 use crate::batch::randomization::{Assignment, Differences, Theta};
 use crate::batch::simulation::{Error, Simulation};
 use crate::compile::LanePlan;
+use crate::math::precision::Precision;
 use crate::model::{Model, ModelError, Parameter};
-use crate::options::Precision;
 
 impl Simulation {
     /// Gives the environments `envs`, ascending, numbers of their own in some fields. Other fields and the state stay what they are.

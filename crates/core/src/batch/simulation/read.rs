@@ -6,8 +6,8 @@ use crate::analysis::quantities::{BodyPoses, Snapshot};
 use crate::batch::simulation::{Error, Simulation};
 use crate::batch::{Field, StepInputs};
 use crate::collision::contact_set::frame;
+use crate::integrators::inputs::Inputs;
 use crate::stages::s10_record::Status;
-use crate::step::Inputs;
 
 /// A contact of the last step, in the world frame.
 #[derive(Clone, Copy, Debug, PartialEq)]

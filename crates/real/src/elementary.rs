@@ -13,7 +13,9 @@
 //! | f32 | 0.80 | 0.79 | 0.84 | 0.91 | 1.47 | 0.92 |
 
 use crate::coefficients::Coefficients;
-use crate::{Mask, Real, Scalar};
+use crate::mask::Mask;
+use crate::real::Real;
+use crate::scalar::Scalar;
 
 /// c0 + c1 x + c2 x^2 + ..., by Horner's rule.
 #[inline(always)]

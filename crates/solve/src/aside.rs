@@ -36,7 +36,7 @@ impl Order {
 
     #[inline(always)]
     pub(crate) fn pick<R: Real>(&self, x: R) -> R::Half {
-        x.pick(&self.from)
+        x.gather_lanes(&self.from)
     }
 
     #[inline(always)]

@@ -308,7 +308,7 @@ pub fn step<R: Real>(plan: &LanePlan<R>, options: &StepSettings, s: &mut Scratch
     let (depth, overshoot) = (depth(&s.constraints, &s.contacts, finite), limit_overshoot(plan, &s.q));
     Record {
         residual: outcome.residual,
-        iterations: outcome.sweeps + outcome.newton,
+        iterations: outcome.sweeps + outcome.newton_steps,
         depth,
         overshoot,
         deep: s.alive.and(depth.gt(R::of(DEEP))),

@@ -109,7 +109,7 @@ impl<R: Real> Constraints<R> {
                     }
                 }
                 self.problem.hyperstatic = hyperstatic::lanes(plan, contacts);
-                self.iterate.start(&self.problem);
+                self.iterate.compute_w(&self.problem);
             },
         )
     }
@@ -120,7 +120,7 @@ impl<R: Real> Constraints<R> {
             #[inline(always)]
             || {
                 out.copy_from_slice(&self.iterate.w);
-                if self.iterate.moves() {
+                if self.iterate.changes_velocity() {
                     mass.unscale(plan, out);
                 }
             },
@@ -139,21 +139,21 @@ impl<R: Real> Constraints<R> {
                 let (scalars, contacts) = self.position_bias.split_at_mut(self.problem.scalars.len());
                 for (i, position) in scalars.iter_mut().enumerate() {
                     let row = &self.problem.scalars[i];
-                    let g = R::select(lanes, self.problem.scalar_velocity(row, change), row.g);
+                    let g = R::select(lanes, self.problem.scalars.velocity(row, change), row.g);
                     *position = R::select(lanes, *position + (g - row.g), *position);
                     self.problem.scalars[i].g = g;
                 }
                 let (contacts, wide) = contacts.split_at_mut(3 * self.problem.contacts.len());
                 for (i, [position, ..]) in wide.as_chunks_mut::<6>().0.iter_mut().enumerate() {
-                    let block = &self.problem.wide[i];
-                    let mut g = self.problem.wide_velocity(block, change);
+                    let block = &self.problem.rolling_contacts[i];
+                    let mut g = self.problem.rolling_contacts.velocity(block, change);
                     (0..6).for_each(|k| g[k] = R::select(lanes, g[k], block.g[k]));
                     *position = R::select(lanes, *position + (g[0] - block.g[0]), *position);
-                    self.problem.wide[i].g = g;
+                    self.problem.rolling_contacts[i].g = g;
                 }
                 for (i, [position, ..]) in contacts.as_chunks_mut::<3>().0.iter_mut().enumerate() {
                     let block = &self.problem.contacts[i];
-                    let g = select(lanes, self.problem.contact_velocity(block, change), block.g);
+                    let g = select(lanes, self.problem.contacts.velocity(block, change), block.g);
                     *position = R::select(lanes, *position + (g[0] - block.g[0]), *position);
                     self.problem.contacts[i].g = g;
                 }
@@ -270,7 +270,7 @@ impl<R: Real> Constraints<R> {
             g = scale(own[0], sign);
         }
         let column = &self.column;
-        self.problem.push_scalar(
+        self.problem.scalars.push(
             &self.support,
             #[inline(always)]
             |d| column[d][0] * mass.sqrt_inv_d[d],
@@ -280,7 +280,7 @@ impl<R: Real> Constraints<R> {
             bounds,
         );
         if let Some(times) = times {
-            self.problem.measure_scalar(times);
+            self.problem.scalars.set_trace_ratio(times);
         }
         self.position_bias.push(g[1]);
         self.warm_start(owner, active);
@@ -317,7 +317,7 @@ impl<R: Real> Constraints<R> {
             [g[0][0], g[1][0], g[2][0]],
         );
         if let Some(lengths) = lengths {
-            self.problem.measure_contact(lengths.times());
+            self.problem.contacts.set_trace_ratio(lengths.times());
         }
         self.position_bias.extend([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
         self.iterate.contacts.push(select(active, slot.impulse, zero()));

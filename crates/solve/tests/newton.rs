@@ -1,4 +1,4 @@
-//! The second tier against the conditions that define its answer, against the first, and where there is no answer.
+//! Newton's method against the conditions that define its answer, against sweeps, and where there is no answer.
 
 mod common;
 
@@ -105,8 +105,8 @@ proptest! {
     fn lanes_have_the_bits_of_one(cases in prop::collection::vec(case(7, 1e1, 0.0..1.5), 8)) {
         let settings = Settings { sweeps: 3, newton_steps: 12, tolerance: 1e-9, newton_threshold: 1e-9 };
         let (problem, mut iterate) = build::<F64x8>(&cases);
-        let wide = Settings { sweeps: 3, newton_steps: 12, tolerance: F64x8::of(1e-9), newton_threshold: F64x8::of(1e-9) };
-        let outcome = solve(&problem, &mut iterate, wide, Mask::splat(true), &mut Newton::default());
+        let group_settings = Settings { sweeps: 3, newton_steps: 12, tolerance: F64x8::of(1e-9), newton_threshold: F64x8::of(1e-9) };
+        let outcome = solve(&problem, &mut iterate, group_settings, Mask::splat(true), &mut Newton::default());
         let mut room = Newton::default();
         for (l, case) in cases.iter().enumerate() {
             let (problem, mut alone) = build::<f64>(std::slice::from_ref(case));
@@ -149,7 +149,7 @@ fn what_is_returned_is_what_the_residual_says() {
         let (after, _) = newton(&problem, &mut iterate, 200, 1e-9);
         solved.count(after <= 1e-9);
         prop_assert!(iterate.w.iter().chain(iterate.contacts.iter().flatten()).all(|x| x.is_finite()));
-        // The tiers add the same numbers up in different orders.
+        // Sweeps and Newton's method add the same numbers up in different orders.
         prop_assert!(after <= before * (1.0 + 1e-14));
         // w is that of the impulses, and both residuals are of the same numbers, up to the order of sums over impulses of any size.
         let size = 1.0 + bits(&iterate).iter().fold(0.0f64, |m, &x| m.max(f64::from_bits(x).abs()));
@@ -164,7 +164,7 @@ fn what_is_returned_is_what_the_residual_says() {
     solved.at_least(0.87, "solved");
 }
 
-/// Without friction the problem is convex and w is unique: it is solved, in any order of the rows, and as the first tier solves it.
+/// Without friction the problem is convex and w is unique: it is solved, in any order of the rows, and as sweeps solve it.
 #[test]
 fn without_friction_everything_is_solved_in_any_order() {
     let answered = Share::default();
@@ -333,7 +333,7 @@ fn running_out_of_steps_is_reported_and_no_worse_than_sweeps() {
             let outcome = solve(&problem, &mut iterate, settings, true, &mut Newton::default());
             assert!(outcome.newton_steps <= f64::from(newton) * (PASSES * case.contacts.len()) as f64);
             sweeps = sweeps.min(if newton == 0 { outcome.residual } else { f64::INFINITY });
-            // The tiers add the same numbers up in different orders.
+            // Sweeps and Newton's method add the same numbers up in different orders.
             assert!(outcome.residual <= sweeps * (1.0 + 1e-14), "{} {sweeps}", outcome.residual);
             ran_out += u32::from(newton == 1 && outcome.residual > 1e-12);
         }

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use stepper_solve::gauss_seidel::{SweepSettings, solve};
 use stepper_solve::{Capacity, Iterate, Problem, cone, residual};
 
-/// Wide contacts in `n` coordinates; some rows are zero (friction that a contact lacks) or short (rolling against sliding).
+/// Contacts in `n` coordinates; some rows are zero (friction that a contact lacks) or short (rolling against sliding).
 #[derive(Clone, Debug)]
 struct Case {
     n: usize,

@@ -82,6 +82,8 @@ impl Real for Counted {
     type Half = Self;
     const LANES: usize = 1;
 
+    stepper_real::elementary_functions!();
+
     fn splat(x: f64) -> Self {
         Self(x)
     }

@@ -277,7 +277,7 @@ impl<R: Real> Rig<R> {
                 iterate.clear();
                 iterate.scalars.extend_from_slice(&self.warm_scalars);
                 iterate.contacts.extend_from_slice(&self.warm_contacts);
-                iterate.start(problem);
+                iterate.compute_w(problem);
             },
         );
         solve(&self.settings, &self.v, self.constraints.constrained, &mut self.constraints, &mut self.contacts);

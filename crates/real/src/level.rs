@@ -5,7 +5,7 @@ use core::str::FromStr;
 use std::sync::OnceLock;
 
 #[cfg(target_arch = "x86_64")]
-use crate::Real;
+use crate::real::Real;
 
 /// The environment variable that overrides [`Level::best`].
 const VARIABLE: &str = "STEPPER_CPU_LEVEL";
@@ -267,9 +267,9 @@ impl<T: HasAvx2> Avx2 for T {
 impl<T: HasAvx512> Avx512 for T {
     type F64x1 = crate::lone::F64x1;
     type F64x8 = crate::avx512::F64x8;
-    type F64x16 = crate::Two<crate::avx512::F64x8>;
+    type F64x16 = crate::two::Two<crate::avx512::F64x8>;
     type F32x16 = crate::avx512::F32x16;
-    type F32x32 = crate::Two<crate::avx512::F32x16>;
+    type F32x32 = crate::two::Two<crate::avx512::F32x16>;
 }
 
 // A `cfg` inside `at_level!` would ask the features of the crate that uses it; these ask those of this crate.

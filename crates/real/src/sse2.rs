@@ -5,8 +5,9 @@
 
 use core::arch::x86_64::{__m128i, _mm_and_si128 as and_int, _mm_cmpeq_epi32 as equal_int, _mm_set1_epi32 as set1_int};
 
-use crate::operators::{as_lanes, lane_access, operators, vectorize};
-use crate::{Mask, Real};
+use crate::mask::Mask;
+use crate::operators::{as_lanes, elementary_functions, lane_access, operators, vectorize};
+use crate::real::Real;
 
 /// The same expression of all quarters; `$i` is the quarter.
 macro_rules! quarters {
@@ -72,6 +73,7 @@ macro_rules! sse2_lanes {
         impl Real for $name {
             lane_access!($name, $scalar, $n);
             vectorize!();
+            elementary_functions!();
             type Mask = $mask;
             type Half = Self;
 
@@ -215,7 +217,7 @@ macro_rules! sse2_lanes {
 }
 
 mod double {
-    use super::*;
+    use crate::sse2::*;
     use core::arch::x86_64::{
         __m128d as Raw, _mm_add_pd as add, _mm_and_pd as and, _mm_andnot_pd as andnot, _mm_castpd_si128 as to_int,
         _mm_castsi128_pd as from_int, _mm_cmpeq_pd as equal, _mm_cmple_pd as less_equal, _mm_cmplt_pd as less, _mm_div_pd as div,
@@ -231,7 +233,7 @@ mod double {
     }
 }
 mod single {
-    use super::*;
+    use crate::sse2::*;
     use core::arch::x86_64::{
         __m128 as Raw, _mm_add_ps as add, _mm_and_ps as and, _mm_andnot_ps as andnot, _mm_castps_si128 as to_int,
         _mm_castsi128_ps as from_int, _mm_cmpeq_ps as equal, _mm_cmple_ps as less_equal, _mm_cmplt_ps as less, _mm_div_ps as div,

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::newton::Newton;
-use stepper_solve::{Capacity, Iterate, Problem, Reference, Saved};
+use stepper_solve::{Capacity, Iterate, Problem, Reference, Snapshot};
 
 use crate::compile::{LanePlan, Plan};
 use crate::constraints::islands::Islands;
@@ -31,7 +31,7 @@ pub struct Constraints<R: Real> {
     pub(crate) impacts: Vec<Impact<R>>,
     /// Whether there are any elastic contacts, for a rule that looks at the times of impacts.
     pub(crate) has_impacts: bool,
-    /// Room of the second tier.
+    /// Newton's method, with its workspace.
     pub newton: Newton,
     /// Lanes that have any row.
     pub constrained: R::Mask,
@@ -47,7 +47,7 @@ pub struct Constraints<R: Real> {
     pub(crate) reference: Reference<R>,
     pub(crate) islands: Islands,
     /// Impulses of lanes whose loads are shared evenly, while they are estimated.
-    pub(crate) shared: Saved<R>,
+    pub(crate) shared: Snapshot<R>,
     /// What each row demands of the positions alone, scalar rows first, then contacts, then those with six rows: velocity g of stage 8 of scalar and
     /// normal rows, of the others what is added to g. Where an overlap's bias is part of the velocities, the demand without it.
     pub position_bias: Vec<R>,
@@ -132,22 +132,22 @@ impl<R: Real> Constraints<R> {
         Self {
             problem: Problem::new(&room),
             iterate: Iterate::new(&room),
-            impacts: Vec::with_capacity(max_contacts + room.wide),
+            impacts: Vec::with_capacity(max_contacts + room.rolling_contacts),
             has_impacts: false,
             newton: Newton::default(),
             constrained: R::Mask::splat(false),
             needs_position_solve: R::Mask::splat(false),
             biased: R::Mask::splat(false),
             rebounding: R::Mask::splat(false),
-            floors: Vec::with_capacity(room.contacts + room.wide),
+            floors: Vec::with_capacity(room.contacts + room.rolling_contacts),
             reference: Reference::new(&room),
             islands: Islands::new(plan.ntree),
-            shared: Saved::new(&room),
-            position_bias: Vec::with_capacity(room.scalars + 3 * room.contacts + 6 * room.wide),
+            shared: Snapshot::new(&room),
+            position_bias: Vec::with_capacity(room.scalars + 3 * room.contacts + 6 * room.rolling_contacts),
             scalar_impulse: vec![R::zero(); plan.scalar_impulses],
             owners: Vec::with_capacity(room.scalars),
             slots: Vec::with_capacity(max_contacts),
-            wide_slots: Vec::with_capacity(room.wide),
+            wide_slots: Vec::with_capacity(room.rolling_contacts),
             sizes: Vec::with_capacity(block),
             demands: Vec::with_capacity(block),
             column: vec![zero(); plan.nv],
@@ -181,7 +181,7 @@ fn room<S: Scalar>(plan: &Plan<S>, contacts: usize, lanes: usize) -> Capacity {
         scalars: plan.scalar_impulses,
         scalar_entries: single + balls + equalities + tendons,
         contacts,
-        wide: if plan.wide { contacts } else { 0 },
+        rolling_contacts: if plan.wide { contacts } else { 0 },
         contact_support: with_tied(deepest * lanes),
     }
 }
@@ -193,7 +193,7 @@ impl<R: Real> Constraints<R> {
             #[inline(always)]
             || {
                 out.copy_from_slice(&self.iterate.w);
-                if self.iterate.moves() {
+                if self.iterate.changes_velocity() {
                     mass.unscale(plan, out);
                 }
             },
@@ -212,21 +212,21 @@ impl<R: Real> Constraints<R> {
                 let (scalars, contacts) = self.position_bias.split_at_mut(self.problem.scalars.len());
                 for (i, position) in scalars.iter_mut().enumerate() {
                     let row = &self.problem.scalars[i];
-                    let g = R::select(lanes, self.problem.scalar_velocity(row, change), row.g);
+                    let g = R::select(lanes, self.problem.scalars.velocity(row, change), row.g);
                     *position = R::select(lanes, *position + (g - row.g), *position);
                     self.problem.scalars[i].g = g;
                 }
                 let (contacts, wide) = contacts.split_at_mut(3 * self.problem.contacts.len());
                 for (i, [position, ..]) in wide.as_chunks_mut::<6>().0.iter_mut().enumerate() {
-                    let block = &self.problem.wide[i];
-                    let mut g = self.problem.wide_velocity(block, change);
+                    let block = &self.problem.rolling_contacts[i];
+                    let mut g = self.problem.rolling_contacts.velocity(block, change);
                     (0..6).for_each(|k| g[k] = R::select(lanes, g[k], block.g[k]));
                     *position = R::select(lanes, *position + (g[0] - block.g[0]), *position);
-                    self.problem.wide[i].g = g;
+                    self.problem.rolling_contacts[i].g = g;
                 }
                 for (i, [position, ..]) in contacts.as_chunks_mut::<3>().0.iter_mut().enumerate() {
                     let block = &self.problem.contacts[i];
-                    let g = select(lanes, self.problem.contact_velocity(block, change), block.g);
+                    let g = select(lanes, self.problem.contacts.velocity(block, change), block.g);
                     *position = R::select(lanes, *position + (g[0] - block.g[0]), *position);
                     self.problem.contacts[i].g = g;
                 }

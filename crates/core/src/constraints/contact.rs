@@ -42,7 +42,7 @@ impl<R: Real> Constraints<R> {
             [g[0][0], g[1][0], g[2][0]],
         );
         if let Some(lengths) = lengths {
-            self.problem.measure_contact(lengths.times());
+            self.problem.contacts.set_trace_ratio(lengths.times());
         }
         self.position_bias.extend([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
         self.iterate.contacts.push(select(active, slot.impulse, zero()));

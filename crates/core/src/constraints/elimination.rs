@@ -11,7 +11,7 @@
 //! forth between a leg's coupling and the contact of its foot need two to five times as many.
 
 use stepper_real::{Mask, Real};
-use stepper_solve::{ScalarRow, dependence};
+use stepper_solve::{ScalarRow, dependence_threshold};
 
 use crate::compile::LanePlan;
 use crate::constraints::constraint_set::Constraints;
@@ -22,7 +22,7 @@ impl<R: Real> Constraints<R> {
     /// Finds the separate equalities that share a degree of freedom with `support`, and adds what they move to it, with zeros in `column`.
     #[inline(always)]
     pub(crate) fn tie(&mut self, plan: &LanePlan<R>) {
-        if self.problem.separated() > 0 {
+        if self.problem.scalars.separate() > 0 {
             self.words.fill(0);
             for &d in &self.support {
                 self.words[d as usize / 64] |= 1 << (d % 64);
@@ -38,7 +38,7 @@ impl<R: Real> Constraints<R> {
     #[inline(always)]
     pub(crate) fn find_tied(&mut self, plan: &LanePlan<R>) {
         self.tied.clear();
-        if self.problem.separated() > 0 {
+        if self.problem.scalars.separate() > 0 {
             self.search_blocks(plan);
         }
     }
@@ -69,7 +69,7 @@ impl<R: Real> Constraints<R> {
     /// Keeps the entries of separate equalities as `eliminate` reads them.
     #[inline(always)]
     pub(crate) fn keep_separate(&mut self, plan: &LanePlan<R>, mass: &MassMatrix<R>) {
-        self.problem.separate();
+        self.problem.scalars.mark_separate();
         let Self { problem, separate, .. } = self;
         let [found, taken] = separate;
         found.clear();
@@ -82,7 +82,7 @@ impl<R: Real> Constraints<R> {
                 let rows = &problem.scalars[first..end.min(first + 4)];
                 for (i, &d) in block.support.iter().enumerate() {
                     for row in rows {
-                        let y = problem.scalar_entries(row).1[i];
+                        let y = problem.scalars.entries(row).1[i];
                         found.push(y * mass.sqrt_inv_d[d as usize]);
                         taken.push(y * mass.sqrt_d[d as usize]);
                     }
@@ -131,7 +131,7 @@ impl<R: Real> Constraints<R> {
             }
         }
         for n in 0..N {
-            let depends = rest[n].lt(whole[n] * R::of(dependence::<R>().max(PREVENTED)));
+            let depends = rest[n].lt(whole[n] * R::of(dependence_threshold::<R>().max(PREVENTED)));
             if depends.any() {
                 for &d in &self.support {
                     let x = &mut self.column[d as usize][n];
@@ -148,7 +148,7 @@ impl<R: Real> Constraints<R> {
     fn eliminate_rows<const N: usize, const K: usize>(&mut self, first: usize, demands: &mut [[R; 2]; N], rest: &mut [R; N]) {
         let Self { problem, column, position_bias, separate, .. } = self;
         let rows: &[ScalarRow<R>; K] = problem.scalars[first..].first_chunk().expect("a block has its rows");
-        let (support, _) = problem.scalar_entries(&rows[0]);
+        let (support, _) = problem.scalars.entries(&rows[0]);
         let at = rows[0].entries().start;
         let [found, taken] = [&separate[0], &separate[1]].map(
             #[inline(always)]
@@ -166,7 +166,7 @@ impl<R: Real> Constraints<R> {
         for k in 0..K {
             let g = [rows[k].g, position_bias[first + k]];
             for n in 0..N {
-                let share = rows[k].share(along[n][k]);
+                let share = rows[k].projection(along[n][k]);
                 rest[n] -= share * along[n][k];
                 demands[n] = sub(demands[n], scale(g, share));
                 along[n][k] = share;

@@ -71,7 +71,7 @@ impl<R: Real> Constraints<R> {
             let way = self.demands.iter().fold(R::zero(), |most, demand| most.max(demand[2].abs())) * site.moment.h;
             let split = site.options.stabilization == Stabilization::Split;
             let damping = if split { R::of(DAMPING) + way * R::of(1.0 / ARM) } else { R::zero() };
-            self.problem.orthogonalise(
+            self.problem.scalars.orthogonalise(
                 start..start + block.rows,
                 &self.sizes,
                 &mut self.demands,
@@ -278,7 +278,7 @@ impl<R: Real> Constraints<R> {
             if let Some(lengths) = &lengths {
                 self.measure(laws[k].compliance, lengths.whole[k], lengths.rest[k]);
             }
-            self.problem.set_mobility(mobility);
+            self.problem.scalars.set_mobility(mobility);
             if equality.spring.is_some() {
                 self.position_bias.push(g[k][1]);
             }
@@ -329,14 +329,14 @@ impl<R: Real> Constraints<R> {
     /// Says by what the residual of the row pushed last is measured: its squared length before and after equalities were taken out.
     #[inline(always)]
     fn measure(&mut self, compliance: R, whole: R, rest: R) {
-        self.problem.measure_scalar(times(&[whole, compliance], &[rest, compliance]));
+        self.problem.scalars.set_trace_ratio(times(&[whole, compliance], &[rest, compliance]));
     }
 
     /// Pushes component `k` of `column` on `support` as a scalar row.
     #[inline(always)]
     fn push_row(&mut self, mass: &MassMatrix<R>, k: usize, owner: usize, law: &Law<R>) {
         let column = &self.column;
-        self.problem.push_scalar(
+        self.problem.scalars.push(
             &self.support,
             #[inline(always)]
             |d| column[d][k] * mass.sqrt_inv_d[d],
@@ -345,7 +345,7 @@ impl<R: Real> Constraints<R> {
             law.g[0],
             law.bounds,
         );
-        self.problem.soften(law.compliance);
+        self.problem.scalars.set_compliance(law.compliance);
         self.warm_start(owner, law.active);
         self.owners.push(owner);
         self.constrained = self.constrained.or(law.active);

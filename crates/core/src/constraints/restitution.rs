@@ -166,20 +166,20 @@ impl<R: Real> Constraints<R> {
             let weights = [weight(impact.factor, impact.share), weight(one, impact.share)];
             if i < narrow {
                 let block = &self.problem.contacts[i];
-                let moved = sub(self.problem.contact_velocity(block, change), block.g);
+                let moved = sub(self.problem.contacts.velocity(block, change), block.g);
                 let mut g = block.g;
                 for k in 0..3 {
                     g[k] = R::select(there, g[k] + moved[k] * weights[k.min(1)], g[k]);
                 }
                 self.problem.contacts[i].g = g;
             } else {
-                let block = &self.problem.wide[i - narrow];
-                let moved = sub(self.problem.wide_velocity(block, change), block.g);
+                let block = &self.problem.rolling_contacts[i - narrow];
+                let moved = sub(self.problem.rolling_contacts.velocity(block, change), block.g);
                 let mut g = block.g;
                 for k in 0..6 {
                     g[k] = R::select(there, g[k] + moved[k] * weights[k.min(1)], g[k]);
                 }
-                self.problem.wide[i - narrow].g = g;
+                self.problem.rolling_contacts[i - narrow].g = g;
             }
         }
     }
@@ -213,17 +213,17 @@ impl<R: Real> Constraints<R> {
                     let weight = R::one() + (lead / h - impact.share);
                     if i < narrow {
                         let lambda = select(there, iterate.contacts[i], zero());
-                        problem.add_contact(&problem.contacts[i], lambda, gone);
-                        problem.add_contact(&problem.contacts[i], scale(lambda, weight), moved);
+                        problem.contacts.add(&problem.contacts[i], lambda, gone);
+                        problem.contacts.add(&problem.contacts[i], scale(lambda, weight), moved);
                         iterate.contacts[i] = select(there, zero(), iterate.contacts[i]);
                         problem.contacts[i].active = problem.contacts[i].active.and_not(there.and_not(impact.deep));
                     } else {
                         let k = i - narrow;
-                        let lambda = select(there, iterate.wide[k], zero());
-                        problem.add_wide(&problem.wide[k], lambda, gone);
-                        problem.add_wide(&problem.wide[k], scale(lambda, weight), moved);
-                        iterate.wide[k] = select(there, zero(), iterate.wide[k]);
-                        problem.wide[k].active = problem.wide[k].active.and_not(there.and_not(impact.deep));
+                        let lambda = select(there, iterate.rolling_contacts[k], zero());
+                        problem.rolling_contacts.add(&problem.rolling_contacts[k], lambda, gone);
+                        problem.rolling_contacts.add(&problem.rolling_contacts[k], scale(lambda, weight), moved);
+                        iterate.rolling_contacts[k] = select(there, zero(), iterate.rolling_contacts[k]);
+                        problem.rolling_contacts[k].active = problem.rolling_contacts[k].active.and_not(there.and_not(impact.deep));
                     }
                 }
                 for (w, &gone) in iterate.w.iter_mut().zip(&*gone) {

@@ -39,7 +39,7 @@ impl<R: Real> Constraints<R> {
             g = scale(own[0], sign);
         }
         let column = &self.column;
-        self.problem.push_scalar(
+        self.problem.scalars.push(
             &self.support,
             #[inline(always)]
             |d| column[d][0] * mass.sqrt_inv_d[d],
@@ -49,7 +49,7 @@ impl<R: Real> Constraints<R> {
             bounds,
         );
         if let Some(times) = times {
-            self.problem.measure_scalar(times);
+            self.problem.scalars.set_trace_ratio(times);
         }
         self.position_bias.push(g[1]);
         self.warm_start(owner, active);

@@ -54,7 +54,7 @@ impl<R: Real> Constraints<R> {
         let (linear, column, rub) = (&self.linear, &self.column, friction.slides);
         slides[1] = scale(slides[1], rub);
         slides[2] = scale(slides[2], rub);
-        self.problem.push_wide(
+        self.problem.push_rolling_contact(
             &self.support,
             #[inline(always)]
             |d| {
@@ -68,7 +68,7 @@ impl<R: Real> Constraints<R> {
         );
         if let (Some(sliding), Some(turned)) = (sliding, turned) {
             let (whole, rest) = ([rubbed(sliding.whole, rub), turned.whole], [rubbed(sliding.rest, rub), turned.rest]);
-            self.problem.measure_wide(times(whole.as_flattened(), rest.as_flattened()));
+            self.problem.rolling_contacts.set_trace_ratio(times(whole.as_flattened(), rest.as_flattened()));
         }
         self.position_bias.push(slides[0][1]);
         for [velocity, position] in [slides[1], slides[2], turns[0], turns[1], turns[2]] {
@@ -76,7 +76,7 @@ impl<R: Real> Constraints<R> {
         }
         let (push, torque) = (slot.impulse, friction.unscale(contacts.torque[k]));
         let warm = [push[0], push[1] * rub, push[2] * rub, torque[0], torque[1], torque[2]];
-        self.iterate.wide.push(select(active, warm, zero()));
+        self.iterate.rolling_contacts.push(select(active, warm, zero()));
         self.wide_slots.push((k, R::Mask::from_bits(lanes), friction.scale));
         self.constrained = self.constrained.or(active);
     }

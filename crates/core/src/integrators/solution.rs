@@ -106,7 +106,7 @@ pub(crate) fn record<R: Real>(
     let residual = solution.outcome.residual;
     Record {
         residual,
-        iterations: solution.outcome.sweeps + solution.outcome.newton,
+        iterations: solution.outcome.sweeps + solution.outcome.newton_steps,
         depth,
         overshoot,
         deep: s.alive.and(depth.gt(R::of(DEEP))),

@@ -86,7 +86,7 @@ pub fn assemble<R: Real>(
                 }
             }
             constraints.problem.hyperstatic = hyperstatic::lanes(plan, contacts);
-            constraints.iterate.start(&constraints.problem);
+            constraints.iterate.compute_w(&constraints.problem);
         },
     )
 }

@@ -18,7 +18,7 @@ pub fn integrate_velocity<R: Real>(
         #[inline(always)]
         || {
             out.copy_from_slice(&constraints.iterate.w);
-            let pushed = constraints.iterate.moves();
+            let pushed = constraints.iterate.changes_velocity();
             if pushed {
                 mass.unscale(plan, out);
             }

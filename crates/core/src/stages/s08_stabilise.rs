@@ -8,7 +8,7 @@
 //! that no motion within the bounds meets them, the lane is marked infeasible.
 
 use stepper_real::{Mask, Real, Scalar};
-use stepper_solve::{Outcome, Problem, Settings};
+use stepper_solve::{Damping, Outcome, Problem, Settings};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::{LanePlan, Plan};
@@ -26,7 +26,7 @@ const CLOSE: f64 = 1e-4;
 
 /// Residual above which Newton's method goes on where sweeps stop, m/s: they can leave a hundredth of a radian a step where two limbs are jammed. Below
 /// it, it would cost more than the correction is worth (humanoids under random control: 4 % of the step).
-const ROUGH: f64 = 1e-2;
+const NEWTON_THRESHOLD: f64 = 1e-2;
 
 /// Sweeps from the impulses of stage 5, which differ by the correction alone.
 const SWEEPS: u32 = 10;
@@ -135,7 +135,7 @@ pub fn restrain<R: Real>(
             for (work, (&v, &free)) in work.iter_mut().zip(v_next.iter().zip(solved.v_free)) {
                 *work = v - free;
             }
-            let unmet = constraints.problem.held_demand().gt(R::of(LACKING));
+            let unmet = constraints.problem.immovable_demand().gt(R::of(LACKING));
             constraints.biased.and(excess(plan, work, bounds).gt(R::one()).or(unmet))
         },
     );
@@ -144,10 +144,10 @@ pub fn restrain<R: Real>(
     }
     let [sweeps, newton] = options.effort();
     let tolerance = R::of(options.tolerance);
-    let settings = Settings { sweeps, newton, tolerance, rough: tolerance };
+    let settings = Settings { sweeps, newton_steps: newton, tolerance, newton_threshold: tolerance };
     R::vectorize(
         #[inline(always)]
-        || constraints.problem.exchange(&mut constraints.position_bias),
+        || constraints.problem.exchange_demands(&mut constraints.position_bias),
     );
     let Constraints { problem, iterate, newton, .. } = constraints;
     let again = stepper_solve::solve(problem, iterate, settings, lanes, newton);
@@ -184,20 +184,21 @@ fn correct<R: Real>(
     v_next: &[R],
     out: &mut [R],
 ) -> R::Mask {
-    let (share, bend) = (R::of(DAMPING), solved.h * R::of(1.0 / ARM));
+    let damping = Damping { ratio: R::of(DAMPING), bending: solved.h * R::of(1.0 / ARM) };
     R::vectorize(
         #[inline(always)]
         || {
-            constraints.problem.exchange(&mut constraints.position_bias);
+            constraints.problem.exchange_demands(&mut constraints.position_bias);
             constraints.find_floors(plan, solved.contacts);
             let Constraints { problem, iterate, floors, position_bias, reference, .. } = constraints;
-            problem.damp(iterate, [share, bend], floors, position_bias, reference);
+            problem.damp(iterate, damping, floors, position_bias, reference);
         },
     );
     let [sweeps, newton] = options.effort();
     let tolerance = options.tolerance.max(CLOSE);
-    let rough = if options.solver == Solver::Newton { tolerance } else { tolerance.max(ROUGH) };
-    let settings = Settings { sweeps: sweeps.min(SWEEPS), newton, tolerance: R::of(tolerance), rough: R::of(rough) };
+    let threshold = if options.solver == Solver::Newton { tolerance } else { tolerance.max(NEWTON_THRESHOLD) };
+    let settings =
+        Settings { sweeps: sweeps.min(SWEEPS), newton_steps: newton, tolerance: R::of(tolerance), newton_threshold: R::of(threshold) };
     let Constraints { problem, iterate, newton, .. } = constraints;
     stepper_solve::solve(problem, iterate, settings, lanes, newton);
     let bounds = Bounds::new(options, solved.h);
@@ -210,7 +211,7 @@ fn correct<R: Real>(
                 out[i] = (solved.v_free[i] + out[i]) - v_next[i];
             }
             let short = constraints.problem.shortfall(&constraints.iterate, &constraints.reference);
-            let held = constraints.problem.held_demand();
+            let held = constraints.problem.immovable_demand();
             let fast = lanes.and_not(constraints.rebounding).and(excess(plan, out, bounds).gt(R::one()));
             (fast, lanes.and(short.max(held).gt(R::of(LACKING))))
         },
@@ -292,7 +293,7 @@ fn prove_infeasible<R: Real>(
                 }
             }
             // A contact that nothing can move along its normal is a witness by itself.
-            let held = problem.held_demand().gt(R::of(LACKING));
+            let held = problem.immovable_demand().gt(R::of(LACKING));
             lanes.and(held.or(lack.gt(most)))
         },
     )

@@ -4,12 +4,12 @@
 //! George 1971) from an end of the island puts joined coordinates side by side. The graph is never made: from a coordinate the search goes
 //! to its rows, and from them to their coordinates.
 
-use super::lane::Lane;
+use crate::newton::lane::Lane;
 
-/// Not numbered yet.
+/// Number of a coordinate that has none yet.
 const NONE: u32 = u32::MAX;
 
-/// Islands of one lane's rows. Coordinates without rows are in none.
+/// Islands of one lane's rows. Coordinates without rows belong to none.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Islands {
     /// Parent of every coordinate in the forest of the union.
@@ -59,23 +59,23 @@ impl Islands {
     }
 }
 
-/// Room to order the coordinates of an island.
+/// Order of the coordinates of an island, with the workspace that finds it.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Order {
+pub(super) struct Ordering {
     /// Coordinates in their new order.
     pub(super) coordinates: Vec<u32>,
     /// New number of every coordinate; meaningless for those of other islands.
     pub(super) number: Vec<u32>,
     /// Blocks of every coordinate, one list after the other.
     blocks: Vec<u32>,
-    /// Where each list begins.
+    /// Start of each list.
     begin: Vec<u32>,
     seen: Vec<bool>,
 }
 
-impl Order {
+impl Ordering {
     /// Lists the blocks of every coordinate, for all islands at once.
-    pub(super) fn prepare(&mut self, lane: &Lane) {
+    pub(super) fn list_blocks(&mut self, lane: &Lane) {
         let n = lane.w.len();
         self.begin.clear();
         self.begin.resize(n + 2, 0);
@@ -104,7 +104,7 @@ impl Order {
     }
 
     /// Orders the island that the block `any` is in.
-    pub(super) fn island(&mut self, lane: &Lane, any: usize) {
+    pub(super) fn order_island(&mut self, lane: &Lane, any: usize) {
         self.search(lane, lane.support(&lane.blocks[any])[0]);
         // From the end that is farthest, twice, so that the levels are narrow.
         for _ in 0..2 {
@@ -117,7 +117,7 @@ impl Order {
         }
     }
 
-    /// Breadth first from `start`: of the rows of a coordinate, those with fewer coordinates first.
+    /// Numbers the coordinates breadth first from `start`: of the rows of a coordinate, those with fewer coordinates first.
     fn search(&mut self, lane: &Lane, start: u32) {
         self.seen.clear();
         self.seen.resize(lane.blocks.len(), false);

@@ -4,10 +4,10 @@ mod common;
 
 use common::{Share, cases};
 use proptest::prelude::*;
-use stepper_solve::pgs::{Settings, solve};
+use stepper_solve::gauss_seidel::{SweepSettings, solve};
 use stepper_solve::{Capacity, Iterate, Problem, cone, residual};
 
-/// Wide contacts in `n` coordinates; some rows are zero (friction that a contact lacks) or short (rolling against sliding).
+/// Contacts in `n` coordinates; some rows are zero (friction that a contact lacks) or short (rolling against sliding).
 #[derive(Clone, Debug)]
 struct Case {
     n: usize,
@@ -36,21 +36,21 @@ fn case() -> impl Strategy<Value = Case> {
 
 fn build(case: &Case) -> (Problem<f64>, Iterate<f64>) {
     let contacts = case.y.len();
-    let room = Capacity { dimension: case.n, wide: contacts, contact_support: case.n, ..Capacity::default() };
+    let room = Capacity { dimension: case.n, rolling_contacts: contacts, contact_support: case.n, ..Capacity::default() };
     let (mut problem, mut iterate) = (Problem::new(&room), Iterate::new(&room));
     let support: Vec<u32> = (0..case.n as u32).collect();
     for k in 0..contacts {
-        problem.push_wide(&support, |i| case.y[k][i], true, case.mu[k], case.g[k]);
-        iterate.wide.push([0.0; 6]);
+        problem.push_rolling_contact(&support, |i| case.y[k][i], true, case.mu[k], case.g[k]);
+        iterate.rolling_contacts.push([0.0; 6]);
     }
-    iterate.start(&problem);
+    iterate.compute_w(&problem);
     (problem, iterate)
 }
 
 /// Velocity of contact k from w = Y lambda, formed densely.
 fn velocity(case: &Case, iterate: &Iterate<f64>, k: usize) -> [f64; 6] {
     let mut w = vec![0.0; case.n];
-    for (y, lambda) in case.y.iter().zip(&iterate.wide) {
+    for (y, lambda) in case.y.iter().zip(&iterate.rolling_contacts) {
         for (w, y) in w.iter_mut().zip(y) {
             *w += y.iter().zip(lambda).map(|(y, l)| y * l).sum::<f64>();
         }
@@ -69,11 +69,11 @@ proptest! {
     fn a_single_contact_is_solved_by_one_sweep(case in case()) {
         let one = Case { y: vec![case.y[0].clone()], mu: vec![case.mu[0]], g: vec![case.g[0]], ..case };
         let (problem, mut iterate) = build(&one);
-        let outcome = solve(&problem, &mut iterate, Settings { sweeps: 1, tolerance: 1e-9 }, true);
+        let outcome = solve(&problem, &mut iterate, SweepSettings { sweeps: 1, tolerance: 1e-9 }, true);
         // Rounding of G and what Jacobi's method leaves of rows that are short against the others; and what a direction in which nothing moves gives way
         // under the impulse in the first sweep: its mobility counts as 1e-8 of the trace.
         let trace: f64 = one.y[0].iter().flatten().map(|y| y * y).sum();
-        let least = 1e-8 * trace * length(&iterate.wide[0]);
+        let least = 1e-8 * trace * length(&iterate.rolling_contacts[0]);
         prop_assert!(outcome.residual < 1e-8 + least, "residual {}", outcome.residual);
     }
 
@@ -95,12 +95,12 @@ fn solutions_satisfy_the_law() {
     let solved = Share::default();
     proptest!(cases(400), |(case in case())| {
         let (problem, mut iterate) = build(&case);
-        let outcome = solve(&problem, &mut iterate, Settings { sweeps: 20_000, tolerance: 1e-11 }, true);
+        let outcome = solve(&problem, &mut iterate, SweepSettings { sweeps: 20_000, tolerance: 1e-11 }, true);
         prop_assume!(solved.count(outcome.residual <= 1e-11));
-        let size = 1.0 + iterate.wide.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
+        let size = 1.0 + iterate.rolling_contacts.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
         // The natural map bounds each condition by its residual, times the scale of G (about 100 at the most) and of the impulses.
         let tolerance = 1e-8 * size;
-        for (k, lambda) in iterate.wide.iter().enumerate() {
+        for (k, lambda) in iterate.rolling_contacts.iter().enumerate() {
             let (v, mu) = (velocity(&case, &iterate, k), case.mu[k]);
             let (pull, slip) = (length(&lambda[1..]), length(&v[1..]));
             prop_assert!(lambda[0] >= 0.0 && v[0] >= -tolerance, "separation {} impulse {}", v[0], lambda[0]);
@@ -120,10 +120,10 @@ fn the_residual_sees_every_defect() {
     let solved = Share::default();
     proptest!(cases(400), |(case in case(), push in prop_oneof![-0.5..-0.01, 0.01..0.5])| {
         let (problem, mut iterate) = build(&case);
-        let outcome = solve(&problem, &mut iterate, Settings { sweeps: 20_000, tolerance: 1e-10 }, true);
+        let outcome = solve(&problem, &mut iterate, SweepSettings { sweeps: 20_000, tolerance: 1e-10 }, true);
         prop_assume!(solved.count(outcome.residual <= 1e-10));
-        iterate.wide[0][0] += push;
-        iterate.start(&problem);
+        iterate.rolling_contacts[0][0] += push;
+        iterate.compute_w(&problem);
         prop_assert!(residual(&problem, &iterate) > 1e-6);
     });
     // As above, with a looser tolerance: 0.02 % of 20,000 draws are left.

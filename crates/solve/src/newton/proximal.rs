@@ -1,16 +1,16 @@
-//! One island, from its warm start to the tolerance: the outer loop.
+//! The outer loop: proximal steps of one island, from its warm start to the tolerance.
 //!
 //! With De Saxce's terms held the problem is convex, and proximal steps converge on it whatever it is, if it has an answer: after k of them the
 //! residual is at most the distance from the first impulses to the nearest answer, over kappa and the root of k (Rockafellar 1976, theorem 1;
 //! Guler 1991, theorem 2.1). Rows that are nearly multiples of others have answers that are far away, so kappa grows until the residual falls
-//! by a factor at every step. What bounds kappa is rounding, see [`stiffest`].
+//! by a factor at every step. What bounds kappa is rounding, see [`largest_kappa`].
 //!
-//! Every loop has a bound: a search makes at most `Goal::steps` Newton steps and as many rounds, of which each evaluates the problem at most
+//! Every loop has a bound: a search makes at most `Criteria::steps` Newton steps and as many rounds, of which each evaluates the problem at most
 //! twice besides, and it ends where a round changes nothing.
 
-use super::anderson::Anderson;
-use super::island::Island;
-use super::penalty::{Penalty, slip};
+use crate::newton::anderson::Anderson;
+use crate::newton::augmented_lagrangian::{AugmentedLagrangian, slip};
+use crate::newton::island::Island;
 use stepper_real::Real;
 
 /// kappa of the first proximal step, which corrects what sweeps left, and of the others.
@@ -24,35 +24,35 @@ const MOST_KAPPA: f64 = 1e12;
 /// No less, however tight the tolerance.
 const LEAST_KAPPA: f64 = 1e2;
 
-/// Steps of a try of the exact law that need not lower its error.
+/// Number of steps of a try of the exact law that need not lower its error.
 const PATIENCE: u32 = 3;
 
-/// Where a search stops.
+/// Criteria at which a search stops.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Goal {
-    /// Residual, m/s.
+pub(super) struct Criteria {
+    /// Residual that is enough, m/s.
     pub(super) tolerance: f64,
-    /// Newton steps at the most, and rounds of the outer loop at the most.
+    /// Largest number of Newton steps, and of rounds of the outer loop.
     pub(super) steps: u32,
-    /// Whether, of many possible impulses, the least are sought, instead of those near the start.
-    pub(super) least: bool,
+    /// Whether, of many possible impulses, those of least norm are sought, instead of those near the start.
+    pub(super) least_norm: bool,
 }
 
-/// Room for an island, and how far its search has come.
+/// Proximal-point method on one island: its workspace and its progress.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Descent {
-    penalty: Penalty,
+pub(super) struct ProximalPoint {
+    lagrangian: AugmentedLagrangian,
     anderson: Anderson,
     v: Vec<f64>,
     image: Vec<f64>,
-    /// The answer with the least residual.
+    /// Answer with the least residual.
     best: Answer,
-    /// Where an implicit try began.
+    /// Answer before an implicit try.
     before: Answer,
     /// Residual of the last impulses.
     now: f64,
     steps: u32,
-    /// Rounds of the outer loop in the last search.
+    /// Number of rounds of the outer loop in the last search.
     pub(super) rounds: u32,
 }
 
@@ -65,58 +65,59 @@ struct Answer {
 }
 
 impl Answer {
-    fn keep(&mut self, rows: &Island, residual: f64) {
+    fn save(&mut self, rows: &Island, residual: f64) {
         self.lambda.clone_from(&rows.lambda);
         self.w.clone_from(&rows.w);
         self.residual = residual;
     }
 
-    fn give(&self, rows: &mut Island) {
+    fn restore(&self, rows: &mut Island) {
         rows.lambda.clone_from(&self.lambda);
         rows.w.clone_from(&self.w);
     }
 }
 
-impl Descent {
-    /// Improves `rows`; returns the Newton steps that it took. What it leaves is never worse than what it found, unless the least impulses are
-    /// sought.
-    pub(super) fn solve<R: Real>(&mut self, rows: &mut Island, goal: Goal) -> u32 {
-        self.penalty.reset(rows);
+impl ProximalPoint {
+    /// Improves `rows`; returns the Newton steps that it took. What it leaves is never worse than what it found, unless those of least
+    /// norm are sought.
+    pub(super) fn solve<R: Real>(&mut self, rows: &mut Island, criteria: Criteria) -> u32 {
+        self.lagrangian.reset(rows);
         (self.steps, self.rounds) = (0, 0);
         self.now = rows.residual(&mut self.v);
-        self.best.keep(rows, self.now);
-        self.forget_slip(rows);
-        let mut most = stiffest(&self.penalty.slip, goal.tolerance);
+        self.best.save(rows, self.now);
+        self.reset_slip(rows);
+        let mut most = largest_kappa(&self.lagrangian.slip, criteria.tolerance);
         let mut kappa = KAPPA[0].min(most);
-        if goal.least {
+        if criteria.least_norm {
             // A proximal step from zero; the search for it begins at the motion that is known.
             rows.lambda.fill(0.0);
             self.best.residual = f64::INFINITY;
             kappa = kappa.max(KAPPA[1].min(most));
         }
-        let mut bold = kappa;
-        // A try of the exact law that fails makes the next one wait twice as long and begin with a smaller kappa; one that succeeds is a proximal
+        let mut implicit_kappa = kappa;
+        // A try of the exact law that fails makes the next one rounds_to_try twice as long and begin with a smaller kappa; one that succeeds is a proximal
         // step that the next one lengthens, also where its residual has not fallen: what has friction need not fall all the way.
-        let (mut wait, mut pause) = (1, 1);
+        let (mut rounds_to_try, mut next_wait) = (1, 1);
         // Kappa at which the matrix had no factors.
         let mut broken = f64::INFINITY;
-        while self.steps < goal.steps && self.rounds < goal.steps && self.best.residual > goal.tolerance && self.now.is_finite() {
+        while self.steps < criteria.steps && self.rounds < criteria.steps && self.best.residual > criteria.tolerance && self.now.is_finite()
+        {
             self.rounds += 1;
-            if wait == 0 {
-                self.penalty.kappa = bold;
+            if rounds_to_try == 0 {
+                self.lagrangian.kappa = implicit_kappa;
                 let last = self.now;
-                if self.implicit::<R>(rows, goal) && (self.now < 0.9 * last || bold < KAPPA[1].min(most)) {
-                    bold = (10.0 * bold).min(KAPPA[1]).min(most);
-                    pause = 1;
+                if self.try_implicit::<R>(rows, criteria) && (self.now < 0.9 * last || implicit_kappa < KAPPA[1].min(most)) {
+                    implicit_kappa = (10.0 * implicit_kappa).min(KAPPA[1]).min(most);
+                    next_wait = 1;
                     continue;
                 }
-                bold = (bold / 30.0).max(1.0);
-                (wait, pause) = (pause, 2 * pause);
+                implicit_kappa = (implicit_kappa / 30.0).max(1.0);
+                (rounds_to_try, next_wait) = (next_wait, 2 * next_wait);
             }
-            wait -= 1;
-            self.penalty.kappa = kappa;
+            rounds_to_try -= 1;
+            self.lagrangian.kappa = kappa;
             let before = self.now;
-            if !self.minimise::<R>(rows, goal) {
+            if !self.minimise::<R>(rows, criteria) {
                 // The same again with what has factors, from where numbers are numbers.
                 rows.w.clone_from(&self.best.w);
                 broken = kappa;
@@ -126,59 +127,59 @@ impl Descent {
                 }
                 continue;
             }
-            let moved = self.adopt(rows);
+            let moved = self.accept_step(rows);
             let off = self.renew_slip(rows);
             // What is left though the slips are right is left by proximal steps that are too short.
             let short = self.now > 0.1 * before && off < 0.1 * self.now;
-            most = stiffest(&self.penalty.slip, goal.tolerance).min(0.01 * broken);
+            most = largest_kappa(&self.lagrangian.slip, criteria.tolerance).min(0.01 * broken);
             let last = kappa;
             kappa = if short { 10.0 * kappa } else { kappa }.max(KAPPA[1]).min(most);
             if !moved && off == 0.0 && kappa == last {
                 break;
             }
         }
-        self.best.give(rows);
+        self.best.restore(rows);
         self.steps
     }
 
-    /// De Saxce's terms at the present velocities `v`, and no history.
-    fn forget_slip(&mut self, rows: &Island) {
+    /// Sets De Saxce's terms to those at the present velocities `v`, without a history.
+    fn reset_slip(&mut self, rows: &Island) {
         let slips = rows.blocks.iter().map(|block| slip(block, &self.v[block.rows.clone()]));
-        self.penalty.slip.clear();
-        self.penalty.slip.extend(slips);
+        self.lagrangian.slip.clear();
+        self.lagrangian.slip.extend(slips);
         self.anderson.restart(rows.blocks.len());
     }
 
-    /// The next De Saxce's terms; returns by how much the last ones were wrong, m/s.
+    /// Renews De Saxce's terms; returns the largest error of the last ones, m/s.
     fn renew_slip(&mut self, rows: &Island) -> f64 {
         self.image.clear();
         self.image.extend(rows.blocks.iter().map(|block| slip(block, &self.v[block.rows.clone()])));
-        let off = self.image.iter().zip(&self.penalty.slip).fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()));
-        self.anderson.next(&mut self.penalty.slip, &self.image);
+        let off = self.image.iter().zip(&self.lagrangian.slip).fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()));
+        self.anderson.next(&mut self.lagrangian.slip, &self.image);
         off
     }
 
-    /// The convex problem, with De Saxce's terms held. While they are far from right it need not be exact. False when the matrix has no factors,
+    /// Solves the convex problem, with De Saxce's terms held. While they are far from right it need not be exact. False when the matrix has no factors,
     /// or numbers have grown beyond all bounds.
-    fn minimise<R: Real>(&mut self, rows: &mut Island, goal: Goal) -> bool {
-        let enough = 0.1 * goal.tolerance.max(0.1 * self.now.min(1e-3));
-        let mut error = self.penalty.evaluate(rows, false);
+    fn minimise<R: Real>(&mut self, rows: &mut Island, criteria: Criteria) -> bool {
+        let enough = 0.1 * criteria.tolerance.max(0.1 * self.now.min(1e-3));
+        let mut error = self.lagrangian.evaluate(rows, false);
         // An error that is not a number ends it too.
-        while error > enough && error.is_finite() && self.steps < goal.steps {
+        while error > enough && error.is_finite() && self.steps < criteria.steps {
             self.steps += 1;
-            error = self.penalty.advance::<R>(rows, false);
+            error = self.lagrangian.advance::<R>(rows, false);
         }
         error.is_finite()
     }
 
     /// Tries a proximal step on the exact law; true when it has an answer, else nothing has changed.
-    fn implicit<R: Real>(&mut self, rows: &mut Island, goal: Goal) -> bool {
-        self.before.keep(rows, self.now);
-        let mut error = self.penalty.evaluate(rows, true);
+    fn try_implicit<R: Real>(&mut self, rows: &mut Island, criteria: Criteria) -> bool {
+        self.before.save(rows, self.now);
+        let mut error = self.lagrangian.evaluate(rows, true);
         let (mut least, mut patience) = (error, PATIENCE);
-        while error > 0.1 * goal.tolerance {
+        while error > 0.1 * criteria.tolerance {
             self.steps += 1;
-            error = self.penalty.advance::<R>(rows, true);
+            error = self.lagrangian.advance::<R>(rows, true);
             // Which contacts slip is found by steps that need not fall.
             if error < 0.9 * least {
                 least = error;
@@ -188,35 +189,35 @@ impl Descent {
                 patience = 0;
                 least = f64::NAN;
             }
-            if least.is_nan() || self.steps >= goal.steps {
-                self.before.give(rows);
+            if least.is_nan() || self.steps >= criteria.steps {
+                self.before.restore(rows);
                 return false;
             }
         }
-        self.adopt(rows);
-        self.forget_slip(rows);
+        self.accept_step(rows);
+        self.reset_slip(rows);
         true
     }
 
-    /// The proximal step's impulses become the present ones; the best are kept. Returns whether any has changed.
-    fn adopt(&mut self, rows: &mut Island) -> bool {
-        let moved = rows.lambda != self.penalty.z;
-        rows.lambda.copy_from_slice(&self.penalty.z);
-        rows.refresh();
+    /// Accepts the impulses of the proximal step as the present ones; the best are saved. Returns whether any has changed.
+    fn accept_step(&mut self, rows: &mut Island) -> bool {
+        let moved = rows.lambda != self.lagrangian.z;
+        rows.lambda.copy_from_slice(&self.lagrangian.z);
+        rows.compute_w();
         self.now = rows.residual(&mut self.v);
         if self.now < self.best.residual {
-            self.best.keep(rows, self.now);
+            self.best.save(rows, self.now);
         }
         moved
     }
 }
 
-/// The kappa whose rounding leaves velocities within the tolerance.
+/// Largest kappa whose rounding leaves velocities within the tolerance.
 ///
 /// Velocities of rows that push are small at the end of a proximal step, and they are sums of ever smaller changes, so that their rounding is
 /// small too, however fast the rest moves. But where a contact slips, rho times De Saxce's term cancels against mu times the length of x's
 /// tangential part: what is left has lost rho times the rounding of the slip.
-fn stiffest(slip: &[f64], tolerance: f64) -> f64 {
+fn largest_kappa(slip: &[f64], tolerance: f64) -> f64 {
     let fastest = slip.iter().fold(0.0, |most: f64, s| most.max(*s));
     (0.1 * tolerance / (f64::EPSILON * fastest)).clamp(LEAST_KAPPA, MOST_KAPPA)
 }

@@ -38,7 +38,7 @@ def seconds(engine: str, file: str) -> list[float]:
     times = []
     for _ in range(2):
         start = time.perf_counter()
-        if engine == "mujoco":
+        if mujoco is not None and engine == "mujoco":
             mujoco.MjModel.from_xml_path(file)
         else:
             Stepper(load(file, strict=False))

@@ -218,8 +218,9 @@ class Model:
         """Bounds of the force, N or N m: (nu, 2)."""
     @staticmethod
     def from_description(description: dict[str, Any], strict: bool) -> Model:
-        """The model of a plain description (the fields of the Rust crate's `Description`), checked. Vertices and faces of meshes and elevations of height
-        fields may be arrays.
+        """The model of a plain description (the fields of the Rust crate's `Description`), checked.
+
+        Vertices and faces of meshes and elevations of height fields may be arrays.
 
         Raises:
             ModelError: The description is not valid, or strict and it has elements that are not simulated.

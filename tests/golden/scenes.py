@@ -8,6 +8,7 @@ from __future__ import annotations
 import actuators
 import numpy as np
 import stepper
+from equalities import KINDS, LINKAGE
 from meadow import MEADOW
 
 ROCK = "0 0 -.1  .1 .02 0  -.09 .01 .01  .01 .11 .02  0 -.1 -.02  .02 .01 .12"
@@ -87,8 +88,10 @@ def ravine() -> stepper.Model:
 
 def every_actuator() -> str:
     """Every kind of actuator on a joint, a slide, a tendon and a site."""
-    made = [f"<{kind.format(target)}/>" for kind in actuators.KINDS.values() for target in actuators.TARGETS.values()]
-    return actuators.TREE.format(actuators="".join(made), sensors="").replace(' contact="disable"', "")
+    made = [kind.format(target) for kind in actuators.KINDS.values() for target in actuators.TARGETS.values()]
+    named = "".join(f'<{actuator} name="a{k}"/>' for k, actuator in enumerate(made))
+    read = "".join(f'<{word} actuator="a{k}"/>' for k in range(len(made)) for word in ("actuatorpos", "actuatorvel", "actuatorfrc"))
+    return actuators.TREE.format(actuators=named, sensors=read).replace(' contact="disable"', "")
 
 
 def instrumented() -> stepper.Model:
@@ -115,10 +118,68 @@ def instrumented() -> stepper.Model:
         f'<contact body1="{body}" num="3" data="found force torque dist pos normal tangent" reduce="{reduction}"/>'
         for body, reduction in (("box", "none"), ("box", "mindist"), ("ball", "maxforce"), ("tin", "netforce"))
     ]
+    zones = ("sphere", "capsule", "cylinder", "ellipsoid", "box")
+    made += [f'<insidesite objtype="xbody" objname="{name}" site="{zone}"/>' for zone in zones for name in ("box", "egg", "ball")]
+    made += [f'<touch site="{zone} feeler"/>' for zone in zones]
+    made += [f'<distance geom1="floor" body2="{name}" cutoff="9"/>' for name in ("ball", "box", "pill", "tin", "egg")]
+    made += ['<contact site="box" data="found force" num="2"/>', '<contact subtree1="arm" data="found dist" num="2"/>']
+    made += ['<contact geom1="floor" body2="box" data="force pos" num="2" reduce="maxforce"/>']
     made += ['<clock name="clock"/>', '<insidesite objtype="xbody" objname="ball" site="hand"/>', '<jointpos name="bend" joint="elbow"/>']
-    model = stepper.load(MEADOW.replace("</sensor>", "".join(made) + "</sensor>"))
+    size, box = 'size=".12 .1 .15"', '<body name="box"'
+    around = "".join(f'<site name="{zone}" type="{zone}" pos=".5 0 .15" {size}/>' for zone in zones)
+    on_the_box = "".join(f'<site name="{zone} feeler" type="{zone}" {size}/>' for zone in zones)
+    text = MEADOW.replace(box, around + box).replace('<geom name="box"', on_the_box + '<geom name="box"')
+    model = stepper.load(text.replace("</sensor>", "".join(made) + "</sensor>"))
     fan = stepper.RayFan("ball", [(1, 0.1 * k, -0.5) for k in range(-3, 4)], data=("distance", "direction", "origin", "point"))
     return model.with_sensors({"fan": fan, "sum": stepper.Combination({"bend": 2.0, "clock": -0.5})})
+
+
+def soft_linkage() -> stepper.Model:
+    """The linkage with equalities that are springs and dampers, and two that are hard."""
+    model = stepper.load(LINKAGE.format(equality=KINDS["all at once"]))
+    hard = np.arange(len(model.eq_stiffness)) % 3 == 1
+    return model.replace(eq_stiffness=np.where(hard, np.inf, 400.0), eq_damping=np.where(hard, 0.0, 3.0))
+
+
+def gems() -> str:
+    """Hulls of seventy-two corners, among themselves and on a floor of the same."""
+    corners = [(i, j, k) for i in range(-5, 6) for j in range(-5, 6) for k in range(-5, 6) if i * i + j * j + k * k == 26]
+    gem = f'<mesh name="gem" scale=".02 .02 .02" vertex="{" ".join(f"{i} {j} {k}" for i, j, k in corners)}"/>'
+    slab = f'<mesh name="slab" scale=".2 .2 .02" vertex="{" ".join(f"{i} {j} {k}" for i, j, k in corners)}"/>'
+    body = '<body pos="{:.3g} {:.3g} {:.4g}" quat="{}"><freejoint/><geom type="mesh" mesh="gem"/></body>'
+    bodies = "".join(body.format(0.05 * k, 0.02 * k, 0.25 + 0.21 * k, _TURNS[k % 4]) for k in range(4))
+    return document('<geom type="mesh" mesh="slab"/>' + bodies, assets=gem + slab)
+
+
+def coins() -> str:
+    """Cylinders that lie on one another with their ends overlapping in part, and inside one another's rim."""
+    coin = '<body pos="{} 0 {}"><freejoint/><geom type="cylinder" size="{} .02"/></body>'
+    places = [(0, 0.02, 0.1), (0.07, 0.06, 0.08), (0.03, 0.1, 0.1), (0.03, 0.14, 0.05)]
+    return document(FLOOR + "".join(coin.format(*place) for place in places))
+
+
+def marbles() -> str:
+    """So many balls and boxes in a heap that pairs are searched for in cells, beside one that is too large for them."""
+    ball = '<body pos="{:.4g} {:.4g} {:.4g}"><freejoint/><geom {}/></body>'
+    kinds = ('size=".05"', 'type="box" size=".04 .05 .03"', 'type="capsule" size=".03 .04"')
+    places = [(0.11 * (k % 4) + 0.02 * (k // 16), 0.11 * (k // 4 % 4), 0.1 + 0.12 * (k // 16)) for k in range(80)]
+    small = "".join(ball.format(*place, kinds[k % 3]) for k, place in enumerate(places))
+    large = '<body pos=".2 .2 1.5"><freejoint/><geom size=".6" density="20"/></body>'
+    return document(FLOOR + small + large)
+
+
+def shell() -> stepper.Model:
+    """A concave mesh that moves: on a plane, and against other shapes."""
+    z = heights(4)
+    points = " ".join(f"{0.1 * (i - 1.5):.6g} {0.1 * (j - 1.5):.6g} {z[i, j]:.4g}" for i in range(4) for j in range(4)) + " 0 0 -.1"
+    corners = [(4 * i + j, 4 * i + j + 4, 4 * i + j + 5, 4 * i + j + 1) for i in range(3) for j in range(3)]
+    rim = [0, 1, 2, 3, 7, 11, 15, 14, 13, 12, 8, 4]
+    faces = " ".join(f"{a} {b} {c} {a} {c} {d}" for a, b, c, d in corners)
+    faces += "".join(f" {a} {b} 16" for a, b in zip(rim, [*rim[1:], rim[0]], strict=True))
+    mesh = f'<mesh name="shell" vertex="{points}" face="{faces}"/>'
+    body = '<body pos="0 0 .3"><freejoint/><geom name="shell" type="mesh" mesh="shell"/></body>'
+    model = stepper.load(document(FLOOR + body + '<body pos="0 0 .7"><freejoint/><geom size=".08"/></body>', assets=mesh))
+    return model.replace(geom_concave=np.array(model.geom_names) == "shell")
 
 
 def bouncing() -> stepper.Model:
@@ -147,8 +208,9 @@ BELTS = document(
   <body pos="-.5 0 .16"><freejoint/><geom type="box" size=".1 .1 .1" friction=".6 0 0"/></body>
   <body pos="0 0 .15"><freejoint/><geom size=".1" condim="6" friction=".6 .01 .003"/></body>
   <body pos=".2 1 .15"><freejoint/><geom type="cylinder" size=".08 .1" condim="4" friction=".6 .01 .003"/></body>
-  <body name="turntable" mocap="true" pos="0 -1 0"><geom type="box" size=".4 .4 .05"/></body>
-  <body pos=".2 -1 .16"><freejoint/><geom type="box" size=".08 .1 .1" friction=".5 0 0"/></body>"""
+  <body name="turntable" mocap="true" pos="0 -1 0"><geom name="turntable" type="box" size=".4 .4 .05"/></body>
+  <body pos=".2 -1 .16"><freejoint/><geom type="box" size=".08 .1 .1" friction=".5 0 0"/></body>""",
+    after='<sensor><framequat objtype="body" objname="turntable"/><framelinacc objtype="geom" objname="turntable"/></sensor>',
 )
 """Surfaces that move and bodies on them: a conveyor, a turntable of a surface velocity, and one that the user turns."""
 
@@ -168,7 +230,8 @@ TENDONS = """<mujoco><option timestep=".002"/><default><geom contype="0" conaffi
     <fixed name="dry" frictionloss=".3"><joint joint="b" coef="1"/><joint joint="c" coef="2"/><joint joint="d" coef="-1"/></fixed>
   </tendon>
   <actuator><motor tendon="spring" gear="2"/><position joint="d" kp="20" kv="1" forcerange="-2 2"/></actuator>
-  <sensor><tendonpos tendon="limit"/><tendonvel tendon="dry"/><tendonlimitfrc tendon="limit"/><tendonactuatorfrc tendon="spring"/></sensor>
+  <sensor><tendonpos tendon="limit"/><tendonvel tendon="dry"/><tendonlimitfrc tendon="limit"/><tendonactuatorfrc tendon="spring"/>
+    <tendonlimitpos tendon="limit"/><tendonlimitvel tendon="limit"/><e_potential/><e_kinetic/></sensor>
 </mujoco>"""
 """Springs, dampers, inertia, limits and dry friction of joints and of tendons, within a tree and between two."""
 

@@ -1,4 +1,4 @@
-"""The bits of some seventy trajectories are those that are kept in the repository, at every CPU level that this machine has.
+"""The bits of some ninety trajectories are those that are kept in the repository, at every CPU level that this machine has.
 
 `golden.json` has two digests of each: of its compiled model, so that another release of MuJoCo, which compiles other numbers, is told apart
 from a change of the step, and of all that can be read while it runs (`golden.record`). After a change that is meant to change bits:
@@ -44,6 +44,7 @@ def test_the_trajectories_have_what_they_are_meant_to_have():
     for entry in entries.values():
         flags |= functools.reduce(lambda a, b: a | stepper.Status[b], entry["flags"].split("|"), stepper.Status(0))
     assert flags == functools.reduce(lambda a, b: a | b, stepper.Status)
+    assert len({entry["bits"] for entry in entries.values()}) == len(entries)
     assert sum(entry["contacts"] > 50 for entry in entries.values()) > 40
     settings = list(TRAJECTORIES.values())
     assert {t.precision for t in settings} == {"f64", "f32"}

@@ -87,6 +87,10 @@ def redraw(sim: stepper.Stepper, random: Random, call: int) -> None:
         n = sim.num_envs
         delay, kp = random.uniform(0, 0.006, n), random.uniform(5, 30, n)
         sim.randomize(actuators=ActuatorModel({"elbow": Drive(delay=delay, servo=PID(kp=kp, kd=0.3, ki=2.0), lag=0.02)}))
+    if call == 40:
+        sim.randomize(np.arange(sim.num_envs) % 3 == 0, actuators=drives(sim.num_envs))
+    if call == 60:
+        sim.randomize(actuators=None)
 
 
 def spread(low: float, high: float, num_envs: int) -> np.ndarray:
@@ -98,7 +102,7 @@ def drives(n: int) -> ActuatorModel:
     """A motor with a curve behind a delay, a digital servo with an integral, a lag and friction."""
     motor = DCMotor(stall_torque=spread(0.5, 2, n), no_load_speed=40.0, rotor_inertia=1e-4, gear=2.0, efficiency=0.8)
     return ActuatorModel({
-        "shoulder": Drive(delay=spread(0, 0.013, n), motor=motor, friction=0.05),
+        "shoulder": Drive(delay=spread(0, 0.013, n), motor=motor, friction=0.05, lag=spread(0.002, 0.02, n)),
         "elbow": Drive(delay_steps=3.5, servo=PID(kp=spread(10, 40, n), kd=0.5, ki=5.0, integral_limit=2.0), lag=0.01),
         "wrist": Drive(servo=PID(kp=5.0, kd=0.1, period=0.007), motor=DCMotor(stall_torque=1.0, no_load_speed=30.0, control="voltage"),
                        limits=(-2.0, spread(0.5, 2, n))),
@@ -124,6 +128,9 @@ EVERYTHING = SCENES[ROBOT]
 BAUMGARTE = {"stabilization": "baumgarte"}
 EULER, IMPLICIT, RK4 = ({"integrator": name} for name in ("euler", "implicit", "rk4"))
 NEWTON, PGS = ({"solver": name} for name in ("newton", "pgs"))
+BLUR = Transfer(noise_std=0.02, bias_std=0.05, delay=0.003, drift_std=0.1)
+GEARED = Drive(motor=DCMotor(stall_torque=2.0, no_load_speed=50.0, rotor_inertia=1e-4, gear=3.0), lag=0.01)
+BOUNDED = {"actuators": ActuatorModel(default=Drive(limits=(-3.0, 2.0), delay=0.003))}
 INSTRUMENTED = {"num_envs": 7, "settings": {"actuators": drives(7), "sensors": errors(7), "seed": 3}}
 
 TRAJECTORIES: dict[str, Trajectory] = {
@@ -167,6 +174,11 @@ TRAJECTORIES: dict[str, Trajectory] = {
     "bouncing": Trajectory(model=scenes.bouncing, num_envs=7, nstep=4),
     "bouncing-euler-f32": Trajectory(model=scenes.bouncing, num_envs=7, precision="f32", options=EULER, nstep=4),
     "elastic": Trajectory(model=scenes.elastic, num_envs=WIDE, offset=0.2, speed=3, calls=100),
+    "gems": scene(scenes.gems(), nstep=4),
+    "gems-f32": scene(scenes.gems(), num_envs=WIDE, precision="f32", options=BAUMGARTE, nstep=4),
+    "coins": scene(scenes.coins(), offset=0.005, speed=0.3),
+    "marbles": scene(scenes.marbles(), num_envs=3, offset=0.01, speed=0.5, calls=40, nstep=3),
+    "shell": Trajectory(model=scenes.shell, nstep=4),
     "belts": scene(scenes.BELTS, act=turn, calls=80),
     "belts-implicit": scene(scenes.BELTS, options=IMPLICIT | BAUMGARTE, act=turn, calls=80),
     "jam": scene(scenes.JAM, num_envs=7, offset=0.01),
@@ -186,15 +198,22 @@ TRAJECTORIES: dict[str, Trajectory] = {
     "equalities": scene(LINKAGE.format(equality=KINDS["all at once"]), offset=0.02),
     "equalities-euler": scene(LINKAGE.format(equality=KINDS["all at once"]), options=EULER | BAUMGARTE, offset=0.02),
     "equalities-f32": scene(LINKAGE.format(equality=KINDS["twice the same"] + KINDS["joint"]), precision="f32", offset=0.02),
+    "equalities-soft": Trajectory(model=scenes.soft_linkage),
+    "equalities-soft-implicit-f32": Trajectory(model=scenes.soft_linkage, options=IMPLICIT, precision="f32"),
     "welds-carried": scene(LINKAGE.format(equality=KINDS["weld to a mocap body"] + KINDS["weld with a pose and a scale"]), act=carry),
     "sites-connected": scene(LINKAGE.format(equality=KINDS["connect of sites"] + KINDS["tendon"]), options=IMPLICIT),
     "actuators": scene(scenes.every_actuator()),
     "actuators-euler": scene(scenes.every_actuator(), options=EULER | {"timestep": 2e-5}),
+    "actuators-rk4": scene(scenes.every_actuator(), options=RK4 | {"timestep": 2e-4}),
+    "actuators-bounded": scene(scenes.every_actuator(), settings=BOUNDED),
+    "actuators-bounded-rk4-f32": scene(scenes.every_actuator(), settings=BOUNDED, options=RK4 | {"timestep": 1e-4}, precision="f32"),
     "actuators-implicit-f32": scene(scenes.every_actuator(), options=IMPLICIT, precision="f32"),
     "sensors": Trajectory(model=scenes.instrumented, num_envs=9),
+    "sensors-with-errors": Trajectory(model=scenes.instrumented, settings={"sensors": SensorModel(default=BLUR), "seed": 9}),
     "sensors-rk4-f32": Trajectory(model=scenes.instrumented, options=RK4, precision="f32"),
     "arm": scene(scenes.ARM, act=redraw, control=2, **INSTRUMENTED),
     "arm-euler": scene(scenes.ARM, act=redraw, control=2, options=EULER | BAUMGARTE, **INSTRUMENTED),
+    "tendons-driven": scene(scenes.TENDONS, offset=0.3, speed=3, settings={"actuators": ActuatorModel({"#0": GEARED})}),
     "arm-implicit-f32": scene(scenes.ARM, act=redraw, control=2, options=IMPLICIT, precision="f32", **INSTRUMENTED),
     "arm-without-drives": scene(scenes.ARM, control=2, act=push),
     # Everything at once.

@@ -131,8 +131,9 @@ impl Model {
 
 #[pymethods]
 impl Model {
-    /// The model of a plain description (the fields of the Rust crate's `Description`), checked. Vertices and faces of meshes and elevations of height
-    /// fields may be arrays.
+    /// The model of a plain description (the fields of the Rust crate's `Description`), checked.
+    ///
+    /// Vertices and faces of meshes and elevations of height fields may be arrays.
     ///
     /// Raises:
     ///     ModelError: The description is not valid, or strict and it has elements that are not simulated.

@@ -5,6 +5,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+import rust_files
 from imports import circle, graph_of, sources_of, trespasses
 
 ROOT = Path(__file__).parents[1]
@@ -92,6 +93,22 @@ def test_solve_knows_no_bodies_and_the_bindings_no_numbers():
     for crate in ("real", "solve", "core"):
         for file in (ROOT / "crates" / crate / "src").rglob("*.rs"):
             assert not re.search(r"\b(pyo3|numpy)\b", code(file)), file
+
+
+@pytest.mark.parametrize("crate", ["real", "solve"])
+def test_no_rust_files_use_one_another_in_a_circle(crate):
+    graph = rust_files.graph_of(ROOT / "crates" / crate / "src")
+    assert sum(map(len, graph.values())) > 30
+    assert circle(graph) == []
+
+
+@pytest.mark.parametrize("planted", ["use crate::a::{b::Other, One};", "fn f() { crate::a::one() }", "use super::a;"])
+def test_a_planted_circle_of_rust_files_is_found(tmp_path, planted):
+    files = {"lib.rs": "mod a;\nmod c;\npub use a::One;", "a.rs": "mod b;\nuse crate::c::Three;", "a/b.rs": "", "c.rs": f"// crate::a\n{planted}"}
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    assert set(circle(rust_files.graph_of(tmp_path))) == {"a", "c"}
 
 
 def test_every_python_module_is_in_a_declared_folder():

@@ -28,10 +28,11 @@ def sources_of(src: Path) -> dict[Module, str]:
 
 
 def _code(text: str) -> str:
-    """Without comments, texts and tests."""
+    """Without comments, texts, tests, and what a macro says in other crates (`$crate`)."""
     text = re.sub(r"//.*", "", text)
     text = re.sub(r'"(?:\\.|[^"\\])*"', '""', text)
-    return text.split("#[cfg(test)]\n")[0] if "#[cfg(test)]\n" in text else text
+    text = re.sub(r"\$crate(?:::\w+)*", "", text)
+    return text.partition("#[cfg(test)]\n")[0]
 
 
 def _paths(tree: str) -> Iterator[str]:

@@ -5,12 +5,12 @@
 
 use std::hint::black_box;
 
-use stepper_core::actuation::affine_force::Theta;
 use stepper_core::actuation::forces::{At, Drive, Implicit, Implied};
 use stepper_core::collision::contact_set::Contacts;
 use stepper_core::collision::detection::GeomPoses;
 use stepper_core::compile::LanePlan;
 use stepper_core::constraints::{Constraints, Moment};
+use stepper_core::dynamics::implicit_weights::Theta;
 use stepper_core::dynamics::inertia::{MassMatrix, NewtonEuler, bias_force};
 use stepper_core::dynamics::kinematics::{Kinematics, advance, displace};
 use stepper_core::math::spatial::{Inertia, V3, zero};

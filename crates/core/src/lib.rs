@@ -83,6 +83,8 @@ pub mod constraints;
 pub mod dynamics;
 mod error;
 #[doc(hidden)]
+pub mod geometry;
+#[doc(hidden)]
 pub mod integrators;
 #[doc(hidden)]
 pub mod math;

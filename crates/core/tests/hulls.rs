@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use proptest::prelude::*;
 use shapes::{unit, vector};
-use stepper_core::collision::convex::{
+use stepper_core::geometry::{
     Approach, ConvexShape, Hull, HullError, Known, Manifold, Parting, Partings, Point, Pose, Reach, Room, collide, distance,
 };
 use stepper_core::math::spatial::*;

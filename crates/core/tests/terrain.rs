@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 use proptest::prelude::*;
 use shapes::{cases, simple, unit, vector};
 use stepper_core::batch::{Field, StepInputs};
-use stepper_core::collision::convex::{ConvexShape, Grid, Manifold, Pose, Room, Surface, collide_surface};
+use stepper_core::geometry::{ConvexShape, Grid, Manifold, Pose, Room, Surface, collide_surface};
 use stepper_core::math::spatial::*;
 use stepper_core::model::{BodyBuilder, GeomBuilder, HeightField, JointBuilder, Model, WORLD};
 use stepper_core::{Integrator, Level, Options, Precision, Simulation, Solver};

@@ -127,8 +127,8 @@ impl std::error::Error for LevelError {}
 /// Calls a generic function with the lane type of a CPU level, picked at run time.
 ///
 /// `at_level!(level, F64x8, step(state, h))` is `step::<F64x8>(state, h)` with the `F64x8` of that [`Level`]: its first type argument is
-/// the lane type (`F64x1`, `F64x8` or `F32x16`, which need not be imported); further ones are written `step::<_, Further>(state, h)`. The types of
-/// arguments and result are the same at every level: numbers go in and out as scalars, through [`Real::load`] and [`Real::store`].
+/// the lane type (`F64x1`, `F64x8` or `F32x16`, which need not be imported); further ones are written `step::<_, Further>(state, h)`. The
+/// types of arguments and result are the same at every level: numbers go in and out as scalars, through [`Real::load`] and [`Real::store`].
 ///
 /// The function itself is ordinary code. What it computes it computes in [`Real::vectorize`], which compiles a closure with the level's
 /// instructions; the closure and all that it calls must be `#[inline(always)]`, or they run with baseline instructions.
@@ -215,7 +215,8 @@ macro_rules! at_avx512 {
     }};
 }
 
-/// A witness that the CPU has the instructions of [`Level::Avx2`]: the lane types of this level have no other name than [`Avx2`] gives them.
+/// A witness that the CPU has the instructions of [`Level::Avx2`]: the lane types of this level have no other name than [`Avx2`] gives
+/// them.
 ///
 /// # Safety
 /// Its implementor is named only where [`Level::is_available`] said so before. [`at_level!`](crate::at_level) does that.

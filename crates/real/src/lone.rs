@@ -1,5 +1,5 @@
-//! One `f64` with AVX2 instructions around it, for one environment alone: the arithmetic of `f64`, in kernels that the compiler may vectorise
-//! across what one environment has. Features: `avx2`.
+//! One `f64` with AVX2 instructions around it, for one environment alone: the arithmetic of `f64`, in kernels that the compiler may
+//! vectorise across what one environment has. Features: `avx2`.
 //!
 //! Wider registers gain it nothing (measured on the models of `benches/versus`), so it is the type of the level above as well.
 

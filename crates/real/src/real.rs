@@ -103,8 +103,8 @@ pub trait Real:
         }
         gathered
     }
-    /// Gathers lanes of two vectors: lane `sources[i]` becomes lane i, where the lanes of `high` are numbered after those of `low`. A source that
-    /// does not exist gives some number, or panics.
+    /// Gathers lanes of two vectors: lane `sources[i]` becomes lane i, where the lanes of `high` are numbered after those of `low`. A
+    /// source that does not exist gives some number, or panics.
     #[inline(always)]
     fn gather_lanes_of_two(low: Self, high: Self, sources: &[u32]) -> Self {
         let mut gathered = Self::zero();
@@ -117,8 +117,8 @@ pub trait Real:
     /// Runs `kernel` as a function of its own, compiled with the instructions of this type's CPU level: what it inlines, it inlines with
     /// them. So a long computation can be made of several kernels called from ordinary code, each compiled once.
     ///
-    /// The closure and all that it calls must be `#[inline(always)]`, or they run with baseline instructions, every operation a call: an array's `map`
-    /// and `from_fn` do, which call closures through functions of their own.
+    /// The closure and all that it calls must be `#[inline(always)]`, or they run with baseline instructions, every operation a call: an
+    /// array's `map` and `from_fn` do, which call closures through functions of their own.
     fn vectorize<T>(kernel: impl FnOnce() -> T) -> T;
 
     /// `self < o`; false where either is NaN.

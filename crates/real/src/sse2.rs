@@ -1,7 +1,8 @@
-//! Lanes in four SSE registers, masks as vectors of compare results. Every x86-64 CPU has SSE2, so these are the lanes of its baseline level.
+//! Lanes in four SSE registers, masks as vectors of compare results. Every x86-64 CPU has SSE2, so these are the lanes of its baseline
+//! level.
 //!
-//! [Portable lanes](crate::array) are compiled to much the same instructions in the end, but the compiler has to find the vectors among scalars
-//! first, which took longer than all other lane types together.
+//! [Portable lanes](crate::array) are compiled to much the same instructions in the end, but the compiler has to find the vectors among
+//! scalars first, which took longer than all other lane types together.
 
 use core::arch::x86_64::{__m128i, _mm_and_si128 as and_int, _mm_cmpeq_epi32 as equal_int, _mm_set1_epi32 as set1_int};
 
@@ -162,8 +163,8 @@ macro_rules! sse2_lanes {
             }
             #[inline(always)]
             fn from_bits(bits: u32) -> Self {
-                // Lane i keeps bit i of the broadcast word, and is true when that is still there. SSE2 compares 32 bits at the most: a lane of 64 has
-                // its bit twice.
+                // Lane i keeps bit i of the broadcast word, and is true when that is still there. SSE2 compares 32 bits at the most: a lane
+                // of 64 has its bit twice.
                 const BIT: [i32; 16] = {
                     let mut bit = [0; 16];
                     let mut i = 0;

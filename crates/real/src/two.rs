@@ -1,7 +1,7 @@
 //! Two registers side by side.
 //!
-//! Whatever is done once for a group of lanes, an index, a branch, a call, is then done for twice as many; and while an operation on one register
-//! waits for the one before, that on the other goes on.
+//! Whatever is done once for a group of lanes, an index, a branch, a call, is then done for twice as many; and while an operation on one
+//! register waits for the one before, that on the other goes on.
 
 use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 

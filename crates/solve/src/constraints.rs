@@ -46,12 +46,12 @@ pub(crate) struct ReferenceRows<'a, R> {
     pub(crate) g: &'a [R],
 }
 
-/// Operations of one kind of constraint on all constraints of that kind. Results that run over all kinds (a sum, a maximum) are handed from one kind
-/// to the next, so that the order of the arithmetic is that of the rows.
+/// Operations of one kind of constraint on all constraints of that kind. Results that run over all kinds (a sum, a maximum) are handed from
+/// one kind to the next, so that the order of the arithmetic is that of the rows.
 pub(crate) trait ConstraintSet<R: Real> {
     /// Impulse of one constraint: a number, or one for each row of a contact.
     type Impulse: Copy;
-    /// The same kind in half the lanes.
+    /// Set of the same kind in half the lanes.
     type Half: ConstraintSet<R::Half>;
     /// Removes all constraints.
     fn clear(&mut self);
@@ -79,7 +79,8 @@ pub(crate) trait ConstraintSet<R: Real> {
     /// [`Problem::exchange_demands`](crate::Problem::exchange_demands).
     fn exchange_demands(&mut self, demands: &mut [R]);
 
-    /// Damps what the rows demand, counted from `impulses`, which are appended to the reference; see [`Problem::damp`](crate::Problem::damp).
+    /// Damps what the rows demand, counted from `impulses`, which are appended to the reference; see
+    /// [`Problem::damp`](crate::Problem::damp).
     fn damp(&mut self, impulses: &[Self::Impulse], damping: Damping<R>, floors: &[R], before: &[R], reference: [&mut Vec<R>; 2]);
 
     /// The larger of `most` and the largest velocity that damping keeps a normal row from what it demands, m/s or rad/s.
@@ -88,12 +89,13 @@ pub(crate) trait ConstraintSet<R: Real> {
     /// The larger of `most` and the largest velocity that is demanded where nothing can move, m/s or rad/s.
     fn immovable_demand(&self, most: R) -> R;
 
-    /// Adds J^T z of a witness of infeasibility to `momentum`, scaled; returns `lack` - z . u, J. See [`Problem::witness`](crate::Problem::witness).
+    /// Adds J^T z of a witness of infeasibility to `momentum`, scaled; returns `lack` - z . u, J. See
+    /// [`Problem::witness`](crate::Problem::witness).
     fn witness(&self, impulses: &[Self::Impulse], reference: ReferenceRows<'_, R>, w: &[R], momentum: &mut [R], lack: R) -> R;
 }
 
-/// Whether any lane's impulse changes: many limits and contacts stay open from sweep to sweep. Adding their zeros would change nothing, since no
-/// sum is ever -0.
+/// Whether any lane's impulse changes: many limits and contacts stay open from sweep to sweep. Adding their zeros would change nothing,
+/// since no sum is ever -0.
 #[inline(always)]
 pub(crate) fn is_nonzero<R: Real>(d: R) -> bool {
     !d.eq(R::zero()).all()

@@ -1,13 +1,13 @@
 //! Damped demands: positions are corrected as far as moderate motion can do it.
 //!
-//! Demands of positions (gaps to close, overlaps to undo) may contradict one another, or be such that only an absurd motion meets them: a normal
-//! that passes a hinge at a micrometre, a chain that is stretched. With a compliance R on the diagonal of G their solution is that of damped
-//! least squares (Levenberg 1944; for manipulators Nakamura & Hanafusa 1986 and Wampler 1986): a demand d along a row of mobility G is met as
-//! G / (G + R), the scaled motion is at most d / (2 sqrt(R)), and where demands contradict one another what is left of them is as small as it can be
-//! in the mean square. Impulses that hold already cost nothing: compliance counts from them.
+//! Demands of positions (gaps to close, overlaps to undo) may contradict one another, or be such that only an absurd motion meets them: a
+//! normal that passes a hinge at a micrometre, a chain that is stretched. With a compliance R on the diagonal of G their solution is that
+//! of damped least squares (Levenberg 1944; for manipulators Nakamura & Hanafusa 1986 and Wampler 1986): a demand d along a row of mobility
+//! G is met as G / (G + R), the scaled motion is at most d / (2 sqrt(R)), and where demands contradict one another what is left of them is
+//! as small as it can be in the mean square. Impulses that hold already cost nothing: compliance counts from them.
 //!
-//! Whether demands cannot be met at all is proven by Farkas' lemma: impulses z >= 0 of the rows with `-z . u > sum_d |J^T z|_d c_d`, u being what
-//! the rows lack at the motion that there is. No change of the velocities within the bounds c gives them as much (weak duality).
+//! Whether demands cannot be met at all is proven by Farkas' lemma: impulses z >= 0 of the rows with `-z . u > sum_d |J^T z|_d c_d`, u
+//! being what the rows lack at the motion that there is. No change of the velocities within the bounds c gives them as much (weak duality).
 
 use crate::constraints::{ConstraintSet, Damping, ReferenceRows};
 use crate::iterate::Iterate;
@@ -16,8 +16,8 @@ use crate::reference::Reference;
 use stepper_real::Real;
 
 impl<R: Real> Problem<R> {
-    /// Exchanges what the rows demand, g, for `demands`: one for every scalar row; for every contact, of three rows and then of six, g of the normal
-    /// row and a change of g of the others. A second exchange undoes the first.
+    /// Exchanges what the rows demand, g, for `demands`: one for every scalar row; for every contact, of three rows and then of six, g of
+    /// the normal row and a change of g of the others. A second exchange undoes the first.
     #[inline(always)]
     pub fn exchange_demands(&mut self, demands: &mut [R]) {
         let (scalars, contacts) = demands.split_at_mut(self.scalars.len());
@@ -27,9 +27,10 @@ impl<R: Real> Problem<R> {
         self.rolling_contacts.exchange_demands(rolling_contacts);
     }
 
-    /// Damps what the rows demand, counted from the impulses and the motion of `iterate`, which are kept in `reference`. The compliance of a scalar row
-    /// is the damping ratio of its mobility; that of a contact refers to its mobility and its floor (`floors`, 1/kg, one for each contact), and grows
-    /// with what it corrects. Rows that correct nothing stay hard: `before` is what was exchanged for their demands.
+    /// Damps what the rows demand, counted from the impulses and the motion of `iterate`, which are kept in `reference`. The compliance of
+    /// a scalar row is the damping ratio of its mobility; that of a contact refers to its mobility and its floor (`floors`, 1/kg, one for
+    /// each contact), and grows with what it corrects. Rows that correct nothing stay hard: `before` is what was exchanged for their
+    /// demands.
     #[inline(always)]
     pub fn damp(&mut self, iterate: &Iterate<R>, damping: Damping<R>, floors: &[R], before: &[R], reference: &mut Reference<R>) {
         let Reference { w, lambda, g, .. } = reference;
@@ -60,9 +61,9 @@ impl<R: Real> Problem<R> {
         self.rolling_contacts.immovable_demand(most)
     }
 
-    /// Witness of infeasibility: the impulses z that were added to those of the reference. Leaves the scaled J^T z in the reference's momentum, and
-    /// returns -z . u (J), the work that they say the rows lack at its motion. Friction and springs have no part in it, nor have contacts and limits that
-    /// push less than before.
+    /// Witness of infeasibility: the impulses z that were added to those of the reference. Leaves the scaled J^T z in the reference's
+    /// momentum, and returns -z . u (J), the work that they say the rows lack at its motion. Friction and springs have no part in it, nor
+    /// have contacts and limits that push less than before.
     #[inline(always)]
     pub fn witness(&self, iterate: &Iterate<R>, reference: &mut Reference<R>) -> R {
         let Reference { w, lambda, g, momentum } = reference;

@@ -2,8 +2,8 @@
 
 /// List of entries that every step fills anew, a row at a time.
 ///
-/// Whether there is room is checked once per row: a push checks it for every entry, and values that could stay in registers across a row would
-/// not outlive the call that makes room.
+/// Whether there is room is checked once per row: a push checks it for every entry, and values that could stay in registers across a row
+/// would not outlive the call that makes room.
 #[derive(Clone, Debug)]
 pub(crate) struct Entries<T> {
     /// Entries in use, and after them those that earlier steps left.

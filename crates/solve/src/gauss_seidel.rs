@@ -34,14 +34,15 @@ pub struct SweepOutcome<R: Real> {
     pub sweeps: R,
 }
 
-/// Largest number of sweeps that any settings ask for. Sweeps are counted in the lanes' numbers: in 32 bits one more than this would be as many.
+/// Largest number of sweeps that any settings ask for. Sweeps are counted in the lanes' numbers: in 32 bits one more than this would be as
+/// many.
 const MOST_SWEEPS: u32 = 1 << 24;
 
 /// Improves the impulses of the lanes `lanes` until each meets the tolerance or the sweeps run out.
 ///
 /// A lane pauses when a sweep changes no velocity by more than its threshold, which is cheap to know; when all have paused the residual is
-/// evaluated, and a lane above the tolerance continues with a lower threshold. Every lane that continues makes at least one sweep, so that there are no
-/// more rounds than sweeps.
+/// evaluated, and a lane above the tolerance continues with a lower threshold. Every lane that continues makes at least one sweep, so that
+/// there are no more rounds than sweeps.
 pub fn solve<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: SweepSettings<R>, lanes: R::Mask) -> SweepOutcome<R> {
     R::vectorize(
         #[inline(always)]
@@ -62,8 +63,8 @@ pub fn solve<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: 
     )
 }
 
-/// Improves the impulses of the lanes `lanes` until a sweep changes no velocity by more than the tolerance, or the sweeps run out: an estimate, whose
-/// residual nobody evaluates. Of `lanes`, those outside `moving` keep their impulses.
+/// Improves the impulses of the lanes `lanes` until a sweep changes no velocity by more than the tolerance, or the sweeps run out: an
+/// estimate, whose residual nobody evaluates. Of `lanes`, those outside `moving` keep their impulses.
 pub fn estimate<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: SweepSettings<R>, lanes: R::Mask, moving: R::Mask) {
     R::vectorize(
         #[inline(always)]

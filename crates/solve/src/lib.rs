@@ -11,11 +11,11 @@
 //! contacts:      K contains lambda, K* contains u, lambda . u = 0   with u = v + (mu |v_t|, 0, 0)
 //! ```
 //!
-//! The last line is the exact Coulomb law with Signorini's condition in De Saxce and Feng's form (1998). The Delassus matrix is never formed: a
-//! sweep costs time in proportion to the entries of the rows.
+//! The last line is the exact Coulomb law with Signorini's condition in De Saxce and Feng's form (1998). The Delassus matrix is never
+//! formed: a sweep costs time in proportion to the entries of the rows.
 //!
-//! Everything is written once over [`Real`](stepper_real::Real): one environment, or one per SIMD lane. What a kind of constraint does in a sweep, in
-//! the residual, in lane compaction and in damping is in one file of `constraints/`.
+//! Everything is written once over [`Real`](stepper_real::Real): one environment, or one per SIMD lane. What a kind of constraint does in a
+//! sweep, in the residual, in lane compaction and in damping is in one file of `constraints/`.
 
 mod capacity;
 pub mod cone;

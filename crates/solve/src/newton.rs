@@ -7,12 +7,12 @@
 //! 1/2 |w|^2 + sum_i |P_K(lambda_i - rho_i (Y_i w + g_i + s_i))|^2 / (2 rho_i),      then lambda <- P_K(...)
 //! ```
 //!
-//! (Rockafellar 1976; for contacts Cadoux 2009 and Acary & Cadoux 2013, whose outer fixed point on s this is too) by Newton's method with an
-//! exact line search. The steps rho_i = kappa dim / trace(G_ii) are so long that one or two proximal steps are enough, and what is hyperstatic
-//! does no harm: the matrix is the identity plus a positive semidefinite one. Of many possible forces those near the start are taken, or
-//! the least, if the first step starts from zero.
-//! Between the minimisations s is renewed, with Anderson's acceleration; and after the first, steps on the exact law are tried, s included, whose
-//! matrix is not symmetric: near the answer they converge at once, and where they do not they are taken back.
+//! (Rockafellar 1976; for contacts Cadoux 2009 and Acary & Cadoux 2013, whose outer fixed point on s this is too) by Newton's method with
+//! an exact line search. The steps rho_i = kappa dim / trace(G_ii) are so long that one or two proximal steps are enough, and what is
+//! hyperstatic does no harm: the matrix is the identity plus a positive semidefinite one. Of many possible forces those near the start are
+//! taken, or the least, if the first step starts from zero. Between the minimisations s is renewed, with Anderson's acceleration; and after
+//! the first, steps on the exact law are tried, s included, whose matrix is not symmetric: near the answer they converge at once, and where
+//! they do not they are taken back.
 //!
 //! Nothing proves that s converges, and Coulomb's law may have no solution or several (Painleve 1895). The residual says how it went.
 
@@ -80,8 +80,8 @@ struct LaneOutcome {
 
 impl Newton {
     /// Improves the impulses of the lanes `lanes` whose `residual` is above the tolerance, each alone, by at most `steps` Newton steps an
-    /// island. Replaces their residuals and adds the Newton steps to `taken`. No lane ends with a larger residual than it had. Of many possible
-    /// impulses it takes those near the start.
+    /// island. Replaces their residuals and adds the Newton steps to `taken`. No lane ends with a larger residual than it had. Of many
+    /// possible impulses it takes those near the start.
     pub fn solve<R: Real>(
         &mut self,
         problem: &Problem<R>,
@@ -95,8 +95,8 @@ impl Newton {
         self.solve_lanes(problem, iterate, LaneCriteria { steps, tolerance, least_norm: false }, lanes, outcome);
     }
 
-    /// Solves all of `lanes`, and of many possible impulses takes those of least norm (in the metric of 1/rho), whatever came before and whatever
-    /// the order of the rows. The impulses that it leaves meet the tolerance, or have a smaller residual than they had.
+    /// Solves all of `lanes`, and of many possible impulses takes those of least norm (in the metric of 1/rho), whatever came before and
+    /// whatever the order of the rows. The impulses that it leaves meet the tolerance, or have a smaller residual than they had.
     pub fn solve_least_norm<R: Real>(
         &mut self,
         problem: &Problem<R>,

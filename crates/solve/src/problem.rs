@@ -79,8 +79,8 @@ impl<R: Real> Problem<R> {
         self.contacts.push(support, y, active, mu, g, self.least_mobility);
     }
 
-    /// Appends a contact whose rows (n, t1, t2, spin, roll1, roll2), scaled so that their friction is `mu` in all, have the entries `y` at the
-    /// coordinates `support` (ascending).
+    /// Appends a contact whose rows (n, t1, t2, spin, roll1, roll2), scaled so that their friction is `mu` in all, have the entries `y` at
+    /// the coordinates `support` (ascending).
     #[inline(always)]
     pub fn push_rolling_contact(&mut self, support: &[u32], y: impl Fn(usize) -> [R; 6], active: R::Mask, mu: R, g: [R; 6]) {
         self.rolling_contacts.push(support, y, active, mu, g, self.least_mobility);

@@ -2,7 +2,8 @@
 
 use crate::capacity::Capacity;
 
-/// Solution that a second one starts from. The compliance of damped rows counts from its impulses, and the witness of infeasibility is added to it.
+/// Solution that a second one starts from. The compliance of damped rows counts from its impulses, and the witness of infeasibility is
+/// added to it.
 #[derive(Clone, Debug, Default)]
 pub struct Reference<R> {
     /// Scaled velocity change w.

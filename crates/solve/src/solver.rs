@@ -1,5 +1,5 @@
-//! The solver: Newton's method first for lanes whose loads have many distributions, sweeps over all the others, then Newton's method for each lane that
-//! they leave unsolved.
+//! The solver: Newton's method first for lanes whose loads have many distributions, sweeps over all the others, then Newton's method for
+//! each lane that they leave unsolved.
 
 use crate::cone::masked;
 use crate::gauss_seidel::{self, SweepSettings};
@@ -45,24 +45,24 @@ impl<R: Real> Outcome<R> {
 
 /// Residual above which the load of hyperstatic lanes is distributed anew, m/s: what is left moves it from point to point.
 ///
-/// Measured on a table of four legs that slides for half a second at 0.1 ms (scene 15 of the atlas): the order of its legs matters by 2e-6 m
-/// with 1e-8, by 1e-7 m with 1e-9.
+/// Measured on a table of four legs that slides for half a second at 0.1 ms (scene 15 of the atlas): the order of its legs matters by 2e-6
+/// m with 1e-8, by 1e-7 m with 1e-9.
 const LEAST_NORM_GOAL: f64 = 1e-9;
 
 /// Speed of a loaded contact from which on it slips, m/s: then friction's torque depends on how the load is distributed.
 const SLIPS: f64 = 1e-6;
 
-/// Number of passes of sweeps and then Newton's method. Each leaves the other a start of another kind: sweeps find which contacts slip, Newton's method
-/// what they cannot move.
+/// Number of passes of sweeps and then Newton's method. Each leaves the other a start of another kind: sweeps find which contacts slip,
+/// Newton's method what they cannot move.
 ///
-/// Measured on 32 of safety-gymnasium's racecars and doggos under random control, 400 steps: one pass leaves 0.17 and 0.27 % of the steps unsolved,
-/// two leave 0.16 and 0.06 %, three 0.11 and 0.06 %.
+/// Measured on 32 of safety-gymnasium's racecars and doggos under random control, 400 steps: one pass leaves 0.17 and 0.27 % of the steps
+/// unsolved, two leave 0.16 and 0.06 %, three 0.11 and 0.06 %.
 pub const PASSES: usize = 3;
 
 /// Improves the impulses of the lanes `lanes` until each meets the tolerance or the settings are used up.
 ///
-/// Sweeps favour the rows that they visit first, a proximal step from zero favours none. So hyperstatic lanes begin with Newton's method, and
-/// sweeps improve what it leaves.
+/// Sweeps favour the rows that they visit first, a proximal step from zero favours none. So hyperstatic lanes begin with Newton's method,
+/// and sweeps improve what it leaves.
 pub fn solve<R: Real>(
     problem: &Problem<R>,
     iterate: &mut Iterate<R>,
@@ -85,7 +85,7 @@ pub fn solve<R: Real>(
         outcome.residual = masked(hyperstatic, left);
         let anew = hyperstatic.and(left.gt(goal).or(slip.gt(R::of(SLIPS))));
         newton.solve_least_norm(problem, iterate, newton_steps, goal, anew, [&mut outcome.residual, &mut outcome.newton_steps]);
-        // What hardly moves is brought to a standstill by sweeps: their changes are too small to matter.
+        // Sweeps bring to a standstill what hardly moves: their changes are too small to matter.
         rest = lanes.and_not(hyperstatic.and(outcome.residual.le(tolerance)).and(tolerance.gt(goal)));
     }
     let sweeps = SweepSettings { sweeps, tolerance };

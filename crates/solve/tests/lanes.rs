@@ -12,7 +12,8 @@ type Lanes = Two<F64x8>;
 
 const N: usize = 9;
 const CONTACTS: usize = 3;
-/// Numbers of a problem: of a limit in every coordinate, of contacts with sliding friction and of one with rolling friction, and whether each is there.
+/// Numbers of a problem: of a limit in every coordinate, of contacts with sliding friction and of one with rolling friction, and whether
+/// each is there.
 const NUMBERS: usize = N * (N + 1) + CONTACTS * (3 * N + 3) + 6 * N + 6;
 const ROWS: usize = N + CONTACTS + 1;
 

@@ -23,8 +23,8 @@ struct Contact {
     g: [f64; 3],
 }
 
-/// Random problems: every row touches some coordinates, which are scaled by up to `ratio` (the root of a ratio of masses), and some contacts
-/// come twice.
+/// Random problems: every row touches some coordinates, which are scaled by up to `ratio` (the root of a ratio of masses), and some
+/// contacts come twice.
 fn case(most: usize, ratio: f64, mu: impl Strategy<Value = f64> + Clone + 'static) -> impl Strategy<Value = Case> {
     (1..most, 6usize..16).prop_flat_map(move |(contacts, n)| {
         let entry = prop_oneof![1 => Just(0.0), 2 => -1.0..1.0];
@@ -261,8 +261,8 @@ fn rounding(iterate: &Iterate<f64>) -> f64 {
     4.0 * f64::EPSILON * iterate.contacts.iter().map(|l| l[0]).chain(iterate.scalars.iter().copied()).sum::<f64>()
 }
 
-/// Whether rows are fewer than coordinates and, but for copies, far from dependent: then there is a motion for whatever they demand. Fewer rows
-/// alone do not make it certain: a contact that touches two coordinates can demand what limits of these two forbid.
+/// Whether rows are fewer than coordinates and, but for copies, far from dependent: then there is a motion for whatever they demand. Fewer
+/// rows alone do not make it certain: a contact that touches two coordinates can demand what limits of these two forbid.
 fn has_an_answer(case: &Case) -> bool {
     let contacts = case.contacts.iter().map(|c| c.y.iter().map(|y| y[0]).collect::<Vec<f64>>());
     let mut rows: Vec<Vec<f64>> = case.limits.iter().map(|l| l.0.clone()).chain(contacts).collect();
@@ -281,8 +281,8 @@ fn problems(count: u32, most: usize, ratio: f64, mu: impl Strategy<Value = f64> 
     (0..count).map(|_| strategy.new_tree(&mut runner).unwrap().current()).collect()
 }
 
-/// Random rows may demand what no motion can, and couple normal and tangent as no machine does. With friction to 0.3 an answer nearly always
-/// exists; up to 1.5 it often does not, and sweeps (20,000) find a few that are missed here and miss as many that are found.
+/// Random rows may demand what no motion can, and couple normal and tangent as no machine does. With friction to 0.3 an answer nearly
+/// always exists; up to 1.5 it often does not, and sweeps (20,000) find a few that are missed here and miss as many that are found.
 #[test]
 fn nearly_all_random_problems_are_solved() {
     for (mu, most) in [(0.3, MOST_LEFT[0]), (1.5, MOST_LEFT[1])] {

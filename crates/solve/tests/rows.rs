@@ -93,7 +93,8 @@ proptest! {
         });
         prop_assert!(one.1.residual < 1e-10, "residual {}", one.1.residual);
         prop_assert!(many.1.residual < 1e-9, "residual {}", many.1.residual);
-        // The limit's impulse is the same, and so is w: residuals over the least squared length that was assumed, 1e-2 of a row of order one.
+        // The limit's impulse is the same, and so is w: residuals over the least squared length that was assumed, 1e-2 of a row of order
+        // one.
         let scale = 1.0 + g.iter().fold(free.abs(), |most, g| most.max(g.abs()));
         prop_assert!((one.0.scalars[rows] - many.0.scalars[rows]).abs() * left < 1e-6 * scale);
         for (a, b) in one.0.w.iter().zip(&many.0.w) {

@@ -148,8 +148,8 @@ fn a_warm_start_at_the_answer_stays_there() {
     solved.at_least(0.9975, "solved");
     // Some take more sweeps than exact ones: 0.9 % of 30,000 draws.
     soon.at_least(0.985, "solved by exact sweeps");
-    // A sweep goes on while it changes impulses by more than the tolerance. The residual takes steps of 3 / trace, an exact solution those of the
-    // principal values, which can be longer by any factor: one in 30,000 draws went on.
+    // A sweep goes on while it changes impulses by more than the tolerance. The residual takes steps of 3 / trace, an exact solution those
+    // of the principal values, which can be longer by any factor: one in 30,000 draws went on.
     stays.at_least(0.9998, "left by two sweeps");
 }
 

@@ -2,8 +2,9 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::actuation::affine_force::{Gauge, Theta, Train};
+use crate::actuation::affine_force::{Gauge, Train};
 use crate::compile::TrainPlan;
+use crate::dynamics::implicit_weights::Theta;
 
 /// A drive train within a step.
 ///

@@ -32,9 +32,10 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::actuation::affine_force::{Gauge, Law, Motion, Theta, Train, outside, within};
+use crate::actuation::affine_force::{Gauge, Law, Motion, Train, outside, within};
 use crate::actuation::force_limits::Region;
 use crate::compile::{ActuatorPlan, LanePlan, Plan, TrainPlan};
+use crate::dynamics::implicit_weights::Theta;
 use crate::math::spatial::*;
 
 /// What the mass matrix holds besides M.

@@ -16,8 +16,7 @@ pub mod memory;
 pub mod pipeline;
 pub mod resampling;
 pub mod site_wrench;
-pub mod spec;
 
 pub use crate::actuation::pipeline::Chains;
 pub use crate::actuation::resampling::{Driven, Redrawn};
-pub use crate::actuation::spec::{DriveTrain, Motor, Servo};
+pub use crate::model::drive_train::{DriveTrain, Motor, Servo};

@@ -4,9 +4,9 @@ use stepper_real::{Mask, Real, Scalar};
 
 use crate::actuation::affine_force::{Train, within};
 use crate::actuation::memory::Memory;
-use crate::actuation::spec::{DriveTrain, any};
 use crate::compile::{ActuatorPlan, Plan};
 use crate::math::lanes::DelayLine;
+use crate::model::drive_train::{DriveTrain, any};
 
 /// Number of a train that may differ between environments, in the order of the table.
 #[derive(Clone, Copy)]

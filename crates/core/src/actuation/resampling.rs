@@ -2,7 +2,7 @@
 //!
 //! What stages a train has, and how long its delay line is, is compiled; the numbers of what is there are not.
 
-use crate::actuation::spec::{DriveTrain, any};
+use crate::model::drive_train::{DriveTrain, any};
 use crate::model::{Model, label};
 
 /// The drive trains of a simulation.

@@ -4,9 +4,10 @@ use serde::{Deserialize, Serialize};
 use stepper_real::{Real, Scalar};
 
 use crate::actuation;
-use crate::collision::contact_set::{ContactId, Contacts, MAX_LANES};
+use crate::collision::contact_set::{ContactId, Contacts};
 use crate::collision::separation_cache::Normals;
 use crate::compile::Plan;
+use crate::math::lanes::MAX_LANES;
 use crate::math::lanes::{columns, lane_bits, set_columns, set_lane_bits};
 use crate::sensing::memory::Memory;
 use crate::stages::s10_record::Status;

@@ -2,10 +2,8 @@
 
 use stepper_real::{Mask, Real};
 
+use crate::math::lanes::MAX_LANES;
 use crate::math::spatial::*;
-
-/// The most lanes a group can have.
-pub const MAX_LANES: usize = 32;
 
 /// Identity of a contact from step to step: which pair of the plan (high 32 bits), which feature of the pair (low 32 bits). Ascending within
 /// an environment.
@@ -192,7 +190,7 @@ impl<R: Real> Contacts<R> {
             || {
                 for k in 0..last.slots() {
                     let slot = &mut last.data[k];
-                    let [n, t1, t2] = frame(slot.point.normal);
+                    let [n, t1, t2] = contact_frame(slot.point.normal);
                     let [x, a, b] = slot.impulse;
                     slot.impulse = add_scaled(add_scaled(scale(n, x), t1, a), t2, b);
                     if let Some(torque) = last.torque.get_mut(k) {
@@ -209,7 +207,7 @@ impl<R: Real> Contacts<R> {
                 }
                 for k in 0..self.slots() {
                     let slot = &mut self.data[k];
-                    let axes = frame(slot.point.normal);
+                    let axes = contact_frame(slot.point.normal);
                     slot.tangent = axes[1];
                     slot.impulse = [dot(axes[0], slot.impulse), dot(axes[1], slot.impulse), dot(axes[2], slot.impulse)];
                     if let Some(torque) = self.torque.get_mut(k) {
@@ -267,24 +265,6 @@ impl Iterator for SlotPairs<'_> {
         self.rest &= !same;
         Some((pair, same))
     }
-}
-
-/// The axes of a contact with unit normal `n`: (n, t1, t2), right-handed.
-#[inline(always)]
-pub fn frame<R: Real>(n: V3<R>) -> [V3<R>; 3] {
-    let t = tangent(n);
-    [n, t, cross(n, t)]
-}
-
-/// A unit vector at right angles to the unit normal `n`: the world's y axis, or z where the normal is near y, made orthogonal (the rule
-/// of MuJoCo's `mju_makeFrame`).
-#[inline(always)]
-fn tangent<R: Real>(n: V3<R>) -> V3<R> {
-    let (z, one) = (R::zero(), R::one());
-    let near_y = n[1].abs().ge(R::of(0.5));
-    let seed = select(near_y, [z, z, one], [z, one, z]);
-    let t = add_scaled(seed, n, -dot(seed, n));
-    scale(t, one / norm(t))
 }
 
 #[cfg(test)]

@@ -6,11 +6,11 @@ use stepper_real::{Mask, Real, Scalar};
 
 use crate::collision::broad_phase::Broad;
 use crate::collision::contact_set::Contacts;
-use crate::collision::convex::Narrow;
 use crate::collision::pairs::segments;
 use crate::collision::separation_cache::Normals;
 use crate::compile::{Kernel, LanePlan, PairPlan, Plan};
 use crate::dynamics::kinematics::Kinematics;
+use crate::geometry::Narrow;
 use crate::math::spatial::*;
 
 /// Where the colliding geoms are, which of them are near one another, and the search for their contacts.

@@ -5,13 +5,13 @@ use std::borrow::Cow;
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::collision::contact_set::{ContactId, ContactPoint, Contacts};
-use crate::collision::convex::{Approach, Parting, Partings, Pose, Reach, Solid, Surface};
 use crate::collision::detection::{Scene, Search};
 use crate::collision::pairs::{
     Cuboid, Cylinder, Ellipsoid, Segment, capsule_box, cylinder_rims, plane_box, plane_ellipsoid, plane_point, plane_sphere, segments,
     sphere_box, sphere_cylinder, sphere_ellipsoid,
 };
 use crate::compile::{Kernel, PairPlan};
+use crate::geometry::{Approach, Parting, Partings, Pose, Reach, Solid, Surface};
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 

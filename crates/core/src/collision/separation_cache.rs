@@ -1,13 +1,13 @@
 //! What one step leaves to the next about hulls that are near one another: a normal, where the next search begins, and what parts them for a while.
 //!
-//! It saves time and changes no contact, see [`Reach::known`](crate::collision::convex::Reach::known) and
+//! It saves time and changes no contact, see [`Reach::known`](crate::geometry::Reach::known) and
 //! [`Parting`]. Still it is state, so that a step is a function of its state whatever rounding does.
 
 use serde::{Deserialize, Serialize};
 use stepper_real::Scalar;
 
-use crate::collision::convex::{Parting, Solid};
 use crate::compile::{Kernel, Plan};
+use crate::geometry::{Parting, Solid};
 
 /// Pairs of one environment of which something is kept, at most: the first that a step comes to.
 const PLACES: usize = 16;

@@ -12,9 +12,9 @@
 
 use stepper_real::{Mask, Real, Scalar};
 
-use crate::collision::convex::{ConvexShape, Grid, Solid};
 use crate::collision::detection::Scene;
 use crate::compile::PairPlan;
+use crate::geometry::{ConvexShape, Grid, Solid};
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 

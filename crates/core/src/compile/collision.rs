@@ -6,9 +6,9 @@ use std::sync::Arc;
 
 use stepper_real::{Real, Scalar};
 
-use crate::collision::convex::{ConvexShape, Grid, MeshSurface, Solid, Surface};
 use crate::compile::merging::{Merged, matrix, quaternion, vector};
 use crate::compile::parameters::{ContactParams, Params};
+use crate::geometry::{ConvexShape, Grid, MeshSurface, Solid, Surface};
 use crate::model::{Filter, Geom, GeomPair, HeightField, Kernel, Mesh, Model, Shape};
 
 /// A geom that takes part in collision.

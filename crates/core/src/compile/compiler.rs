@@ -2,7 +2,6 @@
 
 use stepper_real::Scalar;
 
-use crate::actuation::spec::DriveTrain;
 use crate::compile::collision::Crowd;
 use crate::compile::compiled_model::Plan;
 use crate::compile::limits::{ball_limits, frictions, limits};
@@ -11,6 +10,7 @@ use crate::compile::parameters::Params;
 use crate::compile::sensing::SensingPlan;
 use crate::compile::tree::{JointPlan, Link, SpinnerPlan, scalars};
 use crate::compile::{actuators, collision, equality, merging, passive};
+use crate::model::drive_train::DriveTrain;
 use crate::model::{JointKind, Model};
 
 impl<S: Scalar> Plan<S> {

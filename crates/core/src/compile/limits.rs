@@ -1,7 +1,7 @@
 //! Joint limits and dry friction, compiled.
 
-use crate::actuation::spec::DriveTrain;
 use crate::compile::tree::{BallLimitPlan, FrictionPlan, LimitPlan};
+use crate::model::drive_train::DriveTrain;
 use crate::model::{Joint, JointKind, Model, Transmission};
 
 pub(super) fn limits(model: &Model, addresses: &[(usize, usize)]) -> Vec<LimitPlan> {

@@ -16,9 +16,9 @@
 use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::Contacts;
+use crate::collision::surface_velocity;
 use crate::constraints::constraint_set::{Constraints, Moment};
 use crate::constraints::equality::Site;
-use crate::dynamics::surface_velocity;
 use crate::math::spatial::*;
 
 /// A body's velocity field at a contact.

@@ -3,11 +3,11 @@
 use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::Contacts;
+use crate::collision::surface_velocity;
 use crate::compile::LanePlan;
 use crate::constraints::constraint_set::Constraints;
 use crate::constraints::equality::Site;
 use crate::dynamics::inertia::{MassMatrix, is_above};
-use crate::dynamics::surface_velocity;
 use crate::math::spatial::*;
 
 impl<R: Real> Constraints<R> {

@@ -2,8 +2,8 @@
 
 use stepper_real::Real;
 
-use crate::actuation::affine_force::Theta;
 use crate::compile::{Below, Dof, DofParams, LanePlan, Plan};
+use crate::dynamics::implicit_weights::Theta;
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 use crate::model::JointKind;

@@ -2,7 +2,7 @@
 
 pub mod fluid;
 pub mod gyroscopic;
+pub mod implicit_weights;
 pub mod inertia;
 pub mod kinematics;
 pub mod mocap;
-pub mod surface_velocity;

@@ -7,11 +7,11 @@ use stepper_real::{Mask, Real};
 use stepper_solve::Outcome;
 
 use crate::collision::contact_set::Contacts;
+use crate::collision::surface_velocity;
 use crate::compile::LanePlan;
 use crate::constraints::impact_time::{Flight, Meeting};
 use crate::dynamics::gyroscopic;
 use crate::dynamics::kinematics::{Kinematics, advance};
-use crate::dynamics::surface_velocity;
 use crate::integrators::free_motion::{find_contacts, free_motion, place};
 use crate::integrators::impact_set::Impacts;
 use crate::integrators::scheme::Rule;

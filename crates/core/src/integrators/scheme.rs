@@ -2,9 +2,9 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::actuation::affine_force::Theta;
 use crate::actuation::forces::{At, Implied};
 use crate::compile::LanePlan;
+use crate::dynamics::implicit_weights::Theta;
 use crate::integrators::inputs::Inputs;
 use crate::options::{Integrator, StepSettings};
 

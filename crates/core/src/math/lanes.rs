@@ -1,5 +1,8 @@
 //! Numbers of a group of lanes, interleaved: entry i of lane l is at `i * lanes + l`. And sets of lanes, one bit each.
 
+/// The most lanes a group can have.
+pub const MAX_LANES: usize = 32;
+
 /// Lanes `first` to `first + n` of lane-interleaved numbers.
 pub(crate) fn columns<T: Copy>(rows: &[T], lanes: usize, first: usize, n: usize) -> Vec<T> {
     rows.chunks_exact(lanes).flat_map(|row| &row[first..first + n]).copied().collect()

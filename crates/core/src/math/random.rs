@@ -3,7 +3,7 @@
 
 use stepper_real::{Real, Scalar};
 
-use crate::collision::contact_set::MAX_LANES;
+use crate::math::lanes::MAX_LANES;
 
 const MULTIPLIERS: [u64; 2] = [0xD251_1F53, 0xCD9E_8D57];
 /// The golden ratio and sqrt(3) - 1: the rounds' keys are an arithmetic sequence.

@@ -345,3 +345,21 @@ pub fn axis_rotation<R: Real>(axis: V3<R>, sin: R, cos: R) -> M3<R> {
         kz * z + cos,
     ]
 }
+
+/// The axes of a contact with unit normal `n`: (n, t1, t2), right-handed.
+#[inline(always)]
+pub fn contact_frame<R: Real>(n: V3<R>) -> [V3<R>; 3] {
+    let t = tangent(n);
+    [n, t, cross(n, t)]
+}
+
+/// A unit vector at right angles to the unit normal `n`: the world's y axis, or z where the normal is near y, made orthogonal (the rule
+/// of MuJoCo's `mju_makeFrame`).
+#[inline(always)]
+fn tangent<R: Real>(n: V3<R>) -> V3<R> {
+    let (z, one) = (R::zero(), R::one());
+    let near_y = n[1].abs().ge(R::of(0.5));
+    let seed = select(near_y, [z, z, one], [z, one, z]);
+    let t = add_scaled(seed, n, -dot(seed, n));
+    scale(t, one / norm(t))
+}

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::collision::convex::{Hull, HullError};
+use crate::geometry::{Hull, HullError};
 use crate::model::MassProperties;
 
 /// A triangle mesh, in the frame of the geoms that use it.

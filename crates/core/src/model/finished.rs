@@ -3,7 +3,7 @@
 use std::ops::Deref;
 use std::sync::Arc;
 
-use crate::collision::convex::Hull;
+use crate::geometry::Hull;
 use crate::model::description::Description;
 use crate::model::hulls::Hulls;
 use crate::model::shape::Shape;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::collision::convex::{Hull, HullError};
+use crate::geometry::{Hull, HullError};
 use crate::model::asset::Mesh;
 use crate::model::description::Description;
 use crate::model::shape::Shape;

@@ -26,9 +26,9 @@ pub enum Kernel {
     /// Two balls, or capsules taken as segments of any length: up to 2 points.
     Segments,
     /// A convex shape and a surface of triangles (concave mesh, height field), lane by lane: up to
-    /// [`MAX_SURFACE_POINTS`](crate::collision::convex::MAX_SURFACE_POINTS).
+    /// [`MAX_SURFACE_POINTS`](crate::geometry::MAX_SURFACE_POINTS).
     Surface,
-    /// Convex shapes without a kernel of their own, lane by lane: up to [`MAX_POINTS`](crate::collision::convex::MAX_POINTS).
+    /// Convex shapes without a kernel of their own, lane by lane: up to [`MAX_POINTS`](crate::geometry::MAX_POINTS).
     Convex,
 }
 
@@ -39,8 +39,8 @@ impl Kernel {
             Self::PlaneSphere | Self::PlaneEllipsoid | Self::SphereBox | Self::SphereCylinder | Self::SphereEllipsoid => 1,
             Self::PlaneCapsule | Self::CapsuleBox | Self::Segments => 2,
             Self::PlaneBox | Self::PlaneCylinder => 8,
-            Self::Surface => crate::collision::convex::MAX_SURFACE_POINTS,
-            Self::Convex => crate::collision::convex::MAX_POINTS,
+            Self::Surface => crate::geometry::MAX_SURFACE_POINTS,
+            Self::Convex => crate::geometry::MAX_POINTS,
         }
     }
 

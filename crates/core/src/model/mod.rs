@@ -10,6 +10,7 @@
 mod asset;
 mod builder;
 mod description;
+pub mod drive_train;
 mod equality;
 mod error;
 mod explain;

@@ -1,6 +1,6 @@
 //! The contacts of a moment, as sensors feel them.
 
-use crate::collision::contact_set::MAX_LANES;
+use crate::math::lanes::MAX_LANES;
 
 /// One contact of one lane.
 #[derive(Clone, Copy, Debug)]

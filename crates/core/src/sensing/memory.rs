@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 use stepper_real::Scalar;
 
-use crate::collision::contact_set::MAX_LANES;
 use crate::compile::Plan;
+use crate::math::lanes::MAX_LANES;
 use crate::math::lanes::{columns, lane_bits, set_columns, set_lane_bits};
 use crate::sensing::errors::Keys;
 

@@ -2,7 +2,7 @@
 
 use stepper_real::{Real, Scalar};
 
-use crate::collision::contact_set::{Contacts, frame};
+use crate::collision::contact_set::Contacts;
 use crate::compile::LanePlan;
 use crate::compile::sensing::{Side, Solid};
 use crate::dynamics::kinematics::Kinematics;
@@ -30,7 +30,7 @@ impl Contact {
             bodies,
             distance: data.point.distance.lane(lane).to_f64(),
             pos: lane_of(&data.point.pos, lane),
-            axes: frame(lane_of(&data.point.normal, lane)),
+            axes: contact_frame(lane_of(&data.point.normal, lane)),
             force: over(lane_of(&data.impulse, lane), h),
             torque: contacts.torque.get(slot).map_or([0.0; 3], |x| over(lane_of(x, lane), h)),
         }

@@ -2,10 +2,10 @@
 
 use stepper_real::Real;
 
-use crate::actuation::affine_force::Theta;
 use crate::actuation::forces::Implicit;
 use crate::compile::{LanePlan, Plan};
 use crate::dynamics::fluid::Fluid;
+use crate::dynamics::implicit_weights::Theta;
 use crate::dynamics::inertia::{MassMatrix, NewtonEuler, link_forces, project_forces};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;

@@ -3,8 +3,8 @@
 
 use proptest::prelude::*;
 use stepper_core::collision::contact_set::ContactPoint;
-use stepper_core::collision::convex::ConvexShape;
 use stepper_core::collision::pairs::{Cuboid, Cylinder, Ellipsoid, Segment};
+use stepper_core::geometry::ConvexShape;
 use stepper_core::math::spatial::*;
 
 /// Cases of a property test: PROPTEST_CASES, or `usual`.

@@ -13,18 +13,19 @@ use stepper_real::{Mask, Real, Scalar};
 
 /// Solution of one contact's own Coulomb problem, while all other impulses stand.
 pub trait LocalSolver<R: Real, const N: usize>: Clone + Debug + Sized {
-    /// The same solver in half the lanes.
+    /// Solver of the same kind in half the lanes.
     type Half: LocalSolver<R::Half, N>;
 
-    /// Solver of the contact whose block of G is `gram`, of which the upper triangle is read, in the lanes `exists`; with the trace of that block.
+    /// Solver of the contact whose block of G is `gram`, of which the upper triangle is read, in the lanes `exists`; with the trace of that
+    /// block.
     fn new(gram: &[[R; N]; N], exists: R::Mask) -> (Self, R);
 
-    /// Impulse that solves this contact alone, when `v` is its velocity under the impulse `lambda`, compliance included; with the multiplier s of its
-    /// friction disc (0 where it sticks or opens). `guess` starts the search for s, in the lanes `lanes`.
+    /// Impulse that solves this contact alone, when `v` is its velocity under the impulse `lambda`, compliance included; with the
+    /// multiplier s of its friction disc (0 where it sticks or opens). `guess` starts the search for s, in the lanes `lanes`.
     fn solve(&self, mu: R, v: [R; N], lambda: [R; N], guess: R, lanes: R::Mask) -> ([R; N], R);
 
-    /// Impulse of a weaker update that cycles less: the normal impulse with the tangential one held, then the tangential one projected on the disc that
-    /// the normal one leaves it. `active` are the lanes in which the contact exists.
+    /// Impulse of a weaker update that cycles less: the normal impulse with the tangential one held, then the tangential one projected on
+    /// the disc that the normal one leaves it. `active` are the lanes in which the contact exists.
     fn relax(&self, mu: R, v: [R; N], lambda: [R; N], active: R::Mask) -> [R; N];
 
     /// Mean diagonal entry of the block of G, before elimination of separate rows, 1/kg.
@@ -55,7 +56,7 @@ impl<R: Real> NaturalStep<R> {
         Self { rho: R::of(N as f64) / trace, inv_rho: trace * R::of(1.0 / N as f64), trace_ratio: R::one() }
     }
 
-    /// The same step, of a block whose trace was larger by `ratio` before elimination.
+    /// Step of a block whose trace was larger by the factor `ratio` before elimination.
     #[inline(always)]
     pub(super) fn with_trace_ratio(self, ratio: R) -> Self {
         Self { rho: self.rho / ratio, inv_rho: self.inv_rho * ratio, trace_ratio: ratio }
@@ -65,11 +66,13 @@ impl<R: Real> NaturalStep<R> {
 /// Contact with friction in `N` rows, which `L` solves alone.
 #[derive(Clone, Debug)]
 pub struct FrictionContact<R: Real, const N: usize, L> {
+    /// Range of its coordinates among those of all contacts of its kind.
     support: Range<usize>,
+    /// Index of its first entry among those of all contacts of its kind.
     y: usize,
     /// Lanes in which the contact exists.
     pub active: R::Mask,
-    /// Lanes in which there is a contact along whose normal nothing can move: it has no rows, and its impulse stays.
+    /// Lanes in which a contact exists but nothing can move along its normal: it has no rows, and its impulse stays.
     pub(super) immovable: R::Mask,
     /// Coefficient of friction of the rows as they are scaled; 0 for a frictionless contact.
     pub mu: R,
@@ -77,7 +80,9 @@ pub struct FrictionContact<R: Real, const N: usize, L> {
     pub g: [R; N],
     /// Compliance R, at least 0: the velocity that every row yields per unit of impulse. 0 is hard.
     pub(crate) compliance: R,
+    /// Step of the natural map.
     step: NaturalStep<R>,
+    /// Solver of this contact alone.
     local: L,
 }
 
@@ -88,7 +93,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
         self.step.trace_ratio
     }
 
-    /// Gives all rows the compliance R, where the impulse `lambda` costs nothing.
+    /// Sets the compliance R of all rows, which counts from the impulse `lambda`.
     #[inline(always)]
     fn damp(&mut self, compliance: R, lambda: [R; N]) {
         self.compliance = compliance;
@@ -118,8 +123,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
     }
 }
 
-/// Contacts of one kind, stored sparse: a contact's support names the coordinates of w that it touches in any lane, ascending; lanes that do not touch
-/// one have zeros there.
+/// Contacts of one kind, stored sparse: a contact's support names the coordinates of w that it touches in any lane, ascending; lanes that
+/// do not touch one have zeros there.
 #[derive(Clone, Debug)]
 pub struct FrictionContacts<R: Real, const N: usize, L> {
     contacts: Vec<FrictionContact<R, N, L>>,
@@ -158,8 +163,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         self.contacts.iter()
     }
 
-    /// Appends a contact whose rows have the entries `y` at the coordinates `support` (ascending). `least` is the mobility along the normal below which
-    /// nothing moves, 1/kg.
+    /// Appends a contact whose rows have the entries `y` at the coordinates `support` (ascending). `least` is the mobility along the normal
+    /// below which nothing moves, 1/kg.
     #[inline(always)]
     pub(crate) fn push(&mut self, support: &[u32], y: impl Fn(usize) -> [R; N], active: R::Mask, mu: R, g: [R; N], least: R) {
         let (s0, y0) = (self.support.len(), self.y.len());
@@ -189,8 +194,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         });
     }
 
-    /// Sets the trace ratio of the contact pushed last: the ratio of trace(G_ii) before elimination of separate rows to that after it. Residuals are
-    /// measured by the former.
+    /// Sets the trace ratio of the contact pushed last: the ratio of trace(G_ii) before elimination of separate rows to that after it.
+    /// Residuals are measured by the former.
     #[inline(always)]
     pub fn set_trace_ratio(&mut self, ratio: R) {
         if let Some(contact) = self.contacts.last_mut() {
@@ -461,9 +466,9 @@ impl<R: Real, const N: usize, L> IndexMut<usize> for FrictionContacts<R, N, L> {
 
 /// Least tangential mobility of a contact whose block has the trace `trace`, 1/kg.
 ///
-/// A direction in which the contact cannot move (a planar mechanism) has a zero principal value: a floor below most physical ratios, and far above the
-/// rounding of the entries, keeps its impulse at zero instead of 0/0. It bounds a step, not the answer: what can move less takes more sweeps.
-/// Where a cylinder is braked in line with both of its axes a floor of 2e-11 made impulses of 1e8 N s of rounding.
+/// A direction in which the contact cannot move (a planar mechanism) has a zero principal value: a floor below most physical ratios, and
+/// far above the rounding of the entries, keeps its impulse at zero instead of 0/0. It bounds a step, not the answer: what can move less
+/// takes more sweeps. Where a cylinder is braked in line with both of its axes a floor of 2e-11 made impulses of 1e8 N s of rounding.
 #[inline(always)]
 pub(super) fn least_tangent<R: Real>(trace: R) -> R {
     trace * R::of(f64::max(1e-8, <R::Scalar as Scalar>::EPSILON.to_f64() * 1e5))
@@ -472,8 +477,8 @@ pub(super) fn least_tangent<R: Real>(trace: R) -> R {
 /// Largest number of Newton steps of a sliding contact; one to three are usual, the rest is for bisection to rescue a poor start.
 pub(super) const MAX_NEWTON: usize = 24;
 
-/// Distance of a sliding impulse from its cone, relative to its length, below which the next Newton step, which squares it, is the last: four roots of
-/// the rounding.
+/// Distance of a sliding impulse from its cone, relative to its length, below which the next Newton step, which squares it, is the last:
+/// four roots of the rounding.
 #[inline(always)]
 pub(super) fn near<R: Real>() -> R {
     R::of(4.0 * <R::Scalar as Scalar>::EPSILON.to_f64().sqrt())

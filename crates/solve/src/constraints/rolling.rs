@@ -78,7 +78,7 @@ impl<R: Real> RollingSolver<R> {
                 break;
             }
         }
-        // What Newton's method left is removed by scaling, so that the impulse is on its cone.
+        // Scaling removes the error that Newton's method left, so that the impulse is on its cone.
         let (_, mut x, n) = self.sliding(p, push, s);
         let n = n.max(zero);
         let length = dot(x, x).sqrt();
@@ -128,14 +128,14 @@ impl<R: Real> LocalSolver<R, 6> for RollingSolver<R> {
             inv_a[i] = R::one() / a[i];
             largest = largest.max(a[i]);
         }
-        let coupling = turn(&axes, k);
+        let coupling = in_axes(&axes, k);
         let step = R::one() / (largest + nn * dot(coupling, coupling));
         (Self { inv_gnn, nn, axes, a, inv_a, coupling, step }, trace)
     }
 
     #[inline(always)]
     fn solve(&self, mu: R, v: [R; 6], lambda: [R; 6], guess: R, lanes: R::Mask) -> ([R; 6], R) {
-        let (vt, xt) = (turn(&self.axes, tail(v)), turn(&self.axes, tail(lambda)));
+        let (vt, xt) = (in_axes(&self.axes, tangential(v)), in_axes(&self.axes, tangential(lambda)));
         let push = lambda[0] + dot(self.coupling, xt) - v[0] * self.inv_gnn;
         let closing = positive(lanes, push);
         let (mut p, mut stick) = ([R::zero(); T], [R::zero(); T]);
@@ -160,7 +160,7 @@ impl<R: Real> LocalSolver<R, 6> for RollingSolver<R> {
 
     #[inline(always)]
     fn relax(&self, mu: R, v: [R; 6], lambda: [R; 6], active: R::Mask) -> [R; 6] {
-        let (vt, xt) = (turn(&self.axes, tail(v)), turn(&self.axes, tail(lambda)));
+        let (vt, xt) = (in_axes(&self.axes, tangential(v)), in_axes(&self.axes, tangential(lambda)));
         let n = (lambda[0] - v[0] * self.inv_gnn).max(R::zero());
         let d = (n - lambda[0]) * self.nn;
         let mut x = xt;
@@ -239,13 +239,13 @@ fn dot<R: Real>(a: [R; T], b: [R; T]) -> R {
 
 /// Tangential part of a vector over all rows.
 #[inline(always)]
-fn tail<R: Real>(x: [R; 6]) -> [R; T] {
+fn tangential<R: Real>(x: [R; 6]) -> [R; T] {
     [x[1], x[2], x[3], x[4], x[5]]
 }
 
 /// Components of `x` along the axes.
 #[inline(always)]
-fn turn<R: Real>(axes: &[[R; T]; T], x: [R; T]) -> [R; T] {
+fn in_axes<R: Real>(axes: &[[R; T]; T], x: [R; T]) -> [R; T] {
     let mut out = [R::zero(); T];
     for i in 0..T {
         out[i] = dot(axes[i], x);
@@ -253,8 +253,8 @@ fn turn<R: Real>(axes: &[[R; T]; T], x: [R; T]) -> [R; T] {
     out
 }
 
-/// Diagonalises a symmetric matrix by Jacobi's cyclic method (Golub & Van Loan 2013, section 8.5); returns its principal axes. Axes are left as
-/// they are when the square of the cosine between them is below epsilon^(3/2): the next turn would be rounding.
+/// Diagonalises a symmetric matrix by Jacobi's cyclic method (Golub & Van Loan 2013, section 8.5); returns its principal axes. Axes are
+/// left as they are when the square of the cosine between them is below epsilon^(3/2): the next turn would be rounding.
 #[inline(always)]
 fn principal_axes<R: Real>(m: &mut [[R; T]; T]) -> [[R; T]; T] {
     let mut axes = [[R::zero(); T]; T];

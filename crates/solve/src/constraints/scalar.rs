@@ -12,7 +12,9 @@ use stepper_real::{Mask, Real, Scalar};
 /// Bounded scalar row: an equality (any lambda), a limit (`0 <= lambda`), or dry friction (`|lambda| <= h f`).
 #[derive(Clone, Debug)]
 pub struct ScalarRow<R: Real> {
+    /// Range of its coordinates among those of all scalar rows.
     pub(super) support: Range<usize>,
+    /// Index of its first entry among those of all scalar rows.
     pub(super) y: usize,
     /// Lanes in which the row exists.
     pub active: R::Mask,
@@ -51,8 +53,8 @@ impl<R: Real> ScalarRow<R> {
         along * self.inv_diagonal
     }
 
-    /// The part of a `correction` of the velocity that damping leaves, for a row that others reckon with, which [`Problem::damp`](crate::Problem::damp)
-    /// then leaves alone. `ratio` is the compliance relative to the mobility.
+    /// The part of a `correction` of the velocity that damping leaves, for a row that others reckon with, which
+    /// [`Problem::damp`](crate::Problem::damp) then leaves alone. `ratio` is the compliance relative to the mobility.
     #[inline(always)]
     pub fn damp_correction(&mut self, ratio: R, correction: R) -> R {
         let stiffness = self.diagonal + ratio * self.mobility;
@@ -123,7 +125,8 @@ impl<R: Real> ScalarRows<R> {
 
     /// Appends a row with the entries `y` at the coordinates `support` (ascending).
     ///
-    /// `sign` (1 or -1 per lane) multiplies the row. Lanes outside `active` do not have it. `bounds` are the least and the greatest impulse.
+    /// `sign` (1 or -1 per lane) multiplies the row. Lanes outside `active` do not have it. `bounds` are the least and the greatest
+    /// impulse.
     #[inline(always)]
     pub fn push(&mut self, support: &[u32], y: impl Fn(usize) -> R, sign: R, active: R::Mask, g: R, bounds: [R; 2]) {
         let (s0, y0) = (self.support.len(), self.y.len());
@@ -163,8 +166,8 @@ impl<R: Real> ScalarRows<R> {
         }
     }
 
-    /// Sets the trace ratio of the row pushed last: the ratio of its diagonal entry before elimination of separate rows to that after it. Residuals
-    /// are measured by the former.
+    /// Sets the trace ratio of the row pushed last: the ratio of its diagonal entry before elimination of separate rows to that after it.
+    /// Residuals are measured by the former.
     #[inline(always)]
     pub fn set_trace_ratio(&mut self, ratio: R) {
         if let Some(row) = self.rows.last_mut() {
@@ -173,8 +176,8 @@ impl<R: Real> ScalarRows<R> {
         }
     }
 
-    /// Sets the mobility that the damping of the row pushed last is relative to: that of its fellows, say, where the row itself can be nearly
-    /// immovable.
+    /// Sets the mobility that the damping of the row pushed last is relative to: that of its fellows, say, where the row itself can be
+    /// nearly immovable.
     #[inline(always)]
     pub fn set_mobility(&mut self, mobility: R) {
         if let Some(row) = self.rows.last_mut() {
@@ -182,8 +185,8 @@ impl<R: Real> ScalarRows<R> {
         }
     }
 
-    /// Marks all present rows as separate: each is an equality without compliance, and orthogonal to every other row that exists or will be pushed.
-    /// They are solved once, and not visited by sweeps: no other impulse moves them.
+    /// Marks all present rows as separate: each is an equality without compliance, and orthogonal to every other row that exists or will be
+    /// pushed. They are solved once, and not visited by sweeps: no other impulse moves them.
     #[inline(always)]
     pub fn mark_separate(&mut self) {
         self.separate = self.rows.len();
@@ -217,7 +220,8 @@ impl<R: Real> ScalarRows<R> {
     #[inline(always)]
     pub fn velocity(&self, row: &ScalarRow<R>, w: &[R]) -> R {
         let (support, y) = self.entries(row);
-        // Two partial sums, each waiting for itself alone. A row's support is that of all lanes, so that the order is the same in every lane.
+        // Two partial sums, each waiting for itself alone. A row's support is that of all lanes, so that the order is the same in every
+        // lane.
         let mut v = [R::zero(); 2];
         let (pairs, last) = support.as_chunks::<2>();
         let (y, y_last) = y.as_chunks::<2>();

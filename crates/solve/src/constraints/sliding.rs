@@ -85,7 +85,7 @@ impl<R: Real> SlidingSolver<R> {
                 break;
             }
         }
-        // What Newton's method left is removed by scaling, so that the impulse is on its cone.
+        // Scaling removes the error that Newton's method left, so that the impulse is on its cone.
         let Sliding { x, n, d, .. } = self.sliding(p, push, s);
         let n = (n / d).max(zero);
         let length = norm2(x[0], x[1]);

@@ -18,11 +18,11 @@ pub(super) const MEMORY: usize = 4;
 pub(crate) struct History<R: Real> {
     /// Scaled velocity change w before the sweep.
     pub(super) start: Vec<R>,
-    /// f of the sweep before.
+    /// Change f of w by the sweep before.
     pub(super) f: Vec<R>,
-    /// |f|^2 of the sweep before.
+    /// Squared length |f|^2 of that change.
     pub(super) length: R,
-    /// All unknowns after the sweep before.
+    /// Unknowns (w and all impulses) after the sweep before.
     pub(super) image: Vec<R>,
     /// Lanes that made the sweep before.
     pub(super) ran: R::Mask,
@@ -30,7 +30,7 @@ pub(crate) struct History<R: Real> {
     pub(super) df: [Vec<R>; MEMORY],
     /// Changes of all unknowns.
     pub(super) dt: [Vec<R>; MEMORY],
-    /// Lanes that have them.
+    /// Lanes in which each of these changes is known.
     pub(super) known: [R::Mask; MEMORY],
     /// Products df . df.
     pub(super) gram: [[R; MEMORY]; MEMORY],

@@ -1,8 +1,8 @@
-//! The fixed point s = T(s) of De Saxce's terms, accelerated by remembering a few of its steps (Anderson 1965; the type II form of Walker & Ni
-//! 2011, equation 2.2).
+//! The fixed point s = T(s) of De Saxce's terms, accelerated by remembering a few of its steps (Anderson 1965; the type II form of Walker &
+//! Ni 2011, equation 2.2).
 //!
-//! With f = T(s) - s, the next s is `s + f - sum_j c_j (ds_j + df_j)`, where c minimises `|f - sum_j c_j df_j|` over the last changes. Plain
-//! iteration shrinks the error by 0.97 a time in the worst robots measured; this takes 3 to 10 times.
+//! With f = T(s) - s, the next s is `s + f - sum_j c_j (ds_j + df_j)`, where c minimises `|f - sum_j c_j df_j|` over the last changes.
+//! Plain iteration shrinks the error by 0.97 a time in the worst robots measured; this takes 3 to 10 times.
 
 /// Number of steps that are remembered.
 const MEMORY: usize = 3;

@@ -1,8 +1,8 @@
 //! The augmented Lagrangian: one step of the proximal method is its minimum, found by Newton's method in the space of w.
 //!
 //! With x_i = c_i lambda_i - rho_i (Y_i w + g_i + s_i) and z_i = P_K(x_i), the function whose gradient is `w - sum_i Y_i^T z_i` is convex
-//! and once differentiable; its Hessian is `I + sum_i rho_i Y_i^T DP_K Y_i`. Compliance R of a row makes `c = 1 / (1 + rho R)` and weakens rho
-//! by as much.
+//! and once differentiable; its Hessian is `I + sum_i rho_i Y_i^T DP_K Y_i`. Compliance R of a row makes `c = 1 / (1 + rho R)` and weakens
+//! rho by as much.
 //!
 //! De Saxce's s_i = mu |v_t| is held, or ("implicit") taken at the present w. Then the equation is the exact law's, its matrix is not
 //! symmetric and nothing is minimised any more, but near the answer Newton's method converges on it at once.
@@ -92,8 +92,8 @@ impl AugmentedLagrangian {
         self.longest * norm(&self.gradient)
     }
 
-    /// Moves w by Newton's step, as far along it as the function falls, and evaluates there; returns what [`AugmentedLagrangian::evaluate`] does,
-    /// infinity when the matrix has no factors.
+    /// Moves w by Newton's step, as far along it as the function falls, and evaluates there; returns what [`AugmentedLagrangian::evaluate`]
+    /// does, infinity when the matrix has no factors.
     ///
     /// This is nearly all of the time, so it runs with the instructions of the lanes.
     pub(super) fn advance<R: Real>(&mut self, rows: &mut Island, implicit: bool) -> f64 {
@@ -167,8 +167,8 @@ impl AugmentedLagrangian {
         }
     }
 
-    /// Computes rho DP Y of a block into `product`, row by row; false when it is zero. Implicit, DP is multiplied by the derivative of v + s:
-    /// `I + e_n (0, mu v_t / |v_t|)`.
+    /// Computes rho DP Y of a block into `product`, row by row; false when it is zero. Implicit, DP is multiplied by the derivative of v +
+    /// s: `I + e_n (0, mu v_t / |v_t|)`.
     #[inline(always)]
     fn compute_curvature(&mut self, rows: &Island, block: &Block, implicit: bool) -> bool {
         let (_, rho) = stiffness(block, self.kappa);

@@ -7,7 +7,7 @@ pub(super) enum ConeRegion {
     Zero,
     /// The cone itself.
     Inside,
-    /// All between them: the nearest point has this normal component, and mu times it along the tangent.
+    /// The region between them: the nearest point has this normal component, and mu times it along the tangent.
     Surface { height: f64 },
 }
 

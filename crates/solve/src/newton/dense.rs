@@ -1,4 +1,5 @@
-//! Factors of a full matrix with partial pivoting (Golub & Van Loan 2013, algorithm 3.4.1), for small islands whose matrix has pivots below zero.
+//! Factors of a full matrix with partial pivoting (Golub & Van Loan 2013, algorithm 3.4.1), for small islands whose matrix has pivots below
+//! zero.
 
 /// Factors P A = L U, row by row.
 #[derive(Clone, Debug, Default)]

@@ -1,7 +1,7 @@
 //! Rows of one island, dense between their first and last coordinate.
 //!
-//! Coordinates come in tiles of four, and a block's rows span whole tiles, so that every inner loop is over fours without a rest: the compiler
-//! makes vectors of them on every CPU, with the same bits.
+//! Coordinates come in tiles of four, and a block's rows span whole tiles, so that every inner loop is over fours without a rest: the
+//! compiler makes vectors of them on every CPU, with the same bits.
 
 use std::ops::Range;
 
@@ -125,7 +125,8 @@ impl Island {
         self.w = w;
     }
 
-    /// Natural-map residual of the exact Coulomb problem, m/s, as [`crate::residual()`] has it; leaves the velocities Y w + R lambda + g in `v`.
+    /// Natural-map residual of the exact Coulomb problem, m/s, as [`crate::residual()`] has it; leaves the velocities Y w + R lambda + g in
+    /// `v`.
     pub(super) fn residual(&self, v: &mut Vec<f64>) -> f64 {
         self.multiply(&self.w, v);
         let mut worst = 0.0;

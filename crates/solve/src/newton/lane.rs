@@ -34,7 +34,7 @@ pub(super) struct LaneBlock {
     pub(super) trace_ratio: f64,
 }
 
-/// All rows of one lane, sparse.
+/// Rows of one lane, sparse.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Lane {
     pub(super) blocks: Vec<LaneBlock>,
@@ -108,8 +108,8 @@ impl Lane {
         }
     }
 
-    /// Adds a block of `N` rows with their entries at `support`. One that cannot move is left out: its impulses do nothing. Returns whether it
-    /// was added.
+    /// Adds a block of `N` rows with their entries at `support`. One that cannot move is left out: its impulses do nothing. Returns whether
+    /// it was added.
     pub(super) fn add<const N: usize>(
         &mut self,
         support: &[u32],

@@ -1,27 +1,27 @@
 //! The outer loop: proximal steps of one island, from its warm start to the tolerance.
 //!
-//! With De Saxce's terms held the problem is convex, and proximal steps converge on it whatever it is, if it has an answer: after k of them the
-//! residual is at most the distance from the first impulses to the nearest answer, over kappa and the root of k (Rockafellar 1976, theorem 1;
-//! Guler 1991, theorem 2.1). Rows that are nearly multiples of others have answers that are far away, so kappa grows until the residual falls
-//! by a factor at every step. What bounds kappa is rounding, see [`largest_kappa`].
+//! With De Saxce's terms held the problem is convex, and proximal steps converge on it whatever it is, if it has an answer: after k of them
+//! the residual is at most the distance from the first impulses to the nearest answer, over kappa and the root of k (Rockafellar 1976,
+//! theorem 1; Guler 1991, theorem 2.1). Rows that are nearly multiples of others have answers that are far away, so kappa grows until the
+//! residual falls by a factor at every step. What bounds kappa is rounding, see [`largest_kappa`].
 //!
-//! Every loop has a bound: a search makes at most `Criteria::steps` Newton steps and as many rounds, of which each evaluates the problem at most
-//! twice besides, and it ends where a round changes nothing.
+//! Every loop has a bound: a search makes at most `Criteria::steps` Newton steps and as many rounds, of which each evaluates the problem at
+//! most twice besides, and it ends where a round changes nothing.
 
 use crate::newton::anderson::Anderson;
 use crate::newton::augmented_lagrangian::{AugmentedLagrangian, slip};
 use crate::newton::island::Island;
 use stepper_real::Real;
 
-/// kappa of the first proximal step, which corrects what sweeps left, and of the others.
+/// Ratios kappa of the first proximal step, which corrects what sweeps left, and of the others.
 ///
 /// Measured on 1,202 problems that sweeps left of humanoids: beginning with 10 or with 1e5 takes 10 to 20 % more Newton steps; 1e4 and 1e6
 /// at the end as many, 1e7 twice as many.
 const KAPPA: [f64; 2] = [1e3, 1e5];
-/// Where proximal steps are too short (mass ratios beyond 1e5, rows that are nearly multiples of others), no more: the matrix is the identity and
-/// some kappa of it, and what is left of the identity after rounding is still above zero.
+/// Largest kappa, where proximal steps are too short (mass ratios beyond 1e5, rows that are nearly multiples of others): the matrix is the
+/// identity and some kappa of it, and what is left of the identity after rounding is still above zero.
 const MOST_KAPPA: f64 = 1e12;
-/// No less, however tight the tolerance.
+/// Least kappa, however tight the tolerance.
 const LEAST_KAPPA: f64 = 1e2;
 
 /// Number of steps of a try of the exact law that need not lower its error.
@@ -95,8 +95,9 @@ impl ProximalPoint {
             kappa = kappa.max(KAPPA[1].min(most));
         }
         let mut implicit_kappa = kappa;
-        // A try of the exact law that fails makes the next one rounds_to_try twice as long and begin with a smaller kappa; one that succeeds is a proximal
-        // step that the next one lengthens, also where its residual has not fallen: what has friction need not fall all the way.
+        // A try of the exact law that fails makes the next one rounds_to_try twice as long and begin with a smaller kappa; one that
+        // succeeds is a proximal step that the next one lengthens, also where its residual has not fallen: what has friction need not fall
+        // all the way.
         let (mut rounds_to_try, mut next_wait) = (1, 1);
         // Kappa at which the matrix had no factors.
         let mut broken = f64::INFINITY;
@@ -118,7 +119,7 @@ impl ProximalPoint {
             self.lagrangian.kappa = kappa;
             let before = self.now;
             if !self.minimise::<R>(rows, criteria) {
-                // The same again with what has factors, from where numbers are numbers.
+                // Again with a kappa whose matrix has factors, from the last finite answer.
                 rows.w.clone_from(&self.best.w);
                 broken = kappa;
                 kappa *= 0.01;
@@ -129,7 +130,7 @@ impl ProximalPoint {
             }
             let moved = self.accept_step(rows);
             let off = self.renew_slip(rows);
-            // What is left though the slips are right is left by proximal steps that are too short.
+            // A residual that stays though the slips are right is left by proximal steps that are too short.
             let short = self.now > 0.1 * before && off < 0.1 * self.now;
             most = largest_kappa(&self.lagrangian.slip, criteria.tolerance).min(0.01 * broken);
             let last = kappa;
@@ -159,8 +160,8 @@ impl ProximalPoint {
         off
     }
 
-    /// Solves the convex problem, with De Saxce's terms held. While they are far from right it need not be exact. False when the matrix has no factors,
-    /// or numbers have grown beyond all bounds.
+    /// Solves the convex problem, with De Saxce's terms held. While they are far from right it need not be exact. False when the matrix has
+    /// no factors, or numbers have grown beyond all bounds.
     fn minimise<R: Real>(&mut self, rows: &mut Island, criteria: Criteria) -> bool {
         let enough = 0.1 * criteria.tolerance.max(0.1 * self.now.min(1e-3));
         let mut error = self.lagrangian.evaluate(rows, false);
@@ -214,9 +215,9 @@ impl ProximalPoint {
 
 /// Largest kappa whose rounding leaves velocities within the tolerance.
 ///
-/// Velocities of rows that push are small at the end of a proximal step, and they are sums of ever smaller changes, so that their rounding is
-/// small too, however fast the rest moves. But where a contact slips, rho times De Saxce's term cancels against mu times the length of x's
-/// tangential part: what is left has lost rho times the rounding of the slip.
+/// Velocities of rows that push are small at the end of a proximal step, and they are sums of ever smaller changes, so that their rounding
+/// is small too, however fast the rest moves. But where a contact slips, rho times De Saxce's term cancels against mu times the length of
+/// x's tangential part: what is left has lost rho times the rounding of the slip.
 fn largest_kappa(slip: &[f64], tolerance: f64) -> f64 {
     let fastest = slip.iter().fold(0.0, |most: f64, s| most.max(*s));
     (0.1 * tolerance / (f64::EPSILON * fastest)).clamp(LEAST_KAPPA, MOST_KAPPA)

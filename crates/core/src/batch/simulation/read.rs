@@ -5,8 +5,9 @@ use std::ops::Range;
 use crate::analysis::quantities::{BodyPoses, Snapshot};
 use crate::batch::simulation::{Error, Simulation};
 use crate::batch::{Field, StepInputs};
-use crate::collision::contact_set::frame;
+
 use crate::integrators::inputs::Inputs;
+use crate::math::spatial::contact_frame;
 use crate::stages::s10_record::Status;
 
 /// A contact of the last step, in the world frame.
@@ -32,7 +33,7 @@ pub struct Contact {
 impl Contact {
     /// Unit axes in which force and torque are given, one a row: the normal and the two tangents, right-handed.
     pub fn frame(&self) -> [[f64; 3]; 3] {
-        frame(self.normal)
+        contact_frame(self.normal)
     }
 }
 

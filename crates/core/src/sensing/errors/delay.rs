@@ -2,7 +2,7 @@
 
 use stepper_real::{Mask, Real, Scalar};
 
-use crate::collision::contact_set::MAX_LANES;
+use crate::math::lanes::MAX_LANES;
 use crate::model::Quantity;
 use crate::sensing::errors::observe::{Slots, get, put};
 use crate::sensing::errors::{Imperfect, Number, Numbers};

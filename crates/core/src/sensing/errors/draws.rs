@@ -2,7 +2,7 @@
 
 use stepper_real::Real;
 
-use crate::collision::contact_set::MAX_LANES;
+use crate::math::lanes::MAX_LANES;
 use crate::math::random::{Word, normals, philox4x32_10, uniform};
 
 /// What the numbers of a draw are for: part of their counter.

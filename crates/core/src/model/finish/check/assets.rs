@@ -1,6 +1,6 @@
 //! Meshes and height fields.
 
-use crate::collision::convex::HullError;
+use crate::geometry::HullError;
 use crate::model::finish::element::{At, Checked};
 use crate::model::hulls::{Hulls, Source};
 use crate::model::{Description, HeightField, Mesh, ModelError, Shape};

@@ -1,7 +1,7 @@
 //! Room to work: made once, reused for every pair.
 
-use crate::collision::convex::expand::Polytope;
-use crate::collision::convex::manifold::{Clipper, Point};
+use crate::geometry::expand::Polytope;
+use crate::geometry::manifold::{Clipper, Point};
 
 /// Room to work: made once, reused for every pair.
 #[derive(Clone, Debug, Default)]

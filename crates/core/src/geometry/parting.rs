@@ -18,12 +18,12 @@
 use serde::{Deserialize, Serialize};
 use stepper_real::{Real, Scalar};
 
-use crate::collision::convex::approach::Approach;
-use crate::collision::convex::facing::Facing;
-use crate::collision::convex::known::Known;
-use crate::collision::convex::pair::Pair;
-use crate::collision::convex::shape::ConvexShape;
-use crate::collision::convex::vectors::neg;
+use crate::geometry::approach::Approach;
+use crate::geometry::facing::Facing;
+use crate::geometry::known::Known;
+use crate::geometry::pair::Pair;
+use crate::geometry::shape::ConvexShape;
+use crate::geometry::vectors::neg;
 use crate::math::spatial::*;
 
 /// The part of what two hulls have to spare that the ball may bulge by: more makes it smaller, and leaves less for the hulls to move.

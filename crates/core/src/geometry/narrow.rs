@@ -1,19 +1,19 @@
 //! Contact points of two solids.
 
-use crate::collision::convex::boxes;
-use crate::collision::convex::expand::Polytope;
-use crate::collision::convex::facing::Facing;
-use crate::collision::convex::known::Known;
-use crate::collision::convex::manifold::{Manifold, Point};
-use crate::collision::convex::pair::Pair;
-use crate::collision::convex::parting::Parting;
-use crate::collision::convex::reach::Reach;
-use crate::collision::convex::room::Room;
-use crate::collision::convex::separation;
-use crate::collision::convex::shape::ConvexShape;
-use crate::collision::convex::solid::Solid;
-use crate::collision::convex::surface::{self, collide_surface};
-use crate::collision::convex::vectors::{Pose, V, unit_or};
+use crate::geometry::boxes;
+use crate::geometry::expand::Polytope;
+use crate::geometry::facing::Facing;
+use crate::geometry::known::Known;
+use crate::geometry::manifold::{Manifold, Point};
+use crate::geometry::pair::Pair;
+use crate::geometry::parting::Parting;
+use crate::geometry::reach::Reach;
+use crate::geometry::room::Room;
+use crate::geometry::separation;
+use crate::geometry::shape::ConvexShape;
+use crate::geometry::solid::Solid;
+use crate::geometry::surface::{self, collide_surface};
+use crate::geometry::vectors::{Pose, V, unit_or};
 use crate::math::spatial::*;
 
 /// Room to work, and what was found.

@@ -6,7 +6,7 @@
 
 use robust::{Coord3D, orient3d};
 
-use crate::collision::convex::vectors::{V, unit_or};
+use crate::geometry::vectors::{V, unit_or};
 use crate::math::spatial::*;
 
 /// Points are on a plane within this share of their largest coordinate: a few times what rounding makes of it.

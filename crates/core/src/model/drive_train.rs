@@ -63,7 +63,7 @@ pub struct Motor {
 /// Longest delay, in steps.
 const LONGEST: f64 = 100_000.0;
 
-pub(super) fn any(x: &[f64]) -> bool {
+pub(crate) fn any(x: &[f64]) -> bool {
     x.iter().any(|&x| x != 0.0)
 }
 
@@ -92,13 +92,13 @@ impl DriveTrain {
     }
 
     /// Delay of one environment in steps of length `h`.
-    pub(super) fn steps(&self, env: usize, h: f64) -> f64 {
+    pub(crate) fn steps(&self, env: usize, h: f64) -> f64 {
         let of = |x: &[f64]| x[env % x.len()];
         of(&self.delay) / h + of(&self.delay_steps)
     }
 
     /// The longest of them in whole steps.
-    pub(super) fn longest(&self, num_envs: usize, h: f64) -> usize {
+    pub(crate) fn longest(&self, num_envs: usize, h: f64) -> usize {
         (0..num_envs).map(|env| self.steps(env, h)).fold(0.0, f64::max).ceil() as usize
     }
 
@@ -179,7 +179,7 @@ impl DriveTrain {
     }
 
     /// Takes further limits of the effort over.
-    pub(super) fn narrow(&mut self, [low, high]: [f64; 2]) {
+    pub(crate) fn narrow(&mut self, [low, high]: [f64; 2]) {
         self.low.iter_mut().for_each(|x| *x = x.max(low));
         self.high.iter_mut().for_each(|x| *x = x.min(high));
     }

@@ -9,14 +9,14 @@
 //! the difference, the facet's disc of radius `room` and the ball of radius r about the difference of the centres: with that centre H deep below
 //! the facet and L beside it, where 2 d < H and d (1 + 2 L / H) < min(room, r).
 
-use crate::collision::convex::facing::{Facing, GAP, Separation};
-use crate::collision::convex::gjk;
-use crate::collision::convex::hull::Hull;
-use crate::collision::convex::known::Known;
-use crate::collision::convex::pair::Pair;
-use crate::collision::convex::reach::Reach;
-use crate::collision::convex::shape::ConvexShape;
-use crate::collision::convex::vectors::{V, neg};
+use crate::geometry::facing::{Facing, GAP, Separation};
+use crate::geometry::gjk;
+use crate::geometry::hull::Hull;
+use crate::geometry::known::Known;
+use crate::geometry::pair::Pair;
+use crate::geometry::reach::Reach;
+use crate::geometry::shape::ConvexShape;
+use crate::geometry::vectors::{V, neg};
 use crate::math::spatial::*;
 
 /// The part of what would be certain that is taken for it: the rest is for rounding.

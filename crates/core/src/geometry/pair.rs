@@ -1,7 +1,7 @@
 //! Two shapes in the frame of the first.
 
-use crate::collision::convex::shape::ConvexShape;
-use crate::collision::convex::vectors::{Pose, V, neg};
+use crate::geometry::shape::ConvexShape;
+use crate::geometry::vectors::{Pose, V, neg};
 use crate::math::spatial::*;
 
 /// Two shapes; everything of the second is in the frame of the first.

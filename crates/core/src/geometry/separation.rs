@@ -14,14 +14,14 @@
 //! Repeated, this climbs to the nearest local maximum of s, on smooth surfaces by the factor (depth + gap) / (radius of curvature + gap) each time,
 //! and there is always an answer: it starts from the best of the faces and axes of both shapes.
 
-use crate::collision::convex::expand::Polytope;
-use crate::collision::convex::facing::{ALIKE, Facing, GAP, Separation};
-use crate::collision::convex::gjk::{self, Nearest};
-use crate::collision::convex::pair::Pair;
-use crate::collision::convex::reach::Reach;
-use crate::collision::convex::recall::{facet, recall};
-use crate::collision::convex::shape::ConvexShape;
-use crate::collision::convex::vectors::{V, neg, unit_or};
+use crate::geometry::expand::Polytope;
+use crate::geometry::facing::{ALIKE, Facing, GAP, Separation};
+use crate::geometry::gjk::{self, Nearest};
+use crate::geometry::pair::Pair;
+use crate::geometry::reach::Reach;
+use crate::geometry::recall::{facet, recall};
+use crate::geometry::shape::ConvexShape;
+use crate::geometry::vectors::{V, neg, unit_or};
 use crate::math::spatial::*;
 
 /// Polytopes are clear of one another beyond this share of their size: the direction between their nearest points is certain.

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use crate::collision::convex::shape::ConvexShape;
-use crate::collision::convex::surface::Surface;
-use crate::collision::convex::vectors::V;
+use crate::geometry::shape::ConvexShape;
+use crate::geometry::surface::Surface;
+use crate::geometry::vectors::V;
 
 /// What collides here.
 #[derive(Clone, Debug)]

@@ -3,9 +3,9 @@
 //! The expanding polytope algorithm (van den Bergen 2001): a polytope inside the difference grows at its nearest face until that face is one of the
 //! difference. All its other faces are then further away, so no way out is shorter.
 
-use crate::collision::convex::facing::Separation;
-use crate::collision::convex::pair::{Pair, Vertex};
-use crate::collision::convex::vectors::V;
+use crate::geometry::facing::Separation;
+use crate::geometry::pair::{Pair, Vertex};
+use crate::geometry::vectors::V;
 use crate::math::spatial::*;
 
 /// Times that it may grow.

@@ -1,6 +1,6 @@
 //! Flat features laid on one another: where both are, with the height of each.
 
-use crate::collision::convex::patch::{Corner, EDGES, Kind, Patch};
+use crate::geometry::patch::{Corner, EDGES, Kind, Patch};
 
 /// A place that both features cover.
 #[derive(Clone, Copy, Debug)]

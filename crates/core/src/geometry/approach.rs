@@ -19,7 +19,7 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::collision::convex::facing::ALIKE;
+use crate::geometry::facing::ALIKE;
 use crate::math::spatial::*;
 
 /// What coordinates and ways may be off by, as a share of the size: they may be in single precision, and faces of a hull this uneven.

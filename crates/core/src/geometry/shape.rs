@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use crate::collision::convex::hull::Hull;
-use crate::collision::convex::vectors::{V, furthest, neg, unit_or, widest};
+use crate::geometry::hull::Hull;
+use crate::geometry::vectors::{V, furthest, neg, unit_or, widest};
 use crate::math::spatial::*;
 
 /// A convex shape in its own frame; lengths in m.

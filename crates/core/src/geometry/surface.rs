@@ -20,15 +20,15 @@ use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::math::Vector;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
 
-use crate::collision::convex::facing::{Facing, Separation};
-use crate::collision::convex::manifold::{Manifold, Point, VERTICES, thin};
-use crate::collision::convex::pair::Pair;
-use crate::collision::convex::room::Room;
-use crate::collision::convex::separation::{self};
-use crate::collision::convex::shape::ConvexShape;
-use crate::collision::convex::shape::triangle_normal;
-use crate::collision::convex::vectors::{Pose, V};
-use crate::collision::convex::vectors::{furthest, unit_or};
+use crate::geometry::facing::{Facing, Separation};
+use crate::geometry::manifold::{Manifold, Point, VERTICES, thin};
+use crate::geometry::pair::Pair;
+use crate::geometry::room::Room;
+use crate::geometry::separation::{self};
+use crate::geometry::shape::ConvexShape;
+use crate::geometry::shape::triangle_normal;
+use crate::geometry::vectors::{Pose, V};
+use crate::geometry::vectors::{furthest, unit_or};
 use crate::math::spatial::*;
 
 /// Points that a convex shape and a surface can have.
@@ -387,7 +387,7 @@ pub fn collide_surface(a: &Surface, pose_a: &Pose, b: &ConvexShape, pose_b: &Pos
     out.place(pose_a);
 }
 
-/// The half space below the xy plane of `plane` and the vertices of a surface, as [`crate::collision::convex::collide_plane`].
+/// The half space below the xy plane of `plane` and the vertices of a surface, as [`crate::geometry::collide_plane`].
 pub(super) fn collide_plane_surface(plane: &Pose, surface: &Surface, pose: &Pose, prediction: f64, out: &mut Manifold, room: &mut Room) {
     out.clear();
     let nothing = ConvexShape::Sphere { radius: 0.0 };
@@ -399,7 +399,7 @@ pub(super) fn collide_plane_surface(plane: &Pose, surface: &Surface, pose: &Pose
 
 /// A vertex of the shape keeps its name from triangle to triangle, all else is named with the triangle.
 fn name(triangle: u32, feature: u32) -> u32 {
-    if feature < VERTICES { feature } else { crate::collision::convex::manifold::mix(triangle, feature) }
+    if feature < VERTICES { feature } else { crate::geometry::manifold::mix(triangle, feature) }
 }
 
 /// The points of a triangle; the direction of what is nearest, where that is left to its neighbours.

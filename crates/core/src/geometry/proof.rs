@@ -4,8 +4,8 @@
 //! point meets it once (Mehlhorn, Naher, Seel, Seidel, Schilz, Schirra & Uhrig 1999). All three are exact signs of volumes, a few for each triangle.
 //! Points are then followed, from triangle to triangle, to the one that is before them as seen from that same point.
 
-use crate::collision::convex::quickhull::volume_over;
-use crate::collision::convex::vectors::V;
+use crate::geometry::quickhull::volume_over;
+use crate::geometry::vectors::V;
 use crate::math::spatial::*;
 
 /// Of a product of two vectors, as a share of their lengths.

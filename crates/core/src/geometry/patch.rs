@@ -3,9 +3,9 @@
 //! Coordinates are (x, y) across the normal and the height h along it. A corner carries the identity of its vertex and of the edge that leaves it:
 //! these name contacts from step to step.
 
-use crate::collision::convex::shape::ConvexShape;
-use crate::collision::convex::vectors::widest;
-use crate::collision::convex::vectors::{V, furthest};
+use crate::geometry::shape::ConvexShape;
+use crate::geometry::vectors::widest;
+use crate::geometry::vectors::{V, furthest};
 use crate::math::spatial::*;
 
 /// A corner of a patch.
@@ -107,7 +107,7 @@ impl Patch {
             }
             ConvexShape::Triangle(p) => {
                 (0..3).for_each(|k| self.push(view, p[k], k as u32, k as u32));
-                self.flat(view, crate::collision::convex::shape::triangle_normal(p));
+                self.flat(view, crate::geometry::shape::triangle_normal(p));
             }
         }
     }

@@ -1,7 +1,7 @@
 //! A direction that separates two cores, and the features that face each other along it.
 
-use crate::collision::convex::pair::Pair;
-use crate::collision::convex::vectors::V;
+use crate::geometry::pair::Pair;
+use crate::geometry::vectors::V;
 
 /// The gap that is opened, as a share of the least extent.
 pub(super) const GAP: f64 = 1e-3;

@@ -1,11 +1,11 @@
 //! How far to look for contacts, and where first.
 
-use crate::collision::convex::approach::Approach;
-use crate::collision::convex::facing::{Facing, Separation};
-use crate::collision::convex::known::Known;
-use crate::collision::convex::pair::Pair;
-use crate::collision::convex::parting::Parting;
-use crate::collision::convex::vectors::V;
+use crate::geometry::approach::Approach;
+use crate::geometry::facing::{Facing, Separation};
+use crate::geometry::known::Known;
+use crate::geometry::pair::Pair;
+use crate::geometry::parting::Parting;
+use crate::geometry::vectors::V;
 
 /// How far to look, and where first.
 #[derive(Clone, Copy, Debug)]

@@ -1,12 +1,11 @@
 //! Contact points from a normal: the facing features are laid on one another, and few points keep their area and depth.
 
-use crate::collision::contact_set::frame;
-use crate::collision::convex::clip::{Shared, Work, behind, edges_of_triangle, overlay};
-use crate::collision::convex::facing::Facing;
-use crate::collision::convex::pair::Pair;
-use crate::collision::convex::parting::Parting;
-use crate::collision::convex::patch::{Kind, Patch, View, edge};
-use crate::collision::convex::vectors::{Pose, V};
+use crate::geometry::clip::{Shared, Work, behind, edges_of_triangle, overlay};
+use crate::geometry::facing::Facing;
+use crate::geometry::pair::Pair;
+use crate::geometry::parting::Parting;
+use crate::geometry::patch::{Kind, Patch, View, edge};
+use crate::geometry::vectors::{Pose, V};
 use crate::math::spatial::*;
 
 /// Points that two convex shapes can have: four, and the lowest of a rim.
@@ -98,7 +97,7 @@ impl Clipper {
     pub(super) fn manifold(&mut self, pair: &Pair<'_>, facing: &Facing, prediction: f64, out: &mut Manifold) {
         let Facing { found, corners, .. } = *facing;
         let n = found.normal;
-        let axes = frame(n);
+        let axes = contact_frame(n);
         let views = views(pair, &axes);
         let is_flat = pair.flats(n, corners).map(|m| m.is_some_and(|m| 1.0 - dot(m, n) <= FLAT));
         if is_flat[0] || is_flat[1] {
@@ -143,7 +142,7 @@ impl Clipper {
         prediction: f64,
         out: &mut Manifold,
     ) {
-        let axes = frame(face.found.normal);
+        let axes = contact_frame(face.found.normal);
         let views = views(pair, &axes);
         self.fill(pair, &views, face.corners);
         let [facet, other] = &self.patches;
@@ -158,7 +157,7 @@ impl Clipper {
 
     /// The points of the second shape over a half space whose normal is the first's z axis.
     pub(super) fn half_space(&mut self, pair: &Pair<'_>, prediction: f64, out: &mut Manifold) {
-        let axes = frame([0.0, 0.0, 1.0]);
+        let axes = contact_frame([0.0, 0.0, 1.0]);
         let view = views(pair, &axes)[1];
         let patch = &mut self.patches[1];
         let corner = pair.b.corner(view.towards()).1;
@@ -171,7 +170,7 @@ impl Clipper {
 
     /// The lowest of some points over a half space, as [`Clipper::half_space`].
     pub(super) fn cloud(&mut self, pair: &Pair<'_>, points: &[V], prediction: f64, out: &mut Manifold) {
-        let axes = frame([0.0, 0.0, 1.0]);
+        let axes = contact_frame([0.0, 0.0, 1.0]);
         let view = views(pair, &axes)[1];
         self.patches[1].corners.clear();
         self.shared.clear();
@@ -255,7 +254,7 @@ pub(super) fn thin(all: &mut Vec<Point>, size: f64, most: usize, out: &mut Manif
     all.sort_unstable_by(|a, b| a.feature.cmp(&b.feature).then(a.distance.total_cmp(&b.distance)));
     while let Some(&first) = all.first() {
         let start = out.points.len();
-        let axes = frame(first.normal);
+        let axes = contact_frame(first.normal);
         // A normal that is no unit vector is not even like itself: the first goes whatever it is, so that the list ends.
         let mut is_first = true;
         all.retain(|p| {

@@ -3,9 +3,9 @@
 //! Gilbert, Johnson & Keerthi 1988; the nearest point of a simplex by its barycentric coordinates, with every face of it tried that the origin
 //! is beyond, and all of them where it is degenerate, so that degenerate simplices are no special case.
 
-use crate::collision::convex::facing::Separation;
-use crate::collision::convex::pair::{Pair, Vertex};
-use crate::collision::convex::vectors::V;
+use crate::geometry::facing::Separation;
+use crate::geometry::pair::{Pair, Vertex};
+use crate::geometry::vectors::V;
 use crate::math::spatial::*;
 
 /// Corners of the difference around the point of it that is nearest to the origin.

@@ -1,8 +1,8 @@
 //! Two boxes: separating axes in closed form (Gottschalk, Lin & Manocha 1996).
 
-use crate::collision::convex::facing::Separation;
-use crate::collision::convex::pair::Pair;
-use crate::collision::convex::vectors::{V, neg};
+use crate::geometry::facing::Separation;
+use crate::geometry::pair::Pair;
+use crate::geometry::vectors::{V, neg};
 use crate::math::spatial::*;
 
 /// Edges this parallel (sine) have no axis of their own: the faces beside them do for both.

@@ -1,6 +1,6 @@
 //! What is known of two hulls from the last step.
 
-use crate::collision::convex::vectors::V;
+use crate::geometry::vectors::V;
 
 /// What is known of two hulls from the last step.
 #[derive(Clone, Copy, Debug)]

@@ -1,6 +1,6 @@
 //! A hull's points by eights and by coordinate.
 
-use crate::collision::convex::vectors::V;
+use crate::geometry::vectors::V;
 use crate::math::spatial::*;
 
 /// Points of a block or ring: enough for most rings, and a number that the compiler makes vectors of.

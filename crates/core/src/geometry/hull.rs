@@ -2,10 +2,10 @@
 
 use thiserror::Error;
 
-use crate::collision::convex::blocks::{self, Block, Ring, SIDE, rings};
-use crate::collision::convex::proof::Suspect;
-use crate::collision::convex::quickhull;
-use crate::collision::convex::vectors::{V, furthest, unit_or};
+use crate::geometry::blocks::{self, Block, Ring, SIDE, rings};
+use crate::geometry::proof::Suspect;
+use crate::geometry::quickhull;
+use crate::geometry::vectors::{V, furthest, unit_or};
 use crate::math::spatial::*;
 
 /// Points are taken for coplanar within this share of the hull's size: vertices of mesh files are in single precision ...
@@ -306,7 +306,7 @@ const CELLS: usize = 16;
 
 /// The cell of the cube's surface that a direction points to.
 fn cell(d: V) -> usize {
-    let k = crate::collision::convex::vectors::widest(d);
+    let k = crate::geometry::vectors::widest(d);
     let side = 2 * k + usize::from(d[k] < 0.0);
     let scale = 0.5 * CELLS as f64 / d[k].abs();
     // Saturating: 0 / 0 has some cell too.

@@ -2,34 +2,34 @@
 
 use stepper_real::Real;
 
-use crate::compile::LanePlan;
+use crate::compile::LaneModel;
 use crate::integrators::acceptance::accept;
 use crate::integrators::evaluation::{assemble_rows, evaluate};
-use crate::integrators::scheme::Rule;
+use crate::integrators::scheme::Scheme;
 use crate::integrators::solution::{correct_positions, guard_energy, integrate_positions, record, solve_velocities};
-use crate::integrators::workspace::Scratch;
+use crate::integrators::workspace::Workspace;
 use crate::options::StepSettings;
 use crate::stages::s10_record::Record;
 
 /// One step of `options.timestep` seconds: state and inputs in, next state and its record out.
 ///
 /// This is ordinary code that calls kernels: each stage is compiled once for every lane type and CPU level.
-pub fn step<R: Real>(plan: &LanePlan<R>, options: &StepSettings, s: &mut Scratch<R>) -> Record<R> {
-    let mut scheme = Rule::new(options);
+pub fn step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>) -> Record<R> {
+    let mut scheme = Scheme::new(options);
     s.poses.begin();
     // 1 actuate, 2 smooth dynamics, 3 detect: at the configuration where the scheme takes the step.
-    let at_beginning = evaluate(plan, options, &mut scheme, s);
+    let at_beginning = evaluate(compiled, options, &mut scheme, s);
     // 4 assemble; 1 and 2 again for forces that depend on the velocity to come.
-    assemble_rows(plan, options, &scheme, s, at_beginning);
+    assemble_rows(compiled, options, &scheme, s, at_beginning);
     // 5 solve, 6 integrate velocity; again where impacts make the velocity jump.
-    let mut solution = solve_velocities(plan, options, &scheme, s);
+    let mut solution = solve_velocities(compiled, options, &scheme, s);
     // 7 integrate position
-    let tunnelled = integrate_positions(plan, &scheme, s, &solution);
+    let tunnelled = integrate_positions(compiled, &scheme, s, &solution);
     // 8 stabilise
-    correct_positions(plan, options, &scheme, s, &mut solution);
-    guard_energy(plan, s, &solution);
-    let finite = accept(plan, s);
+    correct_positions(compiled, options, &scheme, s, &mut solution);
+    guard_energy(compiled, s, &solution);
+    let finite = accept(compiled, s);
     // 9 sense: a worker reads the sensors of the new state, when somebody asks for them (`stages/s09_sense.rs`).
     // 10 record
-    record(plan, options, s, &solution, [finite, tunnelled])
+    record(compiled, options, s, &solution, [finite, tunnelled])
 }

@@ -2,7 +2,7 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::dynamics::implicit_weights::Theta;
+use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::math::spatial::*;
 
 /// Numbers of a drive train that acts within a step, per lane, at the actuator's side of its gear.
@@ -26,7 +26,7 @@ pub struct Train<R> {
 
 /// Force as an affine function of length and velocity.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Law<R> {
+pub(crate) struct AffineForce<R> {
     pub(crate) level: R,
     pub(crate) slope: R,
     pub(crate) rate: R,
@@ -40,7 +40,7 @@ pub(crate) struct Motion<R> {
     pub(crate) before: R,
 }
 
-impl<R: Real> Law<R> {
+impl<R: Real> AffineForce<R> {
     /// The force.
     #[inline(always)]
     pub(crate) fn force(&self, motion: &Motion<R>) -> R {
@@ -49,7 +49,7 @@ impl<R: Real> Law<R> {
 
     /// The force without what the mass matrix does, and what it does: stiffness and damping against the motion are implicit, the rest is not.
     #[inline(always)]
-    pub(crate) fn implied(&self, motion: &Motion<R>, gauge: Gauge<R>, theta: Theta<R>) -> (R, R) {
+    pub(crate) fn implied(&self, motion: &Motion<R>, gauge: Gauge<R>, theta: ImplicitWeights<R>) -> (R, R) {
         let (stiffness, damping) = ((-self.slope).max(R::zero()), (-self.rate).max(R::zero()));
         let share = theta.share(gauge.rate(damping));
         let drag = theta.drag(share, stiffness);

@@ -3,8 +3,8 @@
 use stepper_real::{Mask, Real};
 
 use crate::actuation::affine_force::{Gauge, Train};
-use crate::compile::TrainPlan;
-use crate::dynamics::implicit_weights::Theta;
+use crate::compile::CompiledTrain;
+use crate::dynamics::implicit_weights::ImplicitWeights;
 
 /// A drive train within a step.
 ///
@@ -44,19 +44,26 @@ impl<R: Real> Region<R> {
 
     /// Where a step begins: a law without stiffness is as it is at the velocity before the step, one with is free.
     #[inline(always)]
-    pub(super) fn guess(&mut self, plan: &TrainPlan<R::Scalar>, numbers: &Train<R>) {
+    pub(super) fn guess(&mut self, compiled: &CompiledTrain<R::Scalar>, numbers: &Train<R>) {
         let never = R::Mask::splat(false);
         (self.held, self.curve, self.upper) = (never, never, never);
         let plain = self.law.1.eq(R::zero());
-        let [held, curve, upper] = whereabouts(plan, numbers, self.law.0, self.before);
+        let [held, curve, upper] = whereabouts(compiled, numbers, self.law.0, self.before);
         (self.held, self.curve, self.upper) = (held.and(plain), curve.and(plain), upper.and(plain));
     }
 
     /// Goes where the law, at a change of velocity `along` h, lies; `back` allows to leave a bound. Returns the lanes that moved.
     #[inline(always)]
-    pub(super) fn place(&mut self, plan: &TrainPlan<R::Scalar>, numbers: &Train<R>, theta: Theta<R>, along: R, back: bool) -> R::Mask {
+    pub(super) fn place(
+        &mut self,
+        compiled: &CompiledTrain<R::Scalar>,
+        numbers: &Train<R>,
+        theta: ImplicitWeights<R>,
+        along: R,
+        back: bool,
+    ) -> R::Mask {
         let [mut held, mut curve, mut upper] =
-            whereabouts(plan, numbers, self.law.0 - self.law.1 * along, self.before + theta.damping * along);
+            whereabouts(compiled, numbers, self.law.0 - self.law.1 * along, self.before + theta.damping * along);
         if !back {
             let stays = self.held.or(self.curve).and_not(held.or(curve));
             held = held.or(self.held.and(stays));
@@ -77,7 +84,7 @@ impl<R: Real> Region<R> {
 
     /// The force here, without what the mass matrix does, and what it does.
     #[inline(always)]
-    pub(super) fn force(&self, numbers: &Train<R>, theta: Theta<R>) -> (R, R) {
+    pub(super) fn force(&self, numbers: &Train<R>, theta: ImplicitWeights<R>) -> (R, R) {
         let held = R::select(self.upper, numbers.limits[1], numbers.limits[0]);
         let curve = R::select(self.upper, numbers.stall, -numbers.stall) - numbers.drag * self.before;
         let force = R::select(self.curve, curve, R::select(self.held, held, self.law.0));
@@ -89,17 +96,17 @@ impl<R: Real> Region<R> {
 
 /// Lanes in which a force that the law asks for at a velocity is held at a limit, or on the motor's curve, and at the upper one of these.
 #[inline(always)]
-fn whereabouts<R: Real>(plan: &TrainPlan<R::Scalar>, numbers: &Train<R>, force: R, velocity: R) -> [R::Mask; 3] {
+fn whereabouts<R: Real>(compiled: &CompiledTrain<R::Scalar>, numbers: &Train<R>, force: R, velocity: R) -> [R::Mask; 3] {
     let never = R::Mask::splat(false);
     let ([low, high], mut asked) = (numbers.limits, force);
     let (mut held, mut upper) = (never, never);
-    if plan.limited {
+    if compiled.limited {
         upper = force.gt(high);
         held = force.lt(low).or(upper);
         asked = R::select(held, force.clamp(low, high), force);
     }
     let mut curve = never;
-    if plan.motor.is_some() {
+    if compiled.motor.is_some() {
         let loss = numbers.drag * velocity;
         let (above, below) = (asked.gt(numbers.stall - loss), asked.lt(-numbers.stall - loss));
         curve = above.or(below);
@@ -111,15 +118,15 @@ fn whereabouts<R: Real>(plan: &TrainPlan<R::Scalar>, numbers: &Train<R>, force: 
 
 /// Lanes in which a force that the law asks for at a velocity is cut.
 #[inline(always)]
-pub(crate) fn exceeds<R: Real>(plan: &TrainPlan<R::Scalar>, numbers: &Train<R>, force: R, velocity: R) -> R::Mask {
-    let [held, curve, _] = whereabouts(plan, numbers, force, velocity);
+pub(crate) fn exceeds<R: Real>(compiled: &CompiledTrain<R::Scalar>, numbers: &Train<R>, force: R, velocity: R) -> R::Mask {
+    let [held, curve, _] = whereabouts(compiled, numbers, force, velocity);
     held.or(curve)
 }
 
 /// A force within the limits and under the curve of its drive train.
 #[inline(always)]
-pub(crate) fn bounded<R: Real>(plan: &TrainPlan<R::Scalar>, numbers: &Train<R>, force: R, velocity: R) -> R {
-    let [held, curve, upper] = whereabouts(plan, numbers, force, velocity);
+pub(crate) fn bounded<R: Real>(compiled: &CompiledTrain<R::Scalar>, numbers: &Train<R>, force: R, velocity: R) -> R {
+    let [held, curve, upper] = whereabouts(compiled, numbers, force, velocity);
     let limit = R::select(upper, numbers.limits[1], numbers.limits[0]);
     let edge = R::select(upper, numbers.stall, -numbers.stall) - numbers.drag * velocity;
     R::select(curve, edge, R::select(held, limit, force))

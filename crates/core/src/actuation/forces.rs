@@ -32,17 +32,17 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::actuation::affine_force::{Gauge, Law, Motion, Train, outside, within};
+use crate::actuation::affine_force::{AffineForce, Gauge, Motion, Train, outside, within};
 use crate::actuation::force_limits::Region;
-use crate::compile::{ActuatorPlan, LanePlan, Plan, TrainPlan};
-use crate::dynamics::implicit_weights::Theta;
+use crate::compile::{CompiledActuator, CompiledModel, CompiledTrain, LaneModel};
+use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::math::spatial::*;
 
 /// What the mass matrix holds besides M.
 #[derive(Clone, Copy, Debug)]
 pub struct Implicit<'a, R: Real> {
     /// Shares of damping and stiffness.
-    pub theta: Theta<R>,
+    pub theta: ImplicitWeights<R>,
     /// Weights of servos; none takes them explicitly.
     pub servos: &'a [R],
     /// Arms of actuators on sites.
@@ -54,7 +54,7 @@ pub struct Implicit<'a, R: Real> {
 impl<R: Real> Implicit<'_, R> {
     /// Nothing: the mass matrix itself.
     pub fn none() -> Self {
-        let theta = Theta { damping: R::zero(), stiffness: R::zero(), step: R::zero() };
+        let theta = ImplicitWeights { damping: R::zero(), stiffness: R::zero(), step: R::zero() };
         Self { theta, servos: &[], arms: &[], drag_at: None }
     }
 }
@@ -63,7 +63,7 @@ impl<R: Real> Implicit<'_, R> {
 #[derive(Clone, Copy, Debug)]
 pub struct Implied<R> {
     /// Shares of damping and stiffness.
-    pub theta: Theta<R>,
+    pub theta: ImplicitWeights<R>,
     /// Whether that holds for every servo, or for drive trains alone.
     pub all: bool,
 }
@@ -129,27 +129,27 @@ pub struct Drive<R: Real> {
 }
 
 impl<R: Real> Drive<R> {
-    /// Room for a plan.
-    pub fn new(plan: &Plan<R::Scalar>) -> Self {
+    /// Room for a compiled model.
+    pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
         let zeros = |n: usize| vec![R::zero(); n];
         let never = |n: usize| vec![R::Mask::splat(false); n];
         Self {
-            tau: zeros(plan.nv),
-            joint: zeros(plan.nv),
-            force: zeros(plan.actuators.len()),
-            weight: zeros(plan.servos.len()),
-            gauges: vec![Gauge { mobility: R::zero(), slowing: R::zero() }; plan.servos.len()],
-            saturated: never(plan.servos.len()),
-            bounded: never(plan.actuator_force_ranges.len()),
-            implied: zeros(if plan.servos_are_bounded { plan.actuators.len() } else { 0 }),
-            unbounded: vec![[R::zero(); 2]; if plan.servos_are_bounded { plan.servos.len() } else { 0 }],
-            beyond: never(plan.actuators.len()),
-            cut: never(plan.actuator_force_ranges.len()),
-            arms: zeros(plan.wrench_arms[0]),
-            lengths: zeros(plan.wrench_arms[1]),
-            regions: vec![Region::default(); plan.trains],
+            tau: zeros(compiled.nv),
+            joint: zeros(compiled.nv),
+            force: zeros(compiled.actuators.len()),
+            weight: zeros(compiled.servos.len()),
+            gauges: vec![Gauge { mobility: R::zero(), slowing: R::zero() }; compiled.servos.len()],
+            saturated: never(compiled.servos.len()),
+            bounded: never(compiled.actuator_force_ranges.len()),
+            implied: zeros(if compiled.servos_are_bounded { compiled.actuators.len() } else { 0 }),
+            unbounded: vec![[R::zero(); 2]; if compiled.servos_are_bounded { compiled.servos.len() } else { 0 }],
+            beyond: never(compiled.actuators.len()),
+            cut: never(compiled.actuator_force_ranges.len()),
+            arms: zeros(compiled.wrench_arms[0]),
+            lengths: zeros(compiled.wrench_arms[1]),
+            regions: vec![Region::default(); compiled.trains],
             fresh: true,
-            losses: vec![zero(); if plan.lossy { plan.frictions.len() } else { 0 }],
+            losses: vec![zero(); if compiled.lossy { compiled.frictions.len() } else { 0 }],
         }
     }
 
@@ -165,12 +165,12 @@ impl<R: Real> Drive<R> {
     }
 
     /// Takes up what servos move, for the mass matrix's diagonal `inertia`.
-    pub fn gauge(&mut self, plan: &LanePlan<R>, inertia: &[R]) {
+    pub fn gauge(&mut self, compiled: &LaneModel<R>, inertia: &[R]) {
         R::vectorize(
             #[inline(always)]
             || {
-                for k in 0..plan.servos.len() {
-                    self.gauges[k] = self.gauge_of(plan, &plan.actuators[plan.servos[k].actuator], inertia);
+                for k in 0..compiled.servos.len() {
+                    self.gauges[k] = self.gauge_of(compiled, &compiled.actuators[compiled.servos[k].actuator], inertia);
                 }
             },
         )
@@ -178,14 +178,14 @@ impl<R: Real> Drive<R> {
 
     /// Of several dofs, a mean by their part in the mobility.
     #[inline(always)]
-    fn gauge_of(&self, plan: &LanePlan<R>, actuator: &ActuatorPlan<R::Scalar>, inertia: &[R]) -> Gauge<R> {
+    fn gauge_of(&self, compiled: &LaneModel<R>, actuator: &CompiledActuator<R::Scalar>, inertia: &[R]) -> Gauge<R> {
         let mut sum = Gauge { mobility: R::zero(), slowing: R::zero() };
         for &(_, dof, arm) in &actuator.moment {
-            sum = sum.with(R::splat(arm), inertia[dof], plan.params.dof(dof).damping);
+            sum = sum.with(R::splat(arm), inertia[dof], compiled.params.dof(dof).damping);
         }
         if let Some(wrench) = &actuator.wrench {
             for (&(dof, _), &arm) in wrench.dofs.iter().zip(&self.arms[wrench.arms..]) {
-                sum = sum.with(arm, inertia[dof], plan.params.dof(dof).damping);
+                sum = sum.with(arm, inertia[dof], compiled.params.dof(dof).damping);
             }
         }
         let Gauge { mobility, slowing } = sum;
@@ -215,33 +215,40 @@ impl<R: Real> Drive<R> {
         &mut self,
         actuator: usize,
         servo: usize,
-        law: &Law<R>,
+        law: &AffineForce<R>,
         motion: &Motion<R>,
-        plan: &TrainPlan<R::Scalar>,
+        compiled: &CompiledTrain<R::Scalar>,
         numbers: &Train<R>,
-        theta: Theta<R>,
+        theta: ImplicitWeights<R>,
     ) {
         let gauge = self.gauges[servo];
-        self.regions[plan.index].take(law.implied(motion, gauge, theta), motion.before, gauge);
+        self.regions[compiled.index].take(law.implied(motion, gauge, theta), motion.before, gauge);
         if self.fresh {
-            self.regions[plan.index].guess(plan, numbers);
+            self.regions[compiled.index].guess(compiled, numbers);
         }
-        self.follow(servo, actuator, plan, numbers, theta);
+        self.follow(servo, actuator, compiled, numbers, theta);
     }
 
     /// Takes over the force of a drive train where it is on its curve.
     #[inline(always)]
-    fn follow(&mut self, servo: usize, actuator: usize, plan: &TrainPlan<R::Scalar>, numbers: &Train<R>, theta: Theta<R>) {
-        let (force, weight) = self.regions[plan.index].force(numbers, theta);
+    fn follow(
+        &mut self,
+        servo: usize,
+        actuator: usize,
+        compiled: &CompiledTrain<R::Scalar>,
+        numbers: &Train<R>,
+        theta: ImplicitWeights<R>,
+    ) {
+        let (force, weight) = self.regions[compiled.index].force(numbers, theta);
         self.set_servo(actuator, servo, force, weight);
     }
 
     /// Sum of the actuators' forces on every dof, within the bounds of joints.
     #[inline(always)]
-    pub(crate) fn gather(&mut self, plan: &LanePlan<R>, implicit: bool) {
+    pub(crate) fn gather(&mut self, compiled: &LaneModel<R>, implicit: bool) {
         self.fresh = false;
         self.tau.fill(R::zero());
-        for (actuator, &force) in plan.actuators.iter().zip(&self.force) {
+        for (actuator, &force) in compiled.actuators.iter().zip(&self.force) {
             for &(_, dof, arm) in &actuator.moment {
                 self.tau[dof] += R::splat(arm) * force;
             }
@@ -251,7 +258,7 @@ impl<R: Real> Drive<R> {
                 }
             }
         }
-        for (r, range) in plan.actuator_force_ranges.iter().enumerate() {
+        for (r, range) in compiled.actuator_force_ranges.iter().enumerate() {
             let tau = &mut self.tau[range.dof];
             let clamped = within(*tau, Some(range.bounds));
             let implicit = implicit && range.has_servos;
@@ -262,15 +269,15 @@ impl<R: Real> Drive<R> {
 
     /// Lanes in which the effort of an actuator was cut to its bounds, or a sum on its joint that it is part of.
     #[inline(always)]
-    pub(crate) fn is_cut(&self, plan: &LanePlan<R>, actuator: usize) -> R::Mask {
-        let (of_it, mut cut) = (&plan.actuators[actuator], self.beyond[actuator]);
+    pub(crate) fn is_cut(&self, compiled: &LaneModel<R>, actuator: usize) -> R::Mask {
+        let (of_it, mut cut) = (&compiled.actuators[actuator], self.beyond[actuator]);
         if let Some(k) = of_it.servo {
             cut = cut.or(self.saturated[k]);
             if let Some(train) = &of_it.train {
                 cut = cut.or(self.regions[train.index].is_cut());
             }
         }
-        for (range, &of_sum) in plan.actuator_force_ranges.iter().zip(&self.cut) {
+        for (range, &of_sum) in compiled.actuator_force_ranges.iter().zip(&self.cut) {
             if of_sum.any() && range.actuators.iter().any(|&(a, _)| a == actuator) {
                 cut = cut.or(of_sum);
             }
@@ -282,19 +289,27 @@ impl<R: Real> Drive<R> {
     /// lose their stiffness. Returns the lanes in which there is a new one; `gather` must follow.
     ///
     /// Drive trains go where their curves have them, `pass` after pass; from the third on none comes back from a bound, so that it ends.
-    pub fn saturate(&mut self, plan: &LanePlan<R>, trains: &[Train<R>], theta: Theta<R>, dv: &[R], h: R, pass: usize) -> R::Mask {
+    pub fn saturate(
+        &mut self,
+        compiled: &LaneModel<R>,
+        trains: &[Train<R>],
+        theta: ImplicitWeights<R>,
+        dv: &[R],
+        h: R,
+        pass: usize,
+    ) -> R::Mask {
         R::vectorize(
             #[inline(always)]
             || {
                 let mut new = R::Mask::splat(false);
                 if pass == 0 {
-                    for (k, servo) in plan.servos.iter().enumerate() {
+                    for (k, servo) in compiled.servos.iter().enumerate() {
                         self.unbounded[k] = [self.force[servo.actuator], self.weight[k]];
                     }
                 }
                 self.implied.copy_from_slice(&self.force);
-                for (k, servo) in plan.servos.iter().enumerate() {
-                    let actuator = &plan.actuators[servo.actuator];
+                for (k, servo) in compiled.servos.iter().enumerate() {
+                    let actuator = &compiled.actuators[servo.actuator];
                     let along = self.along(actuator, dv);
                     if let Some(train) = actuator.train {
                         let moved = self.regions[train.index].place(&train, &trains[train.index], theta, along / h, pass < 2);
@@ -304,13 +319,13 @@ impl<R: Real> Drive<R> {
                     }
                     self.implied[servo.actuator] = self.force[servo.actuator] - self.weight[k] / h * along;
                 }
-                for (k, servo) in plan.servos.iter().enumerate() {
-                    let Some(bounds) = plan.actuators[servo.actuator].force_range else { continue };
+                for (k, servo) in compiled.servos.iter().enumerate() {
+                    let Some(bounds) = compiled.actuators[servo.actuator].force_range else { continue };
                     let beyond = outside(self.implied[servo.actuator], bounds).and_not(self.saturated[k]);
                     new = new.or(beyond);
-                    self.stop(plan, k, beyond);
+                    self.stop(compiled, k, beyond);
                 }
-                for (r, range) in plan.actuator_force_ranges.iter().enumerate() {
+                for (r, range) in compiled.actuator_force_ranges.iter().enumerate() {
                     if !range.has_servos {
                         continue;
                     }
@@ -322,8 +337,8 @@ impl<R: Real> Drive<R> {
                     new = new.or(beyond);
                     self.bounded[r] = self.bounded[r].or(beyond);
                     for &(actuator, _) in &range.actuators {
-                        if let Some(k) = plan.actuators[actuator].servo {
-                            self.stop(plan, k, beyond.and_not(self.saturated[k]));
+                        if let Some(k) = compiled.actuators[actuator].servo {
+                            self.stop(compiled, k, beyond.and_not(self.saturated[k]));
                         }
                     }
                 }
@@ -333,15 +348,15 @@ impl<R: Real> Drive<R> {
     }
 
     /// Lanes in which the change of velocity `dv` puts a servo on another side of its bounds than [`Drive::saturate`] expected.
-    pub fn misjudged(&mut self, plan: &LanePlan<R>, trains: &[Train<R>], theta: Theta<R>, dv: &[R], h: R) -> R::Mask {
+    pub fn misjudged(&mut self, compiled: &LaneModel<R>, trains: &[Train<R>], theta: ImplicitWeights<R>, dv: &[R], h: R) -> R::Mask {
         R::vectorize(
             #[inline(always)]
             || {
                 let mut wrong = R::Mask::splat(false);
                 let differ = |a: R::Mask, b: R::Mask| a.and_not(b).or(b.and_not(a));
                 self.implied.copy_from_slice(&self.force);
-                for (k, servo) in plan.servos.iter().enumerate() {
-                    let actuator = &plan.actuators[servo.actuator];
+                for (k, servo) in compiled.servos.iter().enumerate() {
+                    let actuator = &compiled.actuators[servo.actuator];
                     let along = self.along(actuator, dv);
                     let [force, weight] = match actuator.train {
                         Some(train) => {
@@ -355,22 +370,22 @@ impl<R: Real> Drive<R> {
                     };
                     self.implied[servo.actuator] = force - weight / h * along;
                 }
-                for r in 0..plan.actuator_force_ranges.len() {
-                    let range = &plan.actuator_force_ranges[r];
+                for r in 0..compiled.actuator_force_ranges.len() {
+                    let range = &compiled.actuator_force_ranges[r];
                     if !range.has_servos {
                         continue;
                     }
                     let mut sum = R::zero();
                     for &(actuator, arm) in &range.actuators {
-                        sum += R::splat(arm) * within(self.implied[actuator], plan.actuators[actuator].force_range);
+                        sum += R::splat(arm) * within(self.implied[actuator], compiled.actuators[actuator].force_range);
                     }
                     wrong = wrong.or(differ(outside(sum, range.bounds), self.bounded[r]));
                 }
-                for (k, servo) in plan.servos.iter().enumerate() {
-                    let Some(bounds) = plan.actuators[servo.actuator].force_range else { continue };
+                for (k, servo) in compiled.servos.iter().enumerate() {
+                    let Some(bounds) = compiled.actuators[servo.actuator].force_range else { continue };
                     let beyond = outside(self.implied[servo.actuator], bounds);
                     // A servo that a sum holds is at a bound that is not its own.
-                    let held = self.held_by_sum(plan, servo.actuator);
+                    let held = self.held_by_sum(compiled, servo.actuator);
                     wrong = wrong.or(differ(beyond, self.saturated[k]).and_not(held));
                 }
                 wrong
@@ -380,9 +395,9 @@ impl<R: Real> Drive<R> {
 
     /// Lanes in which a bound of a sum holds an actuator.
     #[inline(always)]
-    fn held_by_sum(&self, plan: &LanePlan<R>, actuator: usize) -> R::Mask {
+    fn held_by_sum(&self, compiled: &LaneModel<R>, actuator: usize) -> R::Mask {
         let mut held = R::Mask::splat(false);
-        for (range, &bounded) in plan.actuator_force_ranges.iter().zip(&self.bounded) {
+        for (range, &bounded) in compiled.actuator_force_ranges.iter().zip(&self.bounded) {
             if bounded.any() && range.actuators.iter().any(|&(a, _)| a == actuator) {
                 held = held.or(bounded);
             }
@@ -392,9 +407,9 @@ impl<R: Real> Drive<R> {
 
     /// Fixes the force of servo `k` at what is implied, within its bounds, in `lanes`.
     #[inline(always)]
-    fn stop(&mut self, plan: &LanePlan<R>, k: usize, lanes: R::Mask) {
-        let actuator = plan.servos[k].actuator;
-        let held = within(self.implied[actuator], plan.actuators[actuator].force_range);
+    fn stop(&mut self, compiled: &LaneModel<R>, k: usize, lanes: R::Mask) {
+        let actuator = compiled.servos[k].actuator;
+        let held = within(self.implied[actuator], compiled.actuators[actuator].force_range);
         self.force[actuator] = R::select(lanes, held, self.force[actuator]);
         self.implied[actuator] = R::select(lanes, held, self.implied[actuator]);
         self.weight[k] = R::select(lanes, R::zero(), self.weight[k]);

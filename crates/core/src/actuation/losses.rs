@@ -4,7 +4,7 @@ use stepper_real::Real;
 
 use crate::actuation::affine_force::Train;
 use crate::actuation::forces::Drive;
-use crate::compile::LanePlan;
+use crate::compile::LaneModel;
 use crate::math::spatial::*;
 
 impl<R: Real> Drive<R> {
@@ -12,15 +12,15 @@ impl<R: Real> Drive<R> {
     ///
     /// A gear that passes on the share e of its power gives e f to what it drives, and asks f / e of what drives it: against a motion along f it
     /// loses (1 - e) |f|, against one the other way (1/e - 1) |f|. At rest its friction is anything in between.
-    pub fn lose(&mut self, plan: &LanePlan<R>, trains: &[Train<R>], expected: bool) {
+    pub fn lose(&mut self, compiled: &LaneModel<R>, trains: &[Train<R>], expected: bool) {
         R::vectorize(
             #[inline(always)]
             || {
                 self.losses.fill(zero());
-                for (a, actuator) in plan.actuators.iter().enumerate() {
+                for (a, actuator) in compiled.actuators.iter().enumerate() {
                     let Some(train) = &actuator.train else { continue };
                     let Some((row, arm)) = train.losses else { continue };
-                    let force = if expected && plan.servos_are_bounded { self.implied[a] } else { self.force[a] };
+                    let force = if expected && compiled.servos_are_bounded { self.implied[a] } else { self.force[a] };
                     let loss = losses(&trains[train.index], R::splat(arm), force);
                     self.losses[row] = add(self.losses[row], loss);
                 }
@@ -29,27 +29,27 @@ impl<R: Real> Drive<R> {
     }
 
     /// Adds to the forces what drive trains lost in a step, by the impulses of their rows of dry friction.
-    pub fn subtract_losses(&mut self, plan: &LanePlan<R>, trains: &[Train<R>], scalar_impulse: &[R], h: R) {
+    pub fn subtract_losses(&mut self, compiled: &LaneModel<R>, trains: &[Train<R>], scalar_impulse: &[R], h: R) {
         R::vectorize(
             #[inline(always)]
             || {
-                for (a, actuator) in plan.actuators.iter().enumerate() {
+                for (a, actuator) in compiled.actuators.iter().enumerate() {
                     let Some(train) = &actuator.train else { continue };
                     let Some((row, arm)) = train.losses else { continue };
                     let arm = R::splat(arm);
-                    let friction = scalar_impulse[plan.limits.len() + row] / h;
+                    let friction = scalar_impulse[compiled.limits.len() + row] / h;
                     // Of a row that is shared, as much as it may take of the whole.
                     let backwards = friction.gt(R::zero());
                     let [own, all] = [losses(&trains[train.index], arm, self.force[a]), self.losses[row]].map(
                         #[inline(always)]
                         |x: [R; 2]| R::select(backwards, x[1], x[0]),
                     );
-                    let whole = all + plan.params.friction(row);
+                    let whole = all + compiled.params.friction(row);
                     let there = whole.gt(R::zero());
                     let share = R::select(there, own / R::select(there, whole, R::one()), R::zero());
                     let lost = friction * share;
                     self.force[a] += lost / arm;
-                    self.joint[plan.frictions[row].dof] += lost;
+                    self.joint[compiled.frictions[row].dof] += lost;
                 }
             },
         )

@@ -17,6 +17,6 @@ pub mod pipeline;
 pub mod resampling;
 pub mod site_wrench;
 
-pub use crate::actuation::pipeline::Chains;
+pub use crate::actuation::pipeline::ActuatorPipelines;
 pub use crate::actuation::resampling::{Driven, Redrawn};
 pub use crate::model::drive_train::{DriveTrain, Motor, Servo};

@@ -4,7 +4,7 @@ use stepper_real::{Mask, Real, Scalar};
 
 use crate::actuation::affine_force::{Train, within};
 use crate::actuation::memory::Memory;
-use crate::compile::{ActuatorPlan, Plan};
+use crate::compile::{CompiledActuator, CompiledModel};
 use crate::math::lanes::DelayLine;
 use crate::model::drive_train::{DriveTrain, any};
 
@@ -63,7 +63,7 @@ struct Chain {
 
 /// The drive trains of a model's actuators in a batch.
 #[derive(Clone, Debug)]
-pub struct Chains<S> {
+pub struct ActuatorPipelines<S> {
     chains: Vec<Chain>,
     /// For every group of lanes the numbers of every train, lane-interleaved.
     tables: Vec<Vec<S>>,
@@ -75,7 +75,7 @@ pub struct Chains<S> {
     pub lines: usize,
 }
 
-impl<S: Scalar> Chains<S> {
+impl<S: Scalar> ActuatorPipelines<S> {
     /// `trains` has an entry for every actuator of the model; they are what [`DriveTrain::fold`] returned.
     pub fn new(trains: &[Option<DriveTrain>], num_envs: usize, lanes: usize, h: f64) -> Self {
         let mut all = Self { chains: vec![], tables: vec![], lanes, num_envs, memory: 0, lines: 0 };
@@ -136,12 +136,12 @@ impl<S: Scalar> Chains<S> {
     }
 
     /// Numbers of the trains that act within a step, as they are at its end.
-    pub fn load<R: Real<Scalar = S>>(&self, plan: &Plan<S>, group: usize, trains: &mut [Train<R>]) {
+    pub fn load<R: Real<Scalar = S>>(&self, compiled: &CompiledModel<S>, group: usize, trains: &mut [Train<R>]) {
         R::vectorize(
             #[inline(always)]
             || {
                 for chain in &self.chains {
-                    let Some(train) = plan.actuators[chain.actuator].train else { continue };
+                    let Some(train) = compiled.actuators[chain.actuator].train else { continue };
                     let table = &self.tables[group][chain.table * R::LANES..];
                     let number = |n: Number| get::<R>(table, n as usize);
                     trains[train.index] = Train {
@@ -162,10 +162,10 @@ impl<S: Scalar> Chains<S> {
     }
 
     /// The same of one lane.
-    pub fn read(&self, plan: &Plan<S>, group: usize, lane: usize) -> Vec<Train<f64>> {
-        let mut trains = vec![Train::default(); plan.trains];
+    pub fn read(&self, compiled: &CompiledModel<S>, group: usize, lane: usize) -> Vec<Train<f64>> {
+        let mut trains = vec![Train::default(); compiled.trains];
         for chain in &self.chains {
-            let Some(train) = plan.actuators[chain.actuator].train else { continue };
+            let Some(train) = compiled.actuators[chain.actuator].train else { continue };
             let number = |n: Number| self.tables[group][(chain.table + n as usize) * self.lanes + lane].to_f64();
             let share = if train.servo { 1.0 - number(Number::Decay) } else { 0.0 };
             trains[train.index] = Train {
@@ -186,7 +186,7 @@ impl<S: Scalar> Chains<S> {
     #[expect(clippy::too_many_arguments, reason = "what is given, to whom, and what is remembered")]
     pub fn advance<R: Real<Scalar = S>>(
         &self,
-        plan: &Plan<S>,
+        compiled: &CompiledModel<S>,
         group: usize,
         given: &[R],
         [q, v]: [&[R]; 2],
@@ -207,7 +207,7 @@ impl<S: Scalar> Chains<S> {
                 ctrl.copy_from_slice(given);
                 for chain in &self.chains {
                     let table = &self.tables[group][chain.table * R::LANES..];
-                    let actuator = &plan.actuators[chain.actuator];
+                    let actuator = &compiled.actuators[chain.actuator];
                     let mut u = within(given[chain.actuator], actuator.ctrl_range);
                     if chain.line > 0 {
                         u = chain.delayed(table, u, taken, start, memory);
@@ -231,7 +231,7 @@ impl<S: Scalar> Chains<S> {
     /// After a step: what the trains hand on at its end.
     pub fn settle<R: Real<Scalar = S>>(
         &self,
-        plan: &Plan<S>,
+        compiled: &CompiledModel<S>,
         group: usize,
         memory: &mut Memory<S>,
         (ctrl, trains): (&mut [R], &mut [Train<R>]),
@@ -243,7 +243,7 @@ impl<S: Scalar> Chains<S> {
                     let table = &self.tables[group][chain.table * R::LANES..];
                     let effort: R = get(&memory.numbers, chain.lag_at());
                     ctrl[chain.actuator] = effort;
-                    if let (Servo::Continuous, Some(train)) = (chain.servo, plan.actuators[chain.actuator].train) {
+                    if let (Servo::Continuous, Some(train)) = (chain.servo, compiled.actuators[chain.actuator].train) {
                         let (goal, decay): (R, R) = (get(&memory.numbers, chain.lag_at() + 1), get(table, Number::Decay as usize));
                         ctrl[chain.actuator] = goal + (effort - goal) * decay;
                         chain.set_gains(table, Number::Decay, &mut trains[train.index]);
@@ -321,7 +321,7 @@ fn bounded<R: Real>(x: R, [low, high]: [R; 2]) -> R {
 
 /// Length and velocity of an actuator on joints.
 #[inline(always)]
-fn motion<R: Real>(actuator: &ActuatorPlan<R::Scalar>, [q, v]: [&[R]; 2]) -> [R; 2] {
+fn motion<R: Real>(actuator: &CompiledActuator<R::Scalar>, [q, v]: [&[R]; 2]) -> [R; 2] {
     let (mut length, mut velocity) = (R::zero(), R::zero());
     for &(at, dof, arm) in &actuator.moment {
         length += R::splat(arm) * q[at];
@@ -388,7 +388,7 @@ impl Chain {
         &self,
         servo: Servo,
         table: &[R::Scalar],
-        actuator: &ActuatorPlan<R::Scalar>,
+        actuator: &CompiledActuator<R::Scalar>,
         u: R,
         state: [&[R]; 2],
         [taken, start]: [R::Mask; 2],
@@ -432,7 +432,7 @@ impl Chain {
     fn lag<R: Real>(
         &self,
         table: &[R::Scalar],
-        actuator: &ActuatorPlan<R::Scalar>,
+        actuator: &CompiledActuator<R::Scalar>,
         u: R,
         state: [&[R]; 2],
         [taken, start]: [R::Mask; 2],

@@ -4,22 +4,22 @@ use stepper_real::Real;
 
 use crate::actuation::affine_force::Motion;
 use crate::actuation::forces::Drive;
-use crate::compile::{ActuatorPlan, LanePlan, Spot, WrenchPlan};
+use crate::compile::{CompiledActuator, CompiledWrench, LaneModel, Spot};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 
 impl<R: Real> Drive<R> {
     /// Arms and lengths of actuators on sites, at the configuration of `kinematics`; lengths are those after moving on at `v` for `time`.
-    pub fn transmit(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
+    pub fn transmit(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
         if self.lengths.is_empty() {
             return;
         }
         R::vectorize(
             #[inline(always)]
             || {
-                for actuator in &plan.actuators {
+                for actuator in &compiled.actuators {
                     let Some(wrench) = &actuator.wrench else { continue };
-                    self.lengths[wrench.index] = place(plan, kinematics, wrench, &mut self.arms[wrench.arms..]);
+                    self.lengths[wrench.index] = place(compiled, kinematics, wrench, &mut self.arms[wrench.arms..]);
                     if wrench.reference.is_some() {
                         let ahead = self.along(actuator, v) * time;
                         self.lengths[wrench.index] += ahead;
@@ -31,7 +31,7 @@ impl<R: Real> Drive<R> {
 
     /// a . x along an actuator's moment.
     #[inline(always)]
-    pub(crate) fn along(&self, actuator: &ActuatorPlan<R::Scalar>, x: &[R]) -> R {
+    pub(crate) fn along(&self, actuator: &CompiledActuator<R::Scalar>, x: &[R]) -> R {
         let mut sum = R::zero();
         for &(_, dof, arm) in &actuator.moment {
             sum += R::splat(arm) * x[dof];
@@ -45,7 +45,7 @@ impl<R: Real> Drive<R> {
     }
 
     #[inline(always)]
-    pub(crate) fn length_of(&self, actuator: &ActuatorPlan<R::Scalar>, q: &[R]) -> R {
+    pub(crate) fn length_of(&self, actuator: &CompiledActuator<R::Scalar>, q: &[R]) -> R {
         if let Some(wrench) = &actuator.wrench {
             return self.lengths[wrench.index];
         }
@@ -57,23 +57,23 @@ impl<R: Real> Drive<R> {
     }
 
     #[inline(always)]
-    pub(crate) fn motion(&self, actuator: &ActuatorPlan<R::Scalar>, q: &[R], v_at: &[R], v: &[R]) -> Motion<R> {
+    pub(crate) fn motion(&self, actuator: &CompiledActuator<R::Scalar>, q: &[R], v_at: &[R], v: &[R]) -> Motion<R> {
         Motion { length: self.length_of(actuator, q), velocity: self.along(actuator, v_at), before: self.along(actuator, v) }
     }
 
     /// Length of an actuator, gear included.
-    pub fn length(&self, plan: &LanePlan<R>, actuator: usize, q: &[R]) -> R {
+    pub fn length(&self, compiled: &LaneModel<R>, actuator: usize, q: &[R]) -> R {
         R::vectorize(
             #[inline(always)]
-            || self.length_of(&plan.actuators[actuator], q),
+            || self.length_of(&compiled.actuators[actuator], q),
         )
     }
 
     /// Its rate.
-    pub fn rate(&self, plan: &LanePlan<R>, actuator: usize, v: &[R]) -> R {
+    pub fn rate(&self, compiled: &LaneModel<R>, actuator: usize, v: &[R]) -> R {
         R::vectorize(
             #[inline(always)]
-            || self.along(&plan.actuators[actuator], v),
+            || self.along(&compiled.actuators[actuator], v),
         )
     }
 }
@@ -86,7 +86,7 @@ fn pose<R: Real>(kinematics: &Kinematics<R>, place: &Spot<R::Scalar>) -> (V3<R>,
 
 /// Arms of a wrench, into `arms`, and its length: the site's position and rotation vector in the reference's frame times the wrench; 0 without one.
 #[inline(always)]
-fn place<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, wrench: &WrenchPlan<R::Scalar>, arms: &mut [R]) -> R {
+fn place<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, wrench: &CompiledWrench<R::Scalar>, arms: &mut [R]) -> R {
     let (pos, mat) = pose(kinematics, &wrench.site);
     let w: [R; 6] = splat(wrench.wrench);
     let (force, torque) = ([w[0], w[1], w[2]], [w[3], w[4], w[5]]);
@@ -102,7 +102,7 @@ fn place<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, wrench: &Wrenc
     for (&(dof, side), arm) in wrench.dofs.iter().zip(arms) {
         let axis = &kinematics.axes[dof];
         let at = if side > <R::Scalar>::default() { pos } else { other };
-        let moved = velocity_at(axis, sub(at, kinematics.origin[plan.dofs[dof].tree]));
+        let moved = velocity_at(axis, sub(at, kinematics.origin[compiled.dofs[dof].tree]));
         *arm = R::splat(side) * (dot(force, moved) + dot(torque, angular(axis)));
     }
     length

@@ -7,7 +7,7 @@ use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::detection::GeomPoses;
-use crate::compile::{LanePlan, Plan};
+use crate::compile::{CompiledModel, LaneModel};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 use crate::model::{JointKind, Model};
@@ -39,24 +39,24 @@ pub struct OutOfRange {
 
 /// Pairs of geoms that overlap by more than 0.1 mm at the reference pose, the deepest first.
 pub fn overlaps(model: &Model) -> Vec<Overlap> {
-    let plan: Plan<f64> = Plan::new(model);
-    let lanes: LanePlan<f64> = LanePlan::new(&plan);
-    let (mut kinematics, mut poses) = (Kinematics::new(&plan), GeomPoses::new(&plan));
-    for m in &plan.mocap {
+    let compiled: CompiledModel<f64> = CompiledModel::new(model);
+    let lanes: LaneModel<f64> = LaneModel::new(&compiled);
+    let (mut kinematics, mut poses) = (Kinematics::new(&compiled), GeomPoses::new(&compiled));
+    for m in &compiled.mocap {
         kinematics.pos[m.frame] = m.pos;
         kinematics.mat[m.frame] = quat_to_mat(quat_normalize(m.quat));
     }
     kinematics.update(&lanes, &model.qpos0);
     poses.settle(&lanes);
     poses.begin();
-    let mut contacts = Contacts::new(plan.contact_points);
-    let rest = vec![0.0; plan.nv];
+    let mut contacts = Contacts::new(compiled.contact_points);
+    let rest = vec![0.0; compiled.nv];
     let alive = <f64 as Real>::Mask::splat(true);
     detect(&lanes, &kinematics, [&rest, &rest], [model.timestep, 0.0], alive, &mut poses, &mut contacts);
     let mut found: Vec<Overlap> = Vec::new();
     for k in 0..contacts.count[0] {
         let depth = -contacts.data[k].point.distance;
-        let geoms = plan.pair_geoms(contacts.ids[k][0].pair()).expect("made from this plan").map(|g| plan.geoms[g].index);
+        let geoms = compiled.pair_geoms(contacts.ids[k][0].pair()).expect("made from this compiled").map(|g| compiled.geoms[g].index);
         match found.iter_mut().find(|o| o.geoms == geoms) {
             Some(known) => known.depth = known.depth.max(depth),
             None => found.push(Overlap { geoms, depth }),

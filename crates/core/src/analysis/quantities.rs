@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use stepper_real::Real;
 
 use crate::actuation::forces::{At, Drive, Implicit};
-use crate::compile::{Inertial, LanePlan, TendonPlan};
+use crate::compile::{CompiledTendon, Inertial, LaneModel};
 use crate::dynamics::inertia::{MassMatrix, NewtonEuler, bias_force};
 use crate::dynamics::kinematics::{Kinematics, kinetic_energy};
 use crate::integrators::inputs::Inputs;
@@ -32,98 +32,98 @@ pub struct Snapshot {
 /// Poses of all bodies at configurations that come one after the other.
 #[derive(Clone, Debug)]
 pub struct BodyPoses<'a> {
-    plan: &'a LanePlan<f64>,
+    compiled: &'a LaneModel<f64>,
     kinematics: Kinematics<f64>,
     orientation: Vec<[f64; 4]>,
 }
 
 impl<'a> BodyPoses<'a> {
-    /// Room for a plan.
-    pub fn new(plan: &'a LanePlan<f64>) -> Self {
-        Self { plan, kinematics: Kinematics::new(plan), orientation: vec![[1.0, 0.0, 0.0, 0.0]; plan.nframe()] }
+    /// Room for a compiled model.
+    pub fn new(compiled: &'a LaneModel<f64>) -> Self {
+        Self { compiled, kinematics: Kinematics::new(compiled), orientation: vec![[1.0, 0.0, 0.0, 0.0]; compiled.nframe()] }
     }
 
     /// Position (m) and orientation of every body at the configuration `q`, with the mocap bodies at poses that the user gave.
     pub fn at(&mut self, q: &[f64], mocap: impl Iterator<Item = ([f64; 3], [f64; 4])>) -> impl Iterator<Item = ([f64; 3], [f64; 4])> {
-        let Self { plan, kinematics, orientation } = self;
-        for (m, (pos, quat)) in plan.mocap.iter().zip(mocap) {
+        let Self { compiled, kinematics, orientation } = self;
+        for (m, (pos, quat)) in compiled.mocap.iter().zip(mocap) {
             orientation[m.frame] = quat_normalize(quat);
             kinematics.pos[m.frame] = pos;
             kinematics.mat[m.frame] = quat_to_mat(orientation[m.frame]);
         }
-        kinematics.update(plan, q);
-        orientations(plan, q, orientation);
-        plan.bodies.iter().map(|b| (kinematics.point(b.frame, b.pos), quat_mul(orientation[b.frame], b.quat)))
+        kinematics.update(compiled, q);
+        orientations(compiled, q, orientation);
+        compiled.bodies.iter().map(|b| (kinematics.point(b.frame, b.pos), quat_mul(orientation[b.frame], b.quat)))
     }
 }
 
 impl Snapshot {
-    fn kinematics(&self, plan: &LanePlan<f64>) -> Kinematics<f64> {
-        let mut kinematics = Kinematics::new(plan);
-        for (m, &(pos, quat)) in plan.mocap.iter().zip(&self.mocap) {
+    fn kinematics(&self, compiled: &LaneModel<f64>) -> Kinematics<f64> {
+        let mut kinematics = Kinematics::new(compiled);
+        for (m, &(pos, quat)) in compiled.mocap.iter().zip(&self.mocap) {
             kinematics.pos[m.frame] = pos;
             kinematics.mat[m.frame] = quat_to_mat(quat_normalize(quat));
         }
-        kinematics.update(plan, &self.q);
+        kinematics.update(compiled, &self.q);
         kinematics
     }
 
     /// The mass matrix, row by row, (nv, nv), armature included.
-    pub fn mass_matrix(&self, plan: &LanePlan<f64>) -> Vec<f64> {
-        let mut mass = MassMatrix::new(plan);
-        mass.assemble(plan, &self.kinematics(plan), &mut vec![zero(); plan.links.len()]);
-        let mut full = vec![0.0; plan.nv * plan.nv];
-        for i in 0..plan.nv {
-            let dof = &plan.dofs[i];
-            for (&a, &m) in plan.chain_of(i).iter().zip(&mass.entries[dof.chain..]) {
-                full[i * plan.nv + a as usize] = m;
-                full[a as usize * plan.nv + i] = m;
+    pub fn mass_matrix(&self, compiled: &LaneModel<f64>) -> Vec<f64> {
+        let mut mass = MassMatrix::new(compiled);
+        mass.assemble(compiled, &self.kinematics(compiled), &mut vec![zero(); compiled.links.len()]);
+        let mut full = vec![0.0; compiled.nv * compiled.nv];
+        for i in 0..compiled.nv {
+            let dof = &compiled.dofs[i];
+            for (&a, &m) in compiled.chain_of(i).iter().zip(&mass.entries[dof.chain..]) {
+                full[i * compiled.nv + a as usize] = m;
+                full[a as usize * compiled.nv + i] = m;
             }
         }
-        for (tendon, inertia) in plan.tendons.iter().filter_map(|t| Some((t, t.spring.as_ref()?.0.inertia))) {
+        for (tendon, inertia) in compiled.tendons.iter().filter_map(|t| Some((t, t.spring.as_ref()?.0.inertia))) {
             for &(_, i, a) in &tendon.length.terms {
-                tendon.length.terms.iter().for_each(|&(_, j, b)| full[i * plan.nv + j] += inertia * a * b);
+                tendon.length.terms.iter().for_each(|&(_, j, b)| full[i * compiled.nv + j] += inertia * a * b);
             }
         }
         full
     }
 
     /// Coriolis, centrifugal and gravitational forces, (nv,).
-    pub fn bias_force(&self, plan: &LanePlan<f64>) -> Vec<f64> {
-        let mut out = vec![0.0; plan.nv];
-        bias_force(plan, &self.kinematics(plan), &self.v, &mut NewtonEuler::new(plan), &mut out);
+    pub fn bias_force(&self, compiled: &LaneModel<f64>) -> Vec<f64> {
+        let mut out = vec![0.0; compiled.nv];
+        bias_force(compiled, &self.kinematics(compiled), &self.v, &mut NewtonEuler::new(compiled), &mut out);
         out
     }
 
     /// Acceleration without constraints, (nv,).
-    pub fn smooth_acceleration(&self, plan: &LanePlan<f64>) -> Vec<f64> {
-        let kinematics = self.kinematics(plan);
-        let mut smooth = Smooth::new(plan);
-        smooth.factor_mass(plan, &kinematics, Implicit::none());
-        let mut applied = vec![0.0; plan.nv];
-        smooth.apply(plan, &kinematics, [&self.inputs.qfrc, &self.inputs.xfrc], &mut applied);
-        let mut drive = Drive::new(plan);
-        drive.transmit(plan, &kinematics, &self.v, 0.0);
-        actuate(plan, &At::state(&self.q, &self.v, &self.act, &self.inputs.ctrl, &self.inputs.trains), None, &mut drive);
-        for tendon in &plan.tendons {
+    pub fn smooth_acceleration(&self, compiled: &LaneModel<f64>) -> Vec<f64> {
+        let kinematics = self.kinematics(compiled);
+        let mut smooth = Smooth::new(compiled);
+        smooth.factor_mass(compiled, &kinematics, Implicit::none());
+        let mut applied = vec![0.0; compiled.nv];
+        smooth.apply(compiled, &kinematics, [&self.inputs.qfrc, &self.inputs.xfrc], &mut applied);
+        let mut drive = Drive::new(compiled);
+        drive.transmit(compiled, &kinematics, &self.v, 0.0);
+        actuate(compiled, &At::state(&self.q, &self.v, &self.act, &self.inputs.ctrl, &self.inputs.trains), None, &mut drive);
+        for tendon in &compiled.tendons {
             let Some((spring, _)) = &tendon.spring else { continue };
             let pull = spring.stiffness * self.stretch(tendon) + spring.damping * tendon.length.rate(&self.v);
             tendon.length.terms.iter().for_each(|&(_, dof, c)| drive.tau[dof] -= c * pull);
         }
-        smooth.acceleration(plan, &kinematics, [&drive.tau, &applied], &self.v, &self.v);
-        if plan.tendons.iter().any(|t| t.spring.as_ref().is_some_and(|(s, _)| s.inertia > 0.0)) {
-            self.with_tendon_inertia(plan, &mut smooth);
+        smooth.acceleration(compiled, &kinematics, [&drive.tau, &applied], &self.v, &self.v);
+        if compiled.tendons.iter().any(|t| t.spring.as_ref().is_some_and(|(s, _)| s.inertia > 0.0)) {
+            self.with_tendon_inertia(compiled, &mut smooth);
         }
         smooth.acc
     }
 
     /// The acceleration with the inertia of tendons, which the factors of the mass matrix leave to rows of the constraint problem.
-    fn with_tendon_inertia(&self, plan: &LanePlan<f64>, smooth: &mut Smooth<f64>) {
-        let full = DMatrix::from_row_slice(plan.nv, plan.nv, &self.mass_matrix(plan));
+    fn with_tendon_inertia(&self, compiled: &LaneModel<f64>, smooth: &mut Smooth<f64>) {
+        let full = DMatrix::from_row_slice(compiled.nv, compiled.nv, &self.mass_matrix(compiled));
         // What the joints' forces are, from the acceleration that they give without that inertia.
         let free = DVector::from_column_slice(&smooth.acc);
         let mut force = &full * &free;
-        for (tendon, inertia) in plan.tendons.iter().filter_map(|t| Some((t, t.spring.as_ref()?.0.inertia))) {
+        for (tendon, inertia) in compiled.tendons.iter().filter_map(|t| Some((t, t.spring.as_ref()?.0.inertia))) {
             let along = inertia * tendon.length.rate(free.as_slice());
             tendon.length.terms.iter().for_each(|&(_, dof, c)| force[dof] -= c * along);
         }
@@ -132,35 +132,35 @@ impl Snapshot {
     }
 
     /// How far a tendon is beyond the lengths between which its spring is slack; 0 without a spring.
-    fn stretch(&self, tendon: &TendonPlan<f64>) -> f64 {
+    fn stretch(&self, tendon: &CompiledTendon<f64>) -> f64 {
         let length = tendon.length.value(&self.q[..]);
         tendon.spring.as_ref().map_or(0.0, |(_, [low, high])| length - f64::min(f64::max(length, *low), *high))
     }
 
     /// Potential energy (gravity and springs of joints and tendons) and kinetic energy (armature included), J.
-    pub fn energy(&self, plan: &LanePlan<f64>) -> (f64, f64) {
-        let kinematics = self.kinematics(plan);
+    pub fn energy(&self, compiled: &LaneModel<f64>) -> (f64, f64) {
+        let kinematics = self.kinematics(compiled);
         let mut potential = 0.0;
-        for l in 0..plan.links.len() {
-            let Inertial { mass, com, .. } = plan.params.inertial(l);
-            potential -= mass * dot(plan.params.gravity(), kinematics.point(l + 1, com));
+        for l in 0..compiled.links.len() {
+            let Inertial { mass, com, .. } = compiled.params.inertial(l);
+            potential -= mass * dot(compiled.params.gravity(), kinematics.point(l + 1, com));
         }
-        for (j, joint) in plan.joints.iter().enumerate() {
-            potential += 0.5 * plan.params.spring(j) * self.stretch_squared(joint);
+        for (j, joint) in compiled.joints.iter().enumerate() {
+            potential += 0.5 * compiled.params.spring(j) * self.stretch_squared(joint);
         }
-        let mut rotors: f64 = self.v.iter().enumerate().map(|(d, v)| plan.params.dof(d).armature * v * v).sum();
-        for tendon in &plan.tendons {
+        let mut rotors: f64 = self.v.iter().enumerate().map(|(d, v)| compiled.params.dof(d).armature * v * v).sum();
+        for tendon in &compiled.tendons {
             let Some((spring, _)) = &tendon.spring else { continue };
             potential += 0.5 * spring.stiffness * self.stretch(tendon).square();
             rotors += spring.inertia * tendon.length.rate(&self.v).square();
         }
-        let mut velocities = vec![zero(); plan.links.len()];
-        kinematics.velocities(plan, &self.v, &mut velocities);
+        let mut velocities = vec![zero(); compiled.links.len()];
+        kinematics.velocities(compiled, &self.v, &mut velocities);
         (potential, kinetic_energy(&kinematics, &velocities) + 0.5 * rotors)
     }
 
     /// Square of a joint's distance from the rest of its spring.
-    fn stretch_squared(&self, joint: &crate::compile::JointPlan<f64>) -> f64 {
+    fn stretch_squared(&self, joint: &crate::compile::CompiledJoint<f64>) -> f64 {
         let (mut at, mut i, mut sum) = (joint.q, 0, 0.0);
         if joint.kind != JointKind::Ball {
             let scalars = if joint.kind == JointKind::Free { 3 } else { 1 };
@@ -177,11 +177,11 @@ impl Snapshot {
     }
 
     /// Linear momentum, and angular momentum about the common centre of mass, of everything that moves; rotors are massless here.
-    pub fn momentum(&self, plan: &LanePlan<f64>) -> ([f64; 3], [f64; 3]) {
-        let kinematics = self.kinematics(plan);
-        let mut velocities = vec![zero(); plan.links.len()];
-        kinematics.velocities(plan, &self.v, &mut velocities);
-        let inertials = (0..plan.links.len()).map(|l| plan.params.inertial(l));
+    pub fn momentum(&self, compiled: &LaneModel<f64>) -> ([f64; 3], [f64; 3]) {
+        let kinematics = self.kinematics(compiled);
+        let mut velocities = vec![zero(); compiled.links.len()];
+        kinematics.velocities(compiled, &self.v, &mut velocities);
+        let inertials = (0..compiled.links.len()).map(|l| compiled.params.inertial(l));
         let mass: f64 = inertials.clone().map(|link| link.mass).sum();
         if mass == 0.0 {
             return ([0.0; 3], [0.0; 3]);
@@ -189,7 +189,7 @@ impl Snapshot {
         let coms = inertials.enumerate().map(|(l, link)| scale(kinematics.point(l + 1, link.com), link.mass));
         let centre = scale(coms.fold([0.0; 3], add), 1.0 / mass);
         let (mut linear_sum, mut angular_sum) = ([0.0; 3], [0.0; 3]);
-        for (l, link) in plan.links.iter().enumerate() {
+        for (l, link) in compiled.links.iter().enumerate() {
             let h = apply_inertia(&kinematics.inertia[l], &velocities[l]);
             let p = linear(&h);
             linear_sum = add(linear_sum, p);

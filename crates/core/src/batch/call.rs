@@ -4,9 +4,9 @@ use std::ops::Range;
 
 use stepper_real::Scalar;
 
-use crate::actuation::Chains;
+use crate::actuation::ActuatorPipelines;
 use crate::batch::randomization::Own;
-use crate::compile::Plan;
+use crate::compile::CompiledModel;
 use crate::options::StepSettings;
 use crate::sensing::errors::Errors;
 
@@ -14,7 +14,7 @@ use crate::sensing::errors::Errors;
 #[derive(Clone, Copy, Debug)]
 pub struct Call<'a, S: Scalar> {
     /// The compiled model.
-    pub plan: &'a Plan<S>,
+    pub compiled: &'a CompiledModel<S>,
     /// Settings.
     pub options: &'a StepSettings,
     /// Number of environments.
@@ -38,7 +38,7 @@ pub struct Call<'a, S: Scalar> {
     /// Parameters that environments have of their own.
     pub own: &'a Own<S>,
     /// Drive trains of the actuators.
-    pub chains: Option<&'a Chains<S>>,
+    pub chains: Option<&'a ActuatorPipelines<S>>,
 }
 
 impl<S: Scalar> Call<'_, S> {

@@ -8,14 +8,14 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use stepper_real::{Level, Scalar};
 
 use crate::actuation::affine_force::Train;
-use crate::actuation::{Chains, DriveTrain, memory};
+use crate::actuation::{ActuatorPipelines, DriveTrain, memory};
 use crate::batch::call::{Call, Part};
 use crate::batch::randomization::{Differences, Own};
 use crate::batch::rollout::{Recording, Share};
 use crate::batch::state::{Group, StoredContact};
 use crate::batch::worker::{Place, Query, Site, Stepped, Worker};
 use crate::collision::contact_set::ContactId;
-use crate::compile::Plan;
+use crate::compile::CompiledModel;
 use crate::math::lanes::DelayLine;
 use crate::model::Model;
 use crate::options::{Solver, Stabilization, StepSettings};
@@ -138,7 +138,7 @@ pub trait Engine: Send + Sync {
 
 /// Environments in one scalar type.
 pub struct Batch<S: Stepped> {
-    plan: Plan<S>,
+    compiled: CompiledModel<S>,
     groups: Vec<Group<S>>,
     lanes: usize,
     num_envs: usize,
@@ -147,8 +147,8 @@ pub struct Batch<S: Stepped> {
     threads: usize,
     errors: Option<Errors<S>>,
     own: Own<S>,
-    chains: Option<Chains<S>>,
-    crew: Crew<S>,
+    chains: Option<ActuatorPipelines<S>>,
+    crew: WorkerPool<S>,
 }
 
 /// Time between two looks at the watch of a long call, s: short beside the patience of somebody who wants it to end, long beside what sending the
@@ -158,28 +158,28 @@ const PART: f64 = 0.05;
 const LEAST_COST: f64 = 5e-8;
 
 /// Workers and the pool that runs them, made at the first step and again after a fork.
-struct Crew<S> {
+struct WorkerPool<S> {
     idle: Mutex<Vec<Box<dyn Worker<S>>>>,
     pool: Option<(u32, rayon::ThreadPool)>,
 }
 
 /// A compiled model, and the contacts that an environment has room for.
 pub struct Compiled<S: Scalar> {
-    plan: Plan<S>,
+    compiled: CompiledModel<S>,
     max_contacts: usize,
 }
 
 impl<S: Stepped> Compiled<S> {
     /// For settings on a CPU level.
     pub fn new(model: &Model, options: &StepSettings, level: Level) -> Self {
-        let plan = Plan::new(model);
-        let max_contacts = room_for_contacts(model, &plan, options, level);
-        Self { plan, max_contacts }
+        let compiled = CompiledModel::new(model);
+        let max_contacts = room_for_contacts(model, &compiled, options, level);
+        Self { compiled, max_contacts }
     }
 
     /// Memory of the state of one environment among many, bytes.
     pub fn bytes_per_env(&self) -> usize {
-        let group = Group::new(&self.plan, &vec![S::default(); self.plan.nq], S::LANES, 0, 0, self.max_contacts);
+        let group = Group::new(&self.compiled, &vec![S::default(); self.compiled.nq], S::LANES, 0, 0, self.max_contacts);
         group.bytes().div_ceil(S::LANES)
     }
 }
@@ -190,35 +190,41 @@ impl<S: Stepped> Compiled<S> {
 /// A link of a robot has four. A loose body has what a heap of its like brings it: half of the twelve balls that fit around a ball, or of the
 /// six faces of a box in a wall with four points each. Mechanisms whose parts lie on one another (a puzzle, a gripper of many meshes) have more all the
 /// time, and have them in their reset state or a keyframe.
-fn room_for_contacts<S: Stepped>(model: &Model, plan: &Plan<S>, options: &StepSettings, level: Level) -> usize {
+fn room_for_contacts<S: Stepped>(model: &Model, compiled: &CompiledModel<S>, options: &StepSettings, level: Level) -> usize {
     if let Some(n) = options.max_contacts {
-        return (n as usize).min(plan.contact_points);
+        return (n as usize).min(compiled.contact_points);
     }
-    let mut links_of_tree = vec![0; plan.ntree];
-    plan.links.iter().for_each(|l| links_of_tree[l.tree] += 1);
-    let mut is_ball = vec![true; plan.nframe()];
-    let long = |g: &usize| plan.params.lever(*g) != S::ZERO;
-    (0..plan.geoms.len()).filter(long).for_each(|g| is_ball[plan.geoms[g].frame] = false);
-    let room = plan.links.iter().enumerate().map(|(l, link)| match is_ball[l + 1] {
+    let mut links_of_tree = vec![0; compiled.ntree];
+    compiled.links.iter().for_each(|l| links_of_tree[l.tree] += 1);
+    let mut is_ball = vec![true; compiled.nframe()];
+    let long = |g: &usize| compiled.params.lever(*g) != S::ZERO;
+    (0..compiled.geoms.len()).filter(long).for_each(|g| is_ball[compiled.geoms[g].frame] = false);
+    let room = compiled.links.iter().enumerate().map(|(l, link)| match is_ball[l + 1] {
         _ if links_of_tree[link.tree] > 1 => 4,
         true => 6,
         false => 12,
     });
     let room = 16 + room.sum::<usize>();
-    if plan.contact_points <= room {
-        return plan.contact_points;
+    if compiled.contact_points <= room {
+        return compiled.contact_points;
     }
-    room.max(2 * contacts_at_start(model, plan, options, room, level)).min(plan.contact_points)
+    room.max(2 * contacts_at_start(model, compiled, options, room, level)).min(compiled.contact_points)
 }
 
 /// The most contacts that a step finds from the reset state or a keyframe; there may be more than `room`.
-fn contacts_at_start<S: Stepped>(model: &Model, plan: &Plan<S>, options: &StepSettings, mut room: usize, level: Level) -> usize {
+fn contacts_at_start<S: Stepped>(
+    model: &Model,
+    compiled: &CompiledModel<S>,
+    options: &StepSettings,
+    mut room: usize,
+    level: Level,
+) -> usize {
     let options = StepSettings { solver: Solver::Pgs, iterations: 1, stabilization: Stabilization::None, ..*options };
     let lanes = S::SINGLE;
-    let make = |room: usize| S::worker(&Site { plan, options: &options, max_contacts: room }, lanes, level);
+    let make = |room: usize| S::worker(&Site { compiled, options: &options, max_contacts: room }, lanes, level);
     let own = Own::default();
     let call = Call {
-        plan,
+        compiled,
         options: &options,
         num_envs: 1,
         calls: 1,
@@ -232,33 +238,33 @@ fn contacts_at_start<S: Stepped>(model: &Model, plan: &Plan<S>, options: &StepSe
         chains: None,
         own: &own,
     };
-    let still = vec![0.0; plan.nv];
+    let still = vec![0.0; compiled.nv];
     let keyframes = model.keyframes.iter().map(|k| [&k.qpos, &k.qvel]);
     let mut worker = make(room);
     let mut most = 0;
     for [q, v] in std::iter::once([&model.qpos0, &still]).chain(keyframes) {
         let q: Vec<S> = q.iter().map(|&x| S::from_f64(x)).collect();
         loop {
-            let mut group = Group::new(plan, &q, lanes, 1, 0, room);
+            let mut group = Group::new(compiled, &q, lanes, 1, 0, room);
             group.v.iter_mut().step_by(lanes).zip(v).for_each(|(to, &x)| *to = S::from_f64(x));
             worker.forget();
             worker.run(&call, &mut group, Place { first: 0, share_first: 0, share: None });
             most = most.max(group.contact_count[0] as usize);
-            if group.status[0] & Status::CONTACTS_FULL.bits() == 0 || room == plan.contact_points {
+            if group.status[0] & Status::CONTACTS_FULL.bits() == 0 || room == compiled.contact_points {
                 break;
             }
-            room = (2 * room).min(plan.contact_points);
+            room = (2 * room).min(compiled.contact_points);
             worker = make(room);
         }
     }
     most
 }
 
-fn groups<S: Stepped>(model: &Model, plan: &Plan<S>, num_envs: usize, lanes: usize, max_contacts: usize) -> Vec<Group<S>> {
+fn groups<S: Stepped>(model: &Model, compiled: &CompiledModel<S>, num_envs: usize, lanes: usize, max_contacts: usize) -> Vec<Group<S>> {
     let qpos0: Vec<S> = model.qpos0.iter().map(|&x| S::from_f64(x)).collect();
     let group = |g: usize| {
         let used = (num_envs - g * lanes).min(lanes);
-        Group::new(plan, &qpos0, lanes, ((1u64 << used) - 1) as u32, g * lanes, max_contacts)
+        Group::new(compiled, &qpos0, lanes, ((1u64 << used) - 1) as u32, g * lanes, max_contacts)
     };
     (0..num_envs.div_ceil(lanes)).map(group).collect()
 }
@@ -266,14 +272,14 @@ fn groups<S: Stepped>(model: &Model, plan: &Plan<S>, num_envs: usize, lanes: usi
 impl<S: Stepped> Batch<S> {
     /// `num_envs` environments at the model's reset state. `threads` 0 means all that this process may use.
     pub fn new(model: &Model, compiled: Compiled<S>, num_envs: usize, single: bool, threads: usize, level: Level) -> Self {
-        let Compiled { plan, max_contacts } = compiled;
+        let Compiled { compiled, max_contacts } = compiled;
         let threads = if threads == 0 { std::thread::available_parallelism().map_or(1, usize::from) } else { threads };
-        let lanes = if single { S::SINGLE } else { S::lanes(&plan, num_envs, threads, level) };
-        let groups = groups(model, &plan, num_envs, lanes, max_contacts);
+        let lanes = if single { S::SINGLE } else { S::lanes(&compiled, num_envs, threads, level) };
+        let groups = groups(model, &compiled, num_envs, lanes, max_contacts);
         // More than groups would have nothing to do.
         let threads = threads.min(groups.len());
-        let crew = Crew { idle: Mutex::new(Vec::new()), pool: None };
-        Self { plan, groups, lanes, num_envs, max_contacts, level, threads, errors: None, chains: None, own: Own::default(), crew }
+        let crew = WorkerPool { idle: Mutex::new(Vec::new()), pool: None };
+        Self { compiled, groups, lanes, num_envs, max_contacts, level, threads, errors: None, chains: None, own: Own::default(), crew }
     }
 
     fn hire(&self, options: &StepSettings) -> Box<dyn Worker<S>> {
@@ -282,7 +288,7 @@ impl<S: Stepped> Batch<S> {
     }
 
     fn make_worker(&self, options: &StepSettings) -> Box<dyn Worker<S>> {
-        S::worker(&Site { plan: &self.plan, options, max_contacts: self.max_contacts }, self.lanes, self.level)
+        S::worker(&Site { compiled: &self.compiled, options, max_contacts: self.max_contacts }, self.lanes, self.level)
     }
 
     fn release(&self, worker: Box<dyn Worker<S>>) {
@@ -314,7 +320,21 @@ impl<S: Stepped> Batch<S> {
         let StepInputs { ctrl, qfrc, xfrc, .. } = *inputs;
         let mocap = [inputs.mocap_pos, inputs.mocap_quat];
         let (errors, chains, own) = (self.errors.as_ref(), self.chains.as_ref(), &self.own);
-        Call { plan: &self.plan, options, num_envs: self.num_envs, calls, nstep, part, ctrl, qfrc, xfrc, mocap, errors, chains, own }
+        Call {
+            compiled: &self.compiled,
+            options,
+            num_envs: self.num_envs,
+            calls,
+            nstep,
+            part,
+            ctrl,
+            qfrc,
+            xfrc,
+            mocap,
+            errors,
+            chains,
+            own,
+        }
     }
 
     fn threaded(&self) -> bool {
@@ -351,7 +371,7 @@ impl<S: Stepped> Batch<S> {
 
     /// Steps of the first part of a long call.
     fn first_part(&self) -> usize {
-        ((PART / LEAST_COST) as usize / (self.num_envs * self.plan.nv.max(1))).max(1)
+        ((PART / LEAST_COST) as usize / (self.num_envs * self.compiled.nv.max(1))).max(1)
     }
 
     #[inline(never)]
@@ -371,13 +391,13 @@ impl<S: Stepped> Batch<S> {
             if part.ends {
                 return total;
             }
-            if !self.plan.mocap.is_empty() {
+            if !self.compiled.mocap.is_empty() {
                 // The sums that the workers made.
                 (0..steps).for_each(|_| part.elapsed += options.timestep);
             }
             part.from = part.to;
             if !watch() {
-                if !self.plan.mocap.is_empty() {
+                if !self.compiled.mocap.is_empty() {
                     part.ends = true;
                     self.drive_part(options, inputs, calls, part, &mut []);
                 }
@@ -491,7 +511,7 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
     }
 
     fn sense(&mut self, options: &StepSettings, inputs: &StepInputs<'_>, truth: bool, out: &mut [f64]) -> Result<(), String> {
-        let width = self.plan.sensing.width;
+        let width = self.compiled.sensing.width;
         if width == 0 {
             return Ok(());
         }
@@ -513,9 +533,9 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
 
     fn equip(&mut self, model: &Model, options: &StepSettings, transfers: &[Option<Transfer>]) -> Result<(), String> {
         let errors = Errors::new(model, transfers, self.num_envs, self.lanes, options.timestep)?;
-        self.crew = Crew { idle: Mutex::new(Vec::new()), pool: None };
+        self.crew = WorkerPool { idle: Mutex::new(Vec::new()), pool: None };
         for group in &mut self.groups {
-            group.sensing.with_errors(errors.memory, errors.lines, if errors.is_empty() { 0 } else { self.plan.sensing.width });
+            group.sensing.with_errors(errors.memory, errors.lines, if errors.is_empty() { 0 } else { self.compiled.sensing.width });
             group.sensing.waiting = group.alive;
         }
         self.errors = (!errors.is_empty()).then_some(errors);
@@ -524,7 +544,7 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
 
     fn randomize(&mut self, envs: &[usize], differences: Option<&[Differences]>) {
         if let Some(differences) = differences {
-            self.own.assign(&self.plan.params, self.groups.len(), self.lanes, envs, differences);
+            self.own.assign(&self.compiled.params, self.groups.len(), self.lanes, envs, differences);
         } else {
             // Workers still have what they read last.
             (self.own, self.crew.idle) = (Own::default(), Mutex::default());
@@ -532,14 +552,14 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
     }
 
     fn parameter_bytes(&self) -> usize {
-        self.own.bytes() + self.chains.as_ref().map_or(0, Chains::bytes)
+        self.own.bytes() + self.chains.as_ref().map_or(0, ActuatorPipelines::bytes)
     }
 
     fn couple(&mut self, model: &Model, options: &StepSettings, trains: &[Option<DriveTrain>]) {
-        self.plan = Plan::with_trains(model, trains);
-        self.crew = Crew { idle: Mutex::new(Vec::new()), pool: None };
-        self.groups = groups(model, &self.plan, self.num_envs, self.lanes, self.max_contacts);
-        let chains = Chains::new(trains, self.num_envs, self.lanes, options.timestep);
+        self.compiled = CompiledModel::with_trains(model, trains);
+        self.crew = WorkerPool { idle: Mutex::new(Vec::new()), pool: None };
+        self.groups = groups(model, &self.compiled, self.num_envs, self.lanes, self.max_contacts);
+        let chains = ActuatorPipelines::new(trains, self.num_envs, self.lanes, options.timestep);
         if !chains.is_empty() {
             for group in &mut self.groups {
                 let nu = model.nu();
@@ -559,7 +579,7 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
         let chains = self.chains.as_ref()?;
         let (group, lane) = self.at(env);
         let applied = group.actuation.applied.iter().skip(lane).step_by(self.lanes).map(|x| x.to_f64()).collect();
-        Some((applied, chains.read(&self.plan, env / self.lanes, lane)))
+        Some((applied, chains.read(&self.compiled, env / self.lanes, lane)))
     }
 
     fn set_stream(&mut self, env: usize, stream: u32) {
@@ -660,7 +680,9 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
 
     fn contacts(&self, env: usize) -> Vec<([usize; 2], StoredContact)> {
         let (group, lane) = self.at(env);
-        let geoms = |c: StoredContact| self.plan.pair_geoms(c.id.pair()).expect("made from this plan").map(|g| self.plan.geoms[g].index);
+        let geoms = |c: StoredContact| {
+            self.compiled.pair_geoms(c.id.pair()).expect("made from this compiled").map(|g| self.compiled.geoms[g].index)
+        };
         group.contacts(lane).map(|c| (geoms(c), c)).collect()
     }
 
@@ -722,7 +744,7 @@ impl<S: Stepped> Batch<S> {
             let (group, lane) = self.at(part * n);
             saved.fits(&group.part(lane, n))
         };
-        let nu = self.plan.actuators.len();
+        let nu = self.compiled.actuators.len();
         let whole = saved.groups.len() == saved.num_envs.div_ceil(n) && saved.ctrl.len() == saved.num_envs * nu;
         if !whole || !saved.groups.iter().enumerate().all(fits) {
             return Err("a state with other sensors or actuators, or another max_contacts".into());
@@ -733,7 +755,7 @@ impl<S: Stepped> Batch<S> {
             return Err("a number of qpos, qvel, act or time is not finite: the bytes are damaged".into());
         }
         let contacts_exist = |g: &Group<S>| {
-            let known = |&id: &u64| id == 0 || self.plan.pair_geoms(ContactId(id).pair()).is_some();
+            let known = |&id: &u64| id == 0 || self.compiled.pair_geoms(ContactId(id).pair()).is_some();
             g.contact_count.iter().all(|&n| n as usize <= self.max_contacts) && g.contact_ids.iter().all(known)
         };
         if !saved.groups.iter().all(contacts_exist) {
@@ -753,7 +775,7 @@ impl<S: Stepped> Batch<S> {
     /// Delay lines of the sensors and of the actuators.
     fn delay_lines(&self) -> [Vec<DelayLine>; 2] {
         let sensors = self.errors.iter().flat_map(Errors::delay_lines).collect();
-        [sensors, self.chains.iter().flat_map(Chains::delay_lines).collect()]
+        [sensors, self.chains.iter().flat_map(ActuatorPipelines::delay_lines).collect()]
     }
 
     /// Takes over environments one by one. Delay lines turn to where those of this batch are, and what comes from one environment for all draws

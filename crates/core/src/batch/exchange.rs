@@ -4,11 +4,11 @@ use stepper_real::{Mask, Real, Scalar};
 
 use crate::batch::call::Call;
 use crate::batch::state::Group;
-use crate::dynamics::mocap::Way;
-use crate::integrators::workspace::Scratch;
+use crate::dynamics::mocap::MocapTrajectory;
+use crate::integrators::workspace::Workspace;
 use crate::math::spatial::*;
 
-pub(super) fn store<R: Real>(group: &mut Group<R::Scalar>, s: &Scratch<R>) {
+pub(super) fn store<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R>) {
     R::vectorize(
         #[inline(always)]
         || {
@@ -27,7 +27,7 @@ pub(super) fn store<R: Real>(group: &mut Group<R::Scalar>, s: &Scratch<R>) {
 }
 
 /// Keeps where the mocap bodies have got to: the end of their ways, if all steps of the call were made.
-pub(super) fn keep_ways<R: Real>(call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, s: &Scratch<R>) {
+pub(super) fn keep_ways<R: Real>(call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, s: &Workspace<R>) {
     if s.ways.is_empty() {
         return;
     }
@@ -42,7 +42,7 @@ pub(super) fn keep_ways<R: Real>(call: &Call<'_, R::Scalar>, group: &mut Group<R
     )
 }
 
-pub(super) fn load<R: Real>(group: &Group<R::Scalar>, s: &mut Scratch<R>) {
+pub(super) fn load<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>) {
     s.alive = R::Mask::from_bits(group.alive);
     R::vectorize(
         #[inline(always)]
@@ -62,33 +62,35 @@ pub(super) fn load<R: Real>(group: &Group<R::Scalar>, s: &mut Scratch<R>) {
 }
 
 /// Takes up what the user says for the whole call.
-pub(super) fn take_up<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, s: &mut Scratch<R>) {
+pub(super) fn take_up<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, s: &mut Workspace<R>) {
     if let Some(chains) = call.chains {
-        chains.load(call.plan, first / R::LANES, &mut s.inputs.trains);
+        chains.load(call.compiled, first / R::LANES, &mut s.inputs.trains);
     }
     let used = (call.num_envs - first).min(R::LANES);
-    for (rows, n, out) in [(call.qfrc, call.plan.nv, &mut s.inputs.qfrc), (call.xfrc, 6 * call.plan.bodies.len(), &mut s.inputs.xfrc)] {
+    for (rows, n, out) in
+        [(call.qfrc, call.compiled.nv, &mut s.inputs.qfrc), (call.xfrc, 6 * call.compiled.bodies.len(), &mut s.inputs.xfrc)]
+    {
         out.clear();
         if !rows.is_empty() {
             out.resize(n, R::zero());
             gather(rows, n, first, used, out);
         }
     }
-    if !call.plan.mocap.is_empty() {
+    if !call.compiled.mocap.is_empty() {
         find_ways(call, group, first, used, s);
     }
 }
 
 /// The ways of the mocap bodies during the call.
-fn find_ways<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, used: usize, s: &mut Scratch<R>) {
+fn find_ways<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, used: usize, s: &mut Workspace<R>) {
     R::vectorize(
         #[inline(always)]
         || {
             let seconds = R::of(call.steps().max(1) as f64 * call.options.timestep);
             let given = !call.mocap[0].is_empty();
             s.elapsed = call.part.elapsed;
-            for (k, m) in call.plan.mocap.iter().enumerate() {
-                let n = call.plan.mocap.len();
+            for (k, m) in call.compiled.mocap.iter().enumerate() {
+                let n = call.compiled.mocap.len();
                 let (mut pos, mut quat): (V3<R>, [R; 4]) = (splat(m.pos), splat(m.quat));
                 for l in 0..if given { used } else { 0 } {
                     let at = (first + l) * n + k;
@@ -96,18 +98,18 @@ fn find_ways<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, firs
                     (0..4).for_each(|i| quat[i].set_lane(l, Scalar::from_f64(call.mocap[1][4 * at + i])));
                 }
                 let last = std::array::from_fn(|i| R::load(&group.mocap[(7 * k + i) * R::LANES..]));
-                s.ways[k] = Way::new(last, pos, quat, seconds);
+                s.ways[k] = MocapTrajectory::new(last, pos, quat, seconds);
             }
         },
     )
 }
 
 /// Takes up control number `control` of the call.
-pub(super) fn take_up_control<R: Real>(call: &Call<'_, R::Scalar>, control: usize, first: usize, s: &mut Scratch<R>) {
+pub(super) fn take_up_control<R: Real>(call: &Call<'_, R::Scalar>, control: usize, first: usize, s: &mut Workspace<R>) {
     let row = call.ctrl.len() / call.calls;
     let used = (call.num_envs - first).min(R::LANES);
     let out = if call.chains.is_some() { &mut s.given } else { &mut s.inputs.ctrl };
-    gather(&call.ctrl[control * row..(control + 1) * row], call.plan.actuators.len(), first, used, out);
+    gather(&call.ctrl[control * row..(control + 1) * row], call.compiled.actuators.len(), first, used, out);
 }
 
 /// Rows `first..first + used` of an array with `n` columns, one per lane; a single row is everybody's, an empty array is zero.

@@ -1,28 +1,28 @@
 //! Theta, environment by environment: parameters that environments have of their own.
 //!
-//! It is kept twice: as the fields that the user gave ([`Theta`]), of which variants of the model are made; and as those numbers of the plan
+//! It is kept twice: as the fields that the user gave ([`ImplicitWeights`]), of which variants of the model are made; and as those numbers of the compiled model
 //! that came out other than the model's ([`Own`]), which is what a step reads.
 
 use std::collections::BTreeMap;
 
 use stepper_real::Scalar;
 
-use crate::compile::{Params, Plan};
+use crate::compile::{CompiledModel, Params};
 use crate::model::{Model, ModelError, Variants};
 
-/// Numbers of a plan, by their place in its parameters, that one environment has other than the model.
+/// Numbers of a compiled model, by their place in its parameters, that one environment has other than the model.
 pub type Differences = Vec<(u32, f64)>;
 
 /// Fields of the model that environments have of their own, by name, (num_envs, numbers of the field) each.
 #[derive(Clone, Debug, Default)]
-pub struct Theta {
+pub struct ImplicitWeights {
     fields: BTreeMap<&'static str, Vec<f64>>,
 }
 
 /// One field for some environments: its name, and rows for all environments, of which theirs are read; `None` for the model's own numbers.
 pub type Assignment<'a> = (&'static str, Option<&'a [f64]>);
 
-impl Theta {
+impl ImplicitWeights {
     /// The fields, (num_envs, numbers of the field) each.
     pub fn fields(&self) -> impl Iterator<Item = (&'static str, &[f64])> {
         self.fields.iter().map(|(&name, values)| (name, &values[..]))
@@ -52,7 +52,7 @@ impl Theta {
     pub fn differences(
         &self,
         model: &Model,
-        plan: &Plan<f64>,
+        compiled: &CompiledModel<f64>,
         driven: Option<&dyn Fn(&Model) -> Model>,
         assigned: &[Assignment<'_>],
         envs: &[usize],
@@ -64,8 +64,8 @@ impl Theta {
         let differences = |&env: &usize| {
             let values = rows.values().zip(&shared).map(|(rows, shared)| rows.map_or(&shared[..], |all| row(all, env, shared.len())));
             let variant = variants.with(values).map_err(|e| e.of(&format!("environment {env}")))?;
-            let numbers = driven.map_or_else(|| plan.params_of(variant), |driven| plan.params_of(&driven(variant)));
-            Ok(differ(&numbers, &plan.params))
+            let numbers = driven.map_or_else(|| compiled.params_of(variant), |driven| compiled.params_of(&driven(variant)));
+            Ok(differ(&numbers, &compiled.params))
         };
         envs.iter().map(differences).collect()
     }
@@ -101,7 +101,7 @@ fn differ(own: &Params<f64>, shared: &Params<f64>) -> Differences {
     both.filter(|(_, (own, shared))| own.to_bits() != shared.to_bits()).map(|(place, (&own, _))| (place, own)).collect()
 }
 
-/// Numbers of the plan that environments have of their own: which, and for every group of lanes what they are.
+/// Numbers of the compiled model that environments have of their own: which, and for every group of lanes what they are.
 #[derive(Clone, Debug, Default)]
 pub struct Own<S> {
     /// Places in [`Params`], ascending; the same in all groups.

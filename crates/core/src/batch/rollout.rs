@@ -4,7 +4,7 @@
 
 use stepper_real::{Mask, Real, Scalar};
 
-use crate::integrators::workspace::Scratch;
+use crate::integrators::workspace::Workspace;
 use crate::math::precision::Precision;
 
 /// What can be written down after a control.
@@ -138,7 +138,7 @@ impl<S: Scalar> Share<'_, S> {
     }
 
     /// Writes down the lanes of a group whose first environment is number `first` of the share, after control number `call`.
-    pub fn write<R: Real<Scalar = S>>(&mut self, call: usize, first: usize, s: &Scratch<R>, readings: &[R], status: &[u32], residual: R) {
+    pub fn write<R: Real<Scalar = S>>(&mut self, call: usize, first: usize, s: &Workspace<R>, readings: &[R], status: &[u32], residual: R) {
         let used = s.alive.bits().count_ones() as usize;
         self.status[call][first..first + used].copy_from_slice(&status[..used]);
         for (l, out) in self.residual[call][first..first + used].iter_mut().enumerate() {

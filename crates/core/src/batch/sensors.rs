@@ -7,9 +7,9 @@ use crate::batch::call::Call;
 use crate::batch::exchange::{load, take_up};
 use crate::batch::state::Group;
 use crate::collision::contact_set::Contacts;
-use crate::compile::{LanePlan, Plan};
+use crate::compile::{CompiledModel, LaneModel};
 use crate::dynamics::mocap;
-use crate::integrators::workspace::Scratch;
+use crate::integrators::workspace::Workspace;
 use crate::math::spatial::*;
 use crate::sensing::errors::{Errors, Slots, Work};
 use crate::sensing::{Moment, Room};
@@ -27,11 +27,11 @@ pub(super) struct Senses<R: Real> {
 }
 
 impl<R: Real> Senses<R> {
-    pub(super) fn new(plan: &Plan<R::Scalar>, max_contacts: usize) -> Self {
-        let n = if plan.sensing.needs.acceleration { plan.nv } else { 0 };
+    pub(super) fn new(compiled: &CompiledModel<R::Scalar>, max_contacts: usize) -> Self {
+        let n = if compiled.sensing.needs.acceleration { compiled.nv } else { 0 };
         Self {
-            room: Room::new(plan, max_contacts),
-            drive: Drive::new(plan),
+            room: Room::new(compiled, max_contacts),
+            drive: Drive::new(compiled),
             work: None,
             v_before: vec![R::zero(); n],
             acceleration: vec![R::zero(); n],
@@ -39,14 +39,14 @@ impl<R: Real> Senses<R> {
     }
 
     /// Keeps what a step will change.
-    pub(super) fn before_step(&mut self, s: &Scratch<R>) {
+    pub(super) fn before_step(&mut self, s: &Workspace<R>) {
         if !self.v_before.is_empty() {
             self.v_before.copy_from_slice(&s.v);
         }
     }
 
     /// (v+ - v) / h in the lanes `lanes`.
-    fn accelerate(&mut self, s: &Scratch<R>, h: f64, lanes: R::Mask) {
+    fn accelerate(&mut self, s: &Workspace<R>, h: f64, lanes: R::Mask) {
         if self.acceleration.is_empty() {
             return;
         }
@@ -65,38 +65,38 @@ impl<R: Real> Senses<R> {
     pub(super) fn after_step(
         &mut self,
         call: &Call<'_, R::Scalar>,
-        plan: &LanePlan<R>,
+        compiled: &LaneModel<R>,
         group: &mut Group<R::Scalar>,
         first: usize,
-        s: &mut Scratch<R>,
+        s: &mut Workspace<R>,
     ) {
         self.accelerate(s, call.options.timestep, R::Mask::splat(true));
         for l in 0..R::LANES {
             group.sensing.step[l] = group.sensing.step[l].wrapping_add(1);
         }
         if let Some(errors) = call.errors {
-            self.sense(call, plan, group, s);
+            self.sense(call, compiled, group, s);
             self.observe(errors, call, group, first, s.alive, false);
         }
     }
 
     /// True readings of the state in `s`, left in the room.
-    fn sense(&mut self, call: &Call<'_, R::Scalar>, plan: &LanePlan<R>, group: &Group<R::Scalar>, s: &mut Scratch<R>) {
+    fn sense(&mut self, call: &Call<'_, R::Scalar>, compiled: &LaneModel<R>, group: &Group<R::Scalar>, s: &mut Workspace<R>) {
         let elapsed = R::of(s.elapsed);
-        mocap::place(plan, &s.ways, elapsed, &mut s.kinematics);
-        if plan.sensing.needs.actuators {
-            if plan.wrench_arms[1] > 0 {
-                s.kinematics.update(plan, &s.q);
-                self.drive.transmit(plan, &s.kinematics, &s.v, R::zero());
+        mocap::place(compiled, &s.ways, elapsed, &mut s.kinematics);
+        if compiled.sensing.needs.actuators {
+            if compiled.wrench_arms[1] > 0 {
+                s.kinematics.update(compiled, &s.q);
+                self.drive.transmit(compiled, &s.kinematics, &s.v, R::zero());
             }
-            actuate(plan, &At::state(&s.q, &s.v, &s.act, &s.inputs.ctrl, &s.inputs.trains), None, &mut self.drive);
-            if plan.lossy {
-                self.drive.lose(plan, &s.inputs.trains, false);
-                self.drive.subtract_losses(plan, &s.inputs.trains, &s.constraints.scalar_impulse, R::of(call.options.timestep));
+            actuate(compiled, &At::state(&s.q, &s.v, &s.act, &s.inputs.ctrl, &s.inputs.trains), None, &mut self.drive);
+            if compiled.lossy {
+                self.drive.lose(compiled, &s.inputs.trains, false);
+                self.drive.subtract_losses(compiled, &s.inputs.trains, &s.constraints.scalar_impulse, R::of(call.options.timestep));
             }
         }
         if !self.room.orientation.is_empty() {
-            for (m, way) in plan.mocap.iter().zip(&s.ways) {
+            for (m, way) in compiled.mocap.iter().zip(&s.ways) {
                 self.room.orientation[m.frame] = R::vectorize(
                     #[inline(always)]
                     || way.quat_at(elapsed),
@@ -112,11 +112,11 @@ impl<R: Real> Senses<R> {
             h: R::of(call.options.timestep),
             acceleration: &self.acceleration,
             drive: &self.drive,
-            xfrc: if plan.sensing.needs.wrenches { &s.inputs.xfrc } else { &[] },
+            xfrc: if compiled.sensing.needs.wrenches { &s.inputs.xfrc } else { &[] },
             scalar_impulse: &s.constraints.scalar_impulse,
             contacts: &s.contacts,
         };
-        sense(plan, &mut s.kinematics, &mut self.room, &moment);
+        sense(compiled, &mut s.kinematics, &mut self.room, &moment);
     }
 
     fn observe(
@@ -144,12 +144,12 @@ impl<R: Real> Senses<R> {
     pub(super) fn readings(
         &mut self,
         call: &Call<'_, R::Scalar>,
-        plan: &LanePlan<R>,
+        compiled: &LaneModel<R>,
         group: &Group<R::Scalar>,
-        s: &mut Scratch<R>,
+        s: &mut Workspace<R>,
     ) -> &[R] {
         if call.errors.is_none() {
-            self.sense(call, plan, group, s);
+            self.sense(call, compiled, group, s);
         } else {
             take(&group.sensing.observation, &mut self.room.truth);
         }
@@ -157,7 +157,7 @@ impl<R: Real> Senses<R> {
     }
 
     /// Remembers what sensors read of the last step.
-    pub(super) fn remember(&self, group: &mut Group<R::Scalar>, s: &Scratch<R>) {
+    pub(super) fn remember(&self, group: &mut Group<R::Scalar>, s: &Workspace<R>) {
         let memory = &mut group.sensing;
         memory.fresh = 0;
         if memory.acceleration.is_empty() && memory.ctrl.is_empty() && memory.xfrc.is_empty() {
@@ -181,13 +181,13 @@ impl<R: Real> Senses<R> {
     pub(super) fn begin(
         &mut self,
         call: &Call<'_, R::Scalar>,
-        plan: &LanePlan<R>,
+        compiled: &LaneModel<R>,
         group: &mut Group<R::Scalar>,
         first: usize,
-        s: &mut Scratch<R>,
+        s: &mut Workspace<R>,
     ) {
         if let (Some(errors), true) = (call.errors, group.sensing.waiting & group.alive != 0) {
-            self.first_look(errors, call, plan, group, first, s);
+            self.first_look(errors, call, compiled, group, first, s);
         }
     }
 
@@ -196,13 +196,13 @@ impl<R: Real> Senses<R> {
         &mut self,
         errors: &Errors<R::Scalar>,
         call: &Call<'_, R::Scalar>,
-        plan: &LanePlan<R>,
+        compiled: &LaneModel<R>,
         group: &mut Group<R::Scalar>,
         first: usize,
-        s: &mut Scratch<R>,
+        s: &mut Workspace<R>,
     ) {
         let waiting = group.sensing.waiting & group.alive;
-        self.look(&Call { qfrc: &[], xfrc: &[], ..*call }, plan, group, first, s);
+        self.look(&Call { qfrc: &[], xfrc: &[], ..*call }, compiled, group, first, s);
         self.observe(errors, call, group, first, R::Mask::from_bits(waiting), true);
         group.sensing.waiting = 0;
     }
@@ -212,20 +212,20 @@ impl<R: Real> Senses<R> {
     pub(super) fn read(
         &mut self,
         call: &Call<'_, R::Scalar>,
-        plan: &LanePlan<R>,
+        compiled: &LaneModel<R>,
         group: &mut Group<R::Scalar>,
         first: usize,
-        s: &mut Scratch<R>,
+        s: &mut Workspace<R>,
         truth: bool,
         out: &mut [f64],
     ) {
-        let width = call.plan.sensing.width;
+        let width = call.compiled.sensing.width;
         let rows = out.chunks_exact_mut(width).enumerate();
         if truth || call.errors.is_none() {
-            self.look(call, plan, group, first, s);
+            self.look(call, compiled, group, first, s);
             rows.for_each(|(l, row)| row.iter_mut().zip(&self.room.truth).for_each(|(out, x)| *out = x.lane(l).to_f64()));
         } else {
-            self.begin(call, plan, group, first, s);
+            self.begin(call, compiled, group, first, s);
             let readings = &group.sensing.observation;
             rows.for_each(|(l, row)| row.iter_mut().enumerate().for_each(|(i, out)| *out = readings[i * R::LANES + l].to_f64()));
         }
@@ -233,8 +233,8 @@ impl<R: Real> Senses<R> {
 
     /// Reads the state of a group. Where no step was made since the state was set, sensors of accelerations and forces read the step that
     /// would be made from it, which is not kept.
-    fn look(&mut self, call: &Call<'_, R::Scalar>, plan: &LanePlan<R>, group: &Group<R::Scalar>, first: usize, s: &mut Scratch<R>) {
-        let needs = call.plan.sensing.needs;
+    fn look(&mut self, call: &Call<'_, R::Scalar>, compiled: &LaneModel<R>, group: &Group<R::Scalar>, first: usize, s: &mut Workspace<R>) {
+        let needs = call.compiled.sensing.needs;
         load(group, s);
         take_up(call, group, first, s);
         s.current = false;
@@ -244,7 +244,7 @@ impl<R: Real> Senses<R> {
         if fresh != 0 {
             s.alive = R::Mask::from_bits(fresh);
             self.before_step(s);
-            step(plan, call.options, s);
+            step(compiled, call.options, s);
             self.accelerate(s, call.options.timestep, R::Mask::from_bits(fresh));
             take(&group.q, &mut s.q);
             take(&group.v, &mut s.v);
@@ -259,13 +259,13 @@ impl<R: Real> Senses<R> {
             }
         }
         if needs.wrenches {
-            s.inputs.xfrc.resize(6 * call.plan.bodies.len(), R::zero());
+            s.inputs.xfrc.resize(6 * call.compiled.bodies.len(), R::zero());
             for (i, x) in s.inputs.xfrc.iter_mut().enumerate() {
                 let last = R::load(&group.sensing.xfrc[i * R::LANES..]);
                 *x = R::select(R::Mask::from_bits(fresh), *x, last);
             }
         }
-        self.sense(call, plan, group, s);
+        self.sense(call, compiled, group, s);
     }
 }
 

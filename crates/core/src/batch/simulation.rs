@@ -14,12 +14,12 @@ use serde::{Serialize, de::DeserializeOwned};
 use stepper_real::Level;
 
 use crate::actuation::{DriveTrain, Driven};
-use crate::batch::randomization::Theta;
+use crate::batch::randomization::ImplicitWeights;
 use crate::batch::rollout::{Quantity, Recording};
 use crate::batch::saved_state::SavedState;
 use crate::batch::worker::Stepped;
 use crate::batch::{Batch, Compiled, Engine, Field, StepInputs, Watch};
-use crate::compile::{LanePlan, Plan};
+use crate::compile::{CompiledModel, LaneModel};
 use crate::error::Error;
 use crate::math::precision::Precision;
 use crate::model::{Keyframe, Model};
@@ -35,8 +35,8 @@ pub struct Simulation {
     num_envs: usize,
     precision: Precision,
     digest: OnceLock<[u8; 32]>,
-    plan: OnceLock<LanePlan<f64>>,
-    theta: Theta,
+    compiled: OnceLock<LaneModel<f64>>,
+    theta: ImplicitWeights,
     driven: Option<Driven>,
     /// Controls in force, (num_envs, nu): those of the last step until others are given.
     ctrl: Vec<f64>,
@@ -132,7 +132,7 @@ impl Simulation {
             Precision::F64 => engine::<f64>(&model, &settings, n, threads, level, check)?,
             Precision::F32 => engine::<f32>(&model, &settings, n, threads, level, check)?,
         };
-        let (plan, theta, ctrl, truth) = (OnceLock::new(), Theta::default(), vec![0.0; n * model.nu()], Truth::default());
+        let (compiled, theta, ctrl, truth) = (OnceLock::new(), ImplicitWeights::default(), vec![0.0; n * model.nu()], Truth::default());
         let mut simulation = Self {
             model,
             options,
@@ -141,7 +141,7 @@ impl Simulation {
             num_envs: n,
             precision,
             digest: OnceLock::new(),
-            plan,
+            compiled,
             theta,
             driven: None,
             ctrl,
@@ -532,7 +532,7 @@ impl Simulation {
         }
         let driven = Driven::new(&self.model, trains, self.num_envs, self.settings.timestep).map_err(Error::Actuator)?;
         self.engine.couple(&driven.model, &self.settings, &driven.trains);
-        (self.plan, self.driven) = (OnceLock::new(), Some(driven));
+        (self.compiled, self.driven) = (OnceLock::new(), Some(driven));
         (0..self.num_envs).for_each(|env| self.reset(env));
         Ok(())
     }
@@ -588,11 +588,11 @@ impl Simulation {
     }
 
     /// The model as the step reads it, in f64.
-    pub fn plan(&self) -> &LanePlan<f64> {
-        self.plan.get_or_init(|| {
-            LanePlan::new(&match &self.driven {
-                Some(driven) => Plan::with_trains(&driven.model, &driven.trains),
-                None => Plan::new(&self.model),
+    pub fn compiled(&self) -> &LaneModel<f64> {
+        self.compiled.get_or_init(|| {
+            LaneModel::new(&match &self.driven {
+                Some(driven) => CompiledModel::with_trains(&driven.model, &driven.trains),
+                None => CompiledModel::new(&self.model),
             })
         })
     }
@@ -600,7 +600,7 @@ impl Simulation {
     /// Poses of the mocap bodies of one environment, the model's where `pos` is empty.
     fn mocap_poses<'a>(&'a self, pos: &'a [f64], quat: &'a [f64]) -> impl Iterator<Item = ([f64; 3], [f64; 4])> + 'a {
         let (pos, quat) = (pos.as_chunks::<3>().0, quat.as_chunks::<4>().0);
-        self.plan().mocap.iter().enumerate().map(|(k, m)| if pos.is_empty() { (m.pos, m.quat) } else { (pos[k], quat[k]) })
+        self.compiled().mocap.iter().enumerate().map(|(k, m)| if pos.is_empty() { (m.pos, m.quat) } else { (pos[k], quat[k]) })
     }
 
     /// Memory of the state of all environments and of readings that are kept, bytes.

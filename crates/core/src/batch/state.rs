@@ -5,8 +5,8 @@ use stepper_real::{Real, Scalar};
 
 use crate::actuation;
 use crate::collision::contact_set::{ContactId, Contacts};
-use crate::collision::separation_cache::Normals;
-use crate::compile::Plan;
+use crate::collision::separation_cache::SeparationCache;
+use crate::compile::CompiledModel;
 use crate::math::lanes::MAX_LANES;
 use crate::math::lanes::{columns, lane_bits, set_columns, set_lane_bits};
 use crate::sensing::memory::Memory;
@@ -48,7 +48,7 @@ pub struct Group<S> {
     /// Angular impulses of contact k of lane l, three numbers each; empty when the scene has no torsional or rolling friction.
     pub contact_torque: Vec<S>,
     /// What is known of pairs of hulls that were near one another in the last step.
-    pub normals: Normals,
+    pub normals: SeparationCache,
     /// s, per lane.
     pub time: Vec<f64>,
     /// Flags of the last call, per lane.
@@ -71,30 +71,30 @@ pub struct Group<S> {
 
 impl<S: Scalar> Group<S> {
     /// A group of environments at the model's reset state, `first` and those after it; `alive` says which lanes are used.
-    pub fn new(plan: &Plan<S>, qpos0: &[S], lanes: usize, alive: u32, first: usize, max_contacts: usize) -> Self {
+    pub fn new(compiled: &CompiledModel<S>, qpos0: &[S], lanes: usize, alive: u32, first: usize, max_contacts: usize) -> Self {
         let zeros = |n: usize| vec![S::default(); n * lanes];
         Self {
             lanes,
             alive,
             q: qpos0.iter().flat_map(|&x| std::iter::repeat_n(x, lanes)).collect(),
-            v: zeros(plan.nv),
-            act: zeros(plan.na),
-            scalar_impulse: zeros(plan.scalar_impulses),
-            impulse: zeros(if plan.servos_are_bounded { plan.nv } else { 0 }),
-            mocap: zeros(7 * plan.mocap.len()),
+            v: zeros(compiled.nv),
+            act: zeros(compiled.na),
+            scalar_impulse: zeros(compiled.scalar_impulses),
+            impulse: zeros(if compiled.servos_are_bounded { compiled.nv } else { 0 }),
+            mocap: zeros(7 * compiled.mocap.len()),
             contact_count: vec![0; lanes],
             contact_ids: vec![0; max_contacts * lanes],
             contact_data: zeros(max_contacts * CONTACT_NUMBERS),
-            contact_torque: zeros(if plan.wide { 3 * max_contacts } else { 0 }),
-            normals: Normals::new(plan, lanes),
+            contact_torque: zeros(if compiled.wide { 3 * max_contacts } else { 0 }),
+            normals: SeparationCache::new(compiled, lanes),
             time: vec![0.0; lanes],
             status: vec![0; lanes],
-            saturated: vec![0; if plan.efforts_are_bounded() { plan.actuators.len() * lanes } else { 0 }],
+            saturated: vec![0; if compiled.efforts_are_bounded() { compiled.actuators.len() * lanes } else { 0 }],
             residual: zeros(1),
             iterations: zeros(1),
             depth: zeros(1),
             overshoot: zeros(1),
-            sensing: Memory::new(plan, lanes, first),
+            sensing: Memory::new(compiled, lanes, first),
             actuation: actuation::memory::Memory::default(),
         }
     }

@@ -9,8 +9,8 @@ use crate::batch::exchange::{keep_ways, load, store, take_up, take_up_control};
 use crate::batch::rollout::{Numbers, Quantity, Share};
 use crate::batch::sensors::Senses;
 use crate::batch::state::Group;
-use crate::compile::{LanePlan, Plan};
-use crate::integrators::workspace::Scratch;
+use crate::compile::{CompiledModel, LaneModel};
+use crate::integrators::workspace::Workspace;
 use crate::math::lanes::count;
 use crate::options::StepSettings;
 use crate::step::step;
@@ -29,7 +29,7 @@ pub trait Worker<S: Scalar>: Any + Send {
 #[derive(Clone, Copy)]
 pub struct Site<'a, S: Scalar> {
     /// The compiled model.
-    pub plan: &'a Plan<S>,
+    pub compiled: &'a CompiledModel<S>,
     /// Settings.
     pub options: &'a StepSettings,
     /// Contacts an environment has room for.
@@ -43,7 +43,7 @@ pub trait Stepped: Scalar {
     /// Lanes of a single environment.
     const SINGLE: usize;
     /// Lanes of a group of many environments, stepped by so many threads.
-    fn lanes(plan: &Plan<Self>, num_envs: usize, threads: usize, level: Level) -> usize;
+    fn lanes(compiled: &CompiledModel<Self>, num_envs: usize, threads: usize, level: Level) -> usize;
     /// A worker for groups of `lanes` lanes at a CPU level that this machine has.
     fn worker(site: &Site<'_, Self>, lanes: usize, level: Level) -> Box<dyn Worker<Self>>;
     /// An array of a recording in this precision.
@@ -79,9 +79,9 @@ const SMALL: usize = 512;
 
 /// Lanes of one register, `n`, or of two where that takes less time: it takes as much as 1.8 times one (docs/performance.md). With the sixteen
 /// registers of AVX2 it would take 2.2 to 2.5 times.
-fn lanes<S: Scalar>(n: usize, plan: &Plan<S>, num_envs: usize, threads: usize, level: Level) -> usize {
+fn lanes<S: Scalar>(n: usize, compiled: &CompiledModel<S>, num_envs: usize, threads: usize, level: Level) -> usize {
     let groups = |lanes: usize| num_envs.div_ceil(lanes).div_ceil(threads);
-    let pays = plan.chain.len() <= SMALL && 9 * groups(2 * n) <= 5 * groups(n);
+    let pays = compiled.chain.len() <= SMALL && 9 * groups(2 * n) <= 5 * groups(n);
     if level == Level::Avx512 && pays { 2 * n } else { n }
 }
 
@@ -89,8 +89,8 @@ impl Stepped for f64 {
     const LANES: usize = 8;
     const SINGLE: usize = 1;
 
-    fn lanes(plan: &Plan<f64>, num_envs: usize, threads: usize, level: Level) -> usize {
-        lanes(8, plan, num_envs, threads, level)
+    fn lanes(compiled: &CompiledModel<f64>, num_envs: usize, threads: usize, level: Level) -> usize {
+        lanes(8, compiled, num_envs, threads, level)
     }
 
     fn worker(site: &Site<'_, f64>, lanes: usize, level: Level) -> Box<dyn Worker<f64>> {
@@ -113,8 +113,8 @@ impl Stepped for f32 {
     const LANES: usize = 16;
     const SINGLE: usize = 16;
 
-    fn lanes(plan: &Plan<f32>, num_envs: usize, threads: usize, level: Level) -> usize {
-        lanes(16, plan, num_envs, threads, level)
+    fn lanes(compiled: &CompiledModel<f32>, num_envs: usize, threads: usize, level: Level) -> usize {
+        lanes(16, compiled, num_envs, threads, level)
     }
 
     fn worker(site: &Site<'_, f32>, lanes: usize, level: Level) -> Box<dyn Worker<f32>> {
@@ -130,30 +130,30 @@ impl Stepped for f32 {
 }
 
 fn desk<R: Real>(site: &Site<'_, R::Scalar>) -> Box<dyn Worker<R::Scalar>> {
-    Box::new(Desk {
-        scratch: Scratch::<R>::new(site.plan, site.options, site.max_contacts),
-        senses: Senses::new(site.plan, site.max_contacts),
-        plan: LanePlan::new(site.plan),
+    Box::new(LaneWorker {
+        scratch: Workspace::<R>::new(site.compiled, site.options, site.max_contacts),
+        senses: Senses::new(site.compiled, site.max_contacts),
+        compiled: LaneModel::new(site.compiled),
         flags: vec![0; R::LANES],
     })
 }
 
 /// Where a worker steps and reads.
-struct Desk<R: Real> {
-    scratch: Scratch<R>,
+struct LaneWorker<R: Real> {
+    scratch: Workspace<R>,
     senses: Senses<R>,
-    /// The plan with the parameters of the group that is worked on.
-    plan: LanePlan<R>,
+    /// The compiled model with the parameters of the group that is worked on.
+    compiled: LaneModel<R>,
     /// Flags of the steps of a control, per lane.
     flags: Vec<u32>,
 }
 
-impl<R: Real> Worker<R::Scalar> for Desk<R> {
+impl<R: Real> Worker<R::Scalar> for LaneWorker<R> {
     fn run(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, at: Place<'_, '_, R::Scalar>) {
         assert_eq!(group.lanes, R::LANES, "a worker steps groups of its own width");
         let Place { first, share_first, mut share } = at;
         self.turn_to(call, first);
-        self.senses.begin(call, &self.plan, group, first, &mut self.scratch);
+        self.senses.begin(call, &self.compiled, group, first, &mut self.scratch);
         if !self.scratch.current {
             load(group, &mut self.scratch);
         }
@@ -172,9 +172,9 @@ impl<R: Real> Worker<R::Scalar> for Desk<R> {
                 residual = share.resume(control, first - share_first, self.scratch.alive, &mut self.flags);
             }
             let residual = self.run_control(call, group, first, steps.len(), residual);
-            let Self { scratch: s, senses, plan, flags } = self;
+            let Self { scratch: s, senses, compiled, flags } = self;
             if let Some(share) = &mut share {
-                let readings = if share.has(Quantity::Observation) { senses.readings(call, plan, group, s) } else { &[] };
+                let readings = if share.has(Quantity::Observation) { senses.readings(call, compiled, group, s) } else { &[] };
                 share.write(control, first - share_first, s, readings, flags, residual);
             }
         }
@@ -194,8 +194,8 @@ impl<R: Real> Worker<R::Scalar> for Desk<R> {
     fn sense(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, query: Query<'_>) {
         assert_eq!(group.lanes, R::LANES, "a worker reads groups of its own width");
         self.turn_to(call, first);
-        let Self { scratch, senses, plan, .. } = self;
-        senses.read(call, plan, group, first, scratch, query.truth, query.out);
+        let Self { scratch, senses, compiled, .. } = self;
+        senses.read(call, compiled, group, first, scratch, query.truth, query.out);
     }
 
     fn forget(&mut self) {
@@ -203,18 +203,18 @@ impl<R: Real> Worker<R::Scalar> for Desk<R> {
     }
 }
 
-impl<R: Real> Desk<R> {
+impl<R: Real> LaneWorker<R> {
     /// Takes up the parameters of the group whose first environment is `first`.
     fn turn_to(&mut self, call: &Call<'_, R::Scalar>, first: usize) {
         if let Some(numbers) = call.own.numbers.get(first / R::LANES) {
-            self.plan.params.take_up(&call.own.places, numbers);
-            self.scratch.settle(&self.plan);
+            self.compiled.params.take_up(&call.own.places, numbers);
+            self.scratch.settle(&self.compiled);
         }
     }
 
     /// Some steps of one control; adds their flags to those that are there, and returns their largest residual and that given.
     fn run_control(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, steps: usize, mut residual: R) -> R {
-        let Self { scratch: s, senses, plan, flags } = self;
+        let Self { scratch: s, senses, compiled, flags } = self;
         let (h, flags) = (call.options.timestep, &mut flags[..R::LANES]);
         let (mut depth, mut overshoot) = (R::load(&group.depth), R::load(&group.overshoot));
         for _ in 0..steps {
@@ -222,7 +222,7 @@ impl<R: Real> Desk<R> {
             if let Some(chains) = call.chains {
                 let state = [&s.q[..], &s.v[..]];
                 chains.advance(
-                    plan,
+                    compiled,
                     first / R::LANES,
                     &s.given,
                     state,
@@ -232,9 +232,9 @@ impl<R: Real> Desk<R> {
                     (&mut s.inputs.ctrl, &mut s.inputs.trains),
                 );
             }
-            let record = step(plan, call.options, s);
+            let record = step(compiled, call.options, s);
             if let Some(chains) = call.chains {
-                chains.settle(plan, first / R::LANES, &mut group.actuation, (&mut s.inputs.ctrl, &mut s.inputs.trains));
+                chains.settle(compiled, first / R::LANES, &mut group.actuation, (&mut s.inputs.ctrl, &mut s.inputs.trains));
             }
             s.elapsed += h;
             let kept = record.non_finite.bits();
@@ -245,14 +245,14 @@ impl<R: Real> Desk<R> {
                 }
             }
             if !group.saturated.is_empty() {
-                count_saturated(plan, s, &mut group.saturated);
+                count_saturated(compiled, s, &mut group.saturated);
             }
             residual = residual.max(record.residual);
             (depth, overshoot) = (depth.max(record.depth), overshoot.max(record.overshoot));
             record.residual.store(&mut group.residual);
             record.iterations.store(&mut group.iterations);
             // 9 sense
-            senses.after_step(call, plan, group, first, s);
+            senses.after_step(call, compiled, group, first, s);
         }
         depth.store(&mut group.depth);
         overshoot.store(&mut group.overshoot);
@@ -264,12 +264,12 @@ impl<R: Real> Desk<R> {
 }
 
 /// Adds one for every actuator whose effort a step has cut to its bounds.
-fn count_saturated<R: Real>(plan: &LanePlan<R>, s: &Scratch<R>, counts: &mut [u32]) {
+fn count_saturated<R: Real>(compiled: &LaneModel<R>, s: &Workspace<R>, counts: &mut [u32]) {
     R::vectorize(
         #[inline(always)]
         || {
             for (actuator, counts) in counts.chunks_exact_mut(R::LANES).enumerate() {
-                count(s.drive.is_cut(plan, actuator).and(s.alive).bits(), counts);
+                count(s.drive.is_cut(compiled, actuator).and(s.alive).bits(), counts);
             }
         },
     )

@@ -7,7 +7,7 @@
 
 use stepper_real::{Real, Scalar};
 
-use crate::compile::{Crowd, LanePlan};
+use crate::compile::{Crowd, LaneModel};
 use crate::math::spatial::*;
 
 /// Bits of a coordinate of a cube in its key.
@@ -30,24 +30,32 @@ pub(crate) struct Broad {
     cells: Vec<(u64, u32)>,
     loose: Vec<u32>,
     found: Vec<u64>,
-    /// Number of a pair in the plan, and the lanes (bits) in which it can touch; ascending.
+    /// Number of a pair in the compiled model, and the lanes (bits) in which it can touch; ascending.
     pub(crate) pairs: Vec<(usize, u32)>,
 }
 
 impl Broad {
     /// Finds the pairs of the lanes in `alive`, from the centres of all geoms and how far each can get.
-    pub(crate) fn find<R: Real>(&mut self, plan: &LanePlan<R>, crowd: &Crowd<R::Scalar>, alive: u32, pos: &[V3<R>], way: &[R], slack: R) {
+    pub(crate) fn find<R: Real>(
+        &mut self,
+        compiled: &LaneModel<R>,
+        crowd: &Crowd<R::Scalar>,
+        alive: u32,
+        pos: &[V3<R>],
+        way: &[R],
+        slack: R,
+    ) {
         self.found.clear();
         for lane in (0..R::LANES).filter(|l| alive >> l & 1 == 1) {
             self.balls.clear();
             self.balls.extend(crowd.members.iter().map(|member| {
                 let g = member.geom;
                 let centre = pos[g].map(|x| x.lane(lane).to_f64());
-                let reach =
-                    (plan.params.bound(g).lane(lane).to_f64() + member.margin) + (way[g].lane(lane).to_f64() + slack.lane(lane).to_f64());
+                let reach = (compiled.params.bound(g).lane(lane).to_f64() + member.margin)
+                    + (way[g].lane(lane).to_f64() + slack.lane(lane).to_f64());
                 // A hair more than the exact test will ask for, also in single precision.
                 let rounding = 1e-6 * (reach + centre.iter().map(|x| x.abs()).sum::<f64>());
-                Ball { centre, radius: reach + rounding, moves: plan.geoms[g].frame != 0 }
+                Ball { centre, radius: reach + rounding, moves: compiled.geoms[g].frame != 0 }
             }));
             self.sort_into_cells(crowd);
             self.visit_neighbours(lane as u64);

@@ -5,7 +5,7 @@ use stepper_real::{Mask, Real};
 use crate::math::lanes::MAX_LANES;
 use crate::math::spatial::*;
 
-/// Identity of a contact from step to step: which pair of the plan (high 32 bits), which feature of the pair (low 32 bits). Ascending within
+/// Identity of a contact from step to step: which pair of the compiled model (high 32 bits), which feature of the pair (low 32 bits). Ascending within
 /// an environment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct ContactId(pub u64);
@@ -17,7 +17,7 @@ impl ContactId {
         Self((pair as u64) << 32 | feature as u64)
     }
 
-    /// Number of the pair in the plan.
+    /// Number of the pair in the compiled model.
     #[inline(always)]
     pub const fn pair(self) -> usize {
         (self.0 >> 32) as usize

@@ -7,8 +7,8 @@ use stepper_real::{Mask, Real, Scalar};
 use crate::collision::broad_phase::Broad;
 use crate::collision::contact_set::Contacts;
 use crate::collision::pairs::segments;
-use crate::collision::separation_cache::Normals;
-use crate::compile::{Kernel, LanePlan, PairPlan, Plan};
+use crate::collision::separation_cache::SeparationCache;
+use crate::compile::{CompiledModel, CompiledPair, Kernel, LaneModel};
 use crate::dynamics::kinematics::Kinematics;
 use crate::geometry::Narrow;
 use crate::math::spatial::*;
@@ -29,9 +29,9 @@ pub struct GeomPoses<R: Real> {
     pub(crate) search: Search,
 }
 
-fn runs<S: Scalar>(pairs: &[PairPlan<S>]) -> Vec<Range<usize>> {
+fn runs<S: Scalar>(pairs: &[CompiledPair<S>]) -> Vec<Range<usize>> {
     let mut end = 0;
-    let run = |pairs: &[PairPlan<S>]| {
+    let run = |pairs: &[CompiledPair<S>]| {
         end += pairs.len();
         end - pairs.len()..end
     };
@@ -62,31 +62,31 @@ pub(crate) struct Placed<R: Real> {
 pub(crate) struct Search {
     pub(crate) narrow: Narrow,
     /// What the last step left: where a search begins, however often a step searches.
-    pub(crate) known: Normals,
+    pub(crate) known: SeparationCache,
     /// What this one leaves.
-    pub(crate) found: Normals,
+    pub(crate) found: SeparationCache,
 }
 
 impl<R: Real> GeomPoses<R> {
-    /// Room for a plan; geoms of the world are placed where the model has them.
-    pub fn new(plan: &Plan<R::Scalar>) -> Self {
+    /// Room for a compiled model; geoms of the world are placed where the model has them.
+    pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
         Self {
-            placed: Placed::new(plan),
+            placed: Placed::new(compiled),
             slack: R::zero(),
-            runs: runs(&plan.pairs),
-            near: vec![(0, 0); plan.pairs.len() + 1],
+            runs: runs(&compiled.pairs),
+            near: vec![(0, 0); compiled.pairs.len() + 1],
             near_count: 0,
             broad: Broad::default(),
             search: Search {
-                narrow: Narrow::for_solids(plan.geoms.iter().filter_map(|g| g.solid.as_ref())),
-                known: Normals::new(plan, R::LANES),
-                found: Normals::new(plan, R::LANES),
+                narrow: Narrow::for_solids(compiled.geoms.iter().filter_map(|g| g.solid.as_ref())),
+                known: SeparationCache::new(compiled, R::LANES),
+                found: SeparationCache::new(compiled, R::LANES),
             },
         }
     }
 
     /// Takes what a group's last step left, and leaves what was found last: before a group's steps and after them.
-    pub(crate) fn exchange(&mut self, normals: &mut Normals) {
+    pub(crate) fn exchange(&mut self, normals: &mut SeparationCache) {
         if !normals.is_empty() {
             std::mem::swap(&mut self.search.found, normals);
         }
@@ -101,23 +101,23 @@ impl<R: Real> GeomPoses<R> {
     }
 
     /// Places the geoms that are fixed to the world, where environments may have them elsewhere.
-    pub(crate) fn settle(&mut self, plan: &LanePlan<R>) {
-        for (i, _) in plan.geoms.iter().enumerate().filter(|(_, g)| g.frame == 0) {
-            self.placed.pos[i] = plan.params.geom_pos(i);
+    pub(crate) fn settle(&mut self, compiled: &LaneModel<R>) {
+        for (i, _) in compiled.geoms.iter().enumerate().filter(|(_, g)| g.frame == 0) {
+            self.placed.pos[i] = compiled.params.geom_pos(i);
         }
     }
 
     /// Lists the pairs that can touch in any of the lanes `alive`, ascending. Most cannot, and a robot has hundreds: what the pairs of a geom share is
     /// kept at hand, and nothing branches.
     #[inline(always)]
-    pub(crate) fn find_near(&mut self, plan: &LanePlan<R>, alive: R::Mask) {
+    pub(crate) fn find_near(&mut self, compiled: &LaneModel<R>, alive: R::Mask) {
         let Self { placed: Placed { balls, mat, .. }, slack, runs, near, .. } = self;
         let mut count = 0;
         for run in &*runs {
-            let PairPlan { geoms: [a, _], margin, .. } = plan.pairs[run.start];
-            let ([x, y, z, radius], is_plane, normal) = (balls[a], plan.geoms[a].is_plane, column(&mat[a], 2));
+            let CompiledPair { geoms: [a, _], margin, .. } = compiled.pairs[run.start];
+            let ([x, y, z, radius], is_plane, normal) = (balls[a], compiled.geoms[a].is_plane, column(&mat[a], 2));
             let (centre, reach) = ([x, y, z], radius + *slack + R::splat(margin));
-            for (index, pair) in (run.start as u32..).zip(&plan.pairs[run.clone()]) {
+            for (index, pair) in (run.start as u32..).zip(&compiled.pairs[run.clone()]) {
                 let [x, y, z, radius] = balls[pair.geoms[1]];
                 let (apart, reach) = (sub([x, y, z], centre), reach + radius);
                 let touch = if is_plane { dot(apart, normal).lt(reach) } else { dot(apart, apart).lt(reach * reach) };
@@ -131,29 +131,29 @@ impl<R: Real> GeomPoses<R> {
 }
 
 impl<R: Real> Placed<R> {
-    fn new(plan: &Plan<R::Scalar>) -> Self {
-        let zeros = || vec![R::zero(); plan.geoms.len()];
+    fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
+        let zeros = || vec![R::zero(); compiled.geoms.len()];
         Self {
-            pos: (0..plan.geoms.len()).map(|g| splat(plan.params.geom_pos(g))).collect(),
-            mat: plan.geoms.iter().map(|g| splat(g.mat)).collect(),
+            pos: (0..compiled.geoms.len()).map(|g| splat(compiled.params.geom_pos(g))).collect(),
+            mat: compiled.geoms.iter().map(|g| splat(g.mat)).collect(),
             travel: zeros(),
             lead: zeros(),
-            fast: vec![false; plan.geoms.len()],
-            led_by: vec![zero(); plan.links.len()],
-            balls: vec![zero(); plan.geoms.len()],
-            velocity: vec![zero(); plan.links.len()],
+            fast: vec![false; compiled.geoms.len()],
+            led_by: vec![zero(); compiled.links.len()],
+            balls: vec![zero(); compiled.geoms.len()],
+            velocity: vec![zero(); compiled.links.len()],
         }
     }
 
     /// Places the geoms that are not fixed to the world.
     #[inline(always)]
-    pub(crate) fn place(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>) {
-        for (i, g) in plan.geoms.iter().enumerate() {
+    pub(crate) fn place(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
+        for (i, g) in compiled.geoms.iter().enumerate() {
             if g.frame == 0 {
                 continue;
             }
             let mat = &kinematics.mat[g.frame];
-            self.pos[i] = kinematics.point(g.frame, plan.params.geom_pos(i));
+            self.pos[i] = kinematics.point(g.frame, compiled.params.geom_pos(i));
             if g.full_orientation {
                 self.mat[i] = mat_mul(mat, &splat(g.mat));
             } else {
@@ -167,11 +167,11 @@ impl<R: Real> Placed<R> {
 
     /// Bounds on the ways of all geoms from where they are placed, with the velocity `v` of the joints; leaves the velocities of the links.
     #[inline(always)]
-    pub(crate) fn update_travel(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
-        kinematics.velocities(plan, v, &mut self.velocity);
-        ways(plan, kinematics, &self.pos, &self.velocity, time, &mut self.travel);
-        for (i, g) in plan.geoms.iter().enumerate() {
-            let radius = if g.is_plane { self.travel[i] } else { self.travel[i] + plan.params.bound(i) };
+    pub(crate) fn update_travel(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
+        kinematics.velocities(compiled, v, &mut self.velocity);
+        ways(compiled, kinematics, &self.pos, &self.velocity, time, &mut self.travel);
+        for (i, g) in compiled.geoms.iter().enumerate() {
+            let radius = if g.is_plane { self.travel[i] } else { self.travel[i] + compiled.params.bound(i) };
             let [x, y, z] = self.pos[i];
             self.balls[i] = [x, y, z, radius];
         }
@@ -179,25 +179,25 @@ impl<R: Real> Placed<R> {
 
     /// Bounds on the ways of all geoms from the beginning of the step; leaves the velocities of the links on them.
     #[inline(always)]
-    pub(crate) fn update_lead(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
-        kinematics.velocities(plan, v, &mut self.led_by);
-        ways(plan, kinematics, &self.pos, &self.led_by, time, &mut self.lead);
+    pub(crate) fn update_lead(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
+        kinematics.velocities(compiled, v, &mut self.led_by);
+        ways(compiled, kinematics, &self.pos, &self.led_by, time, &mut self.lead);
     }
 }
 
 /// Bound on the way of any point of each geom that is not fixed to the world, at the velocities of the links.
 #[inline(always)]
-fn ways<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, pos: &[V3<R>], velocity: &[V6<R>], time: R, out: &mut [R]) {
-    for (i, g) in plan.geoms.iter().enumerate() {
-        if g.frame != 0 && g.frame <= plan.links.len() {
+fn ways<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, pos: &[V3<R>], velocity: &[V6<R>], time: R, out: &mut [R]) {
+    for (i, g) in compiled.geoms.iter().enumerate() {
+        if g.frame != 0 && g.frame <= compiled.links.len() {
             let motion = velocity[g.frame - 1];
-            let arm = sub(pos[i], kinematics.origin[plan.links[g.frame - 1].tree]);
-            out[i] = (norm(velocity_at(&motion, arm)) + norm(angular(&motion)) * plan.params.bound(i)) * time;
-        } else if g.frame > plan.links.len() {
-            let motion = &kinematics.posed[g.frame - plan.links.len() - 1];
+            let arm = sub(pos[i], kinematics.origin[compiled.links[g.frame - 1].tree]);
+            out[i] = (norm(velocity_at(&motion, arm)) + norm(angular(&motion)) * compiled.params.bound(i)) * time;
+        } else if g.frame > compiled.links.len() {
+            let motion = &kinematics.posed[g.frame - compiled.links.len() - 1];
             // A plane has no bound: 0 * infinity must not become NaN.
             let spin = norm(angular(motion));
-            let swing = R::select(spin.gt(R::zero()), spin * plan.params.bound(i), R::zero());
+            let swing = R::select(spin.gt(R::zero()), spin * compiled.params.bound(i), R::zero());
             out[i] = (norm(velocity_at(motion, sub(pos[i], kinematics.pos[g.frame]))) + swing) * time;
         }
     }
@@ -205,12 +205,12 @@ fn ways<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, pos: &[V3<R>], 
 
 /// What gravity covers in a step, and a micrometre for scenes without it.
 #[inline(always)]
-pub(crate) fn slack<R: Real>(plan: &LanePlan<R>, h: R) -> R {
-    norm(plan.params.gravity()) * h * h + R::of(1e-6)
+pub(crate) fn slack<R: Real>(compiled: &LaneModel<R>, h: R) -> R {
+    norm(compiled.params.gravity()) * h * h + R::of(1e-6)
 }
 
 pub(crate) struct Scene<'a, R: Real> {
-    pub(crate) plan: &'a LanePlan<R>,
+    pub(crate) compiled: &'a LaneModel<R>,
     pub(crate) kinematics: &'a Kinematics<R>,
     pub(crate) poses: &'a Placed<R>,
     pub(crate) h: R,
@@ -225,7 +225,7 @@ impl<R: Real> Scene<'_, R> {
     pub(crate) fn collide(
         &self,
         index: usize,
-        pair: &PairPlan<R::Scalar>,
+        pair: &CompiledPair<R::Scalar>,
         near: R::Mask,
         search: &mut Search,
         contacts: &mut Contacts<R>,
@@ -236,7 +236,7 @@ impl<R: Real> Scene<'_, R> {
 
     /// Lanes in which the bounding balls of a pair of the crowd can meet within the step.
     #[inline(always)]
-    pub(crate) fn can_touch(&self, pair: &PairPlan<R::Scalar>) -> R::Mask {
+    pub(crate) fn can_touch(&self, pair: &CompiledPair<R::Scalar>) -> R::Mask {
         let [a, b] = pair.geoms;
         let apart = sub(self.poses.pos[b], self.poses.pos[a]);
         let reach = self.poses.balls[a][3] + self.poses.balls[b][3] + R::splat(pair.margin) + self.slack;
@@ -245,9 +245,9 @@ impl<R: Real> Scene<'_, R> {
 
     /// Lanes in which the way from the beginning of the step is long enough to be through: that of either geom as seen from the other.
     #[inline(always)]
-    fn leads_too_far(&self, pair: &PairPlan<R::Scalar>) -> R::Mask {
+    fn leads_too_far(&self, pair: &CompiledPair<R::Scalar>) -> R::Mask {
         let [a, b] = pair.geoms;
-        let thin = self.plan.thin(pair.geoms);
+        let thin = self.compiled.thin(pair.geoms);
         let far = (self.poses.lead[a] + self.poses.lead[b]).gt(thin);
         if far.none() {
             return far;
@@ -261,11 +261,11 @@ impl<R: Real> Scene<'_, R> {
 
     /// Lower bound on the distance of a pair that is thin, m.
     #[inline(always)]
-    fn gap(&self, pair: &PairPlan<R::Scalar>) -> R {
+    fn gap(&self, pair: &CompiledPair<R::Scalar>) -> R {
         let [a, b] = pair.geoms;
         match pair.kernel {
             Kernel::Segments => segments(&self.segment(a), &self.segment(b)).0[0].distance,
-            _ => norm(sub(self.poses.pos[b], self.poses.pos[a])) - self.plan.reach(pair.geoms),
+            _ => norm(sub(self.poses.pos[b], self.poses.pos[a])) - self.compiled.reach(pair.geoms),
         }
     }
 
@@ -275,17 +275,17 @@ impl<R: Real> Scene<'_, R> {
         let (there, here) =
             (self.motion_at(&self.poses.led_by, b, self.poses.pos[b]), self.motion_at(&self.poses.led_by, a, self.poses.pos[b]));
         let spin = norm(sub(there[0], here[0]));
-        (norm(sub(there[1], here[1])) + spin * self.plan.params.bound(b)) * self.lead
+        (norm(sub(there[1], here[1])) + spin * self.compiled.params.bound(b)) * self.lead
     }
 
     /// Motion of a geom (angular, linear where it passes the point `p`) if the links have the velocities `links`.
     #[inline(always)]
     pub(crate) fn motion_at(&self, links: &[V6<R>], geom: usize, p: V3<R>) -> [V3<R>; 2] {
-        let frame = self.plan.geoms[geom].frame;
-        let (motion, origin) = match frame.checked_sub(self.plan.links.len() + 1) {
+        let frame = self.compiled.geoms[geom].frame;
+        let (motion, origin) = match frame.checked_sub(self.compiled.links.len() + 1) {
             _ if frame == 0 => return [zero(); 2],
             Some(mocap) => (&self.kinematics.posed[mocap], self.kinematics.pos[frame]),
-            None => (&links[frame - 1], self.kinematics.origin[self.plan.links[frame - 1].tree]),
+            None => (&links[frame - 1], self.kinematics.origin[self.compiled.links[frame - 1].tree]),
         };
         [angular(motion), velocity_at(motion, sub(p, origin))]
     }

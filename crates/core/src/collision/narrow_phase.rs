@@ -10,8 +10,8 @@ use crate::collision::pairs::{
     Cuboid, Cylinder, Ellipsoid, Segment, capsule_box, cylinder_rims, plane_box, plane_ellipsoid, plane_point, plane_sphere, segments,
     sphere_box, sphere_cylinder, sphere_ellipsoid,
 };
-use crate::compile::{Kernel, PairPlan};
-use crate::geometry::{Approach, Parting, Partings, Pose, Reach, Solid, Surface};
+use crate::compile::{CompiledPair, Kernel};
+use crate::geometry::{Approach, Pose, Reach, SeparatingPlane, SeparatingPlanes, Solid, Surface};
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 
@@ -19,7 +19,14 @@ impl<R: Real> Scene<'_, R> {
     /// Takes up the contacts of a pair in the lanes `near`. A kernel of its own: inlined where it is called, it and what it offers would
     /// take most of the time of a build.
     #[inline(never)]
-    pub(crate) fn meet(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, search: &mut Search, contacts: &mut Contacts<R>) {
+    pub(crate) fn meet(
+        &self,
+        index: usize,
+        pair: &CompiledPair<R::Scalar>,
+        near: R::Mask,
+        search: &mut Search,
+        contacts: &mut Contacts<R>,
+    ) {
         R::vectorize(
             #[inline(always)]
             || match pair.kernel {
@@ -39,15 +46,15 @@ impl<R: Real> Scene<'_, R> {
     }
 
     #[inline(always)]
-    fn plane_sphere(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
+    fn plane_sphere(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
-        let radius = self.plan.params.geom_size(b)[0];
+        let radius = self.compiled.params.geom_size(b)[0];
         let point = plane_sphere(self.poses.pos[a], column(&self.poses.mat[a], 2), self.poses.pos[b], radius);
         self.offer(index, 0, pair, near, point, contacts);
     }
 
     #[inline(always)]
-    fn plane_capsule(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
+    fn plane_capsule(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
         let capsule = self.segment(b);
         let normal = column(&self.poses.mat[a], 2);
@@ -60,9 +67,9 @@ impl<R: Real> Scene<'_, R> {
     }
 
     #[inline(always)]
-    fn plane_box(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
+    fn plane_box(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
-        let half = self.plan.params.geom_size(b);
+        let half = self.compiled.params.geom_size(b);
         let normal = column(&self.poses.mat[a], 2);
         for corner in 0..8 {
             let point = plane_box(self.poses.pos[a], normal, self.poses.pos[b], &self.poses.mat[b], half, corner);
@@ -71,11 +78,11 @@ impl<R: Real> Scene<'_, R> {
     }
 
     #[inline(always)]
-    fn plane_cylinder(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
+    fn plane_cylinder(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
         let normal = column(&self.poses.mat[a], 2);
-        let frame = self.plan.geoms[b].frame;
-        let links = 1..=self.plan.links.len();
+        let frame = self.compiled.geoms[b].frame;
+        let links = 1..=self.compiled.links.len();
         let tip = if links.contains(&frame) { scale(cross(normal, angular(&self.poses.velocity[frame - 1])), self.h) } else { zero() };
         for (k, &rim) in cylinder_rims(normal, tip, &self.cylinder(b)).iter().enumerate() {
             let point = plane_point(self.poses.pos[a], normal, rim);
@@ -84,35 +91,35 @@ impl<R: Real> Scene<'_, R> {
     }
 
     #[inline(always)]
-    fn plane_ellipsoid(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
+    fn plane_ellipsoid(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
         let point = plane_ellipsoid(self.poses.pos[a], column(&self.poses.mat[a], 2), &self.ellipsoid(b));
         self.offer(index, 0, pair, near, point, contacts);
     }
 
     #[inline(always)]
-    fn sphere_box(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
+    fn sphere_box(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
-        let point = sphere_box(self.poses.pos[a], self.plan.params.geom_size(a)[0], &self.cuboid(b));
+        let point = sphere_box(self.poses.pos[a], self.compiled.params.geom_size(a)[0], &self.cuboid(b));
         self.offer(index, 0, pair, near, point, contacts);
     }
 
     #[inline(always)]
-    fn sphere_cylinder(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
+    fn sphere_cylinder(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
-        let point = sphere_cylinder(self.poses.pos[a], self.plan.params.geom_size(a)[0], &self.cylinder(b));
+        let point = sphere_cylinder(self.poses.pos[a], self.compiled.params.geom_size(a)[0], &self.cylinder(b));
         self.offer(index, 0, pair, near, point, contacts);
     }
 
     #[inline(always)]
-    fn sphere_ellipsoid(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
+    fn sphere_ellipsoid(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
-        let point = sphere_ellipsoid(self.poses.pos[a], self.plan.params.geom_size(a)[0], &self.ellipsoid(b));
+        let point = sphere_ellipsoid(self.poses.pos[a], self.compiled.params.geom_size(a)[0], &self.ellipsoid(b));
         self.offer(index, 0, pair, near, point, contacts);
     }
 
     #[inline(always)]
-    fn capsule_box(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
+    fn capsule_box(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
         let (points, exist) = capsule_box(&self.segment(a), &self.cuboid(b));
         self.offer(index, 0, pair, near.and(exist[0]), points[0], contacts);
@@ -121,22 +128,22 @@ impl<R: Real> Scene<'_, R> {
 
     #[inline(always)]
     fn cuboid(&self, geom: usize) -> Cuboid<R> {
-        Cuboid { centre: self.poses.pos[geom], mat: self.poses.mat[geom], half: self.plan.params.geom_size(geom) }
+        Cuboid { centre: self.poses.pos[geom], mat: self.poses.mat[geom], half: self.compiled.params.geom_size(geom) }
     }
 
     #[inline(always)]
     fn ellipsoid(&self, geom: usize) -> Ellipsoid<R> {
-        Ellipsoid { centre: self.poses.pos[geom], mat: self.poses.mat[geom], radii: self.plan.params.geom_size(geom) }
+        Ellipsoid { centre: self.poses.pos[geom], mat: self.poses.mat[geom], radii: self.compiled.params.geom_size(geom) }
     }
 
     #[inline(always)]
     fn cylinder(&self, geom: usize) -> Cylinder<R> {
-        let [radius, half_length, _] = self.plan.params.geom_size(geom);
+        let [radius, half_length, _] = self.compiled.params.geom_size(geom);
         Cylinder { centre: self.poses.pos[geom], mat: self.poses.mat[geom], radius, half_length }
     }
 
     #[inline(always)]
-    fn segments(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
+    fn segments(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
         let (points, two) = segments(&self.segment(a), &self.segment(b));
         self.offer(index, 0, pair, near, points[0], contacts);
@@ -148,9 +155,9 @@ impl<R: Real> Scene<'_, R> {
 
     /// Lane by lane, in f64: what one lane does no other sees.
     #[inline(always)]
-    fn convex(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, search: &mut Search, contacts: &mut Contacts<R>) {
+    fn convex(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, search: &mut Search, contacts: &mut Contacts<R>) {
         let [a, b] = pair.geoms;
-        let mut near = match &self.plan.geoms[a].solid {
+        let mut near = match &self.compiled.geoms[a].solid {
             Some(Solid::Surface(surface)) => match &**surface {
                 Surface::Grid(grid) => self.may_meet_terrain(grid, pair, near),
                 Surface::Mesh(_) => near,
@@ -169,7 +176,7 @@ impl<R: Real> Scene<'_, R> {
             let (first, second) = (self.solid_in(a, lane), self.solid_in(b, lane));
             let Search { narrow, known, found } = &mut *search;
             let mut reach = Reach::from(reach.lane(lane).to_f64());
-            reach.known = known.of(lane, index).map(Parting::known);
+            reach.known = known.of(lane, index).map(SeparatingPlane::known);
             if let Some(moving) = &approach {
                 reach.approach = Some(moving.lane(lane));
             }
@@ -186,14 +193,14 @@ impl<R: Real> Scene<'_, R> {
 
     #[inline(always)]
     fn solid(&self, geom: usize) -> &Solid {
-        self.plan.geoms[geom].solid.as_ref().expect("made for every geom of this kernel")
+        self.compiled.geoms[geom].solid.as_ref().expect("made for every geom of this kernel")
     }
 
     /// Of the size that it has in a lane.
     #[inline(always)]
     fn solid_in(&self, geom: usize, lane: usize) -> Cow<'_, Solid> {
         let solid = self.solid(geom);
-        solid.sized(of_lane(&self.plan.params.geom_size(geom), lane)).map_or(Cow::Borrowed(solid), Cow::Owned)
+        solid.sized(of_lane(&self.compiled.params.geom_size(geom), lane)).map_or(Cow::Borrowed(solid), Cow::Owned)
     }
 
     #[inline(always)]
@@ -206,7 +213,7 @@ impl<R: Real> Scene<'_, R> {
     fn are_parted(
         &self,
         index: usize,
-        pair: &PairPlan<R::Scalar>,
+        pair: &CompiledPair<R::Scalar>,
         near: R::Mask,
         approach: &Approach<R>,
         size: f64,
@@ -214,7 +221,7 @@ impl<R: Real> Scene<'_, R> {
     ) -> R::Mask {
         let [a, b] = pair.geoms;
         let Search { known, found, .. } = search;
-        let mut partings = Partings::none();
+        let mut partings = SeparatingPlanes::none();
         for lane in each_of(near.bits()) {
             if let Some(parting) = known.of(lane, index) {
                 partings.set_lane(lane, parting);
@@ -232,11 +239,11 @@ impl<R: Real> Scene<'_, R> {
 
     /// Way and turn of the second geom as seen from the first, in its frame, over lanes.
     #[inline(always)]
-    fn approach(&self, pair: &PairPlan<R::Scalar>, reach: R) -> Approach<R> {
+    fn approach(&self, pair: &CompiledPair<R::Scalar>, reach: R) -> Approach<R> {
         let [a, b] = pair.geoms;
         // Contacts are halfway between the two, no further than half the reach from either: the ball about the lens that their balls share.
         let half = R::of(0.5) * reach;
-        let (ra, rb) = (self.plan.params.bound(a) + half, self.plan.params.bound(b) + half);
+        let (ra, rb) = (self.compiled.params.bound(a) + half, self.compiled.params.bound(b) + half);
         let apart = sub(self.poses.pos[b], self.poses.pos[a]);
         let length = norm(apart).max(R::of(1e-9));
         let from_a = (R::of(0.5) * (length + (ra * ra - rb * rb) / length)).max(R::zero()).min(length);
@@ -251,7 +258,7 @@ impl<R: Real> Scene<'_, R> {
 
     #[inline(always)]
     pub(crate) fn segment(&self, geom: usize) -> Segment<R> {
-        let [radius, half_length, _] = self.plan.params.geom_size(geom);
+        let [radius, half_length, _] = self.compiled.params.geom_size(geom);
         Segment { centre: self.poses.pos[geom], axis: column(&self.poses.mat[geom], 2), half_length, radius }
     }
 
@@ -261,7 +268,7 @@ impl<R: Real> Scene<'_, R> {
         &self,
         index: usize,
         feature: u32,
-        pair: &PairPlan<R::Scalar>,
+        pair: &CompiledPair<R::Scalar>,
         near: R::Mask,
         mut point: ContactPoint<R>,
         contacts: &mut Contacts<R>,
@@ -281,7 +288,7 @@ impl<R: Real> Scene<'_, R> {
                 let closing = (-dot(point.normal, sub(vb, va))).max(R::zero());
                 let touching = near.and(point.distance.lt(closing * (self.h + self.h) + self.slack));
                 let id = ContactId::new(index, feature);
-                let params = self.plan.contact(index);
+                let params = self.compiled.contact(index);
                 contacts.push(touching.bits(), id, &point, params.mu, params.restitution);
             },
         )

@@ -1,29 +1,29 @@
 //! What one step leaves to the next about hulls that are near one another: a normal, where the next search begins, and what parts them for a while.
 //!
 //! It saves time and changes no contact, see [`Reach::known`](crate::geometry::Reach::known) and
-//! [`Parting`]. Still it is state, so that a step is a function of its state whatever rounding does.
+//! [`SeparatingPlane`]. Still it is state, so that a step is a function of its state whatever rounding does.
 
 use serde::{Deserialize, Serialize};
 use stepper_real::Scalar;
 
-use crate::compile::{Kernel, Plan};
-use crate::geometry::{Parting, Solid};
+use crate::compile::{CompiledModel, Kernel};
+use crate::geometry::{SeparatingPlane, Solid};
 
 /// Pairs of one environment of which something is kept, at most: the first that a step comes to.
 const PLACES: usize = 16;
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Held {
-    /// Number of the pair in the plan.
+    /// Number of the pair in the compiled model.
     pair: u32,
-    parting: Parting,
+    parting: SeparatingPlane,
 }
 
-const NONE: Held = Held { pair: u32::MAX, parting: Parting::NONE };
+const NONE: Held = Held { pair: u32::MAX, parting: SeparatingPlane::NONE };
 
 /// The normals of all lanes of a group.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Normals {
+pub struct SeparationCache {
     /// Places of each lane.
     places: usize,
     /// How many of them are used, per lane.
@@ -31,12 +31,12 @@ pub struct Normals {
     held: Vec<Held>,
 }
 
-impl Normals {
+impl SeparationCache {
     /// Room for so many lanes; none in a scene without pairs of hulls.
-    pub fn new<S: Scalar>(plan: &Plan<S>, lanes: usize) -> Self {
-        let is_hull = |g: usize| plan.geoms[g].solid.as_ref().is_some_and(Solid::is_hull);
-        let listed = plan.pairs.iter().filter(|p| p.kernel == Kernel::Convex && p.geoms.iter().all(|&g| is_hull(g))).count();
-        let crowded = plan.crowd.iter().flat_map(|c| &c.members).filter(|m| is_hull(m.geom)).count();
+    pub fn new<S: Scalar>(compiled: &CompiledModel<S>, lanes: usize) -> Self {
+        let is_hull = |g: usize| compiled.geoms[g].solid.as_ref().is_some_and(Solid::is_hull);
+        let listed = compiled.pairs.iter().filter(|p| p.kernel == Kernel::Convex && p.geoms.iter().all(|&g| is_hull(g))).count();
+        let crowded = compiled.crowd.iter().flat_map(|c| &c.members).filter(|m| is_hull(m.geom)).count();
         let places = (listed + crowded * crowded.saturating_sub(1) / 2).min(PLACES);
         let lanes = if places == 0 { 0 } else { lanes };
         Self { places, count: vec![0; lanes], held: vec![NONE; places * lanes] }
@@ -56,13 +56,13 @@ impl Normals {
 
     /// What is known of a pair.
     #[inline(always)]
-    pub(crate) fn of(&self, lane: usize, pair: usize) -> Option<&Parting> {
+    pub(crate) fn of(&self, lane: usize, pair: usize) -> Option<&SeparatingPlane> {
         self.held[self.used(lane)].iter().find(|h| h.pair == pair as u32).map(|h| &h.parting)
     }
 
     /// Keeps what is known of a pair that nothing is kept of yet, while there is room.
     #[inline(always)]
-    pub(crate) fn keep(&mut self, lane: usize, pair: usize, parting: &Parting) {
+    pub(crate) fn keep(&mut self, lane: usize, pair: usize, parting: &SeparatingPlane) {
         let next = self.used(lane);
         if next.len() < self.places {
             self.held[next.end] = Held { pair: pair as u32, parting: *parting };

@@ -13,7 +13,7 @@
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::collision::detection::Scene;
-use crate::compile::PairPlan;
+use crate::compile::CompiledPair;
 use crate::geometry::{ConvexShape, Grid, Solid};
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
@@ -21,7 +21,7 @@ use crate::math::spatial::*;
 impl<R: Real> Scene<'_, R> {
     /// Those of the lanes `near` in which a contact of a height field, the first geom of the pair, may be taken up.
     #[inline(always)]
-    pub(crate) fn may_meet_terrain(&self, grid: &Grid, pair: &PairPlan<R::Scalar>, near: R::Mask) -> R::Mask {
+    pub(crate) fn may_meet_terrain(&self, grid: &Grid, pair: &CompiledPair<R::Scalar>, near: R::Mask) -> R::Mask {
         let [field, shape] = pair.geoms;
         let (mat, centre) = (&self.poses.mat[field], self.poses.pos[shape]);
         let up = column(mat, 2);
@@ -34,7 +34,7 @@ impl<R: Real> Scene<'_, R> {
         let rise = dot(up, v) - norm(cross(up, w)) * core;
         let speed = norm(v) + norm(w) * core;
         let least = R::splat(pair.margin).max(R::zero()) + self.slack;
-        let around = self.plan.params.bound(shape) + self.poses.travel[field] + self.poses.travel[shape] + least;
+        let around = self.compiled.params.bound(shape) + self.poses.travel[field] + self.poses.travel[shape] + least;
         // A hair more than the exact test will ask for, also in single precision.
         let hair = R::of(1e-6) * (around + at[0].abs() + at[1].abs() + at[2].abs());
         let least = least + hair;
@@ -58,9 +58,9 @@ impl<R: Real> Scene<'_, R> {
     /// is thickened by, m.
     #[inline(always)]
     fn reach_below(&self, geom: usize, up: V3<R>) -> (R, R) {
-        let (size, bound) = (self.plan.params.geom_size(geom), self.plan.params.bound(geom));
+        let (size, bound) = (self.compiled.params.geom_size(geom), self.compiled.params.bound(geom));
         let m = rotate_back(&self.poses.mat[geom], up);
-        let Some(Solid::Convex(shape)) = &self.plan.geoms[geom].solid else { return (bound, bound) };
+        let Some(Solid::Convex(shape)) = &self.compiled.geoms[geom].solid else { return (bound, bound) };
         match shape {
             ConvexShape::Sphere { .. } => (size[0], R::zero()),
             ConvexShape::Capsule { .. } => (size[0] + size[1] * m[2].abs(), size[1]),

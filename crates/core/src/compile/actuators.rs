@@ -6,16 +6,16 @@ use stepper_real::Scalar;
 
 use crate::actuation::DriveTrain;
 use crate::compile::merging::{Merged, matrix, quaternion, vector};
-use crate::compile::tree::{Dof, FrictionPlan, scalars};
+use crate::compile::tree::{CompiledFriction, Dof, scalars};
 use crate::model::{Activation, Actuator, JointKind, Model, Transmission};
 
 /// An actuator on a linear combination of scalar joints, or on a site.
 #[derive(Clone, Debug)]
-pub struct ActuatorPlan<S> {
+pub struct CompiledActuator<S> {
     /// Address in q, degree of freedom, moment arm (gear included); empty for an actuator on a site.
     pub moment: Vec<(usize, usize, S)>,
     /// What it is on a site.
-    pub wrench: Option<WrenchPlan<S>>,
+    pub wrench: Option<CompiledWrench<S>>,
     /// Bounds of the control.
     pub ctrl_range: Option<[S; 2]>,
     /// Bounds of the force.
@@ -31,13 +31,13 @@ pub struct ActuatorPlan<S> {
     /// Its place among the servos.
     pub servo: Option<usize>,
     /// What of its drive train acts within a step.
-    pub train: Option<TrainPlan<S>>,
+    pub train: Option<CompiledTrain<S>>,
 }
 
 /// Where a site is.
 #[derive(Clone, Copy, Debug)]
 pub struct Spot<S> {
-    /// The plan's frame.
+    /// The compiled model's frame.
     pub frame: usize,
     /// Position in it, m.
     pub pos: [S; 3],
@@ -47,7 +47,7 @@ pub struct Spot<S> {
 
 /// A wrench at a site: an actuator whose moment depends on the configuration.
 #[derive(Clone, Debug)]
-pub struct WrenchPlan<S> {
+pub struct CompiledWrench<S> {
     /// The site.
     pub site: Spot<S>,
     /// The site in whose frame the wrench is given and against which it acts.
@@ -66,7 +66,7 @@ pub struct WrenchPlan<S> {
 
 /// What of a drive train acts within a step: bounds and laws that differ between environments.
 #[derive(Clone, Copy, Debug)]
-pub struct TrainPlan<S> {
+pub struct CompiledTrain<S> {
     /// Its place among those trains.
     pub index: usize,
     /// Whether it is a servo whose law is continuous.
@@ -81,7 +81,7 @@ pub struct TrainPlan<S> {
 
 /// An actuator whose force depends on its own motion.
 #[derive(Clone, Debug)]
-pub struct ServoPlan<S> {
+pub struct CompiledServo<S> {
     /// The actuator.
     pub actuator: usize,
     /// Entries of the mass matrix and what its weight is multiplied by there.
@@ -94,7 +94,7 @@ pub struct ServoPlan<S> {
 
 /// Bounds of the sum of actuator forces on a dof.
 #[derive(Clone, Debug)]
-pub struct ForceRangePlan<S> {
+pub struct CompiledForceRange<S> {
     /// Degree of freedom.
     pub dof: usize,
     /// Lowest and highest sum.
@@ -114,13 +114,13 @@ pub(super) struct Scene<'a> {
     pub(super) movers: &'a [Vec<u64>],
     pub(super) dofs: &'a [Dof],
     pub(super) chain: &'a [u32],
-    pub(super) frictions: &'a [FrictionPlan],
+    pub(super) frictions: &'a [CompiledFriction],
 }
 
 pub(super) struct Drives<S> {
-    pub(super) actuators: Vec<ActuatorPlan<S>>,
-    pub(super) servos: Vec<ServoPlan<S>>,
-    pub(super) force_ranges: Vec<ForceRangePlan<S>>,
+    pub(super) actuators: Vec<CompiledActuator<S>>,
+    pub(super) servos: Vec<CompiledServo<S>>,
+    pub(super) force_ranges: Vec<CompiledForceRange<S>>,
     /// Arms of all wrenches, and how many wrenches there are.
     pub(super) arms: usize,
     pub(super) wrenches: usize,
@@ -162,9 +162,9 @@ impl<S: Scalar> Drives<S> {
             let moment: Vec<_> = arms.iter().map(|&(j, c)| (addresses[j].1, c * a.gear)).collect();
             let entries = entries(&moment, scene).into_iter().map(|(entry, c)| (entry, S::from_f64(c))).collect();
             let (products, spread) = wrench.as_ref().map_or_else(Default::default, |w| products(w, scene));
-            self.servos.push(ServoPlan { actuator: self.actuators.len(), entries, products, spread });
+            self.servos.push(CompiledServo { actuator: self.actuators.len(), entries, products, spread });
         }
-        self.actuators.push(ActuatorPlan {
+        self.actuators.push(CompiledActuator {
             moment: arms.iter().map(|&(j, c)| (addresses[j].0, addresses[j].1, S::from_f64(c * a.gear))).collect(),
             wrench,
             ctrl_range: a.ctrl_range.map(scalars),
@@ -178,7 +178,7 @@ impl<S: Scalar> Drives<S> {
         });
     }
 
-    fn wrench(&mut self, scene: Scene<'_>, a: &Actuator) -> Option<WrenchPlan<S>> {
+    fn wrench(&mut self, scene: Scene<'_>, a: &Actuator) -> Option<CompiledWrench<S>> {
         let Transmission::Site { site, reference, wrench } = a.transmission else { return None };
         let at = |s: usize| spot::<S>(scene, s);
         let (site, reference) = (at(site), reference.map(at));
@@ -192,14 +192,14 @@ impl<S: Scalar> Drives<S> {
         let wrench = wrench.map(|x| x * a.gear);
         let is_angle = reference.is_some() && wrench[..3] == [0.0; 3] && wrench[3..] != [0.0; 3];
         let turn = is_angle.then(|| S::from_f64(2.0 * PI * wrench[3..].iter().map(|x| x * x).sum::<f64>().sqrt()));
-        let plan = WrenchPlan { site, reference, wrench: scalars(wrench), arms: self.arms, index: self.wrenches, turn, dofs };
-        self.arms += plan.dofs.len();
+        let compiled = CompiledWrench { site, reference, wrench: scalars(wrench), arms: self.arms, index: self.wrenches, turn, dofs };
+        self.arms += compiled.dofs.len();
         self.wrenches += 1;
-        Some(plan)
+        Some(compiled)
     }
 
     /// What of a train acts within a step; delay, lag and sampled servos act between steps.
-    fn train(&mut self, scene: Scene<'_>, a: &Actuator, train: Option<&DriveTrain>) -> Option<TrainPlan<S>> {
+    fn train(&mut self, scene: Scene<'_>, a: &Actuator, train: Option<&DriveTrain>) -> Option<CompiledTrain<S>> {
         let train = train?;
         let row = |j: usize| scene.frictions.iter().position(|f| f.dof == scene.addresses[j].1);
         let losses = match a.transmission {
@@ -209,20 +209,20 @@ impl<S: Scalar> Drives<S> {
         let (servo, motor, limited) = (train.is_continuous_servo(), train.curve(), train.is_limited());
         let acts = servo || motor.is_some() || limited || losses.is_some();
         self.trains += usize::from(acts);
-        acts.then(|| TrainPlan { index: self.trains - 1, servo, motor, limited, losses })
+        acts.then(|| CompiledTrain { index: self.trains - 1, servo, motor, limited, losses })
     }
 
-    fn force_range(&self, dof: usize, range: [f64; 2]) -> ForceRangePlan<S> {
-        let acting = |(i, a): (usize, &ActuatorPlan<S>)| {
+    fn force_range(&self, dof: usize, range: [f64; 2]) -> CompiledForceRange<S> {
+        let acting = |(i, a): (usize, &CompiledActuator<S>)| {
             a.moment.iter().filter(|&&(_, d, _)| d == dof).map(|&(_, _, arm)| (i, arm)).collect::<Vec<_>>()
         };
         let actuators: Vec<_> = self.actuators.iter().enumerate().flat_map(acting).collect();
         let has_servos = actuators.iter().any(|&(i, _)| self.actuators[i].servo.is_some());
-        ForceRangePlan { dof, bounds: scalars(range), actuators, has_servos }
+        CompiledForceRange { dof, bounds: scalars(range), actuators, has_servos }
     }
 
     pub(super) fn servos_are_bounded(&self) -> bool {
-        let bounded = |a: &ActuatorPlan<S>| a.force_range.is_some() || a.train.is_some();
+        let bounded = |a: &CompiledActuator<S>| a.force_range.is_some() || a.train.is_some();
         self.servos.iter().any(|s| bounded(&self.actuators[s.actuator])) || self.force_ranges.iter().any(|r| r.has_servos)
     }
 }
@@ -265,7 +265,7 @@ fn entries(moment: &[(usize, f64)], scene: Scene<'_>) -> Vec<(usize, f64)> {
 type Products = (Vec<(usize, [usize; 2])>, Vec<(usize, usize)>);
 
 /// The same for a wrench, whose arms change: entries with the arms whose product they get, or, across branches, diagonal entries.
-fn products<S: Scalar>(wrench: &WrenchPlan<S>, scene: Scene<'_>) -> Products {
+fn products<S: Scalar>(wrench: &CompiledWrench<S>, scene: Scene<'_>) -> Products {
     let mut dofs: Vec<(usize, usize)> = wrench.dofs.iter().enumerate().map(|(k, &(dof, _))| (dof, wrench.arms + k)).collect();
     dofs.sort_by_key(|&(dof, _)| std::cmp::Reverse(scene.dofs[dof].depth));
     let pairs = dofs.iter().enumerate().flat_map(|(k, &below)| dofs[k..].iter().map(move |&above| (below, above)));

@@ -13,7 +13,7 @@ use crate::model::{Filter, Geom, GeomPair, HeightField, Kernel, Mesh, Model, Sha
 
 /// A geom that takes part in collision.
 #[derive(Clone, Debug)]
-pub struct GeomPlan<S> {
+pub struct CompiledGeom<S> {
     /// Its index in the model.
     pub index: usize,
     /// The frame that it is fixed to.
@@ -30,7 +30,7 @@ pub struct GeomPlan<S> {
     pub solid: Option<Solid>,
 }
 
-impl<S: Scalar> GeomPlan<S> {
+impl<S: Scalar> CompiledGeom<S> {
     /// Prepares it for [`Kernel::Convex`].
     fn make_solid(&mut self, model: &Model, shape: &Shape) {
         self.solid.get_or_insert_with(|| solid(model, shape));
@@ -40,8 +40,8 @@ impl<S: Scalar> GeomPlan<S> {
 
 /// Two geoms that can touch.
 #[derive(Clone, Copy, Debug)]
-pub struct PairPlan<S> {
-    /// Indices into the plan's geoms.
+pub struct CompiledPair<S> {
+    /// Indices into the compiled model's geoms.
     pub geoms: [usize; 2],
     /// Narrow phase.
     pub kernel: Kernel,
@@ -70,7 +70,7 @@ pub struct Crowd<S> {
 /// A geom of a crowd.
 #[derive(Clone, Copy, Debug)]
 pub struct Member {
-    /// Index into the plan's geoms.
+    /// Index into the compiled model's geoms.
     pub geom: usize,
     /// Its index in the model.
     model_geom: usize,
@@ -90,7 +90,7 @@ impl<S: Scalar> Crowd<S> {
         Some([self.members.get(k / n)?, &self.members[k % n]])
     }
 
-    /// Geoms of a pair in the plan, the simpler shape first.
+    /// Geoms of a pair in the compiled model, the simpler shape first.
     pub fn geoms(&self, number: usize) -> Option<[usize; 2]> {
         let [a, b] = self.members_of(number)?;
         let swap = self.filter.ordered([a.model_geom, b.model_geom])[0] != a.model_geom;
@@ -98,7 +98,7 @@ impl<S: Scalar> Crowd<S> {
     }
 
     /// A pair, if it can collide.
-    pub fn pair(&self, number: usize) -> Option<PairPlan<S>> {
+    pub fn pair(&self, number: usize) -> Option<CompiledPair<S>> {
         let [a, b] = self.members_of(number)?;
         let geoms = self.filter.ordered([a.model_geom, b.model_geom]);
         if self.filter.is_explicit(geoms) {
@@ -143,14 +143,14 @@ const LISTED_PAIRS: usize = 3000;
 const LARGE: f64 = 8.0;
 
 /// Geoms, listed pairs and crowd.
-pub(crate) type Collision<S> = (Vec<GeomPlan<S>>, Vec<PairPlan<S>>, Option<Crowd<S>>);
+pub(crate) type Collision<S> = (Vec<CompiledGeom<S>>, Vec<CompiledPair<S>>, Option<Crowd<S>>);
 
 pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S> {
     let filter = Filter::new(model);
     let among = crowded(model);
     let mut slot = vec![None; model.geoms.len()];
-    let mut geoms: Vec<GeomPlan<S>> = Vec::new();
-    let mut place = |g: usize, geoms: &mut Vec<GeomPlan<S>>| {
+    let mut geoms: Vec<CompiledGeom<S>> = Vec::new();
+    let mut place = |g: usize, geoms: &mut Vec<CompiledGeom<S>>| {
         *slot[g].get_or_insert_with(|| {
             geoms.push(geom(model, merged, g));
             geoms.len() - 1
@@ -227,14 +227,14 @@ pub(super) fn bulk(model: &Model, geom: usize) -> Bulk {
     Bulk { bound: bound(model, shape), inner: inner(model, shape) }
 }
 
-fn pair_plan<S: Scalar>(pair: &GeomPair, kernel: Kernel, geoms: [usize; 2]) -> PairPlan<S> {
-    PairPlan { geoms, kernel, condim: pair.condim, margin: S::from_f64(pair.margin) }
+fn pair_plan<S: Scalar>(pair: &GeomPair, kernel: Kernel, geoms: [usize; 2]) -> CompiledPair<S> {
+    CompiledPair { geoms, kernel, condim: pair.condim, margin: S::from_f64(pair.margin) }
 }
 
-fn geom<S: Scalar>(model: &Model, merged: &Merged, index: usize) -> GeomPlan<S> {
+fn geom<S: Scalar>(model: &Model, merged: &Merged, index: usize) -> CompiledGeom<S> {
     let g = &model.geoms[index];
     let quat = merged.quat[g.body] * quaternion(g.quat);
-    GeomPlan {
+    CompiledGeom {
         index,
         frame: merged.frame[g.body],
         is_plane: matches!(g.shape, Shape::Plane),

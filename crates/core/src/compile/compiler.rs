@@ -3,17 +3,17 @@
 use stepper_real::Scalar;
 
 use crate::compile::collision::Crowd;
-use crate::compile::compiled_model::Plan;
+use crate::compile::compiled_model::CompiledModel;
 use crate::compile::limits::{ball_limits, frictions, limits};
 use crate::compile::merging::Merged;
 use crate::compile::parameters::Params;
-use crate::compile::sensing::SensingPlan;
-use crate::compile::tree::{JointPlan, Link, SpinnerPlan, scalars};
+use crate::compile::sensing::CompiledSensing;
+use crate::compile::tree::{CompiledJoint, CompiledSpinner, Link, scalars};
 use crate::compile::{actuators, collision, equality, merging, passive};
 use crate::model::drive_train::DriveTrain;
 use crate::model::{JointKind, Model};
 
-impl<S: Scalar> Plan<S> {
+impl<S: Scalar> CompiledModel<S> {
     /// Compiles a finished model.
     pub fn new(model: &Model) -> Self {
         Self::with_trains(model, &[])
@@ -48,7 +48,7 @@ impl<S: Scalar> Plan<S> {
         };
         let drives = actuators::Drives::new(scene, trains);
         let lossy = frictions.iter().any(|f| f.driven);
-        let mut plan = Self {
+        let mut compiled = Self {
             nq: model.nq(),
             nv: model.nv(),
             na: model.na(),
@@ -85,18 +85,18 @@ impl<S: Scalar> Plan<S> {
             actuators: drives.actuators,
             servos: drives.servos,
             actuator_force_ranges: drives.force_ranges,
-            sensing: SensingPlan::new(model, &merged, &tendons, lossy),
+            sensing: CompiledSensing::new(model, &merged, &tendons, lossy),
             tendons,
             has_thin,
             contact_points,
             merged,
         };
-        plan.params = plan.params_of(model).map(S::from_f64);
-        plan
+        compiled.params = compiled.params_of(model).map(S::from_f64);
+        compiled
     }
 
     /// Links that are alone on a free or ball joint.
-    fn spinners(links: &[Link<S>], joints: &[JointPlan<S>]) -> Vec<SpinnerPlan<S>> {
+    fn spinners(links: &[Link<S>], joints: &[CompiledJoint<S>]) -> Vec<CompiledSpinner<S>> {
         let alone = |l: usize| links[l].is_root && !links.iter().any(|other| !other.is_root && other.parent == l + 1);
         let spinner = |l: usize| {
             let link = &links[l];
@@ -105,13 +105,13 @@ impl<S: Scalar> Plan<S> {
                 return None;
             }
             let anchor = if joint.kind == JointKind::Ball { joint.anchor } else { [S::default(); 3] };
-            Some(SpinnerPlan { link: l, dof: joint.v, kind: joint.kind, anchor })
+            Some(CompiledSpinner { link: l, dof: joint.v, kind: joint.kind, anchor })
         };
         (0..links.len()).filter_map(spinner).collect()
     }
 
     /// Which of `links` links are alone on a free joint; empty if none is.
-    fn loose(spinners: &[SpinnerPlan<S>], links: usize) -> Vec<bool> {
+    fn loose(spinners: &[CompiledSpinner<S>], links: usize) -> Vec<bool> {
         let mut loose = vec![];
         for spinner in spinners.iter().filter(|s| s.kind == JointKind::Free) {
             loose.resize(links, false);

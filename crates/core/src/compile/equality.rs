@@ -74,7 +74,7 @@ pub struct Spring<S> {
 
 /// An equality that acts.
 #[derive(Clone, Debug)]
-pub struct EqualityPlan<S> {
+pub struct CompiledEquality<S> {
     /// What its rows are made from.
     pub rows: EqualityRows<S>,
     /// Degrees of freedom that it moves, with their ancestors, ascending.
@@ -89,7 +89,7 @@ pub struct EqualityPlan<S> {
 #[derive(Clone, Debug)]
 pub struct EqualityBlock<S> {
     /// Its equalities.
-    pub equalities: Vec<EqualityPlan<S>>,
+    pub equalities: Vec<CompiledEquality<S>>,
     /// Degrees of freedom that any of them moves, with their ancestors, ascending.
     pub support: Vec<u32>,
     /// Number of its rows.
@@ -105,7 +105,7 @@ pub struct EqualityBlock<S> {
 
 /// A fixed tendon with rows of its own.
 #[derive(Clone, Debug)]
-pub struct TendonPlan<S> {
+pub struct CompiledTendon<S> {
     /// The model's tendon.
     pub index: usize,
     /// Its length.
@@ -192,10 +192,10 @@ impl Compiler<'_> {
         for equality in self.model.equalities.iter().filter(|e| e.active) {
             let (rows, support) = self.rows(&equality.kind);
             let count = equality.kind.rows();
-            let plan = EqualityPlan { rows, support: support.clone(), spring: spring(equality), owner: *owner };
+            let compiled = CompiledEquality { rows, support: support.clone(), spring: spring(equality), owner: *owner };
             *owner += count;
-            let hard = plan.spring.is_none();
-            let mut block = EqualityBlock { equalities: vec![plan], support, rows: count, hard, separate: false, set: vec![] };
+            let hard = compiled.spring.is_none();
+            let mut block = EqualityBlock { equalities: vec![compiled], support, rows: count, hard, separate: false, set: vec![] };
             let met = |b: &EqualityBlock<S>| hard && b.hard && b.support.iter().any(|d| block.support.binary_search(d).is_ok());
             let (together, apart): (Vec<_>, Vec<_>) = blocks.into_iter().partition(met);
             let total = count + together.iter().map(|b| b.rows).sum::<usize>();
@@ -212,7 +212,7 @@ impl Compiler<'_> {
     }
 
     /// Tendons that have rows.
-    pub(super) fn tendons<S: Scalar>(&self, owner: &mut usize) -> Vec<TendonPlan<S>> {
+    pub(super) fn tendons<S: Scalar>(&self, owner: &mut usize) -> Vec<CompiledTendon<S>> {
         let mut plans = Vec::new();
         for (index, tendon) in self.model.tendons.iter().enumerate() {
             let sprung = tendon.stiffness > 0.0 || tendon.damping > 0.0 || tendon.armature > 0.0;
@@ -224,7 +224,7 @@ impl Compiler<'_> {
                 damping: S::from_f64(tendon.damping),
                 inertia: S::from_f64(tendon.armature),
             };
-            plans.push(TendonPlan {
+            plans.push(CompiledTendon {
                 index,
                 length: self.combination(&tendon.joints),
                 support: self.with_ancestors(tendon.joints.iter().map(|&(j, _)| self.addresses[j].1)),

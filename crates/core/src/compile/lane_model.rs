@@ -4,31 +4,31 @@ use std::ops::Deref;
 
 use stepper_real::Real;
 
-use crate::compile::compiled_model::Plan;
+use crate::compile::compiled_model::CompiledModel;
 use crate::compile::parameters::*;
 
-/// A plan as a group of lanes has it: what all environments share, and the parameters that each lane has.
+/// A compiled model as a group of lanes has it: what all environments share, and the parameters that each lane has.
 #[derive(Clone, Debug)]
-pub struct LanePlan<R: Real> {
-    /// What is shared. In place, so that it costs a step no more to find than a plan alone.
-    shared: Plan<R::Scalar>,
+pub struct LaneModel<R: Real> {
+    /// What is shared. In place, so that it costs a step no more to find than a compiled model alone.
+    shared: CompiledModel<R::Scalar>,
     /// Parameters, lane by lane.
     pub params: Params<R>,
 }
 
-impl<R: Real> Deref for LanePlan<R> {
-    type Target = Plan<R::Scalar>;
+impl<R: Real> Deref for LaneModel<R> {
+    type Target = CompiledModel<R::Scalar>;
 
     #[inline(always)]
-    fn deref(&self) -> &Plan<R::Scalar> {
+    fn deref(&self) -> &CompiledModel<R::Scalar> {
         &self.shared
     }
 }
 
-impl<R: Real> LanePlan<R> {
+impl<R: Real> LaneModel<R> {
     /// With the model's own parameters in every lane.
-    pub fn new(plan: &Plan<R::Scalar>) -> Self {
-        Self { shared: plan.clone(), params: plan.params.in_lanes() }
+    pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
+        Self { shared: compiled.clone(), params: compiled.params.in_lanes() }
     }
 
     /// What the contacts of a pair are like.

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use stepper_real::Scalar;
 
-use crate::compile::tree::{Below, BodyPlan, Dof, JointPlan, Link, MocapPlan, scalars};
+use crate::compile::tree::{Below, CompiledBody, CompiledJoint, CompiledMocap, Dof, Link, scalars};
 use crate::model::{JointKind, Model};
 
 /// Which frame every body is fixed to, and where in it.
@@ -186,13 +186,13 @@ pub(crate) fn combined(model: &Model, merged: &Merged, chosen: impl Fn(usize) ->
     (mass, com, [total[(0, 0)], total[(1, 1)], total[(2, 2)], total[(0, 1)], total[(0, 2)], total[(1, 2)]])
 }
 
-pub(crate) fn joints<S: Scalar>(model: &Model, addresses: &[(usize, usize)]) -> Vec<JointPlan<S>> {
+pub(crate) fn joints<S: Scalar>(model: &Model, addresses: &[(usize, usize)]) -> Vec<CompiledJoint<S>> {
     let joint = |(j, &(q, v)): (&crate::model::Joint, &(usize, usize))| {
         let principal = (0..3).find(|&k| j.axis[k].abs() == 1.0).map(|k| (k, j.axis[k] < 0.0));
         let mut rest = [0.0; 7];
         rest[..j.kind.nq()].copy_from_slice(&model.qpos_spring[q..q + j.kind.nq()]);
         let scalar = matches!(j.kind, JointKind::Hinge | JointKind::Slide);
-        JointPlan {
+        CompiledJoint {
             kind: j.kind,
             q,
             v,
@@ -229,20 +229,20 @@ pub(crate) fn dofs(model: &Model, merged: &Merged) -> (Vec<Dof>, Vec<Below>) {
     (under.into_iter().enumerate().map(dof).collect(), below)
 }
 
-pub(crate) fn mocap<S: Scalar>(model: &Model, merged: &Merged) -> Vec<MocapPlan<S>> {
-    let plan = |&b: &usize| {
+pub(crate) fn mocap<S: Scalar>(model: &Model, merged: &Merged) -> Vec<CompiledMocap<S>> {
+    let compiled = |&b: &usize| {
         let body = &model.bodies[b];
-        MocapPlan { frame: merged.frame[b], pos: scalars(body.pos), quat: scalars(body.quat) }
+        CompiledMocap { frame: merged.frame[b], pos: scalars(body.pos), quat: scalars(body.quat) }
     };
-    merged.mocap.iter().map(plan).collect()
+    merged.mocap.iter().map(compiled).collect()
 }
 
-pub(crate) fn bodies<S: Scalar>(model: &Model, merged: &Merged) -> Vec<BodyPlan<S>> {
-    let plan = |b: usize| BodyPlan {
+pub(crate) fn bodies<S: Scalar>(model: &Model, merged: &Merged) -> Vec<CompiledBody<S>> {
+    let compiled = |b: usize| CompiledBody {
         frame: merged.frame[b],
         pos: scalars(merged.pos[b].into()),
         mat: matrix(&merged.quat[b]),
         quat: wxyz(&merged.quat[b]),
     };
-    (0..model.bodies.len()).map(plan).collect()
+    (0..model.bodies.len()).map(compiled).collect()
 }

@@ -15,12 +15,14 @@ pub mod sensing;
 mod tree;
 
 pub use crate::model::Kernel;
-pub use actuators::{ActuatorPlan, ForceRangePlan, ServoPlan, Spot, TrainPlan, WrenchPlan};
-pub use collision::{Crowd, GeomPlan, Member, PairPlan};
-pub use compiled_model::Plan;
-pub use equality::{Combination, EqualityBlock, EqualityPlan, EqualityRows, Spring, TendonPlan};
-pub use lane_model::LanePlan;
+pub use actuators::{CompiledActuator, CompiledForceRange, CompiledServo, CompiledTrain, CompiledWrench, Spot};
+pub use collision::{CompiledGeom, CompiledPair, Crowd, Member};
+pub use compiled_model::CompiledModel;
+pub use equality::{Combination, CompiledEquality, CompiledTendon, EqualityBlock, EqualityRows, Spring};
+pub use lane_model::LaneModel;
 pub use parameters::{ContactParams, DofParams, Inertial, Params};
-pub use passive::{EllipsoidPlan, FluidPlan, FluidShape, GravityCompensation, SurfacePlan};
-pub use sensing::SensingPlan;
-pub use tree::{BallLimitPlan, Below, BodyPlan, Dof, FrictionPlan, JointPlan, LimitPlan, Link, MocapPlan, SpinnerPlan};
+pub use passive::{CompiledEllipsoid, CompiledFluid, CompiledSurface, FluidShape, GravityCompensation};
+pub use sensing::CompiledSensing;
+pub use tree::{
+    Below, CompiledBallLimit, CompiledBody, CompiledFriction, CompiledJoint, CompiledLimit, CompiledMocap, CompiledSpinner, Dof, Link,
+};

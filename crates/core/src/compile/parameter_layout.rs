@@ -1,20 +1,20 @@
-//! The parameters of a model, laid out for a plan.
+//! The parameters of a model, laid out for a compiled model.
 
 use nalgebra::Vector3;
 use stepper_real::Scalar;
 
 use crate::compile::collision::{bulk, size};
-use crate::compile::compiled_model::Plan;
+use crate::compile::compiled_model::CompiledModel;
 use crate::compile::limits::is_scalar;
 use crate::compile::merging::{combined, vector};
 use crate::compile::parameters::{Params, Tables};
 use crate::compile::passive::{FluidShape, inertia_box};
 use crate::model::{Body, Filter, GeomPair, Joint, JointKind, Model, Object};
 
-impl<S: Scalar> Plan<S> {
-    /// The parameters of a model that has this plan's structure: the one that it was made from, or one with other numbers.
+impl<S: Scalar> CompiledModel<S> {
+    /// The parameters of a model that has this compiled model's structure: the one that it was made from, or one with other numbers.
     pub fn params_of(&self, model: &Model) -> Params<f64> {
-        let source = Source { plan: self, model };
+        let source = Source { compiled: self, model };
         let mut numbers = Vec::new();
         let mut table = |rows: &mut dyn Iterator<Item = f64>| {
             let start = numbers.len();
@@ -54,16 +54,16 @@ fn dofs(joint: &Joint) -> impl Iterator<Item = f64> {
 
 /// What the numbers are taken from, and where they go.
 struct Source<'a, S: Scalar> {
-    plan: &'a Plan<S>,
+    compiled: &'a CompiledModel<S>,
     model: &'a Model,
 }
 
 impl<S: Scalar> Source<'_, S> {
     /// Links, then the parts that sensors read.
     fn inertials(&self) -> impl Iterator<Item = f64> {
-        let merged = &self.plan.merged;
-        let links = (1..=self.plan.links.len()).map(move |frame| combined(self.model, merged, |b| merged.frame[b] == frame));
-        let parts = self.plan.sensing.subtrees.iter().flat_map(move |tree| {
+        let merged = &self.compiled.merged;
+        let links = (1..=self.compiled.links.len()).map(move |frame| combined(self.model, merged, |b| merged.frame[b] == frame));
+        let parts = self.compiled.sensing.subtrees.iter().flat_map(move |tree| {
             tree.parts.iter().map(move |part| combined(self.model, merged, |b| tree.bodies[b] && merged.frame[b] == part.frame))
         });
         links.chain(parts).flat_map(|(mass, com, inertia)| [mass].into_iter().chain(xyz(com)).chain(inertia))
@@ -72,7 +72,7 @@ impl<S: Scalar> Source<'_, S> {
     /// Masses of the subtrees that sensors read.
     fn totals(&self) -> impl Iterator<Item = f64> {
         let bodies = &self.model.bodies;
-        self.plan.sensing.subtrees.iter().map(|tree| bodies.iter().zip(&tree.bodies).filter(|b| *b.1).map(|b| b.0.mass).sum())
+        self.compiled.sensing.subtrees.iter().map(|tree| bodies.iter().zip(&tree.bodies).filter(|b| *b.1).map(|b| b.0.mass).sum())
     }
 
     fn geom(&self, geom: usize) -> impl Iterator<Item = f64> + use<S> {
@@ -84,19 +84,19 @@ impl<S: Scalar> Source<'_, S> {
 
     fn pairs(&self) -> impl Iterator<Item = f64> {
         let filter = Filter::new(self.model);
-        let index = |g: usize| self.plan.geoms[g].index;
+        let index = |g: usize| self.compiled.geoms[g].index;
         let surface = move |p: GeomPair| {
             let [mu, torsion, rolling] = p.friction;
             let more = |least: u8, x: f64| if p.condim > least { x } else { 0.0 };
             [more(1, mu), more(3, torsion), more(4, rolling), p.restitution]
         };
-        let listed = self.plan.pairs.iter().map(move |p| filter.pair(p.geoms.map(index)).expect("a pair of the plan collides"));
+        let listed = self.compiled.pairs.iter().map(move |p| filter.pair(p.geoms.map(index)).expect("a pair of the compiled collides"));
         listed.flat_map(surface)
     }
 
     /// What every geom brings into a contact, where there is a crowd.
     fn members(&self) -> impl Iterator<Item = f64> {
-        let geoms = if self.plan.crowd.is_some() { &self.model.geoms[..] } else { &[] };
+        let geoms = if self.compiled.crowd.is_some() { &self.model.geoms[..] } else { &[] };
         geoms.iter().flat_map(|g| g.friction.into_iter().chain([g.restitution]))
     }
 
@@ -123,7 +123,7 @@ impl<S: Scalar> Source<'_, S> {
             Object::Geom(g) => (self.model.geoms[g].body, self.model.geoms[g].pos),
             Object::Site(s) => (self.model.sites[s].body, self.model.sites[s].pos),
         };
-        (self.plan.merged.pos[body] + self.plan.merged.quat[body] * vector(pos)).into()
+        (self.compiled.merged.pos[body] + self.compiled.merged.quat[body] * vector(pos)).into()
     }
 
     fn size(&self, object: Object) -> [f64; 3] {

@@ -1,8 +1,8 @@
-//! Parameters: the numbers of a plan that every environment may have for itself.
+//! Parameters: the numbers of a compiled model that every environment may have for itself.
 //!
 //! They are one flat list of tables, so that a place in it is all it takes to say which of them environments have of their own: a batch keeps
 //! (place, a number for every lane) of those alone, and a worker writes them over the shared ones before it steps a group. Stages read them
-//! through a [`LanePlan`], one number per lane, and need not know which is which.
+//! through a [`LaneModel`], one number per lane, and need not know which is which.
 
 use stepper_real::{Real, Scalar};
 
@@ -139,7 +139,7 @@ impl<T: Copy> Params<T> {
         self.numbers[self.at.springs + joint]
     }
 
-    /// Lowest and highest position of a limit of the plan.
+    /// Lowest and highest position of a limit of the compiled model.
     #[inline(always)]
     pub fn limit(&self, i: usize) -> [T; 2] {
         self.take(self.at.limits + 2 * i)
@@ -164,7 +164,7 @@ impl<T: Copy> Params<T> {
         [self.take(at), self.take(at + 3)]
     }
 
-    /// Origin of a geom of the plan in its frame, m.
+    /// Origin of a geom of the compiled model in its frame, m.
     #[inline(always)]
     pub fn geom_pos(&self, geom: usize) -> [T; 3] {
         self.take(self.at.geoms + GEOM * geom)

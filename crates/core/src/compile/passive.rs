@@ -5,14 +5,14 @@ use std::f64::consts::PI;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use stepper_real::Scalar;
 
-use crate::compile::collision::GeomPlan;
+use crate::compile::collision::CompiledGeom;
 use crate::compile::merging::{Merged, matrix, quaternion};
 use crate::compile::tree::scalars;
 use crate::model::{Body, Ellipsoid, Medium, Model, Object};
 
 /// A body or geom that the medium acts on.
 #[derive(Clone, Debug)]
-pub struct FluidPlan<S> {
+pub struct CompiledFluid<S> {
     /// Its link.
     pub link: usize,
     /// The body or geom of the model.
@@ -29,12 +29,12 @@ pub enum FluidShape<S> {
     /// A box: force or torque -(viscous + drag |v|) v along every axis.
     Box,
     /// An ellipsoid.
-    Ellipsoid(Box<EllipsoidPlan<S>>),
+    Ellipsoid(Box<CompiledEllipsoid<S>>),
 }
 
 /// An ellipsoid in a medium; the names are those of [`crate::dynamics::fluid`].
 #[derive(Clone, Debug)]
-pub struct EllipsoidPlan<S> {
+pub struct CompiledEllipsoid<S> {
     /// Scales all forces.
     pub share: S,
     /// kg/m^3
@@ -72,10 +72,10 @@ pub struct GravityCompensation {
 
 /// A geom whose surface moves without its links: a conveyor, or part of a body that the user moves.
 #[derive(Clone, Debug)]
-pub struct SurfacePlan<S> {
-    /// Index into the plan's geoms.
+pub struct CompiledSurface<S> {
+    /// Index into the compiled model's geoms.
     pub geom: usize,
-    /// The mocap body that carries it, by its place among the plan's.
+    /// The mocap body that carries it, by its place among the compiled model's.
     pub mocap: Option<usize>,
     /// Velocity of the surface in the frame's axes (m/s at the geom's origin, rad/s), if it has one of its own.
     pub own: Option<[[S; 3]; 2]>,
@@ -84,7 +84,7 @@ pub struct SurfacePlan<S> {
 /// Below this MuJoCo takes a number for zero.
 const TINY: f64 = 1e-15;
 
-pub(super) fn fluid<S: Scalar>(model: &Model, merged: &Merged) -> Vec<FluidPlan<S>> {
+pub(super) fn fluid<S: Scalar>(model: &Model, merged: &Merged) -> Vec<CompiledFluid<S>> {
     if !model.medium.acts() {
         return Vec::new();
     }
@@ -96,7 +96,7 @@ pub(super) fn fluid<S: Scalar>(model: &Model, merged: &Merged) -> Vec<FluidPlan<
         }
         let mut push = |object: Object, quat: [f64; 4], shape| {
             let axes: UnitQuaternion<f64> = merged.quat[b] * quaternion(quat);
-            found.push(FluidPlan { link: frame - 1, object, mat: matrix(&axes), shape });
+            found.push(CompiledFluid { link: frame - 1, object, mat: matrix(&axes), shape });
         };
         let geoms: Vec<_> = model.geoms.iter().enumerate().filter(|(_, g)| g.body == b && g.fluid.is_some()).collect();
         if geoms.is_empty() {
@@ -134,7 +134,7 @@ fn ellipsoid<S: Scalar>(e: &Ellipsoid, medium: &Medium) -> FluidShape<S> {
     let largest = 8.0 / 15.0 * PI * middle * most.powi(4);
     let moments = std::array::from_fn(|k| e.angular_drag * moment(k) + e.slender_drag * (largest - moment(k)));
     let volume = 4.0 / 3.0 * PI * a * b * c;
-    FluidShape::Ellipsoid(Box::new(EllipsoidPlan {
+    FluidShape::Ellipsoid(Box::new(CompiledEllipsoid {
         share: S::from_f64(e.share),
         density: S::from_f64(medium.density),
         added_mass: scalars(e.virtual_mass.map(|m| medium.density * m)),
@@ -158,14 +158,14 @@ pub(super) fn compensation(model: &Model, merged: &Merged) -> Vec<GravityCompens
     (1..model.bodies.len()).filter(acts).map(|body| GravityCompensation { link: merged.frame[body] - 1, body }).collect()
 }
 
-pub(super) fn surfaces<S: Scalar>(model: &Model, geoms: &[GeomPlan<S>], links: usize) -> Vec<SurfacePlan<S>> {
-    let plan = |(i, g): (usize, &GeomPlan<S>)| {
+pub(super) fn surfaces<S: Scalar>(model: &Model, geoms: &[CompiledGeom<S>], links: usize) -> Vec<CompiledSurface<S>> {
+    let compiled = |(i, g): (usize, &CompiledGeom<S>)| {
         let mocap = (g.frame > links).then(|| g.frame - links - 1);
         let speed = model.geoms[g.index].surface_velocity;
         let axes = Matrix3::from_row_slice(&g.mat.map(Scalar::to_f64));
         let turned = |k: usize| scalars((axes * Vector3::new(speed[k], speed[k + 1], speed[k + 2])).into());
         let own = (speed != [0.0; 6]).then(|| [turned(0), turned(3)]);
-        (mocap.is_some() || own.is_some()).then_some(SurfacePlan { geom: i, mocap, own })
+        (mocap.is_some() || own.is_some()).then_some(CompiledSurface { geom: i, mocap, own })
     };
-    geoms.iter().enumerate().filter_map(plan).collect()
+    geoms.iter().enumerate().filter_map(compiled).collect()
 }

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 
 use stepper_real::Scalar;
 
-use crate::compile::equality::TendonPlan;
+use crate::compile::equality::CompiledTendon;
 use crate::compile::merging::{Merged, matrix, quaternion, wxyz};
 use crate::compile::tree::scalars;
 use crate::model::{
@@ -14,9 +14,9 @@ use crate::model::{
 
 /// All sensors of a model, and what they need of a step.
 #[derive(Clone, Debug)]
-pub struct SensingPlan<S> {
+pub struct CompiledSensing<S> {
     /// Sensors in the model's order.
-    pub sensors: Vec<SensorPlan<S>>,
+    pub sensors: Vec<CompiledSensor<S>>,
     /// Numbers of all readings.
     pub width: usize,
     /// Magnetic field in the world, T.
@@ -58,7 +58,7 @@ pub struct Needs {
 
 /// One sensor.
 #[derive(Clone, Debug)]
-pub struct SensorPlan<S> {
+pub struct CompiledSensor<S> {
     /// Address of its first reading.
     pub at: usize,
     /// Numbers of its reading.
@@ -72,7 +72,7 @@ pub struct SensorPlan<S> {
 /// A frame fixed to a link, the world or a mocap body.
 #[derive(Clone, Copy, Debug)]
 pub struct Place<S> {
-    /// The plan's frame.
+    /// The compiled model's frame.
     pub frame: usize,
     /// Its number among all places, for its position in the frame.
     pub index: usize,
@@ -127,7 +127,7 @@ pub struct Subtree {
 /// A mass fixed to a frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Part {
-    /// The plan's frame.
+    /// The compiled model's frame.
     pub frame: usize,
     /// Its row of [`Params::inertial`](crate::compile::Params::inertial).
     pub index: usize,
@@ -142,7 +142,7 @@ pub enum Side<S> {
     Zone(Solid<S>),
 }
 
-/// What a sensor reads, in terms of the plan; subtrees by their number.
+/// What a sensor reads, in terms of the compiled model; subtrees by their number.
 #[derive(Clone, Debug)]
 pub enum Read<S> {
     /// So many entries of q.
@@ -165,7 +165,7 @@ pub enum Read<S> {
     LimitPos(Vec<(usize, S)>, Bounds<S>),
     /// Its rate: the same in v besides.
     LimitVel([Vec<(usize, S)>; 2], Bounds<S>),
-    /// Impulse of a limit, by its index in the plan.
+    /// Impulse of a limit, by its index in the compiled model.
     LimitForce(usize),
     /// A limit that is not there.
     Nothing,
@@ -212,19 +212,19 @@ pub enum Read<S> {
 /// Ends of a range.
 #[derive(Clone, Copy, Debug)]
 pub enum Bounds<S> {
-    /// Those of a joint's limit, by its index in the plan.
+    /// Those of a joint's limit, by its index in the compiled model.
     Limit(usize),
     /// Fixed ones.
     Range([S; 2]),
 }
 
-impl<S: Scalar> SensingPlan<S> {
+impl<S: Scalar> CompiledSensing<S> {
     /// `lossy` says whether part of what actuators do is known from the impulses of a step alone.
-    pub(super) fn new(model: &Model, merged: &Merged, tendons: &[TendonPlan<S>], lossy: bool) -> Self {
+    pub(super) fn new(model: &Model, merged: &Merged, tendons: &[CompiledTendon<S>], lossy: bool) -> Self {
         let owners = tendons.iter().map(|t| (t.index, t.owner)).collect();
         let compiler = Compiler { model, merged, addresses: model.joint_addresses(), owners, found: RefCell::default() };
         let at = model.sensor_addresses();
-        let compile = |(i, s): (usize, &Sensor)| SensorPlan {
+        let compile = |(i, s): (usize, &Sensor)| CompiledSensor {
             at: at[i],
             dim: s.dim(&model.sensors),
             quantity: s.quantity(),
@@ -253,7 +253,7 @@ impl<S: Scalar> SensingPlan<S> {
 }
 
 impl Needs {
-    fn of<S>(sensors: &[SensorPlan<S>], model: &Model) -> Self {
+    fn of<S>(sensors: &[CompiledSensor<S>], model: &Model) -> Self {
         let any = |test: &dyn Fn(&Read<S>) -> bool| sensors.iter().any(|s| test(&s.read));
         let wrenches = any(&|r| matches!(r, Read::Force(..) | Read::Torque(..)));
         let accelerated = |r: &Read<S>| matches!(r, Read::Accelerometer(_) | Read::Frame(FrameReading::LinAcc | FrameReading::AngAcc, ..));
@@ -376,7 +376,7 @@ impl Compiler<'_> {
         Some(self.arms(&arms, actuator.gear).collect::<Vec<_>>().into_iter())
     }
 
-    /// Index in the plan of a joint's limit.
+    /// Index in the compiled model of a joint's limit.
     fn limit_of(&self, j: usize) -> Option<usize> {
         crate::compile::limits::limits(self.model, &self.addresses).iter().position(|l| l.dof == self.addresses[j].1)
     }

@@ -27,7 +27,7 @@ pub struct Link<S> {
 
 /// A joint.
 #[derive(Clone, Debug)]
-pub struct JointPlan<S> {
+pub struct CompiledJoint<S> {
     /// How it moves.
     pub kind: JointKind,
     /// Address in q.
@@ -76,7 +76,7 @@ pub struct Below {
 
 /// A link alone on a free or ball joint.
 #[derive(Clone, Debug)]
-pub struct SpinnerPlan<S> {
+pub struct CompiledSpinner<S> {
     /// The link.
     pub link: usize,
     /// First degree of freedom.
@@ -89,7 +89,7 @@ pub struct SpinnerPlan<S> {
 
 /// A body that the user poses.
 #[derive(Clone, Debug)]
-pub struct MocapPlan<S> {
+pub struct CompiledMocap<S> {
     /// Its frame.
     pub frame: usize,
     /// Pose at reset.
@@ -100,7 +100,7 @@ pub struct MocapPlan<S> {
 
 /// Where a body of the model is.
 #[derive(Clone, Debug)]
-pub struct BodyPlan<S> {
+pub struct CompiledBody<S> {
     /// The frame that it is fixed to.
     pub frame: usize,
     /// Its origin in that frame, m.
@@ -113,7 +113,7 @@ pub struct BodyPlan<S> {
 
 /// Range of a hinge or slide.
 #[derive(Clone, Debug)]
-pub struct LimitPlan {
+pub struct CompiledLimit {
     /// Address in q.
     pub q: usize,
     /// Degree of freedom.
@@ -122,7 +122,7 @@ pub struct LimitPlan {
 
 /// Range of a ball joint.
 #[derive(Clone, Debug)]
-pub struct BallLimitPlan {
+pub struct CompiledBallLimit {
     /// Address in q.
     pub q: usize,
     /// First degree of freedom.
@@ -133,7 +133,7 @@ pub struct BallLimitPlan {
 
 /// Dry friction of a degree of freedom.
 #[derive(Clone, Debug)]
-pub struct FrictionPlan {
+pub struct CompiledFriction {
     /// Degree of freedom.
     pub dof: usize,
     /// The joint in the model.

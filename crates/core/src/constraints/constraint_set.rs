@@ -6,7 +6,7 @@ use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::newton::Newton;
 use stepper_solve::{Capacity, Iterate, Problem, Reference, Snapshot};
 
-use crate::compile::{LanePlan, Plan};
+use crate::compile::{CompiledModel, LaneModel};
 use crate::constraints::islands::Islands;
 use crate::dynamics::inertia::{MassMatrix, NewtonEuler};
 use crate::math::spatial::*;
@@ -51,7 +51,7 @@ pub struct Constraints<R: Real> {
     /// What each row demands of the positions alone, scalar rows first, then contacts, then those with six rows: velocity g of stage 8 of scalar and
     /// normal rows, of the others what is added to g. Where an overlap's bias is part of the velocities, the demand without it.
     pub position_bias: Vec<R>,
-    /// Impulses of limits, then of dry friction, by their index in the plan, then of what names its owner: the warm start.
+    /// Impulses of limits, then of dry friction, by their index in the compiled model, then of what names its owner: the warm start.
     pub scalar_impulse: Vec<R>,
     /// Index in `scalar_impulse` of every scalar row.
     pub owners: Vec<usize>,
@@ -125,10 +125,10 @@ impl<R: Real> Moment<'_, R> {
 }
 
 impl<R: Real> Constraints<R> {
-    /// Room for a plan.
-    pub fn new(plan: &Plan<R::Scalar>, max_contacts: usize) -> Self {
-        let block = plan.equalities.iter().map(|b| b.rows).max().unwrap_or(0);
-        let room = room(plan, max_contacts, R::LANES);
+    /// Room for a compiled model.
+    pub fn new(compiled: &CompiledModel<R::Scalar>, max_contacts: usize) -> Self {
+        let block = compiled.equalities.iter().map(|b| b.rows).max().unwrap_or(0);
+        let room = room(compiled, max_contacts, R::LANES);
         Self {
             problem: Problem::new(&room),
             iterate: Iterate::new(&room),
@@ -141,74 +141,74 @@ impl<R: Real> Constraints<R> {
             rebounding: R::Mask::splat(false),
             floors: Vec::with_capacity(room.contacts + room.rolling_contacts),
             reference: Reference::new(&room),
-            islands: Islands::new(plan.ntree),
+            islands: Islands::new(compiled.ntree),
             shared: Snapshot::new(&room),
             position_bias: Vec::with_capacity(room.scalars + 3 * room.contacts + 6 * room.rolling_contacts),
-            scalar_impulse: vec![R::zero(); plan.scalar_impulses],
+            scalar_impulse: vec![R::zero(); compiled.scalar_impulses],
             owners: Vec::with_capacity(room.scalars),
             slots: Vec::with_capacity(max_contacts),
             wide_slots: Vec::with_capacity(room.rolling_contacts),
             sizes: Vec::with_capacity(block),
             demands: Vec::with_capacity(block),
-            column: vec![zero(); plan.nv],
-            linear: vec![zero(); if plan.wide { plan.nv } else { 0 }],
-            support: Vec::with_capacity(plan.nv),
-            path: vec![R::zero(); plan.nv],
-            signs: vec![[0; 2]; plan.nv],
-            words: vec![0; plan.nv.div_ceil(64)],
+            column: vec![zero(); compiled.nv],
+            linear: vec![zero(); if compiled.wide { compiled.nv } else { 0 }],
+            support: Vec::with_capacity(compiled.nv),
+            path: vec![R::zero(); compiled.nv],
+            signs: vec![[0; 2]; compiled.nv],
+            words: vec![0; compiled.nv.div_ceil(64)],
             moving: 0,
-            tied: Vec::with_capacity(plan.equalities.len()),
-            separate: std::array::from_fn(|_| Vec::with_capacity(plan.equalities.iter().map(|b| b.rows * b.support.len()).sum())),
+            tied: Vec::with_capacity(compiled.equalities.len()),
+            separate: std::array::from_fn(|_| Vec::with_capacity(compiled.equalities.iter().map(|b| b.rows * b.support.len()).sum())),
         }
     }
 }
 
-/// What the rows of a plan can take at the most: a contact touches the ancestors of two frames in each of its lanes, and any row what equalities tie
+/// What the rows of a compiled model can take at the most: a contact touches the ancestors of two frames in each of its lanes, and any row what equalities tie
 /// to it.
-fn room<S: Scalar>(plan: &Plan<S>, contacts: usize, lanes: usize) -> Capacity {
-    let tied = plan.equalities.iter().filter(|b| b.separate).map(|b| b.support.len()).sum::<usize>();
-    let with_tied = |entries: usize| (entries + tied).min(plan.nv);
-    let depth = |dof: usize| with_tied(plan.dofs[dof].depth);
-    let single = plan.limits.iter().map(|l| depth(l.dof)).chain(plan.frictions.iter().map(|f| depth(f.dof))).sum::<usize>();
-    let balls = plan.ball_limits.iter().map(|b| depth(b.dof + 2)).sum::<usize>();
-    let equalities = plan.equalities.iter().map(|b| b.rows * with_tied(b.support.len())).sum::<usize>();
-    let tendons = plan.tendons.iter().map(|t| 3 * with_tied(t.support.len())).sum::<usize>();
-    let mut moved: Vec<usize> = plan.movers.iter().map(|m| m.iter().map(|w| w.count_ones() as usize).sum()).collect();
+fn room<S: Scalar>(compiled: &CompiledModel<S>, contacts: usize, lanes: usize) -> Capacity {
+    let tied = compiled.equalities.iter().filter(|b| b.separate).map(|b| b.support.len()).sum::<usize>();
+    let with_tied = |entries: usize| (entries + tied).min(compiled.nv);
+    let depth = |dof: usize| with_tied(compiled.dofs[dof].depth);
+    let single = compiled.limits.iter().map(|l| depth(l.dof)).chain(compiled.frictions.iter().map(|f| depth(f.dof))).sum::<usize>();
+    let balls = compiled.ball_limits.iter().map(|b| depth(b.dof + 2)).sum::<usize>();
+    let equalities = compiled.equalities.iter().map(|b| b.rows * with_tied(b.support.len())).sum::<usize>();
+    let tendons = compiled.tendons.iter().map(|t| 3 * with_tied(t.support.len())).sum::<usize>();
+    let mut moved: Vec<usize> = compiled.movers.iter().map(|m| m.iter().map(|w| w.count_ones() as usize).sum()).collect();
     moved.sort_unstable();
     let deepest: usize = moved.iter().rev().take(2).sum();
     Capacity {
-        dimension: plan.nv,
-        scalars: plan.scalar_impulses,
+        dimension: compiled.nv,
+        scalars: compiled.scalar_impulses,
         scalar_entries: single + balls + equalities + tendons,
         contacts,
-        rolling_contacts: if plan.wide { contacts } else { 0 },
+        rolling_contacts: if compiled.wide { contacts } else { 0 },
         contact_support: with_tied(deepest * lanes),
     }
 }
 
 impl<R: Real> Constraints<R> {
     /// The velocity change that the present impulses alone make, left in `out`.
-    pub fn impulse_change(&self, plan: &LanePlan<R>, mass: &MassMatrix<R>, out: &mut [R]) {
+    pub fn impulse_change(&self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, out: &mut [R]) {
         R::vectorize(
             #[inline(always)]
             || {
                 out.copy_from_slice(&self.iterate.w);
                 if self.iterate.changes_velocity() {
-                    mass.unscale(plan, out);
+                    mass.unscale(compiled, out);
                 }
             },
         )
     }
 
     /// Takes up a change of the free velocity of the lanes `lanes` after the rows were made. `change` is used up.
-    pub fn shift(&mut self, plan: &LanePlan<R>, mass: &MassMatrix<R>, change: &mut [R], lanes: R::Mask) {
+    pub fn shift(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, change: &mut [R], lanes: R::Mask) {
         if self.problem.is_empty() {
             return;
         }
         R::vectorize(
             #[inline(always)]
             || {
-                mass.scale(plan, change);
+                mass.scale(compiled, change);
                 let (scalars, contacts) = self.position_bias.split_at_mut(self.problem.scalars.len());
                 for (i, position) in scalars.iter_mut().enumerate() {
                     let row = &self.problem.scalars[i];

@@ -16,14 +16,14 @@ impl<R: Real> Constraints<R> {
     /// Adds slot `k` in the lanes `lanes`, in which it has sliding friction at the most; `support` is gathered.
     #[inline(always)]
     pub(crate) fn add_contact(&mut self, site: Site<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
-        let Site { plan, options, mass, moment, .. } = site;
+        let Site { compiled, options, mass, moment, .. } = site;
         let (slot, active) = (&contacts.data[k], R::Mask::from_bits(lanes));
         let [free, before] = self.contact_columns(site, contacts, k, lanes);
         let curves = options.integrator.in_the_middle() && self.moving != 0;
         let change = if self.has_impacts || curves { self.free_change(moment) } else { zero() };
-        self.half_solve::<3>(plan, mass);
+        self.half_solve::<3>(compiled, mass);
         let (bias, position) = self.biases(options, moment.gap(slot.point.distance), moment.h, active);
-        let (bias, mut active) = self.bounce(plan, options, slot, moment, active, [free[0], before[0]], bias);
+        let (bias, mut active) = self.bounce(compiled, options, slot, moment, active, [free[0], before[0]], bias);
         let mut g = [[free[0] + bias, free[0] + position], [free[1]; 2], [free[2]; 2]];
         let lengths = self.eliminate(mass, &mut g);
         if self.has_impacts {

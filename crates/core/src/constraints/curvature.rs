@@ -76,20 +76,20 @@ impl<R: Real> Constraints<R> {
 /// kappa of slot `k` in the lanes `lanes`, m/s^2.
 #[inline(always)]
 fn rate<R: Real>(site: Site<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> V3<R> {
-    let Site { plan, kinematics, .. } = site;
+    let Site { compiled, kinematics, .. } = site;
     let point = &contacts.data[k].point;
     let n = point.normal;
     let half = point.distance * R::of(0.5);
     let mut out = zero();
     for (pair, same) in contacts.pairs(k, lanes) {
-        let geoms = plan.pair_geoms(pair).expect("made from this plan");
+        let geoms = compiled.pair_geoms(pair).expect("made from this compiled");
         let [first, second] = geoms;
-        let (a, b) = (field(site, plan.geoms[first].frame, point.pos), field(site, plan.geoms[second].frame, point.pos));
-        let (from_a, from_b) = (plan.params.geom_size(first)[0] + half, plan.params.geom_size(second)[0] + half);
+        let (a, b) = (field(site, compiled.geoms[first].frame, point.pos), field(site, compiled.geoms[second].frame, point.pos));
+        let (from_a, from_b) = (compiled.params.geom_size(first)[0] + half, compiled.params.geom_size(second)[0] + half);
         // Centres, where there are any, move with their bodies.
         let centre_a = sub(a.velocity, scale(cross(a.turn, n), from_a));
         let centre_b = add_scaled(b.velocity, cross(b.turn, n), from_b);
-        let place = match [plan.geoms[first].is_round, plan.geoms[second].is_round] {
+        let place = match [compiled.geoms[first].is_round, compiled.geoms[second].is_round] {
             [true, true] => {
                 let apart = sub(centre_b, centre_a);
                 let turned = scale(add_scaled(apart, n, -dot(apart, n)), from_b / (from_a + from_b));
@@ -99,7 +99,7 @@ fn rate<R: Real>(site: Site<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32
             [true, false] => add_scaled(centre_a, cross(b.turn, n), from_a),
             [false, false] => b.velocity,
         };
-        let own = surface_velocity::spin(plan, kinematics, geoms);
+        let own = surface_velocity::spin(compiled, kinematics, geoms);
         let turn = add(sub(b.turn, a.turn), scale(n, dot(own, n)));
         let kappa = add(sub(b.rate, a.rate), cross(turn, place));
         out = select(R::Mask::from_bits(same), kappa, out);
@@ -110,8 +110,8 @@ fn rate<R: Real>(site: Site<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32
 /// The velocity field of a frame at the point `p`.
 #[inline(always)]
 fn field<R: Real>(site: Site<'_, R>, frame: usize, p: V3<R>) -> Field<R> {
-    let Site { plan, kinematics, moment, .. } = site;
-    match frame.checked_sub(plan.links.len() + 1) {
+    let Site { compiled, kinematics, moment, .. } = site;
+    match frame.checked_sub(compiled.links.len() + 1) {
         _ if frame == 0 => Field { turn: zero(), velocity: zero(), rate: zero() },
         Some(mocap) => {
             let posed = &kinematics.posed[mocap];
@@ -120,9 +120,9 @@ fn field<R: Real>(site: Site<'_, R>, frame: usize, p: V3<R>) -> Field<R> {
         }
         None => {
             let (velocity, change) = (&moment.motion.velocity[frame - 1], &moment.motion.acceleration[frame - 1]);
-            let arm = sub(p, kinematics.origin[plan.links[frame - 1].tree]);
+            let arm = sub(p, kinematics.origin[compiled.links[frame - 1].tree]);
             // The recursion takes gravity as an upward acceleration of the world.
-            let rate = add(velocity_at(change, arm), plan.params.gravity());
+            let rate = add(velocity_at(change, arm), compiled.params.gravity());
             Field { turn: angular(velocity), velocity: velocity_at(velocity, arm), rate }
         }
     }

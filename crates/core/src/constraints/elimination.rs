@@ -13,7 +13,7 @@
 use stepper_real::{Mask, Real};
 use stepper_solve::{ScalarRow, dependence_threshold};
 
-use crate::compile::LanePlan;
+use crate::compile::LaneModel;
 use crate::constraints::constraint_set::Constraints;
 use crate::dynamics::inertia::MassMatrix;
 use crate::math::spatial::*;
@@ -21,14 +21,14 @@ use crate::math::spatial::*;
 impl<R: Real> Constraints<R> {
     /// Finds the separate equalities that share a degree of freedom with `support`, and adds what they move to it, with zeros in `column`.
     #[inline(always)]
-    pub(crate) fn tie(&mut self, plan: &LanePlan<R>) {
+    pub(crate) fn tie(&mut self, compiled: &LaneModel<R>) {
         if self.problem.scalars.separate() > 0 {
             self.words.fill(0);
             for &d in &self.support {
                 self.words[d as usize / 64] |= 1 << (d % 64);
             }
         }
-        self.find_tied(plan);
+        self.find_tied(compiled);
         if !self.tied.is_empty() {
             self.list_support();
         }
@@ -36,17 +36,17 @@ impl<R: Real> Constraints<R> {
 
     /// The same of the dofs in `words`.
     #[inline(always)]
-    pub(crate) fn find_tied(&mut self, plan: &LanePlan<R>) {
+    pub(crate) fn find_tied(&mut self, compiled: &LaneModel<R>) {
         self.tied.clear();
         if self.problem.scalars.separate() > 0 {
-            self.search_blocks(plan);
+            self.search_blocks(compiled);
         }
     }
 
     #[inline(never)]
-    fn search_blocks(&mut self, plan: &LanePlan<R>) {
+    fn search_blocks(&mut self, compiled: &LaneModel<R>) {
         let mut start = 0;
-        for block in plan.equalities.iter().filter(|block| block.separate) {
+        for block in compiled.equalities.iter().filter(|block| block.separate) {
             let rows = start..start + block.rows;
             start = rows.end;
             if block.set.iter().zip(&self.words).all(|(tied, moved)| tied & moved == 0) {
@@ -68,14 +68,14 @@ impl<R: Real> Constraints<R> {
 
     /// Keeps the entries of separate equalities as `eliminate` reads them.
     #[inline(always)]
-    pub(crate) fn keep_separate(&mut self, plan: &LanePlan<R>, mass: &MassMatrix<R>) {
+    pub(crate) fn keep_separate(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>) {
         self.problem.scalars.mark_separate();
         let Self { problem, separate, .. } = self;
         let [found, taken] = separate;
         found.clear();
         taken.clear();
         let mut first = 0;
-        for block in plan.equalities.iter().filter(|block| block.separate) {
+        for block in compiled.equalities.iter().filter(|block| block.separate) {
             let end = first + block.rows;
             while first < end {
                 // Entries of up to four rows lie side by side.

@@ -13,7 +13,7 @@
 
 use stepper_real::{Mask, Real, Scalar};
 
-use crate::compile::{Combination, EqualityBlock, EqualityPlan, EqualityRows, LanePlan, Plan, Spring};
+use crate::compile::{Combination, CompiledEquality, CompiledModel, EqualityBlock, EqualityRows, LaneModel, Spring};
 use crate::constraints::constraint_set::{ARM, Constraints, DAMPING, Moment};
 use crate::constraints::elimination::times;
 use crate::dynamics::inertia::MassMatrix;
@@ -38,7 +38,7 @@ struct Rows<R: Real> {
 /// What the rows are made from.
 #[derive(Clone, Copy)]
 pub(crate) struct Site<'a, R: Real> {
-    pub(crate) plan: &'a LanePlan<R>,
+    pub(crate) compiled: &'a LaneModel<R>,
     pub(crate) options: &'a StepSettings,
     pub(crate) kinematics: &'a Kinematics<R>,
     pub(crate) mass: &'a MassMatrix<R>,
@@ -51,7 +51,7 @@ impl<R: Real> Constraints<R> {
         R::vectorize(
             #[inline(always)]
             || {
-                for block in site.plan.equalities.iter().filter(|block| block.separate == separate) {
+                for block in site.compiled.equalities.iter().filter(|block| block.separate == separate) {
                     self.add_block(site, block);
                 }
             },
@@ -109,7 +109,7 @@ impl<R: Real> Constraints<R> {
     }
 
     #[inline(always)]
-    fn add_equality(&mut self, site: Site<'_, R>, block: &EqualityBlock<R::Scalar>, equality: &EqualityPlan<R::Scalar>) {
+    fn add_equality(&mut self, site: Site<'_, R>, block: &EqualityBlock<R::Scalar>, equality: &CompiledEquality<R::Scalar>) {
         match &equality.rows {
             EqualityRows::Points { frames, anchors, turn } => {
                 self.move_own(equality);
@@ -131,14 +131,14 @@ impl<R: Real> Constraints<R> {
 
     /// Makes `support` what an equality moves itself.
     #[inline(always)]
-    fn move_own(&mut self, equality: &EqualityPlan<R::Scalar>) {
+    fn move_own(&mut self, equality: &CompiledEquality<R::Scalar>) {
         self.support.clear();
         self.support.extend_from_slice(&equality.support);
     }
 
     /// Makes `support` that of all rows of a block, with zeros in `column` where an equality moves nothing itself.
     #[inline(always)]
-    fn move_all(&mut self, block: &EqualityBlock<R::Scalar>, equality: &EqualityPlan<R::Scalar>) {
+    fn move_all(&mut self, block: &EqualityBlock<R::Scalar>, equality: &CompiledEquality<R::Scalar>) {
         let mut own = equality.support.iter().peekable();
         for &d in &block.support {
             if own.next_if_eq(&&d).is_none() {
@@ -152,15 +152,15 @@ impl<R: Real> Constraints<R> {
     /// Two points meet: error p0 - p1 (MuJoCo's `mjEQ_CONNECT`). Leaves J in `column`.
     #[inline(always)]
     fn meet(&mut self, site: Site<'_, R>, frames: [usize; 2], anchors: [[R::Scalar; 3]; 2]) -> Rows<R> {
-        let Site { plan, kinematics, .. } = site;
+        let Site { compiled, kinematics, .. } = site;
         let points = [kinematics.point(frames[0], splat(anchors[0])), kinematics.point(frames[1], splat(anchors[1]))];
         let mut size = R::zero();
         for &d in &self.support {
             let d = d as usize;
-            let (origin, axis) = (kinematics.origin[plan.dofs[d].tree], &kinematics.axes[d]);
+            let (origin, axis) = (kinematics.origin[compiled.dofs[d].tree], &kinematics.axes[d]);
             let mut j = zero();
             for side in 0..2 {
-                if moves(plan, frames[side], d) {
+                if moves(compiled, frames[side], d) {
                     let arm = sub(points[side], origin);
                     let motion = velocity_at(axis, arm);
                     j = if side == 0 { add(j, motion) } else { sub(j, motion) };
@@ -171,7 +171,7 @@ impl<R: Real> Constraints<R> {
             self.column[d] = j;
         }
         let kappa = sub(acceleration(site, frames[0], points[0]), acceleration(site, frames[1], points[1]));
-        let bodies = plan.mobility(frames[0]) + plan.mobility(frames[1]);
+        let bodies = compiled.mobility(frames[0]) + compiled.mobility(frames[1]);
         Rows { error: sub(points[0], points[1]), kappa, size, bodies }
     }
 
@@ -179,14 +179,14 @@ impl<R: Real> Constraints<R> {
     /// `mjEQ_WELD` takes the sine of half its length; the manifold is the same.) Leaves J in `column`.
     #[inline(always)]
     fn align(&mut self, site: Site<'_, R>, frames: [usize; 2], mats: &[[R::Scalar; 9]; 2], weight: R) -> Rows<R> {
-        let Site { plan, kinematics, .. } = site;
+        let Site { compiled, kinematics, .. } = site;
         let mut size = R::zero();
         for &d in &self.support {
             let d = d as usize;
             let mut j = zero();
             let axis = angular(&kinematics.axes[d]);
             for side in 0..2 {
-                if moves(plan, frames[side], d) {
+                if moves(compiled, frames[side], d) {
                     j = if side == 0 { add(j, axis) } else { sub(j, axis) };
                     size += dot(axis, axis) * site.mass.inv_d[d];
                 }
@@ -239,7 +239,7 @@ impl<R: Real> Constraints<R> {
         &mut self,
         site: Site<'_, R>,
         block: &EqualityBlock<R::Scalar>,
-        equality: &EqualityPlan<R::Scalar>,
+        equality: &CompiledEquality<R::Scalar>,
         first: usize,
         rows: &Rows<R>,
     ) {
@@ -250,17 +250,17 @@ impl<R: Real> Constraints<R> {
             free = add_scaled(free, self.column[d], v_free[d]);
             before = add_scaled(before, self.column[d], v[d]);
         }
-        self.half_solve::<N>(site.plan, site.mass);
+        self.half_solve::<N>(site.compiled, site.mass);
         self.move_all(block, equality);
-        self.tie(site.plan);
+        self.tie(site.compiled);
         let correction = self.correct(site.options, rows, h, alive);
-        let mut laws = [Law { g: [R::zero(); 2], compliance: R::zero(), active: alive, bounds: free_bounds() }; N];
+        let mut laws = [AffineForce { g: [R::zero(); 2], compliance: R::zero(), active: alive, bounds: free_bounds() }; N];
         let mut g = [[R::zero(); 2]; N];
         for k in 0..N {
             laws[k].g = [free[k]; 2];
             if let Some(spring) = &equality.spring {
                 let (error, before, free, gram) = (rows.error[k], before[k], free[k], self.gram(site.mass, k));
-                laws[k] = law_of(site.options, spring, Stretch { error, before, free, gram, taut: alive }, h, alive);
+                laws[k] = law_of(site.options, spring, SpringRow { error, before, free, gram, taut: alive }, h, alive);
             }
             g[k] = laws[k].g;
         }
@@ -274,7 +274,7 @@ impl<R: Real> Constraints<R> {
         }
         mobility = mobility * R::of(1.0 / N as f64) + rows.bodies;
         for k in 0..N {
-            self.push_row(site.mass, k, equality.owner + first + k, &Law { g: g[k], ..laws[k] });
+            self.push_row(site.mass, k, equality.owner + first + k, &AffineForce { g: g[k], ..laws[k] });
             if let Some(lengths) = &lengths {
                 self.measure(laws[k].compliance, lengths.whole[k], lengths.rest[k]);
             }
@@ -316,10 +316,10 @@ impl<R: Real> Constraints<R> {
 
     /// Adds the first component of `column` on `support` as a scalar row.
     #[inline(always)]
-    pub(crate) fn add_row(&mut self, mass: &MassMatrix<R>, owner: usize, law: Law<R>) {
+    pub(crate) fn add_row(&mut self, mass: &MassMatrix<R>, owner: usize, law: AffineForce<R>) {
         let mut g = [law.g];
         let lengths = self.eliminate(mass, &mut g);
-        self.push_row(mass, 0, owner, &Law { g: g[0], ..law });
+        self.push_row(mass, 0, owner, &AffineForce { g: g[0], ..law });
         if let Some(lengths) = lengths {
             self.measure(law.compliance, lengths.whole[0], lengths.rest[0]);
         }
@@ -334,7 +334,7 @@ impl<R: Real> Constraints<R> {
 
     /// Pushes component `k` of `column` on `support` as a scalar row.
     #[inline(always)]
-    fn push_row(&mut self, mass: &MassMatrix<R>, k: usize, owner: usize, law: &Law<R>) {
+    fn push_row(&mut self, mass: &MassMatrix<R>, k: usize, owner: usize, law: &AffineForce<R>) {
         let column = &self.column;
         self.problem.scalars.push(
             &self.support,
@@ -354,7 +354,7 @@ impl<R: Real> Constraints<R> {
 
 /// What a scalar row obeys.
 #[derive(Clone, Copy)]
-pub(crate) struct Law<R: Real> {
+pub(crate) struct AffineForce<R: Real> {
     /// Its velocity before any impulse with its bias: of the step, and when positions are solved apart.
     pub(crate) g: [R; 2],
     pub(crate) compliance: R,
@@ -371,13 +371,13 @@ fn free_bounds<R: Real>() -> [R; 2] {
 
 /// The law of a limit that is left at the velocity `free`, with its biases in the velocities and when positions are solved apart.
 #[inline(always)]
-pub(crate) fn limit_law<R: Real>(free: R, [velocity, position]: [R; 2], active: R::Mask) -> Law<R> {
-    Law { g: [free + velocity, free + position], compliance: R::zero(), active, bounds: [R::zero(), R::of(f64::INFINITY)] }
+pub(crate) fn limit_law<R: Real>(free: R, [velocity, position]: [R; 2], active: R::Mask) -> AffineForce<R> {
+    AffineForce { g: [free + velocity, free + position], compliance: R::zero(), active, bounds: [R::zero(), R::of(f64::INFINITY)] }
 }
 
 /// What a spring's row is made from: its error, its velocities before the step and free, and its diagonal entry of G.
 #[derive(Clone, Copy)]
-pub(crate) struct Stretch<R: Real> {
+pub(crate) struct SpringRow<R: Real> {
     pub(crate) error: R,
     pub(crate) before: R,
     pub(crate) free: R,
@@ -399,7 +399,13 @@ pub(crate) struct Stretch<R: Real> {
 /// tree: k J^T J in it would join all joints of a tendon with one another. The midpoint rule does not damp what is too stiff for the step, so
 /// it goes over to Euler's by s = z^2 / (1 + z^2), z = G (h^2 k/4 + h d/2), which keeps its second order.
 #[inline(always)]
-pub(crate) fn law_of<R: Real>(options: &StepSettings, spring: &Spring<R::Scalar>, row: Stretch<R>, h: R, alive: R::Mask) -> Law<R> {
+pub(crate) fn law_of<R: Real>(
+    options: &StepSettings,
+    spring: &Spring<R::Scalar>,
+    row: SpringRow<R>,
+    h: R,
+    alive: R::Mask,
+) -> AffineForce<R> {
     let k = R::select(row.taut, R::splat(spring.stiffness) * h, R::zero());
     let (d, a) = (R::splat(spring.damping) * h, R::splat(spring.inertia));
     let (quarter, half) = (h * k * R::of(0.25), d * R::of(0.5));
@@ -413,32 +419,32 @@ pub(crate) fn law_of<R: Real>(options: &StepSettings, spring: &Spring<R::Scalar>
     let p = k * row.error + ((half - quarter) * early - a) * row.before;
     let active = alive.and(q.gt(R::zero()));
     let compliance = R::one() / R::select(active, q, R::one());
-    Law { g: [row.free + p * compliance; 2], compliance, active, bounds: free_bounds() }
+    AffineForce { g: [row.free + p * compliance; 2], compliance, active, bounds: free_bounds() }
 }
 
 /// Whether a dof moves a frame.
 #[inline(always)]
-fn moves<S: Scalar>(plan: &Plan<S>, frame: usize, dof: usize) -> bool {
-    plan.movers[frame][dof / 64] >> (dof % 64) & 1 == 1
+fn moves<S: Scalar>(compiled: &CompiledModel<S>, frame: usize, dof: usize) -> bool {
+    compiled.movers[frame][dof / 64] >> (dof % 64) & 1 == 1
 }
 
 /// Acceleration of the point `p` of a frame if no joint accelerates; zero for the world and what the user poses.
 #[inline(always)]
 fn acceleration<R: Real>(site: Site<'_, R>, frame: usize, p: V3<R>) -> V3<R> {
-    let Site { plan, kinematics, moment, .. } = site;
-    if frame == 0 || frame > plan.links.len() {
+    let Site { compiled, kinematics, moment, .. } = site;
+    if frame == 0 || frame > compiled.links.len() {
         return zero();
     }
     let l = frame - 1;
     let (velocity, change) = (&moment.motion.velocity[l], &moment.motion.acceleration[l]);
-    let arm = sub(p, kinematics.origin[plan.links[l].tree]);
+    let arm = sub(p, kinematics.origin[compiled.links[l].tree]);
     // The recursion takes gravity as an upward acceleration of the world.
-    let change = spatial(angular(change), add(linear(change), plan.params.gravity()));
+    let change = spatial(angular(change), add(linear(change), compiled.params.gravity()));
     add(velocity_at(&change, arm), cross(angular(velocity), velocity_at(velocity, arm)))
 }
 
 /// Angular acceleration of a frame if no joint accelerates.
 #[inline(always)]
 fn angular_acceleration<R: Real>(site: Site<'_, R>, frame: usize) -> V3<R> {
-    if frame == 0 || frame > site.plan.links.len() { zero() } else { angular(&site.moment.motion.acceleration[frame - 1]) }
+    if frame == 0 || frame > site.compiled.links.len() { zero() } else { angular(&site.moment.motion.acceleration[frame - 1]) }
 }

@@ -4,7 +4,7 @@ use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
-use crate::compile::LanePlan;
+use crate::compile::LaneModel;
 use crate::constraints::constraint_set::Constraints;
 use crate::constraints::equality::Site;
 use crate::dynamics::inertia::{MassMatrix, is_above};
@@ -13,8 +13,8 @@ use crate::math::spatial::*;
 impl<R: Real> Constraints<R> {
     /// L^-T times a unit vector, left in the first component of `column` on `support`, the chain of `dof`.
     #[inline(always)]
-    pub(crate) fn unit_column(&mut self, plan: &LanePlan<R>, mass: &MassMatrix<R>, dof: usize) {
-        let chain = plan.chain_of(dof);
+    pub(crate) fn unit_column(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, dof: usize) {
+        let chain = compiled.chain_of(dof);
         self.support.clear();
         self.support.extend(chain.iter().rev());
         let path = &mut self.path[..chain.len()];
@@ -24,7 +24,7 @@ impl<R: Real> Constraints<R> {
         // Row k of the chain has the entries of all that follow it, so that those of two rows meet one after the other without an index.
         for pair in chain.chunks(2) {
             let [x, y, tail @ ..] = rest else { break };
-            let ((row, _), (above, _)) = (mass.row(plan, pair[0] as usize), mass.row(plan, pair[1] as usize));
+            let ((row, _), (above, _)) = (mass.row(compiled, pair[0] as usize), mass.row(compiled, pair[1] as usize));
             *y -= row[1] * *x;
             for ((target, &l), &m) in tail.iter_mut().zip(&row[2..]).zip(&above[1..]) {
                 *target = (*target - l * *x) - m * *y;
@@ -38,12 +38,12 @@ impl<R: Real> Constraints<R> {
 
     /// `column` <- L^-T `column`, on `support` with all its ancestors, in the first `N` components.
     #[inline(always)]
-    pub(crate) fn half_solve<const N: usize>(&mut self, plan: &LanePlan<R>, mass: &MassMatrix<R>) {
+    pub(crate) fn half_solve<const N: usize>(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>) {
         let (mut rest, column) = (&self.support[..], &mut self.column);
         while let [before @ .., d] = rest {
             rest = before;
             let d = *d as usize;
-            let ((row, chain), x) = (mass.row(plan, d), column[d]);
+            let ((row, chain), x) = (mass.row(compiled, d), column[d]);
             if !is_above(d, chain) {
                 for (&l, &a) in row[1..].iter().zip(&chain[1..]) {
                     let target = &mut column[a as usize];
@@ -55,7 +55,7 @@ impl<R: Real> Constraints<R> {
             }
             // The parent is the dof before and has the same ancestors: both at once.
             rest = &before[..before.len() - 1];
-            let ((above, chain), mut parent) = (mass.row(plan, d - 1), column[d - 1]);
+            let ((above, chain), mut parent) = (mass.row(compiled, d - 1), column[d - 1]);
             for k in 0..N {
                 parent[k] -= x[k] * row[1];
             }
@@ -72,13 +72,13 @@ impl<R: Real> Constraints<R> {
     /// The dofs that move slot k in any of its lanes, or that are tied to them, ascending, and in which lanes each moves the second and the first
     /// geom.
     #[inline(always)]
-    pub(crate) fn gather_support(&mut self, plan: &LanePlan<R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
+    pub(crate) fn gather_support(&mut self, compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         self.words.fill(0);
         self.moving = 0;
         for (pair, same) in contacts.pairs(k, lanes) {
-            let [a, b] = plan.pair_geoms(pair).expect("made from this plan");
-            self.moving |= if plan.geoms[a].frame != 0 && plan.geoms[b].frame != 0 { same } else { 0 };
-            let (first, second) = (&plan.movers[plan.geoms[a].frame], &plan.movers[plan.geoms[b].frame]);
+            let [a, b] = compiled.pair_geoms(pair).expect("made from this compiled");
+            self.moving |= if compiled.geoms[a].frame != 0 && compiled.geoms[b].frame != 0 { same } else { 0 };
+            let (first, second) = (&compiled.movers[compiled.geoms[a].frame], &compiled.movers[compiled.geoms[b].frame]);
             for (w, ((&first, &second), word)) in first.iter().zip(second).zip(&mut self.words).enumerate() {
                 let old = *word;
                 *word |= first | second;
@@ -94,10 +94,10 @@ impl<R: Real> Constraints<R> {
                 }
             }
         }
-        if !plan.surfaces.is_empty() {
+        if !compiled.surfaces.is_empty() {
             self.moving = lanes;
         }
-        self.find_tied(plan);
+        self.find_tied(compiled);
         self.list_support();
     }
 
@@ -125,19 +125,19 @@ impl<R: Real> Constraints<R> {
     /// the surfaces have of themselves, the second's against the first's.
     #[inline(always)]
     pub(crate) fn contact_columns(&mut self, site: Site<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> [V3<R>; 2] {
-        let Site { plan, kinematics, moment, .. } = site;
+        let Site { compiled, kinematics, moment, .. } = site;
         let slot = &contacts.data[k];
         let n = slot.point.normal;
         let axes = [n, slot.tangent, cross(n, slot.tangent)];
-        let carried = linear(&surface_velocity::motion(plan, kinematics, contacts, k, lanes));
+        let carried = linear(&surface_velocity::motion(compiled, kinematics, contacts, k, lanes));
         // Not `map`: what the library's function inlines, it inlines with baseline instructions.
         let mut free = [dot(axes[0], carried), dot(axes[1], carried), dot(axes[2], carried)];
         let mut before = free[0];
         let (mut arm, mut tree) = (zero(), usize::MAX);
         for &d in &self.support {
             let d = d as usize;
-            if plan.dofs[d].tree != tree {
-                tree = plan.dofs[d].tree;
+            if compiled.dofs[d].tree != tree {
+                tree = compiled.dofs[d].tree;
                 arm = sub(slot.point.pos, kinematics.origin[tree]);
             }
             let sign = self.sign_of(d);

@@ -2,7 +2,7 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::compile::LanePlan;
+use crate::compile::LaneModel;
 use crate::constraints::constraint_set::{Constraints, Moment};
 use crate::dynamics::inertia::MassMatrix;
 use crate::options::StepSettings;
@@ -14,11 +14,11 @@ pub(crate) const LIMIT_SLACK: f64 = 0.01;
 impl<R: Real> Constraints<R> {
     /// Limits: the nearer end of each range, where it can be reached within the step.
     #[inline(always)]
-    pub(crate) fn add_limits(&mut self, plan: &LanePlan<R>, options: &StepSettings, mass: &MassMatrix<R>, moment: &Moment<'_, R>) {
+    pub(crate) fn add_limits(&mut self, compiled: &LaneModel<R>, options: &StepSettings, mass: &MassMatrix<R>, moment: &Moment<'_, R>) {
         let bounds = [R::zero(), R::of(f64::INFINITY)];
-        for (i, limit) in plan.limits.iter().enumerate() {
+        for (i, limit) in compiled.limits.iter().enumerate() {
             let q = moment.q[limit.q];
-            let [lowest, highest] = plan.params.limit(i);
+            let [lowest, highest] = compiled.params.limit(i);
             let (below, above) = (q - lowest, highest - q);
             let low = below.le(above);
             let sign = R::select(low, R::one(), -R::one());
@@ -31,7 +31,7 @@ impl<R: Real> Constraints<R> {
                 continue;
             }
             let (bias, position) = self.limit_biases(options, phi, moment.h, active);
-            self.add_scalar(plan, mass, limit.dof, i, sign, active, [v + bias, v + position], bounds);
+            self.add_scalar(compiled, mass, limit.dof, i, sign, active, [v + bias, v + position], bounds);
         }
     }
 }

@@ -15,7 +15,7 @@
 use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::{Contacts, Slot};
-use crate::compile::LanePlan;
+use crate::compile::LaneModel;
 use crate::constraints::constraint_set::{Constraints, Impact, Moment};
 use crate::constraints::equality::Site;
 use crate::constraints::impact_time::Flight;
@@ -46,7 +46,7 @@ impl<R: Real> Constraints<R> {
     #[expect(clippy::too_many_arguments, reason = "one contact, every part of it named at the call")]
     pub(crate) fn bounce(
         &mut self,
-        plan: &LanePlan<R>,
+        compiled: &LaneModel<R>,
         options: &StepSettings,
         slot: &Slot<R>,
         moment: &Moment<'_, R>,
@@ -61,7 +61,7 @@ impl<R: Real> Constraints<R> {
         }
         let (h, phi, threshold) = (moment.h, slot.point.distance, R::of(options.restitution_threshold));
         // What a slow contact and gravity close within the step.
-        let near = phi.le(h * (threshold + h * norm(plan.params.gravity())) + R::of(options.slop));
+        let near = phi.le(h * (threshold + h * norm(compiled.params.gravity())) + R::of(options.slop));
         let rests = before.abs().le(threshold).and(near);
         let closed = phi.le(R::of(options.slop)).or((phi + h * free).lt(R::zero()));
         let bounces = elastic.and(closed).and(free.abs().gt(threshold)).and_not(rests);
@@ -87,7 +87,7 @@ impl<R: Real> Constraints<R> {
         R::vectorize(
             #[inline(always)]
             || {
-                let Site { plan, options, moment, .. } = site;
+                let Site { compiled, options, moment, .. } = site;
                 let e = slot.restitution;
                 let elastic = active.and(e.gt(R::zero()));
                 if elastic.none() {
@@ -97,7 +97,7 @@ impl<R: Real> Constraints<R> {
                 let before = sub(free, change);
                 let held = [demands[0][0] - bias, demands[1][0], demands[2][0]];
                 let flight = Flight { gap: slot.point.distance, before: before[0], free: held[0], lead: moment.lead, h: moment.h };
-                let meeting = flight.meeting(options, norm(plan.params.gravity()), e, elastic);
+                let meeting = flight.meeting(options, norm(compiled.params.gravity()), e, elastic);
                 let bounces = meeting.strikes.or(meeting.parts);
                 let (share, factor) = (meeting.time / moment.h, e + R::one());
                 let at = add_scaled(before, sub(held, before), share);
@@ -135,14 +135,14 @@ impl<R: Real> Constraints<R> {
     }
 
     /// Adds a change of the velocity before the impacts, given as that of the velocity after the step if they were not; `change` is used up.
-    pub fn shift_before_impacts(&mut self, plan: &LanePlan<R>, mass: &MassMatrix<R>, change: &mut [R], lanes: R::Mask) {
+    pub fn shift_before_impacts(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, change: &mut [R], lanes: R::Mask) {
         if self.impacts.is_empty() {
             return;
         }
         R::vectorize(
             #[inline(always)]
             || {
-                mass.scale(plan, change);
+                mass.scale(compiled, change);
                 self.shift_impacts(
                     change,
                     lanes,
@@ -197,7 +197,7 @@ impl<R: Real> Constraints<R> {
     /// Takes the impacts of the lanes `lanes` out of the problem, once it is solved: in the solution for the positions they have no part, but that what
     /// overlapped before is pushed out where it does not leave fast enough by itself. Leaves in `moved` the velocity that would carry the positions as far in a step as the impulses do, from where the step is taken, `lead` seconds after
     /// its beginning: beyond the velocity after the step, for the rest of it.
-    pub fn set_impacts_aside(&mut self, plan: &LanePlan<R>, mass: &MassMatrix<R>, [h, lead]: [R; 2], lanes: R::Mask, moved: &mut [R]) {
+    pub fn set_impacts_aside(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, [h, lead]: [R; 2], lanes: R::Mask, moved: &mut [R]) {
         R::vectorize(
             #[inline(always)]
             || {
@@ -229,7 +229,7 @@ impl<R: Real> Constraints<R> {
                 for (w, &gone) in iterate.w.iter_mut().zip(&*gone) {
                     *w = R::select(lanes, *w - gone, *w);
                 }
-                mass.unscale(plan, moved);
+                mass.unscale(compiled, moved);
             },
         );
         self.needs_position_solve = self.needs_position_solve.or(lanes);

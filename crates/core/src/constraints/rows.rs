@@ -2,7 +2,7 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::compile::LanePlan;
+use crate::compile::LaneModel;
 use crate::constraints::constraint_set::Constraints;
 use crate::constraints::elimination::Lengths;
 use crate::dynamics::inertia::MassMatrix;
@@ -21,7 +21,7 @@ impl<R: Real> Constraints<R> {
     #[expect(clippy::too_many_arguments, reason = "one row, every part of it named at the call")]
     pub(crate) fn add_scalar(
         &mut self,
-        plan: &LanePlan<R>,
+        compiled: &LaneModel<R>,
         mass: &MassMatrix<R>,
         dof: usize,
         owner: usize,
@@ -30,8 +30,8 @@ impl<R: Real> Constraints<R> {
         mut g: [R; 2],
         bounds: [R; 2],
     ) {
-        self.unit_column(plan, mass, dof);
-        self.tie(plan);
+        self.unit_column(compiled, mass, dof);
+        self.tie(compiled);
         let mut times = None;
         if !self.tied.is_empty() {
             let mut own = [scale(g, sign)];

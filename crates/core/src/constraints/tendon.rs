@@ -2,9 +2,9 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::compile::TendonPlan;
+use crate::compile::CompiledTendon;
 use crate::constraints::constraint_set::Constraints;
-use crate::constraints::equality::{Law, Site, Stretch, law_of, limit_law};
+use crate::constraints::equality::{AffineForce, Site, SpringRow, law_of, limit_law};
 use crate::constraints::limits::LIMIT_SLACK;
 use crate::dynamics::kinematics::quat_at;
 use crate::math::spatial::*;
@@ -16,7 +16,7 @@ impl<R: Real> Constraints<R> {
             #[inline(always)]
             || {
                 let moment = site.moment;
-                for tendon in &site.plan.tendons {
+                for tendon in &site.compiled.tendons {
                     let (length, free) = (tendon.length.value(moment.q), tendon.length.rate(moment.v_free));
                     if let Some((spring, rest)) = &tendon.spring {
                         let stretch = length - length.max(R::splat(rest[0])).min(R::splat(rest[1]));
@@ -25,13 +25,13 @@ impl<R: Real> Constraints<R> {
                         let before = tendon.length.rate(moment.v);
                         self.tendon_columns(site, tendon, R::one());
                         let gram = self.gram(site.mass, 0);
-                        let row = Stretch { error: stretch, before, free, gram, taut };
+                        let row = SpringRow { error: stretch, before, free, gram, taut };
                         let law = law_of(site.options, spring, row, moment.h, moment.alive);
                         self.add_row(site.mass, tendon.owner + 2, law);
                     }
                     if tendon.friction > <R::Scalar as Default>::default() {
                         let most = R::splat(tendon.friction) * moment.h;
-                        let law = Law { g: [free; 2], compliance: R::zero(), active: moment.alive, bounds: [-most, most] };
+                        let law = AffineForce { g: [free; 2], compliance: R::zero(), active: moment.alive, bounds: [-most, most] };
                         self.tendon_columns(site, tendon, R::one());
                         self.add_row(site.mass, tendon.owner + 1, law);
                     }
@@ -45,7 +45,7 @@ impl<R: Real> Constraints<R> {
 
     /// The nearer end of a tendon's range, where it can be reached within the step.
     #[inline(always)]
-    fn limit_tendon(&mut self, site: Site<'_, R>, tendon: &TendonPlan<R::Scalar>, [below, above]: [R; 2], rate: R) {
+    fn limit_tendon(&mut self, site: Site<'_, R>, tendon: &CompiledTendon<R::Scalar>, [below, above]: [R; 2], rate: R) {
         let low = below.le(above);
         let sign = R::select(low, R::one(), -R::one());
         let phi = R::select(low, below, above);
@@ -74,15 +74,15 @@ impl<R: Real> Constraints<R> {
 
     /// Half-solved row of a tendon's length, times `sign`, left in the first component of `column`.
     #[inline(always)]
-    fn tendon_columns(&mut self, site: Site<'_, R>, tendon: &TendonPlan<R::Scalar>, sign: R) {
+    fn tendon_columns(&mut self, site: Site<'_, R>, tendon: &CompiledTendon<R::Scalar>, sign: R) {
         self.support.clear();
         self.support.extend_from_slice(&tendon.support);
-        self.tie(site.plan);
+        self.tie(site.compiled);
         for &d in &self.support {
             self.column[d as usize] = zero();
         }
         self.add_terms(site, &tendon.length, sign);
-        self.half_solve::<1>(site.plan, site.mass);
+        self.half_solve::<1>(site.compiled, site.mass);
     }
 
     /// Limits of ball joints: the rotation vector's length stays below the range (MuJoCo's `mj_instantiateLimit`).
@@ -90,13 +90,13 @@ impl<R: Real> Constraints<R> {
         R::vectorize(
             #[inline(always)]
             || {
-                for (i, limit) in site.plan.ball_limits.iter().enumerate() {
+                for (i, limit) in site.compiled.ball_limits.iter().enumerate() {
                     let turn = quat_log(quat_at(site.moment.q, limit.q));
                     let angle = norm(turn);
                     // Without a turn there is no direction to turn back to.
                     let turned = angle.gt(R::zero());
                     let axis = scale(turn, -(R::one() / R::select(turned, angle, R::one())));
-                    let phi = site.plan.params.ball_limit(i) - angle;
+                    let phi = site.compiled.params.ball_limit(i) - angle;
                     let v = site.moment.v_free;
                     let free = dot(axis, [v[limit.dof], v[limit.dof + 1], v[limit.dof + 2]]);
                     let Some((active, velocity, position)) = self.reach(site, phi, free) else {
@@ -104,15 +104,15 @@ impl<R: Real> Constraints<R> {
                         continue;
                     };
                     self.support.clear();
-                    self.support.extend(site.plan.chain_of(limit.dof + 2).iter().rev());
-                    self.tie(site.plan);
+                    self.support.extend(site.compiled.chain_of(limit.dof + 2).iter().rev());
+                    self.tie(site.compiled);
                     for &d in &self.support {
                         self.column[d as usize] = zero();
                     }
                     for k in 0..3 {
                         self.column[limit.dof + k][0] = axis[k];
                     }
-                    self.half_solve::<1>(site.plan, site.mass);
+                    self.half_solve::<1>(site.compiled, site.mass);
                     self.add_row(site.mass, limit.owner, limit_law(free, [velocity, position], active));
                 }
             },

@@ -4,7 +4,7 @@ use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
-use crate::compile::LanePlan;
+use crate::compile::LaneModel;
 use crate::constraints::constraint_set::Constraints;
 use crate::constraints::elimination::times;
 use crate::constraints::equality::Site;
@@ -16,7 +16,7 @@ impl<R: Real> Constraints<R> {
         R::vectorize(
             #[inline(always)]
             || {
-                self.gather_support(site.plan, contacts, k, lanes);
+                self.gather_support(site.compiled, contacts, k, lanes);
                 self.push_wide(site, contacts, k, lanes);
             },
         )
@@ -24,16 +24,16 @@ impl<R: Real> Constraints<R> {
 
     #[inline(always)]
     fn push_wide(&mut self, site: Site<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
-        let (plan, mass, moment) = (site.plan, site.mass, site.moment);
+        let (compiled, mass, moment) = (site.compiled, site.mass, site.moment);
         let (slot, active) = (&contacts.data[k], R::Mask::from_bits(lanes));
-        let mut friction = Friction::of(plan, contacts, k, lanes);
+        let mut friction = Friction::of(compiled, contacts, k, lanes);
         friction.scale_to(slot.mu);
         let [free, before] = self.contact_columns(site, contacts, k, lanes);
         let curves = site.options.integrator.in_the_middle() && self.moving != 0;
         let change = if self.has_impacts || curves { self.free_change(moment) } else { zero() };
-        self.half_solve::<3>(plan, mass);
+        self.half_solve::<3>(compiled, mass);
         let (bias, position) = self.biases(site.options, moment.gap(slot.point.distance), moment.h, active);
-        let (bias, mut active) = self.bounce(plan, site.options, slot, moment, active, [free[0], before[0]], bias);
+        let (bias, mut active) = self.bounce(compiled, site.options, slot, moment, active, [free[0], before[0]], bias);
         let mut slides = [[free[0] + bias, free[0] + position], [free[1]; 2], [free[2]; 2]];
         let sliding = self.eliminate(mass, &mut slides);
         if self.has_impacts {
@@ -47,7 +47,7 @@ impl<R: Real> Constraints<R> {
         }
         let turning = self.turn_columns(site, contacts, k, lanes, friction.scale);
         let change = if self.has_impacts { self.free_change(moment) } else { zero() };
-        self.half_solve::<3>(plan, mass);
+        self.half_solve::<3>(compiled, mass);
         let mut turns = [[turning[0]; 2], [turning[1]; 2], [turning[2]; 2]];
         let turned = self.eliminate(mass, &mut turns);
         self.turn_at_impact(change, &mut turns);
@@ -87,7 +87,7 @@ impl<R: Real> Constraints<R> {
         let slot = &contacts.data[k];
         let n = slot.point.normal;
         let axes = [n, slot.tangent, cross(n, slot.tangent)];
-        let carried = angular(&surface_velocity::motion(site.plan, site.kinematics, contacts, k, lanes));
+        let carried = angular(&surface_velocity::motion(site.compiled, site.kinematics, contacts, k, lanes));
         let mut free: V3<R> = std::array::from_fn(|i| dot(axes[i], carried) * weight[i]);
         for &d in &self.support {
             let d = d as usize;
@@ -119,10 +119,10 @@ struct Friction<R: Real> {
 
 impl<R: Real> Friction<R> {
     #[inline(always)]
-    fn of(plan: &LanePlan<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> Self {
+    fn of(compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> Self {
         let mut more = [R::zero(); 2];
         for (pair, lanes) in contacts.pairs(k, lanes) {
-            let (params, there) = (plan.contact(pair), R::Mask::from_bits(lanes));
+            let (params, there) = (compiled.contact(pair), R::Mask::from_bits(lanes));
             more = [R::select(there, params.torsion, more[0]), R::select(there, params.rolling, more[1])];
         }
         Self { more, mu: R::one(), slides: R::zero(), scale: zero() }
@@ -151,10 +151,10 @@ impl<R: Real> Friction<R> {
 
 /// Lanes (bits) of slot `k` whose contact has torsional or rolling friction.
 #[inline(always)]
-pub(crate) fn wide_lanes<R: Real>(plan: &LanePlan<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> u32 {
+pub(crate) fn wide_lanes<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> u32 {
     let mut wide = 0;
-    for (pair, lanes) in contacts.pairs(k, if plan.wide { lanes } else { 0 }) {
-        let params = plan.contact(pair);
+    for (pair, lanes) in contacts.pairs(k, if compiled.wide { lanes } else { 0 }) {
+        let params = compiled.contact(pair);
         wide |= params.torsion.max(params.rolling).gt(R::zero()).bits() & lanes;
     }
     wide

@@ -10,7 +10,7 @@
 
 use stepper_real::Real;
 
-use crate::compile::{EllipsoidPlan, FluidShape, LanePlan, Plan};
+use crate::compile::{CompiledEllipsoid, CompiledModel, FluidShape, LaneModel};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 
@@ -27,9 +27,9 @@ pub struct Fluid<R: Real> {
 }
 
 impl<R: Real> Fluid<R> {
-    /// Room for a plan.
-    pub fn new(plan: &Plan<R::Scalar>) -> Self {
-        let (n, links) = (plan.fluid.len(), if plan.fluid.is_empty() { 0 } else { plan.links.len() });
+    /// Room for a compiled model.
+    pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
+        let (n, links) = (compiled.fluid.len(), if compiled.fluid.is_empty() { 0 } else { compiled.links.len() });
         Self { before: vec![zero(); n], drag: vec![zero(); n], composite: vec![[zero(); 3]; links], velocity: vec![zero(); links] }
     }
 
@@ -42,25 +42,25 @@ impl<R: Real> Fluid<R> {
 
     /// Adds `time` times the drag at velocity `v` to the mass matrix's `entries`.
     #[inline(always)]
-    pub fn linearise(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, v: &[R], time: R, entries: &mut [R]) {
-        kinematics.velocities(plan, v, &mut self.velocity);
+    pub fn linearise(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], time: R, entries: &mut [R]) {
+        kinematics.velocities(compiled, v, &mut self.velocity);
         self.composite.fill([zero(); 3]);
-        for (i, body) in plan.fluid.iter().enumerate() {
-            let (mat, arm) = place(plan, kinematics, i);
-            self.before[i] = local(plan, &self.velocity[body.link], &mat, arm);
-            self.drag[i] = secant(plan, i, &self.before[i]);
+        for (i, body) in compiled.fluid.iter().enumerate() {
+            let (mat, arm) = place(compiled, kinematics, i);
+            self.before[i] = local(compiled, &self.velocity[body.link], &mat, arm);
+            self.drag[i] = secant(compiled, i, &self.before[i]);
             let sum = &mut self.composite[body.link];
             let added = at_origin(&self.drag[i], &mat, arm);
             *sum = std::array::from_fn(|k| add(sum[k], added[k]));
         }
-        for l in (0..plan.links.len()).rev() {
-            let link = &plan.links[l];
+        for l in (0..compiled.links.len()).rev() {
+            let link = &compiled.links[l];
             let drag = self.composite[l];
             for d in link.dofs.clone() {
                 let resistance = apply(&drag, &kinematics.axes[d]);
-                let dof = &plan.dofs[d];
+                let dof = &compiled.dofs[d];
                 let row = &mut entries[dof.chain..dof.chain + dof.depth];
-                for (entry, &a) in row.iter_mut().zip(plan.chain_of(d)) {
+                for (entry, &a) in row.iter_mut().zip(compiled.chain_of(d)) {
                     *entry += time * dot6(kinematics.axes[a as usize], resistance);
                 }
             }
@@ -73,13 +73,13 @@ impl<R: Real> Fluid<R> {
 
     /// Takes the medium's forces, at the links' velocities `motion`, off the forces that the links need.
     #[inline(always)]
-    pub fn subtract(&self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, motion: &[V6<R>], force: &mut [V6<R>]) {
-        for (i, body) in plan.fluid.iter().enumerate() {
-            let (mat, arm) = place(plan, kinematics, i);
-            let v = local(plan, &motion[body.link], &mat, arm);
+    pub fn subtract(&self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, motion: &[V6<R>], force: &mut [V6<R>]) {
+        for (i, body) in compiled.fluid.iter().enumerate() {
+            let (mat, arm) = place(compiled, kinematics, i);
+            let v = local(compiled, &motion[body.link], &mat, arm);
             let mut own = match &body.shape {
                 FluidShape::Box => {
-                    let drag = secant(plan, i, &v);
+                    let drag = secant(compiled, i, &v);
                     std::array::from_fn(|k| -(drag[k] * v[k]))
                 }
                 FluidShape::Ellipsoid(e) => ellipsoid_force(e, &v),
@@ -96,26 +96,26 @@ impl<R: Real> Fluid<R> {
 
 /// Axes of a body, and its centre from its tree's reference point.
 #[inline(always)]
-fn place<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, i: usize) -> (M3<R>, V3<R>) {
-    let body = &plan.fluid[i];
+fn place<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, i: usize) -> (M3<R>, V3<R>) {
+    let body = &compiled.fluid[i];
     let frame = body.link + 1;
     let mat = mat_mul(&kinematics.mat[frame], &splat(body.mat));
-    (mat, sub(kinematics.point(frame, plan.params.fluid_pos(i)), kinematics.origin[plan.links[body.link].tree]))
+    (mat, sub(kinematics.point(frame, compiled.params.fluid_pos(i)), kinematics.origin[compiled.links[body.link].tree]))
 }
 
 /// Velocity against the medium, in the body's own axes.
 #[inline(always)]
-fn local<R: Real>(plan: &LanePlan<R>, motion: &V6<R>, mat: &M3<R>, arm: V3<R>) -> V6<R> {
-    let velocity = sub(velocity_at(motion, arm), splat(plan.wind));
+fn local<R: Real>(compiled: &LaneModel<R>, motion: &V6<R>, mat: &M3<R>, arm: V3<R>) -> V6<R> {
+    let velocity = sub(velocity_at(motion, arm), splat(compiled.wind));
     spatial(rotate_back(mat, angular(motion)), rotate_back(mat, velocity))
 }
 
 /// Drag over velocity, per axis.
 #[inline(always)]
-fn secant<R: Real>(plan: &LanePlan<R>, i: usize, v: &V6<R>) -> V6<R> {
-    match &plan.fluid[i].shape {
+fn secant<R: Real>(compiled: &LaneModel<R>, i: usize, v: &V6<R>) -> V6<R> {
+    match &compiled.fluid[i].shape {
         FluidShape::Box => {
-            let [viscous, drag] = plan.params.fluid_box(i);
+            let [viscous, drag] = compiled.params.fluid_box(i);
             std::array::from_fn(|k| viscous[k] + drag[k] * v[k].abs())
         }
         FluidShape::Ellipsoid(e) => {
@@ -170,7 +170,7 @@ struct Projection<R> {
 /// It is made of directions and of shares of the largest area, so that neither small bodies nor slow ones nor single precision meet a bound that has
 /// a unit. Needles that fly along themselves, b / a^2 < 3e-8 with the longest semi-axis a, have no area, in MuJoCo (4.0) too.
 #[inline(always)]
-fn projection<R: Real>(e: &EllipsoidPlan<R::Scalar>, v: V3<R>) -> Projection<R> {
+fn projection<R: Real>(e: &CompiledEllipsoid<R::Scalar>, v: V3<R>) -> Projection<R> {
     let areas: V3<R> = splat(e.areas);
     let speed = norm(v);
     let along = scale(v, speed.max(R::of(1e-15)).recip());
@@ -190,7 +190,7 @@ fn projection<R: Real>(e: &EllipsoidPlan<R::Scalar>, v: V3<R>) -> Projection<R> 
 
 /// Drag over velocity of rotation and translation.
 #[inline(always)]
-fn ellipsoid_drag<R: Real>(e: &EllipsoidPlan<R::Scalar>, v: &V6<R>) -> ([R; 2], Projection<R>) {
+fn ellipsoid_drag<R: Real>(e: &CompiledEllipsoid<R::Scalar>, v: &V6<R>) -> ([R; 2], Projection<R>) {
     let projection = projection(e, linear(v));
     let w = angular(v);
     let [blunt, slender]: [R; 2] = splat(e.drag);
@@ -204,7 +204,7 @@ fn ellipsoid_drag<R: Real>(e: &EllipsoidPlan<R::Scalar>, v: &V6<R>) -> ([R; 2], 
 }
 
 #[inline(always)]
-fn ellipsoid_force<R: Real>(e: &EllipsoidPlan<R::Scalar>, motion: &V6<R>) -> V6<R> {
+fn ellipsoid_force<R: Real>(e: &CompiledEllipsoid<R::Scalar>, motion: &V6<R>) -> V6<R> {
     let ([turning, sliding], projection) = ellipsoid_drag(e, motion);
     let (w, v) = (angular(motion), linear(motion));
     let (m, i): (V3<R>, V3<R>) = (splat(e.added_mass), splat(e.added_inertia));

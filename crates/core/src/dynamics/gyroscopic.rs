@@ -17,7 +17,7 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::compile::{Inertial, LanePlan, SpinnerPlan};
+use crate::compile::{CompiledSpinner, Inertial, LaneModel};
 use crate::dynamics::inertia::MassMatrix;
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
@@ -29,7 +29,7 @@ const ITERATIONS: usize = 8;
 /// Corrects the free velocities `v_free` of single bodies, which were found with the gyroscopic force at the velocity `v_eval`. The step was taken
 /// `ways` = (lead, rest) seconds after its beginning and before its end.
 pub fn correct<R: Real>(
-    plan: &LanePlan<R>,
+    compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     mass: &MassMatrix<R>,
     ways: [R; 2],
@@ -41,8 +41,8 @@ pub fn correct<R: Real>(
         || {
             let [lead, rest] = ways;
             let h = lead + rest;
-            for spinner in &plan.spinners {
-                let Some((body, tumbles)) = Body::tumbling(plan, kinematics, spinner) else { continue };
+            for spinner in &compiled.spinners {
+                let Some((body, tumbles)) = Body::tumbling(compiled, kinematics, spinner) else { continue };
                 let at = spinner.dof;
                 let before = body.momentum(&take(v, at, spinner.kind), -lead);
                 let explicit = scale(body.gyroscopic(&take(v_eval, at, spinner.kind)), h);
@@ -51,7 +51,7 @@ pub fn correct<R: Real>(
                 let mut new = start;
                 for _ in 0..ITERATIONS {
                     let mut change = sub(explicit, body.transport([&old, &new], before, rest));
-                    solve(plan, mass, spinner, &mut change);
+                    solve(compiled, mass, spinner, &mut change);
                     new = add(start, change);
                 }
                 let dofs = spinner.kind.nv();
@@ -65,7 +65,7 @@ pub fn correct<R: Real>(
 /// first of `times` seconds and with that at the velocity after it for the second: with the impulses of contacts, the momentum then changes by
 /// exactly theirs.
 pub fn settle<R: Real>(
-    plan: &LanePlan<R>,
+    compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     mass: &MassMatrix<R>,
     [ways, times]: [[R; 2]; 2],
@@ -76,13 +76,13 @@ pub fn settle<R: Real>(
         #[inline(always)]
         || {
             let [lead, rest] = ways;
-            for spinner in &plan.spinners {
-                let Some((body, tumbles)) = Body::tumbling(plan, kinematics, spinner) else { continue };
+            for spinner in &compiled.spinners {
+                let Some((body, tumbles)) = Body::tumbling(compiled, kinematics, spinner) else { continue };
                 let at = spinner.dof;
                 let [old, new] = [v, after].map(|v| take(v, at, spinner.kind));
                 let explicit = add_scaled(scale(body.gyroscopic(&old), times[0]), body.gyroscopic(&new), times[1]);
                 let mut change = sub(explicit, body.transport([&old, &new], body.momentum(&old, -lead), rest));
-                solve(plan, mass, spinner, &mut change);
+                solve(compiled, mass, spinner, &mut change);
                 let dofs = spinner.kind.nv();
                 for (v, change) in v_free[at..at + dofs].iter_mut().zip(&change[6 - dofs..]) {
                     *v = R::select(tumbles, *v + *change, *v);
@@ -103,7 +103,7 @@ fn take<R: Real>(v: &[R], at: usize, kind: JointKind) -> V6<R> {
 
 /// x <- A^-1 x on the dofs of one body alone.
 #[inline(always)]
-fn solve<R: Real>(plan: &LanePlan<R>, mass: &MassMatrix<R>, spinner: &SpinnerPlan<R::Scalar>, x: &mut V6<R>) {
+fn solve<R: Real>(compiled: &LaneModel<R>, mass: &MassMatrix<R>, spinner: &CompiledSpinner<R::Scalar>, x: &mut V6<R>) {
     let (n, at) = (spinner.kind.nv(), spinner.dof);
     let skip = 6 - n;
     if skip > 0 {
@@ -111,7 +111,7 @@ fn solve<R: Real>(plan: &LanePlan<R>, mass: &MassMatrix<R>, spinner: &SpinnerPla
     }
     // Rows hold a dof and its ancestors towards the root, which are the dofs before it.
     for i in (0..n).rev() {
-        let row = &mass.entries[plan.dofs[at + i].chain..];
+        let row = &mass.entries[compiled.dofs[at + i].chain..];
         for k in 1..=i {
             x[skip + i - k] -= row[k] * x[skip + i];
         }
@@ -120,7 +120,7 @@ fn solve<R: Real>(plan: &LanePlan<R>, mass: &MassMatrix<R>, spinner: &SpinnerPla
         x[skip + i] *= mass.inv_d[at + i];
     }
     for i in 0..n {
-        let row = &mass.entries[plan.dofs[at + i].chain..];
+        let row = &mass.entries[compiled.dofs[at + i].chain..];
         for k in (1..=i).rev() {
             x[skip + i] -= row[k] * x[skip + i - k];
         }
@@ -142,8 +142,8 @@ struct Body<R: Real> {
 impl<R: Real> Body<R> {
     /// With the lanes in which it has a gyroscopic force; `None` where it turns as a ball about its centre does in all of them.
     #[inline(always)]
-    fn tumbling(plan: &LanePlan<R>, kinematics: &Kinematics<R>, spinner: &SpinnerPlan<R::Scalar>) -> Option<(Self, R::Mask)> {
-        let Inertial { mass, com, inertia } = plan.params.inertial(spinner.link);
+    fn tumbling(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, spinner: &CompiledSpinner<R::Scalar>) -> Option<(Self, R::Mask)> {
+        let Inertial { mass, com, inertia } = compiled.params.inertial(spinner.link);
         let body = Self {
             mat: kinematics.mat[spinner.link + 1],
             mass,

@@ -4,7 +4,7 @@ use stepper_real::{Mask, Real};
 
 /// Which shares of damping and stiffness go into the mass matrix.
 #[derive(Clone, Copy, Debug)]
-pub struct Theta<R> {
+pub struct ImplicitWeights<R> {
     /// Time by which damping is multiplied, s.
     pub damping: R,
     /// Squared time by which stiffness is multiplied, s^2; zero takes springs and servos explicitly.
@@ -13,7 +13,7 @@ pub struct Theta<R> {
     pub step: R,
 }
 
-impl<R: Real> Theta<R> {
+impl<R: Real> ImplicitWeights<R> {
     /// Whether more is taken of any damping, so that its share must be known.
     #[inline(always)]
     pub(crate) fn fits(self, damping: R) -> bool {

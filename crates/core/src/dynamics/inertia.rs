@@ -2,8 +2,8 @@
 
 use stepper_real::Real;
 
-use crate::compile::{Below, Dof, DofParams, LanePlan, Plan};
-use crate::dynamics::implicit_weights::Theta;
+use crate::compile::{Below, CompiledModel, Dof, DofParams, LaneModel};
+use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 use crate::model::JointKind;
@@ -24,33 +24,33 @@ pub struct MassMatrix<R: Real> {
 }
 
 impl<R: Real> MassMatrix<R> {
-    /// Room for a plan.
-    pub fn new(plan: &Plan<R::Scalar>) -> Self {
+    /// Room for a compiled model.
+    pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
         Self {
-            entries: vec![R::zero(); plan.chain.len()],
-            inv_d: vec![R::zero(); plan.nv],
-            sqrt_inv_d: vec![R::zero(); plan.nv],
-            sqrt_d: vec![R::zero(); plan.nv],
+            entries: vec![R::zero(); compiled.chain.len()],
+            inv_d: vec![R::zero(); compiled.nv],
+            sqrt_inv_d: vec![R::zero(); compiled.nv],
+            sqrt_d: vec![R::zero(); compiled.nv],
         }
     }
 
     /// M by composite rigid bodies, plus armature.
     #[inline(always)]
-    pub fn assemble(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, composite: &mut [Inertia<R>]) {
+    pub fn assemble(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, composite: &mut [Inertia<R>]) {
         composite.copy_from_slice(&kinematics.inertia);
-        for l in (0..plan.links.len()).rev() {
-            let link = &plan.links[l];
+        for l in (0..compiled.links.len()).rev() {
+            let link = &compiled.links[l];
             if !link.is_root {
                 composite[link.parent - 1] = add(composite[link.parent - 1], composite[l]);
             }
             for d in link.dofs.clone() {
                 let momentum = apply_inertia(&composite[l], &kinematics.axes[d]);
-                let dof = &plan.dofs[d];
+                let dof = &compiled.dofs[d];
                 let row = &mut self.entries[dof.chain..dof.chain + dof.depth];
-                for (entry, &a) in row.iter_mut().zip(plan.chain_of(d)) {
+                for (entry, &a) in row.iter_mut().zip(compiled.chain_of(d)) {
                     *entry = dot6(kinematics.axes[a as usize], momentum);
                 }
-                row[0] += plan.params.dof(d).armature;
+                row[0] += compiled.params.dof(d).armature;
             }
         }
     }
@@ -58,9 +58,9 @@ impl<R: Real> MassMatrix<R> {
     /// Adds the shares `theta` of the joints' damping and stiffness to the diagonal of M. What stiff springs get of damping that they have not
     /// themselves, see [`crate::actuation::forces`], goes to `drag`, which may be empty where no joint has a spring.
     #[inline(always)]
-    pub fn add_joints(&mut self, plan: &LanePlan<R>, theta: Theta<R>, drag: &mut [R]) {
-        for (d, dof) in plan.dofs.iter().enumerate() {
-            let DofParams { damping, stiffness, .. } = plan.params.dof(d);
+    pub fn add_joints(&mut self, compiled: &LaneModel<R>, theta: ImplicitWeights<R>, drag: &mut [R]) {
+        for (d, dof) in compiled.dofs.iter().enumerate() {
+            let DofParams { damping, stiffness, .. } = compiled.params.dof(d);
             let entry = &mut self.entries[dof.chain];
             // What nothing damps has a share of zero; most dofs of most robots are without.
             let share = match theta.fits(damping) {
@@ -77,8 +77,8 @@ impl<R: Real> MassMatrix<R> {
 
     /// Adds what servos add: their weights along their moments.
     #[inline(always)]
-    pub fn add_servos(&mut self, plan: &LanePlan<R>, weights: &[R], arms: &[R]) {
-        for (servo, &weight) in plan.servos.iter().zip(weights) {
+    pub fn add_servos(&mut self, compiled: &LaneModel<R>, weights: &[R], arms: &[R]) {
+        for (servo, &weight) in compiled.servos.iter().zip(weights) {
             for &(entry, coefficient) in &servo.entries {
                 self.entries[entry] += R::splat(coefficient) * weight;
             }
@@ -103,10 +103,10 @@ impl<R: Real> MassMatrix<R> {
     /// From the leaves, a row at a time and up to eight columns of it: what all rows below it subtract from them is summed where it stays in
     /// registers.
     #[inline(always)]
-    pub fn factor(&mut self, plan: &LanePlan<R>) {
+    pub fn factor(&mut self, compiled: &LaneModel<R>) {
         let Self { entries, inv_d, .. } = self;
-        for i in (0..plan.nv).rev() {
-            let (dof, below) = (&plan.dofs[i], plan.below(i));
+        for i in (0..compiled.nv).rev() {
+            let (dof, below) = (&compiled.dofs[i], compiled.below(i));
             subtract_columns(entries, inv_d, dof, 0, below);
             for k in (8..dof.depth).step_by(8) {
                 subtract_columns(entries, inv_d, dof, k, below);
@@ -121,18 +121,18 @@ impl<R: Real> MassMatrix<R> {
 
     /// Row `i` of L and the dofs of its entries.
     #[inline(always)]
-    pub(crate) fn row<'a>(&'a self, plan: &'a LanePlan<R>, i: usize) -> (&'a [R], &'a [u32]) {
-        let dof = &plan.dofs[i];
-        (&self.entries[dof.chain..dof.chain + dof.depth], plan.chain_of(i))
+    pub(crate) fn row<'a>(&'a self, compiled: &'a LaneModel<R>, i: usize) -> (&'a [R], &'a [u32]) {
+        let dof = &compiled.dofs[i];
+        (&self.entries[dof.chain..dof.chain + dof.depth], compiled.chain_of(i))
     }
 
     /// x <- L^-T x
     #[inline(always)]
-    pub fn solve_lower_transposed(&self, plan: &LanePlan<R>, x: &mut [R]) {
-        let mut i = plan.nv;
+    pub fn solve_lower_transposed(&self, compiled: &LaneModel<R>, x: &mut [R]) {
+        let mut i = compiled.nv;
         while i > 0 {
             i -= 1;
-            let ((row, chain), xi) = (self.row(plan, i), x[i]);
+            let ((row, chain), xi) = (self.row(compiled, i), x[i]);
             if !is_above(i, chain) {
                 for (&l, &a) in row[1..].iter().zip(&chain[1..]) {
                     x[a as usize] -= l * xi;
@@ -141,7 +141,7 @@ impl<R: Real> MassMatrix<R> {
             }
             // The parent is the row before and has the same ancestors: both at once.
             i -= 1;
-            let ((above, chain), parent) = (self.row(plan, i), x[i] - row[1] * xi);
+            let ((above, chain), parent) = (self.row(compiled, i), x[i] - row[1] * xi);
             x[i] = parent;
             for ((&l, &m), &a) in row[2..].iter().zip(&above[1..]).zip(&chain[1..]) {
                 x[a as usize] = (x[a as usize] - l * xi) - m * parent;
@@ -151,12 +151,12 @@ impl<R: Real> MassMatrix<R> {
 
     /// x <- L^-1 x
     #[inline(always)]
-    pub fn solve_lower(&self, plan: &LanePlan<R>, x: &mut [R]) {
+    pub fn solve_lower(&self, compiled: &LaneModel<R>, x: &mut [R]) {
         let mut i = 0;
-        while i < plan.nv {
+        while i < compiled.nv {
             // Towards the leaves, so that the newest value, the parent's, comes last and the rest can be in flight.
-            let ((row, chain), mut sum) = (self.row(plan, i), x[i]);
-            if i + 1 == plan.nv || !is_above(i + 1, plan.chain_of(i + 1)) {
+            let ((row, chain), mut sum) = (self.row(compiled, i), x[i]);
+            if i + 1 == compiled.nv || !is_above(i + 1, compiled.chain_of(i + 1)) {
                 for (&l, &a) in row[1..].iter().zip(&chain[1..]).rev() {
                     sum -= l * x[a as usize];
                 }
@@ -165,7 +165,7 @@ impl<R: Real> MassMatrix<R> {
                 continue;
             }
             // The next row is a child and has the same ancestors: both at once.
-            let ((below, _), mut child) = (self.row(plan, i + 1), x[i + 1]);
+            let ((below, _), mut child) = (self.row(compiled, i + 1), x[i + 1]);
             for ((&l, &m), &a) in row[1..].iter().zip(&below[2..]).zip(&chain[1..]).rev() {
                 sum -= l * x[a as usize];
                 child -= m * x[a as usize];
@@ -178,19 +178,19 @@ impl<R: Real> MassMatrix<R> {
 
     /// The velocity change of a scaled one: w <- L^-1 D^-1/2 w.
     #[inline(always)]
-    pub fn unscale(&self, plan: &LanePlan<R>, w: &mut [R]) {
+    pub fn unscale(&self, compiled: &LaneModel<R>, w: &mut [R]) {
         for (w, &scale) in w.iter_mut().zip(&self.sqrt_inv_d) {
             *w *= scale;
         }
-        self.solve_lower(plan, w);
+        self.solve_lower(compiled, w);
     }
 
     /// The scaled velocity change, in which the mass matrix is the identity: x <- D^1/2 L x.
     #[inline(always)]
-    pub fn scale(&self, plan: &LanePlan<R>, x: &mut [R]) {
+    pub fn scale(&self, compiled: &LaneModel<R>, x: &mut [R]) {
         // From the leaves, so that ancestors are still what they were.
-        for i in (0..plan.nv).rev() {
-            let (row, chain) = self.row(plan, i);
+        for i in (0..compiled.nv).rev() {
+            let (row, chain) = self.row(compiled, i);
             let mut sum = x[i];
             for (&l, &a) in row[1..].iter().zip(&chain[1..]) {
                 sum += l * x[a as usize];
@@ -201,10 +201,10 @@ impl<R: Real> MassMatrix<R> {
 
     /// The momentum of a scaled velocity change: w <- L^T D^1/2 w.
     #[inline(always)]
-    pub fn momentum(&self, plan: &LanePlan<R>, w: &mut [R]) {
+    pub fn momentum(&self, compiled: &LaneModel<R>, w: &mut [R]) {
         // From the root, so that descendants add to what is already scaled.
-        for i in 0..plan.nv {
-            let (row, chain) = self.row(plan, i);
+        for i in 0..compiled.nv {
+            let (row, chain) = self.row(compiled, i);
             let xi = w[i] * self.sqrt_d[i];
             w[i] = xi;
             for (&l, &a) in row[1..].iter().zip(&chain[1..]) {
@@ -215,12 +215,12 @@ impl<R: Real> MassMatrix<R> {
 
     /// x <- M^-1 x
     #[inline(always)]
-    pub fn solve(&self, plan: &LanePlan<R>, x: &mut [R]) {
-        self.solve_lower_transposed(plan, x);
+    pub fn solve(&self, compiled: &LaneModel<R>, x: &mut [R]) {
+        self.solve_lower_transposed(compiled, x);
         for (x, &inv) in x.iter_mut().zip(&self.inv_d) {
             *x *= inv;
         }
-        self.solve_lower(plan, x);
+        self.solve_lower(compiled, x);
     }
 }
 
@@ -267,20 +267,20 @@ fn subtract<R: Real, const N: usize>(entries: &mut [R], inv_d: &[R], row: usize,
 
 /// Coriolis, centrifugal and gravitational forces: recursive Newton-Euler with zero joint acceleration, world-aligned.
 #[inline(always)]
-pub fn bias_force<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, v: &[R], work: &mut NewtonEuler<R>, out: &mut [R]) {
-    link_forces(plan, kinematics, v, work);
-    project_forces(plan, kinematics, &mut work.force, out);
+pub fn bias_force<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], work: &mut NewtonEuler<R>, out: &mut [R]) {
+    link_forces(compiled, kinematics, v, work);
+    project_forces(compiled, kinematics, &mut work.force, out);
 }
 
 /// The first half of [`bias_force`]: the force that every link needs if its joints do not accelerate, and its velocity.
 #[inline(always)]
-pub fn link_forces<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, v: &[R], work: &mut NewtonEuler<R>) {
+pub fn link_forces<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], work: &mut NewtonEuler<R>) {
     // Gravity as an upward acceleration of the world.
-    let ground = spatial(zero(), scale(plan.params.gravity(), -R::one()));
-    for (l, link) in plan.links.iter().enumerate() {
+    let ground = spatial(zero(), scale(compiled.params.gravity(), -R::one()));
+    for (l, link) in compiled.links.iter().enumerate() {
         let (mut motion, mut change) =
             if link.is_root { (zero(), ground) } else { (work.velocity[link.parent - 1], work.acceleration[link.parent - 1]) };
-        for joint in &plan.joints[link.joints.clone()] {
+        for joint in &compiled.joints[link.joints.clone()] {
             let mut rotations = joint.v..joint.v + joint.kind.nv();
             if joint.kind == JointKind::Free {
                 // The world's axes do not turn with the body.
@@ -306,9 +306,9 @@ pub fn link_forces<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, v: &
 
 /// Forces on the links, carried to the joints: out = sum over links of J^T f. `force` is used up.
 #[inline(always)]
-pub fn project_forces<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, force: &mut [V6<R>], out: &mut [R]) {
-    for l in (0..plan.links.len()).rev() {
-        let link = &plan.links[l];
+pub fn project_forces<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, force: &mut [V6<R>], out: &mut [R]) {
+    for l in (0..compiled.links.len()).rev() {
+        let link = &compiled.links[l];
         for d in link.dofs.clone() {
             out[d] = dot6(kinematics.axes[d], force[l]);
         }
@@ -330,9 +330,9 @@ pub struct NewtonEuler<R: Real> {
 }
 
 impl<R: Real> NewtonEuler<R> {
-    /// Room for a plan.
-    pub fn new(plan: &Plan<R::Scalar>) -> Self {
-        let n = plan.links.len();
+    /// Room for a compiled model.
+    pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
+        let n = compiled.links.len();
         Self { velocity: vec![zero(); n], acceleration: vec![zero(); n], force: vec![zero(); n] }
     }
 }

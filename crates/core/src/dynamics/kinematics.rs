@@ -2,7 +2,7 @@
 
 use stepper_real::{Real, Scalar};
 
-use crate::compile::{Inertial, JointPlan, LanePlan, Link, Plan};
+use crate::compile::{CompiledJoint, CompiledModel, Inertial, LaneModel, Link};
 use crate::math::spatial::*;
 use crate::model::JointKind;
 
@@ -26,19 +26,19 @@ pub struct Kinematics<R: Real> {
 }
 
 impl<R: Real> Kinematics<R> {
-    /// Room for a plan; the world and the mocap frames are placed.
-    pub fn new(plan: &Plan<R::Scalar>) -> Self {
+    /// Room for a compiled model; the world and the mocap frames are placed.
+    pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
         let identity = std::array::from_fn(|k| if k % 4 == 0 { R::one() } else { R::zero() });
         let mut kinematics = Self {
-            pos: vec![zero(); plan.nframe()],
-            mat: vec![identity; plan.nframe()],
-            origin: vec![zero(); plan.ntree],
-            axes: vec![zero(); plan.nv],
-            posed: vec![zero(); plan.mocap.len()],
-            inertia: vec![zero(); plan.links.len()],
-            turns: std::array::from_fn(|_| vec![R::zero(); hinges(plan).count()]),
+            pos: vec![zero(); compiled.nframe()],
+            mat: vec![identity; compiled.nframe()],
+            origin: vec![zero(); compiled.ntree],
+            axes: vec![zero(); compiled.nv],
+            posed: vec![zero(); compiled.mocap.len()],
+            inertia: vec![zero(); compiled.links.len()],
+            turns: std::array::from_fn(|_| vec![R::zero(); hinges(compiled).count()]),
         };
-        for m in &plan.mocap {
+        for m in &compiled.mocap {
             kinematics.pos[m.frame] = splat(m.pos);
             kinematics.mat[m.frame] = quat_to_mat(splat(m.quat));
         }
@@ -46,22 +46,22 @@ impl<R: Real> Kinematics<R> {
     }
 
     /// Places everything at the configuration `q`.
-    pub fn update(&mut self, plan: &LanePlan<R>, q: &[R]) {
+    pub fn update(&mut self, compiled: &LaneModel<R>, q: &[R]) {
         R::vectorize(
             #[inline(always)]
             || {
-                self.turn_all(plan, q);
+                self.turn_all(compiled, q);
                 let mut hinge = 0;
-                for (l, link) in plan.links.iter().enumerate() {
-                    let (pos, mat) = self.place(plan, link, q, &mut hinge);
+                for (l, link) in compiled.links.iter().enumerate() {
+                    let (pos, mat) = self.place(compiled, link, q, &mut hinge);
                     self.pos[l + 1] = pos;
                     self.mat[l + 1] = mat;
                     if link.is_root {
                         self.origin[link.tree] = pos;
                     }
                     let origin = self.origin[link.tree];
-                    self.refer_axes_to(plan, link, origin);
-                    let Inertial { mass, com, inertia } = plan.params.inertial(l);
+                    self.refer_axes_to(compiled, link, origin);
+                    let Inertial { mass, com, inertia } = compiled.params.inertial(l);
                     let com = sub(add(pos, rotate(&mat, com)), origin);
                     self.inertia[l] = inertia_at(mass, inertia, &mat, com);
                 }
@@ -71,9 +71,9 @@ impl<R: Real> Kinematics<R> {
 
     /// Sines and cosines of all hinges, in a loop of their own: even those of one environment are computed side by side then.
     #[inline(always)]
-    fn turn_all(&mut self, plan: &LanePlan<R>, q: &[R]) {
+    fn turn_all(&mut self, compiled: &LaneModel<R>, q: &[R]) {
         let [angles, sines, cosines] = &mut self.turns;
-        for (angle, joint) in angles.iter_mut().zip(hinges(plan)) {
+        for (angle, joint) in angles.iter_mut().zip(hinges(compiled)) {
             *angle = q[joint.q] - R::splat(joint.reference);
         }
         for ((&angle, sin), cos) in angles.iter().zip(sines).zip(cosines) {
@@ -83,14 +83,14 @@ impl<R: Real> Kinematics<R> {
 
     /// Pose of a link, whose first hinge is number `hinge`; leaves (axis, anchor) of its rotations and (0, axis) of its translations in `axes`.
     #[inline(always)]
-    fn place(&mut self, plan: &LanePlan<R>, link: &Link<R::Scalar>, q: &[R], hinge: &mut usize) -> (V3<R>, M3<R>) {
+    fn place(&mut self, compiled: &LaneModel<R>, link: &Link<R::Scalar>, q: &[R], hinge: &mut usize) -> (V3<R>, M3<R>) {
         let (base, frame) = (self.pos[link.parent], self.mat[link.parent]);
         let mut pos = add(base, rotate(&frame, splat(link.pos)));
         let mut mat = match link.mat {
             Some(m) => mat_mul(&frame, &splat(m)),
             None => frame,
         };
-        for joint in &plan.joints[link.joints.clone()] {
+        for joint in &compiled.joints[link.joints.clone()] {
             let v = joint.v;
             match joint.kind {
                 JointKind::Free => {
@@ -136,8 +136,8 @@ impl<R: Real> Kinematics<R> {
 
     /// Turns (axis, anchor) of the rotations of a link into motions about the reference point.
     #[inline(always)]
-    fn refer_axes_to(&mut self, plan: &LanePlan<R>, link: &Link<R::Scalar>, origin: V3<R>) {
-        for joint in &plan.joints[link.joints.clone()] {
+    fn refer_axes_to(&mut self, compiled: &LaneModel<R>, link: &Link<R::Scalar>, origin: V3<R>) {
+        for joint in &compiled.joints[link.joints.clone()] {
             let rotations = match joint.kind {
                 JointKind::Free => joint.v + 3..joint.v + 6,
                 JointKind::Ball => joint.v..joint.v + 3,
@@ -153,8 +153,8 @@ impl<R: Real> Kinematics<R> {
 
     /// Velocity of every link about its tree's reference point.
     #[inline(always)]
-    pub fn velocities(&self, plan: &LanePlan<R>, v: &[R], out: &mut [V6<R>]) {
-        for (l, link) in plan.links.iter().enumerate() {
+    pub fn velocities(&self, compiled: &LaneModel<R>, v: &[R], out: &mut [V6<R>]) {
+        for (l, link) in compiled.links.iter().enumerate() {
             let mut motion = if link.is_root { zero() } else { out[link.parent - 1] };
             for d in link.dofs.clone() {
                 motion = add_scaled(motion, self.axes[d], v[d]);
@@ -172,13 +172,13 @@ impl<R: Real> Kinematics<R> {
 
 /// Hinges, in the order of the joints.
 #[inline(always)]
-fn hinges<S: Scalar>(plan: &Plan<S>) -> impl Iterator<Item = &JointPlan<S>> {
-    plan.joints.iter().filter(|joint| joint.kind == JointKind::Hinge)
+fn hinges<S: Scalar>(compiled: &CompiledModel<S>) -> impl Iterator<Item = &CompiledJoint<S>> {
+    compiled.joints.iter().filter(|joint| joint.kind == JointKind::Hinge)
 }
 
 /// The joint's axis in the world, and the frame turned about it.
 #[inline(always)]
-fn turn<R: Real>(mat: &M3<R>, joint: &JointPlan<R::Scalar>, sin: R, cos: R) -> (V3<R>, M3<R>) {
+fn turn<R: Real>(mat: &M3<R>, joint: &CompiledJoint<R::Scalar>, sin: R, cos: R) -> (V3<R>, M3<R>) {
     let Some((k, backwards)) = joint.principal else {
         let axis = splat(joint.axis);
         return (rotate(mat, axis), mat_mul(mat, &axis_rotation(axis, sin, cos)));
@@ -214,11 +214,11 @@ pub fn quat_at<R: Real>(q: &[R], at: usize) -> [R; 4] {
 
 /// q (+) d: the configuration after the displacement `d` (length nv) along the velocities' own coordinates. Rotations by the exponential
 /// map, quaternions renormalised.
-pub fn displace<R: Real>(plan: &LanePlan<R>, q: &[R], d: &[R], factor: R, out: &mut [R]) {
+pub fn displace<R: Real>(compiled: &LaneModel<R>, q: &[R], d: &[R], factor: R, out: &mut [R]) {
     R::vectorize(
         #[inline(always)]
         || {
-            for joint in &plan.joints {
+            for joint in &compiled.joints {
                 let (qa, va) = (joint.q, joint.v);
                 match joint.kind {
                     JointKind::Free => {

@@ -6,13 +6,13 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::compile::LanePlan;
+use crate::compile::LaneModel;
 use crate::dynamics::kinematics::{Kinematics, all_finite};
 use crate::math::spatial::*;
 
 /// The way of one mocap body during a call.
 #[derive(Clone, Copy, Debug)]
-pub struct Way<R> {
+pub struct MocapTrajectory<R> {
     /// Where it begins, m.
     pos: V3<R>,
     quat: [R; 4],
@@ -22,7 +22,7 @@ pub struct Way<R> {
     motion: V6<R>,
 }
 
-impl<R: Real> Way<R> {
+impl<R: Real> MocapTrajectory<R> {
     /// A body that rests at a pose.
     pub fn at(pos: V3<R>, quat: [R; 4]) -> Self {
         let quat = quat_normalize(quat);
@@ -63,14 +63,14 @@ impl<R: Real> Way<R> {
 }
 
 /// Places the mocap bodies where they are so many seconds after the beginning of the call.
-pub fn place<R: Real>(plan: &LanePlan<R>, ways: &[Way<R>], time: R, kinematics: &mut Kinematics<R>) {
+pub fn place<R: Real>(compiled: &LaneModel<R>, ways: &[MocapTrajectory<R>], time: R, kinematics: &mut Kinematics<R>) {
     if ways.is_empty() {
         return;
     }
     R::vectorize(
         #[inline(always)]
         || {
-            for (k, (mocap, way)) in plan.mocap.iter().zip(ways).enumerate() {
+            for (k, (mocap, way)) in compiled.mocap.iter().zip(ways).enumerate() {
                 kinematics.pos[mocap.frame] = add_scaled(way.pos, linear(&way.motion), time);
                 kinematics.mat[mocap.frame] = quat_to_mat(way.quat_at(time));
                 kinematics.posed[k] = way.motion;

@@ -3,7 +3,7 @@
 use crate::geometry::clip::{Shared, Work, behind, edges_of_triangle, overlay};
 use crate::geometry::facing::Facing;
 use crate::geometry::pair::Pair;
-use crate::geometry::parting::Parting;
+use crate::geometry::parting::SeparatingPlane;
 use crate::geometry::patch::{Kind, Patch, View, edge};
 use crate::geometry::vectors::{Pose, V};
 use crate::math::spatial::*;
@@ -33,7 +33,7 @@ pub struct Manifold {
     /// Ascending by feature.
     pub points: Vec<Point>,
     /// What two hulls know of one another: the normal, or that of a plane that parts those that are further apart.
-    pub parting: Option<Parting>,
+    pub parting: Option<SeparatingPlane>,
 }
 
 impl Manifold {

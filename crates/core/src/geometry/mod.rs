@@ -44,7 +44,7 @@ pub use hull::{Hull, HullError};
 pub use known::Known;
 pub use manifold::{MAX_POINTS, Manifold, Point};
 pub use narrow::{Narrow, collide, collide_plane, distance};
-pub use parting::{Parting, Partings};
+pub use parting::{SeparatingPlane, SeparatingPlanes};
 pub use reach::Reach;
 pub use room::Room;
 pub use shape::ConvexShape;

@@ -6,7 +6,7 @@ use crate::geometry::facing::Facing;
 use crate::geometry::known::Known;
 use crate::geometry::manifold::{Manifold, Point};
 use crate::geometry::pair::Pair;
-use crate::geometry::parting::Parting;
+use crate::geometry::parting::SeparatingPlane;
 use crate::geometry::reach::Reach;
 use crate::geometry::room::Room;
 use crate::geometry::separation;
@@ -39,7 +39,7 @@ impl Narrow {
     }
 
     /// The contact points of two solids within reach of each other, and [`Manifold::parting`]; a half space comes first.
-    pub fn collide(&mut self, solids: [&Solid; 2], poses: [Pose; 2], reach: Reach) -> (&[Point], Option<Parting>) {
+    pub fn collide(&mut self, solids: [&Solid; 2], poses: [Pose; 2], reach: Reach) -> (&[Point], Option<SeparatingPlane>) {
         let Self { room, found } = self;
         let prediction = reach.prediction;
         match solids {

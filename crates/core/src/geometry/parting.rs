@@ -33,7 +33,7 @@ const LEAST: f64 = 5e-5;
 
 /// A normal of two hulls, where it was found, and what parts them along it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Parting {
+pub struct SeparatingPlane {
     /// n: from the first to the second, unit, in the first's frame.
     normal: [f32; 3],
     /// Corners that are furthest that way and against it, and the other ends of the edges that it is across; the corners again, if it is not.
@@ -49,7 +49,7 @@ pub struct Parting {
     offset: f32,
 }
 
-impl Parting {
+impl SeparatingPlane {
     /// Nothing.
     pub(crate) const NONE: Self =
         Self { normal: [0.0; 3], corners: [0; 2], ends: [0; 2], tip: [0.0; 3], axis: [0.0; 3], curve: 0.0, offset: f32::INFINITY };
@@ -86,7 +86,7 @@ impl Parting {
 
 /// What parts two hulls in each lane.
 #[derive(Clone, Copy, Debug)]
-pub struct Partings<R: Real> {
+pub struct SeparatingPlanes<R: Real> {
     normal: V3<R>,
     tip: V3<R>,
     axis: V3<R>,
@@ -94,7 +94,7 @@ pub struct Partings<R: Real> {
     offset: R,
 }
 
-impl<R: Real> Partings<R> {
+impl<R: Real> SeparatingPlanes<R> {
     /// Nothing parts them in any lane.
     #[inline(always)]
     pub fn none() -> Self {
@@ -104,7 +104,7 @@ impl<R: Real> Partings<R> {
 
     /// Sets a lane.
     #[inline(always)]
-    pub fn set_lane(&mut self, lane: usize, parting: &Parting) {
+    pub fn set_lane(&mut self, lane: usize, parting: &SeparatingPlane) {
         let of = |x: f32| R::Scalar::from_f64(f64::from(x));
         for k in 0..3 {
             self.normal[k].set_lane(lane, of(parting.normal[k]));

@@ -2,10 +2,10 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::compile::LanePlan;
+use crate::compile::LaneModel;
 use crate::constraints::constraint_set::Constraints;
 use crate::dynamics::kinematics::all_finite;
-use crate::integrators::workspace::Scratch;
+use crate::integrators::workspace::Workspace;
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 use crate::options::StepSettings;
@@ -15,7 +15,7 @@ const UNSOLVED: f64 = 1e-2;
 
 /// Lanes whose impulses do not decide what becomes of their energy: the residual is large, or it is small beside velocities but not beside what
 /// enormous impulses make of it.
-pub(crate) fn undecided<R: Real>(options: &StepSettings, s: &Scratch<R>, residual: R) -> R::Mask {
+pub(crate) fn undecided<R: Real>(options: &StepSettings, s: &Workspace<R>, residual: R) -> R::Mask {
     let Constraints { problem, iterate, constrained, .. } = &s.constraints;
     R::vectorize(
         #[inline(always)]
@@ -27,21 +27,21 @@ pub(crate) fn undecided<R: Real>(options: &StepSettings, s: &Scratch<R>, residua
 }
 
 /// Keeps the impulse of all constraints on the joints, from the scaled velocity change of stage 5, where bounded servos need it.
-pub(crate) fn keep_impulse<R: Real>(plan: &LanePlan<R>, s: &mut Scratch<R>) {
-    if !plan.servos_are_bounded {
+pub(crate) fn keep_impulse<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>) {
+    if !compiled.servos_are_bounded {
         return;
     }
     R::vectorize(
         #[inline(always)]
         || {
             s.impulse.copy_from_slice(&s.constraints.iterate.w);
-            s.smooth.mass.momentum(plan, &mut s.impulse);
+            s.smooth.mass.momentum(compiled, &mut s.impulse);
         },
     )
 }
 
 /// Takes the next state over in the lanes where it is finite; the others stay where they were and start cold. Returns those lanes.
-pub(crate) fn accept<R: Real>(plan: &LanePlan<R>, s: &mut Scratch<R>) -> R::Mask {
+pub(crate) fn accept<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>) -> R::Mask {
     let finite = R::vectorize(
         #[inline(always)]
         || {
@@ -50,7 +50,7 @@ pub(crate) fn accept<R: Real>(plan: &LanePlan<R>, s: &mut Scratch<R>) -> R::Mask
                 finite = finite.and(all_finite(x));
             }
             // A pose that the user gave and that is none would hide its contacts: the step is refused instead.
-            for m in &plan.mocap {
+            for m in &compiled.mocap {
                 finite = finite.and(all_finite(&s.kinematics.pos[m.frame])).and(all_finite(&s.kinematics.mat[m.frame]));
             }
             finite
@@ -69,7 +69,7 @@ pub(crate) fn accept<R: Real>(plan: &LanePlan<R>, s: &mut Scratch<R>) -> R::Mask
 
 /// Lets the lanes whose next state is not finite, and those that are no environment, stay where they are; the former start cold.
 #[cold]
-fn stay<R: Real>(s: &mut Scratch<R>, finite: R::Mask) {
+fn stay<R: Real>(s: &mut Workspace<R>, finite: R::Mask) {
     R::vectorize(
         #[inline(always)]
         || {

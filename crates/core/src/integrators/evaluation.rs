@@ -2,13 +2,13 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::compile::LanePlan;
+use crate::compile::LaneModel;
 use crate::constraints::constraint_set::Moment;
 use crate::integrators::corrected_forces::{correct_forces, reconsider_servos};
 use crate::integrators::free_motion::{find_contacts, free_motion, place};
 use crate::integrators::impact;
-use crate::integrators::scheme::Rule;
-use crate::integrators::workspace::Scratch;
+use crate::integrators::scheme::Scheme;
+use crate::integrators::workspace::Workspace;
 use crate::options::StepSettings;
 use crate::stages::s04_assemble::assemble;
 use crate::stages::s05_solve::{estimate, forget_estimate};
@@ -17,20 +17,20 @@ use crate::stages::s05_solve::{estimate, forget_estimate};
 /// the step, Euler's at its beginning.
 ///
 /// Returns the lanes that the midpoint rule takes at the beginning.
-pub(crate) fn evaluate<R: Real>(plan: &LanePlan<R>, options: &StepSettings, rule: &mut Rule<R>, s: &mut Scratch<R>) -> R::Mask {
-    place(plan, rule, s);
-    free_motion(plan, rule, s);
-    let too_far = find_contacts(plan, rule, s);
+pub(crate) fn evaluate<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, scheme: &mut Scheme<R>, s: &mut Workspace<R>) -> R::Mask {
+    place(compiled, scheme, s);
+    free_motion(compiled, scheme, s);
+    let too_far = find_contacts(compiled, scheme, s);
     if too_far.any() {
         // What is so fast that it may be through something thin in the middle of the step is taken at its beginning.
-        rule.lead = R::select(too_far, R::zero(), rule.lead);
-        rule.rest = R::select(too_far, rule.h, rule.rest);
-        place(plan, rule, s);
-        free_motion(plan, rule, s);
-        find_contacts(plan, rule, s);
+        scheme.lead = R::select(too_far, R::zero(), scheme.lead);
+        scheme.rest = R::select(too_far, scheme.h, scheme.rest);
+        place(compiled, scheme, s);
+        free_motion(compiled, scheme, s);
+        find_contacts(compiled, scheme, s);
     }
-    if rule.integrator.in_the_middle() {
-        impact::place_at_impacts(plan, options, rule, s);
+    if scheme.integrator.in_the_middle() {
+        impact::place_at_impacts(compiled, options, scheme, s);
     }
     s.new_contacts.prepare(&mut s.contacts);
     too_far
@@ -38,39 +38,39 @@ pub(crate) fn evaluate<R: Real>(plan: &LanePlan<R>, options: &StepSettings, rule
 
 /// Stage 4, and stages 1 and 2 again for forces that depend on the velocity at the end of the step, of which stage 5 makes an estimate.
 pub(crate) fn assemble_rows<R: Real>(
-    plan: &LanePlan<R>,
+    compiled: &LaneModel<R>,
     options: &StepSettings,
-    rule: &Rule<R>,
-    s: &mut Scratch<R>,
+    scheme: &Scheme<R>,
+    s: &mut Workspace<R>,
     at_beginning: R::Mask,
 ) {
-    assemble_here(plan, options, rule, s, at_beginning);
-    let bounded = plan.servos_are_bounded && (rule.corrects || plan.trains > 0);
-    if bounded && s.constraints.constrained.any() && reconsider_servos(plan, rule, s) {
+    assemble_here(compiled, options, scheme, s, at_beginning);
+    let bounded = compiled.servos_are_bounded && (scheme.corrects || compiled.trains > 0);
+    if bounded && s.constraints.constrained.any() && reconsider_servos(compiled, scheme, s) {
         // Servos reach their bounds, or leave them, by impulses of this step.
-        free_motion(plan, rule, s);
-        assemble_here(plan, options, rule, s, at_beginning);
+        free_motion(compiled, scheme, s);
+        assemble_here(compiled, options, scheme, s, at_beginning);
         // Where nothing was wrong, this repeats the bits of the estimate before.
-        estimate(&s.v, rule.h, s.constraints.constrained, &mut s.constraints);
+        estimate(&s.v, scheme.h, s.constraints.constrained, &mut s.constraints);
         forget_estimate(s.constraints.constrained, &mut s.constraints);
     }
-    if rule.corrects {
-        correct_forces(plan, rule, s);
+    if scheme.corrects {
+        correct_forces(compiled, scheme, s);
     }
 }
 
 /// Stage 4 at the configuration of the scheme.
-fn assemble_here<R: Real>(plan: &LanePlan<R>, options: &StepSettings, rule: &Rule<R>, s: &mut Scratch<R>, too_far: R::Mask) {
+fn assemble_here<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, scheme: &Scheme<R>, s: &mut Workspace<R>, too_far: R::Mask) {
     let moment = Moment {
         q: &s.q_eval,
         v: &s.v,
         motion: &s.smooth.work,
         v_free: &s.v_free,
         losses: &s.drive.losses,
-        h: rule.h,
-        lead: rule.lead,
-        closing: rule.closing(too_far, s.impacts.lanes),
+        h: scheme.h,
+        lead: scheme.lead,
+        closing: scheme.closing(too_far, s.impacts.lanes),
         alive: s.alive,
     };
-    assemble(plan, options, &s.kinematics, &s.smooth.mass, &moment, &mut s.new_contacts, &mut s.constraints);
+    assemble(compiled, options, &s.kinematics, &s.smooth.mass, &moment, &mut s.new_contacts, &mut s.constraints);
 }

@@ -8,14 +8,14 @@ use stepper_solve::Outcome;
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
-use crate::compile::LanePlan;
+use crate::compile::LaneModel;
 use crate::constraints::impact_time::{Flight, Meeting};
 use crate::dynamics::gyroscopic;
 use crate::dynamics::kinematics::{Kinematics, advance};
 use crate::integrators::free_motion::{find_contacts, free_motion, place};
 use crate::integrators::impact_set::Impacts;
-use crate::integrators::scheme::Rule;
-use crate::integrators::workspace::Scratch;
+use crate::integrators::scheme::Scheme;
+use crate::integrators::workspace::Workspace;
 use crate::math::spatial::*;
 use crate::options::StepSettings;
 use crate::stages::s05_solve::solve;
@@ -37,44 +37,50 @@ const PLACEMENTS: usize = 4;
 const CLOSE: f64 = 1e-3;
 
 /// Takes the lanes in which elastic contacts strike at the time of the first impact.
-pub(crate) fn place_at_impacts<R: Real>(plan: &LanePlan<R>, options: &StepSettings, rule: &mut Rule<R>, s: &mut Scratch<R>) {
+pub(crate) fn place_at_impacts<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, scheme: &mut Scheme<R>, s: &mut Workspace<R>) {
     s.impacts.lanes = R::Mask::splat(false);
     for pass in 0..PLACEMENTS {
         let elastic = |k: usize| s.new_contacts.elastic(k).any();
         if !(0..s.new_contacts.slots()).any(elastic) {
             return;
         }
-        let [strikes, wrong] = first_impacts(plan, options, rule, s, pass == 0);
+        let [strikes, wrong] = first_impacts(compiled, options, scheme, s, pass == 0);
         s.impacts.lanes = s.impacts.lanes.or(strikes).or(wrong);
         if wrong.none() {
             return;
         }
-        place(plan, rule, s);
-        free_motion(plan, rule, s);
-        find_contacts(plan, rule, s);
+        place(compiled, scheme, s);
+        free_motion(compiled, scheme, s);
+        find_contacts(compiled, scheme, s);
     }
 }
 
 /// Moves `rule` to the first impact of each lane. Returns the lanes that have one, and those in which it was elsewhere. At the `first` look, what
 /// overlaps and parts came in on the other side: there it is looked at from the beginning of the step.
-fn first_impacts<R: Real>(plan: &LanePlan<R>, options: &StepSettings, rule: &mut Rule<R>, s: &mut Scratch<R>, first: bool) -> [R::Mask; 2] {
-    let Scratch { new_contacts: contacts, kinematics, impacts: Impacts { velocities, .. }, v, v_free, alive, .. } = s;
+fn first_impacts<R: Real>(
+    compiled: &LaneModel<R>,
+    options: &StepSettings,
+    scheme: &mut Scheme<R>,
+    s: &mut Workspace<R>,
+    first: bool,
+) -> [R::Mask; 2] {
+    let Workspace { new_contacts: contacts, kinematics, impacts: Impacts { velocities, .. }, v, v_free, alive, .. } = s;
     R::vectorize(
         #[inline(always)]
         || {
             let [before, free] = velocities;
-            kinematics.velocities(plan, v, before);
-            kinematics.velocities(plan, v_free, free);
-            let gravity = norm(plan.params.gravity());
-            let (mut strikes, mut time) = (R::Mask::splat(false), rule.h);
+            kinematics.velocities(compiled, v, before);
+            kinematics.velocities(compiled, v_free, free);
+            let gravity = norm(compiled.params.gravity());
+            let (mut strikes, mut time) = (R::Mask::splat(false), scheme.h);
             for k in 0..contacts.slots() {
                 let elastic = contacts.elastic(k).and(*alive);
                 if elastic.none() {
                     continue;
                 }
                 let slot = &contacts.data[k];
-                let (gap, lead, h) = (slot.point.distance, rule.lead, rule.h);
-                let [before, free] = normal_velocities(plan, kinematics, contacts, k, elastic.bits(), [before, free]);
+                let (gap, lead, h) = (slot.point.distance, scheme.lead, scheme.h);
+                let [before, free] = normal_velocities(compiled, kinematics, contacts, k, elastic.bits(), [before, free]);
                 let Meeting { strikes: here, time: at, .. } =
                     Flight { gap, before, free, lead, h }.meeting(options, gravity, slot.restitution, elastic);
                 let passed = elastic.and(gap.lt(-R::of(options.slop))).and(before.gt(R::zero())).and(lead.gt(R::zero()));
@@ -83,9 +89,9 @@ fn first_impacts<R: Real>(plan: &LanePlan<R>, options: &StepSettings, rule: &mut
                 time = R::select(passed, R::zero(), time);
                 strikes = strikes.or(here).or(passed);
             }
-            let wrong = strikes.and((time - rule.lead).abs().gt(rule.h * R::of(CLOSE)));
-            rule.lead = R::select(wrong, time, rule.lead);
-            rule.rest = R::select(wrong, rule.h - time, rule.rest);
+            let wrong = strikes.and((time - scheme.lead).abs().gt(scheme.h * R::of(CLOSE)));
+            scheme.lead = R::select(wrong, time, scheme.lead);
+            scheme.rest = R::select(wrong, scheme.h - time, scheme.rest);
             [strikes, wrong]
         },
     )
@@ -94,7 +100,7 @@ fn first_impacts<R: Real>(plan: &LanePlan<R>, options: &StepSettings, rule: &mut
 /// Normal velocities of the contacts in slot `k`, for two sets of the links' velocities.
 #[inline(always)]
 fn normal_velocities<R: Real>(
-    plan: &LanePlan<R>,
+    compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     contacts: &Contacts<R>,
     k: usize,
@@ -102,17 +108,17 @@ fn normal_velocities<R: Real>(
     velocities: [&[V6<R>]; 2],
 ) -> [R; 2] {
     let point = &contacts.data[k].point;
-    let carried = dot(point.normal, linear(&surface_velocity::motion(plan, kinematics, contacts, k, lanes)));
+    let carried = dot(point.normal, linear(&surface_velocity::motion(compiled, kinematics, contacts, k, lanes)));
     let mut out = [carried; 2];
     for (pair, lanes) in contacts.pairs(k, lanes) {
         let there = R::Mask::from_bits(lanes);
-        let [a, b] = plan.pair_geoms(pair).expect("made from this plan");
+        let [a, b] = compiled.pair_geoms(pair).expect("made from this compiled");
         for (geom, sign) in [(a, -R::one()), (b, R::one())] {
-            let frame = plan.geoms[geom].frame;
-            if frame == 0 || frame > plan.links.len() {
+            let frame = compiled.geoms[geom].frame;
+            if frame == 0 || frame > compiled.links.len() {
                 continue;
             }
-            let arm = sub(point.pos, kinematics.origin[plan.links[frame - 1].tree]);
+            let arm = sub(point.pos, kinematics.origin[compiled.links[frame - 1].tree]);
             for (out, velocity) in out.iter_mut().zip(velocities) {
                 *out += R::select(there, dot(point.normal, velocity_at(&velocity[frame - 1], arm)) * sign, R::zero());
             }
@@ -124,24 +130,24 @@ fn normal_velocities<R: Real>(
 /// The free velocity with which stage 8 solves for the positions, in the lanes with impacts, left in `change`; returns these lanes. They are added
 /// what the positions lack that went on from the time of the placement with the velocity after the step: of each impulse and, since they were not
 /// in the middle of the step, of smooth forces.
-pub(crate) fn carry_positions<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>) -> R::Mask {
+pub(crate) fn carry_positions<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) -> R::Mask {
     let lanes = s.impacts.lanes.or(s.constraints.bouncing()).and(s.alive);
     if lanes.none() {
         return lanes;
     }
-    s.constraints.set_impacts_aside(plan, &s.smooth.mass, [rule.h, rule.lead], lanes, &mut s.v_mean);
+    s.constraints.set_impacts_aside(compiled, &s.smooth.mass, [scheme.h, scheme.lead], lanes, &mut s.v_mean);
     R::vectorize(
         #[inline(always)]
         || {
-            let late = rule.lead / rule.h - R::of(0.5);
-            for i in 0..plan.nv {
+            let late = scheme.lead / scheme.h - R::of(0.5);
+            for i in 0..compiled.nv {
                 let moved = s.v_mean[i] + (s.v_free[i] - s.v[i]) * late;
                 s.v_mean[i] = R::select(lanes, moved, R::zero());
                 s.change[i] = R::select(lanes, s.v_free[i] + moved, s.v_free[i]);
             }
         },
     );
-    s.constraints.shift(plan, &s.smooth.mass, &mut s.v_mean, lanes);
+    s.constraints.shift(compiled, &s.smooth.mass, &mut s.v_mean, lanes);
     lanes
 }
 
@@ -151,28 +157,28 @@ pub(crate) fn carry_positions<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &m
 /// both. The first solution took them at the mean of the velocities, which at an impact is neither: an error of first order in momentum and energy,
 /// at every impact.
 pub(crate) fn solve_impacts<R: Real>(
-    plan: &LanePlan<R>,
+    compiled: &LaneModel<R>,
     options: &StepSettings,
-    rule: &Rule<R>,
-    s: &mut Scratch<R>,
+    scheme: &Scheme<R>,
+    s: &mut Workspace<R>,
     mut outcome: Outcome<R>,
 ) -> Outcome<R> {
     for pass in 0..PASSES {
-        let lanes = jumping(rule, s, pass == 0);
+        let lanes = jumping(scheme, s, pass == 0);
         if lanes.none() {
             break;
         }
-        take_inertial_forces(plan, rule, s, lanes, pass == 0);
+        take_inertial_forces(compiled, scheme, s, lanes, pass == 0);
         let again = solve(options, &s.v, lanes, &mut s.constraints, &mut s.new_contacts);
         outcome.replace(&again, lanes);
-        integrate_velocity(plan, &s.smooth.mass, &s.v_free, &s.constraints, &mut s.v_next);
+        integrate_velocity(compiled, &s.smooth.mass, &s.v_free, &s.constraints, &mut s.v_next);
     }
     outcome
 }
 
 /// Lanes whose velocity after the step, `v_next`, is far from that which inertial forces were taken with; of the first solution, which
 /// took them at the mean of the velocities and not half at each, also those in which constraints made the velocity jump.
-fn jumping<R: Real>(rule: &Rule<R>, s: &Scratch<R>, first: bool) -> R::Mask {
+fn jumping<R: Real>(scheme: &Scheme<R>, s: &Workspace<R>, first: bool) -> R::Mask {
     R::vectorize(
         #[inline(always)]
         || {
@@ -185,8 +191,8 @@ fn jumping<R: Real>(rule: &Rule<R>, s: &Scratch<R>, first: bool) -> R::Mask {
             }
             let apart = if first { pushed * pushed * R::of(0.25) } else { R::zero() };
             let change = jump.max(pushed);
-            let impact = change.gt(smooth * R::of(IMPACT)).and((rule.h * change).lt(R::of(RESOLVED)));
-            let matters = impact.and((rule.h * (jump * fastest).max(apart)).gt(R::of(MATTERS)));
+            let impact = change.gt(smooth * R::of(IMPACT)).and((scheme.h * change).lt(R::of(RESOLVED)));
+            let matters = impact.and((scheme.h * (jump * fastest).max(apart)).gt(R::of(MATTERS)));
             // Equalities near singular positions change as suddenly, but nothing strikes there.
             let slots = s.constraints.slots.iter().map(|slot| slot.1).chain(s.constraints.wide_slots.iter().map(|slot| slot.1));
             let touching = slots.fold(R::Mask::splat(false), |all, lanes| all.or(lanes));
@@ -197,45 +203,45 @@ fn jumping<R: Real>(rule: &Rule<R>, s: &Scratch<R>, first: bool) -> R::Mask {
 
 /// The free velocity of the lanes `lanes` with inertial forces at the velocity before the step and at `v_next`: half each, or until the impact and
 /// after it. At the `first` time, the velocity before the impact is made that of the former alone.
-fn take_inertial_forces<R: Real>(plan: &LanePlan<R>, rule: &Rule<R>, s: &mut Scratch<R>, lanes: R::Mask, first: bool) {
+fn take_inertial_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>, lanes: R::Mask, first: bool) {
     // With the forces of stage 1 as they are: what depends on the velocity in them is implicit.
-    let (forces, half) = ([&s.drive.tau[..], &s.applied], rule.h * R::of(0.5));
-    let times = [rule.lead, rule.rest].map(|time| R::select(s.impacts.lanes, time, half));
-    s.smooth.acceleration(plan, &s.kinematics, forces, &s.v, &s.v);
+    let (forces, half) = ([&s.drive.tau[..], &s.applied], scheme.h * R::of(0.5));
+    let times = [scheme.lead, scheme.rest].map(|time| R::select(s.impacts.lanes, time, half));
+    s.smooth.acceleration(compiled, &s.kinematics, forces, &s.v, &s.v);
     advance(&s.v, &s.smooth.acc, times[0], &mut s.v_mean);
     let strikes = s.constraints.has_impacts;
     if strikes {
-        advance(&s.v, &s.smooth.acc, rule.h, &mut s.before_impact);
+        advance(&s.v, &s.smooth.acc, scheme.h, &mut s.before_impact);
     }
-    s.smooth.acceleration(plan, &s.kinematics, forces, &s.v, &s.v_next);
+    s.smooth.acceleration(compiled, &s.kinematics, forces, &s.v, &s.v_next);
     advance(&s.v_mean, &s.smooth.acc, times[1], &mut s.change);
-    if !plan.spinners.is_empty() {
-        gyroscopic::settle(plan, &s.kinematics, &s.smooth.mass, [[rule.lead, rule.rest], times], [&s.v, &s.v_next], &mut s.change);
+    if !compiled.spinners.is_empty() {
+        gyroscopic::settle(compiled, &s.kinematics, &s.smooth.mass, [[scheme.lead, scheme.rest], times], [&s.v, &s.v_next], &mut s.change);
     }
-    take_over_change(plan, s, lanes);
+    take_over_change(compiled, s, lanes);
     if strikes {
         R::vectorize(
             #[inline(always)]
             || {
                 // The rows of impacts take it as a change until the impact.
-                for i in 0..plan.nv {
+                for i in 0..compiled.nv {
                     s.before_impact[i] = if first { s.before_impact[i] - s.v_free[i] } else { -s.change[i] };
                 }
             },
         );
     }
-    s.constraints.shift(plan, &s.smooth.mass, &mut s.change, lanes);
+    s.constraints.shift(compiled, &s.smooth.mass, &mut s.change, lanes);
     if strikes {
-        s.constraints.shift_before_impacts(plan, &s.smooth.mass, &mut s.before_impact, lanes);
+        s.constraints.shift_before_impacts(compiled, &s.smooth.mass, &mut s.before_impact, lanes);
     }
 }
 
 /// Takes over `change` as the free velocity of the lanes `lanes`, and `v_next` as the expected one; leaves by how much the former changed in `change`.
-fn take_over_change<R: Real>(plan: &LanePlan<R>, s: &mut Scratch<R>, lanes: R::Mask) {
+fn take_over_change<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>, lanes: R::Mask) {
     R::vectorize(
         #[inline(always)]
         || {
-            for i in 0..plan.nv {
+            for i in 0..compiled.nv {
                 let new = R::select(lanes, s.change[i], s.v_free[i]);
                 s.change[i] = new - s.v_free[i];
                 s.v_free[i] = new;

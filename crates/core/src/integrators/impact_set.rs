@@ -2,7 +2,7 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::compile::Plan;
+use crate::compile::CompiledModel;
 use crate::math::spatial::*;
 
 /// What is known of the impacts of a step.
@@ -15,8 +15,8 @@ pub(crate) struct Impacts<R: Real> {
 }
 
 impl<R: Real> Impacts<R> {
-    /// Room for a plan.
-    pub(crate) fn new(plan: &Plan<R::Scalar>) -> Self {
-        Self { lanes: R::Mask::splat(false), velocities: std::array::from_fn(|_| vec![zero(); plan.links.len()]) }
+    /// Room for a compiled model.
+    pub(crate) fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
+        Self { lanes: R::Mask::splat(false), velocities: std::array::from_fn(|_| vec![zero(); compiled.links.len()]) }
     }
 }

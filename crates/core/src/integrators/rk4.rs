@@ -4,7 +4,7 @@ use stepper_real::Real;
 
 use crate::actuation::affine_force::within;
 use crate::actuation::forces::{At, Drive, Implicit};
-use crate::compile::{LanePlan, Plan};
+use crate::compile::{CompiledModel, LaneModel};
 use crate::dynamics::kinematics::{Kinematics, displace};
 use crate::integrators::inputs::Inputs;
 use crate::math::spatial::*;
@@ -31,19 +31,19 @@ pub(crate) struct Rk4<R: Real> {
 }
 
 impl<R: Real> Rk4<R> {
-    /// Room for a plan.
-    pub(crate) fn new(plan: &Plan<R::Scalar>) -> Self {
+    /// Room for a compiled model.
+    pub(crate) fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
         let zeros = |n: usize| vec![R::zero(); n];
-        let sizes = [plan.nv, plan.nv, plan.na];
+        let sizes = [compiled.nv, compiled.nv, compiled.na];
         Self {
-            kinematics: Kinematics::new(plan),
-            smooth: Smooth::new(plan),
-            drive: Drive::new(plan),
-            applied: zeros(plan.nv),
-            q: zeros(plan.nq),
-            v: zeros(plan.nv),
-            act: zeros(plan.na),
-            theta: zeros(plan.nv),
+            kinematics: Kinematics::new(compiled),
+            smooth: Smooth::new(compiled),
+            drive: Drive::new(compiled),
+            applied: zeros(compiled.nv),
+            q: zeros(compiled.nq),
+            v: zeros(compiled.nv),
+            act: zeros(compiled.na),
+            theta: zeros(compiled.nv),
             rate: sizes.map(zeros),
             sum: sizes.map(zeros),
         }
@@ -52,19 +52,19 @@ impl<R: Real> Rk4<R> {
     /// One step of `h` seconds from `state` = (q, v, act), left in (q, v, act) of this room.
     ///
     /// Mocap bodies stand where `kinematics` has them.
-    pub(crate) fn step(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, inputs: &Inputs<R>, state: [&[R]; 3], h: R) {
-        for mocap in &plan.mocap {
+    pub(crate) fn step(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, inputs: &Inputs<R>, state: [&[R]; 3], h: R) {
+        for mocap in &compiled.mocap {
             self.kinematics.pos[mocap.frame] = kinematics.pos[mocap.frame];
             self.kinematics.mat[mocap.frame] = kinematics.mat[mocap.frame];
         }
         self.sum.iter_mut().for_each(|s| s.fill(R::zero()));
         for stage in 0..4 {
-            self.go(plan, state, h * R::of([0.0, 0.5, 0.5, 1.0][stage]));
-            self.rates(plan, inputs);
+            self.go(compiled, state, h * R::of([0.0, 0.5, 0.5, 1.0][stage]));
+            self.rates(compiled, inputs);
             self.accumulate(R::of([1.0, 2.0, 2.0, 1.0][stage]));
         }
         std::mem::swap(&mut self.sum, &mut self.rate);
-        self.go(plan, state, h * R::of(1.0 / 6.0));
+        self.go(compiled, state, h * R::of(1.0 / 6.0));
     }
 
     /// sum += weight * rate
@@ -82,48 +82,48 @@ impl<R: Real> Rk4<R> {
     }
 
     /// state + way * rate; the very state when `way` is zero, whatever the rates are.
-    fn go(&mut self, plan: &LanePlan<R>, state: [&[R]; 3], way: R) {
+    fn go(&mut self, compiled: &LaneModel<R>, state: [&[R]; 3], way: R) {
         R::vectorize(
             #[inline(always)]
             || {
                 let moving = way.gt(R::zero());
-                for i in 0..plan.nv {
+                for i in 0..compiled.nv {
                     self.theta[i] = R::select(moving, self.rate[0][i] * way, R::zero());
                     self.v[i] = state[1][i] + R::select(moving, self.rate[1][i] * way, R::zero());
                 }
-                for i in 0..plan.na {
+                for i in 0..compiled.na {
                     self.act[i] = state[2][i] + R::select(moving, self.rate[2][i] * way, R::zero());
                 }
-                for actuator in &plan.actuators {
+                for actuator in &compiled.actuators {
                     if let (Some(a), Some([lo, hi])) = (actuator.act, actuator.act_range) {
                         self.act[a] = within(self.act[a], Some([lo, hi]));
                     }
                 }
-                displace(plan, state[0], &self.theta, R::one(), &mut self.q);
+                displace(compiled, state[0], &self.theta, R::one(), &mut self.q);
             },
         )
     }
 
     /// Rates at (theta, v, act).
-    fn rates(&mut self, plan: &LanePlan<R>, inputs: &Inputs<R>) {
-        self.angular_rates(plan);
-        self.kinematics.update(plan, &self.q);
-        self.smooth.factor_mass(plan, &self.kinematics, Implicit::none());
-        self.smooth.apply(plan, &self.kinematics, [&inputs.qfrc, &inputs.xfrc], &mut self.applied);
-        self.drive.transmit(plan, &self.kinematics, &self.v, R::zero());
-        actuate(plan, &At::state(&self.q, &self.v, &self.act, &inputs.ctrl, &inputs.trains), None, &mut self.drive);
-        self.smooth.acceleration(plan, &self.kinematics, [&self.drive.tau, &self.applied], &self.v, &self.v);
+    fn rates(&mut self, compiled: &LaneModel<R>, inputs: &Inputs<R>) {
+        self.angular_rates(compiled);
+        self.kinematics.update(compiled, &self.q);
+        self.smooth.factor_mass(compiled, &self.kinematics, Implicit::none());
+        self.smooth.apply(compiled, &self.kinematics, [&inputs.qfrc, &inputs.xfrc], &mut self.applied);
+        self.drive.transmit(compiled, &self.kinematics, &self.v, R::zero());
+        actuate(compiled, &At::state(&self.q, &self.v, &self.act, &inputs.ctrl, &inputs.trains), None, &mut self.drive);
+        self.smooth.acceleration(compiled, &self.kinematics, [&self.drive.tau, &self.applied], &self.v, &self.v);
         self.rate[1].copy_from_slice(&self.smooth.acc);
-        activation_rate(plan, &self.act, &inputs.ctrl, &mut self.rate[2]);
+        activation_rate(compiled, &self.act, &inputs.ctrl, &mut self.rate[2]);
     }
 
     /// theta' at (theta, v).
-    fn angular_rates(&mut self, plan: &LanePlan<R>) {
+    fn angular_rates(&mut self, compiled: &LaneModel<R>) {
         R::vectorize(
             #[inline(always)]
             || {
                 self.rate[0].copy_from_slice(&self.v);
-                for joint in &plan.joints {
+                for joint in &compiled.joints {
                     let at = match joint.kind {
                         JointKind::Free => joint.v + 3,
                         JointKind::Ball => joint.v,

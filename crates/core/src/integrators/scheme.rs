@@ -3,14 +3,14 @@
 use stepper_real::{Mask, Real};
 
 use crate::actuation::forces::{At, Implied};
-use crate::compile::LanePlan;
-use crate::dynamics::implicit_weights::Theta;
+use crate::compile::LaneModel;
+use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::integrators::inputs::Inputs;
 use crate::options::{Integrator, StepSettings};
 
 /// The integrator as numbers.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Rule<R> {
+pub(crate) struct Scheme<R> {
     pub(crate) integrator: Integrator,
     /// Time step, s.
     pub(crate) h: R,
@@ -21,29 +21,29 @@ pub(crate) struct Rule<R> {
     /// From there to where springs and servos are taken, s; what lies beyond is in the mass matrix.
     pub(crate) reach: R,
     /// Shares of damping and stiffness in the mass matrix.
-    pub(crate) theta: Theta<R>,
+    pub(crate) theta: ImplicitWeights<R>,
     /// Where velocity-dependent forces are taken, from 0 at the velocity before the step to 1 at that after it.
     pub(crate) share: R,
     /// Whether springs and servos are implicit, and velocity-dependent forces are taken again at the velocity to be expected.
     pub(crate) corrects: bool,
 }
 
-impl<R: Real> Rule<R> {
+impl<R: Real> Scheme<R> {
     pub(crate) fn new(options: &StepSettings) -> Self {
         let (h, half, none) = (R::of(options.timestep), R::of(0.5 * options.timestep), R::zero());
         let share = R::of(0.5);
         let integrator = options.integrator;
         match integrator {
             Integrator::Midpoint | Integrator::Rk4 => {
-                let theta = Theta { damping: half, stiffness: half * half, step: h };
+                let theta = ImplicitWeights { damping: half, stiffness: half * half, step: h };
                 Self { integrator, h, lead: half, rest: half, reach: none, theta, share, corrects: true }
             }
             Integrator::Implicit => {
-                let theta = Theta { damping: h, stiffness: h * h, step: none };
+                let theta = ImplicitWeights { damping: h, stiffness: h * h, step: none };
                 Self { integrator, h, lead: none, rest: h, reach: h, theta, share: R::one(), corrects: true }
             }
             Integrator::Euler => {
-                let theta = Theta { damping: h, stiffness: none, step: none };
+                let theta = ImplicitWeights { damping: h, stiffness: none, step: none };
                 Self { integrator, h, lead: none, rest: h, reach: none, theta, share: none, corrects: false }
             }
         }
@@ -68,9 +68,9 @@ impl<R: Real> Rule<R> {
     }
 
     /// Shares of the joints' own damping and stiffness: Euler's rule takes damping explicitly where the model asks for it.
-    pub(crate) fn joints(&self, plan: &LanePlan<R>) -> Theta<R> {
-        let explicit = plan.explicit_damping && self.integrator == Integrator::Euler;
-        Theta { damping: if explicit { R::zero() } else { self.theta.damping }, ..self.theta }
+    pub(crate) fn joints(&self, compiled: &LaneModel<R>) -> ImplicitWeights<R> {
+        let explicit = compiled.explicit_damping && self.integrator == Integrator::Euler;
+        ImplicitWeights { damping: if explicit { R::zero() } else { self.theta.damping }, ..self.theta }
     }
 
     /// The configuration at which springs and servos are taken.

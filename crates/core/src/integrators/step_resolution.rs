@@ -12,7 +12,7 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::compile::{LanePlan, Plan};
+use crate::compile::{CompiledModel, LaneModel};
 use crate::dynamics::kinematics::{Kinematics, kinetic_energy};
 use crate::math::spatial::*;
 use crate::model::JointKind;
@@ -27,16 +27,16 @@ const MOST: f64 = 1.0;
 const CHANGE: f64 = 0.25;
 
 /// Lanes in which the corrector's `change` of the free velocity `v_free` says that the step is too long for its motion.
-pub fn unresolved<R: Real>(plan: &LanePlan<R>, v: &[R], v_free: &[R], change: &[R], h: R) -> R::Mask {
+pub fn unresolved<R: Real>(compiled: &LaneModel<R>, v: &[R], v_free: &[R], change: &[R], h: R) -> R::Mask {
     R::vectorize(
         #[inline(always)]
         || {
-            let fast = (fastest_turn(plan, v).max(fastest_turn(plan, v_free)) * h).gt(R::of(TURN));
+            let fast = (fastest_turn(compiled, v).max(fastest_turn(compiled, v_free)) * h).gt(R::of(TURN));
             if fast.none() {
                 return fast;
             }
             let (mut size, mut most) = (R::zero(), R::zero());
-            for i in 0..plan.nv {
+            for i in 0..compiled.nv {
                 size = size.max(v[i].abs()).max(v_free[i].abs());
                 // Not max, which loses a NaN.
                 most = R::select(change[i].abs().le(most), most, change[i].abs());
@@ -51,12 +51,12 @@ const THROWN: f64 = std::f64::consts::PI;
 
 /// Lanes in which constraints made a hinge or a ball joint turn by half a turn in the step, faster than anything did in `v`, before it, and in `v_free`,
 /// without them.
-pub fn thrown<R: Real>(plan: &LanePlan<R>, [v, v_free]: [&[R]; 2], v_next: &[R], h: R) -> R::Mask {
+pub fn thrown<R: Real>(compiled: &LaneModel<R>, [v, v_free]: [&[R]; 2], v_next: &[R], h: R) -> R::Mask {
     R::vectorize(
         #[inline(always)]
         || {
             let mut turn = R::zero();
-            for joint in plan.joints.iter().filter(|j| matches!(j.kind, JointKind::Hinge | JointKind::Ball)) {
+            for joint in compiled.joints.iter().filter(|j| matches!(j.kind, JointKind::Hinge | JointKind::Ball)) {
                 for &v in &v_next[joint.v..joint.v + joint.kind.nv()] {
                     turn = turn.max(v.abs());
                 }
@@ -65,16 +65,16 @@ pub fn thrown<R: Real>(plan: &LanePlan<R>, [v, v_free]: [&[R]; 2], v_next: &[R],
             if far.none() {
                 return far;
             }
-            far.and(turn.gt(fastest_turn(plan, v).max(fastest_turn(plan, v_free))))
+            far.and(turn.gt(fastest_turn(compiled, v).max(fastest_turn(compiled, v_free))))
         },
     )
 }
 
 /// Largest angular velocity of a joint, rad/s.
 #[inline(always)]
-fn fastest_turn<R: Real>(plan: &LanePlan<R>, v: &[R]) -> R {
+fn fastest_turn<R: Real>(compiled: &LaneModel<R>, v: &[R]) -> R {
     let mut turn = R::zero();
-    for joint in plan.joints.iter().filter(|j| j.kind != JointKind::Slide) {
+    for joint in compiled.joints.iter().filter(|j| j.kind != JointKind::Slide) {
         let first = if joint.kind == JointKind::Free { 3 } else { 0 };
         for d in joint.v + first..joint.v + joint.kind.nv() {
             turn = turn.max(v[d].abs());
@@ -84,11 +84,11 @@ fn fastest_turn<R: Real>(plan: &LanePlan<R>, v: &[R]) -> R {
 }
 
 /// Slows `v` down in `lanes` until its fastest joint turns by a radian a step.
-pub fn slow_down<R: Real>(plan: &LanePlan<R>, lanes: R::Mask, h: R, v: &mut [R]) {
+pub fn slow_down<R: Real>(compiled: &LaneModel<R>, lanes: R::Mask, h: R, v: &mut [R]) {
     R::vectorize(
         #[inline(always)]
         || {
-            let turn = fastest_turn(plan, v) * h;
+            let turn = fastest_turn(compiled, v) * h;
             let fast = lanes.and(turn.gt(R::of(MOST)));
             let factor = R::select(fast, R::of(MOST) / R::select(fast, turn, R::one()), R::one());
             for v in v {
@@ -99,11 +99,11 @@ pub fn slow_down<R: Real>(plan: &LanePlan<R>, lanes: R::Mask, h: R, v: &mut [R])
 }
 
 /// Kinetic energy with rotors at a placed configuration, J.
-fn energy<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, v: &[R], velocity: &mut [V6<R>]) -> R {
-    kinematics.velocities(plan, v, velocity);
+fn energy<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], velocity: &mut [V6<R>]) -> R {
+    kinematics.velocities(compiled, v, velocity);
     let mut sum = kinetic_energy(kinematics, velocity);
     for (d, &v) in v.iter().enumerate() {
-        sum += plan.params.dof(d).armature * v.square() * R::of(0.5);
+        sum += compiled.params.dof(d).armature * v.square() * R::of(0.5);
     }
     sum
 }
@@ -118,9 +118,9 @@ pub struct Limit<R: Real> {
 }
 
 impl<R: Real> Limit<R> {
-    /// Room for a plan.
-    pub fn new(plan: &Plan<R::Scalar>) -> Self {
-        Self { rest: vec![R::zero(); plan.nv], kinematics: Kinematics::new(plan), velocity: vec![zero(); plan.links.len()] }
+    /// Room for a compiled model.
+    pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
+        Self { rest: vec![R::zero(); compiled.nv], kinematics: Kinematics::new(compiled), velocity: vec![zero(); compiled.links.len()] }
     }
 
     /// The velocity `v` after the step, slowed down in `lanes` until its energy is that of `before` and of the work that the step did with
@@ -128,7 +128,7 @@ impl<R: Real> Limit<R> {
     #[expect(clippy::too_many_arguments, reason = "the states that the step joins, named at the call")]
     pub fn keep_energy(
         &mut self,
-        plan: &LanePlan<R>,
+        compiled: &LaneModel<R>,
         middle: &Kinematics<R>,
         lanes: R::Mask,
         before: [&[R]; 2],
@@ -136,19 +136,19 @@ impl<R: Real> Limit<R> {
         v_free: &[R],
         out: &mut [R],
     ) {
-        for mocap in &plan.mocap {
+        for mocap in &compiled.mocap {
             self.kinematics.pos[mocap.frame] = middle.pos[mocap.frame];
             self.kinematics.mat[mocap.frame] = middle.mat[mocap.frame];
         }
         R::vectorize(
             #[inline(always)]
             || {
-                let mut energy_with = |v: &[R]| energy(plan, middle, v, &mut self.velocity);
+                let mut energy_with = |v: &[R]| energy(compiled, middle, v, &mut self.velocity);
                 let work = energy_with(v).min(energy_with(v_free)) - energy_with(before[1]);
-                self.kinematics.update(plan, before[0]);
-                let start = energy(plan, &self.kinematics, before[1], &mut self.velocity);
-                self.kinematics.update(plan, q);
-                let end = energy(plan, &self.kinematics, v, &mut self.velocity);
+                self.kinematics.update(compiled, before[0]);
+                let start = energy(compiled, &self.kinematics, before[1], &mut self.velocity);
+                self.kinematics.update(compiled, q);
+                let end = energy(compiled, &self.kinematics, v, &mut self.velocity);
                 let allowed = (start + work).max(R::zero());
                 let slower = lanes.and(end.gt(allowed));
                 let factor = R::select(slower, (allowed / R::select(slower, end, R::one())).sqrt(), R::one());

@@ -6,10 +6,10 @@ use crate::actuation::affine_force::Train;
 use crate::actuation::forces::Drive;
 use crate::collision::contact_set::Contacts;
 use crate::collision::detection::GeomPoses;
-use crate::compile::{LanePlan, Plan};
+use crate::compile::{CompiledModel, LaneModel};
 use crate::constraints::constraint_set::Constraints;
 use crate::dynamics::kinematics::Kinematics;
-use crate::dynamics::mocap::Way;
+use crate::dynamics::mocap::MocapTrajectory;
 use crate::integrators::impact_set::Impacts;
 use crate::integrators::inputs::Inputs;
 use crate::integrators::rk4::Rk4;
@@ -20,7 +20,7 @@ use crate::stages::s02_smooth::Smooth;
 
 /// State of a group of lanes while it steps, and room to work. Made once per thread, used for every group.
 #[derive(Clone, Debug)]
-pub struct Scratch<R: Real> {
+pub struct Workspace<R: Real> {
     /// Configuration.
     pub q: Vec<R>,
     /// Velocity.
@@ -43,7 +43,7 @@ pub struct Scratch<R: Real> {
     /// Controls as the user gave them, nu; drive trains make `inputs` of them.
     pub(crate) given: Vec<R>,
     /// Ways of the mocap bodies during this call, and the time of it that has passed, s.
-    pub(crate) ways: Vec<Way<R>>,
+    pub(crate) ways: Vec<MocapTrajectory<R>>,
     pub(crate) elapsed: f64,
     pub(crate) new_contacts: Contacts<R>,
     pub(crate) smooth: Smooth<R>,
@@ -69,56 +69,56 @@ pub struct Scratch<R: Real> {
     pub(crate) act_next: Vec<R>,
 }
 
-impl<R: Real> Scratch<R> {
-    /// Room for a plan.
-    pub fn new(plan: &Plan<R::Scalar>, options: &StepSettings, max_contacts: usize) -> Self {
+impl<R: Real> Workspace<R> {
+    /// Room for a compiled model.
+    pub fn new(compiled: &CompiledModel<R::Scalar>, options: &StepSettings, max_contacts: usize) -> Self {
         let zeros = |n: usize| vec![R::zero(); n];
         Self {
-            q: zeros(plan.nq),
-            v: zeros(plan.nv),
-            act: zeros(plan.na),
-            contacts: Contacts::new(max_contacts).with_torques(plan.wide),
-            constraints: Constraints::new(plan, max_contacts),
-            impulse: zeros(if plan.servos_are_bounded { plan.nv } else { 0 }),
+            q: zeros(compiled.nq),
+            v: zeros(compiled.nv),
+            act: zeros(compiled.na),
+            contacts: Contacts::new(max_contacts).with_torques(compiled.wide),
+            constraints: Constraints::new(compiled, max_contacts),
+            impulse: zeros(if compiled.servos_are_bounded { compiled.nv } else { 0 }),
             alive: R::Mask::splat(true),
             current: false,
-            kinematics: Kinematics::new(plan),
+            kinematics: Kinematics::new(compiled),
             inputs: Inputs {
-                ctrl: zeros(plan.actuators.len()),
-                trains: vec![Train::default(); plan.trains],
-                qfrc: Vec::with_capacity(plan.nv),
-                xfrc: Vec::with_capacity(6 * plan.bodies.len()),
+                ctrl: zeros(compiled.actuators.len()),
+                trains: vec![Train::default(); compiled.trains],
+                qfrc: Vec::with_capacity(compiled.nv),
+                xfrc: Vec::with_capacity(6 * compiled.bodies.len()),
             },
-            given: zeros(plan.actuators.len()),
-            ways: plan.mocap.iter().map(|m| Way::at(splat(m.pos), splat(m.quat))).collect(),
+            given: zeros(compiled.actuators.len()),
+            ways: compiled.mocap.iter().map(|m| MocapTrajectory::at(splat(m.pos), splat(m.quat))).collect(),
             elapsed: 0.0,
-            new_contacts: Contacts::new(max_contacts).with_torques(plan.wide),
-            smooth: Smooth::new(plan),
-            v_free: zeros(plan.nv),
-            poses: GeomPoses::new(plan),
-            rk4: (options.integrator == Integrator::Rk4).then(|| Rk4::new(plan)),
-            drive: Drive::new(plan),
-            applied: zeros(plan.nv),
-            q_eval: zeros(plan.nq),
-            q_ahead: zeros(plan.nq),
-            v_mean: zeros(plan.nv),
-            act_eval: zeros(plan.na),
-            expected: zeros(plan.nv),
-            change: zeros(plan.nv),
-            impacts: Impacts::new(plan),
-            before_impact: zeros(plan.nv),
-            limit: Limit::new(plan),
+            new_contacts: Contacts::new(max_contacts).with_torques(compiled.wide),
+            smooth: Smooth::new(compiled),
+            v_free: zeros(compiled.nv),
+            poses: GeomPoses::new(compiled),
+            rk4: (options.integrator == Integrator::Rk4).then(|| Rk4::new(compiled)),
+            drive: Drive::new(compiled),
+            applied: zeros(compiled.nv),
+            q_eval: zeros(compiled.nq),
+            q_ahead: zeros(compiled.nq),
+            v_mean: zeros(compiled.nv),
+            act_eval: zeros(compiled.na),
+            expected: zeros(compiled.nv),
+            change: zeros(compiled.nv),
+            impacts: Impacts::new(compiled),
+            before_impact: zeros(compiled.nv),
+            limit: Limit::new(compiled),
             unresolved: R::Mask::splat(false),
-            q_next: zeros(plan.nq),
-            v_next: zeros(plan.nv),
-            act_next: zeros(plan.na),
+            q_next: zeros(compiled.nq),
+            v_next: zeros(compiled.nv),
+            act_next: zeros(compiled.na),
         }
     }
 }
 
-impl<R: Real> Scratch<R> {
+impl<R: Real> Workspace<R> {
     /// Takes up parameters that are read before a step: where the geoms of the world are.
-    pub(crate) fn settle(&mut self, plan: &LanePlan<R>) {
-        self.poses.settle(plan);
+    pub(crate) fn settle(&mut self, compiled: &LaneModel<R>) {
+        self.poses.settle(compiled);
     }
 }

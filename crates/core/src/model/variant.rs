@@ -136,7 +136,7 @@ impl<'a> Variants<'a> {
     }
 }
 
-/// What a plan leaves out of a model because of its numbers must be left out of its variants too.
+/// What a compiled model leaves out of a model because of its numbers must be left out of its variants too.
 fn same_structure(base: &Model, model: &Model) -> Checked {
     base.joints.iter().zip(&model.joints).enumerate().try_for_each(|(i, (old, new))| joint(i, old, new))?;
     base.bodies.iter().zip(&model.bodies).enumerate().try_for_each(|(i, (old, new))| body(i, old, new))?;

@@ -4,7 +4,7 @@ use stepper_real::Real;
 
 use crate::actuation::forces::Drive;
 use crate::collision::contact_set::Contacts;
-use crate::compile::Plan;
+use crate::compile::CompiledModel;
 use crate::math::spatial::*;
 use crate::sensing::contact_list::Felt;
 
@@ -42,18 +42,18 @@ pub struct Room<R: Real> {
     pub velocity: Vec<V6<R>>,
     /// Acceleration of every link about its tree's reference point; gravity is an upward acceleration of the world.
     pub acceleration: Vec<V6<R>>,
-    /// Force and torque of the parent on every subtree of the plan's list.
+    /// Force and torque of the parent on every subtree of the compiled model's list.
     pub carried: Vec<[V3<R>; 2]>,
     pub(crate) felt: Felt,
     pub(crate) order: Vec<(f64, usize)>,
 }
 
 impl<R: Real> Room<R> {
-    /// Room for a plan.
-    pub fn new(plan: &Plan<R::Scalar>, max_contacts: usize) -> Self {
-        let sensing = &plan.sensing;
-        let links = if sensing.needs.velocities { plan.links.len() } else { 0 };
-        let frames = if sensing.quaternions { plan.nframe() } else { 0 };
+    /// Room for a compiled model.
+    pub fn new(compiled: &CompiledModel<R::Scalar>, max_contacts: usize) -> Self {
+        let sensing = &compiled.sensing;
+        let links = if sensing.needs.velocities { compiled.links.len() } else { 0 };
+        let frames = if sensing.quaternions { compiled.nframe() } else { 0 };
         let one = [R::one(), R::zero(), R::zero(), R::zero()];
         Self {
             truth: vec![R::zero(); sensing.width],

@@ -12,13 +12,13 @@ use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::detection::{GeomPoses, Scene, slack};
-use crate::compile::LanePlan;
+use crate::compile::LaneModel;
 use crate::dynamics::kinematics::Kinematics;
 
 /// Finds the contacts of the lanes `alive` at poses that are `lead` seconds from the beginning of the step. Returns the lanes whose contacts
 /// cannot be trusted so far from it.
 pub fn detect<R: Real>(
-    plan: &LanePlan<R>,
+    compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     [v, v_free]: [&[R]; 2],
     [h, lead]: [R; 2],
@@ -28,45 +28,45 @@ pub fn detect<R: Real>(
 ) -> R::Mask {
     contacts.clear();
     poses.search.found.clear();
-    if plan.geoms.is_empty() {
+    if compiled.geoms.is_empty() {
         return R::Mask::splat(false);
     }
-    let leads = plan.has_thin && lead.gt(R::zero()).any();
+    let leads = compiled.has_thin && lead.gt(R::zero()).any();
     R::vectorize(
         #[inline(always)]
         || {
-            poses.slack = slack(plan, h);
-            poses.placed.place(plan, kinematics);
-            poses.placed.update_travel(plan, kinematics, v_free, h + h);
-            poses.find_near(plan, alive);
+            poses.slack = slack(compiled, h);
+            poses.placed.place(compiled, kinematics);
+            poses.placed.update_travel(compiled, kinematics, v_free, h + h);
+            poses.find_near(compiled, alive);
         },
     );
     let GeomPoses { placed, slack, near, near_count, broad, search, .. } = poses;
     let (near, slack) = (&near[..*near_count], *slack);
-    if let Some(crowd) = &plan.crowd {
-        broad.find(plan, crowd, alive.bits(), &placed.pos, &placed.travel, slack);
+    if let Some(crowd) = &compiled.crowd {
+        broad.find(compiled, crowd, alive.bits(), &placed.pos, &placed.travel, slack);
     }
-    if near.is_empty() && plan.crowd.is_none() {
+    if near.is_empty() && compiled.crowd.is_none() {
         return R::Mask::splat(false);
     }
-    let is_thin = |&(index, _): &(u32, u32)| !plan.geoms[plan.pairs[index as usize].geoms[0]].is_plane;
-    let leads = leads && (plan.crowd.is_some() || near.iter().any(is_thin));
+    let is_thin = |&(index, _): &(u32, u32)| !compiled.geoms[compiled.pairs[index as usize].geoms[0]].is_plane;
+    let leads = leads && (compiled.crowd.is_some() || near.iter().any(is_thin));
     if leads {
         R::vectorize(
             #[inline(always)]
-            || placed.update_lead(plan, kinematics, v, lead),
+            || placed.update_lead(compiled, kinematics, v, lead),
         );
     }
     R::vectorize(
         #[inline(always)]
         || {
-            let scene = Scene { plan, kinematics, poses: placed, h, slack, lead, leads };
+            let scene = Scene { compiled, kinematics, poses: placed, h, slack, lead, leads };
             let mut too_far = R::Mask::splat(false);
             for &(index, lanes) in near {
                 let (index, lanes) = (index as usize, R::Mask::from_bits(lanes));
-                too_far = too_far.or(scene.collide(index, &plan.pairs[index], lanes, search, contacts));
+                too_far = too_far.or(scene.collide(index, &compiled.pairs[index], lanes, search, contacts));
             }
-            if let Some(crowd) = &plan.crowd {
+            if let Some(crowd) = &compiled.crowd {
                 for &(number, lanes) in &broad.pairs {
                     if let Some(pair) = crowd.pair(number) {
                         let lanes = R::Mask::from_bits(lanes).and(scene.can_touch(&pair));

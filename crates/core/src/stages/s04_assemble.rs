@@ -16,7 +16,7 @@
 use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::Contacts;
-use crate::compile::LanePlan;
+use crate::compile::LaneModel;
 use crate::constraints::constraint_set::{Constraints, Moment};
 use crate::constraints::contact::least_mobility;
 use crate::constraints::equality::Site;
@@ -29,7 +29,7 @@ use crate::options::StepSettings;
 
 /// Makes all rows of the contacts, limits, dry friction, equalities and tendons, and the impulses that they start from.
 pub fn assemble<R: Real>(
-    plan: &LanePlan<R>,
+    compiled: &LaneModel<R>,
     options: &StepSettings,
     kinematics: &Kinematics<R>,
     mass: &MassMatrix<R>,
@@ -50,42 +50,42 @@ pub fn assemble<R: Real>(
             constraints.needs_position_solve = R::Mask::splat(false);
             constraints.biased = R::Mask::splat(false);
             constraints.rebounding = R::Mask::splat(false);
-            constraints.problem.least_mobility = R::of(least_mobility::<R>()) / plan.moving_mass();
-            let site = Site { plan, options, kinematics, mass, moment };
-            if !plan.equalities.is_empty() {
+            constraints.problem.least_mobility = R::of(least_mobility::<R>()) / compiled.moving_mass();
+            let site = Site { compiled, options, kinematics, mass, moment };
+            if !compiled.equalities.is_empty() {
                 constraints.add_equalities(site, true);
-                constraints.keep_separate(plan, mass);
+                constraints.keep_separate(compiled, mass);
             }
-            constraints.add_frictions(plan, mass, moment);
-            constraints.add_limits(plan, options, mass, moment);
-            if !plan.ball_limits.is_empty() {
+            constraints.add_frictions(compiled, mass, moment);
+            constraints.add_limits(compiled, options, mass, moment);
+            if !compiled.ball_limits.is_empty() {
                 constraints.add_ball_limits(site);
             }
-            if !plan.tendons.is_empty() {
+            if !compiled.tendons.is_empty() {
                 constraints.add_tendons(site);
             }
-            if !plan.equalities.is_empty() {
+            if !compiled.equalities.is_empty() {
                 constraints.add_equalities(site, false);
             }
             constraints.impacts.clear();
             constraints.has_impacts = any_impacts(options, contacts);
             for k in 0..contacts.slots() {
                 let lanes = contacts.lanes_of(k);
-                let narrow = lanes & !wide_lanes(plan, contacts, k, lanes);
+                let narrow = lanes & !wide_lanes(compiled, contacts, k, lanes);
                 if narrow != 0 {
-                    constraints.gather_support(plan, contacts, k, narrow);
+                    constraints.gather_support(compiled, contacts, k, narrow);
                     constraints.add_contact(site, contacts, k, narrow);
                 }
             }
-            if plan.wide {
+            if compiled.wide {
                 for k in 0..contacts.slots() {
-                    let wide = wide_lanes(plan, contacts, k, contacts.lanes_of(k));
+                    let wide = wide_lanes(compiled, contacts, k, contacts.lanes_of(k));
                     if wide != 0 {
                         constraints.add_wide(site, contacts, k, wide);
                     }
                 }
             }
-            constraints.problem.hyperstatic = hyperstatic::lanes(plan, contacts);
+            constraints.problem.hyperstatic = hyperstatic::lanes(compiled, contacts);
             constraints.iterate.compute_w(&constraints.problem);
         },
     )

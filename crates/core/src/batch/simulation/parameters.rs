@@ -3,9 +3,9 @@
 use std::borrow::Cow;
 
 use crate::actuation::{DriveTrain, Driven, Redrawn};
-use crate::batch::randomization::{Assignment, Differences, Theta};
+use crate::batch::randomization::{Assignment, Differences, ImplicitWeights};
 use crate::batch::simulation::{Error, Simulation};
-use crate::compile::LanePlan;
+use crate::compile::LaneModel;
 use crate::math::precision::Precision;
 use crate::model::{Model, ModelError, Parameter};
 
@@ -22,7 +22,7 @@ impl Simulation {
         self.check_envs(envs)?;
         let assigned = assigned.iter().map(|&(parameter, values)| self.assignment(parameter, values)).collect::<Result<Vec<_>, _>>()?;
         if self.theta.ends_with(&assigned, envs.len() == self.num_envs) {
-            self.theta = Theta::default();
+            self.theta = ImplicitWeights::default();
             self.engine_mut().randomize(envs, None);
             return Ok(());
         }
@@ -72,7 +72,7 @@ impl Simulation {
 
     fn differences(&self, assigned: &[Assignment<'_>], envs: &[usize]) -> Result<Vec<Differences>, ModelError> {
         let Some(Driven { trains, .. }) = &self.driven else {
-            return self.theta.differences(&self.model, self.plan(), None, assigned, envs);
+            return self.theta.differences(&self.model, self.compiled(), None, assigned, envs);
         };
         let driven = |variant: &Model| {
             let mut variant = variant.clone();
@@ -81,7 +81,7 @@ impl Simulation {
             let folded = DriveTrain::fold(&variant, trains, self.num_envs, self.settings.timestep);
             folded.expect("drive trains were checked with the model, and a variant has its structure").0
         };
-        self.theta.differences(&self.model, self.plan(), Some(&driven), assigned, envs)
+        self.theta.differences(&self.model, self.compiled(), Some(&driven), assigned, envs)
     }
 
     fn assignment<'a>(&self, parameter: Parameter, values: Option<&'a [f64]>) -> Result<Assignment<'a>, Error> {
@@ -98,7 +98,7 @@ impl Simulation {
     }
 
     /// Numbers that environments have of their own.
-    pub fn theta(&self) -> &Theta {
+    pub fn theta(&self) -> &ImplicitWeights {
         &self.theta
     }
 
@@ -107,20 +107,20 @@ impl Simulation {
         self.theta.bytes() + self.engine.parameter_bytes() + self.driven.as_ref().map_or(0, Driven::bytes)
     }
 
-    /// The plan of one environment, in f64.
+    /// The compiled model of one environment, in f64.
     ///
     /// # Panics
     /// When there is no such environment.
     #[track_caller]
-    pub fn plan_of(&self, env: usize) -> Cow<'_, LanePlan<f64>> {
+    pub fn plan_of(&self, env: usize) -> Cow<'_, LaneModel<f64>> {
         self.assert_env(env);
-        let shared = self.plan();
+        let shared = self.compiled();
         if self.theta.is_empty() {
             return Cow::Borrowed(shared);
         }
         let own = self.differences(&[], &[env]).expect("checked when it was assigned");
-        let mut plan = shared.clone();
-        plan.params.set(&own[0]);
-        Cow::Owned(plan)
+        let mut compiled = shared.clone();
+        compiled.params.set(&own[0]);
+        Cow::Owned(compiled)
     }
 }

@@ -209,9 +209,9 @@ impl Simulation {
 
     /// Hands the poses of all bodies of some environments to `take`, in order; inputs were checked.
     fn each_pose(&self, envs: Range<usize>, inputs: &StepInputs<'_>, mut take: impl FnMut(BodyPose)) {
-        let plan = self.plan();
-        let (mut poses, mut q) = (BodyPoses::new(plan), vec![0.0; plan.nq]);
-        let mocap = plan.mocap.len();
+        let compiled = self.compiled();
+        let (mut poses, mut q) = (BodyPoses::new(compiled), vec![0.0; compiled.nq]);
+        let mocap = compiled.mocap.len();
         for env in envs {
             let (pos, quat) = match inputs.mocap_pos.is_empty() {
                 true => (&[][..], &[][..]),

@@ -3,7 +3,7 @@
 use std::cell::Cell;
 use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
-use stepper_real::Real;
+use stepper_real::{Real, elementary};
 
 thread_local! {
     static DONE: Cell<Operations> = const { Cell::new(Operations { sums: 0, divisions: 0, others: 0 }) };
@@ -150,6 +150,27 @@ impl Real for Counted {
         other();
         let (mantissa, exponent) = Real::split(self.0);
         (Self(mantissa), Self(exponent))
+    }
+    fn sin_cos(self) -> (Self, Self) {
+        elementary::sin_cos(self)
+    }
+    fn sin_cos_octant(self) -> (Self, Self) {
+        elementary::sin_cos_octant(self)
+    }
+    fn ln(self) -> Self {
+        elementary::ln(self)
+    }
+    fn ln_normal(self) -> Self {
+        elementary::ln_normal(self)
+    }
+    fn exp(self) -> Self {
+        elementary::exp(self)
+    }
+    fn atan2(self, x: Self) -> Self {
+        elementary::atan2(self, x)
+    }
+    fn acos(self) -> Self {
+        elementary::acos(self)
     }
 }
 

@@ -3,7 +3,7 @@
 use std::cell::Cell;
 use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
-use stepper_real::{Real, elementary};
+use stepper_real::Real;
 
 thread_local! {
     static DONE: Cell<Operations> = const { Cell::new(Operations { sums: 0, divisions: 0, others: 0 }) };
@@ -82,6 +82,8 @@ impl Real for Counted {
     type Half = Self;
     const LANES: usize = 1;
 
+    stepper_real::elementary_functions!();
+
     fn splat(x: f64) -> Self {
         Self(x)
     }
@@ -151,27 +153,6 @@ impl Real for Counted {
         let (mantissa, exponent) = Real::split(self.0);
         (Self(mantissa), Self(exponent))
     }
-    fn sin_cos(self) -> (Self, Self) {
-        elementary::sin_cos(self)
-    }
-    fn sin_cos_octant(self) -> (Self, Self) {
-        elementary::sin_cos_octant(self)
-    }
-    fn ln(self) -> Self {
-        elementary::ln(self)
-    }
-    fn ln_normal(self) -> Self {
-        elementary::ln_normal(self)
-    }
-    fn exp(self) -> Self {
-        elementary::exp(self)
-    }
-    fn atan2(self, x: Self) -> Self {
-        elementary::atan2(self, x)
-    }
-    fn acos(self) -> Self {
-        elementary::acos(self)
-    }
 }
 
 #[cfg(test)]
@@ -182,7 +163,7 @@ mod tests {
     fn a_dot_product_is_five_sums_and_its_root_a_division() {
         let a = [1.0, 2.0, 2.0].map(Counted::splat);
         let mut length = Counted::zero();
-        let done = Operations::of(|| length = stepper_core::spatial::norm(a));
+        let done = Operations::of(|| length = stepper_core::math::spatial::norm(a));
         assert_eq!(done, Operations { sums: 5, divisions: 1, others: 0 });
         assert_eq!(length.0, 3.0);
     }

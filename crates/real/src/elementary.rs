@@ -79,7 +79,6 @@ fn cos_reduced<R: Real>(x: R, low: R) -> R {
     lead + (((R::one() - lead) - half) + (z * (z * polynomial(z, R::Scalar::COS)) - x * low))
 }
 
-/// Sine and cosine of `x`: [`Real::sin_cos`].
 #[inline(always)]
 pub fn sin_cos<R: Real>(x: R) -> (R, R) {
     let (k, high, low) = reduce(x);
@@ -94,7 +93,6 @@ pub fn sin_cos<R: Real>(x: R) -> (R, R) {
     (sin, cos)
 }
 
-/// Sine and cosine of at most pi/4 either way: [`Real::sin_cos_octant`].
 #[inline(always)]
 pub fn sin_cos_octant<R: Real>(x: R) -> (R, R) {
     (sin_reduced(x, R::zero()), cos_reduced(x, R::zero()))

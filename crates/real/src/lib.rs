@@ -43,6 +43,7 @@ mod avx2;
 mod avx512;
 pub mod baseline;
 mod coefficients;
+#[doc(hidden)]
 pub mod elementary;
 mod level;
 #[cfg(target_arch = "x86_64")]

@@ -93,37 +93,38 @@ macro_rules! lane_access {
     };
 }
 
-/// The elementary functions of `impl Real`, the same for every lane type, for use inside the impl. So the trait knows nothing of how they
-/// are computed, and what computes them is written against the trait.
+/// The elementary functions of `impl Real`, the same for every lane type, for use inside the impl. So the trait knows nothing of how they are
+/// computed, and what computes them is written against the trait.
+#[macro_export]
 macro_rules! elementary_functions {
     () => {
         #[inline(always)]
         fn sin_cos(self) -> (Self, Self) {
-            crate::elementary::sin_cos(self)
+            $crate::elementary::sin_cos(self)
         }
         #[inline(always)]
         fn sin_cos_octant(self) -> (Self, Self) {
-            crate::elementary::sin_cos_octant(self)
+            $crate::elementary::sin_cos_octant(self)
         }
         #[inline(always)]
         fn ln(self) -> Self {
-            crate::elementary::ln(self)
+            $crate::elementary::ln(self)
         }
         #[inline(always)]
         fn ln_normal(self) -> Self {
-            crate::elementary::ln_normal(self)
+            $crate::elementary::ln_normal(self)
         }
         #[inline(always)]
         fn exp(self) -> Self {
-            crate::elementary::exp(self)
+            $crate::elementary::exp(self)
         }
         #[inline(always)]
         fn atan2(self, x: Self) -> Self {
-            crate::elementary::atan2(self, x)
+            $crate::elementary::atan2(self, x)
         }
         #[inline(always)]
         fn acos(self) -> Self {
-            crate::elementary::acos(self)
+            $crate::elementary::acos(self)
         }
     };
 }

@@ -5,11 +5,11 @@
 
 use std::hint::black_box;
 
-use stepper_core::actuation::forces::{At, Drive, Implicit, Implied};
+use stepper_core::actuation::forces::{Drive, ForceState, Implicit, Implied};
 use stepper_core::collision::contact_set::Contacts;
 use stepper_core::collision::detection::GeomPoses;
 use stepper_core::compile::LaneModel;
-use stepper_core::constraints::{Constraints, Moment};
+use stepper_core::constraints::{AssemblyInput, Constraints};
 use stepper_core::dynamics::implicit_weights::ImplicitWeights;
 use stepper_core::dynamics::inertia::{MassMatrix, NewtonEuler, bias_force};
 use stepper_core::dynamics::kinematics::{Kinematics, advance, displace};
@@ -247,7 +247,7 @@ impl<R: Real> Rig<R> {
                 let motion = &self.smooth.work;
                 let (losses, closing) = (&self.drive.losses[..], R::one());
                 let (q, v, v_free, alive) = (&self.q_eval[..], &self.v[..], &self.v_free[..], self.alive);
-                let moment = Moment { q, v, motion, v_free, losses, h, lead: half, closing, alive };
+                let moment = AssemblyInput { q, v, motion, v_free, losses, h, lead: half, closing, alive };
                 s04_assemble::assemble(
                     compiled,
                     &self.settings,

@@ -65,8 +65,8 @@ impl Scene {
     fn simulation(&self) -> Simulation {
         let mut sim = Simulation::new(self.model.clone(), self.options, Some(self.num_envs), self.precision, 2).unwrap();
         if self.equipped {
-            sim.couple(&trains(&self.model)).unwrap();
-            sim.equip(&errors(&self.model)).unwrap();
+            sim.set_actuator_models(&trains(&self.model)).unwrap();
+            sim.set_sensor_models(&errors(&self.model)).unwrap();
         }
         sim
     }

@@ -47,7 +47,7 @@ impl Stepper {
         if !assigned.is_empty() {
             self.simulation.randomize(&assigned, envs).map_err(value_error)?;
         }
-        self.simulation.redraw(redrawn.flatten());
+        self.simulation.resample_actuators(redrawn.flatten());
         Ok(())
     }
 

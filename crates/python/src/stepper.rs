@@ -567,11 +567,11 @@ impl Stepper {
         let mut simulation = Simulation::new(core, settings, num_envs, precision, threads).map_err(value_error)?;
         let n = simulation.num_envs();
         if let Some(actuators) = &actuators {
-            simulation.couple(&drives(actuators, &model, n, None)?).map_err(value_error)?;
+            simulation.set_actuator_models(&drives(actuators, &model, n, None)?).map_err(value_error)?;
         }
         (0..n).for_each(|env| simulation.begin(env, Some(seed)));
         if let Some(sensors) = &sensors {
-            simulation.equip(&transfers(sensors, &model, n)?).map_err(value_error)?;
+            simulation.set_sensor_models(&transfers(sensors, &model, n)?).map_err(value_error)?;
         }
         let brief = BRIEF / (n * nv.max(1));
         let (applied, copies) = ([const { None }; 4], Copies::default());

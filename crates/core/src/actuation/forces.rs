@@ -70,7 +70,7 @@ pub struct Implied<R> {
 
 /// Where forces are taken.
 #[derive(Clone, Copy, Debug)]
-pub struct At<'a, R: Real> {
+pub struct ForceState<'a, R: Real> {
     /// Configuration of springs and servos.
     pub q: &'a [R],
     /// Velocity before the step.
@@ -85,7 +85,7 @@ pub struct At<'a, R: Real> {
     pub trains: &'a [Train<R>],
 }
 
-impl<'a, R: Real> At<'a, R> {
+impl<'a, R: Real> ForceState<'a, R> {
     /// A state as it is.
     pub fn state(q: &'a [R], v: &'a [R], act: &'a [R], ctrl: &'a [R], trains: &'a [Train<R>]) -> Self {
         Self { q, v, v_at: v, act, ctrl, trains }

@@ -58,7 +58,7 @@ impl Driven {
     ///
     /// # Errors
     /// What a number may not be, or what the simulation was not made for, with the actuator's name.
-    pub fn redraw(
+    pub fn resample_actuators(
         &self,
         model: &Model,
         given: Option<&[Option<DriveTrain>]>,

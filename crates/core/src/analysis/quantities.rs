@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use stepper_real::Real;
 
-use crate::actuation::forces::{At, Drive, Implicit};
+use crate::actuation::forces::{Drive, ForceState, Implicit};
 use crate::compile::{CompiledTendon, Inertial, LaneModel};
 use crate::dynamics::inertia::{MassMatrix, NewtonEuler, bias_force};
 use crate::dynamics::kinematics::{Kinematics, kinetic_energy};
@@ -104,7 +104,7 @@ impl Snapshot {
         smooth.apply(compiled, &kinematics, [&self.inputs.qfrc, &self.inputs.xfrc], &mut applied);
         let mut drive = Drive::new(compiled);
         drive.transmit(compiled, &kinematics, &self.v, 0.0);
-        actuate(compiled, &At::state(&self.q, &self.v, &self.act, &self.inputs.ctrl, &self.inputs.trains), None, &mut drive);
+        actuate(compiled, &ForceState::state(&self.q, &self.v, &self.act, &self.inputs.ctrl, &self.inputs.trains), None, &mut drive);
         for tendon in &compiled.tendons {
             let Some((spring, _)) = &tendon.spring else { continue };
             let pull = spring.stiffness * self.stretch(tendon) + spring.damping * tendon.length.rate(&self.v);

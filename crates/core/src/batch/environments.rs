@@ -13,7 +13,7 @@ use crate::batch::call::{Call, Part};
 use crate::batch::randomization::{Differences, Own};
 use crate::batch::rollout::{Recording, Share};
 use crate::batch::state::{Group, StoredContact};
-use crate::batch::worker::{Place, Query, Site, Stepped, Worker};
+use crate::batch::worker::{BatchSlice, Query, Stepped, Worker, WorkerSpec};
 use crate::collision::contact_set::ContactId;
 use crate::compile::CompiledModel;
 use crate::math::lanes::DelayLine;
@@ -71,16 +71,16 @@ pub trait Engine: Send + Sync {
     /// those of [`Engine::step`].
     fn sense(&mut self, options: &StepSettings, inputs: &StepInputs<'_>, truth: bool, out: &mut [f64]) -> Result<(), String>;
     /// Gives the sensors transfer functions, `None` to ideal ones.
-    fn equip(&mut self, model: &Model, options: &StepSettings, transfers: &[Option<Transfer>]) -> Result<(), String>;
+    fn set_sensor_models(&mut self, model: &Model, options: &StepSettings, transfers: &[Option<Transfer>]) -> Result<(), String>;
     /// Gives environments parameters that differ from the model's; `None` takes all of them back, from all.
     fn randomize(&mut self, envs: &[usize], differences: Option<&[Differences]>);
     /// Memory of those parameters and of the numbers of drive trains, bytes.
     fn parameter_bytes(&self) -> usize;
     /// Gives the actuators drive trains, `None` to those without; the model and the trains are what [`DriveTrain::fold`] returned. All
     /// environments are new then.
-    fn couple(&mut self, model: &Model, options: &StepSettings, trains: &[Option<DriveTrain>]);
+    fn set_actuator_models(&mut self, model: &Model, options: &StepSettings, trains: &[Option<DriveTrain>]);
     /// Gives the environments `envs` other numbers of their trains: lists of one, or one for each of these; `None` leaves a train as it is.
-    fn redraw(&mut self, options: &StepSettings, trains: &[Option<DriveTrain>], envs: &[usize]);
+    fn resample_actuators(&mut self, options: &StepSettings, trains: &[Option<DriveTrain>], envs: &[usize]);
     /// What the drive trains of one environment hand on: controls, and the numbers of those that act within a step.
     fn handed_on(&self, env: usize) -> Option<(Vec<f64>, Vec<Train<f64>>)>;
     /// Says as which environment one draws random numbers.
@@ -221,7 +221,7 @@ fn contacts_at_start<S: Stepped>(
 ) -> usize {
     let options = StepSettings { solver: Solver::Pgs, iterations: 1, stabilization: Stabilization::None, ..*options };
     let lanes = S::SINGLE;
-    let make = |room: usize| S::worker(&Site { compiled, options: &options, max_contacts: room }, lanes, level);
+    let make = |room: usize| S::worker(&WorkerSpec { compiled, options: &options, max_contacts: room }, lanes, level);
     let own = Own::default();
     let call = Call {
         compiled,
@@ -248,7 +248,7 @@ fn contacts_at_start<S: Stepped>(
             let mut group = Group::new(compiled, &q, lanes, 1, 0, room);
             group.v.iter_mut().step_by(lanes).zip(v).for_each(|(to, &x)| *to = S::from_f64(x));
             worker.forget();
-            worker.run(&call, &mut group, Place { first: 0, share_first: 0, share: None });
+            worker.run(&call, &mut group, BatchSlice { first: 0, share_first: 0, share: None });
             most = most.max(group.contact_count[0] as usize);
             if group.status[0] & Status::CONTACTS_FULL.bits() == 0 || room == compiled.contact_points {
                 break;
@@ -282,13 +282,13 @@ impl<S: Stepped> Batch<S> {
         Self { compiled, groups, lanes, num_envs, max_contacts, level, threads, errors: None, chains: None, own: Own::default(), crew }
     }
 
-    fn hire(&self, options: &StepSettings) -> Box<dyn Worker<S>> {
+    fn acquire_worker(&self, options: &StepSettings) -> Box<dyn Worker<S>> {
         let idle = self.crew.idle.lock().expect("a worker panicked").pop();
         idle.unwrap_or_else(|| self.make_worker(options))
     }
 
     fn make_worker(&self, options: &StepSettings) -> Box<dyn Worker<S>> {
-        S::worker(&Site { compiled: &self.compiled, options, max_contacts: self.max_contacts }, self.lanes, self.level)
+        S::worker(&WorkerSpec { compiled: &self.compiled, options, max_contacts: self.max_contacts }, self.lanes, self.level)
     }
 
     fn release(&self, worker: Box<dyn Worker<S>>) {
@@ -342,7 +342,7 @@ impl<S: Stepped> Batch<S> {
     }
 
     /// Groups that a worker takes at a time: small pieces even out what some groups cost more than others.
-    fn piece(&self) -> usize {
+    fn chunk_size(&self) -> usize {
         if self.threaded() { self.groups.len().div_ceil(8 * self.threads) } else { self.groups.len() }
     }
 
@@ -420,7 +420,7 @@ impl<S: Stepped> Batch<S> {
         let mut groups = std::mem::take(&mut self.groups);
         let call = self.call(options, inputs, calls, part);
         for (g, group) in groups.iter_mut().enumerate() {
-            worker.run(&call, group, Place { first: g * self.lanes, share_first: 0, share: shares.first_mut() });
+            worker.run(&call, group, BatchSlice { first: g * self.lanes, share_first: 0, share: shares.first_mut() });
         }
         self.groups = groups;
         self.idle().push(worker);
@@ -435,14 +435,14 @@ impl<S: Stepped> Batch<S> {
         part: Part,
         shares: &mut [Share<'_, S>],
     ) {
-        let size = self.piece();
+        let size = self.chunk_size();
         let mut groups = std::mem::take(&mut self.groups);
         let call = self.call(options, inputs, calls, part);
         let shares = shares.iter_mut().map(Some).chain(std::iter::repeat_with(|| None));
         self.hand_out(options, groups.chunks_mut(size).zip(shares).enumerate(), |worker, (piece, (groups, mut share))| {
             let share_first = piece * size * self.lanes;
             for (g, group) in groups.iter_mut().enumerate() {
-                worker.run(&call, group, Place { first: share_first + g * self.lanes, share_first, share: share.as_deref_mut() });
+                worker.run(&call, group, BatchSlice { first: share_first + g * self.lanes, share_first, share: share.as_deref_mut() });
             }
         });
         self.groups = groups;
@@ -462,7 +462,7 @@ impl<S: Stepped> Batch<S> {
         let take = || {
             let mut worker = None;
             while let Some(piece) = next() {
-                work(&mut **worker.get_or_insert_with(|| self.hire(options)), piece);
+                work(&mut **worker.get_or_insert_with(|| self.acquire_worker(options)), piece);
             }
             worker.into_iter().for_each(|worker| self.release(worker));
         };
@@ -506,7 +506,7 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
         recording: Recording<'_>,
         watch: Watch<'_>,
     ) -> Result<usize, String> {
-        let mut shares = recording.split(self.num_envs, self.piece() * self.lanes, S::numbers);
+        let mut shares = recording.split(self.num_envs, self.chunk_size() * self.lanes, S::numbers);
         self.drive(options, inputs, calls, &mut shares, watch)
     }
 
@@ -515,7 +515,7 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
         if width == 0 {
             return Ok(());
         }
-        let share = self.piece();
+        let share = self.chunk_size();
         if self.threaded() {
             self.make_pool()?;
         }
@@ -531,7 +531,7 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
         Ok(())
     }
 
-    fn equip(&mut self, model: &Model, options: &StepSettings, transfers: &[Option<Transfer>]) -> Result<(), String> {
+    fn set_sensor_models(&mut self, model: &Model, options: &StepSettings, transfers: &[Option<Transfer>]) -> Result<(), String> {
         let errors = Errors::new(model, transfers, self.num_envs, self.lanes, options.timestep)?;
         self.crew = WorkerPool { idle: Mutex::new(Vec::new()), pool: None };
         for group in &mut self.groups {
@@ -555,7 +555,7 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
         self.own.bytes() + self.chains.as_ref().map_or(0, ActuatorPipelines::bytes)
     }
 
-    fn couple(&mut self, model: &Model, options: &StepSettings, trains: &[Option<DriveTrain>]) {
+    fn set_actuator_models(&mut self, model: &Model, options: &StepSettings, trains: &[Option<DriveTrain>]) {
         self.compiled = CompiledModel::with_trains(model, trains);
         self.crew = WorkerPool { idle: Mutex::new(Vec::new()), pool: None };
         self.groups = groups(model, &self.compiled, self.num_envs, self.lanes, self.max_contacts);
@@ -569,7 +569,7 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
         }
     }
 
-    fn redraw(&mut self, options: &StepSettings, trains: &[Option<DriveTrain>], envs: &[usize]) {
+    fn resample_actuators(&mut self, options: &StepSettings, trains: &[Option<DriveTrain>], envs: &[usize]) {
         if let Some(chains) = &mut self.chains {
             chains.assign(trains, envs, options.timestep);
         }

@@ -2,7 +2,7 @@
 
 use stepper_real::{Mask, Real, Scalar};
 
-use crate::actuation::forces::{At, Drive};
+use crate::actuation::forces::{Drive, ForceState};
 use crate::batch::call::Call;
 use crate::batch::exchange::{load, take_up};
 use crate::batch::state::Group;
@@ -12,7 +12,7 @@ use crate::dynamics::mocap;
 use crate::integrators::workspace::Workspace;
 use crate::math::spatial::*;
 use crate::sensing::errors::{Errors, Slots, Work};
-use crate::sensing::{Moment, Room};
+use crate::sensing::{Room, SensorInput};
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s09_sense::sense;
 use crate::step::step;
@@ -89,7 +89,7 @@ impl<R: Real> Senses<R> {
                 s.kinematics.update(compiled, &s.q);
                 self.drive.transmit(compiled, &s.kinematics, &s.v, R::zero());
             }
-            actuate(compiled, &At::state(&s.q, &s.v, &s.act, &s.inputs.ctrl, &s.inputs.trains), None, &mut self.drive);
+            actuate(compiled, &ForceState::state(&s.q, &s.v, &s.act, &s.inputs.ctrl, &s.inputs.trains), None, &mut self.drive);
             if compiled.lossy {
                 self.drive.lose(compiled, &s.inputs.trains, false);
                 self.drive.subtract_losses(compiled, &s.inputs.trains, &s.constraints.scalar_impulse, R::of(call.options.timestep));
@@ -105,7 +105,7 @@ impl<R: Real> Senses<R> {
         }
         let mut time = R::zero();
         (0..R::LANES).for_each(|l| time.set_lane(l, Scalar::from_f64(group.time[l])));
-        let moment = Moment {
+        let moment = SensorInput {
             q: &s.q,
             v: &s.v,
             time,

@@ -95,7 +95,7 @@ impl Simulation {
         let mut simulation = Self::make(model, options, num_envs, precision, threads, level, true)?;
         if simulation.model.actuators.iter().any(|a| a.delay > 0.0) {
             let trains = vec![None; simulation.model.nu()];
-            simulation.couple(&trains)?;
+            simulation.set_actuator_models(&trains)?;
         }
         Ok(simulation)
     }
@@ -508,13 +508,13 @@ impl Simulation {
     ///
     /// # Errors
     /// [`Error::Count`] when there is not one for every sensor, [`Error::Sensor`] for a number out of its range, with the sensor's name.
-    pub fn equip(&mut self, transfers: &[Option<Transfer>]) -> Result<(), Error> {
+    pub fn set_sensor_models(&mut self, transfers: &[Option<Transfer>]) -> Result<(), Error> {
         let (found, must) = (transfers.len(), self.model.sensors.len());
         if found != must {
             return Err(Error::Count { name: "transfers", found, must, element: "sensor" });
         }
         self.truth.known = false;
-        self.engine.equip(&self.model, &self.settings, transfers).map_err(Error::Sensor)
+        self.engine.set_sensor_models(&self.model, &self.settings, transfers).map_err(Error::Sensor)
     }
 
     /// Gives the actuators drive trains, one entry for every actuator, `None` to those without. All environments are reset.
@@ -522,7 +522,7 @@ impl Simulation {
     /// # Errors
     /// [`Error::Count`] when there is not one for every actuator; [`Error::DrivesAfterParameters`] when environments have parameters of their own;
     /// [`Error::Actuator`] for a number out of its range, or what an actuator cannot have, with the actuator's name.
-    pub fn couple(&mut self, trains: &[Option<DriveTrain>]) -> Result<(), Error> {
+    pub fn set_actuator_models(&mut self, trains: &[Option<DriveTrain>]) -> Result<(), Error> {
         let (found, must) = (trains.len(), self.model.nu());
         if found != must {
             return Err(Error::Count { name: "drives", found, must, element: "actuator" });
@@ -531,7 +531,7 @@ impl Simulation {
             return Err(Error::DrivesAfterParameters);
         }
         let driven = Driven::new(&self.model, trains, self.num_envs, self.settings.timestep).map_err(Error::Actuator)?;
-        self.engine.couple(&driven.model, &self.settings, &driven.trains);
+        self.engine.set_actuator_models(&driven.model, &self.settings, &driven.trains);
         (self.compiled, self.driven) = (OnceLock::new(), Some(driven));
         (0..self.num_envs).for_each(|env| self.reset(env));
         Ok(())

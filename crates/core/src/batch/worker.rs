@@ -18,7 +18,7 @@ use crate::step::step;
 /// A thread's room to work, with the step compiled for its lanes and CPU level.
 pub trait Worker<S: Scalar>: Any + Send {
     /// Makes the steps of `call` in one group.
-    fn run(&mut self, call: &Call<'_, S>, group: &mut Group<S>, at: Place<'_, '_, S>);
+    fn run(&mut self, call: &Call<'_, S>, group: &mut Group<S>, at: BatchSlice<'_, '_, S>);
     /// Reads the sensors of one group, whose first environment is `first`.
     fn sense(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, query: Query<'_>);
     /// Says that somebody else has written to the state of a group.
@@ -27,7 +27,7 @@ pub trait Worker<S: Scalar>: Any + Send {
 
 /// How to make a worker.
 #[derive(Clone, Copy)]
-pub struct Site<'a, S: Scalar> {
+pub struct WorkerSpec<'a, S: Scalar> {
     /// The compiled model.
     pub compiled: &'a CompiledModel<S>,
     /// Settings.
@@ -45,7 +45,7 @@ pub trait Stepped: Scalar {
     /// Lanes of a group of many environments, stepped by so many threads.
     fn lanes(compiled: &CompiledModel<Self>, num_envs: usize, threads: usize, level: Level) -> usize;
     /// A worker for groups of `lanes` lanes at a CPU level that this machine has.
-    fn worker(site: &Site<'_, Self>, lanes: usize, level: Level) -> Box<dyn Worker<Self>>;
+    fn worker(site: &WorkerSpec<'_, Self>, lanes: usize, level: Level) -> Box<dyn Worker<Self>>;
     /// An array of a recording in this precision.
     ///
     /// # Panics
@@ -64,7 +64,7 @@ pub struct Query<'a> {
 
 /// Where a group is among the environments, and where it writes down what it does.
 #[derive(Debug)]
-pub struct Place<'a, 'b, S> {
+pub struct BatchSlice<'a, 'b, S> {
     /// Its first environment.
     pub first: usize,
     /// The first environment of the share.
@@ -93,7 +93,7 @@ impl Stepped for f64 {
         lanes(8, compiled, num_envs, threads, level)
     }
 
-    fn worker(site: &Site<'_, f64>, lanes: usize, level: Level) -> Box<dyn Worker<f64>> {
+    fn worker(site: &WorkerSpec<'_, f64>, lanes: usize, level: Level) -> Box<dyn Worker<f64>> {
         match lanes {
             1 => at_level!(level, F64x1, desk(site)),
             8 => at_level!(level, F64x8, desk(site)),
@@ -117,7 +117,7 @@ impl Stepped for f32 {
         lanes(16, compiled, num_envs, threads, level)
     }
 
-    fn worker(site: &Site<'_, f32>, lanes: usize, level: Level) -> Box<dyn Worker<f32>> {
+    fn worker(site: &WorkerSpec<'_, f32>, lanes: usize, level: Level) -> Box<dyn Worker<f32>> {
         if lanes == 32 { at_avx512!(F32x32, desk(site)) } else { at_level!(level, F32x16, desk(site)) }
     }
 
@@ -129,7 +129,7 @@ impl Stepped for f32 {
     }
 }
 
-fn desk<R: Real>(site: &Site<'_, R::Scalar>) -> Box<dyn Worker<R::Scalar>> {
+fn desk<R: Real>(site: &WorkerSpec<'_, R::Scalar>) -> Box<dyn Worker<R::Scalar>> {
     Box::new(LaneWorker {
         scratch: Workspace::<R>::new(site.compiled, site.options, site.max_contacts),
         senses: Senses::new(site.compiled, site.max_contacts),
@@ -149,9 +149,9 @@ struct LaneWorker<R: Real> {
 }
 
 impl<R: Real> Worker<R::Scalar> for LaneWorker<R> {
-    fn run(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, at: Place<'_, '_, R::Scalar>) {
+    fn run(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, at: BatchSlice<'_, '_, R::Scalar>) {
         assert_eq!(group.lanes, R::LANES, "a worker steps groups of its own width");
-        let Place { first, share_first, mut share } = at;
+        let BatchSlice { first, share_first, mut share } = at;
         self.turn_to(call, first);
         self.senses.begin(call, &self.compiled, group, first, &mut self.scratch);
         if !self.scratch.current {

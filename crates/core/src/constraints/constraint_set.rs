@@ -94,7 +94,7 @@ pub(crate) struct Impact<R: Real> {
 
 /// What the rows are made from.
 #[derive(Clone, Copy, Debug)]
-pub struct Moment<'a, R: Real> {
+pub struct AssemblyInput<'a, R: Real> {
     /// Configuration at which the rows are taken.
     pub q: &'a [R],
     /// Velocity before the step.
@@ -116,7 +116,7 @@ pub struct Moment<'a, R: Real> {
     pub alive: R::Mask,
 }
 
-impl<R: Real> Moment<'_, R> {
+impl<R: Real> AssemblyInput<'_, R> {
     /// What of the distance `phi` may close in the step; an overlap as it is.
     #[inline(always)]
     pub fn gap(&self, phi: R) -> R {

@@ -4,7 +4,7 @@ use stepper_real::{Mask, Real, Scalar};
 
 use crate::collision::contact_set::Contacts;
 use crate::constraints::constraint_set::Constraints;
-use crate::constraints::equality::Site;
+use crate::constraints::equality::RowInput;
 use crate::math::spatial::*;
 
 /// Mobility along a normal, relative to that of all that moves as one body, below which the lever of a hinge is rounding: 1e-7 or so of its length.
@@ -15,8 +15,8 @@ pub(crate) fn least_mobility<R: Real>() -> f64 {
 impl<R: Real> Constraints<R> {
     /// Adds slot `k` in the lanes `lanes`, in which it has sliding friction at the most; `support` is gathered.
     #[inline(always)]
-    pub(crate) fn add_contact(&mut self, site: Site<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
-        let Site { compiled, options, mass, moment, .. } = site;
+    pub(crate) fn add_contact(&mut self, site: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
+        let RowInput { compiled, options, mass, moment, .. } = site;
         let (slot, active) = (&contacts.data[k], R::Mask::from_bits(lanes));
         let [free, before] = self.contact_columns(site, contacts, k, lanes);
         let curves = options.integrator.in_the_middle() && self.moving != 0;

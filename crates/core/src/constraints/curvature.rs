@@ -17,8 +17,8 @@ use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
-use crate::constraints::constraint_set::{Constraints, Moment};
-use crate::constraints::equality::Site;
+use crate::constraints::constraint_set::{AssemblyInput, Constraints};
+use crate::constraints::equality::RowInput;
 use crate::math::spatial::*;
 
 /// A body's velocity field at a contact.
@@ -41,7 +41,7 @@ impl<R: Real> Constraints<R> {
     #[inline(never)]
     pub(crate) fn add_curve(
         &self,
-        site: Site<'_, R>,
+        site: RowInput<'_, R>,
         contacts: &Contacts<R>,
         k: usize,
         active: R::Mask,
@@ -51,7 +51,7 @@ impl<R: Real> Constraints<R> {
         R::vectorize(
             #[inline(always)]
             || {
-                let Moment { h, lead, .. } = *site.moment;
+                let AssemblyInput { h, lead, .. } = *site.moment;
                 let slot = &contacts.data[k];
                 let n = slot.point.normal;
                 let axes = [n, slot.tangent, cross(n, slot.tangent)];
@@ -75,8 +75,8 @@ impl<R: Real> Constraints<R> {
 
 /// kappa of slot `k` in the lanes `lanes`, m/s^2.
 #[inline(always)]
-fn rate<R: Real>(site: Site<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> V3<R> {
-    let Site { compiled, kinematics, .. } = site;
+fn rate<R: Real>(site: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> V3<R> {
+    let RowInput { compiled, kinematics, .. } = site;
     let point = &contacts.data[k].point;
     let n = point.normal;
     let half = point.distance * R::of(0.5);
@@ -109,8 +109,8 @@ fn rate<R: Real>(site: Site<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32
 
 /// The velocity field of a frame at the point `p`.
 #[inline(always)]
-fn field<R: Real>(site: Site<'_, R>, frame: usize, p: V3<R>) -> Field<R> {
-    let Site { compiled, kinematics, moment, .. } = site;
+fn field<R: Real>(site: RowInput<'_, R>, frame: usize, p: V3<R>) -> Field<R> {
+    let RowInput { compiled, kinematics, moment, .. } = site;
     match frame.checked_sub(compiled.links.len() + 1) {
         _ if frame == 0 => Field { turn: zero(), velocity: zero(), rate: zero() },
         Some(mocap) => {

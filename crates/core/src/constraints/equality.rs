@@ -14,7 +14,7 @@
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::compile::{Combination, CompiledEquality, CompiledModel, EqualityBlock, EqualityRows, LaneModel, Spring};
-use crate::constraints::constraint_set::{ARM, Constraints, DAMPING, Moment};
+use crate::constraints::constraint_set::{ARM, AssemblyInput, Constraints, DAMPING};
 use crate::constraints::elimination::times;
 use crate::dynamics::inertia::MassMatrix;
 use crate::dynamics::kinematics::Kinematics;
@@ -37,17 +37,17 @@ struct Rows<R: Real> {
 
 /// What the rows are made from.
 #[derive(Clone, Copy)]
-pub(crate) struct Site<'a, R: Real> {
+pub(crate) struct RowInput<'a, R: Real> {
     pub(crate) compiled: &'a LaneModel<R>,
     pub(crate) options: &'a StepSettings,
     pub(crate) kinematics: &'a Kinematics<R>,
     pub(crate) mass: &'a MassMatrix<R>,
-    pub(crate) moment: &'a Moment<'a, R>,
+    pub(crate) moment: &'a AssemblyInput<'a, R>,
 }
 
 impl<R: Real> Constraints<R> {
     /// Adds the rows of equalities, block by block: of those that are separate, or of all others.
-    pub(crate) fn add_equalities(&mut self, site: Site<'_, R>, separate: bool) {
+    pub(crate) fn add_equalities(&mut self, site: RowInput<'_, R>, separate: bool) {
         R::vectorize(
             #[inline(always)]
             || {
@@ -59,7 +59,7 @@ impl<R: Real> Constraints<R> {
     }
 
     #[inline(always)]
-    fn add_block(&mut self, site: Site<'_, R>, block: &EqualityBlock<R::Scalar>) {
+    fn add_block(&mut self, site: RowInput<'_, R>, block: &EqualityBlock<R::Scalar>) {
         let start = self.problem.scalars.len();
         self.sizes.clear();
         self.demands.clear();
@@ -109,7 +109,7 @@ impl<R: Real> Constraints<R> {
     }
 
     #[inline(always)]
-    fn add_equality(&mut self, site: Site<'_, R>, block: &EqualityBlock<R::Scalar>, equality: &CompiledEquality<R::Scalar>) {
+    fn add_equality(&mut self, site: RowInput<'_, R>, block: &EqualityBlock<R::Scalar>, equality: &CompiledEquality<R::Scalar>) {
         match &equality.rows {
             EqualityRows::Points { frames, anchors, turn } => {
                 self.move_own(equality);
@@ -151,8 +151,8 @@ impl<R: Real> Constraints<R> {
 
     /// Two points meet: error p0 - p1 (MuJoCo's `mjEQ_CONNECT`). Leaves J in `column`.
     #[inline(always)]
-    fn meet(&mut self, site: Site<'_, R>, frames: [usize; 2], anchors: [[R::Scalar; 3]; 2]) -> Rows<R> {
-        let Site { compiled, kinematics, .. } = site;
+    fn meet(&mut self, site: RowInput<'_, R>, frames: [usize; 2], anchors: [[R::Scalar; 3]; 2]) -> Rows<R> {
+        let RowInput { compiled, kinematics, .. } = site;
         let points = [kinematics.point(frames[0], splat(anchors[0])), kinematics.point(frames[1], splat(anchors[1]))];
         let mut size = R::zero();
         for &d in &self.support {
@@ -178,8 +178,8 @@ impl<R: Real> Constraints<R> {
     /// Two orientations agree: error is the rotation vector from the second to the first in world axes, times the weight. (MuJoCo's
     /// `mjEQ_WELD` takes the sine of half its length; the manifold is the same.) Leaves J in `column`.
     #[inline(always)]
-    fn align(&mut self, site: Site<'_, R>, frames: [usize; 2], mats: &[[R::Scalar; 9]; 2], weight: R) -> Rows<R> {
-        let Site { compiled, kinematics, .. } = site;
+    fn align(&mut self, site: RowInput<'_, R>, frames: [usize; 2], mats: &[[R::Scalar; 9]; 2], weight: R) -> Rows<R> {
+        let RowInput { compiled, kinematics, .. } = site;
         let mut size = R::zero();
         for &d in &self.support {
             let d = d as usize;
@@ -202,7 +202,13 @@ impl<R: Real> Constraints<R> {
 
     /// x - ref = polynomial(y - ref) (MuJoCo's `mjEQ_JOINT` and `mjEQ_TENDON`). Leaves J in `column`.
     #[inline(always)]
-    fn couple(&mut self, site: Site<'_, R>, first: &Combination<R::Scalar>, second: Option<&Combination<R::Scalar>>, c: [R; 5]) -> Rows<R> {
+    fn couple(
+        &mut self,
+        site: RowInput<'_, R>,
+        first: &Combination<R::Scalar>,
+        second: Option<&Combination<R::Scalar>>,
+        c: [R; 5],
+    ) -> Rows<R> {
         let moment = site.moment;
         for &d in &self.support {
             self.column[d as usize] = zero();
@@ -223,7 +229,7 @@ impl<R: Real> Constraints<R> {
 
     /// Adds a combination's Jacobian, times `factor`, to the first row; returns the squared length of what it adds.
     #[inline(always)]
-    pub(crate) fn add_terms(&mut self, site: Site<'_, R>, combination: &Combination<R::Scalar>, factor: R) -> R {
+    pub(crate) fn add_terms(&mut self, site: RowInput<'_, R>, combination: &Combination<R::Scalar>, factor: R) -> R {
         let mut size = R::zero();
         for &(_, dof, coefficient) in &combination.terms {
             let x = R::splat(coefficient) * factor;
@@ -237,13 +243,13 @@ impl<R: Real> Constraints<R> {
     #[inline(always)]
     fn push_rows<const N: usize>(
         &mut self,
-        site: Site<'_, R>,
+        site: RowInput<'_, R>,
         block: &EqualityBlock<R::Scalar>,
         equality: &CompiledEquality<R::Scalar>,
         first: usize,
         rows: &Rows<R>,
     ) {
-        let Moment { v_free, v, h, alive, .. } = *site.moment;
+        let AssemblyInput { v_free, v, h, alive, .. } = *site.moment;
         let (mut free, mut before) = ([R::zero(); 3], [R::zero(); 3]);
         for &d in &self.support {
             let d = d as usize;
@@ -430,8 +436,8 @@ fn moves<S: Scalar>(compiled: &CompiledModel<S>, frame: usize, dof: usize) -> bo
 
 /// Acceleration of the point `p` of a frame if no joint accelerates; zero for the world and what the user poses.
 #[inline(always)]
-fn acceleration<R: Real>(site: Site<'_, R>, frame: usize, p: V3<R>) -> V3<R> {
-    let Site { compiled, kinematics, moment, .. } = site;
+fn acceleration<R: Real>(site: RowInput<'_, R>, frame: usize, p: V3<R>) -> V3<R> {
+    let RowInput { compiled, kinematics, moment, .. } = site;
     if frame == 0 || frame > compiled.links.len() {
         return zero();
     }
@@ -445,6 +451,6 @@ fn acceleration<R: Real>(site: Site<'_, R>, frame: usize, p: V3<R>) -> V3<R> {
 
 /// Angular acceleration of a frame if no joint accelerates.
 #[inline(always)]
-fn angular_acceleration<R: Real>(site: Site<'_, R>, frame: usize) -> V3<R> {
+fn angular_acceleration<R: Real>(site: RowInput<'_, R>, frame: usize) -> V3<R> {
     if frame == 0 || frame > site.compiled.links.len() { zero() } else { angular(&site.moment.motion.acceleration[frame - 1]) }
 }

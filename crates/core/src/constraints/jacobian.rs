@@ -6,7 +6,7 @@ use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
 use crate::compile::LaneModel;
 use crate::constraints::constraint_set::Constraints;
-use crate::constraints::equality::Site;
+use crate::constraints::equality::RowInput;
 use crate::dynamics::inertia::{MassMatrix, is_above};
 use crate::math::spatial::*;
 
@@ -124,8 +124,8 @@ impl<R: Real> Constraints<R> {
     /// J of a contact's rows (n, t1, t2), left in `column`; returns its velocities, free and before the step. `surface` is the velocity that
     /// the surfaces have of themselves, the second's against the first's.
     #[inline(always)]
-    pub(crate) fn contact_columns(&mut self, site: Site<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> [V3<R>; 2] {
-        let Site { compiled, kinematics, moment, .. } = site;
+    pub(crate) fn contact_columns(&mut self, site: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> [V3<R>; 2] {
+        let RowInput { compiled, kinematics, moment, .. } = site;
         let slot = &contacts.data[k];
         let n = slot.point.normal;
         let axes = [n, slot.tangent, cross(n, slot.tangent)];

@@ -3,7 +3,7 @@
 use stepper_real::{Mask, Real};
 
 use crate::compile::LaneModel;
-use crate::constraints::constraint_set::{Constraints, Moment};
+use crate::constraints::constraint_set::{AssemblyInput, Constraints};
 use crate::dynamics::inertia::MassMatrix;
 use crate::options::StepSettings;
 
@@ -14,7 +14,13 @@ pub(crate) const LIMIT_SLACK: f64 = 0.01;
 impl<R: Real> Constraints<R> {
     /// Limits: the nearer end of each range, where it can be reached within the step.
     #[inline(always)]
-    pub(crate) fn add_limits(&mut self, compiled: &LaneModel<R>, options: &StepSettings, mass: &MassMatrix<R>, moment: &Moment<'_, R>) {
+    pub(crate) fn add_limits(
+        &mut self,
+        compiled: &LaneModel<R>,
+        options: &StepSettings,
+        mass: &MassMatrix<R>,
+        moment: &AssemblyInput<'_, R>,
+    ) {
         let bounds = [R::zero(), R::of(f64::INFINITY)];
         for (i, limit) in compiled.limits.iter().enumerate() {
             let q = moment.q[limit.q];

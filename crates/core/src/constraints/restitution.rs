@@ -16,8 +16,8 @@ use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::{Contacts, Slot};
 use crate::compile::LaneModel;
-use crate::constraints::constraint_set::{Constraints, Impact, Moment};
-use crate::constraints::equality::Site;
+use crate::constraints::constraint_set::{AssemblyInput, Constraints, Impact};
+use crate::constraints::equality::RowInput;
 use crate::constraints::impact_time::Flight;
 use crate::dynamics::inertia::MassMatrix;
 use crate::math::spatial::*;
@@ -29,7 +29,7 @@ type Demands<R> = [[R; 2]; 3];
 impl<R: Real> Constraints<R> {
     /// Change of the velocities of the rows in `column` by the free motion.
     #[inline(always)]
-    pub(crate) fn free_change(&self, moment: &Moment<'_, R>) -> V3<R> {
+    pub(crate) fn free_change(&self, moment: &AssemblyInput<'_, R>) -> V3<R> {
         let mut change = zero();
         for &d in &self.support {
             let d = d as usize;
@@ -49,7 +49,7 @@ impl<R: Real> Constraints<R> {
         compiled: &LaneModel<R>,
         options: &StepSettings,
         slot: &Slot<R>,
-        moment: &Moment<'_, R>,
+        moment: &AssemblyInput<'_, R>,
         active: R::Mask,
         [free, before]: [R; 2],
         bias: R,
@@ -77,7 +77,7 @@ impl<R: Real> Constraints<R> {
     #[inline(never)]
     pub(crate) fn bounce_within(
         &mut self,
-        site: Site<'_, R>,
+        site: RowInput<'_, R>,
         slot: &Slot<R>,
         active: R::Mask,
         [free, change]: [V3<R>; 2],
@@ -87,7 +87,7 @@ impl<R: Real> Constraints<R> {
         R::vectorize(
             #[inline(always)]
             || {
-                let Site { compiled, options, moment, .. } = site;
+                let RowInput { compiled, options, moment, .. } = site;
                 let e = slot.restitution;
                 let elastic = active.and(e.gt(R::zero()));
                 if elastic.none() {

@@ -4,14 +4,14 @@ use stepper_real::{Mask, Real};
 
 use crate::compile::CompiledTendon;
 use crate::constraints::constraint_set::Constraints;
-use crate::constraints::equality::{AffineForce, Site, SpringRow, law_of, limit_law};
+use crate::constraints::equality::{AffineForce, RowInput, SpringRow, law_of, limit_law};
 use crate::constraints::limits::LIMIT_SLACK;
 use crate::dynamics::kinematics::quat_at;
 use crate::math::spatial::*;
 
 impl<R: Real> Constraints<R> {
     /// Adds the rows of all tendons that have some.
-    pub(crate) fn add_tendons(&mut self, site: Site<'_, R>) {
+    pub(crate) fn add_tendons(&mut self, site: RowInput<'_, R>) {
         R::vectorize(
             #[inline(always)]
             || {
@@ -45,7 +45,7 @@ impl<R: Real> Constraints<R> {
 
     /// The nearer end of a tendon's range, where it can be reached within the step.
     #[inline(always)]
-    fn limit_tendon(&mut self, site: Site<'_, R>, tendon: &CompiledTendon<R::Scalar>, [below, above]: [R; 2], rate: R) {
+    fn limit_tendon(&mut self, site: RowInput<'_, R>, tendon: &CompiledTendon<R::Scalar>, [below, above]: [R; 2], rate: R) {
         let low = below.le(above);
         let sign = R::select(low, R::one(), -R::one());
         let phi = R::select(low, below, above);
@@ -61,7 +61,7 @@ impl<R: Real> Constraints<R> {
     /// Where a limit at distance `phi`, left at the free velocity `free`, can be reached within the step, and its biases: in the
     /// velocities, and when positions are solved apart.
     #[inline(always)]
-    fn reach(&mut self, site: Site<'_, R>, phi: R, free: R) -> Option<(R::Mask, R, R)> {
+    fn reach(&mut self, site: RowInput<'_, R>, phi: R, free: R) -> Option<(R::Mask, R, R)> {
         let h = site.moment.h;
         let closing = (-free).max(R::zero()) * (h + h);
         let active = site.moment.alive.and(phi.le(closing + R::of(LIMIT_SLACK)));
@@ -74,7 +74,7 @@ impl<R: Real> Constraints<R> {
 
     /// Half-solved row of a tendon's length, times `sign`, left in the first component of `column`.
     #[inline(always)]
-    fn tendon_columns(&mut self, site: Site<'_, R>, tendon: &CompiledTendon<R::Scalar>, sign: R) {
+    fn tendon_columns(&mut self, site: RowInput<'_, R>, tendon: &CompiledTendon<R::Scalar>, sign: R) {
         self.support.clear();
         self.support.extend_from_slice(&tendon.support);
         self.tie(site.compiled);
@@ -86,7 +86,7 @@ impl<R: Real> Constraints<R> {
     }
 
     /// Limits of ball joints: the rotation vector's length stays below the range (MuJoCo's `mj_instantiateLimit`).
-    pub(crate) fn add_ball_limits(&mut self, site: Site<'_, R>) {
+    pub(crate) fn add_ball_limits(&mut self, site: RowInput<'_, R>) {
         R::vectorize(
             #[inline(always)]
             || {

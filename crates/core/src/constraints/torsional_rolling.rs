@@ -7,12 +7,12 @@ use crate::collision::surface_velocity;
 use crate::compile::LaneModel;
 use crate::constraints::constraint_set::Constraints;
 use crate::constraints::elimination::times;
-use crate::constraints::equality::Site;
+use crate::constraints::equality::RowInput;
 use crate::math::spatial::*;
 
 impl<R: Real> Constraints<R> {
     /// Adds slot `k` in the lanes `lanes`, in which it has torsional or rolling friction.
-    pub(crate) fn add_wide(&mut self, site: Site<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
+    pub(crate) fn add_wide(&mut self, site: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         R::vectorize(
             #[inline(always)]
             || {
@@ -23,7 +23,7 @@ impl<R: Real> Constraints<R> {
     }
 
     #[inline(always)]
-    fn push_wide(&mut self, site: Site<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
+    fn push_wide(&mut self, site: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         let (compiled, mass, moment) = (site.compiled, site.mass, site.moment);
         let (slot, active) = (&contacts.data[k], R::Mask::from_bits(lanes));
         let mut friction = Friction::of(compiled, contacts, k, lanes);
@@ -83,7 +83,7 @@ impl<R: Real> Constraints<R> {
 
     /// J of the relative turning about the contact's axes, times `weight`, left in `column`; returns its free velocity.
     #[inline(always)]
-    fn turn_columns(&mut self, site: Site<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32, weight: V3<R>) -> V3<R> {
+    fn turn_columns(&mut self, site: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32, weight: V3<R>) -> V3<R> {
         let slot = &contacts.data[k];
         let n = slot.point.normal;
         let axes = [n, slot.tangent, cross(n, slot.tangent)];

@@ -3,7 +3,7 @@
 use stepper_real::{Mask, Real};
 
 use crate::compile::LaneModel;
-use crate::constraints::constraint_set::Moment;
+use crate::constraints::constraint_set::AssemblyInput;
 use crate::integrators::corrected_forces::{correct_forces, reconsider_servos};
 use crate::integrators::free_motion::{find_contacts, free_motion, place};
 use crate::integrators::impact;
@@ -61,7 +61,7 @@ pub(crate) fn assemble_rows<R: Real>(
 
 /// Stage 4 at the configuration of the scheme.
 fn assemble_here<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, scheme: &Scheme<R>, s: &mut Workspace<R>, too_far: R::Mask) {
-    let moment = Moment {
+    let moment = AssemblyInput {
         q: &s.q_eval,
         v: &s.v,
         motion: &s.smooth.work,

@@ -3,7 +3,7 @@
 use stepper_real::Real;
 
 use crate::actuation::affine_force::within;
-use crate::actuation::forces::{At, Drive, Implicit};
+use crate::actuation::forces::{Drive, ForceState, Implicit};
 use crate::compile::{CompiledModel, LaneModel};
 use crate::dynamics::kinematics::{Kinematics, displace};
 use crate::integrators::inputs::Inputs;
@@ -111,7 +111,7 @@ impl<R: Real> Rk4<R> {
         self.smooth.factor_mass(compiled, &self.kinematics, Implicit::none());
         self.smooth.apply(compiled, &self.kinematics, [&inputs.qfrc, &inputs.xfrc], &mut self.applied);
         self.drive.transmit(compiled, &self.kinematics, &self.v, R::zero());
-        actuate(compiled, &At::state(&self.q, &self.v, &self.act, &inputs.ctrl, &inputs.trains), None, &mut self.drive);
+        actuate(compiled, &ForceState::state(&self.q, &self.v, &self.act, &inputs.ctrl, &inputs.trains), None, &mut self.drive);
         self.smooth.acceleration(compiled, &self.kinematics, [&self.drive.tau, &self.applied], &self.v, &self.v);
         self.rate[1].copy_from_slice(&self.smooth.acc);
         activation_rate(compiled, &self.act, &inputs.ctrl, &mut self.rate[2]);

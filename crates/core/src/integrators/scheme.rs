@@ -2,7 +2,7 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::actuation::forces::{At, Implied};
+use crate::actuation::forces::{ForceState, Implied};
 use crate::compile::LaneModel;
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::integrators::inputs::Inputs;
@@ -85,7 +85,7 @@ impl<R: Real> Scheme<R> {
         [v, v_at]: [&'a [R]; 2],
         act: &'a [R],
         inputs: &'a Inputs<R>,
-    ) -> At<'a, R> {
-        At { q: self.springs_at(here, ahead), v, v_at, act, ctrl: &inputs.ctrl, trains: &inputs.trains }
+    ) -> ForceState<'a, R> {
+        ForceState { q: self.springs_at(here, ahead), v, v_at, act, ctrl: &inputs.ctrl, trains: &inputs.trains }
     }
 }

@@ -7,7 +7,7 @@ use crate::compile::sensing::Place;
 use crate::dynamics::kinematics::{Kinematics, quat_at};
 use crate::math::spatial::*;
 use crate::model::{FrameReading, JointKind};
-use crate::sensing::{Moment, Room};
+use crate::sensing::{Room, SensorInput};
 
 /// Orientation of every link as a quaternion: products along the tree, so that the sign is that of the coordinates.
 pub fn orientations<R: Real>(compiled: &LaneModel<R>, q: &[R], out: &mut [[R; 4]]) {
@@ -38,7 +38,7 @@ pub fn orientations<R: Real>(compiled: &LaneModel<R>, q: &[R], out: &mut [[R; 4]
 pub(super) fn accelerations<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
-    moment: &Moment<'_, R>,
+    moment: &SensorInput<'_, R>,
     velocity: &mut [V6<R>],
     acceleration: &mut [V6<R>],
 ) {

@@ -10,7 +10,7 @@ use crate::sensing::contact_list::Felt;
 
 /// All that sensors can ask: the state after a step, and what the step did.
 #[derive(Debug)]
-pub struct Moment<'a, R: Real> {
+pub struct SensorInput<'a, R: Real> {
     /// Configuration.
     pub q: &'a [R],
     /// Velocity.

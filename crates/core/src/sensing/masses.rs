@@ -8,7 +8,7 @@ use crate::dynamics::kinematics::{Kinematics, quat_at};
 use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::sensing::frames::{ground, motion_of, orientation, position};
-use crate::sensing::{Moment, Room};
+use crate::sensing::{Room, SensorInput};
 
 /// Centre of mass of a subtree, m.
 pub fn com<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, subtree: &Subtree, empty: V3<R>) -> V3<R> {
@@ -84,7 +84,7 @@ pub(super) fn parent_force<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     room: &Room<R>,
-    moment: &Moment<'_, R>,
+    moment: &SensorInput<'_, R>,
     place: &Place<R::Scalar>,
     subtree: &Subtree,
 ) -> [V3<R>; 2] {

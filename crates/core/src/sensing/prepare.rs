@@ -4,12 +4,12 @@ use stepper_real::Real;
 
 use crate::compile::LaneModel;
 use crate::dynamics::kinematics::Kinematics;
-use crate::sensing::inputs::{Moment, Room};
+use crate::sensing::inputs::{Room, SensorInput};
 use crate::sensing::{frames, masses};
 
 impl<R: Real> Room<R> {
     /// Makes what the sensors share.
-    pub fn prepare(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, moment: &Moment<'_, R>) {
+    pub fn prepare(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, moment: &SensorInput<'_, R>) {
         if !self.orientation.is_empty() {
             frames::orientations(compiled, moment.q, &mut self.orientation);
         }

@@ -10,7 +10,7 @@ use crate::math::spatial::*;
 use crate::model::{ContactField, ContactReduction};
 use crate::sensing::contact_list::{Contact, Felt};
 use crate::sensing::frames::{orientation, position};
-use crate::sensing::inputs::{Moment, Room};
+use crate::sensing::inputs::{Room, SensorInput};
 use crate::sensing::rays::{holds, ray};
 
 /// Geoms of the model that a contact is between, and their bodies.
@@ -104,7 +104,7 @@ fn lane_of<R: Real, const N: usize>(x: &[R; N], lane: usize) -> [f64; N] {
 
 impl Felt {
     /// Takes up what all sensors read.
-    pub(super) fn take_up<R: Real>(&mut self, compiled: &LaneModel<R>, moment: &Moment<'_, R>) {
+    pub(super) fn take_up<R: Real>(&mut self, compiled: &LaneModel<R>, moment: &SensorInput<'_, R>) {
         self.contacts.clear();
         for lane in 0..R::LANES {
             for slot in 0..moment.contacts.count[lane] {

@@ -4,7 +4,7 @@ use stepper_real::{Mask, Real};
 
 use crate::actuation::affine_force::{AffineForce, outside, within};
 use crate::actuation::force_limits::{bounded, exceeds};
-use crate::actuation::forces::{At, Drive, Implied};
+use crate::actuation::forces::{Drive, ForceState, Implied};
 use crate::compile::{CompiledActuator, LaneModel};
 use crate::dynamics::kinematics::quat_at;
 use crate::math::spatial::*;
@@ -12,7 +12,7 @@ use crate::model::{Activation, JointKind};
 
 /// Forces of actuators and springs, N or N m, and what servos add to the mass matrix; joint damping and the stiffness of joints are added
 /// in stage 2. Servos that are at a bound of their force stay there until [`Drive::release`]. Without `implied` all is taken explicitly.
-pub fn actuate<R: Real>(compiled: &LaneModel<R>, at: &At<'_, R>, implied: Option<Implied<R>>, drive: &mut Drive<R>) {
+pub fn actuate<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, implied: Option<Implied<R>>, drive: &mut Drive<R>) {
     R::vectorize(
         #[inline(always)]
         || {
@@ -119,7 +119,7 @@ fn setpoint<R: Real>(compiled: &LaneModel<R>, i: usize, actuator: &CompiledActua
 /// force = gain . (1, length, velocity) input + bias . (1, length, velocity), or what a drive train makes of it: a continuous servo of its own, or
 /// a motor whose control is the share of its voltage.
 #[inline(always)]
-fn law<R: Real>(actuator: &CompiledActuator<R::Scalar>, [gain, bias]: [V3<R>; 2], at: &At<'_, R>, input: R) -> AffineForce<R> {
+fn law<R: Real>(actuator: &CompiledActuator<R::Scalar>, [gain, bias]: [V3<R>; 2], at: &ForceState<'_, R>, input: R) -> AffineForce<R> {
     let [level, mut slope, mut rate]: V3<R> = std::array::from_fn(|k| gain[k] * input + bias[k]);
     let Some(train) = &actuator.train else { return AffineForce { level, slope, rate } };
     let numbers = &at.trains[train.index];

@@ -17,9 +17,9 @@ use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
-use crate::constraints::constraint_set::{Constraints, Moment};
+use crate::constraints::constraint_set::{AssemblyInput, Constraints};
 use crate::constraints::contact::least_mobility;
-use crate::constraints::equality::Site;
+use crate::constraints::equality::RowInput;
 use crate::constraints::hyperstatic;
 use crate::constraints::restitution::any_impacts;
 use crate::constraints::torsional_rolling::wide_lanes;
@@ -33,7 +33,7 @@ pub fn assemble<R: Real>(
     options: &StepSettings,
     kinematics: &Kinematics<R>,
     mass: &MassMatrix<R>,
-    moment: &Moment<'_, R>,
+    moment: &AssemblyInput<'_, R>,
     contacts: &mut Contacts<R>,
     constraints: &mut Constraints<R>,
 ) {
@@ -51,7 +51,7 @@ pub fn assemble<R: Real>(
             constraints.biased = R::Mask::splat(false);
             constraints.rebounding = R::Mask::splat(false);
             constraints.problem.least_mobility = R::of(least_mobility::<R>()) / compiled.moving_mass();
-            let site = Site { compiled, options, kinematics, mass, moment };
+            let site = RowInput { compiled, options, kinematics, mass, moment };
             if !compiled.equalities.is_empty() {
                 constraints.add_equalities(site, true);
                 constraints.keep_separate(compiled, mass);

@@ -12,7 +12,7 @@ use crate::math::spatial::*;
 use crate::sensing::*;
 
 /// True readings of all sensors, left in `room.truth`. `kinematics` is placed at the moment's configuration here, except mocap frames.
-pub fn sense<R: Real>(compiled: &LaneModel<R>, kinematics: &mut Kinematics<R>, room: &mut Room<R>, moment: &Moment<'_, R>) {
+pub fn sense<R: Real>(compiled: &LaneModel<R>, kinematics: &mut Kinematics<R>, room: &mut Room<R>, moment: &SensorInput<'_, R>) {
     if compiled.sensing.needs.poses {
         kinematics.update(compiled, moment.q);
     }
@@ -28,7 +28,7 @@ fn read<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     room: &mut Room<R>,
-    moment: &Moment<'_, R>,
+    moment: &SensorInput<'_, R>,
     sensor: &CompiledSensor<R::Scalar>,
 ) {
     let (at, dim) = (sensor.at, sensor.dim);

@@ -33,8 +33,8 @@ impl Simulation {
     }
 
     /// What comes of drawing the numbers of drive trains anew for the environments `envs`, ascending: an entry for every actuator, with lists
-    /// of one number or one for each of these; `None` leaves a train as it is. `trains` of `None` gives back what [`Simulation::couple`] gave.
-    /// Nothing is changed until [`Simulation::redraw`].
+    /// of one number or one for each of these; `None` leaves a train as it is. `trains` of `None` gives back what [`Simulation::set_actuator_models`] gave.
+    /// Nothing is changed until [`Simulation::resample_actuators`].
     ///
     /// # Errors
     /// [`Error::Environment`] or [`Error::Order`] for `envs`; [`Error::Count`] when there is not one entry for every actuator; [`Error::Actuator`]
@@ -46,21 +46,21 @@ impl Simulation {
         }
         let h = self.settings.timestep;
         match (&self.driven, trains) {
-            (Some(driven), _) => driven.redraw(&self.model, trains, envs, self.num_envs, h).map(Some).map_err(Error::Actuator),
+            (Some(driven), _) => driven.resample_actuators(&self.model, trains, envs, self.num_envs, h).map(Some).map_err(Error::Actuator),
             (None, None) => Ok(None),
             (None, Some(trains)) => {
                 // Trains that none was made with, so that whoever is given one hears of it.
                 let none = Driven::new(&self.model, &vec![None; trains.len()], self.num_envs, h).map_err(Error::Actuator)?;
-                none.redraw(&self.model, Some(trains), envs, self.num_envs, h).map(|_| None).map_err(Error::Actuator)
+                none.resample_actuators(&self.model, Some(trains), envs, self.num_envs, h).map(|_| None).map_err(Error::Actuator)
             }
         }
     }
 
     /// Draws the numbers of drive trains anew. What the trains remember, and the rest of the state, stays.
-    pub fn redraw(&mut self, redrawn: Option<Redrawn>) {
+    pub fn resample_actuators(&mut self, redrawn: Option<Redrawn>) {
         if let (Some(driven), Some(redrawn)) = (&mut self.driven, redrawn) {
             self.truth.known = false;
-            self.engine.redraw(&self.settings, &redrawn.trains, &redrawn.envs);
+            self.engine.resample_actuators(&self.settings, &redrawn.trains, &redrawn.envs);
             driven.take(redrawn);
         }
     }

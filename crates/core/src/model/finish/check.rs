@@ -4,7 +4,7 @@ mod assets;
 
 use std::collections::HashSet;
 
-use crate::model::finish::element::{At, Checked};
+use crate::model::finish::element::{Checked, Element};
 use crate::model::hulls::{Hulls, Source};
 use crate::model::{Activation, Description, EqualityKind, JointKind, ModelError, Shape, Transmission};
 
@@ -19,11 +19,11 @@ pub(super) fn structure(model: &Description) -> Checked {
     order("geom", model.geoms.iter().map(|g| (g.name.as_str(), g.body)), model.bodies.len())?;
     joints_fit_bodies(model)?;
     let (nq, nv) = (model.nq(), model.nv());
-    let scene = At("model".into());
+    let scene = Element("model".into());
     scene.length("qpos0", &model.qpos0, nq, "nq of the joints")?;
     scene.length("qpos_spring", &model.qpos_spring, nq, "nq of the joints")?;
     for (i, key) in model.keyframes.iter().enumerate() {
-        let at = At::new("keyframe", &key.name, i);
+        let at = Element::new("keyframe", &key.name, i);
         at.finite("time", &[key.time])?;
         at.length("qpos", &key.qpos, nq, "nq of the joints")?;
         at.length("qvel", &key.qvel, nv, "nv of the joints")?;
@@ -35,13 +35,13 @@ pub(super) fn structure(model: &Description) -> Checked {
 
 fn tree(model: &Description) -> Checked {
     let Some(world) = model.bodies.first() else {
-        return At("model".into()).fail("there are no bodies", "begin with the world body");
+        return Element("model".into()).fail("there are no bodies", "begin with the world body");
     };
     if world.parent != 0 || world.mocap {
-        return At::new("body", &world.name, 0).fail("the world has a parent or is mocap", "give parent 0 and mocap false");
+        return Element::new("body", &world.name, 0).fail("the world has a parent or is mocap", "give parent 0 and mocap false");
     }
     for (i, body) in model.bodies.iter().enumerate().skip(1) {
-        let at = At::new("body", &body.name, i);
+        let at = Element::new("body", &body.name, i);
         if body.parent >= i {
             return at.fail(format!("its parent is body {}, itself body {i}", body.parent), "list parents before their children");
         }
@@ -59,7 +59,7 @@ fn tree(model: &Description) -> Checked {
 fn order<'a>(kind: &str, elements: impl Iterator<Item = (&'a str, usize)>, nbody: usize) -> Checked {
     let mut last = 0;
     for (i, (name, body)) in elements.enumerate() {
-        let at = At::new(kind, name, i);
+        let at = Element::new(kind, name, i);
         at.index("body", body, nbody)?;
         if body < last {
             return at
@@ -72,7 +72,7 @@ fn order<'a>(kind: &str, elements: impl Iterator<Item = (&'a str, usize)>, nbody
 
 fn joints_fit_bodies(model: &Description) -> Checked {
     for (i, joint) in model.joints.iter().enumerate() {
-        let at = At::new("joint", &joint.name, i);
+        let at = Element::new("joint", &joint.name, i);
         if joint.body == 0 {
             return at.fail("would move the world", "give it to another body");
         }
@@ -92,7 +92,7 @@ fn joints_fit_bodies(model: &Description) -> Checked {
 
 /// Every number.
 pub(super) fn values(model: &Description, hulls: Source<'_>) -> Result<Hulls, ModelError> {
-    let scene = At("model".into());
+    let scene = Element("model".into());
     scene.positive("timestep", &[model.timestep], " s")?;
     scene.finite("gravity", &model.gravity)?;
     scene.finite("magnetic", &model.magnetic)?;
@@ -114,7 +114,7 @@ pub(super) fn values(model: &Description, hulls: Source<'_>) -> Result<Hulls, Mo
 
 /// The numbers that environments may have of their own; everything else is as it was when the model was checked.
 pub(super) fn parameters(model: &Description) -> Checked {
-    At("model".into()).finite("gravity", &model.gravity)?;
+    Element("model".into()).finite("gravity", &model.gravity)?;
     bodies(model)?;
     joints(model)?;
     geoms(model)?;
@@ -127,7 +127,7 @@ fn names(model: &Description) -> Checked {
         let mut seen = HashSet::new();
         for name in names.filter(|n| !n.is_empty()) {
             if !seen.insert(name) {
-                return At(format!("{kind} {name:?}"))
+                return Element(format!("{kind} {name:?}"))
                     .fail(format!("another {kind} has the same name"), "give every one its own name, or none");
             }
         }
@@ -146,7 +146,7 @@ fn names(model: &Description) -> Checked {
 
 fn bodies(model: &Description) -> Checked {
     for (i, body) in model.bodies.iter().enumerate() {
-        let at = At::new("body", &body.name, i);
+        let at = Element::new("body", &body.name, i);
         at.finite("pos", &body.pos)?;
         at.finite("centre of mass", &body.ipos)?;
         at.size("mass", &[body.mass], " kg")?;
@@ -173,7 +173,7 @@ fn sorted(mut x: [f64; 3]) -> [f64; 3] {
 
 fn joints(model: &Description) -> Checked {
     for (i, joint) in model.joints.iter().enumerate() {
-        let at = At::new("joint", &joint.name, i);
+        let at = Element::new("joint", &joint.name, i);
         at.finite("pos", &joint.pos)?;
         at.finite("stiffness", &[joint.stiffness])?;
         at.size("damping", &[joint.damping], "")?;
@@ -191,7 +191,7 @@ fn joints(model: &Description) -> Checked {
 
 fn geoms(model: &Description) -> Checked {
     for (i, geom) in model.geoms.iter().enumerate() {
-        let at = At::new("geom", &geom.name, i);
+        let at = Element::new("geom", &geom.name, i);
         match geom.shape {
             Shape::Plane | Shape::HeightField { .. } => {}
             Shape::Sphere { radius } => at.positive("radius", &[radius], " m")?,
@@ -223,7 +223,7 @@ fn geoms(model: &Description) -> Checked {
 
 fn pairs(model: &Description) -> Checked {
     for (i, pair) in model.pairs.iter().enumerate() {
-        let at = At::new("pair", &pair.name, i);
+        let at = Element::new("pair", &pair.name, i);
         pair.geoms.iter().try_for_each(|&g| at.index("geom", g, model.geoms.len()))?;
         if pair.geoms[0] == pair.geoms[1] {
             return at.fail(format!("geom {:?} against itself", model.geom_label(pair.geoms[0])), "name two geoms");
@@ -231,14 +231,14 @@ fn pairs(model: &Description) -> Checked {
         at.contact(pair.condim, &pair.friction, pair.restitution, pair.margin, pair.gap)?;
     }
     for (i, exclude) in model.excludes.iter().enumerate() {
-        exclude.iter().try_for_each(|&b| At::new("exclude", "", i).index("body", b, model.bodies.len()))?;
+        exclude.iter().try_for_each(|&b| Element::new("exclude", "", i).index("body", b, model.bodies.len()))?;
     }
     Ok(())
 }
 
 fn tendons(model: &Description) -> Checked {
     for (i, tendon) in model.tendons.iter().enumerate() {
-        let at = At::new("tendon", &tendon.name, i);
+        let at = Element::new("tendon", &tendon.name, i);
         for &(joint, coefficient) in &tendon.joints {
             at.scalar_joint(model, joint)?;
             at.finite("coefficient", &[coefficient])?;
@@ -256,7 +256,7 @@ fn tendons(model: &Description) -> Checked {
 
 fn equalities(model: &Description) -> Checked {
     for (i, equality) in model.equalities.iter().enumerate() {
-        let at = At::new("equality", &equality.name, i);
+        let at = Element::new("equality", &equality.name, i);
         at.finite("data", &equality.data())?;
         if equality.stiffness.is_nan() || equality.stiffness < 0.0 {
             return at.fail(format!("stiffness is {}", equality.stiffness), "give a number of at least 0, infinity for a hard one");
@@ -293,7 +293,7 @@ fn equalities(model: &Description) -> Checked {
 
 fn actuators(model: &Description) -> Checked {
     for (i, actuator) in model.actuators.iter().enumerate() {
-        let at = At::new("actuator", &actuator.name, i);
+        let at = Element::new("actuator", &actuator.name, i);
         match actuator.transmission {
             Transmission::Joint(j) => at.scalar_joint(model, j)?,
             Transmission::Tendon(t) => at.index("tendon", t, model.tendons.len())?,

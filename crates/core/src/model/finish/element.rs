@@ -9,9 +9,9 @@ pub(in crate::model) type Checked = Result<(), ModelError>;
 const DIMENSIONS: [u8; 4] = [1, 3, 4, 6];
 
 /// An element of the model: errors name it.
-pub(in crate::model) struct At(pub(in crate::model) String);
+pub(in crate::model) struct Element(pub(in crate::model) String);
 
-impl At {
+impl Element {
     pub(in crate::model) fn new(kind: &str, name: &str, index: usize) -> Self {
         Self(format!("{kind} {:?}", label(name, index)))
     }

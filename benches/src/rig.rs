@@ -224,7 +224,7 @@ impl<R: Real> Rig<R> {
             Part::MassMatrix => self.mass_matrix(compiled, theta),
             Part::Factor => self.factor(compiled),
             Part::Actuate => {
-                let at = At::state(&self.q_eval, &self.v, &[], &self.ctrl, &[]);
+                let at = ForceState::state(&self.q_eval, &self.v, &[], &self.ctrl, &[]);
                 actuate(compiled, &at, Some(Implied { theta, all: true }), &mut self.drive);
             }
             Part::Acceleration => {

@@ -7,7 +7,7 @@ use stepper_benches::clock::{Run, pin, thread_time};
 use stepper_benches::episode::{Episode, single};
 use stepper_benches::rig::{Part, Rig, moments};
 use stepper_benches::scenes::Scene;
-use stepper_core::plan::{LanePlan, Plan};
+use stepper_core::compile::{CompiledModel, LaneModel};
 use stepper_core::{Level, Precision};
 use stepper_real::{Real, at_avx512, at_level};
 
@@ -32,7 +32,7 @@ fn stages(c: &mut Criterion) {
 }
 
 fn parts<R: Real<Scalar = f64>, T: Run>(c: &mut Criterion, name: &str, scene: &Scene, whole: impl Fn() -> T) {
-    let plan = LanePlan::new(&Plan::new(&scene.model));
+    let compiled = LaneModel::new(&CompiledModel::new(&scene.model));
     let mut rigs: Option<Vec<Rig<R>>> = None;
     let mut run = None;
     let mut group = c.benchmark_group(name);
@@ -40,8 +40,8 @@ fn parts<R: Real<Scalar = f64>, T: Run>(c: &mut Criterion, name: &str, scene: &S
     group.measurement_time(Duration::from_millis(400)).throughput(Throughput::Elements((MOMENTS * R::LANES) as u64));
     for part in Part::ALL {
         group.bench_function(part.name(), |b| {
-            let rigs = rigs.get_or_insert_with(|| moments(&plan, scene, MOMENTS));
-            b.iter_custom(|times| rigs.iter_mut().map(|rig| repeated(rig, &plan, part, times)).sum());
+            let rigs = rigs.get_or_insert_with(|| moments(&compiled, scene, MOMENTS));
+            b.iter_custom(|times| rigs.iter_mut().map(|rig| repeated(rig, &compiled, part, times)).sum());
         });
     }
     // A hundred steps of the group, or of eight environments one after the other.
@@ -52,12 +52,12 @@ fn parts<R: Real<Scalar = f64>, T: Run>(c: &mut Criterion, name: &str, scene: &S
     });
 }
 
-fn repeated<R: Real<Scalar = f64>>(rig: &mut Rig<R>, plan: &LanePlan<R>, part: Part, times: u64) -> Duration {
-    rig.ready(plan);
+fn repeated<R: Real<Scalar = f64>>(rig: &mut Rig<R>, compiled: &LaneModel<R>, part: Part, times: u64) -> Duration {
+    rig.ready(compiled);
     // Once to warm the caches.
-    rig.repeat(plan, part, 1);
+    rig.repeat(compiled, part, 1);
     let start = thread_time();
-    rig.repeat(plan, part, times);
+    rig.repeat(compiled, part, times);
     thread_time() - start
 }
 

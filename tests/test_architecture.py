@@ -5,11 +5,33 @@ import tomllib
 from pathlib import Path
 
 import pytest
+import rust_modules
 from imports import circle, graph_of, sources_of, trespasses
 
 ROOT = Path(__file__).parents[1]
 CORE = ROOT / "crates/core/src"
-LAYERS = ["spatial", "model", "kinematics", "stages", "step", "batch"]
+CORE_FOLDERS = {
+    "math": set(),
+    "geometry": {"math"},
+    "error": {"math", "model"},
+    "options": {"math", "error"},
+    "model": {"geometry"},
+    "compile": {"geometry", "model"},
+    "dynamics": {"math", "model", "compile"},
+    "collision": {"math", "geometry", "model", "compile", "dynamics"},
+    "actuation": {"math", "model", "compile", "dynamics"},
+    "constraints": {"math", "options", "compile", "dynamics", "collision"},
+    "sensing": {"math", "model", "compile", "dynamics", "collision", "actuation"},
+    "stages": {"math", "model", "options", "compile", "dynamics", "collision", "actuation", "constraints", "sensing"},
+    "integrators": {"math", "model", "options", "compile", "dynamics", "collision", "actuation", "constraints", "stages"},
+    "step": {"options", "compile", "stages", "integrators"},
+    "analysis": {"math", "model", "compile", "dynamics", "collision", "actuation", "sensing", "stages", "integrators"},
+    "batch": {
+        *("math", "model", "error", "options", "compile", "dynamics", "collision", "actuation", "sensing", "stages", "integrators", "step"),
+        "analysis",
+    },
+}
+"""Folders and single files of the core, and the others that each may use."""
 PACKAGE = ROOT / "python/stepper"
 BINARY = frozenset({"stepper._stepper"})
 FOLDERS = {
@@ -40,19 +62,6 @@ def code(file: Path) -> str:
     return re.sub(r"//.*", "", file.read_text())
 
 
-def imports(file: Path) -> set[str]:
-    """Modules of its own crate that a file names after `crate::`, also in lists."""
-    text = code(file)
-    found = set(re.findall(r"\bcrate::(\w+)", text))
-    for group in re.findall(r"\bcrate::\{([^;]*)\}", text):
-        found |= set(re.findall(r"(?:^|,)\s*(\w+)", group))
-    return found
-
-
-def files_of(module: str) -> list[Path]:
-    return [f for f in [CORE / f"{module}.rs", *sorted((CORE / module).rglob("*.rs"))] if f.exists()]
-
-
 @pytest.mark.parametrize(("crate", "allowed"), [
     ("real", set()), ("solve", {"real"}), ("core", {"real", "solve"}), ("python", {"core"}),
 ])  # fmt: skip
@@ -76,15 +85,6 @@ def test_no_stage_imports_another(stage):
     assert not re.search(r"\bsuper::(?!\*)", text.split("#[cfg(test)]")[0])
 
 
-@pytest.mark.parametrize("layer", LAYERS)
-def test_layers_of_the_core_import_downwards(layer):
-    files = files_of(layer)
-    assert files, f"there is no {layer} in {CORE}"
-    above = set(LAYERS[LAYERS.index(layer) + 1 :])
-    for file in files:
-        assert not imports(file) & above, f"{file.relative_to(ROOT)} imports {imports(file) & above}"
-
-
 def test_solve_knows_no_bodies_and_the_bindings_no_numbers():
     """`solve` names neither bodies nor shapes nor Python; only the bindings know Python."""
     for file in (ROOT / "crates/solve/src").rglob("*.rs"):
@@ -92,6 +92,51 @@ def test_solve_knows_no_bodies_and_the_bindings_no_numbers():
     for crate in ("real", "solve", "core"):
         for file in (ROOT / "crates" / crate / "src").rglob("*.rs"):
             assert not re.search(r"\b(pyo3|numpy)\b", code(file)), file
+
+
+@pytest.mark.parametrize("crate", ["real", "solve", "core", "python"])
+def test_no_rust_files_use_one_another_in_a_circle(crate):
+    graph = rust_modules.graph_of(rust_modules.sources_of(ROOT / "crates" / crate / "src"))
+    assert sum(map(len, graph.values())) > 10
+    assert circle(graph) == []
+
+
+def test_folders_of_the_core_use_one_another_one_way():
+    assert circle(CORE_FOLDERS) == []
+    graph = rust_modules.graph_of(rust_modules.sources_of(CORE))
+    folders = {name.partition("::")[0] for name in graph} - {""}
+    assert folders == set(CORE_FOLDERS)
+    found = {}
+    for module, used in graph.items():
+        place = module.partition("::")[0]
+        if place:
+            found.setdefault(place, set()).update(u.partition("::")[0] for u in used if u and u.partition("::")[0] != place)
+    assert {place: used - CORE_FOLDERS[place] for place, used in found.items() if used - CORE_FOLDERS[place]} == {}
+
+
+CRATE = {
+    "": "mod a;\nmod c;\npub use a::One;",
+    "a": "mod b;\npub use b::Two;\npub struct One;\nuse crate::c::Three;",
+    "a::b": "pub struct Two;",
+    "c": "pub struct Three;",
+}
+
+
+def test_a_name_that_is_handed_on_is_of_the_file_that_defines_it():
+    graph = rust_modules.graph_of(CRATE | {"c": "use crate::{One, a::Two};\n#[cfg(test)]\nmod tests { use crate::a; }"})
+    assert graph["c"] == {"a", "a::b"}
+    assert rust_modules.graph_of(CRATE)["a"] == {"c"}
+
+
+@pytest.mark.parametrize(("planted", "found"), [
+    ({"c": "use crate::a::{Two as Other, One};"}, {"a", "c"}),
+    ({"c": "fn f() { crate::a::one() }"}, {"a", "c"}),
+    ({"c": "use super::a;"}, {"a", "c"}),
+    ({"c": "use crate::One;"}, {"a", "c"}),
+    ({"a::b": "pub struct Two;\nuse super::One;", "a": "mod b;\npub struct One;\nfn f() { b::two() }"}, {"a", "a::b"}),
+])  # fmt: skip
+def test_a_planted_circle_of_rust_files_is_found(planted, found):
+    assert set(circle(rust_modules.graph_of(CRATE | planted))) == found
 
 
 def test_every_python_module_is_in_a_declared_folder():

@@ -170,7 +170,7 @@ impl Heap {
             problem.push_contact(&support, |c| entries[c], true, FRICTION, g);
             iterate.contacts.push([f64::zero(); 3]);
         }
-        iterate.start(&problem);
+        iterate.compute_w(&problem);
         (problem, iterate)
     }
 }

@@ -5,17 +5,20 @@
 
 use std::hint::black_box;
 
-use stepper_core::constraints::{Constraints, Moment};
-use stepper_core::contacts::Contacts;
-use stepper_core::drive::{At, Drive, Implicit, Implied, Theta};
-use stepper_core::inertia::{MassMatrix, NewtonEuler, bias_force};
-use stepper_core::kinematics::{Kinematics, advance, displace};
+use stepper_core::actuation::forces::{Drive, ForceState, Implicit, Implied};
+use stepper_core::collision::contact_set::Contacts;
+use stepper_core::collision::detection::GeomPoses;
+use stepper_core::compile::LaneModel;
+use stepper_core::constraints::{AssemblyInput, Constraints};
+use stepper_core::dynamics::implicit_weights::ImplicitWeights;
+use stepper_core::dynamics::inertia::{MassMatrix, NewtonEuler, bias_force};
+use stepper_core::dynamics::kinematics::{Kinematics, advance, displace};
+use stepper_core::math::spatial::{Inertia, V3, zero};
 use stepper_core::options::StepSettings;
-use stepper_core::plan::LanePlan;
-use stepper_core::spatial::{Inertia, V3, zero};
 use stepper_core::stages::s01_actuate::actuate;
 use stepper_core::stages::s02_smooth::Smooth;
-use stepper_core::stages::s03_detect::{GeomPoses, detect};
+use stepper_core::stages::s03_detect::detect;
+use stepper_core::stages::s04_assemble;
 use stepper_core::stages::s05_solve::solve;
 use stepper_core::stages::s06_integrate_velocity::integrate_velocity;
 use stepper_core::stages::s07_integrate_position::integrate_position;
@@ -132,37 +135,37 @@ pub struct Rig<R: Real> {
 
 impl<R: Real> Rig<R> {
     /// As many environments as there are lanes, in the state and with the first control of an episode; warm starts are cold.
-    pub fn new(plan: &LanePlan<R>, episode: &Episode) -> Self {
+    pub fn new(compiled: &LaneModel<R>, episode: &Episode) -> Self {
         use stepper_core::batch::Field;
         let zeros = |n: usize| vec![R::zero(); n];
-        let room = plan.contact_points.min(16 + 4 * plan.links.len());
+        let room = compiled.contact_points.min(16 + 4 * compiled.links.len());
         let mut rig = Self {
-            q: zeros(plan.nq),
-            v: zeros(plan.nv),
+            q: zeros(compiled.nq),
+            v: zeros(compiled.nv),
             settings: *episode.simulation().settings(),
-            ctrl: zeros(plan.actuators.len()),
+            ctrl: zeros(compiled.actuators.len()),
             alive: R::Mask::splat(true),
-            kinematics: Kinematics::new(plan),
-            smooth: Smooth::new(plan),
-            poses: GeomPoses::new(plan),
+            kinematics: Kinematics::new(compiled),
+            smooth: Smooth::new(compiled),
+            poses: GeomPoses::new(compiled),
             last: Contacts::new(room),
             last_impulses: vec![],
-            last_scalars: zeros(plan.limits.len() + plan.frictions.len()),
+            last_scalars: zeros(compiled.limits.len() + compiled.frictions.len()),
             contacts: Contacts::new(room),
-            constraints: Constraints::new(plan, room),
+            constraints: Constraints::new(compiled, room),
             warm_scalars: vec![],
             warm_contacts: vec![],
-            matrix: MassMatrix::new(plan),
-            factors: MassMatrix::new(plan),
-            composite: vec![zero(); plan.links.len()],
-            recursion: NewtonEuler::new(plan),
-            bias: zeros(plan.nv),
-            drive: Drive::new(plan),
-            none: zeros(plan.nv),
-            q_eval: zeros(plan.nq),
-            q_next: zeros(plan.nq),
-            v_free: zeros(plan.nv),
-            v_next: zeros(plan.nv),
+            matrix: MassMatrix::new(compiled),
+            factors: MassMatrix::new(compiled),
+            composite: vec![zero(); compiled.links.len()],
+            recursion: NewtonEuler::new(compiled),
+            bias: zeros(compiled.nv),
+            drive: Drive::new(compiled),
+            none: zeros(compiled.nv),
+            q_eval: zeros(compiled.nq),
+            q_next: zeros(compiled.nq),
+            v_free: zeros(compiled.nv),
+            v_next: zeros(compiled.nv),
         };
         for lane in 0..R::LANES {
             for (field, to) in [(Field::Qpos, &mut rig.q), (Field::Qvel, &mut rig.v)] {
@@ -184,8 +187,8 @@ impl<R: Real> Rig<R> {
     }
 
     /// Makes a plain step.
-    pub fn step(&mut self, plan: &LanePlan<R>) {
-        self.ready(plan);
+    pub fn step(&mut self, compiled: &LaneModel<R>) {
+        self.ready(compiled);
         std::mem::swap(&mut self.q, &mut self.q_next);
         std::mem::swap(&mut self.v, &mut self.v_next);
         std::mem::swap(&mut self.last, &mut self.contacts);
@@ -194,44 +197,44 @@ impl<R: Real> Rig<R> {
     }
 
     /// Does every part once from the state and the warm start, so that each can be repeated with what it reads.
-    pub fn ready(&mut self, plan: &LanePlan<R>) {
+    pub fn ready(&mut self, compiled: &LaneModel<R>) {
         self.constraints.scalar_impulse.clone_from(&self.last_scalars);
-        Part::ALL.into_iter().for_each(|part| self.once(plan, part));
+        Part::ALL.into_iter().for_each(|part| self.once(compiled, part));
     }
 
     /// Does a part over and over at the same moment.
-    pub fn repeat(&mut self, plan: &LanePlan<R>, part: Part, times: u64) {
+    pub fn repeat(&mut self, compiled: &LaneModel<R>, part: Part, times: u64) {
         for _ in 0..times {
-            self.once(black_box(plan), part);
+            self.once(black_box(compiled), part);
         }
     }
 
     #[inline(never)]
-    fn once(&mut self, plan: &LanePlan<R>, part: Part) {
+    fn once(&mut self, compiled: &LaneModel<R>, part: Part) {
         let h = R::of(self.settings.timestep);
         let half = R::of(0.5 * self.settings.timestep);
-        let theta = Theta { damping: half, stiffness: half * half, step: h };
+        let theta = ImplicitWeights { damping: half, stiffness: half * half, step: h };
         match part {
-            Part::Displace => displace(plan, &self.q, &self.v, half, &mut self.q_eval),
-            Part::Kinematics => self.kinematics.update(plan, &self.q_eval),
+            Part::Displace => displace(compiled, &self.q, &self.v, half, &mut self.q_eval),
+            Part::Kinematics => self.kinematics.update(compiled, &self.q_eval),
             Part::Mass => {
                 let implicit = Implicit { theta, servos: &self.drive.weight, arms: &self.drive.arms, drag_at: Some(&self.v) };
-                self.smooth.factor_mass(plan, &self.kinematics, implicit);
+                self.smooth.factor_mass(compiled, &self.kinematics, implicit);
             }
-            Part::MassMatrix => self.mass_matrix(plan, theta),
-            Part::Factor => self.factor(plan),
+            Part::MassMatrix => self.mass_matrix(compiled, theta),
+            Part::Factor => self.factor(compiled),
             Part::Actuate => {
-                let at = At::state(&self.q_eval, &self.v, &[], &self.ctrl, &[]);
-                actuate(plan, &at, Some(Implied { theta, all: true }), &mut self.drive);
+                let at = ForceState::state(&self.q_eval, &self.v, &[], &self.ctrl, &[]);
+                actuate(compiled, &at, Some(Implied { theta, all: true }), &mut self.drive);
             }
             Part::Acceleration => {
-                self.smooth.acceleration(plan, &self.kinematics, [&self.drive.tau, &self.none], &self.v, &self.v);
+                self.smooth.acceleration(compiled, &self.kinematics, [&self.drive.tau, &self.none], &self.v, &self.v);
                 advance(&self.v, &self.smooth.acc, h, &mut self.v_free);
             }
-            Part::BiasForce => self.bias_force(plan),
+            Part::BiasForce => self.bias_force(compiled),
             Part::Detect => {
                 let velocities = [&self.v[..], &self.v_free[..]];
-                detect(plan, &self.kinematics, velocities, [h, R::zero()], self.alive, &mut self.poses, &mut self.contacts);
+                detect(compiled, &self.kinematics, velocities, [h, R::zero()], self.alive, &mut self.poses, &mut self.contacts);
             }
             Part::WarmStart => {
                 // It uses up what it reads.
@@ -244,16 +247,24 @@ impl<R: Real> Rig<R> {
                 let motion = &self.smooth.work;
                 let (losses, closing) = (&self.drive.losses[..], R::one());
                 let (q, v, v_free, alive) = (&self.q_eval[..], &self.v[..], &self.v_free[..], self.alive);
-                let moment = Moment { q, v, motion, v_free, losses, h, lead: half, closing, alive };
-                self.constraints.assemble(plan, &self.settings, &self.kinematics, &self.smooth.mass, &moment, &mut self.contacts);
+                let moment = AssemblyInput { q, v, motion, v_free, losses, h, lead: half, closing, alive };
+                s04_assemble::assemble(
+                    compiled,
+                    &self.settings,
+                    &self.kinematics,
+                    &self.smooth.mass,
+                    &moment,
+                    &mut self.contacts,
+                    &mut self.constraints,
+                );
                 self.warm_scalars.clone_from(&self.constraints.iterate.scalars);
                 self.warm_contacts.clone_from(&self.constraints.iterate.contacts);
             }
             Part::Solve => self.solve(),
             Part::Velocity => {
-                integrate_velocity(plan, &self.smooth.mass, &self.v_free, &self.constraints, &mut self.v_next);
+                integrate_velocity(compiled, &self.smooth.mass, &self.v_free, &self.constraints, &mut self.v_next);
             }
-            Part::Position => integrate_position(plan, &self.q_eval, &self.v_next, half, &mut self.q_next),
+            Part::Position => integrate_position(compiled, &self.q_eval, &self.v_next, half, &mut self.q_next),
         }
     }
 
@@ -266,36 +277,36 @@ impl<R: Real> Rig<R> {
                 iterate.clear();
                 iterate.scalars.extend_from_slice(&self.warm_scalars);
                 iterate.contacts.extend_from_slice(&self.warm_contacts);
-                iterate.start(problem);
+                iterate.compute_w(problem);
             },
         );
         solve(&self.settings, &self.v, self.constraints.constrained, &mut self.constraints, &mut self.contacts);
     }
 
-    fn mass_matrix(&mut self, plan: &LanePlan<R>, theta: Theta<R>) {
+    fn mass_matrix(&mut self, compiled: &LaneModel<R>, theta: ImplicitWeights<R>) {
         R::vectorize(
             #[inline(always)]
             || {
-                self.matrix.assemble(plan, &self.kinematics, &mut self.composite);
-                self.matrix.add_joints(plan, theta, &mut []);
+                self.matrix.assemble(compiled, &self.kinematics, &mut self.composite);
+                self.matrix.add_joints(compiled, theta, &mut []);
             },
         );
     }
 
-    fn factor(&mut self, plan: &LanePlan<R>) {
+    fn factor(&mut self, compiled: &LaneModel<R>) {
         R::vectorize(
             #[inline(always)]
             || {
                 self.factors.entries.copy_from_slice(&self.matrix.entries);
-                self.factors.factor(plan);
+                self.factors.factor(compiled);
             },
         );
     }
 
-    fn bias_force(&mut self, plan: &LanePlan<R>) {
+    fn bias_force(&mut self, compiled: &LaneModel<R>) {
         R::vectorize(
             #[inline(always)]
-            || bias_force(plan, &self.kinematics, &self.v, &mut self.recursion, &mut self.bias),
+            || bias_force(compiled, &self.kinematics, &self.v, &mut self.recursion, &mut self.bias),
         );
     }
 }
@@ -307,16 +318,16 @@ fn set_lane<R: Real>(lane: usize, values: &[f64], to: &mut [R]) {
 }
 
 /// The same group at several moments of an episode, so that no single one of them is typical for all.
-pub fn moments<R: Real>(plan: &LanePlan<R>, scene: &Scene, count: usize) -> Vec<Rig<R>> {
+pub fn moments<R: Real>(compiled: &LaneModel<R>, scene: &Scene, count: usize) -> Vec<Rig<R>> {
     use stepper_core::{Level, Precision};
     let level = *Level::available().last().unwrap_or(&Level::Baseline);
     let episode = Episode::new(scene, 0, R::LANES, Precision::F64, level);
-    let mut rig = Rig::new(plan, &episode);
+    let mut rig = Rig::new(compiled, &episode);
     let calls = episode.controls().iter().cycle().take(count);
     calls
         .map(|control| {
             rig.control(control);
-            (0..Episode::hold()).for_each(|_| rig.step(plan));
+            (0..Episode::hold()).for_each(|_| rig.step(compiled));
             rig.clone()
         })
         .collect()

@@ -6,8 +6,8 @@ use stepper_benches::peers::{Course, Engine, Ours, Rapier, Setting, answer, erro
 use stepper_benches::rig::Rig;
 use stepper_benches::scenes::{Scene, ant, humanoid};
 use stepper_core::batch::{Field, StepInputs};
+use stepper_core::compile::{CompiledModel, LaneModel};
 use stepper_core::model::{Model, Shape};
-use stepper_core::plan::{LanePlan, Plan};
 use stepper_core::{Integrator, Level, Options, Precision, Simulation, Status};
 use stepper_real::Real;
 
@@ -106,17 +106,17 @@ fn runs_repeat_their_bits() {
 #[test]
 fn the_parts_make_nearly_the_step() {
     let scene = Scene::humanoid();
-    let plan = LanePlan::new(&Plan::new(&scene.model));
+    let compiled = LaneModel::new(&CompiledModel::new(&scene.model));
     let mut episode = Episode::new(&scene, 0, 8, Precision::F64, Level::Baseline);
-    let mut rig = Rig::<stepper_real::F64x8>::new(&plan, &episode);
-    rig.step(&plan);
+    let mut rig = Rig::<stepper_real::F64x8>::new(&compiled, &episode);
+    rig.step(&compiled);
     let control = episode.controls()[0].clone();
     episode.simulation_mut().step(&StepInputs { ctrl: &control, ..StepInputs::default() }, 1).unwrap();
-    let mut v = vec![0.0; plan.nv];
+    let mut v = vec![0.0; compiled.nv];
     let (mut apart, mut length) = (0.0, 0.0);
     for env in 0..8 {
         episode.simulation().get(Field::Qvel, env, &mut v).unwrap();
-        apart += (0..plan.nv).map(|i| (rig.v[i].lane(env) - v[i]).powi(2)).sum::<f64>();
+        apart += (0..compiled.nv).map(|i| (rig.v[i].lane(env) - v[i]).powi(2)).sum::<f64>();
         length += v.iter().map(|v| v * v).sum::<f64>();
     }
     let apart = (apart / length).sqrt();

@@ -1,4 +1,5 @@
-//! `STEPPER_ONE_LEVEL=avx512` (or `avx2`, `baseline`) builds the kernels of that CPU level only: a development build in less than half the time.
+//! `STEPPER_ONE_LEVEL=avx512` (or `avx2`, `baseline`) builds the kernels of that CPU level only: a development build in less than half the
+//! time.
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");

@@ -11,8 +11,8 @@ use stepper_benches::episode::{Episode, single};
 use stepper_benches::rig::{Part, Rig, moments};
 use stepper_benches::scenes::{Scene, chain};
 use stepper_core::batch::StepInputs;
+use stepper_core::compile::{CompiledModel, LaneModel};
 use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
-use stepper_core::plan::{LanePlan, Plan};
 use stepper_core::{Level, Options, Precision, Simulation};
 use stepper_real::{Real, at_avx512, at_level};
 
@@ -76,15 +76,15 @@ fn stages(scene: &Scene, level: Level) {
 
 /// Microseconds per environment of every part.
 fn stage_times<R: Real>(scene: &Scene) -> Vec<f64> {
-    let plan = LanePlan::new(&Plan::new(&scene.model));
-    let mut rigs: Vec<Rig<R>> = moments(&plan, scene, MOMENTS);
+    let compiled = LaneModel::new(&CompiledModel::new(&scene.model));
+    let mut rigs: Vec<Rig<R>> = moments(&compiled, scene, MOMENTS);
     let mut time = |part: Part| {
         let mut total = Duration::ZERO;
         for rig in &mut rigs {
-            rig.ready(&plan);
+            rig.ready(&compiled);
             let rounds = (0..ROUNDS).map(|_| {
                 let start = thread_time();
-                rig.repeat(&plan, part, REPEATS);
+                rig.repeat(&compiled, part, REPEATS);
                 thread_time() - start
             });
             total += rounds.min().expect("there are rounds");
@@ -96,16 +96,16 @@ fn stage_times<R: Real>(scene: &Scene) -> Vec<f64> {
 
 /// Operations of the step, what the core does in a second, and the time that no code can be faster than.
 fn floor(scene: &Scene, level: Level) {
-    let plan = LanePlan::new(&Plan::new(&scene.model));
-    let mut rigs: Vec<Rig<Counted>> = moments(&plan, scene, MOMENTS);
+    let compiled = LaneModel::new(&CompiledModel::new(&scene.model));
+    let mut rigs: Vec<Rig<Counted>> = moments(&compiled, scene, MOMENTS);
     let sweeps = at_level!(level, F64x8, rates());
     println!("| part | sums | divisions, roots | others | floor in f64 lanes, us |\n|---|---|---|---|---|");
     let mut all = [0.0; 4];
     for part in Part::ALL.into_iter().filter(|&part| calls(part) > 0.0) {
         let mut done = [0.0; 3];
         for rig in &mut rigs {
-            rig.ready(&plan);
-            let found = Operations::of(|| rig.repeat(&plan, part, 1));
+            rig.ready(&compiled);
+            let found = Operations::of(|| rig.repeat(&compiled, part, 1));
             for (sum, n) in done.iter_mut().zip([found.sums, found.divisions, found.others]) {
                 *sum += calls(part) * n as f64 / MOMENTS as f64;
             }

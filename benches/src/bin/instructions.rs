@@ -11,7 +11,7 @@ use stepper_benches::episode::{Episode, single};
 use stepper_benches::report::rustc;
 use stepper_benches::rig::{Part, Rig, moments};
 use stepper_benches::scenes::Scene;
-use stepper_core::plan::{LanePlan, Plan};
+use stepper_core::compile::{CompiledModel, LaneModel};
 use stepper_core::{Level, Precision};
 use stepper_real::{Real, at_level};
 
@@ -161,11 +161,11 @@ fn work() {
 /// The stages of the humanoid's step.
 fn stages<R: Real<Scalar = f64>>() {
     let scene = Scene::humanoid();
-    let plan = LanePlan::new(&Plan::new(&scene.model));
-    let mut rigs: Vec<Rig<R>> = moments(&plan, &scene, MOMENTS);
+    let compiled = LaneModel::new(&CompiledModel::new(&scene.model));
+    let mut rigs: Vec<Rig<R>> = moments(&compiled, &scene, MOMENTS);
     for part in Part::ALL {
-        rigs.iter_mut().for_each(|rig| rig.ready(&plan));
-        counted(&mut || rigs.iter_mut().for_each(|rig| rig.repeat(&plan, part, 1)));
+        rigs.iter_mut().for_each(|rig| rig.ready(&compiled));
+        counted(&mut || rigs.iter_mut().for_each(|rig| rig.repeat(&compiled, part, 1)));
         println!("{MOMENTS} humanoid f64, {}", part.name());
     }
 }

@@ -3,8 +3,9 @@
 use stepper_benches::boxes::{FRICTION, Heap, STEP};
 use stepper_benches::clock::{pin, thread_time};
 use stepper_benches::report::{cpu, rustc};
+use stepper_solve::gauss_seidel::{self, SweepSettings};
 use stepper_solve::newton::Newton;
-use stepper_solve::{Iterate, Problem, pgs, residual};
+use stepper_solve::{Iterate, Problem, residual};
 
 /// Residual to be reached, m/s.
 const TOLERANCE: f64 = 1e-6;
@@ -39,7 +40,7 @@ is a residual that was not brought down, and what is left of it in m/s.
 
 * **PGS**: sweeps with the exact solution of every contact, at most {SWEEPS}; the residual is taken after every sweep.
 * **PGS+AA**: the same with Anderson's acceleration (1965; Walker and Ni 2011), at most {SWEEPS}. `solver=\"pgs\"` is this.
-* **AL-Newton**: the second tier alone, augmented-Lagrangian Newton island by island, at most {STEPS} steps. `solver=\"newton\"` is this
+* **AL-Newton**: augmented-Lagrangian Newton island by island, at most {STEPS} steps. `solver=\"newton\"` is this
   after two sweeps.",
     )
 }
@@ -54,7 +55,7 @@ const MEANING: &str = "
 * Newton's method needs a few steps on every stack and pinch, whatever the masses, and some ten times as many in a wall, where many contacts
   share the load and which of them slide has to be found. A step factorises a matrix, so it costs as much as ten to twenty sweeps.
 * So neither is enough alone: robots on legs and light contacts converge in a few warm-started sweeps, over eight environments at a time; stacks,
-  pinches and mass ratios need the second tier. `solver=\"auto\"`, the default, sweeps at most 50 times, and sends the environments whose
+  pinches and mass ratios need Newton's method. `solver=\"auto\"`, the default, sweeps at most 50 times, and sends the environments whose
   residual is then above `tolerance` to Newton's method, one by one. `sim.residual` says what either left.
 * In steps of a simulation both begin with the impulses of the step before: these are the costs of a blow, not of rest.
 ";
@@ -84,7 +85,7 @@ fn cell(heap: &Heap, method: Method) -> String {
 fn plain(problem: &Problem<f64>, iterate: &mut Iterate<f64>) -> (f64, f64) {
     let mut left = f64::INFINITY;
     for sweep in 1..=SWEEPS {
-        left = pgs::solve(problem, iterate, pgs::Settings { sweeps: 1, tolerance: TOLERANCE }, true).residual;
+        left = gauss_seidel::solve(problem, iterate, SweepSettings { sweeps: 1, tolerance: TOLERANCE }, true).residual;
         if left <= TOLERANCE {
             return (left, f64::from(sweep));
         }
@@ -93,7 +94,7 @@ fn plain(problem: &Problem<f64>, iterate: &mut Iterate<f64>) -> (f64, f64) {
 }
 
 fn accelerated(problem: &Problem<f64>, iterate: &mut Iterate<f64>) -> (f64, f64) {
-    let outcome = pgs::solve(problem, iterate, pgs::Settings { sweeps: SWEEPS, tolerance: TOLERANCE }, true);
+    let outcome = gauss_seidel::solve(problem, iterate, SweepSettings { sweeps: SWEEPS, tolerance: TOLERANCE }, true);
     (outcome.residual, outcome.sweeps)
 }
 

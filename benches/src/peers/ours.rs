@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use stepper_core::batch::{Field, StepInputs};
-use stepper_core::kinematics::Kinematics;
+use stepper_core::dynamics::kinematics::Kinematics;
 use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
 use stepper_core::{Integrator, Level, Options, Precision, SavedState, Simulation};
 
@@ -56,16 +56,17 @@ impl Engine for Ours {
     }
 
     fn centres(&self) -> Vec<[f64; 3]> {
-        let plan = self.simulation.plan();
-        let mut q = vec![0.0; plan.nq];
+        let compiled = self.simulation.compiled();
+        let mut q = vec![0.0; compiled.nq];
         self.simulation.get(Field::Qpos, 0, &mut q).expect("nq numbers");
-        let mut kinematics = Kinematics::new(plan);
-        kinematics.update(plan, &q);
-        (0..plan.links.len()).map(|l| kinematics.point(l + 1, plan.params.inertial(l).com)).collect()
+        let mut kinematics = Kinematics::new(compiled);
+        kinematics.update(compiled, &q);
+        (0..compiled.links.len()).map(|l| kinematics.point(l + 1, compiled.params.inertial(l).com)).collect()
     }
 
     fn energy(&self) -> f64 {
-        let (potential, kinetic) = self.simulation.snapshot(0, &StepInputs::default()).expect("no inputs").energy(self.simulation.plan());
+        let (potential, kinetic) =
+            self.simulation.snapshot(0, &StepInputs::default()).expect("no inputs").energy(self.simulation.compiled());
         potential + kinetic
     }
 

@@ -3,8 +3,8 @@
 use stepper_real::LevelError;
 use thiserror::Error;
 
+use crate::math::precision::Precision;
 use crate::model::{ModelError, Parameter};
-use crate::options::Precision;
 
 /// A call that cannot be carried out. Nothing was changed by it.
 ///

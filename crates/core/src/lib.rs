@@ -70,76 +70,46 @@
 
 #[doc(hidden)]
 pub mod actuation;
+pub mod analysis;
 #[doc(hidden)]
 pub mod batch;
-mod broad;
+#[doc(hidden)]
+pub mod collision;
+#[doc(hidden)]
+pub mod compile;
 #[doc(hidden)]
 pub mod constraints;
 #[doc(hidden)]
-pub mod contacts;
-#[doc(hidden)]
-pub mod drive;
+pub mod dynamics;
 mod error;
-#[doc(hidden)]
-pub mod fluid;
 #[doc(hidden)]
 pub mod geometry;
 #[doc(hidden)]
-pub mod inertia;
-mod islands;
+pub mod integrators;
 #[doc(hidden)]
-pub mod kinematics;
-mod lanes;
-#[doc(hidden)]
-pub mod limit;
-#[doc(hidden)]
-pub mod mocap;
+pub mod math;
 pub mod model;
 #[doc(hidden)]
-pub mod normals;
-#[doc(hidden)]
 pub mod options;
-pub mod overlaps;
-#[doc(hidden)]
-pub mod plan;
-#[doc(hidden)]
-pub mod query;
-#[doc(hidden)]
-pub mod restitution;
-mod rk4;
-pub mod rollout;
-#[doc(hidden)]
-pub mod saved;
 #[doc(hidden)]
 pub mod sensing;
-mod simulation;
-#[doc(hidden)]
-pub mod spatial;
-#[doc(hidden)]
-pub mod spin;
 #[doc(hidden)]
 pub mod stages;
 #[doc(hidden)]
-pub mod state;
-#[doc(hidden)]
 pub mod step;
-#[doc(hidden)]
-pub mod surfaces;
-#[doc(hidden)]
-pub mod theta;
-#[doc(hidden)]
-pub mod worker;
 
 pub use actuation::{DriveTrain, Motor, Servo};
+pub use analysis::quantities::Snapshot;
+pub use batch::rollout;
+pub use batch::saved_state::SavedState;
+pub use batch::simulation::{BodyPose, Contact, Simulation};
 pub use batch::{Field, StepInputs};
 pub use error::Error;
+pub use math::precision::Precision;
 pub use model::{Model, ModelError, Parameter};
 #[cfg(feature = "nalgebra")]
 pub use nalgebra;
-pub use options::{Integrator, Options, Precision, Solver, Stabilization};
-pub use query::Snapshot;
-pub use saved::SavedState;
+pub use options::{Integrator, Options, Solver, Stabilization};
 pub use sensing::errors::Transfer;
-pub use simulation::{BodyPose, Contact, Simulation};
 pub use stages::s10_record::Status;
 pub use stepper_real::{Level, LevelError};

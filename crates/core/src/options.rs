@@ -5,6 +5,7 @@ use std::fmt::Display;
 use serde::{Deserialize, Serialize};
 
 use crate::error::Error;
+use crate::math::precision::Precision;
 
 /// How velocities and positions advance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -49,26 +50,6 @@ pub enum Solver {
     Pgs,
     /// Augmented-Lagrangian Newton for all but what the first sweeps solve.
     Newton,
-}
-
-/// Scalar type of the lanes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Precision {
-    /// Eight lanes of 64 bits.
-    F64,
-    /// Sixteen lanes of 32 bits.
-    F32,
-}
-
-impl Precision {
-    /// Residual at which the solver stops unless [`Options::tolerance`] says otherwise, m/s: 1e-6 in 64 bits, 1e-4 in 32, whose rounding
-    /// keeps the residual from going much lower.
-    pub const fn tolerance(self) -> f64 {
-        match self {
-            Self::F64 => 1e-6,
-            Self::F32 => 1e-4,
-        }
-    }
 }
 
 /// Settings of a step, as a user gives them. Times in s, lengths in m (rad for hinge limits), velocities in m/s.

@@ -50,8 +50,8 @@ fn a_step_allocates_nothing_the_second_time() {
     for options in settings {
         for (n, precision) in [(1, Precision::F64), (20, Precision::F64), (20, Precision::F32)] {
             let mut sim = Simulation::at_level(model.clone(), options, Some(n), precision, 1, level);
-            sim.couple(&trains(&model)).unwrap();
-            sim.equip(&errors(&model)).unwrap();
+            sim.set_actuator_models(&trains(&model)).unwrap();
+            sim.set_sensor_models(&errors(&model)).unwrap();
             for env in 0..n {
                 let (q, v) = start(&model, env);
                 sim.set(Field::Qpos, env, &q).unwrap();

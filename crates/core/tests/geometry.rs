@@ -1,9 +1,9 @@
 //! Narrow phase against sampling, and the symmetries that it must have.
 
 use proptest::prelude::*;
-use stepper_core::contacts::frame;
-use stepper_core::geometry::{Segment, plane_box, plane_sphere, segments};
-use stepper_core::spatial::*;
+
+use stepper_core::collision::pairs::{Segment, plane_box, plane_sphere, segments};
+use stepper_core::math::spatial::*;
 
 fn vector(size: f64) -> impl Strategy<Value = V3<f64>> {
     prop::array::uniform3(-size..size)
@@ -80,7 +80,7 @@ proptest! {
 
     #[test]
     fn parallel_capsules_touch_at_both_ends_of_their_overlap(axis in unit(), offset in 0.1..0.5f64, slide in -1.0..1.0f64) {
-        let [_, side, _] = frame(axis);
+        let [_, side, _] = contact_frame(axis);
         let a = Segment { centre: [0.0; 3], axis, half_length: 0.6, radius: 0.1 };
         let b = Segment { centre: add(scale(side, offset), scale(axis, slide)), axis: scale(axis, -1.0), half_length: 0.5, radius: 0.1 };
         let (points, two) = segments(&a, &b);
@@ -109,7 +109,7 @@ proptest! {
 
     #[test]
     fn frames_are_right_handed(n in unit()) {
-        let [a, b, c] = frame(n);
+        let [a, b, c] = contact_frame(n);
         prop_assert!(dot(a, b).abs() < 1e-12 && dot(a, c).abs() < 1e-12 && dot(b, c).abs() < 1e-12);
         prop_assert!(norm(sub(cross(a, b), c)) < 1e-12 && (norm(b) - 1.0).abs() < 1e-12);
     }

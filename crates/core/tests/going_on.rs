@@ -6,9 +6,9 @@ use std::sync::Arc;
 
 use common::{action, errors, noise, start, trains, walker};
 use proptest::prelude::*;
+use stepper_core::batch::rollout::{Numbers, Quantity, Recording};
 use stepper_core::batch::{Field, StepInputs};
 use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, Parameter, WORLD};
-use stepper_core::rollout::{Numbers, Quantity, Recording};
 use stepper_core::{Integrator, Options, Precision, Simulation, Stabilization};
 
 /// What a user may do between two calls of `step`.
@@ -65,8 +65,8 @@ impl Scene {
     fn simulation(&self) -> Simulation {
         let mut sim = Simulation::new(self.model.clone(), self.options, Some(self.num_envs), self.precision, 2).unwrap();
         if self.equipped {
-            sim.couple(&trains(&self.model)).unwrap();
-            sim.equip(&errors(&self.model)).unwrap();
+            sim.set_actuator_models(&trains(&self.model)).unwrap();
+            sim.set_sensor_models(&errors(&self.model)).unwrap();
         }
         sim
     }

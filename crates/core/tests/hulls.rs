@@ -7,10 +7,10 @@ use std::sync::Arc;
 
 use proptest::prelude::*;
 use shapes::{unit, vector};
-use stepper_core::geometry::convex::{
-    Approach, ConvexShape, Hull, HullError, Known, Manifold, Parting, Partings, Point, Pose, Reach, Room, collide, distance,
+use stepper_core::geometry::{
+    Approach, ConvexShape, Hull, HullError, Known, Manifold, Point, Pose, Reach, Room, SeparatingPlane, SeparatingPlanes, collide, distance,
 };
-use stepper_core::spatial::*;
+use stepper_core::math::spatial::*;
 
 type V = V3<f64>;
 
@@ -88,8 +88,8 @@ fn moved(pose: &Pose, way: V, turn: V) -> Pose {
 }
 
 /// Whether two hulls of this size are parted for an approach.
-fn are_parted(parting: &Parting, pa: &Pose, pb: &Pose, approach: &Approach, size: f64) -> bool {
-    let mut partings = Partings::<f64>::none();
+fn are_parted(parting: &SeparatingPlane, pa: &Pose, pb: &Pose, approach: &Approach, size: f64) -> bool {
+    let mut partings = SeparatingPlanes::<f64>::none();
     partings.set_lane(0, parting);
     partings.keep(sub(pb.pos, pa.pos), [&pa.mat, &pb.mat], approach, size)
 }

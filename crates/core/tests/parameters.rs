@@ -1,4 +1,4 @@
-//! Parameters per environment: which numbers of a plan they are, and the same bits from every kind of lane.
+//! Parameters per environment: which numbers of a compiled model they are, and the same bits from every kind of lane.
 
 mod common;
 
@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use common::{action, bits, noise, start, walker};
 use stepper_core::batch::{Field, StepInputs};
+use stepper_core::compile::{CompiledModel, Params};
 use stepper_core::model::{Model, Parameter};
-use stepper_core::plan::{Params, Plan};
 use stepper_core::{Level, Options, Precision, Simulation};
 
 /// The numbers of a field, each times a factor of its own from 0.9 to 1.1; those of one joint times the same one.
@@ -20,24 +20,24 @@ fn varied(model: &Model, name: &str, seed: u64) -> Vec<f64> {
     values.iter().enumerate().map(|(k, x)| x * (1.0 + 0.1 * noise(seed(row(k))))).collect()
 }
 
-/// What is left of a plan without its parameters. Solids are made to size when they collide.
-fn structure(mut plan: Plan<f64>) -> String {
-    plan.params = Params::default();
-    plan.geoms.iter_mut().for_each(|g| g.solid = None);
-    format!("{plan:?}")
+/// What is left of a compiled model without its parameters. Solids are made to size when they collide.
+fn structure(mut compiled: CompiledModel<f64>) -> String {
+    compiled.params = Params::default();
+    compiled.geoms.iter_mut().for_each(|g| g.solid = None);
+    format!("{compiled:?}")
 }
 
 #[test]
 fn whatever_may_differ_is_a_parameter_and_a_plan_makes_those_of_its_variants() {
     let model = walker();
-    let plan = Plan::<f64>::new(&model);
-    let whole = structure(plan.clone());
+    let compiled = CompiledModel::<f64>::new(&model);
+    let whole = structure(compiled.clone());
     for name in Parameter::ALL.map(Parameter::name) {
         let variant = model.replace(name, &varied(&model, name, 1)).unwrap();
-        let own = Plan::<f64>::new(&variant);
+        let own = CompiledModel::<f64>::new(&variant);
         let to_bits = |params: &Params<f64>| params.numbers().iter().map(|x| x.to_bits()).collect::<Vec<_>>();
-        assert_eq!(to_bits(&plan.params_of(&variant)), to_bits(&own.params), "{name}");
-        assert_eq!(own.params.len(), plan.params.len(), "{name}");
+        assert_eq!(to_bits(&compiled.params_of(&variant)), to_bits(&own.params), "{name}");
+        assert_eq!(own.params.len(), compiled.params.len(), "{name}");
         assert_eq!(structure(own), whole, "{name}");
     }
 }

@@ -202,8 +202,8 @@ fn errors_have_types_to_match() {
     assert!(matches!(sim.step(&inputs, 1), Err(Error::Length { name: "ctrl", found: 1, must: 0, .. })));
     let inputs = StepInputs { mocap_pos: &[0.0; 6], ..StepInputs::default() };
     assert!(matches!(sim.step(&inputs, 1), Err(Error::MocapPoses)));
-    assert!(matches!(sim.equip(&[None]), Err(Error::Count { name: "transfers", found: 1, must: 0, .. })));
-    assert!(matches!(sim.couple(&[None]), Err(Error::Count { name: "drives", found: 1, must: 0, .. })));
+    assert!(matches!(sim.set_sensor_models(&[None]), Err(Error::Count { name: "transfers", found: 1, must: 0, .. })));
+    assert!(matches!(sim.set_actuator_models(&[None]), Err(Error::Count { name: "drives", found: 1, must: 0, .. })));
     let state = simulation(model, Options::default(), 2).save_state();
     assert!(matches!(sim.restore_state(&state), Err(Error::StatePrecision { found: Precision::F64, must: Precision::F32 })));
     let three = Simulation::new(sim.model().clone(), Options::default(), Some(3), Precision::F32, 1).unwrap().save_state();

@@ -9,9 +9,9 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 use proptest::prelude::*;
 use shapes::{cases, simple, unit, vector};
 use stepper_core::batch::{Field, StepInputs};
-use stepper_core::geometry::convex::{ConvexShape, Grid, Manifold, Pose, Room, Surface, collide_surface};
+use stepper_core::geometry::{ConvexShape, Grid, Manifold, Pose, Room, Surface, collide_surface};
+use stepper_core::math::spatial::*;
 use stepper_core::model::{BodyBuilder, GeomBuilder, HeightField, JointBuilder, Model, WORLD};
-use stepper_core::spatial::*;
 use stepper_core::{Integrator, Level, Options, Precision, Simulation, Solver};
 
 const STEP: f64 = 0.01;

@@ -2,6 +2,7 @@
 
 mod array;
 mod contacts;
+mod error;
 mod memory;
 mod model;
 mod options;

@@ -3,6 +3,8 @@
 use std::path::PathBuf;
 
 use numpy::{Element, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use std::sync::Arc;
+
 use pyo3::exceptions::{PyIndexError, PyKeyError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyCFunction, PyDict, PyList, PyTuple, PyType};
@@ -11,7 +13,6 @@ use stepper_core::Precision;
 use stepper_core::model::{Description, Field, HeightField, Keyframe, Mesh, Model as Core, REPLACEABLE, Sensor};
 
 use crate::array::{array, assign_attribute, check_shape, hint, read_only, readonly, shape_text, whole};
-use crate::stepper::SharedModel;
 
 pyo3::create_exception!(
     stepper._stepper,
@@ -30,7 +31,7 @@ pub(crate) fn to_py(error: stepper_core::ModelError) -> PyErr {
 /// value and pickle.
 #[pyclass(module = "stepper._stepper", frozen)]
 pub(crate) struct Model {
-    pub(crate) core: SharedModel,
+    pub(crate) core: Arc<stepper_core::Model>,
 }
 
 /// "Mass, kg: (nbody,)."
@@ -170,7 +171,7 @@ impl Model {
     /// What the source asks for and something else runs by default; what is modelled; what was left out and why; what costs nothing;
     /// what rigid bodies cannot model; and what is in the way of what at the reference pose.
     fn explain(&self) -> String {
-        stepper_core::overlaps::explain(&self.core)
+        stepper_core::analysis::overlaps::explain(&self.core)
     }
 
     /// A new model with other values in some fields, e.g. `geom_restitution=` (ngeom,); what derives from a field follows.

@@ -5,7 +5,7 @@ use pyo3::prelude::*;
 use stepper_core::{Integrator, Options, Solver, Stabilization};
 
 use crate::array::{described, whole};
-use crate::stepper::value_error;
+use crate::error::value_error;
 
 /// The attributes of the Python dataclass, by name.
 struct Given<'a, 'py>(&'a Bound<'py, PyAny>);

@@ -7,8 +7,9 @@ use pyo3::types::PyDict;
 use stepper_core::{Parameter, Precision};
 
 use crate::array::{array, check_shape, read_only_of_environments, readonly};
+use crate::error::value_error;
 use crate::model::to_py;
-use crate::stepper::{Stepper, drives, value_error};
+use crate::stepper::{Stepper, drives};
 
 /// The field that is no field of the model.
 const ACTUATORS: &str = "actuators";
@@ -46,7 +47,7 @@ impl Stepper {
         if !assigned.is_empty() {
             self.simulation.randomize(&assigned, envs).map_err(value_error)?;
         }
-        self.simulation.redraw(redrawn.flatten());
+        self.simulation.resample_actuators(redrawn.flatten());
         Ok(())
     }
 

@@ -5,11 +5,12 @@ use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use stepper_core::Precision;
-use stepper_core::rollout::{Numbers, Quantity, Recording};
+use stepper_core::batch::rollout::{Numbers, Quantity, Recording};
 
 use crate::array::{check_shape, described, readonly, shape_text};
+use crate::error::value_error;
 use crate::options::unknown;
-use crate::stepper::{Stepper, value_error, watched};
+use crate::stepper::{Stepper, watched};
 
 /// What is always written down, so that nothing that went wrong is silent.
 const CERTIFICATE: [&str; 2] = ["status", "residual"];

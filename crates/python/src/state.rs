@@ -4,7 +4,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyTuple};
 use stepper_core::SavedState;
 
-use crate::stepper::value_error;
+use crate::error::value_error;
 
 /// Everything that survives a step, of all environments of a `Stepper` or of one; see `Stepper.get_state`.
 ///

@@ -1,10 +1,8 @@
 //! `stepper.Stepper`.
 
-use std::sync::Arc;
-
 use numpy::{PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::PyTypeInfo;
-use pyo3::exceptions::{PyIndexError, PyKeyboardInterrupt, PyMemoryError, PyOverflowError, PyRuntimeError, PyTypeError, PyValueError};
+use pyo3::exceptions::{PyIndexError, PyKeyboardInterrupt, PyOverflowError, PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
 use stepper_core::actuation::DriveTrain;
@@ -13,7 +11,8 @@ use stepper_core::{Error, Field, Precision, SavedState, Simulation, StepInputs};
 
 use crate::array::{array, assign_attribute, check_shape, described, hint, read_only, readonly, shape_text, whole, with_numbers};
 use crate::contacts::structured;
-use crate::model::{Model, to_py};
+use crate::error::value_error;
+use crate::model::Model;
 use crate::options::{settings, unknown};
 use crate::state::State;
 
@@ -96,15 +95,6 @@ impl Applied {
 
     fn name(self) -> &'static str {
         ["qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat"][self as usize]
-    }
-}
-
-pub(crate) fn value_error(error: Error) -> PyErr {
-    match error {
-        Error::Model(e) => to_py(e),
-        Error::Memory { .. } => PyMemoryError::new_err(error.to_string()),
-        Error::Threads(message) => PyRuntimeError::new_err(message),
-        _ => PyValueError::new_err(error.to_string()),
     }
 }
 
@@ -392,7 +382,7 @@ impl Stepper {
         read_only(array(py, &shape, std::mem::take(&mut found[which]), self.precision)?, name)
     }
 
-    fn snapshot(&self, py: Python<'_>, env: Env) -> PyResult<stepper_core::query::Snapshot> {
+    fn snapshot(&self, py: Python<'_>, env: Env) -> PyResult<stepper_core::analysis::quantities::Snapshot> {
         let env = self.env(env)?;
         let model = self.simulation.model();
         let row = |which: Applied, width: usize| -> PyResult<Vec<f64>> {
@@ -577,11 +567,11 @@ impl Stepper {
         let mut simulation = Simulation::new(core, settings, num_envs, precision, threads).map_err(value_error)?;
         let n = simulation.num_envs();
         if let Some(actuators) = &actuators {
-            simulation.couple(&drives(actuators, &model, n, None)?).map_err(value_error)?;
+            simulation.set_actuator_models(&drives(actuators, &model, n, None)?).map_err(value_error)?;
         }
         (0..n).for_each(|env| simulation.begin(env, Some(seed)));
         if let Some(sensors) = &sensors {
-            simulation.equip(&transfers(sensors, &model, n)?).map_err(value_error)?;
+            simulation.set_sensor_models(&transfers(sensors, &model, n)?).map_err(value_error)?;
         }
         let brief = BRIEF / (n * nv.max(1));
         let (applied, copies) = ([const { None }; 4], Copies::default());
@@ -1244,6 +1234,3 @@ impl Stepper {
         format!("<stepper.Stepper: {envs} of \"{}\", {} s>", self.simulation.model().name, self.timestep())
     }
 }
-
-/// The core's model, shared.
-pub(crate) type SharedModel = Arc<stepper_core::Model>;

@@ -2,8 +2,9 @@
 //!
 //! The only level of every architecture but x86-64, where they are what other lanes are compared with.
 
-use crate::operators::{as_lanes, lane_access, operators, vectorize};
-use crate::{Mask, Real};
+use crate::mask::Mask;
+use crate::operators::{as_lanes, elementary_functions, lane_access, operators, vectorize};
+use crate::real::Real;
 
 macro_rules! each_lane {
     ($make:path, $n:literal, |$i:ident| $e:expr) => {{
@@ -48,6 +49,7 @@ macro_rules! array_lanes {
         impl Real for $name {
             lane_access!($name, $scalar, $n);
             vectorize!();
+            elementary_functions!();
             type Mask = $mask;
             type Half = Self;
 

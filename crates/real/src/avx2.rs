@@ -6,8 +6,9 @@
 //! `#[inline(always)]`, so that the intrinsics end up inlined into the function that [`Real::vectorize`] makes and inherit its
 //! `#[target_feature]`; outside of one they are calls, slow but right.
 
-use crate::operators::{as_lanes, lane_access, operators, vectorize};
-use crate::{Mask, Real};
+use crate::mask::Mask;
+use crate::operators::{as_lanes, elementary_functions, lane_access, operators, vectorize};
+use crate::real::Real;
 use core::arch::x86_64::{__m256i, _CMP_EQ_OQ, _CMP_LE_OQ, _CMP_LT_OQ};
 
 /// Round to the nearest integer, ties to even, with no inexact exception.
@@ -69,6 +70,7 @@ macro_rules! avx2_lanes {
         impl Real for $name {
             lane_access!($name, $scalar, $n);
             vectorize!("avx2");
+            elementary_functions!();
             type Mask = $mask;
             type Half = Self;
 
@@ -204,7 +206,7 @@ macro_rules! avx2_lanes {
 }
 
 mod double {
-    use super::*;
+    use crate::avx2::*;
     use core::arch::x86_64::{
         __m256d as Raw, _mm256_add_pd as add, _mm256_and_pd as and, _mm256_and_si256 as and_int, _mm256_andnot_pd as andnot,
         _mm256_blendv_pd as blend, _mm256_castpd_si256 as to_int, _mm256_castsi256_pd as from_int, _mm256_cmp_pd as cmp,
@@ -221,7 +223,7 @@ mod double {
     }
 }
 mod single {
-    use super::*;
+    use crate::avx2::*;
     use core::arch::x86_64::{
         __m256 as Raw, _mm256_add_ps as add, _mm256_and_ps as and, _mm256_and_si256 as and_int, _mm256_andnot_ps as andnot,
         _mm256_blendv_ps as blend, _mm256_castps_si256 as to_int, _mm256_castsi256_ps as from_int, _mm256_cmp_ps as cmp,

@@ -13,7 +13,9 @@
 //! | f32 | 0.80 | 0.79 | 0.84 | 0.91 | 1.47 | 0.92 |
 
 use crate::coefficients::Coefficients;
-use crate::{Mask, Real, Scalar};
+use crate::mask::Mask;
+use crate::real::Real;
+use crate::scalar::Scalar;
 
 /// c0 + c1 x + c2 x^2 + ..., by Horner's rule.
 #[inline(always)]
@@ -78,7 +80,7 @@ fn cos_reduced<R: Real>(x: R, low: R) -> R {
 }
 
 #[inline(always)]
-pub(crate) fn sin_cos<R: Real>(x: R) -> (R, R) {
+pub fn sin_cos<R: Real>(x: R) -> (R, R) {
     let (k, high, low) = reduce(x);
     let (s, c) = (sin_reduced(high, low), cos_reduced(high, low));
     // The quadrant k mod 4, from -2 to 2.
@@ -92,14 +94,14 @@ pub(crate) fn sin_cos<R: Real>(x: R) -> (R, R) {
 }
 
 #[inline(always)]
-pub(crate) fn sin_cos_octant<R: Real>(x: R) -> (R, R) {
+pub fn sin_cos_octant<R: Real>(x: R) -> (R, R) {
     (sin_reduced(x, R::zero()), cos_reduced(x, R::zero()))
 }
 
 /// ln x = e ln 2 + ln(1 + f) for x = 2^e (1 + f) with 1 + f from sqrt(1/2) to sqrt(2), and ln(1 + f) = f - f^2/2 + s (f^2/2 + P(s^2)),
 /// where s = f / (2 + f).
 #[inline(always)]
-pub(crate) fn ln<R: Real>(x: R) -> R {
+pub fn ln<R: Real>(x: R) -> R {
     let zero = R::zero();
     // Subnormal numbers have no exponent of their own; this makes them normal in either precision.
     const SHIFT: u32 = 54;
@@ -115,7 +117,7 @@ pub(crate) fn ln<R: Real>(x: R) -> R {
 
 /// ln x of a positive normal number.
 #[inline(always)]
-pub(crate) fn ln_normal<R: Real>(x: R) -> R {
+pub fn ln_normal<R: Real>(x: R) -> R {
     let (m, e) = x.split();
     ln_of_parts(m, e)
 }
@@ -138,7 +140,7 @@ fn ln_of_parts<R: Real>(m: R, e: R) -> R {
 
 /// e^x = 2^k e^r with r = x - k ln 2, and e^r = 1 + r + r c / (2 - c), where c = r - r^2 P(r^2).
 #[inline(always)]
-pub(crate) fn exp<R: Real>(x: R) -> R {
+pub fn exp<R: Real>(x: R) -> R {
     let [ln2_high, ln2_low] = R::Scalar::LN_2;
     // In this order NaN stays NaN.
     let x = R::splat(R::Scalar::EXP_MIN).max(R::splat(R::Scalar::EXP_MAX).min(x));
@@ -157,7 +159,7 @@ pub(crate) fn exp<R: Real>(x: R) -> R {
 /// The angle in the first octant (smaller over larger coordinate), then mirrored. An octant angle above atan(7/16) is measured from
 /// atan(1/2) or atan(1) by the addition theorem, in coordinates instead of their quotient: one division in all.
 #[inline(always)]
-pub(crate) fn atan2<R: Real>(y: R, x: R) -> R {
+pub fn atan2<R: Real>(y: R, x: R) -> R {
     let (zero, one, two) = (R::zero(), R::one(), R::of(2.0));
     let (ax, ay) = (x.abs(), y.abs());
     let steep = ay.gt(ax);
@@ -201,7 +203,7 @@ fn select2<R: Real>(m: R::Mask, a: [R::Scalar; 2], b: [R; 2]) -> [R; 2] {
 
 /// pi/2 - asin x below 1/2, else by acos x = 2 asin sqrt((1 - x)/2), where asin s = s + s R(s^2).
 #[inline(always)]
-pub(crate) fn acos<R: Real>(x: R) -> R {
+pub fn acos<R: Real>(x: R) -> R {
     let one = R::one();
     let magnitude = x.abs();
     let outer = magnitude.ge(R::of(0.5));

@@ -5,7 +5,7 @@ use core::str::FromStr;
 use std::sync::OnceLock;
 
 #[cfg(target_arch = "x86_64")]
-use crate::Real;
+use crate::real::Real;
 
 /// The environment variable that overrides [`Level::best`].
 const VARIABLE: &str = "STEPPER_CPU_LEVEL";
@@ -127,8 +127,8 @@ impl std::error::Error for LevelError {}
 /// Calls a generic function with the lane type of a CPU level, picked at run time.
 ///
 /// `at_level!(level, F64x8, step(state, h))` is `step::<F64x8>(state, h)` with the `F64x8` of that [`Level`]: its first type argument is
-/// the lane type (`F64x1`, `F64x8` or `F32x16`, which need not be imported); further ones are written `step::<_, Further>(state, h)`. The types of
-/// arguments and result are the same at every level: numbers go in and out as scalars, through [`Real::load`] and [`Real::store`].
+/// the lane type (`F64x1`, `F64x8` or `F32x16`, which need not be imported); further ones are written `step::<_, Further>(state, h)`. The
+/// types of arguments and result are the same at every level: numbers go in and out as scalars, through [`Real::load`] and [`Real::store`].
 ///
 /// The function itself is ordinary code. What it computes it computes in [`Real::vectorize`], which compiles a closure with the level's
 /// instructions; the closure and all that it calls must be `#[inline(always)]`, or they run with baseline instructions.
@@ -215,7 +215,8 @@ macro_rules! at_avx512 {
     }};
 }
 
-/// A witness that the CPU has the instructions of [`Level::Avx2`]: the lane types of this level have no other name than [`Avx2`] gives them.
+/// A witness that the CPU has the instructions of [`Level::Avx2`]: the lane types of this level have no other name than [`Avx2`] gives
+/// them.
 ///
 /// # Safety
 /// Its implementor is named only where [`Level::is_available`] said so before. [`at_level!`](crate::at_level) does that.
@@ -267,9 +268,9 @@ impl<T: HasAvx2> Avx2 for T {
 impl<T: HasAvx512> Avx512 for T {
     type F64x1 = crate::lone::F64x1;
     type F64x8 = crate::avx512::F64x8;
-    type F64x16 = crate::Two<crate::avx512::F64x8>;
+    type F64x16 = crate::two::Two<crate::avx512::F64x8>;
     type F32x16 = crate::avx512::F32x16;
-    type F32x32 = crate::Two<crate::avx512::F32x16>;
+    type F32x32 = crate::two::Two<crate::avx512::F32x16>;
 }
 
 // A `cfg` inside `at_level!` would ask the features of the crate that uses it; these ask those of this crate.

@@ -43,7 +43,8 @@ mod avx2;
 mod avx512;
 pub mod baseline;
 mod coefficients;
-mod elementary;
+#[doc(hidden)]
+pub mod elementary;
 mod level;
 #[cfg(target_arch = "x86_64")]
 mod lone;

@@ -1,10 +1,10 @@
-//! One `f64` with AVX2 instructions around it, for one environment alone: the arithmetic of `f64`, in kernels that the compiler may vectorise
-//! across what one environment has. Features: `avx2`.
+//! One `f64` with AVX2 instructions around it, for one environment alone: the arithmetic of `f64`, in kernels that the compiler may
+//! vectorise across what one environment has. Features: `avx2`.
 //!
 //! Wider registers gain it nothing (measured on the models of `benches/versus`), so it is the type of the level above as well.
 
-use crate::Real;
-use crate::operators::{operators, vectorize};
+use crate::operators::{elementary_functions, operators, vectorize};
+use crate::real::Real;
 
 /// One `f64`. As for the wider types, it may be used only where the CPU was asked for the level before.
 #[derive(Clone, Copy, Debug, Default)]
@@ -32,6 +32,7 @@ impl Real for F64x1 {
     type Half = Self;
     const LANES: usize = 1;
     vectorize!("avx2");
+    elementary_functions!();
 
     #[inline(always)]
     fn splat(x: f64) -> Self {

@@ -1,4 +1,4 @@
-//! What is written once for every lane type: operators, `Default`, `Debug`, access to lanes, and `Real::vectorize`.
+//! What is written once for every lane type: operators, `Default`, `Debug`, access to lanes, elementary functions, and `Real::vectorize`.
 
 /// Implements the binary operators of a lane type from one expression each.
 macro_rules! operators {
@@ -93,4 +93,40 @@ macro_rules! lane_access {
     };
 }
 
-pub(crate) use {as_lanes, lane_access, operators, vectorize};
+/// The elementary functions of `impl Real`, the same for every lane type, for use inside the impl. So the trait knows nothing of how they are
+/// computed, and what computes them is written against the trait.
+#[macro_export]
+macro_rules! elementary_functions {
+    () => {
+        #[inline(always)]
+        fn sin_cos(self) -> (Self, Self) {
+            $crate::elementary::sin_cos(self)
+        }
+        #[inline(always)]
+        fn sin_cos_octant(self) -> (Self, Self) {
+            $crate::elementary::sin_cos_octant(self)
+        }
+        #[inline(always)]
+        fn ln(self) -> Self {
+            $crate::elementary::ln(self)
+        }
+        #[inline(always)]
+        fn ln_normal(self) -> Self {
+            $crate::elementary::ln_normal(self)
+        }
+        #[inline(always)]
+        fn exp(self) -> Self {
+            $crate::elementary::exp(self)
+        }
+        #[inline(always)]
+        fn atan2(self, x: Self) -> Self {
+            $crate::elementary::atan2(self, x)
+        }
+        #[inline(always)]
+        fn acos(self) -> Self {
+            $crate::elementary::acos(self)
+        }
+    };
+}
+
+pub(crate) use {as_lanes, elementary_functions, lane_access, operators, vectorize};

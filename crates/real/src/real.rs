@@ -1,6 +1,7 @@
 //! The trait that the simulator's hot path is generic over.
 
-use crate::{Mask, Scalar, elementary};
+use crate::mask::Mask;
+use crate::scalar::Scalar;
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
@@ -90,33 +91,34 @@ pub trait Real:
     /// # Panics
     /// When there is no lane `i`.
     fn set_lane(&mut self, i: usize, x: Self::Scalar);
-    /// Lane `order[i]` becomes lane i, for each lane of `Half`.
+    /// Gathers lanes into half the registers: lane `sources[i]` becomes lane i, for each lane of `Half`.
     ///
     /// # Panics
-    /// When `order` is shorter than that, or names a lane that is not there.
+    /// When `sources` is shorter than that, or names a lane that does not exist.
     #[inline(always)]
-    fn pick(self, order: &[u32]) -> Self::Half {
-        let mut picked = Self::Half::zero();
-        for (i, &l) in order[..Self::Half::LANES].iter().enumerate() {
-            picked.set_lane(i, self.lane(l as usize));
+    fn gather_lanes(self, sources: &[u32]) -> Self::Half {
+        let mut gathered = Self::Half::zero();
+        for (i, &l) in sources[..Self::Half::LANES].iter().enumerate() {
+            gathered.set_lane(i, self.lane(l as usize));
         }
-        picked
+        gathered
     }
-    /// The same for two of these: the lanes of `high` come after those of `low`. Of a lane that is not there something is picked, or it panics.
+    /// Gathers lanes of two vectors: lane `sources[i]` becomes lane i, where the lanes of `high` are numbered after those of `low`. A
+    /// source that does not exist gives some number, or panics.
     #[inline(always)]
-    fn pick_of_two(low: Self, high: Self, order: &[u32]) -> Self {
-        let mut picked = Self::zero();
-        for (i, &l) in order[..Self::LANES].iter().enumerate() {
+    fn gather_lanes_of_two(low: Self, high: Self, sources: &[u32]) -> Self {
+        let mut gathered = Self::zero();
+        for (i, &l) in sources[..Self::LANES].iter().enumerate() {
             let l = l as usize;
-            picked.set_lane(i, if l < Self::LANES { low.lane(l) } else { high.lane(l - Self::LANES) });
+            gathered.set_lane(i, if l < Self::LANES { low.lane(l) } else { high.lane(l - Self::LANES) });
         }
-        picked
+        gathered
     }
     /// Runs `kernel` as a function of its own, compiled with the instructions of this type's CPU level: what it inlines, it inlines with
     /// them. So a long computation can be made of several kernels called from ordinary code, each compiled once.
     ///
-    /// The closure and all that it calls must be `#[inline(always)]`, or they run with baseline instructions, every operation a call: an array's `map`
-    /// and `from_fn` do, which call closures through functions of their own.
+    /// The closure and all that it calls must be `#[inline(always)]`, or they run with baseline instructions, every operation a call: an
+    /// array's `map` and `from_fn` do, which call closures through functions of their own.
     fn vectorize<T>(kernel: impl FnOnce() -> T) -> T;
 
     /// `self < o`; false where either is NaN.
@@ -178,10 +180,7 @@ pub trait Real:
     /// Sine and cosine, within 0.8 ulp up to 1.6e6 rad (f32: 1.2e4 rad).
     ///
     /// Further out the error grows to about one ulp of `self`, and then to anything in [-1, 1]. NaN for infinities.
-    #[inline(always)]
-    fn sin_cos(self) -> (Self, Self) {
-        elementary::sin_cos(self)
-    }
+    fn sin_cos(self) -> (Self, Self);
     /// Sine; see [`Real::sin_cos`].
     #[inline(always)]
     fn sin(self) -> Self {
@@ -193,34 +192,16 @@ pub trait Real:
         self.sin_cos().1
     }
     /// Sine and cosine of at most pi/4 either way, within 0.8 ulp: what [`Real::sin_cos`] makes of an argument that needs no reduction.
-    #[inline(always)]
-    fn sin_cos_octant(self) -> (Self, Self) {
-        elementary::sin_cos_octant(self)
-    }
+    fn sin_cos_octant(self) -> (Self, Self);
     /// Natural logarithm, within 0.85 ulp. -infinity for zeros of either sign, NaN below.
-    #[inline(always)]
-    fn ln(self) -> Self {
-        elementary::ln(self)
-    }
+    fn ln(self) -> Self;
     /// What [`Real::ln`] makes of a positive normal number. Anything else gives some number, the same everywhere.
-    #[inline(always)]
-    fn ln_normal(self) -> Self {
-        elementary::ln_normal(self)
-    }
+    fn ln_normal(self) -> Self;
     /// e^self, within 0.9 ulp (f32: 0.95). Overflows to infinity; underflows gradually through the subnormals to 0.
-    #[inline(always)]
-    fn exp(self) -> Self {
-        elementary::exp(self)
-    }
+    fn exp(self) -> Self;
     /// The angle of the point (`x`, `self`) in [-pi, pi], with IEEE 754's signed zeros and infinities in all quadrants;
     /// within 1.6 ulp.
-    #[inline(always)]
-    fn atan2(self, x: Self) -> Self {
-        elementary::atan2(self, x)
-    }
+    fn atan2(self, x: Self) -> Self;
     /// Arc cosine in [0, pi], within 0.9 ulp (f32: 0.95); NaN outside [-1, 1].
-    #[inline(always)]
-    fn acos(self) -> Self {
-        elementary::acos(self)
-    }
+    fn acos(self) -> Self;
 }

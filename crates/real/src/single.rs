@@ -1,7 +1,7 @@
 //! One environment: a plain `f64` (the reference) or `f32`, and the meaning of every operation that a backend must reproduce.
 
-use crate::Real;
-use crate::operators::vectorize;
+use crate::operators::{elementary_functions, vectorize};
+use crate::real::Real;
 
 macro_rules! single {
     ($t:ident, $int:ident, $mantissa_bits:literal, $exponent_bias:literal) => {
@@ -11,6 +11,7 @@ macro_rules! single {
             type Half = Self;
             const LANES: usize = 1;
             vectorize!();
+            elementary_functions!();
 
             #[inline(always)]
             fn splat(x: $t) -> Self {

@@ -1,12 +1,14 @@
-//! Lanes in four SSE registers, masks as vectors of compare results. Every x86-64 CPU has SSE2, so these are the lanes of its baseline level.
+//! Lanes in four SSE registers, masks as vectors of compare results. Every x86-64 CPU has SSE2, so these are the lanes of its baseline
+//! level.
 //!
-//! [Portable lanes](crate::array) are compiled to much the same instructions in the end, but the compiler has to find the vectors among scalars
-//! first, which took longer than all other lane types together.
+//! [Portable lanes](crate::array) are compiled to much the same instructions in the end, but the compiler has to find the vectors among
+//! scalars first, which took longer than all other lane types together.
 
 use core::arch::x86_64::{__m128i, _mm_and_si128 as and_int, _mm_cmpeq_epi32 as equal_int, _mm_set1_epi32 as set1_int};
 
-use crate::operators::{as_lanes, lane_access, operators, vectorize};
-use crate::{Mask, Real};
+use crate::mask::Mask;
+use crate::operators::{as_lanes, elementary_functions, lane_access, operators, vectorize};
+use crate::real::Real;
 
 /// The same expression of all quarters; `$i` is the quarter.
 macro_rules! quarters {
@@ -72,6 +74,7 @@ macro_rules! sse2_lanes {
         impl Real for $name {
             lane_access!($name, $scalar, $n);
             vectorize!();
+            elementary_functions!();
             type Mask = $mask;
             type Half = Self;
 
@@ -160,8 +163,8 @@ macro_rules! sse2_lanes {
             }
             #[inline(always)]
             fn from_bits(bits: u32) -> Self {
-                // Lane i keeps bit i of the broadcast word, and is true when that is still there. SSE2 compares 32 bits at the most: a lane of 64 has
-                // its bit twice.
+                // Lane i keeps bit i of the broadcast word, and is true when that is still there. SSE2 compares 32 bits at the most: a lane
+                // of 64 has its bit twice.
                 const BIT: [i32; 16] = {
                     let mut bit = [0; 16];
                     let mut i = 0;
@@ -215,7 +218,7 @@ macro_rules! sse2_lanes {
 }
 
 mod double {
-    use super::*;
+    use crate::sse2::*;
     use core::arch::x86_64::{
         __m128d as Raw, _mm_add_pd as add, _mm_and_pd as and, _mm_andnot_pd as andnot, _mm_castpd_si128 as to_int,
         _mm_castsi128_pd as from_int, _mm_cmpeq_pd as equal, _mm_cmple_pd as less_equal, _mm_cmplt_pd as less, _mm_div_pd as div,
@@ -231,7 +234,7 @@ mod double {
     }
 }
 mod single {
-    use super::*;
+    use crate::sse2::*;
     use core::arch::x86_64::{
         __m128 as Raw, _mm_add_ps as add, _mm_and_ps as and, _mm_andnot_ps as andnot, _mm_castps_si128 as to_int,
         _mm_castsi128_ps as from_int, _mm_cmpeq_ps as equal, _mm_cmple_ps as less_equal, _mm_cmplt_ps as less, _mm_div_ps as div,

@@ -1,11 +1,13 @@
 //! Two registers side by side.
 //!
-//! Whatever is done once for a group of lanes, an index, a branch, a call, is then done for twice as many; and while an operation on one register
-//! waits for the one before, that on the other goes on.
+//! Whatever is done once for a group of lanes, an index, a branch, a call, is then done for twice as many; and while an operation on one
+//! register waits for the one before, that on the other goes on.
 
 use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
-use crate::{Mask, Real};
+use crate::mask::Mask;
+use crate::operators::elementary_functions;
+use crate::real::Real;
 
 /// The lanes of two registers, those of the first before those of the second.
 #[derive(Clone, Copy, Debug, Default)]
@@ -53,6 +55,7 @@ impl<R: Real<Half = R>> Real for Two<R> {
     type Mask = TwoMask<R>;
     type Half = R;
     const LANES: usize = 2 * R::LANES;
+    elementary_functions!();
 
     #[inline(always)]
     fn vectorize<T>(kernel: impl FnOnce() -> T) -> T {
@@ -83,8 +86,8 @@ impl<R: Real<Half = R>> Real for Two<R> {
         register.set_lane(i % R::LANES, x);
     }
     #[inline(always)]
-    fn pick(self, order: &[u32]) -> R {
-        R::pick_of_two(self.0, self.1, order)
+    fn gather_lanes(self, sources: &[u32]) -> R {
+        R::gather_lanes_of_two(self.0, self.1, sources)
     }
     #[inline(always)]
     fn lt(self, o: Self) -> TwoMask<R> {

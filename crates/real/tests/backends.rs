@@ -299,24 +299,24 @@ fn a_lane_does_not_see_its_neighbours() {
     }
 }
 
-fn picked<R: Real>(x: &[R::Scalar], order: &[u32], out: &mut [R::Scalar]) {
+fn gathered<R: Real>(x: &[R::Scalar], order: &[u32], out: &mut [R::Scalar]) {
     R::vectorize(
         #[inline(always)]
-        || R::load(x).pick(order).store(out),
+        || R::load(x).gather_lanes(order).store(out),
     )
 }
 
 /// Picks half of the lanes of two portable registers and of two of AVX-512.
-macro_rules! check_picks {
+macro_rules! check_gathered {
     ($x:ident, $order:ident, $portable:ident, $lanes:ident) => {{
         let expected: Vec<_> = $order.iter().map(|&l| $x[l as usize]).collect();
         let mut out = expected.clone();
         out.reverse();
-        picked::<Two<array::$portable>>(&$x, &$order, &mut out);
+        gathered::<Two<array::$portable>>(&$x, &$order, &mut out);
         prop_assert_eq!(&out, &expected);
         if Level::Avx512.is_available() {
             out.reverse();
-            at_avx512!($lanes, picked(&$x, &$order, &mut out));
+            at_avx512!($lanes, gathered(&$x, &$order, &mut out));
             prop_assert_eq!(&out, &expected);
         }
     }};
@@ -324,13 +324,13 @@ macro_rules! check_picks {
 
 proptest! {
     #[test]
-    fn lanes_are_picked_by_number(order in prop::collection::vec(0u32..16, 8), x in prop::collection::vec(-1e3..1e3f64, 16)) {
-        check_picks!(x, order, F64x8, F64x16);
+    fn lanes_are_gathered_by_number(order in prop::collection::vec(0u32..16, 8), x in prop::collection::vec(-1e3..1e3f64, 16)) {
+        check_gathered!(x, order, F64x8, F64x16);
     }
 
     #[test]
-    fn more_lanes_are_picked_by_number(order in prop::collection::vec(0u32..32, 16), x in prop::collection::vec(-1e3..1e3f32, 32)) {
-        check_picks!(x, order, F32x16, F32x32);
+    fn more_lanes_are_gathered_by_number(order in prop::collection::vec(0u32..32, 16), x in prop::collection::vec(-1e3..1e3f32, 32)) {
+        check_gathered!(x, order, F32x16, F32x32);
     }
 }
 

@@ -1,8 +1,8 @@
-//! Projections on the sets that impulses live in.
+//! Projections on the sets of admissible impulses, and the arithmetic of masks and lengths that all kinds of constraints share.
 
 use stepper_real::{Mask, Real, Scalar};
 
-/// The point of the friction cone `|x_t| <= mu x_n` nearest to `x = (n, t1, t2, ...)`.
+/// Projection on the friction cone `|x_t| <= mu x_n`: its point nearest to `x = (n, t1, t2, ...)`.
 ///
 /// The three cases are the polar cone (answer 0), the cone itself (answer `x`) and the surface. `mu = 0` is the half line.
 #[inline(always)]
@@ -25,7 +25,7 @@ pub fn project<R: Real, const N: usize>(x: [R; N], mu: R) -> [R; N] {
     out
 }
 
-/// The point of `[lo, hi]` nearest to `x`.
+/// Projection on the interval `[lo, hi]`.
 #[inline(always)]
 pub fn clamp<R: Real>(x: R, lo: R, hi: R) -> R {
     x.max(lo).min(hi)
@@ -37,7 +37,7 @@ pub(crate) fn norm2<R: Real>(x: R, y: R) -> R {
     (x * x + y * y).sqrt()
 }
 
-/// `|a - b|`
+/// Distance `|a - b|` of two vectors.
 #[inline(always)]
 pub(crate) fn distance<R: Real, const N: usize>(a: [R; N], b: [R; N]) -> R {
     let mut sum = (a[0] - b[0]).square();
@@ -47,9 +47,9 @@ pub(crate) fn distance<R: Real, const N: usize>(a: [R; N], b: [R; N]) -> R {
     sum.sqrt()
 }
 
-/// `x` where `m`, else zero.
+/// Zero-masking: `x` where `m`, else zero.
 #[inline(always)]
-pub(crate) fn keep<R: Real>(m: R::Mask, x: R) -> R {
+pub(crate) fn masked<R: Real>(m: R::Mask, x: R) -> R {
     R::select(m, x, R::zero())
 }
 
@@ -59,19 +59,19 @@ pub(crate) fn positive<R: Real>(m: R::Mask, x: R) -> R::Mask {
     m.and(x.gt(R::zero()))
 }
 
-/// Part of the mobilities in all directions of a contact below which that along the normal is none: the square of a lever that is a hundred-thousandth of
-/// the other directions', or rounding.
+/// Ratio of the mobility along a contact's normal to that in all three directions below which the normal one counts as zero: the square of
+/// a lever arm that is a hundred-thousandth of the other directions', or rounding.
 ///
-/// What turns about such a lever approaches by 1e-5 of its speed, and holding it takes 1e5 times the force that turns it. A cylinder that is steered
-/// about an axis through its contact goes through this pose, where forces were 1e15 N.
+/// A body that turns about such a lever arm approaches by 1e-5 of its speed, and holding it takes 1e5 times the force that turns it. A
+/// cylinder that is steered about an axis through its contact goes through this pose, where forces were 1e15 N.
 #[inline(always)]
 fn negligible<R: Real>() -> f64 {
     let lever = f64::max(1e-5, 1e3 * <R::Scalar as Scalar>::EPSILON.to_f64());
     lever * lever
 }
 
-/// Lanes of `m` in which a contact can move along its normal, with the mobility `along`, 1/kg: more than `least`, and more than a negligible part
-/// of the mobilities `all` in its three directions.
+/// Lanes of `m` in which a contact can move along its normal: its mobility `along`, 1/kg, is more than `least`, and more than a negligible
+/// part of the sum `all` of the mobilities in its three directions.
 #[inline(always)]
 pub(crate) fn movable<R: Real>(m: R::Mask, along: R, all: R, least: R) -> R::Mask {
     positive(m, along).and(along.gt(least.max(all * R::of(negligible::<R>()))))

@@ -1,37 +1,40 @@
-//! The entries of rows, one row after the other.
+//! Entries of rows, one row after the other.
 
-/// A list that every step fills anew, a row at a time.
+/// List of entries that every step fills anew, a row at a time.
 ///
-/// Whether there is room is asked once for a row: a push asks for every entry, and what could be in registers across a row is not, because
-/// they would not outlive the call that makes room.
+/// Whether there is room is checked once per row: a push checks it for every entry, and values that could stay in registers across a row
+/// would not outlive the call that makes room.
 #[derive(Clone, Debug)]
 pub(crate) struct Entries<T> {
-    /// Those in use, and after them what earlier steps left.
+    /// Entries in use, and after them those that earlier steps left.
     items: Vec<T>,
+    /// Number of entries in use.
     len: usize,
+    /// Value of entries that nobody has set.
+    blank: T,
 }
 
-impl<T: Copy + Default> Entries<T> {
-    /// None, with room for so many.
-    pub(crate) fn with_capacity(room: usize) -> Self {
-        Self { items: Vec::with_capacity(room), len: 0 }
+impl<T: Copy> Entries<T> {
+    /// An empty list with room for `capacity` entries.
+    pub(crate) fn with_capacity(capacity: usize, blank: T) -> Self {
+        Self { items: Vec::with_capacity(capacity), len: 0, blank }
     }
 
-    /// How many there are.
+    /// Number of entries.
     #[inline(always)]
     pub(crate) fn len(&self) -> usize {
         self.len
     }
 
-    /// Forgets all.
+    /// Removes all entries.
     #[inline(always)]
     pub(crate) fn clear(&mut self) {
         self.len = 0;
     }
 
-    /// Adds `n` entries, which the caller sets: they hold anything.
+    /// Appends `n` entries of any value, which the caller sets.
     #[inline(always)]
-    pub(crate) fn add(&mut self, n: usize) -> &mut [T] {
+    pub(crate) fn extend_by(&mut self, n: usize) -> &mut [T] {
         let start = self.len;
         self.len += n;
         if self.len > self.items.len() {
@@ -43,31 +46,31 @@ impl<T: Copy + Default> Entries<T> {
     #[cold]
     #[inline(never)]
     fn grow(&mut self) {
-        self.items.resize(self.len, T::default());
+        self.items.resize(self.len, self.blank);
     }
 
-    /// Takes what `of` makes of each of the others, and forgets its own.
+    /// Replaces the list by the image of another one under `map`.
     #[inline(always)]
-    pub(crate) fn copy_from<U>(&mut self, others: &Entries<U>, of: impl Fn(&U) -> T) {
+    pub(crate) fn map_from<U>(&mut self, others: &Entries<U>, map: impl Fn(&U) -> T) {
         self.clear();
-        for (to, from) in self.add(others.len).iter_mut().zip(&others.items) {
-            *to = of(from);
+        for (to, from) in self.extend_by(others.len).iter_mut().zip(&others.items) {
+            *to = map(from);
         }
     }
 
-    /// `n` entries from the `start`-th on.
+    /// `n` entries from index `start` on.
     #[inline(always)]
     pub(crate) fn row(&self, start: usize, n: usize) -> &[T] {
         &self.items[start..start + n]
     }
 
-    /// The same, to be changed.
+    /// `n` entries from index `start` on, mutable.
     #[inline(always)]
     pub(crate) fn row_mut(&mut self, start: usize, n: usize) -> &mut [T] {
         &mut self.items[start..start + n]
     }
 
-    /// `n` entries from each of the two, the first before the second; the second to be changed.
+    /// Two rows of `n` entries each, of which the first lies before the second; the second is mutable.
     #[inline(always)]
     pub(crate) fn two_rows(&mut self, first: usize, second: usize, n: usize) -> (&[T], &mut [T]) {
         let (before, rest) = self.items.split_at_mut(second);

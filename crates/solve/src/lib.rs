@@ -11,29 +11,35 @@
 //! contacts:      K contains lambda, K* contains u, lambda . u = 0   with u = v + (mu |v_t|, 0, 0)
 //! ```
 //!
-//! The last line is the exact Coulomb law with Signorini's condition in De Saxce and Feng's form (1998). The Delassus matrix is never formed: a
-//! sweep costs time in proportion to the entries of the rows.
+//! The last line is the exact Coulomb law with Signorini's condition in De Saxce and Feng's form (1998). The Delassus matrix is never
+//! formed: a sweep costs time in proportion to the entries of the rows.
 //!
-//! Everything is written once over [`Real`](stepper_real::Real): one environment, or one per SIMD lane.
+//! Everything is written once over [`Real`](stepper_real::Real): one environment, or one per SIMD lane. What a kind of constraint does in a
+//! sweep, in the residual, in lane compaction and in damping is in one file of `constraints/`.
 
-mod anderson;
-mod aside;
+mod capacity;
 pub mod cone;
-mod contact;
+mod constraints;
 mod damping;
 mod entries;
+pub mod gauss_seidel;
+mod iterate;
+mod lane_map;
 pub mod newton;
-mod orthogonal;
-pub mod pgs;
 mod problem;
+mod reference;
 mod residual;
-mod tiers;
-mod wide;
+mod solver;
 
-pub use contact::ContactBlock;
-pub use damping::Reference;
-pub use orthogonal::dependence;
-pub use problem::{Capacity, Iterate, Problem, Saved, ScalarRow};
+pub use capacity::Capacity;
+pub use constraints::Damping;
+pub use constraints::friction::{FrictionContact, FrictionContacts, LocalSolver};
+pub use constraints::orthogonalisation::dependence_threshold;
+pub use constraints::rolling::{RollingContact, RollingContacts};
+pub use constraints::scalar::{ScalarRow, ScalarRows};
+pub use constraints::sliding::{SlidingContact, SlidingContacts};
+pub use iterate::{Iterate, Snapshot};
+pub use problem::Problem;
+pub use reference::Reference;
 pub use residual::{residual, undecided};
-pub use tiers::{Outcome, PASSES, Settings, solve};
-pub use wide::WideBlock;
+pub use solver::{Outcome, PASSES, Settings, solve};

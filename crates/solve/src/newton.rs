@@ -1,4 +1,4 @@
-//! Augmented-Lagrangian Newton: the second tier, for the lanes that sweeps do not bring to the tolerance.
+//! Augmented-Lagrangian Newton: the robust solver, for the lanes that sweeps do not bring to the tolerance.
 //!
 //! Per lane and island, in scalar f64. The unknown is w, whose metric is the identity. With De Saxce's terms s_i = mu_i |v_t,i| held, the
 //! problem is convex, and the proximal method solves it by a few minimisations over w of
@@ -7,72 +7,71 @@
 //! 1/2 |w|^2 + sum_i |P_K(lambda_i - rho_i (Y_i w + g_i + s_i))|^2 / (2 rho_i),      then lambda <- P_K(...)
 //! ```
 //!
-//! (Rockafellar 1976; for contacts Cadoux 2009 and Acary & Cadoux 2013, whose outer fixed point on s this is too) by Newton's method with an
-//! exact line search. The steps rho_i = kappa dim / trace(G_ii) are so long that one or two proximal steps are enough, and what is hyperstatic
-//! does no harm: the matrix is the identity plus a positive semidefinite one. Of many possible forces those near the start are taken, or
-//! the least, if the first step starts from zero.
-//! Between the minimisations s is renewed, with Anderson's acceleration; and after the first, steps on the exact law are tried, s included, whose
-//! matrix is not symmetric: near the answer they converge at once, and where they do not they are taken back.
+//! (Rockafellar 1976; for contacts Cadoux 2009 and Acary & Cadoux 2013, whose outer fixed point on s this is too) by Newton's method with
+//! an exact line search. The steps rho_i = kappa dim / trace(G_ii) are so long that one or two proximal steps are enough, and what is
+//! hyperstatic does no harm: the matrix is the identity plus a positive semidefinite one. Of many possible forces those near the start are
+//! taken, or the least, if the first step starts from zero. Between the minimisations s is renewed, with Anderson's acceleration; and after
+//! the first, steps on the exact law are tried, s included, whose matrix is not symmetric: near the answer they converge at once, and where
+//! they do not they are taken back.
 //!
 //! Nothing proves that s converges, and Coulomb's law may have no solution or several (Painleve 1895). The residual says how it went.
 
 mod anderson;
+mod augmented_lagrangian;
 mod cone;
 mod dense;
-mod descent;
 mod island;
 mod lane;
-mod order;
-mod penalty;
+mod ordering;
+mod proximal;
 mod skyline;
-#[cfg(test)]
-mod tests;
 
-use crate::{Iterate, Problem};
-use descent::{Descent, Goal};
+use crate::iterate::Iterate;
+use crate::problem::Problem;
 use island::Island;
 use lane::Lane;
-use order::{Islands, Order};
+use ordering::{Islands, Ordering};
+use proximal::{Criteria, ProximalPoint};
 use stepper_real::{Mask, Real, Scalar};
 
-/// Room to work, made once per thread; it grows with the largest problem that it has seen.
+/// Newton's method with its workspace, made once per thread; it grows with the largest problem that it has seen.
 #[derive(Clone, Debug, Default)]
 pub struct Newton {
     lane: Lane,
-    /// Its coordinates are in the order of the factors.
+    /// Rows of one island, whose coordinates are in the order of the factors.
     island: Island,
     islands: Islands,
-    order: Order,
-    descent: Descent,
+    ordering: Ordering,
+    proximal: ProximalPoint,
     v: Vec<f64>,
-    /// Blocks of the lane that the island has.
+    /// Blocks of the lane that are in the island.
     members: Vec<usize>,
     work: Work,
 }
 
-/// What the last call has done in all its lanes and islands together. With at most n steps asked for, there are at most n steps and n rounds an
+/// Effort of the last call in all its lanes and islands together. With at most n steps asked for, there are at most n steps and n rounds an
 /// island, whatever the numbers are: what a lane can cost its neighbours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Work {
-    /// Islands searched.
+    /// Number of islands searched.
     pub islands: u32,
-    /// Newton steps: each factorises a matrix and looks at some 30 points along its direction at the most.
+    /// Number of Newton steps: each factorises a matrix and looks at some 30 points along its direction at the most.
     pub steps: u32,
-    /// Rounds: each evaluates the problem a few times.
+    /// Number of rounds of the outer loop: each evaluates the problem a few times.
     pub rounds: u32,
 }
 
-/// A [`Goal`] for every lane.
+/// [`Criteria`] for every lane.
 #[derive(Clone, Copy, Debug)]
-struct Aim<R> {
+struct LaneCriteria<R> {
     steps: u32,
     tolerance: R,
-    least: bool,
+    least_norm: bool,
 }
 
-/// How it went in one lane.
+/// Result of one lane.
 #[derive(Clone, Copy, Debug)]
-struct Verdict {
+struct LaneOutcome {
     residual: f64,
     steps: u32,
     /// Whether any island has a smaller residual than before.
@@ -81,8 +80,8 @@ struct Verdict {
 
 impl Newton {
     /// Improves the impulses of the lanes `lanes` whose `residual` is above the tolerance, each alone, by at most `steps` Newton steps an
-    /// island. Replaces their residuals and adds the Newton steps to `taken`. No lane ends with a larger residual than it had. Of many possible
-    /// impulses it takes those near the start.
+    /// island. Replaces their residuals and adds the Newton steps to `taken`. No lane ends with a larger residual than it had. Of many
+    /// possible impulses it takes those near the start.
     pub fn solve<R: Real>(
         &mut self,
         problem: &Problem<R>,
@@ -93,12 +92,12 @@ impl Newton {
         outcome: [&mut R; 2],
     ) {
         let lanes = lanes.and(outcome[0].gt(tolerance));
-        self.search(problem, iterate, Aim { steps, tolerance, least: false }, lanes, outcome);
+        self.solve_lanes(problem, iterate, LaneCriteria { steps, tolerance, least_norm: false }, lanes, outcome);
     }
 
-    /// The same for all of `lanes`, but of many possible impulses it takes the least (in the metric of 1/rho), whatever came before and whatever
-    /// the order of the rows. Those it leaves meet the tolerance, or have a smaller residual than they had.
-    pub fn share<R: Real>(
+    /// Solves all of `lanes`, and of many possible impulses takes those of least norm (in the metric of 1/rho), whatever came before and
+    /// whatever the order of the rows. The impulses that it leaves meet the tolerance, or have a smaller residual than they had.
+    pub fn solve_least_norm<R: Real>(
         &mut self,
         problem: &Problem<R>,
         iterate: &mut Iterate<R>,
@@ -107,19 +106,20 @@ impl Newton {
         lanes: R::Mask,
         outcome: [&mut R; 2],
     ) {
-        self.search(problem, iterate, Aim { steps, tolerance, least: true }, lanes, outcome);
+        self.solve_lanes(problem, iterate, LaneCriteria { steps, tolerance, least_norm: true }, lanes, outcome);
     }
 
-    /// What the last call has done.
+    /// Effort of the last call.
     pub fn work(&self) -> Work {
         self.work
     }
 
-    fn search<R: Real>(
+    /// Solves the lanes `lanes`, one after the other.
+    fn solve_lanes<R: Real>(
         &mut self,
         problem: &Problem<R>,
         iterate: &mut Iterate<R>,
-        aim: Aim<R>,
+        criteria: LaneCriteria<R>,
         lanes: R::Mask,
         [residual, taken]: [&mut R; 2],
     ) {
@@ -129,52 +129,56 @@ impl Newton {
             let lane = rest.trailing_zeros() as usize;
             rest &= rest - 1;
             self.lane.gather(problem, iterate, lane);
-            let goal = Goal { tolerance: aim.tolerance.lane(lane).to_f64(), steps: aim.steps, least: aim.least };
-            let verdict = self.solve_lane::<R>(goal);
-            if verdict.better {
+            let own =
+                Criteria { tolerance: criteria.tolerance.lane(lane).to_f64(), steps: criteria.steps, least_norm: criteria.least_norm };
+            let result = self.solve_lane::<R>(own);
+            if result.better {
                 self.lane.scatter(lane, iterate);
-                residual.set_lane(lane, Scalar::from_f64(verdict.residual));
+                residual.set_lane(lane, Scalar::from_f64(result.residual));
             }
-            taken.set_lane(lane, taken.lane(lane) + Scalar::from_f64(f64::from(verdict.steps)));
+            taken.set_lane(lane, taken.lane(lane) + Scalar::from_f64(f64::from(result.steps)));
         }
     }
 
-    /// All islands of the lane. Impulses are left as numbers of the lanes' precision, and so they are judged.
-    fn solve_lane<R: Real>(&mut self, goal: Goal) -> Verdict {
-        let mut verdict = Verdict { residual: 0.0, steps: 0, better: false };
+    /// Solves all islands of the lane. Impulses are rounded to the lanes' precision, and their residual is that after rounding.
+    fn solve_lane<R: Real>(&mut self, criteria: Criteria) -> LaneOutcome {
+        let mut result = LaneOutcome { residual: 0.0, steps: 0, better: false };
         self.islands.find(&self.lane);
-        self.order.prepare(&self.lane);
+        self.ordering.list_blocks(&self.lane);
         for name in 0..self.islands.count {
-            self.take_island(name);
+            self.gather_island(name);
             let before = self.island.residual(&mut self.v);
             let mut after = before;
-            if goal.least || before > goal.tolerance {
-                let steps = self.descent.solve::<R>(&mut self.island, goal);
-                verdict.steps += steps;
+            if criteria.least_norm || before > criteria.tolerance {
+                let steps = self.proximal.solve::<R>(&mut self.island, criteria);
+                result.steps += steps;
                 let Work { islands, steps: all, rounds } = self.work;
-                self.work = Work { islands: islands + 1, steps: all + steps, rounds: rounds + self.descent.rounds };
+                self.work = Work { islands: islands + 1, steps: all + steps, rounds: rounds + self.proximal.rounds };
                 for x in self.island.lambda.iter_mut().chain(&mut self.island.w) {
                     *x = R::Scalar::from_f64(*x).to_f64();
                 }
                 after = self.island.residual(&mut self.v);
             }
             // An answer that is not a number is none.
-            let better = after < before || after <= goal.tolerance;
+            let better = after < before || after <= criteria.tolerance;
             if better {
-                self.island.give(&mut self.lane, &self.members, &self.order.coordinates);
-                verdict.better = true;
+                self.island.scatter(&mut self.lane, &self.members, &self.ordering.coordinates);
+                result.better = true;
             }
-            verdict.residual = verdict.residual.max(if better { after } else { before });
+            result.residual = result.residual.max(if better { after } else { before });
         }
-        verdict
+        result
     }
 
-    /// Copies the rows of an island.
-    fn take_island(&mut self, name: usize) {
-        let Self { lane, island, islands, order, members, .. } = self;
+    /// Gathers the rows of an island.
+    fn gather_island(&mut self, name: usize) {
+        let Self { lane, island, islands, ordering, members, .. } = self;
         members.clear();
         members.extend((0..lane.blocks.len()).filter(|&i| islands.of_block[i] as usize == name));
-        order.island(lane, members[0]);
-        island.take(lane, members, &order.coordinates, &order.number);
+        ordering.order_island(lane, members[0]);
+        island.gather(lane, members, &ordering.coordinates, &ordering.number);
     }
 }
+
+#[cfg(test)]
+mod tests;

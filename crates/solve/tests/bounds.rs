@@ -46,7 +46,7 @@ fn build<R: Real<Scalar = f64>>(case: &Case) -> (Problem<R>, Iterate<R>) {
     let support = |row: usize| (0..N as u32).filter(|&c| case.touches(row, c as usize)).collect::<Vec<_>>();
     let y = |at: usize, c: usize| R::of(case.y[at + c] * case.scale[c]);
     let all = R::Mask::splat(true);
-    problem.push_scalar(&support(0), |c| y(0, c), R::one(), all, R::of(case.g[0]), [R::zero(), R::of(f64::INFINITY)]);
+    problem.scalars.push(&support(0), |c| y(0, c), R::one(), all, R::of(case.g[0]), [R::zero(), R::of(f64::INFINITY)]);
     iterate.scalars.push(R::zero());
     for k in 1..ROWS {
         let at = N + 3 * N * (k - 1);
@@ -54,7 +54,7 @@ fn build<R: Real<Scalar = f64>>(case: &Case) -> (Problem<R>, Iterate<R>) {
         problem.push_contact(&support(k), |c| std::array::from_fn(|r| y(at + r * N, c)), all, R::of(case.mu), g);
         iterate.contacts.push([R::zero(); 3]);
     }
-    iterate.start(&problem);
+    iterate.compute_w(&problem);
     (problem, iterate)
 }
 
@@ -74,7 +74,7 @@ fn search(case: &Case, tolerance: f64) -> Result<(), TestCaseError> {
         let mut room = Newton::default();
         let outcome = [&mut left, &mut taken];
         if least {
-            room.share(&problem, &mut iterate, STEPS, tolerance, true, outcome);
+            room.solve_least_norm(&problem, &mut iterate, STEPS, tolerance, true, outcome);
         } else {
             room.solve(&problem, &mut iterate, STEPS, tolerance, true, outcome);
         }
@@ -120,7 +120,7 @@ proptest! {
             0 => worse.scalars[0].g.set_lane(3, bad),
             k => worse.contacts[k - 1].g[0].set_lane(3, bad),
         }
-        let settings = Settings { sweeps: 20, newton: STEPS, tolerance: F64x8::of(1e-9), rough: F64x8::of(1e-9) };
+        let settings = Settings { sweeps: 20, newton_steps: STEPS, tolerance: F64x8::of(1e-9), newton_threshold: F64x8::of(1e-9) };
         let run = |problem: &Problem<F64x8>| {
             let (mut iterate, mut room) = (iterate.clone(), Newton::default());
             let outcome = solve(problem, &mut iterate, settings, Mask::splat(true), &mut room);

@@ -5,14 +5,15 @@ mod common;
 use common::cases;
 use proptest::prelude::*;
 use stepper_real::{F64x8, Mask, Real, Two};
-use stepper_solve::pgs::{Settings, solve};
+use stepper_solve::gauss_seidel::{SweepSettings, solve};
 use stepper_solve::{Iterate, Problem};
 
 type Lanes = Two<F64x8>;
 
 const N: usize = 9;
 const CONTACTS: usize = 3;
-/// Numbers of a problem: of a limit in every coordinate, of narrow contacts and of a wide one, and whether each is there.
+/// Numbers of a problem: of a limit in every coordinate, of contacts with sliding friction and of one with rolling friction, and whether
+/// each is there.
 const NUMBERS: usize = N * (N + 1) + CONTACTS * (3 * N + 3) + 6 * N + 6;
 const ROWS: usize = N + CONTACTS + 1;
 
@@ -34,13 +35,20 @@ fn build<R: Real<Scalar = f64>>(problems: &Problems) -> (Problem<R>, Iterate<R>)
     };
     let active = |row: usize| R::Mask::from_bits(problems.iter().enumerate().fold(0, |bits, (l, p)| bits | u32::from(p.1[row]) << l));
     let keep = |row: usize, x: R| R::select(active(row), x, R::zero());
-    let room = stepper_solve::Capacity { dimension: N, scalars: N, scalar_entries: N * N, contacts: CONTACTS, wide: 1, contact_support: N };
+    let room = stepper_solve::Capacity {
+        dimension: N,
+        scalars: N,
+        scalar_entries: N * N,
+        contacts: CONTACTS,
+        rolling_contacts: 1,
+        contact_support: N,
+    };
     let (mut problem, mut iterate) = (Problem::new(&room), Iterate::new(&room));
     iterate.clear();
     let support: Vec<u32> = (0..N as u32).collect();
     for row in 0..N {
         let y: Vec<R> = support.iter().map(|_| next()).collect();
-        problem.push_scalar(&support, |i| y[i], R::one(), active(row), next(), [R::zero(), R::of(f64::INFINITY)]);
+        problem.scalars.push(&support, |i| y[i], R::one(), active(row), next(), [R::zero(), R::of(f64::INFINITY)]);
         iterate.scalars.push(keep(row, R::of(0.1)));
     }
     for k in 0..CONTACTS {
@@ -52,17 +60,17 @@ fn build<R: Real<Scalar = f64>>(problems: &Problems) -> (Problem<R>, Iterate<R>)
     }
     let row = N + CONTACTS;
     let y: Vec<[R; 6]> = support.iter().map(|_| std::array::from_fn(|_| keep(row, next()))).collect();
-    problem.push_wide(&support, |i| y[i], active(row), R::of(0.6), std::array::from_fn(|_| next()));
-    iterate.wide.push([R::zero(); 6]);
-    iterate.start(&problem);
+    problem.push_rolling_contact(&support, |i| y[i], active(row), R::of(0.6), std::array::from_fn(|_| next()));
+    iterate.rolling_contacts.push([R::zero(); 6]);
+    iterate.compute_w(&problem);
     (problem, iterate)
 }
 
 /// What a solve leaves of lane `l`.
 fn left<R: Real<Scalar = f64>>(problems: &Problems, tolerance: f64) -> Vec<Vec<u64>> {
     let (problem, mut iterate) = build::<R>(problems);
-    let outcome = solve(&problem, &mut iterate, Settings { sweeps: 60, tolerance: R::of(tolerance) }, R::Mask::splat(true));
-    let impulses = [iterate.contacts.as_flattened(), iterate.wide.as_flattened(), &iterate.scalars, &iterate.w].concat();
+    let outcome = solve(&problem, &mut iterate, SweepSettings { sweeps: 60, tolerance: R::of(tolerance) }, R::Mask::splat(true));
+    let impulses = [iterate.contacts.as_flattened(), iterate.rolling_contacts.as_flattened(), &iterate.scalars, &iterate.w].concat();
     let all = [&[outcome.residual, outcome.sweeps], &impulses[..]].concat();
     (0..R::LANES).map(|l| all.iter().map(|x| x.lane(l).to_bits()).collect()).collect()
 }

@@ -1,4 +1,4 @@
-//! The second tier against the conditions that define its answer, against the first, and where there is no answer.
+//! Newton's method against the conditions that define its answer, against sweeps, and where there is no answer.
 
 mod common;
 
@@ -6,7 +6,7 @@ use common::{Share, cases};
 use proptest::prelude::*;
 use stepper_real::{F32x16, F64x8, Mask, Real};
 use stepper_solve::newton::Newton;
-use stepper_solve::{Iterate, PASSES, Problem, Settings, pgs, residual, solve};
+use stepper_solve::{Iterate, PASSES, Problem, Settings, gauss_seidel, residual, solve};
 
 /// Rows of a problem: limits with one row, contacts with three.
 #[derive(Clone, Debug)]
@@ -23,8 +23,8 @@ struct Contact {
     g: [f64; 3],
 }
 
-/// Random problems: every row touches some coordinates, which are scaled by up to `ratio` (the root of a ratio of masses), and some contacts
-/// come twice.
+/// Random problems: every row touches some coordinates, which are scaled by up to `ratio` (the root of a ratio of masses), and some
+/// contacts come twice.
 fn case(most: usize, ratio: f64, mu: impl Strategy<Value = f64> + Clone + 'static) -> impl Strategy<Value = Case> {
     (1..most, 6usize..16).prop_flat_map(move |(contacts, n)| {
         let entry = prop_oneof![1 => Just(0.0), 2 => -1.0..1.0];
@@ -67,7 +67,7 @@ fn build<R: Real>(cases: &[Case]) -> (Problem<R>, Iterate<R>) {
         let row = |c: &Case| c.limits.get(k).cloned();
         let y = |i: usize| lanes(&|c| row(c).and_then(|(y, _)| y.get(i).copied()));
         let bounds = [R::zero(), R::of(f64::INFINITY)];
-        problem.push_scalar(&support, y, R::one(), active(&|c| c.limits.len() > k), lanes(&|c| row(c).map(|(_, g)| g)), bounds);
+        problem.scalars.push(&support, y, R::one(), active(&|c| c.limits.len() > k), lanes(&|c| row(c).map(|(_, g)| g)), bounds);
         iterate.scalars.push(R::zero());
     }
     for k in 0..contacts {
@@ -77,7 +77,7 @@ fn build<R: Real>(cases: &[Case]) -> (Problem<R>, Iterate<R>) {
         problem.push_contact(&support, y, active(&|c| c.contacts.len() > k), lanes(&|c| of(c).map(|x| x.mu)), g);
         iterate.contacts.push([R::zero(); 3]);
     }
-    iterate.start(&problem);
+    iterate.compute_w(&problem);
     (problem, iterate)
 }
 
@@ -103,16 +103,16 @@ proptest! {
     /// Eight problems of different sizes in lanes give each the bits that it has alone, after sweeps and all.
     #[test]
     fn lanes_have_the_bits_of_one(cases in prop::collection::vec(case(7, 1e1, 0.0..1.5), 8)) {
-        let settings = Settings { sweeps: 3, newton: 12, tolerance: 1e-9, rough: 1e-9 };
+        let settings = Settings { sweeps: 3, newton_steps: 12, tolerance: 1e-9, newton_threshold: 1e-9 };
         let (problem, mut iterate) = build::<F64x8>(&cases);
-        let wide = Settings { sweeps: 3, newton: 12, tolerance: F64x8::of(1e-9), rough: F64x8::of(1e-9) };
-        let outcome = solve(&problem, &mut iterate, wide, Mask::splat(true), &mut Newton::default());
+        let group_settings = Settings { sweeps: 3, newton_steps: 12, tolerance: F64x8::of(1e-9), newton_threshold: F64x8::of(1e-9) };
+        let outcome = solve(&problem, &mut iterate, group_settings, Mask::splat(true), &mut Newton::default());
         let mut room = Newton::default();
         for (l, case) in cases.iter().enumerate() {
             let (problem, mut alone) = build::<f64>(std::slice::from_ref(case));
             let single = solve(&problem, &mut alone, settings, true, &mut room);
             prop_assert_eq!(single.residual.to_bits(), outcome.residual.lane(l).to_bits());
-            prop_assert_eq!((single.sweeps, single.newton), (outcome.sweeps.lane(l), outcome.newton.lane(l)));
+            prop_assert_eq!((single.sweeps, single.newton_steps), (outcome.sweeps.lane(l), outcome.newton_steps.lane(l)));
             for (a, b) in alone.w.iter().zip(&iterate.w) {
                 prop_assert_eq!(a.to_bits(), b.lane(l).to_bits());
             }
@@ -126,7 +126,7 @@ proptest! {
     #[test]
     fn single_precision_is_judged_as_it_is_returned(cases in prop::collection::vec(case(5, 1e1, 0.0..1.0), 16)) {
         let (problem, mut iterate) = build::<F32x16>(&cases);
-        let settings = Settings { sweeps: 2, newton: 40, tolerance: F32x16::of(1e-4), rough: F32x16::of(1e-4) };
+        let settings = Settings { sweeps: 2, newton_steps: 40, tolerance: F32x16::of(1e-4), newton_threshold: F32x16::of(1e-4) };
         let outcome = solve(&problem, &mut iterate, settings, Mask::splat(true), &mut Newton::default());
         let left = residual(&problem, &iterate);
         for l in 0..16 {
@@ -149,13 +149,13 @@ fn what_is_returned_is_what_the_residual_says() {
         let (after, _) = newton(&problem, &mut iterate, 200, 1e-9);
         solved.count(after <= 1e-9);
         prop_assert!(iterate.w.iter().chain(iterate.contacts.iter().flatten()).all(|x| x.is_finite()));
-        // The tiers add the same numbers up in different orders.
+        // Sweeps and Newton's method add the same numbers up in different orders.
         prop_assert!(after <= before * (1.0 + 1e-14));
         // w is that of the impulses, and both residuals are of the same numbers, up to the order of sums over impulses of any size.
         let size = 1.0 + bits(&iterate).iter().fold(0.0f64, |m, &x| m.max(f64::from_bits(x).abs()));
         prop_assert!((residual(&problem, &iterate) - after).abs() <= 1e-12 * size, "{} {after}", residual(&problem, &iterate));
         let w = iterate.w.clone();
-        iterate.start(&problem);
+        iterate.compute_w(&problem);
         for (a, b) in w.iter().zip(&iterate.w) {
             prop_assert!((a - b).abs() <= 1e-12 * size);
         }
@@ -164,7 +164,7 @@ fn what_is_returned_is_what_the_residual_says() {
     solved.at_least(0.87, "solved");
 }
 
-/// Without friction the problem is convex and w is unique: it is solved, in any order of the rows, and as the first tier solves it.
+/// Without friction the problem is convex and w is unique: it is solved, in any order of the rows, and as sweeps solve it.
 #[test]
 fn without_friction_everything_is_solved_in_any_order() {
     let answered = Share::default();
@@ -189,8 +189,8 @@ fn without_friction_everything_is_solved_in_any_order() {
         let mut swept = iterate.clone();
         swept.contacts.fill([0.0; 3]);
         swept.scalars.fill(0.0);
-        swept.start(&problem);
-        let outcome = pgs::solve(&problem, &mut swept, pgs::Settings { sweeps: 20_000, tolerance: 1e-10 }, true);
+        swept.compute_w(&problem);
+        let outcome = gauss_seidel::solve(&problem, &mut swept, gauss_seidel::SweepSettings { sweeps: 20_000, tolerance: 1e-10 }, true);
         prop_assume!(swept_too.count(outcome.residual <= 1e-10));
         let impulse = impulse + swept.contacts.iter().map(|l| l[0]).chain(swept.scalars.iter().copied()).sum::<f64>();
         prop_assert!(apart(&iterate, &swept) <= 2.0 * (impulse * 1e-10).sqrt() + 1e-9);
@@ -214,10 +214,10 @@ fn shared_loads_depend_on_neither_start_nor_order() {
         crowded.contacts.rotate_left(turn % n);
         let (turned, mut other) = build::<f64>(&[crowded]);
         let mut swept = cold.clone();
-        pgs::solve(&problem, &mut swept, pgs::Settings { sweeps: 50, tolerance: 1e-10 }, true);
+        gauss_seidel::solve(&problem, &mut swept, gauss_seidel::SweepSettings { sweeps: 50, tolerance: 1e-10 }, true);
         let share = |problem: &Problem<f64>, iterate: &mut Iterate<f64>| {
             let (mut left, mut taken) = (residual(problem, iterate), 0.0);
-            Newton::default().share(problem, iterate, 300, 1e-11, true, [&mut left, &mut taken]);
+            Newton::default().solve_least_norm(problem, iterate, 300, 1e-11, true, [&mut left, &mut taken]);
             left
         };
         let left = [share(&problem, &mut cold), share(&problem, &mut swept), share(&turned, &mut other)];
@@ -261,8 +261,8 @@ fn rounding(iterate: &Iterate<f64>) -> f64 {
     4.0 * f64::EPSILON * iterate.contacts.iter().map(|l| l[0]).chain(iterate.scalars.iter().copied()).sum::<f64>()
 }
 
-/// Whether rows are fewer than coordinates and, but for copies, far from dependent: then there is a motion for whatever they demand. Fewer rows
-/// alone do not make it certain: a contact that touches two coordinates can demand what limits of these two forbid.
+/// Whether rows are fewer than coordinates and, but for copies, far from dependent: then there is a motion for whatever they demand. Fewer
+/// rows alone do not make it certain: a contact that touches two coordinates can demand what limits of these two forbid.
 fn has_an_answer(case: &Case) -> bool {
     let contacts = case.contacts.iter().map(|c| c.y.iter().map(|y| y[0]).collect::<Vec<f64>>());
     let mut rows: Vec<Vec<f64>> = case.limits.iter().map(|l| l.0.clone()).chain(contacts).collect();
@@ -281,8 +281,8 @@ fn problems(count: u32, most: usize, ratio: f64, mu: impl Strategy<Value = f64> 
     (0..count).map(|_| strategy.new_tree(&mut runner).unwrap().current()).collect()
 }
 
-/// Random rows may demand what no motion can, and couple normal and tangent as no machine does. With friction to 0.3 an answer nearly always
-/// exists; up to 1.5 it often does not, and sweeps (20,000) find a few that are missed here and miss as many that are found.
+/// Random rows may demand what no motion can, and couple normal and tangent as no machine does. With friction to 0.3 an answer nearly
+/// always exists; up to 1.5 it often does not, and sweeps (20,000) find a few that are missed here and miss as many that are found.
 #[test]
 fn nearly_all_random_problems_are_solved() {
     for (mu, most) in [(0.3, MOST_LEFT[0]), (1.5, MOST_LEFT[1])] {
@@ -312,7 +312,7 @@ fn painleve_problems_stay_finite_and_are_reported() {
         for slip in [-5.0, -0.1, 0.0, 0.1, 5.0] {
             for sweeps in [1, 10] {
                 let (problem, mut iterate) = build::<f64>(&[painleve(coupling, slip)]);
-                let settings = Settings { sweeps, newton: 50, tolerance: 1e-9, rough: 1e-9 };
+                let settings = Settings { sweeps, newton_steps: 50, tolerance: 1e-9, newton_threshold: 1e-9 };
                 let outcome = solve(&problem, &mut iterate, settings, true, &mut Newton::default());
                 assert!(bits(&iterate).iter().all(|&x| f64::from_bits(x).is_finite()), "{coupling} {slip}");
                 let size = 1.0 + iterate.contacts[0].iter().fold(0.0f64, |m, x| m.max(x.abs())) * coupling.abs();
@@ -329,11 +329,11 @@ fn running_out_of_steps_is_reported_and_no_worse_than_sweeps() {
         let mut sweeps = f64::INFINITY;
         for newton in [0, 1, 2, 4] {
             let (problem, mut iterate) = build::<f64>(std::slice::from_ref(&case));
-            let settings = Settings { sweeps: 2, newton, tolerance: 1e-12, rough: 1e-12 };
+            let settings = Settings { sweeps: 2, newton_steps: newton, tolerance: 1e-12, newton_threshold: 1e-12 };
             let outcome = solve(&problem, &mut iterate, settings, true, &mut Newton::default());
-            assert!(outcome.newton <= f64::from(newton) * (PASSES * case.contacts.len()) as f64);
+            assert!(outcome.newton_steps <= f64::from(newton) * (PASSES * case.contacts.len()) as f64);
             sweeps = sweeps.min(if newton == 0 { outcome.residual } else { f64::INFINITY });
-            // The tiers add the same numbers up in different orders.
+            // Sweeps and Newton's method add the same numbers up in different orders.
             assert!(outcome.residual <= sweeps * (1.0 + 1e-14), "{} {sweeps}", outcome.residual);
             ran_out += u32::from(newton == 1 && outcome.residual > 1e-12);
         }
@@ -346,7 +346,7 @@ fn a_solved_lane_keeps_its_bits() {
     let cases = problems(8, 6, 1e1, 0.0..0.5);
     let (problem, mut iterate) = build::<F64x8>(&cases);
     let mut room = Newton::default();
-    let settings = Settings { sweeps: 200, newton: 100, tolerance: F64x8::of(1e-8), rough: F64x8::of(1e-8) };
+    let settings = Settings { sweeps: 200, newton_steps: 100, tolerance: F64x8::of(1e-8), newton_threshold: F64x8::of(1e-8) };
     let outcome = solve(&problem, &mut iterate, settings, Mask::splat(true), &mut room);
     let (mut left, mut taken) = (outcome.residual, F64x8::zero());
     let before = iterate.clone();
@@ -362,8 +362,13 @@ fn numbers_that_are_none_are_left_alone() {
     let mut case = painleve(0.2, 1.0);
     case.contacts[0].g[1] = f64::NAN;
     let (problem, mut iterate) = build::<f64>(&[case]);
-    let outcome =
-        solve(&problem, &mut iterate, Settings { sweeps: 3, newton: 5, tolerance: 1e-9, rough: 1e-9 }, true, &mut Newton::default());
+    let outcome = solve(
+        &problem,
+        &mut iterate,
+        Settings { sweeps: 3, newton_steps: 5, tolerance: 1e-9, newton_threshold: 1e-9 },
+        true,
+        &mut Newton::default(),
+    );
     assert!(outcome.residual.is_nan());
-    assert_eq!(outcome.newton, 0.0);
+    assert_eq!(outcome.newton_steps, 0.0);
 }

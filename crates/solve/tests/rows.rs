@@ -4,7 +4,7 @@ mod common;
 
 use common::cases;
 use proptest::prelude::*;
-use stepper_solve::pgs::{Settings, solve};
+use stepper_solve::gauss_seidel::{SweepSettings, solve};
 use stepper_solve::{Iterate, Problem, residual};
 
 const FREE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
@@ -36,14 +36,14 @@ proptest! {
         let mut iterate = Iterate::with_capacity(n, rows, 0);
         let support: Vec<u32> = (0..n as u32).collect();
         for (y, &g) in y.iter().zip(&g) {
-            problem.push_scalar(&support, |i| y[i], 1.0, true, g, FREE);
+            problem.scalars.push(&support, |i| y[i], 1.0, true, g, FREE);
             iterate.scalars.push(0.0);
         }
         let sizes: Vec<f64> = y.iter().map(|y| dot(y, y)).collect();
         let mut also: Vec<[f64; 2]> = g.iter().map(|&g| [g, -g]).collect();
-        problem.orthogonalise(0..rows, &sizes, &mut also, |_, _| {});
-        iterate.start(&problem);
-        let outcome = solve(&problem, &mut iterate, Settings { sweeps: 1, tolerance: 1e-9 }, true);
+        problem.scalars.orthogonalise(0..rows, &sizes, &mut also, |_, _| {});
+        iterate.compute_w(&problem);
+        let outcome = solve(&problem, &mut iterate, SweepSettings { sweeps: 1, tolerance: 1e-9 }, true);
         let kept = problem.scalars.iter().filter(|r| r.active).count();
         prop_assert!(kept < rows, "the dependent row is still there");
         prop_assert!(outcome.residual < 1e-9, "residual {}", outcome.residual);
@@ -65,35 +65,36 @@ proptest! {
         let [mut together, mut apart] = [(); 2].map(|()| {
             let mut problem = Problem::with_capacity(n, rows + 1, 0);
             for (y, &g) in y.iter().zip(&g) {
-                problem.push_scalar(&support, |i| y[i], 1.0, true, g, FREE);
+                problem.scalars.push(&support, |i| y[i], 1.0, true, g, FREE);
             }
-            problem.orthogonalise::<1>(0..rows, &sizes, &mut vec![[0.0]; rows], |_, _| {});
+            problem.scalars.orthogonalise::<1>(0..rows, &sizes, &mut vec![[0.0]; rows], |_, _| {});
             problem
         });
-        together.push_scalar(&support, |i| limit[i], 1.0, true, free, limits);
+        together.scalars.push(&support, |i| limit[i], 1.0, true, free, limits);
         let (mut rest, mut demand) = (limit.clone(), free);
-        for row in &apart.scalars {
-            let (_, entries) = apart.scalar_entries(row);
-            let share = row.share(dot(entries, &rest[..n]));
+        for row in apart.scalars.iter() {
+            let (_, entries) = apart.scalars.entries(row);
+            let share = row.projection(dot(entries, &rest[..n]));
             entries.iter().zip(&mut rest).for_each(|(y, x)| *x -= share * y);
             demand -= share * row.g;
         }
         let (whole, left) = (dot(&limit[..n], &limit[..n]), dot(&rest[..n], &rest[..n]));
         prop_assume!(left > 1e-2 * whole);
-        apart.separate();
-        apart.push_scalar(&support, |i| rest[i], 1.0, true, demand, limits);
-        apart.measure_scalar(whole / left);
+        apart.scalars.mark_separate();
+        apart.scalars.push(&support, |i| rest[i], 1.0, true, demand, limits);
+        apart.scalars.set_trace_ratio(whole / left);
         // One sweep is enough where the rows are apart; together they go to and fro.
         let [one, many] = [(&apart, 1), (&together, 20_000)].map(|(problem, sweeps)| {
             let mut iterate = Iterate::with_capacity(n, rows + 1, 0);
             iterate.scalars.extend(vec![0.0; rows + 1]);
-            iterate.start(problem);
-            let outcome = solve(problem, &mut iterate, Settings { sweeps, tolerance: 1e-12 }, true);
+            iterate.compute_w(problem);
+            let outcome = solve(problem, &mut iterate, SweepSettings { sweeps, tolerance: 1e-12 }, true);
             (iterate, outcome)
         });
         prop_assert!(one.1.residual < 1e-10, "residual {}", one.1.residual);
         prop_assert!(many.1.residual < 1e-9, "residual {}", many.1.residual);
-        // The limit's impulse is the same, and so is w: residuals over the least squared length that was assumed, 1e-2 of a row of order one.
+        // The limit's impulse is the same, and so is w: residuals over the least squared length that was assumed, 1e-2 of a row of order
+        // one.
         let scale = 1.0 + g.iter().fold(free.abs(), |most, g| most.max(g.abs()));
         prop_assert!((one.0.scalars[rows] - many.0.scalars[rows]).abs() * left < 1e-6 * scale);
         for (a, b) in one.0.w.iter().zip(&many.0.w) {
@@ -106,15 +107,15 @@ proptest! {
         prop_assume!(dot(&y, &y) > 1e-3);
         let mut problem = Problem::with_capacity(3, 1, 0);
         let mut iterate = Iterate::with_capacity(3, 1, 0);
-        problem.push_scalar(&[0, 1, 2], |i| y[i], 1.0, true, g, FREE);
-        problem.soften(r);
+        problem.scalars.push(&[0, 1, 2], |i| y[i], 1.0, true, g, FREE);
+        problem.scalars.set_compliance(r);
         iterate.scalars.push(0.0);
-        iterate.start(&problem);
-        let outcome = solve(&problem, &mut iterate, Settings { sweeps: 1, tolerance: 1e-12 }, true);
+        iterate.compute_w(&problem);
+        let outcome = solve(&problem, &mut iterate, SweepSettings { sweeps: 1, tolerance: 1e-12 }, true);
         prop_assert!((iterate.scalars[0] + g / (dot(&y, &y) + r)).abs() < 1e-12 * (1.0 + g.abs() / (dot(&y, &y) + r)));
         prop_assert!(outcome.residual < 1e-12);
         iterate.scalars[0] += 0.1;
-        iterate.start(&problem);
+        iterate.compute_w(&problem);
         prop_assert!((residual(&problem, &iterate) - 0.1 * (dot(&y, &y) + r)).abs() < 1e-12 * (1.0 + r));
     }
 }

@@ -5,7 +5,7 @@ mod common;
 use common::{Share, cases};
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
-use stepper_solve::pgs::{Settings, solve};
+use stepper_solve::gauss_seidel::{SweepSettings, solve};
 use stepper_solve::{Iterate, Problem, cone, residual};
 
 /// Rows of a random problem with `contacts` contacts and a limit in `n` coordinates.
@@ -33,13 +33,13 @@ fn build(case: &Case) -> (Problem<f64>, Iterate<f64>) {
     problem.clear();
     iterate.clear();
     let support: Vec<u32> = (0..case.n as u32).collect();
-    problem.push_scalar(&support, |i| case.y[0][i][0] + 0.3, 1.0, true, -0.5, [0.0, f64::INFINITY]);
+    problem.scalars.push(&support, |i| case.y[0][i][0] + 0.3, 1.0, true, -0.5, [0.0, f64::INFINITY]);
     iterate.scalars.push(0.0);
     for k in 0..contacts {
         problem.push_contact(&support, |i| case.y[k][i], true, case.mu[k], case.g[k]);
         iterate.contacts.push([0.0; 3]);
     }
-    iterate.start(&problem);
+    iterate.compute_w(&problem);
     (problem, iterate)
 }
 
@@ -62,7 +62,7 @@ proptest! {
         let one = Case { y: vec![case.y[0].clone()], mu: vec![case.mu[0]], g: vec![case.g[0]], ..case };
         let (mut problem, mut iterate) = build(&one);
         problem.scalars[0].g = 1e6; // far from its limit
-        let outcome = solve(&problem, &mut iterate, Settings { sweeps: 1, tolerance: 1e-9 }, true);
+        let outcome = solve(&problem, &mut iterate, SweepSettings { sweeps: 1, tolerance: 1e-9 }, true);
         // Rounding of G (condition up to 1e6 for nearly dependent rows) times the velocity of order one.
         prop_assert!(outcome.residual < 1e-9, "residual {}", outcome.residual);
     }
@@ -86,7 +86,7 @@ fn solutions_satisfy_the_law() {
     let solved = Share::default();
     proptest!(cases(400), |(case in case())| {
         let (problem, mut iterate) = build(&case);
-        let settings = Settings { sweeps: 20_000, tolerance: 1e-11 };
+        let settings = SweepSettings { sweeps: 20_000, tolerance: 1e-11 };
         let outcome = solve(&problem, &mut iterate, settings, true);
         prop_assume!(solved.count(outcome.residual <= 1e-11));
         let size = 1.0 + iterate.contacts.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
@@ -112,11 +112,11 @@ fn the_residual_sees_every_defect() {
     let solved = Share::default();
     proptest!(cases(400), |(case in case(), which in 0usize..4, push in prop_oneof![-0.5..-0.01, 0.01..0.5])| {
         let (problem, mut iterate) = build(&case);
-        let outcome = solve(&problem, &mut iterate, Settings { sweeps: 20_000, tolerance: 1e-10 }, true);
+        let outcome = solve(&problem, &mut iterate, SweepSettings { sweeps: 20_000, tolerance: 1e-10 }, true);
         prop_assume!(solved.count(outcome.residual <= 1e-10));
         let k = which % case.y.len();
         iterate.contacts[k][0] += push;
-        iterate.start(&problem);
+        iterate.compute_w(&problem);
         prop_assert!(residual(&problem, &iterate) > 1e-6);
     });
     // As above: 0.18 % of 20,000 draws.
@@ -130,7 +130,7 @@ fn a_warm_start_at_the_answer_stays_there() {
     let stays = Share::default();
     proptest!(cases(400), |(case in case())| {
         let (problem, mut iterate) = build(&case);
-        let settings = Settings { sweeps: 20_000, tolerance: 1e-10 };
+        let settings = SweepSettings { sweeps: 20_000, tolerance: 1e-10 };
         let outcome = solve(&problem, &mut iterate, settings, true);
         prop_assume!(solved.count(outcome.residual <= 1e-10));
         // Where exact sweeps cycled there can be several answers, between which they choose.
@@ -148,8 +148,8 @@ fn a_warm_start_at_the_answer_stays_there() {
     solved.at_least(0.9975, "solved");
     // Some take more sweeps than exact ones: 0.9 % of 30,000 draws.
     soon.at_least(0.985, "solved by exact sweeps");
-    // A sweep goes on while it changes impulses by more than the tolerance. The residual takes steps of 3 / trace, an exact solution those of the
-    // principal values, which can be longer by any factor: one in 30,000 draws went on.
+    // A sweep goes on while it changes impulses by more than the tolerance. The residual takes steps of 3 / trace, an exact solution those
+    // of the principal values, which can be longer by any factor: one in 30,000 draws went on.
     stays.at_least(0.9998, "left by two sweeps");
 }
 
@@ -162,7 +162,7 @@ fn running_out_of_sweeps_is_reported_by_the_residual() {
         g: vec![[-1.0, 0.5, 0.0], [-1.1, 0.4, 0.0], [-0.9, 0.3, 0.2]],
     };
     let (problem, mut iterate) = build(&stiff);
-    let outcome = solve(&problem, &mut iterate, Settings { sweeps: 1, tolerance: 1e-12 }, true);
+    let outcome = solve(&problem, &mut iterate, SweepSettings { sweeps: 1, tolerance: 1e-12 }, true);
     assert_eq!(outcome.sweeps, 1.0);
     assert!(outcome.residual > 1e-12);
     assert_eq!(outcome.residual, residual(&problem, &iterate));

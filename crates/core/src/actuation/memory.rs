@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use stepper_real::Scalar;
 
-use crate::lanes::{columns, lane_bits, set_columns, set_lane_bits};
+use crate::math::lanes::{columns, lane_bits, set_columns, set_lane_bits};
 
 /// Memory of the drive trains of a group of environments.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

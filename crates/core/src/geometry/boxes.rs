@@ -1,248 +1,117 @@
-//! Balls and capsules against a box.
-//!
-//! The closest point of a segment x(t) = p + t d to a box is the least of f(t) = sum_i (|x_i| - s_i)+^2, which is convex with a
-//! piecewise linear slope: between two neighbours of its six corners the root of the slope is exact. A segment that enters the box leaves it
-//! by the shortest way among the directions of faces and of edges crossed with the segment: these are the faces of the Minkowski difference
-//! (separating axes; Ericson 2005, section 5.2.1).
+//! Two boxes: separating axes in closed form (Gottschalk, Lin & Manocha 1996).
 
-use stepper_real::{Mask, Real, Scalar};
+use crate::geometry::facing::Separation;
+use crate::geometry::pair::Pair;
+use crate::geometry::vectors::{V, neg};
+use crate::math::spatial::*;
 
-use super::Segment;
-use crate::contacts::ContactPoint;
-use crate::spatial::*;
+/// Edges this parallel (sine) have no axis of their own: the faces beside them do for both.
+const PARALLEL: f64 = 1e-6;
 
-/// A box.
-#[derive(Clone, Copy, Debug)]
-pub struct Cuboid<R> {
-    /// m
-    pub centre: V3<R>,
-    /// Its axes are the columns.
-    pub mat: M3<R>,
-    /// Half sizes, m.
-    pub half: V3<R>,
+/// Depth up to which what overlaps along two axes at once overlaps in a sliver that is no contact, m.
+///
+/// A box that slides from one tile to the next has its lower face in the plane of their upper ones, up to what a contact at rest leaves open or
+/// overlapping. Between it and the side of the tile ahead there is nothing to strike, however near it comes.
+const SLIVER: f64 = 1e-5;
+
+/// 1 - cos of faces in one plane: over 10 cm they part by [`SLIVER`].
+const COPLANAR: f64 = 5e-9;
+
+/// Whether two boxes, a face of each in one plane or nearly so, are apart, or nearly so, along the normal of another face.
+fn graze(faces: &[(f64, V); 6]) -> bool {
+    let parallel = |f: &V, g: &V| 1.0 - dot(*f, *g).abs() <= COPLANAR;
+    let touching = faces[..3].iter().filter(|f| f.0.abs() <= SLIVER && faces[3..].iter().any(|g| parallel(&f.1, &g.1)));
+    touching.into_iter().any(|f| faces.iter().any(|g| g.0 >= -SLIVER && !parallel(&f.1, &g.1)))
 }
 
-/// Where a body with a core and a radius about it touches the box, in the box's frame: `x` on the core, the direction `u` out of the box, and
-/// the gap between core and box along it.
-struct Touch<R> {
-    x: V3<R>,
-    u: V3<R>,
-    gap: R,
-}
-
-impl<R: Real> Cuboid<R> {
-    #[inline(always)]
-    fn inside(&self, point: V3<R>) -> V3<R> {
-        rotate_back(&self.mat, sub(point, self.centre))
-    }
-
-    /// From the nearest point of the box to `x`: zero inside.
-    #[inline(always)]
-    fn beyond(&self, x: V3<R>) -> V3<R> {
-        std::array::from_fn(
-            #[inline(always)]
-            |i| x[i] - x[i].clamp(-self.half[i], self.half[i]),
-        )
-    }
-
-    #[inline(always)]
-    fn contact(&self, touch: &Touch<R>, radius: R) -> ContactPoint<R> {
-        let distance = touch.gap - radius;
-        let pos = add_scaled(touch.x, touch.u, -(radius + distance * R::of(0.5)));
-        ContactPoint { distance, pos: add(self.centre, rotate(&self.mat, pos)), normal: rotate(&self.mat, scale(touch.u, -R::one())) }
-    }
-
-    /// The shortest way for the point `x` out of the box.
-    #[inline(always)]
-    fn nearest_face(&self, x: V3<R>) -> Touch<R> {
-        let (mut gap, mut u) = (R::of(f64::NEG_INFINITY), zero());
-        for i in 0..3 {
-            let this = x[i].abs() - self.half[i];
-            let nearer = this.gt(gap);
-            gap = R::select(nearer, this, gap);
-            u = select(nearer, unit(i, x[i]), u);
+/// The axis of the largest separation among the 15 of two boxes; `None` where it is beyond `prediction` or where they only graze, `Some(None)`
+/// where no axis gives the distance. Faces are preferred to edges and the
+/// first box's to the second's, unless worse by more than rounding: the choice at rest stays.
+pub(super) fn separation(pair: &Pair<'_>, ha: V, hb: V, prediction: f64) -> Option<Option<Separation>> {
+    let r = &pair.mat;
+    let p = pair.pos;
+    let q = rotate_back(r, p);
+    let cos = |i: usize, j: usize| r[3 * i + j].abs();
+    let mut best = (f64::NEG_INFINITY, [0.0; 3]);
+    let (mut faces, mut count) = ([best; 6], 0);
+    let mut take = |s: f64, axis: V, advantage: f64| {
+        faces[count] = (s, axis);
+        count += 1;
+        if s > best.0 + advantage {
+            best = (s, axis);
         }
-        Touch { x, u, gap }
-    }
-}
-
-/// Axis `i` with the sign of `sign`.
-#[inline(always)]
-fn unit<R: Real>(i: usize, sign: R) -> V3<R> {
-    let mut u = zero();
-    u[i] = R::one().copysign(sign);
-    u
-}
-
-/// `v` made a unit vector, with its length; `instead` where it has none.
-#[inline(always)]
-fn direction<R: Real>(v: V3<R>, instead: V3<R>) -> (V3<R>, R, R::Mask) {
-    let length = norm(v);
-    let some = length.gt(R::zero());
-    (select(some, scale(v, R::one() / R::select(some, length, R::one())), instead), length, some)
-}
-
-/// A ball and a box.
-#[inline(always)]
-pub fn sphere_box<R: Real>(centre: V3<R>, radius: R, cuboid: &Cuboid<R>) -> ContactPoint<R> {
-    let x = cuboid.inside(centre);
-    let face = cuboid.nearest_face(x);
-    let (u, length, outside) = direction(cuboid.beyond(x), face.u);
-    cuboid.contact(&Touch { x, u, gap: R::select(outside, length, face.gap) }, radius)
-}
-
-/// A capsule and a box: the contact at their closest points, and where the capsule runs along a face or an edge, the contact at the other end
-/// of the stretch that does. Ordered along the capsule; the masks say where each exists.
-#[inline(always)]
-pub fn capsule_box<R: Real>(capsule: &Segment<R>, cuboid: &Cuboid<R>) -> ([ContactPoint<R>; 2], [R::Mask; 2]) {
-    let line = Line { p: cuboid.inside(capsule.centre), d: rotate_back(&cuboid.mat, capsule.axis), half: capsule.half_length };
-    let t = line.closest(cuboid);
-    let x = line.at(t);
-    let (u, length, _) = direction(cuboid.beyond(x), zero());
-    let outside = length.gt(line.rounding(cuboid));
-    let (mut t, mut near) = (t, Touch { x, u, gap: length });
-    let enters = outside.not();
-    if enters.any() {
-        let (t_out, out) = line.way_out(cuboid);
-        t = R::select(outside, t, t_out);
-        near = Touch { x: line.at(t), u: select(outside, u, out.u), gap: R::select(outside, length, out.gap) };
-    }
-    let (t_far, far, two) = line.other_end(cuboid, t, &near, outside);
-    let (first, second) = (cuboid.contact(&near, capsule.radius), cuboid.contact(&far, capsule.radius));
-    let ascending = t.le(t_far);
-    let ordered = |a: &ContactPoint<R>, b: &ContactPoint<R>| ContactPoint {
-        distance: R::select(ascending, a.distance, b.distance),
-        pos: select(ascending, a.pos, b.pos),
-        normal: select(ascending, a.normal, b.normal),
     };
-    ([ordered(&first, &second), ordered(&second, &first)], [two.or(ascending), two.or(ascending.not())])
+    for i in 0..3 {
+        let mut axis = [0.0; 3];
+        axis[i] = 1f64.copysign(p[i]);
+        take(p[i].abs() - ha[i] - (hb[0] * cos(i, 0) + hb[1] * cos(i, 1) + hb[2] * cos(i, 2)), axis, 0.0);
+    }
+    let tie = 1e-9 * pair.size;
+    for j in 0..3 {
+        let axis = scale(column(r, j), 1f64.copysign(q[j]));
+        take(q[j].abs() - hb[j] - (ha[0] * cos(0, j) + ha[1] * cos(1, j) + ha[2] * cos(2, j)), axis, tie);
+    }
+    let face = best;
+    if face.0 > prediction || graze(&faces) {
+        return None;
+    }
+    let edge = edges(pair, ha, hb);
+    if edge.0 > prediction {
+        return None;
+    }
+    if edge.0 > face.0 + 1e-6 * pair.size {
+        if edge.0 > 0.0 {
+            // Where edges are apart, their ends may be nearest.
+            return Some(None);
+        }
+        let points = edge_points(pair, ha, hb, edge.1, edge.2);
+        return Some(Some(Separation { normal: edge.1, separation: edge.0, points }));
+    }
+    let points = [pair.a.support(face.1), pair.support_b(neg(face.1))];
+    Some(Some(Separation { normal: face.1, separation: face.0, points }))
 }
 
-/// The core of a capsule in the box's frame: p + t d with |t| <= half.
-struct Line<R> {
-    p: V3<R>,
-    d: V3<R>,
-    half: R,
-}
-
-impl<R: Real> Line<R> {
-    #[inline(always)]
-    fn at(&self, t: R) -> V3<R> {
-        add_scaled(self.p, self.d, t)
-    }
-
-    /// A gap that rounding can make where the line just enters the box, m.
-    #[inline(always)]
-    fn rounding(&self, cuboid: &Cuboid<R>) -> R {
-        let size = |v: V3<R>| v[0].abs() + v[1].abs() + v[2].abs();
-        (size(self.p) + size(cuboid.half) + self.half) * R::splat(R::Scalar::EPSILON) * R::of(64.0)
-    }
-
-    /// The parameters at which the line enters and leaves the slab of axis `k`; all or nothing where it runs along the slab.
-    #[inline(always)]
-    fn slab(&self, cuboid: &Cuboid<R>, k: usize) -> [R; 2] {
-        let (p, d, s) = (self.p[k], self.d[k], cuboid.half[k]);
-        let along = d.abs().lt(R::of(1e-12));
-        let d = R::select(along, R::one(), d);
-        let (a, b) = ((-s - p) / d, (s - p) / d);
-        // A hair of tolerance for a line along the border of a face.
-        let within = R::select(p.abs().le(s * R::of(1.0 + 1e-9)), R::of(f64::INFINITY), R::of(f64::NEG_INFINITY));
-        [R::select(along, -within, a.min(b)), R::select(along, within, a.max(b))]
-    }
-
-    /// Half the slope of f at t.
-    #[inline(always)]
-    fn slope(&self, cuboid: &Cuboid<R>, t: R) -> R {
-        dot(self.d, cuboid.beyond(self.at(t)))
-    }
-
-    /// The parameter of the least distance; an end of them, if there are many.
-    #[inline(always)]
-    fn closest(&self, cuboid: &Cuboid<R>) -> R {
-        let (mut lo, mut hi) = (-self.half, self.half);
-        let (mut below, mut above) = (self.slope(cuboid, lo), self.slope(cuboid, hi));
-        let level = -self.rounding(cuboid);
-        let (falls, rises) = (below.lt(level), above.ge(level));
-        for k in 0..3 {
-            for t in self.slab(cuboid, k) {
-                let t = t.clamp(-self.half, self.half);
-                let g = self.slope(cuboid, t);
-                let left = g.lt(level);
-                let (nearer_lo, nearer_hi) = (left.and(t.gt(lo)), t.lt(hi).and_not(left));
-                lo = R::select(nearer_lo, t, lo);
-                below = R::select(nearer_lo, g, below);
-                hi = R::select(nearer_hi, t, hi);
-                above = R::select(nearer_hi, g, above);
+/// The best axis across an edge of each: separation, axis, which edges.
+fn edges(pair: &Pair<'_>, ha: V, hb: V) -> (f64, V, [usize; 2]) {
+    let mut best = (f64::NEG_INFINITY, [0.0; 3], [0; 2]);
+    for i in 0..3 {
+        for j in 0..3 {
+            let u = column(&pair.mat, j);
+            let mut e = [0.0; 3];
+            e[i] = 1.0;
+            let l = cross(e, u);
+            let length = norm(l);
+            if length < PARALLEL {
+                continue;
+            }
+            let l = scale(l, 1.0 / length);
+            let along = dot(l, pair.pos);
+            let local = rotate_back(&pair.mat, l);
+            let reach: f64 = (0..3).map(|k| ha[k] * l[k].abs() + hb[k] * local[k].abs()).sum();
+            let s = along.abs() - reach;
+            if s > best.0 {
+                best = (s, scale(l, 1f64.copysign(along)), [i, j]);
             }
         }
-        let inner = falls.and(rises);
-        let t = (lo - (hi - lo) * below / R::select(inner, above - below, R::one())).min(hi);
-        R::select(inner, t, R::select(falls, self.half, -self.half))
     }
+    best
+}
 
-    /// Where and how the line leaves the box by the shortest way, if it enters it.
-    #[inline(always)]
-    fn way_out(&self, cuboid: &Cuboid<R>) -> (R, Touch<R>) {
-        let (mut gap, mut u, mut t) = (R::of(f64::NEG_INFINITY), zero(), R::zero());
-        for i in 0..3 {
-            let this = self.p[i].abs() - self.d[i].abs() * self.half - cuboid.half[i];
-            let shorter = this.gt(gap);
-            let out = unit(i, self.p[i]);
-            let ([a, b], [c, d]) = (self.slab(cuboid, (i + 1) % 3), self.slab(cuboid, (i + 2) % 3));
-            let deepest = R::select(dot(out, self.d).gt(R::zero()), a.max(c).max(-self.half), b.min(d).min(self.half));
-            gap = R::select(shorter, this, gap);
-            u = select(shorter, out, u);
-            t = R::select(shorter, deepest, t);
-        }
-        for i in 0..3 {
-            let (j, k) = ((i + 1) % 3, (i + 2) % 3);
-            let mut axis = zero();
-            (axis[j], axis[k]) = (self.d[k], -self.d[j]);
-            let square = dot(axis, axis);
-            let crossing = square.gt(R::of(1e-12));
-            let square = R::select(crossing, square, R::one());
-            let axis = scale(axis, R::one() / square.sqrt());
-            let side = dot(self.p, axis);
-            let this = side.abs() - (cuboid.half[j] * axis[j].abs() + cuboid.half[k] * axis[k].abs());
-            // A face is taken rather than an edge that is no better.
-            let shorter = crossing.and((gap * R::of(1.0 - 1e-9)).lt(this));
-            let out = scale(axis, R::one().copysign(side));
-            let corner = |m: usize| cuboid.half[m].copysign(out[m]) - self.p[m];
-            let crossed = ((self.d[j] * corner(j) + self.d[k] * corner(k)) / square).clamp(-self.half, self.half);
-            gap = R::select(shorter, this, gap);
-            u = select(shorter, out, u);
-            t = R::select(shorter, crossed, t);
-        }
-        (t, Touch { x: self.at(t), u, gap })
-    }
-
-    /// The far end of the stretch that runs along the face or edge of the touch at `t`, and where there is one.
-    #[inline(always)]
-    fn other_end(&self, cuboid: &Cuboid<R>, t: R, near: &Touch<R>, outside: R::Mask) -> (R, Touch<R>, R::Mask) {
-        let u = [near.u[0].abs(), near.u[1].abs(), near.u[2].abs()];
-        let most = u[0].max(u[1]).max(u[2]);
-        let (mut lo, mut hi) = (-self.half, self.half);
-        let mut face = zero();
-        let mut chosen = R::Mask::splat(false);
-        for k in 0..3 {
-            let faces = u[k].ge(most).and_not(chosen);
-            chosen = chosen.or(faces);
-            face = select(faces, unit(k, near.u[k]), face);
-            // Beside the face within six degrees, or beside the edge.
-            let beside = u[k].le(R::of(0.1)).or(outside.not()).and_not(faces);
-            let [a, b] = self.slab(cuboid, k);
-            lo = R::select(beside, a.max(lo), lo);
-            hi = R::select(beside, b.min(hi), hi);
-        }
-        let low = (t - lo).ge(hi - t);
-        let t_far = R::select(low, lo, hi);
-        let two = lo.lt(hi).and((t_far - t).abs().gt(self.half * R::of(1e-6)));
-        let t_far = R::select(two, t_far, t);
-        let x = self.at(t_far);
-        let (out, length, _) = direction(cuboid.beyond(x), face);
-        let depth = dot(face, x) - dot([face[0].abs(), face[1].abs(), face[2].abs()], cuboid.half);
-        // An edge that is the shortest way out has no deeper point beside it.
-        let two = two.and(outside.or(most.ge(R::one())).or(depth.ge(near.gap)));
-        (t_far, Touch { x, u: select(outside, out, face), gap: R::select(outside, length, depth) }, two)
-    }
+/// The nearest points of the two edges that face each other along `n`.
+fn edge_points(pair: &Pair<'_>, ha: V, hb: V, n: V, [i, j]: [usize; 2]) -> [V; 2] {
+    let mut x = pair.a.support(n);
+    x[i] = 0.0;
+    let mut local = pair.b.support(rotate_back(&pair.mat, neg(n)));
+    local[j] = 0.0;
+    let y = add(pair.pos, rotate(&pair.mat, local));
+    let mut e = [0.0; 3];
+    e[i] = 1.0;
+    let u = column(&pair.mat, j);
+    // x + s e and y + t u: both derivatives of the distance vanish.
+    let d = sub(y, x);
+    let (de, du, eu) = (dot(d, e), dot(d, u), dot(e, u));
+    let determinant = 1.0 - eu * eu;
+    let s = ((de - eu * du) / determinant).clamp(-ha[i], ha[i]);
+    let t = ((eu * de - du) / determinant).clamp(-hb[j], hb[j]);
+    [add_scaled(x, e, s), add_scaled(y, u, t)]
 }

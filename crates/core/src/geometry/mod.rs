@@ -1,16 +1,53 @@
-//! Narrow phase: one file per pair of shapes. Every function is stateless: the same poses give the same contacts.
+//! General convex collision, one pair of shapes of one environment at a time, in f64.
 //!
-//! Normals point from the first geom to the second, positions are halfway between the surfaces.
+//! Every shape is a *core* thickened by a radius (a ball is a thick point, a capsule a thick segment; the others have radius 0). The contact
+//! normal is the direction of the largest separation of the cores,
+//!
+//! ```text
+//! s(n) = min over B of n . y - max over A of n . x,        n* = argmax s(n) over unit vectors,
+//! ```
+//!
+//! which is the distance where the cores are apart and minus the least translation that parts them where they overlap (`separation.rs`).
+//! Any unit vector gives a bound from below, so overlapping shapes always have a contact. The features that face each other along n* are then
+//! laid on one another (`manifold.rs`).
+//!
+//! All is computed in the frame of the first shape: what a scene's place in the world changes is rounding. Nothing is remembered from call to
+//! call: the same poses give the same contacts, whether a normal from before is known (`recall.rs`), or what parts the two (`parting.rs`), or not.
 
+mod approach;
+mod blocks;
 mod boxes;
-pub mod convex;
-mod cylinder;
-mod ellipsoid;
-mod plane;
-mod segments;
+mod clip;
+mod expand;
+mod facing;
+mod gjk;
+mod hull;
+mod known;
+mod manifold;
+mod narrow;
+mod pair;
+mod parting;
+mod patch;
+mod proof;
+mod quickhull;
+mod reach;
+mod recall;
+mod room;
+mod separation;
+mod shape;
+mod solid;
+mod surface;
+mod vectors;
 
-pub use boxes::{Cuboid, capsule_box, sphere_box};
-pub use cylinder::{Cylinder, cylinder_rims, plane_point, sphere_cylinder};
-pub use ellipsoid::{Ellipsoid, plane_ellipsoid, sphere_ellipsoid};
-pub use plane::{plane_box, plane_sphere};
-pub use segments::{Segment, segments};
+pub use approach::Approach;
+pub use hull::{Hull, HullError};
+pub use known::Known;
+pub use manifold::{MAX_POINTS, Manifold, Point};
+pub use narrow::{Narrow, collide, collide_plane, distance};
+pub use parting::{SeparatingPlane, SeparatingPlanes};
+pub use reach::Reach;
+pub use room::Room;
+pub use shape::ConvexShape;
+pub use solid::Solid;
+pub use surface::{Grid, MAX_SURFACE_POINTS, MeshSurface, Surface, collide_surface};
+pub use vectors::Pose;

@@ -3,8 +3,8 @@
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::{Description, MassProperties, Shape};
-use crate::geometry::convex::{Hull, HullError};
+use crate::geometry::{Hull, HullError};
+use crate::model::MassProperties;
 
 /// A triangle mesh, in the frame of the geoms that use it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -33,7 +33,7 @@ pub struct HeightField {
 }
 
 impl Mesh {
-    /// The convex hull of its vertices, made anew; a finished model has those that it needs, see [`Model::hull_of`](super::Model::hull_of).
+    /// The convex hull of its vertices, made anew; a finished model has those that it needs, see [`Model::hull_of`](crate::model::Model::hull_of).
     ///
     /// # Errors
     /// [`HullError`] where they span no volume.
@@ -68,24 +68,10 @@ fn solid(hull: &Hull, density: f64) -> MassProperties {
     MassProperties { mass: volume * density, com, inertia: inertia * density }
 }
 
-impl Description {
-    /// The mesh that a geom's shape refers to.
-    pub fn mesh_of(&self, shape: &Shape) -> Option<&Mesh> {
-        Some(&self.meshes[self.mesh_index(shape)?])
-    }
-
-    /// The height field that a geom's shape refers to.
-    pub fn height_field_of(&self, shape: &Shape) -> Option<&HeightField> {
-        match shape {
-            Shape::HeightField { asset } => self.height_fields.iter().find(|h| h.name == *asset),
-            _ => None,
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::Shape;
 
     #[test]
     fn a_mesh_of_a_box_weighs_what_the_box_does() {

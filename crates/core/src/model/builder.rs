@@ -7,14 +7,14 @@ mod geom;
 mod joint;
 mod tendon;
 
-use super::{Description, HeightField, Keyframe, Medium, Mesh, Model, ModelError, Pair, Sensor, SensorKind, Site};
+use crate::model::{Description, HeightField, Keyframe, Medium, Mesh, Model, ModelError, Pair, Sensor, SensorKind, Site};
 
-pub use actuator::ActuatorBuilder;
-pub use body::BodyBuilder;
-pub use equality::EqualityBuilder;
-pub use geom::GeomBuilder;
-pub use joint::JointBuilder;
-pub use tendon::TendonBuilder;
+pub use crate::model::builder::actuator::ActuatorBuilder;
+pub use crate::model::builder::body::BodyBuilder;
+pub use crate::model::builder::equality::EqualityBuilder;
+pub use crate::model::builder::geom::GeomBuilder;
+pub use crate::model::builder::joint::JointBuilder;
+pub use crate::model::builder::tendon::TendonBuilder;
 
 /// What a sensor that was added by name reads.
 #[derive(Clone, Debug)]

@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use super::Omission;
+use crate::model::Omission;
 
 /// A model that cannot be used: what is wrong, where in the model, and what to do about it.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]

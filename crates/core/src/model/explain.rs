@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use std::fmt::Display;
 
-use super::Kernel;
-use super::pairs::{Verdict, weld_groups};
-use super::{Activation, JointKind, Model, Requested};
+use crate::model::Kernel;
+use crate::model::pairs::{Verdict, weld_groups};
+use crate::model::{Activation, JointKind, Model, Requested};
 
 /// Phenomena that no rigid-body simulator has, whatever the scene.
 const BEYOND: [&str; 7] = [
@@ -123,7 +123,7 @@ impl Model {
     }
 
     fn joint_forces(&self) -> Vec<Line> {
-        let with = |what: &str, has: &dyn Fn(&super::Joint) -> bool| {
+        let with = |what: &str, has: &dyn Fn(&crate::model::Joint) -> bool| {
             let joints = (0..self.joints.len()).filter(|&j| has(&self.joints[j])).map(|j| self.joint_label(j));
             Line::list(what, joints)
         };
@@ -150,7 +150,7 @@ impl Model {
         let named = |active: bool, hard: bool| {
             let chosen = self.equalities.iter().enumerate();
             let chosen = chosen.filter(move |(_, e)| e.active == active && (!active || e.stiffness.is_infinite() == hard));
-            chosen.map(|(i, e)| format!("{} ({})", super::label(&e.name, i), e.kind.name()))
+            chosen.map(|(i, e)| format!("{} ({})", crate::model::label(&e.name, i), e.kind.name()))
         };
         vec![
             Line::list("hard equalities", named(true, true)),
@@ -173,17 +173,17 @@ impl Model {
     fn drives(&self) -> Vec<Line> {
         let names = |active: bool| {
             let chosen = self.actuators.iter().enumerate().filter(move |(_, a)| (a.activation != Activation::None) == active);
-            chosen.map(|(i, a)| super::label(&a.name, i))
+            chosen.map(|(i, a)| crate::model::label(&a.name, i))
         };
-        let tendons = |has: fn(&super::Tendon) -> bool| {
-            self.tendons.iter().enumerate().filter(move |(_, t)| has(t)).map(|(i, t)| super::label(&t.name, i))
+        let tendons = |has: fn(&crate::model::Tendon) -> bool| {
+            self.tendons.iter().enumerate().filter(move |(_, t)| has(t)).map(|(i, t)| crate::model::label(&t.name, i))
         };
         vec![
             Line::list("actuators without activation", names(false)),
             Line::list("actuators with activation", names(true)),
             Line::list(
                 "delays of controls",
-                self.actuators.iter().enumerate().filter(|(_, a)| a.delay > 0.0).map(|(i, a)| super::label(&a.name, i)),
+                self.actuators.iter().enumerate().filter(|(_, a)| a.delay > 0.0).map(|(i, a)| crate::model::label(&a.name, i)),
             ),
             Line::list("fixed tendons", tendons(|_| true)),
             Line::list("limits of fixed tendons", tendons(|t| t.range.is_some())),
@@ -201,7 +201,7 @@ impl Model {
         let kinds: Vec<String> = counts.into_iter().map(|(word, n)| format!("{n} {word}")).collect();
         vec![
             Line::new(self.sensors.len(), format!("{} sensors: {}", self.sensors.len(), kinds.join(", ")), "sensors"),
-            Line::list("keyframes", self.keyframes.iter().enumerate().map(|(i, k)| super::label(&k.name, i))),
+            Line::list("keyframes", self.keyframes.iter().enumerate().map(|(i, k)| crate::model::label(&k.name, i))),
         ]
     }
 

@@ -13,8 +13,8 @@ use std::path::Path;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
-use super::hulls::{Source, Surfaces};
-use super::{Description, Model, ModelError};
+use crate::model::hulls::{Source, Surfaces};
+use crate::model::{Description, Model, ModelError};
 
 /// The first bytes of every saved model. The last is no valid UTF-8, so no text file begins so.
 const MAGIC: [u8; 8] = *b"stepper\xff";

@@ -1,12 +1,13 @@
 //! The gate: every model has passed [`Description::finish`].
 
 mod check;
+mod element;
 mod inertia;
 mod scope;
 mod sensors;
 
-use super::hulls::Source;
-use super::{Description, EqualityKind, JointKind, Model, ModelError, label};
+use crate::model::hulls::Source;
+use crate::model::{Description, EqualityKind, JointKind, Model, ModelError, label};
 
 /// How far from 1 the length of a quaternion or axis may be and still be taken for rounding in the source.
 const SLOPPY: f64 = 1e-3;
@@ -47,7 +48,7 @@ impl Description {
         Ok(Model { description: self, hulls })
     }
 
-    /// The numbers of a finished model in which fields of [`RANDOMIZABLE`](super::RANDOMIZABLE) are others.
+    /// The numbers of a finished model in which fields of [`RANDOMIZABLE`](crate::model::RANDOMIZABLE) are others.
     pub(super) fn check_parameters(&self) -> Result<(), ModelError> {
         check::parameters(self)
     }
@@ -118,12 +119,12 @@ pub(super) mod tests {
     use proptest::prelude::*;
 
     /// A scene with one of everything that is simulated.
-    pub(in super::super) fn rich() -> Description {
+    pub(in crate::model) fn rich() -> Description {
         rich_model().into_description()
     }
 
     /// The same, finished.
-    pub(in super::super) fn rich_model() -> Model {
+    pub(in crate::model) fn rich_model() -> Model {
         let mut scene = Model::builder("rich");
         scene.timestep(0.001).geom(WORLD, GeomBuilder::plane("floor").restitution(0.5));
         let ball = BodyBuilder::new("ball").pos([1.0, 0.0, 1.0]).joint(JointBuilder::free("root").damping(0.01));

@@ -2,8 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Geom, Shape};
-
 /// What fills the space between the bodies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Medium {
@@ -43,18 +41,4 @@ pub struct Ellipsoid {
     pub virtual_inertia: [f64; 3],
     /// Semi-axes, m.
     pub axes: [f64; 3],
-}
-
-impl Geom {
-    /// Semi-axes of the ellipsoid that stands for a shape, m, if it has a finite size of its own.
-    pub fn semi_axes(&self) -> Option<[f64; 3]> {
-        match self.shape {
-            Shape::Sphere { radius } => Some([radius; 3]),
-            Shape::Capsule { radius, half_length } => Some([radius, radius, half_length + radius]),
-            Shape::Cylinder { radius, half_length } => Some([radius, radius, half_length]),
-            Shape::Ellipsoid { radii } => Some(radii),
-            Shape::Box { half } => Some(half),
-            Shape::Plane | Shape::Mesh { .. } | Shape::HeightField { .. } => None,
-        }
-    }
 }

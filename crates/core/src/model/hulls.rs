@@ -2,12 +2,14 @@
 
 use std::sync::Arc;
 
-use super::{Description, Mesh, Model, Shape};
-use crate::geometry::convex::{Hull, HullError};
+use crate::geometry::{Hull, HullError};
+use crate::model::asset::Mesh;
+use crate::model::description::Description;
+use crate::model::shape::Shape;
 
 /// Convex hulls by mesh, of those that something can touch as their hull.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Hulls(Vec<Option<Arc<Hull>>>);
+pub(crate) struct Hulls(pub(super) Vec<Option<Arc<Hull>>>);
 
 /// Surfaces of hulls by mesh, as triangles of its vertices: what a file keeps of [`Hulls`].
 pub(super) type Surfaces = Vec<Option<Vec<[u32; 3]>>>;
@@ -51,13 +53,6 @@ impl Hulls {
     /// What a file keeps.
     pub(super) fn surfaces(&self) -> Surfaces {
         self.0.iter().map(|hull| hull.as_ref().map(|hull| hull.surface())).collect()
-    }
-}
-
-impl Model {
-    /// The convex hull of the mesh that a geom's shape refers to; there for every geom that can touch others as that.
-    pub fn hull_of(&self, shape: &Shape) -> Option<&Arc<Hull>> {
-        self.hulls.0.get(self.mesh_index(shape)?)?.as_ref()
     }
 }
 

@@ -1,6 +1,6 @@
 //! Which narrow-phase function serves which pair of shapes: the one list of what can touch.
 
-use super::Shape;
+use crate::model::Shape;
 
 /// The narrow-phase function of a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,9 +26,9 @@ pub enum Kernel {
     /// Two balls, or capsules taken as segments of any length: up to 2 points.
     Segments,
     /// A convex shape and a surface of triangles (concave mesh, height field), lane by lane: up to
-    /// [`MAX_SURFACE_POINTS`](crate::geometry::convex::MAX_SURFACE_POINTS).
+    /// [`MAX_SURFACE_POINTS`](crate::geometry::MAX_SURFACE_POINTS).
     Surface,
-    /// Convex shapes without a kernel of their own, lane by lane: up to [`MAX_POINTS`](crate::geometry::convex::MAX_POINTS).
+    /// Convex shapes without a kernel of their own, lane by lane: up to [`MAX_POINTS`](crate::geometry::MAX_POINTS).
     Convex,
 }
 
@@ -39,12 +39,12 @@ impl Kernel {
             Self::PlaneSphere | Self::PlaneEllipsoid | Self::SphereBox | Self::SphereCylinder | Self::SphereEllipsoid => 1,
             Self::PlaneCapsule | Self::CapsuleBox | Self::Segments => 2,
             Self::PlaneBox | Self::PlaneCylinder => 8,
-            Self::Surface => crate::geometry::convex::MAX_SURFACE_POINTS,
-            Self::Convex => crate::geometry::convex::MAX_POINTS,
+            Self::Surface => crate::geometry::MAX_SURFACE_POINTS,
+            Self::Convex => crate::geometry::MAX_POINTS,
         }
     }
 
-    /// The kernel of two shapes in the order of [`Description::collision_pairs`](super::Description::collision_pairs); `None` when there is none yet.
+    /// The kernel of two shapes in the order of [`Description::collision_pairs`](crate::model::Description::collision_pairs); `None` when there is none yet.
     pub fn of(a: &Shape, b: &Shape) -> Option<Self> {
         match (a, b) {
             (Shape::Plane, Shape::Sphere { .. }) => Some(Self::PlaneSphere),

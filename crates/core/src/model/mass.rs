@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Rotation3, SymmetricEigen, UnitQuaternion, Vector3};
 
-use super::Shape;
+use crate::model::Shape;
 
 /// Mass, centre of mass and inertia of a body in some frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,7 +22,7 @@ impl MassProperties {
     }
 
     /// Volume of a shape, m^3; `None` for shapes that have none (plane, height field) or take it
-    /// from an asset ([`Mesh::mass_properties`](super::Mesh::mass_properties)).
+    /// from an asset ([`Mesh::mass_properties`](crate::model::Mesh::mass_properties)).
     pub fn volume(shape: &Shape) -> Option<f64> {
         use std::f64::consts::PI;
         match *shape {

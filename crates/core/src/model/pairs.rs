@@ -1,6 +1,6 @@
 //! The geom pairs that can collide, by the rules of MuJoCo 4.
 //!
-//! Two geoms collide if an explicit [`Pair`](super::Pair) says so, or if none of these filters drops them (MuJoCo
+//! Two geoms collide if an explicit [`Pair`](crate::model::Pair) says so, or if none of these filters drops them (MuJoCo
 //! `engine_collision_driver.c`, `filterBodyPair` and `filterBitmask`; documentation, "Collision detection"):
 //!
 //! 1. both are fixed to the same rigid group: a body with everything welded to it (MuJoCo's `body_weldid`); a mocap body is a group of
@@ -17,7 +17,7 @@
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, HashSet};
 
-use super::{Description, Geom, Pair, Shape};
+use crate::model::{Description, Geom, Pair, Shape};
 
 /// Two geoms that can collide, and what a contact between them is like.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,7 +1,7 @@
 //! Models with other numbers: one table of fields, read and written alike.
 
-use super::hulls::Source;
-use super::{Body, Description, Geom, Joint, Model, ModelError, Shape, Tendon};
+use crate::model::hulls::Source;
+use crate::model::{Body, Description, Geom, Joint, Model, ModelError, Shape, Tendon};
 
 /// Hands every number of a field, in order, to a visitor that may change it.
 type Visit = fn(&mut Description, &mut dyn FnMut(&mut f64));

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Shape;
+use crate::model::Shape;
 
 /// A place on a body for sensors, with a volume for those that have a zone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -38,14 +38,14 @@ pub enum Shape {
     },
     /// A mesh: the convex hull of its vertices, as MJCF means it.
     Mesh {
-        /// Name of its [`Mesh`](super::Mesh) in [`Description::meshes`](super::Description::meshes).
+        /// Name of its [`Mesh`](crate::model::Mesh) in [`Description::meshes`](crate::model::Description::meshes).
         asset: String,
         /// Whether it is the surface of its triangles instead, hollows included. Planes see the hull of either.
         concave: bool,
     },
     /// A height field.
     HeightField {
-        /// Name of its [`HeightField`](super::HeightField) in [`Description::height_fields`](super::Description::height_fields).
+        /// Name of its [`HeightField`](crate::model::HeightField) in [`Description::height_fields`](crate::model::Description::height_fields).
         asset: String,
     },
 }

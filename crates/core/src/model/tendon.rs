@@ -2,8 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Description;
-
 /// A fixed tendon: its length is a linear combination of scalar joint positions. Its unit u is that of the combination.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Tendon {
@@ -23,12 +21,4 @@ pub struct Tendon {
     pub armature: f64,
     /// Dry friction, N.
     pub frictionloss: f64,
-}
-
-impl Tendon {
-    /// Its length at a configuration of the model.
-    pub fn length(&self, model: &Description, qpos: &[f64]) -> f64 {
-        let addresses = model.joint_addresses();
-        self.joints.iter().map(|&(j, c)| c * qpos[addresses[j].0]).sum()
-    }
 }

@@ -3,10 +3,10 @@
 use std::fmt;
 use std::str::FromStr;
 
-use super::replace::{find, write};
-use super::{Actuator, Body, Field, Geom, Joint, Model, ModelError, label};
+use crate::model::replace::{find, write};
+use crate::model::{Actuator, Body, Field, Geom, Joint, Model, ModelError, label};
 
-/// A field of [`REPLACEABLE`](super::REPLACEABLE) that environments may each have for themselves, see
+/// A field of [`REPLACEABLE`](crate::model::REPLACEABLE) that environments may each have for themselves, see
 /// [`Simulation::randomize`](crate::Simulation::randomize). `"body_mass".parse()` gives one by its name in MuJoCo's vocabulary.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
@@ -136,7 +136,7 @@ impl<'a> Variants<'a> {
     }
 }
 
-/// What a plan leaves out of a model because of its numbers must be left out of its variants too.
+/// What a compiled model leaves out of a model because of its numbers must be left out of its variants too.
 fn same_structure(base: &Model, model: &Model) -> Checked {
     base.joints.iter().zip(&model.joints).enumerate().try_for_each(|(i, (old, new))| joint(i, old, new))?;
     base.bodies.iter().zip(&model.bodies).enumerate().try_for_each(|(i, (old, new))| body(i, old, new))?;

@@ -16,12 +16,12 @@ mod transfer;
 
 use stepper_real::{Real, Scalar};
 
-use crate::lanes::DelayLine;
+use crate::math::lanes::DelayLine;
 use crate::model::{Model, Quantity};
-pub use draws::Keys;
-pub use observe::{Slots, Work};
-pub use transfer::Transfer;
-use transfer::any;
+pub use crate::sensing::errors::draws::Keys;
+pub use crate::sensing::errors::observe::{Slots, Work};
+pub use crate::sensing::errors::transfer::Transfer;
+use crate::sensing::errors::transfer::any;
 
 /// Numbers of a sensor that may differ between environments, in the order of the table.
 #[derive(Clone, Copy)]

@@ -2,21 +2,21 @@
 
 use stepper_real::Real;
 
-use super::{Moment, Room};
-use crate::kinematics::{Kinematics, quat_at};
+use crate::compile::LaneModel;
+use crate::compile::sensing::Place;
+use crate::dynamics::kinematics::{Kinematics, quat_at};
+use crate::math::spatial::*;
 use crate::model::{FrameReading, JointKind};
-use crate::plan::LanePlan;
-use crate::plan::sensing::Place;
-use crate::spatial::*;
+use crate::sensing::{Room, SensorInput};
 
 /// Orientation of every link as a quaternion: products along the tree, so that the sign is that of the coordinates.
-pub fn orientations<R: Real>(plan: &LanePlan<R>, q: &[R], out: &mut [[R; 4]]) {
+pub fn orientations<R: Real>(compiled: &LaneModel<R>, q: &[R], out: &mut [[R; 4]]) {
     R::vectorize(
         #[inline(always)]
         || {
-            for (l, link) in plan.links.iter().enumerate() {
+            for (l, link) in compiled.links.iter().enumerate() {
                 let mut quat = quat_mul(out[link.parent], splat(link.quat));
-                for joint in &plan.joints[link.joints.clone()] {
+                for joint in &compiled.joints[link.joints.clone()] {
                     match joint.kind {
                         JointKind::Free => quat = quat_at(q, joint.q + 3),
                         JointKind::Ball => quat = quat_mul(quat, quat_at(q, joint.q)),
@@ -36,20 +36,20 @@ pub fn orientations<R: Real>(plan: &LanePlan<R>, q: &[R], out: &mut [[R; 4]]) {
 
 /// Velocities and accelerations of the links: the forward half of recursive Newton-Euler (Featherstone 2008, section 5.3).
 pub(super) fn accelerations<R: Real>(
-    plan: &LanePlan<R>,
+    compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
-    moment: &Moment<'_, R>,
+    moment: &SensorInput<'_, R>,
     velocity: &mut [V6<R>],
     acceleration: &mut [V6<R>],
 ) {
     R::vectorize(
         #[inline(always)]
         || {
-            let ground = ground(plan);
-            for (l, link) in plan.links.iter().enumerate() {
+            let ground = ground(compiled);
+            for (l, link) in compiled.links.iter().enumerate() {
                 let (mut motion, mut change) =
                     if link.is_root { (zero(), ground) } else { (velocity[link.parent - 1], acceleration[link.parent - 1]) };
-                for joint in &plan.joints[link.joints.clone()] {
+                for joint in &compiled.joints[link.joints.clone()] {
                     let mut rotations = joint.v..joint.v + joint.kind.nv();
                     if joint.kind == JointKind::Free {
                         // The world's axes do not turn with the body.
@@ -76,15 +76,15 @@ pub(super) fn accelerations<R: Real>(
 
 /// Gravity as an upward acceleration of the world.
 #[inline(always)]
-pub(super) fn ground<R: Real>(plan: &LanePlan<R>) -> V6<R> {
-    spatial(zero(), scale(plan.params.gravity(), -R::one()))
+pub(super) fn ground<R: Real>(compiled: &LaneModel<R>) -> V6<R> {
+    spatial(zero(), scale(compiled.params.gravity(), -R::one()))
 }
 
 /// Position of a place in the world.
-pub(super) fn position<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, place: &Place<R::Scalar>) -> V3<R> {
+pub(super) fn position<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, place: &Place<R::Scalar>) -> V3<R> {
     R::vectorize(
         #[inline(always)]
-        || kinematics.point(place.frame, plan.params.place(place.index)),
+        || kinematics.point(place.frame, compiled.params.place(place.index)),
     )
 }
 
@@ -99,37 +99,37 @@ pub(super) fn orientation<R: Real>(kinematics: &Kinematics<R>, place: &Place<R::
 /// Motion of a frame and the point about which it is given; the world and what the user poses stand still.
 #[inline(always)]
 pub(super) fn motion_of<R: Real>(
-    plan: &LanePlan<R>,
+    compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     motions: &[V6<R>],
     still: V6<R>,
     frame: usize,
 ) -> (V6<R>, V3<R>) {
-    match frame.checked_sub(1).and_then(|l| plan.links.get(l).map(|link| (l, link))) {
+    match frame.checked_sub(1).and_then(|l| compiled.links.get(l).map(|link| (l, link))) {
         Some((l, link)) => (motions[l], kinematics.origin[link.tree]),
         None => (still, zero()),
     }
 }
 
 /// (angular, linear) velocity at a place, world axes.
-fn velocity<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, room: &Room<R>, place: &Place<R::Scalar>) -> [V3<R>; 2] {
+fn velocity<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, room: &Room<R>, place: &Place<R::Scalar>) -> [V3<R>; 2] {
     R::vectorize(
         #[inline(always)]
         || {
-            let (motion, origin) = motion_of(plan, kinematics, &room.velocity, zero(), place.frame);
-            [angular(&motion), velocity_at(&motion, sub(position(plan, kinematics, place), origin))]
+            let (motion, origin) = motion_of(compiled, kinematics, &room.velocity, zero(), place.frame);
+            [angular(&motion), velocity_at(&motion, sub(position(compiled, kinematics, place), origin))]
         },
     )
 }
 
 /// (angular, linear) acceleration at a place, less gravity, world axes: the spatial acceleration there plus omega x v.
-fn acceleration<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, room: &Room<R>, place: &Place<R::Scalar>) -> [V3<R>; 2] {
+fn acceleration<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, room: &Room<R>, place: &Place<R::Scalar>) -> [V3<R>; 2] {
     R::vectorize(
         #[inline(always)]
         || {
-            let (change, origin) = motion_of(plan, kinematics, &room.acceleration, ground(plan), place.frame);
-            let [omega, v] = velocity(plan, kinematics, room, place);
-            let there = velocity_at(&change, sub(position(plan, kinematics, place), origin));
+            let (change, origin) = motion_of(compiled, kinematics, &room.acceleration, ground(compiled), place.frame);
+            let [omega, v] = velocity(compiled, kinematics, room, place);
+            let there = velocity_at(&change, sub(position(compiled, kinematics, place), origin));
             [angular(&change), add(there, cross(omega, v))]
         },
     )
@@ -137,7 +137,7 @@ fn acceleration<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, room: &
 
 /// Velocity and acceleration of a site in its own axes: [angular velocity, linear velocity] or [angular, linear acceleration].
 pub fn site_motion<R: Real>(
-    plan: &LanePlan<R>,
+    compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     room: &Room<R>,
     place: &Place<R::Scalar>,
@@ -147,7 +147,7 @@ pub fn site_motion<R: Real>(
         #[inline(always)]
         || {
             let [turning, moving] =
-                if accelerations { acceleration(plan, kinematics, room, place) } else { velocity(plan, kinematics, room, place) };
+                if accelerations { acceleration(compiled, kinematics, room, place) } else { velocity(compiled, kinematics, room, place) };
             let axes = orientation(kinematics, place);
             [rotate_back(&axes, turning), rotate_back(&axes, moving)]
         },
@@ -156,7 +156,7 @@ pub fn site_motion<R: Real>(
 
 /// A frame's reading: three numbers, or four of a quaternion.
 pub fn frame<R: Real>(
-    plan: &LanePlan<R>,
+    compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     room: &Room<R>,
     what: FrameReading,
@@ -177,26 +177,26 @@ pub fn frame<R: Real>(
                 out.copy_from_slice(&seen);
                 return;
             }
-            let arm = |r: &Place<R::Scalar>| sub(position(plan, kinematics, object), position(plan, kinematics, r));
+            let arm = |r: &Place<R::Scalar>| sub(position(compiled, kinematics, object), position(compiled, kinematics, r));
             let x = match what {
-                F::Pos => reference.map_or_else(|| position(plan, kinematics, object), arm),
+                F::Pos => reference.map_or_else(|| position(compiled, kinematics, object), arm),
                 F::XAxis => column(&orientation(kinematics, object), 0),
                 F::YAxis => column(&orientation(kinematics, object), 1),
                 F::ZAxis => column(&orientation(kinematics, object), 2),
                 F::AngVel => {
-                    let [w, _] = velocity(plan, kinematics, room, object);
-                    reference.map_or(w, |r| sub(w, velocity(plan, kinematics, room, r)[0]))
+                    let [w, _] = velocity(compiled, kinematics, room, object);
+                    reference.map_or(w, |r| sub(w, velocity(compiled, kinematics, room, r)[0]))
                 }
                 F::LinVel => {
-                    let [_, v] = velocity(plan, kinematics, room, object);
+                    let [_, v] = velocity(compiled, kinematics, room, object);
                     reference.map_or(v, |r| {
                         // The velocity that an observer who turns with the reference sees.
-                        let [w, u] = velocity(plan, kinematics, room, r);
+                        let [w, u] = velocity(compiled, kinematics, room, r);
                         sub(sub(v, u), cross(w, arm(r)))
                     })
                 }
-                F::AngAcc => acceleration(plan, kinematics, room, object)[0],
-                F::LinAcc => acceleration(plan, kinematics, room, object)[1],
+                F::AngAcc => acceleration(compiled, kinematics, room, object)[0],
+                F::LinAcc => acceleration(compiled, kinematics, room, object)[1],
                 F::Quat => unreachable!("returned above"),
             };
             let x = reference.map_or(x, |r| rotate_back(&orientation(kinematics, r), x));

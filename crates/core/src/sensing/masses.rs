@@ -2,16 +2,16 @@
 
 use stepper_real::Real;
 
-use super::frames::{ground, motion_of, orientation, position};
-use super::{Moment, Room};
-use crate::kinematics::{Kinematics, quat_at};
+use crate::compile::sensing::{Part, Place, Subtree};
+use crate::compile::{Inertial, LaneModel};
+use crate::dynamics::kinematics::{Kinematics, quat_at};
+use crate::math::spatial::*;
 use crate::model::JointKind;
-use crate::plan::sensing::{Part, Place, Subtree};
-use crate::plan::{Inertial, LanePlan};
-use crate::spatial::*;
+use crate::sensing::frames::{ground, motion_of, orientation, position};
+use crate::sensing::{Room, SensorInput};
 
 /// Centre of mass of a subtree, m.
-pub fn com<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, subtree: &Subtree, empty: V3<R>) -> V3<R> {
+pub fn com<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, subtree: &Subtree, empty: V3<R>) -> V3<R> {
     R::vectorize(
         #[inline(always)]
         || {
@@ -20,21 +20,21 @@ pub fn com<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, subtree: &Su
             }
             let mut sum = zero();
             for part in &subtree.parts {
-                let Inertial { mass, com, .. } = plan.params.inertial(part.index);
+                let Inertial { mass, com, .. } = compiled.params.inertial(part.index);
                 sum = add_scaled(sum, kinematics.point(part.frame, com), mass);
             }
-            scale(sum, R::one() / plan.params.total(subtree.index))
+            scale(sum, R::one() / compiled.params.total(subtree.index))
         },
     )
 }
 
 /// Inertia of a part about the point about which its motion is given, that motion, and that point.
-fn moving<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, room: &Room<R>, part: &Part) -> (Inertia<R>, V6<R>, V3<R>) {
+fn moving<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, room: &Room<R>, part: &Part) -> (Inertia<R>, V6<R>, V3<R>) {
     R::vectorize(
         #[inline(always)]
         || {
-            let (motion, origin) = motion_of(plan, kinematics, &room.velocity, zero(), part.frame);
-            let Inertial { mass, com, inertia } = plan.params.inertial(part.index);
+            let (motion, origin) = motion_of(compiled, kinematics, &room.velocity, zero(), part.frame);
+            let Inertial { mass, com, inertia } = compiled.params.inertial(part.index);
             let arm = sub(kinematics.point(part.frame, com), origin);
             (inertia_at(mass, inertia, &kinematics.mat[part.frame], arm), motion, origin)
         },
@@ -42,7 +42,7 @@ fn moving<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, room: &Room<R
 }
 
 /// Velocity of the centre of mass of a subtree, m/s.
-pub fn com_velocity<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, room: &Room<R>, subtree: &Subtree) -> V3<R> {
+pub fn com_velocity<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, room: &Room<R>, subtree: &Subtree) -> V3<R> {
     R::vectorize(
         #[inline(always)]
         || {
@@ -51,25 +51,25 @@ pub fn com_velocity<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, roo
             }
             let mut sum = zero();
             for part in &subtree.parts {
-                let (motion, origin) = motion_of(plan, kinematics, &room.velocity, zero(), part.frame);
-                let Inertial { mass, com, .. } = plan.params.inertial(part.index);
+                let (motion, origin) = motion_of(compiled, kinematics, &room.velocity, zero(), part.frame);
+                let Inertial { mass, com, .. } = compiled.params.inertial(part.index);
                 let arm = sub(kinematics.point(part.frame, com), origin);
                 sum = add_scaled(sum, velocity_at(&motion, arm), mass);
             }
-            scale(sum, R::one() / plan.params.total(subtree.index))
+            scale(sum, R::one() / compiled.params.total(subtree.index))
         },
     )
 }
 
 /// Angular momentum of a subtree about its centre of mass, kg m^2/s.
-pub fn angular_momentum<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, room: &Room<R>, subtree: &Subtree) -> V3<R> {
+pub fn angular_momentum<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, room: &Room<R>, subtree: &Subtree) -> V3<R> {
     R::vectorize(
         #[inline(always)]
         || {
-            let centre = com(plan, kinematics, subtree, zero());
+            let centre = com(compiled, kinematics, subtree, zero());
             let mut sum = zero();
             for part in &subtree.parts {
-                let (inertia, motion, origin) = moving(plan, kinematics, room, part);
+                let (inertia, motion, origin) = moving(compiled, kinematics, room, part);
                 let momentum = apply_inertia(&inertia, &motion);
                 sum = add(sum, add(angular(&momentum), cross(sub(origin, centre), linear(&momentum))));
             }
@@ -81,30 +81,30 @@ pub fn angular_momentum<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>,
 /// Force and torque, about the place and in its axes, with which the parent carries a subtree: what accelerates its masses, less what
 /// contacts and the user apply to it (Newton and Euler's laws for the subtree as a whole).
 pub(super) fn parent_force<R: Real>(
-    plan: &LanePlan<R>,
+    compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     room: &Room<R>,
-    moment: &Moment<'_, R>,
+    moment: &SensorInput<'_, R>,
     place: &Place<R::Scalar>,
     subtree: &Subtree,
 ) -> [V3<R>; 2] {
     R::vectorize(
         #[inline(always)]
         || {
-            let point = position(plan, kinematics, place);
+            let point = position(compiled, kinematics, place);
             let (mut force, mut torque) = (zero(), zero());
             for part in &subtree.parts {
-                let (inertia, motion, origin) = moving(plan, kinematics, room, part);
-                let (change, _) = motion_of(plan, kinematics, &room.acceleration, ground(plan), part.frame);
+                let (inertia, motion, origin) = moving(compiled, kinematics, room, part);
+                let (change, _) = motion_of(compiled, kinematics, &room.acceleration, ground(compiled), part.frame);
                 let rate = add(apply_inertia(&inertia, &change), cross_force(&motion, &apply_inertia(&inertia, &motion)));
                 force = add(force, linear(&rate));
                 torque = add(torque, add(angular(&rate), cross(sub(origin, point), linear(&rate))));
             }
             if !moment.xfrc.is_empty() {
-                for (b, body) in plan.bodies.iter().enumerate().filter(|(b, _)| subtree.bodies[*b]) {
+                for (b, body) in compiled.bodies.iter().enumerate().filter(|(b, _)| subtree.bodies[*b]) {
                     let w = &moment.xfrc[6 * b..6 * b + 6];
                     let (f, t) = ([w[0], w[1], w[2]], [w[3], w[4], w[5]]);
-                    let arm = sub(kinematics.point(body.frame, plan.params.body_com(b)), point);
+                    let arm = sub(kinematics.point(body.frame, compiled.params.body_com(b)), point);
                     force = sub(force, f);
                     torque = sub(torque, add(t, cross(arm, f)));
                 }
@@ -117,18 +117,18 @@ pub(super) fn parent_force<R: Real>(
 }
 
 /// Energy of gravity and of the springs of joints and tendons, J.
-pub fn potential<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, q: &[R], all: &Subtree) -> R {
+pub fn potential<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, q: &[R], all: &Subtree) -> R {
     R::vectorize(
         #[inline(always)]
         || {
             let mut sum = R::zero();
             for part in &all.parts {
-                let Inertial { mass, com, .. } = plan.params.inertial(part.index);
-                sum -= mass * dot(plan.params.gravity(), kinematics.point(part.frame, com));
+                let Inertial { mass, com, .. } = compiled.params.inertial(part.index);
+                sum -= mass * dot(compiled.params.gravity(), kinematics.point(part.frame, com));
             }
             let half = R::of(0.5);
-            for (j, joint) in plan.joints.iter().enumerate().filter(|(_, joint)| joint.sprung) {
-                let k = plan.params.spring(j) * half;
+            for (j, joint) in compiled.joints.iter().enumerate().filter(|(_, joint)| joint.sprung) {
+                let k = compiled.params.spring(j) * half;
                 let (mut at, mut i) = (joint.q, 0);
                 if joint.kind != JointKind::Ball {
                     let scalars = if joint.kind == JointKind::Free { 3 } else { 1 };
@@ -143,7 +143,7 @@ pub fn potential<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, q: &[R
                     sum += k * dot(twist, twist);
                 }
             }
-            for tendon in &plan.tendons {
+            for tendon in &compiled.tendons {
                 let Some((spring, [low, high])) = &tendon.spring else { continue };
                 let length = tendon.length.value(q);
                 let stretch = length - length.max(R::splat(*low)).min(R::splat(*high));
@@ -155,19 +155,19 @@ pub fn potential<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, q: &[R
 }
 
 /// Energy of motion, rotors and tendons' inertia included, J.
-pub fn kinetic<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, room: &Room<R>, v: &[R], all: &Subtree) -> R {
+pub fn kinetic<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, room: &Room<R>, v: &[R], all: &Subtree) -> R {
     R::vectorize(
         #[inline(always)]
         || {
             let mut sum = R::zero();
             for part in &all.parts {
-                let (inertia, motion, _) = moving(plan, kinematics, room, part);
+                let (inertia, motion, _) = moving(compiled, kinematics, room, part);
                 sum += dot6(apply_inertia(&inertia, &motion), motion);
             }
             for (d, &v) in v.iter().enumerate() {
-                sum += plan.params.dof(d).armature * v * v;
+                sum += compiled.params.dof(d).armature * v * v;
             }
-            for tendon in &plan.tendons {
+            for tendon in &compiled.tendons {
                 let Some((spring, _)) = &tendon.spring else { continue };
                 sum += R::splat(spring.inertia) * tendon.length.rate(v).square();
             }

@@ -3,10 +3,10 @@
 use serde::{Deserialize, Serialize};
 use stepper_real::Scalar;
 
-use super::errors::Keys;
-use crate::contacts::MAX_LANES;
-use crate::lanes::{columns, lane_bits, set_columns, set_lane_bits};
-use crate::plan::Plan;
+use crate::compile::CompiledModel;
+use crate::math::lanes::MAX_LANES;
+use crate::math::lanes::{columns, lane_bits, set_columns, set_lane_bits};
+use crate::sensing::errors::Keys;
 
 /// Memory of the sensors of a group of environments.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -41,8 +41,8 @@ pub struct Memory<S> {
 
 impl<S: Scalar> Memory<S> {
     /// Memory of sensors that are ideal; `first` is the first environment of the group.
-    pub fn new(plan: &Plan<S>, lanes: usize, first: usize) -> Self {
-        let needs = plan.sensing.needs;
+    pub fn new(compiled: &CompiledModel<S>, lanes: usize, first: usize) -> Self {
+        let needs = compiled.sensing.needs;
         let zeros = |there: bool, n: usize| vec![S::default(); if there { n * lanes } else { 0 }];
         Self {
             fresh: 0,
@@ -51,9 +51,9 @@ impl<S: Scalar> Memory<S> {
             stream: (0..lanes).map(|l| (first + l) as u32).collect(),
             episode: vec![0; lanes],
             step: vec![0; lanes],
-            acceleration: zeros(needs.acceleration, plan.nv),
-            ctrl: zeros(needs.step || needs.actuators, plan.actuators.len()),
-            xfrc: zeros(needs.wrenches, 6 * plan.bodies.len()),
+            acceleration: zeros(needs.acceleration, compiled.nv),
+            ctrl: zeros(needs.step || needs.actuators, compiled.actuators.len()),
+            xfrc: zeros(needs.wrenches, 6 * compiled.bodies.len()),
             numbers: vec![],
             cursors: vec![],
             observation: vec![],

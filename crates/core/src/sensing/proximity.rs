@@ -2,13 +2,13 @@
 
 use stepper_real::{Mask, Real};
 
-use super::frames::{orientation, position};
-use crate::geometry::{Segment, segments};
-use crate::kinematics::Kinematics;
+use crate::collision::pairs::{Segment, segments};
+use crate::compile::LaneModel;
+use crate::compile::sensing::{Form, Pair, Solid};
+use crate::dynamics::kinematics::Kinematics;
+use crate::math::spatial::*;
 use crate::model::ProximityReading;
-use crate::plan::LanePlan;
-use crate::plan::sensing::{Form, Pair, Solid};
-use crate::spatial::*;
+use crate::sensing::frames::{orientation, position};
 
 /// A signed distance and the points that are so far apart.
 #[derive(Clone, Copy)]
@@ -20,7 +20,7 @@ struct Nearest<R> {
 
 /// The nearest of all pairs.
 pub fn proximity<R: Real>(
-    plan: &LanePlan<R>,
+    compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     what: ProximityReading,
     pairs: &[Pair<R::Scalar>],
@@ -32,7 +32,7 @@ pub fn proximity<R: Real>(
         || {
             let mut best = Nearest { distance: R::of(f64::INFINITY), points: [zero(); 2], normal: zero() };
             for (a, b) in pairs {
-                let new = between(plan, kinematics, a, b);
+                let new = between(compiled, kinematics, a, b);
                 let nearer = new.distance.lt(best.distance);
                 best.distance = R::select(nearer, new.distance, best.distance);
                 best.points = [select(nearer, new.points[0], best.points[0]), select(nearer, new.points[1], best.points[1])];
@@ -54,22 +54,22 @@ pub fn proximity<R: Real>(
     )
 }
 
-fn between<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, a: &Solid<R::Scalar>, b: &Solid<R::Scalar>) -> Nearest<R> {
+fn between<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, a: &Solid<R::Scalar>, b: &Solid<R::Scalar>) -> Nearest<R> {
     R::vectorize(
         #[inline(always)]
         || {
             if a.form == Form::Plane {
-                return from_plane(plan, kinematics, a, b);
+                return from_plane(compiled, kinematics, a, b);
             }
             if b.form == Form::Plane {
-                let turned = from_plane(plan, kinematics, b, a);
+                let turned = from_plane(compiled, kinematics, b, a);
                 let [p, q] = turned.points;
                 return Nearest { points: [q, p], normal: scale(turned.normal, -R::one()), ..turned };
             }
             let segment = |s: &Solid<R::Scalar>| {
-                let [radius, half_length, _] = plan.params.size(s.index);
+                let [radius, half_length, _] = compiled.params.size(s.index);
                 let axis = column(&orientation(kinematics, &s.place), 2);
-                Segment { centre: position(plan, kinematics, &s.place), axis, half_length, radius }
+                Segment { centre: position(compiled, kinematics, &s.place), axis, half_length, radius }
             };
             let ([first, second], two) = segments(&segment(a), &segment(b));
             // Of parallel capsules either end is as near; the nearer to rounding is taken.
@@ -83,16 +83,21 @@ fn between<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, a: &Solid<R:
 }
 
 /// The deepest point of a shape below a plane.
-fn from_plane<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, plane: &Solid<R::Scalar>, solid: &Solid<R::Scalar>) -> Nearest<R> {
+fn from_plane<R: Real>(
+    compiled: &LaneModel<R>,
+    kinematics: &Kinematics<R>,
+    plane: &Solid<R::Scalar>,
+    solid: &Solid<R::Scalar>,
+) -> Nearest<R> {
     R::vectorize(
         #[inline(always)]
         || {
             let normal = column(&orientation(kinematics, &plane.place), 2);
             let mat = orientation(kinematics, &solid.place);
             let down = rotate_back(&mat, scale(normal, -R::one()));
-            let deepest = support(solid.form, plan.params.size(solid.index), down);
-            let point = add(position(plan, kinematics, &solid.place), rotate(&mat, deepest));
-            let distance = dot(normal, sub(point, position(plan, kinematics, &plane.place)));
+            let deepest = support(solid.form, compiled.params.size(solid.index), down);
+            let point = add(position(compiled, kinematics, &solid.place), rotate(&mat, deepest));
+            let distance = dot(normal, sub(point, position(compiled, kinematics, &plane.place)));
             Nearest { distance, points: [add_scaled(point, normal, -distance), point], normal }
         },
     )

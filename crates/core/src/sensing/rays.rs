@@ -5,12 +5,12 @@
 
 use stepper_real::{Mask, Real};
 
-use super::frames::{orientation, position};
-use crate::kinematics::Kinematics;
+use crate::compile::LaneModel;
+use crate::compile::sensing::{Form, Place, Solid};
+use crate::dynamics::kinematics::Kinematics;
+use crate::math::spatial::*;
 use crate::model::RayField;
-use crate::plan::LanePlan;
-use crate::plan::sensing::{Form, Place, Solid};
-use crate::spatial::*;
+use crate::sensing::frames::{orientation, position};
 
 /// Distance to a shape along a unit direction, both in the shape's frame; infinite where it is not hit.
 pub(super) fn ray<R: Real>(form: Form, size: V3<R>, o: V3<R>, d: V3<R>) -> R {
@@ -127,20 +127,20 @@ pub(super) fn holds<R: Real>(form: Form, size: V3<R>, p: V3<R>) -> R::Mask {
 }
 
 /// Whether the origin of a place is inside a volume: 1 or 0.
-pub fn inside<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, place: &Place<R::Scalar>, zone: &Solid<R::Scalar>) -> R {
+pub fn inside<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, place: &Place<R::Scalar>, zone: &Solid<R::Scalar>) -> R {
     R::vectorize(
         #[inline(always)]
         || {
-            let offset = sub(position(plan, kinematics, place), position(plan, kinematics, &zone.place));
+            let offset = sub(position(compiled, kinematics, place), position(compiled, kinematics, &zone.place));
             let local = rotate_back(&orientation(kinematics, &zone.place), offset);
-            R::select(holds(zone.form, plan.params.size(zone.index), local), R::one(), R::zero())
+            R::select(holds(zone.form, compiled.params.size(zone.index), local), R::one(), R::zero())
         },
     )
 }
 
 /// Readings of a range finder.
 pub fn range<R: Real>(
-    plan: &LanePlan<R>,
+    compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     place: &Place<R::Scalar>,
     rays: &[[R::Scalar; 3]],
@@ -151,15 +151,15 @@ pub fn range<R: Real>(
     R::vectorize(
         #[inline(always)]
         || {
-            let (origin, axes) = (position(plan, kinematics, place), orientation(kinematics, place));
+            let (origin, axes) = (position(compiled, kinematics, place), orientation(kinematics, place));
             let mut at = 0;
             for &direction in rays {
                 let direction = rotate(&axes, splat(direction));
                 let mut t = nothing::<R>();
                 for solid in solids {
-                    let (centre, mat) = (position(plan, kinematics, &solid.place), orientation(kinematics, &solid.place));
+                    let (centre, mat) = (position(compiled, kinematics, &solid.place), orientation(kinematics, &solid.place));
                     let (o, d) = (rotate_back(&mat, sub(origin, centre)), rotate_back(&mat, direction));
-                    t = t.min(ray(solid.form, plan.params.size(solid.index), o, d));
+                    t = t.min(ray(solid.form, compiled.params.size(solid.index), o, d));
                 }
                 let hit = t.lt(nothing());
                 let reach = R::select(hit, t, R::zero());

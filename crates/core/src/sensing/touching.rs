@@ -2,42 +2,27 @@
 
 use stepper_real::{Real, Scalar};
 
-use super::frames::{orientation, position};
-use super::rays::{holds, ray};
-use super::{Moment, Room};
-use crate::contacts::{Contacts, MAX_LANES, frame};
-use crate::kinematics::Kinematics;
+use crate::collision::contact_set::Contacts;
+use crate::compile::LaneModel;
+use crate::compile::sensing::{Side, Solid};
+use crate::dynamics::kinematics::Kinematics;
+use crate::math::spatial::*;
 use crate::model::{ContactField, ContactReduction};
-use crate::plan::LanePlan;
-use crate::plan::sensing::{Side, Solid};
-use crate::spatial::*;
-
-/// One contact of one lane.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Contact {
-    /// Geoms of the model, and their bodies.
-    geoms: [usize; 2],
-    bodies: [usize; 2],
-    distance: f64,
-    pos: [f64; 3],
-    /// Normal and tangents.
-    axes: [[f64; 3]; 3],
-    /// Along them, on the second body, N.
-    force: [f64; 3],
-    /// About them, N m.
-    torque: [f64; 3],
-}
+use crate::sensing::contact_list::{Contact, Felt};
+use crate::sensing::frames::{orientation, position};
+use crate::sensing::inputs::{Room, SensorInput};
+use crate::sensing::rays::{holds, ray};
 
 /// Geoms of the model that a contact is between, and their bodies.
-fn parties<R: Real>(plan: &LanePlan<R>, contacts: &Contacts<R>, slot: usize, lane: usize) -> [[usize; 2]; 2] {
-    let pair = plan.pair_geoms(contacts.ids[slot][lane].pair()).expect("a contact belongs to a pair");
-    let geoms = pair.map(|g| plan.geoms[g].index);
-    [geoms, geoms.map(|g| plan.sensing.geom_body[g])]
+fn parties<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, slot: usize, lane: usize) -> [[usize; 2]; 2] {
+    let pair = compiled.pair_geoms(contacts.ids[slot][lane].pair()).expect("a contact belongs to a pair");
+    let geoms = pair.map(|g| compiled.geoms[g].index);
+    [geoms, geoms.map(|g| compiled.sensing.geom_body[g])]
 }
 
 impl Contact {
-    fn of<R: Real>(plan: &LanePlan<R>, contacts: &Contacts<R>, h: R, slot: usize, lane: usize) -> Self {
-        let [geoms, bodies] = parties(plan, contacts, slot, lane);
+    fn of<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, h: R, slot: usize, lane: usize) -> Self {
+        let [geoms, bodies] = parties(compiled, contacts, slot, lane);
         let data = &contacts.data[slot];
         let h = h.lane(lane).to_f64();
         Self {
@@ -45,7 +30,7 @@ impl Contact {
             bodies,
             distance: data.point.distance.lane(lane).to_f64(),
             pos: lane_of(&data.point.pos, lane),
-            axes: frame(lane_of(&data.point.normal, lane)),
+            axes: contact_frame(lane_of(&data.point.normal, lane)),
             force: over(lane_of(&data.impulse, lane), h),
             torque: contacts.torque.get(slot).map_or([0.0; 3], |x| over(lane_of(x, lane), h)),
         }
@@ -70,13 +55,13 @@ struct Volume<R: Real> {
 }
 
 impl<R: Real> Volume<R> {
-    fn of(plan: &LanePlan<R>, kinematics: &Kinematics<R>, solid: &Solid<R::Scalar>) -> Self {
+    fn of(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, solid: &Solid<R::Scalar>) -> Self {
         R::vectorize(
             #[inline(always)]
             || Self {
-                origin: position(plan, kinematics, &solid.place),
+                origin: position(compiled, kinematics, &solid.place),
                 axes: orientation(kinematics, &solid.place),
-                size: plan.params.size(solid.index),
+                size: compiled.params.size(solid.index),
             },
         )
     }
@@ -117,26 +102,13 @@ fn lane_of<R: Real, const N: usize>(x: &[R; N], lane: usize) -> [f64; N] {
     out
 }
 
-/// The contacts of a moment, lane by lane.
-#[derive(Clone, Debug)]
-pub(crate) struct Felt {
-    contacts: Vec<Contact>,
-    /// Where those of every lane begin and end.
-    ends: [usize; MAX_LANES + 1],
-}
-
 impl Felt {
-    /// Room for so many contacts of all lanes.
-    pub(super) fn new(most: usize) -> Self {
-        Self { contacts: Vec::with_capacity(most), ends: [0; MAX_LANES + 1] }
-    }
-
     /// Takes up what all sensors read.
-    pub(super) fn take_up<R: Real>(&mut self, plan: &LanePlan<R>, moment: &Moment<'_, R>) {
+    pub(super) fn take_up<R: Real>(&mut self, compiled: &LaneModel<R>, moment: &SensorInput<'_, R>) {
         self.contacts.clear();
         for lane in 0..R::LANES {
             for slot in 0..moment.contacts.count[lane] {
-                self.contacts.push(Contact::of(plan, moment.contacts, moment.h, slot, lane));
+                self.contacts.push(Contact::of(compiled, moment.contacts, moment.h, slot, lane));
             }
             self.ends[lane + 1] = self.contacts.len();
         }
@@ -174,7 +146,7 @@ impl Felt {
 }
 
 /// Sum of the normal forces on a body whose line meets a volume, N.
-pub fn touch<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, room: &Room<R>, body: usize, solid: &Solid<R::Scalar>) -> R {
+pub fn touch<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, room: &Room<R>, body: usize, solid: &Solid<R::Scalar>) -> R {
     let mut reading = R::default();
     let mut volume = None;
     for lane in 0..R::LANES {
@@ -183,7 +155,7 @@ pub fn touch<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, room: &Roo
             if !contact.bodies.contains(&body) || contact.force[0] <= 0.0 {
                 continue;
             }
-            let zone = volume.get_or_insert_with(|| Volume::of(plan, kinematics, solid)).zone(lane);
+            let zone = volume.get_or_insert_with(|| Volume::of(compiled, kinematics, solid)).zone(lane);
             // Along the force on the other body, away from this one.
             let away = scale(contact.axes[0], if contact.bodies[1] == body { -1.0 } else { 1.0 });
             let direction = rotate_back(&zone.axes, away);
@@ -198,7 +170,7 @@ pub fn touch<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, room: &Roo
 
 /// Readings of a contact sensor.
 pub fn contacts<R: Real>(
-    plan: &LanePlan<R>,
+    compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     room: &mut Room<R>,
     sides: &[Side<R::Scalar>; 2],
@@ -213,7 +185,7 @@ pub fn contacts<R: Real>(
         let order = &mut room.order;
         order.clear();
         for (slot, contact) in room.felt.lane(lane).iter().enumerate() {
-            if matches(plan, kinematics, sides, contact, lane).is_some() {
+            if matches(compiled, kinematics, sides, contact, lane).is_some() {
                 let key = match reduction {
                     ContactReduction::MinDistance => contact.distance,
                     ContactReduction::MaxForce => -dot(contact.force, contact.force),
@@ -232,14 +204,14 @@ pub fn contacts<R: Real>(
         }
         let found = order.len();
         if found > 0 && reduction == ContactReduction::NetForce {
-            let all = order.iter().map(|&(_, slot)| seen(plan, kinematics, sides, room.felt.lane(lane)[slot], lane));
+            let all = order.iter().map(|&(_, slot)| seen(compiled, kinematics, sides, room.felt.lane(lane)[slot], lane));
             let net = net_force(all);
             let mut put = |k: usize, x: f64| room.truth[at + k].set_lane(lane, Scalar::from_f64(x));
             report(&net, fields, found, &mut put);
             continue;
         }
         for k in 0..found.min(slots) {
-            let contact = seen(plan, kinematics, sides, room.felt.lane(lane)[room.order[k].1], lane);
+            let contact = seen(compiled, kinematics, sides, room.felt.lane(lane)[room.order[k].1], lane);
             let mut put = |i: usize, x: f64| room.truth[at + k * width + i].set_lane(lane, Scalar::from_f64(x));
             report(&contact, fields, found, &mut put);
         }
@@ -248,7 +220,7 @@ pub fn contacts<R: Real>(
 
 /// Whether a contact is between the sides, and whether it has to be turned round for that.
 fn matches<R: Real>(
-    plan: &LanePlan<R>,
+    compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     sides: &[Side<R::Scalar>; 2],
     contact: &Contact,
@@ -257,7 +229,7 @@ fn matches<R: Real>(
     let fits = |side: &Side<R::Scalar>, geom: usize| match side {
         Side::Geoms(which) => which[geom],
         Side::Zone(solid) => {
-            let zone = Volume::of(plan, kinematics, solid).zone(lane);
+            let zone = Volume::of(compiled, kinematics, solid).zone(lane);
             holds(solid.form, zone.size, zone.local(contact.pos))
         }
     };
@@ -273,13 +245,13 @@ fn matches<R: Real>(
 
 /// A contact that matches, seen from the first side.
 fn seen<R: Real>(
-    plan: &LanePlan<R>,
+    compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     sides: &[Side<R::Scalar>; 2],
     mut contact: Contact,
     lane: usize,
 ) -> Contact {
-    if matches(plan, kinematics, sides, &contact, lane) == Some(true) {
+    if matches(compiled, kinematics, sides, &contact, lane) == Some(true) {
         // Normal and first tangent turn round, and so does the force: along both its components stay.
         let [n, t, s] = contact.axes;
         contact.axes = [scale(n, -1.0), scale(t, -1.0), s];

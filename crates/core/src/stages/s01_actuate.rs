@@ -2,25 +2,27 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::drive::{At, Drive, Implied, Law, bounded, exceeds, outside, within};
-use crate::kinematics::quat_at;
+use crate::actuation::affine_force::{AffineForce, outside, within};
+use crate::actuation::force_limits::{bounded, exceeds};
+use crate::actuation::forces::{Drive, ForceState, Implied};
+use crate::compile::{CompiledActuator, LaneModel};
+use crate::dynamics::kinematics::quat_at;
+use crate::math::spatial::*;
 use crate::model::{Activation, JointKind};
-use crate::plan::{ActuatorPlan, LanePlan};
-use crate::spatial::*;
 
 /// Forces of actuators and springs, N or N m, and what servos add to the mass matrix; joint damping and the stiffness of joints are added
 /// in stage 2. Servos that are at a bound of their force stay there until [`Drive::release`]. Without `implied` all is taken explicitly.
-pub fn actuate<R: Real>(plan: &LanePlan<R>, at: &At<'_, R>, implied: Option<Implied<R>>, drive: &mut Drive<R>) {
+pub fn actuate<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, implied: Option<Implied<R>>, drive: &mut Drive<R>) {
     R::vectorize(
         #[inline(always)]
         || {
-            for (i, (actuator, &u)) in plan.actuators.iter().zip(at.ctrl).enumerate() {
+            for (i, (actuator, &u)) in compiled.actuators.iter().zip(at.ctrl).enumerate() {
                 let input = match actuator.act {
                     Some(a) => at.act[a],
                     None => control(u, actuator.ctrl_range),
                 };
                 let Some(k) = actuator.servo else {
-                    let [gain, bias] = plan.params.actuator(i);
+                    let [gain, bias] = compiled.params.actuator(i);
                     let asked = gain[0] * input + bias[0];
                     let force = within(asked, actuator.force_range);
                     drive.beyond[i] = beyond(asked, actuator.force_range);
@@ -34,7 +36,7 @@ pub fn actuate<R: Real>(plan: &LanePlan<R>, at: &At<'_, R>, implied: Option<Impl
                     continue;
                 };
                 let motion = drive.motion(actuator, at.q, at.v_at, at.v);
-                let parameters = plan.params.actuator(i);
+                let parameters = compiled.params.actuator(i);
                 let law = law(actuator, parameters, at, on_the_circle(actuator, parameters, input, motion.length));
                 drive.beyond[i] = R::Mask::splat(false);
                 match (implied, &actuator.train) {
@@ -55,11 +57,11 @@ pub fn actuate<R: Real>(plan: &LanePlan<R>, at: &At<'_, R>, implied: Option<Impl
                     }
                 }
             }
-            drive.gather(plan, implied.is_some_and(|i| i.all));
+            drive.gather(compiled, implied.is_some_and(|i| i.all));
             if implied.is_none() {
                 drive.joint.copy_from_slice(&drive.tau);
             }
-            add_springs(plan, at.q, &mut drive.tau);
+            add_springs(compiled, at.q, &mut drive.tau);
         },
     )
 }
@@ -74,12 +76,12 @@ fn beyond<R: Real>(asked: R, range: Option<[R::Scalar; 2]>) -> R::Mask {
 }
 
 /// The forces of `drive` on the joints, with those of springs: what [`actuate`] ends with, for when a servo's force changed.
-pub fn regather<R: Real>(plan: &LanePlan<R>, q: &[R], all: bool, drive: &mut Drive<R>) {
+pub fn regather<R: Real>(compiled: &LaneModel<R>, q: &[R], all: bool, drive: &mut Drive<R>) {
     R::vectorize(
         #[inline(always)]
         || {
-            drive.gather(plan, all);
-            add_springs(plan, q, &mut drive.tau);
+            drive.gather(compiled, all);
+            add_springs(compiled, q, &mut drive.tau);
         },
     )
 }
@@ -93,7 +95,7 @@ fn control<R: Real>(u: R, range: Option<[R::Scalar; 2]>) -> R {
 /// A setpoint of an angle as the one of those, whole turns apart, that is nearest to it, as MuJoCo's: it need not turn back when it winds further
 /// than half a turn. A setpoint is the input of what pulls back with as much as it pulls with.
 #[inline(always)]
-fn on_the_circle<R: Real>(actuator: &ActuatorPlan<R::Scalar>, [gain, bias]: [V3<R>; 2], input: R, angle: R) -> R {
+fn on_the_circle<R: Real>(actuator: &CompiledActuator<R::Scalar>, [gain, bias]: [V3<R>; 2], input: R, angle: R) -> R {
     let Some(turn) = actuator.wrench.as_ref().and_then(|w| w.turn) else { return input };
     if actuator.train.is_some() {
         return input;
@@ -106,10 +108,10 @@ fn on_the_circle<R: Real>(actuator: &ActuatorPlan<R::Scalar>, [gain, bias]: [V3<
 
 /// What an activation follows: the control, for the angle of a servo that nearest to the activation `at`.
 #[inline(always)]
-fn setpoint<R: Real>(plan: &LanePlan<R>, i: usize, actuator: &ActuatorPlan<R::Scalar>, u: R, at: R) -> R {
+fn setpoint<R: Real>(compiled: &LaneModel<R>, i: usize, actuator: &CompiledActuator<R::Scalar>, u: R, at: R) -> R {
     let u = control(u, actuator.ctrl_range);
     match actuator.activation {
-        Activation::Filter(_) | Activation::FilterExact(_) => on_the_circle(actuator, plan.params.actuator(i), u, at),
+        Activation::Filter(_) | Activation::FilterExact(_) => on_the_circle(actuator, compiled.params.actuator(i), u, at),
         Activation::None | Activation::Integrator => u,
     }
 }
@@ -117,23 +119,23 @@ fn setpoint<R: Real>(plan: &LanePlan<R>, i: usize, actuator: &ActuatorPlan<R::Sc
 /// force = gain . (1, length, velocity) input + bias . (1, length, velocity), or what a drive train makes of it: a continuous servo of its own, or
 /// a motor whose control is the share of its voltage.
 #[inline(always)]
-fn law<R: Real>(actuator: &ActuatorPlan<R::Scalar>, [gain, bias]: [V3<R>; 2], at: &At<'_, R>, input: R) -> Law<R> {
+fn law<R: Real>(actuator: &CompiledActuator<R::Scalar>, [gain, bias]: [V3<R>; 2], at: &ForceState<'_, R>, input: R) -> AffineForce<R> {
     let [level, mut slope, mut rate]: V3<R> = std::array::from_fn(|k| gain[k] * input + bias[k]);
-    let Some(train) = &actuator.train else { return Law { level, slope, rate } };
+    let Some(train) = &actuator.train else { return AffineForce { level, slope, rate } };
     let numbers = &at.trains[train.index];
     if train.servo {
         (slope, rate) = (numbers.slope, numbers.rate);
     }
     match train.motor {
-        Some(true) => Law { level: level * numbers.stall, slope: slope * numbers.stall, rate: rate * numbers.stall - numbers.drag },
-        _ => Law { level, slope, rate },
+        Some(true) => AffineForce { level: level * numbers.stall, slope: slope * numbers.stall, rate: rate * numbers.stall - numbers.drag },
+        _ => AffineForce { level, slope, rate },
     }
 }
 
 #[inline(always)]
-fn add_springs<R: Real>(plan: &LanePlan<R>, q: &[R], tau: &mut [R]) {
-    for (j, joint) in plan.joints.iter().enumerate().filter(|(_, joint)| joint.sprung) {
-        let k = plan.params.spring(j);
+fn add_springs<R: Real>(compiled: &LaneModel<R>, q: &[R], tau: &mut [R]) {
+    for (j, joint) in compiled.joints.iter().enumerate().filter(|(_, joint)| joint.sprung) {
+        let k = compiled.params.spring(j);
         let rest = |i: usize| R::splat(joint.rest[i]);
         let (mut at, mut dof, mut i) = (joint.q, joint.v, 0);
         if joint.kind != JointKind::Ball {
@@ -154,16 +156,16 @@ fn add_springs<R: Real>(plan: &LanePlan<R>, q: &[R], tau: &mut [R]) {
 }
 
 /// The activation after `h` seconds at the rates that belong to `rate_at`: `out = act + h rate(rate_at)`, clamped; exact lags use `act`.
-pub fn advance_activation<R: Real>(plan: &LanePlan<R>, act: &[R], rate_at: &[R], ctrl: &[R], h: R, out: &mut [R]) {
+pub fn advance_activation<R: Real>(compiled: &LaneModel<R>, act: &[R], rate_at: &[R], ctrl: &[R], h: R, out: &mut [R]) {
     if out.is_empty() {
         return;
     }
     R::vectorize(
         #[inline(always)]
         || {
-            for (i, (actuator, &u)) in plan.actuators.iter().zip(ctrl).enumerate() {
+            for (i, (actuator, &u)) in compiled.actuators.iter().zip(ctrl).enumerate() {
                 let Some(a) = actuator.act else { continue };
-                let u = setpoint(plan, i, actuator, u, rate_at[a]);
+                let u = setpoint(compiled, i, actuator, u, rate_at[a]);
                 let next = match actuator.activation {
                     Activation::None => act[a],
                     Activation::Integrator => act[a] + h * u,
@@ -177,13 +179,13 @@ pub fn advance_activation<R: Real>(plan: &LanePlan<R>, act: &[R], rate_at: &[R],
 }
 
 /// Rates of the activations at `act`, 1/s.
-pub fn activation_rate<R: Real>(plan: &LanePlan<R>, act: &[R], ctrl: &[R], out: &mut [R]) {
+pub fn activation_rate<R: Real>(compiled: &LaneModel<R>, act: &[R], ctrl: &[R], out: &mut [R]) {
     R::vectorize(
         #[inline(always)]
         || {
-            for (i, (actuator, &u)) in plan.actuators.iter().zip(ctrl).enumerate() {
+            for (i, (actuator, &u)) in compiled.actuators.iter().zip(ctrl).enumerate() {
                 let Some(a) = actuator.act else { continue };
-                let u = setpoint(plan, i, actuator, u, act[a]);
+                let u = setpoint(compiled, i, actuator, u, act[a]);
                 out[a] = match actuator.activation {
                     Activation::None => R::zero(),
                     Activation::Integrator => u,

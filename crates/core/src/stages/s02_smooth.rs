@@ -2,12 +2,13 @@
 
 use stepper_real::Real;
 
-use crate::drive::{Implicit, Theta};
-use crate::fluid::Fluid;
-use crate::inertia::{MassMatrix, NewtonEuler, link_forces, project_forces};
-use crate::kinematics::Kinematics;
-use crate::plan::{LanePlan, Plan};
-use crate::spatial::*;
+use crate::actuation::forces::Implicit;
+use crate::compile::{CompiledModel, LaneModel};
+use crate::dynamics::fluid::Fluid;
+use crate::dynamics::implicit_weights::ImplicitWeights;
+use crate::dynamics::inertia::{MassMatrix, NewtonEuler, link_forces, project_forces};
+use crate::dynamics::kinematics::Kinematics;
+use crate::math::spatial::*;
 
 /// Smooth dynamics at one configuration.
 #[derive(Clone, Debug)]
@@ -22,7 +23,7 @@ pub struct Smooth<R: Real> {
     pub work: NewtonEuler<R>,
     /// Diagonal of M itself, where there are servos.
     pub inertia: Vec<R>,
-    /// Damping of stiff springs beyond the joints' own, where joints have springs; see [`crate::drive`].
+    /// Damping of stiff springs beyond the joints' own, where joints have springs; see [`crate::actuation::forces`].
     drag: Vec<R>,
     composite: Vec<Inertia<R>>,
     /// Entries of the mass matrix without servos, if servos at their bounds may leave it within a step.
@@ -31,153 +32,153 @@ pub struct Smooth<R: Real> {
 }
 
 impl<R: Real> Smooth<R> {
-    /// Room for a plan.
-    pub fn new(plan: &Plan<R::Scalar>) -> Self {
+    /// Room for a compiled model.
+    pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
         Self {
-            mass: MassMatrix::new(plan),
-            bias: vec![R::zero(); plan.nv],
-            acc: vec![R::zero(); plan.nv],
-            inertia: vec![R::zero(); if plan.servos.is_empty() { 0 } else { plan.nv }],
-            drag: vec![R::zero(); if plan.joints.iter().any(|j| j.sprung) { plan.nv } else { 0 }],
-            composite: vec![zero(); plan.links.len()],
-            bare: vec![R::zero(); if plan.servos_are_bounded { plan.chain.len() } else { 0 }],
-            work: NewtonEuler::new(plan),
-            fluid: Fluid::new(plan),
+            mass: MassMatrix::new(compiled),
+            bias: vec![R::zero(); compiled.nv],
+            acc: vec![R::zero(); compiled.nv],
+            inertia: vec![R::zero(); if compiled.servos.is_empty() { 0 } else { compiled.nv }],
+            drag: vec![R::zero(); if compiled.joints.iter().any(|j| j.sprung) { compiled.nv } else { 0 }],
+            composite: vec![zero(); compiled.links.len()],
+            bare: vec![R::zero(); if compiled.servos_are_bounded { compiled.chain.len() } else { 0 }],
+            work: NewtonEuler::new(compiled),
+            fluid: Fluid::new(compiled),
         }
     }
 
     /// The mass matrix with what is implicit of the joints' damping and stiffness.
-    pub fn assemble_mass(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, theta: Theta<R>) {
+    pub fn assemble_mass(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, theta: ImplicitWeights<R>) {
         R::vectorize(
             #[inline(always)]
-            || self.assemble(plan, kinematics, theta),
+            || self.assemble(compiled, kinematics, theta),
         )
     }
 
     /// What is left to do after [`Smooth::assemble_mass`]: what else is implicit, and the factors.
-    pub fn complete_mass(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
+    pub fn complete_mass(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
         R::vectorize(
             #[inline(always)]
-            || self.factor(plan, kinematics, implicit),
+            || self.factor(compiled, kinematics, implicit),
         )
     }
 
     /// Both in one.
-    pub fn factor_mass(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
+    pub fn factor_mass(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
         R::vectorize(
             #[inline(always)]
             || {
-                self.assemble(plan, kinematics, implicit.theta);
-                self.factor(plan, kinematics, implicit);
+                self.assemble(compiled, kinematics, implicit.theta);
+                self.factor(compiled, kinematics, implicit);
             },
         )
     }
 
     #[inline(always)]
-    fn assemble(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, theta: Theta<R>) {
-        self.mass.assemble(plan, kinematics, &mut self.composite);
-        for (inertia, dof) in self.inertia.iter_mut().zip(&plan.dofs) {
+    fn assemble(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, theta: ImplicitWeights<R>) {
+        self.mass.assemble(compiled, kinematics, &mut self.composite);
+        for (inertia, dof) in self.inertia.iter_mut().zip(&compiled.dofs) {
             *inertia = self.mass.entries[dof.chain];
         }
-        self.mass.add_joints(plan, theta, &mut self.drag);
+        self.mass.add_joints(compiled, theta, &mut self.drag);
         let n = self.bare.len();
         self.bare.copy_from_slice(&self.mass.entries[..n]);
     }
 
     /// The same again at the same configuration, where servos are others than they were.
-    pub fn factor_mass_again(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
+    pub fn factor_mass_again(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
         R::vectorize(
             #[inline(always)]
             || {
                 self.mass.entries.copy_from_slice(&self.bare);
-                self.factor(plan, kinematics, implicit);
+                self.factor(compiled, kinematics, implicit);
             },
         )
     }
 
     #[inline(always)]
-    fn factor(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
-        self.mass.add_servos(plan, implicit.servos, implicit.arms);
-        if !plan.fluid.is_empty() {
+    fn factor(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, implicit: Implicit<'_, R>) {
+        self.mass.add_servos(compiled, implicit.servos, implicit.arms);
+        if !compiled.fluid.is_empty() {
             match implicit.drag_at {
-                Some(v) => self.fluid.linearise(plan, kinematics, v, implicit.theta.damping, &mut self.mass.entries),
+                Some(v) => self.fluid.linearise(compiled, kinematics, v, implicit.theta.damping, &mut self.mass.entries),
                 None => self.fluid.forget(),
             }
         }
-        self.mass.factor(plan);
+        self.mass.factor(compiled);
     }
 
     /// `acc = A^-1 (tau + applied - c(q, v_bias) - D v)` with the matrix A of [`Smooth::factor_mass`]: a step of it is implicit in what A holds
-    /// of the damping D and of springs (see [`crate::drive`]).
-    pub fn acceleration(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, forces: [&[R]; 2], v: &[R], v_bias: &[R]) {
+    /// of the damping D and of springs (see [`crate::actuation::forces`]).
+    pub fn acceleration(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, forces: [&[R]; 2], v: &[R], v_bias: &[R]) {
         R::vectorize(
             #[inline(always)]
             || {
-                link_forces(plan, kinematics, v_bias, &mut self.work);
-                if !plan.fluid.is_empty() {
-                    self.fluid.subtract(plan, kinematics, &self.work.velocity, &mut self.work.force);
+                link_forces(compiled, kinematics, v_bias, &mut self.work);
+                if !compiled.fluid.is_empty() {
+                    self.fluid.subtract(compiled, kinematics, &self.work.velocity, &mut self.work.force);
                 }
-                for (i, hold) in plan.compensation.iter().enumerate() {
-                    let [pos, force] = plan.params.hold(i);
-                    let arm = sub(kinematics.point(hold.link + 1, pos), kinematics.origin[plan.links[hold.link].tree]);
+                for (i, hold) in compiled.compensation.iter().enumerate() {
+                    let [pos, force] = compiled.params.hold(i);
+                    let arm = sub(kinematics.point(hold.link + 1, pos), kinematics.origin[compiled.links[hold.link].tree]);
                     self.work.force[hold.link] = sub(self.work.force[hold.link], spatial(cross(arm, force), force));
                 }
-                project_forces(plan, kinematics, &mut self.work.force, &mut self.bias);
-                self.accelerate(plan, forces, v);
+                project_forces(compiled, kinematics, &mut self.work.force, &mut self.bias);
+                self.accelerate(compiled, forces, v);
             },
         )
     }
 
     /// The same again with the bias force of the last time.
-    pub fn acceleration_again(&mut self, plan: &LanePlan<R>, forces: [&[R]; 2], v: &[R]) {
+    pub fn acceleration_again(&mut self, compiled: &LaneModel<R>, forces: [&[R]; 2], v: &[R]) {
         R::vectorize(
             #[inline(always)]
-            || self.accelerate(plan, forces, v),
+            || self.accelerate(compiled, forces, v),
         )
     }
 
     #[inline(always)]
-    fn accelerate(&mut self, plan: &LanePlan<R>, [tau, applied]: [&[R]; 2], v: &[R]) {
+    fn accelerate(&mut self, compiled: &LaneModel<R>, [tau, applied]: [&[R]; 2], v: &[R]) {
         let forces = tau.iter().zip(applied).zip(&self.bias);
-        for (((acc, ((&tau, &applied), &bias)), &[damping, ..]), &v) in self.acc.iter_mut().zip(forces).zip(plan.params.dofs()).zip(v) {
+        for (((acc, ((&tau, &applied), &bias)), &[damping, ..]), &v) in self.acc.iter_mut().zip(forces).zip(compiled.params.dofs()).zip(v) {
             *acc = (tau + applied) - bias - damping * v;
         }
         for ((acc, &drag), &v) in self.acc.iter_mut().zip(&self.drag).zip(v) {
             *acc -= drag * v;
         }
-        self.mass.solve(plan, &mut self.acc);
+        self.mass.solve(compiled, &mut self.acc);
     }
 
     /// What the user applies, as generalized forces: `qfrc` on the joints, and the wrenches `xfrc` (force, torque; six per body, at its centre
     /// of mass, world axes). Either may be empty.
-    pub fn apply(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, [qfrc, xfrc]: [&[R]; 2], out: &mut [R]) {
+    pub fn apply(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, [qfrc, xfrc]: [&[R]; 2], out: &mut [R]) {
         if qfrc.is_empty() {
             out.fill(R::zero());
         } else {
             out.copy_from_slice(qfrc);
         }
         if !xfrc.is_empty() {
-            self.add_wrenches(plan, kinematics, xfrc, out);
+            self.add_wrenches(compiled, kinematics, xfrc, out);
         }
     }
 
-    fn add_wrenches(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, xfrc: &[R], out: &mut [R]) {
+    fn add_wrenches(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, xfrc: &[R], out: &mut [R]) {
         R::vectorize(
             #[inline(always)]
             || {
                 self.work.force.fill(zero());
-                for (b, body) in plan.bodies.iter().enumerate() {
-                    if body.frame == 0 || body.frame > plan.links.len() {
+                for (b, body) in compiled.bodies.iter().enumerate() {
+                    if body.frame == 0 || body.frame > compiled.links.len() {
                         continue;
                     }
                     let l = body.frame - 1;
                     let w = &xfrc[6 * b..6 * b + 6];
                     let (force, torque) = ([w[0], w[1], w[2]], [w[3], w[4], w[5]]);
-                    let arm = sub(kinematics.point(body.frame, plan.params.body_com(b)), kinematics.origin[plan.links[l].tree]);
+                    let arm = sub(kinematics.point(body.frame, compiled.params.body_com(b)), kinematics.origin[compiled.links[l].tree]);
                     self.work.force[l] = add(self.work.force[l], spatial(add(torque, cross(arm, force)), force));
                 }
-                project_forces(plan, kinematics, &mut self.work.force, &mut self.bias);
-                for i in 0..plan.nv {
+                project_forces(compiled, kinematics, &mut self.work.force, &mut self.bias);
+                for i in 0..compiled.nv {
                     out[i] += self.bias[i];
                 }
             },
@@ -185,10 +186,10 @@ impl<R: Real> Smooth<R> {
     }
 
     /// x <- A^-1 x
-    pub fn solve(&self, plan: &LanePlan<R>, x: &mut [R]) {
+    pub fn solve(&self, compiled: &LaneModel<R>, x: &mut [R]) {
         R::vectorize(
             #[inline(always)]
-            || self.mass.solve(plan, x),
+            || self.mass.solve(compiled, x),
         )
     }
 }

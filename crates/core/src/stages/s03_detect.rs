@@ -8,218 +8,17 @@
 //! are therefore taken at the beginning ([`detect`] returns them), and what can still slip through afterwards, because an impulse made it
 //! faster than it was looked out for or because it turns too far for a straight row, is reported ([`may_have_passed`]).
 
-mod meet;
-mod passed;
-mod terrain;
+use stepper_real::{Mask, Real};
 
-use std::ops::Range;
-
-use stepper_real::{Mask, Real, Scalar};
-
-pub use self::passed::may_have_passed;
-use crate::broad::Broad;
-use crate::contacts::Contacts;
-use crate::geometry::convex::Narrow;
-use crate::geometry::segments;
-use crate::kinematics::Kinematics;
-use crate::normals::Normals;
-use crate::plan::{Kernel, LanePlan, PairPlan, Plan};
-use crate::spatial::*;
-
-/// Where the colliding geoms are, which of them are near one another, and the search for their contacts.
-#[derive(Clone, Debug)]
-pub struct GeomPoses<R: Real> {
-    placed: Placed<R>,
-    /// What gravity covers in a step, m.
-    slack: R,
-    /// Listed pairs, cut where the first geom or the margin changes.
-    runs: Vec<Range<usize>>,
-    /// Listed pairs that can touch, and the lanes (bits) in which they can; with room for one more.
-    near: Vec<(u32, u32)>,
-    /// How many there are.
-    near_count: usize,
-    broad: Broad,
-    search: Search,
-}
-
-fn runs<S: Scalar>(pairs: &[PairPlan<S>]) -> Vec<Range<usize>> {
-    let mut end = 0;
-    let run = |pairs: &[PairPlan<S>]| {
-        end += pairs.len();
-        end - pairs.len()..end
-    };
-    pairs.chunk_by(|a, b| (a.geoms[0], a.margin) == (b.geoms[0], b.margin)).map(run).collect()
-}
-
-/// Where the geoms are and how far they can get.
-#[derive(Clone, Debug)]
-struct Placed<R: Real> {
-    pos: Vec<V3<R>>,
-    /// Whole orientation; only its z axis is kept up where that is all that is read.
-    mat: Vec<M3<R>>,
-    /// Bound on the way of any point of the geom in two free steps, m.
-    travel: Vec<R>,
-    /// Bound on the way of any point of the geom from the beginning of the step to where it is taken, m.
-    lead: Vec<R>,
-    /// Which geoms went by half their thickness in any lane.
-    fast: Vec<bool>,
-    /// Velocities of the links on that way.
-    led_by: Vec<V6<R>>,
-    /// Ball about the geom's origin that holds it in two free steps (centre, radius), of a plane only its way, m.
-    balls: Vec<[R; 4]>,
-    velocity: Vec<V6<R>>,
-}
-
-/// The narrow phase, and where it looks first.
-#[derive(Clone, Debug)]
-struct Search {
-    narrow: Narrow,
-    /// What the last step left: where a search begins, however often a step searches.
-    known: Normals,
-    /// What this one leaves.
-    found: Normals,
-}
-
-impl<R: Real> GeomPoses<R> {
-    /// Room for a plan; geoms of the world are placed where the model has them.
-    pub fn new(plan: &Plan<R::Scalar>) -> Self {
-        Self {
-            placed: Placed::new(plan),
-            slack: R::zero(),
-            runs: runs(&plan.pairs),
-            near: vec![(0, 0); plan.pairs.len() + 1],
-            near_count: 0,
-            broad: Broad::default(),
-            search: Search {
-                narrow: Narrow::for_solids(plan.geoms.iter().filter_map(|g| g.solid.as_ref())),
-                known: Normals::new(plan, R::LANES),
-                found: Normals::new(plan, R::LANES),
-            },
-        }
-    }
-
-    /// Takes what a group's last step left, and leaves what was found last: before a group's steps and after them.
-    pub(crate) fn exchange(&mut self, normals: &mut Normals) {
-        if !normals.is_empty() {
-            std::mem::swap(&mut self.search.found, normals);
-        }
-    }
-
-    /// Begins a step: what the last one found is known.
-    pub(crate) fn begin(&mut self) {
-        let Search { known, found, .. } = &mut self.search;
-        if !known.is_empty() {
-            std::mem::swap(known, found);
-        }
-    }
-
-    /// Places the geoms that are fixed to the world, where environments may have them elsewhere.
-    pub(crate) fn settle(&mut self, plan: &LanePlan<R>) {
-        for (i, _) in plan.geoms.iter().enumerate().filter(|(_, g)| g.frame == 0) {
-            self.placed.pos[i] = plan.params.geom_pos(i);
-        }
-    }
-
-    /// Lists the pairs that can touch in any of the lanes `alive`, ascending. Most cannot, and a robot has hundreds: what the pairs of a geom share is
-    /// kept at hand, and nothing branches.
-    #[inline(always)]
-    fn find_near(&mut self, plan: &LanePlan<R>, alive: R::Mask) {
-        let Self { placed: Placed { balls, mat, .. }, slack, runs, near, .. } = self;
-        let mut count = 0;
-        for run in &*runs {
-            let PairPlan { geoms: [a, _], margin, .. } = plan.pairs[run.start];
-            let ([x, y, z, radius], is_plane, normal) = (balls[a], plan.geoms[a].is_plane, column(&mat[a], 2));
-            let (centre, reach) = ([x, y, z], radius + *slack + R::splat(margin));
-            for (index, pair) in (run.start as u32..).zip(&plan.pairs[run.clone()]) {
-                let [x, y, z, radius] = balls[pair.geoms[1]];
-                let (apart, reach) = (sub([x, y, z], centre), reach + radius);
-                let touch = if is_plane { dot(apart, normal).lt(reach) } else { dot(apart, apart).lt(reach * reach) };
-                let lanes = alive.and(touch).bits();
-                near[count] = (index, lanes);
-                count += usize::from(lanes != 0);
-            }
-        }
-        self.near_count = count;
-    }
-}
-
-impl<R: Real> Placed<R> {
-    fn new(plan: &Plan<R::Scalar>) -> Self {
-        let zeros = || vec![R::zero(); plan.geoms.len()];
-        Self {
-            pos: (0..plan.geoms.len()).map(|g| splat(plan.params.geom_pos(g))).collect(),
-            mat: plan.geoms.iter().map(|g| splat(g.mat)).collect(),
-            travel: zeros(),
-            lead: zeros(),
-            fast: vec![false; plan.geoms.len()],
-            led_by: vec![zero(); plan.links.len()],
-            balls: vec![zero(); plan.geoms.len()],
-            velocity: vec![zero(); plan.links.len()],
-        }
-    }
-
-    /// Places the geoms that are not fixed to the world.
-    #[inline(always)]
-    fn place(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>) {
-        for (i, g) in plan.geoms.iter().enumerate() {
-            if g.frame == 0 {
-                continue;
-            }
-            let mat = &kinematics.mat[g.frame];
-            self.pos[i] = kinematics.point(g.frame, plan.params.geom_pos(i));
-            if g.full_orientation {
-                self.mat[i] = mat_mul(mat, &splat(g.mat));
-            } else {
-                let z = rotate(mat, splat([g.mat[2], g.mat[5], g.mat[8]]));
-                for k in 0..3 {
-                    self.mat[i][3 * k + 2] = z[k];
-                }
-            }
-        }
-    }
-
-    /// Bounds on the ways of all geoms from where they are placed, with the velocity `v` of the joints; leaves the velocities of the links.
-    #[inline(always)]
-    fn update_travel(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
-        kinematics.velocities(plan, v, &mut self.velocity);
-        ways(plan, kinematics, &self.pos, &self.velocity, time, &mut self.travel);
-        for (i, g) in plan.geoms.iter().enumerate() {
-            let radius = if g.is_plane { self.travel[i] } else { self.travel[i] + plan.params.bound(i) };
-            let [x, y, z] = self.pos[i];
-            self.balls[i] = [x, y, z, radius];
-        }
-    }
-
-    /// Bounds on the ways of all geoms from the beginning of the step; leaves the velocities of the links on them.
-    #[inline(always)]
-    fn update_lead(&mut self, plan: &LanePlan<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
-        kinematics.velocities(plan, v, &mut self.led_by);
-        ways(plan, kinematics, &self.pos, &self.led_by, time, &mut self.lead);
-    }
-}
-
-/// Bound on the way of any point of each geom that is not fixed to the world, at the velocities of the links.
-#[inline(always)]
-fn ways<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, pos: &[V3<R>], velocity: &[V6<R>], time: R, out: &mut [R]) {
-    for (i, g) in plan.geoms.iter().enumerate() {
-        if g.frame != 0 && g.frame <= plan.links.len() {
-            let motion = velocity[g.frame - 1];
-            let arm = sub(pos[i], kinematics.origin[plan.links[g.frame - 1].tree]);
-            out[i] = (norm(velocity_at(&motion, arm)) + norm(angular(&motion)) * plan.params.bound(i)) * time;
-        } else if g.frame > plan.links.len() {
-            let motion = &kinematics.posed[g.frame - plan.links.len() - 1];
-            // A plane has no bound: 0 * infinity must not become NaN.
-            let spin = norm(angular(motion));
-            let swing = R::select(spin.gt(R::zero()), spin * plan.params.bound(i), R::zero());
-            out[i] = (norm(velocity_at(motion, sub(pos[i], kinematics.pos[g.frame]))) + swing) * time;
-        }
-    }
-}
+use crate::collision::contact_set::Contacts;
+use crate::collision::detection::{GeomPoses, Scene, slack};
+use crate::compile::LaneModel;
+use crate::dynamics::kinematics::Kinematics;
 
 /// Finds the contacts of the lanes `alive` at poses that are `lead` seconds from the beginning of the step. Returns the lanes whose contacts
 /// cannot be trusted so far from it.
 pub fn detect<R: Real>(
-    plan: &LanePlan<R>,
+    compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     [v, v_free]: [&[R]; 2],
     [h, lead]: [R; 2],
@@ -229,45 +28,45 @@ pub fn detect<R: Real>(
 ) -> R::Mask {
     contacts.clear();
     poses.search.found.clear();
-    if plan.geoms.is_empty() {
+    if compiled.geoms.is_empty() {
         return R::Mask::splat(false);
     }
-    let leads = plan.has_thin && lead.gt(R::zero()).any();
+    let leads = compiled.has_thin && lead.gt(R::zero()).any();
     R::vectorize(
         #[inline(always)]
         || {
-            poses.slack = slack(plan, h);
-            poses.placed.place(plan, kinematics);
-            poses.placed.update_travel(plan, kinematics, v_free, h + h);
-            poses.find_near(plan, alive);
+            poses.slack = slack(compiled, h);
+            poses.placed.place(compiled, kinematics);
+            poses.placed.update_travel(compiled, kinematics, v_free, h + h);
+            poses.find_near(compiled, alive);
         },
     );
     let GeomPoses { placed, slack, near, near_count, broad, search, .. } = poses;
     let (near, slack) = (&near[..*near_count], *slack);
-    if let Some(crowd) = &plan.crowd {
-        broad.find(plan, crowd, alive.bits(), &placed.pos, &placed.travel, slack);
+    if let Some(crowd) = &compiled.crowd {
+        broad.find(compiled, crowd, alive.bits(), &placed.pos, &placed.travel, slack);
     }
-    if near.is_empty() && plan.crowd.is_none() {
+    if near.is_empty() && compiled.crowd.is_none() {
         return R::Mask::splat(false);
     }
-    let is_thin = |&(index, _): &(u32, u32)| !plan.geoms[plan.pairs[index as usize].geoms[0]].is_plane;
-    let leads = leads && (plan.crowd.is_some() || near.iter().any(is_thin));
+    let is_thin = |&(index, _): &(u32, u32)| !compiled.geoms[compiled.pairs[index as usize].geoms[0]].is_plane;
+    let leads = leads && (compiled.crowd.is_some() || near.iter().any(is_thin));
     if leads {
         R::vectorize(
             #[inline(always)]
-            || placed.update_lead(plan, kinematics, v, lead),
+            || placed.update_lead(compiled, kinematics, v, lead),
         );
     }
     R::vectorize(
         #[inline(always)]
         || {
-            let scene = Scene { plan, kinematics, poses: placed, h, slack, lead, leads };
+            let scene = Scene { compiled, kinematics, poses: placed, h, slack, lead, leads };
             let mut too_far = R::Mask::splat(false);
             for &(index, lanes) in near {
                 let (index, lanes) = (index as usize, R::Mask::from_bits(lanes));
-                too_far = too_far.or(scene.collide(index, &plan.pairs[index], lanes, search, contacts));
+                too_far = too_far.or(scene.collide(index, &compiled.pairs[index], lanes, search, contacts));
             }
-            if let Some(crowd) = &plan.crowd {
+            if let Some(crowd) = &compiled.crowd {
                 for &(number, lanes) in &broad.pairs {
                     if let Some(pair) = crowd.pair(number) {
                         let lanes = R::Mask::from_bits(lanes).and(scene.can_touch(&pair));
@@ -280,85 +79,4 @@ pub fn detect<R: Real>(
             too_far
         },
     )
-}
-
-/// What gravity covers in a step, and a micrometre for scenes without it.
-#[inline(always)]
-fn slack<R: Real>(plan: &LanePlan<R>, h: R) -> R {
-    norm(plan.params.gravity()) * h * h + R::of(1e-6)
-}
-
-struct Scene<'a, R: Real> {
-    plan: &'a LanePlan<R>,
-    kinematics: &'a Kinematics<R>,
-    poses: &'a Placed<R>,
-    h: R,
-    slack: R,
-    lead: R,
-    leads: bool,
-}
-
-impl<R: Real> Scene<'_, R> {
-    /// Takes up the contacts of a pair in the lanes `near`. Returns those that are too far from the beginning of the step.
-    #[inline(always)]
-    fn collide(&self, index: usize, pair: &PairPlan<R::Scalar>, near: R::Mask, search: &mut Search, contacts: &mut Contacts<R>) -> R::Mask {
-        self.meet(index, pair, near, search, contacts);
-        if self.leads { near.and(self.leads_too_far(pair)) } else { R::Mask::splat(false) }
-    }
-
-    /// Lanes in which the bounding balls of a pair of the crowd can meet within the step.
-    #[inline(always)]
-    fn can_touch(&self, pair: &PairPlan<R::Scalar>) -> R::Mask {
-        let [a, b] = pair.geoms;
-        let apart = sub(self.poses.pos[b], self.poses.pos[a]);
-        let reach = self.poses.balls[a][3] + self.poses.balls[b][3] + R::splat(pair.margin) + self.slack;
-        dot(apart, apart).lt(reach * reach)
-    }
-
-    /// Lanes in which the way from the beginning of the step is long enough to be through: that of either geom as seen from the other.
-    #[inline(always)]
-    fn leads_too_far(&self, pair: &PairPlan<R::Scalar>) -> R::Mask {
-        let [a, b] = pair.geoms;
-        let thin = self.plan.thin(pair.geoms);
-        let far = (self.poses.lead[a] + self.poses.lead[b]).gt(thin);
-        if far.none() {
-            return far;
-        }
-        // Limbs that fly along together are fast and yet do not pass one another, and what is apart again has gone the whole way through. (Where
-        // that chord is shorter than this, a graze an eighth as deep as the two are thick is missed.)
-        let gap = self.gap(pair);
-        let through = R::select(gap.gt(R::zero()), gap + thin + thin, thin);
-        far.and(self.way_past(a, b).min(self.way_past(b, a)).gt(through))
-    }
-
-    /// Lower bound on the distance of a pair that is thin, m.
-    #[inline(always)]
-    fn gap(&self, pair: &PairPlan<R::Scalar>) -> R {
-        let [a, b] = pair.geoms;
-        match pair.kernel {
-            Kernel::Segments => segments(&self.segment(a), &self.segment(b)).0[0].distance,
-            _ => norm(sub(self.poses.pos[b], self.poses.pos[a])) - self.plan.reach(pair.geoms),
-        }
-    }
-
-    /// Bound on the way of any point of the geom `b`, as seen from `a`, from the beginning of the step, m. Neither is a plane, which has no bound.
-    #[inline(always)]
-    fn way_past(&self, a: usize, b: usize) -> R {
-        let (there, here) =
-            (self.motion_at(&self.poses.led_by, b, self.poses.pos[b]), self.motion_at(&self.poses.led_by, a, self.poses.pos[b]));
-        let spin = norm(sub(there[0], here[0]));
-        (norm(sub(there[1], here[1])) + spin * self.plan.params.bound(b)) * self.lead
-    }
-
-    /// Motion of a geom (angular, linear where it passes the point `p`) if the links have the velocities `links`.
-    #[inline(always)]
-    fn motion_at(&self, links: &[V6<R>], geom: usize, p: V3<R>) -> [V3<R>; 2] {
-        let frame = self.plan.geoms[geom].frame;
-        let (motion, origin) = match frame.checked_sub(self.plan.links.len() + 1) {
-            _ if frame == 0 => return [zero(); 2],
-            Some(mocap) => (&self.kinematics.posed[mocap], self.kinematics.pos[frame]),
-            None => (&links[frame - 1], self.kinematics.origin[self.plan.links[frame - 1].tree]),
-        };
-        [angular(motion), velocity_at(motion, sub(p, origin))]
-    }
 }

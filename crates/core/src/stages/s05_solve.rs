@@ -3,10 +3,10 @@
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::{Outcome, Settings};
 
+use crate::collision::contact_set::Contacts;
 use crate::constraints::Constraints;
-use crate::contacts::Contacts;
+use crate::math::spatial::*;
 use crate::options::StepSettings;
-use crate::spatial::*;
 
 /// Solves the lanes `lanes` to the tolerance and leaves the impulses where the next step finds its warm start.
 ///
@@ -20,7 +20,7 @@ pub fn solve<R: Real>(
 ) -> Outcome<R> {
     let [sweeps, newton] = options.effort();
     let tolerance = tolerance(options, v);
-    let settings = Settings { sweeps, newton, tolerance, rough: tolerance };
+    let settings = Settings { sweeps, newton_steps: newton, tolerance, newton_threshold: tolerance };
     let Constraints { problem, iterate, newton, scalar_impulse, owners, slots, wide_slots, .. } = constraints;
     let outcome = stepper_solve::solve(problem, iterate, settings, lanes, newton);
     R::vectorize(
@@ -32,7 +32,7 @@ pub fn solve<R: Real>(
             for (&(k, lanes), &lambda) in slots.iter().zip(&iterate.contacts) {
                 contacts.data[k].impulse = select(lanes, lambda, contacts.data[k].impulse);
             }
-            for (&(k, lanes, scale), &[n, a, b, spin, roll, other]) in wide_slots.iter().zip(&iterate.wide) {
+            for (&(k, lanes, scale), &[n, a, b, spin, roll, other]) in wide_slots.iter().zip(&iterate.rolling_contacts) {
                 contacts.data[k].impulse = select(lanes, [n, a, b], contacts.data[k].impulse);
                 contacts.torque[k] = select(lanes, [spin * scale[0], roll * scale[1], other * scale[2]], contacts.torque[k]);
             }
@@ -68,18 +68,18 @@ pub fn estimate<R: Real>(v: &[R], h: R, lanes: R::Mask, constraints: &mut Constr
             (lanes.and(turn.gt(R::of(RESTS))), tolerance)
         },
     );
-    let settings = stepper_solve::pgs::Settings { sweeps: ESTIMATE_SWEEPS, tolerance };
+    let settings = stepper_solve::gauss_seidel::SweepSettings { sweeps: ESTIMATE_SWEEPS, tolerance };
     let Constraints { problem, iterate, shared, .. } = constraints;
     // Impulses that share a load evenly are not for sweeps to change: they come back after the estimate.
     let hyperstatic = lanes.and(problem.hyperstatic);
-    shared.keep(iterate, hyperstatic);
-    stepper_solve::pgs::estimate(problem, iterate, settings, lanes, moving);
+    shared.save(iterate, hyperstatic);
+    stepper_solve::gauss_seidel::estimate(problem, iterate, settings, lanes, moving);
 }
 
 /// Gives the lanes whose loads are shared evenly their impulses back after an estimate.
 pub fn forget_estimate<R: Real>(lanes: R::Mask, constraints: &mut Constraints<R>) {
     let Constraints { problem, iterate, shared, .. } = constraints;
-    shared.give(iterate, lanes.and(problem.hyperstatic));
+    shared.restore(iterate, lanes.and(problem.hyperstatic));
 }
 
 #[inline(always)]

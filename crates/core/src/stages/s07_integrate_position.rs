@@ -2,10 +2,10 @@
 
 use stepper_real::Real;
 
-use crate::kinematics::displace;
-use crate::plan::LanePlan;
+use crate::compile::LaneModel;
+use crate::dynamics::kinematics::displace;
 
 /// q+ = q (+) h v.
-pub fn integrate_position<R: Real>(plan: &LanePlan<R>, q: &[R], v: &[R], h: R, out: &mut [R]) {
-    displace(plan, q, v, h, out);
+pub fn integrate_position<R: Real>(compiled: &LaneModel<R>, q: &[R], v: &[R], h: R, out: &mut [R]) {
+    displace(compiled, q, v, h, out);
 }

@@ -8,25 +8,25 @@
 //! that no motion within the bounds meets them, the lane is marked infeasible.
 
 use stepper_real::{Mask, Real, Scalar};
-use stepper_solve::{Outcome, Problem, Settings};
+use stepper_solve::{Damping, Outcome, Problem, Settings};
 
+use crate::collision::contact_set::Contacts;
+use crate::compile::{CompiledModel, LaneModel};
+use crate::constraints::islands::Islands;
 use crate::constraints::{ARM, Constraints, DAMPING};
-use crate::contacts::Contacts;
-use crate::inertia::MassMatrix;
-use crate::islands::Islands;
-use crate::kinematics::displace;
-use crate::lanes::each_of;
+use crate::dynamics::inertia::MassMatrix;
+use crate::dynamics::kinematics::displace;
+use crate::math::lanes::each_of;
+use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::options::{Solver, StepSettings};
-use crate::plan::{LanePlan, Plan};
-use crate::spatial::*;
 
 /// Residual that is enough for a correction, m/s: a fraction of a micrometre a step, and the next step sees what is left of the overlap.
 const CLOSE: f64 = 1e-4;
 
 /// Residual above which Newton's method goes on where sweeps stop, m/s: they can leave a hundredth of a radian a step where two limbs are jammed. Below
 /// it, it would cost more than the correction is worth (humanoids under random control: 4 % of the step).
-const ROUGH: f64 = 1e-2;
+const NEWTON_THRESHOLD: f64 = 1e-2;
 
 /// Sweeps from the impulses of stage 5, which differ by the correction alone.
 const SWEEPS: u32 = 10;
@@ -87,7 +87,7 @@ pub struct Solved<'a, R: Real> {
 
 /// Corrects `q_next`, which has moved with `v_next`, in the lanes that need it. Returns those of them in which the demands cannot be met.
 pub fn stabilise<R: Real>(
-    plan: &LanePlan<R>,
+    compiled: &LaneModel<R>,
     options: &StepSettings,
     solved: &Solved<'_, R>,
     constraints: &mut Constraints<R>,
@@ -99,12 +99,12 @@ pub fn stabilise<R: Real>(
     if lanes.none() {
         return lanes;
     }
-    let infeasible = correct(plan, options, solved, constraints, lanes, v_next, work);
-    displace(plan, q_next, work, solved.h, corrected);
+    let infeasible = correct(compiled, options, solved, constraints, lanes, v_next, work);
+    displace(compiled, q_next, work, solved.h, corrected);
     R::vectorize(
         #[inline(always)]
         || {
-            for i in 0..plan.nq {
+            for i in 0..compiled.nq {
                 q_next[i] = R::select(lanes, corrected[i], q_next[i]);
             }
         },
@@ -116,7 +116,7 @@ pub fn stabilise<R: Real>(
 /// the rows without their bias, with the bounded correction that the split form would give positions. Returns the lanes in which demands cannot
 /// be met.
 pub fn restrain<R: Real>(
-    plan: &LanePlan<R>,
+    compiled: &LaneModel<R>,
     options: &StepSettings,
     solved: &Solved<'_, R>,
     constraints: &mut Constraints<R>,
@@ -135,8 +135,8 @@ pub fn restrain<R: Real>(
             for (work, (&v, &free)) in work.iter_mut().zip(v_next.iter().zip(solved.v_free)) {
                 *work = v - free;
             }
-            let unmet = constraints.problem.held_demand().gt(R::of(LACKING));
-            constraints.biased.and(excess(plan, work, bounds).gt(R::one()).or(unmet))
+            let unmet = constraints.problem.immovable_demand().gt(R::of(LACKING));
+            constraints.biased.and(excess(compiled, work, bounds).gt(R::one()).or(unmet))
         },
     );
     if lanes.none() {
@@ -144,10 +144,10 @@ pub fn restrain<R: Real>(
     }
     let [sweeps, newton] = options.effort();
     let tolerance = R::of(options.tolerance);
-    let settings = Settings { sweeps, newton, tolerance, rough: tolerance };
+    let settings = Settings { sweeps, newton_steps: newton, tolerance, newton_threshold: tolerance };
     R::vectorize(
         #[inline(always)]
-        || constraints.problem.exchange(&mut constraints.position_bias),
+        || constraints.problem.exchange_demands(&mut constraints.position_bias),
     );
     let Constraints { problem, iterate, newton, .. } = constraints;
     let again = stepper_solve::solve(problem, iterate, settings, lanes, newton);
@@ -156,13 +156,13 @@ pub fn restrain<R: Real>(
         #[inline(always)]
         || {
             work.copy_from_slice(&constraints.iterate.w);
-            solved.mass.unscale(plan, work);
-            for i in 0..plan.nv {
+            solved.mass.unscale(compiled, work);
+            for i in 0..compiled.nv {
                 v_next[i] = R::select(lanes, solved.v_free[i] + work[i], v_next[i]);
             }
         },
     );
-    let infeasible = correct(plan, options, solved, constraints, lanes, v_next, work);
+    let infeasible = correct(compiled, options, solved, constraints, lanes, v_next, work);
     R::vectorize(
         #[inline(always)]
         || {
@@ -176,7 +176,7 @@ pub fn restrain<R: Real>(
 
 /// The bounded velocity, beyond `v_next`, that meets what positions demand in the lanes `lanes`, left in `out`.
 fn correct<R: Real>(
-    plan: &LanePlan<R>,
+    compiled: &LaneModel<R>,
     options: &StepSettings,
     solved: &Solved<'_, R>,
     constraints: &mut Constraints<R>,
@@ -184,20 +184,21 @@ fn correct<R: Real>(
     v_next: &[R],
     out: &mut [R],
 ) -> R::Mask {
-    let (share, bend) = (R::of(DAMPING), solved.h * R::of(1.0 / ARM));
+    let damping = Damping { ratio: R::of(DAMPING), bending: solved.h * R::of(1.0 / ARM) };
     R::vectorize(
         #[inline(always)]
         || {
-            constraints.problem.exchange(&mut constraints.position_bias);
-            constraints.find_floors(plan, solved.contacts);
+            constraints.problem.exchange_demands(&mut constraints.position_bias);
+            constraints.find_floors(compiled, solved.contacts);
             let Constraints { problem, iterate, floors, position_bias, reference, .. } = constraints;
-            problem.damp(iterate, [share, bend], floors, position_bias, reference);
+            problem.damp(iterate, damping, floors, position_bias, reference);
         },
     );
     let [sweeps, newton] = options.effort();
     let tolerance = options.tolerance.max(CLOSE);
-    let rough = if options.solver == Solver::Newton { tolerance } else { tolerance.max(ROUGH) };
-    let settings = Settings { sweeps: sweeps.min(SWEEPS), newton, tolerance: R::of(tolerance), rough: R::of(rough) };
+    let threshold = if options.solver == Solver::Newton { tolerance } else { tolerance.max(NEWTON_THRESHOLD) };
+    let settings =
+        Settings { sweeps: sweeps.min(SWEEPS), newton_steps: newton, tolerance: R::of(tolerance), newton_threshold: R::of(threshold) };
     let Constraints { problem, iterate, newton, .. } = constraints;
     stepper_solve::solve(problem, iterate, settings, lanes, newton);
     let bounds = Bounds::new(options, solved.h);
@@ -205,28 +206,28 @@ fn correct<R: Real>(
         #[inline(always)]
         || {
             out.copy_from_slice(&constraints.iterate.w);
-            solved.mass.unscale(plan, out);
-            for i in 0..plan.nv {
+            solved.mass.unscale(compiled, out);
+            for i in 0..compiled.nv {
                 out[i] = (solved.v_free[i] + out[i]) - v_next[i];
             }
             let short = constraints.problem.shortfall(&constraints.iterate, &constraints.reference);
-            let held = constraints.problem.held_demand();
-            let fast = lanes.and_not(constraints.rebounding).and(excess(plan, out, bounds).gt(R::one()));
+            let held = constraints.problem.immovable_demand();
+            let fast = lanes.and_not(constraints.rebounding).and(excess(compiled, out, bounds).gt(R::one()));
             (fast, lanes.and(short.max(held).gt(R::of(LACKING))))
         },
     );
     if fast.any() {
         let Constraints { problem, islands, .. } = constraints;
-        bound_islands(plan, problem, islands, fast, bounds, out);
+        bound_islands(compiled, problem, islands, fast, bounds, out);
     }
-    if lacking.any() { prove_infeasible(plan, solved.mass, constraints, lacking, bounds) } else { lacking }
+    if lacking.any() { prove_infeasible(compiled, solved.mass, constraints, lacking, bounds) } else { lacking }
 }
 
 /// The largest part that a motion is of its bounds.
 #[inline(always)]
-fn excess<R: Real>(plan: &Plan<R::Scalar>, v: &[R], bounds: Bounds<R>) -> R {
+fn excess<R: Real>(compiled: &CompiledModel<R::Scalar>, v: &[R], bounds: Bounds<R>) -> R {
     let mut most = R::zero();
-    for joint in &plan.joints {
+    for joint in &compiled.joints {
         most = most.max(excess_of(joint.kind, &v[joint.v..joint.v + joint.kind.nv()], bounds));
     }
     most
@@ -246,7 +247,7 @@ fn excess_of<R: Real>(kind: JointKind, v: &[R], bounds: Bounds<R>) -> R {
 /// stay closed.
 #[cold]
 fn bound_islands<R: Real>(
-    plan: &Plan<R::Scalar>,
+    compiled: &CompiledModel<R::Scalar>,
     problem: &Problem<R>,
     islands: &mut Islands,
     lanes: R::Mask,
@@ -254,13 +255,13 @@ fn bound_islands<R: Real>(
     v: &mut [R],
 ) {
     for lane in each_of(lanes.bits()) {
-        islands.find(plan, problem, lane);
-        for joint in &plan.joints {
+        islands.find(compiled, problem, lane);
+        for joint in &compiled.joints {
             let excess = excess_of(joint.kind, &v[joint.v..joint.v + joint.kind.nv()], bounds);
-            islands.note(plan.dofs[joint.v].tree, excess.lane(lane).to_f64());
+            islands.note(compiled.dofs[joint.v].tree, excess.lane(lane).to_f64());
         }
-        for joint in &plan.joints {
-            let most = islands.most(plan.dofs[joint.v].tree);
+        for joint in &compiled.joints {
+            let most = islands.most(compiled.dofs[joint.v].tree);
             let factor = R::of(if most > 1.0 { 1.0 / most } else { 1.0 });
             for v in &mut v[joint.v..joint.v + joint.kind.nv()] {
                 v.set_lane(lane, (*v * factor).lane(lane));
@@ -272,7 +273,7 @@ fn bound_islands<R: Real>(
 /// Those of the lanes `lanes` in which the impulses of the correction prove that no motion within the bounds meets what positions demand.
 #[cold]
 fn prove_infeasible<R: Real>(
-    plan: &LanePlan<R>,
+    compiled: &LaneModel<R>,
     mass: &MassMatrix<R>,
     constraints: &mut Constraints<R>,
     lanes: R::Mask,
@@ -284,15 +285,15 @@ fn prove_infeasible<R: Real>(
             let Constraints { problem, iterate, reference, .. } = constraints;
             let lack = problem.witness(iterate, reference);
             let momentum = reference.momentum();
-            mass.momentum(plan, momentum);
+            mass.momentum(compiled, momentum);
             let mut most = R::zero();
-            for joint in &plan.joints {
+            for joint in &compiled.joints {
                 for k in 0..joint.kind.nv() {
                     most += momentum[joint.v + k].abs() * bounds.of(joint.kind, k);
                 }
             }
             // A contact that nothing can move along its normal is a witness by itself.
-            let held = problem.held_demand().gt(R::of(LACKING));
+            let held = problem.immovable_demand().gt(R::of(LACKING));
             lanes.and(held.or(lack.gt(most)))
         },
     )
@@ -301,15 +302,15 @@ fn prove_infeasible<R: Real>(
 impl<R: Real> Constraints<R> {
     /// Mobility of the bodies of every contact if nothing held them, 1/kg: what damping is at least relative to.
     #[inline(always)]
-    fn find_floors(&mut self, plan: &LanePlan<R>, contacts: &Contacts<R>) {
+    fn find_floors(&mut self, compiled: &LaneModel<R>, contacts: &Contacts<R>) {
         let Self { floors, slots, wide_slots, .. } = self;
         floors.clear();
         let all = slots.iter().map(|slot| (slot.0, slot.1)).chain(wide_slots.iter().map(|slot| (slot.0, slot.1)));
         for (k, lanes) in all {
             let mut floor = R::zero();
             for (pair, lanes) in contacts.pairs(k, lanes.bits()) {
-                let geoms = plan.pair_geoms(pair).expect("made from this plan");
-                let free = plan.mobility(plan.geoms[geoms[0]].frame) + plan.mobility(plan.geoms[geoms[1]].frame);
+                let geoms = compiled.pair_geoms(pair).expect("made from this compiled");
+                let free = compiled.mobility(compiled.geoms[geoms[0]].frame) + compiled.mobility(compiled.geoms[geoms[1]].frame);
                 floor = R::select(R::Mask::from_bits(lanes), free, floor);
             }
             floors.push(floor);

@@ -5,35 +5,35 @@
 
 use stepper_real::Real;
 
-use crate::kinematics::Kinematics;
-use crate::plan::LanePlan;
-use crate::plan::sensing::{Bounds, Place, Read, SensorPlan};
+use crate::compile::LaneModel;
+use crate::compile::sensing::{Bounds, CompiledSensor, Place, Read};
+use crate::dynamics::kinematics::Kinematics;
+use crate::math::spatial::*;
 use crate::sensing::*;
-use crate::spatial::*;
 
 /// True readings of all sensors, left in `room.truth`. `kinematics` is placed at the moment's configuration here, except mocap frames.
-pub fn sense<R: Real>(plan: &LanePlan<R>, kinematics: &mut Kinematics<R>, room: &mut Room<R>, moment: &Moment<'_, R>) {
-    if plan.sensing.needs.poses {
-        kinematics.update(plan, moment.q);
+pub fn sense<R: Real>(compiled: &LaneModel<R>, kinematics: &mut Kinematics<R>, room: &mut Room<R>, moment: &SensorInput<'_, R>) {
+    if compiled.sensing.needs.poses {
+        kinematics.update(compiled, moment.q);
     }
-    room.prepare(plan, kinematics, moment);
+    room.prepare(compiled, kinematics, moment);
     // Ordinary code that calls a kernel for each sensor.
-    for sensor in &plan.sensing.sensors {
-        read(plan, kinematics, room, moment, sensor);
+    for sensor in &compiled.sensing.sensors {
+        read(compiled, kinematics, room, moment, sensor);
     }
 }
 
 /// One sensor.
 fn read<R: Real>(
-    plan: &LanePlan<R>,
+    compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     room: &mut Room<R>,
-    moment: &Moment<'_, R>,
-    sensor: &SensorPlan<R::Scalar>,
+    moment: &SensorInput<'_, R>,
+    sensor: &CompiledSensor<R::Scalar>,
 ) {
     let (at, dim) = (sensor.at, sensor.dim);
     let place = at..at + dim;
-    let tree = |index: &usize| &plan.sensing.subtrees[*index];
+    let tree = |index: &usize| &compiled.sensing.subtrees[*index];
     let scalar = match &sensor.read {
         Read::Position(q) => return room.truth[place].copy_from_slice(&moment.q[*q..q + dim]),
         Read::Velocity(v) => return room.truth[place].copy_from_slice(&moment.v[*v..v + dim]),
@@ -41,35 +41,35 @@ fn read<R: Real>(
         Read::Rate(terms) => weighted(terms, moment.v),
         Read::ActuatorForce(actuators) => total(actuators, &moment.drive.force),
         Read::JointForce(dof) => moment.drive.joint[*dof],
-        Read::ActuatorLength(a) => moment.drive.length(plan, *a, moment.q),
-        Read::ActuatorRate(a) => moment.drive.rate(plan, *a, moment.v),
-        Read::LimitPos(length, range) => overlap(weighted(length, moment.q), R::one(), bounds(plan, range))[0],
-        Read::LimitVel([length, rate], range) => overlap(weighted(length, moment.q), weighted(rate, moment.v), bounds(plan, range))[1],
+        Read::ActuatorLength(a) => moment.drive.length(compiled, *a, moment.q),
+        Read::ActuatorRate(a) => moment.drive.rate(compiled, *a, moment.v),
+        Read::LimitPos(length, range) => overlap(weighted(length, moment.q), R::one(), bounds(compiled, range))[0],
+        Read::LimitVel([length, rate], range) => overlap(weighted(length, moment.q), weighted(rate, moment.v), bounds(compiled, range))[1],
         Read::LimitForce(limit) => moment.scalar_impulse[*limit] / moment.h,
         Read::Nothing => R::zero(),
         Read::Clock => moment.time,
-        Read::Potential(all) => potential(plan, kinematics, moment.q, tree(all)),
-        Read::Kinetic(all) => kinetic(plan, kinematics, room, moment.v, tree(all)),
-        Read::Inside(object, zone) => inside(plan, kinematics, object, zone),
-        Read::Touch(body, zone) => touch(plan, kinematics, room, *body, zone),
+        Read::Potential(all) => potential(compiled, kinematics, moment.q, tree(all)),
+        Read::Kinetic(all) => kinetic(compiled, kinematics, room, moment.v, tree(all)),
+        Read::Inside(object, zone) => inside(compiled, kinematics, object, zone),
+        Read::Touch(body, zone) => touch(compiled, kinematics, room, *body, zone),
         Read::Combination(terms) => {
             combine(terms, at, dim, &mut room.truth);
             return;
         }
         Read::Contact(sides, fields, reduction, slots) => {
-            return contacts(plan, kinematics, room, sides, fields, (*reduction, *slots), at);
+            return contacts(compiled, kinematics, room, sides, fields, (*reduction, *slots), at);
         }
         Read::Frame(what, object, reference) => {
             let mut out = [R::zero(); 4];
-            frame(plan, kinematics, room, *what, object, reference.as_ref(), &mut out[..dim]);
+            frame(compiled, kinematics, room, *what, object, reference.as_ref(), &mut out[..dim]);
             return room.truth[place].copy_from_slice(&out[..dim]);
         }
-        Read::Range(site, rays, fields, solids) => return range(plan, kinematics, site, rays, fields, solids, &mut room.truth[place]),
+        Read::Range(site, rays, fields, solids) => return range(compiled, kinematics, site, rays, fields, solids, &mut room.truth[place]),
         Read::Proximity(what, pairs, cutoff) => {
-            return proximity(plan, kinematics, *what, pairs, R::splat(*cutoff), &mut room.truth[place]);
+            return proximity(compiled, kinematics, *what, pairs, R::splat(*cutoff), &mut room.truth[place]);
         }
         vector => {
-            let x = three(plan, kinematics, room, vector);
+            let x = three(compiled, kinematics, room, vector);
             return room.truth[place].copy_from_slice(&x);
         }
     };
@@ -77,27 +77,27 @@ fn read<R: Real>(
 }
 
 /// Sensors of three numbers.
-fn three<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, room: &Room<R>, read: &Read<R::Scalar>) -> V3<R> {
-    let tree = |index: &usize| &plan.sensing.subtrees[*index];
+fn three<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, room: &Room<R>, read: &Read<R::Scalar>) -> V3<R> {
+    let tree = |index: &usize| &compiled.sensing.subtrees[*index];
     match read {
-        Read::Magnetometer(site) => magnetic_field(plan, kinematics, site),
-        Read::Velocimeter(site) => site_motion(plan, kinematics, room, site, false)[1],
-        Read::Gyro(site) => site_motion(plan, kinematics, room, site, false)[0],
-        Read::Accelerometer(site) => site_motion(plan, kinematics, room, site, true)[1],
+        Read::Magnetometer(site) => magnetic_field(compiled, kinematics, site),
+        Read::Velocimeter(site) => site_motion(compiled, kinematics, room, site, false)[1],
+        Read::Gyro(site) => site_motion(compiled, kinematics, room, site, false)[0],
+        Read::Accelerometer(site) => site_motion(compiled, kinematics, room, site, true)[1],
         Read::Force(carried) => room.carried[*carried][0],
         Read::Torque(carried) => room.carried[*carried][1],
-        Read::Com(subtree) => com(plan, kinematics, tree(subtree), zero()),
-        Read::ComVelocity(subtree) => com_velocity(plan, kinematics, room, tree(subtree)),
-        Read::AngularMomentum(subtree) => angular_momentum(plan, kinematics, room, tree(subtree)),
+        Read::Com(subtree) => com(compiled, kinematics, tree(subtree), zero()),
+        Read::ComVelocity(subtree) => com_velocity(compiled, kinematics, room, tree(subtree)),
+        Read::AngularMomentum(subtree) => angular_momentum(compiled, kinematics, room, tree(subtree)),
         _ => unreachable!("every other sensor is read above"),
     }
 }
 
 /// The magnetic field in a site's axes.
-fn magnetic_field<R: Real>(plan: &LanePlan<R>, kinematics: &Kinematics<R>, site: &Place<R::Scalar>) -> V3<R> {
+fn magnetic_field<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, site: &Place<R::Scalar>) -> V3<R> {
     R::vectorize(
         #[inline(always)]
-        || rotate_back(&mat_mul(&kinematics.mat[site.frame], &splat(site.mat)), splat(plan.sensing.magnetic)),
+        || rotate_back(&mat_mul(&kinematics.mat[site.frame], &splat(site.mat)), splat(compiled.sensing.magnetic)),
     )
 }
 
@@ -145,9 +145,9 @@ fn combine<R: Real>(terms: &[(usize, R::Scalar)], at: usize, dim: usize, truth: 
     )
 }
 
-fn bounds<R: Real>(plan: &LanePlan<R>, bounds: &Bounds<R::Scalar>) -> [R; 2] {
+fn bounds<R: Real>(compiled: &LaneModel<R>, bounds: &Bounds<R::Scalar>) -> [R; 2] {
     match *bounds {
-        Bounds::Limit(limit) => plan.params.limit(limit),
+        Bounds::Limit(limit) => compiled.params.limit(limit),
         Bounds::Range(range) => range.map(R::splat),
     }
 }

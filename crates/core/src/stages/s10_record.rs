@@ -5,11 +5,11 @@ use std::fmt;
 use bitflags::bitflags;
 use stepper_real::{Mask, Real};
 
+use crate::collision::contact_set::Contacts;
+use crate::compile::LaneModel;
 use crate::constraints::Constraints;
-use crate::contacts::Contacts;
-use crate::kinematics::quat_at;
-use crate::plan::LanePlan;
-use crate::spatial::*;
+use crate::dynamics::kinematics::quat_at;
+use crate::math::spatial::*;
 
 /// Overlap of a contact above which a step is [`Status::DEEP`], m: a hundred times the default slop, more than any contact that is solved keeps,
 /// and what an eye sees between a foot and the floor.
@@ -127,19 +127,19 @@ pub fn depth<R: Real>(constraints: &Constraints<R>, contacts: &Contacts<R>, lane
 }
 
 /// Farthest that a joint or tendon is beyond its range at the configuration `q`, rad or m; 0 where all are inside.
-pub fn limit_overshoot<R: Real>(plan: &LanePlan<R>, q: &[R]) -> R {
+pub fn limit_overshoot<R: Real>(compiled: &LaneModel<R>, q: &[R]) -> R {
     R::vectorize(
         #[inline(always)]
         || {
             let mut farthest = R::zero();
-            for (i, limit) in plan.limits.iter().enumerate() {
-                let [lowest, highest] = plan.params.limit(i);
+            for (i, limit) in compiled.limits.iter().enumerate() {
+                let [lowest, highest] = compiled.params.limit(i);
                 farthest = farthest.max(lowest - q[limit.q]).max(q[limit.q] - highest);
             }
-            for (i, limit) in plan.ball_limits.iter().enumerate() {
-                farthest = farthest.max(norm(quat_log(quat_at(q, limit.q))) - plan.params.ball_limit(i));
+            for (i, limit) in compiled.ball_limits.iter().enumerate() {
+                farthest = farthest.max(norm(quat_log(quat_at(q, limit.q))) - compiled.params.ball_limit(i));
             }
-            for tendon in &plan.tendons {
+            for tendon in &compiled.tendons {
                 if let Some([lowest, highest]) = tendon.range {
                     let length = tendon.length.value(q);
                     farthest = farthest.max(R::splat(lowest) - length).max(length - R::splat(highest));

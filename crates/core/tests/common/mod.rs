@@ -203,8 +203,8 @@ pub(crate) fn run(
     calls: usize,
 ) -> Vec<Vec<u64>> {
     let mut sim = Simulation::at_level(model.clone(), options, Some(envs.len()), precision, threads, level);
-    sim.couple(&trains(model)).unwrap();
-    sim.equip(&errors(model)).unwrap();
+    sim.set_actuator_models(&trains(model)).unwrap();
+    sim.set_sensor_models(&errors(model)).unwrap();
     for (e, &env) in envs.iter().enumerate() {
         sim.set_stream(e, env as u32);
         sim.begin(e, Some(7));

@@ -1,28 +1,28 @@
-//! The fixed point s = T(s) of De Saxce's terms, accelerated by remembering a few of its steps (Anderson 1965; the type II form of Walker & Ni
-//! 2011, equation 2.2).
+//! The fixed point s = T(s) of De Saxce's terms, accelerated by remembering a few of its steps (Anderson 1965; the type II form of Walker &
+//! Ni 2011, equation 2.2).
 //!
-//! With f = T(s) - s, the next s is `s + f - sum_j c_j (ds_j + df_j)`, where c minimises `|f - sum_j c_j df_j|` over the last changes. Plain
-//! iteration shrinks the error by 0.97 a time in the worst robots measured; this takes 3 to 10 times.
+//! With f = T(s) - s, the next s is `s + f - sum_j c_j (ds_j + df_j)`, where c minimises `|f - sum_j c_j df_j|` over the last changes.
+//! Plain iteration shrinks the error by 0.97 a time in the worst robots measured; this takes 3 to 10 times.
 
-/// Steps that are remembered.
+/// Number of steps that are remembered.
 const MEMORY: usize = 3;
 
 /// Past changes of s and of f.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Anderson {
-    /// Entries of s.
+    /// Number of entries of s.
     n: usize,
-    /// Steps taken since the start.
+    /// Number of steps since the start.
     taken: usize,
     last_s: Vec<f64>,
     last_f: Vec<f64>,
-    /// The j-th change at `j * n`.
+    /// Changes of s, the j-th at `j * n`.
     ds: Vec<f64>,
     df: Vec<f64>,
 }
 
 impl Anderson {
-    /// Forgets everything; `n` entries.
+    /// Resets the history, for `n` entries.
     pub(super) fn restart(&mut self, n: usize) {
         self.n = n;
         self.taken = 0;
@@ -32,7 +32,7 @@ impl Anderson {
         }
     }
 
-    /// Replaces `s` by the next one; `image` is T(s). No entry falls below zero.
+    /// Replaces `s` by its next value; `image` is T(s). No entry falls below zero.
     pub(super) fn next(&mut self, s: &mut [f64], image: &[f64]) {
         let n = self.n;
         if self.taken > 0 {
@@ -57,7 +57,7 @@ impl Anderson {
         self.taken += 1;
     }
 
-    /// The least-squares coefficients, by elimination in the normal equations.
+    /// Least-squares coefficients, by elimination in the normal equations.
     fn coefficients(&self) -> [f64; MEMORY] {
         let (n, m) = (self.n, self.taken.min(MEMORY));
         let column = |j: usize| &self.df[j * n..(j + 1) * n];

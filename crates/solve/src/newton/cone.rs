@@ -1,17 +1,17 @@
-//! Projection on the friction cone with any number of tangents.
+//! Projection on the friction cone with any number of tangents, in scalar f64.
 
-/// Where a point (n, |t|) lies that is projected on the cone of friction `mu`.
+/// Region of a point (n, |t|) that is projected on the cone of friction `mu`.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Case {
-    /// In the polar cone: the nearest point is 0.
+pub(super) enum ConeRegion {
+    /// The polar cone: the nearest point is 0.
     Zero,
-    /// In the cone.
+    /// The cone itself.
     Inside,
-    /// Beside it: the nearest point has this normal component, and mu times it along the tangent.
+    /// The region between them: the nearest point has this normal component, and mu times it along the tangent.
     Surface { height: f64 },
 }
 
-impl Case {
+impl ConeRegion {
     #[inline(always)]
     pub(super) fn of(n: f64, tangent: f64, mu: f64) -> Self {
         if n >= 0.0 && tangent <= mu * n {
@@ -23,13 +23,13 @@ impl Case {
         }
     }
 
-    /// The nearest point: its normal component, and the factor of its tangential ones.
+    /// Projection: the normal component of the nearest point, and the factor of its tangential ones.
     #[inline(always)]
     pub(super) fn image(self, n: f64, tangent: f64, mu: f64) -> (f64, f64) {
         match self {
-            Case::Zero => (0.0, 0.0),
-            Case::Inside => (n, 1.0),
-            Case::Surface { height } => (height, if tangent > 0.0 { mu * height / tangent } else { 0.0 }),
+            ConeRegion::Zero => (0.0, 0.0),
+            ConeRegion::Inside => (n, 1.0),
+            ConeRegion::Surface { height } => (height, if tangent > 0.0 { mu * height / tangent } else { 0.0 }),
         }
     }
 }

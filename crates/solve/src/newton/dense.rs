@@ -1,17 +1,18 @@
-//! Factors of a full matrix with partial pivoting (Golub & Van Loan 2013, algorithm 3.4.1), for small islands whose matrix has pivots below zero.
+//! Factors of a full matrix with partial pivoting (Golub & Van Loan 2013, algorithm 3.4.1), for small islands whose matrix has pivots below
+//! zero.
 
-/// P A = L U, row by row.
+/// Factors P A = L U, row by row.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Dense {
     dimension: usize,
     entries: Vec<f64>,
-    /// Row that was exchanged with each row.
+    /// Partner of each row in the exchanges of partial pivoting.
     exchanged: Vec<usize>,
 }
 
 impl Dense {
-    /// The identity.
-    pub(super) fn identity(&mut self, dimension: usize) {
+    /// Sets the identity.
+    pub(super) fn set_identity(&mut self, dimension: usize) {
         self.dimension = dimension;
         self.entries.clear();
         self.entries.resize(dimension * dimension, 0.0);
@@ -97,7 +98,7 @@ mod tests {
     #[test]
     fn a_matrix_with_zeros_on_its_diagonal_is_solved() {
         let mut matrix = Dense::default();
-        matrix.identity(3);
+        matrix.set_identity(3);
         // [0 2 0; 3 0 0; 0 0 -4]
         matrix.add_product(0, 3, &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], &[-1.0, 2.0, 0.0, 3.0, -1.0, 0.0, 0.0, 0.0, -5.0]);
         assert!(matrix.factor());
@@ -109,7 +110,7 @@ mod tests {
     #[test]
     fn a_singular_matrix_has_no_factors() {
         let mut matrix = Dense::default();
-        matrix.identity(2);
+        matrix.set_identity(2);
         matrix.add_product(0, 2, &[1.0, 0.0], &[-1.0, 0.0]);
         assert!(!matrix.factor());
     }

@@ -1,20 +1,20 @@
-//! One island's rows, dense between their first and last coordinate.
+//! Rows of one island, dense between their first and last coordinate.
 //!
-//! Coordinates come in tiles of four, and a block's rows span whole tiles, so that every inner loop is over fours without a rest: the compiler
-//! makes vectors of them on every CPU, with the same bits.
+//! Coordinates come in tiles of four, and a block's rows span whole tiles, so that every inner loop is over fours without a rest: the
+//! compiler makes vectors of them on every CPU, with the same bits.
 
 use std::ops::Range;
 
-use super::cone::{Case, inner, norm};
-use super::lane::{Lane, Set};
+use crate::newton::cone::{ConeRegion, inner, norm};
+use crate::newton::lane::{Lane, Set};
 
-/// Coordinates in a tile.
+/// Number of coordinates in a tile.
 pub(super) const TILE: usize = 4;
 
-/// One constraint: rows that are projected together.
+/// Rows of one constraint, which are projected together.
 #[derive(Clone, Debug)]
 pub(super) struct Block {
-    /// Its set of impulses.
+    /// Set of its admissible impulses.
     pub(super) set: Set,
     /// Coordinates that its rows span: whole tiles.
     pub(super) span: Range<usize>,
@@ -43,8 +43,8 @@ pub(super) struct Island {
 }
 
 impl Island {
-    /// Takes the blocks `members` of a lane, whose coordinates are `coordinates` in this order; `number` is its inverse.
-    pub(super) fn take(&mut self, lane: &Lane, members: &[usize], coordinates: &[u32], number: &[u32]) {
+    /// Gathers the blocks `members` of a lane, whose coordinates are `coordinates` in this order; `number` is its inverse.
+    pub(super) fn gather(&mut self, lane: &Lane, members: &[usize], coordinates: &[u32], number: &[u32]) {
         self.blocks.clear();
         self.y.clear();
         self.g.clear();
@@ -66,7 +66,7 @@ impl Island {
             }
             self.g.extend_from_slice(&lane.g[block.rows.clone()]);
             self.lambda.extend_from_slice(&lane.lambda[block.rows.clone()]);
-            let trace = (inner(entries, entries) + block.compliance * dim as f64) * block.whole;
+            let trace = (inner(entries, entries) + block.compliance * dim as f64) * block.trace_ratio;
             self.blocks.push(Block {
                 set: block.set,
                 span,
@@ -78,8 +78,8 @@ impl Island {
         }
     }
 
-    /// Gives impulses and w back.
-    pub(super) fn give(&self, lane: &mut Lane, members: &[usize], coordinates: &[u32]) {
+    /// Scatters impulses and w back into the lane.
+    pub(super) fn scatter(&self, lane: &mut Lane, members: &[usize], coordinates: &[u32]) {
         for (&i, block) in members.iter().zip(&self.blocks) {
             lane.lambda[lane.blocks[i].rows.clone()].copy_from_slice(&self.lambda[block.rows.clone()]);
         }
@@ -117,15 +117,16 @@ impl Island {
         }
     }
 
-    /// Makes w consistent with the impulses.
-    pub(super) fn refresh(&mut self) {
+    /// Computes w from the impulses.
+    pub(super) fn compute_w(&mut self) {
         let mut w = std::mem::take(&mut self.w);
         w.fill(0.0);
         self.add_transposed(&self.lambda, 1.0, &mut w);
         self.w = w;
     }
 
-    /// Natural-map residual of the exact Coulomb problem, m/s, as [`crate::residual`] has it; leaves the velocities Y w + R lambda + g in `v`.
+    /// Natural-map residual of the exact Coulomb problem, m/s, as [`crate::residual()`] has it; leaves the velocities Y w + R lambda + g in
+    /// `v`.
     pub(super) fn residual(&self, v: &mut Vec<f64>) -> f64 {
         self.multiply(&self.w, v);
         let mut worst = 0.0;
@@ -133,7 +134,7 @@ impl Island {
             for i in block.rows.clone() {
                 v[i] += block.compliance * self.lambda[i] + self.g[i];
             }
-            let own = natural(block, &self.lambda[block.rows.clone()], &v[block.rows.clone()]);
+            let own = natural_residual(block, &self.lambda[block.rows.clone()], &v[block.rows.clone()]);
             // A NaN stays.
             worst = if own <= worst { worst } else { own };
         }
@@ -141,8 +142,8 @@ impl Island {
     }
 }
 
-/// Residual of one block.
-fn natural(block: &Block, lambda: &[f64], v: &[f64]) -> f64 {
+/// Natural-map residual of one block, m/s.
+fn natural_residual(block: &Block, lambda: &[f64], v: &[f64]) -> f64 {
     let rho = block.rho;
     match block.set {
         Set::Interval { lo, hi } => {
@@ -155,7 +156,7 @@ fn natural(block: &Block, lambda: &[f64], v: &[f64]) -> f64 {
             let n = lambda[0] - rho * (v[0] + mu * norm(&v[1..]));
             let moved = || lambda[1..].iter().zip(&v[1..]).map(|(l, v)| l - rho * v);
             let tangent = moved().fold(0.0, |sum, x| sum + x * x).sqrt();
-            let (height, scale) = Case::of(n, tangent, mu).image(n, tangent, mu);
+            let (height, scale) = ConeRegion::of(n, tangent, mu).image(n, tangent, mu);
             let apart = lambda[1..].iter().zip(moved()).fold(0.0, |sum, (l, x)| sum + (l - x * scale).powi(2));
             ((lambda[0] - height).powi(2) + apart).sqrt() / rho
         }

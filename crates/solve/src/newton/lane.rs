@@ -1,27 +1,26 @@
-//! One lane's rows out of the lanes' problem, and its impulses back.
+//! Rows of one lane, gathered from the lanes' problem, and its impulses scattered back.
 //!
-//! Exact zeros are dropped, so that what the other lanes touch is not seen.
+//! Exact zeros are dropped, so that a lane does not see what the other lanes touch.
 
 use std::ops::Range;
 
-use crate::{Iterate, Problem};
+use crate::constraints::friction::{FrictionContacts, LocalSolver};
+use crate::iterate::Iterate;
+use crate::problem::Problem;
 use stepper_real::{Mask, Real, Scalar};
 
-/// Rows of a contact with torsional or rolling friction.
-const WIDE: usize = 6;
-
-/// What a block's impulses may be.
+/// Set of the admissible impulses of a block.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Set {
-    /// One row, `lo <= lambda <= hi`; an equality has infinite bounds.
+    /// Interval of one row, `lo <= lambda <= hi`; an equality has infinite bounds.
     Interval { lo: f64, hi: f64 },
-    /// Rows (n, t...), `|lambda_t| <= mu lambda_n`.
+    /// Friction cone of the rows (n, t...), `|lambda_t| <= mu lambda_n`.
     Cone { mu: f64 },
 }
 
-/// One constraint of the lane.
+/// Rows of one constraint of the lane.
 #[derive(Clone, Debug)]
-pub(super) struct Member {
+pub(super) struct LaneBlock {
     pub(super) set: Set,
     /// Index of the constraint among its kind in the lanes' problem.
     source: usize,
@@ -31,14 +30,14 @@ pub(super) struct Member {
     pub(super) rows: Range<usize>,
     /// Compliance R >= 0 on the diagonal of G, the same for all of its rows.
     pub(super) compliance: f64,
-    /// So many times what is left of trace(G) it was before separate rows were taken out.
-    pub(super) whole: f64,
+    /// Ratio of trace(G_ii) before elimination of separate rows to that after it, at least 1.
+    pub(super) trace_ratio: f64,
 }
 
-/// All rows of one lane, sparse.
+/// Rows of one lane, sparse.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Lane {
-    pub(super) blocks: Vec<Member>,
+    pub(super) blocks: Vec<LaneBlock>,
     support: Vec<u32>,
     /// Entries; the rows of a coordinate lie side by side.
     y: Vec<f64>,
@@ -48,12 +47,12 @@ pub(super) struct Lane {
     pub(super) lambda: Vec<f64>,
     /// w = sum_i y_i lambda_i, all coordinates, without the separate rows.
     pub(super) w: Vec<f64>,
-    /// What those rows make of w: they are solved, and no other row sees it.
+    /// Part of w that the separate rows make: they are solved, and no other row sees it.
     separate: Vec<f64>,
 }
 
 impl Lane {
-    /// Takes what lane `lane` has but for the separate rows: scalar rows first, then contacts.
+    /// Gathers the rows of lane `lane` but for the separate ones: scalar rows first, then contacts.
     pub(super) fn gather<R: Real>(&mut self, problem: &Problem<R>, iterate: &Iterate<R>, lane: usize) {
         let exists = |mask: R::Mask| mask.bits() >> lane & 1 == 1;
         let number = |x: R| x.lane(lane).to_f64();
@@ -65,49 +64,52 @@ impl Lane {
         self.w.clear();
         self.separate.clear();
         self.separate.resize(iterate.w.len(), 0.0);
-        for (row, &lambda) in problem.scalars.iter().zip(&iterate.scalars).take(problem.separate) {
-            let (support, y) = problem.scalar_entries(row);
+        for (row, &lambda) in problem.scalars.iter().zip(&iterate.scalars).take(problem.scalars.separate()) {
+            let (support, y) = problem.scalars.entries(row);
             support.iter().zip(y).for_each(|(&c, &y)| self.separate[c as usize] += number(y) * number(lambda));
         }
         self.w.extend(iterate.w.iter().zip(&self.separate).map(|(&x, part)| number(x) - part));
-        for (i, (row, &lambda)) in problem.scalars.iter().zip(&iterate.scalars).enumerate().skip(problem.separate) {
+        for (i, (row, &lambda)) in problem.scalars.iter().zip(&iterate.scalars).enumerate().skip(problem.scalars.separate()) {
             if exists(row.active) {
-                let (support, y) = problem.scalar_entries(row);
+                let (support, y) = problem.scalars.entries(row);
                 let set = Set::Interval { lo: number(row.lo), hi: number(row.hi) };
                 if self.add(support, y.iter().map(|&y| [number(y)]), set, i, [number(row.g)], [number(lambda)]) {
-                    self.measure(number(row.compliance), number(row.whole));
+                    self.set_compliance(number(row.compliance), number(row.trace_ratio));
                 }
             }
         }
-        for (i, (block, lambda)) in problem.contacts.iter().zip(&iterate.contacts).enumerate() {
-            if exists(block.active) {
-                let (support, y) = problem.contact_entries(block);
-                let set = Set::Cone { mu: number(block.mu) };
-                if self.add(support, y.iter().map(|y| y.map(number)), set, i, block.g.map(number), lambda.map(number)) {
-                    self.measure(number(block.compliance), number(block.whole));
-                }
-            }
-        }
-        for (i, (block, lambda)) in problem.wide.iter().zip(&iterate.wide).enumerate() {
-            if exists(block.active) {
-                let (support, y) = problem.wide_entries(block);
-                let set = Set::Cone { mu: number(block.mu) };
-                if self.add(support, y.iter().map(|y| y.map(number)), set, i, block.g.map(number), lambda.map(number)) {
-                    self.measure(number(block.compliance), number(block.whole));
+        self.gather_contacts(&problem.contacts, &iterate.contacts, lane);
+        self.gather_contacts(&problem.rolling_contacts, &iterate.rolling_contacts, lane);
+    }
+
+    /// Gathers the contacts of one kind that exist in lane `lane`.
+    fn gather_contacts<R: Real, const N: usize, L: LocalSolver<R, N>>(
+        &mut self,
+        contacts: &FrictionContacts<R, N, L>,
+        impulses: &[[R; N]],
+        lane: usize,
+    ) {
+        let number = |x: R| x.lane(lane).to_f64();
+        for (i, (contact, lambda)) in contacts.iter().zip(impulses).enumerate() {
+            if contact.active.bits() >> lane & 1 == 1 {
+                let (support, y) = contacts.entries(contact);
+                let set = Set::Cone { mu: number(contact.mu) };
+                if self.add(support, y.iter().map(|y| y.map(number)), set, i, contact.g.map(number), lambda.map(number)) {
+                    self.set_compliance(number(contact.compliance), number(contact.trace_ratio()));
                 }
             }
         }
     }
 
-    /// Says the compliance of the block added last, and how much longer it was with separate rows.
-    fn measure(&mut self, compliance: f64, whole: f64) {
+    /// Sets the compliance and the trace ratio of the block added last.
+    fn set_compliance(&mut self, compliance: f64, trace_ratio: f64) {
         if let Some(block) = self.blocks.last_mut() {
-            (block.compliance, block.whole) = (compliance, whole);
+            (block.compliance, block.trace_ratio) = (compliance, trace_ratio);
         }
     }
 
-    /// A block of `N` rows with their entries at `support`. One that cannot move is left out: its impulses do nothing. Returns whether it
-    /// was added.
+    /// Adds a block of `N` rows with their entries at `support`. One that cannot move is left out: its impulses do nothing. Returns whether
+    /// it was added.
     pub(super) fn add<const N: usize>(
         &mut self,
         support: &[u32],
@@ -129,19 +131,19 @@ impl Lane {
             self.g.extend_from_slice(&g);
             self.lambda.extend_from_slice(&lambda);
             let support = s0..self.support.len();
-            self.blocks.push(Member { set, source, support, y: y0, rows: row..row + N, compliance: 0.0, whole: 1.0 });
+            self.blocks.push(LaneBlock { set, source, support, y: y0, rows: row..row + N, compliance: 0.0, trace_ratio: 1.0 });
         }
         moves
     }
 
     /// Coordinates and entries of a block.
-    pub(super) fn entries(&self, block: &Member) -> (&[u32], &[f64]) {
+    pub(super) fn entries(&self, block: &LaneBlock) -> (&[u32], &[f64]) {
         let support = self.support(block);
         (support, &self.y[block.y..block.y + support.len() * block.rows.len()])
     }
 
     /// Coordinates of a block, ascending; there is at least one.
-    pub(super) fn support(&self, block: &Member) -> &[u32] {
+    pub(super) fn support(&self, block: &LaneBlock) -> &[u32] {
         &self.support[block.support.clone()]
     }
 
@@ -150,26 +152,25 @@ impl Lane {
         &self.support
     }
 
-    /// Writes impulses and w into lane `lane`.
+    /// Scatters impulses and w into lane `lane`.
     pub(super) fn scatter<R: Real>(&self, lane: usize, iterate: &mut Iterate<R>) {
         for block in &self.blocks {
             let lambda = &self.lambda[block.rows.clone()];
             match block.set {
                 Set::Interval { .. } => iterate.scalars[block.source].set_lane(lane, Scalar::from_f64(lambda[0])),
-                Set::Cone { .. } if lambda.len() == WIDE => {
-                    for (to, &x) in iterate.wide[block.source].iter_mut().zip(lambda) {
-                        to.set_lane(lane, Scalar::from_f64(x));
-                    }
-                }
-                Set::Cone { .. } => {
-                    for (to, &x) in iterate.contacts[block.source].iter_mut().zip(lambda) {
-                        to.set_lane(lane, Scalar::from_f64(x));
-                    }
-                }
+                Set::Cone { .. } if lambda.len() == 6 => set_lanes(&mut iterate.rolling_contacts[block.source], lane, lambda),
+                Set::Cone { .. } => set_lanes(&mut iterate.contacts[block.source], lane, lambda),
             }
         }
         for ((to, &x), part) in iterate.w.iter_mut().zip(&self.w).zip(&self.separate) {
             to.set_lane(lane, Scalar::from_f64(x + part));
         }
+    }
+}
+
+/// Sets one lane of a contact's impulses.
+fn set_lanes<R: Real>(to: &mut [R], lane: usize, from: &[f64]) {
+    for (to, &x) in to.iter_mut().zip(from) {
+        to.set_lane(lane, Scalar::from_f64(x));
     }
 }

@@ -1,15 +1,15 @@
 //! Factors of a matrix whose pattern is symmetric, kept between the first entry of every row and the diagonal (Jennings 1966).
 //!
 //! Elimination fills nothing outside this skyline, so that its area is all the memory, and an order of the coordinates that keeps it low
-//! ([`super::order`]) is all the sparsity. `A = L U` with a unit diagonal in U; L is kept by rows, U by columns, both below the same
-//! skyline, four of them at a time: for each coordinate the four numbers of a tile lie side by side. There is no pivoting: the matrices are the
-//! identity plus a positive semidefinite part, or near that; who factors others looks at the pivots.
+//! ([`crate::newton::order`]) is all the sparsity. `A = L U` with a unit diagonal in U; L is kept by rows, U by columns, both below the
+//! same skyline, four of them at a time: for each coordinate the four numbers of a tile lie side by side. There is no pivoting: the
+//! matrices are the identity plus a positive semidefinite part, or near that; who factors others looks at the pivots.
 
 use std::ops::Range;
 
-use super::island::TILE;
+use crate::newton::island::TILE;
 
-/// A number for each of four rows.
+/// Numbers of four rows in one column.
 type Tile = [f64; TILE];
 
 /// A matrix, then its factors.
@@ -17,30 +17,30 @@ type Tile = [f64; TILE];
 pub(super) struct Skyline {
     /// First column of every tile of rows, a multiple of four.
     first: Vec<usize>,
-    /// Where each tile of rows begins in `lower` and `upper`, less its first column.
+    /// Start of each tile of rows in `lower` and `upper`, less its first column.
     start: Vec<usize>,
-    /// L, with the diagonal.
+    /// Factor L, with the diagonal.
     lower: Vec<Tile>,
-    /// U, without.
+    /// Factor U, without its unit diagonal.
     upper: Vec<Tile>,
 }
 
 impl Skyline {
-    /// Forgets the pattern; `dimension` rows with nothing but a diagonal.
+    /// Resets the pattern to a diagonal of `dimension` rows.
     pub(super) fn reset(&mut self, dimension: usize) {
         self.first.clear();
         self.first.extend((0..dimension).step_by(TILE));
     }
 
-    /// Makes room for entries between all coordinates of `span`.
+    /// Reserves entries between all coordinates of `span`.
     pub(super) fn reserve(&mut self, span: &Range<usize>) {
         for first in &mut self.first[span.start / TILE..span.end / TILE] {
             *first = span.start.min(*first);
         }
     }
 
-    /// Ends the pattern.
-    pub(super) fn finish(&mut self) {
+    /// Completes the pattern: allocates its entries.
+    pub(super) fn complete_pattern(&mut self) {
         self.start.clear();
         let mut next = 0;
         for (j, &first) in self.first.iter().enumerate() {
@@ -51,9 +51,9 @@ impl Skyline {
         self.upper.resize(next, [0.0; TILE]);
     }
 
-    /// The identity.
+    /// Sets the identity.
     #[inline(always)]
-    pub(super) fn identity(&mut self) {
+    pub(super) fn set_identity(&mut self) {
         self.lower.fill([0.0; TILE]);
         self.upper.fill([0.0; TILE]);
         for j in 0..self.first.len() {
@@ -64,7 +64,7 @@ impl Skyline {
         }
     }
 
-    /// Where column `c` of the tile `j` of rows is.
+    /// Index of column `c` of the tile `j` of rows.
     #[inline(always)]
     fn place(&self, j: usize, c: usize) -> usize {
         self.start[j] + c - self.first[j]
@@ -99,7 +99,7 @@ impl Skyline {
         }
     }
 
-    /// L U = A; false when a pivot is not above `least`, and the factors are of no use. Of a symmetric matrix only L is read.
+    /// Factorises A = L U; false when a pivot is not above `least`, and the factors are of no use. Of a symmetric matrix only L is read.
     #[inline(always)]
     pub(super) fn factor(&mut self, least: f64, symmetric: bool) -> bool {
         for j in 0..self.first.len() {
@@ -113,7 +113,7 @@ impl Skyline {
         true
     }
 
-    /// The entries of the tile `j` of rows in the tile `k` of columns, k < j.
+    /// Eliminates the entries of the tile `j` of rows in the tile `k` of columns, k < j.
     #[inline(always)]
     fn eliminate(&mut self, j: usize, k: usize, symmetric: bool) {
         let from = self.first[j].max(self.first[k]);
@@ -157,7 +157,7 @@ impl Skyline {
         }
     }
 
-    /// The four rows of the tile `j` among themselves.
+    /// Factorises the four rows of the tile `j` among themselves.
     #[inline(always)]
     fn factor_diagonal(&mut self, j: usize, least: f64) -> bool {
         let (first, here) = (self.start[j], self.place(j, TILE * j));
@@ -255,7 +255,7 @@ fn add_rows<const N: usize>(out: &mut [Tile], a: &[f64], b: &[f64], n: usize, ro
     }
 }
 
-/// The four numbers at `at`.
+/// Four numbers from index `at` on.
 #[inline(always)]
 fn tile(x: &[f64], at: usize) -> Tile {
     std::array::from_fn(|k| x[at + k])

@@ -1,11 +1,11 @@
 //! What the lanes' problem cannot say yet: equalities, compliance, and cones with any number of tangents.
 
-use super::Newton;
-use super::descent::Goal;
-use super::lane::{Lane, Set};
-use super::skyline::Skyline;
+use crate::newton::Newton;
+use crate::newton::lane::{Lane, Set};
+use crate::newton::proximal::Criteria;
+use crate::newton::skyline::Skyline;
 
-const GOAL: Goal = Goal { tolerance: 1e-11, steps: 100, least: false };
+const CRITERIA: Criteria = Criteria { tolerance: 1e-11, steps: 100, least_norm: false };
 const FREE: Set = Set::Interval { lo: f64::NEG_INFINITY, hi: f64::INFINITY };
 
 /// A number in [-1, 1] for every seed.
@@ -47,10 +47,10 @@ fn equalities_hold_and_compliance_gives() {
     for (i, compliance) in [0.0, 0.3, 2.0].into_iter().enumerate() {
         row(&mut room.lane, i, FREE, [noise(77 + i)], compliance);
     }
-    let verdict = room.solve_lane::<f64>(GOAL);
-    assert!(verdict.residual <= 1e-11, "{}", verdict.residual);
+    let result = room.solve_lane::<f64>(CRITERIA);
+    assert!(result.residual <= 1e-11, "{}", result.residual);
     // A linear problem: one proximal step for each kappa, each of one Newton step, and one to polish.
-    assert!(verdict.steps <= 4, "{}", verdict.steps);
+    assert!(result.steps <= 4, "{}", result.steps);
     assert!(velocities(&room.lane).iter().all(|v| v.abs() <= 1e-10));
     assert!(room.lane.lambda.iter().all(|l| l.abs() > 1e-3));
 }
@@ -61,8 +61,8 @@ fn equalities_that_say_the_same_share_evenly() {
     for _ in 0..3 {
         row(&mut room.lane, 4, FREE, [0.7], 0.0);
     }
-    let verdict = room.solve_lane::<f64>(GOAL);
-    assert!(verdict.residual <= 1e-11);
+    let result = room.solve_lane::<f64>(CRITERIA);
+    assert!(result.residual <= 1e-11);
     let lambda = &room.lane.lambda;
     assert!((lambda[0] - lambda[1]).abs() + (lambda[0] - lambda[2]).abs() <= 1e-12);
 }
@@ -71,8 +71,8 @@ fn equalities_that_say_the_same_share_evenly() {
 fn bounds_saturate() {
     let mut room = lane(5);
     row(&mut room.lane, 1, Set::Interval { lo: -0.1, hi: 0.1 }, [3.0], 0.0);
-    let verdict = room.solve_lane::<f64>(GOAL);
-    assert!(verdict.residual <= 1e-11);
+    let result = room.solve_lane::<f64>(CRITERIA);
+    assert!(result.residual <= 1e-11);
     assert_eq!(room.lane.lambda, [-0.1]);
 }
 
@@ -81,8 +81,8 @@ fn cone<const T: usize>(mu: f64, pull: f64) {
     let mut room = lane(9);
     let g: [f64; T] = std::array::from_fn(|k| if k == 0 { -1.0 } else { pull * noise(5 + k) });
     row(&mut room.lane, 2, Set::Cone { mu }, g, 0.0);
-    let verdict = room.solve_lane::<f64>(GOAL);
-    assert!(verdict.residual <= 1e-11, "{T} rows: {}", verdict.residual);
+    let result = room.solve_lane::<f64>(CRITERIA);
+    assert!(result.residual <= 1e-11, "{T} rows: {}", result.residual);
     let (v, lambda) = (velocities(&room.lane), &room.lane.lambda);
     let length = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
     let dissipated: f64 = v[1..].iter().zip(&lambda[1..]).map(|(v, l)| v * l).sum();
@@ -111,10 +111,10 @@ fn islands_are_solved_apart() {
         let support = [start, start + 1, start + 3];
         room.lane.add(&support, entries, FREE, 0, [1.0], [0.0]);
     }
-    let verdict = room.solve_lane::<f64>(GOAL);
+    let result = room.solve_lane::<f64>(CRITERIA);
     assert_eq!(room.islands.count, 2);
     assert_eq!(room.islands.of_block, [0, 1, 0, 1]);
-    assert!(verdict.residual <= 1e-11);
+    assert!(result.residual <= 1e-11);
     assert_eq!((room.lane.w[2], room.lane.w[6]), (0.0, 0.0));
 }
 
@@ -129,8 +129,8 @@ fn factors_solve() {
         let spans = [0..8, 4..12, 8..20, 16..20, 0..4];
         matrix.reset(n);
         spans.iter().for_each(|span| matrix.reserve(span));
-        matrix.finish();
-        matrix.identity();
+        matrix.complete_pattern();
+        matrix.set_identity();
         for (k, span) in spans.iter().enumerate() {
             for rows in [1, 3, 5] {
                 let a: Vec<f64> = (0..rows * span.len()).map(|i| noise(500 * k + i)).collect();

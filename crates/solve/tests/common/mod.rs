@@ -27,7 +27,8 @@ impl Share {
         holds
     }
 
-    /// Fails when it held for less than `share` of the draws by more than chance explains: five standard deviations, one test in three million.
+    /// Fails when it held for less than `share` of the draws by more than chance explains: five standard deviations, one test in three
+    /// million.
     pub(crate) fn at_least(&self, share: f64, what: &str) {
         let (held, drawn) = (f64::from(self.held.get()), f64::from(self.drawn.get()));
         println!("{what}: {:.5} of {drawn}", held / drawn);

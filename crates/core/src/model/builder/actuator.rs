@@ -1,7 +1,7 @@
 //! An actuator.
 
-use super::super::{Activation, Actuator, Description, ModelError, Transmission};
-use super::{find, find_joint};
+use crate::model::builder::{find, find_joint};
+use crate::model::{Activation, Actuator, Description, ModelError, Transmission};
 
 /// What a builder's target names.
 #[derive(Clone, Debug)]

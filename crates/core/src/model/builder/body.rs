@@ -1,7 +1,7 @@
 //! A body with its joints and geoms.
 
-use super::super::{Body, Description, Geom, Joint, MassProperties};
-use super::{GeomBuilder, JointBuilder, WORLD};
+use crate::model::builder::{GeomBuilder, JointBuilder, WORLD};
+use crate::model::{Body, Description, Geom, Joint, MassProperties};
 
 /// A body with its joints and geoms.
 #[derive(Clone, Debug)]

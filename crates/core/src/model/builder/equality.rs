@@ -1,7 +1,7 @@
 //! An equality.
 
-use super::super::{Description, Equality, EqualityKind, ModelError};
-use super::{find, find_joint};
+use crate::model::builder::{find, find_joint};
+use crate::model::{Description, Equality, EqualityKind, ModelError};
 
 /// An equality between elements that are named.
 #[derive(Clone, Debug)]

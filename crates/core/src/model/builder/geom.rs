@@ -2,8 +2,8 @@
 
 use nalgebra::{Quaternion, UnitQuaternion};
 
-use super::super::{Description, Geom, MassProperties, Shape};
-use super::WORLD;
+use crate::model::builder::WORLD;
+use crate::model::{Description, Geom, MassProperties, Shape};
 
 /// Density of a geom that gives neither mass nor density: that of water, kg/m^3.
 const DENSITY: f64 = 1000.0;

@@ -2,8 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::super::{Body, Joint, JointKind};
-use super::WORLD;
+use crate::model::builder::WORLD;
+use crate::model::{Body, Joint, JointKind};
 
 /// A joint.
 #[derive(Clone, Debug)]

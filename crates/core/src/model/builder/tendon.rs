@@ -1,7 +1,7 @@
 //! A fixed tendon.
 
-use super::super::{Description, ModelError, Tendon};
-use super::find_joint;
+use crate::model::builder::find_joint;
+use crate::model::{Description, ModelError, Tendon};
 
 /// A fixed tendon: a linear combination of the positions of hinges and slides, by name.
 #[derive(Clone, Debug)]

@@ -4,100 +4,12 @@ mod assets;
 
 use std::collections::HashSet;
 
-use super::super::hulls::{Hulls, Source};
-use super::super::{Activation, Description, EqualityKind, JointKind, ModelError, Shape, Transmission, label};
-
-pub(super) type Checked = Result<(), ModelError>;
-
-/// Rows that a contact may have: frictionless, sliding, torsional, rolling.
-const DIMENSIONS: [u8; 4] = [1, 3, 4, 6];
+use crate::model::finish::element::{Checked, Element};
+use crate::model::hulls::{Hulls, Source};
+use crate::model::{Activation, Description, EqualityKind, JointKind, ModelError, Shape, Transmission};
 
 /// How much the largest principal moment may exceed the sum of the others, relative: rounding of a source in single precision.
 const TRIANGLE: f64 = 1e-6;
-
-/// An element of the model: errors name it.
-pub(super) struct At(String);
-
-impl At {
-    pub(super) fn new(kind: &str, name: &str, index: usize) -> Self {
-        Self(format!("{kind} {:?}", label(name, index)))
-    }
-
-    pub(super) fn fail(&self, what: impl Into<String>, remedy: impl Into<String>) -> Checked {
-        Err(ModelError::invalid(&self.0, what, remedy))
-    }
-
-    pub(super) fn finite(&self, what: &str, x: &[f64]) -> Checked {
-        if x.iter().all(|v| v.is_finite()) { Ok(()) } else { self.fail(format!("{what} is {x:?}"), "give finite numbers") }
-    }
-
-    /// Finite and at least 0.
-    pub(super) fn size(&self, what: &str, x: &[f64], unit: &str) -> Checked {
-        match x.iter().find(|v| !v.is_finite() || **v < 0.0) {
-            Some(v) => self.fail(format!("{what} is {v}{unit}"), "give a finite number of at least 0"),
-            None => Ok(()),
-        }
-    }
-
-    /// Finite and greater than 0.
-    pub(super) fn positive(&self, what: &str, x: &[f64], unit: &str) -> Checked {
-        match x.iter().find(|v| !v.is_finite() || **v <= 0.0) {
-            Some(v) => self.fail(format!("{what} is {v}{unit}"), "give a finite number greater than 0"),
-            None => Ok(()),
-        }
-    }
-
-    /// Right way up; infinite ends are no bounds, and leave room between them.
-    fn range(&self, what: &str, range: Option<[f64; 2]>) -> Checked {
-        match range {
-            Some([low, high]) if low.is_nan() || high.is_nan() => self.fail(format!("{what} is [{low}, {high}]"), "give numbers"),
-            Some([low, high]) if low > high => {
-                self.fail(format!("{what} [{low}, {high}] is upside down"), "give the lower bound first, or no range")
-            }
-            Some([low, high]) if low == f64::INFINITY || high == f64::NEG_INFINITY => {
-                self.fail(format!("{what} is [{low}, {high}]: no number lies in it"), "give finite bounds, -inf below or inf above")
-            }
-            _ => Ok(()),
-        }
-    }
-
-    pub(super) fn index(&self, what: &str, index: usize, count: usize) -> Checked {
-        if index < count {
-            return Ok(());
-        }
-        self.fail(format!("refers to {what} {index} of {count}"), format!("give the index of a {what} of this model, counted from 0"))
-    }
-
-    fn length(&self, what: &str, x: &[f64], expected: usize, sum: &str) -> Checked {
-        if x.len() == expected {
-            return self.finite(what, x);
-        }
-        self.fail(format!("{what} has length {}", x.len()), format!("give {expected} numbers: {sum}"))
-    }
-
-    /// A hinge or slide of the model.
-    pub(super) fn scalar_joint(&self, model: &Description, joint: usize) -> Checked {
-        self.index("joint", joint, model.joints.len())?;
-        let kind = match model.joints[joint].kind {
-            JointKind::Free => "free",
-            JointKind::Ball => "ball",
-            JointKind::Slide | JointKind::Hinge => return Ok(()),
-        };
-        self.fail(format!("refers to joint {:?}, a {kind} joint", model.joint_label(joint)), "refer to a hinge or slide")
-    }
-
-    fn contact(&self, condim: u8, friction: &[f64], restitution: f64, margin: f64, gap: f64) -> Checked {
-        if !DIMENSIONS.contains(&condim) {
-            return self.fail(format!("condim is {condim}"), "give 1 (frictionless), 3 (sliding), 4 (torsional) or 6 (rolling)");
-        }
-        self.size("friction", friction, "")?;
-        if !(0.0..=1.0).contains(&restitution) {
-            return self.fail(format!("restitution is {restitution}"), "give a number from 0 (no bounce) to 1 (elastic)");
-        }
-        self.finite("margin", &[margin])?;
-        self.size("gap", &[gap], " m")
-    }
-}
 
 /// What must hold before anything else of the model can be looked at: the tree, the indices between bodies, joints and geoms, the
 /// lengths of arrays.
@@ -107,11 +19,11 @@ pub(super) fn structure(model: &Description) -> Checked {
     order("geom", model.geoms.iter().map(|g| (g.name.as_str(), g.body)), model.bodies.len())?;
     joints_fit_bodies(model)?;
     let (nq, nv) = (model.nq(), model.nv());
-    let scene = At("model".into());
+    let scene = Element("model".into());
     scene.length("qpos0", &model.qpos0, nq, "nq of the joints")?;
     scene.length("qpos_spring", &model.qpos_spring, nq, "nq of the joints")?;
     for (i, key) in model.keyframes.iter().enumerate() {
-        let at = At::new("keyframe", &key.name, i);
+        let at = Element::new("keyframe", &key.name, i);
         at.finite("time", &[key.time])?;
         at.length("qpos", &key.qpos, nq, "nq of the joints")?;
         at.length("qvel", &key.qvel, nv, "nv of the joints")?;
@@ -123,13 +35,13 @@ pub(super) fn structure(model: &Description) -> Checked {
 
 fn tree(model: &Description) -> Checked {
     let Some(world) = model.bodies.first() else {
-        return At("model".into()).fail("there are no bodies", "begin with the world body");
+        return Element("model".into()).fail("there are no bodies", "begin with the world body");
     };
     if world.parent != 0 || world.mocap {
-        return At::new("body", &world.name, 0).fail("the world has a parent or is mocap", "give parent 0 and mocap false");
+        return Element::new("body", &world.name, 0).fail("the world has a parent or is mocap", "give parent 0 and mocap false");
     }
     for (i, body) in model.bodies.iter().enumerate().skip(1) {
-        let at = At::new("body", &body.name, i);
+        let at = Element::new("body", &body.name, i);
         if body.parent >= i {
             return at.fail(format!("its parent is body {}, itself body {i}", body.parent), "list parents before their children");
         }
@@ -147,7 +59,7 @@ fn tree(model: &Description) -> Checked {
 fn order<'a>(kind: &str, elements: impl Iterator<Item = (&'a str, usize)>, nbody: usize) -> Checked {
     let mut last = 0;
     for (i, (name, body)) in elements.enumerate() {
-        let at = At::new(kind, name, i);
+        let at = Element::new(kind, name, i);
         at.index("body", body, nbody)?;
         if body < last {
             return at
@@ -160,7 +72,7 @@ fn order<'a>(kind: &str, elements: impl Iterator<Item = (&'a str, usize)>, nbody
 
 fn joints_fit_bodies(model: &Description) -> Checked {
     for (i, joint) in model.joints.iter().enumerate() {
-        let at = At::new("joint", &joint.name, i);
+        let at = Element::new("joint", &joint.name, i);
         if joint.body == 0 {
             return at.fail("would move the world", "give it to another body");
         }
@@ -180,7 +92,7 @@ fn joints_fit_bodies(model: &Description) -> Checked {
 
 /// Every number.
 pub(super) fn values(model: &Description, hulls: Source<'_>) -> Result<Hulls, ModelError> {
-    let scene = At("model".into());
+    let scene = Element("model".into());
     scene.positive("timestep", &[model.timestep], " s")?;
     scene.finite("gravity", &model.gravity)?;
     scene.finite("magnetic", &model.magnetic)?;
@@ -196,13 +108,13 @@ pub(super) fn values(model: &Description, hulls: Source<'_>) -> Result<Hulls, Mo
     tendons(model)?;
     equalities(model)?;
     actuators(model)?;
-    super::sensors::check(model)?;
+    crate::model::finish::sensors::check(model)?;
     Ok(hulls)
 }
 
 /// The numbers that environments may have of their own; everything else is as it was when the model was checked.
 pub(super) fn parameters(model: &Description) -> Checked {
-    At("model".into()).finite("gravity", &model.gravity)?;
+    Element("model".into()).finite("gravity", &model.gravity)?;
     bodies(model)?;
     joints(model)?;
     geoms(model)?;
@@ -215,7 +127,7 @@ fn names(model: &Description) -> Checked {
         let mut seen = HashSet::new();
         for name in names.filter(|n| !n.is_empty()) {
             if !seen.insert(name) {
-                return At(format!("{kind} {name:?}"))
+                return Element(format!("{kind} {name:?}"))
                     .fail(format!("another {kind} has the same name"), "give every one its own name, or none");
             }
         }
@@ -234,7 +146,7 @@ fn names(model: &Description) -> Checked {
 
 fn bodies(model: &Description) -> Checked {
     for (i, body) in model.bodies.iter().enumerate() {
-        let at = At::new("body", &body.name, i);
+        let at = Element::new("body", &body.name, i);
         at.finite("pos", &body.pos)?;
         at.finite("centre of mass", &body.ipos)?;
         at.size("mass", &[body.mass], " kg")?;
@@ -261,7 +173,7 @@ fn sorted(mut x: [f64; 3]) -> [f64; 3] {
 
 fn joints(model: &Description) -> Checked {
     for (i, joint) in model.joints.iter().enumerate() {
-        let at = At::new("joint", &joint.name, i);
+        let at = Element::new("joint", &joint.name, i);
         at.finite("pos", &joint.pos)?;
         at.finite("stiffness", &[joint.stiffness])?;
         at.size("damping", &[joint.damping], "")?;
@@ -279,7 +191,7 @@ fn joints(model: &Description) -> Checked {
 
 fn geoms(model: &Description) -> Checked {
     for (i, geom) in model.geoms.iter().enumerate() {
-        let at = At::new("geom", &geom.name, i);
+        let at = Element::new("geom", &geom.name, i);
         match geom.shape {
             Shape::Plane | Shape::HeightField { .. } => {}
             Shape::Sphere { radius } => at.positive("radius", &[radius], " m")?,
@@ -311,7 +223,7 @@ fn geoms(model: &Description) -> Checked {
 
 fn pairs(model: &Description) -> Checked {
     for (i, pair) in model.pairs.iter().enumerate() {
-        let at = At::new("pair", &pair.name, i);
+        let at = Element::new("pair", &pair.name, i);
         pair.geoms.iter().try_for_each(|&g| at.index("geom", g, model.geoms.len()))?;
         if pair.geoms[0] == pair.geoms[1] {
             return at.fail(format!("geom {:?} against itself", model.geom_label(pair.geoms[0])), "name two geoms");
@@ -319,14 +231,14 @@ fn pairs(model: &Description) -> Checked {
         at.contact(pair.condim, &pair.friction, pair.restitution, pair.margin, pair.gap)?;
     }
     for (i, exclude) in model.excludes.iter().enumerate() {
-        exclude.iter().try_for_each(|&b| At::new("exclude", "", i).index("body", b, model.bodies.len()))?;
+        exclude.iter().try_for_each(|&b| Element::new("exclude", "", i).index("body", b, model.bodies.len()))?;
     }
     Ok(())
 }
 
 fn tendons(model: &Description) -> Checked {
     for (i, tendon) in model.tendons.iter().enumerate() {
-        let at = At::new("tendon", &tendon.name, i);
+        let at = Element::new("tendon", &tendon.name, i);
         for &(joint, coefficient) in &tendon.joints {
             at.scalar_joint(model, joint)?;
             at.finite("coefficient", &[coefficient])?;
@@ -344,7 +256,7 @@ fn tendons(model: &Description) -> Checked {
 
 fn equalities(model: &Description) -> Checked {
     for (i, equality) in model.equalities.iter().enumerate() {
-        let at = At::new("equality", &equality.name, i);
+        let at = Element::new("equality", &equality.name, i);
         at.finite("data", &equality.data())?;
         if equality.stiffness.is_nan() || equality.stiffness < 0.0 {
             return at.fail(format!("stiffness is {}", equality.stiffness), "give a number of at least 0, infinity for a hard one");
@@ -381,7 +293,7 @@ fn equalities(model: &Description) -> Checked {
 
 fn actuators(model: &Description) -> Checked {
     for (i, actuator) in model.actuators.iter().enumerate() {
-        let at = At::new("actuator", &actuator.name, i);
+        let at = Element::new("actuator", &actuator.name, i);
         match actuator.transmission {
             Transmission::Joint(j) => at.scalar_joint(model, j)?,
             Transmission::Tendon(t) => at.index("tendon", t, model.tendons.len())?,

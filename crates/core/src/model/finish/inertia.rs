@@ -8,7 +8,7 @@
 
 use nalgebra::{DMatrix, Matrix6, Quaternion, UnitQuaternion, Vector3, Vector6};
 
-use super::super::{Description, JointKind, MassProperties, ModelError};
+use crate::model::{Description, JointKind, MassProperties, ModelError};
 
 /// A pivot this small against the inertia of the whole subtree is rounding error.
 const NOTHING: f64 = 1e-13;

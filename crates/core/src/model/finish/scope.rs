@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::super::{Description, GeomPair, Kernel, Omission, Shape};
+use crate::model::{Description, GeomPair, Kernel, Omission, Shape};
 
 /// Name of an element, and why it is left out.
 type User = (String, String);

@@ -1,15 +1,15 @@
 //! The rules of sites and sensors.
 
-use super::super::hulls::Source;
-use super::super::{
+use crate::model::finish::element::{Checked, Element};
+use crate::model::hulls::Source;
+use crate::model::{
     ContactSide, Description, EqualityKind, FrameReading, Geom, JointKind, Model, ModelError, Object, Sensor, SensorKind, Shape,
 };
-use super::check::{At, Checked};
 
 /// Every site and sensor.
 pub(super) fn check(model: &Description) -> Checked {
     for (i, site) in model.sites.iter().enumerate() {
-        let at = At::new("site", &site.name, i);
+        let at = Element::new("site", &site.name, i);
         at.index("body", site.body, model.bodies.len())?;
         at.finite("pos", &site.pos)?;
         match site.shape {
@@ -28,7 +28,7 @@ pub(super) fn check(model: &Description) -> Checked {
 
 fn one(model: &Description, i: usize, sensor: &Sensor) -> Checked {
     use SensorKind as K;
-    let at = At::new("sensor", &sensor.name, i);
+    let at = Element::new("sensor", &sensor.name, i);
     at.size("noise", &[sensor.noise], "")?;
     at.size("cutoff", &[sensor.cutoff], "")?;
     at.size("delay", &[sensor.delay], " s")?;
@@ -113,7 +113,7 @@ impl Model {
     }
 }
 
-fn ball(model: &Description, at: &At, joint: usize) -> Checked {
+fn ball(model: &Description, at: &Element, joint: usize) -> Checked {
     at.index("joint", joint, model.joints.len())?;
     if model.joints[joint].kind == JointKind::Ball {
         return Ok(());
@@ -121,7 +121,7 @@ fn ball(model: &Description, at: &At, joint: usize) -> Checked {
     at.fail(format!("refers to joint {:?}, which is no ball joint", model.joint_label(joint)), "refer to a ball joint")
 }
 
-fn object(model: &Description, at: &At, object: Object) -> Checked {
+fn object(model: &Description, at: &Element, object: Object) -> Checked {
     match object {
         Object::Body(b) | Object::XBody(b) => at.index("body", b, model.bodies.len()),
         Object::Geom(g) => at.index("geom", g, model.geoms.len()),
@@ -130,7 +130,7 @@ fn object(model: &Description, at: &At, object: Object) -> Checked {
 }
 
 /// Distances are known of a plane and anything simple, and of balls and capsules.
-fn near(model: &Description, at: &At, a: usize, b: usize) -> Checked {
+fn near(model: &Description, at: &Element, a: usize, b: usize) -> Checked {
     let round = |s: &Shape| matches!(s, Shape::Sphere { .. } | Shape::Capsule { .. });
     let simple = |s: &Shape| !matches!(s, Shape::Plane | Shape::Mesh { .. } | Shape::HeightField { .. });
     let [p, q] = [a, b].map(|g| &model.geoms[g].shape);
@@ -143,7 +143,7 @@ fn near(model: &Description, at: &At, a: usize, b: usize) -> Checked {
     at.fail(what, "measure between balls, capsules and planes, or leave the sensor out")
 }
 
-fn side(model: &Description, at: &At, side: ContactSide) -> Checked {
+fn side(model: &Description, at: &Element, side: ContactSide) -> Checked {
     match side {
         ContactSide::Any => Ok(()),
         ContactSide::Geom(g) => at.index("geom", g, model.geoms.len()),
@@ -153,7 +153,7 @@ fn side(model: &Description, at: &At, side: ContactSide) -> Checked {
 }
 
 /// Rays meet simple shapes.
-fn simple(model: &Description, at: &At, geom: usize) -> Checked {
+fn simple(model: &Description, at: &Element, geom: usize) -> Checked {
     let shape = &model.geoms[geom].shape;
     if !matches!(shape, Shape::Mesh { .. } | Shape::HeightField { .. }) {
         return Ok(());
@@ -163,7 +163,7 @@ fn simple(model: &Description, at: &At, geom: usize) -> Checked {
 }
 
 /// What a force sensor carries is part of no closed loop, whose force is not known body by body.
-fn open(model: &Description, at: &At, site: usize) -> Checked {
+fn open(model: &Description, at: &Element, site: usize) -> Checked {
     let mut carried = vec![false; model.bodies.len()];
     carried[model.sites[site].body] = true;
     for b in model.sites[site].body + 1..carried.len() {
@@ -179,14 +179,14 @@ fn open(model: &Description, at: &At, site: usize) -> Checked {
     Ok(())
 }
 
-fn ascending<T: Ord + std::fmt::Debug>(at: &At, fields: &[T]) -> Checked {
+fn ascending<T: Ord + std::fmt::Debug>(at: &Element, fields: &[T]) -> Checked {
     if !fields.is_empty() && fields.windows(2).all(|w| w[0] < w[1]) {
         return Ok(());
     }
     at.fail(format!("its fields are {fields:?}"), "give one or more, each once, in the order of their definition")
 }
 
-fn combination(model: &Description, at: &At, index: usize, terms: &[(usize, f64)]) -> Checked {
+fn combination(model: &Description, at: &Element, index: usize, terms: &[(usize, f64)]) -> Checked {
     if terms.is_empty() {
         return at.fail("a combination of nothing", "give one term or more");
     }

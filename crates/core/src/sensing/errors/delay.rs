@@ -2,10 +2,10 @@
 
 use stepper_real::{Mask, Real, Scalar};
 
-use super::observe::{Slots, get, put};
-use super::{Imperfect, Number, Numbers};
-use crate::contacts::MAX_LANES;
+use crate::math::lanes::MAX_LANES;
 use crate::model::Quantity;
+use crate::sensing::errors::observe::{Slots, get, put};
+use crate::sensing::errors::{Imperfect, Number, Numbers};
 
 impl<S: Scalar> Imperfect<S> {
     /// Addresses of the samples held so far and of those to keep now. One line serves all lanes: its end moves with every step.

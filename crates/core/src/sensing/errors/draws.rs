@@ -2,8 +2,8 @@
 
 use stepper_real::Real;
 
-use crate::contacts::MAX_LANES;
-use crate::sensing::philox::{Word, normals, philox4x32_10, uniform};
+use crate::math::lanes::MAX_LANES;
+use crate::math::random::{Word, normals, philox4x32_10, uniform};
 
 /// What the numbers of a draw are for: part of their counter.
 #[derive(Clone, Copy)]

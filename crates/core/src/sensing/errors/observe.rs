@@ -2,11 +2,11 @@
 
 use stepper_real::{Mask, Real, Scalar};
 
-use super::draws::{Keys, Purpose};
-use super::{Errors, Imperfect, Number, Numbers};
-use crate::lanes::count;
+use crate::math::lanes::count;
+use crate::math::spatial::*;
 use crate::model::Quantity;
-use crate::spatial::*;
+use crate::sensing::errors::draws::{Keys, Purpose};
+use crate::sensing::errors::{Errors, Imperfect, Number, Numbers};
 
 /// Room for what sensors draw and make of it.
 #[derive(Clone, Debug)]

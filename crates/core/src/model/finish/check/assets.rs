@@ -1,7 +1,7 @@
 //! Meshes and height fields.
 
-use super::{At, Checked};
-use crate::geometry::convex::HullError;
+use crate::geometry::HullError;
+use crate::model::finish::element::{Checked, Element};
 use crate::model::hulls::{Hulls, Source};
 use crate::model::{Description, HeightField, Mesh, ModelError, Shape};
 
@@ -22,7 +22,7 @@ pub(super) fn check(model: &Description, source: Source<'_>) -> Result<Hulls, Mo
 }
 
 fn mesh(mesh: &Mesh, index: usize) -> Checked {
-    let at = At::new("mesh", &mesh.name, index);
+    let at = Element::new("mesh", &mesh.name, index);
     if let Some(v) = mesh.vertices.iter().position(|v| v.iter().any(|x| !x.is_finite())) {
         return at.fail(format!("vertex {v} is {:?}", mesh.vertices[v]), "give finite numbers");
     }
@@ -34,7 +34,7 @@ fn mesh(mesh: &Mesh, index: usize) -> Checked {
 }
 
 fn height_field(field: &HeightField, index: usize) -> Checked {
-    let at = At::new("height field", &field.name, index);
+    let at = Element::new("height field", &field.name, index);
     let [rows, columns] = field.shape;
     if rows < 2 || columns < 2 {
         return at.fail(format!("it has {rows} rows and {columns} columns"), "give at least 2 of each");
@@ -47,7 +47,7 @@ fn height_field(field: &HeightField, index: usize) -> Checked {
 /// A geom that can touch others has a form.
 fn form(model: &Description, index: usize, hulls: &mut Hulls, source: Source<'_>) -> Checked {
     let geom = &model.geoms[index];
-    let at = At::new("geom", &geom.name, index);
+    let at = Element::new("geom", &geom.name, index);
     match &geom.shape {
         Shape::HeightField { asset } if model.height_field_of(&geom.shape).is_none() => {
             at.fail(format!("refers to height field {asset:?}, which does not exist"), "add it to the model's height fields")

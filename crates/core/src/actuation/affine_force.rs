@@ -1,0 +1,103 @@
+//! Forces that are affine in the motion, as a step takes them: with weights of damping and stiffness at its end, and the inertia that they move.
+
+use stepper_real::{Mask, Real};
+
+use crate::dynamics::implicit_weights::ImplicitWeights;
+use crate::math::spatial::*;
+
+/// Numbers of a drive train that acts within a step, per lane, at the actuator's side of its gear.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Train<R> {
+    /// Force of a continuous servo per unit of length, N or N m per unit.
+    pub slope: R,
+    /// Force of it per unit of velocity.
+    pub rate: R,
+    /// Bounds of the effort, N or N m.
+    pub limits: [R; 2],
+    /// Stall torque of the motor, N or N m.
+    pub stall: R,
+    /// Torque that the motor loses per unit of velocity to its back-EMF.
+    pub drag: R,
+    /// Share of the power that the gear passes on.
+    pub efficiency: R,
+    /// Dry friction, N or N m.
+    pub friction: R,
+}
+
+/// Force as an affine function of length and velocity.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct AffineForce<R> {
+    pub(crate) level: R,
+    pub(crate) slope: R,
+    pub(crate) rate: R,
+}
+
+/// How an actuator moves: its length, the velocity at which what is not implicit is taken, and that before the step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Motion<R> {
+    pub(crate) length: R,
+    pub(crate) velocity: R,
+    pub(crate) before: R,
+}
+
+impl<R: Real> AffineForce<R> {
+    /// The force.
+    #[inline(always)]
+    pub(crate) fn force(&self, motion: &Motion<R>) -> R {
+        self.level + self.slope * motion.length + self.rate * motion.velocity
+    }
+
+    /// The force without what the mass matrix does, and what it does: stiffness and damping against the motion are implicit, the rest is not.
+    #[inline(always)]
+    pub(crate) fn implied(&self, motion: &Motion<R>, gauge: Gauge<R>, theta: ImplicitWeights<R>) -> (R, R) {
+        let (stiffness, damping) = ((-self.slope).max(R::zero()), (-self.rate).max(R::zero()));
+        let share = theta.share(gauge.rate(damping));
+        let drag = theta.drag(share, stiffness);
+        let velocity = self.rate * motion.velocity + damping * (motion.velocity - motion.before) - drag * motion.before;
+        let weight = damping * theta.damping * (R::one() + share) + stiffness * theta.stiffness + drag * theta.step;
+        (self.level + self.slope * motion.length + velocity, weight)
+    }
+}
+
+/// What an actuator moves.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Gauge<R> {
+    /// Inverse of the inertia along its moment, 1/kg or 1/(kg m^2) over the square of its gear.
+    pub(super) mobility: R,
+    /// Rate at which the joints' damping slows it down, 1/s.
+    pub(super) slowing: R,
+}
+
+impl<R: Real> Gauge<R> {
+    /// A sum to which a dof is added; `slowing` is weighted by the mobilities.
+    #[inline(always)]
+    pub(super) fn with(self, arm: R, inertia: R, damping: R) -> Self {
+        let inverse = inertia.recip();
+        let part = arm.square() * inverse;
+        Self { mobility: self.mobility + part, slowing: self.slowing + part * damping * inverse }
+    }
+
+    /// Rate of damping with that of the actuator.
+    #[inline(always)]
+    pub(crate) fn rate(self, damping: R) -> R {
+        self.mobility * damping + self.slowing
+    }
+}
+
+/// `x` within a range. A NaN must not turn into a bound: it stays, and the environment is refused in stage 6.
+#[inline(always)]
+pub(crate) fn within<R: Real>(x: R, range: Option<[R::Scalar; 2]>) -> R {
+    match range {
+        Some(range) => {
+            let [lo, hi] = splat(range);
+            R::select(x.eq(x), x.clamp(lo, hi), x)
+        }
+        None => x,
+    }
+}
+
+#[inline(always)]
+pub(crate) fn outside<R: Real>(x: R, range: [R::Scalar; 2]) -> R::Mask {
+    let [lo, hi] = splat(range);
+    x.lt(lo).or(x.gt(hi))
+}

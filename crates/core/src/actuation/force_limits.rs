@@ -1,0 +1,133 @@
+//! Where a drive train is on its curve: free, at a limit of its effort, or at the torque-speed curve of its motor.
+
+use stepper_real::{Mask, Real};
+
+use crate::actuation::affine_force::{Gauge, Train};
+use crate::compile::CompiledTrain;
+use crate::dynamics::implicit_weights::ImplicitWeights;
+
+/// A drive train within a step.
+///
+/// What it does is `f = clamp(clamp(law, limits), +-stall - drag v)`: piecewise affine in the motion, and where the law pulls back, decreasing.
+/// The step takes one piece implicitly. Which one is found like the roots of such functions: solve with the present piece, go to the one where
+/// that solution lies (semismooth Newton; Qi & Sun 1993).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Region<R: Real> {
+    /// Force and weight of the law itself.
+    law: (R, R),
+    /// Velocity before the step.
+    before: R,
+    /// What it moves.
+    gauge: Gauge<R>,
+    /// Lanes at a limit of the effort.
+    held: R::Mask,
+    /// Lanes at the motor's curve.
+    curve: R::Mask,
+    /// Lanes in which that is the upper one.
+    upper: R::Mask,
+}
+
+impl<R: Real> Default for Region<R> {
+    fn default() -> Self {
+        let never = R::Mask::splat(false);
+        let gauge = Gauge { mobility: R::zero(), slowing: R::zero() };
+        Self { law: (R::zero(), R::zero()), before: R::zero(), gauge, held: never, curve: never, upper: never }
+    }
+}
+
+impl<R: Real> Region<R> {
+    /// Takes up the law: its force and weight, the velocity before the step, and what it moves.
+    #[inline(always)]
+    pub(super) fn take(&mut self, law: (R, R), before: R, gauge: Gauge<R>) {
+        (self.law, self.before, self.gauge) = (law, before, gauge);
+    }
+
+    /// Where a step begins: a law without stiffness is as it is at the velocity before the step, one with is free.
+    #[inline(always)]
+    pub(super) fn guess(&mut self, compiled: &CompiledTrain<R::Scalar>, numbers: &Train<R>) {
+        let never = R::Mask::splat(false);
+        (self.held, self.curve, self.upper) = (never, never, never);
+        let plain = self.law.1.eq(R::zero());
+        let [held, curve, upper] = whereabouts(compiled, numbers, self.law.0, self.before);
+        (self.held, self.curve, self.upper) = (held.and(plain), curve.and(plain), upper.and(plain));
+    }
+
+    /// Goes where the law, at a change of velocity `along` h, lies; `back` allows to leave a bound. Returns the lanes that moved.
+    #[inline(always)]
+    pub(super) fn place(
+        &mut self,
+        compiled: &CompiledTrain<R::Scalar>,
+        numbers: &Train<R>,
+        theta: ImplicitWeights<R>,
+        along: R,
+        back: bool,
+    ) -> R::Mask {
+        let [mut held, mut curve, mut upper] =
+            whereabouts(compiled, numbers, self.law.0 - self.law.1 * along, self.before + theta.damping * along);
+        if !back {
+            let stays = self.held.or(self.curve).and_not(held.or(curve));
+            held = held.or(self.held.and(stays));
+            curve = curve.or(self.curve.and(stays));
+            upper = upper.or(self.upper.and(stays));
+        }
+        let same = |a: R::Mask, b: R::Mask| a.and(b).or(a.or(b).not());
+        let moved = same(held, self.held).and(same(curve, self.curve)).and(same(upper, self.upper)).not();
+        (self.held, self.curve, self.upper) = (held, curve, upper);
+        moved
+    }
+
+    /// Lanes at a bound.
+    #[inline(always)]
+    pub(super) fn is_cut(&self) -> R::Mask {
+        self.held.or(self.curve)
+    }
+
+    /// The force here, without what the mass matrix does, and what it does.
+    #[inline(always)]
+    pub(super) fn force(&self, numbers: &Train<R>, theta: ImplicitWeights<R>) -> (R, R) {
+        let held = R::select(self.upper, numbers.limits[1], numbers.limits[0]);
+        let curve = R::select(self.upper, numbers.stall, -numbers.stall) - numbers.drag * self.before;
+        let force = R::select(self.curve, curve, R::select(self.held, held, self.law.0));
+        let weight = R::select(self.held, R::zero(), self.law.1);
+        let drag = numbers.drag * theta.damping * (R::one() + theta.share(self.gauge.rate(numbers.drag)));
+        (force, R::select(self.curve, drag, weight))
+    }
+}
+
+/// Lanes in which a force that the law asks for at a velocity is held at a limit, or on the motor's curve, and at the upper one of these.
+#[inline(always)]
+fn whereabouts<R: Real>(compiled: &CompiledTrain<R::Scalar>, numbers: &Train<R>, force: R, velocity: R) -> [R::Mask; 3] {
+    let never = R::Mask::splat(false);
+    let ([low, high], mut asked) = (numbers.limits, force);
+    let (mut held, mut upper) = (never, never);
+    if compiled.limited {
+        upper = force.gt(high);
+        held = force.lt(low).or(upper);
+        asked = R::select(held, force.clamp(low, high), force);
+    }
+    let mut curve = never;
+    if compiled.motor.is_some() {
+        let loss = numbers.drag * velocity;
+        let (above, below) = (asked.gt(numbers.stall - loss), asked.lt(-numbers.stall - loss));
+        curve = above.or(below);
+        upper = upper.and_not(curve).or(above);
+        held = held.and_not(curve);
+    }
+    [held, curve, upper]
+}
+
+/// Lanes in which a force that the law asks for at a velocity is cut.
+#[inline(always)]
+pub(crate) fn exceeds<R: Real>(compiled: &CompiledTrain<R::Scalar>, numbers: &Train<R>, force: R, velocity: R) -> R::Mask {
+    let [held, curve, _] = whereabouts(compiled, numbers, force, velocity);
+    held.or(curve)
+}
+
+/// A force within the limits and under the curve of its drive train.
+#[inline(always)]
+pub(crate) fn bounded<R: Real>(compiled: &CompiledTrain<R::Scalar>, numbers: &Train<R>, force: R, velocity: R) -> R {
+    let [held, curve, upper] = whereabouts(compiled, numbers, force, velocity);
+    let limit = R::select(upper, numbers.limits[1], numbers.limits[0]);
+    let edge = R::select(upper, numbers.stall, -numbers.stall) - numbers.drag * velocity;
+    R::select(curve, edge, R::select(held, limit, force))
+}

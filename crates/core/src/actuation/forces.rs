@@ -1,0 +1,418 @@
+//! Forces of actuators and springs, and what they add to the mass matrix: what stage 1 hands to stage 2.
+//!
+//! A step of length h takes the force of a spring k and a damper d, on a coordinate x = a . q with moment a, at the end of what the step
+//! itself does to x, to first order:
+//!
+//! ```text
+//! midpoint:  f = -k (x_mid + h/4 a.dv - x0) - d (xdot + 1/2 a.dv)     (M + (h/2 d + h^2/4 k) a a^T) dv = h (...)
+//! implicit:  f = -k (x + h xdot + h a.dv - x0) - d (xdot + a.dv)      (M + (h d + h^2 k) a a^T) dv = h (...)
+//! ```
+//!
+//! with dv = v+ - v. The first is the implicit midpoint rule (A-stable, and energy of linear springs is conserved: Hairer, Lubich & Wanner
+//! 2006, theorem IV.2.1), the second is backward Euler's (L-stable). The matrix keeps the tree's sparsity as long as the dofs of a
+//! moment lie on one chain; otherwise a a^T is replaced by the diagonal matrix |a_i| sum_j |a_j|, which is not smaller (Gershgorin): an added
+//! inertia, with which the same stability holds.
+//!
+//! Of a spring or damper that a step does not resolve the midpoint rule keeps the amplitude, and turns it around in every step: its amplification
+//! tends to -1. Where there is damping, which makes the true motion die out, the step therefore takes more of it at its end, by
+//! s = z / (6 + z), z = h d / m with the inertia m of the diagonal of M:
+//!
+//! ```text
+//! f = -k (x_mid + h/4 a.dv - x0) - d (xdot + (1 + s)/2 a.dv) - 3/2 s h k (xdot + a.dv)
+//! ```
+//!
+//! For a damper alone, that is the Pade approximation (1 - z/3) / (1 + 2 z/3 + z^2/6) of exp(-z), Radau IIA's of third order (Hairer & Wanner,
+//! section IV.3): it tends to 0. For a stiff spring, the last term multiplies the area in the phase plane by 1 / (1 + 6 s) in a step, which is
+//! 1 - z + O(z^2) as in the true motion, exp(-z) (Liouville), and 1/7 at the most. What is added is of the order h^2, and nothing without damping:
+//! the rule stays of second order, and keeps the energy of springs that nothing damps.
+//!
+//! A servo at a bound of its force contributes the bound and no stiffness. Whether it is there is decided by the force at the end of the
+//! step that is to be expected, first with the impulses of the last step, and again with an estimate of this one's. A motor at its torque-speed curve contributes the
+//! curve: its stall torque, and the drag of its back-EMF as a damper.
+
+use stepper_real::{Mask, Real};
+
+use crate::actuation::affine_force::{AffineForce, Gauge, Motion, Train, outside, within};
+use crate::actuation::force_limits::Region;
+use crate::compile::{CompiledActuator, CompiledModel, CompiledTrain, LaneModel};
+use crate::dynamics::implicit_weights::ImplicitWeights;
+use crate::math::spatial::*;
+
+/// What the mass matrix holds besides M.
+#[derive(Clone, Copy, Debug)]
+pub struct Implicit<'a, R: Real> {
+    /// Shares of damping and stiffness.
+    pub theta: ImplicitWeights<R>,
+    /// Weights of servos; none takes them explicitly.
+    pub servos: &'a [R],
+    /// Arms of actuators on sites.
+    pub arms: &'a [R],
+    /// Velocity before the step, at which drag of the medium is linearised; none takes it explicitly.
+    pub drag_at: Option<&'a [R]>,
+}
+
+impl<R: Real> Implicit<'_, R> {
+    /// Nothing: the mass matrix itself.
+    pub fn none() -> Self {
+        let theta = ImplicitWeights { damping: R::zero(), stiffness: R::zero(), step: R::zero() };
+        Self { theta, servos: &[], arms: &[], drag_at: None }
+    }
+}
+
+/// What is implicit in stage 1.
+#[derive(Clone, Copy, Debug)]
+pub struct Implied<R> {
+    /// Shares of damping and stiffness.
+    pub theta: ImplicitWeights<R>,
+    /// Whether that holds for every servo, or for drive trains alone.
+    pub all: bool,
+}
+
+/// Where forces are taken.
+#[derive(Clone, Copy, Debug)]
+pub struct ForceState<'a, R: Real> {
+    /// Configuration of springs and servos.
+    pub q: &'a [R],
+    /// Velocity before the step.
+    pub v: &'a [R],
+    /// Velocity at which what is not implicit is taken.
+    pub v_at: &'a [R],
+    /// Activations.
+    pub act: &'a [R],
+    /// Controls, as drive trains hand them on.
+    pub ctrl: &'a [R],
+    /// Drive trains that act within a step.
+    pub trains: &'a [Train<R>],
+}
+
+impl<'a, R: Real> ForceState<'a, R> {
+    /// A state as it is.
+    pub fn state(q: &'a [R], v: &'a [R], act: &'a [R], ctrl: &'a [R], trains: &'a [Train<R>]) -> Self {
+        Self { q, v, v_at: v, act, ctrl, trains }
+    }
+}
+
+/// Forces of one group of lanes.
+#[derive(Clone, Debug)]
+pub struct Drive<R: Real> {
+    /// Generalized forces of actuators and springs, N or N m. Joint damping is not here: stage 2 takes it implicitly.
+    pub tau: Vec<R>,
+    /// Forces of actuators alone, within the bounds of joints; left by what is explicit.
+    pub joint: Vec<R>,
+    /// Force of every actuator, where its servo is taken explicitly.
+    pub force: Vec<R>,
+    /// What every servo adds to the mass matrix along its moment.
+    pub weight: Vec<R>,
+    /// What every servo moves, where that matters.
+    pub(crate) gauges: Vec<Gauge<R>>,
+    /// Lanes in which a servo is at a bound of its force.
+    pub(crate) saturated: Vec<R::Mask>,
+    /// Lanes in which the sum of actuator forces on a dof is at its bound, for every such dof.
+    pub(crate) bounded: Vec<R::Mask>,
+    pub(crate) implied: Vec<R>,
+    /// Force and weight of every servo where nothing bounds it, if any is bounded.
+    pub(crate) unbounded: Vec<[R; 2]>,
+    /// Lanes in which an actuator that is taken explicitly asks for more than its bounds.
+    pub(crate) beyond: Vec<R::Mask>,
+    /// Lanes in which the sum of actuator forces on a dof is cut to its bounds, for every such dof.
+    pub(crate) cut: Vec<R::Mask>,
+    /// Arms of all actuators on sites.
+    pub arms: Vec<R>,
+    /// Lengths of actuators on sites.
+    pub(crate) lengths: Vec<R>,
+    /// Where every drive train is on its curve.
+    pub(super) regions: Vec<Region<R>>,
+    /// Whether the regions of this step are still to be found.
+    pub(crate) fresh: bool,
+    /// What drive trains lose, see [`crate::constraints::Moment::losses`].
+    pub losses: Vec<[R; 2]>,
+}
+
+impl<R: Real> Drive<R> {
+    /// Room for a compiled model.
+    pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
+        let zeros = |n: usize| vec![R::zero(); n];
+        let never = |n: usize| vec![R::Mask::splat(false); n];
+        Self {
+            tau: zeros(compiled.nv),
+            joint: zeros(compiled.nv),
+            force: zeros(compiled.actuators.len()),
+            weight: zeros(compiled.servos.len()),
+            gauges: vec![Gauge { mobility: R::zero(), slowing: R::zero() }; compiled.servos.len()],
+            saturated: never(compiled.servos.len()),
+            bounded: never(compiled.actuator_force_ranges.len()),
+            implied: zeros(if compiled.servos_are_bounded { compiled.actuators.len() } else { 0 }),
+            unbounded: vec![[R::zero(); 2]; if compiled.servos_are_bounded { compiled.servos.len() } else { 0 }],
+            beyond: never(compiled.actuators.len()),
+            cut: never(compiled.actuator_force_ranges.len()),
+            arms: zeros(compiled.wrench_arms[0]),
+            lengths: zeros(compiled.wrench_arms[1]),
+            regions: vec![Region::default(); compiled.trains],
+            fresh: true,
+            losses: vec![zero(); if compiled.lossy { compiled.frictions.len() } else { 0 }],
+        }
+    }
+
+    /// Forgets which servos are at their bounds.
+    #[inline(always)]
+    pub fn release(&mut self) {
+        // Without servos none is at a bound.
+        if !self.saturated.is_empty() {
+            self.saturated.fill(R::Mask::splat(false));
+            self.bounded.fill(R::Mask::splat(false));
+        }
+        self.fresh = true;
+    }
+
+    /// Takes up what servos move, for the mass matrix's diagonal `inertia`.
+    pub fn gauge(&mut self, compiled: &LaneModel<R>, inertia: &[R]) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for k in 0..compiled.servos.len() {
+                    self.gauges[k] = self.gauge_of(compiled, &compiled.actuators[compiled.servos[k].actuator], inertia);
+                }
+            },
+        )
+    }
+
+    /// Of several dofs, a mean by their part in the mobility.
+    #[inline(always)]
+    fn gauge_of(&self, compiled: &LaneModel<R>, actuator: &CompiledActuator<R::Scalar>, inertia: &[R]) -> Gauge<R> {
+        let mut sum = Gauge { mobility: R::zero(), slowing: R::zero() };
+        for &(_, dof, arm) in &actuator.moment {
+            sum = sum.with(R::splat(arm), inertia[dof], compiled.params.dof(dof).damping);
+        }
+        if let Some(wrench) = &actuator.wrench {
+            for (&(dof, _), &arm) in wrench.dofs.iter().zip(&self.arms[wrench.arms..]) {
+                sum = sum.with(arm, inertia[dof], compiled.params.dof(dof).damping);
+            }
+        }
+        let Gauge { mobility, slowing } = sum;
+        let moves = mobility.gt(R::zero());
+        let slowing = R::select(moves, slowing / R::select(moves, mobility, R::one()), R::zero());
+        Gauge { mobility, slowing }
+    }
+
+    /// What a servo moves.
+    #[inline(always)]
+    pub(crate) fn gauge_at(&self, servo: usize) -> Gauge<R> {
+        self.gauges[servo]
+    }
+
+    /// Takes over the implicit force of a servo, in the lanes in which it is not at a bound.
+    #[inline(always)]
+    pub(crate) fn set_servo(&mut self, actuator: usize, servo: usize, force: R, weight: R) {
+        let held = self.saturated[servo];
+        self.force[actuator] = R::select(held, self.force[actuator], force);
+        self.weight[servo] = R::select(held, R::zero(), weight);
+    }
+
+    /// Takes over the law of a drive train, where it is on its curve.
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "one actuator, every part of it named at the call")]
+    pub(crate) fn set_train(
+        &mut self,
+        actuator: usize,
+        servo: usize,
+        law: &AffineForce<R>,
+        motion: &Motion<R>,
+        compiled: &CompiledTrain<R::Scalar>,
+        numbers: &Train<R>,
+        theta: ImplicitWeights<R>,
+    ) {
+        let gauge = self.gauges[servo];
+        self.regions[compiled.index].take(law.implied(motion, gauge, theta), motion.before, gauge);
+        if self.fresh {
+            self.regions[compiled.index].guess(compiled, numbers);
+        }
+        self.follow(servo, actuator, compiled, numbers, theta);
+    }
+
+    /// Takes over the force of a drive train where it is on its curve.
+    #[inline(always)]
+    fn follow(
+        &mut self,
+        servo: usize,
+        actuator: usize,
+        compiled: &CompiledTrain<R::Scalar>,
+        numbers: &Train<R>,
+        theta: ImplicitWeights<R>,
+    ) {
+        let (force, weight) = self.regions[compiled.index].force(numbers, theta);
+        self.set_servo(actuator, servo, force, weight);
+    }
+
+    /// Sum of the actuators' forces on every dof, within the bounds of joints.
+    #[inline(always)]
+    pub(crate) fn gather(&mut self, compiled: &LaneModel<R>, implicit: bool) {
+        self.fresh = false;
+        self.tau.fill(R::zero());
+        for (actuator, &force) in compiled.actuators.iter().zip(&self.force) {
+            for &(_, dof, arm) in &actuator.moment {
+                self.tau[dof] += R::splat(arm) * force;
+            }
+            if let Some(wrench) = &actuator.wrench {
+                for (&(dof, _), &arm) in wrench.dofs.iter().zip(&self.arms[wrench.arms..]) {
+                    self.tau[dof] += arm * force;
+                }
+            }
+        }
+        for (r, range) in compiled.actuator_force_ranges.iter().enumerate() {
+            let tau = &mut self.tau[range.dof];
+            let clamped = within(*tau, Some(range.bounds));
+            let implicit = implicit && range.has_servos;
+            self.cut[r] = if implicit { self.bounded[r] } else { outside(*tau, range.bounds) };
+            *tau = if implicit { R::select(self.bounded[r], clamped, *tau) } else { clamped };
+        }
+    }
+
+    /// Lanes in which the effort of an actuator was cut to its bounds, or a sum on its joint that it is part of.
+    #[inline(always)]
+    pub(crate) fn is_cut(&self, compiled: &LaneModel<R>, actuator: usize) -> R::Mask {
+        let (of_it, mut cut) = (&compiled.actuators[actuator], self.beyond[actuator]);
+        if let Some(k) = of_it.servo {
+            cut = cut.or(self.saturated[k]);
+            if let Some(train) = &of_it.train {
+                cut = cut.or(self.regions[train.index].is_cut());
+            }
+        }
+        for (range, &of_sum) in compiled.actuator_force_ranges.iter().zip(&self.cut) {
+            if of_sum.any() && range.actuators.iter().any(|&(a, _)| a == actuator) {
+                cut = cut.or(of_sum);
+            }
+        }
+        cut
+    }
+
+    /// Finds servos whose force at the end of the step would exceed its bounds, if the velocity changed by `dv`: they keep to the bound and
+    /// lose their stiffness. Returns the lanes in which there is a new one; `gather` must follow.
+    ///
+    /// Drive trains go where their curves have them, `pass` after pass; from the third on none comes back from a bound, so that it ends.
+    pub fn saturate(
+        &mut self,
+        compiled: &LaneModel<R>,
+        trains: &[Train<R>],
+        theta: ImplicitWeights<R>,
+        dv: &[R],
+        h: R,
+        pass: usize,
+    ) -> R::Mask {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                let mut new = R::Mask::splat(false);
+                if pass == 0 {
+                    for (k, servo) in compiled.servos.iter().enumerate() {
+                        self.unbounded[k] = [self.force[servo.actuator], self.weight[k]];
+                    }
+                }
+                self.implied.copy_from_slice(&self.force);
+                for (k, servo) in compiled.servos.iter().enumerate() {
+                    let actuator = &compiled.actuators[servo.actuator];
+                    let along = self.along(actuator, dv);
+                    if let Some(train) = actuator.train {
+                        let moved = self.regions[train.index].place(&train, &trains[train.index], theta, along / h, pass < 2);
+                        let moved = moved.and_not(self.saturated[k]);
+                        self.follow(k, servo.actuator, &train, &trains[train.index], theta);
+                        new = new.or(moved);
+                    }
+                    self.implied[servo.actuator] = self.force[servo.actuator] - self.weight[k] / h * along;
+                }
+                for (k, servo) in compiled.servos.iter().enumerate() {
+                    let Some(bounds) = compiled.actuators[servo.actuator].force_range else { continue };
+                    let beyond = outside(self.implied[servo.actuator], bounds).and_not(self.saturated[k]);
+                    new = new.or(beyond);
+                    self.stop(compiled, k, beyond);
+                }
+                for (r, range) in compiled.actuator_force_ranges.iter().enumerate() {
+                    if !range.has_servos {
+                        continue;
+                    }
+                    let mut sum = R::zero();
+                    for &(actuator, arm) in &range.actuators {
+                        sum += R::splat(arm) * self.implied[actuator];
+                    }
+                    let beyond = outside(sum, range.bounds).and_not(self.bounded[r]);
+                    new = new.or(beyond);
+                    self.bounded[r] = self.bounded[r].or(beyond);
+                    for &(actuator, _) in &range.actuators {
+                        if let Some(k) = compiled.actuators[actuator].servo {
+                            self.stop(compiled, k, beyond.and_not(self.saturated[k]));
+                        }
+                    }
+                }
+                new
+            },
+        )
+    }
+
+    /// Lanes in which the change of velocity `dv` puts a servo on another side of its bounds than [`Drive::saturate`] expected.
+    pub fn misjudged(&mut self, compiled: &LaneModel<R>, trains: &[Train<R>], theta: ImplicitWeights<R>, dv: &[R], h: R) -> R::Mask {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                let mut wrong = R::Mask::splat(false);
+                let differ = |a: R::Mask, b: R::Mask| a.and_not(b).or(b.and_not(a));
+                self.implied.copy_from_slice(&self.force);
+                for (k, servo) in compiled.servos.iter().enumerate() {
+                    let actuator = &compiled.actuators[servo.actuator];
+                    let along = self.along(actuator, dv);
+                    let [force, weight] = match actuator.train {
+                        Some(train) => {
+                            let mut region = self.regions[train.index];
+                            let moved = region.place(&train, &trains[train.index], theta, along / h, true);
+                            wrong = wrong.or(moved.and_not(self.saturated[k]));
+                            let (force, weight) = region.force(&trains[train.index], theta);
+                            [force, weight]
+                        }
+                        None => self.unbounded[k],
+                    };
+                    self.implied[servo.actuator] = force - weight / h * along;
+                }
+                for r in 0..compiled.actuator_force_ranges.len() {
+                    let range = &compiled.actuator_force_ranges[r];
+                    if !range.has_servos {
+                        continue;
+                    }
+                    let mut sum = R::zero();
+                    for &(actuator, arm) in &range.actuators {
+                        sum += R::splat(arm) * within(self.implied[actuator], compiled.actuators[actuator].force_range);
+                    }
+                    wrong = wrong.or(differ(outside(sum, range.bounds), self.bounded[r]));
+                }
+                for (k, servo) in compiled.servos.iter().enumerate() {
+                    let Some(bounds) = compiled.actuators[servo.actuator].force_range else { continue };
+                    let beyond = outside(self.implied[servo.actuator], bounds);
+                    // A servo that a sum holds is at a bound that is not its own.
+                    let held = self.held_by_sum(compiled, servo.actuator);
+                    wrong = wrong.or(differ(beyond, self.saturated[k]).and_not(held));
+                }
+                wrong
+            },
+        )
+    }
+
+    /// Lanes in which a bound of a sum holds an actuator.
+    #[inline(always)]
+    fn held_by_sum(&self, compiled: &LaneModel<R>, actuator: usize) -> R::Mask {
+        let mut held = R::Mask::splat(false);
+        for (range, &bounded) in compiled.actuator_force_ranges.iter().zip(&self.bounded) {
+            if bounded.any() && range.actuators.iter().any(|&(a, _)| a == actuator) {
+                held = held.or(bounded);
+            }
+        }
+        held
+    }
+
+    /// Fixes the force of servo `k` at what is implied, within its bounds, in `lanes`.
+    #[inline(always)]
+    fn stop(&mut self, compiled: &LaneModel<R>, k: usize, lanes: R::Mask) {
+        let actuator = compiled.servos[k].actuator;
+        let held = within(self.implied[actuator], compiled.actuators[actuator].force_range);
+        self.force[actuator] = R::select(lanes, held, self.force[actuator]);
+        self.implied[actuator] = R::select(lanes, held, self.implied[actuator]);
+        self.weight[k] = R::select(lanes, R::zero(), self.weight[k]);
+        self.saturated[k] = self.saturated[k].or(lanes);
+    }
+}

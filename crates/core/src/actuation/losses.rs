@@ -1,0 +1,68 @@
+//! What drive trains lose to friction.
+
+use stepper_real::Real;
+
+use crate::actuation::affine_force::Train;
+use crate::actuation::forces::Drive;
+use crate::compile::LaneModel;
+use crate::math::spatial::*;
+
+impl<R: Real> Drive<R> {
+    /// What drive trains lose at their forces, or at those that are to be expected at the end of the step, left in `losses`.
+    ///
+    /// A gear that passes on the share e of its power gives e f to what it drives, and asks f / e of what drives it: against a motion along f it
+    /// loses (1 - e) |f|, against one the other way (1/e - 1) |f|. At rest its friction is anything in between.
+    pub fn lose(&mut self, compiled: &LaneModel<R>, trains: &[Train<R>], expected: bool) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                self.losses.fill(zero());
+                for (a, actuator) in compiled.actuators.iter().enumerate() {
+                    let Some(train) = &actuator.train else { continue };
+                    let Some((row, arm)) = train.losses else { continue };
+                    let force = if expected && compiled.servos_are_bounded { self.implied[a] } else { self.force[a] };
+                    let loss = losses(&trains[train.index], R::splat(arm), force);
+                    self.losses[row] = add(self.losses[row], loss);
+                }
+            },
+        )
+    }
+
+    /// Adds to the forces what drive trains lost in a step, by the impulses of their rows of dry friction.
+    pub fn subtract_losses(&mut self, compiled: &LaneModel<R>, trains: &[Train<R>], scalar_impulse: &[R], h: R) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for (a, actuator) in compiled.actuators.iter().enumerate() {
+                    let Some(train) = &actuator.train else { continue };
+                    let Some((row, arm)) = train.losses else { continue };
+                    let arm = R::splat(arm);
+                    let friction = scalar_impulse[compiled.limits.len() + row] / h;
+                    // Of a row that is shared, as much as it may take of the whole.
+                    let backwards = friction.gt(R::zero());
+                    let [own, all] = [losses(&trains[train.index], arm, self.force[a]), self.losses[row]].map(
+                        #[inline(always)]
+                        |x: [R; 2]| R::select(backwards, x[1], x[0]),
+                    );
+                    let whole = all + compiled.params.friction(row);
+                    let there = whole.gt(R::zero());
+                    let share = R::select(there, own / R::select(there, whole, R::one()), R::zero());
+                    let lost = friction * share;
+                    self.force[a] += lost / arm;
+                    self.joint[compiled.frictions[row].dof] += lost;
+                }
+            },
+        )
+    }
+}
+
+/// Losses (against motion forwards, against motion backwards) on the joint.
+#[inline(always)]
+fn losses<R: Real>(numbers: &Train<R>, arm: R, force: R) -> [R; 2] {
+    let torque = arm * force;
+    let (driving, driven) = (R::one() - numbers.efficiency, R::one() / numbers.efficiency - R::one());
+    let (along, against) = (torque.abs() * driving, torque.abs() * driven);
+    let forwards = torque.gt(R::zero());
+    let own = arm.abs() * numbers.friction;
+    [own + R::select(forwards, along, against), own + R::select(forwards, against, along)]
+}

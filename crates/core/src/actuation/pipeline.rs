@@ -1,0 +1,458 @@
+//! Drive trains at work: before every step from controls to what the step is given.
+
+use stepper_real::{Mask, Real, Scalar};
+
+use crate::actuation::affine_force::{Train, within};
+use crate::actuation::memory::Memory;
+use crate::compile::{CompiledActuator, CompiledModel};
+use crate::math::lanes::DelayLine;
+use crate::model::drive_train::{DriveTrain, any};
+
+/// Number of a train that may differ between environments, in the order of the table.
+#[derive(Clone, Copy)]
+enum Number {
+    /// Steps.
+    Delay,
+    /// What is left of a deviation after a step of the lag, and in its mean over the step.
+    Decay,
+    Mean,
+    Low,
+    High,
+    Kp,
+    /// Of a sample.
+    Ki,
+    Kd,
+    IntegralLimit,
+    Period,
+    /// Bounds of a servo's effort, beyond which its integral does not grow.
+    Least,
+    Most,
+    Stall,
+    Drag,
+    Efficiency,
+    Friction,
+}
+
+const NUMBERS: usize = 16;
+
+/// How a servo works.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Servo {
+    None,
+    Continuous,
+    Sampled,
+}
+
+/// One actuator with a drive train.
+#[derive(Clone, Debug)]
+struct Chain {
+    actuator: usize,
+    servo: Servo,
+    lagged: bool,
+    /// Samples of the delay line; 0 without one.
+    line: usize,
+    /// The delay in steps, if it is the same everywhere.
+    delay: Option<(usize, f64)>,
+    /// Address of its numbers in the memory: delay line, lagged effort and what it goes to, integral, phase, held sample.
+    memory: usize,
+    /// Which delay line it is.
+    cursor: usize,
+    /// Address of its place in the table.
+    table: usize,
+}
+
+/// The drive trains of a model's actuators in a batch.
+#[derive(Clone, Debug)]
+pub struct ActuatorPipelines<S> {
+    chains: Vec<Chain>,
+    /// For every group of lanes the numbers of every train, lane-interleaved.
+    tables: Vec<Vec<S>>,
+    lanes: usize,
+    num_envs: usize,
+    /// Numbers that survive a step, per lane.
+    pub memory: usize,
+    /// Delay lines.
+    pub lines: usize,
+}
+
+impl<S: Scalar> ActuatorPipelines<S> {
+    /// `trains` has an entry for every actuator of the model; they are what [`DriveTrain::fold`] returned.
+    pub fn new(trains: &[Option<DriveTrain>], num_envs: usize, lanes: usize, h: f64) -> Self {
+        let mut all = Self { chains: vec![], tables: vec![], lanes, num_envs, memory: 0, lines: 0 };
+        for (actuator, train) in trains.iter().enumerate() {
+            let Some(train) = train else { continue };
+            let longest = train.longest(num_envs, h);
+            let servo = match &train.servo {
+                None => Servo::None,
+                Some(s) if s.period.is_empty() => Servo::Continuous,
+                Some(_) => Servo::Sampled,
+            };
+            let line = if longest > 0 { longest + 2 } else { 0 };
+            let (memory, table, lagged) = (all.memory, all.chains.len() * NUMBERS, any(&train.lag));
+            let chain = Chain { actuator, servo, lagged, line, delay: None, memory, cursor: all.lines, table };
+            all.memory += line + 2 * usize::from(lagged) + [0, 1, 3][servo as usize];
+            all.lines += usize::from(line > 0);
+            all.chains.push(chain);
+        }
+        all.tables = vec![vec![S::default(); all.chains.len() * NUMBERS * lanes]; num_envs.div_ceil(lanes)];
+        all.assign(trains, &(0..num_envs).collect::<Vec<_>>(), h);
+        all
+    }
+
+    /// Where every delay line is in the memory: its address, and its samples of one number each.
+    pub fn delay_lines(&self) -> impl Iterator<Item = DelayLine> {
+        self.chains.iter().filter(|c| c.line > 0).map(|c| DelayLine { at: c.memory, samples: c.line, width: 1 })
+    }
+
+    /// Gives the environments `envs` the numbers of `trains`, whose lists have one for all of these or one for each; of actuators without an
+    /// entry they stay. What is remembered stays too.
+    pub fn assign(&mut self, trains: &[Option<DriveTrain>], envs: &[usize], h: f64) {
+        let lanes = self.lanes;
+        for chain in &mut self.chains {
+            let Some(train) = &trains[chain.actuator] else { continue };
+            for (k, &env) in envs.iter().enumerate() {
+                let (table, lane) = (&mut self.tables[env / lanes][chain.table * lanes..], env % lanes);
+                // Lanes that are no environment are as the last one.
+                let alike = if env + 1 == self.num_envs { lane..lanes } else { lane..lane + 1 };
+                for (row, x) in table.chunks_exact_mut(lanes).zip(numbers(train, k, h)) {
+                    row[alike.clone()].fill(S::from_f64(x));
+                }
+            }
+            let at = (chain.table + Number::Delay as usize) * lanes;
+            let first = self.tables[0][at];
+            let shared = self.tables.iter().all(|table| table[at..at + lanes].iter().all(|x| *x == first));
+            chain.delay = shared.then(|| parts(first.to_f64(), chain.servo == Servo::Sampled));
+        }
+    }
+
+    /// Memory of the numbers, bytes.
+    pub fn bytes(&self) -> usize {
+        self.tables.iter().map(|table| size_of_val(&table[..])).sum()
+    }
+
+    /// Whether there is no train.
+    pub fn is_empty(&self) -> bool {
+        self.chains.is_empty()
+    }
+
+    /// Numbers of the trains that act within a step, as they are at its end.
+    pub fn load<R: Real<Scalar = S>>(&self, compiled: &CompiledModel<S>, group: usize, trains: &mut [Train<R>]) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for chain in &self.chains {
+                    let Some(train) = compiled.actuators[chain.actuator].train else { continue };
+                    let table = &self.tables[group][chain.table * R::LANES..];
+                    let number = |n: Number| get::<R>(table, n as usize);
+                    trains[train.index] = Train {
+                        slope: R::zero(),
+                        rate: R::zero(),
+                        limits: [number(Number::Low), number(Number::High)],
+                        stall: number(Number::Stall),
+                        drag: number(Number::Drag),
+                        efficiency: number(Number::Efficiency),
+                        friction: number(Number::Friction),
+                    };
+                    if train.servo {
+                        chain.set_gains(table, Number::Decay, &mut trains[train.index]);
+                    }
+                }
+            },
+        )
+    }
+
+    /// The same of one lane.
+    pub fn read(&self, compiled: &CompiledModel<S>, group: usize, lane: usize) -> Vec<Train<f64>> {
+        let mut trains = vec![Train::default(); compiled.trains];
+        for chain in &self.chains {
+            let Some(train) = compiled.actuators[chain.actuator].train else { continue };
+            let number = |n: Number| self.tables[group][(chain.table + n as usize) * self.lanes + lane].to_f64();
+            let share = if train.servo { 1.0 - number(Number::Decay) } else { 0.0 };
+            trains[train.index] = Train {
+                slope: -share * number(Number::Kp),
+                rate: -share * number(Number::Kd),
+                limits: [number(Number::Low), number(Number::High)],
+                stall: number(Number::Stall),
+                drag: number(Number::Drag),
+                efficiency: number(Number::Efficiency),
+                friction: number(Number::Friction),
+            };
+        }
+        trains
+    }
+
+    /// Before a step from the state (q, v): the controls `given` become those of the step, and its trains are set. A lane with a control that is not finite takes none of
+    /// them up, and gets NaN, for which its step is refused.
+    #[expect(clippy::too_many_arguments, reason = "what is given, to whom, and what is remembered")]
+    pub fn advance<R: Real<Scalar = S>>(
+        &self,
+        compiled: &CompiledModel<S>,
+        group: usize,
+        given: &[R],
+        [q, v]: [&[R]; 2],
+        alive: R::Mask,
+        h: f64,
+        memory: &mut Memory<S>,
+        (ctrl, trains): (&mut [R], &mut [Train<R>]),
+    ) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                let mut taken = alive;
+                for &u in given {
+                    taken = taken.and(u.is_finite());
+                }
+                let start = taken.and(R::Mask::from_bits(memory.waiting));
+                memory.waiting &= !taken.bits();
+                ctrl.copy_from_slice(given);
+                for chain in &self.chains {
+                    let table = &self.tables[group][chain.table * R::LANES..];
+                    let actuator = &compiled.actuators[chain.actuator];
+                    let mut u = within(given[chain.actuator], actuator.ctrl_range);
+                    if chain.line > 0 {
+                        u = chain.delayed(table, u, taken, start, memory);
+                    }
+                    u = match chain.servo {
+                        Servo::None => u,
+                        servo => chain.follow(servo, table, actuator, u, [q, v], [taken, start], h, &mut memory.numbers),
+                    };
+                    if chain.lagged {
+                        u = chain.lag(table, actuator, u, [q, v], [taken, start], &mut memory.numbers);
+                        if let (Servo::Continuous, Some(train)) = (chain.servo, actuator.train) {
+                            chain.set_gains(table, Number::Mean, &mut trains[train.index]);
+                        }
+                    }
+                    ctrl[chain.actuator] = R::select(taken, u, R::of(f64::NAN));
+                }
+            },
+        )
+    }
+
+    /// After a step: what the trains hand on at its end.
+    pub fn settle<R: Real<Scalar = S>>(
+        &self,
+        compiled: &CompiledModel<S>,
+        group: usize,
+        memory: &mut Memory<S>,
+        (ctrl, trains): (&mut [R], &mut [Train<R>]),
+    ) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for chain in self.chains.iter().filter(|c| c.lagged) {
+                    let table = &self.tables[group][chain.table * R::LANES..];
+                    let effort: R = get(&memory.numbers, chain.lag_at());
+                    ctrl[chain.actuator] = effort;
+                    if let (Servo::Continuous, Some(train)) = (chain.servo, compiled.actuators[chain.actuator].train) {
+                        let (goal, decay): (R, R) = (get(&memory.numbers, chain.lag_at() + 1), get(table, Number::Decay as usize));
+                        ctrl[chain.actuator] = goal + (effort - goal) * decay;
+                        chain.set_gains(table, Number::Decay, &mut trains[train.index]);
+                    }
+                }
+                for (i, u) in ctrl.iter().enumerate() {
+                    u.store(&mut memory.applied[i * R::LANES..]);
+                }
+            },
+        )
+    }
+}
+
+/// A delay in steps as whole ones and the rest; a staircase has no values in between.
+fn parts(steps: f64, staircase: bool) -> (usize, f64) {
+    // A delay of a whole number of steps, but for rounding, is one.
+    let near = (steps + 0.5).floor();
+    let steps = if (steps - near).abs() < 1e-9 * (1.0 + near) { near } else { steps };
+    let whole = if staircase { steps.ceil() } else { steps.floor() };
+    (whole as usize, if staircase { 0.0 } else { steps - whole })
+}
+
+/// The table's row of one environment.
+fn numbers(t: &DriveTrain, env: usize, h: f64) -> [f64; NUMBERS] {
+    let of = |x: &[f64]| x[env % x.len()];
+    let (low, high, lag) = (of(&t.low), of(&t.high), of(&t.lag));
+    // e^(-h/lag), and the mean of e^(-t/lag) over the step.
+    let (decay, mean) = if lag > 0.0 { ((-h / lag).exp(), -lag / h * (-h / lag).exp_m1()) } else { (0.0, 0.0) };
+    let mut row = [0.0; NUMBERS];
+    let mut set = |n: Number, x: f64| row[n as usize] = x;
+    set(Number::Delay, t.steps(env, h));
+    set(Number::Decay, decay);
+    set(Number::Mean, mean);
+    set(Number::Low, low);
+    set(Number::High, high);
+    set(Number::Friction, of(&t.friction));
+    let (mut least, mut most) = (low, high);
+    set(Number::Efficiency, t.motor.as_ref().map_or(1.0, |m| of(&m.efficiency)));
+    if let Some(m) = t.motor.as_ref().filter(|m| !m.stall_torque.is_empty()) {
+        let stall = of(&m.stall_torque) * m.gear;
+        set(Number::Stall, stall);
+        set(Number::Drag, stall * m.gear / of(&m.no_load_speed));
+        (least, most) = if m.voltage { (-1.0, 1.0) } else { (low, high) };
+    }
+    set(Number::Least, least);
+    set(Number::Most, most);
+    if let Some(s) = &t.servo {
+        let period = if s.period.is_empty() { h } else { of(&s.period) };
+        set(Number::Kp, of(&s.kp));
+        set(Number::Ki, of(&s.ki) * period.max(h));
+        set(Number::Kd, of(&s.kd));
+        set(Number::IntegralLimit, of(&s.integral_limit));
+        set(Number::Period, period);
+    }
+    row
+}
+
+#[inline(always)]
+fn get<R: Real>(numbers: &[R::Scalar], at: usize) -> R {
+    R::load(&numbers[at * R::LANES..])
+}
+
+/// Writes in some lanes.
+#[inline(always)]
+fn put<R: Real>(numbers: &mut [R::Scalar], at: usize, lanes: R::Mask, x: R) {
+    let old = get::<R>(numbers, at);
+    R::select(lanes, x, old).store(&mut numbers[at * R::LANES..]);
+}
+
+/// An effort within its bounds; NaN stays.
+#[inline(always)]
+fn bounded<R: Real>(x: R, [low, high]: [R; 2]) -> R {
+    R::select(x.eq(x), x.clamp(low, high), x)
+}
+
+/// Length and velocity of an actuator on joints.
+#[inline(always)]
+fn motion<R: Real>(actuator: &CompiledActuator<R::Scalar>, [q, v]: [&[R]; 2]) -> [R; 2] {
+    let (mut length, mut velocity) = (R::zero(), R::zero());
+    for &(at, dof, arm) in &actuator.moment {
+        length += R::splat(arm) * q[at];
+        velocity += R::splat(arm) * v[dof];
+    }
+    [length, velocity]
+}
+
+impl Chain {
+    fn lag_at(&self) -> usize {
+        self.memory + self.line
+    }
+
+    fn integral_at(&self) -> usize {
+        self.lag_at() + 2 * usize::from(self.lagged)
+    }
+
+    /// Gains of a continuous servo behind its lag: `left` says how much of its past is left.
+    #[inline(always)]
+    fn set_gains<R: Real>(&self, table: &[R::Scalar], left: Number, train: &mut Train<R>) {
+        let share: R = if self.lagged { R::one() - get::<R>(table, left as usize) } else { R::one() };
+        train.slope = -(share * get::<R>(table, Number::Kp as usize));
+        train.rate = -(share * get::<R>(table, Number::Kd as usize));
+    }
+
+    /// Puts the control into the delay line and takes out what was there before. A part of a step is the mean of a staircase over it.
+    #[inline(always)]
+    fn delayed<R: Real>(&self, table: &[R::Scalar], u: R, taken: R::Mask, start: R::Mask, memory: &mut Memory<R::Scalar>) -> R {
+        let line = self.line;
+        let last = memory.cursors[self.cursor] as usize;
+        let cursor = (last + 1) % line;
+        memory.cursors[self.cursor] = cursor as u32;
+        let numbers = &mut memory.numbers;
+        // What is not taken up leaves the last one in force.
+        let held = get::<R>(numbers, self.memory + last);
+        put(numbers, self.memory + cursor, R::Mask::splat(true), R::select(taken, u, held));
+        if start.any() {
+            (0..line).for_each(
+                #[inline(always)]
+                |s| put(numbers, self.memory + s, start, u),
+            );
+        }
+        let slot = |back: usize| self.memory + (cursor + line - back.min(line - 1)) % line;
+        let (mut new, mut old, mut part);
+        if let Some((whole, rest)) = self.delay {
+            (new, part) = (get::<R>(numbers, slot(whole)), R::of(rest));
+            old = if rest > 0.0 { get(numbers, slot(whole + 1)) } else { new };
+        } else {
+            (new, old, part) = (R::zero(), R::zero(), R::zero());
+            for l in 0..R::LANES {
+                let (whole, rest) = parts(get::<R>(table, Number::Delay as usize).lane(l).to_f64(), self.servo == Servo::Sampled);
+                new.set_lane(l, numbers[slot(whole) * R::LANES + l]);
+                old.set_lane(l, numbers[slot(whole + 1) * R::LANES + l]);
+                part.set_lane(l, Scalar::from_f64(rest));
+            }
+        }
+        R::select(part.gt(R::zero()), new + (old - new) * part, new)
+    }
+
+    /// A servo's effort for the set point `u`: as it is held, or, of a continuous one, without what depends on the motion within the step.
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "what is given, to whom, and what is remembered")]
+    fn follow<R: Real>(
+        &self,
+        servo: Servo,
+        table: &[R::Scalar],
+        actuator: &CompiledActuator<R::Scalar>,
+        u: R,
+        state: [&[R]; 2],
+        [taken, start]: [R::Mask; 2],
+        h: f64,
+        numbers: &mut [R::Scalar],
+    ) -> R {
+        let number = |n: Number| get::<R>(table, n as usize);
+        let at = self.integral_at();
+        let mut due = taken;
+        if servo == Servo::Sampled {
+            let (phase, period) = (get::<R>(numbers, at + 1) + R::of(h), number(Number::Period));
+            // Times are sums of steps: what is due to rounding is due.
+            let ripe = phase.ge(period - R::of(1e-6 * h));
+            let rest = R::select(ripe, (phase - period).min(R::of(h)), phase);
+            put(numbers, at + 1, taken, R::select(start, R::zero(), rest));
+            due = taken.and(ripe.or(start));
+            if due.none() {
+                return get(numbers, at + 2);
+            }
+        }
+        let [length, velocity] = motion(actuator, state);
+        let (error, kp, most) = (u - length, number(Number::Kp), number(Number::IntegralLimit));
+        let before = R::select(start, R::zero(), get(numbers, at));
+        let after = (before + number(Number::Ki) * error).clamp(-most, most);
+        let rest = kp * error - number(Number::Kd) * velocity;
+        // Conditional integration (Astrom & Hagglund 2006, section 3.5): what would drive the effort further beyond its bounds is left out.
+        let effort = rest + after;
+        let winds = effort.gt(number(Number::Most)).and(after.gt(before)).or(effort.lt(number(Number::Least)).and(after.lt(before)));
+        let integral = R::select(winds, before, after);
+        put(numbers, at, due, integral);
+        if servo == Servo::Continuous {
+            return kp * u + integral;
+        }
+        put(numbers, at + 2, due, bounded(rest + integral, [number(Number::Least), number(Number::Most)]));
+        get(numbers, at + 2)
+    }
+
+    /// The mean over the step of an effort that goes to `u` by a first-order lag. Behind a continuous servo, `u` is its goal without what depends
+    /// on the motion, and so is what is returned; the effort itself is brought up to the beginning of the step here.
+    #[inline(always)]
+    fn lag<R: Real>(
+        &self,
+        table: &[R::Scalar],
+        actuator: &CompiledActuator<R::Scalar>,
+        u: R,
+        state: [&[R]; 2],
+        [taken, start]: [R::Mask; 2],
+        numbers: &mut [R::Scalar],
+    ) -> R {
+        let at = self.lag_at();
+        let (decay, mean): (R, R) = (get(table, Number::Decay as usize), get(table, Number::Mean as usize));
+        let effort = get::<R>(numbers, at);
+        if self.servo == Servo::Continuous {
+            let [length, velocity] = motion(actuator, state);
+            let pull = get::<R>(table, Number::Kp as usize) * length + get::<R>(table, Number::Kd as usize) * velocity;
+            let bounds = [get::<R>(table, Number::Least as usize), get(table, Number::Most as usize)];
+            let goal = bounded(R::select(start, u, get(numbers, at + 1)) - pull, bounds);
+            let effort = R::select(start, goal, goal + (effort - goal) * decay);
+            put(numbers, at, taken, effort);
+            put(numbers, at + 1, taken, u);
+            return u + (effort - u) * mean;
+        }
+        let before = R::select(start, u, effort);
+        put(numbers, at, taken, u + (before - u) * decay);
+        u + (before - u) * mean
+    }
+}

@@ -1,0 +1,190 @@
+//! Drive trains whose numbers are drawn anew, environment by environment.
+//!
+//! What stages a train has, and how long its delay line is, is compiled; the numbers of what is there are not.
+
+use crate::model::drive_train::{DriveTrain, any};
+use crate::model::{Model, label};
+
+/// The drive trains of a simulation.
+#[derive(Clone, Debug)]
+pub struct Driven {
+    /// The model as they change it.
+    pub model: Model,
+    /// What was compiled, with what the model gives to them.
+    pub trains: Vec<Option<DriveTrain>>,
+    /// As they were given, wherever there is a train.
+    made: Vec<Option<DriveTrain>>,
+    /// As environments have them of their own.
+    drawn: Option<Vec<Option<DriveTrain>>>,
+}
+
+/// Numbers that were checked, for [`Driven::take`].
+#[derive(Clone, Debug)]
+pub struct Redrawn {
+    /// The environments that get them.
+    pub envs: Vec<usize>,
+    /// For these environments alone, with what the model gives to them; `None` leaves a train as it is.
+    pub trains: Vec<Option<DriveTrain>>,
+    drawn: Option<Vec<Option<DriveTrain>>>,
+}
+
+impl Driven {
+    /// The trains of a model; see [`DriveTrain::fold`].
+    ///
+    /// # Errors
+    /// As [`DriveTrain::fold`].
+    pub fn new(model: &Model, given: &[Option<DriveTrain>], num_envs: usize, h: f64) -> Result<Self, String> {
+        let (folded, trains) = DriveTrain::fold(model, given, num_envs, h)?;
+        let made = trains
+            .iter()
+            .zip(given)
+            .map(|(train, given)| Some(given.clone().unwrap_or_else(DriveTrain::ideal)).filter(|_| train.is_some()));
+        Ok(Self { model: folded, made: made.collect(), trains, drawn: None })
+    }
+
+    /// What environments have of their own.
+    pub fn drawn(&self) -> Option<&[Option<DriveTrain>]> {
+        self.drawn.as_deref()
+    }
+
+    /// Memory of that, bytes.
+    pub fn bytes(&self) -> usize {
+        let mut drawn = self.drawn.clone();
+        drawn.iter_mut().flatten().flatten().flat_map(DriveTrain::numbers).map(|x| size_of_val(&x[..])).sum()
+    }
+
+    /// What comes of other numbers for the environments `envs`: an entry for every actuator, with lists of one number or one for each of
+    /// these; `None` leaves a train as it is. Without any, they are as they were made.
+    ///
+    /// # Errors
+    /// What a number may not be, or what the simulation was not made for, with the actuator's name.
+    pub fn resample_actuators(
+        &self,
+        model: &Model,
+        given: Option<&[Option<DriveTrain>]>,
+        envs: &[usize],
+        num_envs: usize,
+        h: f64,
+    ) -> Result<Redrawn, String> {
+        if envs.is_empty() || (given.is_none() && self.drawn.is_none()) {
+            return Ok(Redrawn { envs: vec![], trains: vec![None; self.made.len()], drawn: self.drawn.clone() });
+        }
+        let as_made = || self.made.iter().map(|made| made.as_ref().map(|made| made.of(envs))).collect();
+        let mut trains = given.map_or_else(as_made, <[_]>::to_vec);
+        let place = |i: usize| format!("drive of actuator {:?}", label(&model.actuators[i].name, i));
+        let mut drawn = self.drawn.as_ref().unwrap_or(&self.made).clone();
+        let (folded, mut new) = DriveTrain::fold(model, &trains, envs.len(), h)?;
+        for (i, (train, given)) in new.iter_mut().zip(&mut trains).enumerate() {
+            let Some(given) = given else {
+                *train = None;
+                continue;
+            };
+            match (&self.trains[i], &mut drawn[i]) {
+                (Some(made), Some(drawn)) => {
+                    let train = train.get_or_insert_with(DriveTrain::ideal);
+                    if let (Some(range), None) = (folded.actuators[i].force_range, self.model.actuators[i].force_range) {
+                        train.narrow(range);
+                    }
+                    train.fits(made, envs.len(), num_envs, h).map_err(|e| format!("{}: {e}", place(i)))?;
+                    drawn.assign(given, envs, num_envs);
+                }
+                _ if train.is_none() => {}
+                _ => return Err(format!("{}: the Stepper was made without one; {REMEDY}", place(i))),
+            }
+        }
+        Ok(Redrawn { envs: envs.to_vec(), trains: new, drawn: Some(drawn).filter(|_| given.is_some() || envs.len() < num_envs) })
+    }
+
+    /// Takes them over.
+    pub fn take(&mut self, redrawn: Redrawn) {
+        self.drawn = redrawn.drawn;
+    }
+}
+
+const REMEDY: &str = "stages are compiled: give it to Stepper(..., actuators=), if only to one environment";
+
+impl DriveTrain {
+    /// All numbers that environments may have of their own, in an order that depends on the train's stages alone.
+    fn numbers(&mut self) -> Vec<&mut Vec<f64>> {
+        let mut all = vec![&mut self.delay, &mut self.delay_steps, &mut self.lag, &mut self.low, &mut self.high, &mut self.friction];
+        if let Some(s) = &mut self.servo {
+            all.extend([&mut s.kp, &mut s.ki, &mut s.kd, &mut s.integral_limit, &mut s.period]);
+        }
+        if let Some(m) = &mut self.motor {
+            all.extend([&mut m.stall_torque, &mut m.no_load_speed, &mut m.efficiency]);
+        }
+        all
+    }
+
+    /// The numbers of some environments.
+    fn of(&self, envs: &[usize]) -> Self {
+        let mut own = self.clone();
+        for x in own.numbers().into_iter().filter(|x| x.len() > 1) {
+            *x = envs.iter().map(|&env| x[env]).collect();
+        }
+        own
+    }
+
+    /// Takes over the numbers of a train with the same stages, whose lists have one for all of `envs` or one for each.
+    fn assign(&mut self, given: &mut Self, envs: &[usize], num_envs: usize) {
+        for (own, given) in self.numbers().into_iter().zip(given.numbers()) {
+            if given.is_empty() || (given.len() == 1 && *own == *given) {
+                continue;
+            }
+            if given.len() == 1 && envs.len() == num_envs {
+                own.clone_from(given);
+                continue;
+            }
+            if own.len() == 1 {
+                *own = own.repeat(num_envs);
+            }
+            envs.iter().enumerate().for_each(|(k, &env)| own[env] = given[k % given.len()]);
+        }
+    }
+
+    /// Whether a train that was `made` for `num_envs` environments can have these numbers in `n` of them.
+    fn fits(&self, made: &Self, n: usize, num_envs: usize, h: f64) -> Result<(), String> {
+        let sampled = |t: &Self| t.servo.as_ref().is_some_and(|s| !s.period.is_empty());
+        for (name, here, there) in [
+            ("servo", self.servo.is_some(), made.servo.is_some()),
+            ("motor", self.motor.is_some(), made.motor.is_some()),
+            ("period", sampled(self), sampled(made)),
+            ("stall_torque", self.curve().is_some(), made.curve().is_some()),
+        ] {
+            match (here, there) {
+                (true, false) => return Err(format!("{name} is given, and it was made without; {REMEDY}")),
+                (false, true) => return Err(format!("{name} is not given, and it was made with one; give it here too")),
+                _ => {}
+            }
+        }
+        if let (Some(own), Some(made)) = (&self.motor, &made.motor) {
+            let control = |voltage: bool| if voltage { "\"voltage\"" } else { "\"torque\"" }.to_owned();
+            for (name, here, there) in [
+                ("control", control(own.voltage), control(made.voltage)),
+                ("gear", own.gear.to_string(), made.gear.to_string()),
+                ("rotor_inertia", own.rotor_inertia.to_string(), made.rotor_inertia.to_string()),
+            ] {
+                if here != there {
+                    return Err(format!("{name} is {here}, must be {there}, which all environments share; make a Stepper with it"));
+                }
+            }
+        }
+        let friction = if any(&self.friction) { "friction" } else { "efficiency" };
+        for (name, here, there) in [
+            ("lag", any(&self.lag), any(&made.lag)),
+            ("limits", self.is_limited(), made.is_limited()),
+            (friction, self.loses(), made.loses()),
+        ] {
+            if here && !there {
+                return Err(format!("{name} is given, and it was made without; {REMEDY}"));
+            }
+        }
+        let (longest, room) = (self.longest(n, h), made.longest(num_envs, h));
+        if longest > room {
+            return Err(format!(
+                "delay is up to {longest} steps of {h} s, and its line has room for {room}; give Stepper(..., actuators=) the longest delay there will be, if only to one environment"
+            ));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,109 @@
+//! Actuators on sites: a wrench whose arms depend on the configuration.
+
+use stepper_real::Real;
+
+use crate::actuation::affine_force::Motion;
+use crate::actuation::forces::Drive;
+use crate::compile::{CompiledActuator, CompiledWrench, LaneModel, Spot};
+use crate::dynamics::kinematics::Kinematics;
+use crate::math::spatial::*;
+
+impl<R: Real> Drive<R> {
+    /// Arms and lengths of actuators on sites, at the configuration of `kinematics`; lengths are those after moving on at `v` for `time`.
+    pub fn transmit(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
+        if self.lengths.is_empty() {
+            return;
+        }
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for actuator in &compiled.actuators {
+                    let Some(wrench) = &actuator.wrench else { continue };
+                    self.lengths[wrench.index] = place(compiled, kinematics, wrench, &mut self.arms[wrench.arms..]);
+                    if wrench.reference.is_some() {
+                        let ahead = self.along(actuator, v) * time;
+                        self.lengths[wrench.index] += ahead;
+                    }
+                }
+            },
+        )
+    }
+
+    /// a . x along an actuator's moment.
+    #[inline(always)]
+    pub(crate) fn along(&self, actuator: &CompiledActuator<R::Scalar>, x: &[R]) -> R {
+        let mut sum = R::zero();
+        for &(_, dof, arm) in &actuator.moment {
+            sum += R::splat(arm) * x[dof];
+        }
+        if let Some(wrench) = &actuator.wrench {
+            for (&(dof, _), &arm) in wrench.dofs.iter().zip(&self.arms[wrench.arms..]) {
+                sum += arm * x[dof];
+            }
+        }
+        sum
+    }
+
+    #[inline(always)]
+    pub(crate) fn length_of(&self, actuator: &CompiledActuator<R::Scalar>, q: &[R]) -> R {
+        if let Some(wrench) = &actuator.wrench {
+            return self.lengths[wrench.index];
+        }
+        let mut sum = R::zero();
+        for &(at, _, arm) in &actuator.moment {
+            sum += R::splat(arm) * q[at];
+        }
+        sum
+    }
+
+    #[inline(always)]
+    pub(crate) fn motion(&self, actuator: &CompiledActuator<R::Scalar>, q: &[R], v_at: &[R], v: &[R]) -> Motion<R> {
+        Motion { length: self.length_of(actuator, q), velocity: self.along(actuator, v_at), before: self.along(actuator, v) }
+    }
+
+    /// Length of an actuator, gear included.
+    pub fn length(&self, compiled: &LaneModel<R>, actuator: usize, q: &[R]) -> R {
+        R::vectorize(
+            #[inline(always)]
+            || self.length_of(&compiled.actuators[actuator], q),
+        )
+    }
+
+    /// Its rate.
+    pub fn rate(&self, compiled: &LaneModel<R>, actuator: usize, v: &[R]) -> R {
+        R::vectorize(
+            #[inline(always)]
+            || self.along(&compiled.actuators[actuator], v),
+        )
+    }
+}
+
+/// Position and orientation of a site.
+#[inline(always)]
+fn pose<R: Real>(kinematics: &Kinematics<R>, place: &Spot<R::Scalar>) -> (V3<R>, M3<R>) {
+    (kinematics.point(place.frame, splat(place.pos)), mat_mul(&kinematics.mat[place.frame], &splat(place.mat)))
+}
+
+/// Arms of a wrench, into `arms`, and its length: the site's position and rotation vector in the reference's frame times the wrench; 0 without one.
+#[inline(always)]
+fn place<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, wrench: &CompiledWrench<R::Scalar>, arms: &mut [R]) -> R {
+    let (pos, mat) = pose(kinematics, &wrench.site);
+    let w: [R; 6] = splat(wrench.wrench);
+    let (force, torque) = ([w[0], w[1], w[2]], [w[3], w[4], w[5]]);
+    let (mut frame, mut length, mut other) = (mat, R::zero(), pos);
+    if let Some(reference) = &wrench.reference {
+        let (from, axes) = pose(kinematics, reference);
+        let way = rotate_back(&axes, sub(pos, from));
+        let turn = rotate_back(&axes, quat_log(mat_to_quat(&mat_mul_transposed(&mat, &axes))));
+        length = dot(force, way) + dot(torque, turn);
+        (frame, other) = (axes, from);
+    }
+    let (force, torque) = (rotate(&frame, force), rotate(&frame, torque));
+    for (&(dof, side), arm) in wrench.dofs.iter().zip(arms) {
+        let axis = &kinematics.axes[dof];
+        let at = if side > <R::Scalar>::default() { pos } else { other };
+        let moved = velocity_at(axis, sub(at, kinematics.origin[compiled.dofs[dof].tree]));
+        *arm = R::splat(side) * (dot(force, moved) + dot(torque, angular(axis)));
+    }
+    length
+}

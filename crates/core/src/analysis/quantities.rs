@@ -1,0 +1,201 @@
+//! Quantities of one environment that people ask for outside a step, in f64.
+
+use nalgebra::{DMatrix, DVector};
+use stepper_real::Real;
+
+use crate::actuation::forces::{Drive, ForceState, Implicit};
+use crate::compile::{CompiledTendon, Inertial, LaneModel};
+use crate::dynamics::inertia::{MassMatrix, NewtonEuler, bias_force};
+use crate::dynamics::kinematics::{Kinematics, kinetic_energy};
+use crate::integrators::inputs::Inputs;
+use crate::math::spatial::*;
+use crate::model::JointKind;
+use crate::sensing::orientations;
+use crate::stages::s01_actuate::actuate;
+use crate::stages::s02_smooth::Smooth;
+
+/// A state to ask about.
+#[derive(Clone, Debug)]
+pub struct Snapshot {
+    /// Configuration.
+    pub q: Vec<f64>,
+    /// Velocity.
+    pub v: Vec<f64>,
+    /// Activations.
+    pub act: Vec<f64>,
+    /// What the user applies.
+    pub inputs: Inputs<f64>,
+    /// Poses of the mocap bodies, position and quaternion each.
+    pub mocap: Vec<([f64; 3], [f64; 4])>,
+}
+
+/// Poses of all bodies at configurations that come one after the other.
+#[derive(Clone, Debug)]
+pub struct BodyPoses<'a> {
+    compiled: &'a LaneModel<f64>,
+    kinematics: Kinematics<f64>,
+    orientation: Vec<[f64; 4]>,
+}
+
+impl<'a> BodyPoses<'a> {
+    /// Room for a compiled model.
+    pub fn new(compiled: &'a LaneModel<f64>) -> Self {
+        Self { compiled, kinematics: Kinematics::new(compiled), orientation: vec![[1.0, 0.0, 0.0, 0.0]; compiled.nframe()] }
+    }
+
+    /// Position (m) and orientation of every body at the configuration `q`, with the mocap bodies at poses that the user gave.
+    pub fn at(&mut self, q: &[f64], mocap: impl Iterator<Item = ([f64; 3], [f64; 4])>) -> impl Iterator<Item = ([f64; 3], [f64; 4])> {
+        let Self { compiled, kinematics, orientation } = self;
+        for (m, (pos, quat)) in compiled.mocap.iter().zip(mocap) {
+            orientation[m.frame] = quat_normalize(quat);
+            kinematics.pos[m.frame] = pos;
+            kinematics.mat[m.frame] = quat_to_mat(orientation[m.frame]);
+        }
+        kinematics.update(compiled, q);
+        orientations(compiled, q, orientation);
+        compiled.bodies.iter().map(|b| (kinematics.point(b.frame, b.pos), quat_mul(orientation[b.frame], b.quat)))
+    }
+}
+
+impl Snapshot {
+    fn kinematics(&self, compiled: &LaneModel<f64>) -> Kinematics<f64> {
+        let mut kinematics = Kinematics::new(compiled);
+        for (m, &(pos, quat)) in compiled.mocap.iter().zip(&self.mocap) {
+            kinematics.pos[m.frame] = pos;
+            kinematics.mat[m.frame] = quat_to_mat(quat_normalize(quat));
+        }
+        kinematics.update(compiled, &self.q);
+        kinematics
+    }
+
+    /// The mass matrix, row by row, (nv, nv), armature included.
+    pub fn mass_matrix(&self, compiled: &LaneModel<f64>) -> Vec<f64> {
+        let mut mass = MassMatrix::new(compiled);
+        mass.assemble(compiled, &self.kinematics(compiled), &mut vec![zero(); compiled.links.len()]);
+        let mut full = vec![0.0; compiled.nv * compiled.nv];
+        for i in 0..compiled.nv {
+            let dof = &compiled.dofs[i];
+            for (&a, &m) in compiled.chain_of(i).iter().zip(&mass.entries[dof.chain..]) {
+                full[i * compiled.nv + a as usize] = m;
+                full[a as usize * compiled.nv + i] = m;
+            }
+        }
+        for (tendon, inertia) in compiled.tendons.iter().filter_map(|t| Some((t, t.spring.as_ref()?.0.inertia))) {
+            for &(_, i, a) in &tendon.length.terms {
+                tendon.length.terms.iter().for_each(|&(_, j, b)| full[i * compiled.nv + j] += inertia * a * b);
+            }
+        }
+        full
+    }
+
+    /// Coriolis, centrifugal and gravitational forces, (nv,).
+    pub fn bias_force(&self, compiled: &LaneModel<f64>) -> Vec<f64> {
+        let mut out = vec![0.0; compiled.nv];
+        bias_force(compiled, &self.kinematics(compiled), &self.v, &mut NewtonEuler::new(compiled), &mut out);
+        out
+    }
+
+    /// Acceleration without constraints, (nv,).
+    pub fn smooth_acceleration(&self, compiled: &LaneModel<f64>) -> Vec<f64> {
+        let kinematics = self.kinematics(compiled);
+        let mut smooth = Smooth::new(compiled);
+        smooth.factor_mass(compiled, &kinematics, Implicit::none());
+        let mut applied = vec![0.0; compiled.nv];
+        smooth.apply(compiled, &kinematics, [&self.inputs.qfrc, &self.inputs.xfrc], &mut applied);
+        let mut drive = Drive::new(compiled);
+        drive.transmit(compiled, &kinematics, &self.v, 0.0);
+        actuate(compiled, &ForceState::state(&self.q, &self.v, &self.act, &self.inputs.ctrl, &self.inputs.trains), None, &mut drive);
+        for tendon in &compiled.tendons {
+            let Some((spring, _)) = &tendon.spring else { continue };
+            let pull = spring.stiffness * self.stretch(tendon) + spring.damping * tendon.length.rate(&self.v);
+            tendon.length.terms.iter().for_each(|&(_, dof, c)| drive.tau[dof] -= c * pull);
+        }
+        smooth.acceleration(compiled, &kinematics, [&drive.tau, &applied], &self.v, &self.v);
+        if compiled.tendons.iter().any(|t| t.spring.as_ref().is_some_and(|(s, _)| s.inertia > 0.0)) {
+            self.with_tendon_inertia(compiled, &mut smooth);
+        }
+        smooth.acc
+    }
+
+    /// The acceleration with the inertia of tendons, which the factors of the mass matrix leave to rows of the constraint problem.
+    fn with_tendon_inertia(&self, compiled: &LaneModel<f64>, smooth: &mut Smooth<f64>) {
+        let full = DMatrix::from_row_slice(compiled.nv, compiled.nv, &self.mass_matrix(compiled));
+        // What the joints' forces are, from the acceleration that they give without that inertia.
+        let free = DVector::from_column_slice(&smooth.acc);
+        let mut force = &full * &free;
+        for (tendon, inertia) in compiled.tendons.iter().filter_map(|t| Some((t, t.spring.as_ref()?.0.inertia))) {
+            let along = inertia * tendon.length.rate(free.as_slice());
+            tendon.length.terms.iter().for_each(|&(_, dof, c)| force[dof] -= c * along);
+        }
+        let solved = full.cholesky().expect("a mass matrix with more inertia is positive definite").solve(&force);
+        smooth.acc.copy_from_slice(solved.as_slice());
+    }
+
+    /// How far a tendon is beyond the lengths between which its spring is slack; 0 without a spring.
+    fn stretch(&self, tendon: &CompiledTendon<f64>) -> f64 {
+        let length = tendon.length.value(&self.q[..]);
+        tendon.spring.as_ref().map_or(0.0, |(_, [low, high])| length - f64::min(f64::max(length, *low), *high))
+    }
+
+    /// Potential energy (gravity and springs of joints and tendons) and kinetic energy (armature included), J.
+    pub fn energy(&self, compiled: &LaneModel<f64>) -> (f64, f64) {
+        let kinematics = self.kinematics(compiled);
+        let mut potential = 0.0;
+        for l in 0..compiled.links.len() {
+            let Inertial { mass, com, .. } = compiled.params.inertial(l);
+            potential -= mass * dot(compiled.params.gravity(), kinematics.point(l + 1, com));
+        }
+        for (j, joint) in compiled.joints.iter().enumerate() {
+            potential += 0.5 * compiled.params.spring(j) * self.stretch_squared(joint);
+        }
+        let mut rotors: f64 = self.v.iter().enumerate().map(|(d, v)| compiled.params.dof(d).armature * v * v).sum();
+        for tendon in &compiled.tendons {
+            let Some((spring, _)) = &tendon.spring else { continue };
+            potential += 0.5 * spring.stiffness * self.stretch(tendon).square();
+            rotors += spring.inertia * tendon.length.rate(&self.v).square();
+        }
+        let mut velocities = vec![zero(); compiled.links.len()];
+        kinematics.velocities(compiled, &self.v, &mut velocities);
+        (potential, kinetic_energy(&kinematics, &velocities) + 0.5 * rotors)
+    }
+
+    /// Square of a joint's distance from the rest of its spring.
+    fn stretch_squared(&self, joint: &crate::compile::CompiledJoint<f64>) -> f64 {
+        let (mut at, mut i, mut sum) = (joint.q, 0, 0.0);
+        if joint.kind != JointKind::Ball {
+            let scalars = if joint.kind == JointKind::Free { 3 } else { 1 };
+            sum += (0..scalars).map(|s| (self.q[at + s] - joint.rest[s]).square()).sum::<f64>();
+            (at, i) = (at + scalars, scalars);
+        }
+        if matches!(joint.kind, JointKind::Ball | JointKind::Free) {
+            let r = &joint.rest[i..i + 4];
+            let q = [self.q[at], self.q[at + 1], self.q[at + 2], self.q[at + 3]];
+            let twist = quat_log(quat_mul([r[0], -r[1], -r[2], -r[3]], q));
+            sum += dot(twist, twist);
+        }
+        sum
+    }
+
+    /// Linear momentum, and angular momentum about the common centre of mass, of everything that moves; rotors are massless here.
+    pub fn momentum(&self, compiled: &LaneModel<f64>) -> ([f64; 3], [f64; 3]) {
+        let kinematics = self.kinematics(compiled);
+        let mut velocities = vec![zero(); compiled.links.len()];
+        kinematics.velocities(compiled, &self.v, &mut velocities);
+        let inertials = (0..compiled.links.len()).map(|l| compiled.params.inertial(l));
+        let mass: f64 = inertials.clone().map(|link| link.mass).sum();
+        if mass == 0.0 {
+            return ([0.0; 3], [0.0; 3]);
+        }
+        let coms = inertials.enumerate().map(|(l, link)| scale(kinematics.point(l + 1, link.com), link.mass));
+        let centre = scale(coms.fold([0.0; 3], add), 1.0 / mass);
+        let (mut linear_sum, mut angular_sum) = ([0.0; 3], [0.0; 3]);
+        for (l, link) in compiled.links.iter().enumerate() {
+            let h = apply_inertia(&kinematics.inertia[l], &velocities[l]);
+            let p = linear(&h);
+            linear_sum = add(linear_sum, p);
+            let arm = sub(kinematics.origin[link.tree], centre);
+            angular_sum = add(angular_sum, add(angular(&h), cross(arm, p)));
+        }
+        (linear_sum, angular_sum)
+    }
+}

@@ -1,0 +1,136 @@
+//! What goes from a group's state and a call's arrays into the workspace, and back.
+
+use stepper_real::{Mask, Real, Scalar};
+
+use crate::batch::call::Call;
+use crate::batch::state::Group;
+use crate::dynamics::mocap::MocapTrajectory;
+use crate::integrators::workspace::Workspace;
+use crate::math::spatial::*;
+
+pub(super) fn store<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R>) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for (x, out) in [
+                (&s.q, &mut group.q),
+                (&s.v, &mut group.v),
+                (&s.act, &mut group.act),
+                (&s.constraints.scalar_impulse, &mut group.scalar_impulse),
+                (&s.impulse, &mut group.impulse),
+            ] {
+                R::store_all(x, out);
+            }
+            group.store_contacts(&s.contacts);
+        },
+    )
+}
+
+/// Keeps where the mocap bodies have got to: the end of their ways, if all steps of the call were made.
+pub(super) fn keep_ways<R: Real>(call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, s: &Workspace<R>) {
+    if s.ways.is_empty() {
+        return;
+    }
+    let arrived = call.part.to == call.steps();
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for (way, out) in s.ways.iter().zip(group.mocap.chunks_exact_mut(7 * R::LANES)) {
+                R::store_all(&if arrived { way.end() } else { way.pose_at(R::of(s.elapsed)) }, out);
+            }
+        },
+    )
+}
+
+pub(super) fn load<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>) {
+    s.alive = R::Mask::from_bits(group.alive);
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for (x, from) in [
+                (&mut s.q, &group.q),
+                (&mut s.v, &group.v),
+                (&mut s.act, &group.act),
+                (&mut s.constraints.scalar_impulse, &group.scalar_impulse),
+                (&mut s.impulse, &group.impulse),
+            ] {
+                R::load_all(from, x);
+            }
+            group.load_contacts(&mut s.contacts);
+        },
+    )
+}
+
+/// Takes up what the user says for the whole call.
+pub(super) fn take_up<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, s: &mut Workspace<R>) {
+    if let Some(chains) = call.chains {
+        chains.load(call.compiled, first / R::LANES, &mut s.inputs.trains);
+    }
+    let used = (call.num_envs - first).min(R::LANES);
+    for (rows, n, out) in
+        [(call.qfrc, call.compiled.nv, &mut s.inputs.qfrc), (call.xfrc, 6 * call.compiled.bodies.len(), &mut s.inputs.xfrc)]
+    {
+        out.clear();
+        if !rows.is_empty() {
+            out.resize(n, R::zero());
+            gather(rows, n, first, used, out);
+        }
+    }
+    if !call.compiled.mocap.is_empty() {
+        find_ways(call, group, first, used, s);
+    }
+}
+
+/// The ways of the mocap bodies during the call.
+fn find_ways<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, used: usize, s: &mut Workspace<R>) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let seconds = R::of(call.steps().max(1) as f64 * call.options.timestep);
+            let given = !call.mocap[0].is_empty();
+            s.elapsed = call.part.elapsed;
+            for (k, m) in call.compiled.mocap.iter().enumerate() {
+                let n = call.compiled.mocap.len();
+                let (mut pos, mut quat): (V3<R>, [R; 4]) = (splat(m.pos), splat(m.quat));
+                for l in 0..if given { used } else { 0 } {
+                    let at = (first + l) * n + k;
+                    (0..3).for_each(|i| pos[i].set_lane(l, Scalar::from_f64(call.mocap[0][3 * at + i])));
+                    (0..4).for_each(|i| quat[i].set_lane(l, Scalar::from_f64(call.mocap[1][4 * at + i])));
+                }
+                let last = std::array::from_fn(|i| R::load(&group.mocap[(7 * k + i) * R::LANES..]));
+                s.ways[k] = MocapTrajectory::new(last, pos, quat, seconds);
+            }
+        },
+    )
+}
+
+/// Takes up control number `control` of the call.
+pub(super) fn take_up_control<R: Real>(call: &Call<'_, R::Scalar>, control: usize, first: usize, s: &mut Workspace<R>) {
+    let row = call.ctrl.len() / call.calls;
+    let used = (call.num_envs - first).min(R::LANES);
+    let out = if call.chains.is_some() { &mut s.given } else { &mut s.inputs.ctrl };
+    gather(&call.ctrl[control * row..(control + 1) * row], call.compiled.actuators.len(), first, used, out);
+}
+
+/// Rows `first..first + used` of an array with `n` columns, one per lane; a single row is everybody's, an empty array is zero.
+fn gather<R: Real>(rows: &[f64], n: usize, first: usize, used: usize, out: &mut [R]) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            if n == 0 || out.is_empty() {
+                return;
+            }
+            let shared = rows.len() == n;
+            for (i, x) in out.iter_mut().enumerate() {
+                *x = R::zero();
+                if rows.is_empty() {
+                    continue;
+                }
+                for l in 0..used {
+                    let row = if shared { 0 } else { first + l };
+                    x.set_lane(l, Scalar::from_f64(rows[row * n + i]));
+                }
+            }
+        },
+    )
+}

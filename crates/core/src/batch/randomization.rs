@@ -1,0 +1,154 @@
+//! Theta, environment by environment: parameters that environments have of their own.
+//!
+//! It is kept twice: as the fields that the user gave ([`ImplicitWeights`]), of which variants of the model are made; and as those numbers of the compiled model
+//! that came out other than the model's ([`Own`]), which is what a step reads.
+
+use std::collections::BTreeMap;
+
+use stepper_real::Scalar;
+
+use crate::compile::{CompiledModel, Params};
+use crate::model::{Model, ModelError, Variants};
+
+/// Numbers of a compiled model, by their place in its parameters, that one environment has other than the model.
+pub type Differences = Vec<(u32, f64)>;
+
+/// Fields of the model that environments have of their own, by name, (num_envs, numbers of the field) each.
+#[derive(Clone, Debug, Default)]
+pub struct ImplicitWeights {
+    fields: BTreeMap<&'static str, Vec<f64>>,
+}
+
+/// One field for some environments: its name, and rows for all environments, of which theirs are read; `None` for the model's own numbers.
+pub type Assignment<'a> = (&'static str, Option<&'a [f64]>);
+
+impl ImplicitWeights {
+    /// The fields, (num_envs, numbers of the field) each.
+    pub fn fields(&self) -> impl Iterator<Item = (&'static str, &[f64])> {
+        self.fields.iter().map(|(&name, values)| (name, &values[..]))
+    }
+
+    /// Whether all environments have the model's own numbers.
+    pub fn is_empty(&self) -> bool {
+        self.fields.is_empty()
+    }
+
+    /// Memory that it holds, bytes.
+    pub fn bytes(&self) -> usize {
+        self.fields.values().map(|values| size_of_val(&values[..])).sum()
+    }
+
+    /// Whether nothing is left of it when these fields are assigned to `all` environments or to some.
+    pub fn ends_with(&self, assigned: &[Assignment<'_>], all: bool) -> bool {
+        let taken_back = |name: &&str| all && assigned.iter().any(|(assigned, _)| assigned == name);
+        assigned.iter().all(|(_, values)| values.is_none()) && self.fields.keys().all(taken_back)
+    }
+
+    /// What the environments `envs` have other than the model when these fields are assigned to them. `driven` is what drive trains make of a
+    /// model.
+    ///
+    /// # Errors
+    /// [`ModelError`] of the first variant that is no model or has another structure, with its environment.
+    pub fn differences(
+        &self,
+        model: &Model,
+        compiled: &CompiledModel<f64>,
+        driven: Option<&dyn Fn(&Model) -> Model>,
+        assigned: &[Assignment<'_>],
+        envs: &[usize],
+    ) -> Result<Vec<Differences>, ModelError> {
+        let mut rows: BTreeMap<&str, Option<&[f64]>> = self.fields().map(|(name, values)| (name, Some(values))).collect();
+        rows.extend(assigned.iter().copied());
+        let mut variants = Variants::new(model, rows.keys().copied())?;
+        let shared: Vec<Vec<f64>> = rows.keys().map(|name| numbers(model, name)).collect();
+        let differences = |&env: &usize| {
+            let values = rows.values().zip(&shared).map(|(rows, shared)| rows.map_or(&shared[..], |all| row(all, env, shared.len())));
+            let variant = variants.with(values).map_err(|e| e.of(&format!("environment {env}")))?;
+            let numbers = driven.map_or_else(|| compiled.params_of(variant), |driven| compiled.params_of(&driven(variant)));
+            Ok(differ(&numbers, &compiled.params))
+        };
+        envs.iter().map(differences).collect()
+    }
+
+    /// Takes the fields over.
+    pub fn assign(&mut self, model: &Model, num_envs: usize, assigned: &[Assignment<'_>], envs: &[usize]) {
+        for &(name, values) in assigned {
+            if values.is_none() && envs.len() == num_envs {
+                self.fields.remove(name);
+                continue;
+            }
+            let shared = numbers(model, name);
+            let width = shared.len();
+            let own = self.fields.entry(name).or_insert_with(|| shared.repeat(num_envs));
+            for &env in envs {
+                let from = values.map_or(&shared[..], |all| row(all, env, width));
+                own[env * width..(env + 1) * width].copy_from_slice(from);
+            }
+        }
+    }
+}
+
+fn numbers(model: &Model, name: &str) -> Vec<f64> {
+    model.field(name).expect("a field of the model").1
+}
+
+fn row(all: &[f64], env: usize, width: usize) -> &[f64] {
+    &all[env * width..(env + 1) * width]
+}
+
+fn differ(own: &Params<f64>, shared: &Params<f64>) -> Differences {
+    let both = (0..).zip(own.numbers().iter().zip(shared.numbers()));
+    both.filter(|(_, (own, shared))| own.to_bits() != shared.to_bits()).map(|(place, (&own, _))| (place, own)).collect()
+}
+
+/// Numbers of the compiled model that environments have of their own: which, and for every group of lanes what they are.
+#[derive(Clone, Debug, Default)]
+pub struct Own<S> {
+    /// Places in [`Params`], ascending; the same in all groups.
+    pub places: Vec<u32>,
+    /// For every group (places, lanes); empty when there are none.
+    pub numbers: Vec<Vec<S>>,
+}
+
+impl<S: Scalar> Own<S> {
+    /// Gives environments what they have other than the model, and nothing else. Groups have `lanes` lanes.
+    pub fn assign(&mut self, shared: &Params<S>, groups: usize, lanes: usize, envs: &[usize], differences: &[Differences]) {
+        self.make_room(shared, groups, lanes, differences);
+        if self.places.is_empty() {
+            return;
+        }
+        for (&env, differences) in envs.iter().zip(differences) {
+            let (numbers, lane) = (&mut self.numbers[env / lanes], env % lanes);
+            let mut rest = differences.iter().peekable();
+            for (k, &place) in self.places.iter().enumerate() {
+                let own = rest.next_if(|(at, _)| *at == place);
+                numbers[k * lanes + lane] = own.map_or(shared.numbers()[place as usize], |&(_, x)| S::from_f64(x));
+            }
+        }
+    }
+
+    /// Adds places that are new.
+    fn make_room(&mut self, shared: &Params<S>, groups: usize, lanes: usize, differences: &[Differences]) {
+        let mut places: Vec<u32> = differences.iter().flatten().map(|d| d.0).chain(self.places.iter().copied()).collect();
+        places.sort_unstable();
+        places.dedup();
+        if places == self.places {
+            return;
+        }
+        let old = std::mem::replace(self, Self { places, numbers: Vec::new() });
+        let from: Vec<Option<usize>> = self.places.iter().map(|place| old.places.binary_search(place).ok()).collect();
+        let moved = |g: usize| {
+            let row = |(&place, from): (&u32, &Option<usize>)| match from {
+                Some(k) => old.numbers[g][k * lanes..(k + 1) * lanes].to_vec(),
+                None => vec![shared.numbers()[place as usize]; lanes],
+            };
+            self.places.iter().zip(&from).flat_map(row).collect()
+        };
+        self.numbers = (0..groups).map(moved).collect();
+    }
+
+    /// Memory that it holds, bytes.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&self.places[..]) + self.numbers.iter().map(|n| size_of_val(&n[..])).sum::<usize>()
+    }
+}

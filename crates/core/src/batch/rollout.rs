@@ -1,0 +1,185 @@
+//! A rollout: many controls in one call, and what is written down after each.
+//!
+//! A thread keeps its environments for the whole rollout, so they stay in its cache; each thread has its own part of every array.
+
+use stepper_real::{Mask, Real, Scalar};
+
+use crate::integrators::workspace::Workspace;
+use crate::math::precision::Precision;
+
+/// What can be written down after a control.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// Configuration, nq.
+    Qpos,
+    /// Velocity, nv.
+    Qvel,
+    /// Activations, na.
+    Act,
+    /// Sensor readings, nsensordata.
+    Observation,
+}
+
+impl Quantity {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Qpos, Self::Qvel, Self::Act, Self::Observation];
+
+    /// Name in Python and in messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Qpos => "qpos",
+            Self::Qvel => "qvel",
+            Self::Act => "act",
+            Self::Observation => "observation",
+        }
+    }
+}
+
+/// An array in the precision of the lanes.
+#[derive(Debug)]
+pub enum Numbers<'a> {
+    /// 64 bits.
+    F64(&'a mut [f64]),
+    /// 32 bits.
+    F32(&'a mut [f32]),
+}
+
+impl Numbers<'_> {
+    /// Scalar type.
+    pub fn precision(&self) -> Precision {
+        match self {
+            Self::F64(_) => Precision::F64,
+            Self::F32(_) => Precision::F32,
+        }
+    }
+
+    /// Number of numbers.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::F64(x) => x.len(),
+            Self::F32(x) => x.len(),
+        }
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// Where a rollout is written down.
+#[derive(Debug)]
+pub struct Recording<'a> {
+    /// What, and where to: (controls, num_envs, n) each.
+    pub quantities: Vec<(Quantity, Numbers<'a>)>,
+    /// Flags of all steps of a control, as [`Status::bits`](crate::Status::bits): (controls, num_envs).
+    pub status: &'a mut [u32],
+    /// Largest residual among the steps of a control, m/s: (controls, num_envs).
+    pub residual: &'a mut [f64],
+}
+
+/// The part of a recording that belongs to some environments that follow one another.
+#[derive(Debug)]
+pub struct Share<'a, S> {
+    quantities: Vec<(Quantity, usize, Vec<&'a mut [S]>)>,
+    status: Vec<&'a mut [u32]>,
+    residual: Vec<&'a mut [f64]>,
+}
+
+impl<'a> Recording<'a> {
+    /// The shares of `size` environments each, the last of what is left. `numbers` takes an array in the precision of the lanes.
+    pub fn split<S: Scalar>(self, num_envs: usize, size: usize, numbers: impl Fn(Numbers<'a>) -> &'a mut [S]) -> Vec<Share<'a, S>> {
+        let controls = self.status.len() / num_envs;
+        let status = parts(self.status, num_envs, size);
+        let residual = parts(self.residual, num_envs, size);
+        let mut shares: Vec<Share<'a, S>> =
+            status.into_iter().zip(residual).map(|(status, residual)| Share { quantities: Vec::new(), status, residual }).collect();
+        for (quantity, array) in self.quantities {
+            if array.is_empty() {
+                continue;
+            }
+            let width = array.len() / (controls * num_envs);
+            for (share, rows) in shares.iter_mut().zip(parts(numbers(array), num_envs * width, size * width)) {
+                share.quantities.push((quantity, width, rows));
+            }
+        }
+        shares
+    }
+}
+
+/// Cuts every row of an array into pieces of `size`: the rows' first pieces, then their second ones, and so on.
+fn parts<T>(array: &mut [T], row: usize, size: usize) -> Vec<Vec<&mut [T]>> {
+    let rows = array.len() / row;
+    let mut out: Vec<Vec<&mut [T]>> = (0..row.div_ceil(size)).map(|_| Vec::with_capacity(rows)).collect();
+    for row in array.chunks_exact_mut(row) {
+        for (piece, out) in row.chunks_mut(size).zip(&mut out) {
+            out.push(piece);
+        }
+    }
+    out
+}
+
+impl<S: Scalar> Share<'_, S> {
+    /// Whether a quantity is written down.
+    pub fn has(&self, quantity: Quantity) -> bool {
+        self.quantities.iter().any(|q| q.0 == quantity)
+    }
+
+    /// What [`Share::write`] wrote of flags and residuals after control number `call`, of which not all steps were made: leaves the former in
+    /// `status` and returns the latter.
+    pub fn resume<R: Real<Scalar = S>>(&self, call: usize, first: usize, alive: R::Mask, status: &mut [u32]) -> R {
+        let used = alive.bits().count_ones() as usize;
+        status[..used].copy_from_slice(&self.status[call][first..first + used]);
+        let mut residual = R::zero();
+        for (l, &x) in self.residual[call][first..first + used].iter().enumerate() {
+            residual.set_lane(l, Scalar::from_f64(x));
+        }
+        residual
+    }
+
+    /// Writes down the lanes of a group whose first environment is number `first` of the share, after control number `call`.
+    pub fn write<R: Real<Scalar = S>>(&mut self, call: usize, first: usize, s: &Workspace<R>, readings: &[R], status: &[u32], residual: R) {
+        let used = s.alive.bits().count_ones() as usize;
+        self.status[call][first..first + used].copy_from_slice(&status[..used]);
+        for (l, out) in self.residual[call][first..first + used].iter_mut().enumerate() {
+            *out = residual.lane(l).to_f64();
+        }
+        for (quantity, width, rows) in &mut self.quantities {
+            let from = match quantity {
+                Quantity::Qpos => &s.q[..],
+                Quantity::Qvel => &s.v[..],
+                Quantity::Act => &s.act[..],
+                Quantity::Observation => readings,
+            };
+            let rows = &mut rows[call][first * *width..(first + used) * *width];
+            for (l, row) in rows.chunks_exact_mut(*width).enumerate() {
+                for (out, x) in row.iter_mut().zip(from) {
+                    *out = x.lane(l);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares_are_disjoint_and_complete() {
+        let (num_envs, calls, size) = (7, 3, 3);
+        let mut q: Vec<f64> = (0..calls * num_envs * 2).map(|i| i as f64).collect();
+        let (mut status, mut residual) = (vec![0; calls * num_envs], vec![0.0; calls * num_envs]);
+        let quantities = vec![(Quantity::Qpos, Numbers::F64(&mut q)), (Quantity::Act, Numbers::F64(&mut []))];
+        let recording = Recording { quantities, status: &mut status, residual: &mut residual };
+        let shares = recording.split(num_envs, size, |numbers| match numbers {
+            Numbers::F64(x) => x,
+            Numbers::F32(_) => unreachable!(),
+        });
+        let lengths: Vec<usize> = shares.iter().map(|s| s.status[0].len()).collect();
+        assert_eq!(lengths, [3, 3, 1]);
+        assert!(shares.iter().all(|s| s.quantities.len() == 1 && s.quantities[0].1 == 2 && s.status.len() == calls));
+        // Environment 5 after control 1 is the last of the second share.
+        assert_eq!(shares[1].quantities[0].2[1][4..], [24.0, 25.0]);
+    }
+}

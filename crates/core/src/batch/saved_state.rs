@@ -1,0 +1,135 @@
+//! States as bytes: the same state bit for bit, or a clear refusal.
+//!
+//! | bytes | what |
+//! |---|---|
+//! | 8 | the bytes that every saved state begins with |
+//! | 4 | [`FORMAT_VERSION`], little endian |
+//! | 1 | bytes of a number of the lanes: 8 or 4 |
+//! | 32 | SHA-256 of the model, see [`Model::digest`](crate::Model::digest) |
+//! | 32 | SHA-256 of all the rest: of what is before it and after it |
+//! | rest | payload: environments and controls in force, in postcard's encoding |
+
+use sha2::{Digest, Sha256};
+
+use crate::error::Error;
+use crate::math::precision::Precision;
+
+/// The first bytes of every saved state. The last is no valid UTF-8, and not that of a saved model.
+const MAGIC: [u8; 8] = *b"stepper\xfe";
+
+/// Version of the format of saved states; changes whenever what survives a step does.
+pub const FORMAT_VERSION: u32 = 1;
+
+/// Where the digest of the model begins.
+const MODEL: usize = 13;
+/// Where that of the rest begins.
+const CHECK: usize = MODEL + 32;
+/// Where the payload begins.
+const PAYLOAD: usize = CHECK + 32;
+
+/// All that survives a step, of some environments of a model.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SavedState {
+    model: [u8; 32],
+    precision: Precision,
+    payload: Vec<u8>,
+}
+
+impl SavedState {
+    pub(crate) fn new(model: [u8; 32], precision: Precision, payload: Vec<u8>) -> Self {
+        Self { model, precision, payload }
+    }
+
+    /// SHA-256 of the model that the state belongs to.
+    pub fn model(&self) -> [u8; 32] {
+        self.model
+    }
+
+    /// Scalar type of the lanes that it was saved from.
+    pub fn precision(&self) -> Precision {
+        self.precision
+    }
+
+    /// Environments and controls in force.
+    pub(crate) fn payload(&self) -> &[u8] {
+        &self.payload
+    }
+
+    /// Length of [`SavedState::to_bytes`].
+    pub fn nbytes(&self) -> usize {
+        PAYLOAD + self.payload.len()
+    }
+
+    fn head(&self) -> [u8; CHECK] {
+        let mut head = [0; CHECK];
+        head[..8].copy_from_slice(&MAGIC);
+        head[8..12].copy_from_slice(&FORMAT_VERSION.to_le_bytes());
+        head[12] = size(self.precision);
+        head[MODEL..].copy_from_slice(&self.model);
+        head
+    }
+
+    /// The state as bytes, with a checksum, see [`SavedState::from_bytes`].
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let head = self.head();
+        [&head[..], &checksum(&head, &self.payload), &self.payload].concat()
+    }
+
+    /// The state that [`SavedState::to_bytes`] wrote, bit for bit. Whether it fits a simulation, that says when the state is given to it.
+    ///
+    /// # Errors
+    /// [`Error::NotAState`] when the bytes are no state, of another format version, or damaged.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, Error> {
+        let refuse = |what: String| Err(Error::NotAState(what));
+        if !bytes.starts_with(&MAGIC) {
+            return refuse("the bytes do not begin as those of a state do; give what get_state returned, or its bytes".into());
+        }
+        if bytes.len() < PAYLOAD {
+            return refuse(format!("cut off after {} bytes; copy it again", bytes.len()));
+        }
+        let version = u32::from_le_bytes(bytes[8..12].try_into().expect("4 bytes"));
+        if version != FORMAT_VERSION {
+            return refuse(format!("format version {version}, this stepper reads {FORMAT_VERSION}; use the version that saved it"));
+        }
+        let (head, payload) = (&bytes[..CHECK], &bytes[PAYLOAD..]);
+        if bytes[CHECK..PAYLOAD] != checksum(head, payload) {
+            return refuse(format!("damaged: {} bytes do not match their SHA-256; copy it again", bytes.len()));
+        }
+        let precision = [Precision::F64, Precision::F32].into_iter().find(|p| size(*p) == head[12]);
+        match precision {
+            Some(precision) => Ok(Self::new(head[MODEL..].try_into().expect("32 bytes"), precision, payload.to_vec())),
+            None => refuse(format!("numbers of {} bytes, must be 8 or 4", head[12])),
+        }
+    }
+}
+
+fn size(precision: Precision) -> u8 {
+    match precision {
+        Precision::F64 => 8,
+        Precision::F32 => 4,
+    }
+}
+
+fn checksum(head: &[u8], payload: &[u8]) -> [u8; 32] {
+    Sha256::new().chain_update(head).chain_update(payload).finalize().into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_state_survives_its_bytes_and_nothing_else_does() {
+        let state = SavedState::new([7; 32], Precision::F32, vec![1, 2, 3]);
+        let bytes = state.to_bytes();
+        assert_eq!(SavedState::from_bytes(&bytes).unwrap(), state);
+        assert_eq!(bytes.len(), state.nbytes());
+        (0..bytes.len()).for_each(|n| assert!(SavedState::from_bytes(&bytes[..n]).is_err(), "{n} bytes"));
+        assert!(SavedState::from_bytes(&[&bytes[..], &[0]].concat()).is_err());
+        for at in 0..8 * bytes.len() {
+            let mut other = bytes.clone();
+            other[at / 8] ^= 1 << (at % 8);
+            assert!(SavedState::from_bytes(&other).is_err(), "bit {at}");
+        }
+    }
+}

@@ -1,0 +1,77 @@
+//! The same in nalgebra's types, with the feature `nalgebra`.
+
+use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Point3, Quaternion, UnitQuaternion, Vector3};
+
+use crate::batch::simulation::{BodyPose, Contact, Simulation};
+use crate::batch::{Field, StepInputs};
+
+impl Simulation {
+    /// A field of one environment: nq, nv or na numbers. [`Simulation::set`] takes one back, as its `as_slice()`.
+    ///
+    /// # Panics
+    /// When there is no such environment.
+    #[track_caller]
+    pub fn vector(&self, field: Field, env: usize) -> DVector<f64> {
+        self.assert_env(env);
+        self.values(field, env).into()
+    }
+
+    /// A field of all environments, a column for each: (nq, num_envs), (nv, num_envs) or (na, num_envs).
+    pub fn matrix(&self, field: Field) -> DMatrix<f64> {
+        let mut all = DMatrix::zeros(self.numbers(field), self.num_envs());
+        for (env, mut column) in all.column_iter_mut().enumerate() {
+            column.copy_from_slice(&self.values(field, env));
+        }
+        all
+    }
+
+    /// Mass matrix of one environment at its present configuration, (nv, nv): kg, kg m and kg m^2, armature included, without terms that depend on
+    /// the time step. Mocap bodies are where the model has them.
+    ///
+    /// # Panics
+    /// When there is no such environment.
+    #[track_caller]
+    pub fn mass_matrix(&self, env: usize) -> DMatrix<f64> {
+        self.assert_env(env);
+        let snapshot = self.snapshot(env, &StepInputs::default()).expect("the environment exists, and there are no inputs");
+        let nv = self.model().nv();
+        DMatrix::from_row_slice(nv, nv, &snapshot.mass_matrix(&self.plan_of(env)))
+    }
+}
+
+impl BodyPose {
+    /// From the body's frame to the world's.
+    pub fn isometry(&self) -> Isometry3<f64> {
+        let [w, x, y, z] = self.quat;
+        // It has length 1 to rounding, and keeps its bits.
+        Isometry3::from_parts(self.pos.into(), UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z)))
+    }
+}
+
+impl From<BodyPose> for Isometry3<f64> {
+    fn from(pose: BodyPose) -> Self {
+        pose.isometry()
+    }
+}
+
+impl Contact {
+    /// Position in the world, m.
+    pub fn point(&self) -> Point3<f64> {
+        self.pos.into()
+    }
+
+    /// From the contact's axes to the world's: its columns are the normal and the two tangents.
+    pub fn rotation(&self) -> Matrix3<f64> {
+        Matrix3::from_columns(&self.frame().map(Vector3::from))
+    }
+
+    /// Force on the second geom in world axes, N.
+    pub fn world_force(&self) -> Vector3<f64> {
+        self.rotation() * Vector3::from(self.force)
+    }
+
+    /// Torque on the second geom about the contact's position in world axes, N m.
+    pub fn world_torque(&self) -> Vector3<f64> {
+        self.rotation() * Vector3::from(self.torque)
+    }
+}

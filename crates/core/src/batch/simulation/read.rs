@@ -1,0 +1,243 @@
+//! What can be read of a simulation: state, flags, contacts and poses, environment by environment.
+
+use std::ops::Range;
+
+use crate::analysis::quantities::{BodyPoses, Snapshot};
+use crate::batch::simulation::{Error, Simulation};
+use crate::batch::{Field, StepInputs};
+
+use crate::integrators::inputs::Inputs;
+use crate::math::spatial::contact_frame;
+use crate::stages::s10_record::Status;
+
+/// A contact of the last step, in the world frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub struct Contact {
+    /// The two geoms, as indices in the model.
+    pub geoms: [usize; 2],
+    /// Their bodies.
+    pub bodies: [usize; 2],
+    /// Position, m.
+    pub pos: [f64; 3],
+    /// Unit normal, from the first geom to the second.
+    pub normal: [f64; 3],
+    /// Distance from the margin, m; below 0 for an overlap.
+    pub distance: f64,
+    /// Force on the second geom, N: along the rows of [`Contact::frame`], the normal first.
+    pub force: [f64; 3],
+    /// Torque of torsional and rolling friction on the second geom, N m: about the rows of [`Contact::frame`].
+    pub torque: [f64; 3],
+}
+
+impl Contact {
+    /// Unit axes in which force and torque are given, one a row: the normal and the two tangents, right-handed.
+    pub fn frame(&self) -> [[f64; 3]; 3] {
+        contact_frame(self.normal)
+    }
+}
+
+/// Position and orientation of a body's frame in the world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BodyPose {
+    /// Position of the frame's origin, m.
+    pub pos: [f64; 3],
+    /// Unit quaternion (w, x, y, z).
+    pub quat: [f64; 4],
+}
+
+impl Simulation {
+    /// Copies a field of one environment out: nq, nv or na numbers.
+    ///
+    /// # Errors
+    /// [`Error::Environment`] when there is no such environment, [`Error::Length`] when `out` has fewer or more numbers; nothing is written then.
+    pub fn get(&self, field: Field, env: usize, out: &mut [f64]) -> Result<(), Error> {
+        self.check_env(env)?;
+        self.check_length(field, out.len())?;
+        self.engine.read(field, env, out);
+        Ok(())
+    }
+
+    pub(super) fn values(&self, field: Field, env: usize) -> Vec<f64> {
+        let mut out = vec![0.0; self.numbers(field)];
+        self.engine.read(field, env, &mut out);
+        out
+    }
+
+    /// Configuration of one environment, (nq,): m, rad and unit quaternions.
+    ///
+    /// # Panics
+    /// When there is no such environment.
+    #[track_caller]
+    pub fn qpos(&self, env: usize) -> Vec<f64> {
+        self.assert_env(env);
+        self.values(Field::Qpos, env)
+    }
+
+    /// Velocity of one environment, (nv,): m/s and rad/s.
+    ///
+    /// # Panics
+    /// When there is no such environment.
+    #[track_caller]
+    pub fn qvel(&self, env: usize) -> Vec<f64> {
+        self.assert_env(env);
+        self.values(Field::Qvel, env)
+    }
+
+    /// Time of one environment, s.
+    ///
+    /// # Panics
+    /// When there is no such environment.
+    #[track_caller]
+    pub fn time(&self, env: usize) -> f64 {
+        self.assert_env(env);
+        self.engine.time(env)
+    }
+
+    /// Flags of all steps of the last call.
+    ///
+    /// # Panics
+    /// When there is no such environment.
+    #[track_caller]
+    pub fn status(&self, env: usize) -> Status {
+        self.assert_env(env);
+        Status::from_bits_retain(self.engine.status(env))
+    }
+
+    /// Deepest overlap of a contact beyond its margin in the last call, m. Where a step is taken: in its middle by the rules that are.
+    ///
+    /// # Panics
+    /// When there is no such environment.
+    #[track_caller]
+    pub fn depth(&self, env: usize) -> f64 {
+        self.assert_env(env);
+        self.engine.overlaps(env)[0]
+    }
+
+    /// Farthest that a joint or tendon was beyond its range after a step of the last call, rad or m.
+    ///
+    /// # Panics
+    /// When there is no such environment.
+    #[track_caller]
+    pub fn limit_overshoot(&self, env: usize) -> f64 {
+        self.assert_env(env);
+        self.engine.overlaps(env)[1]
+    }
+
+    /// Readings that were clipped and samples that were lost in the last call, for every sensor of the model.
+    ///
+    /// # Panics
+    /// When there is no such environment.
+    #[track_caller]
+    pub fn sensor_faults(&self, env: usize) -> Vec<[u32; 2]> {
+        self.assert_env(env);
+        let mut out = vec![[0; 2]; self.model.sensors.len()];
+        self.engine.sensor_faults(env, &mut out);
+        out
+    }
+
+    /// Steps of the last call in which the effort of each actuator was cut to its bounds, (nu,).
+    ///
+    /// # Panics
+    /// When there is no such environment.
+    #[track_caller]
+    pub fn actuator_saturation(&self, env: usize) -> Vec<u32> {
+        self.assert_env(env);
+        let mut out = vec![0; self.model.nu()];
+        self.engine.actuator_saturation(env, &mut out);
+        out
+    }
+
+    /// Residual in m/s, and sweeps and Newton steps together, of the last step.
+    ///
+    /// # Panics
+    /// When there is no such environment.
+    #[track_caller]
+    pub fn certificate(&self, env: usize) -> (f64, f64) {
+        self.assert_env(env);
+        self.engine.certificate(env)
+    }
+
+    /// Contacts of the last step: every one that the motion could close within it, also those that do not touch.
+    ///
+    /// # Panics
+    /// When there is no such environment.
+    #[track_caller]
+    pub fn contacts(&self, env: usize) -> Vec<Contact> {
+        self.assert_env(env);
+        // The solver's unknowns are impulses over a step.
+        let force = |impulse: [f64; 3]| impulse.map(|x| x / self.settings.timestep);
+        let contact = |(geoms, c): ([usize; 2], crate::batch::state::StoredContact)| Contact {
+            geoms,
+            bodies: geoms.map(|g| self.model.geoms[g].body),
+            pos: c.pos,
+            normal: c.normal,
+            distance: c.distance,
+            force: force(c.impulse),
+            torque: force(c.torque),
+        };
+        self.engine.contacts(env).into_iter().map(contact).collect()
+    }
+
+    /// Positions (m) and orientations of all bodies at the present configurations: (num_envs, nbody, 3) and (num_envs, nbody, 4).
+    ///
+    /// # Errors
+    /// Those of [`Simulation::step`] for the inputs; of them, poses of mocap bodies are read.
+    pub fn body_poses(&self, inputs: &StepInputs<'_>) -> Result<[Vec<f64>; 2], Error> {
+        self.check_inputs(inputs, 1)?;
+        let rows = self.num_envs * self.model.bodies.len();
+        let (mut positions, mut orientations) = (Vec::with_capacity(3 * rows), Vec::with_capacity(4 * rows));
+        self.each_pose(0..self.num_envs, inputs, |pose| {
+            positions.extend(pose.pos);
+            orientations.extend(pose.quat);
+        });
+        Ok([positions, orientations])
+    }
+
+    /// Poses of all bodies of one environment at its present configuration, (nbody,); body 0 is the world. Inputs are those of all environments,
+    /// as [`Simulation::step`] takes them; of them, poses of mocap bodies are read.
+    ///
+    /// # Errors
+    /// [`Error::Environment`] when there is no such environment, and those of [`Simulation::step`] for the inputs.
+    pub fn body_poses_of(&self, env: usize, inputs: &StepInputs<'_>) -> Result<Vec<BodyPose>, Error> {
+        self.check_env(env)?;
+        self.check_inputs(inputs, 1)?;
+        let mut poses = Vec::with_capacity(self.model.bodies.len());
+        self.each_pose(env..env + 1, inputs, |pose| poses.push(pose));
+        Ok(poses)
+    }
+
+    /// Hands the poses of all bodies of some environments to `take`, in order; inputs were checked.
+    fn each_pose(&self, envs: Range<usize>, inputs: &StepInputs<'_>, mut take: impl FnMut(BodyPose)) {
+        let compiled = self.compiled();
+        let (mut poses, mut q) = (BodyPoses::new(compiled), vec![0.0; compiled.nq]);
+        let mocap = compiled.mocap.len();
+        for env in envs {
+            let (pos, quat) = match inputs.mocap_pos.is_empty() {
+                true => (&[][..], &[][..]),
+                false => (&inputs.mocap_pos[3 * env * mocap..][..3 * mocap], &inputs.mocap_quat[4 * env * mocap..][..4 * mocap]),
+            };
+            self.engine.read(Field::Qpos, env, &mut q);
+            poses.at(&q, self.mocap_poses(pos, quat)).for_each(|(pos, quat)| take(BodyPose { pos, quat }));
+        }
+    }
+
+    /// One environment, to ask about its mass matrix, energy and the like; inputs are those of that environment alone.
+    ///
+    /// # Errors
+    /// [`Error::Environment`] when there is no such environment, [`Error::Length`] and [`Error::MocapPoses`] for the inputs.
+    pub fn snapshot(&self, env: usize, inputs: &StepInputs<'_>) -> Result<Snapshot, Error> {
+        self.check_env(env)?;
+        self.check_rows(inputs, 1, 1)?;
+        let nu = self.model.nu();
+        let given = || if inputs.ctrl.is_empty() { self.ctrl[env * nu..(env + 1) * nu].to_vec() } else { inputs.ctrl.to_vec() };
+        let (ctrl, trains) = self.engine.handed_on(env).unwrap_or_else(|| (given(), vec![]));
+        Ok(Snapshot {
+            q: self.values(Field::Qpos, env),
+            v: self.values(Field::Qvel, env),
+            act: self.values(Field::Act, env),
+            inputs: Inputs { ctrl, trains, qfrc: inputs.qfrc.to_vec(), xfrc: inputs.xfrc.to_vec() },
+            mocap: self.mocap_poses(inputs.mocap_pos, inputs.mocap_quat).collect(),
+        })
+    }
+}

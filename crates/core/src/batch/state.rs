@@ -1,0 +1,313 @@
+//! State: all that survives between two steps.
+
+use serde::{Deserialize, Serialize};
+use stepper_real::{Real, Scalar};
+
+use crate::actuation;
+use crate::collision::contact_set::{ContactId, Contacts};
+use crate::collision::separation_cache::SeparationCache;
+use crate::compile::CompiledModel;
+use crate::math::lanes::MAX_LANES;
+use crate::math::lanes::{columns, lane_bits, set_columns, set_lane_bits};
+use crate::sensing::memory::Memory;
+use crate::stages::s10_record::Status;
+
+/// Numbers of a contact that a state keeps: impulse, position, normal, distance.
+const CONTACT_NUMBERS: usize = 10;
+/// Where the normal begins among them.
+const NORMAL: usize = 6;
+
+/// The environments of one group of lanes, lane-interleaved: entry i of lane l is at `i * lanes + l`.
+///
+/// Contact impulses are the warm start of the next step, so they are part of the state; their geometry is kept beside them for whoever reads
+/// contacts. Nothing else survives a step.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Group<S> {
+    /// Lanes of the group.
+    pub lanes: usize,
+    /// Lanes that are environments; the others fill up the group and rest.
+    pub alive: u32,
+    /// Configuration, nq per lane.
+    pub q: Vec<S>,
+    /// Velocity, nv per lane.
+    pub v: Vec<S>,
+    /// Activations, na per lane.
+    pub act: Vec<S>,
+    /// Impulses of limits, dry friction, equalities and tendons.
+    pub scalar_impulse: Vec<S>,
+    /// Impulse of all constraints of the last step on the joints, nv per lane, if a servo's bounds ask for it.
+    pub impulse: Vec<S>,
+    /// Last pose of every mocap body (position, quaternion), 7 per lane; zeros where there is none.
+    pub mocap: Vec<S>,
+    /// Number of contacts per lane.
+    pub contact_count: Vec<u32>,
+    /// Identity of contact k of lane l.
+    pub contact_ids: Vec<u64>,
+    /// Numbers of contact k of lane l.
+    pub contact_data: Vec<S>,
+    /// Angular impulses of contact k of lane l, three numbers each; empty when the scene has no torsional or rolling friction.
+    pub contact_torque: Vec<S>,
+    /// What is known of pairs of hulls that were near one another in the last step.
+    pub normals: SeparationCache,
+    /// s, per lane.
+    pub time: Vec<f64>,
+    /// Flags of the last call, per lane.
+    pub status: Vec<u32>,
+    /// Steps of the last call in which the effort of each actuator was cut to its bounds, per lane; empty when none has any.
+    pub saturated: Vec<u32>,
+    /// Residual of the last step, m/s, per lane.
+    pub residual: Vec<S>,
+    /// Sweeps of the last step, per lane.
+    pub iterations: Vec<S>,
+    /// Deepest overlap of the contacts in the last call, m, per lane.
+    pub depth: Vec<S>,
+    /// Farthest that a joint or tendon was beyond its range after a step of the last call, rad or m, per lane.
+    pub overshoot: Vec<S>,
+    /// What sensors remember.
+    pub sensing: Memory<S>,
+    /// What drive trains remember.
+    pub actuation: actuation::memory::Memory<S>,
+}
+
+impl<S: Scalar> Group<S> {
+    /// A group of environments at the model's reset state, `first` and those after it; `alive` says which lanes are used.
+    pub fn new(compiled: &CompiledModel<S>, qpos0: &[S], lanes: usize, alive: u32, first: usize, max_contacts: usize) -> Self {
+        let zeros = |n: usize| vec![S::default(); n * lanes];
+        Self {
+            lanes,
+            alive,
+            q: qpos0.iter().flat_map(|&x| std::iter::repeat_n(x, lanes)).collect(),
+            v: zeros(compiled.nv),
+            act: zeros(compiled.na),
+            scalar_impulse: zeros(compiled.scalar_impulses),
+            impulse: zeros(if compiled.servos_are_bounded { compiled.nv } else { 0 }),
+            mocap: zeros(7 * compiled.mocap.len()),
+            contact_count: vec![0; lanes],
+            contact_ids: vec![0; max_contacts * lanes],
+            contact_data: zeros(max_contacts * CONTACT_NUMBERS),
+            contact_torque: zeros(if compiled.wide { 3 * max_contacts } else { 0 }),
+            normals: SeparationCache::new(compiled, lanes),
+            time: vec![0.0; lanes],
+            status: vec![0; lanes],
+            saturated: vec![0; if compiled.efforts_are_bounded() { compiled.actuators.len() * lanes } else { 0 }],
+            residual: zeros(1),
+            iterations: zeros(1),
+            depth: zeros(1),
+            overshoot: zeros(1),
+            sensing: Memory::new(compiled, lanes, first),
+            actuation: actuation::memory::Memory::default(),
+        }
+    }
+
+    /// Forgets what a lane remembers of its last step: warm starts, contacts, certificate.
+    pub fn forget(&mut self, lane: usize) {
+        let lanes = self.lanes;
+        let impulses = [&mut self.scalar_impulse, &mut self.impulse, &mut self.mocap];
+        for numbers in impulses.into_iter().chain([&mut self.contact_data, &mut self.contact_torque]) {
+            numbers.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = S::default());
+        }
+        self.contact_ids.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = 0);
+        self.contact_count[lane] = 0;
+        self.normals.forget(lane);
+        self.status[lane] = Status::OK.bits();
+        self.saturated.iter_mut().skip(lane).step_by(lanes).for_each(|n| *n = 0);
+        for number in [&mut self.residual, &mut self.iterations, &mut self.depth, &mut self.overshoot] {
+            number[lane] = S::default();
+        }
+        self.sensing.forget(lane);
+        self.actuation.forget(lane, lanes);
+    }
+
+    /// Memory that it holds, bytes.
+    pub fn bytes(&self) -> usize {
+        let impulses = [&self.scalar_impulse, &self.impulse, &self.mocap, &self.contact_data, &self.contact_torque];
+        let record = [&self.residual, &self.iterations, &self.depth, &self.overshoot];
+        let numbers = [&self.q, &self.v, &self.act].into_iter().chain(record).chain(impulses);
+        let scalars: usize = numbers.map(|x| size_of_val(&x[..])).sum();
+        let counts = [&self.contact_count, &self.status, &self.saturated].into_iter().map(|x| size_of_val(&x[..])).sum::<usize>();
+        size_of::<Self>()
+            + scalars
+            + counts
+            + size_of_val(&self.contact_ids[..])
+            + size_of_val(&self.time[..])
+            + self.normals.bytes()
+            + self.sensing.bytes()
+            + self.actuation.bytes()
+    }
+
+    /// Whether two groups are of the same shape.
+    pub fn fits(&self, other: &Self) -> bool {
+        let sizes = |g: &Self| {
+            let impulses = [&g.scalar_impulse, &g.impulse, &g.mocap, &g.contact_data, &g.contact_torque].map(Vec::len);
+            let record = [&g.residual, &g.iterations, &g.depth, &g.overshoot].map(Vec::len);
+            let numbers = ([&g.q, &g.v, &g.act].map(Vec::len), record, impulses);
+            (g.lanes, g.alive, numbers, [&g.contact_count, &g.status, &g.saturated].map(Vec::len), g.contact_ids.len(), g.time.len())
+        };
+        sizes(self) == sizes(other)
+            && self.normals.fits(&other.normals)
+            && self.sensing.fits(&other.sensing)
+            && self.actuation.fits(&other.actuation)
+    }
+
+    /// The same state in one form only: what nobody can read is zero.
+    pub fn canonical(mut self) -> Self {
+        let lanes = self.lanes;
+        for lane in 0..lanes {
+            if self.alive >> lane & 1 == 0 {
+                self.forget(lane);
+                self.time[lane] = 0.0;
+                self.sensing.clear(lane);
+                self.actuation.clear(lane, lanes);
+            }
+            let held = self.contact_count[lane] as usize;
+            self.contact_ids.iter_mut().skip(held * lanes + lane).step_by(lanes).for_each(|x| *x = 0);
+            let unused = self.contact_data.iter_mut().skip(held * CONTACT_NUMBERS * lanes + lane);
+            unused.step_by(lanes).for_each(|x| *x = S::default());
+            let unused = self.contact_torque.iter_mut().skip(held * 3 * lanes + lane);
+            unused.step_by(lanes).for_each(|x| *x = S::default());
+        }
+        self.normals.tidy();
+        self
+    }
+
+    /// The part of it that lanes `first` to `first + n` are.
+    pub fn part(&self, first: usize, n: usize) -> Self {
+        let lanes = self.lanes;
+        let numbers = |x: &[S]| columns(x, lanes, first, n);
+        let words = |x: &[u32]| columns(x, lanes, first, n);
+        Self {
+            lanes: n,
+            alive: lane_bits(self.alive, first, n),
+            q: numbers(&self.q),
+            v: numbers(&self.v),
+            act: numbers(&self.act),
+            scalar_impulse: numbers(&self.scalar_impulse),
+            impulse: numbers(&self.impulse),
+            mocap: numbers(&self.mocap),
+            contact_count: words(&self.contact_count),
+            contact_ids: columns(&self.contact_ids, lanes, first, n),
+            contact_data: numbers(&self.contact_data),
+            contact_torque: numbers(&self.contact_torque),
+            normals: self.normals.part(first, n),
+            time: columns(&self.time, lanes, first, n),
+            status: words(&self.status),
+            saturated: words(&self.saturated),
+            residual: numbers(&self.residual),
+            iterations: numbers(&self.iterations),
+            depth: numbers(&self.depth),
+            overshoot: numbers(&self.overshoot),
+            sensing: self.sensing.part(first, n),
+            actuation: self.actuation.part(lanes, first, n),
+        }
+    }
+
+    /// Takes over lanes `first` and those after it from a part.
+    pub fn set_part(&mut self, first: usize, part: &Self) {
+        let (lanes, n) = (self.lanes, part.lanes);
+        set_lane_bits(&mut self.alive, first, n, part.alive);
+        for (to, from) in [
+            (&mut self.q, &part.q),
+            (&mut self.v, &part.v),
+            (&mut self.act, &part.act),
+            (&mut self.scalar_impulse, &part.scalar_impulse),
+            (&mut self.impulse, &part.impulse),
+            (&mut self.mocap, &part.mocap),
+            (&mut self.contact_data, &part.contact_data),
+            (&mut self.contact_torque, &part.contact_torque),
+            (&mut self.residual, &part.residual),
+            (&mut self.iterations, &part.iterations),
+            (&mut self.depth, &part.depth),
+            (&mut self.overshoot, &part.overshoot),
+        ] {
+            set_columns(to, lanes, first, n, from);
+        }
+        for (to, from) in
+            [(&mut self.contact_count, &part.contact_count), (&mut self.status, &part.status), (&mut self.saturated, &part.saturated)]
+        {
+            set_columns(to, lanes, first, n, from);
+        }
+        set_columns(&mut self.contact_ids, lanes, first, n, &part.contact_ids);
+        set_columns(&mut self.time, lanes, first, n, &part.time);
+        self.normals.set_part(first, n, &part.normals);
+        self.sensing.set_part(first, n, &part.sensing);
+        self.actuation.set_part(lanes, first, n, &part.actuation);
+    }
+
+    /// Contacts of the last step of a lane.
+    pub fn contacts(&self, lane: usize) -> impl Iterator<Item = StoredContact> + '_ {
+        (0..self.contact_count[lane] as usize).map(move |k| {
+            let x = |i: usize| self.contact_data[(k * CONTACT_NUMBERS + i) * self.lanes + lane].to_f64();
+            let torque = |i: usize| self.contact_torque.get((k * 3 + i) * self.lanes + lane).map_or(0.0, |x| x.to_f64());
+            StoredContact {
+                torque: [torque(0), torque(1), torque(2)],
+                id: ContactId(self.contact_ids[k * self.lanes + lane]),
+                impulse: [x(0), x(1), x(2)],
+                pos: [x(3), x(4), x(5)],
+                normal: [x(6), x(7), x(8)],
+                distance: x(9),
+            }
+        })
+    }
+
+    /// Reads the contacts of all lanes.
+    #[inline(always)]
+    pub fn load_contacts<R: Real<Scalar = S>>(&self, out: &mut Contacts<R>) {
+        out.clear();
+        for (to, &count) in out.count.iter_mut().zip(&self.contact_count) {
+            *to = count as usize;
+        }
+        for k in 0..out.slots() {
+            for (to, &id) in out.ids[k].iter_mut().zip(&self.contact_ids[k * R::LANES..(k + 1) * R::LANES]) {
+                *to = ContactId(id);
+            }
+            let numbers = &self.contact_data[k * CONTACT_NUMBERS * R::LANES..(k + 1) * CONTACT_NUMBERS * R::LANES];
+            for i in 0..3 {
+                out.data[k].impulse[i] = R::load(&numbers[i * R::LANES..]);
+                out.data[k].point.normal[i] = R::load(&numbers[(NORMAL + i) * R::LANES..]);
+                if let Some(torque) = out.torque.get_mut(k) {
+                    torque[i] = R::load(&self.contact_torque[(k * 3 + i) * R::LANES..]);
+                }
+            }
+        }
+    }
+
+    /// Stores the contacts of all lanes.
+    #[inline(always)]
+    pub fn store_contacts<R: Real<Scalar = S>>(&mut self, contacts: &Contacts<R>) {
+        for (to, &count) in self.contact_count[..R::LANES].iter_mut().zip(contacts.count.iter()) {
+            *to = count as u32;
+        }
+        for k in 0..contacts.slots() {
+            for (to, id) in self.contact_ids[k * R::LANES..(k + 1) * R::LANES].iter_mut().zip(&contacts.ids[k]) {
+                *to = id.0;
+            }
+            let slot = &contacts.data[k];
+            let numbers = [slot.impulse, slot.point.pos, slot.point.normal];
+            let out = &mut self.contact_data[k * CONTACT_NUMBERS * R::LANES..][..CONTACT_NUMBERS * R::LANES];
+            R::store_all(numbers.as_flattened(), out);
+            slot.point.distance.store(&mut out[(CONTACT_NUMBERS - 1) * R::LANES..]);
+            for (i, x) in contacts.torque.get(k).into_iter().flatten().enumerate() {
+                x.store(&mut self.contact_torque[(k * 3 + i) * R::LANES..]);
+            }
+        }
+    }
+}
+
+/// One contact of one environment.
+#[derive(Clone, Copy, Debug)]
+pub struct StoredContact {
+    /// Identity.
+    pub id: ContactId,
+    /// Impulse along normal and tangents, N s.
+    pub impulse: [f64; 3],
+    /// Angular impulse of torsional and rolling friction about normal and tangents, N m s.
+    pub torque: [f64; 3],
+    /// m
+    pub pos: [f64; 3],
+    /// From the first geom to the second.
+    pub normal: [f64; 3],
+    /// m
+    pub distance: f64,
+}
+
+const _: () = assert!(MAX_LANES <= 32, "lanes are kept as bits of a u32");

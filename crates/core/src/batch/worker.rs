@@ -1,0 +1,290 @@
+//! A worker steps groups of environments on one thread; one kind per lane type, one instantiation per CPU level.
+
+use std::any::Any;
+
+use stepper_real::{Level, Mask, Real, Scalar, at_avx512, at_level};
+
+use crate::batch::call::Call;
+use crate::batch::exchange::{keep_ways, load, store, take_up, take_up_control};
+use crate::batch::rollout::{Numbers, Quantity, Share};
+use crate::batch::sensors::Senses;
+use crate::batch::state::Group;
+use crate::compile::{CompiledModel, LaneModel};
+use crate::integrators::workspace::Workspace;
+use crate::math::lanes::count;
+use crate::options::StepSettings;
+use crate::step::step;
+
+/// A thread's room to work, with the step compiled for its lanes and CPU level.
+pub trait Worker<S: Scalar>: Any + Send {
+    /// Makes the steps of `call` in one group.
+    fn run(&mut self, call: &Call<'_, S>, group: &mut Group<S>, at: BatchSlice<'_, '_, S>);
+    /// Reads the sensors of one group, whose first environment is `first`.
+    fn sense(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, query: Query<'_>);
+    /// Says that somebody else has written to the state of a group.
+    fn forget(&mut self);
+}
+
+/// How to make a worker.
+#[derive(Clone, Copy)]
+pub struct WorkerSpec<'a, S: Scalar> {
+    /// The compiled model.
+    pub compiled: &'a CompiledModel<S>,
+    /// Settings.
+    pub options: &'a StepSettings,
+    /// Contacts an environment has room for.
+    pub max_contacts: usize,
+}
+
+/// A scalar type with the lanes that step it.
+pub trait Stepped: Scalar {
+    /// Lanes of a group in which states are saved, whatever steps them.
+    const LANES: usize;
+    /// Lanes of a single environment.
+    const SINGLE: usize;
+    /// Lanes of a group of many environments, stepped by so many threads.
+    fn lanes(compiled: &CompiledModel<Self>, num_envs: usize, threads: usize, level: Level) -> usize;
+    /// A worker for groups of `lanes` lanes at a CPU level that this machine has.
+    fn worker(site: &WorkerSpec<'_, Self>, lanes: usize, level: Level) -> Box<dyn Worker<Self>>;
+    /// An array of a recording in this precision.
+    ///
+    /// # Panics
+    /// When it is of the other; [`Simulation`](crate::Simulation) has checked it.
+    fn numbers(array: Numbers<'_>) -> &mut [Self];
+}
+
+/// Which readings are asked for.
+#[derive(Debug)]
+pub struct Query<'a> {
+    /// Those of ideal sensors.
+    pub truth: bool,
+    /// Where they go: a row for every environment of the group.
+    pub out: &'a mut [f64],
+}
+
+/// Where a group is among the environments, and where it writes down what it does.
+#[derive(Debug)]
+pub struct BatchSlice<'a, 'b, S> {
+    /// Its first environment.
+    pub first: usize,
+    /// The first environment of the share.
+    pub share_first: usize,
+    /// What the group and its neighbours write, if anything.
+    pub share: Option<&'a mut Share<'b, S>>,
+}
+
+/// Largest mass matrix (entries, 128 bytes each in two registers) with which a step still works in the caches next to the core. Two registers make
+/// dm_control's humanoid (243) 4 to 6 % faster, humanoid_CMU (952) up to 4 % slower.
+const SMALL: usize = 512;
+
+/// Lanes of one register, `n`, or of two where that takes less time: it takes as much as 1.8 times one (docs/performance.md). With the sixteen
+/// registers of AVX2 it would take 2.2 to 2.5 times.
+fn lanes<S: Scalar>(n: usize, compiled: &CompiledModel<S>, num_envs: usize, threads: usize, level: Level) -> usize {
+    let groups = |lanes: usize| num_envs.div_ceil(lanes).div_ceil(threads);
+    let pays = compiled.chain.len() <= SMALL && 9 * groups(2 * n) <= 5 * groups(n);
+    if level == Level::Avx512 && pays { 2 * n } else { n }
+}
+
+impl Stepped for f64 {
+    const LANES: usize = 8;
+    const SINGLE: usize = 1;
+
+    fn lanes(compiled: &CompiledModel<f64>, num_envs: usize, threads: usize, level: Level) -> usize {
+        lanes(8, compiled, num_envs, threads, level)
+    }
+
+    fn worker(site: &WorkerSpec<'_, f64>, lanes: usize, level: Level) -> Box<dyn Worker<f64>> {
+        match lanes {
+            1 => at_level!(level, F64x1, desk(site)),
+            8 => at_level!(level, F64x8, desk(site)),
+            _ => at_avx512!(F64x16, desk(site)),
+        }
+    }
+
+    fn numbers(array: Numbers<'_>) -> &mut [f64] {
+        match array {
+            Numbers::F64(x) => x,
+            Numbers::F32(_) => panic!("a recording in 32 bits of a batch in 64"),
+        }
+    }
+}
+
+impl Stepped for f32 {
+    const LANES: usize = 16;
+    const SINGLE: usize = 16;
+
+    fn lanes(compiled: &CompiledModel<f32>, num_envs: usize, threads: usize, level: Level) -> usize {
+        lanes(16, compiled, num_envs, threads, level)
+    }
+
+    fn worker(site: &WorkerSpec<'_, f32>, lanes: usize, level: Level) -> Box<dyn Worker<f32>> {
+        if lanes == 32 { at_avx512!(F32x32, desk(site)) } else { at_level!(level, F32x16, desk(site)) }
+    }
+
+    fn numbers(array: Numbers<'_>) -> &mut [f32] {
+        match array {
+            Numbers::F32(x) => x,
+            Numbers::F64(_) => panic!("a recording in 64 bits of a batch in 32"),
+        }
+    }
+}
+
+fn desk<R: Real>(site: &WorkerSpec<'_, R::Scalar>) -> Box<dyn Worker<R::Scalar>> {
+    Box::new(LaneWorker {
+        scratch: Workspace::<R>::new(site.compiled, site.options, site.max_contacts),
+        senses: Senses::new(site.compiled, site.max_contacts),
+        compiled: LaneModel::new(site.compiled),
+        flags: vec![0; R::LANES],
+    })
+}
+
+/// Where a worker steps and reads.
+struct LaneWorker<R: Real> {
+    scratch: Workspace<R>,
+    senses: Senses<R>,
+    /// The compiled model with the parameters of the group that is worked on.
+    compiled: LaneModel<R>,
+    /// Flags of the steps of a control, per lane.
+    flags: Vec<u32>,
+}
+
+impl<R: Real> Worker<R::Scalar> for LaneWorker<R> {
+    fn run(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, at: BatchSlice<'_, '_, R::Scalar>) {
+        assert_eq!(group.lanes, R::LANES, "a worker steps groups of its own width");
+        let BatchSlice { first, share_first, mut share } = at;
+        self.turn_to(call, first);
+        self.senses.begin(call, &self.compiled, group, first, &mut self.scratch);
+        if !self.scratch.current {
+            load(group, &mut self.scratch);
+        }
+        self.scratch.current = false;
+        take_up(call, group, first, &mut self.scratch);
+        if call.part.from == 0 {
+            forget_faults::<R>(group);
+        }
+        self.scratch.poses.exchange(&mut group.normals);
+        for control in call.part.controls(call.calls, call.nstep) {
+            take_up_control(call, control, first, &mut self.scratch);
+            let steps = call.part.steps_of(control, call.nstep);
+            let mut residual = R::zero();
+            self.flags[..R::LANES].fill(0);
+            if let (Some(share), true) = (&share, steps.start > 0) {
+                residual = share.resume(control, first - share_first, self.scratch.alive, &mut self.flags);
+            }
+            let residual = self.run_control(call, group, first, steps.len(), residual);
+            let Self { scratch: s, senses, compiled, flags } = self;
+            if let Some(share) = &mut share {
+                let readings = if share.has(Quantity::Observation) { senses.readings(call, compiled, group, s) } else { &[] };
+                share.write(control, first - share_first, s, readings, flags, residual);
+            }
+        }
+        let s = &mut self.scratch;
+        s.poses.exchange(&mut group.normals);
+        if call.part.to > call.part.from {
+            self.senses.remember(group, s);
+            store(group, s);
+        }
+        if call.part.ends && call.part.to > 0 {
+            keep_ways(call, group, s);
+        }
+        // Who has one group alone goes on with it.
+        s.current = call.num_envs <= R::LANES;
+    }
+
+    fn sense(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, query: Query<'_>) {
+        assert_eq!(group.lanes, R::LANES, "a worker reads groups of its own width");
+        self.turn_to(call, first);
+        let Self { scratch, senses, compiled, .. } = self;
+        senses.read(call, compiled, group, first, scratch, query.truth, query.out);
+    }
+
+    fn forget(&mut self) {
+        self.scratch.current = false;
+    }
+}
+
+impl<R: Real> LaneWorker<R> {
+    /// Takes up the parameters of the group whose first environment is `first`.
+    fn turn_to(&mut self, call: &Call<'_, R::Scalar>, first: usize) {
+        if let Some(numbers) = call.own.numbers.get(first / R::LANES) {
+            self.compiled.params.take_up(&call.own.places, numbers);
+            self.scratch.settle(&self.compiled);
+        }
+    }
+
+    /// Some steps of one control; adds their flags to those that are there, and returns their largest residual and that given.
+    fn run_control(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, steps: usize, mut residual: R) -> R {
+        let Self { scratch: s, senses, compiled, flags } = self;
+        let (h, flags) = (call.options.timestep, &mut flags[..R::LANES]);
+        let (mut depth, mut overshoot) = (R::load(&group.depth), R::load(&group.overshoot));
+        for _ in 0..steps {
+            senses.before_step(s);
+            if let Some(chains) = call.chains {
+                let state = [&s.q[..], &s.v[..]];
+                chains.advance(
+                    compiled,
+                    first / R::LANES,
+                    &s.given,
+                    state,
+                    s.alive,
+                    h,
+                    &mut group.actuation,
+                    (&mut s.inputs.ctrl, &mut s.inputs.trains),
+                );
+            }
+            let record = step(compiled, call.options, s);
+            if let Some(chains) = call.chains {
+                chains.settle(compiled, first / R::LANES, &mut group.actuation, (&mut s.inputs.ctrl, &mut s.inputs.trains));
+            }
+            s.elapsed += h;
+            let kept = record.non_finite.bits();
+            for (l, flags) in flags.iter_mut().enumerate() {
+                *flags |= record.status(l).bits();
+                if kept >> l & 1 == 0 {
+                    group.time[l] += h;
+                }
+            }
+            if !group.saturated.is_empty() {
+                count_saturated(compiled, s, &mut group.saturated);
+            }
+            residual = residual.max(record.residual);
+            (depth, overshoot) = (depth.max(record.depth), overshoot.max(record.overshoot));
+            record.residual.store(&mut group.residual);
+            record.iterations.store(&mut group.iterations);
+            // 9 sense
+            senses.after_step(call, compiled, group, first, s);
+        }
+        depth.store(&mut group.depth);
+        overshoot.store(&mut group.overshoot);
+        for (all, one) in group.status[..R::LANES].iter_mut().zip(flags) {
+            *all |= *one;
+        }
+        residual
+    }
+}
+
+/// Adds one for every actuator whose effort a step has cut to its bounds.
+fn count_saturated<R: Real>(compiled: &LaneModel<R>, s: &Workspace<R>, counts: &mut [u32]) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for (actuator, counts) in counts.chunks_exact_mut(R::LANES).enumerate() {
+                count(s.drive.is_cut(compiled, actuator).and(s.alive).bits(), counts);
+            }
+        },
+    )
+}
+
+/// Begins the counts of a call anew.
+fn forget_faults<R: Real>(group: &mut Group<R::Scalar>) {
+    group.status[..R::LANES].fill(0);
+    group.depth[..R::LANES].fill(R::Scalar::default());
+    group.overshoot[..R::LANES].fill(R::Scalar::default());
+    // An empty array takes the C library's masked stores a hundred times as long as a short one.
+    if !group.saturated.is_empty() {
+        group.saturated.fill(0);
+    }
+    if !group.sensing.faults.is_empty() {
+        group.sensing.faults.fill(0);
+    }
+}

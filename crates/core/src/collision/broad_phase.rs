@@ -1,0 +1,151 @@
+//! Broad phase: which geoms of a crowd are near one another. For many loose bodies the list of all pairs would grow with their square.
+//!
+//! Lane by lane, in scalar code, and stateless: the centres are sorted into cubes as wide as the largest two bounding balls together, so that
+//! whatever can touch is in neighbouring cubes (Ericson 2005, section 7.1). The cubes' keys are sorted, a row of cubes along z is a run of the
+//! sorted list, and the five rows that come after a cube's own are found by five pointers that only move forward. What is much larger or
+//! faster than the rest is compared with everything instead.
+
+use stepper_real::{Real, Scalar};
+
+use crate::compile::{Crowd, LaneModel};
+use crate::math::spatial::*;
+
+/// Bits of a coordinate of a cube in its key.
+const BITS: u32 = 21;
+/// Rows of cubes (dx, dy) that come after (0, 0).
+const ROWS: [(i64, i64); 4] = [(0, 1), (1, -1), (1, 0), (1, 1)];
+
+/// A ball that holds a geom with all that it does within the step.
+#[derive(Clone, Copy, Debug, Default)]
+struct Ball {
+    centre: [f64; 3],
+    radius: f64,
+    moves: bool,
+}
+
+/// Pairs of a crowd that can touch, with room to find them.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Broad {
+    balls: Vec<Ball>,
+    cells: Vec<(u64, u32)>,
+    loose: Vec<u32>,
+    found: Vec<u64>,
+    /// Number of a pair in the compiled model, and the lanes (bits) in which it can touch; ascending.
+    pub(crate) pairs: Vec<(usize, u32)>,
+}
+
+impl Broad {
+    /// Finds the pairs of the lanes in `alive`, from the centres of all geoms and how far each can get.
+    pub(crate) fn find<R: Real>(
+        &mut self,
+        compiled: &LaneModel<R>,
+        crowd: &Crowd<R::Scalar>,
+        alive: u32,
+        pos: &[V3<R>],
+        way: &[R],
+        slack: R,
+    ) {
+        self.found.clear();
+        for lane in (0..R::LANES).filter(|l| alive >> l & 1 == 1) {
+            self.balls.clear();
+            self.balls.extend(crowd.members.iter().map(|member| {
+                let g = member.geom;
+                let centre = pos[g].map(|x| x.lane(lane).to_f64());
+                let reach = (compiled.params.bound(g).lane(lane).to_f64() + member.margin)
+                    + (way[g].lane(lane).to_f64() + slack.lane(lane).to_f64());
+                // A hair more than the exact test will ask for, also in single precision.
+                let rounding = 1e-6 * (reach + centre.iter().map(|x| x.abs()).sum::<f64>());
+                Ball { centre, radius: reach + rounding, moves: compiled.geoms[g].frame != 0 }
+            }));
+            self.sort_into_cells(crowd);
+            self.visit_neighbours(lane as u64);
+            self.visit_loose(lane as u64);
+        }
+        self.found.sort_unstable();
+        self.merge_lanes(crowd);
+    }
+
+    fn sort_into_cells(&mut self, crowd: &Crowd<impl Scalar>) {
+        let widest = self.balls.iter().map(|b| b.radius).fold(0.0, f64::max);
+        let limit = widest.min(2.0 * crowd.widest);
+        let per_metre = 0.5 / limit;
+        self.cells.clear();
+        self.loose.clear();
+        for (i, ball) in self.balls.iter().enumerate() {
+            if ball.radius > limit {
+                self.loose.push(i as u32);
+            } else {
+                self.cells.push((key(ball.centre.map(|x| x * per_metre)), i as u32));
+            }
+        }
+        self.cells.sort_unstable();
+    }
+
+    fn visit_neighbours(&mut self, lane: u64) {
+        let mut starts = [0; ROWS.len()];
+        for e in 0..self.cells.len() {
+            let (key, a) = self.cells[e];
+            // The rest of its own cube and the next along z.
+            self.visit_run(a, e + 1, key + 1, lane);
+            for (start, (dx, dy)) in starts.iter_mut().zip(ROWS) {
+                let first = key.wrapping_add_signed((dx << (2 * BITS)) + (dy << BITS) - 1);
+                while self.cells.get(*start).is_some_and(|c| c.0 < first) {
+                    *start += 1;
+                }
+                let from = *start;
+                visit(&self.balls, &self.cells, &mut self.found, a, from, first + 2, lane);
+            }
+        }
+    }
+
+    fn visit_run(&mut self, a: u32, from: usize, last: u64, lane: u64) {
+        visit(&self.balls, &self.cells, &mut self.found, a, from, last, lane);
+    }
+
+    fn visit_loose(&mut self, lane: u64) {
+        for (k, &a) in self.loose.iter().enumerate() {
+            let rest = self.cells.iter().map(|c| c.1).chain(self.loose[k + 1..].iter().copied());
+            for b in rest {
+                offer(&self.balls, &mut self.found, a, b, lane);
+            }
+        }
+    }
+
+    /// Joins the lanes of each pair.
+    fn merge_lanes(&mut self, crowd: &Crowd<impl Scalar>) {
+        self.pairs.clear();
+        for &x in &self.found {
+            let (i, j, lane) = ((x >> 36) as usize, (x >> 4) as u32 as usize, x & 15);
+            let number = crowd.number(i, j);
+            match self.pairs.last_mut() {
+                Some(last) if last.0 == number => last.1 |= 1 << lane,
+                _ => self.pairs.push((number, 1 << lane)),
+            }
+        }
+    }
+}
+
+/// Offers `a` with every entry of the sorted list from `from` on whose key is at most `last`.
+fn visit(balls: &[Ball], cells: &[(u64, u32)], found: &mut Vec<u64>, a: u32, from: usize, last: u64, lane: u64) {
+    for &(_, b) in cells[from..].iter().take_while(|c| c.0 <= last) {
+        offer(balls, found, a, b, lane);
+    }
+}
+
+#[inline]
+fn offer(balls: &[Ball], found: &mut Vec<u64>, a: u32, b: u32, lane: u64) {
+    let (p, q) = (&balls[a as usize], &balls[b as usize]);
+    let reach = p.radius + q.radius;
+    let apart = sub(p.centre, q.centre);
+    if (p.moves || q.moves) && dot(apart, apart) <= reach * reach {
+        let (i, j) = (a.min(b), a.max(b));
+        found.push(u64::from(i) << 36 | u64::from(j) << 4 | lane);
+    }
+}
+
+/// Cubes in the order of x, then y, then z. Beyond a million cubes from the origin they are all one, which costs time and misses nothing.
+fn key(x: [f64; 3]) -> u64 {
+    let half = 1_i64 << (BITS - 1);
+    let place = |x: f64| ((x.floor() as i64).clamp(2 - half, half - 3) + half) as u64;
+    place(x[0]) << (2 * BITS) | place(x[1]) << BITS | place(x[2])
+}

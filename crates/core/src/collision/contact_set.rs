@@ -1,0 +1,290 @@
+//! The contacts of one step, packed per lane: slot k of lane l is that lane's k-th contact, whichever geoms it joins.
+
+use stepper_real::{Mask, Real};
+
+use crate::math::lanes::MAX_LANES;
+use crate::math::spatial::*;
+
+/// Identity of a contact from step to step: which pair of the compiled model (high 32 bits), which feature of the pair (low 32 bits). Ascending within
+/// an environment.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct ContactId(pub u64);
+
+impl ContactId {
+    /// Feature `feature` of pair `pair`.
+    #[inline(always)]
+    pub const fn new(pair: usize, feature: u32) -> Self {
+        Self((pair as u64) << 32 | feature as u64)
+    }
+
+    /// Number of the pair in the compiled model.
+    #[inline(always)]
+    pub const fn pair(self) -> usize {
+        (self.0 >> 32) as usize
+    }
+
+    /// Which feature of the pair: what it means is the narrow-phase function's own affair.
+    #[inline(always)]
+    pub const fn feature(self) -> u32 {
+        self.0 as u32
+    }
+}
+
+/// Geometry of one contact: what a narrow-phase function finds.
+#[derive(Clone, Copy, Debug)]
+pub struct ContactPoint<R> {
+    /// Signed distance, negative where the geoms overlap, m.
+    pub distance: R,
+    /// Halfway between the surfaces, m.
+    pub pos: V3<R>,
+    /// Unit normal from the first geom to the second.
+    pub normal: V3<R>,
+}
+
+/// One slot: a contact in each lane that has so many.
+#[derive(Clone, Copy, Debug)]
+pub struct Slot<R> {
+    /// Geometry; the distance is measured from the pair's margin.
+    pub point: ContactPoint<R>,
+    /// First tangent; the second is normal x tangent.
+    pub tangent: V3<R>,
+    /// Coefficient of friction.
+    pub mu: R,
+    /// Coefficient of restitution.
+    pub restitution: R,
+    /// Impulse along normal, first and second tangent, N s.
+    pub impulse: V3<R>,
+}
+
+impl<R: Real> Slot<R> {
+    /// Takes over one lane of another slot.
+    #[inline(always)]
+    fn copy_lane(&mut self, from: &Self, l: usize) {
+        self.point.distance.set_lane(l, from.point.distance.lane(l));
+        for i in 0..3 {
+            self.point.pos[i].set_lane(l, from.point.pos[i].lane(l));
+            self.point.normal[i].set_lane(l, from.point.normal[i].lane(l));
+        }
+        self.mu.set_lane(l, from.mu.lane(l));
+        self.restitution.set_lane(l, from.restitution.lane(l));
+    }
+}
+
+/// All contacts of a group of environments.
+#[derive(Clone, Debug)]
+pub struct Contacts<R: Real> {
+    /// Contacts of each lane.
+    pub count: Box<[usize; MAX_LANES]>,
+    /// Identity of every lane's contact in every slot.
+    pub ids: Vec<[ContactId; MAX_LANES]>,
+    /// The slots in use are the first `slots()`.
+    pub data: Vec<Slot<R>>,
+    /// Angular impulse of torsional and rolling friction about normal, first and second tangent, N m s; empty when the scene has none.
+    pub torque: Vec<V3<R>>,
+    /// Lanes (bits) that had more contacts than slots.
+    pub full: u32,
+}
+
+impl<R: Real> Contacts<R> {
+    /// Room for so many contacts per environment.
+    pub fn new(capacity: usize) -> Self {
+        let z = R::zero();
+        let up = [z, z, R::one()];
+        let point = ContactPoint { distance: z, pos: [z; 3], normal: up };
+        let empty = Slot { point, tangent: [R::one(), z, z], mu: z, restitution: z, impulse: [z; 3] };
+        Self {
+            count: Box::new([0; MAX_LANES]),
+            ids: vec![[ContactId::default(); MAX_LANES]; capacity],
+            data: vec![empty; capacity],
+            torque: vec![],
+            full: 0,
+        }
+    }
+
+    /// With room for torques, if the scene has any.
+    pub fn with_torques(mut self, any: bool) -> Self {
+        self.torque = vec![zero(); if any { self.data.len() } else { 0 }];
+        self
+    }
+
+    /// Forgets all contacts.
+    #[inline(always)]
+    pub fn clear(&mut self) {
+        self.count[..R::LANES].fill(0);
+        self.full = 0;
+    }
+
+    /// Number of slots that any lane uses.
+    #[inline(always)]
+    pub fn slots(&self) -> usize {
+        self.count[..R::LANES].iter().copied().max().unwrap_or(0)
+    }
+
+    /// Lanes (bits) that have a contact in slot `k`.
+    #[inline(always)]
+    pub fn lanes_of(&self, k: usize) -> u32 {
+        (0..R::LANES).fold(0, |bits, l| bits | (u32::from(self.count[l] > k) << l))
+    }
+
+    /// Lanes in which slot `k` holds an elastic contact.
+    #[inline(always)]
+    pub fn elastic(&self, k: usize) -> R::Mask {
+        self.data[k].restitution.gt(R::zero()).and(R::Mask::from_bits(self.lanes_of(k)))
+    }
+
+    /// The pairs that slot `k` holds in the lanes `lanes`, each once with its lanes (bits): there are fewer of them than lanes.
+    #[inline(always)]
+    pub fn pairs(&self, k: usize, lanes: u32) -> SlotPairs<'_> {
+        SlotPairs { ids: &self.ids[k][..R::LANES], rest: lanes }
+    }
+
+    /// Adds the contact to the lanes in `bits`; lanes without room are marked in `full`.
+    ///
+    /// Pairs come in ascending order; the features of a pair may come in any, and are sorted here.
+    #[inline(always)]
+    pub fn push(&mut self, bits: u32, id: ContactId, point: &ContactPoint<R>, mu: R, restitution: R) {
+        let mut rest = bits;
+        while rest != 0 {
+            let l = rest.trailing_zeros() as usize;
+            rest &= rest - 1;
+            if self.count[l] == self.data.len() {
+                self.full |= 1 << l;
+                continue;
+            }
+            let k = self.make_room(l, id);
+            self.ids[k][l] = id;
+            let slot = &mut self.data[k];
+            slot.point.distance.set_lane(l, point.distance.lane(l));
+            for i in 0..3 {
+                slot.point.pos[i].set_lane(l, point.pos[i].lane(l));
+                slot.point.normal[i].set_lane(l, point.normal[i].lane(l));
+            }
+            slot.mu.set_lane(l, mu.lane(l));
+            slot.restitution.set_lane(l, restitution.lane(l));
+        }
+    }
+
+    /// The slot of lane `l` where a contact `id` belongs, emptied: those after it move up.
+    #[inline(always)]
+    fn make_room(&mut self, l: usize, id: ContactId) -> usize {
+        let mut k = self.count[l];
+        self.count[l] = k + 1;
+        while k > 0 && self.ids[k - 1][l] > id {
+            self.ids[k][l] = self.ids[k - 1][l];
+            let (before, after) = self.data.split_at_mut(k);
+            after[0].copy_lane(&before[k - 1], l);
+            k -= 1;
+        }
+        k
+    }
+
+    /// Chooses the tangents of every slot from its normal, and takes over the impulses of the same contacts in `last`, which is used up.
+    ///
+    /// An impulse is carried over as a vector of the world, so that the choice of tangents does not matter.
+    pub fn prepare(&mut self, last: &mut Self) {
+        if self.slots() == 0 {
+            return;
+        }
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for k in 0..last.slots() {
+                    let slot = &mut last.data[k];
+                    let [n, t1, t2] = contact_frame(slot.point.normal);
+                    let [x, a, b] = slot.impulse;
+                    slot.impulse = add_scaled(add_scaled(scale(n, x), t1, a), t2, b);
+                    if let Some(torque) = last.torque.get_mut(k) {
+                        let [x, a, b] = *torque;
+                        *torque = add_scaled(add_scaled(scale(n, x), t1, a), t2, b);
+                    }
+                }
+                for k in 0..self.slots() {
+                    self.data[k].impulse = zero();
+                }
+                self.torque.iter_mut().for_each(|torque| *torque = zero());
+                for l in 0..R::LANES {
+                    self.match_lane(last, l);
+                }
+                for k in 0..self.slots() {
+                    let slot = &mut self.data[k];
+                    let axes = contact_frame(slot.point.normal);
+                    slot.tangent = axes[1];
+                    slot.impulse = [dot(axes[0], slot.impulse), dot(axes[1], slot.impulse), dot(axes[2], slot.impulse)];
+                    if let Some(torque) = self.torque.get_mut(k) {
+                        *torque = [dot(axes[0], *torque), dot(axes[1], *torque), dot(axes[2], *torque)];
+                    }
+                }
+            },
+        )
+    }
+
+    /// Copies the impulses of the contacts of one lane that were there before. Both lists ascend.
+    #[inline(always)]
+    fn match_lane(&mut self, last: &Self, l: usize) {
+        let mut old = 0;
+        for k in 0..self.count[l] {
+            let id = self.ids[k][l];
+            while old < last.count[l] && last.ids[old][l] < id {
+                old += 1;
+            }
+            if old < last.count[l] && last.ids[old][l] == id {
+                for i in 0..3 {
+                    self.data[k].impulse[i].set_lane(l, last.data[old].impulse[i].lane(l));
+                }
+                if let Some(torque) = self.torque.get_mut(k) {
+                    for i in 0..3 {
+                        torque[i].set_lane(l, last.torque[old][i].lane(l));
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// See [`Contacts::pairs`].
+#[derive(Clone, Debug)]
+pub struct SlotPairs<'a> {
+    ids: &'a [ContactId],
+    rest: u32,
+}
+
+impl Iterator for SlotPairs<'_> {
+    type Item = (usize, u32);
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<(usize, u32)> {
+        if self.rest == 0 {
+            return None;
+        }
+        let pair = self.ids[self.rest.trailing_zeros() as usize].pair();
+        let mut same = 0;
+        for (l, id) in self.ids.iter().enumerate() {
+            same |= u32::from(id.pair() == pair) << l;
+        }
+        same &= self.rest;
+        self.rest &= !same;
+        Some((pair, same))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn features_offered_out_of_order_are_sorted_with_their_numbers() {
+        let mut contacts = Contacts::<f64>::new(5);
+        let ids = [(0, 3), (2, 7), (2, u32::MAX), (2, 1), (2, 5), (3, 0)].map(|(pair, feature)| ContactId::new(pair, feature));
+        for id in ids {
+            let distance = id.0 as f64;
+            contacts.push(1, id, &ContactPoint { distance, pos: [distance; 3], normal: [0.0, 0.0, 1.0] }, distance, 0.0);
+        }
+        assert_eq!((contacts.count[0], contacts.full), (5, 1), "the last one found no room");
+        let found: Vec<_> = contacts.ids.iter().map(|ids| (ids[0].pair(), ids[0].feature())).collect();
+        assert_eq!(found, [(0, 3), (2, 1), (2, 5), (2, 7), (2, u32::MAX)]);
+        for (slot, ids) in contacts.data.iter().zip(&contacts.ids) {
+            let x = ids[0].0 as f64;
+            assert_eq!((slot.point.distance, slot.point.pos, slot.mu), (x, [x; 3], x));
+        }
+    }
+}

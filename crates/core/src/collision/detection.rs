@@ -1,0 +1,292 @@
+//! Where the colliding geoms are, which of their pairs are near one another, and the contacts of a pair.
+
+use std::ops::Range;
+
+use stepper_real::{Mask, Real, Scalar};
+
+use crate::collision::broad_phase::Broad;
+use crate::collision::contact_set::Contacts;
+use crate::collision::pairs::segments;
+use crate::collision::separation_cache::SeparationCache;
+use crate::compile::{CompiledModel, CompiledPair, Kernel, LaneModel};
+use crate::dynamics::kinematics::Kinematics;
+use crate::geometry::Narrow;
+use crate::math::spatial::*;
+
+/// Where the colliding geoms are, which of them are near one another, and the search for their contacts.
+#[derive(Clone, Debug)]
+pub struct GeomPoses<R: Real> {
+    pub(crate) placed: Placed<R>,
+    /// What gravity covers in a step, m.
+    pub(crate) slack: R,
+    /// Listed pairs, cut where the first geom or the margin changes.
+    pub(crate) runs: Vec<Range<usize>>,
+    /// Listed pairs that can touch, and the lanes (bits) in which they can; with room for one more.
+    pub(crate) near: Vec<(u32, u32)>,
+    /// How many there are.
+    pub(crate) near_count: usize,
+    pub(crate) broad: Broad,
+    pub(crate) search: Search,
+}
+
+fn runs<S: Scalar>(pairs: &[CompiledPair<S>]) -> Vec<Range<usize>> {
+    let mut end = 0;
+    let run = |pairs: &[CompiledPair<S>]| {
+        end += pairs.len();
+        end - pairs.len()..end
+    };
+    pairs.chunk_by(|a, b| (a.geoms[0], a.margin) == (b.geoms[0], b.margin)).map(run).collect()
+}
+
+/// Where the geoms are and how far they can get.
+#[derive(Clone, Debug)]
+pub(crate) struct Placed<R: Real> {
+    pub(crate) pos: Vec<V3<R>>,
+    /// Whole orientation; only its z axis is kept up where that is all that is read.
+    pub(crate) mat: Vec<M3<R>>,
+    /// Bound on the way of any point of the geom in two free steps, m.
+    pub(crate) travel: Vec<R>,
+    /// Bound on the way of any point of the geom from the beginning of the step to where it is taken, m.
+    pub(crate) lead: Vec<R>,
+    /// Which geoms went by half their thickness in any lane.
+    pub(crate) fast: Vec<bool>,
+    /// Velocities of the links on that way.
+    pub(crate) led_by: Vec<V6<R>>,
+    /// Ball about the geom's origin that holds it in two free steps (centre, radius), of a plane only its way, m.
+    pub(crate) balls: Vec<[R; 4]>,
+    pub(crate) velocity: Vec<V6<R>>,
+}
+
+/// The narrow phase, and where it looks first.
+#[derive(Clone, Debug)]
+pub(crate) struct Search {
+    pub(crate) narrow: Narrow,
+    /// What the last step left: where a search begins, however often a step searches.
+    pub(crate) known: SeparationCache,
+    /// What this one leaves.
+    pub(crate) found: SeparationCache,
+}
+
+impl<R: Real> GeomPoses<R> {
+    /// Room for a compiled model; geoms of the world are placed where the model has them.
+    pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
+        Self {
+            placed: Placed::new(compiled),
+            slack: R::zero(),
+            runs: runs(&compiled.pairs),
+            near: vec![(0, 0); compiled.pairs.len() + 1],
+            near_count: 0,
+            broad: Broad::default(),
+            search: Search {
+                narrow: Narrow::for_solids(compiled.geoms.iter().filter_map(|g| g.solid.as_ref())),
+                known: SeparationCache::new(compiled, R::LANES),
+                found: SeparationCache::new(compiled, R::LANES),
+            },
+        }
+    }
+
+    /// Takes what a group's last step left, and leaves what was found last: before a group's steps and after them.
+    pub(crate) fn exchange(&mut self, normals: &mut SeparationCache) {
+        if !normals.is_empty() {
+            std::mem::swap(&mut self.search.found, normals);
+        }
+    }
+
+    /// Begins a step: what the last one found is known.
+    pub(crate) fn begin(&mut self) {
+        let Search { known, found, .. } = &mut self.search;
+        if !known.is_empty() {
+            std::mem::swap(known, found);
+        }
+    }
+
+    /// Places the geoms that are fixed to the world, where environments may have them elsewhere.
+    pub(crate) fn settle(&mut self, compiled: &LaneModel<R>) {
+        for (i, _) in compiled.geoms.iter().enumerate().filter(|(_, g)| g.frame == 0) {
+            self.placed.pos[i] = compiled.params.geom_pos(i);
+        }
+    }
+
+    /// Lists the pairs that can touch in any of the lanes `alive`, ascending. Most cannot, and a robot has hundreds: what the pairs of a geom share is
+    /// kept at hand, and nothing branches.
+    #[inline(always)]
+    pub(crate) fn find_near(&mut self, compiled: &LaneModel<R>, alive: R::Mask) {
+        let Self { placed: Placed { balls, mat, .. }, slack, runs, near, .. } = self;
+        let mut count = 0;
+        for run in &*runs {
+            let CompiledPair { geoms: [a, _], margin, .. } = compiled.pairs[run.start];
+            let ([x, y, z, radius], is_plane, normal) = (balls[a], compiled.geoms[a].is_plane, column(&mat[a], 2));
+            let (centre, reach) = ([x, y, z], radius + *slack + R::splat(margin));
+            for (index, pair) in (run.start as u32..).zip(&compiled.pairs[run.clone()]) {
+                let [x, y, z, radius] = balls[pair.geoms[1]];
+                let (apart, reach) = (sub([x, y, z], centre), reach + radius);
+                let touch = if is_plane { dot(apart, normal).lt(reach) } else { dot(apart, apart).lt(reach * reach) };
+                let lanes = alive.and(touch).bits();
+                near[count] = (index, lanes);
+                count += usize::from(lanes != 0);
+            }
+        }
+        self.near_count = count;
+    }
+}
+
+impl<R: Real> Placed<R> {
+    fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
+        let zeros = || vec![R::zero(); compiled.geoms.len()];
+        Self {
+            pos: (0..compiled.geoms.len()).map(|g| splat(compiled.params.geom_pos(g))).collect(),
+            mat: compiled.geoms.iter().map(|g| splat(g.mat)).collect(),
+            travel: zeros(),
+            lead: zeros(),
+            fast: vec![false; compiled.geoms.len()],
+            led_by: vec![zero(); compiled.links.len()],
+            balls: vec![zero(); compiled.geoms.len()],
+            velocity: vec![zero(); compiled.links.len()],
+        }
+    }
+
+    /// Places the geoms that are not fixed to the world.
+    #[inline(always)]
+    pub(crate) fn place(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
+        for (i, g) in compiled.geoms.iter().enumerate() {
+            if g.frame == 0 {
+                continue;
+            }
+            let mat = &kinematics.mat[g.frame];
+            self.pos[i] = kinematics.point(g.frame, compiled.params.geom_pos(i));
+            if g.full_orientation {
+                self.mat[i] = mat_mul(mat, &splat(g.mat));
+            } else {
+                let z = rotate(mat, splat([g.mat[2], g.mat[5], g.mat[8]]));
+                for k in 0..3 {
+                    self.mat[i][3 * k + 2] = z[k];
+                }
+            }
+        }
+    }
+
+    /// Bounds on the ways of all geoms from where they are placed, with the velocity `v` of the joints; leaves the velocities of the links.
+    #[inline(always)]
+    pub(crate) fn update_travel(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
+        kinematics.velocities(compiled, v, &mut self.velocity);
+        ways(compiled, kinematics, &self.pos, &self.velocity, time, &mut self.travel);
+        for (i, g) in compiled.geoms.iter().enumerate() {
+            let radius = if g.is_plane { self.travel[i] } else { self.travel[i] + compiled.params.bound(i) };
+            let [x, y, z] = self.pos[i];
+            self.balls[i] = [x, y, z, radius];
+        }
+    }
+
+    /// Bounds on the ways of all geoms from the beginning of the step; leaves the velocities of the links on them.
+    #[inline(always)]
+    pub(crate) fn update_lead(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
+        kinematics.velocities(compiled, v, &mut self.led_by);
+        ways(compiled, kinematics, &self.pos, &self.led_by, time, &mut self.lead);
+    }
+}
+
+/// Bound on the way of any point of each geom that is not fixed to the world, at the velocities of the links.
+#[inline(always)]
+fn ways<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, pos: &[V3<R>], velocity: &[V6<R>], time: R, out: &mut [R]) {
+    for (i, g) in compiled.geoms.iter().enumerate() {
+        if g.frame != 0 && g.frame <= compiled.links.len() {
+            let motion = velocity[g.frame - 1];
+            let arm = sub(pos[i], kinematics.origin[compiled.links[g.frame - 1].tree]);
+            out[i] = (norm(velocity_at(&motion, arm)) + norm(angular(&motion)) * compiled.params.bound(i)) * time;
+        } else if g.frame > compiled.links.len() {
+            let motion = &kinematics.posed[g.frame - compiled.links.len() - 1];
+            // A plane has no bound: 0 * infinity must not become NaN.
+            let spin = norm(angular(motion));
+            let swing = R::select(spin.gt(R::zero()), spin * compiled.params.bound(i), R::zero());
+            out[i] = (norm(velocity_at(motion, sub(pos[i], kinematics.pos[g.frame]))) + swing) * time;
+        }
+    }
+}
+
+/// What gravity covers in a step, and a micrometre for scenes without it.
+#[inline(always)]
+pub(crate) fn slack<R: Real>(compiled: &LaneModel<R>, h: R) -> R {
+    norm(compiled.params.gravity()) * h * h + R::of(1e-6)
+}
+
+pub(crate) struct Scene<'a, R: Real> {
+    pub(crate) compiled: &'a LaneModel<R>,
+    pub(crate) kinematics: &'a Kinematics<R>,
+    pub(crate) poses: &'a Placed<R>,
+    pub(crate) h: R,
+    pub(crate) slack: R,
+    pub(crate) lead: R,
+    pub(crate) leads: bool,
+}
+
+impl<R: Real> Scene<'_, R> {
+    /// Takes up the contacts of a pair in the lanes `near`. Returns those that are too far from the beginning of the step.
+    #[inline(always)]
+    pub(crate) fn collide(
+        &self,
+        index: usize,
+        pair: &CompiledPair<R::Scalar>,
+        near: R::Mask,
+        search: &mut Search,
+        contacts: &mut Contacts<R>,
+    ) -> R::Mask {
+        self.meet(index, pair, near, search, contacts);
+        if self.leads { near.and(self.leads_too_far(pair)) } else { R::Mask::splat(false) }
+    }
+
+    /// Lanes in which the bounding balls of a pair of the crowd can meet within the step.
+    #[inline(always)]
+    pub(crate) fn can_touch(&self, pair: &CompiledPair<R::Scalar>) -> R::Mask {
+        let [a, b] = pair.geoms;
+        let apart = sub(self.poses.pos[b], self.poses.pos[a]);
+        let reach = self.poses.balls[a][3] + self.poses.balls[b][3] + R::splat(pair.margin) + self.slack;
+        dot(apart, apart).lt(reach * reach)
+    }
+
+    /// Lanes in which the way from the beginning of the step is long enough to be through: that of either geom as seen from the other.
+    #[inline(always)]
+    fn leads_too_far(&self, pair: &CompiledPair<R::Scalar>) -> R::Mask {
+        let [a, b] = pair.geoms;
+        let thin = self.compiled.thin(pair.geoms);
+        let far = (self.poses.lead[a] + self.poses.lead[b]).gt(thin);
+        if far.none() {
+            return far;
+        }
+        // Limbs that fly along together are fast and yet do not pass one another, and what is apart again has gone the whole way through. (Where
+        // that chord is shorter than this, a graze an eighth as deep as the two are thick is missed.)
+        let gap = self.gap(pair);
+        let through = R::select(gap.gt(R::zero()), gap + thin + thin, thin);
+        far.and(self.way_past(a, b).min(self.way_past(b, a)).gt(through))
+    }
+
+    /// Lower bound on the distance of a pair that is thin, m.
+    #[inline(always)]
+    fn gap(&self, pair: &CompiledPair<R::Scalar>) -> R {
+        let [a, b] = pair.geoms;
+        match pair.kernel {
+            Kernel::Segments => segments(&self.segment(a), &self.segment(b)).0[0].distance,
+            _ => norm(sub(self.poses.pos[b], self.poses.pos[a])) - self.compiled.reach(pair.geoms),
+        }
+    }
+
+    /// Bound on the way of any point of the geom `b`, as seen from `a`, from the beginning of the step, m. Neither is a plane, which has no bound.
+    #[inline(always)]
+    fn way_past(&self, a: usize, b: usize) -> R {
+        let (there, here) =
+            (self.motion_at(&self.poses.led_by, b, self.poses.pos[b]), self.motion_at(&self.poses.led_by, a, self.poses.pos[b]));
+        let spin = norm(sub(there[0], here[0]));
+        (norm(sub(there[1], here[1])) + spin * self.compiled.params.bound(b)) * self.lead
+    }
+
+    /// Motion of a geom (angular, linear where it passes the point `p`) if the links have the velocities `links`.
+    #[inline(always)]
+    pub(crate) fn motion_at(&self, links: &[V6<R>], geom: usize, p: V3<R>) -> [V3<R>; 2] {
+        let frame = self.compiled.geoms[geom].frame;
+        let (motion, origin) = match frame.checked_sub(self.compiled.links.len() + 1) {
+            _ if frame == 0 => return [zero(); 2],
+            Some(mocap) => (&self.kinematics.posed[mocap], self.kinematics.pos[frame]),
+            None => (&links[frame - 1], self.kinematics.origin[self.compiled.links[frame - 1].tree]),
+        };
+        [angular(motion), velocity_at(motion, sub(p, origin))]
+    }
+}

@@ -1,0 +1,11 @@
+//! Collision detection: broad phase, narrow phase (kernels for pairs of simple shapes, `geometry` for all others), and the contacts of a step.
+
+pub mod broad_phase;
+pub mod contact_set;
+pub mod detection;
+pub mod narrow_phase;
+pub mod pairs;
+pub mod separation_cache;
+pub mod surface_velocity;
+pub mod terrain;
+pub mod tunnelling;

@@ -1,0 +1,296 @@
+//! The narrow phase over lanes: which kernel a pair has, and what becomes of the points that it finds.
+
+use std::borrow::Cow;
+
+use stepper_real::{Mask, Real, Scalar};
+
+use crate::collision::contact_set::{ContactId, ContactPoint, Contacts};
+use crate::collision::detection::{Scene, Search};
+use crate::collision::pairs::{
+    Cuboid, Cylinder, Ellipsoid, Segment, capsule_box, cylinder_rims, plane_box, plane_ellipsoid, plane_point, plane_sphere, segments,
+    sphere_box, sphere_cylinder, sphere_ellipsoid,
+};
+use crate::compile::{CompiledPair, Kernel};
+use crate::geometry::{Approach, Pose, Reach, SeparatingPlane, SeparatingPlanes, Solid, Surface};
+use crate::math::lanes::each_of;
+use crate::math::spatial::*;
+
+impl<R: Real> Scene<'_, R> {
+    /// Takes up the contacts of a pair in the lanes `near`. A kernel of its own: inlined where it is called, it and what it offers would
+    /// take most of the time of a build.
+    #[inline(never)]
+    pub(crate) fn meet(
+        &self,
+        index: usize,
+        pair: &CompiledPair<R::Scalar>,
+        near: R::Mask,
+        search: &mut Search,
+        contacts: &mut Contacts<R>,
+    ) {
+        R::vectorize(
+            #[inline(always)]
+            || match pair.kernel {
+                Kernel::PlaneSphere => self.plane_sphere(index, pair, near, contacts),
+                Kernel::PlaneCapsule => self.plane_capsule(index, pair, near, contacts),
+                Kernel::PlaneBox => self.plane_box(index, pair, near, contacts),
+                Kernel::PlaneCylinder => self.plane_cylinder(index, pair, near, contacts),
+                Kernel::PlaneEllipsoid => self.plane_ellipsoid(index, pair, near, contacts),
+                Kernel::SphereBox => self.sphere_box(index, pair, near, contacts),
+                Kernel::SphereCylinder => self.sphere_cylinder(index, pair, near, contacts),
+                Kernel::SphereEllipsoid => self.sphere_ellipsoid(index, pair, near, contacts),
+                Kernel::CapsuleBox => self.capsule_box(index, pair, near, contacts),
+                Kernel::Segments => self.segments(index, pair, near, contacts),
+                Kernel::Convex | Kernel::Surface => self.convex(index, pair, near, search, contacts),
+            },
+        )
+    }
+
+    #[inline(always)]
+    fn plane_sphere(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
+        let [a, b] = pair.geoms;
+        let radius = self.compiled.params.geom_size(b)[0];
+        let point = plane_sphere(self.poses.pos[a], column(&self.poses.mat[a], 2), self.poses.pos[b], radius);
+        self.offer(index, 0, pair, near, point, contacts);
+    }
+
+    #[inline(always)]
+    fn plane_capsule(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
+        let [a, b] = pair.geoms;
+        let capsule = self.segment(b);
+        let normal = column(&self.poses.mat[a], 2);
+        for end in 0..2 {
+            let x = if end == 0 { capsule.half_length } else { -capsule.half_length };
+            let centre = add_scaled(capsule.centre, capsule.axis, x);
+            let point = plane_sphere(self.poses.pos[a], normal, centre, capsule.radius);
+            self.offer(index, end, pair, near, point, contacts);
+        }
+    }
+
+    #[inline(always)]
+    fn plane_box(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
+        let [a, b] = pair.geoms;
+        let half = self.compiled.params.geom_size(b);
+        let normal = column(&self.poses.mat[a], 2);
+        for corner in 0..8 {
+            let point = plane_box(self.poses.pos[a], normal, self.poses.pos[b], &self.poses.mat[b], half, corner);
+            self.offer(index, corner as u32, pair, near, point, contacts);
+        }
+    }
+
+    #[inline(always)]
+    fn plane_cylinder(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
+        let [a, b] = pair.geoms;
+        let normal = column(&self.poses.mat[a], 2);
+        let frame = self.compiled.geoms[b].frame;
+        let links = 1..=self.compiled.links.len();
+        let tip = if links.contains(&frame) { scale(cross(normal, angular(&self.poses.velocity[frame - 1])), self.h) } else { zero() };
+        for (k, &rim) in cylinder_rims(normal, tip, &self.cylinder(b)).iter().enumerate() {
+            let point = plane_point(self.poses.pos[a], normal, rim);
+            self.offer(index, k as u32, pair, near, point, contacts);
+        }
+    }
+
+    #[inline(always)]
+    fn plane_ellipsoid(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
+        let [a, b] = pair.geoms;
+        let point = plane_ellipsoid(self.poses.pos[a], column(&self.poses.mat[a], 2), &self.ellipsoid(b));
+        self.offer(index, 0, pair, near, point, contacts);
+    }
+
+    #[inline(always)]
+    fn sphere_box(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
+        let [a, b] = pair.geoms;
+        let point = sphere_box(self.poses.pos[a], self.compiled.params.geom_size(a)[0], &self.cuboid(b));
+        self.offer(index, 0, pair, near, point, contacts);
+    }
+
+    #[inline(always)]
+    fn sphere_cylinder(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
+        let [a, b] = pair.geoms;
+        let point = sphere_cylinder(self.poses.pos[a], self.compiled.params.geom_size(a)[0], &self.cylinder(b));
+        self.offer(index, 0, pair, near, point, contacts);
+    }
+
+    #[inline(always)]
+    fn sphere_ellipsoid(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
+        let [a, b] = pair.geoms;
+        let point = sphere_ellipsoid(self.poses.pos[a], self.compiled.params.geom_size(a)[0], &self.ellipsoid(b));
+        self.offer(index, 0, pair, near, point, contacts);
+    }
+
+    #[inline(always)]
+    fn capsule_box(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
+        let [a, b] = pair.geoms;
+        let (points, exist) = capsule_box(&self.segment(a), &self.cuboid(b));
+        self.offer(index, 0, pair, near.and(exist[0]), points[0], contacts);
+        self.offer(index, 1, pair, near.and(exist[1]), points[1], contacts);
+    }
+
+    #[inline(always)]
+    fn cuboid(&self, geom: usize) -> Cuboid<R> {
+        Cuboid { centre: self.poses.pos[geom], mat: self.poses.mat[geom], half: self.compiled.params.geom_size(geom) }
+    }
+
+    #[inline(always)]
+    fn ellipsoid(&self, geom: usize) -> Ellipsoid<R> {
+        Ellipsoid { centre: self.poses.pos[geom], mat: self.poses.mat[geom], radii: self.compiled.params.geom_size(geom) }
+    }
+
+    #[inline(always)]
+    fn cylinder(&self, geom: usize) -> Cylinder<R> {
+        let [radius, half_length, _] = self.compiled.params.geom_size(geom);
+        Cylinder { centre: self.poses.pos[geom], mat: self.poses.mat[geom], radius, half_length }
+    }
+
+    #[inline(always)]
+    fn segments(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, contacts: &mut Contacts<R>) {
+        let [a, b] = pair.geoms;
+        let (points, two) = segments(&self.segment(a), &self.segment(b));
+        self.offer(index, 0, pair, near, points[0], contacts);
+        let both = near.and(two);
+        if both.any() {
+            self.offer(index, 1, pair, both, points[1], contacts);
+        }
+    }
+
+    /// Lane by lane, in f64: what one lane does no other sees.
+    #[inline(always)]
+    fn convex(&self, index: usize, pair: &CompiledPair<R::Scalar>, near: R::Mask, search: &mut Search, contacts: &mut Contacts<R>) {
+        let [a, b] = pair.geoms;
+        let mut near = match &self.compiled.geoms[a].solid {
+            Some(Solid::Surface(surface)) => match &**surface {
+                Surface::Grid(grid) => self.may_meet_terrain(grid, pair, near),
+                Surface::Mesh(_) => near,
+            },
+            _ => near,
+        };
+        let reach = R::splat(pair.margin) + self.poses.travel[a] + self.poses.travel[b] + self.slack;
+        let mut approach = None;
+        if let Some(size) = Solid::size_of_hulls([self.solid(a), self.solid(b)]) {
+            let moving = self.approach(pair, reach);
+            near = near.and_not(self.are_parted(index, pair, near, &moving, size, search));
+            approach = Some(moving);
+        }
+        for lane in each_of(near.bits()) {
+            let poses = [self.pose(a, lane), self.pose(b, lane)];
+            let (first, second) = (self.solid_in(a, lane), self.solid_in(b, lane));
+            let Search { narrow, known, found } = &mut *search;
+            let mut reach = Reach::from(reach.lane(lane).to_f64());
+            reach.known = known.of(lane, index).map(SeparatingPlane::known);
+            if let Some(moving) = &approach {
+                reach.approach = Some(moving.lane(lane));
+            }
+            let (points, parting) = narrow.collide([&first, &second], poses, reach);
+            if let Some(parting) = parting {
+                found.keep(lane, index, &parting);
+            }
+            for p in points {
+                let point = ContactPoint { distance: R::of(p.distance), pos: p.pos.map(R::of), normal: p.normal.map(R::of) };
+                self.offer(index, p.feature, pair, near.and(R::Mask::from_bits(1 << lane)), point, contacts);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn solid(&self, geom: usize) -> &Solid {
+        self.compiled.geoms[geom].solid.as_ref().expect("made for every geom of this kernel")
+    }
+
+    /// Of the size that it has in a lane.
+    #[inline(always)]
+    fn solid_in(&self, geom: usize, lane: usize) -> Cow<'_, Solid> {
+        let solid = self.solid(geom);
+        solid.sized(of_lane(&self.compiled.params.geom_size(geom), lane)).map_or(Cow::Borrowed(solid), Cow::Owned)
+    }
+
+    #[inline(always)]
+    fn pose(&self, geom: usize, lane: usize) -> Pose {
+        Pose { pos: of_lane(&self.poses.pos[geom], lane), mat: of_lane(&self.poses.mat[geom], lane) }
+    }
+
+    /// Those of the lanes `near` in which what is known of two hulls says that no contact of theirs can count.
+    #[inline(always)]
+    fn are_parted(
+        &self,
+        index: usize,
+        pair: &CompiledPair<R::Scalar>,
+        near: R::Mask,
+        approach: &Approach<R>,
+        size: f64,
+        search: &mut Search,
+    ) -> R::Mask {
+        let [a, b] = pair.geoms;
+        let Search { known, found, .. } = search;
+        let mut partings = SeparatingPlanes::none();
+        for lane in each_of(near.bits()) {
+            if let Some(parting) = known.of(lane, index) {
+                partings.set_lane(lane, parting);
+            }
+        }
+        let apart = sub(self.poses.pos[b], self.poses.pos[a]);
+        let parted = near.and(partings.keep(apart, [&self.poses.mat[a], &self.poses.mat[b]], approach, size));
+        for lane in each_of(parted.bits()) {
+            if let Some(parting) = known.of(lane, index) {
+                found.keep(lane, index, parting);
+            }
+        }
+        parted
+    }
+
+    /// Way and turn of the second geom as seen from the first, in its frame, over lanes.
+    #[inline(always)]
+    fn approach(&self, pair: &CompiledPair<R::Scalar>, reach: R) -> Approach<R> {
+        let [a, b] = pair.geoms;
+        // Contacts are halfway between the two, no further than half the reach from either: the ball about the lens that their balls share.
+        let half = R::of(0.5) * reach;
+        let (ra, rb) = (self.compiled.params.bound(a) + half, self.compiled.params.bound(b) + half);
+        let apart = sub(self.poses.pos[b], self.poses.pos[a]);
+        let length = norm(apart).max(R::of(1e-9));
+        let from_a = (R::of(0.5) * (length + (ra * ra - rb * rb) / length)).max(R::zero()).min(length);
+        let from_b = length - from_a;
+        let radius = (ra * ra - from_a * from_a).min(rb * rb - from_b * from_b).max(R::zero()).sqrt();
+        let centre = add_scaled(self.poses.pos[a], apart, from_a / length);
+        let ([wa, va], [wb, vb]) = (self.motion_at(&self.poses.velocity, a, centre), self.motion_at(&self.poses.velocity, b, centre));
+        let mat = &self.poses.mat[a];
+        let (way, turn) = (scale(rotate_back(mat, sub(vb, va)), self.h), scale(rotate_back(mat, sub(wb, wa)), self.h));
+        Approach { way, turn, radius, slack: R::splat(pair.margin).max(R::zero()) + self.slack }
+    }
+
+    #[inline(always)]
+    pub(crate) fn segment(&self, geom: usize) -> Segment<R> {
+        let [radius, half_length, _] = self.compiled.params.geom_size(geom);
+        Segment { centre: self.poses.pos[geom], axis: column(&self.poses.mat[geom], 2), half_length, radius }
+    }
+
+    /// Takes the point up in the lanes where it can touch within the step. A kernel of its own, as [`Scene::meet`].
+    #[inline(never)]
+    fn offer(
+        &self,
+        index: usize,
+        feature: u32,
+        pair: &CompiledPair<R::Scalar>,
+        near: R::Mask,
+        mut point: ContactPoint<R>,
+        contacts: &mut Contacts<R>,
+    ) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                point.distance -= R::splat(pair.margin);
+                // Nothing moves further than the bound, so the exact test is needed only below it.
+                let [a, b] = pair.geoms;
+                let near = near.and(point.distance.lt(self.poses.travel[a] + self.poses.travel[b] + self.slack));
+                if near.none() {
+                    return;
+                }
+                let [_, va] = self.motion_at(&self.poses.velocity, a, point.pos);
+                let [_, vb] = self.motion_at(&self.poses.velocity, b, point.pos);
+                let closing = (-dot(point.normal, sub(vb, va))).max(R::zero());
+                let touching = near.and(point.distance.lt(closing * (self.h + self.h) + self.slack));
+                let id = ContactId::new(index, feature);
+                let params = self.compiled.contact(index);
+                contacts.push(touching.bits(), id, &point, params.mu, params.restitution);
+            },
+        )
+    }
+}

@@ -1,0 +1,119 @@
+//! What one step leaves to the next about hulls that are near one another: a normal, where the next search begins, and what parts them for a while.
+//!
+//! It saves time and changes no contact, see [`Reach::known`](crate::geometry::Reach::known) and
+//! [`SeparatingPlane`]. Still it is state, so that a step is a function of its state whatever rounding does.
+
+use serde::{Deserialize, Serialize};
+use stepper_real::Scalar;
+
+use crate::compile::{CompiledModel, Kernel};
+use crate::geometry::{SeparatingPlane, Solid};
+
+/// Pairs of one environment of which something is kept, at most: the first that a step comes to.
+const PLACES: usize = 16;
+
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Held {
+    /// Number of the pair in the compiled model.
+    pair: u32,
+    parting: SeparatingPlane,
+}
+
+const NONE: Held = Held { pair: u32::MAX, parting: SeparatingPlane::NONE };
+
+/// The normals of all lanes of a group.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SeparationCache {
+    /// Places of each lane.
+    places: usize,
+    /// How many of them are used, per lane.
+    count: Vec<u32>,
+    held: Vec<Held>,
+}
+
+impl SeparationCache {
+    /// Room for so many lanes; none in a scene without pairs of hulls.
+    pub fn new<S: Scalar>(compiled: &CompiledModel<S>, lanes: usize) -> Self {
+        let is_hull = |g: usize| compiled.geoms[g].solid.as_ref().is_some_and(Solid::is_hull);
+        let listed = compiled.pairs.iter().filter(|p| p.kernel == Kernel::Convex && p.geoms.iter().all(|&g| is_hull(g))).count();
+        let crowded = compiled.crowd.iter().flat_map(|c| &c.members).filter(|m| is_hull(m.geom)).count();
+        let places = (listed + crowded * crowded.saturating_sub(1) / 2).min(PLACES);
+        let lanes = if places == 0 { 0 } else { lanes };
+        Self { places, count: vec![0; lanes], held: vec![NONE; places * lanes] }
+    }
+
+    /// Whether the scene has no pairs of hulls.
+    #[inline(always)]
+    pub(crate) fn is_empty(&self) -> bool {
+        self.places == 0
+    }
+
+    #[inline(always)]
+    fn used(&self, lane: usize) -> std::ops::Range<usize> {
+        let used = self.count.get(lane).map_or(0, |&n| n as usize);
+        lane * self.places..lane * self.places + used
+    }
+
+    /// What is known of a pair.
+    #[inline(always)]
+    pub(crate) fn of(&self, lane: usize, pair: usize) -> Option<&SeparatingPlane> {
+        self.held[self.used(lane)].iter().find(|h| h.pair == pair as u32).map(|h| &h.parting)
+    }
+
+    /// Keeps what is known of a pair that nothing is kept of yet, while there is room.
+    #[inline(always)]
+    pub(crate) fn keep(&mut self, lane: usize, pair: usize, parting: &SeparatingPlane) {
+        let next = self.used(lane);
+        if next.len() < self.places {
+            self.held[next.end] = Held { pair: pair as u32, parting: *parting };
+            self.count[lane] += 1;
+        }
+    }
+
+    /// Forgets all.
+    pub(crate) fn clear(&mut self) {
+        if !self.is_empty() {
+            (0..self.count.len()).for_each(|lane| self.forget(lane));
+        }
+    }
+
+    /// Forgets those of a lane.
+    pub(crate) fn forget(&mut self, lane: usize) {
+        if let Some(count) = self.count.get_mut(lane) {
+            *count = 0;
+        }
+    }
+
+    /// Those of `n` lanes from `first` on.
+    pub(crate) fn part(&self, first: usize, n: usize) -> Self {
+        let count = self.count.get(first..first + n).unwrap_or_default().to_vec();
+        Self { places: self.places, count, held: self.held[first * self.places..(first + n) * self.places].to_vec() }
+    }
+
+    /// Takes over those of `n` lanes from `first` on.
+    pub(crate) fn set_part(&mut self, first: usize, n: usize, part: &Self) {
+        if self.places > 0 {
+            self.count[first..first + n].copy_from_slice(&part.count);
+            self.held[first * self.places..(first + n) * self.places].copy_from_slice(&part.held);
+        }
+    }
+
+    /// The same in one form only: what nobody can read is nothing.
+    pub(crate) fn tidy(&mut self) {
+        for lane in 0..self.count.len() {
+            let end = self.used(lane).end;
+            self.held[end..(lane + 1) * self.places].fill(NONE);
+        }
+    }
+
+    /// Whether there is room for as many, and these are no more than there is room for.
+    pub(crate) fn fits(&self, other: &Self) -> bool {
+        let shape = |n: &Self| (n.places, n.count.len(), n.held.len());
+        shape(self) == shape(other) && self.count.iter().chain(&other.count).all(|&n| n as usize <= self.places)
+    }
+
+    /// Memory that it holds, bytes.
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(&self.count[..]) + size_of_val(&self.held[..])
+    }
+}

@@ -1,0 +1,277 @@
+//! Actuators, and which entries of the mass matrix those that act as springs and dampers touch.
+
+use std::f64::consts::PI;
+
+use stepper_real::Scalar;
+
+use crate::actuation::DriveTrain;
+use crate::compile::merging::{Merged, matrix, quaternion, vector};
+use crate::compile::tree::{CompiledFriction, Dof, scalars};
+use crate::model::{Activation, Actuator, JointKind, Model, Transmission};
+
+/// An actuator on a linear combination of scalar joints, or on a site.
+#[derive(Clone, Debug)]
+pub struct CompiledActuator<S> {
+    /// Address in q, degree of freedom, moment arm (gear included); empty for an actuator on a site.
+    pub moment: Vec<(usize, usize, S)>,
+    /// What it is on a site.
+    pub wrench: Option<CompiledWrench<S>>,
+    /// Bounds of the control.
+    pub ctrl_range: Option<[S; 2]>,
+    /// Bounds of the force.
+    pub force_range: Option<[S; 2]>,
+    /// Bounds of the activation.
+    pub act_range: Option<[S; 2]>,
+    /// Address of its activation.
+    pub act: Option<usize>,
+    /// Dynamics of the activation.
+    pub activation: Activation,
+    /// Whether gain or bias depend on length or velocity.
+    pub needs_motion: bool,
+    /// Its place among the servos.
+    pub servo: Option<usize>,
+    /// What of its drive train acts within a step.
+    pub train: Option<CompiledTrain<S>>,
+}
+
+/// Where a site is.
+#[derive(Clone, Copy, Debug)]
+pub struct Spot<S> {
+    /// The compiled model's frame.
+    pub frame: usize,
+    /// Position in it, m.
+    pub pos: [S; 3],
+    /// Orientation in it.
+    pub mat: [S; 9],
+}
+
+/// A wrench at a site: an actuator whose moment depends on the configuration.
+#[derive(Clone, Debug)]
+pub struct CompiledWrench<S> {
+    /// The site.
+    pub site: Spot<S>,
+    /// The site in whose frame the wrench is given and against which it acts.
+    pub reference: Option<Spot<S>>,
+    /// Force and torque per unit of the actuator's force, gear included.
+    pub wrench: [S; 6],
+    /// What a whole turn adds to the length, where the length is an angle.
+    pub turn: Option<S>,
+    /// Dofs that move the site (1) or the reference (-1), but not both.
+    pub dofs: Vec<(usize, S)>,
+    /// Where its arms begin among those of all wrenches; its length is at its index among them.
+    pub arms: usize,
+    /// Its place among the wrenches.
+    pub index: usize,
+}
+
+/// What of a drive train acts within a step: bounds and laws that differ between environments.
+#[derive(Clone, Copy, Debug)]
+pub struct CompiledTrain<S> {
+    /// Its place among those trains.
+    pub index: usize,
+    /// Whether it is a servo whose law is continuous.
+    pub servo: bool,
+    /// Whether it is a motor with a torque-speed curve, and whether the control is its voltage.
+    pub motor: Option<bool>,
+    /// Whether its effort has limits.
+    pub limited: bool,
+    /// The row of dry friction that takes its losses, and the moment arm there.
+    pub losses: Option<(usize, S)>,
+}
+
+/// An actuator whose force depends on its own motion.
+#[derive(Clone, Debug)]
+pub struct CompiledServo<S> {
+    /// The actuator.
+    pub actuator: usize,
+    /// Entries of the mass matrix and what its weight is multiplied by there.
+    pub entries: Vec<(usize, S)>,
+    /// Of an actuator on a site: entries and the two arms whose product that is.
+    pub products: Vec<(usize, [usize; 2])>,
+    /// Of one whose dofs lie on several branches: diagonal entries and their arms.
+    pub spread: Vec<(usize, usize)>,
+}
+
+/// Bounds of the sum of actuator forces on a dof.
+#[derive(Clone, Debug)]
+pub struct CompiledForceRange<S> {
+    /// Degree of freedom.
+    pub dof: usize,
+    /// Lowest and highest sum.
+    pub bounds: [S; 2],
+    /// Actuators that act on it, and their moment arms.
+    pub actuators: Vec<(usize, S)>,
+    /// Whether any of them is a servo.
+    pub has_servos: bool,
+}
+
+/// What actuators refer to.
+#[derive(Clone, Copy)]
+pub(super) struct Scene<'a> {
+    pub(super) model: &'a Model,
+    pub(super) merged: &'a Merged,
+    pub(super) addresses: &'a [(usize, usize)],
+    pub(super) movers: &'a [Vec<u64>],
+    pub(super) dofs: &'a [Dof],
+    pub(super) chain: &'a [u32],
+    pub(super) frictions: &'a [CompiledFriction],
+}
+
+pub(super) struct Drives<S> {
+    pub(super) actuators: Vec<CompiledActuator<S>>,
+    pub(super) servos: Vec<CompiledServo<S>>,
+    pub(super) force_ranges: Vec<CompiledForceRange<S>>,
+    /// Arms of all wrenches, and how many wrenches there are.
+    pub(super) arms: usize,
+    pub(super) wrenches: usize,
+    /// Trains that act within a step.
+    pub(super) trains: usize,
+}
+
+impl<S: Scalar> Drives<S> {
+    /// `trains` has an entry for every actuator of the model, or none at all.
+    pub(super) fn new(scene: Scene<'_>, trains: &[Option<DriveTrain>]) -> Self {
+        let model = scene.model;
+        let mut drives = Self { actuators: vec![], servos: vec![], force_ranges: vec![], arms: 0, wrenches: 0, trains: 0 };
+        let mut na = 0;
+        for (i, actuator) in model.actuators.iter().enumerate() {
+            let train = trains.get(i).and_then(Option::as_ref);
+            drives.push(scene, actuator, train, &mut na);
+        }
+        let bounded = model.joints.iter().zip(scene.addresses).filter(|(j, _)| matches!(j.kind, JointKind::Hinge | JointKind::Slide));
+        let ranges = bounded.filter_map(|(j, &(_, dof))| j.actuator_force_range.map(|range| (dof, range)));
+        drives.force_ranges = ranges.map(|(dof, range)| drives.force_range(dof, range)).collect();
+        drives
+    }
+
+    fn push(&mut self, scene: Scene<'_>, a: &Actuator, train: Option<&DriveTrain>, na: &mut usize) {
+        let addresses = scene.addresses;
+        let arms: Vec<(usize, f64)> = match a.transmission {
+            Transmission::Joint(j) => vec![(j, 1.0)],
+            Transmission::Tendon(t) => scene.model.tendons[t].joints.clone(),
+            Transmission::Site { .. } => vec![],
+        };
+        let wrench = self.wrench(scene, a);
+        let act = (a.activation != Activation::None).then_some(*na);
+        *na += usize::from(act.is_some());
+        let train = self.train(scene, a, train);
+        let moves = train.as_ref().is_some_and(|t| t.servo || t.motor.is_some());
+        let needs_motion = moves || [a.gain[1], a.gain[2], a.bias[1], a.bias[2]].iter().any(|&x| x != 0.0);
+        let servo = needs_motion.then_some(self.servos.len());
+        if needs_motion {
+            let moment: Vec<_> = arms.iter().map(|&(j, c)| (addresses[j].1, c * a.gear)).collect();
+            let entries = entries(&moment, scene).into_iter().map(|(entry, c)| (entry, S::from_f64(c))).collect();
+            let (products, spread) = wrench.as_ref().map_or_else(Default::default, |w| products(w, scene));
+            self.servos.push(CompiledServo { actuator: self.actuators.len(), entries, products, spread });
+        }
+        self.actuators.push(CompiledActuator {
+            moment: arms.iter().map(|&(j, c)| (addresses[j].0, addresses[j].1, S::from_f64(c * a.gear))).collect(),
+            wrench,
+            ctrl_range: a.ctrl_range.map(scalars),
+            force_range: a.force_range.map(scalars),
+            act_range: a.act_range.map(scalars),
+            act,
+            activation: a.activation,
+            needs_motion,
+            servo,
+            train,
+        });
+    }
+
+    fn wrench(&mut self, scene: Scene<'_>, a: &Actuator) -> Option<CompiledWrench<S>> {
+        let Transmission::Site { site, reference, wrench } = a.transmission else { return None };
+        let at = |s: usize| spot::<S>(scene, s);
+        let (site, reference) = (at(site), reference.map(at));
+        let moves = |frame: usize, dof: usize| scene.movers[frame][dof / 64] >> (dof % 64) & 1 == 1;
+        let side = |dof: usize| match (moves(site.frame, dof), reference.is_some_and(|r| moves(r.frame, dof))) {
+            (true, false) => Some((dof, S::ONE)),
+            (false, true) => Some((dof, S::from_f64(-1.0))),
+            _ => None,
+        };
+        let dofs: Vec<_> = (0..scene.dofs.len()).filter_map(side).collect();
+        let wrench = wrench.map(|x| x * a.gear);
+        let is_angle = reference.is_some() && wrench[..3] == [0.0; 3] && wrench[3..] != [0.0; 3];
+        let turn = is_angle.then(|| S::from_f64(2.0 * PI * wrench[3..].iter().map(|x| x * x).sum::<f64>().sqrt()));
+        let compiled = CompiledWrench { site, reference, wrench: scalars(wrench), arms: self.arms, index: self.wrenches, turn, dofs };
+        self.arms += compiled.dofs.len();
+        self.wrenches += 1;
+        Some(compiled)
+    }
+
+    /// What of a train acts within a step; delay, lag and sampled servos act between steps.
+    fn train(&mut self, scene: Scene<'_>, a: &Actuator, train: Option<&DriveTrain>) -> Option<CompiledTrain<S>> {
+        let train = train?;
+        let row = |j: usize| scene.frictions.iter().position(|f| f.dof == scene.addresses[j].1);
+        let losses = match a.transmission {
+            Transmission::Joint(j) if train.loses() => row(j).map(|row| (row, S::from_f64(a.gear))),
+            _ => None,
+        };
+        let (servo, motor, limited) = (train.is_continuous_servo(), train.curve(), train.is_limited());
+        let acts = servo || motor.is_some() || limited || losses.is_some();
+        self.trains += usize::from(acts);
+        acts.then(|| CompiledTrain { index: self.trains - 1, servo, motor, limited, losses })
+    }
+
+    fn force_range(&self, dof: usize, range: [f64; 2]) -> CompiledForceRange<S> {
+        let acting = |(i, a): (usize, &CompiledActuator<S>)| {
+            a.moment.iter().filter(|&&(_, d, _)| d == dof).map(|&(_, _, arm)| (i, arm)).collect::<Vec<_>>()
+        };
+        let actuators: Vec<_> = self.actuators.iter().enumerate().flat_map(acting).collect();
+        let has_servos = actuators.iter().any(|&(i, _)| self.actuators[i].servo.is_some());
+        CompiledForceRange { dof, bounds: scalars(range), actuators, has_servos }
+    }
+
+    pub(super) fn servos_are_bounded(&self) -> bool {
+        let bounded = |a: &CompiledActuator<S>| a.force_range.is_some() || a.train.is_some();
+        self.servos.iter().any(|s| bounded(&self.actuators[s.actuator])) || self.force_ranges.iter().any(|r| r.has_servos)
+    }
+}
+
+fn spot<S: Scalar>(scene: Scene<'_>, site: usize) -> Spot<S> {
+    let (site, merged) = (&scene.model.sites[site], scene.merged);
+    let quat = merged.quat[site.body];
+    Spot {
+        frame: merged.frame[site.body],
+        pos: scalars((merged.pos[site.body] + quat * vector(site.pos)).into()),
+        mat: matrix(&(quat * quaternion(site.quat))),
+    }
+}
+
+/// Entry of the mass matrix for a dof and one above it; none if they lie on different branches.
+fn entry(scene: Scene<'_>, below: usize, above: usize) -> Option<usize> {
+    let dof = &scene.dofs[below];
+    scene.chain[dof.chain..dof.chain + dof.depth].iter().position(|&d| d as usize == above).map(|k| dof.chain + k)
+}
+
+/// Entries of a a^T in the layout of the mass matrix, for a moment (dof, arm); see [`crate::actuation::forces`] for moments across branches.
+fn entries(moment: &[(usize, f64)], scene: Scene<'_>) -> Vec<(usize, f64)> {
+    let mut arms: Vec<(usize, f64)> = Vec::new();
+    for &(dof, arm) in moment {
+        match arms.iter_mut().find(|(d, _)| *d == dof) {
+            Some((_, sum)) => *sum += arm,
+            None => arms.push((dof, arm)),
+        }
+    }
+    // The deepest first: its chain holds all the others, or the moment goes across branches.
+    arms.sort_by_key(|&(dof, _)| std::cmp::Reverse(scene.dofs[dof].depth));
+    let pairs = arms.iter().enumerate().flat_map(|(k, &below)| arms[k..].iter().map(move |&above| (below, above)));
+    let product = |((i, a), (j, b)): ((usize, f64), (usize, f64))| entry(scene, i, j).map(|entry| (entry, a * b));
+    pairs.map(product).collect::<Option<Vec<_>>>().unwrap_or_else(|| {
+        let total: f64 = arms.iter().map(|(_, arm)| arm.abs()).sum();
+        arms.iter().map(|&(dof, arm)| (scene.dofs[dof].chain, arm.abs() * total)).collect()
+    })
+}
+
+type Products = (Vec<(usize, [usize; 2])>, Vec<(usize, usize)>);
+
+/// The same for a wrench, whose arms change: entries with the arms whose product they get, or, across branches, diagonal entries.
+fn products<S: Scalar>(wrench: &CompiledWrench<S>, scene: Scene<'_>) -> Products {
+    let mut dofs: Vec<(usize, usize)> = wrench.dofs.iter().enumerate().map(|(k, &(dof, _))| (dof, wrench.arms + k)).collect();
+    dofs.sort_by_key(|&(dof, _)| std::cmp::Reverse(scene.dofs[dof].depth));
+    let pairs = dofs.iter().enumerate().flat_map(|(k, &below)| dofs[k..].iter().map(move |&above| (below, above)));
+    let product = |((i, a), (j, b)): ((usize, usize), (usize, usize))| entry(scene, i, j).map(|entry| (entry, [a, b]));
+    match pairs.map(product).collect::<Option<Vec<_>>>() {
+        Some(products) => (products, vec![]),
+        None => (vec![], dofs.iter().map(|&(dof, arm)| (scene.dofs[dof].chain, arm)).collect()),
+    }
+}

@@ -1,0 +1,315 @@
+//! Collision geometry: where geoms are fixed, and the pairs that can touch.
+
+use std::cmp::Ordering;
+use std::marker::PhantomData;
+use std::sync::Arc;
+
+use stepper_real::{Real, Scalar};
+
+use crate::compile::merging::{Merged, matrix, quaternion, vector};
+use crate::compile::parameters::{ContactParams, Params};
+use crate::geometry::{ConvexShape, Grid, MeshSurface, Solid, Surface};
+use crate::model::{Filter, Geom, GeomPair, HeightField, Kernel, Mesh, Model, Shape};
+
+/// A geom that takes part in collision.
+#[derive(Clone, Debug)]
+pub struct CompiledGeom<S> {
+    /// Its index in the model.
+    pub index: usize,
+    /// The frame that it is fixed to.
+    pub frame: usize,
+    /// Whether it is a half space.
+    pub is_plane: bool,
+    /// Whether all that touches it is at one distance from a point of it, the nearest of its axis: a sphere or a capsule.
+    pub is_round: bool,
+    /// Its orientation in the frame.
+    pub mat: [S; 9],
+    /// Whether any pair reads more of its orientation than its z axis.
+    pub full_orientation: bool,
+    /// What [`Kernel::Convex`] collides; not there when no pair asks for it.
+    pub solid: Option<Solid>,
+}
+
+impl<S: Scalar> CompiledGeom<S> {
+    /// Prepares it for [`Kernel::Convex`].
+    fn make_solid(&mut self, model: &Model, shape: &Shape) {
+        self.solid.get_or_insert_with(|| solid(model, shape));
+        self.full_orientation = true;
+    }
+}
+
+/// Two geoms that can touch.
+#[derive(Clone, Copy, Debug)]
+pub struct CompiledPair<S> {
+    /// Indices into the compiled model's geoms.
+    pub geoms: [usize; 2],
+    /// Narrow phase.
+    pub kernel: Kernel,
+    /// Rows of a contact: 1, 3, 4 or 6.
+    pub condim: u8,
+    /// Distance at which the contact pushes, m.
+    pub margin: S,
+}
+
+/// Geoms that all may meet one another, so many that their pairs are found anew in every step instead of being listed.
+#[derive(Clone, Debug)]
+pub struct Crowd<S> {
+    /// Its geoms, ascending.
+    pub members: Vec<Member>,
+    /// Radius of the largest ball about one of them, margin included, m.
+    pub widest: f64,
+    /// Number of the first pair; those before are listed.
+    first: usize,
+    filter: Filter,
+    /// Of every geom of the model.
+    shapes: Vec<Shape>,
+    wide: bool,
+    scalar: PhantomData<S>,
+}
+
+/// A geom of a crowd.
+#[derive(Clone, Copy, Debug)]
+pub struct Member {
+    /// Index into the compiled model's geoms.
+    pub geom: usize,
+    /// Its index in the model.
+    model_geom: usize,
+    /// Its share of the margin of a pair, m.
+    pub margin: f64,
+}
+
+impl<S: Scalar> Crowd<S> {
+    /// Number of the pair of the members `i` and `j`: ascending with `i`, then `j`.
+    pub fn number(&self, i: usize, j: usize) -> usize {
+        self.first + i * self.members.len() + j
+    }
+
+    /// Members of a pair.
+    fn members_of(&self, number: usize) -> Option<[&Member; 2]> {
+        let (n, k) = (self.members.len(), number.checked_sub(self.first)?);
+        Some([self.members.get(k / n)?, &self.members[k % n]])
+    }
+
+    /// Geoms of a pair in the compiled model, the simpler shape first.
+    pub fn geoms(&self, number: usize) -> Option<[usize; 2]> {
+        let [a, b] = self.members_of(number)?;
+        let swap = self.filter.ordered([a.model_geom, b.model_geom])[0] != a.model_geom;
+        Some(if swap { [b.geom, a.geom] } else { [a.geom, b.geom] })
+    }
+
+    /// A pair, if it can collide.
+    pub fn pair(&self, number: usize) -> Option<CompiledPair<S>> {
+        let [a, b] = self.members_of(number)?;
+        let geoms = self.filter.ordered([a.model_geom, b.model_geom]);
+        if self.filter.is_explicit(geoms) {
+            return None;
+        }
+        let shapes = geoms.map(|g| &self.shapes[g]);
+        let pair = self.filter.pair(geoms)?;
+        Some(pair_plan(&pair, Kernel::of(shapes[0], shapes[1])?, self.geoms(number)?))
+    }
+
+    /// What the contacts of a pair are like, from what the geoms bring (see [`Filter::precedence`]).
+    #[inline(always)]
+    pub(super) fn contact<R: Real<Scalar = S>>(&self, number: usize, params: &Params<R>) -> ContactParams<R> {
+        let [a, b] = self.members_of(number).expect("a pair of the crowd").map(|m| m.model_geom);
+        let (order, condim) = self.filter.precedence([a, b]);
+        let (a, b) = (params.member(a), params.member(b));
+        let either = |k: usize| match order {
+            Ordering::Greater => a[k],
+            Ordering::Less => b[k],
+            Ordering::Equal => a[k].max(b[k]),
+        };
+        let more = |least: u8, x: R| if condim > least { x } else { R::zero() };
+        ContactParams { mu: more(1, either(0)), torsion: more(3, either(1)), rolling: more(4, either(2)), restitution: a[3].max(b[3]) }
+    }
+
+    /// Whether any of its pairs can have more than sliding friction.
+    pub fn is_wide(&self) -> bool {
+        self.wide
+    }
+
+    /// Bound on the contacts that its pairs can have at once, m members having no more neighbours than fit around them.
+    pub fn contact_points(&self) -> usize {
+        self.members.len() * NEIGHBOUR_POINTS
+    }
+}
+
+/// Contacts that a geom among many of its like brings: half of twelve neighbours (the kissing number), up to eight points each.
+const NEIGHBOUR_POINTS: usize = 48;
+/// A model with more pairs than this among its geoms of ordinary size makes a crowd of them.
+const LISTED_PAIRS: usize = 3000;
+/// How many times larger than the median a geom must be to stay out of the crowd: its cubes would hold everybody.
+const LARGE: f64 = 8.0;
+
+/// Geoms, listed pairs and crowd.
+pub(crate) type Collision<S> = (Vec<CompiledGeom<S>>, Vec<CompiledPair<S>>, Option<Crowd<S>>);
+
+pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S> {
+    let filter = Filter::new(model);
+    let among = crowded(model);
+    let mut slot = vec![None; model.geoms.len()];
+    let mut geoms: Vec<CompiledGeom<S>> = Vec::new();
+    let mut place = |g: usize, geoms: &mut Vec<CompiledGeom<S>>| {
+        *slot[g].get_or_insert_with(|| {
+            geoms.push(geom(model, merged, g));
+            geoms.len() - 1
+        })
+    };
+    let mut pairs = Vec::new();
+    for pair in listed_pairs(model, &filter, &among) {
+        let shapes = pair.geoms.map(|g| &model.geoms[g].shape);
+        let Some(kernel) = Kernel::of(shapes[0], shapes[1]) else { continue };
+        let places = pair.geoms.map(|g| place(g, &mut geoms));
+        if matches!(kernel, Kernel::Convex | Kernel::Surface) {
+            places.into_iter().zip(shapes).for_each(|(g, shape)| geoms[g].make_solid(model, shape));
+        }
+        pairs.push(pair_plan(&pair, kernel, places));
+    }
+    let mut members = Vec::new();
+    for g in (0..model.geoms.len()).filter(|&g| among[g]) {
+        members.push(Member { geom: place(g, &mut geoms), model_geom: g, margin: model.geoms[g].margin });
+    }
+    for (m, shape) in members.iter().map(|m| (m, &model.geoms[m.model_geom].shape)) {
+        let meets_convex = |other: &Member| {
+            let [a, b] = filter.ordered([m.model_geom, other.model_geom]).map(|g| &model.geoms[g].shape);
+            matches!(Kernel::of(a, b), Some(Kernel::Convex | Kernel::Surface))
+        };
+        if members.iter().any(meets_convex) {
+            geoms[m.geom].make_solid(model, shape);
+        }
+    }
+    let crowd = (!members.is_empty()).then(|| Crowd {
+        widest: members.iter().map(|m| bound(model, &model.geoms[m.model_geom].shape) + m.margin).fold(0.0, f64::max),
+        wide: members.iter().any(|m| model.geoms[m.model_geom].condim > 3),
+        members,
+        first: pairs.len(),
+        filter,
+        shapes: model.geoms.iter().map(|g| g.shape.clone()).collect(),
+        scalar: PhantomData,
+    });
+    (geoms, pairs, crowd)
+}
+
+/// For every geom whether it is one of a crowd; none is, where a list of pairs is short.
+fn crowded(model: &Model) -> Vec<bool> {
+    let can = |g: &Geom| (g.contype | g.conaffinity) != 0 && !g.shape.is_surface() && !matches!(g.shape, Shape::Plane);
+    let size = |g: &Geom| bound(model, &g.shape);
+    let mut sizes: Vec<f64> = model.geoms.iter().filter(|g| can(g)).map(size).collect();
+    sizes.sort_by(f64::total_cmp);
+    let median = sizes.get(sizes.len() / 2).copied().unwrap_or(0.0);
+    let among: Vec<bool> = model.geoms.iter().map(|g| can(g) && size(g) <= LARGE * median).collect();
+    let n = among.iter().filter(|&&x| x).count();
+    if n * n.saturating_sub(1) / 2 > LISTED_PAIRS && n < (1 << 16) { among } else { vec![false; model.geoms.len()] }
+}
+
+/// The pairs that can collide, but for those of the crowd with itself: those with torsional or rolling friction first, ascending by their geoms.
+///
+/// Contacts are in the order of their pairs, so that those with six rows have the same slots in all lanes.
+fn listed_pairs(model: &Model, filter: &Filter, among: &[bool]) -> Vec<GeomPair> {
+    let all = 0..model.geoms.len();
+    let one_outside = all.clone().filter(|&a| !among[a]).flat_map(|a| all.clone().filter(move |&b| among[b] || b > a).map(move |b| [a, b]));
+    let explicit = filter.explicit().filter(|&[a, b]| among[a] && among[b]);
+    let mut pairs: Vec<GeomPair> = one_outside.chain(explicit).filter_map(|g| filter.pair(filter.ordered(g))).collect();
+    pairs.sort_by_key(|p| (p.condim <= 3, p.geoms));
+    pairs
+}
+
+/// How large and how thin a geom is.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Bulk {
+    pub(super) bound: f64,
+    pub(super) inner: f64,
+}
+
+pub(super) fn bulk(model: &Model, geom: usize) -> Bulk {
+    let shape = &model.geoms[geom].shape;
+    Bulk { bound: bound(model, shape), inner: inner(model, shape) }
+}
+
+fn pair_plan<S: Scalar>(pair: &GeomPair, kernel: Kernel, geoms: [usize; 2]) -> CompiledPair<S> {
+    CompiledPair { geoms, kernel, condim: pair.condim, margin: S::from_f64(pair.margin) }
+}
+
+fn geom<S: Scalar>(model: &Model, merged: &Merged, index: usize) -> CompiledGeom<S> {
+    let g = &model.geoms[index];
+    let quat = merged.quat[g.body] * quaternion(g.quat);
+    CompiledGeom {
+        index,
+        frame: merged.frame[g.body],
+        is_plane: matches!(g.shape, Shape::Plane),
+        is_round: matches!(g.shape, Shape::Sphere { .. } | Shape::Capsule { .. }),
+        mat: matrix(&quat),
+        full_orientation: !matches!(g.shape, Shape::Plane | Shape::Sphere { .. } | Shape::Capsule { .. }),
+        solid: None,
+    }
+}
+
+/// What a step reads of a shape's size: radius, half length (capsule, cylinder), half sizes (box) or half axes (ellipsoid), m.
+pub(super) fn size(shape: &Shape) -> [f64; 3] {
+    match *shape {
+        Shape::Sphere { radius } => [radius, 0.0, 0.0],
+        Shape::Capsule { radius, half_length } | Shape::Cylinder { radius, half_length } => [radius, half_length, 0.0],
+        Shape::Box { half } => half,
+        Shape::Ellipsoid { radii } => radii,
+        Shape::Plane | Shape::HeightField { .. } | Shape::Mesh { .. } => [0.0; 3],
+    }
+}
+
+/// Half the least width: nothing for a surface, and a mesh is taken for a tenth as thin as it is wide.
+fn inner(model: &Model, shape: &Shape) -> f64 {
+    let least = |sizes: &[f64]| sizes.iter().copied().fold(f64::INFINITY, f64::min);
+    match *shape {
+        Shape::Plane => f64::INFINITY,
+        _ if shape.is_surface() => 0.0,
+        Shape::Sphere { radius } | Shape::Capsule { radius, .. } => radius,
+        Shape::Mesh { .. } | Shape::HeightField { .. } => 0.1 * bound(model, shape),
+        Shape::Cylinder { radius, half_length } => radius.min(half_length),
+        Shape::Ellipsoid { radii } => least(&radii),
+        Shape::Box { half } => least(&half),
+    }
+}
+
+fn solid(model: &Model, shape: &Shape) -> Solid {
+    Solid::Convex(match *shape {
+        Shape::Plane => return Solid::HalfSpace,
+        Shape::Sphere { radius } => ConvexShape::Sphere { radius },
+        Shape::Capsule { radius, half_length } => ConvexShape::Capsule { radius, half_length },
+        Shape::Cylinder { radius, half_length } => ConvexShape::Cylinder { radius, half_length },
+        Shape::Ellipsoid { radii } => ConvexShape::Ellipsoid { radii },
+        Shape::Box { half } => ConvexShape::Box { half },
+        Shape::Mesh { concave, .. } => {
+            if concave {
+                let mesh = model.mesh_of(shape).expect(CHECKED);
+                return Solid::Surface(Arc::new(Surface::Mesh(MeshSurface::new(&mesh.vertices, &mesh.faces))));
+            }
+            ConvexShape::Hull(model.hull_of(shape).expect(CHECKED).clone())
+        }
+        Shape::HeightField { .. } => {
+            let HeightField { shape, half, elevation, base, .. } = model.height_field_of(shape).expect(CHECKED).clone();
+            return Solid::Surface(Arc::new(Surface::Grid(Grid::new(shape, half, elevation, base))));
+        }
+    })
+}
+
+/// Why an asset is there.
+const CHECKED: &str = "a finished model has the form of every geom that can touch others";
+
+/// Radius of a ball about the geom's origin that holds it.
+fn bound(model: &Model, shape: &Shape) -> f64 {
+    match *shape {
+        Shape::Plane => f64::INFINITY,
+        // A mesh that nothing can touch comes without its form.
+        Shape::Mesh { .. } => model.mesh_of(shape).map_or(f64::INFINITY, Mesh::radius),
+        Shape::HeightField { .. } => {
+            let field = model.height_field_of(shape).expect(CHECKED);
+            let depth = field.elevation.iter().fold(field.base, |most, z| most.max(z.abs()));
+            field.half[0].hypot(field.half[1]).hypot(depth)
+        }
+        Shape::Sphere { radius } => radius,
+        Shape::Capsule { radius, half_length } => radius + half_length,
+        Shape::Cylinder { radius, half_length } => radius.hypot(half_length),
+        Shape::Ellipsoid { radii } => radii.into_iter().fold(0.0, f64::max),
+        Shape::Box { half } => vector(half).norm(),
+    }
+}

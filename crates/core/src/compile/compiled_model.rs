@@ -1,0 +1,151 @@
+//! The compiled model: what the step reads, and no more than this scene needs.
+//!
+//! Bodies that cannot move against their parent are merged into one *link*. A *frame* is anything a geom can be fixed to: frame 0 is the world,
+//! frames `1..=links` the links, the rest bodies that the user poses (mocap). Pairs that can never collide are not in the list.
+
+use stepper_real::Scalar;
+
+use crate::compile::actuators::{CompiledActuator, CompiledForceRange, CompiledServo, CompiledTrain};
+use crate::compile::collision::{CompiledGeom, CompiledPair, Crowd};
+use crate::compile::equality::{CompiledTendon, EqualityBlock};
+use crate::compile::merging::Merged;
+use crate::compile::parameters::Params;
+use crate::compile::passive::{CompiledFluid, CompiledSurface, GravityCompensation};
+use crate::compile::sensing::CompiledSensing;
+use crate::compile::tree::{
+    Below, CompiledBallLimit, CompiledBody, CompiledFriction, CompiledJoint, CompiledLimit, CompiledMocap, CompiledSpinner, Dof, Link,
+};
+
+/// Everything of a model that a step reads, in the scalar type of its lanes: its structure, and the numbers that all environments share.
+#[derive(Clone, Debug)]
+pub struct CompiledModel<S: Scalar> {
+    /// Number of configuration coordinates.
+    pub nq: usize,
+    /// Number of degrees of freedom.
+    pub nv: usize,
+    /// Number of actuator activations.
+    pub na: usize,
+    /// Number of kinematic trees.
+    pub ntree: usize,
+    /// The model's own parameters; environments may have others, see [`LaneModel`].
+    pub params: Params<S>,
+    /// Velocity of the medium, m/s.
+    pub wind: [S; 3],
+    /// What the medium acts on.
+    pub fluid: Vec<CompiledFluid<S>>,
+    /// Single bodies that can tumble.
+    pub spinners: Vec<CompiledSpinner<S>>,
+    /// Forces against gravity.
+    pub compensation: Vec<GravityCompensation>,
+    /// Surfaces that no degree of freedom moves.
+    pub surfaces: Vec<CompiledSurface<S>>,
+    /// Moving bodies, parents first; link l is frame l + 1.
+    pub links: Vec<Link<S>>,
+    /// Joints, by link.
+    pub joints: Vec<CompiledJoint<S>>,
+    /// Degrees of freedom.
+    pub dofs: Vec<Dof>,
+    /// `chain[dof.chain..][..dof.depth]`: the dof and its ancestors, towards the root. Also the layout of the mass matrix's entries.
+    pub chain: Vec<u32>,
+    /// `below[dof.below]`: the dofs that have a dof in their chain, itself left out, the last first.
+    pub below: Vec<Below>,
+    /// For every frame, the set of dofs that move it, as 64-bit words.
+    pub movers: Vec<Vec<u64>>,
+    /// Frames of mocap bodies and the bodies themselves.
+    pub mocap: Vec<CompiledMocap<S>>,
+    /// Frame and pose in it of every body.
+    pub bodies: Vec<CompiledBody<S>>,
+    /// Geoms that take part in collision.
+    pub geoms: Vec<CompiledGeom<S>>,
+    /// Pairs that can collide and for which there is a kernel, in a fixed order; all of them, if there is no crowd.
+    pub pairs: Vec<CompiledPair<S>>,
+    /// Geoms whose pairs are too many to list.
+    pub crowd: Option<Crowd<S>>,
+    /// Which links nothing holds; empty if all are held.
+    pub loose: Vec<bool>,
+    /// Whether any pair can have torsional or rolling friction.
+    pub wide: bool,
+    /// Joint limits.
+    pub limits: Vec<CompiledLimit>,
+    /// Dry friction.
+    pub frictions: Vec<CompiledFriction>,
+    /// Equalities that act.
+    pub equalities: Vec<EqualityBlock<S>>,
+    /// Limits of ball joints.
+    pub ball_limits: Vec<CompiledBallLimit>,
+    /// Fixed tendons with limits, dry friction, springs, dampers or inertia.
+    pub tendons: Vec<CompiledTendon<S>>,
+    /// Impulses that survive a step, one for every scalar row that there can be: limits, dry friction, then what names its `owner`.
+    pub scalar_impulses: usize,
+    /// Actuators.
+    pub actuators: Vec<CompiledActuator<S>>,
+    /// Actuators whose force depends on their own motion.
+    pub servos: Vec<CompiledServo<S>>,
+    /// Bounds of the sum of actuator forces on a dof.
+    pub actuator_force_ranges: Vec<CompiledForceRange<S>>,
+    /// Whether Euler's rule takes the joints' damping explicitly.
+    pub explicit_damping: bool,
+    /// Whether a bound, of its own or of a joint, holds for any servo.
+    pub servos_are_bounded: bool,
+    /// Arms of all wrenches at sites, and how many wrenches there are.
+    pub wrench_arms: [usize; 2],
+    /// Drive trains that act within a step.
+    pub trains: usize,
+    /// Whether drive trains lose effort to friction.
+    pub lossy: bool,
+    /// Sensors: what each reads.
+    pub sensing: CompiledSensing<S>,
+    /// Whether there are pairs that can pass through one another: anything but half spaces and height fields.
+    pub has_thin: bool,
+    /// Contacts that can exist at once.
+    pub contact_points: usize,
+    pub(crate) merged: Merged,
+}
+
+impl<S: Scalar> CompiledModel<S> {
+    /// Number of frames: the world, the links and the mocap bodies.
+    pub fn nframe(&self) -> usize {
+        1 + self.links.len() + self.mocap.len()
+    }
+
+    /// A pair by its number.
+    ///
+    /// # Panics
+    /// When there is none.
+    #[inline(always)]
+    pub fn pair(&self, number: usize) -> CompiledPair<S> {
+        match self.pairs.get(number) {
+            Some(pair) => *pair,
+            None => self.crowd.as_ref().and_then(|c| c.pair(number)).expect("a contact belongs to a pair"),
+        }
+    }
+
+    /// Geoms of a pair, the simpler shape first; `None` if there is no pair of this number.
+    #[inline(always)]
+    pub fn pair_geoms(&self, number: usize) -> Option<[usize; 2]> {
+        match self.pairs.get(number) {
+            Some(pair) => Some(pair.geoms),
+            None => self.crowd.as_ref()?.geoms(number),
+        }
+    }
+
+    /// Whether any actuator's effort has bounds.
+    pub fn efforts_are_bounded(&self) -> bool {
+        let bounded = |t: &CompiledTrain<S>| t.limited || t.motor.is_some();
+        let own = self.actuators.iter().any(|a| a.force_range.is_some() || a.train.as_ref().is_some_and(bounded));
+        own || !self.actuator_force_ranges.is_empty()
+    }
+
+    /// The dof and its ancestors, towards the root.
+    #[inline(always)]
+    pub fn chain_of(&self, dof: usize) -> &[u32] {
+        let d = &self.dofs[dof];
+        &self.chain[d.chain..d.chain + d.depth]
+    }
+
+    /// The descendants of a dof, the last first.
+    #[inline(always)]
+    pub fn below(&self, dof: usize) -> &[Below] {
+        &self.below[self.dofs[dof].below.clone()]
+    }
+}

@@ -1,0 +1,122 @@
+//! The compiler: from a finished model to its compiled form.
+
+use stepper_real::Scalar;
+
+use crate::compile::collision::Crowd;
+use crate::compile::compiled_model::CompiledModel;
+use crate::compile::limits::{ball_limits, frictions, limits};
+use crate::compile::merging::Merged;
+use crate::compile::parameters::Params;
+use crate::compile::sensing::CompiledSensing;
+use crate::compile::tree::{CompiledJoint, CompiledSpinner, Link, scalars};
+use crate::compile::{actuators, collision, equality, merging, passive};
+use crate::model::drive_train::DriveTrain;
+use crate::model::{JointKind, Model};
+
+impl<S: Scalar> CompiledModel<S> {
+    /// Compiles a finished model.
+    pub fn new(model: &Model) -> Self {
+        Self::with_trains(model, &[])
+    }
+
+    /// The same with drive trains, one entry for every actuator; the model is what [`DriveTrain::fold`] made of it.
+    pub fn with_trains(model: &Model, trains: &[Option<DriveTrain>]) -> Self {
+        let merged = Merged::new(model);
+        let addresses = model.joint_addresses();
+        let (dofs, below) = merging::dofs(model, &merged);
+        let chain = merged.chain.clone();
+        let (limits, frictions) = (limits(model, &addresses), frictions(model, trains, &addresses));
+        let mut scalar_impulses = limits.len() + frictions.len();
+        let ball_limits = ball_limits(model, &addresses, &mut scalar_impulses);
+        let compiler = equality::Compiler { model, merged: &merged, addresses: &addresses };
+        let (equalities, tendons) = (compiler.equalities(&mut scalar_impulses), compiler.tendons(&mut scalar_impulses));
+        let (geoms, pairs, crowd) = collision::compile::<S>(model, &merged);
+        let has_thin = crowd.is_some() || pairs.iter().any(|p| !p.geoms.iter().any(|&g| geoms[g].is_plane));
+        let listed: usize = pairs.iter().map(|p| p.kernel.points()).sum();
+        let contact_points = listed + crowd.as_ref().map_or(0, Crowd::contact_points);
+        let (links, joints) = (merging::links(model, &merged), merging::joints(model, &addresses));
+        let spinners = Self::spinners(&links, &joints);
+        let movers = merged.movers(model.nv());
+        let scene = actuators::Scene {
+            model,
+            merged: &merged,
+            addresses: &addresses,
+            movers: &movers,
+            dofs: &dofs,
+            chain: &chain,
+            frictions: &frictions,
+        };
+        let drives = actuators::Drives::new(scene, trains);
+        let lossy = frictions.iter().any(|f| f.driven);
+        let mut compiled = Self {
+            nq: model.nq(),
+            nv: model.nv(),
+            na: model.na(),
+            ntree: merged.ntree,
+            params: Params::default(),
+            wind: scalars(model.medium.wind),
+            fluid: passive::fluid(model, &merged),
+            compensation: passive::compensation(model, &merged),
+            surfaces: passive::surfaces(model, &geoms, merged.leaders.len()),
+            loose: Self::loose(&spinners, links.len()),
+            spinners,
+            links,
+            joints,
+            dofs,
+            chain,
+            below,
+            movers,
+            mocap: merging::mocap(model, &merged),
+            bodies: merging::bodies(model, &merged),
+            geoms,
+            wide: crowd.as_ref().is_some_and(Crowd::is_wide) || pairs.iter().any(|p| p.condim > 3),
+            pairs,
+            crowd,
+            limits,
+            frictions,
+            ball_limits,
+            equalities,
+            scalar_impulses,
+            explicit_damping: model.explicit_damping,
+            servos_are_bounded: drives.servos_are_bounded(),
+            wrench_arms: [drives.arms, drives.wrenches],
+            trains: drives.trains,
+            lossy,
+            actuators: drives.actuators,
+            servos: drives.servos,
+            actuator_force_ranges: drives.force_ranges,
+            sensing: CompiledSensing::new(model, &merged, &tendons, lossy),
+            tendons,
+            has_thin,
+            contact_points,
+            merged,
+        };
+        compiled.params = compiled.params_of(model).map(S::from_f64);
+        compiled
+    }
+
+    /// Links that are alone on a free or ball joint.
+    fn spinners(links: &[Link<S>], joints: &[CompiledJoint<S>]) -> Vec<CompiledSpinner<S>> {
+        let alone = |l: usize| links[l].is_root && !links.iter().any(|other| !other.is_root && other.parent == l + 1);
+        let spinner = |l: usize| {
+            let link = &links[l];
+            let [joint] = &joints[link.joints.clone()] else { return None };
+            if !matches!(joint.kind, JointKind::Free | JointKind::Ball) || !alone(l) {
+                return None;
+            }
+            let anchor = if joint.kind == JointKind::Ball { joint.anchor } else { [S::default(); 3] };
+            Some(CompiledSpinner { link: l, dof: joint.v, kind: joint.kind, anchor })
+        };
+        (0..links.len()).filter_map(spinner).collect()
+    }
+
+    /// Which of `links` links are alone on a free joint; empty if none is.
+    fn loose(spinners: &[CompiledSpinner<S>], links: usize) -> Vec<bool> {
+        let mut loose = vec![];
+        for spinner in spinners.iter().filter(|s| s.kind == JointKind::Free) {
+            loose.resize(links, false);
+            loose[spinner.link] = true;
+        }
+        loose
+    }
+}

@@ -1,0 +1,270 @@
+//! Equalities and tendons, compiled: what their rows are made from, and which of them are solved together.
+
+use stepper_real::{Real, Scalar};
+
+use crate::compile::merging::matrix;
+use crate::compile::merging::{Merged, quaternion, vector};
+use crate::compile::tree::scalars;
+use crate::model::{Equality, EqualityKind, Model};
+
+/// A linear combination of scalar joints: a fixed tendon, or one joint.
+#[derive(Clone, Debug)]
+pub struct Combination<S> {
+    /// Address in q, degree of freedom, coefficient.
+    pub terms: Vec<(usize, usize, S)>,
+    /// Its value at `qpos0`.
+    pub reference: S,
+}
+
+impl<S: Scalar> Combination<S> {
+    /// Its value at a configuration.
+    #[inline(always)]
+    pub fn value<R: Real<Scalar = S>>(&self, q: &[R]) -> R {
+        let mut x = R::zero();
+        for &(at, _, c) in &self.terms {
+            x += R::splat(c) * q[at];
+        }
+        x
+    }
+
+    /// Its rate at a velocity.
+    #[inline(always)]
+    pub fn rate<R: Real<Scalar = S>>(&self, v: &[R]) -> R {
+        let mut x = R::zero();
+        for &(_, dof, c) in &self.terms {
+            x += R::splat(c) * v[dof];
+        }
+        x
+    }
+}
+
+/// What an equality's rows are made from.
+#[derive(Clone, Debug)]
+pub enum EqualityRows<S> {
+    /// Two points that meet, and two orientations that agree if there are any.
+    Points {
+        /// Frames that the points are fixed to.
+        frames: [usize; 2],
+        /// The points in them, m.
+        anchors: [[S; 3]; 2],
+        /// The orientations in them that agree, and the weight of a radian, m.
+        turn: Option<([[S; 9]; 2], S)>,
+    },
+    /// `x - ref = polynomial(other - ref)`.
+    Coupling {
+        /// x
+        first: Combination<S>,
+        /// other
+        second: Option<Combination<S>>,
+        /// Coefficients of the powers 0 to 4.
+        polynomial: [S; 5],
+    },
+}
+
+/// A spring with a damper and inertia along a row.
+#[derive(Clone, Copy, Debug)]
+pub struct Spring<S> {
+    /// N/u
+    pub stiffness: S,
+    /// N s/u
+    pub damping: S,
+    /// N s^2/u
+    pub inertia: S,
+}
+
+/// An equality that acts.
+#[derive(Clone, Debug)]
+pub struct CompiledEquality<S> {
+    /// What its rows are made from.
+    pub rows: EqualityRows<S>,
+    /// Degrees of freedom that it moves, with their ancestors, ascending.
+    pub support: Vec<u32>,
+    /// `None` when it is hard.
+    pub spring: Option<Spring<S>>,
+    /// Index of its first row's impulse.
+    pub owner: usize,
+}
+
+/// Equalities whose rows are made together: on the same support, and orthogonal if they are hard.
+#[derive(Clone, Debug)]
+pub struct EqualityBlock<S> {
+    /// Its equalities.
+    pub equalities: Vec<CompiledEquality<S>>,
+    /// Degrees of freedom that any of them moves, with their ancestors, ascending.
+    pub support: Vec<u32>,
+    /// Number of its rows.
+    pub rows: usize,
+    /// Whether all are hard, so that they are made orthogonal.
+    pub hard: bool,
+    /// Whether they are hard and no other hard one shares a degree of freedom with them, so that they can be taken out of all other rows. Such
+    /// blocks come first.
+    pub separate: bool,
+    /// `support` as a set, in 64-bit words.
+    pub set: Vec<u64>,
+}
+
+/// A fixed tendon with rows of its own.
+#[derive(Clone, Debug)]
+pub struct CompiledTendon<S> {
+    /// The model's tendon.
+    pub index: usize,
+    /// Its length.
+    pub length: Combination<S>,
+    /// Degrees of freedom that it moves, with their ancestors, ascending.
+    pub support: Vec<u32>,
+    /// Lowest and highest length, u.
+    pub range: Option<[S; 2]>,
+    /// Dry friction, N; 0 for none.
+    pub friction: S,
+    /// Spring, damper and inertia, and the lengths between which the spring is slack.
+    pub spring: Option<(Spring<S>, [S; 2])>,
+    /// Index of the impulses of limit, dry friction and spring: three.
+    pub owner: usize,
+}
+
+/// Most rows that are made orthogonal together: the cost grows with their square.
+const MOST_ROWS: usize = 48;
+
+/// Who joins which degrees of freedom.
+pub(super) struct Compiler<'a> {
+    pub(super) model: &'a Model,
+    pub(super) merged: &'a Merged,
+    pub(super) addresses: &'a [(usize, usize)],
+}
+
+impl Compiler<'_> {
+    fn combination<S: Scalar>(&self, joints: &[(usize, f64)]) -> Combination<S> {
+        let terms = joints.iter().map(|&(j, c)| (self.addresses[j].0, self.addresses[j].1, S::from_f64(c))).collect();
+        let reference = joints.iter().map(|&(j, c)| c * self.model.qpos0[self.addresses[j].0]).sum();
+        Combination { terms, reference: S::from_f64(reference) }
+    }
+
+    /// The dofs, with their ancestors, ascending.
+    fn with_ancestors(&self, dofs: impl Iterator<Item = usize>) -> Vec<u32> {
+        let mut all: Vec<u32> = dofs.flat_map(|d| self.merged.chain_of(d).to_vec()).collect();
+        all.sort_unstable();
+        all.dedup();
+        all
+    }
+
+    fn rows<S: Scalar>(&self, kind: &EqualityKind) -> (EqualityRows<S>, Vec<u32>) {
+        match kind {
+            EqualityKind::Connect { bodies, anchors } => self.points(*bodies, *anchors, None),
+            EqualityKind::Weld { bodies, anchors, relpose, torquescale } => self.points(*bodies, *anchors, Some((*relpose, *torquescale))),
+            EqualityKind::Joint { joint, other, polycoef } => {
+                self.coupling(&[(*joint, 1.0)], other.map(|j| vec![(j, 1.0)]).as_deref(), polycoef)
+            }
+            EqualityKind::Tendon { tendon, other, polycoef } => {
+                let joints = |t: usize| &self.model.tendons[t].joints[..];
+                self.coupling(joints(*tendon), other.map(joints), polycoef)
+            }
+        }
+    }
+
+    fn points<S: Scalar>(&self, bodies: [usize; 2], anchors: [[f64; 3]; 2], turn: Option<([f64; 4], f64)>) -> (EqualityRows<S>, Vec<u32>) {
+        let [a, b] = bodies;
+        let place = |body: usize, anchor: [f64; 3]| scalars((self.merged.pos[body] + self.merged.quat[body] * vector(anchor)).into());
+        let turn = turn.map(|(relpose, weight)| {
+            let first = self.merged.quat[a] * quaternion(relpose);
+            ([matrix(&first), matrix(&self.merged.quat[b])], S::from_f64(weight))
+        });
+        let frames = bodies.map(|b| self.merged.frame[b]);
+        let movers = frames.into_iter().filter_map(|f| self.merged.last_dof(f));
+        let support = self.with_ancestors(movers);
+        (EqualityRows::Points { frames, anchors: [place(a, anchors[0]), place(b, anchors[1])], turn }, support)
+    }
+
+    fn coupling<S: Scalar>(
+        &self,
+        first: &[(usize, f64)],
+        second: Option<&[(usize, f64)]>,
+        polynomial: &[f64; 5],
+    ) -> (EqualityRows<S>, Vec<u32>) {
+        let joints = first.iter().chain(second.into_iter().flatten());
+        let support = self.with_ancestors(joints.map(|&(j, _)| self.addresses[j].1));
+        let (first, second) = (self.combination(first), second.map(|s| self.combination(s)));
+        (EqualityRows::Coupling { first, second, polynomial: scalars(*polynomial) }, support)
+    }
+
+    /// The equalities that act, in blocks: hard ones that share a degree of freedom together, as long as they are few. `owner` counts impulses.
+    pub(super) fn equalities<S: Scalar>(&self, owner: &mut usize) -> Vec<EqualityBlock<S>> {
+        let mut blocks: Vec<EqualityBlock<S>> = Vec::new();
+        for equality in self.model.equalities.iter().filter(|e| e.active) {
+            let (rows, support) = self.rows(&equality.kind);
+            let count = equality.kind.rows();
+            let compiled = CompiledEquality { rows, support: support.clone(), spring: spring(equality), owner: *owner };
+            *owner += count;
+            let hard = compiled.spring.is_none();
+            let mut block = EqualityBlock { equalities: vec![compiled], support, rows: count, hard, separate: false, set: vec![] };
+            let met = |b: &EqualityBlock<S>| hard && b.hard && b.support.iter().any(|d| block.support.binary_search(d).is_ok());
+            let (together, apart): (Vec<_>, Vec<_>) = blocks.into_iter().partition(met);
+            let total = count + together.iter().map(|b| b.rows).sum::<usize>();
+            blocks = apart;
+            if total > MOST_ROWS {
+                blocks.extend(together);
+            } else if !together.is_empty() {
+                block = join(together, block, total);
+            }
+            blocks.push(block);
+        }
+        separate(&mut blocks, self.model.nv());
+        blocks
+    }
+
+    /// Tendons that have rows.
+    pub(super) fn tendons<S: Scalar>(&self, owner: &mut usize) -> Vec<CompiledTendon<S>> {
+        let mut plans = Vec::new();
+        for (index, tendon) in self.model.tendons.iter().enumerate() {
+            let sprung = tendon.stiffness > 0.0 || tendon.damping > 0.0 || tendon.armature > 0.0;
+            if !sprung && tendon.range.is_none() && tendon.frictionloss == 0.0 {
+                continue;
+            }
+            let spring = Spring {
+                stiffness: S::from_f64(tendon.stiffness),
+                damping: S::from_f64(tendon.damping),
+                inertia: S::from_f64(tendon.armature),
+            };
+            plans.push(CompiledTendon {
+                index,
+                length: self.combination(&tendon.joints),
+                support: self.with_ancestors(tendon.joints.iter().map(|&(j, _)| self.addresses[j].1)),
+                range: tendon.range.map(scalars),
+                friction: S::from_f64(tendon.frictionloss),
+                spring: sprung.then(|| (spring, scalars(tendon.spring_length))),
+                owner: *owner,
+            });
+            *owner += 3;
+        }
+        plans
+    }
+}
+
+fn join<S: Scalar>(blocks: Vec<EqualityBlock<S>>, last: EqualityBlock<S>, rows: usize) -> EqualityBlock<S> {
+    let mut out = EqualityBlock { equalities: vec![], support: vec![], rows, hard: true, separate: false, set: vec![] };
+    for block in blocks.into_iter().chain([last]) {
+        out.equalities.extend(block.equalities);
+        out.support.extend(block.support);
+    }
+    out.support.sort_unstable();
+    out.support.dedup();
+    out
+}
+
+/// Finds the blocks that no other hard one shares a degree of freedom with, and puts them first.
+fn separate<S: Scalar>(blocks: &mut [EqualityBlock<S>], nv: usize) {
+    let mut takers = vec![0; nv];
+    for block in blocks.iter().filter(|b| b.hard) {
+        block.support.iter().for_each(|&d| takers[d as usize] += 1);
+    }
+    for block in &mut *blocks {
+        block.separate = block.hard && block.support.iter().all(|&d| takers[d as usize] == 1);
+        block.set = vec![0; nv.div_ceil(64)];
+        block.support.iter().for_each(|&d| block.set[d as usize / 64] |= 1 << (d % 64));
+    }
+    blocks.sort_by_key(|b| !b.separate);
+}
+
+fn spring<S: Scalar>(equality: &Equality) -> Option<Spring<S>> {
+    let soft = equality.stiffness.is_finite();
+    soft.then(|| Spring { stiffness: S::from_f64(equality.stiffness), damping: S::from_f64(equality.damping), inertia: S::default() })
+}

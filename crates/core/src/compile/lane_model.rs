@@ -1,0 +1,77 @@
+//! A compiled model with a number for every lane of each of its parameters.
+
+use std::ops::Deref;
+
+use stepper_real::Real;
+
+use crate::compile::compiled_model::CompiledModel;
+use crate::compile::parameters::*;
+
+/// A compiled model as a group of lanes has it: what all environments share, and the parameters that each lane has.
+#[derive(Clone, Debug)]
+pub struct LaneModel<R: Real> {
+    /// What is shared. In place, so that it costs a step no more to find than a compiled model alone.
+    shared: CompiledModel<R::Scalar>,
+    /// Parameters, lane by lane.
+    pub params: Params<R>,
+}
+
+impl<R: Real> Deref for LaneModel<R> {
+    type Target = CompiledModel<R::Scalar>;
+
+    #[inline(always)]
+    fn deref(&self) -> &CompiledModel<R::Scalar> {
+        &self.shared
+    }
+}
+
+impl<R: Real> LaneModel<R> {
+    /// With the model's own parameters in every lane.
+    pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
+        Self { shared: compiled.clone(), params: compiled.params.in_lanes() }
+    }
+
+    /// What the contacts of a pair are like.
+    #[inline(always)]
+    pub fn contact(&self, pair: usize) -> ContactParams<R> {
+        match self.shared.crowd.as_ref() {
+            Some(crowd) if pair >= self.shared.pairs.len() => crowd.contact(pair, &self.params),
+            _ => self.params.contact(pair),
+        }
+    }
+
+    /// Mobility of a frame's body if nothing held it, 1/kg; 0 for the world and for what the user poses.
+    #[inline(always)]
+    pub fn mobility(&self, frame: usize) -> R {
+        if frame == 0 || frame > self.links.len() {
+            return R::zero();
+        }
+        let mass = self.params.inertial(frame - 1).mass;
+        let heavy = mass.gt(R::zero());
+        R::select(heavy, R::one() / R::select(heavy, mass, R::one()), R::zero())
+    }
+
+    /// Mass of everything that moves, kg.
+    #[inline(always)]
+    pub fn moving_mass(&self) -> R {
+        let mut sum = R::zero();
+        for link in 0..self.links.len() {
+            sum += self.params.inertial(link).mass;
+        }
+        sum
+    }
+
+    /// Sum of the bounding radii of a pair; of the second geom alone when the first is a plane, m.
+    #[inline(always)]
+    pub fn reach(&self, [a, b]: [usize; 2]) -> R {
+        let second = self.params.bound(b);
+        if self.shared.geoms[a].is_plane { second } else { self.params.bound(a) + second }
+    }
+
+    /// Way in which the geoms of a pair cannot pass through one another to where the nearest way out is on the far side, m; infinite if they
+    /// never do.
+    #[inline(always)]
+    pub fn thin(&self, [a, b]: [usize; 2]) -> R {
+        R::of(0.5) * (self.params.inner(a) + self.params.inner(b))
+    }
+}

@@ -1,0 +1,35 @@
+//! Joint limits and dry friction, compiled.
+
+use crate::compile::tree::{CompiledBallLimit, CompiledFriction, CompiledLimit};
+use crate::model::drive_train::DriveTrain;
+use crate::model::{Joint, JointKind, Model, Transmission};
+
+pub(super) fn limits(model: &Model, addresses: &[(usize, usize)]) -> Vec<CompiledLimit> {
+    let limited = model.joints.iter().zip(addresses).filter(|(j, _)| is_scalar(j) && j.range.is_some());
+    limited.map(|(_, &(q, dof))| CompiledLimit { q, dof }).collect()
+}
+
+pub(super) fn ball_limits(model: &Model, addresses: &[(usize, usize)], owner: &mut usize) -> Vec<CompiledBallLimit> {
+    let limited = model.joints.iter().zip(addresses).filter(|(j, _)| j.kind == JointKind::Ball && j.range.is_some());
+    let compiled = |(_, &(q, dof)): (&crate::model::Joint, &(usize, usize))| {
+        *owner += 1;
+        CompiledBallLimit { q, dof, owner: *owner - 1 }
+    };
+    limited.map(compiled).collect()
+}
+
+pub(super) fn frictions(model: &Model, trains: &[Option<DriveTrain>], addresses: &[(usize, usize)]) -> Vec<CompiledFriction> {
+    let mut driven = vec![false; model.joints.len()];
+    for (actuator, train) in model.actuators.iter().zip(trains) {
+        if let (Transmission::Joint(j), Some(train)) = (actuator.transmission, train) {
+            driven[j] |= train.loses();
+        }
+    }
+    let joints = model.joints.iter().zip(addresses).zip(driven).enumerate();
+    let rough = joints.filter(|(_, ((j, _), driven))| j.frictionloss > 0.0 || *driven);
+    rough.flat_map(|(joint, ((j, &(_, v)), driven))| (v..v + j.kind.nv()).map(move |dof| CompiledFriction { dof, joint, driven })).collect()
+}
+
+pub(super) fn is_scalar(joint: &Joint) -> bool {
+    matches!(joint.kind, JointKind::Hinge | JointKind::Slide)
+}

@@ -1,0 +1,248 @@
+//! Merging of bodies that cannot move against their parent, and the tree of degrees of freedom.
+
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use stepper_real::Scalar;
+
+use crate::compile::tree::{Below, CompiledBody, CompiledJoint, CompiledMocap, Dof, Link, scalars};
+use crate::model::{JointKind, Model};
+
+/// Which frame every body is fixed to, and where in it.
+#[derive(Clone, Debug)]
+pub(crate) struct Merged {
+    pub(crate) frame: Vec<usize>,
+    pub(crate) pos: Vec<Vector3<f64>>,
+    pub(crate) quat: Vec<UnitQuaternion<f64>>,
+    /// For every link the body whose joints move it.
+    pub(crate) leaders: Vec<usize>,
+    pub(crate) mocap: Vec<usize>,
+    pub(crate) link_tree: Vec<usize>,
+    pub(crate) ntree: usize,
+    dof_link: Vec<usize>,
+    /// (start in `chain`, length) of every dof.
+    dof_chain: Vec<(usize, usize)>,
+    pub(crate) chain: Vec<u32>,
+    last_dof_of_frame: Vec<Option<usize>>,
+}
+
+pub(crate) fn vector(x: [f64; 3]) -> Vector3<f64> {
+    Vector3::from(x)
+}
+
+pub(crate) fn quaternion(q: [f64; 4]) -> UnitQuaternion<f64> {
+    UnitQuaternion::from_quaternion(Quaternion::new(q[0], q[1], q[2], q[3]))
+}
+
+/// Row-major rotation matrix.
+pub(crate) fn matrix<S: Scalar>(q: &UnitQuaternion<f64>) -> [S; 9] {
+    let m = q.to_rotation_matrix();
+    std::array::from_fn(|k| S::from_f64(m[(k / 3, k % 3)]))
+}
+
+/// (w, x, y, z)
+pub(crate) fn wxyz<S: Scalar>(q: &UnitQuaternion<f64>) -> [S; 4] {
+    scalars([q.w, q.i, q.j, q.k])
+}
+
+impl Merged {
+    pub(crate) fn new(model: &Model) -> Self {
+        let n = model.bodies.len();
+        let leaders: Vec<usize> = (0..n).filter(|&b| model.joints.iter().any(|j| j.body == b)).collect();
+        let mocap: Vec<usize> = (0..n).filter(|&b| model.bodies[b].mocap).collect();
+        let (mut frame, mut pos, mut quat) = (vec![0; n], vec![Vector3::zeros(); n], vec![UnitQuaternion::identity(); n]);
+        for b in 1..n {
+            let body = &model.bodies[b];
+            if let Some(link) = leaders.iter().position(|&l| l == b) {
+                frame[b] = 1 + link;
+            } else if let Some(k) = mocap.iter().position(|&m| m == b) {
+                frame[b] = 1 + leaders.len() + k;
+            } else {
+                let p = body.parent;
+                frame[b] = frame[p];
+                pos[b] = pos[p] + quat[p] * vector(body.pos);
+                quat[b] = quat[p] * quaternion(body.quat);
+            }
+        }
+        let mut merged = Self {
+            frame,
+            pos,
+            quat,
+            leaders,
+            mocap,
+            link_tree: Vec::new(),
+            ntree: 0,
+            dof_link: Vec::new(),
+            dof_chain: Vec::new(),
+            chain: Vec::new(),
+            last_dof_of_frame: Vec::new(),
+        };
+        merged.grow_trees(model);
+        merged
+    }
+
+    /// The frame that a link hangs from.
+    fn parent_frame(&self, model: &Model, link: usize) -> usize {
+        self.frame[model.bodies[self.leaders[link]].parent]
+    }
+
+    fn grow_trees(&mut self, model: &Model) {
+        let nlink = self.leaders.len();
+        self.last_dof_of_frame = vec![None; 1 + nlink + self.mocap.len()];
+        for link in 0..nlink {
+            let parent = self.parent_frame(model, link);
+            let is_root = parent == 0 || parent > nlink;
+            if is_root {
+                self.ntree += 1;
+            }
+            self.link_tree.push(if is_root { self.ntree - 1 } else { self.link_tree[parent - 1] });
+            let mut last = if is_root { None } else { self.last_dof_of_frame[parent] };
+            for joint in model.joints.iter().filter(|j| j.body == self.leaders[link]) {
+                for _ in 0..joint.kind.nv() {
+                    let dof = self.dof_link.len();
+                    let start = self.chain.len();
+                    self.chain.push(dof as u32);
+                    if let Some(p) = last {
+                        let (s, len) = self.dof_chain[p];
+                        self.chain.extend_from_within(s..s + len);
+                    }
+                    self.dof_link.push(link);
+                    self.dof_chain.push((start, self.chain.len() - start));
+                    last = Some(dof);
+                }
+            }
+            self.last_dof_of_frame[1 + link] = last;
+        }
+    }
+
+    /// The last of the dofs that move a frame.
+    pub(crate) fn last_dof(&self, frame: usize) -> Option<usize> {
+        self.last_dof_of_frame[frame]
+    }
+
+    /// A dof and its ancestors, towards the root.
+    pub(crate) fn chain_of(&self, dof: usize) -> &[u32] {
+        let (start, len) = self.dof_chain[dof];
+        &self.chain[start..start + len]
+    }
+
+    /// For every frame, the set of dofs that move it.
+    pub(crate) fn movers(&self, nv: usize) -> Vec<Vec<u64>> {
+        let set = |last: &Option<usize>| {
+            let mut words = vec![0u64; nv.div_ceil(64)];
+            if let Some(d) = *last {
+                let (start, len) = self.dof_chain[d];
+                self.chain[start..start + len].iter().for_each(|&a| words[a as usize / 64] |= 1 << (a % 64));
+            }
+            words
+        };
+        self.last_dof_of_frame.iter().map(set).collect()
+    }
+}
+
+pub(crate) fn links<S: Scalar>(model: &Model, merged: &Merged) -> Vec<Link<S>> {
+    let (mut joint, mut dof) = (0, 0);
+    let nlink = merged.leaders.len();
+    let link = |(l, &leader): (usize, &usize)| {
+        let body = &model.bodies[leader];
+        let parent = merged.parent_frame(model, l);
+        let p = body.parent;
+        let pos = merged.pos[p] + merged.quat[p] * vector(body.pos);
+        let quat = merged.quat[p] * quaternion(body.quat);
+        let (joint0, dof0) = (joint, dof);
+        for j in model.joints.iter().filter(|j| j.body == leader) {
+            joint += 1;
+            dof += j.kind.nv();
+        }
+        Link {
+            parent,
+            tree: merged.link_tree[l],
+            is_root: parent == 0 || parent > nlink,
+            pos: scalars(pos.into()),
+            mat: (quat != UnitQuaternion::identity()).then(|| matrix(&quat)),
+            quat: wxyz(&quat),
+            joints: joint0..joint,
+            dofs: dof0..dof,
+        }
+    };
+    merged.leaders.iter().enumerate().map(link).collect()
+}
+
+/// Mass, centre of mass and central inertia of those bodies of one frame that are chosen.
+pub(crate) fn combined(model: &Model, merged: &Merged, chosen: impl Fn(usize) -> bool) -> (f64, Vector3<f64>, [f64; 6]) {
+    let parts: Vec<usize> = (0..model.bodies.len()).filter(|&b| chosen(b) && model.bodies[b].mass > 0.0).collect();
+    let com_of = |b: usize| merged.pos[b] + merged.quat[b] * vector(model.bodies[b].ipos);
+    let mass: f64 = parts.iter().map(|&b| model.bodies[b].mass).sum();
+    if mass == 0.0 {
+        return (0.0, Vector3::zeros(), [0.0; 6]);
+    }
+    let com = parts.iter().map(|&b| com_of(b) * model.bodies[b].mass).sum::<Vector3<f64>>() / mass;
+    let mut total = Matrix3::zeros();
+    for &b in &parts {
+        let body = &model.bodies[b];
+        let axes = (merged.quat[b] * quaternion(body.iquat)).to_rotation_matrix();
+        let r = com_of(b) - com;
+        total += axes * Matrix3::from_diagonal(&vector(body.inertia)) * axes.transpose()
+            + (Matrix3::identity() * r.dot(&r) - r * r.transpose()) * body.mass;
+    }
+    (mass, com, [total[(0, 0)], total[(1, 1)], total[(2, 2)], total[(0, 1)], total[(0, 2)], total[(1, 2)]])
+}
+
+pub(crate) fn joints<S: Scalar>(model: &Model, addresses: &[(usize, usize)]) -> Vec<CompiledJoint<S>> {
+    let joint = |(j, &(q, v)): (&crate::model::Joint, &(usize, usize))| {
+        let principal = (0..3).find(|&k| j.axis[k].abs() == 1.0).map(|k| (k, j.axis[k] < 0.0));
+        let mut rest = [0.0; 7];
+        rest[..j.kind.nq()].copy_from_slice(&model.qpos_spring[q..q + j.kind.nq()]);
+        let scalar = matches!(j.kind, JointKind::Hinge | JointKind::Slide);
+        CompiledJoint {
+            kind: j.kind,
+            q,
+            v,
+            anchor: scalars(j.pos),
+            centred: j.pos == [0.0; 3],
+            axis: scalars(j.axis),
+            principal,
+            reference: S::from_f64(if scalar { model.qpos0[q] } else { 0.0 }),
+            sprung: j.stiffness != 0.0,
+            rest: scalars(rest),
+        }
+    };
+    model.joints.iter().zip(addresses).map(joint).collect()
+}
+
+/// Degrees of freedom, and the descendants of each.
+pub(crate) fn dofs(model: &Model, merged: &Merged) -> (Vec<Dof>, Vec<Below>) {
+    let mut under = vec![vec![]; model.nv()];
+    for d in (0..model.nv()).rev() {
+        let (start, _) = merged.dof_chain[d];
+        for (k, &ancestor) in merged.chain_of(d).iter().enumerate().skip(1) {
+            under[ancestor as usize].push(Below { dof: d as u32, entry: (start + k) as u32 });
+        }
+    }
+    let mut below = vec![];
+    let dof = |(d, mut own): (usize, Vec<Below>)| {
+        let link = merged.dof_link[d];
+        let (chain, depth) = merged.dof_chain[d];
+        let tree = merged.link_tree[link];
+        let from = below.len();
+        below.append(&mut own);
+        Dof { link, tree, chain, depth, below: from..below.len() }
+    };
+    (under.into_iter().enumerate().map(dof).collect(), below)
+}
+
+pub(crate) fn mocap<S: Scalar>(model: &Model, merged: &Merged) -> Vec<CompiledMocap<S>> {
+    let compiled = |&b: &usize| {
+        let body = &model.bodies[b];
+        CompiledMocap { frame: merged.frame[b], pos: scalars(body.pos), quat: scalars(body.quat) }
+    };
+    merged.mocap.iter().map(compiled).collect()
+}
+
+pub(crate) fn bodies<S: Scalar>(model: &Model, merged: &Merged) -> Vec<CompiledBody<S>> {
+    let compiled = |b: usize| CompiledBody {
+        frame: merged.frame[b],
+        pos: scalars(merged.pos[b].into()),
+        mat: matrix(&merged.quat[b]),
+        quat: wxyz(&merged.quat[b]),
+    };
+    (0..model.bodies.len()).map(compiled).collect()
+}

@@ -1,0 +1,28 @@
+//! The compiled model: from the scene as its author sees it to what the step reads, and no more than the scene needs.
+
+mod actuators;
+mod collision;
+mod compiled_model;
+mod compiler;
+mod equality;
+mod lane_model;
+mod limits;
+mod merging;
+mod parameter_layout;
+mod parameters;
+mod passive;
+pub mod sensing;
+mod tree;
+
+pub use crate::model::Kernel;
+pub use actuators::{CompiledActuator, CompiledForceRange, CompiledServo, CompiledTrain, CompiledWrench, Spot};
+pub use collision::{CompiledGeom, CompiledPair, Crowd, Member};
+pub use compiled_model::CompiledModel;
+pub use equality::{Combination, CompiledEquality, CompiledTendon, EqualityBlock, EqualityRows, Spring};
+pub use lane_model::LaneModel;
+pub use parameters::{ContactParams, DofParams, Inertial, Params};
+pub use passive::{CompiledEllipsoid, CompiledFluid, CompiledSurface, FluidShape, GravityCompensation};
+pub use sensing::CompiledSensing;
+pub use tree::{
+    Below, CompiledBallLimit, CompiledBody, CompiledFriction, CompiledJoint, CompiledLimit, CompiledMocap, CompiledSpinner, Dof, Link,
+};

@@ -1,0 +1,171 @@
+//! Forces of the medium, gravity compensation, and surfaces that move.
+
+use std::f64::consts::PI;
+
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use stepper_real::Scalar;
+
+use crate::compile::collision::CompiledGeom;
+use crate::compile::merging::{Merged, matrix, quaternion};
+use crate::compile::tree::scalars;
+use crate::model::{Body, Ellipsoid, Medium, Model, Object};
+
+/// A body or geom that the medium acts on.
+#[derive(Clone, Debug)]
+pub struct CompiledFluid<S> {
+    /// Its link.
+    pub link: usize,
+    /// The body or geom of the model.
+    pub object: Object,
+    /// Its axes in the link's frame.
+    pub mat: [S; 9],
+    /// What it is for the medium.
+    pub shape: FluidShape<S>,
+}
+
+/// What a body is for the medium. Torques before forces.
+#[derive(Clone, Debug)]
+pub enum FluidShape<S> {
+    /// A box: force or torque -(viscous + drag |v|) v along every axis.
+    Box,
+    /// An ellipsoid.
+    Ellipsoid(Box<CompiledEllipsoid<S>>),
+}
+
+/// An ellipsoid in a medium; the names are those of [`crate::dynamics::fluid`].
+#[derive(Clone, Debug)]
+pub struct CompiledEllipsoid<S> {
+    /// Scales all forces.
+    pub share: S,
+    /// kg/m^3
+    pub density: S,
+    /// Added mass, kg.
+    pub added_mass: [S; 3],
+    /// Added inertia, kg m^2.
+    pub added_inertia: [S; 3],
+    /// Magnus coefficient times the mass of the displaced medium, kg.
+    pub magnus: S,
+    /// Kutta coefficient times density.
+    pub kutta: S,
+    /// Products of two semi-axes b c, c a, a b over the largest of them.
+    pub areas: [S; 3],
+    /// Sum of squares of `areas` along the velocity's direction below which there is no projected area.
+    pub no_area: S,
+    /// Largest projected area, m^2.
+    pub widest: S,
+    /// Blunt and slender drag.
+    pub drag: [S; 2],
+    /// Viscous drag of rotation and translation in Stokes flow, N m s, N s/m.
+    pub viscous: [S; 2],
+    /// Moments of quadratic drag per axis, m^5.
+    pub moments: [S; 3],
+}
+
+/// A force against gravity.
+#[derive(Clone, Debug)]
+pub struct GravityCompensation {
+    /// The link.
+    pub link: usize,
+    /// The body of the model at whose centre of mass it acts.
+    pub body: usize,
+}
+
+/// A geom whose surface moves without its links: a conveyor, or part of a body that the user moves.
+#[derive(Clone, Debug)]
+pub struct CompiledSurface<S> {
+    /// Index into the compiled model's geoms.
+    pub geom: usize,
+    /// The mocap body that carries it, by its place among the compiled model's.
+    pub mocap: Option<usize>,
+    /// Velocity of the surface in the frame's axes (m/s at the geom's origin, rad/s), if it has one of its own.
+    pub own: Option<[[S; 3]; 2]>,
+}
+
+/// Below this MuJoCo takes a number for zero.
+const TINY: f64 = 1e-15;
+
+pub(super) fn fluid<S: Scalar>(model: &Model, merged: &Merged) -> Vec<CompiledFluid<S>> {
+    if !model.medium.acts() {
+        return Vec::new();
+    }
+    let mut found = Vec::new();
+    for b in 1..model.bodies.len() {
+        let (body, frame) = (&model.bodies[b], merged.frame[b]);
+        if frame == 0 || frame > merged.leaders.len() || body.mass < TINY {
+            continue;
+        }
+        let mut push = |object: Object, quat: [f64; 4], shape| {
+            let axes: UnitQuaternion<f64> = merged.quat[b] * quaternion(quat);
+            found.push(CompiledFluid { link: frame - 1, object, mat: matrix(&axes), shape });
+        };
+        let geoms: Vec<_> = model.geoms.iter().enumerate().filter(|(_, g)| g.body == b && g.fluid.is_some()).collect();
+        if geoms.is_empty() {
+            push(Object::Body(b), body.iquat, FluidShape::Box);
+        }
+        for (g, geom) in geoms {
+            let coefficients = geom.fluid.as_ref().expect("filtered above");
+            push(Object::Geom(g), geom.quat, ellipsoid(coefficients, &model.medium));
+        }
+    }
+    found
+}
+
+/// Viscous and quadratic drag of the box of a body's mass and inertia, in the medium (MuJoCo's documentation, "Inertia model").
+pub(super) fn inertia_box(&Body { mass, inertia: [ix, iy, iz], .. }: &Body, medium: &Medium) -> [[f64; 6]; 2] {
+    let side = |sum: f64| (sum.max(TINY) / mass * 6.0).sqrt();
+    let b = [side(iy + iz - ix), side(ix + iz - iy), side(ix + iy - iz)];
+    let diameter = (b[0] + b[1] + b[2]) / 3.0;
+    let [spin, slide] = [PI * diameter.powi(3) * medium.viscosity, 3.0 * PI * diameter * medium.viscosity];
+    let others = |k: usize| (b[(k + 1) % 3], b[(k + 2) % 3]);
+    let drag = std::array::from_fn(|k| match k {
+        0..3 => medium.density * b[k] * (others(k).0.powi(4) + others(k).1.powi(4)) / 64.0,
+        _ => 0.5 * medium.density * others(k - 3).0 * others(k - 3).1,
+    });
+    [[spin, spin, spin, slide, slide, slide], drag]
+}
+
+fn ellipsoid<S: Scalar>(e: &Ellipsoid, medium: &Medium) -> FluidShape<S> {
+    let [a, b, c] = e.axes;
+    let (most, least) = (a.max(b).max(c), a.min(b).min(c));
+    let middle = a + b + c - most - least;
+    let widest = (most * middle).max(f64::MIN_POSITIVE);
+    let diameter = 2.0 / 3.0 * (a + b + c);
+    let moment = |k: usize| 8.0 / 15.0 * PI * e.axes[k] * e.axes[(k + 1) % 3].max(e.axes[(k + 2) % 3]).powi(4);
+    let largest = 8.0 / 15.0 * PI * middle * most.powi(4);
+    let moments = std::array::from_fn(|k| e.angular_drag * moment(k) + e.slender_drag * (largest - moment(k)));
+    let volume = 4.0 / 3.0 * PI * a * b * c;
+    FluidShape::Ellipsoid(Box::new(CompiledEllipsoid {
+        share: S::from_f64(e.share),
+        density: S::from_f64(medium.density),
+        added_mass: scalars(e.virtual_mass.map(|m| medium.density * m)),
+        added_inertia: scalars(e.virtual_inertia.map(|m| medium.density * m)),
+        magnus: S::from_f64(e.magnus_lift * medium.density * volume),
+        kutta: S::from_f64(e.kutta_lift * medium.density),
+        areas: scalars([b * c, c * a, a * b].map(|area| area / widest)),
+        no_area: S::from_f64(1e-15 * (most * most / widest).powi(2)),
+        widest: S::from_f64(PI * widest),
+        drag: scalars([e.blunt_drag, e.slender_drag]),
+        viscous: scalars([PI * diameter.powi(3), 3.0 * PI * diameter].map(|x| x * medium.viscosity)),
+        moments: scalars(moments),
+    }))
+}
+
+pub(super) fn compensation(model: &Model, merged: &Merged) -> Vec<GravityCompensation> {
+    let acts = |&b: &usize| {
+        let (body, frame) = (&model.bodies[b], merged.frame[b]);
+        body.gravcomp != 0.0 && body.mass > 0.0 && frame > 0 && frame <= merged.leaders.len()
+    };
+    (1..model.bodies.len()).filter(acts).map(|body| GravityCompensation { link: merged.frame[body] - 1, body }).collect()
+}
+
+pub(super) fn surfaces<S: Scalar>(model: &Model, geoms: &[CompiledGeom<S>], links: usize) -> Vec<CompiledSurface<S>> {
+    let compiled = |(i, g): (usize, &CompiledGeom<S>)| {
+        let mocap = (g.frame > links).then(|| g.frame - links - 1);
+        let speed = model.geoms[g.index].surface_velocity;
+        let axes = Matrix3::from_row_slice(&g.mat.map(Scalar::to_f64));
+        let turned = |k: usize| scalars((axes * Vector3::new(speed[k], speed[k + 1], speed[k + 2])).into());
+        let own = (speed != [0.0; 6]).then(|| [turned(0), turned(3)]);
+        (mocap.is_some() || own.is_some()).then_some(CompiledSurface { geom: i, mocap, own })
+    };
+    geoms.iter().enumerate().filter_map(compiled).collect()
+}

@@ -1,0 +1,482 @@
+//! What sensors read: objects become places in frames, bodies with all that hangs from them become parts.
+
+use std::cell::RefCell;
+
+use stepper_real::Scalar;
+
+use crate::compile::equality::CompiledTendon;
+use crate::compile::merging::{Merged, matrix, quaternion, wxyz};
+use crate::compile::tree::scalars;
+use crate::model::{
+    ContactField, ContactReduction, ContactSide, FrameReading, Model, Object, ProximityReading, Quantity, RayField, Sensor, SensorKind,
+    Shape, Transmission,
+};
+
+/// All sensors of a model, and what they need of a step.
+#[derive(Clone, Debug)]
+pub struct CompiledSensing<S> {
+    /// Sensors in the model's order.
+    pub sensors: Vec<CompiledSensor<S>>,
+    /// Numbers of all readings.
+    pub width: usize,
+    /// Magnetic field in the world, T.
+    pub magnetic: [S; 3],
+    /// Whether any sensor reads a quaternion.
+    pub quaternions: bool,
+    /// Body of every geom of the model.
+    pub geom_body: Vec<usize>,
+    /// What the sensors need.
+    pub needs: Needs,
+    /// Bodies with all that hangs from them whose masses are read.
+    pub subtrees: Vec<Subtree>,
+    /// Where the force and torque of the parent on a subtree are read, and which subtree that is.
+    pub carried: Vec<(Place<S>, usize)>,
+    /// Places that are read: rows of [`Params::place`](crate::compile::Params::place).
+    pub places: Vec<Object>,
+    /// Geoms and sites whose shape is read: rows of [`Params::size`](crate::compile::Params::size).
+    pub shapes: Vec<Object>,
+}
+
+/// What sensors need beyond q, v and the activations.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Needs {
+    /// Poses.
+    pub poses: bool,
+    /// Velocities of links.
+    pub velocities: bool,
+    /// The acceleration of the last step.
+    pub acceleration: bool,
+    /// Forces of actuators, and so the controls of the last step.
+    pub actuators: bool,
+    /// Wrenches that the user applied in the last step.
+    pub wrenches: bool,
+    /// Contacts of the last step.
+    pub contacts: bool,
+    /// Whether anything is read of the last step itself: its impulses or its acceleration.
+    pub step: bool,
+}
+
+/// One sensor.
+#[derive(Clone, Debug)]
+pub struct CompiledSensor<S> {
+    /// Address of its first reading.
+    pub at: usize,
+    /// Numbers of its reading.
+    pub dim: usize,
+    /// How errors act on it.
+    pub quantity: Quantity,
+    /// What it reads.
+    pub read: Read<S>,
+}
+
+/// A frame fixed to a link, the world or a mocap body.
+#[derive(Clone, Copy, Debug)]
+pub struct Place<S> {
+    /// The compiled model's frame.
+    pub frame: usize,
+    /// Its number among all places, for its position in the frame.
+    pub index: usize,
+    /// Orientation in it.
+    pub mat: [S; 9],
+    /// The same as a quaternion.
+    pub quat: [S; 4],
+}
+
+/// A shape somewhere.
+#[derive(Clone, Debug)]
+pub struct Solid<S> {
+    /// Where.
+    pub place: Place<S>,
+    /// What.
+    pub form: Form,
+    /// Its number among all shapes, for its size.
+    pub index: usize,
+}
+
+/// Two shapes whose distance is read.
+pub type Pair<S> = (Solid<S>, Solid<S>);
+
+/// Shapes that rays meet and that zones have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// The half space z <= 0.
+    Plane,
+    /// radius
+    Sphere,
+    /// radius, half length along z
+    Capsule,
+    /// semi-axes
+    Ellipsoid,
+    /// radius, half length along z
+    Cylinder,
+    /// half sizes
+    Box,
+}
+
+/// What belongs to a body and all that hangs from it, by frame.
+#[derive(Clone, Debug)]
+pub struct Subtree {
+    /// Its number among all subtrees, for its mass.
+    pub index: usize,
+    /// Its masses.
+    pub parts: Vec<Part>,
+    /// Which bodies of the model it has.
+    pub bodies: Vec<bool>,
+}
+
+/// A mass fixed to a frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Part {
+    /// The compiled model's frame.
+    pub frame: usize,
+    /// Its row of [`Params::inertial`](crate::compile::Params::inertial).
+    pub index: usize,
+}
+
+/// One side of the contacts of a contact sensor.
+#[derive(Clone, Debug)]
+pub enum Side<S> {
+    /// Which geoms of the model.
+    Geoms(Vec<bool>),
+    /// Whatever touches in this volume.
+    Zone(Solid<S>),
+}
+
+/// What a sensor reads, in terms of the compiled model; subtrees by their number.
+#[derive(Clone, Debug)]
+pub enum Read<S> {
+    /// So many entries of q.
+    Position(usize),
+    /// So many entries of v.
+    Velocity(usize),
+    /// sum of coefficient q
+    Length(Vec<(usize, S)>),
+    /// sum of coefficient v
+    Rate(Vec<(usize, S)>),
+    /// Sum of the forces of actuators.
+    ActuatorForce(Vec<usize>),
+    /// Force of all actuators on a dof.
+    JointForce(usize),
+    /// Length of an actuator on a site.
+    ActuatorLength(usize),
+    /// Its rate.
+    ActuatorRate(usize),
+    /// Overlap of a sum of coefficient q with the nearer end of its range.
+    LimitPos(Vec<(usize, S)>, Bounds<S>),
+    /// Its rate: the same in v besides.
+    LimitVel([Vec<(usize, S)>; 2], Bounds<S>),
+    /// Impulse of a limit, by its index in the compiled model.
+    LimitForce(usize),
+    /// A limit that is not there.
+    Nothing,
+    /// A frame, perhaps in another.
+    Frame(FrameReading, Place<S>, Option<Place<S>>),
+    /// The magnetic field.
+    Magnetometer(Place<S>),
+    /// Linear velocity in its own frame.
+    Velocimeter(Place<S>),
+    /// Angular velocity in its own frame.
+    Gyro(Place<S>),
+    /// Linear acceleration less gravity in its own frame.
+    Accelerometer(Place<S>),
+    /// Force of the parent on a subtree, by its number among those that are read.
+    Force(usize),
+    /// Torque of the parent on a subtree.
+    Torque(usize),
+    /// Normal forces on a body of the model whose line meets a volume.
+    Touch(usize, Solid<S>),
+    /// Rays.
+    Range(Place<S>, Vec<[S; 3]>, Vec<RayField>, Vec<Solid<S>>),
+    /// Whether a place is inside a volume.
+    Inside(Place<S>, Solid<S>),
+    /// Closest points up to a cutoff.
+    Proximity(ProximityReading, Vec<Pair<S>>, S),
+    /// Contacts.
+    Contact([Side<S>; 2], Vec<ContactField>, ContactReduction, usize),
+    /// Centre of mass.
+    Com(usize),
+    /// Its velocity.
+    ComVelocity(usize),
+    /// Angular momentum about it.
+    AngularMomentum(usize),
+    /// Energy of gravity and springs.
+    Potential(usize),
+    /// Energy of motion.
+    Kinetic(usize),
+    /// Time.
+    Clock,
+    /// Coefficients times readings that begin at these addresses.
+    Combination(Vec<(usize, S)>),
+}
+
+/// Ends of a range.
+#[derive(Clone, Copy, Debug)]
+pub enum Bounds<S> {
+    /// Those of a joint's limit, by its index in the compiled model.
+    Limit(usize),
+    /// Fixed ones.
+    Range([S; 2]),
+}
+
+impl<S: Scalar> CompiledSensing<S> {
+    /// `lossy` says whether part of what actuators do is known from the impulses of a step alone.
+    pub(super) fn new(model: &Model, merged: &Merged, tendons: &[CompiledTendon<S>], lossy: bool) -> Self {
+        let owners = tendons.iter().map(|t| (t.index, t.owner)).collect();
+        let compiler = Compiler { model, merged, addresses: model.joint_addresses(), owners, found: RefCell::default() };
+        let at = model.sensor_addresses();
+        let compile = |(i, s): (usize, &Sensor)| CompiledSensor {
+            at: at[i],
+            dim: s.dim(&model.sensors),
+            quantity: s.quantity(),
+            read: compiler.read(&s.kind, &at),
+        };
+        let sensors: Vec<_> = model.sensors.iter().enumerate().map(compile).collect();
+        let mut needs = Needs::of(&sensors, model);
+        needs.step |= lossy && needs.actuators;
+        let quaternions = sensors.iter().any(|s| matches!(s.read, Read::Frame(FrameReading::Quat, ..)));
+        let sites = compiler.found.borrow().carried.clone();
+        let carried = sites.iter().map(|&s| (compiler.place(Object::Site(s)), compiler.subtree(model.sites[s].body))).collect();
+        let Found { subtrees, places, shapes, .. } = compiler.found.into_inner();
+        Self {
+            sensors,
+            subtrees,
+            carried,
+            places,
+            shapes,
+            width: model.nsensordata(),
+            magnetic: scalars(model.magnetic),
+            quaternions,
+            geom_body: model.geoms.iter().map(|g| g.body).collect(),
+            needs,
+        }
+    }
+}
+
+impl Needs {
+    fn of<S>(sensors: &[CompiledSensor<S>], model: &Model) -> Self {
+        let any = |test: &dyn Fn(&Read<S>) -> bool| sensors.iter().any(|s| test(&s.read));
+        let wrenches = any(&|r| matches!(r, Read::Force(..) | Read::Torque(..)));
+        let accelerated = |r: &Read<S>| matches!(r, Read::Accelerometer(_) | Read::Frame(FrameReading::LinAcc | FrameReading::AngAcc, ..));
+        let acceleration = wrenches || any(&accelerated);
+        let moving = |r: &Read<S>| {
+            matches!(r, Read::Velocimeter(_) | Read::Gyro(_) | Read::ComVelocity(_) | Read::AngularMomentum(_) | Read::Kinetic(_))
+                || matches!(r, Read::Frame(FrameReading::LinVel | FrameReading::AngVel, ..))
+        };
+        let drives =
+            |r: &Read<S>| matches!(r, Read::ActuatorForce(_) | Read::JointForce(_) | Read::ActuatorLength(_) | Read::ActuatorRate(_));
+        let bodiless = |r: &Read<S>| {
+            matches!(r, Read::Position(_) | Read::Velocity(_) | Read::Length(_) | Read::Rate(_) | Read::Nothing)
+                || drives(r)
+                || matches!(r, Read::LimitPos(..) | Read::LimitVel(..) | Read::LimitForce(_) | Read::Clock | Read::Combination(_))
+        };
+        Self {
+            poses: any(&|r| !bodiless(r)),
+            velocities: acceleration || any(&moving),
+            acceleration,
+            actuators: any(&drives),
+            wrenches,
+            contacts: wrenches || any(&|r| matches!(r, Read::Touch(..) | Read::Contact(..))),
+            step: model.sensors.iter().any(Sensor::needs_step),
+        }
+    }
+}
+
+struct Compiler<'a> {
+    model: &'a Model,
+    merged: &'a Merged,
+    addresses: Vec<(usize, usize)>,
+    /// Tendons of the model that have rows, and where their impulses are.
+    owners: Vec<(usize, usize)>,
+    found: RefCell<Found>,
+}
+
+/// What the sensors so far read that has numbers of its own.
+#[derive(Default)]
+struct Found {
+    subtrees: Vec<Subtree>,
+    /// Sites at which forces and torques are read.
+    carried: Vec<usize>,
+    places: Vec<Object>,
+    shapes: Vec<Object>,
+    parts: usize,
+}
+
+impl Compiler<'_> {
+    fn read<S: Scalar>(&self, kind: &SensorKind, at: &[usize]) -> Read<S> {
+        use SensorKind as K;
+        let site = |s: usize| self.place::<S>(Object::Site(s));
+        match *kind {
+            K::JointPos(j) | K::BallQuat(j) => Read::Position(self.addresses[j].0),
+            K::JointVel(j) | K::BallAngVel(j) => Read::Velocity(self.addresses[j].1),
+            K::JointActuatorForce(j) => Read::JointForce(self.addresses[j].1),
+            K::JointLimitPos(j) => self.overlap(&[(j, 1.0)], self.limit_of(j).map(Bounds::Limit), false),
+            K::JointLimitVel(j) => self.overlap(&[(j, 1.0)], self.limit_of(j).map(Bounds::Limit), true),
+            K::JointLimitForce(j) => self.limit_of(j).map_or(Read::Nothing, Read::LimitForce),
+            K::TendonPos(t) => Read::Length(self.sums(&self.model.tendons[t].joints, 1.0)[0].clone()),
+            K::TendonVel(t) => Read::Rate(self.sums(&self.model.tendons[t].joints, 1.0)[1].clone()),
+            K::TendonLimitPos(t) => self.overlap(&self.model.tendons[t].joints, self.range_of(t), false),
+            K::TendonLimitVel(t) => self.overlap(&self.model.tendons[t].joints, self.range_of(t), true),
+            K::TendonLimitForce(t) => {
+                let owner = self.owners.iter().find(|owner| owner.0 == t && self.model.tendons[t].range.is_some());
+                owner.map_or(Read::Nothing, |owner| Read::LimitForce(owner.1))
+            }
+            K::TendonActuatorForce(t) => {
+                let pulls = |a: &usize| self.model.actuators[*a].transmission == Transmission::Tendon(t);
+                Read::ActuatorForce((0..self.model.actuators.len()).filter(pulls).collect())
+            }
+            K::ActuatorPos(a) => self.moment(a).map_or(Read::ActuatorLength(a), |m| Read::Length(m.map(|(q, _, c)| (q, c)).collect())),
+            K::ActuatorVel(a) => self.moment(a).map_or(Read::ActuatorRate(a), |m| Read::Rate(m.map(|(_, v, c)| (v, c)).collect())),
+            K::ActuatorForce(a) => Read::ActuatorForce(vec![a]),
+            K::Frame { what, object, reference } => Read::Frame(what, self.place(object), reference.map(|r| self.place(r))),
+            K::Magnetometer(s) => Read::Magnetometer(site(s)),
+            K::Velocimeter(s) => Read::Velocimeter(site(s)),
+            K::Gyro(s) => Read::Gyro(site(s)),
+            K::Accelerometer(s) => Read::Accelerometer(site(s)),
+            K::Force(s) => Read::Force(number(&mut self.found.borrow_mut().carried, s)),
+            K::Torque(s) => Read::Torque(number(&mut self.found.borrow_mut().carried, s)),
+            K::Touch(s) => Read::Touch(self.model.sites[s].body, self.zone(s)),
+            K::RangeFinder { site: s, ref rays, ref fields, ref geoms } => {
+                let seen = geoms.iter().filter_map(|&g| self.solid(Object::Geom(g), &self.model.geoms[g].shape)).collect();
+                Read::Range(site(s), rays.iter().map(|&r| scalars(r)).collect(), fields.clone(), seen)
+            }
+            K::InsideSite { object, site: s } => Read::Inside(self.place(object), self.zone(s)),
+            K::Proximity { what, ref from, ref to, cutoff } => Read::Proximity(what, self.near(from, to), S::from_f64(cutoff)),
+            K::Contact { first, second, ref fields, reduction, slots } => {
+                Read::Contact([self.side(first), self.side(second)], fields.clone(), reduction, slots)
+            }
+            K::SubtreeCom(b) => Read::Com(self.subtree(b)),
+            K::SubtreeLinVel(b) => Read::ComVelocity(self.subtree(b)),
+            K::SubtreeAngMom(b) => Read::AngularMomentum(self.subtree(b)),
+            K::PotentialEnergy => Read::Potential(self.subtree(0)),
+            K::KineticEnergy => Read::Kinetic(self.subtree(0)),
+            K::Clock => Read::Clock,
+            K::Combination(ref terms) => Read::Combination(terms.iter().map(|&(s, c)| (at[s], S::from_f64(c))).collect()),
+        }
+    }
+
+    /// Addresses in q and v, and coefficients.
+    fn arms<'a, S: Scalar>(&'a self, arms: &'a [(usize, f64)], gear: f64) -> impl Iterator<Item = (usize, usize, S)> + 'a {
+        arms.iter().map(move |&(j, c)| (self.addresses[j].0, self.addresses[j].1, S::from_f64(c * gear)))
+    }
+
+    /// Terms in q and in v.
+    fn sums<S: Scalar>(&self, arms: &[(usize, f64)], gear: f64) -> [Vec<(usize, S)>; 2] {
+        let arms = || self.arms(arms, gear);
+        [arms().map(|(q, _, c)| (q, c)).collect(), arms().map(|(_, v, c)| (v, c)).collect()]
+    }
+
+    /// The moment of an actuator, if it is the same in every configuration.
+    fn moment<S: Scalar>(&self, a: usize) -> Option<impl Iterator<Item = (usize, usize, S)>> {
+        let actuator = &self.model.actuators[a];
+        let arms = match actuator.transmission {
+            Transmission::Joint(j) => vec![(j, 1.0)],
+            Transmission::Tendon(t) => self.model.tendons[t].joints.clone(),
+            Transmission::Site { .. } => return None,
+        };
+        Some(self.arms(&arms, actuator.gear).collect::<Vec<_>>().into_iter())
+    }
+
+    /// Index in the compiled model of a joint's limit.
+    fn limit_of(&self, j: usize) -> Option<usize> {
+        crate::compile::limits::limits(self.model, &self.addresses).iter().position(|l| l.dof == self.addresses[j].1)
+    }
+
+    fn range_of<S: Scalar>(&self, t: usize) -> Option<Bounds<S>> {
+        self.model.tendons[t].range.map(|range| Bounds::Range(scalars(range)))
+    }
+
+    /// The overlap of a joint or tendon with its limits, or the overlap's rate.
+    fn overlap<S: Scalar>(&self, arms: &[(usize, f64)], bounds: Option<Bounds<S>>, rate: bool) -> Read<S> {
+        let Some(bounds) = bounds else { return Read::Nothing };
+        let sums = self.sums(arms, 1.0);
+        if rate { Read::LimitVel(sums, bounds) } else { Read::LimitPos(sums[0].clone(), bounds) }
+    }
+
+    fn place<S: Scalar>(&self, object: Object) -> Place<S> {
+        let (body, quat) = match object {
+            Object::XBody(b) => (b, [1.0, 0.0, 0.0, 0.0]),
+            Object::Body(b) => (b, self.model.bodies[b].iquat),
+            Object::Geom(g) => (self.model.geoms[g].body, self.model.geoms[g].quat),
+            Object::Site(s) => (self.model.sites[s].body, self.model.sites[s].quat),
+        };
+        let quat = self.merged.quat[body] * quaternion(quat);
+        let index = number(&mut self.found.borrow_mut().places, object);
+        Place { frame: self.merged.frame[body], index, mat: matrix(&quat), quat: wxyz(&quat) }
+    }
+
+    fn solid<S: Scalar>(&self, object: Object, shape: &Shape) -> Option<Solid<S>> {
+        let form = match *shape {
+            Shape::Plane => Form::Plane,
+            Shape::Sphere { .. } => Form::Sphere,
+            Shape::Capsule { .. } => Form::Capsule,
+            Shape::Cylinder { .. } => Form::Cylinder,
+            Shape::Ellipsoid { .. } => Form::Ellipsoid,
+            Shape::Box { .. } => Form::Box,
+            Shape::Mesh { .. } | Shape::HeightField { .. } => return None,
+        };
+        let index = number(&mut self.found.borrow_mut().shapes, object);
+        Some(Solid { place: self.place(object), form, index })
+    }
+
+    fn zone<S: Scalar>(&self, site: usize) -> Solid<S> {
+        self.solid(Object::Site(site), &self.model.sites[site].shape).expect("the model was checked: sites have simple volumes")
+    }
+
+    /// All pairs of two sets of geoms.
+    fn near<S: Scalar>(&self, from: &[usize], to: &[usize]) -> Vec<Pair<S>> {
+        let solid = |g: usize| self.solid(Object::Geom(g), &self.model.geoms[g].shape);
+        let pairs = from.iter().flat_map(|&a| to.iter().map(move |&b| (a, b)));
+        pairs.filter_map(|(a, b)| Some((solid(a)?, solid(b)?))).collect()
+    }
+
+    fn side<S: Scalar>(&self, side: ContactSide) -> Side<S> {
+        let below = |b: usize| self.descendants(b);
+        let geoms = &self.model.geoms;
+        match side {
+            ContactSide::Any => Side::Geoms(vec![true; geoms.len()]),
+            ContactSide::Geom(g) => Side::Geoms((0..geoms.len()).map(|k| k == g).collect()),
+            ContactSide::Body(b) => Side::Geoms(geoms.iter().map(|g| g.body == b).collect()),
+            ContactSide::Subtree(b) => {
+                let bodies = below(b);
+                Side::Geoms(geoms.iter().map(|g| bodies[g.body]).collect())
+            }
+            ContactSide::Site(s) => Side::Zone(self.zone(s)),
+        }
+    }
+
+    fn descendants(&self, root: usize) -> Vec<bool> {
+        let mut below = vec![false; self.model.bodies.len()];
+        below[root] = true;
+        for b in root + 1..below.len() {
+            below[b] = below[self.model.bodies[b].parent];
+        }
+        below
+    }
+
+    /// The number of a body's subtree.
+    fn subtree(&self, root: usize) -> usize {
+        let bodies = self.descendants(root);
+        let mut found = self.found.borrow_mut();
+        if let Some(tree) = found.subtrees.iter().find(|tree| tree.bodies == bodies) {
+            return tree.index;
+        }
+        let heavy = |b: &usize| bodies[*b] && self.model.bodies[*b].mass > 0.0;
+        let mut frames: Vec<usize> = (0..bodies.len()).filter(heavy).map(|b| self.merged.frame[b]).collect();
+        frames.sort_unstable();
+        frames.dedup();
+        let first = self.merged.leaders.len() + found.parts;
+        let parts: Vec<_> = frames.into_iter().enumerate().map(|(k, frame)| Part { frame, index: first + k }).collect();
+        found.parts += parts.len();
+        let index = found.subtrees.len();
+        found.subtrees.push(Subtree { index, parts, bodies });
+        index
+    }
+}
+
+/// The number of something in a list, which takes it up if it is new.
+fn number<T: Copy + PartialEq>(list: &mut Vec<T>, thing: T) -> usize {
+    list.iter().position(|&t| t == thing).unwrap_or_else(|| {
+        list.push(thing);
+        list.len() - 1
+    })
+}

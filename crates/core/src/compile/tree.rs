@@ -1,0 +1,148 @@
+//! Parts of a compiled model: links, joints, degrees of freedom, and what belongs to single ones of them.
+
+use stepper_real::Scalar;
+
+use crate::model::JointKind;
+
+/// A moving body with everything welded to it.
+#[derive(Clone, Debug)]
+pub struct Link<S> {
+    /// The frame that it hangs from.
+    pub parent: usize,
+    /// Its kinematic tree.
+    pub tree: usize,
+    /// Whether it is the root of its tree.
+    pub is_root: bool,
+    /// Position in the parent frame before its joints, m.
+    pub pos: [S; 3],
+    /// Orientation in the parent frame before its joints; `None` when aligned.
+    pub mat: Option<[S; 9]>,
+    /// The same as a quaternion.
+    pub quat: [S; 4],
+    /// Its joints.
+    pub joints: std::ops::Range<usize>,
+    /// Its degrees of freedom.
+    pub dofs: std::ops::Range<usize>,
+}
+
+/// A joint.
+#[derive(Clone, Debug)]
+pub struct CompiledJoint<S> {
+    /// How it moves.
+    pub kind: JointKind,
+    /// Address in q.
+    pub q: usize,
+    /// Address in v.
+    pub v: usize,
+    /// Anchor in the link's frame, m.
+    pub anchor: [S; 3],
+    /// Whether the anchor is the link's origin.
+    pub centred: bool,
+    /// Axis in the link's frame.
+    pub axis: [S; 3],
+    /// Which axis of the frame it is, if any, with its sign.
+    pub principal: Option<(usize, bool)>,
+    /// Position at which the joint changes nothing.
+    pub reference: S,
+    /// Whether it has a spring.
+    pub sprung: bool,
+    /// Where the spring rests: one coordinate, or a quaternion, or position and quaternion.
+    pub rest: [S; 7],
+}
+
+/// A degree of freedom.
+#[derive(Clone, Debug)]
+pub struct Dof {
+    /// The link that it moves.
+    pub link: usize,
+    /// Its kinematic tree.
+    pub tree: usize,
+    /// Start of its chain, and of its row in the mass matrix.
+    pub chain: usize,
+    /// Length of its chain.
+    pub depth: usize,
+    /// Where its descendants are listed.
+    pub below: std::ops::Range<usize>,
+}
+
+/// A descendant of a dof.
+#[derive(Clone, Copy, Debug)]
+pub struct Below {
+    /// Which.
+    pub dof: u32,
+    /// Where its chain has the ancestor: its entry of the mass matrix with it. The ancestors of that follow, as in the ancestor's own row.
+    pub entry: u32,
+}
+
+/// A link alone on a free or ball joint.
+#[derive(Clone, Debug)]
+pub struct CompiledSpinner<S> {
+    /// The link.
+    pub link: usize,
+    /// First degree of freedom.
+    pub dof: usize,
+    /// Free or ball.
+    pub kind: JointKind,
+    /// The joint in the link's frame, m.
+    pub anchor: [S; 3],
+}
+
+/// A body that the user poses.
+#[derive(Clone, Debug)]
+pub struct CompiledMocap<S> {
+    /// Its frame.
+    pub frame: usize,
+    /// Pose at reset.
+    pub pos: [S; 3],
+    /// Pose at reset.
+    pub quat: [S; 4],
+}
+
+/// Where a body of the model is.
+#[derive(Clone, Debug)]
+pub struct CompiledBody<S> {
+    /// The frame that it is fixed to.
+    pub frame: usize,
+    /// Its origin in that frame, m.
+    pub pos: [S; 3],
+    /// Its orientation in that frame.
+    pub mat: [S; 9],
+    /// The same as a quaternion.
+    pub quat: [S; 4],
+}
+
+/// Range of a hinge or slide.
+#[derive(Clone, Debug)]
+pub struct CompiledLimit {
+    /// Address in q.
+    pub q: usize,
+    /// Degree of freedom.
+    pub dof: usize,
+}
+
+/// Range of a ball joint.
+#[derive(Clone, Debug)]
+pub struct CompiledBallLimit {
+    /// Address in q.
+    pub q: usize,
+    /// First degree of freedom.
+    pub dof: usize,
+    /// Index of its impulse.
+    pub owner: usize,
+}
+
+/// Dry friction of a degree of freedom.
+#[derive(Clone, Debug)]
+pub struct CompiledFriction {
+    /// Degree of freedom.
+    pub dof: usize,
+    /// The joint in the model.
+    pub joint: usize,
+    /// Whether drive trains add to it.
+    pub driven: bool,
+}
+
+/// The same numbers in the scalar type of the lanes.
+pub(crate) fn scalars<S: Scalar, const N: usize>(x: [f64; N]) -> [S; N] {
+    x.map(S::from_f64)
+}

@@ -1,0 +1,237 @@
+//! The constraint problem of a step with its room to work: what stage 4 makes, stage 5 solves and stage 8 solves again.
+
+use std::ops::Range;
+
+use stepper_real::{Mask, Real, Scalar};
+use stepper_solve::newton::Newton;
+use stepper_solve::{Capacity, Iterate, Problem, Reference, Snapshot};
+
+use crate::compile::{CompiledModel, LaneModel};
+use crate::constraints::islands::Islands;
+use crate::dynamics::inertia::{MassMatrix, NewtonEuler};
+use crate::math::spatial::*;
+
+/// Compliance of a demand of positions, relative to its mobility. A demand along a row that moves as freely as its fellows is met but for a
+/// thousandth; the motion that it asks for is at most 1 / (2 sqrt(DAMPING)), 16 times what it would be if the row did.
+pub(crate) const DAMPING: f64 = 1e-3;
+
+/// Length over which a demand of positions bends its own row, m. The way that a step is to go, over this length, is more compliance: an arm that is
+/// stretched towards what it cannot reach would swing to and fro about the end of its reach without it (the curvature times what is left, which
+/// Gauss and Newton's linearisation leaves out; Nocedal & Wright 2006, section 10.3).
+pub(crate) const ARM: f64 = 0.1;
+
+/// The constraint problem of a step, and which of the model's elements its rows belong to.
+#[derive(Clone, Debug)]
+pub struct Constraints<R: Real> {
+    /// The rows.
+    pub problem: Problem<R>,
+    /// The impulses.
+    pub iterate: Iterate<R>,
+    /// Impacts of the contacts, in their order: those without torsional and rolling friction first. Empty where no contact is elastic.
+    pub(crate) impacts: Vec<Impact<R>>,
+    /// Whether there are any elastic contacts, for a rule that looks at the times of impacts.
+    pub(crate) has_impacts: bool,
+    /// Newton's method, with its workspace.
+    pub newton: Newton,
+    /// Lanes that have any row.
+    pub constrained: R::Mask,
+    /// Lanes in which the velocities of the solution are not those that the positions should move with.
+    pub needs_position_solve: R::Mask,
+    /// Lanes in which the bias of an overlap is part of the velocities.
+    pub biased: R::Mask,
+    /// Lanes in which a contact bounces: positions and velocities differ there by any speed.
+    pub rebounding: R::Mask,
+    /// Mobility of the bodies of every contact if nothing held them, 1/kg.
+    pub(crate) floors: Vec<R>,
+    /// What a correction starts from.
+    pub(crate) reference: Reference<R>,
+    pub(crate) islands: Islands,
+    /// Impulses of lanes whose loads are shared evenly, while they are estimated.
+    pub(crate) shared: Snapshot<R>,
+    /// What each row demands of the positions alone, scalar rows first, then contacts, then those with six rows: velocity g of stage 8 of scalar and
+    /// normal rows, of the others what is added to g. Where an overlap's bias is part of the velocities, the demand without it.
+    pub position_bias: Vec<R>,
+    /// Impulses of limits, then of dry friction, by their index in the compiled model, then of what names its owner: the warm start.
+    pub scalar_impulse: Vec<R>,
+    /// Index in `scalar_impulse` of every scalar row.
+    pub owners: Vec<usize>,
+    /// Slot of every contact with the lanes in which it is there.
+    pub slots: Vec<(usize, R::Mask)>,
+    /// The same of contacts with six rows, and what their rows of turning are scaled by, m.
+    pub wide_slots: Vec<(usize, R::Mask, V3<R>)>,
+    /// Squared lengths of the numbers that the rows of a block of equalities are differences of.
+    pub(crate) sizes: Vec<R>,
+    /// Of those rows: h/2 J' v, J v and the velocity that corrects the error.
+    pub(crate) demands: Vec<[R; 3]>,
+    pub(crate) column: Vec<V3<R>>,
+    pub(crate) linear: Vec<V3<R>>,
+    pub(crate) support: Vec<u32>,
+    /// Entries of a column along a chain.
+    pub(crate) path: Vec<R>,
+    /// In which lanes (bits) each dof moves the second geom of a contact, and the first.
+    pub(crate) signs: Vec<[u32; 2]>,
+    pub(crate) words: Vec<u64>,
+    /// Lanes (bits) in which both surfaces of the gathered contact can move.
+    pub(crate) moving: u32,
+    /// Rows of the equalities that are taken out of the row which is made.
+    pub(crate) tied: Vec<Range<usize>>,
+    /// Entries of the separate equalities, times D^-1/2 and times D^1/2.
+    pub(crate) separate: [Vec<R>; 2],
+}
+
+/// A contact that bounces within the step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Impact<R: Real> {
+    /// Lanes in which it does.
+    pub(crate) lanes: R::Mask,
+    /// Lanes in which it overlapped before.
+    pub(crate) deep: R::Mask,
+    /// When, from the beginning of the step, as a part of it.
+    pub(crate) share: R,
+    /// 1 + e.
+    pub(crate) factor: R,
+}
+
+/// What the rows are made from.
+#[derive(Clone, Copy, Debug)]
+pub struct AssemblyInput<'a, R: Real> {
+    /// Configuration at which the rows are taken.
+    pub q: &'a [R],
+    /// Velocity before the step.
+    pub v: &'a [R],
+    /// Velocities of the links, and their accelerations if no joint accelerates (both of `v`, at `q`).
+    pub motion: &'a NewtonEuler<R>,
+    /// Velocity after the step without constraints.
+    pub v_free: &'a [R],
+    /// What drive trains lose to friction (against motion forwards, against motion backwards), N or N m, for every row of dry friction; empty
+    /// without any.
+    pub losses: &'a [[R; 2]],
+    /// Time step, s.
+    pub h: R,
+    /// From the configuration before the step to that at which the rows are taken, s.
+    pub lead: R,
+    /// Part of a gap that may close in the step.
+    pub closing: R,
+    /// Environments that step.
+    pub alive: R::Mask,
+}
+
+impl<R: Real> AssemblyInput<'_, R> {
+    /// What of the distance `phi` may close in the step; an overlap as it is.
+    #[inline(always)]
+    pub fn gap(&self, phi: R) -> R {
+        R::select(phi.gt(R::zero()), phi * self.closing, phi)
+    }
+}
+
+impl<R: Real> Constraints<R> {
+    /// Room for a compiled model.
+    pub fn new(compiled: &CompiledModel<R::Scalar>, max_contacts: usize) -> Self {
+        let block = compiled.equalities.iter().map(|b| b.rows).max().unwrap_or(0);
+        let room = room(compiled, max_contacts, R::LANES);
+        Self {
+            problem: Problem::new(&room),
+            iterate: Iterate::new(&room),
+            impacts: Vec::with_capacity(max_contacts + room.rolling_contacts),
+            has_impacts: false,
+            newton: Newton::default(),
+            constrained: R::Mask::splat(false),
+            needs_position_solve: R::Mask::splat(false),
+            biased: R::Mask::splat(false),
+            rebounding: R::Mask::splat(false),
+            floors: Vec::with_capacity(room.contacts + room.rolling_contacts),
+            reference: Reference::new(&room),
+            islands: Islands::new(compiled.ntree),
+            shared: Snapshot::new(&room),
+            position_bias: Vec::with_capacity(room.scalars + 3 * room.contacts + 6 * room.rolling_contacts),
+            scalar_impulse: vec![R::zero(); compiled.scalar_impulses],
+            owners: Vec::with_capacity(room.scalars),
+            slots: Vec::with_capacity(max_contacts),
+            wide_slots: Vec::with_capacity(room.rolling_contacts),
+            sizes: Vec::with_capacity(block),
+            demands: Vec::with_capacity(block),
+            column: vec![zero(); compiled.nv],
+            linear: vec![zero(); if compiled.wide { compiled.nv } else { 0 }],
+            support: Vec::with_capacity(compiled.nv),
+            path: vec![R::zero(); compiled.nv],
+            signs: vec![[0; 2]; compiled.nv],
+            words: vec![0; compiled.nv.div_ceil(64)],
+            moving: 0,
+            tied: Vec::with_capacity(compiled.equalities.len()),
+            separate: std::array::from_fn(|_| Vec::with_capacity(compiled.equalities.iter().map(|b| b.rows * b.support.len()).sum())),
+        }
+    }
+}
+
+/// What the rows of a compiled model can take at the most: a contact touches the ancestors of two frames in each of its lanes, and any row what equalities tie
+/// to it.
+fn room<S: Scalar>(compiled: &CompiledModel<S>, contacts: usize, lanes: usize) -> Capacity {
+    let tied = compiled.equalities.iter().filter(|b| b.separate).map(|b| b.support.len()).sum::<usize>();
+    let with_tied = |entries: usize| (entries + tied).min(compiled.nv);
+    let depth = |dof: usize| with_tied(compiled.dofs[dof].depth);
+    let single = compiled.limits.iter().map(|l| depth(l.dof)).chain(compiled.frictions.iter().map(|f| depth(f.dof))).sum::<usize>();
+    let balls = compiled.ball_limits.iter().map(|b| depth(b.dof + 2)).sum::<usize>();
+    let equalities = compiled.equalities.iter().map(|b| b.rows * with_tied(b.support.len())).sum::<usize>();
+    let tendons = compiled.tendons.iter().map(|t| 3 * with_tied(t.support.len())).sum::<usize>();
+    let mut moved: Vec<usize> = compiled.movers.iter().map(|m| m.iter().map(|w| w.count_ones() as usize).sum()).collect();
+    moved.sort_unstable();
+    let deepest: usize = moved.iter().rev().take(2).sum();
+    Capacity {
+        dimension: compiled.nv,
+        scalars: compiled.scalar_impulses,
+        scalar_entries: single + balls + equalities + tendons,
+        contacts,
+        rolling_contacts: if compiled.wide { contacts } else { 0 },
+        contact_support: with_tied(deepest * lanes),
+    }
+}
+
+impl<R: Real> Constraints<R> {
+    /// The velocity change that the present impulses alone make, left in `out`.
+    pub fn impulse_change(&self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, out: &mut [R]) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                out.copy_from_slice(&self.iterate.w);
+                if self.iterate.changes_velocity() {
+                    mass.unscale(compiled, out);
+                }
+            },
+        )
+    }
+
+    /// Takes up a change of the free velocity of the lanes `lanes` after the rows were made. `change` is used up.
+    pub fn shift(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, change: &mut [R], lanes: R::Mask) {
+        if self.problem.is_empty() {
+            return;
+        }
+        R::vectorize(
+            #[inline(always)]
+            || {
+                mass.scale(compiled, change);
+                let (scalars, contacts) = self.position_bias.split_at_mut(self.problem.scalars.len());
+                for (i, position) in scalars.iter_mut().enumerate() {
+                    let row = &self.problem.scalars[i];
+                    let g = R::select(lanes, self.problem.scalars.velocity(row, change), row.g);
+                    *position = R::select(lanes, *position + (g - row.g), *position);
+                    self.problem.scalars[i].g = g;
+                }
+                let (contacts, wide) = contacts.split_at_mut(3 * self.problem.contacts.len());
+                for (i, [position, ..]) in wide.as_chunks_mut::<6>().0.iter_mut().enumerate() {
+                    let block = &self.problem.rolling_contacts[i];
+                    let mut g = self.problem.rolling_contacts.velocity(block, change);
+                    (0..6).for_each(|k| g[k] = R::select(lanes, g[k], block.g[k]));
+                    *position = R::select(lanes, *position + (g[0] - block.g[0]), *position);
+                    self.problem.rolling_contacts[i].g = g;
+                }
+                for (i, [position, ..]) in contacts.as_chunks_mut::<3>().0.iter_mut().enumerate() {
+                    let block = &self.problem.contacts[i];
+                    let g = select(lanes, self.problem.contacts.velocity(block, change), block.g);
+                    *position = R::select(lanes, *position + (g[0] - block.g[0]), *position);
+                    self.problem.contacts[i].g = g;
+                }
+                self.keep_impacts(change, lanes);
+            },
+        )
+    }
+}

@@ -1,0 +1,52 @@
+//! Contacts with sliding friction: three rows each.
+
+use stepper_real::{Mask, Real, Scalar};
+
+use crate::collision::contact_set::Contacts;
+use crate::constraints::constraint_set::Constraints;
+use crate::constraints::equality::RowInput;
+use crate::math::spatial::*;
+
+/// Mobility along a normal, relative to that of all that moves as one body, below which the lever of a hinge is rounding: 1e-7 or so of its length.
+pub(crate) fn least_mobility<R: Real>() -> f64 {
+    1e-14_f64.max((256.0 * <R::Scalar as Scalar>::EPSILON.to_f64()).powi(2))
+}
+
+impl<R: Real> Constraints<R> {
+    /// Adds slot `k` in the lanes `lanes`, in which it has sliding friction at the most; `support` is gathered.
+    #[inline(always)]
+    pub(crate) fn add_contact(&mut self, site: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
+        let RowInput { compiled, options, mass, moment, .. } = site;
+        let (slot, active) = (&contacts.data[k], R::Mask::from_bits(lanes));
+        let [free, before] = self.contact_columns(site, contacts, k, lanes);
+        let curves = options.integrator.in_the_middle() && self.moving != 0;
+        let change = if self.has_impacts || curves { self.free_change(moment) } else { zero() };
+        self.half_solve::<3>(compiled, mass);
+        let (bias, position) = self.biases(options, moment.gap(slot.point.distance), moment.h, active);
+        let (bias, mut active) = self.bounce(compiled, options, slot, moment, active, [free[0], before[0]], bias);
+        let mut g = [[free[0] + bias, free[0] + position], [free[1]; 2], [free[2]; 2]];
+        let lengths = self.eliminate(mass, &mut g);
+        if self.has_impacts {
+            active = self.bounce_within(site, slot, active, [free, change], bias, &mut g);
+        }
+        if curves {
+            self.add_curve(site, contacts, k, active, [free, change], &mut g);
+        }
+        let column = &self.column;
+        self.problem.push_contact(
+            &self.support,
+            #[inline(always)]
+            |d| scale(column[d], mass.sqrt_inv_d[d]),
+            active,
+            slot.mu,
+            [g[0][0], g[1][0], g[2][0]],
+        );
+        if let Some(lengths) = lengths {
+            self.problem.contacts.set_trace_ratio(lengths.times());
+        }
+        self.position_bias.extend([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
+        self.iterate.contacts.push(select(active, slot.impulse, zero()));
+        self.slots.push((k, R::Mask::from_bits(lanes)));
+        self.constrained = self.constrained.or(active);
+    }
+}

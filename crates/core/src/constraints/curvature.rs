@@ -1,0 +1,129 @@
+//! How the velocity of a contact changes as it moves on.
+//!
+//! Rows of the midpoint rule are taken in the middle of the step and ask for a velocity at its end, `rest` seconds later. There
+//!
+//! ```text
+//! J(end) v+ = J v+ + rest kappa,    kappa = A_b - A_a + (omega_b - omega_a) x c'
+//! ```
+//!
+//! to second order: A are the accelerations of the two bodies' velocity fields at the contact's place while no joint accelerates, and c' is the
+//! velocity of that place. A ball that rolls on a table that turns is at a place of another velocity at the end of the step; without kappa it would
+//! have the velocity of half a step before, always, which is Euler's explicit rule for its circle, and gain energy.
+//!
+//! The place moves with the centre of a sphere or of a capsule's end, turned back as the other surface turns the normal, and with the second body
+//! where a corner touches.
+
+use stepper_real::{Mask, Real};
+
+use crate::collision::contact_set::Contacts;
+use crate::collision::surface_velocity;
+use crate::constraints::constraint_set::{AssemblyInput, Constraints};
+use crate::constraints::equality::RowInput;
+use crate::math::spatial::*;
+
+/// A body's velocity field at a contact.
+#[derive(Clone, Copy)]
+struct Field<R> {
+    /// rad/s
+    turn: V3<R>,
+    /// m/s
+    velocity: V3<R>,
+    /// Its rate at a place that stays, m/s^2.
+    rate: V3<R>,
+}
+
+impl<R: Real> Constraints<R> {
+    /// Adds it to what friction's rows of a contact demand, but for those that are taken at the time of their impact: from `free`, their velocities
+    /// without constraints, and the `change` of these by the free motion.
+    ///
+    /// The work of such a row's impulse is (t^2 - (J v)^2) / 2 G when it asks for J v+ = t: asking for no more than there was, nothing is gained.
+    /// A kernel of its own: few contacts need it, and inlined where it is called it would slow down all.
+    #[inline(never)]
+    pub(crate) fn add_curve(
+        &self,
+        site: RowInput<'_, R>,
+        contacts: &Contacts<R>,
+        k: usize,
+        active: R::Mask,
+        [free, change]: [V3<R>; 2],
+        demands: &mut [[R; 2]; 3],
+    ) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                let AssemblyInput { h, lead, .. } = *site.moment;
+                let slot = &contacts.data[k];
+                let n = slot.point.normal;
+                let axes = [n, slot.tangent, cross(n, slot.tangent)];
+                let lanes = active.and(R::Mask::from_bits(self.moving));
+                let lanes = match self.impacts.last() {
+                    Some(impact) => lanes.and_not(impact.lanes),
+                    None => lanes,
+                };
+                let rate = rate(site, contacts, k, lanes.bits());
+                for i in 1..3 {
+                    let most = (free[i] - change[i]).abs();
+                    let curve = (dot(axes[i], rate) * (h - lead)).clamp(-most, most);
+                    for demand in &mut demands[i] {
+                        *demand = R::select(lanes, *demand + curve, *demand);
+                    }
+                }
+            },
+        )
+    }
+}
+
+/// kappa of slot `k` in the lanes `lanes`, m/s^2.
+#[inline(always)]
+fn rate<R: Real>(site: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> V3<R> {
+    let RowInput { compiled, kinematics, .. } = site;
+    let point = &contacts.data[k].point;
+    let n = point.normal;
+    let half = point.distance * R::of(0.5);
+    let mut out = zero();
+    for (pair, same) in contacts.pairs(k, lanes) {
+        let geoms = compiled.pair_geoms(pair).expect("made from this compiled");
+        let [first, second] = geoms;
+        let (a, b) = (field(site, compiled.geoms[first].frame, point.pos), field(site, compiled.geoms[second].frame, point.pos));
+        let (from_a, from_b) = (compiled.params.geom_size(first)[0] + half, compiled.params.geom_size(second)[0] + half);
+        // Centres, where there are any, move with their bodies.
+        let centre_a = sub(a.velocity, scale(cross(a.turn, n), from_a));
+        let centre_b = add_scaled(b.velocity, cross(b.turn, n), from_b);
+        let place = match [compiled.geoms[first].is_round, compiled.geoms[second].is_round] {
+            [true, true] => {
+                let apart = sub(centre_b, centre_a);
+                let turned = scale(add_scaled(apart, n, -dot(apart, n)), from_b / (from_a + from_b));
+                sub(centre_b, turned)
+            }
+            [false, true] => sub(centre_b, scale(cross(a.turn, n), from_b)),
+            [true, false] => add_scaled(centre_a, cross(b.turn, n), from_a),
+            [false, false] => b.velocity,
+        };
+        let own = surface_velocity::spin(compiled, kinematics, geoms);
+        let turn = add(sub(b.turn, a.turn), scale(n, dot(own, n)));
+        let kappa = add(sub(b.rate, a.rate), cross(turn, place));
+        out = select(R::Mask::from_bits(same), kappa, out);
+    }
+    out
+}
+
+/// The velocity field of a frame at the point `p`.
+#[inline(always)]
+fn field<R: Real>(site: RowInput<'_, R>, frame: usize, p: V3<R>) -> Field<R> {
+    let RowInput { compiled, kinematics, moment, .. } = site;
+    match frame.checked_sub(compiled.links.len() + 1) {
+        _ if frame == 0 => Field { turn: zero(), velocity: zero(), rate: zero() },
+        Some(mocap) => {
+            let posed = &kinematics.posed[mocap];
+            let velocity = velocity_at(posed, sub(p, kinematics.pos[frame]));
+            Field { turn: angular(posed), velocity, rate: cross(linear(posed), angular(posed)) }
+        }
+        None => {
+            let (velocity, change) = (&moment.motion.velocity[frame - 1], &moment.motion.acceleration[frame - 1]);
+            let arm = sub(p, kinematics.origin[compiled.links[frame - 1].tree]);
+            // The recursion takes gravity as an upward acceleration of the world.
+            let rate = add(velocity_at(change, arm), compiled.params.gravity());
+            Field { turn: angular(velocity), velocity: velocity_at(velocity, arm), rate }
+        }
+    }
+}

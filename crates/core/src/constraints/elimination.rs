@@ -1,0 +1,216 @@
+//! Hard equalities, taken out of every other row: what is left to be solved goes on in the motions that they allow.
+//!
+//! The rows e_k of separate equalities are orthogonal and demand e_k . w + g_k = 0. For another row y . w + g,
+//!
+//! ```text
+//! y' = y - sum_k a_k e_k,    g' = g - sum_k a_k g_k,    a_k = y . e_k / |e_k|^2
+//! ```
+//!
+//! is the same velocity for every w that they allow, and an impulse along y' leaves them as they are (the Schur complement of their block of G;
+//! Golub & Van Loan 2013, section 3.2). So they are solved once, exactly, and impulses of the other rows are what they were. Sweeps that go back and
+//! forth between a leg's coupling and the contact of its foot need two to five times as many.
+
+use stepper_real::{Mask, Real};
+use stepper_solve::{ScalarRow, dependence_threshold};
+
+use crate::compile::LaneModel;
+use crate::constraints::constraint_set::Constraints;
+use crate::dynamics::inertia::MassMatrix;
+use crate::math::spatial::*;
+
+impl<R: Real> Constraints<R> {
+    /// Finds the separate equalities that share a degree of freedom with `support`, and adds what they move to it, with zeros in `column`.
+    #[inline(always)]
+    pub(crate) fn tie(&mut self, compiled: &LaneModel<R>) {
+        if self.problem.scalars.separate() > 0 {
+            self.words.fill(0);
+            for &d in &self.support {
+                self.words[d as usize / 64] |= 1 << (d % 64);
+            }
+        }
+        self.find_tied(compiled);
+        if !self.tied.is_empty() {
+            self.list_support();
+        }
+    }
+
+    /// The same of the dofs in `words`.
+    #[inline(always)]
+    pub(crate) fn find_tied(&mut self, compiled: &LaneModel<R>) {
+        self.tied.clear();
+        if self.problem.scalars.separate() > 0 {
+            self.search_blocks(compiled);
+        }
+    }
+
+    #[inline(never)]
+    fn search_blocks(&mut self, compiled: &LaneModel<R>) {
+        let mut start = 0;
+        for block in compiled.equalities.iter().filter(|block| block.separate) {
+            let rows = start..start + block.rows;
+            start = rows.end;
+            if block.set.iter().zip(&self.words).all(|(tied, moved)| tied & moved == 0) {
+                continue;
+            }
+            for &d in &block.support {
+                let d = d as usize;
+                if self.words[d / 64] >> (d % 64) & 1 == 0 {
+                    self.column[d] = zero();
+                    self.signs[d] = [0; 2];
+                }
+            }
+            for (word, tied) in self.words.iter_mut().zip(&block.set) {
+                *word |= tied;
+            }
+            self.tied.push(rows);
+        }
+    }
+
+    /// Keeps the entries of separate equalities as `eliminate` reads them.
+    #[inline(always)]
+    pub(crate) fn keep_separate(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>) {
+        self.problem.scalars.mark_separate();
+        let Self { problem, separate, .. } = self;
+        let [found, taken] = separate;
+        found.clear();
+        taken.clear();
+        let mut first = 0;
+        for block in compiled.equalities.iter().filter(|block| block.separate) {
+            let end = first + block.rows;
+            while first < end {
+                // Entries of up to four rows lie side by side.
+                let rows = &problem.scalars[first..end.min(first + 4)];
+                for (i, &d) in block.support.iter().enumerate() {
+                    for row in rows {
+                        let y = problem.scalars.entries(row).1[i];
+                        found.push(y * mass.sqrt_inv_d[d as usize]);
+                        taken.push(y * mass.sqrt_d[d as usize]);
+                    }
+                }
+                first += rows.len();
+            }
+        }
+    }
+
+    /// Takes the tied equalities out of the first `N` components of `column` on `support`, half solved but for D^-1/2, and out of what these rows
+    /// demand: their velocities g of the step, and when positions are solved apart. Of a row that depends on them nothing is left. Returns the
+    /// squared lengths of the rows before, and of what is left; nothing where no equality is tied.
+    #[inline(always)]
+    pub(crate) fn eliminate<const N: usize>(&mut self, mass: &MassMatrix<R>, demands: &mut [[R; 2]; N]) -> Option<Lengths<R, N>> {
+        if self.tied.is_empty() { None } else { Some(self.eliminate_tied(mass, demands)) }
+    }
+
+    /// A kernel of its own: inlined where rows are made, it would be most of the code there, which few scenes need.
+    #[inline(never)]
+    fn eliminate_tied<const N: usize>(&mut self, mass: &MassMatrix<R>, demands: &mut [[R; 2]; N]) -> Lengths<R, N> {
+        R::vectorize(
+            #[inline(always)]
+            || self.eliminate_blocks(mass, demands),
+        )
+    }
+
+    #[inline(always)]
+    fn eliminate_blocks<const N: usize>(&mut self, mass: &MassMatrix<R>, demands: &mut [[R; 2]; N]) -> Lengths<R, N> {
+        let mut whole = [R::zero(); N];
+        for &d in &self.support {
+            let (x, weight) = (&self.column[d as usize], mass.sqrt_inv_d[d as usize]);
+            for n in 0..N {
+                whole[n] += (x[n] * weight).square();
+            }
+        }
+        let mut rest = whole;
+        for block in 0..self.tied.len() {
+            let rows = self.tied[block].clone();
+            for first in rows.clone().step_by(4) {
+                match rows.end - first {
+                    1 => self.eliminate_rows::<N, 1>(first, demands, &mut rest),
+                    2 => self.eliminate_rows::<N, 2>(first, demands, &mut rest),
+                    3 => self.eliminate_rows::<N, 3>(first, demands, &mut rest),
+                    _ => self.eliminate_rows::<N, 4>(first, demands, &mut rest),
+                }
+            }
+        }
+        for n in 0..N {
+            let depends = rest[n].lt(whole[n] * R::of(dependence_threshold::<R>().max(PREVENTED)));
+            if depends.any() {
+                for &d in &self.support {
+                    let x = &mut self.column[d as usize][n];
+                    *x = R::select(depends, R::zero(), *x);
+                }
+            }
+        }
+        Lengths { whole, rest }
+    }
+
+    /// The same of `K` rows from `first` on, which have one support: what they hold is found in one pass over it, and taken away in another. What
+    /// does not touch them keeps its bits. `rest` are the squared lengths of what is left.
+    #[inline(always)]
+    fn eliminate_rows<const N: usize, const K: usize>(&mut self, first: usize, demands: &mut [[R; 2]; N], rest: &mut [R; N]) {
+        let Self { problem, column, position_bias, separate, .. } = self;
+        let rows: &[ScalarRow<R>; K] = problem.scalars[first..].first_chunk().expect("a block has its rows");
+        let (support, _) = problem.scalars.entries(&rows[0]);
+        let at = rows[0].entries().start;
+        let [found, taken] = [&separate[0], &separate[1]].map(
+            #[inline(always)]
+            |entries| entries[at..].as_chunks::<K>().0,
+        );
+        let mut along = [[R::zero(); K]; N];
+        for (&d, y) in support.iter().zip(found) {
+            let x = &column[d as usize];
+            for n in 0..N {
+                for k in 0..K {
+                    along[n][k] += x[n] * y[k];
+                }
+            }
+        }
+        for k in 0..K {
+            let g = [rows[k].g, position_bias[first + k]];
+            for n in 0..N {
+                let share = rows[k].projection(along[n][k]);
+                rest[n] -= share * along[n][k];
+                demands[n] = sub(demands[n], scale(g, share));
+                along[n][k] = share;
+            }
+        }
+        for (&d, y) in support.iter().zip(taken) {
+            let x = &mut column[d as usize];
+            for n in 0..N {
+                for k in 0..K {
+                    x[n] -= along[n][k] * y[k];
+                }
+            }
+        }
+    }
+}
+
+/// Part of the squared length of a row that equalities leave, below which they prevent it: a contact whose normal they let move by a thousandth of
+/// what the bodies could has impulses a million times as large as it should, and nothing but rounding decides between them.
+const PREVENTED: f64 = 1e-6;
+
+/// Squared lengths of rows in the metric of G.
+#[derive(Clone, Copy)]
+pub(crate) struct Lengths<R, const N: usize> {
+    pub(crate) whole: [R; N],
+    /// Of what is left when equalities are taken out.
+    pub(crate) rest: [R; N],
+}
+
+impl<R: Real, const N: usize> Lengths<R, N> {
+    /// See [`times`].
+    #[inline(always)]
+    pub(crate) fn times(self) -> R {
+        times(&self.whole, &self.rest)
+    }
+}
+
+/// How many times what is left of trace(G) it was: 1 where there is nothing, and exactly where nothing was taken.
+#[inline(always)]
+pub(crate) fn times<R: Real>(whole: &[R], rest: &[R]) -> R {
+    let [mut before, mut after] = [R::zero(); 2];
+    for (&whole, &rest) in whole.iter().zip(rest) {
+        before += whole;
+        after += rest;
+    }
+    let there = after.gt(R::zero());
+    R::select(there, before / R::select(there, after, R::one()), R::one())
+}

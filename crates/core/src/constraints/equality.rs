@@ -1,0 +1,456 @@
+//! Rows of equalities: J v = 0 along the whole step, so that closed loops stay closed.
+//!
+//! With the error e(q), its Jacobian J and kappa = J' v (J' the rate of J), what a step does to the error is, to third order in h,
+//!
+//! ```text
+//! Euler (q+ = q + h v+, rows at q):                             e+ = e + h J v+ + h^2/2 kappa
+//! midpoint (q+ = q_m + h/2 v+, rows at q_m = q + h/2 v):         e+ = (e_m - h^2/8 kappa) + h/2 (J v+ + h/2 kappa)
+//! ```
+//!
+//! so that each asks for `J v+ = -h/2 kappa - beta/h (e - c h^2 kappa)` with c = 0 or 1/8. The velocity before the step has
+//! J v = +h/2 kappa in both, so that the impulses' work, lambda J (v + v+) / 2, is zero but for what the correction does: a loop that moves
+//! keeps its energy. Without kappa every step would take the energy of the velocity that the curvature turns away, (h kappa)^2 / 2 G.
+
+use stepper_real::{Mask, Real, Scalar};
+
+use crate::compile::{Combination, CompiledEquality, CompiledModel, EqualityBlock, EqualityRows, LaneModel, Spring};
+use crate::constraints::constraint_set::{ARM, AssemblyInput, Constraints, DAMPING};
+use crate::constraints::elimination::times;
+use crate::dynamics::inertia::MassMatrix;
+use crate::dynamics::kinematics::Kinematics;
+use crate::math::spatial::*;
+use crate::options::{Stabilization, StepSettings};
+
+/// Error that the position solve leaves alone, m or rad: far below what anyone measures, so that a loop at rest costs no second solve.
+const EXACT: f64 = 1e-11;
+
+/// Three rows, or one in the first component.
+struct Rows<R: Real> {
+    error: V3<R>,
+    /// J' v
+    kappa: V3<R>,
+    /// Squared length of what each row's entries are differences of.
+    size: R,
+    /// Mobility of the bodies if nothing held them, for rows of points, 1/kg.
+    bodies: R,
+}
+
+/// What the rows are made from.
+#[derive(Clone, Copy)]
+pub(crate) struct RowInput<'a, R: Real> {
+    pub(crate) compiled: &'a LaneModel<R>,
+    pub(crate) options: &'a StepSettings,
+    pub(crate) kinematics: &'a Kinematics<R>,
+    pub(crate) mass: &'a MassMatrix<R>,
+    pub(crate) moment: &'a AssemblyInput<'a, R>,
+}
+
+impl<R: Real> Constraints<R> {
+    /// Adds the rows of equalities, block by block: of those that are separate, or of all others.
+    pub(crate) fn add_equalities(&mut self, site: RowInput<'_, R>, separate: bool) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for block in site.compiled.equalities.iter().filter(|block| block.separate == separate) {
+                    self.add_block(site, block);
+                }
+            },
+        )
+    }
+
+    #[inline(always)]
+    fn add_block(&mut self, site: RowInput<'_, R>, block: &EqualityBlock<R::Scalar>) {
+        let start = self.problem.scalars.len();
+        self.sizes.clear();
+        self.demands.clear();
+        for equality in &block.equalities {
+            self.add_equality(site, block, equality);
+        }
+        if block.hard {
+            // The way that the block is to go bends all its rows: a short demand along one that a long one turns away is met at the end of the step no more.
+            let way = self.demands.iter().fold(R::zero(), |most, demand| most.max(demand[2].abs())) * site.moment.h;
+            let split = site.options.stabilization == Stabilization::Split;
+            let damping = if split { R::of(DAMPING) + way * R::of(1.0 / ARM) } else { R::zero() };
+            self.problem.scalars.orthogonalise(
+                start..start + block.rows,
+                &self.sizes,
+                &mut self.demands,
+                #[inline(always)]
+                |row, [_, _, correction]| {
+                    // Baumgarte's bias is what it is: see `restrain` of stage 8.
+                    *correction = row.damp_correction(damping, *correction);
+                },
+            );
+            self.hold(site.options, start);
+        }
+    }
+
+    /// Gives the orthogonal rows from `start` on what they demand besides J v_free.
+    ///
+    /// The work of such a row's impulse is (t^2 - (J v)^2) / 2 G when it asks for J v+ = t: asking for no more than there was, nothing is
+    /// gained, not even where a loop straightens and the curvature knows no bounds.
+    #[inline(always)]
+    fn hold(&mut self, options: &StepSettings, start: usize) {
+        for (k, &[curve, before, correction]) in self.demands.iter().enumerate() {
+            let row = &mut self.problem.scalars[start + k];
+            let most = before.abs();
+            let kept = row.g + curve.clamp(-most, most);
+            let corrected = kept + correction;
+            let (velocity, position) = match options.stabilization {
+                Stabilization::Baumgarte => (corrected, kept),
+                Stabilization::None => (kept, kept),
+                Stabilization::Split => (kept, corrected),
+            };
+            row.g = velocity;
+            self.position_bias.push(position);
+            let lambda = &mut self.iterate.scalars[start + k];
+            *lambda = R::select(row.active, *lambda, R::zero());
+        }
+    }
+
+    #[inline(always)]
+    fn add_equality(&mut self, site: RowInput<'_, R>, block: &EqualityBlock<R::Scalar>, equality: &CompiledEquality<R::Scalar>) {
+        match &equality.rows {
+            EqualityRows::Points { frames, anchors, turn } => {
+                self.move_own(equality);
+                let rows = self.meet(site, *frames, *anchors);
+                self.push_rows::<3>(site, block, equality, 0, &rows);
+                if let Some((mats, weight)) = turn {
+                    self.move_own(equality);
+                    let rows = self.align(site, *frames, mats, R::splat(*weight));
+                    self.push_rows::<3>(site, block, equality, 3, &rows);
+                }
+            }
+            EqualityRows::Coupling { first, second, polynomial } => {
+                self.move_own(equality);
+                let rows = self.couple(site, first, second.as_ref(), splat(*polynomial));
+                self.push_rows::<1>(site, block, equality, 0, &rows);
+            }
+        }
+    }
+
+    /// Makes `support` what an equality moves itself.
+    #[inline(always)]
+    fn move_own(&mut self, equality: &CompiledEquality<R::Scalar>) {
+        self.support.clear();
+        self.support.extend_from_slice(&equality.support);
+    }
+
+    /// Makes `support` that of all rows of a block, with zeros in `column` where an equality moves nothing itself.
+    #[inline(always)]
+    fn move_all(&mut self, block: &EqualityBlock<R::Scalar>, equality: &CompiledEquality<R::Scalar>) {
+        let mut own = equality.support.iter().peekable();
+        for &d in &block.support {
+            if own.next_if_eq(&&d).is_none() {
+                self.column[d as usize] = zero();
+            }
+        }
+        self.support.clear();
+        self.support.extend_from_slice(&block.support);
+    }
+
+    /// Two points meet: error p0 - p1 (MuJoCo's `mjEQ_CONNECT`). Leaves J in `column`.
+    #[inline(always)]
+    fn meet(&mut self, site: RowInput<'_, R>, frames: [usize; 2], anchors: [[R::Scalar; 3]; 2]) -> Rows<R> {
+        let RowInput { compiled, kinematics, .. } = site;
+        let points = [kinematics.point(frames[0], splat(anchors[0])), kinematics.point(frames[1], splat(anchors[1]))];
+        let mut size = R::zero();
+        for &d in &self.support {
+            let d = d as usize;
+            let (origin, axis) = (kinematics.origin[compiled.dofs[d].tree], &kinematics.axes[d]);
+            let mut j = zero();
+            for side in 0..2 {
+                if moves(compiled, frames[side], d) {
+                    let arm = sub(points[side], origin);
+                    let motion = velocity_at(axis, arm);
+                    j = if side == 0 { add(j, motion) } else { sub(j, motion) };
+                    let (w, v) = (angular(axis), linear(axis));
+                    size += (dot(v, v) + dot(w, w) * dot(arm, arm)) * site.mass.inv_d[d];
+                }
+            }
+            self.column[d] = j;
+        }
+        let kappa = sub(acceleration(site, frames[0], points[0]), acceleration(site, frames[1], points[1]));
+        let bodies = compiled.mobility(frames[0]) + compiled.mobility(frames[1]);
+        Rows { error: sub(points[0], points[1]), kappa, size, bodies }
+    }
+
+    /// Two orientations agree: error is the rotation vector from the second to the first in world axes, times the weight. (MuJoCo's
+    /// `mjEQ_WELD` takes the sine of half its length; the manifold is the same.) Leaves J in `column`.
+    #[inline(always)]
+    fn align(&mut self, site: RowInput<'_, R>, frames: [usize; 2], mats: &[[R::Scalar; 9]; 2], weight: R) -> Rows<R> {
+        let RowInput { compiled, kinematics, .. } = site;
+        let mut size = R::zero();
+        for &d in &self.support {
+            let d = d as usize;
+            let mut j = zero();
+            let axis = angular(&kinematics.axes[d]);
+            for side in 0..2 {
+                if moves(compiled, frames[side], d) {
+                    j = if side == 0 { add(j, axis) } else { sub(j, axis) };
+                    size += dot(axis, axis) * site.mass.inv_d[d];
+                }
+            }
+            self.column[d] = scale(j, weight);
+        }
+        let first = mat_mul(&kinematics.mat[frames[0]], &splat(mats[0]));
+        let second = mat_mul(&kinematics.mat[frames[1]], &splat(mats[1]));
+        let turn = quat_log(mat_to_quat(&mat_mul_transposed(&first, &second)));
+        let kappa = sub(angular_acceleration(site, frames[0]), angular_acceleration(site, frames[1]));
+        Rows { error: scale(turn, weight), kappa: scale(kappa, weight), size: size * weight * weight, bodies: R::zero() }
+    }
+
+    /// x - ref = polynomial(y - ref) (MuJoCo's `mjEQ_JOINT` and `mjEQ_TENDON`). Leaves J in `column`.
+    #[inline(always)]
+    fn couple(
+        &mut self,
+        site: RowInput<'_, R>,
+        first: &Combination<R::Scalar>,
+        second: Option<&Combination<R::Scalar>>,
+        c: [R; 5],
+    ) -> Rows<R> {
+        let moment = site.moment;
+        for &d in &self.support {
+            self.column[d as usize] = zero();
+        }
+        let mut size = self.add_terms(site, first, R::one());
+        let (mut error, mut kappa) = (first.value(moment.q) - R::splat(first.reference) - c[0], R::zero());
+        if let Some(second) = second {
+            let x = second.value(moment.q) - R::splat(second.reference);
+            let of = |k: f64| R::of(k);
+            let slope = c[1] + x * (of(2.0) * c[2] + x * (of(3.0) * c[3] + x * (of(4.0) * c[4])));
+            let bend = of(2.0) * c[2] + x * (of(6.0) * c[3] + x * (of(12.0) * c[4]));
+            error -= x * (c[1] + x * (c[2] + x * (c[3] + x * c[4])));
+            kappa = -(bend * second.rate(moment.v).square());
+            size += self.add_terms(site, second, -slope);
+        }
+        Rows { error: [error, R::zero(), R::zero()], kappa: [kappa, R::zero(), R::zero()], size, bodies: R::zero() }
+    }
+
+    /// Adds a combination's Jacobian, times `factor`, to the first row; returns the squared length of what it adds.
+    #[inline(always)]
+    pub(crate) fn add_terms(&mut self, site: RowInput<'_, R>, combination: &Combination<R::Scalar>, factor: R) -> R {
+        let mut size = R::zero();
+        for &(_, dof, coefficient) in &combination.terms {
+            let x = R::splat(coefficient) * factor;
+            self.column[dof][0] += x;
+            size += x * x * site.mass.inv_d[dof];
+        }
+        size
+    }
+
+    /// Turns the first `N` components of `column` on `support` into rows of an equality on the support of its block.
+    #[inline(always)]
+    fn push_rows<const N: usize>(
+        &mut self,
+        site: RowInput<'_, R>,
+        block: &EqualityBlock<R::Scalar>,
+        equality: &CompiledEquality<R::Scalar>,
+        first: usize,
+        rows: &Rows<R>,
+    ) {
+        let AssemblyInput { v_free, v, h, alive, .. } = *site.moment;
+        let (mut free, mut before) = ([R::zero(); 3], [R::zero(); 3]);
+        for &d in &self.support {
+            let d = d as usize;
+            free = add_scaled(free, self.column[d], v_free[d]);
+            before = add_scaled(before, self.column[d], v[d]);
+        }
+        self.half_solve::<N>(site.compiled, site.mass);
+        self.move_all(block, equality);
+        self.tie(site.compiled);
+        let correction = self.correct(site.options, rows, h, alive);
+        let mut laws = [AffineForce { g: [R::zero(); 2], compliance: R::zero(), active: alive, bounds: free_bounds() }; N];
+        let mut g = [[R::zero(); 2]; N];
+        for k in 0..N {
+            laws[k].g = [free[k]; 2];
+            if let Some(spring) = &equality.spring {
+                let (error, before, free, gram) = (rows.error[k], before[k], free[k], self.gram(site.mass, k));
+                laws[k] = law_of(site.options, spring, SpringRow { error, before, free, gram, taut: alive }, h, alive);
+            }
+            g[k] = laws[k].g;
+        }
+        let lengths = self.eliminate(site.mass, &mut g);
+        let mut mobility = R::zero();
+        for k in 0..N {
+            mobility += match &lengths {
+                Some(lengths) => lengths.whole[k],
+                None => self.gram(site.mass, k),
+            };
+        }
+        mobility = mobility * R::of(1.0 / N as f64) + rows.bodies;
+        for k in 0..N {
+            self.push_row(site.mass, k, equality.owner + first + k, &AffineForce { g: g[k], ..laws[k] });
+            if let Some(lengths) = &lengths {
+                self.measure(laws[k].compliance, lengths.whole[k], lengths.rest[k]);
+            }
+            self.problem.scalars.set_mobility(mobility);
+            if equality.spring.is_some() {
+                self.position_bias.push(g[k][1]);
+            }
+            self.sizes.push(rows.size);
+            self.demands.push([rows.kappa[k] * h * R::of(0.5), before[k], correction[k]]);
+        }
+    }
+
+    /// The velocity that takes a part of the error away.
+    #[inline(always)]
+    fn correct(&mut self, options: &StepSettings, rows: &Rows<R>, h: R, alive: R::Mask) -> V3<R> {
+        let middle = if options.integrator.in_the_middle() { 0.125 } else { 0.0 };
+        let error = sub(rows.error, scale(rows.kappa, h * h * R::of(middle)));
+        let length = norm(error);
+        let wrong = length.gt(R::of(EXACT));
+        match options.stabilization {
+            Stabilization::Split => self.needs_position_solve = self.needs_position_solve.or(alive.and(wrong)),
+            Stabilization::Baumgarte => self.biased = self.biased.or(alive.and(wrong)),
+            Stabilization::None => {}
+        }
+        let most = R::of(options.max_correction_speed) / R::select(wrong, length, R::one());
+        let rate = R::of(options.baumgarte) / h;
+        scale(error, R::select(wrong, rate.min(most), rate))
+    }
+
+    /// Diagonal entry of G of component `k` of `column`, half solved, on `support`.
+    #[inline(always)]
+    pub(crate) fn gram(&self, mass: &MassMatrix<R>, k: usize) -> R {
+        let mut sum = R::zero();
+        for &d in &self.support {
+            sum += (self.column[d as usize][k] * mass.sqrt_inv_d[d as usize]).square();
+        }
+        sum
+    }
+
+    /// Adds the first component of `column` on `support` as a scalar row.
+    #[inline(always)]
+    pub(crate) fn add_row(&mut self, mass: &MassMatrix<R>, owner: usize, law: AffineForce<R>) {
+        let mut g = [law.g];
+        let lengths = self.eliminate(mass, &mut g);
+        self.push_row(mass, 0, owner, &AffineForce { g: g[0], ..law });
+        if let Some(lengths) = lengths {
+            self.measure(law.compliance, lengths.whole[0], lengths.rest[0]);
+        }
+        self.position_bias.push(g[0][1]);
+    }
+
+    /// Says by what the residual of the row pushed last is measured: its squared length before and after equalities were taken out.
+    #[inline(always)]
+    fn measure(&mut self, compliance: R, whole: R, rest: R) {
+        self.problem.scalars.set_trace_ratio(times(&[whole, compliance], &[rest, compliance]));
+    }
+
+    /// Pushes component `k` of `column` on `support` as a scalar row.
+    #[inline(always)]
+    fn push_row(&mut self, mass: &MassMatrix<R>, k: usize, owner: usize, law: &AffineForce<R>) {
+        let column = &self.column;
+        self.problem.scalars.push(
+            &self.support,
+            #[inline(always)]
+            |d| column[d][k] * mass.sqrt_inv_d[d],
+            R::one(),
+            law.active,
+            law.g[0],
+            law.bounds,
+        );
+        self.problem.scalars.set_compliance(law.compliance);
+        self.warm_start(owner, law.active);
+        self.owners.push(owner);
+        self.constrained = self.constrained.or(law.active);
+    }
+}
+
+/// What a scalar row obeys.
+#[derive(Clone, Copy)]
+pub(crate) struct AffineForce<R: Real> {
+    /// Its velocity before any impulse with its bias: of the step, and when positions are solved apart.
+    pub(crate) g: [R; 2],
+    pub(crate) compliance: R,
+    pub(crate) active: R::Mask,
+    /// Least and greatest impulse.
+    pub(crate) bounds: [R; 2],
+}
+
+/// No bounds of an impulse.
+#[inline(always)]
+fn free_bounds<R: Real>() -> [R; 2] {
+    [R::of(f64::NEG_INFINITY), R::of(f64::INFINITY)]
+}
+
+/// The law of a limit that is left at the velocity `free`, with its biases in the velocities and when positions are solved apart.
+#[inline(always)]
+pub(crate) fn limit_law<R: Real>(free: R, [velocity, position]: [R; 2], active: R::Mask) -> AffineForce<R> {
+    AffineForce { g: [free + velocity, free + position], compliance: R::zero(), active, bounds: [R::zero(), R::of(f64::INFINITY)] }
+}
+
+/// What a spring's row is made from: its error, its velocities before the step and free, and its diagonal entry of G.
+#[derive(Clone, Copy)]
+pub(crate) struct SpringRow<R: Real> {
+    pub(crate) error: R,
+    pub(crate) before: R,
+    pub(crate) free: R,
+    pub(crate) gram: R,
+    /// Where the spring pulls; damper and inertia always do.
+    pub(crate) taut: R::Mask,
+}
+
+/// A spring, damper and inertia along a row as a compliant row, implicit in the row's own velocity.
+///
+/// With the force -k e - d v - a v' taken as Euler's rule or the midpoint rule takes it, the impulse is lambda = -Q v+ - P:
+///
+/// ```text
+/// Euler      force at e + h v+, v+:                     Q = h^2 k + h d + a          P = h k e - a v
+/// midpoint   force at e_m + h/4 (v+ - v), (v + v+)/2:   Q = h^2 k/4 + h d/2 + a      P = h k e_m + (h d/2 - h^2 k/4 - a) v
+/// ```
+///
+/// so v+ + lambda/Q + P/Q = 0: a row of compliance 1/Q. Both are stable for any stiffness, and the mass matrix keeps the sparsity of the
+/// tree: k J^T J in it would join all joints of a tendon with one another. The midpoint rule does not damp what is too stiff for the step, so
+/// it goes over to Euler's by s = z^2 / (1 + z^2), z = G (h^2 k/4 + h d/2), which keeps its second order.
+#[inline(always)]
+pub(crate) fn law_of<R: Real>(
+    options: &StepSettings,
+    spring: &Spring<R::Scalar>,
+    row: SpringRow<R>,
+    h: R,
+    alive: R::Mask,
+) -> AffineForce<R> {
+    let k = R::select(row.taut, R::splat(spring.stiffness) * h, R::zero());
+    let (d, a) = (R::splat(spring.damping) * h, R::splat(spring.inertia));
+    let (quarter, half) = (h * k * R::of(0.25), d * R::of(0.5));
+    let (mut late, mut early) = (R::one(), R::zero());
+    if options.integrator.in_the_middle() {
+        let z = (row.gram * (quarter + half)).square();
+        late = R::select(z.is_finite(), z / (R::one() + z), R::one());
+        early = R::one() - late;
+    }
+    let q = quarter * (R::one() + R::of(3.0) * late) + half * (R::one() + late) + a;
+    let p = k * row.error + ((half - quarter) * early - a) * row.before;
+    let active = alive.and(q.gt(R::zero()));
+    let compliance = R::one() / R::select(active, q, R::one());
+    AffineForce { g: [row.free + p * compliance; 2], compliance, active, bounds: free_bounds() }
+}
+
+/// Whether a dof moves a frame.
+#[inline(always)]
+fn moves<S: Scalar>(compiled: &CompiledModel<S>, frame: usize, dof: usize) -> bool {
+    compiled.movers[frame][dof / 64] >> (dof % 64) & 1 == 1
+}
+
+/// Acceleration of the point `p` of a frame if no joint accelerates; zero for the world and what the user poses.
+#[inline(always)]
+fn acceleration<R: Real>(site: RowInput<'_, R>, frame: usize, p: V3<R>) -> V3<R> {
+    let RowInput { compiled, kinematics, moment, .. } = site;
+    if frame == 0 || frame > compiled.links.len() {
+        return zero();
+    }
+    let l = frame - 1;
+    let (velocity, change) = (&moment.motion.velocity[l], &moment.motion.acceleration[l]);
+    let arm = sub(p, kinematics.origin[compiled.links[l].tree]);
+    // The recursion takes gravity as an upward acceleration of the world.
+    let change = spatial(angular(change), add(linear(change), compiled.params.gravity()));
+    add(velocity_at(&change, arm), cross(angular(velocity), velocity_at(velocity, arm)))
+}
+
+/// Angular acceleration of a frame if no joint accelerates.
+#[inline(always)]
+fn angular_acceleration<R: Real>(site: RowInput<'_, R>, frame: usize) -> V3<R> {
+    if frame == 0 || frame > site.compiled.links.len() { zero() } else { angular(&site.moment.motion.acceleration[frame - 1]) }
+}

@@ -1,0 +1,69 @@
+//! Islands: kinematic trees that rows of the constraint problem join.
+
+use stepper_real::Real;
+use stepper_solve::Problem;
+
+use crate::compile::CompiledModel;
+
+/// Sets of trees (union-find with path halving; Tarjan & van Leeuwen 1984), and the largest of a number over each set.
+#[derive(Clone, Debug)]
+pub(crate) struct Islands {
+    above: Vec<u32>,
+    most: Vec<f64>,
+}
+
+impl Islands {
+    /// Room for so many trees.
+    pub(crate) fn new(trees: usize) -> Self {
+        Self { above: vec![0; trees], most: vec![0.0; trees] }
+    }
+
+    /// Finds the islands of one lane.
+    pub(crate) fn find<R: Real>(&mut self, compiled: &CompiledModel<R::Scalar>, problem: &Problem<R>, lane: usize) {
+        for (tree, above) in self.above.iter_mut().enumerate() {
+            *above = tree as u32;
+        }
+        self.most.fill(0.0);
+        problem.for_each_support(lane, |dofs| {
+            let mut first = None;
+            for d in dofs {
+                let tree = self.root(compiled.dofs[d as usize].tree);
+                match first {
+                    None => first = Some(tree),
+                    Some(other) if other != tree => {
+                        self.above[tree.max(other)] = tree.min(other) as u32;
+                        first = Some(tree.min(other));
+                    }
+                    Some(_) => {}
+                }
+            }
+        });
+    }
+
+    /// Takes a number of a tree into account; NaN counts as infinite.
+    pub(crate) fn note(&mut self, tree: usize, x: f64) {
+        let root = self.root(tree);
+        self.most[root] = if x <= self.most[root] {
+            self.most[root]
+        } else if x.is_nan() {
+            f64::INFINITY
+        } else {
+            x
+        };
+    }
+
+    /// The largest number of the tree's island.
+    pub(crate) fn most(&mut self, tree: usize) -> f64 {
+        let root = self.root(tree);
+        self.most[root]
+    }
+
+    fn root(&mut self, mut tree: usize) -> usize {
+        while self.above[tree] as usize != tree {
+            let next = self.above[self.above[tree] as usize];
+            self.above[tree] = next;
+            tree = next as usize;
+        }
+        tree
+    }
+}

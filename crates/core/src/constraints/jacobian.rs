@@ -1,0 +1,154 @@
+//! Columns: J^T of a row on the dofs that it touches, its support, and half a solve of it.
+
+use stepper_real::{Mask, Real};
+
+use crate::collision::contact_set::Contacts;
+use crate::collision::surface_velocity;
+use crate::compile::LaneModel;
+use crate::constraints::constraint_set::Constraints;
+use crate::constraints::equality::RowInput;
+use crate::dynamics::inertia::{MassMatrix, is_above};
+use crate::math::spatial::*;
+
+impl<R: Real> Constraints<R> {
+    /// L^-T times a unit vector, left in the first component of `column` on `support`, the chain of `dof`.
+    #[inline(always)]
+    pub(crate) fn unit_column(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, dof: usize) {
+        let chain = compiled.chain_of(dof);
+        self.support.clear();
+        self.support.extend(chain.iter().rev());
+        let path = &mut self.path[..chain.len()];
+        path.fill(R::zero());
+        path[0] = R::one();
+        let mut rest = &mut path[..];
+        // Row k of the chain has the entries of all that follow it, so that those of two rows meet one after the other without an index.
+        for pair in chain.chunks(2) {
+            let [x, y, tail @ ..] = rest else { break };
+            let ((row, _), (above, _)) = (mass.row(compiled, pair[0] as usize), mass.row(compiled, pair[1] as usize));
+            *y -= row[1] * *x;
+            for ((target, &l), &m) in tail.iter_mut().zip(&row[2..]).zip(&above[1..]) {
+                *target = (*target - l * *x) - m * *y;
+            }
+            rest = tail;
+        }
+        for (&a, &x) in chain.iter().zip(&self.path) {
+            self.column[a as usize][0] = x;
+        }
+    }
+
+    /// `column` <- L^-T `column`, on `support` with all its ancestors, in the first `N` components.
+    #[inline(always)]
+    pub(crate) fn half_solve<const N: usize>(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>) {
+        let (mut rest, column) = (&self.support[..], &mut self.column);
+        while let [before @ .., d] = rest {
+            rest = before;
+            let d = *d as usize;
+            let ((row, chain), x) = (mass.row(compiled, d), column[d]);
+            if !is_above(d, chain) {
+                for (&l, &a) in row[1..].iter().zip(&chain[1..]) {
+                    let target = &mut column[a as usize];
+                    for k in 0..N {
+                        target[k] -= x[k] * l;
+                    }
+                }
+                continue;
+            }
+            // The parent is the dof before and has the same ancestors: both at once.
+            rest = &before[..before.len() - 1];
+            let ((above, chain), mut parent) = (mass.row(compiled, d - 1), column[d - 1]);
+            for k in 0..N {
+                parent[k] -= x[k] * row[1];
+            }
+            column[d - 1] = parent;
+            for ((&l, &m), &a) in row[2..].iter().zip(&above[1..]).zip(&chain[1..]) {
+                let target = &mut column[a as usize];
+                for k in 0..N {
+                    target[k] = (target[k] - x[k] * l) - parent[k] * m;
+                }
+            }
+        }
+    }
+
+    /// The dofs that move slot k in any of its lanes, or that are tied to them, ascending, and in which lanes each moves the second and the first
+    /// geom.
+    #[inline(always)]
+    pub(crate) fn gather_support(&mut self, compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
+        self.words.fill(0);
+        self.moving = 0;
+        for (pair, same) in contacts.pairs(k, lanes) {
+            let [a, b] = compiled.pair_geoms(pair).expect("made from this compiled");
+            self.moving |= if compiled.geoms[a].frame != 0 && compiled.geoms[b].frame != 0 { same } else { 0 };
+            let (first, second) = (&compiled.movers[compiled.geoms[a].frame], &compiled.movers[compiled.geoms[b].frame]);
+            for (w, ((&first, &second), word)) in first.iter().zip(second).zip(&mut self.words).enumerate() {
+                let old = *word;
+                *word |= first | second;
+                let mut bits = first | second;
+                while bits != 0 {
+                    let i = bits.trailing_zeros();
+                    bits &= bits - 1;
+                    // All ones where the dof is in the set.
+                    let lanes_of = |set: u64| ((set >> i & 1) as u32).wrapping_neg();
+                    let sign = &mut self.signs[64 * w + i as usize];
+                    let [plus, minus] = sign.map(|bits| bits & lanes_of(old));
+                    *sign = [plus | same & lanes_of(second), minus | same & lanes_of(first)];
+                }
+            }
+        }
+        if !compiled.surfaces.is_empty() {
+            self.moving = lanes;
+        }
+        self.find_tied(compiled);
+        self.list_support();
+    }
+
+    /// Lists the dofs in `words`, ascending.
+    #[inline(always)]
+    pub(crate) fn list_support(&mut self) {
+        self.support.clear();
+        for (w, &word) in self.words.iter().enumerate() {
+            let mut bits = word;
+            while bits != 0 {
+                self.support.push(64 * w as u32 + bits.trailing_zeros());
+                bits &= bits - 1;
+            }
+        }
+    }
+
+    /// 1 in the lanes in which a dof moves the second geom of the gathered slot, -1 where it moves the first.
+    #[inline(always)]
+    pub(crate) fn sign_of(&self, d: usize) -> R {
+        let [plus, minus] = self.signs[d];
+        R::select(R::Mask::from_bits(plus), R::one(), R::zero()) - R::select(R::Mask::from_bits(minus), R::one(), R::zero())
+    }
+
+    /// J of a contact's rows (n, t1, t2), left in `column`; returns its velocities, free and before the step. `surface` is the velocity that
+    /// the surfaces have of themselves, the second's against the first's.
+    #[inline(always)]
+    pub(crate) fn contact_columns(&mut self, site: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> [V3<R>; 2] {
+        let RowInput { compiled, kinematics, moment, .. } = site;
+        let slot = &contacts.data[k];
+        let n = slot.point.normal;
+        let axes = [n, slot.tangent, cross(n, slot.tangent)];
+        let carried = linear(&surface_velocity::motion(compiled, kinematics, contacts, k, lanes));
+        // Not `map`: what the library's function inlines, it inlines with baseline instructions.
+        let mut free = [dot(axes[0], carried), dot(axes[1], carried), dot(axes[2], carried)];
+        let mut before = free[0];
+        let (mut arm, mut tree) = (zero(), usize::MAX);
+        for &d in &self.support {
+            let d = d as usize;
+            if compiled.dofs[d].tree != tree {
+                tree = compiled.dofs[d].tree;
+                arm = sub(slot.point.pos, kinematics.origin[tree]);
+            }
+            let sign = self.sign_of(d);
+            let motion = velocity_at(&kinematics.axes[d], arm);
+            // Adding zero turns -0 into 0, so that a lane's bits do not depend on what its neighbours touch.
+            let j =
+                [dot(axes[0], motion) * sign + R::zero(), dot(axes[1], motion) * sign + R::zero(), dot(axes[2], motion) * sign + R::zero()];
+            free = add_scaled(free, j, moment.v_free[d]);
+            before += j[0] * moment.v[d];
+            self.column[d] = j;
+        }
+        [free, [before, R::zero(), R::zero()]]
+    }
+}

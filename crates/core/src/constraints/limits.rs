@@ -1,0 +1,43 @@
+//! Rows of joint limits.
+
+use stepper_real::{Mask, Real};
+
+use crate::compile::LaneModel;
+use crate::constraints::constraint_set::{AssemblyInput, Constraints};
+use crate::dynamics::inertia::MassMatrix;
+use crate::options::StepSettings;
+
+/// How far a joint limit is looked ahead beyond what the free velocity closes, rad or m: impulses of contacts can turn a joint towards its
+/// limit in the same step.
+pub(crate) const LIMIT_SLACK: f64 = 0.01;
+
+impl<R: Real> Constraints<R> {
+    /// Limits: the nearer end of each range, where it can be reached within the step.
+    #[inline(always)]
+    pub(crate) fn add_limits(
+        &mut self,
+        compiled: &LaneModel<R>,
+        options: &StepSettings,
+        mass: &MassMatrix<R>,
+        moment: &AssemblyInput<'_, R>,
+    ) {
+        let bounds = [R::zero(), R::of(f64::INFINITY)];
+        for (i, limit) in compiled.limits.iter().enumerate() {
+            let q = moment.q[limit.q];
+            let [lowest, highest] = compiled.params.limit(i);
+            let (below, above) = (q - lowest, highest - q);
+            let low = below.le(above);
+            let sign = R::select(low, R::one(), -R::one());
+            let phi = R::select(low, below, above);
+            let v = moment.v_free[limit.dof] * sign;
+            let closing = (-v).max(R::zero()) * (moment.h + moment.h);
+            let active = moment.alive.and(phi.le(closing + R::of(LIMIT_SLACK)));
+            if active.none() {
+                self.scalar_impulse[i] = R::zero();
+                continue;
+            }
+            let (bias, position) = self.limit_biases(options, phi, moment.h, active);
+            self.add_scalar(compiled, mass, limit.dof, i, sign, active, [v + bias, v + position], bounds);
+        }
+    }
+}

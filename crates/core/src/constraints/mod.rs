@@ -1,0 +1,20 @@
+//! The rows of the constraint problem: contacts, joint limits, dry friction, equalities and tendons, with their Jacobians and demands.
+
+pub mod constraint_set;
+pub mod contact;
+pub mod curvature;
+pub mod demands;
+pub mod dry_friction;
+pub mod elimination;
+pub mod equality;
+pub mod hyperstatic;
+pub mod impact_time;
+pub mod islands;
+pub mod jacobian;
+pub mod limits;
+pub mod restitution;
+pub mod rows;
+pub mod tendon;
+pub mod torsional_rolling;
+
+pub use constraint_set::*;

@@ -1,0 +1,244 @@
+//! Contacts that bounce.
+//!
+//! Euler's rule takes Newton's law on the free velocity, which is the textbook's recursion. The midpoint rule takes it at the time t of the
+//! impact (see [`crate::constraints::impact_time`]): with the velocities v- that the free motion has then, the rows demand
+//!
+//! ```text
+//! 0 <= lambda_n, complementary to v_n+ + e v_n- >= 0     so g_n = (1 + e) v_n-(t)
+//! friction against v_t+                                  so g_t = v_t-(t)
+//! ```
+//!
+//! The impulse acts for what is left of the step, and the positions go on from where the step is taken with the velocity after it, which gives
+//! every impulse the time `rest`: what is missing, (h - t - rest) M^-1 J^T lambda, is added where the positions are solved apart, so that other
+//! contacts see it.
+
+use stepper_real::{Mask, Real};
+
+use crate::collision::contact_set::{Contacts, Slot};
+use crate::compile::LaneModel;
+use crate::constraints::constraint_set::{AssemblyInput, Constraints, Impact};
+use crate::constraints::equality::RowInput;
+use crate::constraints::impact_time::Flight;
+use crate::dynamics::inertia::MassMatrix;
+use crate::math::spatial::*;
+use crate::options::StepSettings;
+
+/// Velocities of a contact's rows: g of the step, and when positions are solved apart.
+type Demands<R> = [[R; 2]; 3];
+
+impl<R: Real> Constraints<R> {
+    /// Change of the velocities of the rows in `column` by the free motion.
+    #[inline(always)]
+    pub(crate) fn free_change(&self, moment: &AssemblyInput<'_, R>) -> V3<R> {
+        let mut change = zero();
+        for &d in &self.support {
+            let d = d as usize;
+            change = add_scaled(change, self.column[d], moment.v_free[d] - moment.v[d]);
+        }
+        change
+    }
+
+    /// What Euler's rule adds to the free velocity of a normal row, and the lanes that have the row.
+    ///
+    /// All closed contacts share an impact: 0 <= lambda, complementary to v+ + e v- >= 0, also where v- parts. A contact slower than the
+    /// threshold before the step rests: it does not bounce from the velocity that gravity gives it within the step.
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "one contact, every part of it named at the call")]
+    pub(crate) fn bounce(
+        &mut self,
+        compiled: &LaneModel<R>,
+        options: &StepSettings,
+        slot: &Slot<R>,
+        moment: &AssemblyInput<'_, R>,
+        active: R::Mask,
+        [free, before]: [R; 2],
+        bias: R,
+    ) -> (R, R::Mask) {
+        let e = slot.restitution;
+        let elastic = active.and(e.gt(R::zero()));
+        if options.integrator.in_the_middle() || elastic.none() {
+            return (bias, active);
+        }
+        let (h, phi, threshold) = (moment.h, slot.point.distance, R::of(options.restitution_threshold));
+        // What a slow contact and gravity close within the step.
+        let near = phi.le(h * (threshold + h * norm(compiled.params.gravity())) + R::of(options.slop));
+        let rests = before.abs().le(threshold).and(near);
+        let closed = phi.le(R::of(options.slop)).or((phi + h * free).lt(R::zero()));
+        let bounces = elastic.and(closed).and(free.abs().gt(threshold)).and_not(rests);
+        self.needs_position_solve = self.needs_position_solve.or(bounces);
+        self.rebounding = self.rebounding.or(bounces);
+        let stays = active.and_not(elastic).or(bounces).or(elastic.and(rests));
+        (R::select(bounces, e * free, bias), stays)
+    }
+
+    /// The law of the midpoint rule, in place of the `demands` of a contact that does not bounce. The rows have the velocity `free` without
+    /// constraints, which loops that are taken out make what the demands are without the `bias`, and change by `change` from that before the step.
+    /// Returns the lanes that have the rows. A kernel of its own, as [`Constraints::add_curve`].
+    #[inline(never)]
+    pub(crate) fn bounce_within(
+        &mut self,
+        site: RowInput<'_, R>,
+        slot: &Slot<R>,
+        active: R::Mask,
+        [free, change]: [V3<R>; 2],
+        bias: R,
+        demands: &mut Demands<R>,
+    ) -> R::Mask {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                let RowInput { compiled, options, moment, .. } = site;
+                let e = slot.restitution;
+                let elastic = active.and(e.gt(R::zero()));
+                if elastic.none() {
+                    self.impacts.push(Impact { lanes: elastic, deep: elastic, share: R::zero(), factor: R::zero() });
+                    return active;
+                }
+                let before = sub(free, change);
+                let held = [demands[0][0] - bias, demands[1][0], demands[2][0]];
+                let flight = Flight { gap: slot.point.distance, before: before[0], free: held[0], lead: moment.lead, h: moment.h };
+                let meeting = flight.meeting(options, norm(compiled.params.gravity()), e, elastic);
+                let bounces = meeting.strikes.or(meeting.parts);
+                let (share, factor) = (meeting.time / moment.h, e + R::one());
+                let at = add_scaled(before, sub(held, before), share);
+                for (k, demand) in demands.iter_mut().enumerate() {
+                    let law = if k == 0 { at[0] * factor } else { at[k] };
+                    demand[0] = R::select(bounces, law, demand[0]);
+                }
+                let deep = slot.point.distance.lt(-R::of(options.slop));
+                self.impacts.push(Impact { lanes: bounces, deep, share, factor });
+                active.and_not(elastic).or(bounces).or(meeting.rests)
+            },
+        )
+    }
+
+    /// The velocity of rows of turning at the time of the impact that was added last, where it bounces: from that without constraints and its
+    /// `change` by the free motion, as the demands are.
+    #[inline(always)]
+    pub(crate) fn turn_at_impact(&self, change: V3<R>, turns: &mut Demands<R>) {
+        if let Some(impact) = self.impacts.last() {
+            for (turn, change) in turns.iter_mut().zip(change) {
+                turn[0] = R::select(impact.lanes, turn[0] - change * (R::one() - impact.share), turn[0]);
+            }
+        }
+    }
+
+    /// Takes back, of a `change` (scaled) of the velocity after the step, what came after the impacts.
+    #[inline(always)]
+    pub(crate) fn keep_impacts(&mut self, change: &[R], lanes: R::Mask) {
+        self.shift_impacts(
+            change,
+            lanes,
+            #[inline(always)]
+            |of_normal, share| of_normal * share - R::one(),
+        );
+    }
+
+    /// Adds a change of the velocity before the impacts, given as that of the velocity after the step if they were not; `change` is used up.
+    pub fn shift_before_impacts(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, change: &mut [R], lanes: R::Mask) {
+        if self.impacts.is_empty() {
+            return;
+        }
+        R::vectorize(
+            #[inline(always)]
+            || {
+                mass.scale(compiled, change);
+                self.shift_impacts(
+                    change,
+                    lanes,
+                    #[inline(always)]
+                    |of_normal, share| of_normal * share,
+                );
+            },
+        )
+    }
+
+    /// g of the rows that bounce changes by that of their velocity for the scaled velocity `change`, times a function of (1 + e, or 1 for friction;
+    /// share of the step before the impact).
+    #[inline(always)]
+    fn shift_impacts(&mut self, change: &[R], lanes: R::Mask, weight: impl Fn(R, R) -> R) {
+        let (narrow, one) = (self.problem.contacts.len(), R::one());
+        for (i, impact) in self.impacts.iter().enumerate() {
+            let there = lanes.and(impact.lanes);
+            if there.none() {
+                continue;
+            }
+            let weights = [weight(impact.factor, impact.share), weight(one, impact.share)];
+            if i < narrow {
+                let block = &self.problem.contacts[i];
+                let moved = sub(self.problem.contacts.velocity(block, change), block.g);
+                let mut g = block.g;
+                for k in 0..3 {
+                    g[k] = R::select(there, g[k] + moved[k] * weights[k.min(1)], g[k]);
+                }
+                self.problem.contacts[i].g = g;
+            } else {
+                let block = &self.problem.rolling_contacts[i - narrow];
+                let moved = sub(self.problem.rolling_contacts.velocity(block, change), block.g);
+                let mut g = block.g;
+                for k in 0..6 {
+                    g[k] = R::select(there, g[k] + moved[k] * weights[k.min(1)], g[k]);
+                }
+                self.problem.rolling_contacts[i - narrow].g = g;
+            }
+        }
+    }
+
+    /// Lanes in which a contact bounces.
+    #[inline(always)]
+    pub fn bouncing(&self) -> R::Mask {
+        let mut lanes = R::Mask::splat(false);
+        for impact in &self.impacts {
+            lanes = lanes.or(impact.lanes);
+        }
+        lanes
+    }
+
+    /// Takes the impacts of the lanes `lanes` out of the problem, once it is solved: in the solution for the positions they have no part, but that what
+    /// overlapped before is pushed out where it does not leave fast enough by itself. Leaves in `moved` the velocity that would carry the positions as far in a step as the impulses do, from where the step is taken, `lead` seconds after
+    /// its beginning: beyond the velocity after the step, for the rest of it.
+    pub fn set_impacts_aside(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, [h, lead]: [R; 2], lanes: R::Mask, moved: &mut [R]) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                let Self { problem, iterate, impacts, path: gone, .. } = self;
+                let narrow = problem.contacts.len();
+                moved.fill(R::zero());
+                gone.fill(R::zero());
+                for (i, impact) in impacts.iter().enumerate() {
+                    let there = lanes.and(impact.lanes);
+                    if there.none() {
+                        continue;
+                    }
+                    let weight = R::one() + (lead / h - impact.share);
+                    if i < narrow {
+                        let lambda = select(there, iterate.contacts[i], zero());
+                        problem.contacts.add(&problem.contacts[i], lambda, gone);
+                        problem.contacts.add(&problem.contacts[i], scale(lambda, weight), moved);
+                        iterate.contacts[i] = select(there, zero(), iterate.contacts[i]);
+                        problem.contacts[i].active = problem.contacts[i].active.and_not(there.and_not(impact.deep));
+                    } else {
+                        let k = i - narrow;
+                        let lambda = select(there, iterate.rolling_contacts[k], zero());
+                        problem.rolling_contacts.add(&problem.rolling_contacts[k], lambda, gone);
+                        problem.rolling_contacts.add(&problem.rolling_contacts[k], scale(lambda, weight), moved);
+                        iterate.rolling_contacts[k] = select(there, zero(), iterate.rolling_contacts[k]);
+                        problem.rolling_contacts[k].active = problem.rolling_contacts[k].active.and_not(there.and_not(impact.deep));
+                    }
+                }
+                for (w, &gone) in iterate.w.iter_mut().zip(&*gone) {
+                    *w = R::select(lanes, *w - gone, *w);
+                }
+                mass.unscale(compiled, moved);
+            },
+        );
+        self.needs_position_solve = self.needs_position_solve.or(lanes);
+        self.rebounding = self.rebounding.or(lanes);
+    }
+}
+
+/// Whether any contact is elastic, for a rule that looks at the times of impacts.
+#[inline(always)]
+pub(crate) fn any_impacts<R: Real>(options: &StepSettings, contacts: &Contacts<R>) -> bool {
+    options.integrator.in_the_middle() && (0..contacts.slots()).any(|k| contacts.elastic(k).any())
+}

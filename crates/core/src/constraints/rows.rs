@@ -1,0 +1,59 @@
+//! Scalar rows: their entries, their demands and the impulses that they start from.
+
+use stepper_real::{Mask, Real};
+
+use crate::compile::LaneModel;
+use crate::constraints::constraint_set::Constraints;
+use crate::constraints::elimination::Lengths;
+use crate::dynamics::inertia::MassMatrix;
+use crate::math::spatial::*;
+
+impl<R: Real> Constraints<R> {
+    /// Pushes the impulse that a scalar row of the lanes `active` starts from. The others forget theirs, whether the row is made again or not.
+    #[inline(always)]
+    pub(crate) fn warm_start(&mut self, owner: usize, active: R::Mask) {
+        let kept = R::select(active, self.scalar_impulse[owner], R::zero());
+        self.scalar_impulse[owner] = kept;
+        self.iterate.scalars.push(kept);
+    }
+
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "one row, every part of it named at the call")]
+    pub(crate) fn add_scalar(
+        &mut self,
+        compiled: &LaneModel<R>,
+        mass: &MassMatrix<R>,
+        dof: usize,
+        owner: usize,
+        sign: R,
+        active: R::Mask,
+        mut g: [R; 2],
+        bounds: [R; 2],
+    ) {
+        self.unit_column(compiled, mass, dof);
+        self.tie(compiled);
+        let mut times = None;
+        if !self.tied.is_empty() {
+            let mut own = [scale(g, sign)];
+            times = self.eliminate(mass, &mut own).map(Lengths::times);
+            g = scale(own[0], sign);
+        }
+        let column = &self.column;
+        self.problem.scalars.push(
+            &self.support,
+            #[inline(always)]
+            |d| column[d][0] * mass.sqrt_inv_d[d],
+            sign,
+            active,
+            g[0],
+            bounds,
+        );
+        if let Some(times) = times {
+            self.problem.scalars.set_trace_ratio(times);
+        }
+        self.position_bias.push(g[1]);
+        self.warm_start(owner, active);
+        self.owners.push(owner);
+        self.constrained = self.constrained.or(active);
+    }
+}

@@ -1,0 +1,167 @@
+//! Contacts with torsional and rolling friction: three more rows, of the turning about the contact's axes.
+
+use stepper_real::{Mask, Real};
+
+use crate::collision::contact_set::Contacts;
+use crate::collision::surface_velocity;
+use crate::compile::LaneModel;
+use crate::constraints::constraint_set::Constraints;
+use crate::constraints::elimination::times;
+use crate::constraints::equality::RowInput;
+use crate::math::spatial::*;
+
+impl<R: Real> Constraints<R> {
+    /// Adds slot `k` in the lanes `lanes`, in which it has torsional or rolling friction.
+    pub(crate) fn add_wide(&mut self, site: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                self.gather_support(site.compiled, contacts, k, lanes);
+                self.push_wide(site, contacts, k, lanes);
+            },
+        )
+    }
+
+    #[inline(always)]
+    fn push_wide(&mut self, site: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
+        let (compiled, mass, moment) = (site.compiled, site.mass, site.moment);
+        let (slot, active) = (&contacts.data[k], R::Mask::from_bits(lanes));
+        let mut friction = Friction::of(compiled, contacts, k, lanes);
+        friction.scale_to(slot.mu);
+        let [free, before] = self.contact_columns(site, contacts, k, lanes);
+        let curves = site.options.integrator.in_the_middle() && self.moving != 0;
+        let change = if self.has_impacts || curves { self.free_change(moment) } else { zero() };
+        self.half_solve::<3>(compiled, mass);
+        let (bias, position) = self.biases(site.options, moment.gap(slot.point.distance), moment.h, active);
+        let (bias, mut active) = self.bounce(compiled, site.options, slot, moment, active, [free[0], before[0]], bias);
+        let mut slides = [[free[0] + bias, free[0] + position], [free[1]; 2], [free[2]; 2]];
+        let sliding = self.eliminate(mass, &mut slides);
+        if self.has_impacts {
+            active = self.bounce_within(site, slot, active, [free, change], bias, &mut slides);
+        }
+        if curves {
+            self.add_curve(site, contacts, k, active, [free, change], &mut slides);
+        }
+        for &d in &self.support {
+            self.linear[d as usize] = self.column[d as usize];
+        }
+        let turning = self.turn_columns(site, contacts, k, lanes, friction.scale);
+        let change = if self.has_impacts { self.free_change(moment) } else { zero() };
+        self.half_solve::<3>(compiled, mass);
+        let mut turns = [[turning[0]; 2], [turning[1]; 2], [turning[2]; 2]];
+        let turned = self.eliminate(mass, &mut turns);
+        self.turn_at_impact(change, &mut turns);
+        let (linear, column, rub) = (&self.linear, &self.column, friction.slides);
+        slides[1] = scale(slides[1], rub);
+        slides[2] = scale(slides[2], rub);
+        self.problem.push_rolling_contact(
+            &self.support,
+            #[inline(always)]
+            |d| {
+                let (a, b, s) = (linear[d], column[d], mass.sqrt_inv_d[d]);
+                let t = s * rub;
+                [a[0] * s, a[1] * t, a[2] * t, b[0] * s, b[1] * s, b[2] * s]
+            },
+            active,
+            friction.mu,
+            [slides[0][0], slides[1][0], slides[2][0], turns[0][0], turns[1][0], turns[2][0]],
+        );
+        if let (Some(sliding), Some(turned)) = (sliding, turned) {
+            let (whole, rest) = ([rubbed(sliding.whole, rub), turned.whole], [rubbed(sliding.rest, rub), turned.rest]);
+            self.problem.rolling_contacts.set_trace_ratio(times(whole.as_flattened(), rest.as_flattened()));
+        }
+        self.position_bias.push(slides[0][1]);
+        for [velocity, position] in [slides[1], slides[2], turns[0], turns[1], turns[2]] {
+            self.position_bias.push(position - velocity);
+        }
+        let (push, torque) = (slot.impulse, friction.unscale(contacts.torque[k]));
+        let warm = [push[0], push[1] * rub, push[2] * rub, torque[0], torque[1], torque[2]];
+        self.iterate.rolling_contacts.push(select(active, warm, zero()));
+        self.wide_slots.push((k, R::Mask::from_bits(lanes), friction.scale));
+        self.constrained = self.constrained.or(active);
+    }
+
+    /// J of the relative turning about the contact's axes, times `weight`, left in `column`; returns its free velocity.
+    #[inline(always)]
+    fn turn_columns(&mut self, site: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32, weight: V3<R>) -> V3<R> {
+        let slot = &contacts.data[k];
+        let n = slot.point.normal;
+        let axes = [n, slot.tangent, cross(n, slot.tangent)];
+        let carried = angular(&surface_velocity::motion(site.compiled, site.kinematics, contacts, k, lanes));
+        let mut free: V3<R> = std::array::from_fn(|i| dot(axes[i], carried) * weight[i]);
+        for &d in &self.support {
+            let d = d as usize;
+            let sign = self.sign_of(d);
+            let axis = angular(&site.kinematics.axes[d]);
+            let mut j = zero();
+            for i in 0..3 {
+                // Adding zero turns -0 into 0, so that a lane's bits do not depend on what its neighbours touch.
+                j[i] = dot(axes[i], axis) * sign * weight[i] + R::zero();
+            }
+            free = add_scaled(free, j, site.moment.v_free[d]);
+            self.column[d] = j;
+        }
+        free
+    }
+}
+
+/// Friction of the contacts in one slot.
+struct Friction<R: Real> {
+    /// Torsional and rolling, m.
+    more: [R; 2],
+    /// Of the scaled rows: sliding friction, or 1 for contacts that slide freely.
+    mu: R,
+    /// 1 for contacts with sliding friction, else 0.
+    slides: R,
+    /// What the rows of turning are multiplied by, m.
+    scale: V3<R>,
+}
+
+impl<R: Real> Friction<R> {
+    #[inline(always)]
+    fn of(compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> Self {
+        let mut more = [R::zero(); 2];
+        for (pair, lanes) in contacts.pairs(k, lanes) {
+            let (params, there) = (compiled.contact(pair), R::Mask::from_bits(lanes));
+            more = [R::select(there, params.torsion, more[0]), R::select(there, params.rolling, more[1])];
+        }
+        Self { more, mu: R::one(), slides: R::zero(), scale: zero() }
+    }
+
+    #[inline(always)]
+    fn scale_to(&mut self, mu: R) {
+        let slides = mu.gt(R::zero());
+        self.mu = R::select(slides, mu, R::one());
+        self.slides = R::select(slides, R::one(), R::zero());
+        let [spin, roll] = self.more;
+        self.scale = [spin / self.mu, roll / self.mu, roll / self.mu];
+    }
+
+    /// Scaled impulses of torques.
+    #[inline(always)]
+    fn unscale(&self, torque: V3<R>) -> V3<R> {
+        let mut out = torque;
+        for i in 0..3 {
+            let there = self.scale[i].gt(R::zero());
+            out[i] = R::select(there, torque[i] / R::select(there, self.scale[i], R::one()), R::zero());
+        }
+        out
+    }
+}
+
+/// Lanes (bits) of slot `k` whose contact has torsional or rolling friction.
+#[inline(always)]
+pub(crate) fn wide_lanes<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> u32 {
+    let mut wide = 0;
+    for (pair, lanes) in contacts.pairs(k, if compiled.wide { lanes } else { 0 }) {
+        let params = compiled.contact(pair);
+        wide |= params.torsion.max(params.rolling).gt(R::zero()).bits() & lanes;
+    }
+    wide
+}
+
+/// What belongs to the tangents, in the units of their scaled rows.
+#[inline(always)]
+fn rubbed<R: Real>([n, a, b]: V3<R>, rub: R) -> V3<R> {
+    [n, a * rub, b * rub]
+}

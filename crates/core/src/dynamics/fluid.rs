@@ -1,0 +1,220 @@
+//! Forces of the medium on moving bodies: MuJoCo's two models (its documentation, "Fluid forces"; `engine_passive.c`).
+//!
+//! Box: along every principal axis the force -(a + b |v|) v and the torque -(c + d |w|) w, with a, c Stokes' drag of a ball and b, d the
+//! drag of the faces of the box that has the body's inertia. Ellipsoid: added mass (p x w; p x v + L x w with p = m_a v, L = I_a w),
+//! Magnus' lift w x v, Kutta's lift, and drag.
+//!
+//! Drag takes energy out however large it is, but taken explicitly it turns the motion around and feeds it as soon as h b |v| > 2 m. So its
+//! secant B = a + b |v| at the velocity before the step goes into the mass matrix, as damping does: with f the force, v* the velocity at
+//! which forces are taken and u that before the step, the step takes f(v*) + B (v* - u), and the matrix the rest.
+
+use stepper_real::Real;
+
+use crate::compile::{CompiledEllipsoid, CompiledModel, FluidShape, LaneModel};
+use crate::dynamics::kinematics::Kinematics;
+use crate::math::spatial::*;
+
+/// What the medium does, and room to work; empty for scenes without one.
+#[derive(Clone, Debug)]
+pub struct Fluid<R: Real> {
+    /// Velocity of every body before the step in its own axes, against the medium.
+    before: Vec<V6<R>>,
+    /// Secants of drag at that velocity.
+    drag: Vec<V6<R>>,
+    /// Drag of every link with what hangs from it: moment of rotation, moment of velocity, force of velocity.
+    composite: Vec<[M3<R>; 3]>,
+    velocity: Vec<V6<R>>,
+}
+
+impl<R: Real> Fluid<R> {
+    /// Room for a compiled model.
+    pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
+        let (n, links) = (compiled.fluid.len(), if compiled.fluid.is_empty() { 0 } else { compiled.links.len() });
+        Self { before: vec![zero(); n], drag: vec![zero(); n], composite: vec![[zero(); 3]; links], velocity: vec![zero(); links] }
+    }
+
+    /// Takes drag explicitly.
+    #[inline(always)]
+    pub fn forget(&mut self) {
+        self.before.fill(zero());
+        self.drag.fill(zero());
+    }
+
+    /// Adds `time` times the drag at velocity `v` to the mass matrix's `entries`.
+    #[inline(always)]
+    pub fn linearise(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], time: R, entries: &mut [R]) {
+        kinematics.velocities(compiled, v, &mut self.velocity);
+        self.composite.fill([zero(); 3]);
+        for (i, body) in compiled.fluid.iter().enumerate() {
+            let (mat, arm) = place(compiled, kinematics, i);
+            self.before[i] = local(compiled, &self.velocity[body.link], &mat, arm);
+            self.drag[i] = secant(compiled, i, &self.before[i]);
+            let sum = &mut self.composite[body.link];
+            let added = at_origin(&self.drag[i], &mat, arm);
+            *sum = std::array::from_fn(|k| add(sum[k], added[k]));
+        }
+        for l in (0..compiled.links.len()).rev() {
+            let link = &compiled.links[l];
+            let drag = self.composite[l];
+            for d in link.dofs.clone() {
+                let resistance = apply(&drag, &kinematics.axes[d]);
+                let dof = &compiled.dofs[d];
+                let row = &mut entries[dof.chain..dof.chain + dof.depth];
+                for (entry, &a) in row.iter_mut().zip(compiled.chain_of(d)) {
+                    *entry += time * dot6(kinematics.axes[a as usize], resistance);
+                }
+            }
+            if !link.is_root {
+                let sum = &mut self.composite[link.parent - 1];
+                *sum = std::array::from_fn(|k| add(sum[k], drag[k]));
+            }
+        }
+    }
+
+    /// Takes the medium's forces, at the links' velocities `motion`, off the forces that the links need.
+    #[inline(always)]
+    pub fn subtract(&self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, motion: &[V6<R>], force: &mut [V6<R>]) {
+        for (i, body) in compiled.fluid.iter().enumerate() {
+            let (mat, arm) = place(compiled, kinematics, i);
+            let v = local(compiled, &motion[body.link], &mat, arm);
+            let mut own = match &body.shape {
+                FluidShape::Box => {
+                    let drag = secant(compiled, i, &v);
+                    std::array::from_fn(|k| -(drag[k] * v[k]))
+                }
+                FluidShape::Ellipsoid(e) => ellipsoid_force(e, &v),
+            };
+            for k in 0..6 {
+                own[k] += self.drag[i][k] * (v[k] - self.before[i][k]);
+            }
+            let (torque, push) = (rotate(&mat, angular(&own)), rotate(&mat, linear(&own)));
+            let wrench = spatial(add(torque, cross(arm, push)), push);
+            force[body.link] = sub(force[body.link], wrench);
+        }
+    }
+}
+
+/// Axes of a body, and its centre from its tree's reference point.
+#[inline(always)]
+fn place<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, i: usize) -> (M3<R>, V3<R>) {
+    let body = &compiled.fluid[i];
+    let frame = body.link + 1;
+    let mat = mat_mul(&kinematics.mat[frame], &splat(body.mat));
+    (mat, sub(kinematics.point(frame, compiled.params.fluid_pos(i)), kinematics.origin[compiled.links[body.link].tree]))
+}
+
+/// Velocity against the medium, in the body's own axes.
+#[inline(always)]
+fn local<R: Real>(compiled: &LaneModel<R>, motion: &V6<R>, mat: &M3<R>, arm: V3<R>) -> V6<R> {
+    let velocity = sub(velocity_at(motion, arm), splat(compiled.wind));
+    spatial(rotate_back(mat, angular(motion)), rotate_back(mat, velocity))
+}
+
+/// Drag over velocity, per axis.
+#[inline(always)]
+fn secant<R: Real>(compiled: &LaneModel<R>, i: usize, v: &V6<R>) -> V6<R> {
+    match &compiled.fluid[i].shape {
+        FluidShape::Box => {
+            let [viscous, drag] = compiled.params.fluid_box(i);
+            std::array::from_fn(|k| viscous[k] + drag[k] * v[k].abs())
+        }
+        FluidShape::Ellipsoid(e) => {
+            let [spin, slide] = ellipsoid_drag(e, v).0.map(|d| d * R::splat(e.share));
+            [spin, spin, spin, slide, slide, slide]
+        }
+    }
+}
+
+/// A diagonal drag in the axes `mat` at `arm`, as one about the reference point.
+#[inline(always)]
+fn at_origin<R: Real>(drag: &V6<R>, mat: &M3<R>, arm: V3<R>) -> [M3<R>; 3] {
+    let (spin, slide) = (turned(angular(drag), mat), turned(linear(drag), mat));
+    let [x, y, z] = arm;
+    let o = R::zero();
+    let lever = [o, -z, y, z, o, -x, -y, x, o];
+    let levered = mat_mul(&lever, &slide);
+    // lever^T = -lever
+    [sub(spin, mat_mul(&levered, &lever)), levered, slide]
+}
+
+/// X diag(d) X^T
+#[inline(always)]
+fn turned<R: Real>(d: V3<R>, x: &M3<R>) -> M3<R> {
+    std::array::from_fn(|k| {
+        let (i, j) = (k / 3, k % 3);
+        d[0] * x[3 * i] * x[3 * j] + d[1] * x[3 * i + 1] * x[3 * j + 1] + d[2] * x[3 * i + 2] * x[3 * j + 2]
+    })
+}
+
+/// The wrench against a motion.
+#[inline(always)]
+fn apply<R: Real>([spin, lever, slide]: &[M3<R>; 3], motion: &V6<R>) -> V6<R> {
+    let (w, v) = (angular(motion), linear(motion));
+    spatial(add(rotate(spin, w), rotate(lever, v)), add(rotate_back(lever, w), rotate(slide, v)))
+}
+
+/// The ellipsoid's projection along its velocity.
+#[derive(Clone, Copy, Debug)]
+struct Projection<R> {
+    speed: R,
+    /// Unit vector of the velocity.
+    along: V3<R>,
+    /// Its area, m^2.
+    area: R,
+    /// Its normal over the cosine of the angle between it and the velocity, times the area of it.
+    normal: V3<R>,
+}
+
+/// The projected area pi sqrt(sum b_k^4 v_k^2 / sum b_k^2 v_k^2), b_k the product of the two other semi-axes; its normal is along b_k^2 v_k.
+///
+/// It is made of directions and of shares of the largest area, so that neither small bodies nor slow ones nor single precision meet a bound that has
+/// a unit. Needles that fly along themselves, b / a^2 < 3e-8 with the longest semi-axis a, have no area, in MuJoCo (4.0) too.
+#[inline(always)]
+fn projection<R: Real>(e: &CompiledEllipsoid<R::Scalar>, v: V3<R>) -> Projection<R> {
+    let areas: V3<R> = splat(e.areas);
+    let speed = norm(v);
+    let along = scale(v, speed.max(R::of(1e-15)).recip());
+    let (mut denominator, mut numerator) = (R::zero(), R::zero());
+    for k in 0..3 {
+        denominator += (areas[k].square() * along[k]).square();
+        numerator += (areas[k] * along[k]).square();
+    }
+    let there = numerator.gt(R::splat(e.no_area));
+    let (numerator, denominator) = (R::select(there, numerator, R::one()), R::select(there, denominator, R::zero()));
+    let area = R::splat(e.widest) * (denominator / numerator).sqrt();
+    // With the area this is widest sqrt(numerator / denominator): where a body has an area, its denominator is not zero.
+    let inverse = R::splat(e.widest) * (numerator / R::select(there, denominator, numerator)).sqrt();
+    let share = R::select(there, inverse, R::zero());
+    Projection { speed, along, area, normal: std::array::from_fn(|k| areas[k].square() * along[k] * share) }
+}
+
+/// Drag over velocity of rotation and translation.
+#[inline(always)]
+fn ellipsoid_drag<R: Real>(e: &CompiledEllipsoid<R::Scalar>, v: &V6<R>) -> ([R; 2], Projection<R>) {
+    let projection = projection(e, linear(v));
+    let w = angular(v);
+    let [blunt, slender]: [R; 2] = splat(e.drag);
+    let [spin, slide]: [R; 2] = splat(e.viscous);
+    let moments: V3<R> = splat(e.moments);
+    let density = R::splat(e.density);
+    let turning = spin + density * norm([w[0] * moments[0], w[1] * moments[1], w[2] * moments[2]]);
+    let Projection { speed, area, .. } = projection;
+    let sliding = slide + density * speed * (area * blunt + slender * (R::splat(e.widest) - area));
+    ([turning, sliding], projection)
+}
+
+#[inline(always)]
+fn ellipsoid_force<R: Real>(e: &CompiledEllipsoid<R::Scalar>, motion: &V6<R>) -> V6<R> {
+    let ([turning, sliding], projection) = ellipsoid_drag(e, motion);
+    let (w, v) = (angular(motion), linear(motion));
+    let (m, i): (V3<R>, V3<R>) = (splat(e.added_mass), splat(e.added_inertia));
+    let p: V3<R> = std::array::from_fn(|k| m[k] * v[k]);
+    let l: V3<R> = std::array::from_fn(|k| i[k] * w[k]);
+    let mut torque = add(cross(p, v), cross(l, w));
+    let mut force = add(cross(p, w), scale(cross(w, v), R::splat(e.magnus)));
+    let circulation = scale(cross(projection.normal, projection.along), R::splat(e.kutta) * projection.speed);
+    force = add(force, cross(circulation, v));
+    torque = sub(torque, scale(w, turning));
+    force = sub(force, scale(v, sliding));
+    scale(spatial(torque, force), R::splat(e.share))
+}

@@ -1,0 +1,338 @@
+//! Recursive Newton-Euler, composite inertias, and the sparse factorisation of the mass matrix.
+
+use stepper_real::Real;
+
+use crate::compile::{Below, CompiledModel, Dof, DofParams, LaneModel};
+use crate::dynamics::implicit_weights::ImplicitWeights;
+use crate::dynamics::kinematics::Kinematics;
+use crate::math::spatial::*;
+use crate::model::JointKind;
+
+/// The mass matrix of a tree of joints and its factors M = L^T D L (Featherstone 2008, section 6.5).
+///
+/// Row i holds the entries with dof i and its ancestors, towards the root; that is all there is.
+#[derive(Clone, Debug)]
+pub struct MassMatrix<R: Real> {
+    /// Before [`MassMatrix::factor`] the entries of M, after it those of L, with D on the diagonal.
+    pub entries: Vec<R>,
+    /// 1 / D.
+    pub inv_d: Vec<R>,
+    /// sqrt(1 / D).
+    pub sqrt_inv_d: Vec<R>,
+    /// sqrt(D).
+    pub sqrt_d: Vec<R>,
+}
+
+impl<R: Real> MassMatrix<R> {
+    /// Room for a compiled model.
+    pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
+        Self {
+            entries: vec![R::zero(); compiled.chain.len()],
+            inv_d: vec![R::zero(); compiled.nv],
+            sqrt_inv_d: vec![R::zero(); compiled.nv],
+            sqrt_d: vec![R::zero(); compiled.nv],
+        }
+    }
+
+    /// M by composite rigid bodies, plus armature.
+    #[inline(always)]
+    pub fn assemble(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, composite: &mut [Inertia<R>]) {
+        composite.copy_from_slice(&kinematics.inertia);
+        for l in (0..compiled.links.len()).rev() {
+            let link = &compiled.links[l];
+            if !link.is_root {
+                composite[link.parent - 1] = add(composite[link.parent - 1], composite[l]);
+            }
+            for d in link.dofs.clone() {
+                let momentum = apply_inertia(&composite[l], &kinematics.axes[d]);
+                let dof = &compiled.dofs[d];
+                let row = &mut self.entries[dof.chain..dof.chain + dof.depth];
+                for (entry, &a) in row.iter_mut().zip(compiled.chain_of(d)) {
+                    *entry = dot6(kinematics.axes[a as usize], momentum);
+                }
+                row[0] += compiled.params.dof(d).armature;
+            }
+        }
+    }
+
+    /// Adds the shares `theta` of the joints' damping and stiffness to the diagonal of M. What stiff springs get of damping that they have not
+    /// themselves, see [`crate::actuation::forces`], goes to `drag`, which may be empty where no joint has a spring.
+    #[inline(always)]
+    pub fn add_joints(&mut self, compiled: &LaneModel<R>, theta: ImplicitWeights<R>, drag: &mut [R]) {
+        for (d, dof) in compiled.dofs.iter().enumerate() {
+            let DofParams { damping, stiffness, .. } = compiled.params.dof(d);
+            let entry = &mut self.entries[dof.chain];
+            // What nothing damps has a share of zero; most dofs of most robots are without.
+            let share = match theta.fits(damping) {
+                true => theta.share(damping / *entry),
+                false => R::zero(),
+            };
+            *entry += theta.damping * (R::one() + share) * damping + theta.stiffness * stiffness;
+            if let Some(drag) = drag.get_mut(d) {
+                *drag = theta.drag(share, stiffness);
+                *entry += theta.step * *drag;
+            }
+        }
+    }
+
+    /// Adds what servos add: their weights along their moments.
+    #[inline(always)]
+    pub fn add_servos(&mut self, compiled: &LaneModel<R>, weights: &[R], arms: &[R]) {
+        for (servo, &weight) in compiled.servos.iter().zip(weights) {
+            for &(entry, coefficient) in &servo.entries {
+                self.entries[entry] += R::splat(coefficient) * weight;
+            }
+            for &(entry, [a, b]) in &servo.products {
+                self.entries[entry] += arms[a] * arms[b] * weight;
+            }
+            if !servo.spread.is_empty() {
+                let total = servo.spread.iter().fold(
+                    R::zero(),
+                    #[inline(always)]
+                    |sum, &(_, arm)| sum + arms[arm].abs(),
+                );
+                for &(entry, arm) in &servo.spread {
+                    self.entries[entry] += arms[arm].abs() * total * weight;
+                }
+            }
+        }
+    }
+
+    /// Replaces M by its factors.
+    ///
+    /// From the leaves, a row at a time and up to eight columns of it: what all rows below it subtract from them is summed where it stays in
+    /// registers.
+    #[inline(always)]
+    pub fn factor(&mut self, compiled: &LaneModel<R>) {
+        let Self { entries, inv_d, .. } = self;
+        for i in (0..compiled.nv).rev() {
+            let (dof, below) = (&compiled.dofs[i], compiled.below(i));
+            subtract_columns(entries, inv_d, dof, 0, below);
+            for k in (8..dof.depth).step_by(8) {
+                subtract_columns(entries, inv_d, dof, k, below);
+            }
+            let inv = R::one() / entries[dof.chain];
+            let root = inv.sqrt();
+            inv_d[i] = inv;
+            self.sqrt_inv_d[i] = root;
+            self.sqrt_d[i] = entries[dof.chain] * root;
+        }
+    }
+
+    /// Row `i` of L and the dofs of its entries.
+    #[inline(always)]
+    pub(crate) fn row<'a>(&'a self, compiled: &'a LaneModel<R>, i: usize) -> (&'a [R], &'a [u32]) {
+        let dof = &compiled.dofs[i];
+        (&self.entries[dof.chain..dof.chain + dof.depth], compiled.chain_of(i))
+    }
+
+    /// x <- L^-T x
+    #[inline(always)]
+    pub fn solve_lower_transposed(&self, compiled: &LaneModel<R>, x: &mut [R]) {
+        let mut i = compiled.nv;
+        while i > 0 {
+            i -= 1;
+            let ((row, chain), xi) = (self.row(compiled, i), x[i]);
+            if !is_above(i, chain) {
+                for (&l, &a) in row[1..].iter().zip(&chain[1..]) {
+                    x[a as usize] -= l * xi;
+                }
+                continue;
+            }
+            // The parent is the row before and has the same ancestors: both at once.
+            i -= 1;
+            let ((above, chain), parent) = (self.row(compiled, i), x[i] - row[1] * xi);
+            x[i] = parent;
+            for ((&l, &m), &a) in row[2..].iter().zip(&above[1..]).zip(&chain[1..]) {
+                x[a as usize] = (x[a as usize] - l * xi) - m * parent;
+            }
+        }
+    }
+
+    /// x <- L^-1 x
+    #[inline(always)]
+    pub fn solve_lower(&self, compiled: &LaneModel<R>, x: &mut [R]) {
+        let mut i = 0;
+        while i < compiled.nv {
+            // Towards the leaves, so that the newest value, the parent's, comes last and the rest can be in flight.
+            let ((row, chain), mut sum) = (self.row(compiled, i), x[i]);
+            if i + 1 == compiled.nv || !is_above(i + 1, compiled.chain_of(i + 1)) {
+                for (&l, &a) in row[1..].iter().zip(&chain[1..]).rev() {
+                    sum -= l * x[a as usize];
+                }
+                x[i] = sum;
+                i += 1;
+                continue;
+            }
+            // The next row is a child and has the same ancestors: both at once.
+            let ((below, _), mut child) = (self.row(compiled, i + 1), x[i + 1]);
+            for ((&l, &m), &a) in row[1..].iter().zip(&below[2..]).zip(&chain[1..]).rev() {
+                sum -= l * x[a as usize];
+                child -= m * x[a as usize];
+            }
+            x[i] = sum;
+            x[i + 1] = child - below[1] * sum;
+            i += 2;
+        }
+    }
+
+    /// The velocity change of a scaled one: w <- L^-1 D^-1/2 w.
+    #[inline(always)]
+    pub fn unscale(&self, compiled: &LaneModel<R>, w: &mut [R]) {
+        for (w, &scale) in w.iter_mut().zip(&self.sqrt_inv_d) {
+            *w *= scale;
+        }
+        self.solve_lower(compiled, w);
+    }
+
+    /// The scaled velocity change, in which the mass matrix is the identity: x <- D^1/2 L x.
+    #[inline(always)]
+    pub fn scale(&self, compiled: &LaneModel<R>, x: &mut [R]) {
+        // From the leaves, so that ancestors are still what they were.
+        for i in (0..compiled.nv).rev() {
+            let (row, chain) = self.row(compiled, i);
+            let mut sum = x[i];
+            for (&l, &a) in row[1..].iter().zip(&chain[1..]) {
+                sum += l * x[a as usize];
+            }
+            x[i] = sum * self.sqrt_d[i];
+        }
+    }
+
+    /// The momentum of a scaled velocity change: w <- L^T D^1/2 w.
+    #[inline(always)]
+    pub fn momentum(&self, compiled: &LaneModel<R>, w: &mut [R]) {
+        // From the root, so that descendants add to what is already scaled.
+        for i in 0..compiled.nv {
+            let (row, chain) = self.row(compiled, i);
+            let xi = w[i] * self.sqrt_d[i];
+            w[i] = xi;
+            for (&l, &a) in row[1..].iter().zip(&chain[1..]) {
+                w[a as usize] += l * xi;
+            }
+        }
+    }
+
+    /// x <- M^-1 x
+    #[inline(always)]
+    pub fn solve(&self, compiled: &LaneModel<R>, x: &mut [R]) {
+        self.solve_lower_transposed(compiled, x);
+        for (x, &inv) in x.iter_mut().zip(&self.inv_d) {
+            *x *= inv;
+        }
+        self.solve_lower(compiled, x);
+    }
+}
+
+/// Whether the dof before the `i`-th, whose chain is given, is its parent.
+#[inline(always)]
+pub(crate) fn is_above(i: usize, chain: &[u32]) -> bool {
+    chain.len() > 1 && chain[1] as usize + 1 == i
+}
+
+/// Subtracts from up to eight columns of a row, from the `k`-th on, what the rows below it have there.
+#[inline(always)]
+fn subtract_columns<R: Real>(entries: &mut [R], inv_d: &[R], dof: &Dof, k: usize, below: &[Below]) {
+    match dof.depth - k {
+        1 => subtract::<R, 1>(entries, inv_d, dof.chain, k, below),
+        2 => subtract::<R, 2>(entries, inv_d, dof.chain, k, below),
+        3 => subtract::<R, 3>(entries, inv_d, dof.chain, k, below),
+        4 => subtract::<R, 4>(entries, inv_d, dof.chain, k, below),
+        5 => subtract::<R, 5>(entries, inv_d, dof.chain, k, below),
+        6 => subtract::<R, 6>(entries, inv_d, dof.chain, k, below),
+        7 => subtract::<R, 7>(entries, inv_d, dof.chain, k, below),
+        _ => subtract::<R, 8>(entries, inv_d, dof.chain, k, below),
+    }
+}
+
+/// Subtracts from entries `k..k + N` of the row that starts at `row` their shares of the same columns of the rows below. The share of a row, its
+/// entry of L, is found with the first columns and kept in the place of its entry of M.
+#[inline(always)]
+fn subtract<R: Real, const N: usize>(entries: &mut [R], inv_d: &[R], row: usize, k: usize, below: &[Below]) {
+    let (mut sum, mut other) = ([R::zero(); N], [R::zero(); N]);
+    sum.copy_from_slice(&entries[row + k..row + k + N]);
+    for d in below {
+        let at = d.entry as usize;
+        other.copy_from_slice(&entries[at + k..at + k + N]);
+        let share = if k == 0 { other[0] * inv_d[d.dof as usize] } else { entries[at] };
+        for j in 0..N {
+            sum[j] -= share * other[j];
+        }
+        if k == 0 {
+            entries[at] = share;
+        }
+    }
+    entries[row + k..row + k + N].copy_from_slice(&sum);
+}
+
+/// Coriolis, centrifugal and gravitational forces: recursive Newton-Euler with zero joint acceleration, world-aligned.
+#[inline(always)]
+pub fn bias_force<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], work: &mut NewtonEuler<R>, out: &mut [R]) {
+    link_forces(compiled, kinematics, v, work);
+    project_forces(compiled, kinematics, &mut work.force, out);
+}
+
+/// The first half of [`bias_force`]: the force that every link needs if its joints do not accelerate, and its velocity.
+#[inline(always)]
+pub fn link_forces<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], work: &mut NewtonEuler<R>) {
+    // Gravity as an upward acceleration of the world.
+    let ground = spatial(zero(), scale(compiled.params.gravity(), -R::one()));
+    for (l, link) in compiled.links.iter().enumerate() {
+        let (mut motion, mut change) =
+            if link.is_root { (zero(), ground) } else { (work.velocity[link.parent - 1], work.acceleration[link.parent - 1]) };
+        for joint in &compiled.joints[link.joints.clone()] {
+            let mut rotations = joint.v..joint.v + joint.kind.nv();
+            if joint.kind == JointKind::Free {
+                // The world's axes do not turn with the body.
+                for d in joint.v..joint.v + 3 {
+                    motion = add_scaled(motion, kinematics.axes[d], v[d]);
+                }
+                rotations.start += 3;
+            }
+            let mut own = zero();
+            for d in rotations {
+                own = add_scaled(own, kinematics.axes[d], v[d]);
+            }
+            change = add(change, cross_motion(&motion, &own));
+            motion = add(motion, own);
+        }
+        let inertia = &kinematics.inertia[l];
+        let momentum = apply_inertia(inertia, &motion);
+        work.force[l] = add(apply_inertia(inertia, &change), cross_force(&motion, &momentum));
+        work.velocity[l] = motion;
+        work.acceleration[l] = change;
+    }
+}
+
+/// Forces on the links, carried to the joints: out = sum over links of J^T f. `force` is used up.
+#[inline(always)]
+pub fn project_forces<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, force: &mut [V6<R>], out: &mut [R]) {
+    for l in (0..compiled.links.len()).rev() {
+        let link = &compiled.links[l];
+        for d in link.dofs.clone() {
+            out[d] = dot6(kinematics.axes[d], force[l]);
+        }
+        if !link.is_root {
+            force[link.parent - 1] = add(force[link.parent - 1], force[l]);
+        }
+    }
+}
+
+/// Room for a recursion over the links.
+#[derive(Clone, Debug)]
+pub struct NewtonEuler<R: Real> {
+    /// Velocity of every link.
+    pub velocity: Vec<V6<R>>,
+    /// Acceleration of every link.
+    pub acceleration: Vec<V6<R>>,
+    /// Force on every link.
+    pub force: Vec<V6<R>>,
+}
+
+impl<R: Real> NewtonEuler<R> {
+    /// Room for a compiled model.
+    pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
+        let n = compiled.links.len();
+        Self { velocity: vec![zero(); n], acceleration: vec![zero(); n], force: vec![zero(); n] }
+    }
+}

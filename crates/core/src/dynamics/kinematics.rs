@@ -1,0 +1,284 @@
+//! Poses, axes and velocities of everything that moves.
+
+use stepper_real::{Real, Scalar};
+
+use crate::compile::{CompiledJoint, CompiledModel, Inertial, LaneModel, Link};
+use crate::math::spatial::*;
+use crate::model::JointKind;
+
+/// Poses of all frames and the motion subspaces of all joints at one configuration, in world axes.
+#[derive(Clone, Debug)]
+pub struct Kinematics<R: Real> {
+    /// Origin of every frame, m.
+    pub pos: Vec<V3<R>>,
+    /// Orientation of every frame.
+    pub mat: Vec<M3<R>>,
+    /// Reference point of every tree: the position of its root, m.
+    pub origin: Vec<V3<R>>,
+    /// Motion of every dof per unit velocity, about its tree's reference point.
+    pub axes: Vec<V6<R>>,
+    /// Velocity (angular, linear at its origin) of every mocap body.
+    pub posed: Vec<V6<R>>,
+    /// Inertia of every link about its tree's reference point.
+    pub inertia: Vec<Inertia<R>>,
+    /// Angles of all hinges, in the order of the joints, with their sines and cosines.
+    turns: [Vec<R>; 3],
+}
+
+impl<R: Real> Kinematics<R> {
+    /// Room for a compiled model; the world and the mocap frames are placed.
+    pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
+        let identity = std::array::from_fn(|k| if k % 4 == 0 { R::one() } else { R::zero() });
+        let mut kinematics = Self {
+            pos: vec![zero(); compiled.nframe()],
+            mat: vec![identity; compiled.nframe()],
+            origin: vec![zero(); compiled.ntree],
+            axes: vec![zero(); compiled.nv],
+            posed: vec![zero(); compiled.mocap.len()],
+            inertia: vec![zero(); compiled.links.len()],
+            turns: std::array::from_fn(|_| vec![R::zero(); hinges(compiled).count()]),
+        };
+        for m in &compiled.mocap {
+            kinematics.pos[m.frame] = splat(m.pos);
+            kinematics.mat[m.frame] = quat_to_mat(splat(m.quat));
+        }
+        kinematics
+    }
+
+    /// Places everything at the configuration `q`.
+    pub fn update(&mut self, compiled: &LaneModel<R>, q: &[R]) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                self.turn_all(compiled, q);
+                let mut hinge = 0;
+                for (l, link) in compiled.links.iter().enumerate() {
+                    let (pos, mat) = self.place(compiled, link, q, &mut hinge);
+                    self.pos[l + 1] = pos;
+                    self.mat[l + 1] = mat;
+                    if link.is_root {
+                        self.origin[link.tree] = pos;
+                    }
+                    let origin = self.origin[link.tree];
+                    self.refer_axes_to(compiled, link, origin);
+                    let Inertial { mass, com, inertia } = compiled.params.inertial(l);
+                    let com = sub(add(pos, rotate(&mat, com)), origin);
+                    self.inertia[l] = inertia_at(mass, inertia, &mat, com);
+                }
+            },
+        )
+    }
+
+    /// Sines and cosines of all hinges, in a loop of their own: even those of one environment are computed side by side then.
+    #[inline(always)]
+    fn turn_all(&mut self, compiled: &LaneModel<R>, q: &[R]) {
+        let [angles, sines, cosines] = &mut self.turns;
+        for (angle, joint) in angles.iter_mut().zip(hinges(compiled)) {
+            *angle = q[joint.q] - R::splat(joint.reference);
+        }
+        for ((&angle, sin), cos) in angles.iter().zip(sines).zip(cosines) {
+            (*sin, *cos) = angle.sin_cos();
+        }
+    }
+
+    /// Pose of a link, whose first hinge is number `hinge`; leaves (axis, anchor) of its rotations and (0, axis) of its translations in `axes`.
+    #[inline(always)]
+    fn place(&mut self, compiled: &LaneModel<R>, link: &Link<R::Scalar>, q: &[R], hinge: &mut usize) -> (V3<R>, M3<R>) {
+        let (base, frame) = (self.pos[link.parent], self.mat[link.parent]);
+        let mut pos = add(base, rotate(&frame, splat(link.pos)));
+        let mut mat = match link.mat {
+            Some(m) => mat_mul(&frame, &splat(m)),
+            None => frame,
+        };
+        for joint in &compiled.joints[link.joints.clone()] {
+            let v = joint.v;
+            match joint.kind {
+                JointKind::Free => {
+                    pos = [q[joint.q], q[joint.q + 1], q[joint.q + 2]];
+                    mat = quat_to_mat(quat_at(q, joint.q + 3));
+                    for k in 0..3 {
+                        let mut unit = [R::zero(); 3];
+                        unit[k] = R::one();
+                        self.axes[v + k] = spatial(zero(), unit);
+                        self.axes[v + 3 + k] = spatial(column(&mat, k), pos);
+                    }
+                }
+                JointKind::Ball => {
+                    let anchor = add(pos, rotate(&mat, splat(joint.anchor)));
+                    mat = mat_mul(&mat, &quat_to_mat(quat_at(q, joint.q)));
+                    pos = sub(anchor, rotate(&mat, splat(joint.anchor)));
+                    for k in 0..3 {
+                        self.axes[v + k] = spatial(column(&mat, k), anchor);
+                    }
+                }
+                JointKind::Slide => {
+                    let axis = rotate(&mat, splat(joint.axis));
+                    pos = add_scaled(pos, axis, q[joint.q] - R::splat(joint.reference));
+                    self.axes[v] = spatial(zero(), axis);
+                }
+                JointKind::Hinge => {
+                    let [_, sines, cosines] = &self.turns;
+                    let (axis, turned) = turn(&mat, joint, sines[*hinge], cosines[*hinge]);
+                    *hinge += 1;
+                    let mut anchor = pos;
+                    if !joint.centred {
+                        let arm = splat(joint.anchor);
+                        anchor = add(pos, rotate(&mat, arm));
+                        pos = sub(anchor, rotate(&turned, arm));
+                    }
+                    mat = turned;
+                    self.axes[v] = spatial(axis, anchor);
+                }
+            }
+        }
+        (pos, mat)
+    }
+
+    /// Turns (axis, anchor) of the rotations of a link into motions about the reference point.
+    #[inline(always)]
+    fn refer_axes_to(&mut self, compiled: &LaneModel<R>, link: &Link<R::Scalar>, origin: V3<R>) {
+        for joint in &compiled.joints[link.joints.clone()] {
+            let rotations = match joint.kind {
+                JointKind::Free => joint.v + 3..joint.v + 6,
+                JointKind::Ball => joint.v..joint.v + 3,
+                JointKind::Hinge => joint.v..joint.v + 1,
+                JointKind::Slide => continue,
+            };
+            for d in rotations {
+                let (axis, anchor) = (angular(&self.axes[d]), linear(&self.axes[d]));
+                self.axes[d] = spatial(axis, cross(axis, sub(origin, anchor)));
+            }
+        }
+    }
+
+    /// Velocity of every link about its tree's reference point.
+    #[inline(always)]
+    pub fn velocities(&self, compiled: &LaneModel<R>, v: &[R], out: &mut [V6<R>]) {
+        for (l, link) in compiled.links.iter().enumerate() {
+            let mut motion = if link.is_root { zero() } else { out[link.parent - 1] };
+            for d in link.dofs.clone() {
+                motion = add_scaled(motion, self.axes[d], v[d]);
+            }
+            out[l] = motion;
+        }
+    }
+
+    /// Position in the world of a point given in a frame.
+    #[inline(always)]
+    pub fn point(&self, frame: usize, local: V3<R>) -> V3<R> {
+        add(self.pos[frame], rotate(&self.mat[frame], local))
+    }
+}
+
+/// Hinges, in the order of the joints.
+#[inline(always)]
+fn hinges<S: Scalar>(compiled: &CompiledModel<S>) -> impl Iterator<Item = &CompiledJoint<S>> {
+    compiled.joints.iter().filter(|joint| joint.kind == JointKind::Hinge)
+}
+
+/// The joint's axis in the world, and the frame turned about it.
+#[inline(always)]
+fn turn<R: Real>(mat: &M3<R>, joint: &CompiledJoint<R::Scalar>, sin: R, cos: R) -> (V3<R>, M3<R>) {
+    let Some((k, backwards)) = joint.principal else {
+        let axis = splat(joint.axis);
+        return (rotate(mat, axis), mat_mul(mat, &axis_rotation(axis, sin, cos)));
+    };
+    let sin = if backwards { -sin } else { sin };
+    let (axis, out) = match k {
+        0 => turn_about::<R, 0>(mat, sin, cos),
+        1 => turn_about::<R, 1>(mat, sin, cos),
+        _ => turn_about::<R, 2>(mat, sin, cos),
+    };
+    (if backwards { scale(axis, -R::one()) } else { axis }, out)
+}
+
+/// Axis `K` of a frame, and the frame turned about it: only the other two columns change. `K` is constant, since what a variable indexes stays
+/// in memory.
+#[inline(always)]
+fn turn_about<R: Real, const K: usize>(mat: &M3<R>, sin: R, cos: R) -> (V3<R>, M3<R>) {
+    let (i, j) = ((K + 1) % 3, (K + 2) % 3);
+    let mut out = *mat;
+    for r in 0..3 {
+        let (a, b) = (mat[3 * r + i], mat[3 * r + j]);
+        out[3 * r + i] = a * cos + b * sin;
+        out[3 * r + j] = b * cos - a * sin;
+    }
+    (column(mat, K), out)
+}
+
+/// The quaternion stored at `q[at..]`.
+#[inline(always)]
+pub fn quat_at<R: Real>(q: &[R], at: usize) -> [R; 4] {
+    [q[at], q[at + 1], q[at + 2], q[at + 3]]
+}
+
+/// q (+) d: the configuration after the displacement `d` (length nv) along the velocities' own coordinates. Rotations by the exponential
+/// map, quaternions renormalised.
+pub fn displace<R: Real>(compiled: &LaneModel<R>, q: &[R], d: &[R], factor: R, out: &mut [R]) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for joint in &compiled.joints {
+                let (qa, va) = (joint.q, joint.v);
+                match joint.kind {
+                    JointKind::Free => {
+                        for k in 0..3 {
+                            out[qa + k] = q[qa + k] + d[va + k] * factor;
+                        }
+                        turn_quat(q, qa + 3, [d[va + 3], d[va + 4], d[va + 5]], factor, out);
+                    }
+                    JointKind::Ball => turn_quat(q, qa, [d[va], d[va + 1], d[va + 2]], factor, out),
+                    JointKind::Slide | JointKind::Hinge => out[qa] = q[qa] + d[va] * factor,
+                }
+            }
+        },
+    )
+}
+
+#[inline(always)]
+fn turn_quat<R: Real>(q: &[R], at: usize, w: V3<R>, factor: R, out: &mut [R]) {
+    let turned = quat_normalize(quat_mul(quat_at(q, at), quat_exp(scale(w, factor))));
+    out[at..at + 4].copy_from_slice(&turned);
+}
+
+/// Sum of the links' kinetic energy, J.
+pub fn kinetic_energy<R: Real>(kinematics: &Kinematics<R>, velocities: &[V6<R>]) -> R {
+    let each = kinematics.inertia.iter().zip(velocities).map(|(i, v)| dot6(apply_inertia(i, v), *v));
+    each.fold(R::zero(), |sum, e| sum + e) * R::of(0.5)
+}
+
+/// Lanes in which every entry is finite.
+#[inline(always)]
+pub fn all_finite<R: Real>(x: &[R]) -> R::Mask {
+    // A sum of zeros is zero exactly when every term is finite: one test for the whole array.
+    let zero = R::zero();
+    let mut sum = zero;
+    for &x in x {
+        sum += x * zero;
+    }
+    sum.is_finite()
+}
+
+/// out = x + rate * way, entry by entry.
+pub fn advance<R: Real>(x: &[R], rate: &[R], way: R, out: &mut [R]) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for ((out, &x), &rate) in out.iter_mut().zip(x).zip(rate) {
+                *out = x + rate * way;
+            }
+        },
+    )
+}
+
+/// y = x + share (end + y - x), entry by entry: on the way from `x` to an end that is `y` further on.
+pub fn blend<R: Real>(x: &[R], end: &[R], share: R, y: &mut [R]) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for ((y, &x), &end) in y.iter_mut().zip(x).zip(end) {
+                *y = x + ((end + *y) - x) * share;
+            }
+        },
+    )
+}

@@ -1,0 +1,80 @@
+//! Bodies that the user poses, on their way from one pose to the next.
+//!
+//! A body that is put somewhere else before a call goes there in a straight line and at a constant rate of rotation during the call's steps,
+//! so that contacts meet a moving surface: what it pushes is not overlapped first, and friction sees its speed. At the first call after a
+//! reset there is no pose before, and it is simply where it was put.
+
+use stepper_real::{Mask, Real};
+
+use crate::compile::LaneModel;
+use crate::dynamics::kinematics::{Kinematics, all_finite};
+use crate::math::spatial::*;
+
+/// The way of one mocap body during a call.
+#[derive(Clone, Copy, Debug)]
+pub struct MocapTrajectory<R> {
+    /// Where it begins, m.
+    pos: V3<R>,
+    quat: [R; 4],
+    /// Where it ends: the pose that the next call begins with.
+    end: [R; 7],
+    /// Its velocity (angular, linear), world axes.
+    motion: V6<R>,
+}
+
+impl<R: Real> MocapTrajectory<R> {
+    /// A body that rests at a pose.
+    pub fn at(pos: V3<R>, quat: [R; 4]) -> Self {
+        let quat = quat_normalize(quat);
+        Self { pos, quat, end: [pos[0], pos[1], pos[2], quat[0], quat[1], quat[2], quat[3]], motion: zero() }
+    }
+
+    /// From `last` (zeros where it is unknown) to a pose in so many seconds.
+    #[inline(always)]
+    pub fn new(last: [R; 7], pos: V3<R>, quat: [R; 4], seconds: R) -> Self {
+        let rest = Self::at(pos, quat);
+        let (before, turn) = ([last[0], last[1], last[2]], [last[3], last[4], last[5], last[6]]);
+        let known = all_finite(&last).and(turn[0].square().max(turn[1].square()).max(turn[2].square()).max(turn[3].square()).gt(R::zero()));
+        let back = [turn[0], -turn[1], -turn[2], -turn[3]];
+        let (turned, moved) = (quat_log(quat_mul(rest.quat, back)), sub(pos, before));
+        let motion = scale(spatial(turned, moved), R::one() / seconds);
+        Self { pos: select(known, before, pos), quat: select(known, turn, rest.quat), end: rest.end, motion: select(known, motion, zero()) }
+    }
+
+    /// Its orientation so many seconds after the beginning of the call.
+    #[inline(always)]
+    pub fn quat_at(&self, time: R) -> [R; 4] {
+        let turn = quat_exp(scale(angular(&self.motion), time));
+        quat_normalize(quat_mul(turn, self.quat))
+    }
+
+    /// Its pose so many seconds after the beginning of the call, to be kept.
+    #[inline(always)]
+    pub fn pose_at(&self, time: R) -> [R; 7] {
+        let (pos, quat) = (add_scaled(self.pos, linear(&self.motion), time), self.quat_at(time));
+        [pos[0], pos[1], pos[2], quat[0], quat[1], quat[2], quat[3]]
+    }
+
+    /// Where the way ends, to be kept.
+    #[inline(always)]
+    pub fn end(&self) -> [R; 7] {
+        self.end
+    }
+}
+
+/// Places the mocap bodies where they are so many seconds after the beginning of the call.
+pub fn place<R: Real>(compiled: &LaneModel<R>, ways: &[MocapTrajectory<R>], time: R, kinematics: &mut Kinematics<R>) {
+    if ways.is_empty() {
+        return;
+    }
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for (k, (mocap, way)) in compiled.mocap.iter().zip(ways).enumerate() {
+                kinematics.pos[mocap.frame] = add_scaled(way.pos, linear(&way.motion), time);
+                kinematics.mat[mocap.frame] = quat_to_mat(way.quat_at(time));
+                kinematics.posed[k] = way.motion;
+            }
+        },
+    )
+}

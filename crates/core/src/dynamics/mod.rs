@@ -1,0 +1,8 @@
+//! Smooth dynamics of trees of bodies: kinematics, the mass matrix, Newton-Euler, gyroscopic motion, the medium, bodies that the user moves.
+
+pub mod fluid;
+pub mod gyroscopic;
+pub mod implicit_weights;
+pub mod inertia;
+pub mod kinematics;
+pub mod mocap;

@@ -1,0 +1,100 @@
+//! What becomes of a solution: whether it decides the energy, and whether the next state is finite and taken over.
+
+use stepper_real::{Mask, Real};
+
+use crate::compile::LaneModel;
+use crate::constraints::constraint_set::Constraints;
+use crate::dynamics::kinematics::all_finite;
+use crate::integrators::workspace::Workspace;
+use crate::math::lanes::each_of;
+use crate::math::spatial::*;
+use crate::options::StepSettings;
+
+/// Residual from which on impulses may be anything, m/s: energy is kept from growing by them, as in steps that are too long.
+const UNSOLVED: f64 = 1e-2;
+
+/// Lanes whose impulses do not decide what becomes of their energy: the residual is large, or it is small beside velocities but not beside what
+/// enormous impulses make of it.
+pub(crate) fn undecided<R: Real>(options: &StepSettings, s: &Workspace<R>, residual: R) -> R::Mask {
+    let Constraints { problem, iterate, constrained, .. } = &s.constraints;
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let unsolved = s.alive.and(residual.gt(R::of(UNSOLVED.max(10.0 * options.tolerance))));
+            unsolved.or(s.alive.and(*constrained).and(stepper_solve::undecided(problem, iterate, residual)))
+        },
+    )
+}
+
+/// Keeps the impulse of all constraints on the joints, from the scaled velocity change of stage 5, where bounded servos need it.
+pub(crate) fn keep_impulse<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>) {
+    if !compiled.servos_are_bounded {
+        return;
+    }
+    R::vectorize(
+        #[inline(always)]
+        || {
+            s.impulse.copy_from_slice(&s.constraints.iterate.w);
+            s.smooth.mass.momentum(compiled, &mut s.impulse);
+        },
+    )
+}
+
+/// Takes the next state over in the lanes where it is finite; the others stay where they were and start cold. Returns those lanes.
+pub(crate) fn accept<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>) -> R::Mask {
+    let finite = R::vectorize(
+        #[inline(always)]
+        || {
+            let mut finite = R::Mask::splat(true);
+            for x in [&s.q_next, &s.v_next, &s.act_next] {
+                finite = finite.and(all_finite(x));
+            }
+            // A pose that the user gave and that is none would hide its contacts: the step is refused instead.
+            for m in &compiled.mocap {
+                finite = finite.and(all_finite(&s.kinematics.pos[m.frame])).and(all_finite(&s.kinematics.mat[m.frame]));
+            }
+            finite
+        },
+    );
+    if !finite.and(s.alive).all() {
+        stay(s, finite);
+    }
+    // What was is room for the step after the next.
+    std::mem::swap(&mut s.q, &mut s.q_next);
+    std::mem::swap(&mut s.v, &mut s.v_next);
+    std::mem::swap(&mut s.act, &mut s.act_next);
+    std::mem::swap(&mut s.contacts, &mut s.new_contacts);
+    finite
+}
+
+/// Lets the lanes whose next state is not finite, and those that are no environment, stay where they are; the former start cold.
+#[cold]
+fn stay<R: Real>(s: &mut Workspace<R>, finite: R::Mask) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let moves = finite.and(s.alive);
+            for (next, old) in [(&mut s.q_next, &s.q), (&mut s.v_next, &s.v), (&mut s.act_next, &s.act)] {
+                for (next, &old) in next.iter_mut().zip(old) {
+                    *next = R::select(moves, *next, old);
+                }
+            }
+            let refused = s.alive.and_not(finite);
+            if refused.none() {
+                return;
+            }
+            for lambda in s.constraints.scalar_impulse.iter_mut().chain(&mut s.impulse) {
+                *lambda = R::select(finite, *lambda, R::zero());
+            }
+            for l in each_of(refused.bits()) {
+                s.new_contacts.count[l] = 0;
+            }
+            for slot in &mut s.new_contacts.data {
+                slot.impulse = select(finite, slot.impulse, zero());
+            }
+            for torque in &mut s.new_contacts.torque {
+                *torque = select(finite, *torque, zero());
+            }
+        },
+    )
+}

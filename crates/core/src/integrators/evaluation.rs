@@ -1,0 +1,76 @@
+//! Where a scheme takes the step, and the rows of the constraint problem there.
+
+use stepper_real::{Mask, Real};
+
+use crate::compile::LaneModel;
+use crate::constraints::constraint_set::AssemblyInput;
+use crate::integrators::corrected_forces::{correct_forces, reconsider_servos};
+use crate::integrators::free_motion::{find_contacts, free_motion, place};
+use crate::integrators::impact;
+use crate::integrators::scheme::Scheme;
+use crate::integrators::workspace::Workspace;
+use crate::options::StepSettings;
+use crate::stages::s04_assemble::assemble;
+use crate::stages::s05_solve::{estimate, forget_estimate};
+
+/// Stages 1 to 3: the velocity at the end of the step if nothing were in the way, and the contacts. Moreau's rule takes everything in the middle of
+/// the step, Euler's at its beginning.
+///
+/// Returns the lanes that the midpoint rule takes at the beginning.
+pub(crate) fn evaluate<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, scheme: &mut Scheme<R>, s: &mut Workspace<R>) -> R::Mask {
+    place(compiled, scheme, s);
+    free_motion(compiled, scheme, s);
+    let too_far = find_contacts(compiled, scheme, s);
+    if too_far.any() {
+        // What is so fast that it may be through something thin in the middle of the step is taken at its beginning.
+        scheme.lead = R::select(too_far, R::zero(), scheme.lead);
+        scheme.rest = R::select(too_far, scheme.h, scheme.rest);
+        place(compiled, scheme, s);
+        free_motion(compiled, scheme, s);
+        find_contacts(compiled, scheme, s);
+    }
+    if scheme.integrator.in_the_middle() {
+        impact::place_at_impacts(compiled, options, scheme, s);
+    }
+    s.new_contacts.prepare(&mut s.contacts);
+    too_far
+}
+
+/// Stage 4, and stages 1 and 2 again for forces that depend on the velocity at the end of the step, of which stage 5 makes an estimate.
+pub(crate) fn assemble_rows<R: Real>(
+    compiled: &LaneModel<R>,
+    options: &StepSettings,
+    scheme: &Scheme<R>,
+    s: &mut Workspace<R>,
+    at_beginning: R::Mask,
+) {
+    assemble_here(compiled, options, scheme, s, at_beginning);
+    let bounded = compiled.servos_are_bounded && (scheme.corrects || compiled.trains > 0);
+    if bounded && s.constraints.constrained.any() && reconsider_servos(compiled, scheme, s) {
+        // Servos reach their bounds, or leave them, by impulses of this step.
+        free_motion(compiled, scheme, s);
+        assemble_here(compiled, options, scheme, s, at_beginning);
+        // Where nothing was wrong, this repeats the bits of the estimate before.
+        estimate(&s.v, scheme.h, s.constraints.constrained, &mut s.constraints);
+        forget_estimate(s.constraints.constrained, &mut s.constraints);
+    }
+    if scheme.corrects {
+        correct_forces(compiled, scheme, s);
+    }
+}
+
+/// Stage 4 at the configuration of the scheme.
+fn assemble_here<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, scheme: &Scheme<R>, s: &mut Workspace<R>, too_far: R::Mask) {
+    let moment = AssemblyInput {
+        q: &s.q_eval,
+        v: &s.v,
+        motion: &s.smooth.work,
+        v_free: &s.v_free,
+        losses: &s.drive.losses,
+        h: scheme.h,
+        lead: scheme.lead,
+        closing: scheme.closing(too_far, s.impacts.lanes),
+        alive: s.alive,
+    };
+    assemble(compiled, options, &s.kinematics, &s.smooth.mass, &moment, &mut s.new_contacts, &mut s.constraints);
+}

@@ -1,0 +1,82 @@
+//! Stages 1 to 3 at the configuration where a scheme takes the step.
+
+use stepper_real::{Mask, Real};
+
+use crate::actuation::forces::{Drive, Implicit};
+use crate::compile::LaneModel;
+use crate::dynamics::kinematics::{advance, displace};
+use crate::dynamics::mocap;
+use crate::integrators::scheme::Scheme;
+use crate::integrators::workspace::Workspace;
+use crate::options::Integrator;
+use crate::stages::s01_actuate::{actuate, advance_activation, regather};
+use crate::stages::s03_detect::detect;
+
+/// Stage 3. Returns the lanes that are taken too far from the beginning of the step.
+pub(crate) fn find_contacts<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) -> R::Mask {
+    detect(compiled, &s.kinematics, [&s.v, &s.v_free], [scheme.h, scheme.lead], s.alive, &mut s.poses, &mut s.new_contacts)
+}
+
+/// The configuration and activations at which forces are taken.
+pub(crate) fn place<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) {
+    if scheme.integrator.in_the_middle() {
+        displace(compiled, &s.q, &s.v, scheme.lead, &mut s.q_eval);
+        advance_activation(compiled, &s.act, &s.act, &s.inputs.ctrl, scheme.lead, &mut s.act_eval);
+    } else {
+        s.q_eval.copy_from_slice(&s.q);
+        s.act_eval.copy_from_slice(&s.act);
+    }
+    if scheme.integrator == Integrator::Implicit {
+        displace(compiled, &s.q_eval, &s.v, scheme.reach, &mut s.q_ahead);
+    }
+    mocap::place(compiled, &s.ways, R::of(s.elapsed) + scheme.lead, &mut s.kinematics);
+    s.kinematics.update(compiled, &s.q_eval);
+    s.drive.transmit(compiled, &s.kinematics, &s.v, scheme.reach);
+}
+
+/// Stages 1 and 2: the velocity at the end of the step if nothing were in the way.
+pub(crate) fn free_motion<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) {
+    s.smooth.apply(compiled, &s.kinematics, [&s.inputs.qfrc, &s.inputs.xfrc], &mut s.applied);
+    s.drive.release();
+    s.smooth.assemble_mass(compiled, &s.kinematics, scheme.joints(compiled));
+    if scheme.integrator.in_the_middle() && !compiled.servos.is_empty() {
+        s.drive.gauge(compiled, &s.smooth.inertia);
+    }
+    let at = scheme.forces_at([&s.q_eval, &s.q_ahead], [&s.v, &s.v], &s.act_eval, &s.inputs);
+    actuate(compiled, &at, scheme.servos(), &mut s.drive);
+    s.smooth.complete_mass(compiled, &s.kinematics, implicit(compiled, scheme, &s.drive, &s.v));
+    s.smooth.acceleration(compiled, &s.kinematics, [&s.drive.tau, &s.applied], &s.v, &s.v);
+    if compiled.servos_are_bounded && (scheme.corrects || compiled.trains > 0) {
+        saturate_servos(compiled, scheme, s);
+    }
+    if compiled.lossy {
+        s.drive.lose(compiled, &s.inputs.trains, true);
+    }
+    advance(&s.v, &s.smooth.acc, scheme.h, &mut s.v_free);
+}
+
+/// What the mass matrix holds besides M.
+pub(crate) fn implicit<'a, R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, drive: &'a Drive<R>, v: &'a [R]) -> Implicit<'a, R> {
+    let servos: &[R] = if scheme.corrects || compiled.trains > 0 { &drive.weight } else { &[] };
+    Implicit { theta: scheme.joints(compiled), servos, arms: &drive.arms, drag_at: scheme.corrects.then_some(v) }
+}
+
+/// How often servos are looked at again after others have reached their bounds.
+const SATURATION_PASSES: usize = 4;
+
+/// Takes the stiffness from servos whose force would exceed its bounds, and with it the mass matrix that they had part in.
+fn saturate_servos<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) {
+    for pass in 0..SATURATION_PASSES {
+        // The change of velocity to be expected: by the forces, and by constraints that push as in the last step.
+        s.v_next.copy_from_slice(&s.impulse);
+        s.smooth.solve(compiled, &mut s.v_next);
+        advance(&s.v_next, &s.smooth.acc, scheme.h, &mut s.v_mean);
+        // Lanes in which nothing is new do it all again and find the same bits.
+        if s.drive.saturate(compiled, &s.inputs.trains, scheme.theta, &s.v_mean, scheme.h, pass).and(s.alive).none() {
+            return;
+        }
+        regather(compiled, scheme.springs_at(&s.q_eval, &s.q_ahead), scheme.corrects, &mut s.drive);
+        s.smooth.factor_mass_again(compiled, &s.kinematics, implicit(compiled, scheme, &s.drive, &s.v));
+        s.smooth.acceleration_again(compiled, [&s.drive.tau, &s.applied], &s.v);
+    }
+}

@@ -1,0 +1,252 @@
+//! Impacts: velocities that jump within the step.
+//!
+//! What bounces is taken at the time at which it strikes: normals and arms are those of the impact, and so is the velocity that Newton's law is
+//! taken on (see [`crate::constraints::impact_time`] and stage 4).
+
+use stepper_real::{Mask, Real};
+use stepper_solve::Outcome;
+
+use crate::collision::contact_set::Contacts;
+use crate::collision::surface_velocity;
+use crate::compile::LaneModel;
+use crate::constraints::impact_time::{Flight, Meeting};
+use crate::dynamics::gyroscopic;
+use crate::dynamics::kinematics::{Kinematics, advance};
+use crate::integrators::free_motion::{find_contacts, free_motion, place};
+use crate::integrators::impact_set::Impacts;
+use crate::integrators::scheme::Scheme;
+use crate::integrators::workspace::Workspace;
+use crate::math::spatial::*;
+use crate::options::StepSettings;
+use crate::stages::s05_solve::solve;
+use crate::stages::s06_integrate_velocity::integrate_velocity;
+
+/// Change of a link's velocity by the jump in inertial forces from which on it is worth a second solution, rad/s or m/s.
+const MATTERS: f64 = 1e-5;
+
+/// So many times what smooth forces change in a step makes a change an impact: below that, the error of the rule is that of the smooth motion.
+const IMPACT: f64 = 10.0;
+/// Turn within a step beyond which the velocity after the step says nothing of the forces in it, rad: then another solution is no better.
+const RESOLVED: f64 = 0.02;
+/// Solutions at the most: each takes the inertial forces at the velocity of the one before, which errs by the time step times as much.
+const PASSES: usize = 3;
+
+/// Placements at the time of the first impact at the most. Newton's method: bodies that pass one another obliquely come near along a curve.
+const PLACEMENTS: usize = 4;
+/// Part of a step within which the time of the impact is that of the placement.
+const CLOSE: f64 = 1e-3;
+
+/// Takes the lanes in which elastic contacts strike at the time of the first impact.
+pub(crate) fn place_at_impacts<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, scheme: &mut Scheme<R>, s: &mut Workspace<R>) {
+    s.impacts.lanes = R::Mask::splat(false);
+    for pass in 0..PLACEMENTS {
+        let elastic = |k: usize| s.new_contacts.elastic(k).any();
+        if !(0..s.new_contacts.slots()).any(elastic) {
+            return;
+        }
+        let [strikes, wrong] = first_impacts(compiled, options, scheme, s, pass == 0);
+        s.impacts.lanes = s.impacts.lanes.or(strikes).or(wrong);
+        if wrong.none() {
+            return;
+        }
+        place(compiled, scheme, s);
+        free_motion(compiled, scheme, s);
+        find_contacts(compiled, scheme, s);
+    }
+}
+
+/// Moves `rule` to the first impact of each lane. Returns the lanes that have one, and those in which it was elsewhere. At the `first` look, what
+/// overlaps and parts came in on the other side: there it is looked at from the beginning of the step.
+fn first_impacts<R: Real>(
+    compiled: &LaneModel<R>,
+    options: &StepSettings,
+    scheme: &mut Scheme<R>,
+    s: &mut Workspace<R>,
+    first: bool,
+) -> [R::Mask; 2] {
+    let Workspace { new_contacts: contacts, kinematics, impacts: Impacts { velocities, .. }, v, v_free, alive, .. } = s;
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let [before, free] = velocities;
+            kinematics.velocities(compiled, v, before);
+            kinematics.velocities(compiled, v_free, free);
+            let gravity = norm(compiled.params.gravity());
+            let (mut strikes, mut time) = (R::Mask::splat(false), scheme.h);
+            for k in 0..contacts.slots() {
+                let elastic = contacts.elastic(k).and(*alive);
+                if elastic.none() {
+                    continue;
+                }
+                let slot = &contacts.data[k];
+                let (gap, lead, h) = (slot.point.distance, scheme.lead, scheme.h);
+                let [before, free] = normal_velocities(compiled, kinematics, contacts, k, elastic.bits(), [before, free]);
+                let Meeting { strikes: here, time: at, .. } =
+                    Flight { gap, before, free, lead, h }.meeting(options, gravity, slot.restitution, elastic);
+                let passed = elastic.and(gap.lt(-R::of(options.slop))).and(before.gt(R::zero())).and(lead.gt(R::zero()));
+                let passed = if first { passed } else { R::Mask::splat(false) };
+                time = R::select(here, time.min(at), time);
+                time = R::select(passed, R::zero(), time);
+                strikes = strikes.or(here).or(passed);
+            }
+            let wrong = strikes.and((time - scheme.lead).abs().gt(scheme.h * R::of(CLOSE)));
+            scheme.lead = R::select(wrong, time, scheme.lead);
+            scheme.rest = R::select(wrong, scheme.h - time, scheme.rest);
+            [strikes, wrong]
+        },
+    )
+}
+
+/// Normal velocities of the contacts in slot `k`, for two sets of the links' velocities.
+#[inline(always)]
+fn normal_velocities<R: Real>(
+    compiled: &LaneModel<R>,
+    kinematics: &Kinematics<R>,
+    contacts: &Contacts<R>,
+    k: usize,
+    lanes: u32,
+    velocities: [&[V6<R>]; 2],
+) -> [R; 2] {
+    let point = &contacts.data[k].point;
+    let carried = dot(point.normal, linear(&surface_velocity::motion(compiled, kinematics, contacts, k, lanes)));
+    let mut out = [carried; 2];
+    for (pair, lanes) in contacts.pairs(k, lanes) {
+        let there = R::Mask::from_bits(lanes);
+        let [a, b] = compiled.pair_geoms(pair).expect("made from this compiled");
+        for (geom, sign) in [(a, -R::one()), (b, R::one())] {
+            let frame = compiled.geoms[geom].frame;
+            if frame == 0 || frame > compiled.links.len() {
+                continue;
+            }
+            let arm = sub(point.pos, kinematics.origin[compiled.links[frame - 1].tree]);
+            for (out, velocity) in out.iter_mut().zip(velocities) {
+                *out += R::select(there, dot(point.normal, velocity_at(&velocity[frame - 1], arm)) * sign, R::zero());
+            }
+        }
+    }
+    out
+}
+
+/// The free velocity with which stage 8 solves for the positions, in the lanes with impacts, left in `change`; returns these lanes. They are added
+/// what the positions lack that went on from the time of the placement with the velocity after the step: of each impulse and, since they were not
+/// in the middle of the step, of smooth forces.
+pub(crate) fn carry_positions<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) -> R::Mask {
+    let lanes = s.impacts.lanes.or(s.constraints.bouncing()).and(s.alive);
+    if lanes.none() {
+        return lanes;
+    }
+    s.constraints.set_impacts_aside(compiled, &s.smooth.mass, [scheme.h, scheme.lead], lanes, &mut s.v_mean);
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let late = scheme.lead / scheme.h - R::of(0.5);
+            for i in 0..compiled.nv {
+                let moved = s.v_mean[i] + (s.v_free[i] - s.v[i]) * late;
+                s.v_mean[i] = R::select(lanes, moved, R::zero());
+                s.change[i] = R::select(lanes, s.v_free[i] + moved, s.v_free[i]);
+            }
+        },
+    );
+    s.constraints.shift(compiled, &s.smooth.mass, &mut s.v_mean, lanes);
+    lanes
+}
+
+/// Stages 2, 5 and 6 again in the lanes in which constraints have stopped or turned a motion that stage 2 reckoned with.
+///
+/// The midpoint rule goes half of the step with the velocity before it and half with that after it, so inertial forces are the mean of those at
+/// both. The first solution took them at the mean of the velocities, which at an impact is neither: an error of first order in momentum and energy,
+/// at every impact.
+pub(crate) fn solve_impacts<R: Real>(
+    compiled: &LaneModel<R>,
+    options: &StepSettings,
+    scheme: &Scheme<R>,
+    s: &mut Workspace<R>,
+    mut outcome: Outcome<R>,
+) -> Outcome<R> {
+    for pass in 0..PASSES {
+        let lanes = jumping(scheme, s, pass == 0);
+        if lanes.none() {
+            break;
+        }
+        take_inertial_forces(compiled, scheme, s, lanes, pass == 0);
+        let again = solve(options, &s.v, lanes, &mut s.constraints, &mut s.new_contacts);
+        outcome.replace(&again, lanes);
+        integrate_velocity(compiled, &s.smooth.mass, &s.v_free, &s.constraints, &mut s.v_next);
+    }
+    outcome
+}
+
+/// Lanes whose velocity after the step, `v_next`, is far from that which inertial forces were taken with; of the first solution, which
+/// took them at the mean of the velocities and not half at each, also those in which constraints made the velocity jump.
+fn jumping<R: Real>(scheme: &Scheme<R>, s: &Workspace<R>, first: bool) -> R::Mask {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let (mut jump, mut fastest, mut pushed, mut smooth) = (R::zero(), R::zero(), R::zero(), R::zero());
+            for (((&v, &free), &next), &expected) in s.v.iter().zip(&s.v_free).zip(&s.v_next).zip(&s.expected) {
+                pushed = pushed.max((next - free).abs());
+                smooth = smooth.max((free - v).abs());
+                jump = jump.max((next - expected).abs());
+                fastest = fastest.max(v.abs()).max(next.abs());
+            }
+            let apart = if first { pushed * pushed * R::of(0.25) } else { R::zero() };
+            let change = jump.max(pushed);
+            let impact = change.gt(smooth * R::of(IMPACT)).and((scheme.h * change).lt(R::of(RESOLVED)));
+            let matters = impact.and((scheme.h * (jump * fastest).max(apart)).gt(R::of(MATTERS)));
+            // Equalities near singular positions change as suddenly, but nothing strikes there.
+            let slots = s.constraints.slots.iter().map(|slot| slot.1).chain(s.constraints.wide_slots.iter().map(|slot| slot.1));
+            let touching = slots.fold(R::Mask::splat(false), |all, lanes| all.or(lanes));
+            touching.and(s.alive).and_not(s.unresolved).and(matters)
+        },
+    )
+}
+
+/// The free velocity of the lanes `lanes` with inertial forces at the velocity before the step and at `v_next`: half each, or until the impact and
+/// after it. At the `first` time, the velocity before the impact is made that of the former alone.
+fn take_inertial_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>, lanes: R::Mask, first: bool) {
+    // With the forces of stage 1 as they are: what depends on the velocity in them is implicit.
+    let (forces, half) = ([&s.drive.tau[..], &s.applied], scheme.h * R::of(0.5));
+    let times = [scheme.lead, scheme.rest].map(|time| R::select(s.impacts.lanes, time, half));
+    s.smooth.acceleration(compiled, &s.kinematics, forces, &s.v, &s.v);
+    advance(&s.v, &s.smooth.acc, times[0], &mut s.v_mean);
+    let strikes = s.constraints.has_impacts;
+    if strikes {
+        advance(&s.v, &s.smooth.acc, scheme.h, &mut s.before_impact);
+    }
+    s.smooth.acceleration(compiled, &s.kinematics, forces, &s.v, &s.v_next);
+    advance(&s.v_mean, &s.smooth.acc, times[1], &mut s.change);
+    if !compiled.spinners.is_empty() {
+        gyroscopic::settle(compiled, &s.kinematics, &s.smooth.mass, [[scheme.lead, scheme.rest], times], [&s.v, &s.v_next], &mut s.change);
+    }
+    take_over_change(compiled, s, lanes);
+    if strikes {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                // The rows of impacts take it as a change until the impact.
+                for i in 0..compiled.nv {
+                    s.before_impact[i] = if first { s.before_impact[i] - s.v_free[i] } else { -s.change[i] };
+                }
+            },
+        );
+    }
+    s.constraints.shift(compiled, &s.smooth.mass, &mut s.change, lanes);
+    if strikes {
+        s.constraints.shift_before_impacts(compiled, &s.smooth.mass, &mut s.before_impact, lanes);
+    }
+}
+
+/// Takes over `change` as the free velocity of the lanes `lanes`, and `v_next` as the expected one; leaves by how much the former changed in `change`.
+fn take_over_change<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>, lanes: R::Mask) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for i in 0..compiled.nv {
+                let new = R::select(lanes, s.change[i], s.v_free[i]);
+                s.change[i] = new - s.v_free[i];
+                s.v_free[i] = new;
+                s.expected[i] = R::select(lanes, s.v_next[i], s.expected[i]);
+            }
+        },
+    );
+}

@@ -1,0 +1,22 @@
+//! What is known of the impacts of a step.
+
+use stepper_real::{Mask, Real};
+
+use crate::compile::CompiledModel;
+use crate::math::spatial::*;
+
+/// What is known of the impacts of a step.
+#[derive(Clone, Debug)]
+pub(crate) struct Impacts<R: Real> {
+    /// Lanes that are taken at the time of an impact, or were taken away from the middle of the step in search of it.
+    pub(crate) lanes: R::Mask,
+    /// Velocities of the links before the step, and after it without constraints.
+    pub(super) velocities: [Vec<V6<R>>; 2],
+}
+
+impl<R: Real> Impacts<R> {
+    /// Room for a compiled model.
+    pub(crate) fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
+        Self { lanes: R::Mask::splat(false), velocities: std::array::from_fn(|_| vec![zero(); compiled.links.len()]) }
+    }
+}

@@ -1,0 +1,16 @@
+//! What the user says to a step.
+
+use crate::actuation::affine_force::Train;
+
+/// What the user says to a step.
+#[derive(Clone, Debug)]
+pub struct Inputs<R> {
+    /// Controls, nu, as drive trains hand them on.
+    pub ctrl: Vec<R>,
+    /// Drive trains that act within a step.
+    pub trains: Vec<Train<R>>,
+    /// Forces on the joints, nv, N or N m; empty when there are none.
+    pub qfrc: Vec<R>,
+    /// Wrenches on the bodies (force, torque), 6 nbody, N and N m; empty when there are none.
+    pub xfrc: Vec<R>,
+}

@@ -1,0 +1,156 @@
+//! Runge-Kutta-Munthe-Kaas of order 4 for smooth motion.
+
+use stepper_real::Real;
+
+use crate::actuation::affine_force::within;
+use crate::actuation::forces::{Drive, ForceState, Implicit};
+use crate::compile::{CompiledModel, LaneModel};
+use crate::dynamics::kinematics::{Kinematics, displace};
+use crate::integrators::inputs::Inputs;
+use crate::math::spatial::*;
+use crate::model::JointKind;
+use crate::stages::s01_actuate::{activation_rate, actuate};
+use crate::stages::s02_smooth::Smooth;
+
+/// Room for the four stages.
+///
+/// The unknowns are a displacement theta from the configuration at the beginning, the velocity and the activations. A displacement of a
+/// rotation follows `theta' = dexpinv(omega)` with angular velocities in the body's frame (Munthe-Kaas 1998).
+#[derive(Clone, Debug)]
+pub(crate) struct Rk4<R: Real> {
+    kinematics: Kinematics<R>,
+    smooth: Smooth<R>,
+    drive: Drive<R>,
+    applied: Vec<R>,
+    q: Vec<R>,
+    v: Vec<R>,
+    act: Vec<R>,
+    theta: Vec<R>,
+    rate: [Vec<R>; 3],
+    sum: [Vec<R>; 3],
+}
+
+impl<R: Real> Rk4<R> {
+    /// Room for a compiled model.
+    pub(crate) fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
+        let zeros = |n: usize| vec![R::zero(); n];
+        let sizes = [compiled.nv, compiled.nv, compiled.na];
+        Self {
+            kinematics: Kinematics::new(compiled),
+            smooth: Smooth::new(compiled),
+            drive: Drive::new(compiled),
+            applied: zeros(compiled.nv),
+            q: zeros(compiled.nq),
+            v: zeros(compiled.nv),
+            act: zeros(compiled.na),
+            theta: zeros(compiled.nv),
+            rate: sizes.map(zeros),
+            sum: sizes.map(zeros),
+        }
+    }
+
+    /// One step of `h` seconds from `state` = (q, v, act), left in (q, v, act) of this room.
+    ///
+    /// Mocap bodies stand where `kinematics` has them.
+    pub(crate) fn step(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, inputs: &Inputs<R>, state: [&[R]; 3], h: R) {
+        for mocap in &compiled.mocap {
+            self.kinematics.pos[mocap.frame] = kinematics.pos[mocap.frame];
+            self.kinematics.mat[mocap.frame] = kinematics.mat[mocap.frame];
+        }
+        self.sum.iter_mut().for_each(|s| s.fill(R::zero()));
+        for stage in 0..4 {
+            self.go(compiled, state, h * R::of([0.0, 0.5, 0.5, 1.0][stage]));
+            self.rates(compiled, inputs);
+            self.accumulate(R::of([1.0, 2.0, 2.0, 1.0][stage]));
+        }
+        std::mem::swap(&mut self.sum, &mut self.rate);
+        self.go(compiled, state, h * R::of(1.0 / 6.0));
+    }
+
+    /// sum += weight * rate
+    fn accumulate(&mut self, weight: R) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for (sum, rate) in self.sum.iter_mut().zip(&self.rate) {
+                    for (sum, &rate) in sum.iter_mut().zip(rate) {
+                        *sum += weight * rate;
+                    }
+                }
+            },
+        )
+    }
+
+    /// state + way * rate; the very state when `way` is zero, whatever the rates are.
+    fn go(&mut self, compiled: &LaneModel<R>, state: [&[R]; 3], way: R) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                let moving = way.gt(R::zero());
+                for i in 0..compiled.nv {
+                    self.theta[i] = R::select(moving, self.rate[0][i] * way, R::zero());
+                    self.v[i] = state[1][i] + R::select(moving, self.rate[1][i] * way, R::zero());
+                }
+                for i in 0..compiled.na {
+                    self.act[i] = state[2][i] + R::select(moving, self.rate[2][i] * way, R::zero());
+                }
+                for actuator in &compiled.actuators {
+                    if let (Some(a), Some([lo, hi])) = (actuator.act, actuator.act_range) {
+                        self.act[a] = within(self.act[a], Some([lo, hi]));
+                    }
+                }
+                displace(compiled, state[0], &self.theta, R::one(), &mut self.q);
+            },
+        )
+    }
+
+    /// Rates at (theta, v, act).
+    fn rates(&mut self, compiled: &LaneModel<R>, inputs: &Inputs<R>) {
+        self.angular_rates(compiled);
+        self.kinematics.update(compiled, &self.q);
+        self.smooth.factor_mass(compiled, &self.kinematics, Implicit::none());
+        self.smooth.apply(compiled, &self.kinematics, [&inputs.qfrc, &inputs.xfrc], &mut self.applied);
+        self.drive.transmit(compiled, &self.kinematics, &self.v, R::zero());
+        actuate(compiled, &ForceState::state(&self.q, &self.v, &self.act, &inputs.ctrl, &inputs.trains), None, &mut self.drive);
+        self.smooth.acceleration(compiled, &self.kinematics, [&self.drive.tau, &self.applied], &self.v, &self.v);
+        self.rate[1].copy_from_slice(&self.smooth.acc);
+        activation_rate(compiled, &self.act, &inputs.ctrl, &mut self.rate[2]);
+    }
+
+    /// theta' at (theta, v).
+    fn angular_rates(&mut self, compiled: &LaneModel<R>) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                self.rate[0].copy_from_slice(&self.v);
+                for joint in &compiled.joints {
+                    let at = match joint.kind {
+                        JointKind::Free => joint.v + 3,
+                        JointKind::Ball => joint.v,
+                        JointKind::Slide | JointKind::Hinge => continue,
+                    };
+                    let theta = [self.theta[at], self.theta[at + 1], self.theta[at + 2]];
+                    let omega = [self.v[at], self.v[at + 1], self.v[at + 2]];
+                    // dexpinv to the order that the method needs: omega + theta x omega / 2 + theta x (theta x omega) / 12.
+                    let once = cross(theta, omega);
+                    let rate = add(add_scaled(omega, once, R::of(0.5)), scale(cross(theta, once), R::of(1.0 / 12.0)));
+                    self.rate[0][at..at + 3].copy_from_slice(&rate);
+                }
+            },
+        )
+    }
+
+    /// Hands the result over in the lanes `lanes`.
+    pub(crate) fn take(&self, lanes: R::Mask, out: [&mut Vec<R>; 3]) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for (out, new) in out.into_iter().zip([&self.q, &self.v, &self.act]) {
+                    for (out, &new) in out.iter_mut().zip(new) {
+                        *out = R::select(lanes, new, *out);
+                    }
+                }
+            },
+        )
+    }
+}

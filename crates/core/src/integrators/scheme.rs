@@ -1,0 +1,91 @@
+//! A scheme of integration as numbers: where in the step everything is taken.
+
+use stepper_real::{Mask, Real};
+
+use crate::actuation::forces::{ForceState, Implied};
+use crate::compile::LaneModel;
+use crate::dynamics::implicit_weights::ImplicitWeights;
+use crate::integrators::inputs::Inputs;
+use crate::options::{Integrator, StepSettings};
+
+/// The integrator as numbers.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Scheme<R> {
+    pub(crate) integrator: Integrator,
+    /// Time step, s.
+    pub(crate) h: R,
+    /// From the configuration before the step to that at which everything is taken, s.
+    pub(crate) lead: R,
+    /// From there to the configuration after the step, s.
+    pub(crate) rest: R,
+    /// From there to where springs and servos are taken, s; what lies beyond is in the mass matrix.
+    pub(crate) reach: R,
+    /// Shares of damping and stiffness in the mass matrix.
+    pub(crate) theta: ImplicitWeights<R>,
+    /// Where velocity-dependent forces are taken, from 0 at the velocity before the step to 1 at that after it.
+    pub(crate) share: R,
+    /// Whether springs and servos are implicit, and velocity-dependent forces are taken again at the velocity to be expected.
+    pub(crate) corrects: bool,
+}
+
+impl<R: Real> Scheme<R> {
+    pub(crate) fn new(options: &StepSettings) -> Self {
+        let (h, half, none) = (R::of(options.timestep), R::of(0.5 * options.timestep), R::zero());
+        let share = R::of(0.5);
+        let integrator = options.integrator;
+        match integrator {
+            Integrator::Midpoint | Integrator::Rk4 => {
+                let theta = ImplicitWeights { damping: half, stiffness: half * half, step: h };
+                Self { integrator, h, lead: half, rest: half, reach: none, theta, share, corrects: true }
+            }
+            Integrator::Implicit => {
+                let theta = ImplicitWeights { damping: h, stiffness: h * h, step: none };
+                Self { integrator, h, lead: none, rest: h, reach: h, theta, share: R::one(), corrects: true }
+            }
+            Integrator::Euler => {
+                let theta = ImplicitWeights { damping: h, stiffness: none, step: none };
+                Self { integrator, h, lead: none, rest: h, reach: none, theta, share: none, corrects: false }
+            }
+        }
+    }
+
+    /// The part of a gap that may close in a step: the next step is to meet the surface exactly in its middle, instead of beyond it. That is two thirds
+    /// where the midpoint rule is taken at the beginning of a step; `impacts` are taken anywhere.
+    pub(crate) fn closing(&self, at_beginning: R::Mask, impacts: R::Mask) -> R {
+        let whole = R::select(at_beginning, R::of(2.0 / 3.0), R::one());
+        if impacts.none() {
+            return whole;
+        }
+        R::vectorize(
+            #[inline(always)]
+            || R::select(impacts, self.h / (self.rest + self.h * R::of(0.5)), whole),
+        )
+    }
+
+    /// How stage 1 takes servos. Euler's rule takes those of drive trains alone implicitly, as it does the joints' damping.
+    pub(crate) fn servos(&self) -> Option<Implied<R>> {
+        Some(Implied { theta: self.theta, all: self.corrects })
+    }
+
+    /// Shares of the joints' own damping and stiffness: Euler's rule takes damping explicitly where the model asks for it.
+    pub(crate) fn joints(&self, compiled: &LaneModel<R>) -> ImplicitWeights<R> {
+        let explicit = compiled.explicit_damping && self.integrator == Integrator::Euler;
+        ImplicitWeights { damping: if explicit { R::zero() } else { self.theta.damping }, ..self.theta }
+    }
+
+    /// The configuration at which springs and servos are taken.
+    pub(crate) fn springs_at<'a>(&self, here: &'a [R], ahead: &'a [R]) -> &'a [R] {
+        if self.integrator == Integrator::Implicit { ahead } else { here }
+    }
+
+    /// Where forces are taken: configurations of the step and ahead of it, velocities before the step and where what is not implicit is taken.
+    pub(crate) fn forces_at<'a>(
+        &self,
+        [here, ahead]: [&'a [R]; 2],
+        [v, v_at]: [&'a [R]; 2],
+        act: &'a [R],
+        inputs: &'a Inputs<R>,
+    ) -> ForceState<'a, R> {
+        ForceState { q: self.springs_at(here, ahead), v, v_at, act, ctrl: &inputs.ctrl, trains: &inputs.trains }
+    }
+}

@@ -1,0 +1,131 @@
+//! The solution of a step: velocities, positions, and what it says of itself.
+
+use stepper_real::{Mask, Real};
+use stepper_solve::Outcome;
+
+use crate::collision::tunnelling::may_have_passed;
+use crate::compile::LaneModel;
+use crate::integrators::acceptance::{keep_impulse, undecided};
+use crate::integrators::impact;
+use crate::integrators::scheme::Scheme;
+use crate::integrators::step_resolution::{slow_down, thrown};
+use crate::integrators::workspace::Workspace;
+use crate::options::StepSettings;
+use crate::stages::s01_actuate::advance_activation;
+use crate::stages::s05_solve::solve;
+use crate::stages::s06_integrate_velocity::integrate_velocity;
+use crate::stages::s07_integrate_position::integrate_position;
+use crate::stages::s08_stabilise::{Solved, restrain, stabilise};
+use crate::stages::s10_record::{DEEP, OVER_LIMIT, Record, depth, limit_overshoot};
+
+/// What a step knows of its solution.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Solution<R: Real> {
+    /// Residual and sweeps.
+    pub(crate) outcome: Outcome<R>,
+    /// Whether impulses changed any velocity.
+    pub(crate) pushed: bool,
+    /// Lanes whose impulses do not decide what becomes of their energy.
+    pub(crate) undecided: R::Mask,
+    /// Lanes in which speed and energy are kept from growing: those, and those for which the step is too long.
+    pub(crate) guarded: R::Mask,
+    /// Lanes with demands that no motion meets.
+    pub(crate) infeasible: R::Mask,
+}
+
+/// Stages 5 and 6, and again 2, 5 and 6 where impacts made the velocity jump.
+pub(crate) fn solve_velocities<R: Real>(
+    compiled: &LaneModel<R>,
+    options: &StepSettings,
+    scheme: &Scheme<R>,
+    s: &mut Workspace<R>,
+) -> Solution<R> {
+    let mut outcome = solve(options, &s.v, s.constraints.constrained, &mut s.constraints, &mut s.new_contacts);
+    let pushed = integrate_velocity(compiled, &s.smooth.mass, &s.v_free, &s.constraints, &mut s.v_next);
+    if scheme.integrator.in_the_middle() {
+        outcome = impact::solve_impacts(compiled, options, scheme, s, outcome);
+    }
+    keep_impulse(compiled, s);
+    let solved = Solved { mass: &s.smooth.mass, contacts: &s.new_contacts, v_free: &s.v_free, h: scheme.h };
+    let infeasible = restrain(compiled, options, &solved, &mut s.constraints, &mut outcome, &mut s.v_mean, &mut s.v_next);
+    // Where the step is too long for the motion, or the impulses do not decide it, speed and energy are kept from growing by force.
+    let undecided = undecided(options, s, outcome.residual);
+    if scheme.corrects && s.constraints.constrained.any() {
+        s.unresolved = s.unresolved.or(s.alive.and(thrown(compiled, [&s.v, &s.v_free], &s.v_next, scheme.h)));
+    }
+    let guarded = s.unresolved.or(undecided);
+    if guarded.any() {
+        slow_down(compiled, guarded, scheme.h, &mut s.v_next);
+    }
+    Solution { outcome, pushed, undecided, guarded, infeasible }
+}
+
+/// Stage 7, with the activations. Returns the lanes in which something may have passed through something thin.
+pub(crate) fn integrate_positions<R: Real>(
+    compiled: &LaneModel<R>,
+    scheme: &Scheme<R>,
+    s: &mut Workspace<R>,
+    solution: &Solution<R>,
+) -> R::Mask {
+    let free = !solution.pushed && !scheme.corrects;
+    let tunnelled = may_have_passed(compiled, &s.kinematics, &s.v_next, free, scheme.h, s.alive, &mut s.poses);
+    integrate_position(compiled, &s.q_eval, &s.v_next, scheme.rest, &mut s.q_next);
+    advance_activation(compiled, &s.act, &s.act_eval, &s.inputs.ctrl, scheme.h, &mut s.act_next);
+    tunnelled
+}
+
+/// Stage 8. Lanes that nothing touched take the higher order of Runge and Kutta's method, where that is the scheme.
+pub(crate) fn correct_positions<R: Real>(
+    compiled: &LaneModel<R>,
+    options: &StepSettings,
+    scheme: &Scheme<R>,
+    s: &mut Workspace<R>,
+    solution: &mut Solution<R>,
+) {
+    let impacts = impact::carry_positions(compiled, scheme, s);
+    let v_free = if impacts.any() { &s.change } else { &s.v_free };
+    let work = [&mut s.v_mean[..], &mut s.q_eval[..]];
+    let solved = Solved { mass: &s.smooth.mass, contacts: &s.new_contacts, v_free, h: scheme.h };
+    let infeasible = stabilise(compiled, options, &solved, &mut s.constraints, &s.v_next, work, &mut s.q_next);
+    solution.infeasible = solution.infeasible.or(infeasible);
+    if let Some(rk4) = &mut s.rk4 {
+        rk4.step(compiled, &s.kinematics, &s.inputs, [&s.q, &s.v, &s.act], scheme.h);
+        let smooth = s.alive.and_not(s.constraints.constrained.or(s.unresolved));
+        rk4.take(smooth, [&mut s.q_next, &mut s.v_next, &mut s.act_next]);
+    }
+}
+
+/// Keeps the energy of guarded lanes from growing.
+pub(crate) fn guard_energy<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>, solution: &Solution<R>) {
+    if solution.guarded.any() {
+        let (before, after) = ([&s.q[..], &s.v[..]], [&s.q_next[..], &s.v_next[..]]);
+        s.limit.keep_energy(compiled, &s.kinematics, solution.guarded, before, after, &s.v_free, &mut s.v_mean);
+        std::mem::swap(&mut s.v_next, &mut s.v_mean);
+    }
+}
+
+/// Stage 10: what the step says of itself, once the next state was taken over in the lanes `finite`.
+pub(crate) fn record<R: Real>(
+    compiled: &LaneModel<R>,
+    options: &StepSettings,
+    s: &Workspace<R>,
+    solution: &Solution<R>,
+    [finite, tunnelled]: [R::Mask; 2],
+) -> Record<R> {
+    let (depth, overshoot) = (depth(&s.constraints, &s.contacts, finite), limit_overshoot(compiled, &s.q));
+    let residual = solution.outcome.residual;
+    Record {
+        residual,
+        iterations: solution.outcome.sweeps + solution.outcome.newton_steps,
+        depth,
+        overshoot,
+        deep: s.alive.and(depth.gt(R::of(DEEP))),
+        over_limit: s.alive.and(overshoot.gt(R::of(OVER_LIMIT))),
+        not_converged: solution.undecided.or(s.alive.and_not(residual.le(R::of(options.tolerance)))),
+        infeasible: s.alive.and(solution.infeasible),
+        non_finite: s.alive.and_not(finite),
+        contacts_full: s.contacts.full,
+        unresolved: s.unresolved,
+        tunnelled,
+    }
+}

@@ -1,0 +1,81 @@
+//! Numbers of a group of lanes, interleaved: entry i of lane l is at `i * lanes + l`. And sets of lanes, one bit each.
+
+/// The most lanes a group can have.
+pub const MAX_LANES: usize = 32;
+
+/// Lanes `first` to `first + n` of lane-interleaved numbers.
+pub(crate) fn columns<T: Copy>(rows: &[T], lanes: usize, first: usize, n: usize) -> Vec<T> {
+    rows.chunks_exact(lanes).flat_map(|row| &row[first..first + n]).copied().collect()
+}
+
+/// Writes lanes `first` to `first + n` of lane-interleaved numbers.
+pub(crate) fn set_columns<T: Copy>(rows: &mut [T], lanes: usize, first: usize, n: usize, columns: &[T]) {
+    for (row, column) in rows.chunks_exact_mut(lanes).zip(columns.chunks_exact(n)) {
+        row[first..first + n].copy_from_slice(column);
+    }
+}
+
+/// Bits `first` to `first + n` of a set of lanes.
+pub(crate) fn lane_bits(set: u32, first: usize, n: usize) -> u32 {
+    (u64::from(set) >> first) as u32 & ((1u64 << n) - 1) as u32
+}
+
+/// Replaces bits `first` to `first + n` of a set of lanes.
+pub(crate) fn set_lane_bits(set: &mut u32, first: usize, n: usize, bits: u32) {
+    let there = (((1u64 << n) - 1) as u32) << first;
+    *set = *set & !there | bits << first;
+}
+
+/// The lanes of a set, ascending.
+#[inline(always)]
+pub(crate) fn each_of(mut set: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let lane = set.trailing_zeros() as usize;
+        set &= set.wrapping_sub(1);
+        (lane < u32::BITS as usize).then_some(lane)
+    })
+}
+
+/// Adds one in the lanes of a set.
+#[inline(always)]
+pub(crate) fn count(set: u32, counts: &mut [u32]) {
+    for lane in each_of(set) {
+        counts[lane] += 1;
+    }
+}
+
+/// A ring of samples among the numbers of an environment: sample k of `width` numbers is at `at + k * width`.
+#[derive(Clone, Copy, Debug)]
+pub struct DelayLine {
+    /// Address of its first number.
+    pub at: usize,
+    /// Samples; 0 is no line.
+    pub samples: usize,
+    /// Numbers of a sample.
+    pub width: usize,
+}
+
+impl DelayLine {
+    /// Turns the line of one environment, whose newest sample is number `newest`, so that it is number `place`.
+    pub(crate) fn turn<T>(&self, numbers: &mut [T], newest: u32, place: u32) {
+        if self.samples > 0 {
+            let by = (place as usize + self.samples - newest as usize) % self.samples;
+            numbers[self.at..self.at + self.samples * self.width].rotate_right(by * self.width);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_turned_line_has_its_samples_in_the_same_order() {
+        let line = DelayLine { at: 1, samples: 3, width: 2 };
+        let mut numbers = [-1, 10, 11, 20, 21, 30, 31, -2];
+        line.turn(&mut numbers, 0, 2);
+        assert_eq!(numbers, [-1, 20, 21, 30, 31, 10, 11, -2]);
+        line.turn(&mut numbers, 2, 0);
+        assert_eq!(numbers, [-1, 10, 11, 20, 21, 30, 31, -2]);
+    }
+}

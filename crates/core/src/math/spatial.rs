@@ -1,0 +1,365 @@
+//! Vectors, rotations and spatial algebra over lanes, world-aligned.
+//!
+//! Spatial vectors are (angular, linear), both in world axes. Motions, forces and inertias of one kinematic tree are all taken about one
+//! point, the position of its root, so that they add without transforms (Featherstone 2008, chapter 2).
+
+use stepper_real::{Real, Scalar};
+
+/// A vector.
+pub type V3<R> = [R; 3];
+/// A rotation matrix, row by row: its columns are the frame's axes in the world.
+pub type M3<R> = [R; 9];
+/// A spatial motion (omega, v at the reference point) or force (moment about the reference point, force).
+pub type V6<R> = [R; 6];
+/// A rigid-body inertia about the reference point: mass, first moment (3), second moment xx, yy, zz, xy, xz, yz.
+pub type Inertia<R> = [R; 10];
+
+/// a + b
+#[inline(always)]
+pub fn add<R: Real, const N: usize>(a: [R; N], b: [R; N]) -> [R; N] {
+    let mut out = [R::zero(); N];
+    for i in 0..N {
+        out[i] = a[i] + b[i];
+    }
+    out
+}
+
+/// a - b
+#[inline(always)]
+pub fn sub<R: Real, const N: usize>(a: [R; N], b: [R; N]) -> [R; N] {
+    let mut out = [R::zero(); N];
+    for i in 0..N {
+        out[i] = a[i] - b[i];
+    }
+    out
+}
+
+/// a s
+#[inline(always)]
+pub fn scale<R: Real, const N: usize>(a: [R; N], s: R) -> [R; N] {
+    let mut out = [R::zero(); N];
+    for i in 0..N {
+        out[i] = a[i] * s;
+    }
+    out
+}
+
+/// a b, entry by entry
+#[inline(always)]
+pub fn times<R: Real, const N: usize>(a: [R; N], b: [R; N]) -> [R; N] {
+    let mut out = [R::zero(); N];
+    for i in 0..N {
+        out[i] = a[i] * b[i];
+    }
+    out
+}
+
+/// a + b s
+#[inline(always)]
+pub fn add_scaled<R: Real, const N: usize>(a: [R; N], b: [R; N], s: R) -> [R; N] {
+    let mut out = [R::zero(); N];
+    for i in 0..N {
+        out[i] = a[i] + b[i] * s;
+    }
+    out
+}
+
+/// m ? a : b
+#[inline(always)]
+pub fn select<R: Real, const N: usize>(m: R::Mask, a: [R; N], b: [R; N]) -> [R; N] {
+    let mut out = [R::zero(); N];
+    for i in 0..N {
+        out[i] = R::select(m, a[i], b[i]);
+    }
+    out
+}
+
+/// A constant in every lane.
+#[inline(always)]
+pub fn splat<R: Real, const N: usize>(a: [R::Scalar; N]) -> [R; N] {
+    let mut out = [R::zero(); N];
+    for i in 0..N {
+        out[i] = R::splat(a[i]);
+    }
+    out
+}
+
+/// One lane of numbers.
+#[inline(always)]
+pub fn of_lane<R: Real, const N: usize>(x: &[R; N], lane: usize) -> [f64; N] {
+    let mut out = [0.0; N];
+    for i in 0..N {
+        out[i] = x[i].lane(lane).to_f64();
+    }
+    out
+}
+
+/// The zero vector.
+#[inline(always)]
+pub fn zero<R: Real, const N: usize>() -> [R; N] {
+    [R::zero(); N]
+}
+
+/// a . b
+#[inline(always)]
+pub fn dot<R: Real>(a: V3<R>, b: V3<R>) -> R {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Power of a force on a motion.
+#[inline(always)]
+pub fn dot6<R: Real>(a: V6<R>, b: V6<R>) -> R {
+    (a[0] * b[0] + a[1] * b[1] + a[2] * b[2]) + (a[3] * b[3] + a[4] * b[4] + a[5] * b[5])
+}
+
+/// a x b
+#[inline(always)]
+pub fn cross<R: Real>(a: V3<R>, b: V3<R>) -> V3<R> {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// |a|
+#[inline(always)]
+pub fn norm<R: Real>(a: V3<R>) -> R {
+    dot(a, a).sqrt()
+}
+
+/// M a
+#[inline(always)]
+pub fn rotate<R: Real>(m: &M3<R>, a: V3<R>) -> V3<R> {
+    [m[0] * a[0] + m[1] * a[1] + m[2] * a[2], m[3] * a[0] + m[4] * a[1] + m[5] * a[2], m[6] * a[0] + m[7] * a[1] + m[8] * a[2]]
+}
+
+/// M^T a
+#[inline(always)]
+pub fn rotate_back<R: Real>(m: &M3<R>, a: V3<R>) -> V3<R> {
+    [m[0] * a[0] + m[3] * a[1] + m[6] * a[2], m[1] * a[0] + m[4] * a[1] + m[7] * a[2], m[2] * a[0] + m[5] * a[1] + m[8] * a[2]]
+}
+
+/// M N^T
+#[inline(always)]
+pub fn mat_mul_transposed<R: Real>(m: &M3<R>, n: &M3<R>) -> M3<R> {
+    let mut out = [R::zero(); 9];
+    for i in 0..3 {
+        for j in 0..3 {
+            out[3 * i + j] = entry(m, n, i, j);
+        }
+    }
+    out
+}
+
+/// M N
+#[inline(always)]
+pub fn mat_mul<R: Real>(m: &M3<R>, n: &M3<R>) -> M3<R> {
+    let mut out = [R::zero(); 9];
+    for i in 0..3 {
+        for j in 0..3 {
+            out[3 * i + j] = m[3 * i] * n[j] + m[3 * i + 1] * n[3 + j] + m[3 * i + 2] * n[6 + j];
+        }
+    }
+    out
+}
+
+/// Axis k of the frame.
+#[inline(always)]
+pub fn column<R: Real>(m: &M3<R>, k: usize) -> V3<R> {
+    [m[k], m[3 + k], m[6 + k]]
+}
+
+/// The angular part.
+#[inline(always)]
+pub fn angular<R: Real>(a: &V6<R>) -> V3<R> {
+    [a[0], a[1], a[2]]
+}
+
+/// The linear part.
+#[inline(always)]
+pub fn linear<R: Real>(a: &V6<R>) -> V3<R> {
+    [a[3], a[4], a[5]]
+}
+
+/// (angular, linear)
+#[inline(always)]
+pub fn spatial<R: Real>(w: V3<R>, v: V3<R>) -> V6<R> {
+    [w[0], w[1], w[2], v[0], v[1], v[2]]
+}
+
+/// Velocity of the point at `r` from the reference point.
+#[inline(always)]
+pub fn velocity_at<R: Real>(motion: &V6<R>, r: V3<R>) -> V3<R> {
+    add(linear(motion), cross(angular(motion), r))
+}
+
+/// Motion cross motion: the rate at which `m` changes while it is carried by `v` (Featherstone 2008, eq. 2.31).
+#[inline(always)]
+pub fn cross_motion<R: Real>(v: &V6<R>, m: &V6<R>) -> V6<R> {
+    spatial(cross(angular(v), angular(m)), add(cross(angular(v), linear(m)), cross(linear(v), angular(m))))
+}
+
+/// Motion cross force (Featherstone 2008, eq. 2.32).
+#[inline(always)]
+pub fn cross_force<R: Real>(v: &V6<R>, f: &V6<R>) -> V6<R> {
+    spatial(add(cross(angular(v), angular(f)), cross(linear(v), linear(f))), cross(angular(v), linear(f)))
+}
+
+/// Momentum: I m.
+#[inline(always)]
+pub fn apply_inertia<R: Real>(i: &Inertia<R>, m: &V6<R>) -> V6<R> {
+    let first = [i[1], i[2], i[3]];
+    let (w, v) = (angular(m), linear(m));
+    let second =
+        [i[4] * w[0] + i[7] * w[1] + i[8] * w[2], i[7] * w[0] + i[5] * w[1] + i[9] * w[2], i[8] * w[0] + i[9] * w[1] + i[6] * w[2]];
+    spatial(add(second, cross(first, v)), sub(scale(v, i[0]), cross(first, w)))
+}
+
+/// Inertia about the reference point of a body with mass `m`, central inertia `c` (xx, yy, zz, xy, xz, yz, in the frame `x`) and centre of
+/// mass at `r` from the reference point.
+#[inline(always)]
+pub fn inertia_at<R: Real>(m: R, c: [R; 6], x: &M3<R>, r: V3<R>) -> Inertia<R> {
+    let local = [c[0], c[3], c[4], c[3], c[1], c[5], c[4], c[5], c[2]];
+    let t = mat_mul(x, &local);
+    let mr = scale(r, m);
+    [
+        m,
+        mr[0],
+        mr[1],
+        mr[2],
+        entry(&t, x, 0, 0) + (mr[1] * r[1] + mr[2] * r[2]),
+        entry(&t, x, 1, 1) + (mr[0] * r[0] + mr[2] * r[2]),
+        entry(&t, x, 2, 2) + (mr[0] * r[0] + mr[1] * r[1]),
+        entry(&t, x, 0, 1) - mr[0] * r[1],
+        entry(&t, x, 0, 2) - mr[0] * r[2],
+        entry(&t, x, 1, 2) - mr[1] * r[2],
+    ]
+}
+
+/// Entry (i, j) of T X^T.
+#[inline(always)]
+fn entry<R: Real>(t: &M3<R>, x: &M3<R>, i: usize, j: usize) -> R {
+    t[3 * i] * x[3 * j] + t[3 * i + 1] * x[3 * j + 1] + t[3 * i + 2] * x[3 * j + 2]
+}
+
+/// The rotation of a unit quaternion (w, x, y, z).
+#[inline(always)]
+pub fn quat_to_mat<R: Real>(q: [R; 4]) -> M3<R> {
+    let [w, x, y, z] = q;
+    let (ww, xx, yy, zz) = (w * w, x * x, y * y, z * z);
+    let (wx, wy, wz, xy, xz, yz) = (w * x, w * y, w * z, x * y, x * z, y * z);
+    let two = R::of(2.0);
+    [
+        ww + xx - yy - zz,
+        two * (xy - wz),
+        two * (xz + wy),
+        two * (xy + wz),
+        ww - xx + yy - zz,
+        two * (yz - wx),
+        two * (xz - wy),
+        two * (yz + wx),
+        ww - xx - yy + zz,
+    ]
+}
+
+/// The unit quaternion (w, x, y, z) of a rotation, of either sign.
+///
+/// The columns of 4 q q^T are sums and differences of the matrix's entries; the longest is the one that loses no digits (Shepperd 1978).
+#[inline(always)]
+pub fn mat_to_quat<R: Real>(m: &M3<R>) -> [R; 4] {
+    let one = R::one();
+    let (x, y, z) = (m[7] - m[5], m[2] - m[6], m[3] - m[1]);
+    let (xy, xz, yz) = (m[1] + m[3], m[2] + m[6], m[5] + m[7]);
+    let columns = [
+        [one + m[0] + m[4] + m[8], x, y, z],
+        [x, one + m[0] - m[4] - m[8], xy, xz],
+        [y, xy, one - m[0] + m[4] - m[8], yz],
+        [z, xz, yz, one - m[0] - m[4] + m[8]],
+    ];
+    let (mut best, mut most) = (columns[0], columns[0][0]);
+    for k in 1..4 {
+        let longer = columns[k][k].gt(most);
+        best = select(longer, columns[k], best);
+        most = R::select(longer, columns[k][k], most);
+    }
+    quat_normalize(best)
+}
+
+/// p q
+#[inline(always)]
+pub fn quat_mul<R: Real>(p: [R; 4], q: [R; 4]) -> [R; 4] {
+    [
+        p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
+        p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
+        p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1],
+        p[0] * q[3] + p[1] * q[2] - p[2] * q[1] + p[3] * q[0],
+    ]
+}
+
+/// q / |q|
+#[inline(always)]
+pub fn quat_normalize<R: Real>(q: [R; 4]) -> [R; 4] {
+    let n = (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]).sqrt();
+    scale(q, R::one() / n)
+}
+
+/// The rotation by the vector `a` (rad): the exponential map.
+#[inline(always)]
+pub fn quat_exp<R: Real>(a: V3<R>) -> [R; 4] {
+    let half = norm(a) * R::of(0.5);
+    let (s, c) = half.sin_cos();
+    // sin(x)/x to rounding while x^4/120 is below it; the quotient is safe beyond.
+    let small = half.lt(R::of(1e-4));
+    let series = R::one() - half * half * R::of(1.0 / 6.0);
+    let sinc = R::select(small, series, s / R::select(small, R::one(), half));
+    let k = sinc * R::of(0.5);
+    [c, a[0] * k, a[1] * k, a[2] * k]
+}
+
+/// The rotation vector (rad, length at most pi) of a unit quaternion: the inverse of [`quat_exp`].
+#[inline(always)]
+pub fn quat_log<R: Real>(q: [R; 4]) -> V3<R> {
+    // q and -q are the same rotation; take the shorter.
+    let flip = q[0].lt(R::zero());
+    let q = select(flip, scale(q, -R::one()), q);
+    let v = [q[1], q[2], q[3]];
+    let s = norm(v);
+    let small = s.lt(R::of(1e-8));
+    let angle = s.atan2(q[0]) * R::of(2.0);
+    let k = R::select(small, R::of(2.0), angle / R::select(small, R::one(), s));
+    scale(v, k)
+}
+
+/// The rotation by `angle` about the unit vector `axis`, from the angle's sine and cosine (Rodrigues).
+#[inline(always)]
+pub fn axis_rotation<R: Real>(axis: V3<R>, sin: R, cos: R) -> M3<R> {
+    let [x, y, z] = axis;
+    let k = R::one() - cos;
+    let (kx, ky, kz) = (k * x, k * y, k * z);
+    [
+        kx * x + cos,
+        kx * y - sin * z,
+        kx * z + sin * y,
+        kx * y + sin * z,
+        ky * y + cos,
+        ky * z - sin * x,
+        kx * z - sin * y,
+        ky * z + sin * x,
+        kz * z + cos,
+    ]
+}
+
+/// The axes of a contact with unit normal `n`: (n, t1, t2), right-handed.
+#[inline(always)]
+pub fn contact_frame<R: Real>(n: V3<R>) -> [V3<R>; 3] {
+    let t = tangent(n);
+    [n, t, cross(n, t)]
+}
+
+/// A unit vector at right angles to the unit normal `n`: the world's y axis, or z where the normal is near y, made orthogonal (the rule
+/// of MuJoCo's `mju_makeFrame`).
+#[inline(always)]
+fn tangent<R: Real>(n: V3<R>) -> V3<R> {
+    let (z, one) = (R::zero(), R::one());
+    let near_y = n[1].abs().ge(R::of(0.5));
+    let seed = select(near_y, [z, z, one], [z, one, z]);
+    let t = add_scaled(seed, n, -dot(seed, n));
+    scale(t, one / norm(t))
+}

@@ -1,0 +1,19 @@
+//! What stage 9 reads: poses and motions of frames, momentum and energy, rays, contacts, and the error model of sensors.
+
+mod contact_list;
+pub mod errors;
+pub mod frames;
+pub mod inputs;
+pub mod masses;
+pub mod memory;
+mod prepare;
+pub mod proximity;
+pub mod rays;
+pub mod touching;
+
+pub use frames::{frame, orientations, site_motion};
+pub use inputs::*;
+pub use masses::{angular_momentum, com, com_velocity, kinetic, potential};
+pub use proximity::proximity;
+pub use rays::{inside, range};
+pub use touching::{contacts, touch};

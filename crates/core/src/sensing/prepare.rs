@@ -1,0 +1,31 @@
+//! What sensors share, made once for all of them.
+
+use stepper_real::Real;
+
+use crate::compile::LaneModel;
+use crate::dynamics::kinematics::Kinematics;
+use crate::sensing::inputs::{Room, SensorInput};
+use crate::sensing::{frames, masses};
+
+impl<R: Real> Room<R> {
+    /// Makes what the sensors share.
+    pub fn prepare(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, moment: &SensorInput<'_, R>) {
+        if !self.orientation.is_empty() {
+            frames::orientations(compiled, moment.q, &mut self.orientation);
+        }
+        if compiled.sensing.needs.acceleration {
+            frames::accelerations(compiled, kinematics, moment, &mut self.velocity, &mut self.acceleration);
+        } else if compiled.sensing.needs.velocities {
+            R::vectorize(
+                #[inline(always)]
+                || kinematics.velocities(compiled, moment.v, &mut self.velocity),
+            );
+        }
+        if compiled.sensing.needs.contacts {
+            self.felt.take_up(compiled, moment);
+        }
+        for (k, (site, subtree)) in compiled.sensing.carried.iter().enumerate() {
+            self.carried[k] = masses::parent_force(compiled, kinematics, self, moment, site, &compiled.sensing.subtrees[*subtree]);
+        }
+    }
+}

@@ -1,0 +1,485 @@
+//! Contacts with Coulomb friction, of any number of rows: the normal one first, then those of the tangents.
+//!
+//! What is the same for every number of rows is here; a [`LocalSolver`] solves one contact alone, and knows the block of G that this takes.
+
+use std::fmt::Debug;
+use std::ops::{Index, IndexMut, Range};
+
+use crate::cone::{distance, masked, movable, project};
+use crate::constraints::{ConstraintSet, Damping, ReferenceRows, SweepLanes, Unknowns, is_nonzero, worse};
+use crate::entries::Entries;
+use crate::lane_map::LaneMap;
+use stepper_real::{Mask, Real, Scalar};
+
+/// Solution of one contact's own Coulomb problem, while all other impulses stand.
+pub trait LocalSolver<R: Real, const N: usize>: Clone + Debug + Sized {
+    /// Solver of the same kind in half the lanes.
+    type Half: LocalSolver<R::Half, N>;
+
+    /// Solver of the contact whose block of G is `gram`, of which the upper triangle is read, in the lanes `exists`; with the trace of that
+    /// block.
+    fn new(gram: &[[R; N]; N], exists: R::Mask) -> (Self, R);
+
+    /// Impulse that solves this contact alone, when `v` is its velocity under the impulse `lambda`, compliance included; with the
+    /// multiplier s of its friction disc (0 where it sticks or opens). `guess` starts the search for s, in the lanes `lanes`.
+    fn solve(&self, mu: R, v: [R; N], lambda: [R; N], guess: R, lanes: R::Mask) -> ([R; N], R);
+
+    /// Impulse of a weaker update that cycles less: the normal impulse with the tangential one held, then the tangential one projected on
+    /// the disc that the normal one leaves it. `active` are the lanes in which the contact exists.
+    fn relax(&self, mu: R, v: [R; N], lambda: [R; N], active: R::Mask) -> [R; N];
+
+    /// Mean diagonal entry of the block of G, before elimination of separate rows, 1/kg.
+    fn mobility(&self, step: &NaturalStep<R>) -> R;
+
+    /// Adds a compliance to all rows, and takes it into account in the step of the natural map.
+    fn damp(&mut self, compliance: R, step: &mut NaturalStep<R>);
+
+    /// Gathers some lanes.
+    fn gather(&self, map: &LaneMap) -> Self::Half;
+}
+
+/// Step of a contact's natural map.
+#[derive(Clone, Copy, Debug)]
+pub struct NaturalStep<R> {
+    /// Step rho = N / trace(G_ii), kg, with the trace before elimination of separate rows.
+    pub(super) rho: R,
+    /// Inverse of the step.
+    pub(super) inv_rho: R,
+    /// Ratio of trace(G_ii) before elimination of separate rows to that after it, at least 1.
+    pub(super) trace_ratio: R,
+}
+
+impl<R: Real> NaturalStep<R> {
+    /// Step for `N` rows whose block of G has the trace `trace`.
+    #[inline(always)]
+    pub(super) fn of_trace<const N: usize>(trace: R) -> Self {
+        Self { rho: R::of(N as f64) / trace, inv_rho: trace * R::of(1.0 / N as f64), trace_ratio: R::one() }
+    }
+
+    /// Step of a block whose trace was larger by the factor `ratio` before elimination.
+    #[inline(always)]
+    pub(super) fn with_trace_ratio(self, ratio: R) -> Self {
+        Self { rho: self.rho / ratio, inv_rho: self.inv_rho * ratio, trace_ratio: ratio }
+    }
+}
+
+/// Contact with friction in `N` rows, which `L` solves alone.
+#[derive(Clone, Debug)]
+pub struct FrictionContact<R: Real, const N: usize, L> {
+    /// Range of its coordinates among those of all contacts of its kind.
+    support: Range<usize>,
+    /// Index of its first entry among those of all contacts of its kind.
+    y: usize,
+    /// Lanes in which the contact exists.
+    pub active: R::Mask,
+    /// Lanes in which a contact exists but nothing can move along its normal: it has no rows, and its impulse stays.
+    pub(super) immovable: R::Mask,
+    /// Coefficient of friction of the rows as they are scaled; 0 for a frictionless contact.
+    pub mu: R,
+    /// Velocity before any impulse, with the bias of the normal row, m/s.
+    pub g: [R; N],
+    /// Compliance R, at least 0: the velocity that every row yields per unit of impulse. 0 is hard.
+    pub(crate) compliance: R,
+    /// Step of the natural map.
+    step: NaturalStep<R>,
+    /// Solver of this contact alone.
+    local: L,
+}
+
+impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
+    /// Ratio of trace(G_ii) before elimination of separate rows to that after it, at least 1.
+    #[inline(always)]
+    pub(crate) fn trace_ratio(&self) -> R {
+        self.step.trace_ratio
+    }
+
+    /// Sets the compliance R of all rows, which counts from the impulse `lambda`.
+    #[inline(always)]
+    fn damp(&mut self, compliance: R, lambda: [R; N]) {
+        self.compliance = compliance;
+        for k in 0..N {
+            self.g[k] -= compliance * lambda[k];
+        }
+        self.local.damp(compliance, &mut self.step);
+    }
+
+    #[inline(always)]
+    fn gather(&self, map: &LaneMap) -> FrictionContact<R::Half, N, L::Half> {
+        FrictionContact {
+            support: self.support.clone(),
+            y: self.y,
+            active: map.gather_mask::<R>(self.active),
+            immovable: map.gather_mask::<R>(self.immovable),
+            mu: map.gather(self.mu),
+            g: map.gather_array(&self.g),
+            compliance: map.gather(self.compliance),
+            step: NaturalStep {
+                rho: map.gather(self.step.rho),
+                inv_rho: map.gather(self.step.inv_rho),
+                trace_ratio: map.gather(self.step.trace_ratio),
+            },
+            local: self.local.gather(map),
+        }
+    }
+}
+
+/// Contacts of one kind, stored sparse: a contact's support names the coordinates of w that it touches in any lane, ascending; lanes that
+/// do not touch one have zeros there.
+#[derive(Clone, Debug)]
+pub struct FrictionContacts<R: Real, const N: usize, L> {
+    contacts: Vec<FrictionContact<R, N, L>>,
+    support: Vec<u32>,
+    y: Entries<[R; N]>,
+    /// Whether any contact has a compliance.
+    damped: bool,
+}
+
+impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
+    /// An empty set with room for so many contacts, which have so many entries together.
+    pub(crate) fn with_capacity(contacts: usize, entries: usize) -> Self {
+        Self {
+            contacts: Vec::with_capacity(contacts),
+            support: Vec::with_capacity(entries),
+            y: Entries::with_capacity(entries, [R::zero(); N]),
+            damped: false,
+        }
+    }
+
+    /// Number of contacts.
+    #[inline(always)]
+    pub fn len(&self) -> usize {
+        self.contacts.len()
+    }
+
+    /// Whether there is no contact.
+    #[inline(always)]
+    pub fn is_empty(&self) -> bool {
+        self.contacts.is_empty()
+    }
+
+    /// Iterator over the contacts.
+    #[inline(always)]
+    pub fn iter(&self) -> std::slice::Iter<'_, FrictionContact<R, N, L>> {
+        self.contacts.iter()
+    }
+
+    /// Appends a contact whose rows have the entries `y` at the coordinates `support` (ascending). `least` is the mobility along the normal
+    /// below which nothing moves, 1/kg.
+    #[inline(always)]
+    pub(crate) fn push(&mut self, support: &[u32], y: impl Fn(usize) -> [R; N], active: R::Mask, mu: R, g: [R; N], least: R) {
+        let (s0, y0) = (self.support.len(), self.y.len());
+        let mut gram = [[R::zero(); N]; N];
+        self.support.extend_from_slice(support);
+        for (entry, &c) in self.y.extend_by(support.len()).iter_mut().zip(support) {
+            let y = y(c as usize);
+            *entry = y;
+            for i in 0..N {
+                for j in i..N {
+                    gram[i][j] += y[i] * y[j];
+                }
+            }
+        }
+        let exists = movable(active, gram[0][0], gram[0][0] + gram[1][1] + gram[2][2], least);
+        let (local, trace) = L::new(&gram, exists);
+        self.contacts.push(FrictionContact {
+            support: s0..s0 + support.len(),
+            y: y0,
+            active: exists,
+            immovable: active.and_not(exists),
+            mu,
+            g,
+            compliance: R::zero(),
+            step: NaturalStep::of_trace::<N>(trace),
+            local,
+        });
+    }
+
+    /// Sets the trace ratio of the contact pushed last: the ratio of trace(G_ii) before elimination of separate rows to that after it.
+    /// Residuals are measured by the former.
+    #[inline(always)]
+    pub fn set_trace_ratio(&mut self, ratio: R) {
+        if let Some(contact) = self.contacts.last_mut() {
+            contact.step = contact.step.with_trace_ratio(ratio);
+        }
+    }
+
+    /// Coordinates and entries of a contact.
+    #[inline(always)]
+    pub(crate) fn entries(&self, contact: &FrictionContact<R, N, L>) -> (&[u32], &[[R; N]]) {
+        let support = &self.support[contact.support.clone()];
+        (support, self.y.row(contact.y, support.len()))
+    }
+
+    /// Velocity Y^T w + g of a contact at the scaled velocity change w, m/s, without its compliance.
+    #[inline(always)]
+    pub fn velocity(&self, contact: &FrictionContact<R, N, L>, w: &[R]) -> [R; N] {
+        let (support, y) = self.entries(contact);
+        let mut v = [R::zero(); N];
+        for (&c, y) in support.iter().zip(y) {
+            let w = w[c as usize];
+            for k in 0..N {
+                v[k] += y[k] * w;
+            }
+        }
+        for k in 0..N {
+            v[k] += contact.g[k];
+        }
+        v
+    }
+
+    /// Velocity of a contact at the scaled velocity change w and the impulse `lambda`, m/s, with its compliance.
+    #[inline(always)]
+    fn velocity_under(&self, contact: &FrictionContact<R, N, L>, w: &[R], lambda: &[R; N]) -> [R; N] {
+        let mut v = self.velocity(contact, w);
+        if self.damped {
+            for k in 0..N {
+                v[k] += contact.compliance * lambda[k];
+            }
+        }
+        v
+    }
+
+    /// w += Y d.
+    #[inline(always)]
+    pub fn add(&self, contact: &FrictionContact<R, N, L>, d: [R; N], w: &mut [R]) {
+        let (support, y) = self.entries(contact);
+        for (&c, y) in support.iter().zip(y) {
+            let mut sum = y[0] * d[0];
+            for k in 1..N {
+                sum += y[k] * d[k];
+            }
+            w[c as usize] += sum;
+        }
+    }
+
+    /// Tangential speed of the fastest contact that carries load, m/s.
+    #[inline(always)]
+    pub(crate) fn fastest_slip(&self, impulses: &[[R; N]], w: &[R]) -> R {
+        let mut most = R::zero();
+        for (contact, lambda) in self.contacts.iter().zip(impulses) {
+            let v = self.velocity(contact, w);
+            most = most.max(masked(contact.active.and(lambda[0].gt(R::zero())), tangential_speed(&v)));
+        }
+        most
+    }
+}
+
+/// Length of the tangential part of a velocity, m/s.
+#[inline(always)]
+fn tangential_speed<R: Real, const N: usize>(v: &[R; N]) -> R {
+    let mut square = v[1] * v[1];
+    for &v in &v[2..] {
+        square += v * v;
+    }
+    square.sqrt()
+}
+
+/// Compliance of a contact of mobility `mobility` that corrects so many m/s: 0 where it corrects nothing.
+#[inline(always)]
+fn damping_compliance<R: Real>(damping: Damping<R>, correction: R, mobility: R) -> R {
+    masked(correction.gt(R::zero()), (damping.ratio + damping.bending * correction) * mobility)
+}
+
+impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for FrictionContacts<R, N, L> {
+    type Impulse = [R; N];
+    type Half = FrictionContacts<R::Half, N, L::Half>;
+
+    #[inline(always)]
+    fn clear(&mut self) {
+        self.contacts.clear();
+        self.support.clear();
+        self.y.clear();
+        self.damped = false;
+    }
+
+    #[inline(always)]
+    fn gather(&self, map: &LaneMap, out: &mut Self::Half) {
+        out.support.clear();
+        out.support.extend_from_slice(&self.support);
+        out.y.map_from(
+            &self.y,
+            #[inline(always)]
+            |y| map.gather_array(y),
+        );
+        out.damped = self.damped;
+        out.contacts.clear();
+        for contact in &self.contacts {
+            out.contacts.push(contact.gather(map));
+        }
+    }
+
+    fn for_each_support(&self, lane: usize, f: &mut impl FnMut(&mut dyn Iterator<Item = u32>)) {
+        let touches = |y: &[R; N]| y.iter().any(|y| y.lane(lane).to_f64() != 0.0);
+        for contact in self.contacts.iter().filter(|contact| contact.active.bits() >> lane & 1 == 1) {
+            let (support, y) = self.entries(contact);
+            f(&mut support.iter().zip(y).filter(|(_, y)| touches(y)).map(|(c, _)| *c));
+        }
+    }
+
+    #[inline(always)]
+    fn add_impulses(&self, impulses: &[[R; N]], w: &mut [R]) {
+        for (contact, &lambda) in self.contacts.iter().zip(impulses) {
+            self.add(contact, lambda, w);
+        }
+    }
+
+    #[inline(always)]
+    fn sweep(&self, unknowns: Unknowns<'_, R, [R; N]>, lanes: SweepLanes<R>, mut change: R) -> R {
+        let Unknowns { impulses, multipliers, w } = unknowns;
+        let SweepLanes { running, exact } = lanes;
+        for (i, contact) in self.contacts.iter().enumerate() {
+            let lanes = running.and(contact.active);
+            // Towards the end few lanes are left, with few rows.
+            if lanes.none() {
+                continue;
+            }
+            let lambda = impulses[i];
+            let v = self.velocity_under(contact, w, &lambda);
+            let (mut next, multiplier) = contact.local.solve(contact.mu, v, lambda, multipliers[i], lanes);
+            if lanes.and_not(exact).any() {
+                let weak = contact.local.relax(contact.mu, v, lambda, contact.active);
+                for k in 0..N {
+                    next[k] = R::select(exact, next[k], weak[k]);
+                }
+            }
+            let mut d = lambda;
+            for k in 0..N {
+                d[k] = masked(lanes, next[k] - lambda[k]);
+                impulses[i][k] = R::select(lanes, next[k], lambda[k]);
+            }
+            multipliers[i] = R::select(lanes, multiplier, multipliers[i]);
+            let mut most = d[0].abs();
+            for k in 1..N {
+                most = most.max(d[k].abs());
+            }
+            if is_nonzero(most) {
+                self.add(contact, d, w);
+            }
+            change = change.max(most * contact.step.inv_rho);
+        }
+        change
+    }
+
+    #[inline(always)]
+    fn residual(&self, impulses: &[[R; N]], w: &[R], mut worst: R) -> R {
+        for (contact, &lambda) in self.contacts.iter().zip(impulses) {
+            let (v, mu, rho) = (self.velocity_under(contact, w, &lambda), contact.mu, contact.step.rho);
+            let speed = tangential_speed(&v);
+            let mut moved = lambda;
+            for k in 1..N {
+                moved[k] -= rho * v[k];
+            }
+            // Two orders of the same sum, which round differently.
+            if N == 3 {
+                moved[0] -= rho * (v[0] + mu * speed);
+            } else {
+                moved[0] -= rho * v[0];
+                moved[0] -= rho * (mu * speed);
+            }
+            worst = worse(worst, masked(contact.active, distance(lambda, project(moved, mu)) * contact.step.inv_rho));
+        }
+        worst
+    }
+
+    #[inline(always)]
+    fn sum_normal_impulses(&self, impulses: &[[R; N]], mut sum: R) -> R {
+        for (contact, lambda) in self.contacts.iter().zip(impulses) {
+            sum += masked(contact.active, lambda[0]);
+        }
+        sum
+    }
+
+    #[inline(always)]
+    fn exchange_demands(&mut self, demands: &mut [R]) {
+        for (contact, demands) in self.contacts.iter_mut().zip(demands.as_chunks_mut::<N>().0) {
+            std::mem::swap(&mut contact.g[0], &mut demands[0]);
+            for k in 1..N {
+                contact.g[k] += demands[k];
+                demands[k] = -demands[k];
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn damp(
+        &mut self,
+        impulses: &[[R; N]],
+        damping: Damping<R>,
+        floors: &[R],
+        before: &[R],
+        [reference_lambda, reference_g]: [&mut Vec<R>; 2],
+    ) {
+        for (((contact, &lambda), &floor), before) in self.contacts.iter_mut().zip(impulses).zip(floors).zip(before.chunks_exact(N)) {
+            reference_lambda.push(lambda[0]);
+            reference_g.push(contact.g[0]);
+            let mobility = contact.local.mobility(&contact.step) + floor;
+            contact.damp(damping_compliance(damping, before[0] - contact.g[0], mobility), lambda);
+        }
+        self.damped = true;
+    }
+
+    #[inline(always)]
+    fn shortfall(&self, impulses: &[[R; N]], before: &[R], mut most: R) -> R {
+        for ((contact, now), &before) in self.contacts.iter().zip(impulses).zip(before) {
+            most = most.max(masked(contact.active, (contact.compliance * (now[0] - before)).abs()));
+        }
+        most
+    }
+
+    #[inline(always)]
+    fn immovable_demand(&self, mut most: R) -> R {
+        for contact in &self.contacts {
+            most = most.max(masked(contact.immovable, -contact.g[0]));
+        }
+        most
+    }
+
+    #[inline(always)]
+    fn witness(&self, impulses: &[[R; N]], reference: ReferenceRows<'_, R>, w: &[R], momentum: &mut [R], mut lack: R) -> R {
+        for ((contact, now), (&before, &g)) in self.contacts.iter().zip(impulses).zip(reference.lambda.iter().zip(reference.g)) {
+            let z = masked(contact.active, (now[0] - before).max(R::zero()));
+            let u = self.velocity(contact, w)[0] - contact.g[0] + g;
+            lack -= z * u;
+            let mut d = [R::zero(); N];
+            d[0] = z;
+            self.add(contact, d, momentum);
+        }
+        lack
+    }
+}
+
+impl<R: Real, const N: usize, L> Index<usize> for FrictionContacts<R, N, L> {
+    type Output = FrictionContact<R, N, L>;
+
+    #[inline(always)]
+    fn index(&self, i: usize) -> &Self::Output {
+        &self.contacts[i]
+    }
+}
+
+impl<R: Real, const N: usize, L> IndexMut<usize> for FrictionContacts<R, N, L> {
+    #[inline(always)]
+    fn index_mut(&mut self, i: usize) -> &mut Self::Output {
+        &mut self.contacts[i]
+    }
+}
+
+/// Least tangential mobility of a contact whose block has the trace `trace`, 1/kg.
+///
+/// A direction in which the contact cannot move (a planar mechanism) has a zero principal value: a floor below most physical ratios, and
+/// far above the rounding of the entries, keeps its impulse at zero instead of 0/0. It bounds a step, not the answer: what can move less
+/// takes more sweeps. Where a cylinder is braked in line with both of its axes a floor of 2e-11 made impulses of 1e8 N s of rounding.
+#[inline(always)]
+pub(super) fn least_tangent<R: Real>(trace: R) -> R {
+    trace * R::of(f64::max(1e-8, <R::Scalar as Scalar>::EPSILON.to_f64() * 1e5))
+}
+
+/// Largest number of Newton steps of a sliding contact; one to three are usual, the rest is for bisection to rescue a poor start.
+pub(super) const MAX_NEWTON: usize = 24;
+
+/// Distance of a sliding impulse from its cone, relative to its length, below which the next Newton step, which squares it, is the last:
+/// four roots of the rounding.
+#[inline(always)]
+pub(super) fn near<R: Real>() -> R {
+    R::of(4.0 * <R::Scalar as Scalar>::EPSILON.to_f64().sqrt())
+}

@@ -1,0 +1,305 @@
+//! Contacts with torsional and rolling friction: rows (n, t1, t2, spin, roll1, roll2).
+//!
+//! MuJoCo's elliptic cone, sqrt(sum (f_i / mu_i)^2) <= f_n, becomes the circular one |x_t| <= mu x_n in five dimensions when row i is
+//! multiplied by mu_i / mu: f_i = (mu_i / mu) x_i, and all velocities are in m/s. Coulomb's law (maximal dissipation) is the same in both,
+//! because f . v = x . v'. A kind of friction that the contact lacks is a row of zeros.
+
+use crate::cone::{masked, positive};
+use crate::constraints::friction::{FrictionContact, FrictionContacts, LocalSolver, MAX_NEWTON, NaturalStep, least_tangent, near};
+use crate::lane_map::LaneMap;
+use stepper_real::{Mask, Real, Scalar};
+
+/// Tangential rows.
+const T: usize = 5;
+
+/// Contact with sliding, torsional and rolling friction: rows (n, t1, t2, spin, roll1, roll2).
+pub type RollingContact<R> = FrictionContact<R, 6, RollingSolver<R>>;
+
+/// Contacts with torsional or rolling friction.
+pub type RollingContacts<R> = FrictionContacts<R, 6, RollingSolver<R>>;
+
+/// Solver of one contact with torsional and rolling friction.
+///
+/// As for sliding friction the normal impulse is eliminated and `A x_t + c = -s x_t` is solved in the principal axes of
+/// A, here five, found by Jacobi's method. The model `nn (k k^T) + Q diag(a) Q^T` of the tangential block is used for the update only: at
+/// its fixed point the law holds for the velocities themselves, however precise the axes are.
+#[derive(Clone, Debug)]
+pub struct RollingSolver<R: Real> {
+    inv_gnn: R,
+    nn: R,
+    /// Principal axes of A, one after the other.
+    axes: [[R; T]; T],
+    /// Principal values of A, bounded away from zero.
+    a: [R; T],
+    inv_a: [R; T],
+    /// G_tn / G_nn in the principal axes.
+    coupling: [R; T],
+    /// Step of the weaker update.
+    step: R,
+}
+
+impl<R: Real> RollingSolver<R> {
+    /// Normal impulse and tangential one in the principal axes, in the contact's rows; zero outside `lanes`.
+    #[inline(always)]
+    fn impulse(&self, n: R, x: [R; T], lanes: R::Mask) -> [R; 6] {
+        let mut out = [n, R::zero(), R::zero(), R::zero(), R::zero(), R::zero()];
+        for (axis, &x) in self.axes.iter().zip(&x) {
+            for i in 0..T {
+                out[i + 1] += axis[i] * masked(lanes, x);
+            }
+        }
+        out
+    }
+
+    /// Impulse at the s > 0 at which |x(s)| = mu n(s), in the lanes `todo`: Newton's method on mu n / |x| = 1 inside a bracket, as exact
+    /// as that of sliding friction.
+    #[inline(always)]
+    fn slip(&self, mu: R, p: [R; T], push: R, guess: R, mut todo: R::Mask) -> Slip<R> {
+        let zero = R::zero();
+        let near = near::<R>();
+        let unbounded = R::of(f64::INFINITY);
+        let (mut lo, mut hi, mut s) = (zero, unbounded, guess);
+        for _ in 0..MAX_NEWTON {
+            let (rate, x, n) = self.sliding(p, push, s);
+            let length2 = dot(x, x);
+            let length = length2.sqrt();
+            let excess = mu * n - length;
+            let low = excess.lt(zero);
+            lo = R::select(low, s, lo);
+            hi = R::select(low, hi, s);
+            // The derivative of mu n / |x| over s, times |x|^3 / mu.
+            let slope = dot(self.coupling, rate) * length2 + n * dot(x, rate);
+            let newton = s - excess * length2 / (mu * slope);
+            let bisect = R::select(hi.lt(unbounded), (lo + hi) * R::of(0.5), s + s + self.nn);
+            let inside = newton.ge(lo).and(newton.le(hi)).and(newton.lt(unbounded));
+            s = R::select(todo, R::select(inside, newton, bisect), s);
+            todo = todo.and_not(excess.abs().le(near * length));
+            if todo.none() {
+                break;
+            }
+        }
+        // Scaling removes the error that Newton's method left, so that the impulse is on its cone.
+        let (_, mut x, n) = self.sliding(p, push, s);
+        let n = n.max(zero);
+        let length = dot(x, x).sqrt();
+        let scale = mu * n / R::select(length.gt(zero), length, R::one());
+        for x in &mut x {
+            *x *= scale;
+        }
+        Slip { x, n, s }
+    }
+
+    /// Rate at which the tangential impulse falls per s at the multiplier s, that impulse, and the normal one.
+    #[inline(always)]
+    fn sliding(&self, p: [R; T], push: R, s: R) -> ([R; T], [R; T], R) {
+        let (mut x, mut rate) = ([R::zero(); T], [R::zero(); T]);
+        for i in 0..T {
+            let inverse = R::one() / (self.a[i] + s);
+            x[i] = -p[i] * inverse;
+            rate[i] = x[i] * inverse;
+        }
+        (rate, x, push - dot(self.coupling, x))
+    }
+}
+
+impl<R: Real> LocalSolver<R, 6> for RollingSolver<R> {
+    type Half = RollingSolver<R::Half>;
+
+    #[inline(always)]
+    fn new(gram: &[[R; 6]; 6], exists: R::Mask) -> (Self, R) {
+        let nn = R::select(exists, gram[0][0], R::one());
+        let inv_gnn = R::one() / nn;
+        let (mut trace, mut k, mut matrix) = (nn, [R::zero(); T], [[R::zero(); T]; T]);
+        for i in 0..T {
+            k[i] = masked(exists, gram[0][i + 1]) * inv_gnn;
+            trace += masked(exists, gram[i + 1][i + 1]);
+        }
+        for i in 0..T {
+            for j in i..T {
+                matrix[i][j] = masked(exists, gram[i + 1][j + 1]) - k[i] * k[j] * nn;
+                matrix[j][i] = matrix[i][j];
+            }
+        }
+        let axes = principal_axes(&mut matrix);
+        let floor = least_tangent(trace);
+        let (mut a, mut inv_a, mut largest) = ([R::zero(); T], [R::zero(); T], R::zero());
+        for i in 0..T {
+            a[i] = matrix[i][i].max(floor);
+            inv_a[i] = R::one() / a[i];
+            largest = largest.max(a[i]);
+        }
+        let coupling = in_axes(&axes, k);
+        let step = R::one() / (largest + nn * dot(coupling, coupling));
+        (Self { inv_gnn, nn, axes, a, inv_a, coupling, step }, trace)
+    }
+
+    #[inline(always)]
+    fn solve(&self, mu: R, v: [R; 6], lambda: [R; 6], guess: R, lanes: R::Mask) -> ([R; 6], R) {
+        let (vt, xt) = (in_axes(&self.axes, tangential(v)), in_axes(&self.axes, tangential(lambda)));
+        let push = lambda[0] + dot(self.coupling, xt) - v[0] * self.inv_gnn;
+        let closing = positive(lanes, push);
+        let (mut p, mut stick) = ([R::zero(); T], [R::zero(); T]);
+        for i in 0..T {
+            p[i] = vt[i] - self.a[i] * xt[i] - self.coupling[i] * v[0];
+            stick[i] = -p[i] * self.inv_a[i];
+        }
+        let sticking = push - dot(self.coupling, stick);
+        let bound = (mu * sticking).max(R::zero());
+        let slides = closing.and_not(dot(stick, stick).le(bound * bound));
+        let (mut x, mut n, mut s) = (stick, sticking, R::zero());
+        if slides.any() {
+            let slip = self.slip(mu, p, push, guess, slides);
+            for i in 0..T {
+                x[i] = R::select(slides, slip.x[i], x[i]);
+            }
+            n = R::select(slides, slip.n, n);
+            s = masked(slides, slip.s);
+        }
+        (self.impulse(masked(closing, n), x, closing), s)
+    }
+
+    #[inline(always)]
+    fn relax(&self, mu: R, v: [R; 6], lambda: [R; 6], active: R::Mask) -> [R; 6] {
+        let (vt, xt) = (in_axes(&self.axes, tangential(v)), in_axes(&self.axes, tangential(lambda)));
+        let n = (lambda[0] - v[0] * self.inv_gnn).max(R::zero());
+        let d = (n - lambda[0]) * self.nn;
+        let mut x = xt;
+        for i in 0..T {
+            x[i] -= (vt[i] + self.coupling[i] * d) * self.step;
+        }
+        let (length, most) = (dot(x, x).sqrt(), mu * n);
+        let scale = R::select(length.gt(most), most / R::select(length.gt(R::zero()), length, R::one()), R::one());
+        for x in &mut x {
+            *x *= scale;
+        }
+        self.impulse(n, x, active)
+    }
+
+    #[inline(always)]
+    fn mobility(&self, step: &NaturalStep<R>) -> R {
+        step.inv_rho
+    }
+
+    /// The principal axes stay: they serve the update alone.
+    #[inline(always)]
+    fn damp(&mut self, compliance: R, step: &mut NaturalStep<R>) {
+        let nn = self.nn;
+        self.nn += compliance;
+        self.inv_gnn = R::one() / self.nn;
+        let (ratio, mut largest) = (nn * self.inv_gnn, R::zero());
+        for i in 0..T {
+            // Of the tangential block, what the normal impulse no longer takes away.
+            let freed = self.coupling[i] * self.coupling[i] * nn * (R::one() - ratio);
+            self.a[i] += compliance + freed;
+            self.inv_a[i] = R::one() / self.a[i];
+            self.coupling[i] *= ratio;
+            largest = largest.max(self.a[i]);
+        }
+        self.step = R::one() / (largest + self.nn * dot(self.coupling, self.coupling));
+        step.inv_rho += compliance * step.trace_ratio;
+        step.rho = R::one() / step.inv_rho;
+    }
+
+    #[inline(always)]
+    fn gather(&self, map: &LaneMap) -> RollingSolver<R::Half> {
+        let mut axes = [[R::Half::zero(); T]; T];
+        for i in 0..T {
+            axes[i] = map.gather_array(&self.axes[i]);
+        }
+        RollingSolver {
+            inv_gnn: map.gather(self.inv_gnn),
+            nn: map.gather(self.nn),
+            axes,
+            a: map.gather_array(&self.a),
+            inv_a: map.gather_array(&self.inv_a),
+            coupling: map.gather_array(&self.coupling),
+            step: map.gather(self.step),
+        }
+    }
+}
+
+/// Solution of a sliding contact: tangential impulse in the principal axes of A, normal impulse, multiplier of the friction disc.
+struct Slip<R: Real> {
+    x: [R; T],
+    n: R,
+    s: R,
+}
+
+/// Largest number of sweeps of Jacobi's method: it converges quadratically, and five dimensions take four to five to the last digit.
+const JACOBI: usize = 5;
+
+#[inline(always)]
+fn dot<R: Real>(a: [R; T], b: [R; T]) -> R {
+    let mut sum = a[0] * b[0];
+    for i in 1..T {
+        sum += a[i] * b[i];
+    }
+    sum
+}
+
+/// Tangential part of a vector over all rows.
+#[inline(always)]
+fn tangential<R: Real>(x: [R; 6]) -> [R; T] {
+    [x[1], x[2], x[3], x[4], x[5]]
+}
+
+/// Components of `x` along the axes.
+#[inline(always)]
+fn in_axes<R: Real>(axes: &[[R; T]; T], x: [R; T]) -> [R; T] {
+    let mut out = [R::zero(); T];
+    for i in 0..T {
+        out[i] = dot(axes[i], x);
+    }
+    out
+}
+
+/// Diagonalises a symmetric matrix by Jacobi's cyclic method (Golub & Van Loan 2013, section 8.5); returns its principal axes. Axes are
+/// left as they are when the square of the cosine between them is below epsilon^(3/2): the next turn would be rounding.
+#[inline(always)]
+fn principal_axes<R: Real>(m: &mut [[R; T]; T]) -> [[R; T]; T] {
+    let mut axes = [[R::zero(); T]; T];
+    for i in 0..T {
+        axes[i][i] = R::one();
+    }
+    let epsilon = <R::Scalar as Scalar>::EPSILON.to_f64();
+    let aligned = R::of(epsilon * epsilon.sqrt());
+    for _ in 0..JACOBI {
+        for p in 0..T {
+            for q in p + 1..T {
+                rotate(m, &mut axes, p, q, aligned);
+            }
+        }
+    }
+    axes
+}
+
+/// Rotates the axes p and q so that m[p][q] becomes zero, where they are not `aligned`.
+#[inline(always)]
+fn rotate<R: Real>(m: &mut [[R; T]; T], axes: &mut [[R; T]; T], p: usize, q: usize, aligned: R) {
+    let off = m[p][q];
+    let apart = (off * off).gt(m[p][p] * m[q][q] * aligned);
+    if apart.none() {
+        return;
+    }
+    let half = (m[q][q] - m[p][p]) * R::of(0.5);
+    let root = (half * half + off * off).sqrt().copysign(half);
+    // The smaller of the two tangents; none where there is nothing to do.
+    let below = half + root;
+    let there = apart.and(below.abs().gt(R::zero()));
+    let tan = masked(there, off / R::select(there, below, R::one()));
+    let cos = R::one() / (R::one() + tan * tan).sqrt();
+    let sin = tan * cos;
+    for k in 0..T {
+        let (a, b) = (m[k][p], m[k][q]);
+        m[k][p] = cos * a - sin * b;
+        m[k][q] = sin * a + cos * b;
+    }
+    for k in 0..T {
+        let (a, b) = (m[p][k], m[q][k]);
+        m[p][k] = cos * a - sin * b;
+        m[q][k] = sin * a + cos * b;
+        let (a, b) = (axes[p][k], axes[q][k]);
+        axes[p][k] = cos * a - sin * b;
+        axes[q][k] = sin * a + cos * b;
+    }
+}

@@ -1,0 +1,413 @@
+//! Scalar rows: equalities, limits and dry friction, each with one impulse in an interval.
+
+use std::ops::{Index, IndexMut, Range};
+use std::slice::SliceIndex;
+
+use crate::cone::{clamp, masked};
+use crate::constraints::{ConstraintSet, Damping, ReferenceRows, SweepLanes, Unknowns, is_nonzero, worse};
+use crate::entries::Entries;
+use crate::lane_map::LaneMap;
+use stepper_real::{Mask, Real, Scalar};
+
+/// Bounded scalar row: an equality (any lambda), a limit (`0 <= lambda`), or dry friction (`|lambda| <= h f`).
+#[derive(Clone, Debug)]
+pub struct ScalarRow<R: Real> {
+    /// Range of its coordinates among those of all scalar rows.
+    pub(super) support: Range<usize>,
+    /// Index of its first entry among those of all scalar rows.
+    pub(super) y: usize,
+    /// Lanes in which the row exists.
+    pub active: R::Mask,
+    /// Velocity of the row before any impulse, with its bias, m/s or rad/s.
+    pub g: R,
+    /// Least impulse, N s or N m s.
+    pub lo: R,
+    /// Greatest impulse, N s or N m s.
+    pub hi: R,
+    /// Compliance R, at least 0: the velocity that the row yields per unit of impulse, on top of the motion of the bodies. 0 is hard.
+    pub compliance: R,
+    /// Diagonal entry of G, compliance included.
+    pub(super) diagonal: R,
+    /// Inverse of the diagonal entry; 1 where the row does not exist or cannot move.
+    pub(super) inv_diagonal: R,
+    /// Ratio of the diagonal entry before elimination of separate rows to that after it, at least 1.
+    pub(crate) trace_ratio: R,
+    /// Mobility that the damping of its demand is relative to; 0 for a row that is soft by its own law.
+    pub(super) mobility: R,
+    /// Velocity that damping already took from the demand, m/s or rad/s: see [`ScalarRow::damp_correction`].
+    pub(super) damping_deficit: R,
+    /// Lanes in which the row exists but nothing can move along it.
+    pub(super) immovable: R::Mask,
+}
+
+impl<R: Real> ScalarRow<R> {
+    /// Range of the row's entries among those of all scalar rows.
+    #[inline(always)]
+    pub fn entries(&self) -> Range<usize> {
+        self.y..self.y + self.support.len()
+    }
+
+    /// Coefficient of the projection of another row on this one, when `along` is the product of the entries of both.
+    #[inline(always)]
+    pub fn projection(&self, along: R) -> R {
+        along * self.inv_diagonal
+    }
+
+    /// The part of a `correction` of the velocity that damping leaves, for a row that others reckon with, which
+    /// [`Problem::damp`](crate::Problem::damp) then leaves alone. `ratio` is the compliance relative to the mobility.
+    #[inline(always)]
+    pub fn damp_correction(&mut self, ratio: R, correction: R) -> R {
+        let stiffness = self.diagonal + ratio * self.mobility;
+        let met = correction * (self.diagonal / R::select(stiffness.gt(R::zero()), stiffness, R::one()));
+        let met = R::select(ratio.gt(R::zero()), met, correction);
+        self.damping_deficit = R::select(self.immovable, correction, correction - met);
+        met
+    }
+
+    #[inline(always)]
+    fn gather(&self, map: &LaneMap) -> ScalarRow<R::Half> {
+        ScalarRow {
+            support: self.support.clone(),
+            y: self.y,
+            active: map.gather_mask::<R>(self.active),
+            g: map.gather(self.g),
+            lo: map.gather(self.lo),
+            hi: map.gather(self.hi),
+            compliance: map.gather(self.compliance),
+            diagonal: map.gather(self.diagonal),
+            inv_diagonal: map.gather(self.inv_diagonal),
+            trace_ratio: map.gather(self.trace_ratio),
+            mobility: map.gather(self.mobility),
+            damping_deficit: map.gather(self.damping_deficit),
+            immovable: map.gather_mask::<R>(self.immovable),
+        }
+    }
+}
+
+/// Scalar rows of a problem, stored sparse: a row's support names the coordinates of w that any lane's row touches, ascending.
+#[derive(Clone, Debug)]
+pub struct ScalarRows<R: Real> {
+    pub(super) rows: Vec<ScalarRow<R>>,
+    support: Vec<u32>,
+    pub(super) y: Entries<R>,
+    /// Number of separate rows, which come first; see [`ScalarRows::mark_separate`].
+    separate: usize,
+}
+
+impl<R: Real> ScalarRows<R> {
+    /// An empty set with room for so many rows, which have so many entries together.
+    pub(crate) fn with_capacity(rows: usize, entries: usize) -> Self {
+        Self {
+            rows: Vec::with_capacity(rows),
+            support: Vec::with_capacity(entries),
+            y: Entries::with_capacity(entries, R::zero()),
+            separate: 0,
+        }
+    }
+
+    /// Number of rows.
+    #[inline(always)]
+    pub fn len(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// Whether there is no row.
+    #[inline(always)]
+    pub fn is_empty(&self) -> bool {
+        self.rows.is_empty()
+    }
+
+    /// Iterator over the rows.
+    #[inline(always)]
+    pub fn iter(&self) -> std::slice::Iter<'_, ScalarRow<R>> {
+        self.rows.iter()
+    }
+
+    /// Appends a row with the entries `y` at the coordinates `support` (ascending).
+    ///
+    /// `sign` (1 or -1 per lane) multiplies the row. Lanes outside `active` do not have it. `bounds` are the least and the greatest
+    /// impulse.
+    #[inline(always)]
+    pub fn push(&mut self, support: &[u32], y: impl Fn(usize) -> R, sign: R, active: R::Mask, g: R, bounds: [R; 2]) {
+        let (s0, y0) = (self.support.len(), self.y.len());
+        let mut diagonal = R::zero();
+        self.support.extend_from_slice(support);
+        for (entry, &c) in self.y.extend_by(support.len()).iter_mut().zip(support) {
+            let value = R::select(active, y(c as usize) * sign, R::zero());
+            *entry = value;
+            diagonal += value * value;
+        }
+        let movable = diagonal.gt(R::zero());
+        self.rows.push(ScalarRow {
+            support: s0..s0 + support.len(),
+            y: y0,
+            active: active.and(movable),
+            g,
+            lo: bounds[0],
+            hi: bounds[1],
+            compliance: R::zero(),
+            diagonal,
+            inv_diagonal: R::one() / R::select(movable, diagonal, R::one()),
+            trace_ratio: R::one(),
+            mobility: diagonal,
+            damping_deficit: R::zero(),
+            immovable: R::Mask::splat(false),
+        });
+    }
+
+    /// Sets the compliance R >= 0 of the row pushed last.
+    #[inline(always)]
+    pub fn set_compliance(&mut self, compliance: R) {
+        if let Some(row) = self.rows.last_mut() {
+            row.compliance = compliance;
+            row.mobility = R::select(compliance.gt(R::zero()), R::zero(), row.mobility);
+            row.diagonal += compliance;
+            row.inv_diagonal = R::one() / R::select(row.diagonal.gt(R::zero()), row.diagonal, R::one());
+        }
+    }
+
+    /// Sets the trace ratio of the row pushed last: the ratio of its diagonal entry before elimination of separate rows to that after it.
+    /// Residuals are measured by the former.
+    #[inline(always)]
+    pub fn set_trace_ratio(&mut self, ratio: R) {
+        if let Some(row) = self.rows.last_mut() {
+            row.trace_ratio = ratio;
+            row.mobility *= ratio;
+        }
+    }
+
+    /// Sets the mobility that the damping of the row pushed last is relative to: that of its fellows, say, where the row itself can be
+    /// nearly immovable.
+    #[inline(always)]
+    pub fn set_mobility(&mut self, mobility: R) {
+        if let Some(row) = self.rows.last_mut() {
+            row.mobility = R::select(row.mobility.gt(R::zero()), mobility, R::zero());
+        }
+    }
+
+    /// Marks all present rows as separate: each is an equality without compliance, and orthogonal to every other row that exists or will be
+    /// pushed. They are solved once, and not visited by sweeps: no other impulse moves them.
+    #[inline(always)]
+    pub fn mark_separate(&mut self) {
+        self.separate = self.rows.len();
+    }
+
+    /// Number of separate rows.
+    #[inline(always)]
+    pub fn separate(&self) -> usize {
+        self.separate
+    }
+
+    /// Solves the separate rows in the lanes `lanes`.
+    #[inline(always)]
+    pub(crate) fn solve_separate(&self, impulses: &mut [R], w: &mut [R], lanes: R::Mask) {
+        for (row, lambda) in self.rows.iter().zip(impulses).take(self.separate) {
+            let v = self.velocity(row, w);
+            let d = masked(lanes.and(row.active), -(v * row.inv_diagonal));
+            *lambda += d;
+            self.add(row, d, w);
+        }
+    }
+
+    /// Coordinates and entries of a row.
+    #[inline(always)]
+    pub fn entries(&self, row: &ScalarRow<R>) -> (&[u32], &[R]) {
+        let support = &self.support[row.support.clone()];
+        (support, self.y.row(row.y, support.len()))
+    }
+
+    /// Velocity y . w + g of a row at the scaled velocity change w, without its compliance.
+    #[inline(always)]
+    pub fn velocity(&self, row: &ScalarRow<R>, w: &[R]) -> R {
+        let (support, y) = self.entries(row);
+        // Two partial sums, each waiting for itself alone. A row's support is that of all lanes, so that the order is the same in every
+        // lane.
+        let mut v = [R::zero(); 2];
+        let (pairs, last) = support.as_chunks::<2>();
+        let (y, y_last) = y.as_chunks::<2>();
+        for (c, y) in pairs.iter().zip(y) {
+            for k in 0..2 {
+                v[k] += y[k] * w[c[k] as usize];
+            }
+        }
+        for (&c, &y) in last.iter().zip(y_last) {
+            v[0] += y * w[c as usize];
+        }
+        (v[0] + v[1]) + row.g
+    }
+
+    /// w += y d.
+    #[inline(always)]
+    fn add(&self, row: &ScalarRow<R>, d: R, w: &mut [R]) {
+        let (support, y) = self.entries(row);
+        for (&c, &y) in support.iter().zip(y) {
+            w[c as usize] += y * d;
+        }
+    }
+}
+
+impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
+    type Impulse = R;
+    type Half = ScalarRows<R::Half>;
+
+    #[inline(always)]
+    fn clear(&mut self) {
+        self.rows.clear();
+        self.support.clear();
+        self.y.clear();
+        self.separate = 0;
+    }
+
+    #[inline(always)]
+    fn gather(&self, map: &LaneMap, out: &mut Self::Half) {
+        out.support.clear();
+        out.support.extend_from_slice(&self.support);
+        out.y.map_from(
+            &self.y,
+            #[inline(always)]
+            |&y| map.gather(y),
+        );
+        out.separate = self.separate;
+        out.rows.clear();
+        for row in &self.rows {
+            out.rows.push(row.gather(map));
+        }
+    }
+
+    fn for_each_support(&self, lane: usize, f: &mut impl FnMut(&mut dyn Iterator<Item = u32>)) {
+        for row in self.rows.iter().filter(|row| row.active.bits() >> lane & 1 == 1) {
+            let (support, y) = self.entries(row);
+            f(&mut support.iter().zip(y).filter(|(_, y)| y.lane(lane).to_f64() != 0.0).map(|(c, _)| *c));
+        }
+    }
+
+    #[inline(always)]
+    fn add_impulses(&self, impulses: &[R], w: &mut [R]) {
+        for (row, &lambda) in self.rows.iter().zip(impulses) {
+            self.add(row, lambda, w);
+        }
+    }
+
+    #[inline(always)]
+    fn sweep(&self, unknowns: Unknowns<'_, R, R>, lanes: SweepLanes<R>, mut change: R) -> R {
+        let Unknowns { impulses, w, .. } = unknowns;
+        for (i, row) in self.rows.iter().enumerate().skip(self.separate) {
+            let lanes = lanes.running.and(row.active);
+            if lanes.none() {
+                continue;
+            }
+            let lambda = impulses[i];
+            let v = self.velocity(row, w) + row.compliance * lambda;
+            let next = clamp(lambda - v * row.inv_diagonal, row.lo, row.hi);
+            let d = masked(lanes, next - lambda);
+            impulses[i] = R::select(lanes, next, lambda);
+            if is_nonzero(d) {
+                self.add(row, d, w);
+            }
+            change = change.max(d.abs() * row.diagonal);
+        }
+        change
+    }
+
+    #[inline(always)]
+    fn residual(&self, impulses: &[R], w: &[R], mut worst: R) -> R {
+        for (row, &lambda) in self.rows.iter().zip(impulses) {
+            let v = self.velocity(row, w) + row.compliance * lambda;
+            let (mut rho, mut inv_rho) = (row.inv_diagonal, row.diagonal);
+            if self.separate > 0 {
+                (rho, inv_rho) = (rho / row.trace_ratio, inv_rho * row.trace_ratio);
+            }
+            let mapped = clamp(lambda - rho * v, row.lo, row.hi);
+            worst = worse(worst, masked(row.active, (lambda - mapped).abs() * inv_rho));
+        }
+        worst
+    }
+
+    #[inline(always)]
+    fn sum_normal_impulses(&self, impulses: &[R], mut sum: R) -> R {
+        for (row, &lambda) in self.rows.iter().zip(impulses) {
+            sum += masked(row.active, lambda.abs());
+        }
+        sum
+    }
+
+    #[inline(always)]
+    fn exchange_demands(&mut self, demands: &mut [R]) {
+        for (row, g) in self.rows.iter_mut().zip(demands) {
+            std::mem::swap(&mut row.g, g);
+        }
+    }
+
+    #[inline(always)]
+    fn damp(
+        &mut self,
+        impulses: &[R],
+        damping: Damping<R>,
+        _floors: &[R],
+        before: &[R],
+        [reference_lambda, reference_g]: [&mut Vec<R>; 2],
+    ) {
+        for (k, (row, &lambda)) in self.rows.iter_mut().zip(impulses).enumerate() {
+            reference_lambda.push(lambda);
+            reference_g.push(row.g + row.damping_deficit);
+            // Separate rows are damped when they are made: other rows reckon with what they will do.
+            if k >= self.separate {
+                let corrects = row.g.eq(before[k]).not();
+                let compliance = masked(corrects, damping.ratio * row.mobility);
+                row.g -= compliance * lambda;
+                row.compliance += compliance;
+                row.diagonal += compliance;
+                row.inv_diagonal = R::one() / R::select(row.diagonal.gt(R::zero()), row.diagonal, R::one());
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn shortfall(&self, impulses: &[R], before: &[R], mut most: R) -> R {
+        for (k, (row, &now)) in self.rows.iter().zip(impulses).enumerate() {
+            let change = now - before[k];
+            let give = if k < self.separate { R::zero() } else { row.compliance * change };
+            // The compliance of a spring is its own law.
+            most = most.max(masked(row.active.and(row.mobility.gt(R::zero())), give.abs().max(row.damping_deficit.abs())));
+        }
+        most
+    }
+
+    #[inline(always)]
+    fn immovable_demand(&self, mut most: R) -> R {
+        for row in &self.rows {
+            most = most.max(masked(row.immovable, row.damping_deficit.abs()));
+        }
+        most
+    }
+
+    #[inline(always)]
+    fn witness(&self, impulses: &[R], reference: ReferenceRows<'_, R>, w: &[R], momentum: &mut [R], mut lack: R) -> R {
+        let infinite = R::of(f64::INFINITY);
+        for ((row, &now), (&before, &g)) in self.rows.iter().zip(impulses).zip(reference.lambda.iter().zip(reference.g)) {
+            let change = now - before;
+            let unbounded = row.active.and(row.mobility.gt(R::zero())).and(row.hi.ge(infinite));
+            let z = masked(unbounded, R::select(row.lo.le(-infinite), change, change.max(R::zero())));
+            let u = self.velocity(row, w) - row.g + g;
+            lack -= z * u;
+            self.add(row, z, momentum);
+        }
+        lack
+    }
+}
+
+impl<R: Real, I: SliceIndex<[ScalarRow<R>]>> Index<I> for ScalarRows<R> {
+    type Output = I::Output;
+
+    #[inline(always)]
+    fn index(&self, i: I) -> &I::Output {
+        &self.rows[i]
+    }
+}
+
+impl<R: Real, I: SliceIndex<[ScalarRow<R>]>> IndexMut<I> for ScalarRows<R> {
+    #[inline(always)]
+    fn index_mut(&mut self, i: I) -> &mut I::Output {
+        &mut self.rows[i]
+    }
+}

@@ -1,0 +1,224 @@
+//! Contacts with sliding friction: the 3 x 3 block of G, prepared once, and the exact solution of one contact's own Coulomb problem.
+
+use crate::cone::{masked, norm2};
+use crate::constraints::friction::{FrictionContact, FrictionContacts, LocalSolver, MAX_NEWTON, NaturalStep, least_tangent, near};
+use crate::lane_map::LaneMap;
+use stepper_real::{Mask, Real, Scalar};
+
+/// Contact with sliding friction: rows (n, t1, t2).
+pub type SlidingContact<R> = FrictionContact<R, 3, SlidingSolver<R>>;
+
+/// Contacts with sliding friction.
+pub type SlidingContacts<R> = FrictionContacts<R, 3, SlidingSolver<R>>;
+
+/// Solver of one contact with sliding friction, in closed form but for one scalar equation.
+///
+/// With the normal impulse eliminated, the tangential problem is `A lambda_t + c = -s lambda_t`, where
+/// `A = G_tt - G_tn G_nt / G_nn`. It is solved in the principal axes of A, where it is two independent scalar equations coupled by s.
+#[derive(Clone, Debug)]
+pub struct SlidingSolver<R: Real> {
+    /// G_nn, G_na, G_nb, G_aa, G_ab, G_bb, compliance included.
+    gram: [R; 6],
+    inv_gnn: R,
+    /// Principal axis of A: (cos, sin).
+    axis: [R; 2],
+    /// Principal values of A, bounded away from zero.
+    a: [R; 2],
+    inv_a: [R; 2],
+    /// G_tn / G_nn in the principal axes.
+    coupling: [R; 2],
+}
+
+impl<R: Real> SlidingSolver<R> {
+    /// Prepares the exact solution for the present block of G; returns its trace.
+    #[inline(always)]
+    fn prepare(&mut self) -> R {
+        let [nn, na, nb, aa, ab, bb] = self.gram;
+        let inv_gnn = R::one() / nn;
+        let trace = nn + aa + bb;
+
+        let (a11, a12, a22) = (aa - na * na * inv_gnn, ab - na * nb * inv_gnn, bb - nb * nb * inv_gnn);
+        let (mean, half) = ((a11 + a22) * R::of(0.5), (a11 - a22) * R::of(0.5));
+        let radius = norm2(half, a12);
+        let round = radius.le(R::of(<R::Scalar as Scalar>::EPSILON.to_f64()) * trace);
+        let ratio = half / R::select(round, R::one(), radius);
+        let cos = R::select(round, R::one(), ((R::one() + ratio).max(R::zero()) * R::of(0.5)).sqrt());
+        let sin = masked(round.not(), ((R::one() - ratio).max(R::zero()) * R::of(0.5)).sqrt()).copysign(a12);
+
+        let floor = least_tangent(trace);
+        let major = (mean + radius).max(floor);
+        let minor = ((a11 * a22 - a12 * a12) / major).max(floor);
+        let (ca, cb) = (na * inv_gnn, nb * inv_gnn);
+        self.inv_gnn = inv_gnn;
+        self.axis = [cos, sin];
+        self.a = [major, minor];
+        self.inv_a = [R::one() / major, R::one() / minor];
+        self.coupling = [cos * ca + sin * cb, cos * cb - sin * ca];
+        trace
+    }
+
+    /// Impulse at the s > 0 at which |lambda_t(s)| = mu lambda_n(s), in the lanes `todo`.
+    ///
+    /// A step beyond [`near`] is the last, and its error is not looked at.
+    #[inline(always)]
+    fn slip(&self, mu: R, p: [R; 2], push: R, guess: R, mut todo: R::Mask) -> Slip<R> {
+        let zero = R::zero();
+        let near = near::<R>();
+        let unbounded = R::of(f64::INFINITY);
+        let (mut lo, mut hi, mut s) = (zero, unbounded, guess);
+        for _ in 0..MAX_NEWTON {
+            let Sliding { x, n, dn, .. } = self.sliding(p, push, s);
+            let length2 = x[0] * x[0] + x[1] * x[1];
+            let length = length2.sqrt();
+            let excess = mu * n - length;
+            let low = excess.lt(zero);
+            lo = R::select(low, s, lo);
+            hi = R::select(low, hi, s);
+            // The derivative of mu n / |x| over s, times |x|^3 / mu.
+            let slope = dn * length2 + n * (x[0] * p[0] + x[1] * p[1]);
+            let newton = s - excess * length2 / (mu * slope);
+            let bisect = R::select(hi.lt(unbounded), (lo + hi) * R::of(0.5), s + s + self.a[0]);
+            let inside = newton.ge(lo).and(newton.le(hi)).and(newton.lt(unbounded));
+            s = R::select(todo, R::select(inside, newton, bisect), s);
+            todo = todo.and_not(excess.abs().le(near * length));
+            if todo.none() {
+                break;
+            }
+        }
+        // Scaling removes the error that Newton's method left, so that the impulse is on its cone.
+        let Sliding { x, n, d, .. } = self.sliding(p, push, s);
+        let n = (n / d).max(zero);
+        let length = norm2(x[0], x[1]);
+        let scale = mu * n / R::select(length.gt(zero), length, R::one());
+        Slip { x: [x[0] * scale, x[1] * scale], n, s }
+    }
+
+    /// The impulse at the multiplier s, without a division.
+    #[inline(always)]
+    fn sliding(&self, p: [R; 2], push: R, s: R) -> Sliding<R> {
+        let (d0, d1) = (self.a[0] + s, self.a[1] + s);
+        let d = d0 * d1;
+        let x = [-p[0] * d1, -p[1] * d0];
+        let n = push * d - (self.coupling[0] * x[0] + self.coupling[1] * x[1]);
+        let dn = push * (d0 + d1) + (self.coupling[0] * p[0] + self.coupling[1] * p[1]);
+        Sliding { x, n, dn, d }
+    }
+}
+
+impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
+    type Half = SlidingSolver<R::Half>;
+
+    #[inline(always)]
+    fn new(gram: &[[R; 3]; 3], exists: R::Mask) -> (Self, R) {
+        // Lanes without this contact get the identity block, so that nothing below divides by zero.
+        let [[nn, na, nb], [_, aa, ab], [_, _, bb]] = *gram;
+        let (gram, identity) = ([nn, na, nb, aa, ab, bb], [R::one(), R::zero(), R::zero(), R::one(), R::zero(), R::one()]);
+        let mut block = identity;
+        for i in 0..6 {
+            block[i] = R::select(exists, gram[i], identity[i]);
+        }
+        let mut solver = Self {
+            gram: block,
+            inv_gnn: R::one(),
+            axis: [R::one(), R::zero()],
+            a: [R::one(); 2],
+            inv_a: [R::one(); 2],
+            coupling: [R::zero(); 2],
+        };
+        let trace = solver.prepare();
+        (solver, trace)
+    }
+
+    /// Sliding is Newton's method on `mu lambda_n(s) / |lambda_t(s)| = 1`, which is linear in s when A is round and uncoupled, kept
+    /// inside a bracket; `guess` starts it.
+    #[inline(always)]
+    fn solve(&self, mu: R, v: [R; 3], lambda: [R; 3], guess: R, lanes: R::Mask) -> ([R; 3], R) {
+        let zero = R::zero();
+        let [nn, na, nb, aa, ab, bb] = self.gram;
+        let c = [
+            v[0] - (nn * lambda[0] + na * lambda[1] + nb * lambda[2]),
+            v[1] - (na * lambda[0] + aa * lambda[1] + ab * lambda[2]),
+            v[2] - (nb * lambda[0] + ab * lambda[1] + bb * lambda[2]),
+        ];
+        let closing = lanes.and(c[0].lt(zero));
+        let push = -c[0] * self.inv_gnn;
+        let (t1, t2) = (c[1] + na * push, c[2] + nb * push);
+        let [cos, sin] = self.axis;
+        let p = [cos * t1 + sin * t2, cos * t2 - sin * t1];
+
+        // Sticking is s = 0; it needs no division and no root.
+        let stick = [-p[0] * self.inv_a[0], -p[1] * self.inv_a[1]];
+        let sticking = push - (self.coupling[0] * stick[0] + self.coupling[1] * stick[1]);
+        let rubs = mu.gt(zero);
+        let bound = (mu * sticking).max(zero);
+        let sticks = (stick[0] * stick[0] + stick[1] * stick[1]).le(bound * bound);
+        let slides = closing.and(rubs).and_not(sticks);
+        let (mut x, mut n, mut s) = (stick, R::select(rubs, sticking, push), zero);
+        if slides.any() {
+            let slip = self.slip(mu, p, push, guess, slides);
+            x = [R::select(slides, slip.x[0], x[0]), R::select(slides, slip.x[1], x[1])];
+            n = R::select(slides, slip.n, n);
+            s = masked(slides, slip.s);
+        }
+        let x = [masked(rubs, x[0]), masked(rubs, x[1])];
+        ([masked(closing, n), masked(closing, cos * x[0] - sin * x[1]), masked(closing, sin * x[0] + cos * x[1])], s)
+    }
+
+    #[inline(always)]
+    fn relax(&self, mu: R, v: [R; 3], lambda: [R; 3], _active: R::Mask) -> [R; 3] {
+        let zero = R::zero();
+        let [_, na, nb, aa, ab, bb] = self.gram;
+        let n = (lambda[0] - v[0] * self.inv_gnn).max(zero);
+        let d = n - lambda[0];
+        let half = (aa - bb) * R::of(0.5);
+        let step = R::one() / ((aa + bb) * R::of(0.5) + norm2(half, ab)).max(least_tangent(self.gram[0] + aa + bb));
+        let x = [lambda[1] - (v[1] + na * d) * step, lambda[2] - (v[2] + nb * d) * step];
+        let (length, most) = (norm2(x[0], x[1]), mu * n);
+        let scale = R::select(length.gt(most), most / R::select(length.gt(zero), length, R::one()), R::one());
+        [n, x[0] * scale, x[1] * scale]
+    }
+
+    #[inline(always)]
+    fn mobility(&self, step: &NaturalStep<R>) -> R {
+        (self.gram[0] + self.gram[3] + self.gram[5]) * step.trace_ratio * R::of(1.0 / 3.0)
+    }
+
+    #[inline(always)]
+    fn damp(&mut self, compliance: R, step: &mut NaturalStep<R>) {
+        for k in [0, 3, 5] {
+            self.gram[k] += compliance;
+        }
+        *step = NaturalStep::of_trace::<3>(self.prepare()).with_trace_ratio(step.trace_ratio);
+    }
+
+    #[inline(always)]
+    fn gather(&self, map: &LaneMap) -> SlidingSolver<R::Half> {
+        SlidingSolver {
+            gram: map.gather_array(&self.gram),
+            inv_gnn: map.gather(self.inv_gnn),
+            axis: map.gather_array(&self.axis),
+            a: map.gather_array(&self.a),
+            inv_a: map.gather_array(&self.inv_a),
+            coupling: map.gather_array(&self.coupling),
+        }
+    }
+}
+
+/// Impulse of a sliding contact at some multiplier s, times d.
+struct Sliding<R: Real> {
+    /// Tangential impulse in the principal axes of A; its derivative over s is -p.
+    x: [R; 2],
+    /// Normal impulse.
+    n: R,
+    /// Derivative of the normal impulse over s.
+    dn: R,
+    /// det(A + s).
+    d: R,
+}
+
+/// Solution of a sliding contact: tangential impulse in the principal axes of A, normal impulse, multiplier of the friction disc.
+struct Slip<R: Real> {
+    x: [R; 2],
+    n: R,
+    s: R,
+}

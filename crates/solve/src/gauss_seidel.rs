@@ -1,0 +1,95 @@
+//! Projected Gauss-Seidel with the exact solution of every contact's own problem, and Anderson's acceleration: the fast solver.
+//!
+//! Rows are visited in a fixed order; each takes the impulse that solves it while the others stand. A lane stops when its residual
+//! meets the tolerance, and from then on its mask keeps every one of its bits.
+
+mod acceleration;
+mod compaction;
+pub(crate) mod history;
+mod sweep;
+
+use crate::gauss_seidel::acceleration::{recompute_w, reset_history};
+use crate::gauss_seidel::compaction::sweep_compacted;
+use crate::gauss_seidel::sweep::Progress;
+use crate::iterate::Iterate;
+use crate::problem::Problem;
+use crate::residual::residual;
+use stepper_real::{Mask, Real};
+
+/// Limits of a solve by sweeps.
+#[derive(Clone, Copy, Debug)]
+pub struct SweepSettings<R> {
+    /// Largest number of sweeps; at least one is made.
+    pub sweeps: u32,
+    /// Residual at which each lane is done, m/s.
+    pub tolerance: R,
+}
+
+/// Result of a solve by sweeps, per lane.
+#[derive(Clone, Copy, Debug)]
+pub struct SweepOutcome<R: Real> {
+    /// Residual of the impulses that were returned, m/s.
+    pub residual: R,
+    /// Number of sweeps.
+    pub sweeps: R,
+}
+
+/// Largest number of sweeps that any settings ask for. Sweeps are counted in the lanes' numbers: in 32 bits one more than this would be as
+/// many.
+const MOST_SWEEPS: u32 = 1 << 24;
+
+/// Improves the impulses of the lanes `lanes` until each meets the tolerance or the sweeps run out.
+///
+/// A lane pauses when a sweep changes no velocity by more than its threshold, which is cheap to know; when all have paused the residual is
+/// evaluated, and a lane above the tolerance continues with a lower threshold. Every lane that continues makes at least one sweep, so that
+/// there are no more rounds than sweeps.
+pub fn solve<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: SweepSettings<R>, lanes: R::Mask) -> SweepOutcome<R> {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let tolerance = settings.tolerance;
+            let mut progress = Progress::new(lanes, tolerance, settings.sweeps.clamp(1, MOST_SWEEPS));
+            iterate.solve_separate(problem, lanes);
+            let (mut worst, mut unsolved) = (R::zero(), lanes);
+            while unsolved.any() {
+                sweep_until_paused(problem, iterate, &mut progress);
+                worst = R::select(unsolved, residual(problem, iterate), worst);
+                unsolved = unsolved.and(worst.gt(tolerance)).and(progress.sweeps.lt(R::of(progress.most_sweeps)));
+                progress.running = unsolved;
+                progress.threshold = R::select(unsolved, progress.threshold * R::of(0.25), progress.threshold);
+            }
+            SweepOutcome { residual: worst, sweeps: progress.sweeps }
+        },
+    )
+}
+
+/// Improves the impulses of the lanes `lanes` until a sweep changes no velocity by more than the tolerance, or the sweeps run out: an
+/// estimate, whose residual nobody evaluates. Of `lanes`, those outside `moving` keep their impulses.
+pub fn estimate<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: SweepSettings<R>, lanes: R::Mask, moving: R::Mask) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let mut progress = Progress::new(moving, settings.tolerance, settings.sweeps);
+            iterate.solve_separate(problem, lanes);
+            if moving.any() {
+                sweep_until_paused(problem, iterate, &mut progress);
+            }
+        },
+    )
+}
+
+/// Sweeps until every lane has paused; w and the impulses agree then.
+#[inline(always)]
+fn sweep_until_paused<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, progress: &mut Progress<R>) {
+    // Lanes that paused long ago start as those that did just now.
+    reset_history(iterate);
+    while progress.running.any() {
+        if !sweep_compacted(problem, iterate, progress) {
+            progress.sweep(problem, iterate);
+        }
+    }
+    if progress.extrapolated.any() {
+        recompute_w(iterate, problem, progress.extrapolated);
+        progress.extrapolated = R::Mask::splat(false);
+    }
+}

@@ -1,0 +1,49 @@
+//! One accelerated sweep, and how far the sweeps of each lane are.
+
+use crate::cone::masked;
+use crate::constraints::SweepLanes;
+use crate::gauss_seidel::acceleration::accelerate;
+use crate::iterate::Iterate;
+use crate::problem::Problem;
+use stepper_real::{Mask, Real};
+
+/// Number of sweeps with the exact solution of every contact; lanes that are not solved by then continue with the weaker update.
+///
+/// Against limits of light joints the exact solutions of a contact can cycle. Measured on 64 humanoids under random control at 5 ms with
+/// 200 sweeps: the worst residual of a step falls from 7 m/s to 2 mm/s, and steps above 1e-6 m/s from 1.06 to 0.84 %; with the weaker
+/// update from the beginning they are 2.7 %.
+const EXACT_SWEEPS: f64 = 25.0;
+
+/// Progress of the sweeps of each lane.
+pub(super) struct Progress<R: Real> {
+    /// Lanes that have not paused.
+    pub(super) running: R::Mask,
+    /// Change of a sweep at which a lane pauses, m/s.
+    pub(super) threshold: R,
+    /// Number of sweeps made.
+    pub(super) sweeps: R,
+    /// Largest number of sweeps.
+    pub(super) most_sweeps: f64,
+    /// Lanes in which acceleration moved w and the impulses, each by a sum of its own.
+    pub(super) extrapolated: R::Mask,
+}
+
+impl<R: Real> Progress<R> {
+    /// Progress before the first sweep.
+    #[inline(always)]
+    pub(super) fn new(running: R::Mask, threshold: R, most_sweeps: u32) -> Self {
+        Self { running, threshold, sweeps: R::zero(), most_sweeps: f64::from(most_sweeps), extrapolated: R::Mask::splat(false) }
+    }
+
+    /// Sweeps once over the lanes that are running.
+    #[inline(always)]
+    pub(super) fn sweep(&mut self, problem: &Problem<R>, iterate: &mut Iterate<R>) {
+        let lanes = SweepLanes { running: self.running, exact: self.sweeps.lt(R::of(EXACT_SWEEPS)) };
+        let change = iterate.sweep(problem, lanes);
+        self.sweeps += masked(self.running, R::one());
+        self.running = self.running.and(change.gt(self.threshold)).and(self.sweeps.lt(R::of(self.most_sweeps)));
+        if self.running.any() {
+            self.extrapolated = self.extrapolated.or(accelerate(iterate, self.running));
+        }
+    }
+}

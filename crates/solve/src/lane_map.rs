@@ -1,0 +1,96 @@
+//! Lane map: which lanes of a group are gathered into half the registers, and scattered back.
+
+use stepper_real::Real;
+
+/// Sources of gathered lanes: lane i of the half holds what lane `sources[i]` of the whole held.
+#[derive(Clone, Copy, Debug)]
+pub struct LaneMap {
+    /// Source of every lane of the half; beyond the count it is lane 0, whose copy nothing reads.
+    sources: [u32; 16],
+    /// Number of gathered lanes.
+    count: usize,
+}
+
+impl LaneMap {
+    /// Map of the lanes whose bits are set, ascending.
+    #[inline(always)]
+    pub(crate) fn of(mut bits: u32) -> Self {
+        let mut map = Self { sources: [0; 16], count: 0 };
+        while bits != 0 {
+            map.sources[map.count] = bits.trailing_zeros();
+            map.count += 1;
+            bits &= bits - 1;
+        }
+        map
+    }
+
+    /// Bits of the lanes of the half that are in use.
+    #[inline(always)]
+    pub(crate) fn gathered_bits(&self) -> u32 {
+        (1 << self.count) - 1
+    }
+
+    /// Gathers one number.
+    #[inline(always)]
+    pub(crate) fn gather<R: Real>(&self, x: R) -> R::Half {
+        x.gather_lanes(&self.sources)
+    }
+
+    /// Gathers a vector.
+    #[inline(always)]
+    pub(crate) fn gather_array<R: Real, const N: usize>(&self, x: &[R; N]) -> [R::Half; N] {
+        let mut gathered = [R::Half::zero(); N];
+        for k in 0..N {
+            gathered[k] = self.gather(x[k]);
+        }
+        gathered
+    }
+
+    /// Gathers a list of vectors; `to` has room.
+    #[inline(always)]
+    pub(crate) fn gather_arrays<R: Real, const N: usize>(&self, from: &[[R; N]], to: &mut Vec<[R::Half; N]>) {
+        to.resize(from.len(), [R::Half::zero(); N]);
+        for (to, from) in to.iter_mut().zip(from) {
+            *to = self.gather_array(from);
+        }
+    }
+
+    /// Gathers a list of numbers; `to` has room.
+    #[inline(always)]
+    pub(crate) fn gather_slice<R: Real>(&self, from: &[R], to: &mut Vec<R::Half>) {
+        to.resize(from.len(), R::Half::zero());
+        for (to, &from) in to.iter_mut().zip(from) {
+            *to = self.gather(from);
+        }
+    }
+
+    /// Gathers a mask.
+    #[inline(always)]
+    pub(crate) fn gather_mask<R: Real>(&self, m: R::Mask) -> <R::Half as Real>::Mask {
+        self.gather(R::select(m, R::one(), R::zero())).gt(R::Half::zero())
+    }
+
+    /// Scatters one number into the lanes that it was gathered from.
+    #[inline(always)]
+    pub(crate) fn scatter<R: Real>(&self, from: R::Half, to: &mut R) {
+        for (i, &l) in self.sources[..self.count].iter().enumerate() {
+            to.set_lane(l as usize, from.lane(i));
+        }
+    }
+
+    /// Scatters a list of numbers.
+    #[inline(always)]
+    pub(crate) fn scatter_slice<R: Real>(&self, from: &[R::Half], to: &mut [R]) {
+        for (to, &from) in to.iter_mut().zip(from) {
+            self.scatter(from, to);
+        }
+    }
+
+    /// Scatters a mask.
+    #[inline(always)]
+    pub(crate) fn scatter_mask<R: Real>(&self, from: <R::Half as Real>::Mask, to: &mut R::Mask) {
+        let mut numbers = R::select(*to, R::one(), R::zero());
+        self.scatter(R::Half::select(from, R::Half::one(), R::Half::zero()), &mut numbers);
+        *to = numbers.gt(R::zero());
+    }
+}

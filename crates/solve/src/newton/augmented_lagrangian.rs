@@ -1,0 +1,306 @@
+//! The augmented Lagrangian: one step of the proximal method is its minimum, found by Newton's method in the space of w.
+//!
+//! With x_i = c_i lambda_i - rho_i (Y_i w + g_i + s_i) and z_i = P_K(x_i), the function whose gradient is `w - sum_i Y_i^T z_i` is convex
+//! and once differentiable; its Hessian is `I + sum_i rho_i Y_i^T DP_K Y_i`. Compliance R of a row makes `c = 1 / (1 + rho R)` and weakens
+//! rho by as much.
+//!
+//! De Saxce's s_i = mu |v_t| is held, or ("implicit") taken at the present w. Then the equation is the exact law's, its matrix is not
+//! symmetric and nothing is minimised any more, but near the answer Newton's method converges on it at once.
+
+use crate::newton::cone::{ConeRegion, inner, norm};
+use crate::newton::dense::Dense;
+use crate::newton::island::{Block, Island, add_scaled};
+use crate::newton::lane::Set;
+use crate::newton::skyline::Skyline;
+use stepper_real::Real;
+
+/// Least pivot of an implicit step: the identity less what friction may take from it (Painleve's paradox takes all).
+const LEAST_PIVOT: f64 = 1e-3;
+
+/// Augmented Lagrangian at one w, and Newton's method on it.
+#[derive(Clone, Debug, Default)]
+pub(super) struct AugmentedLagrangian {
+    /// Ratio kappa of rho_i to the step of the natural map.
+    pub(super) kappa: f64,
+    /// De Saxce's term of every block, m/s, where it is held.
+    pub(super) slip: Vec<f64>,
+    /// z of every row, N s.
+    pub(super) z: Vec<f64>,
+    /// Velocities Y w + g.
+    v: Vec<f64>,
+    x: Vec<f64>,
+    /// Y direction.
+    dv: Vec<f64>,
+    gradient: Vec<f64>,
+    direction: Vec<f64>,
+    trial: Vec<f64>,
+    /// Product rho DP Y of a block.
+    product: Vec<f64>,
+    /// Part of its tangential rows along t.
+    radial: Vec<f64>,
+    /// Length of the longest row, with its fellows in a block.
+    longest: f64,
+    matrix: Skyline,
+    /// The matrix of an implicit step where the skyline has pivots that are too small.
+    dense: Dense,
+}
+
+impl AugmentedLagrangian {
+    /// Prepares the workspace for an island.
+    pub(super) fn reset(&mut self, rows: &Island) {
+        self.matrix.reset(rows.w.len());
+        for block in &rows.blocks {
+            self.matrix.reserve(&block.span);
+        }
+        self.matrix.complete_pattern();
+        self.longest = rows.blocks.iter().fold(0.0, |most: f64, block| most.max(block.rows.len() as f64 / block.rho)).sqrt();
+        for room in [&mut self.z, &mut self.x, &mut self.trial] {
+            room.clear();
+            room.resize(rows.g.len(), 0.0);
+        }
+    }
+
+    /// Evaluates impulses and gradient at w; returns a bound of the velocities that the gradient is in the rows, m/s.
+    pub(super) fn evaluate(&mut self, rows: &Island, implicit: bool) -> f64 {
+        rows.multiply(&rows.w, &mut self.v);
+        for (v, g) in self.v.iter_mut().zip(&rows.g) {
+            *v += g;
+        }
+        self.project(rows, implicit);
+        self.compute_gradient(rows)
+    }
+
+    /// Projects: x and z at the velocities v.
+    #[inline(always)]
+    fn project(&mut self, rows: &Island, implicit: bool) {
+        for (i, block) in rows.blocks.iter().enumerate() {
+            let own = block.rows.clone();
+            let (scale, rho) = stiffness(block, self.kappa);
+            for k in own.clone() {
+                self.x[k] = scale * rows.lambda[k] - rho * self.v[k];
+            }
+            self.x[own.start] -= rho * if implicit { slip(block, &self.v[own.clone()]) } else { self.slip[i] };
+            project(block, &self.x[own.clone()], &mut self.z[own]);
+        }
+    }
+
+    /// Computes the gradient at w, when z is taken there.
+    #[inline(always)]
+    fn compute_gradient(&mut self, rows: &Island) -> f64 {
+        self.gradient.clone_from(&rows.w);
+        rows.add_transposed(&self.z, -1.0, &mut self.gradient);
+        self.longest * norm(&self.gradient)
+    }
+
+    /// Moves w by Newton's step, as far along it as the function falls, and evaluates there; returns what [`AugmentedLagrangian::evaluate`]
+    /// does, infinity when the matrix has no factors.
+    ///
+    /// This is nearly all of the time, so it runs with the instructions of the lanes.
+    pub(super) fn advance<R: Real>(&mut self, rows: &mut Island, implicit: bool) -> f64 {
+        R::vectorize(
+            #[inline(always)]
+            || self.step(rows, implicit),
+        )
+    }
+
+    #[inline(always)]
+    fn step(&mut self, rows: &mut Island, implicit: bool) -> f64 {
+        self.matrix.set_identity();
+        for block in &rows.blocks {
+            if self.compute_curvature(rows, block, implicit) {
+                let y = &rows.y[block.y.clone()];
+                self.matrix.add_product(&block.span, y, &self.product, !implicit);
+            }
+        }
+        let least = if implicit { LEAST_PIVOT } else { 0.0 };
+        let factored = self.matrix.factor(least, !implicit);
+        self.direction.clear();
+        self.direction.extend(self.gradient.iter().map(|g| -g));
+        if factored {
+            self.matrix.solve(&mut self.direction);
+        } else if implicit && rows.w.len() <= LARGEST_DENSE && self.factor_dense(rows) {
+            self.dense.solve(&mut self.direction);
+        } else {
+            return f64::INFINITY;
+        }
+        rows.multiply(&self.direction, &mut self.dv);
+        if !implicit {
+            let length = self.search_line(rows);
+            self.move_along(rows, length);
+            self.project(rows, implicit);
+            return self.compute_gradient(rows);
+        }
+        // Where the full step makes it worse, half of it, and half again.
+        let before = self.longest * norm(&self.gradient);
+        let mut length = 1.0;
+        self.move_along(rows, length);
+        loop {
+            self.project(rows, implicit);
+            let error = self.compute_gradient(rows);
+            if error < before || length <= LEAST_LENGTH {
+                return error;
+            }
+            length *= 0.5;
+            self.move_along(rows, -length);
+        }
+    }
+
+    /// Factorises an implicit step's matrix with pivoting; false when it has no factors.
+    #[inline(always)]
+    fn factor_dense(&mut self, rows: &Island) -> bool {
+        self.dense.set_identity(rows.w.len());
+        for block in &rows.blocks {
+            if self.compute_curvature(rows, block, true) {
+                let y = &rows.y[block.y.clone()];
+                self.dense.add_product(block.span.start, block.span.len(), y, &self.product);
+            }
+        }
+        self.dense.factor()
+    }
+
+    /// Moves w and v by a step length along the direction.
+    #[inline(always)]
+    fn move_along(&mut self, rows: &mut Island, length: f64) {
+        add_scaled(&mut rows.w, length, &self.direction);
+        for (v, d) in self.v.iter_mut().zip(&self.dv) {
+            *v += length * d;
+        }
+    }
+
+    /// Computes rho DP Y of a block into `product`, row by row; false when it is zero. Implicit, DP is multiplied by the derivative of v +
+    /// s: `I + e_n (0, mu v_t / |v_t|)`.
+    #[inline(always)]
+    fn compute_curvature(&mut self, rows: &Island, block: &Block, implicit: bool) -> bool {
+        let (_, rho) = stiffness(block, self.kappa);
+        let (x, v) = (&self.x[block.rows.clone()], &self.v[block.rows.clone()]);
+        let (n, y) = (block.span.len(), &rows.y[block.y.clone()]);
+        let out = &mut self.product;
+        out.clear();
+        let mu = match block.set {
+            Set::Interval { lo, hi } => {
+                let free = x[0] > lo && x[0] < hi;
+                if free {
+                    out.extend(y.iter().map(|y| rho * y));
+                }
+                return free;
+            }
+            Set::Cone { mu } => mu,
+        };
+        let tangent = norm(&x[1..]);
+        let case = ConeRegion::of(x[0], tangent, mu);
+        if let ConeRegion::Zero = case {
+            return false;
+        }
+        out.extend(y.iter().map(|y| rho * y));
+        let (normal, tangents) = out.split_at_mut(n);
+        let speed = norm(&v[1..]);
+        if implicit && speed > 0.0 {
+            for (row, v) in tangents.chunks_exact(n).zip(&v[1..]) {
+                add_scaled(normal, mu * v / speed, row);
+            }
+        }
+        // DP = b b^T / (1 + mu^2) + (mu height / |x_t|) (I - t t^T), with t = x_t / |x_t| and b = (1, mu t).
+        if let ConeRegion::Surface { height } = case {
+            let inverse = if tangent > 0.0 { 1.0 / tangent } else { 0.0 };
+            let shrink = mu * height * inverse;
+            let radial = &mut self.radial;
+            radial.clear();
+            radial.resize(n, 0.0);
+            for (row, x) in tangents.chunks_exact(n).zip(&x[1..]) {
+                add_scaled(radial, x * inverse, row);
+            }
+            for (normal, radial) in normal.iter_mut().zip(radial.iter_mut()) {
+                *normal = (*normal + mu * *radial) / (1.0 + mu * mu);
+                *radial = mu * *normal - shrink * *radial;
+            }
+            for (row, x) in tangents.chunks_exact_mut(n).zip(&x[1..]) {
+                let t = x * inverse;
+                for (y, radial) in row.iter_mut().zip(radial.iter()) {
+                    *y = shrink * *y + t * radial;
+                }
+            }
+        }
+        true
+    }
+
+    /// Step length of the line search: where the slope is a hundredth of what it was, by regula falsi (Illinois); 1 if that will do.
+    #[inline(always)]
+    fn search_line(&mut self, rows: &Island) -> f64 {
+        let start = inner(&self.gradient, &self.direction);
+        let mut end = self.slope(rows, 1.0);
+        if end <= 0.1 * start.abs() || start >= 0.0 {
+            return 1.0;
+        }
+        let ([mut low, mut high], mut begin, mut length) = ([0.0, 1.0], start, 1.0);
+        for _ in 0..MOST_POINTS {
+            length = low - begin * (high - low) / (end - begin);
+            let slope = self.slope(rows, length);
+            if slope.abs() <= 0.01 * start.abs() {
+                return length;
+            }
+            if slope < 0.0 {
+                (low, begin, end) = (length, slope, 0.5 * end);
+            } else {
+                (high, end, begin) = (length, slope, 0.5 * begin);
+            }
+        }
+        // As far as the function is known to fall all the length.
+        if low > 0.0 { low } else { length }
+    }
+
+    /// Slope of the function at a step length.
+    #[inline(always)]
+    fn slope(&mut self, rows: &Island, length: f64) -> f64 {
+        let mut slope = rows.w.iter().zip(&self.direction).fold(0.0, |sum, (w, d)| sum + (w + length * d) * d);
+        for block in &rows.blocks {
+            let (_, rho) = stiffness(block, self.kappa);
+            let own = block.rows.clone();
+            for i in own.clone() {
+                self.trial[i] = self.x[i] - length * rho * self.dv[i];
+            }
+            project(block, &self.trial[own.clone()], &mut self.z[own.clone()]);
+            slope -= inner(&self.z[own.clone()], &self.dv[own]);
+        }
+        slope
+    }
+}
+
+/// Largest island whose matrix is factorised with pivoting where it has to be: 64 coordinates take some 50 microseconds.
+const LARGEST_DENSE: usize = 64;
+/// Least step length of an implicit step.
+const LEAST_LENGTH: f64 = 0.125;
+/// Largest number of points of a line search.
+const MOST_POINTS: usize = 30;
+
+/// Scale c and step rho of a block.
+#[inline(always)]
+fn stiffness(block: &Block, kappa: f64) -> (f64, f64) {
+    let rho = kappa * block.rho;
+    let scale = 1.0 / (1.0 + rho * block.compliance);
+    (scale, rho * scale)
+}
+
+/// De Saxce's term mu |v_t| of a block with velocities v.
+#[inline(always)]
+pub(super) fn slip(block: &Block, v: &[f64]) -> f64 {
+    match block.set {
+        Set::Interval { .. } => 0.0,
+        Set::Cone { mu } => mu * norm(&v[1..]),
+    }
+}
+
+/// z = P_K(x).
+#[inline(always)]
+fn project(block: &Block, x: &[f64], z: &mut [f64]) {
+    match block.set {
+        Set::Interval { lo, hi } => z[0] = x[0].max(lo).min(hi),
+        Set::Cone { mu } => {
+            let tangent = norm(&x[1..]);
+            let (height, scale) = ConeRegion::of(x[0], tangent, mu).image(x[0], tangent, mu);
+            z[0] = height;
+            for (z, x) in z[1..].iter_mut().zip(&x[1..]) {
+                *z = x * scale;
+            }
+        }
+    }
+}

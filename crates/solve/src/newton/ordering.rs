@@ -1,0 +1,147 @@
+//! Islands, and an order of the coordinates that keeps the skyline low.
+//!
+//! Rows join the coordinates that they touch. What they join is an island; within it the reverse Cuthill-McKee order (Cuthill & McKee 1969,
+//! George 1971) from an end of the island puts joined coordinates side by side. The graph is never made: from a coordinate the search goes
+//! to its rows, and from them to their coordinates.
+
+use crate::newton::lane::Lane;
+
+/// Number of a coordinate that has none yet.
+const NONE: u32 = u32::MAX;
+
+/// Islands of one lane's rows. Coordinates without rows belong to none.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Islands {
+    /// Parent of every coordinate in the forest of the union.
+    parent: Vec<u32>,
+    /// Island of every root.
+    name: Vec<u32>,
+    /// Island of every block.
+    pub(super) of_block: Vec<u32>,
+    /// Number of islands.
+    pub(super) count: usize,
+}
+
+impl Islands {
+    /// Finds the islands, numbered in the order of their first blocks.
+    pub(super) fn find(&mut self, lane: &Lane) {
+        self.parent.clear();
+        self.parent.extend(0..lane.w.len() as u32);
+        for block in &lane.blocks {
+            let support = lane.support(block);
+            for pair in support.windows(2) {
+                let (a, b) = (self.root(pair[0]), self.root(pair[1]));
+                // The smaller index is the root, whatever the order of the rows.
+                self.parent[a.max(b) as usize] = a.min(b);
+            }
+        }
+        self.name.clear();
+        self.name.resize(lane.w.len(), NONE);
+        self.of_block.clear();
+        self.count = 0;
+        for block in &lane.blocks {
+            let root = self.root(lane.support(block)[0]) as usize;
+            if self.name[root] == NONE {
+                self.name[root] = self.count as u32;
+                self.count += 1;
+            }
+            self.of_block.push(self.name[root]);
+        }
+    }
+
+    fn root(&mut self, mut c: u32) -> u32 {
+        while self.parent[c as usize] != c {
+            let above = self.parent[self.parent[c as usize] as usize];
+            self.parent[c as usize] = above;
+            c = above;
+        }
+        c
+    }
+}
+
+/// Order of the coordinates of an island, with the workspace that finds it.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Ordering {
+    /// Coordinates in their new order.
+    pub(super) coordinates: Vec<u32>,
+    /// New number of every coordinate; meaningless for those of other islands.
+    pub(super) number: Vec<u32>,
+    /// Blocks of every coordinate, one list after the other.
+    blocks: Vec<u32>,
+    /// Start of each list.
+    begin: Vec<u32>,
+    seen: Vec<bool>,
+}
+
+impl Ordering {
+    /// Lists the blocks of every coordinate, for all islands at once.
+    pub(super) fn list_blocks(&mut self, lane: &Lane) {
+        let n = lane.w.len();
+        self.begin.clear();
+        self.begin.resize(n + 2, 0);
+        for &c in lane.supports() {
+            self.begin[c as usize + 2] += 1;
+        }
+        for c in 2..n + 2 {
+            self.begin[c] += self.begin[c - 1];
+        }
+        self.blocks.clear();
+        self.blocks.resize(lane.supports().len(), 0);
+        for (i, block) in lane.blocks.iter().enumerate() {
+            for &c in lane.support(block) {
+                let at = &mut self.begin[c as usize + 1];
+                self.blocks[*at as usize] = i as u32;
+                *at += 1;
+            }
+        }
+        self.coordinates.clear();
+        self.number.clear();
+        self.number.resize(n, NONE);
+    }
+
+    fn blocks_of(&self, c: u32) -> std::ops::Range<usize> {
+        self.begin[c as usize] as usize..self.begin[c as usize + 1] as usize
+    }
+
+    /// Orders the island that the block `any` is in.
+    pub(super) fn order_island(&mut self, lane: &Lane, any: usize) {
+        self.search(lane, lane.support(&lane.blocks[any])[0]);
+        // From the end that is farthest, twice, so that the levels are narrow.
+        for _ in 0..2 {
+            let last = *self.coordinates.last().expect("a block has coordinates");
+            self.search(lane, last);
+        }
+        self.coordinates.reverse();
+        for (i, &c) in self.coordinates.iter().enumerate() {
+            self.number[c as usize] = i as u32;
+        }
+    }
+
+    /// Numbers the coordinates breadth first from `start`: of the rows of a coordinate, those with fewer coordinates first.
+    fn search(&mut self, lane: &Lane, start: u32) {
+        self.seen.clear();
+        self.seen.resize(lane.blocks.len(), false);
+        for &c in &self.coordinates {
+            self.number[c as usize] = NONE;
+        }
+        self.coordinates.clear();
+        self.coordinates.push(start);
+        self.number[start as usize] = 0;
+        let mut next = 0;
+        while let Some(&c) = self.coordinates.get(next) {
+            next += 1;
+            for place in self.blocks_of(c) {
+                let b = self.blocks[place] as usize;
+                if std::mem::replace(&mut self.seen[b], true) {
+                    continue;
+                }
+                for &c in lane.support(&lane.blocks[b]) {
+                    if self.number[c as usize] == NONE {
+                        self.number[c as usize] = 0;
+                        self.coordinates.push(c);
+                    }
+                }
+            }
+        }
+    }
+}

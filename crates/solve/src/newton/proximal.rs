@@ -1,0 +1,224 @@
+//! The outer loop: proximal steps of one island, from its warm start to the tolerance.
+//!
+//! With De Saxce's terms held the problem is convex, and proximal steps converge on it whatever it is, if it has an answer: after k of them
+//! the residual is at most the distance from the first impulses to the nearest answer, over kappa and the root of k (Rockafellar 1976,
+//! theorem 1; Guler 1991, theorem 2.1). Rows that are nearly multiples of others have answers that are far away, so kappa grows until the
+//! residual falls by a factor at every step. What bounds kappa is rounding, see [`largest_kappa`].
+//!
+//! Every loop has a bound: a search makes at most `Criteria::steps` Newton steps and as many rounds, of which each evaluates the problem at
+//! most twice besides, and it ends where a round changes nothing.
+
+use crate::newton::anderson::Anderson;
+use crate::newton::augmented_lagrangian::{AugmentedLagrangian, slip};
+use crate::newton::island::Island;
+use stepper_real::Real;
+
+/// Ratios kappa of the first proximal step, which corrects what sweeps left, and of the others.
+///
+/// Measured on 1,202 problems that sweeps left of humanoids: beginning with 10 or with 1e5 takes 10 to 20 % more Newton steps; 1e4 and 1e6
+/// at the end as many, 1e7 twice as many.
+const KAPPA: [f64; 2] = [1e3, 1e5];
+/// Largest kappa, where proximal steps are too short (mass ratios beyond 1e5, rows that are nearly multiples of others): the matrix is the
+/// identity and some kappa of it, and what is left of the identity after rounding is still above zero.
+const MOST_KAPPA: f64 = 1e12;
+/// Least kappa, however tight the tolerance.
+const LEAST_KAPPA: f64 = 1e2;
+
+/// Number of steps of a try of the exact law that need not lower its error.
+const PATIENCE: u32 = 3;
+
+/// Criteria at which a search stops.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Criteria {
+    /// Residual that is enough, m/s.
+    pub(super) tolerance: f64,
+    /// Largest number of Newton steps, and of rounds of the outer loop.
+    pub(super) steps: u32,
+    /// Whether, of many possible impulses, those of least norm are sought, instead of those near the start.
+    pub(super) least_norm: bool,
+}
+
+/// Proximal-point method on one island: its workspace and its progress.
+#[derive(Clone, Debug, Default)]
+pub(super) struct ProximalPoint {
+    lagrangian: AugmentedLagrangian,
+    anderson: Anderson,
+    v: Vec<f64>,
+    image: Vec<f64>,
+    /// Answer with the least residual.
+    best: Answer,
+    /// Answer before an implicit try.
+    before: Answer,
+    /// Residual of the last impulses.
+    now: f64,
+    steps: u32,
+    /// Number of rounds of the outer loop in the last search.
+    pub(super) rounds: u32,
+}
+
+/// Impulses with their w and residual.
+#[derive(Clone, Debug, Default)]
+struct Answer {
+    lambda: Vec<f64>,
+    w: Vec<f64>,
+    residual: f64,
+}
+
+impl Answer {
+    fn save(&mut self, rows: &Island, residual: f64) {
+        self.lambda.clone_from(&rows.lambda);
+        self.w.clone_from(&rows.w);
+        self.residual = residual;
+    }
+
+    fn restore(&self, rows: &mut Island) {
+        rows.lambda.clone_from(&self.lambda);
+        rows.w.clone_from(&self.w);
+    }
+}
+
+impl ProximalPoint {
+    /// Improves `rows`; returns the Newton steps that it took. What it leaves is never worse than what it found, unless those of least
+    /// norm are sought.
+    pub(super) fn solve<R: Real>(&mut self, rows: &mut Island, criteria: Criteria) -> u32 {
+        self.lagrangian.reset(rows);
+        (self.steps, self.rounds) = (0, 0);
+        self.now = rows.residual(&mut self.v);
+        self.best.save(rows, self.now);
+        self.reset_slip(rows);
+        let mut most = largest_kappa(&self.lagrangian.slip, criteria.tolerance);
+        let mut kappa = KAPPA[0].min(most);
+        if criteria.least_norm {
+            // A proximal step from zero; the search for it begins at the motion that is known.
+            rows.lambda.fill(0.0);
+            self.best.residual = f64::INFINITY;
+            kappa = kappa.max(KAPPA[1].min(most));
+        }
+        let mut implicit_kappa = kappa;
+        // A try of the exact law that fails makes the next one rounds_to_try twice as long and begin with a smaller kappa; one that
+        // succeeds is a proximal step that the next one lengthens, also where its residual has not fallen: what has friction need not fall
+        // all the way.
+        let (mut rounds_to_try, mut next_wait) = (1, 1);
+        // Kappa at which the matrix had no factors.
+        let mut broken = f64::INFINITY;
+        while self.steps < criteria.steps && self.rounds < criteria.steps && self.best.residual > criteria.tolerance && self.now.is_finite()
+        {
+            self.rounds += 1;
+            if rounds_to_try == 0 {
+                self.lagrangian.kappa = implicit_kappa;
+                let last = self.now;
+                if self.try_implicit::<R>(rows, criteria) && (self.now < 0.9 * last || implicit_kappa < KAPPA[1].min(most)) {
+                    implicit_kappa = (10.0 * implicit_kappa).min(KAPPA[1]).min(most);
+                    next_wait = 1;
+                    continue;
+                }
+                implicit_kappa = (implicit_kappa / 30.0).max(1.0);
+                (rounds_to_try, next_wait) = (next_wait, 2 * next_wait);
+            }
+            rounds_to_try -= 1;
+            self.lagrangian.kappa = kappa;
+            let before = self.now;
+            if !self.minimise::<R>(rows, criteria) {
+                // Again with a kappa whose matrix has factors, from the last finite answer.
+                rows.w.clone_from(&self.best.w);
+                broken = kappa;
+                kappa *= 0.01;
+                if kappa < LEAST_KAPPA {
+                    break;
+                }
+                continue;
+            }
+            let moved = self.accept_step(rows);
+            let off = self.renew_slip(rows);
+            // A residual that stays though the slips are right is left by proximal steps that are too short.
+            let short = self.now > 0.1 * before && off < 0.1 * self.now;
+            most = largest_kappa(&self.lagrangian.slip, criteria.tolerance).min(0.01 * broken);
+            let last = kappa;
+            kappa = if short { 10.0 * kappa } else { kappa }.max(KAPPA[1]).min(most);
+            if !moved && off == 0.0 && kappa == last {
+                break;
+            }
+        }
+        self.best.restore(rows);
+        self.steps
+    }
+
+    /// Sets De Saxce's terms to those at the present velocities `v`, without a history.
+    fn reset_slip(&mut self, rows: &Island) {
+        let slips = rows.blocks.iter().map(|block| slip(block, &self.v[block.rows.clone()]));
+        self.lagrangian.slip.clear();
+        self.lagrangian.slip.extend(slips);
+        self.anderson.restart(rows.blocks.len());
+    }
+
+    /// Renews De Saxce's terms; returns the largest error of the last ones, m/s.
+    fn renew_slip(&mut self, rows: &Island) -> f64 {
+        self.image.clear();
+        self.image.extend(rows.blocks.iter().map(|block| slip(block, &self.v[block.rows.clone()])));
+        let off = self.image.iter().zip(&self.lagrangian.slip).fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()));
+        self.anderson.next(&mut self.lagrangian.slip, &self.image);
+        off
+    }
+
+    /// Solves the convex problem, with De Saxce's terms held. While they are far from right it need not be exact. False when the matrix has
+    /// no factors, or numbers have grown beyond all bounds.
+    fn minimise<R: Real>(&mut self, rows: &mut Island, criteria: Criteria) -> bool {
+        let enough = 0.1 * criteria.tolerance.max(0.1 * self.now.min(1e-3));
+        let mut error = self.lagrangian.evaluate(rows, false);
+        // An error that is not a number ends it too.
+        while error > enough && error.is_finite() && self.steps < criteria.steps {
+            self.steps += 1;
+            error = self.lagrangian.advance::<R>(rows, false);
+        }
+        error.is_finite()
+    }
+
+    /// Tries a proximal step on the exact law; true when it has an answer, else nothing has changed.
+    fn try_implicit<R: Real>(&mut self, rows: &mut Island, criteria: Criteria) -> bool {
+        self.before.save(rows, self.now);
+        let mut error = self.lagrangian.evaluate(rows, true);
+        let (mut least, mut patience) = (error, PATIENCE);
+        while error > 0.1 * criteria.tolerance {
+            self.steps += 1;
+            error = self.lagrangian.advance::<R>(rows, true);
+            // Which contacts slip is found by steps that need not fall.
+            if error < 0.9 * least {
+                least = error;
+            } else if patience > 0 && error.is_finite() {
+                patience -= 1;
+            } else {
+                patience = 0;
+                least = f64::NAN;
+            }
+            if least.is_nan() || self.steps >= criteria.steps {
+                self.before.restore(rows);
+                return false;
+            }
+        }
+        self.accept_step(rows);
+        self.reset_slip(rows);
+        true
+    }
+
+    /// Accepts the impulses of the proximal step as the present ones; the best are saved. Returns whether any has changed.
+    fn accept_step(&mut self, rows: &mut Island) -> bool {
+        let moved = rows.lambda != self.lagrangian.z;
+        rows.lambda.copy_from_slice(&self.lagrangian.z);
+        rows.compute_w();
+        self.now = rows.residual(&mut self.v);
+        if self.now < self.best.residual {
+            self.best.save(rows, self.now);
+        }
+        moved
+    }
+}
+
+/// Largest kappa whose rounding leaves velocities within the tolerance.
+///
+/// Velocities of rows that push are small at the end of a proximal step, and they are sums of ever smaller changes, so that their rounding
+/// is small too, however fast the rest moves. But where a contact slips, rho times De Saxce's term cancels against mu times the length of
+/// x's tangential part: what is left has lost rho times the rounding of the slip.
+fn largest_kappa(slip: &[f64], tolerance: f64) -> f64 {
+    let fastest = slip.iter().fold(0.0, |most: f64, s| most.max(*s));
+    (0.1 * tolerance / (f64::EPSILON * fastest)).clamp(LEAST_KAPPA, MOST_KAPPA)
+}

@@ -217,6 +217,37 @@ def test_threads_that_the_system_refuses_are_an_error():
     assert re.search(r"\d+ threads cannot be started .*make threads smaller", done.stdout)
 
 
+def test_too_little_memory_is_an_error_whatever_of_it_is_too_little():
+    """From no room at all to enough of it, in processes of their own: for the state, for what actuators and for what sensors remember."""
+    code = """
+        import os, resource, sys
+        sys.path[:0] = {path!r}
+        import stepper
+        from models import stepper_model
+        model = stepper_model("dm_control/hopper")
+        actuators = stepper.ActuatorModel(default=stepper.Drive(delay=0.02, lag=0.01))
+        sensors = stepper.SensorModel(default=stepper.Transfer(noise_std=0.01, delay=0.02))
+        size = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+        for room in range(50, 1600, 75):
+            child = os.fork()
+            if not child:
+                resource.setrlimit(resource.RLIMIT_AS, (size + (room << 20),) * 2)
+                try:
+                    stepper.Stepper(model, 150_000, actuators=actuators, sensors=sensors)
+                except MemoryError:
+                    os._exit(3)
+                os._exit(0)
+            print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+    """
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(code.format(path=sys.path))], capture_output=True, text=True, timeout=300, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    ends = done.stdout.split()
+    assert set(ends) == {"0", "3"}, done.stdout + done.stderr
+    assert ends == sorted(ends, reverse=True), "more room is never worse"
+
+
 # Numbers
 
 

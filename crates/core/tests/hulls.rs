@@ -357,3 +357,12 @@ fn a_surface_that_is_not_that_of_the_hull_is_refused() {
     assert!(refused(&points, &inner), "a smaller ball");
     assert!(refused(&points, &[&surface[..], &inner].concat()), "two surfaces");
 }
+
+#[test]
+fn what_is_so_large_that_its_volume_is_not_finite_has_no_hull() {
+    let corners = |size: f64| -> Vec<V> { (0..8).map(|i| std::array::from_fn(|k| if i >> k & 1 == 1 { size } else { -size })).collect() };
+    assert_eq!(Hull::new(&corners(1e90)).unwrap().faces().len(), 6);
+    for size in [1e103, 1e120, 1e160, 1e300] {
+        assert_eq!(Hull::new(&corners(size)), Err(stepper_core::geometry::HullError::TooLarge), "{size}");
+    }
+}

@@ -40,7 +40,7 @@ impl Stepper {
         }
         if given.is_empty() && redrawn.is_none() {
             redrawn = Some(self.simulation.redrawn(None, envs).map_err(value_error)?);
-            given.extend(self.simulation.theta().fields().map(|(name, _)| (name.to_owned(), None)));
+            given.extend(self.simulation.randomization().fields().map(|(name, _)| (name.to_owned(), None)));
         }
         let assigned = given.iter().map(|(name, values)| Ok((name.parse()?, values.as_deref())));
         let assigned: Vec<(Parameter, Option<&[f64]>)> = assigned.collect::<Result<_, _>>().map_err(to_py)?;
@@ -54,7 +54,7 @@ impl Stepper {
     /// The fields that environments have of their own, by name; drives as a `stepper.ActuatorModel`.
     pub(crate) fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
-        for (name, values) in self.simulation.theta().fields() {
+        for (name, values) in self.simulation.randomization().fields() {
             let (tail, _) = self.simulation.model().field(name).expect("a field of the model");
             let values = array(py, &self.shape(&tail), values.to_vec(), Precision::F64)?;
             all.set_item(name, read_only_of_environments(values, name)?)?;

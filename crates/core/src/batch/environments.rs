@@ -16,6 +16,7 @@ use crate::batch::state::{Group, StoredContact};
 use crate::batch::worker::{BatchSlice, Query, Stepped, Worker, WorkerSpec};
 use crate::collision::contact_set::ContactId;
 use crate::compile::CompiledModel;
+use crate::error::Error;
 use crate::math::lanes::DelayLine;
 use crate::model::Model;
 use crate::options::{Solver, Stabilization, StepSettings};
@@ -71,14 +72,14 @@ pub trait Engine: Send + Sync {
     /// those of [`Engine::step`].
     fn sense(&mut self, options: &StepSettings, inputs: &StepInputs<'_>, truth: bool, out: &mut [f64]) -> Result<(), String>;
     /// Gives the sensors transfer functions, `None` to ideal ones.
-    fn set_sensor_models(&mut self, model: &Model, options: &StepSettings, transfers: &[Option<Transfer>]) -> Result<(), String>;
+    fn set_sensor_models(&mut self, model: &Model, options: &StepSettings, transfers: &[Option<Transfer>]) -> Result<(), Error>;
     /// Gives environments parameters that differ from the model's; `None` takes all of them back, from all.
     fn randomize(&mut self, envs: &[usize], differences: Option<&[Differences]>);
     /// Memory of those parameters and of the numbers of drive trains, bytes.
     fn parameter_bytes(&self) -> usize;
     /// Gives the actuators drive trains, `None` to those without; the model and the trains are what [`DriveTrain::fold`] returned. All
     /// environments are new then.
-    fn set_actuator_models(&mut self, model: &Model, options: &StepSettings, trains: &[Option<DriveTrain>]);
+    fn set_actuator_models(&mut self, model: &Model, options: &StepSettings, trains: &[Option<DriveTrain>]) -> Result<(), Error>;
     /// Gives the environments `envs` other numbers of their trains: lists of one, or one for each of these; `None` leaves a train as it is.
     fn resample_actuators(&mut self, options: &StepSettings, trains: &[Option<DriveTrain>], envs: &[usize]);
     /// What the drive trains of one environment hand on: controls, and the numbers of those that act within a step.
@@ -179,8 +180,25 @@ impl<S: Stepped> Compiled<S> {
 
     /// Memory of the state of one environment among many, bytes.
     pub fn bytes_per_env(&self) -> usize {
-        let group = Group::new(&self.compiled, &vec![S::default(); self.compiled.nq], S::LANES, 0, 0, self.max_contacts);
-        group.bytes().div_ceil(S::LANES)
+        bytes_per_env(&self.compiled, self.max_contacts)
+    }
+}
+
+fn bytes_per_env<S: Stepped>(compiled: &CompiledModel<S>, max_contacts: usize) -> usize {
+    let group = Group::new(compiled, &vec![S::default(); compiled.nq], S::LANES, 0, 0, max_contacts);
+    group.bytes().div_ceil(S::LANES)
+}
+
+/// Memory that is asked for besides what environments keep, bytes each: indices, and what a list of many parts costs.
+const BESIDES: usize = 64;
+
+/// Whether there is memory for environments that keep so many bytes each. It is asked for at once and given back: an allocation that fails piece by
+/// piece would end the process.
+pub(super) fn check_memory(num_envs: usize, bytes_per_env: usize) -> Result<(), Error> {
+    let fails = |all: usize| Vec::<u8>::new().try_reserve_exact(all).is_err();
+    match num_envs > 1 && num_envs.checked_mul(bytes_per_env + BESIDES).is_none_or(fails) {
+        true => Err(Error::Memory { num_envs, bytes_per_env }),
+        false => Ok(()),
     }
 }
 
@@ -531,8 +549,10 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
         Ok(())
     }
 
-    fn set_sensor_models(&mut self, model: &Model, options: &StepSettings, transfers: &[Option<Transfer>]) -> Result<(), String> {
-        let errors = Errors::new(model, transfers, self.num_envs, self.lanes, options.timestep)?;
+    fn set_sensor_models(&mut self, model: &Model, options: &StepSettings, transfers: &[Option<Transfer>]) -> Result<(), Error> {
+        let errors = Errors::new(model, transfers, self.num_envs, self.lanes, options.timestep).map_err(Error::Sensor)?;
+        let numbers = errors.memory + if errors.is_empty() { 0 } else { self.compiled.sensing.width };
+        check_memory(self.num_envs, numbers * size_of::<S>() + 3 * errors.lines * size_of::<usize>())?;
         self.crew = WorkerPool { idle: Mutex::new(Vec::new()), pool: None };
         for group in &mut self.groups {
             group.sensing.with_errors(errors.memory, errors.lines, if errors.is_empty() { 0 } else { self.compiled.sensing.width });
@@ -555,8 +575,12 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
         self.own.bytes() + self.chains.as_ref().map_or(0, ActuatorPipelines::bytes)
     }
 
-    fn set_actuator_models(&mut self, model: &Model, options: &StepSettings, trains: &[Option<DriveTrain>]) {
-        self.compiled = CompiledModel::with_trains(model, trains);
+    fn set_actuator_models(&mut self, model: &Model, options: &StepSettings, trains: &[Option<DriveTrain>]) -> Result<(), Error> {
+        let compiled = CompiledModel::with_trains(model, trains);
+        let some = ActuatorPipelines::<S>::new(trains, self.lanes.min(self.num_envs), self.lanes, options.timestep);
+        let numbers = (some.memory + model.nu()) * size_of::<S>() + some.lines * size_of::<usize>();
+        check_memory(self.num_envs, bytes_per_env(&compiled, self.max_contacts) + numbers + some.bytes().div_ceil(self.lanes))?;
+        self.compiled = compiled;
         self.crew = WorkerPool { idle: Mutex::new(Vec::new()), pool: None };
         self.groups = groups(model, &self.compiled, self.num_envs, self.lanes, self.max_contacts);
         let chains = ActuatorPipelines::new(trains, self.num_envs, self.lanes, options.timestep);
@@ -567,6 +591,7 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
             }
             self.chains = Some(chains);
         }
+        Ok(())
     }
 
     fn resample_actuators(&mut self, options: &StepSettings, trains: &[Option<DriveTrain>], envs: &[usize]) {

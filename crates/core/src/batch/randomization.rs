@@ -1,6 +1,6 @@
 //! Theta, environment by environment: parameters that environments have of their own.
 //!
-//! It is kept twice: as the fields that the user gave ([`ImplicitWeights`]), of which variants of the model are made; and as those numbers of the compiled model
+//! It is kept twice: as the fields that the user gave ([`Randomization`]), of which variants of the model are made; and as those numbers of the compiled model
 //! that came out other than the model's ([`Own`]), which is what a step reads.
 
 use std::collections::BTreeMap;
@@ -15,14 +15,14 @@ pub type Differences = Vec<(u32, f64)>;
 
 /// Fields of the model that environments have of their own, by name, (num_envs, numbers of the field) each.
 #[derive(Clone, Debug, Default)]
-pub struct ImplicitWeights {
+pub struct Randomization {
     fields: BTreeMap<&'static str, Vec<f64>>,
 }
 
 /// One field for some environments: its name, and rows for all environments, of which theirs are read; `None` for the model's own numbers.
 pub type Assignment<'a> = (&'static str, Option<&'a [f64]>);
 
-impl ImplicitWeights {
+impl Randomization {
     /// The fields, (num_envs, numbers of the field) each.
     pub fn fields(&self) -> impl Iterator<Item = (&'static str, &[f64])> {
         self.fields.iter().map(|(&name, values)| (name, &values[..]))

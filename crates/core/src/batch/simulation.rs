@@ -14,11 +14,11 @@ use serde::{Serialize, de::DeserializeOwned};
 use stepper_real::Level;
 
 use crate::actuation::{DriveTrain, Driven};
-use crate::batch::randomization::ImplicitWeights;
+use crate::batch::randomization::Randomization;
 use crate::batch::rollout::{Quantity, Recording};
 use crate::batch::saved_state::SavedState;
 use crate::batch::worker::Stepped;
-use crate::batch::{Batch, Compiled, Engine, Field, StepInputs, Watch};
+use crate::batch::{Batch, Compiled, Engine, Field, StepInputs, Watch, check_memory};
 use crate::compile::{CompiledModel, LaneModel};
 use crate::error::Error;
 use crate::math::precision::Precision;
@@ -36,7 +36,7 @@ pub struct Simulation {
     precision: Precision,
     digest: OnceLock<[u8; 32]>,
     compiled: OnceLock<LaneModel<f64>>,
-    theta: ImplicitWeights,
+    randomization: Randomization,
     driven: Option<Driven>,
     /// Controls in force, (num_envs, nu): those of the last step until others are given.
     ctrl: Vec<f64>,
@@ -67,11 +67,8 @@ fn engine<S: Stepped + Serialize + DeserializeOwned>(
     check: bool,
 ) -> Result<Box<dyn Engine>, Error> {
     let compiled = Compiled::<S>::new(model, settings, level);
-    let each = compiled.bytes_per_env();
-    // Asked for at once and given back: an allocation that fails piece by piece would end the process.
-    let fails = |all: usize| Vec::<u8>::new().try_reserve_exact(all).is_err();
-    if check && num_envs > 1 && num_envs.checked_mul(each).is_none_or(fails) {
-        return Err(Error::Memory { num_envs, bytes_per_env: each });
+    if check {
+        check_memory(num_envs, compiled.bytes_per_env())?;
     }
     Ok(Box::new(Batch::new(model, compiled, num_envs, num_envs == 1, threads, level)))
 }
@@ -132,7 +129,8 @@ impl Simulation {
             Precision::F64 => engine::<f64>(&model, &settings, n, threads, level, check)?,
             Precision::F32 => engine::<f32>(&model, &settings, n, threads, level, check)?,
         };
-        let (compiled, theta, ctrl, truth) = (OnceLock::new(), ImplicitWeights::default(), vec![0.0; n * model.nu()], Truth::default());
+        let (compiled, randomization, ctrl, truth) =
+            (OnceLock::new(), Randomization::default(), vec![0.0; n * model.nu()], Truth::default());
         let mut simulation = Self {
             model,
             options,
@@ -142,7 +140,7 @@ impl Simulation {
             precision,
             digest: OnceLock::new(),
             compiled,
-            theta,
+            randomization,
             driven: None,
             ctrl,
             truth,
@@ -507,31 +505,33 @@ impl Simulation {
     /// Gives the sensors transfer functions, one entry for every sensor, `None` for ideal ones.
     ///
     /// # Errors
-    /// [`Error::Count`] when there is not one for every sensor, [`Error::Sensor`] for a number out of its range, with the sensor's name.
+    /// [`Error::Count`] when there is not one for every sensor, [`Error::Sensor`] for a number out of its range, with the sensor's name;
+    /// [`Error::Memory`] when there is no room for what the sensors of all environments remember.
     pub fn set_sensor_models(&mut self, transfers: &[Option<Transfer>]) -> Result<(), Error> {
         let (found, must) = (transfers.len(), self.model.sensors.len());
         if found != must {
             return Err(Error::Count { name: "transfers", found, must, element: "sensor" });
         }
         self.truth.known = false;
-        self.engine.set_sensor_models(&self.model, &self.settings, transfers).map_err(Error::Sensor)
+        self.engine.set_sensor_models(&self.model, &self.settings, transfers)
     }
 
     /// Gives the actuators drive trains, one entry for every actuator, `None` to those without. All environments are reset.
     ///
     /// # Errors
     /// [`Error::Count`] when there is not one for every actuator; [`Error::DrivesAfterParameters`] when environments have parameters of their own;
-    /// [`Error::Actuator`] for a number out of its range, or what an actuator cannot have, with the actuator's name.
+    /// [`Error::Actuator`] for a number out of its range, or what an actuator cannot have, with the actuator's name; [`Error::Memory`] when there
+    /// is no room for what the actuators of all environments remember.
     pub fn set_actuator_models(&mut self, trains: &[Option<DriveTrain>]) -> Result<(), Error> {
         let (found, must) = (trains.len(), self.model.nu());
         if found != must {
             return Err(Error::Count { name: "drives", found, must, element: "actuator" });
         }
-        if !self.theta.is_empty() {
+        if !self.randomization.is_empty() {
             return Err(Error::DrivesAfterParameters);
         }
         let driven = Driven::new(&self.model, trains, self.num_envs, self.settings.timestep).map_err(Error::Actuator)?;
-        self.engine.set_actuator_models(&driven.model, &self.settings, &driven.trains);
+        self.engine.set_actuator_models(&driven.model, &self.settings, &driven.trains)?;
         (self.compiled, self.driven) = (OnceLock::new(), Some(driven));
         (0..self.num_envs).for_each(|env| self.reset(env));
         Ok(())

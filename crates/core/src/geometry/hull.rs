@@ -31,6 +31,9 @@ pub enum HullError {
     /// Not finite.
     #[error("a coordinate is not finite")]
     NotFinite,
+    /// So large that its volume is not finite.
+    #[error("its volume is not finite")]
+    TooLarge,
     /// The surface that was given for that of their hull is another.
     #[error("the surface kept as its convex hull is not that of its vertices")]
     OtherSurface,
@@ -117,12 +120,18 @@ impl Hull {
         let points: Vec<V> = corners.iter().map(|&v| points[v as usize]).collect();
         let (volume, area, centre) = volume(&points, &triangles);
         let bound = points.iter().map(|p| norm(sub(*p, centre))).fold(0.0, f64::max);
-        if volume <= 0.0 || volume.is_nan() {
+        if !(volume.is_finite() && area.is_finite() && bound.is_finite()) {
+            return Err(HullError::TooLarge);
+        }
+        if volume <= 0.0 {
             return Err(HullError::Flat);
         }
         // A ball within it has no larger radius than 3 volume / area.
         let thickness = 3.0 * volume / area;
         let faces = merge(&points, &triangles, beside, (COPLANAR * bound).min(COPLANAR_THICKNESS * thickness));
+        if faces.len() < 4 {
+            return Err(HullError::Flat);
+        }
         let mut around = vec![vec![]; points.len()];
         for (f, face) in faces.iter().enumerate() {
             face.vertices.iter().for_each(|&v| around[v as usize].push(f as u32));

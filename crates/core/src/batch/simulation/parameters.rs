@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use crate::actuation::{DriveTrain, Driven, Redrawn};
-use crate::batch::randomization::{Assignment, Differences, ImplicitWeights};
+use crate::batch::randomization::{Assignment, Differences, Randomization};
 use crate::batch::simulation::{Error, Simulation};
 use crate::compile::LaneModel;
 use crate::math::precision::Precision;
@@ -21,13 +21,13 @@ impl Simulation {
     pub fn randomize(&mut self, assigned: &[(Parameter, Option<&[f64]>)], envs: &[usize]) -> Result<(), Error> {
         self.check_envs(envs)?;
         let assigned = assigned.iter().map(|&(parameter, values)| self.assignment(parameter, values)).collect::<Result<Vec<_>, _>>()?;
-        if self.theta.ends_with(&assigned, envs.len() == self.num_envs) {
-            self.theta = ImplicitWeights::default();
+        if self.randomization.ends_with(&assigned, envs.len() == self.num_envs) {
+            self.randomization = Randomization::default();
             self.engine_mut().randomize(envs, None);
             return Ok(());
         }
         let differences = self.differences(&assigned, envs)?;
-        self.theta.assign(&self.model, self.num_envs, &assigned, envs);
+        self.randomization.assign(&self.model, self.num_envs, &assigned, envs);
         self.engine_mut().randomize(envs, Some(&differences));
         Ok(())
     }
@@ -72,7 +72,7 @@ impl Simulation {
 
     fn differences(&self, assigned: &[Assignment<'_>], envs: &[usize]) -> Result<Vec<Differences>, ModelError> {
         let Some(Driven { trains, .. }) = &self.driven else {
-            return self.theta.differences(&self.model, self.compiled(), None, assigned, envs);
+            return self.randomization.differences(&self.model, self.compiled(), None, assigned, envs);
         };
         let driven = |variant: &Model| {
             let mut variant = variant.clone();
@@ -81,7 +81,7 @@ impl Simulation {
             let folded = DriveTrain::fold(&variant, trains, self.num_envs, self.settings.timestep);
             folded.expect("drive trains were checked with the model, and a variant has its structure").0
         };
-        self.theta.differences(&self.model, self.compiled(), Some(&driven), assigned, envs)
+        self.randomization.differences(&self.model, self.compiled(), Some(&driven), assigned, envs)
     }
 
     fn assignment<'a>(&self, parameter: Parameter, values: Option<&'a [f64]>) -> Result<Assignment<'a>, Error> {
@@ -98,13 +98,13 @@ impl Simulation {
     }
 
     /// Numbers that environments have of their own.
-    pub fn theta(&self) -> &ImplicitWeights {
-        &self.theta
+    pub fn randomization(&self) -> &Randomization {
+        &self.randomization
     }
 
     /// Memory of parameters that environments have of their own, and of the numbers of drive trains, bytes.
     pub fn parameter_bytes(&self) -> usize {
-        self.theta.bytes() + self.engine.parameter_bytes() + self.driven.as_ref().map_or(0, Driven::bytes)
+        self.randomization.bytes() + self.engine.parameter_bytes() + self.driven.as_ref().map_or(0, Driven::bytes)
     }
 
     /// The compiled model of one environment, in f64.
@@ -115,7 +115,7 @@ impl Simulation {
     pub fn plan_of(&self, env: usize) -> Cow<'_, LaneModel<f64>> {
         self.assert_env(env);
         let shared = self.compiled();
-        if self.theta.is_empty() {
+        if self.randomization.is_empty() {
             return Cow::Borrowed(shared);
         }
         let own = self.differences(&[], &[env]).expect("checked when it was assigned");

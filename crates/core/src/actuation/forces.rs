@@ -124,7 +124,7 @@ pub struct Drive<R: Real> {
     pub(super) regions: Vec<Region<R>>,
     /// Whether the regions of this step are still to be found.
     pub(crate) fresh: bool,
-    /// What drive trains lose, see [`crate::constraints::Moment::losses`].
+    /// What drive trains lose, see [`crate::constraints::AssemblyInput::losses`].
     pub losses: Vec<[R; 2]>,
 }
 

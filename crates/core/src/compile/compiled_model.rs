@@ -27,7 +27,7 @@ pub struct CompiledModel<S: Scalar> {
     pub na: usize,
     /// Number of kinematic trees.
     pub ntree: usize,
-    /// The model's own parameters; environments may have others, see [`LaneModel`].
+    /// The model's own parameters; environments may have others, see [`LaneModel`](crate::compile::LaneModel).
     pub params: Params<S>,
     /// Velocity of the medium, m/s.
     pub wind: [S; 3],

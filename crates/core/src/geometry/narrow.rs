@@ -58,7 +58,7 @@ impl Narrow {
     }
 }
 
-/// Finds the contact points of two convex shapes that are within reach (m) of each other: at most [`MAX_POINTS`], in the world, normals
+/// Finds the contact points of two convex shapes that are within reach (m) of each other: at most [`MAX_POINTS`](crate::geometry::MAX_POINTS), in the world, normals
 /// from the first to the second, ascending by feature.
 ///
 /// `out` is empty exactly if the shapes are further apart than that.

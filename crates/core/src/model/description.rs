@@ -11,7 +11,7 @@ use crate::model::tendon::Tendon;
 
 /// A scene before it is checked: bodies in a tree, their joints, shapes, actuators and sensors. Body 0 is the world.
 ///
-/// [`ModelBuilder`] is the convenient way to a model. A description is for readers of files, and for edits that the builder does not know.
+/// [`ModelBuilder`](crate::model::ModelBuilder) is the convenient way to a model. A description is for readers of files, and for edits that the builder does not know.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Description {
     /// Name of the scene; may be empty.

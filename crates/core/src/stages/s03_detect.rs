@@ -6,7 +6,7 @@
 //! Fast bodies and thin ones: a gap that is seen at the beginning of a step is a row, however fast it closes, so a body stops before the wall.
 //! Taken in the middle of the step the body may be beyond it already. Environments in which a pair gets that far in the first half of the step
 //! are therefore taken at the beginning ([`detect`] returns them), and what can still slip through afterwards, because an impulse made it
-//! faster than it was looked out for or because it turns too far for a straight row, is reported ([`may_have_passed`]).
+//! faster than it was looked out for or because it turns too far for a straight row, is reported ([`may_have_passed`](crate::collision::tunnelling::may_have_passed)).
 
 use stepper_real::{Mask, Real};
 

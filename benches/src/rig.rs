@@ -213,19 +213,19 @@ impl<R: Real> Rig<R> {
     fn once(&mut self, compiled: &LaneModel<R>, part: Part) {
         let h = R::of(self.settings.timestep);
         let half = R::of(0.5 * self.settings.timestep);
-        let theta = ImplicitWeights { damping: half, stiffness: half * half, step: h };
+        let weights = ImplicitWeights { damping: half, stiffness: half * half, step: h };
         match part {
             Part::Displace => displace(compiled, &self.q, &self.v, half, &mut self.q_eval),
             Part::Kinematics => self.kinematics.update(compiled, &self.q_eval),
             Part::Mass => {
-                let implicit = Implicit { theta, servos: &self.drive.weight, arms: &self.drive.arms, drag_at: Some(&self.v) };
+                let implicit = Implicit { weights, servos: &self.drive.weight, arms: &self.drive.arms, drag_at: Some(&self.v) };
                 self.smooth.factor_mass(compiled, &self.kinematics, implicit);
             }
-            Part::MassMatrix => self.mass_matrix(compiled, theta),
+            Part::MassMatrix => self.mass_matrix(compiled, weights),
             Part::Factor => self.factor(compiled),
             Part::Actuate => {
                 let at = ForceState::state(&self.q_eval, &self.v, &[], &self.ctrl, &[]);
-                actuate(compiled, &at, Some(Implied { theta, all: true }), &mut self.drive);
+                actuate(compiled, &at, Some(Implied { weights, all: true }), &mut self.drive);
             }
             Part::Acceleration => {
                 self.smooth.acceleration(compiled, &self.kinematics, [&self.drive.tau, &self.none], &self.v, &self.v);
@@ -283,12 +283,12 @@ impl<R: Real> Rig<R> {
         solve(&self.settings, &self.v, self.constraints.constrained, &mut self.constraints, &mut self.contacts);
     }
 
-    fn mass_matrix(&mut self, compiled: &LaneModel<R>, theta: ImplicitWeights<R>) {
+    fn mass_matrix(&mut self, compiled: &LaneModel<R>, weights: ImplicitWeights<R>) {
         R::vectorize(
             #[inline(always)]
             || {
                 self.matrix.assemble(compiled, &self.kinematics, &mut self.composite);
-                self.matrix.add_joints(compiled, theta, &mut []);
+                self.matrix.add_joints(compiled, weights, &mut []);
             },
         );
     }

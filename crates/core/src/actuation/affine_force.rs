@@ -49,12 +49,12 @@ impl<R: Real> AffineForce<R> {
 
     /// The force without what the mass matrix does, and what it does: stiffness and damping against the motion are implicit, the rest is not.
     #[inline(always)]
-    pub(crate) fn implied(&self, motion: &Motion<R>, gauge: Gauge<R>, theta: ImplicitWeights<R>) -> (R, R) {
+    pub(crate) fn implied(&self, motion: &Motion<R>, gauge: Gauge<R>, weights: ImplicitWeights<R>) -> (R, R) {
         let (stiffness, damping) = ((-self.slope).max(R::zero()), (-self.rate).max(R::zero()));
-        let share = theta.share(gauge.rate(damping));
-        let drag = theta.drag(share, stiffness);
+        let share = weights.share(gauge.rate(damping));
+        let drag = weights.drag(share, stiffness);
         let velocity = self.rate * motion.velocity + damping * (motion.velocity - motion.before) - drag * motion.before;
-        let weight = damping * theta.damping * (R::one() + share) + stiffness * theta.stiffness + drag * theta.step;
+        let weight = damping * weights.damping * (R::one() + share) + stiffness * weights.stiffness + drag * weights.step;
         (self.level + self.slope * motion.length + velocity, weight)
     }
 }

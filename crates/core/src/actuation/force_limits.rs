@@ -58,12 +58,12 @@ impl<R: Real> Region<R> {
         &mut self,
         compiled: &CompiledTrain<R::Scalar>,
         numbers: &Train<R>,
-        theta: ImplicitWeights<R>,
+        weights: ImplicitWeights<R>,
         along: R,
         back: bool,
     ) -> R::Mask {
         let [mut held, mut curve, mut upper] =
-            whereabouts(compiled, numbers, self.law.0 - self.law.1 * along, self.before + theta.damping * along);
+            whereabouts(compiled, numbers, self.law.0 - self.law.1 * along, self.before + weights.damping * along);
         if !back {
             let stays = self.held.or(self.curve).and_not(held.or(curve));
             held = held.or(self.held.and(stays));
@@ -84,12 +84,12 @@ impl<R: Real> Region<R> {
 
     /// The force here, without what the mass matrix does, and what it does.
     #[inline(always)]
-    pub(super) fn force(&self, numbers: &Train<R>, theta: ImplicitWeights<R>) -> (R, R) {
+    pub(super) fn force(&self, numbers: &Train<R>, weights: ImplicitWeights<R>) -> (R, R) {
         let held = R::select(self.upper, numbers.limits[1], numbers.limits[0]);
         let curve = R::select(self.upper, numbers.stall, -numbers.stall) - numbers.drag * self.before;
         let force = R::select(self.curve, curve, R::select(self.held, held, self.law.0));
         let weight = R::select(self.held, R::zero(), self.law.1);
-        let drag = numbers.drag * theta.damping * (R::one() + theta.share(self.gauge.rate(numbers.drag)));
+        let drag = numbers.drag * weights.damping * (R::one() + weights.share(self.gauge.rate(numbers.drag)));
         (force, R::select(self.curve, drag, weight))
     }
 }

@@ -42,7 +42,7 @@ use crate::math::spatial::*;
 #[derive(Clone, Copy, Debug)]
 pub struct Implicit<'a, R: Real> {
     /// Shares of damping and stiffness.
-    pub theta: ImplicitWeights<R>,
+    pub weights: ImplicitWeights<R>,
     /// Weights of servos; none takes them explicitly.
     pub servos: &'a [R],
     /// Arms of actuators on sites.
@@ -54,8 +54,8 @@ pub struct Implicit<'a, R: Real> {
 impl<R: Real> Implicit<'_, R> {
     /// Nothing: the mass matrix itself.
     pub fn none() -> Self {
-        let theta = ImplicitWeights { damping: R::zero(), stiffness: R::zero(), step: R::zero() };
-        Self { theta, servos: &[], arms: &[], drag_at: None }
+        let weights = ImplicitWeights { damping: R::zero(), stiffness: R::zero(), step: R::zero() };
+        Self { weights, servos: &[], arms: &[], drag_at: None }
     }
 }
 
@@ -63,7 +63,7 @@ impl<R: Real> Implicit<'_, R> {
 #[derive(Clone, Copy, Debug)]
 pub struct Implied<R> {
     /// Shares of damping and stiffness.
-    pub theta: ImplicitWeights<R>,
+    pub weights: ImplicitWeights<R>,
     /// Whether that holds for every servo, or for drive trains alone.
     pub all: bool,
 }
@@ -219,14 +219,14 @@ impl<R: Real> Drive<R> {
         motion: &Motion<R>,
         compiled: &CompiledTrain<R::Scalar>,
         numbers: &Train<R>,
-        theta: ImplicitWeights<R>,
+        weights: ImplicitWeights<R>,
     ) {
         let gauge = self.gauges[servo];
-        self.regions[compiled.index].take(law.implied(motion, gauge, theta), motion.before, gauge);
+        self.regions[compiled.index].take(law.implied(motion, gauge, weights), motion.before, gauge);
         if self.fresh {
             self.regions[compiled.index].guess(compiled, numbers);
         }
-        self.follow(servo, actuator, compiled, numbers, theta);
+        self.follow(servo, actuator, compiled, numbers, weights);
     }
 
     /// Takes over the force of a drive train where it is on its curve.
@@ -237,9 +237,9 @@ impl<R: Real> Drive<R> {
         actuator: usize,
         compiled: &CompiledTrain<R::Scalar>,
         numbers: &Train<R>,
-        theta: ImplicitWeights<R>,
+        weights: ImplicitWeights<R>,
     ) {
-        let (force, weight) = self.regions[compiled.index].force(numbers, theta);
+        let (force, weight) = self.regions[compiled.index].force(numbers, weights);
         self.set_servo(actuator, servo, force, weight);
     }
 
@@ -293,7 +293,7 @@ impl<R: Real> Drive<R> {
         &mut self,
         compiled: &LaneModel<R>,
         trains: &[Train<R>],
-        theta: ImplicitWeights<R>,
+        weights: ImplicitWeights<R>,
         dv: &[R],
         h: R,
         pass: usize,
@@ -312,9 +312,9 @@ impl<R: Real> Drive<R> {
                     let actuator = &compiled.actuators[servo.actuator];
                     let along = self.along(actuator, dv);
                     if let Some(train) = actuator.train {
-                        let moved = self.regions[train.index].place(&train, &trains[train.index], theta, along / h, pass < 2);
+                        let moved = self.regions[train.index].place(&train, &trains[train.index], weights, along / h, pass < 2);
                         let moved = moved.and_not(self.saturated[k]);
-                        self.follow(k, servo.actuator, &train, &trains[train.index], theta);
+                        self.follow(k, servo.actuator, &train, &trains[train.index], weights);
                         new = new.or(moved);
                     }
                     self.implied[servo.actuator] = self.force[servo.actuator] - self.weight[k] / h * along;
@@ -348,7 +348,7 @@ impl<R: Real> Drive<R> {
     }
 
     /// Lanes in which the change of velocity `dv` puts a servo on another side of its bounds than [`Drive::saturate`] expected.
-    pub fn misjudged(&mut self, compiled: &LaneModel<R>, trains: &[Train<R>], theta: ImplicitWeights<R>, dv: &[R], h: R) -> R::Mask {
+    pub fn misjudged(&mut self, compiled: &LaneModel<R>, trains: &[Train<R>], weights: ImplicitWeights<R>, dv: &[R], h: R) -> R::Mask {
         R::vectorize(
             #[inline(always)]
             || {
@@ -361,9 +361,9 @@ impl<R: Real> Drive<R> {
                     let [force, weight] = match actuator.train {
                         Some(train) => {
                             let mut region = self.regions[train.index];
-                            let moved = region.place(&train, &trains[train.index], theta, along / h, true);
+                            let moved = region.place(&train, &trains[train.index], weights, along / h, true);
                             wrong = wrong.or(moved.and_not(self.saturated[k]));
-                            let (force, weight) = region.force(&trains[train.index], theta);
+                            let (force, weight) = region.force(&trains[train.index], weights);
                             [force, weight]
                         }
                         None => self.unbounded[k],

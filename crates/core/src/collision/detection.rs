@@ -171,7 +171,7 @@ impl<R: Real> Placed<R> {
         kinematics.velocities(compiled, v, &mut self.velocity);
         ways(compiled, kinematics, &self.pos, &self.velocity, time, &mut self.travel);
         for (i, g) in compiled.geoms.iter().enumerate() {
-            let radius = if g.is_plane { self.travel[i] } else { self.travel[i] + compiled.params.bound(i) };
+            let radius = if g.is_plane { self.travel[i] } else { self.travel[i] + compiled.params.bounding_radius(i) };
             let [x, y, z] = self.pos[i];
             self.balls[i] = [x, y, z, radius];
         }
@@ -192,12 +192,12 @@ fn ways<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, pos: &[V3<
         if g.frame != 0 && g.frame <= compiled.links.len() {
             let motion = velocity[g.frame - 1];
             let arm = sub(pos[i], kinematics.origin[compiled.links[g.frame - 1].tree]);
-            out[i] = (norm(velocity_at(&motion, arm)) + norm(angular(&motion)) * compiled.params.bound(i)) * time;
+            out[i] = (norm(velocity_at(&motion, arm)) + norm(angular(&motion)) * compiled.params.bounding_radius(i)) * time;
         } else if g.frame > compiled.links.len() {
             let motion = &kinematics.posed[g.frame - compiled.links.len() - 1];
             // A plane has no bound: 0 * infinity must not become NaN.
             let spin = norm(angular(motion));
-            let swing = R::select(spin.gt(R::zero()), spin * compiled.params.bound(i), R::zero());
+            let swing = R::select(spin.gt(R::zero()), spin * compiled.params.bounding_radius(i), R::zero());
             out[i] = (norm(velocity_at(motion, sub(pos[i], kinematics.pos[g.frame]))) + swing) * time;
         }
     }
@@ -247,7 +247,7 @@ impl<R: Real> Scene<'_, R> {
     #[inline(always)]
     fn leads_too_far(&self, pair: &CompiledPair<R::Scalar>) -> R::Mask {
         let [a, b] = pair.geoms;
-        let thin = self.compiled.thin(pair.geoms);
+        let thin = self.compiled.tunnelling_distance(pair.geoms);
         let far = (self.poses.lead[a] + self.poses.lead[b]).gt(thin);
         if far.none() {
             return far;
@@ -275,7 +275,7 @@ impl<R: Real> Scene<'_, R> {
         let (there, here) =
             (self.motion_at(&self.poses.led_by, b, self.poses.pos[b]), self.motion_at(&self.poses.led_by, a, self.poses.pos[b]));
         let spin = norm(sub(there[0], here[0]));
-        (norm(sub(there[1], here[1])) + spin * self.compiled.params.bound(b)) * self.lead
+        (norm(sub(there[1], here[1])) + spin * self.compiled.params.bounding_radius(b)) * self.lead
     }
 
     /// Motion of a geom (angular, linear where it passes the point `p`) if the links have the velocities `links`.

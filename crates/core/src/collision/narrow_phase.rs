@@ -243,7 +243,7 @@ impl<R: Real> Scene<'_, R> {
         let [a, b] = pair.geoms;
         // Contacts are halfway between the two, no further than half the reach from either: the ball about the lens that their balls share.
         let half = R::of(0.5) * reach;
-        let (ra, rb) = (self.compiled.params.bound(a) + half, self.compiled.params.bound(b) + half);
+        let (ra, rb) = (self.compiled.params.bounding_radius(a) + half, self.compiled.params.bounding_radius(b) + half);
         let apart = sub(self.poses.pos[b], self.poses.pos[a]);
         let length = norm(apart).max(R::of(1e-9));
         let from_a = (R::of(0.5) * (length + (ra * ra - rb * rb) / length)).max(R::zero()).min(length);

@@ -34,7 +34,7 @@ impl<R: Real> Scene<'_, R> {
         let rise = dot(up, v) - norm(cross(up, w)) * core;
         let speed = norm(v) + norm(w) * core;
         let least = R::splat(pair.margin).max(R::zero()) + self.slack;
-        let around = self.compiled.params.bound(shape) + self.poses.travel[field] + self.poses.travel[shape] + least;
+        let around = self.compiled.params.bounding_radius(shape) + self.poses.travel[field] + self.poses.travel[shape] + least;
         // A hair more than the exact test will ask for, also in single precision.
         let hair = R::of(1e-6) * (around + at[0].abs() + at[1].abs() + at[2].abs());
         let least = least + hair;
@@ -58,7 +58,7 @@ impl<R: Real> Scene<'_, R> {
     /// is thickened by, m.
     #[inline(always)]
     fn reach_below(&self, geom: usize, up: V3<R>) -> (R, R) {
-        let (size, bound) = (self.compiled.params.geom_size(geom), self.compiled.params.bound(geom));
+        let (size, bound) = (self.compiled.params.geom_size(geom), self.compiled.params.bounding_radius(geom));
         let m = rotate_back(&self.poses.mat[geom], up);
         let Some(Solid::Convex(shape)) = &self.compiled.geoms[geom].solid else { return (bound, bound) };
         match shape {

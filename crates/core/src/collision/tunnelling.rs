@@ -70,7 +70,7 @@ impl<R: Real> Placed<R> {
             || {
                 let mut moved = R::Mask::splat(false);
                 for (g, travel) in self.travel.iter().enumerate() {
-                    moved = moved.or(travel.gt(compiled.params.inner(g)));
+                    moved = moved.or(travel.gt(compiled.params.inscribed_radius(g)));
                 }
                 moved.and(alive).none()
             },
@@ -85,7 +85,7 @@ impl<R: Real> Placed<R> {
         let [mut any, mut surprising] = [R::Mask::splat(false); 2];
         let half = R::of(0.5);
         for (g, ((&way, &travel), fast)) in self.lead.iter().zip(&self.travel).zip(&mut self.fast).enumerate() {
-            let moved = way.gt(compiled.params.inner(g) * half);
+            let moved = way.gt(compiled.params.inscribed_radius(g) * half);
             *fast = moved.any();
             any = any.or(moved);
             surprising = surprising.or(way.gt(travel + slack * half));
@@ -101,7 +101,7 @@ impl<R: Real> Placed<R> {
             return R::Mask::splat(false);
         }
         let way = self.lead[a] + self.lead[b];
-        let thin = compiled.thin(pair.geoms);
+        let thin = compiled.tunnelling_distance(pair.geoms);
         let far = way.gt(thin);
         if far.none() {
             return far;
@@ -122,6 +122,6 @@ impl<R: Real> Placed<R> {
             return R::zero();
         }
         let w = angular(&self.led_by[g.frame - 1]);
-        dot(w, w) * h * h * R::of(0.5) * compiled.params.lever(geom)
+        dot(w, w) * h * h * R::of(0.5) * compiled.params.rotation_reach(geom)
     }
 }

@@ -111,7 +111,7 @@ pub(super) struct Scene<'a> {
     pub(super) model: &'a Model,
     pub(super) merged: &'a Merged,
     pub(super) addresses: &'a [(usize, usize)],
-    pub(super) movers: &'a [Vec<u64>],
+    pub(super) moved_dofs: &'a [Vec<u64>],
     pub(super) dofs: &'a [Dof],
     pub(super) chain: &'a [u32],
     pub(super) frictions: &'a [CompiledFriction],
@@ -182,7 +182,7 @@ impl<S: Scalar> Drives<S> {
         let Transmission::Site { site, reference, wrench } = a.transmission else { return None };
         let at = |s: usize| spot::<S>(scene, s);
         let (site, reference) = (at(site), reference.map(at));
-        let moves = |frame: usize, dof: usize| scene.movers[frame][dof / 64] >> (dof % 64) & 1 == 1;
+        let moves = |frame: usize, dof: usize| scene.moved_dofs[frame][dof / 64] >> (dof % 64) & 1 == 1;
         let side = |dof: usize| match (moves(site.frame, dof), reference.is_some_and(|r| moves(r.frame, dof))) {
             (true, false) => Some((dof, S::ONE)),
             (false, true) => Some((dof, S::from_f64(-1.0))),

@@ -13,7 +13,7 @@ use crate::compile::parameters::Params;
 use crate::compile::passive::{CompiledFluid, CompiledSurface, GravityCompensation};
 use crate::compile::sensing::CompiledSensing;
 use crate::compile::tree::{
-    Below, CompiledBallLimit, CompiledBody, CompiledFriction, CompiledJoint, CompiledLimit, CompiledMocap, CompiledSpinner, Dof, Link,
+    CompiledBallLimit, CompiledBody, CompiledFriction, CompiledJoint, CompiledLimit, CompiledMocap, CompiledSpinner, Descendant, Dof, Link,
 };
 
 /// Everything of a model that a step reads, in the scalar type of its lanes: its structure, and the numbers that all environments share.
@@ -48,9 +48,9 @@ pub struct CompiledModel<S: Scalar> {
     /// `chain[dof.chain..][..dof.depth]`: the dof and its ancestors, towards the root. Also the layout of the mass matrix's entries.
     pub chain: Vec<u32>,
     /// `below[dof.below]`: the dofs that have a dof in their chain, itself left out, the last first.
-    pub below: Vec<Below>,
+    pub descendants: Vec<Descendant>,
     /// For every frame, the set of dofs that move it, as 64-bit words.
-    pub movers: Vec<Vec<u64>>,
+    pub moved_dofs: Vec<Vec<u64>>,
     /// Frames of mocap bodies and the bodies themselves.
     pub mocap: Vec<CompiledMocap<S>>,
     /// Frame and pose in it of every body.
@@ -62,7 +62,7 @@ pub struct CompiledModel<S: Scalar> {
     /// Geoms whose pairs are too many to list.
     pub crowd: Option<Crowd<S>>,
     /// Which links nothing holds; empty if all are held.
-    pub loose: Vec<bool>,
+    pub floating: Vec<bool>,
     /// Whether any pair can have torsional or rolling friction.
     pub wide: bool,
     /// Joint limits.
@@ -145,7 +145,7 @@ impl<S: Scalar> CompiledModel<S> {
 
     /// The descendants of a dof, the last first.
     #[inline(always)]
-    pub fn below(&self, dof: usize) -> &[Below] {
-        &self.below[self.dofs[dof].below.clone()]
+    pub fn descendants(&self, dof: usize) -> &[Descendant] {
+        &self.descendants[self.dofs[dof].descendants.clone()]
     }
 }

@@ -23,7 +23,7 @@ impl<S: Scalar> CompiledModel<S> {
     pub fn with_trains(model: &Model, trains: &[Option<DriveTrain>]) -> Self {
         let merged = Merged::new(model);
         let addresses = model.joint_addresses();
-        let (dofs, below) = merging::dofs(model, &merged);
+        let (dofs, descendants) = merging::dofs(model, &merged);
         let chain = merged.chain.clone();
         let (limits, frictions) = (limits(model, &addresses), frictions(model, trains, &addresses));
         let mut scalar_impulses = limits.len() + frictions.len();
@@ -36,12 +36,12 @@ impl<S: Scalar> CompiledModel<S> {
         let contact_points = listed + crowd.as_ref().map_or(0, Crowd::contact_points);
         let (links, joints) = (merging::links(model, &merged), merging::joints(model, &addresses));
         let spinners = Self::spinners(&links, &joints);
-        let movers = merged.movers(model.nv());
+        let moved_dofs = merged.moved_dofs(model.nv());
         let scene = actuators::Scene {
             model,
             merged: &merged,
             addresses: &addresses,
-            movers: &movers,
+            moved_dofs: &moved_dofs,
             dofs: &dofs,
             chain: &chain,
             frictions: &frictions,
@@ -58,14 +58,14 @@ impl<S: Scalar> CompiledModel<S> {
             fluid: passive::fluid(model, &merged),
             compensation: passive::compensation(model, &merged),
             surfaces: passive::surfaces(model, &geoms, merged.leaders.len()),
-            loose: Self::loose(&spinners, links.len()),
+            floating: Self::floating(&spinners, links.len()),
             spinners,
             links,
             joints,
             dofs,
             chain,
-            below,
-            movers,
+            descendants,
+            moved_dofs,
             mocap: merging::mocap(model, &merged),
             bodies: merging::bodies(model, &merged),
             geoms,
@@ -111,12 +111,12 @@ impl<S: Scalar> CompiledModel<S> {
     }
 
     /// Which of `links` links are alone on a free joint; empty if none is.
-    fn loose(spinners: &[CompiledSpinner<S>], links: usize) -> Vec<bool> {
-        let mut loose = vec![];
+    fn floating(spinners: &[CompiledSpinner<S>], links: usize) -> Vec<bool> {
+        let mut floating = vec![];
         for spinner in spinners.iter().filter(|s| s.kind == JointKind::Free) {
-            loose.resize(links, false);
-            loose[spinner.link] = true;
+            floating.resize(links, false);
+            floating[spinner.link] = true;
         }
-        loose
+        floating
     }
 }

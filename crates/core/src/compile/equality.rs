@@ -169,8 +169,8 @@ impl Compiler<'_> {
             ([matrix(&first), matrix(&self.merged.quat[b])], S::from_f64(weight))
         });
         let frames = bodies.map(|b| self.merged.frame[b]);
-        let movers = frames.into_iter().filter_map(|f| self.merged.last_dof(f));
-        let support = self.with_ancestors(movers);
+        let moved_dofs = frames.into_iter().filter_map(|f| self.merged.last_dof(f));
+        let support = self.with_ancestors(moved_dofs);
         (EqualityRows::Points { frames, anchors: [place(a, anchors[0]), place(b, anchors[1])], turn }, support)
     }
 

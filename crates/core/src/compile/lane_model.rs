@@ -64,14 +64,14 @@ impl<R: Real> LaneModel<R> {
     /// Sum of the bounding radii of a pair; of the second geom alone when the first is a plane, m.
     #[inline(always)]
     pub fn reach(&self, [a, b]: [usize; 2]) -> R {
-        let second = self.params.bound(b);
-        if self.shared.geoms[a].is_plane { second } else { self.params.bound(a) + second }
+        let second = self.params.bounding_radius(b);
+        if self.shared.geoms[a].is_plane { second } else { self.params.bounding_radius(a) + second }
     }
 
     /// Way in which the geoms of a pair cannot pass through one another to where the nearest way out is on the far side, m; infinite if they
     /// never do.
     #[inline(always)]
-    pub fn thin(&self, [a, b]: [usize; 2]) -> R {
-        R::of(0.5) * (self.params.inner(a) + self.params.inner(b))
+    pub fn tunnelling_distance(&self, [a, b]: [usize; 2]) -> R {
+        R::of(0.5) * (self.params.inscribed_radius(a) + self.params.inscribed_radius(b))
     }
 }

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use stepper_real::Scalar;
 
-use crate::compile::tree::{Below, CompiledBody, CompiledJoint, CompiledMocap, Dof, Link, scalars};
+use crate::compile::tree::{CompiledBody, CompiledJoint, CompiledMocap, Descendant, Dof, Link, scalars};
 use crate::model::{JointKind, Model};
 
 /// Which frame every body is fixed to, and where in it.
@@ -125,7 +125,7 @@ impl Merged {
     }
 
     /// For every frame, the set of dofs that move it.
-    pub(crate) fn movers(&self, nv: usize) -> Vec<Vec<u64>> {
+    pub(crate) fn moved_dofs(&self, nv: usize) -> Vec<Vec<u64>> {
         let set = |last: &Option<usize>| {
             let mut words = vec![0u64; nv.div_ceil(64)];
             if let Some(d) = *last {
@@ -209,24 +209,24 @@ pub(crate) fn joints<S: Scalar>(model: &Model, addresses: &[(usize, usize)]) -> 
 }
 
 /// Degrees of freedom, and the descendants of each.
-pub(crate) fn dofs(model: &Model, merged: &Merged) -> (Vec<Dof>, Vec<Below>) {
+pub(crate) fn dofs(model: &Model, merged: &Merged) -> (Vec<Dof>, Vec<Descendant>) {
     let mut under = vec![vec![]; model.nv()];
     for d in (0..model.nv()).rev() {
         let (start, _) = merged.dof_chain[d];
         for (k, &ancestor) in merged.chain_of(d).iter().enumerate().skip(1) {
-            under[ancestor as usize].push(Below { dof: d as u32, entry: (start + k) as u32 });
+            under[ancestor as usize].push(Descendant { dof: d as u32, entry: (start + k) as u32 });
         }
     }
-    let mut below = vec![];
-    let dof = |(d, mut own): (usize, Vec<Below>)| {
+    let mut descendants = vec![];
+    let dof = |(d, mut own): (usize, Vec<Descendant>)| {
         let link = merged.dof_link[d];
         let (chain, depth) = merged.dof_chain[d];
         let tree = merged.link_tree[link];
-        let from = below.len();
-        below.append(&mut own);
-        Dof { link, tree, chain, depth, below: from..below.len() }
+        let from = descendants.len();
+        descendants.append(&mut own);
+        Dof { link, tree, chain, depth, descendants: from..descendants.len() }
     };
-    (under.into_iter().enumerate().map(dof).collect(), below)
+    (under.into_iter().enumerate().map(dof).collect(), descendants)
 }
 
 pub(crate) fn mocap<S: Scalar>(model: &Model, merged: &Merged) -> Vec<CompiledMocap<S>> {

@@ -24,5 +24,5 @@ pub use parameters::{ContactParams, DofParams, Inertial, Params};
 pub use passive::{CompiledEllipsoid, CompiledFluid, CompiledSurface, FluidShape, GravityCompensation};
 pub use sensing::CompiledSensing;
 pub use tree::{
-    Below, CompiledBallLimit, CompiledBody, CompiledFriction, CompiledJoint, CompiledLimit, CompiledMocap, CompiledSpinner, Dof, Link,
+    CompiledBallLimit, CompiledBody, CompiledFriction, CompiledJoint, CompiledLimit, CompiledMocap, CompiledSpinner, Descendant, Dof, Link,
 };

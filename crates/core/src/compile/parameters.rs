@@ -178,19 +178,19 @@ impl<T: Copy> Params<T> {
 
     /// Radius of a ball about a geom's origin that holds it; infinite for a plane, m.
     #[inline(always)]
-    pub fn bound(&self, geom: usize) -> T {
+    pub fn bounding_radius(&self, geom: usize) -> T {
         self.numbers[self.at.geoms + GEOM * geom + 6]
     }
 
     /// How thin a geom is: half its least width, infinite for what has one side only, m.
     #[inline(always)]
-    pub fn inner(&self, geom: usize) -> T {
+    pub fn inscribed_radius(&self, geom: usize) -> T {
         self.numbers[self.at.geoms + GEOM * geom + 7]
     }
 
     /// How far a geom reaches beyond the ball of that radius, which turning cannot be seen of, m.
     #[inline(always)]
-    pub fn lever(&self, geom: usize) -> T {
+    pub fn rotation_reach(&self, geom: usize) -> T {
         self.numbers[self.at.geoms + GEOM * geom + 8]
     }
 

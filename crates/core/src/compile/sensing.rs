@@ -445,12 +445,12 @@ impl Compiler<'_> {
     }
 
     fn descendants(&self, root: usize) -> Vec<bool> {
-        let mut below = vec![false; self.model.bodies.len()];
-        below[root] = true;
-        for b in root + 1..below.len() {
-            below[b] = below[self.model.bodies[b].parent];
+        let mut among = vec![false; self.model.bodies.len()];
+        among[root] = true;
+        for b in root + 1..among.len() {
+            among[b] = among[self.model.bodies[b].parent];
         }
-        below
+        among
     }
 
     /// The number of a body's subtree.

@@ -62,12 +62,12 @@ pub struct Dof {
     /// Length of its chain.
     pub depth: usize,
     /// Where its descendants are listed.
-    pub below: std::ops::Range<usize>,
+    pub descendants: std::ops::Range<usize>,
 }
 
 /// A descendant of a dof.
 #[derive(Clone, Copy, Debug)]
-pub struct Below {
+pub struct Descendant {
     /// Which.
     pub dof: u32,
     /// Where its chain has the ancestor: its entry of the mass matrix with it. The ancestors of that follow, as in the ancestor's own row.

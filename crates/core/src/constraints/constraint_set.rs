@@ -173,7 +173,7 @@ fn room<S: Scalar>(compiled: &CompiledModel<S>, contacts: usize, lanes: usize) -
     let balls = compiled.ball_limits.iter().map(|b| depth(b.dof + 2)).sum::<usize>();
     let equalities = compiled.equalities.iter().map(|b| b.rows * with_tied(b.support.len())).sum::<usize>();
     let tendons = compiled.tendons.iter().map(|t| 3 * with_tied(t.support.len())).sum::<usize>();
-    let mut moved: Vec<usize> = compiled.movers.iter().map(|m| m.iter().map(|w| w.count_ones() as usize).sum()).collect();
+    let mut moved: Vec<usize> = compiled.moved_dofs.iter().map(|m| m.iter().map(|w| w.count_ones() as usize).sum()).collect();
     moved.sort_unstable();
     let deepest: usize = moved.iter().rev().take(2).sum();
     Capacity {

@@ -431,7 +431,7 @@ pub(crate) fn law_of<R: Real>(
 /// Whether a dof moves a frame.
 #[inline(always)]
 fn moves<S: Scalar>(compiled: &CompiledModel<S>, frame: usize, dof: usize) -> bool {
-    compiled.movers[frame][dof / 64] >> (dof % 64) & 1 == 1
+    compiled.moved_dofs[frame][dof / 64] >> (dof % 64) & 1 == 1
 }
 
 /// Acceleration of the point `p` of a frame if no joint accelerates; zero for the world and what the user poses.

@@ -13,7 +13,7 @@ const SHARED: usize = 3;
 /// As long as all points stick, the motion is one whatever the forces are. When they slip, friction's torque depends on how the load is shared:
 /// forces left by sweeps, which load the points that they visit first, turn a box that two fingers hold.
 pub(crate) fn lanes<R: Real>(compiled: &CompiledModel<R::Scalar>, contacts: &Contacts<R>) -> R::Mask {
-    if compiled.loose.is_empty() {
+    if compiled.floating.is_empty() {
         return R::Mask::splat(false);
     }
     let shares = |l: usize| {
@@ -23,7 +23,7 @@ pub(crate) fn lanes<R: Real>(compiled: &CompiledModel<R::Scalar>, contacts: &Con
             let frames = geoms.map(|g| compiled.geoms[g].frame);
             count = if frames == last { count + 1 } else { 1 };
             last = frames;
-            count >= SHARED && frames.iter().any(|&f| f > 0 && compiled.loose.get(f - 1) == Some(&true))
+            count >= SHARED && frames.iter().any(|&f| f > 0 && compiled.floating.get(f - 1) == Some(&true))
         })
     };
     R::Mask::from_bits((0..R::LANES).fold(0, |bits, l| bits | u32::from(shares(l)) << l))

@@ -78,7 +78,7 @@ impl<R: Real> Constraints<R> {
         for (pair, same) in contacts.pairs(k, lanes) {
             let [a, b] = compiled.pair_geoms(pair).expect("made from this compiled");
             self.moving |= if compiled.geoms[a].frame != 0 && compiled.geoms[b].frame != 0 { same } else { 0 };
-            let (first, second) = (&compiled.movers[compiled.geoms[a].frame], &compiled.movers[compiled.geoms[b].frame]);
+            let (first, second) = (&compiled.moved_dofs[compiled.geoms[a].frame], &compiled.moved_dofs[compiled.geoms[b].frame]);
             for (w, ((&first, &second), word)) in first.iter().zip(second).zip(&mut self.words).enumerate() {
                 let old = *word;
                 *word |= first | second;

@@ -2,7 +2,7 @@
 
 use stepper_real::Real;
 
-use crate::compile::{Below, CompiledModel, Dof, DofParams, LaneModel};
+use crate::compile::{CompiledModel, Descendant, Dof, DofParams, LaneModel};
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
@@ -58,19 +58,19 @@ impl<R: Real> MassMatrix<R> {
     /// Adds the shares `theta` of the joints' damping and stiffness to the diagonal of M. What stiff springs get of damping that they have not
     /// themselves, see [`crate::actuation::forces`], goes to `drag`, which may be empty where no joint has a spring.
     #[inline(always)]
-    pub fn add_joints(&mut self, compiled: &LaneModel<R>, theta: ImplicitWeights<R>, drag: &mut [R]) {
+    pub fn add_joints(&mut self, compiled: &LaneModel<R>, implicit: ImplicitWeights<R>, drag: &mut [R]) {
         for (d, dof) in compiled.dofs.iter().enumerate() {
             let DofParams { damping, stiffness, .. } = compiled.params.dof(d);
             let entry = &mut self.entries[dof.chain];
             // What nothing damps has a share of zero; most dofs of most robots are without.
-            let share = match theta.fits(damping) {
-                true => theta.share(damping / *entry),
+            let share = match implicit.fits(damping) {
+                true => implicit.share(damping / *entry),
                 false => R::zero(),
             };
-            *entry += theta.damping * (R::one() + share) * damping + theta.stiffness * stiffness;
+            *entry += implicit.damping * (R::one() + share) * damping + implicit.stiffness * stiffness;
             if let Some(drag) = drag.get_mut(d) {
-                *drag = theta.drag(share, stiffness);
-                *entry += theta.step * *drag;
+                *drag = implicit.drag(share, stiffness);
+                *entry += implicit.step * *drag;
             }
         }
     }
@@ -106,7 +106,7 @@ impl<R: Real> MassMatrix<R> {
     pub fn factor(&mut self, compiled: &LaneModel<R>) {
         let Self { entries, inv_d, .. } = self;
         for i in (0..compiled.nv).rev() {
-            let (dof, below) = (&compiled.dofs[i], compiled.below(i));
+            let (dof, below) = (&compiled.dofs[i], compiled.descendants(i));
             subtract_columns(entries, inv_d, dof, 0, below);
             for k in (8..dof.depth).step_by(8) {
                 subtract_columns(entries, inv_d, dof, k, below);
@@ -232,7 +232,7 @@ pub(crate) fn is_above(i: usize, chain: &[u32]) -> bool {
 
 /// Subtracts from up to eight columns of a row, from the `k`-th on, what the rows below it have there.
 #[inline(always)]
-fn subtract_columns<R: Real>(entries: &mut [R], inv_d: &[R], dof: &Dof, k: usize, below: &[Below]) {
+fn subtract_columns<R: Real>(entries: &mut [R], inv_d: &[R], dof: &Dof, k: usize, below: &[Descendant]) {
     match dof.depth - k {
         1 => subtract::<R, 1>(entries, inv_d, dof.chain, k, below),
         2 => subtract::<R, 2>(entries, inv_d, dof.chain, k, below),
@@ -248,7 +248,7 @@ fn subtract_columns<R: Real>(entries: &mut [R], inv_d: &[R], dof: &Dof, k: usize
 /// Subtracts from entries `k..k + N` of the row that starts at `row` their shares of the same columns of the rows below. The share of a row, its
 /// entry of L, is found with the first columns and kept in the place of its entry of M.
 #[inline(always)]
-fn subtract<R: Real, const N: usize>(entries: &mut [R], inv_d: &[R], row: usize, k: usize, below: &[Below]) {
+fn subtract<R: Real, const N: usize>(entries: &mut [R], inv_d: &[R], row: usize, k: usize, below: &[Descendant]) {
     let (mut sum, mut other) = ([R::zero(); N], [R::zero(); N]);
     sum.copy_from_slice(&entries[row + k..row + k + N]);
     for d in below {

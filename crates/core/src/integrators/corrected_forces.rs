@@ -25,7 +25,7 @@ pub(crate) fn reconsider_servos<R: Real>(compiled: &LaneModel<R>, scheme: &Schem
             }
         },
     );
-    let wrong = s.drive.misjudged(compiled, &s.inputs.trains, scheme.theta, &s.v_mean, scheme.h).and(lanes).and(s.alive);
+    let wrong = s.drive.misjudged(compiled, &s.inputs.trains, scheme.weights, &s.v_mean, scheme.h).and(lanes).and(s.alive);
     if wrong.any() {
         R::vectorize(
             #[inline(always)]

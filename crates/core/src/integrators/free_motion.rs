@@ -58,7 +58,7 @@ pub(crate) fn free_motion<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, 
 /// What the mass matrix holds besides M.
 pub(crate) fn implicit<'a, R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, drive: &'a Drive<R>, v: &'a [R]) -> Implicit<'a, R> {
     let servos: &[R] = if scheme.corrects || compiled.trains > 0 { &drive.weight } else { &[] };
-    Implicit { theta: scheme.joints(compiled), servos, arms: &drive.arms, drag_at: scheme.corrects.then_some(v) }
+    Implicit { weights: scheme.joints(compiled), servos, arms: &drive.arms, drag_at: scheme.corrects.then_some(v) }
 }
 
 /// How often servos are looked at again after others have reached their bounds.
@@ -72,7 +72,7 @@ fn saturate_servos<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut
         s.smooth.solve(compiled, &mut s.v_next);
         advance(&s.v_next, &s.smooth.acc, scheme.h, &mut s.v_mean);
         // Lanes in which nothing is new do it all again and find the same bits.
-        if s.drive.saturate(compiled, &s.inputs.trains, scheme.theta, &s.v_mean, scheme.h, pass).and(s.alive).none() {
+        if s.drive.saturate(compiled, &s.inputs.trains, scheme.weights, &s.v_mean, scheme.h, pass).and(s.alive).none() {
             return;
         }
         regather(compiled, scheme.springs_at(&s.q_eval, &s.q_ahead), scheme.corrects, &mut s.drive);

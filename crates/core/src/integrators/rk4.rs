@@ -25,7 +25,7 @@ pub(crate) struct Rk4<R: Real> {
     q: Vec<R>,
     v: Vec<R>,
     act: Vec<R>,
-    theta: Vec<R>,
+    rotation: Vec<R>,
     rate: [Vec<R>; 3],
     sum: [Vec<R>; 3],
 }
@@ -43,7 +43,7 @@ impl<R: Real> Rk4<R> {
             q: zeros(compiled.nq),
             v: zeros(compiled.nv),
             act: zeros(compiled.na),
-            theta: zeros(compiled.nv),
+            rotation: zeros(compiled.nv),
             rate: sizes.map(zeros),
             sum: sizes.map(zeros),
         }
@@ -88,7 +88,7 @@ impl<R: Real> Rk4<R> {
             || {
                 let moving = way.gt(R::zero());
                 for i in 0..compiled.nv {
-                    self.theta[i] = R::select(moving, self.rate[0][i] * way, R::zero());
+                    self.rotation[i] = R::select(moving, self.rate[0][i] * way, R::zero());
                     self.v[i] = state[1][i] + R::select(moving, self.rate[1][i] * way, R::zero());
                 }
                 for i in 0..compiled.na {
@@ -99,7 +99,7 @@ impl<R: Real> Rk4<R> {
                         self.act[a] = within(self.act[a], Some([lo, hi]));
                     }
                 }
-                displace(compiled, state[0], &self.theta, R::one(), &mut self.q);
+                displace(compiled, state[0], &self.rotation, R::one(), &mut self.q);
             },
         )
     }
@@ -129,11 +129,11 @@ impl<R: Real> Rk4<R> {
                         JointKind::Ball => joint.v,
                         JointKind::Slide | JointKind::Hinge => continue,
                     };
-                    let theta = [self.theta[at], self.theta[at + 1], self.theta[at + 2]];
+                    let rotation = [self.rotation[at], self.rotation[at + 1], self.rotation[at + 2]];
                     let omega = [self.v[at], self.v[at + 1], self.v[at + 2]];
                     // dexpinv to the order that the method needs: omega + theta x omega / 2 + theta x (theta x omega) / 12.
-                    let once = cross(theta, omega);
-                    let rate = add(add_scaled(omega, once, R::of(0.5)), scale(cross(theta, once), R::of(1.0 / 12.0)));
+                    let once = cross(rotation, omega);
+                    let rate = add(add_scaled(omega, once, R::of(0.5)), scale(cross(rotation, once), R::of(1.0 / 12.0)));
                     self.rate[0][at..at + 3].copy_from_slice(&rate);
                 }
             },

@@ -21,7 +21,7 @@ pub(crate) struct Scheme<R> {
     /// From there to where springs and servos are taken, s; what lies beyond is in the mass matrix.
     pub(crate) reach: R,
     /// Shares of damping and stiffness in the mass matrix.
-    pub(crate) theta: ImplicitWeights<R>,
+    pub(crate) weights: ImplicitWeights<R>,
     /// Where velocity-dependent forces are taken, from 0 at the velocity before the step to 1 at that after it.
     pub(crate) share: R,
     /// Whether springs and servos are implicit, and velocity-dependent forces are taken again at the velocity to be expected.
@@ -35,16 +35,16 @@ impl<R: Real> Scheme<R> {
         let integrator = options.integrator;
         match integrator {
             Integrator::Midpoint | Integrator::Rk4 => {
-                let theta = ImplicitWeights { damping: half, stiffness: half * half, step: h };
-                Self { integrator, h, lead: half, rest: half, reach: none, theta, share, corrects: true }
+                let weights = ImplicitWeights { damping: half, stiffness: half * half, step: h };
+                Self { integrator, h, lead: half, rest: half, reach: none, weights, share, corrects: true }
             }
             Integrator::Implicit => {
-                let theta = ImplicitWeights { damping: h, stiffness: h * h, step: none };
-                Self { integrator, h, lead: none, rest: h, reach: h, theta, share: R::one(), corrects: true }
+                let weights = ImplicitWeights { damping: h, stiffness: h * h, step: none };
+                Self { integrator, h, lead: none, rest: h, reach: h, weights, share: R::one(), corrects: true }
             }
             Integrator::Euler => {
-                let theta = ImplicitWeights { damping: h, stiffness: none, step: none };
-                Self { integrator, h, lead: none, rest: h, reach: none, theta, share: none, corrects: false }
+                let weights = ImplicitWeights { damping: h, stiffness: none, step: none };
+                Self { integrator, h, lead: none, rest: h, reach: none, weights, share: none, corrects: false }
             }
         }
     }
@@ -64,13 +64,13 @@ impl<R: Real> Scheme<R> {
 
     /// How stage 1 takes servos. Euler's rule takes those of drive trains alone implicitly, as it does the joints' damping.
     pub(crate) fn servos(&self) -> Option<Implied<R>> {
-        Some(Implied { theta: self.theta, all: self.corrects })
+        Some(Implied { weights: self.weights, all: self.corrects })
     }
 
     /// Shares of the joints' own damping and stiffness: Euler's rule takes damping explicitly where the model asks for it.
     pub(crate) fn joints(&self, compiled: &LaneModel<R>) -> ImplicitWeights<R> {
         let explicit = compiled.explicit_damping && self.integrator == Integrator::Euler;
-        ImplicitWeights { damping: if explicit { R::zero() } else { self.theta.damping }, ..self.theta }
+        ImplicitWeights { damping: if explicit { R::zero() } else { self.weights.damping }, ..self.weights }
     }
 
     /// The configuration at which springs and servos are taken.

@@ -41,10 +41,10 @@ pub fn actuate<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, implied
                 drive.beyond[i] = R::Mask::splat(false);
                 match (implied, &actuator.train) {
                     (Some(implied), Some(train)) => {
-                        drive.set_train(i, k, &law, &motion, train, &at.trains[train.index], implied.theta);
+                        drive.set_train(i, k, &law, &motion, train, &at.trains[train.index], implied.weights);
                     }
-                    (Some(Implied { theta, all: true }), None) => {
-                        let (force, weight) = law.implied(&motion, drive.gauge_at(k), theta);
+                    (Some(Implied { weights, all: true }), None) => {
+                        let (force, weight) = law.implied(&motion, drive.gauge_at(k), weights);
                         drive.set_servo(i, k, force, weight);
                     }
                     (None, Some(train)) => {

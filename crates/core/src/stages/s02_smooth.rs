@@ -48,10 +48,10 @@ impl<R: Real> Smooth<R> {
     }
 
     /// The mass matrix with what is implicit of the joints' damping and stiffness.
-    pub fn assemble_mass(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, theta: ImplicitWeights<R>) {
+    pub fn assemble_mass(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, weights: ImplicitWeights<R>) {
         R::vectorize(
             #[inline(always)]
-            || self.assemble(compiled, kinematics, theta),
+            || self.assemble(compiled, kinematics, weights),
         )
     }
 
@@ -68,19 +68,19 @@ impl<R: Real> Smooth<R> {
         R::vectorize(
             #[inline(always)]
             || {
-                self.assemble(compiled, kinematics, implicit.theta);
+                self.assemble(compiled, kinematics, implicit.weights);
                 self.factor(compiled, kinematics, implicit);
             },
         )
     }
 
     #[inline(always)]
-    fn assemble(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, theta: ImplicitWeights<R>) {
+    fn assemble(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, weights: ImplicitWeights<R>) {
         self.mass.assemble(compiled, kinematics, &mut self.composite);
         for (inertia, dof) in self.inertia.iter_mut().zip(&compiled.dofs) {
             *inertia = self.mass.entries[dof.chain];
         }
-        self.mass.add_joints(compiled, theta, &mut self.drag);
+        self.mass.add_joints(compiled, weights, &mut self.drag);
         let n = self.bare.len();
         self.bare.copy_from_slice(&self.mass.entries[..n]);
     }
@@ -101,7 +101,7 @@ impl<R: Real> Smooth<R> {
         self.mass.add_servos(compiled, implicit.servos, implicit.arms);
         if !compiled.fluid.is_empty() {
             match implicit.drag_at {
-                Some(v) => self.fluid.linearise(compiled, kinematics, v, implicit.theta.damping, &mut self.mass.entries),
+                Some(v) => self.fluid.linearise(compiled, kinematics, v, implicit.weights.damping, &mut self.mass.entries),
                 None => self.fluid.forget(),
             }
         }

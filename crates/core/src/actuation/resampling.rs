@@ -71,7 +71,7 @@ impl ActuatorModels {
         }
         let as_made = || self.made.iter().map(|made| made.as_ref().map(|made| made.of(envs))).collect();
         let mut specs = given.map_or_else(as_made, <[_]>::to_vec);
-        let place = |i: usize| format!("actuator_forces of actuator {:?}", label(&model.actuators[i].name, i));
+        let place = |i: usize| format!("drive of actuator {:?}", label(&model.actuators[i].name, i));
         let mut drawn = self.drawn.as_ref().unwrap_or(&self.made).clone();
         let (folded, mut new) = ActuatorSpec::fold(model, &specs, envs.len(), h)?;
         for (i, (train, given)) in new.iter_mut().zip(&mut specs).enumerate() {

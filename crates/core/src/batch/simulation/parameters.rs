@@ -81,7 +81,7 @@ impl Simulation {
             // The trains have taken over the delays already.
             variant.trusted_mut().actuators.iter_mut().for_each(|a| a.delay = 0.0);
             let folded = ActuatorSpec::fold(&variant, specs, self.num_envs, self.settings.timestep);
-            folded.expect("actuator_forces specs were checked with the model, and a variant has its structure").0
+            folded.expect("drive trains were checked with the model, and a variant has its structure").0
         };
         self.randomization.differences(&self.model, self.compiled(), Some(&actuator_models), assigned, envs)
     }

@@ -7,7 +7,7 @@ use crate::batch::call::Call;
 use crate::batch::exchange::{load, load_inputs};
 use crate::batch::state::Group;
 use crate::collision::contact_set::Contacts;
-use crate::compile::{CompiledModel, LaneModel};
+use crate::compile::{LaneModel, ModelStructure};
 use crate::dynamics::mocap;
 use crate::integrators::workspace::Workspace;
 use crate::math::spatial::*;
@@ -27,7 +27,7 @@ pub(super) struct Senses<R: Real> {
 }
 
 impl<R: Real> Senses<R> {
-    pub(super) fn new(compiled: &CompiledModel<R::Scalar>, max_contacts: usize) -> Self {
+    pub(super) fn new(compiled: &ModelStructure<R::Scalar>, max_contacts: usize) -> Self {
         let n = if compiled.sensing.needs.acceleration { compiled.nv } else { 0 };
         Self {
             room: Room::new(compiled, max_contacts),

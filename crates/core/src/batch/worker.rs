@@ -130,10 +130,11 @@ impl Stepped for f32 {
 }
 
 fn desk<R: Real>(site: &WorkerSpec<'_, R::Scalar>) -> Box<dyn Worker<R::Scalar>> {
+    let compiled = LaneModel::new(site.compiled);
     Box::new(LaneWorker {
-        scratch: Workspace::<R>::new(site.compiled, site.options, site.max_contacts),
-        senses: Senses::new(site.compiled, site.max_contacts),
-        compiled: LaneModel::new(site.compiled),
+        scratch: Workspace::<R>::new(&compiled, site.options, site.max_contacts),
+        senses: Senses::new(&compiled, site.max_contacts),
+        compiled,
         flags: vec![0; R::LANES],
     })
 }

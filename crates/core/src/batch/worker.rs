@@ -5,7 +5,7 @@ use std::any::Any;
 use stepper_real::{Level, Mask, Real, Scalar, at_avx512, at_level};
 
 use crate::batch::call::Call;
-use crate::batch::exchange::{keep_ways, load, store, take_up, take_up_control};
+use crate::batch::exchange::{load, load_control, load_inputs, store, store_mocap_trajectories};
 use crate::batch::rollout::{Numbers, Quantity, Share};
 use crate::batch::sensors::Senses;
 use crate::batch::state::Group;
@@ -171,7 +171,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
         probe.span(Span::Sense, || self.senses.begin(call, &self.compiled, group, first, &mut self.scratch));
         probe.span(Span::Load, || self.load(call, group, first));
         for control in call.part.controls(call.calls, call.nstep) {
-            probe.span(Span::Load, || take_up_control(call, control, first, &mut self.scratch));
+            probe.span(Span::Load, || load_control(call, control, first, &mut self.scratch));
             let steps = call.part.steps_of(control, call.nstep);
             let mut residual = R::zero();
             self.flags[..R::LANES].fill(0);
@@ -205,8 +205,8 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
     /// Takes up the parameters of the group whose first environment is `first`.
     fn turn_to(&mut self, call: &Call<'_, R::Scalar>, first: usize) {
         if let Some(numbers) = call.own.numbers.get(first / R::LANES) {
-            self.compiled.params.take_up(&call.own.places, numbers);
-            self.scratch.settle(&self.compiled);
+            self.compiled.params.load_lanes(&call.own.places, numbers);
+            self.scratch.update_static_poses(&self.compiled);
         }
     }
 
@@ -217,23 +217,23 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
             load(group, s);
         }
         s.current = false;
-        take_up(call, group, first, s);
+        load_inputs(call, group, first, s);
         if call.part.from == 0 {
             forget_faults::<R>(group);
         }
-        s.poses.exchange(&mut group.normals);
+        s.poses.exchange(&mut group.separation_cache);
     }
 
     /// Brings the state of a group back.
     fn store(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>) {
         let s = &mut self.scratch;
-        s.poses.exchange(&mut group.normals);
+        s.poses.exchange(&mut group.separation_cache);
         if call.part.to > call.part.from {
             self.senses.remember(group, s);
             store(group, s);
         }
         if call.part.ends && call.part.to > 0 {
-            keep_ways(call, group, s);
+            store_mocap_trajectories(call, group, s);
         }
         // Who has one group alone goes on with it.
         s.current = call.num_envs <= R::LANES;
@@ -257,14 +257,14 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
                         s.alive,
                         h,
                         &mut group.actuation,
-                        (&mut s.inputs.ctrl, &mut s.inputs.trains),
+                        (&mut s.inputs.ctrl, &mut s.inputs.actuator_dynamics),
                     )
                 });
             }
             let record = step(compiled, call.options, s, probe);
             if let Some(chains) = call.chains {
-                let handed_on = (&mut s.inputs.ctrl[..], &mut s.inputs.trains[..]);
-                probe.span(Span::ActuatorPipelines, || chains.settle(compiled, first / R::LANES, &mut group.actuation, handed_on));
+                let handed_on = (&mut s.inputs.ctrl[..], &mut s.inputs.actuator_dynamics[..]);
+                probe.span(Span::ActuatorPipelines, || chains.hold_outputs(compiled, first / R::LANES, &mut group.actuation, handed_on));
             }
             probe.span(Span::Record, || {
                 s.elapsed += h;
@@ -301,7 +301,7 @@ fn count_saturated<R: Real>(compiled: &LaneModel<R>, s: &Workspace<R>, counts: &
         #[inline(always)]
         || {
             for (actuator, counts) in counts.chunks_exact_mut(R::LANES).enumerate() {
-                count(s.drive.is_cut(compiled, actuator).and(s.alive).bits(), counts);
+                count(s.actuator_forces.is_cut(compiled, actuator).and(s.alive).bits(), counts);
             }
         },
     )

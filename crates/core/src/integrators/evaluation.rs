@@ -5,7 +5,7 @@ use stepper_real::{Mask, Real};
 use crate::compile::LaneModel;
 use crate::constraints::constraint_set::AssemblyInput;
 use crate::integrators::corrected_forces::{correct_forces, reconsider_servos};
-use crate::integrators::free_motion::{find_contacts, free_motion, place};
+use crate::integrators::free_motion::{find_contacts, free_motion, place_bodies};
 use crate::integrators::impact;
 use crate::integrators::scheme::Scheme;
 use crate::integrators::workspace::Workspace;
@@ -25,14 +25,14 @@ pub(crate) fn evaluate<R: Real>(
     s: &mut Workspace<R>,
     probe: impl Probe,
 ) -> R::Mask {
-    place(compiled, scheme, s, probe);
+    place_bodies(compiled, scheme, s, probe);
     free_motion(compiled, scheme, s, probe);
     let too_far = find_contacts(compiled, scheme, s, probe);
     if too_far.any() {
         // What is so fast that it may be through something thin in the middle of the step is taken at its beginning.
         scheme.lead = R::select(too_far, R::zero(), scheme.lead);
         scheme.rest = R::select(too_far, scheme.h, scheme.rest);
-        place(compiled, scheme, s, probe);
+        place_bodies(compiled, scheme, s, probe);
         free_motion(compiled, scheme, s, probe);
         find_contacts(compiled, scheme, s, probe);
     }
@@ -54,7 +54,7 @@ pub(crate) fn assemble_rows<R: Real>(
     probe: impl Probe,
 ) {
     probe.span(Span::Assemble, || assemble_here(compiled, options, scheme, s, at_beginning));
-    let bounded = compiled.servos_are_bounded && (scheme.corrects || compiled.trains > 0);
+    let bounded = compiled.servos_are_bounded && (scheme.corrects || compiled.actuator_dynamics > 0);
     let reconsider = |s: &mut Workspace<R>| probe.span(Span::EstimateImpulses, || reconsider_servos(compiled, scheme, s));
     if bounded && s.constraints.constrained.any() && reconsider(s) {
         // Servos reach their bounds, or leave them, by impulses of this step.
@@ -70,21 +70,21 @@ pub(crate) fn assemble_rows<R: Real>(
         probe.span(Span::CorrectForces, || correct_forces(compiled, scheme, s, probe));
     }
     probe.count(Counter::ScalarRows, || s.constraints.owners.len() as f64);
-    probe.count(Counter::ContactSlots, || (s.constraints.slots.len() + s.constraints.wide_slots.len()) as f64);
+    probe.count(Counter::ContactSlots, || (s.constraints.slots.len() + s.constraints.rolling_slots.len()) as f64);
 }
 
 /// Stage 4 at the configuration of the scheme.
 fn assemble_here<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, scheme: &Scheme<R>, s: &mut Workspace<R>, too_far: R::Mask) {
-    let moment = AssemblyInput {
+    let assembly = AssemblyInput {
         q: &s.q_eval,
         v: &s.v,
         motion: &s.smooth.work,
         v_free: &s.v_free,
-        losses: &s.drive.losses,
+        losses: &s.actuator_forces.losses,
         h: scheme.h,
         lead: scheme.lead,
         closing: scheme.closing(too_far, s.impacts.lanes),
         alive: s.alive,
     };
-    assemble(compiled, options, &s.kinematics, &s.smooth.mass, &moment, &mut s.new_contacts, &mut s.constraints);
+    assemble(compiled, options, &s.kinematics, &s.smooth.mass, &assembly, &mut s.new_contacts, &mut s.constraints);
 }

@@ -2,7 +2,7 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::actuation::forces::{Drive, Implicit};
+use crate::actuation::forces::{ActuatorForces, Implicit};
 use crate::compile::LaneModel;
 use crate::dynamics::kinematics::{advance, displace};
 use crate::dynamics::mocap;
@@ -19,13 +19,13 @@ pub(crate) fn find_contacts<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>
 }
 
 /// Goes to the configuration at which forces are taken, with poses and transmissions there.
-pub(crate) fn place<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>, probe: impl Probe) {
+pub(crate) fn place_bodies<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>, probe: impl Probe) {
     probe.span(Span::Displace, || displace_evaluation(compiled, scheme, s));
     probe.span(Span::Kinematics, || {
-        mocap::place(compiled, &s.ways, R::of(s.elapsed) + scheme.lead, &mut s.kinematics);
+        mocap::pose_bodies(compiled, &s.mocap_trajectories, R::of(s.elapsed) + scheme.lead, &mut s.kinematics);
         s.kinematics.update(compiled, &s.q_eval);
     });
-    probe.span(Span::Actuate, || s.drive.transmit(compiled, &s.kinematics, &s.v, scheme.reach));
+    probe.span(Span::Actuate, || s.actuator_forces.transmit(compiled, &s.kinematics, &s.v, scheme.reach));
 }
 
 /// The configuration and activations at which forces are taken.
@@ -47,17 +47,17 @@ pub(crate) fn free_motion<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, 
     probe.count(Counter::Evaluations, || 1.0);
     probe.span(Span::Actuate, || {
         s.smooth.apply(compiled, &s.kinematics, [&s.inputs.qfrc, &s.inputs.xfrc], &mut s.applied);
-        s.drive.release();
+        s.actuator_forces.release();
     });
     probe.span(Span::MassMatrix, || s.smooth.assemble_mass(compiled, &s.kinematics, scheme.joints(compiled)));
     probe.span(Span::Actuate, || actuate_freely(compiled, scheme, s));
-    probe.span(Span::MassFactors, || s.smooth.complete_mass(compiled, &s.kinematics, implicit(compiled, scheme, &s.drive, &s.v)));
-    probe.span(Span::Acceleration, || s.smooth.acceleration(compiled, &s.kinematics, [&s.drive.tau, &s.applied], &s.v, &s.v));
-    if compiled.servos_are_bounded && (scheme.corrects || compiled.trains > 0) {
+    probe.span(Span::MassFactors, || s.smooth.complete_mass(compiled, &s.kinematics, implicit(compiled, scheme, &s.actuator_forces, &s.v)));
+    probe.span(Span::Acceleration, || s.smooth.acceleration(compiled, &s.kinematics, [&s.actuator_forces.tau, &s.applied], &s.v, &s.v));
+    if compiled.servos_are_bounded && (scheme.corrects || compiled.actuator_dynamics > 0) {
         probe.span(Span::SaturateServos, || saturate_servos(compiled, scheme, s));
     }
     if compiled.lossy {
-        probe.span(Span::Actuate, || s.drive.lose(compiled, &s.inputs.trains, true));
+        probe.span(Span::Actuate, || s.actuator_forces.lose(compiled, &s.inputs.actuator_dynamics, true));
     }
     probe.span(Span::Acceleration, || advance(&s.v, &s.smooth.acc, scheme.h, &mut s.v_free));
 }
@@ -65,16 +65,21 @@ pub(crate) fn free_motion<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, 
 /// Stage 1 at the velocity before the step.
 fn actuate_freely<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) {
     if scheme.integrator.in_the_middle() && !compiled.servos.is_empty() {
-        s.drive.gauge(compiled, &s.smooth.inertia);
+        s.actuator_forces.gauge(compiled, &s.smooth.inertia);
     }
     let at = scheme.forces_at([&s.q_eval, &s.q_ahead], [&s.v, &s.v], &s.act_eval, &s.inputs);
-    actuate(compiled, &at, scheme.servos(), &mut s.drive);
+    actuate(compiled, &at, scheme.servos(), &mut s.actuator_forces);
 }
 
 /// What the mass matrix holds besides M.
-pub(crate) fn implicit<'a, R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, drive: &'a Drive<R>, v: &'a [R]) -> Implicit<'a, R> {
-    let servos: &[R] = if scheme.corrects || compiled.trains > 0 { &drive.weight } else { &[] };
-    Implicit { weights: scheme.joints(compiled), servos, arms: &drive.arms, drag_at: scheme.corrects.then_some(v) }
+pub(crate) fn implicit<'a, R: Real>(
+    compiled: &LaneModel<R>,
+    scheme: &Scheme<R>,
+    actuator_forces: &'a ActuatorForces<R>,
+    v: &'a [R],
+) -> Implicit<'a, R> {
+    let servos: &[R] = if scheme.corrects || compiled.actuator_dynamics > 0 { &actuator_forces.weight } else { &[] };
+    Implicit { weights: scheme.joints(compiled), servos, arms: &actuator_forces.arms, drag_at: scheme.corrects.then_some(v) }
 }
 
 /// How often servos are looked at again after others have reached their bounds.
@@ -88,11 +93,12 @@ fn saturate_servos<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut
         s.smooth.solve(compiled, &mut s.v_next);
         advance(&s.v_next, &s.smooth.acc, scheme.h, &mut s.v_mean);
         // Lanes in which nothing is new do it all again and find the same bits.
-        if s.drive.saturate(compiled, &s.inputs.trains, scheme.weights, &s.v_mean, scheme.h, pass).and(s.alive).none() {
+        if s.actuator_forces.saturate(compiled, &s.inputs.actuator_dynamics, scheme.weights, &s.v_mean, scheme.h, pass).and(s.alive).none()
+        {
             return;
         }
-        regather(compiled, scheme.springs_at(&s.q_eval, &s.q_ahead), scheme.corrects, &mut s.drive);
-        s.smooth.factor_mass_again(compiled, &s.kinematics, implicit(compiled, scheme, &s.drive, &s.v));
-        s.smooth.acceleration_again(compiled, [&s.drive.tau, &s.applied], &s.v);
+        regather(compiled, scheme.springs_at(&s.q_eval, &s.q_ahead), scheme.corrects, &mut s.actuator_forces);
+        s.smooth.factor_mass_again(compiled, &s.kinematics, implicit(compiled, scheme, &s.actuator_forces, &s.v));
+        s.smooth.acceleration_again(compiled, [&s.actuator_forces.tau, &s.applied], &s.v);
     }
 }

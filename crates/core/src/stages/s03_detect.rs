@@ -34,7 +34,7 @@ pub fn detect<R: Real>(
     if compiled.geoms.is_empty() {
         return R::Mask::splat(false);
     }
-    let leads = compiled.has_thin && lead.gt(R::zero()).any();
+    let leads = compiled.can_tunnel && lead.gt(R::zero()).any();
     probe.span(Span::BroadPhase, || find_pairs(compiled, kinematics, v_free, h, alive, poses));
     if poses.near_count == 0 && compiled.crowd.is_none() {
         return R::Mask::splat(false);
@@ -49,7 +49,7 @@ fn find_pairs<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v_fr
         #[inline(always)]
         || {
             poses.slack = slack(compiled, h);
-            poses.placed.place(compiled, kinematics);
+            poses.placed.update_poses(compiled, kinematics);
             poses.placed.update_travel(compiled, kinematics, v_free, h + h);
             poses.find_near(compiled, alive);
         },

@@ -18,6 +18,7 @@ use crate::stages::s10_record::Record;
 pub fn step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, probe: impl Probe) -> Record<R> {
     probe.count(Counter::GroupSteps, || 1.0);
     let mut scheme = Scheme::new(options);
+    s.poison();
     s.poses.begin();
     // 1 actuate, 2 smooth dynamics, 3 detect: at the configuration where the scheme takes the step.
     let at_beginning = evaluate(compiled, options, &mut scheme, s, probe);

@@ -61,7 +61,7 @@ pub(crate) fn correct_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R
     s.constraints.impulse_change(compiled, &s.free_motion.smooth.mass, &mut s.work.impulse_change);
     leave_out_blows(scheme, &s.free_motion.v, &mut s.work.impulse_change);
     advance(&s.free_motion.v, &s.work.impulse_change, R::one(), &mut s.free_motion.v_expected);
-    blend(&s.state.v, &s.free_motion.v, scheme.share, &mut s.work.v_mean);
+    blend(&s.state.v, &s.free_motion.v_expected, scheme.share, &mut s.work.v_mean);
     // Without servos no force of stage 1 depends on the velocity.
     if !compiled.servos.is_empty() {
         let at = scheme.forces_at([&s.evaluation.q, &s.evaluation.q_ahead], [&s.state.v, &s.work.v_mean], &s.evaluation.act, &s.inputs);
@@ -77,7 +77,7 @@ pub(crate) fn correct_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R
         )
     });
     advance(&s.state.v, &s.free_motion.smooth.acc, scheme.h, &mut s.work.v_free_again);
-    if !compiled.spinners.is_empty() && scheme.integrator.in_the_middle() {
+    if !compiled.spinners.is_empty() && scheme.in_the_middle {
         gyroscopic::correct(
             compiled,
             &s.evaluation.kinematics,

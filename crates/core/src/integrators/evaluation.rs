@@ -36,7 +36,7 @@ pub(crate) fn evaluate<R: Real>(
         free_motion(compiled, scheme, s, probe);
         find_contacts(compiled, scheme, s, probe);
     }
-    if scheme.integrator.in_the_middle() {
+    if scheme.in_the_middle {
         impact::place_at_impacts(compiled, options, scheme, s, probe);
     }
     probe.span(Span::WarmStart, || s.evaluation.contacts.prepare(&mut s.state.contacts));

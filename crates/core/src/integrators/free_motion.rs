@@ -8,7 +8,6 @@ use crate::dynamics::kinematics::{advance, displace};
 use crate::dynamics::mocap;
 use crate::integrators::scheme::Scheme;
 use crate::integrators::workspace::Workspace;
-use crate::options::Integrator;
 use crate::probe::{Counter, Probe, Span};
 use crate::stages::s01_actuate::{actuate, advance_activation, regather};
 use crate::stages::s03_detect::detect;
@@ -39,14 +38,14 @@ pub(crate) fn place_bodies<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>,
 
 /// The configuration and activations at which forces are taken.
 fn displace_evaluation<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) {
-    if scheme.integrator.in_the_middle() {
+    if scheme.in_the_middle {
         displace(compiled, &s.state.q, &s.state.v, scheme.lead, &mut s.evaluation.q);
         advance_activation(compiled, &s.state.act, &s.state.act, &s.inputs.ctrl, scheme.lead, &mut s.evaluation.act);
     } else {
         s.evaluation.q.copy_from_slice(&s.state.q);
         s.evaluation.act.copy_from_slice(&s.state.act);
     }
-    if scheme.integrator == Integrator::Implicit {
+    if scheme.looks_ahead {
         displace(compiled, &s.evaluation.q, &s.state.v, scheme.reach, &mut s.evaluation.q_ahead);
     }
 }
@@ -87,7 +86,7 @@ pub(crate) fn free_motion<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, 
 
 /// Stage 1 at the velocity before the step.
 fn actuate_freely<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) {
-    if scheme.integrator.in_the_middle() && !compiled.servos.is_empty() {
+    if scheme.in_the_middle && !compiled.servos.is_empty() {
         s.free_motion.actuator_forces.gauge(compiled, &s.free_motion.smooth.inertia);
     }
     let at = scheme.forces_at([&s.evaluation.q, &s.evaluation.q_ahead], [&s.state.v, &s.state.v], &s.evaluation.act, &s.inputs);

@@ -47,7 +47,7 @@ pub(crate) fn solve_velocities<R: Real>(
     let pushed = probe.span(Span::IntegrateVelocity, || {
         integrate_velocity(compiled, &s.free_motion.smooth.mass, &s.free_motion.v, &s.constraints, &mut s.next.v)
     });
-    if scheme.integrator.in_the_middle() {
+    if scheme.in_the_middle {
         outcome = probe.span(Span::SolveImpacts, || impact::solve_impacts(compiled, options, scheme, s, outcome));
     }
     count_effort(&outcome, probe);

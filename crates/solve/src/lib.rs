@@ -17,6 +17,7 @@
 //! Everything is written once over [`Real`](stepper_real::Real): one environment, or one per SIMD lane. What a kind of constraint does in a
 //! sweep, in the residual, in lane compaction and in damping is in one file of `constraints/`.
 
+mod admissible_set;
 mod capacity;
 pub mod cone;
 mod constraints;
@@ -30,6 +31,7 @@ mod problem;
 mod reference;
 mod residual;
 mod solver;
+mod vectors;
 
 pub use capacity::Capacity;
 pub use constraints::Damping;

@@ -18,7 +18,6 @@
 
 mod anderson;
 mod augmented_lagrangian;
-mod cone;
 mod dense;
 mod island;
 mod lane;

@@ -4,24 +4,16 @@
 
 use std::ops::Range;
 
+use crate::admissible_set::AdmissibleSet;
 use crate::constraints::friction::{FrictionContacts, LocalSolver};
 use crate::iterate::Iterate;
 use crate::problem::Problem;
 use stepper_real::{Mask, Real, Scalar};
 
-/// Set of the admissible impulses of a block.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Set {
-    /// Interval of one row, `lo <= lambda <= hi`; an equality has infinite bounds.
-    Interval { lo: f64, hi: f64 },
-    /// Friction cone of the rows (n, t...), `|lambda_t| <= mu lambda_n`.
-    Cone { mu: f64 },
-}
-
 /// Rows of one constraint of the lane.
 #[derive(Clone, Debug)]
 pub(super) struct LaneBlock {
-    pub(super) set: Set,
+    pub(super) set: AdmissibleSet,
     /// Index of the constraint among its kind in the lanes' problem.
     source: usize,
     support: Range<usize>,
@@ -72,7 +64,7 @@ impl Lane {
         for (i, (row, &lambda)) in problem.scalars.iter().zip(&iterate.scalars).enumerate().skip(problem.scalars.separate()) {
             if exists(row.active) {
                 let (support, y) = problem.scalars.entries(row);
-                let set = Set::Interval { lo: number(row.lo), hi: number(row.hi) };
+                let set = AdmissibleSet::Interval { lo: number(row.lo), hi: number(row.hi) };
                 if self.add(support, y.iter().map(|&y| [number(y)]), set, i, [number(row.g)], [number(lambda)]) {
                     self.set_compliance(number(row.compliance), number(row.trace_ratio));
                 }
@@ -93,7 +85,7 @@ impl Lane {
         for (i, (contact, lambda)) in contacts.iter().zip(impulses).enumerate() {
             if contact.active.bits() >> lane & 1 == 1 {
                 let (support, y) = contacts.entries(contact);
-                let set = Set::Cone { mu: number(contact.mu) };
+                let set = AdmissibleSet::Cone { mu: number(contact.mu) };
                 if self.add(support, y.iter().map(|y| y.map(number)), set, i, contact.g.map(number), lambda.map(number)) {
                     self.set_compliance(number(contact.compliance), number(contact.trace_ratio()));
                 }
@@ -114,7 +106,7 @@ impl Lane {
         &mut self,
         support: &[u32],
         entries: impl Iterator<Item = [f64; N]>,
-        set: Set,
+        set: AdmissibleSet,
         source: usize,
         g: [f64; N],
         lambda: [f64; N],
@@ -157,9 +149,9 @@ impl Lane {
         for block in &self.blocks {
             let lambda = &self.lambda[block.rows.clone()];
             match block.set {
-                Set::Interval { .. } => iterate.scalars[block.source].set_lane(lane, Scalar::from_f64(lambda[0])),
-                Set::Cone { .. } if lambda.len() == 6 => set_lanes(&mut iterate.rolling_contacts[block.source], lane, lambda),
-                Set::Cone { .. } => set_lanes(&mut iterate.contacts[block.source], lane, lambda),
+                AdmissibleSet::Interval { .. } => iterate.scalars[block.source].set_lane(lane, Scalar::from_f64(lambda[0])),
+                AdmissibleSet::Cone { .. } if lambda.len() == 6 => set_lanes(&mut iterate.rolling_contacts[block.source], lane, lambda),
+                AdmissibleSet::Cone { .. } => set_lanes(&mut iterate.contacts[block.source], lane, lambda),
             }
         }
         for ((to, &x), part) in iterate.w.iter_mut().zip(&self.w).zip(&self.separate) {

@@ -34,14 +34,15 @@ mod solver;
 mod vectors;
 
 pub use capacity::Capacity;
-pub use constraints::Damping;
+pub use constraints::constraint_set::Damping;
 pub use constraints::friction::{FrictionContact, FrictionContacts, LocalSolver};
 pub use constraints::orthogonalisation::dependence_threshold;
 pub use constraints::rolling::{RollingContact, RollingContacts};
 pub use constraints::scalar::{ScalarRow, ScalarRows};
 pub use constraints::sliding::{SlidingContact, SlidingContacts};
+pub use damping::PositionRows;
 pub use iterate::{Iterate, Snapshot};
-pub use problem::Problem;
+pub use problem::{Problem, System};
 pub use reference::Reference;
 pub use residual::{residual, undecided};
 pub use solver::{Outcome, PASSES, Settings, solve};

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::newton::Newton;
-use stepper_solve::{Capacity, Iterate, Problem, Reference, Snapshot};
+use stepper_solve::{Capacity, Iterate, PositionRows, Problem, Reference, Snapshot};
 
 use crate::compile::{CompiledModel, LaneModel};
 use crate::constraints::islands::Islands;
@@ -41,16 +41,15 @@ pub struct Constraints<R: Real> {
     pub biased: R::Mask,
     /// Lanes in which a contact bounces: positions and velocities differ there by any speed.
     pub rebounding: R::Mask,
-    /// Mobility of the bodies of every contact if nothing held them, 1/kg.
+    /// Rows of the position solve.
+    pub(crate) positions: PositionRows<R>,
+    /// Mobility of the bodies of every contact if nothing held them, 1/kg; 0 for scalar rows.
     pub(crate) floors: Vec<R>,
     /// What a correction starts from.
     pub(crate) reference: Reference<R>,
     pub(crate) islands: Islands,
     /// Impulses of lanes whose loads are shared evenly, while they are estimated.
     pub(crate) shared: Snapshot<R>,
-    /// What each row demands of the positions alone, scalar rows first, then contacts, then those with six rows: velocity g of stage 8 of scalar and
-    /// normal rows, of the others what is added to g. Where an overlap's bias is part of the velocities, the demand without it.
-    pub position_bias: Vec<R>,
     /// Impulses of limits, then of dry friction, by their index in the compiled model, then of what names its owner: the warm start.
     pub scalar_impulse: Vec<R>,
     /// Index in `scalar_impulse` of every scalar row.
@@ -77,6 +76,40 @@ pub struct Constraints<R: Real> {
     pub(crate) tied: Vec<Range<usize>>,
     /// Entries of the separate equalities, times D^-1/2 and times D^1/2.
     pub(crate) separate: [Vec<R>; 2],
+}
+
+/// Rows of a step, which no solve changes.
+#[derive(Clone, Copy, Debug)]
+pub struct AssembledRows<'a, R: Real> {
+    /// The constraint problem.
+    pub problem: &'a Problem<R>,
+    /// See [`Constraints::owners`].
+    pub owners: &'a [usize],
+    /// See [`Constraints::slots`].
+    pub slots: &'a [(usize, R::Mask)],
+    /// See [`Constraints::wide_slots`].
+    pub wide_slots: &'a [(usize, R::Mask, V3<R>)],
+    /// See [`Constraints::needs_position_solve`].
+    pub needs_position_solve: R::Mask,
+    /// See [`Constraints::biased`].
+    pub biased: R::Mask,
+    /// See [`Constraints::rebounding`].
+    pub rebounding: R::Mask,
+}
+
+/// Unknowns of the rows of a step, and the workspace of their solves.
+#[derive(Debug)]
+pub struct SolverRoom<'a, R: Real> {
+    /// Impulses.
+    pub iterate: &'a mut Iterate<R>,
+    /// Newton's method.
+    pub newton: &'a mut Newton,
+    /// See [`Constraints::scalar_impulse`].
+    pub scalar_impulse: &'a mut [R],
+    pub(crate) positions: &'a mut PositionRows<R>,
+    pub(crate) floors: &'a mut Vec<R>,
+    pub(crate) reference: &'a mut Reference<R>,
+    pub(crate) islands: &'a mut Islands,
 }
 
 /// A contact that bounces within the step.
@@ -139,11 +172,11 @@ impl<R: Real> Constraints<R> {
             needs_position_solve: R::Mask::splat(false),
             biased: R::Mask::splat(false),
             rebounding: R::Mask::splat(false),
-            floors: Vec::with_capacity(room.contacts + room.rolling_contacts),
+            positions: PositionRows::new(&room),
+            floors: Vec::with_capacity(room.scalars + room.contacts + room.rolling_contacts),
             reference: Reference::new(&room),
             islands: Islands::new(compiled.ntree),
             shared: Snapshot::new(&room),
-            position_bias: Vec::with_capacity(room.scalars + 3 * room.contacts + 6 * room.rolling_contacts),
             scalar_impulse: vec![R::zero(); compiled.scalar_impulses],
             owners: Vec::with_capacity(room.scalars),
             slots: Vec::with_capacity(max_contacts),
@@ -187,6 +220,32 @@ fn room<S: Scalar>(compiled: &CompiledModel<S>, contacts: usize, lanes: usize) -
 }
 
 impl<R: Real> Constraints<R> {
+    /// What stage 4 has made, for stages that only read it, and what they work on.
+    #[inline(always)]
+    pub fn split(&mut self) -> (AssembledRows<'_, R>, SolverRoom<'_, R>) {
+        let Self { problem, owners, slots, wide_slots, needs_position_solve, biased, rebounding, .. } = self;
+        let rows = AssembledRows {
+            problem,
+            owners,
+            slots,
+            wide_slots,
+            needs_position_solve: *needs_position_solve,
+            biased: *biased,
+            rebounding: *rebounding,
+        };
+        let Self { iterate, newton, scalar_impulse, positions, floors, reference, islands, .. } = self;
+        (rows, SolverRoom { iterate, newton, scalar_impulse, positions, floors, reference, islands })
+    }
+
+    /// Copies the rows for the position solve.
+    pub fn copy_positions(&mut self) {
+        let Self { problem, positions, .. } = self;
+        R::vectorize(
+            #[inline(always)]
+            || positions.copy(problem),
+        )
+    }
+
     /// The velocity change that the present impulses alone make, left in `out`.
     pub fn impulse_change(&self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, out: &mut [R]) {
         R::vectorize(
@@ -209,27 +268,7 @@ impl<R: Real> Constraints<R> {
             #[inline(always)]
             || {
                 mass.scale(compiled, change);
-                let (scalars, contacts) = self.position_bias.split_at_mut(self.problem.scalars.len());
-                for (i, position) in scalars.iter_mut().enumerate() {
-                    let row = &self.problem.scalars[i];
-                    let g = R::select(lanes, self.problem.scalars.velocity(row, change), row.g);
-                    *position = R::select(lanes, *position + (g - row.g), *position);
-                    self.problem.scalars[i].g = g;
-                }
-                let (contacts, wide) = contacts.split_at_mut(3 * self.problem.contacts.len());
-                for (i, [position, ..]) in wide.as_chunks_mut::<6>().0.iter_mut().enumerate() {
-                    let block = &self.problem.rolling_contacts[i];
-                    let mut g = self.problem.rolling_contacts.velocity(block, change);
-                    (0..6).for_each(|k| g[k] = R::select(lanes, g[k], block.g[k]));
-                    *position = R::select(lanes, *position + (g[0] - block.g[0]), *position);
-                    self.problem.rolling_contacts[i].g = g;
-                }
-                for (i, [position, ..]) in contacts.as_chunks_mut::<3>().0.iter_mut().enumerate() {
-                    let block = &self.problem.contacts[i];
-                    let g = select(lanes, self.problem.contacts.velocity(block, change), block.g);
-                    *position = R::select(lanes, *position + (g[0] - block.g[0]), *position);
-                    self.problem.contacts[i].g = g;
-                }
+                self.problem.shift(change, lanes);
                 self.keep_impacts(change, lanes);
             },
         )

@@ -40,14 +40,17 @@ pub(crate) fn solve_velocities<R: Real>(
     scheme: &Scheme<R>,
     s: &mut Workspace<R>,
 ) -> Solution<R> {
-    let mut outcome = solve(options, &s.v, s.constraints.constrained, &mut s.constraints, &mut s.new_contacts);
+    let constrained = s.constraints.constrained;
+    let (rows, mut room) = s.constraints.split();
+    let mut outcome = solve(options, &s.v, constrained, &rows, &mut room, &mut s.new_contacts);
     let pushed = integrate_velocity(compiled, &s.smooth.mass, &s.v_free, &s.constraints, &mut s.v_next);
     if scheme.integrator.in_the_middle() {
         outcome = impact::solve_impacts(compiled, options, scheme, s, outcome);
     }
     keep_impulse(compiled, s);
-    let solved = Solved { mass: &s.smooth.mass, contacts: &s.new_contacts, v_free: &s.v_free, h: scheme.h };
-    let infeasible = restrain(compiled, options, &solved, &mut s.constraints, &mut outcome, &mut s.v_mean, &mut s.v_next);
+    let (rows, mut room) = s.constraints.split();
+    let solved = Solved { rows, mass: &s.smooth.mass, contacts: &s.new_contacts, v_free: &s.v_free, h: scheme.h };
+    let infeasible = restrain(compiled, options, &solved, &mut room, &mut outcome, &mut s.v_mean, &mut s.v_next);
     // Where the step is too long for the motion, or the impulses do not decide it, speed and energy are kept from growing by force.
     let undecided = undecided(options, s, outcome.residual);
     if scheme.corrects && s.constraints.constrained.any() {
@@ -85,8 +88,9 @@ pub(crate) fn correct_positions<R: Real>(
     let impacts = impact::carry_positions(compiled, scheme, s);
     let v_free = if impacts.any() { &s.change } else { &s.v_free };
     let work = [&mut s.v_mean[..], &mut s.q_eval[..]];
-    let solved = Solved { mass: &s.smooth.mass, contacts: &s.new_contacts, v_free, h: scheme.h };
-    let infeasible = stabilise(compiled, options, &solved, &mut s.constraints, &s.v_next, work, &mut s.q_next);
+    let (rows, mut room) = s.constraints.split();
+    let solved = Solved { rows, mass: &s.smooth.mass, contacts: &s.new_contacts, v_free, h: scheme.h };
+    let infeasible = stabilise(compiled, options, &solved, &mut room, &s.v_next, work, &mut s.q_next);
     solution.infeasible = solution.infeasible.or(infeasible);
     if let Some(rk4) = &mut s.rk4 {
         rk4.step(compiled, &s.kinematics, &s.inputs, [&s.q, &s.v, &s.act], scheme.h);

@@ -4,7 +4,7 @@ use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::{Outcome, Settings};
 
 use crate::collision::contact_set::Contacts;
-use crate::constraints::Constraints;
+use crate::constraints::{AssembledRows, Constraints, SolverRoom};
 use crate::math::spatial::*;
 use crate::options::StepSettings;
 
@@ -15,13 +15,15 @@ pub fn solve<R: Real>(
     options: &StepSettings,
     v: &[R],
     lanes: R::Mask,
-    constraints: &mut Constraints<R>,
+    rows: &AssembledRows<'_, R>,
+    room: &mut SolverRoom<'_, R>,
     contacts: &mut Contacts<R>,
 ) -> Outcome<R> {
     let [sweeps, newton] = options.effort();
     let tolerance = tolerance(options, v);
     let settings = Settings { sweeps, newton_steps: newton, tolerance, newton_threshold: tolerance };
-    let Constraints { problem, iterate, newton, scalar_impulse, owners, slots, wide_slots, .. } = constraints;
+    let AssembledRows { problem, owners, slots, wide_slots, .. } = *rows;
+    let SolverRoom { iterate, newton, scalar_impulse, .. } = room;
     let outcome = stepper_solve::solve(problem, iterate, settings, lanes, newton);
     R::vectorize(
         #[inline(always)]

@@ -98,7 +98,7 @@ pub mod stages;
 #[doc(hidden)]
 pub mod step;
 
-pub use actuation::{DriveTrain, Motor, Servo};
+pub use actuation::{ActuatorSpec, Motor, Servo};
 pub use analysis::quantities::Snapshot;
 pub use batch::rollout;
 pub use batch::saved_state::SavedState;

@@ -19,13 +19,12 @@ impl Stepper {
     /// with, and so is every field when none is named.
     pub(crate) fn assign_parameters(&mut self, fields: Option<&Bound<'_, PyDict>>, envs: &[usize]) -> PyResult<()> {
         let mut given: Vec<(String, Option<Vec<f64>>)> = Vec::new();
-        let mut redrawn = None;
+        let mut resampled = None;
         for (name, value) in fields.into_iter().flatten() {
             let name: String = name.extract()?;
             if name == ACTUATORS {
-                let trains =
-                    if value.is_none() { None } else { Some(drives(&value, &self.model, self.simulation.num_envs(), Some(envs))?) };
-                redrawn = Some(self.simulation.redrawn(trains.as_deref(), envs).map_err(value_error)?);
+                let specs = if value.is_none() { None } else { Some(drives(&value, &self.model, self.simulation.num_envs(), Some(envs))?) };
+                resampled = Some(self.simulation.resampled(specs.as_deref(), envs).map_err(value_error)?);
                 continue;
             }
             if value.is_none() {
@@ -38,8 +37,8 @@ impl Stepper {
             }
             given.push((name, Some(value.as_slice()?.to_vec())));
         }
-        if given.is_empty() && redrawn.is_none() {
-            redrawn = Some(self.simulation.redrawn(None, envs).map_err(value_error)?);
+        if given.is_empty() && resampled.is_none() {
+            resampled = Some(self.simulation.resampled(None, envs).map_err(value_error)?);
             given.extend(self.simulation.randomization().fields().map(|(name, _)| (name.to_owned(), None)));
         }
         let assigned = given.iter().map(|(name, values)| Ok((name.parse()?, values.as_deref())));
@@ -47,7 +46,7 @@ impl Stepper {
         if !assigned.is_empty() {
             self.simulation.randomize(&assigned, envs).map_err(value_error)?;
         }
-        self.simulation.resample_actuators(redrawn.flatten());
+        self.simulation.resample_actuators(resampled.flatten());
         Ok(())
     }
 

@@ -5,7 +5,7 @@ use pyo3::PyTypeInfo;
 use pyo3::exceptions::{PyIndexError, PyKeyboardInterrupt, PyOverflowError, PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
-use stepper_core::actuation::DriveTrain;
+use stepper_core::actuation::ActuatorSpec;
 use stepper_core::sensing::errors::Transfer;
 use stepper_core::{Error, Field, Precision, SavedState, Simulation, StepInputs};
 
@@ -416,7 +416,7 @@ pub(crate) fn drives(
     model: &Py<Model>,
     num_envs: usize,
     envs: Option<&[usize]>,
-) -> PyResult<Vec<Option<DriveTrain>>> {
+) -> PyResult<Vec<Option<ActuatorSpec>>> {
     let envs = envs.map(|envs| numpy::PyArray1::from_iter(actuators.py(), envs.iter().map(|&env| env as i64)));
     let all = resolved(actuators, (model.clone_ref(actuators.py()), num_envs, envs), ["actuators", "drives", "ActuatorModel"])?;
     pythonize::depythonize(&all).map_err(|e| PyValueError::new_err(format!("actuators: {e}")))

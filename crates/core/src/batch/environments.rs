@@ -7,8 +7,8 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use stepper_real::{Level, Scalar};
 
-use crate::actuation::affine_force::Train;
-use crate::actuation::{ActuatorPipelines, DriveTrain, memory};
+use crate::actuation::affine_force::ActuatorDynamics;
+use crate::actuation::{ActuatorPipelines, ActuatorSpec, memory};
 use crate::batch::call::{Call, Part};
 use crate::batch::randomization::{Differences, Own};
 use crate::batch::rollout::{Recording, Share};
@@ -77,13 +77,13 @@ pub trait Engine: Send + Sync {
     fn randomize(&mut self, envs: &[usize], differences: Option<&[Differences]>);
     /// Memory of those parameters and of the numbers of drive trains, bytes.
     fn parameter_bytes(&self) -> usize;
-    /// Gives the actuators drive trains, `None` to those without; the model and the trains are what [`DriveTrain::fold`] returned. All
+    /// Gives the actuators drive trains, `None` to those without; the model and the trains are what [`ActuatorSpec::fold`] returned. All
     /// environments are new then.
-    fn set_actuator_models(&mut self, model: &Model, options: &StepSettings, trains: &[Option<DriveTrain>]) -> Result<(), Error>;
+    fn set_actuator_models(&mut self, model: &Model, options: &StepSettings, specs: &[Option<ActuatorSpec>]) -> Result<(), Error>;
     /// Gives the environments `envs` other numbers of their trains: lists of one, or one for each of these; `None` leaves a train as it is.
-    fn resample_actuators(&mut self, options: &StepSettings, trains: &[Option<DriveTrain>], envs: &[usize]);
+    fn resample_actuators(&mut self, options: &StepSettings, specs: &[Option<ActuatorSpec>], envs: &[usize]);
     /// What the drive trains of one environment hand on: controls, and the numbers of those that act within a step.
-    fn handed_on(&self, env: usize) -> Option<(Vec<f64>, Vec<Train<f64>>)>;
+    fn handed_on(&self, env: usize) -> Option<(Vec<f64>, Vec<ActuatorDynamics<f64>>)>;
     /// Says as which environment one draws random numbers.
     fn set_stream(&mut self, env: usize, stream: u32);
     /// Begins a new episode of one environment, the first one under a new seed.
@@ -575,15 +575,15 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
         self.own.bytes() + self.chains.as_ref().map_or(0, ActuatorPipelines::bytes)
     }
 
-    fn set_actuator_models(&mut self, model: &Model, options: &StepSettings, trains: &[Option<DriveTrain>]) -> Result<(), Error> {
-        let compiled = CompiledModel::with_trains(model, trains);
-        let some = ActuatorPipelines::<S>::new(trains, self.lanes.min(self.num_envs), self.lanes, options.timestep);
+    fn set_actuator_models(&mut self, model: &Model, options: &StepSettings, specs: &[Option<ActuatorSpec>]) -> Result<(), Error> {
+        let compiled = CompiledModel::with_actuator_specs(model, specs);
+        let some = ActuatorPipelines::<S>::new(specs, self.lanes.min(self.num_envs), self.lanes, options.timestep);
         let numbers = (some.memory + model.nu()) * size_of::<S>() + some.lines * size_of::<usize>();
         check_memory(self.num_envs, bytes_per_env(&compiled, self.max_contacts) + numbers + some.bytes().div_ceil(self.lanes))?;
         self.compiled = compiled;
         self.crew = WorkerPool { idle: Mutex::new(Vec::new()), pool: None };
         self.groups = groups(model, &self.compiled, self.num_envs, self.lanes, self.max_contacts);
-        let chains = ActuatorPipelines::new(trains, self.num_envs, self.lanes, options.timestep);
+        let chains = ActuatorPipelines::new(specs, self.num_envs, self.lanes, options.timestep);
         if !chains.is_empty() {
             for group in &mut self.groups {
                 let nu = model.nu();
@@ -594,13 +594,13 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
         Ok(())
     }
 
-    fn resample_actuators(&mut self, options: &StepSettings, trains: &[Option<DriveTrain>], envs: &[usize]) {
+    fn resample_actuators(&mut self, options: &StepSettings, specs: &[Option<ActuatorSpec>], envs: &[usize]) {
         if let Some(chains) = &mut self.chains {
-            chains.assign(trains, envs, options.timestep);
+            chains.assign(specs, envs, options.timestep);
         }
     }
 
-    fn handed_on(&self, env: usize) -> Option<(Vec<f64>, Vec<Train<f64>>)> {
+    fn handed_on(&self, env: usize) -> Option<(Vec<f64>, Vec<ActuatorDynamics<f64>>)> {
         let chains = self.chains.as_ref()?;
         let (group, lane) = self.at(env);
         let applied = group.actuation.applied.iter().skip(lane).step_by(self.lanes).map(|x| x.to_f64()).collect();

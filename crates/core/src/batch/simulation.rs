@@ -13,7 +13,7 @@ use std::sync::{Arc, OnceLock};
 use serde::{Serialize, de::DeserializeOwned};
 use stepper_real::Level;
 
-use crate::actuation::{DriveTrain, Driven};
+use crate::actuation::{ActuatorModels, ActuatorSpec};
 use crate::batch::randomization::Randomization;
 use crate::batch::rollout::{Quantity, Recording};
 use crate::batch::saved_state::SavedState;
@@ -37,7 +37,7 @@ pub struct Simulation {
     digest: OnceLock<[u8; 32]>,
     compiled: OnceLock<LaneModel<f64>>,
     randomization: Randomization,
-    driven: Option<Driven>,
+    actuator_models: Option<ActuatorModels>,
     /// Controls in force, (num_envs, nu): those of the last step until others are given.
     ctrl: Vec<f64>,
     truth: Truth,
@@ -91,8 +91,8 @@ impl Simulation {
         let level = Level::best()?;
         let mut simulation = Self::make(model, options, num_envs, precision, threads, level, true)?;
         if simulation.model.actuators.iter().any(|a| a.delay > 0.0) {
-            let trains = vec![None; simulation.model.nu()];
-            simulation.set_actuator_models(&trains)?;
+            let specs = vec![None; simulation.model.nu()];
+            simulation.set_actuator_models(&specs)?;
         }
         Ok(simulation)
     }
@@ -141,7 +141,7 @@ impl Simulation {
             digest: OnceLock::new(),
             compiled,
             randomization,
-            driven: None,
+            actuator_models: None,
             ctrl,
             truth,
         };
@@ -522,17 +522,17 @@ impl Simulation {
     /// [`Error::Count`] when there is not one for every actuator; [`Error::DrivesAfterParameters`] when environments have parameters of their own;
     /// [`Error::Actuator`] for a number out of its range, or what an actuator cannot have, with the actuator's name; [`Error::Memory`] when there
     /// is no room for what the actuators of all environments remember.
-    pub fn set_actuator_models(&mut self, trains: &[Option<DriveTrain>]) -> Result<(), Error> {
-        let (found, must) = (trains.len(), self.model.nu());
+    pub fn set_actuator_models(&mut self, specs: &[Option<ActuatorSpec>]) -> Result<(), Error> {
+        let (found, must) = (specs.len(), self.model.nu());
         if found != must {
             return Err(Error::Count { name: "drives", found, must, element: "actuator" });
         }
         if !self.randomization.is_empty() {
             return Err(Error::DrivesAfterParameters);
         }
-        let driven = Driven::new(&self.model, trains, self.num_envs, self.settings.timestep).map_err(Error::Actuator)?;
-        self.engine.set_actuator_models(&driven.model, &self.settings, &driven.trains)?;
-        (self.compiled, self.driven) = (OnceLock::new(), Some(driven));
+        let actuator_models = ActuatorModels::new(&self.model, specs, self.num_envs, self.settings.timestep).map_err(Error::Actuator)?;
+        self.engine.set_actuator_models(&actuator_models.model, &self.settings, &actuator_models.specs)?;
+        (self.compiled, self.actuator_models) = (OnceLock::new(), Some(actuator_models));
         (0..self.num_envs).for_each(|env| self.reset(env));
         Ok(())
     }
@@ -590,8 +590,8 @@ impl Simulation {
     /// The model as the step reads it, in f64.
     pub fn compiled(&self) -> &LaneModel<f64> {
         self.compiled.get_or_init(|| {
-            LaneModel::new(&match &self.driven {
-                Some(driven) => CompiledModel::with_trains(&driven.model, &driven.trains),
+            LaneModel::new(&match &self.actuator_models {
+                Some(actuator_models) => CompiledModel::with_actuator_specs(&actuator_models.model, &actuator_models.specs),
                 None => CompiledModel::new(&self.model),
             })
         })

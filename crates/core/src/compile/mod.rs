@@ -15,7 +15,7 @@ pub mod sensing;
 mod tree;
 
 pub use crate::model::Kernel;
-pub use actuators::{CompiledActuator, CompiledForceRange, CompiledServo, CompiledTrain, CompiledWrench, Spot};
+pub use actuators::{CompiledActuator, CompiledActuatorDynamics, CompiledForceRange, CompiledServo, CompiledWrench, Spot};
 pub use collision::{CompiledGeom, CompiledPair, Crowd, Member};
 pub use compiled_model::CompiledModel;
 pub use equality::{Combination, CompiledEquality, CompiledTendon, EqualityBlock, EqualityRows, Spring};

@@ -57,7 +57,7 @@ pub struct Constraints<R: Real> {
     /// Slot of every contact with the lanes in which it is there.
     pub slots: Vec<(usize, R::Mask)>,
     /// The same of contacts with six rows, and what their rows of turning are scaled by, m.
-    pub wide_slots: Vec<(usize, R::Mask, V3<R>)>,
+    pub rolling_slots: Vec<(usize, R::Mask, V3<R>)>,
     /// Squared lengths of the numbers that the rows of a block of equalities are differences of.
     pub(crate) sizes: Vec<R>,
     /// Of those rows: h/2 J' v, J v and the velocity that corrects the error.
@@ -87,8 +87,8 @@ pub struct AssembledRows<'a, R: Real> {
     pub owners: &'a [usize],
     /// See [`Constraints::slots`].
     pub slots: &'a [(usize, R::Mask)],
-    /// See [`Constraints::wide_slots`].
-    pub wide_slots: &'a [(usize, R::Mask, V3<R>)],
+    /// See [`Constraints::rolling_slots`].
+    pub rolling_slots: &'a [(usize, R::Mask, V3<R>)],
     /// See [`Constraints::needs_position_solve`].
     pub needs_position_solve: R::Mask,
     /// See [`Constraints::biased`].
@@ -180,11 +180,11 @@ impl<R: Real> Constraints<R> {
             scalar_impulse: vec![R::zero(); compiled.scalar_impulses],
             owners: Vec::with_capacity(room.scalars),
             slots: Vec::with_capacity(max_contacts),
-            wide_slots: Vec::with_capacity(room.rolling_contacts),
+            rolling_slots: Vec::with_capacity(room.rolling_contacts),
             sizes: Vec::with_capacity(block),
             demands: Vec::with_capacity(block),
             column: vec![zero(); compiled.nv],
-            linear: vec![zero(); if compiled.wide { compiled.nv } else { 0 }],
+            linear: vec![zero(); if compiled.has_rolling_friction { compiled.nv } else { 0 }],
             support: Vec::with_capacity(compiled.nv),
             path: vec![R::zero(); compiled.nv],
             signs: vec![[0; 2]; compiled.nv],
@@ -214,7 +214,7 @@ fn room<S: Scalar>(compiled: &CompiledModel<S>, contacts: usize, lanes: usize) -
         scalars: compiled.scalar_impulses,
         scalar_entries: single + balls + equalities + tendons,
         contacts,
-        rolling_contacts: if compiled.wide { contacts } else { 0 },
+        rolling_contacts: if compiled.has_rolling_friction { contacts } else { 0 },
         contact_support: with_tied(deepest * lanes),
     }
 }
@@ -223,12 +223,12 @@ impl<R: Real> Constraints<R> {
     /// What stage 4 has made, for stages that only read it, and what they work on.
     #[inline(always)]
     pub fn split(&mut self) -> (AssembledRows<'_, R>, SolverRoom<'_, R>) {
-        let Self { problem, owners, slots, wide_slots, needs_position_solve, biased, rebounding, .. } = self;
+        let Self { problem, owners, slots, rolling_slots, needs_position_solve, biased, rebounding, .. } = self;
         let rows = AssembledRows {
             problem,
             owners,
             slots,
-            wide_slots,
+            rolling_slots,
             needs_position_solve: *needs_position_solve,
             biased: *biased,
             rebounding: *rebounding,

@@ -6,9 +6,9 @@ use crate::geometry::facing::Facing;
 use crate::geometry::known::Known;
 use crate::geometry::manifold::{Manifold, Point};
 use crate::geometry::pair::Pair;
-use crate::geometry::parting::SeparatingPlane;
 use crate::geometry::reach::Reach;
 use crate::geometry::room::Room;
+use crate::geometry::separating_plane::SeparatingPlane;
 use crate::geometry::separation;
 use crate::geometry::shape::ConvexShape;
 use crate::geometry::solid::Solid;
@@ -54,7 +54,7 @@ impl Narrow {
             [_, Solid::Surface(_)] => unreachable!("a surface meets convex shapes"),
             [_, Solid::HalfSpace] => unreachable!("a half space comes first, and two never meet"),
         }
-        (&found.points, found.parting)
+        (&found.points, found.separating_plane)
     }
 }
 
@@ -96,7 +96,7 @@ pub fn collide(
         room.clipper.manifold(&pair, &facing, prediction, out);
         out.place(pose_a);
     }
-    out.parting = (a.is_hull() && b.is_hull()).then(|| reach.parting(&pair, &facing));
+    out.separating_plane = (a.is_hull() && b.is_hull()).then(|| reach.separating_plane(&pair, &facing));
 }
 
 /// Signed distance of two convex shapes (m; minus the depth where they overlap) and the unit normal from the first to the second, in the world.

@@ -307,10 +307,10 @@ fn prove_infeasible<R: Real>(
 /// Mobility of the bodies of every contact if nothing held them, 1/kg: what damping is at least relative to. 0 for scalar rows.
 #[inline(always)]
 fn find_floors<R: Real>(compiled: &LaneModel<R>, solved: &Solved<'_, R>, floors: &mut Vec<R>) {
-    let AssembledRows { problem, slots, wide_slots, .. } = solved.rows;
+    let AssembledRows { problem, slots, rolling_slots, .. } = solved.rows;
     floors.clear();
     floors.resize(problem.scalars.len(), R::zero());
-    let all = slots.iter().map(|slot| (slot.0, slot.1)).chain(wide_slots.iter().map(|slot| (slot.0, slot.1)));
+    let all = slots.iter().map(|slot| (slot.0, slot.1)).chain(rolling_slots.iter().map(|slot| (slot.0, slot.1)));
     for (k, lanes) in all {
         let mut floor = R::zero();
         for (pair, lanes) in solved.contacts.pairs(k, lanes.bits()) {

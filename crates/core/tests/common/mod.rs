@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use stepper_core::actuation::{DriveTrain, Motor, Servo};
+use stepper_core::actuation::{ActuatorSpec, Motor, Servo};
 use stepper_core::batch::{Field, StepInputs};
 use stepper_core::model::{
     ActuatorBuilder, BodyBuilder, ContactField, ContactReduction, ContactSide, EqualityBuilder, FrameReading, GeomBuilder, JointBuilder,
@@ -139,7 +139,7 @@ pub(crate) fn errors(model: &Model) -> Vec<Option<Transfer>> {
 
 /// Drive trains of every kind: on the first leg motors with a continuous servo on the hip, on the second a sampled one; a lag behind a delay on
 /// the third; the fourth is ideal.
-pub(crate) fn trains(model: &Model) -> Vec<Option<DriveTrain>> {
+pub(crate) fn trains(model: &Model) -> Vec<Option<ActuatorSpec>> {
     let servo = |period: Vec<f64>| Servo { kp: vec![20.0], ki: vec![5.0], kd: vec![0.5], integral_limit: vec![2.0], period };
     let motor = |voltage| Motor {
         stall_torque: vec![2.0],
@@ -149,7 +149,7 @@ pub(crate) fn trains(model: &Model) -> Vec<Option<DriveTrain>> {
         efficiency: vec![0.7],
         voltage,
     };
-    let train = |servo, motor, lag| DriveTrain {
+    let train = |servo, motor, lag| ActuatorSpec {
         delay: vec![0.0093],
         delay_steps: vec![0.0],
         lag: vec![lag],

@@ -231,12 +231,12 @@ impl Simulation {
         self.check_rows(inputs, 1, 1)?;
         let nu = self.model.nu();
         let given = || if inputs.ctrl.is_empty() { self.ctrl[env * nu..(env + 1) * nu].to_vec() } else { inputs.ctrl.to_vec() };
-        let (ctrl, trains) = self.engine.handed_on(env).unwrap_or_else(|| (given(), vec![]));
+        let (ctrl, actuator_dynamics) = self.engine.handed_on(env).unwrap_or_else(|| (given(), vec![]));
         Ok(Snapshot {
             q: self.values(Field::Qpos, env),
             v: self.values(Field::Qvel, env),
             act: self.values(Field::Act, env),
-            inputs: Inputs { ctrl, trains, qfrc: inputs.qfrc.to_vec(), xfrc: inputs.xfrc.to_vec() },
+            inputs: Inputs { ctrl, actuator_dynamics, qfrc: inputs.qfrc.to_vec(), xfrc: inputs.xfrc.to_vec() },
             mocap: self.mocap_poses(inputs.mocap_pos, inputs.mocap_quat).collect(),
         })
     }

@@ -92,6 +92,8 @@ pub mod model;
 #[doc(hidden)]
 pub mod options;
 #[doc(hidden)]
+pub mod probe;
+#[doc(hidden)]
 pub mod sensing;
 #[doc(hidden)]
 pub mod stages;

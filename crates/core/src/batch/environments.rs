@@ -64,7 +64,7 @@ impl Field {
 pub type Watch<'a> = Option<&'a mut dyn FnMut() -> bool>;
 
 /// A batch, whatever its precision.
-pub trait Engine: Send + Sync {
+pub trait Engine: Any + Send + Sync {
     /// Makes `nstep` steps, fewer when the watch says so: returns how many, the same in every environment. An error is that of
     /// threads that cannot be started; nothing was done then.
     fn step(&mut self, options: &StepSettings, inputs: &StepInputs<'_>, nstep: usize, watch: Watch<'_>) -> Result<usize, String>;
@@ -150,7 +150,11 @@ pub struct Batch<S: Stepped> {
     own: Own<S>,
     chains: Option<ActuatorPipelines<S>>,
     crew: WorkerPool<S>,
+    workers: MakeWorker<S>,
 }
+
+/// Makes a worker for groups of so many lanes at a CPU level that this machine has.
+pub type MakeWorker<S> = fn(&WorkerSpec<'_, S>, usize, Level) -> Box<dyn Worker<S>>;
 
 /// Time between two looks at the watch of a long call, s: short beside the patience of somebody who wants it to end, long beside what sending the
 /// groups to the workers again takes.
@@ -297,7 +301,14 @@ impl<S: Stepped> Batch<S> {
         // More than groups would have nothing to do.
         let threads = threads.min(groups.len());
         let crew = WorkerPool { idle: Mutex::new(Vec::new()), pool: None };
-        Self { compiled, groups, lanes, num_envs, max_contacts, level, threads, errors: None, chains: None, own: Own::default(), crew }
+        let (own, workers) = (Own::default(), S::worker as MakeWorker<S>);
+        Self { compiled, groups, lanes, num_envs, max_contacts, level, threads, errors: None, chains: None, own, crew, workers }
+    }
+
+    /// Says who makes workers from now on: those with a probe in their steps.
+    pub fn set_workers(&mut self, workers: MakeWorker<S>) {
+        self.workers = workers;
+        self.idle().clear();
     }
 
     fn acquire_worker(&self, options: &StepSettings) -> Box<dyn Worker<S>> {
@@ -306,7 +317,7 @@ impl<S: Stepped> Batch<S> {
     }
 
     fn make_worker(&self, options: &StepSettings) -> Box<dyn Worker<S>> {
-        S::worker(&WorkerSpec { compiled: &self.compiled, options, max_contacts: self.max_contacts }, self.lanes, self.level)
+        (self.workers)(&WorkerSpec { compiled: &self.compiled, options, max_contacts: self.max_contacts }, self.lanes, self.level)
     }
 
     fn release(&self, worker: Box<dyn Worker<S>>) {

@@ -202,6 +202,12 @@ impl Simulation {
         envs.last().map_or(Ok(()), |&env| self.check_env(env))
     }
 
+    /// The batch, if it is in this scalar type: for those who measure its steps.
+    #[doc(hidden)]
+    pub fn batch_mut<S: Stepped>(&mut self) -> Option<&mut Batch<S>> {
+        (self.engine_mut() as &mut dyn Any).downcast_mut()
+    }
+
     /// The engine, to be changed: what sensors read may be something else then.
     fn engine_mut(&mut self) -> &mut dyn Engine {
         self.truth.known = false;

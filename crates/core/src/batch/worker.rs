@@ -13,6 +13,7 @@ use crate::compile::{CompiledModel, LaneModel};
 use crate::integrators::workspace::Workspace;
 use crate::math::lanes::count;
 use crate::options::StepSettings;
+use crate::probe::{NoProbe, Probe, Span};
 use crate::step::step;
 
 /// A thread's room to work, with the step compiled for its lanes and CPU level.
@@ -46,6 +47,8 @@ pub trait Stepped: Scalar {
     fn lanes(compiled: &CompiledModel<Self>, num_envs: usize, threads: usize, level: Level) -> usize;
     /// A worker for groups of `lanes` lanes at a CPU level that this machine has.
     fn worker(site: &WorkerSpec<'_, Self>, lanes: usize, level: Level) -> Box<dyn Worker<Self>>;
+    /// The same with a probe in its steps.
+    fn probed_worker(site: &WorkerSpec<'_, Self>, lanes: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<Self>>;
     /// An array of a recording in this precision.
     ///
     /// # Panics
@@ -94,10 +97,14 @@ impl Stepped for f64 {
     }
 
     fn worker(site: &WorkerSpec<'_, f64>, lanes: usize, level: Level) -> Box<dyn Worker<f64>> {
+        Self::probed_worker(site, lanes, level, NoProbe)
+    }
+
+    fn probed_worker(site: &WorkerSpec<'_, f64>, lanes: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<f64>> {
         match lanes {
-            1 => at_level!(level, F64x1, desk(site)),
-            8 => at_level!(level, F64x8, desk(site)),
-            _ => at_avx512!(F64x16, desk(site)),
+            1 => at_level!(level, F64x1, desk(site, probe)),
+            8 => at_level!(level, F64x8, desk(site, probe)),
+            _ => at_avx512!(F64x16, desk(site, probe)),
         }
     }
 
@@ -118,7 +125,11 @@ impl Stepped for f32 {
     }
 
     fn worker(site: &WorkerSpec<'_, f32>, lanes: usize, level: Level) -> Box<dyn Worker<f32>> {
-        if lanes == 32 { at_avx512!(F32x32, desk(site)) } else { at_level!(level, F32x16, desk(site)) }
+        Self::probed_worker(site, lanes, level, NoProbe)
+    }
+
+    fn probed_worker(site: &WorkerSpec<'_, f32>, lanes: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<f32>> {
+        if lanes == 32 { at_avx512!(F32x32, desk(site, probe)) } else { at_level!(level, F32x16, desk(site, probe)) }
     }
 
     fn numbers(array: Numbers<'_>) -> &mut [f32] {
@@ -129,42 +140,39 @@ impl Stepped for f32 {
     }
 }
 
-fn desk<R: Real>(site: &WorkerSpec<'_, R::Scalar>) -> Box<dyn Worker<R::Scalar>> {
+/// A worker in the lanes of `R`.
+pub fn desk<R: Real>(site: &WorkerSpec<'_, R::Scalar>, probe: impl Probe) -> Box<dyn Worker<R::Scalar>> {
+    let compiled = LaneModel::new(site.compiled);
     Box::new(LaneWorker {
-        scratch: Workspace::<R>::new(site.compiled, site.options, site.max_contacts),
-        senses: Senses::new(site.compiled, site.max_contacts),
-        compiled: LaneModel::new(site.compiled),
+        probe,
+        scratch: Workspace::<R>::new(&compiled, site.options, site.max_contacts),
+        senses: Senses::new(&compiled, site.max_contacts, probe),
+        compiled,
         flags: vec![0; R::LANES],
     })
 }
 
 /// Where a worker steps and reads.
-struct LaneWorker<R: Real> {
+struct LaneWorker<R: Real, P: Probe> {
+    probe: P,
     scratch: Workspace<R>,
-    senses: Senses<R>,
+    senses: Senses<R, P>,
     /// The compiled model with the parameters of the group that is worked on.
     compiled: LaneModel<R>,
     /// Flags of the steps of a control, per lane.
     flags: Vec<u32>,
 }
 
-impl<R: Real> Worker<R::Scalar> for LaneWorker<R> {
+impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
     fn run(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, at: BatchSlice<'_, '_, R::Scalar>) {
         assert_eq!(group.lanes, R::LANES, "a worker steps groups of its own width");
         let BatchSlice { first, share_first, mut share } = at;
-        self.turn_to(call, first);
-        self.senses.begin(call, &self.compiled, group, first, &mut self.scratch);
-        if !self.scratch.current {
-            load(group, &mut self.scratch);
-        }
-        self.scratch.current = false;
-        load_inputs(call, group, first, &mut self.scratch);
-        if call.part.from == 0 {
-            forget_faults::<R>(group);
-        }
-        self.scratch.poses.exchange(&mut group.separation_cache);
+        let probe = self.probe;
+        probe.span(Span::Load, || self.turn_to(call, first));
+        probe.span(Span::Sense, || self.senses.begin(call, &self.compiled, group, first, &mut self.scratch));
+        probe.span(Span::Load, || self.load(call, group, first));
         for control in call.part.controls(call.calls, call.nstep) {
-            load_control(call, control, first, &mut self.scratch);
+            probe.span(Span::Load, || load_control(call, control, first, &mut self.scratch));
             let steps = call.part.steps_of(control, call.nstep);
             let mut residual = R::zero();
             self.flags[..R::LANES].fill(0);
@@ -172,23 +180,14 @@ impl<R: Real> Worker<R::Scalar> for LaneWorker<R> {
                 residual = share.resume(control, first - share_first, self.scratch.alive, &mut self.flags);
             }
             let residual = self.run_control(call, group, first, steps.len(), residual);
-            let Self { scratch: s, senses, compiled, flags } = self;
+            let Self { scratch: s, senses, compiled, flags, .. } = self;
             if let Some(share) = &mut share {
-                let readings = if share.has(Quantity::Observation) { senses.readings(call, compiled, group, s) } else { &[] };
-                share.write(control, first - share_first, s, readings, flags, residual);
+                let observed = share.has(Quantity::Observation);
+                let readings = if observed { probe.span(Span::Sense, || senses.readings(call, compiled, group, s)) } else { &[] };
+                probe.span(Span::Rollout, || share.write(control, first - share_first, s, readings, flags, residual));
             }
         }
-        let s = &mut self.scratch;
-        s.poses.exchange(&mut group.separation_cache);
-        if call.part.to > call.part.from {
-            self.senses.remember(group, s);
-            store(group, s);
-        }
-        if call.part.ends && call.part.to > 0 {
-            store_mocap_trajectories(call, group, s);
-        }
-        // Who has one group alone goes on with it.
-        s.current = call.num_envs <= R::LANES;
+        probe.span(Span::Store, || self.store(call, group));
     }
 
     fn sense(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, query: Query<'_>) {
@@ -203,7 +202,7 @@ impl<R: Real> Worker<R::Scalar> for LaneWorker<R> {
     }
 }
 
-impl<R: Real> LaneWorker<R> {
+impl<R: Real, P: Probe> LaneWorker<R, P> {
     /// Takes up the parameters of the group whose first environment is `first`.
     fn turn_to(&mut self, call: &Call<'_, R::Scalar>, first: usize) {
         if let Some(numbers) = call.own.numbers.get(first / R::LANES) {
@@ -212,52 +211,81 @@ impl<R: Real> LaneWorker<R> {
         }
     }
 
+    /// Brings the state of a group and what the user says for the whole call into the workspace.
+    fn load(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize) {
+        let s = &mut self.scratch;
+        if !s.current {
+            load(group, s);
+        }
+        s.current = false;
+        load_inputs(call, group, first, s);
+        if call.part.from == 0 {
+            forget_faults::<R>(group);
+        }
+        s.poses.exchange(&mut group.separation_cache);
+    }
+
+    /// Brings the state of a group back.
+    fn store(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>) {
+        let s = &mut self.scratch;
+        s.poses.exchange(&mut group.separation_cache);
+        if call.part.to > call.part.from {
+            self.senses.remember(group, s);
+            store(group, s);
+        }
+        if call.part.ends && call.part.to > 0 {
+            store_mocap_trajectories(call, group, s);
+        }
+        // Who has one group alone goes on with it.
+        s.current = call.num_envs <= R::LANES;
+    }
+
     /// Some steps of one control; adds their flags to those that are there, and returns their largest residual and that given.
     fn run_control(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, steps: usize, mut residual: R) -> R {
-        let Self { scratch: s, senses, compiled, flags } = self;
-        let (h, flags) = (call.options.timestep, &mut flags[..R::LANES]);
+        let Self { scratch: s, senses, compiled, flags, probe } = self;
+        let (h, flags, probe) = (call.options.timestep, &mut flags[..R::LANES], *probe);
         let (mut depth, mut overshoot) = (R::load(&group.depth), R::load(&group.overshoot));
         for _ in 0..steps {
-            senses.before_step(s);
+            probe.span(Span::Sense, || senses.before_step(s));
             if let Some(chains) = call.chains {
                 let state = [&s.q[..], &s.v[..]];
-                chains.advance(
-                    compiled,
-                    first / R::LANES,
-                    &s.given,
-                    state,
-                    s.alive,
-                    h,
-                    &mut group.actuation,
-                    (&mut s.inputs.ctrl, &mut s.inputs.actuator_dynamics),
-                );
+                probe.span(Span::ActuatorPipelines, || {
+                    chains.advance(
+                        compiled,
+                        first / R::LANES,
+                        &s.given,
+                        state,
+                        s.alive,
+                        h,
+                        &mut group.actuation,
+                        (&mut s.inputs.ctrl, &mut s.inputs.actuator_dynamics),
+                    )
+                });
             }
-            let record = step(compiled, call.options, s);
+            let record = step(compiled, call.options, s, probe);
             if let Some(chains) = call.chains {
-                chains.hold_outputs(
-                    compiled,
-                    first / R::LANES,
-                    &mut group.actuation,
-                    (&mut s.inputs.ctrl, &mut s.inputs.actuator_dynamics),
-                );
+                let handed_on = (&mut s.inputs.ctrl[..], &mut s.inputs.actuator_dynamics[..]);
+                probe.span(Span::ActuatorPipelines, || chains.hold_outputs(compiled, first / R::LANES, &mut group.actuation, handed_on));
             }
-            s.elapsed += h;
-            let kept = record.non_finite.bits();
-            for (l, flags) in flags.iter_mut().enumerate() {
-                *flags |= record.status(l).bits();
-                if kept >> l & 1 == 0 {
-                    group.time[l] += h;
+            probe.span(Span::Record, || {
+                s.elapsed += h;
+                let kept = record.non_finite.bits();
+                for (l, flags) in flags.iter_mut().enumerate() {
+                    *flags |= record.status(l).bits();
+                    if kept >> l & 1 == 0 {
+                        group.time[l] += h;
+                    }
                 }
-            }
-            if !group.saturated.is_empty() {
-                count_saturated(compiled, s, &mut group.saturated);
-            }
-            residual = residual.max(record.residual);
-            (depth, overshoot) = (depth.max(record.depth), overshoot.max(record.overshoot));
-            record.residual.store(&mut group.residual);
-            record.iterations.store(&mut group.iterations);
+                if !group.saturated.is_empty() {
+                    count_saturated(compiled, s, &mut group.saturated);
+                }
+                residual = residual.max(record.residual);
+                (depth, overshoot) = (depth.max(record.depth), overshoot.max(record.overshoot));
+                record.residual.store(&mut group.residual);
+                record.iterations.store(&mut group.iterations);
+            });
             // 9 sense
-            senses.after_step(call, compiled, group, first, s);
+            probe.span(Span::Sense, || senses.after_step(call, compiled, group, first, s));
         }
         depth.store(&mut group.depth);
         overshoot.store(&mut group.overshoot);

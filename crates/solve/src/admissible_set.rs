@@ -5,11 +5,19 @@ use crate::vectors::{add_scaled, norm};
 
 /// Set of the admissible impulses of one constraint.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum AdmissibleSet {
+pub enum AdmissibleSet {
     /// Interval of one row, `lo <= lambda <= hi`; an equality has infinite bounds.
-    Interval { lo: f64, hi: f64 },
+    Interval {
+        /// Least impulse.
+        lo: f64,
+        /// Greatest impulse.
+        hi: f64,
+    },
     /// Friction cone of the rows (n, t...), `|lambda_t| <= mu lambda_n`.
-    Cone { mu: f64 },
+    Cone {
+        /// Coefficient of friction.
+        mu: f64,
+    },
 }
 
 impl AdmissibleSet {

@@ -16,6 +16,11 @@ by_kind! {
 }
 
 impl Capacity {
+    /// Capacity for no constraints in `dimension` coordinates; the caller sets how many there are of each kind.
+    pub fn of_coordinates(dimension: usize) -> Self {
+        Self { dimension, ..Self::default() }
+    }
+
     /// Number of constraints.
     pub(crate) fn constraints(&self) -> usize {
         let mut sum = 0;

@@ -9,7 +9,8 @@ pub(crate) mod scalar;
 pub(crate) mod sliding;
 
 /// Declares a struct with a field for each kind of constraint, in the order in which sweeps visit them, after fields of its own. What a
-/// kind has there is its `set`, a reference to its `rows`, its own list of `own_rows`, its `impulses`, a list of `numbers` or a `count`.
+/// kind has there is its `set`, a reference to its `rows`, its own list of `own_rows`, its `impulses`, a list of `numbers`, a `count`,
+/// or a list of what is `saved`.
 macro_rules! by_kind {
     ($(#[$meta:meta])* $vis:vis struct $name:ident[$($generics:tt)*] { $($fields:tt)* } each $what:ident) => {
         $crate::constraints::by_kind! {
@@ -37,6 +38,9 @@ macro_rules! by_kind {
     };
     (@numbers [$($doc:literal $kind:ident: $set:ty,)+] $($rest:tt)+) => {
         $crate::constraints::by_kind! { @struct [$($doc $kind: Vec<R>,)+] $($rest)+ }
+    };
+    (@saved [$($doc:literal $kind:ident: $set:ty,)+] $($rest:tt)+) => {
+        $crate::constraints::by_kind! { @struct [$($doc $kind: Vec<SavedConstraint>,)+] $($rest)+ }
     };
     (@count [$($doc:literal $kind:ident: $set:ty,)+] $($rest:tt)+) => {
         $crate::constraints::by_kind! { @struct [$($doc $kind: usize,)+] $($rest)+ }

@@ -89,7 +89,7 @@ fn copy_lanes<R: Real>(from: &[R], to: &mut [R], lanes: R::Mask) {
 }
 
 /// Number of rows of every constraint whose impulses these are.
-fn rows_of<R: Real, I: Impulse<R>>(_: &[I]) -> usize {
+pub(crate) fn rows_of<R: Real, I: Impulse<R>>(_: &[I]) -> usize {
     I::ROWS
 }
 

@@ -1,6 +1,6 @@
 //! The certificate: how far the impulses are from solving the problem, in m/s.
 
-use crate::constraints::constraint_set::{ConstraintSet, worse};
+use crate::constraints::constraint_set::{ConstraintSet, number_of, worse};
 use crate::constraints::each_kind;
 use crate::iterate::Iterate;
 use crate::problem::System;
@@ -19,6 +19,21 @@ pub fn residual<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate
         #[inline(always)]
         |r| worst = worse(worst, r),
     ));
+    worst
+}
+
+/// Constraint of lane `lane` with the largest residual, m/s: its index over all kinds, in their order. None where there is no constraint,
+/// or none with a residual. A NaN is the largest of all.
+pub fn worst_constraint<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate<R>, lane: usize) -> Option<(usize, f64)> {
+    let (system, mut worst, mut i) = (system.into(), None, 0);
+    let mut compare = |r: R| {
+        let (r, most) = (number_of(r, lane), worst.map_or(0.0, |(_, most)| most));
+        if r > most || r.is_nan() {
+            worst = Some((i, r));
+        }
+        i += 1;
+    };
+    each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => set.for_each_residual(rows, impulses, &iterate.w, &mut compare));
     worst
 }
 

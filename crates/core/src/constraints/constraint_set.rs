@@ -7,7 +7,9 @@ use stepper_solve::newton::Newton;
 use stepper_solve::{Capacity, Iterate, PositionRows, Problem, Reference, Snapshot};
 
 use crate::compile::{LaneModel, ModelStructure};
+use crate::constraints::assembled_rows::AssembledRows;
 use crate::constraints::islands::Islands;
+use crate::constraints::worst_row::WorstRows;
 use crate::dynamics::inertia::{MassMatrix, NewtonEuler};
 use crate::math::spatial::*;
 
@@ -41,6 +43,10 @@ pub struct Constraints<R: Real> {
     pub biased: R::Mask,
     /// Lanes in which a contact bounces: positions and velocities differ there by any speed.
     pub rebounding: R::Mask,
+    /// Worst rows of lanes that stage 5, or what restrains Baumgarte's method, has left unsolved.
+    pub worst: WorstRows<R>,
+    /// Problem of a lane as bytes, for whoever asks for it.
+    pub(crate) capture: Capture,
     /// Rows of the position solve.
     pub(crate) positions: PositionRows<R>,
     /// Mobility of the bodies of every contact if nothing held them, 1/kg; 0 for scalar rows.
@@ -78,23 +84,13 @@ pub struct Constraints<R: Real> {
     pub(crate) separate: [Vec<R>; 2],
 }
 
-/// Rows of a step, which no solve changes.
-#[derive(Clone, Copy, Debug)]
-pub struct AssembledRows<'a, R: Real> {
-    /// The constraint problem.
-    pub problem: &'a Problem<R>,
-    /// See [`Constraints::owners`].
-    pub owners: &'a [usize],
-    /// See [`Constraints::slots`].
-    pub slots: &'a [(usize, R::Mask)],
-    /// See [`Constraints::rolling_slots`].
-    pub rolling_slots: &'a [(usize, R::Mask, V3<R>)],
-    /// See [`Constraints::needs_position_solve`].
-    pub needs_position_solve: R::Mask,
-    /// See [`Constraints::biased`].
-    pub biased: R::Mask,
-    /// See [`Constraints::rebounding`].
-    pub rebounding: R::Mask,
+/// Request for the problem of a lane as the next solve of stage 5 finds it, and the answer.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Capture {
+    /// The lane, until it is captured.
+    pub(crate) lane: Option<usize>,
+    /// What was captured last: see [`stepper_solve::Problem::from_bytes`].
+    pub(crate) bytes: Vec<u8>,
 }
 
 /// Unknowns of the rows of a step, and the workspace of their solves.
@@ -106,6 +102,8 @@ pub struct SolverRoom<'a, R: Real> {
     pub newton: &'a mut Newton,
     /// See [`Constraints::scalar_impulse`].
     pub scalar_impulse: &'a mut [R],
+    pub(crate) worst: &'a mut WorstRows<R>,
+    pub(crate) capture: &'a mut Capture,
     pub(crate) positions: &'a mut PositionRows<R>,
     pub(crate) floors: &'a mut Vec<R>,
     pub(crate) reference: &'a mut Reference<R>,
@@ -172,6 +170,8 @@ impl<R: Real> Constraints<R> {
             needs_position_solve: R::Mask::splat(false),
             biased: R::Mask::splat(false),
             rebounding: R::Mask::splat(false),
+            worst: WorstRows::new(),
+            capture: Capture::default(),
             positions: PositionRows::new(&room),
             floors: Vec::with_capacity(room.scalars + room.contacts + room.rolling_contacts),
             reference: Reference::new(&room),
@@ -209,14 +209,13 @@ fn room<S: Scalar>(compiled: &ModelStructure<S>, contacts: usize, lanes: usize) 
     let mut moved: Vec<usize> = compiled.moved_dofs.iter().map(|m| m.iter().map(|w| w.count_ones() as usize).sum()).collect();
     moved.sort_unstable();
     let deepest: usize = moved.iter().rev().take(2).sum();
-    Capacity {
-        dimension: compiled.nv,
-        scalars: compiled.scalar_impulses,
-        scalar_entries: single + balls + equalities + tendons,
-        contacts,
-        rolling_contacts: if compiled.has_rolling_friction { contacts } else { 0 },
-        contact_support: with_tied(deepest * lanes),
-    }
+    let mut capacity = Capacity::of_coordinates(compiled.nv);
+    capacity.scalars = compiled.scalar_impulses;
+    capacity.scalar_entries = single + balls + equalities + tendons;
+    capacity.contacts = contacts;
+    capacity.rolling_contacts = if compiled.has_rolling_friction { contacts } else { 0 };
+    capacity.contact_support = with_tied(deepest * lanes);
+    capacity
 }
 
 impl<R: Real> Constraints<R> {
@@ -233,8 +232,8 @@ impl<R: Real> Constraints<R> {
             biased: *biased,
             rebounding: *rebounding,
         };
-        let Self { iterate, newton, scalar_impulse, positions, floors, reference, islands, .. } = self;
-        (rows, SolverRoom { iterate, newton, scalar_impulse, positions, floors, reference, islands })
+        let Self { iterate, newton, scalar_impulse, worst, capture, positions, floors, reference, islands, .. } = self;
+        (rows, SolverRoom { iterate, newton, scalar_impulse, worst, capture, positions, floors, reference, islands })
     }
 
     /// Copies the rows for the position solve.

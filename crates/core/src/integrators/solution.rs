@@ -157,7 +157,8 @@ pub(crate) fn record<R: Real>(
     let residual = solution.outcome.residual;
     Record {
         residual,
-        iterations: solution.outcome.sweeps + solution.outcome.newton_steps,
+        sweeps: solution.outcome.sweeps,
+        newton_steps: solution.outcome.newton_steps,
         depth,
         overshoot,
         deep: s.alive.and(depth.gt(R::of(DEEP))),

@@ -1,7 +1,7 @@
 //! Stage 5: the constraint problem becomes impulses, with the residual that certifies them.
 
 use stepper_real::{Mask, Real, Scalar};
-use stepper_solve::{Outcome, Settings};
+use stepper_solve::{Outcome, Settings, System};
 
 use crate::collision::contact_set::Contacts;
 use crate::constraints::{AssembledRows, Constraints, SolverRoom};
@@ -23,8 +23,13 @@ pub fn solve<R: Real>(
     let tolerance = tolerance(options, v);
     let settings = Settings { sweeps, newton_steps: newton, tolerance, newton_threshold: tolerance };
     let AssembledRows { problem, owners, slots, rolling_slots, .. } = *rows;
-    let SolverRoom { iterate, newton, scalar_impulse, .. } = room;
+    let SolverRoom { iterate, newton, scalar_impulse, worst, capture, .. } = room;
+    if let Some(lane) = capture.lane.take() {
+        capture.bytes = System::from(problem).to_bytes(iterate, &settings, lane);
+    }
     let outcome = stepper_solve::solve(problem, iterate, settings, lanes, newton);
+    let unsolved = lanes.and_not(outcome.residual.le(R::of(options.tolerance)));
+    worst.renew(rows, problem.into(), iterate, contacts, [lanes, unsolved]);
     R::vectorize(
         #[inline(always)]
         || {

@@ -155,7 +155,10 @@ pub fn restrain<R: Real>(
             room.positions.exchange_demands();
         },
     );
-    let again = stepper_solve::solve(room.positions.system(problem), room.iterate, settings, lanes, room.newton);
+    let system = room.positions.system(problem);
+    let again = stepper_solve::solve(system, room.iterate, settings, lanes, room.newton);
+    let unsolved = lanes.and_not(again.residual.le(tolerance));
+    room.worst.renew(&solved.rows, system, room.iterate, solved.contacts, [lanes, unsolved]);
     outcome.replace(&again, lanes);
     R::vectorize(
         #[inline(always)]

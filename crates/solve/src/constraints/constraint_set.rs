@@ -3,6 +3,7 @@
 use crate::admissible_set::AdmissibleSet;
 use crate::capacity::Capacity;
 use crate::lane_map::LaneMap;
+use serde::{Deserialize, Serialize};
 use stepper_real::{Mask, Real, Scalar};
 
 /// Rows of one kind of constraint as a solve reads them: what they demand, how softly, and what follows for the constraint alone.
@@ -170,6 +171,57 @@ pub trait LaneReceiver {
     fn add_separate(&mut self, support: &[u32], change: impl Iterator<Item = f64>);
 }
 
+/// One constraint of one lane, of any kind, as it is saved. What has a number for each row has them in the order of the rows.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SavedConstraint {
+    /// Coordinates that it touches, ascending.
+    pub(crate) support: Vec<u32>,
+    /// Entries; those of a coordinate lie side by side.
+    pub(crate) y: Vec<f64>,
+    /// Demand of the velocity solve.
+    pub(crate) g: Vec<f64>,
+    /// Demand of the position solve.
+    pub(crate) position_g: Vec<f64>,
+    /// Impulse at the start.
+    pub(crate) impulse: Vec<f64>,
+    /// Bounds of the impulse of a scalar row; the coefficient of friction of a contact, twice.
+    pub(crate) set: [f64; 2],
+    /// Compliance, at least 0.
+    pub(crate) compliance: f64,
+    /// Ratio of trace(G_ii) before elimination of separate rows to that after it, at least 1.
+    pub(crate) trace_ratio: f64,
+    /// Mobility that the damping of a scalar row is relative to.
+    pub(crate) mobility: f64,
+    /// Velocity that damping already took from the demand of a scalar row.
+    pub(crate) damping_deficit: f64,
+    /// Whether it is a separate row, which sweeps do not visit.
+    pub(crate) separate: bool,
+    /// Whether nothing can move along it.
+    pub(crate) immovable: bool,
+}
+
+impl SavedConstraint {
+    /// Whether it is one that a problem in `dimension` coordinates can have, with `rows` rows.
+    pub(crate) fn is_sound(&self, dimension: usize, rows: usize) -> bool {
+        let lists = [&self.g, &self.position_g, &self.impulse];
+        let numbers = lists.into_iter().flatten().chain(&self.y).chain([&self.mobility, &self.damping_deficit]);
+        lists.iter().all(|list| list.len() == rows)
+            && self.y.len() == rows * self.support.len()
+            && self.support.is_sorted_by(|a, b| a < b)
+            && self.support.last().is_none_or(|&last| (last as usize) < dimension)
+            && numbers.copied().all(f64::is_finite)
+            && self.set[0] <= self.set[1]
+            && (0.0..f64::INFINITY).contains(&self.compliance)
+            && (1.0..f64::INFINITY).contains(&self.trace_ratio)
+    }
+
+    /// Entries of the coordinate `c`.
+    pub(crate) fn entries<R: Real, const N: usize>(&self, c: usize) -> [R; N] {
+        let place = self.support.binary_search(&(c as u32)).map_or(0, |k| k * N);
+        std::array::from_fn(|row| R::of(self.y[place + row]))
+    }
+}
+
 /// Operations of one kind of constraint on all constraints of that kind: `self` has what every solve shares, `rows` what one solve reads.
 /// Results that run over all kinds (a sum, a maximum) are handed from one kind to the next, so that the order of the arithmetic is that of
 /// the rows.
@@ -207,6 +259,12 @@ pub trait ConstraintSet<R: Real>: Sized {
     /// Hands the constraints that exist in a lane to Newton's method.
     fn gather_lane(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], lane: usize, to: &mut impl LaneReceiver);
 
+    /// Constraints that exist in a lane, as they are saved, with their impulses.
+    fn save(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], lane: usize) -> Vec<SavedConstraint>;
+
+    /// Appends a constraint that was saved, in every lane.
+    fn load(&mut self, saved: &SavedConstraint);
+
     /// w += Y lambda.
     fn add_impulses(&self, impulses: &[Self::Impulse], w: &mut [R]);
 
@@ -214,7 +272,7 @@ pub trait ConstraintSet<R: Real>: Sized {
     /// largest change of a velocity, m/s.
     fn sweep(&self, rows: &Rows<Self::Row>, unknowns: Unknowns<'_, R, Self::Impulse>, lanes: SweepLanes<R>, change: R) -> R;
 
-    /// Calls `f` with the natural-map residual of every constraint, m/s; see [`residual`](crate::residual()).
+    /// Calls `f` with the natural-map residual of every constraint, m/s, in their order; see [`residual`](crate::residual()).
     fn for_each_residual(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], w: &[R], f: impl FnMut(R));
 
     /// `sum` plus the magnitudes of all normal impulses.

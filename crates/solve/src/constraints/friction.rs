@@ -9,13 +9,15 @@ use crate::admissible_set::AdmissibleSet;
 use crate::capacity::Capacity;
 use crate::cone::{distance, masked, movable, project};
 use crate::constraints::constraint_set::{
-    ConstraintSet, Damping, LaneConstraint, LaneReceiver, ReferenceRows, Row, Rows, SweepLanes, Unknowns, is_nonzero, number_of,
+    ConstraintSet, Damping, LaneConstraint, LaneReceiver, ReferenceRows, Row, Rows, SavedConstraint, SweepLanes, Unknowns, is_nonzero,
+    number_of,
 };
 use crate::entries::Entries;
 use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real, Scalar};
 
-/// Solution of one contact's own Coulomb problem, while all other impulses stand.
+/// Friction law of one contact: the solution of its own problem while all other impulses stand, and the set of its impulses, which is the
+/// circular cone of Coulomb's law unless it has another.
 pub trait LocalSolver<R: Real, const N: usize>: Clone + Debug + Sized {
     /// Solver of the same kind in half the lanes.
     type Half: LocalSolver<R::Half, N>;
@@ -40,6 +42,23 @@ pub trait LocalSolver<R: Real, const N: usize>: Clone + Debug + Sized {
 
     /// Gathers some lanes.
     fn gather(&self, map: &LaneMap) -> Self::Half;
+
+    /// De Saxce's term of the velocity `v`, m/s.
+    #[inline(always)]
+    fn slip(mu: R, v: &[R; N]) -> R {
+        mu * tangential_speed(v)
+    }
+
+    /// Projection on the set of admissible impulses.
+    #[inline(always)]
+    fn project(x: [R; N], mu: R) -> [R; N] {
+        project(x, mu)
+    }
+
+    /// The same set for Newton's method.
+    fn admissible_set(mu: f64) -> AdmissibleSet {
+        AdmissibleSet::Cone { mu }
+    }
 }
 
 /// Step of a contact's natural map.
@@ -379,7 +398,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
             if contact.active.bits() >> lane & 1 == 1 {
                 let (support, y) = self.entries(contact);
                 let constraint = LaneConstraint {
-                    set: AdmissibleSet::Cone { mu: number(contact.mu) },
+                    set: L::admissible_set(number(contact.mu)),
                     source: i,
                     g: contact.g.map(number),
                     lambda: lambda.map(number),
@@ -388,6 +407,39 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
                 };
                 to.add(constraint, support, y.iter().map(|y| y.map(number)));
             }
+        }
+    }
+
+    fn save(&self, rows: &Rows<FrictionContact<R, N, L>>, impulses: &[[R; N]], lane: usize) -> Vec<SavedConstraint> {
+        let number = |x: R| number_of(x, lane);
+        let exists = |mask: R::Mask| mask.bits() >> lane & 1 == 1;
+        let there = rows.items.iter().zip(impulses).filter(|(contact, _)| exists(contact.active) || exists(contact.immovable));
+        let save = |(contact, impulse): (&FrictionContact<R, N, L>, &[R; N])| {
+            let (support, y) = self.entries(contact);
+            SavedConstraint {
+                support: support.to_vec(),
+                y: y.iter().flatten().map(|&y| number(y)).collect(),
+                g: contact.g.map(number).to_vec(),
+                position_g: contact.position_g.map(number).to_vec(),
+                impulse: impulse.map(number).to_vec(),
+                set: [number(contact.mu); 2],
+                compliance: number(contact.compliance),
+                trace_ratio: number(contact.step.trace_ratio),
+                immovable: exists(contact.immovable),
+                ..SavedConstraint::default()
+            }
+        };
+        there.map(save).collect()
+    }
+
+    fn load(&mut self, saved: &SavedConstraint) {
+        let least = R::of(if saved.immovable { f64::INFINITY } else { 0.0 });
+        let (y, g) = (|c| saved.entries(c), std::array::from_fn(|k| R::of(saved.g[k])));
+        self.push(&saved.support, y, R::Mask::splat(true), R::of(saved.set[0]), g, least);
+        self.set_position_demand(std::array::from_fn(|k| R::of(saved.position_g[k])));
+        self.set_trace_ratio(R::of(saved.trace_ratio));
+        if saved.compliance > 0.0 {
+            self.set_compliance(R::of(saved.compliance));
         }
     }
 
@@ -439,19 +491,19 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
     fn for_each_residual(&self, rows: &Rows<FrictionContact<R, N, L>>, impulses: &[[R; N]], w: &[R], mut f: impl FnMut(R)) {
         for (contact, &lambda) in rows.items.iter().zip(impulses) {
             let (v, mu, rho) = (self.velocity_under(contact, rows.compliant, w, &lambda), contact.mu, contact.step.rho);
-            let speed = tangential_speed(&v);
+            let slip = L::slip(mu, &v);
             let mut moved = lambda;
             for k in 1..N {
                 moved[k] -= rho * v[k];
             }
             // Two orders of the same sum, which round differently.
             if N == 3 {
-                moved[0] -= rho * (v[0] + mu * speed);
+                moved[0] -= rho * (v[0] + slip);
             } else {
                 moved[0] -= rho * v[0];
-                moved[0] -= rho * (mu * speed);
+                moved[0] -= rho * slip;
             }
-            f(masked(contact.active, distance(lambda, project(moved, mu)) * contact.step.inv_rho));
+            f(masked(contact.active, distance(lambda, L::project(moved, mu)) * contact.step.inv_rho));
         }
     }
 

@@ -7,7 +7,8 @@ use crate::admissible_set::AdmissibleSet;
 use crate::capacity::Capacity;
 use crate::cone::{clamp, masked};
 use crate::constraints::constraint_set::{
-    ConstraintSet, Damping, LaneConstraint, LaneReceiver, ReferenceRows, Row, Rows, SweepLanes, Unknowns, is_nonzero, number_of,
+    ConstraintSet, Damping, LaneConstraint, LaneReceiver, ReferenceRows, Row, Rows, SavedConstraint, SweepLanes, Unknowns, is_nonzero,
+    number_of,
 };
 use crate::entries::Entries;
 use crate::lane_map::LaneMap;
@@ -331,6 +332,45 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
                 };
                 to.add(constraint, support, y.iter().map(|&y| [number(y)]));
             }
+        }
+    }
+
+    fn save(&self, rows: &Rows<ScalarRow<R>>, impulses: &[R], lane: usize) -> Vec<SavedConstraint> {
+        let number = |x: R| number_of(x, lane);
+        let exists = |mask: R::Mask| mask.bits() >> lane & 1 == 1;
+        let there = rows.items.iter().zip(impulses).enumerate().filter(|(_, (row, _))| exists(row.active) || exists(row.immovable));
+        let save = |(i, (row, &impulse)): (usize, (&ScalarRow<R>, &R))| {
+            let (support, y) = self.entries(row);
+            SavedConstraint {
+                support: support.to_vec(),
+                y: y.iter().map(|&y| number(y)).collect(),
+                g: vec![number(row.g)],
+                position_g: vec![number(row.position_g)],
+                impulse: vec![number(impulse)],
+                set: [number(row.lo), number(row.hi)],
+                compliance: number(row.compliance),
+                trace_ratio: number(row.trace_ratio),
+                mobility: number(row.mobility),
+                damping_deficit: number(row.damping_deficit),
+                separate: i < self.separate,
+                immovable: exists(row.immovable),
+            }
+        };
+        there.map(save).collect()
+    }
+
+    fn load(&mut self, saved: &SavedConstraint) {
+        let (all, immovable) = (R::Mask::splat(true), R::Mask::splat(saved.immovable));
+        let bounds = saved.set.map(R::of);
+        self.push(&saved.support, |c| saved.entries::<R, 1>(c)[0], R::one(), all.and_not(immovable), R::of(saved.g[0]), bounds);
+        if saved.separate {
+            self.mark_separate();
+        }
+        self.set_compliance(R::of(saved.compliance));
+        self.set_position_demand(R::of(saved.position_g[0]));
+        if let Some(row) = self.rows.items.last_mut() {
+            (row.trace_ratio, row.mobility) = (R::of(saved.trace_ratio), R::of(saved.mobility));
+            (row.damping_deficit, row.immovable) = (R::of(saved.damping_deficit), immovable);
         }
     }
 

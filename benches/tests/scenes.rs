@@ -9,7 +9,7 @@ use stepper_benches::scenes::{Scene, ant, humanoid};
 use stepper_core::batch::{Field, StepInputs};
 use stepper_core::model::{Model, Shape};
 use stepper_core::probe::{Counter, Span};
-use stepper_core::{Integrator, Level, Options, Precision, Simulation, Status};
+use stepper_core::{Certificate, Integrator, Level, Options, Precision, Simulation, Status};
 
 fn shapes(model: &Model) -> [usize; 3] {
     let count = |is: fn(&Shape) -> bool| model.geoms.iter().filter(|g| is(&g.shape)).count();
@@ -79,9 +79,9 @@ impl Tally {
             simulation.step(&StepInputs { ctrl: &ctrl, ..StepInputs::default() }, 1).unwrap();
             for env in 0..n {
                 let share = 1.0 / (1000 * n) as f64;
-                let (status, (residual, sweeps)) = (simulation.status(env), simulation.certificate(env));
+                let (status, Certificate { residual, sweeps, .. }) = (simulation.status(env), simulation.certificate(env));
                 tally.contacts += share * simulation.contacts(env).len() as f64;
-                tally.sweeps += share * sweeps;
+                tally.sweeps += share * f64::from(sweeps);
                 tally.height += share * height(simulation, env);
                 tally.not_converged += share * f64::from(u8::from(status.contains(Status::NOT_CONVERGED)));
                 tally.worst_residual = tally.worst_residual.max(residual);

@@ -24,8 +24,8 @@ _REMEDIES = {
     "seed": "sim.reset(seed=...) takes another",
     **dict.fromkeys(
         (
-            "status", "residual", "iterations", "depth", "limit_overshoot", "observation", "sensor_truth", "sensor_faults",
-            "actuator_saturation",
+            "status", "residual", "iterations", "sweeps", "newton_steps", "depth", "limit_overshoot", "observation", "sensor_truth",
+            "sensor_faults", "actuator_saturation",
         ),
         _NOTHING,
     ),

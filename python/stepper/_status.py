@@ -11,7 +11,8 @@ class Status(IntFlag):
     OK = 0
     """Solved to the tolerance, finite, every contact held, nothing deep in another thing or far beyond its range."""
     NOT_CONVERGED = 1
-    """The residual of a step was above the tolerance; `Stepper.residual` says by how much. Above 0.01 m/s (and ten times the tolerance) the
+    """The residual of a step was above the tolerance; `Stepper.residual` says by how much, `Stepper.worst_row` where, and
+    `Stepper.save_problem` leaves the problem as a file. Above 0.01 m/s (and ten times the tolerance) the
     kinetic energy was kept from growing by impulses that do not solve the problem, and no joint left the step with more than a radian a
     step. So it was, and the flag is set, where impulses cancel in a jam and are so large that even a small residual leaves the energy
     undecided."""

@@ -342,6 +342,10 @@ class Stepper:
     """Natural-map residual of the last step in m/s: (num_envs,)."""
     iterations: Final[Any]
     """Sweeps and Newton steps of the solver in the last step, together: (num_envs,) uint32."""
+    sweeps: Final[Any]
+    """Sweeps of the solver in the last step: (num_envs,) uint32."""
+    newton_steps: Final[Any]
+    """Newton steps of the solver in the last step, over all islands of bodies: (num_envs,) uint32."""
     depth: Final[Any]
     """Deepest overlap of a contact beyond its margin in the last call of `step`, of all its steps, in m: (num_envs,) float64. It is
     seen where a step is taken, by "midpoint" and "rk4" in its middle. Above 1 mm `status` says DEEP."""
@@ -564,6 +568,32 @@ class Stepper:
             from the margin, force (3,) in N on the second geom along normal, t1, t2, torque (3,) in N m on it about the same
             directions, of torsional and rolling friction (condim 4 and 6), and frame (3, 3), whose rows are these directions. The
             second geom's torque acts at pos, and |(force_t / mu_slide, torque_n / mu_spin, torque_t / mu_roll)| <= force_n.
+        """
+    def worst_row(self, env: int = 0) -> str | None:
+        """The row that the last call of `step` could not solve: where `status` says NOT_CONVERGED, the one with the largest residual in
+        the last step that was not solved.
+
+        Args:
+            env: The environment.
+
+        Returns:
+            For example 'contact of geom "floor" and geom "foot"', 'limit of joint "knee"' or 'equality "loop"'; None where every step
+            was solved, or no single row is to blame.
+        """
+    def save_problem(self, path: str | PathLike[str], env: int = 0, *, ctrl: ArrayLike | None = None) -> None:
+        """Writes the constraint problem of the next step to a file, with the impulses that its solve starts from, so that a hard one becomes
+        a test of the solver: in Rust, `stepper_solve::Problem::load(path)` reads it.
+
+        The problem is that of a step from the present state, which does not change. For a step that was not solved (NOT_CONVERGED), go
+        back to the state before it: `before = sim.get_state()` before the step, and then `sim.set_state(before)`.
+
+        Args:
+            path: The file; what is there is replaced.
+            env: The environment.
+            ctrl: Controls of the step, as `step` takes them; None is those in force.
+
+        Raises:
+            OSError: The file cannot be written.
         """
     def mass_matrix(self, env: int = 0) -> NDArray[np.float64]:
         """Mass matrix of the present configuration, (nv, nv), armature included, without terms that depend on the time step."""

@@ -34,6 +34,14 @@ pub enum Error {
         /// Number of environments.
         num_envs: usize,
     },
+    /// A file that cannot be written.
+    #[error("{path} cannot be written ({reason}); choose a folder that exists and can be written")]
+    File {
+        /// Path that was given.
+        path: String,
+        /// What the system says.
+        reason: String,
+    },
     /// A list of environments in which one does not come after the one before it.
     #[error("environment {env} comes after {before} in the list; name every environment once, in ascending order")]
     Order {

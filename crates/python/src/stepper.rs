@@ -1,5 +1,7 @@
 //! `stepper.Stepper`.
 
+use std::path::PathBuf;
+
 use numpy::{PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::PyTypeInfo;
 use pyo3::exceptions::{PyIndexError, PyKeyboardInterrupt, PyOverflowError, PyRuntimeError, PyTypeError, PyValueError};
@@ -939,13 +941,26 @@ impl Stepper {
     /// Natural-map residual of the last step in m/s: (num_envs,).
     #[getter]
     fn residual<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.per_env(py, "residual", |env| self.simulation.certificate(env).0)
+        self.per_env(py, "residual", |env| self.simulation.certificate(env).residual)
     }
 
     /// Sweeps and Newton steps of the solver in the last step, together: (num_envs,) uint32.
     #[getter]
     fn iterations<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.per_env(py, "iterations", |env| self.simulation.certificate(env).1 as u32)
+        let both = |env| self.simulation.certificate(env).sweeps + self.simulation.certificate(env).newton_steps;
+        self.per_env(py, "iterations", both)
+    }
+
+    /// Sweeps of the solver in the last step: (num_envs,) uint32.
+    #[getter]
+    fn sweeps<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.per_env(py, "sweeps", |env| self.simulation.certificate(env).sweeps)
+    }
+
+    /// Newton steps of the solver in the last step, over all islands of bodies: (num_envs,) uint32.
+    #[getter]
+    fn newton_steps<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.per_env(py, "newton_steps", |env| self.simulation.certificate(env).newton_steps)
     }
 
     /// Deepest overlap of a contact beyond its margin in the last call of `step`, of all its steps, in m: (num_envs,) float64. It is
@@ -1123,6 +1138,45 @@ impl Stepper {
             None => 0..self.n(),
         };
         structured(py, &self.simulation, envs)
+    }
+
+    /// The row that the last call of `step` could not solve: where `status` says NOT_CONVERGED, the one with the largest residual in
+    /// the last step that was not solved.
+    ///
+    /// Args:
+    ///     env: The environment.
+    ///
+    /// Returns:
+    ///     For example 'contact of geom "floor" and geom "foot"', 'limit of joint "knee"' or 'equality "loop"'; None where every step
+    ///     was solved, or no single row is to blame.
+    #[pyo3(signature = (env=Env(0)), text_signature = "($self, env=0)")]
+    fn worst_row(&self, env: Env) -> PyResult<Option<String>> {
+        let row = self.simulation.worst_row(self.env(env)?);
+        Ok(row.map(|row| row.describe(self.simulation.model()).to_string()))
+    }
+
+    /// Writes the constraint problem of the next step to a file, with the impulses that its solve starts from, so that a hard one becomes
+    /// a test of the solver: in Rust, `stepper_solve::Problem::load(path)` reads it.
+    ///
+    /// The problem is that of a step from the present state, which does not change. For a step that was not solved (NOT_CONVERGED), go
+    /// back to the state before it: `before = sim.get_state()` before the step, and then `sim.set_state(before)`.
+    ///
+    /// Args:
+    ///     path: The file; what is there is replaced.
+    ///     env: The environment.
+    ///     ctrl: Controls of the step, as `step` takes them; None is those in force.
+    ///
+    /// Raises:
+    ///     OSError: The file cannot be written.
+    #[pyo3(signature = (path, env=Env(0), *, ctrl=None), text_signature = "($self, path, env=0, *, ctrl=None)")]
+    fn save_problem(&mut self, py: Python<'_>, path: PathBuf, env: Env, ctrl: Option<Bound<'_, PyAny>>) -> PyResult<()> {
+        let env = self.env(env)?;
+        let ctrl = match ctrl {
+            Some(ctrl) => self.rows(&ctrl, "ctrl", self.simulation.model().nu())?.as_slice()?.to_vec(),
+            None => Vec::new(),
+        };
+        self.copy_applied(py)?;
+        self.simulation.save_problem(env, &self.copies.inputs(&ctrl), path).map_err(value_error)
     }
 
     /// Mass matrix of the present configuration, (nv, nv), armature included, without terms that depend on the time step.

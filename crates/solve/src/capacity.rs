@@ -1,30 +1,30 @@
 //! Sizes that a solve reserves memory for.
 
-/// Numbers of rows and entries that a problem and its iterate reserve, so that filling them allocates nothing.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Capacity {
-    /// Coordinates of w.
-    pub dimension: usize,
-    /// Scalar rows.
-    pub scalars: usize,
-    /// Entries of all scalar rows together.
-    pub scalar_entries: usize,
-    /// Contacts with sliding friction.
-    pub contacts: usize,
-    /// Contacts with torsional or rolling friction.
-    pub rolling_contacts: usize,
-    /// Coordinates that one contact can touch in any of its lanes.
-    pub contact_support: usize,
+use crate::constraints::{by_kind, each_kind};
+
+by_kind! {
+    /// Numbers of constraints and entries that a problem and its iterate reserve, so that filling them allocates nothing.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    pub struct Capacity[] {
+        /// Coordinates of w.
+        pub dimension: usize,
+        /// Entries of all scalar rows together.
+        pub scalar_entries: usize,
+        /// Coordinates that one contact can touch in any of its lanes.
+        pub contact_support: usize,
+    } each count
 }
 
 impl Capacity {
-    /// Number of unknowns: coordinates of w, and impulses of all rows.
-    pub(crate) fn unknowns(&self) -> usize {
-        self.dimension + self.scalars + 3 * self.contacts + 6 * self.rolling_contacts
+    /// Capacity for no constraints in `dimension` coordinates; the caller sets how many there are of each kind.
+    pub fn of_coordinates(dimension: usize) -> Self {
+        Self { dimension, ..Self::default() }
     }
 
-    /// Number of constraints: scalar rows and contacts.
+    /// Number of constraints.
     pub(crate) fn constraints(&self) -> usize {
-        self.scalars + self.contacts + self.rolling_contacts
+        let mut sum = 0;
+        each_kind!([count: &self] => sum += count);
+        sum
     }
 }

@@ -1,108 +1,86 @@
-//! Kinds of constraints. Each is a set of rows with its own data and local solver, and one implementation of [`ConstraintSet`].
+//! Kinds of constraints, and the one list of them. A kind is a file: a set of constraints with its rows, and its implementation of
+//! [`ConstraintSet`](constraint_set::ConstraintSet). What it adds to the rest of the crate is its line in `by_kind`, `each_kind` and `make_kinds`.
 
+pub(crate) mod constraint_set;
 pub(crate) mod friction;
 pub(crate) mod orthogonalisation;
 pub(crate) mod rolling;
 pub(crate) mod scalar;
 pub(crate) mod sliding;
 
-use crate::lane_map::LaneMap;
-use stepper_real::{Mask, Real};
-
-/// Lanes that take part in a sweep.
-#[derive(Clone, Copy)]
-pub(crate) struct SweepLanes<R: Real> {
-    /// Lanes whose impulses change.
-    pub(crate) running: R::Mask,
-    /// Lanes in which a contact's own problem is solved exactly; the others make the weaker update.
-    pub(crate) exact: R::Mask,
+/// Declares a struct with a field for each kind of constraint, in the order in which sweeps visit them, after fields of its own. What a
+/// kind has there is its `set`, a reference to its `rows`, its own list of `own_rows`, its `impulses`, a list of `numbers`, a `count`,
+/// or a list of what is `saved`.
+macro_rules! by_kind {
+    ($(#[$meta:meta])* $vis:vis struct $name:ident[$($generics:tt)*] { $($fields:tt)* } each $what:ident) => {
+        $crate::constraints::by_kind! {
+            @$what
+            [
+                "Equalities, limits and dry friction." scalars: $crate::constraints::scalar::ScalarRows<R>,
+                "Contacts with sliding friction, in their frames (n, t1, t2)." contacts: $crate::constraints::sliding::SlidingContacts<R>,
+                "Contacts with torsional or rolling friction, as their rows are scaled."
+                rolling_contacts: $crate::constraints::rolling::RollingContacts<R>,
+            ]
+            $(#[$meta])* $vis struct $name[$($generics)*] { $($fields)* }
+        }
+    };
+    (@set [$($doc:literal $kind:ident: $set:ty,)+] $($rest:tt)+) => {
+        $crate::constraints::by_kind! { @struct [$($doc $kind: $set,)+] $($rest)+ }
+    };
+    (@rows [$($doc:literal $kind:ident: $set:ty,)+] $($rest:tt)+) => {
+        $crate::constraints::by_kind! { @struct [$($doc $kind: &'a Rows<<$set as ConstraintSet<R>>::Row>,)+] $($rest)+ }
+    };
+    (@own_rows [$($doc:literal $kind:ident: $set:ty,)+] $($rest:tt)+) => {
+        $crate::constraints::by_kind! { @struct [$($doc $kind: Rows<<$set as ConstraintSet<R>>::Row>,)+] $($rest)+ }
+    };
+    (@impulses [$($doc:literal $kind:ident: $set:ty,)+] $($rest:tt)+) => {
+        $crate::constraints::by_kind! { @struct [$($doc $kind: Vec<<$set as ConstraintSet<R>>::Impulse>,)+] $($rest)+ }
+    };
+    (@numbers [$($doc:literal $kind:ident: $set:ty,)+] $($rest:tt)+) => {
+        $crate::constraints::by_kind! { @struct [$($doc $kind: Vec<R>,)+] $($rest)+ }
+    };
+    (@saved [$($doc:literal $kind:ident: $set:ty,)+] $($rest:tt)+) => {
+        $crate::constraints::by_kind! { @struct [$($doc $kind: Vec<SavedConstraint>,)+] $($rest)+ }
+    };
+    (@count [$($doc:literal $kind:ident: $set:ty,)+] $($rest:tt)+) => {
+        $crate::constraints::by_kind! { @struct [$($doc $kind: usize,)+] $($rest)+ }
+    };
+    (
+        @struct [$($doc:literal $kind:ident: $type:ty,)+]
+        $(#[$meta:meta])* $vis:vis struct $name:ident[$($generics:tt)*] { $($fields:tt)* }
+    ) => {
+        $(#[$meta])*
+        $vis struct $name<$($generics)*> {
+            $($fields)*
+            $(#[doc = $doc] pub $kind: $type,)+
+        }
+    };
 }
 
-/// Unknowns that a sweep over one kind of constraint changes.
-pub(crate) struct Unknowns<'a, R, I> {
-    /// Impulse of every constraint of the kind.
-    pub(crate) impulses: &'a mut [I],
-    /// Start of every contact's local solve: the multiplier of its friction disc. Empty for scalar rows.
-    pub(crate) multipliers: &'a mut [R],
-    /// Scaled velocity change.
-    pub(crate) w: &'a mut [R],
+/// Does the same for each kind of constraint, in the order in which sweeps visit them: `each_kind!([set: &problem] => set.clear())` binds
+/// `set` to `&problem.scalars`, then to the fields of the other kinds.
+macro_rules! each_kind {
+    (@ $kind:ident $([$name:ident: $($place:tt)+])+ => $body:expr) => {{
+        $(let $name = $($place)+.$kind;)+
+        $body;
+    }};
+    ($($binding:tt)+) => {
+        $crate::constraints::each_kind!(@ scalars $($binding)+);
+        $crate::constraints::each_kind!(@ contacts $($binding)+);
+        $crate::constraints::each_kind!(@ rolling_contacts $($binding)+);
+    };
 }
 
-/// Damping of what positions demand.
-#[derive(Clone, Copy, Debug)]
-pub struct Damping<R> {
-    /// Ratio of a row's compliance to its mobility.
-    pub ratio: R,
-    /// Growth of that ratio per velocity that a contact corrects, s/m.
-    pub bending: R,
+/// Makes a struct that [`by_kind`] declares: the `value` for each kind, with bindings as those of [`each_kind`].
+macro_rules! make_kinds {
+    ($name:ident { $($own:tt)* } $([$binding:ident: $($place:tt)+])+ => $value:expr) => {
+        $name {
+            $($own)*
+            scalars: { $(let $binding = $($place)+.scalars;)+ $value },
+            contacts: { $(let $binding = $($place)+.contacts;)+ $value },
+            rolling_contacts: { $(let $binding = $($place)+.rolling_contacts;)+ $value },
+        }
+    };
 }
 
-/// Normal impulses and demands of a reference solution, for one kind of constraint.
-#[derive(Clone, Copy)]
-pub(crate) struct ReferenceRows<'a, R> {
-    /// Normal impulse of every constraint.
-    pub(crate) lambda: &'a [R],
-    /// Undamped demand g of every normal row.
-    pub(crate) g: &'a [R],
-}
-
-/// Operations of one kind of constraint on all constraints of that kind. Results that run over all kinds (a sum, a maximum) are handed from
-/// one kind to the next, so that the order of the arithmetic is that of the rows.
-pub(crate) trait ConstraintSet<R: Real> {
-    /// Impulse of one constraint: a number, or one for each row of a contact.
-    type Impulse: Copy;
-    /// Set of the same kind in half the lanes.
-    type Half: ConstraintSet<R::Half>;
-    /// Removes all constraints.
-    fn clear(&mut self);
-
-    /// Gathers some lanes of all constraints into `out`.
-    fn gather(&self, map: &LaneMap, out: &mut Self::Half);
-
-    /// Calls `f` for every constraint that exists in a lane with the coordinates that it touches there, ascending.
-    fn for_each_support(&self, lane: usize, f: &mut impl FnMut(&mut dyn Iterator<Item = u32>));
-
-    /// w += Y lambda.
-    fn add_impulses(&self, impulses: &[Self::Impulse], w: &mut [R]);
-
-    /// Visits every constraint once: each takes the impulse that solves it while the others stand. Returns the larger of `change` and the
-    /// largest change of a velocity, m/s.
-    fn sweep(&self, unknowns: Unknowns<'_, R, Self::Impulse>, lanes: SweepLanes<R>, change: R) -> R;
-
-    /// The larger of `worst` and the largest natural-map residual, m/s; see [`residual`](crate::residual()).
-    fn residual(&self, impulses: &[Self::Impulse], w: &[R], worst: R) -> R;
-
-    /// `sum` plus the magnitudes of all normal impulses.
-    fn sum_normal_impulses(&self, impulses: &[Self::Impulse], sum: R) -> R;
-
-    /// Exchanges what the rows demand for `demands`, a number for each row; see
-    /// [`Problem::exchange_demands`](crate::Problem::exchange_demands).
-    fn exchange_demands(&mut self, demands: &mut [R]);
-
-    /// Damps what the rows demand, counted from `impulses`, which are appended to the reference; see
-    /// [`Problem::damp`](crate::Problem::damp).
-    fn damp(&mut self, impulses: &[Self::Impulse], damping: Damping<R>, floors: &[R], before: &[R], reference: [&mut Vec<R>; 2]);
-
-    /// The larger of `most` and the largest velocity that damping keeps a normal row from what it demands, m/s or rad/s.
-    fn shortfall(&self, impulses: &[Self::Impulse], before: &[R], most: R) -> R;
-
-    /// The larger of `most` and the largest velocity that is demanded where nothing can move, m/s or rad/s.
-    fn immovable_demand(&self, most: R) -> R;
-
-    /// Adds J^T z of a witness of infeasibility to `momentum`, scaled; returns `lack` - z . u, J. See
-    /// [`Problem::witness`](crate::Problem::witness).
-    fn witness(&self, impulses: &[Self::Impulse], reference: ReferenceRows<'_, R>, w: &[R], momentum: &mut [R], lack: R) -> R;
-}
-
-/// Whether any lane's impulse changes: many limits and contacts stay open from sweep to sweep. Adding their zeros would change nothing,
-/// since no sum is ever -0.
-#[inline(always)]
-pub(crate) fn is_nonzero<R: Real>(d: R) -> bool {
-    !d.eq(R::zero()).all()
-}
-
-/// Larger of two numbers; a NaN on the right wins, so that it is never hidden.
-#[inline(always)]
-pub(crate) fn worse<R: Real>(a: R, b: R) -> R {
-    R::select(b.le(a), a, b)
-}
+pub(crate) use {by_kind, each_kind, make_kinds};

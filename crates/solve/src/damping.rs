@@ -1,4 +1,5 @@
-//! Damped demands: positions are corrected as far as moderate motion can do it.
+//! Rows of the position solve: copies of those of a problem, with damped demands, so that positions are corrected as far as moderate motion
+//! can do it.
 //!
 //! Demands of positions (gaps to close, overlaps to undo) may contradict one another, or be such that only an absurd motion meets them: a
 //! normal that passes a hinge at a micrometre, a chain that is stretched. With a compliance R on the diagonal of G their solution is that
@@ -9,56 +10,109 @@
 //! Whether demands cannot be met at all is proven by Farkas' lemma: impulses z >= 0 of the rows with `-z . u > sum_d |J^T z|_d c_d`, u
 //! being what the rows lack at the motion that there is. No change of the velocities within the bounds c gives them as much (weak duality).
 
-use crate::constraints::{ConstraintSet, Damping, ReferenceRows};
+use crate::capacity::Capacity;
+use crate::constraints::constraint_set::{ConstraintSet, Damping, ReferenceRows, Rows};
+use crate::constraints::{by_kind, each_kind, make_kinds};
 use crate::iterate::Iterate;
-use crate::problem::Problem;
+use crate::problem::{Problem, System};
 use crate::reference::Reference;
-use stepper_real::Real;
+use stepper_real::{Mask, Real};
 
-impl<R: Real> Problem<R> {
-    /// Exchanges what the rows demand, g, for `demands`: one for every scalar row; for every contact, of three rows and then of six, g of
-    /// the normal row and a change of g of the others. A second exchange undoes the first.
+by_kind! {
+    /// Rows as the position solve reads them: those of a [`Problem`], which stays as it is, with other demands and more compliance.
+    #[derive(Clone, Debug)]
+    pub struct PositionRows[R: Real] {} each own_rows
+}
+
+impl<R: Real> PositionRows<R> {
+    /// Reserves memory for the rows of a problem of this capacity.
+    pub fn new(capacity: &Capacity) -> Self {
+        make_kinds!(Self {} [count: capacity] => Rows::with_capacity(count))
+    }
+
+    /// Copies the rows of a problem; their demands are those of the velocity solve until they are exchanged.
     #[inline(always)]
-    pub fn exchange_demands(&mut self, demands: &mut [R]) {
-        let (scalars, contacts) = demands.split_at_mut(self.scalars.len());
-        let (contacts, rolling_contacts) = contacts.split_at_mut(3 * self.contacts.len());
-        self.scalars.exchange_demands(scalars);
-        self.contacts.exchange_demands(contacts);
-        self.rolling_contacts.exchange_demands(rolling_contacts);
+    pub fn copy(&mut self, problem: &Problem<R>) {
+        each_kind!([own: &mut self] [set: &problem] => own.copy(set.rows()));
+    }
+
+    /// System of these rows, which were copied from `problem`.
+    #[inline(always)]
+    pub fn system<'a>(&'a self, problem: &'a Problem<R>) -> System<'a, R> {
+        make_kinds!(System { problem, } [own: &self] => own)
+    }
+
+    /// Takes up a scaled change of the free velocity, as [`Problem::shift`] does.
+    #[inline(always)]
+    pub fn shift(&mut self, problem: &Problem<R>, change: &[R], lanes: R::Mask) {
+        each_kind!([own: &mut self] [set: &problem] => set.shift(own, change, lanes));
+    }
+
+    /// Shifts what one contact demands in the velocity solve, as [`Problem::shift_contact`] does.
+    #[inline(always)]
+    pub fn shift_contact(&mut self, problem: &Problem<R>, i: usize, change: &[R], lanes: R::Mask, weights: [R; 2]) {
+        match i.checked_sub(self.contacts.items.len()) {
+            None => problem.contacts.shift_contact(&mut self.contacts.items[i], change, lanes, weights),
+            Some(i) => problem.rolling_contacts.shift_contact(&mut self.rolling_contacts.items[i], change, lanes, weights),
+        }
+    }
+
+    /// Takes contact `i`, counted over those of three rows and then of six, out of the lanes `lanes`.
+    #[inline(always)]
+    pub fn leave_out_contact(&mut self, i: usize, lanes: R::Mask) {
+        let active = match i.checked_sub(self.contacts.items.len()) {
+            None => &mut self.contacts.items[i].active,
+            Some(i) => &mut self.rolling_contacts.items[i].active,
+        };
+        *active = active.and_not(lanes);
+    }
+
+    /// Exchanges the two demands of every row: g for that of the position solve, or back.
+    #[inline(always)]
+    pub fn exchange_demands(&mut self) {
+        each_kind!([own: &mut self] => own.exchange_demands());
     }
 
     /// Damps what the rows demand, counted from the impulses and the motion of `iterate`, which are kept in `reference`. The compliance of
     /// a scalar row is the damping ratio of its mobility; that of a contact refers to its mobility and its floor (`floors`, 1/kg, one for
-    /// each contact), and grows with what it corrects. Rows that correct nothing stay hard: `before` is what was exchanged for their
-    /// demands.
+    /// each constraint), and grows with what it corrects: the difference of its two demands. Rows that correct nothing stay hard.
     #[inline(always)]
-    pub fn damp(&mut self, iterate: &Iterate<R>, damping: Damping<R>, floors: &[R], before: &[R], reference: &mut Reference<R>) {
+    pub fn damp(
+        &mut self,
+        problem: &Problem<R>,
+        iterate: &Iterate<R>,
+        damping: Damping<R>,
+        mut floors: &[R],
+        reference: &mut Reference<R>,
+    ) {
         let Reference { w, lambda, g, .. } = reference;
         w.clone_from(&iterate.w);
         lambda.clear();
         g.clear();
-        let (floors, rolling_floors) = floors.split_at(self.contacts.len());
-        let (before, contacts_before) = before.split_at(self.scalars.len());
-        let (contacts_before, rolling_before) = contacts_before.split_at(3 * self.contacts.len());
-        self.scalars.damp(&iterate.scalars, damping, &[], before, [&mut *lambda, &mut *g]);
-        self.contacts.damp(&iterate.contacts, damping, floors, contacts_before, [&mut *lambda, &mut *g]);
-        self.rolling_contacts.damp(&iterate.rolling_contacts, damping, rolling_floors, rolling_before, [lambda, g]);
+        each_kind!([own: &mut self] [set: &problem] [impulses: &iterate] => {
+            let floors = take(&mut floors, own.items.len());
+            set.damp(own, impulses, damping, floors, [&mut *lambda, &mut *g]);
+        });
     }
+}
 
+impl<R: Real> System<'_, R> {
     /// Largest velocity that damping keeps a row from what it demands, m/s or rad/s.
     #[inline(always)]
     pub fn shortfall(&self, iterate: &Iterate<R>, reference: &Reference<R>) -> R {
-        let [scalars, contacts, rolling_contacts] = self.split_by_kind(&reference.lambda);
-        let mut most = self.scalars.shortfall(&iterate.scalars, scalars, R::zero());
-        most = self.contacts.shortfall(&iterate.contacts, contacts, most);
-        self.rolling_contacts.shortfall(&iterate.rolling_contacts, rolling_contacts, most)
+        let (mut most, mut before) = (R::zero(), &reference.lambda[..]);
+        each_kind!([set: &self.problem] [rows: self] [impulses: &iterate] => {
+            most = set.shortfall(rows, impulses, take(&mut before, rows.items.len()), most);
+        });
+        most
     }
 
     /// Largest velocity that rows and contacts demand where nothing can move, m/s or rad/s.
     #[inline(always)]
     pub fn immovable_demand(&self) -> R {
-        let most = self.contacts.immovable_demand(self.scalars.immovable_demand(R::zero()));
-        self.rolling_contacts.immovable_demand(most)
+        let mut most = R::zero();
+        each_kind!([set: &self.problem] [rows: self] => most = set.immovable_demand(rows, most));
+        most
     }
 
     /// Witness of infeasibility: the impulses z that were added to those of the reference. Leaves the scaled J^T z in the reference's
@@ -69,19 +123,20 @@ impl<R: Real> Problem<R> {
         let Reference { w, lambda, g, momentum } = reference;
         momentum.clear();
         momentum.resize(w.len(), R::zero());
-        let (lambda, g) = (self.split_by_kind(lambda), self.split_by_kind(g));
-        let rows = |kind: usize| ReferenceRows { lambda: lambda[kind], g: g[kind] };
-        let mut lack = R::zero();
-        lack = self.scalars.witness(&iterate.scalars, rows(0), w, momentum, lack);
-        lack = self.contacts.witness(&iterate.contacts, rows(1), w, momentum, lack);
-        self.rolling_contacts.witness(&iterate.rolling_contacts, rows(2), w, momentum, lack)
+        let (mut lambda, mut g, mut lack) = (&lambda[..], &g[..], R::zero());
+        each_kind!([set: &self.problem] [rows: self] [impulses: &iterate] => {
+            let n = rows.items.len();
+            let before = ReferenceRows { lambda: take(&mut lambda, n), g: take(&mut g, n) };
+            lack = set.witness(rows, impulses, before, w, momentum, lack);
+        });
+        lack
     }
+}
 
-    /// A list with one number for every constraint, by kind.
-    #[inline(always)]
-    fn split_by_kind<'a>(&self, list: &'a [R]) -> [&'a [R]; 3] {
-        let (scalars, contacts) = list.split_at(self.scalars.len());
-        let (contacts, rolling_contacts) = contacts.split_at(self.contacts.len());
-        [scalars, contacts, rolling_contacts]
-    }
+/// Takes the first `n` numbers of a list that has one for every constraint, by kind.
+#[inline(always)]
+fn take<'a, R>(list: &mut &'a [R], n: usize) -> &'a [R] {
+    let (first, rest) = list.split_at(n);
+    *list = rest;
+    first
 }

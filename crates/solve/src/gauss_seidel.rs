@@ -12,7 +12,7 @@ use crate::gauss_seidel::acceleration::{recompute_w, reset_history};
 use crate::gauss_seidel::compaction::sweep_compacted;
 use crate::gauss_seidel::sweep::Progress;
 use crate::iterate::Iterate;
-use crate::problem::Problem;
+use crate::problem::{Problem, System};
 use crate::residual::residual;
 use stepper_real::{Mask, Real};
 
@@ -43,17 +43,23 @@ const MOST_SWEEPS: u32 = 1 << 24;
 /// A lane pauses when a sweep changes no velocity by more than its threshold, which is cheap to know; when all have paused the residual is
 /// evaluated, and a lane above the tolerance continues with a lower threshold. Every lane that continues makes at least one sweep, so that
 /// there are no more rounds than sweeps.
-pub fn solve<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: SweepSettings<R>, lanes: R::Mask) -> SweepOutcome<R> {
+pub fn solve<'a, R: Real>(
+    system: impl Into<System<'a, R>>,
+    iterate: &mut Iterate<R>,
+    settings: SweepSettings<R>,
+    lanes: R::Mask,
+) -> SweepOutcome<R> {
+    let system = system.into();
     R::vectorize(
         #[inline(always)]
         || {
             let tolerance = settings.tolerance;
             let mut progress = Progress::new(lanes, tolerance, settings.sweeps.clamp(1, MOST_SWEEPS));
-            iterate.solve_separate(problem, lanes);
+            iterate.solve_separate(system, lanes);
             let (mut worst, mut unsolved) = (R::zero(), lanes);
             while unsolved.any() {
-                sweep_until_paused(problem, iterate, &mut progress);
-                worst = R::select(unsolved, residual(problem, iterate), worst);
+                sweep_until_paused(system, iterate, &mut progress);
+                worst = R::select(unsolved, residual(system, iterate), worst);
                 unsolved = unsolved.and(worst.gt(tolerance)).and(progress.sweeps.lt(R::of(progress.most_sweeps)));
                 progress.running = unsolved;
                 progress.threshold = R::select(unsolved, progress.threshold * R::of(0.25), progress.threshold);
@@ -66,13 +72,14 @@ pub fn solve<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: 
 /// Improves the impulses of the lanes `lanes` until a sweep changes no velocity by more than the tolerance, or the sweeps run out: an
 /// estimate, whose residual nobody evaluates. Of `lanes`, those outside `moving` keep their impulses.
 pub fn estimate<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: SweepSettings<R>, lanes: R::Mask, moving: R::Mask) {
+    let system = problem.into();
     R::vectorize(
         #[inline(always)]
         || {
             let mut progress = Progress::new(moving, settings.tolerance, settings.sweeps);
-            iterate.solve_separate(problem, lanes);
+            iterate.solve_separate(system, lanes);
             if moving.any() {
-                sweep_until_paused(problem, iterate, &mut progress);
+                sweep_until_paused(system, iterate, &mut progress);
             }
         },
     )
@@ -80,16 +87,16 @@ pub fn estimate<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, setting
 
 /// Sweeps until every lane has paused; w and the impulses agree then.
 #[inline(always)]
-fn sweep_until_paused<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, progress: &mut Progress<R>) {
+fn sweep_until_paused<R: Real>(system: System<'_, R>, iterate: &mut Iterate<R>, progress: &mut Progress<R>) {
     // Lanes that paused long ago start as those that did just now.
     reset_history(iterate);
     while progress.running.any() {
-        if !sweep_compacted(problem, iterate, progress) {
-            progress.sweep(problem, iterate);
+        if !sweep_compacted(system, iterate, progress) {
+            progress.sweep(system, iterate);
         }
     }
     if progress.extrapolated.any() {
-        recompute_w(iterate, problem, progress.extrapolated);
+        recompute_w(iterate, system.problem, progress.extrapolated);
         progress.extrapolated = R::Mask::splat(false);
     }
 }

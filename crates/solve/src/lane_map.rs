@@ -46,12 +46,11 @@ impl LaneMap {
         gathered
     }
 
-    /// Gathers a list of vectors; `to` has room.
+    /// Gathers as many numbers as `to` has.
     #[inline(always)]
-    pub(crate) fn gather_arrays<R: Real, const N: usize>(&self, from: &[[R; N]], to: &mut Vec<[R::Half; N]>) {
-        to.resize(from.len(), [R::Half::zero(); N]);
-        for (to, from) in to.iter_mut().zip(from) {
-            *to = self.gather_array(from);
+    pub(crate) fn gather_into<R: Real>(&self, from: &[R], to: &mut [R::Half]) {
+        for (to, &from) in to.iter_mut().zip(from) {
+            *to = self.gather(from);
         }
     }
 
@@ -59,9 +58,7 @@ impl LaneMap {
     #[inline(always)]
     pub(crate) fn gather_slice<R: Real>(&self, from: &[R], to: &mut Vec<R::Half>) {
         to.resize(from.len(), R::Half::zero());
-        for (to, &from) in to.iter_mut().zip(from) {
-            *to = self.gather(from);
-        }
+        self.gather_into(from, to);
     }
 
     /// Gathers a mask.

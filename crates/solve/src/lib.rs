@@ -17,11 +17,13 @@
 //! Everything is written once over [`Real`](stepper_real::Real): one environment, or one per SIMD lane. What a kind of constraint does in a
 //! sweep, in the residual, in lane compaction and in damping is in one file of `constraints/`.
 
+mod admissible_set;
 mod capacity;
 pub mod cone;
 mod constraints;
 mod damping;
 mod entries;
+mod file;
 pub mod gauss_seidel;
 mod iterate;
 mod lane_map;
@@ -30,16 +32,20 @@ mod problem;
 mod reference;
 mod residual;
 mod solver;
+mod vectors;
 
+pub use admissible_set::AdmissibleSet;
 pub use capacity::Capacity;
-pub use constraints::Damping;
+pub use constraints::constraint_set::Damping;
 pub use constraints::friction::{FrictionContact, FrictionContacts, LocalSolver};
 pub use constraints::orthogonalisation::dependence_threshold;
 pub use constraints::rolling::{RollingContact, RollingContacts};
 pub use constraints::scalar::{ScalarRow, ScalarRows};
 pub use constraints::sliding::{SlidingContact, SlidingContacts};
+pub use damping::PositionRows;
+pub use file::{FORMAT_VERSION, FileError, LoadedProblem};
 pub use iterate::{Iterate, Snapshot};
-pub use problem::Problem;
+pub use problem::{Problem, System};
 pub use reference::Reference;
-pub use residual::{residual, undecided};
+pub use residual::{residual, undecided, worst_constraint};
 pub use solver::{Outcome, PASSES, Settings, solve};

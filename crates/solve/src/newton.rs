@@ -18,7 +18,6 @@
 
 mod anderson;
 mod augmented_lagrangian;
-mod cone;
 mod dense;
 mod island;
 mod lane;
@@ -27,7 +26,7 @@ mod proximal;
 mod skyline;
 
 use crate::iterate::Iterate;
-use crate::problem::Problem;
+use crate::problem::System;
 use island::Island;
 use lane::Lane;
 use ordering::{Islands, Ordering};
@@ -82,9 +81,9 @@ impl Newton {
     /// Improves the impulses of the lanes `lanes` whose `residual` is above the tolerance, each alone, by at most `steps` Newton steps an
     /// island. Replaces their residuals and adds the Newton steps to `taken`. No lane ends with a larger residual than it had. Of many
     /// possible impulses it takes those near the start.
-    pub fn solve<R: Real>(
+    pub fn solve<'a, R: Real>(
         &mut self,
-        problem: &Problem<R>,
+        system: impl Into<System<'a, R>>,
         iterate: &mut Iterate<R>,
         steps: u32,
         tolerance: R,
@@ -92,21 +91,21 @@ impl Newton {
         outcome: [&mut R; 2],
     ) {
         let lanes = lanes.and(outcome[0].gt(tolerance));
-        self.solve_lanes(problem, iterate, LaneCriteria { steps, tolerance, least_norm: false }, lanes, outcome);
+        self.solve_lanes(system.into(), iterate, LaneCriteria { steps, tolerance, least_norm: false }, lanes, outcome);
     }
 
     /// Solves all of `lanes`, and of many possible impulses takes those of least norm (in the metric of 1/rho), whatever came before and
     /// whatever the order of the rows. The impulses that it leaves meet the tolerance, or have a smaller residual than they had.
-    pub fn solve_least_norm<R: Real>(
+    pub fn solve_least_norm<'a, R: Real>(
         &mut self,
-        problem: &Problem<R>,
+        system: impl Into<System<'a, R>>,
         iterate: &mut Iterate<R>,
         steps: u32,
         tolerance: R,
         lanes: R::Mask,
         outcome: [&mut R; 2],
     ) {
-        self.solve_lanes(problem, iterate, LaneCriteria { steps, tolerance, least_norm: true }, lanes, outcome);
+        self.solve_lanes(system.into(), iterate, LaneCriteria { steps, tolerance, least_norm: true }, lanes, outcome);
     }
 
     /// Effort of the last call.
@@ -117,7 +116,7 @@ impl Newton {
     /// Solves the lanes `lanes`, one after the other.
     fn solve_lanes<R: Real>(
         &mut self,
-        problem: &Problem<R>,
+        system: System<'_, R>,
         iterate: &mut Iterate<R>,
         criteria: LaneCriteria<R>,
         lanes: R::Mask,
@@ -128,7 +127,7 @@ impl Newton {
         while rest != 0 {
             let lane = rest.trailing_zeros() as usize;
             rest &= rest - 1;
-            self.lane.gather(problem, iterate, lane);
+            self.lane.gather(system, iterate, lane);
             let own =
                 Criteria { tolerance: criteria.tolerance.lane(lane).to_f64(), steps: criteria.steps, least_norm: criteria.least_norm };
             let result = self.solve_lane::<R>(own);

@@ -1,64 +1,67 @@
-//! The constraint problem: what is fixed during a solve.
+//! The constraint problem: what is fixed once its rows are made, and the system of rows that one solve reads.
 
 use crate::capacity::Capacity;
-use crate::constraints::ConstraintSet;
-use crate::constraints::rolling::RollingContacts;
-use crate::constraints::scalar::ScalarRows;
-use crate::constraints::sliding::SlidingContacts;
+use crate::constraints::constraint_set::{ConstraintSet, Rows};
+use crate::constraints::friction::{FrictionContacts, LocalSolver};
+use crate::constraints::{by_kind, each_kind, make_kinds};
 use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real};
 
-/// Constraint problem of one step, for every lane: one set of constraints per kind, which sweeps visit in the order of the fields.
-#[derive(Clone, Debug)]
-pub struct Problem<R: Real> {
-    dimension: usize,
-    /// Equalities, limits and dry friction.
-    pub scalars: ScalarRows<R>,
-    /// Contacts with sliding friction.
-    pub contacts: SlidingContacts<R>,
-    /// Contacts with torsional or rolling friction.
-    pub rolling_contacts: RollingContacts<R>,
-    /// Lanes in which the rows do not determine how a load is distributed.
-    pub hyperstatic: R::Mask,
-    /// Least mobility along the normal of a contact that can move, 1/kg, for the contacts that are pushed from now on.
-    pub least_mobility: R,
+by_kind! {
+    /// Constraint problem of one step, for every lane: one set of constraints per kind, each with what its rows demand of the velocities
+    /// and what they demand of the positions. No solve changes it.
+    #[derive(Clone, Debug)]
+    pub struct Problem[R: Real] {
+        dimension: usize,
+        /// Lanes in which the rows do not determine how a load is distributed.
+        pub hyperstatic: R::Mask,
+        /// Least mobility along the normal of a contact that can move, 1/kg, for the contacts that are pushed from now on.
+        pub least_mobility: R,
+    } each set
+}
+
+by_kind! {
+    /// System that one solve reads: a problem, and for each kind of constraint its rows as this solve has them. That of a `&Problem` has
+    /// the demands of the velocities, that of [`PositionRows`](crate::PositionRows) those of the positions.
+    #[derive(Clone, Copy, Debug)]
+    pub struct System['a, R: Real] {
+        /// What all solves share.
+        pub(crate) problem: &'a Problem<R>,
+    } each rows
+}
+
+impl<'a, R: Real> From<&'a Problem<R>> for System<'a, R> {
+    #[inline(always)]
+    fn from(problem: &'a Problem<R>) -> Self {
+        make_kinds!(System { problem, } [set: &problem] => set.rows())
+    }
 }
 
 impl<R: Real> Problem<R> {
     /// An empty problem in `dimension` coordinates, with room for so many rows that may touch every coordinate.
     pub fn with_capacity(dimension: usize, scalars: usize, contacts: usize) -> Self {
-        let contact_support = dimension;
-        Self::new(&Capacity { dimension, scalars, scalar_entries: scalars * dimension, contacts, rolling_contacts: 0, contact_support })
+        let capacity = Capacity {
+            dimension,
+            scalars,
+            scalar_entries: scalars * dimension,
+            contacts,
+            contact_support: dimension,
+            ..Capacity::default()
+        };
+        Self::new(&capacity)
     }
 
     /// An empty problem of this capacity.
     pub fn new(capacity: &Capacity) -> Self {
-        let Capacity { contacts, rolling_contacts, contact_support, .. } = *capacity;
-        Self {
-            dimension: capacity.dimension,
-            scalars: ScalarRows::with_capacity(capacity.scalars, capacity.scalar_entries),
-            contacts: SlidingContacts::with_capacity(contacts, contacts * contact_support),
-            rolling_contacts: RollingContacts::with_capacity(rolling_contacts, rolling_contacts * contact_support),
-            hyperstatic: R::Mask::splat(false),
-            least_mobility: R::zero(),
-        }
+        let (dimension, hyperstatic, least_mobility) = (capacity.dimension, R::Mask::splat(false), R::zero());
+        make_kinds!(Self { dimension, hyperstatic, least_mobility, } [count: capacity] => ConstraintSet::new(count, capacity))
     }
 
     /// Removes all rows.
     #[inline(always)]
     pub fn clear(&mut self) {
-        self.scalars.clear();
-        self.contacts.clear();
-        self.rolling_contacts.clear();
+        each_kind!([set: &mut self] => set.clear());
         self.hyperstatic = R::Mask::splat(false);
-    }
-
-    /// Gathers some lanes into `out`, as far as sweeps need them.
-    #[inline(always)]
-    pub(crate) fn gather(&self, map: &LaneMap, out: &mut Problem<R::Half>) {
-        self.scalars.gather(map, &mut out.scalars);
-        self.contacts.gather(map, &mut out.contacts);
-        self.rolling_contacts.gather(map, &mut out.rolling_contacts);
     }
 
     /// Number of coordinates of w.
@@ -70,7 +73,9 @@ impl<R: Real> Problem<R> {
     /// Whether there is no row at all.
     #[inline(always)]
     pub fn is_empty(&self) -> bool {
-        self.scalars.is_empty() && self.contacts.is_empty() && self.rolling_contacts.is_empty()
+        let mut empty = true;
+        each_kind!([set: &self] => empty &= set.rows().items.is_empty());
+        empty
     }
 
     /// Appends a contact whose rows (n, t1, t2) have the entries `y` at the coordinates `support` (ascending).
@@ -86,10 +91,51 @@ impl<R: Real> Problem<R> {
         self.rolling_contacts.push(support, y, active, mu, g, self.least_mobility);
     }
 
+    /// Takes up a scaled change of the free velocity, in the lanes `lanes`: both demands of all rows shift by their velocities of it.
+    #[inline(always)]
+    pub fn shift(&mut self, change: &[R], lanes: R::Mask) {
+        each_kind!([set: &mut self] => {
+            let mut rows = std::mem::take(set.rows_mut());
+            set.shift(&mut rows, change, lanes);
+            *set.rows_mut() = rows;
+        });
+    }
+}
+
+impl<R: Real> Problem<R> {
+    /// Shifts what contact `i`, counted over those of three rows and then of six, demands in the velocity solve: by its velocities of a
+    /// scaled `change` of the free velocity, times a weight of the normal row and one of the others, in the lanes `lanes`.
+    #[inline(always)]
+    pub fn shift_contact(&mut self, i: usize, change: &[R], lanes: R::Mask, weights: [R; 2]) {
+        match i.checked_sub(self.contacts.len()) {
+            None => shift_own(&mut self.contacts, i, change, lanes, weights),
+            Some(i) => shift_own(&mut self.rolling_contacts, i, change, lanes, weights),
+        }
+    }
+}
+
+#[inline(always)]
+fn shift_own<R: Real, const N: usize, L: LocalSolver<R, N>>(
+    set: &mut FrictionContacts<R, N, L>,
+    i: usize,
+    change: &[R],
+    lanes: R::Mask,
+    weights: [R; 2],
+) {
+    let mut rows = std::mem::take(set.rows_mut());
+    set.shift_contact(&mut rows.items[i], change, lanes, weights);
+    *set.rows_mut() = rows;
+}
+
+impl<R: Real> System<'_, R> {
+    /// Gathers some lanes into `out`, as far as sweeps need them.
+    #[inline(always)]
+    pub(crate) fn gather(&self, map: &LaneMap, out: &mut Problem<R::Half>) {
+        each_kind!([set: &self.problem] [rows: self] [out: &mut out] => set.gather(rows, map, out));
+    }
+
     /// Calls `f` for every row or contact that exists in a lane with the coordinates that it touches there, ascending.
     pub fn for_each_support(&self, lane: usize, mut f: impl FnMut(&mut dyn Iterator<Item = u32>)) {
-        self.scalars.for_each_support(lane, &mut f);
-        self.contacts.for_each_support(lane, &mut f);
-        self.rolling_contacts.for_each_support(lane, &mut f);
+        each_kind!([set: &self.problem] [rows: self] => set.for_each_support(rows, lane, &mut f));
     }
 }

@@ -1,28 +1,48 @@
 //! The certificate: how far the impulses are from solving the problem, in m/s.
 
-use crate::constraints::ConstraintSet;
+use crate::constraints::constraint_set::{ConstraintSet, number_of, worse};
+use crate::constraints::each_kind;
 use crate::iterate::Iterate;
-use crate::problem::Problem;
+use crate::problem::System;
 use stepper_real::Real;
 
 /// Natural-map residual of the exact Coulomb problem, per lane, m/s (rad/s for angular rows):
 /// `max_i |lambda_i - P_K(lambda_i - rho_i u_i)| / rho_i` with `rho_i = n / trace(G_ii)` for n rows, before elimination of separate
 /// ones, and De Saxce's `u = v + (mu |v_t|, 0, 0)`.
 #[inline(always)]
-pub fn residual<R: Real>(problem: &Problem<R>, iterate: &Iterate<R>) -> R {
-    let mut worst = R::zero();
-    worst = problem.scalars.residual(&iterate.scalars, &iterate.w, worst);
-    worst = problem.contacts.residual(&iterate.contacts, &iterate.w, worst);
-    problem.rolling_contacts.residual(&iterate.rolling_contacts, &iterate.w, worst)
+pub fn residual<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate<R>) -> R {
+    let (system, mut worst) = (system.into(), R::zero());
+    each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => set.for_each_residual(
+        rows,
+        impulses,
+        &iterate.w,
+        #[inline(always)]
+        |r| worst = worse(worst, r),
+    ));
+    worst
+}
+
+/// Constraint of lane `lane` with the largest residual, m/s: its index over all kinds, in their order. None where there is no constraint,
+/// or none with a residual. A NaN is the largest of all.
+pub fn worst_constraint<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate<R>, lane: usize) -> Option<(usize, f64)> {
+    let (system, mut worst, mut i) = (system.into(), None, 0);
+    let mut compare = |r: R| {
+        let (r, most) = (number_of(r, lane), worst.map_or(0.0, |(_, most)| most));
+        if r > most || r.is_nan() {
+            worst = Some((i, r));
+        }
+        i += 1;
+    };
+    each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => set.for_each_residual(rows, impulses, &iterate.w, &mut compare));
+    worst
 }
 
 /// Lanes in which the work that a residual of `residual` m/s (at most 1e-6) leaves open, `residual sum_i |lambda_i|`, is more than the
 /// kinetic energy |w|^2 / 2 of the whole change: impulses cancel there, a million times what they hold, where a jam has hardly a lever arm.
 #[inline(always)]
-pub fn undecided<R: Real>(problem: &Problem<R>, iterate: &Iterate<R>, residual: R) -> R::Mask {
-    let mut impulse = problem.scalars.sum_normal_impulses(&iterate.scalars, R::zero());
-    impulse = problem.contacts.sum_normal_impulses(&iterate.contacts, impulse);
-    impulse = problem.rolling_contacts.sum_normal_impulses(&iterate.rolling_contacts, impulse);
+pub fn undecided<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate<R>, residual: R) -> R::Mask {
+    let (system, mut impulse) = (system.into(), R::zero());
+    each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => impulse = set.sum_normal_impulses(rows, impulses, impulse));
     let mut energy = R::zero();
     for &w in &iterate.w {
         energy += w * w;

@@ -5,7 +5,7 @@ use crate::cone::masked;
 use crate::gauss_seidel::{self, SweepSettings};
 use crate::iterate::Iterate;
 use crate::newton::Newton;
-use crate::problem::Problem;
+use crate::problem::System;
 use crate::residual::residual;
 use stepper_real::{Mask, Real, Scalar};
 
@@ -63,38 +63,39 @@ pub const PASSES: usize = 3;
 ///
 /// Sweeps favour the rows that they visit first, a proximal step from zero favours none. So hyperstatic lanes begin with Newton's method,
 /// and sweeps improve what it leaves.
-pub fn solve<R: Real>(
-    problem: &Problem<R>,
+pub fn solve<'a, R: Real>(
+    system: impl Into<System<'a, R>>,
     iterate: &mut Iterate<R>,
     settings: Settings<R>,
     lanes: R::Mask,
     newton: &mut Newton,
 ) -> Outcome<R> {
+    let system = system.into();
     let Settings { sweeps, newton_steps, tolerance, newton_threshold } = settings;
     let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
-    let (mut rest, hyperstatic) = (lanes, lanes.and(problem.hyperstatic));
+    let (mut rest, hyperstatic) = (lanes, lanes.and(system.problem.hyperstatic));
     if newton_steps > 0 && hyperstatic.any() {
         let goal = R::of(LEAST_NORM_GOAL).max(R::of(<R::Scalar as Scalar>::EPSILON.to_f64() * 10.0));
         let (left, slip) = R::vectorize(
             #[inline(always)]
             || {
-                iterate.solve_separate(problem, hyperstatic);
-                (residual(problem, iterate), problem.contacts.fastest_slip(&iterate.contacts, &iterate.w))
+                iterate.solve_separate(system, hyperstatic);
+                (residual(system, iterate), system.problem.contacts.fastest_slip(system.contacts, &iterate.contacts, &iterate.w))
             },
         );
         outcome.residual = masked(hyperstatic, left);
         let anew = hyperstatic.and(left.gt(goal).or(slip.gt(R::of(SLIPS))));
-        newton.solve_least_norm(problem, iterate, newton_steps, goal, anew, [&mut outcome.residual, &mut outcome.newton_steps]);
+        newton.solve_least_norm(system, iterate, newton_steps, goal, anew, [&mut outcome.residual, &mut outcome.newton_steps]);
         // Sweeps bring to a standstill what hardly moves: their changes are too small to matter.
         rest = lanes.and_not(hyperstatic.and(outcome.residual.le(tolerance)).and(tolerance.gt(goal)));
     }
     let sweeps = SweepSettings { sweeps, tolerance };
-    sweep_lanes(problem, iterate, sweeps, rest, &mut outcome);
+    sweep_lanes(system, iterate, sweeps, rest, &mut outcome);
     let mut left = lanes.and(outcome.residual.gt(newton_threshold));
     if newton_steps == 0 || left.none() {
         return outcome;
     }
-    newton.solve(problem, iterate, newton_steps, tolerance, left, [&mut outcome.residual, &mut outcome.newton_steps]);
+    newton.solve(system, iterate, newton_steps, tolerance, left, [&mut outcome.residual, &mut outcome.newton_steps]);
     // Sweeps would undo an even distribution.
     left = left.and_not(hyperstatic);
     for _ in 1..PASSES {
@@ -104,9 +105,9 @@ pub fn solve<R: Real>(
         }
         let (mut snapshot, before) = (std::mem::take(&mut iterate.snapshot), outcome.residual);
         snapshot.save(iterate, left);
-        sweep_lanes(problem, iterate, sweeps, left, &mut outcome);
+        sweep_lanes(system, iterate, sweeps, left, &mut outcome);
         let unsolved = left.and(outcome.residual.gt(newton_threshold));
-        newton.solve(problem, iterate, newton_steps, tolerance, unsolved, [&mut outcome.residual, &mut outcome.newton_steps]);
+        newton.solve(system, iterate, newton_steps, tolerance, unsolved, [&mut outcome.residual, &mut outcome.newton_steps]);
         let worse = left.and_not(outcome.residual.le(before));
         snapshot.restore(iterate, worse);
         outcome.residual = R::select(worse, before, outcome.residual);
@@ -117,14 +118,14 @@ pub fn solve<R: Real>(
 
 /// Improves the impulses of the lanes `lanes` by sweeps.
 fn sweep_lanes<R: Real>(
-    problem: &Problem<R>,
+    system: System<'_, R>,
     iterate: &mut Iterate<R>,
     settings: SweepSettings<R>,
     lanes: R::Mask,
     outcome: &mut Outcome<R>,
 ) {
     if lanes.any() {
-        let swept = gauss_seidel::solve(problem, iterate, settings, lanes);
+        let swept = gauss_seidel::solve(system, iterate, settings, lanes);
         outcome.residual = R::select(lanes, swept.residual, outcome.residual);
         outcome.sweeps += swept.sweeps;
     }

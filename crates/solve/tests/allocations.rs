@@ -57,7 +57,7 @@ fn a_solve_allocates_nothing_the_second_time() {
             iterate.contacts.fill([0.0; 3]);
             iterate.compute_w(problem);
             let before = COUNT.get();
-            let outcome = solve(problem, iterate, settings, true, &mut room);
+            let outcome = solve(&*problem, iterate, settings, true, &mut room);
             assert!(pass == 0 || COUNT.get() == before, "{} allocations", COUNT.get() - before);
             assert!(outcome.newton_steps > 0.0);
         }

@@ -35,14 +35,9 @@ fn build<R: Real<Scalar = f64>>(problems: &Problems) -> (Problem<R>, Iterate<R>)
     };
     let active = |row: usize| R::Mask::from_bits(problems.iter().enumerate().fold(0, |bits, (l, p)| bits | u32::from(p.1[row]) << l));
     let keep = |row: usize, x: R| R::select(active(row), x, R::zero());
-    let room = stepper_solve::Capacity {
-        dimension: N,
-        scalars: N,
-        scalar_entries: N * N,
-        contacts: CONTACTS,
-        rolling_contacts: 1,
-        contact_support: N,
-    };
+    let mut room = stepper_solve::Capacity::of_coordinates(N);
+    (room.scalars, room.scalar_entries, room.contact_support) = (N, N * N, N);
+    (room.contacts, room.rolling_contacts) = (CONTACTS, 1);
     let (mut problem, mut iterate) = (Problem::new(&room), Iterate::new(&room));
     iterate.clear();
     let support: Vec<u32> = (0..N as u32).collect();

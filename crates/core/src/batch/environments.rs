@@ -14,6 +14,7 @@ use crate::batch::randomization::{Differences, Own};
 use crate::batch::rollout::{Recording, Share};
 use crate::batch::state::{Group, StoredContact};
 use crate::batch::worker::{BatchSlice, Query, Stepped, Worker, WorkerSpec};
+use crate::batch::worst_row::WorstRow;
 use crate::collision::contact_set::ContactId;
 use crate::compile::CompiledModel;
 use crate::error::Error;
@@ -120,8 +121,12 @@ pub trait Engine: Any + Send + Sync {
     fn sensor_faults(&self, env: usize, out: &mut [[u32; 2]]);
     /// Steps of the last call in which the effort of each actuator was cut to its bounds.
     fn actuator_saturation(&self, env: usize, out: &mut [u32]);
-    /// (residual in m/s, sweeps and Newton steps together) of the last step.
-    fn certificate(&self, env: usize) -> (f64, f64);
+    /// Residual in m/s, sweeps and Newton steps of the last step.
+    fn certificate(&self, env: usize) -> [f64; 3];
+    /// Worst row of the last step of the last call that was not solved.
+    fn worst_row(&self, model: &Model, env: usize) -> Option<WorstRow>;
+    /// Problem that a step from the present state would solve, as bytes: see [`stepper_solve::Problem::from_bytes`].
+    fn problem(&self, options: &StepSettings, inputs: &StepInputs<'_>, env: usize) -> Vec<u8>;
     /// Contacts of the last step: geoms of the model and the numbers.
     fn contacts(&self, env: usize) -> Vec<([usize; 2], StoredContact)>;
     /// Memory of the state of all environments, bytes.
@@ -709,9 +714,21 @@ impl<S: Stepped + Serialize + DeserializeOwned> Engine for Batch<S> {
         }
     }
 
-    fn certificate(&self, env: usize) -> (f64, f64) {
+    fn certificate(&self, env: usize) -> [f64; 3] {
         let (group, lane) = self.at(env);
-        (group.residual[lane].to_f64(), group.iterations[lane].to_f64())
+        [group.residual[lane], group.sweeps[lane], group.newton_steps[lane]].map(S::to_f64)
+    }
+
+    fn worst_row(&self, model: &Model, env: usize) -> Option<WorstRow> {
+        let (group, lane) = self.at(env);
+        WorstRow::of_code(group.worst[lane], model, &self.compiled)
+    }
+
+    fn problem(&self, options: &StepSettings, inputs: &StepInputs<'_>, env: usize) -> Vec<u8> {
+        // A copy of the group takes the step, in a worker of its own: what is here stays as it is.
+        let (group, lane) = self.at(env);
+        let call = self.call(options, inputs, [1, 1], Part::whole(1));
+        self.make_worker(options).problem(&call, &mut group.clone(), env - lane, lane)
     }
 
     fn contacts(&self, env: usize) -> Vec<([usize; 2], StoredContact)> {

@@ -10,5 +10,7 @@ mod sensors;
 pub mod simulation;
 pub mod state;
 pub mod worker;
+mod worst_row;
 
 pub use environments::*;
+pub use worst_row::WorstRow;

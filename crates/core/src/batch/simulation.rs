@@ -5,7 +5,7 @@ mod matrices;
 mod parameters;
 mod read;
 
-pub use crate::batch::simulation::read::{BodyPose, Contact};
+pub use crate::batch::simulation::read::{BodyPose, Certificate, Contact};
 
 use std::any::Any;
 use std::sync::{Arc, OnceLock};

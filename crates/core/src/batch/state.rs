@@ -58,7 +58,12 @@ pub struct Group<S> {
     /// Residual of the last step, m/s, per lane.
     pub residual: Vec<S>,
     /// Sweeps of the last step, per lane.
-    pub iterations: Vec<S>,
+    pub sweeps: Vec<S>,
+    /// Newton steps of the last step, per lane.
+    pub newton_steps: Vec<S>,
+    /// Worst row of the last step of the last call that was not solved, per lane, as
+    /// [`ConstraintCode`](crate::constraints::worst_row::ConstraintCode) has it.
+    pub worst: Vec<u64>,
     /// Deepest overlap of the contacts in the last call, m, per lane.
     pub depth: Vec<S>,
     /// Farthest that a joint or tendon was beyond its range after a step of the last call, rad or m, per lane.
@@ -91,7 +96,9 @@ impl<S: Scalar> Group<S> {
             status: vec![0; lanes],
             saturated: vec![0; if compiled.efforts_are_bounded() { compiled.actuators.len() * lanes } else { 0 }],
             residual: zeros(1),
-            iterations: zeros(1),
+            sweeps: zeros(1),
+            newton_steps: zeros(1),
+            worst: vec![0; lanes],
             depth: zeros(1),
             overshoot: zeros(1),
             sensing: Memory::new(compiled, lanes, first),
@@ -110,8 +117,9 @@ impl<S: Scalar> Group<S> {
         self.contact_count[lane] = 0;
         self.separation_cache.forget(lane);
         self.status[lane] = Status::OK.bits();
+        self.worst[lane] = 0;
         self.saturated.iter_mut().skip(lane).step_by(lanes).for_each(|n| *n = 0);
-        for number in [&mut self.residual, &mut self.iterations, &mut self.depth, &mut self.overshoot] {
+        for number in [&mut self.residual, &mut self.sweeps, &mut self.newton_steps, &mut self.depth, &mut self.overshoot] {
             number[lane] = S::default();
         }
         self.sensing.forget(lane);
@@ -121,7 +129,7 @@ impl<S: Scalar> Group<S> {
     /// Memory that it holds, bytes.
     pub fn bytes(&self) -> usize {
         let impulses = [&self.scalar_impulse, &self.impulse, &self.mocap, &self.contact_data, &self.contact_torque];
-        let record = [&self.residual, &self.iterations, &self.depth, &self.overshoot];
+        let record = [&self.residual, &self.sweeps, &self.newton_steps, &self.depth, &self.overshoot];
         let numbers = [&self.q, &self.v, &self.act].into_iter().chain(record).chain(impulses);
         let scalars: usize = numbers.map(|x| size_of_val(&x[..])).sum();
         let counts = [&self.contact_count, &self.status, &self.saturated].into_iter().map(|x| size_of_val(&x[..])).sum::<usize>();
@@ -129,6 +137,7 @@ impl<S: Scalar> Group<S> {
             + scalars
             + counts
             + size_of_val(&self.contact_ids[..])
+            + size_of_val(&self.worst[..])
             + size_of_val(&self.time[..])
             + self.separation_cache.bytes()
             + self.sensing.bytes()
@@ -139,9 +148,16 @@ impl<S: Scalar> Group<S> {
     pub fn fits(&self, other: &Self) -> bool {
         let sizes = |g: &Self| {
             let impulses = [&g.scalar_impulse, &g.impulse, &g.mocap, &g.contact_data, &g.contact_torque].map(Vec::len);
-            let record = [&g.residual, &g.iterations, &g.depth, &g.overshoot].map(Vec::len);
+            let record = [&g.residual, &g.sweeps, &g.newton_steps, &g.depth, &g.overshoot].map(Vec::len);
             let numbers = ([&g.q, &g.v, &g.act].map(Vec::len), record, impulses);
-            (g.lanes, g.alive, numbers, [&g.contact_count, &g.status, &g.saturated].map(Vec::len), g.contact_ids.len(), g.time.len())
+            (
+                g.lanes,
+                g.alive,
+                numbers,
+                [&g.contact_count, &g.status, &g.saturated].map(Vec::len),
+                [&g.contact_ids, &g.worst].map(Vec::len),
+                g.time.len(),
+            )
         };
         sizes(self) == sizes(other)
             && self.separation_cache.fits(&other.separation_cache)
@@ -193,7 +209,9 @@ impl<S: Scalar> Group<S> {
             status: words(&self.status),
             saturated: words(&self.saturated),
             residual: numbers(&self.residual),
-            iterations: numbers(&self.iterations),
+            sweeps: numbers(&self.sweeps),
+            newton_steps: numbers(&self.newton_steps),
+            worst: columns(&self.worst, lanes, first, n),
             depth: numbers(&self.depth),
             overshoot: numbers(&self.overshoot),
             sensing: self.sensing.part(first, n),
@@ -215,7 +233,8 @@ impl<S: Scalar> Group<S> {
             (&mut self.contact_data, &part.contact_data),
             (&mut self.contact_torque, &part.contact_torque),
             (&mut self.residual, &part.residual),
-            (&mut self.iterations, &part.iterations),
+            (&mut self.sweeps, &part.sweeps),
+            (&mut self.newton_steps, &part.newton_steps),
             (&mut self.depth, &part.depth),
             (&mut self.overshoot, &part.overshoot),
         ] {
@@ -227,6 +246,7 @@ impl<S: Scalar> Group<S> {
             set_columns(to, lanes, first, n, from);
         }
         set_columns(&mut self.contact_ids, lanes, first, n, &part.contact_ids);
+        set_columns(&mut self.worst, lanes, first, n, &part.worst);
         set_columns(&mut self.time, lanes, first, n, &part.time);
         self.separation_cache.set_part(first, n, &part.separation_cache);
         self.sensing.set_part(first, n, &part.sensing);

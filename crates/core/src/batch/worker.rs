@@ -11,7 +11,7 @@ use crate::batch::sensors::Senses;
 use crate::batch::state::Group;
 use crate::compile::{CompiledModel, LaneModel};
 use crate::integrators::workspace::Workspace;
-use crate::math::lanes::count;
+use crate::math::lanes::{count, each_of};
 use crate::options::StepSettings;
 use crate::probe::{NoProbe, Probe, Span};
 use crate::step::step;
@@ -22,6 +22,8 @@ pub trait Worker<S: Scalar>: Any + Send {
     fn run(&mut self, call: &Call<'_, S>, group: &mut Group<S>, at: BatchSlice<'_, '_, S>);
     /// Reads the sensors of one group, whose first environment is `first`.
     fn sense(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, query: Query<'_>);
+    /// Problem of one lane as the first solve of the steps of `call` finds it, as bytes; the group is used up.
+    fn problem(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, lane: usize) -> Vec<u8>;
     /// Says that somebody else has written to the state of a group.
     fn forget(&mut self);
 }
@@ -197,6 +199,14 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
         senses.read(call, compiled, group, first, scratch, query.truth, query.out);
     }
 
+    fn problem(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, lane: usize) -> Vec<u8> {
+        self.scratch.current = false;
+        self.scratch.constraints.capture.lane = Some(lane);
+        self.run(call, group, BatchSlice { first, share_first: first, share: None });
+        self.scratch.current = false;
+        std::mem::take(&mut self.scratch.constraints.capture.bytes)
+    }
+
     fn forget(&mut self) {
         self.scratch.current = false;
     }
@@ -282,7 +292,11 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
                 residual = residual.max(record.residual);
                 (depth, overshoot) = (depth.max(record.depth), overshoot.max(record.overshoot));
                 record.residual.store(&mut group.residual);
-                record.iterations.store(&mut group.iterations);
+                record.sweeps.store(&mut group.sweeps);
+                record.newton_steps.store(&mut group.newton_steps);
+                for lane in each_of(record.not_converged.bits()) {
+                    group.worst[lane] = s.constraints.worst.of_lane(lane).0;
+                }
             });
             // 9 sense
             probe.span(Span::Sense, || senses.after_step(call, compiled, group, first, s));
@@ -311,6 +325,7 @@ fn count_saturated<R: Real>(compiled: &LaneModel<R>, s: &Workspace<R>, counts: &
 /// Begins the counts of a call anew.
 fn forget_faults<R: Real>(group: &mut Group<R::Scalar>) {
     group.status[..R::LANES].fill(0);
+    group.worst[..R::LANES].fill(0);
     group.depth[..R::LANES].fill(R::Scalar::default());
     group.overshoot[..R::LANES].fill(R::Scalar::default());
     // An empty array takes the C library's masked stores a hundred times as long as a short one.

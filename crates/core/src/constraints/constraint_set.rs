@@ -4,10 +4,12 @@ use std::ops::Range;
 
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::newton::Newton;
-use stepper_solve::{Capacity, Iterate, Problem, Reference, Snapshot};
+use stepper_solve::{Capacity, Iterate, PositionRows, Problem, Reference, Snapshot};
 
 use crate::compile::{LaneModel, ModelStructure};
+use crate::constraints::assembled_rows::AssembledRows;
 use crate::constraints::islands::Islands;
+use crate::constraints::worst_row::WorstRows;
 use crate::dynamics::inertia::{MassMatrix, NewtonEuler};
 use crate::math::spatial::*;
 
@@ -41,16 +43,19 @@ pub struct Constraints<R: Real> {
     pub biased: R::Mask,
     /// Lanes in which a contact bounces: positions and velocities differ there by any speed.
     pub rebounding: R::Mask,
-    /// Mobility of the bodies of every contact if nothing held them, 1/kg.
+    /// Worst rows of lanes that stage 5, or what restrains Baumgarte's method, has left unsolved.
+    pub worst: WorstRows<R>,
+    /// Problem of a lane as bytes, for whoever asks for it.
+    pub(crate) capture: Capture,
+    /// Rows of the position solve.
+    pub(crate) positions: PositionRows<R>,
+    /// Mobility of the bodies of every contact if nothing held them, 1/kg; 0 for scalar rows.
     pub(crate) floors: Vec<R>,
     /// What a correction starts from.
     pub(crate) reference: Reference<R>,
     pub(crate) islands: Islands,
     /// Impulses of lanes whose loads are shared evenly, while they are estimated.
     pub(crate) shared: Snapshot<R>,
-    /// What each row demands of the positions alone, scalar rows first, then contacts, then those with six rows: velocity g of stage 8 of scalar and
-    /// normal rows, of the others what is added to g. Where an overlap's bias is part of the velocities, the demand without it.
-    pub position_bias: Vec<R>,
     /// Impulses of limits, then of dry friction, by their index in the compiled model, then of what names its owner: the warm start.
     pub scalar_impulse: Vec<R>,
     /// Index in `scalar_impulse` of every scalar row.
@@ -77,6 +82,32 @@ pub struct Constraints<R: Real> {
     pub(crate) tied: Vec<Range<usize>>,
     /// Entries of the separate equalities, times D^-1/2 and times D^1/2.
     pub(crate) separate: [Vec<R>; 2],
+}
+
+/// Request for the problem of a lane as the next solve of stage 5 finds it, and the answer.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Capture {
+    /// The lane, until it is captured.
+    pub(crate) lane: Option<usize>,
+    /// What was captured last: see [`stepper_solve::Problem::from_bytes`].
+    pub(crate) bytes: Vec<u8>,
+}
+
+/// Unknowns of the rows of a step, and the workspace of their solves.
+#[derive(Debug)]
+pub struct SolverRoom<'a, R: Real> {
+    /// Impulses.
+    pub iterate: &'a mut Iterate<R>,
+    /// Newton's method.
+    pub newton: &'a mut Newton,
+    /// See [`Constraints::scalar_impulse`].
+    pub scalar_impulse: &'a mut [R],
+    pub(crate) worst: &'a mut WorstRows<R>,
+    pub(crate) capture: &'a mut Capture,
+    pub(crate) positions: &'a mut PositionRows<R>,
+    pub(crate) floors: &'a mut Vec<R>,
+    pub(crate) reference: &'a mut Reference<R>,
+    pub(crate) islands: &'a mut Islands,
 }
 
 /// A contact that bounces within the step.
@@ -139,11 +170,13 @@ impl<R: Real> Constraints<R> {
             needs_position_solve: R::Mask::splat(false),
             biased: R::Mask::splat(false),
             rebounding: R::Mask::splat(false),
-            floors: Vec::with_capacity(room.contacts + room.rolling_contacts),
+            worst: WorstRows::new(),
+            capture: Capture::default(),
+            positions: PositionRows::new(&room),
+            floors: Vec::with_capacity(room.scalars + room.contacts + room.rolling_contacts),
             reference: Reference::new(&room),
             islands: Islands::new(compiled.ntree),
             shared: Snapshot::new(&room),
-            position_bias: Vec::with_capacity(room.scalars + 3 * room.contacts + 6 * room.rolling_contacts),
             scalar_impulse: vec![R::zero(); compiled.scalar_impulses],
             owners: Vec::with_capacity(room.scalars),
             slots: Vec::with_capacity(max_contacts),
@@ -176,17 +209,42 @@ fn room<S: Scalar>(compiled: &ModelStructure<S>, contacts: usize, lanes: usize) 
     let mut moved: Vec<usize> = compiled.moved_dofs.iter().map(|m| m.iter().map(|w| w.count_ones() as usize).sum()).collect();
     moved.sort_unstable();
     let deepest: usize = moved.iter().rev().take(2).sum();
-    Capacity {
-        dimension: compiled.nv,
-        scalars: compiled.scalar_impulses,
-        scalar_entries: single + balls + equalities + tendons,
-        contacts,
-        rolling_contacts: if compiled.has_rolling_friction { contacts } else { 0 },
-        contact_support: with_tied(deepest * lanes),
-    }
+    let mut capacity = Capacity::of_coordinates(compiled.nv);
+    capacity.scalars = compiled.scalar_impulses;
+    capacity.scalar_entries = single + balls + equalities + tendons;
+    capacity.contacts = contacts;
+    capacity.rolling_contacts = if compiled.has_rolling_friction { contacts } else { 0 };
+    capacity.contact_support = with_tied(deepest * lanes);
+    capacity
 }
 
 impl<R: Real> Constraints<R> {
+    /// What stage 4 has made, for stages that only read it, and what they work on.
+    #[inline(always)]
+    pub fn split(&mut self) -> (AssembledRows<'_, R>, SolverRoom<'_, R>) {
+        let Self { problem, owners, slots, rolling_slots, needs_position_solve, biased, rebounding, .. } = self;
+        let rows = AssembledRows {
+            problem,
+            owners,
+            slots,
+            rolling_slots,
+            needs_position_solve: *needs_position_solve,
+            biased: *biased,
+            rebounding: *rebounding,
+        };
+        let Self { iterate, newton, scalar_impulse, worst, capture, positions, floors, reference, islands, .. } = self;
+        (rows, SolverRoom { iterate, newton, scalar_impulse, worst, capture, positions, floors, reference, islands })
+    }
+
+    /// Copies the rows for the position solve.
+    pub fn copy_positions(&mut self) {
+        let Self { problem, positions, .. } = self;
+        R::vectorize(
+            #[inline(always)]
+            || positions.copy(problem),
+        )
+    }
+
     /// The velocity change that the present impulses alone make, left in `out`.
     pub fn impulse_change(&self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, out: &mut [R]) {
         R::vectorize(
@@ -209,27 +267,7 @@ impl<R: Real> Constraints<R> {
             #[inline(always)]
             || {
                 mass.scale(compiled, change);
-                let (scalars, contacts) = self.position_bias.split_at_mut(self.problem.scalars.len());
-                for (i, position) in scalars.iter_mut().enumerate() {
-                    let row = &self.problem.scalars[i];
-                    let g = R::select(lanes, self.problem.scalars.velocity(row, change), row.g);
-                    *position = R::select(lanes, *position + (g - row.g), *position);
-                    self.problem.scalars[i].g = g;
-                }
-                let (contacts, rolling) = contacts.split_at_mut(3 * self.problem.contacts.len());
-                for (i, [position, ..]) in rolling.as_chunks_mut::<6>().0.iter_mut().enumerate() {
-                    let block = &self.problem.rolling_contacts[i];
-                    let mut g = self.problem.rolling_contacts.velocity(block, change);
-                    (0..6).for_each(|k| g[k] = R::select(lanes, g[k], block.g[k]));
-                    *position = R::select(lanes, *position + (g[0] - block.g[0]), *position);
-                    self.problem.rolling_contacts[i].g = g;
-                }
-                for (i, [position, ..]) in contacts.as_chunks_mut::<3>().0.iter_mut().enumerate() {
-                    let block = &self.problem.contacts[i];
-                    let g = select(lanes, self.problem.contacts.velocity(block, change), block.g);
-                    *position = R::select(lanes, *position + (g[0] - block.g[0]), *position);
-                    self.problem.contacts[i].g = g;
-                }
+                self.problem.shift(change, lanes);
                 self.keep_impacts(change, lanes);
             },
         )

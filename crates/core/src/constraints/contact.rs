@@ -44,7 +44,7 @@ impl<R: Real> Constraints<R> {
         if let Some(lengths) = lengths {
             self.problem.contacts.set_trace_ratio(lengths.times());
         }
-        self.position_bias.extend([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
+        self.problem.contacts.set_position_demand([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
         self.iterate.contacts.push(select(active, slot.impulse, zero()));
         self.slots.push((k, R::Mask::from_bits(lanes)));
         self.constrained = self.constrained.or(active);

@@ -146,7 +146,7 @@ impl<R: Real> Constraints<R> {
     /// does not touch them keeps its bits. `rest` are the squared lengths of what is left.
     #[inline(always)]
     fn eliminate_rows<const N: usize, const K: usize>(&mut self, first: usize, demands: &mut [[R; 2]; N], rest: &mut [R; N]) {
-        let Self { problem, column, position_bias, separate, .. } = self;
+        let Self { problem, column, separate, .. } = self;
         let rows: &[ScalarRow<R>; K] = problem.scalars[first..].first_chunk().expect("a block has its rows");
         let (support, _) = problem.scalars.entries(&rows[0]);
         let at = rows[0].entries().start;
@@ -164,7 +164,7 @@ impl<R: Real> Constraints<R> {
             }
         }
         for k in 0..K {
-            let g = [rows[k].g, position_bias[first + k]];
+            let g = [rows[k].g, rows[k].position_g];
             for n in 0..N {
                 let share = rows[k].projection(along[n][k]);
                 rest[n] -= share * along[n][k];

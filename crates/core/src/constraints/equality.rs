@@ -101,8 +101,7 @@ impl<R: Real> Constraints<R> {
                 Stabilization::None => (kept, kept),
                 Stabilization::Split => (kept, corrected),
             };
-            row.g = velocity;
-            self.position_bias.push(position);
+            (row.g, row.position_g) = (velocity, position);
             let lambda = &mut self.iterate.scalars[start + k];
             *lambda = R::select(row.active, *lambda, R::zero());
         }
@@ -286,7 +285,7 @@ impl<R: Real> Constraints<R> {
             }
             self.problem.scalars.set_mobility(mobility);
             if equality.spring.is_some() {
-                self.position_bias.push(g[k][1]);
+                self.problem.scalars.set_position_demand(g[k][1]);
             }
             self.sizes.push(rows.size);
             self.demands.push([rows.kappa[k] * h * R::of(0.5), before[k], correction[k]]);
@@ -329,7 +328,7 @@ impl<R: Real> Constraints<R> {
         if let Some(lengths) = lengths {
             self.measure(law.compliance, lengths.whole[0], lengths.rest[0]);
         }
-        self.position_bias.push(g[0][1]);
+        self.problem.scalars.set_position_demand(g[0][1]);
     }
 
     /// Says by what the residual of the row pushed last is measured: its squared length before and after equalities were taken out.

@@ -1,7 +1,7 @@
 //! Islands: kinematic trees that rows of the constraint problem join.
 
 use stepper_real::Real;
-use stepper_solve::Problem;
+use stepper_solve::System;
 
 use crate::compile::ModelStructure;
 
@@ -19,12 +19,12 @@ impl Islands {
     }
 
     /// Finds the islands of one lane.
-    pub(crate) fn find<R: Real>(&mut self, compiled: &ModelStructure<R::Scalar>, problem: &Problem<R>, lane: usize) {
+    pub(crate) fn find<R: Real>(&mut self, compiled: &ModelStructure<R::Scalar>, system: System<'_, R>, lane: usize) {
         for (tree, above) in self.above.iter_mut().enumerate() {
             *above = tree as u32;
         }
         self.most.fill(0.0);
-        problem.for_each_support(lane, |dofs| {
+        system.for_each_support(lane, |dofs| {
             let mut first = None;
             for d in dofs {
                 let tree = self.root(compiled.dofs[d as usize].tree);

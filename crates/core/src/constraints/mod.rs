@@ -1,5 +1,6 @@
 //! The rows of the constraint problem: contacts, joint limits, dry friction, equalities and tendons, with their Jacobians and demands.
 
+pub mod assembled_rows;
 pub mod constraint_set;
 pub mod contact;
 pub mod curvature;
@@ -16,5 +17,7 @@ pub mod restitution;
 pub mod rows;
 pub mod tendon;
 pub mod torsional_rolling;
+pub mod worst_row;
 
+pub use assembled_rows::AssembledRows;
 pub use constraint_set::*;

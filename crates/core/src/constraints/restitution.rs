@@ -126,11 +126,13 @@ impl<R: Real> Constraints<R> {
     /// Takes back, of a `change` (scaled) of the velocity after the step, what came after the impacts.
     #[inline(always)]
     pub(crate) fn keep_impacts(&mut self, change: &[R], lanes: R::Mask) {
-        self.shift_impacts(
-            change,
+        let Self { problem, impacts, .. } = self;
+        shift_impacts(
+            impacts,
             lanes,
+            after_impact,
             #[inline(always)]
-            |of_normal, share| of_normal * share - R::one(),
+            |i, there, weights| problem.shift_contact(i, change, there, weights),
         );
     }
 
@@ -143,45 +145,16 @@ impl<R: Real> Constraints<R> {
             #[inline(always)]
             || {
                 mass.scale(compiled, change);
-                self.shift_impacts(
-                    change,
+                let Self { problem, impacts, .. } = self;
+                shift_impacts(
+                    impacts,
                     lanes,
+                    before_impact,
                     #[inline(always)]
-                    |of_normal, share| of_normal * share,
+                    |i, there, weights| problem.shift_contact(i, change, there, weights),
                 );
             },
         )
-    }
-
-    /// g of the rows that bounce changes by that of their velocity for the scaled velocity `change`, times a function of (1 + e, or 1 for friction;
-    /// share of the step before the impact).
-    #[inline(always)]
-    fn shift_impacts(&mut self, change: &[R], lanes: R::Mask, weight: impl Fn(R, R) -> R) {
-        let (narrow, one) = (self.problem.contacts.len(), R::one());
-        for (i, impact) in self.impacts.iter().enumerate() {
-            let there = lanes.and(impact.lanes);
-            if there.none() {
-                continue;
-            }
-            let weights = [weight(impact.factor, impact.share), weight(one, impact.share)];
-            if i < narrow {
-                let block = &self.problem.contacts[i];
-                let moved = sub(self.problem.contacts.velocity(block, change), block.g);
-                let mut g = block.g;
-                for k in 0..3 {
-                    g[k] = R::select(there, g[k] + moved[k] * weights[k.min(1)], g[k]);
-                }
-                self.problem.contacts[i].g = g;
-            } else {
-                let block = &self.problem.rolling_contacts[i - narrow];
-                let moved = sub(self.problem.rolling_contacts.velocity(block, change), block.g);
-                let mut g = block.g;
-                for k in 0..6 {
-                    g[k] = R::select(there, g[k] + moved[k] * weights[k.min(1)], g[k]);
-                }
-                self.problem.rolling_contacts[i - narrow].g = g;
-            }
-        }
     }
 
     /// Lanes in which a contact bounces.
@@ -194,14 +167,14 @@ impl<R: Real> Constraints<R> {
         lanes
     }
 
-    /// Takes the impacts of the lanes `lanes` out of the problem, once it is solved: in the solution for the positions they have no part, but that what
-    /// overlapped before is pushed out where it does not leave fast enough by itself. Leaves in `moved` the velocity that would carry the positions as far in a step as the impulses do, from where the step is taken, `lead` seconds after
-    /// its beginning: beyond the velocity after the step, for the rest of it.
+    /// Takes the impulses of impacts away in the lanes `lanes`, and their contacts out of the position solve, but that what overlapped before is
+    /// pushed out where it does not leave fast enough by itself. Leaves in `moved` the velocity that would carry the positions as far in a step as the
+    /// impulses do, from where the step is taken, `lead` seconds after its beginning: beyond the velocity after the step, for the rest of it.
     pub fn set_impacts_aside(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, [h, lead]: [R; 2], lanes: R::Mask, moved: &mut [R]) {
         R::vectorize(
             #[inline(always)]
             || {
-                let Self { problem, iterate, impacts, path: gone, .. } = self;
+                let Self { problem, positions, iterate, impacts, path: gone, .. } = self;
                 let narrow = problem.contacts.len();
                 moved.fill(R::zero());
                 gone.fill(R::zero());
@@ -216,15 +189,14 @@ impl<R: Real> Constraints<R> {
                         problem.contacts.add(&problem.contacts[i], lambda, gone);
                         problem.contacts.add(&problem.contacts[i], scale(lambda, weight), moved);
                         iterate.contacts[i] = select(there, zero(), iterate.contacts[i]);
-                        problem.contacts[i].active = problem.contacts[i].active.and_not(there.and_not(impact.deep));
                     } else {
                         let k = i - narrow;
                         let lambda = select(there, iterate.rolling_contacts[k], zero());
                         problem.rolling_contacts.add(&problem.rolling_contacts[k], lambda, gone);
                         problem.rolling_contacts.add(&problem.rolling_contacts[k], scale(lambda, weight), moved);
                         iterate.rolling_contacts[k] = select(there, zero(), iterate.rolling_contacts[k]);
-                        problem.rolling_contacts[k].active = problem.rolling_contacts[k].active.and_not(there.and_not(impact.deep));
                     }
+                    positions.leave_out_contact(i, there.and_not(impact.deep));
                 }
                 for (w, &gone) in iterate.w.iter_mut().zip(&*gone) {
                     *w = R::select(lanes, *w - gone, *w);
@@ -234,6 +206,54 @@ impl<R: Real> Constraints<R> {
         );
         self.needs_position_solve = self.needs_position_solve.or(lanes);
         self.rebounding = self.rebounding.or(lanes);
+    }
+
+    /// Takes up a change of the free velocity of the lanes `lanes` in the rows of the position solve. `change` is used up.
+    pub fn shift_positions(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, change: &mut [R], lanes: R::Mask) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                mass.scale(compiled, change);
+                let Self { problem, positions, impacts, .. } = self;
+                positions.shift(problem, change, lanes);
+                shift_impacts(
+                    impacts,
+                    lanes,
+                    after_impact,
+                    #[inline(always)]
+                    |i, there, weights| positions.shift_contact(problem, i, change, there, weights),
+                );
+            },
+        )
+    }
+}
+
+/// Weight of a change of the velocity after the step that the rows of an impact take back: what came after it. Of 1 + e (or 1 for friction) and the
+/// share of the step before the impact.
+#[inline(always)]
+fn after_impact<R: Real>(of_normal: R, share: R) -> R {
+    of_normal * share - R::one()
+}
+
+/// Weight of a change before the impact, given as that of the velocity after the step.
+#[inline(always)]
+fn before_impact<R: Real>(of_normal: R, share: R) -> R {
+    of_normal * share
+}
+
+/// Calls `shift` with the contacts that bounce in the lanes `lanes`, those lanes, and the weights of the normal row and of friction.
+#[inline(always)]
+fn shift_impacts<R: Real>(
+    impacts: &[Impact<R>],
+    lanes: R::Mask,
+    weight: impl Fn(R, R) -> R,
+    mut shift: impl FnMut(usize, R::Mask, [R; 2]),
+) {
+    for (i, impact) in impacts.iter().enumerate() {
+        let there = lanes.and(impact.lanes);
+        if there.any() {
+            shift(i, there, [weight(impact.factor, impact.share), weight(R::one(), impact.share)]);
+        }
     }
 }
 

@@ -51,7 +51,7 @@ impl<R: Real> Constraints<R> {
         if let Some(times) = times {
             self.problem.scalars.set_trace_ratio(times);
         }
-        self.position_bias.push(g[1]);
+        self.problem.scalars.set_position_demand(g[1]);
         self.warm_start(owner, active);
         self.owners.push(owner);
         self.constrained = self.constrained.or(active);

@@ -70,10 +70,9 @@ impl<R: Real> Constraints<R> {
             let (whole, rest) = ([rubbed(sliding.whole, rub), turned.whole], [rubbed(sliding.rest, rub), turned.rest]);
             self.problem.rolling_contacts.set_trace_ratio(times(whole.as_flattened(), rest.as_flattened()));
         }
-        self.position_bias.push(slides[0][1]);
-        for [velocity, position] in [slides[1], slides[2], turns[0], turns[1], turns[2]] {
-            self.position_bias.push(position - velocity);
-        }
+        let change = |[velocity, position]: [R; 2]| position - velocity;
+        let [spin, roll, other] = turns.map(change);
+        self.problem.rolling_contacts.set_position_demand([slides[0][1], change(slides[1]), change(slides[2]), spin, roll, other]);
         let (push, torque) = (slot.impulse, friction.unscale(contacts.torque[k]));
         let warm = [push[0], push[1] * rub, push[2] * rub, torque[0], torque[1], torque[2]];
         self.iterate.rolling_contacts.push(select(active, warm, zero()));

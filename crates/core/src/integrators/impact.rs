@@ -142,11 +142,15 @@ fn normal_velocities<R: Real>(
     out
 }
 
-/// The free velocity with which stage 8 solves for the positions, in the lanes with impacts, left in `work.v_positions`; returns these lanes. They are added
+/// Copies the rows for the position solve, where any lane needs it. Leaves in `work.v_positions` the free velocity with which stage 8 solves for the
+/// positions in the lanes with impacts, and returns these lanes. They are added
 /// what the positions lack that went on from the time of the placement with the velocity after the step: of each impulse and, since they were not
 /// in the middle of the step, of smooth forces.
 pub(crate) fn carry_positions<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) -> R::Mask {
     let lanes = s.impacts.lanes.or(s.constraints.bouncing()).and(s.alive);
+    if s.constraints.needs_position_solve.or(lanes).any() {
+        s.constraints.copy_positions();
+    }
     if lanes.none() {
         return lanes;
     }
@@ -162,7 +166,7 @@ pub(crate) fn carry_positions<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<
             }
         },
     );
-    s.constraints.shift(compiled, &s.free_motion.smooth.mass, &mut s.work.carried, lanes);
+    s.constraints.shift_positions(compiled, &s.free_motion.smooth.mass, &mut s.work.carried, lanes);
     lanes
 }
 
@@ -184,7 +188,8 @@ pub(crate) fn solve_impacts<R: Real>(
             break;
         }
         take_inertial_forces(compiled, scheme, s, lanes, pass == 0);
-        let again = solve(options, &s.state.v, lanes, &mut s.constraints, &mut s.evaluation.contacts);
+        let (rows, mut room) = s.constraints.split();
+        let again = solve(options, &s.state.v, lanes, &rows, &mut room, &mut s.evaluation.contacts);
         outcome.replace(&again, lanes);
         integrate_velocity(compiled, &s.free_motion.smooth.mass, &s.free_motion.v, &s.constraints, &mut s.next.v);
     }

@@ -9,7 +9,7 @@ use crate::integrators::acceptance::{keep_impulse, undecided};
 use crate::integrators::impact;
 use crate::integrators::scheme::Scheme;
 use crate::integrators::step_resolution::{slow_down, thrown};
-use crate::integrators::workspace::Workspace;
+use crate::integrators::workspace::{Evaluation, FreeMotion, Workspace};
 use crate::options::StepSettings;
 use crate::probe::{Counter, Probe, Span};
 use crate::stages::s01_actuate::advance_activation;
@@ -42,8 +42,9 @@ pub(crate) fn solve_velocities<R: Real>(
     s: &mut Workspace<R>,
     probe: impl Probe,
 ) -> Solution<R> {
-    let mut outcome =
-        probe.span(Span::Solve, || solve(options, &s.state.v, s.constraints.constrained, &mut s.constraints, &mut s.evaluation.contacts));
+    let constrained = s.constraints.constrained;
+    let (rows, mut room) = s.constraints.split();
+    let mut outcome = probe.span(Span::Solve, || solve(options, &s.state.v, constrained, &rows, &mut room, &mut s.evaluation.contacts));
     let pushed = probe.span(Span::IntegrateVelocity, || {
         integrate_velocity(compiled, &s.free_motion.smooth.mass, &s.free_motion.v, &s.constraints, &mut s.next.v)
     });
@@ -52,10 +53,12 @@ pub(crate) fn solve_velocities<R: Real>(
     }
     count_effort(&outcome, probe);
     probe.span(Span::IntegrateVelocity, || keep_impulse(compiled, s));
-    let solved = Solved { mass: &s.free_motion.smooth.mass, contacts: &s.evaluation.contacts, v_free: &s.free_motion.v, h: scheme.h };
-    let infeasible = probe.span(Span::Stabilise, || {
-        restrain(compiled, options, &solved, &mut s.constraints, &mut outcome, &mut s.work.correction, &mut s.next.v)
-    });
+    let (rows, mut room) = s.constraints.split();
+    let Evaluation { contacts, .. } = &s.evaluation;
+    let FreeMotion { smooth, v: v_free, .. } = &s.free_motion;
+    let solved = Solved { rows, mass: &smooth.mass, contacts, v_free, h: scheme.h };
+    let infeasible = probe
+        .span(Span::Stabilise, || restrain(compiled, options, &solved, &mut room, &mut outcome, &mut s.work.correction, &mut s.next.v));
     let [undecided, guarded] = probe.span(Span::GuardEnergy, || guard_speed(compiled, options, scheme, s, outcome.residual));
     Solution { outcome, pushed, undecided, guarded, infeasible }
 }
@@ -132,8 +135,9 @@ fn stabilise_positions<R: Real>(compiled: &LaneModel<R>, options: &StepSettings,
     let impacts = impact::carry_positions(compiled, scheme, s);
     let v_free = if impacts.any() { &s.work.v_positions } else { &s.free_motion.v };
     let work = [&mut s.work.correction[..], &mut s.work.q_corrected[..]];
-    let solved = Solved { mass: &s.free_motion.smooth.mass, contacts: &s.evaluation.contacts, v_free, h: scheme.h };
-    stabilise(compiled, options, &solved, &mut s.constraints, &s.next.v, work, &mut s.next.q)
+    let (rows, mut room) = s.constraints.split();
+    let solved = Solved { rows, mass: &s.free_motion.smooth.mass, contacts: &s.evaluation.contacts, v_free, h: scheme.h };
+    stabilise(compiled, options, &solved, &mut room, &s.next.v, work, &mut s.next.q)
 }
 
 /// Keeps the energy of guarded lanes from growing.
@@ -165,7 +169,8 @@ pub(crate) fn record<R: Real>(
     let residual = solution.outcome.residual;
     Record {
         residual,
-        iterations: solution.outcome.sweeps + solution.outcome.newton_steps,
+        sweeps: solution.outcome.sweeps,
+        newton_steps: solution.outcome.newton_steps,
         depth,
         overshoot,
         deep: s.alive.and(depth.gt(R::of(DEEP))),

@@ -53,11 +53,7 @@ impl Model {
     /// [`ModelError::File`] when the file cannot be written.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), ModelError> {
         let path = path.as_ref();
-        let name = path.file_name().map_or_else(Default::default, |n| n.to_string_lossy().into_owned());
-        let partial = path.with_file_name(format!(".{name}.{}.part", std::process::id()));
-        let written = std::fs::write(&partial, self.to_bytes()).and_then(|()| std::fs::rename(&partial, path));
-        written.map_err(|e| {
-            let _ = std::fs::remove_file(&partial);
+        write_whole(path, &self.to_bytes()).map_err(|e| {
             ModelError::file(path.to_string_lossy(), format!("cannot be written ({e})"), "choose a folder that exists and can be written")
         })
     }
@@ -76,6 +72,16 @@ impl Model {
     fn payload(&self) -> Vec<u8> {
         encoded(&(&self.description, self.hulls.surfaces()))
     }
+}
+
+/// Writes a file in one piece: a reader sees the old file or the new one.
+pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    let name = path.file_name().map_or_else(Default::default, |n| n.to_string_lossy().into_owned());
+    let partial = path.with_file_name(format!(".{name}.{}.part", std::process::id()));
+    let written = std::fs::write(&partial, bytes).and_then(|()| std::fs::rename(&partial, path));
+    written.inspect_err(|_| {
+        let _ = std::fs::remove_file(&partial);
+    })
 }
 
 fn encoded(data: &impl Serialize) -> Vec<u8> {

@@ -14,7 +14,7 @@ mod description;
 mod equality;
 mod error;
 mod explain;
-mod file;
+pub(crate) mod file;
 mod finish;
 mod finished;
 mod fluid;

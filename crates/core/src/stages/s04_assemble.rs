@@ -43,7 +43,6 @@ pub fn assemble<R: Real>(
             constraints.problem.clear();
             constraints.iterate.clear();
             constraints.owners.clear();
-            constraints.position_bias.clear();
             constraints.slots.clear();
             constraints.rolling_slots.clear();
             constraints.constrained = R::Mask::splat(false);

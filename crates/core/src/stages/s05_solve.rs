@@ -1,10 +1,10 @@
 //! Stage 5: the constraint problem becomes impulses, with the residual that certifies them.
 
 use stepper_real::{Mask, Real, Scalar};
-use stepper_solve::{Outcome, Settings};
+use stepper_solve::{Outcome, Settings, System};
 
 use crate::collision::contact_set::Contacts;
-use crate::constraints::Constraints;
+use crate::constraints::{AssembledRows, Constraints, SolverRoom};
 use crate::math::spatial::*;
 use crate::options::StepSettings;
 
@@ -15,14 +15,21 @@ pub fn solve<R: Real>(
     options: &StepSettings,
     v: &[R],
     lanes: R::Mask,
-    constraints: &mut Constraints<R>,
+    rows: &AssembledRows<'_, R>,
+    room: &mut SolverRoom<'_, R>,
     contacts: &mut Contacts<R>,
 ) -> Outcome<R> {
     let [sweeps, newton] = options.effort();
     let tolerance = tolerance(options, v);
     let settings = Settings { sweeps, newton_steps: newton, tolerance, newton_threshold: tolerance };
-    let Constraints { problem, iterate, newton, scalar_impulse, owners, slots, rolling_slots, .. } = constraints;
+    let AssembledRows { problem, owners, slots, rolling_slots, .. } = *rows;
+    let SolverRoom { iterate, newton, scalar_impulse, worst, capture, .. } = room;
+    if let Some(lane) = capture.lane.take() {
+        capture.bytes = System::from(problem).to_bytes(iterate, &settings, lane);
+    }
     let outcome = stepper_solve::solve(problem, iterate, settings, lanes, newton);
+    let unsolved = lanes.and_not(outcome.residual.le(R::of(options.tolerance)));
+    worst.renew(rows, problem.into(), iterate, contacts, [lanes, unsolved]);
     R::vectorize(
         #[inline(always)]
         || {

@@ -4,16 +4,16 @@
 //! It is used once, for the positions, and thrown away: no kinetic energy comes of it.
 //!
 //! What positions demand may be impossible: overlaps that contradict one another, a weld out of reach, a contact whose normal passes a hinge.
-//! So the demands are damped ([`stepper_solve::Problem::damp`]), what they move is bounded, island by island, and where a witness proves
+//! So the demands are damped ([`stepper_solve::PositionRows::damp`]), what they move is bounded, island by island, and where a witness proves
 //! that no motion within the bounds meets them, the lane is marked infeasible.
 
 use stepper_real::{Mask, Real, Scalar};
-use stepper_solve::{Damping, Outcome, Problem, Settings};
+use stepper_solve::{Damping, Outcome, Settings, System};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::{LaneModel, ModelStructure};
 use crate::constraints::islands::Islands;
-use crate::constraints::{ARM, Constraints, DAMPING};
+use crate::constraints::{ARM, AssembledRows, DAMPING, SolverRoom};
 use crate::dynamics::inertia::MassMatrix;
 use crate::dynamics::kinematics::displace;
 use crate::math::lanes::each_of;
@@ -75,6 +75,8 @@ impl<R: Real> Bounds<R> {
 
 /// What joins the state before the step and that after it.
 pub struct Solved<'a, R: Real> {
+    /// Rows of the step.
+    pub rows: AssembledRows<'a, R>,
     /// Factors of the mass matrix.
     pub mass: &'a MassMatrix<R>,
     /// Contacts of the step.
@@ -90,16 +92,16 @@ pub fn stabilise<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
     solved: &Solved<'_, R>,
-    constraints: &mut Constraints<R>,
+    room: &mut SolverRoom<'_, R>,
     v_next: &[R],
     [work, corrected]: [&mut [R]; 2],
     q_next: &mut [R],
 ) -> R::Mask {
-    let lanes = constraints.needs_position_solve;
+    let lanes = solved.rows.needs_position_solve;
     if lanes.none() {
         return lanes;
     }
-    let infeasible = correct(compiled, options, solved, constraints, lanes, v_next, work);
+    let infeasible = correct(compiled, options, solved, room, lanes, v_next, work);
     displace(compiled, q_next, work, solved.h, corrected);
     R::vectorize(
         #[inline(always)]
@@ -119,13 +121,14 @@ pub fn restrain<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
     solved: &Solved<'_, R>,
-    constraints: &mut Constraints<R>,
+    room: &mut SolverRoom<'_, R>,
     outcome: &mut Outcome<R>,
     work: &mut [R],
     v_next: &mut [R],
 ) -> R::Mask {
     let never = R::Mask::splat(false);
-    if constraints.biased.none() {
+    let AssembledRows { problem, biased, .. } = solved.rows;
+    if biased.none() {
         return never;
     }
     let bounds = Bounds::absurd(options);
@@ -135,8 +138,8 @@ pub fn restrain<R: Real>(
             for (work, (&v, &free)) in work.iter_mut().zip(v_next.iter().zip(solved.v_free)) {
                 *work = v - free;
             }
-            let unmet = constraints.problem.immovable_demand().gt(R::of(LACKING));
-            constraints.biased.and(excess(compiled, work, bounds).gt(R::one()).or(unmet))
+            let unmet = System::from(problem).immovable_demand().gt(R::of(LACKING));
+            biased.and(excess(compiled, work, bounds).gt(R::one()).or(unmet))
         },
     );
     if lanes.none() {
@@ -147,22 +150,27 @@ pub fn restrain<R: Real>(
     let settings = Settings { sweeps, newton_steps: newton, tolerance, newton_threshold: tolerance };
     R::vectorize(
         #[inline(always)]
-        || constraints.problem.exchange_demands(&mut constraints.position_bias),
+        || {
+            room.positions.copy(problem);
+            room.positions.exchange_demands();
+        },
     );
-    let Constraints { problem, iterate, newton, .. } = constraints;
-    let again = stepper_solve::solve(problem, iterate, settings, lanes, newton);
+    let system = room.positions.system(problem);
+    let again = stepper_solve::solve(system, room.iterate, settings, lanes, room.newton);
+    let unsolved = lanes.and_not(again.residual.le(tolerance));
+    room.worst.renew(&solved.rows, system, room.iterate, solved.contacts, [lanes, unsolved]);
     outcome.replace(&again, lanes);
     R::vectorize(
         #[inline(always)]
         || {
-            work.copy_from_slice(&constraints.iterate.w);
+            work.copy_from_slice(&room.iterate.w);
             solved.mass.unscale(compiled, work);
             for i in 0..compiled.nv {
                 v_next[i] = R::select(lanes, solved.v_free[i] + work[i], v_next[i]);
             }
         },
     );
-    let infeasible = correct(compiled, options, solved, constraints, lanes, v_next, work);
+    let infeasible = correct(compiled, options, solved, room, lanes, v_next, work);
     R::vectorize(
         #[inline(always)]
         || {
@@ -174,24 +182,25 @@ pub fn restrain<R: Real>(
     infeasible
 }
 
-/// The bounded velocity, beyond `v_next`, that meets what positions demand in the lanes `lanes`, left in `out`.
+/// The bounded velocity, beyond `v_next`, that meets what positions demand in the lanes `lanes`, left in `out`: with the other demands than those that
+/// the rows of the position solve have now.
 fn correct<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
     solved: &Solved<'_, R>,
-    constraints: &mut Constraints<R>,
+    room: &mut SolverRoom<'_, R>,
     lanes: R::Mask,
     v_next: &[R],
     out: &mut [R],
 ) -> R::Mask {
+    let problem = solved.rows.problem;
     let damping = Damping { ratio: R::of(DAMPING), bending: solved.h * R::of(1.0 / ARM) };
     R::vectorize(
         #[inline(always)]
         || {
-            constraints.problem.exchange_demands(&mut constraints.position_bias);
-            constraints.find_floors(compiled, solved.contacts);
-            let Constraints { problem, iterate, floors, position_bias, reference, .. } = constraints;
-            problem.damp(iterate, damping, floors, position_bias, reference);
+            room.positions.exchange_demands();
+            find_floors(compiled, solved, room.floors);
+            room.positions.damp(problem, room.iterate, damping, room.floors, room.reference);
         },
     );
     let [sweeps, newton] = options.effort();
@@ -199,28 +208,27 @@ fn correct<R: Real>(
     let threshold = if options.solver == Solver::Newton { tolerance } else { tolerance.max(NEWTON_THRESHOLD) };
     let settings =
         Settings { sweeps: sweeps.min(SWEEPS), newton_steps: newton, tolerance: R::of(tolerance), newton_threshold: R::of(threshold) };
-    let Constraints { problem, iterate, newton, .. } = constraints;
-    stepper_solve::solve(problem, iterate, settings, lanes, newton);
+    let system = room.positions.system(problem);
+    stepper_solve::solve(system, room.iterate, settings, lanes, room.newton);
     let bounds = Bounds::new(options, solved.h);
     let (fast, lacking) = R::vectorize(
         #[inline(always)]
         || {
-            out.copy_from_slice(&constraints.iterate.w);
+            out.copy_from_slice(&room.iterate.w);
             solved.mass.unscale(compiled, out);
             for i in 0..compiled.nv {
                 out[i] = (solved.v_free[i] + out[i]) - v_next[i];
             }
-            let short = constraints.problem.shortfall(&constraints.iterate, &constraints.reference);
-            let held = constraints.problem.immovable_demand();
-            let fast = lanes.and_not(constraints.rebounding).and(excess(compiled, out, bounds).gt(R::one()));
+            let short = system.shortfall(room.iterate, room.reference);
+            let held = system.immovable_demand();
+            let fast = lanes.and_not(solved.rows.rebounding).and(excess(compiled, out, bounds).gt(R::one()));
             (fast, lanes.and(short.max(held).gt(R::of(LACKING))))
         },
     );
     if fast.any() {
-        let Constraints { problem, islands, .. } = constraints;
-        bound_islands(compiled, problem, islands, fast, bounds, out);
+        bound_islands(compiled, system, room.islands, fast, bounds, out);
     }
-    if lacking.any() { prove_infeasible(compiled, solved.mass, constraints, lacking, bounds) } else { lacking }
+    if lacking.any() { prove_infeasible(compiled, solved, room, lacking, bounds) } else { lacking }
 }
 
 /// The largest part that a motion is of its bounds.
@@ -248,14 +256,14 @@ fn excess_of<R: Real>(kind: JointKind, v: &[R], bounds: Bounds<R>) -> R {
 #[cold]
 fn bound_islands<R: Real>(
     compiled: &ModelStructure<R::Scalar>,
-    problem: &Problem<R>,
+    system: System<'_, R>,
     islands: &mut Islands,
     lanes: R::Mask,
     bounds: Bounds<R>,
     v: &mut [R],
 ) {
     for lane in each_of(lanes.bits()) {
-        islands.find(compiled, problem, lane);
+        islands.find(compiled, system, lane);
         for joint in &compiled.joints {
             let excess = excess_of(joint.kind, &v[joint.v..joint.v + joint.kind.nv()], bounds);
             islands.note(compiled.dofs[joint.v].tree, excess.lane(lane).to_f64());
@@ -274,18 +282,18 @@ fn bound_islands<R: Real>(
 #[cold]
 fn prove_infeasible<R: Real>(
     compiled: &LaneModel<R>,
-    mass: &MassMatrix<R>,
-    constraints: &mut Constraints<R>,
+    solved: &Solved<'_, R>,
+    room: &mut SolverRoom<'_, R>,
     lanes: R::Mask,
     bounds: Bounds<R>,
 ) -> R::Mask {
     R::vectorize(
         #[inline(always)]
         || {
-            let Constraints { problem, iterate, reference, .. } = constraints;
-            let lack = problem.witness(iterate, reference);
-            let momentum = reference.momentum();
-            mass.momentum(compiled, momentum);
+            let system = room.positions.system(solved.rows.problem);
+            let lack = system.witness(room.iterate, room.reference);
+            let momentum = room.reference.momentum();
+            solved.mass.momentum(compiled, momentum);
             let mut most = R::zero();
             for joint in &compiled.joints {
                 for k in 0..joint.kind.nv() {
@@ -293,27 +301,26 @@ fn prove_infeasible<R: Real>(
                 }
             }
             // A contact that nothing can move along its normal is a witness by itself.
-            let held = problem.immovable_demand().gt(R::of(LACKING));
+            let held = system.immovable_demand().gt(R::of(LACKING));
             lanes.and(held.or(lack.gt(most)))
         },
     )
 }
 
-impl<R: Real> Constraints<R> {
-    /// Mobility of the bodies of every contact if nothing held them, 1/kg: what damping is at least relative to.
-    #[inline(always)]
-    fn find_floors(&mut self, compiled: &LaneModel<R>, contacts: &Contacts<R>) {
-        let Self { floors, slots, rolling_slots, .. } = self;
-        floors.clear();
-        let all = slots.iter().map(|slot| (slot.0, slot.1)).chain(rolling_slots.iter().map(|slot| (slot.0, slot.1)));
-        for (k, lanes) in all {
-            let mut floor = R::zero();
-            for (pair, lanes) in contacts.pairs(k, lanes.bits()) {
-                let geoms = compiled.pair_geoms(pair).expect("made from this compiled");
-                let free = compiled.mobility(compiled.geoms[geoms[0]].frame) + compiled.mobility(compiled.geoms[geoms[1]].frame);
-                floor = R::select(R::Mask::from_bits(lanes), free, floor);
-            }
-            floors.push(floor);
+/// Mobility of the bodies of every contact if nothing held them, 1/kg: what damping is at least relative to. 0 for scalar rows.
+#[inline(always)]
+fn find_floors<R: Real>(compiled: &LaneModel<R>, solved: &Solved<'_, R>, floors: &mut Vec<R>) {
+    let AssembledRows { problem, slots, rolling_slots, .. } = solved.rows;
+    floors.clear();
+    floors.resize(problem.scalars.len(), R::zero());
+    let all = slots.iter().map(|slot| (slot.0, slot.1)).chain(rolling_slots.iter().map(|slot| (slot.0, slot.1)));
+    for (k, lanes) in all {
+        let mut floor = R::zero();
+        for (pair, lanes) in solved.contacts.pairs(k, lanes.bits()) {
+            let geoms = compiled.pair_geoms(pair).expect("made from this compiled");
+            let free = compiled.mobility(compiled.geoms[geoms[0]].frame) + compiled.mobility(compiled.geoms[geoms[1]].frame);
+            floor = R::select(R::Mask::from_bits(lanes), free, floor);
         }
+        floors.push(floor);
     }
 }

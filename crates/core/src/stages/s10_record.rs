@@ -69,8 +69,10 @@ impl fmt::Display for Status {
 pub struct Record<R: Real> {
     /// Residual, m/s.
     pub residual: R,
-    /// Sweeps and Newton steps of the solver, together.
-    pub iterations: R,
+    /// Sweeps of the solver.
+    pub sweeps: R,
+    /// Newton steps of the solver, over all islands.
+    pub newton_steps: R,
     /// Deepest overlap of the step's contacts beyond their margins, m, where the step was taken.
     pub depth: R,
     /// Farthest that a joint or tendon is beyond its range after the step, rad or m.

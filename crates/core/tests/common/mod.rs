@@ -10,7 +10,7 @@ use stepper_core::model::{
     Model, ModelBuilder, Object, Quantity, RayField, Sensor, SensorKind, Shape, Site, TendonBuilder, WORLD,
 };
 use stepper_core::sensing::errors::Transfer;
-use stepper_core::{Level, Options, Precision, Simulation};
+use stepper_core::{Certificate, Level, Options, Precision, Simulation};
 
 /// A walker: a floating trunk with four two-joint legs with limits, a ball-jointed tail, dry friction, servos with activation, and loose
 /// objects of every colliding shape.
@@ -234,8 +234,8 @@ pub(crate) fn bits(sim: &Simulation, env: usize) -> Vec<u64> {
         sim.get(field, env, &mut x).unwrap();
         all.extend(x);
     }
-    let (residual, sweeps) = sim.certificate(env);
-    all.extend([residual, sweeps, sim.time(env), f64::from(sim.status(env).bits())]);
+    let Certificate { residual, sweeps, newton_steps } = sim.certificate(env);
+    all.extend([residual, f64::from(sweeps), f64::from(newton_steps), sim.time(env), f64::from(sim.status(env).bits())]);
     for c in sim.contacts(env) {
         all.extend(c.geoms.map(|g| g as f64));
         all.extend(c.force.into_iter().chain(c.pos).chain(c.normal).chain([c.distance]));

@@ -5,13 +5,19 @@
 use std::fmt::Debug;
 use std::ops::{Index, IndexMut, Range};
 
+use crate::admissible_set::AdmissibleSet;
+use crate::capacity::Capacity;
 use crate::cone::{distance, masked, movable, project};
-use crate::constraints::{ConstraintSet, Damping, ReferenceRows, SweepLanes, Unknowns, is_nonzero, worse};
+use crate::constraints::constraint_set::{
+    ConstraintSet, Damping, LaneConstraint, LaneReceiver, ReferenceRows, Row, Rows, SavedConstraint, SweepLanes, Unknowns, is_nonzero,
+    number_of,
+};
 use crate::entries::Entries;
 use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real, Scalar};
 
-/// Solution of one contact's own Coulomb problem, while all other impulses stand.
+/// Friction law of one contact: the solution of its own problem while all other impulses stand, and the set of its impulses, which is the
+/// circular cone of Coulomb's law unless it has another.
 pub trait LocalSolver<R: Real, const N: usize>: Clone + Debug + Sized {
     /// Solver of the same kind in half the lanes.
     type Half: LocalSolver<R::Half, N>;
@@ -32,10 +38,27 @@ pub trait LocalSolver<R: Real, const N: usize>: Clone + Debug + Sized {
     fn mobility(&self, step: &NaturalStep<R>) -> R;
 
     /// Adds a compliance to all rows, and takes it into account in the step of the natural map.
-    fn damp(&mut self, compliance: R, step: &mut NaturalStep<R>);
+    fn add_compliance(&mut self, compliance: R, step: &mut NaturalStep<R>);
 
     /// Gathers some lanes.
     fn gather(&self, map: &LaneMap) -> Self::Half;
+
+    /// De Saxce's term of the velocity `v`, m/s.
+    #[inline(always)]
+    fn slip(mu: R, v: &[R; N]) -> R {
+        mu * tangential_speed(v)
+    }
+
+    /// Projection on the set of admissible impulses.
+    #[inline(always)]
+    fn project(x: [R; N], mu: R) -> [R; N] {
+        project(x, mu)
+    }
+
+    /// The same set for Newton's method.
+    fn admissible_set(mu: f64) -> AdmissibleSet {
+        AdmissibleSet::Cone { mu }
+    }
 }
 
 /// Step of a contact's natural map.
@@ -78,6 +101,8 @@ pub struct FrictionContact<R: Real, const N: usize, L> {
     pub mu: R,
     /// Velocity before any impulse, with the bias of the normal row, m/s.
     pub g: [R; N],
+    /// Demand of the position solve, m/s: g of the normal row, and what is added to g of the others.
+    pub position_g: [R; N],
     /// Compliance R, at least 0: the velocity that every row yields per unit of impulse. 0 is hard.
     pub(crate) compliance: R,
     /// Step of the natural map.
@@ -87,20 +112,14 @@ pub struct FrictionContact<R: Real, const N: usize, L> {
 }
 
 impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
-    /// Ratio of trace(G_ii) before elimination of separate rows to that after it, at least 1.
+    /// Adds to the compliance R of all rows; what is added counts from the impulse `lambda`.
     #[inline(always)]
-    pub(crate) fn trace_ratio(&self) -> R {
-        self.step.trace_ratio
-    }
-
-    /// Sets the compliance R of all rows, which counts from the impulse `lambda`.
-    #[inline(always)]
-    fn damp(&mut self, compliance: R, lambda: [R; N]) {
-        self.compliance = compliance;
+    fn add_compliance(&mut self, compliance: R, lambda: [R; N]) {
+        self.compliance += compliance;
         for k in 0..N {
             self.g[k] -= compliance * lambda[k];
         }
-        self.local.damp(compliance, &mut self.step);
+        self.local.add_compliance(compliance, &mut self.step);
     }
 
     #[inline(always)]
@@ -112,6 +131,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
             immovable: map.gather_mask::<R>(self.immovable),
             mu: map.gather(self.mu),
             g: map.gather_array(&self.g),
+            position_g: [R::Half::zero(); N],
             compliance: map.gather(self.compliance),
             step: NaturalStep {
                 rho: map.gather(self.step.rho),
@@ -127,40 +147,28 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
 /// do not touch one have zeros there.
 #[derive(Clone, Debug)]
 pub struct FrictionContacts<R: Real, const N: usize, L> {
-    contacts: Vec<FrictionContact<R, N, L>>,
+    rows: Rows<FrictionContact<R, N, L>>,
     support: Vec<u32>,
     y: Entries<[R; N]>,
-    /// Whether any contact has a compliance.
-    damped: bool,
 }
 
 impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
-    /// An empty set with room for so many contacts, which have so many entries together.
-    pub(crate) fn with_capacity(contacts: usize, entries: usize) -> Self {
-        Self {
-            contacts: Vec::with_capacity(contacts),
-            support: Vec::with_capacity(entries),
-            y: Entries::with_capacity(entries, [R::zero(); N]),
-            damped: false,
-        }
-    }
-
     /// Number of contacts.
     #[inline(always)]
     pub fn len(&self) -> usize {
-        self.contacts.len()
+        self.rows.items.len()
     }
 
     /// Whether there is no contact.
     #[inline(always)]
     pub fn is_empty(&self) -> bool {
-        self.contacts.is_empty()
+        self.rows.items.is_empty()
     }
 
     /// Iterator over the contacts.
     #[inline(always)]
     pub fn iter(&self) -> std::slice::Iter<'_, FrictionContact<R, N, L>> {
-        self.contacts.iter()
+        self.rows.items.iter()
     }
 
     /// Appends a contact whose rows have the entries `y` at the coordinates `support` (ascending). `least` is the mobility along the normal
@@ -181,13 +189,16 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         }
         let exists = movable(active, gram[0][0], gram[0][0] + gram[1][1] + gram[2][2], least);
         let (local, trace) = L::new(&gram, exists);
-        self.contacts.push(FrictionContact {
+        let mut position_g = [R::zero(); N];
+        position_g[0] = g[0];
+        self.rows.items.push(FrictionContact {
             support: s0..s0 + support.len(),
             y: y0,
             active: exists,
             immovable: active.and_not(exists),
             mu,
             g,
+            position_g,
             compliance: R::zero(),
             step: NaturalStep::of_trace::<N>(trace),
             local,
@@ -198,8 +209,26 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     /// Residuals are measured by the former.
     #[inline(always)]
     pub fn set_trace_ratio(&mut self, ratio: R) {
-        if let Some(contact) = self.contacts.last_mut() {
+        if let Some(contact) = self.rows.items.last_mut() {
             contact.step = contact.step.with_trace_ratio(ratio);
+        }
+    }
+
+    /// Sets the demand of the position solve of the contact pushed last, m/s: g of the normal row, and what is added to g of the others.
+    /// Without, it is the demand of the velocity solve.
+    #[inline(always)]
+    pub fn set_position_demand(&mut self, position_g: [R; N]) {
+        if let Some(contact) = self.rows.items.last_mut() {
+            contact.position_g = position_g;
+        }
+    }
+
+    /// Sets the compliance R >= 0 of all rows of the contact pushed last.
+    #[inline(always)]
+    pub fn set_compliance(&mut self, compliance: R) {
+        if let Some(contact) = self.rows.items.last_mut() {
+            contact.add_compliance(compliance, [R::zero(); N]);
+            self.rows.compliant = true;
         }
     }
 
@@ -227,11 +256,22 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         v
     }
 
+    /// Shifts what contact `i` demands in the velocity solve by its velocities of a scaled `change`, times a weight of the normal row and
+    /// one of the others, in the lanes `lanes`.
+    #[inline(always)]
+    pub(crate) fn shift_contact(&self, contact: &mut FrictionContact<R, N, L>, change: &[R], lanes: R::Mask, weights: [R; 2]) {
+        let moved = self.velocity(contact, change);
+        for k in 0..N {
+            let g = contact.g[k];
+            contact.g[k] = R::select(lanes, g + (moved[k] - g) * weights[k.min(1)], g);
+        }
+    }
+
     /// Velocity of a contact at the scaled velocity change w and the impulse `lambda`, m/s, with its compliance.
     #[inline(always)]
-    fn velocity_under(&self, contact: &FrictionContact<R, N, L>, w: &[R], lambda: &[R; N]) -> [R; N] {
+    fn velocity_under(&self, contact: &FrictionContact<R, N, L>, compliant: bool, w: &[R], lambda: &[R; N]) -> [R; N] {
         let mut v = self.velocity(contact, w);
-        if self.damped {
+        if compliant {
             for k in 0..N {
                 v[k] += contact.compliance * lambda[k];
             }
@@ -254,9 +294,9 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
 
     /// Tangential speed of the fastest contact that carries load, m/s.
     #[inline(always)]
-    pub(crate) fn fastest_slip(&self, impulses: &[[R; N]], w: &[R]) -> R {
+    pub(crate) fn fastest_slip(&self, rows: &Rows<FrictionContact<R, N, L>>, impulses: &[[R; N]], w: &[R]) -> R {
         let mut most = R::zero();
-        for (contact, lambda) in self.contacts.iter().zip(impulses) {
+        for (contact, lambda) in rows.items.iter().zip(impulses) {
             let v = self.velocity(contact, w);
             most = most.max(masked(contact.active.and(lambda[0].gt(R::zero())), tangential_speed(&v)));
         }
@@ -280,20 +320,56 @@ fn damping_compliance<R: Real>(damping: Damping<R>, correction: R, mobility: R) 
     masked(correction.gt(R::zero()), (damping.ratio + damping.bending * correction) * mobility)
 }
 
+impl<R: Real, const N: usize, L: LocalSolver<R, N>> Row for FrictionContact<R, N, L> {
+    #[inline(always)]
+    fn exchange_demands(&mut self) {
+        let Self { g, position_g, .. } = self;
+        std::mem::swap(&mut g[0], &mut position_g[0]);
+        for k in 1..N {
+            g[k] += position_g[k];
+            position_g[k] = -position_g[k];
+        }
+    }
+}
+
 impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for FrictionContacts<R, N, L> {
+    type Row = FrictionContact<R, N, L>;
     type Impulse = [R; N];
     type Half = FrictionContacts<R::Half, N, L::Half>;
 
-    #[inline(always)]
-    fn clear(&mut self) {
-        self.contacts.clear();
-        self.support.clear();
-        self.y.clear();
-        self.damped = false;
+    fn new(contacts: usize, capacity: &Capacity) -> Self {
+        let entries = contacts * capacity.contact_support;
+        Self {
+            rows: Rows::with_capacity(contacts),
+            support: Vec::with_capacity(entries),
+            y: Entries::with_capacity(entries, [R::zero(); N]),
+        }
     }
 
     #[inline(always)]
-    fn gather(&self, map: &LaneMap, out: &mut Self::Half) {
+    fn rows(&self) -> &Rows<FrictionContact<R, N, L>> {
+        &self.rows
+    }
+
+    #[inline(always)]
+    fn rows_mut(&mut self) -> &mut Rows<FrictionContact<R, N, L>> {
+        &mut self.rows
+    }
+
+    #[inline(always)]
+    fn multipliers(&self) -> usize {
+        self.rows.items.len()
+    }
+
+    #[inline(always)]
+    fn clear(&mut self) {
+        self.rows.clear();
+        self.support.clear();
+        self.y.clear();
+    }
+
+    #[inline(always)]
+    fn gather(&self, rows: &Rows<FrictionContact<R, N, L>>, map: &LaneMap, out: &mut Self::Half) {
         out.support.clear();
         out.support.extend_from_slice(&self.support);
         out.y.map_from(
@@ -301,40 +377,91 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
             #[inline(always)]
             |y| map.gather_array(y),
         );
-        out.damped = self.damped;
-        out.contacts.clear();
-        for contact in &self.contacts {
-            out.contacts.push(contact.gather(map));
+        out.rows.clear();
+        out.rows.compliant = rows.compliant;
+        for contact in &rows.items {
+            out.rows.items.push(contact.gather(map));
         }
     }
 
-    fn for_each_support(&self, lane: usize, f: &mut impl FnMut(&mut dyn Iterator<Item = u32>)) {
+    fn for_each_support(&self, rows: &Rows<FrictionContact<R, N, L>>, lane: usize, f: &mut impl FnMut(&mut dyn Iterator<Item = u32>)) {
         let touches = |y: &[R; N]| y.iter().any(|y| y.lane(lane).to_f64() != 0.0);
-        for contact in self.contacts.iter().filter(|contact| contact.active.bits() >> lane & 1 == 1) {
+        for contact in rows.items.iter().filter(|contact| contact.active.bits() >> lane & 1 == 1) {
             let (support, y) = self.entries(contact);
             f(&mut support.iter().zip(y).filter(|(_, y)| touches(y)).map(|(c, _)| *c));
         }
     }
 
+    fn gather_lane(&self, rows: &Rows<FrictionContact<R, N, L>>, impulses: &[[R; N]], lane: usize, to: &mut impl LaneReceiver) {
+        let number = |x: R| number_of(x, lane);
+        for (i, (contact, lambda)) in rows.items.iter().zip(impulses).enumerate() {
+            if contact.active.bits() >> lane & 1 == 1 {
+                let (support, y) = self.entries(contact);
+                let constraint = LaneConstraint {
+                    set: L::admissible_set(number(contact.mu)),
+                    source: i,
+                    g: contact.g.map(number),
+                    lambda: lambda.map(number),
+                    compliance: number(contact.compliance),
+                    trace_ratio: number(contact.step.trace_ratio),
+                };
+                to.add(constraint, support, y.iter().map(|y| y.map(number)));
+            }
+        }
+    }
+
+    fn save(&self, rows: &Rows<FrictionContact<R, N, L>>, impulses: &[[R; N]], lane: usize) -> Vec<SavedConstraint> {
+        let number = |x: R| number_of(x, lane);
+        let exists = |mask: R::Mask| mask.bits() >> lane & 1 == 1;
+        let there = rows.items.iter().zip(impulses).filter(|(contact, _)| exists(contact.active) || exists(contact.immovable));
+        let save = |(contact, impulse): (&FrictionContact<R, N, L>, &[R; N])| {
+            let (support, y) = self.entries(contact);
+            SavedConstraint {
+                support: support.to_vec(),
+                y: y.iter().flatten().map(|&y| number(y)).collect(),
+                g: contact.g.map(number).to_vec(),
+                position_g: contact.position_g.map(number).to_vec(),
+                impulse: impulse.map(number).to_vec(),
+                set: [number(contact.mu); 2],
+                compliance: number(contact.compliance),
+                trace_ratio: number(contact.step.trace_ratio),
+                immovable: exists(contact.immovable),
+                ..SavedConstraint::default()
+            }
+        };
+        there.map(save).collect()
+    }
+
+    fn load(&mut self, saved: &SavedConstraint) {
+        let least = R::of(if saved.immovable { f64::INFINITY } else { 0.0 });
+        let (y, g) = (|c| saved.entries(c), std::array::from_fn(|k| R::of(saved.g[k])));
+        self.push(&saved.support, y, R::Mask::splat(true), R::of(saved.set[0]), g, least);
+        self.set_position_demand(std::array::from_fn(|k| R::of(saved.position_g[k])));
+        self.set_trace_ratio(R::of(saved.trace_ratio));
+        if saved.compliance > 0.0 {
+            self.set_compliance(R::of(saved.compliance));
+        }
+    }
+
     #[inline(always)]
     fn add_impulses(&self, impulses: &[[R; N]], w: &mut [R]) {
-        for (contact, &lambda) in self.contacts.iter().zip(impulses) {
+        for (contact, &lambda) in self.rows.items.iter().zip(impulses) {
             self.add(contact, lambda, w);
         }
     }
 
     #[inline(always)]
-    fn sweep(&self, unknowns: Unknowns<'_, R, [R; N]>, lanes: SweepLanes<R>, mut change: R) -> R {
+    fn sweep(&self, rows: &Rows<FrictionContact<R, N, L>>, unknowns: Unknowns<'_, R, [R; N]>, lanes: SweepLanes<R>, mut change: R) -> R {
         let Unknowns { impulses, multipliers, w } = unknowns;
         let SweepLanes { running, exact } = lanes;
-        for (i, contact) in self.contacts.iter().enumerate() {
+        for (i, contact) in rows.items.iter().enumerate() {
             let lanes = running.and(contact.active);
             // Towards the end few lanes are left, with few rows.
             if lanes.none() {
                 continue;
             }
             let lambda = impulses[i];
-            let v = self.velocity_under(contact, w, &lambda);
+            let v = self.velocity_under(contact, rows.compliant, w, &lambda);
             let (mut next, multiplier) = contact.local.solve(contact.mu, v, lambda, multipliers[i], lanes);
             if lanes.and_not(exact).any() {
                 let weak = contact.local.relax(contact.mu, v, lambda, contact.active);
@@ -361,82 +488,91 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
     }
 
     #[inline(always)]
-    fn residual(&self, impulses: &[[R; N]], w: &[R], mut worst: R) -> R {
-        for (contact, &lambda) in self.contacts.iter().zip(impulses) {
-            let (v, mu, rho) = (self.velocity_under(contact, w, &lambda), contact.mu, contact.step.rho);
-            let speed = tangential_speed(&v);
+    fn for_each_residual(&self, rows: &Rows<FrictionContact<R, N, L>>, impulses: &[[R; N]], w: &[R], mut f: impl FnMut(R)) {
+        for (contact, &lambda) in rows.items.iter().zip(impulses) {
+            let (v, mu, rho) = (self.velocity_under(contact, rows.compliant, w, &lambda), contact.mu, contact.step.rho);
+            let slip = L::slip(mu, &v);
             let mut moved = lambda;
             for k in 1..N {
                 moved[k] -= rho * v[k];
             }
             // Two orders of the same sum, which round differently.
             if N == 3 {
-                moved[0] -= rho * (v[0] + mu * speed);
+                moved[0] -= rho * (v[0] + slip);
             } else {
                 moved[0] -= rho * v[0];
-                moved[0] -= rho * (mu * speed);
+                moved[0] -= rho * slip;
             }
-            worst = worse(worst, masked(contact.active, distance(lambda, project(moved, mu)) * contact.step.inv_rho));
+            f(masked(contact.active, distance(lambda, L::project(moved, mu)) * contact.step.inv_rho));
         }
-        worst
     }
 
     #[inline(always)]
-    fn sum_normal_impulses(&self, impulses: &[[R; N]], mut sum: R) -> R {
-        for (contact, lambda) in self.contacts.iter().zip(impulses) {
+    fn sum_normal_impulses(&self, rows: &Rows<FrictionContact<R, N, L>>, impulses: &[[R; N]], mut sum: R) -> R {
+        for (contact, lambda) in rows.items.iter().zip(impulses) {
             sum += masked(contact.active, lambda[0]);
         }
         sum
     }
 
     #[inline(always)]
-    fn exchange_demands(&mut self, demands: &mut [R]) {
-        for (contact, demands) in self.contacts.iter_mut().zip(demands.as_chunks_mut::<N>().0) {
-            std::mem::swap(&mut contact.g[0], &mut demands[0]);
-            for k in 1..N {
-                contact.g[k] += demands[k];
-                demands[k] = -demands[k];
+    fn shift(&self, rows: &mut Rows<FrictionContact<R, N, L>>, change: &[R], lanes: R::Mask) {
+        for contact in &mut rows.items {
+            let moved = self.velocity(contact, change);
+            let before = contact.g[0];
+            for k in 0..N {
+                contact.g[k] = R::select(lanes, moved[k], contact.g[k]);
             }
+            let position = contact.position_g[0];
+            contact.position_g[0] = R::select(lanes, position + (contact.g[0] - before), position);
         }
     }
 
     #[inline(always)]
     fn damp(
-        &mut self,
+        &self,
+        rows: &mut Rows<FrictionContact<R, N, L>>,
         impulses: &[[R; N]],
         damping: Damping<R>,
         floors: &[R],
-        before: &[R],
         [reference_lambda, reference_g]: [&mut Vec<R>; 2],
     ) {
-        for (((contact, &lambda), &floor), before) in self.contacts.iter_mut().zip(impulses).zip(floors).zip(before.chunks_exact(N)) {
+        for ((contact, &lambda), &floor) in rows.items.iter_mut().zip(impulses).zip(floors) {
             reference_lambda.push(lambda[0]);
             reference_g.push(contact.g[0]);
             let mobility = contact.local.mobility(&contact.step) + floor;
-            contact.damp(damping_compliance(damping, before[0] - contact.g[0], mobility), lambda);
+            contact.add_compliance(damping_compliance(damping, contact.position_g[0] - contact.g[0], mobility), lambda);
         }
-        self.damped = true;
+        rows.compliant = true;
     }
 
     #[inline(always)]
-    fn shortfall(&self, impulses: &[[R; N]], before: &[R], mut most: R) -> R {
-        for ((contact, now), &before) in self.contacts.iter().zip(impulses).zip(before) {
+    fn shortfall(&self, rows: &Rows<FrictionContact<R, N, L>>, impulses: &[[R; N]], before: &[R], mut most: R) -> R {
+        for ((contact, now), &before) in rows.items.iter().zip(impulses).zip(before) {
             most = most.max(masked(contact.active, (contact.compliance * (now[0] - before)).abs()));
         }
         most
     }
 
     #[inline(always)]
-    fn immovable_demand(&self, mut most: R) -> R {
-        for contact in &self.contacts {
+    fn immovable_demand(&self, rows: &Rows<FrictionContact<R, N, L>>, mut most: R) -> R {
+        for contact in &rows.items {
             most = most.max(masked(contact.immovable, -contact.g[0]));
         }
         most
     }
 
     #[inline(always)]
-    fn witness(&self, impulses: &[[R; N]], reference: ReferenceRows<'_, R>, w: &[R], momentum: &mut [R], mut lack: R) -> R {
-        for ((contact, now), (&before, &g)) in self.contacts.iter().zip(impulses).zip(reference.lambda.iter().zip(reference.g)) {
+    fn witness(
+        &self,
+        rows: &Rows<FrictionContact<R, N, L>>,
+        impulses: &[[R; N]],
+        reference: ReferenceRows<'_, R>,
+        w: &[R],
+        momentum: &mut [R],
+        mut lack: R,
+    ) -> R {
+        for ((contact, now), (&before, &g)) in rows.items.iter().zip(impulses).zip(reference.lambda.iter().zip(reference.g)) {
             let z = masked(contact.active, (now[0] - before).max(R::zero()));
             let u = self.velocity(contact, w)[0] - contact.g[0] + g;
             lack -= z * u;
@@ -453,14 +589,14 @@ impl<R: Real, const N: usize, L> Index<usize> for FrictionContacts<R, N, L> {
 
     #[inline(always)]
     fn index(&self, i: usize) -> &Self::Output {
-        &self.contacts[i]
+        &self.rows.items[i]
     }
 }
 
 impl<R: Real, const N: usize, L> IndexMut<usize> for FrictionContacts<R, N, L> {
     #[inline(always)]
     fn index_mut(&mut self, i: usize) -> &mut Self::Output {
-        &mut self.contacts[i]
+        &mut self.rows.items[i]
     }
 }
 

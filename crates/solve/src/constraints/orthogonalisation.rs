@@ -40,13 +40,13 @@ impl<R: Real> ScalarRows<R> {
                     *x -= coefficient * other;
                 }
             }
-            let at = self.rows[k].y;
-            let n = self.rows[k].support.len();
+            let at = self.rows.items[k].y;
+            let n = self.rows.items[k].support.len();
             let mut rest = R::zero();
             for &y in self.y.row(at, n) {
                 rest += y * y;
             }
-            let row = &mut self.rows[k];
+            let row = &mut self.rows.items[k];
             let asked = row.active;
             row.active = asked.and(rest.gt(tolerance * size));
             row.immovable = asked.and_not(row.active);
@@ -63,19 +63,19 @@ impl<R: Real> ScalarRows<R> {
     /// Removes from row `k` its projection on the earlier row `j`; returns the coefficient of the projection.
     #[inline(always)]
     fn remove_projection(&mut self, k: usize, j: usize) -> R {
-        let n = self.rows[k].support.len();
-        debug_assert_eq!(n, self.rows[j].support.len(), "rows of one support");
-        let (before, row) = self.y.two_rows(self.rows[j].y, self.rows[k].y, n);
+        let n = self.rows.items[k].support.len();
+        debug_assert_eq!(n, self.rows.items[j].support.len(), "rows of one support");
+        let (before, row) = self.y.two_rows(self.rows.items[j].y, self.rows.items[k].y, n);
         let mut along = R::zero();
         for (&a, &b) in before.iter().zip(row.iter()) {
             along += a * b;
         }
-        let coefficient = self.rows[j].projection(along);
+        let coefficient = self.rows.items[j].projection(along);
         for (&a, b) in before.iter().zip(row) {
             *b -= coefficient * a;
         }
-        let g = self.rows[j].g;
-        self.rows[k].g -= coefficient * g;
+        let g = self.rows.items[j].g;
+        self.rows.items[k].g -= coefficient * g;
         coefficient
     }
 }

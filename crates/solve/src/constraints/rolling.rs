@@ -182,7 +182,7 @@ impl<R: Real> LocalSolver<R, 6> for RollingSolver<R> {
 
     /// The principal axes stay: they serve the update alone.
     #[inline(always)]
-    fn damp(&mut self, compliance: R, step: &mut NaturalStep<R>) {
+    fn add_compliance(&mut self, compliance: R, step: &mut NaturalStep<R>) {
         let nn = self.nn;
         self.nn += compliance;
         self.inv_gnn = R::one() / self.nn;

@@ -3,8 +3,13 @@
 use std::ops::{Index, IndexMut, Range};
 use std::slice::SliceIndex;
 
+use crate::admissible_set::AdmissibleSet;
+use crate::capacity::Capacity;
 use crate::cone::{clamp, masked};
-use crate::constraints::{ConstraintSet, Damping, ReferenceRows, SweepLanes, Unknowns, is_nonzero, worse};
+use crate::constraints::constraint_set::{
+    ConstraintSet, Damping, LaneConstraint, LaneReceiver, ReferenceRows, Row, Rows, SavedConstraint, SweepLanes, Unknowns, is_nonzero,
+    number_of,
+};
 use crate::entries::Entries;
 use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real, Scalar};
@@ -20,6 +25,8 @@ pub struct ScalarRow<R: Real> {
     pub active: R::Mask,
     /// Velocity of the row before any impulse, with its bias, m/s or rad/s.
     pub g: R,
+    /// The same with the bias of the position solve, m/s or rad/s.
+    pub position_g: R,
     /// Least impulse, N s or N m s.
     pub lo: R,
     /// Greatest impulse, N s or N m s.
@@ -54,7 +61,7 @@ impl<R: Real> ScalarRow<R> {
     }
 
     /// The part of a `correction` of the velocity that damping leaves, for a row that others reckon with, which
-    /// [`Problem::damp`](crate::Problem::damp) then leaves alone. `ratio` is the compliance relative to the mobility.
+    /// [`PositionRows::damp`](crate::PositionRows::damp) then leaves alone. `ratio` is the compliance relative to the mobility.
     #[inline(always)]
     pub fn damp_correction(&mut self, ratio: R, correction: R) -> R {
         let stiffness = self.diagonal + ratio * self.mobility;
@@ -71,6 +78,7 @@ impl<R: Real> ScalarRow<R> {
             y: self.y,
             active: map.gather_mask::<R>(self.active),
             g: map.gather(self.g),
+            position_g: R::Half::zero(),
             lo: map.gather(self.lo),
             hi: map.gather(self.hi),
             compliance: map.gather(self.compliance),
@@ -87,7 +95,7 @@ impl<R: Real> ScalarRow<R> {
 /// Scalar rows of a problem, stored sparse: a row's support names the coordinates of w that any lane's row touches, ascending.
 #[derive(Clone, Debug)]
 pub struct ScalarRows<R: Real> {
-    pub(super) rows: Vec<ScalarRow<R>>,
+    pub(super) rows: Rows<ScalarRow<R>>,
     support: Vec<u32>,
     pub(super) y: Entries<R>,
     /// Number of separate rows, which come first; see [`ScalarRows::mark_separate`].
@@ -95,32 +103,22 @@ pub struct ScalarRows<R: Real> {
 }
 
 impl<R: Real> ScalarRows<R> {
-    /// An empty set with room for so many rows, which have so many entries together.
-    pub(crate) fn with_capacity(rows: usize, entries: usize) -> Self {
-        Self {
-            rows: Vec::with_capacity(rows),
-            support: Vec::with_capacity(entries),
-            y: Entries::with_capacity(entries, R::zero()),
-            separate: 0,
-        }
-    }
-
     /// Number of rows.
     #[inline(always)]
     pub fn len(&self) -> usize {
-        self.rows.len()
+        self.rows.items.len()
     }
 
     /// Whether there is no row.
     #[inline(always)]
     pub fn is_empty(&self) -> bool {
-        self.rows.is_empty()
+        self.rows.items.is_empty()
     }
 
     /// Iterator over the rows.
     #[inline(always)]
     pub fn iter(&self) -> std::slice::Iter<'_, ScalarRow<R>> {
-        self.rows.iter()
+        self.rows.items.iter()
     }
 
     /// Appends a row with the entries `y` at the coordinates `support` (ascending).
@@ -138,11 +136,12 @@ impl<R: Real> ScalarRows<R> {
             diagonal += value * value;
         }
         let movable = diagonal.gt(R::zero());
-        self.rows.push(ScalarRow {
+        self.rows.items.push(ScalarRow {
             support: s0..s0 + support.len(),
             y: y0,
             active: active.and(movable),
             g,
+            position_g: g,
             lo: bounds[0],
             hi: bounds[1],
             compliance: R::zero(),
@@ -155,10 +154,18 @@ impl<R: Real> ScalarRows<R> {
         });
     }
 
+    /// Sets the velocity with the bias of the position solve of the row pushed last; without, it is that of the velocity solve.
+    #[inline(always)]
+    pub fn set_position_demand(&mut self, position_g: R) {
+        if let Some(row) = self.rows.items.last_mut() {
+            row.position_g = position_g;
+        }
+    }
+
     /// Sets the compliance R >= 0 of the row pushed last.
     #[inline(always)]
     pub fn set_compliance(&mut self, compliance: R) {
-        if let Some(row) = self.rows.last_mut() {
+        if let Some(row) = self.rows.items.last_mut() {
             row.compliance = compliance;
             row.mobility = R::select(compliance.gt(R::zero()), R::zero(), row.mobility);
             row.diagonal += compliance;
@@ -170,7 +177,7 @@ impl<R: Real> ScalarRows<R> {
     /// Residuals are measured by the former.
     #[inline(always)]
     pub fn set_trace_ratio(&mut self, ratio: R) {
-        if let Some(row) = self.rows.last_mut() {
+        if let Some(row) = self.rows.items.last_mut() {
             row.trace_ratio = ratio;
             row.mobility *= ratio;
         }
@@ -180,7 +187,7 @@ impl<R: Real> ScalarRows<R> {
     /// nearly immovable.
     #[inline(always)]
     pub fn set_mobility(&mut self, mobility: R) {
-        if let Some(row) = self.rows.last_mut() {
+        if let Some(row) = self.rows.items.last_mut() {
             row.mobility = R::select(row.mobility.gt(R::zero()), mobility, R::zero());
         }
     }
@@ -189,7 +196,7 @@ impl<R: Real> ScalarRows<R> {
     /// pushed. They are solved once, and not visited by sweeps: no other impulse moves them.
     #[inline(always)]
     pub fn mark_separate(&mut self) {
-        self.separate = self.rows.len();
+        self.separate = self.rows.items.len();
     }
 
     /// Number of separate rows.
@@ -200,8 +207,8 @@ impl<R: Real> ScalarRows<R> {
 
     /// Solves the separate rows in the lanes `lanes`.
     #[inline(always)]
-    pub(crate) fn solve_separate(&self, impulses: &mut [R], w: &mut [R], lanes: R::Mask) {
-        for (row, lambda) in self.rows.iter().zip(impulses).take(self.separate) {
+    pub(crate) fn solve_separate(&self, rows: &Rows<ScalarRow<R>>, impulses: &mut [R], w: &mut [R], lanes: R::Mask) {
+        for (row, lambda) in rows.items.iter().zip(impulses).take(self.separate) {
             let v = self.velocity(row, w);
             let d = masked(lanes.and(row.active), -(v * row.inv_diagonal));
             *lambda += d;
@@ -246,9 +253,36 @@ impl<R: Real> ScalarRows<R> {
     }
 }
 
+impl<R: Real> Row for ScalarRow<R> {
+    #[inline(always)]
+    fn exchange_demands(&mut self) {
+        std::mem::swap(&mut self.g, &mut self.position_g);
+    }
+}
+
 impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
+    type Row = ScalarRow<R>;
     type Impulse = R;
     type Half = ScalarRows<R::Half>;
+
+    fn new(rows: usize, capacity: &Capacity) -> Self {
+        Self {
+            rows: Rows::with_capacity(rows),
+            support: Vec::with_capacity(capacity.scalar_entries),
+            y: Entries::with_capacity(capacity.scalar_entries, R::zero()),
+            separate: 0,
+        }
+    }
+
+    #[inline(always)]
+    fn rows(&self) -> &Rows<ScalarRow<R>> {
+        &self.rows
+    }
+
+    #[inline(always)]
+    fn rows_mut(&mut self) -> &mut Rows<ScalarRow<R>> {
+        &mut self.rows
+    }
 
     #[inline(always)]
     fn clear(&mut self) {
@@ -259,7 +293,7 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
     }
 
     #[inline(always)]
-    fn gather(&self, map: &LaneMap, out: &mut Self::Half) {
+    fn gather(&self, rows: &Rows<ScalarRow<R>>, map: &LaneMap, out: &mut Self::Half) {
         out.support.clear();
         out.support.extend_from_slice(&self.support);
         out.y.map_from(
@@ -269,29 +303,88 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
         );
         out.separate = self.separate;
         out.rows.clear();
-        for row in &self.rows {
-            out.rows.push(row.gather(map));
+        for row in &rows.items {
+            out.rows.items.push(row.gather(map));
         }
     }
 
-    fn for_each_support(&self, lane: usize, f: &mut impl FnMut(&mut dyn Iterator<Item = u32>)) {
-        for row in self.rows.iter().filter(|row| row.active.bits() >> lane & 1 == 1) {
+    fn for_each_support(&self, rows: &Rows<ScalarRow<R>>, lane: usize, f: &mut impl FnMut(&mut dyn Iterator<Item = u32>)) {
+        for row in rows.items.iter().filter(|row| row.active.bits() >> lane & 1 == 1) {
             let (support, y) = self.entries(row);
             f(&mut support.iter().zip(y).filter(|(_, y)| y.lane(lane).to_f64() != 0.0).map(|(c, _)| *c));
         }
     }
 
+    fn gather_lane(&self, rows: &Rows<ScalarRow<R>>, impulses: &[R], lane: usize, to: &mut impl LaneReceiver) {
+        let number = |x: R| number_of(x, lane);
+        for (i, (row, &lambda)) in rows.items.iter().zip(impulses).enumerate() {
+            let (support, y) = self.entries(row);
+            if i < self.separate {
+                to.add_separate(support, y.iter().map(|&y| number(y) * number(lambda)));
+            } else if row.active.bits() >> lane & 1 == 1 {
+                let constraint = LaneConstraint {
+                    set: AdmissibleSet::Interval { lo: number(row.lo), hi: number(row.hi) },
+                    source: i,
+                    g: [number(row.g)],
+                    lambda: [number(lambda)],
+                    compliance: number(row.compliance),
+                    trace_ratio: number(row.trace_ratio),
+                };
+                to.add(constraint, support, y.iter().map(|&y| [number(y)]));
+            }
+        }
+    }
+
+    fn save(&self, rows: &Rows<ScalarRow<R>>, impulses: &[R], lane: usize) -> Vec<SavedConstraint> {
+        let number = |x: R| number_of(x, lane);
+        let exists = |mask: R::Mask| mask.bits() >> lane & 1 == 1;
+        let there = rows.items.iter().zip(impulses).enumerate().filter(|(_, (row, _))| exists(row.active) || exists(row.immovable));
+        let save = |(i, (row, &impulse)): (usize, (&ScalarRow<R>, &R))| {
+            let (support, y) = self.entries(row);
+            SavedConstraint {
+                support: support.to_vec(),
+                y: y.iter().map(|&y| number(y)).collect(),
+                g: vec![number(row.g)],
+                position_g: vec![number(row.position_g)],
+                impulse: vec![number(impulse)],
+                set: [number(row.lo), number(row.hi)],
+                compliance: number(row.compliance),
+                trace_ratio: number(row.trace_ratio),
+                mobility: number(row.mobility),
+                damping_deficit: number(row.damping_deficit),
+                separate: i < self.separate,
+                immovable: exists(row.immovable),
+            }
+        };
+        there.map(save).collect()
+    }
+
+    fn load(&mut self, saved: &SavedConstraint) {
+        let (all, immovable) = (R::Mask::splat(true), R::Mask::splat(saved.immovable));
+        let bounds = saved.set.map(R::of);
+        self.push(&saved.support, |c| saved.entries::<R, 1>(c)[0], R::one(), all.and_not(immovable), R::of(saved.g[0]), bounds);
+        if saved.separate {
+            self.mark_separate();
+        }
+        self.set_compliance(R::of(saved.compliance));
+        self.set_position_demand(R::of(saved.position_g[0]));
+        if let Some(row) = self.rows.items.last_mut() {
+            (row.trace_ratio, row.mobility) = (R::of(saved.trace_ratio), R::of(saved.mobility));
+            (row.damping_deficit, row.immovable) = (R::of(saved.damping_deficit), immovable);
+        }
+    }
+
     #[inline(always)]
     fn add_impulses(&self, impulses: &[R], w: &mut [R]) {
-        for (row, &lambda) in self.rows.iter().zip(impulses) {
+        for (row, &lambda) in self.rows.items.iter().zip(impulses) {
             self.add(row, lambda, w);
         }
     }
 
     #[inline(always)]
-    fn sweep(&self, unknowns: Unknowns<'_, R, R>, lanes: SweepLanes<R>, mut change: R) -> R {
+    fn sweep(&self, rows: &Rows<ScalarRow<R>>, unknowns: Unknowns<'_, R, R>, lanes: SweepLanes<R>, mut change: R) -> R {
         let Unknowns { impulses, w, .. } = unknowns;
-        for (i, row) in self.rows.iter().enumerate().skip(self.separate) {
+        for (i, row) in rows.items.iter().enumerate().skip(self.separate) {
             let lanes = lanes.running.and(row.active);
             if lanes.none() {
                 continue;
@@ -310,49 +403,50 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
     }
 
     #[inline(always)]
-    fn residual(&self, impulses: &[R], w: &[R], mut worst: R) -> R {
-        for (row, &lambda) in self.rows.iter().zip(impulses) {
+    fn for_each_residual(&self, rows: &Rows<ScalarRow<R>>, impulses: &[R], w: &[R], mut f: impl FnMut(R)) {
+        for (row, &lambda) in rows.items.iter().zip(impulses) {
             let v = self.velocity(row, w) + row.compliance * lambda;
             let (mut rho, mut inv_rho) = (row.inv_diagonal, row.diagonal);
             if self.separate > 0 {
                 (rho, inv_rho) = (rho / row.trace_ratio, inv_rho * row.trace_ratio);
             }
             let mapped = clamp(lambda - rho * v, row.lo, row.hi);
-            worst = worse(worst, masked(row.active, (lambda - mapped).abs() * inv_rho));
+            f(masked(row.active, (lambda - mapped).abs() * inv_rho));
         }
-        worst
     }
 
     #[inline(always)]
-    fn sum_normal_impulses(&self, impulses: &[R], mut sum: R) -> R {
-        for (row, &lambda) in self.rows.iter().zip(impulses) {
+    fn sum_normal_impulses(&self, rows: &Rows<ScalarRow<R>>, impulses: &[R], mut sum: R) -> R {
+        for (row, &lambda) in rows.items.iter().zip(impulses) {
             sum += masked(row.active, lambda.abs());
         }
         sum
     }
 
     #[inline(always)]
-    fn exchange_demands(&mut self, demands: &mut [R]) {
-        for (row, g) in self.rows.iter_mut().zip(demands) {
-            std::mem::swap(&mut row.g, g);
+    fn shift(&self, rows: &mut Rows<ScalarRow<R>>, change: &[R], lanes: R::Mask) {
+        for row in &mut rows.items {
+            let g = R::select(lanes, self.velocity(row, change), row.g);
+            row.position_g = R::select(lanes, row.position_g + (g - row.g), row.position_g);
+            row.g = g;
         }
     }
 
     #[inline(always)]
     fn damp(
-        &mut self,
+        &self,
+        rows: &mut Rows<ScalarRow<R>>,
         impulses: &[R],
         damping: Damping<R>,
         _floors: &[R],
-        before: &[R],
         [reference_lambda, reference_g]: [&mut Vec<R>; 2],
     ) {
-        for (k, (row, &lambda)) in self.rows.iter_mut().zip(impulses).enumerate() {
+        for (k, (row, &lambda)) in rows.items.iter_mut().zip(impulses).enumerate() {
             reference_lambda.push(lambda);
             reference_g.push(row.g + row.damping_deficit);
             // Separate rows are damped when they are made: other rows reckon with what they will do.
             if k >= self.separate {
-                let corrects = row.g.eq(before[k]).not();
+                let corrects = row.g.eq(row.position_g).not();
                 let compliance = masked(corrects, damping.ratio * row.mobility);
                 row.g -= compliance * lambda;
                 row.compliance += compliance;
@@ -363,8 +457,8 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
     }
 
     #[inline(always)]
-    fn shortfall(&self, impulses: &[R], before: &[R], mut most: R) -> R {
-        for (k, (row, &now)) in self.rows.iter().zip(impulses).enumerate() {
+    fn shortfall(&self, rows: &Rows<ScalarRow<R>>, impulses: &[R], before: &[R], mut most: R) -> R {
+        for (k, (row, &now)) in rows.items.iter().zip(impulses).enumerate() {
             let change = now - before[k];
             let give = if k < self.separate { R::zero() } else { row.compliance * change };
             // The compliance of a spring is its own law.
@@ -374,17 +468,25 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
     }
 
     #[inline(always)]
-    fn immovable_demand(&self, mut most: R) -> R {
-        for row in &self.rows {
+    fn immovable_demand(&self, rows: &Rows<ScalarRow<R>>, mut most: R) -> R {
+        for row in &rows.items {
             most = most.max(masked(row.immovable, row.damping_deficit.abs()));
         }
         most
     }
 
     #[inline(always)]
-    fn witness(&self, impulses: &[R], reference: ReferenceRows<'_, R>, w: &[R], momentum: &mut [R], mut lack: R) -> R {
+    fn witness(
+        &self,
+        rows: &Rows<ScalarRow<R>>,
+        impulses: &[R],
+        reference: ReferenceRows<'_, R>,
+        w: &[R],
+        momentum: &mut [R],
+        mut lack: R,
+    ) -> R {
         let infinite = R::of(f64::INFINITY);
-        for ((row, &now), (&before, &g)) in self.rows.iter().zip(impulses).zip(reference.lambda.iter().zip(reference.g)) {
+        for ((row, &now), (&before, &g)) in rows.items.iter().zip(impulses).zip(reference.lambda.iter().zip(reference.g)) {
             let change = now - before;
             let unbounded = row.active.and(row.mobility.gt(R::zero())).and(row.hi.ge(infinite));
             let z = masked(unbounded, R::select(row.lo.le(-infinite), change, change.max(R::zero())));
@@ -401,13 +503,13 @@ impl<R: Real, I: SliceIndex<[ScalarRow<R>]>> Index<I> for ScalarRows<R> {
 
     #[inline(always)]
     fn index(&self, i: I) -> &I::Output {
-        &self.rows[i]
+        &self.rows.items[i]
     }
 }
 
 impl<R: Real, I: SliceIndex<[ScalarRow<R>]>> IndexMut<I> for ScalarRows<R> {
     #[inline(always)]
     fn index_mut(&mut self, i: I) -> &mut I::Output {
-        &mut self.rows[i]
+        &mut self.rows.items[i]
     }
 }

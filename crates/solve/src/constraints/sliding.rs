@@ -184,7 +184,7 @@ impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
     }
 
     #[inline(always)]
-    fn damp(&mut self, compliance: R, step: &mut NaturalStep<R>) {
+    fn add_compliance(&mut self, compliance: R, step: &mut NaturalStep<R>) {
         for k in [0, 3, 5] {
             self.gram[k] += compliance;
         }

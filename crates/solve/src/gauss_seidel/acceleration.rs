@@ -4,7 +4,8 @@
 //! over the changes of f and of T(x) between the last sweeps. Lengths are those of w, so |f|^2 is twice the kinetic energy of the change. A
 //! lane whose sweeps change more than the one before forgets the past.
 
-use crate::cone::masked;
+use crate::constraints::constraint_set::Impulse;
+use crate::constraints::each_kind;
 use crate::gauss_seidel::history::MEMORY;
 use crate::iterate::Iterate;
 use crate::problem::Problem;
@@ -13,7 +14,8 @@ use stepper_real::{Mask, Real};
 /// Resets the history before the first sweep, or after a pause of all lanes.
 #[inline(always)]
 pub(super) fn reset_history<R: Real>(iterate: &mut Iterate<R>) {
-    let n = iterate.w.len() + iterate.scalars.len() + 3 * iterate.contacts.len() + 6 * iterate.rolling_contacts.len();
+    let mut n = iterate.w.len();
+    each_kind!([impulses: &iterate] => n += Impulse::<R>::flatten(impulses).len());
     let past = &mut iterate.history;
     past.start.copy_from_slice(&iterate.w);
     past.length = R::of(f64::INFINITY);
@@ -55,10 +57,10 @@ impl<R: Real> Iterate<R> {
     /// Records the change of a sweep of the lanes `running`. Returns the number of changes that are known in any lane.
     #[inline(always)]
     fn record_sweep(&mut self, running: R::Mask) -> usize {
-        let Self { w, scalars, contacts, rolling_contacts, history: past, .. } = self;
+        let past = &mut self.history;
         past.shift();
         let mut length = R::zero();
-        for (((w, start), f), df) in w.iter().zip(&past.start).zip(&mut past.f).zip(&mut past.df[0]) {
+        for (((w, start), f), df) in self.w.iter().zip(&past.start).zip(&mut past.f).zip(&mut past.df[0]) {
             let now = *w - *start;
             length += now * now;
             *df = now - *f;
@@ -71,17 +73,9 @@ impl<R: Real> Iterate<R> {
         }
         past.known[0] = past.ran.and(goes);
         past.ran = running;
-        let known = past.known[0];
         let mut at = 0;
-        for part in [&w[..], scalars, contacts.as_flattened(), rolling_contacts.as_flattened()] {
-            let end = at + part.len();
-            for ((x, image), dt) in part.iter().zip(&mut past.image[at..end]).zip(&mut past.dt[0][at..end]) {
-                // Zero, and never what is not a number, where a lane is not to use it.
-                *dt = masked(known, *x - *image);
-                *image = *x;
-            }
-            at = end;
-        }
+        past.record(&self.w, &mut at);
+        each_kind!([impulses: &self] => past.record(Impulse::flatten(impulses), &mut at));
         past.known.iter().take_while(|known| known.any()).count()
     }
 
@@ -89,21 +83,8 @@ impl<R: Real> Iterate<R> {
     #[inline(always)]
     fn extrapolate<const N: usize>(&mut self) {
         let c = self.history.coefficients::<N>();
-        let Self { w, scalars, contacts, rolling_contacts, history: past, .. } = self;
         let mut at = 0;
-        for part in [&mut w[..], scalars, contacts.as_flattened_mut(), rolling_contacts.as_flattened_mut()] {
-            let end = at + part.len();
-            let mut dt = past.dt.iter().map(|dt| &dt[at..end]);
-            let dt: [&[R]; N] = std::array::from_fn(|_| dt.next().expect("N is at most MEMORY"));
-            for (i, x) in part.iter_mut().enumerate() {
-                // From zero, which is no -0: where a neighbour remembers more, nothing changes.
-                let mut sum = R::zero();
-                for k in 0..N {
-                    sum += c[k] * dt[k][i];
-                }
-                *x -= sum;
-            }
-            at = end;
-        }
+        self.history.extrapolate(&c, &mut self.w, &mut at);
+        each_kind!([impulses: &mut self] => self.history.extrapolate(&c, Impulse::flatten_mut(impulses), &mut at));
     }
 }

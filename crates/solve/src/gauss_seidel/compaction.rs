@@ -6,12 +6,12 @@
 use crate::gauss_seidel::sweep::Progress;
 use crate::iterate::{Compacted, Iterate};
 use crate::lane_map::LaneMap;
-use crate::problem::Problem;
+use crate::problem::System;
 use stepper_real::{Mask, Real};
 
 /// Sweeps in half the registers until the running lanes have paused, if they fit there; returns whether they did.
 #[inline(always)]
-pub(super) fn sweep_compacted<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, progress: &mut Progress<R>) -> bool {
+pub(super) fn sweep_compacted<R: Real>(system: System<'_, R>, iterate: &mut Iterate<R>, progress: &mut Progress<R>) -> bool {
     if R::LANES == R::Half::LANES {
         return false;
     }
@@ -22,7 +22,7 @@ pub(super) fn sweep_compacted<R: Real>(problem: &Problem<R>, iterate: &mut Itera
     let map = LaneMap::of(running);
     let Some(mut compacted) = iterate.compacted.take() else { return false };
     let Compacted { problem: part, iterate: own } = &mut *compacted;
-    problem.gather(&map, part);
+    system.gather(&map, part);
     iterate.gather(&map, own);
     let mut half = Progress::<R::Half> {
         running: <R::Half as Real>::Mask::from_bits(map.gathered_bits()),
@@ -35,7 +35,7 @@ pub(super) fn sweep_compacted<R: Real>(problem: &Problem<R>, iterate: &mut Itera
         #[inline(always)]
         || {
             while half.running.any() {
-                half.sweep(part, own);
+                half.sweep((&*part).into(), own);
             }
         },
     );

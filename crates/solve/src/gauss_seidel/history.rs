@@ -1,6 +1,5 @@
 //! Memory of Anderson's acceleration: the changes of the last sweeps, and the least-squares problem over them.
 
-use crate::capacity::Capacity;
 use crate::cone::masked;
 use crate::lane_map::LaneMap;
 use stepper_real::{Mask, Real, Scalar};
@@ -37,10 +36,10 @@ pub(crate) struct History<R: Real> {
 }
 
 impl<R: Real> History<R> {
-    /// Reserves memory for the unknowns of a problem of this capacity.
-    pub(crate) fn new(capacity: &Capacity) -> Self {
-        let unknowns = || Vec::with_capacity(capacity.unknowns());
-        let coordinates = || vec![R::zero(); capacity.dimension];
+    /// Reserves memory for so many coordinates of w, and so many unknowns, w included.
+    pub(crate) fn new(dimension: usize, unknowns: usize) -> Self {
+        let unknowns = || Vec::with_capacity(unknowns);
+        let coordinates = || vec![R::zero(); dimension];
         Self {
             start: coordinates(),
             f: coordinates(),
@@ -84,6 +83,37 @@ impl<R: Real> History<R> {
             for j in (k..MEMORY).rev() {
                 self.gram[k][j] = self.gram[k - 1][j - 1];
             }
+        }
+    }
+
+    /// Records the unknowns `part`, which a sweep left, at the place `at` among all unknowns, which becomes the place after
+    /// them.
+    #[inline(always)]
+    pub(super) fn record(&mut self, part: &[R], at: &mut usize) {
+        let (known, place) = (self.known[0], *at..*at + part.len());
+        for ((x, image), dt) in part.iter().zip(&mut self.image[place.clone()]).zip(&mut self.dt[0][place.clone()]) {
+            // Zero, and never what is not a number, where a lane is not to use it.
+            *dt = masked(known, *x - *image);
+            *image = *x;
+        }
+        *at = place.end;
+    }
+
+    /// Subtracts the combination `c` of the last `N` changes from the unknowns `part`, which are at the place `at` among all, which becomes
+    /// the place after them.
+    #[inline(always)]
+    pub(super) fn extrapolate<const N: usize>(&self, c: &[R; N], part: &mut [R], at: &mut usize) {
+        let place = *at..*at + part.len();
+        *at = place.end;
+        let mut dt = self.dt.iter().map(|dt| &dt[place.clone()]);
+        let dt: [&[R]; N] = std::array::from_fn(|_| dt.next().expect("N is at most MEMORY"));
+        for (i, x) in part.iter_mut().enumerate() {
+            // From zero, which is no -0: where a neighbour remembers more, nothing changes.
+            let mut sum = R::zero();
+            for k in 0..N {
+                sum += c[k] * dt[k][i];
+            }
+            *x -= sum;
         }
     }
 

@@ -1,10 +1,10 @@
 //! One accelerated sweep, and how far the sweeps of each lane are.
 
 use crate::cone::masked;
-use crate::constraints::SweepLanes;
+use crate::constraints::constraint_set::SweepLanes;
 use crate::gauss_seidel::acceleration::accelerate;
 use crate::iterate::Iterate;
-use crate::problem::Problem;
+use crate::problem::System;
 use stepper_real::{Mask, Real};
 
 /// Number of sweeps with the exact solution of every contact; lanes that are not solved by then continue with the weaker update.
@@ -37,9 +37,9 @@ impl<R: Real> Progress<R> {
 
     /// Sweeps once over the lanes that are running.
     #[inline(always)]
-    pub(super) fn sweep(&mut self, problem: &Problem<R>, iterate: &mut Iterate<R>) {
+    pub(super) fn sweep(&mut self, system: System<'_, R>, iterate: &mut Iterate<R>) {
         let lanes = SweepLanes { running: self.running, exact: self.sweeps.lt(R::of(EXACT_SWEEPS)) };
-        let change = iterate.sweep(problem, lanes);
+        let change = iterate.sweep(system, lanes);
         self.sweeps += masked(self.running, R::one());
         self.running = self.running.and(change.gt(self.threshold)).and(self.sweeps.lt(R::of(self.most_sweeps)));
         if self.running.any() {

@@ -7,11 +7,11 @@
 //! De Saxce's s_i = mu |v_t| is held, or ("implicit") taken at the present w. Then the equation is the exact law's, its matrix is not
 //! symmetric and nothing is minimised any more, but near the answer Newton's method converges on it at once.
 
-use crate::newton::cone::{ConeRegion, inner, norm};
+use crate::admissible_set::Product;
 use crate::newton::dense::Dense;
-use crate::newton::island::{Block, Island, add_scaled};
-use crate::newton::lane::Set;
+use crate::newton::island::{Block, Island};
 use crate::newton::skyline::Skyline;
+use crate::vectors::{add_scaled, inner, norm};
 use stepper_real::Real;
 
 /// Least pivot of an implicit step: the identity less what friction may take from it (Painleve's paradox takes all).
@@ -35,9 +35,7 @@ pub(super) struct AugmentedLagrangian {
     direction: Vec<f64>,
     trial: Vec<f64>,
     /// Product rho DP Y of a block.
-    product: Vec<f64>,
-    /// Part of its tangential rows along t.
-    radial: Vec<f64>,
+    product: Product,
     /// Length of the longest row, with its fellows in a block.
     longest: f64,
     matrix: Skyline,
@@ -79,8 +77,8 @@ impl AugmentedLagrangian {
             for k in own.clone() {
                 self.x[k] = scale * rows.lambda[k] - rho * self.v[k];
             }
-            self.x[own.start] -= rho * if implicit { slip(block, &self.v[own.clone()]) } else { self.slip[i] };
-            project(block, &self.x[own.clone()], &mut self.z[own]);
+            self.x[own.start] -= rho * if implicit { block.set.slip(&self.v[own.clone()]) } else { self.slip[i] };
+            block.set.project(&self.x[own.clone()], &mut self.z[own]);
         }
     }
 
@@ -109,7 +107,7 @@ impl AugmentedLagrangian {
         for block in &rows.blocks {
             if self.compute_curvature(rows, block, implicit) {
                 let y = &rows.y[block.y.clone()];
-                self.matrix.add_product(&block.span, y, &self.product, !implicit);
+                self.matrix.add_product(&block.span, y, &self.product.rows, !implicit);
             }
         }
         let least = if implicit { LEAST_PIVOT } else { 0.0 };
@@ -152,7 +150,7 @@ impl AugmentedLagrangian {
         for block in &rows.blocks {
             if self.compute_curvature(rows, block, true) {
                 let y = &rows.y[block.y.clone()];
-                self.dense.add_product(block.span.start, block.span.len(), y, &self.product);
+                self.dense.add_product(block.span.start, block.span.len(), y, &self.product.rows);
             }
         }
         self.dense.factor()
@@ -167,60 +165,12 @@ impl AugmentedLagrangian {
         }
     }
 
-    /// Computes rho DP Y of a block into `product`, row by row; false when it is zero. Implicit, DP is multiplied by the derivative of v +
-    /// s: `I + e_n (0, mu v_t / |v_t|)`.
+    /// Computes rho DP Y of a block into `product`; false when it is zero.
     #[inline(always)]
     fn compute_curvature(&mut self, rows: &Island, block: &Block, implicit: bool) -> bool {
         let (_, rho) = stiffness(block, self.kappa);
-        let (x, v) = (&self.x[block.rows.clone()], &self.v[block.rows.clone()]);
-        let (n, y) = (block.span.len(), &rows.y[block.y.clone()]);
-        let out = &mut self.product;
-        out.clear();
-        let mu = match block.set {
-            Set::Interval { lo, hi } => {
-                let free = x[0] > lo && x[0] < hi;
-                if free {
-                    out.extend(y.iter().map(|y| rho * y));
-                }
-                return free;
-            }
-            Set::Cone { mu } => mu,
-        };
-        let tangent = norm(&x[1..]);
-        let case = ConeRegion::of(x[0], tangent, mu);
-        if let ConeRegion::Zero = case {
-            return false;
-        }
-        out.extend(y.iter().map(|y| rho * y));
-        let (normal, tangents) = out.split_at_mut(n);
-        let speed = norm(&v[1..]);
-        if implicit && speed > 0.0 {
-            for (row, v) in tangents.chunks_exact(n).zip(&v[1..]) {
-                add_scaled(normal, mu * v / speed, row);
-            }
-        }
-        // DP = b b^T / (1 + mu^2) + (mu height / |x_t|) (I - t t^T), with t = x_t / |x_t| and b = (1, mu t).
-        if let ConeRegion::Surface { height } = case {
-            let inverse = if tangent > 0.0 { 1.0 / tangent } else { 0.0 };
-            let shrink = mu * height * inverse;
-            let radial = &mut self.radial;
-            radial.clear();
-            radial.resize(n, 0.0);
-            for (row, x) in tangents.chunks_exact(n).zip(&x[1..]) {
-                add_scaled(radial, x * inverse, row);
-            }
-            for (normal, radial) in normal.iter_mut().zip(radial.iter_mut()) {
-                *normal = (*normal + mu * *radial) / (1.0 + mu * mu);
-                *radial = mu * *normal - shrink * *radial;
-            }
-            for (row, x) in tangents.chunks_exact_mut(n).zip(&x[1..]) {
-                let t = x * inverse;
-                for (y, radial) in row.iter_mut().zip(radial.iter()) {
-                    *y = shrink * *y + t * radial;
-                }
-            }
-        }
-        true
+        let v = implicit.then(|| &self.v[block.rows.clone()]);
+        block.set.differentiate(rho, &self.x[block.rows.clone()], v, &rows.y[block.y.clone()], block.span.len(), &mut self.product)
     }
 
     /// Step length of the line search: where the slope is a hundredth of what it was, by regula falsi (Illinois); 1 if that will do.
@@ -258,7 +208,7 @@ impl AugmentedLagrangian {
             for i in own.clone() {
                 self.trial[i] = self.x[i] - length * rho * self.dv[i];
             }
-            project(block, &self.trial[own.clone()], &mut self.z[own.clone()]);
+            block.set.project(&self.trial[own.clone()], &mut self.z[own.clone()]);
             slope -= inner(&self.z[own.clone()], &self.dv[own]);
         }
         slope
@@ -278,29 +228,4 @@ fn stiffness(block: &Block, kappa: f64) -> (f64, f64) {
     let rho = kappa * block.rho;
     let scale = 1.0 / (1.0 + rho * block.compliance);
     (scale, rho * scale)
-}
-
-/// De Saxce's term mu |v_t| of a block with velocities v.
-#[inline(always)]
-pub(super) fn slip(block: &Block, v: &[f64]) -> f64 {
-    match block.set {
-        Set::Interval { .. } => 0.0,
-        Set::Cone { mu } => mu * norm(&v[1..]),
-    }
-}
-
-/// z = P_K(x).
-#[inline(always)]
-fn project(block: &Block, x: &[f64], z: &mut [f64]) {
-    match block.set {
-        Set::Interval { lo, hi } => z[0] = x[0].max(lo).min(hi),
-        Set::Cone { mu } => {
-            let tangent = norm(&x[1..]);
-            let (height, scale) = ConeRegion::of(x[0], tangent, mu).image(x[0], tangent, mu);
-            z[0] = height;
-            for (z, x) in z[1..].iter_mut().zip(&x[1..]) {
-                *z = x * scale;
-            }
-        }
-    }
 }

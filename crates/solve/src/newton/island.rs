@@ -1,21 +1,18 @@
 //! Rows of one island, dense between their first and last coordinate.
 //!
-//! Coordinates come in tiles of four, and a block's rows span whole tiles, so that every inner loop is over fours without a rest: the
-//! compiler makes vectors of them on every CPU, with the same bits.
+//! Coordinates come in tiles of four, and a block's rows span whole tiles (`vectors.rs`).
 
 use std::ops::Range;
 
-use crate::newton::cone::{ConeRegion, inner, norm};
-use crate::newton::lane::{Lane, Set};
-
-/// Number of coordinates in a tile.
-pub(super) const TILE: usize = 4;
+use crate::admissible_set::AdmissibleSet;
+use crate::newton::lane::Lane;
+use crate::vectors::{TILE, add_scaled, dot, inner};
 
 /// Rows of one constraint, which are projected together.
 #[derive(Clone, Debug)]
 pub(super) struct Block {
     /// Set of its admissible impulses.
-    pub(super) set: Set,
+    pub(super) set: AdmissibleSet,
     /// Coordinates that its rows span: whole tiles.
     pub(super) span: Range<usize>,
     /// Places of its entries in [`Island::y`], one row after the other.
@@ -134,53 +131,10 @@ impl Island {
             for i in block.rows.clone() {
                 v[i] += block.compliance * self.lambda[i] + self.g[i];
             }
-            let own = natural_residual(block, &self.lambda[block.rows.clone()], &v[block.rows.clone()]);
+            let own = block.set.natural_residual(&self.lambda[block.rows.clone()], &v[block.rows.clone()], block.rho);
             // A NaN stays.
             worst = if own <= worst { worst } else { own };
         }
         worst
-    }
-}
-
-/// Natural-map residual of one block, m/s.
-fn natural_residual(block: &Block, lambda: &[f64], v: &[f64]) -> f64 {
-    let rho = block.rho;
-    match block.set {
-        Set::Interval { lo, hi } => {
-            let moved = lambda[0] - rho * v[0];
-            // Written so that a NaN stays.
-            let mapped = if moved < lo { lo } else { moved };
-            (lambda[0] - if mapped > hi { hi } else { mapped }).abs() / rho
-        }
-        Set::Cone { mu } => {
-            let n = lambda[0] - rho * (v[0] + mu * norm(&v[1..]));
-            let moved = || lambda[1..].iter().zip(&v[1..]).map(|(l, v)| l - rho * v);
-            let tangent = moved().fold(0.0, |sum, x| sum + x * x).sqrt();
-            let (height, scale) = ConeRegion::of(n, tangent, mu).image(n, tangent, mu);
-            let apart = lambda[1..].iter().zip(moved()).fold(0.0, |sum, (l, x)| sum + (l - x * scale).powi(2));
-            ((lambda[0] - height).powi(2) + apart).sqrt() / rho
-        }
-    }
-}
-
-/// Sum of products over whole tiles, with a partial sum for each place in a tile: a fixed order.
-#[inline(always)]
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut sum = [0.0; TILE];
-    for (a, b) in a.chunks_exact(TILE).zip(b.chunks_exact(TILE)) {
-        for k in 0..TILE {
-            sum[k] += a[k] * b[k];
-        }
-    }
-    (sum[0] + sum[1]) + (sum[2] + sum[3])
-}
-
-/// x += s y over whole tiles.
-#[inline(always)]
-pub(super) fn add_scaled(x: &mut [f64], s: f64, y: &[f64]) {
-    for (x, y) in x.chunks_exact_mut(TILE).zip(y.chunks_exact(TILE)) {
-        for k in 0..TILE {
-            x[k] += s * y[k];
-        }
     }
 }

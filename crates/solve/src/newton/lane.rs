@@ -4,24 +4,19 @@
 
 use std::ops::Range;
 
-use crate::constraints::friction::{FrictionContacts, LocalSolver};
+use crate::admissible_set::AdmissibleSet;
+use crate::constraints::constraint_set::{ConstraintSet, Impulse, LaneConstraint, LaneReceiver, number_of};
+use crate::constraints::each_kind;
 use crate::iterate::Iterate;
-use crate::problem::Problem;
-use stepper_real::{Mask, Real, Scalar};
-
-/// Set of the admissible impulses of a block.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Set {
-    /// Interval of one row, `lo <= lambda <= hi`; an equality has infinite bounds.
-    Interval { lo: f64, hi: f64 },
-    /// Friction cone of the rows (n, t...), `|lambda_t| <= mu lambda_n`.
-    Cone { mu: f64 },
-}
+use crate::problem::System;
+use stepper_real::{Real, Scalar};
 
 /// Rows of one constraint of the lane.
 #[derive(Clone, Debug)]
 pub(super) struct LaneBlock {
-    pub(super) set: Set,
+    pub(super) set: AdmissibleSet,
+    /// Number of its kind.
+    kind: usize,
     /// Index of the constraint among its kind in the lanes' problem.
     source: usize,
     support: Range<usize>,
@@ -38,6 +33,8 @@ pub(super) struct LaneBlock {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Lane {
     pub(super) blocks: Vec<LaneBlock>,
+    /// Number of the kind whose constraints are gathered.
+    kind: usize,
     support: Vec<u32>,
     /// Entries; the rows of a coordinate lie side by side.
     y: Vec<f64>,
@@ -52,10 +49,8 @@ pub(super) struct Lane {
 }
 
 impl Lane {
-    /// Gathers the rows of lane `lane` but for the separate ones: scalar rows first, then contacts.
-    pub(super) fn gather<R: Real>(&mut self, problem: &Problem<R>, iterate: &Iterate<R>, lane: usize) {
-        let exists = |mask: R::Mask| mask.bits() >> lane & 1 == 1;
-        let number = |x: R| x.lane(lane).to_f64();
+    /// Gathers the rows of lane `lane` but for the separate ones, kind by kind.
+    pub(super) fn gather<R: Real>(&mut self, system: System<'_, R>, iterate: &Iterate<R>, lane: usize) {
         self.blocks.clear();
         self.support.clear();
         self.y.clear();
@@ -64,76 +59,12 @@ impl Lane {
         self.w.clear();
         self.separate.clear();
         self.separate.resize(iterate.w.len(), 0.0);
-        for (row, &lambda) in problem.scalars.iter().zip(&iterate.scalars).take(problem.scalars.separate()) {
-            let (support, y) = problem.scalars.entries(row);
-            support.iter().zip(y).for_each(|(&c, &y)| self.separate[c as usize] += number(y) * number(lambda));
-        }
-        self.w.extend(iterate.w.iter().zip(&self.separate).map(|(&x, part)| number(x) - part));
-        for (i, (row, &lambda)) in problem.scalars.iter().zip(&iterate.scalars).enumerate().skip(problem.scalars.separate()) {
-            if exists(row.active) {
-                let (support, y) = problem.scalars.entries(row);
-                let set = Set::Interval { lo: number(row.lo), hi: number(row.hi) };
-                if self.add(support, y.iter().map(|&y| [number(y)]), set, i, [number(row.g)], [number(lambda)]) {
-                    self.set_compliance(number(row.compliance), number(row.trace_ratio));
-                }
-            }
-        }
-        self.gather_contacts(&problem.contacts, &iterate.contacts, lane);
-        self.gather_contacts(&problem.rolling_contacts, &iterate.rolling_contacts, lane);
-    }
-
-    /// Gathers the contacts of one kind that exist in lane `lane`.
-    fn gather_contacts<R: Real, const N: usize, L: LocalSolver<R, N>>(
-        &mut self,
-        contacts: &FrictionContacts<R, N, L>,
-        impulses: &[[R; N]],
-        lane: usize,
-    ) {
-        let number = |x: R| x.lane(lane).to_f64();
-        for (i, (contact, lambda)) in contacts.iter().zip(impulses).enumerate() {
-            if contact.active.bits() >> lane & 1 == 1 {
-                let (support, y) = contacts.entries(contact);
-                let set = Set::Cone { mu: number(contact.mu) };
-                if self.add(support, y.iter().map(|y| y.map(number)), set, i, contact.g.map(number), lambda.map(number)) {
-                    self.set_compliance(number(contact.compliance), number(contact.trace_ratio()));
-                }
-            }
-        }
-    }
-
-    /// Sets the compliance and the trace ratio of the block added last.
-    fn set_compliance(&mut self, compliance: f64, trace_ratio: f64) {
-        if let Some(block) = self.blocks.last_mut() {
-            (block.compliance, block.trace_ratio) = (compliance, trace_ratio);
-        }
-    }
-
-    /// Adds a block of `N` rows with their entries at `support`. One that cannot move is left out: its impulses do nothing. Returns whether
-    /// it was added.
-    pub(super) fn add<const N: usize>(
-        &mut self,
-        support: &[u32],
-        entries: impl Iterator<Item = [f64; N]>,
-        set: Set,
-        source: usize,
-        g: [f64; N],
-        lambda: [f64; N],
-    ) -> bool {
-        let (s0, y0, row) = (self.support.len(), self.y.len(), self.g.len());
-        for (&c, y) in support.iter().zip(entries) {
-            if y.iter().any(|&y| y != 0.0) {
-                self.support.push(c);
-                self.y.extend_from_slice(&y);
-            }
-        }
-        let moves = self.support.len() > s0;
-        if moves {
-            self.g.extend_from_slice(&g);
-            self.lambda.extend_from_slice(&lambda);
-            let support = s0..self.support.len();
-            self.blocks.push(LaneBlock { set, source, support, y: y0, rows: row..row + N, compliance: 0.0, trace_ratio: 1.0 });
-        }
-        moves
+        self.kind = 0;
+        each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => {
+            set.gather_lane(rows, impulses, lane, self);
+            self.kind += 1;
+        });
+        self.w.extend(iterate.w.iter().zip(&self.separate).map(|(&x, part)| number_of(x, lane) - part));
     }
 
     /// Coordinates and entries of a block.
@@ -154,23 +85,42 @@ impl Lane {
 
     /// Scatters impulses and w into lane `lane`.
     pub(super) fn scatter<R: Real>(&self, lane: usize, iterate: &mut Iterate<R>) {
-        for block in &self.blocks {
-            let lambda = &self.lambda[block.rows.clone()];
-            match block.set {
-                Set::Interval { .. } => iterate.scalars[block.source].set_lane(lane, Scalar::from_f64(lambda[0])),
-                Set::Cone { .. } if lambda.len() == 6 => set_lanes(&mut iterate.rolling_contacts[block.source], lane, lambda),
-                Set::Cone { .. } => set_lanes(&mut iterate.contacts[block.source], lane, lambda),
+        let mut kinds = 0..;
+        each_kind!([impulses: &mut iterate] => {
+            let kind = kinds.next();
+            for block in self.blocks.iter().filter(|block| Some(block.kind) == kind) {
+                let impulse = Impulse::<R>::flatten_mut(std::slice::from_mut(&mut impulses[block.source]));
+                for (to, &x) in impulse.iter_mut().zip(&self.lambda[block.rows.clone()]) {
+                    to.set_lane(lane, Scalar::from_f64(x));
+                }
             }
-        }
+        });
         for ((to, &x), part) in iterate.w.iter_mut().zip(&self.w).zip(&self.separate) {
             to.set_lane(lane, Scalar::from_f64(x + part));
         }
     }
 }
 
-/// Sets one lane of a contact's impulses.
-fn set_lanes<R: Real>(to: &mut [R], lane: usize, from: &[f64]) {
-    for (to, &x) in to.iter_mut().zip(from) {
-        to.set_lane(lane, Scalar::from_f64(x));
+impl LaneReceiver for Lane {
+    /// Adds a block. One that cannot move is left out: its impulses do nothing.
+    fn add<const N: usize>(&mut self, constraint: LaneConstraint<N>, support: &[u32], entries: impl Iterator<Item = [f64; N]>) {
+        let LaneConstraint { set, source, g, lambda, compliance, trace_ratio } = constraint;
+        let (s0, y0, row) = (self.support.len(), self.y.len(), self.g.len());
+        for (&c, y) in support.iter().zip(entries) {
+            if y.iter().any(|&y| y != 0.0) {
+                self.support.push(c);
+                self.y.extend_from_slice(&y);
+            }
+        }
+        if self.support.len() > s0 {
+            self.g.extend_from_slice(&g);
+            self.lambda.extend_from_slice(&lambda);
+            let (support, rows) = (s0..self.support.len(), row..row + N);
+            self.blocks.push(LaneBlock { set, kind: self.kind, source, support, y: y0, rows, compliance, trace_ratio });
+        }
+    }
+
+    fn add_separate(&mut self, support: &[u32], change: impl Iterator<Item = f64>) {
+        support.iter().zip(change).for_each(|(&c, change)| self.separate[c as usize] += change);
     }
 }

@@ -9,7 +9,7 @@
 //! most twice besides, and it ends where a round changes nothing.
 
 use crate::newton::anderson::Anderson;
-use crate::newton::augmented_lagrangian::{AugmentedLagrangian, slip};
+use crate::newton::augmented_lagrangian::AugmentedLagrangian;
 use crate::newton::island::Island;
 use stepper_real::Real;
 
@@ -145,7 +145,7 @@ impl ProximalPoint {
 
     /// Sets De Saxce's terms to those at the present velocities `v`, without a history.
     fn reset_slip(&mut self, rows: &Island) {
-        let slips = rows.blocks.iter().map(|block| slip(block, &self.v[block.rows.clone()]));
+        let slips = rows.blocks.iter().map(|block| block.set.slip(&self.v[block.rows.clone()]));
         self.lagrangian.slip.clear();
         self.lagrangian.slip.extend(slips);
         self.anderson.restart(rows.blocks.len());
@@ -154,7 +154,7 @@ impl ProximalPoint {
     /// Renews De Saxce's terms; returns the largest error of the last ones, m/s.
     fn renew_slip(&mut self, rows: &Island) -> f64 {
         self.image.clear();
-        self.image.extend(rows.blocks.iter().map(|block| slip(block, &self.v[block.rows.clone()])));
+        self.image.extend(rows.blocks.iter().map(|block| block.set.slip(&self.v[block.rows.clone()])));
         let off = self.image.iter().zip(&self.lagrangian.slip).fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()));
         self.anderson.next(&mut self.lagrangian.slip, &self.image);
         off

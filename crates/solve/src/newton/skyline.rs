@@ -7,7 +7,7 @@
 
 use std::ops::Range;
 
-use crate::newton::island::TILE;
+use crate::vectors::TILE;
 
 /// Numbers of four rows in one column.
 type Tile = [f64; TILE];

@@ -1,12 +1,14 @@
 //! What the lanes' problem cannot say yet: equalities, compliance, and cones with any number of tangents.
 
+use crate::admissible_set::AdmissibleSet;
+use crate::constraints::constraint_set::{LaneConstraint, LaneReceiver};
 use crate::newton::Newton;
-use crate::newton::lane::{Lane, Set};
+use crate::newton::lane::Lane;
 use crate::newton::proximal::Criteria;
 use crate::newton::skyline::Skyline;
 
 const CRITERIA: Criteria = Criteria { tolerance: 1e-11, steps: 100, least_norm: false };
-const FREE: Set = Set::Interval { lo: f64::NEG_INFINITY, hi: f64::INFINITY };
+const FREE: AdmissibleSet = AdmissibleSet::Interval { lo: f64::NEG_INFINITY, hi: f64::INFINITY };
 
 /// A number in [-1, 1] for every seed.
 fn noise(seed: usize) -> f64 {
@@ -20,12 +22,12 @@ fn lane(dimension: usize) -> Newton {
     room
 }
 
-fn row<const N: usize>(lane: &mut Lane, seed: usize, set: Set, g: [f64; N], compliance: f64) {
+fn row<const N: usize>(lane: &mut Lane, seed: usize, set: AdmissibleSet, g: [f64; N], compliance: f64) {
     let n = lane.w.len();
     let support: Vec<u32> = (0..n as u32).collect();
     let entries = (0..n).map(|c| std::array::from_fn(|r| noise(1000 * seed + 10 * c + r)));
-    lane.add(&support, entries, set, 0, g, [0.0; N]);
-    lane.blocks.last_mut().unwrap().compliance = compliance;
+    let constraint = LaneConstraint { set, source: 0, g, lambda: [0.0; N], compliance, trace_ratio: 1.0 };
+    lane.add(constraint, &support, entries);
 }
 
 /// Velocity y . w + R lambda + g of every row.
@@ -70,7 +72,7 @@ fn equalities_that_say_the_same_share_evenly() {
 #[test]
 fn bounds_saturate() {
     let mut room = lane(5);
-    row(&mut room.lane, 1, Set::Interval { lo: -0.1, hi: 0.1 }, [3.0], 0.0);
+    row(&mut room.lane, 1, AdmissibleSet::Interval { lo: -0.1, hi: 0.1 }, [3.0], 0.0);
     let result = room.solve_lane::<f64>(CRITERIA);
     assert!(result.residual <= 1e-11);
     assert_eq!(room.lane.lambda, [-0.1]);
@@ -80,7 +82,7 @@ fn bounds_saturate() {
 fn cone<const T: usize>(mu: f64, pull: f64) {
     let mut room = lane(9);
     let g: [f64; T] = std::array::from_fn(|k| if k == 0 { -1.0 } else { pull * noise(5 + k) });
-    row(&mut room.lane, 2, Set::Cone { mu }, g, 0.0);
+    row(&mut room.lane, 2, AdmissibleSet::Cone { mu }, g, 0.0);
     let result = room.solve_lane::<f64>(CRITERIA);
     assert!(result.residual <= 1e-11, "{T} rows: {}", result.residual);
     let (v, lambda) = (velocities(&room.lane), &room.lane.lambda);
@@ -109,7 +111,8 @@ fn islands_are_solved_apart() {
     for (i, start) in [0, 4, 0, 4].into_iter().enumerate() {
         let entries = (0..3).map(|c| [noise(100 * i + c)]);
         let support = [start, start + 1, start + 3];
-        room.lane.add(&support, entries, FREE, 0, [1.0], [0.0]);
+        let constraint = LaneConstraint { set: FREE, source: 0, g: [1.0], lambda: [0.0], compliance: 0.0, trace_ratio: 1.0 };
+        room.lane.add(constraint, &support, entries);
     }
     let result = room.solve_lane::<f64>(CRITERIA);
     assert_eq!(room.islands.count, 2);

@@ -1,13 +1,14 @@
 //! What can be read of a simulation: state, flags, contacts and poses, environment by environment.
 
 use std::ops::Range;
+use std::path::Path;
 
 use crate::analysis::quantities::{BodyPoses, Snapshot};
 use crate::batch::simulation::{Error, Simulation};
-use crate::batch::{Field, StepInputs};
-
+use crate::batch::{Field, StepInputs, WorstRow};
 use crate::integrators::inputs::Inputs;
 use crate::math::spatial::contact_frame;
+use crate::model::file::write_whole;
 use crate::stages::s10_record::Status;
 
 /// A contact of the last step, in the world frame.
@@ -35,6 +36,17 @@ impl Contact {
     pub fn frame(&self) -> [[f64; 3]; 3] {
         contact_frame(self.normal)
     }
+}
+
+/// Certificate of a step: how well its constraint problem was solved, and the solver's effort.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Certificate {
+    /// Natural-map residual, m/s.
+    pub residual: f64,
+    /// Sweeps.
+    pub sweeps: u32,
+    /// Newton steps, over all islands of bodies.
+    pub newton_steps: u32,
 }
 
 /// Position and orientation of a body's frame in the world.
@@ -148,14 +160,52 @@ impl Simulation {
         out
     }
 
-    /// Residual in m/s, and sweeps and Newton steps together, of the last step.
+    /// Certificate of the last step.
     ///
     /// # Panics
     /// When there is no such environment.
     #[track_caller]
-    pub fn certificate(&self, env: usize) -> (f64, f64) {
+    pub fn certificate(&self, env: usize) -> Certificate {
         self.assert_env(env);
-        self.engine.certificate(env)
+        let [residual, sweeps, newton_steps] = self.engine.certificate(env);
+        Certificate { residual, sweeps: sweeps as u32, newton_steps: newton_steps as u32 }
+    }
+
+    /// Row with the largest residual in the last step of the last call that was not solved ([`Status::NOT_CONVERGED`](crate::Status)); none
+    /// where all steps were, or no row is to blame.
+    ///
+    /// # Panics
+    /// When there is no such environment.
+    #[track_caller]
+    pub fn worst_row(&self, env: usize) -> Option<WorstRow> {
+        self.assert_env(env);
+        self.engine.worst_row(&self.model, env)
+    }
+
+    /// Problem that the solver would be given by a step of environment `env` from the present state, as bytes: what
+    /// `stepper_solve::Problem::from_bytes` reads. Nothing changes; the controls of `inputs`, or else those in force, are the step's. A step that
+    /// was not solved is looked at from the state before it, which [`Simulation::save_state`](crate::Simulation::save_state) keeps.
+    ///
+    /// # Errors
+    /// Those of [`Simulation::step`](crate::Simulation::step) for the inputs, and [`Error::Environment`].
+    pub fn problem(&self, env: usize, inputs: &StepInputs<'_>) -> Result<Vec<u8>, Error> {
+        self.check_env(env)?;
+        self.check_inputs(inputs, 1)?;
+        let mut ctrl = self.ctrl.clone();
+        if !inputs.ctrl.is_empty() {
+            // One row is for all environments.
+            ctrl.chunks_exact_mut(inputs.ctrl.len()).for_each(|rows| rows.copy_from_slice(inputs.ctrl));
+        }
+        Ok(self.engine.problem(&self.settings, &StepInputs { ctrl: &ctrl, ..*inputs }, env))
+    }
+
+    /// Writes [`Simulation::problem`] to a file, in one piece; a test of the solver loads it by `stepper_solve::Problem::load`.
+    ///
+    /// # Errors
+    /// Those of [`Simulation::problem`], and [`Error::File`] when the file cannot be written.
+    pub fn save_problem(&self, env: usize, inputs: &StepInputs<'_>, path: impl AsRef<Path>) -> Result<(), Error> {
+        let (bytes, path) = (self.problem(env, inputs)?, path.as_ref());
+        write_whole(path, &bytes).map_err(|e| Error::File { path: path.display().to_string(), reason: e.to_string() })
     }
 
     /// Contacts of the last step: every one that the motion could close within it, also those that do not touch.

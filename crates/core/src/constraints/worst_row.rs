@@ -1,0 +1,93 @@
+//! The worst row of an unsolved step: the constraint with the largest residual.
+
+use stepper_real::{Mask, Real};
+use stepper_solve::{Iterate, System, worst_constraint};
+
+use crate::collision::contact_set::Contacts;
+use crate::constraints::assembled_rows::AssembledRows;
+use crate::math::lanes::{MAX_LANES, each_of};
+
+/// Constraint as a number that a state keeps: 0 is none, then scalar rows by the index of their impulse, then contacts by their pair.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ConstraintCode(pub u64);
+
+/// First number of contacts.
+const CONTACTS: u64 = 1 << 32;
+
+/// What a code names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CodedConstraint {
+    /// A scalar row, by the index of its impulse: see [`Constraints::scalar_impulse`](crate::constraints::Constraints::scalar_impulse).
+    Scalar(usize),
+    /// A contact, by its pair of geoms.
+    Contact(usize),
+}
+
+impl ConstraintCode {
+    fn new(constraint: CodedConstraint) -> Self {
+        match constraint {
+            CodedConstraint::Scalar(owner) => Self(1 + owner as u64),
+            CodedConstraint::Contact(pair) => Self(CONTACTS + pair as u64),
+        }
+    }
+
+    /// The constraint, if there is any.
+    pub fn constraint(self) -> Option<CodedConstraint> {
+        match self.0 {
+            0 => None,
+            code if code < CONTACTS => Some(CodedConstraint::Scalar(code as usize - 1)),
+            code => Some(CodedConstraint::Contact((code - CONTACTS) as usize)),
+        }
+    }
+}
+
+/// Worst rows of the lanes that a solve has left unsolved.
+#[derive(Clone, Debug)]
+pub struct WorstRows<R: Real> {
+    /// Lanes that have one.
+    pub lanes: R::Mask,
+    codes: [ConstraintCode; MAX_LANES],
+}
+
+impl<R: Real> WorstRows<R> {
+    /// No lane has one.
+    pub(crate) fn new() -> Self {
+        Self { lanes: R::Mask::splat(false), codes: [ConstraintCode::default(); MAX_LANES] }
+    }
+
+    /// Worst row of a lane, if it has one.
+    pub fn of_lane(&self, lane: usize) -> ConstraintCode {
+        if self.lanes.bits() >> lane & 1 == 1 { self.codes[lane] } else { ConstraintCode::default() }
+    }
+
+    /// Renews those of the lanes `solved`, of which `unsolved` have some.
+    #[inline(always)]
+    pub(crate) fn renew(
+        &mut self,
+        rows: &AssembledRows<'_, R>,
+        system: System<'_, R>,
+        iterate: &Iterate<R>,
+        contacts: &Contacts<R>,
+        [solved, unsolved]: [R::Mask; 2],
+    ) {
+        self.lanes = self.lanes.and_not(solved).or(unsolved);
+        if unsolved.any() {
+            self.find(rows, system, iterate, contacts, unsolved.bits());
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn find(&mut self, rows: &AssembledRows<'_, R>, system: System<'_, R>, iterate: &Iterate<R>, contacts: &Contacts<R>, lanes: u32) {
+        for lane in each_of(lanes) {
+            let worst = worst_constraint(system, iterate, lane).map(|(i, _)| match i.checked_sub(rows.owners.len()) {
+                None => CodedConstraint::Scalar(rows.owners[i]),
+                Some(i) => {
+                    let mut slots = rows.slots.iter().map(|slot| slot.0).chain(rows.rolling_slots.iter().map(|slot| slot.0));
+                    CodedConstraint::Contact(contacts.ids[slots.nth(i).expect("every contact has a slot")][lane].pair())
+                }
+            });
+            self.codes[lane] = worst.map_or_else(ConstraintCode::default, ConstraintCode::new);
+        }
+    }
+}

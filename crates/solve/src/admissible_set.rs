@@ -1,0 +1,165 @@
+//! Sets of admissible impulses as Newton's method sees them, lane by lane in scalar f64: projection, its derivative, De Saxce's term and the
+//! natural map, for any number of rows. A set that is new is an alternative here and nowhere else in Newton's method.
+
+use crate::vectors::{add_scaled, norm};
+
+/// Set of the admissible impulses of one constraint.
+#[derive(Clone, Copy, Debug)]
+pub enum AdmissibleSet {
+    /// Interval of one row, `lo <= lambda <= hi`; an equality has infinite bounds.
+    Interval {
+        /// Least impulse.
+        lo: f64,
+        /// Greatest impulse.
+        hi: f64,
+    },
+    /// Friction cone of the rows (n, t...), `|lambda_t| <= mu lambda_n`.
+    Cone {
+        /// Coefficient of friction.
+        mu: f64,
+    },
+}
+
+impl AdmissibleSet {
+    /// De Saxce's term of the velocities `v`, which is added to that of the first row, m/s: mu |v_t| of a friction cone.
+    #[inline(always)]
+    pub(crate) fn slip(&self, v: &[f64]) -> f64 {
+        match *self {
+            Self::Interval { .. } => 0.0,
+            Self::Cone { mu } => mu * norm(&v[1..]),
+        }
+    }
+
+    /// z = P_K(x).
+    #[inline(always)]
+    pub(crate) fn project(&self, x: &[f64], z: &mut [f64]) {
+        match *self {
+            Self::Interval { lo, hi } => z[0] = x[0].max(lo).min(hi),
+            Self::Cone { mu } => {
+                let tangent = norm(&x[1..]);
+                let (height, scale) = ConeRegion::of(x[0], tangent, mu).image(x[0], tangent, mu);
+                z[0] = height;
+                for (z, x) in z[1..].iter_mut().zip(&x[1..]) {
+                    *z = x * scale;
+                }
+            }
+        }
+    }
+
+    /// Natural-map residual |lambda - P_K(lambda - rho u)| / rho at the velocities `v`, De Saxce's term not included, m/s. A NaN stays.
+    pub(crate) fn natural_residual(&self, lambda: &[f64], v: &[f64], rho: f64) -> f64 {
+        match *self {
+            Self::Interval { lo, hi } => {
+                let moved = lambda[0] - rho * v[0];
+                // Written so that a NaN stays.
+                let mapped = if moved < lo { lo } else { moved };
+                (lambda[0] - if mapped > hi { hi } else { mapped }).abs() / rho
+            }
+            Self::Cone { mu } => {
+                let n = lambda[0] - rho * (v[0] + mu * norm(&v[1..]));
+                let moved = || lambda[1..].iter().zip(&v[1..]).map(|(l, v)| l - rho * v);
+                let tangent = moved().fold(0.0, |sum, x| sum + x * x).sqrt();
+                let (height, scale) = ConeRegion::of(n, tangent, mu).image(n, tangent, mu);
+                let apart = lambda[1..].iter().zip(moved()).fold(0.0, |sum, (l, x)| sum + (l - x * scale).powi(2));
+                ((lambda[0] - height).powi(2) + apart).sqrt() / rho
+            }
+        }
+    }
+
+    /// Computes rho DP_K(x) Y into `out`, row by row, from the rows `y` of `n` entries each; false when it is zero. Implicit, at the
+    /// velocities `v`, DP is multiplied by the derivative of v + s: `I + e_n (0, mu v_t / |v_t|)`.
+    #[inline(always)]
+    pub(crate) fn differentiate(&self, rho: f64, x: &[f64], v: Option<&[f64]>, y: &[f64], n: usize, out: &mut Product) -> bool {
+        let Product { rows: out, radial } = out;
+        out.clear();
+        let mu = match *self {
+            Self::Interval { lo, hi } => {
+                let free = x[0] > lo && x[0] < hi;
+                if free {
+                    out.extend(y.iter().map(|y| rho * y));
+                }
+                return free;
+            }
+            Self::Cone { mu } => mu,
+        };
+        let tangent = norm(&x[1..]);
+        let case = ConeRegion::of(x[0], tangent, mu);
+        if let ConeRegion::Zero = case {
+            return false;
+        }
+        out.extend(y.iter().map(|y| rho * y));
+        let (normal, tangents) = out.split_at_mut(n);
+        if let Some(v) = v {
+            let speed = norm(&v[1..]);
+            if speed > 0.0 {
+                for (row, v) in tangents.chunks_exact(n).zip(&v[1..]) {
+                    add_scaled(normal, mu * v / speed, row);
+                }
+            }
+        }
+        // DP = b b^T / (1 + mu^2) + (mu height / |x_t|) (I - t t^T), with t = x_t / |x_t| and b = (1, mu t).
+        if let ConeRegion::Surface { height } = case {
+            let inverse = if tangent > 0.0 { 1.0 / tangent } else { 0.0 };
+            let shrink = mu * height * inverse;
+            radial.clear();
+            radial.resize(n, 0.0);
+            for (row, x) in tangents.chunks_exact(n).zip(&x[1..]) {
+                add_scaled(radial, x * inverse, row);
+            }
+            for (normal, radial) in normal.iter_mut().zip(radial.iter_mut()) {
+                *normal = (*normal + mu * *radial) / (1.0 + mu * mu);
+                *radial = mu * *normal - shrink * *radial;
+            }
+            for (row, x) in tangents.chunks_exact_mut(n).zip(&x[1..]) {
+                let t = x * inverse;
+                for (y, radial) in row.iter_mut().zip(radial.iter()) {
+                    *y = shrink * *y + t * radial;
+                }
+            }
+        }
+        true
+    }
+}
+
+/// Product rho DP Y of one constraint, with its workspace.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Product {
+    /// Entries, row by row.
+    pub(crate) rows: Vec<f64>,
+    /// Part of the tangential rows along t.
+    radial: Vec<f64>,
+}
+
+/// Region of a point (n, |t|) that is projected on the cone of friction `mu`.
+#[derive(Clone, Copy, Debug)]
+enum ConeRegion {
+    /// The polar cone: the nearest point is 0.
+    Zero,
+    /// The cone itself.
+    Inside,
+    /// The region between them: the nearest point has this normal component, and mu times it along the tangent.
+    Surface { height: f64 },
+}
+
+impl ConeRegion {
+    #[inline(always)]
+    fn of(n: f64, tangent: f64, mu: f64) -> Self {
+        if n >= 0.0 && tangent <= mu * n {
+            Self::Inside
+        } else if mu * tangent <= -n {
+            Self::Zero
+        } else {
+            Self::Surface { height: (mu * tangent + n) / (1.0 + mu * mu) }
+        }
+    }
+
+    /// Projection: the normal component of the nearest point, and the factor of its tangential ones.
+    #[inline(always)]
+    fn image(self, n: f64, tangent: f64, mu: f64) -> (f64, f64) {
+        match self {
+            ConeRegion::Zero => (0.0, 0.0),
+            ConeRegion::Inside => (n, 1.0),
+            ConeRegion::Surface { height } => (height, if tangent > 0.0 { mu * height / tangent } else { 0.0 }),
+        }
+    }
+}

@@ -1,0 +1,158 @@
+//! Problems as files: one lane of a problem with the impulses that its solve starts from and the limits of that solve, so that a hard one
+//! becomes a test.
+//!
+//! | bytes | what |
+//! |---|---|
+//! | 8 | [`MAGIC`] |
+//! | 4 | [`FORMAT_VERSION`], little endian |
+//! | 32 | SHA-256 of the payload |
+//! | rest | payload in postcard's encoding (numbers as their IEEE 754 bits, little endian): the lane's constraints, kind by kind |
+
+use std::fmt;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use crate::capacity::Capacity;
+use crate::constraints::constraint_set::{ConstraintSet, Impulse, SavedConstraint};
+use crate::constraints::{by_kind, each_kind, make_kinds};
+use crate::iterate::{Iterate, rows_of};
+use crate::problem::{Problem, System};
+use crate::solver::Settings;
+use stepper_real::{Mask, Real, Scalar};
+
+/// The first bytes of every saved problem. The last is no valid UTF-8, so no text file begins so.
+const MAGIC: [u8; 8] = *b"problem\xff";
+
+/// Version of the format of saved problems; changes whenever the payload does.
+pub const FORMAT_VERSION: u32 = 1;
+
+const HEADER: usize = 8 + 4 + 32;
+
+/// Largest number of coordinates of a problem that is loaded: its room is reserved before anything is solved.
+const MOST_COORDINATES: usize = 1 << 20;
+
+by_kind! {
+    /// Payload: one lane of a problem.
+    #[derive(Debug, Serialize, Deserialize)]
+    struct Payload[] {
+        dimension: usize,
+        hyperstatic: bool,
+        sweeps: u32,
+        newton_steps: u32,
+        tolerance: f64,
+        newton_threshold: f64,
+    } each saved
+}
+
+/// Reason why a problem cannot be read or written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FileError {
+    /// Place: the path, or "saved problem" for bytes in memory.
+    place: String,
+    /// What is wrong with it.
+    what: String,
+}
+
+impl fmt::Display for FileError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.place, self.what)
+    }
+}
+
+impl std::error::Error for FileError {}
+
+/// Problem as it was saved, with the impulses that its solve starts from and the limits of that solve.
+#[derive(Clone, Debug)]
+pub struct LoadedProblem<R: Real> {
+    /// The problem, the same in every lane.
+    pub problem: Problem<R>,
+    /// Impulses at the start of the solve, with their w.
+    pub iterate: Iterate<R>,
+    /// Limits of the solve.
+    pub settings: Settings<R>,
+}
+
+impl<R: Real> System<'_, R> {
+    /// One lane as bytes, with the impulses of `iterate` and the limits of its solve; see [`Problem::from_bytes`].
+    pub fn to_bytes(&self, iterate: &Iterate<R>, settings: &Settings<R>, lane: usize) -> Vec<u8> {
+        let (dimension, hyperstatic) = (self.problem.dimension(), self.problem.hyperstatic.bits() >> lane & 1 == 1);
+        let Settings { sweeps, newton_steps, tolerance, newton_threshold } = *settings;
+        let [tolerance, newton_threshold] = [tolerance, newton_threshold].map(|x| x.lane(lane).to_f64());
+        let payload = make_kinds!(Payload { dimension, hyperstatic, sweeps, newton_steps, tolerance, newton_threshold, }
+            [set: &self.problem] [rows: self] [impulses: &iterate] => set.save(rows, impulses, lane));
+        let payload = postcard::to_stdvec(&payload).expect("a problem is plain data in memory: numbers and sequences of known length");
+        let digest: [u8; 32] = Sha256::digest(&payload).into();
+        [&MAGIC[..], &FORMAT_VERSION.to_le_bytes(), &digest, &payload].concat()
+    }
+}
+
+impl<R: Real> Problem<R> {
+    /// The problem that [`System::to_bytes`] wrote, in every lane: it solves with the same bits.
+    ///
+    /// # Errors
+    /// When the bytes are no saved problem, of another format version, damaged, or hold rows that no problem has.
+    pub fn from_bytes(bytes: &[u8]) -> Result<LoadedProblem<R>, FileError> {
+        parse(bytes).map_err(|what| FileError { place: "saved problem".into(), what })
+    }
+
+    /// Reads a problem from a file.
+    ///
+    /// # Errors
+    /// As [`Problem::from_bytes`], and when the file cannot be read.
+    pub fn load(path: impl AsRef<Path>) -> Result<LoadedProblem<R>, FileError> {
+        let read = std::fs::read(path.as_ref()).map_err(|e| format!("cannot be read ({e}): check the path"));
+        read.and_then(|bytes| parse(&bytes)).map_err(|what| FileError { place: path.as_ref().display().to_string(), what })
+    }
+}
+
+/// The problem of sound bytes, or what is wrong with them and what to do.
+fn parse<R: Real>(bytes: &[u8]) -> Result<LoadedProblem<R>, String> {
+    const AGAIN: &str = "copy the file again, or save the problem again";
+    if !bytes.starts_with(&MAGIC) {
+        return Err("not a saved problem: sim.save_problem(env, path) writes them".into());
+    }
+    if bytes.len() < HEADER {
+        return Err(format!("cut off after {} bytes: {AGAIN}", bytes.len()));
+    }
+    let version = u32::from_le_bytes(bytes[8..12].try_into().expect("4 bytes"));
+    if version != FORMAT_VERSION {
+        return Err(format!("format version {version}, this stepper reads {FORMAT_VERSION}: save the problem again with this version"));
+    }
+    let (digest, payload) = (&bytes[12..HEADER], &bytes[HEADER..]);
+    if digest != &Sha256::digest(payload)[..] {
+        return Err(format!("damaged, the contents do not match their SHA-256: {AGAIN}"));
+    }
+    match postcard::take_from_bytes::<Payload>(payload) {
+        Ok((payload, [])) => payload.problem(),
+        _ => Err("not readable by this version, though undamaged: save the problem again with this version".into()),
+    }
+}
+
+impl Payload {
+    /// The problem in every lane of `R`.
+    fn problem<R: Real>(&self) -> Result<LoadedProblem<R>, String> {
+        let Self { dimension, hyperstatic, sweeps, newton_steps, tolerance, newton_threshold, .. } = *self;
+        if dimension > MOST_COORDINATES || !(tolerance >= 0.0 && newton_threshold >= tolerance) {
+            return Err(format!("{dimension} coordinates, tolerances {tolerance} and {newton_threshold}: not of a problem"));
+        }
+        let capacity = make_kinds!(Capacity { dimension, scalar_entries: 0, contact_support: 0, } [saved: &self] => saved.len());
+        let (mut problem, mut iterate) = (Problem::<R>::new(&capacity), Iterate::<R>::new(&capacity));
+        each_kind!([saved: &self] [set: &mut problem] [impulses: &mut iterate] => {
+            for (i, saved) in saved.iter().enumerate() {
+                if !saved.is_sound(dimension, rows_of::<R, _>(impulses)) {
+                    return Err(format!("constraint {i} of its kind has numbers that no constraint has"));
+                }
+                set.load(saved);
+                impulses.push(Impulse::zero());
+                let own = impulses.last_mut().map(std::slice::from_mut).expect("one was pushed");
+                Impulse::<R>::flatten_mut(own).iter_mut().zip(&saved.impulse).for_each(|(to, &x)| *to = R::of(x));
+            }
+        });
+        problem.hyperstatic = R::Mask::splat(hyperstatic);
+        iterate.compute_w(&problem);
+        let settings = Settings { sweeps, newton_steps, tolerance: R::of(tolerance), newton_threshold: R::of(newton_threshold) };
+        Ok(LoadedProblem { problem, iterate, settings })
+    }
+}

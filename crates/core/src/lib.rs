@@ -68,6 +68,10 @@
 //! What this page lists. Other modules can be reached from the benches and tests of this workspace, are hidden here, and change without notice: one
 //! step is ten `stages`, which `step::step` reads aloud.
 
+// Scenes of the integration tests name the crate.
+#[cfg(test)]
+extern crate self as stepper_core;
+
 #[doc(hidden)]
 pub mod actuation;
 pub mod analysis;

@@ -42,7 +42,7 @@ pub struct OutOfRange {
 pub fn overlaps(model: &Model) -> Vec<Overlap> {
     let compiled: CompiledModel<f64> = CompiledModel::new(model);
     let lanes: LaneModel<f64> = LaneModel::new(&compiled);
-    let (mut kinematics, mut poses) = (Kinematics::new(&compiled), GeomPoses::new(&compiled));
+    let (mut kinematics, mut poses) = (Kinematics::new(&compiled), GeomPoses::new(&lanes));
     for m in &compiled.mocap {
         kinematics.pos[m.frame] = m.pos;
         kinematics.mat[m.frame] = quat_to_mat(quat_normalize(m.quat));

@@ -142,11 +142,12 @@ impl Stepped for f32 {
 
 /// A worker in the lanes of `R`.
 pub fn desk<R: Real>(site: &WorkerSpec<'_, R::Scalar>, probe: impl Probe) -> Box<dyn Worker<R::Scalar>> {
+    let compiled = LaneModel::new(site.compiled);
     Box::new(LaneWorker {
         probe,
-        scratch: Workspace::<R>::new(site.compiled, site.options, site.max_contacts),
-        senses: Senses::new(site.compiled, site.max_contacts, probe),
-        compiled: LaneModel::new(site.compiled),
+        scratch: Workspace::<R>::new(&compiled, site.options, site.max_contacts),
+        senses: Senses::new(&compiled, site.max_contacts, probe),
+        compiled,
         flags: vec![0; R::LANES],
     })
 }
@@ -247,7 +248,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
         for _ in 0..steps {
             probe.span(Span::Sense, || senses.before_step(s));
             if let Some(chains) = call.chains {
-                let state = [&s.q[..], &s.v[..]];
+                let state = [&s.state.q[..], &s.state.v[..]];
                 probe.span(Span::ActuatorPipelines, || {
                     chains.advance(
                         compiled,
@@ -301,7 +302,7 @@ fn count_saturated<R: Real>(compiled: &LaneModel<R>, s: &Workspace<R>, counts: &
         #[inline(always)]
         || {
             for (actuator, counts) in counts.chunks_exact_mut(R::LANES).enumerate() {
-                count(s.actuator_forces.is_cut(compiled, actuator).and(s.alive).bits(), counts);
+                count(s.free_motion.actuator_forces.is_cut(compiled, actuator).and(s.alive).bits(), counts);
             }
         },
     )

@@ -2,7 +2,7 @@
 
 use stepper_real::{Real, Scalar};
 
-use crate::compile::{CompiledJoint, CompiledModel, Inertial, LaneModel, Link};
+use crate::compile::{CompiledJoint, Inertial, LaneModel, Link, ModelStructure};
 use crate::math::spatial::*;
 use crate::model::JointKind;
 
@@ -27,7 +27,7 @@ pub struct Kinematics<R: Real> {
 
 impl<R: Real> Kinematics<R> {
     /// Room for a compiled model; the world and the mocap frames are placed.
-    pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
+    pub fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         let identity = std::array::from_fn(|k| if k % 4 == 0 { R::one() } else { R::zero() });
         let mut kinematics = Self {
             pos: vec![zero(); compiled.nframe()],
@@ -172,7 +172,7 @@ impl<R: Real> Kinematics<R> {
 
 /// Hinges, in the order of the joints.
 #[inline(always)]
-fn hinges<S: Scalar>(compiled: &CompiledModel<S>) -> impl Iterator<Item = &CompiledJoint<S>> {
+fn hinges<S: Scalar>(compiled: &ModelStructure<S>) -> impl Iterator<Item = &CompiledJoint<S>> {
     compiled.joints.iter().filter(|joint| joint.kind == JointKind::Hinge)
 }
 
@@ -271,13 +271,13 @@ pub fn advance<R: Real>(x: &[R], rate: &[R], way: R, out: &mut [R]) {
     )
 }
 
-/// y = x + share (end + y - x), entry by entry: on the way from `x` to an end that is `y` further on.
-pub fn blend<R: Real>(x: &[R], end: &[R], share: R, y: &mut [R]) {
+/// x + share (end - x), entry by entry.
+pub fn blend<R: Real>(x: &[R], end: &[R], share: R, out: &mut [R]) {
     R::vectorize(
         #[inline(always)]
         || {
-            for ((y, &x), &end) in y.iter_mut().zip(x).zip(end) {
-                *y = x + ((end + *y) - x) * share;
+            for ((out, &x), &end) in out.iter_mut().zip(x).zip(end) {
+                *out = x + (end - x) * share;
             }
         },
     )

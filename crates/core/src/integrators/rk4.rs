@@ -4,13 +4,20 @@ use stepper_real::Real;
 
 use crate::actuation::affine_force::within;
 use crate::actuation::forces::{ActuatorForces, ForceState, Implicit};
-use crate::compile::{CompiledModel, LaneModel};
+use crate::compile::{LaneModel, ModelStructure};
 use crate::dynamics::kinematics::{Kinematics, displace};
 use crate::integrators::inputs::Inputs;
+use crate::integrators::midpoint;
+use crate::integrators::scheme::Scheme;
 use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::stages::s01_actuate::{activation_rate, actuate};
 use crate::stages::s02_smooth::Smooth;
+
+/// Steps of `h` seconds of environments with an active constraint: a midpoint step.
+pub(crate) fn scheme<R: Real>(h: R) -> Scheme<R> {
+    midpoint::scheme(h)
+}
 
 /// Room for the four stages.
 ///
@@ -32,7 +39,7 @@ pub(crate) struct Rk4<R: Real> {
 
 impl<R: Real> Rk4<R> {
     /// Room for a compiled model.
-    pub(crate) fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
+    pub(crate) fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         let zeros = |n: usize| vec![R::zero(); n];
         let sizes = [compiled.nv, compiled.nv, compiled.na];
         Self {

@@ -7,7 +7,7 @@ use stepper_benches::clock::{Run, pin, thread_time};
 use stepper_benches::episode::{Episode, single};
 use stepper_benches::rig::{Part, Rig, moments};
 use stepper_benches::scenes::Scene;
-use stepper_core::compile::{CompiledModel, LaneModel};
+use stepper_core::internals::compile::{CompiledModel, LaneModel};
 use stepper_core::{Level, Precision};
 use stepper_real::{Real, at_avx512, at_level};
 

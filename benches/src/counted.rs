@@ -163,7 +163,7 @@ mod tests {
     fn a_dot_product_is_five_sums_and_its_root_a_division() {
         let a = [1.0, 2.0, 2.0].map(Counted::splat);
         let mut length = Counted::zero();
-        let done = Operations::of(|| length = stepper_core::math::spatial::norm(a));
+        let done = Operations::of(|| length = stepper_core::internals::math::spatial::norm(a));
         assert_eq!(done, Operations { sums: 5, divisions: 1, others: 0 });
         assert_eq!(length.0, 3.0);
     }

@@ -1,7 +1,6 @@
 //! A batch of environments that goes the same way every time.
 
-use stepper_core::batch::{Field, StepInputs};
-use stepper_core::{Level, Options, Precision, SavedState, Simulation};
+use stepper_core::{Field, Level, Options, Precision, SavedState, Simulation, StepInputs};
 
 use crate::clock::Run;
 use crate::scenes::Scene;

@@ -1,27 +1,27 @@
-//! A step taken apart: the stages that [`stepper_core::step::step`] calls, each to be repeated on its own.
+//! A step taken apart: the stages that [`stepper_core::internals::step::step`] calls, each to be repeated on its own.
 //!
 //! The step may call a stage more than once; put together here they make a plain step of the midpoint rule without a corrector, which is
 //! only good for getting to the next moment.
 
 use std::hint::black_box;
 
-use stepper_core::actuation::forces::{Drive, ForceState, Implicit, Implied};
-use stepper_core::collision::contact_set::Contacts;
-use stepper_core::collision::detection::GeomPoses;
-use stepper_core::compile::LaneModel;
-use stepper_core::constraints::{AssemblyInput, Constraints};
-use stepper_core::dynamics::implicit_weights::ImplicitWeights;
-use stepper_core::dynamics::inertia::{MassMatrix, NewtonEuler, bias_force};
-use stepper_core::dynamics::kinematics::{Kinematics, advance, displace};
-use stepper_core::math::spatial::{Inertia, V3, zero};
-use stepper_core::options::StepSettings;
-use stepper_core::stages::s01_actuate::actuate;
-use stepper_core::stages::s02_smooth::Smooth;
-use stepper_core::stages::s03_detect::detect;
-use stepper_core::stages::s04_assemble;
-use stepper_core::stages::s05_solve::solve;
-use stepper_core::stages::s06_integrate_velocity::integrate_velocity;
-use stepper_core::stages::s07_integrate_position::integrate_position;
+use stepper_core::internals::actuation::forces::{Drive, ForceState, Implicit, Implied};
+use stepper_core::internals::collision::contact_set::Contacts;
+use stepper_core::internals::collision::detection::GeomPoses;
+use stepper_core::internals::compile::LaneModel;
+use stepper_core::internals::constraints::{AssemblyInput, Constraints};
+use stepper_core::internals::dynamics::implicit_weights::ImplicitWeights;
+use stepper_core::internals::dynamics::inertia::{MassMatrix, NewtonEuler, bias_force};
+use stepper_core::internals::dynamics::kinematics::{Kinematics, advance, displace};
+use stepper_core::internals::math::spatial::{Inertia, V3, zero};
+use stepper_core::internals::options::StepSettings;
+use stepper_core::internals::stages::s01_actuate::actuate;
+use stepper_core::internals::stages::s02_smooth::Smooth;
+use stepper_core::internals::stages::s03_detect::detect;
+use stepper_core::internals::stages::s04_assemble;
+use stepper_core::internals::stages::s05_solve::solve;
+use stepper_core::internals::stages::s06_integrate_velocity::integrate_velocity;
+use stepper_core::internals::stages::s07_integrate_position::integrate_position;
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::episode::Episode;
@@ -136,7 +136,7 @@ pub struct Rig<R: Real> {
 impl<R: Real> Rig<R> {
     /// As many environments as there are lanes, in the state and with the first control of an episode; warm starts are cold.
     pub fn new(compiled: &LaneModel<R>, episode: &Episode) -> Self {
-        use stepper_core::batch::Field;
+        use stepper_core::Field;
         let zeros = |n: usize| vec![R::zero(); n];
         let room = compiled.contact_points.min(16 + 4 * compiled.links.len());
         let mut rig = Self {

@@ -5,10 +5,9 @@ use stepper_benches::episode::{Episode, lanes, single};
 use stepper_benches::peers::{Course, Engine, Ours, Rapier, Setting, answer, errors};
 use stepper_benches::rig::Rig;
 use stepper_benches::scenes::{Scene, ant, humanoid};
-use stepper_core::batch::{Field, StepInputs};
-use stepper_core::compile::{CompiledModel, LaneModel};
+use stepper_core::internals::compile::{CompiledModel, LaneModel};
 use stepper_core::model::{Model, Shape};
-use stepper_core::{Integrator, Level, Options, Precision, Simulation, Status};
+use stepper_core::{Field, Integrator, Level, Options, Precision, Simulation, Status, StepInputs};
 use stepper_real::Real;
 
 fn shapes(model: &Model) -> [usize; 3] {

@@ -10,10 +10,9 @@ use stepper_benches::counted::{Counted, Operations};
 use stepper_benches::episode::{Episode, single};
 use stepper_benches::rig::{Part, Rig, moments};
 use stepper_benches::scenes::{Scene, chain};
-use stepper_core::batch::StepInputs;
-use stepper_core::compile::{CompiledModel, LaneModel};
+use stepper_core::internals::compile::{CompiledModel, LaneModel};
 use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
-use stepper_core::{Level, Options, Precision, Simulation};
+use stepper_core::{Level, Options, Precision, Simulation, StepInputs};
 use stepper_real::{Real, at_avx512, at_level};
 
 /// Moments of an episode that stages are averaged over.

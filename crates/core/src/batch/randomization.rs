@@ -1,7 +1,7 @@
 //! Theta, environment by environment: parameters that environments have of their own.
 //!
 //! It is kept twice: as the fields that the user gave ([`Randomization`]), of which variants of the model are made; and as those numbers of the compiled model
-//! that came out other than the model's ([`Own`]), which is what a step reads.
+//! that came out other than the model's ([`ParameterOverrides`]), which is what a step reads.
 
 use std::collections::BTreeMap;
 
@@ -103,14 +103,14 @@ fn differ(own: &Params<f64>, shared: &Params<f64>) -> Differences {
 
 /// Numbers of the compiled model that environments have of their own: which, and for every group of lanes what they are.
 #[derive(Clone, Debug, Default)]
-pub struct Own<S> {
+pub struct ParameterOverrides<S> {
     /// Places in [`Params`], ascending; the same in all groups.
     pub places: Vec<u32>,
     /// For every group (places, lanes); empty when there are none.
     pub numbers: Vec<Vec<S>>,
 }
 
-impl<S: Scalar> Own<S> {
+impl<S: Scalar> ParameterOverrides<S> {
     /// Gives environments what they have other than the model, and nothing else. Groups have `lanes` lanes.
     pub fn assign(&mut self, shared: &Params<S>, groups: usize, lanes: usize, envs: &[usize], differences: &[Differences]) {
         self.make_room(shared, groups, lanes, differences);

@@ -5,6 +5,7 @@ use stepper_real::{Mask, Real, Scalar};
 use crate::actuation::forces::{Drive, ForceState};
 use crate::batch::call::Call;
 use crate::batch::exchange::{load, take_up};
+use crate::batch::inputs::StepInputs;
 use crate::batch::state::Group;
 use crate::collision::contact_set::Contacts;
 use crate::compile::{CompiledModel, LaneModel};
@@ -70,11 +71,11 @@ impl<R: Real> Senses<R> {
         first: usize,
         s: &mut Workspace<R>,
     ) {
-        self.accelerate(s, call.options.timestep, R::Mask::splat(true));
+        self.accelerate(s, call.settings.timestep, R::Mask::splat(true));
         for l in 0..R::LANES {
             group.sensing.step[l] = group.sensing.step[l].wrapping_add(1);
         }
-        if let Some(errors) = call.errors {
+        if let Some(errors) = call.sensor_errors {
             self.sense(call, compiled, group, s);
             self.observe(errors, call, group, first, s.alive, false);
         }
@@ -92,7 +93,7 @@ impl<R: Real> Senses<R> {
             actuate(compiled, &ForceState::state(&s.q, &s.v, &s.act, &s.inputs.ctrl, &s.inputs.trains), None, &mut self.drive);
             if compiled.lossy {
                 self.drive.lose(compiled, &s.inputs.trains, false);
-                self.drive.subtract_losses(compiled, &s.inputs.trains, &s.constraints.scalar_impulse, R::of(call.options.timestep));
+                self.drive.subtract_losses(compiled, &s.inputs.trains, &s.constraints.scalar_impulse, R::of(call.settings.timestep));
             }
         }
         if !self.room.orientation.is_empty() {
@@ -109,7 +110,7 @@ impl<R: Real> Senses<R> {
             q: &s.q,
             v: &s.v,
             time,
-            h: R::of(call.options.timestep),
+            h: R::of(call.settings.timestep),
             acceleration: &self.acceleration,
             drive: &self.drive,
             xfrc: if compiled.sensing.needs.wrenches { &s.inputs.xfrc } else { &[] },
@@ -137,7 +138,7 @@ impl<R: Real> Senses<R> {
             observation: &mut memory.observation,
         };
         let work = self.work.get_or_insert_with(|| errors.work());
-        errors.observe(first / R::LANES, &self.room.truth, &keys, lanes, start, call.options.timestep, work, &mut slots);
+        errors.observe(first / R::LANES, &self.room.truth, &keys, lanes, start, call.settings.timestep, work, &mut slots);
     }
 
     /// Readings of the state in `s`, after a step.
@@ -148,7 +149,7 @@ impl<R: Real> Senses<R> {
         group: &Group<R::Scalar>,
         s: &mut Workspace<R>,
     ) -> &[R] {
-        if call.errors.is_none() {
+        if call.sensor_errors.is_none() {
             self.sense(call, compiled, group, s);
         } else {
             take(&group.sensing.observation, &mut self.room.truth);
@@ -186,7 +187,7 @@ impl<R: Real> Senses<R> {
         first: usize,
         s: &mut Workspace<R>,
     ) {
-        if let (Some(errors), true) = (call.errors, group.sensing.waiting & group.alive != 0) {
+        if let (Some(errors), true) = (call.sensor_errors, group.sensing.waiting & group.alive != 0) {
             self.first_look(errors, call, compiled, group, first, s);
         }
     }
@@ -202,7 +203,7 @@ impl<R: Real> Senses<R> {
         s: &mut Workspace<R>,
     ) {
         let waiting = group.sensing.waiting & group.alive;
-        self.look(&Call { qfrc: &[], xfrc: &[], ..*call }, compiled, group, first, s);
+        self.look(&Call { inputs: StepInputs { qfrc: &[], xfrc: &[], ..call.inputs }, ..*call }, compiled, group, first, s);
         self.observe(errors, call, group, first, R::Mask::from_bits(waiting), true);
         group.sensing.waiting = 0;
     }
@@ -221,7 +222,7 @@ impl<R: Real> Senses<R> {
     ) {
         let width = call.compiled.sensing.width;
         let rows = out.chunks_exact_mut(width).enumerate();
-        if truth || call.errors.is_none() {
+        if truth || call.sensor_errors.is_none() {
             self.look(call, compiled, group, first, s);
             rows.for_each(|(l, row)| row.iter_mut().zip(&self.room.truth).for_each(|(out, x)| *out = x.lane(l).to_f64()));
         } else {
@@ -244,8 +245,8 @@ impl<R: Real> Senses<R> {
         if fresh != 0 {
             s.alive = R::Mask::from_bits(fresh);
             self.before_step(s);
-            step(compiled, call.options, s);
-            self.accelerate(s, call.options.timestep, R::Mask::from_bits(fresh));
+            step(compiled, call.settings, s);
+            self.accelerate(s, call.settings.timestep, R::Mask::from_bits(fresh));
             take(&group.q, &mut s.q);
             take(&group.v, &mut s.v);
             take(&group.act, &mut s.act);

@@ -1,7 +1,6 @@
 //! A worker steps groups of environments on one thread; one kind per lane type, one instantiation per CPU level.
 
-use std::any::Any;
-
+use serde::{Serialize, de::DeserializeOwned};
 use stepper_real::{Level, Mask, Real, Scalar, at_avx512, at_level};
 
 use crate::batch::call::Call;
@@ -16,13 +15,13 @@ use crate::options::StepSettings;
 use crate::step::step;
 
 /// A thread's room to work, with the step compiled for its lanes and CPU level.
-pub trait Worker<S: Scalar>: Any + Send {
+pub trait Worker<S: Scalar>: Send {
     /// Makes the steps of `call` in one group.
     fn run(&mut self, call: &Call<'_, S>, group: &mut Group<S>, at: BatchSlice<'_, '_, S>);
     /// Reads the sensors of one group, whose first environment is `first`.
     fn sense(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, query: Query<'_>);
-    /// Says that somebody else has written to the state of a group.
-    fn forget(&mut self);
+    /// Forgets what it has of the state of its last group: somebody else has written to that.
+    fn forget_state(&mut self);
 }
 
 /// How to make a worker.
@@ -31,13 +30,13 @@ pub struct WorkerSpec<'a, S: Scalar> {
     /// The compiled model.
     pub compiled: &'a CompiledModel<S>,
     /// Settings.
-    pub options: &'a StepSettings,
+    pub settings: &'a StepSettings,
     /// Contacts an environment has room for.
     pub max_contacts: usize,
 }
 
 /// A scalar type with the lanes that step it.
-pub trait Stepped: Scalar {
+pub trait Stepped: Scalar + Serialize + DeserializeOwned {
     /// Lanes of a group in which states are saved, whatever steps them.
     const LANES: usize;
     /// Lanes of a single environment.
@@ -45,7 +44,7 @@ pub trait Stepped: Scalar {
     /// Lanes of a group of many environments, stepped by so many threads.
     fn lanes(compiled: &CompiledModel<Self>, num_envs: usize, threads: usize, level: Level) -> usize;
     /// A worker for groups of `lanes` lanes at a CPU level that this machine has.
-    fn worker(site: &WorkerSpec<'_, Self>, lanes: usize, level: Level) -> Box<dyn Worker<Self>>;
+    fn worker(spec: &WorkerSpec<'_, Self>, lanes: usize, level: Level) -> Box<dyn Worker<Self>>;
     /// An array of a recording in this precision.
     ///
     /// # Panics
@@ -93,11 +92,11 @@ impl Stepped for f64 {
         lanes(8, compiled, num_envs, threads, level)
     }
 
-    fn worker(site: &WorkerSpec<'_, f64>, lanes: usize, level: Level) -> Box<dyn Worker<f64>> {
+    fn worker(spec: &WorkerSpec<'_, f64>, lanes: usize, level: Level) -> Box<dyn Worker<f64>> {
         match lanes {
-            1 => at_level!(level, F64x1, desk(site)),
-            8 => at_level!(level, F64x8, desk(site)),
-            _ => at_avx512!(F64x16, desk(site)),
+            1 => at_level!(level, F64x1, lane_worker(spec)),
+            8 => at_level!(level, F64x8, lane_worker(spec)),
+            _ => at_avx512!(F64x16, lane_worker(spec)),
         }
     }
 
@@ -117,8 +116,8 @@ impl Stepped for f32 {
         lanes(16, compiled, num_envs, threads, level)
     }
 
-    fn worker(site: &WorkerSpec<'_, f32>, lanes: usize, level: Level) -> Box<dyn Worker<f32>> {
-        if lanes == 32 { at_avx512!(F32x32, desk(site)) } else { at_level!(level, F32x16, desk(site)) }
+    fn worker(spec: &WorkerSpec<'_, f32>, lanes: usize, level: Level) -> Box<dyn Worker<f32>> {
+        if lanes == 32 { at_avx512!(F32x32, lane_worker(spec)) } else { at_level!(level, F32x16, lane_worker(spec)) }
     }
 
     fn numbers(array: Numbers<'_>) -> &mut [f32] {
@@ -129,11 +128,11 @@ impl Stepped for f32 {
     }
 }
 
-fn desk<R: Real>(site: &WorkerSpec<'_, R::Scalar>) -> Box<dyn Worker<R::Scalar>> {
+fn lane_worker<R: Real>(spec: &WorkerSpec<'_, R::Scalar>) -> Box<dyn Worker<R::Scalar>> {
     Box::new(LaneWorker {
-        scratch: Workspace::<R>::new(site.compiled, site.options, site.max_contacts),
-        senses: Senses::new(site.compiled, site.max_contacts),
-        compiled: LaneModel::new(site.compiled),
+        scratch: Workspace::<R>::new(spec.compiled, spec.settings, spec.max_contacts),
+        senses: Senses::new(spec.compiled, spec.max_contacts),
+        compiled: LaneModel::new(spec.compiled),
         flags: vec![0; R::LANES],
     })
 }
@@ -152,7 +151,7 @@ impl<R: Real> Worker<R::Scalar> for LaneWorker<R> {
     fn run(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, at: BatchSlice<'_, '_, R::Scalar>) {
         assert_eq!(group.lanes, R::LANES, "a worker steps groups of its own width");
         let BatchSlice { first, share_first, mut share } = at;
-        self.turn_to(call, first);
+        self.load_overrides(call, first);
         self.senses.begin(call, &self.compiled, group, first, &mut self.scratch);
         if !self.scratch.current {
             load(group, &mut self.scratch);
@@ -160,12 +159,12 @@ impl<R: Real> Worker<R::Scalar> for LaneWorker<R> {
         self.scratch.current = false;
         take_up(call, group, first, &mut self.scratch);
         if call.part.from == 0 {
-            forget_faults::<R>(group);
+            clear_faults::<R>(group);
         }
         self.scratch.poses.exchange(&mut group.normals);
-        for control in call.part.controls(call.calls, call.nstep) {
+        for control in call.part.controls(call.schedule) {
             take_up_control(call, control, first, &mut self.scratch);
-            let steps = call.part.steps_of(control, call.nstep);
+            let steps = call.part.steps_of(control, call.schedule);
             let mut residual = R::zero();
             self.flags[..R::LANES].fill(0);
             if let (Some(share), true) = (&share, steps.start > 0) {
@@ -193,21 +192,21 @@ impl<R: Real> Worker<R::Scalar> for LaneWorker<R> {
 
     fn sense(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, query: Query<'_>) {
         assert_eq!(group.lanes, R::LANES, "a worker reads groups of its own width");
-        self.turn_to(call, first);
+        self.load_overrides(call, first);
         let Self { scratch, senses, compiled, .. } = self;
         senses.read(call, compiled, group, first, scratch, query.truth, query.out);
     }
 
-    fn forget(&mut self) {
+    fn forget_state(&mut self) {
         self.scratch.current = false;
     }
 }
 
 impl<R: Real> LaneWorker<R> {
     /// Takes up the parameters of the group whose first environment is `first`.
-    fn turn_to(&mut self, call: &Call<'_, R::Scalar>, first: usize) {
-        if let Some(numbers) = call.own.numbers.get(first / R::LANES) {
-            self.compiled.params.take_up(&call.own.places, numbers);
+    fn load_overrides(&mut self, call: &Call<'_, R::Scalar>, first: usize) {
+        if let Some(numbers) = call.overrides.numbers.get(first / R::LANES) {
+            self.compiled.params.take_up(&call.overrides.places, numbers);
             self.scratch.settle(&self.compiled);
         }
     }
@@ -215,13 +214,13 @@ impl<R: Real> LaneWorker<R> {
     /// Some steps of one control; adds their flags to those that are there, and returns their largest residual and that given.
     fn run_control(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, steps: usize, mut residual: R) -> R {
         let Self { scratch: s, senses, compiled, flags } = self;
-        let (h, flags) = (call.options.timestep, &mut flags[..R::LANES]);
+        let (h, flags) = (call.settings.timestep, &mut flags[..R::LANES]);
         let (mut depth, mut overshoot) = (R::load(&group.depth), R::load(&group.overshoot));
         for _ in 0..steps {
             senses.before_step(s);
-            if let Some(chains) = call.chains {
+            if let Some(pipelines) = call.pipelines {
                 let state = [&s.q[..], &s.v[..]];
-                chains.advance(
+                pipelines.advance(
                     compiled,
                     first / R::LANES,
                     &s.given,
@@ -232,9 +231,9 @@ impl<R: Real> LaneWorker<R> {
                     (&mut s.inputs.ctrl, &mut s.inputs.trains),
                 );
             }
-            let record = step(compiled, call.options, s);
-            if let Some(chains) = call.chains {
-                chains.settle(compiled, first / R::LANES, &mut group.actuation, (&mut s.inputs.ctrl, &mut s.inputs.trains));
+            let record = step(compiled, call.settings, s);
+            if let Some(pipelines) = call.pipelines {
+                pipelines.settle(compiled, first / R::LANES, &mut group.actuation, (&mut s.inputs.ctrl, &mut s.inputs.trains));
             }
             s.elapsed += h;
             let kept = record.non_finite.bits();
@@ -275,8 +274,8 @@ fn count_saturated<R: Real>(compiled: &LaneModel<R>, s: &Workspace<R>, counts: &
     )
 }
 
-/// Begins the counts of a call anew.
-fn forget_faults<R: Real>(group: &mut Group<R::Scalar>) {
+/// Clears the counts and flags of the call before.
+fn clear_faults<R: Real>(group: &mut Group<R::Scalar>) {
     group.status[..R::LANES].fill(0);
     group.depth[..R::LANES].fill(R::Scalar::default());
     group.overshoot[..R::LANES].fill(R::Scalar::default());

@@ -1,16 +1,18 @@
 //! `Stepper.rollout`: many controls in one call, without Python in between.
 
 use numpy::{Element, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArrayMethods};
-use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::exceptions::{PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
-use stepper_core::Precision;
-use stepper_core::batch::rollout::{Numbers, Quantity, Recording};
+use stepper_core::rollout::{Numbers, Quantity, Recording};
+use stepper_core::{Precision, StepInputs};
 
+use crate::arguments::Whole;
 use crate::array::{check_shape, described, readonly, shape_text};
 use crate::error::value_error;
 use crate::options::unknown;
-use crate::stepper::{Stepper, watched};
+use crate::stepper::Stepper;
+use crate::stepper::interruption::watched;
 
 /// What is always written down, so that nothing that went wrong is silent.
 const CERTIFICATE: [&str; 2] = ["status", "residual"];
@@ -72,8 +74,8 @@ impl<'py> Lanes<'py> {
 }
 
 impl Stepper {
-    /// See `_stepper.pyi`.
-    pub(crate) fn roll<'py>(
+    /// See `rollout`.
+    fn roll_out<'py>(
         &mut self,
         py: Python<'py>,
         ctrl: &Bound<'py, PyAny>,
@@ -86,8 +88,8 @@ impl Stepper {
         let quantities = chosen(fields, out)?;
         let mut arrays = Vec::with_capacity(quantities.len());
         for quantity in quantities {
-            let shape = self.rollout_shape(calls, &[self.simulation.width(quantity)]);
-            let array = match self.precision {
+            let shape = self.rollout_shape(calls, &[quantity.width(self.simulation.model())]);
+            let array = match self.simulation.precision() {
                 Precision::F64 => Lanes::F64(Output::new(py, quantity.name(), &shape, out)?),
                 Precision::F32 => Lanes::F32(Output::new(py, quantity.name(), &shape, out)?),
             };
@@ -100,9 +102,9 @@ impl Stepper {
         let recording = Recording { quantities, status: status.numbers()?, residual: residual.numbers()? };
 
         let controls = ctrl.as_slice()?.to_vec();
-        self.copy_applied(py)?;
-        let (inputs, simulation) = (self.copies.inputs(&controls), &mut self.simulation);
-        let roll = || watched(|watch| simulation.rollout_watched(&inputs, [calls, nstep], recording, watch));
+        self.apply(py)?;
+        let (inputs, simulation) = (StepInputs { ctrl: &controls, ..StepInputs::default() }, &mut self.simulation);
+        let roll = || watched(|watch| simulation.rollout_watched(&inputs, calls, nstep, recording, watch));
         let interrupted = py.detach(roll).map_err(value_error)?;
         let written = interrupted.as_ref().map_or(calls, |i| i.steps.div_ceil(nstep.max(1)));
         let result = PyDict::new(py);
@@ -132,6 +134,49 @@ impl Stepper {
     /// (T, num_envs, ...tail)
     fn rollout_shape(&self, calls: usize, tail: &[usize]) -> Vec<usize> {
         std::iter::once(calls).chain(self.shape(tail)).collect()
+    }
+}
+
+#[pymethods]
+impl Stepper {
+    /// Makes `nstep` steps with each of T controls, without Python in between: the bits of T calls of `step`.
+    ///
+    /// A thread keeps its environments for all T controls. `qfrc_applied`, `xfrc_applied` and mocap poses stay as they are
+    /// throughout.
+    ///
+    /// Args:
+    ///     ctrl: Controls, (T, num_envs, nu), or (T, nu) for all environments.
+    ///     nstep: Steps that each control is held.
+    ///     fields: What to write down after every control: "qpos" (T, num_envs, nq), "qvel" (T, num_envs, nv), "act" (T, num_envs,
+    ///         na), "observation" (T, num_envs, nsensordata). None is what `out` names, and without `out` all but "act".
+    ///     out: Arrays to write into, by field: of those shapes, C-contiguous, float64, or float32 with `precision="f32"`.
+    ///
+    /// Returns:
+    ///     The arrays by field; and always "status" (T, num_envs) uint32, the flags of all steps of a control, and "residual"
+    ///     (T, num_envs) float64, the largest residual among them in m/s. Both can be named in `out` too. Afterwards `status` has the
+    ///     flags of all steps of the call, `residual` and `iterations` are those of the last step.
+    ///
+    /// Raises:
+    ///     ValueError: A wrong shape, an unknown field, an array of `out` that cannot be written or is given twice.
+    ///     TypeError: An array of `out` of the wrong dtype.
+    ///     KeyboardInterrupt: As in `step`; `steps` counts those of all controls. Rows of `out` have what followed each control, of
+    ///         the last one what followed the steps that were made; the rows beyond are as they were.
+    #[pyo3(signature = (ctrl, nstep=Whole::Number(1), *, fields=None, out=None), text_signature = "($self, ctrl, nstep=1, *, fields=None, out=None)")]
+    fn rollout<'py>(
+        &mut self,
+        py: Python<'py>,
+        ctrl: Bound<'py, PyAny>,
+        nstep: Whole<'_>,
+        fields: Option<Vec<String>>,
+        out: Option<Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let nstep = nstep.from(0, "nstep")? as usize;
+        if self.recorder.is_some() {
+            return Err(PyRuntimeError::new_err(
+                "this stepper is recorded, and a rollout is not: call step for every control, or close the recording",
+            ));
+        }
+        self.roll_out(py, &ctrl, nstep, fields, out.as_ref())
     }
 }
 

@@ -5,7 +5,7 @@
 
 use std::hint::black_box;
 
-use stepper_core::internals::actuation::forces::{Drive, ForceState, Implicit, Implied};
+use stepper_core::internals::actuation::forces::{ActuatorForces, ForceState, Implicit, ImplicitServos};
 use stepper_core::internals::collision::contact_set::Contacts;
 use stepper_core::internals::collision::detection::GeomPoses;
 use stepper_core::internals::compile::LaneModel;
@@ -125,7 +125,7 @@ pub struct Rig<R: Real> {
     composite: Vec<Inertia<R>>,
     recursion: NewtonEuler<R>,
     bias: Vec<R>,
-    drive: Drive<R>,
+    actuator_forces: ActuatorForces<R>,
     none: Vec<R>,
     q_eval: Vec<R>,
     q_next: Vec<R>,
@@ -160,7 +160,7 @@ impl<R: Real> Rig<R> {
             composite: vec![zero(); compiled.links.len()],
             recursion: NewtonEuler::new(compiled),
             bias: zeros(compiled.nv),
-            drive: Drive::new(compiled),
+            actuator_forces: ActuatorForces::new(compiled),
             none: zeros(compiled.nv),
             q_eval: zeros(compiled.nq),
             q_next: zeros(compiled.nq),
@@ -218,17 +218,18 @@ impl<R: Real> Rig<R> {
             Part::Displace => displace(compiled, &self.q, &self.v, half, &mut self.q_eval),
             Part::Kinematics => self.kinematics.update(compiled, &self.q_eval),
             Part::Mass => {
-                let implicit = Implicit { weights, servos: &self.drive.weight, arms: &self.drive.arms, drag_at: Some(&self.v) };
+                let implicit =
+                    Implicit { weights, servos: &self.actuator_forces.weight, arms: &self.actuator_forces.arms, drag_at: Some(&self.v) };
                 self.smooth.factor_mass(compiled, &self.kinematics, implicit);
             }
             Part::MassMatrix => self.mass_matrix(compiled, weights),
             Part::Factor => self.factor(compiled),
             Part::Actuate => {
                 let at = ForceState::state(&self.q_eval, &self.v, &[], &self.ctrl, &[]);
-                actuate(compiled, &at, Some(Implied { weights, all: true }), &mut self.drive);
+                actuate(compiled, &at, Some(ImplicitServos { weights, all: true }), &mut self.actuator_forces);
             }
             Part::Acceleration => {
-                self.smooth.acceleration(compiled, &self.kinematics, [&self.drive.tau, &self.none], &self.v, &self.v);
+                self.smooth.acceleration(compiled, &self.kinematics, [&self.actuator_forces.tau, &self.none], &self.v, &self.v);
                 advance(&self.v, &self.smooth.acc, h, &mut self.v_free);
             }
             Part::BiasForce => self.bias_force(compiled),
@@ -245,7 +246,7 @@ impl<R: Real> Rig<R> {
             }
             Part::Assemble => {
                 let motion = &self.smooth.work;
-                let (losses, closing) = (&self.drive.losses[..], R::one());
+                let (losses, closing) = (&self.actuator_forces.losses[..], R::one());
                 let (q, v, v_free, alive) = (&self.q_eval[..], &self.v[..], &self.v_free[..], self.alive);
                 let moment = AssemblyInput { q, v, motion, v_free, losses, h, lead: half, closing, alive };
                 s04_assemble::assemble(

@@ -86,7 +86,7 @@ mod sensing;
 mod stages;
 mod step;
 
-pub use actuation::{DriveTrain, Motor, Servo};
+pub use actuation::{ActuatorSpec, Motor, Servo};
 pub use analysis::quantities::Snapshot;
 pub use batch::inputs::{AppliedInput, Episode, Field, StateRows, StepInputs};
 pub use batch::saved_state::SavedState;

@@ -88,9 +88,9 @@ fn moved(pose: &Pose, way: V, turn: V) -> Pose {
 }
 
 /// Whether two hulls of this size are parted for an approach.
-fn are_parted(parting: &SeparatingPlane, pa: &Pose, pb: &Pose, approach: &Approach, size: f64) -> bool {
+fn are_parted(separating_plane: &SeparatingPlane, pa: &Pose, pb: &Pose, approach: &Approach, size: f64) -> bool {
     let mut partings = SeparatingPlanes::<f64>::none();
-    partings.set_lane(0, parting);
+    partings.set_lane(0, separating_plane);
     partings.keep(sub(pb.pos, pa.pos), [&pa.mat, &pb.mat], approach, size)
 }
 
@@ -159,7 +159,7 @@ proptest! {
             let scratch = meet(&first, &pa, &second, &pb, None, None);
             let found = meet(&first, &pa, &second, &pb, known, None);
             prop_assert_eq!(bits(&found.points), bits(&scratch.points));
-            known = found.parting.map(|p| p.known());
+            known = found.separating_plane.map(|p| p.known());
             pb = moved(&pb, scale(way, 10f64.powf(speed)), scale(turn, 10f64.powf(speed)));
         }
     }
@@ -174,16 +174,16 @@ proptest! {
         let fast = Approach { way: scale(way, 10f64.powf(hurry)), ..still };
         let size = size(&a, &b);
         for approach in [still, fast] {
-            let parting = meet(&first, &pa, &second, &pb, None, Some(approach)).parting.expect("they are near");
+            let separating_plane = meet(&first, &pa, &second, &pb, None, Some(approach)).separating_plane.expect("they are near");
             if norm(approach.way) == 0.0 && gap > 1e-3 * size {
-                prop_assert!(are_parted(&parting, &pa, &pb, &Approach { slack: 0.5 * gap, ..still }, size), "not even where they were");
+                prop_assert!(are_parted(&separating_plane, &pa, &pb, &Approach { slack: 0.5 * gap, ..still }, size), "not even where they were");
             }
             for away in [0.0, 0.3, 1.0] {
                 let pb = moved(&pb, scale(way, away * 10f64.powf(speed)), scale(turn, away * 10f64.powf(speed)));
                 let (distance, _) = distance(&first, &pa, &second, &pb);
                 for share in [0.9, 1.0 - 1e-4, 1.0 + 1e-9, 1.1] {
                     let nearest = Approach { slack: distance.max(0.0) * share, ..still };
-                    prop_assert!(!are_parted(&parting, &pa, &pb, &nearest, size) || distance > nearest.slack, "{distance} at {share}");
+                    prop_assert!(!are_parted(&separating_plane, &pa, &pb, &nearest, size) || distance > nearest.slack, "{distance} at {share}");
                 }
             }
         }

@@ -2,7 +2,7 @@
 
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use stepper_core::{DriveTrain, Transfer};
+use stepper_core::{ActuatorSpec, Transfer};
 
 use crate::array::described;
 use crate::model::Model;
@@ -19,7 +19,7 @@ pub(crate) fn drives(
     model: &Py<Model>,
     num_envs: usize,
     envs: Option<&[usize]>,
-) -> PyResult<Vec<Option<DriveTrain>>> {
+) -> PyResult<Vec<Option<ActuatorSpec>>> {
     let envs = envs.map(|envs| numpy::PyArray1::from_iter(actuators.py(), envs.iter().map(|&env| env as i64)));
     let all = resolved(actuators, (model.clone_ref(actuators.py()), num_envs, envs), ["actuators", "drives", "ActuatorModel"])?;
     pythonize::depythonize(&all).map_err(|e| PyValueError::new_err(format!("actuators: {e}")))

@@ -132,7 +132,7 @@ class Drive:
         check_numbers(self, "motor", "servo")
 
     def _row(self, num_envs: int, envs: Envs = None) -> dict[str, Any]:
-        """What the Rust crate's `DriveTrain` holds."""
+        """What the Rust crate's `ActuatorSpec` holds."""
         low, high = (-math.inf, math.inf) if self.limits is None else self.limits
         return {
             **{name: numbers(name, getattr(self, name), num_envs, envs) for name in ("delay", "delay_steps", "lag", "friction")},

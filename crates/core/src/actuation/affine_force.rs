@@ -7,7 +7,7 @@ use crate::math::spatial::*;
 
 /// Numbers of a drive train that acts within a step, per lane, at the actuator's side of its gear.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Train<R> {
+pub struct ActuatorDynamics<R> {
     /// Force of a continuous servo per unit of length, N or N m per unit.
     pub slope: R,
     /// Force of it per unit of velocity.

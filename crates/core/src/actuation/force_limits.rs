@@ -2,8 +2,8 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::actuation::affine_force::{Gauge, Train};
-use crate::compile::CompiledTrain;
+use crate::actuation::affine_force::{ActuatorDynamics, Gauge};
+use crate::compile::CompiledActuatorDynamics;
 use crate::dynamics::implicit_weights::ImplicitWeights;
 
 /// A drive train within a step.
@@ -44,7 +44,7 @@ impl<R: Real> Region<R> {
 
     /// Where a step begins: a law without stiffness is as it is at the velocity before the step, one with is free.
     #[inline(always)]
-    pub(super) fn guess(&mut self, compiled: &CompiledTrain<R::Scalar>, numbers: &Train<R>) {
+    pub(super) fn guess(&mut self, compiled: &CompiledActuatorDynamics<R::Scalar>, numbers: &ActuatorDynamics<R>) {
         let never = R::Mask::splat(false);
         (self.held, self.curve, self.upper) = (never, never, never);
         let plain = self.law.1.eq(R::zero());
@@ -56,8 +56,8 @@ impl<R: Real> Region<R> {
     #[inline(always)]
     pub(super) fn place(
         &mut self,
-        compiled: &CompiledTrain<R::Scalar>,
-        numbers: &Train<R>,
+        compiled: &CompiledActuatorDynamics<R::Scalar>,
+        numbers: &ActuatorDynamics<R>,
         weights: ImplicitWeights<R>,
         along: R,
         back: bool,
@@ -84,7 +84,7 @@ impl<R: Real> Region<R> {
 
     /// The force here, without what the mass matrix does, and what it does.
     #[inline(always)]
-    pub(super) fn force(&self, numbers: &Train<R>, weights: ImplicitWeights<R>) -> (R, R) {
+    pub(super) fn force(&self, numbers: &ActuatorDynamics<R>, weights: ImplicitWeights<R>) -> (R, R) {
         let held = R::select(self.upper, numbers.limits[1], numbers.limits[0]);
         let curve = R::select(self.upper, numbers.stall, -numbers.stall) - numbers.drag * self.before;
         let force = R::select(self.curve, curve, R::select(self.held, held, self.law.0));
@@ -96,7 +96,12 @@ impl<R: Real> Region<R> {
 
 /// Lanes in which a force that the law asks for at a velocity is held at a limit, or on the motor's curve, and at the upper one of these.
 #[inline(always)]
-fn whereabouts<R: Real>(compiled: &CompiledTrain<R::Scalar>, numbers: &Train<R>, force: R, velocity: R) -> [R::Mask; 3] {
+fn whereabouts<R: Real>(
+    compiled: &CompiledActuatorDynamics<R::Scalar>,
+    numbers: &ActuatorDynamics<R>,
+    force: R,
+    velocity: R,
+) -> [R::Mask; 3] {
     let never = R::Mask::splat(false);
     let ([low, high], mut asked) = (numbers.limits, force);
     let (mut held, mut upper) = (never, never);
@@ -118,14 +123,19 @@ fn whereabouts<R: Real>(compiled: &CompiledTrain<R::Scalar>, numbers: &Train<R>,
 
 /// Lanes in which a force that the law asks for at a velocity is cut.
 #[inline(always)]
-pub(crate) fn exceeds<R: Real>(compiled: &CompiledTrain<R::Scalar>, numbers: &Train<R>, force: R, velocity: R) -> R::Mask {
+pub(crate) fn exceeds<R: Real>(
+    compiled: &CompiledActuatorDynamics<R::Scalar>,
+    numbers: &ActuatorDynamics<R>,
+    force: R,
+    velocity: R,
+) -> R::Mask {
     let [held, curve, _] = whereabouts(compiled, numbers, force, velocity);
     held.or(curve)
 }
 
 /// A force within the limits and under the curve of its drive train.
 #[inline(always)]
-pub(crate) fn bounded<R: Real>(compiled: &CompiledTrain<R::Scalar>, numbers: &Train<R>, force: R, velocity: R) -> R {
+pub(crate) fn bounded<R: Real>(compiled: &CompiledActuatorDynamics<R::Scalar>, numbers: &ActuatorDynamics<R>, force: R, velocity: R) -> R {
     let [held, curve, upper] = whereabouts(compiled, numbers, force, velocity);
     let limit = R::select(upper, numbers.limits[1], numbers.limits[0]);
     let edge = R::select(upper, numbers.stall, -numbers.stall) - numbers.drag * velocity;

@@ -32,9 +32,9 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::actuation::affine_force::{AffineForce, Gauge, Motion, Train, outside, within};
+use crate::actuation::affine_force::{ActuatorDynamics, AffineForce, Gauge, Motion, outside, within};
 use crate::actuation::force_limits::Region;
-use crate::compile::{CompiledActuator, CompiledModel, CompiledTrain, LaneModel};
+use crate::compile::{CompiledActuator, CompiledActuatorDynamics, CompiledModel, LaneModel};
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::math::spatial::*;
 
@@ -61,7 +61,7 @@ impl<R: Real> Implicit<'_, R> {
 
 /// What is implicit in stage 1.
 #[derive(Clone, Copy, Debug)]
-pub struct Implied<R> {
+pub struct ImplicitServos<R> {
     /// Shares of damping and stiffness.
     pub weights: ImplicitWeights<R>,
     /// Whether that holds for every servo, or for drive trains alone.
@@ -82,19 +82,19 @@ pub struct ForceState<'a, R: Real> {
     /// Controls, as drive trains hand them on.
     pub ctrl: &'a [R],
     /// Drive trains that act within a step.
-    pub trains: &'a [Train<R>],
+    pub actuator_dynamics: &'a [ActuatorDynamics<R>],
 }
 
 impl<'a, R: Real> ForceState<'a, R> {
     /// A state as it is.
-    pub fn state(q: &'a [R], v: &'a [R], act: &'a [R], ctrl: &'a [R], trains: &'a [Train<R>]) -> Self {
-        Self { q, v, v_at: v, act, ctrl, trains }
+    pub fn state(q: &'a [R], v: &'a [R], act: &'a [R], ctrl: &'a [R], actuator_dynamics: &'a [ActuatorDynamics<R>]) -> Self {
+        Self { q, v, v_at: v, act, ctrl, actuator_dynamics }
     }
 }
 
 /// Forces of one group of lanes.
 #[derive(Clone, Debug)]
-pub struct Drive<R: Real> {
+pub struct ActuatorForces<R: Real> {
     /// Generalized forces of actuators and springs, N or N m. Joint damping is not here: stage 2 takes it implicitly.
     pub tau: Vec<R>,
     /// Forces of actuators alone, within the bounds of joints; left by what is explicit.
@@ -128,7 +128,7 @@ pub struct Drive<R: Real> {
     pub losses: Vec<[R; 2]>,
 }
 
-impl<R: Real> Drive<R> {
+impl<R: Real> ActuatorForces<R> {
     /// Room for a compiled model.
     pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
         let zeros = |n: usize| vec![R::zero(); n];
@@ -147,7 +147,7 @@ impl<R: Real> Drive<R> {
             cut: never(compiled.actuator_force_ranges.len()),
             arms: zeros(compiled.wrench_arms[0]),
             lengths: zeros(compiled.wrench_arms[1]),
-            regions: vec![Region::default(); compiled.trains],
+            regions: vec![Region::default(); compiled.actuator_dynamics],
             fresh: true,
             losses: vec![zero(); if compiled.lossy { compiled.frictions.len() } else { 0 }],
         }
@@ -211,14 +211,14 @@ impl<R: Real> Drive<R> {
     /// Takes over the law of a drive train, where it is on its curve.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "one actuator, every part of it named at the call")]
-    pub(crate) fn set_train(
+    pub(crate) fn set_actuator_dynamics(
         &mut self,
         actuator: usize,
         servo: usize,
         law: &AffineForce<R>,
         motion: &Motion<R>,
-        compiled: &CompiledTrain<R::Scalar>,
-        numbers: &Train<R>,
+        compiled: &CompiledActuatorDynamics<R::Scalar>,
+        numbers: &ActuatorDynamics<R>,
         weights: ImplicitWeights<R>,
     ) {
         let gauge = self.gauges[servo];
@@ -235,8 +235,8 @@ impl<R: Real> Drive<R> {
         &mut self,
         servo: usize,
         actuator: usize,
-        compiled: &CompiledTrain<R::Scalar>,
-        numbers: &Train<R>,
+        compiled: &CompiledActuatorDynamics<R::Scalar>,
+        numbers: &ActuatorDynamics<R>,
         weights: ImplicitWeights<R>,
     ) {
         let (force, weight) = self.regions[compiled.index].force(numbers, weights);
@@ -292,7 +292,7 @@ impl<R: Real> Drive<R> {
     pub fn saturate(
         &mut self,
         compiled: &LaneModel<R>,
-        trains: &[Train<R>],
+        actuator_dynamics: &[ActuatorDynamics<R>],
         weights: ImplicitWeights<R>,
         dv: &[R],
         h: R,
@@ -312,9 +312,9 @@ impl<R: Real> Drive<R> {
                     let actuator = &compiled.actuators[servo.actuator];
                     let along = self.along(actuator, dv);
                     if let Some(train) = actuator.train {
-                        let moved = self.regions[train.index].place(&train, &trains[train.index], weights, along / h, pass < 2);
+                        let moved = self.regions[train.index].place(&train, &actuator_dynamics[train.index], weights, along / h, pass < 2);
                         let moved = moved.and_not(self.saturated[k]);
-                        self.follow(k, servo.actuator, &train, &trains[train.index], weights);
+                        self.follow(k, servo.actuator, &train, &actuator_dynamics[train.index], weights);
                         new = new.or(moved);
                     }
                     self.implied[servo.actuator] = self.force[servo.actuator] - self.weight[k] / h * along;
@@ -347,8 +347,15 @@ impl<R: Real> Drive<R> {
         )
     }
 
-    /// Lanes in which the change of velocity `dv` puts a servo on another side of its bounds than [`Drive::saturate`] expected.
-    pub fn misjudged(&mut self, compiled: &LaneModel<R>, trains: &[Train<R>], weights: ImplicitWeights<R>, dv: &[R], h: R) -> R::Mask {
+    /// Lanes in which the change of velocity `dv` puts a servo on another side of its bounds than [`ActuatorForces::saturate`] expected.
+    pub fn misjudged(
+        &mut self,
+        compiled: &LaneModel<R>,
+        actuator_dynamics: &[ActuatorDynamics<R>],
+        weights: ImplicitWeights<R>,
+        dv: &[R],
+        h: R,
+    ) -> R::Mask {
         R::vectorize(
             #[inline(always)]
             || {
@@ -361,9 +368,9 @@ impl<R: Real> Drive<R> {
                     let [force, weight] = match actuator.train {
                         Some(train) => {
                             let mut region = self.regions[train.index];
-                            let moved = region.place(&train, &trains[train.index], weights, along / h, true);
+                            let moved = region.place(&train, &actuator_dynamics[train.index], weights, along / h, true);
                             wrong = wrong.or(moved.and_not(self.saturated[k]));
-                            let (force, weight) = region.force(&trains[train.index], weights);
+                            let (force, weight) = region.force(&actuator_dynamics[train.index], weights);
                             [force, weight]
                         }
                         None => self.unbounded[k],

@@ -2,17 +2,17 @@
 
 use stepper_real::Real;
 
-use crate::actuation::affine_force::Train;
-use crate::actuation::forces::Drive;
+use crate::actuation::affine_force::ActuatorDynamics;
+use crate::actuation::forces::ActuatorForces;
 use crate::compile::LaneModel;
 use crate::math::spatial::*;
 
-impl<R: Real> Drive<R> {
+impl<R: Real> ActuatorForces<R> {
     /// What drive trains lose at their forces, or at those that are to be expected at the end of the step, left in `losses`.
     ///
     /// A gear that passes on the share e of its power gives e f to what it drives, and asks f / e of what drives it: against a motion along f it
     /// loses (1 - e) |f|, against one the other way (1/e - 1) |f|. At rest its friction is anything in between.
-    pub fn lose(&mut self, compiled: &LaneModel<R>, trains: &[Train<R>], expected: bool) {
+    pub fn lose(&mut self, compiled: &LaneModel<R>, actuator_dynamics: &[ActuatorDynamics<R>], expected: bool) {
         R::vectorize(
             #[inline(always)]
             || {
@@ -21,7 +21,7 @@ impl<R: Real> Drive<R> {
                     let Some(train) = &actuator.train else { continue };
                     let Some((row, arm)) = train.losses else { continue };
                     let force = if expected && compiled.servos_are_bounded { self.implied[a] } else { self.force[a] };
-                    let loss = losses(&trains[train.index], R::splat(arm), force);
+                    let loss = losses(&actuator_dynamics[train.index], R::splat(arm), force);
                     self.losses[row] = add(self.losses[row], loss);
                 }
             },
@@ -29,7 +29,7 @@ impl<R: Real> Drive<R> {
     }
 
     /// Adds to the forces what drive trains lost in a step, by the impulses of their rows of dry friction.
-    pub fn subtract_losses(&mut self, compiled: &LaneModel<R>, trains: &[Train<R>], scalar_impulse: &[R], h: R) {
+    pub fn subtract_losses(&mut self, compiled: &LaneModel<R>, actuator_dynamics: &[ActuatorDynamics<R>], scalar_impulse: &[R], h: R) {
         R::vectorize(
             #[inline(always)]
             || {
@@ -40,7 +40,7 @@ impl<R: Real> Drive<R> {
                     let friction = scalar_impulse[compiled.limits.len() + row] / h;
                     // Of a row that is shared, as much as it may take of the whole.
                     let backwards = friction.gt(R::zero());
-                    let [own, all] = [losses(&trains[train.index], arm, self.force[a]), self.losses[row]].map(
+                    let [own, all] = [losses(&actuator_dynamics[train.index], arm, self.force[a]), self.losses[row]].map(
                         #[inline(always)]
                         |x: [R; 2]| R::select(backwards, x[1], x[0]),
                     );
@@ -58,7 +58,7 @@ impl<R: Real> Drive<R> {
 
 /// Losses (against motion forwards, against motion backwards) on the joint.
 #[inline(always)]
-fn losses<R: Real>(numbers: &Train<R>, arm: R, force: R) -> [R; 2] {
+fn losses<R: Real>(numbers: &ActuatorDynamics<R>, arm: R, force: R) -> [R; 2] {
     let torque = arm * force;
     let (driving, driven) = (R::one() - numbers.efficiency, R::one() / numbers.efficiency - R::one());
     let (along, against) = (torque.abs() * driving, torque.abs() * driven);

@@ -18,5 +18,5 @@ pub mod resampling;
 pub mod site_wrench;
 
 pub use crate::actuation::pipeline::ActuatorPipelines;
-pub use crate::actuation::resampling::{Driven, Redrawn};
-pub use crate::model::drive_train::{DriveTrain, Motor, Servo};
+pub use crate::actuation::resampling::{ActuatorModels, ResampledActuators};
+pub use crate::model::actuator_spec::{ActuatorSpec, Motor, Servo};

@@ -2,11 +2,11 @@
 
 use stepper_real::{Mask, Real, Scalar};
 
-use crate::actuation::affine_force::{Train, within};
+use crate::actuation::affine_force::{ActuatorDynamics, within};
 use crate::actuation::memory::Memory;
 use crate::compile::{CompiledActuator, CompiledModel};
 use crate::math::lanes::DelayLine;
-use crate::model::drive_train::{DriveTrain, any};
+use crate::model::actuator_spec::{ActuatorSpec, any};
 
 /// Number of a train that may differ between environments, in the order of the table.
 #[derive(Clone, Copy)]
@@ -45,7 +45,7 @@ enum Servo {
 
 /// One actuator with a drive train.
 #[derive(Clone, Debug)]
-struct Chain {
+struct ActuatorPipeline {
     actuator: usize,
     servo: Servo,
     lagged: bool,
@@ -64,7 +64,7 @@ struct Chain {
 /// The drive trains of a model's actuators in a batch.
 #[derive(Clone, Debug)]
 pub struct ActuatorPipelines<S> {
-    chains: Vec<Chain>,
+    pipelines: Vec<ActuatorPipeline>,
     /// For every group of lanes the numbers of every train, lane-interleaved.
     tables: Vec<Vec<S>>,
     lanes: usize,
@@ -76,10 +76,10 @@ pub struct ActuatorPipelines<S> {
 }
 
 impl<S: Scalar> ActuatorPipelines<S> {
-    /// `trains` has an entry for every actuator of the model; they are what [`DriveTrain::fold`] returned.
-    pub fn new(trains: &[Option<DriveTrain>], num_envs: usize, lanes: usize, h: f64) -> Self {
-        let mut all = Self { chains: vec![], tables: vec![], lanes, num_envs, memory: 0, lines: 0 };
-        for (actuator, train) in trains.iter().enumerate() {
+    /// `trains` has an entry for every actuator of the model; they are what [`ActuatorSpec::fold`] returned.
+    pub fn new(specs: &[Option<ActuatorSpec>], num_envs: usize, lanes: usize, h: f64) -> Self {
+        let mut all = Self { pipelines: vec![], tables: vec![], lanes, num_envs, memory: 0, lines: 0 };
+        for (actuator, train) in specs.iter().enumerate() {
             let Some(train) = train else { continue };
             let longest = train.longest(num_envs, h);
             let servo = match &train.servo {
@@ -88,40 +88,40 @@ impl<S: Scalar> ActuatorPipelines<S> {
                 Some(_) => Servo::Sampled,
             };
             let line = if longest > 0 { longest + 2 } else { 0 };
-            let (memory, table, lagged) = (all.memory, all.chains.len() * NUMBERS, any(&train.lag));
-            let chain = Chain { actuator, servo, lagged, line, delay: None, memory, cursor: all.lines, table };
+            let (memory, table, lagged) = (all.memory, all.pipelines.len() * NUMBERS, any(&train.lag));
+            let pipeline = ActuatorPipeline { actuator, servo, lagged, line, delay: None, memory, cursor: all.lines, table };
             all.memory += line + 2 * usize::from(lagged) + [0, 1, 3][servo as usize];
             all.lines += usize::from(line > 0);
-            all.chains.push(chain);
+            all.pipelines.push(pipeline);
         }
-        all.tables = vec![vec![S::default(); all.chains.len() * NUMBERS * lanes]; num_envs.div_ceil(lanes)];
-        all.assign(trains, &(0..num_envs).collect::<Vec<_>>(), h);
+        all.tables = vec![vec![S::default(); all.pipelines.len() * NUMBERS * lanes]; num_envs.div_ceil(lanes)];
+        all.assign(specs, &(0..num_envs).collect::<Vec<_>>(), h);
         all
     }
 
     /// Where every delay line is in the memory: its address, and its samples of one number each.
     pub fn delay_lines(&self) -> impl Iterator<Item = DelayLine> {
-        self.chains.iter().filter(|c| c.line > 0).map(|c| DelayLine { at: c.memory, samples: c.line, width: 1 })
+        self.pipelines.iter().filter(|c| c.line > 0).map(|c| DelayLine { at: c.memory, samples: c.line, width: 1 })
     }
 
     /// Gives the environments `envs` the numbers of `trains`, whose lists have one for all of these or one for each; of actuators without an
     /// entry they stay. What is remembered stays too.
-    pub fn assign(&mut self, trains: &[Option<DriveTrain>], envs: &[usize], h: f64) {
+    pub fn assign(&mut self, specs: &[Option<ActuatorSpec>], envs: &[usize], h: f64) {
         let lanes = self.lanes;
-        for chain in &mut self.chains {
-            let Some(train) = &trains[chain.actuator] else { continue };
+        for pipeline in &mut self.pipelines {
+            let Some(train) = &specs[pipeline.actuator] else { continue };
             for (k, &env) in envs.iter().enumerate() {
-                let (table, lane) = (&mut self.tables[env / lanes][chain.table * lanes..], env % lanes);
+                let (table, lane) = (&mut self.tables[env / lanes][pipeline.table * lanes..], env % lanes);
                 // Lanes that are no environment are as the last one.
                 let alike = if env + 1 == self.num_envs { lane..lanes } else { lane..lane + 1 };
                 for (row, x) in table.chunks_exact_mut(lanes).zip(numbers(train, k, h)) {
                     row[alike.clone()].fill(S::from_f64(x));
                 }
             }
-            let at = (chain.table + Number::Delay as usize) * lanes;
+            let at = (pipeline.table + Number::Delay as usize) * lanes;
             let first = self.tables[0][at];
             let shared = self.tables.iter().all(|table| table[at..at + lanes].iter().all(|x| *x == first));
-            chain.delay = shared.then(|| parts(first.to_f64(), chain.servo == Servo::Sampled));
+            pipeline.delay = shared.then(|| parts(first.to_f64(), pipeline.servo == Servo::Sampled));
         }
     }
 
@@ -132,19 +132,19 @@ impl<S: Scalar> ActuatorPipelines<S> {
 
     /// Whether there is no train.
     pub fn is_empty(&self) -> bool {
-        self.chains.is_empty()
+        self.pipelines.is_empty()
     }
 
     /// Numbers of the trains that act within a step, as they are at its end.
-    pub fn load<R: Real<Scalar = S>>(&self, compiled: &CompiledModel<S>, group: usize, trains: &mut [Train<R>]) {
+    pub fn load<R: Real<Scalar = S>>(&self, compiled: &CompiledModel<S>, group: usize, specs: &mut [ActuatorDynamics<R>]) {
         R::vectorize(
             #[inline(always)]
             || {
-                for chain in &self.chains {
-                    let Some(train) = compiled.actuators[chain.actuator].train else { continue };
-                    let table = &self.tables[group][chain.table * R::LANES..];
+                for pipeline in &self.pipelines {
+                    let Some(train) = compiled.actuators[pipeline.actuator].train else { continue };
+                    let table = &self.tables[group][pipeline.table * R::LANES..];
                     let number = |n: Number| get::<R>(table, n as usize);
-                    trains[train.index] = Train {
+                    specs[train.index] = ActuatorDynamics {
                         slope: R::zero(),
                         rate: R::zero(),
                         limits: [number(Number::Low), number(Number::High)],
@@ -154,7 +154,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
                         friction: number(Number::Friction),
                     };
                     if train.servo {
-                        chain.set_gains(table, Number::Decay, &mut trains[train.index]);
+                        pipeline.set_gains(table, Number::Decay, &mut specs[train.index]);
                     }
                 }
             },
@@ -162,13 +162,13 @@ impl<S: Scalar> ActuatorPipelines<S> {
     }
 
     /// The same of one lane.
-    pub fn read(&self, compiled: &CompiledModel<S>, group: usize, lane: usize) -> Vec<Train<f64>> {
-        let mut trains = vec![Train::default(); compiled.trains];
-        for chain in &self.chains {
-            let Some(train) = compiled.actuators[chain.actuator].train else { continue };
-            let number = |n: Number| self.tables[group][(chain.table + n as usize) * self.lanes + lane].to_f64();
+    pub fn read(&self, compiled: &CompiledModel<S>, group: usize, lane: usize) -> Vec<ActuatorDynamics<f64>> {
+        let mut specs = vec![ActuatorDynamics::default(); compiled.actuator_dynamics];
+        for pipeline in &self.pipelines {
+            let Some(train) = compiled.actuators[pipeline.actuator].train else { continue };
+            let number = |n: Number| self.tables[group][(pipeline.table + n as usize) * self.lanes + lane].to_f64();
             let share = if train.servo { 1.0 - number(Number::Decay) } else { 0.0 };
-            trains[train.index] = Train {
+            specs[train.index] = ActuatorDynamics {
                 slope: -share * number(Number::Kp),
                 rate: -share * number(Number::Kd),
                 limits: [number(Number::Low), number(Number::High)],
@@ -178,7 +178,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
                 friction: number(Number::Friction),
             };
         }
-        trains
+        specs
     }
 
     /// Before a step from the state (q, v): the controls `given` become those of the step, and its trains are set. A lane with a control that is not finite takes none of
@@ -193,7 +193,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
         alive: R::Mask,
         h: f64,
         memory: &mut Memory<S>,
-        (ctrl, trains): (&mut [R], &mut [Train<R>]),
+        (ctrl, specs): (&mut [R], &mut [ActuatorDynamics<R>]),
     ) {
         R::vectorize(
             #[inline(always)]
@@ -205,48 +205,48 @@ impl<S: Scalar> ActuatorPipelines<S> {
                 let start = taken.and(R::Mask::from_bits(memory.waiting));
                 memory.waiting &= !taken.bits();
                 ctrl.copy_from_slice(given);
-                for chain in &self.chains {
-                    let table = &self.tables[group][chain.table * R::LANES..];
-                    let actuator = &compiled.actuators[chain.actuator];
-                    let mut u = within(given[chain.actuator], actuator.ctrl_range);
-                    if chain.line > 0 {
-                        u = chain.delayed(table, u, taken, start, memory);
+                for pipeline in &self.pipelines {
+                    let table = &self.tables[group][pipeline.table * R::LANES..];
+                    let actuator = &compiled.actuators[pipeline.actuator];
+                    let mut u = within(given[pipeline.actuator], actuator.ctrl_range);
+                    if pipeline.line > 0 {
+                        u = pipeline.delayed(table, u, taken, start, memory);
                     }
-                    u = match chain.servo {
+                    u = match pipeline.servo {
                         Servo::None => u,
-                        servo => chain.follow(servo, table, actuator, u, [q, v], [taken, start], h, &mut memory.numbers),
+                        servo => pipeline.follow(servo, table, actuator, u, [q, v], [taken, start], h, &mut memory.numbers),
                     };
-                    if chain.lagged {
-                        u = chain.lag(table, actuator, u, [q, v], [taken, start], &mut memory.numbers);
-                        if let (Servo::Continuous, Some(train)) = (chain.servo, actuator.train) {
-                            chain.set_gains(table, Number::Mean, &mut trains[train.index]);
+                    if pipeline.lagged {
+                        u = pipeline.lag(table, actuator, u, [q, v], [taken, start], &mut memory.numbers);
+                        if let (Servo::Continuous, Some(train)) = (pipeline.servo, actuator.train) {
+                            pipeline.set_gains(table, Number::Mean, &mut specs[train.index]);
                         }
                     }
-                    ctrl[chain.actuator] = R::select(taken, u, R::of(f64::NAN));
+                    ctrl[pipeline.actuator] = R::select(taken, u, R::of(f64::NAN));
                 }
             },
         )
     }
 
     /// After a step: what the trains hand on at its end.
-    pub fn settle<R: Real<Scalar = S>>(
+    pub fn hold_outputs<R: Real<Scalar = S>>(
         &self,
         compiled: &CompiledModel<S>,
         group: usize,
         memory: &mut Memory<S>,
-        (ctrl, trains): (&mut [R], &mut [Train<R>]),
+        (ctrl, specs): (&mut [R], &mut [ActuatorDynamics<R>]),
     ) {
         R::vectorize(
             #[inline(always)]
             || {
-                for chain in self.chains.iter().filter(|c| c.lagged) {
-                    let table = &self.tables[group][chain.table * R::LANES..];
-                    let effort: R = get(&memory.numbers, chain.lag_at());
-                    ctrl[chain.actuator] = effort;
-                    if let (Servo::Continuous, Some(train)) = (chain.servo, compiled.actuators[chain.actuator].train) {
-                        let (goal, decay): (R, R) = (get(&memory.numbers, chain.lag_at() + 1), get(table, Number::Decay as usize));
-                        ctrl[chain.actuator] = goal + (effort - goal) * decay;
-                        chain.set_gains(table, Number::Decay, &mut trains[train.index]);
+                for pipeline in self.pipelines.iter().filter(|c| c.lagged) {
+                    let table = &self.tables[group][pipeline.table * R::LANES..];
+                    let effort: R = get(&memory.numbers, pipeline.lag_at());
+                    ctrl[pipeline.actuator] = effort;
+                    if let (Servo::Continuous, Some(train)) = (pipeline.servo, compiled.actuators[pipeline.actuator].train) {
+                        let (goal, decay): (R, R) = (get(&memory.numbers, pipeline.lag_at() + 1), get(table, Number::Decay as usize));
+                        ctrl[pipeline.actuator] = goal + (effort - goal) * decay;
+                        pipeline.set_gains(table, Number::Decay, &mut specs[train.index]);
                     }
                 }
                 for (i, u) in ctrl.iter().enumerate() {
@@ -267,7 +267,7 @@ fn parts(steps: f64, staircase: bool) -> (usize, f64) {
 }
 
 /// The table's row of one environment.
-fn numbers(t: &DriveTrain, env: usize, h: f64) -> [f64; NUMBERS] {
+fn numbers(t: &ActuatorSpec, env: usize, h: f64) -> [f64; NUMBERS] {
     let of = |x: &[f64]| x[env % x.len()];
     let (low, high, lag) = (of(&t.low), of(&t.high), of(&t.lag));
     // e^(-h/lag), and the mean of e^(-t/lag) over the step.
@@ -330,7 +330,7 @@ fn motion<R: Real>(actuator: &CompiledActuator<R::Scalar>, [q, v]: [&[R]; 2]) ->
     [length, velocity]
 }
 
-impl Chain {
+impl ActuatorPipeline {
     fn lag_at(&self) -> usize {
         self.memory + self.line
     }
@@ -341,7 +341,7 @@ impl Chain {
 
     /// Gains of a continuous servo behind its lag: `left` says how much of its past is left.
     #[inline(always)]
-    fn set_gains<R: Real>(&self, table: &[R::Scalar], left: Number, train: &mut Train<R>) {
+    fn set_gains<R: Real>(&self, table: &[R::Scalar], left: Number, train: &mut ActuatorDynamics<R>) {
         let share: R = if self.lagged { R::one() - get::<R>(table, left as usize) } else { R::one() };
         train.slope = -(share * get::<R>(table, Number::Kp as usize));
         train.rate = -(share * get::<R>(table, Number::Kd as usize));

@@ -2,55 +2,55 @@
 //!
 //! What stages a train has, and how long its delay line is, is compiled; the numbers of what is there are not.
 
-use crate::model::drive_train::{DriveTrain, any};
+use crate::model::actuator_spec::{ActuatorSpec, any};
 use crate::model::{Model, label};
 
 /// The drive trains of a simulation.
 #[derive(Clone, Debug)]
-pub struct Driven {
+pub struct ActuatorModels {
     /// The model as they change it.
     pub model: Model,
     /// What was compiled, with what the model gives to them.
-    pub trains: Vec<Option<DriveTrain>>,
+    pub specs: Vec<Option<ActuatorSpec>>,
     /// As they were given, wherever there is a train.
-    made: Vec<Option<DriveTrain>>,
+    made: Vec<Option<ActuatorSpec>>,
     /// As environments have them of their own.
-    drawn: Option<Vec<Option<DriveTrain>>>,
+    drawn: Option<Vec<Option<ActuatorSpec>>>,
 }
 
-/// Numbers that were checked, for [`Driven::take`].
+/// Numbers that were checked, for [`ActuatorModels::take`].
 #[derive(Clone, Debug)]
-pub struct Redrawn {
+pub struct ResampledActuators {
     /// The environments that get them.
     pub envs: Vec<usize>,
     /// For these environments alone, with what the model gives to them; `None` leaves a train as it is.
-    pub trains: Vec<Option<DriveTrain>>,
-    drawn: Option<Vec<Option<DriveTrain>>>,
+    pub specs: Vec<Option<ActuatorSpec>>,
+    drawn: Option<Vec<Option<ActuatorSpec>>>,
 }
 
-impl Driven {
-    /// The trains of a model; see [`DriveTrain::fold`].
+impl ActuatorModels {
+    /// The trains of a model; see [`ActuatorSpec::fold`].
     ///
     /// # Errors
-    /// As [`DriveTrain::fold`].
-    pub fn new(model: &Model, given: &[Option<DriveTrain>], num_envs: usize, h: f64) -> Result<Self, String> {
-        let (folded, trains) = DriveTrain::fold(model, given, num_envs, h)?;
-        let made = trains
+    /// As [`ActuatorSpec::fold`].
+    pub fn new(model: &Model, given: &[Option<ActuatorSpec>], num_envs: usize, h: f64) -> Result<Self, String> {
+        let (folded, specs) = ActuatorSpec::fold(model, given, num_envs, h)?;
+        let made = specs
             .iter()
             .zip(given)
-            .map(|(train, given)| Some(given.clone().unwrap_or_else(DriveTrain::ideal)).filter(|_| train.is_some()));
-        Ok(Self { model: folded, made: made.collect(), trains, drawn: None })
+            .map(|(train, given)| Some(given.clone().unwrap_or_else(ActuatorSpec::ideal)).filter(|_| train.is_some()));
+        Ok(Self { model: folded, made: made.collect(), specs, drawn: None })
     }
 
     /// What environments have of their own.
-    pub fn drawn(&self) -> Option<&[Option<DriveTrain>]> {
+    pub fn drawn(&self) -> Option<&[Option<ActuatorSpec>]> {
         self.drawn.as_deref()
     }
 
     /// Memory of that, bytes.
     pub fn bytes(&self) -> usize {
         let mut drawn = self.drawn.clone();
-        drawn.iter_mut().flatten().flatten().flat_map(DriveTrain::numbers).map(|x| size_of_val(&x[..])).sum()
+        drawn.iter_mut().flatten().flatten().flat_map(ActuatorSpec::numbers).map(|x| size_of_val(&x[..])).sum()
     }
 
     /// What comes of other numbers for the environments `envs`: an entry for every actuator, with lists of one number or one for each of
@@ -61,27 +61,27 @@ impl Driven {
     pub fn resample_actuators(
         &self,
         model: &Model,
-        given: Option<&[Option<DriveTrain>]>,
+        given: Option<&[Option<ActuatorSpec>]>,
         envs: &[usize],
         num_envs: usize,
         h: f64,
-    ) -> Result<Redrawn, String> {
+    ) -> Result<ResampledActuators, String> {
         if envs.is_empty() || (given.is_none() && self.drawn.is_none()) {
-            return Ok(Redrawn { envs: vec![], trains: vec![None; self.made.len()], drawn: self.drawn.clone() });
+            return Ok(ResampledActuators { envs: vec![], specs: vec![None; self.made.len()], drawn: self.drawn.clone() });
         }
         let as_made = || self.made.iter().map(|made| made.as_ref().map(|made| made.of(envs))).collect();
-        let mut trains = given.map_or_else(as_made, <[_]>::to_vec);
+        let mut specs = given.map_or_else(as_made, <[_]>::to_vec);
         let place = |i: usize| format!("drive of actuator {:?}", label(&model.actuators[i].name, i));
         let mut drawn = self.drawn.as_ref().unwrap_or(&self.made).clone();
-        let (folded, mut new) = DriveTrain::fold(model, &trains, envs.len(), h)?;
-        for (i, (train, given)) in new.iter_mut().zip(&mut trains).enumerate() {
+        let (folded, mut new) = ActuatorSpec::fold(model, &specs, envs.len(), h)?;
+        for (i, (train, given)) in new.iter_mut().zip(&mut specs).enumerate() {
             let Some(given) = given else {
                 *train = None;
                 continue;
             };
-            match (&self.trains[i], &mut drawn[i]) {
+            match (&self.specs[i], &mut drawn[i]) {
                 (Some(made), Some(drawn)) => {
-                    let train = train.get_or_insert_with(DriveTrain::ideal);
+                    let train = train.get_or_insert_with(ActuatorSpec::ideal);
                     if let (Some(range), None) = (folded.actuators[i].force_range, self.model.actuators[i].force_range) {
                         train.narrow(range);
                     }
@@ -92,18 +92,18 @@ impl Driven {
                 _ => return Err(format!("{}: the Stepper was made without one; {REMEDY}", place(i))),
             }
         }
-        Ok(Redrawn { envs: envs.to_vec(), trains: new, drawn: Some(drawn).filter(|_| given.is_some() || envs.len() < num_envs) })
+        Ok(ResampledActuators { envs: envs.to_vec(), specs: new, drawn: Some(drawn).filter(|_| given.is_some() || envs.len() < num_envs) })
     }
 
     /// Takes them over.
-    pub fn take(&mut self, redrawn: Redrawn) {
-        self.drawn = redrawn.drawn;
+    pub fn take(&mut self, resampled: ResampledActuators) {
+        self.drawn = resampled.drawn;
     }
 }
 
 const REMEDY: &str = "stages are compiled: give it to Stepper(..., actuators=), if only to one environment";
 
-impl DriveTrain {
+impl ActuatorSpec {
     /// All numbers that environments may have of their own, in an order that depends on the train's stages alone.
     fn numbers(&mut self) -> Vec<&mut Vec<f64>> {
         let mut all = vec![&mut self.delay, &mut self.delay_steps, &mut self.lag, &mut self.low, &mut self.high, &mut self.friction];

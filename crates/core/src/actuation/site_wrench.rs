@@ -3,12 +3,12 @@
 use stepper_real::Real;
 
 use crate::actuation::affine_force::Motion;
-use crate::actuation::forces::Drive;
+use crate::actuation::forces::ActuatorForces;
 use crate::compile::{CompiledActuator, CompiledWrench, LaneModel, Spot};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 
-impl<R: Real> Drive<R> {
+impl<R: Real> ActuatorForces<R> {
     /// Arms and lengths of actuators on sites, at the configuration of `kinematics`; lengths are those after moving on at `v` for `time`.
     pub fn transmit(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], time: R) {
         if self.lengths.is_empty() {

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use nalgebra::{DMatrix, DVector};
 use stepper_real::Real;
 
-use crate::actuation::forces::{Drive, ForceState, Implicit};
+use crate::actuation::forces::{ActuatorForces, ForceState, Implicit};
 use crate::compile::{CompiledTendon, Inertial, LaneModel};
 use crate::dynamics::inertia::{MassMatrix, NewtonEuler, bias_force};
 use crate::dynamics::kinematics::{Kinematics, kinetic_energy};
@@ -114,15 +114,20 @@ impl Snapshot<'_> {
         smooth.factor_mass(compiled, &kinematics, Implicit::none());
         let mut applied = vec![0.0; compiled.nv];
         smooth.apply(compiled, &kinematics, [&self.inputs.qfrc, &self.inputs.xfrc], &mut applied);
-        let mut drive = Drive::new(compiled);
-        drive.transmit(compiled, &kinematics, &self.v, 0.0);
-        actuate(compiled, &ForceState::state(&self.q, &self.v, &self.act, &self.inputs.ctrl, &self.inputs.trains), None, &mut drive);
+        let mut actuator_forces = ActuatorForces::new(compiled);
+        actuator_forces.transmit(compiled, &kinematics, &self.v, 0.0);
+        actuate(
+            compiled,
+            &ForceState::state(&self.q, &self.v, &self.act, &self.inputs.ctrl, &self.inputs.actuator_dynamics),
+            None,
+            &mut actuator_forces,
+        );
         for tendon in &compiled.tendons {
             let Some((spring, _)) = &tendon.spring else { continue };
             let pull = spring.stiffness * self.stretch(tendon) + spring.damping * tendon.length.rate(&self.v);
-            tendon.length.terms.iter().for_each(|&(_, dof, c)| drive.tau[dof] -= c * pull);
+            tendon.length.terms.iter().for_each(|&(_, dof, c)| actuator_forces.tau[dof] -= c * pull);
         }
-        smooth.acceleration(compiled, &kinematics, [&drive.tau, &applied], &self.v, &self.v);
+        smooth.acceleration(compiled, &kinematics, [&actuator_forces.tau, &applied], &self.v, &self.v);
         if compiled.tendons.iter().any(|t| t.spring.as_ref().is_some_and(|(s, _)| s.inertia > 0.0)) {
             self.with_tendon_inertia(&mut smooth);
         }

@@ -1,6 +1,6 @@
 //! What is given to a batch besides its state: sensor and actuator models, and parameters of single environments.
 
-use crate::actuation::{ActuatorPipelines, DriveTrain, memory};
+use crate::actuation::{ActuatorPipelines, ActuatorSpec, memory};
 use crate::batch::capacity::{bytes_per_env, check_memory};
 use crate::batch::environments::{Batch, make_groups};
 use crate::batch::randomization::{Differences, ParameterOverrides};
@@ -20,15 +20,15 @@ pub trait Configuration {
     /// # Errors
     /// [`Error::Sensor`] for a number out of its range, [`Error::Memory`].
     fn set_sensor_models(&mut self, model: &Model, transfers: &[Option<Transfer>]) -> Result<(), Error>;
-    /// Gives the actuators dynamics, `None` to those without; the model and the specs are what [`DriveTrain::fold`] returned. All environments are
+    /// Gives the actuators dynamics, `None` to those without; the model and the specs are what [`ActuatorSpec::fold`] returned. All environments are
     /// new then.
     ///
     /// # Errors
     /// [`Error::Memory`].
-    fn set_actuator_models(&mut self, model: &Model, specs: &[Option<DriveTrain>]) -> Result<(), Error>;
+    fn set_actuator_models(&mut self, model: &Model, specs: &[Option<ActuatorSpec>]) -> Result<(), Error>;
     /// Gives the environments `envs` other numbers of their actuator dynamics: lists of one, or one for each of these; `None` leaves an actuator as
     /// it is.
-    fn resample_actuators(&mut self, specs: &[Option<DriveTrain>], envs: &[usize]);
+    fn resample_actuators(&mut self, specs: &[Option<ActuatorSpec>], envs: &[usize]);
     /// Gives environments parameters that differ from the model's.
     fn override_parameters(&mut self, envs: &[usize], differences: &[Differences]);
     /// Takes the parameters of all environments back.
@@ -55,8 +55,8 @@ impl<S: Stepped> Configuration for Batch<S> {
         Ok(())
     }
 
-    fn set_actuator_models(&mut self, model: &Model, specs: &[Option<DriveTrain>]) -> Result<(), Error> {
-        let (compiled, h) = (CompiledModel::with_trains(model, specs), self.settings.timestep);
+    fn set_actuator_models(&mut self, model: &Model, specs: &[Option<ActuatorSpec>]) -> Result<(), Error> {
+        let (compiled, h) = (CompiledModel::with_actuator_specs(model, specs), self.settings.timestep);
         let some = ActuatorPipelines::<S>::new(specs, self.lanes.min(self.num_envs), self.lanes, h);
         let numbers = (some.memory + model.nu()) * size_of::<S>() + some.lines * size_of::<usize>();
         check_memory(self.num_envs, bytes_per_env(&compiled, self.max_contacts) + numbers + some.bytes().div_ceil(self.lanes))?;
@@ -73,7 +73,7 @@ impl<S: Stepped> Configuration for Batch<S> {
         Ok(())
     }
 
-    fn resample_actuators(&mut self, specs: &[Option<DriveTrain>], envs: &[usize]) {
+    fn resample_actuators(&mut self, specs: &[Option<ActuatorSpec>], envs: &[usize]) {
         if let Some(pipelines) = &mut self.pipelines {
             pipelines.assign(specs, envs, self.settings.timestep);
         }

@@ -3,7 +3,7 @@
 use stepper_real::Level;
 
 use crate::actuation::ActuatorPipelines;
-use crate::actuation::affine_force::Train;
+use crate::actuation::affine_force::ActuatorDynamics;
 use crate::batch::capacity::{bytes_per_env, check_memory, room_for_contacts};
 use crate::batch::inputs::Field;
 use crate::batch::randomization::ParameterOverrides;
@@ -51,7 +51,7 @@ pub trait Environments {
     /// Steps of the last call in which the effort of each actuator was cut to its bounds.
     fn actuator_saturation(&self, env: usize, out: &mut [u32]);
     /// Controls that actuator dynamics hand on, and the numbers of those that act within a step; `None` where there are no dynamics.
-    fn actuator_outputs(&self, env: usize) -> Option<(Vec<f64>, Vec<Train<f64>>)>;
+    fn actuator_outputs(&self, env: usize) -> Option<(Vec<f64>, Vec<ActuatorDynamics<f64>>)>;
     /// Begins a new episode for random numbers: the next one, or the first one under a new seed.
     fn begin_episode(&mut self, env: usize, seed: Option<u64>);
     /// Says as which environment it draws random numbers.
@@ -217,7 +217,7 @@ impl<S: Stepped> Environments for Batch<S> {
         }
     }
 
-    fn actuator_outputs(&self, env: usize) -> Option<(Vec<f64>, Vec<Train<f64>>)> {
+    fn actuator_outputs(&self, env: usize) -> Option<(Vec<f64>, Vec<ActuatorDynamics<f64>>)> {
         let pipelines = self.pipelines.as_ref()?;
         let (group, lane) = self.lane(env);
         let applied = group.actuation.applied.iter().skip(lane).step_by(self.lanes).map(|x| x.to_f64()).collect();

@@ -27,15 +27,15 @@ pub(super) fn store<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R>) {
 }
 
 /// Keeps where the mocap bodies have got to: the end of their ways, if all steps of the call were made.
-pub(super) fn keep_ways<R: Real>(call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, s: &Workspace<R>) {
-    if s.ways.is_empty() {
+pub(super) fn store_mocap_trajectories<R: Real>(call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, s: &Workspace<R>) {
+    if s.mocap_trajectories.is_empty() {
         return;
     }
     let arrived = call.part.to == call.schedule.steps();
     R::vectorize(
         #[inline(always)]
         || {
-            for (way, out) in s.ways.iter().zip(group.mocap.chunks_exact_mut(7 * R::LANES)) {
+            for (way, out) in s.mocap_trajectories.iter().zip(group.mocap.chunks_exact_mut(7 * R::LANES)) {
                 R::store_all(&if arrived { way.end() } else { way.pose_at(R::of(s.elapsed)) }, out);
             }
         },
@@ -62,9 +62,9 @@ pub(super) fn load<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>) {
 }
 
 /// Takes up what the user says for the whole call.
-pub(super) fn take_up<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, s: &mut Workspace<R>) {
+pub(super) fn load_inputs<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, s: &mut Workspace<R>) {
     if let Some(pipelines) = call.pipelines {
-        pipelines.load(call.compiled, first / R::LANES, &mut s.inputs.trains);
+        pipelines.load(call.compiled, first / R::LANES, &mut s.inputs.actuator_dynamics);
     }
     let used = (call.num_envs - first).min(R::LANES);
     for (rows, n, out) in
@@ -98,14 +98,14 @@ fn find_ways<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, firs
                     (0..4).for_each(|i| quat[i].set_lane(l, Scalar::from_f64(call.inputs.mocap_quat[4 * at + i])));
                 }
                 let last = std::array::from_fn(|i| R::load(&group.mocap[(7 * k + i) * R::LANES..]));
-                s.ways[k] = MocapTrajectory::new(last, pos, quat, seconds);
+                s.mocap_trajectories[k] = MocapTrajectory::new(last, pos, quat, seconds);
             }
         },
     )
 }
 
 /// Takes up control number `control` of the call.
-pub(super) fn take_up_control<R: Real>(call: &Call<'_, R::Scalar>, control: usize, first: usize, s: &mut Workspace<R>) {
+pub(super) fn load_control<R: Real>(call: &Call<'_, R::Scalar>, control: usize, first: usize, s: &mut Workspace<R>) {
     let row = call.inputs.ctrl.len() / call.schedule.controls;
     let used = (call.num_envs - first).min(R::LANES);
     let out = if call.pipelines.is_some() { &mut s.given } else { &mut s.inputs.ctrl };

@@ -1,4 +1,4 @@
-//! Theta, environment by environment: parameters that environments have of their own.
+//! Randomization, environment by environment: parameters that environments have of their own.
 //!
 //! It is kept twice: as the fields that the user gave ([`Randomization`]), of which variants of the model are made; and as those numbers of the compiled model
 //! that came out other than the model's ([`ParameterOverrides`]), which is what a step reads.

@@ -2,9 +2,9 @@
 
 use stepper_real::{Mask, Real, Scalar};
 
-use crate::actuation::forces::{Drive, ForceState};
+use crate::actuation::forces::{ActuatorForces, ForceState};
 use crate::batch::call::Call;
-use crate::batch::exchange::{load, take_up};
+use crate::batch::exchange::{load, load_inputs};
 use crate::batch::inputs::StepInputs;
 use crate::batch::state::Group;
 use crate::collision::contact_set::Contacts;
@@ -21,7 +21,7 @@ use crate::step::step;
 /// Room of a worker's sensors.
 pub(super) struct Senses<R: Real> {
     room: Room<R>,
-    drive: Drive<R>,
+    actuator_forces: ActuatorForces<R>,
     work: Option<Work<R>>,
     v_before: Vec<R>,
     acceleration: Vec<R>,
@@ -32,7 +32,7 @@ impl<R: Real> Senses<R> {
         let n = if compiled.sensing.needs.acceleration { compiled.nv } else { 0 };
         Self {
             room: Room::new(compiled, max_contacts),
-            drive: Drive::new(compiled),
+            actuator_forces: ActuatorForces::new(compiled),
             work: None,
             v_before: vec![R::zero(); n],
             acceleration: vec![R::zero(); n],
@@ -84,20 +84,30 @@ impl<R: Real> Senses<R> {
     /// True readings of the state in `s`, left in the room.
     fn sense(&mut self, call: &Call<'_, R::Scalar>, compiled: &LaneModel<R>, group: &Group<R::Scalar>, s: &mut Workspace<R>) {
         let elapsed = R::of(s.elapsed);
-        mocap::place(compiled, &s.ways, elapsed, &mut s.kinematics);
+        mocap::pose_bodies(compiled, &s.mocap_trajectories, elapsed, &mut s.kinematics);
         if compiled.sensing.needs.actuators {
             if compiled.wrench_arms[1] > 0 {
                 s.kinematics.update(compiled, &s.q);
-                self.drive.transmit(compiled, &s.kinematics, &s.v, R::zero());
+                self.actuator_forces.transmit(compiled, &s.kinematics, &s.v, R::zero());
             }
-            actuate(compiled, &ForceState::state(&s.q, &s.v, &s.act, &s.inputs.ctrl, &s.inputs.trains), None, &mut self.drive);
+            actuate(
+                compiled,
+                &ForceState::state(&s.q, &s.v, &s.act, &s.inputs.ctrl, &s.inputs.actuator_dynamics),
+                None,
+                &mut self.actuator_forces,
+            );
             if compiled.lossy {
-                self.drive.lose(compiled, &s.inputs.trains, false);
-                self.drive.subtract_losses(compiled, &s.inputs.trains, &s.constraints.scalar_impulse, R::of(call.settings.timestep));
+                self.actuator_forces.lose(compiled, &s.inputs.actuator_dynamics, false);
+                self.actuator_forces.subtract_losses(
+                    compiled,
+                    &s.inputs.actuator_dynamics,
+                    &s.constraints.scalar_impulse,
+                    R::of(call.settings.timestep),
+                );
             }
         }
         if !self.room.orientation.is_empty() {
-            for (m, way) in compiled.mocap.iter().zip(&s.ways) {
+            for (m, way) in compiled.mocap.iter().zip(&s.mocap_trajectories) {
                 self.room.orientation[m.frame] = R::vectorize(
                     #[inline(always)]
                     || way.quat_at(elapsed),
@@ -106,18 +116,18 @@ impl<R: Real> Senses<R> {
         }
         let mut time = R::zero();
         (0..R::LANES).for_each(|l| time.set_lane(l, Scalar::from_f64(group.time[l])));
-        let moment = SensorInput {
+        let input = SensorInput {
             q: &s.q,
             v: &s.v,
             time,
             h: R::of(call.settings.timestep),
             acceleration: &self.acceleration,
-            drive: &self.drive,
+            actuator_forces: &self.actuator_forces,
             xfrc: if compiled.sensing.needs.wrenches { &s.inputs.xfrc } else { &[] },
             scalar_impulse: &s.constraints.scalar_impulse,
             contacts: &s.contacts,
         };
-        sense(compiled, &mut s.kinematics, &mut self.room, &moment);
+        sense(compiled, &mut s.kinematics, &mut self.room, &input);
     }
 
     fn observe(
@@ -237,7 +247,7 @@ impl<R: Real> Senses<R> {
     fn look(&mut self, call: &Call<'_, R::Scalar>, compiled: &LaneModel<R>, group: &Group<R::Scalar>, first: usize, s: &mut Workspace<R>) {
         let needs = call.compiled.sensing.needs;
         load(group, s);
-        take_up(call, group, first, s);
+        load_inputs(call, group, first, s);
         s.current = false;
         take(&group.sensing.ctrl, &mut s.inputs.ctrl);
         take(&group.sensing.acceleration, &mut self.acceleration);

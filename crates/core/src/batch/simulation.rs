@@ -20,7 +20,7 @@ use std::sync::{Arc, OnceLock};
 
 use stepper_real::Level;
 
-use crate::actuation::Driven;
+use crate::actuation::ActuatorModels;
 use crate::batch::engine::Engine;
 use crate::batch::environments::Batch;
 use crate::batch::inputs::AppliedInputs;
@@ -42,7 +42,7 @@ pub struct Simulation {
     digest: OnceLock<[u8; 32]>,
     compiled: OnceLock<LaneModel<f64>>,
     randomization: Randomization,
-    driven: Option<Driven>,
+    actuator_models: Option<ActuatorModels>,
     /// Controls in force, (num_envs, nu): those of the last step until others are given.
     ctrl: Vec<f64>,
     applied: AppliedInputs,
@@ -118,7 +118,7 @@ impl Simulation {
             digest: OnceLock::new(),
             compiled: OnceLock::new(),
             randomization: Randomization::default(),
-            driven: None,
+            actuator_models: None,
             ctrl,
             applied: AppliedInputs::default(),
             truth: TrueReadings::default(),
@@ -188,8 +188,8 @@ impl Simulation {
     /// The model as the step reads it, in f64.
     fn lane_model(&self) -> &LaneModel<f64> {
         self.compiled.get_or_init(|| {
-            LaneModel::new(&match &self.driven {
-                Some(driven) => CompiledModel::with_trains(&driven.model, &driven.trains),
+            LaneModel::new(&match &self.actuator_models {
+                Some(actuator_models) => CompiledModel::with_actuator_specs(&actuator_models.model, &actuator_models.specs),
                 None => CompiledModel::new(&self.model),
             })
         })

@@ -48,7 +48,7 @@ pub struct Group<S> {
     /// Angular impulses of contact k of lane l, three numbers each; empty when the scene has no torsional or rolling friction.
     pub contact_torque: Vec<S>,
     /// What is known of pairs of hulls that were near one another in the last step.
-    pub normals: SeparationCache,
+    pub separation_cache: SeparationCache,
     /// s, per lane.
     pub time: Vec<f64>,
     /// Flags of the last call, per lane.
@@ -85,8 +85,8 @@ impl<S: Scalar> Group<S> {
             contact_count: vec![0; lanes],
             contact_ids: vec![0; max_contacts * lanes],
             contact_data: zeros(max_contacts * CONTACT_NUMBERS),
-            contact_torque: zeros(if compiled.wide { 3 * max_contacts } else { 0 }),
-            normals: SeparationCache::new(compiled, lanes),
+            contact_torque: zeros(if compiled.has_rolling_friction { 3 * max_contacts } else { 0 }),
+            separation_cache: SeparationCache::new(compiled, lanes),
             time: vec![0.0; lanes],
             status: vec![0; lanes],
             saturated: vec![0; if compiled.efforts_are_bounded() { compiled.actuators.len() * lanes } else { 0 }],
@@ -108,7 +108,7 @@ impl<S: Scalar> Group<S> {
         }
         self.contact_ids.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = 0);
         self.contact_count[lane] = 0;
-        self.normals.forget(lane);
+        self.separation_cache.forget(lane);
         self.status[lane] = Status::OK.bits();
         self.saturated.iter_mut().skip(lane).step_by(lanes).for_each(|n| *n = 0);
         for number in [&mut self.residual, &mut self.iterations, &mut self.depth, &mut self.overshoot] {
@@ -130,7 +130,7 @@ impl<S: Scalar> Group<S> {
             + counts
             + size_of_val(&self.contact_ids[..])
             + size_of_val(&self.time[..])
-            + self.normals.bytes()
+            + self.separation_cache.bytes()
             + self.sensing.bytes()
             + self.actuation.bytes()
     }
@@ -144,7 +144,7 @@ impl<S: Scalar> Group<S> {
             (g.lanes, g.alive, numbers, [&g.contact_count, &g.status, &g.saturated].map(Vec::len), g.contact_ids.len(), g.time.len())
         };
         sizes(self) == sizes(other)
-            && self.normals.fits(&other.normals)
+            && self.separation_cache.fits(&other.separation_cache)
             && self.sensing.fits(&other.sensing)
             && self.actuation.fits(&other.actuation)
     }
@@ -166,7 +166,7 @@ impl<S: Scalar> Group<S> {
             let unused = self.contact_torque.iter_mut().skip(held * 3 * lanes + lane);
             unused.step_by(lanes).for_each(|x| *x = S::default());
         }
-        self.normals.tidy();
+        self.separation_cache.tidy();
         self
     }
 
@@ -188,7 +188,7 @@ impl<S: Scalar> Group<S> {
             contact_ids: columns(&self.contact_ids, lanes, first, n),
             contact_data: numbers(&self.contact_data),
             contact_torque: numbers(&self.contact_torque),
-            normals: self.normals.part(first, n),
+            separation_cache: self.separation_cache.part(first, n),
             time: columns(&self.time, lanes, first, n),
             status: words(&self.status),
             saturated: words(&self.saturated),
@@ -228,7 +228,7 @@ impl<S: Scalar> Group<S> {
         }
         set_columns(&mut self.contact_ids, lanes, first, n, &part.contact_ids);
         set_columns(&mut self.time, lanes, first, n, &part.time);
-        self.normals.set_part(first, n, &part.normals);
+        self.separation_cache.set_part(first, n, &part.separation_cache);
         self.sensing.set_part(first, n, &part.sensing);
         self.actuation.set_part(lanes, first, n, &part.actuation);
     }

@@ -4,7 +4,7 @@ use serde::{Serialize, de::DeserializeOwned};
 use stepper_real::{Level, Mask, Real, Scalar, at_avx512, at_level};
 
 use crate::batch::call::Call;
-use crate::batch::exchange::{keep_ways, load, store, take_up, take_up_control};
+use crate::batch::exchange::{load, load_control, load_inputs, store, store_mocap_trajectories};
 use crate::batch::rollout::{Numbers, Quantity, Share};
 use crate::batch::sensors::Senses;
 use crate::batch::state::Group;
@@ -157,13 +157,13 @@ impl<R: Real> Worker<R::Scalar> for LaneWorker<R> {
             load(group, &mut self.scratch);
         }
         self.scratch.current = false;
-        take_up(call, group, first, &mut self.scratch);
+        load_inputs(call, group, first, &mut self.scratch);
         if call.part.from == 0 {
             clear_faults::<R>(group);
         }
-        self.scratch.poses.exchange(&mut group.normals);
+        self.scratch.poses.exchange(&mut group.separation_cache);
         for control in call.part.controls(call.schedule) {
-            take_up_control(call, control, first, &mut self.scratch);
+            load_control(call, control, first, &mut self.scratch);
             let steps = call.part.steps_of(control, call.schedule);
             let mut residual = R::zero();
             self.flags[..R::LANES].fill(0);
@@ -178,13 +178,13 @@ impl<R: Real> Worker<R::Scalar> for LaneWorker<R> {
             }
         }
         let s = &mut self.scratch;
-        s.poses.exchange(&mut group.normals);
+        s.poses.exchange(&mut group.separation_cache);
         if call.part.to > call.part.from {
             self.senses.remember(group, s);
             store(group, s);
         }
         if call.part.ends && call.part.to > 0 {
-            keep_ways(call, group, s);
+            store_mocap_trajectories(call, group, s);
         }
         // Who has one group alone goes on with it.
         s.current = call.num_envs <= R::LANES;
@@ -206,8 +206,8 @@ impl<R: Real> LaneWorker<R> {
     /// Takes up the parameters of the group whose first environment is `first`.
     fn load_overrides(&mut self, call: &Call<'_, R::Scalar>, first: usize) {
         if let Some(numbers) = call.overrides.numbers.get(first / R::LANES) {
-            self.compiled.params.take_up(&call.overrides.places, numbers);
-            self.scratch.settle(&self.compiled);
+            self.compiled.params.load_lanes(&call.overrides.places, numbers);
+            self.scratch.update_static_poses(&self.compiled);
         }
     }
 
@@ -228,12 +228,17 @@ impl<R: Real> LaneWorker<R> {
                     s.alive,
                     h,
                     &mut group.actuation,
-                    (&mut s.inputs.ctrl, &mut s.inputs.trains),
+                    (&mut s.inputs.ctrl, &mut s.inputs.actuator_dynamics),
                 );
             }
             let record = step(compiled, call.settings, s);
             if let Some(pipelines) = call.pipelines {
-                pipelines.settle(compiled, first / R::LANES, &mut group.actuation, (&mut s.inputs.ctrl, &mut s.inputs.trains));
+                pipelines.hold_outputs(
+                    compiled,
+                    first / R::LANES,
+                    &mut group.actuation,
+                    (&mut s.inputs.ctrl, &mut s.inputs.actuator_dynamics),
+                );
             }
             s.elapsed += h;
             let kept = record.non_finite.bits();
@@ -268,7 +273,7 @@ fn count_saturated<R: Real>(compiled: &LaneModel<R>, s: &Workspace<R>, counts: &
         #[inline(always)]
         || {
             for (actuator, counts) in counts.chunks_exact_mut(R::LANES).enumerate() {
-                count(s.drive.is_cut(compiled, actuator).and(s.alive).bits(), counts);
+                count(s.actuator_forces.is_cut(compiled, actuator).and(s.alive).bits(), counts);
             }
         },
     )

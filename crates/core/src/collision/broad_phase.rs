@@ -28,7 +28,7 @@ struct Ball {
 pub(crate) struct Broad {
     balls: Vec<Ball>,
     cells: Vec<(u64, u32)>,
-    loose: Vec<u32>,
+    without_cell: Vec<u32>,
     found: Vec<u64>,
     /// Number of a pair in the compiled model, and the lanes (bits) in which it can touch; ascending.
     pub(crate) pairs: Vec<(usize, u32)>,
@@ -70,10 +70,10 @@ impl Broad {
         let limit = widest.min(2.0 * crowd.widest);
         let per_metre = 0.5 / limit;
         self.cells.clear();
-        self.loose.clear();
+        self.without_cell.clear();
         for (i, ball) in self.balls.iter().enumerate() {
             if ball.radius > limit {
-                self.loose.push(i as u32);
+                self.without_cell.push(i as u32);
             } else {
                 self.cells.push((key(ball.centre.map(|x| x * per_metre)), i as u32));
             }
@@ -103,8 +103,8 @@ impl Broad {
     }
 
     fn visit_loose(&mut self, lane: u64) {
-        for (k, &a) in self.loose.iter().enumerate() {
-            let rest = self.cells.iter().map(|c| c.1).chain(self.loose[k + 1..].iter().copied());
+        for (k, &a) in self.without_cell.iter().enumerate() {
+            let rest = self.cells.iter().map(|c| c.1).chain(self.without_cell[k + 1..].iter().copied());
             for b in rest {
                 offer(&self.balls, &mut self.found, a, b, lane);
             }

@@ -86,9 +86,9 @@ impl<R: Real> GeomPoses<R> {
     }
 
     /// Takes what a group's last step left, and leaves what was found last: before a group's steps and after them.
-    pub(crate) fn exchange(&mut self, normals: &mut SeparationCache) {
-        if !normals.is_empty() {
-            std::mem::swap(&mut self.search.found, normals);
+    pub(crate) fn exchange(&mut self, separation_cache: &mut SeparationCache) {
+        if !separation_cache.is_empty() {
+            std::mem::swap(&mut self.search.found, separation_cache);
         }
     }
 
@@ -101,7 +101,7 @@ impl<R: Real> GeomPoses<R> {
     }
 
     /// Places the geoms that are fixed to the world, where environments may have them elsewhere.
-    pub(crate) fn settle(&mut self, compiled: &LaneModel<R>) {
+    pub(crate) fn update_static_poses(&mut self, compiled: &LaneModel<R>) {
         for (i, _) in compiled.geoms.iter().enumerate().filter(|(_, g)| g.frame == 0) {
             self.placed.pos[i] = compiled.params.geom_pos(i);
         }
@@ -147,7 +147,7 @@ impl<R: Real> Placed<R> {
 
     /// Places the geoms that are not fixed to the world.
     #[inline(always)]
-    pub(crate) fn place(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
+    pub(crate) fn update_poses(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
         for (i, g) in compiled.geoms.iter().enumerate() {
             if g.frame == 0 {
                 continue;
@@ -230,7 +230,7 @@ impl<R: Real> Scene<'_, R> {
         search: &mut Search,
         contacts: &mut Contacts<R>,
     ) -> R::Mask {
-        self.meet(index, pair, near, search, contacts);
+        self.test_pair(index, pair, near, search, contacts);
         if self.leads { near.and(self.leads_too_far(pair)) } else { R::Mask::splat(false) }
     }
 
@@ -247,15 +247,15 @@ impl<R: Real> Scene<'_, R> {
     #[inline(always)]
     fn leads_too_far(&self, pair: &CompiledPair<R::Scalar>) -> R::Mask {
         let [a, b] = pair.geoms;
-        let thin = self.compiled.tunnelling_distance(pair.geoms);
-        let far = (self.poses.lead[a] + self.poses.lead[b]).gt(thin);
+        let distance = self.compiled.tunnelling_distance(pair.geoms);
+        let far = (self.poses.lead[a] + self.poses.lead[b]).gt(distance);
         if far.none() {
             return far;
         }
         // Limbs that fly along together are fast and yet do not pass one another, and what is apart again has gone the whole way through. (Where
         // that chord is shorter than this, a graze an eighth as deep as the two are thick is missed.)
         let gap = self.gap(pair);
-        let through = R::select(gap.gt(R::zero()), gap + thin + thin, thin);
+        let through = R::select(gap.gt(R::zero()), gap + distance + distance, distance);
         far.and(self.way_past(a, b).min(self.way_past(b, a)).gt(through))
     }
 

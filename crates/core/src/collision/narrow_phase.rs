@@ -19,7 +19,7 @@ impl<R: Real> Scene<'_, R> {
     /// Takes up the contacts of a pair in the lanes `near`. A kernel of its own: inlined where it is called, it and what it offers would
     /// take most of the time of a build.
     #[inline(never)]
-    pub(crate) fn meet(
+    pub(crate) fn test_pair(
         &self,
         index: usize,
         pair: &CompiledPair<R::Scalar>,
@@ -180,9 +180,9 @@ impl<R: Real> Scene<'_, R> {
             if let Some(moving) = &approach {
                 reach.approach = Some(moving.lane(lane));
             }
-            let (points, parting) = narrow.collide([&first, &second], poses, reach);
-            if let Some(parting) = parting {
-                found.keep(lane, index, &parting);
+            let (points, separating_plane) = narrow.collide([&first, &second], poses, reach);
+            if let Some(separating_plane) = separating_plane {
+                found.keep(lane, index, &separating_plane);
             }
             for p in points {
                 let point = ContactPoint { distance: R::of(p.distance), pos: p.pos.map(R::of), normal: p.normal.map(R::of) };
@@ -223,15 +223,15 @@ impl<R: Real> Scene<'_, R> {
         let Search { known, found, .. } = search;
         let mut partings = SeparatingPlanes::none();
         for lane in each_of(near.bits()) {
-            if let Some(parting) = known.of(lane, index) {
-                partings.set_lane(lane, parting);
+            if let Some(separating_plane) = known.of(lane, index) {
+                partings.set_lane(lane, separating_plane);
             }
         }
         let apart = sub(self.poses.pos[b], self.poses.pos[a]);
         let parted = near.and(partings.keep(apart, [&self.poses.mat[a], &self.poses.mat[b]], approach, size));
         for lane in each_of(parted.bits()) {
-            if let Some(parting) = known.of(lane, index) {
-                found.keep(lane, index, parting);
+            if let Some(separating_plane) = known.of(lane, index) {
+                found.keep(lane, index, separating_plane);
             }
         }
         parted

@@ -16,10 +16,10 @@ const PLACES: usize = 16;
 struct Held {
     /// Number of the pair in the compiled model.
     pair: u32,
-    parting: SeparatingPlane,
+    separating_plane: SeparatingPlane,
 }
 
-const NONE: Held = Held { pair: u32::MAX, parting: SeparatingPlane::NONE };
+const NONE: Held = Held { pair: u32::MAX, separating_plane: SeparatingPlane::NONE };
 
 /// The normals of all lanes of a group.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -57,15 +57,15 @@ impl SeparationCache {
     /// What is known of a pair.
     #[inline(always)]
     pub(crate) fn of(&self, lane: usize, pair: usize) -> Option<&SeparatingPlane> {
-        self.held[self.used(lane)].iter().find(|h| h.pair == pair as u32).map(|h| &h.parting)
+        self.held[self.used(lane)].iter().find(|h| h.pair == pair as u32).map(|h| &h.separating_plane)
     }
 
     /// Keeps what is known of a pair that nothing is kept of yet, while there is room.
     #[inline(always)]
-    pub(crate) fn keep(&mut self, lane: usize, pair: usize, parting: &SeparatingPlane) {
+    pub(crate) fn keep(&mut self, lane: usize, pair: usize, separating_plane: &SeparatingPlane) {
         let next = self.used(lane);
         if next.len() < self.places {
-            self.held[next.end] = Held { pair: pair as u32, parting: *parting };
+            self.held[next.end] = Held { pair: pair as u32, separating_plane: *separating_plane };
             self.count[lane] += 1;
         }
     }

@@ -19,7 +19,7 @@ pub fn may_have_passed<R: Real>(
     alive: R::Mask,
     poses: &mut GeomPoses<R>,
 ) -> R::Mask {
-    if !compiled.has_thin {
+    if !compiled.can_tunnel {
         return R::Mask::splat(false);
     }
     let GeomPoses { placed, slack, near, near_count, broad, .. } = poses;
@@ -101,8 +101,8 @@ impl<R: Real> Placed<R> {
             return R::Mask::splat(false);
         }
         let way = self.lead[a] + self.lead[b];
-        let thin = compiled.tunnelling_distance(pair.geoms);
-        let far = way.gt(thin);
+        let distance = compiled.tunnelling_distance(pair.geoms);
+        let far = way.gt(distance);
         if far.none() {
             return far;
         }
@@ -110,7 +110,7 @@ impl<R: Real> Placed<R> {
         let apart = sub(self.pos[b], self.pos[a]);
         let meets = far.and(dot(apart, apart).lt(reach * reach));
         let unseen = way.gt(self.travel[a] + self.travel[b] + slack);
-        let bends = (self.bend(compiled, a, h) + self.bend(compiled, b, h)).gt(thin);
+        let bends = (self.bend(compiled, a, h) + self.bend(compiled, b, h)).gt(distance);
         meets.and(unseen.or(bends))
     }
 

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use stepper_real::Scalar;
 
-use crate::actuation::DriveTrain;
+use crate::actuation::ActuatorSpec;
 use crate::compile::merging::{Merged, matrix, quaternion, vector};
 use crate::compile::tree::{CompiledFriction, Dof, scalars};
 use crate::model::{Activation, Actuator, JointKind, Model, Transmission};
@@ -31,7 +31,7 @@ pub struct CompiledActuator<S> {
     /// Its place among the servos.
     pub servo: Option<usize>,
     /// What of its drive train acts within a step.
-    pub train: Option<CompiledTrain<S>>,
+    pub train: Option<CompiledActuatorDynamics<S>>,
 }
 
 /// Where a site is.
@@ -66,7 +66,7 @@ pub struct CompiledWrench<S> {
 
 /// What of a drive train acts within a step: bounds and laws that differ between environments.
 #[derive(Clone, Copy, Debug)]
-pub struct CompiledTrain<S> {
+pub struct CompiledActuatorDynamics<S> {
     /// Its place among those trains.
     pub index: usize,
     /// Whether it is a servo whose law is continuous.
@@ -125,17 +125,17 @@ pub(super) struct Drives<S> {
     pub(super) arms: usize,
     pub(super) wrenches: usize,
     /// Trains that act within a step.
-    pub(super) trains: usize,
+    pub(super) actuator_dynamics: usize,
 }
 
 impl<S: Scalar> Drives<S> {
     /// `trains` has an entry for every actuator of the model, or none at all.
-    pub(super) fn new(scene: Scene<'_>, trains: &[Option<DriveTrain>]) -> Self {
+    pub(super) fn new(scene: Scene<'_>, specs: &[Option<ActuatorSpec>]) -> Self {
         let model = scene.model;
-        let mut drives = Self { actuators: vec![], servos: vec![], force_ranges: vec![], arms: 0, wrenches: 0, trains: 0 };
+        let mut drives = Self { actuators: vec![], servos: vec![], force_ranges: vec![], arms: 0, wrenches: 0, actuator_dynamics: 0 };
         let mut na = 0;
         for (i, actuator) in model.actuators.iter().enumerate() {
-            let train = trains.get(i).and_then(Option::as_ref);
+            let train = specs.get(i).and_then(Option::as_ref);
             drives.push(scene, actuator, train, &mut na);
         }
         let bounded = model.joints.iter().zip(scene.addresses).filter(|(j, _)| matches!(j.kind, JointKind::Hinge | JointKind::Slide));
@@ -144,7 +144,7 @@ impl<S: Scalar> Drives<S> {
         drives
     }
 
-    fn push(&mut self, scene: Scene<'_>, a: &Actuator, train: Option<&DriveTrain>, na: &mut usize) {
+    fn push(&mut self, scene: Scene<'_>, a: &Actuator, train: Option<&ActuatorSpec>, na: &mut usize) {
         let addresses = scene.addresses;
         let arms: Vec<(usize, f64)> = match a.transmission {
             Transmission::Joint(j) => vec![(j, 1.0)],
@@ -199,7 +199,7 @@ impl<S: Scalar> Drives<S> {
     }
 
     /// What of a train acts within a step; delay, lag and sampled servos act between steps.
-    fn train(&mut self, scene: Scene<'_>, a: &Actuator, train: Option<&DriveTrain>) -> Option<CompiledTrain<S>> {
+    fn train(&mut self, scene: Scene<'_>, a: &Actuator, train: Option<&ActuatorSpec>) -> Option<CompiledActuatorDynamics<S>> {
         let train = train?;
         let row = |j: usize| scene.frictions.iter().position(|f| f.dof == scene.addresses[j].1);
         let losses = match a.transmission {
@@ -208,8 +208,8 @@ impl<S: Scalar> Drives<S> {
         };
         let (servo, motor, limited) = (train.is_continuous_servo(), train.curve(), train.is_limited());
         let acts = servo || motor.is_some() || limited || losses.is_some();
-        self.trains += usize::from(acts);
-        acts.then(|| CompiledTrain { index: self.trains - 1, servo, motor, limited, losses })
+        self.actuator_dynamics += usize::from(acts);
+        acts.then(|| CompiledActuatorDynamics { index: self.actuator_dynamics - 1, servo, motor, limited, losses })
     }
 
     fn force_range(&self, dof: usize, range: [f64; 2]) -> CompiledForceRange<S> {

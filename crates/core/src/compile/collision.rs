@@ -63,7 +63,7 @@ pub struct Crowd<S> {
     filter: Filter,
     /// Of every geom of the model.
     shapes: Vec<Shape>,
-    wide: bool,
+    has_rolling_friction: bool,
     scalar: PhantomData<S>,
 }
 
@@ -125,8 +125,8 @@ impl<S: Scalar> Crowd<S> {
     }
 
     /// Whether any of its pairs can have more than sliding friction.
-    pub fn is_wide(&self) -> bool {
-        self.wide
+    pub fn has_rolling_friction(&self) -> bool {
+        self.has_rolling_friction
     }
 
     /// Bound on the contacts that its pairs can have at once, m members having no more neighbours than fit around them.
@@ -180,8 +180,8 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
         }
     }
     let crowd = (!members.is_empty()).then(|| Crowd {
-        widest: members.iter().map(|m| bound(model, &model.geoms[m.model_geom].shape) + m.margin).fold(0.0, f64::max),
-        wide: members.iter().any(|m| model.geoms[m.model_geom].condim > 3),
+        widest: members.iter().map(|m| bounding_radius(model, &model.geoms[m.model_geom].shape) + m.margin).fold(0.0, f64::max),
+        has_rolling_friction: members.iter().any(|m| model.geoms[m.model_geom].condim > 3),
         members,
         first: pairs.len(),
         filter,
@@ -194,7 +194,7 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
 /// For every geom whether it is one of a crowd; none is, where a list of pairs is short.
 fn crowded(model: &Model) -> Vec<bool> {
     let can = |g: &Geom| (g.contype | g.conaffinity) != 0 && !g.shape.is_surface() && !matches!(g.shape, Shape::Plane);
-    let size = |g: &Geom| bound(model, &g.shape);
+    let size = |g: &Geom| bounding_radius(model, &g.shape);
     let mut sizes: Vec<f64> = model.geoms.iter().filter(|g| can(g)).map(size).collect();
     sizes.sort_by(f64::total_cmp);
     let median = sizes.get(sizes.len() / 2).copied().unwrap_or(0.0);
@@ -218,13 +218,13 @@ fn listed_pairs(model: &Model, filter: &Filter, among: &[bool]) -> Vec<GeomPair>
 /// How large and how thin a geom is.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bulk {
-    pub(super) bound: f64,
-    pub(super) inner: f64,
+    pub(super) bounding_radius: f64,
+    pub(super) inscribed_radius: f64,
 }
 
 pub(super) fn bulk(model: &Model, geom: usize) -> Bulk {
     let shape = &model.geoms[geom].shape;
-    Bulk { bound: bound(model, shape), inner: inner(model, shape) }
+    Bulk { bounding_radius: bounding_radius(model, shape), inscribed_radius: inscribed_radius(model, shape) }
 }
 
 fn pair_plan<S: Scalar>(pair: &GeomPair, kernel: Kernel, geoms: [usize; 2]) -> CompiledPair<S> {
@@ -257,13 +257,13 @@ pub(super) fn size(shape: &Shape) -> [f64; 3] {
 }
 
 /// Half the least width: nothing for a surface, and a mesh is taken for a tenth as thin as it is wide.
-fn inner(model: &Model, shape: &Shape) -> f64 {
+fn inscribed_radius(model: &Model, shape: &Shape) -> f64 {
     let least = |sizes: &[f64]| sizes.iter().copied().fold(f64::INFINITY, f64::min);
     match *shape {
         Shape::Plane => f64::INFINITY,
         _ if shape.is_surface() => 0.0,
         Shape::Sphere { radius } | Shape::Capsule { radius, .. } => radius,
-        Shape::Mesh { .. } | Shape::HeightField { .. } => 0.1 * bound(model, shape),
+        Shape::Mesh { .. } | Shape::HeightField { .. } => 0.1 * bounding_radius(model, shape),
         Shape::Cylinder { radius, half_length } => radius.min(half_length),
         Shape::Ellipsoid { radii } => least(&radii),
         Shape::Box { half } => least(&half),
@@ -296,7 +296,7 @@ fn solid(model: &Model, shape: &Shape) -> Solid {
 const CHECKED: &str = "a finished model has the form of every geom that can touch others";
 
 /// Radius of a ball about the geom's origin that holds it.
-fn bound(model: &Model, shape: &Shape) -> f64 {
+fn bounding_radius(model: &Model, shape: &Shape) -> f64 {
     match *shape {
         Shape::Plane => f64::INFINITY,
         // A mesh that nothing can touch comes without its form.

@@ -5,7 +5,7 @@
 
 use stepper_real::Scalar;
 
-use crate::compile::actuators::{CompiledActuator, CompiledForceRange, CompiledServo, CompiledTrain};
+use crate::compile::actuators::{CompiledActuator, CompiledActuatorDynamics, CompiledForceRange, CompiledServo};
 use crate::compile::collision::{CompiledGeom, CompiledPair, Crowd};
 use crate::compile::equality::{CompiledTendon, EqualityBlock};
 use crate::compile::merging::Merged;
@@ -64,7 +64,7 @@ pub struct CompiledModel<S: Scalar> {
     /// Which links nothing holds; empty if all are held.
     pub floating: Vec<bool>,
     /// Whether any pair can have torsional or rolling friction.
-    pub wide: bool,
+    pub has_rolling_friction: bool,
     /// Joint limits.
     pub limits: Vec<CompiledLimit>,
     /// Dry friction.
@@ -90,13 +90,13 @@ pub struct CompiledModel<S: Scalar> {
     /// Arms of all wrenches at sites, and how many wrenches there are.
     pub wrench_arms: [usize; 2],
     /// Drive trains that act within a step.
-    pub trains: usize,
+    pub actuator_dynamics: usize,
     /// Whether drive trains lose effort to friction.
     pub lossy: bool,
     /// Sensors: what each reads.
     pub sensing: CompiledSensing<S>,
     /// Whether there are pairs that can pass through one another: anything but half spaces and height fields.
-    pub has_thin: bool,
+    pub can_tunnel: bool,
     /// Contacts that can exist at once.
     pub contact_points: usize,
     pub(crate) merged: Merged,
@@ -131,7 +131,7 @@ impl<S: Scalar> CompiledModel<S> {
 
     /// Whether any actuator's effort has bounds.
     pub fn efforts_are_bounded(&self) -> bool {
-        let bounded = |t: &CompiledTrain<S>| t.limited || t.motor.is_some();
+        let bounded = |t: &CompiledActuatorDynamics<S>| t.limited || t.motor.is_some();
         let own = self.actuators.iter().any(|a| a.force_range.is_some() || a.train.as_ref().is_some_and(bounded));
         own || !self.actuator_force_ranges.is_empty()
     }

@@ -10,28 +10,28 @@ use crate::compile::parameters::Params;
 use crate::compile::sensing::CompiledSensing;
 use crate::compile::tree::{CompiledJoint, CompiledSpinner, Link, scalars};
 use crate::compile::{actuators, collision, equality, merging, passive};
-use crate::model::drive_train::DriveTrain;
+use crate::model::actuator_spec::ActuatorSpec;
 use crate::model::{JointKind, Model};
 
 impl<S: Scalar> CompiledModel<S> {
     /// Compiles a finished model.
     pub fn new(model: &Model) -> Self {
-        Self::with_trains(model, &[])
+        Self::with_actuator_specs(model, &[])
     }
 
-    /// The same with drive trains, one entry for every actuator; the model is what [`DriveTrain::fold`] made of it.
-    pub fn with_trains(model: &Model, trains: &[Option<DriveTrain>]) -> Self {
+    /// The same with drive trains, one entry for every actuator; the model is what [`ActuatorSpec::fold`] made of it.
+    pub fn with_actuator_specs(model: &Model, specs: &[Option<ActuatorSpec>]) -> Self {
         let merged = Merged::new(model);
         let addresses = model.joint_addresses();
         let (dofs, descendants) = merging::dofs(model, &merged);
         let chain = merged.chain.clone();
-        let (limits, frictions) = (limits(model, &addresses), frictions(model, trains, &addresses));
+        let (limits, frictions) = (limits(model, &addresses), frictions(model, specs, &addresses));
         let mut scalar_impulses = limits.len() + frictions.len();
         let ball_limits = ball_limits(model, &addresses, &mut scalar_impulses);
         let compiler = equality::Compiler { model, merged: &merged, addresses: &addresses };
         let (equalities, tendons) = (compiler.equalities(&mut scalar_impulses), compiler.tendons(&mut scalar_impulses));
         let (geoms, pairs, crowd) = collision::compile::<S>(model, &merged);
-        let has_thin = crowd.is_some() || pairs.iter().any(|p| !p.geoms.iter().any(|&g| geoms[g].is_plane));
+        let can_tunnel = crowd.is_some() || pairs.iter().any(|p| !p.geoms.iter().any(|&g| geoms[g].is_plane));
         let listed: usize = pairs.iter().map(|p| p.kernel.points()).sum();
         let contact_points = listed + crowd.as_ref().map_or(0, Crowd::contact_points);
         let (links, joints) = (merging::links(model, &merged), merging::joints(model, &addresses));
@@ -46,7 +46,7 @@ impl<S: Scalar> CompiledModel<S> {
             chain: &chain,
             frictions: &frictions,
         };
-        let drives = actuators::Drives::new(scene, trains);
+        let drives = actuators::Drives::new(scene, specs);
         let lossy = frictions.iter().any(|f| f.driven);
         let mut compiled = Self {
             nq: model.nq(),
@@ -69,7 +69,7 @@ impl<S: Scalar> CompiledModel<S> {
             mocap: merging::mocap(model, &merged),
             bodies: merging::bodies(model, &merged),
             geoms,
-            wide: crowd.as_ref().is_some_and(Crowd::is_wide) || pairs.iter().any(|p| p.condim > 3),
+            has_rolling_friction: crowd.as_ref().is_some_and(Crowd::has_rolling_friction) || pairs.iter().any(|p| p.condim > 3),
             pairs,
             crowd,
             limits,
@@ -80,14 +80,14 @@ impl<S: Scalar> CompiledModel<S> {
             explicit_damping: model.explicit_damping,
             servos_are_bounded: drives.servos_are_bounded(),
             wrench_arms: [drives.arms, drives.wrenches],
-            trains: drives.trains,
+            actuator_dynamics: drives.actuator_dynamics,
             lossy,
             actuators: drives.actuators,
             servos: drives.servos,
             actuator_force_ranges: drives.force_ranges,
             sensing: CompiledSensing::new(model, &merged, &tendons, lossy),
             tendons,
-            has_thin,
+            can_tunnel,
             contact_points,
             merged,
         };

@@ -1,7 +1,7 @@
 //! Joint limits and dry friction, compiled.
 
 use crate::compile::tree::{CompiledBallLimit, CompiledFriction, CompiledLimit};
-use crate::model::drive_train::DriveTrain;
+use crate::model::actuator_spec::ActuatorSpec;
 use crate::model::{Joint, JointKind, Model, Transmission};
 
 pub(super) fn limits(model: &Model, addresses: &[(usize, usize)]) -> Vec<CompiledLimit> {
@@ -18,9 +18,9 @@ pub(super) fn ball_limits(model: &Model, addresses: &[(usize, usize)], owner: &m
     limited.map(compiled).collect()
 }
 
-pub(super) fn frictions(model: &Model, trains: &[Option<DriveTrain>], addresses: &[(usize, usize)]) -> Vec<CompiledFriction> {
+pub(super) fn frictions(model: &Model, specs: &[Option<ActuatorSpec>], addresses: &[(usize, usize)]) -> Vec<CompiledFriction> {
     let mut driven = vec![false; model.joints.len()];
-    for (actuator, train) in model.actuators.iter().zip(trains) {
+    for (actuator, train) in model.actuators.iter().zip(specs) {
         if let (Transmission::Joint(j), Some(train)) = (actuator.transmission, train) {
             driven[j] |= train.loses();
         }

@@ -15,7 +15,7 @@ pub mod sensing;
 mod tree;
 
 pub use crate::model::Kernel;
-pub use actuators::{CompiledActuator, CompiledTrain, CompiledWrench, Spot};
+pub use actuators::{CompiledActuator, CompiledActuatorDynamics, CompiledWrench, Spot};
 pub use collision::{CompiledPair, Crowd};
 pub use compiled_model::CompiledModel;
 pub use equality::{Combination, CompiledEquality, CompiledTendon, EqualityBlock, EqualityRows, Spring};

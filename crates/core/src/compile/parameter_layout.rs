@@ -77,9 +77,9 @@ impl<S: Scalar> Source<'_, S> {
 
     fn geom(&self, geom: usize) -> impl Iterator<Item = f64> + use<S> {
         let bulk = bulk(self.model, geom);
-        let lever = if bulk.bound.is_finite() { bulk.bound - bulk.inner } else { 0.0 };
+        let rotation_reach = if bulk.bounding_radius.is_finite() { bulk.bounding_radius - bulk.inscribed_radius } else { 0.0 };
         let (pos, size) = (self.place(Object::Geom(geom)), size(&self.model.geoms[geom].shape));
-        pos.into_iter().chain(size).chain([bulk.bound, bulk.inner, lever])
+        pos.into_iter().chain(size).chain([bulk.bounding_radius, bulk.inscribed_radius, rotation_reach])
     }
 
     fn pairs(&self) -> impl Iterator<Item = f64> {

@@ -261,7 +261,7 @@ impl<S: Scalar> Params<S> {
 
 impl<R: Real> Params<R> {
     /// Writes the numbers of a group of lanes to their places, (places, lanes).
-    pub fn take_up(&mut self, places: &[u32], numbers: &[R::Scalar]) {
+    pub fn load_lanes(&mut self, places: &[u32], numbers: &[R::Scalar]) {
         for (&place, lanes) in places.iter().zip(numbers.chunks_exact(R::LANES)) {
             self.numbers[place as usize] = R::load(lanes);
         }

@@ -30,7 +30,7 @@ pub struct CompiledSensing<S> {
     /// Bodies with all that hangs from them whose masses are read.
     pub subtrees: Vec<Subtree>,
     /// Where the force and torque of the parent on a subtree are read, and which subtree that is.
-    pub carried: Vec<(Place<S>, usize)>,
+    pub carried: Vec<(SensorFrame<S>, usize)>,
     /// Places that are read: rows of [`Params::place`](crate::compile::Params::place).
     pub places: Vec<Object>,
     /// Geoms and sites whose shape is read: rows of [`Params::size`](crate::compile::Params::size).
@@ -71,7 +71,7 @@ pub struct CompiledSensor<S> {
 
 /// A frame fixed to a link, the world or a mocap body.
 #[derive(Clone, Copy, Debug)]
-pub struct Place<S> {
+pub struct SensorFrame<S> {
     /// The compiled model's frame.
     pub frame: usize,
     /// Its number among all places, for its position in the frame.
@@ -86,7 +86,7 @@ pub struct Place<S> {
 #[derive(Clone, Debug)]
 pub struct Solid<S> {
     /// Where.
-    pub place: Place<S>,
+    pub place: SensorFrame<S>,
     /// What.
     pub form: Form,
     /// Its number among all shapes, for its size.
@@ -170,15 +170,15 @@ pub enum Read<S> {
     /// A limit that is not there.
     Nothing,
     /// A frame, perhaps in another.
-    Frame(FrameReading, Place<S>, Option<Place<S>>),
+    Frame(FrameReading, SensorFrame<S>, Option<SensorFrame<S>>),
     /// The magnetic field.
-    Magnetometer(Place<S>),
+    Magnetometer(SensorFrame<S>),
     /// Linear velocity in its own frame.
-    Velocimeter(Place<S>),
+    Velocimeter(SensorFrame<S>),
     /// Angular velocity in its own frame.
-    Gyro(Place<S>),
+    Gyro(SensorFrame<S>),
     /// Linear acceleration less gravity in its own frame.
-    Accelerometer(Place<S>),
+    Accelerometer(SensorFrame<S>),
     /// Force of the parent on a subtree, by its number among those that are read.
     Force(usize),
     /// Torque of the parent on a subtree.
@@ -186,9 +186,9 @@ pub enum Read<S> {
     /// Normal forces on a body of the model whose line meets a volume.
     Touch(usize, Solid<S>),
     /// Rays.
-    Range(Place<S>, Vec<[S; 3]>, Vec<RayField>, Vec<Solid<S>>),
+    Range(SensorFrame<S>, Vec<[S; 3]>, Vec<RayField>, Vec<Solid<S>>),
     /// Whether a place is inside a volume.
-    Inside(Place<S>, Solid<S>),
+    Inside(SensorFrame<S>, Solid<S>),
     /// Closest points up to a cutoff.
     Proximity(ProximityReading, Vec<Pair<S>>, S),
     /// Contacts.
@@ -392,7 +392,7 @@ impl Compiler<'_> {
         if rate { Read::LimitVel(sums, bounds) } else { Read::LimitPos(sums[0].clone(), bounds) }
     }
 
-    fn place<S: Scalar>(&self, object: Object) -> Place<S> {
+    fn place<S: Scalar>(&self, object: Object) -> SensorFrame<S> {
         let (body, quat) = match object {
             Object::XBody(b) => (b, [1.0, 0.0, 0.0, 0.0]),
             Object::Body(b) => (b, self.model.bodies[b].iquat),
@@ -401,7 +401,7 @@ impl Compiler<'_> {
         };
         let quat = self.merged.quat[body] * quaternion(quat);
         let index = number(&mut self.found.borrow_mut().places, object);
-        Place { frame: self.merged.frame[body], index, mat: matrix(&quat), quat: wxyz(&quat) }
+        SensorFrame { frame: self.merged.frame[body], index, mat: matrix(&quat), quat: wxyz(&quat) }
     }
 
     fn solid<S: Scalar>(&self, object: Object, shape: &Shape) -> Option<Solid<S>> {

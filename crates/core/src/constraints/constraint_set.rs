@@ -58,7 +58,7 @@ pub struct Constraints<R: Real> {
     /// Slot of every contact with the lanes in which it is there.
     pub slots: Vec<(usize, R::Mask)>,
     /// The same of contacts with six rows, and what their rows of turning are scaled by, m.
-    pub wide_slots: Vec<(usize, R::Mask, V3<R>)>,
+    pub rolling_slots: Vec<(usize, R::Mask, V3<R>)>,
     /// Squared lengths of the numbers that the rows of a block of equalities are differences of.
     pub(crate) sizes: Vec<R>,
     /// Of those rows: h/2 J' v, J v and the velocity that corrects the error.
@@ -147,11 +147,11 @@ impl<R: Real> Constraints<R> {
             scalar_impulse: vec![R::zero(); compiled.scalar_impulses],
             owners: Vec::with_capacity(room.scalars),
             slots: Vec::with_capacity(max_contacts),
-            wide_slots: Vec::with_capacity(room.rolling_contacts),
+            rolling_slots: Vec::with_capacity(room.rolling_contacts),
             sizes: Vec::with_capacity(block),
             demands: Vec::with_capacity(block),
             column: vec![zero(); compiled.nv],
-            linear: vec![zero(); if compiled.wide { compiled.nv } else { 0 }],
+            linear: vec![zero(); if compiled.has_rolling_friction { compiled.nv } else { 0 }],
             support: Vec::with_capacity(compiled.nv),
             path: vec![R::zero(); compiled.nv],
             signs: vec![[0; 2]; compiled.nv],
@@ -181,7 +181,7 @@ fn room<S: Scalar>(compiled: &CompiledModel<S>, contacts: usize, lanes: usize) -
         scalars: compiled.scalar_impulses,
         scalar_entries: single + balls + equalities + tendons,
         contacts,
-        rolling_contacts: if compiled.wide { contacts } else { 0 },
+        rolling_contacts: if compiled.has_rolling_friction { contacts } else { 0 },
         contact_support: with_tied(deepest * lanes),
     }
 }
@@ -216,8 +216,8 @@ impl<R: Real> Constraints<R> {
                     *position = R::select(lanes, *position + (g - row.g), *position);
                     self.problem.scalars[i].g = g;
                 }
-                let (contacts, wide) = contacts.split_at_mut(3 * self.problem.contacts.len());
-                for (i, [position, ..]) in wide.as_chunks_mut::<6>().0.iter_mut().enumerate() {
+                let (contacts, rolling) = contacts.split_at_mut(3 * self.problem.contacts.len());
+                for (i, [position, ..]) in rolling.as_chunks_mut::<6>().0.iter_mut().enumerate() {
                     let block = &self.problem.rolling_contacts[i];
                     let mut g = self.problem.rolling_contacts.velocity(block, change);
                     (0..6).for_each(|k| g[k] = R::select(lanes, g[k], block.g[k]));

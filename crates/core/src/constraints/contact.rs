@@ -15,22 +15,22 @@ pub(crate) fn least_mobility<R: Real>() -> f64 {
 impl<R: Real> Constraints<R> {
     /// Adds slot `k` in the lanes `lanes`, in which it has sliding friction at the most; `support` is gathered.
     #[inline(always)]
-    pub(crate) fn add_contact(&mut self, site: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
-        let RowInput { compiled, options, mass, moment, .. } = site;
+    pub(crate) fn add_contact(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
+        let RowInput { compiled, options, mass, assembly, .. } = input;
         let (slot, active) = (&contacts.data[k], R::Mask::from_bits(lanes));
-        let [free, before] = self.contact_columns(site, contacts, k, lanes);
+        let [free, before] = self.contact_columns(input, contacts, k, lanes);
         let curves = options.integrator.in_the_middle() && self.moving != 0;
-        let change = if self.has_impacts || curves { self.free_change(moment) } else { zero() };
+        let change = if self.has_impacts || curves { self.free_change(assembly) } else { zero() };
         self.half_solve::<3>(compiled, mass);
-        let (bias, position) = self.biases(options, moment.gap(slot.point.distance), moment.h, active);
-        let (bias, mut active) = self.bounce(compiled, options, slot, moment, active, [free[0], before[0]], bias);
+        let (bias, position) = self.biases(options, assembly.gap(slot.point.distance), assembly.h, active);
+        let (bias, mut active) = self.bounce(compiled, options, slot, assembly, active, [free[0], before[0]], bias);
         let mut g = [[free[0] + bias, free[0] + position], [free[1]; 2], [free[2]; 2]];
         let lengths = self.eliminate(mass, &mut g);
         if self.has_impacts {
-            active = self.bounce_within(site, slot, active, [free, change], bias, &mut g);
+            active = self.bounce_within(input, slot, active, [free, change], bias, &mut g);
         }
         if curves {
-            self.add_curve(site, contacts, k, active, [free, change], &mut g);
+            self.add_curve(input, contacts, k, active, [free, change], &mut g);
         }
         let column = &self.column;
         self.problem.push_contact(

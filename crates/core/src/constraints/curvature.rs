@@ -41,7 +41,7 @@ impl<R: Real> Constraints<R> {
     #[inline(never)]
     pub(crate) fn add_curve(
         &self,
-        site: RowInput<'_, R>,
+        input: RowInput<'_, R>,
         contacts: &Contacts<R>,
         k: usize,
         active: R::Mask,
@@ -51,7 +51,7 @@ impl<R: Real> Constraints<R> {
         R::vectorize(
             #[inline(always)]
             || {
-                let AssemblyInput { h, lead, .. } = *site.moment;
+                let AssemblyInput { h, lead, .. } = *input.assembly;
                 let slot = &contacts.data[k];
                 let n = slot.point.normal;
                 let axes = [n, slot.tangent, cross(n, slot.tangent)];
@@ -60,7 +60,7 @@ impl<R: Real> Constraints<R> {
                     Some(impact) => lanes.and_not(impact.lanes),
                     None => lanes,
                 };
-                let rate = rate(site, contacts, k, lanes.bits());
+                let rate = rate(input, contacts, k, lanes.bits());
                 for i in 1..3 {
                     let most = (free[i] - change[i]).abs();
                     let curve = (dot(axes[i], rate) * (h - lead)).clamp(-most, most);
@@ -75,8 +75,8 @@ impl<R: Real> Constraints<R> {
 
 /// kappa of slot `k` in the lanes `lanes`, m/s^2.
 #[inline(always)]
-fn rate<R: Real>(site: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> V3<R> {
-    let RowInput { compiled, kinematics, .. } = site;
+fn rate<R: Real>(input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> V3<R> {
+    let RowInput { compiled, kinematics, .. } = input;
     let point = &contacts.data[k].point;
     let n = point.normal;
     let half = point.distance * R::of(0.5);
@@ -84,7 +84,7 @@ fn rate<R: Real>(site: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes:
     for (pair, same) in contacts.pairs(k, lanes) {
         let geoms = compiled.pair_geoms(pair).expect("made from this compiled");
         let [first, second] = geoms;
-        let (a, b) = (field(site, compiled.geoms[first].frame, point.pos), field(site, compiled.geoms[second].frame, point.pos));
+        let (a, b) = (field(input, compiled.geoms[first].frame, point.pos), field(input, compiled.geoms[second].frame, point.pos));
         let (from_a, from_b) = (compiled.params.geom_size(first)[0] + half, compiled.params.geom_size(second)[0] + half);
         // Centres, where there are any, move with their bodies.
         let centre_a = sub(a.velocity, scale(cross(a.turn, n), from_a));
@@ -109,8 +109,8 @@ fn rate<R: Real>(site: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes:
 
 /// The velocity field of a frame at the point `p`.
 #[inline(always)]
-fn field<R: Real>(site: RowInput<'_, R>, frame: usize, p: V3<R>) -> Field<R> {
-    let RowInput { compiled, kinematics, moment, .. } = site;
+fn field<R: Real>(input: RowInput<'_, R>, frame: usize, p: V3<R>) -> Field<R> {
+    let RowInput { compiled, kinematics, assembly, .. } = input;
     match frame.checked_sub(compiled.links.len() + 1) {
         _ if frame == 0 => Field { turn: zero(), velocity: zero(), rate: zero() },
         Some(mocap) => {
@@ -119,7 +119,7 @@ fn field<R: Real>(site: RowInput<'_, R>, frame: usize, p: V3<R>) -> Field<R> {
             Field { turn: angular(posed), velocity, rate: cross(linear(posed), angular(posed)) }
         }
         None => {
-            let (velocity, change) = (&moment.motion.velocity[frame - 1], &moment.motion.acceleration[frame - 1]);
+            let (velocity, change) = (&assembly.motion.velocity[frame - 1], &assembly.motion.acceleration[frame - 1]);
             let arm = sub(p, kinematics.origin[compiled.links[frame - 1].tree]);
             // The recursion takes gravity as an upward acceleration of the world.
             let rate = add(velocity_at(change, arm), compiled.params.gravity());

@@ -9,16 +9,16 @@ use crate::dynamics::inertia::MassMatrix;
 impl<R: Real> Constraints<R> {
     /// Dry friction: |lambda| <= h f, and what drive trains lose, which depends on the direction.
     #[inline(always)]
-    pub(crate) fn add_frictions(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, moment: &AssemblyInput<'_, R>) {
+    pub(crate) fn add_frictions(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, assembly: &AssemblyInput<'_, R>) {
         for (i, friction) in compiled.frictions.iter().enumerate() {
-            let most = compiled.params.friction(i) * moment.h;
+            let most = compiled.params.friction(i) * assembly.h;
             let mut bounds = [-most, most];
             if friction.driven {
-                let [forwards, backwards] = moment.losses[i];
-                bounds = [bounds[0] - forwards * moment.h, bounds[1] + backwards * moment.h];
+                let [forwards, backwards] = assembly.losses[i];
+                bounds = [bounds[0] - forwards * assembly.h, bounds[1] + backwards * assembly.h];
             }
-            let g = moment.v_free[friction.dof];
-            self.add_scalar(compiled, mass, friction.dof, compiled.limits.len() + i, R::one(), moment.alive, [g, g], bounds);
+            let g = assembly.v_free[friction.dof];
+            self.add_scalar(compiled, mass, friction.dof, compiled.limits.len() + i, R::one(), assembly.alive, [g, g], bounds);
         }
     }
 }

@@ -42,34 +42,34 @@ pub(crate) struct RowInput<'a, R: Real> {
     pub(crate) options: &'a StepSettings,
     pub(crate) kinematics: &'a Kinematics<R>,
     pub(crate) mass: &'a MassMatrix<R>,
-    pub(crate) moment: &'a AssemblyInput<'a, R>,
+    pub(crate) assembly: &'a AssemblyInput<'a, R>,
 }
 
 impl<R: Real> Constraints<R> {
     /// Adds the rows of equalities, block by block: of those that are separate, or of all others.
-    pub(crate) fn add_equalities(&mut self, site: RowInput<'_, R>, separate: bool) {
+    pub(crate) fn add_equalities(&mut self, input: RowInput<'_, R>, separate: bool) {
         R::vectorize(
             #[inline(always)]
             || {
-                for block in site.compiled.equalities.iter().filter(|block| block.separate == separate) {
-                    self.add_block(site, block);
+                for block in input.compiled.equalities.iter().filter(|block| block.separate == separate) {
+                    self.add_block(input, block);
                 }
             },
         )
     }
 
     #[inline(always)]
-    fn add_block(&mut self, site: RowInput<'_, R>, block: &EqualityBlock<R::Scalar>) {
+    fn add_block(&mut self, input: RowInput<'_, R>, block: &EqualityBlock<R::Scalar>) {
         let start = self.problem.scalars.len();
         self.sizes.clear();
         self.demands.clear();
         for equality in &block.equalities {
-            self.add_equality(site, block, equality);
+            self.add_equality(input, block, equality);
         }
         if block.hard {
             // The way that the block is to go bends all its rows: a short demand along one that a long one turns away is met at the end of the step no more.
-            let way = self.demands.iter().fold(R::zero(), |most, demand| most.max(demand[2].abs())) * site.moment.h;
-            let split = site.options.stabilization == Stabilization::Split;
+            let way = self.demands.iter().fold(R::zero(), |most, demand| most.max(demand[2].abs())) * input.assembly.h;
+            let split = input.options.stabilization == Stabilization::Split;
             let damping = if split { R::of(DAMPING) + way * R::of(1.0 / ARM) } else { R::zero() };
             self.problem.scalars.orthogonalise(
                 start..start + block.rows,
@@ -81,7 +81,7 @@ impl<R: Real> Constraints<R> {
                     *correction = row.damp_correction(damping, *correction);
                 },
             );
-            self.hold(site.options, start);
+            self.hold(input.options, start);
         }
     }
 
@@ -109,22 +109,22 @@ impl<R: Real> Constraints<R> {
     }
 
     #[inline(always)]
-    fn add_equality(&mut self, site: RowInput<'_, R>, block: &EqualityBlock<R::Scalar>, equality: &CompiledEquality<R::Scalar>) {
+    fn add_equality(&mut self, input: RowInput<'_, R>, block: &EqualityBlock<R::Scalar>, equality: &CompiledEquality<R::Scalar>) {
         match &equality.rows {
             EqualityRows::Points { frames, anchors, turn } => {
                 self.move_own(equality);
-                let rows = self.meet(site, *frames, *anchors);
-                self.push_rows::<3>(site, block, equality, 0, &rows);
+                let rows = self.connect_points(input, *frames, *anchors);
+                self.push_rows::<3>(input, block, equality, 0, &rows);
                 if let Some((mats, weight)) = turn {
                     self.move_own(equality);
-                    let rows = self.align(site, *frames, mats, R::splat(*weight));
-                    self.push_rows::<3>(site, block, equality, 3, &rows);
+                    let rows = self.align(input, *frames, mats, R::splat(*weight));
+                    self.push_rows::<3>(input, block, equality, 3, &rows);
                 }
             }
             EqualityRows::Coupling { first, second, polynomial } => {
                 self.move_own(equality);
-                let rows = self.couple(site, first, second.as_ref(), splat(*polynomial));
-                self.push_rows::<1>(site, block, equality, 0, &rows);
+                let rows = self.couple_joints(input, first, second.as_ref(), splat(*polynomial));
+                self.push_rows::<1>(input, block, equality, 0, &rows);
             }
         }
     }
@@ -151,8 +151,8 @@ impl<R: Real> Constraints<R> {
 
     /// Two points meet: error p0 - p1 (MuJoCo's `mjEQ_CONNECT`). Leaves J in `column`.
     #[inline(always)]
-    fn meet(&mut self, site: RowInput<'_, R>, frames: [usize; 2], anchors: [[R::Scalar; 3]; 2]) -> Rows<R> {
-        let RowInput { compiled, kinematics, .. } = site;
+    fn connect_points(&mut self, input: RowInput<'_, R>, frames: [usize; 2], anchors: [[R::Scalar; 3]; 2]) -> Rows<R> {
+        let RowInput { compiled, kinematics, .. } = input;
         let points = [kinematics.point(frames[0], splat(anchors[0])), kinematics.point(frames[1], splat(anchors[1]))];
         let mut size = R::zero();
         for &d in &self.support {
@@ -165,12 +165,12 @@ impl<R: Real> Constraints<R> {
                     let motion = velocity_at(axis, arm);
                     j = if side == 0 { add(j, motion) } else { sub(j, motion) };
                     let (w, v) = (angular(axis), linear(axis));
-                    size += (dot(v, v) + dot(w, w) * dot(arm, arm)) * site.mass.inv_d[d];
+                    size += (dot(v, v) + dot(w, w) * dot(arm, arm)) * input.mass.inv_d[d];
                 }
             }
             self.column[d] = j;
         }
-        let kappa = sub(acceleration(site, frames[0], points[0]), acceleration(site, frames[1], points[1]));
+        let kappa = sub(acceleration(input, frames[0], points[0]), acceleration(input, frames[1], points[1]));
         let bodies = compiled.mobility(frames[0]) + compiled.mobility(frames[1]);
         Rows { error: sub(points[0], points[1]), kappa, size, bodies }
     }
@@ -178,8 +178,8 @@ impl<R: Real> Constraints<R> {
     /// Two orientations agree: error is the rotation vector from the second to the first in world axes, times the weight. (MuJoCo's
     /// `mjEQ_WELD` takes the sine of half its length; the manifold is the same.) Leaves J in `column`.
     #[inline(always)]
-    fn align(&mut self, site: RowInput<'_, R>, frames: [usize; 2], mats: &[[R::Scalar; 9]; 2], weight: R) -> Rows<R> {
-        let RowInput { compiled, kinematics, .. } = site;
+    fn align(&mut self, input: RowInput<'_, R>, frames: [usize; 2], mats: &[[R::Scalar; 9]; 2], weight: R) -> Rows<R> {
+        let RowInput { compiled, kinematics, .. } = input;
         let mut size = R::zero();
         for &d in &self.support {
             let d = d as usize;
@@ -188,7 +188,7 @@ impl<R: Real> Constraints<R> {
             for side in 0..2 {
                 if moves(compiled, frames[side], d) {
                     j = if side == 0 { add(j, axis) } else { sub(j, axis) };
-                    size += dot(axis, axis) * site.mass.inv_d[d];
+                    size += dot(axis, axis) * input.mass.inv_d[d];
                 }
             }
             self.column[d] = scale(j, weight);
@@ -196,45 +196,45 @@ impl<R: Real> Constraints<R> {
         let first = mat_mul(&kinematics.mat[frames[0]], &splat(mats[0]));
         let second = mat_mul(&kinematics.mat[frames[1]], &splat(mats[1]));
         let turn = quat_log(mat_to_quat(&mat_mul_transposed(&first, &second)));
-        let kappa = sub(angular_acceleration(site, frames[0]), angular_acceleration(site, frames[1]));
+        let kappa = sub(angular_acceleration(input, frames[0]), angular_acceleration(input, frames[1]));
         Rows { error: scale(turn, weight), kappa: scale(kappa, weight), size: size * weight * weight, bodies: R::zero() }
     }
 
     /// x - ref = polynomial(y - ref) (MuJoCo's `mjEQ_JOINT` and `mjEQ_TENDON`). Leaves J in `column`.
     #[inline(always)]
-    fn couple(
+    fn couple_joints(
         &mut self,
-        site: RowInput<'_, R>,
+        input: RowInput<'_, R>,
         first: &Combination<R::Scalar>,
         second: Option<&Combination<R::Scalar>>,
         c: [R; 5],
     ) -> Rows<R> {
-        let moment = site.moment;
+        let assembly = input.assembly;
         for &d in &self.support {
             self.column[d as usize] = zero();
         }
-        let mut size = self.add_terms(site, first, R::one());
-        let (mut error, mut kappa) = (first.value(moment.q) - R::splat(first.reference) - c[0], R::zero());
+        let mut size = self.add_terms(input, first, R::one());
+        let (mut error, mut kappa) = (first.value(assembly.q) - R::splat(first.reference) - c[0], R::zero());
         if let Some(second) = second {
-            let x = second.value(moment.q) - R::splat(second.reference);
+            let x = second.value(assembly.q) - R::splat(second.reference);
             let of = |k: f64| R::of(k);
             let slope = c[1] + x * (of(2.0) * c[2] + x * (of(3.0) * c[3] + x * (of(4.0) * c[4])));
             let bend = of(2.0) * c[2] + x * (of(6.0) * c[3] + x * (of(12.0) * c[4]));
             error -= x * (c[1] + x * (c[2] + x * (c[3] + x * c[4])));
-            kappa = -(bend * second.rate(moment.v).square());
-            size += self.add_terms(site, second, -slope);
+            kappa = -(bend * second.rate(assembly.v).square());
+            size += self.add_terms(input, second, -slope);
         }
         Rows { error: [error, R::zero(), R::zero()], kappa: [kappa, R::zero(), R::zero()], size, bodies: R::zero() }
     }
 
     /// Adds a combination's Jacobian, times `factor`, to the first row; returns the squared length of what it adds.
     #[inline(always)]
-    pub(crate) fn add_terms(&mut self, site: RowInput<'_, R>, combination: &Combination<R::Scalar>, factor: R) -> R {
+    pub(crate) fn add_terms(&mut self, input: RowInput<'_, R>, combination: &Combination<R::Scalar>, factor: R) -> R {
         let mut size = R::zero();
         for &(_, dof, coefficient) in &combination.terms {
             let x = R::splat(coefficient) * factor;
             self.column[dof][0] += x;
-            size += x * x * site.mass.inv_d[dof];
+            size += x * x * input.mass.inv_d[dof];
         }
         size
     }
@@ -243,44 +243,44 @@ impl<R: Real> Constraints<R> {
     #[inline(always)]
     fn push_rows<const N: usize>(
         &mut self,
-        site: RowInput<'_, R>,
+        input: RowInput<'_, R>,
         block: &EqualityBlock<R::Scalar>,
         equality: &CompiledEquality<R::Scalar>,
         first: usize,
         rows: &Rows<R>,
     ) {
-        let AssemblyInput { v_free, v, h, alive, .. } = *site.moment;
+        let AssemblyInput { v_free, v, h, alive, .. } = *input.assembly;
         let (mut free, mut before) = ([R::zero(); 3], [R::zero(); 3]);
         for &d in &self.support {
             let d = d as usize;
             free = add_scaled(free, self.column[d], v_free[d]);
             before = add_scaled(before, self.column[d], v[d]);
         }
-        self.half_solve::<N>(site.compiled, site.mass);
+        self.half_solve::<N>(input.compiled, input.mass);
         self.move_all(block, equality);
-        self.tie(site.compiled);
-        let correction = self.correct(site.options, rows, h, alive);
+        self.tie(input.compiled);
+        let correction = self.correct(input.options, rows, h, alive);
         let mut laws = [AffineForce { g: [R::zero(); 2], compliance: R::zero(), active: alive, bounds: free_bounds() }; N];
         let mut g = [[R::zero(); 2]; N];
         for k in 0..N {
             laws[k].g = [free[k]; 2];
             if let Some(spring) = &equality.spring {
-                let (error, before, free, gram) = (rows.error[k], before[k], free[k], self.gram(site.mass, k));
-                laws[k] = law_of(site.options, spring, SpringRow { error, before, free, gram, taut: alive }, h, alive);
+                let (error, before, free, gram) = (rows.error[k], before[k], free[k], self.gram(input.mass, k));
+                laws[k] = law_of(input.options, spring, SpringRow { error, before, free, gram, taut: alive }, h, alive);
             }
             g[k] = laws[k].g;
         }
-        let lengths = self.eliminate(site.mass, &mut g);
+        let lengths = self.eliminate(input.mass, &mut g);
         let mut mobility = R::zero();
         for k in 0..N {
             mobility += match &lengths {
                 Some(lengths) => lengths.whole[k],
-                None => self.gram(site.mass, k),
+                None => self.gram(input.mass, k),
             };
         }
         mobility = mobility * R::of(1.0 / N as f64) + rows.bodies;
         for k in 0..N {
-            self.push_row(site.mass, k, equality.owner + first + k, &AffineForce { g: g[k], ..laws[k] });
+            self.push_row(input.mass, k, equality.owner + first + k, &AffineForce { g: g[k], ..laws[k] });
             if let Some(lengths) = &lengths {
                 self.measure(laws[k].compliance, lengths.whole[k], lengths.rest[k]);
             }
@@ -436,13 +436,13 @@ fn moves<S: Scalar>(compiled: &CompiledModel<S>, frame: usize, dof: usize) -> bo
 
 /// Acceleration of the point `p` of a frame if no joint accelerates; zero for the world and what the user poses.
 #[inline(always)]
-fn acceleration<R: Real>(site: RowInput<'_, R>, frame: usize, p: V3<R>) -> V3<R> {
-    let RowInput { compiled, kinematics, moment, .. } = site;
+fn acceleration<R: Real>(input: RowInput<'_, R>, frame: usize, p: V3<R>) -> V3<R> {
+    let RowInput { compiled, kinematics, assembly, .. } = input;
     if frame == 0 || frame > compiled.links.len() {
         return zero();
     }
     let l = frame - 1;
-    let (velocity, change) = (&moment.motion.velocity[l], &moment.motion.acceleration[l]);
+    let (velocity, change) = (&assembly.motion.velocity[l], &assembly.motion.acceleration[l]);
     let arm = sub(p, kinematics.origin[compiled.links[l].tree]);
     // The recursion takes gravity as an upward acceleration of the world.
     let change = spatial(angular(change), add(linear(change), compiled.params.gravity()));
@@ -451,6 +451,6 @@ fn acceleration<R: Real>(site: RowInput<'_, R>, frame: usize, p: V3<R>) -> V3<R>
 
 /// Angular acceleration of a frame if no joint accelerates.
 #[inline(always)]
-fn angular_acceleration<R: Real>(site: RowInput<'_, R>, frame: usize) -> V3<R> {
-    if frame == 0 || frame > site.compiled.links.len() { zero() } else { angular(&site.moment.motion.acceleration[frame - 1]) }
+fn angular_acceleration<R: Real>(input: RowInput<'_, R>, frame: usize) -> V3<R> {
+    if frame == 0 || frame > input.compiled.links.len() { zero() } else { angular(&input.assembly.motion.acceleration[frame - 1]) }
 }

@@ -124,8 +124,8 @@ impl<R: Real> Constraints<R> {
     /// J of a contact's rows (n, t1, t2), left in `column`; returns its velocities, free and before the step. `surface` is the velocity that
     /// the surfaces have of themselves, the second's against the first's.
     #[inline(always)]
-    pub(crate) fn contact_columns(&mut self, site: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> [V3<R>; 2] {
-        let RowInput { compiled, kinematics, moment, .. } = site;
+    pub(crate) fn contact_columns(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> [V3<R>; 2] {
+        let RowInput { compiled, kinematics, assembly, .. } = input;
         let slot = &contacts.data[k];
         let n = slot.point.normal;
         let axes = [n, slot.tangent, cross(n, slot.tangent)];
@@ -145,8 +145,8 @@ impl<R: Real> Constraints<R> {
             // Adding zero turns -0 into 0, so that a lane's bits do not depend on what its neighbours touch.
             let j =
                 [dot(axes[0], motion) * sign + R::zero(), dot(axes[1], motion) * sign + R::zero(), dot(axes[2], motion) * sign + R::zero()];
-            free = add_scaled(free, j, moment.v_free[d]);
-            before += j[0] * moment.v[d];
+            free = add_scaled(free, j, assembly.v_free[d]);
+            before += j[0] * assembly.v[d];
             self.column[d] = j;
         }
         [free, [before, R::zero(), R::zero()]]

@@ -19,24 +19,24 @@ impl<R: Real> Constraints<R> {
         compiled: &LaneModel<R>,
         options: &StepSettings,
         mass: &MassMatrix<R>,
-        moment: &AssemblyInput<'_, R>,
+        assembly: &AssemblyInput<'_, R>,
     ) {
         let bounds = [R::zero(), R::of(f64::INFINITY)];
         for (i, limit) in compiled.limits.iter().enumerate() {
-            let q = moment.q[limit.q];
+            let q = assembly.q[limit.q];
             let [lowest, highest] = compiled.params.limit(i);
             let (below, above) = (q - lowest, highest - q);
             let low = below.le(above);
             let sign = R::select(low, R::one(), -R::one());
             let phi = R::select(low, below, above);
-            let v = moment.v_free[limit.dof] * sign;
-            let closing = (-v).max(R::zero()) * (moment.h + moment.h);
-            let active = moment.alive.and(phi.le(closing + R::of(LIMIT_SLACK)));
+            let v = assembly.v_free[limit.dof] * sign;
+            let closing = (-v).max(R::zero()) * (assembly.h + assembly.h);
+            let active = assembly.alive.and(phi.le(closing + R::of(LIMIT_SLACK)));
             if active.none() {
                 self.scalar_impulse[i] = R::zero();
                 continue;
             }
-            let (bias, position) = self.limit_biases(options, phi, moment.h, active);
+            let (bias, position) = self.limit_biases(options, phi, assembly.h, active);
             self.add_scalar(compiled, mass, limit.dof, i, sign, active, [v + bias, v + position], bounds);
         }
     }

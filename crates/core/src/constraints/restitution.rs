@@ -29,11 +29,11 @@ type Demands<R> = [[R; 2]; 3];
 impl<R: Real> Constraints<R> {
     /// Change of the velocities of the rows in `column` by the free motion.
     #[inline(always)]
-    pub(crate) fn free_change(&self, moment: &AssemblyInput<'_, R>) -> V3<R> {
+    pub(crate) fn free_change(&self, assembly: &AssemblyInput<'_, R>) -> V3<R> {
         let mut change = zero();
         for &d in &self.support {
             let d = d as usize;
-            change = add_scaled(change, self.column[d], moment.v_free[d] - moment.v[d]);
+            change = add_scaled(change, self.column[d], assembly.v_free[d] - assembly.v[d]);
         }
         change
     }
@@ -49,7 +49,7 @@ impl<R: Real> Constraints<R> {
         compiled: &LaneModel<R>,
         options: &StepSettings,
         slot: &Slot<R>,
-        moment: &AssemblyInput<'_, R>,
+        assembly: &AssemblyInput<'_, R>,
         active: R::Mask,
         [free, before]: [R; 2],
         bias: R,
@@ -59,7 +59,7 @@ impl<R: Real> Constraints<R> {
         if options.integrator.in_the_middle() || elastic.none() {
             return (bias, active);
         }
-        let (h, phi, threshold) = (moment.h, slot.point.distance, R::of(options.restitution_threshold));
+        let (h, phi, threshold) = (assembly.h, slot.point.distance, R::of(options.restitution_threshold));
         // What a slow contact and gravity close within the step.
         let near = phi.le(h * (threshold + h * norm(compiled.params.gravity())) + R::of(options.slop));
         let rests = before.abs().le(threshold).and(near);
@@ -77,7 +77,7 @@ impl<R: Real> Constraints<R> {
     #[inline(never)]
     pub(crate) fn bounce_within(
         &mut self,
-        site: RowInput<'_, R>,
+        input: RowInput<'_, R>,
         slot: &Slot<R>,
         active: R::Mask,
         [free, change]: [V3<R>; 2],
@@ -87,7 +87,7 @@ impl<R: Real> Constraints<R> {
         R::vectorize(
             #[inline(always)]
             || {
-                let RowInput { compiled, options, moment, .. } = site;
+                let RowInput { compiled, options, assembly, .. } = input;
                 let e = slot.restitution;
                 let elastic = active.and(e.gt(R::zero()));
                 if elastic.none() {
@@ -96,10 +96,10 @@ impl<R: Real> Constraints<R> {
                 }
                 let before = sub(free, change);
                 let held = [demands[0][0] - bias, demands[1][0], demands[2][0]];
-                let flight = Flight { gap: slot.point.distance, before: before[0], free: held[0], lead: moment.lead, h: moment.h };
+                let flight = Flight { gap: slot.point.distance, before: before[0], free: held[0], lead: assembly.lead, h: assembly.h };
                 let meeting = flight.meeting(options, norm(compiled.params.gravity()), e, elastic);
                 let bounces = meeting.strikes.or(meeting.parts);
-                let (share, factor) = (meeting.time / moment.h, e + R::one());
+                let (share, factor) = (meeting.time / assembly.h, e + R::one());
                 let at = add_scaled(before, sub(held, before), share);
                 for (k, demand) in demands.iter_mut().enumerate() {
                     let law = if k == 0 { at[0] * factor } else { at[k] };

@@ -11,32 +11,32 @@ use crate::math::spatial::*;
 
 impl<R: Real> Constraints<R> {
     /// Adds the rows of all tendons that have some.
-    pub(crate) fn add_tendons(&mut self, site: RowInput<'_, R>) {
+    pub(crate) fn add_tendons(&mut self, input: RowInput<'_, R>) {
         R::vectorize(
             #[inline(always)]
             || {
-                let moment = site.moment;
-                for tendon in &site.compiled.tendons {
-                    let (length, free) = (tendon.length.value(moment.q), tendon.length.rate(moment.v_free));
+                let assembly = input.assembly;
+                for tendon in &input.compiled.tendons {
+                    let (length, free) = (tendon.length.value(assembly.q), tendon.length.rate(assembly.v_free));
                     if let Some((spring, rest)) = &tendon.spring {
                         let stretch = length - length.max(R::splat(rest[0])).min(R::splat(rest[1]));
                         // Between its two lengths the spring is slack; damper and inertia are not.
                         let taut = stretch.abs().gt(R::zero()).or(R::splat(rest[0]).ge(R::splat(rest[1])));
-                        let before = tendon.length.rate(moment.v);
-                        self.tendon_columns(site, tendon, R::one());
-                        let gram = self.gram(site.mass, 0);
+                        let before = tendon.length.rate(assembly.v);
+                        self.tendon_columns(input, tendon, R::one());
+                        let gram = self.gram(input.mass, 0);
                         let row = SpringRow { error: stretch, before, free, gram, taut };
-                        let law = law_of(site.options, spring, row, moment.h, moment.alive);
-                        self.add_row(site.mass, tendon.owner + 2, law);
+                        let law = law_of(input.options, spring, row, assembly.h, assembly.alive);
+                        self.add_row(input.mass, tendon.owner + 2, law);
                     }
                     if tendon.friction > <R::Scalar as Default>::default() {
-                        let most = R::splat(tendon.friction) * moment.h;
-                        let law = AffineForce { g: [free; 2], compliance: R::zero(), active: moment.alive, bounds: [-most, most] };
-                        self.tendon_columns(site, tendon, R::one());
-                        self.add_row(site.mass, tendon.owner + 1, law);
+                        let most = R::splat(tendon.friction) * assembly.h;
+                        let law = AffineForce { g: [free; 2], compliance: R::zero(), active: assembly.alive, bounds: [-most, most] };
+                        self.tendon_columns(input, tendon, R::one());
+                        self.add_row(input.mass, tendon.owner + 1, law);
                     }
                     if let Some([low, high]) = tendon.range {
-                        self.limit_tendon(site, tendon, [length - R::splat(low), R::splat(high) - length], free);
+                        self.limit_tendon(input, tendon, [length - R::splat(low), R::splat(high) - length], free);
                     }
                 }
             },
@@ -45,75 +45,75 @@ impl<R: Real> Constraints<R> {
 
     /// The nearer end of a tendon's range, where it can be reached within the step.
     #[inline(always)]
-    fn limit_tendon(&mut self, site: RowInput<'_, R>, tendon: &CompiledTendon<R::Scalar>, [below, above]: [R; 2], rate: R) {
+    fn limit_tendon(&mut self, input: RowInput<'_, R>, tendon: &CompiledTendon<R::Scalar>, [below, above]: [R; 2], rate: R) {
         let low = below.le(above);
         let sign = R::select(low, R::one(), -R::one());
         let phi = R::select(low, below, above);
         let free = rate * sign;
-        let Some((active, velocity, position)) = self.reach(site, phi, free) else {
+        let Some((active, velocity, position)) = self.reach(input, phi, free) else {
             self.scalar_impulse[tendon.owner] = R::zero();
             return;
         };
-        self.tendon_columns(site, tendon, sign);
-        self.add_row(site.mass, tendon.owner, limit_law(free, [velocity, position], active));
+        self.tendon_columns(input, tendon, sign);
+        self.add_row(input.mass, tendon.owner, limit_law(free, [velocity, position], active));
     }
 
     /// Where a limit at distance `phi`, left at the free velocity `free`, can be reached within the step, and its biases: in the
     /// velocities, and when positions are solved apart.
     #[inline(always)]
-    fn reach(&mut self, site: RowInput<'_, R>, phi: R, free: R) -> Option<(R::Mask, R, R)> {
-        let h = site.moment.h;
+    fn reach(&mut self, input: RowInput<'_, R>, phi: R, free: R) -> Option<(R::Mask, R, R)> {
+        let h = input.assembly.h;
         let closing = (-free).max(R::zero()) * (h + h);
-        let active = site.moment.alive.and(phi.le(closing + R::of(LIMIT_SLACK)));
+        let active = input.assembly.alive.and(phi.le(closing + R::of(LIMIT_SLACK)));
         if active.none() {
             return None;
         }
-        let (velocity, position) = self.limit_biases(site.options, phi, h, active);
+        let (velocity, position) = self.limit_biases(input.options, phi, h, active);
         Some((active, velocity, position))
     }
 
     /// Half-solved row of a tendon's length, times `sign`, left in the first component of `column`.
     #[inline(always)]
-    fn tendon_columns(&mut self, site: RowInput<'_, R>, tendon: &CompiledTendon<R::Scalar>, sign: R) {
+    fn tendon_columns(&mut self, input: RowInput<'_, R>, tendon: &CompiledTendon<R::Scalar>, sign: R) {
         self.support.clear();
         self.support.extend_from_slice(&tendon.support);
-        self.tie(site.compiled);
+        self.tie(input.compiled);
         for &d in &self.support {
             self.column[d as usize] = zero();
         }
-        self.add_terms(site, &tendon.length, sign);
-        self.half_solve::<1>(site.compiled, site.mass);
+        self.add_terms(input, &tendon.length, sign);
+        self.half_solve::<1>(input.compiled, input.mass);
     }
 
     /// Limits of ball joints: the rotation vector's length stays below the range (MuJoCo's `mj_instantiateLimit`).
-    pub(crate) fn add_ball_limits(&mut self, site: RowInput<'_, R>) {
+    pub(crate) fn add_ball_limits(&mut self, input: RowInput<'_, R>) {
         R::vectorize(
             #[inline(always)]
             || {
-                for (i, limit) in site.compiled.ball_limits.iter().enumerate() {
-                    let turn = quat_log(quat_at(site.moment.q, limit.q));
+                for (i, limit) in input.compiled.ball_limits.iter().enumerate() {
+                    let turn = quat_log(quat_at(input.assembly.q, limit.q));
                     let angle = norm(turn);
                     // Without a turn there is no direction to turn back to.
                     let turned = angle.gt(R::zero());
                     let axis = scale(turn, -(R::one() / R::select(turned, angle, R::one())));
-                    let phi = site.compiled.params.ball_limit(i) - angle;
-                    let v = site.moment.v_free;
+                    let phi = input.compiled.params.ball_limit(i) - angle;
+                    let v = input.assembly.v_free;
                     let free = dot(axis, [v[limit.dof], v[limit.dof + 1], v[limit.dof + 2]]);
-                    let Some((active, velocity, position)) = self.reach(site, phi, free) else {
+                    let Some((active, velocity, position)) = self.reach(input, phi, free) else {
                         self.scalar_impulse[limit.owner] = R::zero();
                         continue;
                     };
                     self.support.clear();
-                    self.support.extend(site.compiled.chain_of(limit.dof + 2).iter().rev());
-                    self.tie(site.compiled);
+                    self.support.extend(input.compiled.chain_of(limit.dof + 2).iter().rev());
+                    self.tie(input.compiled);
                     for &d in &self.support {
                         self.column[d as usize] = zero();
                     }
                     for k in 0..3 {
                         self.column[limit.dof + k][0] = axis[k];
                     }
-                    self.half_solve::<1>(site.compiled, site.mass);
-                    self.add_row(site.mass, limit.owner, limit_law(free, [velocity, position], active));
+                    self.half_solve::<1>(input.compiled, input.mass);
+                    self.add_row(input.mass, limit.owner, limit_law(free, [velocity, position], active));
                 }
             },
         )

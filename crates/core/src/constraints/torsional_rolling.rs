@@ -12,41 +12,41 @@ use crate::math::spatial::*;
 
 impl<R: Real> Constraints<R> {
     /// Adds slot `k` in the lanes `lanes`, in which it has torsional or rolling friction.
-    pub(crate) fn add_wide(&mut self, site: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
+    pub(crate) fn add_rolling_contact(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         R::vectorize(
             #[inline(always)]
             || {
-                self.gather_support(site.compiled, contacts, k, lanes);
-                self.push_wide(site, contacts, k, lanes);
+                self.gather_support(input.compiled, contacts, k, lanes);
+                self.push_wide(input, contacts, k, lanes);
             },
         )
     }
 
     #[inline(always)]
-    fn push_wide(&mut self, site: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
-        let (compiled, mass, moment) = (site.compiled, site.mass, site.moment);
+    fn push_wide(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
+        let (compiled, mass, assembly) = (input.compiled, input.mass, input.assembly);
         let (slot, active) = (&contacts.data[k], R::Mask::from_bits(lanes));
         let mut friction = Friction::of(compiled, contacts, k, lanes);
         friction.scale_to(slot.mu);
-        let [free, before] = self.contact_columns(site, contacts, k, lanes);
-        let curves = site.options.integrator.in_the_middle() && self.moving != 0;
-        let change = if self.has_impacts || curves { self.free_change(moment) } else { zero() };
+        let [free, before] = self.contact_columns(input, contacts, k, lanes);
+        let curves = input.options.integrator.in_the_middle() && self.moving != 0;
+        let change = if self.has_impacts || curves { self.free_change(assembly) } else { zero() };
         self.half_solve::<3>(compiled, mass);
-        let (bias, position) = self.biases(site.options, moment.gap(slot.point.distance), moment.h, active);
-        let (bias, mut active) = self.bounce(compiled, site.options, slot, moment, active, [free[0], before[0]], bias);
+        let (bias, position) = self.biases(input.options, assembly.gap(slot.point.distance), assembly.h, active);
+        let (bias, mut active) = self.bounce(compiled, input.options, slot, assembly, active, [free[0], before[0]], bias);
         let mut slides = [[free[0] + bias, free[0] + position], [free[1]; 2], [free[2]; 2]];
         let sliding = self.eliminate(mass, &mut slides);
         if self.has_impacts {
-            active = self.bounce_within(site, slot, active, [free, change], bias, &mut slides);
+            active = self.bounce_within(input, slot, active, [free, change], bias, &mut slides);
         }
         if curves {
-            self.add_curve(site, contacts, k, active, [free, change], &mut slides);
+            self.add_curve(input, contacts, k, active, [free, change], &mut slides);
         }
         for &d in &self.support {
             self.linear[d as usize] = self.column[d as usize];
         }
-        let turning = self.turn_columns(site, contacts, k, lanes, friction.scale);
-        let change = if self.has_impacts { self.free_change(moment) } else { zero() };
+        let turning = self.turn_columns(input, contacts, k, lanes, friction.scale);
+        let change = if self.has_impacts { self.free_change(assembly) } else { zero() };
         self.half_solve::<3>(compiled, mass);
         let mut turns = [[turning[0]; 2], [turning[1]; 2], [turning[2]; 2]];
         let turned = self.eliminate(mass, &mut turns);
@@ -77,28 +77,28 @@ impl<R: Real> Constraints<R> {
         let (push, torque) = (slot.impulse, friction.unscale(contacts.torque[k]));
         let warm = [push[0], push[1] * rub, push[2] * rub, torque[0], torque[1], torque[2]];
         self.iterate.rolling_contacts.push(select(active, warm, zero()));
-        self.wide_slots.push((k, R::Mask::from_bits(lanes), friction.scale));
+        self.rolling_slots.push((k, R::Mask::from_bits(lanes), friction.scale));
         self.constrained = self.constrained.or(active);
     }
 
     /// J of the relative turning about the contact's axes, times `weight`, left in `column`; returns its free velocity.
     #[inline(always)]
-    fn turn_columns(&mut self, site: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32, weight: V3<R>) -> V3<R> {
+    fn turn_columns(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32, weight: V3<R>) -> V3<R> {
         let slot = &contacts.data[k];
         let n = slot.point.normal;
         let axes = [n, slot.tangent, cross(n, slot.tangent)];
-        let carried = angular(&surface_velocity::motion(site.compiled, site.kinematics, contacts, k, lanes));
+        let carried = angular(&surface_velocity::motion(input.compiled, input.kinematics, contacts, k, lanes));
         let mut free: V3<R> = std::array::from_fn(|i| dot(axes[i], carried) * weight[i]);
         for &d in &self.support {
             let d = d as usize;
             let sign = self.sign_of(d);
-            let axis = angular(&site.kinematics.axes[d]);
+            let axis = angular(&input.kinematics.axes[d]);
             let mut j = zero();
             for i in 0..3 {
                 // Adding zero turns -0 into 0, so that a lane's bits do not depend on what its neighbours touch.
                 j[i] = dot(axes[i], axis) * sign * weight[i] + R::zero();
             }
-            free = add_scaled(free, j, site.moment.v_free[d]);
+            free = add_scaled(free, j, input.assembly.v_free[d]);
             self.column[d] = j;
         }
         free
@@ -151,13 +151,13 @@ impl<R: Real> Friction<R> {
 
 /// Lanes (bits) of slot `k` whose contact has torsional or rolling friction.
 #[inline(always)]
-pub(crate) fn wide_lanes<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> u32 {
-    let mut wide = 0;
-    for (pair, lanes) in contacts.pairs(k, if compiled.wide { lanes } else { 0 }) {
+pub(crate) fn rolling_lanes<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> u32 {
+    let mut rolling = 0;
+    for (pair, lanes) in contacts.pairs(k, if compiled.has_rolling_friction { lanes } else { 0 }) {
         let params = compiled.contact(pair);
-        wide |= params.torsion.max(params.rolling).gt(R::zero()).bits() & lanes;
+        rolling |= params.torsion.max(params.rolling).gt(R::zero()).bits() & lanes;
     }
-    wide
+    rolling
 }
 
 /// What belongs to the tangents, in the units of their scaled rows.

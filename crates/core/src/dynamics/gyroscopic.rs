@@ -64,7 +64,7 @@ pub fn correct<R: Real>(
 /// Puts right the free velocities `v_free` of single bodies, which were found with the gyroscopic force at the velocity before the step for the
 /// first of `times` seconds and with that at the velocity after it for the second: with the impulses of contacts, the momentum then changes by
 /// exactly theirs.
-pub fn settle<R: Real>(
+pub fn correct_spin<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     mass: &MassMatrix<R>,

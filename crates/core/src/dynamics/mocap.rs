@@ -63,14 +63,14 @@ impl<R: Real> MocapTrajectory<R> {
 }
 
 /// Places the mocap bodies where they are so many seconds after the beginning of the call.
-pub fn place<R: Real>(compiled: &LaneModel<R>, ways: &[MocapTrajectory<R>], time: R, kinematics: &mut Kinematics<R>) {
-    if ways.is_empty() {
+pub fn pose_bodies<R: Real>(compiled: &LaneModel<R>, mocap_trajectories: &[MocapTrajectory<R>], time: R, kinematics: &mut Kinematics<R>) {
+    if mocap_trajectories.is_empty() {
         return;
     }
     R::vectorize(
         #[inline(always)]
         || {
-            for (k, (mocap, way)) in compiled.mocap.iter().zip(ways).enumerate() {
+            for (k, (mocap, way)) in compiled.mocap.iter().zip(mocap_trajectories).enumerate() {
                 kinematics.pos[mocap.frame] = add_scaled(way.pos, linear(&way.motion), time);
                 kinematics.mat[mocap.frame] = quat_to_mat(way.quat_at(time));
                 kinematics.posed[k] = way.motion;

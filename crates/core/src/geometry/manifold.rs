@@ -3,8 +3,8 @@
 use crate::geometry::clip::{Shared, Work, behind, edges_of_triangle, overlay};
 use crate::geometry::facing::Facing;
 use crate::geometry::pair::Pair;
-use crate::geometry::parting::SeparatingPlane;
 use crate::geometry::patch::{Kind, Patch, View, edge};
+use crate::geometry::separating_plane::SeparatingPlane;
 use crate::geometry::vectors::{Pose, V};
 use crate::math::spatial::*;
 
@@ -33,14 +33,14 @@ pub struct Manifold {
     /// Ascending by feature.
     pub points: Vec<Point>,
     /// What two hulls know of one another: the normal, or that of a plane that parts those that are further apart.
-    pub parting: Option<SeparatingPlane>,
+    pub separating_plane: Option<SeparatingPlane>,
 }
 
 impl Manifold {
     /// Forgets all points.
     pub fn clear(&mut self) {
         self.points.clear();
-        self.parting = None;
+        self.separating_plane = None;
     }
 
     /// The least distance, m; infinite where there is no point.
@@ -249,7 +249,7 @@ pub(super) fn mix(part: u32, feature: u32) -> u32 {
 
 /// Joins the points of many parts: those at one place with one normal are one, those with one normal are reduced to four, and at most `most` are
 /// kept, the deepest.
-pub(super) fn thin(all: &mut Vec<Point>, size: f64, most: usize, out: &mut Manifold) {
+pub(super) fn reduce_points(all: &mut Vec<Point>, size: f64, most: usize, out: &mut Manifold) {
     let alike = |a: &Point, b: &Point| dot(a.normal, b.normal) > 1.0 - 1e-6;
     all.sort_unstable_by(|a, b| a.feature.cmp(&b.feature).then(a.distance.total_cmp(&b.distance)));
     while let Some(&first) = all.first() {
@@ -352,7 +352,7 @@ mod tests {
         let point = |normal: V, feature: u32| Point { normal, feature, ..Point::default() };
         let mut all = vec![point([f64::NAN; 3], 0), point([0.0; 3], 1), point([0.0, 0.0, 1.0], 2), point([f64::INFINITY, 0.0, 0.0], 3)];
         let mut out = Manifold::default();
-        thin(&mut all, 1.0, 16, &mut out);
+        reduce_points(&mut all, 1.0, 16, &mut out);
         assert!(all.is_empty());
         assert_eq!(out.points.len(), 4);
     }

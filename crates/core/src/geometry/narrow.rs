@@ -5,9 +5,9 @@ use crate::geometry::facing::Facing;
 use crate::geometry::known::Known;
 use crate::geometry::manifold::{Manifold, Point};
 use crate::geometry::pair::Pair;
-use crate::geometry::parting::SeparatingPlane;
 use crate::geometry::reach::Reach;
 use crate::geometry::room::Room;
+use crate::geometry::separating_plane::SeparatingPlane;
 use crate::geometry::separation;
 use crate::geometry::shape::ConvexShape;
 use crate::geometry::solid::Solid;
@@ -52,7 +52,7 @@ impl Narrow {
             [_, Solid::Surface(_)] => unreachable!("a surface meets convex shapes"),
             [_, Solid::HalfSpace] => unreachable!("a half space comes first, and two never meet"),
         }
-        (&found.points, found.parting)
+        (&found.points, found.separating_plane)
     }
 }
 
@@ -94,7 +94,7 @@ pub fn collide(
         room.clipper.manifold(&pair, &facing, prediction, out);
         out.place(pose_a);
     }
-    out.parting = (a.is_hull() && b.is_hull()).then(|| reach.parting(&pair, &facing));
+    out.separating_plane = (a.is_hull() && b.is_hull()).then(|| reach.separating_plane(&pair, &facing));
 }
 
 /// The half space below the xy plane of `plane` and a convex shape, as [`collide`].

@@ -4,7 +4,7 @@ use crate::geometry::approach::Approach;
 use crate::geometry::facing::{Facing, Separation};
 use crate::geometry::known::Known;
 use crate::geometry::pair::Pair;
-use crate::geometry::parting::SeparatingPlane;
+use crate::geometry::separating_plane::SeparatingPlane;
 use crate::geometry::vectors::V;
 
 /// How far to look, and where first.
@@ -36,7 +36,7 @@ impl Reach {
     }
 
     /// What two hulls know of one another afterwards.
-    pub(super) fn parting(&self, pair: &Pair<'_>, facing: &Facing) -> SeparatingPlane {
+    pub(super) fn separating_plane(&self, pair: &Pair<'_>, facing: &Facing) -> SeparatingPlane {
         let Separation { normal, separation, .. } = facing.found;
         SeparatingPlane::new(pair, facing, self.approach.map_or(0.0, |a| a.spare(normal, separation, pair.size)))
     }

@@ -21,7 +21,7 @@ use parry3d_f64::math::Vector;
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
 
 use crate::geometry::facing::{Facing, Separation};
-use crate::geometry::manifold::{Manifold, Point, VERTICES, thin};
+use crate::geometry::manifold::{Manifold, Point, VERTICES, reduce_points};
 use crate::geometry::pair::Pair;
 use crate::geometry::room::Room;
 use crate::geometry::separation::{self};
@@ -383,7 +383,7 @@ pub fn collide_surface(a: &Surface, pose_a: &Pose, b: &ConvexShape, pose_b: &Pos
         room.clipper.manifold(&pair, &facing, prediction, out);
         room.all.extend(out.points.drain(..).map(|p| Point { feature: name(t, p.feature), ..p }));
     }
-    thin(&mut room.all, whole.size, MAX_SURFACE_POINTS, out);
+    reduce_points(&mut room.all, whole.size, MAX_SURFACE_POINTS, out);
     out.place(pose_a);
 }
 

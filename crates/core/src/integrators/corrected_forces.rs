@@ -25,7 +25,8 @@ pub(crate) fn reconsider_servos<R: Real>(compiled: &LaneModel<R>, scheme: &Schem
             }
         },
     );
-    let wrong = s.drive.misjudged(compiled, &s.inputs.trains, scheme.weights, &s.v_mean, scheme.h).and(lanes).and(s.alive);
+    let wrong =
+        s.actuator_forces.misjudged(compiled, &s.inputs.actuator_dynamics, scheme.weights, &s.v_mean, scheme.h).and(lanes).and(s.alive);
     if wrong.any() {
         R::vectorize(
             #[inline(always)]
@@ -59,9 +60,9 @@ pub(crate) fn correct_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R
     // Without servos no force of stage 1 depends on the velocity.
     if !compiled.servos.is_empty() {
         let at = scheme.forces_at([&s.q_eval, &s.q_ahead], [&s.v, &s.v_mean], &s.act_eval, &s.inputs);
-        actuate(compiled, &at, scheme.servos(), &mut s.drive);
+        actuate(compiled, &at, scheme.servos(), &mut s.actuator_forces);
     }
-    s.smooth.acceleration(compiled, &s.kinematics, [&s.drive.tau, &s.applied], &s.v, &s.v_mean);
+    s.smooth.acceleration(compiled, &s.kinematics, [&s.actuator_forces.tau, &s.applied], &s.v, &s.v_mean);
     advance(&s.v, &s.smooth.acc, scheme.h, &mut s.v_next);
     if !compiled.spinners.is_empty() && scheme.integrator.in_the_middle() {
         gyroscopic::correct(compiled, &s.kinematics, &s.smooth.mass, [scheme.lead, scheme.rest], [&s.v, &s.v_mean], &mut s.v_next);
@@ -116,8 +117,8 @@ fn leave_out_inertial_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R
         },
     );
     let at = scheme.forces_at([&s.q_eval, &s.q_ahead], [&s.v, &s.change], &s.act_eval, &s.inputs);
-    actuate(compiled, &at, scheme.servos(), &mut s.drive);
-    s.smooth.acceleration(compiled, &s.kinematics, [&s.drive.tau, &s.applied], &s.v, &s.limit.rest);
+    actuate(compiled, &at, scheme.servos(), &mut s.actuator_forces);
+    s.smooth.acceleration(compiled, &s.kinematics, [&s.actuator_forces.tau, &s.applied], &s.v, &s.step_resolution.rest);
     R::vectorize(
         #[inline(always)]
         || {

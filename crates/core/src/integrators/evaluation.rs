@@ -5,7 +5,7 @@ use stepper_real::{Mask, Real};
 use crate::compile::LaneModel;
 use crate::constraints::constraint_set::AssemblyInput;
 use crate::integrators::corrected_forces::{correct_forces, reconsider_servos};
-use crate::integrators::free_motion::{find_contacts, free_motion, place};
+use crate::integrators::free_motion::{find_contacts, free_motion, place_bodies};
 use crate::integrators::impact;
 use crate::integrators::scheme::Scheme;
 use crate::integrators::workspace::Workspace;
@@ -18,14 +18,14 @@ use crate::stages::s05_solve::{estimate, forget_estimate};
 ///
 /// Returns the lanes that the midpoint rule takes at the beginning.
 pub(crate) fn evaluate<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, scheme: &mut Scheme<R>, s: &mut Workspace<R>) -> R::Mask {
-    place(compiled, scheme, s);
+    place_bodies(compiled, scheme, s);
     free_motion(compiled, scheme, s);
     let too_far = find_contacts(compiled, scheme, s);
     if too_far.any() {
         // What is so fast that it may be through something thin in the middle of the step is taken at its beginning.
         scheme.lead = R::select(too_far, R::zero(), scheme.lead);
         scheme.rest = R::select(too_far, scheme.h, scheme.rest);
-        place(compiled, scheme, s);
+        place_bodies(compiled, scheme, s);
         free_motion(compiled, scheme, s);
         find_contacts(compiled, scheme, s);
     }
@@ -45,7 +45,7 @@ pub(crate) fn assemble_rows<R: Real>(
     at_beginning: R::Mask,
 ) {
     assemble_here(compiled, options, scheme, s, at_beginning);
-    let bounded = compiled.servos_are_bounded && (scheme.corrects || compiled.trains > 0);
+    let bounded = compiled.servos_are_bounded && (scheme.corrects || compiled.actuator_dynamics > 0);
     if bounded && s.constraints.constrained.any() && reconsider_servos(compiled, scheme, s) {
         // Servos reach their bounds, or leave them, by impulses of this step.
         free_motion(compiled, scheme, s);
@@ -61,16 +61,16 @@ pub(crate) fn assemble_rows<R: Real>(
 
 /// Stage 4 at the configuration of the scheme.
 fn assemble_here<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, scheme: &Scheme<R>, s: &mut Workspace<R>, too_far: R::Mask) {
-    let moment = AssemblyInput {
+    let assembly = AssemblyInput {
         q: &s.q_eval,
         v: &s.v,
         motion: &s.smooth.work,
         v_free: &s.v_free,
-        losses: &s.drive.losses,
+        losses: &s.actuator_forces.losses,
         h: scheme.h,
         lead: scheme.lead,
         closing: scheme.closing(too_far, s.impacts.lanes),
         alive: s.alive,
     };
-    assemble(compiled, options, &s.kinematics, &s.smooth.mass, &moment, &mut s.new_contacts, &mut s.constraints);
+    assemble(compiled, options, &s.kinematics, &s.smooth.mass, &assembly, &mut s.new_contacts, &mut s.constraints);
 }

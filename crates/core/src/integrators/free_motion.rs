@@ -2,7 +2,7 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::actuation::forces::{Drive, Implicit};
+use crate::actuation::forces::{ActuatorForces, Implicit};
 use crate::compile::LaneModel;
 use crate::dynamics::kinematics::{advance, displace};
 use crate::dynamics::mocap;
@@ -18,7 +18,7 @@ pub(crate) fn find_contacts<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>
 }
 
 /// The configuration and activations at which forces are taken.
-pub(crate) fn place<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) {
+pub(crate) fn place_bodies<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) {
     if scheme.integrator.in_the_middle() {
         displace(compiled, &s.q, &s.v, scheme.lead, &mut s.q_eval);
         advance_activation(compiled, &s.act, &s.act, &s.inputs.ctrl, scheme.lead, &mut s.act_eval);
@@ -29,36 +29,41 @@ pub(crate) fn place<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mu
     if scheme.integrator == Integrator::Implicit {
         displace(compiled, &s.q_eval, &s.v, scheme.reach, &mut s.q_ahead);
     }
-    mocap::place(compiled, &s.ways, R::of(s.elapsed) + scheme.lead, &mut s.kinematics);
+    mocap::pose_bodies(compiled, &s.mocap_trajectories, R::of(s.elapsed) + scheme.lead, &mut s.kinematics);
     s.kinematics.update(compiled, &s.q_eval);
-    s.drive.transmit(compiled, &s.kinematics, &s.v, scheme.reach);
+    s.actuator_forces.transmit(compiled, &s.kinematics, &s.v, scheme.reach);
 }
 
 /// Stages 1 and 2: the velocity at the end of the step if nothing were in the way.
 pub(crate) fn free_motion<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) {
     s.smooth.apply(compiled, &s.kinematics, [&s.inputs.qfrc, &s.inputs.xfrc], &mut s.applied);
-    s.drive.release();
+    s.actuator_forces.release();
     s.smooth.assemble_mass(compiled, &s.kinematics, scheme.joints(compiled));
     if scheme.integrator.in_the_middle() && !compiled.servos.is_empty() {
-        s.drive.gauge(compiled, &s.smooth.inertia);
+        s.actuator_forces.gauge(compiled, &s.smooth.inertia);
     }
     let at = scheme.forces_at([&s.q_eval, &s.q_ahead], [&s.v, &s.v], &s.act_eval, &s.inputs);
-    actuate(compiled, &at, scheme.servos(), &mut s.drive);
-    s.smooth.complete_mass(compiled, &s.kinematics, implicit(compiled, scheme, &s.drive, &s.v));
-    s.smooth.acceleration(compiled, &s.kinematics, [&s.drive.tau, &s.applied], &s.v, &s.v);
-    if compiled.servos_are_bounded && (scheme.corrects || compiled.trains > 0) {
+    actuate(compiled, &at, scheme.servos(), &mut s.actuator_forces);
+    s.smooth.complete_mass(compiled, &s.kinematics, implicit(compiled, scheme, &s.actuator_forces, &s.v));
+    s.smooth.acceleration(compiled, &s.kinematics, [&s.actuator_forces.tau, &s.applied], &s.v, &s.v);
+    if compiled.servos_are_bounded && (scheme.corrects || compiled.actuator_dynamics > 0) {
         saturate_servos(compiled, scheme, s);
     }
     if compiled.lossy {
-        s.drive.lose(compiled, &s.inputs.trains, true);
+        s.actuator_forces.lose(compiled, &s.inputs.actuator_dynamics, true);
     }
     advance(&s.v, &s.smooth.acc, scheme.h, &mut s.v_free);
 }
 
 /// What the mass matrix holds besides M.
-pub(crate) fn implicit<'a, R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, drive: &'a Drive<R>, v: &'a [R]) -> Implicit<'a, R> {
-    let servos: &[R] = if scheme.corrects || compiled.trains > 0 { &drive.weight } else { &[] };
-    Implicit { weights: scheme.joints(compiled), servos, arms: &drive.arms, drag_at: scheme.corrects.then_some(v) }
+pub(crate) fn implicit<'a, R: Real>(
+    compiled: &LaneModel<R>,
+    scheme: &Scheme<R>,
+    actuator_forces: &'a ActuatorForces<R>,
+    v: &'a [R],
+) -> Implicit<'a, R> {
+    let servos: &[R] = if scheme.corrects || compiled.actuator_dynamics > 0 { &actuator_forces.weight } else { &[] };
+    Implicit { weights: scheme.joints(compiled), servos, arms: &actuator_forces.arms, drag_at: scheme.corrects.then_some(v) }
 }
 
 /// How often servos are looked at again after others have reached their bounds.
@@ -72,11 +77,12 @@ fn saturate_servos<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut
         s.smooth.solve(compiled, &mut s.v_next);
         advance(&s.v_next, &s.smooth.acc, scheme.h, &mut s.v_mean);
         // Lanes in which nothing is new do it all again and find the same bits.
-        if s.drive.saturate(compiled, &s.inputs.trains, scheme.weights, &s.v_mean, scheme.h, pass).and(s.alive).none() {
+        if s.actuator_forces.saturate(compiled, &s.inputs.actuator_dynamics, scheme.weights, &s.v_mean, scheme.h, pass).and(s.alive).none()
+        {
             return;
         }
-        regather(compiled, scheme.springs_at(&s.q_eval, &s.q_ahead), scheme.corrects, &mut s.drive);
-        s.smooth.factor_mass_again(compiled, &s.kinematics, implicit(compiled, scheme, &s.drive, &s.v));
-        s.smooth.acceleration_again(compiled, [&s.drive.tau, &s.applied], &s.v);
+        regather(compiled, scheme.springs_at(&s.q_eval, &s.q_ahead), scheme.corrects, &mut s.actuator_forces);
+        s.smooth.factor_mass_again(compiled, &s.kinematics, implicit(compiled, scheme, &s.actuator_forces, &s.v));
+        s.smooth.acceleration_again(compiled, [&s.actuator_forces.tau, &s.applied], &s.v);
     }
 }

@@ -12,7 +12,7 @@ use crate::compile::LaneModel;
 use crate::constraints::impact_time::{Flight, Meeting};
 use crate::dynamics::gyroscopic;
 use crate::dynamics::kinematics::{Kinematics, advance};
-use crate::integrators::free_motion::{find_contacts, free_motion, place};
+use crate::integrators::free_motion::{find_contacts, free_motion, place_bodies};
 use crate::integrators::impact_set::Impacts;
 use crate::integrators::scheme::Scheme;
 use crate::integrators::workspace::Workspace;
@@ -49,7 +49,7 @@ pub(crate) fn place_at_impacts<R: Real>(compiled: &LaneModel<R>, options: &StepS
         if wrong.none() {
             return;
         }
-        place(compiled, scheme, s);
+        place_bodies(compiled, scheme, s);
         free_motion(compiled, scheme, s);
         find_contacts(compiled, scheme, s);
     }
@@ -194,7 +194,7 @@ fn jumping<R: Real>(scheme: &Scheme<R>, s: &Workspace<R>, first: bool) -> R::Mas
             let impact = change.gt(smooth * R::of(IMPACT)).and((scheme.h * change).lt(R::of(RESOLVED)));
             let matters = impact.and((scheme.h * (jump * fastest).max(apart)).gt(R::of(MATTERS)));
             // Equalities near singular positions change as suddenly, but nothing strikes there.
-            let slots = s.constraints.slots.iter().map(|slot| slot.1).chain(s.constraints.wide_slots.iter().map(|slot| slot.1));
+            let slots = s.constraints.slots.iter().map(|slot| slot.1).chain(s.constraints.rolling_slots.iter().map(|slot| slot.1));
             let touching = slots.fold(R::Mask::splat(false), |all, lanes| all.or(lanes));
             touching.and(s.alive).and_not(s.unresolved).and(matters)
         },
@@ -205,7 +205,7 @@ fn jumping<R: Real>(scheme: &Scheme<R>, s: &Workspace<R>, first: bool) -> R::Mas
 /// after it. At the `first` time, the velocity before the impact is made that of the former alone.
 fn take_inertial_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>, lanes: R::Mask, first: bool) {
     // With the forces of stage 1 as they are: what depends on the velocity in them is implicit.
-    let (forces, half) = ([&s.drive.tau[..], &s.applied], scheme.h * R::of(0.5));
+    let (forces, half) = ([&s.actuator_forces.tau[..], &s.applied], scheme.h * R::of(0.5));
     let times = [scheme.lead, scheme.rest].map(|time| R::select(s.impacts.lanes, time, half));
     s.smooth.acceleration(compiled, &s.kinematics, forces, &s.v, &s.v);
     advance(&s.v, &s.smooth.acc, times[0], &mut s.v_mean);
@@ -216,7 +216,14 @@ fn take_inertial_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s:
     s.smooth.acceleration(compiled, &s.kinematics, forces, &s.v, &s.v_next);
     advance(&s.v_mean, &s.smooth.acc, times[1], &mut s.change);
     if !compiled.spinners.is_empty() {
-        gyroscopic::settle(compiled, &s.kinematics, &s.smooth.mass, [[scheme.lead, scheme.rest], times], [&s.v, &s.v_next], &mut s.change);
+        gyroscopic::correct_spin(
+            compiled,
+            &s.kinematics,
+            &s.smooth.mass,
+            [[scheme.lead, scheme.rest], times],
+            [&s.v, &s.v_next],
+            &mut s.change,
+        );
     }
     take_over_change(compiled, s, lanes);
     if strikes {

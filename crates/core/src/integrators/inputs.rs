@@ -1,6 +1,6 @@
 //! What the user says to a step.
 
-use crate::actuation::affine_force::Train;
+use crate::actuation::affine_force::ActuatorDynamics;
 
 /// What the user says to a step.
 #[derive(Clone, Debug)]
@@ -8,7 +8,7 @@ pub struct Inputs<R> {
     /// Controls, nu, as drive trains hand them on.
     pub ctrl: Vec<R>,
     /// Drive trains that act within a step.
-    pub trains: Vec<Train<R>>,
+    pub actuator_dynamics: Vec<ActuatorDynamics<R>>,
     /// Forces on the joints, nv, N or N m; empty when there are none.
     pub qfrc: Vec<R>,
     /// Wrenches on the bodies (force, torque), 6 nbody, N and N m; empty when there are none.

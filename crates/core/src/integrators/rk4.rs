@@ -3,7 +3,7 @@
 use stepper_real::Real;
 
 use crate::actuation::affine_force::within;
-use crate::actuation::forces::{Drive, ForceState, Implicit};
+use crate::actuation::forces::{ActuatorForces, ForceState, Implicit};
 use crate::compile::{CompiledModel, LaneModel};
 use crate::dynamics::kinematics::{Kinematics, displace};
 use crate::integrators::inputs::Inputs;
@@ -20,7 +20,7 @@ use crate::stages::s02_smooth::Smooth;
 pub(crate) struct Rk4<R: Real> {
     kinematics: Kinematics<R>,
     smooth: Smooth<R>,
-    drive: Drive<R>,
+    actuator_forces: ActuatorForces<R>,
     applied: Vec<R>,
     q: Vec<R>,
     v: Vec<R>,
@@ -38,7 +38,7 @@ impl<R: Real> Rk4<R> {
         Self {
             kinematics: Kinematics::new(compiled),
             smooth: Smooth::new(compiled),
-            drive: Drive::new(compiled),
+            actuator_forces: ActuatorForces::new(compiled),
             applied: zeros(compiled.nv),
             q: zeros(compiled.nq),
             v: zeros(compiled.nv),
@@ -110,9 +110,14 @@ impl<R: Real> Rk4<R> {
         self.kinematics.update(compiled, &self.q);
         self.smooth.factor_mass(compiled, &self.kinematics, Implicit::none());
         self.smooth.apply(compiled, &self.kinematics, [&inputs.qfrc, &inputs.xfrc], &mut self.applied);
-        self.drive.transmit(compiled, &self.kinematics, &self.v, R::zero());
-        actuate(compiled, &ForceState::state(&self.q, &self.v, &self.act, &inputs.ctrl, &inputs.trains), None, &mut self.drive);
-        self.smooth.acceleration(compiled, &self.kinematics, [&self.drive.tau, &self.applied], &self.v, &self.v);
+        self.actuator_forces.transmit(compiled, &self.kinematics, &self.v, R::zero());
+        actuate(
+            compiled,
+            &ForceState::state(&self.q, &self.v, &self.act, &inputs.ctrl, &inputs.actuator_dynamics),
+            None,
+            &mut self.actuator_forces,
+        );
+        self.smooth.acceleration(compiled, &self.kinematics, [&self.actuator_forces.tau, &self.applied], &self.v, &self.v);
         self.rate[1].copy_from_slice(&self.smooth.acc);
         activation_rate(compiled, &self.act, &inputs.ctrl, &mut self.rate[2]);
     }

@@ -2,7 +2,7 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::actuation::forces::{ForceState, Implied};
+use crate::actuation::forces::{ForceState, ImplicitServos};
 use crate::compile::LaneModel;
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::integrators::inputs::Inputs;
@@ -63,8 +63,8 @@ impl<R: Real> Scheme<R> {
     }
 
     /// How stage 1 takes servos. Euler's rule takes those of drive trains alone implicitly, as it does the joints' damping.
-    pub(crate) fn servos(&self) -> Option<Implied<R>> {
-        Some(Implied { weights: self.weights, all: self.corrects })
+    pub(crate) fn servos(&self) -> Option<ImplicitServos<R>> {
+        Some(ImplicitServos { weights: self.weights, all: self.corrects })
     }
 
     /// Shares of the joints' own damping and stiffness: Euler's rule takes damping explicitly where the model asks for it.
@@ -86,6 +86,6 @@ impl<R: Real> Scheme<R> {
         act: &'a [R],
         inputs: &'a Inputs<R>,
     ) -> ForceState<'a, R> {
-        ForceState { q: self.springs_at(here, ahead), v, v_at, act, ctrl: &inputs.ctrl, trains: &inputs.trains }
+        ForceState { q: self.springs_at(here, ahead), v, v_at, act, ctrl: &inputs.ctrl, actuator_dynamics: &inputs.actuator_dynamics }
     }
 }

@@ -99,7 +99,7 @@ pub(crate) fn correct_positions<R: Real>(
 pub(crate) fn guard_energy<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>, solution: &Solution<R>) {
     if solution.guarded.any() {
         let (before, after) = ([&s.q[..], &s.v[..]], [&s.q_next[..], &s.v_next[..]]);
-        s.limit.keep_energy(compiled, &s.kinematics, solution.guarded, before, after, &s.v_free, &mut s.v_mean);
+        s.step_resolution.keep_energy(compiled, &s.kinematics, solution.guarded, before, after, &s.v_free, &mut s.v_mean);
         std::mem::swap(&mut s.v_next, &mut s.v_mean);
     }
 }

@@ -108,16 +108,16 @@ fn energy<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R],
     sum
 }
 
-/// Room for [`Limit::keep_energy`].
+/// Room for [`StepResolution::keep_energy`].
 #[derive(Clone, Debug)]
-pub struct Limit<R: Real> {
+pub struct StepResolution<R: Real> {
     /// No velocity at all.
     pub rest: Vec<R>,
     kinematics: Kinematics<R>,
     velocity: Vec<V6<R>>,
 }
 
-impl<R: Real> Limit<R> {
+impl<R: Real> StepResolution<R> {
     /// Room for a compiled model.
     pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
         Self { rest: vec![R::zero(); compiled.nv], kinematics: Kinematics::new(compiled), velocity: vec![zero(); compiled.links.len()] }

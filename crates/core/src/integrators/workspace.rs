@@ -2,8 +2,8 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::actuation::affine_force::Train;
-use crate::actuation::forces::Drive;
+use crate::actuation::affine_force::ActuatorDynamics;
+use crate::actuation::forces::ActuatorForces;
 use crate::collision::contact_set::Contacts;
 use crate::collision::detection::GeomPoses;
 use crate::compile::{CompiledModel, LaneModel};
@@ -13,7 +13,7 @@ use crate::dynamics::mocap::MocapTrajectory;
 use crate::integrators::impact_set::Impacts;
 use crate::integrators::inputs::Inputs;
 use crate::integrators::rk4::Rk4;
-use crate::integrators::step_resolution::Limit;
+use crate::integrators::step_resolution::StepResolution;
 use crate::math::spatial::*;
 use crate::options::{Integrator, StepSettings};
 use crate::stages::s02_smooth::Smooth;
@@ -43,14 +43,14 @@ pub struct Workspace<R: Real> {
     /// Controls as the user gave them, nu; drive trains make `inputs` of them.
     pub(crate) given: Vec<R>,
     /// Ways of the mocap bodies during this call, and the time of it that has passed, s.
-    pub(crate) ways: Vec<MocapTrajectory<R>>,
+    pub(crate) mocap_trajectories: Vec<MocapTrajectory<R>>,
     pub(crate) elapsed: f64,
     pub(crate) new_contacts: Contacts<R>,
     pub(crate) smooth: Smooth<R>,
     pub(crate) v_free: Vec<R>,
     pub(crate) poses: GeomPoses<R>,
     pub(crate) rk4: Option<Rk4<R>>,
-    pub(crate) drive: Drive<R>,
+    pub(crate) actuator_forces: ActuatorForces<R>,
     pub(crate) applied: Vec<R>,
     pub(crate) q_eval: Vec<R>,
     pub(crate) q_ahead: Vec<R>,
@@ -62,7 +62,7 @@ pub struct Workspace<R: Real> {
     /// Impacts of the step, and room for the velocity before them.
     pub(crate) impacts: Impacts<R>,
     pub(crate) before_impact: Vec<R>,
-    pub(crate) limit: Limit<R>,
+    pub(crate) step_resolution: StepResolution<R>,
     pub(crate) unresolved: R::Mask,
     pub(crate) q_next: Vec<R>,
     pub(crate) v_next: Vec<R>,
@@ -77,7 +77,7 @@ impl<R: Real> Workspace<R> {
             q: zeros(compiled.nq),
             v: zeros(compiled.nv),
             act: zeros(compiled.na),
-            contacts: Contacts::new(max_contacts).with_torques(compiled.wide),
+            contacts: Contacts::new(max_contacts).with_torques(compiled.has_rolling_friction),
             constraints: Constraints::new(compiled, max_contacts),
             impulse: zeros(if compiled.servos_are_bounded { compiled.nv } else { 0 }),
             alive: R::Mask::splat(true),
@@ -85,19 +85,19 @@ impl<R: Real> Workspace<R> {
             kinematics: Kinematics::new(compiled),
             inputs: Inputs {
                 ctrl: zeros(compiled.actuators.len()),
-                trains: vec![Train::default(); compiled.trains],
+                actuator_dynamics: vec![ActuatorDynamics::default(); compiled.actuator_dynamics],
                 qfrc: Vec::with_capacity(compiled.nv),
                 xfrc: Vec::with_capacity(6 * compiled.bodies.len()),
             },
             given: zeros(compiled.actuators.len()),
-            ways: compiled.mocap.iter().map(|m| MocapTrajectory::at(splat(m.pos), splat(m.quat))).collect(),
+            mocap_trajectories: compiled.mocap.iter().map(|m| MocapTrajectory::at(splat(m.pos), splat(m.quat))).collect(),
             elapsed: 0.0,
-            new_contacts: Contacts::new(max_contacts).with_torques(compiled.wide),
+            new_contacts: Contacts::new(max_contacts).with_torques(compiled.has_rolling_friction),
             smooth: Smooth::new(compiled),
             v_free: zeros(compiled.nv),
             poses: GeomPoses::new(compiled),
             rk4: (options.integrator == Integrator::Rk4).then(|| Rk4::new(compiled)),
-            drive: Drive::new(compiled),
+            actuator_forces: ActuatorForces::new(compiled),
             applied: zeros(compiled.nv),
             q_eval: zeros(compiled.nq),
             q_ahead: zeros(compiled.nq),
@@ -107,7 +107,7 @@ impl<R: Real> Workspace<R> {
             change: zeros(compiled.nv),
             impacts: Impacts::new(compiled),
             before_impact: zeros(compiled.nv),
-            limit: Limit::new(compiled),
+            step_resolution: StepResolution::new(compiled),
             unresolved: R::Mask::splat(false),
             q_next: zeros(compiled.nq),
             v_next: zeros(compiled.nv),
@@ -118,7 +118,7 @@ impl<R: Real> Workspace<R> {
 
 impl<R: Real> Workspace<R> {
     /// Takes up parameters that are read before a step: where the geoms of the world are.
-    pub(crate) fn settle(&mut self, compiled: &LaneModel<R>) {
-        self.poses.settle(compiled);
+    pub(crate) fn update_static_poses(&mut self, compiled: &LaneModel<R>) {
+        self.poses.update_static_poses(compiled);
     }
 }

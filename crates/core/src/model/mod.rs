@@ -7,10 +7,10 @@
 //! Frames: a body's `pos`, `quat` place it in its parent; a joint's `pos`, `axis` and a geom's `pos`, `quat` are in their body's frame.
 //! Quaternions are (w, x, y, z). Lengths in m, masses in kg, angles in rad.
 
+pub mod actuator_spec;
 mod asset;
 mod builder;
 mod description;
-pub mod drive_train;
 mod equality;
 mod error;
 mod explain;

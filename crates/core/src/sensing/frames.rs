@@ -3,7 +3,7 @@
 use stepper_real::Real;
 
 use crate::compile::LaneModel;
-use crate::compile::sensing::Place;
+use crate::compile::sensing::SensorFrame;
 use crate::dynamics::kinematics::{Kinematics, quat_at};
 use crate::math::spatial::*;
 use crate::model::{FrameReading, JointKind};
@@ -38,7 +38,7 @@ pub fn orientations<R: Real>(compiled: &LaneModel<R>, q: &[R], out: &mut [[R; 4]
 pub(super) fn accelerations<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
-    moment: &SensorInput<'_, R>,
+    input: &SensorInput<'_, R>,
     velocity: &mut [V6<R>],
     acceleration: &mut [V6<R>],
 ) {
@@ -54,15 +54,15 @@ pub(super) fn accelerations<R: Real>(
                     if joint.kind == JointKind::Free {
                         // The world's axes do not turn with the body.
                         for d in joint.v..joint.v + 3 {
-                            motion = add_scaled(motion, kinematics.axes[d], moment.v[d]);
-                            change = add_scaled(change, kinematics.axes[d], moment.acceleration[d]);
+                            motion = add_scaled(motion, kinematics.axes[d], input.v[d]);
+                            change = add_scaled(change, kinematics.axes[d], input.acceleration[d]);
                         }
                         rotations.start += 3;
                     }
                     let mut own = zero();
                     for d in rotations {
-                        own = add_scaled(own, kinematics.axes[d], moment.v[d]);
-                        change = add_scaled(change, kinematics.axes[d], moment.acceleration[d]);
+                        own = add_scaled(own, kinematics.axes[d], input.v[d]);
+                        change = add_scaled(change, kinematics.axes[d], input.acceleration[d]);
                     }
                     change = add(change, cross_motion(&motion, &own));
                     motion = add(motion, own);
@@ -81,7 +81,7 @@ pub(super) fn ground<R: Real>(compiled: &LaneModel<R>) -> V6<R> {
 }
 
 /// Position of a place in the world.
-pub(super) fn position<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, place: &Place<R::Scalar>) -> V3<R> {
+pub(super) fn position<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, place: &SensorFrame<R::Scalar>) -> V3<R> {
     R::vectorize(
         #[inline(always)]
         || kinematics.point(place.frame, compiled.params.place(place.index)),
@@ -89,7 +89,7 @@ pub(super) fn position<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics
 }
 
 /// Orientation of a place in the world.
-pub(super) fn orientation<R: Real>(kinematics: &Kinematics<R>, place: &Place<R::Scalar>) -> M3<R> {
+pub(super) fn orientation<R: Real>(kinematics: &Kinematics<R>, place: &SensorFrame<R::Scalar>) -> M3<R> {
     R::vectorize(
         #[inline(always)]
         || mat_mul(&kinematics.mat[place.frame], &splat(place.mat)),
@@ -112,7 +112,7 @@ pub(super) fn motion_of<R: Real>(
 }
 
 /// (angular, linear) velocity at a place, world axes.
-fn velocity<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, room: &Room<R>, place: &Place<R::Scalar>) -> [V3<R>; 2] {
+fn velocity<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, room: &Room<R>, place: &SensorFrame<R::Scalar>) -> [V3<R>; 2] {
     R::vectorize(
         #[inline(always)]
         || {
@@ -123,7 +123,12 @@ fn velocity<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, room: 
 }
 
 /// (angular, linear) acceleration at a place, less gravity, world axes: the spatial acceleration there plus omega x v.
-fn acceleration<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, room: &Room<R>, place: &Place<R::Scalar>) -> [V3<R>; 2] {
+fn acceleration<R: Real>(
+    compiled: &LaneModel<R>,
+    kinematics: &Kinematics<R>,
+    room: &Room<R>,
+    place: &SensorFrame<R::Scalar>,
+) -> [V3<R>; 2] {
     R::vectorize(
         #[inline(always)]
         || {
@@ -140,7 +145,7 @@ pub fn site_motion<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     room: &Room<R>,
-    place: &Place<R::Scalar>,
+    place: &SensorFrame<R::Scalar>,
     accelerations: bool,
 ) -> [V3<R>; 2] {
     R::vectorize(
@@ -160,8 +165,8 @@ pub fn frame<R: Real>(
     kinematics: &Kinematics<R>,
     room: &Room<R>,
     what: FrameReading,
-    object: &Place<R::Scalar>,
-    reference: Option<&Place<R::Scalar>>,
+    object: &SensorFrame<R::Scalar>,
+    reference: Option<&SensorFrame<R::Scalar>>,
     out: &mut [R],
 ) {
     R::vectorize(
@@ -177,7 +182,7 @@ pub fn frame<R: Real>(
                 out.copy_from_slice(&seen);
                 return;
             }
-            let arm = |r: &Place<R::Scalar>| sub(position(compiled, kinematics, object), position(compiled, kinematics, r));
+            let arm = |r: &SensorFrame<R::Scalar>| sub(position(compiled, kinematics, object), position(compiled, kinematics, r));
             let x = match what {
                 F::Pos => reference.map_or_else(|| position(compiled, kinematics, object), arm),
                 F::XAxis => column(&orientation(kinematics, object), 0),

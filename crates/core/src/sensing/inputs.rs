@@ -2,7 +2,7 @@
 
 use stepper_real::Real;
 
-use crate::actuation::forces::Drive;
+use crate::actuation::forces::ActuatorForces;
 use crate::collision::contact_set::Contacts;
 use crate::compile::CompiledModel;
 use crate::math::spatial::*;
@@ -22,7 +22,7 @@ pub struct SensorInput<'a, R: Real> {
     /// (v+ - v) / h of the step, impulses included.
     pub acceleration: &'a [R],
     /// Forces of the actuators.
-    pub drive: &'a Drive<R>,
+    pub actuator_forces: &'a ActuatorForces<R>,
     /// Wrenches that the user applied (force, torque), 6 nbody; empty when there are none.
     pub xfrc: &'a [R],
     /// Impulses of limits and dry friction.

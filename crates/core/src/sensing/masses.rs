@@ -2,7 +2,7 @@
 
 use stepper_real::Real;
 
-use crate::compile::sensing::{Part, Place, Subtree};
+use crate::compile::sensing::{Part, SensorFrame, Subtree};
 use crate::compile::{Inertial, LaneModel};
 use crate::dynamics::kinematics::{Kinematics, quat_at};
 use crate::math::spatial::*;
@@ -84,8 +84,8 @@ pub(super) fn parent_force<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     room: &Room<R>,
-    moment: &SensorInput<'_, R>,
-    place: &Place<R::Scalar>,
+    input: &SensorInput<'_, R>,
+    place: &SensorFrame<R::Scalar>,
     subtree: &Subtree,
 ) -> [V3<R>; 2] {
     R::vectorize(
@@ -100,9 +100,9 @@ pub(super) fn parent_force<R: Real>(
                 force = add(force, linear(&rate));
                 torque = add(torque, add(angular(&rate), cross(sub(origin, point), linear(&rate))));
             }
-            if !moment.xfrc.is_empty() {
+            if !input.xfrc.is_empty() {
                 for (b, body) in compiled.bodies.iter().enumerate().filter(|(b, _)| subtree.bodies[*b]) {
-                    let w = &moment.xfrc[6 * b..6 * b + 6];
+                    let w = &input.xfrc[6 * b..6 * b + 6];
                     let (f, t) = ([w[0], w[1], w[2]], [w[3], w[4], w[5]]);
                     let arm = sub(kinematics.point(body.frame, compiled.params.body_com(b)), point);
                     force = sub(force, f);

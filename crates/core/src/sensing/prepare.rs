@@ -9,23 +9,23 @@ use crate::sensing::{frames, masses};
 
 impl<R: Real> Room<R> {
     /// Makes what the sensors share.
-    pub fn prepare(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, moment: &SensorInput<'_, R>) {
+    pub fn prepare(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, input: &SensorInput<'_, R>) {
         if !self.orientation.is_empty() {
-            frames::orientations(compiled, moment.q, &mut self.orientation);
+            frames::orientations(compiled, input.q, &mut self.orientation);
         }
         if compiled.sensing.needs.acceleration {
-            frames::accelerations(compiled, kinematics, moment, &mut self.velocity, &mut self.acceleration);
+            frames::accelerations(compiled, kinematics, input, &mut self.velocity, &mut self.acceleration);
         } else if compiled.sensing.needs.velocities {
             R::vectorize(
                 #[inline(always)]
-                || kinematics.velocities(compiled, moment.v, &mut self.velocity),
+                || kinematics.velocities(compiled, input.v, &mut self.velocity),
             );
         }
         if compiled.sensing.needs.contacts {
-            self.felt.take_up(compiled, moment);
+            self.felt.load_contacts(compiled, input);
         }
         for (k, (site, subtree)) in compiled.sensing.carried.iter().enumerate() {
-            self.carried[k] = masses::parent_force(compiled, kinematics, self, moment, site, &compiled.sensing.subtrees[*subtree]);
+            self.carried[k] = masses::parent_force(compiled, kinematics, self, input, site, &compiled.sensing.subtrees[*subtree]);
         }
     }
 }

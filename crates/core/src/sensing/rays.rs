@@ -6,7 +6,7 @@
 use stepper_real::{Mask, Real};
 
 use crate::compile::LaneModel;
-use crate::compile::sensing::{Form, Place, Solid};
+use crate::compile::sensing::{Form, SensorFrame, Solid};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 use crate::model::RayField;
@@ -127,7 +127,7 @@ pub(super) fn holds<R: Real>(form: Form, size: V3<R>, p: V3<R>) -> R::Mask {
 }
 
 /// Whether the origin of a place is inside a volume: 1 or 0.
-pub fn inside<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, place: &Place<R::Scalar>, zone: &Solid<R::Scalar>) -> R {
+pub fn inside<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, place: &SensorFrame<R::Scalar>, zone: &Solid<R::Scalar>) -> R {
     R::vectorize(
         #[inline(always)]
         || {
@@ -142,7 +142,7 @@ pub fn inside<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, plac
 pub fn range<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
-    place: &Place<R::Scalar>,
+    place: &SensorFrame<R::Scalar>,
     rays: &[[R::Scalar; 3]],
     fields: &[RayField],
     solids: &[Solid<R::Scalar>],

@@ -104,11 +104,11 @@ fn lane_of<R: Real, const N: usize>(x: &[R; N], lane: usize) -> [f64; N] {
 
 impl Felt {
     /// Takes up what all sensors read.
-    pub(super) fn take_up<R: Real>(&mut self, compiled: &LaneModel<R>, moment: &SensorInput<'_, R>) {
+    pub(super) fn load_contacts<R: Real>(&mut self, compiled: &LaneModel<R>, input: &SensorInput<'_, R>) {
         self.contacts.clear();
         for lane in 0..R::LANES {
-            for slot in 0..moment.contacts.count[lane] {
-                self.contacts.push(Contact::of(compiled, moment.contacts, moment.h, slot, lane));
+            for slot in 0..input.contacts.count[lane] {
+                self.contacts.push(Contact::of(compiled, input.contacts, input.h, slot, lane));
             }
             self.ends[lane + 1] = self.contacts.len();
         }

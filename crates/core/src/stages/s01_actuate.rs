@@ -4,15 +4,20 @@ use stepper_real::{Mask, Real};
 
 use crate::actuation::affine_force::{AffineForce, outside, within};
 use crate::actuation::force_limits::{bounded, exceeds};
-use crate::actuation::forces::{Drive, ForceState, Implied};
+use crate::actuation::forces::{ActuatorForces, ForceState, ImplicitServos};
 use crate::compile::{CompiledActuator, LaneModel};
 use crate::dynamics::kinematics::quat_at;
 use crate::math::spatial::*;
 use crate::model::{Activation, JointKind};
 
 /// Forces of actuators and springs, N or N m, and what servos add to the mass matrix; joint damping and the stiffness of joints are added
-/// in stage 2. Servos that are at a bound of their force stay there until [`Drive::release`]. Without `implied` all is taken explicitly.
-pub fn actuate<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, implied: Option<Implied<R>>, drive: &mut Drive<R>) {
+/// in stage 2. Servos that are at a bound of their force stay there until [`ActuatorForces::release`]. Without `implied` all is taken explicitly.
+pub fn actuate<R: Real>(
+    compiled: &LaneModel<R>,
+    at: &ForceState<'_, R>,
+    implied: Option<ImplicitServos<R>>,
+    actuator_forces: &mut ActuatorForces<R>,
+) {
     R::vectorize(
         #[inline(always)]
         || {
@@ -25,43 +30,52 @@ pub fn actuate<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, implied
                     let [gain, bias] = compiled.params.actuator(i);
                     let asked = gain[0] * input + bias[0];
                     let force = within(asked, actuator.force_range);
-                    drive.beyond[i] = beyond(asked, actuator.force_range);
-                    drive.force[i] = match &actuator.train {
+                    actuator_forces.beyond[i] = beyond(asked, actuator.force_range);
+                    actuator_forces.force[i] = match &actuator.train {
                         Some(train) => {
-                            drive.beyond[i] = drive.beyond[i].or(exceeds(train, &at.trains[train.index], force, R::zero()));
-                            bounded(train, &at.trains[train.index], force, R::zero())
+                            actuator_forces.beyond[i] =
+                                actuator_forces.beyond[i].or(exceeds(train, &at.actuator_dynamics[train.index], force, R::zero()));
+                            bounded(train, &at.actuator_dynamics[train.index], force, R::zero())
                         }
                         None => force,
                     };
                     continue;
                 };
-                let motion = drive.motion(actuator, at.q, at.v_at, at.v);
+                let motion = actuator_forces.motion(actuator, at.q, at.v_at, at.v);
                 let parameters = compiled.params.actuator(i);
                 let law = law(actuator, parameters, at, on_the_circle(actuator, parameters, input, motion.length));
-                drive.beyond[i] = R::Mask::splat(false);
+                actuator_forces.beyond[i] = R::Mask::splat(false);
                 match (implied, &actuator.train) {
                     (Some(implied), Some(train)) => {
-                        drive.set_train(i, k, &law, &motion, train, &at.trains[train.index], implied.weights);
+                        actuator_forces.set_actuator_dynamics(
+                            i,
+                            k,
+                            &law,
+                            &motion,
+                            train,
+                            &at.actuator_dynamics[train.index],
+                            implied.weights,
+                        );
                     }
-                    (Some(Implied { weights, all: true }), None) => {
-                        let (force, weight) = law.implied(&motion, drive.gauge_at(k), weights);
-                        drive.set_servo(i, k, force, weight);
+                    (Some(ImplicitServos { weights, all: true }), None) => {
+                        let (force, weight) = law.implied(&motion, actuator_forces.gauge_at(k), weights);
+                        actuator_forces.set_servo(i, k, force, weight);
                     }
                     (None, Some(train)) => {
-                        drive.force[i] = bounded(train, &at.trains[train.index], law.force(&motion), motion.velocity);
+                        actuator_forces.force[i] = bounded(train, &at.actuator_dynamics[train.index], law.force(&motion), motion.velocity);
                     }
                     (_, None) => {
                         let asked = law.force(&motion);
-                        drive.beyond[i] = beyond(asked, actuator.force_range);
-                        drive.force[i] = within(asked, actuator.force_range);
+                        actuator_forces.beyond[i] = beyond(asked, actuator.force_range);
+                        actuator_forces.force[i] = within(asked, actuator.force_range);
                     }
                 }
             }
-            drive.gather(compiled, implied.is_some_and(|i| i.all));
+            actuator_forces.gather(compiled, implied.is_some_and(|i| i.all));
             if implied.is_none() {
-                drive.joint.copy_from_slice(&drive.tau);
+                actuator_forces.joint.copy_from_slice(&actuator_forces.tau);
             }
-            add_springs(compiled, at.q, &mut drive.tau);
+            add_springs(compiled, at.q, &mut actuator_forces.tau);
         },
     )
 }
@@ -76,12 +90,12 @@ fn beyond<R: Real>(asked: R, range: Option<[R::Scalar; 2]>) -> R::Mask {
 }
 
 /// The forces of `drive` on the joints, with those of springs: what [`actuate`] ends with, for when a servo's force changed.
-pub fn regather<R: Real>(compiled: &LaneModel<R>, q: &[R], all: bool, drive: &mut Drive<R>) {
+pub fn regather<R: Real>(compiled: &LaneModel<R>, q: &[R], all: bool, actuator_forces: &mut ActuatorForces<R>) {
     R::vectorize(
         #[inline(always)]
         || {
-            drive.gather(compiled, all);
-            add_springs(compiled, q, &mut drive.tau);
+            actuator_forces.gather(compiled, all);
+            add_springs(compiled, q, &mut actuator_forces.tau);
         },
     )
 }
@@ -122,7 +136,7 @@ fn setpoint<R: Real>(compiled: &LaneModel<R>, i: usize, actuator: &CompiledActua
 fn law<R: Real>(actuator: &CompiledActuator<R::Scalar>, [gain, bias]: [V3<R>; 2], at: &ForceState<'_, R>, input: R) -> AffineForce<R> {
     let [level, mut slope, mut rate]: V3<R> = std::array::from_fn(|k| gain[k] * input + bias[k]);
     let Some(train) = &actuator.train else { return AffineForce { level, slope, rate } };
-    let numbers = &at.trains[train.index];
+    let numbers = &at.actuator_dynamics[train.index];
     if train.servo {
         (slope, rate) = (numbers.slope, numbers.rate);
     }

@@ -31,12 +31,12 @@ pub fn detect<R: Real>(
     if compiled.geoms.is_empty() {
         return R::Mask::splat(false);
     }
-    let leads = compiled.has_thin && lead.gt(R::zero()).any();
+    let leads = compiled.can_tunnel && lead.gt(R::zero()).any();
     R::vectorize(
         #[inline(always)]
         || {
             poses.slack = slack(compiled, h);
-            poses.placed.place(compiled, kinematics);
+            poses.placed.update_poses(compiled, kinematics);
             poses.placed.update_travel(compiled, kinematics, v_free, h + h);
             poses.find_near(compiled, alive);
         },

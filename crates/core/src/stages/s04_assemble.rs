@@ -22,7 +22,7 @@ use crate::constraints::contact::least_mobility;
 use crate::constraints::equality::RowInput;
 use crate::constraints::hyperstatic;
 use crate::constraints::restitution::any_impacts;
-use crate::constraints::torsional_rolling::wide_lanes;
+use crate::constraints::torsional_rolling::rolling_lanes;
 use crate::dynamics::inertia::MassMatrix;
 use crate::dynamics::kinematics::Kinematics;
 use crate::options::StepSettings;
@@ -33,7 +33,7 @@ pub fn assemble<R: Real>(
     options: &StepSettings,
     kinematics: &Kinematics<R>,
     mass: &MassMatrix<R>,
-    moment: &AssemblyInput<'_, R>,
+    assembly: &AssemblyInput<'_, R>,
     contacts: &mut Contacts<R>,
     constraints: &mut Constraints<R>,
 ) {
@@ -45,43 +45,43 @@ pub fn assemble<R: Real>(
             constraints.owners.clear();
             constraints.position_bias.clear();
             constraints.slots.clear();
-            constraints.wide_slots.clear();
+            constraints.rolling_slots.clear();
             constraints.constrained = R::Mask::splat(false);
             constraints.needs_position_solve = R::Mask::splat(false);
             constraints.biased = R::Mask::splat(false);
             constraints.rebounding = R::Mask::splat(false);
             constraints.problem.least_mobility = R::of(least_mobility::<R>()) / compiled.moving_mass();
-            let site = RowInput { compiled, options, kinematics, mass, moment };
+            let input = RowInput { compiled, options, kinematics, mass, assembly };
             if !compiled.equalities.is_empty() {
-                constraints.add_equalities(site, true);
+                constraints.add_equalities(input, true);
                 constraints.keep_separate(compiled, mass);
             }
-            constraints.add_frictions(compiled, mass, moment);
-            constraints.add_limits(compiled, options, mass, moment);
+            constraints.add_frictions(compiled, mass, assembly);
+            constraints.add_limits(compiled, options, mass, assembly);
             if !compiled.ball_limits.is_empty() {
-                constraints.add_ball_limits(site);
+                constraints.add_ball_limits(input);
             }
             if !compiled.tendons.is_empty() {
-                constraints.add_tendons(site);
+                constraints.add_tendons(input);
             }
             if !compiled.equalities.is_empty() {
-                constraints.add_equalities(site, false);
+                constraints.add_equalities(input, false);
             }
             constraints.impacts.clear();
             constraints.has_impacts = any_impacts(options, contacts);
             for k in 0..contacts.slots() {
                 let lanes = contacts.lanes_of(k);
-                let narrow = lanes & !wide_lanes(compiled, contacts, k, lanes);
+                let narrow = lanes & !rolling_lanes(compiled, contacts, k, lanes);
                 if narrow != 0 {
                     constraints.gather_support(compiled, contacts, k, narrow);
-                    constraints.add_contact(site, contacts, k, narrow);
+                    constraints.add_contact(input, contacts, k, narrow);
                 }
             }
-            if compiled.wide {
+            if compiled.has_rolling_friction {
                 for k in 0..contacts.slots() {
-                    let wide = wide_lanes(compiled, contacts, k, contacts.lanes_of(k));
-                    if wide != 0 {
-                        constraints.add_wide(site, contacts, k, wide);
+                    let rolling = rolling_lanes(compiled, contacts, k, contacts.lanes_of(k));
+                    if rolling != 0 {
+                        constraints.add_rolling_contact(input, contacts, k, rolling);
                     }
                 }
             }

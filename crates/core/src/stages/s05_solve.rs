@@ -21,7 +21,7 @@ pub fn solve<R: Real>(
     let [sweeps, newton] = options.effort();
     let tolerance = tolerance(options, v);
     let settings = Settings { sweeps, newton_steps: newton, tolerance, newton_threshold: tolerance };
-    let Constraints { problem, iterate, newton, scalar_impulse, owners, slots, wide_slots, .. } = constraints;
+    let Constraints { problem, iterate, newton, scalar_impulse, owners, slots, rolling_slots, .. } = constraints;
     let outcome = stepper_solve::solve(problem, iterate, settings, lanes, newton);
     R::vectorize(
         #[inline(always)]
@@ -32,7 +32,7 @@ pub fn solve<R: Real>(
             for (&(k, lanes), &lambda) in slots.iter().zip(&iterate.contacts) {
                 contacts.data[k].impulse = select(lanes, lambda, contacts.data[k].impulse);
             }
-            for (&(k, lanes, scale), &[n, a, b, spin, roll, other]) in wide_slots.iter().zip(&iterate.rolling_contacts) {
+            for (&(k, lanes, scale), &[n, a, b, spin, roll, other]) in rolling_slots.iter().zip(&iterate.rolling_contacts) {
                 contacts.data[k].impulse = select(lanes, [n, a, b], contacts.data[k].impulse);
                 contacts.torque[k] = select(lanes, [spin * scale[0], roll * scale[1], other * scale[2]], contacts.torque[k]);
             }

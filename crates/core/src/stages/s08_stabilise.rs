@@ -303,9 +303,9 @@ impl<R: Real> Constraints<R> {
     /// Mobility of the bodies of every contact if nothing held them, 1/kg: what damping is at least relative to.
     #[inline(always)]
     fn find_floors(&mut self, compiled: &LaneModel<R>, contacts: &Contacts<R>) {
-        let Self { floors, slots, wide_slots, .. } = self;
+        let Self { floors, slots, rolling_slots, .. } = self;
         floors.clear();
-        let all = slots.iter().map(|slot| (slot.0, slot.1)).chain(wide_slots.iter().map(|slot| (slot.0, slot.1)));
+        let all = slots.iter().map(|slot| (slot.0, slot.1)).chain(rolling_slots.iter().map(|slot| (slot.0, slot.1)));
         for (k, lanes) in all {
             let mut floor = R::zero();
             for (pair, lanes) in contacts.pairs(k, lanes.bits()) {

@@ -6,20 +6,20 @@
 use stepper_real::Real;
 
 use crate::compile::LaneModel;
-use crate::compile::sensing::{Bounds, CompiledSensor, Place, Read};
+use crate::compile::sensing::{Bounds, CompiledSensor, Read, SensorFrame};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 use crate::sensing::*;
 
 /// True readings of all sensors, left in `room.truth`. `kinematics` is placed at the moment's configuration here, except mocap frames.
-pub fn sense<R: Real>(compiled: &LaneModel<R>, kinematics: &mut Kinematics<R>, room: &mut Room<R>, moment: &SensorInput<'_, R>) {
+pub fn sense<R: Real>(compiled: &LaneModel<R>, kinematics: &mut Kinematics<R>, room: &mut Room<R>, input: &SensorInput<'_, R>) {
     if compiled.sensing.needs.poses {
-        kinematics.update(compiled, moment.q);
+        kinematics.update(compiled, input.q);
     }
-    room.prepare(compiled, kinematics, moment);
+    room.prepare(compiled, kinematics, input);
     // Ordinary code that calls a kernel for each sensor.
     for sensor in &compiled.sensing.sensors {
-        read(compiled, kinematics, room, moment, sensor);
+        read(compiled, kinematics, room, input, sensor);
     }
 }
 
@@ -28,28 +28,28 @@ fn read<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     room: &mut Room<R>,
-    moment: &SensorInput<'_, R>,
+    input: &SensorInput<'_, R>,
     sensor: &CompiledSensor<R::Scalar>,
 ) {
     let (at, dim) = (sensor.at, sensor.dim);
     let place = at..at + dim;
     let tree = |index: &usize| &compiled.sensing.subtrees[*index];
     let scalar = match &sensor.read {
-        Read::Position(q) => return room.truth[place].copy_from_slice(&moment.q[*q..q + dim]),
-        Read::Velocity(v) => return room.truth[place].copy_from_slice(&moment.v[*v..v + dim]),
-        Read::Length(terms) => weighted(terms, moment.q),
-        Read::Rate(terms) => weighted(terms, moment.v),
-        Read::ActuatorForce(actuators) => total(actuators, &moment.drive.force),
-        Read::JointForce(dof) => moment.drive.joint[*dof],
-        Read::ActuatorLength(a) => moment.drive.length(compiled, *a, moment.q),
-        Read::ActuatorRate(a) => moment.drive.rate(compiled, *a, moment.v),
-        Read::LimitPos(length, range) => overlap(weighted(length, moment.q), R::one(), bounds(compiled, range))[0],
-        Read::LimitVel([length, rate], range) => overlap(weighted(length, moment.q), weighted(rate, moment.v), bounds(compiled, range))[1],
-        Read::LimitForce(limit) => moment.scalar_impulse[*limit] / moment.h,
+        Read::Position(q) => return room.truth[place].copy_from_slice(&input.q[*q..q + dim]),
+        Read::Velocity(v) => return room.truth[place].copy_from_slice(&input.v[*v..v + dim]),
+        Read::Length(terms) => weighted(terms, input.q),
+        Read::Rate(terms) => weighted(terms, input.v),
+        Read::ActuatorForce(actuators) => total(actuators, &input.actuator_forces.force),
+        Read::JointForce(dof) => input.actuator_forces.joint[*dof],
+        Read::ActuatorLength(a) => input.actuator_forces.length(compiled, *a, input.q),
+        Read::ActuatorRate(a) => input.actuator_forces.rate(compiled, *a, input.v),
+        Read::LimitPos(length, range) => overlap(weighted(length, input.q), R::one(), bounds(compiled, range))[0],
+        Read::LimitVel([length, rate], range) => overlap(weighted(length, input.q), weighted(rate, input.v), bounds(compiled, range))[1],
+        Read::LimitForce(limit) => input.scalar_impulse[*limit] / input.h,
         Read::Nothing => R::zero(),
-        Read::Clock => moment.time,
-        Read::Potential(all) => potential(compiled, kinematics, moment.q, tree(all)),
-        Read::Kinetic(all) => kinetic(compiled, kinematics, room, moment.v, tree(all)),
+        Read::Clock => input.time,
+        Read::Potential(all) => potential(compiled, kinematics, input.q, tree(all)),
+        Read::Kinetic(all) => kinetic(compiled, kinematics, room, input.v, tree(all)),
         Read::Inside(object, zone) => inside(compiled, kinematics, object, zone),
         Read::Touch(body, zone) => touch(compiled, kinematics, room, *body, zone),
         Read::Combination(terms) => {
@@ -94,7 +94,7 @@ fn three<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, room: &Ro
 }
 
 /// The magnetic field in a site's axes.
-fn magnetic_field<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, site: &Place<R::Scalar>) -> V3<R> {
+fn magnetic_field<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, site: &SensorFrame<R::Scalar>) -> V3<R> {
     R::vectorize(
         #[inline(always)]
         || rotate_back(&mat_mul(&kinematics.mat[site.frame], &splat(site.mat)), splat(compiled.sensing.magnetic)),

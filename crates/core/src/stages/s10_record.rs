@@ -118,7 +118,7 @@ pub fn depth<R: Real>(constraints: &Constraints<R>, contacts: &Contacts<R>, lane
         || {
             let mut deepest = R::zero();
             let slots = constraints.slots.iter().map(|slot| (slot.0, slot.1));
-            for (k, here) in slots.chain(constraints.wide_slots.iter().map(|slot| (slot.0, slot.1))) {
+            for (k, here) in slots.chain(constraints.rolling_slots.iter().map(|slot| (slot.0, slot.1))) {
                 deepest = R::select(here, deepest.max(-contacts.data[k].point.distance), deepest);
             }
             R::select(lanes, deepest, R::zero())

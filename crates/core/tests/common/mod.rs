@@ -7,7 +7,7 @@ use stepper_core::model::{
     ActuatorBuilder, BodyBuilder, ContactField, ContactReduction, ContactSide, EqualityBuilder, FrameReading, GeomBuilder, JointBuilder,
     Model, ModelBuilder, Object, Quantity, RayField, Sensor, SensorKind, Shape, Site, TendonBuilder, WORLD,
 };
-use stepper_core::{DriveTrain, Field, Level, Motor, Options, Precision, Servo, Simulation, StepInputs, Transfer};
+use stepper_core::{ActuatorSpec, Field, Level, Motor, Options, Precision, Servo, Simulation, StepInputs, Transfer};
 
 /// A walker: a floating trunk with four two-joint legs with limits, a ball-jointed tail, dry friction, servos with activation, and loose
 /// objects of every colliding shape.
@@ -136,7 +136,7 @@ pub(crate) fn errors(model: &Model) -> Vec<Option<Transfer>> {
 
 /// Drive trains of every kind: on the first leg motors with a continuous servo on the hip, on the second a sampled one; a lag behind a delay on
 /// the third; the fourth is ideal.
-pub(crate) fn trains(model: &Model) -> Vec<Option<DriveTrain>> {
+pub(crate) fn trains(model: &Model) -> Vec<Option<ActuatorSpec>> {
     let servo = |period: Vec<f64>| Servo { kp: vec![20.0], ki: vec![5.0], kd: vec![0.5], integral_limit: vec![2.0], period };
     let motor = |voltage| Motor {
         stall_torque: vec![2.0],
@@ -146,7 +146,7 @@ pub(crate) fn trains(model: &Model) -> Vec<Option<DriveTrain>> {
         efficiency: vec![0.7],
         voltage,
     };
-    let train = |servo, motor, lag| DriveTrain {
+    let train = |servo, motor, lag| ActuatorSpec {
         delay: vec![0.0093],
         delay_steps: vec![0.0],
         lag: vec![lag],

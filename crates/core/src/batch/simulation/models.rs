@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use crate::actuation::{DriveTrain, Driven};
+use crate::actuation::{ActuatorModels, ActuatorSpec};
 use crate::batch::simulation::{Error, Simulation};
 use crate::sensing::errors::Transfer;
 
@@ -27,17 +27,18 @@ impl Simulation {
     /// [`Error::Count`] when there is not one for every actuator; [`Error::DrivesAfterParameters`] when environments have parameters of their own;
     /// [`Error::Actuator`] for a number out of its range, or what an actuator cannot have, with the actuator's name; [`Error::Memory`] when there
     /// is no room for what the actuators of all environments remember.
-    pub fn set_actuator_models(&mut self, trains: &[Option<DriveTrain>]) -> Result<(), Error> {
-        let (found, must) = (trains.len(), self.model.nu());
+    pub fn set_actuator_models(&mut self, actuator_dynamics: &[Option<ActuatorSpec>]) -> Result<(), Error> {
+        let (found, must) = (actuator_dynamics.len(), self.model.nu());
         if found != must {
             return Err(Error::Count { name: "drives", found, must, element: "actuator" });
         }
         if !self.randomization.is_empty() {
             return Err(Error::DrivesAfterParameters);
         }
-        let driven = Driven::new(&self.model, trains, self.num_envs, self.timestep()).map_err(Error::Actuator)?;
-        self.engine.set_actuator_models(&driven.model, &driven.trains)?;
-        (self.compiled, self.driven) = (OnceLock::new(), Some(driven));
+        let actuator_models =
+            ActuatorModels::new(&self.model, actuator_dynamics, self.num_envs, self.timestep()).map_err(Error::Actuator)?;
+        self.engine.set_actuator_models(&actuator_models.model, &actuator_models.actuator_dynamics)?;
+        (self.compiled, self.actuator_models) = (OnceLock::new(), Some(actuator_models));
         (0..self.num_envs).for_each(|env| self.reset(env));
         Ok(())
     }

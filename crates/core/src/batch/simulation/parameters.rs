@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use crate::actuation::{DriveTrain, Driven, Redrawn};
+use crate::actuation::{ActuatorModels, ActuatorSpec, ResampledActuators};
 use crate::batch::randomization::{Assignment, Differences, Randomization};
 use crate::batch::simulation::{Error, Simulation};
 use crate::compile::LaneModel;
@@ -17,7 +17,7 @@ pub enum ActuatorNumbers<'a> {
     /// Those that [`Simulation::set_actuator_models`] gave.
     Original,
     /// An entry for every actuator, with lists of one number or one for each of the environments; `None` leaves an actuator as it is.
-    Given(&'a [Option<DriveTrain>]),
+    Given(&'a [Option<ActuatorSpec>]),
 }
 
 impl Simulation {
@@ -49,10 +49,10 @@ impl Simulation {
         if !assigned.is_empty() {
             self.assign_parameters(assigned, envs)?;
         }
-        if let (Some(driven), Some(resampled)) = (&mut self.driven, resampled) {
+        if let (Some(actuator_models), Some(resampled)) = (&mut self.actuator_models, resampled) {
             self.truth.known = false;
-            self.engine.resample_actuators(&resampled.trains, &resampled.envs);
-            driven.take(resampled);
+            self.engine.resample_actuators(&resampled.specs, &resampled.envs);
+            actuator_models.take(resampled);
         }
         Ok(())
     }
@@ -80,44 +80,46 @@ impl Simulation {
     }
 
     /// What comes of other numbers of actuator dynamics for the environments `envs`; nothing is changed.
-    fn resampled(&self, actuators: ActuatorNumbers<'_>, envs: &[usize]) -> Result<Option<Redrawn>, Error> {
-        let trains = match actuators {
+    fn resampled(&self, actuators: ActuatorNumbers<'_>, envs: &[usize]) -> Result<Option<ResampledActuators>, Error> {
+        let specs = match actuators {
             ActuatorNumbers::Kept => return Ok(None),
             ActuatorNumbers::Original => None,
-            ActuatorNumbers::Given(trains) => Some(trains),
+            ActuatorNumbers::Given(specs) => Some(specs),
         };
-        if let Some(found) = trains.map(<[_]>::len).filter(|found| *found != self.model.nu()) {
+        if let Some(found) = specs.map(<[_]>::len).filter(|found| *found != self.model.nu()) {
             return Err(Error::Count { name: "drives", found, must: self.model.nu(), element: "actuator" });
         }
         let h = self.timestep();
-        match (&self.driven, trains) {
-            (Some(driven), _) => driven.resample_actuators(&self.model, trains, envs, self.num_envs, h).map(Some).map_err(Error::Actuator),
+        match (&self.actuator_models, specs) {
+            (Some(actuator_models), _) => {
+                actuator_models.resample_actuators(&self.model, specs, envs, self.num_envs, h).map(Some).map_err(Error::Actuator)
+            }
             (None, None) => Ok(None),
-            (None, Some(trains)) => {
+            (None, Some(specs)) => {
                 // Trains that none was made with, so that whoever is given one hears of it.
-                let none = Driven::new(&self.model, &vec![None; trains.len()], self.num_envs, h).map_err(Error::Actuator)?;
-                none.resample_actuators(&self.model, Some(trains), envs, self.num_envs, h).map(|_| None).map_err(Error::Actuator)
+                let none = ActuatorModels::new(&self.model, &vec![None; specs.len()], self.num_envs, h).map_err(Error::Actuator)?;
+                none.resample_actuators(&self.model, Some(specs), envs, self.num_envs, h).map(|_| None).map_err(Error::Actuator)
             }
         }
     }
 
     /// Actuator specs as environments have them of their own, with lists of one number or one for each environment; `None` where none has any.
-    pub fn own_actuators(&self) -> Option<&[Option<DriveTrain>]> {
-        self.driven.as_ref()?.drawn()
+    pub fn own_actuators(&self) -> Option<&[Option<ActuatorSpec>]> {
+        self.actuator_models.as_ref()?.drawn()
     }
 
     fn differences(&self, assigned: &[Assignment<'_>], envs: &[usize]) -> Result<Vec<Differences>, ModelError> {
-        let Some(Driven { trains, .. }) = &self.driven else {
+        let Some(ActuatorModels { specs, .. }) = &self.actuator_models else {
             return self.randomization.differences(&self.model, self.lane_model(), None, assigned, envs);
         };
-        let driven = |variant: &Model| {
+        let actuator_models = |variant: &Model| {
             let mut variant = variant.clone();
             // The trains have taken over the delays already.
             variant.trusted_mut().actuators.iter_mut().for_each(|a| a.delay = 0.0);
-            let folded = DriveTrain::fold(&variant, trains, self.num_envs, self.timestep());
+            let folded = ActuatorSpec::fold(&variant, specs, self.num_envs, self.timestep());
             folded.expect("drive trains were checked with the model, and a variant has its structure").0
         };
-        self.randomization.differences(&self.model, self.lane_model(), Some(&driven), assigned, envs)
+        self.randomization.differences(&self.model, self.lane_model(), Some(&actuator_models), assigned, envs)
     }
 
     fn assignment<'a>(&self, parameter: Parameter, values: Option<&'a [f64]>) -> Result<Assignment<'a>, Error> {
@@ -140,7 +142,7 @@ impl Simulation {
 
     /// Memory of parameters that environments have of their own, and of the numbers of drive trains, bytes.
     pub fn parameter_bytes(&self) -> usize {
-        self.randomization.bytes() + self.engine.parameter_bytes() + self.driven.as_ref().map_or(0, Driven::bytes)
+        self.randomization.bytes() + self.engine.parameter_bytes() + self.actuator_models.as_ref().map_or(0, ActuatorModels::bytes)
     }
 
     /// The compiled model of one environment, in f64.

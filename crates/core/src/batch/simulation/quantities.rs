@@ -17,7 +17,7 @@ impl Simulation {
         let inputs = self.applied.complete_one(env, self.num_envs, inputs);
         let nu = self.model.nu();
         let in_force = || (self.ctrl[env * nu..(env + 1) * nu].to_vec(), vec![]);
-        let (mut ctrl, trains) = self.engine.actuator_outputs(env).unwrap_or_else(in_force);
+        let (mut ctrl, actuator_dynamics) = self.engine.actuator_outputs(env).unwrap_or_else(in_force);
         if !inputs.ctrl.is_empty() {
             ctrl = inputs.ctrl.to_vec();
         }
@@ -26,7 +26,7 @@ impl Simulation {
             q: self.values(Field::Qpos, env),
             v: self.values(Field::Qvel, env),
             act: self.values(Field::Act, env),
-            inputs: Inputs { ctrl, trains, qfrc: inputs.qfrc.to_vec(), xfrc: inputs.xfrc.to_vec() },
+            inputs: Inputs { ctrl, actuator_dynamics, qfrc: inputs.qfrc.to_vec(), xfrc: inputs.xfrc.to_vec() },
             mocap: self.mocap_poses(inputs.mocap_pos, inputs.mocap_quat).collect(),
         })
     }

@@ -104,15 +104,15 @@ impl<R: Real> SeparatingPlanes<R> {
 
     /// Sets a lane.
     #[inline(always)]
-    pub fn set_lane(&mut self, lane: usize, parting: &SeparatingPlane) {
+    pub fn set_lane(&mut self, lane: usize, separating_plane: &SeparatingPlane) {
         let of = |x: f32| R::Scalar::from_f64(f64::from(x));
         for k in 0..3 {
-            self.normal[k].set_lane(lane, of(parting.normal[k]));
-            self.tip[k].set_lane(lane, of(parting.tip[k]));
-            self.axis[k].set_lane(lane, of(parting.axis[k]));
+            self.normal[k].set_lane(lane, of(separating_plane.normal[k]));
+            self.tip[k].set_lane(lane, of(separating_plane.tip[k]));
+            self.axis[k].set_lane(lane, of(separating_plane.axis[k]));
         }
-        self.curve.set_lane(lane, of(parting.curve));
-        self.offset.set_lane(lane, of(parting.offset));
+        self.curve.set_lane(lane, of(separating_plane.curve));
+        self.offset.set_lane(lane, of(separating_plane.offset));
     }
 
     /// Lanes in which no contact of hulls that approach one another so can count within the step: `apart` leads from the first's origin to the

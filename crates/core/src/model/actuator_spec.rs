@@ -7,7 +7,7 @@ use crate::model::{Activation, Actuator, Description, Model, Transmission, label
 /// A drive train. Every list has one number for all environments, or one for each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct DriveTrain {
+pub struct ActuatorSpec {
     /// s
     pub delay: Vec<f64>,
     /// Steps; adds to `delay`.
@@ -83,7 +83,7 @@ impl Actuator {
     }
 }
 
-impl DriveTrain {
+impl ActuatorSpec {
     /// One that does nothing.
     pub(crate) fn ideal() -> Self {
         let [none, low, high] = [0.0, f64::NEG_INFINITY, f64::INFINITY].map(|x| vec![x]);
@@ -127,10 +127,10 @@ impl DriveTrain {
     ///
     /// # Errors
     /// The first number out of its range, and what an actuator cannot have, with the actuator's name.
-    pub fn fold(model: &Model, trains: &[Option<Self>], num_envs: usize, h: f64) -> Result<(Model, Vec<Option<Self>>), String> {
-        let (mut folded, mut trains) = (model.clone(), trains.to_vec());
+    pub fn fold(model: &Model, specs: &[Option<Self>], num_envs: usize, h: f64) -> Result<(Model, Vec<Option<Self>>), String> {
+        let (mut folded, mut specs) = (model.clone(), specs.to_vec());
         let model = folded.trusted_mut();
-        for (i, train) in trains.iter_mut().enumerate() {
+        for (i, train) in specs.iter_mut().enumerate() {
             *train = train.take().filter(|t| *t != Self::ideal());
             let steps = model.actuators[i].delay_in_steps(h);
             if steps > 0.0 {
@@ -140,7 +140,7 @@ impl DriveTrain {
             let name = label(&model.actuators[i].name, i);
             train.check(num_envs, h).and_then(|()| train.give(model, i)).map_err(|e| format!("drive of actuator {name:?}: {e}"))?;
         }
-        Ok((folded, trains))
+        Ok((folded, specs))
     }
 
     fn give(&mut self, model: &mut Description, i: usize) -> Result<(), String> {

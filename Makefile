@@ -22,17 +22,18 @@ wheel: build
 	$(BIN)/maturin build --release --interpreter $(BIN)/python --out target/wheels
 	$(BIN)/python tests/wheel.py
 
-# Speed, as ratios: stages and steps in Rust, side by side with MuJoCo, and what sensors cost.
+# Speed, as ratios: stages and steps in Rust, side by side with MuJoCo, and what sensors and drives cost.
 bench: build
 	cargo bench -p stepper-benches
-	$(BIN)/python benches/versus/throughput.py
-	$(BIN)/python benches/versus/humanoid.py
-	$(BIN)/python benches/versus/chart.py
+	$(BIN)/python benches/comparison/throughput.py
+	$(BIN)/stepper demo
+	$(BIN)/stepper chart
 	$(BIN)/python benches/sensing.py
+	$(BIN)/python benches/drives.py
 
 # Time until a robot can be stepped, beside MuJoCo's compiler: docs/performance.md. Downloads four packages; FILES='h1_2.xml' for further robots.
 loading: build
-	$(BIN)/python benches/loading.py $(FILES)
+	PYTHONPATH=benches $(BIN)/python benches/comparison/loading.py $(FILES)
 
 # Scenes with known answers where methods fail, in every engine and setting: docs/atlas.md. And the geometry, fuzzed for long.
 atlas: build $(VENV)/atlas.stamp

@@ -22,13 +22,14 @@ CORE_FOLDERS = {
     "actuation": {"math", "model", "compile", "dynamics"},
     "constraints": {"math", "options", "compile", "dynamics", "collision"},
     "sensing": {"math", "model", "compile", "dynamics", "collision", "actuation"},
-    "stages": {"math", "model", "options", "compile", "dynamics", "collision", "actuation", "constraints", "sensing"},
-    "integrators": {"math", "model", "options", "compile", "dynamics", "collision", "actuation", "constraints", "stages"},
-    "step": {"options", "compile", "stages", "integrators"},
-    "analysis": {"math", "model", "compile", "dynamics", "collision", "actuation", "sensing", "stages", "integrators"},
+    "probe": set(),
+    "stages": {"math", "model", "options", "probe", "compile", "dynamics", "collision", "actuation", "constraints", "sensing"},
+    "integrators": {"math", "model", "options", "probe", "compile", "dynamics", "collision", "actuation", "constraints", "stages"},
+    "step": {"options", "probe", "compile", "stages", "integrators"},
+    "analysis": {"math", "model", "probe", "compile", "dynamics", "collision", "actuation", "sensing", "stages", "integrators"},
     "batch": {
-        *("math", "model", "error", "options", "compile", "dynamics", "collision", "actuation", "sensing", "stages", "integrators", "step"),
-        "analysis",
+        *("math", "model", "error", "options", "probe", "compile", "dynamics", "collision", "actuation", "sensing", "stages"),
+        *("integrators", "step", "analysis"),
     },
 }
 """Folders and single files of the core, and the others that each may use."""

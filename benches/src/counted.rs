@@ -3,31 +3,30 @@
 use std::cell::Cell;
 use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
+use stepper_core::internals::probe::Span;
 use stepper_real::Real;
+
+use crate::recorder::READINGS;
 
 thread_local! {
     static DONE: Cell<Operations> = const { Cell::new(Operations { sums: 0, divisions: 0, others: 0 }) };
 }
 
 /// Numbers of operations.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Operations {
+#[derive(Clone, Copy)]
+struct Operations {
     /// Additions, subtractions, multiplications.
-    pub sums: u64,
+    sums: u64,
     /// Divisions and square roots.
-    pub divisions: u64,
+    divisions: u64,
     /// Comparisons, selections, least and greatest, signs, rounding.
-    pub others: u64,
+    others: u64,
 }
 
-impl Operations {
-    /// What `work` does with [`Counted`] numbers.
-    pub fn of(work: impl FnOnce()) -> Self {
-        let before = DONE.get();
-        work();
-        let after = DONE.get();
-        Self { sums: after.sums - before.sums, divisions: after.divisions - before.divisions, others: after.others - before.others }
-    }
+/// A meter of what this thread does with [`Counted`] numbers: sums, divisions and others.
+pub fn operations(_: Option<Span>) -> [u64; READINGS] {
+    let Operations { sums, divisions, others } = DONE.get();
+    [sums, divisions, others]
 }
 
 fn sum() {
@@ -158,13 +157,14 @@ impl Real for Counted {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::recorder::record;
 
     #[test]
     fn a_dot_product_is_five_sums_and_its_root_a_division() {
         let a = [1.0, 2.0, 2.0].map(Counted::splat);
         let mut length = Counted::zero();
-        let done = Operations::of(|| length = stepper_core::internals::math::spatial::norm(a));
-        assert_eq!(done, Operations { sums: 5, divisions: 1, others: 0 });
+        let done = record(operations, || length = stepper_core::internals::math::spatial::norm(a));
+        assert_eq!(done.unaccounted.readings, [5.0, 1.0, 0.0]);
         assert_eq!(length.0, 3.0);
     }
 }

@@ -1,8 +1,11 @@
 //! A batch of environments that goes the same way every time.
 
+use stepper_core::internals::batch::worker::{Stepped, Worker, WorkerMakers, WorkerSpec, lane_worker};
 use stepper_core::{Field, Level, Options, Precision, SavedState, Simulation, StepInputs};
 
 use crate::clock::Run;
+use crate::counted::Counted;
+use crate::recorder::{Meter, Recorder, Recording, record};
 use crate::scenes::Scene;
 
 /// Steps that a control is held.
@@ -48,15 +51,48 @@ impl Episode {
         &mut self.simulation
     }
 
-    /// The controls of the run, call by call, environment-major; each is held for [`Episode::hold`] steps.
-    pub fn controls(&self) -> &[Vec<f64>] {
-        &self.controls
+    /// Puts a [`Recorder`] into the steps from now on.
+    pub fn probe(mut self) -> Self {
+        self.simulation.set_workers(&WorkerMakers { f64: recorded::<f64>, f32: recorded::<f32> });
+        self
     }
 
-    /// Steps that a control is held.
-    pub const fn hold() -> usize {
-        HOLD
+    /// Puts a [`Recorder`] into the steps of a single environment in 64 bits, and makes them with numbers that count what is done with them.
+    ///
+    /// # Panics
+    /// When the environment is in 32 bits.
+    pub fn probe_operations(mut self) -> Self {
+        assert_eq!(self.simulation.num_envs(), 1, "operations are counted in one environment");
+        assert_eq!(self.simulation.precision(), Precision::F64, "operations are counted in 64 bits");
+        self.simulation.set_workers(&WorkerMakers { f64: counted, f32: recorded::<f32> });
+        self
     }
+
+    /// Records one call after the other, `rounds` times; of each call the round with the least of the first reading counts. All rounds make the same
+    /// steps to the bit.
+    pub fn record(&mut self, meter: Meter, rounds: usize) -> Recording {
+        let mut least: Vec<Option<Recording>> = vec![None; CALLS];
+        for _ in 0..rounds {
+            self.rewind();
+            for (control, least) in self.controls.iter().zip(&mut least) {
+                let found = record(meter, || step(&mut self.simulation, control));
+                if least.as_ref().is_none_or(|least| found.sum() < least.sum()) {
+                    *least = Some(found);
+                }
+            }
+        }
+        let mut sum = Recording::default();
+        least.iter().flatten().for_each(|found| sum.add(found, 1.0));
+        sum
+    }
+}
+
+fn recorded<S: Stepped>(spec: &WorkerSpec<'_, S>, lanes: usize, level: Level) -> Box<dyn Worker<S>> {
+    S::probed_worker(spec, lanes, level, Recorder)
+}
+
+fn counted(spec: &WorkerSpec<'_, f64>, _: usize, _: Level) -> Box<dyn Worker<f64>> {
+    lane_worker::<Counted>(spec, Recorder)
 }
 
 impl Run for Episode {
@@ -100,6 +136,26 @@ impl<T: Run> Run for InTurn<T> {
 pub fn single(scene: &Scene) -> InTurn<Episode> {
     let level = *Level::available().last().expect("some level is always available");
     InTurn((0..8).map(|env| Episode::new(scene, env, 1, Precision::F64, level)).collect())
+}
+
+impl InTurn<Episode> {
+    /// Each with a [`Recorder`].
+    pub fn probe(self) -> Self {
+        Self(self.0.into_iter().map(Episode::probe).collect())
+    }
+
+    /// Each with a [`Recorder`] and numbers that count.
+    pub fn probe_operations(self) -> Self {
+        Self(self.0.into_iter().map(Episode::probe_operations).collect())
+    }
+
+    /// All recordings together, per step of an environment.
+    pub fn record(&mut self, meter: Meter, rounds: usize) -> Recording {
+        let mut mean = Recording::default();
+        let weight = 1.0 / self.environment_steps() as f64;
+        self.0.iter_mut().for_each(|episode| mean.add(&episode.record(meter, rounds), weight));
+        mean
+    }
 }
 
 /// The first 64 environments of a scene in lanes.

@@ -1,4 +1,4 @@
-//! What the benches share: robots made in code, runs that start again from the same state, a clock, and rapier as a peer.
+//! What the benches share: robots made in code, runs that start again from the same state, a clock, a probe of the step, and rapier as a peer.
 //!
 //! All times are processor time of one thread pinned to one core: what else the machine does costs nothing but cache.
 
@@ -7,6 +7,6 @@ pub mod clock;
 pub mod counted;
 pub mod episode;
 pub mod peers;
+pub mod recorder;
 pub mod report;
-pub mod rig;
 pub mod scenes;

@@ -1,14 +1,14 @@
-//! The scenes are what they claim to be, and the taken-apart step is the step.
+//! The scenes are what they claim to be, and a probed step is the step.
 
 use stepper_benches::clock::Run;
+use stepper_benches::counted::operations;
 use stepper_benches::episode::{Episode, lanes, single};
 use stepper_benches::peers::{Course, Engine, Ours, Rapier, Setting, answer, errors};
-use stepper_benches::rig::Rig;
+use stepper_benches::recorder::nanoseconds;
 use stepper_benches::scenes::{Scene, ant, humanoid};
-use stepper_core::internals::compile::{CompiledModel, LaneModel};
+use stepper_core::internals::probe::{Counter, Span};
 use stepper_core::model::{Model, Shape};
 use stepper_core::{Field, Integrator, Level, Options, Precision, Simulation, Status, StepInputs};
-use stepper_real::Real;
 
 fn shapes(model: &Model) -> [usize; 3] {
     let count = |is: fn(&Shape) -> bool| model.geoms.iter().filter(|g| is(&g.shape)).count();
@@ -103,24 +103,21 @@ fn runs_repeat_their_bits() {
 }
 
 #[test]
-fn the_parts_make_nearly_the_step() {
+fn a_probed_step_keeps_its_bits_and_all_of_its_time_has_a_row() {
     let scene = Scene::humanoid();
-    let compiled = LaneModel::new(&CompiledModel::new(&scene.model));
-    let mut episode = Episode::new(&scene, 0, 8, Precision::F64, Level::Baseline);
-    let mut rig = Rig::<stepper_real::F64x8>::new(&compiled, &episode);
-    rig.step(&compiled);
-    let control = episode.controls()[0].clone();
-    episode.simulation_mut().step(&StepInputs { ctrl: &control, ..StepInputs::default() }, 1).unwrap();
-    let mut v = vec![0.0; compiled.nv];
-    let (mut apart, mut length) = (0.0, 0.0);
-    for env in 0..8 {
-        episode.simulation().get(Field::Qvel, env, &mut v).unwrap();
-        apart += (0..compiled.nv).map(|i| (rig.v[i].lane(env) - v[i]).powi(2)).sum::<f64>();
-        length += v.iter().map(|v| v * v).sum::<f64>();
-    }
-    let apart = (apart / length).sqrt();
-    println!("relative difference of the velocities after a step: {apart:.1e}");
-    assert!(apart < 0.05);
+    let episode = || Episode::new(&scene, 0, 1, Precision::F64, Level::Baseline);
+    let mut plain = episode();
+    plain.run();
+    let bits = plain.simulation().save_state();
+    let (mut probed, mut counted) = (episode().probe(), episode().probe_operations());
+    let (time, work) = (probed.record(nanoseconds, 5), counted.record(operations, 1));
+    assert_eq!(probed.simulation().save_state(), bits);
+    assert_eq!(counted.simulation().save_state(), bits);
+    assert_eq!(time.counters, work.counters);
+    assert_eq!(time.counters[Counter::GroupSteps as usize], 100.0);
+    assert_eq!(time.spans[Span::Record as usize].times, 200.0);
+    assert!(time.unaccounted.readings[0] < 0.1 * time.sum(), "{:?}", time.unaccounted);
+    assert_eq!(work.unaccounted.readings[..2], [0.0, 0.0]);
 }
 
 #[test]

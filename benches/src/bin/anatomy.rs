@@ -1,4 +1,4 @@
-//! Where a step's time goes, as the tables of docs/performance.md: stage by stage for every lane type, the floor that arithmetic and memory
+//! Where a step's time goes, as the tables of docs/performance.md: all of it, part by part for every lane type, the floor that arithmetic and memory
 //! set, and how the cost grows with degrees of freedom, contacts, environments and threads.
 
 use std::hint::black_box;
@@ -6,20 +6,17 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use stepper_benches::clock::{medians, pin, thread_time};
-use stepper_benches::counted::{Counted, Operations};
-use stepper_benches::episode::{Episode, single};
-use stepper_benches::rig::{Part, Rig, moments};
+use stepper_benches::counted::operations;
+use stepper_benches::episode::{Episode, InTurn, single};
+use stepper_benches::recorder::{Recording, Row, nanoseconds, own_cost};
 use stepper_benches::scenes::{Scene, chain};
-use stepper_core::internals::compile::{CompiledModel, LaneModel};
+use stepper_core::internals::probe::Counter;
 use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
 use stepper_core::{Level, Options, Precision, Simulation, StepInputs};
-use stepper_real::{Real, at_avx512, at_level};
+use stepper_real::{Real, at_level};
 
-/// Moments of an episode that stages are averaged over.
-const MOMENTS: usize = 8;
-/// Repeats of a stage at a moment, and of everything else; medians count.
-const REPEATS: u64 = 100;
-const ROUNDS: usize = 7;
+/// Repeats of everything: of each call the fastest counts, of a whole step the median.
+const ROUNDS: usize = 15;
 /// Steps after which a humanoid that nobody controls lies on the floor.
 const FALL: usize = 200;
 
@@ -37,93 +34,85 @@ fn main() {
     println!("{growth_by_threads}");
 }
 
-/// Times a step of the midpoint rule does each part.
-fn calls(part: Part) -> f64 {
-    match part {
-        Part::MassMatrix | Part::Factor | Part::BiasForce => 0.0,
-        Part::Actuate | Part::Acceleration => 2.0,
-        _ => 1.0,
-    }
-}
-
 fn stages(scene: &Scene, level: Level) {
-    let columns = [
-        at_level!(level, F64x1, stage_times(scene)),
-        if level == Level::Avx512 { at_avx512!(F64x16, stage_times(scene)) } else { at_level!(level, F64x8, stage_times(scene)) },
-        if level == Level::Avx512 { at_avx512!(F32x32, stage_times(scene)) } else { at_level!(level, F32x16, stage_times(scene)) },
-    ];
-    let sums = columns.clone().map(|times| Part::ALL.iter().zip(&times).map(|(&part, t)| calls(part) * t).sum::<f64>());
-    println!(
-        "| stage of the humanoid's step | times | f64 us | f64 lanes us | % | f32 lanes us | f64 lanes are faster by |\n|---|---|---|---|---|---|---|"
-    );
-    for (k, part) in Part::ALL.into_iter().enumerate() {
-        let [a, b, c] = columns.clone().map(|times| times[k]);
-        let (times, share) = match calls(part) {
-            0.0 => ("within".to_owned(), String::new()),
-            n => (format!("{n}"), format!("{:.0}", 100.0 * n * b / sums[1])),
-        };
-        println!("| {} | {times} | {a:.2} | {b:.3} | {share} | {c:.3} | {:.1} |", part.name(), a / b);
+    let wide = |precision| InTurn(vec![Episode::new(scene, 0, 64, precision, level)]);
+    let own = own_cost();
+    let columns = [single(scene), wide(Precision::F64), wide(Precision::F32)].map(|run| {
+        let mut found = run.probe().record(nanoseconds, ROUNDS);
+        found.subtract_probe(own);
+        found
+    });
+    let sums = columns.each_ref().map(Recording::sum);
+    println!("| part of the humanoid's step | times | f64 us | % | f64 lanes us | % | f32 lanes us | % | f64 lanes are faster by |");
+    println!("|---|---|---|---|---|---|---|---|---|");
+    let rows = columns.each_ref().map(|found| found.rows().collect::<Vec<_>>());
+    for (k, &(name, Row { times, .. })) in rows[0].iter().enumerate() {
+        let cells = [0, 1, 2].map(|c| rows[c][k].1.readings[0]);
+        if cells.iter().any(|&x| x > 0.0) {
+            print(name, &if times > 0.0 { format!("{times:.2}") } else { String::new() }, cells, sums);
+        }
     }
-    let [a, b, c] = sums;
-    println!("| sum | | {a:.2} | {b:.3} | 100 | {c:.3} | {:.1} |", a / b);
+    print("sum", "", sums, sums);
     let mut alone = single(scene);
     let mut wide = [Precision::F64, Precision::F32].map(|precision| Episode::new(scene, 0, 64, precision, level));
     let [double, single_precision] = &mut wide;
     let whole = medians(&mut [&mut alone, double, single_precision], ROUNDS);
-    println!("| whole step | | {:.2} | {:.3} | | {:.3} | {:.1} |\n", whole[0], whole[1], whole[2], whole[0] / whole[1]);
+    println!(
+        "| whole step, without a probe | | {:.2} | | {:.3} | | {:.3} | | {:.1} |\n",
+        whole[0],
+        whole[1],
+        whole[2],
+        whole[0] / whole[1]
+    );
+    counters(&columns);
 }
 
-/// Microseconds per environment of every part.
-fn stage_times<R: Real>(scene: &Scene) -> Vec<f64> {
-    let compiled = LaneModel::new(&CompiledModel::new(&scene.model));
-    let mut rigs: Vec<Rig<R>> = moments(&compiled, scene, MOMENTS);
-    let mut time = |part: Part| {
-        let mut total = Duration::ZERO;
-        for rig in &mut rigs {
-            rig.ready(&compiled);
-            let rounds = (0..ROUNDS).map(|_| {
-                let start = thread_time();
-                rig.repeat(&compiled, part, REPEATS);
-                thread_time() - start
-            });
-            total += rounds.min().expect("there are rounds");
-        }
-        1e6 * total.as_secs_f64() / (REPEATS as f64 * MOMENTS as f64 * R::LANES as f64)
-    };
-    Part::ALL.into_iter().map(&mut time).collect()
+/// A row of nanoseconds, as microseconds and per cent.
+fn print(name: &str, times: &str, cells: [f64; 3], sums: [f64; 3]) {
+    let [a, b, c] = cells.map(|x| 1e-3 * x);
+    let [p, q, r] = [0, 1, 2].map(|k| 100.0 * cells[k] / sums[k]);
+    println!("| {name} | {times} | {a:.3} | {p:.1} | {b:.4} | {q:.1} | {c:.4} | {r:.1} | {:.1} |", a / b);
+}
+
+/// What a step counts: of an environment, or of the group whose lanes share it.
+fn counters(columns: &[Recording; 3]) {
+    println!("| number in a step | of | f64 | f64 lanes | f32 lanes |\n|---|---|---|---|---|");
+    for counter in Counter::ALL.iter().filter(|&&counter| counter != Counter::GroupSteps) {
+        let cell = |found: &Recording| {
+            let steps = if counter.is_shared() { found.counters[Counter::GroupSteps as usize] } else { 1.0 };
+            found.counters[*counter as usize] / steps
+        };
+        let [a, b, c] = columns.each_ref().map(cell);
+        println!("| {} | {} | {a:.2} | {b:.2} | {c:.2} |", counter.name(), if counter.is_shared() { "a group" } else { "an environment" });
+    }
+    println!();
 }
 
 /// Operations of the step, what the core does in a second, and the time that no code can be faster than.
 fn floor(scene: &Scene, level: Level) {
-    let compiled = LaneModel::new(&CompiledModel::new(&scene.model));
-    let mut rigs: Vec<Rig<Counted>> = moments(&compiled, scene, MOMENTS);
-    let sweeps = at_level!(level, F64x8, rates());
+    let found = single(scene).probe_operations().record(operations, 1);
+    let rates = at_level!(level, F64x8, rates());
     println!("| part | sums | divisions, roots | others | floor in f64 lanes, us |\n|---|---|---|---|---|");
     let mut all = [0.0; 4];
-    for part in Part::ALL.into_iter().filter(|&part| calls(part) > 0.0) {
-        let mut done = [0.0; 3];
-        for rig in &mut rigs {
-            rig.ready(&compiled);
-            let found = Operations::of(|| rig.repeat(&compiled, part, 1));
-            for (sum, n) in done.iter_mut().zip([found.sums, found.divisions, found.others]) {
-                *sum += calls(part) * n as f64 / MOMENTS as f64;
-            }
+    for (name, Row { readings: [sums, divisions, others], .. }) in found.rows() {
+        if sums + divisions + others < 0.5 {
+            continue;
         }
         // Sums and the rest share the vector pipes, divisions and roots have their own.
-        let micros = 1e6 * ((done[0] + done[2]) / sweeps[0]).max(done[1] / sweeps[1]);
-        println!("| {} | {:.0} | {:.0} | {:.0} | {micros:.3} |", part.name(), done[0], done[1], done[2]);
-        all.iter_mut().zip([done[0], done[1], done[2], micros]).for_each(|(sum, x)| *sum += x);
+        let micros = 1e6 * ((sums + others) / rates[0]).max(divisions / rates[1]);
+        println!("| {name} | {sums:.0} | {divisions:.0} | {others:.0} | {micros:.3} |");
+        all.iter_mut().zip([sums, divisions, others, micros]).for_each(|(sum, x)| *sum += x);
     }
     println!("| sum | {:.0} | {:.0} | {:.0} | {:.3} |\n", all[0], all[1], all[2], all[3]);
     let simulation = Episode::new(scene, 0, 64, Precision::F64, level);
     let bytes = simulation.simulation().bytes() as f64 / 64.0;
     println!(
         "One core: {:.1} G sums/s and {:.2} G divisions/s in f64 lanes, {:.1} GB/s copied.",
-        sweeps[0] / 1e9,
-        sweeps[1] / 1e9,
-        sweeps[2] / 1e9
+        rates[0] / 1e9,
+        rates[1] / 1e9,
+        rates[2] / 1e9
     );
-    println!("State: {bytes:.0} bytes per environment; read and written once a call: {:.3} us at most.\n", 1e6 * 2.0 * bytes / sweeps[2]);
+    println!("State: {bytes:.0} bytes per environment; read and written once a call: {:.3} us at most.\n", 1e6 * 2.0 * bytes / rates[2]);
 }
 
 /// What this core does in a second: sums, divisions, and bytes copied from memory that no cache of its own holds.

@@ -1,23 +1,22 @@
 //! Instructions per environment step, counted by valgrind's callgrind: the same on a busy machine, so that a regression shows.
 
 use std::collections::BTreeMap;
-use std::hint::black_box;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
 use serde::{Deserialize, Serialize};
 use stepper_benches::clock::Run;
 use stepper_benches::episode::{Episode, single};
+use stepper_benches::recorder::{READINGS, record};
 use stepper_benches::report::rustc;
-use stepper_benches::rig::{Part, Rig, moments};
 use stepper_benches::scenes::Scene;
-use stepper_core::internals::compile::{CompiledModel, LaneModel};
+use stepper_core::StepInputs;
+use stepper_core::internals::probe::Span;
 use stepper_core::{Level, Precision};
-use stepper_real::{Real, at_level};
 
 const USAGE: &str = "usage: instructions [--save [FILE]] [--against FILE]
 
-Prints instructions per environment step of whole steps and of the humanoid's stages, and their ratio to those that were kept.
+Prints instructions per environment step of whole steps and of the parts of the humanoid's, and their ratio to those that were kept.
 Needs valgrind. The counts belong to a compiler and a CPU level, not to a machine or its load. Counts more than 1 % above those that were kept are
 marked with \"<\", and the exit code is 2 unless they are saved; with kept counts of another compiler or CPU level there is no verdict.
   --save [FILE]    also writes them as JSON (default benches/instructions.json)
@@ -25,8 +24,10 @@ marked with \"<\", and the exit code is 2 unless they are saved; with kept count
 
 /// The word that makes this program do the work that is counted.
 const WORK: &str = "--work";
-/// Moments of an episode that a stage is counted at.
-const MOMENTS: usize = 8;
+/// Steps of each of the environments of [`single`] whose parts are counted: at some distance, so that they are of several moments.
+const MOMENTS: usize = 4;
+/// Steps of such a distance.
+const APART: usize = 20;
 
 /// Growth of a count that is marked. Counts of one build repeat to the last digit; what compilers do with code nearby moves them by less.
 const GREW: f64 = 0.01;
@@ -36,7 +37,7 @@ const GREW: f64 = 0.01;
 struct Counts {
     rustc: String,
     arch: String,
-    /// CPU level of the stages: the best that valgrind knows, which has no AVX-512.
+    /// CPU level of a single environment: the best that valgrind knows, which has no AVX-512.
     level: String,
     instructions: BTreeMap<String, f64>,
 }
@@ -109,14 +110,13 @@ fn print(found: &Counts, before: Option<&Counts>) -> usize {
     grew
 }
 
-/// Runs this program under callgrind, which writes one file each time that `counted` returns.
+/// Runs this program under callgrind, which writes down what it has counted whenever it is asked to.
 fn count() -> Result<Counts, String> {
     let folder = std::env::temp_dir().join(format!("stepper-instructions-{}", std::process::id()));
     std::fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     let me = std::env::current_exe().map_err(|e| e.to_string())?;
     let output = Command::new("valgrind")
-        // Two patterns for one function: valgrind 3.19 forgets the first of two options with the same pattern.
-        .args(["--tool=callgrind", "--toggle-collect=*counted*", "--dump-after=instructions::counted*"])
+        .args(["--tool=callgrind", "--combine-dumps=yes", "--dump-line=no"])
         .arg(format!("--callgrind-out-file={}", folder.join("out").display()))
         .arg(me)
         .arg(WORK)
@@ -125,25 +125,61 @@ fn count() -> Result<Counts, String> {
     if !output.status.success() {
         return Err(format!("valgrind: {}", String::from_utf8_lossy(&output.stderr)));
     }
-    let mut instructions = BTreeMap::new();
     let text = String::from_utf8_lossy(&output.stdout);
     let mut lines = text.lines();
     let level = lines.next().unwrap_or_default().to_owned();
-    for (k, line) in lines.enumerate() {
+    let counted = totals(&folder.join("out"))?;
+    let mut instructions = BTreeMap::new();
+    for line in lines {
         let (steps, name) = line.split_once(' ').ok_or_else(|| format!("unexpected output: {line}"))?;
         let steps: f64 = steps.parse().map_err(|_| format!("unexpected output: {line}"))?;
-        instructions.insert(name.to_owned(), total(&folder.join(format!("out.{}", k + 1)))? / steps);
+        if let Some(total) = counted.get(name) {
+            instructions.insert(name.to_owned(), total / steps);
+        }
     }
     std::fs::remove_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
-    Ok(Counts { rustc: rustc(), arch: std::env::consts::ARCH.into(), level, instructions })
+    if instructions.is_empty() {
+        Err("valgrind has counted nothing".into())
+    } else {
+        Ok(Counts { rustc: rustc(), arch: std::env::consts::ARCH.into(), level, instructions })
+    }
 }
 
-/// Instructions that a file of callgrind's sums up to.
-fn total(path: &Path) -> Result<f64, String> {
+/// Sums of the instructions that callgrind wrote down under each name.
+fn totals(path: &Path) -> Result<BTreeMap<String, f64>, String> {
     let text = std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
-    let number = |line: &str| line.strip_prefix("totals: ").or(line.strip_prefix("summary: "))?.split_whitespace().next()?.parse().ok();
-    text.lines().find_map(number).ok_or_else(|| format!("{} has no total", path.display()))
+    let (mut sums, mut name) = (BTreeMap::new(), None);
+    for line in text.lines() {
+        if let Some(trigger) = line.strip_prefix("desc: Trigger: ") {
+            name = trigger.strip_prefix("Client Request: ");
+        } else if let (Some(total), Some(name)) = (line.strip_prefix("totals: "), name) {
+            let total: f64 = total.trim().parse().map_err(|_| format!("{}: unexpected line: {line}", path.display()))?;
+            *sums.entry(name.to_owned()).or_default() += total;
+        }
+    }
+    Ok(sums)
 }
+
+/// Asks callgrind to write down what it has counted since the last time, under a name. Without it, nothing happens.
+#[cfg(all(target_arch = "x86_64", target_os = "linux"))]
+fn write_down(name: &str) {
+    /// CALLGRIND_DUMP_STATS_AT of valgrind/callgrind.h: the tool's letters and the number of the request.
+    const DUMP_STATS_AT: usize = (b'C' as usize) << 24 | (b'T' as usize) << 16 | 3;
+    let name = std::ffi::CString::new(name).expect("a name has no zero byte");
+    let request = [DUMP_STATS_AT, name.as_ptr() as usize, 0, 0, 0, 0];
+    // SAFETY: valgrind reads six words behind rax and a string that ends, which live until here, and writes rdx. For a processor, rdi turned by twice its
+    // width and rbx exchanged with itself are as they were.
+    unsafe {
+        std::arch::asm!(
+            "rol rdi, 3", "rol rdi, 13", "rol rdi, 61", "rol rdi, 51", "xchg rbx, rbx",
+            in("rax") request.as_ptr(), inout("rdx") 0usize => _,
+        );
+    }
+}
+
+/// How to ask callgrind is not known on this system.
+#[cfg(not(all(target_arch = "x86_64", target_os = "linux")))]
+fn write_down(_: &str) {}
 
 /// All that is counted; says the CPU level, then of each what it is and how many environment steps it was.
 fn work() {
@@ -155,18 +191,32 @@ fn work() {
             whole(&format!("{} F64x8 avx2", scene.name), Episode::new(&scene, 0, 8, Precision::F64, Level::Avx2));
         }
     }
-    at_level!(level, F64x1, stages());
+    parts();
 }
 
-/// The stages of the humanoid's step.
-fn stages<R: Real<Scalar = f64>>() {
-    let scene = Scene::humanoid();
-    let compiled = LaneModel::new(&CompiledModel::new(&scene.model));
-    let mut rigs: Vec<Rig<R>> = moments(&compiled, &scene, MOMENTS);
-    for part in Part::ALL {
-        rigs.iter_mut().for_each(|rig| rig.ready(&compiled));
-        counted(&mut || rigs.iter_mut().for_each(|rig| rig.repeat(&compiled, part, 1)));
-        println!("{MOMENTS} humanoid f64, {}", part.name());
+/// Beginning of the names of parts.
+const PARTS: &str = "humanoid f64, ";
+
+/// The parts of the humanoid's step: a step of each of the environments that [`single`] has, at some moments.
+fn parts() {
+    /// A meter that leaves the reading to callgrind.
+    fn part_ends(span: Option<Span>) -> [u64; READINGS] {
+        write_down(&format!("{PARTS}{}", span.map_or("unaccounted", Span::name)));
+        [0; READINGS]
+    }
+    let mut run = single(&Scene::humanoid()).probe();
+    run.run();
+    run.rewind();
+    for episode in &mut run.0 {
+        let mut step = |steps| episode.simulation_mut().step(&StepInputs::default(), steps).map(drop).expect("controls in force");
+        for _ in 0..MOMENTS {
+            step(APART);
+            write_down(NOTHING);
+            record(part_ends, || step(1));
+        }
+    }
+    for name in Span::ALL.iter().map(|span| span.name()).chain(["unaccounted"]) {
+        println!("{} {PARTS}{name}", run.0.len() * MOMENTS);
     }
 }
 
@@ -174,13 +224,11 @@ fn whole(name: &str, mut run: impl Run) {
     // Once before, so that what the first run makes is there.
     run.run();
     run.rewind();
-    counted(&mut || run.run());
+    write_down(NOTHING);
+    run.run();
+    write_down(name);
     println!("{} {name}", run.environment_steps());
 }
 
-/// What callgrind counts. Something is left to do after the work, so that it is a call with a return and not a jump.
-#[inline(never)]
-fn counted(work: &mut dyn FnMut()) {
-    work();
-    black_box(work);
-}
+/// What was counted before anything that is asked for.
+const NOTHING: &str = "";

@@ -82,6 +82,7 @@ mod integrators;
 mod math;
 pub mod model;
 mod options;
+mod probe;
 mod sensing;
 mod stages;
 mod step;
@@ -139,6 +140,9 @@ pub mod internals {
     }
     pub mod options {
         pub use crate::options::*;
+    }
+    pub mod probe {
+        pub use crate::probe::*;
     }
     pub mod sensing {
         pub use crate::sensing::*;

@@ -9,27 +9,29 @@ use crate::integrators::scheme::Scheme;
 use crate::integrators::solution::{correct_positions, guard_energy, integrate_positions, record, solve_velocities};
 use crate::integrators::workspace::Workspace;
 use crate::options::StepSettings;
+use crate::probe::{Counter, Probe, Span};
 use crate::stages::s10_record::Record;
 
 /// One step of `options.timestep` seconds: state and inputs in, next state and its record out.
 ///
 /// This is ordinary code that calls kernels: each stage is compiled once for every lane type and CPU level.
-pub fn step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>) -> Record<R> {
+pub fn step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, probe: impl Probe) -> Record<R> {
+    probe.count(Counter::GroupSteps, || 1.0);
     let mut scheme = Scheme::new(options);
     s.poses.begin();
     // 1 actuate, 2 smooth dynamics, 3 detect: at the configuration where the scheme takes the step.
-    let at_beginning = evaluate(compiled, options, &mut scheme, s);
+    let at_beginning = evaluate(compiled, options, &mut scheme, s, probe);
     // 4 assemble; 1 and 2 again for forces that depend on the velocity to come.
-    assemble_rows(compiled, options, &scheme, s, at_beginning);
+    assemble_rows(compiled, options, &scheme, s, at_beginning, probe);
     // 5 solve, 6 integrate velocity; again where impacts make the velocity jump.
-    let mut solution = solve_velocities(compiled, options, &scheme, s);
+    let mut solution = solve_velocities(compiled, options, &scheme, s, probe);
     // 7 integrate position
-    let tunnelled = integrate_positions(compiled, &scheme, s, &solution);
+    let tunnelled = integrate_positions(compiled, &scheme, s, &solution, probe);
     // 8 stabilise
-    correct_positions(compiled, options, &scheme, s, &mut solution);
-    guard_energy(compiled, s, &solution);
-    let finite = accept(compiled, s);
+    correct_positions(compiled, options, &scheme, s, &mut solution, probe);
+    probe.span(Span::GuardEnergy, || guard_energy(compiled, s, &solution));
+    let finite = probe.span(Span::Accept, || accept(compiled, s));
     // 9 sense: a worker reads the sensors of the new state, when somebody asks for them (`stages/s09_sense.rs`).
     // 10 record
-    record(compiled, options, s, &solution, [finite, tunnelled])
+    probe.span(Span::Record, || record(compiled, options, s, &solution, [finite, tunnelled]))
 }

@@ -1,7 +1,7 @@
 //! One `f64` with AVX2 instructions around it, for one environment alone: the arithmetic of `f64`, in kernels that the compiler may
 //! vectorise across what one environment has. Features: `avx2`.
 //!
-//! Wider registers gain it nothing (measured on the models of `benches/versus`), so it is the type of the level above as well.
+//! Wider registers gain it nothing (measured on the models of `benches/comparison`), so it is the type of the level above as well.
 
 use crate::operators::{elementary_functions, operators, vectorize};
 use crate::real::Real;

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import importlib.metadata
+import importlib.util
 import os
 import platform
 import sys
@@ -20,7 +21,9 @@ INSTALL = {
     "mujoco": 'pip install "stepper-sim[mjcf]"',
     "mujoco.batch": 'pip install "mujoco>=4.0,<5"',
     "rich": 'pip install "stepper-sim[cli]"',
+    "robosuite": "pip install --no-deps robosuite",
     "dm_control": "pip install dm_control",
+    "gymnasium_robotics": "pip install --no-deps gymnasium-robotics",
     "scipy": "pip install scipy",
     "typer": 'pip install "stepper-sim[cli]"',
 }
@@ -49,8 +52,31 @@ def require(module: str, purpose: str) -> ModuleType:
         top = module.split(".", maxsplit=1)[0]
         if error.name is not None and error.name.split(".", maxsplit=1)[0] != top:
             raise
-        how = INSTALL.get(module) or INSTALL.get(top) or f"pip install {top}"
-        raise MissingPackageError(f"{module} is needed {purpose}, and is not installed: {how}", name=module) from error
+        raise _missing(module, purpose) from error
+
+
+def package_file(package: str, file: str, purpose: str) -> str:
+    """Path of a file of an installed package, found without importing it.
+
+    Args:
+        package: Its name.
+        file: The path inside it.
+        purpose: As of `require`.
+
+    Raises:
+        MissingPackageError: The package is not installed.
+    """
+    spec = importlib.util.find_spec(package)
+    folders = list(spec.submodule_search_locations or ()) if spec else []
+    if not folders:
+        raise _missing(package, purpose)
+    return os.path.join(folders[0], file)
+
+
+def _missing(module: str, purpose: str) -> MissingPackageError:
+    top = module.split(".", maxsplit=1)[0]
+    how = INSTALL.get(module) or INSTALL.get(top) or f"pip install {top}"
+    return MissingPackageError(f"{module} is needed {purpose}, and is not installed: {how}", name=module)
 
 
 def allowed_cores() -> set[int]:

@@ -34,7 +34,7 @@ use stepper_real::{Mask, Real};
 
 use crate::actuation::affine_force::{ActuatorDynamics, AffineForce, Gauge, Motion, outside, within};
 use crate::actuation::force_limits::Region;
-use crate::compile::{CompiledActuator, CompiledActuatorDynamics, CompiledModel, LaneModel};
+use crate::compile::{CompiledActuator, CompiledActuatorDynamics, LaneModel, ModelStructure};
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::math::spatial::*;
 
@@ -130,7 +130,7 @@ pub struct ActuatorForces<R: Real> {
 
 impl<R: Real> ActuatorForces<R> {
     /// Room for a compiled model.
-    pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
+    pub fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         let zeros = |n: usize| vec![R::zero(); n];
         let never = |n: usize| vec![R::Mask::splat(false); n];
         Self {

@@ -4,7 +4,7 @@ use stepper_real::{Mask, Real, Scalar};
 
 use crate::actuation::affine_force::{ActuatorDynamics, within};
 use crate::actuation::memory::Memory;
-use crate::compile::{CompiledActuator, CompiledModel};
+use crate::compile::{CompiledActuator, ModelStructure};
 use crate::math::lanes::DelayLine;
 use crate::model::actuator_spec::{ActuatorSpec, any};
 
@@ -136,7 +136,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
     }
 
     /// Numbers of the trains that act within a step, as they are at its end.
-    pub fn load<R: Real<Scalar = S>>(&self, compiled: &CompiledModel<S>, group: usize, specs: &mut [ActuatorDynamics<R>]) {
+    pub fn load<R: Real<Scalar = S>>(&self, compiled: &ModelStructure<S>, group: usize, specs: &mut [ActuatorDynamics<R>]) {
         R::vectorize(
             #[inline(always)]
             || {
@@ -162,7 +162,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
     }
 
     /// The same of one lane.
-    pub fn read(&self, compiled: &CompiledModel<S>, group: usize, lane: usize) -> Vec<ActuatorDynamics<f64>> {
+    pub fn read(&self, compiled: &ModelStructure<S>, group: usize, lane: usize) -> Vec<ActuatorDynamics<f64>> {
         let mut specs = vec![ActuatorDynamics::default(); compiled.actuator_dynamics];
         for pipeline in &self.pipelines {
             let Some(train) = compiled.actuators[pipeline.actuator].train else { continue };
@@ -186,7 +186,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
     #[expect(clippy::too_many_arguments, reason = "what is given, to whom, and what is remembered")]
     pub fn advance<R: Real<Scalar = S>>(
         &self,
-        compiled: &CompiledModel<S>,
+        compiled: &ModelStructure<S>,
         group: usize,
         given: &[R],
         [q, v]: [&[R]; 2],
@@ -231,7 +231,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
     /// After a step: what the trains hand on at its end.
     pub fn hold_outputs<R: Real<Scalar = S>>(
         &self,
-        compiled: &CompiledModel<S>,
+        compiled: &ModelStructure<S>,
         group: usize,
         memory: &mut Memory<S>,
         (ctrl, specs): (&mut [R], &mut [ActuatorDynamics<R>]),

@@ -11,6 +11,7 @@ use crate::compile::{CompiledModel, LaneModel};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 use crate::model::{JointKind, Model};
+use crate::probe::NoProbe;
 use crate::stages::s03_detect::detect;
 
 /// Overlap that is worth a line, m; of limits also rad. Files give lengths with as many digits.
@@ -41,7 +42,7 @@ pub struct OutOfRange {
 pub fn overlaps(model: &Model) -> Vec<Overlap> {
     let compiled: CompiledModel<f64> = CompiledModel::new(model);
     let lanes: LaneModel<f64> = LaneModel::new(&compiled);
-    let (mut kinematics, mut poses) = (Kinematics::new(&compiled), GeomPoses::new(&compiled));
+    let (mut kinematics, mut poses) = (Kinematics::new(&compiled), GeomPoses::new(&lanes));
     for m in &compiled.mocap {
         kinematics.pos[m.frame] = m.pos;
         kinematics.mat[m.frame] = quat_to_mat(quat_normalize(m.quat));
@@ -52,7 +53,7 @@ pub fn overlaps(model: &Model) -> Vec<Overlap> {
     let mut contacts = Contacts::new(compiled.contact_points);
     let rest = vec![0.0; compiled.nv];
     let alive = <f64 as Real>::Mask::splat(true);
-    detect(&lanes, &kinematics, [&rest, &rest], [model.timestep, 0.0], alive, &mut poses, &mut contacts);
+    detect(&lanes, &kinematics, [&rest, &rest], [model.timestep, 0.0], alive, &mut poses, &mut contacts, NoProbe);
     let mut found: Vec<Overlap> = Vec::new();
     for k in 0..contacts.count[0] {
         let depth = -contacts.data[k].point.distance;

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use stepper_real::Scalar;
 
-use crate::compile::{CompiledModel, Params};
+use crate::compile::{LaneModel, Params};
 use crate::model::{Model, ModelError, Variants};
 
 /// Numbers of a compiled model, by their place in its parameters, that one environment has other than the model.
@@ -52,7 +52,7 @@ impl Randomization {
     pub fn differences(
         &self,
         model: &Model,
-        compiled: &CompiledModel<f64>,
+        compiled: &LaneModel<f64>,
         driven: Option<&dyn Fn(&Model) -> Model>,
         assigned: &[Assignment<'_>],
         envs: &[usize],

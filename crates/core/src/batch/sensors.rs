@@ -8,10 +8,11 @@ use crate::batch::exchange::{load, load_inputs};
 use crate::batch::inputs::StepInputs;
 use crate::batch::state::Group;
 use crate::collision::contact_set::Contacts;
-use crate::compile::{CompiledModel, LaneModel};
+use crate::compile::{LaneModel, ModelStructure};
 use crate::dynamics::mocap;
 use crate::integrators::workspace::Workspace;
 use crate::math::spatial::*;
+use crate::probe::Probe;
 use crate::sensing::errors::{Errors, Slots, Work};
 use crate::sensing::{Room, SensorInput};
 use crate::stages::s01_actuate::actuate;
@@ -19,7 +20,9 @@ use crate::stages::s09_sense::sense;
 use crate::step::step;
 
 /// Room of a worker's sensors.
-pub(super) struct Senses<R: Real> {
+pub(super) struct Senses<R: Real, P: Probe> {
+    /// Who measures the step that is made to be read.
+    probe: P,
     room: Room<R>,
     actuator_forces: ActuatorForces<R>,
     work: Option<Work<R>>,
@@ -27,10 +30,11 @@ pub(super) struct Senses<R: Real> {
     acceleration: Vec<R>,
 }
 
-impl<R: Real> Senses<R> {
-    pub(super) fn new(compiled: &CompiledModel<R::Scalar>, max_contacts: usize) -> Self {
+impl<R: Real, P: Probe> Senses<R, P> {
+    pub(super) fn new(compiled: &ModelStructure<R::Scalar>, max_contacts: usize, probe: P) -> Self {
         let n = if compiled.sensing.needs.acceleration { compiled.nv } else { 0 };
         Self {
+            probe,
             room: Room::new(compiled, max_contacts),
             actuator_forces: ActuatorForces::new(compiled),
             work: None,
@@ -255,7 +259,7 @@ impl<R: Real> Senses<R> {
         if fresh != 0 {
             s.alive = R::Mask::from_bits(fresh);
             self.before_step(s);
-            step(compiled, call.settings, s);
+            step(compiled, call.settings, s, self.probe);
             self.accelerate(s, call.settings.timestep, R::Mask::from_bits(fresh));
             take(&group.q, &mut s.q);
             take(&group.v, &mut s.v);

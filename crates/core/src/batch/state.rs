@@ -6,7 +6,7 @@ use stepper_real::{Real, Scalar};
 use crate::actuation;
 use crate::collision::contact_set::{ContactId, Contacts};
 use crate::collision::separation_cache::SeparationCache;
-use crate::compile::CompiledModel;
+use crate::compile::ModelStructure;
 use crate::math::lanes::MAX_LANES;
 use crate::math::lanes::{columns, lane_bits, set_columns, set_lane_bits};
 use crate::sensing::memory::Memory;
@@ -71,7 +71,7 @@ pub struct Group<S> {
 
 impl<S: Scalar> Group<S> {
     /// A group of environments at the model's reset state, `first` and those after it; `alive` says which lanes are used.
-    pub fn new(compiled: &CompiledModel<S>, qpos0: &[S], lanes: usize, alive: u32, first: usize, max_contacts: usize) -> Self {
+    pub fn new(compiled: &ModelStructure<S>, qpos0: &[S], lanes: usize, alive: u32, first: usize, max_contacts: usize) -> Self {
         let zeros = |n: usize| vec![S::default(); n * lanes];
         Self {
             lanes,

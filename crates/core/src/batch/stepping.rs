@@ -6,6 +6,8 @@ use crate::batch::call::{Call, Part, Schedule};
 use crate::batch::environments::Batch;
 use crate::batch::inputs::StepInputs;
 use crate::batch::rollout::{Recording, Share};
+#[cfg(feature = "internals")]
+use crate::batch::worker::WorkerMakers;
 use crate::batch::worker::{BatchSlice, Query, Stepped};
 use crate::error::Error;
 
@@ -37,6 +39,9 @@ pub trait Stepping {
     fn is_brief(&self, nstep: usize) -> bool;
     /// Calls `look` while the workspace of one more worker is there.
     fn with_worker(&self, look: &mut dyn FnMut());
+    /// Says who makes workers from now on.
+    #[cfg(feature = "internals")]
+    fn set_workers(&mut self, makers: &WorkerMakers);
 }
 
 /// Time between two looks at the watch of a long call, s: short beside the patience of somebody who wants it to end, long beside what sending the
@@ -99,6 +104,11 @@ impl<S: Stepped> Stepping for Batch<S> {
         let worker = self.workers.make_worker(&self.worker_spec());
         look();
         drop(worker);
+    }
+
+    #[cfg(feature = "internals")]
+    fn set_workers(&mut self, makers: &WorkerMakers) {
+        self.workers.set_maker(S::maker(makers));
     }
 }
 

@@ -12,6 +12,7 @@ use crate::compile::{CompiledModel, LaneModel};
 use crate::integrators::workspace::Workspace;
 use crate::math::lanes::count;
 use crate::options::StepSettings;
+use crate::probe::{NoProbe, Probe, Span};
 use crate::step::step;
 
 /// A thread's room to work, with the step compiled for its lanes and CPU level.
@@ -35,6 +36,19 @@ pub struct WorkerSpec<'a, S: Scalar> {
     pub max_contacts: usize,
 }
 
+/// Makes a worker for groups of so many lanes at a CPU level that this machine has.
+pub type MakeWorker<S> = fn(&WorkerSpec<'_, S>, usize, Level) -> Box<dyn Worker<S>>;
+
+/// Who makes workers, in each precision.
+#[cfg(feature = "internals")]
+#[derive(Clone, Copy, Debug)]
+pub struct WorkerMakers {
+    /// In 64 bits.
+    pub f64: MakeWorker<f64>,
+    /// In 32 bits.
+    pub f32: MakeWorker<f32>,
+}
+
 /// A scalar type with the lanes that step it.
 pub trait Stepped: Scalar + Serialize + DeserializeOwned {
     /// Lanes of a group in which states are saved, whatever steps them.
@@ -45,6 +59,11 @@ pub trait Stepped: Scalar + Serialize + DeserializeOwned {
     fn lanes(compiled: &CompiledModel<Self>, num_envs: usize, threads: usize, level: Level) -> usize;
     /// A worker for groups of `lanes` lanes at a CPU level that this machine has.
     fn worker(spec: &WorkerSpec<'_, Self>, lanes: usize, level: Level) -> Box<dyn Worker<Self>>;
+    /// The same with a probe in its steps.
+    fn probed_worker(spec: &WorkerSpec<'_, Self>, lanes: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<Self>>;
+    /// The one of two makers for this precision.
+    #[cfg(feature = "internals")]
+    fn maker(makers: &WorkerMakers) -> MakeWorker<Self>;
     /// An array of a recording in this precision.
     ///
     /// # Panics
@@ -93,11 +112,20 @@ impl Stepped for f64 {
     }
 
     fn worker(spec: &WorkerSpec<'_, f64>, lanes: usize, level: Level) -> Box<dyn Worker<f64>> {
+        Self::probed_worker(spec, lanes, level, NoProbe)
+    }
+
+    fn probed_worker(spec: &WorkerSpec<'_, f64>, lanes: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<f64>> {
         match lanes {
-            1 => at_level!(level, F64x1, lane_worker(spec)),
-            8 => at_level!(level, F64x8, lane_worker(spec)),
-            _ => at_avx512!(F64x16, lane_worker(spec)),
+            1 => at_level!(level, F64x1, lane_worker(spec, probe)),
+            8 => at_level!(level, F64x8, lane_worker(spec, probe)),
+            _ => at_avx512!(F64x16, lane_worker(spec, probe)),
         }
+    }
+
+    #[cfg(feature = "internals")]
+    fn maker(makers: &WorkerMakers) -> MakeWorker<f64> {
+        makers.f64
     }
 
     fn numbers(array: Numbers<'_>) -> &mut [f64] {
@@ -117,7 +145,16 @@ impl Stepped for f32 {
     }
 
     fn worker(spec: &WorkerSpec<'_, f32>, lanes: usize, level: Level) -> Box<dyn Worker<f32>> {
-        if lanes == 32 { at_avx512!(F32x32, lane_worker(spec)) } else { at_level!(level, F32x16, lane_worker(spec)) }
+        Self::probed_worker(spec, lanes, level, NoProbe)
+    }
+
+    fn probed_worker(spec: &WorkerSpec<'_, f32>, lanes: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<f32>> {
+        if lanes == 32 { at_avx512!(F32x32, lane_worker(spec, probe)) } else { at_level!(level, F32x16, lane_worker(spec, probe)) }
+    }
+
+    #[cfg(feature = "internals")]
+    fn maker(makers: &WorkerMakers) -> MakeWorker<f32> {
+        makers.f32
     }
 
     fn numbers(array: Numbers<'_>) -> &mut [f32] {
@@ -128,42 +165,39 @@ impl Stepped for f32 {
     }
 }
 
-fn lane_worker<R: Real>(spec: &WorkerSpec<'_, R::Scalar>) -> Box<dyn Worker<R::Scalar>> {
+/// A worker in the lanes of `R`.
+pub fn lane_worker<R: Real>(spec: &WorkerSpec<'_, R::Scalar>, probe: impl Probe) -> Box<dyn Worker<R::Scalar>> {
+    let compiled = LaneModel::new(spec.compiled);
     Box::new(LaneWorker {
-        scratch: Workspace::<R>::new(spec.compiled, spec.settings, spec.max_contacts),
-        senses: Senses::new(spec.compiled, spec.max_contacts),
-        compiled: LaneModel::new(spec.compiled),
+        probe,
+        scratch: Workspace::<R>::new(&compiled, spec.settings, spec.max_contacts),
+        senses: Senses::new(&compiled, spec.max_contacts, probe),
+        compiled,
         flags: vec![0; R::LANES],
     })
 }
 
 /// Where a worker steps and reads.
-struct LaneWorker<R: Real> {
+struct LaneWorker<R: Real, P: Probe> {
+    probe: P,
     scratch: Workspace<R>,
-    senses: Senses<R>,
+    senses: Senses<R, P>,
     /// The compiled model with the parameters of the group that is worked on.
     compiled: LaneModel<R>,
     /// Flags of the steps of a control, per lane.
     flags: Vec<u32>,
 }
 
-impl<R: Real> Worker<R::Scalar> for LaneWorker<R> {
+impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
     fn run(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, at: BatchSlice<'_, '_, R::Scalar>) {
         assert_eq!(group.lanes, R::LANES, "a worker steps groups of its own width");
         let BatchSlice { first, share_first, mut share } = at;
-        self.load_overrides(call, first);
-        self.senses.begin(call, &self.compiled, group, first, &mut self.scratch);
-        if !self.scratch.current {
-            load(group, &mut self.scratch);
-        }
-        self.scratch.current = false;
-        load_inputs(call, group, first, &mut self.scratch);
-        if call.part.from == 0 {
-            clear_faults::<R>(group);
-        }
-        self.scratch.poses.exchange(&mut group.separation_cache);
+        let probe = self.probe;
+        probe.span(Span::Load, || self.load_overrides(call, first));
+        probe.span(Span::Sense, || self.senses.begin(call, &self.compiled, group, first, &mut self.scratch));
+        probe.span(Span::Load, || self.load(call, group, first));
         for control in call.part.controls(call.schedule) {
-            load_control(call, control, first, &mut self.scratch);
+            probe.span(Span::Load, || load_control(call, control, first, &mut self.scratch));
             let steps = call.part.steps_of(control, call.schedule);
             let mut residual = R::zero();
             self.flags[..R::LANES].fill(0);
@@ -171,23 +205,14 @@ impl<R: Real> Worker<R::Scalar> for LaneWorker<R> {
                 residual = share.resume(control, first - share_first, self.scratch.alive, &mut self.flags);
             }
             let residual = self.run_control(call, group, first, steps.len(), residual);
-            let Self { scratch: s, senses, compiled, flags } = self;
+            let Self { scratch: s, senses, compiled, flags, .. } = self;
             if let Some(share) = &mut share {
-                let readings = if share.has(Quantity::Observation) { senses.readings(call, compiled, group, s) } else { &[] };
-                share.write(control, first - share_first, s, readings, flags, residual);
+                let observed = share.has(Quantity::Observation);
+                let readings = if observed { probe.span(Span::Sense, || senses.readings(call, compiled, group, s)) } else { &[] };
+                probe.span(Span::Rollout, || share.write(control, first - share_first, s, readings, flags, residual));
             }
         }
-        let s = &mut self.scratch;
-        s.poses.exchange(&mut group.separation_cache);
-        if call.part.to > call.part.from {
-            self.senses.remember(group, s);
-            store(group, s);
-        }
-        if call.part.ends && call.part.to > 0 {
-            store_mocap_trajectories(call, group, s);
-        }
-        // Who has one group alone goes on with it.
-        s.current = call.num_envs <= R::LANES;
+        probe.span(Span::Store, || self.store(call, group));
     }
 
     fn sense(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, query: Query<'_>) {
@@ -202,7 +227,7 @@ impl<R: Real> Worker<R::Scalar> for LaneWorker<R> {
     }
 }
 
-impl<R: Real> LaneWorker<R> {
+impl<R: Real, P: Probe> LaneWorker<R, P> {
     /// Takes up the parameters of the group whose first environment is `first`.
     fn load_overrides(&mut self, call: &Call<'_, R::Scalar>, first: usize) {
         if let Some(numbers) = call.overrides.numbers.get(first / R::LANES) {
@@ -211,52 +236,81 @@ impl<R: Real> LaneWorker<R> {
         }
     }
 
+    /// Brings the state of a group and what the user says for the whole call into the workspace.
+    fn load(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize) {
+        let s = &mut self.scratch;
+        if !s.current {
+            load(group, s);
+        }
+        s.current = false;
+        load_inputs(call, group, first, s);
+        if call.part.from == 0 {
+            clear_faults::<R>(group);
+        }
+        s.poses.exchange(&mut group.separation_cache);
+    }
+
+    /// Brings the state of a group back.
+    fn store(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>) {
+        let s = &mut self.scratch;
+        s.poses.exchange(&mut group.separation_cache);
+        if call.part.to > call.part.from {
+            self.senses.remember(group, s);
+            store(group, s);
+        }
+        if call.part.ends && call.part.to > 0 {
+            store_mocap_trajectories(call, group, s);
+        }
+        // Who has one group alone goes on with it.
+        s.current = call.num_envs <= R::LANES;
+    }
+
     /// Some steps of one control; adds their flags to those that are there, and returns their largest residual and that given.
     fn run_control(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, steps: usize, mut residual: R) -> R {
-        let Self { scratch: s, senses, compiled, flags } = self;
-        let (h, flags) = (call.settings.timestep, &mut flags[..R::LANES]);
+        let Self { scratch: s, senses, compiled, flags, probe } = self;
+        let (h, flags, probe) = (call.settings.timestep, &mut flags[..R::LANES], *probe);
         let (mut depth, mut overshoot) = (R::load(&group.depth), R::load(&group.overshoot));
         for _ in 0..steps {
-            senses.before_step(s);
+            probe.span(Span::Sense, || senses.before_step(s));
             if let Some(pipelines) = call.pipelines {
                 let state = [&s.q[..], &s.v[..]];
-                pipelines.advance(
-                    compiled,
-                    first / R::LANES,
-                    &s.given,
-                    state,
-                    s.alive,
-                    h,
-                    &mut group.actuation,
-                    (&mut s.inputs.ctrl, &mut s.inputs.actuator_dynamics),
-                );
+                probe.span(Span::ActuatorPipelines, || {
+                    pipelines.advance(
+                        compiled,
+                        first / R::LANES,
+                        &s.given,
+                        state,
+                        s.alive,
+                        h,
+                        &mut group.actuation,
+                        (&mut s.inputs.ctrl, &mut s.inputs.actuator_dynamics),
+                    )
+                });
             }
-            let record = step(compiled, call.settings, s);
+            let record = step(compiled, call.settings, s, probe);
             if let Some(pipelines) = call.pipelines {
-                pipelines.hold_outputs(
-                    compiled,
-                    first / R::LANES,
-                    &mut group.actuation,
-                    (&mut s.inputs.ctrl, &mut s.inputs.actuator_dynamics),
-                );
+                let handed_on = (&mut s.inputs.ctrl[..], &mut s.inputs.actuator_dynamics[..]);
+                probe.span(Span::ActuatorPipelines, || pipelines.hold_outputs(compiled, first / R::LANES, &mut group.actuation, handed_on));
             }
-            s.elapsed += h;
-            let kept = record.non_finite.bits();
-            for (l, flags) in flags.iter_mut().enumerate() {
-                *flags |= record.status(l).bits();
-                if kept >> l & 1 == 0 {
-                    group.time[l] += h;
+            probe.span(Span::Record, || {
+                s.elapsed += h;
+                let kept = record.non_finite.bits();
+                for (l, flags) in flags.iter_mut().enumerate() {
+                    *flags |= record.status(l).bits();
+                    if kept >> l & 1 == 0 {
+                        group.time[l] += h;
+                    }
                 }
-            }
-            if !group.saturated.is_empty() {
-                count_saturated(compiled, s, &mut group.saturated);
-            }
-            residual = residual.max(record.residual);
-            (depth, overshoot) = (depth.max(record.depth), overshoot.max(record.overshoot));
-            record.residual.store(&mut group.residual);
-            record.iterations.store(&mut group.iterations);
+                if !group.saturated.is_empty() {
+                    count_saturated(compiled, s, &mut group.saturated);
+                }
+                residual = residual.max(record.residual);
+                (depth, overshoot) = (depth.max(record.depth), overshoot.max(record.overshoot));
+                record.residual.store(&mut group.residual);
+                record.iterations.store(&mut group.iterations);
+            });
             // 9 sense
-            senses.after_step(call, compiled, group, first, s);
+            probe.span(Span::Sense, || senses.after_step(call, compiled, group, first, s));
         }
         depth.store(&mut group.depth);
         overshoot.store(&mut group.overshoot);

@@ -4,7 +4,7 @@ use std::sync::Mutex;
 
 use stepper_real::Level;
 
-use crate::batch::worker::{Stepped, Worker, WorkerSpec};
+use crate::batch::worker::{MakeWorker, Stepped, Worker, WorkerSpec};
 use crate::error::Error;
 
 /// Workers and the pool of threads that runs them, made at the first step and again after a fork.
@@ -12,6 +12,7 @@ pub(super) struct WorkerPool<S: Stepped> {
     threads: usize,
     lanes: usize,
     level: Level,
+    make: MakeWorker<S>,
     idle: Mutex<Vec<Box<dyn Worker<S>>>>,
     /// With the process that started its threads.
     pool: Option<(u32, rayon::ThreadPool)>,
@@ -20,7 +21,7 @@ pub(super) struct WorkerPool<S: Stepped> {
 impl<S: Stepped> WorkerPool<S> {
     /// No workers and no threads yet, for groups of `lanes` lanes.
     pub(super) fn new(threads: usize, lanes: usize, level: Level) -> Self {
-        Self { threads, lanes, level, idle: Mutex::new(Vec::new()), pool: None }
+        Self { threads, lanes, level, make: S::worker, idle: Mutex::new(Vec::new()), pool: None }
     }
 
     /// Threads that step, the one that calls among them.
@@ -29,7 +30,14 @@ impl<S: Stepped> WorkerPool<S> {
     }
 
     pub(super) fn make_worker(&self, spec: &WorkerSpec<'_, S>) -> Box<dyn Worker<S>> {
-        S::worker(spec, self.lanes, self.level)
+        (self.make)(spec, self.lanes, self.level)
+    }
+
+    /// Says who makes workers from now on.
+    #[cfg(feature = "internals")]
+    pub(super) fn set_maker(&mut self, make: MakeWorker<S>) {
+        self.make = make;
+        self.idle_workers().clear();
     }
 
     /// Workers that nobody else can reach meanwhile: there is nothing to lock.

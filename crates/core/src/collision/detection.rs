@@ -8,7 +8,7 @@ use crate::collision::broad_phase::Broad;
 use crate::collision::contact_set::Contacts;
 use crate::collision::pairs::segments;
 use crate::collision::separation_cache::SeparationCache;
-use crate::compile::{CompiledModel, CompiledPair, Kernel, LaneModel};
+use crate::compile::{CompiledPair, Kernel, LaneModel};
 use crate::dynamics::kinematics::Kinematics;
 use crate::geometry::Narrow;
 use crate::math::spatial::*;
@@ -69,7 +69,7 @@ pub(crate) struct Search {
 
 impl<R: Real> GeomPoses<R> {
     /// Room for a compiled model; geoms of the world are placed where the model has them.
-    pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
+    pub fn new(compiled: &LaneModel<R>) -> Self {
         Self {
             placed: Placed::new(compiled),
             slack: R::zero(),
@@ -131,10 +131,10 @@ impl<R: Real> GeomPoses<R> {
 }
 
 impl<R: Real> Placed<R> {
-    fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
+    fn new(compiled: &LaneModel<R>) -> Self {
         let zeros = || vec![R::zero(); compiled.geoms.len()];
         Self {
-            pos: (0..compiled.geoms.len()).map(|g| splat(compiled.params.geom_pos(g))).collect(),
+            pos: (0..compiled.geoms.len()).map(|g| compiled.params.geom_pos(g)).collect(),
             mat: compiled.geoms.iter().map(|g| splat(g.mat)).collect(),
             travel: zeros(),
             lead: zeros(),

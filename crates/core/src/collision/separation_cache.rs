@@ -6,7 +6,7 @@
 use serde::{Deserialize, Serialize};
 use stepper_real::Scalar;
 
-use crate::compile::{CompiledModel, Kernel};
+use crate::compile::{Kernel, ModelStructure};
 use crate::geometry::{SeparatingPlane, Solid};
 
 /// Pairs of one environment of which something is kept, at most: the first that a step comes to.
@@ -33,7 +33,7 @@ pub struct SeparationCache {
 
 impl SeparationCache {
     /// Room for so many lanes; none in a scene without pairs of hulls.
-    pub fn new<S: Scalar>(compiled: &CompiledModel<S>, lanes: usize) -> Self {
+    pub fn new<S: Scalar>(compiled: &ModelStructure<S>, lanes: usize) -> Self {
         let is_hull = |g: usize| compiled.geoms[g].solid.as_ref().is_some_and(Solid::is_hull);
         let listed = compiled.pairs.iter().filter(|p| p.kernel == Kernel::Convex && p.geoms.iter().all(|&g| is_hull(g))).count();
         let crowded = compiled.crowd.iter().flat_map(|c| &c.members).filter(|m| is_hull(m.geom)).count();

@@ -115,13 +115,18 @@ impl<S: Scalar> Crowd<S> {
         let [a, b] = self.members_of(number).expect("a pair of the crowd").map(|m| m.model_geom);
         let (order, condim) = self.filter.precedence([a, b]);
         let (a, b) = (params.member(a), params.member(b));
-        let either = |k: usize| match order {
-            Ordering::Greater => a[k],
-            Ordering::Less => b[k],
-            Ordering::Equal => a[k].max(b[k]),
+        let either = |of: fn(&ContactParams<R>) -> R| match order {
+            Ordering::Greater => of(&a),
+            Ordering::Less => of(&b),
+            Ordering::Equal => of(&a).max(of(&b)),
         };
         let more = |least: u8, x: R| if condim > least { x } else { R::zero() };
-        ContactParams { mu: more(1, either(0)), torsion: more(3, either(1)), rolling: more(4, either(2)), restitution: a[3].max(b[3]) }
+        ContactParams {
+            mu: more(1, either(|m| m.mu)),
+            torsion: more(3, either(|m| m.torsion)),
+            rolling: more(4, either(|m| m.rolling)),
+            restitution: a.restitution.max(b.restitution),
+        }
     }
 
     /// Whether any of its pairs can have more than sliding friction.

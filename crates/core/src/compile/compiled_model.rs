@@ -3,6 +3,8 @@
 //! Bodies that cannot move against their parent are merged into one *link*. A *frame* is anything a geom can be fixed to: frame 0 is the world,
 //! frames `1..=links` the links, the rest bodies that the user poses (mocap). Pairs that can never collide are not in the list.
 
+use std::ops::Deref;
+
 use stepper_real::Scalar;
 
 use crate::compile::actuators::{CompiledActuator, CompiledActuatorDynamics, CompiledForceRange, CompiledServo};
@@ -16,9 +18,27 @@ use crate::compile::tree::{
     CompiledBallLimit, CompiledBody, CompiledFriction, CompiledJoint, CompiledLimit, CompiledMocap, CompiledSpinner, Descendant, Dof, Link,
 };
 
-/// Everything of a model that a step reads, in the scalar type of its lanes: its structure, and the numbers that all environments share.
+/// Everything of a model that a step reads, in the scalar type of its lanes.
 #[derive(Clone, Debug)]
 pub struct CompiledModel<S: Scalar> {
+    /// What all environments share.
+    pub structure: ModelStructure<S>,
+    /// The model's own parameters; environments may have others, see [`LaneModel`](crate::compile::LaneModel).
+    pub params: Params<S>,
+}
+
+impl<S: Scalar> Deref for CompiledModel<S> {
+    type Target = ModelStructure<S>;
+
+    #[inline(always)]
+    fn deref(&self) -> &ModelStructure<S> {
+        &self.structure
+    }
+}
+
+/// A compiled model without its parameters: its structure, and the numbers that no environment may have for itself.
+#[derive(Clone, Debug)]
+pub struct ModelStructure<S: Scalar> {
     /// Number of configuration coordinates.
     pub nq: usize,
     /// Number of degrees of freedom.
@@ -27,8 +47,6 @@ pub struct CompiledModel<S: Scalar> {
     pub na: usize,
     /// Number of kinematic trees.
     pub ntree: usize,
-    /// The model's own parameters; environments may have others, see [`LaneModel`](crate::compile::LaneModel).
-    pub params: Params<S>,
     /// Velocity of the medium, m/s.
     pub wind: [S; 3],
     /// What the medium acts on.
@@ -102,7 +120,7 @@ pub struct CompiledModel<S: Scalar> {
     pub(crate) merged: Merged,
 }
 
-impl<S: Scalar> CompiledModel<S> {
+impl<S: Scalar> ModelStructure<S> {
     /// Number of frames: the world, the links and the mocap bodies.
     pub fn nframe(&self) -> usize {
         1 + self.links.len() + self.mocap.len()

@@ -3,10 +3,9 @@
 use stepper_real::Scalar;
 
 use crate::compile::collision::Crowd;
-use crate::compile::compiled_model::CompiledModel;
+use crate::compile::compiled_model::{CompiledModel, ModelStructure};
 use crate::compile::limits::{ball_limits, frictions, limits};
 use crate::compile::merging::Merged;
-use crate::compile::parameters::Params;
 use crate::compile::sensing::CompiledSensing;
 use crate::compile::tree::{CompiledJoint, CompiledSpinner, Link, scalars};
 use crate::compile::{actuators, collision, equality, merging, passive};
@@ -48,12 +47,11 @@ impl<S: Scalar> CompiledModel<S> {
         };
         let drives = actuators::Drives::new(scene, specs);
         let lossy = frictions.iter().any(|f| f.driven);
-        let mut compiled = Self {
+        let structure = ModelStructure {
             nq: model.nq(),
             nv: model.nv(),
             na: model.na(),
             ntree: merged.ntree,
-            params: Params::default(),
             wind: scalars(model.medium.wind),
             fluid: passive::fluid(model, &merged),
             compensation: passive::compensation(model, &merged),
@@ -91,8 +89,8 @@ impl<S: Scalar> CompiledModel<S> {
             contact_points,
             merged,
         };
-        compiled.params = compiled.params_of(model).map(S::from_f64);
-        compiled
+        let params = structure.params_of(model).map(S::from_f64);
+        Self { structure, params }
     }
 
     /// Links that are alone on a free or ball joint.

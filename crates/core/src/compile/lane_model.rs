@@ -4,39 +4,40 @@ use std::ops::Deref;
 
 use stepper_real::Real;
 
-use crate::compile::compiled_model::CompiledModel;
+use crate::compile::compiled_model::{CompiledModel, ModelStructure};
 use crate::compile::parameters::*;
 
-/// A compiled model as a group of lanes has it: what all environments share, and the parameters that each lane has.
+/// A compiled model as a group of lanes has it: the structure that all environments share, and the parameters that each lane has. The shared
+/// parameters cannot be read through it.
 #[derive(Clone, Debug)]
 pub struct LaneModel<R: Real> {
     /// What is shared. In place, so that it costs a step no more to find than a compiled model alone.
-    shared: CompiledModel<R::Scalar>,
+    structure: ModelStructure<R::Scalar>,
     /// Parameters, lane by lane.
     pub params: Params<R>,
 }
 
 impl<R: Real> Deref for LaneModel<R> {
-    type Target = CompiledModel<R::Scalar>;
+    type Target = ModelStructure<R::Scalar>;
 
     #[inline(always)]
-    fn deref(&self) -> &CompiledModel<R::Scalar> {
-        &self.shared
+    fn deref(&self) -> &ModelStructure<R::Scalar> {
+        &self.structure
     }
 }
 
 impl<R: Real> LaneModel<R> {
     /// With the model's own parameters in every lane.
     pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
-        Self { shared: compiled.clone(), params: compiled.params.in_lanes() }
+        Self { structure: compiled.structure.clone(), params: compiled.params.in_lanes() }
     }
 
     /// What the contacts of a pair are like.
     #[inline(always)]
     pub fn contact(&self, pair: usize) -> ContactParams<R> {
-        match self.shared.crowd.as_ref() {
-            Some(crowd) if pair >= self.shared.pairs.len() => crowd.contact(pair, &self.params),
-            _ => self.params.contact(pair),
+        match self.structure.crowd.as_ref() {
+            Some(crowd) if pair >= self.structure.pairs.len() => crowd.contact(pair, &self.params),
+            _ => self.params.listed_contact(pair),
         }
     }
 
@@ -65,7 +66,7 @@ impl<R: Real> LaneModel<R> {
     #[inline(always)]
     pub fn reach(&self, [a, b]: [usize; 2]) -> R {
         let second = self.params.bounding_radius(b);
-        if self.shared.geoms[a].is_plane { second } else { self.params.bounding_radius(a) + second }
+        if self.structure.geoms[a].is_plane { second } else { self.params.bounding_radius(a) + second }
     }
 
     /// Way in which the geoms of a pair cannot pass through one another to where the nearest way out is on the far side, m; infinite if they

@@ -2,77 +2,171 @@
 //!
 //! They are one flat list of tables, so that a place in it is all it takes to say which of them environments have of their own: a batch keeps
 //! (place, a number for every lane) of those alone, and a worker writes them over the shared ones before it steps a group. Stages read them
-//! through a [`LaneModel`], one number per lane, and need not know which is which.
+//! through a [`LaneModel`](crate::compile::LaneModel), one number per lane, and need not know which is which.
+//!
+//! A row's type says how wide it is and how it is read and written; the list of the tables says what their rows are.
 
 use stepper_real::{Real, Scalar};
 
-/// What a contact is like.
-#[derive(Clone, Copy, Debug)]
-pub struct ContactParams<T> {
-    /// Sliding friction; 0 for a frictionless contact.
-    pub mu: T,
-    /// Torsional friction, m; 0 for none.
-    pub torsion: T,
-    /// Rolling friction, m; 0 for none.
-    pub rolling: T,
-    /// Coefficient of restitution.
-    pub restitution: T,
+use crate::compile::parameter_row::{ParameterRow, parameter_rows};
+
+parameter_rows! {
+    /// Friction and restitution of a contact.
+    ContactParams {
+        /// Sliding friction; 0 for a frictionless contact.
+        mu: T,
+        /// Torsional friction, m; 0 for none.
+        torsion: T,
+        /// Rolling friction, m; 0 for none.
+        rolling: T,
+        /// Coefficient of restitution.
+        restitution: T,
+    }
+
+    /// Mass, centre of mass and inertia of a link or of a part of one.
+    Inertial {
+        /// kg
+        mass: T,
+        /// In the link's frame, m.
+        com: [T; 3],
+        /// About the centre of mass: xx, yy, zz, xy, xz, yz, kg m^2.
+        inertia: [T; 6],
+    }
+
+    /// What a degree of freedom adds to the mass matrix.
+    DofParams {
+        /// Viscous damping.
+        damping: T,
+        /// Stiffness of its joint's spring that is taken implicitly: 0 for one that pushes away.
+        stiffness: T,
+        /// Added inertia.
+        armature: T,
+    }
+
+    /// Affine force of an actuator.
+    ActuatorParams {
+        /// Force per unit of control or activation: constant, per length, per velocity.
+        gain: [T; 3],
+        /// Force without control: constant, per length, per velocity.
+        bias: [T; 3],
+    }
+
+    /// Placement and sizes of a geom of the compiled model.
+    GeomParams {
+        /// Origin in its frame, m.
+        pos: [T; 3],
+        /// radius, half length (capsule, cylinder), half sizes (box) or half axes (ellipsoid), m.
+        size: [T; 3],
+        /// Radius of a ball about the origin that holds the geom; infinite for a plane, m.
+        bounding_radius: T,
+        /// Half the least width of the geom, infinite for what has one side only, m.
+        inscribed_radius: T,
+        /// How far the geom reaches beyond the ball of that radius, which turning cannot be seen of, m.
+        rotation_reach: T,
+    }
+
+    /// Force against gravity on a body.
+    CompensationParams {
+        /// Where it acts, in its link's frame, m.
+        pos: [T; 3],
+        /// In world axes, N.
+        force: [T; 3],
+    }
+
+    /// Drag of a body in the medium, as a box; torques before forces.
+    FluidParams {
+        /// Centre of the body in its link's frame, m.
+        pos: [T; 3],
+        /// Viscous drag, N m s and N s/m.
+        viscous: [T; 6],
+        /// Quadratic drag, N m s^2 and N s^2/m^2.
+        quadratic: [T; 6],
+    }
 }
 
-/// Mass, centre of mass and inertia of a link or of a part of one.
-#[derive(Clone, Copy, Debug)]
-pub struct Inertial<T> {
-    /// kg
-    pub mass: T,
-    /// In the link's frame, m.
-    pub com: [T; 3],
-    /// About the centre of mass: xx, yy, zz, xy, xz, yz, kg m^2.
-    pub inertia: [T; 6],
+/// Declares the tables: where each begins and ends, what its rows are made of, and how one is read.
+macro_rules! parameter_tables {
+    ($($(#[$doc:meta])* $table:ident: $row:ident($($index:ident)?) -> $kind:ty;)*) => {
+        /// Beginning and end of each table.
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+        struct Tables {
+            $($table: [usize; 2],)*
+        }
+
+        /// Rows of every table.
+        pub(super) struct ParameterRows<T> {
+            $($(#[$doc])* pub(super) $table: Vec<$kind>,)*
+        }
+
+        impl<T: Copy> From<ParameterRows<T>> for Params<T> {
+            fn from(rows: ParameterRows<T>) -> Self {
+                let mut numbers = Vec::new();
+                let tables = Tables { $($table: write_table(rows.$table, &mut numbers),)* };
+                Self { numbers, tables }
+            }
+        }
+
+        impl<T: Copy> Params<T> {
+            $(
+                $(#[$doc])*
+                #[inline(always)]
+                pub fn $row(&self $(, $index: usize)?) -> $kind {
+                    self.row(self.tables.$table, 0 $(+ $index)?)
+                }
+            )*
+        }
+    };
 }
 
-/// What a degree of freedom adds to the mass matrix.
-#[derive(Clone, Copy, Debug)]
-pub struct DofParams<T> {
-    /// Viscous damping.
-    pub damping: T,
-    /// Stiffness of its joint's spring that is taken implicitly: 0 for one that pushes away.
-    pub stiffness: T,
-    /// Added inertia.
-    pub armature: T,
+parameter_tables! {
+    /// Gravitational acceleration, m/s^2.
+    gravity: gravity() -> [T; 3];
+    /// Of link `i`, or of part `i - links` of those that sensors read.
+    inertials: inertial(i) -> Inertial<T>;
+    /// Mass of a subtree that sensors read, kg.
+    totals: total(subtree) -> T;
+    /// Of a degree of freedom.
+    dofs: dof(i) -> DofParams<T>;
+    /// Stiffness of a joint's spring, N/m or N m/rad.
+    springs: spring(joint) -> T;
+    /// Lowest and highest position of a limit of the compiled model.
+    limits: limit(i) -> [T; 2];
+    /// Greatest angle of the rotation of a ball joint with a limit, rad.
+    ball_limits: ball_limit(i) -> T;
+    /// Dry friction, N or N m.
+    frictions: friction(i) -> T;
+    /// Affine force of an actuator.
+    actuators: actuator(i) -> ActuatorParams<T>;
+    /// Placement and sizes of a geom of the compiled model.
+    geoms: geom(i) -> GeomParams<T>;
+    /// Contacts of a pair that is listed.
+    pairs: listed_contact(pair) -> ContactParams<T>;
+    /// What a geom of a crowd brings into its contacts, by its index in the model.
+    members: member(geom) -> ContactParams<T>;
+    /// Centre of mass of a body of the model in its frame, m.
+    bodies: body_com(body) -> [T; 3];
+    /// Force against gravity on a body.
+    compensations: compensation(i) -> CompensationParams<T>;
+    /// Drag of a body that the medium acts on.
+    fluid: fluid(i) -> FluidParams<T>;
+    /// Position in its frame of an object that sensors read, m.
+    places: place(i) -> [T; 3];
+    /// Size of a shape that sensors read: radius, half length; or semi-axes; or half sizes; m.
+    sizes: size(i) -> [T; 3];
 }
 
 /// The numbers that environments may have of their own, for all environments (`T` a scalar) or for the lanes of a group.
 #[derive(Clone, Debug, Default)]
 pub struct Params<T> {
-    pub(super) numbers: Vec<T>,
-    pub(super) at: Tables,
+    numbers: Vec<T>,
+    tables: Tables,
 }
 
-/// Where each table begins.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Tables {
-    pub(super) gravity: usize,
-    pub(super) inertials: usize,
-    pub(super) totals: usize,
-    pub(super) dofs: usize,
-    pub(super) springs: usize,
-    pub(super) limits: usize,
-    pub(super) ball_limits: usize,
-    pub(super) frictions: usize,
-    pub(super) actuators: usize,
-    pub(super) geoms: usize,
-    pub(super) pairs: usize,
-    pub(super) members: usize,
-    pub(super) bodies: usize,
-    pub(super) holds: usize,
-    pub(super) fluid: usize,
-    pub(super) places: usize,
-    pub(super) sizes: usize,
+fn write_table<T: Copy, Row: ParameterRow<T>>(rows: Vec<Row>, numbers: &mut Vec<T>) -> [usize; 2] {
+    let start = numbers.len();
+    rows.into_iter().for_each(|row| row.write(numbers));
+    [start, numbers.len()]
 }
-
-/// Numbers of a row of each table that is read in parts.
-pub(super) const GEOM: usize = 9;
-pub(super) const FLUID: usize = 15;
 
 impl<T: Copy> Params<T> {
     /// Numbers that there are.
@@ -92,156 +186,50 @@ impl<T: Copy> Params<T> {
 
     /// The same in other numbers.
     pub fn map<U>(&self, f: impl FnMut(T) -> U) -> Params<U> {
-        Params { numbers: self.numbers.iter().copied().map(f).collect(), at: self.at }
+        Params { numbers: self.numbers.iter().copied().map(f).collect(), tables: self.tables }
     }
 
     #[inline(always)]
-    pub(super) fn take<const N: usize>(&self, at: usize) -> [T; N] {
-        *self.numbers[at..at + N].first_chunk().expect("N numbers were taken")
+    fn row<Row: ParameterRow<T>>(&self, table: [usize; 2], i: usize) -> Row {
+        let at = table[0] + Row::WIDTH * i;
+        Row::read(&self.numbers[at..at + Row::WIDTH])
     }
 
-    /// Gravitational acceleration, m/s^2.
-    #[inline(always)]
-    pub fn gravity(&self) -> [T; 3] {
-        self.take(self.at.gravity)
-    }
-
-    /// Of link `i`, or of part `i - links` of those that sensors read.
-    #[inline(always)]
-    pub fn inertial(&self, i: usize) -> Inertial<T> {
-        let at = self.at.inertials + 10 * i;
-        let [mass] = self.take(at);
-        Inertial { mass, com: self.take(at + 1), inertia: self.take(at + 4) }
-    }
-
-    /// Mass of a subtree that sensors read, kg.
-    #[inline(always)]
-    pub fn total(&self, subtree: usize) -> T {
-        self.numbers[self.at.totals + subtree]
-    }
-
-    /// Of a degree of freedom.
-    #[inline(always)]
-    pub fn dof(&self, i: usize) -> DofParams<T> {
-        let [damping, stiffness, armature] = self.take(self.at.dofs + 3 * i);
-        DofParams { damping, stiffness, armature }
-    }
-
-    /// Of all degrees of freedom: damping, stiffness, armature.
+    /// Of all degrees of freedom, the numbers of a [`DofParams`] each: damping, stiffness, armature.
     #[inline(always)]
     pub fn dofs(&self) -> &[[T; 3]] {
-        self.numbers[self.at.dofs..self.at.springs].as_chunks().0
-    }
-
-    /// Stiffness of a joint's spring, N/m or N m/rad.
-    #[inline(always)]
-    pub fn spring(&self, joint: usize) -> T {
-        self.numbers[self.at.springs + joint]
-    }
-
-    /// Lowest and highest position of a limit of the compiled model.
-    #[inline(always)]
-    pub fn limit(&self, i: usize) -> [T; 2] {
-        self.take(self.at.limits + 2 * i)
-    }
-
-    /// Greatest angle of the rotation of a ball joint with a limit, rad.
-    #[inline(always)]
-    pub fn ball_limit(&self, i: usize) -> T {
-        self.numbers[self.at.ball_limits + i]
-    }
-
-    /// Dry friction, N or N m.
-    #[inline(always)]
-    pub fn friction(&self, i: usize) -> T {
-        self.numbers[self.at.frictions + i]
-    }
-
-    /// Affine gain and bias of an actuator.
-    #[inline(always)]
-    pub fn actuator(&self, i: usize) -> [[T; 3]; 2] {
-        let at = self.at.actuators + 6 * i;
-        [self.take(at), self.take(at + 3)]
+        let [start, end] = self.tables.dofs;
+        self.numbers[start..end].as_chunks().0
     }
 
     /// Origin of a geom of the compiled model in its frame, m.
     #[inline(always)]
     pub fn geom_pos(&self, geom: usize) -> [T; 3] {
-        self.take(self.at.geoms + GEOM * geom)
+        self.geom(geom).pos
     }
 
     /// radius, half length (capsule, cylinder), half sizes (box) or half axes (ellipsoid), m.
     #[inline(always)]
     pub fn geom_size(&self, geom: usize) -> [T; 3] {
-        self.take(self.at.geoms + GEOM * geom + 3)
+        self.geom(geom).size
     }
 
     /// Radius of a ball about a geom's origin that holds it; infinite for a plane, m.
     #[inline(always)]
     pub fn bounding_radius(&self, geom: usize) -> T {
-        self.numbers[self.at.geoms + GEOM * geom + 6]
+        self.geom(geom).bounding_radius
     }
 
-    /// How thin a geom is: half its least width, infinite for what has one side only, m.
+    /// Half the least width of a geom, infinite for what has one side only, m.
     #[inline(always)]
     pub fn inscribed_radius(&self, geom: usize) -> T {
-        self.numbers[self.at.geoms + GEOM * geom + 7]
+        self.geom(geom).inscribed_radius
     }
 
     /// How far a geom reaches beyond the ball of that radius, which turning cannot be seen of, m.
     #[inline(always)]
     pub fn rotation_reach(&self, geom: usize) -> T {
-        self.numbers[self.at.geoms + GEOM * geom + 8]
-    }
-
-    #[inline(always)]
-    pub(super) fn contact(&self, pair: usize) -> ContactParams<T> {
-        let [mu, torsion, rolling, restitution] = self.take(self.at.pairs + 4 * pair);
-        ContactParams { mu, torsion, rolling, restitution }
-    }
-
-    /// Friction (sliding, torsional, rolling) and restitution that a geom of a crowd brings, by its index in the model.
-    #[inline(always)]
-    pub(super) fn member(&self, geom: usize) -> [T; 4] {
-        self.take(self.at.members + 4 * geom)
-    }
-
-    /// Centre of mass of a body of the model in its frame, m.
-    #[inline(always)]
-    pub fn body_com(&self, body: usize) -> [T; 3] {
-        self.take(self.at.bodies + 3 * body)
-    }
-
-    /// Where a force against gravity acts in its link's frame (m), and that force (N, world axes).
-    #[inline(always)]
-    pub fn hold(&self, i: usize) -> [[T; 3]; 2] {
-        let at = self.at.holds + 6 * i;
-        [self.take(at), self.take(at + 3)]
-    }
-
-    /// Centre of a body that the medium acts on, in its link's frame, m.
-    #[inline(always)]
-    pub fn fluid_pos(&self, i: usize) -> [T; 3] {
-        self.take(self.at.fluid + FLUID * i)
-    }
-
-    /// Viscous (N m s, N s/m) and quadratic drag (N m s^2, N s^2/m^2) of a box in the medium, torques before forces.
-    #[inline(always)]
-    pub fn fluid_box(&self, i: usize) -> [[T; 6]; 2] {
-        let at = self.at.fluid + FLUID * i + 3;
-        [self.take(at), self.take(at + 6)]
-    }
-
-    /// Position in its frame of a place that sensors read, m.
-    #[inline(always)]
-    pub fn place(&self, i: usize) -> [T; 3] {
-        self.take(self.at.places + 3 * i)
-    }
-
-    /// Size of a shape that sensors read: radius, half length; or semi-axes; or half sizes; m.
-    #[inline(always)]
-    pub fn size(&self, i: usize) -> [T; 3] {
-        self.take(self.at.sizes + 3 * i)
+        self.geom(geom).rotation_reach
     }
 }
 

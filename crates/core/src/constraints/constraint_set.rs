@@ -6,7 +6,7 @@ use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::newton::Newton;
 use stepper_solve::{Capacity, Iterate, Problem, Reference, Snapshot};
 
-use crate::compile::{CompiledModel, LaneModel};
+use crate::compile::{LaneModel, ModelStructure};
 use crate::constraints::islands::Islands;
 use crate::dynamics::inertia::{MassMatrix, NewtonEuler};
 use crate::math::spatial::*;
@@ -126,7 +126,7 @@ impl<R: Real> AssemblyInput<'_, R> {
 
 impl<R: Real> Constraints<R> {
     /// Room for a compiled model.
-    pub fn new(compiled: &CompiledModel<R::Scalar>, max_contacts: usize) -> Self {
+    pub fn new(compiled: &ModelStructure<R::Scalar>, max_contacts: usize) -> Self {
         let block = compiled.equalities.iter().map(|b| b.rows).max().unwrap_or(0);
         let room = room(compiled, max_contacts, R::LANES);
         Self {
@@ -165,7 +165,7 @@ impl<R: Real> Constraints<R> {
 
 /// What the rows of a compiled model can take at the most: a contact touches the ancestors of two frames in each of its lanes, and any row what equalities tie
 /// to it.
-fn room<S: Scalar>(compiled: &CompiledModel<S>, contacts: usize, lanes: usize) -> Capacity {
+fn room<S: Scalar>(compiled: &ModelStructure<S>, contacts: usize, lanes: usize) -> Capacity {
     let tied = compiled.equalities.iter().filter(|b| b.separate).map(|b| b.support.len()).sum::<usize>();
     let with_tied = |entries: usize| (entries + tied).min(compiled.nv);
     let depth = |dof: usize| with_tied(compiled.dofs[dof].depth);

@@ -13,7 +13,7 @@
 
 use stepper_real::{Mask, Real, Scalar};
 
-use crate::compile::{Combination, CompiledEquality, CompiledModel, EqualityBlock, EqualityRows, LaneModel, Spring};
+use crate::compile::{Combination, CompiledEquality, EqualityBlock, EqualityRows, LaneModel, ModelStructure, Spring};
 use crate::constraints::constraint_set::{ARM, AssemblyInput, Constraints, DAMPING};
 use crate::constraints::elimination::times;
 use crate::dynamics::inertia::MassMatrix;
@@ -430,7 +430,7 @@ pub(crate) fn law_of<R: Real>(
 
 /// Whether a dof moves a frame.
 #[inline(always)]
-fn moves<S: Scalar>(compiled: &CompiledModel<S>, frame: usize, dof: usize) -> bool {
+fn moves<S: Scalar>(compiled: &ModelStructure<S>, frame: usize, dof: usize) -> bool {
     compiled.moved_dofs[frame][dof / 64] >> (dof % 64) & 1 == 1
 }
 

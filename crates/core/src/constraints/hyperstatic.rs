@@ -3,7 +3,7 @@
 use stepper_real::{Mask, Real};
 
 use crate::collision::contact_set::Contacts;
-use crate::compile::CompiledModel;
+use crate::compile::ModelStructure;
 
 /// Contacts between two bodies from which on their forces are not determined: three have nine rows, a body moves in six ways.
 const SHARED: usize = 3;
@@ -12,7 +12,7 @@ const SHARED: usize = 3;
 ///
 /// As long as all points stick, the motion is one whatever the forces are. When they slip, friction's torque depends on how the load is shared:
 /// forces left by sweeps, which load the points that they visit first, turn a box that two fingers hold.
-pub(crate) fn lanes<R: Real>(compiled: &CompiledModel<R::Scalar>, contacts: &Contacts<R>) -> R::Mask {
+pub(crate) fn lanes<R: Real>(compiled: &ModelStructure<R::Scalar>, contacts: &Contacts<R>) -> R::Mask {
     if compiled.floating.is_empty() {
         return R::Mask::splat(false);
     }

@@ -3,7 +3,7 @@
 use stepper_real::Real;
 use stepper_solve::Problem;
 
-use crate::compile::CompiledModel;
+use crate::compile::ModelStructure;
 
 /// Sets of trees (union-find with path halving; Tarjan & van Leeuwen 1984), and the largest of a number over each set.
 #[derive(Clone, Debug)]
@@ -19,7 +19,7 @@ impl Islands {
     }
 
     /// Finds the islands of one lane.
-    pub(crate) fn find<R: Real>(&mut self, compiled: &CompiledModel<R::Scalar>, problem: &Problem<R>, lane: usize) {
+    pub(crate) fn find<R: Real>(&mut self, compiled: &ModelStructure<R::Scalar>, problem: &Problem<R>, lane: usize) {
         for (tree, above) in self.above.iter_mut().enumerate() {
             *above = tree as u32;
         }

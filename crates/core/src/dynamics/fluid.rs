@@ -10,7 +10,7 @@
 
 use stepper_real::Real;
 
-use crate::compile::{CompiledEllipsoid, CompiledModel, FluidShape, LaneModel};
+use crate::compile::{CompiledEllipsoid, FluidParams, FluidShape, LaneModel, ModelStructure};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 
@@ -28,7 +28,7 @@ pub struct Fluid<R: Real> {
 
 impl<R: Real> Fluid<R> {
     /// Room for a compiled model.
-    pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
+    pub fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         let (n, links) = (compiled.fluid.len(), if compiled.fluid.is_empty() { 0 } else { compiled.links.len() });
         Self { before: vec![zero(); n], drag: vec![zero(); n], composite: vec![[zero(); 3]; links], velocity: vec![zero(); links] }
     }
@@ -100,7 +100,7 @@ fn place<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, i: usize)
     let body = &compiled.fluid[i];
     let frame = body.link + 1;
     let mat = mat_mul(&kinematics.mat[frame], &splat(body.mat));
-    (mat, sub(kinematics.point(frame, compiled.params.fluid_pos(i)), kinematics.origin[compiled.links[body.link].tree]))
+    (mat, sub(kinematics.point(frame, compiled.params.fluid(i).pos), kinematics.origin[compiled.links[body.link].tree]))
 }
 
 /// Velocity against the medium, in the body's own axes.
@@ -115,7 +115,7 @@ fn local<R: Real>(compiled: &LaneModel<R>, motion: &V6<R>, mat: &M3<R>, arm: V3<
 fn secant<R: Real>(compiled: &LaneModel<R>, i: usize, v: &V6<R>) -> V6<R> {
     match &compiled.fluid[i].shape {
         FluidShape::Box => {
-            let [viscous, drag] = compiled.params.fluid_box(i);
+            let FluidParams { viscous, quadratic: drag, .. } = compiled.params.fluid(i);
             std::array::from_fn(|k| viscous[k] + drag[k] * v[k].abs())
         }
         FluidShape::Ellipsoid(e) => {

@@ -2,7 +2,7 @@
 
 use stepper_real::Real;
 
-use crate::compile::{CompiledModel, Descendant, Dof, DofParams, LaneModel};
+use crate::compile::{Descendant, Dof, DofParams, LaneModel, ModelStructure};
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
@@ -25,7 +25,7 @@ pub struct MassMatrix<R: Real> {
 
 impl<R: Real> MassMatrix<R> {
     /// Room for a compiled model.
-    pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
+    pub fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         Self {
             entries: vec![R::zero(); compiled.chain.len()],
             inv_d: vec![R::zero(); compiled.nv],
@@ -331,7 +331,7 @@ pub struct NewtonEuler<R: Real> {
 
 impl<R: Real> NewtonEuler<R> {
     /// Room for a compiled model.
-    pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
+    pub fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         let n = compiled.links.len();
         Self { velocity: vec![zero(); n], acceleration: vec![zero(); n], force: vec![zero(); n] }
     }

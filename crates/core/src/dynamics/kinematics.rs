@@ -2,7 +2,7 @@
 
 use stepper_real::{Real, Scalar};
 
-use crate::compile::{CompiledJoint, CompiledModel, Inertial, LaneModel, Link};
+use crate::compile::{CompiledJoint, Inertial, LaneModel, Link, ModelStructure};
 use crate::math::spatial::*;
 use crate::model::JointKind;
 
@@ -27,7 +27,7 @@ pub struct Kinematics<R: Real> {
 
 impl<R: Real> Kinematics<R> {
     /// Room for a compiled model; the world and the mocap frames are placed.
-    pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
+    pub fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         let identity = std::array::from_fn(|k| if k % 4 == 0 { R::one() } else { R::zero() });
         let mut kinematics = Self {
             pos: vec![zero(); compiled.nframe()],
@@ -172,7 +172,7 @@ impl<R: Real> Kinematics<R> {
 
 /// Hinges, in the order of the joints.
 #[inline(always)]
-fn hinges<S: Scalar>(compiled: &CompiledModel<S>) -> impl Iterator<Item = &CompiledJoint<S>> {
+fn hinges<S: Scalar>(compiled: &ModelStructure<S>) -> impl Iterator<Item = &CompiledJoint<S>> {
     compiled.joints.iter().filter(|joint| joint.kind == JointKind::Hinge)
 }
 

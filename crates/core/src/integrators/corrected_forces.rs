@@ -8,6 +8,7 @@ use crate::dynamics::kinematics::{advance, blend};
 use crate::integrators::scheme::Scheme;
 use crate::integrators::step_resolution::unresolved;
 use crate::integrators::workspace::Workspace;
+use crate::probe::{Probe, Span};
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s05_solve::{estimate, forget_estimate};
 
@@ -48,10 +49,10 @@ pub(crate) fn reconsider_servos<R: Real>(compiled: &LaneModel<R>, scheme: &Schem
 ///
 /// What is to be expected includes the impulses of constraints, so that a robot at rest feels no force of a motion that its contacts prevent. They are
 /// those of this step, so that where it ends follows from where it begins.
-pub(crate) fn correct_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) {
+pub(crate) fn correct_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>, probe: impl Probe) {
     let constrained = s.constraints.constrained;
     if constrained.any() {
-        estimate(&s.v, scheme.h, constrained, &mut s.constraints);
+        probe.span(Span::EstimateImpulses, || estimate(&s.v, scheme.h, constrained, &mut s.constraints));
     }
     s.constraints.impulse_change(compiled, &s.smooth.mass, &mut s.v_mean);
     leave_out_blows(scheme, &s.v_free, &mut s.v_mean);
@@ -60,9 +61,10 @@ pub(crate) fn correct_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R
     // Without servos no force of stage 1 depends on the velocity.
     if !compiled.servos.is_empty() {
         let at = scheme.forces_at([&s.q_eval, &s.q_ahead], [&s.v, &s.v_mean], &s.act_eval, &s.inputs);
-        actuate(compiled, &at, scheme.servos(), &mut s.actuator_forces);
+        probe.span(Span::Actuate, || actuate(compiled, &at, scheme.servos(), &mut s.actuator_forces));
     }
-    s.smooth.acceleration(compiled, &s.kinematics, [&s.actuator_forces.tau, &s.applied], &s.v, &s.v_mean);
+    probe
+        .span(Span::Acceleration, || s.smooth.acceleration(compiled, &s.kinematics, [&s.actuator_forces.tau, &s.applied], &s.v, &s.v_mean));
     advance(&s.v, &s.smooth.acc, scheme.h, &mut s.v_next);
     if !compiled.spinners.is_empty() && scheme.integrator.in_the_middle() {
         gyroscopic::correct(compiled, &s.kinematics, &s.smooth.mass, [scheme.lead, scheme.rest], [&s.v, &s.v_mean], &mut s.v_next);
@@ -75,7 +77,7 @@ pub(crate) fn correct_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R
     std::mem::swap(&mut s.v_free, &mut s.v_next);
     s.constraints.shift(compiled, &s.smooth.mass, &mut s.v_mean, R::Mask::splat(true));
     if constrained.any() {
-        forget_estimate(constrained, &mut s.constraints);
+        probe.span(Span::EstimateImpulses, || forget_estimate(constrained, &mut s.constraints));
     }
 }
 

@@ -10,6 +10,7 @@ use crate::integrators::impact;
 use crate::integrators::scheme::Scheme;
 use crate::integrators::workspace::Workspace;
 use crate::options::StepSettings;
+use crate::probe::{Counter, Probe, Span};
 use crate::stages::s04_assemble::assemble;
 use crate::stages::s05_solve::{estimate, forget_estimate};
 
@@ -17,22 +18,29 @@ use crate::stages::s05_solve::{estimate, forget_estimate};
 /// the step, Euler's at its beginning.
 ///
 /// Returns the lanes that the midpoint rule takes at the beginning.
-pub(crate) fn evaluate<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, scheme: &mut Scheme<R>, s: &mut Workspace<R>) -> R::Mask {
-    place_bodies(compiled, scheme, s);
-    free_motion(compiled, scheme, s);
-    let too_far = find_contacts(compiled, scheme, s);
+pub(crate) fn evaluate<R: Real>(
+    compiled: &LaneModel<R>,
+    options: &StepSettings,
+    scheme: &mut Scheme<R>,
+    s: &mut Workspace<R>,
+    probe: impl Probe,
+) -> R::Mask {
+    place_bodies(compiled, scheme, s, probe);
+    free_motion(compiled, scheme, s, probe);
+    let too_far = find_contacts(compiled, scheme, s, probe);
     if too_far.any() {
         // What is so fast that it may be through something thin in the middle of the step is taken at its beginning.
         scheme.lead = R::select(too_far, R::zero(), scheme.lead);
         scheme.rest = R::select(too_far, scheme.h, scheme.rest);
-        place_bodies(compiled, scheme, s);
-        free_motion(compiled, scheme, s);
-        find_contacts(compiled, scheme, s);
+        place_bodies(compiled, scheme, s, probe);
+        free_motion(compiled, scheme, s, probe);
+        find_contacts(compiled, scheme, s, probe);
     }
     if scheme.integrator.in_the_middle() {
-        impact::place_at_impacts(compiled, options, scheme, s);
+        impact::place_at_impacts(compiled, options, scheme, s, probe);
     }
-    s.new_contacts.prepare(&mut s.contacts);
+    probe.span(Span::WarmStart, || s.new_contacts.prepare(&mut s.contacts));
+    probe.count(Counter::Contacts, || s.new_contacts.count[..R::LANES].iter().sum::<usize>() as f64);
     too_far
 }
 
@@ -43,20 +51,26 @@ pub(crate) fn assemble_rows<R: Real>(
     scheme: &Scheme<R>,
     s: &mut Workspace<R>,
     at_beginning: R::Mask,
+    probe: impl Probe,
 ) {
-    assemble_here(compiled, options, scheme, s, at_beginning);
+    probe.span(Span::Assemble, || assemble_here(compiled, options, scheme, s, at_beginning));
     let bounded = compiled.servos_are_bounded && (scheme.corrects || compiled.actuator_dynamics > 0);
-    if bounded && s.constraints.constrained.any() && reconsider_servos(compiled, scheme, s) {
+    let reconsider = |s: &mut Workspace<R>| probe.span(Span::EstimateImpulses, || reconsider_servos(compiled, scheme, s));
+    if bounded && s.constraints.constrained.any() && reconsider(s) {
         // Servos reach their bounds, or leave them, by impulses of this step.
-        free_motion(compiled, scheme, s);
-        assemble_here(compiled, options, scheme, s, at_beginning);
+        free_motion(compiled, scheme, s, probe);
+        probe.span(Span::Assemble, || assemble_here(compiled, options, scheme, s, at_beginning));
         // Where nothing was wrong, this repeats the bits of the estimate before.
-        estimate(&s.v, scheme.h, s.constraints.constrained, &mut s.constraints);
-        forget_estimate(s.constraints.constrained, &mut s.constraints);
+        probe.span(Span::EstimateImpulses, || {
+            estimate(&s.v, scheme.h, s.constraints.constrained, &mut s.constraints);
+            forget_estimate(s.constraints.constrained, &mut s.constraints);
+        });
     }
     if scheme.corrects {
-        correct_forces(compiled, scheme, s);
+        probe.span(Span::CorrectForces, || correct_forces(compiled, scheme, s, probe));
     }
+    probe.count(Counter::ScalarRows, || s.constraints.owners.len() as f64);
+    probe.count(Counter::ContactSlots, || (s.constraints.slots.len() + s.constraints.rolling_slots.len()) as f64);
 }
 
 /// Stage 4 at the configuration of the scheme.

@@ -18,6 +18,7 @@ use crate::integrators::scheme::Scheme;
 use crate::integrators::workspace::Workspace;
 use crate::math::spatial::*;
 use crate::options::StepSettings;
+use crate::probe::{Probe, Span};
 use crate::stages::s05_solve::solve;
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 
@@ -37,21 +38,27 @@ const PLACEMENTS: usize = 4;
 const CLOSE: f64 = 1e-3;
 
 /// Takes the lanes in which elastic contacts strike at the time of the first impact.
-pub(crate) fn place_at_impacts<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, scheme: &mut Scheme<R>, s: &mut Workspace<R>) {
+pub(crate) fn place_at_impacts<R: Real>(
+    compiled: &LaneModel<R>,
+    options: &StepSettings,
+    scheme: &mut Scheme<R>,
+    s: &mut Workspace<R>,
+    probe: impl Probe,
+) {
     s.impacts.lanes = R::Mask::splat(false);
     for pass in 0..PLACEMENTS {
         let elastic = |k: usize| s.new_contacts.elastic(k).any();
         if !(0..s.new_contacts.slots()).any(elastic) {
             return;
         }
-        let [strikes, wrong] = first_impacts(compiled, options, scheme, s, pass == 0);
+        let [strikes, wrong] = probe.span(Span::ImpactTimes, || first_impacts(compiled, options, scheme, s, pass == 0));
         s.impacts.lanes = s.impacts.lanes.or(strikes).or(wrong);
         if wrong.none() {
             return;
         }
-        place_bodies(compiled, scheme, s);
-        free_motion(compiled, scheme, s);
-        find_contacts(compiled, scheme, s);
+        place_bodies(compiled, scheme, s, probe);
+        free_motion(compiled, scheme, s, probe);
+        find_contacts(compiled, scheme, s, probe);
     }
 }
 

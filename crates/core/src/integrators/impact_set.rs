@@ -2,7 +2,7 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::compile::CompiledModel;
+use crate::compile::ModelStructure;
 use crate::math::spatial::*;
 
 /// What is known of the impacts of a step.
@@ -16,7 +16,7 @@ pub(crate) struct Impacts<R: Real> {
 
 impl<R: Real> Impacts<R> {
     /// Room for a compiled model.
-    pub(crate) fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
+    pub(crate) fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         Self { lanes: R::Mask::splat(false), velocities: std::array::from_fn(|_| vec![zero(); compiled.links.len()]) }
     }
 }

@@ -4,7 +4,7 @@ use stepper_real::Real;
 
 use crate::actuation::affine_force::within;
 use crate::actuation::forces::{ActuatorForces, ForceState, Implicit};
-use crate::compile::{CompiledModel, LaneModel};
+use crate::compile::{LaneModel, ModelStructure};
 use crate::dynamics::kinematics::{Kinematics, displace};
 use crate::integrators::inputs::Inputs;
 use crate::math::spatial::*;
@@ -32,7 +32,7 @@ pub(crate) struct Rk4<R: Real> {
 
 impl<R: Real> Rk4<R> {
     /// Room for a compiled model.
-    pub(crate) fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
+    pub(crate) fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         let zeros = |n: usize| vec![R::zero(); n];
         let sizes = [compiled.nv, compiled.nv, compiled.na];
         Self {

@@ -1,6 +1,6 @@
 //! The solution of a step: velocities, positions, and what it says of itself.
 
-use stepper_real::{Mask, Real};
+use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::Outcome;
 
 use crate::collision::tunnelling::may_have_passed;
@@ -11,6 +11,7 @@ use crate::integrators::scheme::Scheme;
 use crate::integrators::step_resolution::{slow_down, thrown};
 use crate::integrators::workspace::Workspace;
 use crate::options::StepSettings;
+use crate::probe::{Counter, Probe, Span};
 use crate::stages::s01_actuate::advance_activation;
 use crate::stages::s05_solve::solve;
 use crate::stages::s06_integrate_velocity::integrate_velocity;
@@ -39,17 +40,33 @@ pub(crate) fn solve_velocities<R: Real>(
     options: &StepSettings,
     scheme: &Scheme<R>,
     s: &mut Workspace<R>,
+    probe: impl Probe,
 ) -> Solution<R> {
-    let mut outcome = solve(options, &s.v, s.constraints.constrained, &mut s.constraints, &mut s.new_contacts);
-    let pushed = integrate_velocity(compiled, &s.smooth.mass, &s.v_free, &s.constraints, &mut s.v_next);
+    let mut outcome = probe.span(Span::Solve, || solve(options, &s.v, s.constraints.constrained, &mut s.constraints, &mut s.new_contacts));
+    let pushed =
+        probe.span(Span::IntegrateVelocity, || integrate_velocity(compiled, &s.smooth.mass, &s.v_free, &s.constraints, &mut s.v_next));
     if scheme.integrator.in_the_middle() {
-        outcome = impact::solve_impacts(compiled, options, scheme, s, outcome);
+        outcome = probe.span(Span::SolveImpacts, || impact::solve_impacts(compiled, options, scheme, s, outcome));
     }
-    keep_impulse(compiled, s);
+    count_effort(&outcome, probe);
+    probe.span(Span::IntegrateVelocity, || keep_impulse(compiled, s));
     let solved = Solved { mass: &s.smooth.mass, contacts: &s.new_contacts, v_free: &s.v_free, h: scheme.h };
-    let infeasible = restrain(compiled, options, &solved, &mut s.constraints, &mut outcome, &mut s.v_mean, &mut s.v_next);
-    // Where the step is too long for the motion, or the impulses do not decide it, speed and energy are kept from growing by force.
-    let undecided = undecided(options, s, outcome.residual);
+    let infeasible = probe
+        .span(Span::Stabilise, || restrain(compiled, options, &solved, &mut s.constraints, &mut outcome, &mut s.v_mean, &mut s.v_next));
+    let [undecided, guarded] = probe.span(Span::GuardEnergy, || guard_speed(compiled, options, scheme, s, outcome.residual));
+    Solution { outcome, pushed, undecided, guarded, infeasible }
+}
+
+/// Where the step is too long for the motion, or the impulses do not decide it, speed and energy are kept from growing by force: the former here, the
+/// latter once positions have moved. Returns the lanes that impulses do not decide, and all that are guarded.
+fn guard_speed<R: Real>(
+    compiled: &LaneModel<R>,
+    options: &StepSettings,
+    scheme: &Scheme<R>,
+    s: &mut Workspace<R>,
+    residual: R,
+) -> [R::Mask; 2] {
+    let undecided = undecided(options, s, residual);
     if scheme.corrects && s.constraints.constrained.any() {
         s.unresolved = s.unresolved.or(s.alive.and(thrown(compiled, [&s.v, &s.v_free], &s.v_next, scheme.h)));
     }
@@ -57,7 +74,15 @@ pub(crate) fn solve_velocities<R: Real>(
     if guarded.any() {
         slow_down(compiled, guarded, scheme.h, &mut s.v_next);
     }
-    Solution { outcome, pushed, undecided, guarded, infeasible }
+    [undecided, guarded]
+}
+
+/// Counts the effort of the solver.
+fn count_effort<R: Real>(outcome: &Outcome<R>, probe: impl Probe) {
+    let lanes = |x: R| (0..R::LANES).map(move |l| x.lane(l).to_f64());
+    probe.count(Counter::Sweeps, || lanes(outcome.sweeps).sum());
+    probe.count(Counter::SlowestSweeps, || lanes(outcome.sweeps).fold(0.0, f64::max));
+    probe.count(Counter::NewtonSteps, || lanes(outcome.newton_steps).sum());
 }
 
 /// Stage 7, with the activations. Returns the lanes in which something may have passed through something thin.
@@ -66,11 +91,15 @@ pub(crate) fn integrate_positions<R: Real>(
     scheme: &Scheme<R>,
     s: &mut Workspace<R>,
     solution: &Solution<R>,
+    probe: impl Probe,
 ) -> R::Mask {
     let free = !solution.pushed && !scheme.corrects;
-    let tunnelled = may_have_passed(compiled, &s.kinematics, &s.v_next, free, scheme.h, s.alive, &mut s.poses);
-    integrate_position(compiled, &s.q_eval, &s.v_next, scheme.rest, &mut s.q_next);
-    advance_activation(compiled, &s.act, &s.act_eval, &s.inputs.ctrl, scheme.h, &mut s.act_next);
+    let tunnelled =
+        probe.span(Span::Tunnelling, || may_have_passed(compiled, &s.kinematics, &s.v_next, free, scheme.h, s.alive, &mut s.poses));
+    probe.span(Span::IntegratePosition, || {
+        integrate_position(compiled, &s.q_eval, &s.v_next, scheme.rest, &mut s.q_next);
+        advance_activation(compiled, &s.act, &s.act_eval, &s.inputs.ctrl, scheme.h, &mut s.act_next);
+    });
     tunnelled
 }
 
@@ -81,18 +110,26 @@ pub(crate) fn correct_positions<R: Real>(
     scheme: &Scheme<R>,
     s: &mut Workspace<R>,
     solution: &mut Solution<R>,
+    probe: impl Probe,
 ) {
+    let infeasible = probe.span(Span::Stabilise, || stabilise_positions(compiled, options, scheme, s));
+    solution.infeasible = solution.infeasible.or(infeasible);
+    if let Some(rk4) = &mut s.rk4 {
+        probe.span(Span::Rk4, || {
+            rk4.step(compiled, &s.kinematics, &s.inputs, [&s.q, &s.v, &s.act], scheme.h);
+            let smooth = s.alive.and_not(s.constraints.constrained.or(s.unresolved));
+            rk4.take(smooth, [&mut s.q_next, &mut s.v_next, &mut s.act_next]);
+        });
+    }
+}
+
+/// Corrects the positions after the step. Returns the lanes in which demands cannot be met.
+fn stabilise_positions<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, scheme: &Scheme<R>, s: &mut Workspace<R>) -> R::Mask {
     let impacts = impact::carry_positions(compiled, scheme, s);
     let v_free = if impacts.any() { &s.change } else { &s.v_free };
     let work = [&mut s.v_mean[..], &mut s.q_eval[..]];
     let solved = Solved { mass: &s.smooth.mass, contacts: &s.new_contacts, v_free, h: scheme.h };
-    let infeasible = stabilise(compiled, options, &solved, &mut s.constraints, &s.v_next, work, &mut s.q_next);
-    solution.infeasible = solution.infeasible.or(infeasible);
-    if let Some(rk4) = &mut s.rk4 {
-        rk4.step(compiled, &s.kinematics, &s.inputs, [&s.q, &s.v, &s.act], scheme.h);
-        let smooth = s.alive.and_not(s.constraints.constrained.or(s.unresolved));
-        rk4.take(smooth, [&mut s.q_next, &mut s.v_next, &mut s.act_next]);
-    }
+    stabilise(compiled, options, &solved, &mut s.constraints, &s.v_next, work, &mut s.q_next)
 }
 
 /// Keeps the energy of guarded lanes from growing.

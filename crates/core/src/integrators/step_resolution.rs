@@ -12,7 +12,7 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::compile::{CompiledModel, LaneModel};
+use crate::compile::{LaneModel, ModelStructure};
 use crate::dynamics::kinematics::{Kinematics, kinetic_energy};
 use crate::math::spatial::*;
 use crate::model::JointKind;
@@ -119,7 +119,7 @@ pub struct StepResolution<R: Real> {
 
 impl<R: Real> StepResolution<R> {
     /// Room for a compiled model.
-    pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
+    pub fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         Self { rest: vec![R::zero(); compiled.nv], kinematics: Kinematics::new(compiled), velocity: vec![zero(); compiled.links.len()] }
     }
 

@@ -6,7 +6,7 @@ use crate::actuation::affine_force::ActuatorDynamics;
 use crate::actuation::forces::ActuatorForces;
 use crate::collision::contact_set::Contacts;
 use crate::collision::detection::GeomPoses;
-use crate::compile::{CompiledModel, LaneModel};
+use crate::compile::LaneModel;
 use crate::constraints::constraint_set::Constraints;
 use crate::dynamics::kinematics::Kinematics;
 use crate::dynamics::mocap::MocapTrajectory;
@@ -71,7 +71,7 @@ pub struct Workspace<R: Real> {
 
 impl<R: Real> Workspace<R> {
     /// Room for a compiled model.
-    pub fn new(compiled: &CompiledModel<R::Scalar>, options: &StepSettings, max_contacts: usize) -> Self {
+    pub fn new(compiled: &LaneModel<R>, options: &StepSettings, max_contacts: usize) -> Self {
         let zeros = |n: usize| vec![R::zero(); n];
         Self {
             q: zeros(compiled.nq),

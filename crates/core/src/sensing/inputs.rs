@@ -4,7 +4,7 @@ use stepper_real::Real;
 
 use crate::actuation::forces::ActuatorForces;
 use crate::collision::contact_set::Contacts;
-use crate::compile::CompiledModel;
+use crate::compile::ModelStructure;
 use crate::math::spatial::*;
 use crate::sensing::contact_list::Felt;
 
@@ -50,7 +50,7 @@ pub struct Room<R: Real> {
 
 impl<R: Real> Room<R> {
     /// Room for a compiled model.
-    pub fn new(compiled: &CompiledModel<R::Scalar>, max_contacts: usize) -> Self {
+    pub fn new(compiled: &ModelStructure<R::Scalar>, max_contacts: usize) -> Self {
         let sensing = &compiled.sensing;
         let links = if sensing.needs.velocities { compiled.links.len() } else { 0 };
         let frames = if sensing.quaternions { compiled.nframe() } else { 0 };

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use stepper_real::Scalar;
 
-use crate::compile::CompiledModel;
+use crate::compile::ModelStructure;
 use crate::math::lanes::MAX_LANES;
 use crate::math::lanes::{columns, lane_bits, set_columns, set_lane_bits};
 use crate::sensing::errors::Keys;
@@ -41,7 +41,7 @@ pub struct Memory<S> {
 
 impl<S: Scalar> Memory<S> {
     /// Memory of sensors that are ideal; `first` is the first environment of the group.
-    pub fn new(compiled: &CompiledModel<S>, lanes: usize, first: usize) -> Self {
+    pub fn new(compiled: &ModelStructure<S>, lanes: usize, first: usize) -> Self {
         let needs = compiled.sensing.needs;
         let zeros = |there: bool, n: usize| vec![S::default(); if there { n * lanes } else { 0 }];
         Self {

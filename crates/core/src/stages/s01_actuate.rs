@@ -5,7 +5,7 @@ use stepper_real::{Mask, Real};
 use crate::actuation::affine_force::{AffineForce, outside, within};
 use crate::actuation::force_limits::{bounded, exceeds};
 use crate::actuation::forces::{ActuatorForces, ForceState, ImplicitServos};
-use crate::compile::{CompiledActuator, LaneModel};
+use crate::compile::{ActuatorParams, CompiledActuator, LaneModel};
 use crate::dynamics::kinematics::quat_at;
 use crate::math::spatial::*;
 use crate::model::{Activation, JointKind};
@@ -27,7 +27,7 @@ pub fn actuate<R: Real>(
                     None => control(u, actuator.ctrl_range),
                 };
                 let Some(k) = actuator.servo else {
-                    let [gain, bias] = compiled.params.actuator(i);
+                    let ActuatorParams { gain, bias } = compiled.params.actuator(i);
                     let asked = gain[0] * input + bias[0];
                     let force = within(asked, actuator.force_range);
                     actuator_forces.beyond[i] = beyond(asked, actuator.force_range);
@@ -109,7 +109,12 @@ fn control<R: Real>(u: R, range: Option<[R::Scalar; 2]>) -> R {
 /// A setpoint of an angle as the one of those, whole turns apart, that is nearest to it, as MuJoCo's: it need not turn back when it winds further
 /// than half a turn. A setpoint is the input of what pulls back with as much as it pulls with.
 #[inline(always)]
-fn on_the_circle<R: Real>(actuator: &CompiledActuator<R::Scalar>, [gain, bias]: [V3<R>; 2], input: R, angle: R) -> R {
+fn on_the_circle<R: Real>(
+    actuator: &CompiledActuator<R::Scalar>,
+    ActuatorParams { gain, bias }: ActuatorParams<R>,
+    input: R,
+    angle: R,
+) -> R {
     let Some(turn) = actuator.wrench.as_ref().and_then(|w| w.turn) else { return input };
     if actuator.train.is_some() {
         return input;
@@ -133,7 +138,12 @@ fn setpoint<R: Real>(compiled: &LaneModel<R>, i: usize, actuator: &CompiledActua
 /// force = gain . (1, length, velocity) input + bias . (1, length, velocity), or what a drive train makes of it: a continuous servo of its own, or
 /// a motor whose control is the share of its voltage.
 #[inline(always)]
-fn law<R: Real>(actuator: &CompiledActuator<R::Scalar>, [gain, bias]: [V3<R>; 2], at: &ForceState<'_, R>, input: R) -> AffineForce<R> {
+fn law<R: Real>(
+    actuator: &CompiledActuator<R::Scalar>,
+    ActuatorParams { gain, bias }: ActuatorParams<R>,
+    at: &ForceState<'_, R>,
+    input: R,
+) -> AffineForce<R> {
     let [level, mut slope, mut rate]: V3<R> = std::array::from_fn(|k| gain[k] * input + bias[k]);
     let Some(train) = &actuator.train else { return AffineForce { level, slope, rate } };
     let numbers = &at.actuator_dynamics[train.index];

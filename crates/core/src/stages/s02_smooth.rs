@@ -3,7 +3,7 @@
 use stepper_real::Real;
 
 use crate::actuation::forces::Implicit;
-use crate::compile::{CompiledModel, LaneModel};
+use crate::compile::{CompensationParams, LaneModel, ModelStructure};
 use crate::dynamics::fluid::Fluid;
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::dynamics::inertia::{MassMatrix, NewtonEuler, link_forces, project_forces};
@@ -33,7 +33,7 @@ pub struct Smooth<R: Real> {
 
 impl<R: Real> Smooth<R> {
     /// Room for a compiled model.
-    pub fn new(compiled: &CompiledModel<R::Scalar>) -> Self {
+    pub fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
         Self {
             mass: MassMatrix::new(compiled),
             bias: vec![R::zero(); compiled.nv],
@@ -119,7 +119,7 @@ impl<R: Real> Smooth<R> {
                     self.fluid.subtract(compiled, kinematics, &self.work.velocity, &mut self.work.force);
                 }
                 for (i, hold) in compiled.compensation.iter().enumerate() {
-                    let [pos, force] = compiled.params.hold(i);
+                    let CompensationParams { pos, force } = compiled.params.compensation(i);
                     let arm = sub(kinematics.point(hold.link + 1, pos), kinematics.origin[compiled.links[hold.link].tree]);
                     self.work.force[hold.link] = sub(self.work.force[hold.link], spatial(cross(arm, force), force));
                 }

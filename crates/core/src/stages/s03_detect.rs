@@ -14,9 +14,11 @@ use crate::collision::contact_set::Contacts;
 use crate::collision::detection::{GeomPoses, Scene, slack};
 use crate::compile::LaneModel;
 use crate::dynamics::kinematics::Kinematics;
+use crate::probe::{Counter, Probe, Span};
 
 /// Finds the contacts of the lanes `alive` at poses that are `lead` seconds from the beginning of the step. Returns the lanes whose contacts
 /// cannot be trusted so far from it.
+#[expect(clippy::too_many_arguments, reason = "where all is, what is found, and who measures it")]
 pub fn detect<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -25,6 +27,7 @@ pub fn detect<R: Real>(
     alive: R::Mask,
     poses: &mut GeomPoses<R>,
     contacts: &mut Contacts<R>,
+    probe: impl Probe,
 ) -> R::Mask {
     contacts.clear();
     poses.search.found.clear();
@@ -32,6 +35,16 @@ pub fn detect<R: Real>(
         return R::Mask::splat(false);
     }
     let leads = compiled.can_tunnel && lead.gt(R::zero()).any();
+    probe.span(Span::BroadPhase, || find_pairs(compiled, kinematics, v_free, h, alive, poses));
+    if poses.near_count == 0 && compiled.crowd.is_none() {
+        return R::Mask::splat(false);
+    }
+    probe.count(Counter::NearPairs, || (poses.near_count + poses.broad.pairs.len()) as f64);
+    probe.span(Span::NarrowPhase, || find_contacts(compiled, kinematics, v, [h, lead], leads, poses, contacts))
+}
+
+/// Broad phase: where the geoms are, and the pairs that can touch within the step with the free velocity `v_free`.
+fn find_pairs<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v_free: &[R], h: R, alive: R::Mask, poses: &mut GeomPoses<R>) {
     R::vectorize(
         #[inline(always)]
         || {
@@ -41,14 +54,24 @@ pub fn detect<R: Real>(
             poses.find_near(compiled, alive);
         },
     );
+    if let Some(crowd) = &compiled.crowd {
+        let GeomPoses { placed, slack, broad, .. } = poses;
+        broad.find(compiled, crowd, alive.bits(), &placed.pos, &placed.travel, *slack);
+    }
+}
+
+/// Narrow phase: the contacts of those pairs. Where the step `leads`, returns the lanes whose contacts cannot be trusted so far from its beginning.
+fn find_contacts<R: Real>(
+    compiled: &LaneModel<R>,
+    kinematics: &Kinematics<R>,
+    v: &[R],
+    [h, lead]: [R; 2],
+    leads: bool,
+    poses: &mut GeomPoses<R>,
+    contacts: &mut Contacts<R>,
+) -> R::Mask {
     let GeomPoses { placed, slack, near, near_count, broad, search, .. } = poses;
     let (near, slack) = (&near[..*near_count], *slack);
-    if let Some(crowd) = &compiled.crowd {
-        broad.find(compiled, crowd, alive.bits(), &placed.pos, &placed.travel, slack);
-    }
-    if near.is_empty() && compiled.crowd.is_none() {
-        return R::Mask::splat(false);
-    }
     let is_thin = |&(index, _): &(u32, u32)| !compiled.geoms[compiled.pairs[index as usize].geoms[0]].is_plane;
     let leads = leads && (compiled.crowd.is_some() || near.iter().any(is_thin));
     if leads {

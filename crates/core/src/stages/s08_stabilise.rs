@@ -11,7 +11,7 @@ use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::{Damping, Outcome, Problem, Settings};
 
 use crate::collision::contact_set::Contacts;
-use crate::compile::{CompiledModel, LaneModel};
+use crate::compile::{LaneModel, ModelStructure};
 use crate::constraints::islands::Islands;
 use crate::constraints::{ARM, Constraints, DAMPING};
 use crate::dynamics::inertia::MassMatrix;
@@ -225,7 +225,7 @@ fn correct<R: Real>(
 
 /// The largest part that a motion is of its bounds.
 #[inline(always)]
-fn excess<R: Real>(compiled: &CompiledModel<R::Scalar>, v: &[R], bounds: Bounds<R>) -> R {
+fn excess<R: Real>(compiled: &ModelStructure<R::Scalar>, v: &[R], bounds: Bounds<R>) -> R {
     let mut most = R::zero();
     for joint in &compiled.joints {
         most = most.max(excess_of(joint.kind, &v[joint.v..joint.v + joint.kind.nv()], bounds));
@@ -247,7 +247,7 @@ fn excess_of<R: Real>(kind: JointKind, v: &[R], bounds: Bounds<R>) -> R {
 /// stay closed.
 #[cold]
 fn bound_islands<R: Real>(
-    compiled: &CompiledModel<R::Scalar>,
+    compiled: &ModelStructure<R::Scalar>,
     problem: &Problem<R>,
     islands: &mut Islands,
     lanes: R::Mask,

@@ -120,6 +120,22 @@ class StepperCrowd:
         self.certificates.setdefault(phase, Certificate()).add(self.sim)
 
 
+def mujoco_model(path: str, settings: MujocoEngine | None = None) -> Any:
+    """MuJoCo's `MjModel` of a file, sensors off, since nobody reads them.
+
+    Args:
+        path: The MJCF file.
+        settings: Integrator, cone and solver; None keeps those of the file, which are MuJoCo's
+            defaults where the file has none.
+    """
+    mujoco = require("mujoco", "to run MuJoCo beside stepper")
+    model = mujoco.MjModel.from_xml_path(path)
+    if settings is not None:
+        settings.configure(mujoco, model)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
+    return model
+
+
 class MujocoCrowd:
     """MuJoCo's own way to step many, `mujoco.batch.Batch`, sensors off.
 
@@ -127,17 +143,12 @@ class MujocoCrowd:
         path: The MJCF file.
         num_envs: Number of environments.
         threads: Threads; 0 is one per core.
-        settings: Integrator, cone and solver; None keeps those of the file, which are MuJoCo's
-            defaults where the file has none.
+        settings: As of `mujoco_model`.
     """
 
     def __init__(self, path: str, num_envs: int, *, threads: int = 1, settings: MujocoEngine | None = None) -> None:
-        mujoco = require("mujoco", "to run MuJoCo beside stepper")
+        model = mujoco_model(path, settings)
         batch = require("mujoco.batch", "to run MuJoCo beside stepper")
-        model = mujoco.MjModel.from_xml_path(path)
-        if settings is not None:
-            settings.configure(mujoco, model)
-        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
         self.name = f"MuJoCo {settings.setting if settings else 'defaults'}"
         self.num_envs = num_envs
         self._batch: Any = batch.Batch(model, num_envs, nthread=threads)

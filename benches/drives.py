@@ -2,7 +2,7 @@
 
 Both begin every call at the same state, of a run without drives under random control: a robot that moves otherwise costs otherwise.
 
-    taskset -c 1 python benches/versus/drives.py
+    taskset -c 1 python benches/drives.py
 """
 
 from __future__ import annotations
@@ -10,12 +10,11 @@ from __future__ import annotations
 import argparse
 import time
 from dataclasses import replace
-from importlib.util import find_spec
-from pathlib import Path
 from statistics import median
 
 import numpy as np
 from stepper import PID, ActuatorModel, DCMotor, Drive, Stepper, load
+from stepper.experiments.demo.race import humanoid_path
 
 MOTOR = DCMotor(stall_torque=1.5, no_load_speed=1500.0, rotor_inertia=1e-6)
 SERVO = PID(kp=0.001, ki=0.001, kd=0.0001, integral_limit=0.1)
@@ -46,10 +45,7 @@ def main() -> None:
     parser.add_argument("--nstep", type=int, default=5)
     parser.add_argument("--precision", default="f64")
     options = parser.parse_args()
-    spec = find_spec("dm_control")
-    if spec is None or not spec.submodule_search_locations:
-        raise SystemExit("dm_control has the humanoid: pip install dm_control")
-    model = load(Path(spec.submodule_search_locations[0]) / "suite/humanoid.xml")
+    model = load(humanoid_path())
     n = options.num_envs
     rng = np.random.default_rng(0)
     controls = rng.uniform(-1, 1, (options.calls, n, model.nu))

@@ -1,0 +1,198 @@
+//! A probe of the step that keeps what a meter reads in each part of it: nanoseconds, operations, or instructions.
+
+use std::cell::RefCell;
+use std::hint::black_box;
+use std::time::Instant;
+
+use stepper_core::internals::probe::{Counter, Probe, Span};
+
+/// Numbers that a meter reads at once.
+pub const READINGS: usize = 3;
+const SPANS: usize = Span::ALL.len();
+const COUNTERS: usize = Counter::ALL.len();
+
+/// Readings that only grow. A meter is read at every boundary of a span, and told what was under way until there.
+pub type Meter = fn(Option<Span>) -> [u64; READINGS];
+
+/// The probe: what it hears goes to the recording of its thread, if there is one. It has no size of its own, as a worker's probe should.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Recorder;
+
+/// What was recorded.
+#[derive(Clone, Debug)]
+pub struct Recording {
+    /// Of each span, in the order of [`Span::ALL`].
+    pub spans: [Row; SPANS],
+    /// Of what belongs to no span.
+    pub unaccounted: Row,
+    /// Of each counter, in the order of [`Counter::ALL`].
+    pub counters: [f64; COUNTERS],
+}
+
+/// What was recorded of a part of the step.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Row {
+    /// How often it was entered.
+    pub times: f64,
+    /// How many spans were entered from it.
+    pub inner: f64,
+    /// What the meter read in it, spans inside it left out.
+    pub readings: [f64; READINGS],
+}
+
+impl Default for Recording {
+    fn default() -> Self {
+        Self { spans: [Row::default(); SPANS], unaccounted: Row::default(), counters: [0.0; COUNTERS] }
+    }
+}
+
+impl Recording {
+    fn row(&mut self, span: Option<Span>) -> &mut Row {
+        span.map_or(&mut self.unaccounted, |span| &mut self.spans[span as usize])
+    }
+
+    /// All rows: a name and what was recorded, that which belongs to no span last.
+    pub fn rows(&self) -> impl Iterator<Item = (&'static str, Row)> {
+        let spans = Span::ALL.iter().map(|span| span.name()).zip(self.spans);
+        spans.chain([("unaccounted", self.unaccounted)])
+    }
+
+    /// Sum of the first reading of all rows.
+    pub fn sum(&self) -> f64 {
+        self.rows().map(|(_, row)| row.readings[0]).sum()
+    }
+
+    /// Adds another recording, times a weight.
+    pub fn add(&mut self, other: &Self, weight: f64) {
+        let rows = self.spans.iter_mut().chain([&mut self.unaccounted]);
+        for (sum, row) in rows.zip(other.spans.iter().chain([&other.unaccounted])) {
+            sum.times += weight * row.times;
+            sum.inner += weight * row.inner;
+            sum.readings.iter_mut().zip(row.readings).for_each(|(sum, x)| *sum += weight * x);
+        }
+        self.counters.iter_mut().zip(other.counters).for_each(|(sum, x)| *sum += weight * x);
+    }
+
+    /// Takes out of the first readings what the probe itself takes: inside a span, and in what it is entered from.
+    pub fn subtract_probe(&mut self, [inside, outside]: [f64; 2]) {
+        for row in self.spans.iter_mut().chain([&mut self.unaccounted]) {
+            row.readings[0] -= row.times * inside + row.inner * outside;
+        }
+    }
+}
+
+/// A recording under way.
+struct Tape {
+    meter: Meter,
+    open: Vec<Span>,
+    last: [u64; READINGS],
+    recording: Recording,
+}
+
+impl Tape {
+    /// What was read since the last boundary belongs to the innermost span.
+    fn boundary(&mut self) {
+        let within = self.open.last().copied();
+        let now = (self.meter)(within);
+        let row = self.recording.row(within);
+        for ((sum, now), last) in row.readings.iter_mut().zip(now).zip(self.last) {
+            *sum += (now - last) as f64;
+        }
+        self.last = now;
+    }
+
+    fn enter(&mut self, span: Span) {
+        self.boundary();
+        self.recording.row(self.open.last().copied()).inner += 1.0;
+        self.recording.row(Some(span)).times += 1.0;
+        self.open.push(span);
+    }
+
+    fn leave(&mut self) {
+        self.boundary();
+        self.open.pop();
+    }
+}
+
+thread_local! {
+    static TAPE: RefCell<Option<Tape>> = const { RefCell::new(None) };
+}
+
+fn on_tape(act: impl FnOnce(&mut Tape)) {
+    TAPE.with_borrow_mut(|tape| tape.as_mut().map(act));
+}
+
+impl Probe for Recorder {
+    fn span<T>(self, span: Span, work: impl FnOnce() -> T) -> T {
+        on_tape(|tape| tape.enter(span));
+        let done = work();
+        on_tape(Tape::leave);
+        done
+    }
+
+    fn count(self, counter: Counter, number: impl FnOnce() -> f64) {
+        on_tape(|tape| tape.recording.counters[counter as usize] += number());
+    }
+}
+
+/// Records the steps that `work` makes on this thread.
+pub fn record(meter: Meter, work: impl FnOnce()) -> Recording {
+    let last = meter(None);
+    TAPE.set(Some(Tape { meter, open: Vec::with_capacity(16), last, recording: Recording::default() }));
+    work();
+    let mut tape = TAPE.take().expect("set above, and work within work records nothing");
+    tape.boundary();
+    tape.recording
+}
+
+/// A meter of time: nanoseconds since its first call. Processor time would cost ten times as much to read as a small part of a step takes; rounds of
+/// the same work tell what was disturbed.
+pub fn nanoseconds(_: Option<Span>) -> [u64; READINGS] {
+    thread_local! {
+        static START: Instant = Instant::now();
+    }
+    [START.with(Instant::elapsed).as_nanos() as u64, 0, 0]
+}
+
+/// Nanoseconds that the probe itself takes for a span: within it, and around it.
+pub fn own_cost() -> [f64; 2] {
+    const TIMES: usize = 1000;
+    let round = || {
+        let found = record(nanoseconds, || (0..TIMES).for_each(|_| Recorder.span(Span::Solve, || black_box(()))));
+        [found.spans[Span::Solve as usize], found.unaccounted].map(|row| row.readings[0] / TIMES as f64)
+    };
+    (0..100).map(|_| round()).min_by(|a, b| a.iter().sum::<f64>().total_cmp(&b.iter().sum())).expect("there are rounds")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    thread_local! {
+        static NOW: std::cell::Cell<u64> = const { std::cell::Cell::new(0) };
+    }
+
+    fn hand(_: Option<Span>) -> [u64; READINGS] {
+        [NOW.get(), 0, 0]
+    }
+
+    #[test]
+    fn rows_sum_to_the_whole_and_inner_spans_are_left_out() {
+        let pass = |n: u64| NOW.set(NOW.get() + n);
+        let found = record(hand, || {
+            pass(1);
+            Recorder.span(Span::Solve, || {
+                pass(10);
+                Recorder.span(Span::Load, || pass(100));
+                Recorder.span(Span::Load, || pass(200));
+                Recorder.count(Counter::Sweeps, || 3.0);
+            });
+            pass(2);
+        });
+        let [solve, load] = [Span::Solve, Span::Load].map(|span| found.spans[span as usize]);
+        assert_eq!((solve.times, solve.inner, solve.readings[0]), (1.0, 2.0, 10.0));
+        assert_eq!((load.times, load.inner, load.readings[0]), (2.0, 0.0, 300.0));
+        assert_eq!((found.unaccounted.readings[0], found.sum()), (3.0, 313.0));
+        assert_eq!(found.counters[Counter::Sweeps as usize], 3.0);
+    }
+}

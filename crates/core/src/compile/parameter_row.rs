@@ -1,0 +1,67 @@
+//! Rows of tables of parameters.
+
+/// A row of a table of parameters: the one place that says how many numbers it has, and in which order they are kept.
+pub(super) trait ParameterRow<T: Copy>: Copy {
+    /// Numbers of a row.
+    const WIDTH: usize;
+
+    /// The row that the first numbers are.
+    fn read(numbers: &[T]) -> Self;
+
+    /// Appends its numbers.
+    fn write(self, numbers: &mut Vec<T>);
+}
+
+impl<T: Copy> ParameterRow<T> for T {
+    const WIDTH: usize = 1;
+
+    #[inline(always)]
+    fn read(numbers: &[T]) -> Self {
+        numbers[0]
+    }
+
+    fn write(self, numbers: &mut Vec<T>) {
+        numbers.push(self);
+    }
+}
+
+impl<T: Copy, const N: usize> ParameterRow<T> for [T; N] {
+    const WIDTH: usize = N;
+
+    #[inline(always)]
+    fn read(numbers: &[T]) -> Self {
+        *numbers.first_chunk().expect("a row has its width")
+    }
+
+    fn write(self, numbers: &mut Vec<T>) {
+        numbers.extend(self);
+    }
+}
+
+/// Declares rows with named parts: the structs, and what is read and written of them.
+macro_rules! parameter_rows {
+    ($($(#[$doc:meta])* $name:ident { $($(#[$part_doc:meta])* $part:ident: $kind:ty,)* })*) => { $(
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug)]
+        pub struct $name<T> {
+            $($(#[$part_doc])* pub $part: $kind,)*
+        }
+
+        impl<T: Copy> ParameterRow<T> for $name<T> {
+            const WIDTH: usize = 0 $(+ <$kind as ParameterRow<T>>::WIDTH)*;
+
+            #[inline(always)]
+            fn read(numbers: &[T]) -> Self {
+                let rest = numbers;
+                $(let ($part, rest) = (<$kind as ParameterRow<T>>::read(rest), &rest[<$kind as ParameterRow<T>>::WIDTH..]);)*
+                let _ = rest;
+                Self { $($part),* }
+            }
+
+            fn write(self, numbers: &mut Vec<T>) {
+                $(self.$part.write(numbers);)*
+            }
+        }
+    )* };
+}
+pub(super) use parameter_rows;

@@ -8,7 +8,7 @@ use crate::dynamics::mocap::MocapTrajectory;
 use crate::integrators::workspace::Workspace;
 use crate::math::spatial::*;
 
-pub(super) fn store<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R>) {
+pub(super) fn store_state<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R>) {
     R::vectorize(
         #[inline(always)]
         || {
@@ -26,7 +26,7 @@ pub(super) fn store<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R>) {
     )
 }
 
-/// Keeps where the mocap bodies have got to: the end of their ways, if all steps of the call were made.
+/// Keeps where the mocap bodies have got to: the end of their trajectories, if all steps of the call were made.
 pub(super) fn store_mocap_trajectories<R: Real>(call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, s: &Workspace<R>) {
     if s.mocap_trajectories.is_empty() {
         return;
@@ -42,7 +42,7 @@ pub(super) fn store_mocap_trajectories<R: Real>(call: &Call<'_, R::Scalar>, grou
     )
 }
 
-pub(super) fn load<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>) {
+pub(super) fn load_state<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>) {
     s.alive = R::Mask::from_bits(group.alive);
     R::vectorize(
         #[inline(always)]
@@ -77,12 +77,12 @@ pub(super) fn load_inputs<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::
         }
     }
     if !call.compiled.mocap.is_empty() {
-        find_ways(call, group, first, used, s);
+        find_mocap_trajectories(call, group, first, used, s);
     }
 }
 
-/// The ways of the mocap bodies during the call.
-fn find_ways<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, used: usize, s: &mut Workspace<R>) {
+/// Finds the trajectories of the mocap bodies during the call.
+fn find_mocap_trajectories<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, used: usize, s: &mut Workspace<R>) {
     R::vectorize(
         #[inline(always)]
         || {

@@ -44,7 +44,7 @@ impl Randomization {
         assigned.iter().all(|(_, values)| values.is_none()) && self.fields.keys().all(taken_back)
     }
 
-    /// What the environments `envs` have other than the model when these fields are assigned to them. `driven` is what drive trains make of a
+    /// What the environments `envs` have other than the model when these fields are assigned to them. `with_dynamics` is what actuator dynamics make of a
     /// model.
     ///
     /// # Errors
@@ -53,7 +53,7 @@ impl Randomization {
         &self,
         model: &Model,
         compiled: &LaneModel<f64>,
-        driven: Option<&dyn Fn(&Model) -> Model>,
+        with_dynamics: Option<&dyn Fn(&Model) -> Model>,
         assigned: &[Assignment<'_>],
         envs: &[usize],
     ) -> Result<Vec<Differences>, ModelError> {
@@ -64,7 +64,8 @@ impl Randomization {
         let differences = |&env: &usize| {
             let values = rows.values().zip(&shared).map(|(rows, shared)| rows.map_or(&shared[..], |all| row(all, env, shared.len())));
             let variant = variants.with(values).map_err(|e| e.of(&format!("environment {env}")))?;
-            let numbers = driven.map_or_else(|| compiled.params_of(variant), |driven| compiled.params_of(&driven(variant)));
+            let numbers =
+                with_dynamics.map_or_else(|| compiled.params_of(variant), |with_dynamics| compiled.params_of(&with_dynamics(variant)));
             Ok(differ(&numbers, &compiled.params))
         };
         envs.iter().map(differences).collect()

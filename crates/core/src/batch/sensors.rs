@@ -4,7 +4,7 @@ use stepper_real::{Mask, Real, Scalar};
 
 use crate::actuation::forces::{ActuatorForces, ForceState};
 use crate::batch::call::Call;
-use crate::batch::exchange::{load, load_inputs};
+use crate::batch::exchange::{load_inputs, load_state};
 use crate::batch::inputs::StepInputs;
 use crate::batch::state::Group;
 use crate::collision::contact_set::Contacts;
@@ -166,7 +166,7 @@ impl<R: Real, P: Probe> Senses<R, P> {
         if call.sensor_errors.is_none() {
             self.sense(call, compiled, group, s);
         } else {
-            take(&group.sensing.observation, &mut self.room.truth);
+            load_or_zero(&group.sensing.observation, &mut self.room.truth);
         }
         &self.room.truth
     }
@@ -193,7 +193,7 @@ impl<R: Real, P: Probe> Senses<R, P> {
 
     /// Lets the transfer functions begin in the lanes that wait for it. What the user applies is left out of that reading, so that it is the
     /// same whenever it is made, before a step or by the step itself.
-    pub(super) fn begin(
+    pub(super) fn begin_observations(
         &mut self,
         call: &Call<'_, R::Scalar>,
         compiled: &LaneModel<R>,
@@ -202,12 +202,12 @@ impl<R: Real, P: Probe> Senses<R, P> {
         s: &mut Workspace<R>,
     ) {
         if let (Some(errors), true) = (call.sensor_errors, group.sensing.waiting & group.alive != 0) {
-            self.first_look(errors, call, compiled, group, first, s);
+            self.observe_initial_state(errors, call, compiled, group, first, s);
         }
     }
 
     #[cold]
-    fn first_look(
+    fn observe_initial_state(
         &mut self,
         errors: &Errors<R::Scalar>,
         call: &Call<'_, R::Scalar>,
@@ -217,7 +217,7 @@ impl<R: Real, P: Probe> Senses<R, P> {
         s: &mut Workspace<R>,
     ) {
         let waiting = group.sensing.waiting & group.alive;
-        self.look(&Call { inputs: StepInputs { qfrc: &[], xfrc: &[], ..call.inputs }, ..*call }, compiled, group, first, s);
+        self.evaluate(&Call { inputs: StepInputs { qfrc: &[], xfrc: &[], ..call.inputs }, ..*call }, compiled, group, first, s);
         self.observe(errors, call, group, first, R::Mask::from_bits(waiting), true);
         group.sensing.waiting = 0;
     }
@@ -237,10 +237,10 @@ impl<R: Real, P: Probe> Senses<R, P> {
         let width = call.compiled.sensing.width;
         let rows = out.chunks_exact_mut(width).enumerate();
         if truth || call.sensor_errors.is_none() {
-            self.look(call, compiled, group, first, s);
+            self.evaluate(call, compiled, group, first, s);
             rows.for_each(|(l, row)| row.iter_mut().zip(&self.room.truth).for_each(|(out, x)| *out = x.lane(l).to_f64()));
         } else {
-            self.begin(call, compiled, group, first, s);
+            self.begin_observations(call, compiled, group, first, s);
             let readings = &group.sensing.observation;
             rows.for_each(|(l, row)| row.iter_mut().enumerate().for_each(|(i, out)| *out = readings[i * R::LANES + l].to_f64()));
         }
@@ -248,22 +248,29 @@ impl<R: Real, P: Probe> Senses<R, P> {
 
     /// Reads the state of a group. Where no step was made since the state was set, sensors of accelerations and forces read the step that
     /// would be made from it, which is not kept.
-    fn look(&mut self, call: &Call<'_, R::Scalar>, compiled: &LaneModel<R>, group: &Group<R::Scalar>, first: usize, s: &mut Workspace<R>) {
+    fn evaluate(
+        &mut self,
+        call: &Call<'_, R::Scalar>,
+        compiled: &LaneModel<R>,
+        group: &Group<R::Scalar>,
+        first: usize,
+        s: &mut Workspace<R>,
+    ) {
         let needs = call.compiled.sensing.needs;
-        load(group, s);
+        load_state(group, s);
         load_inputs(call, group, first, s);
         s.current = false;
-        take(&group.sensing.ctrl, &mut s.inputs.ctrl);
-        take(&group.sensing.acceleration, &mut self.acceleration);
+        load_or_zero(&group.sensing.ctrl, &mut s.inputs.ctrl);
+        load_or_zero(&group.sensing.acceleration, &mut self.acceleration);
         let fresh = if needs.step { group.sensing.fresh & group.alive } else { 0 };
         if fresh != 0 {
             s.alive = R::Mask::from_bits(fresh);
             self.before_step(s);
             step(compiled, call.settings, s, self.probe);
             self.accelerate(s, call.settings.timestep, R::Mask::from_bits(fresh));
-            take(&group.q, &mut s.q);
-            take(&group.v, &mut s.v);
-            take(&group.act, &mut s.act);
+            load_or_zero(&group.q, &mut s.q);
+            load_or_zero(&group.v, &mut s.v);
+            load_or_zero(&group.act, &mut s.act);
         }
         for l in (0..R::LANES).filter(|l| fresh >> l & 1 == 0) {
             for (i, x) in s.constraints.scalar_impulse.iter_mut().enumerate() {
@@ -284,7 +291,7 @@ impl<R: Real, P: Probe> Senses<R, P> {
     }
 }
 
-fn take<R: Real>(from: &[R::Scalar], out: &mut [R]) {
+fn load_or_zero<R: Real>(from: &[R::Scalar], out: &mut [R]) {
     R::vectorize(
         #[inline(always)]
         || {

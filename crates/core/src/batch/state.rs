@@ -65,7 +65,7 @@ pub struct Group<S> {
     pub overshoot: Vec<S>,
     /// What sensors remember.
     pub sensing: Memory<S>,
-    /// What drive trains remember.
+    /// What actuator dynamics remember.
     pub actuation: actuation::memory::Memory<S>,
 }
 

@@ -4,7 +4,7 @@ use serde::{Serialize, de::DeserializeOwned};
 use stepper_real::{Level, Mask, Real, Scalar, at_avx512, at_level};
 
 use crate::batch::call::Call;
-use crate::batch::exchange::{load, load_control, load_inputs, store, store_mocap_trajectories};
+use crate::batch::exchange::{load_control, load_inputs, load_state, store_mocap_trajectories, store_state};
 use crate::batch::rollout::{Numbers, Quantity, Share};
 use crate::batch::sensors::Senses;
 use crate::batch::state::Group;
@@ -194,7 +194,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
         let BatchSlice { first, share_first, mut share } = at;
         let probe = self.probe;
         probe.span(Span::Load, || self.load_overrides(call, first));
-        probe.span(Span::Sense, || self.senses.begin(call, &self.compiled, group, first, &mut self.scratch));
+        probe.span(Span::Sense, || self.senses.begin_observations(call, &self.compiled, group, first, &mut self.scratch));
         probe.span(Span::Load, || self.load(call, group, first));
         for control in call.part.controls(call.schedule) {
             probe.span(Span::Load, || load_control(call, control, first, &mut self.scratch));
@@ -240,7 +240,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
     fn load(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize) {
         let s = &mut self.scratch;
         if !s.current {
-            load(group, s);
+            load_state(group, s);
         }
         s.current = false;
         load_inputs(call, group, first, s);
@@ -256,7 +256,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
         s.poses.exchange(&mut group.separation_cache);
         if call.part.to > call.part.from {
             self.senses.remember(group, s);
-            store(group, s);
+            store_state(group, s);
         }
         if call.part.ends && call.part.to > 0 {
             store_mocap_trajectories(call, group, s);

@@ -96,7 +96,7 @@ impl Simulation {
             }
             (None, None) => Ok(None),
             (None, Some(specs)) => {
-                // Trains that none was made with, so that whoever is given one hears of it.
+                // Actuators that were made without dynamics, so that whoever is given some hears of it.
                 let none = ActuatorModels::new(&self.model, &vec![None; specs.len()], self.num_envs, h).map_err(Error::Actuator)?;
                 none.resample_actuators(&self.model, Some(specs), envs, self.num_envs, h).map(|_| None).map_err(Error::Actuator)
             }
@@ -114,7 +114,7 @@ impl Simulation {
         };
         let actuator_models = |variant: &Model| {
             let mut variant = variant.clone();
-            // The trains have taken over the delays already.
+            // The dynamics have taken over the delays already.
             variant.trusted_mut().actuators.iter_mut().for_each(|a| a.delay = 0.0);
             let folded = ActuatorSpec::fold(&variant, specs, self.num_envs, self.timestep());
             folded.expect("drive trains were checked with the model, and a variant has its structure").0
@@ -140,7 +140,7 @@ impl Simulation {
         self.randomization.fields().map(|(name, values)| (name.parse().expect("the name of a parameter"), values))
     }
 
-    /// Memory of parameters that environments have of their own, and of the numbers of drive trains, bytes.
+    /// Memory of parameters that environments have of their own, and of the numbers of actuator dynamics, bytes.
     pub fn parameter_bytes(&self) -> usize {
         self.randomization.bytes() + self.engine.parameter_bytes() + self.actuator_models.as_ref().map_or(0, ActuatorModels::bytes)
     }

@@ -5,7 +5,7 @@ use stepper_real::Real;
 use crate::compile::LaneModel;
 use crate::integrators::acceptance::accept;
 use crate::integrators::evaluation::{assemble_rows, evaluate};
-use crate::integrators::scheme::Scheme;
+use crate::integrators::scheme;
 use crate::integrators::solution::{correct_positions, guard_energy, integrate_positions, record, solve_velocities};
 use crate::integrators::workspace::Workspace;
 use crate::options::StepSettings;
@@ -17,7 +17,8 @@ use crate::stages::s10_record::Record;
 /// This is ordinary code that calls kernels: each stage is compiled once for every lane type and CPU level.
 pub fn step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, probe: impl Probe) -> Record<R> {
     probe.count(Counter::GroupSteps, || 1.0);
-    let mut scheme = Scheme::new(options);
+    let mut scheme = scheme(options);
+    s.poison();
     s.poses.begin();
     // 1 actuate, 2 smooth dynamics, 3 detect: at the configuration where the scheme takes the step.
     let at_beginning = evaluate(compiled, options, &mut scheme, s, probe);
@@ -34,4 +35,41 @@ pub fn step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Wo
     // 9 sense: a worker reads the sensors of the new state, when somebody asks for them (`stages/s09_sense.rs`).
     // 10 record
     probe.span(Span::Record, || record(compiled, options, s, &solution, [finite, tunnelled]))
+}
+
+#[cfg(test)]
+#[path = "../tests/common/mod.rs"]
+mod scenes;
+
+#[cfg(test)]
+mod tests {
+    use super::scenes::{action, start, walker};
+    use crate::{Field, Integrator, Options, Precision, Simulation, Stabilization, Status, StepInputs};
+
+    /// Unit tests make NaN of what a step is to make (`Workspace::poison`): reading a number before it was made blows the environment up.
+    #[test]
+    fn nothing_is_read_before_the_step_has_made_it() {
+        let model = walker();
+        for integrator in [Integrator::Euler, Integrator::Midpoint, Integrator::Implicit, Integrator::Rk4] {
+            for stabilization in [Stabilization::Split, Stabilization::Baumgarte] {
+                let options = Options { integrator, stabilization, ..Options::default() };
+                let mut sim = Simulation::new(model.clone(), options, Some(5), Precision::F64, 1).unwrap();
+                for env in 0..5 {
+                    let (q, v) = start(&model, env);
+                    sim.set(Field::Qpos, env, &q).unwrap();
+                    sim.set(Field::Qvel, env, &v).unwrap();
+                }
+                for call in 0..250 {
+                    let ctrl: Vec<f64> = (0..5).flat_map(|env| action(&model, env, call)).collect();
+                    sim.step(&StepInputs { ctrl: &ctrl, ..StepInputs::default() }, 1).unwrap();
+                    for env in 0..5 {
+                        assert!(
+                            !sim.status(env).contains(Status::NON_FINITE),
+                            "{integrator:?}, {stabilization:?}, step {call}, environment {env}"
+                        );
+                    }
+                }
+            }
+        }
+    }
 }

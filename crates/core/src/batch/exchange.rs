@@ -13,15 +13,15 @@ pub(super) fn store_state<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R
         #[inline(always)]
         || {
             for (x, out) in [
-                (&s.q, &mut group.q),
-                (&s.v, &mut group.v),
-                (&s.act, &mut group.act),
+                (&s.state.q, &mut group.q),
+                (&s.state.v, &mut group.v),
+                (&s.state.act, &mut group.act),
                 (&s.constraints.scalar_impulse, &mut group.scalar_impulse),
-                (&s.impulse, &mut group.impulse),
+                (&s.state.impulse, &mut group.impulse),
             ] {
                 R::store_all(x, out);
             }
-            group.store_contacts(&s.contacts);
+            group.store_contacts(&s.state.contacts);
         },
     )
 }
@@ -48,15 +48,15 @@ pub(super) fn load_state<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>
         #[inline(always)]
         || {
             for (x, from) in [
-                (&mut s.q, &group.q),
-                (&mut s.v, &group.v),
-                (&mut s.act, &group.act),
+                (&mut s.state.q, &group.q),
+                (&mut s.state.v, &group.v),
+                (&mut s.state.act, &group.act),
                 (&mut s.constraints.scalar_impulse, &group.scalar_impulse),
-                (&mut s.impulse, &group.impulse),
+                (&mut s.state.impulse, &group.impulse),
             ] {
                 R::load_all(from, x);
             }
-            group.load_contacts(&mut s.contacts);
+            group.load_contacts(&mut s.state.contacts);
         },
     )
 }

@@ -157,9 +157,9 @@ impl<S: Scalar> Share<'_, S> {
         }
         for (quantity, width, rows) in &mut self.quantities {
             let from = match quantity {
-                Quantity::Qpos => &s.q[..],
-                Quantity::Qvel => &s.v[..],
-                Quantity::Act => &s.act[..],
+                Quantity::Qpos => &s.state.q[..],
+                Quantity::Qvel => &s.state.v[..],
+                Quantity::Act => &s.state.act[..],
                 Quantity::Observation => readings,
             };
             let rows = &mut rows[call][first * *width..(first + used) * *width];

@@ -46,7 +46,7 @@ impl<R: Real, P: Probe> Senses<R, P> {
     /// Keeps what a step will change.
     pub(super) fn before_step(&mut self, s: &Workspace<R>) {
         if !self.v_before.is_empty() {
-            self.v_before.copy_from_slice(&s.v);
+            self.v_before.copy_from_slice(&s.state.v);
         }
     }
 
@@ -59,7 +59,7 @@ impl<R: Real, P: Probe> Senses<R, P> {
             #[inline(always)]
             || {
                 let rate = R::one() / R::of(h);
-                for ((a, &before), &v) in self.acceleration.iter_mut().zip(&self.v_before).zip(&s.v) {
+                for ((a, &before), &v) in self.acceleration.iter_mut().zip(&self.v_before).zip(&s.state.v) {
                     *a = R::select(lanes, (v - before) * rate, *a);
                 }
             },
@@ -88,15 +88,15 @@ impl<R: Real, P: Probe> Senses<R, P> {
     /// True readings of the state in `s`, left in the room.
     fn sense(&mut self, call: &Call<'_, R::Scalar>, compiled: &LaneModel<R>, group: &Group<R::Scalar>, s: &mut Workspace<R>) {
         let elapsed = R::of(s.elapsed);
-        mocap::pose_bodies(compiled, &s.mocap_trajectories, elapsed, &mut s.kinematics);
+        mocap::pose_bodies(compiled, &s.mocap_trajectories, elapsed, &mut s.evaluation.kinematics);
         if compiled.sensing.needs.actuators {
             if compiled.wrench_arms[1] > 0 {
-                s.kinematics.update(compiled, &s.q);
-                self.actuator_forces.transmit(compiled, &s.kinematics, &s.v, R::zero());
+                s.evaluation.kinematics.update(compiled, &s.state.q);
+                self.actuator_forces.transmit(compiled, &s.evaluation.kinematics, &s.state.v, R::zero());
             }
             actuate(
                 compiled,
-                &ForceState::state(&s.q, &s.v, &s.act, &s.inputs.ctrl, &s.inputs.actuator_dynamics),
+                &ForceState::state(&s.state.q, &s.state.v, &s.state.act, &s.inputs.ctrl, &s.inputs.actuator_dynamics),
                 None,
                 &mut self.actuator_forces,
             );
@@ -121,17 +121,17 @@ impl<R: Real, P: Probe> Senses<R, P> {
         let mut time = R::zero();
         (0..R::LANES).for_each(|l| time.set_lane(l, Scalar::from_f64(group.time[l])));
         let input = SensorInput {
-            q: &s.q,
-            v: &s.v,
+            q: &s.state.q,
+            v: &s.state.v,
             time,
             h: R::of(call.settings.timestep),
             acceleration: &self.acceleration,
             actuator_forces: &self.actuator_forces,
             xfrc: if compiled.sensing.needs.wrenches { &s.inputs.xfrc } else { &[] },
             scalar_impulse: &s.constraints.scalar_impulse,
-            contacts: &s.contacts,
+            contacts: &s.state.contacts,
         };
-        sense(compiled, &mut s.kinematics, &mut self.room, &input);
+        sense(compiled, &mut s.evaluation.kinematics, &mut self.room, &input);
     }
 
     fn observe(
@@ -268,16 +268,16 @@ impl<R: Real, P: Probe> Senses<R, P> {
             self.before_step(s);
             step(compiled, call.settings, s, self.probe);
             self.accelerate(s, call.settings.timestep, R::Mask::from_bits(fresh));
-            load_or_zero(&group.q, &mut s.q);
-            load_or_zero(&group.v, &mut s.v);
-            load_or_zero(&group.act, &mut s.act);
+            load_or_zero(&group.q, &mut s.state.q);
+            load_or_zero(&group.v, &mut s.state.v);
+            load_or_zero(&group.act, &mut s.state.act);
         }
         for l in (0..R::LANES).filter(|l| fresh >> l & 1 == 0) {
             for (i, x) in s.constraints.scalar_impulse.iter_mut().enumerate() {
                 x.set_lane(l, group.scalar_impulse[i * R::LANES + l]);
             }
             if needs.contacts {
-                place_contacts(group, l, &mut s.contacts);
+                place_contacts(group, l, &mut s.state.contacts);
             }
         }
         if needs.wrenches {

@@ -273,7 +273,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
         for _ in 0..steps {
             probe.span(Span::Sense, || senses.before_step(s));
             if let Some(pipelines) = call.pipelines {
-                let state = [&s.q[..], &s.v[..]];
+                let state = [&s.state.q[..], &s.state.v[..]];
                 probe.span(Span::ActuatorPipelines, || {
                     pipelines.advance(
                         compiled,
@@ -327,7 +327,7 @@ fn count_saturated<R: Real>(compiled: &LaneModel<R>, s: &Workspace<R>, counts: &
         #[inline(always)]
         || {
             for (actuator, counts) in counts.chunks_exact_mut(R::LANES).enumerate() {
-                count(s.actuator_forces.is_cut(compiled, actuator).and(s.alive).bits(), counts);
+                count(s.free_motion.actuator_forces.is_cut(compiled, actuator).and(s.alive).bits(), counts);
             }
         },
     )

@@ -271,13 +271,13 @@ pub fn advance<R: Real>(x: &[R], rate: &[R], way: R, out: &mut [R]) {
     )
 }
 
-/// y = x + share (end + y - x), entry by entry: on the way from `x` to an end that is `y` further on.
-pub fn blend<R: Real>(x: &[R], end: &[R], share: R, y: &mut [R]) {
+/// x + share (end - x), entry by entry.
+pub fn blend<R: Real>(x: &[R], end: &[R], share: R, out: &mut [R]) {
     R::vectorize(
         #[inline(always)]
         || {
-            for ((y, &x), &end) in y.iter_mut().zip(x).zip(end) {
-                *y = x + ((end + *y) - x) * share;
+            for ((out, &x), &end) in out.iter_mut().zip(x).zip(end) {
+                *out = x + (end - x) * share;
             }
         },
     )

@@ -34,8 +34,8 @@ pub(crate) fn keep_impulse<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R
     R::vectorize(
         #[inline(always)]
         || {
-            s.impulse.copy_from_slice(&s.constraints.iterate.w);
-            s.smooth.mass.momentum(compiled, &mut s.impulse);
+            s.state.impulse.copy_from_slice(&s.constraints.iterate.w);
+            s.free_motion.smooth.mass.momentum(compiled, &mut s.state.impulse);
         },
     )
 }
@@ -46,12 +46,13 @@ pub(crate) fn accept<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>) -> 
         #[inline(always)]
         || {
             let mut finite = R::Mask::splat(true);
-            for x in [&s.q_next, &s.v_next, &s.act_next] {
+            for x in [&s.next.q, &s.next.v, &s.next.act] {
                 finite = finite.and(all_finite(x));
             }
             // A pose that the user gave and that is none would hide its contacts: the step is refused instead.
             for m in &compiled.mocap {
-                finite = finite.and(all_finite(&s.kinematics.pos[m.frame])).and(all_finite(&s.kinematics.mat[m.frame]));
+                finite =
+                    finite.and(all_finite(&s.evaluation.kinematics.pos[m.frame])).and(all_finite(&s.evaluation.kinematics.mat[m.frame]));
             }
             finite
         },
@@ -60,10 +61,10 @@ pub(crate) fn accept<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>) -> 
         stay(s, finite);
     }
     // What was is room for the step after the next.
-    std::mem::swap(&mut s.q, &mut s.q_next);
-    std::mem::swap(&mut s.v, &mut s.v_next);
-    std::mem::swap(&mut s.act, &mut s.act_next);
-    std::mem::swap(&mut s.contacts, &mut s.new_contacts);
+    std::mem::swap(&mut s.state.q, &mut s.next.q);
+    std::mem::swap(&mut s.state.v, &mut s.next.v);
+    std::mem::swap(&mut s.state.act, &mut s.next.act);
+    std::mem::swap(&mut s.state.contacts, &mut s.evaluation.contacts);
     finite
 }
 
@@ -74,7 +75,7 @@ fn stay<R: Real>(s: &mut Workspace<R>, finite: R::Mask) {
         #[inline(always)]
         || {
             let moves = finite.and(s.alive);
-            for (next, old) in [(&mut s.q_next, &s.q), (&mut s.v_next, &s.v), (&mut s.act_next, &s.act)] {
+            for (next, old) in [(&mut s.next.q, &s.state.q), (&mut s.next.v, &s.state.v), (&mut s.next.act, &s.state.act)] {
                 for (next, &old) in next.iter_mut().zip(old) {
                     *next = R::select(moves, *next, old);
                 }
@@ -83,16 +84,16 @@ fn stay<R: Real>(s: &mut Workspace<R>, finite: R::Mask) {
             if refused.none() {
                 return;
             }
-            for lambda in s.constraints.scalar_impulse.iter_mut().chain(&mut s.impulse) {
+            for lambda in s.constraints.scalar_impulse.iter_mut().chain(&mut s.state.impulse) {
                 *lambda = R::select(finite, *lambda, R::zero());
             }
             for l in each_of(refused.bits()) {
-                s.new_contacts.count[l] = 0;
+                s.evaluation.contacts.count[l] = 0;
             }
-            for slot in &mut s.new_contacts.data {
+            for slot in &mut s.evaluation.contacts.data {
                 slot.impulse = select(finite, slot.impulse, zero());
             }
-            for torque in &mut s.new_contacts.torque {
+            for torque in &mut s.evaluation.contacts.torque {
                 *torque = select(finite, *torque, zero());
             }
         },

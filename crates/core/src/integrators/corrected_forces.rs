@@ -16,25 +16,29 @@ use crate::stages::s05_solve::{estimate, forget_estimate};
 /// differ. Returns whether they do in any lane.
 pub(crate) fn reconsider_servos<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) -> bool {
     let lanes = s.constraints.constrained;
-    estimate(&s.v, scheme.h, lanes, &mut s.constraints);
-    s.constraints.impulse_change(compiled, &s.smooth.mass, &mut s.v_mean);
+    estimate(&s.state.v, scheme.h, lanes, &mut s.constraints);
+    s.constraints.impulse_change(compiled, &s.free_motion.smooth.mass, &mut s.work.expected_change);
     R::vectorize(
         #[inline(always)]
         || {
             for i in 0..compiled.nv {
-                s.v_mean[i] = (s.v_free[i] - s.v[i]) + s.v_mean[i];
+                s.work.expected_change[i] = (s.free_motion.v[i] - s.state.v[i]) + s.work.expected_change[i];
             }
         },
     );
-    let wrong =
-        s.actuator_forces.misjudged(compiled, &s.inputs.actuator_dynamics, scheme.weights, &s.v_mean, scheme.h).and(lanes).and(s.alive);
+    let wrong = s
+        .free_motion
+        .actuator_forces
+        .misjudged(compiled, &s.inputs.actuator_dynamics, scheme.weights, &s.work.expected_change, scheme.h)
+        .and(lanes)
+        .and(s.alive);
     if wrong.any() {
         R::vectorize(
             #[inline(always)]
             || {
-                s.change.copy_from_slice(&s.constraints.iterate.w);
-                s.smooth.mass.momentum(compiled, &mut s.change);
-                for (kept, &now) in s.impulse.iter_mut().zip(&s.change) {
+                s.work.impulse.copy_from_slice(&s.constraints.iterate.w);
+                s.free_motion.smooth.mass.momentum(compiled, &mut s.work.impulse);
+                for (kept, &now) in s.state.impulse.iter_mut().zip(&s.work.impulse) {
                     *kept = R::select(wrong, now, *kept);
                 }
             },
@@ -52,30 +56,44 @@ pub(crate) fn reconsider_servos<R: Real>(compiled: &LaneModel<R>, scheme: &Schem
 pub(crate) fn correct_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>, probe: impl Probe) {
     let constrained = s.constraints.constrained;
     if constrained.any() {
-        probe.span(Span::EstimateImpulses, || estimate(&s.v, scheme.h, constrained, &mut s.constraints));
+        probe.span(Span::EstimateImpulses, || estimate(&s.state.v, scheme.h, constrained, &mut s.constraints));
     }
-    s.constraints.impulse_change(compiled, &s.smooth.mass, &mut s.v_mean);
-    leave_out_blows(scheme, &s.v_free, &mut s.v_mean);
-    advance(&s.v_free, &s.v_mean, R::one(), &mut s.expected);
-    blend(&s.v, &s.v_free, scheme.share, &mut s.v_mean);
+    s.constraints.impulse_change(compiled, &s.free_motion.smooth.mass, &mut s.work.impulse_change);
+    leave_out_blows(scheme, &s.free_motion.v, &mut s.work.impulse_change);
+    advance(&s.free_motion.v, &s.work.impulse_change, R::one(), &mut s.free_motion.v_expected);
+    blend(&s.state.v, &s.free_motion.v_expected, scheme.share, &mut s.work.v_mean);
     // Without servos no force of stage 1 depends on the velocity.
     if !compiled.servos.is_empty() {
-        let at = scheme.forces_at([&s.q_eval, &s.q_ahead], [&s.v, &s.v_mean], &s.act_eval, &s.inputs);
-        probe.span(Span::Actuate, || actuate(compiled, &at, scheme.servos(), &mut s.actuator_forces));
+        let at = scheme.forces_at([&s.evaluation.q, &s.evaluation.q_ahead], [&s.state.v, &s.work.v_mean], &s.evaluation.act, &s.inputs);
+        probe.span(Span::Actuate, || actuate(compiled, &at, scheme.servos(), &mut s.free_motion.actuator_forces));
     }
-    probe
-        .span(Span::Acceleration, || s.smooth.acceleration(compiled, &s.kinematics, [&s.actuator_forces.tau, &s.applied], &s.v, &s.v_mean));
-    advance(&s.v, &s.smooth.acc, scheme.h, &mut s.v_next);
-    if !compiled.spinners.is_empty() && scheme.integrator.in_the_middle() {
-        gyroscopic::correct(compiled, &s.kinematics, &s.smooth.mass, [scheme.lead, scheme.rest], [&s.v, &s.v_mean], &mut s.v_next);
+    probe.span(Span::Acceleration, || {
+        s.free_motion.smooth.acceleration(
+            compiled,
+            &s.evaluation.kinematics,
+            [&s.free_motion.actuator_forces.tau, &s.free_motion.applied],
+            &s.state.v,
+            &s.work.v_mean,
+        )
+    });
+    advance(&s.state.v, &s.free_motion.smooth.acc, scheme.h, &mut s.work.v_free_again);
+    if !compiled.spinners.is_empty() && scheme.in_the_middle {
+        gyroscopic::correct(
+            compiled,
+            &s.evaluation.kinematics,
+            &s.free_motion.smooth.mass,
+            [scheme.lead, scheme.rest],
+            [&s.state.v, &s.work.v_mean],
+            &mut s.work.v_free_again,
+        );
     }
-    advance(&s.v_next, &s.v_free, -R::one(), &mut s.v_mean);
-    s.unresolved = unresolved(compiled, &s.v, &s.v_next, &s.v_mean, scheme.h).and(s.alive);
-    if s.unresolved.any() {
+    advance(&s.work.v_free_again, &s.free_motion.v, -R::one(), &mut s.work.free_change);
+    s.free_motion.unresolved = unresolved(compiled, &s.state.v, &s.work.v_free_again, &s.work.free_change, scheme.h).and(s.alive);
+    if s.free_motion.unresolved.any() {
         leave_out_inertial_forces(compiled, scheme, s);
     }
-    std::mem::swap(&mut s.v_free, &mut s.v_next);
-    s.constraints.shift(compiled, &s.smooth.mass, &mut s.v_mean, R::Mask::splat(true));
+    std::mem::swap(&mut s.free_motion.v, &mut s.work.v_free_again);
+    s.constraints.shift(compiled, &s.free_motion.smooth.mass, &mut s.work.free_change, R::Mask::splat(true));
     if constrained.any() {
         probe.span(Span::EstimateImpulses, || forget_estimate(constrained, &mut s.constraints));
     }
@@ -113,21 +131,27 @@ fn leave_out_inertial_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R
         #[inline(always)]
         || {
             for i in 0..compiled.nv {
-                let mean = s.v[i] + (s.expected[i] - s.v[i]) * scheme.share;
-                s.change[i] = R::select(s.unresolved, s.v[i], mean);
+                let mean = s.state.v[i] + (s.free_motion.v_expected[i] - s.state.v[i]) * scheme.share;
+                s.work.v_forces[i] = R::select(s.free_motion.unresolved, s.state.v[i], mean);
             }
         },
     );
-    let at = scheme.forces_at([&s.q_eval, &s.q_ahead], [&s.v, &s.change], &s.act_eval, &s.inputs);
-    actuate(compiled, &at, scheme.servos(), &mut s.actuator_forces);
-    s.smooth.acceleration(compiled, &s.kinematics, [&s.actuator_forces.tau, &s.applied], &s.v, &s.step_resolution.rest);
+    let at = scheme.forces_at([&s.evaluation.q, &s.evaluation.q_ahead], [&s.state.v, &s.work.v_forces], &s.evaluation.act, &s.inputs);
+    actuate(compiled, &at, scheme.servos(), &mut s.free_motion.actuator_forces);
+    s.free_motion.smooth.acceleration(
+        compiled,
+        &s.evaluation.kinematics,
+        [&s.free_motion.actuator_forces.tau, &s.free_motion.applied],
+        &s.state.v,
+        &s.step_resolution.rest,
+    );
     R::vectorize(
         #[inline(always)]
         || {
             for i in 0..compiled.nv {
-                let still = s.v[i] + s.smooth.acc[i] * scheme.h;
-                s.v_next[i] = R::select(s.unresolved, still, s.v_next[i]);
-                s.v_mean[i] = R::select(s.unresolved, still - s.v_free[i], s.v_mean[i]);
+                let still = s.state.v[i] + s.free_motion.smooth.acc[i] * scheme.h;
+                s.work.v_free_again[i] = R::select(s.free_motion.unresolved, still, s.work.v_free_again[i]);
+                s.work.free_change[i] = R::select(s.free_motion.unresolved, still - s.free_motion.v[i], s.work.free_change[i]);
             }
         },
     )

@@ -36,11 +36,11 @@ pub(crate) fn evaluate<R: Real>(
         free_motion(compiled, scheme, s, probe);
         find_contacts(compiled, scheme, s, probe);
     }
-    if scheme.integrator.in_the_middle() {
+    if scheme.in_the_middle {
         impact::place_at_impacts(compiled, options, scheme, s, probe);
     }
-    probe.span(Span::WarmStart, || s.new_contacts.prepare(&mut s.contacts));
-    probe.count(Counter::Contacts, || s.new_contacts.count[..R::LANES].iter().sum::<usize>() as f64);
+    probe.span(Span::WarmStart, || s.evaluation.contacts.prepare(&mut s.state.contacts));
+    probe.count(Counter::Contacts, || s.evaluation.contacts.count[..R::LANES].iter().sum::<usize>() as f64);
     too_far
 }
 
@@ -62,7 +62,7 @@ pub(crate) fn assemble_rows<R: Real>(
         probe.span(Span::Assemble, || assemble_here(compiled, options, scheme, s, at_beginning));
         // Where nothing was wrong, this repeats the bits of the estimate before.
         probe.span(Span::EstimateImpulses, || {
-            estimate(&s.v, scheme.h, s.constraints.constrained, &mut s.constraints);
+            estimate(&s.state.v, scheme.h, s.constraints.constrained, &mut s.constraints);
             forget_estimate(s.constraints.constrained, &mut s.constraints);
         });
     }
@@ -76,15 +76,23 @@ pub(crate) fn assemble_rows<R: Real>(
 /// Stage 4 at the configuration of the scheme.
 fn assemble_here<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, scheme: &Scheme<R>, s: &mut Workspace<R>, too_far: R::Mask) {
     let assembly = AssemblyInput {
-        q: &s.q_eval,
-        v: &s.v,
-        motion: &s.smooth.work,
-        v_free: &s.v_free,
-        losses: &s.actuator_forces.losses,
+        q: &s.evaluation.q,
+        v: &s.state.v,
+        motion: &s.free_motion.smooth.work,
+        v_free: &s.free_motion.v,
+        losses: &s.free_motion.actuator_forces.losses,
         h: scheme.h,
         lead: scheme.lead,
         closing: scheme.closing(too_far, s.impacts.lanes),
         alive: s.alive,
     };
-    assemble(compiled, options, &s.kinematics, &s.smooth.mass, &assembly, &mut s.new_contacts, &mut s.constraints);
+    assemble(
+        compiled,
+        options,
+        &s.evaluation.kinematics,
+        &s.free_motion.smooth.mass,
+        &assembly,
+        &mut s.evaluation.contacts,
+        &mut s.constraints,
+    );
 }

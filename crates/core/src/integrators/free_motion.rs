@@ -8,37 +8,45 @@ use crate::dynamics::kinematics::{advance, displace};
 use crate::dynamics::mocap;
 use crate::integrators::scheme::Scheme;
 use crate::integrators::workspace::Workspace;
-use crate::options::Integrator;
 use crate::probe::{Counter, Probe, Span};
 use crate::stages::s01_actuate::{actuate, advance_activation, regather};
 use crate::stages::s03_detect::detect;
 
 /// Stage 3. Returns the lanes that are taken too far from the beginning of the step.
 pub(crate) fn find_contacts<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>, probe: impl Probe) -> R::Mask {
-    detect(compiled, &s.kinematics, [&s.v, &s.v_free], [scheme.h, scheme.lead], s.alive, &mut s.poses, &mut s.new_contacts, probe)
+    detect(
+        compiled,
+        &s.evaluation.kinematics,
+        [&s.state.v, &s.free_motion.v],
+        [scheme.h, scheme.lead],
+        s.alive,
+        &mut s.poses,
+        &mut s.evaluation.contacts,
+        probe,
+    )
 }
 
 /// Goes to the configuration at which forces are taken, with poses and transmissions there.
 pub(crate) fn place_bodies<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>, probe: impl Probe) {
     probe.span(Span::Displace, || displace_evaluation(compiled, scheme, s));
     probe.span(Span::Kinematics, || {
-        mocap::pose_bodies(compiled, &s.mocap_trajectories, R::of(s.elapsed) + scheme.lead, &mut s.kinematics);
-        s.kinematics.update(compiled, &s.q_eval);
+        mocap::pose_bodies(compiled, &s.mocap_trajectories, R::of(s.elapsed) + scheme.lead, &mut s.evaluation.kinematics);
+        s.evaluation.kinematics.update(compiled, &s.evaluation.q);
     });
-    probe.span(Span::Actuate, || s.actuator_forces.transmit(compiled, &s.kinematics, &s.v, scheme.reach));
+    probe.span(Span::Actuate, || s.free_motion.actuator_forces.transmit(compiled, &s.evaluation.kinematics, &s.state.v, scheme.reach));
 }
 
 /// The configuration and activations at which forces are taken.
 fn displace_evaluation<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) {
-    if scheme.integrator.in_the_middle() {
-        displace(compiled, &s.q, &s.v, scheme.lead, &mut s.q_eval);
-        advance_activation(compiled, &s.act, &s.act, &s.inputs.ctrl, scheme.lead, &mut s.act_eval);
+    if scheme.in_the_middle {
+        displace(compiled, &s.state.q, &s.state.v, scheme.lead, &mut s.evaluation.q);
+        advance_activation(compiled, &s.state.act, &s.state.act, &s.inputs.ctrl, scheme.lead, &mut s.evaluation.act);
     } else {
-        s.q_eval.copy_from_slice(&s.q);
-        s.act_eval.copy_from_slice(&s.act);
+        s.evaluation.q.copy_from_slice(&s.state.q);
+        s.evaluation.act.copy_from_slice(&s.state.act);
     }
-    if scheme.integrator == Integrator::Implicit {
-        displace(compiled, &s.q_eval, &s.v, scheme.reach, &mut s.q_ahead);
+    if scheme.looks_ahead {
+        displace(compiled, &s.evaluation.q, &s.state.v, scheme.reach, &mut s.evaluation.q_ahead);
     }
 }
 
@@ -46,29 +54,43 @@ fn displace_evaluation<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: 
 pub(crate) fn free_motion<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>, probe: impl Probe) {
     probe.count(Counter::Evaluations, || 1.0);
     probe.span(Span::Actuate, || {
-        s.smooth.apply(compiled, &s.kinematics, [&s.inputs.qfrc, &s.inputs.xfrc], &mut s.applied);
-        s.actuator_forces.release();
+        s.free_motion.smooth.apply(compiled, &s.evaluation.kinematics, [&s.inputs.qfrc, &s.inputs.xfrc], &mut s.free_motion.applied);
+        s.free_motion.actuator_forces.release();
     });
-    probe.span(Span::MassMatrix, || s.smooth.assemble_mass(compiled, &s.kinematics, scheme.joints(compiled)));
+    probe.span(Span::MassMatrix, || s.free_motion.smooth.assemble_mass(compiled, &s.evaluation.kinematics, scheme.joints(compiled)));
     probe.span(Span::Actuate, || actuate_freely(compiled, scheme, s));
-    probe.span(Span::MassFactors, || s.smooth.complete_mass(compiled, &s.kinematics, implicit(compiled, scheme, &s.actuator_forces, &s.v)));
-    probe.span(Span::Acceleration, || s.smooth.acceleration(compiled, &s.kinematics, [&s.actuator_forces.tau, &s.applied], &s.v, &s.v));
+    probe.span(Span::MassFactors, || {
+        s.free_motion.smooth.complete_mass(
+            compiled,
+            &s.evaluation.kinematics,
+            implicit(compiled, scheme, &s.free_motion.actuator_forces, &s.state.v),
+        )
+    });
+    probe.span(Span::Acceleration, || {
+        s.free_motion.smooth.acceleration(
+            compiled,
+            &s.evaluation.kinematics,
+            [&s.free_motion.actuator_forces.tau, &s.free_motion.applied],
+            &s.state.v,
+            &s.state.v,
+        )
+    });
     if compiled.servos_are_bounded && (scheme.corrects || compiled.actuator_dynamics > 0) {
         probe.span(Span::SaturateServos, || saturate_servos(compiled, scheme, s));
     }
     if compiled.lossy {
-        probe.span(Span::Actuate, || s.actuator_forces.lose(compiled, &s.inputs.actuator_dynamics, true));
+        probe.span(Span::Actuate, || s.free_motion.actuator_forces.lose(compiled, &s.inputs.actuator_dynamics, true));
     }
-    probe.span(Span::Acceleration, || advance(&s.v, &s.smooth.acc, scheme.h, &mut s.v_free));
+    probe.span(Span::Acceleration, || advance(&s.state.v, &s.free_motion.smooth.acc, scheme.h, &mut s.free_motion.v));
 }
 
 /// Stage 1 at the velocity before the step.
 fn actuate_freely<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) {
-    if scheme.integrator.in_the_middle() && !compiled.servos.is_empty() {
-        s.actuator_forces.gauge(compiled, &s.smooth.inertia);
+    if scheme.in_the_middle && !compiled.servos.is_empty() {
+        s.free_motion.actuator_forces.gauge(compiled, &s.free_motion.smooth.inertia);
     }
-    let at = scheme.forces_at([&s.q_eval, &s.q_ahead], [&s.v, &s.v], &s.act_eval, &s.inputs);
-    actuate(compiled, &at, scheme.servos(), &mut s.actuator_forces);
+    let at = scheme.forces_at([&s.evaluation.q, &s.evaluation.q_ahead], [&s.state.v, &s.state.v], &s.evaluation.act, &s.inputs);
+    actuate(compiled, &at, scheme.servos(), &mut s.free_motion.actuator_forces);
 }
 
 /// What the mass matrix holds besides M.
@@ -89,16 +111,24 @@ const SATURATION_PASSES: usize = 4;
 fn saturate_servos<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) {
     for pass in 0..SATURATION_PASSES {
         // The change of velocity to be expected: by the forces, and by constraints that push as in the last step.
-        s.v_next.copy_from_slice(&s.impulse);
-        s.smooth.solve(compiled, &mut s.v_next);
-        advance(&s.v_next, &s.smooth.acc, scheme.h, &mut s.v_mean);
+        s.work.impulse_change.copy_from_slice(&s.state.impulse);
+        s.free_motion.smooth.solve(compiled, &mut s.work.impulse_change);
+        advance(&s.work.impulse_change, &s.free_motion.smooth.acc, scheme.h, &mut s.work.expected_change);
         // Lanes in which nothing is new do it all again and find the same bits.
-        if s.actuator_forces.saturate(compiled, &s.inputs.actuator_dynamics, scheme.weights, &s.v_mean, scheme.h, pass).and(s.alive).none()
+        if s.free_motion
+            .actuator_forces
+            .saturate(compiled, &s.inputs.actuator_dynamics, scheme.weights, &s.work.expected_change, scheme.h, pass)
+            .and(s.alive)
+            .none()
         {
             return;
         }
-        regather(compiled, scheme.springs_at(&s.q_eval, &s.q_ahead), scheme.corrects, &mut s.actuator_forces);
-        s.smooth.factor_mass_again(compiled, &s.kinematics, implicit(compiled, scheme, &s.actuator_forces, &s.v));
-        s.smooth.acceleration_again(compiled, [&s.actuator_forces.tau, &s.applied], &s.v);
+        regather(compiled, scheme.springs_at(&s.evaluation.q, &s.evaluation.q_ahead), scheme.corrects, &mut s.free_motion.actuator_forces);
+        s.free_motion.smooth.factor_mass_again(
+            compiled,
+            &s.evaluation.kinematics,
+            implicit(compiled, scheme, &s.free_motion.actuator_forces, &s.state.v),
+        );
+        s.free_motion.smooth.acceleration_again(compiled, [&s.free_motion.actuator_forces.tau, &s.free_motion.applied], &s.state.v);
     }
 }

@@ -15,7 +15,7 @@ use crate::dynamics::kinematics::{Kinematics, advance};
 use crate::integrators::free_motion::{find_contacts, free_motion, place_bodies};
 use crate::integrators::impact_set::Impacts;
 use crate::integrators::scheme::Scheme;
-use crate::integrators::workspace::Workspace;
+use crate::integrators::workspace::{Evaluation, FreeMotion, State, Workspace};
 use crate::math::spatial::*;
 use crate::options::StepSettings;
 use crate::probe::{Probe, Span};
@@ -47,8 +47,8 @@ pub(crate) fn place_at_impacts<R: Real>(
 ) {
     s.impacts.lanes = R::Mask::splat(false);
     for pass in 0..PLACEMENTS {
-        let elastic = |k: usize| s.new_contacts.elastic(k).any();
-        if !(0..s.new_contacts.slots()).any(elastic) {
+        let elastic = |k: usize| s.evaluation.contacts.elastic(k).any();
+        if !(0..s.evaluation.contacts.slots()).any(elastic) {
             return;
         }
         let [strikes, wrong] = probe.span(Span::ImpactTimes, || first_impacts(compiled, options, scheme, s, pass == 0));
@@ -62,7 +62,7 @@ pub(crate) fn place_at_impacts<R: Real>(
     }
 }
 
-/// Moves `rule` to the first impact of each lane. Returns the lanes that have one, and those in which it was elsewhere. At the `first` look, what
+/// Moves `scheme` to the first impact of each lane. Returns the lanes that have one, and those in which it was elsewhere. At the `first` look, what
 /// overlaps and parts came in on the other side: there it is looked at from the beginning of the step.
 fn first_impacts<R: Real>(
     compiled: &LaneModel<R>,
@@ -71,7 +71,15 @@ fn first_impacts<R: Real>(
     s: &mut Workspace<R>,
     first: bool,
 ) -> [R::Mask; 2] {
-    let Workspace { new_contacts: contacts, kinematics, impacts: Impacts { velocities, .. }, v, v_free, alive, .. } = s;
+    let Workspace {
+        state: State { v, .. },
+        evaluation,
+        free_motion: FreeMotion { v: v_free, .. },
+        impacts: Impacts { velocities, .. },
+        alive,
+        ..
+    } = s;
+    let Evaluation { contacts, kinematics, .. } = evaluation;
     R::vectorize(
         #[inline(always)]
         || {
@@ -134,7 +142,7 @@ fn normal_velocities<R: Real>(
     out
 }
 
-/// The free velocity with which stage 8 solves for the positions, in the lanes with impacts, left in `change`; returns these lanes. They are added
+/// The free velocity with which stage 8 solves for the positions, in the lanes with impacts, left in `work.v_positions`; returns these lanes. They are added
 /// what the positions lack that went on from the time of the placement with the velocity after the step: of each impulse and, since they were not
 /// in the middle of the step, of smooth forces.
 pub(crate) fn carry_positions<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) -> R::Mask {
@@ -142,19 +150,19 @@ pub(crate) fn carry_positions<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<
     if lanes.none() {
         return lanes;
     }
-    s.constraints.set_impacts_aside(compiled, &s.smooth.mass, [scheme.h, scheme.lead], lanes, &mut s.v_mean);
+    s.constraints.set_impacts_aside(compiled, &s.free_motion.smooth.mass, [scheme.h, scheme.lead], lanes, &mut s.work.carried);
     R::vectorize(
         #[inline(always)]
         || {
             let late = scheme.lead / scheme.h - R::of(0.5);
             for i in 0..compiled.nv {
-                let moved = s.v_mean[i] + (s.v_free[i] - s.v[i]) * late;
-                s.v_mean[i] = R::select(lanes, moved, R::zero());
-                s.change[i] = R::select(lanes, s.v_free[i] + moved, s.v_free[i]);
+                let moved = s.work.carried[i] + (s.free_motion.v[i] - s.state.v[i]) * late;
+                s.work.carried[i] = R::select(lanes, moved, R::zero());
+                s.work.v_positions[i] = R::select(lanes, s.free_motion.v[i] + moved, s.free_motion.v[i]);
             }
         },
     );
-    s.constraints.shift(compiled, &s.smooth.mass, &mut s.v_mean, lanes);
+    s.constraints.shift(compiled, &s.free_motion.smooth.mass, &mut s.work.carried, lanes);
     lanes
 }
 
@@ -176,21 +184,21 @@ pub(crate) fn solve_impacts<R: Real>(
             break;
         }
         take_inertial_forces(compiled, scheme, s, lanes, pass == 0);
-        let again = solve(options, &s.v, lanes, &mut s.constraints, &mut s.new_contacts);
+        let again = solve(options, &s.state.v, lanes, &mut s.constraints, &mut s.evaluation.contacts);
         outcome.replace(&again, lanes);
-        integrate_velocity(compiled, &s.smooth.mass, &s.v_free, &s.constraints, &mut s.v_next);
+        integrate_velocity(compiled, &s.free_motion.smooth.mass, &s.free_motion.v, &s.constraints, &mut s.next.v);
     }
     outcome
 }
 
-/// Lanes whose velocity after the step, `v_next`, is far from that which inertial forces were taken with; of the first solution, which
+/// Lanes whose velocity after the step, `next.v`, is far from that which inertial forces were taken with; of the first solution, which
 /// took them at the mean of the velocities and not half at each, also those in which constraints made the velocity jump.
 fn jumping<R: Real>(scheme: &Scheme<R>, s: &Workspace<R>, first: bool) -> R::Mask {
     R::vectorize(
         #[inline(always)]
         || {
             let (mut jump, mut fastest, mut pushed, mut smooth) = (R::zero(), R::zero(), R::zero(), R::zero());
-            for (((&v, &free), &next), &expected) in s.v.iter().zip(&s.v_free).zip(&s.v_next).zip(&s.expected) {
+            for (((&v, &free), &next), &expected) in s.state.v.iter().zip(&s.free_motion.v).zip(&s.next.v).zip(&s.free_motion.v_expected) {
                 pushed = pushed.max((next - free).abs());
                 smooth = smooth.max((free - v).abs());
                 jump = jump.max((next - expected).abs());
@@ -203,33 +211,33 @@ fn jumping<R: Real>(scheme: &Scheme<R>, s: &Workspace<R>, first: bool) -> R::Mas
             // Equalities near singular positions change as suddenly, but nothing strikes there.
             let slots = s.constraints.slots.iter().map(|slot| slot.1).chain(s.constraints.rolling_slots.iter().map(|slot| slot.1));
             let touching = slots.fold(R::Mask::splat(false), |all, lanes| all.or(lanes));
-            touching.and(s.alive).and_not(s.unresolved).and(matters)
+            touching.and(s.alive).and_not(s.free_motion.unresolved).and(matters)
         },
     )
 }
 
-/// The free velocity of the lanes `lanes` with inertial forces at the velocity before the step and at `v_next`: half each, or until the impact and
+/// The free velocity of the lanes `lanes` with inertial forces at the velocity before the step and at `next.v`: half each, or until the impact and
 /// after it. At the `first` time, the velocity before the impact is made that of the former alone.
 fn take_inertial_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>, lanes: R::Mask, first: bool) {
     // With the forces of stage 1 as they are: what depends on the velocity in them is implicit.
-    let (forces, half) = ([&s.actuator_forces.tau[..], &s.applied], scheme.h * R::of(0.5));
+    let (forces, half) = ([&s.free_motion.actuator_forces.tau[..], &s.free_motion.applied], scheme.h * R::of(0.5));
     let times = [scheme.lead, scheme.rest].map(|time| R::select(s.impacts.lanes, time, half));
-    s.smooth.acceleration(compiled, &s.kinematics, forces, &s.v, &s.v);
-    advance(&s.v, &s.smooth.acc, times[0], &mut s.v_mean);
+    s.free_motion.smooth.acceleration(compiled, &s.evaluation.kinematics, forces, &s.state.v, &s.state.v);
+    advance(&s.state.v, &s.free_motion.smooth.acc, times[0], &mut s.work.v_half);
     let strikes = s.constraints.has_impacts;
     if strikes {
-        advance(&s.v, &s.smooth.acc, scheme.h, &mut s.before_impact);
+        advance(&s.state.v, &s.free_motion.smooth.acc, scheme.h, &mut s.work.before_impact);
     }
-    s.smooth.acceleration(compiled, &s.kinematics, forces, &s.v, &s.v_next);
-    advance(&s.v_mean, &s.smooth.acc, times[1], &mut s.change);
+    s.free_motion.smooth.acceleration(compiled, &s.evaluation.kinematics, forces, &s.state.v, &s.next.v);
+    advance(&s.work.v_half, &s.free_motion.smooth.acc, times[1], &mut s.work.v_free_again);
     if !compiled.spinners.is_empty() {
         gyroscopic::correct_spin(
             compiled,
-            &s.kinematics,
-            &s.smooth.mass,
+            &s.evaluation.kinematics,
+            &s.free_motion.smooth.mass,
             [[scheme.lead, scheme.rest], times],
-            [&s.v, &s.v_next],
-            &mut s.change,
+            [&s.state.v, &s.next.v],
+            &mut s.work.v_free_again,
         );
     }
     take_over_change(compiled, s, lanes);
@@ -239,27 +247,28 @@ fn take_inertial_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s:
             || {
                 // The rows of impacts take it as a change until the impact.
                 for i in 0..compiled.nv {
-                    s.before_impact[i] = if first { s.before_impact[i] - s.v_free[i] } else { -s.change[i] };
+                    s.work.before_impact[i] = if first { s.work.before_impact[i] - s.free_motion.v[i] } else { -s.work.free_change[i] };
                 }
             },
         );
     }
-    s.constraints.shift(compiled, &s.smooth.mass, &mut s.change, lanes);
+    s.constraints.shift(compiled, &s.free_motion.smooth.mass, &mut s.work.free_change, lanes);
     if strikes {
-        s.constraints.shift_before_impacts(compiled, &s.smooth.mass, &mut s.before_impact, lanes);
+        s.constraints.shift_before_impacts(compiled, &s.free_motion.smooth.mass, &mut s.work.before_impact, lanes);
     }
 }
 
-/// Takes over `change` as the free velocity of the lanes `lanes`, and `v_next` as the expected one; leaves by how much the former changed in `change`.
+/// Takes over `work.v_free_again` as the free velocity of the lanes `lanes`, and `next.v` as the expected one; leaves by how much the former changed in
+/// `work.free_change`.
 fn take_over_change<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>, lanes: R::Mask) {
     R::vectorize(
         #[inline(always)]
         || {
             for i in 0..compiled.nv {
-                let new = R::select(lanes, s.change[i], s.v_free[i]);
-                s.change[i] = new - s.v_free[i];
-                s.v_free[i] = new;
-                s.expected[i] = R::select(lanes, s.v_next[i], s.expected[i]);
+                let new = R::select(lanes, s.work.v_free_again[i], s.free_motion.v[i]);
+                s.work.free_change[i] = new - s.free_motion.v[i];
+                s.free_motion.v[i] = new;
+                s.free_motion.v_expected[i] = R::select(lanes, s.next.v[i], s.free_motion.v_expected[i]);
             }
         },
     );

@@ -2,13 +2,32 @@
 
 pub mod acceptance;
 pub mod corrected_forces;
+pub mod euler;
 pub mod evaluation;
 pub mod free_motion;
 pub mod impact;
 pub mod impact_set;
+pub mod implicit;
 pub mod inputs;
+pub mod midpoint;
 pub mod rk4;
 pub mod scheme;
 pub mod solution;
 pub mod step_resolution;
 pub mod workspace;
+
+use stepper_real::Real;
+
+use crate::options::{Integrator, StepSettings};
+use scheme::Scheme;
+
+/// The scheme that the options name.
+pub(crate) fn scheme<R: Real>(options: &StepSettings) -> Scheme<R> {
+    let h = R::of(options.timestep);
+    match options.integrator {
+        Integrator::Euler => euler::scheme(h),
+        Integrator::Midpoint => midpoint::scheme(h),
+        Integrator::Implicit => implicit::scheme(h),
+        Integrator::Rk4 => rk4::scheme(h),
+    }
+}

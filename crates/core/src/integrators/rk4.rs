@@ -7,10 +7,17 @@ use crate::actuation::forces::{ActuatorForces, ForceState, Implicit};
 use crate::compile::{LaneModel, ModelStructure};
 use crate::dynamics::kinematics::{Kinematics, displace};
 use crate::integrators::inputs::Inputs;
+use crate::integrators::midpoint;
+use crate::integrators::scheme::Scheme;
 use crate::math::spatial::*;
 use crate::model::JointKind;
 use crate::stages::s01_actuate::{activation_rate, actuate};
 use crate::stages::s02_smooth::Smooth;
+
+/// Steps of `h` seconds of environments with an active constraint: a midpoint step.
+pub(crate) fn scheme<R: Real>(h: R) -> Scheme<R> {
+    midpoint::scheme(h)
+}
 
 /// Room for the four stages.
 ///

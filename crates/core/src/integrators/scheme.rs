@@ -1,4 +1,4 @@
-//! A scheme of integration as numbers: where in the step everything is taken.
+//! A scheme of integration as numbers: where in the step everything is taken. Each scheme has a file beside this one.
 
 use stepper_real::{Mask, Real};
 
@@ -6,12 +6,10 @@ use crate::actuation::forces::{ForceState, ImplicitServos};
 use crate::compile::LaneModel;
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::integrators::inputs::Inputs;
-use crate::options::{Integrator, StepSettings};
 
-/// The integrator as numbers.
+/// A scheme of integration, for one time step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Scheme<R> {
-    pub(crate) integrator: Integrator,
     /// Time step, s.
     pub(crate) h: R,
     /// From the configuration before the step to that at which everything is taken, s.
@@ -24,31 +22,15 @@ pub(crate) struct Scheme<R> {
     pub(crate) weights: ImplicitWeights<R>,
     /// Where velocity-dependent forces are taken, from 0 at the velocity before the step to 1 at that after it.
     pub(crate) share: R,
+    /// Whether everything is taken in the middle of the step, with impacts at their own time.
+    pub(crate) in_the_middle: bool,
+    /// Whether springs and servos are taken ahead of the rest.
+    pub(crate) looks_ahead: bool,
     /// Whether springs and servos are implicit, and velocity-dependent forces are taken again at the velocity to be expected.
     pub(crate) corrects: bool,
 }
 
 impl<R: Real> Scheme<R> {
-    pub(crate) fn new(options: &StepSettings) -> Self {
-        let (h, half, none) = (R::of(options.timestep), R::of(0.5 * options.timestep), R::zero());
-        let share = R::of(0.5);
-        let integrator = options.integrator;
-        match integrator {
-            Integrator::Midpoint | Integrator::Rk4 => {
-                let weights = ImplicitWeights { damping: half, stiffness: half * half, step: h };
-                Self { integrator, h, lead: half, rest: half, reach: none, weights, share, corrects: true }
-            }
-            Integrator::Implicit => {
-                let weights = ImplicitWeights { damping: h, stiffness: h * h, step: none };
-                Self { integrator, h, lead: none, rest: h, reach: h, weights, share: R::one(), corrects: true }
-            }
-            Integrator::Euler => {
-                let weights = ImplicitWeights { damping: h, stiffness: none, step: none };
-                Self { integrator, h, lead: none, rest: h, reach: none, weights, share: none, corrects: false }
-            }
-        }
-    }
-
     /// The part of a gap that may close in a step: the next step is to meet the surface exactly in its middle, instead of beyond it. That is two thirds
     /// where the midpoint rule is taken at the beginning of a step; `impacts` are taken anywhere.
     pub(crate) fn closing(&self, at_beginning: R::Mask, impacts: R::Mask) -> R {
@@ -62,20 +44,20 @@ impl<R: Real> Scheme<R> {
         )
     }
 
-    /// How stage 1 takes servos. Euler's rule takes those of drive trains alone implicitly, as it does the joints' damping.
+    /// How stage 1 takes servos. A scheme that does not correct takes those of drive trains alone implicitly, as it does the joints' damping.
     pub(crate) fn servos(&self) -> Option<ImplicitServos<R>> {
         Some(ImplicitServos { weights: self.weights, all: self.corrects })
     }
 
-    /// Shares of the joints' own damping and stiffness: Euler's rule takes damping explicitly where the model asks for it.
+    /// Shares of the joints' own damping and stiffness: a scheme that does not correct takes damping explicitly where the model asks for it.
     pub(crate) fn joints(&self, compiled: &LaneModel<R>) -> ImplicitWeights<R> {
-        let explicit = compiled.explicit_damping && self.integrator == Integrator::Euler;
+        let explicit = compiled.explicit_damping && !self.corrects;
         ImplicitWeights { damping: if explicit { R::zero() } else { self.weights.damping }, ..self.weights }
     }
 
     /// The configuration at which springs and servos are taken.
     pub(crate) fn springs_at<'a>(&self, here: &'a [R], ahead: &'a [R]) -> &'a [R] {
-        if self.integrator == Integrator::Implicit { ahead } else { here }
+        if self.looks_ahead { ahead } else { here }
     }
 
     /// Where forces are taken: configurations of the step and ahead of it, velocities before the step and where what is not implicit is taken.

@@ -42,17 +42,20 @@ pub(crate) fn solve_velocities<R: Real>(
     s: &mut Workspace<R>,
     probe: impl Probe,
 ) -> Solution<R> {
-    let mut outcome = probe.span(Span::Solve, || solve(options, &s.v, s.constraints.constrained, &mut s.constraints, &mut s.new_contacts));
-    let pushed =
-        probe.span(Span::IntegrateVelocity, || integrate_velocity(compiled, &s.smooth.mass, &s.v_free, &s.constraints, &mut s.v_next));
-    if scheme.integrator.in_the_middle() {
+    let mut outcome =
+        probe.span(Span::Solve, || solve(options, &s.state.v, s.constraints.constrained, &mut s.constraints, &mut s.evaluation.contacts));
+    let pushed = probe.span(Span::IntegrateVelocity, || {
+        integrate_velocity(compiled, &s.free_motion.smooth.mass, &s.free_motion.v, &s.constraints, &mut s.next.v)
+    });
+    if scheme.in_the_middle {
         outcome = probe.span(Span::SolveImpacts, || impact::solve_impacts(compiled, options, scheme, s, outcome));
     }
     count_effort(&outcome, probe);
     probe.span(Span::IntegrateVelocity, || keep_impulse(compiled, s));
-    let solved = Solved { mass: &s.smooth.mass, contacts: &s.new_contacts, v_free: &s.v_free, h: scheme.h };
-    let infeasible = probe
-        .span(Span::Stabilise, || restrain(compiled, options, &solved, &mut s.constraints, &mut outcome, &mut s.v_mean, &mut s.v_next));
+    let solved = Solved { mass: &s.free_motion.smooth.mass, contacts: &s.evaluation.contacts, v_free: &s.free_motion.v, h: scheme.h };
+    let infeasible = probe.span(Span::Stabilise, || {
+        restrain(compiled, options, &solved, &mut s.constraints, &mut outcome, &mut s.work.correction, &mut s.next.v)
+    });
     let [undecided, guarded] = probe.span(Span::GuardEnergy, || guard_speed(compiled, options, scheme, s, outcome.residual));
     Solution { outcome, pushed, undecided, guarded, infeasible }
 }
@@ -68,11 +71,12 @@ fn guard_speed<R: Real>(
 ) -> [R::Mask; 2] {
     let undecided = undecided(options, s, residual);
     if scheme.corrects && s.constraints.constrained.any() {
-        s.unresolved = s.unresolved.or(s.alive.and(thrown(compiled, [&s.v, &s.v_free], &s.v_next, scheme.h)));
+        s.free_motion.unresolved =
+            s.free_motion.unresolved.or(s.alive.and(thrown(compiled, [&s.state.v, &s.free_motion.v], &s.next.v, scheme.h)));
     }
-    let guarded = s.unresolved.or(undecided);
+    let guarded = s.free_motion.unresolved.or(undecided);
     if guarded.any() {
-        slow_down(compiled, guarded, scheme.h, &mut s.v_next);
+        slow_down(compiled, guarded, scheme.h, &mut s.next.v);
     }
     [undecided, guarded]
 }
@@ -94,11 +98,11 @@ pub(crate) fn integrate_positions<R: Real>(
     probe: impl Probe,
 ) -> R::Mask {
     let free = !solution.pushed && !scheme.corrects;
-    let tunnelled =
-        probe.span(Span::Tunnelling, || may_have_passed(compiled, &s.kinematics, &s.v_next, free, scheme.h, s.alive, &mut s.poses));
+    let tunnelled = probe
+        .span(Span::Tunnelling, || may_have_passed(compiled, &s.evaluation.kinematics, &s.next.v, free, scheme.h, s.alive, &mut s.poses));
     probe.span(Span::IntegratePosition, || {
-        integrate_position(compiled, &s.q_eval, &s.v_next, scheme.rest, &mut s.q_next);
-        advance_activation(compiled, &s.act, &s.act_eval, &s.inputs.ctrl, scheme.h, &mut s.act_next);
+        integrate_position(compiled, &s.evaluation.q, &s.next.v, scheme.rest, &mut s.next.q);
+        advance_activation(compiled, &s.state.act, &s.evaluation.act, &s.inputs.ctrl, scheme.h, &mut s.next.act);
     });
     tunnelled
 }
@@ -116,9 +120,9 @@ pub(crate) fn correct_positions<R: Real>(
     solution.infeasible = solution.infeasible.or(infeasible);
     if let Some(rk4) = &mut s.rk4 {
         probe.span(Span::Rk4, || {
-            rk4.step(compiled, &s.kinematics, &s.inputs, [&s.q, &s.v, &s.act], scheme.h);
-            let smooth = s.alive.and_not(s.constraints.constrained.or(s.unresolved));
-            rk4.take(smooth, [&mut s.q_next, &mut s.v_next, &mut s.act_next]);
+            rk4.step(compiled, &s.evaluation.kinematics, &s.inputs, [&s.state.q, &s.state.v, &s.state.act], scheme.h);
+            let smooth = s.alive.and_not(s.constraints.constrained.or(s.free_motion.unresolved));
+            rk4.take(smooth, [&mut s.next.q, &mut s.next.v, &mut s.next.act]);
         });
     }
 }
@@ -126,18 +130,26 @@ pub(crate) fn correct_positions<R: Real>(
 /// Corrects the positions after the step. Returns the lanes in which demands cannot be met.
 fn stabilise_positions<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, scheme: &Scheme<R>, s: &mut Workspace<R>) -> R::Mask {
     let impacts = impact::carry_positions(compiled, scheme, s);
-    let v_free = if impacts.any() { &s.change } else { &s.v_free };
-    let work = [&mut s.v_mean[..], &mut s.q_eval[..]];
-    let solved = Solved { mass: &s.smooth.mass, contacts: &s.new_contacts, v_free, h: scheme.h };
-    stabilise(compiled, options, &solved, &mut s.constraints, &s.v_next, work, &mut s.q_next)
+    let v_free = if impacts.any() { &s.work.v_positions } else { &s.free_motion.v };
+    let work = [&mut s.work.correction[..], &mut s.work.q_corrected[..]];
+    let solved = Solved { mass: &s.free_motion.smooth.mass, contacts: &s.evaluation.contacts, v_free, h: scheme.h };
+    stabilise(compiled, options, &solved, &mut s.constraints, &s.next.v, work, &mut s.next.q)
 }
 
 /// Keeps the energy of guarded lanes from growing.
 pub(crate) fn guard_energy<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>, solution: &Solution<R>) {
     if solution.guarded.any() {
-        let (before, after) = ([&s.q[..], &s.v[..]], [&s.q_next[..], &s.v_next[..]]);
-        s.step_resolution.keep_energy(compiled, &s.kinematics, solution.guarded, before, after, &s.v_free, &mut s.v_mean);
-        std::mem::swap(&mut s.v_next, &mut s.v_mean);
+        let (before, after) = ([&s.state.q[..], &s.state.v[..]], [&s.next.q[..], &s.next.v[..]]);
+        s.step_resolution.keep_energy(
+            compiled,
+            &s.evaluation.kinematics,
+            solution.guarded,
+            before,
+            after,
+            &s.free_motion.v,
+            &mut s.work.v_guarded,
+        );
+        std::mem::swap(&mut s.next.v, &mut s.work.v_guarded);
     }
 }
 
@@ -149,7 +161,7 @@ pub(crate) fn record<R: Real>(
     solution: &Solution<R>,
     [finite, tunnelled]: [R::Mask; 2],
 ) -> Record<R> {
-    let (depth, overshoot) = (depth(&s.constraints, &s.contacts, finite), limit_overshoot(compiled, &s.q));
+    let (depth, overshoot) = (depth(&s.constraints, &s.state.contacts, finite), limit_overshoot(compiled, &s.state.q));
     let residual = solution.outcome.residual;
     Record {
         residual,
@@ -161,8 +173,8 @@ pub(crate) fn record<R: Real>(
         not_converged: solution.undecided.or(s.alive.and_not(residual.le(R::of(options.tolerance)))),
         infeasible: s.alive.and(solution.infeasible),
         non_finite: s.alive.and_not(finite),
-        contacts_full: s.contacts.full,
-        unresolved: s.unresolved,
+        contacts_full: s.state.contacts.full,
+        unresolved: s.free_motion.unresolved,
         tunnelled,
     }
 }

@@ -1,4 +1,4 @@
-//! State of a group of lanes while it steps, and room to work.
+//! What a step reads and makes, by who makes it, and room to work.
 
 use stepper_real::{Mask, Real};
 
@@ -18,107 +18,207 @@ use crate::math::spatial::*;
 use crate::options::{Integrator, StepSettings};
 use crate::stages::s02_smooth::Smooth;
 
-/// State of a group of lanes while it steps, and room to work. Made once per thread, used for every group.
+/// State of a group of lanes: with the scalar impulses of the constraints, all that a step hands to the next.
+#[derive(Clone, Debug)]
+pub(crate) struct State<R: Real> {
+    /// Configuration, nq.
+    pub(crate) q: Vec<R>,
+    /// Velocity, nv.
+    pub(crate) v: Vec<R>,
+    /// Activations, na.
+    pub(crate) act: Vec<R>,
+    /// Contacts of the last step: the warm start of the next.
+    pub(crate) contacts: Contacts<R>,
+    /// Impulse of all constraints of the last step on the joints, nv, if a servo's bounds ask for it.
+    pub(crate) impulse: Vec<R>,
+}
+
+/// Where a scheme takes the step.
+#[derive(Clone, Debug)]
+pub(crate) struct Evaluation<R: Real> {
+    /// Configuration at which everything is taken, nq.
+    pub(crate) q: Vec<R>,
+    /// Configuration ahead of it, at which the implicit rule takes springs and servos, nq.
+    pub(crate) q_ahead: Vec<R>,
+    /// Activations at which forces are taken, na.
+    pub(crate) act: Vec<R>,
+    /// Poses at `q`.
+    pub(crate) kinematics: Kinematics<R>,
+    /// Contacts at `q`.
+    pub(crate) contacts: Contacts<R>,
+}
+
+/// Motion without constraints, and the forces that make it.
+#[derive(Clone, Debug)]
+pub(crate) struct FreeMotion<R: Real> {
+    /// Mass matrix, bias forces and acceleration.
+    pub(crate) smooth: Smooth<R>,
+    /// Forces of actuators and springs.
+    pub(crate) actuator_forces: ActuatorForces<R>,
+    /// Generalized forces that the user applies, nv.
+    pub(crate) applied: Vec<R>,
+    /// Velocity after the step without constraints, nv.
+    pub(crate) v: Vec<R>,
+    /// Velocity after the step with which inertial forces are taken, nv.
+    pub(crate) v_expected: Vec<R>,
+    /// Lanes whose motion the time step does not resolve.
+    pub(crate) unresolved: R::Mask,
+}
+
+/// State after the step; afterwards room for the one after the next.
+#[derive(Clone, Debug)]
+pub(crate) struct NextState<R: Real> {
+    /// Configuration, nq.
+    pub(crate) q: Vec<R>,
+    /// Velocity, nv.
+    pub(crate) v: Vec<R>,
+    /// Activations, na.
+    pub(crate) act: Vec<R>,
+}
+
+/// Room to work: each buffer is named by what is in it. Nothing here outlives the function that fills it and those that it calls, except where that is
+/// said.
+#[derive(Clone, Debug)]
+pub(crate) struct Work<R: Real> {
+    /// Change of the velocity by the impulses of constraints, nv.
+    pub(crate) impulse_change: Vec<R>,
+    /// Change of the velocity that servos reckon with, nv.
+    pub(crate) expected_change: Vec<R>,
+    /// Impulses on the joints, nv.
+    pub(crate) impulse: Vec<R>,
+    /// Velocity at which velocity-dependent forces are taken, nv.
+    pub(crate) v_mean: Vec<R>,
+    /// The same, where inertial forces are left out in some lanes, nv.
+    pub(crate) v_forces: Vec<R>,
+    /// Free velocity with forces that were taken again, nv.
+    pub(crate) v_free_again: Vec<R>,
+    /// Its difference from that before, nv.
+    pub(crate) free_change: Vec<R>,
+    /// Free velocity in the middle of an impact, nv.
+    pub(crate) v_half: Vec<R>,
+    /// Velocity before impacts, or its change, nv.
+    pub(crate) before_impact: Vec<R>,
+    /// Velocity by which positions lack what went on from the time of an impact, nv.
+    pub(crate) carried: Vec<R>,
+    /// Free velocity with which stage 8 solves for the positions of lanes with impacts, nv: from [`super::impact::carry_positions`] to stage 8.
+    pub(crate) v_positions: Vec<R>,
+    /// Velocity of the correction of positions, nv.
+    pub(crate) correction: Vec<R>,
+    /// Corrected configuration, nq.
+    pub(crate) q_corrected: Vec<R>,
+    /// Velocity of lanes whose energy is kept from growing, nv.
+    pub(crate) v_guarded: Vec<R>,
+}
+
+/// All that a step works on. Made once per thread, used for every group.
 #[derive(Clone, Debug)]
 pub struct Workspace<R: Real> {
-    /// Configuration.
-    pub q: Vec<R>,
-    /// Velocity.
-    pub v: Vec<R>,
-    /// Activations.
-    pub act: Vec<R>,
-    /// Contacts of the last step: the warm start of the next.
-    pub contacts: Contacts<R>,
-    /// Constraints, and the impulses of limits and dry friction of the last step.
-    pub constraints: Constraints<R>,
-    /// Impulse of all constraints of the last step on the joints, if a servo's bounds ask for it.
-    pub impulse: Vec<R>,
-    /// Lanes that are environments.
-    pub alive: R::Mask,
-    /// Whether all of the above is the state of the group that is worked on: then it need not be loaded again.
-    pub(crate) current: bool,
-    /// Poses at which the dynamics are taken.
-    pub kinematics: Kinematics<R>,
+    pub(crate) state: State<R>,
     pub(crate) inputs: Inputs<R>,
+    pub(crate) evaluation: Evaluation<R>,
+    pub(crate) free_motion: FreeMotion<R>,
+    /// Constraint problem and its solution, and the impulses of limits and dry friction of the last step.
+    pub(crate) constraints: Constraints<R>,
+    pub(crate) next: NextState<R>,
+    pub(crate) work: Work<R>,
+    /// Lanes that are environments.
+    pub(crate) alive: R::Mask,
+    /// Whether the state is that of the group that is worked on: then it need not be loaded again.
+    pub(crate) current: bool,
     /// Controls as the user gave them, nu; drive trains make `inputs` of them.
     pub(crate) given: Vec<R>,
     /// Ways of the mocap bodies during this call, and the time of it that has passed, s.
     pub(crate) mocap_trajectories: Vec<MocapTrajectory<R>>,
     pub(crate) elapsed: f64,
-    pub(crate) new_contacts: Contacts<R>,
-    pub(crate) smooth: Smooth<R>,
-    pub(crate) v_free: Vec<R>,
+    /// Poses of the geoms, and what collision detection remembers.
     pub(crate) poses: GeomPoses<R>,
-    pub(crate) rk4: Option<Rk4<R>>,
-    pub(crate) actuator_forces: ActuatorForces<R>,
-    pub(crate) applied: Vec<R>,
-    pub(crate) q_eval: Vec<R>,
-    pub(crate) q_ahead: Vec<R>,
-    pub(crate) v_mean: Vec<R>,
-    pub(crate) act_eval: Vec<R>,
-    /// Velocity after the step with which inertial forces are taken.
-    pub(crate) expected: Vec<R>,
-    pub(crate) change: Vec<R>,
-    /// Impacts of the step, and room for the velocity before them.
+    /// Impacts of the step.
     pub(crate) impacts: Impacts<R>,
-    pub(crate) before_impact: Vec<R>,
+    /// Room of the guard of the energy.
     pub(crate) step_resolution: StepResolution<R>,
-    pub(crate) unresolved: R::Mask,
-    pub(crate) q_next: Vec<R>,
-    pub(crate) v_next: Vec<R>,
-    pub(crate) act_next: Vec<R>,
+    /// Room of the Runge-Kutta scheme, where it is used.
+    pub(crate) rk4: Option<Rk4<R>>,
 }
 
 impl<R: Real> Workspace<R> {
     /// Room for a compiled model.
     pub fn new(compiled: &LaneModel<R>, options: &StepSettings, max_contacts: usize) -> Self {
         let zeros = |n: usize| vec![R::zero(); n];
+        let [q, v, act] = [compiled.nq, compiled.nv, compiled.na].map(|n| move || vec![R::zero(); n]);
+        let contacts = || Contacts::new(max_contacts).with_torques(compiled.has_rolling_friction);
         Self {
-            q: zeros(compiled.nq),
-            v: zeros(compiled.nv),
-            act: zeros(compiled.na),
-            contacts: Contacts::new(max_contacts).with_torques(compiled.has_rolling_friction),
-            constraints: Constraints::new(compiled, max_contacts),
-            impulse: zeros(if compiled.servos_are_bounded { compiled.nv } else { 0 }),
-            alive: R::Mask::splat(true),
-            current: false,
-            kinematics: Kinematics::new(compiled),
+            state: State {
+                q: q(),
+                v: v(),
+                act: act(),
+                contacts: contacts(),
+                impulse: zeros(if compiled.servos_are_bounded { compiled.nv } else { 0 }),
+            },
             inputs: Inputs {
                 ctrl: zeros(compiled.actuators.len()),
                 actuator_dynamics: vec![ActuatorDynamics::default(); compiled.actuator_dynamics],
                 qfrc: Vec::with_capacity(compiled.nv),
                 xfrc: Vec::with_capacity(6 * compiled.bodies.len()),
             },
+            evaluation: Evaluation { q: q(), q_ahead: q(), act: act(), kinematics: Kinematics::new(compiled), contacts: contacts() },
+            free_motion: FreeMotion {
+                smooth: Smooth::new(compiled),
+                actuator_forces: ActuatorForces::new(compiled),
+                applied: v(),
+                v: v(),
+                v_expected: v(),
+                unresolved: R::Mask::splat(false),
+            },
+            constraints: Constraints::new(compiled, max_contacts),
+            next: NextState { q: q(), v: v(), act: act() },
+            work: Work {
+                impulse_change: v(),
+                expected_change: v(),
+                impulse: v(),
+                v_mean: v(),
+                v_forces: v(),
+                v_free_again: v(),
+                free_change: v(),
+                v_half: v(),
+                before_impact: v(),
+                carried: v(),
+                v_positions: v(),
+                correction: v(),
+                q_corrected: q(),
+                v_guarded: v(),
+            },
+            alive: R::Mask::splat(true),
+            current: false,
             given: zeros(compiled.actuators.len()),
             mocap_trajectories: compiled.mocap.iter().map(|m| MocapTrajectory::at(splat(m.pos), splat(m.quat))).collect(),
             elapsed: 0.0,
-            new_contacts: Contacts::new(max_contacts).with_torques(compiled.has_rolling_friction),
-            smooth: Smooth::new(compiled),
-            v_free: zeros(compiled.nv),
             poses: GeomPoses::new(compiled),
-            rk4: (options.integrator == Integrator::Rk4).then(|| Rk4::new(compiled)),
-            actuator_forces: ActuatorForces::new(compiled),
-            applied: zeros(compiled.nv),
-            q_eval: zeros(compiled.nq),
-            q_ahead: zeros(compiled.nq),
-            v_mean: zeros(compiled.nv),
-            act_eval: zeros(compiled.na),
-            expected: zeros(compiled.nv),
-            change: zeros(compiled.nv),
             impacts: Impacts::new(compiled),
-            before_impact: zeros(compiled.nv),
             step_resolution: StepResolution::new(compiled),
-            unresolved: R::Mask::splat(false),
-            q_next: zeros(compiled.nq),
-            v_next: zeros(compiled.nv),
-            act_next: zeros(compiled.na),
+            rk4: (options.integrator == Integrator::Rk4).then(|| Rk4::new(compiled)),
         }
     }
-}
 
-impl<R: Real> Workspace<R> {
     /// Takes up parameters that are read before a step: where the geoms of the world are.
     pub(crate) fn update_static_poses(&mut self, compiled: &LaneModel<R>) {
         self.poses.update_static_poses(compiled);
+    }
+
+    /// Makes NaN of everything that a step is to make before it reads it, in debug builds and unit tests: a number of the step before would pass for one of
+    /// this step (as Drake's `icf_data.h` does).
+    pub(crate) fn poison(&mut self) {
+        if !cfg!(any(test, debug_assertions)) {
+            return;
+        }
+        let Self { evaluation, free_motion, next, work, .. } = self;
+        let Work { impulse_change, expected_change, impulse, v_mean, v_forces, v_free_again, free_change, .. } = work;
+        let Work { v_half, before_impact, carried, v_positions, correction, q_corrected, v_guarded, .. } = work;
+        let made = [
+            [&mut evaluation.q, &mut evaluation.q_ahead, &mut evaluation.act, &mut free_motion.applied, &mut free_motion.v],
+            [&mut free_motion.v_expected, &mut next.q, &mut next.v, &mut next.act, impulse_change],
+            [expected_change, impulse, v_mean, v_forces, v_free_again],
+            [free_change, v_half, before_impact, carried, v_positions],
+        ];
+        made.into_iter().flatten().chain([correction, q_corrected, v_guarded]).for_each(|buffer| buffer.fill(R::of(f64::NAN)));
     }
 }

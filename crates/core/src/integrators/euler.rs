@@ -1,0 +1,16 @@
+//! Euler's rule, semi-implicit: everything at the configuration before the step, then q+ = q (+) h v+.
+//!
+//! First order. The joints' damping is implicit, and so are springs and dampers of tendons; all other forces are taken at the velocity before the
+//! step, as in MuJoCo's `Euler`.
+
+use stepper_real::Real;
+
+use crate::dynamics::implicit_weights::ImplicitWeights;
+use crate::integrators::scheme::Scheme;
+
+/// Steps of `h` seconds.
+pub(crate) fn scheme<R: Real>(h: R) -> Scheme<R> {
+    let none = R::zero();
+    let weights = ImplicitWeights { damping: h, stiffness: none, step: none };
+    Scheme { h, lead: none, rest: h, reach: none, weights, share: none, in_the_middle: false, looks_ahead: false, corrects: false }
+}

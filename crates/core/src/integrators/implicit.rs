@@ -1,0 +1,15 @@
+//! Euler's rule with springs, dampers and servos at the end of the step, and velocity-dependent forces at the velocity to be expected there.
+//!
+//! First order, and L-stable in springs and dampers (backward Euler): it takes energy out of what it cannot resolve.
+
+use stepper_real::Real;
+
+use crate::dynamics::implicit_weights::ImplicitWeights;
+use crate::integrators::scheme::Scheme;
+
+/// Steps of `h` seconds.
+pub(crate) fn scheme<R: Real>(h: R) -> Scheme<R> {
+    let none = R::zero();
+    let weights = ImplicitWeights { damping: h, stiffness: h * h, step: none };
+    Scheme { h, lead: none, rest: h, reach: h, weights, share: R::one(), in_the_middle: false, looks_ahead: true, corrects: true }
+}

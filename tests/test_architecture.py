@@ -52,10 +52,10 @@ FACE = {"devices", "_pickles"}
 
 
 def dependencies(crate: str) -> set[str]:
-    """Crates of this workspace that a crate uses, also in its tests and its build."""
+    """Other crates of this workspace that a crate uses, also in its tests and its build."""
     manifest = tomllib.loads((ROOT / "crates" / crate / "Cargo.toml").read_text())
     names = {name for table in ("dependencies", "dev-dependencies", "build-dependencies") for name in manifest.get(table, {})}
-    return {name.removeprefix("stepper-") for name in names if name.startswith("stepper-")}
+    return {name.removeprefix("stepper-") for name in names if name.startswith("stepper-")} - {crate}
 
 
 def code(file: Path) -> str:
@@ -68,6 +68,13 @@ def code(file: Path) -> str:
 ])  # fmt: skip
 def test_crates_depend_one_way(crate, allowed):
     assert dependencies(crate) <= allowed
+
+
+def test_the_bindings_use_what_every_user_sees():
+    manifest = tomllib.loads((ROOT / "crates/python/Cargo.toml").read_text())
+    assert manifest["dependencies"]["stepper-core"] == {"workspace": True}
+    for file in (ROOT / "crates/python/src").rglob("*.rs"):
+        assert "internals" not in code(file), file
 
 
 def test_every_crate_has_its_place():

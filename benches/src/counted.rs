@@ -3,7 +3,7 @@
 use std::cell::Cell;
 use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
-use stepper_core::probe::Span;
+use stepper_core::internals::probe::Span;
 use stepper_real::Real;
 
 use crate::recorder::READINGS;
@@ -163,7 +163,7 @@ mod tests {
     fn a_dot_product_is_five_sums_and_its_root_a_division() {
         let a = [1.0, 2.0, 2.0].map(Counted::splat);
         let mut length = Counted::zero();
-        let done = record(operations, || length = stepper_core::math::spatial::norm(a));
+        let done = record(operations, || length = stepper_core::internals::math::spatial::norm(a));
         assert_eq!(done.unaccounted.readings, [5.0, 1.0, 0.0]);
         assert_eq!(length.0, 3.0);
     }

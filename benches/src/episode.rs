@@ -1,8 +1,7 @@
 //! A batch of environments that goes the same way every time.
 
-use stepper_core::batch::worker::{Stepped, Worker, WorkerSpec, desk};
-use stepper_core::batch::{Field, StepInputs};
-use stepper_core::{Level, Options, Precision, SavedState, Simulation};
+use stepper_core::internals::batch::worker::{Stepped, Worker, WorkerMakers, WorkerSpec, lane_worker};
+use stepper_core::{Field, Level, Options, Precision, SavedState, Simulation, StepInputs};
 
 use crate::clock::Run;
 use crate::counted::Counted;
@@ -54,11 +53,7 @@ impl Episode {
 
     /// Puts a [`Recorder`] into the steps from now on.
     pub fn probe(mut self) -> Self {
-        if let Some(batch) = self.simulation.batch_mut::<f64>() {
-            batch.set_workers(recorded::<f64>);
-        } else if let Some(batch) = self.simulation.batch_mut::<f32>() {
-            batch.set_workers(recorded::<f32>);
-        }
+        self.simulation.set_workers(&WorkerMakers { f64: recorded::<f64>, f32: recorded::<f32> });
         self
     }
 
@@ -68,7 +63,8 @@ impl Episode {
     /// When the environment is in 32 bits.
     pub fn probe_operations(mut self) -> Self {
         assert_eq!(self.simulation.num_envs(), 1, "operations are counted in one environment");
-        self.simulation.batch_mut::<f64>().expect("an environment in 64 bits").set_workers(counted);
+        assert_eq!(self.simulation.precision(), Precision::F64, "operations are counted in 64 bits");
+        self.simulation.set_workers(&WorkerMakers { f64: counted, f32: recorded::<f32> });
         self
     }
 
@@ -96,7 +92,7 @@ fn recorded<S: Stepped>(spec: &WorkerSpec<'_, S>, lanes: usize, level: Level) ->
 }
 
 fn counted(spec: &WorkerSpec<'_, f64>, _: usize, _: Level) -> Box<dyn Worker<f64>> {
-    desk::<Counted>(spec, Recorder)
+    lane_worker::<Counted>(spec, Recorder)
 }
 
 impl Run for Episode {

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::hint::black_box;
 use std::time::Instant;
 
-use stepper_core::probe::{Counter, Probe, Span};
+use stepper_core::internals::probe::{Counter, Probe, Span};
 
 /// Numbers that a meter reads at once.
 pub const READINGS: usize = 3;

@@ -6,10 +6,9 @@ use stepper_benches::episode::{Episode, lanes, single};
 use stepper_benches::peers::{Course, Engine, Ours, Rapier, Setting, answer, errors};
 use stepper_benches::recorder::nanoseconds;
 use stepper_benches::scenes::{Scene, ant, humanoid};
-use stepper_core::batch::{Field, StepInputs};
+use stepper_core::internals::probe::{Counter, Span};
 use stepper_core::model::{Model, Shape};
-use stepper_core::probe::{Counter, Span};
-use stepper_core::{Certificate, Integrator, Level, Options, Precision, Simulation, Status};
+use stepper_core::{Certificate, Field, Integrator, Level, Options, Precision, Simulation, Status, StepInputs};
 
 fn shapes(model: &Model) -> [usize; 3] {
     let count = |is: fn(&Shape) -> bool| model.geoms.iter().filter(|g| is(&g.shape)).count();

@@ -10,10 +10,9 @@ use stepper_benches::counted::operations;
 use stepper_benches::episode::{Episode, InTurn, single};
 use stepper_benches::recorder::{Recording, Row, nanoseconds, own_cost};
 use stepper_benches::scenes::{Scene, chain};
-use stepper_core::batch::StepInputs;
+use stepper_core::internals::probe::Counter;
 use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
-use stepper_core::probe::Counter;
-use stepper_core::{Level, Options, Precision, Simulation};
+use stepper_core::{Level, Options, Precision, Simulation, StepInputs};
 use stepper_real::{Real, at_level};
 
 /// Repeats of everything: of each call the fastest counts, of a whole step the median.

@@ -10,8 +10,8 @@ use stepper_benches::episode::{Episode, single};
 use stepper_benches::recorder::{READINGS, record};
 use stepper_benches::report::rustc;
 use stepper_benches::scenes::Scene;
-use stepper_core::batch::StepInputs;
-use stepper_core::probe::Span;
+use stepper_core::StepInputs;
+use stepper_core::internals::probe::Span;
 use stepper_core::{Level, Precision};
 
 const USAGE: &str = "usage: instructions [--save [FILE]] [--against FILE]

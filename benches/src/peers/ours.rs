@@ -2,10 +2,9 @@
 
 use std::sync::Arc;
 
-use stepper_core::batch::{Field, StepInputs};
-use stepper_core::dynamics::kinematics::Kinematics;
+use stepper_core::internals::dynamics::kinematics::Kinematics;
 use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
-use stepper_core::{Integrator, Level, Options, Precision, SavedState, Simulation};
+use stepper_core::{Field, Integrator, Level, Options, Precision, SavedState, Simulation, StepInputs};
 
 use super::{BOX_FRICTION, BOX_HALF, BOX_SPEED, Course, Engine};
 use crate::clock::Run;
@@ -65,8 +64,7 @@ impl Engine for Ours {
     }
 
     fn energy(&self) -> f64 {
-        let (potential, kinetic) =
-            self.simulation.snapshot(0, &StepInputs::default()).expect("no inputs").energy(self.simulation.compiled());
+        let (potential, kinetic) = self.simulation.snapshot(0, &StepInputs::default()).expect("no inputs").energy();
         potential + kinetic
     }
 

@@ -159,7 +159,7 @@ pub enum Error {
     },
     /// A state of the same model that does not fit: another number of environments, other sensors or drives, damaged contents.
     #[error("this state does not fit: {0}")]
-    StateMisfit(String),
+    StateMisfit(StateMisfit),
     /// An error model that a sensor cannot have, with the sensor's name.
     #[error("{0}")]
     Sensor(String),
@@ -178,14 +178,51 @@ pub enum Error {
         bytes_per_env: usize,
     },
     /// Threads that the system refuses to start.
-    #[error("{0}")]
-    Threads(String),
+    #[error("{threads} threads cannot be started ({reason}); make threads smaller")]
+    Threads {
+        /// Threads that were asked for, the one that calls among them.
+        threads: usize,
+        /// What the system says.
+        reason: String,
+    },
     /// A CPU level, asked for by the environment variable `STEPPER_CPU_LEVEL`, that there is not.
     #[error(transparent)]
     Level(#[from] LevelError),
     /// A model that cannot be used, or parameters that make no model.
     #[error(transparent)]
     Model(#[from] ModelError),
+}
+
+/// Why a state of the same model and precision cannot be taken over.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum StateMisfit {
+    /// Contents that this version does not read.
+    #[error("not readable by this version, though undamaged: {0}")]
+    Unreadable(String),
+    /// Contents with so many bytes behind them.
+    #[error("not readable by this version, though undamaged: {0} bytes too many")]
+    TooManyBytes(usize),
+    /// A state of another number of environments.
+    #[error("a state of {found} environments, this stepper has {must}; give one of as many, or of one for all")]
+    NumEnvs {
+        /// Environments of the state.
+        found: usize,
+        /// Environments of the simulation.
+        must: usize,
+    },
+    /// Arrays of other lengths.
+    #[error("a state with other sensors or actuators, or another max_contacts")]
+    Shape,
+    /// A position, velocity, activation or time that is infinite or NaN.
+    #[error("a number of qpos, qvel, act or time is not finite: the bytes are damaged")]
+    NotFinite,
+    /// Contacts of geoms that do not meet in this model.
+    #[error("its contacts belong to no pair of this model: the bytes are damaged")]
+    Contacts,
+    /// Delay lines that are longer than this model's.
+    #[error("its delay lines have a sample that this model's do not: the bytes are damaged")]
+    DelayLines,
 }
 
 /// The first digits of a digest, which tell models apart.

@@ -63,54 +63,41 @@
 //! serde, postcard and sha2 are not optional: models and states are bytes with a checksum, and every state carries the digest of its model, without
 //! which a state of another model could not be refused.
 //!
-//! # What is public
-//!
-//! What this page lists. Other modules can be reached from the benches and tests of this workspace, are hidden here, and change without notice: one
-//! step is ten `stages`, which `step::step` reads aloud.
+//! - `internals` (off by default) adds the module `internals`, and what else the benches and tests of this workspace ask of it. It changes without
+//!   notice. The step that it takes apart is ten `stages`, which `step::step` reads aloud.
+
+// The workspace is linted with the feature; without it, most of what is public to benches and tests is not to others.
+#![cfg_attr(not(feature = "internals"), allow(unreachable_pub))]
 
 // Scenes of the integration tests name the crate.
 #[cfg(test)]
 extern crate self as stepper_core;
 
-#[doc(hidden)]
-pub mod actuation;
+mod actuation;
 pub mod analysis;
-#[doc(hidden)]
-pub mod batch;
-#[doc(hidden)]
-pub mod collision;
-#[doc(hidden)]
-pub mod compile;
-#[doc(hidden)]
-pub mod constraints;
-#[doc(hidden)]
-pub mod dynamics;
+mod batch;
+mod collision;
+mod compile;
+mod constraints;
+mod dynamics;
 mod error;
-#[doc(hidden)]
-pub mod geometry;
-#[doc(hidden)]
-pub mod integrators;
-#[doc(hidden)]
-pub mod math;
+mod geometry;
+mod integrators;
+mod math;
 pub mod model;
-#[doc(hidden)]
-pub mod options;
-#[doc(hidden)]
-pub mod probe;
-#[doc(hidden)]
-pub mod sensing;
-#[doc(hidden)]
-pub mod stages;
-#[doc(hidden)]
-pub mod step;
+mod options;
+mod probe;
+mod sensing;
+mod stages;
+mod step;
 
 pub use actuation::{ActuatorSpec, Motor, Servo};
 pub use analysis::quantities::Snapshot;
-pub use batch::rollout;
+pub use batch::WorstRow;
+pub use batch::inputs::{AppliedInput, Episode, Field, StateRows, StepInputs};
 pub use batch::saved_state::SavedState;
-pub use batch::simulation::{BodyPose, Certificate, Contact, Simulation};
-pub use batch::{Field, StepInputs, WorstRow};
-pub use error::Error;
+pub use batch::simulation::{ActuatorNumbers, BodyPose, Certificate, Contact, Simulation};
+pub use error::{Error, StateMisfit};
 pub use math::precision::Precision;
 pub use model::{Model, ModelError, Parameter};
 #[cfg(feature = "nalgebra")]
@@ -119,3 +106,56 @@ pub use options::{Integrator, Options, Solver, Stabilization};
 pub use sensing::errors::Transfer;
 pub use stages::s10_record::Status;
 pub use stepper_real::{Level, LevelError};
+
+/// What [`Simulation::rollout`] writes down, and where to.
+pub mod rollout {
+    pub use crate::batch::rollout::{Numbers, Quantity, Recording};
+}
+
+/// What benches and tests of this workspace take apart; it changes without notice.
+#[cfg(feature = "internals")]
+#[doc(hidden)]
+pub mod internals {
+    pub mod actuation {
+        pub use crate::actuation::*;
+    }
+    pub mod batch {
+        pub use crate::batch::*;
+    }
+    pub mod collision {
+        pub use crate::collision::*;
+    }
+    pub mod compile {
+        pub use crate::compile::*;
+    }
+    pub mod constraints {
+        pub use crate::constraints::*;
+    }
+    pub mod dynamics {
+        pub use crate::dynamics::*;
+    }
+    pub mod geometry {
+        pub use crate::geometry::*;
+    }
+    pub mod integrators {
+        pub use crate::integrators::*;
+    }
+    pub mod math {
+        pub use crate::math::*;
+    }
+    pub mod options {
+        pub use crate::options::*;
+    }
+    pub mod probe {
+        pub use crate::probe::*;
+    }
+    pub mod sensing {
+        pub use crate::sensing::*;
+    }
+    pub mod stages {
+        pub use crate::stages::*;
+    }
+    pub mod step {
+        pub use crate::step::*;
+    }
+}

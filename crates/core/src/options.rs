@@ -65,7 +65,7 @@ pub struct Options {
     /// Solver.
     pub solver: Solver,
     /// Sweeps of the solver at the most, and Newton steps at the most for each island of an environment; [`Solver::Auto`] makes no more than
-    /// [`AUTO_SWEEPS`] of the former.
+    /// 50 of the former.
     pub iterations: u32,
     /// Residual at which the solver stops, m/s; `None` is [`Precision::tolerance`].
     pub tolerance: Option<f64>,
@@ -88,7 +88,7 @@ pub struct Options {
 /// Measured on 128 humanoids under random control, then left to rest (microseconds of an environment's step on one core; sweeps alone: 5.2,
 /// 9.9): 12 sweeps 6.8, 22.1; 20 sweeps 6.4, 15.9; 30 sweeps 5.9, 13.1; 50 sweeps 5.8, 14.8, and the fewest unsolved. A sweep serves eight lanes
 /// at once, a Newton step one, and costs as much as ten of them.
-pub const AUTO_SWEEPS: u32 = 50;
+const AUTO_SWEEPS: u32 = 50;
 /// Sweeps before [`Solver::Newton`] begins: they find out which contacts hold, for less than a Newton step.
 const NEWTON_SWEEPS: u32 = 2;
 

@@ -12,6 +12,8 @@ macro_rules! reported {
             $($(#[$doc])* $variant,)+
         }
 
+        // Reports are of the benches.
+        #[cfg(feature = "internals")]
         impl $name {
             /// All of them, in the order of a step.
             pub const ALL: &[Self] = &[$(Self::$variant,)+];
@@ -116,6 +118,7 @@ reported! {
     }
 }
 
+#[cfg(feature = "internals")]
 impl Counter {
     /// Whether the lanes of a group share what is counted; else its environments are added up.
     pub const fn is_shared(self) -> bool {

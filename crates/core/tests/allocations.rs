@@ -6,8 +6,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 use common::{action, errors, start, trains, walker};
-use stepper_core::batch::{Field, StepInputs};
-use stepper_core::{Integrator, Level, Options, Precision, Simulation, Solver, Stabilization};
+use stepper_core::{Field, Integrator, Level, Options, Precision, Simulation, Solver, Stabilization, StepInputs};
 
 thread_local! {
     static COUNT: Cell<usize> = const { Cell::new(0) };

@@ -3,8 +3,7 @@
 mod common;
 
 use common::{action, bits, start, walker};
-use stepper_core::batch::{Field, StepInputs};
-use stepper_core::{Options, Precision, SavedState, Simulation, Status};
+use stepper_core::{Field, Options, Precision, SavedState, Simulation, Status, StepInputs};
 
 fn simulation(n: usize, options: Options) -> Simulation {
     let model = walker();

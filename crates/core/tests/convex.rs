@@ -8,8 +8,8 @@ use std::sync::Arc;
 
 use proptest::prelude::*;
 use shapes::{simple, unit, vector};
-use stepper_core::geometry::{ConvexShape, Hull, Manifold, Pose, Room, collide, distance};
-use stepper_core::math::spatial::*;
+use stepper_core::internals::geometry::{ConvexShape, Hull, Manifold, Pose, Room, collide, distance};
+use stepper_core::internals::math::spatial::*;
 
 type V = V3<f64>;
 
@@ -82,7 +82,7 @@ fn by_search(a: &ConvexShape, pa: &Pose, b: &ConvexShape, pb: &Pose) -> f64 {
         let (mut n, mut best, mut step) = (start, s(start), 0.1);
         let mut turn: f64 = 0.3;
         while step > 1e-9 {
-            let axes = stepper_core::math::spatial::contact_frame(n);
+            let axes = stepper_core::internals::math::spatial::contact_frame(n);
             turn += 1.1;
             let tries = (0..8).map(|k| {
                 let x = turn + std::f64::consts::FRAC_PI_4 * f64::from(k);

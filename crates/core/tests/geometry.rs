@@ -2,8 +2,8 @@
 
 use proptest::prelude::*;
 
-use stepper_core::collision::pairs::{Segment, plane_box, plane_sphere, segments};
-use stepper_core::math::spatial::*;
+use stepper_core::internals::collision::pairs::{Segment, plane_box, plane_sphere, segments};
+use stepper_core::internals::math::spatial::*;
 
 fn vector(size: f64) -> impl Strategy<Value = V3<f64>> {
     prop::array::uniform3(-size..size)

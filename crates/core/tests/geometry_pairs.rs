@@ -5,11 +5,11 @@ mod shapes;
 
 use proptest::prelude::*;
 use shapes::{Body, ball, capsule, cases, cuboid, cylinder, ellipsoid, is_distance, turn, unit, vector};
-use stepper_core::collision::contact_set::ContactPoint;
-use stepper_core::collision::pairs::{
+use stepper_core::internals::collision::contact_set::ContactPoint;
+use stepper_core::internals::collision::pairs::{
     capsule_box, cylinder_rims, plane_ellipsoid, plane_point, segments, sphere_box, sphere_cylinder, sphere_ellipsoid,
 };
-use stepper_core::math::spatial::*;
+use stepper_core::internals::math::spatial::*;
 
 /// The contacts that a kernel finds.
 fn contacts(a: &Body, b: &Body) -> Vec<ContactPoint<f64>> {
@@ -78,7 +78,7 @@ proptest! {
         }
         p[k] = b.half[k] + radius + gap + half_length * sin.abs();
         (d[i], d[k]) = (cos, sin);
-        let capsule = stepper_core::collision::pairs::Segment {
+        let capsule = stepper_core::internals::collision::pairs::Segment {
             centre: add(b.centre, rotate(&b.mat, p)), axis: rotate(&b.mat, d), half_length, radius,
         };
         let (points, exist) = capsule_box(&capsule, &b);

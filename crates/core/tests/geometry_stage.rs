@@ -7,11 +7,10 @@ use std::sync::Arc;
 
 use proptest::prelude::*;
 use shapes::{cases, turn, vector};
-use stepper_core::batch::{Field, StepInputs};
-use stepper_core::collision::pairs::{Cuboid, Segment, capsule_box, segments, sphere_box};
-use stepper_core::math::spatial::*;
+use stepper_core::internals::collision::pairs::{Cuboid, Segment, capsule_box, segments, sphere_box};
+use stepper_core::internals::math::spatial::*;
 use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
-use stepper_core::{Level, Options, Precision, Simulation, Solver, Status};
+use stepper_core::{Field, Level, Options, Precision, Simulation, Solver, Status, StepInputs};
 
 /// So many bodies that their pairs are not listed: 79 would do.
 const CROWD: usize = 90;

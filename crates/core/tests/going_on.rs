@@ -6,10 +6,9 @@ use std::sync::Arc;
 
 use common::{action, errors, noise, start, trains, walker};
 use proptest::prelude::*;
-use stepper_core::batch::rollout::{Numbers, Quantity, Recording};
-use stepper_core::batch::{Field, StepInputs};
 use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, Parameter, WORLD};
-use stepper_core::{Integrator, Options, Precision, Simulation, Stabilization};
+use stepper_core::rollout::{Numbers, Quantity, Recording};
+use stepper_core::{Field, Integrator, Options, Precision, Simulation, Stabilization, StepInputs};
 
 /// What a user may do between two calls of `step`.
 #[derive(Clone, Copy, Debug)]
@@ -137,7 +136,7 @@ impl Scene {
                 }
                 Deed::Time => sim.set_time(env, turn as f64).unwrap(),
                 Deed::Reset => sim.reset(env),
-                Deed::Begin => sim.begin(env, Some(turn as u64)),
+                Deed::Begin => sim.begin_episode(env, Some(turn as u64)),
                 Deed::Keep => kept = sim.save_state(),
                 Deed::Restore => sim.restore_state(&kept).unwrap(),
                 Deed::Sense { truth } => {

@@ -7,10 +7,10 @@ use std::sync::Arc;
 
 use proptest::prelude::*;
 use shapes::{unit, vector};
-use stepper_core::geometry::{
+use stepper_core::internals::geometry::{
     Approach, ConvexShape, Hull, HullError, Known, Manifold, Point, Pose, Reach, Room, SeparatingPlane, SeparatingPlanes, collide, distance,
 };
-use stepper_core::math::spatial::*;
+use stepper_core::internals::math::spatial::*;
 
 type V = V3<f64>;
 

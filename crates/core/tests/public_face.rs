@@ -133,7 +133,7 @@ fn an_environment_that_does_not_exist_is_named() {
     for read in reads {
         assert_eq!(panic_of(|| read(&sim)), expected);
     }
-    let writes: [fn(&mut Simulation); 3] = [|sim| sim.reset(3), |sim| sim.begin(3, None), |sim| sim.set_stream(3, 0)];
+    let writes: [fn(&mut Simulation); 3] = [|sim| sim.reset(3), |sim| sim.begin_episode(3, None), |sim| sim.set_random_stream(3, 0)];
     for write in writes {
         assert_eq!(panic_of(|| write(&mut sim)), expected);
     }

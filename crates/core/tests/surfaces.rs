@@ -8,8 +8,8 @@ use std::sync::Arc;
 
 use proptest::prelude::*;
 use shapes::{simple, unit, vector};
-use stepper_core::geometry::{ConvexShape, Grid, Hull, Manifold, MeshSurface, Pose, Room, Surface, collide_surface, distance};
-use stepper_core::math::spatial::*;
+use stepper_core::internals::geometry::{ConvexShape, Grid, Hull, Manifold, MeshSurface, Pose, Room, Surface, collide_surface, distance};
+use stepper_core::internals::math::spatial::*;
 
 type V = V3<f64>;
 

@@ -8,11 +8,10 @@ use std::sync::Arc;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 use proptest::prelude::*;
 use shapes::{cases, simple, unit, vector};
-use stepper_core::batch::{Field, StepInputs};
-use stepper_core::geometry::{ConvexShape, Grid, Manifold, Pose, Room, Surface, collide_surface};
-use stepper_core::math::spatial::*;
+use stepper_core::internals::geometry::{ConvexShape, Grid, Manifold, Pose, Room, Surface, collide_surface};
+use stepper_core::internals::math::spatial::*;
 use stepper_core::model::{BodyBuilder, GeomBuilder, HeightField, JointBuilder, Model, WORLD};
-use stepper_core::{Integrator, Level, Options, Precision, Simulation, Solver};
+use stepper_core::{Field, Integrator, Level, Options, Precision, Simulation, Solver, StepInputs};
 
 const STEP: f64 = 0.01;
 const POINTS: usize = 9;

@@ -11,7 +11,7 @@ pub(crate) fn value_error(error: Error) -> PyErr {
         Error::Model(e) => to_py(e),
         Error::Memory { .. } => PyMemoryError::new_err(error.to_string()),
         Error::File { .. } => PyOSError::new_err(error.to_string()),
-        Error::Threads(message) => PyRuntimeError::new_err(message),
+        Error::Threads { .. } => PyRuntimeError::new_err(error.to_string()),
         _ => PyValueError::new_err(error.to_string()),
     }
 }

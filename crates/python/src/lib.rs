@@ -1,13 +1,12 @@
 //! Python bindings: they translate, then stop. What is said here is said in `python/stepper/_stepper.pyi`.
 
+mod arguments;
 mod array;
 mod contacts;
+mod device_models;
 mod error;
-mod memory;
 mod model;
 mod options;
-mod randomize;
-mod rollout;
 mod state;
 mod stepper;
 

@@ -1,4 +1,4 @@
 //! Quantities that people ask for outside a step: matrices, energies, overlaps at the reference pose.
 
 pub mod overlaps;
-pub mod quantities;
+pub(crate) mod quantities;

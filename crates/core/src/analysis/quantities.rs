@@ -1,5 +1,7 @@
 //! Quantities of one environment that people ask for outside a step, in f64.
 
+use std::borrow::Cow;
+
 use nalgebra::{DMatrix, DVector};
 use stepper_real::Real;
 
@@ -14,24 +16,26 @@ use crate::sensing::orientations;
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s02_smooth::Smooth;
 
-/// A state to ask about.
+/// The state of one environment, to ask about.
 #[derive(Clone, Debug)]
-pub struct Snapshot {
-    /// Configuration.
-    pub q: Vec<f64>,
-    /// Velocity.
-    pub v: Vec<f64>,
-    /// Activations.
-    pub act: Vec<f64>,
+pub struct Snapshot<'a> {
+    /// The compiled model with the environment's own parameters.
+    pub(crate) compiled: Cow<'a, LaneModel<f64>>,
+    /// Configuration, (nq,).
+    pub(crate) q: Vec<f64>,
+    /// Velocity, (nv,).
+    pub(crate) v: Vec<f64>,
+    /// Activations, (na,).
+    pub(crate) act: Vec<f64>,
     /// What the user applies.
-    pub inputs: Inputs<f64>,
+    pub(crate) inputs: Inputs<f64>,
     /// Poses of the mocap bodies, position and quaternion each.
-    pub mocap: Vec<([f64; 3], [f64; 4])>,
+    pub(crate) mocap: Vec<([f64; 3], [f64; 4])>,
 }
 
 /// Poses of all bodies at configurations that come one after the other.
 #[derive(Clone, Debug)]
-pub struct BodyPoses<'a> {
+pub(crate) struct BodyPoses<'a> {
     compiled: &'a LaneModel<f64>,
     kinematics: Kinematics<f64>,
     orientation: Vec<[f64; 4]>,
@@ -39,12 +43,16 @@ pub struct BodyPoses<'a> {
 
 impl<'a> BodyPoses<'a> {
     /// Room for a compiled model.
-    pub fn new(compiled: &'a LaneModel<f64>) -> Self {
+    pub(crate) fn new(compiled: &'a LaneModel<f64>) -> Self {
         Self { compiled, kinematics: Kinematics::new(compiled), orientation: vec![[1.0, 0.0, 0.0, 0.0]; compiled.nframe()] }
     }
 
     /// Position (m) and orientation of every body at the configuration `q`, with the mocap bodies at poses that the user gave.
-    pub fn at(&mut self, q: &[f64], mocap: impl Iterator<Item = ([f64; 3], [f64; 4])>) -> impl Iterator<Item = ([f64; 3], [f64; 4])> {
+    pub(crate) fn at(
+        &mut self,
+        q: &[f64],
+        mocap: impl Iterator<Item = ([f64; 3], [f64; 4])>,
+    ) -> impl Iterator<Item = ([f64; 3], [f64; 4])> {
         let Self { compiled, kinematics, orientation } = self;
         for (m, (pos, quat)) in compiled.mocap.iter().zip(mocap) {
             orientation[m.frame] = quat_normalize(quat);
@@ -57,8 +65,9 @@ impl<'a> BodyPoses<'a> {
     }
 }
 
-impl Snapshot {
-    fn kinematics(&self, compiled: &LaneModel<f64>) -> Kinematics<f64> {
+impl Snapshot<'_> {
+    fn kinematics(&self) -> Kinematics<f64> {
+        let compiled = &*self.compiled;
         let mut kinematics = Kinematics::new(compiled);
         for (m, &(pos, quat)) in compiled.mocap.iter().zip(&self.mocap) {
             kinematics.pos[m.frame] = pos;
@@ -69,9 +78,10 @@ impl Snapshot {
     }
 
     /// The mass matrix, row by row, (nv, nv), armature included.
-    pub fn mass_matrix(&self, compiled: &LaneModel<f64>) -> Vec<f64> {
+    pub fn mass_matrix(&self) -> Vec<f64> {
+        let compiled = &*self.compiled;
         let mut mass = MassMatrix::new(compiled);
-        mass.assemble(compiled, &self.kinematics(compiled), &mut vec![zero(); compiled.links.len()]);
+        mass.assemble(compiled, &self.kinematics(), &mut vec![zero(); compiled.links.len()]);
         let mut full = vec![0.0; compiled.nv * compiled.nv];
         for i in 0..compiled.nv {
             let dof = &compiled.dofs[i];
@@ -89,15 +99,17 @@ impl Snapshot {
     }
 
     /// Coriolis, centrifugal and gravitational forces, (nv,).
-    pub fn bias_force(&self, compiled: &LaneModel<f64>) -> Vec<f64> {
+    pub fn bias_force(&self) -> Vec<f64> {
+        let compiled = &*self.compiled;
         let mut out = vec![0.0; compiled.nv];
-        bias_force(compiled, &self.kinematics(compiled), &self.v, &mut NewtonEuler::new(compiled), &mut out);
+        bias_force(compiled, &self.kinematics(), &self.v, &mut NewtonEuler::new(compiled), &mut out);
         out
     }
 
     /// Acceleration without constraints, (nv,).
-    pub fn smooth_acceleration(&self, compiled: &LaneModel<f64>) -> Vec<f64> {
-        let kinematics = self.kinematics(compiled);
+    pub fn smooth_acceleration(&self) -> Vec<f64> {
+        let compiled = &*self.compiled;
+        let kinematics = self.kinematics();
         let mut smooth = Smooth::new(compiled);
         smooth.factor_mass(compiled, &kinematics, Implicit::none());
         let mut applied = vec![0.0; compiled.nv];
@@ -117,14 +129,15 @@ impl Snapshot {
         }
         smooth.acceleration(compiled, &kinematics, [&actuator_forces.tau, &applied], &self.v, &self.v);
         if compiled.tendons.iter().any(|t| t.spring.as_ref().is_some_and(|(s, _)| s.inertia > 0.0)) {
-            self.with_tendon_inertia(compiled, &mut smooth);
+            self.with_tendon_inertia(&mut smooth);
         }
         smooth.acc
     }
 
     /// The acceleration with the inertia of tendons, which the factors of the mass matrix leave to rows of the constraint problem.
-    fn with_tendon_inertia(&self, compiled: &LaneModel<f64>, smooth: &mut Smooth<f64>) {
-        let full = DMatrix::from_row_slice(compiled.nv, compiled.nv, &self.mass_matrix(compiled));
+    fn with_tendon_inertia(&self, smooth: &mut Smooth<f64>) {
+        let compiled = &*self.compiled;
+        let full = DMatrix::from_row_slice(compiled.nv, compiled.nv, &self.mass_matrix());
         // What the joints' forces are, from the acceleration that they give without that inertia.
         let free = DVector::from_column_slice(&smooth.acc);
         let mut force = &full * &free;
@@ -143,8 +156,9 @@ impl Snapshot {
     }
 
     /// Potential energy (gravity and springs of joints and tendons) and kinetic energy (armature included), J.
-    pub fn energy(&self, compiled: &LaneModel<f64>) -> (f64, f64) {
-        let kinematics = self.kinematics(compiled);
+    pub fn energy(&self) -> (f64, f64) {
+        let compiled = &*self.compiled;
+        let kinematics = self.kinematics();
         let mut potential = 0.0;
         for l in 0..compiled.links.len() {
             let Inertial { mass, com, .. } = compiled.params.inertial(l);
@@ -182,8 +196,9 @@ impl Snapshot {
     }
 
     /// Linear momentum, and angular momentum about the common centre of mass, of everything that moves; rotors are massless here.
-    pub fn momentum(&self, compiled: &LaneModel<f64>) -> ([f64; 3], [f64; 3]) {
-        let kinematics = self.kinematics(compiled);
+    pub fn momentum(&self) -> ([f64; 3], [f64; 3]) {
+        let compiled = &*self.compiled;
+        let kinematics = self.kinematics();
         let mut velocities = vec![zero(); compiled.links.len()];
         kinematics.velocities(compiled, &self.v, &mut velocities);
         let inertials = (0..compiled.links.len()).map(|l| compiled.params.inertial(l));

@@ -5,47 +5,50 @@ use std::ops::Range;
 use stepper_real::Scalar;
 
 use crate::actuation::ActuatorPipelines;
-use crate::batch::randomization::Own;
+use crate::batch::inputs::StepInputs;
+use crate::batch::randomization::ParameterOverrides;
 use crate::compile::CompiledModel;
 use crate::options::StepSettings;
 use crate::sensing::errors::Errors;
 
-/// One call of `step` or `rollout` for all environments: what every group needs to know. Arrays are environment-major.
+/// Controls of a call, one after the other, and the steps that each is held; `step` has one control.
+#[derive(Clone, Copy, Debug)]
+pub struct Schedule {
+    /// Number of controls.
+    pub controls: usize,
+    /// Steps to make with each.
+    pub nstep: usize,
+}
+
+impl Schedule {
+    /// Steps of all controls together.
+    pub fn steps(self) -> usize {
+        self.controls.saturating_mul(self.nstep)
+    }
+}
+
+/// One call of `step` or `rollout` for all environments: what every group needs to know.
 #[derive(Clone, Copy, Debug)]
 pub struct Call<'a, S: Scalar> {
     /// The compiled model.
     pub compiled: &'a CompiledModel<S>,
     /// Settings.
-    pub options: &'a StepSettings,
+    pub settings: &'a StepSettings,
     /// Number of environments.
     pub num_envs: usize,
-    /// Controls, one after the other; `step` has one.
-    pub calls: usize,
-    /// Steps to make with each control.
-    pub nstep: usize,
-    /// (calls, num_envs, nu), or (calls, nu) for all, or empty for zero.
-    pub ctrl: &'a [f64],
-    /// (num_envs, nv), or empty for none.
-    pub qfrc: &'a [f64],
-    /// (num_envs, nbody, 6), or empty for none.
-    pub xfrc: &'a [f64],
-    /// (num_envs, nmocap, 3) and (num_envs, nmocap, 4), or empty for the model's.
-    pub mocap: [&'a [f64]; 2],
+    /// Controls and steps.
+    pub schedule: Schedule,
+    /// What the user says, environment-major. Controls are (controls, num_envs, nu), or (controls, nu) for all; an empty slice is no control,
+    /// no force, or the model's poses.
+    pub inputs: StepInputs<'a>,
     /// The steps of the call that are made now.
     pub part: Part,
     /// What sensors that are not ideal make of the truth.
-    pub errors: Option<&'a Errors<S>>,
+    pub sensor_errors: Option<&'a Errors<S>>,
     /// Parameters that environments have of their own.
-    pub own: &'a Own<S>,
-    /// Drive trains of the actuators.
-    pub chains: Option<&'a ActuatorPipelines<S>>,
-}
-
-impl<S: Scalar> Call<'_, S> {
-    /// Steps of all controls together.
-    pub(super) fn steps(&self) -> usize {
-        self.calls.saturating_mul(self.nstep)
-    }
+    pub overrides: &'a ParameterOverrides<S>,
+    /// Actuator dynamics between controls and forces.
+    pub pipelines: Option<&'a ActuatorPipelines<S>>,
 }
 
 /// Some steps of a call, which follow one another. The parts of a call make the bits of the whole.
@@ -68,17 +71,17 @@ impl Part {
     }
 
     /// The controls that have steps of it, all of them where a control has no step.
-    pub(super) fn controls(&self, calls: usize, nstep: usize) -> Range<usize> {
-        match nstep {
-            0 => 0..calls,
+    pub(super) fn controls(&self, schedule: Schedule) -> Range<usize> {
+        match schedule.nstep {
+            0 => 0..schedule.controls,
             _ if self.from == self.to => 0..0,
-            _ => self.from / nstep..self.to.div_ceil(nstep),
+            nstep => self.from / nstep..self.to.div_ceil(nstep),
         }
     }
 
     /// The steps of it that a control has, as places among the control's own.
-    pub(super) fn steps_of(&self, control: usize, nstep: usize) -> Range<usize> {
-        let before = control * nstep;
-        self.from.saturating_sub(before)..(self.to - before).min(nstep)
+    pub(super) fn steps_of(&self, control: usize, schedule: Schedule) -> Range<usize> {
+        let before = control * schedule.nstep;
+        self.from.saturating_sub(before)..(self.to - before).min(schedule.nstep)
     }
 }

@@ -8,7 +8,7 @@ use crate::dynamics::mocap::MocapTrajectory;
 use crate::integrators::workspace::Workspace;
 use crate::math::spatial::*;
 
-pub(super) fn store<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R>) {
+pub(super) fn store_state<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R>) {
     R::vectorize(
         #[inline(always)]
         || {
@@ -26,12 +26,12 @@ pub(super) fn store<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R>) {
     )
 }
 
-/// Keeps where the mocap bodies have got to: the end of their ways, if all steps of the call were made.
+/// Keeps where the mocap bodies have got to: the end of their trajectories, if all steps of the call were made.
 pub(super) fn store_mocap_trajectories<R: Real>(call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, s: &Workspace<R>) {
     if s.mocap_trajectories.is_empty() {
         return;
     }
-    let arrived = call.part.to == call.steps();
+    let arrived = call.part.to == call.schedule.steps();
     R::vectorize(
         #[inline(always)]
         || {
@@ -42,7 +42,7 @@ pub(super) fn store_mocap_trajectories<R: Real>(call: &Call<'_, R::Scalar>, grou
     )
 }
 
-pub(super) fn load<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>) {
+pub(super) fn load_state<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>) {
     s.alive = R::Mask::from_bits(group.alive);
     R::vectorize(
         #[inline(always)]
@@ -63,12 +63,12 @@ pub(super) fn load<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>) {
 
 /// Takes up what the user says for the whole call.
 pub(super) fn load_inputs<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, s: &mut Workspace<R>) {
-    if let Some(chains) = call.chains {
-        chains.load(call.compiled, first / R::LANES, &mut s.inputs.actuator_dynamics);
+    if let Some(pipelines) = call.pipelines {
+        pipelines.load(call.compiled, first / R::LANES, &mut s.inputs.actuator_dynamics);
     }
     let used = (call.num_envs - first).min(R::LANES);
     for (rows, n, out) in
-        [(call.qfrc, call.compiled.nv, &mut s.inputs.qfrc), (call.xfrc, 6 * call.compiled.bodies.len(), &mut s.inputs.xfrc)]
+        [(call.inputs.qfrc, call.compiled.nv, &mut s.inputs.qfrc), (call.inputs.xfrc, 6 * call.compiled.bodies.len(), &mut s.inputs.xfrc)]
     {
         out.clear();
         if !rows.is_empty() {
@@ -77,25 +77,25 @@ pub(super) fn load_inputs<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::
         }
     }
     if !call.compiled.mocap.is_empty() {
-        find_ways(call, group, first, used, s);
+        find_mocap_trajectories(call, group, first, used, s);
     }
 }
 
-/// The ways of the mocap bodies during the call.
-fn find_ways<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, used: usize, s: &mut Workspace<R>) {
+/// Finds the trajectories of the mocap bodies during the call.
+fn find_mocap_trajectories<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, used: usize, s: &mut Workspace<R>) {
     R::vectorize(
         #[inline(always)]
         || {
-            let seconds = R::of(call.steps().max(1) as f64 * call.options.timestep);
-            let given = !call.mocap[0].is_empty();
+            let seconds = R::of(call.schedule.steps().max(1) as f64 * call.settings.timestep);
+            let given = !call.inputs.mocap_pos.is_empty();
             s.elapsed = call.part.elapsed;
             for (k, m) in call.compiled.mocap.iter().enumerate() {
                 let n = call.compiled.mocap.len();
                 let (mut pos, mut quat): (V3<R>, [R; 4]) = (splat(m.pos), splat(m.quat));
                 for l in 0..if given { used } else { 0 } {
                     let at = (first + l) * n + k;
-                    (0..3).for_each(|i| pos[i].set_lane(l, Scalar::from_f64(call.mocap[0][3 * at + i])));
-                    (0..4).for_each(|i| quat[i].set_lane(l, Scalar::from_f64(call.mocap[1][4 * at + i])));
+                    (0..3).for_each(|i| pos[i].set_lane(l, Scalar::from_f64(call.inputs.mocap_pos[3 * at + i])));
+                    (0..4).for_each(|i| quat[i].set_lane(l, Scalar::from_f64(call.inputs.mocap_quat[4 * at + i])));
                 }
                 let last = std::array::from_fn(|i| R::load(&group.mocap[(7 * k + i) * R::LANES..]));
                 s.mocap_trajectories[k] = MocapTrajectory::new(last, pos, quat, seconds);
@@ -106,10 +106,10 @@ fn find_ways<R: Real>(call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, firs
 
 /// Takes up control number `control` of the call.
 pub(super) fn load_control<R: Real>(call: &Call<'_, R::Scalar>, control: usize, first: usize, s: &mut Workspace<R>) {
-    let row = call.ctrl.len() / call.calls;
+    let row = call.inputs.ctrl.len() / call.schedule.controls;
     let used = (call.num_envs - first).min(R::LANES);
-    let out = if call.chains.is_some() { &mut s.given } else { &mut s.inputs.ctrl };
-    gather(&call.ctrl[control * row..(control + 1) * row], call.compiled.actuators.len(), first, used, out);
+    let out = if call.pipelines.is_some() { &mut s.given } else { &mut s.inputs.ctrl };
+    gather(&call.inputs.ctrl[control * row..(control + 1) * row], call.compiled.actuators.len(), first, used, out);
 }
 
 /// Rows `first..first + used` of an array with `n` columns, one per lane; a single row is everybody's, an empty array is zero.

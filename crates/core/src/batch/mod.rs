@@ -1,16 +1,22 @@
 //! Many environments of one model: their state, parameters of their own, workers on threads, rollouts, and the simulation that users call.
 
 pub mod call;
+mod capacity;
+mod configuration;
+pub mod engine;
 pub mod environments;
 mod exchange;
+pub mod inputs;
 pub mod randomization;
 pub mod rollout;
 pub mod saved_state;
+mod saving;
 mod sensors;
 pub mod simulation;
 pub mod state;
+mod stepping;
 pub mod worker;
+mod worker_pool;
 mod worst_row;
 
-pub use environments::*;
 pub use worst_row::WorstRow;

@@ -1,7 +1,7 @@
 //! Randomization, environment by environment: parameters that environments have of their own.
 //!
 //! It is kept twice: as the fields that the user gave ([`Randomization`]), of which variants of the model are made; and as those numbers of the compiled model
-//! that came out other than the model's ([`Own`]), which is what a step reads.
+//! that came out other than the model's ([`ParameterOverrides`]), which is what a step reads.
 
 use std::collections::BTreeMap;
 
@@ -44,7 +44,7 @@ impl Randomization {
         assigned.iter().all(|(_, values)| values.is_none()) && self.fields.keys().all(taken_back)
     }
 
-    /// What the environments `envs` have other than the model when these fields are assigned to them. `driven` is what drive trains make of a
+    /// What the environments `envs` have other than the model when these fields are assigned to them. `with_dynamics` is what actuator dynamics make of a
     /// model.
     ///
     /// # Errors
@@ -53,7 +53,7 @@ impl Randomization {
         &self,
         model: &Model,
         compiled: &LaneModel<f64>,
-        driven: Option<&dyn Fn(&Model) -> Model>,
+        with_dynamics: Option<&dyn Fn(&Model) -> Model>,
         assigned: &[Assignment<'_>],
         envs: &[usize],
     ) -> Result<Vec<Differences>, ModelError> {
@@ -64,7 +64,8 @@ impl Randomization {
         let differences = |&env: &usize| {
             let values = rows.values().zip(&shared).map(|(rows, shared)| rows.map_or(&shared[..], |all| row(all, env, shared.len())));
             let variant = variants.with(values).map_err(|e| e.of(&format!("environment {env}")))?;
-            let numbers = driven.map_or_else(|| compiled.params_of(variant), |driven| compiled.params_of(&driven(variant)));
+            let numbers =
+                with_dynamics.map_or_else(|| compiled.params_of(variant), |with_dynamics| compiled.params_of(&with_dynamics(variant)));
             Ok(differ(&numbers, &compiled.params))
         };
         envs.iter().map(differences).collect()
@@ -103,14 +104,14 @@ fn differ(own: &Params<f64>, shared: &Params<f64>) -> Differences {
 
 /// Numbers of the compiled model that environments have of their own: which, and for every group of lanes what they are.
 #[derive(Clone, Debug, Default)]
-pub struct Own<S> {
+pub struct ParameterOverrides<S> {
     /// Places in [`Params`], ascending; the same in all groups.
     pub places: Vec<u32>,
     /// For every group (places, lanes); empty when there are none.
     pub numbers: Vec<Vec<S>>,
 }
 
-impl<S: Scalar> Own<S> {
+impl<S: Scalar> ParameterOverrides<S> {
     /// Gives environments what they have other than the model, and nothing else. Groups have `lanes` lanes.
     pub fn assign(&mut self, shared: &Params<S>, groups: usize, lanes: usize, envs: &[usize], differences: &[Differences]) {
         self.make_room(shared, groups, lanes, differences);

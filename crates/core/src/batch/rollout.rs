@@ -6,6 +6,7 @@ use stepper_real::{Mask, Real, Scalar};
 
 use crate::integrators::workspace::Workspace;
 use crate::math::precision::Precision;
+use crate::model::Model;
 
 /// What can be written down after a control.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,6 +32,16 @@ impl Quantity {
             Self::Qvel => "qvel",
             Self::Act => "act",
             Self::Observation => "observation",
+        }
+    }
+
+    /// Numbers per environment.
+    pub fn width(self, model: &Model) -> usize {
+        match self {
+            Self::Qpos => model.nq(),
+            Self::Qvel => model.nv(),
+            Self::Act => model.na(),
+            Self::Observation => model.nsensordata(),
         }
     }
 }

@@ -4,7 +4,8 @@ use stepper_real::{Mask, Real, Scalar};
 
 use crate::actuation::forces::{ActuatorForces, ForceState};
 use crate::batch::call::Call;
-use crate::batch::exchange::{load, load_inputs};
+use crate::batch::exchange::{load_inputs, load_state};
+use crate::batch::inputs::StepInputs;
 use crate::batch::state::Group;
 use crate::collision::contact_set::Contacts;
 use crate::compile::{LaneModel, ModelStructure};
@@ -74,11 +75,11 @@ impl<R: Real, P: Probe> Senses<R, P> {
         first: usize,
         s: &mut Workspace<R>,
     ) {
-        self.accelerate(s, call.options.timestep, R::Mask::splat(true));
+        self.accelerate(s, call.settings.timestep, R::Mask::splat(true));
         for l in 0..R::LANES {
             group.sensing.step[l] = group.sensing.step[l].wrapping_add(1);
         }
-        if let Some(errors) = call.errors {
+        if let Some(errors) = call.sensor_errors {
             self.sense(call, compiled, group, s);
             self.observe(errors, call, group, first, s.alive, false);
         }
@@ -105,7 +106,7 @@ impl<R: Real, P: Probe> Senses<R, P> {
                     compiled,
                     &s.inputs.actuator_dynamics,
                     &s.constraints.scalar_impulse,
-                    R::of(call.options.timestep),
+                    R::of(call.settings.timestep),
                 );
             }
         }
@@ -123,7 +124,7 @@ impl<R: Real, P: Probe> Senses<R, P> {
             q: &s.state.q,
             v: &s.state.v,
             time,
-            h: R::of(call.options.timestep),
+            h: R::of(call.settings.timestep),
             acceleration: &self.acceleration,
             actuator_forces: &self.actuator_forces,
             xfrc: if compiled.sensing.needs.wrenches { &s.inputs.xfrc } else { &[] },
@@ -151,7 +152,7 @@ impl<R: Real, P: Probe> Senses<R, P> {
             observation: &mut memory.observation,
         };
         let work = self.work.get_or_insert_with(|| errors.work());
-        errors.observe(first / R::LANES, &self.room.truth, &keys, lanes, start, call.options.timestep, work, &mut slots);
+        errors.observe(first / R::LANES, &self.room.truth, &keys, lanes, start, call.settings.timestep, work, &mut slots);
     }
 
     /// Readings of the state in `s`, after a step.
@@ -162,10 +163,10 @@ impl<R: Real, P: Probe> Senses<R, P> {
         group: &Group<R::Scalar>,
         s: &mut Workspace<R>,
     ) -> &[R] {
-        if call.errors.is_none() {
+        if call.sensor_errors.is_none() {
             self.sense(call, compiled, group, s);
         } else {
-            take(&group.sensing.observation, &mut self.room.truth);
+            load_or_zero(&group.sensing.observation, &mut self.room.truth);
         }
         &self.room.truth
     }
@@ -192,7 +193,7 @@ impl<R: Real, P: Probe> Senses<R, P> {
 
     /// Lets the transfer functions begin in the lanes that wait for it. What the user applies is left out of that reading, so that it is the
     /// same whenever it is made, before a step or by the step itself.
-    pub(super) fn begin(
+    pub(super) fn begin_observations(
         &mut self,
         call: &Call<'_, R::Scalar>,
         compiled: &LaneModel<R>,
@@ -200,13 +201,13 @@ impl<R: Real, P: Probe> Senses<R, P> {
         first: usize,
         s: &mut Workspace<R>,
     ) {
-        if let (Some(errors), true) = (call.errors, group.sensing.waiting & group.alive != 0) {
-            self.first_look(errors, call, compiled, group, first, s);
+        if let (Some(errors), true) = (call.sensor_errors, group.sensing.waiting & group.alive != 0) {
+            self.observe_initial_state(errors, call, compiled, group, first, s);
         }
     }
 
     #[cold]
-    fn first_look(
+    fn observe_initial_state(
         &mut self,
         errors: &Errors<R::Scalar>,
         call: &Call<'_, R::Scalar>,
@@ -216,7 +217,7 @@ impl<R: Real, P: Probe> Senses<R, P> {
         s: &mut Workspace<R>,
     ) {
         let waiting = group.sensing.waiting & group.alive;
-        self.look(&Call { qfrc: &[], xfrc: &[], ..*call }, compiled, group, first, s);
+        self.evaluate(&Call { inputs: StepInputs { qfrc: &[], xfrc: &[], ..call.inputs }, ..*call }, compiled, group, first, s);
         self.observe(errors, call, group, first, R::Mask::from_bits(waiting), true);
         group.sensing.waiting = 0;
     }
@@ -235,11 +236,11 @@ impl<R: Real, P: Probe> Senses<R, P> {
     ) {
         let width = call.compiled.sensing.width;
         let rows = out.chunks_exact_mut(width).enumerate();
-        if truth || call.errors.is_none() {
-            self.look(call, compiled, group, first, s);
+        if truth || call.sensor_errors.is_none() {
+            self.evaluate(call, compiled, group, first, s);
             rows.for_each(|(l, row)| row.iter_mut().zip(&self.room.truth).for_each(|(out, x)| *out = x.lane(l).to_f64()));
         } else {
-            self.begin(call, compiled, group, first, s);
+            self.begin_observations(call, compiled, group, first, s);
             let readings = &group.sensing.observation;
             rows.for_each(|(l, row)| row.iter_mut().enumerate().for_each(|(i, out)| *out = readings[i * R::LANES + l].to_f64()));
         }
@@ -247,22 +248,29 @@ impl<R: Real, P: Probe> Senses<R, P> {
 
     /// Reads the state of a group. Where no step was made since the state was set, sensors of accelerations and forces read the step that
     /// would be made from it, which is not kept.
-    fn look(&mut self, call: &Call<'_, R::Scalar>, compiled: &LaneModel<R>, group: &Group<R::Scalar>, first: usize, s: &mut Workspace<R>) {
+    fn evaluate(
+        &mut self,
+        call: &Call<'_, R::Scalar>,
+        compiled: &LaneModel<R>,
+        group: &Group<R::Scalar>,
+        first: usize,
+        s: &mut Workspace<R>,
+    ) {
         let needs = call.compiled.sensing.needs;
-        load(group, s);
+        load_state(group, s);
         load_inputs(call, group, first, s);
         s.current = false;
-        take(&group.sensing.ctrl, &mut s.inputs.ctrl);
-        take(&group.sensing.acceleration, &mut self.acceleration);
+        load_or_zero(&group.sensing.ctrl, &mut s.inputs.ctrl);
+        load_or_zero(&group.sensing.acceleration, &mut self.acceleration);
         let fresh = if needs.step { group.sensing.fresh & group.alive } else { 0 };
         if fresh != 0 {
             s.alive = R::Mask::from_bits(fresh);
             self.before_step(s);
-            step(compiled, call.options, s, self.probe);
-            self.accelerate(s, call.options.timestep, R::Mask::from_bits(fresh));
-            take(&group.q, &mut s.state.q);
-            take(&group.v, &mut s.state.v);
-            take(&group.act, &mut s.state.act);
+            step(compiled, call.settings, s, self.probe);
+            self.accelerate(s, call.settings.timestep, R::Mask::from_bits(fresh));
+            load_or_zero(&group.q, &mut s.state.q);
+            load_or_zero(&group.v, &mut s.state.v);
+            load_or_zero(&group.act, &mut s.state.act);
         }
         for l in (0..R::LANES).filter(|l| fresh >> l & 1 == 0) {
             for (i, x) in s.constraints.scalar_impulse.iter_mut().enumerate() {
@@ -283,7 +291,7 @@ impl<R: Real, P: Probe> Senses<R, P> {
     }
 }
 
-fn take<R: Real>(from: &[R::Scalar], out: &mut [R]) {
+fn load_or_zero<R: Real>(from: &[R::Scalar], out: &mut [R]) {
     R::vectorize(
         #[inline(always)]
         || {

@@ -70,7 +70,7 @@ pub struct Group<S> {
     pub overshoot: Vec<S>,
     /// What sensors remember.
     pub sensing: Memory<S>,
-    /// What drive trains remember.
+    /// What actuator dynamics remember.
     pub actuation: actuation::memory::Memory<S>,
 }
 
@@ -106,8 +106,8 @@ impl<S: Scalar> Group<S> {
         }
     }
 
-    /// Forgets what a lane remembers of its last step: warm starts, contacts, certificate.
-    pub fn forget(&mut self, lane: usize) {
+    /// Clears what a lane remembers of its last step: warm starts, contacts, certificate, and the memory of sensors and actuator dynamics.
+    pub fn clear_memory(&mut self, lane: usize) {
         let lanes = self.lanes;
         let impulses = [&mut self.scalar_impulse, &mut self.impulse, &mut self.mocap];
         for numbers in impulses.into_iter().chain([&mut self.contact_data, &mut self.contact_torque]) {
@@ -170,7 +170,7 @@ impl<S: Scalar> Group<S> {
         let lanes = self.lanes;
         for lane in 0..lanes {
             if self.alive >> lane & 1 == 0 {
-                self.forget(lane);
+                self.clear_memory(lane);
                 self.time[lane] = 0.0;
                 self.sensing.clear(lane);
                 self.actuation.clear(lane, lanes);

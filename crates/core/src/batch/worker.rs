@@ -1,11 +1,10 @@
 //! A worker steps groups of environments on one thread; one kind per lane type, one instantiation per CPU level.
 
-use std::any::Any;
-
+use serde::{Serialize, de::DeserializeOwned};
 use stepper_real::{Level, Mask, Real, Scalar, at_avx512, at_level};
 
 use crate::batch::call::Call;
-use crate::batch::exchange::{load, load_control, load_inputs, store, store_mocap_trajectories};
+use crate::batch::exchange::{load_control, load_inputs, load_state, store_mocap_trajectories, store_state};
 use crate::batch::rollout::{Numbers, Quantity, Share};
 use crate::batch::sensors::Senses;
 use crate::batch::state::Group;
@@ -17,15 +16,15 @@ use crate::probe::{NoProbe, Probe, Span};
 use crate::step::step;
 
 /// A thread's room to work, with the step compiled for its lanes and CPU level.
-pub trait Worker<S: Scalar>: Any + Send {
+pub trait Worker<S: Scalar>: Send {
     /// Makes the steps of `call` in one group.
     fn run(&mut self, call: &Call<'_, S>, group: &mut Group<S>, at: BatchSlice<'_, '_, S>);
     /// Reads the sensors of one group, whose first environment is `first`.
     fn sense(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, query: Query<'_>);
     /// Problem of one lane as the first solve of the steps of `call` finds it, as bytes; the group is used up.
     fn problem(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, lane: usize) -> Vec<u8>;
-    /// Says that somebody else has written to the state of a group.
-    fn forget(&mut self);
+    /// Forgets what it has of the state of its last group: somebody else has written to that.
+    fn forget_state(&mut self);
 }
 
 /// How to make a worker.
@@ -34,13 +33,26 @@ pub struct WorkerSpec<'a, S: Scalar> {
     /// The compiled model.
     pub compiled: &'a CompiledModel<S>,
     /// Settings.
-    pub options: &'a StepSettings,
+    pub settings: &'a StepSettings,
     /// Contacts an environment has room for.
     pub max_contacts: usize,
 }
 
+/// Makes a worker for groups of so many lanes at a CPU level that this machine has.
+pub type MakeWorker<S> = fn(&WorkerSpec<'_, S>, usize, Level) -> Box<dyn Worker<S>>;
+
+/// Who makes workers, in each precision.
+#[cfg(feature = "internals")]
+#[derive(Clone, Copy, Debug)]
+pub struct WorkerMakers {
+    /// In 64 bits.
+    pub f64: MakeWorker<f64>,
+    /// In 32 bits.
+    pub f32: MakeWorker<f32>,
+}
+
 /// A scalar type with the lanes that step it.
-pub trait Stepped: Scalar {
+pub trait Stepped: Scalar + Serialize + DeserializeOwned {
     /// Lanes of a group in which states are saved, whatever steps them.
     const LANES: usize;
     /// Lanes of a single environment.
@@ -48,9 +60,12 @@ pub trait Stepped: Scalar {
     /// Lanes of a group of many environments, stepped by so many threads.
     fn lanes(compiled: &CompiledModel<Self>, num_envs: usize, threads: usize, level: Level) -> usize;
     /// A worker for groups of `lanes` lanes at a CPU level that this machine has.
-    fn worker(site: &WorkerSpec<'_, Self>, lanes: usize, level: Level) -> Box<dyn Worker<Self>>;
+    fn worker(spec: &WorkerSpec<'_, Self>, lanes: usize, level: Level) -> Box<dyn Worker<Self>>;
     /// The same with a probe in its steps.
-    fn probed_worker(site: &WorkerSpec<'_, Self>, lanes: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<Self>>;
+    fn probed_worker(spec: &WorkerSpec<'_, Self>, lanes: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<Self>>;
+    /// The one of two makers for this precision.
+    #[cfg(feature = "internals")]
+    fn maker(makers: &WorkerMakers) -> MakeWorker<Self>;
     /// An array of a recording in this precision.
     ///
     /// # Panics
@@ -98,16 +113,21 @@ impl Stepped for f64 {
         lanes(8, compiled, num_envs, threads, level)
     }
 
-    fn worker(site: &WorkerSpec<'_, f64>, lanes: usize, level: Level) -> Box<dyn Worker<f64>> {
-        Self::probed_worker(site, lanes, level, NoProbe)
+    fn worker(spec: &WorkerSpec<'_, f64>, lanes: usize, level: Level) -> Box<dyn Worker<f64>> {
+        Self::probed_worker(spec, lanes, level, NoProbe)
     }
 
-    fn probed_worker(site: &WorkerSpec<'_, f64>, lanes: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<f64>> {
+    fn probed_worker(spec: &WorkerSpec<'_, f64>, lanes: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<f64>> {
         match lanes {
-            1 => at_level!(level, F64x1, desk(site, probe)),
-            8 => at_level!(level, F64x8, desk(site, probe)),
-            _ => at_avx512!(F64x16, desk(site, probe)),
+            1 => at_level!(level, F64x1, lane_worker(spec, probe)),
+            8 => at_level!(level, F64x8, lane_worker(spec, probe)),
+            _ => at_avx512!(F64x16, lane_worker(spec, probe)),
         }
+    }
+
+    #[cfg(feature = "internals")]
+    fn maker(makers: &WorkerMakers) -> MakeWorker<f64> {
+        makers.f64
     }
 
     fn numbers(array: Numbers<'_>) -> &mut [f64] {
@@ -126,12 +146,17 @@ impl Stepped for f32 {
         lanes(16, compiled, num_envs, threads, level)
     }
 
-    fn worker(site: &WorkerSpec<'_, f32>, lanes: usize, level: Level) -> Box<dyn Worker<f32>> {
-        Self::probed_worker(site, lanes, level, NoProbe)
+    fn worker(spec: &WorkerSpec<'_, f32>, lanes: usize, level: Level) -> Box<dyn Worker<f32>> {
+        Self::probed_worker(spec, lanes, level, NoProbe)
     }
 
-    fn probed_worker(site: &WorkerSpec<'_, f32>, lanes: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<f32>> {
-        if lanes == 32 { at_avx512!(F32x32, desk(site, probe)) } else { at_level!(level, F32x16, desk(site, probe)) }
+    fn probed_worker(spec: &WorkerSpec<'_, f32>, lanes: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<f32>> {
+        if lanes == 32 { at_avx512!(F32x32, lane_worker(spec, probe)) } else { at_level!(level, F32x16, lane_worker(spec, probe)) }
+    }
+
+    #[cfg(feature = "internals")]
+    fn maker(makers: &WorkerMakers) -> MakeWorker<f32> {
+        makers.f32
     }
 
     fn numbers(array: Numbers<'_>) -> &mut [f32] {
@@ -143,12 +168,12 @@ impl Stepped for f32 {
 }
 
 /// A worker in the lanes of `R`.
-pub fn desk<R: Real>(site: &WorkerSpec<'_, R::Scalar>, probe: impl Probe) -> Box<dyn Worker<R::Scalar>> {
-    let compiled = LaneModel::new(site.compiled);
+pub fn lane_worker<R: Real>(spec: &WorkerSpec<'_, R::Scalar>, probe: impl Probe) -> Box<dyn Worker<R::Scalar>> {
+    let compiled = LaneModel::new(spec.compiled);
     Box::new(LaneWorker {
         probe,
-        scratch: Workspace::<R>::new(&compiled, site.options, site.max_contacts),
-        senses: Senses::new(&compiled, site.max_contacts, probe),
+        scratch: Workspace::<R>::new(&compiled, spec.settings, spec.max_contacts),
+        senses: Senses::new(&compiled, spec.max_contacts, probe),
         compiled,
         flags: vec![0; R::LANES],
     })
@@ -170,12 +195,12 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
         assert_eq!(group.lanes, R::LANES, "a worker steps groups of its own width");
         let BatchSlice { first, share_first, mut share } = at;
         let probe = self.probe;
-        probe.span(Span::Load, || self.turn_to(call, first));
-        probe.span(Span::Sense, || self.senses.begin(call, &self.compiled, group, first, &mut self.scratch));
+        probe.span(Span::Load, || self.load_overrides(call, first));
+        probe.span(Span::Sense, || self.senses.begin_observations(call, &self.compiled, group, first, &mut self.scratch));
         probe.span(Span::Load, || self.load(call, group, first));
-        for control in call.part.controls(call.calls, call.nstep) {
+        for control in call.part.controls(call.schedule) {
             probe.span(Span::Load, || load_control(call, control, first, &mut self.scratch));
-            let steps = call.part.steps_of(control, call.nstep);
+            let steps = call.part.steps_of(control, call.schedule);
             let mut residual = R::zero();
             self.flags[..R::LANES].fill(0);
             if let (Some(share), true) = (&share, steps.start > 0) {
@@ -194,7 +219,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
 
     fn sense(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, query: Query<'_>) {
         assert_eq!(group.lanes, R::LANES, "a worker reads groups of its own width");
-        self.turn_to(call, first);
+        self.load_overrides(call, first);
         let Self { scratch, senses, compiled, .. } = self;
         senses.read(call, compiled, group, first, scratch, query.truth, query.out);
     }
@@ -207,16 +232,16 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
         std::mem::take(&mut self.scratch.constraints.capture.bytes)
     }
 
-    fn forget(&mut self) {
+    fn forget_state(&mut self) {
         self.scratch.current = false;
     }
 }
 
 impl<R: Real, P: Probe> LaneWorker<R, P> {
     /// Takes up the parameters of the group whose first environment is `first`.
-    fn turn_to(&mut self, call: &Call<'_, R::Scalar>, first: usize) {
-        if let Some(numbers) = call.own.numbers.get(first / R::LANES) {
-            self.compiled.params.load_lanes(&call.own.places, numbers);
+    fn load_overrides(&mut self, call: &Call<'_, R::Scalar>, first: usize) {
+        if let Some(numbers) = call.overrides.numbers.get(first / R::LANES) {
+            self.compiled.params.load_lanes(&call.overrides.places, numbers);
             self.scratch.update_static_poses(&self.compiled);
         }
     }
@@ -225,12 +250,12 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
     fn load(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize) {
         let s = &mut self.scratch;
         if !s.current {
-            load(group, s);
+            load_state(group, s);
         }
         s.current = false;
         load_inputs(call, group, first, s);
         if call.part.from == 0 {
-            forget_faults::<R>(group);
+            clear_faults::<R>(group);
         }
         s.poses.exchange(&mut group.separation_cache);
     }
@@ -241,7 +266,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
         s.poses.exchange(&mut group.separation_cache);
         if call.part.to > call.part.from {
             self.senses.remember(group, s);
-            store(group, s);
+            store_state(group, s);
         }
         if call.part.ends && call.part.to > 0 {
             store_mocap_trajectories(call, group, s);
@@ -253,14 +278,14 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
     /// Some steps of one control; adds their flags to those that are there, and returns their largest residual and that given.
     fn run_control(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, steps: usize, mut residual: R) -> R {
         let Self { scratch: s, senses, compiled, flags, probe } = self;
-        let (h, flags, probe) = (call.options.timestep, &mut flags[..R::LANES], *probe);
+        let (h, flags, probe) = (call.settings.timestep, &mut flags[..R::LANES], *probe);
         let (mut depth, mut overshoot) = (R::load(&group.depth), R::load(&group.overshoot));
         for _ in 0..steps {
             probe.span(Span::Sense, || senses.before_step(s));
-            if let Some(chains) = call.chains {
+            if let Some(pipelines) = call.pipelines {
                 let state = [&s.state.q[..], &s.state.v[..]];
                 probe.span(Span::ActuatorPipelines, || {
-                    chains.advance(
+                    pipelines.advance(
                         compiled,
                         first / R::LANES,
                         &s.given,
@@ -272,10 +297,10 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
                     )
                 });
             }
-            let record = step(compiled, call.options, s, probe);
-            if let Some(chains) = call.chains {
+            let record = step(compiled, call.settings, s, probe);
+            if let Some(pipelines) = call.pipelines {
                 let handed_on = (&mut s.inputs.ctrl[..], &mut s.inputs.actuator_dynamics[..]);
-                probe.span(Span::ActuatorPipelines, || chains.hold_outputs(compiled, first / R::LANES, &mut group.actuation, handed_on));
+                probe.span(Span::ActuatorPipelines, || pipelines.hold_outputs(compiled, first / R::LANES, &mut group.actuation, handed_on));
             }
             probe.span(Span::Record, || {
                 s.elapsed += h;
@@ -322,8 +347,8 @@ fn count_saturated<R: Real>(compiled: &LaneModel<R>, s: &Workspace<R>, counts: &
     )
 }
 
-/// Begins the counts of a call anew.
-fn forget_faults<R: Real>(group: &mut Group<R::Scalar>) {
+/// Clears the counts and flags of the call before.
+fn clear_faults<R: Real>(group: &mut Group<R::Scalar>) {
     group.status[..R::LANES].fill(0);
     group.worst[..R::LANES].fill(0);
     group.depth[..R::LANES].fill(R::Scalar::default());

@@ -16,14 +16,11 @@ pub mod sensing;
 mod tree;
 
 pub use crate::model::Kernel;
-pub use actuators::{CompiledActuator, CompiledActuatorDynamics, CompiledForceRange, CompiledServo, CompiledWrench, Spot};
-pub use collision::{CompiledGeom, CompiledPair, Crowd, Member};
+pub use actuators::{CompiledActuator, CompiledActuatorDynamics, CompiledWrench, Spot};
+pub use collision::{CompiledPair, Crowd};
 pub use compiled_model::{CompiledModel, ModelStructure};
 pub use equality::{Combination, CompiledEquality, CompiledTendon, EqualityBlock, EqualityRows, Spring};
 pub use lane_model::LaneModel;
-pub use parameters::{ActuatorParams, CompensationParams, ContactParams, DofParams, FluidParams, GeomParams, Inertial, Params};
-pub use passive::{CompiledEllipsoid, CompiledFluid, CompiledSurface, FluidShape, GravityCompensation};
-pub use sensing::CompiledSensing;
-pub use tree::{
-    CompiledBallLimit, CompiledBody, CompiledFriction, CompiledJoint, CompiledLimit, CompiledMocap, CompiledSpinner, Descendant, Dof, Link,
-};
+pub use parameters::{ActuatorParams, CompensationParams, DofParams, FluidParams, Inertial, Params};
+pub use passive::{CompiledEllipsoid, FluidShape};
+pub use tree::{CompiledJoint, CompiledSpinner, Descendant, Dof, Link};

@@ -18,6 +18,8 @@ mod approach;
 mod blocks;
 mod boxes;
 mod clip;
+#[cfg(feature = "internals")]
+mod distance;
 mod expand;
 mod facing;
 mod gjk;
@@ -41,13 +43,22 @@ mod vectors;
 
 pub use approach::Approach;
 pub use hull::{Hull, HullError};
-pub use known::Known;
-pub use manifold::{MAX_POINTS, Manifold, Point};
-pub use narrow::{Narrow, collide, collide_plane, distance};
+pub use manifold::MAX_POINTS;
+pub use narrow::Narrow;
 pub use reach::Reach;
-pub use room::Room;
 pub use separating_plane::{SeparatingPlane, SeparatingPlanes};
 pub use shape::ConvexShape;
 pub use solid::Solid;
-pub use surface::{Grid, MAX_SURFACE_POINTS, MeshSurface, Surface, collide_surface};
+pub use surface::{Grid, MAX_SURFACE_POINTS, MeshSurface, Surface};
 pub use vectors::Pose;
+
+// What tests of this folder name besides.
+#[cfg(feature = "internals")]
+pub use {
+    distance::distance,
+    known::Known,
+    manifold::{Manifold, Point},
+    narrow::{collide, collide_plane},
+    room::Room,
+    surface::collide_surface,
+};

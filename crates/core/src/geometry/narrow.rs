@@ -1,7 +1,6 @@
 //! Contact points of two solids.
 
 use crate::geometry::boxes;
-use crate::geometry::expand::Polytope;
 use crate::geometry::facing::Facing;
 use crate::geometry::known::Known;
 use crate::geometry::manifold::{Manifold, Point};
@@ -13,8 +12,7 @@ use crate::geometry::separation;
 use crate::geometry::shape::ConvexShape;
 use crate::geometry::solid::Solid;
 use crate::geometry::surface::{self, collide_surface};
-use crate::geometry::vectors::{Pose, V, unit_or};
-use crate::math::spatial::*;
+use crate::geometry::vectors::{Pose, unit_or};
 
 /// Room to work, and what was found.
 #[derive(Clone, Debug, Default)]
@@ -97,13 +95,6 @@ pub fn collide(
         out.place(pose_a);
     }
     out.separating_plane = (a.is_hull() && b.is_hull()).then(|| reach.separating_plane(&pair, &facing));
-}
-
-/// Signed distance of two convex shapes (m; minus the depth where they overlap) and the unit normal from the first to the second, in the world.
-pub fn distance(a: &ConvexShape, pose_a: &Pose, b: &ConvexShape, pose_b: &Pose) -> (f64, V) {
-    let pair = Pair::new(a, pose_a, b, pose_b);
-    let found = separation::nearest(&pair, &f64::INFINITY.into(), &mut Polytope::default()).found;
-    (found.separation - pair.thickness(), rotate(&pose_a.mat, found.normal))
 }
 
 /// The half space below the xy plane of `plane` and a convex shape, as [`collide`].

@@ -37,7 +37,7 @@ impl Mesh {
     ///
     /// # Errors
     /// [`HullError`] where they span no volume.
-    pub fn hull(&self) -> Result<Hull, HullError> {
+    pub(crate) fn hull(&self) -> Result<Hull, HullError> {
         Hull::new(&self.vertices)
     }
 

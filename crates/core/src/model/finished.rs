@@ -68,7 +68,7 @@ impl Model {
 
 impl Model {
     /// The convex hull of the mesh that a geom's shape refers to; there for every geom that can touch others as that.
-    pub fn hull_of(&self, shape: &Shape) -> Option<&Arc<Hull>> {
+    pub(crate) fn hull_of(&self, shape: &Shape) -> Option<&Arc<Hull>> {
         self.hulls.0.get(self.mesh_index(shape)?)?.as_ref()
     }
 }

@@ -25,10 +25,9 @@ pub enum Kernel {
     CapsuleBox,
     /// Two balls, or capsules taken as segments of any length: up to 2 points.
     Segments,
-    /// A convex shape and a surface of triangles (concave mesh, height field), lane by lane: up to
-    /// [`MAX_SURFACE_POINTS`](crate::geometry::MAX_SURFACE_POINTS).
+    /// A convex shape and a surface of triangles (concave mesh, height field), lane by lane: up to 16 points.
     Surface,
-    /// Convex shapes without a kernel of their own, lane by lane: up to [`MAX_POINTS`](crate::geometry::MAX_POINTS).
+    /// Convex shapes without a kernel of their own, lane by lane: up to 5 points.
     Convex,
 }
 

@@ -2,7 +2,7 @@
 //!
 //! A [`Description`] is a scene whose fields anybody may edit. [`Description::finish`] checks it and makes a [`Model`] of it, which can be
 //! read and no longer edited, so that every model is valid. Both keep the vocabulary of MJCF (bodies, joints, geoms, actuators, sensors,
-//! keyframes) and every index a user knows, in SI units; what the step needs of a model is compiled into a [`ModelStructure`](crate::compile::ModelStructure).
+//! keyframes) and every index a user knows, in SI units; what the step needs of a model is compiled into a `compile::ModelStructure`.
 //!
 //! Frames: a body's `pos`, `quat` place it in its parent; a joint's `pos`, `axis` and a geom's `pos`, `quat` are in their body's frame.
 //! Quaternions are (w, x, y, z). Lengths in m, masses in kg, angles in rad.

@@ -3,14 +3,11 @@
 
 use std::sync::Arc;
 
-use stepper_core::actuation::{ActuatorSpec, Motor, Servo};
-use stepper_core::batch::{Field, StepInputs};
 use stepper_core::model::{
     ActuatorBuilder, BodyBuilder, ContactField, ContactReduction, ContactSide, EqualityBuilder, FrameReading, GeomBuilder, JointBuilder,
     Model, ModelBuilder, Object, Quantity, RayField, Sensor, SensorKind, Shape, Site, TendonBuilder, WORLD,
 };
-use stepper_core::sensing::errors::Transfer;
-use stepper_core::{Certificate, Level, Options, Precision, Simulation};
+use stepper_core::{ActuatorSpec, Certificate, Field, Level, Motor, Options, Precision, Servo, Simulation, StepInputs, Transfer};
 
 /// A walker: a floating trunk with four two-joint legs with limits, a ball-jointed tail, dry friction, servos with activation, and loose
 /// objects of every colliding shape.
@@ -206,8 +203,8 @@ pub(crate) fn run(
     sim.set_actuator_models(&trains(model)).unwrap();
     sim.set_sensor_models(&errors(model)).unwrap();
     for (e, &env) in envs.iter().enumerate() {
-        sim.set_stream(e, env as u32);
-        sim.begin(e, Some(7));
+        sim.set_random_stream(e, env as u32);
+        sim.begin_episode(e, Some(7));
         let (q, v) = start(model, env);
         sim.set(Field::Qpos, e, &q).unwrap();
         sim.set(Field::Qvel, e, &v).unwrap();

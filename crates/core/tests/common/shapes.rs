@@ -2,10 +2,10 @@
 #![allow(dead_code, reason = "each test uses its own part")]
 
 use proptest::prelude::*;
-use stepper_core::collision::contact_set::ContactPoint;
-use stepper_core::collision::pairs::{Cuboid, Cylinder, Ellipsoid, Segment};
-use stepper_core::geometry::ConvexShape;
-use stepper_core::math::spatial::*;
+use stepper_core::internals::collision::contact_set::ContactPoint;
+use stepper_core::internals::collision::pairs::{Cuboid, Cylinder, Ellipsoid, Segment};
+use stepper_core::internals::geometry::ConvexShape;
+use stepper_core::internals::math::spatial::*;
 
 /// Cases of a property test: PROPTEST_CASES, or `usual`.
 pub(crate) fn cases(usual: u32) -> ProptestConfig {

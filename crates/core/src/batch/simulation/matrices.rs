@@ -2,8 +2,8 @@
 
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Point3, Quaternion, UnitQuaternion, Vector3};
 
+use crate::batch::inputs::{Field, StepInputs};
 use crate::batch::simulation::{BodyPose, Contact, Simulation};
-use crate::batch::{Field, StepInputs};
 
 impl Simulation {
     /// A field of one environment: nq, nv or na numbers. [`Simulation::set`] takes one back, as its `as_slice()`.
@@ -18,7 +18,7 @@ impl Simulation {
 
     /// A field of all environments, a column for each: (nq, num_envs), (nv, num_envs) or (na, num_envs).
     pub fn matrix(&self, field: Field) -> DMatrix<f64> {
-        let mut all = DMatrix::zeros(self.numbers(field), self.num_envs());
+        let mut all = DMatrix::zeros(field.width(self.model()), self.num_envs());
         for (env, mut column) in all.column_iter_mut().enumerate() {
             column.copy_from_slice(&self.values(field, env));
         }
@@ -26,7 +26,7 @@ impl Simulation {
     }
 
     /// Mass matrix of one environment at its present configuration, (nv, nv): kg, kg m and kg m^2, armature included, without terms that depend on
-    /// the time step. Mocap bodies are where the model has them.
+    /// the time step. Mocap bodies are where the user has them.
     ///
     /// # Panics
     /// When there is no such environment.
@@ -35,7 +35,7 @@ impl Simulation {
         self.assert_env(env);
         let snapshot = self.snapshot(env, &StepInputs::default()).expect("the environment exists, and there are no inputs");
         let nv = self.model().nv();
-        DMatrix::from_row_slice(nv, nv, &snapshot.mass_matrix(&self.plan_of(env)))
+        DMatrix::from_row_slice(nv, nv, &snapshot.mass_matrix())
     }
 }
 

@@ -9,6 +9,17 @@ use crate::compile::LaneModel;
 use crate::math::precision::Precision;
 use crate::model::{Model, ModelError, Parameter};
 
+/// What becomes of the numbers of actuator dynamics in a call of [`Simulation::randomize_all`].
+#[derive(Clone, Copy, Debug)]
+pub enum ActuatorNumbers<'a> {
+    /// They stay as they are.
+    Kept,
+    /// Those that [`Simulation::set_actuator_models`] gave.
+    Original,
+    /// An entry for every actuator, with lists of one number or one for each of the environments; `None` leaves an actuator as it is.
+    Given(&'a [Option<ActuatorSpec>]),
+}
+
 impl Simulation {
     /// Gives the environments `envs`, ascending, numbers of their own in some fields. Other fields and the state stay what they are.
     ///
@@ -19,71 +30,96 @@ impl Simulation {
     /// [`Error::Environment`] or [`Error::Order`] for `envs`; [`Error::Length`] for an array of the wrong length; [`Error::ParameterTooLarge`];
     /// [`Error::Model`] for numbers that make no model or one of another structure, with the environment. Nothing is changed then.
     pub fn randomize(&mut self, assigned: &[(Parameter, Option<&[f64]>)], envs: &[usize]) -> Result<(), Error> {
+        self.randomize_all(assigned, ActuatorNumbers::Kept, envs)
+    }
+
+    /// The same, and other numbers of actuator dynamics. What the dynamics remember, and the rest of the state, stays.
+    ///
+    /// # Errors
+    /// Those of [`Simulation::randomize`]; [`Error::Count`] when there is not one entry for every actuator; [`Error::Actuator`] for a number out of
+    /// its range, or what the actuator was not made for, with its name. Nothing is changed then.
+    pub fn randomize_all(
+        &mut self,
+        assigned: &[(Parameter, Option<&[f64]>)],
+        actuators: ActuatorNumbers<'_>,
+        envs: &[usize],
+    ) -> Result<(), Error> {
         self.check_envs(envs)?;
+        let resampled = self.resampled(actuators, envs)?;
+        if !assigned.is_empty() {
+            self.assign_parameters(assigned, envs)?;
+        }
+        if let (Some(actuator_models), Some(resampled)) = (&mut self.actuator_models, resampled) {
+            self.truth.known = false;
+            self.engine.resample_actuators(&resampled.specs, &resampled.envs);
+            actuator_models.take(resampled);
+        }
+        Ok(())
+    }
+
+    /// Gives all of the model's own numbers back to the environments `envs`, ascending, and those that [`Simulation::set_actuator_models`] gave.
+    ///
+    /// # Errors
+    /// [`Error::Environment`] or [`Error::Order`] for `envs`.
+    pub fn reset_parameters(&mut self, envs: &[usize]) -> Result<(), Error> {
+        let all: Vec<(Parameter, Option<&[f64]>)> = self.own_parameters().map(|(parameter, _)| (parameter, None)).collect();
+        self.randomize_all(&all, ActuatorNumbers::Original, envs)
+    }
+
+    fn assign_parameters(&mut self, assigned: &[(Parameter, Option<&[f64]>)], envs: &[usize]) -> Result<(), Error> {
         let assigned = assigned.iter().map(|&(parameter, values)| self.assignment(parameter, values)).collect::<Result<Vec<_>, _>>()?;
         if self.randomization.ends_with(&assigned, envs.len() == self.num_envs) {
             self.randomization = Randomization::default();
-            self.engine_mut().randomize(envs, None);
+            self.engine_mut().clear_overrides();
             return Ok(());
         }
         let differences = self.differences(&assigned, envs)?;
         self.randomization.assign(&self.model, self.num_envs, &assigned, envs);
-        self.engine_mut().randomize(envs, Some(&differences));
+        self.engine_mut().override_parameters(envs, &differences);
         Ok(())
     }
 
-    /// What comes of drawing the numbers of drive trains anew for the environments `envs`, ascending: an entry for every actuator, with lists
-    /// of one number or one for each of these; `None` leaves a train as it is. `trains` of `None` gives back what [`Simulation::set_actuator_models`] gave.
-    /// Nothing is changed until [`Simulation::resample_actuators`].
-    ///
-    /// # Errors
-    /// [`Error::Environment`] or [`Error::Order`] for `envs`; [`Error::Count`] when there is not one entry for every actuator; [`Error::Actuator`]
-    /// for a number out of its range, or what the trains were not made for, with the actuator's name.
-    pub fn resampled(&self, specs: Option<&[Option<ActuatorSpec>]>, envs: &[usize]) -> Result<Option<ResampledActuators>, Error> {
-        self.check_envs(envs)?;
+    /// What comes of other numbers of actuator dynamics for the environments `envs`; nothing is changed.
+    fn resampled(&self, actuators: ActuatorNumbers<'_>, envs: &[usize]) -> Result<Option<ResampledActuators>, Error> {
+        let specs = match actuators {
+            ActuatorNumbers::Kept => return Ok(None),
+            ActuatorNumbers::Original => None,
+            ActuatorNumbers::Given(specs) => Some(specs),
+        };
         if let Some(found) = specs.map(<[_]>::len).filter(|found| *found != self.model.nu()) {
             return Err(Error::Count { name: "drives", found, must: self.model.nu(), element: "actuator" });
         }
-        let h = self.settings.timestep;
+        let h = self.timestep();
         match (&self.actuator_models, specs) {
             (Some(actuator_models), _) => {
                 actuator_models.resample_actuators(&self.model, specs, envs, self.num_envs, h).map(Some).map_err(Error::Actuator)
             }
             (None, None) => Ok(None),
             (None, Some(specs)) => {
-                // Trains that none was made with, so that whoever is given one hears of it.
+                // Actuators that were made without dynamics, so that whoever is given some hears of it.
                 let none = ActuatorModels::new(&self.model, &vec![None; specs.len()], self.num_envs, h).map_err(Error::Actuator)?;
                 none.resample_actuators(&self.model, Some(specs), envs, self.num_envs, h).map(|_| None).map_err(Error::Actuator)
             }
         }
     }
 
-    /// Draws the numbers of drive trains anew. What the trains remember, and the rest of the state, stays.
-    pub fn resample_actuators(&mut self, resampled: Option<ResampledActuators>) {
-        if let (Some(actuator_models), Some(resampled)) = (&mut self.actuator_models, resampled) {
-            self.truth.known = false;
-            self.engine.resample_actuators(&self.settings, &resampled.specs, &resampled.envs);
-            actuator_models.take(resampled);
-        }
-    }
-
-    /// Drive trains as environments have them of their own, with lists of one number or one for each environment.
-    pub fn drawn(&self) -> Option<&[Option<ActuatorSpec>]> {
+    /// Actuator specs as environments have them of their own, with lists of one number or one for each environment; `None` where none has any.
+    pub fn own_actuators(&self) -> Option<&[Option<ActuatorSpec>]> {
         self.actuator_models.as_ref()?.drawn()
     }
 
     fn differences(&self, assigned: &[Assignment<'_>], envs: &[usize]) -> Result<Vec<Differences>, ModelError> {
         let Some(ActuatorModels { specs, .. }) = &self.actuator_models else {
-            return self.randomization.differences(&self.model, self.compiled(), None, assigned, envs);
+            return self.randomization.differences(&self.model, self.lane_model(), None, assigned, envs);
         };
         let actuator_models = |variant: &Model| {
             let mut variant = variant.clone();
-            // The trains have taken over the delays already.
+            // The dynamics have taken over the delays already.
             variant.trusted_mut().actuators.iter_mut().for_each(|a| a.delay = 0.0);
-            let folded = ActuatorSpec::fold(&variant, specs, self.num_envs, self.settings.timestep);
+            let folded = ActuatorSpec::fold(&variant, specs, self.num_envs, self.timestep());
             folded.expect("drive trains were checked with the model, and a variant has its structure").0
         };
-        self.randomization.differences(&self.model, self.compiled(), Some(&actuator_models), assigned, envs)
+        self.randomization.differences(&self.model, self.lane_model(), Some(&actuator_models), assigned, envs)
     }
 
     fn assignment<'a>(&self, parameter: Parameter, values: Option<&'a [f64]>) -> Result<Assignment<'a>, Error> {
@@ -99,24 +135,19 @@ impl Simulation {
         }
     }
 
-    /// Numbers that environments have of their own.
-    pub fn randomization(&self) -> &Randomization {
-        &self.randomization
+    /// Parameters that environments have of their own, (num_envs, numbers of the parameter) each.
+    pub fn own_parameters(&self) -> impl Iterator<Item = (Parameter, &[f64])> {
+        self.randomization.fields().map(|(name, values)| (name.parse().expect("the name of a parameter"), values))
     }
 
-    /// Memory of parameters that environments have of their own, and of the numbers of drive trains, bytes.
+    /// Memory of parameters that environments have of their own, and of the numbers of actuator dynamics, bytes.
     pub fn parameter_bytes(&self) -> usize {
         self.randomization.bytes() + self.engine.parameter_bytes() + self.actuator_models.as_ref().map_or(0, ActuatorModels::bytes)
     }
 
     /// The compiled model of one environment, in f64.
-    ///
-    /// # Panics
-    /// When there is no such environment.
-    #[track_caller]
-    pub fn plan_of(&self, env: usize) -> Cow<'_, LaneModel<f64>> {
-        self.assert_env(env);
-        let shared = self.compiled();
+    pub(super) fn lane_model_of(&self, env: usize) -> Cow<'_, LaneModel<f64>> {
+        let shared = self.lane_model();
         if self.randomization.is_empty() {
             return Cow::Borrowed(shared);
         }

@@ -3,10 +3,11 @@
 use std::ops::Range;
 use std::path::Path;
 
-use crate::analysis::quantities::{BodyPoses, Snapshot};
+use crate::analysis::quantities::BodyPoses;
+use crate::batch::inputs::{Field, StepInputs};
 use crate::batch::simulation::{Error, Simulation};
-use crate::batch::{Field, StepInputs, WorstRow};
-use crate::integrators::inputs::Inputs;
+use crate::batch::state::StoredContact;
+use crate::batch::worst_row::WorstRow;
 use crate::math::spatial::contact_frame;
 use crate::model::file::write_whole;
 use crate::stages::s10_record::Status;
@@ -65,13 +66,13 @@ impl Simulation {
     /// [`Error::Environment`] when there is no such environment, [`Error::Length`] when `out` has fewer or more numbers; nothing is written then.
     pub fn get(&self, field: Field, env: usize, out: &mut [f64]) -> Result<(), Error> {
         self.check_env(env)?;
-        self.check_length(field, out.len())?;
+        self.check_width(field, out.len())?;
         self.engine.read(field, env, out);
         Ok(())
     }
 
     pub(super) fn values(&self, field: Field, env: usize) -> Vec<f64> {
-        let mut out = vec![0.0; self.numbers(field)];
+        let mut out = vec![0.0; field.width(&self.model)];
         self.engine.read(field, env, &mut out);
         out
     }
@@ -113,7 +114,7 @@ impl Simulation {
     #[track_caller]
     pub fn status(&self, env: usize) -> Status {
         self.assert_env(env);
-        Status::from_bits_retain(self.engine.status(env))
+        self.engine.outcome(env).status
     }
 
     /// Deepest overlap of a contact beyond its margin in the last call, m. Where a step is taken: in its middle by the rules that are.
@@ -123,7 +124,7 @@ impl Simulation {
     #[track_caller]
     pub fn depth(&self, env: usize) -> f64 {
         self.assert_env(env);
-        self.engine.overlaps(env)[0]
+        self.engine.outcome(env).depth
     }
 
     /// Farthest that a joint or tendon was beyond its range after a step of the last call, rad or m.
@@ -133,7 +134,7 @@ impl Simulation {
     #[track_caller]
     pub fn limit_overshoot(&self, env: usize) -> f64 {
         self.assert_env(env);
-        self.engine.overlaps(env)[1]
+        self.engine.outcome(env).overshoot
     }
 
     /// Readings that were clipped and samples that were lost in the last call, for every sensor of the model.
@@ -167,8 +168,8 @@ impl Simulation {
     #[track_caller]
     pub fn certificate(&self, env: usize) -> Certificate {
         self.assert_env(env);
-        let [residual, sweeps, newton_steps] = self.engine.certificate(env);
-        Certificate { residual, sweeps: sweeps as u32, newton_steps: newton_steps as u32 }
+        let outcome = self.engine.outcome(env);
+        Certificate { residual: outcome.residual, sweeps: outcome.sweeps as u32, newton_steps: outcome.newton_steps as u32 }
     }
 
     /// Row with the largest residual in the last step of the last call that was not solved ([`Status::NOT_CONVERGED`](crate::Status)); none
@@ -196,7 +197,7 @@ impl Simulation {
             // One row is for all environments.
             ctrl.chunks_exact_mut(inputs.ctrl.len()).for_each(|rows| rows.copy_from_slice(inputs.ctrl));
         }
-        Ok(self.engine.problem(&self.settings, &StepInputs { ctrl: &ctrl, ..*inputs }, env))
+        Ok(self.engine.problem(&StepInputs { ctrl: &ctrl, ..self.applied.complete(inputs) }, env))
     }
 
     /// Writes [`Simulation::problem`] to a file, in one piece; a test of the solver loads it by `stepper_solve::Problem::load`.
@@ -216,8 +217,9 @@ impl Simulation {
     pub fn contacts(&self, env: usize) -> Vec<Contact> {
         self.assert_env(env);
         // The solver's unknowns are impulses over a step.
-        let force = |impulse: [f64; 3]| impulse.map(|x| x / self.settings.timestep);
-        let contact = |(geoms, c): ([usize; 2], crate::batch::state::StoredContact)| Contact {
+        let h = self.timestep();
+        let force = |impulse: [f64; 3]| impulse.map(|x| x / h);
+        let contact = |(geoms, c): ([usize; 2], StoredContact)| Contact {
             geoms,
             bodies: geoms.map(|g| self.model.geoms[g].body),
             pos: c.pos,
@@ -235,6 +237,7 @@ impl Simulation {
     /// Those of [`Simulation::step`] for the inputs; of them, poses of mocap bodies are read.
     pub fn body_poses(&self, inputs: &StepInputs<'_>) -> Result<[Vec<f64>; 2], Error> {
         self.check_inputs(inputs, 1)?;
+        let inputs = &self.applied.complete(inputs);
         let rows = self.num_envs * self.model.bodies.len();
         let (mut positions, mut orientations) = (Vec::with_capacity(3 * rows), Vec::with_capacity(4 * rows));
         self.each_pose(0..self.num_envs, inputs, |pose| {
@@ -252,6 +255,7 @@ impl Simulation {
     pub fn body_poses_of(&self, env: usize, inputs: &StepInputs<'_>) -> Result<Vec<BodyPose>, Error> {
         self.check_env(env)?;
         self.check_inputs(inputs, 1)?;
+        let inputs = &self.applied.complete(inputs);
         let mut poses = Vec::with_capacity(self.model.bodies.len());
         self.each_pose(env..env + 1, inputs, |pose| poses.push(pose));
         Ok(poses)
@@ -259,7 +263,7 @@ impl Simulation {
 
     /// Hands the poses of all bodies of some environments to `take`, in order; inputs were checked.
     fn each_pose(&self, envs: Range<usize>, inputs: &StepInputs<'_>, mut take: impl FnMut(BodyPose)) {
-        let compiled = self.compiled();
+        let compiled = self.lane_model();
         let (mut poses, mut q) = (BodyPoses::new(compiled), vec![0.0; compiled.nq]);
         let mocap = compiled.mocap.len();
         for env in envs {
@@ -270,24 +274,5 @@ impl Simulation {
             self.engine.read(Field::Qpos, env, &mut q);
             poses.at(&q, self.mocap_poses(pos, quat)).for_each(|(pos, quat)| take(BodyPose { pos, quat }));
         }
-    }
-
-    /// One environment, to ask about its mass matrix, energy and the like; inputs are those of that environment alone.
-    ///
-    /// # Errors
-    /// [`Error::Environment`] when there is no such environment, [`Error::Length`] and [`Error::MocapPoses`] for the inputs.
-    pub fn snapshot(&self, env: usize, inputs: &StepInputs<'_>) -> Result<Snapshot, Error> {
-        self.check_env(env)?;
-        self.check_rows(inputs, 1, 1)?;
-        let nu = self.model.nu();
-        let given = || if inputs.ctrl.is_empty() { self.ctrl[env * nu..(env + 1) * nu].to_vec() } else { inputs.ctrl.to_vec() };
-        let (ctrl, actuator_dynamics) = self.engine.handed_on(env).unwrap_or_else(|| (given(), vec![]));
-        Ok(Snapshot {
-            q: self.values(Field::Qpos, env),
-            v: self.values(Field::Qvel, env),
-            act: self.values(Field::Act, env),
-            inputs: Inputs { ctrl, actuator_dynamics, qfrc: inputs.qfrc.to_vec(), xfrc: inputs.xfrc.to_vec() },
-            mocap: self.mocap_poses(inputs.mocap_pos, inputs.mocap_quat).collect(),
-        })
     }
 }

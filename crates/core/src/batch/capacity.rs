@@ -1,0 +1,105 @@
+//! Room that a batch needs: contacts that an environment can hold, and memory.
+
+use stepper_real::Level;
+
+use crate::batch::call::{Call, Part, Schedule};
+use crate::batch::inputs::StepInputs;
+use crate::batch::randomization::ParameterOverrides;
+use crate::batch::state::Group;
+use crate::batch::worker::{BatchSlice, Stepped, WorkerSpec};
+use crate::compile::CompiledModel;
+use crate::error::Error;
+use crate::model::Model;
+use crate::options::{Solver, Stabilization, StepSettings};
+use crate::stages::s10_record::Status;
+
+/// Memory of the state of one environment among many, bytes.
+pub(super) fn bytes_per_env<S: Stepped>(compiled: &CompiledModel<S>, max_contacts: usize) -> usize {
+    let group = Group::new(compiled, &vec![S::default(); compiled.nq], S::LANES, 0, 0, max_contacts);
+    group.bytes().div_ceil(S::LANES)
+}
+
+/// Memory that is asked for besides what environments keep, bytes each: indices, and what a list of many parts costs.
+const BESIDES: usize = 64;
+
+/// Whether there is memory for environments that keep so many bytes each. It is asked for at once and given back: an allocation that fails piece by
+/// piece would end the process.
+pub(super) fn check_memory(num_envs: usize, bytes_per_env: usize) -> Result<(), Error> {
+    let fails = |all: usize| Vec::<u8>::new().try_reserve_exact(all).is_err();
+    match num_envs > 1 && num_envs.checked_mul(bytes_per_env + BESIDES).is_none_or(fails) {
+        true => Err(Error::Memory { num_envs, bytes_per_env }),
+        false => Ok(()),
+    }
+}
+
+/// Contacts an environment has room for: what the options say; else all that can exist, up to 16 and some for each body, and up to twice what the
+/// model's own states have.
+///
+/// A link of a robot has four. A floating body has what a heap of its like brings it: half of the twelve balls that fit around a ball, or of the
+/// six faces of a box in a wall with four points each. Mechanisms whose parts lie on one another (a puzzle, a gripper of many meshes) have more all the
+/// time, and have them in their reset state or a keyframe.
+pub(super) fn room_for_contacts<S: Stepped>(model: &Model, compiled: &CompiledModel<S>, settings: &StepSettings, level: Level) -> usize {
+    if let Some(n) = settings.max_contacts {
+        return (n as usize).min(compiled.contact_points);
+    }
+    let mut links_of_tree = vec![0; compiled.ntree];
+    compiled.links.iter().for_each(|l| links_of_tree[l.tree] += 1);
+    let mut is_ball = vec![true; compiled.nframe()];
+    let long = |g: &usize| compiled.params.rotation_reach(*g) != S::ZERO;
+    (0..compiled.geoms.len()).filter(long).for_each(|g| is_ball[compiled.geoms[g].frame] = false);
+    let room = compiled.links.iter().enumerate().map(|(l, link)| match is_ball[l + 1] {
+        _ if links_of_tree[link.tree] > 1 => 4,
+        true => 6,
+        false => 12,
+    });
+    let room = 16 + room.sum::<usize>();
+    if compiled.contact_points <= room {
+        return compiled.contact_points;
+    }
+    room.max(2 * contacts_at_start(model, compiled, settings, room, level)).min(compiled.contact_points)
+}
+
+/// The most contacts that a step finds from the reset state or a keyframe; there may be more than `room`.
+fn contacts_at_start<S: Stepped>(
+    model: &Model,
+    compiled: &CompiledModel<S>,
+    settings: &StepSettings,
+    mut room: usize,
+    level: Level,
+) -> usize {
+    let settings = StepSettings { solver: Solver::Pgs, iterations: 1, stabilization: Stabilization::None, ..*settings };
+    let lanes = S::SINGLE;
+    let make = |room: usize| S::worker(&WorkerSpec { compiled, settings: &settings, max_contacts: room }, lanes, level);
+    let overrides = ParameterOverrides::default();
+    let call = Call {
+        compiled,
+        settings: &settings,
+        num_envs: 1,
+        schedule: Schedule { controls: 1, nstep: 1 },
+        inputs: StepInputs::default(),
+        part: Part::whole(1),
+        sensor_errors: None,
+        pipelines: None,
+        overrides: &overrides,
+    };
+    let still = vec![0.0; compiled.nv];
+    let keyframes = model.keyframes.iter().map(|k| [&k.qpos, &k.qvel]);
+    let mut worker = make(room);
+    let mut most = 0;
+    for [q, v] in std::iter::once([&model.qpos0, &still]).chain(keyframes) {
+        let q: Vec<S> = q.iter().map(|&x| S::from_f64(x)).collect();
+        loop {
+            let mut group = Group::new(compiled, &q, lanes, 1, 0, room);
+            group.v.iter_mut().step_by(lanes).zip(v).for_each(|(to, &x)| *to = S::from_f64(x));
+            worker.forget_state();
+            worker.run(&call, &mut group, BatchSlice { first: 0, share_first: 0, share: None });
+            most = most.max(group.contact_count[0] as usize);
+            if group.status[0] & Status::CONTACTS_FULL.bits() == 0 || room == compiled.contact_points {
+                break;
+            }
+            room = (2 * room).min(compiled.contact_points);
+            worker = make(room);
+        }
+    }
+    most
+}

@@ -1,0 +1,95 @@
+//! What is given to a batch besides its state: sensor and actuator models, and parameters of single environments.
+
+use crate::actuation::{ActuatorPipelines, ActuatorSpec, memory};
+use crate::batch::capacity::{bytes_per_env, check_memory};
+use crate::batch::environments::{Batch, make_groups};
+use crate::batch::randomization::{Differences, ParameterOverrides};
+use crate::batch::worker::Stepped;
+use crate::compile::CompiledModel;
+use crate::error::Error;
+use crate::model::Model;
+use crate::options::StepSettings;
+use crate::sensing::errors::{Errors, Transfer};
+
+/// Settings, models of sensors and actuators, and parameters of a batch.
+pub trait Configuration {
+    /// Settings in force.
+    fn settings(&self) -> &StepSettings;
+    /// Gives the sensors transfer functions, `None` to ideal ones.
+    ///
+    /// # Errors
+    /// [`Error::Sensor`] for a number out of its range, [`Error::Memory`].
+    fn set_sensor_models(&mut self, model: &Model, transfers: &[Option<Transfer>]) -> Result<(), Error>;
+    /// Gives the actuators dynamics, `None` to those without; the model and the specs are what [`ActuatorSpec::fold`] returned. All environments are
+    /// new then.
+    ///
+    /// # Errors
+    /// [`Error::Memory`].
+    fn set_actuator_models(&mut self, model: &Model, specs: &[Option<ActuatorSpec>]) -> Result<(), Error>;
+    /// Gives the environments `envs` other numbers of their actuator dynamics: lists of one, or one for each of these; `None` leaves an actuator as
+    /// it is.
+    fn resample_actuators(&mut self, specs: &[Option<ActuatorSpec>], envs: &[usize]);
+    /// Gives environments parameters that differ from the model's.
+    fn override_parameters(&mut self, envs: &[usize], differences: &[Differences]);
+    /// Takes the parameters of all environments back.
+    fn clear_overrides(&mut self);
+    /// Memory of those parameters and of the numbers of actuator dynamics, bytes.
+    fn parameter_bytes(&self) -> usize;
+}
+
+impl<S: Stepped> Configuration for Batch<S> {
+    fn settings(&self) -> &StepSettings {
+        &self.settings
+    }
+
+    fn set_sensor_models(&mut self, model: &Model, transfers: &[Option<Transfer>]) -> Result<(), Error> {
+        let errors = Errors::new(model, transfers, self.num_envs, self.lanes, self.settings.timestep).map_err(Error::Sensor)?;
+        let readings = if errors.is_empty() { 0 } else { self.compiled.sensing.width };
+        check_memory(self.num_envs, (errors.memory + readings) * size_of::<S>() + 3 * errors.lines * size_of::<usize>())?;
+        self.workers.idle_workers().clear();
+        for group in &mut self.groups {
+            group.sensing.with_errors(errors.memory, errors.lines, readings);
+            group.sensing.waiting = group.alive;
+        }
+        self.sensor_errors = (!errors.is_empty()).then_some(errors);
+        Ok(())
+    }
+
+    fn set_actuator_models(&mut self, model: &Model, specs: &[Option<ActuatorSpec>]) -> Result<(), Error> {
+        let (compiled, h) = (CompiledModel::with_actuator_specs(model, specs), self.settings.timestep);
+        let some = ActuatorPipelines::<S>::new(specs, self.lanes.min(self.num_envs), self.lanes, h);
+        let numbers = (some.memory + model.nu()) * size_of::<S>() + some.lines * size_of::<usize>();
+        check_memory(self.num_envs, bytes_per_env(&compiled, self.max_contacts) + numbers + some.bytes().div_ceil(self.lanes))?;
+        self.compiled = compiled;
+        self.workers.idle_workers().clear();
+        self.groups = make_groups(model, &self.compiled, self.num_envs, self.lanes, self.max_contacts);
+        let pipelines = ActuatorPipelines::new(specs, self.num_envs, self.lanes, h);
+        if !pipelines.is_empty() {
+            for group in &mut self.groups {
+                group.actuation = memory::Memory::with_chains(self.lanes, group.alive, pipelines.memory, pipelines.lines, model.nu());
+            }
+            self.pipelines = Some(pipelines);
+        }
+        Ok(())
+    }
+
+    fn resample_actuators(&mut self, specs: &[Option<ActuatorSpec>], envs: &[usize]) {
+        if let Some(pipelines) = &mut self.pipelines {
+            pipelines.assign(specs, envs, self.settings.timestep);
+        }
+    }
+
+    fn override_parameters(&mut self, envs: &[usize], differences: &[Differences]) {
+        self.overrides.assign(&self.compiled.params, self.groups.len(), self.lanes, envs, differences);
+    }
+
+    fn clear_overrides(&mut self) {
+        self.overrides = ParameterOverrides::default();
+        // Workers still have what they read last.
+        self.workers.idle_workers().clear();
+    }
+
+    fn parameter_bytes(&self) -> usize {
+        self.overrides.bytes() + self.pipelines.as_ref().map_or(0, ActuatorPipelines::bytes)
+    }
+}

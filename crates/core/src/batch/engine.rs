@@ -1,0 +1,12 @@
+//! A batch of environments whatever its precision: what a simulation asks of it.
+
+use crate::batch::configuration::Configuration;
+use crate::batch::environments::{Batch, Environments};
+use crate::batch::saving::Saving;
+use crate::batch::stepping::Stepping;
+use crate::batch::worker::Stepped;
+
+/// A batch, whatever its precision: steps, what is given to all environments, one environment's state, and states as bytes.
+pub trait Engine: Stepping + Configuration + Environments + Saving + Send + Sync {}
+
+impl<S: Stepped> Engine for Batch<S> {}

@@ -1,0 +1,197 @@
+//! What a user gives: inputs of a call, fields of the state, rows for many environments.
+
+use crate::model::Model;
+
+/// What the user says to a call of step, environment-major. An empty slice says nothing: what is in force stays.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct StepInputs<'a> {
+    /// Controls, (num_envs, nu), or (nu) for all: from this call on.
+    pub ctrl: &'a [f64],
+    /// Forces on the joints in N or N m, (num_envs, nv): in this call.
+    pub qfrc: &'a [f64],
+    /// Force (N) and torque (N m) at every body's centre of mass, world axes, (num_envs, nbody, 6): in this call.
+    pub xfrc: &'a [f64],
+    /// Positions of the mocap bodies in m, (num_envs, nmocap, 3): in this call.
+    pub mocap_pos: &'a [f64],
+    /// Orientations of the mocap bodies, (num_envs, nmocap, 4): in this call.
+    pub mocap_quat: &'a [f64],
+}
+
+impl<'a> StepInputs<'a> {
+    /// All but the controls, in the order of [`AppliedInput::ALL`].
+    pub(super) fn applied(&self) -> [&'a [f64]; 4] {
+        [self.qfrc, self.xfrc, self.mocap_pos, self.mocap_quat]
+    }
+}
+
+/// Arrays of the state that can be read and written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Field {
+    /// Configuration, nq.
+    Qpos,
+    /// Velocity, nv.
+    Qvel,
+    /// Activations, na.
+    Act,
+}
+
+impl Field {
+    /// Name in Python and in messages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Qpos => "qpos",
+            Self::Qvel => "qvel",
+            Self::Act => "act",
+        }
+    }
+
+    /// Numbers per environment.
+    pub fn width(self, model: &Model) -> usize {
+        match self {
+            Self::Qpos => model.nq(),
+            Self::Qvel => model.nv(),
+            Self::Act => model.na(),
+        }
+    }
+}
+
+/// Arrays that the user applies besides controls. Every step reads them until they are changed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AppliedInput {
+    /// Forces on the joints in N or N m, (nv).
+    QfrcApplied,
+    /// Force (N) and torque (N m) at every body's centre of mass, world axes, (nbody, 6).
+    XfrcApplied,
+    /// Positions of the mocap bodies in m, (nmocap, 3).
+    MocapPos,
+    /// Orientations of the mocap bodies, (nmocap, 4).
+    MocapQuat,
+}
+
+impl AppliedInput {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::QfrcApplied, Self::XfrcApplied, Self::MocapPos, Self::MocapQuat];
+
+    /// Name in Python and in messages.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::QfrcApplied => "qfrc_applied",
+            Self::XfrcApplied => "xfrc_applied",
+            Self::MocapPos => "mocap_pos",
+            Self::MocapQuat => "mocap_quat",
+        }
+    }
+
+    /// Shape of one environment's part.
+    pub fn shape(self, model: &Model) -> Vec<usize> {
+        let nmocap = || model.bodies.iter().filter(|b| b.mocap).count();
+        match self {
+            Self::QfrcApplied => vec![model.nv()],
+            Self::XfrcApplied => vec![model.bodies.len(), 6],
+            Self::MocapPos => vec![nmocap(), 3],
+            Self::MocapQuat => vec![nmocap(), 4],
+        }
+    }
+
+    /// One environment's part after a reset: no forces, and mocap bodies where the model has them.
+    pub fn at_reset(self, model: &Model) -> Vec<f64> {
+        let mocap = || model.bodies.iter().filter(|b| b.mocap);
+        match self {
+            Self::QfrcApplied | Self::XfrcApplied => vec![0.0; self.shape(model).iter().product()],
+            Self::MocapPos => mocap().flat_map(|b| b.pos).collect(),
+            Self::MocapQuat => mocap().flat_map(|b| b.quat).collect(),
+        }
+    }
+}
+
+/// What the user applies, in force until it is changed.
+#[derive(Debug, Default)]
+pub(super) struct AppliedInputs {
+    /// In the order of [`AppliedInput::ALL`], (num_envs, ...) each; empty where nothing was ever given.
+    arrays: [Vec<f64>; 4],
+}
+
+impl AppliedInputs {
+    /// Replaces one array; no values take back what was applied. Positions and orientations of mocap bodies go together: whoever moves a body may
+    /// leave its orientation alone.
+    pub(super) fn set(&mut self, input: AppliedInput, values: &[f64], model: &Model, num_envs: usize) {
+        let array = &mut self.arrays[input as usize];
+        array.clear();
+        array.extend_from_slice(values);
+        let poses = [AppliedInput::MocapPos, AppliedInput::MocapQuat];
+        let given = poses.map(|pose| !self.arrays[pose as usize].is_empty());
+        for (pose, given) in poses.into_iter().zip(given).filter(|_| given[0] != given[1]) {
+            if !given {
+                self.arrays[pose as usize] = pose.at_reset(model).repeat(num_envs);
+            }
+        }
+    }
+
+    /// Puts one environment's part of every array back to what it is after a reset.
+    pub(super) fn reset(&mut self, env: usize, model: &Model) {
+        for input in AppliedInput::ALL {
+            let array = &mut self.arrays[input as usize];
+            if !array.is_empty() {
+                let row = input.at_reset(model);
+                array[env * row.len()..][..row.len()].copy_from_slice(&row);
+            }
+        }
+    }
+
+    /// What a call reads: what it is given, and what is in force where it is given nothing.
+    pub(super) fn complete<'a>(&'a self, given: &StepInputs<'a>) -> StepInputs<'a> {
+        let [qfrc, xfrc, mocap_pos, mocap_quat] = &self.arrays;
+        let or = |given: &'a [f64], held: &'a Vec<f64>| if given.is_empty() { &held[..] } else { given };
+        StepInputs {
+            ctrl: given.ctrl,
+            qfrc: or(given.qfrc, qfrc),
+            xfrc: or(given.xfrc, xfrc),
+            mocap_pos: or(given.mocap_pos, mocap_pos),
+            mocap_quat: or(given.mocap_quat, mocap_quat),
+        }
+    }
+
+    /// The same for one environment: inputs are those of it alone.
+    pub(super) fn complete_one<'a>(&'a self, env: usize, num_envs: usize, given: &StepInputs<'a>) -> StepInputs<'a> {
+        let row = |array: &'a Vec<f64>| &array[env * (array.len() / num_envs)..][..array.len() / num_envs];
+        let [qfrc, xfrc, mocap_pos, mocap_quat] = &self.arrays;
+        let or = |given: &'a [f64], held: &'a Vec<f64>| if given.is_empty() { row(held) } else { given };
+        StepInputs {
+            ctrl: given.ctrl,
+            qfrc: or(given.qfrc, qfrc),
+            xfrc: or(given.xfrc, xfrc),
+            mocap_pos: or(given.mocap_pos, mocap_pos),
+            mocap_quat: or(given.mocap_quat, mocap_quat),
+        }
+    }
+
+    /// Memory that it holds, bytes.
+    pub(super) fn bytes(&self) -> usize {
+        self.arrays.iter().map(|array| size_of_val(&array[..])).sum()
+    }
+}
+
+/// What is to be written to the state of some environments. Of arrays there is a row for every environment of the simulation, of which theirs
+/// are read, or one row for all.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct StateRows<'a> {
+    /// Configurations, (num_envs, nq) or (nq): m, rad and quaternions, which are normalised.
+    pub qpos: Option<&'a [f64]>,
+    /// Velocities, (num_envs, nv) or (nv): m/s and rad/s.
+    pub qvel: Option<&'a [f64]>,
+    /// Activations, (num_envs, na) or (na).
+    pub act: Option<&'a [f64]>,
+    /// Times in s, (num_envs) or one.
+    pub time: Option<&'a [f64]>,
+}
+
+/// How an episode begins, besides the model's reset state.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Episode<'a> {
+    /// A new seed, under which it is the first episode; else it is the next one under the old seed.
+    pub seed: Option<u64>,
+    /// A keyframe of the model: state, time and controls in force.
+    pub keyframe: Option<&'a crate::model::Keyframe>,
+    /// What is written over that.
+    pub rows: StateRows<'a>,
+}

@@ -1,0 +1,143 @@
+//! States of a batch as bytes, and back.
+
+use serde::{Deserialize, Serialize};
+
+use crate::actuation::ActuatorPipelines;
+use crate::batch::environments::Batch;
+use crate::batch::state::Group;
+use crate::batch::worker::Stepped;
+use crate::collision::contact_set::ContactId;
+use crate::error::StateMisfit;
+use crate::math::lanes::DelayLine;
+use crate::sensing::errors::Errors;
+
+/// States as bytes.
+pub trait Saving {
+    /// All that survives a step, as bytes: `ctrl`, (num_envs, nu), are the controls in force. Of one environment, or of all.
+    fn save(&self, env: Option<usize>, ctrl: &[f64]) -> Vec<u8>;
+    /// Takes over what [`Saving::save`] wrote, in the environments `envs`: from a state of as many environments as there are each its own, from
+    /// a state of one all the same. Returns the controls in force of the state.
+    ///
+    /// # Errors
+    /// The first thing that does not fit; nothing is changed then.
+    fn restore(&mut self, bytes: &[u8], envs: &[usize]) -> Result<Vec<f64>, StateMisfit>;
+}
+
+/// All that survives a step, in groups of one width whatever steps them: 8 `f64` or 16 `f32`, or one environment alone.
+#[derive(Serialize, Deserialize)]
+struct SavedGroups<S> {
+    num_envs: usize,
+    /// Controls in force.
+    ctrl: Vec<f64>,
+    groups: Vec<Group<S>>,
+}
+
+impl<S: Stepped> Saving for Batch<S> {
+    fn save(&self, env: Option<usize>, ctrl: &[f64]) -> Vec<u8> {
+        let n = if env.is_some() { 1 } else { self.saved_lanes() };
+        let first = match env {
+            Some(env) => env..env + 1,
+            None => 0..self.num_envs,
+        };
+        let parts = first.clone().step_by(n).map(|first| {
+            let (group, lane) = self.lane(first);
+            group.part(lane, n).canonical()
+        });
+        let saved = SavedGroups { num_envs: first.len(), ctrl: ctrl.to_vec(), groups: parts.collect() };
+        postcard::to_stdvec(&saved).expect("numbers serialise")
+    }
+
+    fn restore(&mut self, bytes: &[u8], envs: &[usize]) -> Result<Vec<f64>, StateMisfit> {
+        let read = postcard::take_from_bytes::<SavedGroups<S>>(bytes);
+        let (saved, rest) = read.map_err(|e| StateMisfit::Unreadable(e.to_string()))?;
+        if !rest.is_empty() {
+            return Err(StateMisfit::TooManyBytes(rest.len()));
+        }
+        self.check_saved(&saved)?;
+        if saved.num_envs == self.num_envs && envs.len() == self.num_envs {
+            let n = self.saved_lanes();
+            for (part, saved) in saved.groups.iter().enumerate() {
+                let (group, lane) = self.lane_mut(part * n);
+                group.set_part(lane, saved);
+            }
+        } else {
+            self.restore_some(&saved, envs);
+        }
+        Ok(saved.ctrl)
+    }
+}
+
+impl<S: Stepped> Batch<S> {
+    /// Refuses a state that is none of this batch's.
+    fn check_saved(&self, saved: &SavedGroups<S>) -> Result<(), StateMisfit> {
+        if saved.num_envs != self.num_envs && saved.num_envs != 1 {
+            return Err(StateMisfit::NumEnvs { found: saved.num_envs, must: self.num_envs });
+        }
+        let n = if saved.num_envs == 1 { 1 } else { self.saved_lanes() };
+        let fits = |(part, saved): (usize, &Group<S>)| {
+            let (group, lane) = self.lane(part * n);
+            saved.fits(&group.part(lane, n))
+        };
+        let nu = self.compiled.actuators.len();
+        let whole = saved.groups.len() == saved.num_envs.div_ceil(n) && saved.ctrl.len() == saved.num_envs * nu;
+        if !whole || !saved.groups.iter().enumerate().all(fits) {
+            return Err(StateMisfit::Shape);
+        }
+        let finite = |x: &[S]| x.iter().all(|x| x.to_f64().is_finite());
+        let moves = |g: &Group<S>| finite(&g.q) && finite(&g.v) && finite(&g.act) && g.time.iter().all(|t| t.is_finite());
+        if !saved.groups.iter().all(moves) {
+            return Err(StateMisfit::NotFinite);
+        }
+        let contacts_exist = |g: &Group<S>| {
+            let known = |&id: &u64| id == 0 || self.compiled.pair_geoms(ContactId(id).pair()).is_some();
+            g.contact_count.iter().all(|&n| n as usize <= self.max_contacts) && g.contact_ids.iter().all(known)
+        };
+        if !saved.groups.iter().all(contacts_exist) {
+            return Err(StateMisfit::Contacts);
+        }
+        let lines_exist = |g: &Group<S>| {
+            let fits = |(line, &cursor): (DelayLine, &u32)| (cursor as usize) < line.samples.max(1);
+            let [sensors, actuators] = self.delay_lines();
+            sensors.into_iter().zip(&g.sensing.cursors).all(fits) && actuators.into_iter().zip(&g.actuation.cursors).all(fits)
+        };
+        if !saved.groups.iter().all(lines_exist) {
+            return Err(StateMisfit::DelayLines);
+        }
+        Ok(())
+    }
+
+    /// Delay lines of the sensors and of the actuators.
+    fn delay_lines(&self) -> [Vec<DelayLine>; 2] {
+        let sensors = self.sensor_errors.iter().flat_map(Errors::delay_lines).collect();
+        [sensors, self.pipelines.iter().flat_map(ActuatorPipelines::delay_lines).collect()]
+    }
+
+    /// Takes over environments one by one. Delay lines turn to where those of this batch are, and what comes from one environment for all draws
+    /// each environment's own random numbers.
+    fn restore_some(&mut self, saved: &SavedGroups<S>, envs: &[usize]) {
+        let lines = self.delay_lines();
+        // All environments step together: the lines of all are at one place.
+        let places = [self.groups[0].sensing.cursors.clone(), self.groups[0].actuation.cursors.clone()];
+        let turn = |mut part: Group<S>| {
+            let memories =
+                [(&mut part.sensing.numbers, &mut part.sensing.cursors), (&mut part.actuation.numbers, &mut part.actuation.cursors)];
+            for ((lines, places), (numbers, cursors)) in lines.iter().zip(&places).zip(memories) {
+                for ((line, cursor), &place) in lines.iter().zip(cursors.iter_mut()).zip(places) {
+                    line.turn(numbers, *cursor, place);
+                    *cursor = place;
+                }
+            }
+            part
+        };
+        let shared = (saved.num_envs == 1 && self.num_envs > 1).then(|| turn(saved.groups[0].clone()));
+        let n = self.saved_lanes();
+        for &env in envs {
+            let mut part = shared.clone().unwrap_or_else(|| turn(saved.groups[env / n].part(env % n, 1)));
+            let (group, lane) = self.lane_mut(env);
+            if shared.is_some() {
+                part.sensing.stream[0] = group.sensing.stream[lane];
+            }
+            group.set_part(lane, &part);
+        }
+    }
+}

@@ -1,0 +1,163 @@
+//! Calls for all environments of a simulation: steps, rollouts, readings of sensors, and what they are given.
+
+use crate::batch::call::Schedule;
+use crate::batch::inputs::{AppliedInput, StepInputs};
+use crate::batch::rollout::Recording;
+use crate::batch::simulation::checks::check_length;
+use crate::batch::simulation::{Error, Simulation};
+use crate::batch::stepping::Watch;
+
+impl Simulation {
+    /// Controls in force, (num_envs, nu): those of the last step, of the keyframe that was started from, or zero after a reset.
+    pub fn ctrl(&self) -> &[f64] {
+        &self.ctrl
+    }
+
+    /// Takes controls that `nstep` steps are to be made with, a row for each environment, or one for all: they stay in force until others are given.
+    /// Controls that no step is made with are checked, and never in force.
+    ///
+    /// # Errors
+    /// [`Error::Length`] when there are more or fewer numbers.
+    pub fn set_ctrl(&mut self, rows: &[f64], nstep: usize) -> Result<(), Error> {
+        let nu = self.model.nu();
+        if rows.len() != self.ctrl.len() && rows.len() != nu {
+            return self.check_each_input(&StepInputs { ctrl: rows, ..StepInputs::default() }, 1, self.num_envs);
+        }
+        if nstep == 0 {
+            return Ok(());
+        }
+        if rows.len() == self.ctrl.len() {
+            self.ctrl.copy_from_slice(rows);
+        } else {
+            self.ctrl.chunks_exact_mut(nu).for_each(|row| row.copy_from_slice(rows));
+        }
+        Ok(())
+    }
+
+    /// Applies forces or poses of mocap bodies, (num_envs, ...), which every call reads from now on; of an environment that is reset, they are what
+    /// they were before anything was applied. Positions of mocap bodies can be given without orientations, and the reverse; no numbers at all take
+    /// back what was applied.
+    ///
+    /// # Errors
+    /// [`Error::Length`] when there are more or fewer numbers.
+    pub fn apply(&mut self, input: AppliedInput, values: &[f64]) -> Result<(), Error> {
+        if !values.is_empty() {
+            let row: usize = input.shape(&self.model).iter().product();
+            check_length(input.name(), values.len(), self.num_envs * row)?;
+        }
+        self.applied.set(input, values, &self.model, self.num_envs);
+        Ok(())
+    }
+
+    /// Whether so many steps take so short, two or three microseconds, that letting another thread run meanwhile costs more than it gives.
+    pub fn is_brief(&self, nstep: usize) -> bool {
+        self.engine.is_brief(nstep)
+    }
+
+    /// Makes `nstep` steps in every environment. Slices are environment-major, empty ones say nothing: what is in force stays.
+    ///
+    /// # Errors
+    /// [`Error::Length`] when a slice has the wrong length, [`Error::MocapPoses`] for half of the poses of mocap bodies, [`Error::Threads`] when
+    /// threads cannot be started.
+    pub fn step(&mut self, inputs: &StepInputs<'_>, nstep: usize) -> Result<(), Error> {
+        self.make_steps(inputs, nstep, None).map(|_| ())
+    }
+
+    /// The same for as long as `watch`, which is asked now and then on the thread that calls, says true. Returns how many steps were made,
+    /// in every environment the same number: what is left is what [`Simulation::step`] leaves of so many steps, but that mocap bodies are
+    /// where the longer way has brought them.
+    ///
+    /// # Errors
+    /// Those of [`Simulation::step`].
+    pub fn step_watched(&mut self, inputs: &StepInputs<'_>, nstep: usize, watch: &mut dyn FnMut() -> bool) -> Result<usize, Error> {
+        self.make_steps(inputs, nstep, Some(watch))
+    }
+
+    fn make_steps(&mut self, inputs: &StepInputs<'_>, nstep: usize, watch: Watch<'_>) -> Result<usize, Error> {
+        self.check_inputs(inputs, 1)?;
+        if !inputs.ctrl.is_empty() {
+            self.set_ctrl(inputs.ctrl, nstep)?;
+        }
+        self.truth.known = false;
+        let inputs = StepInputs { ctrl: &self.ctrl, ..self.applied.complete(inputs) };
+        self.engine.make_steps(&inputs, Schedule { controls: 1, nstep }, None, watch)
+    }
+
+    /// Makes `nstep` steps with each of `controls` controls, (controls, num_envs, nu) or (controls, nu), and writes down what follows each: the
+    /// same bits as that many calls of [`Simulation::step`], in one. Flags are kept over all steps.
+    ///
+    /// # Errors
+    /// Those of [`Simulation::step`], and [`Error::ArrayPrecision`] for an array of the recording in the wrong precision.
+    pub fn rollout(&mut self, inputs: &StepInputs<'_>, controls: usize, nstep: usize, recording: Recording<'_>) -> Result<(), Error> {
+        self.roll_out(inputs, Schedule { controls, nstep }, recording, None).map(|_| ())
+    }
+
+    /// The same for as long as `watch` says true, see [`Simulation::step_watched`]. Returns how many steps were made, over all controls. What
+    /// follows controls without any is not written; of a control that only a part of the steps was made with, what followed those.
+    ///
+    /// # Errors
+    /// Those of [`Simulation::rollout`].
+    pub fn rollout_watched(
+        &mut self,
+        inputs: &StepInputs<'_>,
+        controls: usize,
+        nstep: usize,
+        recording: Recording<'_>,
+        watch: &mut dyn FnMut() -> bool,
+    ) -> Result<usize, Error> {
+        self.roll_out(inputs, Schedule { controls, nstep }, recording, Some(watch))
+    }
+
+    fn roll_out(
+        &mut self,
+        inputs: &StepInputs<'_>,
+        schedule: Schedule,
+        recording: Recording<'_>,
+        watch: Watch<'_>,
+    ) -> Result<usize, Error> {
+        let Schedule { controls, nstep } = schedule;
+        self.check_inputs(inputs, controls)?;
+        self.check_recording(&recording, controls)?;
+        self.truth.known = false;
+        let (ctrl, inputs) = (inputs.ctrl, self.applied.complete(inputs));
+        if ctrl.is_empty() {
+            let held = self.ctrl.repeat(controls);
+            return self.engine.make_steps(&StepInputs { ctrl: &held, ..inputs }, schedule, Some(recording), watch);
+        }
+        let steps = self.engine.make_steps(&inputs, schedule, Some(recording), watch)?;
+        if let Some(last) = steps.checked_sub(1) {
+            let row = ctrl.len() / controls;
+            self.set_ctrl(&ctrl[last / nstep * row..][..row], steps)?;
+        }
+        Ok(steps)
+    }
+
+    /// Readings of all sensors of all environments, (num_envs, nsensordata): those of ideal ones, or those of the last step after the
+    /// transfer functions, which are the same however often they are read.
+    ///
+    /// Of the inputs, controls are not read: they are those in force.
+    ///
+    /// # Errors
+    /// Those of [`Simulation::step`], and [`Error::Length`] for `out`.
+    pub fn sense(&mut self, inputs: &StepInputs<'_>, truth: bool, out: &mut [f64]) -> Result<(), Error> {
+        self.check_inputs(inputs, 1)?;
+        let must = self.num_envs * self.model.nsensordata();
+        check_length("out", out.len(), must)?;
+        let inputs = self.applied.complete(inputs);
+        if !truth {
+            return self.engine.read_sensors(&inputs, false, out);
+        }
+        let same = self.truth.known && self.truth.applied.iter().zip(inputs.applied()).all(|(then, now)| then == now);
+        if !same {
+            self.truth.readings.resize(must, 0.0);
+            self.engine.read_sensors(&inputs, true, &mut self.truth.readings)?;
+            for (then, now) in self.truth.applied.iter_mut().zip(inputs.applied()) {
+                then.clear();
+                then.extend_from_slice(now);
+            }
+            self.truth.known = true;
+        }
+        out.copy_from_slice(&self.truth.readings);
+        Ok(())
+    }
+}

@@ -1,0 +1,131 @@
+//! Checks of what a user gives to a simulation, before anything is changed.
+
+use crate::batch::inputs::{Field, StepInputs};
+use crate::batch::rollout::Recording;
+use crate::batch::simulation::{Error, Simulation};
+use crate::math::precision::Precision;
+use crate::model::JointKind;
+
+impl Simulation {
+    /// Panics when there is no such environment: lanes beyond the last one would answer for it.
+    #[track_caller]
+    pub(super) fn assert_env(&self, env: usize) {
+        assert!(env < self.num_envs, "env is {env}, must be below {}", self.num_envs);
+    }
+
+    pub(super) fn check_env(&self, env: usize) -> Result<(), Error> {
+        if env < self.num_envs { Ok(()) } else { Err(Error::Environment { env, num_envs: self.num_envs }) }
+    }
+
+    /// Checks environments to be written to: each once, ascending.
+    pub(super) fn check_envs(&self, envs: &[usize]) -> Result<(), Error> {
+        if let Some(pair) = envs.windows(2).find(|pair| pair[0] >= pair[1]) {
+            return Err(Error::Order { env: pair[1], before: pair[0] });
+        }
+        envs.last().map_or(Ok(()), |&env| self.check_env(env))
+    }
+
+    /// What is to be written to a field of one environment: `values` with unit quaternions.
+    ///
+    /// # Errors
+    /// [`Error::Environment`] when there is no such environment, [`Error::Length`], [`Error::NotFinite`], [`Error::TooLarge`], and
+    /// [`Error::Quaternion`] for a quaternion of zeros, with its joint.
+    pub(super) fn check_field(&self, field: Field, env: usize, values: &[f64]) -> Result<Vec<f64>, Error> {
+        self.check_env(env)?;
+        self.check_width(field, values.len())?;
+        let name = field.name();
+        if let Some(i) = values.iter().position(|x| !x.is_finite()) {
+            return Err(Error::NotFinite { place: format!("{name}[{i}]"), env, value: values[i] });
+        }
+        let beyond = |x: &f64| self.precision == Precision::F32 && !(*x as f32).is_finite();
+        if let Some(i) = values.iter().position(beyond) {
+            return Err(Error::TooLarge { place: format!("{name}[{i}]"), env, value: values[i] });
+        }
+        let mut values = values.to_vec();
+        if field == Field::Qpos {
+            self.normalize_quaternions(env, &mut values)?;
+        }
+        Ok(values)
+    }
+
+    pub(super) fn check_width(&self, field: Field, found: usize) -> Result<(), Error> {
+        check_length(field.name(), found, field.width(&self.model))
+    }
+
+    pub(super) fn check_time(&self, env: usize, time: f64) -> Result<f64, Error> {
+        self.check_env(env)?;
+        if time.is_finite() { Ok(time) } else { Err(Error::NotFinite { place: "time".into(), env, value: time }) }
+    }
+
+    fn normalize_quaternions(&self, env: usize, q: &mut [f64]) -> Result<(), Error> {
+        for (j, (joint, (at, _))) in self.model.joints.iter().zip(self.model.joint_addresses()).enumerate() {
+            let at = match joint.kind {
+                JointKind::Free => at + 3,
+                JointKind::Ball => at,
+                _ => continue,
+            };
+            let norm = q[at..at + 4].iter().map(|x| x * x).sum::<f64>().sqrt();
+            if norm < 1e-10 || !norm.is_finite() {
+                let found = q[at..at + 4].try_into().expect("four numbers");
+                return Err(Error::Quaternion { env, joint: self.model.joint_label(j), address: at, found, norm });
+            }
+            // A quaternion that is already of unit length to rounding keeps its bits.
+            if (norm - 1.0).abs() > 1e-15 {
+                q[at..at + 4].iter_mut().for_each(|x| *x /= norm);
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks the lengths of inputs of all environments.
+    pub(super) fn check_inputs(&self, inputs: &StepInputs<'_>, controls: usize) -> Result<(), Error> {
+        // A single environment asks this at every step.
+        let fits = inputs.ctrl.is_empty() || inputs.ctrl.len() == controls * self.ctrl.len();
+        if fits && inputs.applied().iter().all(|given| given.is_empty()) {
+            return Ok(());
+        }
+        self.check_each_input(inputs, controls, self.num_envs)
+    }
+
+    /// Checks the lengths of inputs of `n` environments.
+    #[cold]
+    pub(super) fn check_each_input(&self, inputs: &StepInputs<'_>, controls: usize, n: usize) -> Result<(), Error> {
+        let (nv, nu, nbody) = (self.model.nv(), self.model.nu(), self.model.bodies.len());
+        let poses = !(inputs.mocap_pos.is_empty() && inputs.mocap_quat.is_empty());
+        let nmocap = if poses { self.model.bodies.iter().filter(|b| b.mocap).count() } else { 0 };
+        let check = |name: &'static str, given: &[f64], controls: usize, row: usize, shared: bool| {
+            let fits = given.is_empty() || given.len() == controls * n * row || (shared && given.len() == controls * row);
+            let times = if controls == 1 { String::new() } else { format!("{controls} controls x ") };
+            let must = controls * n * row;
+            let detail = || format!(" ({times}{n} environments x {row})");
+            if fits { Ok(()) } else { Err(Error::Length { name, found: given.len(), must, detail: detail() }) }
+        };
+        check("ctrl", inputs.ctrl, controls, nu, true)?;
+        check("qfrc_applied", inputs.qfrc, 1, nv, false)?;
+        check("xfrc_applied", inputs.xfrc, 1, 6 * nbody, false)?;
+        check("mocap_pos", inputs.mocap_pos, 1, 3 * nmocap, false)?;
+        check("mocap_quat", inputs.mocap_quat, 1, 4 * nmocap, false)?;
+        if inputs.mocap_pos.is_empty() != inputs.mocap_quat.is_empty() {
+            return Err(Error::MocapPoses);
+        }
+        Ok(())
+    }
+
+    pub(super) fn check_recording(&self, recording: &Recording<'_>, controls: usize) -> Result<(), Error> {
+        let rows = controls * self.num_envs;
+        check_length("status", recording.status.len(), rows)?;
+        check_length("residual", recording.residual.len(), rows)?;
+        for (quantity, numbers) in &recording.quantities {
+            check_length(quantity.name(), numbers.len(), rows * quantity.width(&self.model))?;
+            if numbers.precision() != self.precision {
+                return Err(Error::ArrayPrecision { name: quantity.name(), found: numbers.precision(), must: self.precision });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Refuses an array of the wrong length.
+pub(super) fn check_length(name: &'static str, found: usize, must: usize) -> Result<(), Error> {
+    if found == must { Ok(()) } else { Err(Error::Length { name, found, must, detail: String::new() }) }
+}

@@ -1,0 +1,50 @@
+//! What benches and tests of this workspace ask besides, with the feature `internals`.
+
+use std::sync::Arc;
+
+use stepper_real::Level;
+
+use crate::batch::simulation::Simulation;
+use crate::batch::worker::WorkerMakers;
+use crate::compile::LaneModel;
+use crate::math::precision::Precision;
+use crate::model::Model;
+use crate::options::{Options, StepSettings};
+
+impl Simulation {
+    /// As [`Simulation::new`] on a CPU level that this machine has, whatever the environment variable says; options are taken without a check of
+    /// their ranges.
+    ///
+    /// # Panics
+    /// When `num_envs` is 0.
+    #[doc(hidden)]
+    pub fn at_level(
+        model: Arc<Model>,
+        options: Options,
+        num_envs: Option<usize>,
+        precision: Precision,
+        threads: usize,
+        level: Level,
+    ) -> Self {
+        assert_ne!(num_envs, Some(0), "num_envs must be 1 or more, or None for a single environment");
+        Self::make(model, options, num_envs, precision, threads, level, false).expect("nothing is checked")
+    }
+
+    /// Says who makes workers from now on: those with a probe in their steps.
+    #[doc(hidden)]
+    pub fn set_workers(&mut self, makers: &WorkerMakers) {
+        self.engine_mut().set_workers(makers);
+    }
+
+    /// The settings in force.
+    #[doc(hidden)]
+    pub fn settings(&self) -> &StepSettings {
+        self.engine.settings()
+    }
+
+    /// The model as the step reads it, in f64.
+    #[doc(hidden)]
+    pub fn compiled(&self) -> &LaneModel<f64> {
+        self.lane_model()
+    }
+}

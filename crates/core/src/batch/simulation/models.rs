@@ -1,0 +1,44 @@
+//! Models of sensors and actuators that a simulation is given.
+
+use std::sync::OnceLock;
+
+use crate::actuation::{ActuatorModels, ActuatorSpec};
+use crate::batch::simulation::{Error, Simulation};
+use crate::sensing::errors::Transfer;
+
+impl Simulation {
+    /// Gives the sensors transfer functions, one entry for every sensor, `None` for ideal ones.
+    ///
+    /// # Errors
+    /// [`Error::Count`] when there is not one for every sensor, [`Error::Sensor`] for a number out of its range, with the sensor's name;
+    /// [`Error::Memory`] when there is no room for what the sensors of all environments remember.
+    pub fn set_sensor_models(&mut self, transfers: &[Option<Transfer>]) -> Result<(), Error> {
+        let (found, must) = (transfers.len(), self.model.sensors.len());
+        if found != must {
+            return Err(Error::Count { name: "transfers", found, must, element: "sensor" });
+        }
+        self.truth.known = false;
+        self.engine.set_sensor_models(&self.model, transfers)
+    }
+
+    /// Gives the actuators dynamics, one spec for every actuator, `None` to those without. All environments are reset.
+    ///
+    /// # Errors
+    /// [`Error::Count`] when there is not one for every actuator; [`Error::DrivesAfterParameters`] when environments have parameters of their own;
+    /// [`Error::Actuator`] for a number out of its range, or what an actuator cannot have, with the actuator's name; [`Error::Memory`] when there
+    /// is no room for what the actuators of all environments remember.
+    pub fn set_actuator_models(&mut self, specs: &[Option<ActuatorSpec>]) -> Result<(), Error> {
+        let (found, must) = (specs.len(), self.model.nu());
+        if found != must {
+            return Err(Error::Count { name: "drives", found, must, element: "actuator" });
+        }
+        if !self.randomization.is_empty() {
+            return Err(Error::DrivesAfterParameters);
+        }
+        let actuator_models = ActuatorModels::new(&self.model, specs, self.num_envs, self.timestep()).map_err(Error::Actuator)?;
+        self.engine.set_actuator_models(&actuator_models.model, &actuator_models.specs)?;
+        (self.compiled, self.actuator_models) = (OnceLock::new(), Some(actuator_models));
+        (0..self.num_envs).for_each(|env| self.reset(env));
+        Ok(())
+    }
+}

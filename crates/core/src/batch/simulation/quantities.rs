@@ -1,0 +1,39 @@
+//! Quantities of one environment outside a step.
+
+use crate::analysis::quantities::Snapshot;
+use crate::batch::inputs::{Field, StepInputs};
+use crate::batch::simulation::{Error, Simulation};
+use crate::integrators::inputs::Inputs;
+
+impl Simulation {
+    /// One environment, to ask about its mass matrix, energy and the like. Inputs are those of that environment alone, over what is in force;
+    /// controls are what actuator dynamics hand on, where there are any.
+    ///
+    /// # Errors
+    /// [`Error::Environment`] when there is no such environment, [`Error::Length`] and [`Error::MocapPoses`] for the inputs.
+    pub fn snapshot(&self, env: usize, inputs: &StepInputs<'_>) -> Result<Snapshot<'_>, Error> {
+        self.check_env(env)?;
+        self.check_each_input(inputs, 1, 1)?;
+        let inputs = self.applied.complete_one(env, self.num_envs, inputs);
+        let nu = self.model.nu();
+        let in_force = || (self.ctrl[env * nu..(env + 1) * nu].to_vec(), vec![]);
+        let (mut ctrl, actuator_dynamics) = self.engine.actuator_outputs(env).unwrap_or_else(in_force);
+        if !inputs.ctrl.is_empty() {
+            ctrl = inputs.ctrl.to_vec();
+        }
+        Ok(Snapshot {
+            compiled: self.lane_model_of(env),
+            q: self.values(Field::Qpos, env),
+            v: self.values(Field::Qvel, env),
+            act: self.values(Field::Act, env),
+            inputs: Inputs { ctrl, actuator_dynamics, qfrc: inputs.qfrc.to_vec(), xfrc: inputs.xfrc.to_vec() },
+            mocap: self.mocap_poses(inputs.mocap_pos, inputs.mocap_quat).collect(),
+        })
+    }
+
+    /// Poses of the mocap bodies of one environment, the model's where `pos` is empty.
+    pub(super) fn mocap_poses<'a>(&'a self, pos: &'a [f64], quat: &'a [f64]) -> impl Iterator<Item = ([f64; 3], [f64; 4])> + 'a {
+        let (pos, quat) = (pos.as_chunks::<3>().0, quat.as_chunks::<4>().0);
+        self.lane_model().mocap.iter().enumerate().map(|(k, m)| if pos.is_empty() { (m.pos, m.quat) } else { (pos[k], quat[k]) })
+    }
+}

@@ -1,0 +1,197 @@
+//! What can be written to a simulation: the state of environments, new episodes, random streams.
+
+use crate::batch::inputs::{Episode, Field, StateRows};
+use crate::batch::simulation::checks::check_length;
+use crate::batch::simulation::{Error, Simulation};
+use crate::model::Keyframe;
+
+/// Rows of a call that were checked, one for each of some environments; none where nothing was given.
+struct CheckedRows {
+    fields: [(Field, Vec<Vec<f64>>); 3],
+    times: Vec<f64>,
+}
+
+impl Simulation {
+    /// Puts one environment back to the model's reset state, with controls of zero and nothing applied; nothing of the old episode remains.
+    ///
+    /// # Panics
+    /// When there is no such environment.
+    #[track_caller]
+    pub fn reset(&mut self, env: usize) {
+        self.assert_env(env);
+        let model = self.model.clone();
+        let engine = self.engine_mut();
+        engine.write(Field::Qpos, env, &model.qpos0);
+        engine.write(Field::Qvel, env, &vec![0.0; model.nv()]);
+        engine.write(Field::Act, env, &vec![0.0; model.na()]);
+        engine.set_time(env, 0.0);
+        engine.clear_memory(env);
+        engine.begin_episode(env, None);
+        self.ctrl_mut(env).fill(0.0);
+        self.applied.reset(env, &model);
+    }
+
+    /// Starts a new episode in the environments `envs`, ascending: as [`Simulation::reset`] does, and from what `episode` says.
+    ///
+    /// # Errors
+    /// [`Error::Environment`] or [`Error::Order`] for `envs`, and those of [`Simulation::set`] and [`Simulation::start_from`]; nothing is changed then.
+    pub fn start_episodes(&mut self, envs: &[usize], episode: &Episode<'_>) -> Result<(), Error> {
+        let rows = self.check_rows(envs, &episode.rows)?;
+        if let (Some(keyframe), Some(&env)) = (episode.keyframe, envs.first()) {
+            self.check_keyframe(env, keyframe)?;
+        }
+        for &env in envs {
+            self.reset(env);
+            if episode.seed.is_some() {
+                self.begin_episode(env, episode.seed);
+            }
+            if let Some(keyframe) = episode.keyframe {
+                self.start_from(env, keyframe)?;
+            }
+        }
+        self.write_rows(envs, rows, true);
+        Ok(())
+    }
+
+    /// Sets one environment, which was reset, to a keyframe of the model: state, time and controls in force.
+    ///
+    /// # Errors
+    /// As [`Simulation::set`] and [`Simulation::set_time`], and [`Error::Length`] for the controls; nothing is changed then.
+    pub fn start_from(&mut self, env: usize, keyframe: &Keyframe) -> Result<(), Error> {
+        self.check_keyframe(env, keyframe)?;
+        self.set_time(env, keyframe.time)?;
+        for (field, values) in fields_of(keyframe) {
+            self.set(field, env, values)?;
+        }
+        self.ctrl_mut(env).copy_from_slice(&keyframe.ctrl);
+        self.engine_mut().set_initial_ctrl(env, &keyframe.ctrl);
+        Ok(())
+    }
+
+    fn check_keyframe(&self, env: usize, keyframe: &Keyframe) -> Result<(), Error> {
+        fields_of(keyframe).into_iter().try_for_each(|(field, values)| self.check_field(field, env, values).map(|_| ()))?;
+        check_length("ctrl", keyframe.ctrl.len(), self.model.nu())?;
+        self.check_time(env, keyframe.time).map(|_| ())
+    }
+
+    /// Sets a field of one environment. What is remembered of the steps before is cleared, so that what follows depends on the new state alone:
+    /// impulses that the solver starts from, contacts, and the memory of sensors and actuator dynamics.
+    ///
+    /// # Errors
+    /// [`Error::Environment`] when there is no such environment, [`Error::Length`], [`Error::NotFinite`], [`Error::TooLarge`], and
+    /// [`Error::Quaternion`] for a quaternion of zeros, with its joint; nothing is changed then.
+    pub fn set(&mut self, field: Field, env: usize, values: &[f64]) -> Result<(), Error> {
+        let values = self.check_field(field, env, values)?;
+        self.write_field(field, env, &values, true);
+        Ok(())
+    }
+
+    /// Corrects a field of one environment, which goes on: what is remembered of the steps before stays, as an observer wants it that corrects the state
+    /// of a plant.
+    ///
+    /// # Errors
+    /// As [`Simulation::set`]; nothing is changed then.
+    pub fn correct(&mut self, field: Field, env: usize, values: &[f64]) -> Result<(), Error> {
+        let values = self.check_field(field, env, values)?;
+        self.write_field(field, env, &values, false);
+        Ok(())
+    }
+
+    /// Sets, or with `cold` of false corrects, fields and times of the environments `envs`, ascending. Fields are set as [`Simulation::set`] does,
+    /// or as [`Simulation::correct`] does; a time is set either way without more.
+    ///
+    /// # Errors
+    /// [`Error::Environment`] or [`Error::Order`] for `envs`, and those of [`Simulation::set`] and [`Simulation::set_time`]; nothing is changed then.
+    pub fn set_rows(&mut self, envs: &[usize], rows: &StateRows<'_>, cold: bool) -> Result<(), Error> {
+        let rows = self.check_rows(envs, rows)?;
+        self.write_rows(envs, rows, cold);
+        Ok(())
+    }
+
+    fn check_rows(&self, envs: &[usize], rows: &StateRows<'_>) -> Result<CheckedRows, Error> {
+        self.check_envs(envs)?;
+        let check = |field: Field, given: Option<&[f64]>| -> Result<_, Error> {
+            let Some(given) = given else { return Ok((field, Vec::new())) };
+            let rows = self.rows(field.name(), given, field.width(&self.model))?;
+            let checked = envs.iter().map(|&env| self.check_field(field, env, rows(env)));
+            Ok((field, checked.collect::<Result<_, _>>()?))
+        };
+        let fields = [check(Field::Qpos, rows.qpos)?, check(Field::Qvel, rows.qvel)?, check(Field::Act, rows.act)?];
+        let times = match rows.time {
+            Some(given) => {
+                let rows = self.rows("time", given, 1)?;
+                envs.iter().map(|&env| self.check_time(env, rows(env)[0])).collect::<Result<_, _>>()?
+            }
+            None => Vec::new(),
+        };
+        Ok(CheckedRows { fields, times })
+    }
+
+    /// The row of an environment in an array of a row for each, or of one for all.
+    fn rows<'a>(&self, name: &'static str, given: &'a [f64], width: usize) -> Result<impl Fn(usize) -> &'a [f64], Error> {
+        let shared = given.len() == width;
+        if !shared {
+            check_length(name, given.len(), self.num_envs * width)?;
+        }
+        Ok(move |env: usize| if shared { given } else { &given[env * width..(env + 1) * width] })
+    }
+
+    fn write_rows(&mut self, envs: &[usize], CheckedRows { fields, times }: CheckedRows, cold: bool) {
+        for (field, rows) in &fields {
+            envs.iter().zip(rows).for_each(|(&env, row)| self.write_field(*field, env, row, cold));
+        }
+        envs.iter().zip(times).for_each(|(&env, time)| self.engine_mut().set_time(env, time));
+    }
+
+    /// Writes checked values to a field; `cold` clears what is remembered of the steps before.
+    fn write_field(&mut self, field: Field, env: usize, values: &[f64], cold: bool) {
+        let engine = self.engine_mut();
+        engine.write(field, env, values);
+        if cold {
+            engine.clear_memory(env);
+        } else {
+            engine.discard_last_step(env);
+        }
+    }
+
+    /// Sets the time of one environment, s.
+    ///
+    /// # Errors
+    /// [`Error::Environment`] when there is no such environment, [`Error::NotFinite`] for such a time.
+    pub fn set_time(&mut self, env: usize, time: f64) -> Result<(), Error> {
+        let time = self.check_time(env, time)?;
+        self.engine_mut().set_time(env, time);
+        Ok(())
+    }
+
+    /// Controls in force of one environment, to be changed.
+    pub(super) fn ctrl_mut(&mut self, env: usize) -> &mut [f64] {
+        let nu = self.model.nu();
+        &mut self.ctrl[env * nu..(env + 1) * nu]
+    }
+
+    /// Says as which environment one draws random numbers: its place in the batch unless told otherwise.
+    ///
+    /// # Panics
+    /// When there is no such environment.
+    #[track_caller]
+    pub fn set_random_stream(&mut self, env: usize, stream: u32) {
+        self.assert_env(env);
+        self.engine_mut().set_random_stream(env, stream);
+    }
+
+    /// Begins a new episode of one environment as far as random numbers are concerned: the next under its seed, or the first under a new one.
+    ///
+    /// # Panics
+    /// When there is no such environment.
+    #[track_caller]
+    pub fn begin_episode(&mut self, env: usize, seed: Option<u64>) {
+        self.assert_env(env);
+        self.engine_mut().begin_episode(env, seed);
+    }
+}
+
+/// Fields of the state that a keyframe has.
+fn fields_of(keyframe: &Keyframe) -> [(Field, &[f64]); 3] {
+    [(Field::Qpos, &keyframe.qpos), (Field::Qvel, &keyframe.qvel), (Field::Act, &keyframe.act)]
+}

@@ -1,0 +1,223 @@
+//! Calls of a batch: steps, rollouts and readings, on one thread or several, in one go or in parts.
+
+use std::time::Instant;
+
+use crate::batch::call::{Call, Part, Schedule};
+use crate::batch::environments::Batch;
+use crate::batch::inputs::StepInputs;
+use crate::batch::rollout::{Recording, Share};
+#[cfg(feature = "internals")]
+use crate::batch::worker::WorkerMakers;
+use crate::batch::worker::{BatchSlice, Query, Stepped};
+use crate::error::Error;
+
+/// Asked between the parts of a long call, on the thread that calls, whether it is to go on.
+pub(super) type Watch<'a> = Option<&'a mut dyn FnMut() -> bool>;
+
+/// Calls for all environments.
+pub trait Stepping {
+    /// Makes the steps of a schedule, `inputs.ctrl` being (controls, num_envs, nu) or (controls, nu), and writes down what follows each control.
+    /// Returns how many steps were made, the same in every environment: fewer when the watch says so.
+    ///
+    /// # Errors
+    /// [`Error::Threads`]; nothing was done then.
+    fn make_steps(
+        &mut self,
+        inputs: &StepInputs<'_>,
+        schedule: Schedule,
+        recording: Option<Recording<'_>>,
+        watch: Watch<'_>,
+    ) -> Result<usize, Error>;
+    /// Reads all sensors of all environments, environment-major: true readings, or those of the last step after the transfer functions.
+    ///
+    /// # Errors
+    /// [`Error::Threads`].
+    fn read_sensors(&mut self, inputs: &StepInputs<'_>, truth: bool, out: &mut [f64]) -> Result<(), Error>;
+    /// Problem that a step of one environment from the present state would solve, as bytes: see [`stepper_solve::Problem::from_bytes`].
+    fn problem(&self, inputs: &StepInputs<'_>, env: usize) -> Vec<u8>;
+    /// Threads that step.
+    fn threads(&self) -> usize;
+    /// Whether so many steps take so short, two or three microseconds, that waking another thread costs more.
+    fn is_brief(&self, nstep: usize) -> bool;
+    /// Calls `look` while the workspace of one more worker is there.
+    fn with_worker(&self, look: &mut dyn FnMut());
+    /// Says who makes workers from now on.
+    #[cfg(feature = "internals")]
+    fn set_workers(&mut self, makers: &WorkerMakers);
+}
+
+/// Time between two looks at the watch of a long call, s: short beside the patience of somebody who wants it to end, long beside what sending the
+/// groups to the workers again takes.
+const PART: f64 = 0.05;
+/// Least time of a step on one thread per environment and degree of freedom, s: what makes a first part short enough.
+const LEAST_COST: f64 = 5e-8;
+/// Degrees of freedom times environments times steps of a brief call, at most.
+const BRIEF: usize = 10;
+
+impl<S: Stepped> Stepping for Batch<S> {
+    fn make_steps(
+        &mut self,
+        inputs: &StepInputs<'_>,
+        schedule: Schedule,
+        recording: Option<Recording<'_>>,
+        watch: Watch<'_>,
+    ) -> Result<usize, Error> {
+        let size = self.chunk_size() * self.lanes;
+        let mut shares = recording.map_or(Vec::new(), |recording| recording.split(self.num_envs, size, S::numbers));
+        self.workers.start_threads()?;
+        let total = schedule.steps();
+        Ok(match watch {
+            Some(watch) if total > self.first_part() => self.run_parts(inputs, schedule, &mut shares, watch),
+            _ => {
+                self.run_part(inputs, schedule, Part::whole(total), &mut shares);
+                total
+            }
+        })
+    }
+
+    fn read_sensors(&mut self, inputs: &StepInputs<'_>, truth: bool, out: &mut [f64]) -> Result<(), Error> {
+        let width = self.compiled.sensing.width;
+        if width == 0 {
+            return Ok(());
+        }
+        self.workers.start_threads()?;
+        let size = self.chunk_size();
+        let mut groups = std::mem::take(&mut self.groups);
+        let call = self.call(inputs, Schedule { controls: 1, nstep: 0 }, Part::whole(0));
+        let rows = out.chunks_mut(size * self.lanes * width);
+        self.workers.share_chunks(&self.worker_spec(), groups.chunks_mut(size).zip(rows).enumerate(), |worker, (chunk, (groups, out))| {
+            for (g, (group, out)) in groups.iter_mut().zip(out.chunks_mut(self.lanes * width)).enumerate() {
+                worker.sense(&call, group, (chunk * size + g) * self.lanes, Query { truth, out });
+            }
+        });
+        self.groups = groups;
+        Ok(())
+    }
+
+    fn problem(&self, inputs: &StepInputs<'_>, env: usize) -> Vec<u8> {
+        // A copy of the group takes the step, in a worker of its own: what is here stays as it is.
+        let (group, lane) = self.lane(env);
+        let call = self.call(inputs, Schedule { controls: 1, nstep: 1 }, Part::whole(1));
+        self.workers.make_worker(&self.worker_spec()).problem(&call, &mut group.clone(), env - lane, lane)
+    }
+
+    fn threads(&self) -> usize {
+        self.workers.threads()
+    }
+
+    fn is_brief(&self, nstep: usize) -> bool {
+        nstep.saturating_mul(self.num_envs * self.compiled.nv.max(1)) <= BRIEF
+    }
+
+    fn with_worker(&self, look: &mut dyn FnMut()) {
+        let worker = self.workers.make_worker(&self.worker_spec());
+        look();
+        drop(worker);
+    }
+
+    #[cfg(feature = "internals")]
+    fn set_workers(&mut self, makers: &WorkerMakers) {
+        self.workers.set_maker(S::maker(makers));
+    }
+}
+
+impl<S: Stepped> Batch<S> {
+    fn call<'a>(&'a self, inputs: &StepInputs<'a>, schedule: Schedule, part: Part) -> Call<'a, S> {
+        Call {
+            compiled: &self.compiled,
+            settings: &self.settings,
+            num_envs: self.num_envs,
+            schedule,
+            inputs: *inputs,
+            part,
+            sensor_errors: self.sensor_errors.as_ref(),
+            overrides: &self.overrides,
+            pipelines: self.pipelines.as_ref(),
+        }
+    }
+
+    /// Groups that a worker takes at a time: small chunks even out what some groups cost more than others.
+    fn chunk_size(&self) -> usize {
+        match self.workers.threads() {
+            1 => self.groups.len(),
+            threads => self.groups.len().div_ceil(8 * threads),
+        }
+    }
+
+    /// Steps of the first part of a long call.
+    fn first_part(&self) -> usize {
+        ((PART / LEAST_COST) as usize / (self.num_envs * self.compiled.nv.max(1))).max(1)
+    }
+
+    /// Makes the steps of a call that somebody watches in parts: every group ends a part before any begins the next, so that all stop at one count.
+    /// Returns the steps made.
+    #[inline(never)]
+    fn run_parts(
+        &mut self,
+        inputs: &StepInputs<'_>,
+        schedule: Schedule,
+        shares: &mut [Share<'_, S>],
+        watch: &mut dyn FnMut() -> bool,
+    ) -> usize {
+        let total = schedule.steps();
+        let mut part = Part { from: 0, to: self.first_part().min(total), elapsed: 0.0, ends: false };
+        loop {
+            let (began, steps) = (Instant::now(), part.to - part.from);
+            self.run_part(inputs, schedule, part, shares);
+            if part.ends {
+                return total;
+            }
+            if !self.compiled.mocap.is_empty() {
+                // The sums that the workers made.
+                (0..steps).for_each(|_| part.elapsed += self.settings.timestep);
+            }
+            part.from = part.to;
+            if !watch() {
+                if !self.compiled.mocap.is_empty() {
+                    part.ends = true;
+                    self.run_part(inputs, schedule, part, &mut []);
+                }
+                return part.to;
+            }
+            let rate = PART / began.elapsed().as_secs_f64().max(1e-9);
+            let next = (steps as f64 * rate.clamp(0.125, 8.0)).max(1.0) as usize;
+            part.to = part.from.saturating_add(next).min(total);
+            part.ends = part.to == total;
+        }
+    }
+
+    /// Sends the groups to the workers once, for a part of a call, which `shares` write down chunk by chunk, if there are any.
+    fn run_part(&mut self, inputs: &StepInputs<'_>, schedule: Schedule, part: Part, shares: &mut [Share<'_, S>]) {
+        if self.workers.threads() > 1 {
+            return self.run_part_on_threads(inputs, schedule, part, shares);
+        }
+        let worker = self.workers.idle_workers().pop();
+        let mut worker = worker.unwrap_or_else(|| self.workers.make_worker(&self.worker_spec()));
+        let mut groups = std::mem::take(&mut self.groups);
+        let call = self.call(inputs, schedule, part);
+        for (g, group) in groups.iter_mut().enumerate() {
+            worker.run(&call, group, BatchSlice { first: g * self.lanes, share_first: 0, share: shares.first_mut() });
+        }
+        self.groups = groups;
+        self.workers.idle_workers().push(worker);
+    }
+
+    #[inline(never)]
+    fn run_part_on_threads(&mut self, inputs: &StepInputs<'_>, schedule: Schedule, part: Part, shares: &mut [Share<'_, S>]) {
+        let size = self.chunk_size();
+        let mut groups = std::mem::take(&mut self.groups);
+        let call = self.call(inputs, schedule, part);
+        let shares = shares.iter_mut().map(Some).chain(std::iter::repeat_with(|| None));
+        self.workers.share_chunks(
+            &self.worker_spec(),
+            groups.chunks_mut(size).zip(shares).enumerate(),
+            |worker, (chunk, (groups, mut share))| {
+                let share_first = chunk * size * self.lanes;
+                for (g, group) in groups.iter_mut().enumerate() {
+                    worker.run(&call, group, BatchSlice { first: share_first + g * self.lanes, share_first, share: share.as_deref_mut() });
+                }
+            },
+        );
+        self.groups = groups;
+    }
+}

@@ -1,0 +1,104 @@
+//! Workers, and the threads that they work on.
+
+use std::sync::Mutex;
+
+use stepper_real::Level;
+
+use crate::batch::worker::{MakeWorker, Stepped, Worker, WorkerSpec};
+use crate::error::Error;
+
+/// Workers and the pool of threads that runs them, made at the first step and again after a fork.
+pub(super) struct WorkerPool<S: Stepped> {
+    threads: usize,
+    lanes: usize,
+    level: Level,
+    make: MakeWorker<S>,
+    idle: Mutex<Vec<Box<dyn Worker<S>>>>,
+    /// With the process that started its threads.
+    pool: Option<(u32, rayon::ThreadPool)>,
+}
+
+impl<S: Stepped> WorkerPool<S> {
+    /// No workers and no threads yet, for groups of `lanes` lanes.
+    pub(super) fn new(threads: usize, lanes: usize, level: Level) -> Self {
+        Self { threads, lanes, level, make: S::worker, idle: Mutex::new(Vec::new()), pool: None }
+    }
+
+    /// Threads that step, the one that calls among them.
+    pub(super) fn threads(&self) -> usize {
+        self.threads
+    }
+
+    pub(super) fn make_worker(&self, spec: &WorkerSpec<'_, S>) -> Box<dyn Worker<S>> {
+        (self.make)(spec, self.lanes, self.level)
+    }
+
+    /// Says who makes workers from now on.
+    #[cfg(feature = "internals")]
+    pub(super) fn set_maker(&mut self, make: MakeWorker<S>) {
+        self.make = make;
+        self.idle_workers().clear();
+    }
+
+    /// Workers that nobody else can reach meanwhile: there is nothing to lock.
+    pub(super) fn idle_workers(&mut self) -> &mut Vec<Box<dyn Worker<S>>> {
+        self.idle.get_mut().expect("a worker panicked")
+    }
+
+    /// Starts the threads, one less than are to step: the one that calls is among them. They do not survive a fork: the child starts its own.
+    ///
+    /// # Errors
+    /// [`Error::Threads`] when the system refuses a thread.
+    pub(super) fn start_threads(&mut self) -> Result<(), Error> {
+        if self.threads == 1 {
+            return Ok(());
+        }
+        let pid = std::process::id();
+        if self.pool.as_ref().is_none_or(|(owner, _)| *owner != pid) {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads - 1).thread_name(|i| format!("stepper-{i}")).build();
+            let pool = pool.map_err(|e| Error::Threads { threads: self.threads, reason: e.to_string() })?;
+            let stale = self.pool.replace((pid, pool));
+            // The parent's threads do not exist here; waiting for them would never end.
+            std::mem::forget(stale.filter(|(owner, _)| *owner != pid));
+        }
+        Ok(())
+    }
+
+    /// Lets this thread, and those of the pool if there is one, take chunks whenever they are ready for one, each with a worker. This thread need
+    /// not be woken, and the others join it when they are awake.
+    pub(super) fn share_chunks<P: Send>(
+        &self,
+        spec: &WorkerSpec<'_, S>,
+        chunks: impl Iterator<Item = P> + Send,
+        work: impl Fn(&mut dyn Worker<S>, P) + Sync,
+    ) {
+        let helpers = self.threads.min(chunks.size_hint().0) - 1;
+        let chunks = Mutex::new(chunks);
+        let next = || chunks.lock().expect("taking a chunk does not panic").next();
+        let take = || {
+            let mut worker = None;
+            while let Some(chunk) = next() {
+                work(&mut **worker.get_or_insert_with(|| self.acquire_worker(spec)), chunk);
+            }
+            worker.into_iter().for_each(|worker| self.release_worker(worker));
+        };
+        match &self.pool {
+            Some((_, pool)) => pool.in_place_scope(|scope| {
+                for _ in 0..helpers {
+                    scope.spawn(|_| take());
+                }
+                take();
+            }),
+            None => take(),
+        }
+    }
+
+    fn acquire_worker(&self, spec: &WorkerSpec<'_, S>) -> Box<dyn Worker<S>> {
+        let idle = self.idle.lock().expect("a worker panicked").pop();
+        idle.unwrap_or_else(|| self.make_worker(spec))
+    }
+
+    fn release_worker(&self, worker: Box<dyn Worker<S>>) {
+        self.idle.lock().expect("a worker panicked").push(worker);
+    }
+}

@@ -1,0 +1,38 @@
+//! `stepper.SensorModel` and `stepper.ActuatorModel` as the core takes them.
+
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use stepper_core::{ActuatorSpec, Transfer};
+
+use crate::array::described;
+use crate::model::Model;
+
+/// What a `stepper.SensorModel` says of every sensor of a model.
+pub(crate) fn transfers(sensors: &Bound<'_, PyAny>, model: &Py<Model>, num_envs: usize) -> PyResult<Vec<Option<Transfer>>> {
+    let all = resolved(sensors, (model.clone_ref(sensors.py()), num_envs), ["sensors", "transfers", "SensorModel"])?;
+    pythonize::depythonize(&all).map_err(|e| PyValueError::new_err(format!("sensors: {e}")))
+}
+
+/// What a `stepper.ActuatorModel` says of every actuator of a model, in all environments or in those of `envs`.
+pub(crate) fn drives(
+    actuators: &Bound<'_, PyAny>,
+    model: &Py<Model>,
+    num_envs: usize,
+    envs: Option<&[usize]>,
+) -> PyResult<Vec<Option<ActuatorSpec>>> {
+    let envs = envs.map(|envs| numpy::PyArray1::from_iter(actuators.py(), envs.iter().map(|&env| env as i64)));
+    let all = resolved(actuators, (model.clone_ref(actuators.py()), num_envs, envs), ["actuators", "drives", "ActuatorModel"])?;
+    pythonize::depythonize(&all).map_err(|e| PyValueError::new_err(format!("actuators: {e}")))
+}
+
+/// What an argument says of every sensor or actuator, by a method of its class.
+fn resolved<'py>(
+    given: &Bound<'py, PyAny>,
+    arguments: impl pyo3::call::PyCallArgs<'py>,
+    [argument, method, class]: [&str; 3],
+) -> PyResult<Bound<'py, PyAny>> {
+    let resolve = given
+        .getattr(method)
+        .map_err(|_| PyTypeError::new_err(format!("{argument} is {}, must be a stepper.{class}", described(given))))?;
+    resolve.call1(arguments)
+}

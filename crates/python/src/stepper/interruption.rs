@@ -1,0 +1,46 @@
+//! Calls that a signal ends, such as Ctrl-C.
+
+use pyo3::PyTypeInfo;
+use pyo3::exceptions::PyKeyboardInterrupt;
+use pyo3::prelude::*;
+use stepper_core::Error;
+
+/// A call that a signal has ended.
+#[derive(Debug)]
+pub(super) struct Interrupted {
+    /// Steps that every environment has made.
+    pub(super) steps: usize,
+    /// What the handler of the signal raised.
+    error: PyErr,
+}
+
+impl Interrupted {
+    /// The exception, which says how far the call came: `steps` is its attribute, and in its message or a note.
+    pub(super) fn raise(self, py: Python<'_>, call: &str, of: usize, also: &str) -> PyErr {
+        let Self { steps, error } = self;
+        let message = format!("{call} was interrupted after {steps} of {of} steps, in every environment{also}");
+        let plain = error.get_type(py).is(PyKeyboardInterrupt::type_object(py))
+            && error.value(py).str().is_ok_and(|text| text.is_empty().unwrap_or(false));
+        let error = if plain { PyKeyboardInterrupt::new_err(message.clone()) } else { error };
+        let value = error.value(py);
+        if !plain {
+            let _ = value.call_method1("add_note", (&message,));
+        }
+        // An exception of a class without attributes goes on without one.
+        let _ = value.setattr("steps", steps);
+        error
+    }
+}
+
+/// Makes a call of the core that looks for signals from time to time, on the thread that Python called.
+pub(super) fn watched(call: impl FnOnce(&mut dyn FnMut() -> bool) -> Result<usize, Error>) -> Result<Option<Interrupted>, Error> {
+    let mut error = None;
+    let steps = call(&mut || match Python::attach(|py| py.check_signals()) {
+        Ok(()) => true,
+        Err(raised) => {
+            error = Some(raised);
+            false
+        }
+    })?;
+    Ok(error.map(|error| Interrupted { steps, error }))
+}

@@ -1,0 +1,90 @@
+//! `Stepper.memory`: what a batch holds, in bytes.
+//!
+//! What a thread holds is counted by the allocator while its room is made, so that no sum of sizes can go stale.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+use numpy::PyUntypedArrayMethods;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::stepper::Stepper;
+
+thread_local! {
+    static HELD: Cell<isize> = const { Cell::new(0) };
+}
+
+/// The system's allocator, which counts the bytes that each thread takes less those that it gives back.
+struct Counting;
+
+fn count(bytes: isize) {
+    HELD.with(|held| held.set(held.get() + bytes));
+}
+
+// SAFETY: everything is the system allocator's; counting touches a thread-local number without a destructor.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count(layout.size() as isize);
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        count(layout.size() as isize);
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn dealloc(&self, ptr: *mut u8, layout: Layout) {
+        count(-(layout.size() as isize));
+        unsafe { System.dealloc(ptr, layout) }
+    }
+
+    unsafe fn realloc(&self, ptr: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count(size as isize - layout.size() as isize);
+        unsafe { System.realloc(ptr, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+impl Stepper {
+    /// Bytes on the heap that the workspace of one more thread takes.
+    fn bytes_per_thread(&self) -> usize {
+        let before = HELD.get();
+        let mut after = before;
+        self.simulation.with_worker(|| after = HELD.get());
+        usize::try_from(after - before).unwrap_or(0)
+    }
+
+    /// Bytes of the writable arrays that were made.
+    fn applied_bytes(&self, py: Python<'_>) -> usize {
+        self.applied.iter().flatten().map(|array| array.bind(py).len() * size_of::<f64>()).sum()
+    }
+}
+
+#[pymethods]
+impl Stepper {
+    /// Memory that the environments take, in bytes, without NumPy arrays that were handed out.
+    ///
+    /// Returns:
+    ///     "per_env": of each environment; "per_thread": working room of each thread that steps, none of which is per environment;
+    ///     "state", "parameters" and "inputs": what all environments hold, what they have of their own by `randomize` and as numbers
+    ///     of drives, and what waits for the next step (controls, applied forces, mocap poses); "threads": how many have room;
+    ///     "total": "state" + "parameters" + "inputs" + "threads" x "per_thread".
+    fn memory<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let simulation = &self.simulation;
+        let (state, parameters) = (simulation.bytes(), simulation.parameter_bytes());
+        let inputs = simulation.input_bytes() + self.applied_bytes(py);
+        let (threads, per_thread) = (simulation.threads(), self.bytes_per_thread());
+        let report = PyDict::new(py);
+        report.set_item("per_env", (state + parameters + inputs).div_ceil(self.n()))?;
+        report.set_item("per_thread", per_thread)?;
+        report.set_item("state", state)?;
+        report.set_item("parameters", parameters)?;
+        report.set_item("inputs", inputs)?;
+        report.set_item("threads", threads)?;
+        report.set_item("total", state + parameters + inputs + threads * per_thread)?;
+        Ok(report)
+    }
+}

@@ -1,0 +1,132 @@
+//! What became of the last call: flags, the solver's certificate, contacts.
+
+use std::path::PathBuf;
+
+use numpy::{PyArray1, PyArrayMethods};
+use pyo3::prelude::*;
+use stepper_core::StepInputs;
+
+use crate::arguments::Env;
+use crate::array::read_only;
+use crate::contacts::structured;
+use crate::error::value_error;
+use crate::stepper::Stepper;
+
+#[pymethods]
+impl Stepper {
+    /// Flags of the last call of `step`, see `stepper.Status`: (num_envs,) uint32.
+    #[getter]
+    fn status<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.per_env(py, "status", |env| self.simulation.status(env).bits())
+    }
+
+    /// Natural-map residual of the last step in m/s: (num_envs,).
+    #[getter]
+    fn residual<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.per_env(py, "residual", |env| self.simulation.certificate(env).residual)
+    }
+
+    /// Sweeps and Newton steps of the solver in the last step, together: (num_envs,) uint32.
+    #[getter]
+    fn iterations<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let both = |env| self.simulation.certificate(env).sweeps + self.simulation.certificate(env).newton_steps;
+        self.per_env(py, "iterations", both)
+    }
+
+    /// Sweeps of the solver in the last step: (num_envs,) uint32.
+    #[getter]
+    fn sweeps<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.per_env(py, "sweeps", |env| self.simulation.certificate(env).sweeps)
+    }
+
+    /// Newton steps of the solver in the last step, over all islands of bodies: (num_envs,) uint32.
+    #[getter]
+    fn newton_steps<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.per_env(py, "newton_steps", |env| self.simulation.certificate(env).newton_steps)
+    }
+
+    /// Deepest overlap of a contact beyond its margin in the last call of `step`, of all its steps, in m: (num_envs,) float64. It is
+    /// seen where a step is taken, by "midpoint" and "rk4" in its middle. Above 1 mm `status` says DEEP.
+    #[getter]
+    fn depth<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.per_env(py, "depth", |env| self.simulation.depth(env))
+    }
+
+    /// Farthest that a joint or tendon was beyond its range after a step of the last call of `step`, in rad or m: (num_envs,)
+    /// float64. Above 0.01 `status` says OVER_LIMIT.
+    #[getter]
+    fn limit_overshoot<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.per_env(py, "limit_overshoot", |env| self.simulation.limit_overshoot(env))
+    }
+
+    /// Steps of the last call of `step` in which the effort of each actuator was cut to its bounds: its `forcerange`, its joint's
+    /// `actuatorfrcrange`, or the limits and torque-speed curve of its drive: (num_envs, nu) uint32.
+    #[getter]
+    fn actuator_saturation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let counts: Vec<u32> = (0..self.n()).flat_map(|env| self.simulation.actuator_saturation(env)).collect();
+        let shape = self.shape(&[self.simulation.model().nu()]);
+        read_only(PyArray1::from_vec(py, counts).reshape(shape)?.into_any(), "actuator_saturation")
+    }
+
+    /// Contacts of the last step: those that were given a row.
+    ///
+    /// That is every one that the motion can close within the step, also contacts that do not touch (distance > 0), mostly without
+    /// force. Distances are measured from the margin, at which contacts begin to push. A gap, which in MuJoCo 4 reports contacts
+    /// beyond the margin that do not push, has no effect here: what is farther than a step away is not listed.
+    ///
+    /// Args:
+    ///     env: An environment; None is all of them, one after the other.
+    ///
+    /// Returns:
+    ///     A structured array: env, geom (2,), body (2,), pos (3,) in m, normal (3,) from the first geom to the second, distance in m
+    ///     from the margin, force (3,) in N on the second geom along normal, t1, t2, torque (3,) in N m on it about the same
+    ///     directions, of torsional and rolling friction (condim 4 and 6), and frame (3, 3), whose rows are these directions. The
+    ///     second geom's torque acts at pos, and |(force_t / mu_slide, torque_n / mu_spin, torque_t / mu_roll)| <= force_n.
+    #[pyo3(signature = (env=None))]
+    fn contacts<'py>(&self, py: Python<'py>, env: Option<Env>) -> PyResult<Bound<'py, PyAny>> {
+        let envs = match env {
+            Some(env) => self.env(env)?..self.env(env)? + 1,
+            None => 0..self.n(),
+        };
+        structured(py, &self.simulation, envs)
+    }
+
+    /// The row that the last call of `step` could not solve: where `status` says NOT_CONVERGED, the one with the largest residual in
+    /// the last step that was not solved.
+    ///
+    /// Args:
+    ///     env: The environment.
+    ///
+    /// Returns:
+    ///     For example 'contact of geom "floor" and geom "foot"', 'limit of joint "knee"' or 'equality "loop"'; None where every step
+    ///     was solved, or no single row is to blame.
+    #[pyo3(signature = (env=Env(0)), text_signature = "($self, env=0)")]
+    fn worst_row(&self, env: Env) -> PyResult<Option<String>> {
+        let row = self.simulation.worst_row(self.env(env)?);
+        Ok(row.map(|row| row.describe(self.simulation.model()).to_string()))
+    }
+
+    /// Writes the constraint problem of the next step to a file, with the impulses that its solve starts from, so that a hard one becomes
+    /// a test of the solver: in Rust, `stepper_solve::Problem::load(path)` reads it.
+    ///
+    /// The problem is that of a step from the present state, which does not change. For a step that was not solved (NOT_CONVERGED), go
+    /// back to the state before it: `before = sim.get_state()` before the step, and then `sim.set_state(before)`.
+    ///
+    /// Args:
+    ///     path: The file; what is there is replaced.
+    ///     env: The environment.
+    ///     ctrl: Controls of the step, as `step` takes them; None is those in force.
+    ///
+    /// Raises:
+    ///     OSError: The file cannot be written.
+    #[pyo3(signature = (path, env=Env(0), *, ctrl=None), text_signature = "($self, path, env=0, *, ctrl=None)")]
+    fn save_problem(&mut self, py: Python<'_>, path: PathBuf, env: Env, ctrl: Option<Bound<'_, PyAny>>) -> PyResult<()> {
+        let env = self.env(env)?;
+        let ctrl = match ctrl {
+            Some(ctrl) => self.rows(&ctrl, "ctrl", self.simulation.model().nu())?.as_slice()?.to_vec(),
+            None => Vec::new(),
+        };
+        self.apply(py)?;
+        self.simulation.save_problem(env, &StepInputs { ctrl: &ctrl, ..StepInputs::default() }, path).map_err(value_error)
+    }
+}

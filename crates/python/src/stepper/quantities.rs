@@ -1,0 +1,87 @@
+//! Quantities outside a step: poses of bodies, mass matrix, forces, energy, momentum.
+
+use numpy::PyUntypedArrayMethods;
+use pyo3::prelude::*;
+use stepper_core::{Precision, Snapshot, StepInputs};
+
+use crate::arguments::Env;
+use crate::array::{array, check_shape, read_only, readonly};
+use crate::error::value_error;
+use crate::stepper::Stepper;
+
+impl Stepper {
+    /// Positions (0) or orientations (1) of all bodies.
+    fn poses<'py>(&mut self, py: Python<'py>, which: usize, name: &str) -> PyResult<Bound<'py, PyAny>> {
+        self.apply(py)?;
+        let mut found = self.simulation.body_poses(&StepInputs::default()).map_err(value_error)?;
+        let shape = self.shape(&[self.simulation.model().bodies.len(), 3 + which]);
+        read_only(array(py, &shape, std::mem::take(&mut found[which]), self.simulation.precision())?, name)
+    }
+
+    /// One environment with these controls, those in force where there are none.
+    fn snapshot(&mut self, py: Python<'_>, env: Env, ctrl: &[f64]) -> PyResult<Snapshot<'_>> {
+        let env = self.env(env)?;
+        self.apply(py)?;
+        self.simulation.snapshot(env, &StepInputs { ctrl, ..StepInputs::default() }).map_err(value_error)
+    }
+}
+
+#[pymethods]
+impl Stepper {
+    /// Positions of the bodies at the present `qpos`: (num_envs, nbody, 3) in m, of their frames' origins. Body 0 is the world.
+    /// MuJoCo's `mj_step` leaves those before the step, `mj_forward` these.
+    #[getter]
+    fn xpos<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.poses(py, 0, "xpos")
+    }
+
+    /// Orientations of the bodies at the present `qpos`: (num_envs, nbody, 4).
+    #[getter]
+    fn xquat<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.poses(py, 1, "xquat")
+    }
+
+    /// Mass matrix of the present configuration, (nv, nv), armature included, without terms that depend on the time step.
+    #[pyo3(signature = (env=Env(0)), text_signature = "($self, env=0)")]
+    fn mass_matrix<'py>(&mut self, py: Python<'py>, env: Env) -> PyResult<Bound<'py, PyAny>> {
+        let nv = self.simulation.model().nv();
+        array(py, &[nv, nv], self.snapshot(py, env, &[])?.mass_matrix(), Precision::F64)
+    }
+
+    /// Coriolis, centrifugal and gravitational forces of the present state, (nv,): MuJoCo's qfrc_bias.
+    #[pyo3(signature = (env=Env(0)), text_signature = "($self, env=0)")]
+    fn bias_force<'py>(&mut self, py: Python<'py>, env: Env) -> PyResult<Bound<'py, PyAny>> {
+        let out = self.snapshot(py, env, &[])?.bias_force();
+        array(py, &[out.len()], out, Precision::F64)
+    }
+
+    /// Acceleration without constraints in the present state, (nv,): MuJoCo's qacc_smooth.
+    ///
+    /// Args:
+    ///     env: The environment.
+    ///     ctrl: Controls, (nu,); None is those in force. With `actuators=`, what the drives hand on to the
+    ///         actuators' law (None is what they did last).
+    #[pyo3(signature = (env=Env(0), *, ctrl=None), text_signature = "($self, env=0, *, ctrl=None)")]
+    fn smooth_acceleration<'py>(&mut self, py: Python<'py>, env: Env, ctrl: Option<Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+        let ctrl = ctrl.as_ref().map(|ctrl| readonly(ctrl, "ctrl")).transpose()?;
+        if let Some(ctrl) = &ctrl {
+            check_shape("ctrl", ctrl.shape(), &[&[self.simulation.model().nu()]])?;
+        }
+        let ctrl = ctrl.as_ref().map_or(Ok(&[][..]), |ctrl| ctrl.as_slice())?;
+        let out = self.snapshot(py, env, ctrl)?.smooth_acceleration();
+        array(py, &[out.len()], out, Precision::F64)
+    }
+
+    /// Potential energy (gravity, joint springs) and kinetic energy (armature included), in J.
+    #[pyo3(signature = (env=Env(0)), text_signature = "($self, env=0)")]
+    fn energy(&mut self, py: Python<'_>, env: Env) -> PyResult<(f64, f64)> {
+        Ok(self.snapshot(py, env, &[])?.energy())
+    }
+
+    /// Linear momentum in kg m/s (3,), and angular momentum about the centre of mass in kg m^2/s (3,).
+    #[pyo3(signature = (env=Env(0)), text_signature = "($self, env=0)")]
+    fn momentum<'py>(&mut self, py: Python<'py>, env: Env) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let (linear, angular) = self.snapshot(py, env, &[])?.momentum();
+        Ok((array(py, &[3], linear.to_vec(), Precision::F64)?, array(py, &[3], angular.to_vec(), Precision::F64)?))
+    }
+}

@@ -1,0 +1,115 @@
+//! `Stepper.randomize`: arrays in and out.
+
+use numpy::PyUntypedArrayMethods;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use stepper_core::{ActuatorNumbers, Parameter, Precision};
+
+use crate::array::{array, check_shape, read_only_of_environments, readonly};
+use crate::device_models::drives;
+use crate::error::value_error;
+use crate::model::to_py;
+use crate::stepper::recording::{notify, recorder_of};
+use crate::stepper::{Stepper, borrow};
+
+/// The field that is no field of the model.
+const ACTUATORS: &str = "actuators";
+
+impl Stepper {
+    /// Assigns fields, (num_envs, ...) each, and `actuators` to some environments; None is the model's own numbers, and what drives were made
+    /// with, and so is every field when none is named.
+    pub(super) fn assign_parameters(&mut self, fields: Option<&Bound<'_, PyDict>>, envs: &[usize]) -> PyResult<()> {
+        let mut given: Vec<(String, Option<Vec<f64>>)> = Vec::new();
+        let mut specs = None;
+        for (name, value) in fields.into_iter().flatten() {
+            let name: String = name.extract()?;
+            if name == ACTUATORS {
+                specs = Some(if value.is_none() { None } else { Some(drives(&value, &self.model, self.n(), Some(envs))?) });
+                continue;
+            }
+            if value.is_none() {
+                given.push((name, None));
+                continue;
+            }
+            let value = readonly(&value, &name)?;
+            if let Some((tail, _)) = self.simulation.model().field(&name) {
+                check_shape(&name, value.shape(), &[&self.shape(&tail)])?;
+            }
+            given.push((name, Some(value.as_slice()?.to_vec())));
+        }
+        if given.is_empty() && specs.is_none() {
+            return self.simulation.reset_parameters(envs).map_err(value_error);
+        }
+        let assigned = given.iter().map(|(name, values)| Ok((name.parse()?, values.as_deref())));
+        let assigned: Vec<(Parameter, Option<&[f64]>)> = assigned.collect::<Result<_, _>>().map_err(to_py)?;
+        let actuators = match &specs {
+            None => ActuatorNumbers::Kept,
+            Some(None) => ActuatorNumbers::Original,
+            Some(Some(specs)) => ActuatorNumbers::Given(specs),
+        };
+        self.simulation.randomize_all(&assigned, actuators, envs).map_err(value_error)
+    }
+
+    /// The fields that environments have of their own, by name; drives as a `stepper.ActuatorModel`.
+    pub(super) fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let all = PyDict::new(py);
+        for (parameter, values) in self.simulation.own_parameters() {
+            let name = parameter.name();
+            let (tail, _) = self.simulation.model().field(name).expect("a field of the model");
+            let values = array(py, &self.shape(&tail), values.to_vec(), Precision::F64)?;
+            all.set_item(name, read_only_of_environments(values, name)?)?;
+        }
+        if let Some(specs) = self.simulation.own_actuators() {
+            let rows = pythonize::pythonize(py, specs).map_err(|e| PyValueError::new_err(e.to_string()))?;
+            let class = py.import("stepper")?.getattr("ActuatorModel")?;
+            all.set_item(ACTUATORS, class.call_method1("_from_rows", (self.model.clone_ref(py), rows))?)?;
+        }
+        Ok(all)
+    }
+}
+
+#[pymethods]
+impl Stepper {
+    /// Gives environments parameters of their own, as `Model.replace` would give them to a model; what derives from them follows.
+    ///
+    /// Every environment then moves as one of a `Stepper` of its own model, bit for bit. Parameters are not part of the state:
+    /// `reset` and `set_state` leave them, pickles and recordings have them. Other fields stay as they are, whether the model's or
+    /// randomized before. What no environment has of its own costs neither time nor memory.
+    ///
+    /// Args:
+    ///     mask: (num_envs,) bool: the environments that change; None is all. Rows of the others are not read.
+    ///     **fields: Arrays with num_envs in front of the shape that the field has in the model; None gives the model's own numbers
+    ///         back, and so do all fields when none is named: gravity (num_envs, 3) m/s^2; body_mass (num_envs, nbody) kg, body_ipos
+    ///         (num_envs, nbody, 3) m, the centre of mass, and body_inertia (num_envs, nbody, 3) kg m^2, principal moments, each by
+    ///         itself: a body of twice the mass keeps its inertia unless it is given too; geom_friction (num_envs, ngeom, 3) sliding,
+    ///         torsional (m), rolling (m); geom_restitution (num_envs, ngeom); geom_size, geom_pos (num_envs, ngeom, 3) m, which
+    ///         leave masses alone; jnt_stiffness (num_envs, njnt) N/m or N m/rad; jnt_range (num_envs, njnt, 2) m or rad;
+    ///         dof_damping, dof_armature, dof_frictionloss (num_envs, nv); actuator_gain, actuator_bias (num_envs, nu, 3), whose
+    ///         force is gain . (1, length, velocity) times the input plus bias . (1, length, velocity). actuators, a
+    ///         `stepper.ActuatorModel`: its drives take the place of those of the actuators it fits, with all their numbers (what a
+    ///         `Drive` does not say is its default); other actuators keep theirs, and None gives back what the stepper was made with.
+    ///         Stages are compiled: a servo, motor, lag, limits or friction must have been given to `Stepper(..., actuators=)`, to
+    ///         one environment at least, and delays may be as long as the longest there. Delay lines, lags and integrals are state:
+    ///         they stay as they are until `reset`.
+    ///
+    /// Raises:
+    ///     ValueError: A wrong shape; both are named. A number that a drive may not have, or a stage or delay that it was not made
+    ///         for, with the actuator. Nothing is changed then.
+    ///     ModelError: A field that all environments share, numbers that no model may have, or that ask for something that the model
+    ///         has none of, such as dry friction where it has 0; with field, element and environment. Nothing is changed then.
+    #[pyo3(signature = (mask=None, **fields))]
+    fn randomize(slf: &Bound<'_, Self>, mask: Option<Bound<'_, PyAny>>, fields: Option<Bound<'_, PyDict>>) -> PyResult<()> {
+        let mut this = borrow(slf)?;
+        let envs = this.chosen(mask.as_ref())?;
+        this.assign_parameters(fields.as_ref(), &envs)?;
+        let recorder = recorder_of(slf.py(), this);
+        notify(slf, recorder, "randomize", &[("mask", mask), ("fields", fields.map(Bound::into_any))])
+    }
+
+    /// What environments have of their own, as `randomize` takes it: arrays by field, and under "actuators" an `ActuatorModel`.
+    #[getter]
+    fn randomized<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        self.parameters(py)
+    }
+}

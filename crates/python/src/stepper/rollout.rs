@@ -1,0 +1,219 @@
+//! `Stepper.rollout`: many controls in one call, without Python in between.
+
+use numpy::{Element, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyReadwriteArrayDyn, PyUntypedArrayMethods};
+use pyo3::exceptions::{PyRuntimeError, PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+use stepper_core::rollout::{Numbers, Quantity, Recording};
+use stepper_core::{Precision, StepInputs};
+
+use crate::arguments::Whole;
+use crate::array::{check_shape, described, readonly, shape_text};
+use crate::error::value_error;
+use crate::options::unknown;
+use crate::stepper::Stepper;
+use crate::stepper::interruption::watched;
+
+/// What is always written down, so that nothing that went wrong is silent.
+const CERTIFICATE: [&str; 2] = ["status", "residual"];
+/// What is written down when nobody chooses.
+const DEFAULT: [Quantity; 3] = [Quantity::Qpos, Quantity::Qvel, Quantity::Observation];
+
+/// An array of the result: a new one, which nobody else has while other threads of Python run, and the caller's, if there is one, which takes
+/// its contents in the end.
+struct Output<'py, T: Element> {
+    name: &'static str,
+    made: PyReadwriteArrayDyn<'py, T>,
+    given: Option<PyReadwriteArrayDyn<'py, T>>,
+}
+
+impl<'py, T: Element + Copy> Output<'py, T> {
+    fn new(py: Python<'py>, name: &'static str, shape: &[usize], out: Option<&Bound<'py, PyDict>>) -> PyResult<Self> {
+        let given = out.map(|out| out.get_item(name)).transpose()?.flatten();
+        let given = given.map(|given| destination(py, name, shape, given)).transpose()?;
+        // NumPy's own, so that one that is too large is a MemoryError.
+        let made = py.import("numpy")?.call_method1("zeros", (PyTuple::new(py, shape)?, T::get_dtype(py)))?;
+        let made = made.cast_into::<PyArrayDyn<T>>().map_err(PyErr::from)?;
+        Ok(Self { name, made: made.readwrite(), given })
+    }
+
+    fn numbers(&mut self) -> PyResult<&mut [T]> {
+        Ok(self.made.as_slice_mut()?)
+    }
+
+    /// Enters the array in the result, with what was written of so many controls.
+    fn enter(mut self, controls: usize, result: &Bound<'py, PyDict>) -> PyResult<()> {
+        let Some(mut given) = self.given.take() else { return result.set_item(self.name, &**self.made) };
+        let (all, made) = (self.made.shape()[0], self.made.as_slice()?);
+        let written = made.len().checked_div(all).unwrap_or(0) * controls;
+        given.as_slice_mut()?[..written].copy_from_slice(&made[..written]);
+        result.set_item(self.name, &**given)
+    }
+}
+
+/// Numbers in the precision of the lanes.
+enum Lanes<'py> {
+    F64(Output<'py, f64>),
+    F32(Output<'py, f32>),
+}
+
+impl<'py> Lanes<'py> {
+    fn numbers(&mut self) -> PyResult<Numbers<'_>> {
+        Ok(match self {
+            Self::F64(output) => Numbers::F64(output.numbers()?),
+            Self::F32(output) => Numbers::F32(output.numbers()?),
+        })
+    }
+
+    fn enter(self, controls: usize, result: &Bound<'py, PyDict>) -> PyResult<()> {
+        match self {
+            Self::F64(output) => output.enter(controls, result),
+            Self::F32(output) => output.enter(controls, result),
+        }
+    }
+}
+
+impl Stepper {
+    /// See `rollout`.
+    fn roll_out<'py>(
+        &mut self,
+        py: Python<'py>,
+        ctrl: &Bound<'py, PyAny>,
+        nstep: usize,
+        fields: Option<Vec<String>>,
+        out: Option<&Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let ctrl = self.controls(ctrl)?;
+        let calls = ctrl.shape()[0];
+        let quantities = chosen(fields, out)?;
+        let mut arrays = Vec::with_capacity(quantities.len());
+        for quantity in quantities {
+            let shape = self.rollout_shape(calls, &[quantity.width(self.simulation.model())]);
+            let array = match self.simulation.precision() {
+                Precision::F64 => Lanes::F64(Output::new(py, quantity.name(), &shape, out)?),
+                Precision::F32 => Lanes::F32(Output::new(py, quantity.name(), &shape, out)?),
+            };
+            arrays.push((quantity, array));
+        }
+        let shape = self.rollout_shape(calls, &[]);
+        let mut status = Output::<u32>::new(py, CERTIFICATE[0], &shape, out)?;
+        let mut residual = Output::<f64>::new(py, CERTIFICATE[1], &shape, out)?;
+        let quantities = arrays.iter_mut().map(|(quantity, array)| Ok((*quantity, array.numbers()?))).collect::<PyResult<_>>()?;
+        let recording = Recording { quantities, status: status.numbers()?, residual: residual.numbers()? };
+
+        let controls = ctrl.as_slice()?.to_vec();
+        self.apply(py)?;
+        let (inputs, simulation) = (StepInputs { ctrl: &controls, ..StepInputs::default() }, &mut self.simulation);
+        let roll = || watched(|watch| simulation.rollout_watched(&inputs, calls, nstep, recording, watch));
+        let interrupted = py.detach(roll).map_err(value_error)?;
+        let written = interrupted.as_ref().map_or(calls, |i| i.steps.div_ceil(nstep.max(1)));
+        let result = PyDict::new(py);
+        arrays.into_iter().try_for_each(|(_, array)| array.enter(written, &result))?;
+        status.enter(written, &result)?;
+        residual.enter(written, &result)?;
+        let Some(interrupted) = interrupted else { return Ok(result) };
+        let whole = interrupted.steps / nstep;
+        let also = format!(": {whole} controls of {calls}; rows of `out` beyond hold nothing of them");
+        Err(interrupted.raise(py, "rollout", calls.saturating_mul(nstep), &also))
+    }
+
+    /// Controls (T, num_envs, nu), or (T, nu) for all.
+    fn controls<'py>(&self, given: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArrayDyn<'py, f64>> {
+        let given = readonly(given, "ctrl")?;
+        let nu = self.simulation.model().nu();
+        let (found, full) = (given.shape(), self.shape(&[nu]));
+        let fits = !found.is_empty() && (found[1..] == full || found[1..] == [nu]);
+        if fits {
+            return Ok(given);
+        }
+        let all = format!("(T, {})", full.iter().map(usize::to_string).collect::<Vec<_>>().join(", "));
+        let shared = if self.num_envs().is_some() { format!(" or (T, {nu})") } else { String::new() };
+        Err(PyValueError::new_err(format!("ctrl has shape {}, must be {all}{shared} for T controls", shape_text(found))))
+    }
+
+    /// (T, num_envs, ...tail)
+    fn rollout_shape(&self, calls: usize, tail: &[usize]) -> Vec<usize> {
+        std::iter::once(calls).chain(self.shape(tail)).collect()
+    }
+}
+
+#[pymethods]
+impl Stepper {
+    /// Makes `nstep` steps with each of T controls, without Python in between: the bits of T calls of `step`.
+    ///
+    /// A thread keeps its environments for all T controls. `qfrc_applied`, `xfrc_applied` and mocap poses stay as they are
+    /// throughout.
+    ///
+    /// Args:
+    ///     ctrl: Controls, (T, num_envs, nu), or (T, nu) for all environments.
+    ///     nstep: Steps that each control is held.
+    ///     fields: What to write down after every control: "qpos" (T, num_envs, nq), "qvel" (T, num_envs, nv), "act" (T, num_envs,
+    ///         na), "observation" (T, num_envs, nsensordata). None is what `out` names, and without `out` all but "act".
+    ///     out: Arrays to write into, by field: of those shapes, C-contiguous, float64, or float32 with `precision="f32"`.
+    ///
+    /// Returns:
+    ///     The arrays by field; and always "status" (T, num_envs) uint32, the flags of all steps of a control, and "residual"
+    ///     (T, num_envs) float64, the largest residual among them in m/s. Both can be named in `out` too. Afterwards `status` has the
+    ///     flags of all steps of the call, `residual` and `iterations` are those of the last step.
+    ///
+    /// Raises:
+    ///     ValueError: A wrong shape, an unknown field, an array of `out` that cannot be written or is given twice.
+    ///     TypeError: An array of `out` of the wrong dtype.
+    ///     KeyboardInterrupt: As in `step`; `steps` counts those of all controls. Rows of `out` have what followed each control, of
+    ///         the last one what followed the steps that were made; the rows beyond are as they were.
+    #[pyo3(signature = (ctrl, nstep=Whole::Number(1), *, fields=None, out=None), text_signature = "($self, ctrl, nstep=1, *, fields=None, out=None)")]
+    fn rollout<'py>(
+        &mut self,
+        py: Python<'py>,
+        ctrl: Bound<'py, PyAny>,
+        nstep: Whole<'_>,
+        fields: Option<Vec<String>>,
+        out: Option<Bound<'py, PyDict>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let nstep = nstep.from(0, "nstep")? as usize;
+        if self.recorder.is_some() {
+            return Err(PyRuntimeError::new_err(
+                "this stepper is recorded, and a rollout is not: call step for every control, or close the recording",
+            ));
+        }
+        self.roll_out(py, &ctrl, nstep, fields, out.as_ref())
+    }
+}
+
+/// The quantities that `fields` and `out` name, in a fixed order.
+fn chosen(fields: Option<Vec<String>>, out: Option<&Bound<'_, PyDict>>) -> PyResult<Vec<Quantity>> {
+    let mut names = match (fields, out) {
+        (Some(fields), _) => fields,
+        (None, Some(_)) => Vec::new(),
+        (None, None) => DEFAULT.iter().map(|q| q.name().to_owned()).collect(),
+    };
+    for key in out.into_iter().flat_map(|out| out.keys()) {
+        names.push(key.extract().map_err(|_| PyTypeError::new_err(format!("a key of out is {}, must be a string", described(&key))))?);
+    }
+    let known = |name: &str| Quantity::ALL.iter().any(|q| q.name() == name) || CERTIFICATE.contains(&name);
+    if let Some(other) = names.iter().find(|name| !known(name)) {
+        let all: Vec<&str> = Quantity::ALL.iter().map(|q| q.name()).chain(CERTIFICATE).collect();
+        return Err(unknown("rollout field", other, &all.join(", ")));
+    }
+    Ok(Quantity::ALL.into_iter().filter(|q| names.iter().any(|name| name == q.name())).collect())
+}
+
+/// The caller's array, borrowed for writing.
+fn destination<'py, T: Element>(
+    py: Python<'py>,
+    name: &str,
+    shape: &[usize],
+    given: Bound<'py, PyAny>,
+) -> PyResult<PyReadwriteArrayDyn<'py, T>> {
+    let what = format!("out[\"{name}\"]");
+    let array = given.cast_into::<PyArrayDyn<T>>().map_err(|e| {
+        let given = e.into_inner();
+        let found = given.getattr("dtype").map_or_else(|_| described(&given), |dtype| format!("of {dtype}"));
+        PyTypeError::new_err(format!("{what} is {found}, must be an array of {}", T::get_dtype(py)))
+    })?;
+    check_shape(&what, array.shape(), &[shape])?;
+    if !array.is_c_contiguous() {
+        return Err(PyValueError::new_err(format!("{what} is not C-contiguous: give a whole array, not a view of some of its columns")));
+    }
+    array.try_readwrite().map_err(|e| PyValueError::new_err(format!("{what}: {e}")))
+}

@@ -1,0 +1,85 @@
+//! Readings of sensors.
+
+use numpy::{PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use stepper_core::StepInputs;
+
+use crate::array::{array, check_shape, described, read_only};
+use crate::error::value_error;
+use crate::stepper::Stepper;
+
+impl Stepper {
+    /// Readings of all sensors of all environments.
+    fn sense(&mut self, py: Python<'_>, truth: bool) -> PyResult<Vec<f64>> {
+        self.apply(py)?;
+        let mut out = vec![0.0; self.n() * self.simulation.model().nsensordata()];
+        let simulation = &mut self.simulation;
+        py.detach(|| simulation.sense(&StepInputs::default(), truth, &mut out)).map_err(value_error)?;
+        Ok(out)
+    }
+
+    fn readings<'py>(&mut self, py: Python<'py>, truth: bool) -> PyResult<Bound<'py, PyAny>> {
+        let data = self.sense(py, truth)?;
+        array(py, &self.shape(&[self.simulation.model().nsensordata()]), data, self.simulation.precision())
+    }
+}
+
+#[pymethods]
+impl Stepper {
+    /// Sensor readings of the last step, the same however often they are read: (num_envs, nsensordata). `observe()` gives an array to
+    /// write to.
+    #[getter]
+    fn observation<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        read_only(self.readings(py, false)?, "observation")
+    }
+
+    /// The readings of ideal sensors: (num_envs, nsensordata).
+    ///
+    /// Positions and velocities are those after the last step; accelerations are (v+ - v) / h of that step, impulses of contacts and
+    /// limits included, and forces are impulses over h. Where no step was made since the state was set, accelerations and forces are
+    /// those of the step that would be made from it.
+    #[getter]
+    fn sensor_truth<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        read_only(self.readings(py, true)?, "sensor_truth")
+    }
+
+    /// Of each sensor, readings that were clipped to its limits and samples that were lost in the last call of `step`:
+    /// (num_envs, nsensor, 2) uint32.
+    #[getter]
+    fn sensor_faults<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let counts: Vec<u32> = (0..self.n()).flat_map(|env| self.simulation.sensor_faults(env)).flatten().collect();
+        let shape = self.shape(&[self.simulation.model().sensors.len(), 2]);
+        read_only(numpy::PyArray1::from_vec(py, counts).reshape(shape)?.into_any(), "sensor_faults")
+    }
+
+    /// What sensors make of the truth.
+    #[getter]
+    pub(crate) fn sensors(&self, py: Python<'_>) -> Option<Py<PyAny>> {
+        self.sensors.as_ref().map(|s| s.clone_ref(py))
+    }
+
+    /// `observation`, written into `out` if there is one: (num_envs, nsensordata).
+    #[pyo3(signature = (out=None))]
+    fn observe<'py>(&mut self, py: Python<'py>, out: Option<Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+        let Some(out) = out else { return self.readings(py, false) };
+        let must = self.shape(&[self.simulation.model().nsensordata()]);
+        let Ok(given) = out.cast::<numpy::PyUntypedArray>() else {
+            return Err(PyTypeError::new_err(format!("out is {}, must be an array to be filled", described(&out))));
+        };
+        let dtype = given.dtype();
+        if dtype.kind() != b'f' {
+            return Err(PyTypeError::new_err(format!("out has dtype {dtype}, must be one of real numbers")));
+        }
+        check_shape("out", given.shape(), &[&must])?;
+        match out.cast::<PyArrayDyn<f64>>() {
+            Ok(exact) if exact.is_c_contiguous() => {
+                let readings = self.sense(py, false)?;
+                let mut out = exact.try_readwrite().map_err(|e| PyValueError::new_err(format!("out: {e}")))?;
+                out.as_slice_mut()?.copy_from_slice(&readings);
+            }
+            _ => out.set_item(py.Ellipsis(), self.readings(py, false)?)?,
+        }
+        Ok(out)
+    }
+}

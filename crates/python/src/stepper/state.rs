@@ -1,0 +1,188 @@
+//! The state of the environments: read, set, saved and restored.
+
+use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyBool;
+use stepper_core::{Episode, Field, StateRows};
+
+use crate::arguments::Env;
+use crate::array::{array, check_shape, read_only, readonly, whole};
+use crate::error::value_error;
+use crate::state::State;
+use crate::stepper::recording::{notify, recorder_of};
+use crate::stepper::{Stepper, borrow};
+
+/// An array that may have been given.
+type Given<'py> = Option<PyReadonlyArrayDyn<'py, f64>>;
+
+fn numbers<'a>(given: &'a Given<'_>) -> PyResult<Option<&'a [f64]>> {
+    Ok(given.as_ref().map(|given| given.as_slice()).transpose()?)
+}
+
+impl Stepper {
+    fn gather<'py>(&self, py: Python<'py>, field: Field) -> PyResult<Bound<'py, PyAny>> {
+        let width = field.width(self.simulation.model());
+        let mut data = vec![0.0; self.n() * width];
+        if width > 0 {
+            data.chunks_exact_mut(width)
+                .enumerate()
+                .for_each(|(env, row)| self.simulation.get(field, env, row).expect("a row of an environment"));
+        }
+        read_only(array(py, &self.shape(&[width]), data, self.simulation.precision())?, field.name())
+    }
+
+    /// Rows of a field of the state.
+    fn field_rows<'py>(&self, field: Field, given: Option<&Bound<'py, PyAny>>) -> PyResult<Given<'py>> {
+        given.map(|given| self.rows(given, field.name(), field.width(self.simulation.model()))).transpose()
+    }
+
+    /// A time for every environment, or one for all, s.
+    fn times<'py>(&self, given: Option<&Bound<'py, PyAny>>) -> PyResult<Given<'py>> {
+        let Some(given) = given else { return Ok(None) };
+        let given = readonly(given, "time")?;
+        if given.len() != 1 {
+            check_shape("time", given.shape(), &[&[self.n()], &[]])?;
+        }
+        Ok(Some(given))
+    }
+}
+
+#[pymethods]
+impl Stepper {
+    /// Starts a new episode in all environments, or in those of a boolean mask (num_envs,). Nothing of the old one remains.
+    ///
+    /// Forces that are applied end, mocap bodies go back to where the model has them, and controls in force are zero, or the
+    /// keyframe's, until `step` takes others. Parameters of `randomize` stay.
+    ///
+    /// Args:
+    ///     mask: Which environments; None is all.
+    ///     qpos: Where they start, (num_envs, nq) or (nq,); None is the model's reference. Quaternions are normalised.
+    ///     qvel: How fast, (num_envs, nv) or (nv,); None is at rest.
+    ///     seed: A new seed; None keeps the old one.
+    ///     keyframe: Name or index of a keyframe to start from: its qpos, qvel, act, ctrl and time.
+    ///
+    /// Raises:
+    ///     ValueError: A wrong shape, a number that is not finite, a quaternion of zeros. Nothing is changed then.
+    ///     KeyError: No such keyframe.
+    #[pyo3(signature = (mask=None, *, qpos=None, qvel=None, seed=None, keyframe=None))]
+    fn reset(
+        slf: &Bound<'_, Self>,
+        mask: Option<Bound<'_, PyAny>>,
+        qpos: Option<Bound<'_, PyAny>>,
+        qvel: Option<Bound<'_, PyAny>>,
+        seed: Option<Bound<'_, PyAny>>,
+        keyframe: Option<Bound<'_, PyAny>>,
+    ) -> PyResult<()> {
+        let mut this = borrow(slf)?;
+        let envs = this.chosen(mask.as_ref())?;
+        let new_seed = seed.as_ref().map(|seed| whole(seed, "seed", 0)).transpose()?;
+        let (q, v) = (this.field_rows(Field::Qpos, qpos.as_ref())?, this.field_rows(Field::Qvel, qvel.as_ref())?);
+        let key = keyframe.as_ref().map(|name| this.model.get().find_keyframe(name)).transpose()?;
+        let rows = StateRows { qpos: numbers(&q)?, qvel: numbers(&v)?, ..StateRows::default() };
+        this.simulation.start_episodes(&envs, &Episode { seed: new_seed, keyframe: key.as_ref(), rows }).map_err(value_error)?;
+        this.seed = new_seed.unwrap_or(this.seed);
+        this.reset_applied(slf.py(), &envs)?;
+        let recorder = recorder_of(slf.py(), this);
+        notify(slf, recorder, "reset", &[("mask", mask), ("qpos", qpos), ("qvel", qvel), ("seed", seed), ("keyframe", keyframe)])
+    }
+
+    /// Sets configuration, velocity, activations or time; or, given a `State`, everything that survives a step.
+    ///
+    /// The next state is a function of `qpos`, `qvel`, `act` and the controls; what the solver starts from moves it by some 1e-7 of a
+    /// velocity (docs/decisions/visible_state.md). The other memory of an environment is that of its drives (delay lines, lags,
+    /// integrals) and sensors (bias, drift, delay lines, samples held).
+    ///
+    /// Args:
+    ///     qpos: (num_envs, nq) or (nq,). Or what `get_state` returned: of a batch of the same size each environment takes its own
+    ///         part, of a single environment all take the same. Continuing from a `State` repeats the same bits; where a state of one
+    ///         is given to a batch, each environment's sensors draw random numbers of their own from then on.
+    ///     qvel: (num_envs, nv) or (nv,).
+    ///     mask: Which environments, (num_envs,) bool; None is all. `set_state(get_state(env=3), mask=...)` copies environment 3 to
+    ///         others.
+    ///     act: (num_envs, na) or (na,).
+    ///     time: s, (num_envs,) or one for all.
+    ///     cold: Whether the memory is forgotten where qpos, qvel or act are set: impulses that the solver starts from, contacts,
+    ///         flags, delay lines (which the next control and reading fill) and errors of sensors, so that what follows depends on
+    ///         the new state alone. False keeps it, for whoever corrects the state of an environment that goes on: an observer beside
+    ///         its plant. That also saves the time of a start from nothing.
+    ///
+    /// Raises:
+    ///     ValueError: A wrong shape, a number that is not finite, a quaternion of zeros, a state of another model. Nothing is
+    ///         changed then.
+    #[pyo3(signature = (qpos=None, qvel=None, mask=None, *, act=None, time=None, cold=true), text_signature = "($self, qpos=None, qvel=None, mask=None, *, act=None, time=None, cold=True)")]
+    fn set_state(
+        slf: &Bound<'_, Self>,
+        qpos: Option<Bound<'_, PyAny>>,
+        qvel: Option<Bound<'_, PyAny>>,
+        mask: Option<Bound<'_, PyAny>>,
+        act: Option<Bound<'_, PyAny>>,
+        time: Option<Bound<'_, PyAny>>,
+        cold: bool,
+    ) -> PyResult<()> {
+        let mut this = borrow(slf)?;
+        let envs = this.chosen(mask.as_ref())?;
+        if let Some(state) = qpos.as_ref().and_then(|q| q.cast::<State>().ok()) {
+            if qvel.is_some() || act.is_some() || time.is_some() || !cold {
+                return Err(PyValueError::new_err("set_state(state) takes a mask and nothing else: a State has all the rest"));
+            }
+            this.simulation.restore_state_in(&state.get().saved, &envs).map_err(value_error)?;
+            let recorder = recorder_of(slf.py(), this);
+            return notify(slf, recorder, "set_state", &[("state", qpos)]);
+        }
+        let (q, v) = (this.field_rows(Field::Qpos, qpos.as_ref())?, this.field_rows(Field::Qvel, qvel.as_ref())?);
+        let (a, t) = (this.field_rows(Field::Act, act.as_ref())?, this.times(time.as_ref())?);
+        let rows = StateRows { qpos: numbers(&q)?, qvel: numbers(&v)?, act: numbers(&a)?, time: numbers(&t)? };
+        this.simulation.set_rows(&envs, &rows, cold).map_err(value_error)?;
+        let recorder = recorder_of(slf.py(), this);
+        let cold = (!cold).then(|| PyBool::new(slf.py(), false).to_owned().into_any());
+        notify(slf, recorder, "set_state", &[("mask", mask), ("qpos", qpos), ("qvel", qvel), ("act", act), ("time", time), ("cold", cold)])
+    }
+
+    /// Everything that survives a step, the controls in force included.
+    ///
+    /// What is applied (`qfrc_applied` and the like) and parameters of `randomize` are not part of it.
+    ///
+    /// Args:
+    ///     env: An environment; None is all of them.
+    #[pyo3(signature = (env=None))]
+    fn get_state(&self, env: Option<Env>) -> PyResult<State> {
+        let saved = match env {
+            Some(env) => self.simulation.save_state_of(self.env(env)?),
+            None => self.simulation.save_state(),
+        };
+        Ok(State { saved })
+    }
+
+    /// Configuration: (num_envs, nq), m and quaternions and rad. `set_state(qpos=...)` sets it.
+    #[getter]
+    fn qpos<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.gather(py, Field::Qpos)
+    }
+
+    /// Velocity: (num_envs, nv), m/s and rad/s. `set_state(qvel=...)` sets it.
+    #[getter]
+    fn qvel<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.gather(py, Field::Qvel)
+    }
+
+    /// Activations of actuators: (num_envs, na). `set_state(act=...)` sets them.
+    #[getter]
+    fn act<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.gather(py, Field::Act)
+    }
+
+    /// Controls in force: (num_envs, nu). Those of the last step or the keyframe that an episode began with, zero after any other
+    /// reset.
+    #[getter]
+    fn ctrl<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let held = array(py, &self.shape(&[self.simulation.model().nu()]), self.simulation.ctrl().to_vec(), self.simulation.precision())?;
+        read_only(held, "ctrl")
+    }
+
+    /// Simulated time in s: (num_envs,). `set_state(time=...)` sets it.
+    #[getter]
+    fn time<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.per_env(py, "time", |env| self.simulation.time(env))
+    }
+}

@@ -14,20 +14,23 @@
 //! The last line is the exact Coulomb law with Signorini's condition in De Saxce and Feng's form (1998). The Delassus matrix is never
 //! formed: a sweep costs time in proportion to the entries of the rows.
 //!
+//! A [`Problem`] is fixed once its rows are made. Its rows demand something of the velocities and something of the positions; a solve reads
+//! a [`System`], that of the problem itself or that of [`PositionRows`].
+//!
 //! Everything is written once over [`Real`](stepper_real::Real): one environment, or one per SIMD lane. What a kind of constraint does in a
-//! sweep, in the residual, in lane compaction and in damping is in one file of `constraints/`.
+//! sweep, in the residual, in lane compaction, in Newton's method and in the position solve is in one file of `constraints/`.
 
 mod admissible_set;
 mod capacity;
 pub mod cone;
 mod constraints;
-mod damping;
 mod entries;
 mod file;
 pub mod gauss_seidel;
 mod iterate;
 mod lane_map;
 pub mod newton;
+mod position_rows;
 mod problem;
 mod reference;
 mod residual;
@@ -42,9 +45,9 @@ pub use constraints::orthogonalisation::dependence_threshold;
 pub use constraints::rolling::{RollingContact, RollingContacts};
 pub use constraints::scalar::{ScalarRow, ScalarRows};
 pub use constraints::sliding::{SlidingContact, SlidingContacts};
-pub use damping::PositionRows;
 pub use file::{FORMAT_VERSION, FileError, LoadedProblem};
 pub use iterate::{Iterate, Snapshot};
+pub use position_rows::PositionRows;
 pub use problem::{Problem, System};
 pub use reference::Reference;
 pub use residual::{residual, undecided, worst_constraint};

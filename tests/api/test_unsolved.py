@@ -1,0 +1,104 @@
+"""What a step that was not solved says: its worst row, the effort of the solver, and its problem as a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import stepper
+
+STACK = """
+<mujoco>
+  <worldbody>
+    <geom name="floor" type="plane" size="5 5 1"/>
+    <body pos="0 0 .1"><freejoint/><geom name="low" type="box" size=".1 .1 .1" mass="1"/></body>
+    <body pos="0 0 .3"><freejoint/><geom name="high" type="box" size=".1 .1 .1" mass="100"/></body>
+  </worldbody>
+</mujoco>
+"""
+HINGE = """
+<mujoco>
+  <worldbody>
+    <body>
+      <joint name="elbow" axis="0 1 0" range="-1 1" limited="true"/><geom size=".05" pos=".3 0 0" contype="0" conaffinity="0"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def stack(**options) -> stepper.Stepper:
+    """A heavy box on a light one on the floor."""
+    return stepper.Stepper(stepper.load(STACK), options=stepper.Options(timestep=5e-3, **options))
+
+
+def test_an_unsolved_step_names_its_worst_row():
+    sim = stack(solver="pgs", iterations=1)
+    assert sim.worst_row() is None
+    sim.step(nstep=20)
+    assert sim.status & stepper.Status.NOT_CONVERGED
+    assert sim.worst_row() in {
+        'contact of geom "floor" and geom "low"', 'contact of geom "low" and geom "floor"',
+        'contact of geom "low" and geom "high"', 'contact of geom "high" and geom "low"',
+    }  # fmt: skip
+    with pytest.raises(IndexError, match="must be below 1"):
+        sim.worst_row(1)
+
+
+def test_a_solved_step_has_no_worst_row():
+    sim = stack()
+    sim.step(nstep=20)
+    assert not sim.status & stepper.Status.NOT_CONVERGED
+    assert sim.worst_row() is None
+
+
+def test_sweeps_are_not_newton_steps():
+    swept, both = stack(solver="pgs"), stack(solver="newton")
+    swept.step(nstep=5)
+    both.step(nstep=5)
+    assert swept.sweeps > 0 and swept.newton_steps == 0
+    assert both.newton_steps > 0
+    for sim in (swept, both):
+        assert sim.iterations == sim.sweeps + sim.newton_steps
+        assert sim.sweeps.dtype == sim.newton_steps.dtype == np.uint32
+
+
+def test_a_problem_is_left_as_a_file_and_nothing_changes(tmp_path: Path):
+    sim = stack(solver="pgs", iterations=1)
+    sim.step(nstep=20)
+    before = sim.get_state()
+    sim.save_problem(tmp_path / "stack.problem")
+    again = tmp_path / "again.problem"
+    sim.save_problem(again)
+    written = again.read_bytes()
+    assert written.startswith(b"problem\xff") and written == (tmp_path / "stack.problem").read_bytes()
+    assert [path.name for path in sorted(tmp_path.iterdir())] == ["again.problem", "stack.problem"]
+    sim.step()
+    after = sim.qpos.copy()
+    sim.set_state(before)
+    sim.step()
+    assert np.array_equal(sim.qpos, after)
+
+
+def test_the_problem_of_an_environment_is_that_of_its_controls(tmp_path: Path):
+    driven = HINGE.replace("</mujoco>", '<actuator><motor joint="elbow"/></actuator></mujoco>')
+    sim = stepper.Stepper(stepper.load(driven), num_envs=3)
+    sim.set_state(qpos=np.array([[0.0], [1.0], [1.0]]))
+
+    def problem(env: int, ctrl=None) -> bytes:
+        sim.save_problem(tmp_path / "hinge.problem", env, ctrl=ctrl)
+        return (tmp_path / "hinge.problem").read_bytes()
+
+    assert problem(1) == problem(2) == problem(-1)
+    assert problem(0) != problem(1)
+    assert problem(1, np.ones(1)) != problem(1)
+    assert problem(1, np.array([[0.0], [1.0], [0.0]])) == problem(2, np.ones((3, 1)))
+    with pytest.raises(IndexError, match="must be below 3"):
+        problem(3)
+
+
+def test_a_file_that_cannot_be_written_is_an_error_that_names_it(tmp_path: Path):
+    with pytest.raises(OSError, match=r"nowhere.*a\.problem cannot be written .*choose a folder that exists"):
+        stack().save_problem(tmp_path / "nowhere" / "a.problem")

@@ -57,7 +57,8 @@ impl Episode {
         self
     }
 
-    /// Puts a [`Recorder`] into the steps of a single environment in 64 bits, and makes them with numbers that count what is done with them.
+    /// Puts a [`Recorder`] into the steps of a single environment in 64 bits, and makes them with numbers that count what is done with
+    /// them.
     ///
     /// # Panics
     /// When the environment is in 32 bits.
@@ -68,8 +69,8 @@ impl Episode {
         self
     }
 
-    /// Records one call after the other, `rounds` times; of each call the round with the least of the first reading counts. All rounds make the same
-    /// steps to the bit.
+    /// Records one call after the other, `rounds` times; of each call the round with the least of the first reading counts. All rounds make
+    /// the same steps to the bit.
     pub fn record(&mut self, meter: Meter, rounds: usize) -> Recording {
         let mut least: Vec<Option<Recording>> = vec![None; CALLS];
         for _ in 0..rounds {

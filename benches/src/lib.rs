@@ -1,4 +1,5 @@
-//! What the benches share: robots made in code, runs that start again from the same state, a clock, a probe of the step, and rapier as a peer.
+//! What the benches share: robots made in code, runs that start again from the same state, a clock, a probe of the step, and rapier as a
+//! peer.
 //!
 //! All times are processor time of one thread pinned to one core: what else the machine does costs nothing but cache.
 

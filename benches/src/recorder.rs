@@ -145,8 +145,8 @@ pub fn record(meter: Meter, work: impl FnOnce()) -> Recording {
     tape.recording
 }
 
-/// A meter of time: nanoseconds since its first call. Processor time would cost ten times as much to read as a small part of a step takes; rounds of
-/// the same work tell what was disturbed.
+/// A meter of time: nanoseconds since its first call. Processor time would cost ten times as much to read as a small part of a step takes;
+/// rounds of the same work tell what was disturbed.
 pub fn nanoseconds(_: Option<Span>) -> [u64; READINGS] {
     thread_local! {
         static START: Instant = Instant::now();

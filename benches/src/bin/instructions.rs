@@ -167,8 +167,8 @@ fn write_down(name: &str) {
     const DUMP_STATS_AT: usize = (b'C' as usize) << 24 | (b'T' as usize) << 16 | 3;
     let name = std::ffi::CString::new(name).expect("a name has no zero byte");
     let request = [DUMP_STATS_AT, name.as_ptr() as usize, 0, 0, 0, 0];
-    // SAFETY: valgrind reads six words behind rax and a string that ends, which live until here, and writes rdx. For a processor, rdi turned by twice its
-    // width and rbx exchanged with itself are as they were.
+    // SAFETY: valgrind reads six words behind rax and a string that ends, which live until here, and writes rdx. For a processor, rdi
+    // turned by twice its width and rbx exchanged with itself are as they were.
     unsafe {
         std::arch::asm!(
             "rol rdi, 3", "rol rdi, 13", "rol rdi, 61", "rol rdi, 51", "xchg rbx, rbx",

@@ -26,8 +26,8 @@ pub(crate) fn main() -> Result<(), Box<dyn Error>> {
     let mut sim = Simulation::new(model.clone(), Options::default(), Some(NUM_ENVS), Precision::F64, 1)?;
     assert_eq!(sim.timestep(), 0.001); // the model's
 
-    // Every environment starts at its own angle above the pivot, and pushes with its own torque. The rod is longer than its pivot is high: it falls,
-    // and comes to lie against the floor.
+    // Every environment starts at its own angle above the pivot, and pushes with its own torque. The rod is longer than its pivot is high:
+    // it falls, and comes to lie against the floor.
     for env in 0..NUM_ENVS {
         sim.set(Field::Qpos, env, &[FRAC_PI_2 + PI * (env as f64 + 0.5) / NUM_ENVS as f64])?;
     }

@@ -8,8 +8,8 @@ use crate::model::{ModelError, Parameter};
 
 /// A call that cannot be carried out. Nothing was changed by it.
 ///
-/// The text names the thing, the value found and the value that it must have. What a step could not do is no error but a flag of its environment,
-/// see [`Status`](crate::Status).
+/// The text names the thing, the value found and the value that it must have. What a step could not do is no error but a flag of its
+/// environment, see [`Status`](crate::Status).
 #[derive(Clone, Debug, Error)]
 #[non_exhaustive]
 pub enum Error {

@@ -1,9 +1,9 @@
 //! A rigid-body contact stepper for robots.
 //!
-//! A [`Simulation`] steps many environments of one [`Model`]: articulated bodies with hard contact, Coulomb friction, joint limits, equalities,
-//! actuators and sensors, in SI units and MuJoCo's vocabulary (`qpos`, `qvel`, `ctrl`; nq, nv, nu; quaternions (w, x, y, z)). Environments share
-//! SIMD lanes and threads, and each has the same bits whatever batch, thread count or CPU level steps it. Every step is certified: a residual of
-//! the constraint problem in m/s, and a [`Status`] per environment that says what a step could not do.
+//! A [`Simulation`] steps many environments of one [`Model`]: articulated bodies with hard contact, Coulomb friction, joint limits,
+//! equalities, actuators and sensors, in SI units and MuJoCo's vocabulary (`qpos`, `qvel`, `ctrl`; nq, nv, nu; quaternions (w, x, y, z)).
+//! Environments share SIMD lanes and threads, and each has the same bits whatever batch, thread count or CPU level steps it. Every step is
+//! certified: a residual of the constraint problem in m/s, and a [`Status`] per environment that says what a step could not do.
 //!
 //! ```
 //! use std::sync::Arc;
@@ -42,29 +42,29 @@
 //!
 //! More of the kind is in `examples/`: a batch with contacts and poses, states, and environments with parameters of their own.
 //!
-//! Models come from [`Model::builder`], from a [`model::Description`] that is filled in and finished, or from files: [`Model::load`] reads what the
-//! Python package saved, which reads MJCF and URDF. A finished model is valid and cannot be edited.
+//! Models come from [`Model::builder`], from a [`model::Description`] that is filled in and finished, or from files: [`Model::load`] reads
+//! what the Python package saved, which reads MJCF and URDF. A finished model is valid and cannot be edited.
 //!
 //! # Errors and panics
 //!
-//! Input that cannot be used is an [`Error`], which changes nothing; what is wrong with a model is a [`ModelError`]. Both name the thing, the
-//! value and what it must be, and have a variant for every case to be told apart. What a step could not do is no error but a [`Status`]: an
-//! environment that blows up keeps its last finite state, says so, and leaves the others alone.
+//! Input that cannot be used is an [`Error`], which changes nothing; what is wrong with a model is a [`ModelError`]. Both name the thing,
+//! the value and what it must be, and have a variant for every case to be told apart. What a step could not do is no error but a
+//! [`Status`]: an environment that blows up keeps its last finite state, says so, and leaves the others alone.
 //!
-//! Methods that return no `Result` and take an environment panic when it does not exist, as an index beyond a slice does; each says so. Any other
-//! panic is a defect.
+//! Methods that return no `Result` and take an environment panic when it does not exist, as an index beyond a slice does; each says so. Any
+//! other panic is a defect.
 //!
 //! # Features
 //!
-//! - `nalgebra` (off by default) adds its types to the interface: fields of the state as vectors and matrices, body poses as isometries, contact
-//!   forces in world axes. The crate computes with nalgebra inside in any case; the feature makes it a part of the interface, and exports it so
-//!   that a user has the same version.
+//! - `nalgebra` (off by default) adds its types to the interface: fields of the state as vectors and matrices, body poses as isometries,
+//!   contact forces in world axes. The crate computes with nalgebra inside in any case; the feature makes it a part of the interface, and
+//!   exports it so that a user has the same version.
 //!
-//! serde, postcard and sha2 are not optional: models and states are bytes with a checksum, and every state carries the digest of its model, without
-//! which a state of another model could not be refused.
+//! serde, postcard and sha2 are not optional: models and states are bytes with a checksum, and every state carries the digest of its model,
+//! without which a state of another model could not be refused.
 //!
-//! - `internals` (off by default) adds the module `internals`, and what else the benches and tests of this workspace ask of it. It changes without
-//!   notice. The step that it takes apart is ten `stages`, which `step::step` reads aloud.
+//! - `internals` (off by default) adds the module `internals`, and what else the benches and tests of this workspace ask of it. It changes
+//!   without notice. The step that it takes apart is ten `stages`, which `step::step` reads aloud.
 
 // The workspace is linted with the feature; without it, most of what is public to benches and tests is not to others.
 #![cfg_attr(not(feature = "internals"), allow(unreachable_pub))]

@@ -13,8 +13,8 @@ pub enum Integrator {
     /// Semi-implicit Euler: everything at q, then q+ = q (+) h v+. First order. Implicit in
     /// joint damping alone, as MuJoCo's, unless the model wants that explicit too; and in springs and dampers of tendons.
     Euler,
-    /// Moreau's midpoint: everything at q (+) h/2 v, then q+ = q_mid (+) h/2 v+. Second order in free flight; springs, dampers and servos by
-    /// the implicit midpoint rule (A-stable), with more of the damping at the end of the step where that does not resolve it.
+    /// Moreau's midpoint: everything at q (+) h/2 v, then q+ = q_mid (+) h/2 v+. Second order in free flight; springs, dampers and servos
+    /// by the implicit midpoint rule (A-stable), with more of the damping at the end of the step where that does not resolve it.
     Midpoint,
     /// Euler's rule with springs, dampers and servos at the end of the step (L-stable) and velocity-dependent forces at the velocity to be
     /// expected there. First order; it takes energy out of what it cannot resolve.
@@ -54,8 +54,8 @@ pub enum Solver {
 
 /// Settings of a step, as a user gives them. Times in s, lengths in m (rad for hinge limits), velocities in m/s.
 ///
-/// `None` leaves a setting to the model or to the precision, so that `Options::default()` steps every model with its own time step. What is then
-/// in force, [`Simulation::timestep`](crate::Simulation::timestep) and [`Simulation::tolerance`](crate::Simulation::tolerance) say.
+/// `None` leaves a setting to the model or to the precision, so that `Options::default()` steps every model with its own time step. What is
+/// then in force, [`Simulation::timestep`](crate::Simulation::timestep) and [`Simulation::tolerance`](crate::Simulation::tolerance) say.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Options {
     /// Time step, s; `None` is the model's own.
@@ -64,8 +64,8 @@ pub struct Options {
     pub integrator: Integrator,
     /// Solver.
     pub solver: Solver,
-    /// Sweeps of the solver at the most, and Newton steps at the most for each island of an environment; [`Solver::Auto`] makes no more than
-    /// 50 of the former.
+    /// Sweeps of the solver at the most, and Newton steps at the most for each island of an environment; [`Solver::Auto`] makes no more
+    /// than 50 of the former.
     pub iterations: u32,
     /// Residual at which the solver stops, m/s; `None` is [`Precision::tolerance`].
     pub tolerance: Option<f64>,
@@ -86,8 +86,8 @@ pub struct Options {
 /// Sweeps after which [`Solver::Auto`] hands over to Newton's method.
 ///
 /// Measured on 128 humanoids under random control, then left to rest (microseconds of an environment's step on one core; sweeps alone: 5.2,
-/// 9.9): 12 sweeps 6.8, 22.1; 20 sweeps 6.4, 15.9; 30 sweeps 5.9, 13.1; 50 sweeps 5.8, 14.8, and the fewest unsolved. A sweep serves eight lanes
-/// at once, a Newton step one, and costs as much as ten of them.
+/// 9.9): 12 sweeps 6.8, 22.1; 20 sweeps 6.4, 15.9; 30 sweeps 5.9, 13.1; 50 sweeps 5.8, 14.8, and the fewest unsolved. A sweep serves eight
+/// lanes at once, a Newton step one, and costs as much as ten of them.
 const AUTO_SWEEPS: u32 = 50;
 /// Sweeps before [`Solver::Newton`] begins: they find out which contacts hold, for less than a Newton step.
 const NEWTON_SWEEPS: u32 = 2;

@@ -1,7 +1,7 @@
 //! A probe of the step: times, counts and operations come from the step itself, and cost nothing where nobody asks for them.
 //!
-//! Who measures is a type parameter of the step. The engine steps with [`NoProbe`], which has no size and does nothing, so that its step is compiled as
-//! if there were no probe; the benches step with a probe of their own.
+//! Who measures is a type parameter of the step. The engine steps with [`NoProbe`], which has no size and does nothing, so that its step is
+//! compiled as if there were no probe; the benches step with a probe of their own.
 
 /// An enumeration whose variants have names in reports.
 macro_rules! reported {

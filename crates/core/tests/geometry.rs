@@ -42,8 +42,8 @@ proptest! {
     fn capsules_are_as_far_apart_as_a_search_finds(a in segment(), b in segment()) {
         let (points, two) = segments(&a, &b);
         let nearest = if two { points[0].distance.min(points[1].distance) } else { points[0].distance };
-        // A search by comparison finds the place to the root of rounding, and the distance to rounding; near-parallel capsules (0.06 degrees)
-        // are taken as parallel, which costs the square of that angle.
+        // A search by comparison finds the place to the root of rounding, and the distance to rounding; near-parallel capsules (0.06
+        // degrees) are taken as parallel, which costs the square of that angle.
         prop_assert!((nearest - by_search(&a, &b)).abs() < 2e-6, "{nearest}, search {}", by_search(&a, &b));
         for point in &points[..1 + usize::from(two)] {
             prop_assert!((norm(point.normal) - 1.0).abs() < 1e-12);

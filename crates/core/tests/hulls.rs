@@ -226,7 +226,8 @@ proptest! {
     }
 }
 
-/// Points of every kind, before they are scaled: anywhere in a cube or ball, on a coarse lattice (many on one plane or line), some twice, in single precision.
+/// Points of every kind, before they are scaled: anywhere in a cube or ball, on a coarse lattice (many on one plane or line), some twice,
+/// in single precision.
 fn cloud() -> impl Strategy<Value = Vec<V>> {
     let anywhere = prop::collection::vec(vector(1.0), 8..200);
     let on_ball = prop::collection::vec(unit(), 8..200);
@@ -308,9 +309,9 @@ proptest! {
         let pose = Pose { pos: add_scaled(far.pos, n, gap - apart), ..far };
         let found = contacts(&ConvexShape::Hull(hull.clone()), &still, &ball, &pose, None, None);
         prop_assert_eq!(found.len(), 1);
-        // A plane with all of the hull behind it, which the ball touches at that distance: nothing is nearer. A face takes the place of a direction that
-        // parts no better than by 1e-9 of the size (at most 2 sqrt(3) m); triangles on one plane up to a thousandth of the thickness, and a millionth of
-        // the size, are one face.
+        // A plane with all of the hull behind it, which the ball touches at that distance: nothing is nearer. A face takes the place of a
+        // direction that parts no better than by 1e-9 of the size (at most 2 sqrt(3) m); triangles on one plane up to a thousandth of the
+        // thickness, and a millionth of the size, are one face.
         let p = &found[0];
         let size = 2.0 * 3f64.sqrt();
         let rounding = 1e-9 * size + (1e-3 * 2.0 * 10f64.powf(thin)).min(1e-6 * size);
@@ -368,4 +369,15 @@ fn a_hull_of_any_size_has_four_faces_or_there_is_none() {
             Err(error) => assert!(!(1e-9..1e9).contains(&size), "{size:e}: {error}"),
         }
     }
+}
+
+#[test]
+fn what_is_too_large_for_a_hull_is_not_called_flat() {
+    let cube = |size: f64| (0..8).map(|i| [0, 1, 2].map(|k| if i >> k & 1 == 0 { -size } else { size })).collect::<Vec<V>>();
+    assert!(Hull::new(&cube(1e60)).is_ok());
+    for size in [1e80, 1e120, 1e300] {
+        assert_eq!(Hull::new(&cube(size)).unwrap_err(), HullError::TooLarge, "{size:e} m");
+    }
+    let plate: Vec<V> = cube(1.0).into_iter().map(|[x, y, _]| [x, y, 0.0]).collect();
+    assert_eq!(Hull::new(&plate).unwrap_err(), HullError::Flat);
 }

@@ -13,8 +13,8 @@ use stepper_core::internals::math::spatial::*;
 
 type V = V3<f64>;
 
-/// Of points whose depths differ by less than 1e-6 of the size of what touches (a shape and a triangle of up to 1.7 m together) the first is kept, so
-/// that the choice does not change from step to step: a point on a seam instead of the lowest one beside it.
+/// Of points whose depths differ by less than 1e-6 of the size of what touches (a shape and a triangle of up to 1.7 m together) the first
+/// is kept, so that the choice does not change from step to step: a point on a seam instead of the lowest one beside it.
 const TIE: f64 = 2e-6;
 
 const STILL: Pose = Pose { pos: [0.0; 3], mat: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0] };
@@ -107,8 +107,8 @@ proptest! {
         if exact > 0.1 {
             prop_assert!(points.is_empty(), "{exact} {points:?}");
         } else if exact > 0.0 {
-            // The nearest point is on some triangle: its normal and distance are the solid's. A shape beside a seam that bulges less than its
-            // edge's share of it may see more.
+            // The nearest point is on some triangle: its normal and distance are the solid's. A shape beside a seam that bulges less than
+            // its edge's share of it may see more.
             let best = points.iter().find(|p| (p.distance - exact).abs() < 1e-6 && norm(sub(p.normal, n)) < 1e-3);
             prop_assert!(best.is_some(), "{exact} {n:?} {points:?}");
         } else if exact > -0.005 {

@@ -89,8 +89,8 @@ proptest! {
         let least = |x: &mut dyn Iterator<Item = f64>| x.reduce(f64::min);
         let expected = least(&mut found.points.iter().zip(&room).filter(|x| *x.1 > 0.0).map(|x| x.0.distance - margin));
         let seen = least(&mut sim.contacts(0).iter().map(|c| c.distance));
-        // The pair is left out as a whole or not at all. Quaternions there and rotations here differ by rounding, of which the lowest point of a
-        // rim turns by the square root: 1e-8, and more of what it is deep.
+        // The pair is left out as a whole or not at all. Quaternions there and rotations here differ by rounding, of which the lowest point
+        // of a rim turns by the square root: 1e-8, and more of what it is deep.
         prop_assert_eq!(seen.is_some(), expected.is_some(), "{:?} {:?}", seen, expected);
         prop_assert!((seen.unwrap_or(0.0) - expected.unwrap_or(0.0)).abs() < 1e-6, "{seen:?} {expected:?}");
     }

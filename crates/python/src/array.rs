@@ -44,8 +44,8 @@ fn read_only_as<'py>(array: Bound<'py, PyAny>, field: &str, make: &str, kinds: &
         }
     };
     let array = array.cast_into::<PyUntypedArray>()?;
-    // SAFETY: the array was made here, like the one that it may be a view of, and nobody else has them; the kind is a subclass of ndarray, and
-    // without a dtype it keeps its own.
+    // SAFETY: the array was made here, like the one that it may be a view of, and nobody else has them; the kind is a subclass of ndarray,
+    // and without a dtype it keeps its own.
     unsafe {
         let mut part = array.as_array_ptr();
         while !part.is_null() && numpy::npyffi::PyArray_Check(py, part.cast()) != 0 {
@@ -81,8 +81,8 @@ pub(crate) fn readonly<'py>(given: &Bound<'py, PyAny>, name: &str) -> PyResult<P
 
 /// What `read` makes of shape and numbers of a C-contiguous float64 array; nothing of anything else.
 ///
-/// Without the account that [`PyReadonlyArrayDyn`] keeps of who reads and writes, which costs as much as the rest of a call, and with a dtype
-/// compared by its address: NumPy has one of each of its own.
+/// Without the account that [`PyReadonlyArrayDyn`] keeps of who reads and writes, which costs as much as the rest of a call, and with a
+/// dtype compared by its address: NumPy has one of each of its own.
 pub(crate) fn with_numbers<T>(given: &Bound<'_, PyAny>, read: impl FnOnce(&[usize], &[f64]) -> T) -> Option<T> {
     static FLOAT64: PyOnceLock<Py<PyArrayDescr>> = PyOnceLock::new();
     let array = given.cast::<PyUntypedArray>().ok()?;
@@ -95,8 +95,8 @@ pub(crate) fn with_numbers<T>(given: &Bound<'_, PyAny>, read: impl FnOnce(&[usiz
     // SAFETY: its dtype is that of f64, and this type says nothing of its axes.
     let array = unsafe { array.cast_unchecked::<PyArrayDyn<f64>>() };
     // SAFETY: the numbers are looked at here only, while this thread is attached to the interpreter. Nothing in this crate writes to them
-    // meanwhile: it touches arrays of Python's only while attached, and detached it has copies. Of Python's other threads that is what pyo3's
-    // safe `PyBuffer::copy_to_slice` relies on as well.
+    // meanwhile: it touches arrays of Python's only while attached, and detached it has copies. Of Python's other threads that is what
+    // pyo3's safe `PyBuffer::copy_to_slice` relies on as well.
     let numbers = unsafe { array.as_slice() }.ok()?;
     Some(read(array.shape(), numbers))
 }

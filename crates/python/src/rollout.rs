@@ -17,8 +17,8 @@ const CERTIFICATE: [&str; 2] = ["status", "residual"];
 /// What is written down when nobody chooses.
 const DEFAULT: [Quantity; 3] = [Quantity::Qpos, Quantity::Qvel, Quantity::Observation];
 
-/// An array of the result: a new one, which nobody else has while other threads of Python run, and the caller's, if there is one, which takes
-/// its contents in the end.
+/// An array of the result: a new one, which nobody else has while other threads of Python run, and the caller's, if there is one, which
+/// takes its contents in the end.
 struct Output<'py, T: Element> {
     name: &'static str,
     made: PyReadwriteArrayDyn<'py, T>,

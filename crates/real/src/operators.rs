@@ -93,8 +93,8 @@ macro_rules! lane_access {
     };
 }
 
-/// The elementary functions of `impl Real`, the same for every lane type, for use inside the impl. So the trait knows nothing of how they are
-/// computed, and what computes them is written against the trait.
+/// The elementary functions of `impl Real`, the same for every lane type, for use inside the impl. So the trait knows nothing of how they
+/// are computed, and what computes them is written against the trait.
 #[macro_export]
 macro_rules! elementary_functions {
     () => {

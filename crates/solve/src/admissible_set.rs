@@ -1,5 +1,5 @@
-//! Sets of admissible impulses as Newton's method sees them, lane by lane in scalar f64: projection, its derivative, De Saxce's term and the
-//! natural map, for any number of rows. A set that is new is an alternative here and nowhere else in Newton's method.
+//! Sets of admissible impulses as Newton's method sees them, lane by lane in scalar f64: projection, its derivative, De Saxce's term and
+//! the natural map, for any number of rows. A set that is new is an alternative here and nowhere else in Newton's method.
 
 use crate::vectors::{add_scaled, norm};
 

@@ -1,5 +1,6 @@
 //! Kinds of constraints, and the one list of them. A kind is a file: a set of constraints with its rows, and its implementation of
-//! [`ConstraintSet`](constraint_set::ConstraintSet). What it adds to the rest of the crate is its line in `by_kind`, `each_kind` and `make_kinds`.
+//! [`ConstraintSet`](constraint_set::ConstraintSet). What it adds to the rest of the crate is its line in `by_kind`, `each_kind` and
+//! `make_kinds`.
 
 pub(crate) mod constraint_set;
 pub(crate) mod friction;

@@ -101,7 +101,8 @@ fn every_lane_has_the_problem_that_was_saved() {
     assert_eq!(left.lane(0).to_bits(), left.lane(7).to_bits());
 }
 
-/// Problems that `Stepper.save_problem` has written where sweeps alone leave a residual: each is solved by sweeps and Newton's method together.
+/// Problems that `Stepper.save_problem` has written where sweeps alone leave a residual: each is solved by sweeps and Newton's method
+/// together.
 #[test]
 fn hard_problems_of_simulations_are_solved() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/problems");

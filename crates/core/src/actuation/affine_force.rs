@@ -1,4 +1,5 @@
-//! Forces that are affine in the motion, as a step takes them: with weights of damping and stiffness at its end, and the inertia that they move.
+//! Forces that are affine in the motion, as a step takes them: with weights of damping and stiffness at its end, and the inertia that they
+//! move.
 
 use stepper_real::{Mask, Real};
 
@@ -47,7 +48,8 @@ impl<R: Real> AffineForce<R> {
         self.level + self.slope * motion.length + self.rate * motion.velocity
     }
 
-    /// The force without what the mass matrix does, and what it does: stiffness and damping against the motion are implicit, the rest is not.
+    /// The force without what the mass matrix does, and what it does: stiffness and damping against the motion are implicit, the rest is
+    /// not.
     #[inline(always)]
     pub(crate) fn implied(&self, motion: &Motion<R>, gauge: Gauge<R>, weights: ImplicitWeights<R>) -> (R, R) {
         let (stiffness, damping) = ((-self.slope).max(R::zero()), (-self.rate).max(R::zero()));

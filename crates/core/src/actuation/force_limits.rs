@@ -8,9 +8,9 @@ use crate::dynamics::implicit_weights::ImplicitWeights;
 
 /// A drive train within a step.
 ///
-/// What it does is `f = clamp(clamp(law, limits), +-stall - drag v)`: piecewise affine in the motion, and where the law pulls back, decreasing.
-/// The step takes one piece implicitly. Which one is found like the roots of such functions: solve with the present piece, go to the one where
-/// that solution lies (semismooth Newton; Qi & Sun 1993).
+/// What it does is `f = clamp(clamp(law, limits), +-stall - drag v)`: piecewise affine in the motion, and where the law pulls back,
+/// decreasing. The step takes one piece implicitly. Which one is found like the roots of such functions: solve with the present piece, go
+/// to the one where that solution lies (semismooth Newton; Qi & Sun 1993).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Region<R: Real> {
     /// Force and weight of the law itself.

@@ -9,26 +9,26 @@
 //! ```
 //!
 //! with dv = v+ - v. The first is the implicit midpoint rule (A-stable, and energy of linear springs is conserved: Hairer, Lubich & Wanner
-//! 2006, theorem IV.2.1), the second is backward Euler's (L-stable). The matrix keeps the tree's sparsity as long as the dofs of a
-//! moment lie on one chain; otherwise a a^T is replaced by the diagonal matrix |a_i| sum_j |a_j|, which is not smaller (Gershgorin): an added
+//! 2006, theorem IV.2.1), the second is backward Euler's (L-stable). The matrix keeps the tree's sparsity as long as the dofs of a moment
+//! lie on one chain; otherwise a a^T is replaced by the diagonal matrix |a_i| sum_j |a_j|, which is not smaller (Gershgorin): an added
 //! inertia, with which the same stability holds.
 //!
-//! Of a spring or damper that a step does not resolve the midpoint rule keeps the amplitude, and turns it around in every step: its amplification
-//! tends to -1. Where there is damping, which makes the true motion die out, the step therefore takes more of it at its end, by
-//! s = z / (6 + z), z = h d / m with the inertia m of the diagonal of M:
+//! Of a spring or damper that a step does not resolve the midpoint rule keeps the amplitude, and turns it around in every step: its
+//! amplification tends to -1. Where there is damping, which makes the true motion die out, the step therefore takes more of it at its end,
+//! by s = z / (6 + z), z = h d / m with the inertia m of the diagonal of M:
 //!
 //! ```text
 //! f = -k (x_mid + h/4 a.dv - x0) - d (xdot + (1 + s)/2 a.dv) - 3/2 s h k (xdot + a.dv)
 //! ```
 //!
-//! For a damper alone, that is the Pade approximation (1 - z/3) / (1 + 2 z/3 + z^2/6) of exp(-z), Radau IIA's of third order (Hairer & Wanner,
-//! section IV.3): it tends to 0. For a stiff spring, the last term multiplies the area in the phase plane by 1 / (1 + 6 s) in a step, which is
-//! 1 - z + O(z^2) as in the true motion, exp(-z) (Liouville), and 1/7 at the most. What is added is of the order h^2, and nothing without damping:
-//! the rule stays of second order, and keeps the energy of springs that nothing damps.
+//! For a damper alone, that is the Pade approximation (1 - z/3) / (1 + 2 z/3 + z^2/6) of exp(-z), Radau IIA's of third order (Hairer &
+//! Wanner, section IV.3): it tends to 0. For a stiff spring, the last term multiplies the area in the phase plane by 1 / (1 + 6 s) in a
+//! step, which is 1 - z + O(z^2) as in the true motion, exp(-z) (Liouville), and 1/7 at the most. What is added is of the order h^2, and
+//! nothing without damping: the rule stays of second order, and keeps the energy of springs that nothing damps.
 //!
 //! A servo at a bound of its force contributes the bound and no stiffness. Whether it is there is decided by the force at the end of the
-//! step that is to be expected, first with the impulses of the last step, and again with an estimate of this one's. A motor at its torque-speed curve contributes the
-//! curve: its stall torque, and the drag of its back-EMF as a damper.
+//! step that is to be expected, first with the impulses of the last step, and again with an estimate of this one's. A motor at its
+//! torque-speed curve contributes the curve: its stall torque, and the drag of its back-EMF as a damper.
 
 use stepper_real::{Mask, Real};
 

@@ -10,8 +10,8 @@ use crate::math::spatial::*;
 impl<R: Real> ActuatorForces<R> {
     /// What drive trains lose at their forces, or at those that are to be expected at the end of the step, left in `losses`.
     ///
-    /// A gear that passes on the share e of its power gives e f to what it drives, and asks f / e of what drives it: against a motion along f it
-    /// loses (1 - e) |f|, against one the other way (1/e - 1) |f|. At rest its friction is anything in between.
+    /// A gear that passes on the share e of its power gives e f to what it drives, and asks f / e of what drives it: against a motion along
+    /// f it loses (1 - e) |f|, against one the other way (1/e - 1) |f|. At rest its friction is anything in between.
     pub fn lose(&mut self, compiled: &LaneModel<R>, actuator_dynamics: &[ActuatorDynamics<R>], expected: bool) {
         R::vectorize(
             #[inline(always)]

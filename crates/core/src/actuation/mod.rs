@@ -4,9 +4,9 @@
 //! control -> range -> delay -> servo (sampled and held, or continuous) -> lag -> law -> limits -> torque-speed curve -> gear, friction -> joint
 //! ```
 //!
-//! Delay, sampled servos and lag act between steps and are here; what depends on the motion within a step is in [`crate::actuation::forces`], so that it can
-//! be implicit; losses are rows of dry friction, and the rotor's inertia is armature. Everything is at the actuator's side: its length is
-//! MJCF's, its effort the force that its gear (MJCF's `gear`) hands on.
+//! Delay, sampled servos and lag act between steps and are here; what depends on the motion within a step is in
+//! [`crate::actuation::forces`], so that it can be implicit; losses are rows of dry friction, and the rotor's inertia is armature.
+//! Everything is at the actuator's side: its length is MJCF's, its effort the force that its gear (MJCF's `gear`) hands on.
 
 pub mod affine_force;
 pub mod force_limits;

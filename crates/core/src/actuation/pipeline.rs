@@ -104,8 +104,8 @@ impl<S: Scalar> ActuatorPipelines<S> {
         self.pipelines.iter().filter(|c| c.line > 0).map(|c| DelayLine { at: c.memory, samples: c.line, width: 1 })
     }
 
-    /// Gives the environments `envs` the numbers of `trains`, whose lists have one for all of these or one for each; of actuators without an
-    /// entry they stay. What is remembered stays too.
+    /// Gives the environments `envs` the numbers of `trains`, whose lists have one for all of these or one for each; of actuators without
+    /// an entry they stay. What is remembered stays too.
     pub fn assign(&mut self, specs: &[Option<ActuatorSpec>], envs: &[usize], h: f64) {
         let lanes = self.lanes;
         for pipeline in &mut self.pipelines {
@@ -181,8 +181,8 @@ impl<S: Scalar> ActuatorPipelines<S> {
         specs
     }
 
-    /// Before a step from the state (q, v): the controls `given` become those of the step, and its trains are set. A lane with a control that is not finite takes none of
-    /// them up, and gets NaN, for which its step is refused.
+    /// Before a step from the state (q, v): the controls `given` become those of the step, and its trains are set. A lane with a control
+    /// that is not finite takes none of them up, and gets NaN, for which its step is refused.
     #[expect(clippy::too_many_arguments, reason = "what is given, to whom, and what is remembered")]
     pub fn advance<R: Real<Scalar = S>>(
         &self,
@@ -426,8 +426,8 @@ impl ActuatorPipeline {
         get(numbers, at + 2)
     }
 
-    /// The mean over the step of an effort that goes to `u` by a first-order lag. Behind a continuous servo, `u` is its goal without what depends
-    /// on the motion, and so is what is returned; the effort itself is brought up to the beginning of the step here.
+    /// The mean over the step of an effort that goes to `u` by a first-order lag. Behind a continuous servo, `u` is its goal without what
+    /// depends on the motion, and so is what is returned; the effort itself is brought up to the beginning of the step here.
     #[inline(always)]
     fn lag<R: Real>(
         &self,

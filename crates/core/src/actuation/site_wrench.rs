@@ -84,7 +84,8 @@ fn pose<R: Real>(kinematics: &Kinematics<R>, place: &Spot<R::Scalar>) -> (V3<R>,
     (kinematics.point(place.frame, splat(place.pos)), mat_mul(&kinematics.mat[place.frame], &splat(place.mat)))
 }
 
-/// Arms of a wrench, into `arms`, and its length: the site's position and rotation vector in the reference's frame times the wrench; 0 without one.
+/// Arms of a wrench, into `arms`, and its length: the site's position and rotation vector in the reference's frame times the wrench; 0
+/// without one.
 #[inline(always)]
 fn place<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, wrench: &CompiledWrench<R::Scalar>, arms: &mut [R]) -> R {
     let (pos, mat) = pose(kinematics, &wrench.site);

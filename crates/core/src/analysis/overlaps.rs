@@ -1,7 +1,7 @@
 //! What is in the way of what at a model's reference pose: overlaps, and joints outside their range.
 //!
-//! Models that were made for soft contact often begin with bodies inside one another. Hard contact takes them apart, so that the robot moves from its
-//! reference pose by itself, or jams; whoever loads the model should know.
+//! Models that were made for soft contact often begin with bodies inside one another. Hard contact takes them apart, so that the robot
+//! moves from its reference pose by itself, or jams; whoever loads the model should know.
 
 use stepper_real::{Mask, Real};
 

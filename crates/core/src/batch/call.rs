@@ -38,8 +38,8 @@ pub struct Call<'a, S: Scalar> {
     pub num_envs: usize,
     /// Controls and steps.
     pub schedule: Schedule,
-    /// What the user says, environment-major. Controls are (controls, num_envs, nu), or (controls, nu) for all; an empty slice is no control,
-    /// no force, or the model's poses.
+    /// What the user says, environment-major. Controls are (controls, num_envs, nu), or (controls, nu) for all; an empty slice is no
+    /// control, no force, or the model's poses.
     pub inputs: StepInputs<'a>,
     /// The steps of the call that are made now.
     pub part: Part,

@@ -20,14 +20,14 @@ pub trait Configuration {
     /// # Errors
     /// [`Error::Sensor`] for a number out of its range, [`Error::Memory`].
     fn set_sensor_models(&mut self, model: &Model, transfers: &[Option<Transfer>]) -> Result<(), Error>;
-    /// Gives the actuators dynamics, `None` to those without; the model and the specs are what [`ActuatorSpec::fold`] returned. All environments are
-    /// new then.
+    /// Gives the actuators dynamics, `None` to those without; the model and the specs are what [`ActuatorSpec::fold`] returned. All
+    /// environments are new then.
     ///
     /// # Errors
     /// [`Error::Memory`].
     fn set_actuator_models(&mut self, model: &Model, specs: &[Option<ActuatorSpec>]) -> Result<(), Error>;
-    /// Gives the environments `envs` other numbers of their actuator dynamics: lists of one, or one for each of these; `None` leaves an actuator as
-    /// it is.
+    /// Gives the environments `envs` other numbers of their actuator dynamics: lists of one, or one for each of these; `None` leaves an
+    /// actuator as it is.
     fn resample_actuators(&mut self, specs: &[Option<ActuatorSpec>], envs: &[usize]);
     /// Gives environments parameters that differ from the model's.
     fn override_parameters(&mut self, envs: &[usize], differences: &[Differences]);

@@ -112,8 +112,8 @@ pub(super) struct AppliedInputs {
 }
 
 impl AppliedInputs {
-    /// Replaces one array; no values take back what was applied. Positions and orientations of mocap bodies go together: whoever moves a body may
-    /// leave its orientation alone.
+    /// Replaces one array; no values take back what was applied. Positions and orientations of mocap bodies go together: whoever moves a
+    /// body may leave its orientation alone.
     pub(super) fn set(&mut self, input: AppliedInput, values: &[f64], model: &Model, num_envs: usize) {
         let array = &mut self.arrays[input as usize];
         array.clear();
@@ -171,8 +171,8 @@ impl AppliedInputs {
     }
 }
 
-/// What is to be written to the state of some environments. Of arrays there is a row for every environment of the simulation, of which theirs
-/// are read, or one row for all.
+/// What is to be written to the state of some environments. Of arrays there is a row for every environment of the simulation, of which
+/// theirs are read, or one row for all.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct StateRows<'a> {
     /// Configurations, (num_envs, nq) or (nq): m, rad and quaternions, which are normalised.

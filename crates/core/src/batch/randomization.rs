@@ -1,7 +1,7 @@
 //! Randomization, environment by environment: parameters that environments have of their own.
 //!
-//! It is kept twice: as the fields that the user gave ([`Randomization`]), of which variants of the model are made; and as those numbers of the compiled model
-//! that came out other than the model's ([`ParameterOverrides`]), which is what a step reads.
+//! It is kept twice: as the fields that the user gave ([`Randomization`]), of which variants of the model are made; and as those numbers of
+//! the compiled model that came out other than the model's ([`ParameterOverrides`]), which is what a step reads.
 
 use std::collections::BTreeMap;
 
@@ -44,8 +44,8 @@ impl Randomization {
         assigned.iter().all(|(_, values)| values.is_none()) && self.fields.keys().all(taken_back)
     }
 
-    /// What the environments `envs` have other than the model when these fields are assigned to them. `with_dynamics` is what actuator dynamics make of a
-    /// model.
+    /// What the environments `envs` have other than the model when these fields are assigned to them. `with_dynamics` is what actuator
+    /// dynamics make of a model.
     ///
     /// # Errors
     /// [`ModelError`] of the first variant that is no model or has another structure, with its environment.

@@ -136,8 +136,8 @@ impl<S: Scalar> Share<'_, S> {
         self.quantities.iter().any(|q| q.0 == quantity)
     }
 
-    /// What [`Share::write`] wrote of flags and residuals after control number `call`, of which not all steps were made: leaves the former in
-    /// `status` and returns the latter.
+    /// What [`Share::write`] wrote of flags and residuals after control number `call`, of which not all steps were made: leaves the former
+    /// in `status` and returns the latter.
     pub fn resume<R: Real<Scalar = S>>(&self, call: usize, first: usize, alive: R::Mask, status: &mut [u32]) -> R {
         let used = alive.bits().count_ones() as usize;
         status[..used].copy_from_slice(&self.status[call][first..first + used]);

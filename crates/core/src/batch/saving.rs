@@ -15,8 +15,8 @@ use crate::sensing::errors::Errors;
 pub trait Saving {
     /// All that survives a step, as bytes: `ctrl`, (num_envs, nu), are the controls in force. Of one environment, or of all.
     fn save(&self, env: Option<usize>, ctrl: &[f64]) -> Vec<u8>;
-    /// Takes over what [`Saving::save`] wrote, in the environments `envs`: from a state of as many environments as there are each its own, from
-    /// a state of one all the same. Returns the controls in force of the state.
+    /// Takes over what [`Saving::save`] wrote, in the environments `envs`: from a state of as many environments as there are each its own,
+    /// from a state of one all the same. Returns the controls in force of the state.
     ///
     /// # Errors
     /// The first thing that does not fit; nothing is changed then.
@@ -112,8 +112,8 @@ impl<S: Stepped> Batch<S> {
         [sensors, self.pipelines.iter().flat_map(ActuatorPipelines::delay_lines).collect()]
     }
 
-    /// Takes over environments one by one. Delay lines turn to where those of this batch are, and what comes from one environment for all draws
-    /// each environment's own random numbers.
+    /// Takes over environments one by one. Delay lines turn to where those of this batch are, and what comes from one environment for all
+    /// draws each environment's own random numbers.
     fn restore_some(&mut self, saved: &SavedGroups<S>, envs: &[usize]) {
         let lines = self.delay_lines();
         // All environments step together: the lines of all are at one place.

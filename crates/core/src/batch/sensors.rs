@@ -191,8 +191,8 @@ impl<R: Real, P: Probe> Senses<R, P> {
         );
     }
 
-    /// Lets the transfer functions begin in the lanes that wait for it. What the user applies is left out of that reading, so that it is the
-    /// same whenever it is made, before a step or by the step itself.
+    /// Lets the transfer functions begin in the lanes that wait for it. What the user applies is left out of that reading, so that it is
+    /// the same whenever it is made, before a step or by the step itself.
     pub(super) fn begin_observations(
         &mut self,
         call: &Call<'_, R::Scalar>,

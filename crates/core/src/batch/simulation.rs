@@ -62,9 +62,10 @@ impl Simulation {
     /// `num_envs` environments at the model's reset state; `None` is a single one. `threads` 0 means all that this process may use.
     ///
     /// # Errors
-    /// [`Error::Option`] for an option out of its range; [`Error::NoEnvironments`] for `Some(0)`; [`Error::Level`] when the CPU level asked for by
-    /// `STEPPER_CPU_LEVEL` is not there; [`Error::Memory`] when there is no room for so many environments; [`Error::Model`] for a number that
-    /// 32 bits cannot hold, in that precision; [`Error::Actuator`] for a delay of an actuator that is too long for the time step.
+    /// [`Error::Option`] for an option out of its range; [`Error::NoEnvironments`] for `Some(0)`; [`Error::Level`] when the CPU level asked
+    /// for by `STEPPER_CPU_LEVEL` is not there; [`Error::Memory`] when there is no room for so many environments; [`Error::Model`] for a
+    /// number that 32 bits cannot hold, in that precision; [`Error::Actuator`] for a delay of an actuator that is too long for the time
+    /// step.
     pub fn new(model: Arc<Model>, options: Options, num_envs: Option<usize>, precision: Precision, threads: usize) -> Result<Self, Error> {
         options.check()?;
         if num_envs == Some(0) {
@@ -174,7 +175,8 @@ impl Simulation {
         size_of_val(&self.ctrl[..]) + self.applied.bytes()
     }
 
-    /// Calls `look` while the workspace of one more thread is there, as the first step makes it for every thread: so that it can be measured.
+    /// Calls `look` while the workspace of one more thread is there, as the first step makes it for every thread: so that it can be
+    /// measured.
     pub fn with_worker(&self, mut look: impl FnMut()) {
         self.engine.with_worker(&mut look);
     }

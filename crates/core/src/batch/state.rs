@@ -19,8 +19,8 @@ const NORMAL: usize = 6;
 
 /// The environments of one group of lanes, lane-interleaved: entry i of lane l is at `i * lanes + l`.
 ///
-/// Contact impulses are the warm start of the next step, so they are part of the state; their geometry is kept beside them for whoever reads
-/// contacts. Nothing else survives a step.
+/// Contact impulses are the warm start of the next step, so they are part of the state; their geometry is kept beside them for whoever
+/// reads contacts. Nothing else survives a step.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Group<S> {
     /// Lanes of the group.

@@ -16,8 +16,8 @@ pub(super) type Watch<'a> = Option<&'a mut dyn FnMut() -> bool>;
 
 /// Calls for all environments.
 pub trait Stepping {
-    /// Makes the steps of a schedule, `inputs.ctrl` being (controls, num_envs, nu) or (controls, nu), and writes down what follows each control.
-    /// Returns how many steps were made, the same in every environment: fewer when the watch says so.
+    /// Makes the steps of a schedule, `inputs.ctrl` being (controls, num_envs, nu) or (controls, nu), and writes down what follows each
+    /// control. Returns how many steps were made, the same in every environment: fewer when the watch says so.
     ///
     /// # Errors
     /// [`Error::Threads`]; nothing was done then.
@@ -46,8 +46,8 @@ pub trait Stepping {
     fn set_workers(&mut self, makers: &WorkerMakers);
 }
 
-/// Time between two looks at the watch of a long call, s: short beside the patience of somebody who wants it to end, long beside what sending the
-/// groups to the workers again takes.
+/// Time between two looks at the watch of a long call, s: short beside the patience of somebody who wants it to end, long beside what
+/// sending the groups to the workers again takes.
 const PART: f64 = 0.05;
 /// Least time of a step on one thread per environment and degree of freedom, s: what makes a first part short enough.
 const LEAST_COST: f64 = 5e-8;
@@ -149,8 +149,8 @@ impl<S: Stepped> Batch<S> {
         ((PART / LEAST_COST) as usize / (self.num_envs * self.compiled.nv.max(1))).max(1)
     }
 
-    /// Makes the steps of a call that somebody watches in parts: every group ends a part before any begins the next, so that all stop at one count.
-    /// Returns the steps made.
+    /// Makes the steps of a call that somebody watches in parts: every group ends a part before any begins the next, so that all stop at
+    /// one count. Returns the steps made.
     #[inline(never)]
     fn run_parts(
         &mut self,

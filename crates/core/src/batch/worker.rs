@@ -93,12 +93,12 @@ pub struct BatchSlice<'a, 'b, S> {
     pub share: Option<&'a mut Share<'b, S>>,
 }
 
-/// Largest mass matrix (entries, 128 bytes each in two registers) with which a step still works in the caches next to the core. Two registers make
-/// dm_control's humanoid (243) 4 to 6 % faster, humanoid_CMU (952) up to 4 % slower.
+/// Largest mass matrix (entries, 128 bytes each in two registers) with which a step still works in the caches next to the core. Two
+/// registers make dm_control's humanoid (243) 4 to 6 % faster, humanoid_CMU (952) up to 4 % slower.
 const SMALL: usize = 512;
 
-/// Lanes of one register, `n`, or of two where that takes less time: it takes as much as 1.8 times one (docs/performance.md). With the sixteen
-/// registers of AVX2 it would take 2.2 to 2.5 times.
+/// Lanes of one register, `n`, or of two where that takes less time: it takes as much as 1.8 times one (docs/performance.md). With the
+/// sixteen registers of AVX2 it would take 2.2 to 2.5 times.
 fn lanes<S: Scalar>(n: usize, compiled: &CompiledModel<S>, num_envs: usize, threads: usize, level: Level) -> usize {
     let groups = |lanes: usize| num_envs.div_ceil(lanes).div_ceil(threads);
     let pays = compiled.chain.len() <= SMALL && 9 * groups(2 * n) <= 5 * groups(n);

@@ -45,7 +45,8 @@ impl<S: Stepped> WorkerPool<S> {
         self.idle.get_mut().expect("a worker panicked")
     }
 
-    /// Starts the threads, one less than are to step: the one that calls is among them. They do not survive a fork: the child starts its own.
+    /// Starts the threads, one less than are to step: the one that calls is among them. They do not survive a fork: the child starts its
+    /// own.
     ///
     /// # Errors
     /// [`Error::Threads`] when the system refuses a thread.
@@ -64,8 +65,8 @@ impl<S: Stepped> WorkerPool<S> {
         Ok(())
     }
 
-    /// Lets this thread, and those of the pool if there is one, take chunks whenever they are ready for one, each with a worker. This thread need
-    /// not be woken, and the others join it when they are awake.
+    /// Lets this thread, and those of the pool if there is one, take chunks whenever they are ready for one, each with a worker. This
+    /// thread need not be woken, and the others join it when they are awake.
     pub(super) fn share_chunks<P: Send>(
         &self,
         spec: &WorkerSpec<'_, S>,

@@ -1,9 +1,9 @@
 //! Broad phase: which geoms of a crowd are near one another. For many loose bodies the list of all pairs would grow with their square.
 //!
-//! Lane by lane, in scalar code, and stateless: the centres are sorted into cubes as wide as the largest two bounding balls together, so that
-//! whatever can touch is in neighbouring cubes (Ericson 2005, section 7.1). The cubes' keys are sorted, a row of cubes along z is a run of the
-//! sorted list, and the five rows that come after a cube's own are found by five pointers that only move forward. What is much larger or
-//! faster than the rest is compared with everything instead.
+//! Lane by lane, in scalar code, and stateless: the centres are sorted into cubes as wide as the largest two bounding balls together, so
+//! that whatever can touch is in neighbouring cubes (Ericson 2005, section 7.1). The cubes' keys are sorted, a row of cubes along z is a
+//! run of the sorted list, and the five rows that come after a cube's own are found by five pointers that only move forward. What is much
+//! larger or faster than the rest is compared with everything instead.
 
 use stepper_real::{Real, Scalar};
 

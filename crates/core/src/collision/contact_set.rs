@@ -5,8 +5,8 @@ use stepper_real::{Mask, Real};
 use crate::math::lanes::MAX_LANES;
 use crate::math::spatial::*;
 
-/// Identity of a contact from step to step: which pair of the compiled model (high 32 bits), which feature of the pair (low 32 bits). Ascending within
-/// an environment.
+/// Identity of a contact from step to step: which pair of the compiled model (high 32 bits), which feature of the pair (low 32 bits).
+/// Ascending within an environment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct ContactId(pub u64);
 

@@ -107,8 +107,8 @@ impl<R: Real> GeomPoses<R> {
         }
     }
 
-    /// Lists the pairs that can touch in any of the lanes `alive`, ascending. Most cannot, and a robot has hundreds: what the pairs of a geom share is
-    /// kept at hand, and nothing branches.
+    /// Lists the pairs that can touch in any of the lanes `alive`, ascending. Most cannot, and a robot has hundreds: what the pairs of a
+    /// geom share is kept at hand, and nothing branches.
     #[inline(always)]
     pub(crate) fn find_near(&mut self, compiled: &LaneModel<R>, alive: R::Mask) {
         let Self { placed: Placed { balls, mat, .. }, slack, runs, near, .. } = self;
@@ -252,8 +252,8 @@ impl<R: Real> Scene<'_, R> {
         if far.none() {
             return far;
         }
-        // Limbs that fly along together are fast and yet do not pass one another, and what is apart again has gone the whole way through. (Where
-        // that chord is shorter than this, a graze an eighth as deep as the two are thick is missed.)
+        // Limbs that fly along together are fast and yet do not pass one another, and what is apart again has gone the whole way through.
+        // (Where that chord is shorter than this, a graze an eighth as deep as the two are thick is missed.)
         let gap = self.gap(pair);
         let through = R::select(gap.gt(R::zero()), gap + distance + distance, distance);
         far.and(self.way_past(a, b).min(self.way_past(b, a)).gt(through))
@@ -269,7 +269,8 @@ impl<R: Real> Scene<'_, R> {
         }
     }
 
-    /// Bound on the way of any point of the geom `b`, as seen from `a`, from the beginning of the step, m. Neither is a plane, which has no bound.
+    /// Bound on the way of any point of the geom `b`, as seen from `a`, from the beginning of the step, m. Neither is a plane, which has no
+    /// bound.
     #[inline(always)]
     fn way_past(&self, a: usize, b: usize) -> R {
         let (there, here) =

@@ -1,4 +1,5 @@
-//! Collision detection: broad phase, narrow phase (kernels for pairs of simple shapes, `geometry` for all others), and the contacts of a step.
+//! Collision detection: broad phase, narrow phase (kernels for pairs of simple shapes, `geometry` for all others), and the contacts of a
+//! step.
 
 pub mod broad_phase;
 pub mod contact_set;

@@ -1,14 +1,15 @@
 //! Which shapes a height field may be in the way of, from how high it is under them: most of its pairs are done with here, over lanes.
 //!
-//! A contact joins a point x of the field and a point y of the shape with y - x = d n. Where the shape is a gap g above all that the field has
-//! under it, d cos(a) >= g for a normal at an angle a from upright, and stage 3 takes the contact up only if d < 2 h c + slack, c being the
-//! speed at which y closes in along n. With u its speed upwards and w its speed, 2 c cos(a) <= w - u for every a, and so
+//! A contact joins a point x of the field and a point y of the shape with y - x = d n. Where the shape is a gap g above all that the field
+//! has under it, d cos(a) >= g for a normal at an angle a from upright, and stage 3 takes the contact up only if d < 2 h c + slack, c being
+//! the speed at which y closes in along n. With u its speed upwards and w its speed, 2 c cos(a) <= w - u for every a, and so
 //!
 //! ```text
 //! g < h (w - u) + slack,        where the field is level: g < -2 h u + slack.
 //! ```
 //!
-//! Nothing moves along n by turning about a point on the line of n: of a ball only the centre's speed counts, of a capsule that of its segment.
+//! Nothing moves along n by turning about a point on the line of n: of a ball only the centre's speed counts, of a capsule that of its
+//! segment.
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -54,8 +55,8 @@ impl<R: Real> Scene<'_, R> {
         near
     }
 
-    /// How far a geom reaches from its origin against the unit vector `up`, and the radius of a ball that holds all but what a ball or capsule
-    /// is thickened by, m.
+    /// How far a geom reaches from its origin against the unit vector `up`, and the radius of a ball that holds all but what a ball or
+    /// capsule is thickened by, m.
     #[inline(always)]
     fn reach_below(&self, geom: usize, up: V3<R>) -> (R, R) {
         let (size, bound) = (self.compiled.params.geom_size(geom), self.compiled.params.bounding_radius(geom));

@@ -7,9 +7,9 @@ use crate::compile::{CompiledPair, LaneModel};
 use crate::dynamics::kinematics::Kinematics;
 use crate::math::spatial::*;
 
-/// Lanes in which the step, now that its velocity `v_next` is known, may have taken something through something thin: a pair was faster than
-/// [`detect`](crate::stages::s03_detect::detect) looked out for, or turned so far that its way bends by more than it is thick. `free` says that this velocity is the
-/// free one that it looked out with.
+/// Lanes in which the step, now that its velocity `v_next` is known, may have taken something through something thin: a pair was faster
+/// than [`detect`](crate::stages::s03_detect::detect) looked out for, or turned so far that its way bends by more than it is thick. `free`
+/// says that this velocity is the free one that it looked out with.
 pub fn may_have_passed<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -77,8 +77,8 @@ impl<R: Real> Placed<R> {
         )
     }
 
-    /// Bounds on the ways of the step as it was made, left in `lead`. Returns the lanes in which some geom moved by half its thickness, since no
-    /// two others get past one another, and those in which some geom got further than stage 3 looked out for.
+    /// Bounds on the ways of the step as it was made, left in `lead`. Returns the lanes in which some geom moved by half its thickness,
+    /// since no two others get past one another, and those in which some geom got further than stage 3 looked out for.
     #[inline(always)]
     fn update_ways(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v_next: &[R], h: R, slack: R) -> [R::Mask; 2] {
         self.update_lead(compiled, kinematics, v_next, h);

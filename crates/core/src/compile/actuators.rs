@@ -243,7 +243,8 @@ fn entry(scene: Scene<'_>, below: usize, above: usize) -> Option<usize> {
     scene.chain[dof.chain..dof.chain + dof.depth].iter().position(|&d| d as usize == above).map(|k| dof.chain + k)
 }
 
-/// Entries of a a^T in the layout of the mass matrix, for a moment (dof, arm); see [`crate::actuation::forces`] for moments across branches.
+/// Entries of a a^T in the layout of the mass matrix, for a moment (dof, arm); see [`crate::actuation::forces`] for moments across
+/// branches.
 fn entries(moment: &[(usize, f64)], scene: Scene<'_>) -> Vec<(usize, f64)> {
     let mut arms: Vec<(usize, f64)> = Vec::new();
     for &(dof, arm) in moment {

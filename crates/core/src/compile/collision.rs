@@ -208,7 +208,8 @@ fn crowded(model: &Model) -> Vec<bool> {
     if n * n.saturating_sub(1) / 2 > LISTED_PAIRS && n < (1 << 16) { among } else { vec![false; model.geoms.len()] }
 }
 
-/// The pairs that can collide, but for those of the crowd with itself: those with torsional or rolling friction first, ascending by their geoms.
+/// The pairs that can collide, but for those of the crowd with itself: those with torsional or rolling friction first, ascending by their
+/// geoms.
 ///
 /// Contacts are in the order of their pairs, so that those with six rows have the same slots in all lanes.
 fn listed_pairs(model: &Model, filter: &Filter, among: &[bool]) -> Vec<GeomPair> {

@@ -1,7 +1,7 @@
 //! The compiled model: what the step reads, and no more than this scene needs.
 //!
-//! Bodies that cannot move against their parent are merged into one *link*. A *frame* is anything a geom can be fixed to: frame 0 is the world,
-//! frames `1..=links` the links, the rest bodies that the user poses (mocap). Pairs that can never collide are not in the list.
+//! Bodies that cannot move against their parent are merged into one *link*. A *frame* is anything a geom can be fixed to: frame 0 is the
+//! world, frames `1..=links` the links, the rest bodies that the user poses (mocap). Pairs that can never collide are not in the list.
 
 use std::ops::Deref;
 

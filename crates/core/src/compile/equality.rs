@@ -96,8 +96,8 @@ pub struct EqualityBlock<S> {
     pub rows: usize,
     /// Whether all are hard, so that they are made orthogonal.
     pub hard: bool,
-    /// Whether they are hard and no other hard one shares a degree of freedom with them, so that they can be taken out of all other rows. Such
-    /// blocks come first.
+    /// Whether they are hard and no other hard one shares a degree of freedom with them, so that they can be taken out of all other rows.
+    /// Such blocks come first.
     pub separate: bool,
     /// `support` as a set, in 64-bit words.
     pub set: Vec<u64>,
@@ -186,7 +186,8 @@ impl Compiler<'_> {
         (EqualityRows::Coupling { first, second, polynomial: scalars(*polynomial) }, support)
     }
 
-    /// The equalities that act, in blocks: hard ones that share a degree of freedom together, as long as they are few. `owner` counts impulses.
+    /// The equalities that act, in blocks: hard ones that share a degree of freedom together, as long as they are few. `owner` counts
+    /// impulses.
     pub(super) fn equalities<S: Scalar>(&self, owner: &mut usize) -> Vec<EqualityBlock<S>> {
         let mut blocks: Vec<EqualityBlock<S>> = Vec::new();
         for equality in self.model.equalities.iter().filter(|e| e.active) {

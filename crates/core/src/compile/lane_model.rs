@@ -7,8 +7,8 @@ use stepper_real::Real;
 use crate::compile::compiled_model::{CompiledModel, ModelStructure};
 use crate::compile::parameters::*;
 
-/// A compiled model as a group of lanes has it: the structure that all environments share, and the parameters that each lane has. The shared
-/// parameters cannot be read through it.
+/// A compiled model as a group of lanes has it: the structure that all environments share, and the parameters that each lane has. The
+/// shared parameters cannot be read through it.
 #[derive(Clone, Debug)]
 pub struct LaneModel<R: Real> {
     /// What is shared. In place, so that it costs a step no more to find than a compiled model alone.
@@ -69,8 +69,8 @@ impl<R: Real> LaneModel<R> {
         if self.structure.geoms[a].is_plane { second } else { self.params.bounding_radius(a) + second }
     }
 
-    /// Way in which the geoms of a pair cannot pass through one another to where the nearest way out is on the far side, m; infinite if they
-    /// never do.
+    /// Way in which the geoms of a pair cannot pass through one another to where the nearest way out is on the far side, m; infinite if
+    /// they never do.
     #[inline(always)]
     pub fn tunnelling_distance(&self, [a, b]: [usize; 2]) -> R {
         R::of(0.5) * (self.params.inscribed_radius(a) + self.params.inscribed_radius(b))

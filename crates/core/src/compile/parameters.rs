@@ -1,8 +1,8 @@
 //! Parameters: the numbers of a compiled model that every environment may have for itself.
 //!
-//! They are one flat list of tables, so that a place in it is all it takes to say which of them environments have of their own: a batch keeps
-//! (place, a number for every lane) of those alone, and a worker writes them over the shared ones before it steps a group. Stages read them
-//! through a [`LaneModel`](crate::compile::LaneModel), one number per lane, and need not know which is which.
+//! They are one flat list of tables, so that a place in it is all it takes to say which of them environments have of their own: a batch
+//! keeps (place, a number for every lane) of those alone, and a worker writes them over the shared ones before it steps a group. Stages
+//! read them through a [`LaneModel`](crate::compile::LaneModel), one number per lane, and need not know which is which.
 //!
 //! A row's type says how wide it is and how it is read and written; the list of the tables says what their rows are.
 

@@ -17,9 +17,9 @@ use crate::math::spatial::*;
 /// thousandth; the motion that it asks for is at most 1 / (2 sqrt(DAMPING)), 16 times what it would be if the row did.
 pub(crate) const DAMPING: f64 = 1e-3;
 
-/// Length over which a demand of positions bends its own row, m. The way that a step is to go, over this length, is more compliance: an arm that is
-/// stretched towards what it cannot reach would swing to and fro about the end of its reach without it (the curvature times what is left, which
-/// Gauss and Newton's linearisation leaves out; Nocedal & Wright 2006, section 10.3).
+/// Length over which a demand of positions bends its own row, m. The way that a step is to go, over this length, is more compliance: an arm
+/// that is stretched towards what it cannot reach would swing to and fro about the end of its reach without it (the curvature times what is
+/// left, which Gauss and Newton's linearisation leaves out; Nocedal & Wright 2006, section 10.3).
 pub(crate) const ARM: f64 = 0.1;
 
 /// The constraint problem of a step, and which of the model's elements its rows belong to.
@@ -134,8 +134,8 @@ pub struct AssemblyInput<'a, R: Real> {
     pub motion: &'a NewtonEuler<R>,
     /// Velocity after the step without constraints.
     pub v_free: &'a [R],
-    /// What drive trains lose to friction (against motion forwards, against motion backwards), N or N m, for every row of dry friction; empty
-    /// without any.
+    /// What drive trains lose to friction (against motion forwards, against motion backwards), N or N m, for every row of dry friction;
+    /// empty without any.
     pub losses: &'a [[R; 2]],
     /// Time step, s.
     pub h: R,
@@ -196,8 +196,8 @@ impl<R: Real> Constraints<R> {
     }
 }
 
-/// What the rows of a compiled model can take at the most: a contact touches the ancestors of two frames in each of its lanes, and any row what equalities tie
-/// to it.
+/// What the rows of a compiled model can take at the most: a contact touches the ancestors of two frames in each of its lanes, and any row
+/// what equalities tie to it.
 fn room<S: Scalar>(compiled: &ModelStructure<S>, contacts: usize, lanes: usize) -> Capacity {
     let tied = compiled.equalities.iter().filter(|b| b.separate).map(|b| b.support.len()).sum::<usize>();
     let with_tied = |entries: usize| (entries + tied).min(compiled.nv);

@@ -6,12 +6,12 @@
 //! J(end) v+ = J v+ + rest kappa,    kappa = A_b - A_a + (omega_b - omega_a) x c'
 //! ```
 //!
-//! to second order: A are the accelerations of the two bodies' velocity fields at the contact's place while no joint accelerates, and c' is the
-//! velocity of that place. A ball that rolls on a table that turns is at a place of another velocity at the end of the step; without kappa it would
-//! have the velocity of half a step before, always, which is Euler's explicit rule for its circle, and gain energy.
+//! to second order: A are the accelerations of the two bodies' velocity fields at the contact's place while no joint accelerates, and c' is
+//! the velocity of that place. A ball that rolls on a table that turns is at a place of another velocity at the end of the step; without
+//! kappa it would have the velocity of half a step before, always, which is Euler's explicit rule for its circle, and gain energy.
 //!
-//! The place moves with the centre of a sphere or of a capsule's end, turned back as the other surface turns the normal, and with the second body
-//! where a corner touches.
+//! The place moves with the centre of a sphere or of a capsule's end, turned back as the other surface turns the normal, and with the
+//! second body where a corner touches.
 
 use stepper_real::{Mask, Real};
 
@@ -33,11 +33,11 @@ struct Field<R> {
 }
 
 impl<R: Real> Constraints<R> {
-    /// Adds it to what friction's rows of a contact demand, but for those that are taken at the time of their impact: from `free`, their velocities
-    /// without constraints, and the `change` of these by the free motion.
+    /// Adds it to what friction's rows of a contact demand, but for those that are taken at the time of their impact: from `free`, their
+    /// velocities without constraints, and the `change` of these by the free motion.
     ///
-    /// The work of such a row's impulse is (t^2 - (J v)^2) / 2 G when it asks for J v+ = t: asking for no more than there was, nothing is gained.
-    /// A kernel of its own: few contacts need it, and inlined where it is called it would slow down all.
+    /// The work of such a row's impulse is (t^2 - (J v)^2) / 2 G when it asks for J v+ = t: asking for no more than there was, nothing is
+    /// gained. A kernel of its own: few contacts need it, and inlined where it is called it would slow down all.
     #[inline(never)]
     pub(crate) fn add_curve(
         &self,

@@ -6,9 +6,9 @@
 //! y' = y - sum_k a_k e_k,    g' = g - sum_k a_k g_k,    a_k = y . e_k / |e_k|^2
 //! ```
 //!
-//! is the same velocity for every w that they allow, and an impulse along y' leaves them as they are (the Schur complement of their block of G;
-//! Golub & Van Loan 2013, section 3.2). So they are solved once, exactly, and impulses of the other rows are what they were. Sweeps that go back and
-//! forth between a leg's coupling and the contact of its foot need two to five times as many.
+//! is the same velocity for every w that they allow, and an impulse along y' leaves them as they are (the Schur complement of their block
+//! of G; Golub & Van Loan 2013, section 3.2). So they are solved once, exactly, and impulses of the other rows are what they were. Sweeps
+//! that go back and forth between a leg's coupling and the contact of its foot need two to five times as many.
 
 use stepper_real::{Mask, Real};
 use stepper_solve::{ScalarRow, dependence_threshold};
@@ -92,9 +92,9 @@ impl<R: Real> Constraints<R> {
         }
     }
 
-    /// Takes the tied equalities out of the first `N` components of `column` on `support`, half solved but for D^-1/2, and out of what these rows
-    /// demand: their velocities g of the step, and when positions are solved apart. Of a row that depends on them nothing is left. Returns the
-    /// squared lengths of the rows before, and of what is left; nothing where no equality is tied.
+    /// Takes the tied equalities out of the first `N` components of `column` on `support`, half solved but for D^-1/2, and out of what
+    /// these rows demand: their velocities g of the step, and when positions are solved apart. Of a row that depends on them nothing is
+    /// left. Returns the squared lengths of the rows before, and of what is left; nothing where no equality is tied.
     #[inline(always)]
     pub(crate) fn eliminate<const N: usize>(&mut self, mass: &MassMatrix<R>, demands: &mut [[R; 2]; N]) -> Option<Lengths<R, N>> {
         if self.tied.is_empty() { None } else { Some(self.eliminate_tied(mass, demands)) }
@@ -142,8 +142,8 @@ impl<R: Real> Constraints<R> {
         Lengths { whole, rest }
     }
 
-    /// The same of `K` rows from `first` on, which have one support: what they hold is found in one pass over it, and taken away in another. What
-    /// does not touch them keeps its bits. `rest` are the squared lengths of what is left.
+    /// The same of `K` rows from `first` on, which have one support: what they hold is found in one pass over it, and taken away in
+    /// another. What does not touch them keeps its bits. `rest` are the squared lengths of what is left.
     #[inline(always)]
     fn eliminate_rows<const N: usize, const K: usize>(&mut self, first: usize, demands: &mut [[R; 2]; N], rest: &mut [R; N]) {
         let Self { problem, column, separate, .. } = self;
@@ -183,8 +183,8 @@ impl<R: Real> Constraints<R> {
     }
 }
 
-/// Part of the squared length of a row that equalities leave, below which they prevent it: a contact whose normal they let move by a thousandth of
-/// what the bodies could has impulses a million times as large as it should, and nothing but rounding decides between them.
+/// Part of the squared length of a row that equalities leave, below which they prevent it: a contact whose normal they let move by a
+/// thousandth of what the bodies could has impulses a million times as large as it should, and nothing but rounding decides between them.
 const PREVENTED: f64 = 1e-6;
 
 /// Squared lengths of rows in the metric of G.

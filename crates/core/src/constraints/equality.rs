@@ -67,7 +67,8 @@ impl<R: Real> Constraints<R> {
             self.add_equality(input, block, equality);
         }
         if block.hard {
-            // The way that the block is to go bends all its rows: a short demand along one that a long one turns away is met at the end of the step no more.
+            // The way that the block is to go bends all its rows: a short demand along one that a long one turns away is met at the end of
+            // the step no more.
             let way = self.demands.iter().fold(R::zero(), |most, demand| most.max(demand[2].abs())) * input.assembly.h;
             let split = input.options.stabilization == Stabilization::Split;
             let damping = if split { R::of(DAMPING) + way * R::of(1.0 / ARM) } else { R::zero() };
@@ -401,8 +402,8 @@ pub(crate) struct SpringRow<R: Real> {
 /// ```
 ///
 /// so v+ + lambda/Q + P/Q = 0: a row of compliance 1/Q. Both are stable for any stiffness, and the mass matrix keeps the sparsity of the
-/// tree: k J^T J in it would join all joints of a tendon with one another. The midpoint rule does not damp what is too stiff for the step, so
-/// it goes over to Euler's by s = z^2 / (1 + z^2), z = G (h^2 k/4 + h d/2), which keeps its second order.
+/// tree: k J^T J in it would join all joints of a tendon with one another. The midpoint rule does not damp what is too stiff for the step,
+/// so it goes over to Euler's by s = z^2 / (1 + z^2), z = G (h^2 k/4 + h d/2), which keeps its second order.
 #[inline(always)]
 pub(crate) fn law_of<R: Real>(
     options: &StepSettings,

@@ -10,8 +10,8 @@ const SHARED: usize = 3;
 
 /// Lanes in which a loose body touches another one at so many points.
 ///
-/// As long as all points stick, the motion is one whatever the forces are. When they slip, friction's torque depends on how the load is shared:
-/// forces left by sweeps, which load the points that they visit first, turn a box that two fingers hold.
+/// As long as all points stick, the motion is one whatever the forces are. When they slip, friction's torque depends on how the load is
+/// shared: forces left by sweeps, which load the points that they visit first, turn a box that two fingers hold.
 pub(crate) fn lanes<R: Real>(compiled: &ModelStructure<R::Scalar>, contacts: &Contacts<R>) -> R::Mask {
     if compiled.floating.is_empty() {
         return R::Mask::splat(false);

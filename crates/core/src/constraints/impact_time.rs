@@ -1,14 +1,14 @@
 //! When an elastic contact strikes within a step, and whether it bounces.
 //!
-//! Between impacts the gap of a contact goes as phi(t) = phi + v t + a t^2 / 2 with the velocity v before the step and the acceleration a of
-//! the free motion. It closes at
+//! Between impacts the gap of a contact goes as phi(t) = phi + v t + a t^2 / 2 with the velocity v before the step and the acceleration a
+//! of the free motion. It closes at
 //!
 //! ```text
 //! t* = (-v - s) / a = 2 phi / (s - v),    s = sqrt(v^2 - 2 a phi),    where v(t*) = -s
 //! ```
 //!
-//! and Newton's law is taken there. With the impulses lambda_i of contacts that strike at t_i under forces that do not change within the step,
-//! the impulses' work is lambda^T G lambda (1/2 - 1/(1 + e)) whatever the t_i are: nothing is gained, and with e = 1 nothing is lost.
+//! and Newton's law is taken there. With the impulses lambda_i of contacts that strike at t_i under forces that do not change within the
+//! step, the impulses' work is lambda^T G lambda (1/2 - 1/(1 + e)) whatever the t_i are: nothing is gained, and with e = 1 nothing is lost.
 
 use stepper_real::{Mask, Real};
 

@@ -69,8 +69,8 @@ impl<R: Real> Constraints<R> {
         }
     }
 
-    /// The dofs that move slot k in any of its lanes, or that are tied to them, ascending, and in which lanes each moves the second and the first
-    /// geom.
+    /// The dofs that move slot k in any of its lanes, or that are tied to them, ascending, and in which lanes each moves the second and the
+    /// first geom.
     #[inline(always)]
     pub(crate) fn gather_support(&mut self, compiled: &LaneModel<R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         self.words.fill(0);
@@ -121,8 +121,8 @@ impl<R: Real> Constraints<R> {
         R::select(R::Mask::from_bits(plus), R::one(), R::zero()) - R::select(R::Mask::from_bits(minus), R::one(), R::zero())
     }
 
-    /// J of a contact's rows (n, t1, t2), left in `column`; returns its velocities, free and before the step. `surface` is the velocity that
-    /// the surfaces have of themselves, the second's against the first's.
+    /// J of a contact's rows (n, t1, t2), left in `column`; returns its velocities, free and before the step. `surface` is the velocity
+    /// that the surfaces have of themselves, the second's against the first's.
     #[inline(always)]
     pub(crate) fn contact_columns(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> [V3<R>; 2] {
         let RowInput { compiled, kinematics, assembly, .. } = input;

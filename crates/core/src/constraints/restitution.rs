@@ -8,9 +8,9 @@
 //! friction against v_t+                                  so g_t = v_t-(t)
 //! ```
 //!
-//! The impulse acts for what is left of the step, and the positions go on from where the step is taken with the velocity after it, which gives
-//! every impulse the time `rest`: what is missing, (h - t - rest) M^-1 J^T lambda, is added where the positions are solved apart, so that other
-//! contacts see it.
+//! The impulse acts for what is left of the step, and the positions go on from where the step is taken with the velocity after it, which
+//! gives every impulse the time `rest`: what is missing, (h - t - rest) M^-1 J^T lambda, is added where the positions are solved apart, so
+//! that other contacts see it.
 
 use stepper_real::{Mask, Real};
 
@@ -72,8 +72,8 @@ impl<R: Real> Constraints<R> {
     }
 
     /// The law of the midpoint rule, in place of the `demands` of a contact that does not bounce. The rows have the velocity `free` without
-    /// constraints, which loops that are taken out make what the demands are without the `bias`, and change by `change` from that before the step.
-    /// Returns the lanes that have the rows. A kernel of its own, as [`Constraints::add_curve`].
+    /// constraints, which loops that are taken out make what the demands are without the `bias`, and change by `change` from that before
+    /// the step. Returns the lanes that have the rows. A kernel of its own, as [`Constraints::add_curve`].
     #[inline(never)]
     pub(crate) fn bounce_within(
         &mut self,
@@ -112,8 +112,8 @@ impl<R: Real> Constraints<R> {
         )
     }
 
-    /// The velocity of rows of turning at the time of the impact that was added last, where it bounces: from that without constraints and its
-    /// `change` by the free motion, as the demands are.
+    /// The velocity of rows of turning at the time of the impact that was added last, where it bounces: from that without constraints and
+    /// its `change` by the free motion, as the demands are.
     #[inline(always)]
     pub(crate) fn turn_at_impact(&self, change: V3<R>, turns: &mut Demands<R>) {
         if let Some(impact) = self.impacts.last() {
@@ -136,7 +136,8 @@ impl<R: Real> Constraints<R> {
         );
     }
 
-    /// Adds a change of the velocity before the impacts, given as that of the velocity after the step if they were not; `change` is used up.
+    /// Adds a change of the velocity before the impacts, given as that of the velocity after the step if they were not; `change` is used
+    /// up.
     pub fn shift_before_impacts(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, change: &mut [R], lanes: R::Mask) {
         if self.impacts.is_empty() {
             return;
@@ -167,9 +168,10 @@ impl<R: Real> Constraints<R> {
         lanes
     }
 
-    /// Takes the impulses of impacts away in the lanes `lanes`, and their contacts out of the position solve, but that what overlapped before is
-    /// pushed out where it does not leave fast enough by itself. Leaves in `moved` the velocity that would carry the positions as far in a step as the
-    /// impulses do, from where the step is taken, `lead` seconds after its beginning: beyond the velocity after the step, for the rest of it.
+    /// Takes the impulses of impacts away in the lanes `lanes`, and their contacts out of the position solve, but that what overlapped
+    /// before is pushed out where it does not leave fast enough by itself. Leaves in `moved` the velocity that would carry the positions as
+    /// far in a step as the impulses do, from where the step is taken, `lead` seconds after its beginning: beyond the velocity after the
+    /// step, for the rest of it.
     pub fn set_impacts_aside(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, [h, lead]: [R; 2], lanes: R::Mask, moved: &mut [R]) {
         R::vectorize(
             #[inline(always)]
@@ -228,8 +230,8 @@ impl<R: Real> Constraints<R> {
     }
 }
 
-/// Weight of a change of the velocity after the step that the rows of an impact take back: what came after it. Of 1 + e (or 1 for friction) and the
-/// share of the step before the impact.
+/// Weight of a change of the velocity after the step that the rows of an impact take back: what came after it. Of 1 + e (or 1 for friction)
+/// and the share of the step before the impact.
 #[inline(always)]
 fn after_impact<R: Real>(of_normal: R, share: R) -> R {
     of_normal * share - R::one()

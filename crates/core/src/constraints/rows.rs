@@ -9,7 +9,8 @@ use crate::dynamics::inertia::MassMatrix;
 use crate::math::spatial::*;
 
 impl<R: Real> Constraints<R> {
-    /// Pushes the impulse that a scalar row of the lanes `active` starts from. The others forget theirs, whether the row is made again or not.
+    /// Pushes the impulse that a scalar row of the lanes `active` starts from. The others forget theirs, whether the row is made again or
+    /// not.
     #[inline(always)]
     pub(crate) fn warm_start(&mut self, owner: usize, active: R::Mask) {
         let kept = R::select(active, self.scalar_impulse[owner], R::zero());

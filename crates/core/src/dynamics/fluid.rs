@@ -165,10 +165,11 @@ struct Projection<R> {
     normal: V3<R>,
 }
 
-/// The projected area pi sqrt(sum b_k^4 v_k^2 / sum b_k^2 v_k^2), b_k the product of the two other semi-axes; its normal is along b_k^2 v_k.
+/// The projected area pi sqrt(sum b_k^4 v_k^2 / sum b_k^2 v_k^2), b_k the product of the two other semi-axes; its normal is along b_k^2
+/// v_k.
 ///
-/// It is made of directions and of shares of the largest area, so that neither small bodies nor slow ones nor single precision meet a bound that has
-/// a unit. Needles that fly along themselves, b / a^2 < 3e-8 with the longest semi-axis a, have no area, in MuJoCo (4.0) too.
+/// It is made of directions and of shares of the largest area, so that neither small bodies nor slow ones nor single precision meet a bound
+/// that has a unit. Needles that fly along themselves, b / a^2 < 3e-8 with the longest semi-axis a, have no area, in MuJoCo (4.0) too.
 #[inline(always)]
 fn projection<R: Real>(e: &CompiledEllipsoid<R::Scalar>, v: V3<R>) -> Projection<R> {
     let areas: V3<R> = splat(e.areas);

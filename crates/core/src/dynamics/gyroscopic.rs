@@ -26,8 +26,8 @@ use crate::model::JointKind;
 /// Iterations; at a turn of 0.1 rad in half a step the last changes w by 1e-8 of what the corrector left, some 1e-4 of w.
 const ITERATIONS: usize = 8;
 
-/// Corrects the free velocities `v_free` of single bodies, which were found with the gyroscopic force at the velocity `v_eval`. The step was taken
-/// `ways` = (lead, rest) seconds after its beginning and before its end.
+/// Corrects the free velocities `v_free` of single bodies, which were found with the gyroscopic force at the velocity `v_eval`. The step
+/// was taken `ways` = (lead, rest) seconds after its beginning and before its end.
 pub fn correct<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -61,9 +61,9 @@ pub fn correct<R: Real>(
     )
 }
 
-/// Puts right the free velocities `v_free` of single bodies, which were found with the gyroscopic force at the velocity before the step for the
-/// first of `times` seconds and with that at the velocity after it for the second: with the impulses of contacts, the momentum then changes by
-/// exactly theirs.
+/// Puts right the free velocities `v_free` of single bodies, which were found with the gyroscopic force at the velocity before the step for
+/// the first of `times` seconds and with that at the velocity after it for the second: with the impulses of contacts, the momentum then
+/// changes by exactly theirs.
 pub fn correct_spin<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,

@@ -55,8 +55,8 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
-    /// Adds the shares `theta` of the joints' damping and stiffness to the diagonal of M. What stiff springs get of damping that they have not
-    /// themselves, see [`crate::actuation::forces`], goes to `drag`, which may be empty where no joint has a spring.
+    /// Adds the shares `theta` of the joints' damping and stiffness to the diagonal of M. What stiff springs get of damping that they have
+    /// not themselves, see [`crate::actuation::forces`], goes to `drag`, which may be empty where no joint has a spring.
     #[inline(always)]
     pub fn add_joints(&mut self, compiled: &LaneModel<R>, implicit: ImplicitWeights<R>, drag: &mut [R]) {
         for (d, dof) in compiled.dofs.iter().enumerate() {
@@ -100,8 +100,8 @@ impl<R: Real> MassMatrix<R> {
 
     /// Replaces M by its factors.
     ///
-    /// From the leaves, a row at a time and up to eight columns of it: what all rows below it subtract from them is summed where it stays in
-    /// registers.
+    /// From the leaves, a row at a time and up to eight columns of it: what all rows below it subtract from them is summed where it stays
+    /// in registers.
     #[inline(always)]
     pub fn factor(&mut self, compiled: &LaneModel<R>) {
         let Self { entries, inv_d, .. } = self;
@@ -245,8 +245,8 @@ fn subtract_columns<R: Real>(entries: &mut [R], inv_d: &[R], dof: &Dof, k: usize
     }
 }
 
-/// Subtracts from entries `k..k + N` of the row that starts at `row` their shares of the same columns of the rows below. The share of a row, its
-/// entry of L, is found with the first columns and kept in the place of its entry of M.
+/// Subtracts from entries `k..k + N` of the row that starts at `row` their shares of the same columns of the rows below. The share of a
+/// row, its entry of L, is found with the first columns and kept in the place of its entry of M.
 #[inline(always)]
 fn subtract<R: Real, const N: usize>(entries: &mut [R], inv_d: &[R], row: usize, k: usize, below: &[Descendant]) {
     let (mut sum, mut other) = ([R::zero(); N], [R::zero(); N]);

@@ -81,7 +81,8 @@ impl<R: Real> Kinematics<R> {
         }
     }
 
-    /// Pose of a link, whose first hinge is number `hinge`; leaves (axis, anchor) of its rotations and (0, axis) of its translations in `axes`.
+    /// Pose of a link, whose first hinge is number `hinge`; leaves (axis, anchor) of its rotations and (0, axis) of its translations in
+    /// `axes`.
     #[inline(always)]
     fn place(&mut self, compiled: &LaneModel<R>, link: &Link<R::Scalar>, q: &[R], hinge: &mut usize) -> (V3<R>, M3<R>) {
         let (base, frame) = (self.pos[link.parent], self.mat[link.parent]);
@@ -192,8 +193,8 @@ fn turn<R: Real>(mat: &M3<R>, joint: &CompiledJoint<R::Scalar>, sin: R, cos: R) 
     (if backwards { scale(axis, -R::one()) } else { axis }, out)
 }
 
-/// Axis `K` of a frame, and the frame turned about it: only the other two columns change. `K` is constant, since what a variable indexes stays
-/// in memory.
+/// Axis `K` of a frame, and the frame turned about it: only the other two columns change. `K` is constant, since what a variable indexes
+/// stays in memory.
 #[inline(always)]
 fn turn_about<R: Real, const K: usize>(mat: &M3<R>, sin: R, cos: R) -> (V3<R>, M3<R>) {
     let (i, j) = ((K + 1) % 3, (K + 2) % 3);

@@ -1,8 +1,8 @@
 //! Bodies that the user poses, on their way from one pose to the next.
 //!
-//! A body that is put somewhere else before a call goes there in a straight line and at a constant rate of rotation during the call's steps,
-//! so that contacts meet a moving surface: what it pushes is not overlapped first, and friction sees its speed. At the first call after a
-//! reset there is no pose before, and it is simply where it was put.
+//! A body that is put somewhere else before a call goes there in a straight line and at a constant rate of rotation during the call's
+//! steps, so that contacts meet a moving surface: what it pushes is not overlapped first, and friction sees its speed. At the first call
+//! after a reset there is no pose before, and it is simply where it was put.
 
 use stepper_real::{Mask, Real};
 

@@ -1,4 +1,5 @@
-//! Smooth dynamics of trees of bodies: kinematics, the mass matrix, Newton-Euler, gyroscopic motion, the medium, bodies that the user moves.
+//! Smooth dynamics of trees of bodies: kinematics, the mass matrix, Newton-Euler, gyroscopic motion, the medium, bodies that the user
+//! moves.
 
 pub mod fluid;
 pub mod gyroscopic;

@@ -1,17 +1,17 @@
 //! Which gap two moving hulls cannot close within a step.
 //!
-//! A contact joins a point x of the first and a point y of the second with y - x = d n', n' being the direction between the nearest points of
-//! both. Where a plane with the normal n parts the hulls by g > 0, the nearest points are so too: d cos(a) >= g for the angle a between n and n'.
-//! Stage 3 takes the contact up only if d < 2 h c + slack, where c = -n' . u and u is the velocity of the second as seen from the first. For
-//! every n', 2 c cos(a) <= |u| - n . u, and so there is none where
+//! A contact joins a point x of the first and a point y of the second with y - x = d n', n' being the direction between the nearest points
+//! of both. Where a plane with the normal n parts the hulls by g > 0, the nearest points are so too: d cos(a) >= g for the angle a between
+//! n and n'. Stage 3 takes the contact up only if d < 2 h c + slack, where c = -n' . u and u is the velocity of the second as seen from the
+//! first. For every n', 2 c cos(a) <= |u| - n . u, and so there is none where
 //!
 //! ```text
 //! g >= h (|u| - n . u) + slack
 //! ```
 //!
-//! for all u that the contact may see: u = v + w x r, where r reaches to points halfway between the hulls, all of them in a ball. The normal
-//! that is reported may be one that separates worse by e, see `prefer_face`: it is then at most (2 e / g)^(1/2) away from n', and 2 c h greater by
-//! 2 h |u| times this. Once n' is known there is none where
+//! for all u that the contact may see: u = v + w x r, where r reaches to points halfway between the hulls, all of them in a ball. The
+//! normal that is reported may be one that separates worse by e, see `prefer_face`: it is then at most (2 e / g)^(1/2) away from n', and 2
+//! c h greater by 2 h |u| times this. Once n' is known there is none where
 //!
 //! ```text
 //! g >= 2 h (-n' . u) + slack
@@ -39,8 +39,8 @@ pub struct Approach<R = f64> {
 }
 
 impl<R: Real> Approach<R> {
-    /// What hulls that a plane with the normal `n` (unit, from the first to the second) parts by `gap` have to spare: where it is not negative, no
-    /// contact can count within the step; `size` is that of both, m.
+    /// What hulls that a plane with the normal `n` (unit, from the first to the second) parts by `gap` have to spare: where it is not
+    /// negative, no contact can count within the step; `size` is that of both, m.
     #[inline(always)]
     pub(super) fn spare(&self, n: V3<R>, gap: R, size: f64) -> R {
         let fastest = self.fastest();

@@ -10,8 +10,8 @@ const PARALLEL: f64 = 1e-6;
 
 /// Depth up to which what overlaps along two axes at once overlaps in a sliver that is no contact, m.
 ///
-/// A box that slides from one tile to the next has its lower face in the plane of their upper ones, up to what a contact at rest leaves open or
-/// overlapping. Between it and the side of the tile ahead there is nothing to strike, however near it comes.
+/// A box that slides from one tile to the next has its lower face in the plane of their upper ones, up to what a contact at rest leaves
+/// open or overlapping. Between it and the side of the tile ahead there is nothing to strike, however near it comes.
 const SLIVER: f64 = 1e-5;
 
 /// 1 - cos of faces in one plane: over 10 cm they part by [`SLIVER`].
@@ -24,9 +24,9 @@ fn graze(faces: &[(f64, V); 6]) -> bool {
     touching.into_iter().any(|f| faces.iter().any(|g| g.0 >= -SLIVER && !parallel(&f.1, &g.1)))
 }
 
-/// The axis of the largest separation among the 15 of two boxes; `None` where it is beyond `prediction` or where they only graze, `Some(None)`
-/// where no axis gives the distance. Faces are preferred to edges and the
-/// first box's to the second's, unless worse by more than rounding: the choice at rest stays.
+/// The axis of the largest separation among the 15 of two boxes; `None` where it is beyond `prediction` or where they only graze,
+/// `Some(None)` where no axis gives the distance. Faces are preferred to edges and the first box's to the second's, unless worse by more
+/// than rounding: the choice at rest stays.
 pub(super) fn separation(pair: &Pair<'_>, ha: V, hb: V, prediction: f64) -> Option<Option<Separation>> {
     let r = &pair.mat;
     let p = pair.pos;

@@ -17,7 +17,8 @@ fn crossing(a: u32, b: u32) -> u32 {
     1 << 31 | a.min(b) << 15 | a.max(b)
 }
 
-/// Edges of the reference, a triangle whose edges are named 0 to 2, that meet at a place which [`overlay`] has named; `None` of a corner of the other.
+/// Edges of the reference, a triangle whose edges are named 0 to 2, that meet at a place which [`overlay`] has named; `None` of a corner of
+/// the other.
 pub(super) fn edges_of_triangle(other: &Patch, id: u32) -> Option<[usize; 2]> {
     let disc = other.kind == Kind::Disc;
     if id >> 31 == 0 {

@@ -7,7 +7,8 @@ use crate::geometry::shape::ConvexShape;
 use crate::geometry::vectors::{Pose, V};
 use crate::math::spatial::*;
 
-/// Signed distance of two convex shapes (m; minus the depth where they overlap) and the unit normal from the first to the second, in the world.
+/// Signed distance of two convex shapes (m; minus the depth where they overlap) and the unit normal from the first to the second, in the
+/// world.
 pub fn distance(a: &ConvexShape, pose_a: &Pose, b: &ConvexShape, pose_b: &Pose) -> (f64, V) {
     let pair = Pair::new(a, pose_a, b, pose_b);
     let found = separation::nearest(&pair, &f64::INFINITY.into(), &mut Polytope::default()).found;

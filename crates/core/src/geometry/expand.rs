@@ -1,7 +1,7 @@
 //! Depth of overlapping polytopes: the facet of their difference that is nearest to the origin.
 //!
-//! The expanding polytope algorithm (van den Bergen 2001): a polytope inside the difference grows at its nearest face until that face is one of the
-//! difference. All its other faces are then further away, so no way out is shorter.
+//! The expanding polytope algorithm (van den Bergen 2001): a polytope inside the difference grows at its nearest face until that face is
+//! one of the difference. All its other faces are then further away, so no way out is shorter.
 
 use crate::geometry::facing::Separation;
 use crate::geometry::pair::{Pair, Vertex};
@@ -40,8 +40,8 @@ impl Polytope {
         self.horizon.reserve(3 * v);
     }
 
-    /// The separation along the nearest facet of A - B; `start` is a tetrahedron that holds the origin. `None` where it is none, or where rounding
-    /// hides the facet.
+    /// The separation along the nearest facet of A - B; `start` is a tetrahedron that holds the origin. `None` where it is none, or where
+    /// rounding hides the facet.
     pub(super) fn nearest_facet(&mut self, pair: &Pair<'_>, start: &[Vertex]) -> Option<Separation> {
         if start.len() < 4 {
             return None;
@@ -69,7 +69,8 @@ impl Polytope {
         None
     }
 
-    /// What the normal of a facet separates, `furthest` being the furthest corner that way, and where the normal through the origin meets it.
+    /// What the normal of a facet separates, `furthest` being the furthest corner that way, and where the normal through the origin meets
+    /// it.
     fn separation(&self, facet: &Face, furthest: Vertex) -> Separation {
         let corners = facet.corners.map(|c| &self.vertices[c as usize]);
         let [a, b, c] = corners.map(|c| c.w);

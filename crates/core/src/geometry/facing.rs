@@ -19,8 +19,8 @@ pub(super) struct Separation {
     pub(super) points: [V; 2],
 }
 
-/// A separation with the corners of the cores that are furthest along its normal and against it, and the other ends of the edges there that it is across;
-/// the corners again, where it is across none.
+/// A separation with the corners of the cores that are furthest along its normal and against it, and the other ends of the edges there that
+/// it is across; the corners again, where it is across none.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Facing {
     pub(super) found: Separation,

@@ -1,7 +1,7 @@
 //! Distance of two convex sets: the point of their difference nearest to the origin.
 //!
-//! Gilbert, Johnson & Keerthi 1988; the nearest point of a simplex by its barycentric coordinates, with every face of it tried that the origin
-//! is beyond, and all of them where it is degenerate, so that degenerate simplices are no special case.
+//! Gilbert, Johnson & Keerthi 1988; the nearest point of a simplex by its barycentric coordinates, with every face of it tried that the
+//! origin is beyond, and all of them where it is degenerate, so that degenerate simplices are no special case.
 
 use crate::geometry::facing::Separation;
 use crate::geometry::pair::{Pair, Vertex};
@@ -26,8 +26,8 @@ pub(super) struct Nearest {
 
 const ITERATIONS: usize = 200;
 
-/// The nearest points of A and B + shift, searched from the direction `start` (from B to A); points further apart than `beyond` (m) where the
-/// sets certainly are.
+/// The nearest points of A and B + shift, searched from the direction `start` (from B to A); points further apart than `beyond` (m) where
+/// the sets certainly are.
 pub(super) fn nearest(pair: &Pair<'_>, shift: V, start: V, beyond: f64) -> Nearest {
     let mut simplex = Simplex { count: 1, ..Simplex::default() };
     simplex.vertex[0] = pair.support([-start[0], -start[1], -start[2]], shift);
@@ -37,8 +37,8 @@ pub(super) fn nearest(pair: &Pair<'_>, shift: V, start: V, beyond: f64) -> Neare
     search(pair, shift, simplex, v, |_, length, along| along > beyond * length)
 }
 
-/// The same, searched from three corners of the difference, and no further than to a plane that is `enough`, told by its normal (unit, from A to B)
-/// and by how far it parts the sets, m.
+/// The same, searched from three corners of the difference, and no further than to a plane that is `enough`, told by its normal (unit, from
+/// A to B) and by how far it parts the sets, m.
 pub(super) fn nearest_from(pair: &Pair<'_>, shift: V, corners: [Vertex; 3], enough: impl Fn(V, f64) -> bool) -> Nearest {
     let [a, b, c] = corners;
     let mut simplex = Simplex { vertex: [a, b, c, c], weight: [0.0; 4], count: 3 };

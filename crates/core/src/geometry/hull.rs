@@ -75,7 +75,7 @@ impl Hull {
     /// The convex hull of points (m).
     ///
     /// # Errors
-    /// [`HullError`] where they are not finite, or span no volume.
+    /// [`HullError`] where they are not finite, span no volume, or one that is not finite.
     pub fn new(points: &[V]) -> Result<Self, HullError> {
         if points.iter().flatten().any(|x| !x.is_finite()) {
             return Err(HullError::NotFinite);
@@ -83,14 +83,17 @@ impl Hull {
         if points.len() < 4 {
             return Err(HullError::TooFew);
         }
-        let triangles = quickhull::triangles(points).ok_or(HullError::Flat)?;
+        // Distances from the plane of three points, unscaled, are products of up to four lengths.
+        let extent = points.iter().flatten().fold(0.0, |most: f64, x| most.max(x.abs()));
+        let none = if extent.powi(4).is_finite() { HullError::Flat } else { HullError::TooLarge };
+        let triangles = quickhull::triangles(points).ok_or(none)?;
         let (corners, triangles) = corners(points.len(), &triangles);
         let beside = beside(corners.len(), &triangles).expect("the surface of a hull is closed");
         Self::of_surface(points, corners, triangles, &beside)
     }
 
-    /// The convex hull of points (m), from its [`Hull::surface`]: the same bits, sooner. Where it cannot be shown that the surface is theirs, the hull is
-    /// made anew and compared.
+    /// The convex hull of points (m), from its [`Hull::surface`]: the same bits, sooner. Where it cannot be shown that the surface is
+    /// theirs, the hull is made anew and compared.
     ///
     /// # Errors
     /// [`HullError::OtherSurface`] where the triangles are not the surface of a convex body that holds the points.
@@ -274,7 +277,8 @@ impl Hull {
         best.1
     }
 
-    /// How far a point over a face is from its outline, m; negative beside it, and where the face is flat only up to the tolerance of its making.
+    /// How far a point over a face is from its outline, m; negative beside it, and where the face is flat only up to the tolerance of its
+    /// making.
     pub(super) fn room_over(&self, face: usize, p: V) -> f64 {
         let Face { normal, vertices } = &self.faces[face];
         let n = vertices.len();
@@ -347,7 +351,8 @@ fn corners(points: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, Vec<[u32; 3]>) {
     (corners, triangles)
 }
 
-/// The triangles across the edges that leave the corners of each; `None` where any edge of this many points has not one triangle on either side.
+/// The triangles across the edges that leave the corners of each; `None` where any edge of this many points has not one triangle on either
+/// side.
 fn beside(points: usize, triangles: &[[u32; 3]]) -> Option<Vec<[u32; 3]>> {
     // The edges that leave point v, as where they lead and whose they are, are in leaving[first[v]..first[v + 1]].
     let mut first = vec![0; points + 1];

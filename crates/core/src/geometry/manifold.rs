@@ -130,9 +130,9 @@ impl Clipper {
 
     /// The points over a triangle of a surface, the first shape, whose normal is given: none where the second is beside it.
     ///
-    /// Corners of the second count where they are over it, and behind a valley where they are over neither of the two there (`rises` of every edge is
-    /// the tangent of its angle). Where edges of the two cross, only what an edge that bulges carries counts, and of something that lies flat on it:
-    /// else a corner of the second is deeper, or another triangle is nearer.
+    /// Corners of the second count where they are over it, and behind a valley where they are over neither of the two there (`rises` of
+    /// every edge is the tangent of its angle). Where edges of the two cross, only what an edge that bulges carries counts, and of
+    /// something that lies flat on it: else a corner of the second is deeper, or another triangle is nearer.
     pub(super) fn over_facet(
         &mut self,
         pair: &Pair<'_>,
@@ -247,8 +247,8 @@ pub(super) fn mix(part: u32, feature: u32) -> u32 {
     1 << 31 | (part.wrapping_mul(0x9E37_79B1) ^ feature.wrapping_mul(0x85EB_CA6B)) >> 1
 }
 
-/// Joins the points of many parts: those at one place with one normal are one, those with one normal are reduced to four, and at most `most` are
-/// kept, the deepest.
+/// Joins the points of many parts: those at one place with one normal are one, those with one normal are reduced to four, and at most
+/// `most` are kept, the deepest.
 pub(super) fn reduce_points(all: &mut Vec<Point>, size: f64, most: usize, out: &mut Manifold) {
     let alike = |a: &Point, b: &Point| dot(a.normal, b.normal) > 1.0 - 1e-6;
     all.sort_unstable_by(|a, b| a.feature.cmp(&b.feature).then(a.distance.total_cmp(&b.distance)));
@@ -300,9 +300,9 @@ fn reduce(points: &mut Vec<Shared>, ra: f64, rb: f64, size: f64) {
     points.truncate(count);
 }
 
-/// The indices, ascending, and the number of points that span nearly the area of all: the deepest of `count` points (the least h[1]), the furthest from
-/// it, and the two that add most area on either side, where they add any. Of points that are equal up to rounding the first is kept, so the choice does not
-/// change from step to step.
+/// The indices, ascending, and the number of points that span nearly the area of all: the deepest of `count` points (the least h[1]), the
+/// furthest from it, and the two that add most area on either side, where they add any. Of points that are equal up to rounding the first
+/// is kept, so the choice does not change from step to step.
 fn spanning(point: &dyn Fn(usize) -> Shared, count: usize, size: f64) -> ([usize; KEPT], usize) {
     let (tie, tie_area) = (1e-6 * size, 1e-6 * size * size);
     let mut kept = [0; KEPT];

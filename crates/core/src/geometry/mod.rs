@@ -1,18 +1,19 @@
 //! General convex collision, one pair of shapes of one environment at a time, in f64.
 //!
-//! Every shape is a *core* thickened by a radius (a ball is a thick point, a capsule a thick segment; the others have radius 0). The contact
-//! normal is the direction of the largest separation of the cores,
+//! Every shape is a *core* thickened by a radius (a ball is a thick point, a capsule a thick segment; the others have radius 0). The
+//! contact normal is the direction of the largest separation of the cores,
 //!
 //! ```text
 //! s(n) = min over B of n . y - max over A of n . x,        n* = argmax s(n) over unit vectors,
 //! ```
 //!
 //! which is the distance where the cores are apart and minus the least translation that parts them where they overlap (`separation.rs`).
-//! Any unit vector gives a bound from below, so overlapping shapes always have a contact. The features that face each other along n* are then
-//! laid on one another (`manifold.rs`).
+//! Any unit vector gives a bound from below, so overlapping shapes always have a contact. The features that face each other along n* are
+//! then laid on one another (`manifold.rs`).
 //!
-//! All is computed in the frame of the first shape: what a scene's place in the world changes is rounding. Nothing is remembered from call to
-//! call: the same poses give the same contacts, whether a normal from before is known (`recall.rs`), or what parts the two (`parting.rs`), or not.
+//! All is computed in the frame of the first shape: what a scene's place in the world changes is rounding. Nothing is remembered from call
+//! to call: the same poses give the same contacts, whether a normal from before is known (`recall.rs`), or what parts the two
+//! (`parting.rs`), or not.
 
 mod approach;
 mod blocks;

@@ -56,8 +56,8 @@ impl Narrow {
     }
 }
 
-/// Finds the contact points of two convex shapes that are within reach (m) of each other: at most [`MAX_POINTS`](crate::geometry::MAX_POINTS), in the world, normals
-/// from the first to the second, ascending by feature.
+/// Finds the contact points of two convex shapes that are within reach (m) of each other: at most
+/// [`MAX_POINTS`](crate::geometry::MAX_POINTS), in the world, normals from the first to the second, ascending by feature.
 ///
 /// `out` is empty exactly if the shapes are further apart than that.
 pub fn collide(

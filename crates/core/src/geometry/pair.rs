@@ -116,8 +116,8 @@ impl<'a> Pair<'a> {
         dot(n, sub(y, self.a.support_at(i, n)))
     }
 
-    /// The outward normals nearest to facing the other along `n`, of the faces around `corners`: of the first (along n) and the second (against n,
-    /// turned along n).
+    /// The outward normals nearest to facing the other along `n`, of the faces around `corners`: of the first (along n) and the second
+    /// (against n, turned along n).
     pub(super) fn flats(&self, n: V, corners: [u32; 2]) -> [Option<V>; 2] {
         let b = self.b.flat(rotate_back(&self.mat, neg(n)), corners[1]);
         [self.a.flat(n, corners[0]), b.map(|m| neg(rotate(&self.mat, m)))]

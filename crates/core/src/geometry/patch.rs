@@ -1,7 +1,7 @@
 //! The part of a shape's surface that faces the other shape, seen along the contact normal.
 //!
-//! Coordinates are (x, y) across the normal and the height h along it. A corner carries the identity of its vertex and of the edge that leaves it:
-//! these name contacts from step to step.
+//! Coordinates are (x, y) across the normal and the height h along it. A corner carries the identity of its vertex and of the edge that
+//! leaves it: these name contacts from step to step.
 
 use crate::geometry::shape::ConvexShape;
 use crate::geometry::vectors::widest;
@@ -80,7 +80,8 @@ const LEVEL: f64 = 1e-6;
 const UPRIGHT: f64 = 0.7;
 
 impl Patch {
-    /// The patch of `shape` that faces the other, around its furthest corner. Faces are taken whole even where only an edge of them touches: each point has its own height.
+    /// The patch of `shape` that faces the other, around its furthest corner. Faces are taken whole even where only an edge of them
+    /// touches: each point has its own height.
     pub(super) fn fill(&mut self, shape: &ConvexShape, view: &View<'_>, corner: u32) {
         let d = view.towards();
         self.corners.clear();
@@ -204,7 +205,8 @@ impl Patch {
     }
 }
 
-/// The straight line of the shape's surface that is furthest along `d` (unit, its own frame), where `corner` is: an edge, or the side of a round body.
+/// The straight line of the shape's surface that is furthest along `d` (unit, its own frame), where `corner` is: an edge, or the side of a
+/// round body.
 pub(super) fn edge(shape: &ConvexShape, d: V, corner: u32, tolerance: f64) -> Option<[V; 2]> {
     match shape {
         ConvexShape::Sphere { .. } | ConvexShape::Ellipsoid { .. } => None,

@@ -1,8 +1,9 @@
-//! Whether triangles are the surface of the convex hull of points: what a file says is not believed, and to look costs less than to make it anew.
+//! Whether triangles are the surface of the convex hull of points: what a file says is not believed, and to look costs less than to make it
+//! anew.
 //!
-//! A closed surface of triangles is that of a convex body if no edge of it is bent inwards, all of it faces away from one point, and a ray from that
-//! point meets it once (Mehlhorn, Naher, Seel, Seidel, Schilz, Schirra & Uhrig 1999). All three are exact signs of volumes, a few for each triangle.
-//! Points are then followed, from triangle to triangle, to the one that is before them as seen from that same point.
+//! A closed surface of triangles is that of a convex body if no edge of it is bent inwards, all of it faces away from one point, and a ray
+//! from that point meets it once (Mehlhorn, Naher, Seel, Seidel, Schilz, Schirra & Uhrig 1999). All three are exact signs of volumes, a few
+//! for each triangle. Points are then followed, from triangle to triangle, to the one that is before them as seen from that same point.
 
 use crate::geometry::quickhull::volume_over;
 use crate::geometry::vectors::V;

@@ -1,8 +1,8 @@
 //! The triangles of a convex hull.
 //!
-//! Quickhull (Barber, Dobkin & Huhdanpaa 1996) with exact signs of volumes (Shewchuk 1997): whether a point is outside a plane through three others is
-//! never a matter of rounding, so what a point sees of the hull so far is always one piece, however thin, turned or far from the origin the points
-//! are. Distances only choose which point comes next, and which are near enough to be left out.
+//! Quickhull (Barber, Dobkin & Huhdanpaa 1996) with exact signs of volumes (Shewchuk 1997): whether a point is outside a plane through
+//! three others is never a matter of rounding, so what a point sees of the hull so far is always one piece, however thin, turned or far
+//! from the origin the points are. Distances only choose which point comes next, and which are near enough to be left out.
 
 use robust::{Coord3D, orient3d};
 
@@ -135,7 +135,8 @@ impl Growing<'_> {
         }
     }
 
-    /// The furthest of a triangle's points. Of those that are level the greatest by coordinates: no other is certainly a corner of the hull.
+    /// The furthest of a triangle's points. Of those that are level the greatest by coordinates: no other is certainly a corner of the
+    /// hull.
     fn furthest(&self, triangle: usize) -> Option<u32> {
         let t = &self.triangles[triangle];
         let greater = |a: (u32, f64), b: (u32, f64)| {

@@ -1,13 +1,13 @@
 //! The contact normal of two hulls, if it is one of few near what it was in the last step.
 //!
-//! The old edges, then along the old normal a face of one hull, or an edge of each, are tried as the facet of their difference that is nearest to the
-//! origin; then what a search for the nearest points that begins there ends at. A facet is taken only where that is certain, so what is found does not
-//! depend on what was known: without it, the search from scratch finds the same.
+//! The old edges, then along the old normal a face of one hull, or an edge of each, are tried as the facet of their difference that is
+//! nearest to the origin; then what a search for the nearest points that begins there ends at. A facet is taken only where that is certain,
+//! so what is found does not depend on what was known: without it, the search from scratch finds the same.
 //!
-//! With n the facet's normal, s its separation and the nearest point at least `room` within its outline, it is certain where the hulls are apart
-//! (two points at the distance s prove it), and where they overlap by d = -s and the ball of radius d about the origin lies in what is known of
-//! the difference, the facet's disc of radius `room` and the ball of radius r about the difference of the centres: with that centre H deep below
-//! the facet and L beside it, where 2 d < H and d (1 + 2 L / H) < min(room, r).
+//! With n the facet's normal, s its separation and the nearest point at least `room` within its outline, it is certain where the hulls are
+//! apart (two points at the distance s prove it), and where they overlap by d = -s and the ball of radius d about the origin lies in what
+//! is known of the difference, the facet's disc of radius `room` and the ball of radius r about the difference of the centres: with that
+//! centre H deep below the facet and L beside it, where 2 d < H and d (1 + 2 L / H) < min(room, r).
 
 use crate::geometry::facing::{Facing, GAP, Separation};
 use crate::geometry::gjk;
@@ -38,8 +38,8 @@ enum Facet {
     Across(Facing, f64),
 }
 
-/// The largest separation, if that is certain across the edges that are known, along the normal, or along the direction between the nearest points as
-/// searched from there; else, or for other shapes, `None`. Where it is beyond `reach`, a lower bound of it.
+/// The largest separation, if that is certain across the edges that are known, along the normal, or along the direction between the nearest
+/// points as searched from there; else, or for other shapes, `None`. Where it is beyond `reach`, a lower bound of it.
 pub(super) fn recall(pair: &Pair<'_>, known: &Known, reach: &Reach) -> Option<Facing> {
     let (ConvexShape::Hull(a), ConvexShape::Hull(b)) = (pair.a, pair.b) else { return None };
     let hulls: [&Hull; 2] = [a, b];
@@ -67,8 +67,8 @@ pub(super) fn facet(pair: &Pair<'_>, normal: V, reach: &Reach) -> Option<Facing>
     facet_along(pair, [a, b], normal, pair.corners(normal), reach)
 }
 
-/// The direction between the nearest points, or one along which the hulls are beyond `reach`, searched from the corners `start` of the difference.
-/// Hulls that overlap along the normal `known`, where `corners` are furthest, are taken a small gap apart.
+/// The direction between the nearest points, or one along which the hulls are beyond `reach`, searched from the corners `start` of the
+/// difference. Hulls that overlap along the normal `known`, where `corners` are furthest, are taken a small gap apart.
 fn beside(pair: &Pair<'_>, known: V, corners: [u32; 2], start: [[u32; 2]; 3], reach: &Reach) -> Option<V> {
     let pushed = (GAP * pair.least - pair.apart_at(known, corners)).max(0.0);
     let shift = scale(known, pushed);

@@ -1,4 +1,5 @@
-//! What parts two hulls for many steps: a half space that holds the first, and a ball that holds the second and bulges little towards the first.
+//! What parts two hulls for many steps: a half space that holds the first, and a ball that holds the second and bulges little towards the
+//! first.
 //!
 //! Each is fixed to its hull and made of its vertices alone, so no pose, reset or change of a state makes it untrue. With the first within
 //! n . x <= a, and the second within the ball of radius q |m| + e about p - q m in its own frame, the hulls are parted along n by
@@ -7,9 +8,9 @@
 //! n . (pos + mat (p - q m)) - (q |m| + e) |n| - a >= n . (pos + mat p) - q |n + mat m|^2 / 2 - (a + e |n|)
 //! ```
 //!
-//! at least, and the right side does not suffer where q is a thousand times the hull's size. It is made with m = -mat^T n and p the second's furthest
-//! corner that way: what turning costs is then of second order in the angle. The ball is the least that bulges by e beyond p: a corner w that is
-//! t deep along m and l from p is within it where
+//! at least, and the right side does not suffer where q is a thousand times the hull's size. It is made with m = -mat^T n and p the
+//! second's furthest corner that way: what turning costs is then of second order in the angle. The ball is the least that bulges by e
+//! beyond p: a corner w that is t deep along m and l from p is within it where
 //!
 //! ```text
 //! (l^2 - e^2) / (2 (t + e)) <= q.
@@ -36,7 +37,8 @@ const LEAST: f64 = 5e-5;
 pub struct SeparatingPlane {
     /// n: from the first to the second, unit, in the first's frame.
     normal: [f32; 3],
-    /// Corners that are furthest that way and against it, and the other ends of the edges that it is across; the corners again, if it is not.
+    /// Corners that are furthest that way and against it, and the other ends of the edges that it is across; the corners again, if it is
+    /// not.
     corners: [u32; 2],
     ends: [u32; 2],
     /// p, in the second's frame, m.
@@ -115,8 +117,8 @@ impl<R: Real> SeparatingPlanes<R> {
         self.offset.set_lane(lane, of(separating_plane.offset));
     }
 
-    /// Lanes in which no contact of hulls that approach one another so can count within the step: `apart` leads from the first's origin to the
-    /// second's, `mats` are their axes, `size` is that of both, m.
+    /// Lanes in which no contact of hulls that approach one another so can count within the step: `apart` leads from the first's origin to
+    /// the second's, `mats` are their axes, `size` is that of both, m.
     #[inline(always)]
     pub fn keep(&self, apart: V3<R>, mats: [&M3<R>; 2], approach: &Approach<R>, size: f64) -> R::Mask {
         let n = rotate(mats[0], self.normal);

@@ -1,18 +1,18 @@
 //! The direction of the largest separation of two cores.
 //!
-//! Where they are apart it is the direction between their nearest points (`gjk.rs`). Where polytopes overlap it is the normal of the facet of
-//! their difference that is nearest to the origin (`expand.rs`); a contact that is near what it was needs neither (`recall.rs`).
+//! Where they are apart it is the direction between their nearest points (`gjk.rs`). Where polytopes overlap it is the normal of the facet
+//! of their difference that is nearest to the origin (`expand.rs`); a contact that is near what it was needs neither (`recall.rs`).
 //!
-//! Where round bodies touch or overlap, and where rounding leaves polytopes undecided, the second is pushed out along the best direction known
-//! until a small gap opens, and the direction between the nearest points across that gap is no worse: with the shift t n0, t = gap - s(n0), the
-//! shifted separation is s'(n) = s(n) + t n . n0, so that
+//! Where round bodies touch or overlap, and where rounding leaves polytopes undecided, the second is pushed out along the best direction
+//! known until a small gap opens, and the direction between the nearest points across that gap is no worse: with the shift t n0, t = gap -
+//! s(n0), the shifted separation is s'(n) = s(n) + t n . n0, so that
 //!
 //! ```text
 //! s(n1) = s'(n1) - t n1 . n0 >= s'(n0) - t = s(n0).
 //! ```
 //!
-//! Repeated, this climbs to the nearest local maximum of s, on smooth surfaces by the factor (depth + gap) / (radius of curvature + gap) each time,
-//! and there is always an answer: it starts from the best of the faces and axes of both shapes.
+//! Repeated, this climbs to the nearest local maximum of s, on smooth surfaces by the factor (depth + gap) / (radius of curvature + gap)
+//! each time, and there is always an answer: it starts from the best of the faces and axes of both shapes.
 
 use crate::geometry::expand::Polytope;
 use crate::geometry::facing::{ALIKE, Facing, GAP, Separation};
@@ -152,8 +152,8 @@ fn climb(pair: &Pair<'_>, start: Candidate, gap: f64) -> Separation {
     Separation { normal: best.normal, separation: best.separation, points }
 }
 
-/// Whether nearest points are beside one another as seen along a face's normal: what is nearest is not over the face then, and clipped with the face
-/// as reference it would be lost, with as much height as what is around it is steep. Of polytopes, whose nearest points are exact.
+/// Whether nearest points are beside one another as seen along a face's normal: what is nearest is not over the face then, and clipped with
+/// the face as reference it would be lost, with as much height as what is around it is steep. Of polytopes, whose nearest points are exact.
 fn is_beside(pair: &Pair<'_>, found: &Separation, flat: V) -> bool {
     let [x, y] = found.points;
     let apart = sub(y, x);

@@ -169,7 +169,8 @@ impl ConvexShape {
         }
     }
 
-    /// The outward normal of the flat face around `corner`, the one furthest along `d`, that faces `d` most; `None` where there is no such face.
+    /// The outward normal of the flat face around `corner`, the one furthest along `d`, that faces `d` most; `None` where there is no such
+    /// face.
     pub(super) fn flat(&self, d: V, corner: u32) -> Option<V> {
         match self {
             Self::Sphere { .. } | Self::Capsule { .. } | Self::Ellipsoid { .. } => None,
@@ -188,7 +189,8 @@ impl ConvexShape {
         }
     }
 
-    /// Directions in which the separation of overlapping shapes is worth trying, besides the line of centres; `towards` is the other's centre.
+    /// Directions in which the separation of overlapping shapes is worth trying, besides the line of centres; `towards` is the other's
+    /// centre.
     pub(super) fn directions(&self, towards: V, mut visit: impl FnMut(V)) {
         match self {
             Self::Sphere { .. } => {}

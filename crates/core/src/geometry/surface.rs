@@ -1,18 +1,18 @@
 //! Surfaces of triangles: concave meshes and height fields.
 //!
-//! A surface is solid behind its triangles (below them, for a height field): a contact never pulls a shape through. What is nearest to a shape is
-//! found triangle by triangle, and the nearest point of one triangle is nearest of the surface around it only if no neighbour comes nearer: with d from
-//! the point p to the shape and u along any way on the surface that leaves p,
+//! A surface is solid behind its triangles (below them, for a height field): a contact never pulls a shape through. What is nearest to a
+//! shape is found triangle by triangle, and the nearest point of one triangle is nearest of the surface around it only if no neighbour
+//! comes nearer: with d from the point p to the shape and u along any way on the surface that leaves p,
 //!
 //! ```text
 //! d . u <= 0.
 //! ```
 //!
-//! Inside a triangle d is its normal; at an edge these d are between the normals of the two triangles that share it, at a corner they are the cone of
-//! those around it (its Gauss image, and the shape is in its Voronoi region: Lin & Canny 1991). Where the surface does not bulge there are none. What is
-//! nearest in another direction is a matter of the neighbour's: taken for a contact, it would be a tilted plane that nothing is behind, and brakes what
-//! glides by. Of such a triangle only corners of the shape count that are over it, with its own normal. The outer edges of a surface are free on
-//! their open side.
+//! Inside a triangle d is its normal; at an edge these d are between the normals of the two triangles that share it, at a corner they are
+//! the cone of those around it (its Gauss image, and the shape is in its Voronoi region: Lin & Canny 1991). Where the surface does not
+//! bulge there are none. What is nearest in another direction is a matter of the neighbour's: taken for a contact, it would be a tilted
+//! plane that nothing is behind, and brakes what glides by. Of such a triangle only corners of the shape count that are over it, with its
+//! own normal. The outer edges of a surface are free on their open side.
 
 use std::ops::Range;
 
@@ -54,7 +54,8 @@ pub enum Surface {
 pub struct MeshSurface {
     vertices: Vec<V>,
     faces: Vec<[u32; 3]>,
-    /// Across the edge that leaves corner k of a triangle: the neighbour's third vertex; of several neighbours that of the one that rises most.
+    /// Across the edge that leaves corner k of a triangle: the neighbour's third vertex; of several neighbours that of the one that rises
+    /// most.
     across: Vec<[Option<u32>; 3]>,
     /// Vertices that share an edge with each: those of vertex v are in `around[first[v]..first[v + 1]]`.
     around: Vec<u32>,
@@ -159,7 +160,8 @@ fn bounds(points: &[V]) -> Aabb {
 }
 
 impl Grid {
-    /// Heights `elevation` (row by row, x fastest, m) of `shape` points along y and x, over a rectangle of the half sizes `half` along x and y, m.
+    /// Heights `elevation` (row by row, x fastest, m) of `shape` points along y and x, over a rectangle of the half sizes `half` along x
+    /// and y, m.
     pub fn new(shape: [usize; 2], half: [f64; 2], elevation: Vec<f64>, base: f64) -> Self {
         let highest = elevation.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         Self { shape, half, elevation, base, highest }
@@ -305,8 +307,8 @@ impl Surface {
         }
     }
 
-    /// Visits corners of the neighbours at a part of triangle `t`: all ways on the surface that leave the part, but along the triangle itself, are
-    /// between the ways to these. Ends where `visit` says false, and returns that.
+    /// Visits corners of the neighbours at a part of triangle `t`: all ways on the surface that leave the part, but along the triangle
+    /// itself, are between the ways to these. Ends where `visit` says false, and returns that.
     fn all_beside(&self, t: usize, facet: &Facet, at: &Outline, mut visit: impl FnMut(V) -> bool) -> bool {
         match (at, self) {
             (Outline::Inside, _) => true,

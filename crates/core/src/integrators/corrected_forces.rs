@@ -12,8 +12,8 @@ use crate::probe::{Probe, Span};
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s05_solve::{estimate, forget_estimate};
 
-/// Compares where servos are on their bounds with what an estimate of the impulses says, which takes the place of those of the last step where the two
-/// differ. Returns whether they do in any lane.
+/// Compares where servos are on their bounds with what an estimate of the impulses says, which takes the place of those of the last step
+/// where the two differ. Returns whether they do in any lane.
 pub(crate) fn reconsider_servos<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) -> bool {
     let lanes = s.constraints.constrained;
     estimate(&s.state.v, scheme.h, lanes, &mut s.constraints);
@@ -48,11 +48,11 @@ pub(crate) fn reconsider_servos<R: Real>(compiled: &LaneModel<R>, scheme: &Schem
     wrong.any()
 }
 
-/// Stages 1 and 2 again, with the forces that depend on the velocity taken at the mean of v and the velocity to be expected at the end of the
-/// step (or at that velocity itself): one corrector pass, which keeps the midpoint rule's second order.
+/// Stages 1 and 2 again, with the forces that depend on the velocity taken at the mean of v and the velocity to be expected at the end of
+/// the step (or at that velocity itself): one corrector pass, which keeps the midpoint rule's second order.
 ///
-/// What is to be expected includes the impulses of constraints, so that a robot at rest feels no force of a motion that its contacts prevent. They are
-/// those of this step, so that where it ends follows from where it begins.
+/// What is to be expected includes the impulses of constraints, so that a robot at rest feels no force of a motion that its contacts
+/// prevent. They are those of this step, so that where it ends follows from where it begins.
 pub(crate) fn correct_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>, probe: impl Probe) {
     let constrained = s.constraints.constrained;
     if constrained.any() {
@@ -102,8 +102,8 @@ pub(crate) fn correct_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R
 /// Turn by a blow within the step beyond which the velocity after it says nothing of the forces in it, rad.
 const BLOW: f64 = 0.1;
 
-/// Leaves the `change` by impulses out of what is to be expected in lanes in which it turns by so much that it makes the motion faster than the step
-/// resolves: forces of that motion would feed it.
+/// Leaves the `change` by impulses out of what is to be expected in lanes in which it turns by so much that it makes the motion faster than
+/// the step resolves: forces of that motion would feed it.
 fn leave_out_blows<R: Real>(scheme: &Scheme<R>, v_free: &[R], change: &mut [R]) {
     R::vectorize(
         #[inline(always)]

@@ -1,7 +1,7 @@
 //! Euler's rule, semi-implicit: everything at the configuration before the step, then q+ = q (+) h v+.
 //!
-//! First order. The joints' damping is implicit, and so are springs and dampers of tendons; all other forces are taken at the velocity before the
-//! step, as in MuJoCo's `Euler`.
+//! First order. The joints' damping is implicit, and so are springs and dampers of tendons; all other forces are taken at the velocity
+//! before the step, as in MuJoCo's `Euler`.
 
 use stepper_real::Real;
 

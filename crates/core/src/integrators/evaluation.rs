@@ -14,8 +14,8 @@ use crate::probe::{Counter, Probe, Span};
 use crate::stages::s04_assemble::assemble;
 use crate::stages::s05_solve::{estimate, forget_estimate};
 
-/// Stages 1 to 3: the velocity at the end of the step if nothing were in the way, and the contacts. Moreau's rule takes everything in the middle of
-/// the step, Euler's at its beginning.
+/// Stages 1 to 3: the velocity at the end of the step if nothing were in the way, and the contacts. Moreau's rule takes everything in the
+/// middle of the step, Euler's at its beginning.
 ///
 /// Returns the lanes that the midpoint rule takes at the beginning.
 pub(crate) fn evaluate<R: Real>(

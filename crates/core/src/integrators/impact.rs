@@ -1,7 +1,7 @@
 //! Impacts: velocities that jump within the step.
 //!
-//! What bounces is taken at the time at which it strikes: normals and arms are those of the impact, and so is the velocity that Newton's law is
-//! taken on (see [`crate::constraints::impact_time`] and stage 4).
+//! What bounces is taken at the time at which it strikes: normals and arms are those of the impact, and so is the velocity that Newton's
+//! law is taken on (see [`crate::constraints::impact_time`] and stage 4).
 
 use stepper_real::{Mask, Real};
 use stepper_solve::Outcome;
@@ -25,7 +25,8 @@ use crate::stages::s06_integrate_velocity::integrate_velocity;
 /// Change of a link's velocity by the jump in inertial forces from which on it is worth a second solution, rad/s or m/s.
 const MATTERS: f64 = 1e-5;
 
-/// So many times what smooth forces change in a step makes a change an impact: below that, the error of the rule is that of the smooth motion.
+/// So many times what smooth forces change in a step makes a change an impact: below that, the error of the rule is that of the smooth
+/// motion.
 const IMPACT: f64 = 10.0;
 /// Turn within a step beyond which the velocity after the step says nothing of the forces in it, rad: then another solution is no better.
 const RESOLVED: f64 = 0.02;
@@ -62,8 +63,8 @@ pub(crate) fn place_at_impacts<R: Real>(
     }
 }
 
-/// Moves `scheme` to the first impact of each lane. Returns the lanes that have one, and those in which it was elsewhere. At the `first` look, what
-/// overlaps and parts came in on the other side: there it is looked at from the beginning of the step.
+/// Moves `scheme` to the first impact of each lane. Returns the lanes that have one, and those in which it was elsewhere. At the `first`
+/// look, what overlaps and parts came in on the other side: there it is looked at from the beginning of the step.
 fn first_impacts<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -142,10 +143,10 @@ fn normal_velocities<R: Real>(
     out
 }
 
-/// Copies the rows for the position solve, where any lane needs it. Leaves in `work.v_positions` the free velocity with which stage 8 solves for the
-/// positions in the lanes with impacts, and returns these lanes. They are added
-/// what the positions lack that went on from the time of the placement with the velocity after the step: of each impulse and, since they were not
-/// in the middle of the step, of smooth forces.
+/// Copies the rows for the position solve, where any lane needs it. Leaves in `work.v_positions` the free velocity with which stage 8
+/// solves for the positions in the lanes with impacts, and returns these lanes. They are added what the positions lack that went on from
+/// the time of the placement with the velocity after the step: of each impulse and, since they were not in the middle of the step, of
+/// smooth forces.
 pub(crate) fn carry_positions<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) -> R::Mask {
     let lanes = s.impacts.lanes.or(s.constraints.bouncing()).and(s.alive);
     if s.constraints.needs_position_solve.or(lanes).any() {
@@ -172,9 +173,9 @@ pub(crate) fn carry_positions<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<
 
 /// Stages 2, 5 and 6 again in the lanes in which constraints have stopped or turned a motion that stage 2 reckoned with.
 ///
-/// The midpoint rule goes half of the step with the velocity before it and half with that after it, so inertial forces are the mean of those at
-/// both. The first solution took them at the mean of the velocities, which at an impact is neither: an error of first order in momentum and energy,
-/// at every impact.
+/// The midpoint rule goes half of the step with the velocity before it and half with that after it, so inertial forces are the mean of
+/// those at both. The first solution took them at the mean of the velocities, which at an impact is neither: an error of first order in
+/// momentum and energy, at every impact.
 pub(crate) fn solve_impacts<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -221,8 +222,8 @@ fn jumping<R: Real>(scheme: &Scheme<R>, s: &Workspace<R>, first: bool) -> R::Mas
     )
 }
 
-/// The free velocity of the lanes `lanes` with inertial forces at the velocity before the step and at `next.v`: half each, or until the impact and
-/// after it. At the `first` time, the velocity before the impact is made that of the former alone.
+/// The free velocity of the lanes `lanes` with inertial forces at the velocity before the step and at `next.v`: half each, or until the
+/// impact and after it. At the `first` time, the velocity before the impact is made that of the former alone.
 fn take_inertial_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>, lanes: R::Mask, first: bool) {
     // With the forces of stage 1 as they are: what depends on the velocity in them is implicit.
     let (forces, half) = ([&s.free_motion.actuator_forces.tau[..], &s.free_motion.applied], scheme.h * R::of(0.5));
@@ -263,8 +264,8 @@ fn take_inertial_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s:
     }
 }
 
-/// Takes over `work.v_free_again` as the free velocity of the lanes `lanes`, and `next.v` as the expected one; leaves by how much the former changed in
-/// `work.free_change`.
+/// Takes over `work.v_free_again` as the free velocity of the lanes `lanes`, and `next.v` as the expected one; leaves by how much the
+/// former changed in `work.free_change`.
 fn take_over_change<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>, lanes: R::Mask) {
     R::vectorize(
         #[inline(always)]

@@ -1,4 +1,5 @@
-//! Euler's rule with springs, dampers and servos at the end of the step, and velocity-dependent forces at the velocity to be expected there.
+//! Euler's rule with springs, dampers and servos at the end of the step, and velocity-dependent forces at the velocity to be expected
+//! there.
 //!
 //! First order, and L-stable in springs and dampers (backward Euler): it takes energy out of what it cannot resolve.
 

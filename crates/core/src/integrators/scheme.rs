@@ -31,8 +31,8 @@ pub(crate) struct Scheme<R> {
 }
 
 impl<R: Real> Scheme<R> {
-    /// The part of a gap that may close in a step: the next step is to meet the surface exactly in its middle, instead of beyond it. That is two thirds
-    /// where the midpoint rule is taken at the beginning of a step; `impacts` are taken anywhere.
+    /// The part of a gap that may close in a step: the next step is to meet the surface exactly in its middle, instead of beyond it. That
+    /// is two thirds where the midpoint rule is taken at the beginning of a step; `impacts` are taken anywhere.
     pub(crate) fn closing(&self, at_beginning: R::Mask, impacts: R::Mask) -> R {
         let whole = R::select(at_beginning, R::of(2.0 / 3.0), R::one());
         if impacts.none() {
@@ -44,12 +44,14 @@ impl<R: Real> Scheme<R> {
         )
     }
 
-    /// How stage 1 takes servos. A scheme that does not correct takes those of drive trains alone implicitly, as it does the joints' damping.
+    /// How stage 1 takes servos. A scheme that does not correct takes those of drive trains alone implicitly, as it does the joints'
+    /// damping.
     pub(crate) fn servos(&self) -> Option<ImplicitServos<R>> {
         Some(ImplicitServos { weights: self.weights, all: self.corrects })
     }
 
-    /// Shares of the joints' own damping and stiffness: a scheme that does not correct takes damping explicitly where the model asks for it.
+    /// Shares of the joints' own damping and stiffness: a scheme that does not correct takes damping explicitly where the model asks for
+    /// it.
     pub(crate) fn joints(&self, compiled: &LaneModel<R>) -> ImplicitWeights<R> {
         let explicit = compiled.explicit_damping && !self.corrects;
         ImplicitWeights { damping: if explicit { R::zero() } else { self.weights.damping }, ..self.weights }
@@ -60,7 +62,8 @@ impl<R: Real> Scheme<R> {
         if self.looks_ahead { ahead } else { here }
     }
 
-    /// Where forces are taken: configurations of the step and ahead of it, velocities before the step and where what is not implicit is taken.
+    /// Where forces are taken: configurations of the step and ahead of it, velocities before the step and where what is not implicit is
+    /// taken.
     pub(crate) fn forces_at<'a>(
         &self,
         [here, ahead]: [&'a [R]; 2],

@@ -63,8 +63,8 @@ pub(crate) fn solve_velocities<R: Real>(
     Solution { outcome, pushed, undecided, guarded, infeasible }
 }
 
-/// Where the step is too long for the motion, or the impulses do not decide it, speed and energy are kept from growing by force: the former here, the
-/// latter once positions have moved. Returns the lanes that impulses do not decide, and all that are guarded.
+/// Where the step is too long for the motion, or the impulses do not decide it, speed and energy are kept from growing by force: the former
+/// here, the latter once positions have moved. Returns the lanes that impulses do not decide, and all that are guarded.
 fn guard_speed<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,

@@ -7,8 +7,8 @@
 //! contacts not counted where they would add to it, and no joint leaves the step with more than a radian a step.
 //! Status UNRESOLVED says so.
 //!
-//! The same holds where impulses throw a joint by half a turn and more within the step, as levers in a jam do: the rows that made it so fast say
-//! nothing of what it meets on its way.
+//! The same holds where impulses throw a joint by half a turn and more within the step, as levers in a jam do: the rows that made it so
+//! fast say nothing of what it meets on its way.
 
 use stepper_real::{Mask, Real};
 
@@ -49,8 +49,8 @@ pub fn unresolved<R: Real>(compiled: &LaneModel<R>, v: &[R], v_free: &[R], chang
 /// Turn of a joint in a step by impulses that is no longer resolved, rad.
 const THROWN: f64 = std::f64::consts::PI;
 
-/// Lanes in which constraints made a hinge or a ball joint turn by half a turn in the step, faster than anything did in `v`, before it, and in `v_free`,
-/// without them.
+/// Lanes in which constraints made a hinge or a ball joint turn by half a turn in the step, faster than anything did in `v`, before it, and
+/// in `v_free`, without them.
 pub fn thrown<R: Real>(compiled: &LaneModel<R>, [v, v_free]: [&[R]; 2], v_next: &[R], h: R) -> R::Mask {
     R::vectorize(
         #[inline(always)]

@@ -76,8 +76,8 @@ pub(crate) struct NextState<R: Real> {
     pub(crate) act: Vec<R>,
 }
 
-/// Room to work: each buffer is named by what is in it. Nothing here outlives the function that fills it and those that it calls, except where that is
-/// said.
+/// Room to work: each buffer is named by what is in it. Nothing here outlives the function that fills it and those that it calls, except
+/// where that is said.
 #[derive(Clone, Debug)]
 pub(crate) struct Work<R: Real> {
     /// Change of the velocity by the impulses of constraints, nv.
@@ -100,7 +100,8 @@ pub(crate) struct Work<R: Real> {
     pub(crate) before_impact: Vec<R>,
     /// Velocity by which positions lack what went on from the time of an impact, nv.
     pub(crate) carried: Vec<R>,
-    /// Free velocity with which stage 8 solves for the positions of lanes with impacts, nv: from [`super::impact::carry_positions`] to stage 8.
+    /// Free velocity with which stage 8 solves for the positions of lanes with impacts, nv: from [`super::impact::carry_positions`] to
+    /// stage 8.
     pub(crate) v_positions: Vec<R>,
     /// Velocity of the correction of positions, nv.
     pub(crate) correction: Vec<R>,
@@ -204,8 +205,8 @@ impl<R: Real> Workspace<R> {
         self.poses.update_static_poses(compiled);
     }
 
-    /// Makes NaN of everything that a step is to make before it reads it, in debug builds and unit tests: a number of the step before would pass for one of
-    /// this step (as Drake's `icf_data.h` does).
+    /// Makes NaN of everything that a step is to make before it reads it, in debug builds and unit tests: a number of the step before would
+    /// pass for one of this step (as Drake's `icf_data.h` does).
     pub(crate) fn poison(&mut self) {
         if !cfg!(any(test, debug_assertions)) {
             return;

@@ -63,8 +63,8 @@ fn signed<R: Real>(word: &Word, shift: u32) -> R {
 
 /// Two independent standard normal numbers of two words (Box and Muller 1958). The largest is 6.7.
 ///
-/// They are sqrt(-ln u) (cos a - sin a) and sqrt(-ln u) (cos a + sin a) with signs of their own: the point at pi/4 + a of the first quadrant,
-/// mirrored. The two upper bits of the angle's word are the signs, the others a in (-pi/4, pi/4).
+/// They are sqrt(-ln u) (cos a - sin a) and sqrt(-ln u) (cos a + sin a) with signs of their own: the point at pi/4 + a of the first
+/// quadrant, mirrored. The two upper bits of the angle's word are the signs, the others a in (-pi/4, pi/4).
 #[inline(always)]
 pub fn normals<R: Real>(radius: &Word, angle: &Word) -> [R; 2] {
     /// pi/4 over 2^31.

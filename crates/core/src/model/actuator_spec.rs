@@ -122,8 +122,8 @@ impl ActuatorSpec {
         any(&self.friction) || self.motor.as_ref().is_some_and(|m| m.efficiency.iter().any(|&e| e != 1.0))
     }
 
-    /// The model with what its drive trains give to it, and the trains with what the model gives to them: servos take the place of an actuator's
-    /// law, rotors become armature, and bounds of forces are taken together.
+    /// The model with what its drive trains give to it, and the trains with what the model gives to them: servos take the place of an
+    /// actuator's law, rotors become armature, and bounds of forces are taken together.
     ///
     /// # Errors
     /// The first number out of its range, and what an actuator cannot have, with the actuator's name.

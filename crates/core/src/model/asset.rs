@@ -33,7 +33,8 @@ pub struct HeightField {
 }
 
 impl Mesh {
-    /// The convex hull of its vertices, made anew; a finished model has those that it needs, see [`Model::hull_of`](crate::model::Model::hull_of).
+    /// The convex hull of its vertices, made anew; a finished model has those that it needs, see
+    /// [`Model::hull_of`](crate::model::Model::hull_of).
     ///
     /// # Errors
     /// [`HullError`] where they span no volume.
@@ -52,8 +53,8 @@ impl Mesh {
     }
 }
 
-/// A solid polyhedron: tetrahedra from a point inside to the triangles of its surface. The second moment of a tetrahedron with corners 0, a, b, c about
-/// 0 is volume/20 (s s^T + a a^T + b b^T + c c^T) with s = a + b + c.
+/// A solid polyhedron: tetrahedra from a point inside to the triangles of its surface. The second moment of a tetrahedron with corners 0,
+/// a, b, c about 0 is volume/20 (s s^T + a a^T + b b^T + c c^T) with s = a + b + c.
 fn solid(hull: &Hull, density: f64) -> MassProperties {
     let com = Vector3::from(hull.centre());
     let (mut volume, mut second) = (0.0, Matrix3::zeros());

@@ -11,7 +11,8 @@ use crate::model::tendon::Tendon;
 
 /// A scene before it is checked: bodies in a tree, their joints, shapes, actuators and sensors. Body 0 is the world.
 ///
-/// [`ModelBuilder`](crate::model::ModelBuilder) is the convenient way to a model. A description is for readers of files, and for edits that the builder does not know.
+/// [`ModelBuilder`](crate::model::ModelBuilder) is the convenient way to a model. A description is for readers of files, and for edits that
+/// the builder does not know.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Description {
     /// Name of the scene; may be empty.
@@ -213,7 +214,8 @@ pub enum Transmission {
     Site {
         /// The site.
         site: usize,
-        /// The site in whose frame the wrench is given and against which it acts; without one it is the site's own frame, and the length is 0.
+        /// The site in whose frame the wrench is given and against which it acts; without one it is the site's own frame, and the length is
+        /// 0.
         reference: Option<usize>,
         /// Force and torque (N, N m) per unit of the actuator's force.
         wrench: [f64; 6],

@@ -54,8 +54,8 @@ impl Model {
         .join("\n\n")
     }
 
-    /// What the source asks for and default options do otherwise, in words: what it asks for expressly; with `implied` also what it leaves at
-    /// its own simulator's defaults.
+    /// What the source asks for and default options do otherwise, in words: what it asks for expressly; with `implied` also what it leaves
+    /// at its own simulator's defaults.
     pub fn deviations(&self, implied: bool) -> Vec<String> {
         let Some(asked) = &self.requested else { return vec![] };
         let lines = [asked.integrator_line(), asked.softness_line(), asked.cone_line()];

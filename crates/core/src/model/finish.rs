@@ -19,8 +19,8 @@ const EXACT: f64 = 1e-14;
 impl Description {
     /// Checks everything and normalises what is unit but for rounding.
     ///
-    /// What is described but not simulated yet is an error if `strict`; otherwise it is left out and listed in [`Description::omitted`], with
-    /// what was listed there before.
+    /// What is described but not simulated yet is an error if `strict`; otherwise it is left out and listed in [`Description::omitted`],
+    /// with what was listed there before.
     ///
     /// # Errors
     /// [`ModelError::Invalid`] for the first value that no model may have, with the element and the remedy;

@@ -10,8 +10,8 @@ use crate::model::shape::Shape;
 
 /// A finished scene: a [`Description`] that was checked and cannot be edited any more, so that a simulation may rely on it.
 ///
-/// Its fields are those of the description, to be read: `model.timestep`, `model.bodies[1].mass`. [`Model::replace`] makes a model with other
-/// numbers; any other edit goes through the description, and is checked again:
+/// Its fields are those of the description, to be read: `model.timestep`, `model.bodies[1].mass`. [`Model::replace`] makes a model with
+/// other numbers; any other edit goes through the description, and is checked again:
 ///
 /// ```
 /// use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};

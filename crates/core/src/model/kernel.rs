@@ -43,7 +43,8 @@ impl Kernel {
         }
     }
 
-    /// The kernel of two shapes in the order of [`Description::collision_pairs`](crate::model::Description::collision_pairs); `None` when there is none yet.
+    /// The kernel of two shapes in the order of [`Description::collision_pairs`](crate::model::Description::collision_pairs); `None` when
+    /// there is none yet.
     pub fn of(a: &Shape, b: &Shape) -> Option<Self> {
         match (a, b) {
             (Shape::Plane, Shape::Sphere { .. }) => Some(Self::PlaneSphere),

@@ -65,7 +65,8 @@ impl Verdict {
     }
 }
 
-/// What the filters need to know of a model, and what its contacts are like: enough to judge two geoms at any time, without a list of pairs.
+/// What the filters need to know of a model, and what its contacts are like: enough to judge two geoms at any time, without a list of
+/// pairs.
 #[derive(Clone, Debug)]
 pub(crate) struct Filter {
     tags: Vec<Tag>,
@@ -211,8 +212,8 @@ impl Filter {
     }
 }
 
-/// Whose friction counts in a contact of two geoms without an explicit pair, the larger if neither goes first; and the contact's rows (MuJoCo
-/// `mj_contactParam`).
+/// Whose friction counts in a contact of two geoms without an explicit pair, the larger if neither goes first; and the contact's rows
+/// (MuJoCo `mj_contactParam`).
 fn precedence([a, b]: [&Surface; 2]) -> (Ordering, u8) {
     let order = a.priority.cmp(&b.priority);
     let condim = match order {

@@ -238,8 +238,8 @@ impl Model {
         Ok(())
     }
 
-    /// A model with other numbers in one field, validated like any other: see [`REPLACEABLE`]. If this model leaves nothing out that changes
-    /// the motion, the new one may not either.
+    /// A model with other numbers in one field, validated like any other: see [`REPLACEABLE`]. If this model leaves nothing out that
+    /// changes the motion, the new one may not either.
     ///
     /// # Errors
     /// [`ModelError::Invalid`] when there is no such field, with both shapes when there are too few or too many numbers, and for what

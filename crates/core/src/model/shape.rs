@@ -45,7 +45,8 @@ pub enum Shape {
     },
     /// A height field.
     HeightField {
-        /// Name of its [`HeightField`](crate::model::HeightField) in [`Description::height_fields`](crate::model::Description::height_fields).
+        /// Name of its [`HeightField`](crate::model::HeightField) in
+        /// [`Description::height_fields`](crate::model::Description::height_fields).
         asset: String,
     },
 }

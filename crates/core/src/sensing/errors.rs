@@ -4,10 +4,11 @@
 //! truth -> scale and misalignment -> + bias + drift + noise -> quantisation -> clip -> sample and hold -> delay -> observation
 //! ```
 //!
-//! Bias, scale error and misalignment are drawn at reset. Drift d is a random walk with `drift_std` per sqrt(s), or with a correlation time tau
-//! the Gauss-Markov process that the same driving noise makes: d+ = e^(-h/tau) d + drift_std sqrt(tau/2 (1 - e^(-2h/tau))) n (Brown and Hwang
-//! 2012, section 5.5). A noise density N per sqrt(Hz) is white noise of N / sqrt(T) at a sampling time of T, so that the Allan deviation
-//! at 1 s is N whatever the time step (IEEE 952). Unit vectors and quaternions are turned by bias, drift and noise as a rotation vector.
+//! Bias, scale error and misalignment are drawn at reset. Drift d is a random walk with `drift_std` per sqrt(s), or with a correlation time
+//! tau the Gauss-Markov process that the same driving noise makes: d+ = e^(-h/tau) d + drift_std sqrt(tau/2 (1 - e^(-2h/tau))) n (Brown and
+//! Hwang 2012, section 5.5). A noise density N per sqrt(Hz) is white noise of N / sqrt(T) at a sampling time of T, so that the Allan
+//! deviation at 1 s is N whatever the time step (IEEE 952). Unit vectors and quaternions are turned by bias, drift and noise as a rotation
+//! vector.
 
 mod delay;
 mod draws;
@@ -225,8 +226,8 @@ impl<S: Scalar> Imperfect<S> {
         }
     }
 
-    /// How many random numbers a step needs, and how many of them at the beginning are normal: those of the drift, those of the Gaussian noise
-    /// of a sample; behind them two uniform ones for dropout and jitter, and those of uniform noise.
+    /// How many random numbers a step needs, and how many of them at the beginning are normal: those of the drift, those of the Gaussian
+    /// noise of a sample; behind them two uniform ones for dropout and jitter, and those of uniform noise.
     #[inline(always)]
     fn draws_of(&self, sampling: bool) -> (usize, usize) {
         let drift = self.noise_at();

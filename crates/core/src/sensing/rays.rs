@@ -1,7 +1,7 @@
 //! Rays against simple shapes, and points within them.
 //!
-//! Each shape's surface is made of pieces whose intersections with the line are roots of linear or quadratic equations; of those that are on
-//! their piece and not behind the ray's beginning, the nearest counts. A ray that begins inside hits where it leaves.
+//! Each shape's surface is made of pieces whose intersections with the line are roots of linear or quadratic equations; of those that are
+//! on their piece and not behind the ray's beginning, the nearest counts. A ray that begins inside hits where it leaves.
 
 use stepper_real::{Mask, Real};
 

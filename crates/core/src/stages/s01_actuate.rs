@@ -11,7 +11,8 @@ use crate::math::spatial::*;
 use crate::model::{Activation, JointKind};
 
 /// Forces of actuators and springs, N or N m, and what servos add to the mass matrix; joint damping and the stiffness of joints are added
-/// in stage 2. Servos that are at a bound of their force stay there until [`ActuatorForces::release`]. Without `implied` all is taken explicitly.
+/// in stage 2. Servos that are at a bound of their force stay there until [`ActuatorForces::release`]. Without `implied` all is taken
+/// explicitly.
 pub fn actuate<R: Real>(
     compiled: &LaneModel<R>,
     at: &ForceState<'_, R>,
@@ -106,8 +107,8 @@ fn control<R: Real>(u: R, range: Option<[R::Scalar; 2]>) -> R {
     R::select(u.is_finite(), within(u, range), R::of(f64::NAN))
 }
 
-/// A setpoint of an angle as the one of those, whole turns apart, that is nearest to it, as MuJoCo's: it need not turn back when it winds further
-/// than half a turn. A setpoint is the input of what pulls back with as much as it pulls with.
+/// A setpoint of an angle as the one of those, whole turns apart, that is nearest to it, as MuJoCo's: it need not turn back when it winds
+/// further than half a turn. A setpoint is the input of what pulls back with as much as it pulls with.
 #[inline(always)]
 fn on_the_circle<R: Real>(
     actuator: &CompiledActuator<R::Scalar>,
@@ -135,8 +136,8 @@ fn setpoint<R: Real>(compiled: &LaneModel<R>, i: usize, actuator: &CompiledActua
     }
 }
 
-/// force = gain . (1, length, velocity) input + bias . (1, length, velocity), or what a drive train makes of it: a continuous servo of its own, or
-/// a motor whose control is the share of its voltage.
+/// force = gain . (1, length, velocity) input + bias . (1, length, velocity), or what a drive train makes of it: a continuous servo of its
+/// own, or a motor whose control is the share of its voltage.
 #[inline(always)]
 fn law<R: Real>(
     actuator: &CompiledActuator<R::Scalar>,

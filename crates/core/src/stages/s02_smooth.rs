@@ -108,8 +108,8 @@ impl<R: Real> Smooth<R> {
         self.mass.factor(compiled);
     }
 
-    /// `acc = A^-1 (tau + applied - c(q, v_bias) - D v)` with the matrix A of [`Smooth::factor_mass`]: a step of it is implicit in what A holds
-    /// of the damping D and of springs (see [`crate::actuation::forces`]).
+    /// `acc = A^-1 (tau + applied - c(q, v_bias) - D v)` with the matrix A of [`Smooth::factor_mass`]: a step of it is implicit in what A
+    /// holds of the damping D and of springs (see [`crate::actuation::forces`]).
     pub fn acceleration(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, forces: [&[R]; 2], v: &[R], v_bias: &[R]) {
         R::vectorize(
             #[inline(always)]
@@ -149,8 +149,8 @@ impl<R: Real> Smooth<R> {
         self.mass.solve(compiled, &mut self.acc);
     }
 
-    /// What the user applies, as generalized forces: `qfrc` on the joints, and the wrenches `xfrc` (force, torque; six per body, at its centre
-    /// of mass, world axes). Either may be empty.
+    /// What the user applies, as generalized forces: `qfrc` on the joints, and the wrenches `xfrc` (force, torque; six per body, at its
+    /// centre of mass, world axes). Either may be empty.
     pub fn apply(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, [qfrc, xfrc]: [&[R]; 2], out: &mut [R]) {
         if qfrc.is_empty() {
             out.fill(R::zero());

@@ -3,10 +3,11 @@
 //! A contact is taken up when it can touch within the step: its distance is below what the free velocity closes, with a margin of two, or
 //! below what gravity covers in a step. So nothing has to overlap first in order to be felt.
 //!
-//! Fast bodies and thin ones: a gap that is seen at the beginning of a step is a row, however fast it closes, so a body stops before the wall.
-//! Taken in the middle of the step the body may be beyond it already. Environments in which a pair gets that far in the first half of the step
-//! are therefore taken at the beginning ([`detect`] returns them), and what can still slip through afterwards, because an impulse made it
-//! faster than it was looked out for or because it turns too far for a straight row, is reported ([`may_have_passed`](crate::collision::tunnelling::may_have_passed)).
+//! Fast bodies and thin ones: a gap that is seen at the beginning of a step is a row, however fast it closes, so a body stops before the
+//! wall. Taken in the middle of the step the body may be beyond it already. Environments in which a pair gets that far in the first half of
+//! the step are therefore taken at the beginning ([`detect`] returns them), and what can still slip through afterwards, because an impulse
+//! made it faster than it was looked out for or because it turns too far for a straight row, is reported
+//! ([`may_have_passed`](crate::collision::tunnelling::may_have_passed)).
 
 use stepper_real::{Mask, Real};
 
@@ -16,8 +17,8 @@ use crate::compile::LaneModel;
 use crate::dynamics::kinematics::Kinematics;
 use crate::probe::{Counter, Probe, Span};
 
-/// Finds the contacts of the lanes `alive` at poses that are `lead` seconds from the beginning of the step. Returns the lanes whose contacts
-/// cannot be trusted so far from it.
+/// Finds the contacts of the lanes `alive` at poses that are `lead` seconds from the beginning of the step. Returns the lanes whose
+/// contacts cannot be trusted so far from it.
 #[expect(clippy::too_many_arguments, reason = "where all is, what is found, and who measures it")]
 pub fn detect<R: Real>(
     compiled: &LaneModel<R>,
@@ -60,7 +61,8 @@ fn find_pairs<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v_fr
     }
 }
 
-/// Narrow phase: the contacts of those pairs. Where the step `leads`, returns the lanes whose contacts cannot be trusted so far from its beginning.
+/// Narrow phase: the contacts of those pairs. Where the step `leads`, returns the lanes whose contacts cannot be trusted so far from its
+/// beginning.
 fn find_contacts<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,

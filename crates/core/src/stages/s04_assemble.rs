@@ -10,8 +10,8 @@
 //! closing and fast, e > 0:        v_n+ >= -e v_n-              Newton's law (Moreau 1988), and no other bias
 //! ```
 //!
-//! The last line is taken at the time of the impact by the midpoint rule (`constraints/restitution.rs`). A contact with e > 0 that neither strikes nor is
-//! about to rest has no row: to stop it at the surface would take the energy that it is to bounce with.
+//! The last line is taken at the time of the impact by the midpoint rule (`constraints/restitution.rs`). A contact with e > 0 that neither
+//! strikes nor is about to rest has no row: to stop it at the surface would take the energy that it is to bounce with.
 
 use stepper_real::{Mask, Real};
 

@@ -10,7 +10,8 @@ use crate::options::StepSettings;
 
 /// Solves the lanes `lanes` to the tolerance and leaves the impulses where the next step finds its warm start.
 ///
-/// What moves slowly is solved more tightly, to a part of its own speed `v`: else a robot at rest would creep at the speed of the tolerance.
+/// What moves slowly is solved more tightly, to a part of its own speed `v`: else a robot at rest would creep at the speed of the
+/// tolerance.
 pub fn solve<R: Real>(
     options: &StepSettings,
     v: &[R],
@@ -48,11 +49,12 @@ pub fn solve<R: Real>(
     outcome
 }
 
-/// Sweeps of an estimate at the most: with 8 of them, 13 % of the steps of dm_control's humanoid under random control depend on the step before by more
-/// than 1e-4 m/s, with 16 of them 2 %.
+/// Sweeps of an estimate at the most: with 8 of them, 13 % of the steps of dm_control's humanoid under random control depend on the step
+/// before by more than 1e-4 m/s, with 16 of them 2 %.
 const ESTIMATE_SWEEPS: u32 = 16;
 
-/// Change of the velocity by inertial forces that an estimate may be wrong by, m/s: they change it by some h |v| of what the velocity is off.
+/// Change of the velocity by inertial forces that an estimate may be wrong by, m/s: they change it by some h |v| of what the velocity is
+/// off.
 const ESTIMATE_ERROR: f64 = 1e-5;
 
 /// Turn or way within a step below which nothing moves whose inertial forces an estimate could be wrong by, rad or m.
@@ -61,8 +63,8 @@ const RESTS: f64 = 1e-6;
 /// Least exact estimate, m/s.
 const ROUGHEST_ESTIMATE: f64 = 1e-2;
 
-/// Estimates the impulses in the lanes `lanes` before forces that depend on the velocity are taken: where a step ends follows from its own contacts
-/// then, and not from those of the step before.
+/// Estimates the impulses in the lanes `lanes` before forces that depend on the velocity are taken: where a step ends follows from its own
+/// contacts then, and not from those of the step before.
 ///
 /// What rests keeps the impulses of the step before: they hold it, and sweeps of a stack would leave less.
 pub fn estimate<R: Real>(v: &[R], h: R, lanes: R::Mask, constraints: &mut Constraints<R>) {
@@ -98,8 +100,8 @@ fn fastest<R: Real>(v: &[R]) -> R {
     fastest
 }
 
-/// Residual relative to the speed of the fastest degree of freedom. A residual of r moves joints at up to some 60 r (measured on ants at rest),
-/// so that this lets what creeps decay.
+/// Residual relative to the speed of the fastest degree of freedom. A residual of r moves joints at up to some 60 r (measured on ants at
+/// rest), so that this lets what creeps decay.
 const RELATIVE: f64 = 1e-3;
 
 /// Residual at which each lane stops, m/s; never below what rounding leaves of velocities of order one.

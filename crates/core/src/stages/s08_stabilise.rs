@@ -1,11 +1,11 @@
 //! Stage 8: positions are corrected where the velocity of the solution is not the one they should have moved with.
 //!
-//! A second solve of the same rows, without restitution, finds the velocity that closes every gap just so and removes a part of every overlap.
-//! It is used once, for the positions, and thrown away: no kinetic energy comes of it.
+//! A second solve of the same rows, without restitution, finds the velocity that closes every gap just so and removes a part of every
+//! overlap. It is used once, for the positions, and thrown away: no kinetic energy comes of it.
 //!
-//! What positions demand may be impossible: overlaps that contradict one another, a weld out of reach, a contact whose normal passes a hinge.
-//! So the demands are damped ([`stepper_solve::PositionRows::damp`]), what they move is bounded, island by island, and where a witness proves
-//! that no motion within the bounds meets them, the lane is marked infeasible.
+//! What positions demand may be impossible: overlaps that contradict one another, a weld out of reach, a contact whose normal passes a
+//! hinge. So the demands are damped ([`stepper_solve::PositionRows::damp`]), what they move is bounded, island by island, and where a
+//! witness proves that no motion within the bounds meets them, the lane is marked infeasible.
 
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::{Damping, Outcome, Settings, System};
@@ -24,20 +24,22 @@ use crate::options::{Solver, StepSettings};
 /// Residual that is enough for a correction, m/s: a fraction of a micrometre a step, and the next step sees what is left of the overlap.
 const CLOSE: f64 = 1e-4;
 
-/// Residual above which Newton's method goes on where sweeps stop, m/s: they can leave a hundredth of a radian a step where two limbs are jammed. Below
-/// it, it would cost more than the correction is worth (humanoids under random control: 4 % of the step).
+/// Residual above which Newton's method goes on where sweeps stop, m/s: they can leave a hundredth of a radian a step where two limbs are
+/// jammed. Below it, it would cost more than the correction is worth (humanoids under random control: 4 % of the step).
 const NEWTON_THRESHOLD: f64 = 1e-2;
 
 /// Sweeps from the impulses of stage 5, which differ by the correction alone.
 const SWEEPS: u32 = 10;
 
-/// Bound of what a correction moves, relative to `max_correction_speed`; of what it turns, over the length ARM: 5 m/s and 50 rad/s by default.
+/// Bound of what a correction moves, relative to `max_correction_speed`; of what it turns, over the length ARM: 5 m/s and 50 rad/s by
+/// default.
 const FASTEST: f64 = 5.0;
 
 /// Largest turn of a joint by the correction of one step, rad: farther away the rows say nothing of where positions go.
 const LARGEST_TURN: f64 = 1.0;
 
-/// Change of a velocity by constraints, relative to the bounds of a correction, that may be Baumgarte's bias at its worst: 20 m/s or 200 rad/s by default.
+/// Change of a velocity by constraints, relative to the bounds of a correction, that may be Baumgarte's bias at its worst: 20 m/s or 200
+/// rad/s by default.
 const ABSURD: f64 = 4.0;
 
 /// Demand that is worth a proof that it cannot be met, m/s.
@@ -114,9 +116,9 @@ pub fn stabilise<R: Real>(
     infeasible
 }
 
-/// Restrains Baumgarte's method where constraints change a velocity by four times what a correction may. There the velocity `v_next` becomes that of
-/// the rows without their bias, with the bounded correction that the split form would give positions. Returns the lanes in which demands cannot
-/// be met.
+/// Restrains Baumgarte's method where constraints change a velocity by four times what a correction may. There the velocity `v_next`
+/// becomes that of the rows without their bias, with the bounded correction that the split form would give positions. Returns the lanes in
+/// which demands cannot be met.
 pub fn restrain<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -182,8 +184,8 @@ pub fn restrain<R: Real>(
     infeasible
 }
 
-/// The bounded velocity, beyond `v_next`, that meets what positions demand in the lanes `lanes`, left in `out`: with the other demands than those that
-/// the rows of the position solve have now.
+/// The bounded velocity, beyond `v_next`, that meets what positions demand in the lanes `lanes`, left in `out`: with the other demands than
+/// those that the rows of the position solve have now.
 fn correct<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -251,8 +253,8 @@ fn excess_of<R: Real>(kind: JointKind, v: &[R], bounds: Bounds<R>) -> R {
     }
 }
 
-/// Slows the motion `v` down, in the lanes `lanes`, where an island of bodies that rows join exceeds its bounds: all of the island alike, so that loops
-/// stay closed.
+/// Slows the motion `v` down, in the lanes `lanes`, where an island of bodies that rows join exceeds its bounds: all of the island alike,
+/// so that loops stay closed.
 #[cold]
 fn bound_islands<R: Real>(
     compiled: &ModelStructure<R::Scalar>,

@@ -11,12 +11,12 @@ use crate::constraints::Constraints;
 use crate::dynamics::kinematics::quat_at;
 use crate::math::spatial::*;
 
-/// Overlap of a contact above which a step is [`Status::DEEP`], m: a hundred times the default slop, more than any contact that is solved keeps,
-/// and what an eye sees between a foot and the floor.
+/// Overlap of a contact above which a step is [`Status::DEEP`], m: a hundred times the default slop, more than any contact that is solved
+/// keeps, and what an eye sees between a foot and the floor.
 pub const DEEP: f64 = 1e-3;
 
-/// Distance beyond its range above which a joint is [`Status::OVER_LIMIT`], rad or m: half a degree, which a hard stop does not give, and the
-/// distance from which on the limit has a row in every step.
+/// Distance beyond its range above which a joint is [`Status::OVER_LIMIT`], rad or m: half a degree, which a hard stop does not give, and
+/// the distance from which on the limit has a row in every step.
 pub const OVER_LIMIT: f64 = 1e-2;
 
 bitflags! {
@@ -38,13 +38,13 @@ bitflags! {
         const NON_FINITE = 2;
         /// There were more contacts than room; the ones found last were left out.
         const CONTACTS_FULL = 4;
-        /// The step was too long for the motion, or impulses threw a joint by half a turn: inertial forces of its velocities were left out, and its
-        /// energy was kept from growing.
+        /// The step was too long for the motion, or impulses threw a joint by half a turn: inertial forces of its velocities were left out,
+        /// and its energy was kept from growing.
         const UNRESOLVED = 8;
         /// Something moved so fast that it may have passed through something thin.
         const TUNNELLED = 16;
-        /// What constraints demand cannot be met, and impulses prove it: they move nothing, or so little that no motion within the bounds of a
-        /// correction gives what they ask for. What can be met of it is.
+        /// What constraints demand cannot be met, and impulses prove it: they move nothing, or so little that no motion within the bounds
+        /// of a correction gives what they ask for. What can be met of it is.
         const INFEASIBLE = 32;
         /// A contact overlapped by more than [`DEEP`].
         const DEEP = 64;

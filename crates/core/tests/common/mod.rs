@@ -134,8 +134,8 @@ pub(crate) fn errors(model: &Model) -> Vec<Option<Transfer>> {
     model.sensors.iter().map(|s| Some(transfer(s))).collect()
 }
 
-/// Drive trains of every kind: on the first leg motors with a continuous servo on the hip, on the second a sampled one; a lag behind a delay on
-/// the third; the fourth is ideal.
+/// Drive trains of every kind: on the first leg motors with a continuous servo on the hip, on the second a sampled one; a lag behind a
+/// delay on the third; the fourth is ideal.
 pub(crate) fn trains(model: &Model) -> Vec<Option<ActuatorSpec>> {
     let servo = |period: Vec<f64>| Servo { kp: vec![20.0], ki: vec![5.0], kd: vec![0.5], integral_limit: vec![2.0], period };
     let motor = |voltage| Motor {

@@ -135,14 +135,15 @@ pub(crate) fn is_contact(a: &Body, b: &Body, c: &ContactPoint<f64>) -> Result<()
 
 /// Checks that the nearest of the contacts is the signed distance of the bodies.
 ///
-/// Apart, nothing has to be searched: points of a and b at the distance bound it from above, the room along the normal from below. Overlapping,
-/// no direction that a search from `starts` finds is a shorter way out.
+/// Apart, nothing has to be searched: points of a and b at the distance bound it from above, the room along the normal from below.
+/// Overlapping, no direction that a search from `starts` finds is a shorter way out.
 pub(crate) fn is_distance(a: &Body, b: &Body, contacts: &[ContactPoint<f64>], starts: &[V3<f64>]) -> Result<(), TestCaseError> {
     let nearest = contacts.iter().copied().min_by(|p, q| p.distance.total_cmp(&q.distance)).expect("a pair has a contact");
     contacts.iter().try_for_each(|c| is_contact(a, b, c))?;
     let along = room(a, b, nearest.normal);
-    // The normal is the way between the nearest points of what is rounded: of coordinates of 2 m each entry is off by 2e-15 m. Where that way is as
-    // short as nanometres this turns it, and what is 2 m to the side, an end of a capsule or a corner of a box, is up to 4e-15 m^2 / its length off.
+    // The normal is the way between the nearest points of what is rounded: of coordinates of 2 m each entry is off by 2e-15 m. Where that
+    // way is as short as nanometres this turns it, and what is 2 m to the side, an end of a capsule or a corner of a box, is up to 4e-15
+    // m^2 / its length off.
     let core = nearest.distance + a.radius() + b.radius();
     let turned = if core > 0.0 { 4e-15 / core } else { 0.0 };
     prop_assert!((along - nearest.distance).abs() < 1e-11 + turned, "room {along} along the normal of {nearest:?}");

@@ -17,8 +17,8 @@ use crate::stepper::{Stepper, borrow};
 const ACTUATORS: &str = "actuators";
 
 impl Stepper {
-    /// Assigns fields, (num_envs, ...) each, and `actuators` to some environments; None is the model's own numbers, and what drives were made
-    /// with, and so is every field when none is named.
+    /// Assigns fields, (num_envs, ...) each, and `actuators` to some environments; None is the model's own numbers, and what drives were
+    /// made with, and so is every field when none is named.
     pub(super) fn assign_parameters(&mut self, fields: Option<&Bound<'_, PyDict>>, envs: &[usize]) -> PyResult<()> {
         let mut given: Vec<(String, Option<Vec<f64>>)> = Vec::new();
         let mut specs = None;

@@ -13,8 +13,8 @@ impl Simulation {
         &self.ctrl
     }
 
-    /// Takes controls that `nstep` steps are to be made with, a row for each environment, or one for all: they stay in force until others are given.
-    /// Controls that no step is made with are checked, and never in force.
+    /// Takes controls that `nstep` steps are to be made with, a row for each environment, or one for all: they stay in force until others
+    /// are given. Controls that no step is made with are checked, and never in force.
     ///
     /// # Errors
     /// [`Error::Length`] when there are more or fewer numbers.
@@ -34,9 +34,9 @@ impl Simulation {
         Ok(())
     }
 
-    /// Applies forces or poses of mocap bodies, (num_envs, ...), which every call reads from now on; of an environment that is reset, they are what
-    /// they were before anything was applied. Positions of mocap bodies can be given without orientations, and the reverse; no numbers at all take
-    /// back what was applied.
+    /// Applies forces or poses of mocap bodies, (num_envs, ...), which every call reads from now on; of an environment that is reset, they
+    /// are what they were before anything was applied. Positions of mocap bodies can be given without orientations, and the reverse; no
+    /// numbers at all take back what was applied.
     ///
     /// # Errors
     /// [`Error::Length`] when there are more or fewer numbers.
@@ -57,8 +57,8 @@ impl Simulation {
     /// Makes `nstep` steps in every environment. Slices are environment-major, empty ones say nothing: what is in force stays.
     ///
     /// # Errors
-    /// [`Error::Length`] when a slice has the wrong length, [`Error::MocapPoses`] for half of the poses of mocap bodies, [`Error::Threads`] when
-    /// threads cannot be started.
+    /// [`Error::Length`] when a slice has the wrong length, [`Error::MocapPoses`] for half of the poses of mocap bodies, [`Error::Threads`]
+    /// when threads cannot be started.
     pub fn step(&mut self, inputs: &StepInputs<'_>, nstep: usize) -> Result<(), Error> {
         self.make_steps(inputs, nstep, None).map(|_| ())
     }
@@ -83,8 +83,8 @@ impl Simulation {
         self.engine.make_steps(&inputs, Schedule { controls: 1, nstep }, None, watch)
     }
 
-    /// Makes `nstep` steps with each of `controls` controls, (controls, num_envs, nu) or (controls, nu), and writes down what follows each: the
-    /// same bits as that many calls of [`Simulation::step`], in one. Flags are kept over all steps.
+    /// Makes `nstep` steps with each of `controls` controls, (controls, num_envs, nu) or (controls, nu), and writes down what follows each:
+    /// the same bits as that many calls of [`Simulation::step`], in one. Flags are kept over all steps.
     ///
     /// # Errors
     /// Those of [`Simulation::step`], and [`Error::ArrayPrecision`] for an array of the recording in the wrong precision.
@@ -92,8 +92,8 @@ impl Simulation {
         self.roll_out(inputs, Schedule { controls, nstep }, recording, None).map(|_| ())
     }
 
-    /// The same for as long as `watch` says true, see [`Simulation::step_watched`]. Returns how many steps were made, over all controls. What
-    /// follows controls without any is not written; of a control that only a part of the steps was made with, what followed those.
+    /// The same for as long as `watch` says true, see [`Simulation::step_watched`]. Returns how many steps were made, over all controls.
+    /// What follows controls without any is not written; of a control that only a part of the steps was made with, what followed those.
     ///
     /// # Errors
     /// Those of [`Simulation::rollout`].

@@ -12,8 +12,8 @@ use crate::model::Model;
 use crate::options::{Options, StepSettings};
 
 impl Simulation {
-    /// As [`Simulation::new`] on a CPU level that this machine has, whatever the environment variable says; options are taken without a check of
-    /// their ranges.
+    /// As [`Simulation::new`] on a CPU level that this machine has, whatever the environment variable says; options are taken without a
+    /// check of their ranges.
     ///
     /// # Panics
     /// When `num_envs` is 0.

@@ -25,8 +25,8 @@ impl Simulation {
         all
     }
 
-    /// Mass matrix of one environment at its present configuration, (nv, nv): kg, kg m and kg m^2, armature included, without terms that depend on
-    /// the time step. Mocap bodies are where the user has them.
+    /// Mass matrix of one environment at its present configuration, (nv, nv): kg, kg m and kg m^2, armature included, without terms that
+    /// depend on the time step. Mocap bodies are where the user has them.
     ///
     /// # Panics
     /// When there is no such environment.

@@ -24,9 +24,9 @@ impl Simulation {
     /// Gives the actuators dynamics, one spec for every actuator, `None` to those without. All environments are reset.
     ///
     /// # Errors
-    /// [`Error::Count`] when there is not one for every actuator; [`Error::DrivesAfterParameters`] when environments have parameters of their own;
-    /// [`Error::Actuator`] for a number out of its range, or what an actuator cannot have, with the actuator's name; [`Error::Memory`] when there
-    /// is no room for what the actuators of all environments remember.
+    /// [`Error::Count`] when there is not one for every actuator; [`Error::DrivesAfterParameters`] when environments have parameters of
+    /// their own; [`Error::Actuator`] for a number out of its range, or what an actuator cannot have, with the actuator's name;
+    /// [`Error::Memory`] when there is no room for what the actuators of all environments remember.
     pub fn set_actuator_models(&mut self, specs: &[Option<ActuatorSpec>]) -> Result<(), Error> {
         let (found, must) = (specs.len(), self.model.nu());
         if found != must {

@@ -23,12 +23,13 @@ pub enum ActuatorNumbers<'a> {
 impl Simulation {
     /// Gives the environments `envs`, ascending, numbers of their own in some fields. Other fields and the state stay what they are.
     ///
-    /// Arrays have rows for all environments, in the shape that each [`Parameter`] says; rows of environments that are not in `envs` are not read.
-    /// `None` gives the model's own numbers back.
+    /// Arrays have rows for all environments, in the shape that each [`Parameter`] says; rows of environments that are not in `envs` are
+    /// not read. `None` gives the model's own numbers back.
     ///
     /// # Errors
-    /// [`Error::Environment`] or [`Error::Order`] for `envs`; [`Error::Length`] for an array of the wrong length; [`Error::ParameterTooLarge`];
-    /// [`Error::Model`] for numbers that make no model or one of another structure, with the environment. Nothing is changed then.
+    /// [`Error::Environment`] or [`Error::Order`] for `envs`; [`Error::Length`] for an array of the wrong length;
+    /// [`Error::ParameterTooLarge`]; [`Error::Model`] for numbers that make no model or one of another structure, with the environment.
+    /// Nothing is changed then.
     pub fn randomize(&mut self, assigned: &[(Parameter, Option<&[f64]>)], envs: &[usize]) -> Result<(), Error> {
         self.randomize_all(assigned, ActuatorNumbers::Kept, envs)
     }
@@ -36,8 +37,8 @@ impl Simulation {
     /// The same, and other numbers of actuator dynamics. What the dynamics remember, and the rest of the state, stays.
     ///
     /// # Errors
-    /// Those of [`Simulation::randomize`]; [`Error::Count`] when there is not one entry for every actuator; [`Error::Actuator`] for a number out of
-    /// its range, or what the actuator was not made for, with its name. Nothing is changed then.
+    /// Those of [`Simulation::randomize`]; [`Error::Count`] when there is not one entry for every actuator; [`Error::Actuator`] for a
+    /// number out of its range, or what the actuator was not made for, with its name. Nothing is changed then.
     pub fn randomize_all(
         &mut self,
         assigned: &[(Parameter, Option<&[f64]>)],
@@ -57,7 +58,8 @@ impl Simulation {
         Ok(())
     }
 
-    /// Gives all of the model's own numbers back to the environments `envs`, ascending, and those that [`Simulation::set_actuator_models`] gave.
+    /// Gives all of the model's own numbers back to the environments `envs`, ascending, and those that [`Simulation::set_actuator_models`]
+    /// gave.
     ///
     /// # Errors
     /// [`Error::Environment`] or [`Error::Order`] for `envs`.
@@ -103,7 +105,8 @@ impl Simulation {
         }
     }
 
-    /// Actuator specs as environments have them of their own, with lists of one number or one for each environment; `None` where none has any.
+    /// Actuator specs as environments have them of their own, with lists of one number or one for each environment; `None` where none has
+    /// any.
     pub fn own_actuators(&self) -> Option<&[Option<ActuatorSpec>]> {
         self.actuator_models.as_ref()?.drawn()
     }

@@ -6,8 +6,8 @@ use crate::batch::simulation::{Error, Simulation};
 use crate::integrators::inputs::Inputs;
 
 impl Simulation {
-    /// One environment, to ask about its mass matrix, energy and the like. Inputs are those of that environment alone, over what is in force;
-    /// controls are what actuator dynamics hand on, where there are any.
+    /// One environment, to ask about its mass matrix, energy and the like. Inputs are those of that environment alone, over what is in
+    /// force; controls are what actuator dynamics hand on, where there are any.
     ///
     /// # Errors
     /// [`Error::Environment`] when there is no such environment, [`Error::Length`] and [`Error::MocapPoses`] for the inputs.

@@ -63,7 +63,8 @@ impl Simulation {
     /// Copies a field of one environment out: nq, nv or na numbers.
     ///
     /// # Errors
-    /// [`Error::Environment`] when there is no such environment, [`Error::Length`] when `out` has fewer or more numbers; nothing is written then.
+    /// [`Error::Environment`] when there is no such environment, [`Error::Length`] when `out` has fewer or more numbers; nothing is written
+    /// then.
     pub fn get(&self, field: Field, env: usize, out: &mut [f64]) -> Result<(), Error> {
         self.check_env(env)?;
         self.check_width(field, out.len())?;
@@ -184,8 +185,9 @@ impl Simulation {
     }
 
     /// Problem that the solver would be given by a step of environment `env` from the present state, as bytes: what
-    /// `stepper_solve::Problem::from_bytes` reads. Nothing changes; the controls of `inputs`, or else those in force, are the step's. A step that
-    /// was not solved is looked at from the state before it, which [`Simulation::save_state`](crate::Simulation::save_state) keeps.
+    /// `stepper_solve::Problem::from_bytes` reads. Nothing changes; the controls of `inputs`, or else those in force, are the step's. A
+    /// step that was not solved is looked at from the state before it, which [`Simulation::save_state`](crate::Simulation::save_state)
+    /// keeps.
     ///
     /// # Errors
     /// Those of [`Simulation::step`](crate::Simulation::step) for the inputs, and [`Error::Environment`].
@@ -247,8 +249,8 @@ impl Simulation {
         Ok([positions, orientations])
     }
 
-    /// Poses of all bodies of one environment at its present configuration, (nbody,); body 0 is the world. Inputs are those of all environments,
-    /// as [`Simulation::step`] takes them; of them, poses of mocap bodies are read.
+    /// Poses of all bodies of one environment at its present configuration, (nbody,); body 0 is the world. Inputs are those of all
+    /// environments, as [`Simulation::step`] takes them; of them, poses of mocap bodies are read.
     ///
     /// # Errors
     /// [`Error::Environment`] when there is no such environment, and those of [`Simulation::step`] for the inputs.

@@ -29,12 +29,12 @@ impl Simulation {
         *self.digest.get_or_init(|| self.model.digest())
     }
 
-    /// Takes over what [`Simulation::save_state`] saved, in all environments: from a state of as many, or the same in all from a state of one.
-    /// Continuing from it repeats the same bits.
+    /// Takes over what [`Simulation::save_state`] saved, in all environments: from a state of as many, or the same in all from a state of
+    /// one. Continuing from it repeats the same bits.
     ///
     /// # Errors
-    /// [`Error::OtherModel`] for a state of another model, [`Error::StatePrecision`] for one of the other precision, [`Error::StateMisfit`] for one
-    /// of another number of environments, of other sensors or drives, or with damaged contents. Nothing is changed then.
+    /// [`Error::OtherModel`] for a state of another model, [`Error::StatePrecision`] for one of the other precision, [`Error::StateMisfit`]
+    /// for one of another number of environments, of other sensors or drives, or with damaged contents. Nothing is changed then.
     pub fn restore_state(&mut self, state: &SavedState) -> Result<(), Error> {
         self.restore_state_in(state, &(0..self.num_envs).collect::<Vec<_>>())
     }

@@ -34,7 +34,8 @@ impl Simulation {
     /// Starts a new episode in the environments `envs`, ascending: as [`Simulation::reset`] does, and from what `episode` says.
     ///
     /// # Errors
-    /// [`Error::Environment`] or [`Error::Order`] for `envs`, and those of [`Simulation::set`] and [`Simulation::start_from`]; nothing is changed then.
+    /// [`Error::Environment`] or [`Error::Order`] for `envs`, and those of [`Simulation::set`] and [`Simulation::start_from`]; nothing is
+    /// changed then.
     pub fn start_episodes(&mut self, envs: &[usize], episode: &Episode<'_>) -> Result<(), Error> {
         let rows = self.check_rows(envs, &episode.rows)?;
         if let (Some(keyframe), Some(&env)) = (episode.keyframe, envs.first()) {
@@ -74,8 +75,8 @@ impl Simulation {
         self.check_time(env, keyframe.time).map(|_| ())
     }
 
-    /// Sets a field of one environment. What is remembered of the steps before is cleared, so that what follows depends on the new state alone:
-    /// impulses that the solver starts from, contacts, and the memory of sensors and actuator dynamics.
+    /// Sets a field of one environment. What is remembered of the steps before is cleared, so that what follows depends on the new state
+    /// alone: impulses that the solver starts from, contacts, and the memory of sensors and actuator dynamics.
     ///
     /// # Errors
     /// [`Error::Environment`] when there is no such environment, [`Error::Length`], [`Error::NotFinite`], [`Error::TooLarge`], and
@@ -86,8 +87,8 @@ impl Simulation {
         Ok(())
     }
 
-    /// Corrects a field of one environment, which goes on: what is remembered of the steps before stays, as an observer wants it that corrects the state
-    /// of a plant.
+    /// Corrects a field of one environment, which goes on: what is remembered of the steps before stays, as an observer wants it that
+    /// corrects the state of a plant.
     ///
     /// # Errors
     /// As [`Simulation::set`]; nothing is changed then.
@@ -97,11 +98,12 @@ impl Simulation {
         Ok(())
     }
 
-    /// Sets, or with `cold` of false corrects, fields and times of the environments `envs`, ascending. Fields are set as [`Simulation::set`] does,
-    /// or as [`Simulation::correct`] does; a time is set either way without more.
+    /// Sets, or with `cold` of false corrects, fields and times of the environments `envs`, ascending. Fields are set as
+    /// [`Simulation::set`] does, or as [`Simulation::correct`] does; a time is set either way without more.
     ///
     /// # Errors
-    /// [`Error::Environment`] or [`Error::Order`] for `envs`, and those of [`Simulation::set`] and [`Simulation::set_time`]; nothing is changed then.
+    /// [`Error::Environment`] or [`Error::Order`] for `envs`, and those of [`Simulation::set`] and [`Simulation::set_time`]; nothing is
+    /// changed then.
     pub fn set_rows(&mut self, envs: &[usize], rows: &StateRows<'_>, cold: bool) -> Result<(), Error> {
         let rows = self.check_rows(envs, rows)?;
         self.write_rows(envs, rows, cold);
@@ -180,7 +182,8 @@ impl Simulation {
         self.engine_mut().set_random_stream(env, stream);
     }
 
-    /// Begins a new episode of one environment as far as random numbers are concerned: the next under its seed, or the first under a new one.
+    /// Begins a new episode of one environment as far as random numbers are concerned: the next under its seed, or the first under a new
+    /// one.
     ///
     /// # Panics
     /// When there is no such environment.

@@ -1,8 +1,8 @@
 //! Balls and capsules against a box.
 //!
-//! The closest point of a segment x(t) = p + t d to a box is the least of f(t) = sum_i (|x_i| - s_i)+^2, which is convex with a
-//! piecewise linear slope: between two neighbours of its six corners the root of the slope is exact. A segment that enters the box leaves it
-//! by the shortest way among the directions of faces and of edges crossed with the segment: these are the faces of the Minkowski difference
+//! The closest point of a segment x(t) = p + t d to a box is the least of f(t) = sum_i (|x_i| - s_i)+^2, which is convex with a piecewise
+//! linear slope: between two neighbours of its six corners the root of the slope is exact. A segment that enters the box leaves it by the
+//! shortest way among the directions of faces and of edges crossed with the segment: these are the faces of the Minkowski difference
 //! (separating axes; Ericson 2005, section 5.2.1).
 
 use stepper_real::{Mask, Real, Scalar};
@@ -22,8 +22,8 @@ pub struct Cuboid<R> {
     pub half: V3<R>,
 }
 
-/// Where a body with a core and a radius about it touches the box, in the box's frame: `x` on the core, the direction `u` out of the box, and
-/// the gap between core and box along it.
+/// Where a body with a core and a radius about it touches the box, in the box's frame: `x` on the core, the direction `u` out of the box,
+/// and the gap between core and box along it.
 struct Touch<R> {
     x: V3<R>,
     u: V3<R>,
@@ -91,8 +91,8 @@ pub fn sphere_box<R: Real>(centre: V3<R>, radius: R, cuboid: &Cuboid<R>) -> Cont
     cuboid.contact(&Touch { x, u, gap: R::select(outside, length, face.gap) }, radius)
 }
 
-/// A capsule and a box: the contact at their closest points, and where the capsule runs along a face or an edge, the contact at the other end
-/// of the stretch that does. Ordered along the capsule; the masks say where each exists.
+/// A capsule and a box: the contact at their closest points, and where the capsule runs along a face or an edge, the contact at the other
+/// end of the stretch that does. Ordered along the capsule; the masks say where each exists.
 #[inline(always)]
 pub fn capsule_box<R: Real>(capsule: &Segment<R>, cuboid: &Cuboid<R>) -> ([ContactPoint<R>; 2], [R::Mask; 2]) {
     let line = Line { p: cuboid.inside(capsule.centre), d: rotate_back(&cuboid.mat, capsule.axis), half: capsule.half_length };

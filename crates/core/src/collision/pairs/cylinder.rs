@@ -19,12 +19,12 @@ pub struct Cylinder<R> {
     pub half_length: R,
 }
 
-/// The points of a cylinder's rims that can touch a half space with outward normal `normal`: on each cap the lowest, and those at right angles
-/// to it and opposite. Lying, it touches with the lowest of both caps; standing, with all four of one. MuJoCo's `mjc_PlaneCylinder` has the
-/// lowest two and a triangle.
+/// The points of a cylinder's rims that can touch a half space with outward normal `normal`: on each cap the lowest, and those at right
+/// angles to it and opposite. Lying, it touches with the lowest of both caps; standing, with all four of one. MuJoCo's `mjc_PlaneCylinder`
+/// has the lowest two and a triangle.
 ///
-/// `tip` is how the normal turns as seen from the cylinder within the step, n x omega h. Where that is more than the cylinder leans, the lowest
-/// point is the one that it tips to: so it tips over its rim, and not over a chord.
+/// `tip` is how the normal turns as seen from the cylinder within the step, n x omega h. Where that is more than the cylinder leans, the
+/// lowest point is the one that it tips to: so it tips over its rim, and not over a chord.
 ///
 /// Point k is at `k % 4` quarter turns from the lowest, on the cap at +z for k < 4.
 #[inline(always)]
@@ -59,8 +59,8 @@ pub fn plane_point<R: Real>(origin: V3<R>, normal: V3<R>, point: V3<R>) -> Conta
 
 /// A ball and a cylinder.
 ///
-/// In the half plane through the axis and the ball's centre the cylinder is a rectangle; outside, the nearest point is the centre clamped to
-/// it, inside, the nearer of side and cap.
+/// In the half plane through the axis and the ball's centre the cylinder is a rectangle; outside, the nearest point is the centre clamped
+/// to it, inside, the nearer of side and cap.
 #[inline(always)]
 pub fn sphere_cylinder<R: Real>(centre: V3<R>, radius: R, cylinder: &Cylinder<R>) -> ContactPoint<R> {
     let x = rotate_back(&cylinder.mat, sub(centre, cylinder.centre));

@@ -34,10 +34,10 @@ const STEPS: usize = 14;
 
 /// A ball and an ellipsoid.
 ///
-/// The point x of the surface nearest to the centre y has y - x along the gradient: with half axes e, x = e^2 y / (t + e^2), and t is the largest
-/// root of |q(t)| = 1, q = e y / (t + e^2) (Eberly, *Distance from a Point to an Ellipse, an Ellipsoid, or a Hyperellipsoid*, 2013). 1 / |q| is
-/// nearly linear in t, and Newton's method on it ascends to the root from where one entry of q is 1 (Conn, Gould, Toint, *Trust-Region Methods*,
-/// 2000, section 7.3.3). Inside, that is the nearest way out.
+/// The point x of the surface nearest to the centre y has y - x along the gradient: with half axes e, x = e^2 y / (t + e^2), and t is the
+/// largest root of |q(t)| = 1, q = e y / (t + e^2) (Eberly, *Distance from a Point to an Ellipse, an Ellipsoid, or a Hyperellipsoid*,
+/// 2013). 1 / |q| is nearly linear in t, and Newton's method on it ascends to the root from where one entry of q is 1 (Conn, Gould, Toint,
+/// *Trust-Region Methods*, 2000, section 7.3.3). Inside, that is the nearest way out.
 #[inline(always)]
 pub fn sphere_ellipsoid<R: Real>(centre: V3<R>, radius: R, ellipsoid: &Ellipsoid<R>) -> ContactPoint<R> {
     let (e, one, epsilon) = (ellipsoid.radii, R::one(), R::splat(R::Scalar::EPSILON) * R::of(4.0));

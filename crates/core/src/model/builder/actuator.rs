@@ -58,8 +58,8 @@ impl ActuatorBuilder {
         self
     }
 
-    /// The name that was given is a site's, on which a wrench (force, torque) acts for every unit of force: in the frame of the site, or in that
-    /// of another site, whose body takes the reaction.
+    /// The name that was given is a site's, on which a wrench (force, torque) acts for every unit of force: in the frame of the site, or in
+    /// that of another site, whose body takes the reaction.
     pub fn on_site(mut self, wrench: [f64; 6], reference: Option<&str>) -> Self {
         self.target = Target::Site { reference: reference.map(Into::into), wrench };
         self

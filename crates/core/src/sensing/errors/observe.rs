@@ -38,8 +38,8 @@ impl<S: Scalar> Errors<S> {
         Work { due: vec![R::Mask::splat(false); self.sensors.len()], drawn: vec![R::zero(); drawn] }
     }
 
-    /// Readings of the lanes `lanes` of a group, from the truth: the first ones of their episodes if `start`, else those of the next step of
-    /// length `h`.
+    /// Readings of the lanes `lanes` of a group, from the truth: the first ones of their episodes if `start`, else those of the next step
+    /// of length `h`.
     #[expect(clippy::too_many_arguments, reason = "what is read, by whom, and what is remembered")]
     pub fn observe<R: Real<Scalar = S>>(
         &self,
@@ -200,8 +200,8 @@ impl<S: Scalar> Imperfect<S> {
         }
     }
 
-    /// Scale and misalignment, bias, drift, noise, quantisation and clip: the samples of now, kept in the lanes that take one; others keep what
-    /// they held. Returns where something was clipped.
+    /// Scale and misalignment, bias, drift, noise, quantisation and clip: the samples of now, kept in the lanes that take one; others keep
+    /// what they held. Returns where something was clipped.
     #[inline(always)]
     fn sample<R: Real<Scalar = S>>(
         &self,

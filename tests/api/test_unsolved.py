@@ -62,7 +62,7 @@ def test_sweeps_are_not_newton_steps():
     assert both.newton_steps > 0
     for sim in (swept, both):
         assert sim.iterations == sim.sweeps + sim.newton_steps
-        assert sim.sweeps.dtype == sim.newton_steps.dtype == np.uint32
+        assert isinstance(sim.sweeps, int) and isinstance(sim.newton_steps, int)
 
 
 def test_a_problem_is_left_as_a_file_and_nothing_changes(tmp_path: Path):

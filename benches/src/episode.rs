@@ -1,6 +1,6 @@
 //! A batch of environments that goes the same way every time.
 
-use stepper_core::internals::batch::worker::{Stepped, Worker, WorkerMakers, WorkerSpec, lane_worker};
+use stepper_core::internals::batch::worker::{LaneScalar, Worker, WorkerMakers, WorkerSpec, lane_worker};
 use stepper_core::{Field, Level, Options, Precision, SavedState, Simulation, StepInputs};
 
 use crate::clock::Run;
@@ -88,7 +88,7 @@ impl Episode {
     }
 }
 
-fn recorded<S: Stepped>(spec: &WorkerSpec<'_, S>, lanes: usize, level: Level) -> Box<dyn Worker<S>> {
+fn recorded<S: LaneScalar>(spec: &WorkerSpec<'_, S>, lanes: usize, level: Level) -> Box<dyn Worker<S>> {
     S::probed_worker(spec, lanes, level, Recorder)
 }
 

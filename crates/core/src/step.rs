@@ -24,7 +24,8 @@ pub fn step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Wo
     let at_beginning = evaluate(compiled, options, &mut scheme, s, probe);
     // 4 assemble; 1 and 2 again for forces that depend on the velocity to come.
     assemble_rows(compiled, options, &scheme, s, at_beginning, probe);
-    // 5 solve, 6 integrate velocity; again where impacts make the velocity jump.
+    // 5 solve, 6 integrate velocity; again where impacts make the velocity jump; with Baumgarte's method, what stage 8 says of its
+    // velocities.
     let mut solution = solve_velocities(compiled, options, &scheme, s, probe);
     // 7 integrate position
     let tunnelled = integrate_positions(compiled, &scheme, s, &solution, probe);

@@ -70,7 +70,8 @@ pub fn solve<'a, R: Real>(
 }
 
 /// Improves the impulses of the lanes `lanes` until a sweep changes no velocity by more than the tolerance, or the sweeps run out: an
-/// estimate, whose residual nobody evaluates. Of `lanes`, those outside `moving` keep their impulses.
+/// estimate, whose residual nobody evaluates. Of `lanes`, those outside `moving` keep their impulses but for separate rows, which are
+/// solved in all `lanes`.
 pub fn estimate<R: Real>(problem: &Problem<R>, iterate: &mut Iterate<R>, settings: SweepSettings<R>, lanes: R::Mask, moving: R::Mask) {
     let system = problem.into();
     R::vectorize(

@@ -10,7 +10,7 @@ pub struct Reference<R> {
     pub(crate) w: Vec<R>,
     /// Normal impulse of every scalar row, then of every contact, N s or N m s.
     pub(crate) lambda: Vec<R>,
-    /// Velocity g that these rows demand, undamped, m/s or rad/s.
+    /// Right-hand side g of these rows (free velocity plus bias), undamped, m/s or rad/s.
     pub(crate) g: Vec<R>,
     /// Scaled generalized momentum J^T z of the last witness.
     pub(crate) momentum: Vec<R>,
@@ -24,7 +24,7 @@ impl<R> Reference<R> {
         Self { w: reserve(capacity.dimension), lambda: reserve(rows), g: reserve(rows), momentum: reserve(capacity.dimension) }
     }
 
-    /// Scaled generalized momentum of the last witness, see [`Problem::witness`](crate::Problem::witness).
+    /// Scaled generalized momentum of the last witness, see [`System::witness`](crate::System::witness).
     pub fn momentum(&mut self) -> &mut [R] {
         &mut self.momentum
     }

@@ -1,5 +1,6 @@
-//! The solver: Newton's method first for lanes whose loads have many distributions, sweeps over all the others, then Newton's method for
-//! each lane that they leave unsolved.
+//! The solver: Newton's method first, for a least-norm solution, in hyperstatic lanes; then sweeps over all lanes but the hyperstatic ones
+//! that are solved already; then Newton's method and sweeps in turn for each lane that sweeps leave unsolved (a hyperstatic lane gets
+//! Newton's method once).
 
 use crate::cone::masked;
 use crate::gauss_seidel::{self, SweepSettings};
@@ -86,7 +87,8 @@ pub fn solve<'a, R: Real>(
         outcome.residual = masked(hyperstatic, left);
         let anew = hyperstatic.and(left.gt(goal).or(slip.gt(R::of(SLIPS))));
         newton.solve_least_norm(system, iterate, newton_steps, goal, anew, [&mut outcome.residual, &mut outcome.newton_steps]);
-        // Sweeps bring to a standstill what hardly moves: their changes are too small to matter.
+        // A hyperstatic lane that meets its tolerance needs no sweeps, unless its tolerance is no looser than the goal (a lane that hardly
+        // moves): there sweeps bring the motion to rest, and change the distribution of the load too little to matter.
         rest = lanes.and_not(hyperstatic.and(outcome.residual.le(tolerance)).and(tolerance.gt(goal)));
     }
     let sweeps = SweepSettings { sweeps, tolerance };

@@ -6,7 +6,7 @@ use crate::batch::call::{Call, Part, Schedule};
 use crate::batch::inputs::StepInputs;
 use crate::batch::randomization::ParameterOverrides;
 use crate::batch::state::Group;
-use crate::batch::worker::{BatchSlice, Stepped, WorkerSpec};
+use crate::batch::worker::{GroupPosition, LaneScalar, WorkerSpec};
 use crate::compile::CompiledModel;
 use crate::error::Error;
 use crate::model::Model;
@@ -14,7 +14,7 @@ use crate::options::{Solver, Stabilization, StepSettings};
 use crate::stages::s10_record::Status;
 
 /// Memory of the state of one environment among many, bytes.
-pub(super) fn bytes_per_env<S: Stepped>(compiled: &CompiledModel<S>, max_contacts: usize) -> usize {
+pub(super) fn bytes_per_env<S: LaneScalar>(compiled: &CompiledModel<S>, max_contacts: usize) -> usize {
     let group = Group::new(compiled, &vec![S::default(); compiled.nq], S::LANES, 0, 0, max_contacts);
     group.bytes().div_ceil(S::LANES)
 }
@@ -38,7 +38,7 @@ pub(super) fn check_memory(num_envs: usize, bytes_per_env: usize) -> Result<(), 
 /// A link of a robot has four. A floating body has what a heap of its like brings it: half of the twelve balls that fit around a ball, or
 /// of the six faces of a box in a wall with four points each. Mechanisms whose parts lie on one another (a puzzle, a gripper of many
 /// meshes) have more all the time, and have them in their reset state or a keyframe.
-pub(super) fn room_for_contacts<S: Stepped>(model: &Model, compiled: &CompiledModel<S>, settings: &StepSettings, level: Level) -> usize {
+pub(super) fn room_for_contacts<S: LaneScalar>(model: &Model, compiled: &CompiledModel<S>, settings: &StepSettings, level: Level) -> usize {
     if let Some(n) = settings.max_contacts {
         return (n as usize).min(compiled.contact_points);
     }
@@ -60,7 +60,7 @@ pub(super) fn room_for_contacts<S: Stepped>(model: &Model, compiled: &CompiledMo
 }
 
 /// The most contacts that a step finds from the reset state or a keyframe; there may be more than `room`.
-fn contacts_at_start<S: Stepped>(
+fn contacts_at_start<S: LaneScalar>(
     model: &Model,
     compiled: &CompiledModel<S>,
     settings: &StepSettings,
@@ -92,7 +92,7 @@ fn contacts_at_start<S: Stepped>(
             let mut group = Group::new(compiled, &q, lanes, 1, 0, room);
             group.v.iter_mut().step_by(lanes).zip(v).for_each(|(to, &x)| *to = S::from_f64(x));
             worker.forget_state();
-            worker.run(&call, &mut group, BatchSlice { first: 0, share_first: 0, share: None });
+            worker.run(&call, &mut group, GroupPosition { first: 0, share_first: 0, share: None });
             most = most.max(group.contact_count[0] as usize);
             if group.status[0] & Status::CONTACTS_FULL.bits() == 0 || room == compiled.contact_points {
                 break;

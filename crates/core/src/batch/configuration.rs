@@ -4,7 +4,7 @@ use crate::actuation::{ActuatorPipelines, ActuatorSpec, memory};
 use crate::batch::capacity::{bytes_per_env, check_memory};
 use crate::batch::environments::{Batch, make_groups};
 use crate::batch::randomization::{Differences, ParameterOverrides};
-use crate::batch::worker::Stepped;
+use crate::batch::worker::LaneScalar;
 use crate::compile::CompiledModel;
 use crate::error::Error;
 use crate::model::Model;
@@ -37,7 +37,7 @@ pub trait Configuration {
     fn parameter_bytes(&self) -> usize;
 }
 
-impl<S: Stepped> Configuration for Batch<S> {
+impl<S: LaneScalar> Configuration for Batch<S> {
     fn settings(&self) -> &StepSettings {
         &self.settings
     }

@@ -3,10 +3,10 @@
 use crate::batch::configuration::Configuration;
 use crate::batch::environments::{Batch, Environments};
 use crate::batch::saving::Saving;
-use crate::batch::stepping::Stepping;
-use crate::batch::worker::Stepped;
+use crate::batch::stepping::BatchCalls;
+use crate::batch::worker::LaneScalar;
 
 /// A batch, whatever its precision: steps, what is given to all environments, one environment's state, and states as bytes.
-pub trait Engine: Stepping + Configuration + Environments + Saving + Send + Sync {}
+pub trait Engine: BatchCalls + Configuration + Environments + Saving + Send + Sync {}
 
-impl<S: Stepped> Engine for Batch<S> {}
+impl<S: LaneScalar> Engine for Batch<S> {}

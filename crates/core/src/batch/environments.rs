@@ -8,7 +8,7 @@ use crate::batch::capacity::{bytes_per_env, check_memory, room_for_contacts};
 use crate::batch::inputs::Field;
 use crate::batch::randomization::ParameterOverrides;
 use crate::batch::state::{Group, StoredContact};
-use crate::batch::worker::{Stepped, WorkerSpec};
+use crate::batch::worker::{LaneScalar, WorkerSpec};
 use crate::batch::worker_pool::WorkerPool;
 use crate::batch::worst_row::WorstRow;
 use crate::compile::CompiledModel;
@@ -72,7 +72,7 @@ pub trait Environments {
 }
 
 /// Environments in one scalar type.
-pub struct Batch<S: Stepped> {
+pub struct Batch<S: LaneScalar> {
     pub(super) compiled: CompiledModel<S>,
     pub(super) settings: StepSettings,
     pub(super) groups: Vec<Group<S>>,
@@ -85,7 +85,7 @@ pub struct Batch<S: Stepped> {
     pub(super) workers: WorkerPool<S>,
 }
 
-impl<S: Stepped> Batch<S> {
+impl<S: LaneScalar> Batch<S> {
     /// `num_envs` environments at the model's reset state. `threads` 0 means all that this process may use.
     ///
     /// # Errors
@@ -129,7 +129,7 @@ impl<S: Stepped> Batch<S> {
         (&self.groups[env / self.lanes], env % self.lanes)
     }
 
-    /// The same to write to: what workers still have of it is the state no more.
+    /// The same for writing; makes idle workers forget the state that they have kept, so that they load it again.
     pub(super) fn lane_mut(&mut self, env: usize) -> (&mut Group<S>, usize) {
         self.workers.idle_workers().iter_mut().for_each(|worker| worker.forget_state());
         (&mut self.groups[env / self.lanes], env % self.lanes)
@@ -137,7 +137,7 @@ impl<S: Stepped> Batch<S> {
 }
 
 /// Groups of environments at the model's reset state.
-pub(super) fn make_groups<S: Stepped>(
+pub(super) fn make_groups<S: LaneScalar>(
     model: &Model,
     compiled: &CompiledModel<S>,
     num_envs: usize,
@@ -152,7 +152,7 @@ pub(super) fn make_groups<S: Stepped>(
     (0..num_envs.div_ceil(lanes)).map(group).collect()
 }
 
-impl<S: Stepped> Environments for Batch<S> {
+impl<S: LaneScalar> Environments for Batch<S> {
     fn read(&self, field: Field, env: usize, out: &mut [f64]) {
         let (group, lane) = self.lane(env);
         let from = match field {

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::actuation::ActuatorPipelines;
 use crate::batch::environments::Batch;
 use crate::batch::state::Group;
-use crate::batch::worker::Stepped;
+use crate::batch::worker::LaneScalar;
 use crate::collision::contact_set::ContactId;
 use crate::error::StateMisfit;
 use crate::math::lanes::DelayLine;
@@ -32,7 +32,7 @@ struct SavedGroups<S> {
     groups: Vec<Group<S>>,
 }
 
-impl<S: Stepped> Saving for Batch<S> {
+impl<S: LaneScalar> Saving for Batch<S> {
     fn save(&self, env: Option<usize>, ctrl: &[f64]) -> Vec<u8> {
         let n = if env.is_some() { 1 } else { self.saved_lanes() };
         let first = match env {
@@ -67,7 +67,7 @@ impl<S: Stepped> Saving for Batch<S> {
     }
 }
 
-impl<S: Stepped> Batch<S> {
+impl<S: LaneScalar> Batch<S> {
     /// Refuses a state that is none of this batch's.
     fn check_saved(&self, saved: &SavedGroups<S>) -> Result<(), StateMisfit> {
         if saved.num_envs != self.num_envs && saved.num_envs != 1 {

@@ -25,7 +25,7 @@ use crate::batch::engine::Engine;
 use crate::batch::environments::Batch;
 use crate::batch::inputs::AppliedInputs;
 use crate::batch::randomization::Randomization;
-use crate::batch::worker::Stepped;
+use crate::batch::worker::LaneScalar;
 use crate::compile::{CompiledModel, LaneModel};
 use crate::error::Error;
 use crate::math::precision::Precision;
@@ -93,7 +93,7 @@ impl Simulation {
         check: bool,
     ) -> Result<Self, Error> {
         /// Environments in one scalar type.
-        fn engine<S: Stepped>(
+        fn engine<S: LaneScalar>(
             model: &Model,
             settings: StepSettings,
             num_envs: usize,

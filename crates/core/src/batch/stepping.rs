@@ -8,14 +8,14 @@ use crate::batch::inputs::StepInputs;
 use crate::batch::rollout::{Recording, Share};
 #[cfg(feature = "internals")]
 use crate::batch::worker::WorkerMakers;
-use crate::batch::worker::{BatchSlice, Query, Stepped};
+use crate::batch::worker::{GroupPosition, LaneScalar, Query};
 use crate::error::Error;
 
 /// Asked between the parts of a long call, on the thread that calls, whether it is to go on.
 pub(super) type Watch<'a> = Option<&'a mut dyn FnMut() -> bool>;
 
 /// Calls for all environments.
-pub trait Stepping {
+pub trait BatchCalls {
     /// Makes the steps of a schedule, `inputs.ctrl` being (controls, num_envs, nu) or (controls, nu), and writes down what follows each
     /// control. Returns how many steps were made, the same in every environment: fewer when the watch says so.
     ///
@@ -49,12 +49,13 @@ pub trait Stepping {
 /// Time between two looks at the watch of a long call, s: short beside the patience of somebody who wants it to end, long beside what
 /// sending the groups to the workers again takes.
 const PART: f64 = 0.05;
-/// Least time of a step on one thread per environment and degree of freedom, s: what makes a first part short enough.
+/// Lower bound on the time of a step on one thread, per environment and degree of freedom, s. It gives the number of steps of the first
+/// part, before anything was measured; later parts follow the measured rate.
 const LEAST_COST: f64 = 5e-8;
 /// Degrees of freedom times environments times steps of a brief call, at most.
 const BRIEF: usize = 10;
 
-impl<S: Stepped> Stepping for Batch<S> {
+impl<S: LaneScalar> BatchCalls for Batch<S> {
     fn make_steps(
         &mut self,
         inputs: &StepInputs<'_>,
@@ -121,7 +122,7 @@ impl<S: Stepped> Stepping for Batch<S> {
     }
 }
 
-impl<S: Stepped> Batch<S> {
+impl<S: LaneScalar> Batch<S> {
     fn call<'a>(&'a self, inputs: &StepInputs<'a>, schedule: Schedule, part: Part) -> Call<'a, S> {
         Call {
             compiled: &self.compiled,
@@ -196,7 +197,7 @@ impl<S: Stepped> Batch<S> {
         let mut groups = std::mem::take(&mut self.groups);
         let call = self.call(inputs, schedule, part);
         for (g, group) in groups.iter_mut().enumerate() {
-            worker.run(&call, group, BatchSlice { first: g * self.lanes, share_first: 0, share: shares.first_mut() });
+            worker.run(&call, group, GroupPosition { first: g * self.lanes, share_first: 0, share: shares.first_mut() });
         }
         self.groups = groups;
         self.workers.idle_workers().push(worker);
@@ -214,7 +215,11 @@ impl<S: Stepped> Batch<S> {
             |worker, (chunk, (groups, mut share))| {
                 let share_first = chunk * size * self.lanes;
                 for (g, group) in groups.iter_mut().enumerate() {
-                    worker.run(&call, group, BatchSlice { first: share_first + g * self.lanes, share_first, share: share.as_deref_mut() });
+                    worker.run(
+                        &call,
+                        group,
+                        GroupPosition { first: share_first + g * self.lanes, share_first, share: share.as_deref_mut() },
+                    );
                 }
             },
         );

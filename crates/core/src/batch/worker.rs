@@ -18,7 +18,7 @@ use crate::step::step;
 /// A thread's room to work, with the step compiled for its lanes and CPU level.
 pub trait Worker<S: Scalar>: Send {
     /// Makes the steps of `call` in one group.
-    fn run(&mut self, call: &Call<'_, S>, group: &mut Group<S>, at: BatchSlice<'_, '_, S>);
+    fn run(&mut self, call: &Call<'_, S>, group: &mut Group<S>, at: GroupPosition<'_, '_, S>);
     /// Reads the sensors of one group, whose first environment is `first`.
     fn sense(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, query: Query<'_>);
     /// Problem of one lane as the first solve of the steps of `call` finds it, as bytes; the group is used up.
@@ -52,7 +52,7 @@ pub struct WorkerMakers {
 }
 
 /// A scalar type with the lanes that step it.
-pub trait Stepped: Scalar + Serialize + DeserializeOwned {
+pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
     /// Lanes of a group in which states are saved, whatever steps them.
     const LANES: usize;
     /// Lanes of a single environment.
@@ -84,7 +84,7 @@ pub struct Query<'a> {
 
 /// Where a group is among the environments, and where it writes down what it does.
 #[derive(Debug)]
-pub struct BatchSlice<'a, 'b, S> {
+pub struct GroupPosition<'a, 'b, S> {
     /// Its first environment.
     pub first: usize,
     /// The first environment of the share.
@@ -95,17 +95,17 @@ pub struct BatchSlice<'a, 'b, S> {
 
 /// Largest mass matrix (entries, 128 bytes each in two registers) with which a step still works in the caches next to the core. Two
 /// registers make dm_control's humanoid (243) 4 to 6 % faster, humanoid_CMU (952) up to 4 % slower.
-const SMALL: usize = 512;
+const MAX_CACHED_ENTRIES: usize = 512;
 
 /// Lanes of one register, `n`, or of two where that takes less time: it takes as much as 1.8 times one (docs/performance.md). With the
 /// sixteen registers of AVX2 it would take 2.2 to 2.5 times.
 fn lanes<S: Scalar>(n: usize, compiled: &CompiledModel<S>, num_envs: usize, threads: usize, level: Level) -> usize {
     let groups = |lanes: usize| num_envs.div_ceil(lanes).div_ceil(threads);
-    let pays = compiled.chain.len() <= SMALL && 9 * groups(2 * n) <= 5 * groups(n);
+    let pays = compiled.chain.len() <= MAX_CACHED_ENTRIES && 9 * groups(2 * n) <= 5 * groups(n);
     if level == Level::Avx512 && pays { 2 * n } else { n }
 }
 
-impl Stepped for f64 {
+impl LaneScalar for f64 {
     const LANES: usize = 8;
     const SINGLE: usize = 1;
 
@@ -138,7 +138,7 @@ impl Stepped for f64 {
     }
 }
 
-impl Stepped for f32 {
+impl LaneScalar for f32 {
     const LANES: usize = 16;
     const SINGLE: usize = 16;
 
@@ -172,7 +172,7 @@ pub fn lane_worker<R: Real>(spec: &WorkerSpec<'_, R::Scalar>, probe: impl Probe)
     let compiled = LaneModel::new(spec.compiled);
     Box::new(LaneWorker {
         probe,
-        scratch: Workspace::<R>::new(&compiled, spec.settings, spec.max_contacts),
+        workspace: Workspace::<R>::new(&compiled, spec.settings, spec.max_contacts),
         senses: Senses::new(&compiled, spec.max_contacts, probe),
         compiled,
         flags: vec![0; R::LANES],
@@ -182,7 +182,7 @@ pub fn lane_worker<R: Real>(spec: &WorkerSpec<'_, R::Scalar>, probe: impl Probe)
 /// Where a worker steps and reads.
 struct LaneWorker<R: Real, P: Probe> {
     probe: P,
-    scratch: Workspace<R>,
+    workspace: Workspace<R>,
     senses: Senses<R, P>,
     /// The compiled model with the parameters of the group that is worked on.
     compiled: LaneModel<R>,
@@ -191,23 +191,23 @@ struct LaneWorker<R: Real, P: Probe> {
 }
 
 impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
-    fn run(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, at: BatchSlice<'_, '_, R::Scalar>) {
+    fn run(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, at: GroupPosition<'_, '_, R::Scalar>) {
         assert_eq!(group.lanes, R::LANES, "a worker steps groups of its own width");
-        let BatchSlice { first, share_first, mut share } = at;
+        let GroupPosition { first, share_first, mut share } = at;
         let probe = self.probe;
         probe.span(Span::Load, || self.load_overrides(call, first));
-        probe.span(Span::Sense, || self.senses.begin_observations(call, &self.compiled, group, first, &mut self.scratch));
+        probe.span(Span::Sense, || self.senses.begin_observations(call, &self.compiled, group, first, &mut self.workspace));
         probe.span(Span::Load, || self.load(call, group, first));
         for control in call.part.controls(call.schedule) {
-            probe.span(Span::Load, || load_control(call, control, first, &mut self.scratch));
+            probe.span(Span::Load, || load_control(call, control, first, &mut self.workspace));
             let steps = call.part.steps_of(control, call.schedule);
             let mut residual = R::zero();
             self.flags[..R::LANES].fill(0);
             if let (Some(share), true) = (&share, steps.start > 0) {
-                residual = share.resume(control, first - share_first, self.scratch.alive, &mut self.flags);
+                residual = share.resume(control, first - share_first, self.workspace.alive, &mut self.flags);
             }
             let residual = self.run_control(call, group, first, steps.len(), residual);
-            let Self { scratch: s, senses, compiled, flags, .. } = self;
+            let Self { workspace: s, senses, compiled, flags, .. } = self;
             if let Some(share) = &mut share {
                 let observed = share.has(Quantity::Observation);
                 let readings = if observed { probe.span(Span::Sense, || senses.readings(call, compiled, group, s)) } else { &[] };
@@ -220,20 +220,20 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
     fn sense(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, query: Query<'_>) {
         assert_eq!(group.lanes, R::LANES, "a worker reads groups of its own width");
         self.load_overrides(call, first);
-        let Self { scratch, senses, compiled, .. } = self;
-        senses.read(call, compiled, group, first, scratch, query.truth, query.out);
+        let Self { workspace, senses, compiled, .. } = self;
+        senses.read(call, compiled, group, first, workspace, query.truth, query.out);
     }
 
     fn problem(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, lane: usize) -> Vec<u8> {
-        self.scratch.current = false;
-        self.scratch.constraints.capture.lane = Some(lane);
-        self.run(call, group, BatchSlice { first, share_first: first, share: None });
-        self.scratch.current = false;
-        std::mem::take(&mut self.scratch.constraints.capture.bytes)
+        self.workspace.current = false;
+        self.workspace.constraints.capture.lane = Some(lane);
+        self.run(call, group, GroupPosition { first, share_first: first, share: None });
+        self.workspace.current = false;
+        std::mem::take(&mut self.workspace.constraints.capture.bytes)
     }
 
     fn forget_state(&mut self) {
-        self.scratch.current = false;
+        self.workspace.current = false;
     }
 }
 
@@ -242,27 +242,27 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
     fn load_overrides(&mut self, call: &Call<'_, R::Scalar>, first: usize) {
         if let Some(numbers) = call.overrides.numbers.get(first / R::LANES) {
             self.compiled.params.load_lanes(&call.overrides.places, numbers);
-            self.scratch.update_static_poses(&self.compiled);
+            self.workspace.update_static_poses(&self.compiled);
         }
     }
 
     /// Brings the state of a group and what the user says for the whole call into the workspace.
     fn load(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize) {
-        let s = &mut self.scratch;
+        let s = &mut self.workspace;
         if !s.current {
             load_state(group, s);
         }
         s.current = false;
         load_inputs(call, group, first, s);
         if call.part.from == 0 {
-            clear_faults::<R>(group);
+            clear_call_totals::<R>(group);
         }
         s.poses.exchange(&mut group.separation_cache);
     }
 
     /// Brings the state of a group back.
     fn store(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>) {
-        let s = &mut self.scratch;
+        let s = &mut self.workspace;
         s.poses.exchange(&mut group.separation_cache);
         if call.part.to > call.part.from {
             self.senses.remember(group, s);
@@ -277,7 +277,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
 
     /// Some steps of one control; adds their flags to those that are there, and returns their largest residual and that given.
     fn run_control(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, steps: usize, mut residual: R) -> R {
-        let Self { scratch: s, senses, compiled, flags, probe } = self;
+        let Self { workspace: s, senses, compiled, flags, probe } = self;
         let (h, flags, probe) = (call.settings.timestep, &mut flags[..R::LANES], *probe);
         let (mut depth, mut overshoot) = (R::load(&group.depth), R::load(&group.overshoot));
         for _ in 0..steps {
@@ -288,7 +288,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
                     pipelines.advance(
                         compiled,
                         first / R::LANES,
-                        &s.given,
+                        &s.user_controls,
                         state,
                         s.alive,
                         h,
@@ -348,7 +348,7 @@ fn count_saturated<R: Real>(compiled: &LaneModel<R>, s: &Workspace<R>, counts: &
 }
 
 /// Clears the counts and flags of the call before.
-fn clear_faults<R: Real>(group: &mut Group<R::Scalar>) {
+fn clear_call_totals<R: Real>(group: &mut Group<R::Scalar>) {
     group.status[..R::LANES].fill(0);
     group.worst[..R::LANES].fill(0);
     group.depth[..R::LANES].fill(R::Scalar::default());

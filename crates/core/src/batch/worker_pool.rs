@@ -4,11 +4,11 @@ use std::sync::Mutex;
 
 use stepper_real::Level;
 
-use crate::batch::worker::{MakeWorker, Stepped, Worker, WorkerSpec};
+use crate::batch::worker::{LaneScalar, MakeWorker, Worker, WorkerSpec};
 use crate::error::Error;
 
 /// Workers and the pool of threads that runs them, made at the first step and again after a fork.
-pub(super) struct WorkerPool<S: Stepped> {
+pub(super) struct WorkerPool<S: LaneScalar> {
     threads: usize,
     lanes: usize,
     level: Level,
@@ -18,7 +18,7 @@ pub(super) struct WorkerPool<S: Stepped> {
     pool: Option<(u32, rayon::ThreadPool)>,
 }
 
-impl<S: Stepped> WorkerPool<S> {
+impl<S: LaneScalar> WorkerPool<S> {
     /// No workers and no threads yet, for groups of `lanes` lanes.
     pub(super) fn new(threads: usize, lanes: usize, level: Level) -> Self {
         Self { threads, lanes, level, make: S::worker, idle: Mutex::new(Vec::new()), pool: None }

@@ -69,8 +69,8 @@ impl<R: Real> LaneModel<R> {
         if self.structure.geoms[a].is_plane { second } else { self.params.bounding_radius(a) + second }
     }
 
-    /// Way in which the geoms of a pair cannot pass through one another to where the nearest way out is on the far side, m; infinite if
-    /// they never do.
+    /// Relative displacement, m, up to which two geoms cannot penetrate one another so far that the shortest way out leads to the far side:
+    /// half the sum of their inscribed radii; infinite with a plane.
     #[inline(always)]
     pub fn tunnelling_distance(&self, [a, b]: [usize; 2]) -> R {
         R::of(0.5) * (self.params.inscribed_radius(a) + self.params.inscribed_radius(b))

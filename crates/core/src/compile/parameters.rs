@@ -59,9 +59,10 @@ parameter_rows! {
         size: [T; 3],
         /// Radius of a ball about the origin that holds the geom; infinite for a plane, m.
         bounding_radius: T,
-        /// Half the least width of the geom, infinite for what has one side only, m.
+        /// Half the least width of the geom, m: infinite for a plane, 0 for a surface, a tenth of the bounding radius for a mesh.
         inscribed_radius: T,
-        /// How far the geom reaches beyond the ball of that radius, which turning cannot be seen of, m.
+        /// Bounding radius less inscribed radius, 0 for a plane, m: the lever arm with which turning moves the geom's surface (0 for a
+        /// sphere, whose turning moves nothing).
         rotation_reach: T,
     }
 
@@ -220,13 +221,13 @@ impl<T: Copy> Params<T> {
         self.geom(geom).bounding_radius
     }
 
-    /// Half the least width of a geom, infinite for what has one side only, m.
+    /// Half the least width of a geom, m; see [`GeomParams`].
     #[inline(always)]
     pub fn inscribed_radius(&self, geom: usize) -> T {
         self.geom(geom).inscribed_radius
     }
 
-    /// How far a geom reaches beyond the ball of that radius, which turning cannot be seen of, m.
+    /// Lever arm with which turning moves a geom's surface, m; see [`GeomParams`].
     #[inline(always)]
     pub fn rotation_reach(&self, geom: usize) -> T {
         self.geom(geom).rotation_reach

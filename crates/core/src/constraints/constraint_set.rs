@@ -17,9 +17,9 @@ use crate::math::spatial::*;
 /// thousandth; the motion that it asks for is at most 1 / (2 sqrt(DAMPING)), 16 times what it would be if the row did.
 pub(crate) const DAMPING: f64 = 1e-3;
 
-/// Length over which a demand of positions bends its own row, m. The way that a step is to go, over this length, is more compliance: an arm
-/// that is stretched towards what it cannot reach would swing to and fro about the end of its reach without it (the curvature times what is
-/// left, which Gauss and Newton's linearisation leaves out; Nocedal & Wright 2006, section 10.3).
+/// Length over which a correction of positions turns its own row, m. The distance that a correction moves, over this length, is added to
+/// its relative compliance: an arm that is stretched towards what it cannot reach would swing to and fro about the end of its reach without
+/// it (the curvature times what is left, which Gauss and Newton's linearisation leaves out; Nocedal & Wright 2006, section 10.3).
 pub(crate) const ARM: f64 = 0.1;
 
 /// The constraint problem of a step, and which of the model's elements its rows belong to.
@@ -66,7 +66,7 @@ pub struct Constraints<R: Real> {
     pub rolling_slots: Vec<(usize, R::Mask, V3<R>)>,
     /// Squared lengths of the numbers that the rows of a block of equalities are differences of.
     pub(crate) sizes: Vec<R>,
-    /// Of those rows: h/2 J' v, J v and the velocity that corrects the error.
+    /// Of those rows: h/2 J' v, J v before the step, and the bias that corrects the error (minus a velocity).
     pub(crate) demands: Vec<[R; 3]>,
     pub(crate) column: Vec<V3<R>>,
     pub(crate) linear: Vec<V3<R>>,
@@ -95,7 +95,7 @@ pub(crate) struct Capture {
 
 /// Unknowns of the rows of a step, and the workspace of their solves.
 #[derive(Debug)]
-pub struct SolverRoom<'a, R: Real> {
+pub struct SolverWorkspace<'a, R: Real> {
     /// Impulses.
     pub iterate: &'a mut Iterate<R>,
     /// Newton's method.
@@ -221,7 +221,7 @@ fn room<S: Scalar>(compiled: &ModelStructure<S>, contacts: usize, lanes: usize) 
 impl<R: Real> Constraints<R> {
     /// What stage 4 has made, for stages that only read it, and what they work on.
     #[inline(always)]
-    pub fn split(&mut self) -> (AssembledRows<'_, R>, SolverRoom<'_, R>) {
+    pub fn split(&mut self) -> (AssembledRows<'_, R>, SolverWorkspace<'_, R>) {
         let Self { problem, owners, slots, rolling_slots, needs_position_solve, biased, rebounding, .. } = self;
         let rows = AssembledRows {
             problem,
@@ -233,7 +233,7 @@ impl<R: Real> Constraints<R> {
             rebounding: *rebounding,
         };
         let Self { iterate, newton, scalar_impulse, worst, capture, positions, floors, reference, islands, .. } = self;
-        (rows, SolverRoom { iterate, newton, scalar_impulse, worst, capture, positions, floors, reference, islands })
+        (rows, SolverWorkspace { iterate, newton, scalar_impulse, worst, capture, positions, floors, reference, islands })
     }
 
     /// Copies the rows for the position solve.
@@ -268,7 +268,7 @@ impl<R: Real> Constraints<R> {
             || {
                 mass.scale(compiled, change);
                 self.problem.shift(change, lanes);
-                self.keep_impacts(change, lanes);
+                self.undo_change_after_impacts(change, lanes);
             },
         )
     }

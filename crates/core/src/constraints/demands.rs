@@ -1,4 +1,5 @@
-//! The velocity that a row demands at the end of the step, its bias, from the distance that it closes or the overlap that it undoes.
+//! The bias of a row: minus the velocity that it demands at the end of the step, from its distance or its overlap. A row is g = (its free
+//! velocity) + bias, and asks for Y^T w + g >= 0 (for equalities = 0).
 
 use stepper_real::{Mask, Real};
 
@@ -10,7 +11,7 @@ use crate::options::{Stabilization, StepSettings};
 const LIMIT_RETURN: f64 = 10.0;
 
 impl<R: Real> Constraints<R> {
-    /// The bias of a contact's normal at distance `phi`: in the velocities, and when positions are solved apart.
+    /// The biases of a contact's normal row at distance `phi` (see the module): of the velocity solve and of the position solve.
     #[inline(always)]
     pub(crate) fn biases(&mut self, options: &StepSettings, phi: R, h: R, active: R::Mask) -> (R, R) {
         self.biases_up_to(options, options.max_correction_speed, phi, h, active)

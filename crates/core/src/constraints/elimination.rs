@@ -131,7 +131,7 @@ impl<R: Real> Constraints<R> {
             }
         }
         for n in 0..N {
-            let depends = rest[n].lt(whole[n] * R::of(dependence_threshold::<R>().max(PREVENTED)));
+            let depends = rest[n].lt(whole[n] * R::of(dependence_threshold::<R>().max(MIN_REMAINING_LENGTH)));
             if depends.any() {
                 for &d in &self.support {
                     let x = &mut self.column[d as usize][n];
@@ -185,7 +185,7 @@ impl<R: Real> Constraints<R> {
 
 /// Part of the squared length of a row that equalities leave, below which they prevent it: a contact whose normal they let move by a
 /// thousandth of what the bodies could has impulses a million times as large as it should, and nothing but rounding decides between them.
-const PREVENTED: f64 = 1e-6;
+const MIN_REMAINING_LENGTH: f64 = 1e-6;
 
 /// Squared lengths of rows in the metric of G.
 #[derive(Clone, Copy)]
@@ -203,7 +203,8 @@ impl<R: Real, const N: usize> Lengths<R, N> {
     }
 }
 
-/// How many times what is left of trace(G) it was: 1 where there is nothing, and exactly where nothing was taken.
+/// Ratio of trace(G) before the elimination of separate equalities to that after it; 1 where nothing is left, and exactly 1 where nothing
+/// was eliminated.
 #[inline(always)]
 pub(crate) fn times<R: Real>(whole: &[R], rest: &[R]) -> R {
     let [mut before, mut after] = [R::zero(); 2];

@@ -22,10 +22,10 @@ use crate::math::spatial::*;
 use crate::options::{Stabilization, StepSettings};
 
 /// Error that the position solve leaves alone, m or rad: far below what anyone measures, so that a loop at rest costs no second solve.
-const EXACT: f64 = 1e-11;
+const NEGLIGIBLE_ERROR: f64 = 1e-11;
 
 /// Three rows, or one in the first component.
-struct Rows<R: Real> {
+struct EqualityJacobian<R: Real> {
     error: V3<R>,
     /// J' v
     kappa: V3<R>,
@@ -67,8 +67,8 @@ impl<R: Real> Constraints<R> {
             self.add_equality(input, block, equality);
         }
         if block.hard {
-            // The way that the block is to go bends all its rows: a short demand along one that a long one turns away is met at the end of
-            // the step no more.
+            // The largest correction of the block, as a distance, adds compliance to all its rows: so long a motion turns the other rows'
+            // directions, which a linearised solve does not know, and their demands would no longer be met at the end of the step.
             let way = self.demands.iter().fold(R::zero(), |most, demand| most.max(demand[2].abs())) * input.assembly.h;
             let split = input.options.stabilization == Stabilization::Split;
             let damping = if split { R::of(DAMPING) + way * R::of(1.0 / ARM) } else { R::zero() };
@@ -78,11 +78,11 @@ impl<R: Real> Constraints<R> {
                 &mut self.demands,
                 #[inline(always)]
                 |row, [_, _, correction]| {
-                    // Baumgarte's bias is what it is: see `restrain` of stage 8.
+                    // Baumgarte's bias is what it is: see `limit_baumgarte` of stage 8.
                     *correction = row.damp_correction(damping, *correction);
                 },
             );
-            self.hold(input.options, start);
+            self.set_equality_targets(input.options, start);
         }
     }
 
@@ -91,7 +91,7 @@ impl<R: Real> Constraints<R> {
     /// The work of such a row's impulse is (t^2 - (J v)^2) / 2 G when it asks for J v+ = t: asking for no more than there was, nothing is
     /// gained, not even where a loop straightens and the curvature knows no bounds.
     #[inline(always)]
-    fn hold(&mut self, options: &StepSettings, start: usize) {
+    fn set_equality_targets(&mut self, options: &StepSettings, start: usize) {
         for (k, &[curve, before, correction]) in self.demands.iter().enumerate() {
             let row = &mut self.problem.scalars[start + k];
             let most = before.abs();
@@ -112,17 +112,17 @@ impl<R: Real> Constraints<R> {
     fn add_equality(&mut self, input: RowInput<'_, R>, block: &EqualityBlock<R::Scalar>, equality: &CompiledEquality<R::Scalar>) {
         match &equality.rows {
             EqualityRows::Points { frames, anchors, turn } => {
-                self.move_own(equality);
+                self.use_own_support(equality);
                 let rows = self.connect_points(input, *frames, *anchors);
                 self.push_rows::<3>(input, block, equality, 0, &rows);
                 if let Some((mats, weight)) = turn {
-                    self.move_own(equality);
+                    self.use_own_support(equality);
                     let rows = self.align(input, *frames, mats, R::splat(*weight));
                     self.push_rows::<3>(input, block, equality, 3, &rows);
                 }
             }
             EqualityRows::Coupling { first, second, polynomial } => {
-                self.move_own(equality);
+                self.use_own_support(equality);
                 let rows = self.couple_joints(input, first, second.as_ref(), splat(*polynomial));
                 self.push_rows::<1>(input, block, equality, 0, &rows);
             }
@@ -131,14 +131,14 @@ impl<R: Real> Constraints<R> {
 
     /// Makes `support` what an equality moves itself.
     #[inline(always)]
-    fn move_own(&mut self, equality: &CompiledEquality<R::Scalar>) {
+    fn use_own_support(&mut self, equality: &CompiledEquality<R::Scalar>) {
         self.support.clear();
         self.support.extend_from_slice(&equality.support);
     }
 
     /// Makes `support` that of all rows of a block, with zeros in `column` where an equality moves nothing itself.
     #[inline(always)]
-    fn move_all(&mut self, block: &EqualityBlock<R::Scalar>, equality: &CompiledEquality<R::Scalar>) {
+    fn use_block_support(&mut self, block: &EqualityBlock<R::Scalar>, equality: &CompiledEquality<R::Scalar>) {
         let mut own = equality.support.iter().peekable();
         for &d in &block.support {
             if own.next_if_eq(&&d).is_none() {
@@ -151,7 +151,7 @@ impl<R: Real> Constraints<R> {
 
     /// Two points meet: error p0 - p1 (MuJoCo's `mjEQ_CONNECT`). Leaves J in `column`.
     #[inline(always)]
-    fn connect_points(&mut self, input: RowInput<'_, R>, frames: [usize; 2], anchors: [[R::Scalar; 3]; 2]) -> Rows<R> {
+    fn connect_points(&mut self, input: RowInput<'_, R>, frames: [usize; 2], anchors: [[R::Scalar; 3]; 2]) -> EqualityJacobian<R> {
         let RowInput { compiled, kinematics, .. } = input;
         let points = [kinematics.point(frames[0], splat(anchors[0])), kinematics.point(frames[1], splat(anchors[1]))];
         let mut size = R::zero();
@@ -172,13 +172,13 @@ impl<R: Real> Constraints<R> {
         }
         let kappa = sub(acceleration(input, frames[0], points[0]), acceleration(input, frames[1], points[1]));
         let bodies = compiled.mobility(frames[0]) + compiled.mobility(frames[1]);
-        Rows { error: sub(points[0], points[1]), kappa, size, bodies }
+        EqualityJacobian { error: sub(points[0], points[1]), kappa, size, bodies }
     }
 
     /// Two orientations agree: error is the rotation vector from the second to the first in world axes, times the weight. (MuJoCo's
     /// `mjEQ_WELD` takes the sine of half its length; the manifold is the same.) Leaves J in `column`.
     #[inline(always)]
-    fn align(&mut self, input: RowInput<'_, R>, frames: [usize; 2], mats: &[[R::Scalar; 9]; 2], weight: R) -> Rows<R> {
+    fn align(&mut self, input: RowInput<'_, R>, frames: [usize; 2], mats: &[[R::Scalar; 9]; 2], weight: R) -> EqualityJacobian<R> {
         let RowInput { compiled, kinematics, .. } = input;
         let mut size = R::zero();
         for &d in &self.support {
@@ -197,7 +197,7 @@ impl<R: Real> Constraints<R> {
         let second = mat_mul(&kinematics.mat[frames[1]], &splat(mats[1]));
         let turn = quat_log(mat_to_quat(&mat_mul_transposed(&first, &second)));
         let kappa = sub(angular_acceleration(input, frames[0]), angular_acceleration(input, frames[1]));
-        Rows { error: scale(turn, weight), kappa: scale(kappa, weight), size: size * weight * weight, bodies: R::zero() }
+        EqualityJacobian { error: scale(turn, weight), kappa: scale(kappa, weight), size: size * weight * weight, bodies: R::zero() }
     }
 
     /// x - ref = polynomial(y - ref) (MuJoCo's `mjEQ_JOINT` and `mjEQ_TENDON`). Leaves J in `column`.
@@ -208,7 +208,7 @@ impl<R: Real> Constraints<R> {
         first: &Combination<R::Scalar>,
         second: Option<&Combination<R::Scalar>>,
         c: [R; 5],
-    ) -> Rows<R> {
+    ) -> EqualityJacobian<R> {
         let assembly = input.assembly;
         for &d in &self.support {
             self.column[d as usize] = zero();
@@ -224,7 +224,7 @@ impl<R: Real> Constraints<R> {
             kappa = -(bend * second.rate(assembly.v).square());
             size += self.add_terms(input, second, -slope);
         }
-        Rows { error: [error, R::zero(), R::zero()], kappa: [kappa, R::zero(), R::zero()], size, bodies: R::zero() }
+        EqualityJacobian { error: [error, R::zero(), R::zero()], kappa: [kappa, R::zero(), R::zero()], size, bodies: R::zero() }
     }
 
     /// Adds a combination's Jacobian, times `factor`, to the first row; returns the squared length of what it adds.
@@ -247,7 +247,7 @@ impl<R: Real> Constraints<R> {
         block: &EqualityBlock<R::Scalar>,
         equality: &CompiledEquality<R::Scalar>,
         first: usize,
-        rows: &Rows<R>,
+        rows: &EqualityJacobian<R>,
     ) {
         let AssemblyInput { v_free, v, h, alive, .. } = *input.assembly;
         let (mut free, mut before) = ([R::zero(); 3], [R::zero(); 3]);
@@ -257,16 +257,16 @@ impl<R: Real> Constraints<R> {
             before = add_scaled(before, self.column[d], v[d]);
         }
         self.half_solve::<N>(input.compiled, input.mass);
-        self.move_all(block, equality);
+        self.use_block_support(block, equality);
         self.tie(input.compiled);
         let correction = self.correct(input.options, rows, h, alive);
-        let mut laws = [AffineForce { g: [R::zero(); 2], compliance: R::zero(), active: alive, bounds: free_bounds() }; N];
+        let mut laws = [RowLaw { g: [R::zero(); 2], compliance: R::zero(), active: alive, bounds: free_bounds() }; N];
         let mut g = [[R::zero(); 2]; N];
         for k in 0..N {
             laws[k].g = [free[k]; 2];
             if let Some(spring) = &equality.spring {
                 let (error, before, free, gram) = (rows.error[k], before[k], free[k], self.gram(input.mass, k));
-                laws[k] = law_of(input.options, spring, SpringRow { error, before, free, gram, taut: alive }, h, alive);
+                laws[k] = spring_law(input.options, spring, SpringRow { error, before, free, gram, taut: alive }, h, alive);
             }
             g[k] = laws[k].g;
         }
@@ -280,9 +280,9 @@ impl<R: Real> Constraints<R> {
         }
         mobility = mobility * R::of(1.0 / N as f64) + rows.bodies;
         for k in 0..N {
-            self.push_row(input.mass, k, equality.owner + first + k, &AffineForce { g: g[k], ..laws[k] });
+            self.push_row(input.mass, k, equality.owner + first + k, &RowLaw { g: g[k], ..laws[k] });
             if let Some(lengths) = &lengths {
-                self.measure(laws[k].compliance, lengths.whole[k], lengths.rest[k]);
+                self.set_trace_ratio(laws[k].compliance, lengths.whole[k], lengths.rest[k]);
             }
             self.problem.scalars.set_mobility(mobility);
             if equality.spring.is_some() {
@@ -293,13 +293,13 @@ impl<R: Real> Constraints<R> {
         }
     }
 
-    /// The velocity that takes a part of the error away.
+    /// The bias, minus the velocity that takes a part of the error away: +rate * error, with a bounded speed.
     #[inline(always)]
-    fn correct(&mut self, options: &StepSettings, rows: &Rows<R>, h: R, alive: R::Mask) -> V3<R> {
+    fn correct(&mut self, options: &StepSettings, rows: &EqualityJacobian<R>, h: R, alive: R::Mask) -> V3<R> {
         let middle = if options.integrator.in_the_middle() { 0.125 } else { 0.0 };
         let error = sub(rows.error, scale(rows.kappa, h * h * R::of(middle)));
         let length = norm(error);
-        let wrong = length.gt(R::of(EXACT));
+        let wrong = length.gt(R::of(NEGLIGIBLE_ERROR));
         match options.stabilization {
             Stabilization::Split => self.needs_position_solve = self.needs_position_solve.or(alive.and(wrong)),
             Stabilization::Baumgarte => self.biased = self.biased.or(alive.and(wrong)),
@@ -322,25 +322,25 @@ impl<R: Real> Constraints<R> {
 
     /// Adds the first component of `column` on `support` as a scalar row.
     #[inline(always)]
-    pub(crate) fn add_row(&mut self, mass: &MassMatrix<R>, owner: usize, law: AffineForce<R>) {
+    pub(crate) fn add_row(&mut self, mass: &MassMatrix<R>, owner: usize, law: RowLaw<R>) {
         let mut g = [law.g];
         let lengths = self.eliminate(mass, &mut g);
-        self.push_row(mass, 0, owner, &AffineForce { g: g[0], ..law });
+        self.push_row(mass, 0, owner, &RowLaw { g: g[0], ..law });
         if let Some(lengths) = lengths {
-            self.measure(law.compliance, lengths.whole[0], lengths.rest[0]);
+            self.set_trace_ratio(law.compliance, lengths.whole[0], lengths.rest[0]);
         }
         self.problem.scalars.set_position_demand(g[0][1]);
     }
 
     /// Says by what the residual of the row pushed last is measured: its squared length before and after equalities were taken out.
     #[inline(always)]
-    fn measure(&mut self, compliance: R, whole: R, rest: R) {
+    fn set_trace_ratio(&mut self, compliance: R, whole: R, rest: R) {
         self.problem.scalars.set_trace_ratio(times(&[whole, compliance], &[rest, compliance]));
     }
 
     /// Pushes component `k` of `column` on `support` as a scalar row.
     #[inline(always)]
-    fn push_row(&mut self, mass: &MassMatrix<R>, k: usize, owner: usize, law: &AffineForce<R>) {
+    fn push_row(&mut self, mass: &MassMatrix<R>, k: usize, owner: usize, law: &RowLaw<R>) {
         let column = &self.column;
         self.problem.scalars.push(
             &self.support,
@@ -358,9 +358,9 @@ impl<R: Real> Constraints<R> {
     }
 }
 
-/// What a scalar row obeys.
+/// Law of a scalar row: right-hand side, compliance, lanes, bounds of its impulse.
 #[derive(Clone, Copy)]
-pub(crate) struct AffineForce<R: Real> {
+pub(crate) struct RowLaw<R: Real> {
     /// Its velocity before any impulse with its bias: of the step, and when positions are solved apart.
     pub(crate) g: [R; 2],
     pub(crate) compliance: R,
@@ -377,8 +377,8 @@ fn free_bounds<R: Real>() -> [R; 2] {
 
 /// The law of a limit that is left at the velocity `free`, with its biases in the velocities and when positions are solved apart.
 #[inline(always)]
-pub(crate) fn limit_law<R: Real>(free: R, [velocity, position]: [R; 2], active: R::Mask) -> AffineForce<R> {
-    AffineForce { g: [free + velocity, free + position], compliance: R::zero(), active, bounds: [R::zero(), R::of(f64::INFINITY)] }
+pub(crate) fn limit_law<R: Real>(free: R, [velocity, position]: [R; 2], active: R::Mask) -> RowLaw<R> {
+    RowLaw { g: [free + velocity, free + position], compliance: R::zero(), active, bounds: [R::zero(), R::of(f64::INFINITY)] }
 }
 
 /// What a spring's row is made from: its error, its velocities before the step and free, and its diagonal entry of G.
@@ -405,13 +405,13 @@ pub(crate) struct SpringRow<R: Real> {
 /// tree: k J^T J in it would join all joints of a tendon with one another. The midpoint rule does not damp what is too stiff for the step,
 /// so it goes over to Euler's by s = z^2 / (1 + z^2), z = G (h^2 k/4 + h d/2), which keeps its second order.
 #[inline(always)]
-pub(crate) fn law_of<R: Real>(
+pub(crate) fn spring_law<R: Real>(
     options: &StepSettings,
     spring: &Spring<R::Scalar>,
     row: SpringRow<R>,
     h: R,
     alive: R::Mask,
-) -> AffineForce<R> {
+) -> RowLaw<R> {
     let k = R::select(row.taut, R::splat(spring.stiffness) * h, R::zero());
     let (d, a) = (R::splat(spring.damping) * h, R::splat(spring.inertia));
     let (quarter, half) = (h * k * R::of(0.25), d * R::of(0.5));
@@ -425,7 +425,7 @@ pub(crate) fn law_of<R: Real>(
     let p = k * row.error + ((half - quarter) * early - a) * row.before;
     let active = alive.and(q.gt(R::zero()));
     let compliance = R::one() / R::select(active, q, R::one());
-    AffineForce { g: [row.free + p * compliance; 2], compliance, active, bounds: free_bounds() }
+    RowLaw { g: [row.free + p * compliance; 2], compliance, active, bounds: free_bounds() }
 }
 
 /// Whether a dof moves a frame.

@@ -5,8 +5,9 @@ use stepper_real::{Mask, Real};
 use crate::collision::contact_set::Contacts;
 use crate::compile::ModelStructure;
 
-/// Contacts between two bodies from which on their forces are not determined: three have nine rows, a body moves in six ways.
-const SHARED: usize = 3;
+/// Number of contacts between two bodies from which on their forces are not determined: three contacts have nine unknown force components,
+/// a rigid body gives six equations.
+const MIN_SHARED_CONTACTS: usize = 3;
 
 /// Lanes in which a loose body touches another one at so many points.
 ///
@@ -23,7 +24,7 @@ pub(crate) fn lanes<R: Real>(compiled: &ModelStructure<R::Scalar>, contacts: &Co
             let frames = geoms.map(|g| compiled.geoms[g].frame);
             count = if frames == last { count + 1 } else { 1 };
             last = frames;
-            count >= SHARED && frames.iter().any(|&f| f > 0 && compiled.floating.get(f - 1) == Some(&true))
+            count >= MIN_SHARED_CONTACTS && frames.iter().any(|&f| f > 0 && compiled.floating.get(f - 1) == Some(&true))
         })
     };
     R::Mask::from_bits((0..R::LANES).fold(0, |bits, l| bits | u32::from(shares(l)) << l))

@@ -15,7 +15,7 @@ use stepper_real::{Mask, Real};
 use crate::options::StepSettings;
 
 /// Part of a step after its end in which an impact still counts as one of it.
-const END: f64 = 1e-6;
+const END_TOLERANCE: f64 = 1e-6;
 
 /// The flight of a contact through a step.
 #[derive(Clone, Copy, Debug)]
@@ -34,7 +34,7 @@ pub struct Flight<R> {
 
 /// What an elastic contact does in a step.
 #[derive(Clone, Copy, Debug)]
-pub struct Meeting<R: Real> {
+pub struct ImpactPrediction<R: Real> {
     /// Lanes in which it strikes fast enough to bounce.
     pub strikes: R::Mask,
     /// Lanes in which it touches and parts: an impact elsewhere may drive it together, and is shared.
@@ -50,7 +50,7 @@ impl<R: Real> Flight<R> {
     ///
     /// A bounce whose flight is shorter than a step is none: it rests, which leaves out heights of (a h^2) / 8, of second order.
     #[inline(always)]
-    pub fn meeting(&self, options: &StepSettings, gravity: R, e: R, lanes: R::Mask) -> Meeting<R> {
+    pub fn predict(&self, options: &StepSettings, gravity: R, e: R, lanes: R::Mask) -> ImpactPrediction<R> {
         let Self { gap, before, free, lead, h } = *self;
         let (zero, one, two) = (R::zero(), R::one(), R::of(2.0));
         let (slop, threshold) = (R::of(options.slop), R::of(options.restitution_threshold));
@@ -63,7 +63,7 @@ impl<R: Real> Flight<R> {
         let late = R::select(falls, two * start / R::select(falls, speed - before, one), (before + speed) / R::select(sinks, -change, one));
         let overlaps = falls.and(start.le(zero));
         // What strikes at the very end of the step is not to be lost by rounding when it is looked at again from there.
-        let meets = falls.or(sinks).and(square.ge(zero)).and(late.le(h * R::of(1.0 + END))).or(overlaps);
+        let meets = falls.or(sinks).and(square.ge(zero)).and(late.le(h * R::of(1.0 + END_TOLERANCE))).or(overlaps);
         let time = late.max(zero).min(h);
         let speed = -(before + change * time);
         let flies = (e * speed).gt((-change).max(zero) * h * R::of(0.5));
@@ -74,7 +74,7 @@ impl<R: Real> Flight<R> {
         let near = before.abs().le(threshold).and(gap.le(h * (threshold + h * gravity) + slop));
         let lies = touches.and(gap.lt(zero).or(here.abs().le(threshold)));
         let rests = lanes.and(meets.or(lies).or(near)).and_not(strikes).and_not(parts);
-        Meeting { strikes, parts, rests, time: R::select(strikes, time, lead) }
+        ImpactPrediction { strikes, parts, rests, time: R::select(strikes, time, lead) }
     }
 }
 
@@ -84,9 +84,9 @@ mod tests {
     use crate::math::precision::Precision;
     use crate::options::Options;
 
-    fn meeting(gap: f64, before: f64, free: f64, e: f64) -> Meeting<f64> {
+    fn predict(gap: f64, before: f64, free: f64, e: f64) -> ImpactPrediction<f64> {
         let options = Options::default().resolve(0.01, Precision::F64);
-        Flight { gap, before, free, lead: 0.005, h: 0.01 }.meeting(&options, 9.81, e, <f64 as Real>::Mask::splat(true))
+        Flight { gap, before, free, lead: 0.005, h: 0.01 }.predict(&options, 9.81, e, <f64 as Real>::Mask::splat(true))
     }
 
     #[test]
@@ -94,7 +94,7 @@ mod tests {
         // From the height H at the beginning of the step, at the speed v: H - v t - g t^2 / 2 = 0.
         let (v, t) = (1.0, 0.004);
         let height = v * t + 9.81 * t * t / 2.0;
-        let found = meeting(height - v * 0.005, -v, -v - 9.81 * 0.01, 0.5);
+        let found = predict(height - v * 0.005, -v, -v - 9.81 * 0.01, 0.5);
         assert!(found.strikes.any() && (found.time - t).abs() < 1e-15);
     }
 
@@ -102,16 +102,16 @@ mod tests {
     fn a_throw_strikes_when_it_has_come_back() {
         // Up from the surface at v, it is back after 2 v / g; that it was there at the beginning is no impact.
         let v = 9.81 * 0.008 / 2.0;
-        let found = meeting(v * 0.005, v, v - 9.81 * 0.01, 1.0);
+        let found = predict(v * 0.005, v, v - 9.81 * 0.01, 1.0);
         assert!(found.rests.any(), "its flight is shorter than a step");
-        let found = meeting(v * 0.005 + 2e-4, v, v - 9.81 * 0.01, 1.0);
+        let found = predict(v * 0.005 + 2e-4, v, v - 9.81 * 0.01, 1.0);
         assert!(found.strikes.none() && found.time == 0.005, "it comes down later");
     }
 
     #[test]
     fn what_overlaps_strikes_at_once_where_it_closes_and_never_where_it_parts() {
-        assert_eq!(meeting(-0.02, -1.0, -1.1, 0.5).time, 0.0);
-        let parting = meeting(-0.02, 1.0, 0.9, 0.5);
+        assert_eq!(predict(-0.02, -1.0, -1.1, 0.5).time, 0.0);
+        let parting = predict(-0.02, 1.0, 0.9, 0.5);
         assert!(parting.strikes.none() && parting.parts.any());
     }
 
@@ -120,14 +120,14 @@ mod tests {
         let options = Options::default().resolve(0.02, Precision::F64);
         for gap in [-1e-17, 0.0, 1e-17, 1e-12] {
             let flight = Flight { gap, before: -0.5, free: -0.5, lead: 0.02, h: 0.02 };
-            let found: Meeting<f64> = flight.meeting(&options, 0.0, 1.0, <f64 as Real>::Mask::splat(true));
+            let found: ImpactPrediction<f64> = flight.predict(&options, 0.0, 1.0, <f64 as Real>::Mask::splat(true));
             assert!(found.strikes.any() && found.time <= 0.02, "{gap}");
         }
     }
 
     #[test]
     fn what_lies_rests() {
-        let found = meeting(-1e-6, 0.0, -9.81 * 0.01, 1.0);
+        let found = predict(-1e-6, 0.0, -9.81 * 0.01, 1.0);
         assert!(found.rests.any() && found.strikes.none());
     }
 }

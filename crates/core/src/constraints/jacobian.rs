@@ -121,8 +121,9 @@ impl<R: Real> Constraints<R> {
         R::select(R::Mask::from_bits(plus), R::one(), R::zero()) - R::select(R::Mask::from_bits(minus), R::one(), R::zero())
     }
 
-    /// J of a contact's rows (n, t1, t2), left in `column`; returns its velocities, free and before the step. `surface` is the velocity
-    /// that the surfaces have of themselves, the second's against the first's.
+    /// Leaves J of a contact's rows (n, t1, t2) in `column`. Returns the relative velocity of its surfaces along the three axes with the
+    /// free velocity, and with the velocity before the step along the normal alone (zeros for the others). Both include the surfaces' own
+    /// motion (conveyor belts), the second's relative to the first's.
     #[inline(always)]
     pub(crate) fn contact_columns(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> [V3<R>; 2] {
         let RowInput { compiled, kinematics, assembly, .. } = input;

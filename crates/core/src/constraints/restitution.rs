@@ -71,9 +71,10 @@ impl<R: Real> Constraints<R> {
         (R::select(bounces, e * free, bias), stays)
     }
 
-    /// The law of the midpoint rule, in place of the `demands` of a contact that does not bounce. The rows have the velocity `free` without
-    /// constraints, which loops that are taken out make what the demands are without the `bias`, and change by `change` from that before
-    /// the step. Returns the lanes that have the rows. A kernel of its own, as [`Constraints::add_curve`].
+    /// The law of the midpoint rule, in place of the `demands` of a contact that does not bounce. `free` are the rows' velocities without
+    /// constraints before separate equalities were eliminated, `change` what the free motion changed of them in the step; after the
+    /// elimination the free velocity is `demands` less the normal's `bias`. Returns the lanes that have the rows. A kernel of its own, as
+    /// [`Constraints::add_curve`].
     #[inline(never)]
     pub(crate) fn bounce_within(
         &mut self,
@@ -97,7 +98,7 @@ impl<R: Real> Constraints<R> {
                 let before = sub(free, change);
                 let held = [demands[0][0] - bias, demands[1][0], demands[2][0]];
                 let flight = Flight { gap: slot.point.distance, before: before[0], free: held[0], lead: assembly.lead, h: assembly.h };
-                let meeting = flight.meeting(options, norm(compiled.params.gravity()), e, elastic);
+                let meeting = flight.predict(options, norm(compiled.params.gravity()), e, elastic);
                 let bounces = meeting.strikes.or(meeting.parts);
                 let (share, factor) = (meeting.time / assembly.h, e + R::one());
                 let at = add_scaled(before, sub(held, before), share);
@@ -125,7 +126,7 @@ impl<R: Real> Constraints<R> {
 
     /// Takes back, of a `change` (scaled) of the velocity after the step, what came after the impacts.
     #[inline(always)]
-    pub(crate) fn keep_impacts(&mut self, change: &[R], lanes: R::Mask) {
+    pub(crate) fn undo_change_after_impacts(&mut self, change: &[R], lanes: R::Mask) {
         let Self { problem, impacts, .. } = self;
         shift_impacts(
             impacts,
@@ -172,7 +173,7 @@ impl<R: Real> Constraints<R> {
     /// before is pushed out where it does not leave fast enough by itself. Leaves in `moved` the velocity that would carry the positions as
     /// far in a step as the impulses do, from where the step is taken, `lead` seconds after its beginning: beyond the velocity after the
     /// step, for the rest of it.
-    pub fn set_impacts_aside(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, [h, lead]: [R; 2], lanes: R::Mask, moved: &mut [R]) {
+    pub fn remove_impacts(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, [h, lead]: [R; 2], lanes: R::Mask, moved: &mut [R]) {
         R::vectorize(
             #[inline(always)]
             || {

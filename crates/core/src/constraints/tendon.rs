@@ -4,7 +4,7 @@ use stepper_real::{Mask, Real};
 
 use crate::compile::CompiledTendon;
 use crate::constraints::constraint_set::Constraints;
-use crate::constraints::equality::{AffineForce, RowInput, SpringRow, law_of, limit_law};
+use crate::constraints::equality::{RowInput, RowLaw, SpringRow, limit_law, spring_law};
 use crate::constraints::limits::LIMIT_SLACK;
 use crate::dynamics::kinematics::quat_at;
 use crate::math::spatial::*;
@@ -26,12 +26,12 @@ impl<R: Real> Constraints<R> {
                         self.tendon_columns(input, tendon, R::one());
                         let gram = self.gram(input.mass, 0);
                         let row = SpringRow { error: stretch, before, free, gram, taut };
-                        let law = law_of(input.options, spring, row, assembly.h, assembly.alive);
+                        let law = spring_law(input.options, spring, row, assembly.h, assembly.alive);
                         self.add_row(input.mass, tendon.owner + 2, law);
                     }
                     if tendon.friction > <R::Scalar as Default>::default() {
                         let most = R::splat(tendon.friction) * assembly.h;
-                        let law = AffineForce { g: [free; 2], compliance: R::zero(), active: assembly.alive, bounds: [-most, most] };
+                        let law = RowLaw { g: [free; 2], compliance: R::zero(), active: assembly.alive, bounds: [-most, most] };
                         self.tendon_columns(input, tendon, R::one());
                         self.add_row(input.mass, tendon.owner + 1, law);
                     }

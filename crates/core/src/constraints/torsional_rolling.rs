@@ -17,13 +17,13 @@ impl<R: Real> Constraints<R> {
             #[inline(always)]
             || {
                 self.gather_support(input.compiled, contacts, k, lanes);
-                self.push_wide(input, contacts, k, lanes);
+                self.push_rolling_contact_row(input, contacts, k, lanes);
             },
         )
     }
 
     #[inline(always)]
-    fn push_wide(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
+    fn push_rolling_contact_row(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
         let (compiled, mass, assembly) = (input.compiled, input.mass, input.assembly);
         let (slot, active) = (&contacts.data[k], R::Mask::from_bits(lanes));
         let mut friction = Friction::of(compiled, contacts, k, lanes);
@@ -67,7 +67,7 @@ impl<R: Real> Constraints<R> {
             [slides[0][0], slides[1][0], slides[2][0], turns[0][0], turns[1][0], turns[2][0]],
         );
         if let (Some(sliding), Some(turned)) = (sliding, turned) {
-            let (whole, rest) = ([rubbed(sliding.whole, rub), turned.whole], [rubbed(sliding.rest, rub), turned.rest]);
+            let (whole, rest) = ([scale_tangents(sliding.whole, rub), turned.whole], [scale_tangents(sliding.rest, rub), turned.rest]);
             self.problem.rolling_contacts.set_trace_ratio(times(whole.as_flattened(), rest.as_flattened()));
         }
         let change = |[velocity, position]: [R; 2]| position - velocity;
@@ -161,6 +161,6 @@ pub(crate) fn rolling_lanes<R: Real>(compiled: &LaneModel<R>, contacts: &Contact
 
 /// What belongs to the tangents, in the units of their scaled rows.
 #[inline(always)]
-fn rubbed<R: Real>([n, a, b]: V3<R>, rub: R) -> V3<R> {
+fn scale_tangents<R: Real>([n, a, b]: V3<R>, rub: R) -> V3<R> {
     [n, a * rub, b * rub]
 }

@@ -13,8 +13,8 @@ use crate::options::StepSettings;
 /// Residual from which on impulses may be anything, m/s: energy is kept from growing by them, as in steps that are too long.
 const UNSOLVED: f64 = 1e-2;
 
-/// Lanes whose impulses do not decide what becomes of their energy: the residual is large, or it is small beside velocities but not beside
-/// what enormous impulses make of it.
+/// Lanes whose impulses cannot be trusted with the energy: the residual is large, or it is small beside velocities but not beside what
+/// enormous impulses make of it.
 pub(crate) fn undecided<R: Real>(options: &StepSettings, s: &Workspace<R>, residual: R) -> R::Mask {
     let Constraints { problem, iterate, constrained, .. } = &s.constraints;
     R::vectorize(

@@ -10,7 +10,7 @@ use crate::integrators::step_resolution::unresolved;
 use crate::integrators::workspace::Workspace;
 use crate::probe::{Probe, Span};
 use crate::stages::s01_actuate::actuate;
-use crate::stages::s05_solve::{estimate, forget_estimate};
+use crate::stages::s05_solve::{estimate, restore_hyperstatic_impulses};
 
 /// Compares where servos are on their bounds with what an estimate of the impulses says, which takes the place of those of the last step
 /// where the two differ. Returns whether they do in any lane.
@@ -44,7 +44,7 @@ pub(crate) fn reconsider_servos<R: Real>(compiled: &LaneModel<R>, scheme: &Schem
             },
         );
     }
-    forget_estimate(lanes, &mut s.constraints);
+    restore_hyperstatic_impulses(lanes, &mut s.constraints);
     wrong.any()
 }
 
@@ -61,7 +61,7 @@ pub(crate) fn correct_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R
     s.constraints.impulse_change(compiled, &s.free_motion.smooth.mass, &mut s.work.impulse_change);
     leave_out_blows(scheme, &s.free_motion.v, &mut s.work.impulse_change);
     advance(&s.free_motion.v, &s.work.impulse_change, R::one(), &mut s.free_motion.v_expected);
-    blend(&s.state.v, &s.free_motion.v_expected, scheme.share, &mut s.work.v_mean);
+    blend(&s.state.v, &s.free_motion.v_expected, scheme.velocity_weight, &mut s.work.v_mean);
     // Without servos no force of stage 1 depends on the velocity.
     if !compiled.servos.is_empty() {
         let at = scheme.forces_at([&s.evaluation.q, &s.evaluation.q_ahead], [&s.state.v, &s.work.v_mean], &s.evaluation.act, &s.inputs);
@@ -95,12 +95,12 @@ pub(crate) fn correct_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R
     std::mem::swap(&mut s.free_motion.v, &mut s.work.v_free_again);
     s.constraints.shift(compiled, &s.free_motion.smooth.mass, &mut s.work.free_change, R::Mask::splat(true));
     if constrained.any() {
-        probe.span(Span::EstimateImpulses, || forget_estimate(constrained, &mut s.constraints));
+        probe.span(Span::EstimateImpulses, || restore_hyperstatic_impulses(constrained, &mut s.constraints));
     }
 }
 
 /// Turn by a blow within the step beyond which the velocity after it says nothing of the forces in it, rad.
-const BLOW: f64 = 0.1;
+const MAX_BLOW_TURN: f64 = 0.1;
 
 /// Leaves the `change` by impulses out of what is to be expected in lanes in which it turns by so much that it makes the motion faster than
 /// the step resolves: forces of that motion would feed it.
@@ -114,7 +114,7 @@ fn leave_out_blows<R: Real>(scheme: &Scheme<R>, v_free: &[R], change: &mut [R]) 
                 free = free.max(v.abs());
                 pushed = pushed.max((v + change).abs());
             }
-            let blow = (scheme.h * most).gt(R::of(BLOW)).and(pushed.gt(free));
+            let blow = (scheme.h * most).gt(R::of(MAX_BLOW_TURN)).and(pushed.gt(free));
             if blow.any() {
                 for change in change {
                     *change = R::select(blow, R::zero(), *change);
@@ -131,7 +131,7 @@ fn leave_out_inertial_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R
         #[inline(always)]
         || {
             for i in 0..compiled.nv {
-                let mean = s.state.v[i] + (s.free_motion.v_expected[i] - s.state.v[i]) * scheme.share;
+                let mean = s.state.v[i] + (s.free_motion.v_expected[i] - s.state.v[i]) * scheme.velocity_weight;
                 s.work.v_forces[i] = R::select(s.free_motion.unresolved, s.state.v[i], mean);
             }
         },

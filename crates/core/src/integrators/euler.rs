@@ -1,7 +1,7 @@
 //! Euler's rule, semi-implicit: everything at the configuration before the step, then q+ = q (+) h v+.
 //!
-//! First order. The joints' damping is implicit, and so are springs and dampers of tendons; all other forces are taken at the velocity
-//! before the step, as in MuJoCo's `Euler`.
+//! First order. Implicit are the joints' damping (unless the model asks for it explicitly), springs and dampers of tendons and soft
+//! equalities, and the servos of drive trains; all other forces are taken at the velocity before the step, as in MuJoCo's `Euler`.
 
 use stepper_real::Real;
 
@@ -12,5 +12,15 @@ use crate::integrators::scheme::Scheme;
 pub(crate) fn scheme<R: Real>(h: R) -> Scheme<R> {
     let none = R::zero();
     let weights = ImplicitWeights { damping: h, stiffness: none, step: none };
-    Scheme { h, lead: none, rest: h, reach: none, weights, share: none, in_the_middle: false, looks_ahead: false, corrects: false }
+    Scheme {
+        h,
+        lead: none,
+        rest: h,
+        reach: none,
+        weights,
+        velocity_weight: none,
+        in_the_middle: false,
+        looks_ahead: false,
+        corrects: false,
+    }
 }

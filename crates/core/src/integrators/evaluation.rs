@@ -12,7 +12,7 @@ use crate::integrators::workspace::Workspace;
 use crate::options::StepSettings;
 use crate::probe::{Counter, Probe, Span};
 use crate::stages::s04_assemble::assemble;
-use crate::stages::s05_solve::{estimate, forget_estimate};
+use crate::stages::s05_solve::{estimate, restore_hyperstatic_impulses};
 
 /// Stages 1 to 3: the velocity at the end of the step if nothing were in the way, and the contacts. Moreau's rule takes everything in the
 /// middle of the step, Euler's at its beginning.
@@ -63,7 +63,7 @@ pub(crate) fn assemble_rows<R: Real>(
         // Where nothing was wrong, this repeats the bits of the estimate before.
         probe.span(Span::EstimateImpulses, || {
             estimate(&s.state.v, scheme.h, s.constraints.constrained, &mut s.constraints);
-            forget_estimate(s.constraints.constrained, &mut s.constraints);
+            restore_hyperstatic_impulses(s.constraints.constrained, &mut s.constraints);
         });
     }
     if scheme.corrects {
@@ -78,7 +78,7 @@ fn assemble_here<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, schem
     let assembly = AssemblyInput {
         q: &s.evaluation.q,
         v: &s.state.v,
-        motion: &s.free_motion.smooth.work,
+        motion: &s.free_motion.smooth.newton_euler,
         v_free: &s.free_motion.v,
         losses: &s.free_motion.actuator_forces.losses,
         h: scheme.h,

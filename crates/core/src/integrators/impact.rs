@@ -9,7 +9,7 @@ use stepper_solve::Outcome;
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
 use crate::compile::LaneModel;
-use crate::constraints::impact_time::{Flight, Meeting};
+use crate::constraints::impact_time::{Flight, ImpactPrediction};
 use crate::dynamics::gyroscopic;
 use crate::dynamics::kinematics::{Kinematics, advance};
 use crate::integrators::free_motion::{find_contacts, free_motion, place_bodies};
@@ -23,20 +23,20 @@ use crate::stages::s05_solve::solve;
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 
 /// Change of a link's velocity by the jump in inertial forces from which on it is worth a second solution, rad/s or m/s.
-const MATTERS: f64 = 1e-5;
+const MIN_VELOCITY_ERROR: f64 = 1e-5;
 
 /// So many times what smooth forces change in a step makes a change an impact: below that, the error of the rule is that of the smooth
 /// motion.
-const IMPACT: f64 = 10.0;
+const MIN_IMPACT_RATIO: f64 = 10.0;
 /// Turn within a step beyond which the velocity after the step says nothing of the forces in it, rad: then another solution is no better.
-const RESOLVED: f64 = 0.02;
+const MAX_RESOLVED_TURN: f64 = 0.02;
 /// Solutions at the most: each takes the inertial forces at the velocity of the one before, which errs by the time step times as much.
 const PASSES: usize = 3;
 
 /// Placements at the time of the first impact at the most. Newton's method: bodies that pass one another obliquely come near along a curve.
 const PLACEMENTS: usize = 4;
 /// Part of a step within which the time of the impact is that of the placement.
-const CLOSE: f64 = 1e-3;
+const PLACEMENT_TOLERANCE: f64 = 1e-3;
 
 /// Takes the lanes in which elastic contacts strike at the time of the first impact.
 pub(crate) fn place_at_impacts<R: Real>(
@@ -63,8 +63,9 @@ pub(crate) fn place_at_impacts<R: Real>(
     }
 }
 
-/// Moves `scheme` to the first impact of each lane. Returns the lanes that have one, and those in which it was elsewhere. At the `first`
-/// look, what overlaps and parts came in on the other side: there it is looked at from the beginning of the step.
+/// Moves `scheme` to the time of the first impact of each lane. Returns the lanes that have an impact, and those whose placement was off by
+/// more than PLACEMENT_TOLERANCE of a step and must be evaluated again. On the first pass, a contact that overlaps beyond the slop while
+/// its surfaces separate must have passed through its surface before: its lane is placed at the beginning of the step.
 fn first_impacts<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -97,15 +98,15 @@ fn first_impacts<R: Real>(
                 let slot = &contacts.data[k];
                 let (gap, lead, h) = (slot.point.distance, scheme.lead, scheme.h);
                 let [before, free] = normal_velocities(compiled, kinematics, contacts, k, elastic.bits(), [before, free]);
-                let Meeting { strikes: here, time: at, .. } =
-                    Flight { gap, before, free, lead, h }.meeting(options, gravity, slot.restitution, elastic);
+                let ImpactPrediction { strikes: here, time: at, .. } =
+                    Flight { gap, before, free, lead, h }.predict(options, gravity, slot.restitution, elastic);
                 let passed = elastic.and(gap.lt(-R::of(options.slop))).and(before.gt(R::zero())).and(lead.gt(R::zero()));
                 let passed = if first { passed } else { R::Mask::splat(false) };
                 time = R::select(here, time.min(at), time);
                 time = R::select(passed, R::zero(), time);
                 strikes = strikes.or(here).or(passed);
             }
-            let wrong = strikes.and((time - scheme.lead).abs().gt(scheme.h * R::of(CLOSE)));
+            let wrong = strikes.and((time - scheme.lead).abs().gt(scheme.h * R::of(PLACEMENT_TOLERANCE)));
             scheme.lead = R::select(wrong, time, scheme.lead);
             scheme.rest = R::select(wrong, scheme.h - time, scheme.rest);
             [strikes, wrong]
@@ -143,11 +144,11 @@ fn normal_velocities<R: Real>(
     out
 }
 
-/// Copies the rows for the position solve, where any lane needs it. Leaves in `work.v_positions` the free velocity with which stage 8
-/// solves for the positions in the lanes with impacts, and returns these lanes. They are added what the positions lack that went on from
-/// the time of the placement with the velocity after the step: of each impulse and, since they were not in the middle of the step, of
-/// smooth forces.
-pub(crate) fn carry_positions<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) -> R::Mask {
+/// Prepares the position solve: copies its rows where any lane needs it. In lanes with impacts, leaves in `work.v_positions` the free
+/// velocity for stage 8: positions went on from `lead` with the velocity after the step, so it also holds what they lack, (lead - t) / h of
+/// each impulse's velocity change and (lead / h - 1/2) of the smooth forces', because the step was not taken in its middle. Returns these
+/// lanes.
+pub(crate) fn prepare_position_solve<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) -> R::Mask {
     let lanes = s.impacts.lanes.or(s.constraints.bouncing()).and(s.alive);
     if s.constraints.needs_position_solve.or(lanes).any() {
         s.constraints.copy_positions();
@@ -155,7 +156,7 @@ pub(crate) fn carry_positions<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<
     if lanes.none() {
         return lanes;
     }
-    s.constraints.set_impacts_aside(compiled, &s.free_motion.smooth.mass, [scheme.h, scheme.lead], lanes, &mut s.work.carried);
+    s.constraints.remove_impacts(compiled, &s.free_motion.smooth.mass, [scheme.h, scheme.lead], lanes, &mut s.work.carried);
     R::vectorize(
         #[inline(always)]
         || {
@@ -184,7 +185,7 @@ pub(crate) fn solve_impacts<R: Real>(
     mut outcome: Outcome<R>,
 ) -> Outcome<R> {
     for pass in 0..PASSES {
-        let lanes = jumping(scheme, s, pass == 0);
+        let lanes = lanes_to_solve_again(scheme, s, pass == 0);
         if lanes.none() {
             break;
         }
@@ -199,7 +200,7 @@ pub(crate) fn solve_impacts<R: Real>(
 
 /// Lanes whose velocity after the step, `next.v`, is far from that which inertial forces were taken with; of the first solution, which
 /// took them at the mean of the velocities and not half at each, also those in which constraints made the velocity jump.
-fn jumping<R: Real>(scheme: &Scheme<R>, s: &Workspace<R>, first: bool) -> R::Mask {
+fn lanes_to_solve_again<R: Real>(scheme: &Scheme<R>, s: &Workspace<R>, first: bool) -> R::Mask {
     R::vectorize(
         #[inline(always)]
         || {
@@ -212,8 +213,8 @@ fn jumping<R: Real>(scheme: &Scheme<R>, s: &Workspace<R>, first: bool) -> R::Mas
             }
             let apart = if first { pushed * pushed * R::of(0.25) } else { R::zero() };
             let change = jump.max(pushed);
-            let impact = change.gt(smooth * R::of(IMPACT)).and((scheme.h * change).lt(R::of(RESOLVED)));
-            let matters = impact.and((scheme.h * (jump * fastest).max(apart)).gt(R::of(MATTERS)));
+            let impact = change.gt(smooth * R::of(MIN_IMPACT_RATIO)).and((scheme.h * change).lt(R::of(MAX_RESOLVED_TURN)));
+            let matters = impact.and((scheme.h * (jump * fastest).max(apart)).gt(R::of(MIN_VELOCITY_ERROR)));
             // Equalities near singular positions change as suddenly, but nothing strikes there.
             let slots = s.constraints.slots.iter().map(|slot| slot.1).chain(s.constraints.rolling_slots.iter().map(|slot| slot.1));
             let touching = slots.fold(R::Mask::splat(false), |all, lanes| all.or(lanes));

@@ -13,6 +13,16 @@ use crate::integrators::scheme::Scheme;
 pub(crate) fn scheme<R: Real>(h: R) -> Scheme<R> {
     let half = h * R::of(0.5);
     let weights = ImplicitWeights { damping: half, stiffness: half * half, step: h };
-    let share = R::of(0.5);
-    Scheme { h, lead: half, rest: half, reach: R::zero(), weights, share, in_the_middle: true, looks_ahead: false, corrects: true }
+    let velocity_weight = R::of(0.5);
+    Scheme {
+        h,
+        lead: half,
+        rest: half,
+        reach: R::zero(),
+        weights,
+        velocity_weight,
+        in_the_middle: true,
+        looks_ahead: false,
+        corrects: true,
+    }
 }

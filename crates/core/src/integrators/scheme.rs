@@ -21,7 +21,7 @@ pub(crate) struct Scheme<R> {
     /// Shares of damping and stiffness in the mass matrix.
     pub(crate) weights: ImplicitWeights<R>,
     /// Where velocity-dependent forces are taken, from 0 at the velocity before the step to 1 at that after it.
-    pub(crate) share: R,
+    pub(crate) velocity_weight: R,
     /// Whether everything is taken in the middle of the step, with impacts at their own time.
     pub(crate) in_the_middle: bool,
     /// Whether springs and servos are taken ahead of the rest.

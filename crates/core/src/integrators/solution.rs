@@ -16,7 +16,7 @@ use crate::stages::s01_actuate::advance_activation;
 use crate::stages::s05_solve::solve;
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 use crate::stages::s07_integrate_position::integrate_position;
-use crate::stages::s08_stabilise::{Solved, restrain, stabilise};
+use crate::stages::s08_stabilise::{Solved, limit_baumgarte, stabilise};
 use crate::stages::s10_record::{DEEP, OVER_LIMIT, Record, depth, limit_overshoot};
 
 /// What a step knows of its solution.
@@ -57,8 +57,9 @@ pub(crate) fn solve_velocities<R: Real>(
     let Evaluation { contacts, .. } = &s.evaluation;
     let FreeMotion { smooth, v: v_free, .. } = &s.free_motion;
     let solved = Solved { rows, mass: &smooth.mass, contacts, v_free, h: scheme.h };
-    let infeasible = probe
-        .span(Span::Stabilise, || restrain(compiled, options, &solved, &mut room, &mut outcome, &mut s.work.correction, &mut s.next.v));
+    let infeasible = probe.span(Span::Stabilise, || {
+        limit_baumgarte(compiled, options, &solved, &mut room, &mut outcome, &mut s.work.correction, &mut s.next.v)
+    });
     let [undecided, guarded] = probe.span(Span::GuardEnergy, || guard_speed(compiled, options, scheme, s, outcome.residual));
     Solution { outcome, pushed, undecided, guarded, infeasible }
 }
@@ -110,7 +111,8 @@ pub(crate) fn integrate_positions<R: Real>(
     tunnelled
 }
 
-/// Stage 8. Lanes that nothing touched take the higher order of Runge and Kutta's method, where that is the scheme.
+/// Stage 8. With the Runge-Kutta scheme, lanes without any constraint row that the step resolves then take the Runge-Kutta result in place
+/// of the midpoint step's.
 pub(crate) fn correct_positions<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -132,7 +134,7 @@ pub(crate) fn correct_positions<R: Real>(
 
 /// Corrects the positions after the step. Returns the lanes in which demands cannot be met.
 fn stabilise_positions<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, scheme: &Scheme<R>, s: &mut Workspace<R>) -> R::Mask {
-    let impacts = impact::carry_positions(compiled, scheme, s);
+    let impacts = impact::prepare_position_solve(compiled, scheme, s);
     let v_free = if impacts.any() { &s.work.v_positions } else { &s.free_motion.v };
     let work = [&mut s.work.correction[..], &mut s.work.q_corrected[..]];
     let (rows, mut room) = s.constraints.split();

@@ -1,14 +1,13 @@
 //! Motion that a step is too long for.
 //!
 //! Velocity-dependent inertial forces are quadratic in the velocity and taken explicitly, with one corrector pass. Where that pass does not
-//! converge - some joint turns by a good part of a radian in a step, and the pass changes the velocity by as much as it is - the forces
-//! of a wrong velocity make a larger one, and a few steps later the numbers overflow. There the step goes without these forces, and
-//! what it must not violate is kept by force: kinetic energy does not exceed that before the step and the work of all other forces,
-//! contacts not counted where they would add to it, and no joint leaves the step with more than a radian a step.
-//! Status UNRESOLVED says so.
+//! converge - some joint turns by a good part of a radian in a step, and the pass changes the velocity by as much as it is - the forces of
+//! a wrong velocity make a larger one, and a few steps later the numbers overflow. There the step goes without these forces, and what it
+//! must not violate is kept by force: kinetic energy does not exceed that before the step and the work of all other forces, contacts not
+//! counted where they would add to it, and no joint but a slide leaves the step with more than a radian a step. Status UNRESOLVED says so.
 //!
-//! The same holds where impulses throw a joint by half a turn and more within the step, as levers in a jam do: the rows that made it so
-//! fast say nothing of what it meets on its way.
+//! Speed and energy are bounded in the same way, but no force is left out, where impulses turn a joint by half a turn and more within the
+//! step, as levers in a jam do: the rows are linearised at one pose, and say nothing of what the joint meets that far on.
 
 use stepper_real::{Mask, Real};
 
@@ -18,20 +17,20 @@ use crate::math::spatial::*;
 use crate::model::JointKind;
 
 /// Turn of a joint in a step from which on it is looked at, rad.
-const TURN: f64 = 0.5;
+const FAST_TURN: f64 = 0.5;
 
 /// Fastest turn that a joint leaves such a step with, rad a step.
-const MOST: f64 = 1.0;
+const MAX_TURN: f64 = 1.0;
 
 /// Change of the velocity by the corrector, relative to its size, that is not convergence.
-const CHANGE: f64 = 0.25;
+const MAX_RELATIVE_CHANGE: f64 = 0.25;
 
 /// Lanes in which the corrector's `change` of the free velocity `v_free` says that the step is too long for its motion.
 pub fn unresolved<R: Real>(compiled: &LaneModel<R>, v: &[R], v_free: &[R], change: &[R], h: R) -> R::Mask {
     R::vectorize(
         #[inline(always)]
         || {
-            let fast = (fastest_turn(compiled, v).max(fastest_turn(compiled, v_free)) * h).gt(R::of(TURN));
+            let fast = (fastest_turn(compiled, v).max(fastest_turn(compiled, v_free)) * h).gt(R::of(FAST_TURN));
             if fast.none() {
                 return fast;
             }
@@ -41,13 +40,13 @@ pub fn unresolved<R: Real>(compiled: &LaneModel<R>, v: &[R], v_free: &[R], chang
                 // Not max, which loses a NaN.
                 most = R::select(change[i].abs().le(most), most, change[i].abs());
             }
-            fast.and_not(most.le(size * R::of(CHANGE)))
+            fast.and_not(most.le(size * R::of(MAX_RELATIVE_CHANGE)))
         },
     )
 }
 
 /// Turn of a joint in a step by impulses that is no longer resolved, rad.
-const THROWN: f64 = std::f64::consts::PI;
+const MAX_IMPULSE_TURN: f64 = std::f64::consts::PI;
 
 /// Lanes in which constraints made a hinge or a ball joint turn by half a turn in the step, faster than anything did in `v`, before it, and
 /// in `v_free`, without them.
@@ -61,7 +60,7 @@ pub fn thrown<R: Real>(compiled: &LaneModel<R>, [v, v_free]: [&[R]; 2], v_next: 
                     turn = turn.max(v.abs());
                 }
             }
-            let far = (turn * h).gt(R::of(THROWN));
+            let far = (turn * h).gt(R::of(MAX_IMPULSE_TURN));
             if far.none() {
                 return far;
             }
@@ -89,8 +88,8 @@ pub fn slow_down<R: Real>(compiled: &LaneModel<R>, lanes: R::Mask, h: R, v: &mut
         #[inline(always)]
         || {
             let turn = fastest_turn(compiled, v) * h;
-            let fast = lanes.and(turn.gt(R::of(MOST)));
-            let factor = R::select(fast, R::of(MOST) / R::select(fast, turn, R::one()), R::one());
+            let fast = lanes.and(turn.gt(R::of(MAX_TURN)));
+            let factor = R::select(fast, R::of(MAX_TURN) / R::select(fast, turn, R::one()), R::one());
             for v in v {
                 *v *= factor;
             }

@@ -100,8 +100,8 @@ pub(crate) struct Work<R: Real> {
     pub(crate) before_impact: Vec<R>,
     /// Velocity by which positions lack what went on from the time of an impact, nv.
     pub(crate) carried: Vec<R>,
-    /// Free velocity with which stage 8 solves for the positions of lanes with impacts, nv: from [`super::impact::carry_positions`] to
-    /// stage 8.
+    /// Free velocity with which stage 8 solves for the positions of lanes with impacts, nv: from [`super::impact::prepare_position_solve`]
+    /// to stage 8.
     pub(crate) v_positions: Vec<R>,
     /// Velocity of the correction of positions, nv.
     pub(crate) correction: Vec<R>,
@@ -118,7 +118,7 @@ pub struct Workspace<R: Real> {
     pub(crate) inputs: Inputs<R>,
     pub(crate) evaluation: Evaluation<R>,
     pub(crate) free_motion: FreeMotion<R>,
-    /// Constraint problem and its solution, and the impulses of limits and dry friction of the last step.
+    /// Constraint problem and its solution, and the impulses of all scalar rows of the last step (the warm start).
     pub(crate) constraints: Constraints<R>,
     pub(crate) next: NextState<R>,
     pub(crate) work: Work<R>,
@@ -127,7 +127,7 @@ pub struct Workspace<R: Real> {
     /// Whether the state is that of the group that is worked on: then it need not be loaded again.
     pub(crate) current: bool,
     /// Controls as the user gave them, nu; drive trains make `inputs` of them.
-    pub(crate) given: Vec<R>,
+    pub(crate) user_controls: Vec<R>,
     /// Ways of the mocap bodies during this call, and the time of it that has passed, s.
     pub(crate) mocap_trajectories: Vec<MocapTrajectory<R>>,
     pub(crate) elapsed: f64,
@@ -190,7 +190,7 @@ impl<R: Real> Workspace<R> {
             },
             alive: R::Mask::splat(true),
             current: false,
-            given: zeros(compiled.actuators.len()),
+            user_controls: zeros(compiled.actuators.len()),
             mocap_trajectories: compiled.mocap.iter().map(|m| MocapTrajectory::at(splat(m.pos), splat(m.quat))).collect(),
             elapsed: 0.0,
             poses: GeomPoses::new(compiled),
@@ -205,8 +205,9 @@ impl<R: Real> Workspace<R> {
         self.poses.update_static_poses(compiled);
     }
 
-    /// Makes NaN of everything that a step is to make before it reads it, in debug builds and unit tests: a number of the step before would
-    /// pass for one of this step (as Drake's `icf_data.h` does).
+    /// Fills with NaN the vectors that a step computes before it reads them, in debug builds and unit tests: a number left by the step
+    /// before would pass for one of this step (as Drake's `icf_data.h` does). Kinematics, contacts, mass matrix, actuator forces and
+    /// constraint rows are not filled.
     pub(crate) fn poison(&mut self) {
         if !cfg!(any(test, debug_assertions)) {
             return;

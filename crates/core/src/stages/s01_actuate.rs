@@ -44,7 +44,7 @@ pub fn actuate<R: Real>(
                 };
                 let motion = actuator_forces.motion(actuator, at.q, at.v_at, at.v);
                 let parameters = compiled.params.actuator(i);
-                let law = law(actuator, parameters, at, on_the_circle(actuator, parameters, input, motion.length));
+                let law = law(actuator, parameters, at, nearest_equivalent_angle(actuator, parameters, input, motion.length));
                 actuator_forces.beyond[i] = R::Mask::splat(false);
                 match (implied, &actuator.train) {
                     (Some(implied), Some(train)) => {
@@ -90,7 +90,8 @@ fn beyond<R: Real>(asked: R, range: Option<[R::Scalar; 2]>) -> R::Mask {
     }
 }
 
-/// The forces of `drive` on the joints, with those of springs: what [`actuate`] ends with, for when a servo's force changed.
+/// Sums the actuators' forces into generalized forces again and adds the springs', as [`actuate`] does at its end: needed after a servo's
+/// force has changed.
 pub fn regather<R: Real>(compiled: &LaneModel<R>, q: &[R], all: bool, actuator_forces: &mut ActuatorForces<R>) {
     R::vectorize(
         #[inline(always)]
@@ -110,7 +111,7 @@ fn control<R: Real>(u: R, range: Option<[R::Scalar; 2]>) -> R {
 /// A setpoint of an angle as the one of those, whole turns apart, that is nearest to it, as MuJoCo's: it need not turn back when it winds
 /// further than half a turn. A setpoint is the input of what pulls back with as much as it pulls with.
 #[inline(always)]
-fn on_the_circle<R: Real>(
+fn nearest_equivalent_angle<R: Real>(
     actuator: &CompiledActuator<R::Scalar>,
     ActuatorParams { gain, bias }: ActuatorParams<R>,
     input: R,
@@ -131,7 +132,7 @@ fn on_the_circle<R: Real>(
 fn setpoint<R: Real>(compiled: &LaneModel<R>, i: usize, actuator: &CompiledActuator<R::Scalar>, u: R, at: R) -> R {
     let u = control(u, actuator.ctrl_range);
     match actuator.activation {
-        Activation::Filter(_) | Activation::FilterExact(_) => on_the_circle(actuator, compiled.params.actuator(i), u, at),
+        Activation::Filter(_) | Activation::FilterExact(_) => nearest_equivalent_angle(actuator, compiled.params.actuator(i), u, at),
         Activation::None | Activation::Integrator => u,
     }
 }

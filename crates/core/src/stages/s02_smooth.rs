@@ -20,14 +20,14 @@ pub struct Smooth<R: Real> {
     /// Acceleration if nothing were in the way.
     pub acc: Vec<R>,
     /// Velocities and accelerations of the links, left by [`Smooth::acceleration`].
-    pub work: NewtonEuler<R>,
+    pub newton_euler: NewtonEuler<R>,
     /// Diagonal of M itself, where there are servos.
     pub inertia: Vec<R>,
     /// Damping of stiff springs beyond the joints' own, where joints have springs; see [`crate::actuation::forces`].
     drag: Vec<R>,
     composite: Vec<Inertia<R>>,
     /// Entries of the mass matrix without servos, if servos at their bounds may leave it within a step.
-    bare: Vec<R>,
+    entries_without_servos: Vec<R>,
     fluid: Fluid<R>,
 }
 
@@ -41,8 +41,8 @@ impl<R: Real> Smooth<R> {
             inertia: vec![R::zero(); if compiled.servos.is_empty() { 0 } else { compiled.nv }],
             drag: vec![R::zero(); if compiled.joints.iter().any(|j| j.sprung) { compiled.nv } else { 0 }],
             composite: vec![zero(); compiled.links.len()],
-            bare: vec![R::zero(); if compiled.servos_are_bounded { compiled.chain.len() } else { 0 }],
-            work: NewtonEuler::new(compiled),
+            entries_without_servos: vec![R::zero(); if compiled.servos_are_bounded { compiled.chain.len() } else { 0 }],
+            newton_euler: NewtonEuler::new(compiled),
             fluid: Fluid::new(compiled),
         }
     }
@@ -81,8 +81,8 @@ impl<R: Real> Smooth<R> {
             *inertia = self.mass.entries[dof.chain];
         }
         self.mass.add_joints(compiled, weights, &mut self.drag);
-        let n = self.bare.len();
-        self.bare.copy_from_slice(&self.mass.entries[..n]);
+        let n = self.entries_without_servos.len();
+        self.entries_without_servos.copy_from_slice(&self.mass.entries[..n]);
     }
 
     /// The same again at the same configuration, where servos are others than they were.
@@ -90,7 +90,7 @@ impl<R: Real> Smooth<R> {
         R::vectorize(
             #[inline(always)]
             || {
-                self.mass.entries.copy_from_slice(&self.bare);
+                self.mass.entries.copy_from_slice(&self.entries_without_servos);
                 self.factor(compiled, kinematics, implicit);
             },
         )
@@ -114,16 +114,16 @@ impl<R: Real> Smooth<R> {
         R::vectorize(
             #[inline(always)]
             || {
-                link_forces(compiled, kinematics, v_bias, &mut self.work);
+                link_forces(compiled, kinematics, v_bias, &mut self.newton_euler);
                 if !compiled.fluid.is_empty() {
-                    self.fluid.subtract(compiled, kinematics, &self.work.velocity, &mut self.work.force);
+                    self.fluid.subtract(compiled, kinematics, &self.newton_euler.velocity, &mut self.newton_euler.force);
                 }
                 for (i, hold) in compiled.compensation.iter().enumerate() {
                     let CompensationParams { pos, force } = compiled.params.compensation(i);
                     let arm = sub(kinematics.point(hold.link + 1, pos), kinematics.origin[compiled.links[hold.link].tree]);
-                    self.work.force[hold.link] = sub(self.work.force[hold.link], spatial(cross(arm, force), force));
+                    self.newton_euler.force[hold.link] = sub(self.newton_euler.force[hold.link], spatial(cross(arm, force), force));
                 }
-                project_forces(compiled, kinematics, &mut self.work.force, &mut self.bias);
+                project_forces(compiled, kinematics, &mut self.newton_euler.force, &mut self.bias);
                 self.accelerate(compiled, forces, v);
             },
         )
@@ -166,7 +166,7 @@ impl<R: Real> Smooth<R> {
         R::vectorize(
             #[inline(always)]
             || {
-                self.work.force.fill(zero());
+                self.newton_euler.force.fill(zero());
                 for (b, body) in compiled.bodies.iter().enumerate() {
                     if body.frame == 0 || body.frame > compiled.links.len() {
                         continue;
@@ -175,9 +175,9 @@ impl<R: Real> Smooth<R> {
                     let w = &xfrc[6 * b..6 * b + 6];
                     let (force, torque) = ([w[0], w[1], w[2]], [w[3], w[4], w[5]]);
                     let arm = sub(kinematics.point(body.frame, compiled.params.body_com(b)), kinematics.origin[compiled.links[l].tree]);
-                    self.work.force[l] = add(self.work.force[l], spatial(add(torque, cross(arm, force)), force));
+                    self.newton_euler.force[l] = add(self.newton_euler.force[l], spatial(add(torque, cross(arm, force)), force));
                 }
-                project_forces(compiled, kinematics, &mut self.work.force, &mut self.bias);
+                project_forces(compiled, kinematics, &mut self.newton_euler.force, &mut self.bias);
                 for i in 0..compiled.nv {
                     out[i] += self.bias[i];
                 }

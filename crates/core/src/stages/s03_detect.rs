@@ -1,7 +1,7 @@
 //! Stage 3: poses become contacts.
 //!
-//! A contact is taken up when it can touch within the step: its distance is below what the free velocity closes, with a margin of two, or
-//! below what gravity covers in a step. So nothing has to overlap first in order to be felt.
+//! A contact is taken up when it can touch within the step: its distance is below twice what the free velocity closes in a step plus what
+//! gravity covers in one. So nothing has to overlap first in order to be felt.
 //!
 //! Fast bodies and thin ones: a gap that is seen at the beginning of a step is a row, however fast it closes, so a body stops before the
 //! wall. Taken in the middle of the step the body may be beyond it already. Environments in which a pair gets that far in the first half of

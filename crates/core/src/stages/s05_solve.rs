@@ -4,7 +4,7 @@ use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::{Outcome, Settings, System};
 
 use crate::collision::contact_set::Contacts;
-use crate::constraints::{AssembledRows, Constraints, SolverRoom};
+use crate::constraints::{AssembledRows, Constraints, SolverWorkspace};
 use crate::math::spatial::*;
 use crate::options::StepSettings;
 
@@ -17,14 +17,14 @@ pub fn solve<R: Real>(
     v: &[R],
     lanes: R::Mask,
     rows: &AssembledRows<'_, R>,
-    room: &mut SolverRoom<'_, R>,
+    room: &mut SolverWorkspace<'_, R>,
     contacts: &mut Contacts<R>,
 ) -> Outcome<R> {
     let [sweeps, newton] = options.effort();
     let tolerance = tolerance(options, v);
     let settings = Settings { sweeps, newton_steps: newton, tolerance, newton_threshold: tolerance };
     let AssembledRows { problem, owners, slots, rolling_slots, .. } = *rows;
-    let SolverRoom { iterate, newton, scalar_impulse, worst, capture, .. } = room;
+    let SolverWorkspace { iterate, newton, scalar_impulse, worst, capture, .. } = room;
     if let Some(lane) = capture.lane.take() {
         capture.bytes = System::from(problem).to_bytes(iterate, &settings, lane);
     }
@@ -53,14 +53,15 @@ pub fn solve<R: Real>(
 /// before by more than 1e-4 m/s, with 16 of them 2 %.
 const ESTIMATE_SWEEPS: u32 = 16;
 
-/// Change of the velocity by inertial forces that an estimate may be wrong by, m/s: they change it by some h |v| of what the velocity is
-/// off.
+/// Tolerated error of the free velocity due to the estimate, m/s. An error d of the estimated velocity changes the effect of inertial
+/// forces by about h |v| d, so sweeps stop at ESTIMATE_ERROR / (h |v|).
 const ESTIMATE_ERROR: f64 = 1e-5;
 
-/// Turn or way within a step below which nothing moves whose inertial forces an estimate could be wrong by, rad or m.
-const RESTS: f64 = 1e-6;
+/// Motion within a step (h times the fastest velocity, rad or m) below which inertial forces are negligible: such a lane is at rest and
+/// makes no sweeps.
+const REST_MOTION: f64 = 1e-6;
 
-/// Least exact estimate, m/s.
+/// Loosest tolerance of an estimate, m/s.
 const ROUGHEST_ESTIMATE: f64 = 1e-2;
 
 /// Estimates the impulses in the lanes `lanes` before forces that depend on the velocity are taken: where a step ends follows from its own
@@ -74,7 +75,7 @@ pub fn estimate<R: Real>(v: &[R], h: R, lanes: R::Mask, constraints: &mut Constr
             let turn = h * fastest(v);
             let slow = (turn * R::of(ROUGHEST_ESTIMATE)).le(R::of(ESTIMATE_ERROR));
             let tolerance = R::select(slow, R::of(ROUGHEST_ESTIMATE), R::of(ESTIMATE_ERROR) / R::select(slow, R::one(), turn));
-            (lanes.and(turn.gt(R::of(RESTS))), tolerance)
+            (lanes.and(turn.gt(R::of(REST_MOTION))), tolerance)
         },
     );
     let settings = stepper_solve::gauss_seidel::SweepSettings { sweeps: ESTIMATE_SWEEPS, tolerance };
@@ -86,7 +87,7 @@ pub fn estimate<R: Real>(v: &[R], h: R, lanes: R::Mask, constraints: &mut Constr
 }
 
 /// Gives the lanes whose loads are shared evenly their impulses back after an estimate.
-pub fn forget_estimate<R: Real>(lanes: R::Mask, constraints: &mut Constraints<R>) {
+pub fn restore_hyperstatic_impulses<R: Real>(lanes: R::Mask, constraints: &mut Constraints<R>) {
     let Constraints { problem, iterate, shared, .. } = constraints;
     shared.restore(iterate, lanes.and(problem.hyperstatic));
 }
@@ -102,7 +103,7 @@ fn fastest<R: Real>(v: &[R]) -> R {
 
 /// Residual relative to the speed of the fastest degree of freedom. A residual of r moves joints at up to some 60 r (measured on ants at
 /// rest), so that this lets what creeps decay.
-const RELATIVE: f64 = 1e-3;
+const RELATIVE_TOLERANCE: f64 = 1e-3;
 
 /// Residual at which each lane stops, m/s; never below what rounding leaves of velocities of order one.
 fn tolerance<R: Real>(options: &StepSettings, v: &[R]) -> R {
@@ -111,7 +112,7 @@ fn tolerance<R: Real>(options: &StepSettings, v: &[R]) -> R {
         || {
             let rounding = R::of(<R::Scalar as Scalar>::EPSILON.to_f64() * 1e4);
             let most = R::of(options.tolerance);
-            (fastest(v) * R::of(RELATIVE)).max(rounding).min(most)
+            (fastest(v) * R::of(RELATIVE_TOLERANCE)).max(rounding).min(most)
         },
     )
 }

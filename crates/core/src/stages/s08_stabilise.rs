@@ -1,7 +1,9 @@
 //! Stage 8: positions are corrected where the velocity of the solution is not the one they should have moved with.
 //!
 //! A second solve of the same rows, without restitution, finds the velocity that closes every gap just so and removes a part of every
-//! overlap. It is used once, for the positions, and thrown away: no kinetic energy comes of it.
+//! overlap. It is used once, for the positions, and thrown away: no kinetic energy comes of it. That is [`stabilise`], the split form. With
+//! Baumgarte's method positions are corrected through the velocities; [`limit_baumgarte`], which runs after stage 6, replaces velocities
+//! that its bias has made absurd, and there the bounded correction stays in the velocity.
 //!
 //! What positions demand may be impossible: overlaps that contradict one another, a weld out of reach, a contact whose normal passes a
 //! hinge. So the demands are damped ([`stepper_solve::PositionRows::damp`]), what they move is bounded, island by island, and where a
@@ -13,7 +15,7 @@ use stepper_solve::{Damping, Outcome, Settings, System};
 use crate::collision::contact_set::Contacts;
 use crate::compile::{LaneModel, ModelStructure};
 use crate::constraints::islands::Islands;
-use crate::constraints::{ARM, AssembledRows, DAMPING, SolverRoom};
+use crate::constraints::{ARM, AssembledRows, DAMPING, SolverWorkspace};
 use crate::dynamics::inertia::MassMatrix;
 use crate::dynamics::kinematics::displace;
 use crate::math::lanes::each_of;
@@ -22,7 +24,7 @@ use crate::model::JointKind;
 use crate::options::{Solver, StepSettings};
 
 /// Residual that is enough for a correction, m/s: a fraction of a micrometre a step, and the next step sees what is left of the overlap.
-const CLOSE: f64 = 1e-4;
+const CORRECTION_TOLERANCE: f64 = 1e-4;
 
 /// Residual above which Newton's method goes on where sweeps stop, m/s: they can leave a hundredth of a radian a step where two limbs are
 /// jammed. Below it, it would cost more than the correction is worth (humanoids under random control: 4 % of the step).
@@ -33,17 +35,17 @@ const SWEEPS: u32 = 10;
 
 /// Bound of what a correction moves, relative to `max_correction_speed`; of what it turns, over the length ARM: 5 m/s and 50 rad/s by
 /// default.
-const FASTEST: f64 = 5.0;
+const MAX_SPEED_RATIO: f64 = 5.0;
 
 /// Largest turn of a joint by the correction of one step, rad: farther away the rows say nothing of where positions go.
 const LARGEST_TURN: f64 = 1.0;
 
 /// Change of a velocity by constraints, relative to the bounds of a correction, that may be Baumgarte's bias at its worst: 20 m/s or 200
 /// rad/s by default.
-const ABSURD: f64 = 4.0;
+const BAUMGARTE_LIMIT: f64 = 4.0;
 
 /// Demand that is worth a proof that it cannot be met, m/s.
-const LACKING: f64 = 1e-2;
+const MIN_UNMET_DEMAND: f64 = 1e-2;
 
 /// Bounds of the motion of a correction.
 #[derive(Clone, Copy, Debug)]
@@ -57,14 +59,14 @@ struct Bounds<R> {
 impl<R: Real> Bounds<R> {
     #[inline(always)]
     fn new(options: &StepSettings, h: R) -> Self {
-        let shift = R::of((FASTEST * options.max_correction_speed).max(1e-9));
+        let shift = R::of((MAX_SPEED_RATIO * options.max_correction_speed).max(1e-9));
         Self { shift, turn: (shift * R::of(1.0 / ARM)).min(R::of(LARGEST_TURN) / h) }
     }
 
     /// Changes of velocities beyond which Baumgarte's bias is held for their cause, whatever the time step.
     #[inline(always)]
     fn absurd(options: &StepSettings) -> Self {
-        let shift = R::of((ABSURD * FASTEST * options.max_correction_speed).max(1e-9));
+        let shift = R::of((BAUMGARTE_LIMIT * MAX_SPEED_RATIO * options.max_correction_speed).max(1e-9));
         Self { shift, turn: shift * R::of(1.0 / ARM) }
     }
 
@@ -94,7 +96,7 @@ pub fn stabilise<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
     solved: &Solved<'_, R>,
-    room: &mut SolverRoom<'_, R>,
+    room: &mut SolverWorkspace<'_, R>,
     v_next: &[R],
     [work, corrected]: [&mut [R]; 2],
     q_next: &mut [R],
@@ -116,14 +118,14 @@ pub fn stabilise<R: Real>(
     infeasible
 }
 
-/// Restrains Baumgarte's method where constraints change a velocity by four times what a correction may. There the velocity `v_next`
-/// becomes that of the rows without their bias, with the bounded correction that the split form would give positions. Returns the lanes in
-/// which demands cannot be met.
-pub fn restrain<R: Real>(
+/// Limits Baumgarte's method in lanes with a bias where constraints change a velocity by more than four times what a correction may, or
+/// where a row that nothing can move demands more than 1 cm/s. There the velocity `v_next` becomes that of the rows without their bias,
+/// with the bounded correction that the split form would give positions. Returns the lanes in which demands cannot be met.
+pub fn limit_baumgarte<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
     solved: &Solved<'_, R>,
-    room: &mut SolverRoom<'_, R>,
+    room: &mut SolverWorkspace<'_, R>,
     outcome: &mut Outcome<R>,
     work: &mut [R],
     v_next: &mut [R],
@@ -140,7 +142,7 @@ pub fn restrain<R: Real>(
             for (work, (&v, &free)) in work.iter_mut().zip(v_next.iter().zip(solved.v_free)) {
                 *work = v - free;
             }
-            let unmet = System::from(problem).immovable_demand().gt(R::of(LACKING));
+            let unmet = System::from(problem).immovable_demand().gt(R::of(MIN_UNMET_DEMAND));
             biased.and(excess(compiled, work, bounds).gt(R::one()).or(unmet))
         },
     );
@@ -184,13 +186,13 @@ pub fn restrain<R: Real>(
     infeasible
 }
 
-/// The bounded velocity, beyond `v_next`, that meets what positions demand in the lanes `lanes`, left in `out`: with the other demands than
-/// those that the rows of the position solve have now.
+/// Swaps the two right-hand sides of the position rows, damps them, solves, and leaves in `out` the bounded velocity to add to `v_next` so
+/// that positions move as they demand. Returns the lanes that are proven infeasible.
 fn correct<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
     solved: &Solved<'_, R>,
-    room: &mut SolverRoom<'_, R>,
+    room: &mut SolverWorkspace<'_, R>,
     lanes: R::Mask,
     v_next: &[R],
     out: &mut [R],
@@ -206,7 +208,7 @@ fn correct<R: Real>(
         },
     );
     let [sweeps, newton] = options.effort();
-    let tolerance = options.tolerance.max(CLOSE);
+    let tolerance = options.tolerance.max(CORRECTION_TOLERANCE);
     let threshold = if options.solver == Solver::Newton { tolerance } else { tolerance.max(NEWTON_THRESHOLD) };
     let settings =
         Settings { sweeps: sweeps.min(SWEEPS), newton_steps: newton, tolerance: R::of(tolerance), newton_threshold: R::of(threshold) };
@@ -224,7 +226,7 @@ fn correct<R: Real>(
             let short = system.shortfall(room.iterate, room.reference);
             let held = system.immovable_demand();
             let fast = lanes.and_not(solved.rows.rebounding).and(excess(compiled, out, bounds).gt(R::one()));
-            (fast, lanes.and(short.max(held).gt(R::of(LACKING))))
+            (fast, lanes.and(short.max(held).gt(R::of(MIN_UNMET_DEMAND))))
         },
     );
     if fast.any() {
@@ -285,7 +287,7 @@ fn bound_islands<R: Real>(
 fn prove_infeasible<R: Real>(
     compiled: &LaneModel<R>,
     solved: &Solved<'_, R>,
-    room: &mut SolverRoom<'_, R>,
+    room: &mut SolverWorkspace<'_, R>,
     lanes: R::Mask,
     bounds: Bounds<R>,
 ) -> R::Mask {
@@ -303,7 +305,7 @@ fn prove_infeasible<R: Real>(
                 }
             }
             // A contact that nothing can move along its normal is a witness by itself.
-            let held = system.immovable_demand().gt(R::of(LACKING));
+            let held = system.immovable_demand().gt(R::of(MIN_UNMET_DEMAND));
             lanes.and(held.or(lack.gt(most)))
         },
     )

@@ -32,14 +32,15 @@ bitflags! {
     /// ```
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
     pub struct Status: u32 {
-        /// The residual is above the tolerance.
+        /// The residual is above the tolerance, or it is below it but the impulses cancel so strongly that they do not determine the energy
+        /// (`stepper_solve::undecided`).
         const NOT_CONVERGED = 1;
         /// The step was not finite; the environment keeps its last finite state.
         const NON_FINITE = 2;
         /// There were more contacts than room; the ones found last were left out.
         const CONTACTS_FULL = 4;
-        /// The step was too long for the motion, or impulses threw a joint by half a turn: inertial forces of its velocities were left out,
-        /// and its energy was kept from growing.
+        /// The step was too long for the motion, and its velocity-dependent inertial forces were left out; or impulses turned a joint by
+        /// more than half a turn. In both cases speed and kinetic energy were kept from growing.
         const UNRESOLVED = 8;
         /// Something moved so fast that it may have passed through something thin.
         const TUNNELLED = 16;
@@ -77,7 +78,7 @@ pub struct Record<R: Real> {
     pub depth: R,
     /// Farthest that a joint or tendon is beyond its range after the step, rad or m.
     pub overshoot: R,
-    /// Lanes whose residual is above the tolerance.
+    /// Lanes whose residual is above the tolerance, or whose impulses do not determine the energy.
     pub not_converged: R::Mask,
     /// Lanes that kept their last finite state.
     pub non_finite: R::Mask,

@@ -570,8 +570,9 @@ class Stepper:
             second geom's torque acts at pos, and |(force_t / mu_slide, torque_n / mu_spin, torque_t / mu_roll)| <= force_n.
         """
     def worst_row(self, env: int = 0) -> str | None:
-        """The row that the last call of `step` could not solve: where `status` says NOT_CONVERGED, the one with the largest residual in
-        the last step that was not solved.
+        """The row that the last call of `step` could not solve.
+
+        Where `status` says NOT_CONVERGED, it is the one with the largest residual in the last step that was not solved.
 
         Args:
             env: The environment.
@@ -581,8 +582,10 @@ class Stepper:
             was solved, or no single row is to blame.
         """
     def save_problem(self, path: str | PathLike[str], env: int = 0, *, ctrl: ArrayLike | None = None) -> None:
-        """Writes the constraint problem of the next step to a file, with the impulses that its solve starts from, so that a hard one becomes
-        a test of the solver: in Rust, `stepper_solve::Problem::load(path)` reads it.
+        """Writes the constraint problem of the next step to a file.
+
+        It has the impulses that the solve starts from, so that a hard problem becomes a test of the solver: in Rust,
+        `stepper_solve::Problem::load(path)` reads it.
 
         The problem is that of a step from the present state, which does not change. For a step that was not solved (NOT_CONVERGED), go
         back to the state before it: `before = sim.get_state()` before the step, and then `sim.set_state(before)`.

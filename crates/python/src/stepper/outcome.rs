@@ -91,8 +91,9 @@ impl Stepper {
         structured(py, &self.simulation, envs)
     }
 
-    /// The row that the last call of `step` could not solve: where `status` says NOT_CONVERGED, the one with the largest residual in
-    /// the last step that was not solved.
+    /// The row that the last call of `step` could not solve.
+    ///
+    /// Where `status` says NOT_CONVERGED, it is the one with the largest residual in the last step that was not solved.
     ///
     /// Args:
     ///     env: The environment.
@@ -106,8 +107,10 @@ impl Stepper {
         Ok(row.map(|row| row.describe(self.simulation.model()).to_string()))
     }
 
-    /// Writes the constraint problem of the next step to a file, with the impulses that its solve starts from, so that a hard one becomes
-    /// a test of the solver: in Rust, `stepper_solve::Problem::load(path)` reads it.
+    /// Writes the constraint problem of the next step to a file.
+    ///
+    /// It has the impulses that the solve starts from, so that a hard problem becomes a test of the solver: in Rust,
+    /// `stepper_solve::Problem::load(path)` reads it.
     ///
     /// The problem is that of a step from the present state, which does not change. For a step that was not solved (NOT_CONVERGED), go
     /// back to the state before it: `before = sim.get_state()` before the step, and then `sim.set_state(before)`.

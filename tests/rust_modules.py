@@ -27,6 +27,14 @@ def sources_of(src: Path) -> dict[Module, str]:
     return found
 
 
+def undeclared(sources: Mapping[Module, str]) -> list[Module]:
+    """Files that no `mod` declares: no compiler reads them."""
+    parents = ((module, *module.rpartition("::")[::2]) for module in sources if module)
+    return [
+        module for module, parent, name in parents if not re.search(rf"^\s*(?:pub(?:\([\w: ]+\))? )?mod {name};", sources[parent], re.M)
+    ]
+
+
 def _code(text: str) -> str:
     """Without comments, texts, tests, and what a macro says in other crates (`$crate`)."""
     text = re.sub(r"//.*", "", text)

@@ -109,6 +109,11 @@ def test_no_rust_files_use_one_another_in_a_circle(crate):
     assert circle(graph) == []
 
 
+@pytest.mark.parametrize("crate", ["real", "solve", "core", "python"])
+def test_every_rust_file_is_declared(crate):
+    assert rust_modules.undeclared(rust_modules.sources_of(ROOT / "crates" / crate / "src")) == []
+
+
 def test_folders_of_the_core_use_one_another_one_way():
     assert circle(CORE_FOLDERS) == []
     graph = rust_modules.graph_of(rust_modules.sources_of(CORE))

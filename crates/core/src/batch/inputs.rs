@@ -140,22 +140,18 @@ impl AppliedInputs {
 
     /// What a call reads: what it is given, and what is in force where it is given nothing.
     pub(super) fn complete<'a>(&'a self, given: &StepInputs<'a>) -> StepInputs<'a> {
-        let [qfrc, xfrc, mocap_pos, mocap_quat] = &self.arrays;
-        let or = |given: &'a [f64], held: &'a Vec<f64>| if given.is_empty() { &held[..] } else { given };
-        StepInputs {
-            ctrl: given.ctrl,
-            qfrc: or(given.qfrc, qfrc),
-            xfrc: or(given.xfrc, xfrc),
-            mocap_pos: or(given.mocap_pos, mocap_pos),
-            mocap_quat: or(given.mocap_quat, mocap_quat),
-        }
+        self.complete_with(given, |held| held)
     }
 
     /// The same for one environment: inputs are those of it alone.
     pub(super) fn complete_one<'a>(&'a self, env: usize, num_envs: usize, given: &StepInputs<'a>) -> StepInputs<'a> {
-        let row = |array: &'a Vec<f64>| &array[env * (array.len() / num_envs)..][..array.len() / num_envs];
+        self.complete_with(given, |held| &held[env * (held.len() / num_envs)..][..held.len() / num_envs])
+    }
+
+    /// The same with a part of each array that is in force.
+    fn complete_with<'a>(&'a self, given: &StepInputs<'a>, part: impl Fn(&'a [f64]) -> &'a [f64]) -> StepInputs<'a> {
         let [qfrc, xfrc, mocap_pos, mocap_quat] = &self.arrays;
-        let or = |given: &'a [f64], held: &'a Vec<f64>| if given.is_empty() { row(held) } else { given };
+        let or = |given: &'a [f64], held: &'a [f64]| if given.is_empty() { part(held) } else { given };
         StepInputs {
             ctrl: given.ctrl,
             qfrc: or(given.qfrc, qfrc),

@@ -67,15 +67,7 @@ pub(crate) fn correct_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R
         let at = scheme.forces_at([&s.evaluation.q, &s.evaluation.q_ahead], [&s.state.v, &s.work.v_mean], &s.evaluation.act, &s.inputs);
         probe.span(Span::Actuate, || actuate(compiled, &at, scheme.servos(), &mut s.free_motion.actuator_forces));
     }
-    probe.span(Span::Acceleration, || {
-        s.free_motion.smooth.acceleration(
-            compiled,
-            &s.evaluation.kinematics,
-            [&s.free_motion.actuator_forces.tau, &s.free_motion.applied],
-            &s.state.v,
-            &s.work.v_mean,
-        )
-    });
+    probe.span(Span::Acceleration, || s.free_motion.accelerate(compiled, &s.evaluation.kinematics, &s.state.v, &s.work.v_mean));
     advance(&s.state.v, &s.free_motion.smooth.acc, scheme.h, &mut s.work.v_free_again);
     if !compiled.spinners.is_empty() && scheme.in_the_middle {
         gyroscopic::correct(
@@ -138,13 +130,7 @@ fn leave_out_inertial_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R
     );
     let at = scheme.forces_at([&s.evaluation.q, &s.evaluation.q_ahead], [&s.state.v, &s.work.v_forces], &s.evaluation.act, &s.inputs);
     actuate(compiled, &at, scheme.servos(), &mut s.free_motion.actuator_forces);
-    s.free_motion.smooth.acceleration(
-        compiled,
-        &s.evaluation.kinematics,
-        [&s.free_motion.actuator_forces.tau, &s.free_motion.applied],
-        &s.state.v,
-        &s.step_resolution.rest,
-    );
+    s.free_motion.accelerate(compiled, &s.evaluation.kinematics, &s.state.v, &s.step_resolution.rest);
     R::vectorize(
         #[inline(always)]
         || {

@@ -66,15 +66,7 @@ pub(crate) fn free_motion<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, 
             implicit(compiled, scheme, &s.free_motion.actuator_forces, &s.state.v),
         )
     });
-    probe.span(Span::Acceleration, || {
-        s.free_motion.smooth.acceleration(
-            compiled,
-            &s.evaluation.kinematics,
-            [&s.free_motion.actuator_forces.tau, &s.free_motion.applied],
-            &s.state.v,
-            &s.state.v,
-        )
-    });
+    probe.span(Span::Acceleration, || s.free_motion.accelerate(compiled, &s.evaluation.kinematics, &s.state.v, &s.state.v));
     if compiled.servos_are_bounded && (scheme.corrects || compiled.actuator_dynamics > 0) {
         probe.span(Span::SaturateServos, || saturate_servos(compiled, scheme, s));
     }

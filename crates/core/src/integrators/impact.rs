@@ -227,15 +227,15 @@ fn lanes_to_solve_again<R: Real>(scheme: &Scheme<R>, s: &Workspace<R>, first: bo
 /// impact and after it. At the `first` time, the velocity before the impact is made that of the former alone.
 fn take_inertial_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>, lanes: R::Mask, first: bool) {
     // With the forces of stage 1 as they are: what depends on the velocity in them is implicit.
-    let (forces, half) = ([&s.free_motion.actuator_forces.tau[..], &s.free_motion.applied], scheme.h * R::of(0.5));
+    let half = scheme.h * R::of(0.5);
     let times = [scheme.lead, scheme.rest].map(|time| R::select(s.impacts.lanes, time, half));
-    s.free_motion.smooth.acceleration(compiled, &s.evaluation.kinematics, forces, &s.state.v, &s.state.v);
+    s.free_motion.accelerate(compiled, &s.evaluation.kinematics, &s.state.v, &s.state.v);
     advance(&s.state.v, &s.free_motion.smooth.acc, times[0], &mut s.work.v_half);
     let strikes = s.constraints.has_impacts;
     if strikes {
         advance(&s.state.v, &s.free_motion.smooth.acc, scheme.h, &mut s.work.before_impact);
     }
-    s.free_motion.smooth.acceleration(compiled, &s.evaluation.kinematics, forces, &s.state.v, &s.next.v);
+    s.free_motion.accelerate(compiled, &s.evaluation.kinematics, &s.state.v, &s.next.v);
     advance(&s.work.v_half, &s.free_motion.smooth.acc, times[1], &mut s.work.v_free_again);
     if !compiled.spinners.is_empty() {
         gyroscopic::correct_spin(

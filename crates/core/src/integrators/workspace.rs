@@ -141,6 +141,13 @@ pub struct Workspace<R: Real> {
     pub(crate) rk4: Option<Rk4<R>>,
 }
 
+impl<R: Real> FreeMotion<R> {
+    /// Acceleration by all forces, see [`Smooth::acceleration`]: `v` is the velocity before the step, `v_bias` that of inertial forces.
+    pub(crate) fn accelerate(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], v_bias: &[R]) {
+        self.smooth.acceleration(compiled, kinematics, [&self.actuator_forces.tau, &self.applied], v, v_bias);
+    }
+}
+
 impl<R: Real> Workspace<R> {
     /// Room for a compiled model.
     pub fn new(compiled: &LaneModel<R>, options: &StepSettings, max_contacts: usize) -> Self {

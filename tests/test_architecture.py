@@ -24,7 +24,9 @@ CORE_FOLDERS = {
     "sensing": {"math", "model", "compile", "dynamics", "collision", "actuation"},
     "probe": set(),
     "stages": {"math", "model", "options", "probe", "compile", "dynamics", "collision", "actuation", "constraints", "sensing"},
-    "integrators": {"math", "model", "options", "probe", "compile", "dynamics", "collision", "actuation", "constraints", "stages"},
+    "integrators": {
+        *("math", "model", "options", "probe", "compile", "dynamics", "collision", "actuation", "constraints", "sensing", "stages"),
+    },
     "step": {"options", "probe", "compile", "stages", "integrators"},
     "analysis": {"math", "model", "probe", "compile", "dynamics", "collision", "actuation", "sensing", "stages", "integrators"},
     "batch": {

@@ -163,10 +163,10 @@ pub enum Error {
     /// An error model that a sensor cannot have, with the sensor's name.
     #[error("{0}")]
     Sensor(String),
-    /// A drive train that an actuator cannot have, with the actuator's name.
+    /// Dynamics of an actuator that an actuator cannot have, with the actuator's name.
     #[error("{0}")]
     Actuator(String),
-    /// Drive trains for environments that already have parameters of their own.
+    /// Actuator dynamics for environments that already have parameters of their own.
     #[error("environments have parameters of their own: give drives first, or take the parameters back")]
     DrivesAfterParameters,
     /// More environments than there is memory for.

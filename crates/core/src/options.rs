@@ -23,13 +23,6 @@ pub enum Integrator {
     Rk4,
 }
 
-impl Integrator {
-    /// Whether the step is taken in its middle.
-    pub fn in_the_middle(self) -> bool {
-        matches!(self, Self::Midpoint | Self::Rk4)
-    }
-}
-
 /// What removes the overlap that remains.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Stabilization {

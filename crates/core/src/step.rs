@@ -4,7 +4,9 @@ use stepper_real::Real;
 
 use crate::compile::LaneModel;
 use crate::integrators::acceptance::accept;
+use crate::integrators::devices::Devices;
 use crate::integrators::evaluation::{assemble_rows, evaluate};
+use crate::integrators::observation::{observe, pass_controls};
 use crate::integrators::scheme;
 use crate::integrators::solution::{correct_positions, guard_energy, integrate_positions, record, solve_velocities};
 use crate::integrators::workspace::Workspace;
@@ -12,14 +14,22 @@ use crate::options::StepSettings;
 use crate::probe::{Counter, Probe, Span};
 use crate::stages::s10_record::Record;
 
-/// One step of `options.timestep` seconds: state and inputs in, next state and its record out.
+/// One step of `options.timestep` seconds: state and inputs in, next state, observation and record out.
 ///
 /// This is ordinary code that calls kernels: each stage is compiled once for every lane type and CPU level.
-pub fn step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, probe: impl Probe) -> Record<R> {
+pub fn step<R: Real>(
+    compiled: &LaneModel<R>,
+    options: &StepSettings,
+    s: &mut Workspace<R>,
+    devices: &mut Devices<'_, R::Scalar>,
+    probe: impl Probe,
+) -> Record<R> {
     probe.count(Counter::GroupSteps, || 1.0);
     let mut scheme = scheme(options);
     s.poison();
     s.poses.begin();
+    // 1 actuate: controls pass through the actuators' pipelines.
+    probe.span(Span::ActuatorPipelines, || pass_controls(compiled, options, s, devices));
     // 1 actuate, 2 smooth dynamics, 3 detect: at the configuration where the scheme takes the step.
     let at_beginning = evaluate(compiled, options, &mut scheme, s, probe);
     // 4 assemble; 1 and 2 again for forces that depend on the velocity to come.
@@ -32,8 +42,9 @@ pub fn step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Wo
     // 8 stabilise
     correct_positions(compiled, options, &scheme, s, &mut solution, probe);
     probe.span(Span::GuardEnergy, || guard_energy(compiled, s, &solution));
-    let finite = probe.span(Span::Accept, || accept(compiled, s));
-    // 9 sense: a worker reads the sensors of the new state, when somebody asks for them (`stages/s09_sense.rs`).
+    let finite = probe.span(Span::Accept, || accept(compiled, s, options.timestep));
+    // 9 sense
+    probe.span(Span::Sense, || observe(compiled, options, s, devices));
     // 10 record
     probe.span(Span::Record, || record(compiled, options, s, &solution, [finite, tunnelled]))
 }

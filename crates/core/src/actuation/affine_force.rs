@@ -6,7 +6,7 @@ use stepper_real::{Mask, Real};
 use crate::dynamics::implicit_weights::ImplicitWeights;
 use crate::math::spatial::*;
 
-/// Numbers of a drive train that acts within a step, per lane, at the actuator's side of its gear.
+/// Numbers of an actuator's dynamics that acts within a step, per lane, at the actuator's side of its gear.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ActuatorDynamics<R> {
     /// Force of a continuous servo per unit of length, N or N m per unit.

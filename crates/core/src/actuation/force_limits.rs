@@ -1,4 +1,4 @@
-//! Where a drive train is on its curve: free, at a limit of its effort, or at the torque-speed curve of its motor.
+//! Where an actuator's dynamics is on its curve: free, at a limit of its effort, or at the torque-speed curve of its motor.
 
 use stepper_real::{Mask, Real};
 
@@ -6,7 +6,7 @@ use crate::actuation::affine_force::{ActuatorDynamics, Gauge};
 use crate::compile::CompiledActuatorDynamics;
 use crate::dynamics::implicit_weights::ImplicitWeights;
 
-/// A drive train within a step.
+/// Dynamics of an actuator within a step.
 ///
 /// What it does is `f = clamp(clamp(law, limits), +-stall - drag v)`: piecewise affine in the motion, and where the law pulls back,
 /// decreasing. The step takes one piece implicitly. Which one is found like the roots of such functions: solve with the present piece, go
@@ -133,7 +133,7 @@ pub(crate) fn exceeds<R: Real>(
     held.or(curve)
 }
 
-/// A force within the limits and under the curve of its drive train.
+/// A force within the limits and under the curve of its dynamics.
 #[inline(always)]
 pub(crate) fn bounded<R: Real>(compiled: &CompiledActuatorDynamics<R::Scalar>, numbers: &ActuatorDynamics<R>, force: R, velocity: R) -> R {
     let [held, curve, upper] = whereabouts(compiled, numbers, force, velocity);

@@ -64,7 +64,7 @@ impl<R: Real> Implicit<'_, R> {
 pub struct ImplicitServos<R> {
     /// Shares of damping and stiffness.
     pub weights: ImplicitWeights<R>,
-    /// Whether that holds for every servo, or for drive trains alone.
+    /// Whether that holds for every servo, or for actuator dynamics alone.
     pub all: bool,
 }
 
@@ -79,9 +79,9 @@ pub struct ForceState<'a, R: Real> {
     pub v_at: &'a [R],
     /// Activations.
     pub act: &'a [R],
-    /// Controls, as drive trains hand them on.
+    /// Controls, as actuator dynamics hand them on.
     pub ctrl: &'a [R],
-    /// Drive trains that act within a step.
+    /// Actuator dynamics that act within a step.
     pub actuator_dynamics: &'a [ActuatorDynamics<R>],
 }
 
@@ -120,11 +120,11 @@ pub struct ActuatorForces<R: Real> {
     pub arms: Vec<R>,
     /// Lengths of actuators on sites.
     pub(crate) lengths: Vec<R>,
-    /// Where every drive train is on its curve.
+    /// Where every dynamics is on its curve.
     pub(super) regions: Vec<Region<R>>,
     /// Whether the regions of this step are still to be found.
     pub(crate) fresh: bool,
-    /// What drive trains lose, see [`crate::constraints::AssemblyInput::losses`].
+    /// What actuator dynamics lose, see [`crate::constraints::AssemblyInput::losses`].
     pub losses: Vec<[R; 2]>,
 }
 
@@ -208,7 +208,7 @@ impl<R: Real> ActuatorForces<R> {
         self.weight[servo] = R::select(held, R::zero(), weight);
     }
 
-    /// Takes over the law of a drive train, where it is on its curve.
+    /// Takes over the law of an actuator's dynamics, where it is on its curve.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "one actuator, every part of it named at the call")]
     pub(crate) fn set_actuator_dynamics(
@@ -229,7 +229,7 @@ impl<R: Real> ActuatorForces<R> {
         self.follow(servo, actuator, compiled, numbers, weights);
     }
 
-    /// Takes over the force of a drive train where it is on its curve.
+    /// Takes over the force of an actuator's dynamics where it is on its curve.
     #[inline(always)]
     fn follow(
         &mut self,
@@ -273,8 +273,8 @@ impl<R: Real> ActuatorForces<R> {
         let (of_it, mut cut) = (&compiled.actuators[actuator], self.beyond[actuator]);
         if let Some(k) = of_it.servo {
             cut = cut.or(self.saturated[k]);
-            if let Some(train) = &of_it.train {
-                cut = cut.or(self.regions[train.index].is_cut());
+            if let Some(dynamics) = &of_it.dynamics {
+                cut = cut.or(self.regions[dynamics.index].is_cut());
             }
         }
         for (range, &of_sum) in compiled.actuator_force_ranges.iter().zip(&self.cut) {
@@ -288,7 +288,7 @@ impl<R: Real> ActuatorForces<R> {
     /// Finds servos whose force at the end of the step would exceed its bounds, if the velocity changed by `dv`: they keep to the bound and
     /// lose their stiffness. Returns the lanes in which there is a new one; `gather` must follow.
     ///
-    /// Drive trains go where their curves have them, `pass` after pass; from the third on none comes back from a bound, so that it ends.
+    /// Actuator dynamics go where their curves have them, `pass` after pass; from the third on none comes back from a bound, so that it ends.
     pub fn saturate(
         &mut self,
         compiled: &LaneModel<R>,
@@ -311,10 +311,11 @@ impl<R: Real> ActuatorForces<R> {
                 for (k, servo) in compiled.servos.iter().enumerate() {
                     let actuator = &compiled.actuators[servo.actuator];
                     let along = self.along(actuator, dv);
-                    if let Some(train) = actuator.train {
-                        let moved = self.regions[train.index].place(&train, &actuator_dynamics[train.index], weights, along / h, pass < 2);
+                    if let Some(dynamics) = actuator.dynamics {
+                        let moved =
+                            self.regions[dynamics.index].place(&dynamics, &actuator_dynamics[dynamics.index], weights, along / h, pass < 2);
                         let moved = moved.and_not(self.saturated[k]);
-                        self.follow(k, servo.actuator, &train, &actuator_dynamics[train.index], weights);
+                        self.follow(k, servo.actuator, &dynamics, &actuator_dynamics[dynamics.index], weights);
                         new = new.or(moved);
                     }
                     self.implied[servo.actuator] = self.force[servo.actuator] - self.weight[k] / h * along;
@@ -365,12 +366,12 @@ impl<R: Real> ActuatorForces<R> {
                 for (k, servo) in compiled.servos.iter().enumerate() {
                     let actuator = &compiled.actuators[servo.actuator];
                     let along = self.along(actuator, dv);
-                    let [force, weight] = match actuator.train {
-                        Some(train) => {
-                            let mut region = self.regions[train.index];
-                            let moved = region.place(&train, &actuator_dynamics[train.index], weights, along / h, true);
+                    let [force, weight] = match actuator.dynamics {
+                        Some(dynamics) => {
+                            let mut region = self.regions[dynamics.index];
+                            let moved = region.place(&dynamics, &actuator_dynamics[dynamics.index], weights, along / h, true);
                             wrong = wrong.or(moved.and_not(self.saturated[k]));
-                            let (force, weight) = region.force(&actuator_dynamics[train.index], weights);
+                            let (force, weight) = region.force(&actuator_dynamics[dynamics.index], weights);
                             [force, weight]
                         }
                         None => self.unbounded[k],

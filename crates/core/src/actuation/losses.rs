@@ -1,4 +1,4 @@
-//! What drive trains lose to friction.
+//! What actuator dynamics lose to friction.
 
 use stepper_real::Real;
 
@@ -8,7 +8,7 @@ use crate::compile::LaneModel;
 use crate::math::spatial::*;
 
 impl<R: Real> ActuatorForces<R> {
-    /// What drive trains lose at their forces, or at those that are to be expected at the end of the step, left in `losses`.
+    /// What actuator dynamics lose at their forces, or at those that are to be expected at the end of the step, left in `losses`.
     ///
     /// A gear that passes on the share e of its power gives e f to what it drives, and asks f / e of what drives it: against a motion along
     /// f it loses (1 - e) |f|, against one the other way (1/e - 1) |f|. At rest its friction is anything in between.
@@ -18,29 +18,29 @@ impl<R: Real> ActuatorForces<R> {
             || {
                 self.losses.fill(zero());
                 for (a, actuator) in compiled.actuators.iter().enumerate() {
-                    let Some(train) = &actuator.train else { continue };
-                    let Some((row, arm)) = train.losses else { continue };
+                    let Some(dynamics) = &actuator.dynamics else { continue };
+                    let Some((row, arm)) = dynamics.losses else { continue };
                     let force = if expected && compiled.servos_are_bounded { self.implied[a] } else { self.force[a] };
-                    let loss = losses(&actuator_dynamics[train.index], R::splat(arm), force);
+                    let loss = losses(&actuator_dynamics[dynamics.index], R::splat(arm), force);
                     self.losses[row] = add(self.losses[row], loss);
                 }
             },
         )
     }
 
-    /// Adds to the forces what drive trains lost in a step, by the impulses of their rows of dry friction.
+    /// Adds to the forces what actuator dynamics lost in a step, by the impulses of their rows of dry friction.
     pub fn subtract_losses(&mut self, compiled: &LaneModel<R>, actuator_dynamics: &[ActuatorDynamics<R>], scalar_impulse: &[R], h: R) {
         R::vectorize(
             #[inline(always)]
             || {
                 for (a, actuator) in compiled.actuators.iter().enumerate() {
-                    let Some(train) = &actuator.train else { continue };
-                    let Some((row, arm)) = train.losses else { continue };
+                    let Some(dynamics) = &actuator.dynamics else { continue };
+                    let Some((row, arm)) = dynamics.losses else { continue };
                     let arm = R::splat(arm);
                     let friction = scalar_impulse[compiled.limits.len() + row] / h;
                     // Of a row that is shared, as much as it may take of the whole.
                     let backwards = friction.gt(R::zero());
-                    let [own, all] = [losses(&actuator_dynamics[train.index], arm, self.force[a]), self.losses[row]].map(
+                    let [own, all] = [losses(&actuator_dynamics[dynamics.index], arm, self.force[a]), self.losses[row]].map(
                         #[inline(always)]
                         |x: [R; 2]| R::select(backwards, x[1], x[0]),
                     );

@@ -1,14 +1,14 @@
-//! What drive trains remember from step to step, lane-interleaved.
+//! What actuator dynamics remember from step to step, lane-interleaved.
 
 use serde::{Deserialize, Serialize};
 use stepper_real::Scalar;
 
 use crate::math::lanes::{columns, lane_bits, set_columns, set_lane_bits};
 
-/// Memory of the drive trains of a group of environments.
+/// Memory of the actuator dynamics of a group of environments.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Memory<S> {
-    /// Lanes (bits) whose drive trains have not begun: their first control fills their delay lines.
+    /// Lanes (bits) whose actuator dynamics have not begun: their first control fills their delay lines.
     pub waiting: u32,
     /// Delay lines, lagged efforts, integrals, phases and held samples.
     pub numbers: Vec<S>,

@@ -1,4 +1,4 @@
-//! What becomes of a control before it is a force: drive trains.
+//! What becomes of a control before it is a force: actuator dynamics.
 //!
 //! ```text
 //! control -> range -> delay -> servo (sampled and held, or continuous) -> lag -> law -> limits -> torque-speed curve -> gear, friction -> joint

@@ -1,4 +1,4 @@
-//! Drive trains at work: before every step from controls to what the step is given.
+//! Actuator pipelines: before every step from the user's controls to those of the step.
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -8,7 +8,7 @@ use crate::compile::{CompiledActuator, ModelStructure};
 use crate::math::lanes::DelayLine;
 use crate::model::actuator_spec::{ActuatorSpec, any};
 
-/// Number of a train that may differ between environments, in the order of the table.
+/// Number of a pipeline that may differ between environments, in the order of the table.
 #[derive(Clone, Copy)]
 enum Number {
     /// Steps.
@@ -43,7 +43,7 @@ enum Servo {
     Sampled,
 }
 
-/// One actuator with a drive train.
+/// Pipeline of one actuator.
 #[derive(Clone, Debug)]
 struct ActuatorPipeline {
     actuator: usize,
@@ -61,11 +61,11 @@ struct ActuatorPipeline {
     table: usize,
 }
 
-/// The drive trains of a model's actuators in a batch.
+/// Pipelines of a model's actuators in a batch.
 #[derive(Clone, Debug)]
 pub struct ActuatorPipelines<S> {
     pipelines: Vec<ActuatorPipeline>,
-    /// For every group of lanes the numbers of every train, lane-interleaved.
+    /// For every group of lanes the numbers of every pipeline, lane-interleaved.
     tables: Vec<Vec<S>>,
     lanes: usize,
     num_envs: usize,
@@ -76,19 +76,19 @@ pub struct ActuatorPipelines<S> {
 }
 
 impl<S: Scalar> ActuatorPipelines<S> {
-    /// `trains` has an entry for every actuator of the model; they are what [`ActuatorSpec::fold`] returned.
+    /// `specs` has an entry for every actuator of the model; they are what [`ActuatorSpec::fold`] returned.
     pub fn new(specs: &[Option<ActuatorSpec>], num_envs: usize, lanes: usize, h: f64) -> Self {
         let mut all = Self { pipelines: vec![], tables: vec![], lanes, num_envs, memory: 0, lines: 0 };
-        for (actuator, train) in specs.iter().enumerate() {
-            let Some(train) = train else { continue };
-            let longest = train.longest(num_envs, h);
-            let servo = match &train.servo {
+        for (actuator, spec) in specs.iter().enumerate() {
+            let Some(spec) = spec else { continue };
+            let longest = spec.longest(num_envs, h);
+            let servo = match &spec.servo {
                 None => Servo::None,
                 Some(s) if s.period.is_empty() => Servo::Continuous,
                 Some(_) => Servo::Sampled,
             };
             let line = if longest > 0 { longest + 2 } else { 0 };
-            let (memory, table, lagged) = (all.memory, all.pipelines.len() * NUMBERS, any(&train.lag));
+            let (memory, table, lagged) = (all.memory, all.pipelines.len() * NUMBERS, any(&spec.lag));
             let pipeline = ActuatorPipeline { actuator, servo, lagged, line, delay: None, memory, cursor: all.lines, table };
             all.memory += line + 2 * usize::from(lagged) + [0, 1, 3][servo as usize];
             all.lines += usize::from(line > 0);
@@ -104,17 +104,17 @@ impl<S: Scalar> ActuatorPipelines<S> {
         self.pipelines.iter().filter(|c| c.line > 0).map(|c| DelayLine { at: c.memory, samples: c.line, width: 1 })
     }
 
-    /// Gives the environments `envs` the numbers of `trains`, whose lists have one for all of these or one for each; of actuators without
+    /// Gives the environments `envs` the numbers of `specs`, whose lists have one for all of these or one for each; of actuators without
     /// an entry they stay. What is remembered stays too.
     pub fn assign(&mut self, specs: &[Option<ActuatorSpec>], envs: &[usize], h: f64) {
         let lanes = self.lanes;
         for pipeline in &mut self.pipelines {
-            let Some(train) = &specs[pipeline.actuator] else { continue };
+            let Some(spec) = &specs[pipeline.actuator] else { continue };
             for (k, &env) in envs.iter().enumerate() {
                 let (table, lane) = (&mut self.tables[env / lanes][pipeline.table * lanes..], env % lanes);
                 // Lanes that are no environment are as the last one.
                 let alike = if env + 1 == self.num_envs { lane..lanes } else { lane..lane + 1 };
-                for (row, x) in table.chunks_exact_mut(lanes).zip(numbers(train, k, h)) {
+                for (row, x) in table.chunks_exact_mut(lanes).zip(numbers(spec, k, h)) {
                     row[alike.clone()].fill(S::from_f64(x));
                 }
             }
@@ -130,21 +130,21 @@ impl<S: Scalar> ActuatorPipelines<S> {
         self.tables.iter().map(|table| size_of_val(&table[..])).sum()
     }
 
-    /// Whether there is no train.
+    /// Whether no actuator has a pipeline.
     pub fn is_empty(&self) -> bool {
         self.pipelines.is_empty()
     }
 
-    /// Numbers of the trains that act within a step, as they are at its end.
+    /// Numbers of the pipelines that act within a step, as they are at its end.
     pub fn load<R: Real<Scalar = S>>(&self, compiled: &ModelStructure<S>, group: usize, specs: &mut [ActuatorDynamics<R>]) {
         R::vectorize(
             #[inline(always)]
             || {
                 for pipeline in &self.pipelines {
-                    let Some(train) = compiled.actuators[pipeline.actuator].train else { continue };
+                    let Some(dynamics) = compiled.actuators[pipeline.actuator].dynamics else { continue };
                     let table = &self.tables[group][pipeline.table * R::LANES..];
                     let number = |n: Number| get::<R>(table, n as usize);
-                    specs[train.index] = ActuatorDynamics {
+                    specs[dynamics.index] = ActuatorDynamics {
                         slope: R::zero(),
                         rate: R::zero(),
                         limits: [number(Number::Low), number(Number::High)],
@@ -153,8 +153,8 @@ impl<S: Scalar> ActuatorPipelines<S> {
                         efficiency: number(Number::Efficiency),
                         friction: number(Number::Friction),
                     };
-                    if train.servo {
-                        pipeline.set_gains(table, Number::Decay, &mut specs[train.index]);
+                    if dynamics.servo {
+                        pipeline.set_gains(table, Number::Decay, &mut specs[dynamics.index]);
                     }
                 }
             },
@@ -165,10 +165,10 @@ impl<S: Scalar> ActuatorPipelines<S> {
     pub fn read(&self, compiled: &ModelStructure<S>, group: usize, lane: usize) -> Vec<ActuatorDynamics<f64>> {
         let mut specs = vec![ActuatorDynamics::default(); compiled.actuator_dynamics];
         for pipeline in &self.pipelines {
-            let Some(train) = compiled.actuators[pipeline.actuator].train else { continue };
+            let Some(dynamics) = compiled.actuators[pipeline.actuator].dynamics else { continue };
             let number = |n: Number| self.tables[group][(pipeline.table + n as usize) * self.lanes + lane].to_f64();
-            let share = if train.servo { 1.0 - number(Number::Decay) } else { 0.0 };
-            specs[train.index] = ActuatorDynamics {
+            let share = if dynamics.servo { 1.0 - number(Number::Decay) } else { 0.0 };
+            specs[dynamics.index] = ActuatorDynamics {
                 slope: -share * number(Number::Kp),
                 rate: -share * number(Number::Kd),
                 limits: [number(Number::Low), number(Number::High)],
@@ -181,7 +181,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
         specs
     }
 
-    /// Before a step from the state (q, v): the controls `given` become those of the step, and its trains are set. A lane with a control
+    /// Before a step from the state (q, v): the controls `given` become those of the step, and its pipelines are set. A lane with a control
     /// that is not finite takes none of them up, and gets NaN, for which its step is refused.
     #[expect(clippy::too_many_arguments, reason = "what is given, to whom, and what is remembered")]
     pub fn advance<R: Real<Scalar = S>>(
@@ -218,8 +218,8 @@ impl<S: Scalar> ActuatorPipelines<S> {
                     };
                     if pipeline.lagged {
                         u = pipeline.lag(table, actuator, u, [q, v], [taken, start], &mut memory.numbers);
-                        if let (Servo::Continuous, Some(train)) = (pipeline.servo, actuator.train) {
-                            pipeline.set_gains(table, Number::Mean, &mut specs[train.index]);
+                        if let (Servo::Continuous, Some(dynamics)) = (pipeline.servo, actuator.dynamics) {
+                            pipeline.set_gains(table, Number::Mean, &mut specs[dynamics.index]);
                         }
                     }
                     ctrl[pipeline.actuator] = R::select(taken, u, R::of(f64::NAN));
@@ -228,7 +228,7 @@ impl<S: Scalar> ActuatorPipelines<S> {
         )
     }
 
-    /// After a step: what the trains hand on at its end.
+    /// After a step: what the pipelines hand on at its end.
     pub fn hold_outputs<R: Real<Scalar = S>>(
         &self,
         compiled: &ModelStructure<S>,
@@ -243,10 +243,10 @@ impl<S: Scalar> ActuatorPipelines<S> {
                     let table = &self.tables[group][pipeline.table * R::LANES..];
                     let effort: R = get(&memory.numbers, pipeline.lag_at());
                     ctrl[pipeline.actuator] = effort;
-                    if let (Servo::Continuous, Some(train)) = (pipeline.servo, compiled.actuators[pipeline.actuator].train) {
+                    if let (Servo::Continuous, Some(dynamics)) = (pipeline.servo, compiled.actuators[pipeline.actuator].dynamics) {
                         let (goal, decay): (R, R) = (get(&memory.numbers, pipeline.lag_at() + 1), get(table, Number::Decay as usize));
                         ctrl[pipeline.actuator] = goal + (effort - goal) * decay;
-                        pipeline.set_gains(table, Number::Decay, &mut specs[train.index]);
+                        pipeline.set_gains(table, Number::Decay, &mut specs[dynamics.index]);
                     }
                 }
                 for (i, u) in ctrl.iter().enumerate() {
@@ -341,10 +341,10 @@ impl ActuatorPipeline {
 
     /// Gains of a continuous servo behind its lag: `left` says how much of its past is left.
     #[inline(always)]
-    fn set_gains<R: Real>(&self, table: &[R::Scalar], left: Number, train: &mut ActuatorDynamics<R>) {
+    fn set_gains<R: Real>(&self, table: &[R::Scalar], left: Number, dynamics: &mut ActuatorDynamics<R>) {
         let share: R = if self.lagged { R::one() - get::<R>(table, left as usize) } else { R::one() };
-        train.slope = -(share * get::<R>(table, Number::Kp as usize));
-        train.rate = -(share * get::<R>(table, Number::Kd as usize));
+        dynamics.slope = -(share * get::<R>(table, Number::Kp as usize));
+        dynamics.rate = -(share * get::<R>(table, Number::Kd as usize));
     }
 
     /// Puts the control into the delay line and takes out what was there before. A part of a step is the mean of a staircase over it.

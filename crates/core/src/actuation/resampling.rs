@@ -1,18 +1,18 @@
-//! Drive trains whose numbers are drawn anew, environment by environment.
+//! Actuator dynamics whose numbers are drawn anew, environment by environment.
 //!
-//! What stages a train has, and how long its delay line is, is compiled; the numbers of what is there are not.
+//! What stages a spec has, and how long its delay line is, is compiled; the numbers of what is there are not.
 
 use crate::model::actuator_spec::{ActuatorSpec, any};
 use crate::model::{Model, label};
 
-/// The drive trains of a simulation.
+/// The actuator dynamics of a simulation.
 #[derive(Clone, Debug)]
 pub struct ActuatorModels {
     /// The model as they change it.
     pub model: Model,
     /// What was compiled, with what the model gives to them.
     pub specs: Vec<Option<ActuatorSpec>>,
-    /// As they were given, wherever there is a train.
+    /// As they were given, wherever there is a spec.
     made: Vec<Option<ActuatorSpec>>,
     /// As environments have them of their own.
     drawn: Option<Vec<Option<ActuatorSpec>>>,
@@ -23,7 +23,7 @@ pub struct ActuatorModels {
 pub struct ResampledActuators {
     /// The environments that get them.
     pub envs: Vec<usize>,
-    /// For these environments alone, with what the model gives to them; `None` leaves a train as it is.
+    /// For these environments alone, with what the model gives to them; `None` leaves a spec as it is.
     pub specs: Vec<Option<ActuatorSpec>>,
     drawn: Option<Vec<Option<ActuatorSpec>>>,
 }
@@ -35,10 +35,8 @@ impl ActuatorModels {
     /// As [`ActuatorSpec::fold`].
     pub fn new(model: &Model, given: &[Option<ActuatorSpec>], num_envs: usize, h: f64) -> Result<Self, String> {
         let (folded, specs) = ActuatorSpec::fold(model, given, num_envs, h)?;
-        let made = specs
-            .iter()
-            .zip(given)
-            .map(|(train, given)| Some(given.clone().unwrap_or_else(ActuatorSpec::ideal)).filter(|_| train.is_some()));
+        let made =
+            specs.iter().zip(given).map(|(spec, given)| Some(given.clone().unwrap_or_else(ActuatorSpec::ideal)).filter(|_| spec.is_some()));
         Ok(Self { model: folded, made: made.collect(), specs, drawn: None })
     }
 
@@ -54,7 +52,7 @@ impl ActuatorModels {
     }
 
     /// What comes of other numbers for the environments `envs`: an entry for every actuator, with lists of one number or one for each of
-    /// these; `None` leaves a train as it is. Without any, they are as they were made.
+    /// these; `None` leaves a spec as it is. Without any, they are as they were made.
     ///
     /// # Errors
     /// What a number may not be, or what the simulation was not made for, with the actuator's name.
@@ -74,21 +72,21 @@ impl ActuatorModels {
         let place = |i: usize| format!("drive of actuator {:?}", label(&model.actuators[i].name, i));
         let mut drawn = self.drawn.as_ref().unwrap_or(&self.made).clone();
         let (folded, mut new) = ActuatorSpec::fold(model, &specs, envs.len(), h)?;
-        for (i, (train, given)) in new.iter_mut().zip(&mut specs).enumerate() {
+        for (i, (spec, given)) in new.iter_mut().zip(&mut specs).enumerate() {
             let Some(given) = given else {
-                *train = None;
+                *spec = None;
                 continue;
             };
             match (&self.specs[i], &mut drawn[i]) {
                 (Some(made), Some(drawn)) => {
-                    let train = train.get_or_insert_with(ActuatorSpec::ideal);
+                    let spec = spec.get_or_insert_with(ActuatorSpec::ideal);
                     if let (Some(range), None) = (folded.actuators[i].force_range, self.model.actuators[i].force_range) {
-                        train.narrow(range);
+                        spec.narrow(range);
                     }
-                    train.fits(made, envs.len(), num_envs, h).map_err(|e| format!("{}: {e}", place(i)))?;
+                    spec.fits(made, envs.len(), num_envs, h).map_err(|e| format!("{}: {e}", place(i)))?;
                     drawn.assign(given, envs, num_envs);
                 }
-                _ if train.is_none() => {}
+                _ if spec.is_none() => {}
                 _ => return Err(format!("{}: the Stepper was made without one; {REMEDY}", place(i))),
             }
         }
@@ -104,7 +102,7 @@ impl ActuatorModels {
 const REMEDY: &str = "stages are compiled: give it to Stepper(..., actuators=), if only to one environment";
 
 impl ActuatorSpec {
-    /// All numbers that environments may have of their own, in an order that depends on the train's stages alone.
+    /// All numbers that environments may have of their own, in an order that depends on the spec's stages alone.
     fn numbers(&mut self) -> Vec<&mut Vec<f64>> {
         let mut all = vec![&mut self.delay, &mut self.delay_steps, &mut self.lag, &mut self.low, &mut self.high, &mut self.friction];
         if let Some(s) = &mut self.servo {
@@ -125,7 +123,7 @@ impl ActuatorSpec {
         own
     }
 
-    /// Takes over the numbers of a train with the same stages, whose lists have one for all of `envs` or one for each.
+    /// Takes over the numbers of a spec with the same stages, whose lists have one for all of `envs` or one for each.
     fn assign(&mut self, given: &mut Self, envs: &[usize], num_envs: usize) {
         for (own, given) in self.numbers().into_iter().zip(given.numbers()) {
             if given.is_empty() || (given.len() == 1 && *own == *given) {
@@ -142,7 +140,7 @@ impl ActuatorSpec {
         }
     }
 
-    /// Whether a train that was `made` for `num_envs` environments can have these numbers in `n` of them.
+    /// Whether a spec that was `made` for `num_envs` environments can have these numbers in `n` of them.
     fn fits(&self, made: &Self, n: usize, num_envs: usize, h: f64) -> Result<(), String> {
         let sampled = |t: &Self| t.servo.as_ref().is_some_and(|s| !s.period.is_empty());
         for (name, here, there) in [

@@ -51,6 +51,15 @@ pub struct Call<'a, S: Scalar> {
     pub pipelines: Option<&'a ActuatorPipelines<S>>,
 }
 
+/// Which readings are asked for.
+#[derive(Debug)]
+pub struct Query<'a> {
+    /// Those of ideal sensors.
+    pub truth: bool,
+    /// Where they go: a row for every environment of the group.
+    pub out: &'a mut [f64],
+}
+
 /// Some steps of a call, which follow one another. The parts of a call make the bits of the whole.
 #[derive(Clone, Copy, Debug)]
 pub struct Part {

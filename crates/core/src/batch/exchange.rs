@@ -21,6 +21,7 @@ pub(super) fn store_state<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R
             ] {
                 R::store_all(x, out);
             }
+            group.time.copy_from_slice(&s.state.time);
             group.store_contacts(&s.state.contacts);
         },
     )
@@ -56,6 +57,7 @@ pub(super) fn load_state<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>
             ] {
                 R::load_all(from, x);
             }
+            s.state.time.copy_from_slice(&group.time);
             group.load_contacts(&mut s.state.contacts);
         },
     )

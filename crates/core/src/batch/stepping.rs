@@ -2,13 +2,13 @@
 
 use std::time::Instant;
 
-use crate::batch::call::{Call, Part, Schedule};
+use crate::batch::call::{Call, Part, Query, Schedule};
 use crate::batch::environments::Batch;
 use crate::batch::inputs::StepInputs;
 use crate::batch::rollout::{Recording, Share};
 #[cfg(feature = "internals")]
 use crate::batch::worker::WorkerMakers;
-use crate::batch::worker::{GroupPosition, LaneScalar, Query};
+use crate::batch::worker::{GroupPosition, LaneScalar};
 use crate::error::Error;
 
 /// Asked between the parts of a long call, on the thread that calls, whether it is to go on.

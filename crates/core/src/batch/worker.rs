@@ -3,12 +3,13 @@
 use serde::{Serialize, de::DeserializeOwned};
 use stepper_real::{Level, Mask, Real, Scalar, at_avx512, at_level};
 
-use crate::batch::call::Call;
+use crate::batch::call::{Call, Query};
 use crate::batch::exchange::{load_control, load_inputs, load_state, store_mocap_trajectories, store_state};
 use crate::batch::rollout::{Numbers, Quantity, Share};
-use crate::batch::sensors::Senses;
+use crate::batch::sensors::{begin_observations, complete_readings, read, remember};
 use crate::batch::state::Group;
 use crate::compile::{CompiledModel, LaneModel};
+use crate::integrators::devices::{ActuatorDevices, Devices, SensorDevices};
 use crate::integrators::workspace::Workspace;
 use crate::math::lanes::{count, each_of};
 use crate::options::StepSettings;
@@ -71,15 +72,6 @@ pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
     /// # Panics
     /// When it is of the other; [`Simulation`](crate::Simulation) has checked it.
     fn numbers(array: Numbers<'_>) -> &mut [Self];
-}
-
-/// Which readings are asked for.
-#[derive(Debug)]
-pub struct Query<'a> {
-    /// Those of ideal sensors.
-    pub truth: bool,
-    /// Where they go: a row for every environment of the group.
-    pub out: &'a mut [f64],
 }
 
 /// Where a group is among the environments, and where it writes down what it does.
@@ -173,7 +165,6 @@ pub fn lane_worker<R: Real>(spec: &WorkerSpec<'_, R::Scalar>, probe: impl Probe)
     Box::new(LaneWorker {
         probe,
         workspace: Workspace::<R>::new(&compiled, spec.settings, spec.max_contacts),
-        senses: Senses::new(&compiled, spec.max_contacts, probe),
         compiled,
         flags: vec![0; R::LANES],
     })
@@ -183,7 +174,6 @@ pub fn lane_worker<R: Real>(spec: &WorkerSpec<'_, R::Scalar>, probe: impl Probe)
 struct LaneWorker<R: Real, P: Probe> {
     probe: P,
     workspace: Workspace<R>,
-    senses: Senses<R, P>,
     /// The compiled model with the parameters of the group that is worked on.
     compiled: LaneModel<R>,
     /// Flags of the steps of a control, per lane.
@@ -196,7 +186,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
         let GroupPosition { first, share_first, mut share } = at;
         let probe = self.probe;
         probe.span(Span::Load, || self.load_overrides(call, first));
-        probe.span(Span::Sense, || self.senses.begin_observations(call, &self.compiled, group, first, &mut self.workspace));
+        probe.span(Span::Sense, || begin_observations(call, &self.compiled, group, first, &mut self.workspace, probe));
         probe.span(Span::Load, || self.load(call, group, first));
         for control in call.part.controls(call.schedule) {
             probe.span(Span::Load, || load_control(call, control, first, &mut self.workspace));
@@ -206,11 +196,15 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
             if let (Some(share), true) = (&share, steps.start > 0) {
                 residual = share.resume(control, first - share_first, self.workspace.alive, &mut self.flags);
             }
-            let residual = self.run_control(call, group, first, steps.len(), residual);
-            let Self { workspace: s, senses, compiled, flags, .. } = self;
+            let observed = share.as_ref().is_some_and(|share| share.has(Quantity::Observation));
+            let residual = self.run_control(call, group, first, (steps.len(), observed), residual);
+            let Self { workspace: s, compiled, flags, .. } = self;
             if let Some(share) = &mut share {
-                let observed = share.has(Quantity::Observation);
-                let readings = if observed { probe.span(Span::Sense, || senses.readings(call, compiled, group, s)) } else { &[] };
+                if observed {
+                    let unread = steps.is_empty();
+                    probe.span(Span::Sense, || complete_readings(call, compiled, group, s, unread));
+                }
+                let readings = if observed { &s.sensors.room.truth[..] } else { &[] };
                 probe.span(Span::Rollout, || share.write(control, first - share_first, s, readings, flags, residual));
             }
         }
@@ -220,8 +214,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
     fn sense(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, query: Query<'_>) {
         assert_eq!(group.lanes, R::LANES, "a worker reads groups of its own width");
         self.load_overrides(call, first);
-        let Self { workspace, senses, compiled, .. } = self;
-        senses.read(call, compiled, group, first, workspace, query.truth, query.out);
+        read(call, &self.compiled, group, first, &mut self.workspace, query, self.probe);
     }
 
     fn problem(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, lane: usize) -> Vec<u8> {
@@ -265,7 +258,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
         let s = &mut self.workspace;
         s.poses.exchange(&mut group.separation_cache);
         if call.part.to > call.part.from {
-            self.senses.remember(group, s);
+            remember(group, s);
             store_state(group, s);
         }
         if call.part.ends && call.part.to > 0 {
@@ -275,41 +268,30 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
         s.current = call.num_envs <= R::LANES;
     }
 
-    /// Some steps of one control; adds their flags to those that are there, and returns their largest residual and that given.
-    fn run_control(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, steps: usize, mut residual: R) -> R {
-        let Self { workspace: s, senses, compiled, flags, probe } = self;
-        let (h, flags, probe) = (call.settings.timestep, &mut flags[..R::LANES], *probe);
+    /// Some steps of one control; adds their flags to those that are there, and returns their largest residual and that given. After the
+    /// last of them the sensors have been read, if so they are to be.
+    fn run_control(
+        &mut self,
+        call: &Call<'_, R::Scalar>,
+        group: &mut Group<R::Scalar>,
+        first: usize,
+        (steps, observed): (usize, bool),
+        mut residual: R,
+    ) -> R {
+        let Self { workspace: s, compiled, flags, probe } = self;
+        let (flags, probe) = (&mut flags[..R::LANES], *probe);
         let (mut depth, mut overshoot) = (R::load(&group.depth), R::load(&group.overshoot));
-        for _ in 0..steps {
-            probe.span(Span::Sense, || senses.before_step(s));
-            if let Some(pipelines) = call.pipelines {
-                let state = [&s.state.q[..], &s.state.v[..]];
-                probe.span(Span::ActuatorPipelines, || {
-                    pipelines.advance(
-                        compiled,
-                        first / R::LANES,
-                        &s.user_controls,
-                        state,
-                        s.alive,
-                        h,
-                        &mut group.actuation,
-                        (&mut s.inputs.ctrl, &mut s.inputs.actuator_dynamics),
-                    )
-                });
-            }
-            let record = step(compiled, call.settings, s, probe);
-            if let Some(pipelines) = call.pipelines {
-                let handed_on = (&mut s.inputs.ctrl[..], &mut s.inputs.actuator_dynamics[..]);
-                probe.span(Span::ActuatorPipelines, || pipelines.hold_outputs(compiled, first / R::LANES, &mut group.actuation, handed_on));
-            }
+        for i in 0..steps {
+            let Group { actuation, sensing, .. } = group;
+            let mut devices = Devices {
+                group: first / R::LANES,
+                actuators: call.pipelines.map(|pipelines| ActuatorDevices { pipelines, memory: actuation }),
+                sensors: Some(SensorDevices { errors: call.sensor_errors, memory: sensing, read: observed && i + 1 == steps }),
+            };
+            let record = step(compiled, call.settings, s, &mut devices, probe);
             probe.span(Span::Record, || {
-                s.elapsed += h;
-                let kept = record.non_finite.bits();
                 for (l, flags) in flags.iter_mut().enumerate() {
                     *flags |= record.status(l).bits();
-                    if kept >> l & 1 == 0 {
-                        group.time[l] += h;
-                    }
                 }
                 if !group.saturated.is_empty() {
                     count_saturated(compiled, s, &mut group.saturated);
@@ -323,8 +305,6 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
                     group.worst[lane] = s.constraints.worst.of_lane(lane).0;
                 }
             });
-            // 9 sense
-            probe.span(Span::Sense, || senses.after_step(call, compiled, group, first, s));
         }
         depth.store(&mut group.depth);
         overshoot.store(&mut group.overshoot);

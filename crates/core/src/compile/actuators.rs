@@ -30,8 +30,8 @@ pub struct CompiledActuator<S> {
     pub needs_motion: bool,
     /// Its place among the servos.
     pub servo: Option<usize>,
-    /// What of its drive train acts within a step.
-    pub train: Option<CompiledActuatorDynamics<S>>,
+    /// What of its dynamics acts within a step.
+    pub dynamics: Option<CompiledActuatorDynamics<S>>,
 }
 
 /// Where a site is.
@@ -64,7 +64,7 @@ pub struct CompiledWrench<S> {
     pub index: usize,
 }
 
-/// What of a drive train acts within a step: bounds and laws that differ between environments.
+/// What of an actuator's dynamics acts within a step: bounds and laws that differ between environments.
 #[derive(Clone, Copy, Debug)]
 pub struct CompiledActuatorDynamics<S> {
     /// Its place among those trains.
@@ -135,8 +135,8 @@ impl<S: Scalar> Drives<S> {
         let mut drives = Self { actuators: vec![], servos: vec![], force_ranges: vec![], arms: 0, wrenches: 0, actuator_dynamics: 0 };
         let mut na = 0;
         for (i, actuator) in model.actuators.iter().enumerate() {
-            let train = specs.get(i).and_then(Option::as_ref);
-            drives.push(scene, actuator, train, &mut na);
+            let spec = specs.get(i).and_then(Option::as_ref);
+            drives.push(scene, actuator, spec, &mut na);
         }
         let bounded = model.joints.iter().zip(scene.addresses).filter(|(j, _)| matches!(j.kind, JointKind::Hinge | JointKind::Slide));
         let ranges = bounded.filter_map(|(j, &(_, dof))| j.actuator_force_range.map(|range| (dof, range)));
@@ -144,7 +144,7 @@ impl<S: Scalar> Drives<S> {
         drives
     }
 
-    fn push(&mut self, scene: Scene<'_>, a: &Actuator, train: Option<&ActuatorSpec>, na: &mut usize) {
+    fn push(&mut self, scene: Scene<'_>, a: &Actuator, spec: Option<&ActuatorSpec>, na: &mut usize) {
         let addresses = scene.addresses;
         let arms: Vec<(usize, f64)> = match a.transmission {
             Transmission::Joint(j) => vec![(j, 1.0)],
@@ -154,8 +154,8 @@ impl<S: Scalar> Drives<S> {
         let wrench = self.wrench(scene, a);
         let act = (a.activation != Activation::None).then_some(*na);
         *na += usize::from(act.is_some());
-        let train = self.train(scene, a, train);
-        let moves = train.as_ref().is_some_and(|t| t.servo || t.motor.is_some());
+        let dynamics = self.dynamics(scene, a, spec);
+        let moves = dynamics.as_ref().is_some_and(|t| t.servo || t.motor.is_some());
         let needs_motion = moves || [a.gain[1], a.gain[2], a.bias[1], a.bias[2]].iter().any(|&x| x != 0.0);
         let servo = needs_motion.then_some(self.servos.len());
         if needs_motion {
@@ -174,7 +174,7 @@ impl<S: Scalar> Drives<S> {
             activation: a.activation,
             needs_motion,
             servo,
-            train,
+            dynamics,
         });
     }
 
@@ -198,15 +198,15 @@ impl<S: Scalar> Drives<S> {
         Some(compiled)
     }
 
-    /// What of a train acts within a step; delay, lag and sampled servos act between steps.
-    fn train(&mut self, scene: Scene<'_>, a: &Actuator, train: Option<&ActuatorSpec>) -> Option<CompiledActuatorDynamics<S>> {
-        let train = train?;
+    /// What of a spec acts within a step; delay, lag and sampled servos act between steps.
+    fn dynamics(&mut self, scene: Scene<'_>, a: &Actuator, spec: Option<&ActuatorSpec>) -> Option<CompiledActuatorDynamics<S>> {
+        let spec = spec?;
         let row = |j: usize| scene.frictions.iter().position(|f| f.dof == scene.addresses[j].1);
         let losses = match a.transmission {
-            Transmission::Joint(j) if train.loses() => row(j).map(|row| (row, S::from_f64(a.gear))),
+            Transmission::Joint(j) if spec.loses() => row(j).map(|row| (row, S::from_f64(a.gear))),
             _ => None,
         };
-        let (servo, motor, limited) = (train.is_continuous_servo(), train.curve(), train.is_limited());
+        let (servo, motor, limited) = (spec.is_continuous_servo(), spec.curve(), spec.is_limited());
         let acts = servo || motor.is_some() || limited || losses.is_some();
         self.actuator_dynamics += usize::from(acts);
         acts.then(|| CompiledActuatorDynamics { index: self.actuator_dynamics - 1, servo, motor, limited, losses })
@@ -222,7 +222,7 @@ impl<S: Scalar> Drives<S> {
     }
 
     pub(super) fn servos_are_bounded(&self) -> bool {
-        let bounded = |a: &CompiledActuator<S>| a.force_range.is_some() || a.train.is_some();
+        let bounded = |a: &CompiledActuator<S>| a.force_range.is_some() || a.dynamics.is_some();
         self.servos.iter().any(|s| bounded(&self.actuators[s.actuator])) || self.force_ranges.iter().any(|r| r.has_servos)
     }
 }

@@ -107,9 +107,9 @@ pub struct ModelStructure<S: Scalar> {
     pub servos_are_bounded: bool,
     /// Arms of all wrenches at sites, and how many wrenches there are.
     pub wrench_arms: [usize; 2],
-    /// Drive trains that act within a step.
+    /// Actuator dynamics that act within a step.
     pub actuator_dynamics: usize,
-    /// Whether drive trains lose effort to friction.
+    /// Whether actuator dynamics lose effort to friction.
     pub lossy: bool,
     /// Sensors: what each reads.
     pub sensing: CompiledSensing<S>,
@@ -150,7 +150,7 @@ impl<S: Scalar> ModelStructure<S> {
     /// Whether any actuator's effort has bounds.
     pub fn efforts_are_bounded(&self) -> bool {
         let bounded = |t: &CompiledActuatorDynamics<S>| t.limited || t.motor.is_some();
-        let own = self.actuators.iter().any(|a| a.force_range.is_some() || a.train.as_ref().is_some_and(bounded));
+        let own = self.actuators.iter().any(|a| a.force_range.is_some() || a.dynamics.as_ref().is_some_and(bounded));
         own || !self.actuator_force_ranges.is_empty()
     }
 

@@ -20,9 +20,9 @@ pub(super) fn ball_limits(model: &Model, addresses: &[(usize, usize)], owner: &m
 
 pub(super) fn frictions(model: &Model, specs: &[Option<ActuatorSpec>], addresses: &[(usize, usize)]) -> Vec<CompiledFriction> {
     let mut driven = vec![false; model.joints.len()];
-    for (actuator, train) in model.actuators.iter().zip(specs) {
-        if let (Transmission::Joint(j), Some(train)) = (actuator.transmission, train) {
-            driven[j] |= train.loses();
+    for (actuator, spec) in model.actuators.iter().zip(specs) {
+        if let (Transmission::Joint(j), Some(spec)) = (actuator.transmission, spec) {
+            driven[j] |= spec.loses();
         }
     }
     let joints = model.joints.iter().zip(addresses).zip(driven).enumerate();

@@ -138,7 +138,7 @@ pub struct CompiledFriction {
     pub dof: usize,
     /// The joint in the model.
     pub joint: usize,
-    /// Whether drive trains add to it.
+    /// Whether actuator dynamics add to it.
     pub driven: bool,
 }
 

@@ -116,11 +116,11 @@ pub(crate) struct Impact<R: Real> {
     /// Lanes in which it does.
     pub(crate) lanes: R::Mask,
     /// Lanes in which it overlapped before.
-    pub(crate) deep: R::Mask,
+    pub(crate) overlapping: R::Mask,
     /// When, from the beginning of the step, as a part of it.
-    pub(crate) share: R,
+    pub(crate) time_fraction: R,
     /// 1 + e.
-    pub(crate) factor: R,
+    pub(crate) normal_factor: R,
 }
 
 /// What the rows are made from.
@@ -134,15 +134,17 @@ pub struct AssemblyInput<'a, R: Real> {
     pub motion: &'a NewtonEuler<R>,
     /// Velocity after the step without constraints.
     pub v_free: &'a [R],
-    /// What drive trains lose to friction (against motion forwards, against motion backwards), N or N m, for every row of dry friction;
+    /// What actuator dynamics lose to friction (against motion forwards, against motion backwards), N or N m, for every row of dry friction;
     /// empty without any.
     pub losses: &'a [[R; 2]],
     /// Time step, s.
     pub h: R,
     /// From the configuration before the step to that at which the rows are taken, s.
-    pub lead: R,
+    pub time_before: R,
+    /// Whether the step is taken in its middle, with impacts at their own time.
+    pub in_the_middle: bool,
     /// Part of a gap that may close in the step.
-    pub closing: R,
+    pub closing_fraction: R,
     /// Environments that step.
     pub alive: R::Mask,
 }
@@ -151,7 +153,7 @@ impl<R: Real> AssemblyInput<'_, R> {
     /// What of the distance `phi` may close in the step; an overlap as it is.
     #[inline(always)]
     pub fn gap(&self, phi: R) -> R {
-        R::select(phi.gt(R::zero()), phi * self.closing, phi)
+        R::select(phi.gt(R::zero()), phi * self.closing_fraction, phi)
     }
 }
 

@@ -20,7 +20,7 @@ impl<R: Real> Constraints<R> {
         let RowInput { compiled, options, mass, assembly, .. } = input;
         let (slot, active) = (&contacts.data[k], R::Mask::from_bits(lanes));
         let [free, before] = self.contact_columns(input, contacts, k, lanes);
-        let curves = options.integrator.in_the_middle() && self.moving != 0;
+        let curves = assembly.in_the_middle && self.moving != 0;
         let change = if self.has_impacts || curves { self.free_change(assembly) } else { zero() };
         self.half_solve::<3>(compiled, mass);
         let (bias, position) = self.biases(options, assembly.gap(slot.point.distance), assembly.h, active);

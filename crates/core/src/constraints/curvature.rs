@@ -1,9 +1,9 @@
 //! How the velocity of a contact changes as it moves on.
 //!
-//! Rows of the midpoint rule are taken in the middle of the step and ask for a velocity at its end, `rest` seconds later. There
+//! Rows of the midpoint rule are taken in the middle of the step and ask for a velocity at its end, `time_after` seconds later. There
 //!
 //! ```text
-//! J(end) v+ = J v+ + rest kappa,    kappa = A_b - A_a + (omega_b - omega_a) x c'
+//! J(end) v+ = J v+ + time_after kappa,    kappa = A_b - A_a + (omega_b - omega_a) x c'
 //! ```
 //!
 //! to second order: A are the accelerations of the two bodies' velocity fields at the contact's place while no joint accelerates, and c' is
@@ -51,7 +51,7 @@ impl<R: Real> Constraints<R> {
         R::vectorize(
             #[inline(always)]
             || {
-                let AssemblyInput { h, lead, .. } = *input.assembly;
+                let AssemblyInput { h, time_before, .. } = *input.assembly;
                 let slot = &contacts.data[k];
                 let n = slot.point.normal;
                 let axes = [n, slot.tangent, cross(n, slot.tangent)];
@@ -63,7 +63,7 @@ impl<R: Real> Constraints<R> {
                 let rate = rate(input, contacts, k, lanes.bits());
                 for i in 1..3 {
                     let most = (free[i] - change[i]).abs();
-                    let curve = (dot(axes[i], rate) * (h - lead)).clamp(-most, most);
+                    let curve = (dot(axes[i], rate) * (h - time_before)).clamp(-most, most);
                     for demand in &mut demands[i] {
                         *demand = R::select(lanes, *demand + curve, *demand);
                     }

@@ -7,7 +7,7 @@ use crate::constraints::constraint_set::{AssemblyInput, Constraints};
 use crate::dynamics::inertia::MassMatrix;
 
 impl<R: Real> Constraints<R> {
-    /// Dry friction: |lambda| <= h f, and what drive trains lose, which depends on the direction.
+    /// Dry friction: |lambda| <= h f, and what actuator dynamics lose, which depends on the direction.
     #[inline(always)]
     pub(crate) fn add_frictions(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, assembly: &AssemblyInput<'_, R>) {
         for (i, friction) in compiled.frictions.iter().enumerate() {

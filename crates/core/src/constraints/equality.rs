@@ -259,14 +259,14 @@ impl<R: Real> Constraints<R> {
         self.half_solve::<N>(input.compiled, input.mass);
         self.use_block_support(block, equality);
         self.tie(input.compiled);
-        let correction = self.correct(input.options, rows, h, alive);
+        let correction = self.correct(input, rows, h, alive);
         let mut laws = [RowLaw { g: [R::zero(); 2], compliance: R::zero(), active: alive, bounds: free_bounds() }; N];
         let mut g = [[R::zero(); 2]; N];
         for k in 0..N {
             laws[k].g = [free[k]; 2];
             if let Some(spring) = &equality.spring {
                 let (error, before, free, gram) = (rows.error[k], before[k], free[k], self.gram(input.mass, k));
-                laws[k] = spring_law(input.options, spring, SpringRow { error, before, free, gram, taut: alive }, h, alive);
+                laws[k] = spring_law(input.assembly, spring, SpringRow { error, before, free, gram, taut: alive });
             }
             g[k] = laws[k].g;
         }
@@ -295,8 +295,9 @@ impl<R: Real> Constraints<R> {
 
     /// The bias, minus the velocity that takes a part of the error away: +rate * error, with a bounded speed.
     #[inline(always)]
-    fn correct(&mut self, options: &StepSettings, rows: &EqualityJacobian<R>, h: R, alive: R::Mask) -> V3<R> {
-        let middle = if options.integrator.in_the_middle() { 0.125 } else { 0.0 };
+    fn correct(&mut self, input: RowInput<'_, R>, rows: &EqualityJacobian<R>, h: R, alive: R::Mask) -> V3<R> {
+        let options = input.options;
+        let middle = if input.assembly.in_the_middle { 0.125 } else { 0.0 };
         let error = sub(rows.error, scale(rows.kappa, h * h * R::of(middle)));
         let length = norm(error);
         let wrong = length.gt(R::of(NEGLIGIBLE_ERROR));
@@ -405,18 +406,13 @@ pub(crate) struct SpringRow<R: Real> {
 /// tree: k J^T J in it would join all joints of a tendon with one another. The midpoint rule does not damp what is too stiff for the step,
 /// so it goes over to Euler's by s = z^2 / (1 + z^2), z = G (h^2 k/4 + h d/2), which keeps its second order.
 #[inline(always)]
-pub(crate) fn spring_law<R: Real>(
-    options: &StepSettings,
-    spring: &Spring<R::Scalar>,
-    row: SpringRow<R>,
-    h: R,
-    alive: R::Mask,
-) -> RowLaw<R> {
+pub(crate) fn spring_law<R: Real>(assembly: &AssemblyInput<'_, R>, spring: &Spring<R::Scalar>, row: SpringRow<R>) -> RowLaw<R> {
+    let AssemblyInput { h, alive, in_the_middle, .. } = *assembly;
     let k = R::select(row.taut, R::splat(spring.stiffness) * h, R::zero());
     let (d, a) = (R::splat(spring.damping) * h, R::splat(spring.inertia));
     let (quarter, half) = (h * k * R::of(0.25), d * R::of(0.5));
     let (mut late, mut early) = (R::one(), R::zero());
-    if options.integrator.in_the_middle() {
+    if in_the_middle {
         let z = (row.gram * (quarter + half)).square();
         late = R::select(z.is_finite(), z / (R::one() + z), R::one());
         early = R::one() - late;

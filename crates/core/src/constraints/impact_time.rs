@@ -27,7 +27,7 @@ pub struct Flight<R> {
     /// The same after the step without constraints, m/s.
     pub free: R,
     /// When the step is taken, from its beginning, s.
-    pub lead: R,
+    pub time_before: R,
     /// Time step, s.
     pub h: R,
 }
@@ -51,11 +51,11 @@ impl<R: Real> Flight<R> {
     /// A bounce whose flight is shorter than a step is none: it rests, which leaves out heights of (a h^2) / 8, of second order.
     #[inline(always)]
     pub fn predict(&self, options: &StepSettings, gravity: R, e: R, lanes: R::Mask) -> ImpactPrediction<R> {
-        let Self { gap, before, free, lead, h } = *self;
+        let Self { gap, before, free, time_before, h } = *self;
         let (zero, one, two) = (R::zero(), R::one(), R::of(2.0));
         let (slop, threshold) = (R::of(options.slop), R::of(options.restitution_threshold));
         let change = (free - before) / h;
-        let start = gap - before * lead;
+        let start = gap - before * time_before;
         let square = before * before - two * change * start;
         let speed = square.max(zero).sqrt();
         let (falls, sinks) = (before.lt(zero), change.lt(zero));
@@ -68,13 +68,13 @@ impl<R: Real> Flight<R> {
         let speed = -(before + change * time);
         let flies = (e * speed).gt((-change).max(zero) * h * R::of(0.5));
         let strikes = lanes.and(meets).and(speed.gt(threshold)).and(flies);
-        let (touches, here) = (gap.le(slop), before + change * lead);
+        let (touches, here) = (gap.le(slop), before + change * time_before);
         let parts = lanes.and(touches).and_not(meets).and(here.gt(threshold));
         // What a slow contact and gravity close within the step. What is fast and not there yet strikes in the next one.
         let near = before.abs().le(threshold).and(gap.le(h * (threshold + h * gravity) + slop));
         let lies = touches.and(gap.lt(zero).or(here.abs().le(threshold)));
         let rests = lanes.and(meets.or(lies).or(near)).and_not(strikes).and_not(parts);
-        ImpactPrediction { strikes, parts, rests, time: R::select(strikes, time, lead) }
+        ImpactPrediction { strikes, parts, rests, time: R::select(strikes, time, time_before) }
     }
 }
 
@@ -86,7 +86,7 @@ mod tests {
 
     fn predict(gap: f64, before: f64, free: f64, e: f64) -> ImpactPrediction<f64> {
         let options = Options::default().resolve(0.01, Precision::F64);
-        Flight { gap, before, free, lead: 0.005, h: 0.01 }.predict(&options, 9.81, e, <f64 as Real>::Mask::splat(true))
+        Flight { gap, before, free, time_before: 0.005, h: 0.01 }.predict(&options, 9.81, e, <f64 as Real>::Mask::splat(true))
     }
 
     #[test]
@@ -119,7 +119,7 @@ mod tests {
     fn what_strikes_at_the_end_of_a_step_does_so_there() {
         let options = Options::default().resolve(0.02, Precision::F64);
         for gap in [-1e-17, 0.0, 1e-17, 1e-12] {
-            let flight = Flight { gap, before: -0.5, free: -0.5, lead: 0.02, h: 0.02 };
+            let flight = Flight { gap, before: -0.5, free: -0.5, time_before: 0.02, h: 0.02 };
             let found: ImpactPrediction<f64> = flight.predict(&options, 0.0, 1.0, <f64 as Real>::Mask::splat(true));
             assert!(found.strikes.any() && found.time <= 0.02, "{gap}");
         }

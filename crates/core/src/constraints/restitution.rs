@@ -9,7 +9,7 @@
 //! ```
 //!
 //! The impulse acts for what is left of the step, and the positions go on from where the step is taken with the velocity after it, which
-//! gives every impulse the time `rest`: what is missing, (h - t - rest) M^-1 J^T lambda, is added where the positions are solved apart, so
+//! gives every impulse the time `time_after`: what is missing, (h - t - time_after) M^-1 J^T lambda, is added where the positions are solved apart, so
 //! that other contacts see it.
 
 use stepper_real::{Mask, Real};
@@ -56,7 +56,7 @@ impl<R: Real> Constraints<R> {
     ) -> (R, R::Mask) {
         let e = slot.restitution;
         let elastic = active.and(e.gt(R::zero()));
-        if options.integrator.in_the_middle() || elastic.none() {
+        if assembly.in_the_middle || elastic.none() {
             return (bias, active);
         }
         let (h, phi, threshold) = (assembly.h, slot.point.distance, R::of(options.restitution_threshold));
@@ -92,22 +92,23 @@ impl<R: Real> Constraints<R> {
                 let e = slot.restitution;
                 let elastic = active.and(e.gt(R::zero()));
                 if elastic.none() {
-                    self.impacts.push(Impact { lanes: elastic, deep: elastic, share: R::zero(), factor: R::zero() });
+                    self.impacts.push(Impact { lanes: elastic, overlapping: elastic, time_fraction: R::zero(), normal_factor: R::zero() });
                     return active;
                 }
                 let before = sub(free, change);
                 let held = [demands[0][0] - bias, demands[1][0], demands[2][0]];
-                let flight = Flight { gap: slot.point.distance, before: before[0], free: held[0], lead: assembly.lead, h: assembly.h };
+                let flight =
+                    Flight { gap: slot.point.distance, before: before[0], free: held[0], time_before: assembly.time_before, h: assembly.h };
                 let meeting = flight.predict(options, norm(compiled.params.gravity()), e, elastic);
                 let bounces = meeting.strikes.or(meeting.parts);
-                let (share, factor) = (meeting.time / assembly.h, e + R::one());
-                let at = add_scaled(before, sub(held, before), share);
+                let (time_fraction, normal_factor) = (meeting.time / assembly.h, e + R::one());
+                let at = add_scaled(before, sub(held, before), time_fraction);
                 for (k, demand) in demands.iter_mut().enumerate() {
-                    let law = if k == 0 { at[0] * factor } else { at[k] };
+                    let law = if k == 0 { at[0] * normal_factor } else { at[k] };
                     demand[0] = R::select(bounces, law, demand[0]);
                 }
-                let deep = slot.point.distance.lt(-R::of(options.slop));
-                self.impacts.push(Impact { lanes: bounces, deep, share, factor });
+                let overlapping = slot.point.distance.lt(-R::of(options.slop));
+                self.impacts.push(Impact { lanes: bounces, overlapping, time_fraction, normal_factor });
                 active.and_not(elastic).or(bounces).or(meeting.rests)
             },
         )
@@ -119,7 +120,7 @@ impl<R: Real> Constraints<R> {
     pub(crate) fn turn_at_impact(&self, change: V3<R>, turns: &mut Demands<R>) {
         if let Some(impact) = self.impacts.last() {
             for (turn, change) in turns.iter_mut().zip(change) {
-                turn[0] = R::select(impact.lanes, turn[0] - change * (R::one() - impact.share), turn[0]);
+                turn[0] = R::select(impact.lanes, turn[0] - change * (R::one() - impact.time_fraction), turn[0]);
             }
         }
     }
@@ -171,38 +172,45 @@ impl<R: Real> Constraints<R> {
 
     /// Takes the impulses of impacts away in the lanes `lanes`, and their contacts out of the position solve, but that what overlapped
     /// before is pushed out where it does not leave fast enough by itself. Leaves in `moved` the velocity that would carry the positions as
-    /// far in a step as the impulses do, from where the step is taken, `lead` seconds after its beginning: beyond the velocity after the
+    /// far in a step as the impulses do, from where the step is taken, `time_before` seconds after its beginning: beyond the velocity after the
     /// step, for the rest of it.
-    pub fn remove_impacts(&mut self, compiled: &LaneModel<R>, mass: &MassMatrix<R>, [h, lead]: [R; 2], lanes: R::Mask, moved: &mut [R]) {
+    pub fn remove_impacts(
+        &mut self,
+        compiled: &LaneModel<R>,
+        mass: &MassMatrix<R>,
+        [h, time_before]: [R; 2],
+        lanes: R::Mask,
+        moved: &mut [R],
+    ) {
         R::vectorize(
             #[inline(always)]
             || {
-                let Self { problem, positions, iterate, impacts, path: gone, .. } = self;
+                let Self { problem, positions, iterate, impacts, path: removed, .. } = self;
                 let narrow = problem.contacts.len();
                 moved.fill(R::zero());
-                gone.fill(R::zero());
+                removed.fill(R::zero());
                 for (i, impact) in impacts.iter().enumerate() {
                     let there = lanes.and(impact.lanes);
                     if there.none() {
                         continue;
                     }
-                    let weight = R::one() + (lead / h - impact.share);
+                    let weight = R::one() + (time_before / h - impact.time_fraction);
                     if i < narrow {
                         let lambda = select(there, iterate.contacts[i], zero());
-                        problem.contacts.add(&problem.contacts[i], lambda, gone);
+                        problem.contacts.add(&problem.contacts[i], lambda, removed);
                         problem.contacts.add(&problem.contacts[i], scale(lambda, weight), moved);
                         iterate.contacts[i] = select(there, zero(), iterate.contacts[i]);
                     } else {
                         let k = i - narrow;
                         let lambda = select(there, iterate.rolling_contacts[k], zero());
-                        problem.rolling_contacts.add(&problem.rolling_contacts[k], lambda, gone);
+                        problem.rolling_contacts.add(&problem.rolling_contacts[k], lambda, removed);
                         problem.rolling_contacts.add(&problem.rolling_contacts[k], scale(lambda, weight), moved);
                         iterate.rolling_contacts[k] = select(there, zero(), iterate.rolling_contacts[k]);
                     }
-                    positions.leave_out_contact(i, there.and_not(impact.deep));
+                    positions.leave_out_contact(i, there.and_not(impact.overlapping));
                 }
-                for (w, &gone) in iterate.w.iter_mut().zip(&*gone) {
-                    *w = R::select(lanes, *w - gone, *w);
+                for (w, &removed) in iterate.w.iter_mut().zip(&*removed) {
+                    *w = R::select(lanes, *w - removed, *w);
                 }
                 mass.unscale(compiled, moved);
             },
@@ -232,16 +240,16 @@ impl<R: Real> Constraints<R> {
 }
 
 /// Weight of a change of the velocity after the step that the rows of an impact take back: what came after it. Of 1 + e (or 1 for friction)
-/// and the share of the step before the impact.
+/// and the fraction of the step before the impact.
 #[inline(always)]
-fn after_impact<R: Real>(of_normal: R, share: R) -> R {
-    of_normal * share - R::one()
+fn after_impact<R: Real>(normal_factor: R, time_fraction: R) -> R {
+    normal_factor * time_fraction - R::one()
 }
 
 /// Weight of a change before the impact, given as that of the velocity after the step.
 #[inline(always)]
-fn before_impact<R: Real>(of_normal: R, share: R) -> R {
-    of_normal * share
+fn before_impact<R: Real>(normal_factor: R, time_fraction: R) -> R {
+    normal_factor * time_fraction
 }
 
 /// Calls `shift` with the contacts that bounce in the lanes `lanes`, those lanes, and the weights of the normal row and of friction.
@@ -255,13 +263,13 @@ fn shift_impacts<R: Real>(
     for (i, impact) in impacts.iter().enumerate() {
         let there = lanes.and(impact.lanes);
         if there.any() {
-            shift(i, there, [weight(impact.factor, impact.share), weight(R::one(), impact.share)]);
+            shift(i, there, [weight(impact.normal_factor, impact.time_fraction), weight(R::one(), impact.time_fraction)]);
         }
     }
 }
 
-/// Whether any contact is elastic, for a rule that looks at the times of impacts.
+/// Whether any contact is elastic.
 #[inline(always)]
-pub(crate) fn any_impacts<R: Real>(options: &StepSettings, contacts: &Contacts<R>) -> bool {
-    options.integrator.in_the_middle() && (0..contacts.slots()).any(|k| contacts.elastic(k).any())
+pub(crate) fn any_elastic<R: Real>(contacts: &Contacts<R>) -> bool {
+    (0..contacts.slots()).any(|k| contacts.elastic(k).any())
 }

@@ -26,7 +26,7 @@ impl<R: Real> Constraints<R> {
                         self.tendon_columns(input, tendon, R::one());
                         let gram = self.gram(input.mass, 0);
                         let row = SpringRow { error: stretch, before, free, gram, taut };
-                        let law = spring_law(input.options, spring, row, assembly.h, assembly.alive);
+                        let law = spring_law(assembly, spring, row);
                         self.add_row(input.mass, tendon.owner + 2, law);
                     }
                     if tendon.friction > <R::Scalar as Default>::default() {

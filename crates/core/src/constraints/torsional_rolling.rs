@@ -29,7 +29,7 @@ impl<R: Real> Constraints<R> {
         let mut friction = Friction::of(compiled, contacts, k, lanes);
         friction.scale_to(slot.mu);
         let [free, before] = self.contact_columns(input, contacts, k, lanes);
-        let curves = input.options.integrator.in_the_middle() && self.moving != 0;
+        let curves = assembly.in_the_middle && self.moving != 0;
         let change = if self.has_impacts || curves { self.free_change(assembly) } else { zero() };
         self.half_solve::<3>(compiled, mass);
         let (bias, position) = self.biases(input.options, assembly.gap(slot.point.distance), assembly.h, active);

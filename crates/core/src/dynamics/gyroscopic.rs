@@ -2,7 +2,7 @@
 //!
 //! With everything taken at the orientation R in the middle of the step, the body comes from R exp(-h/2 w) and goes to R exp(h/2 w+). Its
 //! angular momentum before and after, in the axes of R, are p-(w) = exp(-h/2 w) I w and p+(w+) = exp(h/2 w+) I w+. (Where the step is taken
-//! `lead` seconds after its beginning and `rest` seconds before its end, these stand for the two halves.) The step
+//! `time_before` seconds after its beginning and `time_after` seconds before its end, these stand for the two halves.) The step
 //!
 //! ```text
 //! p+(w+) = p-(w) + h (torque)
@@ -27,7 +27,7 @@ use crate::model::JointKind;
 const ITERATIONS: usize = 8;
 
 /// Corrects the free velocities `v_free` of single bodies, which were found with the gyroscopic force at the velocity `v_eval`. The step
-/// was taken `ways` = (lead, rest) seconds after its beginning and before its end.
+/// was taken `ways` = (time_before, time_after) seconds after its beginning and before its end.
 pub fn correct<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
@@ -39,18 +39,18 @@ pub fn correct<R: Real>(
     R::vectorize(
         #[inline(always)]
         || {
-            let [lead, rest] = ways;
-            let h = lead + rest;
+            let [time_before, time_after] = ways;
+            let h = time_before + time_after;
             for spinner in &compiled.spinners {
                 let Some((body, tumbles)) = Body::tumbling(compiled, kinematics, spinner) else { continue };
                 let at = spinner.dof;
-                let before = body.momentum(&take(v, at, spinner.kind), -lead);
+                let before = body.momentum(&take(v, at, spinner.kind), -time_before);
                 let explicit = scale(body.gyroscopic(&take(v_eval, at, spinner.kind)), h);
                 let start = take(v_free, at, spinner.kind);
                 let old = take(v, at, spinner.kind);
                 let mut new = start;
                 for _ in 0..ITERATIONS {
-                    let mut change = sub(explicit, body.transport([&old, &new], before, rest));
+                    let mut change = sub(explicit, body.transport([&old, &new], before, time_after));
                     solve(compiled, mass, spinner, &mut change);
                     new = add(start, change);
                 }
@@ -75,13 +75,13 @@ pub fn correct_spin<R: Real>(
     R::vectorize(
         #[inline(always)]
         || {
-            let [lead, rest] = ways;
+            let [time_before, time_after] = ways;
             for spinner in &compiled.spinners {
                 let Some((body, tumbles)) = Body::tumbling(compiled, kinematics, spinner) else { continue };
                 let at = spinner.dof;
                 let [old, new] = [v, after].map(|v| take(v, at, spinner.kind));
                 let explicit = add_scaled(scale(body.gyroscopic(&old), times[0]), body.gyroscopic(&new), times[1]);
-                let mut change = sub(explicit, body.transport([&old, &new], body.momentum(&old, -lead), rest));
+                let mut change = sub(explicit, body.transport([&old, &new], body.momentum(&old, -time_before), time_after));
                 solve(compiled, mass, spinner, &mut change);
                 let dofs = spinner.kind.nv();
                 for (v, change) in v_free[at..at + dofs].iter_mut().zip(&change[6 - dofs..]) {
@@ -200,8 +200,8 @@ impl<R: Real> Body<R> {
 
     /// N: what the momentum `before` changes by from the velocity `old` to `new`, beyond M (new - old).
     #[inline(always)]
-    fn transport(&self, [old, new]: [&V6<R>; 2], before: V6<R>, rest: R) -> V6<R> {
-        sub(sub(self.momentum(new, rest), before), self.inertial(&sub(*new, *old)))
+    fn transport(&self, [old, new]: [&V6<R>; 2], before: V6<R>, time_after: R) -> V6<R> {
+        sub(sub(self.momentum(new, time_after), before), self.inertial(&sub(*new, *old)))
     }
 
     /// The velocity-dependent part of the bias force.

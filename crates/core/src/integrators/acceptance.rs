@@ -40,8 +40,9 @@ pub(crate) fn keep_impulse<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R
     )
 }
 
-/// Takes the next state over in the lanes where it is finite; the others stay where they were and start cold. Returns those lanes.
-pub(crate) fn accept<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>) -> R::Mask {
+/// Takes the next state over in the lanes where it is finite, `h` seconds later; the others stay where they were and start cold. Returns the
+/// former.
+pub(crate) fn accept<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>, h: f64) -> R::Mask {
     let finite = R::vectorize(
         #[inline(always)]
         || {
@@ -60,6 +61,11 @@ pub(crate) fn accept<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>) -> 
     if !finite.and(s.alive).all() {
         stay(s, finite);
     }
+    let refused = s.alive.and_not(finite).bits();
+    for (_, time) in s.state.time.iter_mut().enumerate().filter(|(l, _)| refused >> l & 1 == 0) {
+        *time += h;
+    }
+    s.elapsed += h;
     // What was is room for the step after the next.
     std::mem::swap(&mut s.state.q, &mut s.next.q);
     std::mem::swap(&mut s.state.v, &mut s.next.v);

@@ -10,6 +10,7 @@ use crate::integrators::step_resolution::unresolved;
 use crate::integrators::workspace::Workspace;
 use crate::probe::{Probe, Span};
 use crate::stages::s01_actuate::actuate;
+use crate::stages::s04_assemble::assemble_demands;
 use crate::stages::s05_solve::{estimate, restore_hyperstatic_impulses};
 
 /// Compares where servos are on their bounds with what an estimate of the impulses says, which takes the place of those of the last step
@@ -74,7 +75,7 @@ pub(crate) fn correct_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R
             compiled,
             &s.evaluation.kinematics,
             &s.free_motion.smooth.mass,
-            [scheme.lead, scheme.rest],
+            [scheme.time_before, scheme.time_after],
             [&s.state.v, &s.work.v_mean],
             &mut s.work.v_free_again,
         );
@@ -85,7 +86,8 @@ pub(crate) fn correct_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R
         leave_out_inertial_forces(compiled, scheme, s);
     }
     std::mem::swap(&mut s.free_motion.v, &mut s.work.v_free_again);
-    s.constraints.shift(compiled, &s.free_motion.smooth.mass, &mut s.work.free_change, R::Mask::splat(true));
+    let everywhere = R::Mask::splat(true);
+    assemble_demands(compiled, &s.free_motion.smooth.mass, &mut s.constraints, &mut s.work.free_change, None, everywhere);
     if constrained.any() {
         probe.span(Span::EstimateImpulses, || restore_hyperstatic_impulses(constrained, &mut s.constraints));
     }

@@ -1,7 +1,7 @@
 //! Euler's rule, semi-implicit: everything at the configuration before the step, then q+ = q (+) h v+.
 //!
 //! First order. Implicit are the joints' damping (unless the model asks for it explicitly), springs and dampers of tendons and soft
-//! equalities, and the servos of drive trains; all other forces are taken at the velocity before the step, as in MuJoCo's `Euler`.
+//! equalities, and the servos of actuator dynamics; all other forces are taken at the velocity before the step, as in MuJoCo's `Euler`.
 
 use stepper_real::Real;
 
@@ -14,9 +14,9 @@ pub(crate) fn scheme<R: Real>(h: R) -> Scheme<R> {
     let weights = ImplicitWeights { damping: h, stiffness: none, step: none };
     Scheme {
         h,
-        lead: none,
-        rest: h,
-        reach: none,
+        time_before: none,
+        time_after: h,
+        time_ahead: none,
         weights,
         velocity_weight: none,
         in_the_middle: false,

@@ -30,8 +30,8 @@ pub(crate) fn evaluate<R: Real>(
     let too_far = find_contacts(compiled, scheme, s, probe);
     if too_far.any() {
         // What is so fast that it may be through something thin in the middle of the step is taken at its beginning.
-        scheme.lead = R::select(too_far, R::zero(), scheme.lead);
-        scheme.rest = R::select(too_far, scheme.h, scheme.rest);
+        scheme.time_before = R::select(too_far, R::zero(), scheme.time_before);
+        scheme.time_after = R::select(too_far, scheme.h, scheme.time_after);
         place_bodies(compiled, scheme, s, probe);
         free_motion(compiled, scheme, s, probe);
         find_contacts(compiled, scheme, s, probe);
@@ -82,8 +82,9 @@ fn assemble_here<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, schem
         v_free: &s.free_motion.v,
         losses: &s.free_motion.actuator_forces.losses,
         h: scheme.h,
-        lead: scheme.lead,
-        closing: scheme.closing(too_far, s.impacts.lanes),
+        time_before: scheme.time_before,
+        in_the_middle: scheme.in_the_middle,
+        closing_fraction: scheme.closing_fraction(too_far, s.impacts.lanes),
         alive: s.alive,
     };
     assemble(

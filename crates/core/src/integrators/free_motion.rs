@@ -18,7 +18,7 @@ pub(crate) fn find_contacts<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>
         compiled,
         &s.evaluation.kinematics,
         [&s.state.v, &s.free_motion.v],
-        [scheme.h, scheme.lead],
+        [scheme.h, scheme.time_before],
         s.alive,
         &mut s.poses,
         &mut s.evaluation.contacts,
@@ -30,23 +30,23 @@ pub(crate) fn find_contacts<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>
 pub(crate) fn place_bodies<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>, probe: impl Probe) {
     probe.span(Span::Displace, || displace_evaluation(compiled, scheme, s));
     probe.span(Span::Kinematics, || {
-        mocap::pose_bodies(compiled, &s.mocap_trajectories, R::of(s.elapsed) + scheme.lead, &mut s.evaluation.kinematics);
+        mocap::pose_bodies(compiled, &s.mocap_trajectories, R::of(s.elapsed) + scheme.time_before, &mut s.evaluation.kinematics);
         s.evaluation.kinematics.update(compiled, &s.evaluation.q);
     });
-    probe.span(Span::Actuate, || s.free_motion.actuator_forces.transmit(compiled, &s.evaluation.kinematics, &s.state.v, scheme.reach));
+    probe.span(Span::Actuate, || s.free_motion.actuator_forces.transmit(compiled, &s.evaluation.kinematics, &s.state.v, scheme.time_ahead));
 }
 
 /// The configuration and activations at which forces are taken.
 fn displace_evaluation<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) {
     if scheme.in_the_middle {
-        displace(compiled, &s.state.q, &s.state.v, scheme.lead, &mut s.evaluation.q);
-        advance_activation(compiled, &s.state.act, &s.state.act, &s.inputs.ctrl, scheme.lead, &mut s.evaluation.act);
+        displace(compiled, &s.state.q, &s.state.v, scheme.time_before, &mut s.evaluation.q);
+        advance_activation(compiled, &s.state.act, &s.state.act, &s.inputs.ctrl, scheme.time_before, &mut s.evaluation.act);
     } else {
         s.evaluation.q.copy_from_slice(&s.state.q);
         s.evaluation.act.copy_from_slice(&s.state.act);
     }
     if scheme.looks_ahead {
-        displace(compiled, &s.evaluation.q, &s.state.v, scheme.reach, &mut s.evaluation.q_ahead);
+        displace(compiled, &s.evaluation.q, &s.state.v, scheme.time_ahead, &mut s.evaluation.q_ahead);
     }
 }
 

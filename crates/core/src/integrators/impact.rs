@@ -19,6 +19,7 @@ use crate::integrators::workspace::{Evaluation, FreeMotion, State, Workspace};
 use crate::math::spatial::*;
 use crate::options::StepSettings;
 use crate::probe::{Probe, Span};
+use crate::stages::s04_assemble::assemble_demands;
 use crate::stages::s05_solve::solve;
 use crate::stages::s06_integrate_velocity::integrate_velocity;
 
@@ -96,19 +97,19 @@ fn first_impacts<R: Real>(
                     continue;
                 }
                 let slot = &contacts.data[k];
-                let (gap, lead, h) = (slot.point.distance, scheme.lead, scheme.h);
+                let (gap, time_before, h) = (slot.point.distance, scheme.time_before, scheme.h);
                 let [before, free] = normal_velocities(compiled, kinematics, contacts, k, elastic.bits(), [before, free]);
                 let ImpactPrediction { strikes: here, time: at, .. } =
-                    Flight { gap, before, free, lead, h }.predict(options, gravity, slot.restitution, elastic);
-                let passed = elastic.and(gap.lt(-R::of(options.slop))).and(before.gt(R::zero())).and(lead.gt(R::zero()));
+                    Flight { gap, before, free, time_before, h }.predict(options, gravity, slot.restitution, elastic);
+                let passed = elastic.and(gap.lt(-R::of(options.slop))).and(before.gt(R::zero())).and(time_before.gt(R::zero()));
                 let passed = if first { passed } else { R::Mask::splat(false) };
                 time = R::select(here, time.min(at), time);
                 time = R::select(passed, R::zero(), time);
                 strikes = strikes.or(here).or(passed);
             }
-            let wrong = strikes.and((time - scheme.lead).abs().gt(scheme.h * R::of(PLACEMENT_TOLERANCE)));
-            scheme.lead = R::select(wrong, time, scheme.lead);
-            scheme.rest = R::select(wrong, scheme.h - time, scheme.rest);
+            let wrong = strikes.and((time - scheme.time_before).abs().gt(scheme.h * R::of(PLACEMENT_TOLERANCE)));
+            scheme.time_before = R::select(wrong, time, scheme.time_before);
+            scheme.time_after = R::select(wrong, scheme.h - time, scheme.time_after);
             [strikes, wrong]
         },
     )
@@ -145,8 +146,8 @@ fn normal_velocities<R: Real>(
 }
 
 /// Prepares the position solve: copies its rows where any lane needs it. In lanes with impacts, leaves in `work.v_positions` the free
-/// velocity for stage 8: positions went on from `lead` with the velocity after the step, so it also holds what they lack, (lead - t) / h of
-/// each impulse's velocity change and (lead / h - 1/2) of the smooth forces', because the step was not taken in its middle. Returns these
+/// velocity for stage 8: positions went on from `time_before` with the velocity after the step, so it also holds what they lack, (time_before - t) / h of
+/// each impulse's velocity change and (time_before / h - 1/2) of the smooth forces', because the step was not taken in its middle. Returns these
 /// lanes.
 pub(crate) fn prepare_position_solve<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) -> R::Mask {
     let lanes = s.impacts.lanes.or(s.constraints.bouncing()).and(s.alive);
@@ -156,11 +157,11 @@ pub(crate) fn prepare_position_solve<R: Real>(compiled: &LaneModel<R>, scheme: &
     if lanes.none() {
         return lanes;
     }
-    s.constraints.remove_impacts(compiled, &s.free_motion.smooth.mass, [scheme.h, scheme.lead], lanes, &mut s.work.carried);
+    s.constraints.remove_impacts(compiled, &s.free_motion.smooth.mass, [scheme.h, scheme.time_before], lanes, &mut s.work.carried);
     R::vectorize(
         #[inline(always)]
         || {
-            let late = scheme.lead / scheme.h - R::of(0.5);
+            let late = scheme.time_before / scheme.h - R::of(0.5);
             for i in 0..compiled.nv {
                 let moved = s.work.carried[i] + (s.free_motion.v[i] - s.state.v[i]) * late;
                 s.work.carried[i] = R::select(lanes, moved, R::zero());
@@ -172,7 +173,7 @@ pub(crate) fn prepare_position_solve<R: Real>(compiled: &LaneModel<R>, scheme: &
     lanes
 }
 
-/// Stages 2, 5 and 6 again in the lanes in which constraints have stopped or turned a motion that stage 2 reckoned with.
+/// Stages 2, 4, 5 and 6 again in the lanes in which constraints have stopped or turned a motion that stage 2 reckoned with.
 ///
 /// The midpoint rule goes half of the step with the velocity before it and half with that after it, so inertial forces are the mean of
 /// those at both. The first solution took them at the mean of the velocities, which at an impact is neither: an error of first order in
@@ -228,7 +229,7 @@ fn lanes_to_solve_again<R: Real>(scheme: &Scheme<R>, s: &Workspace<R>, first: bo
 fn take_inertial_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>, lanes: R::Mask, first: bool) {
     // With the forces of stage 1 as they are: what depends on the velocity in them is implicit.
     let half = scheme.h * R::of(0.5);
-    let times = [scheme.lead, scheme.rest].map(|time| R::select(s.impacts.lanes, time, half));
+    let times = [scheme.time_before, scheme.time_after].map(|time| R::select(s.impacts.lanes, time, half));
     s.free_motion.accelerate(compiled, &s.evaluation.kinematics, &s.state.v, &s.state.v);
     advance(&s.state.v, &s.free_motion.smooth.acc, times[0], &mut s.work.v_half);
     let strikes = s.constraints.has_impacts;
@@ -242,7 +243,7 @@ fn take_inertial_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s:
             compiled,
             &s.evaluation.kinematics,
             &s.free_motion.smooth.mass,
-            [[scheme.lead, scheme.rest], times],
+            [[scheme.time_before, scheme.time_after], times],
             [&s.state.v, &s.next.v],
             &mut s.work.v_free_again,
         );
@@ -259,10 +260,9 @@ fn take_inertial_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s:
             },
         );
     }
-    s.constraints.shift(compiled, &s.free_motion.smooth.mass, &mut s.work.free_change, lanes);
-    if strikes {
-        s.constraints.shift_before_impacts(compiled, &s.free_motion.smooth.mass, &mut s.work.before_impact, lanes);
-    }
+    let (work, mass) = (&mut s.work, &s.free_motion.smooth.mass);
+    let before_impacts = strikes.then_some(&mut work.before_impact[..]);
+    assemble_demands(compiled, mass, &mut s.constraints, &mut work.free_change, before_impacts, lanes);
 }
 
 /// Takes over `work.v_free_again` as the free velocity of the lanes `lanes`, and `next.v` as the expected one; leaves by how much the

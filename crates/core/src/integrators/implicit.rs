@@ -12,5 +12,15 @@ use crate::integrators::scheme::Scheme;
 pub(crate) fn scheme<R: Real>(h: R) -> Scheme<R> {
     let none = R::zero();
     let weights = ImplicitWeights { damping: h, stiffness: h * h, step: none };
-    Scheme { h, lead: none, rest: h, reach: h, weights, velocity_weight: R::one(), in_the_middle: false, looks_ahead: true, corrects: true }
+    Scheme {
+        h,
+        time_before: none,
+        time_after: h,
+        time_ahead: h,
+        weights,
+        velocity_weight: R::one(),
+        in_the_middle: false,
+        looks_ahead: true,
+        corrects: true,
+    }
 }

@@ -16,9 +16,9 @@ pub(crate) fn scheme<R: Real>(h: R) -> Scheme<R> {
     let velocity_weight = R::of(0.5);
     Scheme {
         h,
-        lead: half,
-        rest: half,
-        reach: R::zero(),
+        time_before: half,
+        time_after: half,
+        time_ahead: R::zero(),
         weights,
         velocity_weight,
         in_the_middle: true,

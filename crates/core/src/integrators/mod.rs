@@ -2,6 +2,7 @@
 
 pub mod acceptance;
 pub mod corrected_forces;
+pub mod devices;
 pub mod euler;
 pub mod evaluation;
 pub mod free_motion;
@@ -10,6 +11,7 @@ pub mod impact_set;
 pub mod implicit;
 pub mod inputs;
 pub mod midpoint;
+pub mod observation;
 pub mod rk4;
 pub mod scheme;
 pub mod solution;

@@ -13,11 +13,11 @@ pub(crate) struct Scheme<R> {
     /// Time step, s.
     pub(crate) h: R,
     /// From the configuration before the step to that at which everything is taken, s.
-    pub(crate) lead: R,
+    pub(crate) time_before: R,
     /// From there to the configuration after the step, s.
-    pub(crate) rest: R,
+    pub(crate) time_after: R,
     /// From there to where springs and servos are taken, s; what lies beyond is in the mass matrix.
-    pub(crate) reach: R,
+    pub(crate) time_ahead: R,
     /// Shares of damping and stiffness in the mass matrix.
     pub(crate) weights: ImplicitWeights<R>,
     /// Where velocity-dependent forces are taken, from 0 at the velocity before the step to 1 at that after it.
@@ -33,18 +33,18 @@ pub(crate) struct Scheme<R> {
 impl<R: Real> Scheme<R> {
     /// The part of a gap that may close in a step: the next step is to meet the surface exactly in its middle, instead of beyond it. That
     /// is two thirds where the midpoint rule is taken at the beginning of a step; `impacts` are taken anywhere.
-    pub(crate) fn closing(&self, at_beginning: R::Mask, impacts: R::Mask) -> R {
+    pub(crate) fn closing_fraction(&self, at_beginning: R::Mask, impacts: R::Mask) -> R {
         let whole = R::select(at_beginning, R::of(2.0 / 3.0), R::one());
         if impacts.none() {
             return whole;
         }
         R::vectorize(
             #[inline(always)]
-            || R::select(impacts, self.h / (self.rest + self.h * R::of(0.5)), whole),
+            || R::select(impacts, self.h / (self.time_after + self.h * R::of(0.5)), whole),
         )
     }
 
-    /// How stage 1 takes servos. A scheme that does not correct takes those of drive trains alone implicitly, as it does the joints'
+    /// How stage 1 takes servos. A scheme that does not correct takes those of actuator dynamics alone implicitly, as it does the joints'
     /// damping.
     pub(crate) fn servos(&self) -> Option<ImplicitServos<R>> {
         Some(ImplicitServos { weights: self.weights, all: self.corrects })

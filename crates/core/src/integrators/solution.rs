@@ -34,7 +34,7 @@ pub(crate) struct Solution<R: Real> {
     pub(crate) infeasible: R::Mask,
 }
 
-/// Stages 5 and 6, and again 2, 5 and 6 where impacts made the velocity jump.
+/// Stages 5 and 6, and again 2, 4, 5 and 6 where impacts made the velocity jump.
 pub(crate) fn solve_velocities<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
@@ -105,7 +105,7 @@ pub(crate) fn integrate_positions<R: Real>(
     let tunnelled = probe
         .span(Span::Tunnelling, || may_have_passed(compiled, &s.evaluation.kinematics, &s.next.v, free, scheme.h, s.alive, &mut s.poses));
     probe.span(Span::IntegratePosition, || {
-        integrate_position(compiled, &s.evaluation.q, &s.next.v, scheme.rest, &mut s.next.q);
+        integrate_position(compiled, &s.evaluation.q, &s.next.v, scheme.time_after, &mut s.next.q);
         advance_activation(compiled, &s.state.act, &s.evaluation.act, &s.inputs.ctrl, scheme.h, &mut s.next.act);
     });
     tunnelled

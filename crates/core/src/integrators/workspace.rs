@@ -16,6 +16,7 @@ use crate::integrators::rk4::Rk4;
 use crate::integrators::step_resolution::StepResolution;
 use crate::math::spatial::*;
 use crate::options::{Integrator, StepSettings};
+use crate::sensing::{Room, errors};
 use crate::stages::s02_smooth::Smooth;
 
 /// State of a group of lanes: with the scalar impulses of the constraints, all that a step hands to the next.
@@ -31,6 +32,8 @@ pub(crate) struct State<R: Real> {
     pub(crate) contacts: Contacts<R>,
     /// Impulse of all constraints of the last step on the joints, nv, if a servo's bounds ask for it.
     pub(crate) impulse: Vec<R>,
+    /// Simulated time of every lane, s: in 64 bits, since it is a sum of many steps.
+    pub(crate) time: Vec<f64>,
 }
 
 /// Where a scheme takes the step.
@@ -111,6 +114,19 @@ pub(crate) struct Work<R: Real> {
     pub(crate) v_guarded: Vec<R>,
 }
 
+/// Room of the sensors.
+#[derive(Clone, Debug)]
+pub(crate) struct Sensors<R: Real> {
+    /// Readings, and what sensors share.
+    pub(crate) room: Room<R>,
+    /// Forces of the actuators at the state that is read.
+    pub(crate) actuator_forces: ActuatorForces<R>,
+    /// Acceleration (v+ - v) / h of the last step, nv, where a sensor needs it.
+    pub(crate) acceleration: Vec<R>,
+    /// Room of the error models, made with the first.
+    pub(crate) error_work: Option<errors::Work<R>>,
+}
+
 /// All that a step works on. Made once per thread, used for every group.
 #[derive(Clone, Debug)]
 pub struct Workspace<R: Real> {
@@ -122,11 +138,12 @@ pub struct Workspace<R: Real> {
     pub(crate) constraints: Constraints<R>,
     pub(crate) next: NextState<R>,
     pub(crate) work: Work<R>,
+    pub(crate) sensors: Sensors<R>,
     /// Lanes that are environments.
     pub(crate) alive: R::Mask,
     /// Whether the state is that of the group that is worked on: then it need not be loaded again.
     pub(crate) current: bool,
-    /// Controls as the user gave them, nu; drive trains make `inputs` of them.
+    /// Controls as the user gave them, nu; actuator pipelines make `inputs` of them.
     pub(crate) user_controls: Vec<R>,
     /// Ways of the mocap bodies during this call, and the time of it that has passed, s.
     pub(crate) mocap_trajectories: Vec<MocapTrajectory<R>>,
@@ -161,6 +178,7 @@ impl<R: Real> Workspace<R> {
                 act: act(),
                 contacts: contacts(),
                 impulse: zeros(if compiled.servos_are_bounded { compiled.nv } else { 0 }),
+                time: vec![0.0; R::LANES],
             },
             inputs: Inputs {
                 ctrl: zeros(compiled.actuators.len()),
@@ -194,6 +212,12 @@ impl<R: Real> Workspace<R> {
                 correction: v(),
                 q_corrected: q(),
                 v_guarded: v(),
+            },
+            sensors: Sensors {
+                room: Room::new(compiled, max_contacts),
+                actuator_forces: ActuatorForces::new(compiled),
+                acceleration: zeros(if compiled.sensing.needs.acceleration { compiled.nv } else { 0 }),
+                error_work: None,
             },
             alive: R::Mask::splat(true),
             current: false,

@@ -1,10 +1,10 @@
-//! What is said of an actuator's drive train: numbers with their checks, and what the model takes over.
+//! What is said of an actuator's dynamics: numbers with their checks, and what the model takes over.
 
 use serde::{Deserialize, Serialize};
 
 use crate::model::{Activation, Actuator, Description, Model, Transmission, label};
 
-/// A drive train. Every list has one number for all environments, or one for each.
+/// Dynamics of an actuator. Every list has one number for all environments, or one for each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ActuatorSpec {
@@ -122,7 +122,7 @@ impl ActuatorSpec {
         any(&self.friction) || self.motor.as_ref().is_some_and(|m| m.efficiency.iter().any(|&e| e != 1.0))
     }
 
-    /// The model with what its drive trains give to it, and the trains with what the model gives to them: servos take the place of an
+    /// The model with what its actuator dynamics give to it, and the specs with what the model gives to them: servos take the place of an
     /// actuator's law, rotors become armature, and bounds of forces are taken together.
     ///
     /// # Errors
@@ -130,15 +130,15 @@ impl ActuatorSpec {
     pub fn fold(model: &Model, specs: &[Option<Self>], num_envs: usize, h: f64) -> Result<(Model, Vec<Option<Self>>), String> {
         let (mut folded, mut specs) = (model.clone(), specs.to_vec());
         let model = folded.trusted_mut();
-        for (i, train) in specs.iter_mut().enumerate() {
-            *train = train.take().filter(|t| *t != Self::ideal());
+        for (i, spec) in specs.iter_mut().enumerate() {
+            *spec = spec.take().filter(|t| *t != Self::ideal());
             let steps = model.actuators[i].delay_in_steps(h);
             if steps > 0.0 {
-                train.get_or_insert_with(Self::ideal).delay_steps.iter_mut().for_each(|x| *x += steps);
+                spec.get_or_insert_with(Self::ideal).delay_steps.iter_mut().for_each(|x| *x += steps);
             }
-            let Some(train) = train else { continue };
+            let Some(spec) = spec else { continue };
             let name = label(&model.actuators[i].name, i);
-            train.check(num_envs, h).and_then(|()| train.give(model, i)).map_err(|e| format!("drive of actuator {name:?}: {e}"))?;
+            spec.check(num_envs, h).and_then(|()| spec.give(model, i)).map_err(|e| format!("drive of actuator {name:?}: {e}"))?;
         }
         Ok((folded, specs))
     }

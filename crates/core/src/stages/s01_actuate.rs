@@ -32,11 +32,11 @@ pub fn actuate<R: Real>(
                     let asked = gain[0] * input + bias[0];
                     let force = within(asked, actuator.force_range);
                     actuator_forces.beyond[i] = beyond(asked, actuator.force_range);
-                    actuator_forces.force[i] = match &actuator.train {
-                        Some(train) => {
+                    actuator_forces.force[i] = match &actuator.dynamics {
+                        Some(dynamics) => {
                             actuator_forces.beyond[i] =
-                                actuator_forces.beyond[i].or(exceeds(train, &at.actuator_dynamics[train.index], force, R::zero()));
-                            bounded(train, &at.actuator_dynamics[train.index], force, R::zero())
+                                actuator_forces.beyond[i].or(exceeds(dynamics, &at.actuator_dynamics[dynamics.index], force, R::zero()));
+                            bounded(dynamics, &at.actuator_dynamics[dynamics.index], force, R::zero())
                         }
                         None => force,
                     };
@@ -46,15 +46,15 @@ pub fn actuate<R: Real>(
                 let parameters = compiled.params.actuator(i);
                 let law = law(actuator, parameters, at, nearest_equivalent_angle(actuator, parameters, input, motion.length));
                 actuator_forces.beyond[i] = R::Mask::splat(false);
-                match (implied, &actuator.train) {
-                    (Some(implied), Some(train)) => {
+                match (implied, &actuator.dynamics) {
+                    (Some(implied), Some(dynamics)) => {
                         actuator_forces.set_actuator_dynamics(
                             i,
                             k,
                             &law,
                             &motion,
-                            train,
-                            &at.actuator_dynamics[train.index],
+                            dynamics,
+                            &at.actuator_dynamics[dynamics.index],
                             implied.weights,
                         );
                     }
@@ -62,8 +62,9 @@ pub fn actuate<R: Real>(
                         let (force, weight) = law.implied(&motion, actuator_forces.gauge_at(k), weights);
                         actuator_forces.set_servo(i, k, force, weight);
                     }
-                    (None, Some(train)) => {
-                        actuator_forces.force[i] = bounded(train, &at.actuator_dynamics[train.index], law.force(&motion), motion.velocity);
+                    (None, Some(dynamics)) => {
+                        actuator_forces.force[i] =
+                            bounded(dynamics, &at.actuator_dynamics[dynamics.index], law.force(&motion), motion.velocity);
                     }
                     (_, None) => {
                         let asked = law.force(&motion);
@@ -118,7 +119,7 @@ fn nearest_equivalent_angle<R: Real>(
     angle: R,
 ) -> R {
     let Some(turn) = actuator.wrench.as_ref().and_then(|w| w.turn) else { return input };
-    if actuator.train.is_some() {
+    if actuator.dynamics.is_some() {
         return input;
     }
     let turn = R::splat(turn);
@@ -137,7 +138,7 @@ fn setpoint<R: Real>(compiled: &LaneModel<R>, i: usize, actuator: &CompiledActua
     }
 }
 
-/// force = gain . (1, length, velocity) input + bias . (1, length, velocity), or what a drive train makes of it: a continuous servo of its
+/// force = gain . (1, length, velocity) input + bias . (1, length, velocity), or what an actuator's dynamics makes of it: a continuous servo of its
 /// own, or a motor whose control is the share of its voltage.
 #[inline(always)]
 fn law<R: Real>(
@@ -147,12 +148,12 @@ fn law<R: Real>(
     input: R,
 ) -> AffineForce<R> {
     let [level, mut slope, mut rate]: V3<R> = std::array::from_fn(|k| gain[k] * input + bias[k]);
-    let Some(train) = &actuator.train else { return AffineForce { level, slope, rate } };
-    let numbers = &at.actuator_dynamics[train.index];
-    if train.servo {
+    let Some(dynamics) = &actuator.dynamics else { return AffineForce { level, slope, rate } };
+    let numbers = &at.actuator_dynamics[dynamics.index];
+    if dynamics.servo {
         (slope, rate) = (numbers.slope, numbers.rate);
     }
-    match train.motor {
+    match dynamics.motor {
         Some(true) => AffineForce { level: level * numbers.stall, slope: slope * numbers.stall, rate: rate * numbers.stall - numbers.drag },
         _ => AffineForce { level, slope, rate },
     }

@@ -17,14 +17,14 @@ use crate::compile::LaneModel;
 use crate::dynamics::kinematics::Kinematics;
 use crate::probe::{Counter, Probe, Span};
 
-/// Finds the contacts of the lanes `alive` at poses that are `lead` seconds from the beginning of the step. Returns the lanes whose
+/// Finds the contacts of the lanes `alive` at poses that are `time_before` seconds from the beginning of the step. Returns the lanes whose
 /// contacts cannot be trusted so far from it.
 #[expect(clippy::too_many_arguments, reason = "where all is, what is found, and who measures it")]
 pub fn detect<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     [v, v_free]: [&[R]; 2],
-    [h, lead]: [R; 2],
+    [h, time_before]: [R; 2],
     alive: R::Mask,
     poses: &mut GeomPoses<R>,
     contacts: &mut Contacts<R>,
@@ -35,13 +35,13 @@ pub fn detect<R: Real>(
     if compiled.geoms.is_empty() {
         return R::Mask::splat(false);
     }
-    let leads = compiled.can_tunnel && lead.gt(R::zero()).any();
+    let leads = compiled.can_tunnel && time_before.gt(R::zero()).any();
     probe.span(Span::BroadPhase, || find_pairs(compiled, kinematics, v_free, h, alive, poses));
     if poses.near_count == 0 && compiled.crowd.is_none() {
         return R::Mask::splat(false);
     }
     probe.count(Counter::NearPairs, || (poses.near_count + poses.broad.pairs.len()) as f64);
-    probe.span(Span::NarrowPhase, || find_contacts(compiled, kinematics, v, [h, lead], leads, poses, contacts))
+    probe.span(Span::NarrowPhase, || find_contacts(compiled, kinematics, v, [h, time_before], leads, poses, contacts))
 }
 
 /// Broad phase: where the geoms are, and the pairs that can touch within the step with the free velocity `v_free`.
@@ -67,7 +67,7 @@ fn find_contacts<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     v: &[R],
-    [h, lead]: [R; 2],
+    [h, time_before]: [R; 2],
     leads: bool,
     poses: &mut GeomPoses<R>,
     contacts: &mut Contacts<R>,
@@ -79,13 +79,13 @@ fn find_contacts<R: Real>(
     if leads {
         R::vectorize(
             #[inline(always)]
-            || placed.update_lead(compiled, kinematics, v, lead),
+            || placed.update_lead(compiled, kinematics, v, time_before),
         );
     }
     R::vectorize(
         #[inline(always)]
         || {
-            let scene = Scene { compiled, kinematics, poses: placed, h, slack, lead, leads };
+            let scene = Scene { compiled, kinematics, poses: placed, h, slack, lead: time_before, leads };
             let mut too_far = R::Mask::splat(false);
             for &(index, lanes) in near {
                 let (index, lanes) = (index as usize, R::Mask::from_bits(lanes));

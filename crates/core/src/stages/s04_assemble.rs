@@ -21,7 +21,7 @@ use crate::constraints::constraint_set::{AssemblyInput, Constraints};
 use crate::constraints::contact::least_mobility;
 use crate::constraints::equality::RowInput;
 use crate::constraints::hyperstatic;
-use crate::constraints::restitution::any_impacts;
+use crate::constraints::restitution::any_elastic;
 use crate::constraints::torsional_rolling::rolling_lanes;
 use crate::dynamics::inertia::MassMatrix;
 use crate::dynamics::kinematics::Kinematics;
@@ -67,7 +67,7 @@ pub fn assemble<R: Real>(
                 constraints.add_equalities(input, false);
             }
             constraints.impacts.clear();
-            constraints.has_impacts = any_impacts(options, contacts);
+            constraints.has_impacts = assembly.in_the_middle && any_elastic(contacts);
             for k in 0..contacts.slots() {
                 let lanes = contacts.lanes_of(k);
                 let narrow = lanes & !rolling_lanes(compiled, contacts, k, lanes);
@@ -88,4 +88,20 @@ pub fn assemble<R: Real>(
             constraints.iterate.compute_w(&constraints.problem);
         },
     )
+}
+
+/// Stage 4 again for another free velocity of the lanes `lanes`: rows and impulses stay, what the rows demand changes by `change` of it.
+/// `before_impacts` is the change of the velocity that impacts meet, where any contact bounces within the step. Both are used up.
+pub fn assemble_demands<R: Real>(
+    compiled: &LaneModel<R>,
+    mass: &MassMatrix<R>,
+    constraints: &mut Constraints<R>,
+    change: &mut [R],
+    before_impacts: Option<&mut [R]>,
+    lanes: R::Mask,
+) {
+    constraints.shift(compiled, mass, change, lanes);
+    if let Some(change) = before_impacts {
+        constraints.shift_before_impacts(compiled, mass, change, lanes);
+    }
 }

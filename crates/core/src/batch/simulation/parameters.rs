@@ -120,7 +120,7 @@ impl Simulation {
             // The dynamics have taken over the delays already.
             variant.trusted_mut().actuators.iter_mut().for_each(|a| a.delay = 0.0);
             let folded = ActuatorSpec::fold(&variant, specs, self.num_envs, self.timestep());
-            folded.expect("drive trains were checked with the model, and a variant has its structure").0
+            folded.expect("actuator dynamics were checked with the model, and a variant has its structure").0
         };
         self.randomization.differences(&self.model, self.lane_model(), Some(&actuator_models), assigned, envs)
     }

@@ -1,0 +1,42 @@
+//! Device models around a step, with what they remember: actuator pipelines before its forces, error models of sensors after its state.
+
+use stepper_real::Scalar;
+
+use crate::actuation::{self, ActuatorPipelines};
+use crate::sensing::errors::Errors;
+use crate::sensing::memory::Memory;
+
+/// Device models of one group of environments.
+#[derive(Debug)]
+pub struct Devices<'a, S> {
+    /// Number of the group among those of the batch.
+    pub(crate) group: usize,
+    /// Actuator dynamics between controls and forces, where there are any.
+    pub(crate) actuators: Option<ActuatorDevices<'a, S>>,
+    /// Sensors; none where a step is only made to be read.
+    pub(crate) sensors: Option<SensorDevices<'a, S>>,
+}
+
+/// Actuator pipelines and their memory.
+#[derive(Debug)]
+pub(crate) struct ActuatorDevices<'a, S> {
+    pub(crate) pipelines: &'a ActuatorPipelines<S>,
+    pub(crate) memory: &'a mut actuation::memory::Memory<S>,
+}
+
+/// Error models of the sensors and their memory.
+#[derive(Debug)]
+pub(crate) struct SensorDevices<'a, S> {
+    /// What sensors that are not ideal make of the truth; none where all are ideal.
+    pub(crate) errors: Option<&'a Errors<S>>,
+    pub(crate) memory: &'a mut Memory<S>,
+    /// Whether ideal sensors are read too: error models read every step.
+    pub(crate) read: bool,
+}
+
+impl<S: Scalar> Devices<'_, S> {
+    /// No device: for a step that is only made to be read.
+    pub(crate) fn none() -> Self {
+        Self { group: 0, actuators: None, sensors: None }
+    }
+}

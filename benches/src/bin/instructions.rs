@@ -1,6 +1,8 @@
 //! Instructions per environment step, counted by valgrind's callgrind: the same on a busy machine, so that a regression shows.
 
+use std::cell::Cell;
 use std::collections::BTreeMap;
+use std::hint::black_box;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
@@ -129,12 +131,16 @@ fn count() -> Result<Counts, String> {
     let mut lines = text.lines();
     let level = lines.next().unwrap_or_default().to_owned();
     let counted = totals(&folder.join("out"))?;
+    let reading = counted.get(READING).map_or(0.0, |total| total / READINGS_ALONE as f64);
     let mut instructions = BTreeMap::new();
     for line in lines {
-        let (steps, name) = line.split_once(' ').ok_or_else(|| format!("unexpected output: {line}"))?;
-        let steps: f64 = steps.parse().map_err(|_| format!("unexpected output: {line}"))?;
+        let unexpected = || format!("unexpected output: {line}");
+        let mut words = line.splitn(3, ' ');
+        let mut number = || words.next().and_then(|word| word.parse::<f64>().ok()).ok_or_else(unexpected);
+        let (steps, readings) = (number()?, number()?);
+        let name = words.next().ok_or_else(unexpected)?;
         if let Some(total) = counted.get(name) {
-            instructions.insert(name.to_owned(), total / steps);
+            instructions.insert(name.to_owned(), (total - readings * reading) / steps);
         }
     }
     std::fs::remove_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
@@ -197,13 +203,32 @@ fn work() {
 /// Beginning of the names of parts.
 const PARTS: &str = "humanoid f64, ";
 
+/// What a reading counts by itself is counted under this name, so many times over.
+const READING: &str = "a reading";
+const READINGS_ALONE: usize = 1000;
+
+/// Number of parts: the spans, and what is in none.
+const COUNT: usize = Span::ALL.len() + 1;
+
+thread_local! {
+    /// Number of readings of each part.
+    static TAKEN: [Cell<usize>; COUNT] = const { [const { Cell::new(0) }; COUNT] };
+}
+
+/// A meter that leaves the reading to callgrind.
+fn part_ends(span: Option<Span>) -> [u64; READINGS] {
+    let part = span.map_or(COUNT - 1, |span| span as usize);
+    TAKEN.with(|taken| taken[part].set(taken[part].get() + 1));
+    write_down(&format!("{PARTS}{}", name_of(part)));
+    [0; READINGS]
+}
+
+fn name_of(part: usize) -> &'static str {
+    Span::ALL.get(part).map_or("unaccounted", |span| span.name())
+}
+
 /// The parts of the humanoid's step: a step of each of the environments that [`single`] has, at some moments.
 fn parts() {
-    /// A meter that leaves the reading to callgrind.
-    fn part_ends(span: Option<Span>) -> [u64; READINGS] {
-        write_down(&format!("{PARTS}{}", span.map_or("unaccounted", Span::name)));
-        [0; READINGS]
-    }
     let mut run = single(&Scene::humanoid()).probe();
     run.run();
     run.rewind();
@@ -215,9 +240,12 @@ fn parts() {
             record(part_ends, || step(1));
         }
     }
-    for name in Span::ALL.iter().map(|span| span.name()).chain(["unaccounted"]) {
-        println!("{} {PARTS}{name}", run.0.len() * MOMENTS);
+    let taken: Vec<usize> = TAKEN.with(|taken| taken.iter().map(Cell::get).collect());
+    for (part, taken) in taken.into_iter().enumerate() {
+        println!("{} {taken} {PARTS}{}", run.0.len() * MOMENTS, name_of(part));
     }
+    write_down(NOTHING);
+    (0..READINGS_ALONE).for_each(|_| write_down(&format!("{}", black_box(READING))));
 }
 
 fn whole(name: &str, mut run: impl Run) {
@@ -227,7 +255,7 @@ fn whole(name: &str, mut run: impl Run) {
     write_down(NOTHING);
     run.run();
     write_down(name);
-    println!("{} {name}", run.environment_steps());
+    println!("{} 0 {name}", run.environment_steps());
 }
 
 /// What was counted before anything that is asked for.

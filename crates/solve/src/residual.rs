@@ -25,16 +25,27 @@ pub fn residual<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate
 /// Constraint of lane `lane` with the largest residual, m/s: its index over all kinds, in their order. None where there is no constraint,
 /// or none with a residual. A NaN is the largest of all.
 pub fn worst_constraint<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate<R>, lane: usize) -> Option<(usize, f64)> {
-    let (system, mut worst, mut i) = (system.into(), None, 0);
-    let mut compare = |r: R| {
-        let (r, most) = (number_of(r, lane), worst.map_or(0.0, |(_, most)| most));
-        if r > most || r.is_nan() {
-            worst = Some((i, r));
-        }
-        i += 1;
-    };
-    each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => set.for_each_residual(rows, impulses, &iterate.w, &mut compare));
-    worst
+    let system = system.into();
+    R::vectorize(
+        #[inline(always)]
+        || {
+            let (mut worst, mut i) = (None, 0);
+            each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => set.for_each_residual(
+                rows,
+                impulses,
+                &iterate.w,
+                #[inline(always)]
+                |r: R| {
+                    let (r, most) = (number_of(r, lane), worst.map_or(0.0, |(_, most)| most));
+                    if r > most || r.is_nan() {
+                        worst = Some((i, r));
+                    }
+                    i += 1;
+                },
+            ));
+            worst
+        },
+    )
 }
 
 /// Lanes in which the work that a residual of `residual` m/s (at most 1e-6) leaves open, `residual sum_i |lambda_i|`, is more than the

@@ -178,6 +178,20 @@ impl<R: Real> Contacts<R> {
         k
     }
 
+    /// Keeps those of the contacts of lane `l` that are `kept`, in their order.
+    pub(crate) fn retain(&mut self, l: usize, kept: &[bool]) {
+        let mut to = 0;
+        for from in (0..self.count[l]).filter(|&k| kept[k]) {
+            if to < from {
+                self.ids[to][l] = self.ids[from][l];
+                let (before, after) = self.data.split_at_mut(from);
+                before[to].copy_lane(&after[0], l);
+            }
+            to += 1;
+        }
+        self.count[l] = to;
+    }
+
     /// Chooses the tangents of every slot from its normal, and takes over the impulses of the same contacts in `last`, which is used up.
     ///
     /// An impulse is carried over as a vector of the world, so that the choice of tangents does not matter.

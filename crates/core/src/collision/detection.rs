@@ -7,6 +7,7 @@ use stepper_real::{Mask, Real, Scalar};
 use crate::collision::broad_phase::Broad;
 use crate::collision::contact_set::Contacts;
 use crate::collision::pairs::segments;
+use crate::collision::patch_reduction::PatchReduction;
 use crate::collision::separation_cache::SeparationCache;
 use crate::compile::{CompiledPair, Kernel, LaneModel};
 use crate::dynamics::kinematics::Kinematics;
@@ -27,6 +28,7 @@ pub struct GeomPoses<R: Real> {
     pub(crate) near_count: usize,
     pub(crate) broad: Broad,
     pub(crate) search: Search,
+    pub(crate) reduction: PatchReduction,
 }
 
 fn runs<S: Scalar>(pairs: &[CompiledPair<S>]) -> Vec<Range<usize>> {
@@ -77,6 +79,7 @@ impl<R: Real> GeomPoses<R> {
             near: vec![(0, 0); compiled.pairs.len() + 1],
             near_count: 0,
             broad: Broad::default(),
+            reduction: PatchReduction::default(),
             search: Search {
                 narrow: Narrow::for_solids(compiled.geoms.iter().filter_map(|g| g.solid.as_ref())),
                 known: SeparationCache::new(compiled, R::LANES),

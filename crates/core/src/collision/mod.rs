@@ -6,6 +6,7 @@ pub mod contact_set;
 pub mod detection;
 pub mod narrow_phase;
 pub mod pairs;
+pub(crate) mod patch_reduction;
 pub mod separation_cache;
 pub mod surface_velocity;
 pub mod terrain;

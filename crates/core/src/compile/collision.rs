@@ -1,6 +1,7 @@
 //! Collision geometry: where geoms are fixed, and the pairs that can touch.
 
 use std::cmp::Ordering;
+use std::collections::BTreeMap;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
@@ -194,6 +195,22 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
         scalar: PhantomData,
     });
     (geoms, pairs, crowd)
+}
+
+/// Number of a pair's patch where it has none.
+pub const NO_PATCH: u32 = u32::MAX;
+
+/// Patch of every listed pair: pairs of the same two frames have the same, and a pair that is alone has none. Contacts with torsional or
+/// rolling friction are in none.
+pub(super) fn patches<S>(geoms: &[CompiledGeom<S>], pairs: &[CompiledPair<S>]) -> Vec<u32> {
+    let mut count = BTreeMap::new();
+    let frames = |pair: &CompiledPair<S>| pair.geoms.map(|g| geoms[g].frame);
+    for pair in pairs.iter().filter(|p| p.condim <= 3) {
+        *count.entry(frames(pair)).or_insert(0) += 1;
+    }
+    let number = |pair: &CompiledPair<S>| if pair.condim <= 3 { count.get(&frames(pair)) } else { None };
+    let names: BTreeMap<_, u32> = count.keys().copied().zip(0..).collect();
+    pairs.iter().map(|pair| if number(pair).is_some_and(|&n| n > 1) { names[&frames(pair)] } else { NO_PATCH }).collect()
 }
 
 /// For every geom whether it is one of a crowd; none is, where a list of pairs is short.

@@ -77,6 +77,8 @@ pub struct ModelStructure<S: Scalar> {
     pub geoms: Vec<CompiledGeom<S>>,
     /// Pairs that can collide and for which there is a kernel, in a fixed order; all of them, if there is no crowd.
     pub pairs: Vec<CompiledPair<S>>,
+    /// Patch of every listed pair: contacts of pairs with one number join the same two frames.
+    pub patches: Vec<u32>,
     /// Geoms whose pairs are too many to list.
     pub crowd: Option<Crowd<S>>,
     /// Which links nothing holds; empty if all are held.

@@ -66,6 +66,7 @@ impl<S: Scalar> CompiledModel<S> {
             moved_dofs,
             mocap: merging::mocap(model, &merged),
             bodies: merging::bodies(model, &merged),
+            patches: collision::patches(&geoms, &pairs),
             geoms,
             has_rolling_friction: crowd.as_ref().is_some_and(Crowd::has_rolling_friction) || pairs.iter().any(|p| p.condim > 3),
             pairs,

@@ -17,7 +17,7 @@ mod tree;
 
 pub use crate::model::Kernel;
 pub use actuators::{CompiledActuator, CompiledActuatorDynamics, CompiledWrench, Spot};
-pub use collision::{CompiledPair, Crowd};
+pub use collision::{CompiledPair, Crowd, NO_PATCH};
 pub use compiled_model::{CompiledModel, ModelStructure};
 pub use equality::{Combination, CompiledEquality, CompiledTendon, EqualityBlock, EqualityRows, Spring};
 pub use lane_model::LaneModel;

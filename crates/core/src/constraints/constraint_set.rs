@@ -8,6 +8,7 @@ use stepper_solve::{Capacity, Iterate, PositionRows, Problem, Reference, Snapsho
 
 use crate::compile::{LaneModel, ModelStructure};
 use crate::constraints::assembled_rows::AssembledRows;
+use crate::constraints::hyperstatic::Patches;
 use crate::constraints::islands::Islands;
 use crate::constraints::worst_row::WorstRows;
 use crate::dynamics::inertia::{MassMatrix, NewtonEuler};
@@ -54,7 +55,9 @@ pub struct Constraints<R: Real> {
     /// What a correction starts from.
     pub(crate) reference: Reference<R>,
     pub(crate) islands: Islands,
-    /// Impulses of lanes whose loads are shared evenly, while they are estimated.
+    /// Patches of contacts whose loads are shared evenly.
+    pub(crate) patches: Patches<R>,
+    /// Impulses of lanes whose loads are shared evenly, while they are estimated or shared anew.
     pub(crate) shared: Snapshot<R>,
     /// Impulses of limits, then of dry friction, by their index in the compiled model, then of what names its owner: the warm start.
     pub scalar_impulse: Vec<R>,
@@ -108,6 +111,8 @@ pub struct SolverWorkspace<'a, R: Real> {
     pub(crate) floors: &'a mut Vec<R>,
     pub(crate) reference: &'a mut Reference<R>,
     pub(crate) islands: &'a mut Islands,
+    pub(crate) patches: &'a mut Patches<R>,
+    pub(crate) shared: &'a mut Snapshot<R>,
 }
 
 /// A contact that bounces within the step.
@@ -178,6 +183,7 @@ impl<R: Real> Constraints<R> {
             floors: Vec::with_capacity(room.scalars + room.contacts + room.rolling_contacts),
             reference: Reference::new(&room),
             islands: Islands::new(compiled.ntree),
+            patches: Patches::new(max_contacts),
             shared: Snapshot::new(&room),
             scalar_impulse: vec![R::zero(); compiled.scalar_impulses],
             owners: Vec::with_capacity(room.scalars),
@@ -234,8 +240,10 @@ impl<R: Real> Constraints<R> {
             biased: *biased,
             rebounding: *rebounding,
         };
-        let Self { iterate, newton, scalar_impulse, worst, capture, positions, floors, reference, islands, .. } = self;
-        (rows, SolverWorkspace { iterate, newton, scalar_impulse, worst, capture, positions, floors, reference, islands })
+        let Self { iterate, newton, scalar_impulse, worst, capture, positions, floors, reference, islands, patches, shared, .. } = self;
+        let room =
+            SolverWorkspace { iterate, newton, scalar_impulse, worst, capture, positions, floors, reference, islands, patches, shared };
+        (rows, room)
     }
 
     /// Copies the rows for the position solve.

@@ -1,31 +1,398 @@
-//! Which environments have a load that can be shared in many ways.
+//! Loads that the law leaves open: where a loose body touches another one at three points or more, they are shared evenly.
+//!
+//! Three contacts have nine unknown force components, a rigid body gives six equations. As long as all points stick, the motion is one
+//! whatever the forces are. When they slip, friction's torque depends on how the load is shared: forces left by sweeps, which load the
+//! points that they visit first, turn a box that two fingers hold.
+//!
+//! The contacts of one pair of bodies are a patch, and patches that move a coordinate together are shared together (a box between two
+//! fingers: where on the fingers it presses is open too). Of all their normal impulses that move the joints as the present ones do, none
+//! negative, those of least norm are taken; and friction is taken anew where a contact slips, as mu times the normal impulse against the
+//! motion. Where a patch slips along a plane without turning, that leaves the force and the moment of friction as they were, and with them
+//! all velocities; where it turns, sweeps finish.
 
-use stepper_real::{Mask, Real};
+use std::ops::Range;
+
+use stepper_real::{Mask, Real, Scalar};
+use stepper_solve::{Iterate, Problem};
 
 use crate::collision::contact_set::Contacts;
 use crate::compile::ModelStructure;
+use crate::constraints::assembled_rows::AssembledRows;
+use crate::math::spatial::*;
 
-/// Number of contacts between two bodies from which on their forces are not determined: three contacts have nine unknown force components,
-/// a rigid body gives six equations.
+/// Number of contacts between two bodies from which on their forces are not determined.
 const MIN_SHARED_CONTACTS: usize = 3;
 
-/// Lanes in which a loose body touches another one at so many points.
-///
-/// As long as all points stick, the motion is one whatever the forces are. When they slip, friction's torque depends on how the load is
-/// shared: forces left by sweeps, which load the points that they visit first, turn a box that two fingers hold.
-pub(crate) fn lanes<R: Real>(compiled: &ModelStructure<R::Scalar>, contacts: &Contacts<R>) -> R::Mask {
-    if compiled.floating.is_empty() {
-        return R::Mask::splat(false);
+/// Speed of a loaded contact from which on it slips, m/s: then friction's torque depends on how the load is distributed.
+const SLIPS: f64 = 1e-6;
+
+/// Length of a row of unit length that is left when others are taken out, below which it is rounding, in 64 bits and in 32.
+const DEPENDENT: [f64; 2] = [1e-7, 1e-6];
+
+/// Part of the largest normal impulse by which a share must change to be changed, in 64 bits and in 32: less is rounding.
+const SHARES_CHANGE: [f64; 2] = [1e-12, 1e-5];
+
+/// Largest number of contacts that are shared together: the work grows with the cube of it.
+const MOST_SHARED: usize = 64;
+
+/// Largest number of contacts of an environment in which a patch that is new is solved by Newton's method: in a heap of ten boxes, whose 45
+/// contacts come and go, that would be half of the step.
+const MOST_NEW: usize = 24;
+
+/// Patches of all lanes: contacts between the same two bodies, of which at least one is loose.
+#[derive(Clone, Debug)]
+pub(crate) struct Patches<R> {
+    /// Slots of the contacts, patch by patch.
+    slots: Vec<usize>,
+    /// All patches, lane by lane.
+    patches: Vec<Patch>,
+    /// Bodies of every patch of the lane that is searched, and the number of its contacts.
+    pairs: Vec<([usize; 2], usize)>,
+    /// Patch of every contact of that lane.
+    of_contact: Vec<usize>,
+    /// Contacts of the patches that are shared together.
+    points: Vec<Point>,
+    /// Rows of the normal impulses: one for each coordinate that they move, with an entry for each point.
+    rows: Vec<f64>,
+    /// What the impulses make of each coordinate.
+    sums: Vec<f64>,
+    /// Coordinate of each row.
+    coordinates: Vec<u32>,
+    /// Whether each row is done.
+    done: Vec<bool>,
+    /// Patch that each coordinate belongs to.
+    owners: Vec<usize>,
+    /// Velocities of all contacts, m/s.
+    velocities: Vec<V3<R>>,
+    /// Impulses of all contacts before they are shared, N s.
+    impulses: Vec<V3<R>>,
+}
+
+/// Contacts between two bodies in a lane.
+#[derive(Clone, Copy, Debug)]
+struct Patch {
+    lane: usize,
+    /// Where its contacts begin in the list of slots, and end.
+    slots: [usize; 2],
+    /// Number that it has in common with the patches that are shared with it.
+    group: usize,
+    /// Whether any of its contacts slips under load.
+    slips: bool,
+}
+
+impl Patch {
+    /// Indices of its contacts in the problem, but for those with six rows.
+    fn contacts<'a, M>(&self, slots: &'a [usize], assembled: &'a [(usize, M)]) -> impl Iterator<Item = usize> + 'a {
+        slots[self.slots[0]..self.slots[1]].iter().filter_map(|k| assembled.binary_search_by_key(k, |slot| slot.0).ok())
     }
-    let shares = |l: usize| {
-        let (mut last, mut count) = ([0; 2], 0);
-        (0..contacts.count[l]).any(|k| {
-            let geoms = compiled.pair_geoms(contacts.ids[k][l].pair()).expect("made from this compiled");
-            let frames = geoms.map(|g| compiled.geoms[g].frame);
-            count = if frames == last { count + 1 } else { 1 };
-            last = frames;
-            count >= MIN_SHARED_CONTACTS && frames.iter().any(|&f| f > 0 && compiled.floating.get(f - 1) == Some(&true))
-        })
-    };
-    R::Mask::from_bits((0..R::LANES).fold(0, |bits, l| bits | u32::from(shares(l)) << l))
+}
+
+/// One contact of patches that are shared together.
+#[derive(Clone, Copy, Debug)]
+struct Point {
+    /// Index of the contact in the problem.
+    contact: usize,
+    /// Velocity along normal and tangents, m/s.
+    velocity: [f64; 3],
+    /// Normal impulse before, N s.
+    before: f64,
+    /// Normal impulse when it is shared, N s.
+    shared: f64,
+    /// Whether it may be loaded.
+    free: bool,
+}
+
+impl<R: Real> Patches<R> {
+    /// Room for so many contacts an environment.
+    pub(crate) fn new(max_contacts: usize) -> Self {
+        let n = max_contacts;
+        Self {
+            slots: Vec::with_capacity(n * R::LANES),
+            patches: Vec::with_capacity(n.div_ceil(MIN_SHARED_CONTACTS) * R::LANES),
+            pairs: Vec::with_capacity(n),
+            of_contact: Vec::with_capacity(n),
+            points: Vec::with_capacity(n.min(MOST_SHARED)),
+            rows: vec![],
+            sums: vec![],
+            coordinates: vec![],
+            done: vec![],
+            owners: vec![],
+            velocities: Vec::with_capacity(n),
+            impulses: Vec::with_capacity(n),
+        }
+    }
+
+    /// Finds the patches of the lanes `lanes` (bits).
+    pub(crate) fn find(&mut self, compiled: &ModelStructure<R::Scalar>, contacts: &Contacts<R>, lanes: u32) {
+        self.slots.clear();
+        self.patches.clear();
+        if compiled.floating.is_empty() {
+            return;
+        }
+        for lane in (0..R::LANES).filter(|l| lanes >> l & 1 == 1 && contacts.count[*l] >= MIN_SHARED_CONTACTS) {
+            self.pairs.clear();
+            self.of_contact.clear();
+            for k in 0..contacts.count[lane] {
+                let geoms = compiled.pair_geoms(contacts.ids[k][lane].pair()).expect("made from this compiled");
+                let frames = geoms.map(|g| compiled.geoms[g].frame);
+                let known = self.pairs.iter().rposition(|(pair, _)| *pair == frames);
+                let patch = known.unwrap_or_else(|| {
+                    self.pairs.push((frames, 0));
+                    self.pairs.len() - 1
+                });
+                self.pairs[patch].1 += 1;
+                self.of_contact.push(patch);
+            }
+            for (patch, (frames, count)) in self.pairs.iter().enumerate() {
+                let loose = |&f: &usize| f > 0 && compiled.floating.get(f - 1) == Some(&true);
+                if *count >= MIN_SHARED_CONTACTS && frames.iter().any(loose) {
+                    let start = self.slots.len();
+                    self.slots.extend((0..contacts.count[lane]).filter(|&k| self.of_contact[k] == patch));
+                    let group = self.patches.len();
+                    self.patches.push(Patch { lane, slots: [start, self.slots.len()], group, slips: false });
+                }
+            }
+        }
+    }
+
+    /// Lanes with a patch.
+    pub(crate) fn lanes(&self) -> R::Mask {
+        R::Mask::from_bits(self.patches.iter().fold(0, |bits, p| bits | 1 << p.lane))
+    }
+
+    /// Lanes with a patch that bears no load yet and is about to: what sweeps make of it depends on their order, so its first impulses are
+    /// to be those of least norm.
+    pub(crate) fn new_lanes(
+        &self,
+        contacts: &Contacts<R>,
+        assembled_slots: &[(usize, R::Mask)],
+        problem: &Problem<R>,
+        iterate: &Iterate<R>,
+    ) -> R::Mask {
+        let mut lanes = 0;
+        for patch in self.patches.iter().filter(|p| contacts.count[p.lane] <= MOST_NEW) {
+            let own = || patch.contacts(&self.slots, assembled_slots);
+            let unloaded = |i: usize| iterate.contacts[i][0].lane(patch.lane) <= R::Scalar::default();
+            let closes = |i: usize| problem.contacts.velocity(&problem.contacts[i], &iterate.w)[0].lane(patch.lane) < R::Scalar::default();
+            if lanes >> patch.lane & 1 == 0 && own().all(unloaded) && own().any(closes) {
+                lanes |= 1 << patch.lane;
+            }
+        }
+        R::Mask::from_bits(lanes)
+    }
+
+    /// Shares the loads of the lanes `lanes` in which any patch slips. Returns the lanes in which that changed any share.
+    pub(crate) fn share(&mut self, assembled: &AssembledRows<'_, R>, iterate: &mut Iterate<R>, lanes: R::Mask) -> R::Mask {
+        if lanes.and(self.lanes()).none() {
+            return R::Mask::splat(false);
+        }
+        let problem = assembled.problem;
+        R::vectorize(
+            #[inline(always)]
+            || {
+                self.impulses.clone_from(&iterate.contacts);
+                self.velocities.clear();
+                for contact in problem.contacts.iter() {
+                    self.velocities.push(problem.contacts.velocity(contact, &iterate.w));
+                }
+            },
+        );
+        let (mut start, mut shared) = (0, 0);
+        while start < self.patches.len() {
+            let lane = self.patches[start].lane;
+            let end = start + self.patches[start..].iter().take_while(|p| p.lane == lane).count();
+            if lanes.bits() >> lane & 1 == 1 && self.share_lane(start..end, assembled, iterate) {
+                shared |= 1 << lane;
+            }
+            start = end;
+        }
+        if shared != 0 {
+            R::vectorize(
+                #[inline(always)]
+                || {
+                    for (i, (new, old)) in iterate.contacts.iter().zip(&self.impulses).enumerate() {
+                        problem.contacts.add(&problem.contacts[i], sub(*new, *old), &mut iterate.w);
+                    }
+                },
+            );
+        }
+        R::Mask::from_bits(shared)
+    }
+
+    /// Shares the loads of one lane, whose patches are `patches`; returns whether any has changed.
+    fn share_lane(&mut self, patches: Range<usize>, assembled: &AssembledRows<'_, R>, iterate: &mut Iterate<R>) -> bool {
+        let lane = self.patches[patches.start].lane;
+        let mut any = false;
+        for p in patches.clone() {
+            self.points.clear();
+            self.gather(p, assembled, iterate);
+            let slips = |p: &Point| p.before > 0.0 && p.velocity[1].hypot(p.velocity[2]) > SLIPS;
+            self.patches[p].slips = self.points.iter().any(slips);
+            any |= self.patches[p].slips;
+        }
+        if !any {
+            return false;
+        }
+        self.group(patches.clone(), assembled);
+        let mut changed = false;
+        for name in patches.clone() {
+            self.points.clear();
+            let mut slips = false;
+            for p in patches.clone() {
+                if self.patches[p].group == name {
+                    self.gather(p, assembled, iterate);
+                    slips |= self.patches[p].slips;
+                }
+            }
+            if slips && self.points.len() <= MOST_SHARED && self.distribute(lane, assembled.problem) {
+                self.scatter(lane, assembled.problem, iterate);
+                changed = true;
+            }
+        }
+        changed
+    }
+
+    /// Gathers the contacts of a patch that have three rows.
+    fn gather(&mut self, patch: usize, assembled: &AssembledRows<'_, R>, iterate: &Iterate<R>) {
+        let Self { slots, patches, points, velocities, .. } = self;
+        let lane = patches[patch].lane;
+        for i in patches[patch].contacts(slots, assembled.slots) {
+            if assembled.problem.contacts[i].active.bits() >> lane & 1 == 1 {
+                let (velocity, before) = (number(velocities[i], lane), iterate.contacts[i][0].lane(lane).to_f64());
+                points.push(Point { contact: i, velocity, before, shared: 0.0, free: before > 0.0 || velocity[0] <= SLIPS });
+            }
+        }
+    }
+
+    /// Gives patches that move a coordinate together the same group: the number of one of them.
+    fn group(&mut self, patches: Range<usize>, assembled: &AssembledRows<'_, R>) {
+        let Self { slots, patches: all, owners, .. } = self;
+        owners.clear();
+        owners.resize(assembled.problem.dimension(), usize::MAX);
+        let lane = all[patches.start].lane;
+        let contacts = &assembled.problem.contacts;
+        for p in patches.clone() {
+            for contact in all[p].contacts(slots, assembled.slots).map(|i| &contacts[i]) {
+                let (support, y) = contacts.entries(contact);
+                for (&c, _) in support.iter().zip(y).filter(|(_, y)| y.iter().any(|y| y.lane(lane) != R::Scalar::default())) {
+                    let (owner, group) = (owners[c as usize], all[p].group);
+                    if owner == usize::MAX {
+                        owners[c as usize] = group;
+                    } else if owner != group {
+                        // Groups of coordinates are those of their patches: an owner may have been renamed since.
+                        let known = all[owner].group;
+                        all[patches.clone()].iter_mut().filter(|other| other.group == group).for_each(|other| other.group = known);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Finds the normal impulses of least norm that move all coordinates alike, none negative; false where there are none, or none changes.
+    fn distribute(&mut self, lane: usize, problem: &Problem<R>) -> bool {
+        let (total, most) = self.points.iter().fold((0.0, 0.0_f64), |(sum, most), p| (sum + p.before, most.max(p.before)));
+        for _ in 0..self.points.len() {
+            self.make_rows(lane, problem);
+            if !self.least_norm(total) {
+                return false;
+            }
+            let mut negative = false;
+            for p in self.points.iter_mut().filter(|p| p.shared < 0.0) {
+                (p.free, p.shared, negative) = (false, 0.0, true);
+            }
+            if !negative {
+                return self.points.iter().any(|p| (p.shared - p.before).abs() > SHARES_CHANGE[precision::<R>()] * most);
+            }
+        }
+        false
+    }
+
+    /// Makes a row of unit length for each coordinate that the free points move, and what the impulses make of it.
+    fn make_rows(&mut self, lane: usize, problem: &Problem<R>) {
+        let Self { points, rows, sums, coordinates, .. } = self;
+        coordinates.clear();
+        sums.clear();
+        rows.clear();
+        let n = points.len();
+        for (k, p) in points.iter().enumerate() {
+            let (support, y) = problem.contacts.entries(&problem.contacts[p.contact]);
+            for (&c, y) in support.iter().zip(y) {
+                let y = y[0].lane(lane).to_f64();
+                if y == 0.0 {
+                    continue;
+                }
+                let row = coordinates.iter().position(|&known| known == c).unwrap_or_else(|| {
+                    coordinates.push(c);
+                    sums.push(0.0);
+                    rows.resize(rows.len() + n, 0.0);
+                    coordinates.len() - 1
+                });
+                sums[row] += y * p.before;
+                rows[row * n + k] = if p.free { y } else { 0.0 };
+            }
+        }
+        for (row, sum) in rows.chunks_exact_mut(n).zip(sums) {
+            let size = row.iter().map(|y| y * y).sum::<f64>().sqrt();
+            if size > 0.0 {
+                row.iter_mut().for_each(|y| *y /= size);
+                *sum /= size;
+            }
+        }
+    }
+
+    /// Impulses of least norm of the free points that make the sums of all rows, left in `shared`: rows are made orthonormal one by one
+    /// (modified Gram-Schmidt), and their sums with them. False where the free points cannot make the sums.
+    fn least_norm(&mut self, total: f64) -> bool {
+        let Self { points, rows, sums, done, .. } = self;
+        let (n, m) = (points.len(), sums.len());
+        let dependent = DEPENDENT[precision::<R>()];
+        points.iter_mut().for_each(|p| p.shared = 0.0);
+        done.clear();
+        done.resize(m, false);
+        for _ in 0..m.min(n) {
+            let size = |r: usize| rows[r * n..(r + 1) * n].iter().map(|y| y * y).sum::<f64>();
+            let longest = (0..m).filter(|&r| !done[r]).map(|r| (r, size(r))).max_by(|a, b| a.1.total_cmp(&b.1));
+            let Some((r, square)) = longest.filter(|(_, square)| *square > dependent * dependent) else { break };
+            done[r] = true;
+            let inverse = 1.0 / square.sqrt();
+            sums[r] *= inverse;
+            rows[r * n..(r + 1) * n].iter_mut().for_each(|y| *y *= inverse);
+            for other in (0..m).filter(|&o| !done[o]) {
+                let part: f64 = (0..n).map(|k| rows[r * n + k] * rows[other * n + k]).sum();
+                sums[other] -= part * sums[r];
+                (0..n).for_each(|k| rows[other * n + k] -= part * rows[r * n + k]);
+            }
+            points.iter_mut().enumerate().for_each(|(k, p)| p.shared += rows[r * n + k] * sums[r]);
+        }
+        (0..m).all(|r| done[r] || sums[r].abs() <= 10.0 * dependent * total)
+    }
+
+    /// Takes over the normal impulses, and friction to match.
+    fn scatter(&self, lane: usize, problem: &Problem<R>, iterate: &mut Iterate<R>) {
+        for p in &self.points {
+            let lambda = &mut iterate.contacts[p.contact];
+            let most = p.shared * problem.contacts[p.contact].mu.lane(lane).to_f64();
+            let slip = p.velocity[1].hypot(p.velocity[2]);
+            let friction = if slip > SLIPS {
+                [-p.velocity[1] / slip * most, -p.velocity[2] / slip * most]
+            } else {
+                let held = [lambda[1].lane(lane).to_f64(), lambda[2].lane(lane).to_f64()];
+                let size = held[0].hypot(held[1]);
+                held.map(|x| if size > most { x * (most / size) } else { x })
+            };
+            for (row, x) in lambda.iter_mut().zip([p.shared, friction[0], friction[1]]) {
+                row.set_lane(lane, Scalar::from_f64(x));
+            }
+        }
+    }
+}
+
+/// 0 in 64 bits, 1 in 32.
+fn precision<R: Real>() -> usize {
+    usize::from(R::Scalar::EPSILON.to_f64() > 1e-12)
+}
+
+/// One lane of three numbers.
+fn number<R: Real>(x: V3<R>, lane: usize) -> [f64; 3] {
+    x.map(|x| x.lane(lane).to_f64())
 }

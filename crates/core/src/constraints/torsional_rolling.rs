@@ -87,7 +87,10 @@ impl<R: Real> Constraints<R> {
         let n = slot.point.normal;
         let axes = [n, slot.tangent, cross(n, slot.tangent)];
         let carried = angular(&surface_velocity::motion(input.compiled, input.kinematics, contacts, k, lanes));
-        let mut free: V3<R> = std::array::from_fn(|i| dot(axes[i], carried) * weight[i]);
+        let mut free: V3<R> = array_of(
+            #[inline(always)]
+            |i| dot(axes[i], carried) * weight[i],
+        );
         for &d in &self.support {
             let d = d as usize;
             let sign = self.sign_of(d);

@@ -51,7 +51,10 @@ impl<R: Real> Fluid<R> {
             self.drag[i] = secant(compiled, i, &self.before[i]);
             let sum = &mut self.composite[body.link];
             let added = at_origin(&self.drag[i], &mat, arm);
-            *sum = std::array::from_fn(|k| add(sum[k], added[k]));
+            *sum = array_of(
+                #[inline(always)]
+                |k| add(sum[k], added[k]),
+            );
         }
         for l in (0..compiled.links.len()).rev() {
             let link = &compiled.links[l];
@@ -66,7 +69,10 @@ impl<R: Real> Fluid<R> {
             }
             if !link.is_root {
                 let sum = &mut self.composite[link.parent - 1];
-                *sum = std::array::from_fn(|k| add(sum[k], drag[k]));
+                *sum = array_of(
+                    #[inline(always)]
+                    |k| add(sum[k], drag[k]),
+                );
             }
         }
     }
@@ -80,7 +86,10 @@ impl<R: Real> Fluid<R> {
             let mut own = match &body.shape {
                 FluidShape::Box => {
                     let drag = secant(compiled, i, &v);
-                    std::array::from_fn(|k| -(drag[k] * v[k]))
+                    array_of(
+                        #[inline(always)]
+                        |k| -(drag[k] * v[k]),
+                    )
                 }
                 FluidShape::Ellipsoid(e) => ellipsoid_force(e, &v),
             };
@@ -116,7 +125,10 @@ fn secant<R: Real>(compiled: &LaneModel<R>, i: usize, v: &V6<R>) -> V6<R> {
     match &compiled.fluid[i].shape {
         FluidShape::Box => {
             let FluidParams { viscous, quadratic: drag, .. } = compiled.params.fluid(i);
-            std::array::from_fn(|k| viscous[k] + drag[k] * v[k].abs())
+            array_of(
+                #[inline(always)]
+                |k| viscous[k] + drag[k] * v[k].abs(),
+            )
         }
         FluidShape::Ellipsoid(e) => {
             let [spin, slide] = ellipsoid_drag(e, v).0.map(|d| d * R::splat(e.share));
@@ -140,10 +152,13 @@ fn at_origin<R: Real>(drag: &V6<R>, mat: &M3<R>, arm: V3<R>) -> [M3<R>; 3] {
 /// X diag(d) X^T
 #[inline(always)]
 fn turned<R: Real>(d: V3<R>, x: &M3<R>) -> M3<R> {
-    std::array::from_fn(|k| {
-        let (i, j) = (k / 3, k % 3);
-        d[0] * x[3 * i] * x[3 * j] + d[1] * x[3 * i + 1] * x[3 * j + 1] + d[2] * x[3 * i + 2] * x[3 * j + 2]
-    })
+    array_of(
+        #[inline(always)]
+        |k| {
+            let (i, j) = (k / 3, k % 3);
+            d[0] * x[3 * i] * x[3 * j] + d[1] * x[3 * i + 1] * x[3 * j + 1] + d[2] * x[3 * i + 2] * x[3 * j + 2]
+        },
+    )
 }
 
 /// The wrench against a motion.
@@ -186,7 +201,15 @@ fn projection<R: Real>(e: &CompiledEllipsoid<R::Scalar>, v: V3<R>) -> Projection
     // With the area this is widest sqrt(numerator / denominator): where a body has an area, its denominator is not zero.
     let inverse = R::splat(e.widest) * (numerator / R::select(there, denominator, numerator)).sqrt();
     let share = R::select(there, inverse, R::zero());
-    Projection { speed, along, area, normal: std::array::from_fn(|k| areas[k].square() * along[k] * share) }
+    Projection {
+        speed,
+        along,
+        area,
+        normal: array_of(
+            #[inline(always)]
+            |k| areas[k].square() * along[k] * share,
+        ),
+    }
 }
 
 /// Drag over velocity of rotation and translation.
@@ -209,8 +232,14 @@ fn ellipsoid_force<R: Real>(e: &CompiledEllipsoid<R::Scalar>, motion: &V6<R>) ->
     let ([turning, sliding], projection) = ellipsoid_drag(e, motion);
     let (w, v) = (angular(motion), linear(motion));
     let (m, i): (V3<R>, V3<R>) = (splat(e.added_mass), splat(e.added_inertia));
-    let p: V3<R> = std::array::from_fn(|k| m[k] * v[k]);
-    let l: V3<R> = std::array::from_fn(|k| i[k] * w[k]);
+    let p: V3<R> = array_of(
+        #[inline(always)]
+        |k| m[k] * v[k],
+    );
+    let l: V3<R> = array_of(
+        #[inline(always)]
+        |k| i[k] * w[k],
+    );
     let mut torque = add(cross(p, v), cross(l, w));
     let mut force = add(cross(p, w), scale(cross(w, v), R::splat(e.magnus)));
     let circulation = scale(cross(projection.normal, projection.along), R::splat(e.kutta) * projection.speed);

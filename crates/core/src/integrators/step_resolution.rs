@@ -99,12 +99,17 @@ pub fn slow_down<R: Real>(compiled: &LaneModel<R>, lanes: R::Mask, h: R, v: &mut
 
 /// Kinetic energy with rotors at a placed configuration, J.
 fn energy<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], velocity: &mut [V6<R>]) -> R {
-    kinematics.velocities(compiled, v, velocity);
-    let mut sum = kinetic_energy(kinematics, velocity);
-    for (d, &v) in v.iter().enumerate() {
-        sum += compiled.params.dof(d).armature * v.square() * R::of(0.5);
-    }
-    sum
+    R::vectorize(
+        #[inline(always)]
+        || {
+            kinematics.velocities(compiled, v, velocity);
+            let mut sum = kinetic_energy(kinematics, velocity);
+            for (d, &v) in v.iter().enumerate() {
+                sum += compiled.params.dof(d).armature * v.square() * R::of(0.5);
+            }
+            sum
+        },
+    )
 }
 
 /// Room for [`StepResolution::keep_energy`].

@@ -14,6 +14,17 @@ pub type V6<R> = [R; 6];
 /// A rigid-body inertia about the reference point: mass, first moment (3), second moment xx, yy, zz, xy, xz, yz.
 pub type Inertia<R> = [R; 10];
 
+/// Array of `f` of every index. As `std::array::from_fn`, but always inlined: what is not inlined into a kernel has not its instructions,
+/// and calls a function for each of them.
+#[inline(always)]
+pub fn array_of<T: Copy, const N: usize>(f: impl Fn(usize) -> T) -> [T; N] {
+    let mut array = [f(0); N];
+    for (k, x) in array.iter_mut().enumerate().skip(1) {
+        *x = f(k);
+    }
+    array
+}
+
 /// a + b
 #[inline(always)]
 pub fn add<R: Real, const N: usize>(a: [R; N], b: [R; N]) -> [R; N] {

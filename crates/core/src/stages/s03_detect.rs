@@ -41,7 +41,11 @@ pub fn detect<R: Real>(
         return R::Mask::splat(false);
     }
     probe.count(Counter::NearPairs, || (poses.near_count + poses.broad.pairs.len()) as f64);
-    probe.span(Span::NarrowPhase, || find_contacts(compiled, kinematics, v, [h, time_before], leads, poses, contacts))
+    probe.span(Span::NarrowPhase, || {
+        let too_far = find_contacts(compiled, kinematics, v, [h, time_before], leads, poses, contacts);
+        poses.reduction.reduce(compiled, contacts);
+        too_far
+    })
 }
 
 /// Broad phase: where the geoms are, and the pairs that can touch within the step with the free velocity `v_free`.

@@ -20,7 +20,6 @@ use crate::compile::LaneModel;
 use crate::constraints::constraint_set::{AssemblyInput, Constraints};
 use crate::constraints::contact::least_mobility;
 use crate::constraints::equality::RowInput;
-use crate::constraints::hyperstatic;
 use crate::constraints::restitution::any_elastic;
 use crate::constraints::torsional_rolling::rolling_lanes;
 use crate::dynamics::inertia::MassMatrix;
@@ -84,8 +83,10 @@ pub fn assemble<R: Real>(
                     }
                 }
             }
-            constraints.problem.hyperstatic = hyperstatic::lanes(compiled, contacts);
+            constraints.patches.find(compiled, contacts, constraints.constrained.bits());
             constraints.iterate.compute_w(&constraints.problem);
+            constraints.problem.hyperstatic =
+                constraints.patches.new_lanes(contacts, &constraints.slots, &constraints.problem, &constraints.iterate);
         },
     )
 }

@@ -1,7 +1,7 @@
 //! Stage 5: the constraint problem becomes impulses, with the residual that certifies them.
 
 use stepper_real::{Mask, Real, Scalar};
-use stepper_solve::{Outcome, Settings, System};
+use stepper_solve::{Iterate, Outcome, Settings, System, residual};
 
 use crate::collision::contact_set::Contacts;
 use crate::constraints::{AssembledRows, Constraints, SolverWorkspace};
@@ -24,11 +24,13 @@ pub fn solve<R: Real>(
     let tolerance = tolerance(options, v);
     let settings = Settings { sweeps, newton_steps: newton, tolerance, newton_threshold: tolerance };
     let AssembledRows { problem, owners, slots, rolling_slots, .. } = *rows;
-    let SolverWorkspace { iterate, newton, scalar_impulse, worst, capture, .. } = room;
+    let SolverWorkspace { iterate, newton, capture, .. } = room;
     if let Some(lane) = capture.lane.take() {
         capture.bytes = System::from(problem).to_bytes(iterate, &settings, lane);
     }
-    let outcome = stepper_solve::solve(problem, iterate, settings, lanes, newton);
+    let mut outcome = stepper_solve::solve(problem, iterate, settings, lanes, newton);
+    share_loads(rows, settings, room, lanes, &mut outcome);
+    let SolverWorkspace { iterate, scalar_impulse, worst, .. } = room;
     let unsolved = lanes.and_not(outcome.residual.le(R::of(options.tolerance)));
     worst.renew(rows, problem.into(), iterate, contacts, [lanes, unsolved]);
     R::vectorize(
@@ -47,6 +49,40 @@ pub fn solve<R: Real>(
         },
     );
     outcome
+}
+
+/// Shares the loads of hyperstatic patches that slip in the lanes `lanes` that are solved (see [`crate::constraints::hyperstatic`]), and
+/// solves again where that changes their motion. What is not solved then keeps the impulses that are.
+fn share_loads<R: Real>(
+    rows: &AssembledRows<'_, R>,
+    settings: Settings<R>,
+    room: &mut SolverWorkspace<'_, R>,
+    lanes: R::Mask,
+    outcome: &mut Outcome<R>,
+) {
+    let SolverWorkspace { iterate, newton, patches, shared, .. } = room;
+    let solved = lanes.and(patches.lanes()).and(outcome.residual.le(settings.tolerance));
+    shared.save(iterate, solved);
+    let before = outcome.residual;
+    let anew = patches.share(rows, iterate, solved);
+    if anew.none() {
+        return;
+    }
+    let left = |iterate: &Iterate<R>| {
+        R::vectorize(
+            #[inline(always)]
+            || residual(rows.problem, iterate),
+        )
+    };
+    outcome.residual = R::select(anew, left(iterate), before);
+    let moved = anew.and_not(outcome.residual.le(settings.tolerance));
+    if moved.none() {
+        return;
+    }
+    outcome.replace(&stepper_solve::solve(rows.problem, iterate, settings, moved, newton), moved);
+    let unsolved = moved.and_not(outcome.residual.le(settings.tolerance));
+    shared.restore(iterate, unsolved);
+    outcome.residual = R::select(unsolved, before, outcome.residual);
 }
 
 /// Sweeps of an estimate at the most: with 8 of them, 13 % of the steps of dm_control's humanoid under random control depend on the step
@@ -79,17 +115,16 @@ pub fn estimate<R: Real>(v: &[R], h: R, lanes: R::Mask, constraints: &mut Constr
         },
     );
     let settings = stepper_solve::gauss_seidel::SweepSettings { sweeps: ESTIMATE_SWEEPS, tolerance };
-    let Constraints { problem, iterate, shared, .. } = constraints;
+    let Constraints { problem, iterate, shared, patches, .. } = constraints;
     // Impulses that share a load evenly are not for sweeps to change: they come back after the estimate.
-    let hyperstatic = lanes.and(problem.hyperstatic);
-    shared.save(iterate, hyperstatic);
+    shared.save(iterate, lanes.and(patches.lanes()));
     stepper_solve::gauss_seidel::estimate(problem, iterate, settings, lanes, moving);
 }
 
 /// Gives the lanes whose loads are shared evenly their impulses back after an estimate.
 pub fn restore_hyperstatic_impulses<R: Real>(lanes: R::Mask, constraints: &mut Constraints<R>) {
-    let Constraints { problem, iterate, shared, .. } = constraints;
-    shared.restore(iterate, lanes.and(problem.hyperstatic));
+    let Constraints { iterate, shared, patches, .. } = constraints;
+    shared.restore(iterate, lanes.and(patches.lanes()));
 }
 
 #[inline(always)]

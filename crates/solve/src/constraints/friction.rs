@@ -234,7 +234,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
 
     /// Coordinates and entries of a contact.
     #[inline(always)]
-    pub(crate) fn entries(&self, contact: &FrictionContact<R, N, L>) -> (&[u32], &[[R; N]]) {
+    pub fn entries(&self, contact: &FrictionContact<R, N, L>) -> (&[u32], &[[R; N]]) {
         let support = &self.support[contact.support.clone()];
         (support, self.y.row(contact.y, support.len()))
     }

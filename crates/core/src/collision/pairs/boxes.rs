@@ -39,7 +39,7 @@ impl<R: Real> Cuboid<R> {
     /// From the nearest point of the box to `x`: zero inside.
     #[inline(always)]
     fn beyond(&self, x: V3<R>) -> V3<R> {
-        std::array::from_fn(
+        array_of(
             #[inline(always)]
             |i| x[i] - x[i].clamp(-self.half[i], self.half[i]),
         )
@@ -110,12 +110,17 @@ pub fn capsule_box<R: Real>(capsule: &Segment<R>, cuboid: &Cuboid<R>) -> ([Conta
     let (t_far, far, two) = line.other_end(cuboid, t, &near, outside);
     let (first, second) = (cuboid.contact(&near, capsule.radius), cuboid.contact(&far, capsule.radius));
     let ascending = t.le(t_far);
-    let ordered = |a: &ContactPoint<R>, b: &ContactPoint<R>| ContactPoint {
-        distance: R::select(ascending, a.distance, b.distance),
-        pos: select(ascending, a.pos, b.pos),
-        normal: select(ascending, a.normal, b.normal),
-    };
-    ([ordered(&first, &second), ordered(&second, &first)], [two.or(ascending), two.or(ascending.not())])
+    ([choose(ascending, &first, &second), choose(ascending, &second, &first)], [two.or(ascending), two.or(ascending.not())])
+}
+
+/// `a` in the lanes `lanes`, elsewhere `b`.
+#[inline(always)]
+fn choose<R: Real>(lanes: R::Mask, a: &ContactPoint<R>, b: &ContactPoint<R>) -> ContactPoint<R> {
+    ContactPoint {
+        distance: R::select(lanes, a.distance, b.distance),
+        pos: select(lanes, a.pos, b.pos),
+        normal: select(lanes, a.normal, b.normal),
+    }
 }
 
 /// The core of a capsule in the box's frame: p + t d with |t| <= half.
@@ -134,8 +139,9 @@ impl<R: Real> Line<R> {
     /// A gap that rounding can make where the line just enters the box, m.
     #[inline(always)]
     fn rounding(&self, cuboid: &Cuboid<R>) -> R {
-        let size = |v: V3<R>| v[0].abs() + v[1].abs() + v[2].abs();
-        (size(self.p) + size(cuboid.half) + self.half) * R::splat(R::Scalar::EPSILON) * R::of(64.0)
+        let [p, half] = [self.p, cuboid.half];
+        let sizes = p[0].abs() + p[1].abs() + p[2].abs() + (half[0].abs() + half[1].abs() + half[2].abs());
+        (sizes + self.half) * R::splat(R::Scalar::EPSILON) * R::of(64.0)
     }
 
     /// The parameters at which the line enters and leaves the slab of axis `k`; all or nothing where it runs along the slab.

@@ -37,7 +37,7 @@ pub fn cylinder_rims<R: Real>(normal: V3<R>, tip: V3<R>, cylinder: &Cylinder<R>)
     let some = length.gt(R::of(1e-6));
     let lowest = select(some, scale(down, R::one() / R::select(some, length, R::one())), column(&cylinder.mat, 0));
     let (lowest, side) = (scale(lowest, cylinder.radius), scale(cross(axis, lowest), cylinder.radius));
-    std::array::from_fn(
+    array_of(
         #[inline(always)]
         |k| {
             let cap = add_scaled(cylinder.centre, axis, if k < 4 { cylinder.half_length } else { -cylinder.half_length });

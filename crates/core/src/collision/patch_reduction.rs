@@ -1,0 +1,260 @@
+//! Contacts that others make redundant: of a flat patch, those at the corners carry all that it can carry.
+//!
+//! Where two bodies touch by several geoms (a foot of seven capsules), their contacts with one normal and one coefficient of friction are a
+//! patch. Let the gap of a contact be at least what the gaps of others are, interpolated at its place. Then nothing that it could add is
+//! missing: its normal velocity is the same interpolation of theirs, so it does not close while they stay closed; and a force at it, within
+//! its friction cone, is the same combination of forces at them, within theirs, with the same moment. So a flat patch keeps the corners of
+//! its convex hull. Contacts off the plane of the corners stay.
+//!
+//! How friction is shared in a patch that turns while it slips is left open by rigidity, with the contacts as without them.
+
+use stepper_real::{Real, Scalar};
+
+use crate::collision::contact_set::Contacts;
+use crate::compile::{ModelStructure, NO_PATCH};
+use crate::math::spatial::*;
+
+/// Number of contacts of a patch from which on some may be redundant: four may all be corners, and mostly are.
+const MIN_CONTACTS: usize = 5;
+
+/// Sine of the angle between normals below which they are one.
+const PARALLEL: f64 = 1e-9;
+
+/// Distance from the plane of a patch, and from an edge of its hull, that is none, in sizes of the patch: 2 micrometres of a foot. Files have
+/// orientations of six digits, which tilt the capsules of one sole by 1e-6.
+const FLAT: f64 = 1e-5;
+
+/// Room to find redundant contacts.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct PatchReduction {
+    /// Patch of every contact of a lane.
+    patches: Vec<u32>,
+    points: Vec<Point>,
+    hull: Vec<Point>,
+    kept: Vec<bool>,
+}
+
+/// Contact of a patch.
+#[derive(Clone, Copy, Debug)]
+struct Point {
+    slot: usize,
+    /// Coordinates in the plane of the patch from its first contact, m.
+    x: [f64; 2],
+    /// Gap, m.
+    gap: f64,
+}
+
+impl PatchReduction {
+    /// Removes the redundant contacts of all lanes.
+    pub(crate) fn reduce<R: Real>(&mut self, compiled: &ModelStructure<R::Scalar>, contacts: &mut Contacts<R>) {
+        for l in 0..R::LANES {
+            if contacts.count[l] >= MIN_CONTACTS {
+                self.reduce_lane(compiled, contacts, l);
+            }
+        }
+    }
+
+    /// Makes room for so many contacts, once.
+    fn reserve(&mut self, contacts: usize) {
+        let reserve = |room: usize| contacts.saturating_sub(room);
+        self.patches.reserve(reserve(self.patches.len()));
+        self.points.reserve(reserve(self.points.len()));
+        self.kept.reserve(reserve(self.kept.len()));
+        self.hull.reserve(2 * contacts + 1 - self.hull.len().min(2 * contacts + 1));
+    }
+
+    fn reduce_lane<R: Real>(&mut self, compiled: &ModelStructure<R::Scalar>, contacts: &mut Contacts<R>, l: usize) {
+        let n = contacts.count[l];
+        self.reserve(contacts.data.len());
+        self.patches.clear();
+        self.patches.extend((0..n).map(|k| compiled.patches.get(contacts.ids[k][l].pair()).copied().unwrap_or(NO_PATCH)));
+        self.kept.clear();
+        self.kept.resize(n, true);
+        let mut redundant = false;
+        for first in 0..n {
+            let patch = self.patches[first];
+            if patch == NO_PATCH || n - first < MIN_CONTACTS {
+                continue;
+            }
+            let size = self.gather(contacts, l, first, patch);
+            if self.points.len() >= MIN_CONTACTS {
+                redundant |= self.mark(size);
+            }
+        }
+        if redundant {
+            contacts.retain(l, &self.kept);
+        }
+    }
+
+    /// Gathers the contacts of a patch that have the normal and the friction of its contact `first`; they are in no patch any more. Returns
+    /// the size of the patch, m.
+    fn gather<R: Real>(&mut self, contacts: &Contacts<R>, l: usize, first: usize, patch: u32) -> f64 {
+        let number = |x: V3<R>| x.map(|x| x.lane(l).to_f64());
+        let (origin, normal) = (number(contacts.data[first].point.pos), number(contacts.data[first].point.normal));
+        let [_, a, b] = contact_frame(normal);
+        let mu = contacts.data[first].mu.lane(l);
+        let parallel = PARALLEL.max(4.0 * R::Scalar::EPSILON.to_f64());
+        self.points.clear();
+        let mut size = 0.0_f64;
+        for k in first..contacts.count[l] {
+            let slot = &contacts.data[k];
+            if self.patches[k] != patch || slot.mu.lane(l) != mu || slot.restitution.lane(l) != R::Scalar::default() {
+                continue;
+            }
+            let (own, arm) = (number(slot.point.normal), sub(number(slot.point.pos), origin));
+            if norm(cross(own, normal)) > parallel || dot(own, normal) < 0.0 {
+                continue;
+            }
+            self.patches[k] = NO_PATCH;
+            let x = [dot(arm, a), dot(arm, b)];
+            size = size.max(x[0].abs()).max(x[1].abs());
+            self.points.push(Point { slot: k, x, gap: slot.point.distance.lane(l).to_f64() });
+        }
+        // Positions are rounded as numbers of the world.
+        let place = origin.iter().fold(size, |most, x| most.max(x.abs()));
+        size.max(place * 64.0 * R::Scalar::EPSILON.to_f64() / FLAT)
+    }
+
+    /// Marks the redundant contacts of the patch of this size; returns whether there are any.
+    fn mark(&mut self, size: f64) -> bool {
+        let Self { points, hull, kept, .. } = self;
+        let flat = FLAT * size;
+        find_hull(points, hull, flat);
+        let Some(plane) = Plane::through(hull, flat) else { return false };
+        if hull.iter().any(|p| (p.gap - plane.gap(p.x)).abs() > flat) {
+            return false;
+        }
+        let mut redundant = false;
+        for p in points.iter().filter(|p| hull.iter().all(|corner| corner.slot != p.slot)) {
+            // Outside of the hull by less than `flat`, or inside.
+            if p.gap >= plane.gap(p.x) - flat {
+                kept[p.slot] = false;
+                redundant = true;
+            }
+        }
+        redundant
+    }
+}
+
+/// Gap as a linear function of the place in the plane.
+struct Plane {
+    origin: Point,
+    slope: [f64; 2],
+}
+
+impl Plane {
+    /// Plane through three corners of a hull that span it widely; none where the corners lie on a line.
+    fn through(hull: &[Point], flat: f64) -> Option<Self> {
+        let origin = *hull.first()?;
+        let arm = |p: &Point| [p.x[0] - origin.x[0], p.x[1] - origin.x[1]];
+        let farthest = |of: &dyn Fn(&Point) -> f64| hull.iter().max_by(|p, q| of(p).total_cmp(&of(q)));
+        let b = farthest(&|p| arm(p)[0].hypot(arm(p)[1]))?;
+        let u = arm(b);
+        let length = u[0].hypot(u[1]);
+        let area = |p: &Point| u[0] * arm(p)[1] - u[1] * arm(p)[0];
+        let c = farthest(&|p| area(p).abs())?;
+        if area(c).abs() <= 10.0 * flat * length {
+            return None;
+        }
+        let (v, rise) = (arm(c), [b.gap - origin.gap, c.gap - origin.gap]);
+        let slope = [(rise[0] * v[1] - rise[1] * u[1]) / area(c), (u[0] * rise[1] - v[0] * rise[0]) / area(c)];
+        Some(Self { origin, slope })
+    }
+
+    fn gap(&self, x: [f64; 2]) -> f64 {
+        self.origin.gap + self.slope[0] * (x[0] - self.origin.x[0]) + self.slope[1] * (x[1] - self.origin.x[1])
+    }
+}
+
+/// Corners of the convex hull, left in `hull` (monotone chain, Andrew 1979). What is outside an edge by less than `flat` is no corner; of
+/// points at one place the one with the least gap counts.
+fn find_hull(points: &mut [Point], hull: &mut Vec<Point>, flat: f64) {
+    let order = |p: &Point, q: &Point| p.x[0].total_cmp(&q.x[0]).then(p.x[1].total_cmp(&q.x[1])).then(p.gap.total_cmp(&q.gap));
+    points.sort_unstable_by(|p, q| order(p, q).then(p.slot.cmp(&q.slot)));
+    hull.clear();
+    let mut chain = |points: &mut dyn Iterator<Item = &Point>| {
+        let start = hull.len();
+        for p in points {
+            while hull.len() >= start + 2 && !turns_left(&hull[hull.len() - 2], &hull[hull.len() - 1], p, flat) {
+                hull.pop();
+            }
+            hull.push(*p);
+        }
+        // The last begins the other chain.
+        hull.pop();
+    };
+    chain(&mut points.iter());
+    chain(&mut points.iter().rev());
+}
+
+/// Whether `b` is to the right of the way from `a` to `c` by more than `flat`.
+fn turns_left(a: &Point, b: &Point, c: &Point, flat: f64) -> bool {
+    let (u, v) = ([c.x[0] - a.x[0], c.x[1] - a.x[1]], [b.x[0] - a.x[0], b.x[1] - a.x[1]]);
+    v[0] * u[1] - v[1] * u[0] > flat * u[0].hypot(u[1])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Weights of three points whose mean is `x`; none where they lie on a line or `x` is outside by more than rounding.
+    fn weights([a, b, c]: [&Point; 3], x: [f64; 2]) -> Option<[f64; 3]> {
+        let area = |p: [f64; 2], q: [f64; 2], r: [f64; 2]| (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
+        let whole = area(a.x, b.x, c.x);
+        let w = [area(x, b.x, c.x) / whole, area(a.x, x, c.x) / whole, area(a.x, b.x, x) / whole];
+        (whole.abs() > 1e-9 && w.iter().all(|&w| w >= -2e-4)).then_some(w)
+    }
+
+    /// Places on a coarse grid, so that some coincide and many lie on a line, with gaps on a plane but for some that are larger.
+    fn patch() -> impl Strategy<Value = (Vec<Point>, [f64; 2])> {
+        let place = (0..6i32, 0..6i32, prop_oneof![3 => Just(0.0), 1 => 0.0..1e-3f64]);
+        (prop::collection::vec(place, 5..16), prop::array::uniform2(-0.1..0.1f64)).prop_map(|(places, slope)| {
+            let point = |(slot, (i, j, above)): (usize, (i32, i32, f64))| {
+                let x = [0.04 * f64::from(i), 0.03 * f64::from(j)];
+                Point { slot, x, gap: slope[0] * x[0] + slope[1] * x[1] + above }
+            };
+            (places.into_iter().enumerate().map(point).collect(), slope)
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_removed_is_a_mean_of_what_stays((points, _) in patch()) {
+            let mut room = PatchReduction { points: points.clone(), kept: vec![true; points.len()], ..PatchReduction::default() };
+            let any = room.mark(0.2);
+            prop_assert_eq!(any, room.kept.iter().any(|kept| !kept));
+            let stay: Vec<&Point> = points.iter().filter(|p| room.kept[p.slot]).collect();
+            for p in points.iter().filter(|p| !room.kept[p.slot]) {
+                let triples = stay.iter().enumerate().flat_map(|(i, a)| {
+                    let stay = &stay;
+                    stay[..i].iter().enumerate().flat_map(move |(j, b)| stay[..j].iter().map(move |c| [*a, *b, *c]))
+                });
+                let covered = triples.filter_map(|t| weights(t, p.x).map(|w| (t, w))).any(|(t, w)| {
+                    let mean: f64 = t.iter().zip(w).map(|(q, w)| w * q.gap).sum();
+                    p.gap >= mean - 1e-5
+                });
+                prop_assert!(covered, "{p:?} of {stay:?}");
+            }
+        }
+
+        #[test]
+        fn a_flat_patch_keeps_its_corners_alone((points, slope) in patch()) {
+            let flat: Vec<Point> = points.iter().map(|p| Point { gap: slope[0] * p.x[0] + slope[1] * p.x[1], ..*p }).collect();
+            let mut room = PatchReduction { points: flat.clone(), kept: vec![true; flat.len()], ..PatchReduction::default() };
+            room.mark(0.2);
+            let stay: Vec<&Point> = flat.iter().filter(|p| room.kept[p.slot]).collect();
+            // Unless all lie on a line, where the hull has no area and all stay.
+            let spread = stay.iter().any(|p| stay.iter().any(|q| {
+                stay.iter().any(|r| ((q.x[0] - p.x[0]) * (r.x[1] - p.x[1]) - (q.x[1] - p.x[1]) * (r.x[0] - p.x[0])).abs() > 1e-9)
+            }));
+            for (i, p) in stay.iter().enumerate().filter(|_| spread) {
+                let others: Vec<&Point> = stay.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, p)| *p).collect();
+                let inside = others.iter().enumerate().any(|(i, a)| {
+                    others[..i].iter().enumerate().any(|(j, b)| others[..j].iter().any(|c| weights([a, b, c], p.x).is_some()))
+                });
+                prop_assert!(!inside, "{p:?} of {stay:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,6 @@
+"""Every scene, a file for each family; `ALL` in the order of the table."""
+
+from many_contacts.scene import Scene
+from many_contacts.scenes import heaps, panda, unitree
+
+ALL: tuple[Scene, ...] = (*unitree.SCENES, *panda.SCENES, *heaps.SCENES)

@@ -46,8 +46,8 @@ def bare(spec: Any) -> Any:
     for mesh in spec.meshes:
         if mesh.file:
             mesh.file = str((folder / spec.meshdir / mesh.file).resolve())
-    for material in list(spec.materials):
-        spec.delete(material)
+    for material in spec.materials:
+        material.textures = [""] * len(material.textures)
     for texture in list(spec.textures):
         spec.delete(texture)
     spec.meshdir = ""

@@ -9,7 +9,8 @@ import numpy as np
 
 from many_contacts.scene import Array
 
-ROUNDS, DAMPING, NEAR = 200, 1e-4, 1e-6
+ROUNDS, DAMPING, NEAR, FARTHEST = 200, 1e-4, 1e-6, 0.2
+"""Iterations at the most, damping, error at which they end, and the longest step of a joint (rad or m)."""
 
 
 class UnreachableError(Exception):
@@ -49,7 +50,8 @@ def reach(model: mujoco.MjModel, qpos: Array, site: str, joints: Sequence[str], 
             break
         mujoco.mj_jacSite(model, data, jacobian[:3], jacobian[3:], where)
         j = jacobian[:, dof]
-        data.qpos[adr] += j.T @ np.linalg.solve(j @ j.T + DAMPING * np.eye(6), error)
+        step = j.T @ np.linalg.solve(j @ j.T + DAMPING * np.eye(6), error)
+        data.qpos[adr] += step * min(1.0, FARTHEST / np.abs(step).max())
         data.qpos[adr] = np.clip(data.qpos[adr], low, high)
     if np.abs(error[:3]).max() > 1e-3 or np.abs(error[3:]).max() > 1e-2:
         raise UnreachableError(f"site {site} stays {error} from {pos}")

@@ -6,12 +6,54 @@ from collections.abc import Iterable, Mapping, Sequence
 from statistics import geometric_mean
 from typing import Any
 
-from many_contacts.measure import PEERS
-from many_contacts.scene import MEAN
+from many_contacts.measure import CHUNK, DROPPED, LOOKED_AT, PEERS
+from many_contacts.scene import MEAN, Scene
 
 Row = Mapping[str, Any]
 UNSOLVED = 1e-4
 """Share of environment-steps that may be unsolved."""
+
+
+HEAD = f"""# Where contacts are many
+
+Robots that stand on many points, hands and grippers that hold, heaps and walls: how many times faster than `mujoco.batch` one core steps
+them, and how accurately.
+
+    make many-contacts                                                                       # all of it, an hour; this page
+    PYTHONPATH=benches python -m many_contacts --scene g1 --num-envs 64 --precision f64 --quick   # one scene, seconds
+    PYTHONPATH=benches python -m many_contacts --list                                        # what there is
+
+The first time it downloads mjlab, robosuite, gymnasium-robotics, dm-control, metaworld and gym-aloha as archives, of which only files are
+read. The models that both engines step are left in `out/many_contacts/`, the figures in `out/many_contacts.json`.
+
+## How it is measured
+
+* Both engines step the same model, written to one MJCF file, with the same time step, starts, controls and random numbers, on one
+  core, in turns of {CHUNK} steps. Processor time; a round repeats everything from the same start, the median of the rounds counts for each
+  turn, and the times of a phase's turns are summed. Steps that follow a new start are part of it, starts themselves are not.
+* **x** is the time of the faster of MuJoCo's two settings (`same`: implicitfast, Newton, elliptic cones; `own`: what the model asks
+  for) over that of stepper. MuJoCo's batch has 64 environments; its time for one does not depend on their number.
+* Every engine plays the whole episode by itself, phases that are not timed included, so that each is in a state of its own. Where that
+  takes long (heaps, bodies that fall) stepper's default makes the first part once for all, and each engine then has time to find its
+  rest.
+* **Unsolved** is the share of environment-steps with NOT_CONVERGED, which should be {100 * UNSOLVED:g} % at most; more is bold. Sweeps and
+  Newton steps are means over environment-steps.
+* **Contacts** and the deepest **penetration** are of the first {LOOKED_AT} environments at the end of each turn, by MuJoCo's collision
+  detection for all engines alike. **Slip** is the median over environments of how far what is held moved in its holder's frame during
+  the phase (feet: over the floor); what moved by more than {1e3 * DROPPED:g} mm counts as dropped.
+* The mean over scenes is geometric; rows of one scene, and scenes of one kind (the lifted masses, the two heaps, the hand's objects,
+  the humanoids), count once together, by their own geometric mean. Targets are in brackets.
+* Settings: default; `fast` as in [performance.md](performance.md#beside-mujoco) (Euler's rule, a residual of 1e-3 m/s, overlaps
+  corrected in the velocity); `pgs`, sweeps alone, to see what is left to Newton's method."""
+NOTES = """## What to know of the scenes
+
+* g1, go1: mjlab trains them on rough ground; here the ground is flat, and friction and centres of mass are not randomised. A robot that
+  leans by more than 70 degrees begins anew.
+* panda: servos in the model, since robosuite's controllers are Python.
+* two arms: ALOHA's joints have dry friction of 30 to 60 N m and no damping, and its fingers 30 N, which their servos of at most 7 N do not
+  overcome: in stepper, where dry friction is hard, they stay where they are; in MuJoCo, where it is soft, they creep to their targets.
+  Here a twentieth of it is left, and servos have damping, so that both engines do the same.
+* hand: as the package ships it, with the second, untouchable object that shows the target and falls freely."""
 
 
 def _line(cells: Iterable[object]) -> str:
@@ -52,7 +94,7 @@ def speed(rows: Sequence[Row]) -> str:
     others = [name for name in columns if name not in defaults]
     precisions = _both(name.split()[0] for name in defaults)
     head = ["scene", "contacts", *(f"us {name.split()[0]}" for name in defaults), "us MuJoCo same / own"]
-    head += [f"{name.split()[0]} x (target)" for name in defaults] + [f"{name} x" for name in others]
+    head += [f"{name.split()[0]} x (target)" for name in defaults] + [f"{_label(name)} x" for name in others]
     head += [f"unsolved % {precisions}", f"sweeps {precisions}", f"Newton steps {precisions}"]
     lines = []
     for row in rows:
@@ -87,22 +129,29 @@ def _percent(share: float) -> str:
     return text if share <= UNSOLVED else f"**{text}**"
 
 
+def _label(column: str) -> str:
+    precision, _, setting = column.partition(" ")
+    return precision if setting == "default" else f"{setting} {precision}"
+
+
 def accuracy(rows: Sequence[Row]) -> str:
     """Contacts, penetration and slip of every engine and setting."""
     columns = list(dict.fromkeys(name for row in rows for name in row["ours"]))
-    every = _both([*columns, "MuJoCo same", "own"])
+    every = _both([*map(_label, columns), "MuJoCo same", "own"])
     lines = []
     for row in rows:
         found = [*row["ours"].values(), *row["theirs"].values()]
         if not row["ours"]:
             continue
-        cells = [row["row"], _both(f"{f['contacts']:.1f}" for f in found), _both(_mm(f["penetration"]) for f in found)]
+        cells = [row["row"], _both(f"{100 * f['unsolved']:.2g}" for f in row["ours"].values())]
+        cells += [_both(f"{f['contacts']:.1f}" for f in found), _both(_mm(f["penetration"]) for f in found)]
         cells += [_both(_slip(f["slip"]) for f in found) if found[0]["slip"] else ""]
         gave_up = [f"{name} {f['failed']} of {f['environments']}" for name, f in row["theirs"].items() if f["failed"]]
         gave_up += [f"{name} {f['non_finite']} steps" for name, f in row["ours"].items() if f["non_finite"]]
         cells += ["; ".join([row["note"]] * bool(row["note"]) + gave_up)]
         lines.append(cells)
-    return f"Columns: {every}.\n\n" + _table(["scene", "contacts", "deepest penetration mm", "slip mm", "remarks"], lines)
+    head = ["scene", "unsolved %", "contacts", "deepest penetration mm", "slip mm", "remarks"]
+    return f"In each cell: {every}.\n\n" + _table(head, lines)
 
 
 def show(rows: Sequence[Row]) -> str:
@@ -112,3 +161,14 @@ def show(rows: Sequence[Row]) -> str:
         some = [row for row in rows if row["num_envs"] == num_envs]
         parts.append(f"### {num_envs} environments\n\n{speed(some)}\n\n{accuracy(some)}")
     return "\n\n".join(parts)
+
+
+def page(rows: Sequence[Row], came_from: Mapping[str, Any], scenes: Iterable[Scene]) -> str:
+    """The page docs/many_contacts.md."""
+    about = [
+        [s.name, s.about, ", ".join(p.name for p in s.phases if p.timed and p.name), f"{s.target[0]:g} / {s.target[1]:g}"] for s in scenes
+    ]
+    versions = ", ".join(f"{name} {version}" for name, version in came_from["versions"].items())
+    machine = f"{came_from['cpu']}, CPU level {came_from['cpu_level']}, {came_from['utc'][:10]}; {versions}"
+    measured = f"## Measured\n\n{machine}. The machine was shared with other work (load {came_from['load_average']}).\n\n{show(rows)}"
+    return "\n\n".join([HEAD, "## Scenes\n\n" + _table(["scene", "what", "timed", "target f64 / f32"], about), measured, NOTES]) + "\n"

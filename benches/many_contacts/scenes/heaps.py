@@ -19,9 +19,9 @@ DENSITY = 500.0
 """kg/m^3: of wood."""
 FALL, SETTLE, LIE = 600, 60, 200
 """Steps of 2 ms in which a heap comes to rest, in which each engine finds its own rest, and in which it lies."""
-BRICK = np.array([0.1, 0.05, 0.03])
-"""m: half sizes."""
-COURSES, LENGTH = 6, 4
+BRICK, JOINT = np.array([0.1, 0.05, 0.03]), 0.004
+"""m: half sizes, and the gap between bricks of one course."""
+COURSES, LENGTH = 5, 3
 """Courses of bricks, and bricks of every course."""
 STRIKER = (0.06, 2.0, 3.0)
 """m, kg, m/s: radius, mass and speed of the ball that strikes the wall."""
@@ -62,7 +62,7 @@ def wall_of_bricks(_: Assets) -> Any:
     bricks = ""
     for course in range(COURSES):
         for k in range(LENGTH):
-            x = 2 * BRICK[0] * (k - (LENGTH - 1) / 2 + (0.25 if course % 2 else -0.25))
+            x = (2 * BRICK[0] + JOINT) * (k - (LENGTH - 1) / 2 + (0.25 if course % 2 else -0.25))
             bricks += free(f"brick{course}{k}", box(BRICK, mass), (x, 0, BRICK[2] * (2 * course + 1)))
     striker = free("striker", ball(*STRIKER[:2]), (0, -1.0, 0.5))
     return parsed(document(FLOOR + bricks + striker, friction=0.6), 0.002)
@@ -73,15 +73,15 @@ def strike(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Sc
     before = PHASES_OF_WALL[0].steps * float(model.opt.timestep)
     qpos, qvel = still(model.qpos0, num_envs), np.zeros((num_envs, model.nv))
     speed, gravity = STRIKER[2], -float(model.opt.gravity[2])
-    qpos[:, -7] = rng.uniform(-0.25, 0.25, num_envs)
+    qpos[:, -7] = rng.uniform(-0.2, 0.2, num_envs)
     qpos[:, -6] = -BRICK[1] - STRIKER[0] - speed * before
-    height = rng.uniform(0.15, 0.3, num_envs)
+    height = rng.uniform(0.12, 0.24, num_envs)
     qpos[:, -5], qvel[:, -4] = height + 0.02, gravity * before / 2 - 0.02 / before
     qvel[:, -5] = speed
     return Script(qpos, uncontrolled(num_envs), qvel=qvel)
 
 
-PHASES_OF_WALL = (Phase("stands", 200), Phase("is struck", 200))
+PHASES_OF_WALL = (Phase("stands", 100), Phase("is struck", 60))
 
 
 def plate(_: Assets) -> Any:

@@ -1,8 +1,9 @@
 """robosuite's Panda with its gripper picks the cube of its task Lift from its table, carries it and puts it down.
 
-Robot, gripper and base settings (impratio 20, elliptic cones) are files of robosuite 1.5.2; table, cube, place of the robot and 2 ms are those of its
-task Lift (`environments/manipulation/lift.py`, `models/assets/arenas/table_arena.xml`). robosuite computes torques in Python; here servos
-in the model follow joint angles, so that both engines get the same controls. Their gains are libfranka's for joint impedance.
+Robot, gripper and base settings (impratio 20, elliptic cones) are files of robosuite 1.5.2; table, cube, place of the robot and 2 ms
+are those of its task Lift (`environments/manipulation/lift.py`, `models/assets/arenas/table_arena.xml`). robosuite computes torques in
+Python; here servos in the model follow joint angles, so that both engines get the same controls. Their gains are libfranka's for joint
+impedance.
 """
 
 from __future__ import annotations

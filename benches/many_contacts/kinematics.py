@@ -37,7 +37,8 @@ def reach(model: mujoco.MjModel, qpos: Array, site: str, joints: Sequence[str], 
     data, where = mujoco.MjData(model), model.site(site).id
     adr = [model.joint(name).qposadr[0] for name in joints]
     dof = [model.joint(name).dofadr[0] for name in joints]
-    low, high = model.jnt_range[[model.joint(name).id for name in joints]].T
+    which = [model.joint(name).id for name in joints]
+    low, high = np.where(model.jnt_limited[which, None], model.jnt_range[which], (-np.inf, np.inf)).T
     data.qpos[:] = qpos
     jacobian = np.zeros((6, model.nv))
     error = np.full(6, np.inf)
@@ -51,7 +52,7 @@ def reach(model: mujoco.MjModel, qpos: Array, site: str, joints: Sequence[str], 
         mujoco.mj_jacSite(model, data, jacobian[:3], jacobian[3:], where)
         j = jacobian[:, dof]
         step = j.T @ np.linalg.solve(j @ j.T + DAMPING * np.eye(6), error)
-        data.qpos[adr] += step * min(1.0, FARTHEST / np.abs(step).max())
+        data.qpos[adr] += step * min(1.0, FARTHEST / max(float(np.abs(step).max()), NEAR))
         data.qpos[adr] = np.clip(data.qpos[adr], low, high)
     if np.abs(error[:3]).max() > 1e-3 or np.abs(error[3:]).max() > 1e-2:
         raise UnreachableError(f"site {site} stays {error} from {pos}")

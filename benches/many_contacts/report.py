@@ -39,7 +39,7 @@ read. The models that both engines step are left in `out/many_contacts/`, the fi
 * **Unsolved** is the share of environment-steps with NOT_CONVERGED, which should be {100 * UNSOLVED:g} % at most; more is bold. Sweeps and
   Newton steps are means over environment-steps.
 * **Contacts** and the deepest **penetration** are of the first {LOOKED_AT} environments at the end of each turn, by MuJoCo's collision
-  detection for all engines alike. **Slip** is the median over environments of how far what is held moved in its holder's frame during
+  detection for all engines alike. **Slip** is the median over environments of how far what is held moved in the frame of a finger during
   the phase (feet: over the floor); what moved by more than {1e3 * DROPPED:g} mm counts as dropped.
 * The mean over scenes is geometric; rows of one scene, and scenes of one kind (the lifted masses, the two heaps, the hand's objects,
   the humanoids), count once together, by their own geometric mean. Targets are in brackets.

@@ -19,7 +19,7 @@ HALF, OPEN, GRIP = 0.02, 0.03, 20.0
 """m: half size of the box, and half the distance between open fingers; N: force of each finger."""
 LIFT, HOLD = 0.15, 5
 """m: height of the lift; steps that a target is held."""
-HELD = ("box", "hand")
+HELD = ("box", "left")
 PHASES = (Phase("grips", 150, timed=False), Phase("lifts", 250, held=HELD))
 
 

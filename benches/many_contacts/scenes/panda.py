@@ -32,7 +32,7 @@ ABOVE, ASIDE = 0.12, 0.15
 """m: how far the cube is lifted, and carried."""
 HOLD = 5
 """Steps that a target is held: 10 ms."""
-HELD = ("cube", "right_gripper")
+HELD = ("cube", "leftfinger")
 PHASES = (
     Phase("approach", 250),
     Phase("close", 150),

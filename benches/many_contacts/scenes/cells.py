@@ -16,7 +16,11 @@ HANDLE = np.array([0.0, 0.74, 0.09])
 BESIDE = np.array([0.0, -0.003, 0.02])
 """m: from there to where the hand is lowered, one finger on each side of the bar."""
 ABOVE, PULL = np.array([0.0, 0.0, 0.12]), np.array([0.0, -0.12, 0.0])
-SAWYER = (Phase("comes", 1000, timed=False), Phase("reaches", 200), Phase("pulls", 200))
+SAWYER = (Phase("settles", 40, timed=False), Phase("reaches", 200), Phase("pulls", 200))
+BENT = (1.39, -0.75, -0.07, 1.06, 0.05, 1.26, 3.16)
+"""rad: joints of the arm near the beginning; in the reference pose they are beyond their ranges."""
+DOWN = np.array([1.0, 0.0, 1.0, 0.0]) / np.sqrt(2)
+"""Orientation of the mocap body (`sawyer_xyz_env.py`)."""
 HOLD = 5
 """Steps that a target is held; metaworld's `frame_skip`."""
 
@@ -24,6 +28,7 @@ HOLD = 5
 def sawyer(assets: Assets) -> Any:
     """Sawyer with its drawer, 2.5 ms; its hand is welded to a mocap body as `reset_mocap_welds` does it."""
     s = assets.spec("metaworld", "metaworld/assets/sawyer_xyz/sawyer_drawer.xml")
+    s.body("hand").add_site(name="hand")
     for weld in s.equalities:
         weld.data[:11] = [0, 0, 0, 0, 0, 0, -1, 0, 0, 0, 5]
     return s
@@ -31,16 +36,19 @@ def sawyer(assets: Assets) -> Any:
 
 def open_drawer(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Script:
     """The hand comes down about the handle, a little elsewhere in each environment, and pulls."""
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    start = np.tile(data.body("hand").xpos, (num_envs, 1))
     target = HANDLE + BESIDE + np.concatenate([rng.uniform(-0.02, 0.02, (num_envs, 1)), np.zeros((num_envs, 2))], axis=1)
-    blocks = [phase.steps // HOLD for phase in SAWYER]
-    way = [eased(start, target + ABOVE, blocks[0]), eased(target + ABOVE, target, blocks[1]), eased(target, target + PULL, blocks[2])]
-    pos = np.concatenate(way)
-    quat = np.broadcast_to(np.array([1.0, 0.0, 1.0, 0.0]) / np.sqrt(2), (*pos.shape[:2], 4))
+    starts, rot = still(model.qpos0, num_envs), np.zeros(9)
+    mujoco.mju_quat2Mat(rot, DOWN)
+    joints = [f"right_j{i}" for i in range(7)]
+    starts[:, [int(model.joint(name).qposadr[0]) for name in joints]] = BENT
+    for env in range(num_envs):
+        starts[env] = reach(model, starts[env], "hand", joints, pos=target[env] + ABOVE, rot=rot.reshape(3, 3))
+    still_there, *blocks = [phase.steps // HOLD for phase in SAWYER]
+    way = [eased(target + ABOVE, target, blocks[0]), eased(target, target + PULL, blocks[1])]
+    pos = np.concatenate([np.repeat((target + ABOVE)[None], still_there, axis=0), *way])
+    quat = np.broadcast_to(DOWN, (*pos.shape[:2], 4))
     ctrl = np.tile([-1.0, 1.0], (1, num_envs, 1))
-    return Script(still(model.qpos0, num_envs), ctrl, hold=HOLD, mocap=np.concatenate([pos, quat], axis=-1)[:, :, None])
+    return Script(starts, ctrl, hold=HOLD, mocap=np.concatenate([pos, quat], axis=-1)[:, :, None])
 
 
 ALOHA = (Phase("comes", 300, timed=False), Phase("pushes", 300))

@@ -72,6 +72,11 @@ def _mm(metres: float) -> str:
     return f"{1e3 * metres:.2g}"
 
 
+def _number(found: Row | None, name: str, form: str, unit: float = 1.0) -> str:
+    """A figure as a multiple of a unit, a dash where nothing was measured."""
+    return "-" if found is None else format(unit * found[name], form)
+
+
 def _slip(found: Sequence[float] | None) -> str:
     if found is None:
         return ""
@@ -103,12 +108,14 @@ def speed(rows: Sequence[Row]) -> str:
             lines.append([row["row"], row["note"]] + [""] * (len(head) - 2))
             continue
         first = next(iter(ours.values()))
-        cells: list[object] = [row["row"], f"{first['contacts']:.1f}", *(f"{ours[name]['microseconds']:.2f}" for name in defaults)]
+        by_default, beside = [ours.get(name) for name in defaults], [ours.get(name) for name in others]
+        targets = [row["target"][name.split()[0]] for name in defaults]
+        cells: list[object] = [row["row"], f"{first['contacts']:.1f}", *(_number(f, "microseconds", ".2f") for f in by_default)]
         cells += [_both(f"{theirs[peer]['microseconds']:.1f}" for peer in PEERS)]
-        cells += [_reached(ours[name]["ratio"], row["target"][name.split()[0]]) for name in defaults]
-        cells += [f"{ours[name]['ratio']:.1f}" for name in others]
-        cells += [_both(_percent(ours[name]["unsolved"]) for name in defaults)]
-        cells += [_both(f"{ours[name][count]:.1f}" for name in defaults) for count in ("sweeps", "newton_steps")]
+        cells += ["-" if f is None else _reached(f["ratio"], target) for f, target in zip(by_default, targets, strict=True)]
+        cells += [_number(f, "ratio", ".1f") for f in beside]
+        cells += [_both("-" if f is None else _percent(f["unsolved"]) for f in by_default)]
+        cells += [_both(_number(f, count, ".1f") for f in by_default) for count in ("sweeps", "newton_steps")]
         lines.append(cells)
     cells = ["**geometric mean**", "", *("" for _ in defaults), ""]
     cells += [_reached(means(rows, name) or 0.0, target) for name, target in zip(defaults, _targets(defaults), strict=True)]
@@ -140,12 +147,13 @@ def accuracy(rows: Sequence[Row]) -> str:
     every = _both([*map(_label, columns), "MuJoCo same", "own"])
     lines = []
     for row in rows:
-        found = [*row["ours"].values(), *row["theirs"].values()]
         if not row["ours"]:
             continue
-        cells = [row["row"], _both(f"{100 * f['unsolved']:.2g}" for f in row["ours"].values())]
-        cells += [_both(f"{f['contacts']:.1f}" for f in found), _both(_mm(f["penetration"]) for f in found)]
-        cells += [_both(_slip(f["slip"]) for f in found) if found[0]["slip"] else ""]
+        found = [*(row["ours"].get(name) for name in columns), *row["theirs"].values()]
+        held = any(f is not None and f["slip"] for f in found)
+        cells = [row["row"], _both(_number(f, "unsolved", ".2g", 100.0) for f in found[: len(columns)])]
+        cells += [_both(_number(f, "contacts", ".1f") for f in found), _both(_number(f, "penetration", ".2g", 1e3) for f in found)]
+        cells += [_both("-" if f is None else _slip(f["slip"]) for f in found) if held else ""]
         gave_up = [f"{name} {f['failed']} of {f['environments']}" for name, f in row["theirs"].items() if f["failed"]]
         gave_up += [f"{name} {f['non_finite']} steps" for name, f in row["ours"].items() if f["non_finite"]]
         cells += ["; ".join([row["note"]] * bool(row["note"]) + gave_up)]

@@ -28,6 +28,8 @@ CHUNK = 20
 """Steps of one engine before it is the next one's turn. States are looked at in between, and what has ended begins anew."""
 LOOKED_AT = 32
 """Environments of each batch whose contacts, penetration and slip are measured."""
+LEAD = Options(tolerance=1e-3)
+"""Settings of the steps that bring environments to where an episode begins."""
 DROPPED = 0.02
 """m: what has moved farther than this in its holder is not held."""
 PEERS = (f"MuJoCo {MATCHED.setting}", "MuJoCo defaults")
@@ -163,12 +165,12 @@ def _led(scene: Scene, script: Script, model: Model, path: Path) -> Script:
     """The script from where `scene.lead` steps of stepper in f64 take it; what they came to is kept in a file beside the model."""
     if not scene.lead:
         return script
-    digest = hashlib.sha256(path.read_bytes())
+    digest = hashlib.sha256(path.read_bytes() + repr(LEAD).encode())
     for part in (script.qpos, script.qvel, script.control[0], script.push):
         digest.update(np.array(0.0 if part is None else part).tobytes())
     kept = path.with_name(f"{path.stem}-{len(script.qpos)}-{scene.lead}-{digest.hexdigest()[:12]}.npz")
     if not kept.exists():
-        batch = Ours(model, len(script.qpos), precision="f64", options=None, setting="lead")
+        batch = Ours(model, len(script.qpos), precision="f64", options=LEAD, setting="lead")
         batch.begin(script)
         batch.sim.step(script.control[0], nstep=scene.lead)
         np.savez(kept, qpos=batch.qpos, qvel=batch.qvel)

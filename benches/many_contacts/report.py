@@ -34,8 +34,8 @@ read. The models that both engines step are left in `out/many_contacts/`, the fi
 * **x** is the time of the faster of MuJoCo's two settings (`same`: implicitfast, Newton, elliptic cones; `own`: what the model asks
   for) over that of stepper. MuJoCo's batch has 64 environments; its time for one does not depend on their number.
 * Every engine plays the whole episode by itself, phases that are not timed included, so that each is in a state of its own. Where that
-  takes long (heaps, bodies that fall) stepper's default makes the first part once for all, and each engine then has time to find its
-  rest.
+  takes long (heaps, bodies that fall) stepper makes the first part once for all, solved to 1e-3 m/s, and each engine then has time to
+  find its rest.
 * **Unsolved** is the share of environment-steps with NOT_CONVERGED, which should be {100 * UNSOLVED:g} % at most; more is bold. Sweeps and
   Newton steps are means over environment-steps.
 * **Contacts** and the deepest **penetration** are of the first {LOOKED_AT} environments at the end of each turn, by MuJoCo's collision
@@ -45,7 +45,7 @@ read. The models that both engines step are left in `out/many_contacts/`, the fi
   the humanoids), count once together, by their own geometric mean. Targets are in brackets.
 * Settings: default; `fast` as in [performance.md](performance.md#beside-mujoco) (Euler's rule, a residual of 1e-3 m/s, overlaps
   corrected in the velocity); `pgs`, sweeps alone, to see what is left to Newton's method."""
-NOTES = """## What to know of the scenes
+NOTES = f"""## What to know of the scenes
 
 * g1, go1: mjlab trains them on rough ground; here the ground is flat, and friction and centres of mass are not randomised. A robot that
   leans by more than 70 degrees begins anew.
@@ -53,7 +53,14 @@ NOTES = """## What to know of the scenes
 * two arms: ALOHA's joints have dry friction of 30 to 60 N m and no damping, and its fingers 30 N, which their servos of at most 7 N do not
   overcome: in stepper, where dry friction is hard, they stay where they are; in MuJoCo, where it is soft, they creep to their targets.
   Here a twentieth of it is left, and servos have damping, so that both engines do the same.
-* hand: as the package ships it, with the second, untouchable object that shows the target and falls freely."""
+* hand: as the package ships it, with the second, untouchable object that shows the target and falls freely.
+* drawer: the arm is welded to a mocap body, as metaworld does it, so that a step has six hard equalities; the weld's pose is the one that
+  metaworld sets.
+* g1 stands: with Euler's rule (`fast`) servos as stiff as these are beyond what 5 ms resolves, and the robots fall; so do many with
+  MuJoCo's own setting. What slipped by more than {1e3 * DROPPED:g} mm there has fallen.
+
+Where rows say few sweeps and many Newton steps, sweeps were given up early, and Newton's method takes the time: a look at `pgs` says how
+fast the step would be if sweeps were enough, and the second table how much they leave unsolved."""
 
 
 def _line(cells: Iterable[object]) -> str:
@@ -176,7 +183,9 @@ def page(rows: Sequence[Row], came_from: Mapping[str, Any], scenes: Iterable[Sce
     about = [
         [s.name, s.about, ", ".join(p.name for p in s.phases if p.timed and p.name), f"{s.target[0]:g} / {s.target[1]:g}"] for s in scenes
     ]
-    versions = ", ".join(f"{name} {version}" for name, version in came_from["versions"].items())
-    machine = f"{came_from['cpu']}, CPU level {came_from['cpu_level']}, {came_from['utc'][:10]}; {versions}"
-    measured = f"## Measured\n\n{machine}. The machine was shared with other work (load {came_from['load_average']}).\n\n{show(rows)}"
+    versions = ", ".join(f"{name} {came_from['versions'][name]}" for name in ("stepper", "mujoco-core", "python"))
+    rounds = sorted({row["rounds"] for row in rows if row["ours"]})
+    machine = f"{came_from['cpu']}, CPU level {came_from['cpu_level']}, {came_from['utc'][:10]}; {versions}."
+    shared = f"The machine was shared with other work (load {came_from['load_average']}); rounds of a scene: {rounds[0]} to {rounds[-1]}."
+    measured = f"## Measured\n\n{machine}\n{shared} A dash is what was not measured.\n\n{show(rows)}"
     return "\n\n".join([HEAD, "## Scenes\n\n" + _table(["scene", "what", "timed", "target f64 / f32"], about), measured, NOTES]) + "\n"

@@ -17,7 +17,7 @@ BIN = 0.22
 """m: half the width of the bin that boxes fall into."""
 DENSITY = 500.0
 """kg/m^3: of wood."""
-FALL, SETTLE, LIE = 600, 60, 200
+FALL, SETTLE, LIE = 600, 60, 100
 """Steps of 2 ms in which a heap comes to rest, in which each engine finds its own rest, and in which it lies."""
 BRICK, JOINT = np.array([0.1, 0.05, 0.03]), 0.004
 """m: half sizes, and the gap between bricks of one course."""

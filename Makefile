@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 DENY := 0.20.2
 
-.PHONY: demo test wheel bench loading atlas corpus fuzz check advisories build format clean
+.PHONY: demo test wheel bench loading many-contacts atlas corpus fuzz check advisories build format clean
 
 # The main job: 1,024 humanoids, beside MuJoCo.
 demo: build
@@ -22,10 +22,12 @@ wheel: build
 	$(BIN)/maturin build --release --interpreter $(BIN)/python --out target/wheels
 	$(BIN)/python tests/wheel.py
 
-# Speed, as ratios: stages and steps in Rust, side by side with MuJoCo, and what sensors and drives cost.
+# Speed, as ratios: stages and steps in Rust, side by side with MuJoCo, and what sensors and drives cost. Downloads six packages for the scenes with
+# many contacts, of which only files are read.
 bench: build
 	cargo bench -p stepper-benches
 	$(BIN)/python benches/comparison/throughput.py
+	PYTHONPATH=benches $(BIN)/python -m many_contacts --quick --num-envs 64
 	$(BIN)/stepper demo
 	$(BIN)/stepper chart
 	$(BIN)/python benches/sensing.py
@@ -34,6 +36,10 @@ bench: build
 # Time until a robot can be stepped, beside MuJoCo's compiler: docs/performance.md. Downloads four packages; FILES='h1_2.xml' for further robots.
 loading: build
 	PYTHONPATH=benches $(BIN)/python benches/comparison/loading.py $(FILES)
+
+# Speed and accuracy where contacts are many, beside MuJoCo: docs/many_contacts.md (an hour). SCENES='--scene g1 --quick' and more, see --help.
+many-contacts: build
+	PYTHONPATH=benches $(BIN)/python -m many_contacts $(or $(SCENES),--update-docs)
 
 # Scenes with known answers where methods fail, in every engine and setting: docs/atlas.md. And the geometry, fuzzed for long.
 atlas: build $(VENV)/atlas.stamp

@@ -31,12 +31,17 @@ def rolling_accelerations() -> tuple[float, float]:
     return (driving - COUNT * f) / PLATE, f / BALL
 
 
-def rolling(engine: Engine, dt: float) -> float:
-    """Mean squared error of the velocities of the plate and of the first ball over 4 s, (m/s)^2."""
+def balls_on_plate() -> str:
+    """The plate on the ground and the balls on it."""
     balls = "".join(
         free(f"ball{i}{j}", ball(0.5, BALL) + ' friction="0.8 0 0"', (2.0 * i - 4, 2.0 * j - 4, 1.5)) for i in range(5) for j in range(5)
     )
-    world = engine.start(document(FLOOR + free("plate", box((10, 10, 0.5), PLATE), (0, 0, 0.5)) + balls, friction=MU), dt)
+    return document(FLOOR + free("plate", box((10, 10, 0.5), PLATE), (0, 0, 0.5)) + balls, friction=MU)
+
+
+def rolling(engine: Engine, dt: float) -> float:
+    """Mean squared error of the velocities of the plate and of the first ball over 4 s, (m/s)^2."""
+    world = engine.start(balls_on_plate(), dt)
     world.push("plate", FORCE * WAY)
     plate, first = rolling_accelerations()
     errors = []

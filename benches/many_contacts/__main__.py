@@ -1,0 +1,90 @@
+"""Speed where contacts are many: `python -m many_contacts` measures scenes in stepper and in MuJoCo and prints a table."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from corpus.download import DownloadError
+from stepper import ModelError
+from stepper.shared.machine import provenance, require
+
+from many_contacts.assets import Assets, written
+from many_contacts.kinematics import UnreachableError
+from many_contacts.measure import SETTINGS, Plan, measure
+from many_contacts.report import page, show
+from many_contacts.scene import Scene
+from many_contacts.scenes import ALL
+
+
+def main() -> None:
+    """Reads the arguments, measures, writes."""
+    parser = argparse.ArgumentParser(prog="many_contacts", description=__doc__)
+    parser.add_argument("--scene", nargs="+", default=[], metavar="NAME", help="scenes with one of these in their name; default: all")
+    parser.add_argument("--num-envs", nargs="+", type=int, default=[64, 256], help="environments of stepper; default: 64 256")
+    parser.add_argument("--peers", type=int, default=64, help="environments of MuJoCo at the most; default: 64")
+    parser.add_argument("--precision", nargs="+", choices=("f64", "f32"), default=["f64", "f32"])
+    parser.add_argument("--settings", nargs="+", choices=SETTINGS, default=list(SETTINGS))
+    parser.add_argument("--rounds", type=int, default=5, help="repeats, of which the medians count; default: 5")
+    parser.add_argument("--patience", type=float, default=120.0, help="no further round of a scene after so many seconds; default: 120")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--quick", action="store_true", help="two rounds, default settings: to see what a change does")
+    parser.add_argument("--add", action="store_true", help="keep what many_contacts.json has of other scenes and numbers of environments")
+    parser.add_argument("--update-docs", action="store_true", help="write docs/many_contacts.md from all that many_contacts.json then has")
+    parser.add_argument("--from-json", action="store_true", help="measure nothing: show what many_contacts.json has")
+    parser.add_argument("--list", action="store_true", help="only names of the scenes and what they are")
+    parser.add_argument("--out", type=Path, default=Path("out"), help="folder of many_contacts.json; default: out")
+    parser.add_argument("--cache", type=Path, default=Path("out/corpus"), help="folder of downloads; default: out/corpus")
+    args = parser.parse_args()
+    scenes = [s for s in ALL if not args.scene or any(part in s.name for part in args.scene)]
+    if not scenes:
+        parser.error("no such scene; there are " + ", ".join(s.name for s in ALL))
+    if args.list:
+        print("\n".join(f"{s.name:24} {s.about}" for s in scenes))
+        return
+    if args.quick:
+        args.rounds, args.patience, args.settings = min(args.rounds, 2), min(args.patience, 15.0), ["default"]
+    require("mujoco", "to run MuJoCo beside stepper").set_mju_user_warning(lambda message: None)
+    path = args.out / "many_contacts.json"
+    kept = json.loads(path.read_text(encoding="utf-8")) if (args.add or args.from_json) and path.exists() else {"rows": []}
+    for num_envs in () if args.from_json else args.num_envs:
+        for scene in scenes:
+            plan = Plan(num_envs, args.peers, tuple(args.precision), tuple(args.settings), args.rounds, args.patience, args.seed)
+            rows = _measured(scene, plan, args.cache, args.out)
+            others = [row for row in kept["rows"] if (row["scene"], row["num_envs"]) != (scene.name, num_envs)]
+            kept = {"rows": others + rows, "provenance": provenance()}
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+    order = [s.name for s in ALL]
+    found = sorted((row for row in kept["rows"] if row["scene"] in order), key=lambda row: order.index(row["scene"]))
+    if not found:
+        parser.error(f"nothing was measured: {path}")
+    print(f"\n{show(found)}")
+    if args.update_docs:
+        Path("docs/many_contacts.md").write_text(page(found, kept["provenance"], ALL), encoding="utf-8")
+
+
+def _measured(scene: Scene, plan: Plan, cache: Path, out: Path) -> list[dict[str, Any]]:
+    begin = time.perf_counter()
+    try:
+        path = written(scene.spec(Assets(cache)), out / "many_contacts" / f"{scene.name.replace(' ', '_')}.xml")
+        rows = measure(scene, path, plan)
+        said = "; ".join(f"{row['row']} {_ratios(row)}" for row in rows)
+    except (DownloadError, ModelError, UnreachableError, RuntimeError) as error:  # MuJoCo's are RuntimeErrors.
+        said = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        empty = {"scene": scene.name, "group": scene.group or scene.name, "num_envs": plan.num_envs, "note": said, "ours": {}, "theirs": {}}
+        rows = [empty | {"row": scene.row(phase)} for phase in scene.phases if phase.timed]
+    sys.stderr.write(f"{scene.name}, {plan.num_envs} environments, {time.perf_counter() - begin:.0f} s: {said}\n")
+    return rows
+
+
+def _ratios(row: dict[str, Any]) -> str:
+    return " ".join(f"{found['ratio']:.2f}" for found in row["ours"].values())
+
+
+if __name__ == "__main__":
+    main()

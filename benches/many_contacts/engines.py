@@ -1,0 +1,126 @@
+"""Both engines as batches that begin where a script says; `stepper.experiments.demo` has what they share with other races."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from stepper import Model, Options
+from stepper._options import Precision
+from stepper.experiments.demo.crowd import Certificate, Crowd, MujocoCrowd, StepperCrowd
+
+from many_contacts.scene import Array, Script
+
+
+@dataclass
+class Effort:
+    """What the solver did in a phase.
+
+    Attributes:
+        certificate: What the steps said of themselves.
+        sweeps: Sum of sweeps over environment-steps.
+        newton_steps: Sum of Newton steps over environment-steps.
+    """
+
+    certificate: Certificate = field(default_factory=Certificate)
+    sweeps: int = 0
+    newton_steps: int = 0
+
+
+class Batch(Crowd, Protocol):
+    """Environments of one engine that can begin anew."""
+
+    def begin(self, script: Script) -> None:
+        """Puts all environments where the script begins."""
+
+    def restart(self, mask: NDArray[np.bool_], qpos: Array) -> None:
+        """Puts some environments (num_envs,) at rest at configurations (num_envs, nq)."""
+
+    def move(self, mocap: Array) -> None:
+        """Puts the mocap bodies at poses (num_envs, nmocap, 7)."""
+
+    @property
+    def failed(self) -> int:
+        """Environments of which the engine gave up a state since `begin`."""
+
+
+class Ours(StepperCrowd):
+    """stepper, one thread; arguments as of `StepperCrowd`."""
+
+    def __init__(self, model: Model, num_envs: int, *, precision: Precision, options: Options | None, setting: str) -> None:
+        super().__init__(model, num_envs, precision=precision, options=options, setting=setting)
+        self.efforts: dict[str, Effort] = {}
+
+    def begin(self, script: Script) -> None:
+        """See `Batch.begin`."""
+        n = self.num_envs
+        self.sim.reset(qpos=script.qpos[:n], qvel=None if script.qvel is None else script.qvel[:n])
+        if script.push is not None:
+            self.sim.xfrc_applied[:] = script.push
+
+    def restart(self, mask: NDArray[np.bool_], qpos: Array) -> None:
+        """See `Batch.restart`."""
+        self.sim.reset(mask, qpos=qpos)
+
+    def move(self, mocap: Array) -> None:
+        """See `Batch.move`."""
+        self.sim.mocap_pos[:] = mocap[..., :3]
+        self.sim.mocap_quat[:] = mocap[..., 3:]
+
+    def record(self, phase: str) -> None:
+        """See `Crowd.record`."""
+        effort = self.efforts.setdefault(phase, Effort())
+        effort.certificate.add(self.sim)
+        effort.sweeps += int(np.sum(self.sim.sweeps))
+        effort.newton_steps += int(np.sum(self.sim.newton_steps))
+
+    @property
+    def failed(self) -> int:
+        """See `Batch.failed`."""
+        return sum(effort.certificate.non_finite for effort in self.efforts.values())
+
+
+class Theirs(MujocoCrowd):
+    """MuJoCo, one thread."""
+
+    _steps = 0
+
+    def begin(self, script: Script) -> None:
+        """See `Batch.begin`."""
+        n, self._steps = self.num_envs, 0
+        self._batch.reset()
+        for name in ("qacc_warmstart", "ctrl", "qvel", "time"):
+            self._batch.bind(name)[:] = 0.0
+        self._batch.bind("qpos")[:] = script.qpos[:n]
+        if script.qvel is not None:
+            self._batch.bind("qvel")[:] = script.qvel[:n]
+        if script.push is not None:
+            self._batch.bind("xfrc_applied")[:] = script.push
+
+    def restart(self, mask: NDArray[np.bool_], qpos: Array) -> None:
+        """See `Batch.restart`."""
+        self._batch.bind("qpos")[mask] = qpos[mask]
+        self._batch.bind("qvel")[mask] = 0.0
+        self._batch.bind("qacc_warmstart")[mask] = 0.0
+
+    def move(self, mocap: Array) -> None:
+        """See `Batch.move`."""
+        self._batch.bind("mocap_pos")[:] = mocap[..., :3]
+        self._batch.bind("mocap_quat")[:] = mocap[..., 3:]
+
+    def step(self, ctrl: Array) -> None:
+        """See `Crowd.step`."""
+        super().step(ctrl)
+        self._steps += 1
+
+    @property
+    def failed(self) -> int:
+        """See `Batch.failed`: MuJoCo sets a state back to the reference, and its time to 0, where an acceleration is too large."""
+        time = np.asarray(self._batch.bind("time"))
+        return int(np.count_nonzero(time < (self._steps - 0.5) * self._batch.model.opt.timestep))
+
+
+PGS = Options(solver="pgs")
+"""Sweeps alone."""

@@ -1,0 +1,80 @@
+"""Inverse kinematics, for arms that are told where their hands should be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from many_contacts.scene import Array
+
+ROUNDS, DAMPING, NEAR, FARTHEST = 200, 1e-4, 1e-6, 0.2
+"""Iterations at the most, damping, error at which they end, and the longest step of a joint (rad or m)."""
+
+
+class UnreachableError(Exception):
+    """No configuration was found that brings a site to a pose; the message says which and how far it is."""
+
+
+def reach(model: mujoco.MjModel, qpos: Array, site: str, joints: Sequence[str], *, pos: Array, rot: Array) -> Array:
+    """A configuration near another one in which a site has a pose, by damped least squares.
+
+    Args:
+        model: The model.
+        qpos: Where to begin, (nq,); joints that are not named stay.
+        site: Name of the site.
+        joints: Names of the hinges and slides that may move.
+        pos: Where the site should be, (3,) in m.
+        rot: How it should be turned, (3, 3).
+
+    Returns:
+        The configuration, (nq,).
+
+    Raises:
+        UnreachableError: The site cannot be brought nearer than a millimetre or a hundredth of a radian.
+    """
+    data, where = mujoco.MjData(model), model.site(site).id
+    adr = [model.joint(name).qposadr[0] for name in joints]
+    dof = [model.joint(name).dofadr[0] for name in joints]
+    which = [model.joint(name).id for name in joints]
+    low, high = np.where(model.jnt_limited[which, None], model.jnt_range[which], (-np.inf, np.inf)).T
+    data.qpos[:] = qpos
+    jacobian = np.zeros((6, model.nv))
+    error = np.full(6, np.inf)
+    for _ in range(ROUNDS):
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        turn = rot @ data.site_xmat[where].reshape(3, 3).T
+        error = np.concatenate([pos - data.site_xpos[where], _rotation_vector(turn)])
+        if np.abs(error).max() < NEAR:
+            break
+        mujoco.mj_jacSite(model, data, jacobian[:3], jacobian[3:], where)
+        j = jacobian[:, dof]
+        step = j.T @ np.linalg.solve(j @ j.T + DAMPING * np.eye(6), error)
+        data.qpos[adr] += step * min(1.0, FARTHEST / max(float(np.abs(step).max()), NEAR))
+        data.qpos[adr] = np.clip(data.qpos[adr], low, high)
+    if np.abs(error[:3]).max() > 1e-3 or np.abs(error[3:]).max() > 1e-2:
+        raise UnreachableError(f"site {site} stays {error} from {pos}")
+    found: Array = data.qpos.copy()
+    return found
+
+
+def _rotation_vector(turn: Array) -> Array:
+    quat, out = np.zeros(4), np.zeros(3)
+    mujoco.mju_mat2Quat(quat, turn.ravel())
+    mujoco.mju_quat2Vel(out, quat, 1.0)
+    return out
+
+
+def eased(begin: Array, end: Array, blocks: int) -> Array:
+    """From one target to another with rest at both ends (minimum jerk), the last block at the end; (blocks, ...)."""
+    t = np.arange(1, blocks + 1) / blocks
+    share = (t**3 * (10 - 15 * t + 6 * t**2)).reshape(-1, *([1] * begin.ndim))
+    return np.asarray(begin + share * (end - begin))
+
+
+def downwards(yaw: float) -> Array:
+    """The rotation (3, 3) of a hand whose z axis points down and whose x axis is turned by `yaw` from the world's."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    return np.array([[c, s, 0.0], [s, -c, 0.0], [0.0, 0.0, -1.0]])

@@ -1,0 +1,268 @@
+"""A scene in both engines, in turns: times of every phase, and what the steps left unsolved, let through and let slip."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import time
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import mujoco
+import numpy as np
+from comparison.throughput import fast
+from stepper import Model, ModelError, ModelWarning, Options, load
+from stepper._options import Precision
+from stepper.experiments.demo.crowd import Measured, Referee
+from stepper.experiments.demo.race import MATCHED
+from stepper.shared.machine import one_core
+
+from many_contacts.engines import PGS, Batch, Ours, Theirs
+from many_contacts.scene import Array, Scene, Script
+
+CHUNK = 20
+"""Steps of one engine before it is the next one's turn. States are looked at in between, and what has ended begins anew."""
+LOOKED_AT = 32
+"""Environments of each batch whose contacts, penetration and slip are measured."""
+LEAD = Options(tolerance=1e-3)
+"""Settings of the steps that bring environments to where an episode begins."""
+DROPPED = 0.02
+"""m: what has moved farther than this in its holder is not held."""
+PEERS = (f"MuJoCo {MATCHED.setting}", "MuJoCo defaults")
+SETTINGS = ("default", "fast", "pgs")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is run.
+
+    Attributes:
+        num_envs: Environments of stepper.
+        peers: Environments of MuJoCo at the most, whose time per environment does not depend on it.
+        precisions: "f64", "f32".
+        settings: Of `SETTINGS`.
+        rounds: How often everything is repeated, from the same start; the median of the rounds counts for each chunk.
+        patience: Time after which no further round begins, s; the first is always made.
+        seed: Of what is random.
+    """
+
+    num_envs: int = 64
+    peers: int = 64
+    precisions: tuple[Precision, ...] = ("f64", "f32")
+    settings: tuple[str, ...] = ("default",)
+    rounds: int = 5
+    patience: float = 120.0
+    seed: int = 0
+
+
+@dataclass
+class Track:
+    """One batch's way through one phase.
+
+    Attributes:
+        times: Microseconds per step and environment, of every chunk in every round: (chunks) lists of (rounds).
+        steps: Steps of every chunk.
+        samples: What the referee found at the end of every chunk.
+        before: Place of what is held in the frame of its holder at the beginning, (environments, 3) in m.
+        after: The same at the end.
+    """
+
+    times: list[list[float]] = field(default_factory=list)
+    steps: list[int] = field(default_factory=list)
+    samples: list[Measured] = field(default_factory=list)
+    before: Array | None = None
+    after: Array | None = None
+
+    @property
+    def microseconds(self) -> float:
+        """Time per step and environment over the phase: the median of the rounds for each chunk, chunks weighted by their length."""
+        return sum(median(found) * steps for found, steps in zip(self.times, self.steps, strict=True)) / sum(self.steps)
+
+    @property
+    def slip(self) -> tuple[float, float] | None:
+        """Median over environments of the way that what is held moved in its holder, m, and the share of what was dropped."""
+        if self.before is None or self.after is None:
+            return None
+        way = np.linalg.norm(self.after - self.before, axis=1)
+        return float(np.median(way)), float(np.mean(way > DROPPED))
+
+
+def options(setting: str, model: Model) -> Options | None:
+    """Settings by their name in `SETTINGS`."""
+    return {"default": None, "fast": fast(model), "pgs": PGS}[setting]
+
+
+def read(path: Path) -> tuple[Model, str]:
+    """The model as stepper reads it, and what it leaves out of it, in words."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ModelWarning)
+        try:
+            return load(path), ""
+        except ModelError as error:
+            return load(path, strict=False), f"not strict: {' '.join(str(error).split())[:200]}"
+
+
+def measure(scene: Scene, path: Path, plan: Plan) -> list[dict[str, Any]]:
+    """Rows of a scene, one for each timed phase, ready for JSON.
+
+    Raises:
+        stepper.ModelError: stepper refuses the model.
+    """
+    model, note = read(path)
+    compiled = mujoco.MjModel.from_xml_path(str(path))
+    script = _led(scene, scene.script(compiled, plan.num_envs, np.random.default_rng(plan.seed)), model, path)
+    peers = min(plan.num_envs, plan.peers)
+    with one_core():
+        ours = {
+            (precision, setting): Ours(model, plan.num_envs, precision=precision, options=options(setting, model), setting=setting)
+            for precision in plan.precisions
+            for setting in plan.settings
+        }
+        theirs = [Theirs(str(path), peers, settings=MATCHED), Theirs(str(path), peers)]
+        batches: list[Batch] = [*ours.values(), *theirs]
+        tracks = _play(scene, script, batches, plan, _Yard(compiled, path))
+    rows = []
+    for phase in scene.phases:
+        if not phase.timed:
+            continue
+        row = {
+            "scene": scene.name,
+            "group": scene.group or scene.name,
+            "row": scene.row(phase),
+            "target": {"f64": scene.target[0], "f32": scene.target[1]},
+            "num_envs": plan.num_envs,
+            "nv": compiled.nv,
+            "timestep": compiled.opt.timestep,
+            "steps": phase.steps,
+            "rounds": len(tracks[theirs[0].name, phase.name].times[0]),
+            "note": note,
+            "ours": {},
+            "theirs": {b.name: _figures(tracks[b.name, phase.name]) | {"failed": b.failed, "environments": peers} for b in theirs},
+        }
+        best = min(found["microseconds"] for found in row["theirs"].values())
+        for (precision, setting), batch in ours.items():
+            effort = batch.efforts[phase.name]
+            certificate = effort.certificate
+            figures = _figures(tracks[batch.name, phase.name])
+            row["ours"][f"{precision} {setting}"] = figures | {
+                "ratio": best / figures["microseconds"],
+                "unsolved": certificate.not_converged / certificate.env_steps,
+                "sweeps": effort.sweeps / certificate.env_steps,
+                "newton_steps": effort.newton_steps / certificate.env_steps,
+                "worst_residual": certificate.worst_residual,
+                "contacts_full": certificate.contacts_full,
+                "non_finite": certificate.non_finite,
+            }
+        rows.append(row)
+    return rows
+
+
+def _led(scene: Scene, script: Script, model: Model, path: Path) -> Script:
+    """The script from where `scene.lead` steps of stepper in f64 take it; what they came to is kept in a file beside the model."""
+    if not scene.lead:
+        return script
+    digest = hashlib.sha256(path.read_bytes() + repr(LEAD).encode())
+    for part in (script.qpos, script.qvel, script.control[0], script.push):
+        digest.update(np.array(0.0 if part is None else part).tobytes())
+    kept = path.with_name(f"{path.stem}-{len(script.qpos)}-{scene.lead}-{digest.hexdigest()[:12]}.npz")
+    if not kept.exists():
+        batch = Ours(model, len(script.qpos), precision="f64", options=LEAD, setting="lead")
+        batch.begin(script)
+        batch.sim.step(script.control[0], nstep=scene.lead)
+        np.savez(kept, qpos=batch.qpos, qvel=batch.qvel)
+    with np.load(kept) as state:
+        return dataclasses.replace(script, qpos=state["qpos"], qvel=state["qvel"])
+
+
+def _figures(track: Track) -> dict[str, Any]:
+    return {
+        "microseconds": track.microseconds,
+        "contacts": float(np.mean([s.contacts for s in track.samples])),
+        "penetration": max(s.penetration for s in track.samples),
+        "penetration_typical": median(s.penetration for s in track.samples),
+        "slip": track.slip,
+    }
+
+
+class _Yard:
+    """Measures states of both engines alike, by MuJoCo's collision detection and kinematics."""
+
+    def __init__(self, model: mujoco.MjModel, path: Path) -> None:
+        self.model, self.data, self.referee = model, mujoco.MjData(model), Referee(str(path))
+
+    def look(self, batch: Batch) -> Measured:
+        """Contacts and penetration of some environments."""
+        return self.referee.measure(batch.qpos[:LOOKED_AT], batch.qvel[:LOOKED_AT])
+
+    def places(self, batch: Batch, held: tuple[str, str]) -> Array:
+        """Where what is held is in the frame of its holder, (environments, 3) in m."""
+        body, holder = (self.model.body(name).id for name in held)
+        out = []
+        for qpos in batch.qpos[:LOOKED_AT]:
+            self.data.qpos[:] = qpos
+            mujoco.mj_kinematics(self.model, self.data)
+            out.append(self.data.xmat[holder].reshape(3, 3).T @ (self.data.xpos[body] - self.data.xpos[holder]))
+        return np.array(out)
+
+
+def _play(scene: Scene, script: Script, batches: Sequence[Batch], plan: Plan, yard: _Yard) -> dict[tuple[str, str], Track]:
+    """Plays the script `plan.rounds` times in every batch, in turns of a chunk; tracks by name of batch and phase."""
+    tracks = {(batch.name, phase.name): Track() for batch in batches for phase in scene.phases}
+    order, start = list(batches), time.perf_counter()
+    for k in range(plan.rounds):
+        if k and (time.perf_counter() - start) * (k + 1) / k > plan.patience:
+            break
+        restarts = {batch.name: np.zeros(batch.num_envs, np.intp) for batch in batches}
+        for batch in batches:
+            batch.begin(script)
+        first = 0
+        for phase in scene.phases:
+            for chunk, begin in enumerate(range(first, first + phase.steps, CHUNK)):
+                steps = range(begin, min(begin + CHUNK, first + phase.steps))
+                for batch in order:
+                    track = tracks[batch.name, phase.name]
+                    if k == 0 and phase.held and begin == first:
+                        track.before = yard.places(batch, phase.held)
+                    spent = _chunk(batch, script, steps, phase.name if k == 0 else None)
+                    if k == 0:
+                        track.times.append([])
+                        track.steps.append(len(steps))
+                        track.samples.append(yard.look(batch))
+                    track.times[chunk].append(spent)
+                    _restart(batch, script, restarts[batch.name])
+                order = order[1:] + order[:1]
+            first += phase.steps
+            if k == 0 and phase.held:
+                for batch in batches:
+                    tracks[batch.name, phase.name].after = yard.places(batch, phase.held)
+    return tracks
+
+
+def _chunk(batch: Batch, script: Script, steps: range, phase: str | None) -> float:
+    """Makes some steps; returns microseconds per step and environment. With the name of a phase, steps are recorded in between."""
+    spent, n = 0.0, batch.num_envs
+    for step in steps:
+        block = min(step // script.hold, len(script.control) - 1)
+        if script.mocap is not None:
+            batch.move(script.mocap[min(step // script.hold, len(script.mocap) - 1), :n])
+        ctrl = script.control[block, :n]
+        start = time.process_time()
+        batch.step(ctrl)
+        spent += time.process_time() - start
+        if phase is not None:
+            batch.record(phase)
+    return 1e6 * spent / (len(steps) * n)
+
+
+def _restart(batch: Batch, script: Script, restarts: Any) -> None:
+    if script.ended is None or script.anew is None:
+        return
+    mask = script.ended(batch.qpos)
+    if mask.any():
+        envs = np.arange(batch.num_envs)
+        batch.restart(mask, script.anew[restarts % len(script.anew), envs])
+        restarts += mask

@@ -1,0 +1,14 @@
+"""Every scene, a file for each family; `ALL` in the order of the table."""
+
+from many_contacts.scene import Scene
+from many_contacts.scenes import bodies, cells, grasps, hands, heaps, panda, unitree
+
+ALL: tuple[Scene, ...] = (
+    *unitree.SCENES,
+    *panda.SCENES,
+    *grasps.SCENES,
+    *hands.SCENES,
+    *heaps.SCENES,
+    *bodies.SCENES,
+    *cells.SCENES,
+)

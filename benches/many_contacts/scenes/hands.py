@@ -1,0 +1,59 @@
+"""The Shadow hand of gymnasium-robotics with a block and with a pen, under random actions of its tasks HandManipulateBlock and -Pen.
+
+Files of gymnasium-robotics 1.4.2; an action is a target anywhere in the range of each actuator and is held for 20 steps of 2 ms
+(`shadow_dexterous_hand/hand_env.py`). The object begins above the palm, a block turned at random, and does so anew when it has
+fallen off (`manipulate.py`: below 4 cm).
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from many_contacts.assets import Assets
+from many_contacts.scene import Array, Phase, Scene, Script, still, turned
+
+HOLD, STEPS = 20, 300
+PALM = 0.04
+"""m: height below which the object is no longer in the hand."""
+DRAWS = 6
+PHASES = (Phase("drops", 100, timed=False), Phase("turns", STEPS))
+
+
+def spec(name: str, assets: Assets) -> Any:
+    """The hand with its object."""
+    return assets.spec("gymnasium-robotics", f"gymnasium_robotics/envs/assets/hand/manipulate_{name}.xml")
+
+
+def script(name: str, model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Script:
+    """Targets in the middle of their ranges while the object drops, random ones afterwards."""
+    place = int(model.joint("object:joint").qposadr[0])
+    starts = np.tile(still(model.qpos0, num_envs), (DRAWS + 1, 1, 1))
+    starts[..., place : place + 3] += rng.normal(scale=0.005, size=(DRAWS + 1, num_envs, 3))
+    if name == "block":
+        starts[..., place + 3 : place + 7] = turned(rng, (DRAWS + 1) * num_envs).reshape(DRAWS + 1, num_envs, 4)
+    low, high = model.actuator_ctrlrange.T
+    control = rng.uniform(low, high, (sum(p.steps for p in PHASES) // HOLD, num_envs, model.nu))
+    control[: PHASES[0].steps // HOLD] = (low + high) / 2
+
+    def fell(qpos: Array) -> NDArray[np.bool_]:
+        return np.asarray(qpos[:, place + 2] < PALM)
+
+    return Script(starts[0], control, hold=HOLD, ended=fell, anew=starts[1:])
+
+
+SCENES = tuple(
+    Scene(
+        f"hand with {name}",
+        f"gymnasium-robotics' Shadow hand with a {name}, random targets held for 40 ms, 2 ms",
+        functools.partial(spec, name),
+        functools.partial(script, name),
+        PHASES,
+        group="Shadow hand",
+    )
+    for name in ("block", "pen")
+)

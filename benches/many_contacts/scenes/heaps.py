@@ -1,0 +1,130 @@
+"""Bodies on bodies: boxes in a heap, bricks in a wall, balls on a plate."""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import mujoco
+import numpy as np
+from atlas.mjcf import FLOOR, ball, box, document, free
+from atlas.scenes.simbenchmark import FORCE, WAY, balls_on_plate
+
+from many_contacts.assets import Assets
+from many_contacts.scene import Phase, Scene, Script, still, turned, uncontrolled
+
+BIN = 0.22
+"""m: half the width of the bin that boxes fall into."""
+DENSITY = 500.0
+"""kg/m^3: of wood."""
+FALL, SETTLE, LIE = 600, 60, 100
+"""Steps of 2 ms in which a heap comes to rest, in which each engine finds its own rest, and in which it lies."""
+BRICK, JOINT = np.array([0.1, 0.05, 0.03]), 0.004
+"""m: half sizes, and the gap between bricks of one course."""
+COURSES, LENGTH = 5, 3
+"""Courses of bricks, and bricks of every course."""
+STRIKER = (0.06, 2.0, 3.0)
+"""m, kg, m/s: radius, mass and speed of the ball that strikes the wall."""
+
+
+def parsed(text: str, timestep: float) -> Any:
+    """A model that is text."""
+    s = mujoco.MjSpec.from_string(text)
+    s.option.timestep = timestep
+    return s
+
+
+def bin_of_boxes(count: int, _: Assets) -> Any:
+    """Boxes of 4 to 10 cm above a bin without lid."""
+    rng = np.random.default_rng(count)
+    halves = rng.uniform(0.02, 0.05, (count, 3))
+    boxes = "".join(free(f"box{i}", box(half, float(DENSITY * 8 * half.prod())), (0, 0, 1)) for i, half in enumerate(halves))
+    side = 'type="box" size="{} {} 0.1" pos="{} {} 0.1"'
+    sides = [(0.01, BIN, s * BIN, 0) for s in (-1, 1)] + [(BIN, 0.01, 0, s * BIN) for s in (-1, 1)]
+    walls = "".join(f'<geom name="side{i}" {side.format(*numbers)}/>' for i, numbers in enumerate(sides))
+    return parsed(document(FLOOR + walls + boxes, friction=0.6), 0.002)
+
+
+def pour(count: int, model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Script:
+    """Boxes begin in layers of four above the bin, turned at random."""
+    qpos = still(model.qpos0, num_envs).reshape(num_envs, count, 7)
+    layer, place = np.divmod(np.arange(count), 4)
+    corner = 0.1 * np.array([(-1, -1), (1, -1), (-1, 1), (1, 1)])[place]
+    qpos[..., :2] = corner + rng.uniform(-0.01, 0.01, (num_envs, count, 2))
+    qpos[..., 2] = 0.12 + 0.18 * layer
+    qpos[..., 3:] = turned(rng, num_envs * count).reshape(num_envs, count, 4)
+    return Script(qpos.reshape(num_envs, -1), uncontrolled(num_envs))
+
+
+def wall_of_bricks(_: Assets) -> Any:
+    """A wall in running bond, and a ball in front of it."""
+    mass = float(DENSITY * 8 * BRICK.prod())
+    bricks = ""
+    for course in range(COURSES):
+        for k in range(LENGTH):
+            x = (2 * BRICK[0] + JOINT) * (k - (LENGTH - 1) / 2 + (0.25 if course % 2 else -0.25))
+            bricks += free(f"brick{course}{k}", box(BRICK, mass), (x, 0, BRICK[2] * (2 * course + 1)))
+    striker = free("striker", ball(*STRIKER[:2]), (0, -1.0, 0.5))
+    return parsed(document(FLOOR + bricks + striker, friction=0.6), 0.002)
+
+
+def strike(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Script:
+    """The ball is under way while the wall stands, and strikes it at a place that differs between environments."""
+    before = PHASES_OF_WALL[0].steps * float(model.opt.timestep)
+    qpos, qvel = still(model.qpos0, num_envs), np.zeros((num_envs, model.nv))
+    speed, gravity = STRIKER[2], -float(model.opt.gravity[2])
+    qpos[:, -7] = rng.uniform(-0.2, 0.2, num_envs)
+    qpos[:, -6] = -BRICK[1] - STRIKER[0] - speed * before
+    height = rng.uniform(0.12, 0.24, num_envs)
+    qpos[:, -5], qvel[:, -4] = height + 0.02, gravity * before / 2 - 0.02 / before
+    qvel[:, -5] = speed
+    return Script(qpos, uncontrolled(num_envs), qvel=qvel)
+
+
+PHASES_OF_WALL = (Phase("stands", 100), Phase("is struck", 60))
+
+
+def plate(_: Assets) -> Any:
+    """SimBenchmark's plate with 25 balls."""
+    return parsed(balls_on_plate(), 0.002)
+
+
+def pulled(model: mujoco.MjModel, num_envs: int, rng: np.random.Generator) -> Script:
+    """A constant force on the plate; each environment begins with a speed of its own."""
+    push = np.zeros((model.nbody, 6))
+    push[model.body("plate").id, :3] = FORCE * WAY
+    qvel = np.zeros((num_envs, model.nv))
+    qvel[:, 0] = rng.uniform(0.0, 0.5, num_envs)
+    return Script(still(model.qpos0, num_envs), uncontrolled(num_envs), qvel=qvel, push=push)
+
+
+def _heap(count: int, words: str) -> Scene:
+    return Scene(
+        f"heap of {words}",
+        f"{words} boxes of 4 to 10 cm that have fallen into a bin, friction 0.6, 2 ms",
+        functools.partial(bin_of_boxes, count),
+        functools.partial(pour, count),
+        (Phase("settles", SETTLE, timed=False), Phase("lies", LIE)),
+        lead=FALL,
+        group="heaps",
+    )
+
+
+SCENES = (
+    _heap(10, "ten"),
+    _heap(30, "thirty"),
+    Scene(
+        "wall",
+        f"{COURSES} courses of {LENGTH} bricks in running bond, friction 0.6, 2 ms; then a ball of 2 kg strikes it with 3 m/s",
+        wall_of_bricks,
+        strike,
+        PHASES_OF_WALL,
+    ),
+    Scene(
+        "balls on a plate",
+        "SimBenchmark's 25 balls that roll on a plate which 150 N pull over the floor, 2 ms",
+        plate,
+        pulled,
+        (Phase("roll", 100),),
+    ),
+)

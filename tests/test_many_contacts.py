@@ -1,0 +1,90 @@
+"""benches/many_contacts: scenes that need no download play in both engines, and the report has a row for each of their phases."""
+
+import dataclasses
+
+import mujoco
+import numpy as np
+import pytest
+from many_contacts.assets import Assets, written
+from many_contacts.kinematics import UnreachableError, downwards, eased, reach
+from many_contacts.measure import Plan, measure
+from many_contacts.report import accuracy, means, speed
+from many_contacts.scene import Phase
+from many_contacts.scenes import ALL, grasps, heaps, unitree
+
+PLAN = Plan(num_envs=2, peers=2, precisions=("f64",), settings=("default", "fast"), rounds=2)
+
+
+@pytest.fixture(scope="module")
+def lifted(tmp_path_factory):
+    scene = dataclasses.replace(grasps.SCENES[0], phases=(Phase("grips", 150, timed=False), Phase("lifts", 60, held=grasps.HELD)))
+    return measure(scene, written(scene.spec(Assets(tmp_path_factory.mktemp("cache"))), tmp_path_factory.mktemp("out") / "lift.xml"), PLAN)
+
+
+def test_a_row_for_each_timed_phase_with_every_setting(lifted):
+    (row,) = lifted
+    assert set(row["ours"]) == {"f64 default", "f64 fast"}
+    assert len(row["theirs"]) == 2
+    found = row["ours"]["f64 default"]
+    assert found["ratio"] > 0
+    assert found["microseconds"] > 0
+    assert found["unsolved"] == 0
+    way, dropped = found["slip"]
+    assert way < 1e-3
+    assert dropped == 0
+
+
+def test_the_tables_have_the_row(lifted):
+    assert "lift 0.05 kg" in speed(lifted)
+    assert "lift 0.05 kg" in accuracy(lifted)
+
+
+def test_scenes_of_a_group_count_once_together():
+    rows = [{"group": group, "ours": {"f64 default": {"ratio": ratio}}} for group, ratio in (("heaps", 1.0), ("heaps", 4.0), ("g1", 8.0))]
+    assert means(rows, "f64 default") == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize("scene", heaps.SCENES, ids=lambda scene: scene.name)
+def test_heaps_compile_and_begin_without_deep_overlap(scene, tmp_path):
+    model = mujoco.MjModel.from_xml_path(str(written(scene.spec(Assets(tmp_path)), tmp_path / "scene.xml")))
+    script = scene.script(model, 2, np.random.default_rng(0))
+    data = mujoco.MjData(model)
+    for qpos in script.qpos:
+        data.qpos[:] = qpos
+        mujoco.mj_forward(model, data)
+        assert min((c.dist for c in data.contact), default=0.0) > -1e-3
+
+
+def test_gains_of_walkers_are_those_of_mjlab():
+    hip = unitree.GO1.motors[0]
+    assert hip.armature == pytest.approx(0.004026312)
+    assert hip.stiffness == pytest.approx(15.895, rel=1e-3)
+    assert hip.scale == pytest.approx(0.3728, rel=1e-3)
+    assert unitree.fallen(np.array([[0, 0, 1, 1, 0, 0, 0], [0, 0, 1, 0.7, 0.7, 0, 0]], float)).tolist() == [False, True]
+
+
+def test_names_are_distinct():
+    assert len({scene.name for scene in ALL}) == len(ALL)
+
+
+ARM = """<mujoco><worldbody><body><joint name="a" axis="0 0 1"/><geom size=".1"/><body pos="1 0 0"><joint name="b" axis="0 0 1"/>
+<geom size=".1"/><site name="tip" pos="1 0 0"/></body></body></worldbody></mujoco>"""
+
+
+def test_an_arm_reaches_what_it_can():
+    model = mujoco.MjModel.from_xml_string(ARM)
+    angles = np.array([0.3, 0.5])
+    data = mujoco.MjData(model)
+    data.qpos[:] = angles
+    mujoco.mj_kinematics(model, data)
+    found = reach(model, np.array([0.1, 0.8]), "tip", ["a", "b"], pos=data.site("tip").xpos, rot=data.site("tip").xmat.reshape(3, 3))
+    np.testing.assert_allclose(found, angles, atol=1e-4)
+    with pytest.raises(UnreachableError, match="tip"):
+        reach(model, np.zeros(2), "tip", ["a", "b"], pos=np.array([3.0, 0, 0]), rot=np.eye(3))
+
+
+def test_ways_begin_and_end_at_rest():
+    way = eased(np.zeros(2), np.ones(2), 100)
+    np.testing.assert_array_equal(way[-1], [1.0, 1.0])
+    assert way[0].max() < 1e-4
+    np.testing.assert_allclose(downwards(0.3) @ downwards(0.3).T, np.eye(3), atol=1e-15)

@@ -11,9 +11,14 @@ import stepper
 FEET = 60
 
 
-def many_feet(height: float, keyframe: str = "") -> stepper.Model:
-    """A tray on many feet: one body, more contacts than a body of a heap has."""
-    feet = "".join(f'<geom size=".01" pos="{0.05 * (k % 10):g} {0.05 * (k // 10):g} 0"/>' for k in range(FEET))
+def many_feet(height: float, keyframe: str = "", friction: float = 0.001) -> stepper.Model:
+    """A tray on many feet: one body, more contacts than a body of a heap has.
+
+    Their coefficients of friction grow by `friction` from foot to foot, so that none is redundant; with 0 they are alike.
+    """
+    feet = "".join(
+        f'<geom size=".01" pos="{0.05 * (k % 10):g} {0.05 * (k // 10):g} 0" friction="{1 + friction * k:g}"/>' for k in range(FEET)
+    )
     more = "".join(f'<body pos="0 0 {5 + k}"><freejoint/><geom size=".01"/></body>' for k in range(2))
     world = f'<geom type="plane" size="9 9 1"/><body pos="0 0 {height}"><freejoint/>{feet}</body>{more}'
     return stepper.load(f"<mujoco><worldbody>{world}</worldbody>{keyframe}</mujoco>")
@@ -35,6 +40,13 @@ def test_all_contacts_of_a_keyframe_fit():
     sim.step(nstep=20)
     assert not sim.status & stepper.Status.CONTACTS_FULL
     assert len(sim.contacts()) == FEET
+
+
+def test_feet_that_others_make_redundant_have_room():
+    sim = stepper.Stepper(many_feet(0.01, friction=0.0))
+    sim.step(nstep=20)
+    assert not sim.status & stepper.Status.CONTACTS_FULL
+    assert len(sim.contacts()) == 4, "the corners of the tray"
 
 
 def test_less_room_is_said():

@@ -288,7 +288,8 @@ impl<R: Real> ActuatorForces<R> {
     /// Finds servos whose force at the end of the step would exceed its bounds, if the velocity changed by `dv`: they keep to the bound and
     /// lose their stiffness. Returns the lanes in which there is a new one; `gather` must follow.
     ///
-    /// Actuator dynamics go where their curves have them, `pass` after pass; from the third on none comes back from a bound, so that it ends.
+    /// Actuator dynamics go where their curves have them, `pass` after pass; from the third on none comes back from a bound, so that it
+    /// ends.
     pub fn saturate(
         &mut self,
         compiled: &LaneModel<R>,

@@ -97,6 +97,8 @@ fn contacts_at_start<S: LaneScalar>(
             if group.status[0] & Status::CONTACTS_FULL.bits() == 0 || room == compiled.contact_points {
                 break;
             }
+            // There is room for all that are found, also for those that others make redundant afterwards.
+            most = most.max(room);
             room = (2 * room).min(compiled.contact_points);
             worker = make(room);
         }

@@ -20,8 +20,8 @@ const MIN_CONTACTS: usize = 5;
 /// Sine of the angle between normals below which they are one.
 const PARALLEL: f64 = 1e-9;
 
-/// Distance from the plane of a patch, and from an edge of its hull, that is none, in sizes of the patch: 2 micrometres of a foot. Files have
-/// orientations of six digits, which tilt the capsules of one sole by 1e-6.
+/// Distance from the plane of a patch, and from an edge of its hull, that is none, in sizes of the patch: 2 micrometres of a foot. Files
+/// have orientations of six digits, which tilt the capsules of one sole by 1e-6.
 const FLAT: f64 = 1e-5;
 
 /// Room to find redundant contacts.

@@ -139,8 +139,8 @@ pub struct AssemblyInput<'a, R: Real> {
     pub motion: &'a NewtonEuler<R>,
     /// Velocity after the step without constraints.
     pub v_free: &'a [R],
-    /// What actuator dynamics lose to friction (against motion forwards, against motion backwards), N or N m, for every row of dry friction;
-    /// empty without any.
+    /// What actuator dynamics lose to friction (against motion forwards, against motion backwards), N or N m, for every row of dry
+    /// friction; empty without any.
     pub losses: &'a [[R; 2]],
     /// Time step, s.
     pub h: R,

@@ -9,8 +9,8 @@
 //! ```
 //!
 //! The impulse acts for what is left of the step, and the positions go on from where the step is taken with the velocity after it, which
-//! gives every impulse the time `time_after`: what is missing, (h - t - time_after) M^-1 J^T lambda, is added where the positions are solved apart, so
-//! that other contacts see it.
+//! gives every impulse the time `time_after`: what is missing, (h - t - time_after) M^-1 J^T lambda, is added where the positions are
+//! solved apart, so that other contacts see it.
 
 use stepper_real::{Mask, Real};
 
@@ -172,8 +172,8 @@ impl<R: Real> Constraints<R> {
 
     /// Takes the impulses of impacts away in the lanes `lanes`, and their contacts out of the position solve, but that what overlapped
     /// before is pushed out where it does not leave fast enough by itself. Leaves in `moved` the velocity that would carry the positions as
-    /// far in a step as the impulses do, from where the step is taken, `time_before` seconds after its beginning: beyond the velocity after the
-    /// step, for the rest of it.
+    /// far in a step as the impulses do, from where the step is taken, `time_before` seconds after its beginning: beyond the velocity after
+    /// the step, for the rest of it.
     pub fn remove_impacts(
         &mut self,
         compiled: &LaneModel<R>,

@@ -138,8 +138,8 @@ fn setpoint<R: Real>(compiled: &LaneModel<R>, i: usize, actuator: &CompiledActua
     }
 }
 
-/// force = gain . (1, length, velocity) input + bias . (1, length, velocity), or what an actuator's dynamics makes of it: a continuous servo of its
-/// own, or a motor whose control is the share of its voltage.
+/// force = gain . (1, length, velocity) input + bias . (1, length, velocity), or what an actuator's dynamics makes of it: a continuous
+/// servo of its own, or a motor whose control is the share of its voltage.
 #[inline(always)]
 fn law<R: Real>(
     actuator: &CompiledActuator<R::Scalar>,

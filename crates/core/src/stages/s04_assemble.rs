@@ -85,8 +85,8 @@ pub fn assemble<R: Real>(
             }
             constraints.patches.find(compiled, contacts, constraints.constrained.bits());
             constraints.iterate.compute_w(&constraints.problem);
-            constraints.problem.hyperstatic =
-                constraints.patches.new_lanes(contacts, &constraints.slots, &constraints.problem, &constraints.iterate);
+            let new = constraints.patches.new_lanes(contacts, &constraints.slots, &constraints.problem, &constraints.iterate);
+            constraints.problem.hyperstatic = new.or(constraints.patches.resting_lanes(assembly.v));
         },
     )
 }

@@ -84,9 +84,18 @@ struct Patch {
 }
 
 impl Patch {
-    /// Indices of its contacts in the problem, but for those with six rows.
-    fn contacts<'a, M>(&self, slots: &'a [usize], assembled: &'a [(usize, M)]) -> impl Iterator<Item = usize> + 'a {
-        slots[self.slots[0]..self.slots[1]].iter().filter_map(|k| assembled.binary_search_by_key(k, |slot| slot.0).ok())
+    /// Indices of its contacts in the problem, but for those with six rows and those that nothing can move: other lanes may have such a
+    /// contact in the same slot.
+    fn contacts<'a, R: Real>(
+        &self,
+        slots: &'a [usize],
+        assembled: &'a [(usize, R::Mask)],
+        problem: &'a Problem<R>,
+    ) -> impl Iterator<Item = usize> + 'a {
+        let lane = self.lane;
+        let index = move |k: &usize| assembled.binary_search_by_key(k, |slot| slot.0).ok();
+        let exists = move |i: &usize| problem.contacts[*i].active.bits() >> lane & 1 == 1;
+        slots[self.slots[0]..self.slots[1]].iter().filter_map(index).filter(exists)
     }
 }
 
@@ -188,7 +197,7 @@ impl<R: Real> Patches<R> {
     ) -> R::Mask {
         let mut lanes = 0;
         for patch in self.patches.iter().filter(|p| contacts.count[p.lane] <= MOST_NEW) {
-            let own = || patch.contacts(&self.slots, assembled_slots);
+            let own = || patch.contacts::<R>(&self.slots, assembled_slots, problem);
             let unloaded = |i: usize| iterate.contacts[i][0].lane(patch.lane) <= R::Scalar::default();
             let closes = |i: usize| problem.contacts.velocity(&problem.contacts[i], &iterate.w)[0].lane(patch.lane) < R::Scalar::default();
             if lanes >> patch.lane & 1 == 0 && own().all(unloaded) && own().any(closes) {
@@ -273,11 +282,9 @@ impl<R: Real> Patches<R> {
     fn gather(&mut self, patch: usize, assembled: &AssembledRows<'_, R>, iterate: &Iterate<R>) {
         let Self { slots, patches, points, velocities, .. } = self;
         let lane = patches[patch].lane;
-        for i in patches[patch].contacts(slots, assembled.slots) {
-            if assembled.problem.contacts[i].active.bits() >> lane & 1 == 1 {
-                let (velocity, before) = (number(velocities[i], lane), iterate.contacts[i][0].lane(lane).to_f64());
-                points.push(Point { contact: i, velocity, before, shared: 0.0, free: before > 0.0 || velocity[0] <= SLIPS });
-            }
+        for i in patches[patch].contacts::<R>(slots, assembled.slots, assembled.problem) {
+            let (velocity, before) = (number(velocities[i], lane), iterate.contacts[i][0].lane(lane).to_f64());
+            points.push(Point { contact: i, velocity, before, shared: 0.0, free: before > 0.0 || velocity[0] <= SLIPS });
         }
     }
 
@@ -289,7 +296,7 @@ impl<R: Real> Patches<R> {
         let lane = all[patches.start].lane;
         let contacts = &assembled.problem.contacts;
         for p in patches.clone() {
-            for contact in all[p].contacts(slots, assembled.slots).map(|i| &contacts[i]) {
+            for contact in all[p].contacts::<R>(slots, assembled.slots, assembled.problem).map(|i| &contacts[i]) {
                 let (support, y) = contacts.entries(contact);
                 for (&c, _) in support.iter().zip(y).filter(|(_, y)| y.iter().any(|y| y.lane(lane) != R::Scalar::default())) {
                     let (owner, group) = (owners[c as usize], all[p].group);

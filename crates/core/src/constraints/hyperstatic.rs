@@ -67,8 +67,9 @@ pub(crate) struct Patches<R> {
     owners: Vec<usize>,
     /// Velocities of all contacts, m/s.
     velocities: Vec<V3<R>>,
-    /// Impulses of all contacts before they are shared, N s.
+    /// Impulses of all contacts before they are shared, N s, and their w.
     impulses: Vec<V3<R>>,
+    w: Vec<R>,
 }
 
 /// Contacts between two bodies in a lane.
@@ -131,6 +132,7 @@ impl<R: Real> Patches<R> {
             owners: vec![],
             velocities: Vec::with_capacity(n),
             impulses: Vec::with_capacity(n),
+            w: vec![],
         }
     }
 
@@ -236,8 +238,13 @@ impl<R: Real> Patches<R> {
             R::vectorize(
                 #[inline(always)]
                 || {
+                    self.w.clone_from(&iterate.w);
                     for (i, (new, old)) in iterate.contacts.iter().zip(&self.impulses).enumerate() {
                         problem.contacts.add(&problem.contacts[i], sub(*new, *old), &mut iterate.w);
+                    }
+                    // The other lanes keep every bit, the sign of a zero too.
+                    for (w, &before) in iterate.w.iter_mut().zip(&self.w) {
+                        *w = R::select(R::Mask::from_bits(shared), *w, before);
                     }
                 },
             );

@@ -8,7 +8,7 @@
 //! fingers: where on the fingers it presses is open too). Of all their normal impulses that move the joints as the present ones do, none
 //! negative, those of least norm are taken; and friction is taken anew where a contact slips, as mu times the normal impulse against the
 //! motion. Where a patch slips along a plane without turning, that leaves the force and the moment of friction as they were, and with them
-//! all velocities; where it turns, sweeps finish.
+//! all velocities; where it turns, its loads stay as they are.
 
 use std::ops::Range;
 

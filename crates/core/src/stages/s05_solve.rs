@@ -51,8 +51,8 @@ pub fn solve<R: Real>(
     outcome
 }
 
-/// Shares the loads of hyperstatic patches that slip in the lanes `lanes` that are solved (see [`crate::constraints::hyperstatic`]), and
-/// solves again where that changes their motion. What is not solved then keeps the impulses that are.
+/// Shares the loads of hyperstatic patches that slip in the lanes `lanes` that are solved (see [`crate::constraints::hyperstatic`]). Lanes
+/// that it would unsettle, since a patch turns while it slips, keep the impulses that they have.
 fn share_loads<R: Real>(
     rows: &AssembledRows<'_, R>,
     settings: Settings<R>,
@@ -60,7 +60,7 @@ fn share_loads<R: Real>(
     lanes: R::Mask,
     outcome: &mut Outcome<R>,
 ) {
-    let SolverWorkspace { iterate, newton, patches, shared, .. } = room;
+    let SolverWorkspace { iterate, patches, shared, .. } = room;
     let solved = lanes.and(patches.lanes()).and(outcome.residual.le(settings.tolerance));
     shared.save(iterate, solved);
     let before = outcome.residual;
@@ -74,15 +74,10 @@ fn share_loads<R: Real>(
             || residual(rows.problem, iterate),
         )
     };
-    outcome.residual = R::select(anew, left(iterate), before);
-    let moved = anew.and_not(outcome.residual.le(settings.tolerance));
-    if moved.none() {
-        return;
-    }
-    outcome.replace(&stepper_solve::solve(rows.problem, iterate, settings, moved, newton), moved);
-    let unsolved = moved.and_not(outcome.residual.le(settings.tolerance));
-    shared.restore(iterate, unsolved);
-    outcome.residual = R::select(unsolved, before, outcome.residual);
+    let shared_residual = left(iterate);
+    let moved = anew.and_not(shared_residual.le(settings.tolerance));
+    shared.restore(iterate, moved);
+    outcome.residual = R::select(anew.and_not(moved), shared_residual, before);
 }
 
 /// Sweeps of an estimate at the most: with 8 of them, 13 % of the steps of dm_control's humanoid under random control depend on the step

@@ -174,8 +174,8 @@ impl<R: Real> Patches<R> {
         R::Mask::from_bits(self.patches.iter().fold(0, |bits, p| bits | 1 << p.lane))
     }
 
-    /// In 32 bits, lanes with a patch that are nearly at rest at the velocity `v`: what sweeps leave of 1e-6 m/s lets a heavy box creep into
-    /// light ones below it, so Newton's method, which reckons in 64 bits, comes first there wherever any is left.
+    /// In 32 bits, lanes with a patch that are nearly at rest at the velocity `v`: what sweeps leave of 1e-6 m/s lets a heavy box creep
+    /// into light ones below it, so Newton's method, which reckons in 64 bits, comes first there wherever any is left.
     #[inline(always)]
     pub(crate) fn resting_lanes(&self, v: &[R]) -> R::Mask {
         let mut fastest = R::zero();

@@ -88,12 +88,6 @@ KNOWN: tuple[Known, ...] = (
         "five steps of Newton's method do not solve the first step, and no sweeps follow",
     ),
     Known(r"29 rolling coin", "stepper implicit", (4e-3, 1e-2), "a rule of the first order"),
-    Known(
-        r"15 table of four legs: order",
-        "stepper",
-        (4e-4, 6e-4),
-        "loads are not shared in a step in which the table also turns, so that the order of its legs matters by some 1e-6 m",
-    ),
     Known(r"30 wheel.*", "stepper newton", (2e-2, 1.0), "creeps at the speed that Newton's method leaves, some 1e-9 m/s"),
     Known(r"S3 .*", r"stepper.*", (5e-3, 1e-2), "spheres overlap by some 3e-5 m while the heap falls together"),
     Known(r"S2 .*", r"stepper (euler.*|implicit)", ANY, "rules of the first order"),

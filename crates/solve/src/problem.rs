@@ -13,7 +13,8 @@ by_kind! {
     #[derive(Clone, Debug)]
     pub struct Problem[R: Real] {
         dimension: usize,
-        /// Lanes in which the rows do not determine how a load is distributed.
+        /// Lanes that are solved for impulses of least norm first: their rows do not determine how a load is distributed, and no step
+        /// before has distributed it.
         pub hyperstatic: R::Mask,
         /// Least mobility along the normal of a contact that can move, 1/kg, for the contacts that are pushed from now on.
         pub least_mobility: R,

@@ -16,19 +16,97 @@ use crate::probe::Probe;
 use crate::sensing::errors::Errors;
 use crate::step::step;
 
-/// Readings after the steps of a control, left in `s.sensors.room.truth`: those of the error models where there are any, else the true
-/// ones, which stage 9 has made unless they are `unread` because no step was made.
-pub(super) fn complete_readings<R: Real>(
-    call: &Call<'_, R::Scalar>,
-    compiled: &LaneModel<R>,
-    group: &Group<R::Scalar>,
-    s: &mut Workspace<R>,
-    unread: bool,
-) {
-    if call.sensor_errors.is_some() {
-        load_or_zero(&group.sensing.observation, &mut s.sensors.room.truth);
-    } else if unread {
-        read_sensors(compiled, call.settings, s);
+/// Reader of the sensors of one group.
+#[derive(Clone, Copy)]
+pub(super) struct Reader<'a, R: Real, P> {
+    pub(super) call: &'a Call<'a, R::Scalar>,
+    pub(super) compiled: &'a LaneModel<R>,
+    /// First environment of the group.
+    pub(super) first: usize,
+    pub(super) probe: P,
+}
+
+impl<R: Real, P: Probe> Reader<'_, R, P> {
+    /// Lets the error models begin in the lanes that wait for it. What the user applies is left out of that reading, so that it is the
+    /// same whenever it is made, before a step or by the step itself.
+    pub(super) fn begin_observations(&self, group: &mut Group<R::Scalar>, s: &mut Workspace<R>) {
+        if let (Some(errors), true) = (self.call.sensor_errors, group.sensing.waiting & group.alive != 0) {
+            self.observe_initial_state(errors, group, s);
+        }
+    }
+
+    #[cold]
+    fn observe_initial_state(&self, errors: &Errors<R::Scalar>, group: &mut Group<R::Scalar>, s: &mut Workspace<R>) {
+        let waiting = group.sensing.waiting & group.alive;
+        let untouched = Call { inputs: StepInputs { qfrc: &[], xfrc: &[], ..self.call.inputs }, ..*self.call };
+        Reader { call: &untouched, ..*self }.evaluate(group, s);
+        apply_errors(errors, self.call.settings, s, self.first / R::LANES, &mut group.sensing, R::Mask::from_bits(waiting), true);
+        group.sensing.waiting = 0;
+    }
+
+    /// Readings of all environments of the group, environment-major: true ones, or after the error models.
+    pub(super) fn read(&self, group: &mut Group<R::Scalar>, s: &mut Workspace<R>, query: Query<'_>) {
+        let rows = query.out.chunks_exact_mut(self.call.compiled.sensing.width).enumerate();
+        if query.truth || self.call.sensor_errors.is_none() {
+            self.evaluate(group, s);
+            let truth = &s.sensors.room.truth;
+            rows.for_each(|(l, row)| row.iter_mut().zip(truth).for_each(|(out, x)| *out = x.lane(l).to_f64()));
+        } else {
+            self.begin_observations(group, s);
+            let readings = &group.sensing.observation;
+            rows.for_each(|(l, row)| row.iter_mut().enumerate().for_each(|(i, out)| *out = readings[i * R::LANES + l].to_f64()));
+        }
+    }
+
+    /// Completes the readings after the steps of a control, left in `s.sensors.room.truth`: those of the error models where there are any,
+    /// else the true ones, which stage 9 has made unless they are `unread` because no step was made.
+    pub(super) fn complete_readings(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, unread: bool) {
+        if self.call.sensor_errors.is_some() {
+            load_or_zero(&group.sensing.observation, &mut s.sensors.room.truth);
+        } else if unread {
+            read_sensors(self.compiled, self.call.settings, s);
+        }
+    }
+
+    /// Reads the state of the group. Where no step was made since the state was set, sensors of accelerations and forces read the step that
+    /// would be made from it, which is not kept.
+    fn evaluate(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>) {
+        let needs = self.call.compiled.sensing.needs;
+        load_state(group, s);
+        load_inputs(self.call, group, self.first, s);
+        s.current = false;
+        load_or_zero(&group.sensing.ctrl, &mut s.inputs.ctrl);
+        load_or_zero(&group.sensing.acceleration, &mut s.sensors.acceleration);
+        let fresh = if needs.step { group.sensing.fresh & group.alive } else { 0 };
+        if fresh != 0 {
+            self.make_step_to_read(group, s, fresh);
+        }
+        for l in (0..R::LANES).filter(|l| fresh >> l & 1 == 0) {
+            for (i, x) in s.constraints.scalar_impulse.iter_mut().enumerate() {
+                x.set_lane(l, group.scalar_impulse[i * R::LANES + l]);
+            }
+            if needs.contacts {
+                place_contacts(group, l, &mut s.state.contacts);
+            }
+        }
+        if needs.wrenches {
+            s.inputs.xfrc.resize(6 * self.call.compiled.bodies.len(), R::zero());
+            load_other_lanes(&group.sensing.xfrc, &mut s.inputs.xfrc, R::Mask::from_bits(fresh));
+        }
+        read_sensors(self.compiled, self.call.settings, s);
+    }
+
+    /// Makes a step in the lanes `fresh` for what sensors read of it, and takes its state and time back.
+    fn make_step_to_read(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, fresh: u32) {
+        let elapsed = s.elapsed;
+        s.alive = R::Mask::from_bits(fresh);
+        step(self.compiled, self.call.settings, s, &mut Devices::none(), self.probe);
+        load_other_lanes(&group.sensing.acceleration, &mut s.sensors.acceleration, s.alive);
+        load_or_zero(&group.q, &mut s.state.q);
+        load_or_zero(&group.v, &mut s.state.v);
+        load_or_zero(&group.act, &mut s.state.act);
+        s.state.time.copy_from_slice(&group.time);
+        s.elapsed = elapsed;
     }
 }
 
@@ -50,114 +128,6 @@ pub(super) fn remember<R: Real>(group: &mut Group<R::Scalar>, s: &Workspace<R>) 
             }
         },
     );
-}
-
-/// Lets the error models begin in the lanes that wait for it. What the user applies is left out of that reading, so that it is the same
-/// whenever it is made, before a step or by the step itself.
-pub(super) fn begin_observations<R: Real>(
-    call: &Call<'_, R::Scalar>,
-    compiled: &LaneModel<R>,
-    group: &mut Group<R::Scalar>,
-    first: usize,
-    s: &mut Workspace<R>,
-    probe: impl Probe,
-) {
-    if let (Some(errors), true) = (call.sensor_errors, group.sensing.waiting & group.alive != 0) {
-        observe_initial_state(errors, call, compiled, group, first, s, probe);
-    }
-}
-
-#[cold]
-fn observe_initial_state<R: Real>(
-    errors: &Errors<R::Scalar>,
-    call: &Call<'_, R::Scalar>,
-    compiled: &LaneModel<R>,
-    group: &mut Group<R::Scalar>,
-    first: usize,
-    s: &mut Workspace<R>,
-    probe: impl Probe,
-) {
-    let waiting = group.sensing.waiting & group.alive;
-    evaluate(&Call { inputs: StepInputs { qfrc: &[], xfrc: &[], ..call.inputs }, ..*call }, compiled, group, first, s, probe);
-    apply_errors(errors, call.settings, s, first / R::LANES, &mut group.sensing, R::Mask::from_bits(waiting), true);
-    group.sensing.waiting = 0;
-}
-
-/// Readings of all environments of a group, environment-major: true ones, or after the error models.
-pub(super) fn read<R: Real>(
-    call: &Call<'_, R::Scalar>,
-    compiled: &LaneModel<R>,
-    group: &mut Group<R::Scalar>,
-    first: usize,
-    s: &mut Workspace<R>,
-    query: Query<'_>,
-    probe: impl Probe,
-) {
-    let rows = query.out.chunks_exact_mut(call.compiled.sensing.width).enumerate();
-    if query.truth || call.sensor_errors.is_none() {
-        evaluate(call, compiled, group, first, s, probe);
-        let truth = &s.sensors.room.truth;
-        rows.for_each(|(l, row)| row.iter_mut().zip(truth).for_each(|(out, x)| *out = x.lane(l).to_f64()));
-    } else {
-        begin_observations(call, compiled, group, first, s, probe);
-        let readings = &group.sensing.observation;
-        rows.for_each(|(l, row)| row.iter_mut().enumerate().for_each(|(i, out)| *out = readings[i * R::LANES + l].to_f64()));
-    }
-}
-
-/// Reads the state of a group. Where no step was made since the state was set, sensors of accelerations and forces read the step that
-/// would be made from it, which is not kept.
-fn evaluate<R: Real>(
-    call: &Call<'_, R::Scalar>,
-    compiled: &LaneModel<R>,
-    group: &Group<R::Scalar>,
-    first: usize,
-    s: &mut Workspace<R>,
-    probe: impl Probe,
-) {
-    let needs = call.compiled.sensing.needs;
-    load_state(group, s);
-    load_inputs(call, group, first, s);
-    s.current = false;
-    load_or_zero(&group.sensing.ctrl, &mut s.inputs.ctrl);
-    load_or_zero(&group.sensing.acceleration, &mut s.sensors.acceleration);
-    let fresh = if needs.step { group.sensing.fresh & group.alive } else { 0 };
-    if fresh != 0 {
-        make_step_to_read(call, compiled, group, s, fresh, probe);
-    }
-    for l in (0..R::LANES).filter(|l| fresh >> l & 1 == 0) {
-        for (i, x) in s.constraints.scalar_impulse.iter_mut().enumerate() {
-            x.set_lane(l, group.scalar_impulse[i * R::LANES + l]);
-        }
-        if needs.contacts {
-            place_contacts(group, l, &mut s.state.contacts);
-        }
-    }
-    if needs.wrenches {
-        s.inputs.xfrc.resize(6 * call.compiled.bodies.len(), R::zero());
-        load_other_lanes(&group.sensing.xfrc, &mut s.inputs.xfrc, R::Mask::from_bits(fresh));
-    }
-    read_sensors(compiled, call.settings, s);
-}
-
-/// Makes a step in the lanes `fresh` for what sensors read of it, and takes its state and time back.
-fn make_step_to_read<R: Real>(
-    call: &Call<'_, R::Scalar>,
-    compiled: &LaneModel<R>,
-    group: &Group<R::Scalar>,
-    s: &mut Workspace<R>,
-    fresh: u32,
-    probe: impl Probe,
-) {
-    let elapsed = s.elapsed;
-    s.alive = R::Mask::from_bits(fresh);
-    step(compiled, call.settings, s, &mut Devices::none(), probe);
-    load_other_lanes(&group.sensing.acceleration, &mut s.sensors.acceleration, s.alive);
-    load_or_zero(&group.q, &mut s.state.q);
-    load_or_zero(&group.v, &mut s.state.v);
-    load_or_zero(&group.act, &mut s.state.act);
-    s.state.time.copy_from_slice(&group.time);
-    s.elapsed = elapsed;
 }
 
 /// Loads the lanes of `out` that are not among `kept`.

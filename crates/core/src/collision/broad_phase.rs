@@ -50,7 +50,7 @@ impl Broad {
             self.balls.clear();
             self.balls.extend(crowd.members.iter().map(|member| {
                 let g = member.geom;
-                let centre = pos[g].map(|x| x.lane(lane).to_f64());
+                let centre = of_lane(&pos[g], lane);
                 let reach = (compiled.params.bounding_radius(g).lane(lane).to_f64() + member.margin)
                     + (way[g].lane(lane).to_f64() + slack.lane(lane).to_f64());
                 // A hair more than the exact test will ask for, also in single precision.

@@ -47,6 +47,9 @@ struct Point {
 impl PatchReduction {
     /// Removes the redundant contacts of all lanes.
     pub(crate) fn reduce<R: Real>(&mut self, compiled: &ModelStructure<R::Scalar>, contacts: &mut Contacts<R>) {
+        if compiled.patches.is_empty() {
+            return;
+        }
         for l in 0..R::LANES {
             if contacts.count[l] >= MIN_CONTACTS {
                 self.reduce_lane(compiled, contacts, l);
@@ -54,21 +57,24 @@ impl PatchReduction {
         }
     }
 
-    /// Makes room for so many contacts, once.
-    fn reserve(&mut self, contacts: usize) {
-        let reserve = |room: usize| contacts.saturating_sub(room);
-        self.patches.reserve(reserve(self.patches.len()));
-        self.points.reserve(reserve(self.points.len()));
-        self.kept.reserve(reserve(self.kept.len()));
-        self.hull.reserve(2 * contacts + 1 - self.hull.len().min(2 * contacts + 1));
+    /// Clears the room, and makes it large enough for so many contacts: no later call allocates.
+    fn clear(&mut self, contacts: usize) {
+        let Self { patches, points, hull, kept } = self;
+        patches.clear();
+        points.clear();
+        hull.clear();
+        kept.clear();
+        patches.reserve(contacts);
+        points.reserve(contacts);
+        // Both chains of the hull, and the point that each repeats.
+        hull.reserve(2 * contacts + 1);
+        kept.reserve(contacts);
     }
 
     fn reduce_lane<R: Real>(&mut self, compiled: &ModelStructure<R::Scalar>, contacts: &mut Contacts<R>, l: usize) {
         let n = contacts.count[l];
-        self.reserve(contacts.data.len());
-        self.patches.clear();
+        self.clear(contacts.data.len());
         self.patches.extend((0..n).map(|k| compiled.patches.get(contacts.ids[k][l].pair()).copied().unwrap_or(NO_PATCH)));
-        self.kept.clear();
         self.kept.resize(n, true);
         let mut redundant = false;
         for first in 0..n {
@@ -89,8 +95,7 @@ impl PatchReduction {
     /// Gathers the contacts of a patch that have the normal and the friction of its contact `first`; they are in no patch any more. Returns
     /// the size of the patch, m.
     fn gather<R: Real>(&mut self, contacts: &Contacts<R>, l: usize, first: usize, patch: u32) -> f64 {
-        let number = |x: V3<R>| x.map(|x| x.lane(l).to_f64());
-        let (origin, normal) = (number(contacts.data[first].point.pos), number(contacts.data[first].point.normal));
+        let (origin, normal) = (of_lane(&contacts.data[first].point.pos, l), of_lane(&contacts.data[first].point.normal, l));
         let [_, a, b] = contact_frame(normal);
         let mu = contacts.data[first].mu.lane(l);
         let parallel = PARALLEL.max(4.0 * R::Scalar::EPSILON.to_f64());
@@ -101,7 +106,7 @@ impl PatchReduction {
             if self.patches[k] != patch || slot.mu.lane(l) != mu || slot.restitution.lane(l) != R::Scalar::default() {
                 continue;
             }
-            let (own, arm) = (number(slot.point.normal), sub(number(slot.point.pos), origin));
+            let (own, arm) = (of_lane(&slot.point.normal, l), sub(of_lane(&slot.point.pos, l), origin));
             if norm(cross(own, normal)) > parallel || dot(own, normal) < 0.0 {
                 continue;
             }

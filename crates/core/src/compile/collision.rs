@@ -201,16 +201,18 @@ pub(crate) fn compile<S: Scalar>(model: &Model, merged: &Merged) -> Collision<S>
 pub const NO_PATCH: u32 = u32::MAX;
 
 /// Patch of every listed pair: pairs of the same two frames have the same, and a pair that is alone has none. Contacts with torsional or
-/// rolling friction are in none.
+/// rolling friction are in none. Empty where no pair is in any.
 pub(super) fn patches<S>(geoms: &[CompiledGeom<S>], pairs: &[CompiledPair<S>]) -> Vec<u32> {
-    let mut count = BTreeMap::new();
-    let frames = |pair: &CompiledPair<S>| pair.geoms.map(|g| geoms[g].frame);
-    for pair in pairs.iter().filter(|p| p.condim <= 3) {
-        *count.entry(frames(pair)).or_insert(0) += 1;
+    let mut of_frames: BTreeMap<_, Vec<usize>> = BTreeMap::new();
+    for (i, pair) in pairs.iter().enumerate().filter(|(_, pair)| pair.condim <= 3) {
+        of_frames.entry(pair.geoms.map(|g| geoms[g].frame)).or_default().push(i);
     }
-    let number = |pair: &CompiledPair<S>| if pair.condim <= 3 { count.get(&frames(pair)) } else { None };
-    let names: BTreeMap<_, u32> = count.keys().copied().zip(0..).collect();
-    pairs.iter().map(|pair| if number(pair).is_some_and(|&n| n > 1) { names[&frames(pair)] } else { NO_PATCH }).collect()
+    let mut patches = vec![];
+    for (members, number) in of_frames.values().filter(|members| members.len() > 1).zip(0..) {
+        patches.resize(pairs.len(), NO_PATCH);
+        members.iter().for_each(|&i| patches[i] = number);
+    }
+    patches
 }
 
 /// For every geom whether it is one of a crowd; none is, where a list of pairs is short.

@@ -77,7 +77,7 @@ pub struct ModelStructure<S: Scalar> {
     pub geoms: Vec<CompiledGeom<S>>,
     /// Pairs that can collide and for which there is a kernel, in a fixed order; all of them, if there is no crowd.
     pub pairs: Vec<CompiledPair<S>>,
-    /// Patch of every listed pair: contacts of pairs with one number join the same two frames.
+    /// Patch of every listed pair: contacts of pairs with one number join the same two frames. Empty where no pair is in any.
     pub patches: Vec<u32>,
     /// Geoms whose pairs are too many to list.
     pub crowd: Option<Crowd<S>>,

@@ -8,7 +8,7 @@
 //! fingers: where on the fingers it presses is open too). Of all their normal impulses that move the joints as the present ones do, none
 //! negative, those of least norm are taken; and friction is taken anew where a contact slips, as mu times the normal impulse against the
 //! motion. Where a patch slips along a plane without turning, that leaves the force and the moment of friction as they were, and with them
-//! all velocities; where it turns, its loads stay as they are.
+//! all velocities; where it turns, the solution goes on from the shared loads.
 
 use std::ops::Range;
 
@@ -39,9 +39,6 @@ const MOST_SHARED: usize = 64;
 /// contacts come and go, that would be half of the step.
 const MOST_NEW: usize = 24;
 
-/// Speed of the fastest degree of freedom below which an environment is nearly at rest, m/s or rad/s.
-const NEARLY_AT_REST: f64 = 1e-2;
-
 /// Patches of all lanes: contacts between the same two bodies, of which at least one is loose.
 #[derive(Clone, Debug)]
 pub(crate) struct Patches<R> {
@@ -67,9 +64,6 @@ pub(crate) struct Patches<R> {
     owners: Vec<usize>,
     /// Velocities of all contacts, m/s.
     velocities: Vec<V3<R>>,
-    /// Impulses of all contacts before they are shared, N s, and their w.
-    impulses: Vec<V3<R>>,
-    w: Vec<R>,
 }
 
 /// Contacts between two bodies in a lane.
@@ -131,8 +125,6 @@ impl<R: Real> Patches<R> {
             done: vec![],
             owners: vec![],
             velocities: Vec::with_capacity(n),
-            impulses: Vec::with_capacity(n),
-            w: vec![],
         }
     }
 
@@ -174,20 +166,6 @@ impl<R: Real> Patches<R> {
         R::Mask::from_bits(self.patches.iter().fold(0, |bits, p| bits | 1 << p.lane))
     }
 
-    /// In 32 bits, lanes with a patch that are nearly at rest at the velocity `v`: what sweeps leave of 1e-6 m/s lets a heavy box creep
-    /// into light ones below it, so Newton's method, which reckons in 64 bits, comes first there wherever any is left.
-    #[inline(always)]
-    pub(crate) fn resting_lanes(&self, v: &[R]) -> R::Mask {
-        let mut fastest = R::zero();
-        if precision::<R>() == 0 || self.patches.is_empty() {
-            return R::Mask::splat(false);
-        }
-        for &v in v {
-            fastest = fastest.max(v.abs());
-        }
-        self.lanes().and(fastest.lt(R::of(NEARLY_AT_REST)))
-    }
-
     /// Lanes with a patch that bears no load yet and is about to: what sweeps make of it depends on their order, so its first impulses are
     /// to be those of least norm.
     pub(crate) fn new_lanes(
@@ -209,22 +187,35 @@ impl<R: Real> Patches<R> {
         R::Mask::from_bits(lanes)
     }
 
-    /// Shares the loads of the lanes `lanes` in which any patch slips. Returns the lanes in which that changed any share.
-    pub(crate) fn share(&mut self, assembled: &AssembledRows<'_, R>, iterate: &mut Iterate<R>, lanes: R::Mask) -> R::Mask {
-        if lanes.and(self.lanes()).none() {
-            return R::Mask::splat(false);
+    /// Finds the patches of the lanes `lanes` that slip; returns the lanes in which any does.
+    pub(crate) fn find_slips(&mut self, assembled: &AssembledRows<'_, R>, iterate: &Iterate<R>, lanes: R::Mask) -> R::Mask {
+        let contacts = &assembled.problem.contacts;
+        self.velocities.clear();
+        if lanes.any() {
+            let velocities = &mut self.velocities;
+            R::vectorize(
+                #[inline(always)]
+                || {
+                    for contact in contacts.iter() {
+                        velocities.push(contacts.velocity(contact, &iterate.w));
+                    }
+                },
+            );
         }
-        let problem = assembled.problem;
-        R::vectorize(
-            #[inline(always)]
-            || {
-                self.impulses.clone_from(&iterate.contacts);
-                self.velocities.clear();
-                for contact in problem.contacts.iter() {
-                    self.velocities.push(problem.contacts.velocity(contact, &iterate.w));
-                }
-            },
-        );
+        let (all, mut slipping) = (lanes.bits(), 0);
+        let Self { patches, slots, velocities, .. } = self;
+        for patch in patches.iter_mut().filter(|p| all >> p.lane & 1 == 1) {
+            let lane = patch.lane;
+            let slips = |i: usize| iterate.contacts[i][0].lane(lane).to_f64() > 0.0 && slip(of_lane(&velocities[i], lane)) > SLIPS;
+            patch.slips = patch.contacts::<R>(slots, assembled.slots, assembled.problem).any(slips);
+            slipping |= u32::from(patch.slips) << lane;
+        }
+        R::Mask::from_bits(slipping)
+    }
+
+    /// Shares the loads of the lanes `lanes`, whose slips are found. Returns the lanes in which that changed any share; w of the others may
+    /// have changed by rounding.
+    pub(crate) fn share(&mut self, assembled: &AssembledRows<'_, R>, iterate: &mut Iterate<R>, lanes: R::Mask) -> R::Mask {
         let (mut start, mut shared) = (0, 0);
         while start < self.patches.len() {
             let lane = self.patches[start].lane;
@@ -237,16 +228,7 @@ impl<R: Real> Patches<R> {
         if shared != 0 {
             R::vectorize(
                 #[inline(always)]
-                || {
-                    self.w.clone_from(&iterate.w);
-                    for (i, (new, old)) in iterate.contacts.iter().zip(&self.impulses).enumerate() {
-                        problem.contacts.add(&problem.contacts[i], sub(*new, *old), &mut iterate.w);
-                    }
-                    // The other lanes keep every bit, the sign of a zero too.
-                    for (w, &before) in iterate.w.iter_mut().zip(&self.w) {
-                        *w = R::select(R::Mask::from_bits(shared), *w, before);
-                    }
-                },
+                || iterate.compute_w(assembled.problem),
             );
         }
         R::Mask::from_bits(shared)
@@ -255,17 +237,6 @@ impl<R: Real> Patches<R> {
     /// Shares the loads of one lane, whose patches are `patches`; returns whether any has changed.
     fn share_lane(&mut self, patches: Range<usize>, assembled: &AssembledRows<'_, R>, iterate: &mut Iterate<R>) -> bool {
         let lane = self.patches[patches.start].lane;
-        let mut any = false;
-        for p in patches.clone() {
-            self.points.clear();
-            self.gather(p, assembled, iterate);
-            let slips = |p: &Point| p.before > 0.0 && p.velocity[1].hypot(p.velocity[2]) > SLIPS;
-            self.patches[p].slips = self.points.iter().any(slips);
-            any |= self.patches[p].slips;
-        }
-        if !any {
-            return false;
-        }
         self.group(patches.clone(), assembled);
         let mut changed = false;
         for name in patches.clone() {
@@ -290,7 +261,7 @@ impl<R: Real> Patches<R> {
         let Self { slots, patches, points, velocities, .. } = self;
         let lane = patches[patch].lane;
         for i in patches[patch].contacts::<R>(slots, assembled.slots, assembled.problem) {
-            let (velocity, before) = (number(velocities[i], lane), iterate.contacts[i][0].lane(lane).to_f64());
+            let (velocity, before) = (of_lane(&velocities[i], lane), iterate.contacts[i][0].lane(lane).to_f64());
             points.push(Point { contact: i, velocity, before, shared: 0.0, free: before > 0.0 || velocity[0] <= SLIPS });
         }
     }
@@ -403,7 +374,7 @@ impl<R: Real> Patches<R> {
         for p in &self.points {
             let lambda = &mut iterate.contacts[p.contact];
             let most = p.shared * problem.contacts[p.contact].mu.lane(lane).to_f64();
-            let slip = p.velocity[1].hypot(p.velocity[2]);
+            let slip = slip(p.velocity);
             let friction = if slip > SLIPS {
                 [-p.velocity[1] / slip * most, -p.velocity[2] / slip * most]
             } else {
@@ -423,7 +394,7 @@ fn precision<R: Real>() -> usize {
     usize::from(R::Scalar::EPSILON.to_f64() > 1e-12)
 }
 
-/// One lane of three numbers.
-fn number<R: Real>(x: V3<R>, lane: usize) -> [f64; 3] {
-    x.map(|x| x.lane(lane).to_f64())
+/// Speed of a contact across its normal, m/s.
+fn slip(velocity: [f64; 3]) -> f64 {
+    velocity[1].hypot(velocity[2])
 }

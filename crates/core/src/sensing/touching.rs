@@ -29,10 +29,10 @@ impl Contact {
             geoms,
             bodies,
             distance: data.point.distance.lane(lane).to_f64(),
-            pos: lane_of(&data.point.pos, lane),
-            axes: contact_frame(lane_of(&data.point.normal, lane)),
-            force: over(lane_of(&data.impulse, lane), h),
-            torque: contacts.torque.get(slot).map_or([0.0; 3], |x| over(lane_of(x, lane), h)),
+            pos: of_lane(&data.point.pos, lane),
+            axes: contact_frame(of_lane(&data.point.normal, lane)),
+            force: over(of_lane(&data.impulse, lane), h),
+            torque: contacts.torque.get(slot).map_or([0.0; 3], |x| over(of_lane(x, lane), h)),
         }
     }
 
@@ -69,7 +69,7 @@ impl<R: Real> Volume<R> {
     /// As one lane sees it.
     #[inline(always)]
     fn zone(&self, lane: usize) -> Zone {
-        Zone { origin: lane_of(&self.origin, lane), axes: lane_of(&self.axes, lane), size: lane_of(&self.size, lane) }
+        Zone { origin: of_lane(&self.origin, lane), axes: of_lane(&self.axes, lane), size: of_lane(&self.size, lane) }
     }
 }
 
@@ -90,16 +90,6 @@ impl Zone {
 #[inline(always)]
 fn over([x, y, z]: [f64; 3], h: f64) -> [f64; 3] {
     [x / h, y / h, z / h]
-}
-
-/// The numbers of one lane, read where they lie.
-#[inline(always)]
-fn lane_of<R: Real, const N: usize>(x: &[R; N], lane: usize) -> [f64; N] {
-    let mut out = [0.0; N];
-    for i in 0..N {
-        out[i] = x[i].lane(lane).to_f64();
-    }
-    out
 }
 
 impl Felt {
@@ -123,7 +113,7 @@ impl Felt {
     pub(super) fn wrench_on<R: Real>(&self, point: V3<R>, bodies: &[bool]) -> (V3<R>, V3<R>) {
         let (mut force, mut torque): (V3<R>, V3<R>) = ([R::default(); 3], [R::default(); 3]);
         for lane in 0..R::LANES {
-            let point = lane_of(&point, lane);
+            let point = of_lane(&point, lane);
             let (mut f, mut t) = ([0.0; 3], [0.0; 3]);
             for contact in self.lane(lane) {
                 let [first, second] = contact.bodies.map(|b| bodies[b]);

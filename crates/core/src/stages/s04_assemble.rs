@@ -86,7 +86,7 @@ pub fn assemble<R: Real>(
             constraints.patches.find(compiled, contacts, constraints.constrained.bits());
             constraints.iterate.compute_w(&constraints.problem);
             let new = constraints.patches.new_lanes(contacts, &constraints.slots, &constraints.problem, &constraints.iterate);
-            constraints.problem.hyperstatic = new.or(constraints.patches.resting_lanes(assembly.v));
+            constraints.problem.hyperstatic = new;
         },
     )
 }

@@ -1,7 +1,7 @@
 //! Stage 5: the constraint problem becomes impulses, with the residual that certifies them.
 
 use stepper_real::{Mask, Real, Scalar};
-use stepper_solve::{Iterate, Outcome, Settings, System, residual};
+use stepper_solve::{Outcome, Settings, System, residual};
 
 use crate::collision::contact_set::Contacts;
 use crate::constraints::{AssembledRows, Constraints, SolverWorkspace};
@@ -21,7 +21,7 @@ pub fn solve<R: Real>(
     contacts: &mut Contacts<R>,
 ) -> Outcome<R> {
     let [sweeps, newton] = options.effort();
-    let tolerance = tolerance(options, v);
+    let tolerance = tolerance(options, v, room.patches.lanes());
     let settings = Settings { sweeps, newton_steps: newton, tolerance, newton_threshold: tolerance };
     let AssembledRows { problem, owners, slots, rolling_slots, .. } = *rows;
     let SolverWorkspace { iterate, newton, capture, .. } = room;
@@ -29,9 +29,10 @@ pub fn solve<R: Real>(
         capture.bytes = System::from(problem).to_bytes(iterate, &settings, lane);
     }
     let mut outcome = stepper_solve::solve(problem, iterate, settings, lanes, newton);
-    share_loads(rows, settings, room, lanes, &mut outcome);
+    let enough = R::of(options.tolerance);
+    share_loads(rows, settings, room, lanes.and(outcome.residual.le(enough)), &mut outcome);
     let SolverWorkspace { iterate, scalar_impulse, worst, .. } = room;
-    let unsolved = lanes.and_not(outcome.residual.le(R::of(options.tolerance)));
+    let unsolved = lanes.and_not(outcome.residual.le(enough));
     worst.renew(rows, problem.into(), iterate, contacts, [lanes, unsolved]);
     R::vectorize(
         #[inline(always)]
@@ -51,33 +52,34 @@ pub fn solve<R: Real>(
     outcome
 }
 
-/// Shares the loads of hyperstatic patches that slip in the lanes `lanes` that are solved (see [`crate::constraints::hyperstatic`]). Lanes
-/// that it would unsettle, since a patch turns while it slips, keep the impulses that they have.
+/// Shares the loads of hyperstatic patches that slip in the lanes `solved` (see [`crate::constraints::hyperstatic`]). Lanes that it
+/// unsettles, since a patch turns while it slips, are solved again from the shared loads.
 fn share_loads<R: Real>(
     rows: &AssembledRows<'_, R>,
     settings: Settings<R>,
     room: &mut SolverWorkspace<'_, R>,
-    lanes: R::Mask,
+    solved: R::Mask,
     outcome: &mut Outcome<R>,
 ) {
-    let SolverWorkspace { iterate, patches, shared, .. } = room;
-    let solved = lanes.and(patches.lanes()).and(outcome.residual.le(settings.tolerance));
-    shared.save(iterate, solved);
-    let before = outcome.residual;
-    let anew = patches.share(rows, iterate, solved);
-    if anew.none() {
+    let SolverWorkspace { iterate, newton, patches, shared, .. } = room;
+    let slipping = patches.find_slips(rows, iterate, solved.and(patches.lanes()));
+    if slipping.none() {
         return;
     }
-    let left = |iterate: &Iterate<R>| {
-        R::vectorize(
-            #[inline(always)]
-            || residual(rows.problem, iterate),
-        )
-    };
-    let shared_residual = left(iterate);
-    let moved = anew.and_not(shared_residual.le(settings.tolerance));
-    shared.restore(iterate, moved);
-    outcome.residual = R::select(anew.and_not(moved), shared_residual, before);
+    shared.save(iterate, slipping);
+    let anew = patches.share(rows, iterate, slipping);
+    shared.restore(iterate, anew.not());
+    let left = R::vectorize(
+        #[inline(always)]
+        || residual(rows.problem, iterate),
+    );
+    let before = outcome.residual;
+    outcome.residual = R::select(anew, left, before);
+    let moved = anew.and_not(left.le(before.max(settings.tolerance)));
+    if moved.any() {
+        let again = stepper_solve::solve(rows.problem, iterate, settings, moved, newton);
+        outcome.replace(&again, moved);
+    }
 }
 
 /// Sweeps of an estimate at the most: with 8 of them, 13 % of the steps of dm_control's humanoid under random control depend on the step
@@ -135,14 +137,18 @@ fn fastest<R: Real>(v: &[R]) -> R {
 /// rest), so that this lets what creeps decay.
 const RELATIVE_TOLERANCE: f64 = 1e-3;
 
-/// Residual at which each lane stops, m/s; never below what rounding leaves of velocities of order one.
-fn tolerance<R: Real>(options: &StepSettings, v: &[R]) -> R {
+/// Least residual at which a lane with patches stops, m/s, in 64 bits.
+const LEAST_TOLERANCE: f64 = 1e4 * f64::EPSILON;
+
+/// Residual at which each lane stops, m/s; never below what rounding leaves of velocities of order one. In 32 bits that is more than the
+/// default tolerance, at which heavy boxes creep into light ones below them: lanes with `patches` go on.
+fn tolerance<R: Real>(options: &StepSettings, v: &[R], patches: R::Mask) -> R {
     R::vectorize(
         #[inline(always)]
         || {
-            let rounding = R::of(<R::Scalar as Scalar>::EPSILON.to_f64() * 1e4);
-            let most = R::of(options.tolerance);
-            (fastest(v) * R::of(RELATIVE_TOLERANCE)).max(rounding).min(most)
+            let epsilon = <R::Scalar as Scalar>::EPSILON.to_f64();
+            let least = R::select(patches, R::of((10.0 * epsilon).max(LEAST_TOLERANCE)), R::of(1e4 * epsilon));
+            (fastest(v) * R::of(RELATIVE_TOLERANCE)).max(least).min(R::of(options.tolerance))
         },
     )
 }

@@ -14,7 +14,7 @@ demo: build
 # its tests turn on and pyproject.toml too, libraries get the features that `build` gave them, and are not compiled a second time.
 test: wheel
 	cargo test --release --workspace --exclude stepper-benches --features stepper-core/nalgebra
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses logical --dist worksteal
 
 # The wheel, with its size and the time of an import: docs/packaging.md. It carries the binary that `build` made.
 wheel: build

@@ -35,7 +35,7 @@ def test_a_row_for_each_timed_phase_with_every_setting(lifted):
 
 
 def test_the_tables_have_the_row(lifted):
-    assert "lift 0.05 kg" in speed(lifted)
+    assert "lift 0.05 kg" in speed(lifted, {})
     assert "lift 0.05 kg" in accuracy(lifted)
 
 

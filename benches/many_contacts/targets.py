@@ -99,7 +99,7 @@ def mean(found: Sequence[Reached], value: Callable[[Reached], float | None]) -> 
 
 
 def part(found: Iterable[Reached]) -> tuple[str, float] | None:
-    """The part of the step that is farthest above its floor, and how far, as a share of the step's time: on average over episodes."""
+    """The part that takes the most beyond its floor, as a share of the step's time, on average over episodes."""
     looked = [one.anatomy.excess for one in found if one.anatomy]
     names = dict.fromkeys(name for excess in looked for name in excess)
     shares = {name: fmean(excess.get(name, 0.0) for excess in looked) for name in names}
@@ -115,10 +115,10 @@ def lines(rows: Sequence[Row], came_from: Mapping[str, Any], floors: Floors, thr
         if row["target"] != dict(zip(PRECISIONS, LEAST, strict=True)):
             own = [[one for one in found if one.name == row["row"]] for found in by_precision]
             out.append(_line(row["row"], [row["target"][precision] for precision in PRECISIONS], own, factor))
-    out.append(_line("geometric mean over scenes", MEAN, by_precision, factor))
     least = [[min(found, key=lambda one: one.ratio)] if found else [] for found in by_precision]
-    names = list(dict.fromkeys(one.name for found in least for one in found))
-    out.append(_line(f"the least of them ({' / '.join(names)})", LEAST, least, factor))
+    names = " / ".join(dict.fromkeys(one.name for found in least for one in found))
+    out.append(_line("geometric mean over scenes", MEAN, by_precision, factor))
+    out.append(_line(f"the least of them ({names})", LEAST, least, factor))
     if throughput:
         factor = scale(throughput["provenance"])
         batch = [of_robots(throughput, precision, floors) for precision in PRECISIONS]
@@ -136,9 +136,9 @@ def _line(what: str, targets: Sequence[float], by_precision: Sequence[Sequence[R
         cells[0].append(f"{target:.2g}")
         cells[1].append("-" if ratio is None else f"**{ratio:.2g}**" if missed else f"{ratio:.2g}")
         cells[2].append("-" if at_floor is None else f"{at_floor:.2g}")
-        cells[3].append("" if not missed else "-" if way is None else f"{way[0]} ({way[1]:.0%})")
+        cells[3].append("-" if way is None else f"{way[0]} ({way[1]:.0%})")
         cells[4].append("-" if worst is None else _unsolved(worst, len(found) > 1))
-    return [what, *(" / ".join(cell) if any(cell) else "" for cell in cells)]
+    return [what, *(" / ".join(cell) for cell in cells)]
 
 
 def _unsolved(worst: Reached, named: bool) -> str:

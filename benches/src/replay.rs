@@ -270,3 +270,46 @@ impl From<Settings> for Options {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HEADER: &str = r#"{"format": 4, "closed": true, "note": "", "num_envs": 2, "precision": "f32", "actuators": null, "sensors": null,
+        "options": {"timestep": null, "integrator": "rk4", "solver": "pgs", "iterations": 7, "tolerance": 1e-5, "stabilization": "none",
+            "baumgarte": 0.2, "slop": 1e-5, "max_correction_speed": 1.0, "restitution_threshold": 0.01, "max_contacts": null},
+        "files": [{"name": "00000.npz", "rows": 1, "steps": 0, "sha256": ""}]}"#;
+
+    #[test]
+    fn options_are_read_by_their_names_in_python() {
+        let head: Header = serde_json::from_str(HEADER).unwrap();
+        head.check("run.json").unwrap();
+        let options = Options::from(head.options);
+        assert_eq!((options.integrator, options.solver, options.stabilization), (Integrator::Rk4, Solver::Pgs, Stabilization::None));
+        assert_eq!((options.iterations, options.tolerance, options.timestep), (7, Some(1e-5), None));
+    }
+
+    #[test]
+    fn what_cannot_be_repeated_is_refused() {
+        for (of, other, word) in [
+            ("\"format\": 4", "\"format\": 3", "format 3"),
+            ("\"closed\": true", "\"closed\": false", "not closed"),
+            ("\"sensors\": null", "\"sensors\": {}", "sensors"),
+        ] {
+            let head: Header = serde_json::from_str(&HEADER.replace(of, other)).unwrap();
+            let error = head.check("out/run.json").unwrap_err();
+            assert!(error.contains("out/run.json") && error.contains(word), "{error}");
+        }
+        let error = Replay::load(Path::new("no/such/folder")).err().unwrap();
+        assert!(error.contains("no/such/folder") && error.contains("Stepper.record"), "{error}");
+    }
+
+    #[test]
+    fn a_call_for_one_environment_has_its_part() {
+        let step = Call::Step { ctrl: vec![1.0, 2.0, 3.0, 4.0], nstep: 3 };
+        assert!(matches!(step.of_one(1, 2), Call::Step { ctrl, nstep: 3 } if ctrl == [3.0, 4.0]));
+        let reset = Call::Reset { envs: vec![1], qpos: Some(vec![5.0, 6.0]), qvel: None };
+        assert!(matches!(reset.of_one(0, 2), Call::Reset { envs, .. } if envs.is_empty()));
+        assert!(matches!(reset.of_one(1, 2), Call::Reset { envs, qpos, qvel: None } if envs == [0] && qpos == Some(vec![6.0])));
+    }
+}

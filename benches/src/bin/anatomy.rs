@@ -21,6 +21,8 @@ use stepper_core::{Level, Options, Precision, Simulation, StepInputs};
 
 /// Repeats of everything: of each call the fastest counts, of a whole step the median.
 const ROUNDS: usize = 15;
+/// Floor that is shown, us: where there is less, nothing counts that is done there.
+const WORTH_A_CELL: f64 = 5e-4;
 /// Steps after which a humanoid that nobody controls lies on the floor.
 const FALL: usize = 200;
 
@@ -96,6 +98,8 @@ fn episodes(folders: &[PathBuf], json: Option<PathBuf>, level: Level) -> Result<
             std::fs::write(path, format!("{text:#}\n")).map_err(|e| format!("{}: {e}", path.display()))?;
         }
     }
+    // f64 first.
+    found.sort_by(|a, b| (&a.name, a.num_envs, b.precision).cmp(&(&b.name, b.num_envs, a.precision)));
     let same = |a: &Anatomy, b: &Anatomy| (&a.name, a.num_envs) == (&b.name, b.num_envs);
     for columns in found.chunk_by(same) {
         parts(columns);
@@ -128,7 +132,8 @@ fn parts(columns: &[Anatomy]) {
         line(name, &|a| {
             let Some(part) = a.parts.iter().find(|part| part.name == name) else { return " | | | | ".into() };
             let share = 100.0 * part.micros / a.parts.iter().map(|part| part.micros).sum::<f64>();
-            let floor = if part.floor > 0.0 { format!("{:.4} | {:.1}", part.floor, part.micros / part.floor) } else { " | ".into() };
+            let floor =
+                if part.floor > WORTH_A_CELL { format!("{:.4} | {:.1}", part.floor, part.micros / part.floor) } else { " | ".into() };
             format!("{:.2} | {:.4} | {share:.1} | {floor}", part.times, part.micros)
         });
     }

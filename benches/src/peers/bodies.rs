@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, LazyLock};
 
-use stepper_core::internals::analysis::overlaps::overlaps;
+use stepper_core::analysis::overlaps::overlaps;
 use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
 use stepper_core::{Options, Precision, Simulation, StepInputs};
 
@@ -10,11 +10,11 @@ use super::GRAVITY;
 use crate::scenes::noise;
 
 /// Half size of the sliding box, m.
-pub const BOX_HALF: [f64; 3] = [0.2, 0.15, 0.1];
+pub(super) const BOX_HALF: [f64; 3] = [0.2, 0.15, 0.1];
 /// Speed of the sliding box at the start, m/s.
-pub const BOX_SPEED: f64 = 2.0;
+pub(super) const BOX_SPEED: f64 = 2.0;
 /// Its friction with the floor.
-pub const BOX_FRICTION: f64 = 0.5;
+pub(super) const BOX_FRICTION: f64 = 0.5;
 
 /// Density of boxes and bricks, of wood, kg/m^3.
 const WOOD: f64 = 500.0;

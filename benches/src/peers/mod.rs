@@ -8,7 +8,7 @@ mod bodies;
 mod ours;
 mod rapier;
 
-pub use bodies::{Bodies, Pose};
+pub use bodies::{Bodies, Pose, Shape, Solid};
 pub use ours::Ours;
 pub use rapier::{Rapier, Setting};
 

@@ -2,7 +2,7 @@
 
 use rapier3d_f64::prelude::*;
 
-use super::bodies::{Bodies, Pose, Shape};
+use super::bodies::{Bodies, Pose, Shape, Solid};
 use super::{Course, Engine, GRAVITY};
 use crate::clock::Run;
 use crate::scenes::{LINK_LENGTH, LINK_MASS, LINK_MOMENTS, chain_axis};
@@ -79,7 +79,7 @@ fn free(world: &mut PhysicsWorld, bodies: &Bodies) -> Vec<RigidBodyHandle> {
     for &([x, y, z], pos) in &bodies.walls {
         world.insert(RigidBodyBuilder::fixed().translation(Vector::from(pos)), rough(ColliderBuilder::cuboid(x, y, z), bodies.friction));
     }
-    let solid = |solid: &super::bodies::Solid| {
+    let solid = |solid: &Solid| {
         let (pos, [w, x, y, z]) = solid.pose;
         let pose = Pose3::from_parts(Vector::from(pos), Rotation::from_xyzw(x, y, z, w));
         let body = RigidBodyBuilder::dynamic().pose(pose).linvel(Vector::from(solid.velocity)).can_sleep(false);

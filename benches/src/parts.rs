@@ -48,7 +48,7 @@ pub struct Part {
     pub name: &'static str,
     /// How often a group enters it in a step.
     pub times: f64,
-    /// Its time, of each call of step the least of the rounds, us.
+    /// Its time, us: its share of what a clock saw in the least of the rounds of each call, of the processor time of the whole step.
     pub micros: f64,
     /// The least time of its operations, us. What is done lane by lane in plain numbers, hulls and Newton's method, is not counted.
     pub floor: f64,
@@ -85,10 +85,12 @@ impl Anatomy {
         time.subtract_probe(own_cost());
         let rates = Rates::measure(replay.precision, level);
         let groups = time.counters[Counter::GroupSteps as usize];
+        // The clock goes on while others have the core, but for all parts alike.
+        let whole = time.sum();
         let part = |((name, time), (_, work)): ((_, Row), (_, Row))| Part {
             name,
             times: time.times / groups,
-            micros: 1e-3 * time.readings[0],
+            micros: micros * time.readings[0] / whole,
             floor: rates.micros(work.readings),
         };
         let parts: Vec<Part> = time.rows().zip(work.rows()).map(part).filter(|part| part.micros > 0.0).collect();

@@ -131,11 +131,12 @@ impl Bodies {
         bin
     }
 
-    /// Five courses of three bricks in running bond.
+    /// Five courses of three bricks in running bond. Every second course is two fifths of a brick further: with half a brick and the joint, the
+    /// last brick of the top course would have its centre beyond the brick that carries it, and tip.
     pub fn wall() -> Self {
         let brick = |k: usize| {
             let (course, place) = (k / 3, (k % 3) as f64);
-            let x = (2.0 * BRICK[0] + JOINT) * (place - 1.0 + if course % 2 == 1 { 0.25 } else { -0.25 });
+            let x = (2.0 * BRICK[0] + JOINT) * (place - 1.0 + if course % 2 == 1 { 0.2 } else { -0.2 });
             Solid::wooden(BRICK, [x, 0.0, BRICK[2] * (2 * course + 1) as f64])
         };
         Self::new(ROUGH, (0..15).map(brick).collect())

@@ -140,6 +140,8 @@ impl Replay {
                 }
             }
         }
+        // What is done after the last step changes no step, but where the environments are.
+        calls.truncate(calls.iter().rposition(|call| call.steps() > 0).map_or(0, |last| last + 1));
         let start = start.ok_or_else(|| format!("{header}: the recording has no start"))?;
         Ok(Self {
             name: if head.note.is_empty() { folder.file_name().unwrap_or_default().to_string_lossy().into() } else { head.note },

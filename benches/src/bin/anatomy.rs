@@ -83,15 +83,17 @@ fn humanoid(level: Level) {
 /// Recordings: a table for each name, a row for each at the end.
 fn episodes(folders: &[PathBuf], json: Option<PathBuf>, level: Level) -> Result<(), String> {
     pin();
-    let mut found: Vec<Anatomy> = vec![];
+    let (mut found, mut refused): (Vec<Anatomy>, Vec<String>) = (vec![], vec![]);
     for folder in folders {
-        let replay = Replay::load(folder)?;
-        eprintln!("{}, {} environments", replay.name, replay.num_envs);
-        let anatomy = Anatomy::of(&replay, level).map_err(|e| format!("{}: {e}", folder.display()))?;
-        if !anatomy.reproduced {
-            eprintln!("{}: it ends elsewhere than it did, so another build of stepper recorded it", folder.display());
+        eprintln!("{}", folder.display());
+        let anatomy = Replay::load(folder).and_then(|replay| Anatomy::of(&replay, level).map_err(|e| format!("{}: {e}", folder.display())));
+        match anatomy {
+            Ok(anatomy) => found.push(anatomy),
+            Err(message) => {
+                refused.push(message);
+                continue;
+            }
         }
-        found.push(anatomy);
         // What was found is kept whatever becomes of the next one.
         if let Some(path) = &json {
             let text = serde_json::json!({ "cpu": cpu(), "cpu_level": level.to_string(), "episodes": found });
@@ -114,7 +116,10 @@ fn episodes(folders: &[PathBuf], json: Option<PathBuf>, level: Level) -> Result<
         let [micros, floor] = [both(&|a| format!("{:.3}", a.micros)), both(&|a| format!("{:.3}", a.floor))];
         println!("| {}, {} environments | {micros} | {floor} | {ratio} |", columns[0].name, columns[0].num_envs);
     }
-    Ok(())
+    for a in found.iter().filter(|a| !a.reproduced) {
+        println!("\n{}, {}: it ends elsewhere than it did; another build of stepper recorded it.", a.name, a.precision);
+    }
+    if refused.is_empty() { Ok(()) } else { Err(refused.join("\n")) }
 }
 
 /// Parts of the steps of an episode, and what they count.

@@ -75,7 +75,7 @@ def robots(path: Path) -> Mapping[str, Any] | None:
 
 
 def of_robots(found: Mapping[str, Any], precision: str, floors: Floors, *, alone: bool = False) -> list[Reached]:
-    """What the robots of throughput.json reached, in a batch or each alone."""
+    """What the robots of throughput.json reached, in a batch or each alone; unsolved steps are those of the batch."""
     name, kind = f"stepper {precision}", "_alone" if alone else ""
     num_envs = 1 if alone else found["plan"]["num_envs"]
     out = []

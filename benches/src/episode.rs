@@ -15,8 +15,8 @@ const HOLD: usize = 5;
 /// Controls of a run.
 const CALLS: usize = 20;
 
-/// Steps of some environments that go the same way every time: of a scene, a hundred under pseudo-random controls from the state that they had
-/// after the warm-up; or those of a recording.
+/// Steps of some environments that go the same way every time: of a scene, a hundred under pseudo-random controls from the state that they
+/// had after the warm-up; or those of a recording.
 pub struct Episode {
     simulation: Simulation,
     start: SavedState,

@@ -131,8 +131,8 @@ impl Bodies {
         bin
     }
 
-    /// Five courses of three bricks in running bond. Every second course is two fifths of a brick further: with half a brick and the joint, the
-    /// last brick of the top course would have its centre beyond the brick that carries it, and tip.
+    /// Five courses of three bricks in running bond. Every second course is two fifths of a brick further: with half a brick and the joint,
+    /// the last brick of the top course would have its centre beyond the brick that carries it, and tip.
     pub fn wall() -> Self {
         let brick = |k: usize| {
             let (course, place) = (k / 3, (k % 3) as f64);

@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 DENY := 0.20.2
 
-.PHONY: demo test wheel bench loading many-contacts atlas corpus fuzz check advisories build format clean
+.PHONY: demo test wheel bench loading many-contacts floors atlas corpus fuzz check advisories build format clean
 
 # The main job: 1,024 humanoids, beside MuJoCo.
 demo: build
@@ -40,6 +40,12 @@ loading: build
 # Speed and accuracy where contacts are many, beside MuJoCo: docs/many_contacts.md (an hour). SCENES='--scene g1 --quick' and more, see --help.
 many-contacts: build
 	PYTHONPATH=benches $(BIN)/python -m many_contacts $(or $(SCENES),--update-docs)
+
+# The least time that the arithmetic of a step could take, of the same scenes and of the robots of comparison/throughput.py: out/floors.json, which the
+# page and `python -m many_contacts --targets` read. SCENES as above.
+floors: build
+	PYTHONPATH=benches $(BIN)/python -m many_contacts $(SCENES) --save-episodes out/episodes
+	cargo run --release -p stepper-benches --bin anatomy -- --json out/floors.json --episode out/episodes/*
 
 # Scenes with known answers where methods fail, in every engine and setting: docs/atlas.md. And the geometry, fuzzed for long.
 atlas: build $(VENV)/atlas.stamp

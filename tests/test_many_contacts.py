@@ -1,16 +1,20 @@
 """benches/many_contacts: scenes that need no download play in both engines, and the report has a row for each of their phases."""
 
 import dataclasses
+import json
 
 import mujoco
 import numpy as np
 import pytest
+import stepper
 from many_contacts.assets import Assets, written
+from many_contacts.episodes import floors
 from many_contacts.kinematics import UnreachableError, downwards, eased, reach
-from many_contacts.measure import Plan, measure
+from many_contacts.measure import Plan, measure, save_episodes
 from many_contacts.report import accuracy, means, speed
 from many_contacts.scene import Phase
 from many_contacts.scenes import ALL, grasps, heaps, unitree
+from many_contacts.targets import lines
 
 PLAN = Plan(num_envs=2, peers=2, precisions=("f64",), settings=("default", "fast"), rounds=2)
 
@@ -35,7 +39,7 @@ def test_a_row_for_each_timed_phase_with_every_setting(lifted):
 
 
 def test_the_tables_have_the_row(lifted):
-    assert "lift 0.05 kg" in speed(lifted)
+    assert "lift 0.05 kg" in speed(lifted, {})
     assert "lift 0.05 kg" in accuracy(lifted)
 
 
@@ -88,3 +92,57 @@ def test_ways_begin_and_end_at_rest():
     np.testing.assert_array_equal(way[-1], [1.0, 1.0])
     assert way[0].max() < 1e-4
     np.testing.assert_allclose(downwards(0.3) @ downwards(0.3).T, np.eye(3), atol=1e-15)
+
+
+def test_an_episode_is_what_was_timed(tmp_path):
+    scene = dataclasses.replace(heaps.SCENES[2], phases=(Phase("stands", 4, timed=False), Phase("is struck", 6)))
+    path = written(scene.spec(Assets(tmp_path)), tmp_path / "wall.xml")
+    for _ in range(2):  # The second one replaces the first.
+        save_episodes(scene, path, dataclasses.replace(PLAN, precisions=("f32",)), tmp_path / "episodes")
+    (folder,) = (tmp_path / "episodes").iterdir()
+    assert folder.name == "wall_2_f32"
+    done = stepper.replay(folder)
+    assert done
+    assert done.steps == 6
+    assert done.complete
+
+
+def anatomy(name, precision, micros, solve, floor):
+    parts = [{"name": "solve", "times": 1, "micros": solve, "floor": floor}, {"name": "detect", "times": 1, "micros": 1.0, "floor": 0.5}]
+    return {"name": name, "num_envs": 64, "precision": precision, "micros": micros, "floor": floor + 0.5, "parts": parts}
+
+
+def figures(ratio, unsolved):
+    return {"ratio": ratio, "microseconds": 10.0, "unsolved": unsolved}
+
+
+MACHINE = {"cpu_level": "avx2"}
+
+
+def test_targets_say_what_is_reached_at_the_floor_and_in_the_way(tmp_path):
+    rows = [
+        {"row": "g1", "group": "g1", "num_envs": 64, "target": {"f64": 6.0, "f32": 10.0}, "ours": {"f64 default": figures(4.0, 1e-3)}},
+        {"row": "wall", "group": "wall", "num_envs": 64, "target": {"f64": 2.5, "f32": 4.0}, "ours": {"f64 default": figures(9.0, 0.0)}},
+    ]
+    (tmp_path / "floors.json").write_text(json.dumps({"episodes": [anatomy("g1", "f64", 10.0, 9.0, 1.5)]}))
+    found = {line[0]: line[1:] for line in lines(rows, MACHINE, floors(tmp_path / "floors.json"), None)}
+    assert found["g1"] == ["6 / 10", "**4** / -", "20 / -", "solve (75%) / -", "**0.1** / -"]
+    assert found["geometric mean over scenes"][1] == "6 / -"
+    assert found["the least of them (g1)"][1] == "4 / -"
+    raised = {line[0]: line[1:] for line in lines(rows, {"cpu_level": "avx512"}, {}, None)}
+    assert raised["g1"] == ["8 / 13", "**4** / -", "- / -", "- / -", "**0.1** / -"]
+
+
+def test_robots_have_targets_in_a_batch_and_alone():
+    row = {
+        "model": "ant",
+        "ratio": {"stepper f64": 8.0, "stepper f32": 16.0},
+        "microseconds": {"stepper f64": 1.0, "stepper f32": 0.5},
+        "ratio_alone": {"stepper f64": 2.0},
+        "microseconds_alone": {"stepper f64": 5.0},
+        "certificates": {f"stepper {p}": {"not_converged": 0, "env_steps": 100} for p in ("f64", "f32")},
+    }
+    table = lines([], MACHINE, {}, {"plan": {"num_envs": 256}, "models": [row], "provenance": MACHINE})
+    found = {line[0]: line[1:] for line in table}
+    assert found["1 robots, random control, mean"] == ["9 / 15", "**8** / 16", "- / -", "- / -", "0 / 0"]
+    assert found["the same, one environment alone"] == ["3.5", "**2**", "-", "-", "0"]

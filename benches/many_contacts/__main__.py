@@ -6,6 +6,7 @@ import argparse
 import json
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +15,16 @@ from stepper import ModelError
 from stepper.shared.machine import provenance, require
 
 from many_contacts.assets import Assets, written
+from many_contacts.episodes import floors, save_robots
 from many_contacts.kinematics import UnreachableError
-from many_contacts.measure import SETTINGS, Plan, measure
-from many_contacts.report import page, show
+from many_contacts.measure import SETTINGS, Plan, measure, save_episodes
+from many_contacts.report import Report
 from many_contacts.scene import Scene
 from many_contacts.scenes import ALL
+from many_contacts.targets import robots
+
+FAILURES = (DownloadError, ModelError, UnreachableError, RuntimeError)
+"""What keeps one scene from being measured, and not the others. MuJoCo's errors are RuntimeErrors."""
 
 
 def main() -> None:
@@ -36,6 +42,10 @@ def main() -> None:
     parser.add_argument("--add", action="store_true", help="keep what many_contacts.json has of other scenes and numbers of environments")
     parser.add_argument("--update-docs", action="store_true", help="write docs/many_contacts.md from all that many_contacts.json then has")
     parser.add_argument("--from-json", action="store_true", help="measure nothing: show what many_contacts.json has")
+    parser.add_argument("--targets", action="store_true", help="measure nothing: show the targets beside what many_contacts.json has")
+    parser.add_argument(
+        "--save-episodes", type=Path, metavar="DIR", help="measure nothing: record what is timed, for anatomy and its floors"
+    )
     parser.add_argument("--list", action="store_true", help="only names of the scenes and what they are")
     parser.add_argument("--out", type=Path, default=Path("out"), help="folder of many_contacts.json; default: out")
     parser.add_argument("--cache", type=Path, default=Path("out/corpus"), help="folder of downloads; default: out/corpus")
@@ -49,12 +59,15 @@ def main() -> None:
     if args.quick:
         args.rounds, args.patience, args.settings = min(args.rounds, 2), min(args.patience, 15.0), ["default"]
     require("mujoco", "to run MuJoCo beside stepper").set_mju_user_warning(lambda message: None)
+    if args.save_episodes:
+        _save(scenes, args)
+        return
     path = args.out / "many_contacts.json"
-    kept = json.loads(path.read_text(encoding="utf-8")) if (args.add or args.from_json) and path.exists() else {"rows": []}
-    for num_envs in () if args.from_json else args.num_envs:
+    saved = args.from_json or args.targets
+    kept = json.loads(path.read_text(encoding="utf-8")) if (args.add or saved) and path.exists() else {"rows": []}
+    for num_envs in () if saved else args.num_envs:
         for scene in scenes:
-            plan = Plan(num_envs, args.peers, tuple(args.precision), tuple(args.settings), args.rounds, args.patience, args.seed)
-            rows = _measured(scene, plan, args.cache, args.out)
+            rows = _measured(scene, _plan(args, num_envs), args.cache, args.out)
             others = [row for row in kept["rows"] if (row["scene"], row["num_envs"]) != (scene.name, num_envs)]
             kept = {"rows": others + rows, "provenance": provenance()}
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -63,19 +76,43 @@ def main() -> None:
     found = sorted((row for row in kept["rows"] if row["scene"] in order), key=lambda row: order.index(row["scene"]))
     if not found:
         parser.error(f"nothing was measured: {path}")
-    print(f"\n{show(found)}")
+    report = Report(found, kept["provenance"], floors(args.out / "floors.json"), robots(args.out / "throughput.json"))
+    print(f"\n{report.targets() if args.targets else report.show()}")
     if args.update_docs:
-        Path("docs/many_contacts.md").write_text(page(found, kept["provenance"], ALL), encoding="utf-8")
+        Path("docs/many_contacts.md").write_text(report.page(ALL), encoding="utf-8")
+
+
+def _plan(args: argparse.Namespace, num_envs: int) -> Plan:
+    return Plan(num_envs, args.peers, tuple(args.precision), tuple(args.settings), args.rounds, args.patience, args.seed)
+
+
+def _save(scenes: Sequence[Scene], args: argparse.Namespace) -> None:
+    for num_envs in args.num_envs:
+        for scene in scenes:
+            try:
+                save_episodes(scene, _path(scene, args.cache, args.out), _plan(args, num_envs), args.save_episodes)
+                said = "recorded"
+            except FAILURES as error:
+                said = _words(error)
+            sys.stderr.write(f"{scene.name}, {num_envs} environments: {said}\n")
+    save_robots(args.save_episodes, args.precision, args.scene)
+
+
+def _path(scene: Scene, cache: Path, out: Path) -> Path:
+    return written(scene.spec(Assets(cache)), out / "many_contacts" / f"{scene.name.replace(' ', '_')}.xml")
+
+
+def _words(error: Exception) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 
 def _measured(scene: Scene, plan: Plan, cache: Path, out: Path) -> list[dict[str, Any]]:
     begin = time.perf_counter()
     try:
-        path = written(scene.spec(Assets(cache)), out / "many_contacts" / f"{scene.name.replace(' ', '_')}.xml")
-        rows = measure(scene, path, plan)
+        rows = measure(scene, _path(scene, cache, out), plan)
         said = "; ".join(f"{row['row']} {_ratios(row)}" for row in rows)
-    except (DownloadError, ModelError, UnreachableError, RuntimeError) as error:  # MuJoCo's are RuntimeErrors.
-        said = f"{type(error).__name__}: {' '.join(str(error).split())}"
+    except FAILURES as error:
+        said = _words(error)
         empty = {"scene": scene.name, "group": scene.group or scene.name, "num_envs": plan.num_envs, "note": said, "ours": {}, "theirs": {}}
         rows = [empty | {"row": scene.row(phase)} for phase in scene.phases if phase.timed]
     sys.stderr.write(f"{scene.name}, {plan.num_envs} environments, {time.perf_counter() - begin:.0f} s: {said}\n")

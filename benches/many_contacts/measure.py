@@ -7,6 +7,7 @@ import hashlib
 import time
 import warnings
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import median
@@ -22,6 +23,7 @@ from stepper.experiments.demo.race import MATCHED
 from stepper.shared.machine import one_core
 
 from many_contacts.engines import PGS, Batch, Ours, Theirs
+from many_contacts.episodes import episode
 from many_contacts.scene import Array, Scene, Script
 
 CHUNK = 20
@@ -159,6 +161,28 @@ def measure(scene: Scene, path: Path, plan: Plan) -> list[dict[str, Any]]:
             }
         rows.append(row)
     return rows
+
+
+def save_episodes(scene: Scene, path: Path, plan: Plan, folder: Path) -> None:
+    """Plays a scene once with default settings, and records each timed phase: its name is that of its row.
+
+    Raises:
+        stepper.ModelError: stepper refuses the model.
+    """
+    model, _ = read(path)
+    compiled = mujoco.MjModel.from_xml_path(str(path))
+    script = _led(scene, scene.script(compiled, plan.num_envs, np.random.default_rng(plan.seed)), model, path)
+    for precision in plan.precisions:
+        batch = Ours(model, plan.num_envs, precision=precision, options=None, setting="default")
+        restarts = np.zeros(plan.num_envs, np.intp)
+        batch.begin(script)
+        first = 0
+        for phase in scene.phases:
+            with episode(batch.sim, folder, scene.row(phase)) if phase.timed else nullcontext():
+                for begin in range(first, first + phase.steps, CHUNK):
+                    _chunk(batch, script, range(begin, min(begin + CHUNK, first + phase.steps)), None)
+                    _restart(batch, script, restarts)
+            first += phase.steps
 
 
 def _led(scene: Scene, script: Script, model: Model, path: Path) -> Script:

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from statistics import geometric_mean
 from typing import Any
 
+from many_contacts.episodes import Floors
 from many_contacts.measure import CHUNK, DROPPED, LOOKED_AT, PEERS
 from many_contacts.scene import MEAN, Scene
-
-Row = Mapping[str, Any]
-UNSOLVED = 1e-4
-"""Share of environment-steps that may be unsolved."""
-
+from many_contacts.targets import UNSOLVED, Row, lines, scale
 
 HEAD = f"""# Where contacts are many
 
@@ -22,6 +21,8 @@ them, and how accurately.
     make many-contacts                                                                       # all of it, an hour; this page
     PYTHONPATH=benches python -m many_contacts --scene g1 --num-envs 64 --precision f64 --quick   # one scene, seconds
     PYTHONPATH=benches python -m many_contacts --list                                        # what there is
+    PYTHONPATH=benches python -m many_contacts --targets                                     # targets beside what was measured
+    make floors                                                                              # the floors of all scenes; half an hour
 
 The first time it downloads mjlab, robosuite, gymnasium-robotics, dm-control, metaworld and gym-aloha as archives, of which only files are
 read. The models that both engines step are left in `out/many_contacts/`, the figures in `out/many_contacts.json`.
@@ -36,13 +37,18 @@ read. The models that both engines step are left in `out/many_contacts/`, the fi
 * Every engine plays the whole episode by itself, phases that are not timed included, so that each is in a state of its own. Where that
   takes long (heaps, bodies that fall) stepper makes the first part once for all, solved to 1e-3 m/s, and each engine then has time to
   find its rest.
+* **Floor** is the least time that the arithmetic of the step could take in lanes on this core
+  ([performance.md](performance.md#the-floor)): the operations of eight environments, each alone, at the rates of a loop of independent
+  ones. **Farthest above it** is the part of the step that takes the most beyond its own floor, and how much of the step that is. Hulls
+  and Newton's method work in plain numbers, one environment at a time, which are not counted: where rows say many Newton steps, the floor
+  is lower than any method's.
 * **Unsolved** is the share of environment-steps with NOT_CONVERGED, which should be {100 * UNSOLVED:g} % at most; more is bold. Sweeps and
   Newton steps are means over environment-steps.
 * **Contacts** and the deepest **penetration** are of the first {LOOKED_AT} environments at the end of each turn, by MuJoCo's collision
   detection for all engines alike. **Slip** is the median over environments of how far what is held moved in the frame of a finger during
   the phase (feet: over the floor); what moved by more than {1e3 * DROPPED:g} mm counts as dropped.
 * The mean over scenes is geometric; rows of one scene, and scenes of one kind (the lifted masses, the two heaps, the hand's objects,
-  the humanoids), count once together, by their own geometric mean. Targets are in brackets.
+  the humanoids), count once together, by their own geometric mean. Targets are in brackets, a third higher where the CPU level is avx512.
 * Settings: default; `fast` as in [performance.md](performance.md#beside-mujoco) (Euler's rule, a residual of 1e-3 m/s, overlaps
   corrected in the velocity); `pgs`, sweeps alone, to see what is left to Newton's method."""
 NOTES = f"""## What to know of the scenes
@@ -99,13 +105,26 @@ def means(rows: Sequence[Row], column: str) -> float | None:
     return geometric_mean(geometric_mean(found) for found in groups.values()) if groups else None
 
 
-def speed(rows: Sequence[Row]) -> str:
-    """Times and ratios beside their targets, and what is beside them: the share of unsolved steps, sweeps and Newton steps."""
+def speed(rows: Sequence[Row], floors: Floors, factor: float = 1.0) -> str:
+    """Times beside their floors, ratios beside their targets, the share of unsolved steps, sweeps and Newton steps.
+
+    Args:
+        rows: Of many_contacts.json, of one number of environments.
+        floors: Of their episodes.
+        factor: What targets are multiplied by on this machine.
+    """
     columns = list(dict.fromkeys(name for row in rows for name in row["ours"]))
     defaults = [name for name in columns if name.endswith(" default")]
     others = [name for name in columns if name not in defaults]
     precisions = _both(name.split()[0] for name in defaults)
-    head = ["scene", "contacts", *(f"us {name.split()[0]}" for name in defaults), "us MuJoCo same / own"]
+    head = [
+        "scene",
+        "contacts",
+        *(f"us {name.split()[0]}" for name in defaults),
+        f"floor us {precisions}",
+        f"farthest above it {precisions}",
+    ]
+    head += ["us MuJoCo same / own"]
     head += [f"{name.split()[0]} x (target)" for name in defaults] + [f"{_label(name)} x" for name in others]
     head += [f"unsolved % {precisions}", f"sweeps {precisions}", f"Newton steps {precisions}"]
     lines = []
@@ -116,16 +135,19 @@ def speed(rows: Sequence[Row]) -> str:
             continue
         first = next(iter(ours.values()))
         by_default, beside = [ours.get(name) for name in defaults], [ours.get(name) for name in others]
-        targets = [row["target"][name.split()[0]] for name in defaults]
+        targets = [factor * row["target"][name.split()[0]] for name in defaults]
+        looked = [floors.get((row["row"], row["num_envs"], name.split()[0])) for name in defaults]
         cells: list[object] = [row["row"], f"{first['contacts']:.1f}", *(_number(f, "microseconds", ".2f") for f in by_default)]
+        cells += [_both("-" if a is None else f"{a.floor:.2f}" for a in looked)]
+        cells += [_both("-" if a is None else "{} {:.0%}".format(*a.farthest) for a in looked)]
         cells += [_both(f"{theirs[peer]['microseconds']:.1f}" for peer in PEERS)]
         cells += ["-" if f is None else _reached(f["ratio"], target) for f, target in zip(by_default, targets, strict=True)]
         cells += [_number(f, "ratio", ".1f") for f in beside]
         cells += [_both("-" if f is None else _percent(f["unsolved"]) for f in by_default)]
         cells += [_both(_number(f, count, ".1f") for f in by_default) for count in ("sweeps", "newton_steps")]
         lines.append(cells)
-    cells = ["**geometric mean**", "", *("" for _ in defaults), ""]
-    cells += [_reached(means(rows, name) or 0.0, target) for name, target in zip(defaults, _targets(defaults), strict=True)]
+    cells = ["**geometric mean**", "", *("" for _ in defaults), "", "", ""]
+    cells += [_reached(means(rows, name) or 0.0, factor * target) for name, target in zip(defaults, _targets(defaults), strict=True)]
     cells += [f"**{means(rows, name):.1f}**" for name in others] + ["", "", ""]
     return _table(head, [*lines, cells])
 
@@ -135,7 +157,7 @@ def _targets(defaults: Sequence[str]) -> list[float]:
 
 
 def _reached(ratio: float, target: float) -> str:
-    return f"**{ratio:.2g}** ({target:g})"
+    return f"**{ratio:.2g}** ({target:.2g})"
 
 
 def _percent(share: float) -> str:
@@ -169,23 +191,56 @@ def accuracy(rows: Sequence[Row]) -> str:
     return f"In each cell: {every}.\n\n" + _table(head, lines)
 
 
-def show(rows: Sequence[Row]) -> str:
-    """Both tables of every number of environments."""
-    parts = []
-    for num_envs in sorted({row["num_envs"] for row in rows}):
-        some = [row for row in rows if row["num_envs"] == num_envs]
-        parts.append(f"### {num_envs} environments\n\n{speed(some)}\n\n{accuracy(some)}")
-    return "\n\n".join(parts)
+def _timed(scene: Scene) -> str:
+    return ", ".join(phase.name for phase in scene.phases if phase.timed and phase.name)
 
 
-def page(rows: Sequence[Row], came_from: Mapping[str, Any], scenes: Iterable[Scene]) -> str:
-    """The page docs/many_contacts.md."""
-    about = [
-        [s.name, s.about, ", ".join(p.name for p in s.phases if p.timed and p.name), f"{s.target[0]:g} / {s.target[1]:g}"] for s in scenes
-    ]
-    versions = ", ".join(f"{name} {came_from['versions'][name]}" for name in ("stepper", "mujoco-core", "python"))
-    rounds = sorted({row["rounds"] for row in rows if row["ours"]})
-    machine = f"{came_from['cpu']}, CPU level {came_from['cpu_level']}, {came_from['utc'][:10]}; {versions}."
-    shared = f"The machine was shared with other work (load {came_from['load_average']}); rounds of a scene: {rounds[0]} to {rounds[-1]}."
-    measured = f"## Measured\n\n{machine}\n{shared} A dash is what was not measured.\n\n{show(rows)}"
-    return "\n\n".join([HEAD, "## Scenes\n\n" + _table(["scene", "what", "timed", "target f64 / f32"], about), measured, NOTES]) + "\n"
+@dataclass(frozen=True)
+class Report:
+    """All that was measured.
+
+    Attributes:
+        rows: Of many_contacts.json, in the order of the scenes.
+        came_from: Their machine.
+        floors: Of their episodes, and of those of the robots.
+        robots: What throughput.json has, if it is there.
+    """
+
+    rows: Sequence[Row]
+    came_from: Mapping[str, Any]
+    floors: Floors
+    robots: Mapping[str, Any] | None
+
+    def show(self) -> str:
+        """Both tables of every number of environments."""
+        parts = []
+        for num_envs in sorted({row["num_envs"] for row in self.rows}):
+            some = [row for row in self.rows if row["num_envs"] == num_envs]
+            parts.append(f"### {num_envs} environments\n\n{speed(some, self.floors, scale(self.came_from))}\n\n{accuracy(some)}")
+        return "\n\n".join(parts)
+
+    def targets(self) -> str:
+        """Targets beside what was reached, of the number of environments that most scenes were measured with."""
+        numbers = Counter(row["num_envs"] for row in self.rows)
+        num_envs = max(sorted(numbers), key=lambda n: numbers[n])
+        some = [row for row in self.rows if row["num_envs"] == num_envs]
+        head = [f"{num_envs} environments", "target", "reached", "at the floor", "farthest above its floor", "unsolved %"]
+        table = _table(head, lines(some, self.came_from, self.floors, self.robots))
+        said = f"In each cell f64 / f32; what misses its target is bold, and at most {100 * UNSOLVED:g} % should be unsolved."
+        factor = scale(self.came_from)
+        if factor != 1.0:
+            said += f" With {self.came_from['cpu_level']} targets are {factor:.2f} times those of AVX2."
+        return f"{said}\n\n{table}"
+
+    def page(self, scenes: Iterable[Scene]) -> str:
+        """The page docs/many_contacts.md."""
+        about = [[s.name, s.about, _timed(s), f"{s.target[0]:g} / {s.target[1]:g}"] for s in scenes]
+        came_from = self.came_from
+        versions = ", ".join(f"{name} {came_from['versions'][name]}" for name in ("stepper", "mujoco-core", "python"))
+        rounds = sorted({row["rounds"] for row in self.rows if row["ours"]})
+        machine = f"{came_from['cpu']}, CPU level {came_from['cpu_level']}, {came_from['utc'][:10]}; {versions}."
+        shared = f"The machine was shared with other work (load {came_from['load_average']})"
+        repeats = f"rounds of a scene: {rounds[0]} to {rounds[-1]}"
+        measured = f"## Measured\n\n{machine}\n{shared}; {repeats}. A dash is what was not measured.\n\n{self.show()}"
+        table = _table(["scene", "what", "timed", "target f64 / f32"], about)
+        return "\n\n".join([HEAD, f"## Scenes\n\n{table}", f"## Targets\n\n{self.targets()}", measured, NOTES]) + "\n"

@@ -41,20 +41,21 @@ fn other() {
     DONE.set(Operations { others: DONE.get().others + 1, ..DONE.get() });
 }
 
-/// One environment, as `f64` is.
+/// Numbers of one kind, in as many lanes as it has. What is done with all lanes at once is one operation: with one environment alone in
+/// them, these are the operations of that environment.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Counted(f64);
+pub struct Counted<R>(R);
 
 macro_rules! operator {
     ($trait:ident $f:ident $assign:ident $f_assign:ident $count:ident) => {
-        impl $trait for Counted {
+        impl<R: Real> $trait for Counted<R> {
             type Output = Self;
             fn $f(self, o: Self) -> Self {
                 $count();
                 Self(self.0.$f(o.0))
             }
         }
-        impl $assign for Counted {
+        impl<R: Real> $assign for Counted<R> {
             fn $f_assign(&mut self, o: Self) {
                 *self = $trait::$f(*self, o);
             }
@@ -67,7 +68,7 @@ operator!(Sub sub SubAssign sub_assign sum);
 operator!(Mul mul MulAssign mul_assign sum);
 operator!(Div div DivAssign div_assign division);
 
-impl Neg for Counted {
+impl<R: Real> Neg for Counted<R> {
     type Output = Self;
     fn neg(self) -> Self {
         other();
@@ -75,49 +76,47 @@ impl Neg for Counted {
     }
 }
 
-impl Real for Counted {
-    type Scalar = f64;
-    type Mask = bool;
-    type Half = Self;
-    const LANES: usize = 1;
+impl<R: Real> Real for Counted<R> {
+    type Scalar = R::Scalar;
+    type Mask = R::Mask;
+    type Half = Counted<R::Half>;
+    const LANES: usize = R::LANES;
 
     stepper_real::elementary_functions!();
 
-    fn splat(x: f64) -> Self {
-        Self(x)
+    fn splat(x: R::Scalar) -> Self {
+        Self(R::splat(x))
     }
-    fn load(s: &[f64]) -> Self {
-        Self(s[0])
+    fn load(s: &[R::Scalar]) -> Self {
+        Self(R::load(s))
     }
-    fn store(self, s: &mut [f64]) {
-        s[0] = self.0;
+    fn store(self, s: &mut [R::Scalar]) {
+        self.0.store(s);
     }
-    fn lane(self, i: usize) -> f64 {
-        assert!(i == 0, "one lane only");
-        self.0
+    fn lane(self, i: usize) -> R::Scalar {
+        self.0.lane(i)
     }
-    fn set_lane(&mut self, i: usize, x: f64) {
-        assert!(i == 0, "one lane only");
-        self.0 = x;
+    fn set_lane(&mut self, i: usize, x: R::Scalar) {
+        self.0.set_lane(i, x);
     }
     fn vectorize<T>(kernel: impl FnOnce() -> T) -> T {
         kernel()
     }
-    fn lt(self, o: Self) -> bool {
+    fn lt(self, o: Self) -> R::Mask {
         other();
-        self.0 < o.0
+        self.0.lt(o.0)
     }
-    fn le(self, o: Self) -> bool {
+    fn le(self, o: Self) -> R::Mask {
         other();
-        self.0 <= o.0
+        self.0.le(o.0)
     }
-    fn eq(self, o: Self) -> bool {
+    fn eq(self, o: Self) -> R::Mask {
         other();
-        self.0 == o.0
+        Real::eq(self.0, o.0)
     }
-    fn select(m: bool, a: Self, b: Self) -> Self {
+    fn select(m: R::Mask, a: Self, b: Self) -> Self {
         other();
-        if m { a } else { b }
+        Self(R::select(m, a.0, b.0))
     }
     fn min(self, o: Self) -> Self {
         other();
@@ -129,15 +128,15 @@ impl Real for Counted {
     }
     fn abs(self) -> Self {
         other();
-        Self(self.0.abs())
+        Self(Real::abs(self.0))
     }
     fn sqrt(self) -> Self {
         division();
-        Self(self.0.sqrt())
+        Self(Real::sqrt(self.0))
     }
     fn copysign(self, sign: Self) -> Self {
         other();
-        Self(self.0.copysign(sign.0))
+        Self(Real::copysign(self.0, sign.0))
     }
     fn round_even(self) -> Self {
         other();
@@ -161,10 +160,18 @@ mod tests {
 
     #[test]
     fn a_dot_product_is_five_sums_and_its_root_a_division() {
-        let a = [1.0, 2.0, 2.0].map(Counted::splat);
-        let mut length = Counted::zero();
+        let a = [1.0, 2.0, 2.0].map(Counted::<f64>::splat);
+        let mut length = Counted::<f64>::zero();
         let done = record(operations, || length = stepper_core::internals::math::spatial::norm(a));
         assert_eq!(done.unaccounted.readings, [5.0, 1.0, 0.0]);
         assert_eq!(length.0, 3.0);
+    }
+
+    #[test]
+    fn what_is_done_with_all_lanes_is_one_operation() {
+        let done = record(operations, || {
+            std::hint::black_box(Counted(stepper_real::F32x16::one()) * Counted(stepper_real::F32x16::of(2.0)));
+        });
+        assert_eq!(done.unaccounted.readings, [1.0, 0.0, 0.0]);
     }
 }

@@ -1,11 +1,13 @@
 //! A batch of environments that goes the same way every time.
 
 use stepper_core::internals::batch::worker::{LaneScalar, Worker, WorkerMakers, WorkerSpec, lane_worker};
-use stepper_core::{Field, Level, Options, Precision, SavedState, Simulation, StepInputs};
+use stepper_core::{AppliedInput, Error, Field, Level, Options, Precision, SavedState, Simulation};
+use stepper_real::{F32x16, Real};
 
 use crate::clock::Run;
 use crate::counted::Counted;
 use crate::recorder::{Meter, Recorder, Recording, record};
+use crate::replay::{Call, Replay};
 use crate::scenes::Scene;
 
 /// Steps that a control is held.
@@ -13,11 +15,12 @@ const HOLD: usize = 5;
 /// Controls of a run.
 const CALLS: usize = 20;
 
-/// A hundred steps of some environments of a scene under pseudo-random controls, from the state that they had after the warm-up.
+/// Steps of some environments that go the same way every time: of a scene, a hundred under pseudo-random controls from the state that they
+/// had after the warm-up; or those of a recording.
 pub struct Episode {
     simulation: Simulation,
     start: SavedState,
-    controls: Vec<Vec<f64>>,
+    calls: Vec<Call>,
 }
 
 impl Episode {
@@ -31,14 +34,47 @@ impl Episode {
             simulation.set(Field::Qpos, env, &q).expect("a valid configuration");
             simulation.set(Field::Qvel, env, &v).expect("a valid velocity");
         }
-        let calls = scene.warm_up.div_ceil(HOLD);
-        let control = |call: usize| (0..count).flat_map(move |env| scene.action(first + env, call)).collect::<Vec<f64>>();
-        for call in 0..calls {
-            step(&mut simulation, &control(call));
-        }
-        let controls = (calls..calls + CALLS).map(control).collect();
+        let begin = scene.warm_up.div_ceil(HOLD);
+        let call = |call: usize| {
+            let ctrl = (0..count).flat_map(|env| scene.action(first + env, call)).collect();
+            Call::Step { ctrl, nstep: HOLD }
+        };
+        (0..begin).for_each(|k| run(&call(k), &mut simulation));
         let start = simulation.save_state();
-        Self { simulation, start, controls }
+        Self { simulation, start, calls: (begin..begin + CALLS).map(call).collect() }
+    }
+
+    /// All environments of a recording, stepped on this thread.
+    ///
+    /// # Errors
+    /// As [`Replay::simulation`].
+    pub fn recorded(replay: &Replay) -> Result<Self, Error> {
+        Ok(Self { simulation: replay.simulation()?, start: replay.start.clone(), calls: replay.calls.clone() })
+    }
+
+    /// One of the environments alone, on the same way to the bit.
+    ///
+    /// # Errors
+    /// As [`Simulation::new`].
+    pub fn of_one(&mut self, env: usize) -> Result<Self, Error> {
+        self.rewind();
+        let whole = &self.simulation;
+        let start = whole.save_state_of(env);
+        let calls = self.calls.iter().map(|call| call.of_one(env, whole.num_envs())).collect();
+        let mut simulation = Simulation::new(whole.model().clone(), *whole.options(), None, whole.precision(), 1)?;
+        simulation.restore_state(&start)?;
+        Ok(Self { simulation, start, calls })
+    }
+
+    /// Whether all environments have these configurations, (num_envs, nq), bit for bit.
+    pub fn is_at(&self, configurations: &[f64]) -> bool {
+        let mut q = vec![0.0; self.simulation.model().nq()];
+        let mut now = Vec::with_capacity(configurations.len());
+        for env in 0..self.simulation.num_envs() {
+            self.simulation.get(Field::Qpos, env, &mut q).expect("nq numbers");
+            now.extend(q.iter().map(|x| x.to_bits()));
+        }
+        now.into_iter().eq(configurations.iter().map(|x| x.to_bits()))
     }
 
     /// The environments as they are now.
@@ -57,26 +93,28 @@ impl Episode {
         self
     }
 
-    /// Puts a [`Recorder`] into the steps of a single environment in 64 bits, and makes them with numbers that count what is done with
-    /// them.
+    /// Puts a [`Recorder`] into the steps of a single environment, and makes them with numbers that count what is done with them.
     ///
     /// # Panics
-    /// When the environment is in 32 bits.
+    /// When there are more environments: what is done with all lanes counts once.
     pub fn probe_operations(mut self) -> Self {
         assert_eq!(self.simulation.num_envs(), 1, "operations are counted in one environment");
-        assert_eq!(self.simulation.precision(), Precision::F64, "operations are counted in 64 bits");
-        self.simulation.set_workers(&WorkerMakers { f64: counted, f32: recorded::<f32> });
+        self.simulation.set_workers(&WorkerMakers { f64: counted::<f64>, f32: counted::<F32x16> });
         self
     }
 
     /// Records one call after the other, `rounds` times; of each call the round with the least of the first reading counts. All rounds make
     /// the same steps to the bit.
     pub fn record(&mut self, meter: Meter, rounds: usize) -> Recording {
-        let mut least: Vec<Option<Recording>> = vec![None; CALLS];
+        let mut least: Vec<Option<Recording>> = vec![None; self.calls.len()];
         for _ in 0..rounds {
             self.rewind();
-            for (control, least) in self.controls.iter().zip(&mut least) {
-                let found = record(meter, || step(&mut self.simulation, control));
+            for (call, least) in self.calls.iter().zip(&mut least) {
+                if call.steps() == 0 {
+                    run(call, &mut self.simulation);
+                    continue;
+                }
+                let found = record(meter, || run(call, &mut self.simulation));
                 if least.as_ref().is_none_or(|least| found.sum() < least.sum()) {
                     *least = Some(found);
                 }
@@ -92,28 +130,27 @@ fn recorded<S: LaneScalar>(spec: &WorkerSpec<'_, S>, lanes: usize, level: Level)
     S::probed_worker(spec, lanes, level, Recorder)
 }
 
-fn counted(spec: &WorkerSpec<'_, f64>, _: usize, _: Level) -> Box<dyn Worker<f64>> {
-    lane_worker::<Counted>(spec, Recorder)
+fn counted<R: Real>(spec: &WorkerSpec<'_, R::Scalar>, _: usize, _: Level) -> Box<dyn Worker<R::Scalar>> {
+    lane_worker::<Counted<R>>(spec, Recorder)
 }
 
 impl Run for Episode {
     fn rewind(&mut self) {
         self.simulation.restore_state(&self.start).expect("its own state");
+        AppliedInput::ALL.into_iter().for_each(|input| self.simulation.apply(input, &[]).expect("nothing is of any length"));
     }
 
     fn run(&mut self) {
-        for control in &self.controls {
-            step(&mut self.simulation, control);
-        }
+        self.calls.iter().for_each(|call| run(call, &mut self.simulation));
     }
 
     fn environment_steps(&self) -> u64 {
-        (self.simulation.num_envs() * CALLS * HOLD) as u64
+        (self.simulation.num_envs() * self.calls.iter().map(Call::steps).sum::<usize>()) as u64
     }
 }
 
-fn step(simulation: &mut Simulation, control: &[f64]) {
-    simulation.step(&StepInputs { ctrl: control, ..StepInputs::default() }, HOLD).expect("controls fit");
+fn run(call: &Call, simulation: &mut Simulation) {
+    call.run(simulation).expect("the call is of this batch");
 }
 
 /// Several runs as one, one after the other.

@@ -62,6 +62,12 @@ impl Recording {
         self.rows().map(|(_, row)| row.readings[0]).sum()
     }
 
+    /// Mean of a counter over steps of an environment, as which the recording has to be weighted, or of the group whose lanes share it.
+    pub fn mean(&self, counter: Counter) -> f64 {
+        let steps = if counter.is_shared() { self.counters[Counter::GroupSteps as usize] } else { 1.0 };
+        self.counters[counter as usize] / steps
+    }
+
     /// Adds another recording, times a weight.
     pub fn add(&mut self, other: &Self, weight: f64) {
         let rows = self.spans.iter_mut().chain([&mut self.unaccounted]);

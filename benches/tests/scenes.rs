@@ -118,7 +118,36 @@ fn a_probed_step_keeps_its_bits_and_all_of_its_time_has_a_row() {
     assert_eq!(time.counters[Counter::GroupSteps as usize], 100.0);
     assert_eq!(time.spans[Span::Record as usize].times, 200.0);
     assert!(time.unaccounted.readings[0] < 0.1 * time.sum(), "{:?}", time.unaccounted);
-    assert_eq!(work.unaccounted.readings[..2], [0.0, 0.0]);
+    // The scheme's own numbers: two products a step.
+    assert_eq!(work.unaccounted.readings[..2], [200.0, 0.0]);
+}
+
+#[test]
+fn an_environment_alone_goes_its_way_in_the_batch_and_counting_keeps_its_bits() {
+    let level = *Level::available().last().expect("some level is always available");
+    for precision in [Precision::F64, Precision::F32] {
+        let mut batch = Episode::new(&Scene::ant(), 0, 4, precision, level);
+        batch.run();
+        let mut there = vec![0.0; batch.simulation().model().nq()];
+        batch.simulation().get(Field::Qpos, 2, &mut there).unwrap();
+        let mut alone = batch.of_one(2).unwrap().probe_operations();
+        let work = alone.record(operations, 1);
+        assert!(alone.is_at(&there));
+        assert!(work.sum() > 1e5, "{}", work.sum());
+    }
+}
+
+#[test]
+fn heap_and_wall_stay_where_they_are_and_balls_roll_as_they_should() {
+    for (course, most) in [(Course::Heap, 1e-3), (Course::Wall, 1e-3), (Course::Balls, 1e-3)] {
+        let answer = answer(course);
+        let mut ours = Ours::new(course, course.timestep(), Integrator::Midpoint, Precision::F64, 1, Level::available()[0]);
+        let own = errors(course, &mut ours, &answer);
+        let theirs = errors(course, &mut Rapier::new(course, Setting { dt: course.timestep(), substeps: 4, coulomb: false }), &answer);
+        println!("{}: {own:?}, rapier {theirs:?}", course.name());
+        assert!(own[0] < most && own[1] < 1e-3, "{own:?}");
+        assert!(theirs[0] < 0.2, "{theirs:?}");
+    }
 }
 
 #[test]

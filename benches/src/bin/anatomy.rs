@@ -1,27 +1,73 @@
 //! Where a step's time goes, as the tables of docs/performance.md: all of it, part by part for every lane type, the floor that arithmetic
 //! and memory set, and how the cost grows with degrees of freedom, contacts, environments and threads.
 
-use std::hint::black_box;
+use std::path::PathBuf;
+use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use stepper_benches::clock::{medians, pin, thread_time};
 use stepper_benches::counted::operations;
 use stepper_benches::episode::{Episode, InTurn, single};
+use stepper_benches::floor::{Rates, copied};
+use stepper_benches::parts::Anatomy;
 use stepper_benches::recorder::{Recording, Row, nanoseconds, own_cost};
+use stepper_benches::replay::Replay;
+use stepper_benches::report::cpu;
 use stepper_benches::scenes::{Scene, chain};
-use stepper_core::internals::probe::Counter;
+use stepper_core::internals::probe::{Counter, Span};
 use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
 use stepper_core::{Level, Options, Precision, Simulation, StepInputs};
-use stepper_real::{Real, at_level};
 
 /// Repeats of everything: of each call the fastest counts, of a whole step the median.
 const ROUNDS: usize = 15;
+/// Floor that is shown, us: where there is less, nothing counts that is done there.
+const WORTH_A_CELL: f64 = 5e-4;
 /// Steps after which a humanoid that nobody controls lies on the floor.
 const FALL: usize = 200;
 
-fn main() {
-    let level = Level::best().expect("STEPPER_CPU_LEVEL names a level of this machine");
+const USAGE: &str = "usage: anatomy [--episode FOLDER... [--json FILE]]
+
+Prints where the time of a step goes, its floor, and how it grows: of the humanoid, or
+  --episode FOLDER...  of recordings, as sim.record(FOLDER) makes them. Those of one name (the note, else the folder's name) share a table
+  --json FILE          also writes what was found of them";
+
+fn main() -> ExitCode {
+    match run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("{message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run() -> Result<(), String> {
+    let (mut folders, mut json) = (vec![], None);
+    let mut words = std::env::args().skip(1).peekable();
+    while let Some(word) = words.next() {
+        match word.as_str() {
+            "--json" => json = Some(PathBuf::from(words.next().ok_or(USAGE)?)),
+            "--episode" => {
+                while let Some(folder) = words.next_if(|word| !word.starts_with("--")) {
+                    folders.push(PathBuf::from(folder));
+                }
+            }
+            _ => return Err(USAGE.into()),
+        }
+    }
+    let level = Level::best().map_err(|e| e.to_string())?;
+    if !folders.is_empty() {
+        return episodes(&folders, json, level);
+    }
+    if json.is_some() {
+        return Err(USAGE.into());
+    }
+    humanoid(level);
+    Ok(())
+}
+
+fn humanoid(level: Level) {
     // Before this thread is kept on one core: threads started later inherit that.
     let growth_by_threads = by_threads(level);
     pin();
@@ -32,6 +78,79 @@ fn main() {
     growth("contacts: spheres at rest on a floor", [1, 4, 16, 64].map(|n| (n, spheres(n))), level);
     by_environments(&scene, level);
     println!("{growth_by_threads}");
+}
+
+/// Recordings: a table for each name, a row for each at the end.
+fn episodes(folders: &[PathBuf], json: Option<PathBuf>, level: Level) -> Result<(), String> {
+    pin();
+    let (mut found, mut refused): (Vec<Anatomy>, Vec<String>) = (vec![], vec![]);
+    for folder in folders {
+        eprintln!("{}", folder.display());
+        let anatomy = Replay::load(folder).and_then(|replay| Anatomy::of(&replay, level).map_err(|e| format!("{}: {e}", folder.display())));
+        match anatomy {
+            Ok(anatomy) => found.push(anatomy),
+            Err(message) => {
+                refused.push(message);
+                continue;
+            }
+        }
+        // What was found is kept whatever becomes of the next one.
+        if let Some(path) = &json {
+            let text = serde_json::json!({ "cpu": cpu(), "cpu_level": level.to_string(), "episodes": found });
+            std::fs::write(path, format!("{text:#}\n")).map_err(|e| format!("{}: {e}", path.display()))?;
+        }
+    }
+    // f64 first.
+    found.sort_by(|a, b| (&a.name, a.num_envs, b.precision).cmp(&(&b.name, b.num_envs, a.precision)));
+    let same = |a: &Anatomy, b: &Anatomy| (&a.name, a.num_envs) == (&b.name, b.num_envs);
+    for columns in found.chunk_by(same) {
+        parts(columns);
+    }
+    println!("| episode | us f64 / f32 | floor f64 / f32 | times the floor f64 / f32 |\n|---|---|---|---|");
+    for columns in found.chunk_by(same) {
+        let both = |value: &dyn Fn(&Anatomy) -> String| {
+            let cell = |precision: &str| columns.iter().find(|a| a.precision == precision).map_or("-".into(), value);
+            format!("{} / {}", cell("f64"), cell("f32"))
+        };
+        let ratio = both(&|a| format!("{:.1}", a.micros / a.floor));
+        let [micros, floor] = [both(&|a| format!("{:.3}", a.micros)), both(&|a| format!("{:.3}", a.floor))];
+        println!("| {}, {} environments | {micros} | {floor} | {ratio} |", columns[0].name, columns[0].num_envs);
+    }
+    for a in found.iter().filter(|a| !a.reproduced) {
+        println!("\n{}, {}: it ends elsewhere than it did; another build of stepper recorded it.", a.name, a.precision);
+    }
+    if refused.is_empty() { Ok(()) } else { Err(refused.join("\n")) }
+}
+
+/// Parts of the steps of an episode, and what they count.
+fn parts(columns: &[Anatomy]) {
+    let line = |first: &str, cells: &dyn Fn(&Anatomy) -> String| {
+        let cells: Vec<String> = columns.iter().map(cells).collect();
+        println!("| {first} | {} |", cells.join(" | "));
+    };
+    let rule = |cells: usize| println!("|---|{}", "---|".repeat(cells * columns.len()));
+    println!("### {}, {} environments in lanes\n", columns[0].name, columns[0].num_envs);
+    line("part", &|a| format!("{0} times | {0} us | % | floor us | times the floor", a.precision));
+    rule(5);
+    let names: Vec<&str> = Span::ALL.iter().map(|span| span.name()).chain(["unaccounted"]).collect();
+    for name in names.into_iter().filter(|name| columns.iter().any(|a| a.parts.iter().any(|part| part.name == *name))) {
+        line(name, &|a| {
+            let Some(part) = a.parts.iter().find(|part| part.name == name) else { return " | | | | ".into() };
+            let share = 100.0 * part.micros / a.parts.iter().map(|part| part.micros).sum::<f64>();
+            let floor =
+                if part.floor > WORTH_A_CELL { format!("{:.4} | {:.1}", part.floor, part.micros / part.floor) } else { " | ".into() };
+            format!("{:.2} | {:.4} | {share:.1} | {floor}", part.times, part.micros)
+        });
+    }
+    line("whole step, without a probe", &|a| format!(" | {:.4} | | {:.4} | {:.1}", a.micros, a.floor, a.micros / a.floor));
+    println!();
+    line("number in a step | of", &|a| a.precision.into());
+    println!("|---|---|{}", "---|".repeat(columns.len()));
+    for (k, count) in columns[0].counts.iter().enumerate() {
+        let of = if count.shared { "a group" } else { "an environment" };
+        line(&format!("{} | {of}", count.name), &|a| format!("{:.2}", a.counts[k].mean));
+    }
+    println!();
 }
 
 fn stages(scene: &Scene, level: Level) {
@@ -78,11 +197,7 @@ fn print(name: &str, times: &str, cells: [f64; 3], sums: [f64; 3]) {
 fn counters(columns: &[Recording; 3]) {
     println!("| number in a step | of | f64 | f64 lanes | f32 lanes |\n|---|---|---|---|---|");
     for counter in Counter::ALL.iter().filter(|&&counter| counter != Counter::GroupSteps) {
-        let cell = |found: &Recording| {
-            let steps = if counter.is_shared() { found.counters[Counter::GroupSteps as usize] } else { 1.0 };
-            found.counters[*counter as usize] / steps
-        };
-        let [a, b, c] = columns.each_ref().map(cell);
+        let [a, b, c] = columns.each_ref().map(|found| found.mean(*counter));
         println!("| {} | {} | {a:.2} | {b:.2} | {c:.2} |", counter.name(), if counter.is_shared() { "a group" } else { "an environment" });
     }
     println!();
@@ -91,70 +206,24 @@ fn counters(columns: &[Recording; 3]) {
 /// Operations of the step, what the core does in a second, and the time that no code can be faster than.
 fn floor(scene: &Scene, level: Level) {
     let found = single(scene).probe_operations().record(operations, 1);
-    let rates = at_level!(level, F64x8, rates());
+    let rates = Rates::measure(Precision::F64, level);
     println!("| part | sums | divisions, roots | others | floor in f64 lanes, us |\n|---|---|---|---|---|");
     let mut all = [0.0; 4];
-    for (name, Row { readings: [sums, divisions, others], .. }) in found.rows() {
+    for (name, Row { readings, .. }) in found.rows() {
+        let [sums, divisions, others] = readings;
         if sums + divisions + others < 0.5 {
             continue;
         }
-        // Sums and the rest share the vector pipes, divisions and roots have their own.
-        let micros = 1e6 * ((sums + others) / rates[0]).max(divisions / rates[1]);
+        let micros = rates.micros(readings);
         println!("| {name} | {sums:.0} | {divisions:.0} | {others:.0} | {micros:.3} |");
         all.iter_mut().zip([sums, divisions, others, micros]).for_each(|(sum, x)| *sum += x);
     }
     println!("| sum | {:.0} | {:.0} | {:.0} | {:.3} |\n", all[0], all[1], all[2], all[3]);
     let simulation = Episode::new(scene, 0, 64, Precision::F64, level);
     let bytes = simulation.simulation().bytes() as f64 / 64.0;
-    println!(
-        "One core: {:.1} G sums/s and {:.2} G divisions/s in f64 lanes, {:.1} GB/s copied.",
-        rates[0] / 1e9,
-        rates[1] / 1e9,
-        rates[2] / 1e9
-    );
-    println!("State: {bytes:.0} bytes per environment; read and written once a call: {:.3} us at most.\n", 1e6 * 2.0 * bytes / rates[2]);
-}
-
-/// What this core does in a second: sums, divisions, and bytes copied from memory that no cache of its own holds.
-fn rates<R: Real>() -> [f64; 3] {
-    [per_second::<R>(false), per_second::<R>(true), copied()]
-}
-
-/// Operations a second in independent chains: as many as hide the latency, few enough for the registers.
-fn per_second<R: Real>(divide: bool) -> f64 {
-    const CHAINS: usize = 12;
-    const STEPS: usize = 100_000;
-    let run = || {
-        R::vectorize(
-            #[inline(always)]
-            || {
-                let mut x = [R::one(); CHAINS];
-                let (a, b) = (black_box(R::of(0.999)), black_box(R::of(1e-3)));
-                for _ in 0..STEPS {
-                    for x in &mut x {
-                        *x = if divide { *x / a } else { *x * a + b };
-                    }
-                }
-                black_box(x);
-            },
-        );
-    };
-    run();
-    let fastest = (0..ROUNDS).map(|_| timed(run)).min().expect("there are rounds");
-    (STEPS * CHAINS * R::LANES * if divide { 1 } else { 2 }) as f64 / fastest.as_secs_f64()
-}
-
-fn copied() -> f64 {
-    let (from, mut to) = (vec![1u8; 1 << 28], vec![0u8; 1 << 28]);
-    let fastest = (0..ROUNDS).map(|_| timed(|| to.copy_from_slice(black_box(&from)))).min().expect("there are rounds");
-    black_box(&to);
-    (1u64 << 28) as f64 / fastest.as_secs_f64()
-}
-
-fn timed(work: impl FnOnce()) -> Duration {
-    let start = thread_time();
-    work();
-    thread_time() - start
+    let (sums, divisions, copied) = (rates.sums / 1e9, rates.divisions / 1e9, copied());
+    println!("One core: {sums:.1} G sums/s and {divisions:.2} G divisions/s in f64 lanes, {:.1} GB/s copied.", copied / 1e9);
+    println!("State: {bytes:.0} bytes per environment; read and written once a call: {:.3} us at most.\n", 1e6 * 2.0 * bytes / copied);
 }
 
 /// So many spheres side by side, each at rest on the floor.

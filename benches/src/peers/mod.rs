@@ -4,26 +4,22 @@
 //! by default, "8-12: demanding scenarios (complex machinery)" by the documentation of `IntegrationParameters`. A substep evaluates the
 //! whole multibody dynamics, so it is the same trade as a smaller time step.
 
+mod bodies;
 mod ours;
 mod rapier;
 
+pub use bodies::{Bodies, Pose, Shape, Solid};
 pub use ours::Ours;
 pub use rapier::{Rapier, Setting};
 
 use stepper_core::{Integrator, Level, Precision};
 
+use self::bodies::{BOX_FRICTION, BOX_HALF, BOX_SPEED};
 use crate::clock::Run;
 use crate::scenes::{LINK_LENGTH, LINK_MASS};
 
 /// Standard gravity as the scenes have it, m/s^2.
 pub const GRAVITY: f64 = 9.81;
-/// Half size of the sliding box, m.
-pub const BOX_HALF: [f64; 3] = [0.2, 0.15, 0.1];
-/// Speed of the sliding box at the start, m/s.
-pub const BOX_SPEED: f64 = 2.0;
-/// Its friction with the floor.
-pub const BOX_FRICTION: f64 = 0.5;
-
 /// A scene that both engines step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Course {
@@ -31,17 +27,26 @@ pub enum Course {
     Chain(usize),
     /// A box pushed over a floor, which stops and then rests.
     Box,
+    /// Ten boxes that lie in a bin.
+    Heap,
+    /// A wall of fifteen bricks that stands.
+    Wall,
+    /// SimBenchmark's balls on a plate that is pulled over the ground.
+    Balls,
 }
 
 impl Course {
     /// All of them.
-    pub const ALL: [Course; 3] = [Course::Chain(5), Course::Chain(20), Course::Box];
+    pub const ALL: [Course; 6] = [Course::Chain(5), Course::Chain(20), Course::Box, Course::Heap, Course::Wall, Course::Balls];
 
     /// Short name.
     pub fn name(self) -> String {
         match self {
             Course::Chain(n) => format!("chain-{n}"),
             Course::Box => "sliding box".into(),
+            Course::Heap => "heap of ten boxes".into(),
+            Course::Wall => "wall of 15 bricks".into(),
+            Course::Balls => "25 balls on a plate".into(),
         }
     }
 
@@ -50,11 +55,28 @@ impl Course {
         0.002
     }
 
-    /// Simulated time, s.
+    /// Simulated time in which the error is found, s.
     pub const fn duration(self) -> f64 {
         match self {
             Course::Chain(_) => 0.5,
-            Course::Box => 1.0,
+            Course::Heap => 0.4,
+            Course::Box | Course::Wall | Course::Balls => 1.0,
+        }
+    }
+
+    /// Simulated time of a timed run, s: the beginning of a course where many bodies do the same all the time.
+    pub const fn timed(self) -> f64 {
+        match self {
+            Course::Chain(_) | Course::Box => self.duration(),
+            Course::Heap | Course::Wall | Course::Balls => 0.1,
+        }
+    }
+
+    /// Environments that stepper has side by side in lanes.
+    pub const fn lanes(self) -> usize {
+        match self {
+            Course::Chain(_) | Course::Box => 64,
+            Course::Heap | Course::Wall | Course::Balls => 16,
         }
     }
 
@@ -63,6 +85,9 @@ impl Course {
         match self {
             Course::Chain(_) => ["worst link, m", "energy drift"],
             Course::Box => ["stopping, m", "worst overlap, m"],
+            Course::Heap => ["creep, m/s", "overlap at end, m"],
+            Course::Wall => ["worst drift, m", "overlap at end, m"],
+            Course::Balls => ["acceleration", "overlap at end, m"],
         }
     }
 
@@ -71,6 +96,20 @@ impl Course {
         match self {
             Course::Chain(_) => "stepper's rk4 at dt 1e-4; rapier with dt -> 0 tends to it",
             Course::Box => "closed form v^2 / (2 mu g)",
+            Course::Heap => "what lies in a bin does not move: the fastest box, over the second half",
+            Course::Wall => "a wall stands: the brick that moved farthest",
+            Course::Balls => "closed form of plate and balls that roll: the worst of them, over that of the plate",
+        }
+    }
+
+    /// What moves freely, if it is no chain.
+    fn bodies(self) -> Option<Bodies> {
+        match self {
+            Course::Chain(_) => None,
+            Course::Box => Some(Bodies::sliding_box()),
+            Course::Heap => Some(Bodies::heap()),
+            Course::Wall => Some(Bodies::wall()),
+            Course::Balls => Some(Bodies::balls()),
         }
     }
 }
@@ -81,9 +120,11 @@ pub trait Engine: Run {
     fn advance(&mut self, steps: usize);
     /// Centres of mass of all that moves, m.
     fn centres(&self) -> Vec<[f64; 3]>;
+    /// Frames of all that moves.
+    fn poses(&self) -> Vec<Pose>;
     /// Kinetic and potential energy of an environment, J.
     fn energy(&self) -> f64;
-    /// Steps of a run.
+    /// Steps of the course.
     fn steps(&self) -> usize;
 }
 
@@ -99,71 +140,112 @@ pub struct Entry {
     pub errors: [f64; 2],
 }
 
-impl Entry {
-    fn new(course: Course, name: &str, mut engine: Box<dyn Engine>, answer: &[[f64; 3]]) -> Self {
-        let errors = errors(course, &mut *engine, answer);
-        Self { course, name: name.into(), engine, errors }
-    }
-}
-
 /// All engines and settings of a course; rapier's default is the first.
 pub fn entries(course: Course) -> Vec<Entry> {
     let answer = answer(course);
     let dt = course.timestep();
-    let best = *Level::available().last().expect("the baseline is always there");
-    let rapier = |substeps: usize, coulomb: bool| Box::new(Rapier::new(course, Setting { dt, substeps, coulomb }));
-    let alone = |integrator| Box::new(Ours::new(course, dt, integrator, Precision::F64, 1, best));
-    let lanes = |precision| Box::new(Ours::new(course, dt, Integrator::Midpoint, precision, 64, best));
-    let mut all: Vec<(&str, Box<dyn Engine>)> = vec![("rapier, 4 substeps (default)", rapier(4, false))];
-    match course {
-        Course::Chain(_) => {
-            all.push(("rapier, 1 substep", rapier(1, false)));
-            all.push(("rapier, 12 substeps (documented best)", rapier(12, false)));
-        }
-        Course::Box => {
-            all.push(("rapier, 12 substeps (documented best)", rapier(12, false)));
-            all.push(("rapier, 4 substeps, Coulomb", rapier(4, true)));
-        }
+    let best = best_level();
+    let rapier = |name: &str, substeps: usize, coulomb: bool| {
+        let mut engine = Rapier::new(course, Setting { dt, substeps, coulomb });
+        let errors = errors(course, &mut engine, &answer);
+        Entry { course, name: name.into(), engine: Box::new(engine), errors }
+    };
+    let ours = |name: &str, integrator: Integrator, precision: Precision, count: usize| {
+        // Environments in lanes have the bits of one alone.
+        let errors = errors(course, &mut Ours::new(course, dt, integrator, precision, 1, best), &answer);
+        Entry { course, name: name.into(), engine: Box::new(Ours::new(course, dt, integrator, precision, count, best)), errors }
+    };
+    let mut all = vec![rapier("rapier, 4 substeps (default)", 4, false)];
+    if let Course::Chain(_) = course {
+        all.push(rapier("rapier, 1 substep", 1, false));
     }
-    all.push(("stepper f64, euler", alone(Integrator::Euler)));
-    all.push(("stepper f64, midpoint (default)", alone(Integrator::Midpoint)));
-    all.push(("stepper f64, rk4", alone(Integrator::Rk4)));
-    all.push(("stepper f64 lanes, midpoint", lanes(Precision::F64)));
-    all.push(("stepper f32 lanes, midpoint", lanes(Precision::F32)));
-    all.into_iter().map(|(name, engine)| Entry::new(course, name, engine, &answer)).collect()
+    all.push(rapier("rapier, 12 substeps (documented best)", 12, false));
+    if course.bodies().is_some() {
+        all.push(rapier("rapier, 4 substeps, Coulomb", 4, true));
+    }
+    all.push(ours("stepper f64, euler", Integrator::Euler, Precision::F64, 1));
+    all.push(ours("stepper f64, midpoint (default)", Integrator::Midpoint, Precision::F64, 1));
+    if let Course::Chain(_) | Course::Box = course {
+        all.push(ours("stepper f64, rk4", Integrator::Rk4, Precision::F64, 1));
+    }
+    all.push(ours("stepper f64 lanes, midpoint", Integrator::Midpoint, Precision::F64, course.lanes()));
+    all.push(ours("stepper f32 lanes, midpoint", Integrator::Midpoint, Precision::F32, course.lanes()));
+    all
 }
 
-/// Where everything should be at the end.
+/// The best level of this build and machine: it changes no bit.
+fn best_level() -> Level {
+    *Level::available().last().expect("some level is always available")
+}
+
+/// Where everything should be at the end; of balls, how it should accelerate.
 pub fn answer(course: Course) -> Vec<[f64; 3]> {
     match course {
         Course::Chain(_) => {
-            let mut fine = Ours::new(course, 1e-4, Integrator::Rk4, Precision::F64, 1, Level::Baseline);
+            let mut fine = Ours::new(course, 1e-4, Integrator::Rk4, Precision::F64, 1, best_level());
             fine.advance(fine.steps());
             fine.centres()
         }
         Course::Box => vec![[BOX_SPEED * BOX_SPEED / (2.0 * BOX_FRICTION * GRAVITY), 0.0, BOX_HALF[2]]],
+        Course::Heap => vec![],
+        Course::Wall => Bodies::wall().solids.iter().map(|solid| solid.pose.0).collect(),
+        Course::Balls => Bodies::rolling_accelerations(),
     }
 }
 
 /// Runs the engine once and compares.
 pub fn errors(course: Course, engine: &mut dyn Engine, answer: &[[f64; 3]]) -> [f64; 2] {
     engine.rewind();
-    let start = engine.energy();
-    let (mut drift, mut overlap) = (0.0_f64, 0.0_f64);
-    for _ in 0..engine.steps() {
-        engine.advance(1);
-        drift = drift.max((engine.energy() - start).abs());
-        overlap = overlap.max(BOX_HALF[2] - engine.centres()[0][2]);
-    }
-    let apart = |a: &[f64; 3], b: &[f64; 3]| (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt();
-    let centres = engine.centres();
+    let steps = engine.steps();
+    let overlap = |engine: &dyn Engine| course.bodies().expect("no chain").at(&engine.poses()).deepest_overlap();
     match course {
         Course::Chain(n) => {
-            let worst = centres.iter().zip(answer).map(|(a, b)| apart(a, b)).fold(0.0, f64::max);
+            let (start, mut drift) = (engine.energy(), 0.0_f64);
+            for _ in 0..steps {
+                engine.advance(1);
+                drift = drift.max((engine.energy() - start).abs());
+            }
             // What the chain would gain by falling its own half length.
             let n = n as f64;
-            [worst, drift / (n * LINK_MASS * GRAVITY * 0.5 * n * LINK_LENGTH)]
+            [farthest(&engine.centres(), answer), drift / (n * LINK_MASS * GRAVITY * 0.5 * n * LINK_LENGTH)]
         }
-        Course::Box => [(centres[0][0] - answer[0][0]).abs(), overlap],
+        Course::Box => {
+            let mut deepest = 0.0_f64;
+            for _ in 0..steps {
+                engine.advance(1);
+                deepest = deepest.max(BOX_HALF[2] - engine.centres()[0][2]);
+            }
+            [(engine.centres()[0][0] - answer[0][0]).abs(), deepest]
+        }
+        Course::Heap => {
+            // The first half is for each engine to find its own rest.
+            engine.advance(steps / 2);
+            let rest = engine.centres();
+            engine.advance(steps - steps / 2);
+            [farthest(&engine.centres(), &rest) / (0.5 * course.duration()), overlap(engine)]
+        }
+        Course::Wall => {
+            engine.advance(steps);
+            [farthest(&engine.centres(), answer), overlap(engine)]
+        }
+        Course::Balls => {
+            let mut places = vec![engine.centres()];
+            for _ in 0..2 {
+                engine.advance(steps / 2);
+                places.push(engine.centres());
+            }
+            // The second difference: it has nothing of a velocity, nor of what half a step makes of one.
+            let time = 0.5 * course.duration();
+            let acceleration =
+                |k: usize| std::array::from_fn(|i| (places[2][k][i] - 2.0 * places[1][k][i] + places[0][k][i]) / (time * time));
+            let found: Vec<[f64; 3]> = (0..answer.len()).map(acceleration).collect();
+            [farthest(&found, answer) / farthest(&answer[..1], &[[0.0; 3]]), overlap(engine)]
+        }
     }
+}
+
+/// Largest distance of two points of the same number.
+fn farthest(a: &[[f64; 3]], b: &[[f64; 3]]) -> f64 {
+    let apart = |(a, b): (&[f64; 3], &[f64; 3])| (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt();
+    a.iter().zip(b).map(apart).fold(0.0, f64::max)
 }

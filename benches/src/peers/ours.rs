@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use stepper_core::internals::dynamics::kinematics::Kinematics;
-use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
-use stepper_core::{Field, Integrator, Level, Options, Precision, SavedState, Simulation, StepInputs};
+use stepper_core::{AppliedInput, Field, Integrator, Level, Options, Precision, SavedState, Simulation, StepInputs};
 
-use super::{BOX_FRICTION, BOX_HALF, BOX_SPEED, Course, Engine};
+use super::bodies::{Bodies, Pose, poses};
+use super::{Course, Engine};
 use crate::clock::Run;
 use crate::scenes::chain;
 
@@ -15,23 +15,30 @@ pub struct Ours {
     simulation: Simulation,
     start: SavedState,
     steps: usize,
+    timed: usize,
 }
 
 impl Ours {
     /// `count` environments at the start of the course, stepped on this thread.
     pub fn new(course: Course, dt: f64, integrator: Integrator, precision: Precision, count: usize, level: Level) -> Self {
+        let bodies = course.bodies();
         let model = match course {
             Course::Chain(links) => chain(links),
-            Course::Box => sliding_box(),
+            _ => Arc::new(bodies.as_ref().expect("all but chains are free bodies").model()),
         };
         let options = Options { timestep: Some(dt), integrator, ..Options::default() };
         let mut simulation = Simulation::at_level(model, options, Some(count), precision, 1, level);
-        if course == Course::Box {
-            let push = [BOX_SPEED, 0.0, 0.0, 0.0, 0.0, 0.0];
-            (0..count).for_each(|env| simulation.set(Field::Qvel, env, &push).expect("a valid velocity"));
+        if let Some(Bodies { solids, push, .. }) = bodies {
+            let velocity: Vec<f64> = solids.iter().flat_map(|solid| solid.velocity.into_iter().chain([0.0; 3])).collect();
+            (0..count).for_each(|env| simulation.set(Field::Qvel, env, &velocity).expect("a valid velocity"));
+            // Of every body, the world the first.
+            let mut force = vec![0.0; 6 * (1 + solids.len())];
+            force[6..9].copy_from_slice(&push);
+            simulation.apply(AppliedInput::XfrcApplied, &force.repeat(count)).expect("a force on every body");
         }
         let start = simulation.save_state();
-        Self { simulation, start, steps: (course.duration() / dt).round() as usize }
+        let [steps, timed] = [course.duration(), course.timed()].map(|time| (time / dt).round() as usize);
+        Self { simulation, start, steps, timed }
     }
 }
 
@@ -41,11 +48,11 @@ impl Run for Ours {
     }
 
     fn run(&mut self) {
-        self.advance(self.steps);
+        self.advance(self.timed);
     }
 
     fn environment_steps(&self) -> u64 {
-        (self.steps * self.simulation.num_envs()) as u64
+        (self.timed * self.simulation.num_envs()) as u64
     }
 }
 
@@ -63,6 +70,10 @@ impl Engine for Ours {
         (0..compiled.links.len()).map(|l| kinematics.point(l + 1, compiled.params.inertial(l).com)).collect()
     }
 
+    fn poses(&self) -> Vec<Pose> {
+        poses(&self.simulation)
+    }
+
     fn energy(&self) -> f64 {
         let (potential, kinetic) = self.simulation.snapshot(0, &StepInputs::default()).expect("no inputs").energy();
         potential + kinetic
@@ -71,13 +82,4 @@ impl Engine for Ours {
     fn steps(&self) -> usize {
         self.steps
     }
-}
-
-fn sliding_box() -> Arc<Model> {
-    let mut scene = Model::builder("sliding box");
-    let friction = [BOX_FRICTION, 0.0, 0.0];
-    scene.geom(WORLD, GeomBuilder::plane("floor").friction(friction));
-    let body = BodyBuilder::new("box").pos([0.0, 0.0, BOX_HALF[2]]).joint(JointBuilder::free("root"));
-    scene.body(WORLD, body.geom(GeomBuilder::cuboid("box", BOX_HALF).mass(1.0).friction(friction)));
-    Arc::new(scene.finish().expect("the box is a valid model"))
 }

@@ -1,8 +1,9 @@
-//! rapier3d-f64 on the courses: multibody joints for the chain, a rigid body on a half space for the box.
+//! rapier3d-f64 on the courses: multibody joints for the chain, rigid bodies on a half space for the others.
 
 use rapier3d_f64::prelude::*;
 
-use super::{BOX_FRICTION, BOX_HALF, BOX_SPEED, Course, Engine, GRAVITY};
+use super::bodies::{Bodies, Pose, Shape, Solid};
+use super::{Course, Engine, GRAVITY};
 use crate::clock::Run;
 use crate::scenes::{LINK_LENGTH, LINK_MASS, LINK_MOMENTS, chain_axis};
 
@@ -24,13 +25,15 @@ pub struct Rapier {
     world: PhysicsWorld,
     moving: Vec<RigidBodyHandle>,
     steps: usize,
+    timed: usize,
 }
 
 impl Rapier {
     /// A world at the start of the course. Nothing in it can sleep, since stepper's does not.
     pub fn new(course: Course, setting: Setting) -> Self {
         let (world, moving) = build(course, setting);
-        Self { course, setting, world, moving, steps: (course.duration() / setting.dt).round() as usize }
+        let [steps, timed] = [course.duration(), course.timed()].map(|time| (time / setting.dt).round() as usize);
+        Self { course, setting, world, moving, steps, timed }
     }
 }
 
@@ -44,7 +47,7 @@ fn build(course: Course, setting: Setting) -> (PhysicsWorld, Vec<RigidBodyHandle
     }
     let moving = match course {
         Course::Chain(links) => chain(&mut world, links),
-        Course::Box => vec![sliding_box(&mut world)],
+        _ => free(&mut world, &course.bodies().expect("all but chains are free bodies")),
     };
     (world, moving)
 }
@@ -69,12 +72,26 @@ fn chain(world: &mut PhysicsWorld, links: usize) -> Vec<RigidBodyHandle> {
     bodies
 }
 
-fn sliding_box(world: &mut PhysicsWorld) -> RigidBodyHandle {
-    let floor = ColliderBuilder::new(SharedShape::halfspace(Vector::Z)).friction(BOX_FRICTION);
+fn free(world: &mut PhysicsWorld, bodies: &Bodies) -> Vec<RigidBodyHandle> {
+    let rough = |shape: ColliderBuilder, friction: f64| shape.friction(friction).friction_combine_rule(CoefficientCombineRule::Max);
+    let floor = rough(ColliderBuilder::new(SharedShape::halfspace(Vector::Z)), bodies.friction);
     world.insert(RigidBodyBuilder::fixed(), floor);
-    let [x, y, z] = BOX_HALF;
-    let body = RigidBodyBuilder::dynamic().translation(Vector::new(0.0, 0.0, z)).linvel(Vector::new(BOX_SPEED, 0.0, 0.0));
-    world.insert(body.can_sleep(false), ColliderBuilder::cuboid(x, y, z).mass(1.0).friction(BOX_FRICTION)).0
+    for &([x, y, z], pos) in &bodies.walls {
+        world.insert(RigidBodyBuilder::fixed().translation(Vector::from(pos)), rough(ColliderBuilder::cuboid(x, y, z), bodies.friction));
+    }
+    let solid = |solid: &Solid| {
+        let (pos, [w, x, y, z]) = solid.pose;
+        let pose = Pose3::from_parts(Vector::from(pos), Rotation::from_xyzw(x, y, z, w));
+        let body = RigidBodyBuilder::dynamic().pose(pose).linvel(Vector::from(solid.velocity)).can_sleep(false);
+        let shape = match solid.shape {
+            Shape::Ball(radius) => ColliderBuilder::ball(radius),
+            Shape::Box([x, y, z]) => ColliderBuilder::cuboid(x, y, z),
+        };
+        world.insert(body, rough(shape.mass(solid.mass), solid.friction)).0
+    };
+    let moving: Vec<RigidBodyHandle> = bodies.solids.iter().map(solid).collect();
+    world.bodies[moving[0]].add_force(Vector::from(bodies.push), true);
+    moving
 }
 
 impl Run for Rapier {
@@ -83,11 +100,11 @@ impl Run for Rapier {
     }
 
     fn run(&mut self) {
-        self.advance(self.steps);
+        self.advance(self.timed);
     }
 
     fn environment_steps(&self) -> u64 {
-        self.steps as u64
+        self.timed as u64
     }
 }
 
@@ -105,6 +122,14 @@ impl Engine for Rapier {
             [c.x, c.y, c.z]
         };
         self.moving.iter().map(centre).collect()
+    }
+
+    fn poses(&self) -> Vec<Pose> {
+        let pose = |&h: &RigidBodyHandle| {
+            let (p, q) = (self.world.bodies[h].translation(), self.world.bodies[h].rotation());
+            ([p.x, p.y, p.z], [q.w, q.x, q.y, q.z])
+        };
+        self.moving.iter().map(pose).collect()
     }
 
     fn energy(&self) -> f64 {

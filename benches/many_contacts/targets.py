@@ -1,0 +1,147 @@
+"""Targets of speed beside what was reached: how many times faster than MuJoCo a step is wanted, is, and would be at its floor."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import fmean, geometric_mean
+from typing import Any
+
+from many_contacts.episodes import Anatomy, Floors
+from many_contacts.scene import LEAST, MEAN
+
+Row = Mapping[str, Any]
+PRECISIONS = ("f64", "f32")
+UNSOLVED = 1e-4
+"""Share of environment-steps that may be unsolved."""
+ROBOTS, ALONE = (9.0, 15.0), (3.5,)
+"""Mean ratio that the robots of comparison/throughput.py should reach in f64 and f32, and in f64 with one environment alone."""
+AVX512 = 4 / 3
+"""Targets are those of a machine with AVX2; by so much they are higher with AVX-512."""
+
+
+def scale(came_from: Mapping[str, Any]) -> float:
+    """What targets are multiplied by on the machine that figures came from."""
+    return AVX512 if came_from["cpu_level"] == "avx512" else 1.0
+
+
+@dataclass(frozen=True)
+class Reached:
+    """What one episode reached in one precision, with default settings.
+
+    Attributes:
+        name: Of the episode.
+        group: Episodes of one group count once in a mean.
+        ratio: Time of MuJoCo over that of stepper.
+        micros: Time of stepper per step of an environment, us.
+        unsolved: Share of environment-steps above the tolerance.
+        anatomy: Its parts and floor; None where nobody looked.
+    """
+
+    name: str
+    group: str
+    ratio: float
+    micros: float
+    unsolved: float
+    anatomy: Anatomy | None
+
+    @property
+    def at_floor(self) -> float | None:
+        """The ratio if stepper took no longer than its floor."""
+        return None if self.anatomy is None else self.ratio * self.micros / self.anatomy.floor
+
+
+def of_rows(rows: Iterable[Row], precision: str, floors: Floors) -> list[Reached]:
+    """What rows of many_contacts.json reached."""
+    return [
+        Reached(
+            row["row"],
+            row["group"],
+            found["ratio"],
+            found["microseconds"],
+            found["unsolved"],
+            floors.get((row["row"], row["num_envs"], precision)),
+        )
+        for row in rows
+        if (found := row["ours"].get(f"{precision} default"))
+    ]
+
+
+def robots(path: Path) -> Mapping[str, Any] | None:
+    """What comparison/throughput.py wrote; None where there is no file."""
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
+
+
+def of_robots(found: Mapping[str, Any], precision: str, floors: Floors, *, alone: bool = False) -> list[Reached]:
+    """What the robots of throughput.json reached, in a batch or each alone; unsolved steps are those of the batch."""
+    name, kind = f"stepper {precision}", "_alone" if alone else ""
+    num_envs = 1 if alone else found["plan"]["num_envs"]
+    out = []
+    for row in found["models"]:
+        certificate = row["certificates"][name]
+        unsolved = certificate["not_converged"] / certificate["env_steps"]
+        ratio, micros = row[f"ratio{kind}"][name], row[f"microseconds{kind}"][name]
+        out.append(Reached(row["model"], row["model"], ratio, micros, unsolved, floors.get((row["model"], num_envs, precision))))
+    return out
+
+
+def mean(found: Sequence[Reached], value: Callable[[Reached], float | None]) -> float | None:
+    """Geometric mean over groups, each by its own geometric mean; None where a number is missing."""
+    groups: dict[str, list[float]] = {}
+    for one in found:
+        number = value(one)
+        if number is None:
+            return None
+        groups.setdefault(one.group, []).append(number)
+    return geometric_mean(geometric_mean(numbers) for numbers in groups.values()) if groups else None
+
+
+def part(found: Iterable[Reached]) -> tuple[str, float] | None:
+    """The part that takes the most beyond its floor, as a share of the step's time, on average over episodes."""
+    looked = [one.anatomy.excess for one in found if one.anatomy]
+    names = dict.fromkeys(name for excess in looked for name in excess)
+    shares = {name: fmean(excess.get(name, 0.0) for excess in looked) for name in names}
+    return max(shares.items(), key=lambda item: item[1]) if shares else None
+
+
+def lines(rows: Sequence[Row], came_from: Mapping[str, Any], floors: Floors, throughput: Mapping[str, Any] | None) -> list[list[str]]:
+    """Cells of the table: what, target, reached, at the floor, the part in the way, unsolved; each f64 / f32."""
+    by_precision = [of_rows(rows, precision, floors) for precision in PRECISIONS]
+    factor = scale(came_from)
+    out = []
+    for row in rows:
+        if row["target"] != dict(zip(PRECISIONS, LEAST, strict=True)):
+            own = [[one for one in found if one.name == row["row"]] for found in by_precision]
+            out.append(_line(row["row"], [row["target"][precision] for precision in PRECISIONS], own, factor))
+    least = [[min(found, key=lambda one: one.ratio)] if found else [] for found in by_precision]
+    names = " / ".join(dict.fromkeys(one.name for found in least for one in found))
+    out.append(_line("geometric mean over scenes", MEAN, by_precision, factor))
+    out.append(_line(f"the least of them ({names})", LEAST, least, factor))
+    if throughput:
+        factor = scale(throughput["provenance"])
+        batch = [of_robots(throughput, precision, floors) for precision in PRECISIONS]
+        out.append(_line(f"{len(batch[0])} robots, random control, mean", ROBOTS, batch, factor))
+        out.append(_line("the same, one environment alone", ALONE, [of_robots(throughput, "f64", floors, alone=True)], factor))
+    return out
+
+
+def _line(what: str, targets: Sequence[float], by_precision: Sequence[Sequence[Reached]], factor: float) -> list[str]:
+    cells: list[list[str]] = [[], [], [], [], []]
+    for target, found in zip((factor * target for target in targets), by_precision, strict=True):
+        ratio, at_floor, way = mean(found, lambda one: one.ratio), mean(found, lambda one: one.at_floor), part(found)
+        worst = max(found, key=lambda one: one.unsolved, default=None)
+        missed = ratio is not None and ratio < target
+        cells[0].append(f"{target:.2g}")
+        cells[1].append("-" if ratio is None else f"**{ratio:.2g}**" if missed else f"{ratio:.2g}")
+        cells[2].append("-" if at_floor is None else f"{at_floor:.2g}")
+        cells[3].append("-" if way is None else f"{way[0]} ({way[1]:.0%})")
+        cells[4].append("-" if worst is None else _unsolved(worst, len(found) > 1))
+    return [what, *(" / ".join(cell) for cell in cells)]
+
+
+def _unsolved(worst: Reached, named: bool) -> str:
+    text = f"{100 * worst.unsolved:.2g}"
+    text = text if worst.unsolved <= UNSOLVED else f"**{text}**"
+    return f"{text} ({worst.name})" if named and worst.unsolved else text

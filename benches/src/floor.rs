@@ -1,0 +1,91 @@
+//! What a core does in a second, and with it the time that no order of the same operations comes below.
+
+use std::hint::black_box;
+use std::time::Duration;
+
+use stepper_core::{Level, Precision};
+use stepper_real::{Real, at_level};
+
+use crate::clock::thread_time;
+use crate::recorder::READINGS;
+
+/// Repeats, of which the fastest counts.
+const ROUNDS: usize = 15;
+
+/// Operations of all lanes of this core in a second.
+#[derive(Clone, Copy, Debug)]
+pub struct Rates {
+    /// Additions, subtractions and multiplications.
+    pub sums: f64,
+    /// Divisions.
+    pub divisions: f64,
+}
+
+impl Rates {
+    /// Measures them, in lanes of a precision.
+    pub fn measure(precision: Precision, level: Level) -> Self {
+        fn both<R: Real>() -> Rates {
+            Rates { sums: per_second::<R>(false), divisions: per_second::<R>(true) }
+        }
+        match precision {
+            Precision::F64 => at_level!(level, F64x8, both()),
+            Precision::F32 => at_level!(level, F32x16, both()),
+        }
+    }
+
+    /// The least time of what [`operations`](crate::counted::operations) counted, us.
+    pub fn micros(&self, [sums, divisions, others]: [f64; READINGS]) -> f64 {
+        // Sums and the rest share the vector pipes, divisions and roots have their own.
+        1e6 * ((sums + others) / self.sums).max(divisions / self.divisions)
+    }
+}
+
+/// Operations a second in independent chains: as many as hide the latency, few enough for the registers.
+fn per_second<R: Real>(divide: bool) -> f64 {
+    const CHAINS: usize = 12;
+    const STEPS: usize = 100_000;
+    let run = || {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                let mut x = [R::one(); CHAINS];
+                let (a, b) = (black_box(R::of(0.999)), black_box(R::of(1e-3)));
+                for _ in 0..STEPS {
+                    for x in &mut x {
+                        *x = if divide { *x / a } else { *x * a + b };
+                    }
+                }
+                black_box(x);
+            },
+        );
+    };
+    run();
+    let fastest = (0..ROUNDS).map(|_| timed(run)).min().expect("there are rounds");
+    (STEPS * CHAINS * R::LANES * if divide { 1 } else { 2 }) as f64 / fastest.as_secs_f64()
+}
+
+/// Bytes a second copied from memory that no cache of the core holds.
+pub fn copied() -> f64 {
+    let (from, mut to) = (vec![1u8; 1 << 28], vec![0u8; 1 << 28]);
+    let fastest = (0..ROUNDS).map(|_| timed(|| to.copy_from_slice(black_box(&from)))).min().expect("there are rounds");
+    black_box(&to);
+    (1u64 << 28) as f64 / fastest.as_secs_f64()
+}
+
+fn timed(work: impl FnOnce()) -> Duration {
+    let start = thread_time();
+    work();
+    thread_time() - start
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sums_and_comparisons_share_pipes_and_divisions_have_their_own() {
+        let rates = Rates { sums: 2e6, divisions: 1e6 };
+        assert_eq!(rates.micros([4.0, 1.0, 2.0]), 3.0);
+        assert_eq!(rates.micros([4.0, 5.0, 2.0]), 5.0);
+    }
+}

@@ -1,0 +1,127 @@
+//! Arrays of numbers as NumPy saves them.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use zip::ZipArchive;
+use zip::result::ZipError;
+
+/// An array of numbers, in the order of its last axis.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Array {
+    /// Numbers along each axis.
+    pub shape: Vec<usize>,
+    /// All of them; booleans are 0 and 1.
+    pub values: Vec<f64>,
+}
+
+impl Array {
+    /// Part `k` along the first axis.
+    ///
+    /// # Panics
+    /// When there is none.
+    pub fn row(&self, k: usize) -> &[f64] {
+        let size = self.shape[1..].iter().product::<usize>();
+        &self.values[k * size..(k + 1) * size]
+    }
+}
+
+/// A file of `numpy.savez`.
+pub struct Npz {
+    path: PathBuf,
+    archive: ZipArchive<File>,
+}
+
+impl Npz {
+    /// Opens a file.
+    ///
+    /// # Errors
+    /// When it cannot be read, or is none of `numpy.savez`.
+    pub fn open(path: &Path) -> Result<Self, String> {
+        let file = File::open(path).map_err(|e| format!("{}: {e}", path.display()))?;
+        let archive = ZipArchive::new(file).map_err(|e| format!("{}: {e}; give a file of numpy.savez", path.display()))?;
+        Ok(Self { path: path.into(), archive })
+    }
+
+    /// The array of that name, if there is one.
+    ///
+    /// # Errors
+    /// When it is damaged, or not of numbers.
+    pub fn get(&mut self, name: &str) -> Result<Option<Array>, String> {
+        let place = format!("{}: {name}", self.path.display());
+        let mut bytes = Vec::new();
+        match self.archive.by_name(&format!("{name}.npy")) {
+            Err(ZipError::FileNotFound) => return Ok(None),
+            Err(e) => return Err(format!("{place}: {e}")),
+            Ok(mut member) => member.read_to_end(&mut bytes).map_err(|e| format!("{place}: {e}"))?,
+        };
+        let array = parse(&bytes).ok_or_else(|| format!("{place} is no array of numbers, row by row, in little endian"))?;
+        Ok(Some(array))
+    }
+
+    /// The array of that name.
+    ///
+    /// # Errors
+    /// As of [`Npz::get`], and when there is none.
+    pub fn array(&mut self, name: &str) -> Result<Array, String> {
+        self.get(name)?.ok_or_else(|| format!("{}: {name} is missing", self.path.display()))
+    }
+}
+
+/// An array in NumPy's format: 6 bytes that say so, its version, the length of the header, the header, the numbers. The header is a
+/// dictionary as Python writes it.
+fn parse(bytes: &[u8]) -> Option<Array> {
+    let version = *bytes.strip_prefix(b"\x93NUMPY")?.first()?;
+    let start = if version == 1 { 10 } else { 12 };
+    let length = bytes.get(8..start)?.iter().rev().fold(0, |sum, &byte| sum << 8 | usize::from(byte));
+    let header = std::str::from_utf8(bytes.get(start..start + length)?).ok()?;
+    if !header.contains("'fortran_order': False") {
+        return None;
+    }
+    let between = |from: &str, to: char| Some(header.split_once(from)?.1.split_once(to)?.0);
+    let sizes = between("'shape': (", ')')?.split(',').map(str::trim).filter(|size| !size.is_empty());
+    let shape = sizes.map(|size| size.parse().ok()).collect::<Option<Vec<usize>>>()?;
+    let data = &bytes[start + length..];
+    let values: Vec<f64> = match between("'descr': '", '\'')? {
+        "<f8" => numbers(data, f64::from_le_bytes),
+        "<f4" => numbers(data, |b| f32::from_le_bytes(b).into()),
+        "<i8" => numbers(data, |b| i64::from_le_bytes(b) as f64),
+        "<i4" => numbers(data, |b| i32::from_le_bytes(b).into()),
+        "<u4" => numbers(data, |b| u32::from_le_bytes(b).into()),
+        "|u1" | "|b1" => numbers(data, |[byte]: [u8; 1]| byte.into()),
+        _ => return None,
+    };
+    (values.len() == shape.iter().product::<usize>()).then_some(Array { shape, values })
+}
+
+fn numbers<const N: usize>(data: &[u8], read: impl Fn([u8; N]) -> f64) -> Vec<f64> {
+    data.as_chunks().0.iter().map(|&bytes| read(bytes)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What numpy.save writes.
+    fn saved(descr: &str, shape: &str, data: &[u8]) -> Vec<u8> {
+        let header = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {shape}, }}\n");
+        [b"\x93NUMPY\x01\x00", &(header.len() as u16).to_le_bytes()[..], header.as_bytes(), data].concat()
+    }
+
+    #[test]
+    fn arrays_are_read_row_by_row() {
+        let data: Vec<u8> = [1.0, 2.0, 3.0, 4.0_f32].iter().flat_map(|x| x.to_le_bytes()).collect();
+        let array = parse(&saved("<f4", "(2, 2)", &data)).unwrap();
+        assert_eq!((array.shape.as_slice(), array.row(1)), (&[2, 2][..], &[3.0, 4.0][..]));
+        assert_eq!(parse(&saved("|b1", "(3,)", &[1, 0, 1])).unwrap().values, [1.0, 0.0, 1.0]);
+        assert_eq!(parse(&saved("<i8", "()", &7_i64.to_le_bytes())).unwrap().values, [7.0]);
+    }
+
+    #[test]
+    fn other_bytes_are_refused() {
+        for bytes in [saved("<U3", "(1,)", &[0; 12]), saved("<f8", "(2,)", &[0; 8]), saved(">f8", "(1,)", &[0; 8]), b"PK".to_vec()] {
+            assert_eq!(parse(&bytes), None);
+        }
+    }
+}

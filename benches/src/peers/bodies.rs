@@ -1,0 +1,200 @@
+//! Free bodies on a floor: what both engines build of a course.
+
+use std::sync::{Arc, LazyLock};
+
+use stepper_core::analysis::overlaps::overlaps;
+use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
+use stepper_core::{Options, Precision, Simulation, StepInputs};
+
+use super::GRAVITY;
+use crate::scenes::noise;
+
+/// Half size of the sliding box, m.
+pub(super) const BOX_HALF: [f64; 3] = [0.2, 0.15, 0.1];
+/// Speed of the sliding box at the start, m/s.
+pub(super) const BOX_SPEED: f64 = 2.0;
+/// Its friction with the floor.
+pub(super) const BOX_FRICTION: f64 = 0.5;
+
+/// Density of boxes and bricks, of wood, kg/m^3.
+const WOOD: f64 = 500.0;
+/// Friction of heap and wall.
+const ROUGH: f64 = 0.6;
+/// Half the width of the bin that boxes fall into, m.
+const BIN: f64 = 0.22;
+/// Steps of 2 ms in which the heap comes to rest.
+const FALL: usize = 600;
+/// Half sizes of a brick, m.
+const BRICK: [f64; 3] = [0.1, 0.05, 0.03];
+/// Gap between bricks of one course, m.
+const JOINT: f64 = 0.004;
+/// Masses of SimBenchmark's plate and of each of its balls, kg, their number along each side, and the force on the plate, N.
+const PLATE: f64 = 10.0;
+const BALL: f64 = 1.0;
+const SIDE: usize = 5;
+const FORCE: f64 = 150.0;
+/// Friction of the plate with the ground; the balls have 0.8.
+const SLIPPERY: f64 = 0.4;
+/// Direction of the force: 60 degrees off x.
+const WAY: [f64; 3] = [0.5, 0.866_025_403_784_438_6, 0.0];
+
+/// Position of a body's centre, m, and its orientation (w, x, y, z).
+pub type Pose = ([f64; 3], [f64; 4]);
+
+/// Shape of a solid.
+#[derive(Clone, Copy, Debug)]
+pub enum Shape {
+    /// Radius, m.
+    Ball(f64),
+    /// Half sizes, m.
+    Box([f64; 3]),
+}
+
+/// A body that is free to move.
+#[derive(Clone, Copy, Debug)]
+pub struct Solid {
+    /// Shape.
+    pub shape: Shape,
+    /// Mass, kg.
+    pub mass: f64,
+    /// Friction; the larger one of two bodies counts.
+    pub friction: f64,
+    /// Where it begins.
+    pub pose: Pose,
+    /// Velocity of its centre at the start, m/s.
+    pub velocity: [f64; 3],
+}
+
+impl Solid {
+    fn upright(shape: Shape, mass: f64, friction: f64, pos: [f64; 3]) -> Self {
+        Self { shape, mass, friction, pose: (pos, [1.0, 0.0, 0.0, 0.0]), velocity: [0.0; 3] }
+    }
+
+    fn wooden(half: [f64; 3], pos: [f64; 3]) -> Self {
+        Self::upright(Shape::Box(half), WOOD * 8.0 * half.iter().product::<f64>(), ROUGH, pos)
+    }
+}
+
+/// Bodies on a floor.
+#[derive(Clone, Debug)]
+pub struct Bodies {
+    /// Friction of the floor and the walls.
+    pub friction: f64,
+    /// Boxes that do not move: half sizes and centres, m.
+    pub walls: Vec<([f64; 3], [f64; 3])>,
+    /// Bodies that do.
+    pub solids: Vec<Solid>,
+    /// Force on the centre of the first of them, N.
+    pub push: [f64; 3],
+}
+
+impl Bodies {
+    fn new(friction: f64, solids: Vec<Solid>) -> Self {
+        Self { friction, walls: vec![], solids, push: [0.0; 3] }
+    }
+
+    /// A box that is pushed over the floor.
+    pub fn sliding_box() -> Self {
+        let upright = Solid::upright(Shape::Box(BOX_HALF), 1.0, BOX_FRICTION, [0.0, 0.0, BOX_HALF[2]]);
+        Self::new(BOX_FRICTION, vec![Solid { velocity: [BOX_SPEED, 0.0, 0.0], ..upright }])
+    }
+
+    /// Ten boxes of 4 to 10 cm in a bin, where stepper has brought them to rest.
+    pub fn heap() -> Self {
+        static HEAP: LazyLock<Bodies> = LazyLock::new(|| {
+            let poured = Bodies::poured();
+            let options = Options { timestep: Some(0.002), ..Options::default() };
+            let mut simulation = Simulation::new(Arc::new(poured.model()), options, None, Precision::F64, 1).expect("options of a step");
+            simulation.step(&StepInputs::default(), FALL).expect("no inputs");
+            poured.at(&poses(&simulation))
+        });
+        HEAP.clone()
+    }
+
+    /// The same boxes in layers of four above the bin, turned at random.
+    fn poured() -> Self {
+        let random = |k: usize, n: usize| noise((100 * k + n) as u64);
+        let solid = |k: usize| {
+            let half = std::array::from_fn(|i| 0.035 + 0.015 * random(k, i));
+            let place = [0, 1].map(|i| if k >> i & 1 == 1 { 0.1 } else { -0.1 } + 0.01 * random(k, 3 + i));
+            let turn: [f64; 4] = std::array::from_fn(|i| random(k, 5 + i));
+            let norm = turn.iter().map(|x| x * x).sum::<f64>().sqrt();
+            let mut solid = Solid::wooden(half, [place[0], place[1], 0.12 + 0.18 * (k / 4) as f64]);
+            solid.pose.1 = turn.map(|x| x / norm);
+            solid
+        };
+        let mut bin = Self::new(ROUGH, (0..10).map(solid).collect());
+        for side in [-BIN, BIN] {
+            bin.walls.push(([0.01, BIN, 0.1], [side, 0.0, 0.1]));
+            bin.walls.push(([BIN, 0.01, 0.1], [0.0, side, 0.1]));
+        }
+        bin
+    }
+
+    /// Five courses of three bricks in running bond. Every second course is two fifths of a brick further: with half a brick and the joint,
+    /// the last brick of the top course would have its centre beyond the brick that carries it, and tip.
+    pub fn wall() -> Self {
+        let brick = |k: usize| {
+            let (course, place) = (k / 3, (k % 3) as f64);
+            let x = (2.0 * BRICK[0] + JOINT) * (place - 1.0 + if course % 2 == 1 { 0.2 } else { -0.2 });
+            Solid::wooden(BRICK, [x, 0.0, BRICK[2] * (2 * course + 1) as f64])
+        };
+        Self::new(ROUGH, (0..15).map(brick).collect())
+    }
+
+    /// SimBenchmark's plate, which a force pulls over the ground, and 25 balls on it.
+    pub fn balls() -> Self {
+        let plate = Solid::upright(Shape::Box([10.0, 10.0, 0.5]), PLATE, SLIPPERY, [0.0, 0.0, 0.5]);
+        let place = |k: usize| 2.0 * k as f64 - 4.0;
+        let ball = |k: usize| Solid::upright(Shape::Ball(0.5), BALL, 0.8, [place(k / SIDE), place(k % SIDE), 1.5]);
+        let solids = std::iter::once(plate).chain((0..SIDE * SIDE).map(ball)).collect();
+        Self { push: WAY.map(|x| FORCE * x), ..Self::new(SLIPPERY, solids) }
+    }
+
+    /// Accelerations of plate and balls, m/s^2: the friction f on each ball moves its lowest point with f / m (1 + 5/2), and the plate with
+    /// (F - mu (M + n m) g - n f) / M.
+    pub fn rolling_accelerations() -> Vec<[f64; 3]> {
+        let n = (SIDE * SIDE) as f64;
+        let driving = FORCE - SLIPPERY * (PLATE + n * BALL) * GRAVITY;
+        let f = driving / PLATE / (3.5 / BALL + n / PLATE);
+        let along = |a: f64| WAY.map(|x| a * x);
+        std::iter::once(along((driving - n * f) / PLATE)).chain(std::iter::repeat_n(along(f / BALL), SIDE * SIDE)).collect()
+    }
+
+    /// The same bodies at rest elsewhere.
+    pub fn at(&self, poses: &[Pose]) -> Self {
+        let solids = self.solids.iter().zip(poses).map(|(&solid, &pose)| Solid { pose, velocity: [0.0; 3], ..solid });
+        Self { solids: solids.collect(), ..self.clone() }
+    }
+
+    /// Depth of the deepest overlap where the bodies are, m; 0 where it is less than 0.1 mm.
+    pub fn deepest_overlap(&self) -> f64 {
+        overlaps(&self.model()).first().map_or(0.0, |overlap| overlap.depth)
+    }
+
+    /// A model of them.
+    pub fn model(&self) -> Model {
+        let mut scene = Model::builder("bodies");
+        let rough = |geom: GeomBuilder, friction: f64| geom.friction([friction, 0.0, 0.0]);
+        scene.geom(WORLD, rough(GeomBuilder::plane("floor"), self.friction));
+        for (k, &(half, pos)) in self.walls.iter().enumerate() {
+            scene.geom(WORLD, rough(GeomBuilder::cuboid(&format!("side {k}"), half).pos(pos), self.friction));
+        }
+        for (k, solid) in self.solids.iter().enumerate() {
+            let name = format!("body {k}");
+            let geom = match solid.shape {
+                Shape::Ball(radius) => GeomBuilder::sphere(&name, radius),
+                Shape::Box(half) => GeomBuilder::cuboid(&name, half),
+            };
+            let body = BodyBuilder::new(&name).pos(solid.pose.0).quat(solid.pose.1).joint(JointBuilder::free(&name));
+            scene.body(WORLD, body.geom(rough(geom.mass(solid.mass), solid.friction)));
+        }
+        scene.finish().expect("boxes and balls are a valid model")
+    }
+}
+
+/// Poses of the bodies of the first environment, that of the world left out.
+pub(super) fn poses(simulation: &Simulation) -> Vec<Pose> {
+    let poses = simulation.body_poses_of(0, &StepInputs::default()).expect("no inputs");
+    poses[1..].iter().map(|pose| (pose.pos, pose.quat)).collect()
+}

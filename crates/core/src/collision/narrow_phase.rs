@@ -11,7 +11,7 @@ use crate::collision::pairs::{
     sphere_box, sphere_cylinder, sphere_ellipsoid,
 };
 use crate::compile::{CompiledPair, Kernel};
-use crate::geometry::{Approach, Pose, Reach, SeparatingPlane, SeparatingPlanes, Solid, Surface};
+use crate::geometry::{Approach, BoundingBox, Pose, Reach, SeparatingPlane, SeparatingPlanes, Solid, Surface};
 use crate::math::lanes::each_of;
 use crate::math::spatial::*;
 
@@ -165,6 +165,10 @@ impl<R: Real> Scene<'_, R> {
             _ => near,
         };
         let reach = R::splat(pair.margin) + self.poses.travel[a] + self.poses.travel[b] + self.slack;
+        near = near.and_not(self.boxes_are_beyond(pair, reach));
+        if near.none() {
+            return;
+        }
         let mut approach = None;
         if let Some(size) = Solid::size_of_hulls([self.solid(a), self.solid(b)]) {
             let moving = self.approach(pair, reach);
@@ -206,6 +210,17 @@ impl<R: Real> Scene<'_, R> {
     #[inline(always)]
     fn pose(&self, geom: usize, lane: usize) -> Pose {
         Pose { pos: of_lane(&self.poses.pos[geom], lane), mat: of_lane(&self.poses.mat[geom], lane) }
+    }
+
+    /// Lanes in which the boxes about two geoms show that they are further than `reach` from each other.
+    #[inline(always)]
+    fn boxes_are_beyond(&self, pair: &CompiledPair<R::Scalar>, reach: R) -> R::Mask {
+        let [a, b] = pair.geoms;
+        let first = BoundingBox::new(self.solid(a), self.compiled.params.geom_size(a));
+        let second = BoundingBox::new(self.solid(b), self.compiled.params.geom_size(b));
+        let (Some(first), Some(second)) = (first, second) else { return R::Mask::splat(false) };
+        let apart = sub(self.poses.pos[b], self.poses.pos[a]);
+        first.is_beyond(&second, apart, [&self.poses.mat[a], &self.poses.mat[b]], reach)
     }
 
     /// Those of the lanes `near` in which what is known of two hulls says that no contact of theirs can count.

@@ -181,6 +181,12 @@ impl Hull {
         self.centre
     }
 
+    /// Least and greatest coordinates along each axis, m.
+    pub(super) fn extent(&self) -> [V; 2] {
+        let along = |k: usize, side: usize| self.points[self.extreme[2 * k + side]][k];
+        [std::array::from_fn(|k| along(k, 1)), std::array::from_fn(|k| along(k, 0))]
+    }
+
     /// Radius of a ball about its centre that holds it, m.
     pub(super) fn bound(&self) -> f64 {
         self.bound

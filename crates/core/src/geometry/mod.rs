@@ -17,6 +17,7 @@
 
 mod approach;
 mod blocks;
+mod bounding_box;
 mod boxes;
 mod clip;
 #[cfg(feature = "internals")]
@@ -43,6 +44,7 @@ mod surface;
 mod vectors;
 
 pub use approach::Approach;
+pub use bounding_box::BoundingBox;
 pub use hull::{Hull, HullError};
 pub use manifold::MAX_POINTS;
 pub use narrow::Narrow;

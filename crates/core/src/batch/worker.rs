@@ -113,9 +113,8 @@ impl LaneScalar for f64 {
 
     fn probed_worker(spec: &WorkerSpec<'_, f64>, lanes: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<f64>> {
         match lanes {
-            8 => at_level!(level, F64x8, lane_worker(spec, probe)),
-            #[cfg(not(test))]
             1 => at_level!(level, F64x1, lane_worker(spec, probe)),
+            8 => at_level!(level, F64x8, lane_worker(spec, probe)),
             #[cfg(not(test))]
             _ => at_avx512!(F64x16, lane_worker(spec, probe)),
             // The others are not compiled a second time, which would take minutes.

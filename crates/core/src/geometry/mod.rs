@@ -13,7 +13,7 @@
 //!
 //! All is computed in the frame of the first shape: what a scene's place in the world changes is rounding. Nothing is remembered from call
 //! to call: the same poses give the same contacts, whether a normal from before is known (`recall.rs`), or what parts the two
-//! (`parting.rs`), or not.
+//! (`separating_plane.rs`), or not.
 
 mod approach;
 mod blocks;

@@ -98,9 +98,11 @@ def mean(found: Sequence[Reached], value: Callable[[Reached], float | None]) -> 
     return geometric_mean(geometric_mean(numbers) for numbers in groups.values()) if groups else None
 
 
-def part(found: Iterable[Reached]) -> tuple[str, float] | None:
-    """The part that takes the most beyond its floor, as a share of the step's time, on average over episodes."""
+def part(found: Sequence[Reached]) -> tuple[str, float] | None:
+    """The part that takes the most beyond its floor, as a share of the step's time, on average over episodes; None where one is missing."""
     looked = [one.anatomy.excess for one in found if one.anatomy]
+    if len(looked) < len(found):
+        return None
     names = dict.fromkeys(name for excess in looked for name in excess)
     shares = {name: fmean(excess.get(name, 0.0) for excess in looked) for name in names}
     return max(shares.items(), key=lambda item: item[1]) if shares else None

@@ -1,9 +1,9 @@
 //! A worker steps groups of environments on one thread; one kind per lane type, one instantiation per CPU level.
 
 use serde::{Serialize, de::DeserializeOwned};
+use stepper_real::{Level, Mask, Real, Scalar};
 #[cfg(not(test))]
-use stepper_real::at_avx512;
-use stepper_real::{Level, Mask, Real, Scalar, at_level};
+use stepper_real::{at_avx512, at_level};
 
 use crate::batch::call::{Call, Query};
 use crate::batch::exchange::{load_control, load_inputs, load_state, store_mocap_trajectories, store_state};
@@ -111,14 +111,21 @@ impl LaneScalar for f64 {
         Self::probed_worker(spec, lanes, level, NoProbe)
     }
 
+    #[cfg(not(test))]
     fn probed_worker(spec: &WorkerSpec<'_, f64>, lanes: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<f64>> {
         match lanes {
             1 => at_level!(level, F64x1, lane_worker(spec, probe)),
             8 => at_level!(level, F64x8, lane_worker(spec, probe)),
-            #[cfg(not(test))]
             _ => at_avx512!(F64x16, lane_worker(spec, probe)),
-            // The others are not compiled a second time, which would take minutes.
-            #[cfg(test)]
+        }
+    }
+
+    // The others are not compiled a second time, which would take minutes.
+    #[cfg(test)]
+    fn probed_worker(spec: &WorkerSpec<'_, f64>, lanes: usize, _: Level, probe: impl Probe) -> Box<dyn Worker<f64>> {
+        match lanes {
+            1 => lane_worker::<stepper_real::baseline::F64x1>(spec, probe),
+            8 => lane_worker::<stepper_real::baseline::F64x8>(spec, probe),
             _ => unimplemented!("unit tests step small batches of 64 bits"),
         }
     }

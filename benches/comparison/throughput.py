@@ -36,6 +36,8 @@ MODELS = (
 OURS = ("stepper f64", "stepper f32")
 FAST = ("stepper f64 fast", "stepper f32 fast")
 PEERS = (f"MuJoCo {MATCHED.setting}", "MuJoCo defaults")
+PLAN = Plan(num_envs=256, peers=64, steps=300, rest=0)
+"""What is done unless the command says otherwise."""
 ALONE = 8
 """Environments that are stepped alone, one after the other; their mean counts."""
 
@@ -204,9 +206,9 @@ def main() -> None:
     """Reads the arguments and measures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("models", nargs="*", help="parts of names; default: all")
-    parser.add_argument("--num-envs", type=int, default=256, help="environments in stepper")
-    parser.add_argument("--peers", type=int, default=64, help="environments in MuJoCo, with the controls of the first ones")
-    parser.add_argument("--steps", type=int, default=300, help="steps of random control")
+    parser.add_argument("--num-envs", type=int, default=PLAN.num_envs, help="environments in stepper")
+    parser.add_argument("--peers", type=int, default=PLAN.peers, help="environments in MuJoCo, with the controls of the first ones")
+    parser.add_argument("--steps", type=int, default=PLAN.steps, help="steps of random control")
     parser.add_argument("--seed", type=int, default=0, help="of the random control")
     parser.add_argument("--quick", action="store_true", help="128 environments, 32 of MuJoCo, 100 steps: roughly, in ten seconds")
     parser.add_argument("--out", type=Path, default=Path("out"), help="folder; default: out")

@@ -15,14 +15,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from comparison.throughput import cases
+from comparison.throughput import PLAN, cases
 from stepper import Stepper
 from stepper._options import Precision
 from stepper.experiments.demo.crowd import StepperCrowd
-from stepper.experiments.demo.race import Plan
-
-ROBOTS = Plan(num_envs=256, peers=64, steps=300, rest=0)
-"""How comparison/throughput.py steps its robots unless it is told otherwise."""
 
 
 @contextmanager
@@ -50,15 +46,15 @@ def save_robots(folder: Path, precisions: Iterable[Precision], only: list[str]) 
         precisions: "f64", "f32".
         only: Parts of names; none is all.
     """
-    for case in cases(ROBOTS, only):
+    for case in cases(PLAN, only):
         if isinstance(case, str):
             sys.stderr.write(f"left out: {case}\n")
             continue
         for precision in precisions:
-            crowd = StepperCrowd(case.model, ROBOTS.num_envs, precision=precision)
+            crowd = StepperCrowd(case.model, PLAN.num_envs, precision=precision)
             with episode(crowd.sim, folder, case.name):
-                for step in range(ROBOTS.steps):
-                    crowd.step(case.control[step // ROBOTS.hold])
+                for step in range(PLAN.steps):
+                    crowd.step(case.control[step // PLAN.hold])
 
 
 @dataclass(frozen=True)

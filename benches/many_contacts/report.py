@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from statistics import geometric_mean
 from typing import Any
 
 from many_contacts.episodes import Floors
 from many_contacts.measure import CHUNK, DROPPED, LOOKED_AT, PEERS
 from many_contacts.scene import MEAN, Scene
-from many_contacts.targets import UNSOLVED, Row, lines, scale
+from many_contacts.targets import UNSOLVED, Row, grouped_mean, lines, percent, scale
 
 HEAD = f"""# Where contacts are many
 
@@ -98,11 +97,7 @@ def _slip(found: Sequence[float] | None) -> str:
 
 def means(rows: Sequence[Row], column: str) -> float | None:
     """Geometric mean of a column's ratios over scenes, of which the rows of a group count once together."""
-    groups: dict[str, list[float]] = {}
-    for row in rows:
-        if column in row["ours"]:
-            groups.setdefault(row["group"], []).append(row["ours"][column]["ratio"])
-    return geometric_mean(geometric_mean(found) for found in groups.values()) if groups else None
+    return grouped_mean((row["group"], row["ours"][column]["ratio"]) for row in rows if column in row["ours"])
 
 
 def speed(rows: Sequence[Row], floors: Floors, factor: float = 1.0) -> str:
@@ -143,7 +138,7 @@ def speed(rows: Sequence[Row], floors: Floors, factor: float = 1.0) -> str:
         cells += [_both(f"{theirs[peer]['microseconds']:.1f}" for peer in PEERS)]
         cells += ["-" if f is None else _reached(f["ratio"], target) for f, target in zip(by_default, targets, strict=True)]
         cells += [_number(f, "ratio", ".1f") for f in beside]
-        cells += [_both("-" if f is None else _percent(f["unsolved"]) for f in by_default)]
+        cells += [_both("-" if f is None else percent(f["unsolved"]) for f in by_default)]
         cells += [_both(_number(f, count, ".1f") for f in by_default) for count in ("sweeps", "newton_steps")]
         lines.append(cells)
     cells = ["**geometric mean**", "", *("" for _ in defaults), "", "", ""]
@@ -158,11 +153,6 @@ def _targets(defaults: Sequence[str]) -> list[float]:
 
 def _reached(ratio: float, target: float) -> str:
     return f"**{ratio:.2g}** ({target:.2g})"
-
-
-def _percent(share: float) -> str:
-    text = f"{100 * share:.2g}"
-    return text if share <= UNSOLVED else f"**{text}**"
 
 
 def _label(column: str) -> str:

@@ -87,15 +87,29 @@ def of_robots(found: Mapping[str, Any], precision: str, floors: Floors, *, alone
     return out
 
 
-def mean(found: Sequence[Reached], value: Callable[[Reached], float | None]) -> float | None:
-    """Geometric mean over groups, each by its own geometric mean; None where a number is missing."""
+def grouped_mean(found: Iterable[tuple[str, float]]) -> float | None:
+    """Geometric mean over groups, each by its own geometric mean; None of nothing.
+
+    Args:
+        found: Group and number, each above 0.
+    """
     groups: dict[str, list[float]] = {}
-    for one in found:
-        number = value(one)
-        if number is None:
-            return None
-        groups.setdefault(one.group, []).append(number)
+    for group, number in found:
+        groups.setdefault(group, []).append(number)
     return geometric_mean(geometric_mean(numbers) for numbers in groups.values()) if groups else None
+
+
+def percent(share: float) -> str:
+    """A share of unsolved steps in per cent, bold where it is too large."""
+    text = f"{100 * share:.2g}"
+    return text if share <= UNSOLVED else f"**{text}**"
+
+
+def mean(found: Sequence[Reached], value: Callable[[Reached], float | None]) -> float | None:
+    """`grouped_mean` of a value; None where one is missing."""
+    numbers = [(one.group, value(one)) for one in found]
+    known = [(group, number) for group, number in numbers if number is not None]
+    return grouped_mean(known) if len(known) == len(numbers) else None
 
 
 def part(found: Sequence[Reached]) -> tuple[str, float] | None:
@@ -144,6 +158,5 @@ def _line(what: str, targets: Sequence[float], by_precision: Sequence[Sequence[R
 
 
 def _unsolved(worst: Reached, named: bool) -> str:
-    text = f"{100 * worst.unsolved:.2g}"
-    text = text if worst.unsolved <= UNSOLVED else f"**{text}**"
+    text = percent(worst.unsolved)
     return f"{text} ({worst.name})" if named and worst.unsolved else text

@@ -146,7 +146,7 @@ impl Replay {
         Ok(Self {
             name: if head.note.is_empty() { folder.file_name().unwrap_or_default().to_string_lossy().into() } else { head.note },
             model,
-            options: head.options.into(),
+            options: head.options,
             precision: if head.precision == "f32" { Precision::F32 } else { Precision::F64 },
             num_envs,
             start: SavedState::from_bytes(&start).map_err(|e| format!("{}: {e}", place("00000.npz")))?,
@@ -176,7 +176,8 @@ struct Header {
     format: u32,
     closed: bool,
     note: String,
-    options: Settings,
+    #[serde(with = "PythonOptions")]
+    options: Options,
     num_envs: Option<usize>,
     precision: String,
     actuators: Option<serde_json::Value>,
@@ -208,7 +209,8 @@ struct Entry {
 
 /// `stepper.Options` as run.json has them.
 #[derive(Deserialize)]
-struct Settings {
+#[serde(remote = "Options")]
+struct PythonOptions {
     timestep: Option<f64>,
     #[serde(with = "IntegratorName")]
     integrator: Integrator,
@@ -253,26 +255,6 @@ enum StabilizationName {
     None,
 }
 
-impl From<Settings> for Options {
-    fn from(given: Settings) -> Self {
-        let Settings { timestep, integrator, solver, iterations, tolerance, stabilization, baumgarte, slop, .. } = given;
-        let Settings { max_correction_speed, restitution_threshold, max_contacts, .. } = given;
-        Self {
-            timestep,
-            integrator,
-            solver,
-            iterations,
-            tolerance,
-            stabilization,
-            baumgarte,
-            slop,
-            max_correction_speed,
-            restitution_threshold,
-            max_contacts,
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -286,7 +268,7 @@ mod tests {
     fn options_are_read_by_their_names_in_python() {
         let head: Header = serde_json::from_str(HEADER).unwrap();
         head.check("run.json").unwrap();
-        let options = Options::from(head.options);
+        let options = head.options;
         assert_eq!((options.integrator, options.solver, options.stabilization), (Integrator::Rk4, Solver::Pgs, Stabilization::None));
         assert_eq!((options.iterations, options.tolerance, options.timestep), (7, Some(1e-5), None));
     }

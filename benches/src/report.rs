@@ -4,6 +4,7 @@
 
 use std::io;
 use std::path::Path;
+use std::process::ExitCode;
 
 use serde::{Deserialize, Serialize};
 use stepper_core::{Level, Precision};
@@ -217,6 +218,14 @@ fn peers(course: Course, rounds: usize) -> Group {
     let rows = entries.into_iter().zip(times).map(|(e, t)| (e.name, t, Some(e.errors))).collect();
     let name = format!("{}, dt {} s, beside rapier", course.name(), course.timestep());
     Group::new(name, Some(course.measures().map(Into::into)), rows)
+}
+
+/// Exit code of a program, whose failure is said on standard error.
+pub fn exit_code(result: Result<ExitCode, String>) -> ExitCode {
+    result.unwrap_or_else(|message| {
+        eprintln!("{message}");
+        ExitCode::FAILURE
+    })
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ use stepper_benches::floor::{Rates, copied};
 use stepper_benches::parts::Anatomy;
 use stepper_benches::recorder::{Recording, Row, nanoseconds, own_cost};
 use stepper_benches::replay::Replay;
-use stepper_benches::report::cpu;
+use stepper_benches::report::{cpu, exit_code};
 use stepper_benches::scenes::{Scene, chain};
 use stepper_core::internals::probe::{Counter, Span};
 use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
@@ -33,13 +33,7 @@ Prints where the time of a step goes, its floor, and how it grows: of the humano
   --json FILE          also writes what was found of them";
 
 fn main() -> ExitCode {
-    match run() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(message) => {
-            eprintln!("{message}");
-            ExitCode::FAILURE
-        }
-    }
+    exit_code(run().map(|()| ExitCode::SUCCESS))
 }
 
 fn run() -> Result<(), String> {

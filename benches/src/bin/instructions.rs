@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use stepper_benches::clock::Run;
 use stepper_benches::episode::{Episode, single};
 use stepper_benches::recorder::{READINGS, record};
-use stepper_benches::report::rustc;
+use stepper_benches::report::{exit_code, rustc};
 use stepper_benches::scenes::Scene;
 use stepper_core::StepInputs;
 use stepper_core::internals::probe::Span;
@@ -49,14 +49,7 @@ fn main() -> ExitCode {
         work();
         return ExitCode::SUCCESS;
     }
-    match run() {
-        Ok(true) => ExitCode::SUCCESS,
-        Ok(false) => ExitCode::from(2),
-        Err(message) => {
-            eprintln!("{message}");
-            ExitCode::FAILURE
-        }
-    }
+    exit_code(run().map(|kept| if kept { ExitCode::SUCCESS } else { ExitCode::from(2) }))
 }
 
 /// Whether no count grew, or whatever it found was saved.

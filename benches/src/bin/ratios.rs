@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use stepper_benches::clock::pin;
-use stepper_benches::report::Report;
+use stepper_benches::report::{Report, exit_code};
 
 const USAGE: &str = "usage: ratios [--rounds N] [--save [FILE]] [--against FILE]
 
@@ -16,13 +16,7 @@ Prints microseconds per environment step, and how many times as fast every row i
 A ratio that fell by more than 10 % is marked with \"<\".";
 
 fn main() -> ExitCode {
-    match run() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(message) => {
-            eprintln!("{message}");
-            ExitCode::FAILURE
-        }
-    }
+    exit_code(run().map(|()| ExitCode::SUCCESS))
 }
 
 fn run() -> Result<(), String> {

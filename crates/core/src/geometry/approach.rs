@@ -23,7 +23,7 @@ use crate::geometry::facing::ALIKE;
 use crate::math::spatial::*;
 
 /// What coordinates and ways may be off by, as a share of the size: they may be in single precision, and faces of a hull this uneven.
-const HAIR: f64 = 4e-6;
+pub(super) const HAIR: f64 = 4e-6;
 
 /// How two bodies move as seen from the first, in its frame, in a step.
 #[derive(Clone, Copy, Debug)]

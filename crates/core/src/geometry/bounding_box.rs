@@ -3,12 +3,10 @@
 
 use stepper_real::Real;
 
+use crate::geometry::approach::HAIR;
 use crate::geometry::shape::ConvexShape;
 use crate::geometry::solid::Solid;
 use crate::math::spatial::*;
-
-/// What coordinates may be off by, as a share of them: they may be in single precision.
-const HAIR: f64 = 4e-6;
 
 /// Box about a solid along the axes of its frame.
 #[derive(Clone, Copy, Debug)]

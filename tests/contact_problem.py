@@ -111,7 +111,7 @@ def project(x: np.ndarray, mu: float) -> np.ndarray:
 
 def problem_of(model: mujoco.MjModel, before, contacts: np.ndarray, options, ctrl=None) -> Problem:
     """The problem that belongs to the contacts of a step from the state `before` (qpos, qvel)."""
-    h, midpoint, qpos = options.timestep, options.integrator == "midpoint", before[0].copy()
+    h, midpoint, qpos = options.timestep, options.integrator in (None, "midpoint"), before[0].copy()
     if midpoint:
         mujoco.mj_integratePos(model, qpos, before[1], h / 2)
     data = forward(model, qpos, before[1], ctrl)

@@ -4,9 +4,12 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use serde::Deserialize;
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer};
 use stepper_core::model::Model;
-use stepper_core::{AppliedInput, Episode, Error, Integrator, Options, Precision, SavedState, Simulation, Solver, Stabilization};
+use stepper_core::{
+    AppliedInput, ContactLaw, Episode, Error, Integrator, Options, Precision, SavedState, Simulation, Solver, Stabilization,
+};
 use stepper_core::{StateRows, StepInputs};
 
 use crate::npz::{Array, Npz};
@@ -212,8 +215,10 @@ struct Entry {
 #[serde(remote = "Options")]
 struct PythonOptions {
     timestep: Option<f64>,
-    #[serde(with = "IntegratorName")]
-    integrator: Integrator,
+    #[serde(with = "ContactLawName")]
+    contact: ContactLaw,
+    #[serde(deserialize_with = "integrator")]
+    integrator: Option<Integrator>,
     #[serde(with = "SolverName")]
     solver: Solver,
     iterations: u32,
@@ -229,12 +234,18 @@ struct PythonOptions {
 
 /// Python's names.
 #[derive(Deserialize)]
-#[serde(remote = "Integrator", rename_all = "lowercase")]
-enum IntegratorName {
-    Euler,
-    Midpoint,
-    Implicit,
-    Rk4,
+#[serde(remote = "ContactLaw", rename_all = "lowercase")]
+enum ContactLawName {
+    Hard,
+    Mujoco,
+}
+
+/// An integrator by its name in Python, or none.
+fn integrator<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Integrator>, D::Error> {
+    let Some(name) = Option::<String>::deserialize(from)? else { return Ok(None) };
+    let all = [Integrator::Euler, Integrator::Midpoint, Integrator::Implicit, Integrator::ImplicitFast, Integrator::Rk4];
+    let found = all.into_iter().find(|integrator| integrator.name() == name);
+    found.map(Some).ok_or_else(|| D::Error::custom(format!("integrator {name}, which this program does not have")))
 }
 
 /// Python's names.
@@ -260,7 +271,7 @@ mod tests {
     use super::*;
 
     const HEADER: &str = r#"{"format": 4, "closed": true, "note": "", "num_envs": 2, "precision": "f32", "actuators": null, "sensors": null,
-        "options": {"timestep": null, "integrator": "rk4", "solver": "pgs", "iterations": 7, "tolerance": 1e-5, "stabilization": "none",
+        "options": {"timestep": null, "contact": "hard", "integrator": "rk4", "solver": "pgs", "iterations": 7, "tolerance": 1e-5, "stabilization": "none",
             "baumgarte": 0.2, "slop": 1e-5, "max_correction_speed": 1.0, "restitution_threshold": 0.01, "max_contacts": null},
         "files": [{"name": "00000.npz", "rows": 1, "steps": 0, "sha256": ""}]}"#;
 
@@ -269,7 +280,7 @@ mod tests {
         let head: Header = serde_json::from_str(HEADER).unwrap();
         head.check("run.json").unwrap();
         let options = head.options;
-        assert_eq!((options.integrator, options.solver, options.stabilization), (Integrator::Rk4, Solver::Pgs, Stabilization::None));
+        assert_eq!((options.integrator, options.solver, options.stabilization), (Some(Integrator::Rk4), Solver::Pgs, Stabilization::None));
         assert_eq!((options.iterations, options.tolerance, options.timestep), (7, Some(1e-5), None));
     }
 

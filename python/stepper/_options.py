@@ -11,13 +11,7 @@ Precision: TypeAlias = Literal["f64", "f32"]
 if TYPE_CHECKING:
     from stepper._stepper import Model
 
-_INTEGRATORS: dict[str, Literal["euler", "midpoint", "implicit", "rk4"]] = {
-    "Euler": "euler",
-    "RK4": "rk4",
-    "implicit": "implicit",
-    "implicitfast": "implicit",
-}
-_SOLVERS: dict[str, Literal["pgs", "newton", "auto"]] = {"PGS": "pgs", "Newton": "newton", "CG": "auto"}
+_INTEGRATORS: dict[str, Literal["euler", "implicitfast", "rk4"]] = {"Euler": "euler", "RK4": "rk4", "implicitfast": "implicitfast"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +22,15 @@ class Options:
 
     Attributes:
         timestep: Time step in s; None takes the model's own.
-        integrator: How velocities and positions advance.
+        contact: Law of contacts, limits, dry friction and equalities.
+
+            * "hard": rigid, Signorini's condition and Coulomb's cone, each step solved to the tolerance.
+            * "mujoco": MuJoCo's soft law as its documentation defines it (computation chapter), from the model's solref, solimp, solmix,
+              margins, impratio and cone. The convex problem is solved by Newton's method; `iterations` bounds its steps, and its residual
+              is the velocity in m/s that the remaining imbalance of forces makes in a step. Solver, stabilisation
+              and restitution have no part in it. docs/mujoco_law.md has what agrees with MuJoCo, and how far.
+        integrator: How velocities and positions advance. None is "midpoint" with hard contact, and with contact="mujoco" what the model's
+            source asks for, or "euler".
 
             * "midpoint": Moreau's rule, second order in smooth motion. Springs, dampers and servos follow the implicit midpoint rule,
               stable for any stiffness, which keeps the energy of linear springs. What is much faster than a step rings and decays slowly. A
@@ -40,6 +42,9 @@ class Options:
             * "rk4": Runge-Kutta-Munthe-Kaas of order 4 for environments without an active constraint (contact, limit, dry friction) in
               this step; the others take a midpoint step, with its errors of momentum and energy. Its smooth step is explicit in everything,
               so that springs and dampers need h sqrt(k / m) < 2.8 and h d / m < 2.7.
+
+            With contact="mujoco" there are MuJoCo's own: "euler" (with the joints' damping implicit, unless the model says otherwise),
+            "implicitfast", and "rk4", whose four stages each solve the constraints.
 
             With "midpoint" and "implicit" a servo at a bound of its force gives the bound, and none of its stiffness. Fixed tendons whose
             joints lie on several branches act with an inertia that grows with h^2 k and h d, which keeps them stable too.
@@ -60,7 +65,8 @@ class Options:
     """
 
     timestep: float | None = None
-    integrator: Literal["euler", "midpoint", "implicit", "rk4"] = "midpoint"
+    contact: Literal["hard", "mujoco"] = "hard"
+    integrator: Literal["euler", "midpoint", "implicit", "implicitfast", "rk4"] | None = None
     solver: Literal["auto", "pgs", "newton"] = "auto"
     iterations: int = 50
     tolerance: float | None = None
@@ -73,15 +79,14 @@ class Options:
 
     @classmethod
     def of(cls, model: Model) -> Options:
-        """What the model's source asks for, as far as stepper has it; the rest is as in `Options()`.
+        """What the model's source asks for: MuJoCo's law of contact, with the softness, cone and impratio of the model, and its integrator.
 
-        The integrator: MuJoCo's Euler is "euler", RK4 "rk4", implicit and implicitfast are "implicit" (whose derivatives of forces are
-        stepper's own). The solver: PGS is "pgs", Newton "newton", and CG, which is not there, "auto"; with at least its iterations,
-        which are a bound and cost nothing where a step is solved before. The time step is the model's own. MuJoCo's tolerance is no
-        velocity and is not taken; contacts are hard and the friction cone is circular, whatever the source says (`Model.deviations`).
+        The iterations are at least those of the source: a bound, which costs nothing where a step is solved before. Whatever solver the
+        source names, the problem is the same, and Newton's method solves it to the tolerance, in m/s; MuJoCo's own tolerance is none and is
+        not taken. The time step is the model's own.
 
         Args:
-            model: A model. One that was made in code asks for nothing.
+            model: A model. One that was made in code asks for nothing, and gets `Options()`.
 
         Raises:
             ValueError: The source asks for an integrator that stepper does not have.
@@ -91,5 +96,5 @@ class Options:
             return cls()
         name = asked["integrator"]
         if name not in _INTEGRATORS:
-            raise ValueError(f"the source asks for {name}, which stepper does not have; choose Options(integrator=...)")
-        return cls(integrator=_INTEGRATORS[name], solver=_SOLVERS[asked["solver"]], iterations=max(cls.iterations, asked["iterations"]))
+            raise ValueError(f'the source asks for {name}, which stepper does not have; choose Options(contact="mujoco", integrator=...)')
+        return cls(contact="mujoco", integrator=_INTEGRATORS[name], iterations=max(cls.iterations, asked["iterations"]))

@@ -49,7 +49,8 @@ def test_the_trajectories_have_what_they_are_meant_to_have():
     settings = list(TRAJECTORIES.values())
     assert {t.precision for t in settings} == {"f64", "f32"}
     options = [stepper.Options(**t.options) for t in settings]
-    assert {(o.integrator, t.precision) for o, t in zip(options, settings, strict=True)} == {
+    hard = [(o, t) for o, t in zip(options, settings, strict=True) if o.contact == "hard"]
+    assert {(o.integrator or "midpoint", t.precision) for o, t in hard} == {
         (integrator, precision) for integrator in ("euler", "midpoint", "implicit", "rk4") for precision in ("f64", "f32")
     }
     assert {o.solver for o in options} == {"auto", "pgs", "newton"}

@@ -128,6 +128,7 @@ EVERYTHING = SCENES[ROBOT]
 BAUMGARTE = {"stabilization": "baumgarte"}
 EULER, IMPLICIT, RK4 = ({"integrator": name} for name in ("euler", "implicit", "rk4"))
 NEWTON, PGS = ({"solver": name} for name in ("newton", "pgs"))
+SOFT = {"contact": "mujoco"}
 BLUR = Transfer(noise_std=0.02, bias_std=0.05, delay=0.003, drift_std=0.1)
 GEARED = Drive(motor=DCMotor(stall_torque=2.0, no_load_speed=50.0, rotor_inertia=1e-4, gear=3.0), lag=0.01)
 BOUNDED = {"actuators": ActuatorModel(default=Drive(limits=(-3.0, 2.0), delay=0.003))}
@@ -156,6 +157,15 @@ TRAJECTORIES: dict[str, Trajectory] = {
     "stackers-f32": robot("dm_control/stacker", num_envs=WIDE, precision="f32"),
     "humanoids-cmu": robot("dm_control/humanoid_CMU", num_envs=3, calls=50),
     "manipulators": robot("dm_control/manipulator", num_envs=9),
+    # MuJoCo's contact law.
+    "humanoids-soft": robot(HUMANOID, num_envs=WIDE, options=SOFT),
+    "humanoids-soft-f32": robot(HUMANOID, num_envs=WIDE_F32, precision="f32", options=SOFT, calls=40),
+    "ants-soft-rk4": robot("gymnasium/ant", num_envs=9, options=SOFT, offset=0.2),
+    "quadrupeds-soft-implicitfast": robot("dm_control/quadruped", options=SOFT | {"integrator": "implicitfast"}),
+    "pile-soft": scene(scenes.PILE, num_envs=WIDE, options=SOFT, nstep=4),
+    "pile-soft-f32": scene(scenes.PILE, num_envs=3, precision="f32", options=SOFT, nstep=4),
+    "equalities-soft-law": scene(LINKAGE.format(equality=KINDS["all at once"]), options=SOFT, offset=0.02),
+    "everything-soft": scene(EVERYTHING, options=SOFT | {"integrator": "rk4"}),
     # Contacts.
     "pile": scene(scenes.PILE, num_envs=WIDE, nstep=4),
     "pile-euler": scene(scenes.PILE, options=EULER | BAUMGARTE, nstep=4),

@@ -26,7 +26,7 @@ impl Ours {
             Course::Chain(links) => chain(links),
             _ => Arc::new(bodies.as_ref().expect("all but chains are free bodies").model()),
         };
-        let options = Options { timestep: Some(dt), integrator, ..Options::default() };
+        let options = Options { timestep: Some(dt), integrator: Some(integrator), ..Options::default() };
         let mut simulation = Simulation::at_level(model, options, Some(count), precision, 1, level);
         if let Some(Bodies { solids, push, .. }) = bodies {
             let velocity: Vec<f64> = solids.iter().flat_map(|solid| solid.velocity.into_iter().chain([0.0; 3])).collect();

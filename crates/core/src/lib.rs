@@ -102,7 +102,7 @@ pub use math::precision::Precision;
 pub use model::{Model, ModelError, Parameter};
 #[cfg(feature = "nalgebra")]
 pub use nalgebra;
-pub use options::{Integrator, Options, Solver, Stabilization};
+pub use options::{ContactLaw, Integrator, Options, Solver, Stabilization};
 pub use sensing::errors::Transfer;
 pub use stages::s10_record::Status;
 pub use stepper_real::{Level, LevelError};

@@ -7,6 +7,15 @@ use serde::{Deserialize, Serialize};
 use crate::error::Error;
 use crate::math::precision::Precision;
 
+/// Law of contacts, limits, dry friction and equalities.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ContactLaw {
+    /// Rigid: Signorini's condition and Coulomb's cone, each step solved to the tolerance.
+    Hard,
+    /// MuJoCo's: a convex problem, soft by each constraint's solref and solimp, whose forces follow from the accelerations.
+    Mujoco,
+}
+
 /// How velocities and positions advance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Integrator {
@@ -19,8 +28,24 @@ pub enum Integrator {
     /// Euler's rule with springs, dampers and servos at the end of the step (L-stable) and velocity-dependent forces at the velocity to be
     /// expected there. First order; it takes energy out of what it cannot resolve.
     Implicit,
-    /// Runge-Kutta-Munthe-Kaas of order 4 for environments without an active constraint in this step; the others take a midpoint step.
+    /// Runge-Kutta-Munthe-Kaas of order 4 for environments without an active constraint in this step; the others take a midpoint step. With
+    /// MuJoCo's law the classical method of order 4, constraints included.
     Rk4,
+    /// MuJoCo's `implicitfast`, with its law alone: Euler's rule with the symmetric part of the forces' derivatives by velocity.
+    ImplicitFast,
+}
+
+impl Integrator {
+    /// Its name, as Python's users know it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Euler => "euler",
+            Self::Midpoint => "midpoint",
+            Self::Implicit => "implicit",
+            Self::Rk4 => "rk4",
+            Self::ImplicitFast => "implicitfast",
+        }
+    }
 }
 
 /// What removes the overlap that remains.
@@ -53,8 +78,11 @@ pub enum Solver {
 pub struct Options {
     /// Time step, s; `None` is the model's own.
     pub timestep: Option<f64>,
-    /// Integrator.
-    pub integrator: Integrator,
+    /// Law of contact.
+    pub contact: ContactLaw,
+    /// Integrator; `None` is midpoint with hard contact, and with MuJoCo's law what the model's source asks for, Euler's rule where it asks
+    /// for none.
+    pub integrator: Option<Integrator>,
     /// Solver.
     pub solver: Solver,
     /// Sweeps of the solver at the most, and Newton steps at the most for each island of an environment; [`Solver::Auto`] makes no more
@@ -89,7 +117,8 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             timestep: None,
-            integrator: Integrator::Midpoint,
+            contact: ContactLaw::Hard,
+            integrator: None,
             solver: Solver::Auto,
             iterations: 50,
             tolerance: None,
@@ -104,10 +133,26 @@ impl Default for Options {
 }
 
 impl Options {
-    /// The settings in force for a model whose own time step is `timestep`, s.
-    pub fn resolve(&self, timestep: f64, precision: Precision) -> StepSettings {
+    /// The settings in force for a model whose own time step is `timestep`, s, and whose source asks for the integrator `asked`, if for
+    /// any that there is.
+    ///
+    /// # Errors
+    /// [`Error::Option`] for an integrator that the law of contact does not have.
+    pub fn resolve(&self, timestep: f64, asked: Option<Integrator>, precision: Precision) -> Result<StepSettings, Error> {
+        let integrator = self.integrator.unwrap_or(match self.contact {
+            ContactLaw::Hard => Integrator::Midpoint,
+            ContactLaw::Mujoco => asked.unwrap_or(Integrator::Euler),
+        });
+        let must = match (self.contact, integrator) {
+            (ContactLaw::Mujoco, Integrator::Midpoint | Integrator::Implicit) => "euler, implicitfast or rk4 with contact=\"mujoco\"",
+            (ContactLaw::Hard, Integrator::ImplicitFast) => "euler, midpoint, implicit or rk4 with contact=\"hard\"",
+            _ => "",
+        };
+        if !must.is_empty() {
+            return Err(Error::Option { name: "integrator", found: integrator.name().to_owned(), must });
+        }
         let Self {
-            integrator,
+            contact,
             solver,
             iterations,
             stabilization,
@@ -118,8 +163,9 @@ impl Options {
             max_contacts,
             ..
         } = *self;
-        StepSettings {
+        Ok(StepSettings {
             timestep: self.timestep.unwrap_or(timestep),
+            contact,
             integrator,
             solver,
             iterations,
@@ -130,7 +176,7 @@ impl Options {
             max_correction_speed,
             restitution_threshold,
             max_contacts,
-        }
+        })
     }
 
     /// Checks the range of every setting.
@@ -170,6 +216,8 @@ impl Options {
 pub struct StepSettings {
     /// Time step, s.
     pub timestep: f64,
+    /// See [`Options::contact`].
+    pub contact: ContactLaw,
     /// See [`Options::integrator`].
     pub integrator: Integrator,
     /// See [`Options::solver`].

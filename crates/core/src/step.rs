@@ -6,11 +6,12 @@ use crate::compile::LaneModel;
 use crate::integrators::acceptance::accept;
 use crate::integrators::devices::Devices;
 use crate::integrators::evaluation::{assemble_rows, evaluate};
+use crate::integrators::mujoco;
 use crate::integrators::observation::{observe, pass_controls};
 use crate::integrators::scheme;
-use crate::integrators::solution::{correct_positions, guard_energy, integrate_positions, record, solve_velocities};
+use crate::integrators::solution::{Solution, correct_positions, guard_energy, integrate_positions, record, solve_velocities};
 use crate::integrators::workspace::Workspace;
-use crate::options::StepSettings;
+use crate::options::{ContactLaw, StepSettings};
 use crate::probe::{Counter, Probe, Span};
 use crate::stages::s10_record::Record;
 
@@ -25,11 +26,25 @@ pub fn step<R: Real>(
     probe: impl Probe,
 ) -> Record<R> {
     probe.count(Counter::GroupSteps, || 1.0);
-    let mut scheme = scheme(options);
     s.poison();
     s.poses.begin();
     // 1 actuate: controls pass through the actuators' pipelines.
     probe.span(Span::ActuatorPipelines, || pass_controls(compiled, options, s, devices));
+    let (solution, tunnelled) = match options.contact {
+        ContactLaw::Hard => solve_step(compiled, options, s, probe),
+        // 1 to 7 with MuJoCo's law, which needs no 8: what is left of a depth or of a loop's error is softness.
+        ContactLaw::Mujoco => mujoco::solve_step(compiled, options, s, probe),
+    };
+    let finite = probe.span(Span::Accept, || accept(compiled, s, options.timestep));
+    // 9 sense
+    probe.span(Span::Sense, || observe(compiled, options, s, devices));
+    // 10 record
+    probe.span(Span::Record, || record(compiled, options, s, &solution, [finite, tunnelled]))
+}
+
+/// Stages 1 to 8 with hard contact. Returns the lanes in which something may have passed through something thin, too.
+fn solve_step<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, probe: impl Probe) -> (Solution<R>, R::Mask) {
+    let mut scheme = scheme(options);
     // 1 actuate, 2 smooth dynamics, 3 detect: at the configuration where the scheme takes the step.
     let at_beginning = evaluate(compiled, options, &mut scheme, s, probe);
     // 4 assemble; 1 and 2 again for forces that depend on the velocity to come.
@@ -42,11 +57,7 @@ pub fn step<R: Real>(
     // 8 stabilise
     correct_positions(compiled, options, &scheme, s, &mut solution, probe);
     probe.span(Span::GuardEnergy, || guard_energy(compiled, s, &solution));
-    let finite = probe.span(Span::Accept, || accept(compiled, s, options.timestep));
-    // 9 sense
-    probe.span(Span::Sense, || observe(compiled, options, s, devices));
-    // 10 record
-    probe.span(Span::Record, || record(compiled, options, s, &solution, [finite, tunnelled]))
+    (solution, tunnelled)
 }
 
 #[cfg(test)]
@@ -64,7 +75,7 @@ mod tests {
         let model = walker();
         for integrator in [Integrator::Euler, Integrator::Midpoint, Integrator::Implicit, Integrator::Rk4] {
             for stabilization in [Stabilization::Split, Stabilization::Baumgarte] {
-                let options = Options { integrator, stabilization, ..Options::default() };
+                let options = Options { integrator: Some(integrator), stabilization, ..Options::default() };
                 let mut sim = Simulation::new(model.clone(), options, Some(5), Precision::F64, 1).unwrap();
                 for env in 0..5 {
                     let (q, v) = start(&model, env);

@@ -40,10 +40,10 @@ fn a_step_allocates_nothing_the_second_time() {
     let base = Options { timestep: Some(0.004), ..Options::default() };
     let settings = [
         base,
-        Options { integrator: Integrator::Rk4, ..base },
-        Options { integrator: Integrator::Implicit, ..base },
+        Options { integrator: Some(Integrator::Rk4), ..base },
+        Options { integrator: Some(Integrator::Implicit), ..base },
         Options { timestep: Some(0.08), ..base },
-        Options { integrator: Integrator::Euler, stabilization: Stabilization::Split, ..base },
+        Options { integrator: Some(Integrator::Euler), stabilization: Stabilization::Split, ..base },
         Options { solver: Solver::Newton, ..base },
     ];
     for options in settings {

@@ -11,9 +11,9 @@ fn settings() -> [Options; 7] {
     let base = Options { timestep: Some(0.004), ..Options::default() };
     [
         base,
-        Options { integrator: Integrator::Euler, stabilization: Stabilization::Split, ..base },
-        Options { integrator: Integrator::Rk4, ..base },
-        Options { integrator: Integrator::Implicit, ..base },
+        Options { integrator: Some(Integrator::Euler), stabilization: Stabilization::Split, ..base },
+        Options { integrator: Some(Integrator::Rk4), ..base },
+        Options { integrator: Some(Integrator::Implicit), ..base },
         // Too long for the motion of many lanes.
         Options { timestep: Some(0.08), ..base },
         // Most lanes run out of sweeps here, each at its own time.

@@ -167,7 +167,7 @@ proptest! {
     ) {
         let precision = if single { Precision::F32 } else { Precision::F64 };
         let base = Options { timestep: Some(0.004), ..Options::default() };
-        let options = if fast { Options { integrator: Integrator::Euler, stabilization: Stabilization::Baumgarte, ..base } } else { base };
+        let options = if fast { Options { integrator: Some(Integrator::Euler), stabilization: Stabilization::Baumgarte, ..base } } else { base };
         let model = if walks { walker() } else { paddle() };
         Scene { model, options, num_envs: if many { 3 } else { 1 }, precision, equipped: equipped && walks }.act(&deeds);
     }

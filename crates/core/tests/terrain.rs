@@ -68,7 +68,7 @@ proptest! {
         // Equal moments: turning changes no velocity.
         let body = BodyBuilder::new("body").joint(JointBuilder::free("")).geom(geom.condim(1)).inertial(1.0, [0.0; 3], [0.1; 3]);
         scene.body(WORLD, body);
-        let options = Options { timestep: Some(STEP), integrator: Integrator::Euler, solver: Solver::Pgs, iterations: 1, ..Options::default() };
+        let options = Options { timestep: Some(STEP), integrator: Some(Integrator::Euler), solver: Solver::Pgs, iterations: 1, ..Options::default() };
         let level = *Level::available().last().unwrap();
         let mut sim = Simulation::at_level(Arc::new(scene.finish().unwrap()), options, None, Precision::F64, 1, level);
         let q = quaternion(&pose.mat);

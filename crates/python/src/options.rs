@@ -2,7 +2,7 @@
 
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use stepper_core::{Integrator, Options, Solver, Stabilization};
+use stepper_core::{ContactLaw, Integrator, Options, Solver, Stabilization};
 
 use crate::array::{described, whole};
 use crate::error::value_error;
@@ -50,12 +50,19 @@ pub(crate) fn settings(given: &Bound<'_, PyAny>) -> PyResult<Options> {
         "newton" => Solver::Newton,
         other => return Err(unknown("solver", other, "auto, pgs, newton")),
     };
-    let integrator = match given.word("integrator")?.as_str() {
-        "euler" => Integrator::Euler,
-        "midpoint" => Integrator::Midpoint,
-        "implicit" => Integrator::Implicit,
-        "rk4" => Integrator::Rk4,
-        other => return Err(unknown("integrator", other, "euler, midpoint, implicit, rk4")),
+    let contact = match given.word("contact")?.as_str() {
+        "hard" => ContactLaw::Hard,
+        "mujoco" => ContactLaw::Mujoco,
+        other => return Err(unknown("contact", other, "hard, mujoco")),
+    };
+    let integrator = match given.optional("integrator", Given::word)?.as_deref() {
+        None => None,
+        Some("euler") => Some(Integrator::Euler),
+        Some("midpoint") => Some(Integrator::Midpoint),
+        Some("implicit") => Some(Integrator::Implicit),
+        Some("implicitfast") => Some(Integrator::ImplicitFast),
+        Some("rk4") => Some(Integrator::Rk4),
+        Some(other) => return Err(unknown("integrator", other, "euler, midpoint, implicit, implicitfast, rk4")),
     };
     let stabilization = match given.word("stabilization")?.as_str() {
         "baumgarte" => Stabilization::Baumgarte,
@@ -65,6 +72,7 @@ pub(crate) fn settings(given: &Bound<'_, PyAny>) -> PyResult<Options> {
     };
     let options = Options {
         timestep: given.optional("timestep", Given::number)?,
+        contact,
         integrator,
         solver,
         iterations: given.count("iterations")?,

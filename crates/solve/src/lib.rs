@@ -34,6 +34,7 @@ mod position_rows;
 mod problem;
 mod reference;
 mod residual;
+pub mod soft;
 mod solver;
 mod vectors;
 

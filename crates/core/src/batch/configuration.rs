@@ -2,10 +2,9 @@
 
 use crate::actuation::{ActuatorPipelines, ActuatorSpec, memory};
 use crate::batch::capacity::{bytes_per_env, check_memory};
-use crate::batch::environments::{Batch, make_groups};
+use crate::batch::environments::{Batch, compile, make_groups};
 use crate::batch::randomization::{Differences, ParameterOverrides};
 use crate::batch::worker::LaneScalar;
-use crate::compile::CompiledModel;
 use crate::error::Error;
 use crate::model::Model;
 use crate::options::StepSettings;
@@ -56,7 +55,7 @@ impl<S: LaneScalar> Configuration for Batch<S> {
     }
 
     fn set_actuator_models(&mut self, model: &Model, specs: &[Option<ActuatorSpec>]) -> Result<(), Error> {
-        let (compiled, h) = (CompiledModel::with_actuator_specs(model, specs), self.settings.timestep);
+        let (compiled, h) = (compile(model, specs, &self.settings), self.settings.timestep);
         let some = ActuatorPipelines::<S>::new(specs, self.lanes.min(self.num_envs), self.lanes, h);
         let numbers = (some.memory + model.nu()) * size_of::<S>() + some.lines * size_of::<usize>();
         check_memory(self.num_envs, bytes_per_env(&compiled, self.max_contacts) + numbers + some.bytes().div_ceil(self.lanes))?;

@@ -2,8 +2,9 @@
 
 use stepper_real::Level;
 
-use crate::actuation::ActuatorPipelines;
 use crate::actuation::affine_force::ActuatorDynamics;
+use crate::actuation::{ActuatorPipelines, ActuatorSpec};
+use crate::analysis::inverse_weights::inverse_weights;
 use crate::batch::capacity::{bytes_per_env, check_memory, room_for_contacts};
 use crate::batch::inputs::Field;
 use crate::batch::randomization::ParameterOverrides;
@@ -14,7 +15,7 @@ use crate::batch::worst_row::WorstRow;
 use crate::compile::CompiledModel;
 use crate::error::Error;
 use crate::model::Model;
-use crate::options::StepSettings;
+use crate::options::{ContactLaw, StepSettings};
 use crate::sensing::errors::Errors;
 use crate::stages::s10_record::Status;
 
@@ -91,7 +92,7 @@ impl<S: LaneScalar> Batch<S> {
     /// # Errors
     /// [`Error::Memory`] when there is no room for so many; with `check` only, else the process may end.
     pub fn new(model: &Model, settings: StepSettings, num_envs: usize, threads: usize, level: Level, check: bool) -> Result<Self, Error> {
-        let compiled = CompiledModel::new(model);
+        let compiled = compile(model, &[], &settings);
         let max_contacts = room_for_contacts(model, &compiled, &settings, level);
         if check {
             check_memory(num_envs, bytes_per_env(&compiled, max_contacts))?;
@@ -134,6 +135,16 @@ impl<S: LaneScalar> Batch<S> {
         self.workers.idle_workers().iter_mut().for_each(|worker| worker.forget_state());
         (&mut self.groups[env / self.lanes], env % self.lanes)
     }
+}
+
+/// The compiled model for these settings, with actuator dynamics if there are any.
+pub(super) fn compile<S: LaneScalar>(model: &Model, specs: &[Option<ActuatorSpec>], settings: &StepSettings) -> CompiledModel<S> {
+    let mut compiled = CompiledModel::with_actuator_specs(model, specs);
+    if settings.contact == ContactLaw::Mujoco {
+        let weights = model.soft.inverse_weights.clone().unwrap_or_else(|| inverse_weights(model));
+        compiled.soften(model, &weights, settings.timestep);
+    }
+    compiled
 }
 
 /// Groups of environments at the model's reset state.

@@ -30,7 +30,7 @@ use crate::compile::{CompiledModel, LaneModel};
 use crate::error::Error;
 use crate::math::precision::Precision;
 use crate::model::Model;
-use crate::options::{Options, StepSettings};
+use crate::options::{Integrator, Options, StepSettings};
 
 /// Environments of one model.
 pub struct Simulation {
@@ -56,6 +56,17 @@ struct TrueReadings {
     readings: Vec<f64>,
     /// What the user applied then: forces on joints, wrenches, poses of mocap bodies.
     applied: [Vec<f64>; 4],
+}
+
+/// The integrator that a source asks for in its own words, if stepper has it.
+fn asked_integrator(name: &str) -> Option<Integrator> {
+    match name {
+        "Euler" => Some(Integrator::Euler),
+        "RK4" => Some(Integrator::Rk4),
+        "implicitfast" => Some(Integrator::ImplicitFast),
+        "implicit" => Some(Integrator::Implicit),
+        _ => None,
+    }
 }
 
 impl Simulation {
@@ -104,7 +115,8 @@ impl Simulation {
             Ok(Box::new(Batch::<S>::new(model, settings, num_envs, threads, level, check)?))
         }
         let n = num_envs.unwrap_or(1);
-        let settings = options.resolve(model.timestep, precision);
+        let asked = model.requested.as_ref().and_then(|asked| asked_integrator(&asked.integrator));
+        let settings = options.resolve(model.timestep, asked, precision)?;
         let engine = match precision {
             Precision::F64 => engine::<f64>(&model, settings, n, threads, level, check)?,
             Precision::F32 => engine::<f32>(&model, settings, n, threads, level, check)?,

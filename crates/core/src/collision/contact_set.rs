@@ -192,6 +192,20 @@ impl<R: Real> Contacts<R> {
         self.count[l] = to;
     }
 
+    /// Chooses the tangents of every slot from its normal; impulses are 0.
+    pub fn choose_tangents(&mut self) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for k in 0..self.slots() {
+                    self.data[k].tangent = contact_frame(self.data[k].point.normal)[1];
+                    self.data[k].impulse = zero();
+                }
+                self.torque.iter_mut().for_each(|torque| *torque = zero());
+            },
+        )
+    }
+
     /// Chooses the tangents of every slot from its normal, and takes over the impulses of the same contacts in `last`, which is used up.
     ///
     /// An impulse is carried over as a vector of the world, so that the choice of tangents does not matter.

@@ -52,6 +52,13 @@ pub struct CompiledPair<S> {
     pub margin: S,
 }
 
+impl<S> CompiledPair<S> {
+    /// Whether it is a half space and a capsule.
+    pub fn is_plane_and_capsule(&self) -> bool {
+        matches!(self.kernel, Kernel::PlaneCapsule)
+    }
+}
+
 /// Geoms that all may meet one another, so many that their pairs are found anew in every step instead of being listed.
 #[derive(Clone, Debug)]
 pub struct Crowd<S> {
@@ -108,6 +115,12 @@ impl<S: Scalar> Crowd<S> {
         let shapes = geoms.map(|g| &self.shapes[g]);
         let pair = self.filter.pair(geoms)?;
         Some(pair_plan(&pair, Kernel::of(shapes[0], shapes[1])?, self.geoms(number)?))
+    }
+
+    /// A pair in the terms of the model, if it can collide.
+    pub(crate) fn geom_pair(&self, number: usize) -> Option<GeomPair> {
+        let [a, b] = self.members_of(number)?;
+        self.filter.pair(self.filter.ordered([a.model_geom, b.model_geom]))
     }
 
     /// What the contacts of a pair are like, from what the geoms bring (see [`Filter::precedence`]).

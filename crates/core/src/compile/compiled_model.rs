@@ -14,6 +14,7 @@ use crate::compile::merging::Merged;
 use crate::compile::parameters::Params;
 use crate::compile::passive::{CompiledFluid, CompiledSurface, GravityCompensation};
 use crate::compile::sensing::CompiledSensing;
+use crate::compile::softness::CompiledSoftness;
 use crate::compile::tree::{
     CompiledBallLimit, CompiledBody, CompiledFriction, CompiledJoint, CompiledLimit, CompiledMocap, CompiledSpinner, Descendant, Dof, Link,
 };
@@ -119,6 +120,8 @@ pub struct ModelStructure<S: Scalar> {
     pub can_tunnel: bool,
     /// Contacts that can exist at once.
     pub contact_points: usize,
+    /// Softness of constraints, with MuJoCo's contact law.
+    pub softness: Option<CompiledSoftness<S>>,
     pub(crate) merged: Merged,
 }
 

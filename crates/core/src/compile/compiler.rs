@@ -88,6 +88,7 @@ impl<S: Scalar> CompiledModel<S> {
             tendons,
             can_tunnel,
             contact_points,
+            softness: None,
             merged,
         };
         let params = structure.params_of(model).map(S::from_f64);

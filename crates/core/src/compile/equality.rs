@@ -75,6 +75,8 @@ pub struct Spring<S> {
 /// An equality that acts.
 #[derive(Clone, Debug)]
 pub struct CompiledEquality<S> {
+    /// The model's equality.
+    pub index: usize,
     /// What its rows are made from.
     pub rows: EqualityRows<S>,
     /// Degrees of freedom that it moves, with their ancestors, ascending.
@@ -190,10 +192,10 @@ impl Compiler<'_> {
     /// impulses.
     pub(super) fn equalities<S: Scalar>(&self, owner: &mut usize) -> Vec<EqualityBlock<S>> {
         let mut blocks: Vec<EqualityBlock<S>> = Vec::new();
-        for equality in self.model.equalities.iter().filter(|e| e.active) {
+        for (index, equality) in self.model.equalities.iter().enumerate().filter(|(_, e)| e.active) {
             let (rows, support) = self.rows(&equality.kind);
             let count = equality.kind.rows();
-            let compiled = CompiledEquality { rows, support: support.clone(), spring: spring(equality), owner: *owner };
+            let compiled = CompiledEquality { index, rows, support: support.clone(), spring: spring(equality), owner: *owner };
             *owner += count;
             let hard = compiled.spring.is_none();
             let mut block = EqualityBlock { equalities: vec![compiled], support, rows: count, hard, separate: false, set: vec![] };

@@ -6,6 +6,7 @@ use stepper_real::Real;
 
 use crate::compile::compiled_model::{CompiledModel, ModelStructure};
 use crate::compile::parameters::*;
+use crate::compile::softness::{CompiledSoftness, SoftContactLaw};
 
 /// A compiled model as a group of lanes has it: the structure that all environments share, and the parameters that each lane has. The
 /// shared parameters cannot be read through it.
@@ -39,6 +40,22 @@ impl<R: Real> LaneModel<R> {
             Some(crowd) if pair >= self.structure.pairs.len() => crowd.contact(pair, &self.params),
             _ => self.params.listed_contact(pair),
         }
+    }
+
+    /// Law of the contacts of a pair.
+    #[inline(always)]
+    pub fn soft_contact(&self, softness: &CompiledSoftness<R::Scalar>, pair: usize) -> SoftContactLaw<R::Scalar> {
+        match softness.pairs.get(pair) {
+            Some(law) => *law,
+            None => self.unlisted_soft_contact(softness, pair),
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn unlisted_soft_contact(&self, softness: &CompiledSoftness<R::Scalar>, pair: usize) -> SoftContactLaw<R::Scalar> {
+        let pair = self.crowd.as_ref().and_then(|crowd| crowd.geom_pair(pair)).expect("a contact belongs to a pair");
+        softness.unlisted(&pair)
     }
 
     /// Mobility of a frame's body if nothing held it, 1/kg; 0 for the world and for what the user poses.

@@ -13,6 +13,8 @@ mod parameter_row;
 mod parameters;
 mod passive;
 pub mod sensing;
+mod soften;
+mod softness;
 mod tree;
 
 pub use crate::model::Kernel;
@@ -23,4 +25,6 @@ pub use equality::{Combination, CompiledEquality, CompiledTendon, EqualityBlock,
 pub use lane_model::LaneModel;
 pub use parameters::{ActuatorParams, CompensationParams, DofParams, FluidParams, Inertial, Params};
 pub use passive::{CompiledEllipsoid, FluidShape};
+pub(crate) use softness::MIN_FRICTION;
+pub use softness::{CompiledSoftness, SoftContactLaw, SoftLaw};
 pub use tree::{CompiledJoint, CompiledSpinner, Descendant, Dof, Link};

@@ -10,6 +10,7 @@ use crate::compile::{LaneModel, ModelStructure};
 use crate::constraints::assembled_rows::AssembledRows;
 use crate::constraints::hyperstatic::Patches;
 use crate::constraints::islands::Islands;
+use crate::constraints::soft::SoftSystem;
 use crate::constraints::worst_row::WorstRows;
 use crate::dynamics::inertia::{MassMatrix, NewtonEuler};
 use crate::math::spatial::*;
@@ -85,6 +86,8 @@ pub struct Constraints<R: Real> {
     pub(crate) tied: Vec<Range<usize>>,
     /// Entries of the separate equalities, times D^-1/2 and times D^1/2.
     pub(crate) separate: [Vec<R>; 2],
+    /// Rows of MuJoCo's contact law, where it is asked for; the problem above is empty then.
+    pub(crate) soft: Option<Box<SoftSystem<R>>>,
 }
 
 /// Request for the problem of a lane as the next solve of stage 5 finds it, and the answer.
@@ -199,6 +202,7 @@ impl<R: Real> Constraints<R> {
             words: vec![0; compiled.nv.div_ceil(64)],
             moving: 0,
             tied: Vec::with_capacity(compiled.equalities.len()),
+            soft: SoftSystem::new(compiled, max_contacts, room.contact_support),
             separate: std::array::from_fn(|_| Vec::with_capacity(compiled.equalities.iter().map(|b| b.rows * b.support.len()).sum())),
         }
     }

@@ -25,10 +25,10 @@ use crate::options::{Stabilization, StepSettings};
 const NEGLIGIBLE_ERROR: f64 = 1e-11;
 
 /// Three rows, or one in the first component.
-struct EqualityJacobian<R: Real> {
-    error: V3<R>,
+pub(crate) struct EqualityJacobian<R: Real> {
+    pub(crate) error: V3<R>,
     /// J' v
-    kappa: V3<R>,
+    pub(crate) kappa: V3<R>,
     /// Squared length of what each row's entries are differences of.
     size: R,
     /// Mobility of the bodies if nothing held them, for rows of points, 1/kg.
@@ -131,7 +131,7 @@ impl<R: Real> Constraints<R> {
 
     /// Makes `support` what an equality moves itself.
     #[inline(always)]
-    fn use_own_support(&mut self, equality: &CompiledEquality<R::Scalar>) {
+    pub(crate) fn use_own_support(&mut self, equality: &CompiledEquality<R::Scalar>) {
         self.support.clear();
         self.support.extend_from_slice(&equality.support);
     }
@@ -151,7 +151,12 @@ impl<R: Real> Constraints<R> {
 
     /// Two points meet: error p0 - p1 (MuJoCo's `mjEQ_CONNECT`). Leaves J in `column`.
     #[inline(always)]
-    fn connect_points(&mut self, input: RowInput<'_, R>, frames: [usize; 2], anchors: [[R::Scalar; 3]; 2]) -> EqualityJacobian<R> {
+    pub(crate) fn connect_points(
+        &mut self,
+        input: RowInput<'_, R>,
+        frames: [usize; 2],
+        anchors: [[R::Scalar; 3]; 2],
+    ) -> EqualityJacobian<R> {
         let RowInput { compiled, kinematics, .. } = input;
         let points = [kinematics.point(frames[0], splat(anchors[0])), kinematics.point(frames[1], splat(anchors[1]))];
         let mut size = R::zero();
@@ -202,7 +207,7 @@ impl<R: Real> Constraints<R> {
 
     /// x - ref = polynomial(y - ref) (MuJoCo's `mjEQ_JOINT` and `mjEQ_TENDON`). Leaves J in `column`.
     #[inline(always)]
-    fn couple_joints(
+    pub(crate) fn couple_joints(
         &mut self,
         input: RowInput<'_, R>,
         first: &Combination<R::Scalar>,
@@ -426,7 +431,7 @@ pub(crate) fn spring_law<R: Real>(assembly: &AssemblyInput<'_, R>, spring: &Spri
 
 /// Whether a dof moves a frame.
 #[inline(always)]
-fn moves<S: Scalar>(compiled: &ModelStructure<S>, frame: usize, dof: usize) -> bool {
+pub(crate) fn moves<S: Scalar>(compiled: &ModelStructure<S>, frame: usize, dof: usize) -> bool {
     compiled.moved_dofs[frame][dof / 64] >> (dof % 64) & 1 == 1
 }
 
@@ -447,6 +452,6 @@ fn acceleration<R: Real>(input: RowInput<'_, R>, frame: usize, p: V3<R>) -> V3<R
 
 /// Angular acceleration of a frame if no joint accelerates.
 #[inline(always)]
-fn angular_acceleration<R: Real>(input: RowInput<'_, R>, frame: usize) -> V3<R> {
+pub(crate) fn angular_acceleration<R: Real>(input: RowInput<'_, R>, frame: usize) -> V3<R> {
     if frame == 0 || frame > input.compiled.links.len() { zero() } else { angular(&input.assembly.motion.acceleration[frame - 1]) }
 }

@@ -15,6 +15,7 @@ pub mod jacobian;
 pub mod limits;
 pub mod restitution;
 pub mod rows;
+pub mod soft;
 pub mod tendon;
 pub mod torsional_rolling;
 pub mod worst_row;

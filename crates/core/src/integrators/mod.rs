@@ -11,6 +11,7 @@ pub mod impact_set;
 pub mod implicit;
 pub mod inputs;
 pub mod midpoint;
+pub mod mujoco;
 pub mod observation;
 pub mod rk4;
 pub mod scheme;
@@ -29,7 +30,7 @@ pub(crate) fn scheme<R: Real>(options: &StepSettings) -> Scheme<R> {
     match options.integrator {
         Integrator::Euler => euler::scheme(h),
         Integrator::Midpoint => midpoint::scheme(h),
-        Integrator::Implicit => implicit::scheme(h),
+        Integrator::Implicit | Integrator::ImplicitFast => implicit::scheme(h),
         Integrator::Rk4 => rk4::scheme(h),
     }
 }

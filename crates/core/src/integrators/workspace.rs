@@ -12,10 +12,11 @@ use crate::dynamics::kinematics::Kinematics;
 use crate::dynamics::mocap::MocapTrajectory;
 use crate::integrators::impact_set::Impacts;
 use crate::integrators::inputs::Inputs;
+use crate::integrators::mujoco::stages::Stages;
 use crate::integrators::rk4::Rk4;
 use crate::integrators::step_resolution::StepResolution;
 use crate::math::spatial::*;
-use crate::options::{Integrator, StepSettings};
+use crate::options::{ContactLaw, Integrator, StepSettings};
 use crate::sensing::{Room, errors};
 use crate::stages::s02_smooth::Smooth;
 
@@ -156,6 +157,8 @@ pub struct Workspace<R: Real> {
     pub(crate) step_resolution: StepResolution<R>,
     /// Room of the Runge-Kutta scheme, where it is used.
     pub(crate) rk4: Option<Rk4<R>>,
+    /// Room of the same for MuJoCo's contact law.
+    pub(crate) stages: Option<Stages<R>>,
 }
 
 impl<R: Real> FreeMotion<R> {
@@ -170,6 +173,7 @@ impl<R: Real> Workspace<R> {
     pub fn new(compiled: &LaneModel<R>, options: &StepSettings, max_contacts: usize) -> Self {
         let zeros = |n: usize| vec![R::zero(); n];
         let [q, v, act] = [compiled.nq, compiled.nv, compiled.na].map(|n| move || vec![R::zero(); n]);
+        let hard = options.contact == ContactLaw::Hard;
         let contacts = || Contacts::new(max_contacts).with_torques(compiled.has_rolling_friction);
         Self {
             state: State {
@@ -227,7 +231,8 @@ impl<R: Real> Workspace<R> {
             poses: GeomPoses::new(compiled),
             impacts: Impacts::new(compiled),
             step_resolution: StepResolution::new(compiled),
-            rk4: (options.integrator == Integrator::Rk4).then(|| Rk4::new(compiled)),
+            rk4: (options.integrator == Integrator::Rk4 && hard).then(|| Rk4::new(compiled)),
+            stages: (options.integrator == Integrator::Rk4 && !hard).then(|| Stages::new(compiled.nq, compiled.nv, compiled.na)),
         }
     }
 

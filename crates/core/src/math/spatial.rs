@@ -3,7 +3,7 @@
 //! Spatial vectors are (angular, linear), both in world axes. Motions, forces and inertias of one kinematic tree are all taken about one
 //! point, the position of its root, so that they add without transforms (Featherstone 2008, chapter 2).
 
-use stepper_real::{Real, Scalar};
+use stepper_real::{Mask, Real, Scalar};
 
 /// A vector.
 pub type V3<R> = [R; 3];
@@ -336,6 +336,27 @@ pub fn quat_log<R: Real>(q: [R; 4]) -> V3<R> {
     let angle = s.atan2(q[0]) * R::of(2.0);
     let k = R::select(small, R::of(2.0), angle / R::select(small, R::one(), s));
     scale(v, k)
+}
+
+/// Rate of the rotation vector `a` of an orientation exp(a) that turns with the angular velocity `omega` in its own frame: dexpinv, with
+/// the Bernoulli series of (1 - a/2 cot(a/2)) / a^2 for small angles.
+#[inline(always)]
+pub fn rotation_rate<R: Real>(a: V3<R>, omega: V3<R>) -> V3<R> {
+    const SERIES: [f64; 6] = [1.0 / 12.0, 1.0 / 720.0, 1.0 / 30240.0, 1.0 / 1_209_600.0, 1.0 / 47_900_160.0, 691.0 / 1_307_674_368_000.0];
+    let square = dot(a, a);
+    let small = square.lt(R::of(0.25));
+    let mut factor = R::zero();
+    for k in (0..SERIES.len()).rev() {
+        factor = factor * square + R::of(SERIES[k]);
+    }
+    if !small.all() {
+        let angle = R::select(small, R::one(), square).sqrt();
+        let (sin, cos) = (angle * R::of(0.5)).sin_cos();
+        let closed = (R::one() - angle * R::of(0.5) * cos / sin) / (angle * angle);
+        factor = R::select(small, factor, closed);
+    }
+    let once = cross(a, omega);
+    add(add_scaled(omega, once, R::of(0.5)), scale(cross(a, once), factor))
 }
 
 /// The rotation by `angle` about the unit vector `axis`, from the angle's sine and cosine (Rodrigues).

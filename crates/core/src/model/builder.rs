@@ -7,7 +7,9 @@ mod geom;
 mod joint;
 mod tendon;
 
+use crate::model::softness::mixing_share;
 use crate::model::{Description, HeightField, Keyframe, Medium, Mesh, Model, ModelError, Pair, Sensor, SensorKind, Site};
+use crate::model::{SoftSettings, Softness};
 
 pub use crate::model::builder::actuator::ActuatorBuilder;
 pub use crate::model::builder::body::BodyBuilder;
@@ -96,6 +98,7 @@ impl Model {
                 keyframes: vec![],
                 qpos0: vec![],
                 qpos_spring: vec![],
+                soft: SoftSettings::default(),
                 omitted: vec![],
                 requested: None,
             },
@@ -275,7 +278,11 @@ impl ModelBuilder {
             let [g, h] = geoms.map(|k| &model.geoms[k]);
             let (margin, gap, restitution) = (g.margin + h.margin, g.gap + h.gap, g.restitution.max(h.restitution));
             let condim = g.condim.max(h.condim);
-            model.pairs.push(Pair { name: String::new(), geoms, condim, friction: *friction, restitution, margin, gap });
+            let softness = Softness::mix(g.softness, h.softness, mixing_share([g.solmix, h.solmix]));
+            let friction = *friction;
+            let (solref_friction, anisotropy) = ([0.0; 2], [1.0; 2]);
+            let name = String::new();
+            model.pairs.push(Pair { name, geoms, condim, friction, restitution, margin, gap, softness, solref_friction, anisotropy });
         }
         for names in &self.excludes {
             let [a, b] = names.each_ref().map(|n| find(model.bodies.iter().map(|b| &b.name), n, "body", "exclude"));

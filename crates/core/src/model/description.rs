@@ -7,6 +7,7 @@ use crate::model::equality::Equality;
 use crate::model::fluid::{Ellipsoid, Medium};
 use crate::model::sensor::{Sensor, Site};
 use crate::model::shape::Shape;
+use crate::model::softness::{SoftSettings, Softness};
 use crate::model::tendon::Tendon;
 
 /// A scene before it is checked: bodies in a tree, their joints, shapes, actuators and sensors. Body 0 is the world.
@@ -57,6 +58,8 @@ pub struct Description {
     pub qpos0: Vec<f64>,
     /// Configuration in which joint springs are at rest, length nq.
     pub qpos_spring: Vec<f64>,
+    /// What MuJoCo's contact law needs besides the softness of single elements.
+    pub soft: SoftSettings,
     /// What the source described and this model leaves out.
     pub omitted: Vec<Omission>,
     /// What the source asks of a simulator that stepper does in its own way; nothing where the model was made in code.
@@ -147,6 +150,10 @@ pub struct Joint {
     pub range: Option<[f64; 2]>,
     /// Bounds of the sum of actuator forces on this joint, N or N m.
     pub actuator_force_range: Option<[f64; 2]>,
+    /// Softness of the limit by MuJoCo's law.
+    pub limit_softness: Softness,
+    /// Softness of dry friction by MuJoCo's law.
+    pub friction_softness: Softness,
 }
 
 /// A shape fixed to a body.
@@ -182,6 +189,10 @@ pub struct Geom {
     pub surface_velocity: [f64; 6],
     /// How the medium acts on it, if not on the body's box.
     pub fluid: Option<Ellipsoid>,
+    /// Softness of its contacts by MuJoCo's law. A pair takes that of the geom with the higher priority, or mixes both.
+    pub softness: Softness,
+    /// Weight of its softness when a pair mixes two.
+    pub solmix: f64,
 }
 
 /// A pair of geoms that collides whatever the filters say, with its own parameters.
@@ -201,6 +212,13 @@ pub struct Pair {
     pub margin: f64,
     /// As in [`Geom`].
     pub gap: f64,
+    /// Softness by MuJoCo's law.
+    pub softness: Softness,
+    /// The same as [`Softness::solref`] for the rows of friction; zeros where they have that of the normal.
+    pub solref_friction: [f64; 2],
+    /// Ratio of sliding friction along the second tangent to that along the first, and the same of rolling friction; MuJoCo's law alone
+    /// knows of them.
+    pub anisotropy: [f64; 2],
 }
 
 /// What an actuator pulls on.

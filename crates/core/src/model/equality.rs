@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::model::softness::Softness;
+
 /// A bilateral constraint: whatever force it takes, its error is zero.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Equality {
@@ -15,6 +17,8 @@ pub struct Equality {
     pub stiffness: f64,
     /// Of the damper beside the spring of a soft one, N s/m or N m s/rad.
     pub damping: f64,
+    /// Softness by MuJoCo's law, which takes no notice of the spring.
+    pub softness: Softness,
 }
 
 /// What an equality holds together (MuJoCo's `mjtEq`).

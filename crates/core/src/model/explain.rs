@@ -235,7 +235,7 @@ impl Requested {
             return None;
         }
         let hard = "contacts, limits, equalities and dry friction are hard here: solref, solimp and impratio are not read, bodies do not sink in, \
-                    limits do not give, and impacts stop at once";
+                    limits do not give, and impacts stop at once; Options.of(model) takes the source's law of contact";
         Some(match &self.soft[..] {
             [] => (false, format!("softness: MuJoCo's default, and {hard}")),
             soft => (true, format!("softness: the source gives solref or solimp to {}, and {hard}", soft.join("; "))),
@@ -245,7 +245,7 @@ impl Requested {
     fn cone_line(&self) -> Deviation {
         let pyramid = self.cone.as_deref() == Some("pyramidal");
         let line = "friction cone: MuJoCo's default, a pyramid, which gives less friction between its edges, by up to 29 %; the exact circular \
-                    cone runs";
+                    cone runs by default";
         pyramid.then(|| (false, line.to_owned()))
     }
 }

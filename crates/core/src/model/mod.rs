@@ -25,6 +25,7 @@ mod pairs;
 mod replace;
 mod sensor;
 mod shape;
+mod softness;
 mod tendon;
 mod variant;
 
@@ -46,6 +47,8 @@ pub use sensor::{
     ContactField, ContactReduction, ContactSide, FrameReading, Object, ProximityReading, Quantity, RayField, Sensor, SensorKind, Site,
 };
 pub use shape::Shape;
+pub(crate) use softness::MIN_VALUE;
+pub use softness::{Cone, InverseWeights, SoftSettings, Softness};
 pub use tendon::Tendon;
 pub use variant::Parameter;
 pub(crate) use variant::Variants;

@@ -17,7 +17,8 @@
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, HashSet};
 
-use crate::model::{Description, Geom, Pair, Shape};
+use crate::model::softness::mixing_share;
+use crate::model::{Description, Geom, Pair, Shape, Softness};
 
 /// Two geoms that can collide, and what a contact between them is like.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,6 +36,12 @@ pub struct GeomPair {
     pub margin: f64,
     /// Distance beyond the margin within which a contact is reported but does not push, m.
     pub gap: f64,
+    /// Softness by MuJoCo's law.
+    pub softness: Softness,
+    /// See [`Pair::solref_friction`](crate::model::Pair::solref_friction).
+    pub solref_friction: [f64; 2],
+    /// See [`Pair::anisotropy`](crate::model::Pair::anisotropy).
+    pub anisotropy: [f64; 2],
 }
 
 /// Why two geoms do not collide, or that they do.
@@ -97,6 +104,8 @@ struct Surface {
     restitution: f64,
     margin: f64,
     gap: f64,
+    softness: Softness,
+    solmix: f64,
 }
 
 /// For every body the body that leads its rigid group: itself if it has joints or is posed by the user, else its parent's leader. The
@@ -143,6 +152,8 @@ impl Filter {
                 restitution: g.restitution,
                 margin: g.margin,
                 gap: g.gap,
+                softness: g.softness,
+                solmix: g.solmix,
             },
         };
         let tags = model.geoms.iter().map(tag).collect();
@@ -204,8 +215,8 @@ impl Filter {
             Verdict::Collides => Some(mix(geoms, geoms.map(|g| &self.tags[g].surface))),
             Verdict::Explicit => {
                 let p = &self.pairs[self.explicit[&geoms]];
-                let (condim, friction, restitution) = (p.condim, p.friction, p.restitution);
-                Some(GeomPair { geoms, condim, friction, restitution, margin: p.margin, gap: p.gap })
+                let &Pair { condim, friction, restitution, margin, gap, softness, solref_friction, anisotropy, .. } = p;
+                Some(GeomPair { geoms, condim, friction, restitution, margin, gap, softness, solref_friction, anisotropy })
             }
             _ => None,
         }
@@ -232,7 +243,22 @@ fn mix(geoms: [usize; 2], [a, b]: [&Surface; 2]) -> GeomPair {
         Ordering::Less => b.friction,
         Ordering::Equal => std::array::from_fn(|k| a.friction[k].max(b.friction[k])),
     };
-    GeomPair { geoms, condim, friction, restitution: a.restitution.max(b.restitution), margin: a.margin + b.margin, gap: a.gap + b.gap }
+    let softness = match order {
+        Ordering::Greater => a.softness,
+        Ordering::Less => b.softness,
+        Ordering::Equal => Softness::mix(a.softness, b.softness, mixing_share([a.solmix, b.solmix])),
+    };
+    GeomPair {
+        geoms,
+        condim,
+        friction,
+        restitution: a.restitution.max(b.restitution),
+        margin: a.margin + b.margin,
+        gap: a.gap + b.gap,
+        softness,
+        solref_friction: [0.0; 2],
+        anisotropy: [1.0; 2],
+    }
 }
 
 impl Description {

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::model::softness::Softness;
+
 /// A fixed tendon: its length is a linear combination of scalar joint positions. Its unit u is that of the combination.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Tendon {
@@ -21,4 +23,8 @@ pub struct Tendon {
     pub armature: f64,
     /// Dry friction, N.
     pub frictionloss: f64,
+    /// Softness of the limit by MuJoCo's law.
+    pub limit_softness: Softness,
+    /// Softness of dry friction by MuJoCo's law.
+    pub friction_softness: Softness,
 }

@@ -82,6 +82,26 @@ pub fn actuate<R: Real>(
     )
 }
 
+/// What every servo adds to the mass matrix along its moment when its damping is implicit, `h` times it, and nothing of its stiffness; none
+/// for a servo at a bound of its force.
+pub(crate) fn servo_damping<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_, R>, h: R, forces: &mut ActuatorForces<R>) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for (i, (actuator, &u)) in compiled.actuators.iter().zip(at.ctrl).enumerate() {
+                let Some(k) = actuator.servo else { continue };
+                let input = match actuator.act {
+                    Some(a) => at.act[a],
+                    None => control(u, actuator.ctrl_range),
+                };
+                let ActuatorParams { gain, bias } = compiled.params.actuator(i);
+                let rate = gain[2] * input + bias[2];
+                forces.weight[k] = R::select(forces.beyond[i], R::zero(), -(h * rate));
+            }
+        },
+    )
+}
+
 /// Lanes in which a force that is asked for is outside its range.
 #[inline(always)]
 fn beyond<R: Real>(asked: R, range: Option<[R::Scalar; 2]>) -> R::Mask {
@@ -203,6 +223,16 @@ pub fn advance_activation<R: Real>(compiled: &LaneModel<R>, act: &[R], rate_at: 
             }
         },
     )
+}
+
+/// Brings activations back into their ranges.
+#[inline(always)]
+pub fn clamp_activation<R: Real>(compiled: &LaneModel<R>, act: &mut [R]) {
+    for actuator in &compiled.actuators {
+        if let Some(a) = actuator.act {
+            act[a] = within(act[a], actuator.act_range);
+        }
+    }
 }
 
 /// Rates of the activations at `act`, 1/s.

@@ -149,6 +149,20 @@ impl<R: Real> Smooth<R> {
         self.mass.solve(compiled, &mut self.acc);
     }
 
+    /// Adds to the entries of the mass matrix what servos with these weights and arms add, and `h` times the drag of the medium.
+    pub fn damp(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, [weights, arms]: [&[R]; 2], v: &[R], h: R) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                self.mass.add_servos(compiled, weights, arms);
+                if !compiled.fluid.is_empty() {
+                    self.fluid.linearise(compiled, kinematics, v, h, &mut self.mass.entries);
+                    self.fluid.forget();
+                }
+            },
+        )
+    }
+
     /// What the user applies, as generalized forces: `qfrc` on the joints, and the wrenches `xfrc` (force, torque; six per body, at its
     /// centre of mass, world axes). Either may be empty.
     pub fn apply(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, [qfrc, xfrc]: [&[R]; 2], out: &mut [R]) {

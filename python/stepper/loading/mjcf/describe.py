@@ -15,6 +15,7 @@ from stepper.loading.mjcf.actuators import activation, actuator
 from stepper.loading.mjcf.omissions import list_omissions
 from stepper.loading.mjcf.requested import requested
 from stepper.loading.mjcf.sensors import sensors, sites
+from stepper.loading.mjcf.softness import contact_softness, equality_softness, joint_softness, pair_softness, soft_settings, tendon_softness
 from stepper.loading.mjcf.source import (
     BOX,
     CAPSULE,
@@ -69,6 +70,7 @@ def describe(m: Any) -> Description:
         "qpos0": m.qpos0.tolist(),
         "qpos_spring": m.qpos_spring.tolist(),
         "omitted": source.omitted,
+        "soft": soft_settings(source),
         "requested": requested(source),
     }
 
@@ -115,6 +117,7 @@ def _joint(source: Source, i: int) -> Description:
         "frictionloss": 0.0 if source.off("frictionloss") else float(m.dof_frictionloss[dof]),
         "range": _joint_range(source, i),
         "actuator_force_range": m.jnt_actfrcrange[i].tolist() if m.jnt_actfrclimited[i] else None,
+        **joint_softness(source, i),
     }
 
 
@@ -124,8 +127,9 @@ def _joint_range(source: Source, i: int) -> list[float] | None:
     if not m.jnt_limited[i] or source.off("limit"):
         return None
     low, high = m.jnt_range[i].tolist()
-    margin = float(m.jnt_margin[i]) if source.moves_one(i) else 0.0
-    return [low + margin, high - margin]
+    margin = float(m.jnt_margin[i])
+    # A ball joint has one end, the largest angle.
+    return [low + margin if source.moves_one(i) else low, high - margin]
 
 
 def _geom(source: Source, i: int) -> Description:
@@ -147,6 +151,7 @@ def _geom(source: Source, i: int) -> Description:
         "gap": float(m.geom_gap[i]),
         "surface_velocity": m.geom_surfacevel[i].tolist(),
         "fluid": _ellipsoid(source, i),
+        **contact_softness(source, i),
     }
 
 
@@ -216,6 +221,7 @@ def _pair(source: Source, i: int) -> Description:
         "restitution": 0.0,
         "margin": float(m.pair_margin[i]),
         "gap": float(m.pair_gap[i]),
+        **pair_softness(source, i),
     }
 
 
@@ -234,6 +240,7 @@ def _tendon(source: Source, i: int) -> Description:
         "damping": 0.0 if source.off("damper") else float(m.tendon_damping[i]),
         "armature": float(m.tendon_armature[i]),
         "frictionloss": 0.0 if source.off("frictionloss") else float(m.tendon_frictionloss[i]),
+        **tendon_softness(source, i),
     }
 
 
@@ -253,6 +260,7 @@ def _equality(source: Source, i: int) -> Description:
         "active": bool(m.eq_active0[i]),
         "stiffness": np.inf,  # MJCF's are springs and dampers; here they are hard
         "damping": 0.0,
+        **equality_softness(source, i),
     }
 
 

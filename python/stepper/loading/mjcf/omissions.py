@@ -135,7 +135,7 @@ def _joints(source: Source) -> None:
             values = getattr(m, f"dof_{field}")[dofs]
             if np.any(values != values[0]):
                 source.leave_out(f"joint {field}", name, f"{values.tolist()} differ between its degrees of freedom; all get {values[0]:g}")
-        if m.jnt_limited[i] and m.jnt_margin[i] and source.moves_one(i) and not source.off("limit"):
+        if m.jnt_limited[i] and m.jnt_margin[i] and not source.off("limit"):
             reason = f"its range is narrowed by the margin {m.jnt_margin[i]:g}, where MuJoCo's limit comes to rest"
             source.leave_out("joint margin", name, reason, changes_motion=False)
 

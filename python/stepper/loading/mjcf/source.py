@@ -30,6 +30,7 @@ DISABLE = {
     "gravity": 1 << 7,
     "clampctrl": 1 << 8,
     "actuation": 1 << 11,
+    "refsafe": 1 << 12,
     "sensor": 1 << 13,
     "eulerdamp": 1 << 15,
 }

@@ -1,7 +1,7 @@
 //! An equality.
 
 use crate::model::builder::{find, find_joint};
-use crate::model::{Description, Equality, EqualityKind, ModelError};
+use crate::model::{Description, Equality, EqualityKind, ModelError, Softness};
 
 /// An equality between elements that are named.
 #[derive(Clone, Debug)]
@@ -12,7 +12,8 @@ pub struct EqualityBuilder {
 
 impl EqualityBuilder {
     fn new(name: &str, kind: EqualityKind, first: &str, second: Option<&str>) -> Self {
-        let equality = Equality { name: name.into(), kind, active: true, stiffness: f64::INFINITY, damping: 0.0 };
+        let equality =
+            Equality { name: name.into(), kind, active: true, stiffness: f64::INFINITY, damping: 0.0, softness: Softness::default() };
         Self { equality, names: [Some(first.into()), second.map(Into::into)] }
     }
 

@@ -3,7 +3,7 @@
 use nalgebra::{Quaternion, UnitQuaternion};
 
 use crate::model::builder::WORLD;
-use crate::model::{Description, Geom, MassProperties, Shape};
+use crate::model::{Description, Geom, MassProperties, Shape, Softness};
 
 /// Density of a geom that gives neither mass nor density: that of water, kg/m^3.
 const DENSITY: f64 = 1000.0;
@@ -34,6 +34,8 @@ impl GeomBuilder {
             gap: 0.0,
             surface_velocity: [0.0; 6],
             fluid: None,
+            softness: Softness::default(),
+            solmix: 1.0,
         };
         Self { geom, mass: None, density: DENSITY }
     }

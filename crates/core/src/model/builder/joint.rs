@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use crate::model::builder::WORLD;
-use crate::model::{Body, Joint, JointKind};
+use crate::model::{Body, Joint, JointKind, Softness};
 
 /// A joint.
 #[derive(Clone, Debug)]
@@ -26,6 +26,8 @@ impl JointBuilder {
             frictionloss: 0.0,
             range: None,
             actuator_force_range: None,
+            limit_softness: Softness::default(),
+            friction_softness: Softness::default(),
         };
         Self { joint, rest: None }
     }

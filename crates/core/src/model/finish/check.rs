@@ -1,6 +1,7 @@
 //! The rules that every model keeps, element by element.
 
 mod assets;
+mod softness;
 
 use std::collections::HashSet;
 
@@ -109,6 +110,7 @@ pub(super) fn values(model: &Description, hulls: Source<'_>) -> Result<Hulls, Mo
     equalities(model)?;
     actuators(model)?;
     crate::model::finish::sensors::check(model)?;
+    softness::check(model)?;
     Ok(hulls)
 }
 

@@ -1,0 +1,74 @@
+"""Models that others wrote: gymnasium's, the dm_control suite's, and twenty more."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from stepper.shared.machine import MissingPackageError, package_file
+
+FILES = {
+    "gymnasium": "envs/mujoco/assets/*.xml",
+    "dm_control": "suite/*.xml",
+}
+"""Package, and files in it, of which all are taken."""
+
+OTHERS = {
+    "gymnasium_robotics": [
+        *(f"envs/assets/fetch/{name}.xml" for name in ("reach", "push", "slide", "pick_and_place")),
+        *(f"envs/assets/hand/{name}.xml" for name in ("reach", "manipulate_block", "manipulate_egg", "manipulate_pen")),
+    ],
+    "robosuite": [
+        *(
+            f"models/assets/robots/{name}/robot.xml"
+            for name in ("baxter", "gr1", "iiwa", "jaco", "kinova3", "panda", "sawyer", "spot", "ur5e", "xarm7")
+        ),
+        *(
+            f"models/assets/grippers/{name}.xml"
+            for name in ("panda_gripper", "robotiq_gripper_85", "jaco_three_finger_gripper", "inspire_left_hand")
+        ),
+    ],
+}
+"""Package, and files in it."""
+
+NO_MODELS = ("common", "shared", "shared_asset", "point")
+"""Stems of files that are parts of others, or need a program to be complete."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """A file with a model.
+
+    Attributes:
+        name: "package name".
+        path: Of the file.
+    """
+
+    name: str
+    path: Path
+
+
+def sources(only: list[str]) -> Iterator[Source]:
+    """Those of the models that are there and whose name contains one of `only`; all if there is none."""
+    for package, pattern in FILES.items():
+        for folder in _folders(package):
+            for path in sorted(folder.glob(pattern)):
+                yield from _wanted(f"{package} {path.stem}", path, only)
+    for package, files in OTHERS.items():
+        for path in (folder / file for folder in _folders(package) for file in files):
+            stem = path.parent.name if path.stem in ("robot", "reach") else path.stem
+            yield from _wanted(f"{package} {stem}", path, only)
+
+
+def _wanted(name: str, path: Path, only: list[str]) -> Iterator[Source]:
+    if path.exists() and path.stem not in NO_MODELS and (not only or any(part in name for part in only)):
+        yield Source(name, path)
+
+
+def _folders(package: str) -> list[Path]:
+    """Folder of a package, if it is installed."""
+    try:
+        return [Path(package_file(package, "__init__.py", "for its models")).parent]
+    except MissingPackageError:
+        return []

@@ -1,0 +1,184 @@
+"""One step of stepper and of MuJoCo from the same states of a model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+import stepper
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+AGREES = 1e-9
+"""Largest difference of velocities, relative to 1 + max |qvel|, that counts as agreement; or the spread of MuJoCo's own solvers."""
+SAME_DISTANCE = 1e-9
+"""m by which the distances of contacts may differ that count as the same."""
+_EPISODE = 20
+"""States of one episode, before the model is reset."""
+_BLOWN_UP = 1e3
+"""rad/s or m/s at which a state is none to compare: some models blow up in MuJoCo from random states, and are reset then."""
+_ATTEMPTS = 10
+"""Attempts for each state at the most."""
+_NOISE = (0.02, 0.3)
+"""Standard deviations of the configuration (tangent) and of the velocity at the beginning of an episode."""
+
+
+@dataclass(frozen=True)
+class States:
+    """States of a model and what MuJoCo makes of them.
+
+    Attributes:
+        qpos: (states, nq)
+        qvel: (states, nv)
+        act: (states, na)
+        ctrl: (states, nu)
+        after: Velocity after one step of Newton's method, (states, nv).
+        spread: Largest difference that the conjugate gradient method makes, relative to 1 + max |qvel|, (states,).
+        contacts: Of every state, the contacts that push: geoms and distance, sorted.
+    """
+
+    qpos: Array
+    qvel: Array
+    act: Array
+    ctrl: Array
+    after: Array
+    spread: Array
+    contacts: list[list[tuple[int, int, float]]]
+
+
+@dataclass(frozen=True)
+class Parity:
+    """How one step agrees.
+
+    Attributes:
+        states: Number of states.
+        touching: Share of them with contacts.
+        same: Share of states whose contacts agree: pairs of geoms, number and distance.
+        error: Difference of velocities after the step, relative to 1 + max |qvel|, of those states, (n,).
+        spread: The same between MuJoCo's own solvers, (n,).
+        newton_steps: Mean of Newton's steps.
+        residual: Largest residual, m/s.
+    """
+
+    states: int
+    touching: float
+    same: float
+    error: Array
+    spread: Array
+    newton_steps: float
+    residual: float
+
+    @property
+    def agrees(self) -> float:
+        """Share of the states with the same contacts whose velocities agree, too."""
+        return float(np.mean(self.error <= np.maximum(AGREES, self.spread))) if len(self.error) else 1.0
+
+
+def prepare(compiled: Any) -> None:
+    """Lets a compiled model solve to the last digit by Newton's method, and leaves out what is done to the solution afterwards."""
+    opt = compiled.opt
+    opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    opt.tolerance, opt.ls_tolerance, opt.iterations, opt.noslip_iterations = 1e-14, 1e-8, 200, 0
+
+
+def states(compiled: Any, count: int, seed: int = 0) -> States:
+    """States that random controls lead to, by MuJoCo's own steps."""
+    data, rng = mujoco.MjData(compiled), np.random.default_rng(seed)
+    limited = compiled.actuator_ctrllimited[:, None].astype(bool)
+    low, high = np.where(limited, compiled.actuator_ctrlrange, [-1.0, 1.0]).T
+    found: dict[str, list[Any]] = {name: [] for name in ("qpos", "qvel", "act", "ctrl", "after", "spread", "contacts")}
+    for attempt in range(_ATTEMPTS * count):
+        if len(found["qpos"]) == count:
+            break
+        if attempt % _EPISODE == 0:
+            _begin(compiled, data, rng)
+        for _ in range(int(rng.integers(5, 40))):
+            if rng.random() < 0.2:
+                data.ctrl[:] = rng.uniform(low, high)
+            mujoco.mj_step(compiled, data)
+        mujoco.mj_normalizeQuat(compiled, data.qpos)
+        if not np.abs(data.qvel).max(initial=0.0) < _BLOWN_UP:
+            _begin(compiled, data, rng)
+            continue
+        here = {"qpos": data.qpos.copy(), "qvel": data.qvel.copy(), "act": data.act.copy(), "ctrl": data.ctrl.copy()}
+        contacts, after = _step(compiled, data, here, mujoco.mjtSolver.mjSOL_NEWTON)
+        _, other = _step(compiled, data, here, mujoco.mjtSolver.mjSOL_CG)
+        scale = 1.0 + np.abs(here["qvel"]).max(initial=0.0)
+        found["after"].append(after)
+        found["spread"].append(np.abs(other - after).max() / scale)
+        found["contacts"].append(contacts)
+        for name, value in here.items():
+            found[name].append(value)
+            getattr(data, name)[:] = value
+        mujoco.mj_forward(compiled, data)
+    if not found["qpos"]:
+        raise ValueError("random controls lead to no state with finite velocities in MuJoCo")
+    lists = found.pop("contacts")
+    return States(**{name: np.array(values) for name, values in found.items()}, contacts=lists)
+
+
+def _begin(compiled: Any, data: Any, rng: np.random.Generator) -> None:
+    mujoco.mj_resetData(compiled, data)
+    if compiled.nkey:
+        mujoco.mj_resetDataKeyframe(compiled, data, 0)
+    mujoco.mj_integratePos(compiled, data.qpos, rng.normal(0.0, _NOISE[0], compiled.nv), 1.0)
+    data.qvel[:] = rng.normal(0.0, _NOISE[1], compiled.nv)
+    mujoco.mj_forward(compiled, data)
+
+
+def _step(compiled: Any, data: Any, start: dict[str, Array], solver: Any) -> tuple[list[tuple[int, int, float]], Array]:
+    """Contacts at a state, and the velocity after one step from a cold start."""
+    for name, value in start.items():
+        getattr(data, name)[:] = value
+    data.qacc_warmstart[:] = 0.0
+    was = compiled.opt.solver, compiled.opt.iterations
+    compiled.opt.solver, compiled.opt.iterations = solver, 3000
+    mujoco.mj_forward(compiled, data)
+    contacts = sorted((int(c.geom[0]), int(c.geom[1]), float(c.dist)) for c in data.contact if c.exclude == 0)
+    data.qacc_warmstart[:] = 0.0
+    mujoco.mj_step(compiled, data)
+    compiled.opt.solver, compiled.opt.iterations = was
+    return contacts, data.qvel.copy()
+
+
+def compare(model: stepper.Model, found: States, **options: Any) -> Parity:
+    """One step from all of these states."""
+    count = len(found.qpos)
+    settings = stepper.Options(contact="mujoco", tolerance=1e-13, iterations=100, **options)
+    sim = stepper.Stepper(model, num_envs=count, options=settings)
+    sim.set_state(qpos=found.qpos, qvel=found.qvel, act=found.act)
+    same = _same_contacts(model, found)
+    sim.step(found.ctrl)
+    scale = 1.0 + np.abs(found.qvel).max(axis=1)
+    error = np.abs(sim.qvel - found.after).max(axis=1) / scale
+    return Parity(
+        states=count,
+        touching=float(np.mean([bool(contacts) for contacts in found.contacts])),
+        same=float(same.mean()),
+        error=error[same],
+        spread=found.spread[same],
+        newton_steps=float(np.mean(sim.newton_steps)),
+        residual=float(np.max(sim.residual)),
+    )
+
+
+def _same_contacts(model: stepper.Model, found: States) -> NDArray[np.bool_]:
+    """States in which both find the same contacts: an Euler step takes them at the state itself."""
+    sim = stepper.Stepper(model, num_envs=len(found.qpos), options=stepper.Options(contact="mujoco", integrator="euler"))
+    sim.set_state(qpos=found.qpos, qvel=found.qvel, act=found.act)
+    sim.step(found.ctrl)
+    margin = np.asarray(model.geom_margin, float)
+    same = np.zeros(len(found.qpos), np.bool_)
+    for env, theirs in enumerate(found.contacts):
+        # Ours are measured from the margin.
+        ours = sorted((int(a), int(b), float(margin[a] + margin[b] + d)) for (a, b), d in _pushing(sim.contacts(env)))
+        pairs = [c[:2] for c in ours] == [c[:2] for c in theirs]
+        same[env] = pairs and all(abs(a[2] - b[2]) < SAME_DISTANCE for a, b in zip(ours, theirs, strict=True))
+    return same
+
+
+def _pushing(contacts: Any) -> list[tuple[Any, float]]:
+    return [(c["geom"], float(c["distance"])) for c in contacts if c["distance"] < 0.0]

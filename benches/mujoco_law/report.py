@@ -1,0 +1,85 @@
+"""What was measured, as lines, as a table of numbers and as a part of a page."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mujoco_law.parity import Parity
+
+_BEGIN, _END = "<!-- parity: made by `python -m mujoco_law --out docs` -->", "<!-- end of parity -->"
+
+
+@dataclass(frozen=True)
+class Row:
+    """A model.
+
+    Attributes:
+        name: Package and name.
+        nv: Degrees of freedom.
+        left_out: What of the model is not simulated, or why it is not there at all.
+        parity: What was measured, if anything was.
+    """
+
+    name: str
+    nv: int
+    left_out: str
+    parity: Parity | None
+
+    def __str__(self) -> str:
+        p = self.parity
+        if p is None:
+            return f"{self.name}: {self.left_out}"
+        numbers = " ".join(f"{key} {value}" for key, value in self.cells().items())
+        return f"{self.name:36} {numbers} {self.left_out}"
+
+    def cells(self) -> dict[str, str]:
+        """Numbers of the table."""
+        p = self.parity
+        if p is None:
+            return {}
+        return {
+            "nv": str(self.nv),
+            "touching": _percent(p.touching),
+            "same contacts": _percent(p.same),
+            "agree": _percent(p.agrees) if len(p.error) else "-",
+            "median": _number(p.error, 0.5),
+            "largest": _number(p.error, 1.0),
+            "MuJoCo's spread": _number(p.spread, 1.0),
+            "Newton steps": f"{p.newton_steps:.1f}",
+        }
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %"
+
+
+def _number(values: np.ndarray[tuple[int], np.dtype[np.float64]], quantile: float) -> str:
+    return f"{np.quantile(values, quantile):.0e}" if len(values) else "-"
+
+
+def write_csv(path: Path, rows: list[Row]) -> None:
+    """Writes the numbers of all models."""
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        header = next((list(row.cells()) for row in rows if row.parity), [])
+        writer.writerow(["model", *header, "left out"])
+        for row in rows:
+            writer.writerow([row.name, *(row.cells().values() or [""] * len(header)), row.left_out])
+
+
+def write_table(path: Path, rows: list[Row]) -> None:
+    """Renews the table in a page, between its marks; does nothing where there is no page."""
+    if not path.exists():
+        return
+    before, _, rest = path.read_text().partition(_BEGIN)
+    _, _, after = rest.partition(_END)
+    measured = [row for row in rows if row.parity]
+    header = ["model", *measured[0].cells(), "left out"] if measured else []
+    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
+    lines += ["| " + " | ".join([row.name, *row.cells().values(), row.left_out]) + " |" for row in measured]
+    lines += [f"\nNot measured: {row.name}: {row.left_out}" for row in rows if not row.parity]
+    path.write_text(f"{before}{_BEGIN}\n\n" + "\n".join(lines) + f"\n\n{_END}{after}")

@@ -1,0 +1,75 @@
+"""Speed of MuJoCo's law at the model's own integrator and cone, beside `mujoco.batch`, in turns on one core."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import dataclass
+from statistics import geometric_mean, median
+from typing import Any
+
+from comparison.throughput import Case, cases, ratio
+from stepper import Options
+from stepper.experiments.chart.engines import MujocoEngine
+from stepper.experiments.demo.crowd import Crowd, MujocoCrowd, StepperCrowd
+from stepper.experiments.demo.race import Plan, race
+from stepper.shared.machine import one_core, provenance, require
+
+
+@dataclass(frozen=True)
+class Newton(MujocoEngine):
+    """The file's own integrator and cone with Newton's method, which is MuJoCo's fastest on most models."""
+
+    def configure(self, mujoco: Any, model: Any) -> None:
+        """Writes the settings into a compiled model."""
+        model.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
+
+
+def main() -> None:
+    """Reads the arguments and measures."""
+    parser = argparse.ArgumentParser(prog="mujoco_law.speed", description=__doc__)
+    parser.add_argument("models", nargs="*", help="parts of names; default: all")
+    parser.add_argument("--num-envs", type=int, default=256, help="environments in stepper; default: 256")
+    parser.add_argument("--peers", type=int, default=64, help="environments in MuJoCo; default: 64")
+    parser.add_argument("--steps", type=int, default=200, help="steps of random control; default: 200")
+    args = parser.parse_args()
+    plan = Plan(num_envs=args.num_envs, peers=args.peers, steps=args.steps, rest=0)
+    require("mujoco", "to run MuJoCo beside stepper").set_mju_user_warning(lambda message: None)
+    found = []
+    print("| model | integrator | us f64 | us f32 | us MuJoCo own / Newton | f64 x | f32 x | residual m/s f64 / f32 | Newton steps |")
+    print("|---|---|---|---|---|---|---|---|---|")
+    for case in cases(plan, args.models):
+        if isinstance(case, str):
+            print(f"left out: {case}")
+            continue
+        found.append(_measure(case, plan))
+    means = [geometric_mean(f[k] for f in found) for k in (0, 1)]
+    print(f"| **geometric mean** | | | | | **{means[0]:.1f}** | **{means[1]:.1f}** | | |")
+    print(", ".join(f"{key} {value}" for key, value in provenance().items() if key in ("cpu", "load_average", "versions")))
+
+
+def _measure(case: Case, plan: Plan) -> tuple[float, float]:
+    options = Options.of(case.model)
+    with one_core():
+        ours = [StepperCrowd(case.model, plan.num_envs, precision=p, threads=1, options=options, setting="law") for p in ("f64", "f32")]
+        theirs: list[Crowd] = [
+            MujocoCrowd(case.path, plan.num_peers, threads=1),
+            MujocoCrowd(case.path, plan.num_peers, threads=1, settings=Newton("Newton")),
+        ]
+        tracks = race([*ours, *theirs], case.control, plan, clock=time.process_time, tick=lambda *_: None, what=case.name, referee=None)
+    times = {name: track.times["control"] for name, track in tracks.items()}
+    names = list(times)
+    ratios = [min(ratio(times[name], times[peer]) for peer in names[2:]) for name in names[:2]]
+    us = [median(times[name]) for name in names]
+    residual = [crowd.certificates["control"].worst_residual for crowd in ours]
+    steps = float(ours[0].sim.newton_steps.mean())
+    print(
+        f"| {case.name} | {options.integrator} | {us[0]:.2f} | {us[1]:.2f} | {us[2]:.1f} / {us[3]:.1f} | **{ratios[0]:.1f}** |"
+        f" **{ratios[1]:.1f}** | {residual[0]:.0e} / {residual[1]:.0e} | {steps:.1f} |",
+        flush=True,
+    )
+    return ratios[0], ratios[1]
+
+
+if __name__ == "__main__":
+    main()

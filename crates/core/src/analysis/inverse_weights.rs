@@ -1,0 +1,65 @@
+//! Mean inverse inertias at the reference configuration, which MuJoCo's contact law scales its regularisation with.
+
+use crate::actuation::forces::Implicit;
+use crate::compile::{CompiledModel, LaneModel};
+use crate::dynamics::inertia::MassMatrix;
+use crate::dynamics::kinematics::Kinematics;
+use crate::math::spatial::*;
+use crate::model::{InverseWeights, Model};
+use crate::stages::s02_smooth::Smooth;
+
+/// Inverse weights of a model, as MuJoCo's compiler has them (`mj_setConst`): for a body the mean diagonal of J M^-1 J^T of its centre of
+/// mass, for a degree of freedom the diagonal of M^-1, meaned over a joint's translations and rotations, for a tendon J M^-1 J^T.
+pub fn inverse_weights(model: &Model) -> InverseWeights {
+    let compiled: LaneModel<f64> = LaneModel::new(&CompiledModel::new(model));
+    let mut kinematics = Kinematics::new(&compiled);
+    for m in &compiled.mocap {
+        kinematics.pos[m.frame] = m.pos;
+        kinematics.mat[m.frame] = quat_to_mat(quat_normalize(m.quat));
+    }
+    kinematics.update(&compiled, &model.qpos0);
+    let mut smooth = Smooth::new(&compiled);
+    smooth.factor_mass(&compiled, &kinematics, Implicit::none());
+    let quadratic = |row: &[f64]| quadratic(&compiled, &smooth.mass, row);
+    let body = |b: usize| -> [f64; 2] {
+        let frame = compiled.bodies[b].frame;
+        if frame == 0 || frame > compiled.links.len() {
+            return [0.0; 2];
+        }
+        let point = kinematics.point(frame, compiled.params.body_com(b));
+        std::array::from_fn(|rotation| {
+            let along = |axis: usize| {
+                let moved = |d: usize| compiled.moved_dofs[frame][d / 64] >> (d % 64) & 1 == 1;
+                let entry = |d: usize| {
+                    let motion = &kinematics.axes[d];
+                    let arm = sub(point, kinematics.origin[compiled.dofs[d].tree]);
+                    let column = if rotation == 1 { angular(motion) } else { velocity_at(motion, arm) };
+                    if moved(d) { column[axis] } else { 0.0 }
+                };
+                quadratic(&(0..compiled.nv).map(entry).collect::<Vec<_>>())
+            };
+            (0..3).map(along).sum::<f64>() / 3.0
+        })
+    };
+    let unit = |d: usize| quadratic(&(0..compiled.nv).map(|k| if k == d { 1.0 } else { 0.0 }).collect::<Vec<_>>());
+    let mut dofs: Vec<f64> = (0..compiled.nv).map(unit).collect();
+    for (joint, (_, dof)) in model.joints.iter().zip(model.joint_addresses()) {
+        for block in dofs[dof..dof + joint.kind.nv()].chunks_mut(3) {
+            block.fill(block.iter().sum::<f64>() / block.len() as f64);
+        }
+    }
+    let addresses = model.joint_addresses();
+    let tendon = |t: &crate::model::Tendon| {
+        let mut row = vec![0.0; compiled.nv];
+        t.joints.iter().for_each(|&(j, c)| row[addresses[j].1] += c);
+        quadratic(&row)
+    };
+    InverseWeights { bodies: (0..model.bodies.len()).map(body).collect(), dofs, tendons: model.tendons.iter().map(tendon).collect() }
+}
+
+/// J M^-1 J^T of one row.
+fn quadratic(compiled: &LaneModel<f64>, mass: &MassMatrix<f64>, row: &[f64]) -> f64 {
+    let mut x = row.to_vec();
+    mass.solve(compiled, &mut x);
+    row.iter().zip(&x).map(|(a, b)| a * b).sum()
+}

@@ -1,0 +1,72 @@
+//! A compiled model takes up MuJoCo's contact law.
+
+use stepper_real::Scalar;
+
+use crate::compile::compiled_model::CompiledModel;
+use crate::compile::limits::is_scalar;
+use crate::compile::softness::{CompiledSoftness, LawMaker};
+use crate::compile::tree::CompiledFriction;
+use crate::model::{Equality, EqualityKind, Filter, InverseWeights, Joint, JointKind, MIN_VALUE, Model, SoftSettings};
+
+impl<S: Scalar> CompiledModel<S> {
+    /// Adds what MuJoCo's contact law needs for steps of `timestep` seconds. Contacts are no patches then: their forces are determined.
+    pub(crate) fn soften(&mut self, model: &Model, weights: &InverseWeights, timestep: f64) {
+        let SoftSettings { cone, impratio, refsafe, .. } = model.soft;
+        let maker = LawMaker { least_time: if refsafe { 2.0 * timestep } else { 0.0 } };
+        let geom_weights: Vec<f64> = model.geoms.iter().map(|g| weights.bodies[g.body][0]).collect();
+        let addresses = model.joint_addresses();
+        let joints = || model.joints.iter().zip(&addresses);
+        let limited = joints().filter(|(j, _)| j.range.is_some());
+        let limit = |(joint, &(_, dof)): (&Joint, &(usize, usize))| maker.law(&joint.limit_softness, weights.dofs[dof]);
+        let [limits, ball_limits] = [true, false].map(|scalar| {
+            let of_kind = limited.clone().filter(|(j, _)| if scalar { is_scalar(j) } else { j.kind == JointKind::Ball });
+            of_kind.map(limit).collect()
+        });
+        let friction = |f: &CompiledFriction| maker.friction(&model.joints[f.joint].friction_softness, weights.dofs[f.dof]);
+        let tendons = self.structure.tendons.iter().map(|t| {
+            let (tendon, weight) = (&model.tendons[t.index], weights.tendons[t.index]);
+            [maker.law(&tendon.limit_softness, weight), maker.friction(&tendon.friction_softness, weight)]
+        });
+        let equalities = model.equalities.iter().map(|e| {
+            let [translation, rotation] = equality_weights(e, weights, &addresses);
+            [maker.law(&e.softness, translation), maker.law(&e.softness, rotation)]
+        });
+        let filter = Filter::new(model);
+        let pairs = self.structure.pairs.iter().map(|pair| {
+            let geoms = pair.geoms.map(|g| self.structure.geoms[g].index);
+            let [a, b] = geoms;
+            let pair = filter.pair(geoms).expect("a compiled pair is one of the model");
+            maker.contact(&pair, geom_weights[a] + geom_weights[b])
+        });
+        let softness = CompiledSoftness {
+            cone,
+            impratio: S::from_f64(impratio.max(MIN_VALUE)),
+            pairs: pairs.collect(),
+            limits,
+            frictions: self.structure.frictions.iter().map(friction).collect(),
+            ball_limits,
+            tendons: tendons.collect(),
+            equalities: equalities.collect(),
+            maker,
+            geom_weights,
+        };
+        self.structure.patches.clear();
+        self.structure.softness = Some(softness);
+    }
+}
+
+/// Approximate inverse inertia along the rows of an equality: of translation, and of rotation (`mj_diagApprox`).
+fn equality_weights(equality: &Equality, weights: &InverseWeights, addresses: &[(usize, usize)]) -> [f64; 2] {
+    use EqualityKind::{Connect, Joint, Tendon, Weld};
+    let both = |a: f64, b: Option<f64>| [a + b.unwrap_or(0.0); 2];
+    match equality.kind {
+        Connect { bodies: [a, b], .. } | Weld { bodies: [a, b], .. } => {
+            std::array::from_fn(|k| weights.bodies[a][k] + weights.bodies[b][k])
+        }
+        Joint { joint, other, .. } => {
+            let weight = |j: usize| weights.dofs[addresses[j].1];
+            both(weight(joint), other.map(weight))
+        }
+        Tendon { tendon, other, .. } => both(weights.tendons[tendon], other.map(|t| weights.tendons[t])),
+    }
+}

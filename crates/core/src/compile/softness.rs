@@ -1,0 +1,185 @@
+//! Softness of constraints, compiled: what MuJoCo's contact law makes of solref, solimp and the inverse weights of a model.
+
+use stepper_real::{Real, Scalar};
+
+use crate::compile::tree::scalars;
+use crate::model::{Cone, GeomPair, MIN_VALUE, Softness};
+
+/// Least and greatest impedance (`mjMINIMP`, `mjMAXIMP`).
+const IMPEDANCE: [f64; 2] = [1e-4, 0.9999];
+
+/// Least coefficient of friction (`mjMINMU`).
+pub(crate) const MIN_FRICTION: f64 = 1e-5;
+
+/// Law of a soft row: reference acceleration -B v - K d(r) r and regularisation (1 - d(r)) / d(r) times its weight, with the error r, its
+/// rate v and the impedance d.
+#[derive(Clone, Copy, Debug)]
+pub struct SoftLaw<S> {
+    /// Stiffness K, 1/s^2.
+    pub stiffness: S,
+    /// Damping B, 1/s.
+    pub damping: S,
+    /// Impedance without error, and its growth with the error.
+    impedance: [S; 2],
+    /// Inverse of the error over which it grows.
+    inverse_width: S,
+    /// Midpoint, and factors of the curve before and after it.
+    midpoint: S,
+    factors: [S; 2],
+    power: S,
+    /// Approximate inverse inertia along the row.
+    pub weight: S,
+}
+
+/// Law of the contacts of a pair of geoms.
+#[derive(Clone, Copy, Debug)]
+pub struct SoftContactLaw<S> {
+    /// Law of its normal row.
+    pub normal: SoftLaw<S>,
+    /// Damping B of its friction rows, 1/s.
+    pub friction_damping: S,
+    /// Rows: 1, 3, 4 or 6.
+    pub condim: u8,
+    /// See [`Pair::anisotropy`](crate::model::Pair::anisotropy).
+    pub anisotropy: [S; 2],
+}
+
+/// Laws of all constraints of a model.
+#[derive(Clone, Debug)]
+pub struct CompiledSoftness<S> {
+    /// Shape of the friction cones.
+    pub cone: Cone,
+    /// Ratio of the impedance of friction to that of normal forces.
+    pub impratio: S,
+    /// Laws of the listed pairs.
+    pub pairs: Vec<SoftContactLaw<S>>,
+    /// Laws of limits, dry friction and limits of ball joints, as the compiled model lists them.
+    pub limits: Vec<SoftLaw<S>>,
+    /// See `limits`.
+    pub frictions: Vec<SoftLaw<S>>,
+    /// See `limits`.
+    pub ball_limits: Vec<SoftLaw<S>>,
+    /// Laws of limits and of dry friction of the compiled tendons.
+    pub tendons: Vec<[SoftLaw<S>; 2]>,
+    /// Laws of the model's equalities, of translation and of rotation.
+    pub equalities: Vec<[SoftLaw<S>; 2]>,
+    /// What laws of the pairs of a crowd are made from.
+    pub(super) maker: LawMaker,
+    /// Inverse weight of every geom's body, of translation.
+    pub(super) geom_weights: Vec<f64>,
+}
+
+/// What a law is made with, besides its softness.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LawMaker {
+    /// Least time constant, s.
+    pub(super) least_time: f64,
+}
+
+impl<S: Scalar> SoftLaw<S> {
+    /// Impedance at the error r.
+    #[inline(always)]
+    pub fn impedance<R: Real<Scalar = S>>(&self, r: R) -> R {
+        let [start, growth] = self.impedance.map(R::splat);
+        if self.inverse_width == S::default() {
+            return start;
+        }
+        let x = r.abs() * R::splat(self.inverse_width);
+        let below = x.le(R::splat(self.midpoint));
+        let rest = (R::one() - x).max(R::zero());
+        let base = R::select(below, x, rest);
+        let factor = R::select(below, R::splat(self.factors[0]), R::splat(self.factors[1]));
+        let curve = factor * power(base, self.power);
+        let y = R::select(below, curve, R::one() - curve);
+        start + growth * R::select(x.lt(R::one()), y, R::one())
+    }
+
+    /// Regularisation R at this impedance, for this weight.
+    #[inline(always)]
+    pub fn regularisation<R: Real<Scalar = S>>(impedance: R, weight: R) -> R {
+        ((R::one() - impedance) * weight / impedance).max(R::of(MIN_VALUE))
+    }
+
+    /// Reference acceleration and D = 1 / R of a row at the error r, whose rate is v, in the lanes `active`; D is 0 in the others.
+    #[inline(always)]
+    pub fn row<R: Real<Scalar = S>>(&self, r: R, v: R, active: R::Mask) -> [R; 2] {
+        self.row_at(self.impedance(r), r, v, active)
+    }
+
+    /// The same where the impedance is that of several errors together.
+    #[inline(always)]
+    pub fn row_at<R: Real<Scalar = S>>(&self, impedance: R, r: R, v: R, active: R::Mask) -> [R; 2] {
+        let reference = -(R::splat(self.damping) * v) - R::splat(self.stiffness) * impedance * r;
+        let weight = R::one() / Self::regularisation(impedance, R::splat(self.weight));
+        [reference, R::select(active, weight, R::zero())]
+    }
+}
+
+/// x to the power p, for x in [0, 1].
+#[inline(always)]
+fn power<R: Real>(x: R, p: R::Scalar) -> R {
+    let exponent = p.to_f64();
+    if exponent == 1.0 {
+        return x;
+    }
+    if exponent == 2.0 {
+        return x * x;
+    }
+    let some = x.gt(R::zero());
+    R::select(some, (R::splat(p) * R::select(some, x, R::one()).ln()).exp(), R::zero())
+}
+
+impl LawMaker {
+    /// Stiffness and damping of a solref, which grow with the inverse of the largest impedance.
+    fn spring(self, solref: [f64; 2], largest: f64) -> [f64; 2] {
+        let [mut time, ratio] = if (solref[0] > 0.0) == (solref[1] > 0.0) { solref } else { Softness::default().solref };
+        if time <= 0.0 {
+            return [-time / (largest * largest).max(MIN_VALUE), -ratio / largest.max(MIN_VALUE)];
+        }
+        time = time.max(self.least_time);
+        [1.0 / (largest * time * ratio).powi(2).max(MIN_VALUE), 2.0 / (largest * time).max(MIN_VALUE)]
+    }
+
+    pub(super) fn law<S: Scalar>(self, softness: &Softness, weight: f64) -> SoftLaw<S> {
+        let [start, end, width, midpoint, power] = softness.solimp;
+        let bounded = |x: f64| x.clamp(IMPEDANCE[0], IMPEDANCE[1]);
+        let (start, end, midpoint, power) = (bounded(start), bounded(end), bounded(midpoint), power.max(1.0));
+        let [stiffness, damping] = self.spring(softness.solref, end);
+        let flat = start == end || width <= MIN_VALUE;
+        let impedance = if flat { [0.5 * (start + end), 0.0] } else { [start, end - start] };
+        let factors = [midpoint, 1.0 - midpoint].map(|x| 1.0 / x.powf(power - 1.0));
+        let of = S::from_f64;
+        SoftLaw {
+            stiffness: of(stiffness),
+            damping: of(damping),
+            impedance: scalars(impedance),
+            inverse_width: of(if flat { 0.0 } else { 1.0 / width }),
+            midpoint: of(midpoint),
+            factors: scalars(factors),
+            power: of(power),
+            weight: of(weight),
+        }
+    }
+
+    /// The law of dry friction has no stiffness.
+    pub(super) fn friction<S: Scalar>(self, softness: &Softness, weight: f64) -> SoftLaw<S> {
+        SoftLaw { stiffness: S::default(), ..self.law(softness, weight) }
+    }
+
+    pub(super) fn contact<S: Scalar>(self, pair: &GeomPair, weight: f64) -> SoftContactLaw<S> {
+        let normal = self.law::<S>(&pair.softness, weight);
+        let largest = pair.softness.solimp[1].clamp(IMPEDANCE[0], IMPEDANCE[1]);
+        let [a, b] = pair.solref_friction;
+        let own = (a != 0.0 || b != 0.0) && (a > 0.0) == (b > 0.0);
+        let friction_damping = if own { S::from_f64(self.spring([a, b], largest)[1]) } else { normal.damping };
+        SoftContactLaw { normal, friction_damping, condim: pair.condim, anisotropy: scalars(pair.anisotropy) }
+    }
+}
+
+impl<S: Scalar> CompiledSoftness<S> {
+    /// Law of a pair of the compiled model that is not listed.
+    pub(crate) fn unlisted(&self, pair: &GeomPair) -> SoftContactLaw<S> {
+        let [a, b] = pair.geoms;
+        self.maker.contact(pair, self.geom_weights[a] + self.geom_weights[b])
+    }
+}

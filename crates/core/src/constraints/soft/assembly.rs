@@ -1,0 +1,56 @@
+//! All soft rows of a step, and what becomes of their forces.
+
+use stepper_real::{Mask, Real};
+
+use crate::collision::contact_set::Contacts;
+use crate::constraints::constraint_set::Constraints;
+use crate::constraints::soft::frames::align_tangents;
+use crate::constraints::soft::input::SoftInput;
+use crate::math::spatial::*;
+
+impl<R: Real> Constraints<R> {
+    /// Makes the soft rows of all constraints. Velocities of rows are those of `row.assembly.v_free`, before the step.
+    pub fn assemble_soft(&mut self, input: SoftInput<'_, R>, contacts: &mut Contacts<R>) {
+        let Some(mut system) = self.soft.take() else { return };
+        align_tangents(input.row.compiled, input.row.kinematics, contacts);
+        R::vectorize(
+            #[inline(always)]
+            || {
+                system.problem.clear();
+                system.start.fill(R::zero());
+                self.owners.clear();
+                self.slots.clear();
+                self.rolling_slots.clear();
+                self.constrained = R::Mask::splat(false);
+                self.add_soft_equalities(input, &mut system);
+                self.add_soft_frictions(input, &mut system);
+                self.add_soft_limits(input, &mut system);
+            },
+        );
+        self.add_soft_contacts(input, contacts, &mut system);
+        self.soft = Some(system);
+    }
+
+    /// Leaves the impulses of the solution where the next step finds its start, and sensors their readings: `h` times the forces.
+    pub fn keep_soft_impulses(&mut self, h: R, contacts: &mut Contacts<R>) {
+        let Some(system) = &self.soft else { return };
+        R::vectorize(
+            #[inline(always)]
+            || {
+                self.scalar_impulse.fill(R::zero());
+                for (i, &owner) in self.owners.iter().enumerate() {
+                    self.scalar_impulse[owner] = system.solver.row_force(&system.problem, i) * h;
+                }
+                for (i, &(k, lanes)) in self.slots.iter().enumerate() {
+                    let force = system.solver.contact_force(&system.problem, i);
+                    contacts.data[k].impulse = select(lanes, scale(force, h), contacts.data[k].impulse);
+                }
+                for (i, &(k, lanes, _)) in self.rolling_slots.iter().enumerate() {
+                    let [n, a, b, spin, roll, other] = system.solver.rolling_contact_force(&system.problem, i);
+                    contacts.data[k].impulse = select(lanes, scale([n, a, b], h), contacts.data[k].impulse);
+                    contacts.torque[k] = select(lanes, scale([spin, roll, other], h), contacts.torque[k]);
+                }
+            },
+        )
+    }
+}

@@ -1,0 +1,226 @@
+//! Soft rows of contacts.
+
+use stepper_real::{Mask, Real};
+use stepper_solve::soft::Cone;
+
+use crate::collision::contact_set::Contacts;
+use crate::collision::surface_velocity;
+use crate::compile::{MIN_FRICTION, SoftContactLaw, SoftLaw};
+use crate::constraints::constraint_set::Constraints;
+use crate::constraints::soft::input::SoftInput;
+use crate::constraints::soft::system::SoftSystem;
+use crate::math::spatial::*;
+
+/// Numbers of the contacts in one slot, of whatever pairs they are.
+struct ContactLaw<R: Real> {
+    /// Impedance times stiffness, and damping of the normal row.
+    spring: [R; 2],
+    /// Impedance.
+    impedance: R,
+    /// Approximate inverse inertia.
+    weight: R,
+    /// Damping of friction rows.
+    friction_damping: R,
+    /// Coefficients of friction: sliding twice, torsional, rolling twice.
+    friction: [R; 5],
+    /// Number of rows less one.
+    frictions: R,
+}
+
+impl<R: Real> ContactLaw<R> {
+    #[inline(always)]
+    fn gather(input: SoftInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> Self {
+        let (compiled, slot) = (input.row.compiled, &contacts.data[k]);
+        let z = R::zero();
+        let mut law = Self { spring: [z; 2], impedance: R::of(0.5), weight: z, friction_damping: z, friction: [R::one(); 5], frictions: z };
+        for (pair, lanes) in contacts.pairs(k, lanes) {
+            let there = R::Mask::from_bits(lanes);
+            let own: SoftContactLaw<R::Scalar> = compiled.soft_contact(input.softness, pair);
+            let params = compiled.contact(pair);
+            let impedance = own.normal.impedance(slot.point.distance);
+            let least = |x: R| x.max(R::of(MIN_FRICTION));
+            let [slide, roll] = own.anisotropy.map(R::splat);
+            let friction =
+                [least(params.mu), least(params.mu * slide), least(params.torsion), least(params.rolling), least(params.rolling * roll)];
+            law.impedance = R::select(there, impedance, law.impedance);
+            let spring = [R::splat(own.normal.stiffness) * impedance, R::splat(own.normal.damping)];
+            law.spring = [R::select(there, spring[0], law.spring[0]), R::select(there, spring[1], law.spring[1])];
+            law.weight = R::select(there, R::splat(own.normal.weight), law.weight);
+            law.friction_damping = R::select(there, R::splat(own.friction_damping), law.friction_damping);
+            for i in 0..5 {
+                law.friction[i] = R::select(there, friction[i], law.friction[i]);
+            }
+            law.frictions = R::select(there, R::of(f64::from(own.condim) - 1.0), law.frictions);
+        }
+        law
+    }
+
+    /// Reference accelerations of `N` rows at the velocities `v`.
+    #[inline(always)]
+    fn reference<const N: usize>(&self, cone: Cone, distance: R, v: [R; N]) -> [R; N] {
+        let mut reference = [R::zero(); N];
+        reference[0] = -(self.spring[1] * v[0]) - self.spring[0] * distance;
+        // The edges of a pyramid have the damping of the normal row.
+        let damping = if cone == Cone::Elliptic { self.friction_damping } else { self.spring[1] };
+        for i in 1..N {
+            reference[i] = -(damping * v[i]);
+        }
+        reference
+    }
+
+    /// Weights D and scales of `N` rows in the lanes `active`; see [`stepper_solve::soft::SoftContact`].
+    #[inline(always)]
+    fn weights<const N: usize>(&self, cone: Cone, impratio: R, active: R::Mask) -> [[R; N]; 2] {
+        let (zero, one) = (R::zero(), R::one());
+        let (mut weight, mut scale) = ([zero; N], [zero; N]);
+        let mu = self.friction[0];
+        let rubs = self.frictions.gt(zero);
+        let cone_mu = mu / impratio.sqrt();
+        let diagonal = match cone {
+            Cone::Elliptic => self.weight,
+            Cone::Pyramidal => R::select(rubs, self.weight + mu * mu * self.weight, self.weight),
+        };
+        let normal = SoftLaw::<R::Scalar>::regularisation(self.impedance, diagonal);
+        scale[0] = R::select(rubs, cone_mu, one);
+        weight[0] = R::select(active, one / normal, zero);
+        // Edges of a pyramid without friction are both the normal.
+        let edge = R::select(rubs, R::of(2.0) * cone_mu * cone_mu * normal, normal + normal);
+        for i in 1..N {
+            let exists = active.and(R::of(i as f64).le(self.frictions));
+            scale[i] = R::select(exists, self.friction[i - 1], zero);
+            weight[i] = match cone {
+                Cone::Elliptic => {
+                    let ratio = mu / self.friction[i - 1];
+                    R::select(exists, impratio / normal / (ratio * ratio), zero)
+                }
+                Cone::Pyramidal => {
+                    let first = active.and_not(rubs).and(R::Mask::splat(i == 1));
+                    R::select(exists.or(first), one / edge, zero)
+                }
+            };
+        }
+        [weight, scale]
+    }
+}
+
+impl<R: Real> Constraints<R> {
+    /// Contacts that are closer than their margin.
+    pub(super) fn add_soft_contacts(&mut self, input: SoftInput<'_, R>, contacts: &Contacts<R>, system: &mut SoftSystem<R>) {
+        for k in 0..contacts.slots() {
+            let near = R::Mask::from_bits(contacts.lanes_of(k)).and(contacts.data[k].point.distance.lt(R::zero())).bits();
+            let mut rolling = 0;
+            if input.row.compiled.has_rolling_friction {
+                for (pair, lanes) in contacts.pairs(k, near) {
+                    rolling |= if input.row.compiled.soft_contact(input.softness, pair).condim > 3 { lanes } else { 0 };
+                }
+            }
+            if near & !rolling != 0 {
+                R::vectorize(
+                    #[inline(always)]
+                    || self.add_soft_contact(input, contacts, k, near & !rolling, system),
+                );
+            }
+        }
+        if input.row.compiled.has_rolling_friction {
+            self.add_soft_rolling_contacts(input, contacts, system);
+        }
+    }
+
+    fn add_soft_rolling_contacts(&mut self, input: SoftInput<'_, R>, contacts: &Contacts<R>, system: &mut SoftSystem<R>) {
+        for k in 0..contacts.slots() {
+            let near = R::Mask::from_bits(contacts.lanes_of(k)).and(contacts.data[k].point.distance.lt(R::zero())).bits();
+            let mut rolling = 0;
+            for (pair, lanes) in contacts.pairs(k, near) {
+                rolling |= if input.row.compiled.soft_contact(input.softness, pair).condim > 3 { lanes } else { 0 };
+            }
+            if rolling != 0 {
+                R::vectorize(
+                    #[inline(always)]
+                    || self.add_soft_rolling_contact(input, contacts, k, rolling, system),
+                );
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn add_soft_contact(&mut self, input: SoftInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32, system: &mut SoftSystem<R>) {
+        let (compiled, h, active) = (input.row.compiled, input.row.assembly.h, R::Mask::from_bits(lanes));
+        let slot = &contacts.data[k];
+        self.gather_support(compiled, contacts, k, lanes);
+        let [v, _] = self.contact_columns(input.row, contacts, k, lanes);
+        let law = ContactLaw::gather(input, contacts, k, lanes);
+        let cone = system.problem.cone;
+        let reference = law.reference(cone, slot.point.distance, v);
+        let [weight, scales] = law.weights(cone, R::splat(input.softness.impratio), active);
+        let force = scale(select(active, slot.impulse, zero()), R::one() / h);
+        for &d in &self.support {
+            let d = d as usize;
+            self.column[d] = select(active, self.column[d], zero());
+            system.start[d] += dot(self.column[d], force);
+        }
+        let column = &self.column;
+        system.problem.contacts.push(
+            &self.support,
+            #[inline(always)]
+            |d| column[d],
+            reference,
+            weight,
+            scales,
+        );
+        self.slots.push((k, active));
+        self.constrained = self.constrained.or(active);
+    }
+
+    #[inline(always)]
+    fn add_soft_rolling_contact(
+        &mut self,
+        input: SoftInput<'_, R>,
+        contacts: &Contacts<R>,
+        k: usize,
+        lanes: u32,
+        system: &mut SoftSystem<R>,
+    ) {
+        let (compiled, h, active) = (input.row.compiled, input.row.assembly.h, R::Mask::from_bits(lanes));
+        let slot = &contacts.data[k];
+        self.gather_support(compiled, contacts, k, lanes);
+        let [v, _] = self.contact_columns(input.row, contacts, k, lanes);
+        let n = slot.point.normal;
+        let axes = [n, slot.tangent, cross(n, slot.tangent)];
+        let carried = angular(&surface_velocity::motion(compiled, input.row.kinematics, contacts, k, lanes));
+        let mut turning = [dot(axes[0], carried), R::zero(), R::zero()];
+        for &d in &self.support {
+            let d = d as usize;
+            let (sign, axis) = (self.sign_of(d), angular(&input.row.kinematics.axes[d]));
+            let j = [dot(axes[0], axis) * sign + R::zero(), dot(axes[1], axis) * sign + R::zero(), dot(axes[2], axis) * sign + R::zero()];
+            turning = add_scaled(turning, j, input.row.assembly.v_free[d]);
+            system.angular[d] = j;
+        }
+        let law = ContactLaw::gather(input, contacts, k, lanes);
+        let cone = system.problem.cone;
+        let reference = law.reference(cone, slot.point.distance, [v[0], v[1], v[2], turning[0], turning[1], turning[2]]);
+        let [weight, scales] = law.weights(cone, R::splat(input.softness.impratio), active);
+        let rate = R::one() / h;
+        let force = scale(select(active, slot.impulse, zero()), rate);
+        let torque = scale(select(active, contacts.torque[k], zero()), rate);
+        for &d in &self.support {
+            let d = d as usize;
+            self.column[d] = select(active, self.column[d], zero());
+            system.angular[d] = select(active, system.angular[d], zero());
+            system.start[d] += dot(self.column[d], force) + dot(system.angular[d], torque);
+        }
+        let (linear, angular) = (&self.column, &system.angular);
+        system.problem.rolling_contacts.push(
+            &self.support,
+            #[inline(always)]
+            |d| {
+                let ([a, b, c], [x, y, z]) = (linear[d], angular[d]);
+                [a, b, c, x, y, z]
+            },
+            reference,
+            weight,
+            scales,
+        );
+        self.rolling_slots.push((k, active, [R::one(); 3]));
+        self.constrained = self.constrained.or(active);
+    }
+}

@@ -1,0 +1,158 @@
+//! Soft rows of equalities.
+
+use stepper_real::Real;
+
+use crate::compile::{CompiledEquality, EqualityRows, SoftLaw};
+use crate::constraints::constraint_set::Constraints;
+use crate::constraints::equality::{angular_acceleration, moves};
+use crate::constraints::soft::input::SoftInput;
+use crate::constraints::soft::rows::RowOf;
+use crate::constraints::soft::system::SoftSystem;
+use crate::math::spatial::*;
+
+/// Errors of three rows, and J' v.
+struct Errors<R: Real> {
+    error: V3<R>,
+    kappa: V3<R>,
+}
+
+impl<R: Real> Constraints<R> {
+    /// Equalities, each with the impedance of all of its errors together.
+    #[inline(always)]
+    pub(super) fn add_soft_equalities(&mut self, input: SoftInput<'_, R>, system: &mut SoftSystem<R>) {
+        for equality in input.row.compiled.equalities.iter().flat_map(|block| &block.equalities) {
+            self.add_soft_equality(input, equality, system);
+        }
+    }
+
+    #[inline(always)]
+    fn add_soft_equality(&mut self, input: SoftInput<'_, R>, equality: &CompiledEquality<R::Scalar>, system: &mut SoftSystem<R>) {
+        let [law, rotation_law] = &input.softness.equalities[equality.index];
+        match &equality.rows {
+            EqualityRows::Points { frames, anchors, turn } => {
+                let turned = turn.as_ref().map(|(mats, weight)| (Turn::of(input, *frames, mats), R::splat(*weight)));
+                self.use_own_support(equality);
+                let points = self.connect_points(input.row, *frames, *anchors);
+                let mut square = dot(points.error, points.error);
+                if let Some((turn, weight)) = &turned {
+                    let error = scale(turn.error, *weight);
+                    square += dot(error, error);
+                }
+                let impedance = law.impedance(square.sqrt());
+                let errors = Errors { error: points.error, kappa: points.kappa };
+                self.push_soft_triple(input, equality, system, law, impedance, errors, 0);
+                if let Some((turn, weight)) = turned {
+                    for &d in &equality.support {
+                        let (d, mut j) = (d as usize, zero());
+                        let axis = angular(&input.row.kinematics.axes[d]);
+                        for side in 0..2 {
+                            if moves(input.row.compiled, frames[side], d) {
+                                j = if side == 0 { add(j, axis) } else { sub(j, axis) };
+                            }
+                        }
+                        self.column[d] = scale(turn.rate(j), weight);
+                    }
+                    let errors = Errors { error: scale(turn.error, weight), kappa: scale(turn.kappa, weight) };
+                    self.push_soft_triple(input, equality, system, rotation_law, impedance, errors, 3);
+                }
+            }
+            EqualityRows::Coupling { first, second, polynomial } => {
+                self.use_own_support(equality);
+                let rows = self.couple_joints(input.row, first, second.as_ref(), splat(*polynomial));
+                let mut rate = R::zero();
+                for &d in &equality.support {
+                    rate += self.column[d as usize][0] * input.row.assembly.v_free[d as usize];
+                }
+                let active = input.row.assembly.alive;
+                // MuJoCo leaves J' v of couplings out.
+                let law = law.row(rows.error[0], rate, active);
+                system.terms.clear();
+                system.terms.extend_from_slice(&equality.support);
+                self.push_soft_row(system, input.row.assembly.h, RowOf { law, bounds: unbounded(), active, owner: equality.owner });
+            }
+        }
+    }
+
+    /// Three rows whose Jacobian is in `column` on the support of the equality, of which the first has the impulse `first`.
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "three rows, every part of them named at the call")]
+    fn push_soft_triple(
+        &mut self,
+        input: SoftInput<'_, R>,
+        equality: &CompiledEquality<R::Scalar>,
+        system: &mut SoftSystem<R>,
+        law: &SoftLaw<R::Scalar>,
+        impedance: R,
+        Errors { error, kappa }: Errors<R>,
+        first: usize,
+    ) {
+        let (assembly, mut rate) = (input.row.assembly, zero());
+        for &d in &equality.support {
+            rate = add_scaled(rate, self.column[d as usize], assembly.v_free[d as usize]);
+        }
+        system.terms.clear();
+        system.terms.extend_from_slice(&equality.support);
+        for k in 0..3 {
+            let [reference, weight] = law.row_at(impedance, error[k], rate[k], assembly.alive);
+            let owner = equality.owner + first + k;
+            let row = RowOf { law: [reference - kappa[k], weight], bounds: unbounded(), active: assembly.alive, owner };
+            self.push_soft_row(system, assembly.h, row);
+            for &d in &equality.support {
+                let [_, b, c] = self.column[d as usize];
+                self.column[d as usize] = [b, c, R::zero()];
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn unbounded<R: Real>() -> [R; 2] {
+    [R::of(f64::NEG_INFINITY), R::of(f64::INFINITY)]
+}
+
+/// Relative orientation of two frames: MuJoCo's error is the vector part of the quaternion q1^-1 q0, in the second's axes.
+struct Turn<R: Real> {
+    /// Scalar part.
+    scalar: R,
+    /// Vector part.
+    error: V3<R>,
+    /// Second derivative of the vector part if no joint accelerates.
+    kappa: V3<R>,
+    /// Orientation of the second.
+    second: M3<R>,
+}
+
+impl<R: Real> Turn<R> {
+    #[inline(always)]
+    fn of(input: SoftInput<'_, R>, frames: [usize; 2], mats: &[[R::Scalar; 9]; 2]) -> Self {
+        let kinematics = input.row.kinematics;
+        let first = mat_mul(&kinematics.mat[frames[0]], &splat(mats[0]));
+        let second = mat_mul(&kinematics.mat[frames[1]], &splat(mats[1]));
+        let [scalar, x, y, z] = mat_to_quat(&mat_mul_transposed(&first, &second));
+        let mut turn = Self { scalar, error: rotate_back(&second, [x, y, z]), kappa: zero(), second };
+        let [a, b] = frames.map(|f| frame_velocity(input, f));
+        let relative = sub(a, b);
+        let acceleration = sub(angular_acceleration(input.row, frames[0]), angular_acceleration(input.row, frames[1]));
+        // With w = R1^T (w0 - w1): e' = (s w + w x e) / 2 and s' = -w . e / 2.
+        let w = rotate_back(&second, relative);
+        let change = rotate_back(&second, sub(acceleration, cross(b, relative)));
+        let half = R::of(0.5);
+        let (rate, fall) = (turn.rate(relative), -(dot(w, turn.error) * half));
+        let product = add(add(scale(change, scalar), cross(change, turn.error)), add(scale(w, fall), cross(w, rate)));
+        turn.kappa = scale(product, half);
+        turn
+    }
+
+    /// Rate of the vector part by a relative angular velocity in the axes of the world.
+    #[inline(always)]
+    fn rate(&self, relative: V3<R>) -> V3<R> {
+        let w = rotate_back(&self.second, relative);
+        scale(add(scale(w, self.scalar), cross(w, self.error)), R::of(0.5))
+    }
+}
+
+/// Angular velocity of a frame.
+#[inline(always)]
+fn frame_velocity<R: Real>(input: SoftInput<'_, R>, frame: usize) -> V3<R> {
+    if frame == 0 || frame > input.row.compiled.links.len() { zero() } else { angular(&input.row.assembly.motion.velocity[frame - 1]) }
+}

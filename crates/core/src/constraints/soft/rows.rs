@@ -1,0 +1,170 @@
+//! Scalar soft rows: limits of joints and tendons, and dry friction.
+
+use stepper_real::{Mask, Real};
+
+use crate::compile::{Combination, LaneModel, SoftLaw};
+use crate::constraints::constraint_set::Constraints;
+use crate::constraints::soft::input::SoftInput;
+use crate::constraints::soft::system::SoftSystem;
+use crate::dynamics::kinematics::quat_at;
+use crate::math::spatial::*;
+
+/// Law of a scalar row in the lanes in which it exists.
+pub(super) struct RowOf<R: Real> {
+    /// Reference acceleration and D.
+    pub(super) law: [R; 2],
+    /// Least and greatest force.
+    pub(super) bounds: [R; 2],
+    /// Lanes in which it exists.
+    pub(super) active: R::Mask,
+    /// Index of its impulse.
+    pub(super) owner: usize,
+}
+
+impl<R: Real> Constraints<R> {
+    /// Appends a scalar row whose Jacobian is in the first component of `column` at `system.terms`, ascending.
+    #[inline(always)]
+    pub(super) fn push_soft_row(&mut self, system: &mut SoftSystem<R>, h: R, row: RowOf<R>) {
+        let RowOf { law: [reference, weight], bounds, active, owner } = row;
+        let force = R::select(active, self.scalar_impulse[owner], R::zero()) / h;
+        for &d in &system.terms {
+            let entry = R::select(active, self.column[d as usize][0], R::zero());
+            self.column[d as usize][0] = entry;
+            system.start[d as usize] += entry * force;
+        }
+        let column = &self.column;
+        system.problem.push_row(
+            &system.terms,
+            #[inline(always)]
+            |d| column[d][0],
+            reference,
+            weight,
+            bounds,
+        );
+        self.owners.push(owner);
+        self.constrained = self.constrained.or(active);
+    }
+
+    /// Leaves the Jacobian of a combination of joints, times `sign`, in the first component of `column`, on `system.terms`.
+    #[inline(always)]
+    pub(super) fn combine(&mut self, system: &mut SoftSystem<R>, parts: &[(&Combination<R::Scalar>, R)]) {
+        system.terms.clear();
+        for (combination, _) in parts {
+            system.terms.extend(combination.terms.iter().map(|term| term.1 as u32));
+        }
+        system.terms.sort_unstable();
+        system.terms.dedup();
+        for &d in &system.terms {
+            self.column[d as usize] = zero();
+        }
+        for (combination, factor) in parts {
+            for &(_, dof, coefficient) in &combination.terms {
+                self.column[dof][0] += R::splat(coefficient) * *factor;
+            }
+        }
+    }
+
+    /// Dry friction of joints and tendons.
+    #[inline(always)]
+    pub(super) fn add_soft_frictions(&mut self, input: SoftInput<'_, R>, system: &mut SoftSystem<R>) {
+        let (compiled, assembly) = (input.row.compiled, input.row.assembly);
+        for (i, (friction, law)) in compiled.frictions.iter().zip(&input.softness.frictions).enumerate() {
+            let most = compiled.params.friction(i);
+            let mut bounds = [-most, most];
+            if friction.driven {
+                let [forwards, backwards] = assembly.losses[i];
+                bounds = [bounds[0] - forwards, bounds[1] + backwards];
+            }
+            let law = law.row(R::zero(), assembly.v_free[friction.dof], assembly.alive);
+            self.column[friction.dof] = [R::one(), R::zero(), R::zero()];
+            system.terms.clear();
+            system.terms.push(friction.dof as u32);
+            let owner = compiled.limits.len() + i;
+            self.push_soft_row(system, assembly.h, RowOf { law, bounds, active: assembly.alive, owner });
+        }
+        for (tendon, [_, law]) in compiled.tendons.iter().zip(&input.softness.tendons) {
+            if tendon.friction > <R::Scalar as Default>::default() {
+                let most = R::splat(tendon.friction);
+                let law = law.row(R::zero(), tendon.length.rate(assembly.v_free), assembly.alive);
+                self.combine(system, &[(&tendon.length, R::one())]);
+                let row = RowOf { law, bounds: [-most, most], active: assembly.alive, owner: tendon.owner + 1 };
+                self.push_soft_row(system, assembly.h, row);
+            }
+        }
+    }
+
+    /// Limits of joints, ball joints and tendons, where they are passed.
+    #[inline(always)]
+    pub(super) fn add_soft_limits(&mut self, input: SoftInput<'_, R>, system: &mut SoftSystem<R>) {
+        let (compiled, assembly) = (input.row.compiled, input.row.assembly);
+        for (i, (limit, law)) in compiled.limits.iter().zip(&input.softness.limits).enumerate() {
+            let q = assembly.q[limit.q];
+            let [lowest, highest] = compiled.params.limit(i);
+            let (sign, error) = nearer_end(q, lowest, highest);
+            let active = assembly.alive.and(error.lt(R::zero()));
+            if active.any() {
+                self.column[limit.dof] = [sign, R::zero(), R::zero()];
+                system.terms.clear();
+                system.terms.push(limit.dof as u32);
+                self.push_soft_limit(input, system, law, [error, sign * assembly.v_free[limit.dof]], active, i);
+            }
+        }
+        self.add_soft_ball_limits(compiled, input, system);
+        for (tendon, [law, _]) in compiled.tendons.iter().zip(&input.softness.tendons) {
+            let Some([lowest, highest]) = tendon.range else { continue };
+            let (sign, error) = nearer_end(tendon.length.value(assembly.q), R::splat(lowest), R::splat(highest));
+            let active = assembly.alive.and(error.lt(R::zero()));
+            if active.any() {
+                self.combine(system, &[(&tendon.length, sign)]);
+                let rate = sign * tendon.length.rate(assembly.v_free);
+                self.push_soft_limit(input, system, law, [error, rate], active, tendon.owner);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn add_soft_ball_limits(&mut self, compiled: &LaneModel<R>, input: SoftInput<'_, R>, system: &mut SoftSystem<R>) {
+        let assembly = input.row.assembly;
+        for (i, (limit, law)) in compiled.ball_limits.iter().zip(&input.softness.ball_limits).enumerate() {
+            let turn = quat_log(quat_at(assembly.q, limit.q));
+            let angle = norm(turn);
+            let turned = angle.gt(R::zero());
+            let axis = scale(turn, -(R::one() / R::select(turned, angle, R::one())));
+            let error = compiled.params.ball_limit(i) - angle;
+            let active = assembly.alive.and(error.lt(R::zero()));
+            if active.any() {
+                let v = [0, 1, 2].map(|k| assembly.v_free[limit.dof + k]);
+                system.terms.clear();
+                for k in 0..3 {
+                    system.terms.push((limit.dof + k) as u32);
+                    self.column[limit.dof + k] = [axis[k], R::zero(), R::zero()];
+                }
+                self.push_soft_limit(input, system, law, [error, dot(axis, v)], active, limit.owner);
+            }
+        }
+    }
+
+    /// A row that only pushes, at this error and its rate.
+    #[inline(always)]
+    fn push_soft_limit(
+        &mut self,
+        input: SoftInput<'_, R>,
+        system: &mut SoftSystem<R>,
+        law: &SoftLaw<R::Scalar>,
+        [error, rate]: [R; 2],
+        active: R::Mask,
+        owner: usize,
+    ) {
+        let bounds = [R::zero(), R::of(f64::INFINITY)];
+        let law = law.row(error, rate, active);
+        self.push_soft_row(system, input.row.assembly.h, RowOf { law, bounds, active, owner });
+    }
+}
+
+/// Direction away from the nearer end of a range, and the signed distance from it, negative beyond.
+#[inline(always)]
+fn nearer_end<R: Real>(x: R, lowest: R, highest: R) -> (R, R) {
+    let (below, above) = (x - lowest, highest - x);
+    let low = below.le(above);
+    (R::select(low, R::one(), -R::one()), R::select(low, below, above))
+}

@@ -1,0 +1,126 @@
+//! The soft constraint problem of a step with its solver, and which of the model's elements its rows belong to.
+
+use stepper_real::Real;
+use stepper_solve::soft::{Effort, Metric, SoftOutcome, SoftProblem, SoftSolver};
+
+use crate::compile::{LaneModel, ModelStructure};
+use crate::dynamics::inertia::MassMatrix;
+use crate::math::spatial::*;
+
+/// Soft constraint problem, its solver, and the unknown.
+#[derive(Clone, Debug)]
+pub struct SoftSystem<R: Real> {
+    /// Rows.
+    pub problem: SoftProblem<R>,
+    /// Newton's method.
+    pub solver: SoftSolver<R>,
+    /// Acceleration: where the solver starts, then the solution, nv.
+    pub acceleration: Vec<R>,
+    /// Entries of the mass matrix, not factored.
+    pub mass: Vec<R>,
+    /// Generalized force of the impulses of the step before, over its time step: where the solver starts, nv.
+    pub start: Vec<R>,
+    /// Angular parts of the rows of a contact.
+    pub(super) angular: Vec<V3<R>>,
+    /// Degrees of freedom of a row, ascending.
+    pub(super) terms: Vec<u32>,
+}
+
+impl<R: Real> SoftSystem<R> {
+    /// Room for a compiled model; none without softness.
+    pub fn new(compiled: &ModelStructure<R::Scalar>, contacts: usize, support: usize) -> Option<Box<Self>> {
+        let softness = compiled.softness.as_ref()?;
+        let zeros = || vec![R::zero(); compiled.nv];
+        let rows = compiled.scalar_impulses;
+        let problem = SoftProblem::new(softness.cone, rows, rows * compiled.nv.min(16), contacts, support, compiled.has_rolling_friction);
+        Some(Box::new(Self {
+            problem,
+            solver: SoftSolver::new(compiled.nv),
+            acceleration: zeros(),
+            mass: vec![R::zero(); compiled.chain.len()],
+            start: zeros(),
+            angular: vec![zero(); if compiled.has_rolling_friction { compiled.nv } else { 0 }],
+            terms: Vec::with_capacity(compiled.nv),
+        }))
+    }
+
+    /// Solves the lanes `lanes` for the acceleration; `free` is that without constraints.
+    pub fn solve(
+        &mut self,
+        compiled: &LaneModel<R>,
+        factors: &MassMatrix<R>,
+        free: &[R],
+        effort: Effort<R>,
+        lanes: R::Mask,
+    ) -> SoftOutcome<R> {
+        let Self { problem, solver, acceleration, mass, .. } = self;
+        solver.solve(problem, &TreeMass { compiled, mass, factors }, free, effort, lanes, acceleration)
+    }
+
+    /// Gives the lanes without constraints the acceleration `free`.
+    pub fn accelerate_freely(&mut self, free: &[R], constrained: R::Mask) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for (a, &free) in self.acceleration.iter_mut().zip(free) {
+                    *a = R::select(constrained, *a, free);
+                }
+            },
+        )
+    }
+
+    /// out = M a, with the mass matrix of the step and the acceleration.
+    #[inline(always)]
+    pub fn multiply_mass(&self, compiled: &LaneModel<R>, out: &mut [R]) {
+        out.fill(R::zero());
+        for i in 0..compiled.nv {
+            let (dof, a) = (&compiled.dofs[i], self.acceleration[i]);
+            let (chain, entries) = (compiled.chain_of(i), &self.mass[dof.chain..dof.chain + dof.depth]);
+            let mut sum = entries[0] * a;
+            for (&c, &entry) in chain[1..].iter().zip(&entries[1..]) {
+                sum += entry * self.acceleration[c as usize];
+                out[c as usize] += entry * a;
+            }
+            out[i] += sum;
+        }
+    }
+
+    /// The acceleration to start from: that by the impulses of the step before.
+    pub fn start_from_impulses(&mut self, compiled: &LaneModel<R>, factors: &MassMatrix<R>, free: &[R]) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                self.acceleration.copy_from_slice(&self.start);
+                factors.solve(compiled, &mut self.acceleration);
+                for (a, &free) in self.acceleration.iter_mut().zip(free) {
+                    *a += free;
+                }
+            },
+        )
+    }
+}
+
+/// The mass matrix of a tree as a metric: its entries, and its factors.
+struct TreeMass<'a, R: Real> {
+    compiled: &'a LaneModel<R>,
+    mass: &'a [R],
+    factors: &'a MassMatrix<R>,
+}
+
+impl<R: Real> Metric<R> for TreeMass<'_, R> {
+    #[inline(always)]
+    fn dimension(&self) -> usize {
+        self.compiled.nv
+    }
+
+    #[inline(always)]
+    fn row(&self, i: usize) -> (&[u32], &[R]) {
+        let dof = &self.compiled.dofs[i];
+        (self.compiled.chain_of(i), &self.mass[dof.chain..dof.chain + dof.depth])
+    }
+
+    #[inline(always)]
+    fn solve(&self, x: &mut [R]) {
+        self.factors.solve(self.compiled, x);
+    }
+}

@@ -1,0 +1,139 @@
+//! The acceleration with constraints at one state: stages 1 to 5.
+
+use stepper_real::{Mask, Real};
+use stepper_solve::Outcome;
+use stepper_solve::soft::Effort;
+
+use crate::actuation::forces::{ForceState, Implicit};
+use crate::compile::LaneModel;
+use crate::constraints::constraint_set::AssemblyInput;
+use crate::constraints::equality::RowInput;
+use crate::constraints::soft::SoftInput;
+use crate::dynamics::kinematics::advance;
+use crate::dynamics::mocap;
+use crate::integrators::workspace::Workspace;
+use crate::options::StepSettings;
+use crate::probe::{Counter, Probe, Span};
+use crate::stages::s01_actuate::actuate;
+use crate::stages::s03_detect::detect;
+
+/// Stages 1 to 5 at the state in `s.state`: the acceleration with constraints, left in the soft system. It starts from the impulses of the
+/// last step, or from the acceleration before.
+pub(super) fn accelerate<R: Real>(
+    compiled: &LaneModel<R>,
+    options: &StepSettings,
+    h: R,
+    s: &mut Workspace<R>,
+    from_impulses: bool,
+    probe: impl Probe,
+) -> Outcome<R> {
+    s.evaluation.q.copy_from_slice(&s.state.q);
+    s.evaluation.act.copy_from_slice(&s.state.act);
+    probe.span(Span::Kinematics, || {
+        mocap::pose_bodies(compiled, &s.mocap_trajectories, R::of(s.elapsed), &mut s.evaluation.kinematics);
+        s.evaluation.kinematics.update(compiled, &s.evaluation.q);
+    });
+    free_acceleration(compiled, h, s, probe);
+    find_contacts(compiled, s, from_impulses, probe);
+    probe.span(Span::Assemble, || assemble(compiled, options, h, s));
+    probe.span(Span::Solve, || solve(compiled, options, h, s, from_impulses))
+}
+
+/// Stages 1 and 2: forces and the acceleration that they make, everything explicit.
+fn free_acceleration<R: Real>(compiled: &LaneModel<R>, h: R, s: &mut Workspace<R>, probe: impl Probe) {
+    probe.count(Counter::Evaluations, || 1.0);
+    let kinematics = &s.evaluation.kinematics;
+    let motion = &mut s.free_motion;
+    probe.span(Span::MassMatrix, || motion.smooth.assemble_mass(compiled, kinematics, Implicit::<R>::none().weights));
+    if let Some(system) = &mut s.constraints.soft {
+        system.mass.copy_from_slice(&motion.smooth.mass.entries);
+    }
+    probe.span(Span::MassFactors, || motion.smooth.complete_mass(compiled, kinematics, Implicit::none()));
+    probe.span(Span::Actuate, || {
+        motion.actuator_forces.release();
+        motion.actuator_forces.transmit(compiled, kinematics, &s.state.v, R::zero());
+        let at = ForceState::state(&s.state.q, &s.state.v, &s.state.act, &s.inputs.ctrl, &s.inputs.actuator_dynamics);
+        actuate(compiled, &at, None, &mut motion.actuator_forces);
+        if compiled.lossy {
+            motion.actuator_forces.lose(compiled, &s.inputs.actuator_dynamics, false);
+        }
+        motion.smooth.apply(compiled, kinematics, [&s.inputs.qfrc, &s.inputs.xfrc], &mut motion.applied);
+        add_tendon_springs(compiled, &s.state.q, &s.state.v, &mut motion.applied);
+    });
+    probe.span(Span::Acceleration, || {
+        motion.accelerate(compiled, kinematics, &s.state.v, &s.state.v);
+        advance(&s.state.v, &motion.smooth.acc, h, &mut motion.v);
+    });
+}
+
+/// Springs and dampers of fixed tendons, taken explicitly.
+fn add_tendon_springs<R: Real>(compiled: &LaneModel<R>, q: &[R], v: &[R], forces: &mut [R]) {
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for tendon in &compiled.tendons {
+                let Some((spring, rest)) = &tendon.spring else { continue };
+                let length = tendon.length.value(q);
+                let stretch = length - length.max(R::splat(rest[0])).min(R::splat(rest[1]));
+                let force = -(R::splat(spring.stiffness) * stretch) - R::splat(spring.damping) * tendon.length.rate(v);
+                for &(_, dof, coefficient) in &tendon.length.terms {
+                    forces[dof] += R::splat(coefficient) * force;
+                }
+            }
+        },
+    )
+}
+
+/// Stage 3: contacts at the configuration, without a look ahead.
+fn find_contacts<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>, match_last: bool, probe: impl Probe) {
+    let none = R::zero();
+    let (kinematics, v) = (&s.evaluation.kinematics, &s.state.v);
+    detect(compiled, kinematics, [v, v], [none, none], s.alive, &mut s.poses, &mut s.evaluation.contacts, probe);
+    probe.span(Span::WarmStart, || {
+        if match_last {
+            s.evaluation.contacts.prepare(&mut s.state.contacts);
+        } else {
+            s.evaluation.contacts.choose_tangents();
+        }
+    });
+    probe.count(Counter::Contacts, || s.evaluation.contacts.count[..R::LANES].iter().sum::<usize>() as f64);
+}
+
+/// Stage 4.
+fn assemble<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, h: R, s: &mut Workspace<R>) {
+    let Some(softness) = &compiled.softness else { return };
+    let assembly = AssemblyInput {
+        q: &s.state.q,
+        v: &s.state.v,
+        motion: &s.free_motion.smooth.newton_euler,
+        v_free: &s.state.v,
+        losses: &s.free_motion.actuator_forces.losses,
+        h,
+        time_before: R::zero(),
+        in_the_middle: false,
+        closing_fraction: R::one(),
+        alive: s.alive,
+    };
+    let row = RowInput { compiled, options, kinematics: &s.evaluation.kinematics, mass: &s.free_motion.smooth.mass, assembly: &assembly };
+    s.constraints.assemble_soft(SoftInput { row, softness }, &mut s.evaluation.contacts);
+}
+
+/// Stage 5. The residual is the velocity that what is left of the imbalance of forces makes in a step.
+fn solve<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, h: R, s: &mut Workspace<R>, from_impulses: bool) -> Outcome<R> {
+    let constrained = s.constraints.constrained;
+    let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
+    let (smooth, constraints) = (&s.free_motion.smooth, &mut s.constraints);
+    if let Some(system) = &mut constraints.soft {
+        if from_impulses && constrained.any() {
+            system.start_from_impulses(compiled, &smooth.mass, &smooth.acc);
+        }
+        system.accelerate_freely(&smooth.acc, constrained);
+        if constrained.any() {
+            let effort = Effort { steps: options.iterations, tolerance: R::of(options.tolerance) / h };
+            let solved = system.solve(compiled, &smooth.mass, &smooth.acc, effort, constrained);
+            (outcome.residual, outcome.newton_steps) = (solved.residual * h, solved.steps);
+        }
+    }
+    constraints.keep_soft_impulses(h, &mut s.evaluation.contacts);
+    outcome
+}

@@ -1,0 +1,144 @@
+//! Stage 6 of Euler's rule and of implicitfast: what is implicit in the velocities.
+
+use stepper_real::{Mask, Real};
+
+use crate::actuation::forces::ForceState;
+use crate::compile::{CompiledTendon, LaneModel};
+use crate::dynamics::implicit_weights::ImplicitWeights;
+use crate::integrators::workspace::Workspace;
+use crate::math::spatial::*;
+use crate::model::JointKind;
+use crate::stages::s01_actuate::servo_damping;
+
+/// v+ = v + h (M + h D)^-1 M a. D is the damping of the joints and, `all` of it, that of tendons, actuators and the medium; for a body
+/// alone on a free joint then also the derivative of its gyroscopic force, in a system of its own.
+pub(super) fn integrate_velocity<R: Real>(compiled: &LaneModel<R>, h: R, all: bool, s: &mut Workspace<R>) {
+    let Some(system) = &mut s.constraints.soft else { return };
+    let joints = (all || !compiled.explicit_damping) && compiled.params.dofs().iter().any(|dof| dof[0].gt(R::zero()).any());
+    let (work, v) = (&mut s.work.impulse_change, &s.state.v);
+    let smooth = &mut s.free_motion.smooth;
+    R::vectorize(
+        #[inline(always)]
+        || {
+            if !joints && !all {
+                work.copy_from_slice(&system.acceleration);
+                return;
+            }
+            system.multiply_mass(compiled, work);
+            smooth.mass.entries.copy_from_slice(&system.mass);
+            smooth.mass.add_joints(compiled, ImplicitWeights { damping: h, stiffness: R::zero(), step: R::zero() }, &mut []);
+        },
+    );
+    if joints || all {
+        if all {
+            let forces = &mut s.free_motion.actuator_forces;
+            let at = ForceState::state(&s.state.q, v, &s.state.act, &s.inputs.ctrl, &s.inputs.actuator_dynamics);
+            servo_damping(compiled, &at, h, forces);
+            smooth.damp(compiled, &s.evaluation.kinematics, [&forces.weight, &forces.arms], v, h);
+        }
+        R::vectorize(
+            #[inline(always)]
+            || {
+                if all {
+                    add_tendon_damping(compiled, h, &mut smooth.mass.entries);
+                    s.work.impulse.copy_from_slice(work);
+                    for spinner in compiled.spinners.iter().filter(|spinner| spinner.kind == JointKind::Free) {
+                        let mat = &s.evaluation.kinematics.mat[spinner.link + 1];
+                        solve_alone(compiled, [&system.mass, &smooth.mass.entries], mat, v, h, spinner.dof, &mut s.work.impulse);
+                    }
+                }
+                smooth.mass.factor(compiled);
+                smooth.mass.solve(compiled, work);
+                if all {
+                    for spinner in compiled.spinners.iter().filter(|spinner| spinner.kind == JointKind::Free) {
+                        let dofs = spinner.dof..spinner.dof + 6;
+                        work[dofs.clone()].copy_from_slice(&s.work.impulse[dofs]);
+                    }
+                }
+            },
+        );
+    }
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for ((next, &v), &a) in s.next.v.iter_mut().zip(v).zip(&*work) {
+                *next = v + h * a;
+            }
+        },
+    )
+}
+
+/// Adds h times the damping of fixed tendons to the entries of the mass matrix, as far as those have room.
+#[inline(always)]
+fn add_tendon_damping<R: Real>(compiled: &LaneModel<R>, h: R, entries: &mut [R]) {
+    for tendon in &compiled.tendons {
+        let CompiledTendon { length, spring: Some((spring, _)), .. } = tendon else { continue };
+        let damping = h * R::splat(spring.damping);
+        for &(_, dof, coefficient) in &length.terms {
+            let row = &compiled.dofs[dof];
+            for (entry, &above) in entries[row.chain..row.chain + row.depth].iter_mut().zip(compiled.chain_of(dof)) {
+                for &(_, _, other) in length.terms.iter().filter(|term| term.1 == above as usize) {
+                    *entry += damping * R::splat(coefficient) * R::splat(other);
+                }
+            }
+        }
+    }
+}
+
+/// Solves the six equations of a body that is alone on a free joint, with the derivative of its gyroscopic force: unsymmetric, so that the
+/// factors of the tree cannot hold it (`mjd_freeMhat`). `entries` are those of M, and those of M + h D.
+#[inline(always)]
+fn solve_alone<R: Real>(compiled: &LaneModel<R>, entries: [&[R]; 2], mat: &M3<R>, v: &[R], h: R, first: usize, x: &mut [R]) {
+    let mut a = [[R::zero(); 6]; 6];
+    let mut m = [[R::zero(); 6]; 6];
+    for i in 0..6 {
+        let start = compiled.dofs[first + i].chain;
+        for j in 0..=i {
+            m[i][j] = entries[0][start + i - j];
+            m[j][i] = m[i][j];
+            a[i][j] = entries[1][start + i - j];
+            a[j][i] = a[i][j];
+        }
+        m[i][i] -= compiled.params.dof(first + i).armature;
+    }
+    let omega = [v[first + 3], v[first + 4], v[first + 5]];
+    let world = rotate(mat, omega);
+    let column_of = |rows: usize, c: usize| [m[rows][3 + c], m[rows + 1][3 + c], m[rows + 2][3 + c]];
+    let mut momentum = [zero(), zero()];
+    for c in 0..3 {
+        momentum = [add_scaled(momentum[0], column_of(0, c), omega[c]), add_scaled(momentum[1], column_of(3, c), omega[c])];
+    }
+    // The bias force is (R w) x (P w) along the axes of the world, and w x (I w) about those of the body.
+    for c in 0..3 {
+        let mut unit = zero();
+        unit[c] = R::one();
+        let linear = add(cross(column(mat, c), momentum[0]), cross(world, column_of(0, c)));
+        let angular = add(cross(unit, momentum[1]), cross(omega, column_of(3, c)));
+        for i in 0..3 {
+            a[i][3 + c] += h * linear[i];
+            a[3 + i][3 + c] += h * angular[i];
+        }
+    }
+    // Gauss's elimination; the symmetric part is positive definite, so that no pivot is needed.
+    let mut b = [x[first], x[first + 1], x[first + 2], x[first + 3], x[first + 4], x[first + 5]];
+    for k in 0..6 {
+        let inverse = R::one() / a[k][k];
+        for i in k + 1..6 {
+            let factor = a[i][k] * inverse;
+            for j in k + 1..6 {
+                let above = a[k][j];
+                a[i][j] -= factor * above;
+            }
+            let above = b[k];
+            b[i] -= factor * above;
+        }
+    }
+    for k in (0..6).rev() {
+        let mut sum = b[k];
+        for j in k + 1..6 {
+            sum -= a[k][j] * b[j];
+        }
+        b[k] = sum / a[k][k];
+    }
+    x[first..first + 6].copy_from_slice(&b);
+}

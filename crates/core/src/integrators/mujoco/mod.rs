@@ -1,0 +1,54 @@
+//! MuJoCo's integrators, for its contact law: constraint forces follow from accelerations at the state before the step (or at the stages of
+//! the Runge-Kutta method), and velocities and positions advance as `engine_forward.c` does.
+//!
+//! * Euler (`mj_Euler`): v+ = v + h (M + h B)^-1 M a with the acceleration a of the constrained motion and the damping B of the joints,
+//!   then q+ = q (+) h v+.
+//! * implicitfast (`mj_implicit`): the same with the damping of tendons, actuators and the medium, too.
+//! * Runge-Kutta of order 4 (`mj_RungeKutta`): constraints are solved at each of the four stages.
+
+mod acceleration;
+mod implicit;
+mod runge_kutta;
+pub mod stages;
+
+use stepper_real::{Mask, Real, Scalar};
+
+use crate::collision::tunnelling::may_have_passed;
+use crate::compile::LaneModel;
+use crate::integrators::mujoco::acceleration::accelerate;
+use crate::integrators::mujoco::implicit::integrate_velocity;
+use crate::integrators::mujoco::runge_kutta::runge_kutta;
+use crate::integrators::solution::Solution;
+use crate::integrators::workspace::Workspace;
+use crate::options::{Integrator, StepSettings};
+use crate::probe::{Counter, Probe, Span};
+use crate::stages::s01_actuate::advance_activation;
+use crate::stages::s07_integrate_position::integrate_position;
+
+/// Stages 1 to 7 by MuJoCo's law. Leaves the next state in `s.next`.
+pub(crate) fn solve_step<R: Real>(
+    compiled: &LaneModel<R>,
+    options: &StepSettings,
+    s: &mut Workspace<R>,
+    probe: impl Probe,
+) -> (Solution<R>, R::Mask) {
+    let h = R::of(options.timestep);
+    let outcome = match options.integrator {
+        Integrator::Rk4 => runge_kutta(compiled, options, h, s, probe),
+        _ => {
+            let outcome = accelerate(compiled, options, h, s, true, probe);
+            probe.span(Span::IntegrateVelocity, || integrate_velocity(compiled, h, options.integrator == Integrator::ImplicitFast, s));
+            probe.span(Span::IntegratePosition, || {
+                integrate_position(compiled, &s.state.q, &s.next.v, h, &mut s.next.q);
+                advance_activation(compiled, &s.state.act, &s.state.act, &s.inputs.ctrl, h, &mut s.next.act);
+            });
+            outcome
+        }
+    };
+    s.free_motion.unresolved = R::Mask::splat(false);
+    let tunnelled =
+        probe.span(Span::Tunnelling, || may_have_passed(compiled, &s.evaluation.kinematics, &s.next.v, false, h, s.alive, &mut s.poses));
+    probe.count(Counter::NewtonSteps, || (0..R::LANES).map(|l| outcome.newton_steps.lane(l).to_f64()).sum());
+    let none = R::Mask::splat(false);
+    (Solution { outcome, pushed: true, undecided: none, guarded: none, infeasible: none }, tunnelled)
+}

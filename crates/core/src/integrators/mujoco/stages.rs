@@ -1,0 +1,21 @@
+//! Room of the classical Runge-Kutta method, for MuJoCo's contact law.
+
+use stepper_real::Real;
+
+/// Room of the Runge-Kutta method.
+#[derive(Clone, Debug)]
+pub(crate) struct Stages<R: Real> {
+    /// State at the beginning: q, v, act.
+    pub(super) start: [Vec<R>; 3],
+    /// Weighted sums of velocities, accelerations and rates of activations.
+    pub(super) sum: [Vec<R>; 3],
+    /// Velocity of the last stage, and its rate of activations.
+    pub(super) rate: [Vec<R>; 2],
+}
+
+impl<R: Real> Stages<R> {
+    pub(crate) fn new(nq: usize, nv: usize, na: usize) -> Self {
+        let zeros = |n: usize| vec![R::zero(); n];
+        Self { start: [nq, nv, na].map(zeros), sum: [nv, nv, na].map(zeros), rate: [nv, na].map(zeros) }
+    }
+}

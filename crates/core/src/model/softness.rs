@@ -1,0 +1,77 @@
+//! What MuJoCo's contact law needs of a scene: how soft its constraints are, and what softness is relative to.
+
+use serde::{Deserialize, Serialize};
+
+pub use stepper_solve::soft::Cone;
+
+/// Softness of a constraint: reference acceleration and impedance (MuJoCo's documentation, "Solver parameters").
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Softness {
+    /// Time constant (s) and damping ratio of the error, or minus stiffness and minus damping relative to the mass.
+    pub solref: [f64; 2],
+    /// Impedance without error and at its largest, the error over which it grows (m or rad), and midpoint and power of the curve.
+    pub solimp: [f64; 5],
+}
+
+impl Default for Softness {
+    /// MuJoCo's own.
+    fn default() -> Self {
+        Self { solref: [0.02, 1.0], solimp: [0.9, 0.95, 0.001, 0.5, 2.0] }
+    }
+}
+
+impl Softness {
+    /// Softness of a contact of two geoms without priority (MuJoCo's `mj_contactParam`): `share` is the first geom's.
+    pub(crate) fn mix(a: Self, b: Self, share: f64) -> Self {
+        let blend = |a: f64, b: f64| share * a + (1.0 - share) * b;
+        let standard = a.solref[0] > 0.0 && b.solref[0] > 0.0;
+        Self {
+            solref: std::array::from_fn(|k| if standard { blend(a.solref[k], b.solref[k]) } else { a.solref[k].min(b.solref[k]) }),
+            solimp: std::array::from_fn(|k| blend(a.solimp[k], b.solimp[k])),
+        }
+    }
+}
+
+/// Below this MuJoCo takes a number for zero (`mjMINVAL`).
+pub(crate) const MIN_VALUE: f64 = 1e-15;
+
+/// Share of the first of two geoms in what they mix, from their `solmix`.
+pub(crate) fn mixing_share([a, b]: [f64; 2]) -> f64 {
+    match (a >= MIN_VALUE, b >= MIN_VALUE) {
+        (true, true) => a / (a + b),
+        (false, false) => 0.5,
+        (true, false) => 1.0,
+        (false, true) => 0.0,
+    }
+}
+
+/// What MuJoCo's contact law needs of a whole scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SoftSettings {
+    /// Shape of the friction cone.
+    pub cone: Cone,
+    /// Ratio of the impedance of friction to that of normal forces.
+    pub impratio: f64,
+    /// Whether time constants are at least two time steps.
+    pub refsafe: bool,
+    /// What softness is relative to; `None` lets stepper compute it.
+    pub inverse_weights: Option<InverseWeights>,
+}
+
+impl Default for SoftSettings {
+    fn default() -> Self {
+        Self { cone: Cone::Pyramidal, impratio: 1.0, refsafe: true, inverse_weights: None }
+    }
+}
+
+/// Mean inverse inertia at the reference configuration (MuJoCo's `body_invweight0`, `dof_invweight0`, `tendon_invweight0`): what the
+/// regularisation of a row is a fraction of. They are numbers of the model, so that environments with other masses keep them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct InverseWeights {
+    /// Of every body: translation, 1/kg, and rotation, 1/(kg m^2).
+    pub bodies: Vec<[f64; 2]>,
+    /// Of every degree of freedom.
+    pub dofs: Vec<f64>,
+    /// Of every tendon.
+    pub tendons: Vec<f64>,
+}

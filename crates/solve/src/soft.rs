@@ -1,0 +1,26 @@
+//! Soft constraints: the regularised convex problem of MuJoCo's documentation (computation chapter, "Constraint model"; Todorov 2014,
+//! "Convex and analytically-invertible dynamics with contacts and constraints for robotics and animation").
+//!
+//! The unknown is the acceleration a that minimises
+//!
+//! ```text
+//! 1/2 (a - a0)^T M (a - a0) + s(J a - r)
+//! ```
+//!
+//! where a0 is the acceleration without constraints, r the acceleration that each row refers to, and s a convex function that is quadratic
+//! where a row pushes: its slope is minus the constraint force. The sum is strictly convex, so that there is one solution, and no force in
+//! it is indeterminate.
+//!
+//! Everything is written once over [`Real`](stepper_real::Real), as the rest of this crate, but in the coordinates of the joints: M has the
+//! sparsity of the trees there, and a limit is one entry.
+
+mod cone;
+mod contact;
+mod hessian;
+mod newton;
+mod problem;
+
+pub use cone::Cone;
+pub use contact::SoftContact;
+pub use newton::{Effort, SoftOutcome, SoftSolver};
+pub use problem::{Metric, SoftContacts, SoftProblem, SoftRow};

@@ -1,0 +1,126 @@
+//! Force of a soft contact, and its derivative, for each shape of the friction cone.
+
+use serde::{Deserialize, Serialize};
+use stepper_real::{Mask, Real};
+
+use crate::soft::contact::SoftContact;
+
+/// Shape of the friction cone.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Cone {
+    /// Pyramid whose edges are n + mu_k t_k and n - mu_k t_k, each with a force of its own.
+    #[default]
+    Pyramidal,
+    /// Ellipse `sum (f_k / mu_k)^2 <= f_n^2`.
+    Elliptic,
+}
+
+/// Where the velocity-like argument of an elliptic contact is, seen from its cone.
+struct Zone<R: Real> {
+    /// The force is linear in every row.
+    sticks: R::Mask,
+    /// The force is on the surface of the cone.
+    slides: R::Mask,
+    /// Normal component, in the space in which the cone is circular.
+    n: R,
+    /// Length of the tangential components there, and its inverse; 1 where it is zero.
+    t: R,
+    inv_t: R,
+    /// Tangential components there.
+    tangents: [R; 6],
+}
+
+/// Zone of the argument `u` = J a - r.
+#[inline(always)]
+fn zone<R: Real, const N: usize>(contact: &SoftContact<R, N>, u: &[R; N]) -> Zone<R> {
+    let mu = contact.scale[0];
+    let (n, mut tangents, mut sum) = (u[0] * mu, [R::zero(); 6], R::zero());
+    for k in 1..N {
+        tangents[k] = u[k] * contact.scale[k];
+        sum += tangents[k] * tangents[k];
+    }
+    let t = sum.sqrt();
+    let open = n.ge(mu * t);
+    let sticks = (mu * n + t).le(R::zero()).and_not(open);
+    let slides = R::Mask::splat(true).and_not(open.or(sticks));
+    let inv_t = R::one() / R::select(t.gt(R::zero()), t, R::one());
+    Zone { sticks, slides, n, t, inv_t, tangents }
+}
+
+impl Cone {
+    /// Force f(u) of a contact: minus the slope of s.
+    #[inline(always)]
+    pub(crate) fn force<R: Real, const N: usize>(self, contact: &SoftContact<R, N>, u: &[R; N]) -> [R; N] {
+        let mut force = [R::zero(); N];
+        match self {
+            Cone::Pyramidal => {
+                for k in 1..N {
+                    let (slope, weight) = (contact.scale[k] * u[k], contact.weight[k]);
+                    let [up, down] = [-(u[0] + slope) * weight, -(u[0] - slope) * weight];
+                    let (up, down) = (up.max(R::zero()), down.max(R::zero()));
+                    force[0] += up + down;
+                    force[k] = (up - down) * contact.scale[k];
+                }
+            }
+            Cone::Elliptic => {
+                let (zone, mu) = (zone(contact, u), contact.scale[0]);
+                let slide = -contact.cone_weight * (zone.n - mu * zone.t) * mu;
+                force[0] = R::select(zone.slides, slide, R::select(zone.sticks, -contact.weight[0] * u[0], R::zero()));
+                for k in 1..N {
+                    let along = -slide * zone.inv_t * zone.tangents[k] * contact.scale[k];
+                    force[k] = R::select(zone.slides, along, R::select(zone.sticks, -contact.weight[k] * u[k], R::zero()));
+                }
+            }
+        }
+        force
+    }
+
+    /// Second derivative of s: symmetric, positive semidefinite.
+    #[inline(always)]
+    pub(crate) fn curvature<R: Real, const N: usize>(self, contact: &SoftContact<R, N>, u: &[R; N]) -> [[R; N]; N] {
+        let mut c = [[R::zero(); N]; N];
+        match self {
+            Cone::Pyramidal => {
+                for k in 1..N {
+                    let (slope, weight, mu) = (contact.scale[k] * u[k], contact.weight[k], contact.scale[k]);
+                    let up = R::select((u[0] + slope).lt(R::zero()), weight, R::zero());
+                    let down = R::select((u[0] - slope).lt(R::zero()), weight, R::zero());
+                    c[0][0] += up + down;
+                    c[0][k] = (up - down) * mu;
+                    c[k][0] = c[0][k];
+                    c[k][k] = (up + down) * mu * mu;
+                }
+            }
+            Cone::Elliptic => {
+                let (zone, mu) = (zone(contact, u), contact.scale[0]);
+                for k in 0..N {
+                    c[k][k] = R::select(zone.sticks, contact.weight[k], R::zero());
+                }
+                if zone.slides.none() {
+                    return c;
+                }
+                // With U = diag(mu, mu_1, ...) u: s = w/2 (U_0 - mu |U_t|)^2, whose second derivative by U is
+                // w (1, -mu t)(1, -mu t)^T + w mu (mu |U_t| - U_0) / |U_t| (I - t t^T).
+                let shrink = mu * (mu * zone.t - zone.n) * zone.inv_t;
+                let mut row = [R::zero(); N];
+                row[0] = R::one();
+                for k in 1..N {
+                    row[k] = -(mu * zone.tangents[k] * zone.inv_t);
+                }
+                for i in 0..N {
+                    for j in i..N {
+                        let mut x = row[i] * row[j];
+                        if i > 0 {
+                            let across = -(zone.tangents[i] * zone.inv_t * (zone.tangents[j] * zone.inv_t));
+                            x += shrink * if i == j { R::one() + across } else { across };
+                        }
+                        let x = x * contact.cone_weight * contact.scale[i] * contact.scale[j];
+                        c[i][j] = R::select(zone.slides, x, c[i][j]);
+                        c[j][i] = c[i][j];
+                    }
+                }
+            }
+        }
+        c
+    }
+}

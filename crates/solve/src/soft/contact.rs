@@ -1,0 +1,30 @@
+//! One soft contact: what its force is made from.
+
+use std::ops::Range;
+
+use stepper_real::Real;
+
+/// Contact with `N` rows: normal, two tangents and, of six, spin and two axes of rolling.
+#[derive(Clone, Debug)]
+pub struct SoftContact<R: Real, const N: usize> {
+    /// Range of its coordinates and entries among those of all contacts of the kind.
+    pub(super) entries: Range<usize>,
+    /// Acceleration that every row refers to.
+    pub reference: [R; N],
+    /// Inverse regularisation: of every row of an elliptic cone; of a pyramid's two edges along each friction row, the first unused. All
+    /// are 0 in lanes that do not have the contact.
+    pub weight: [R; N],
+    /// Friction of the regularised cone, then the coefficient of friction of every other row; (1, 0, ...) without friction.
+    pub scale: [R; N],
+    /// Weight of the cone's surface, D_n / (mu^2 (1 + mu^2)).
+    pub(super) cone_weight: R,
+}
+
+impl<R: Real, const N: usize> SoftContact<R, N> {
+    /// A contact with these entries among those of its kind.
+    #[inline(always)]
+    pub(super) fn new(entries: Range<usize>, reference: [R; N], weight: [R; N], scale: [R; N]) -> Self {
+        let mu = scale[0] * scale[0];
+        Self { entries, reference, weight, scale, cone_weight: weight[0] / (mu * (R::one() + mu)) }
+    }
+}

@@ -1,0 +1,206 @@
+//! Hessian M + J^T D J of the soft problem and its sparse factors L^T D L, from the last coordinate to the first, over lanes.
+//!
+//! Without constraints between branches of a tree there is no fill-in (Featherstone 2008, section 6.5). Its pattern is that of all lanes:
+//! a lane that lacks an entry has a zero there, which changes none of its other numbers.
+
+use stepper_real::Real;
+
+use crate::soft::cone::Cone;
+use crate::soft::problem::{Metric, SoftContacts, SoftProblem};
+
+/// Symmetric matrix with a sparse pattern, and its factors.
+#[derive(Clone, Debug)]
+pub(super) struct Hessian<R: Real> {
+    dimension: usize,
+    /// Lower triangle, row by row; entries outside the pattern are never read. Factored, a row of L with 1 / D on the diagonal.
+    entries: Vec<R>,
+    /// Columns left of the diagonal that each row has, as a set, in words of 64 bits.
+    sets: Vec<u64>,
+    /// The same as a list, ascending.
+    columns: Vec<Vec<u32>>,
+}
+
+impl<R: Real> Hessian<R> {
+    /// Room for a matrix of this dimension.
+    pub(super) fn new(dimension: usize) -> Self {
+        Self {
+            dimension,
+            entries: vec![R::zero(); dimension * dimension],
+            sets: vec![0; dimension * dimension.div_ceil(64)],
+            columns: (0..dimension).map(Vec::with_capacity).collect(),
+        }
+    }
+
+    /// Finds the pattern of the factors for the rows of a problem.
+    pub(super) fn find_pattern(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>) {
+        let words = self.dimension.div_ceil(64);
+        self.sets.fill(0);
+        let mut couple = |columns: &mut dyn Iterator<Item = u32>, last: u32| {
+            let set = &mut self.sets[last as usize * words..][..words];
+            for c in columns {
+                set[c as usize / 64] |= 1 << (c % 64);
+            }
+        };
+        for i in 0..self.dimension {
+            couple(&mut metric.row(i).0[1..].iter().copied(), i as u32);
+        }
+        let rows = problem.rows.iter().map(|row| problem.entries(row).0);
+        let contacts = problem.contacts.items.iter().map(|contact| problem.contacts.entries(contact).0);
+        let rolling = problem.rolling_contacts.items.iter().map(|contact| problem.rolling_contacts.entries(contact).0);
+        for support in rows.chain(contacts).chain(rolling) {
+            if let [before @ .., last] = support {
+                couple(&mut before.iter().copied(), *last);
+            }
+        }
+        // Elimination of a row couples the others of its columns: the last of them takes the rest up.
+        for i in (0..self.dimension).rev() {
+            let columns = &mut self.columns[i];
+            columns.clear();
+            let (above, own) = self.sets.split_at_mut(i * words);
+            let own = &own[..words];
+            for (w, &word) in own.iter().enumerate() {
+                let mut bits = word;
+                while bits != 0 {
+                    columns.push(64 * w as u32 + bits.trailing_zeros());
+                    bits &= bits - 1;
+                }
+            }
+            if let Some(&parent) = columns.last() {
+                let parent = parent as usize;
+                let target = &mut above[parent * words..][..words];
+                for (target, own) in target.iter_mut().zip(own) {
+                    *target |= own;
+                }
+                target[parent / 64] &= !(1 << (parent % 64));
+            }
+        }
+    }
+
+    /// Makes the matrix: `argument` is where the rows of the problem are.
+    #[inline(always)]
+    pub(super) fn assemble(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, argument: &Argument<R>) {
+        let n = self.dimension;
+        for (i, columns) in self.columns.iter().enumerate() {
+            let row = &mut self.entries[i * n..][..=i];
+            for &c in columns {
+                row[c as usize] = R::zero();
+            }
+            let (columns, entries) = metric.row(i);
+            for (&c, &entry) in columns.iter().zip(entries) {
+                row[c as usize] = entry;
+            }
+        }
+        for (row, &u) in problem.rows.iter().zip(&argument.rows) {
+            let ((support, jacobian), weight) = (problem.entries(row), row.curvature(u));
+            for (k, (&d, &j)) in support.iter().zip(jacobian).enumerate() {
+                let (entries, scaled) = (&mut self.entries[d as usize * n..][..=d as usize], j * weight);
+                for (&c, &j) in support[..=k].iter().zip(jacobian) {
+                    entries[c as usize] += scaled * j;
+                }
+            }
+        }
+        self.add_contacts(&problem.contacts, problem.cone, &argument.contacts);
+        self.add_contacts(&problem.rolling_contacts, problem.cone, &argument.rolling_contacts);
+    }
+
+    #[inline(always)]
+    fn add_contacts<const N: usize>(&mut self, contacts: &SoftContacts<R, N>, cone: Cone, u: &[[R; N]]) {
+        let n = self.dimension;
+        for (contact, u) in contacts.items.iter().zip(u) {
+            let ((support, jacobian), curvature) = (contacts.entries(contact), cone.curvature(contact, u));
+            for (k, (&d, j)) in support.iter().zip(jacobian).enumerate() {
+                let mut scaled = [R::zero(); N];
+                for i in 0..N {
+                    let mut sum = curvature[i][0] * j[0];
+                    for m in 1..N {
+                        sum += curvature[i][m] * j[m];
+                    }
+                    scaled[i] = sum;
+                }
+                let entries = &mut self.entries[d as usize * n..][..=d as usize];
+                for (&c, j) in support[..=k].iter().zip(jacobian) {
+                    let mut sum = scaled[0] * j[0];
+                    for m in 1..N {
+                        sum += scaled[m] * j[m];
+                    }
+                    entries[c as usize] += sum;
+                }
+            }
+        }
+    }
+
+    /// Replaces the matrix by its factors.
+    #[inline(always)]
+    pub(super) fn factor(&mut self) {
+        let n = self.dimension;
+        for i in (0..n).rev() {
+            let (above, own) = self.entries.split_at_mut(i * n);
+            let (own, columns) = (&mut own[..=i], &self.columns[i]);
+            let inverse = R::one() / own[i];
+            own[i] = inverse;
+            for (k, &a) in columns.iter().enumerate().rev() {
+                let scaled = own[a as usize] * inverse;
+                let target = &mut above[a as usize * n..][..=a as usize];
+                // Columns up to k are not scaled yet.
+                for &b in &columns[..=k] {
+                    target[b as usize] -= scaled * own[b as usize];
+                }
+                own[a as usize] = scaled;
+            }
+        }
+    }
+
+    /// x <- H^-1 x, once factored.
+    #[inline(always)]
+    pub(super) fn solve(&self, x: &mut [R]) {
+        let n = self.dimension;
+        for i in (0..n).rev() {
+            let (row, value) = (&self.entries[i * n..][..=i], x[i]);
+            for &c in &self.columns[i] {
+                x[c as usize] -= row[c as usize] * value;
+            }
+        }
+        for i in 0..n {
+            let row = &self.entries[i * n..][..=i];
+            let mut value = x[i] * row[i];
+            for &c in &self.columns[i] {
+                value -= row[c as usize] * x[c as usize];
+            }
+            x[i] = value;
+        }
+    }
+}
+
+/// Arguments u = J a - r of all rows, or their change J p.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Argument<R> {
+    pub(super) rows: Vec<R>,
+    pub(super) contacts: Vec<[R; 3]>,
+    pub(super) rolling_contacts: Vec<[R; 6]>,
+}
+
+impl<R: Real> Argument<R> {
+    /// J x, less the references if `relative`.
+    #[inline(always)]
+    pub(super) fn multiply(&mut self, problem: &SoftProblem<R>, x: &[R], relative: bool) {
+        problem.multiply_rows(x, relative, &mut self.rows);
+        problem.contacts.multiply(x, relative, &mut self.contacts);
+        problem.rolling_contacts.multiply(x, relative, &mut self.rolling_contacts);
+    }
+
+    /// self += step * change
+    #[inline(always)]
+    pub(super) fn advance(&mut self, change: &Self, step: R) {
+        advance(&mut self.rows, &change.rows, step);
+        advance(self.contacts.as_flattened_mut(), change.contacts.as_flattened(), step);
+        advance(self.rolling_contacts.as_flattened_mut(), change.rolling_contacts.as_flattened(), step);
+    }
+}
+
+/// x += step * change
+#[inline(always)]
+pub(super) fn advance<R: Real>(x: &mut [R], change: &[R], step: R) {
+    for (x, &change) in x.iter_mut().zip(change) {
+        *x += step * change;
+    }
+}

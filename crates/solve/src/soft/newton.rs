@@ -1,0 +1,247 @@
+//! Newton's method with an exact line search, over lanes.
+//!
+//! The objective is strictly convex and its gradient is piecewise smooth, so that the method converges from anywhere, at last quadratically
+//! (Boyd & Vandenberghe 2004, section 9.5, for exact line search).
+
+use stepper_real::{Mask, Real};
+
+use crate::soft::hessian::{Argument, Hessian, advance};
+use crate::soft::problem::{Metric, SoftProblem};
+
+/// What a solve may cost, and how good it is to be.
+#[derive(Clone, Copy, Debug)]
+pub struct Effort<R> {
+    /// Steps at the most.
+    pub steps: u32,
+    /// Residual at which a lane stops, in units of acceleration.
+    pub tolerance: R,
+}
+
+/// What a solve says of itself.
+#[derive(Clone, Copy, Debug)]
+pub struct SoftOutcome<R> {
+    /// Acceleration that the remaining imbalance M (a - a0) - J^T f makes, largest component: 0 for the exact solution.
+    pub residual: R,
+    /// Steps.
+    pub steps: R,
+}
+
+/// Newton's method for [`SoftProblem`], with its workspace.
+#[derive(Clone, Debug)]
+pub struct SoftSolver<R: Real> {
+    hessian: Hessian<R>,
+    argument: Argument<R>,
+    change: Argument<R>,
+    /// Gradient, and the acceleration that it makes.
+    gradient: Vec<R>,
+    imbalance: Vec<R>,
+    direction: Vec<R>,
+    /// M (a - a0), and M times the direction.
+    inertial: Vec<R>,
+    inertial_change: Vec<R>,
+    forces: Vec<R>,
+}
+
+/// Evaluations of the slope in a line search at the most. Newton's method on a convex piecewise quadratic takes two to four.
+const LINE_SEARCH_STEPS: u32 = 16;
+
+/// Slope along the direction, relative to that at its beginning, at which a line search ends.
+const LINE_SEARCH_TOLERANCE: f64 = 1e-2;
+
+impl<R: Real> SoftSolver<R> {
+    /// Room for problems of this dimension.
+    pub fn new(dimension: usize) -> Self {
+        let zeros = || vec![R::zero(); dimension];
+        Self {
+            hessian: Hessian::new(dimension),
+            argument: Argument::default(),
+            change: Argument::default(),
+            gradient: zeros(),
+            imbalance: zeros(),
+            direction: zeros(),
+            inertial: zeros(),
+            inertial_change: zeros(),
+            forces: zeros(),
+        }
+    }
+
+    /// Solves the lanes `lanes` from the acceleration `a`, which becomes the solution; `free` is a0.
+    pub fn solve(
+        &mut self,
+        problem: &SoftProblem<R>,
+        metric: &impl Metric<R>,
+        free: &[R],
+        effort: Effort<R>,
+        lanes: R::Mask,
+        a: &mut [R],
+    ) -> SoftOutcome<R> {
+        self.hessian.find_pattern(problem, metric);
+        R::vectorize(
+            #[inline(always)]
+            || self.begin(problem, metric, free, a),
+        );
+        let (mut outcome, mut running) = (SoftOutcome { residual: R::zero(), steps: R::zero() }, lanes);
+        for step in 0..=effort.steps {
+            let residual = R::vectorize(
+                #[inline(always)]
+                || self.find_gradient(problem, metric),
+            );
+            outcome.residual = R::select(running, residual, outcome.residual);
+            running = running.and_not(residual.le(effort.tolerance));
+            if running.none() || step == effort.steps {
+                break;
+            }
+            R::vectorize(
+                #[inline(always)]
+                || self.hessian.assemble(problem, metric, &self.argument),
+            );
+            R::vectorize(
+                #[inline(always)]
+                || self.hessian.factor(),
+            );
+            R::vectorize(
+                #[inline(always)]
+                || {
+                    self.descend(problem, metric, running, a);
+                    outcome.steps += R::select(running, R::one(), R::zero());
+                },
+            );
+        }
+        outcome
+    }
+
+    /// Forces of the constraints at the solution, as generalized forces.
+    pub fn forces(&self) -> &[R] {
+        &self.forces
+    }
+
+    /// Force of every scalar row at the solution.
+    pub fn row_force(&self, problem: &SoftProblem<R>, i: usize) -> R {
+        problem.rows[i].force(self.argument.rows[i])
+    }
+
+    /// Force of a contact at the solution.
+    #[inline(always)]
+    pub fn contact_force(&self, problem: &SoftProblem<R>, i: usize) -> [R; 3] {
+        problem.cone.force(&problem.contacts.items[i], &self.argument.contacts[i])
+    }
+
+    /// Force of a contact with six rows at the solution.
+    #[inline(always)]
+    pub fn rolling_contact_force(&self, problem: &SoftProblem<R>, i: usize) -> [R; 6] {
+        problem.cone.force(&problem.rolling_contacts.items[i], &self.argument.rolling_contacts[i])
+    }
+
+    #[inline(always)]
+    fn begin(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, free: &[R], a: &[R]) {
+        self.argument.multiply(problem, a, true);
+        for ((x, &a), &free) in self.direction.iter_mut().zip(a).zip(free) {
+            *x = a - free;
+        }
+        multiply(metric, &self.direction, &mut self.inertial);
+    }
+
+    /// Gradient M (a - a0) - J^T f, and the residual that it makes.
+    #[inline(always)]
+    fn find_gradient(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>) -> R {
+        self.forces.fill(R::zero());
+        for (row, &u) in problem.rows.iter().zip(&self.argument.rows) {
+            let ((support, jacobian), force) = (problem.entries(row), row.force(u));
+            for (&d, &j) in support.iter().zip(jacobian) {
+                self.forces[d as usize] += j * force;
+            }
+        }
+        problem.contacts.add_forces(problem.cone, &self.argument.contacts, &mut self.forces);
+        problem.rolling_contacts.add_forces(problem.cone, &self.argument.rolling_contacts, &mut self.forces);
+        for (((gradient, imbalance), &inertial), &force) in
+            self.gradient.iter_mut().zip(&mut self.imbalance).zip(&self.inertial).zip(&self.forces)
+        {
+            *gradient = inertial - force;
+            *imbalance = *gradient;
+        }
+        metric.solve(&mut self.imbalance);
+        let mut largest = R::zero();
+        for &x in &self.imbalance {
+            // Written so that a NaN stays.
+            largest = R::select(x.abs().le(largest), largest, x.abs());
+        }
+        largest
+    }
+
+    /// A step of Newton's method of the lanes `lanes`.
+    #[inline(always)]
+    fn descend(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, lanes: R::Mask, a: &mut [R]) {
+        for (direction, &gradient) in self.direction.iter_mut().zip(&self.gradient) {
+            *direction = -gradient;
+        }
+        self.hessian.solve(&mut self.direction);
+        self.change.multiply(problem, &self.direction, false);
+        multiply(metric, &self.direction, &mut self.inertial_change);
+        let step = self.search(problem, lanes);
+        advance(a, &self.direction, step);
+        advance(&mut self.inertial, &self.inertial_change, step);
+        self.argument.advance(&self.change, step);
+    }
+
+    /// Step along the direction at which the slope is zero, 0 outside `lanes`: Newton's method on the slope, with bisection where it leaves
+    /// the interval in which the slope changes its sign.
+    #[inline(always)]
+    fn search(&self, problem: &SoftProblem<R>, lanes: R::Mask) -> R {
+        let mut quadratic = [R::zero(); 2];
+        for ((&direction, &inertial), &change) in self.direction.iter().zip(&self.inertial).zip(&self.inertial_change) {
+            quadratic[0] += direction * inertial;
+            quadratic[1] += direction * change;
+        }
+        let mut at_zero = R::zero();
+        for (&direction, &gradient) in self.direction.iter().zip(&self.gradient) {
+            at_zero += direction * gradient;
+        }
+        let enough = at_zero.abs() * R::of(LINE_SEARCH_TOLERANCE);
+        let (mut low, mut high, mut step) = (R::zero(), R::of(f64::INFINITY), R::one());
+        let mut searching = lanes;
+        for _ in 0..LINE_SEARCH_STEPS {
+            let mut slope = [quadratic[0] + step * quadratic[1], quadratic[1]];
+            for ((row, &u), &du) in problem.rows.iter().zip(&self.argument.rows).zip(&self.change.rows) {
+                let at = u + step * du;
+                slope[0] -= row.force(at) * du;
+                slope[1] += row.curvature(at) * du * du;
+            }
+            problem.contacts.add_slopes(problem.cone, &self.argument.contacts, &self.change.contacts, step, &mut slope);
+            problem.rolling_contacts.add_slopes(
+                problem.cone,
+                &self.argument.rolling_contacts,
+                &self.change.rolling_contacts,
+                step,
+                &mut slope,
+            );
+            searching = searching.and_not(slope[0].abs().le(enough));
+            if searching.none() {
+                break;
+            }
+            let rises = slope[0].gt(R::zero());
+            low = R::select(searching.and_not(rises), step, low);
+            high = R::select(searching.and(rises), step, high);
+            let newton = step - slope[0] / slope[1];
+            let bounded = high.lt(R::of(f64::INFINITY));
+            let halfway = R::select(bounded, (low + R::select(bounded, high, R::zero())) * R::of(0.5), low + low);
+            let inside = newton.gt(low).and(newton.lt(high));
+            step = R::select(searching, R::select(inside, newton, halfway), step);
+        }
+        R::select(lanes, step, R::zero())
+    }
+}
+
+/// out = M x
+#[inline(always)]
+fn multiply<R: Real>(metric: &impl Metric<R>, x: &[R], out: &mut [R]) {
+    out.fill(R::zero());
+    for i in 0..metric.dimension() {
+        let (columns, entries) = metric.row(i);
+        let mut sum = entries[0] * x[i];
+        for (&c, &entry) in columns[1..].iter().zip(&entries[1..]) {
+            sum += entry * x[c as usize];
+            out[c as usize] += entry * x[i];
+        }
+        out[i] += sum;
+    }
+}

@@ -1,0 +1,219 @@
+//! Rows of the soft problem, with what their forces are made from.
+
+use std::ops::Range;
+
+use stepper_real::Real;
+
+use crate::soft::cone::Cone;
+use crate::soft::contact::SoftContact;
+
+/// Metric of the accelerations: the mass matrix.
+pub trait Metric<R: Real> {
+    /// Dimension.
+    fn dimension(&self) -> usize;
+    /// Row `i` up to the diagonal: the columns of its entries, the diagonal first and then descending, and the entries.
+    fn row(&self, i: usize) -> (&[u32], &[R]);
+    /// x <- M^-1 x
+    fn solve(&self, x: &mut [R]);
+}
+
+/// Scalar row: its force is -D u between two bounds, with u = J a - r. An equality has none, a limit pushes, dry friction has both.
+#[derive(Clone, Debug)]
+pub struct SoftRow<R: Real> {
+    /// Range of its coordinates and entries among those of all scalar rows.
+    pub(super) entries: Range<usize>,
+    /// Acceleration r that it refers to.
+    pub reference: R,
+    /// D = 1 / R, the inverse of its regularisation; 0 in lanes that do not have it.
+    pub weight: R,
+    /// Least and greatest force.
+    pub bounds: [R; 2],
+}
+
+impl<R: Real> SoftRow<R> {
+    /// Force f(u).
+    #[inline(always)]
+    pub(super) fn force(&self, u: R) -> R {
+        (-self.weight * u).max(self.bounds[0]).min(self.bounds[1])
+    }
+
+    /// -df/du
+    #[inline(always)]
+    pub(super) fn curvature(&self, u: R) -> R {
+        let free = -self.weight * u;
+        R::select(self.bounds[0].lt(free), R::select(free.lt(self.bounds[1]), self.weight, R::zero()), R::zero())
+    }
+}
+
+/// Contacts of `N` rows.
+#[derive(Clone, Debug)]
+pub struct SoftContacts<R: Real, const N: usize> {
+    /// The contacts.
+    pub items: Vec<SoftContact<R, N>>,
+    pub(super) support: Vec<u32>,
+    pub(super) jacobian: Vec<[R; N]>,
+}
+
+impl<R: Real, const N: usize> SoftContacts<R, N> {
+    fn with_capacity(contacts: usize, support: usize) -> Self {
+        let entries = contacts * support;
+        Self { items: Vec::with_capacity(contacts), support: Vec::with_capacity(entries), jacobian: Vec::with_capacity(entries) }
+    }
+
+    #[inline(always)]
+    fn clear(&mut self) {
+        self.items.clear();
+        self.support.clear();
+        self.jacobian.clear();
+    }
+
+    /// Appends a contact whose rows have the entries `jacobian` at the coordinates `support`, ascending.
+    #[inline(always)]
+    pub fn push(&mut self, support: &[u32], jacobian: impl Fn(usize) -> [R; N], reference: [R; N], weight: [R; N], scale: [R; N]) {
+        let start = self.support.len();
+        self.support.extend_from_slice(support);
+        for &d in support {
+            self.jacobian.push(jacobian(d as usize));
+        }
+        self.items.push(SoftContact::new(start..self.support.len(), reference, weight, scale));
+    }
+
+    /// Coordinates and entries of a contact.
+    #[inline(always)]
+    pub(super) fn entries(&self, contact: &SoftContact<R, N>) -> (&[u32], &[[R; N]]) {
+        (&self.support[contact.entries.clone()], &self.jacobian[contact.entries.clone()])
+    }
+
+    /// `out` = J x, less the references if `relative`.
+    #[inline(always)]
+    pub(super) fn multiply(&self, x: &[R], relative: bool, out: &mut Vec<[R; N]>) {
+        out.clear();
+        for contact in &self.items {
+            let (support, jacobian) = self.entries(contact);
+            let mut u = [R::zero(); N];
+            for (&d, j) in support.iter().zip(jacobian) {
+                for k in 0..N {
+                    u[k] += j[k] * x[d as usize];
+                }
+            }
+            if relative {
+                for k in 0..N {
+                    u[k] -= contact.reference[k];
+                }
+            }
+            out.push(u);
+        }
+    }
+
+    /// `out` += J^T f(u).
+    #[inline(always)]
+    pub(super) fn add_forces(&self, cone: Cone, u: &[[R; N]], out: &mut [R]) {
+        for (contact, u) in self.items.iter().zip(u) {
+            let force = cone.force(contact, u);
+            let (support, jacobian) = self.entries(contact);
+            for (&d, j) in support.iter().zip(jacobian) {
+                let mut sum = j[0] * force[0];
+                for k in 1..N {
+                    sum += j[k] * force[k];
+                }
+                out[d as usize] += sum;
+            }
+        }
+    }
+
+    /// Adds slope and curvature along `du` at `u + step du` to `slope` = (first derivative, second derivative).
+    #[inline(always)]
+    pub(super) fn add_slopes(&self, cone: Cone, u: &[[R; N]], du: &[[R; N]], step: R, slope: &mut [R; 2]) {
+        for ((contact, u), du) in self.items.iter().zip(u).zip(du) {
+            let mut at = *u;
+            for k in 0..N {
+                at[k] += step * du[k];
+            }
+            let (force, curvature) = (cone.force(contact, &at), cone.curvature(contact, &at));
+            for k in 0..N {
+                slope[0] -= force[k] * du[k];
+                let mut sum = curvature[k][0] * du[0];
+                for i in 1..N {
+                    sum += curvature[k][i] * du[i];
+                }
+                slope[1] += sum * du[k];
+            }
+        }
+    }
+}
+
+/// Soft constraint problem of one step, for every lane.
+#[derive(Clone, Debug)]
+pub struct SoftProblem<R: Real> {
+    /// Shape of the friction cones.
+    pub cone: Cone,
+    /// Scalar rows: equalities, dry friction, limits.
+    pub rows: Vec<SoftRow<R>>,
+    pub(super) support: Vec<u32>,
+    pub(super) jacobian: Vec<R>,
+    /// Contacts that slide at the most.
+    pub contacts: SoftContacts<R, 3>,
+    /// Contacts with torsional or rolling friction.
+    pub rolling_contacts: SoftContacts<R, 6>,
+}
+
+impl<R: Real> SoftProblem<R> {
+    /// An empty problem with room for so many scalar rows and entries of theirs, and for contacts, each of so many coordinates; for those
+    /// with rolling friction too if there can be any.
+    pub fn new(cone: Cone, rows: usize, entries: usize, contacts: usize, contact_support: usize, rolls: bool) -> Self {
+        Self {
+            cone,
+            rows: Vec::with_capacity(rows),
+            support: Vec::with_capacity(entries),
+            jacobian: Vec::with_capacity(entries),
+            contacts: SoftContacts::with_capacity(contacts, contact_support),
+            rolling_contacts: SoftContacts::with_capacity(if rolls { contacts } else { 0 }, contact_support),
+        }
+    }
+
+    /// Removes all rows.
+    #[inline(always)]
+    pub fn clear(&mut self) {
+        self.rows.clear();
+        self.support.clear();
+        self.jacobian.clear();
+        self.contacts.clear();
+        self.rolling_contacts.clear();
+    }
+
+    /// Whether there is no row at all.
+    pub fn is_empty(&self) -> bool {
+        self.rows.is_empty() && self.contacts.items.is_empty() && self.rolling_contacts.items.is_empty()
+    }
+
+    /// Appends a scalar row with the entries `jacobian` at the coordinates `support`, ascending.
+    #[inline(always)]
+    pub fn push_row(&mut self, support: &[u32], jacobian: impl Fn(usize) -> R, reference: R, weight: R, bounds: [R; 2]) {
+        let start = self.support.len();
+        self.support.extend_from_slice(support);
+        for &d in support {
+            self.jacobian.push(jacobian(d as usize));
+        }
+        self.rows.push(SoftRow { entries: start..self.support.len(), reference, weight, bounds });
+    }
+
+    /// Coordinates and entries of a scalar row.
+    #[inline(always)]
+    pub(super) fn entries(&self, row: &SoftRow<R>) -> (&[u32], &[R]) {
+        (&self.support[row.entries.clone()], &self.jacobian[row.entries.clone()])
+    }
+
+    /// `out` = J x of the scalar rows, less the references if `relative`.
+    #[inline(always)]
+    pub(super) fn multiply_rows(&self, x: &[R], relative: bool, out: &mut Vec<R>) {
+        out.clear();
+        for row in &self.rows {
+            let (support, jacobian) = self.entries(row);
+            let mut u = R::zero();
+            for (&d, &j) in support.iter().zip(jacobian) {
+                u += j * x[d as usize];
+            }
+            out.push(if relative { u - row.reference } else { u });
+        }
+    }
+}

@@ -1,0 +1,185 @@
+//! The soft problem against the conditions that define its answer: the forces follow from the accelerations, and both balance.
+
+mod common;
+
+use common::cases;
+use nalgebra::{DMatrix, DVector};
+use proptest::prelude::*;
+use stepper_real::{F64x8, Mask, Real, Scalar};
+use stepper_solve::soft::{Cone, Effort, Metric, SoftProblem, SoftSolver};
+
+/// A dense mass matrix, lane by lane the same.
+struct Dense<R> {
+    n: usize,
+    columns: Vec<u32>,
+    rows: Vec<R>,
+    inverse: DMatrix<f64>,
+}
+
+impl<R: Real> Dense<R> {
+    fn new(mass: &DMatrix<f64>) -> Self {
+        let n = mass.nrows();
+        let columns = (0..n).flat_map(|i| (0..=i as u32).rev()).collect();
+        let rows = (0..n).flat_map(|i| (0..=i).rev().map(move |j| (i, j))).map(|(i, j)| R::of(mass[(i, j)])).collect();
+        Self { n, columns, rows, inverse: mass.clone().try_inverse().unwrap() }
+    }
+}
+
+impl<R: Real> Metric<R> for Dense<R> {
+    fn dimension(&self) -> usize {
+        self.n
+    }
+
+    fn row(&self, i: usize) -> (&[u32], &[R]) {
+        let (start, len) = (i * (i + 1) / 2, i + 1);
+        (&self.columns[start..start + len], &self.rows[start..start + len])
+    }
+
+    fn solve(&self, x: &mut [R]) {
+        let old = x.to_vec();
+        for (i, x) in x.iter_mut().enumerate() {
+            *x = (0..self.n).fold(R::zero(), |sum, j| sum + R::of(self.inverse[(i, j)]) * old[j]);
+        }
+    }
+}
+
+/// A problem of an equality, a limit, dry friction and contacts of three and of six rows.
+#[derive(Clone, Debug)]
+struct Case {
+    n: usize,
+    square: Vec<f64>,
+    free: Vec<f64>,
+    entries: Vec<Vec<f64>>,
+    references: Vec<f64>,
+    friction: Vec<f64>,
+    softness: f64,
+    elliptic: bool,
+}
+
+const ROWS: usize = 3 + 2 * 3 + 6;
+
+fn case() -> impl Strategy<Value = Case> {
+    (4usize..9, any::<bool>(), -4.0..2.0_f64).prop_flat_map(|(n, elliptic, softness)| {
+        let entries = prop::collection::vec(prop::collection::vec(-1.0..1.0, n), ROWS);
+        let numbers = |n: usize| prop::collection::vec(-5.0..5.0, n);
+        let friction = prop::collection::vec(0.05..1.5, 5);
+        (prop::collection::vec(-1.0..1.0, n * n), numbers(n), entries, numbers(ROWS), friction).prop_map(
+            move |(square, free, entries, references, friction)| {
+                let softness = 10_f64.powf(softness);
+                Case { n, square, free, entries, references, friction, softness, elliptic }
+            },
+        )
+    })
+}
+
+impl Case {
+    fn mass(&self) -> DMatrix<f64> {
+        let a = DMatrix::from_row_slice(self.n, self.n, &self.square);
+        &a * a.transpose() + DMatrix::identity(self.n, self.n) * 0.1
+    }
+
+    fn problem<R: Real>(&self) -> SoftProblem<R> {
+        let cone = if self.elliptic { Cone::Elliptic } else { Cone::Pyramidal };
+        let mut problem = SoftProblem::new(cone, 3, 3 * self.n, 3, self.n, true);
+        let support: Vec<u32> = (0..self.n as u32).collect();
+        let (infinity, zero, weight) = (R::of(f64::INFINITY), R::zero(), R::of(1.0 / self.softness));
+        let bounds = [[-infinity, infinity], [R::of(-0.7), R::of(0.7)], [zero, infinity]];
+        for (r, bounds) in bounds.into_iter().enumerate() {
+            problem.push_row(&support, |d| R::of(self.entries[r][d]), R::of(self.references[r]), weight, bounds);
+        }
+        for k in 0..2 {
+            let first = 3 + 3 * k;
+            let (weight, scale) = self.law::<R, 3>();
+            let reference = std::array::from_fn(|i| R::of(self.references[first + i]));
+            let entries = |d: usize| std::array::from_fn(|i| R::of(self.entries[first + i][d]));
+            problem.contacts.push(&support, entries, reference, weight, scale);
+        }
+        let (weight, scale) = self.law::<R, 6>();
+        let reference = std::array::from_fn(|i| R::of(self.references[9 + i]));
+        problem.rolling_contacts.push(&support, |d| std::array::from_fn(|i| R::of(self.entries[9 + i][d])), reference, weight, scale);
+        problem
+    }
+
+    /// Weights and scales of a contact with `impratio` 2: R_t = R_n / 2, and R_k mu_k^2 the same for all of them.
+    fn law<R: Real, const N: usize>(&self) -> ([R; N], [R; N]) {
+        let (mu, normal) = (self.friction[0], 1.0 / self.softness);
+        let cone = mu / 2_f64.sqrt();
+        let weight = |k: usize| match (k, self.elliptic) {
+            (0, _) => normal,
+            (k, true) => 2.0 * normal * (self.friction[k - 1] / mu).powi(2),
+            (_, false) => normal / (2.0 * cone * cone),
+        };
+        (std::array::from_fn(|k| R::of(weight(k))), std::array::from_fn(|k| R::of(if k == 0 { cone } else { self.friction[k - 1] })))
+    }
+
+    fn solve<R: Real>(&self) -> (Vec<f64>, Vec<f64>, f64) {
+        let (problem, metric) = (self.problem::<R>(), Dense::<R>::new(&self.mass()));
+        let free: Vec<R> = self.free.iter().map(|&x| R::of(x)).collect();
+        let mut solver = SoftSolver::new(self.n);
+        let mut a = free.clone();
+        let effort = Effort { steps: 100, tolerance: R::of(1e-11) };
+        let outcome = solver.solve(&problem, &metric, &free, effort, R::Mask::splat(true), &mut a);
+        let number = |x: &R| x.lane(R::LANES - 1).to_f64();
+        (a.iter().map(number).collect(), solver.forces().iter().map(number).collect(), number(&outcome.residual))
+    }
+
+    /// s(J a - r), by the definitions of the documentation.
+    fn cost(&self, a: &DVector<f64>) -> f64 {
+        let u: Vec<f64> =
+            (0..ROWS).map(|r| self.entries[r].iter().zip(a.iter()).map(|(j, a)| j * a).sum::<f64>() - self.references[r]).collect();
+        let d = 1.0 / self.softness;
+        let huber = if u[1].abs() < 0.7 / d { 0.5 * d * u[1] * u[1] } else { 0.7 * u[1].abs() - 0.5 * 0.49 / d };
+        let rows = 0.5 * d * u[0] * u[0] + huber + 0.5 * d * u[2].min(0.0).powi(2);
+        rows + self.contact::<3>(&u[3..6]) + self.contact::<3>(&u[6..9]) + self.contact::<6>(&u[9..15])
+    }
+
+    fn contact<const N: usize>(&self, u: &[f64]) -> f64 {
+        let (weight, scale) = self.law::<f64, N>();
+        if !self.elliptic {
+            let edge = |k: usize, sign: f64| 0.5 * weight[k] * (u[0] + sign * scale[k] * u[k]).min(0.0).powi(2);
+            return (1..N).map(|k| edge(k, 1.0) + edge(k, -1.0)).sum();
+        }
+        let mu = scale[0];
+        let (n, t) = (u[0] * mu, (1..N).map(|k| (u[k] * scale[k]).powi(2)).sum::<f64>().sqrt());
+        if n >= mu * t {
+            0.0
+        } else if mu * n + t <= 0.0 {
+            (0..N).map(|k| 0.5 * weight[k] * u[k] * u[k]).sum()
+        } else {
+            0.5 * weight[0] / (mu * mu * (1.0 + mu * mu)) * (n - mu * t).powi(2)
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(cases(300))]
+
+    /// M (a - a0) = J^T f, where minus J^T f is the slope of the cost by central differences, whose error is of the order 1e-10 of the
+    /// largest slope here.
+    #[test]
+    fn forces_are_the_slope_of_the_cost_and_balance(case in case()) {
+        let (a, forces, residual) = case.solve::<f64>();
+        prop_assert!(residual < 1e-9, "{residual}");
+        let inertial = case.mass() * (DVector::from_vec(a.clone()) - DVector::from_vec(case.free.clone()));
+        let size = 1.0 + forces.iter().fold(0.0_f64, |most, f| most.max(f.abs()));
+        for i in 0..case.n {
+            prop_assert!((inertial[i] - forces[i]).abs() < 1e-8 * size, "{} {}", inertial[i], forces[i]);
+            let at = |step: f64| {
+                let mut a = DVector::from_vec(a.clone());
+                a[i] += step;
+                case.cost(&a)
+            };
+            let slope = (at(1e-5) - at(-1e-5)) / 2e-5;
+            // A kink within the step of the difference adds up to its curvature times it.
+            prop_assert!((slope + forces[i]).abs() < 1e-3 / case.softness + 1e-5 * size, "{slope} {}", forces[i]);
+        }
+    }
+
+    /// The last of eight lanes has the bits of a solve alone.
+    #[test]
+    fn lanes_are_as_one_alone(case in case()) {
+        let (alone, together) = (case.solve::<f64>(), case.solve::<F64x8>());
+        prop_assert_eq!(alone.0, together.0);
+        prop_assert_eq!(alone.1, together.1);
+    }
+}

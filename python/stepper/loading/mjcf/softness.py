@@ -1,0 +1,78 @@
+"""How soft a compiled `mujoco.MjModel` is: what its contact law reads of it (`stepper.Options(contact="mujoco")`)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from stepper.loading.mjcf.source import Description, Source
+
+OVERRIDE = 1 << 0
+"""Enable flag with which all contacts have the parameters of the options."""
+CONES = ("Pyramidal", "Elliptic")
+
+
+def soft_settings(source: Source) -> Description:
+    """The fields of the Rust crate's `SoftSettings`."""
+    m = source.m
+    return {
+        "cone": CONES[int(m.opt.cone)],
+        "impratio": float(m.opt.impratio),
+        "refsafe": not source.off("refsafe"),
+        "inverse_weights": {
+            "bodies": m.body_invweight0.tolist(),
+            "dofs": m.dof_invweight0.tolist(),
+            "tendons": [float(m.tendon_invweight0[i]) for i in source.tendons],
+        },
+    }
+
+
+def joint_softness(source: Source, i: int) -> Description:
+    """Softness of a joint's limit and of its dry friction."""
+    m, dof = source.m, source.dofs(i).start
+    return {
+        "limit_softness": _softness(m.jnt_solref[i], m.jnt_solimp[i]),
+        "friction_softness": _softness(m.dof_solref[dof], m.dof_solimp[dof]),
+    }
+
+
+def contact_softness(source: Source, i: int) -> Description:
+    """Softness of a geom's contacts, and its weight in a pair."""
+    m = source.m
+    return {"softness": _contact(source, m.geom_solref[i], m.geom_solimp[i]), "solmix": float(m.geom_solmix[i])}
+
+
+def pair_softness(source: Source, i: int) -> Description:
+    """Softness of an explicit pair, and ratios of its coefficients of friction."""
+    m = source.m
+    slide, other_slide, _, roll, other_roll = m.pair_friction[i].tolist()
+    ratio = [b / a if a > 0 else 1.0 for a, b in ((slide, other_slide), (roll, other_roll))]
+    return {
+        "softness": _contact(source, m.pair_solref[i], m.pair_solimp[i]),
+        "solref_friction": m.pair_solreffriction[i].tolist(),
+        "anisotropy": ratio,
+    }
+
+
+def tendon_softness(source: Source, i: int) -> Description:
+    """Softness of a tendon's limit and of its dry friction."""
+    m = source.m
+    return {
+        "limit_softness": _softness(m.tendon_solref_lim[i], m.tendon_solimp_lim[i]),
+        "friction_softness": _softness(m.tendon_solref_fri[i], m.tendon_solimp_fri[i]),
+    }
+
+
+def equality_softness(source: Source, i: int) -> Description:
+    """Softness of an equality."""
+    m = source.m
+    return {"softness": _softness(m.eq_solref[i], m.eq_solimp[i])}
+
+
+def _contact(source: Source, solref: Any, solimp: Any) -> Description:
+    """Softness of contacts, for which the options may have one for all."""
+    opt = source.m.opt
+    return _softness(opt.o_solref, opt.o_solimp) if int(opt.enableflags) & OVERRIDE else _softness(solref, solimp)
+
+
+def _softness(solref: Any, solimp: Any) -> Description:
+    return {"solref": solref.tolist(), "solimp": solimp.tolist()}

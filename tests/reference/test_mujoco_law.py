@@ -1,0 +1,208 @@
+"""MuJoCo's contact law: one step from the same state gives MuJoCo's velocity, in every state whose contacts agree."""
+
+import mujoco
+import numpy as np
+import pytest
+import stepper
+from equalities import KINDS, LINKAGE
+from models import SOURCES
+from mujoco_law.parity import AGREES, compare, prepare, states
+from mujoco_law.parity import States as Found
+
+# The acceleration of both is that of a strictly convex problem, which both solve until rounding stops them: relative to 1 + max |qvel| the
+# velocities after a step differ by less than 1e-9, or than MuJoCo's own solvers do (Parity.agrees).
+LEFT_OUT = {
+    "dm_control/lqr": "nothing in it moves",
+    "dm_control/ball_in_cup": "has a spatial tendon",
+    "gymnasium/point": "its ball is as far above the floor as rounding says, above in one and below in the other",
+}
+OTHER_POINTS = {"gymnasium/pusher": "plane and cylinder", "gymnasium/pusher_v5": "plane and cylinder", "dm_control/dog": "hulls"}
+
+
+def compiled(source, **options):
+    """A compiled model that solves to the last digit, with fields of its options."""
+    text = str(source)
+    model = mujoco.MjModel.from_xml_string(text) if text.lstrip().startswith("<") else mujoco.MjModel.from_xml_path(text)
+    prepare(model)
+    for name, value in options.items():
+        setattr(model.opt, name, value)
+    return model
+
+
+def parity(model, count=12, seed=0):
+    """One step from states of a model."""
+    return compare(stepper.load(model, strict=False), states(model, count, seed))
+
+
+@pytest.mark.parametrize("name", sorted(set(SOURCES) - set(LEFT_OUT)))
+def test_robots_of_others_step_as_in_mujoco(name):
+    found = parity(compiled(SOURCES[name]))
+    assert found.agrees == 1.0
+    assert found.same == 1.0 or name in OTHER_POINTS
+
+
+@pytest.mark.parametrize("cone", ["pyramidal", "elliptic"])
+@pytest.mark.parametrize("integrator", ["euler", "implicitfast", "rk4"])
+def test_every_cone_with_every_integrator(cone, integrator):
+    cone, integrator = getattr(mujoco.mjtCone, f"mjCONE_{cone.upper()}"), getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
+    found = parity(compiled(SOURCES["dm_control/quadruped"], cone=int(cone), integrator=int(integrator)))
+    assert found.touching > 0.5
+    assert found.agrees == 1.0
+
+
+SCENE = """<mujoco><compiler angle="radian"/><option {option}/><default><geom {geom}/><joint {joint}/></default><worldbody>
+  <geom name="floor" type="plane" size="4 4 .1" {floor}/>
+  <body name="ball" pos="0 0 .099"><freejoint/><geom name="ball" size=".1" {ball}/></body>
+  <body name="box" pos=".5 0 .0995" euler=".05 .07 .1"><freejoint/><geom name="box" type="box" size=".1 .1 .1"/></body>
+  <body name="rod" pos="-.5 0 .0495" euler="0 1.53 .35"><freejoint/><geom name="rod" type="capsule" size=".05 .15"/></body>
+  <body name="arm" pos="0 .5 .3"><joint name="hinge" axis="0 1 0" range="-.1 .1" limited="true"/>
+    <geom type="capsule" size=".02" fromto="0 0 0 .2 0 0"/>
+    <body pos=".2 0 0"><joint name="slide" type="slide" axis="1 0 0" range="-.01 .02" limited="true"/><geom size=".03"/></body></body>
+  <body name="bob" pos="0 -.5 .5"><joint name="socket" type="ball" range="0 .2" limited="true"/>
+    <geom type="capsule" size=".02" fromto="0 0 0 .05 0 -.2"/></body>
+  </worldbody>{more}</mujoco>"""
+PAIR = '<contact><pair geom1="floor" geom2="ball" condim="6" friction="{friction}" {more}/></contact>'
+SCENES = {
+    "defaults": {},
+    "elliptic": {"option": 'cone="elliptic"'},
+    "impratio": {"option": 'cone="elliptic" impratio="10"'},
+    "impratio of a pyramid": {"option": 'impratio="5"'},
+    "condim 1": {"geom": 'condim="1"'},
+    "condim 4": {"geom": 'condim="4"', "option": 'cone="elliptic"'},
+    "condim 4 of a pyramid": {"geom": 'condim="4"'},
+    "condim 6": {"geom": 'condim="6" friction=".8 .02 .003"', "option": 'cone="elliptic"'},
+    "condim 6 of a pyramid": {"geom": 'condim="6" friction=".8 .02 .003"'},
+    "some of each": {"floor": 'condim="1"', "ball": 'condim="6"'},
+    "priority": {"floor": 'priority="2" condim="4" friction=".3 .01 0" solref=".04 .7"', "geom": 'condim="6"'},
+    "solmix": {"floor": 'solmix="3" solref=".05 1.2" solimp=".5 .8 .01 .3 3"', "ball": 'solimp=".8 .99 .002 .6 1.5"'},
+    "no solmix": {"floor": 'solmix="0" solref=".05 1.2"'},
+    "direct solref": {"geom": 'solref="-2000 -30"', "joint": 'solreflimit="-500 -7"'},
+    "one direct solref": {"floor": 'solref="-2000 -30"'},
+    "time constants below two steps": {"geom": 'solref=".001 1"', "joint": 'solreflimit=".002 1"'},
+    "refsafe off": {"geom": 'solref=".003 1"', "more": '<option><flag refsafe="disable"/></option>'},
+    "flat impedance": {"geom": 'solimp=".9 .9 .001"', "joint": 'solimplimit=".5 .9 0"'},
+    "linear impedance": {"geom": 'solimp=".3 .9 .02 .5 1"'},
+    "margin": {"geom": 'margin=".01"', "joint": 'margin=".004"'},
+    "gap": {"geom": 'margin=".01" gap=".02"'},
+    "dry friction": {"joint": 'frictionloss=".05" solreffriction=".03 1" solimpfriction=".8 .9 .01"'},
+    "explicit pair": {"more": PAIR.format(friction=".9 .3 .02 .003 .001", more='solref=".03 1" solimp=".7 .9 .01"')},
+    "explicit pair of an ellipse": {
+        "option": 'cone="elliptic"',
+        "more": PAIR.format(friction=".9 .3 .02 .003 .001", more='solref=".03 1" solreffriction=".08 1"'),
+    },
+    "override": {"option": 'o_solref=".06 1" o_solimp=".4 .8 .01 .5 2"', "more": '<option><flag override="enable"/></option>'},
+    "conveyor": {"floor": 'surfacevel=".3 .1 0 0 0 .2"', "geom": 'condim="4"'},
+    "tendons": {
+        "more": '<tendon><fixed name="t" range="-.05 .05" limited="true" frictionloss=".02" stiffness="3" damping=".2">'
+        '<joint joint="hinge" coef="1"/><joint joint="slide" coef="-2"/></fixed></tendon>'
+    },
+    "implicitfast": {"option": 'integrator="implicitfast"', "joint": 'damping=".1"'},
+    "damping": {"joint": 'damping=".1"'},
+    "eulerdamp off": {"joint": 'damping=".1"', "more": '<option><flag eulerdamp="disable"/></option>'},
+    "rk4": {"option": 'integrator="RK4"'},
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_every_number_of_the_law_means_what_it_means_in_mujoco(name):
+    parts = {part: "" for part in ("option", "geom", "joint", "floor", "ball", "more")} | SCENES[name]
+    model = compiled(SCENE.format(**parts))
+    found = parity(model, 20)
+    assert found.touching > 0.5
+    assert found.same > 0.5
+    assert found.agrees == 1.0
+
+
+@pytest.mark.parametrize("name", [name for name in KINDS if "mocap" not in name])
+def test_equalities_are_mujocos(name):
+    found = parity(compiled(LINKAGE.format(equality=KINDS[name])))
+    assert found.agrees == 1.0
+
+
+def test_randomised_masses_keep_the_inverse_weights_of_the_model():
+    """MuJoCo's regularisation is relative to weights that its compiler computed; a mass that is changed afterwards does not move them."""
+    model = compiled(SCENE.format(option="", geom="", joint="", floor="", ball="", more=""))
+    found = states(model, 10)
+    heavy = np.tile(model.body_mass, (10, 1)) * 3.0
+    sim = stepper.Stepper(stepper.load(model), num_envs=10, options=stepper.Options(contact="mujoco", tolerance=1e-13, iterations=100))
+    sim.randomize(body_mass=heavy, body_inertia=np.tile(model.body_inertia, (10, 1, 1)) * 3.0)
+    sim.set_state(qpos=found.qpos, qvel=found.qvel)
+    sim.step()
+    model.body_mass[:] *= 3.0
+    model.body_inertia[:] *= 3.0
+    data, weights = mujoco.MjData(model), (model.body_invweight0.copy(), model.dof_invweight0.copy())
+    mujoco.mj_setConst(model, data)
+    model.body_invweight0[:], model.dof_invweight0[:] = weights
+    for env in range(10):
+        data.qpos[:], data.qvel[:], data.qacc_warmstart[:] = found.qpos[env], found.qvel[env], 0.0
+        mujoco.mj_step(model, data)
+        assert np.abs(sim.qvel[env] - data.qvel).max() < AGREES * (1 + np.abs(found.qvel[env]).max())
+
+
+def test_a_model_without_inverse_weights_gets_those_of_mujocos_compiler():
+    """Relative 1e-9: the same matrices, summed in another order; the compiler's own are in double precision."""
+    source = SOURCES["dm_control/humanoid"]
+    kept = stepper.load(str(source), strict=False)
+    code = stepper.Model.from_description(_without_weights(mujoco.MjModel.from_xml_path(str(source))), strict=False)
+    settings = stepper.Options(contact="mujoco")
+    sims = [stepper.Stepper(model, options=settings) for model in (kept, code)]
+    for sim in sims:
+        sim.step(np.linspace(-1, 1, kept.nu), nstep=200)
+    assert np.abs(sims[0].qpos - sims[1].qpos).max() < 1e-6
+
+
+def _without_weights(model):
+    from stepper.loading.mjcf import describe
+
+    described = describe(model)
+    described["soft"]["inverse_weights"] = None
+    return described
+
+
+def test_the_same_bits_alone_and_among_others():
+    model = stepper.load(str(SOURCES["dm_control/quadruped"]), strict=False)
+    settings = stepper.Options(contact="mujoco", integrator="rk4")
+    many, one = (stepper.Stepper(model, num_envs=n, options=settings) for n in (19, 1))
+    qvel = np.random.default_rng(0).normal(0, 1, (19, model.nv))
+    many.set_state(qvel=qvel)
+    one.set_state(qvel=qvel[7:8])
+    for k in range(60):
+        ctrl = np.random.default_rng(k).uniform(-1, 1, (19, model.nu))
+        many.step(ctrl)
+        one.step(ctrl[7:8])
+        assert np.array_equal(many.qpos[7], one.qpos[0])
+
+
+@pytest.mark.parametrize(("options", "words"), [
+    ({"integrator": "midpoint"}, "integrator is midpoint"),
+    ({"integrator": "implicit"}, "integrator is implicit"),
+    ({"contact": "hard", "integrator": "implicitfast"}, "integrator is implicitfast"),
+    ({"contact": "soft"}, 'contact is "soft", must be one of: hard, mujoco'),
+])  # fmt: skip
+def test_what_the_law_does_not_have_is_named(options, words):
+    with pytest.raises(ValueError, match=words):
+        stepper.Stepper(stepper.load(SCENE.format(option="", geom="", joint="", floor="", ball="", more="")),
+                        options=stepper.Options(**({"contact": "mujoco"} | options)))  # fmt: skip
+
+
+def test_a_second_of_motion_is_mujocos_until_chaos():
+    """A walker of both engines: 300 steps apart by less than 1e-6, since errors of 1e-15 grow tenfold in some thirty steps of contact."""
+    model = compiled(SOURCES["dm_control/walker"])
+    sim = stepper.Stepper(stepper.load(model, strict=False), options=stepper.Options(contact="mujoco", tolerance=1e-12))
+    data, touching = mujoco.MjData(model), 0
+    for k in range(300):
+        ctrl = np.sin(0.1 * k + np.arange(model.nu))
+        data.ctrl[:] = ctrl
+        mujoco.mj_step(model, data)
+        sim.step(ctrl)
+        touching += bool(data.ncon)
+    assert touching > 100
+    assert np.abs(sim.qpos - data.qpos).max() < 1e-6
+
+
+def test_states_that_are_compared_touch():
+    """The comparison of contacts can fail: of a state that was moved, contacts are others."""
+    model = compiled(SOURCES["dm_control/walker"])
+    found = states(model, 10)
+    moved = Found(**(vars(found) | {"qpos": found.qpos + 1e-3}))
+    assert compare(stepper.load(model, strict=False), moved).same < 1.0

@@ -44,6 +44,7 @@ FOLDERS = {
     "loading": set(),
     "recording": {"shared", "sensors", "actuators"},
     "experiments": {"shared", "loading"},
+    "envs": {"shared", "loading"},
     "cli": {"shared", "loading", "recording", "experiments"},
 }
 """Folders of the Python package, and the others that each may import."""

@@ -3,6 +3,9 @@
 Load a scene with `load`, step environments of it with `Stepper`, and read in `Stepper.residual` and `Stepper.status` how well that went.
 """
 
+import importlib
+from typing import Any
+
 from stepper import _pickles as _pickles
 from stepper import devices
 from stepper._options import Options
@@ -39,3 +42,10 @@ __all__ = [
     "load",
     "replay",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    # Gymnasium is optional, and slow to import.
+    if name == "envs":
+        return importlib.import_module("stepper.envs")
+    raise AttributeError(f"module 'stepper' has no attribute {name!r}")

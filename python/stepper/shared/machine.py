@@ -20,6 +20,7 @@ INSTALL = {
     "matplotlib": 'pip install "stepper-sim[cli]"',
     "mujoco": 'pip install "stepper-sim[mjcf]"',
     "mujoco.batch": 'pip install "mujoco>=4.0,<5"',
+    "gymnasium": 'pip install "stepper-sim[envs]"',
     "rich": 'pip install "stepper-sim[cli]"',
     "robosuite": "pip install --no-deps robosuite",
     "dm_control": "pip install dm_control",

@@ -1,0 +1,41 @@
+"""Gymnasium environments, single and in batches. Importing this registers "stepper/HalfCheetah-v5" and its like.
+
+    import gymnasium
+    import stepper.envs
+
+    envs = gymnasium.make_vec("stepper/HalfCheetah-v5", num_envs=1024)
+
+docs/environments.md lists the tasks and writes a new one. It needs Gymnasium, which `import stepper` does not.
+"""
+
+from stepper.shared.machine import require
+
+require("gymnasium", "for stepper.envs")
+
+from stepper.envs.quantities import contact_wrenches, inertias, mass_centers, velocities  # noqa: E402
+from stepper.envs.registration import register_tasks  # noqa: E402
+from stepper.envs.single import StepperEnv  # noqa: E402
+from stepper.envs.streams import Draws  # noqa: E402
+from stepper.envs.task import Moment, MujocoTask, Quantity, Task, per_moment, square_sum, within  # noqa: E402
+from stepper.envs.tasks import TASKS  # noqa: E402
+from stepper.envs.vector import StepperVectorEnv  # noqa: E402
+
+__all__ = [
+    "TASKS",
+    "Draws",
+    "Moment",
+    "MujocoTask",
+    "Quantity",
+    "StepperEnv",
+    "StepperVectorEnv",
+    "Task",
+    "contact_wrenches",
+    "inertias",
+    "mass_centers",
+    "per_moment",
+    "square_sum",
+    "velocities",
+    "within",
+]
+
+register_tasks()

@@ -1,0 +1,194 @@
+"""Episodes of a task in many environments: what single and vector environments have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.spaces import Box
+
+from stepper._options import Options, Precision
+from stepper._status import Status
+from stepper._stepper import Model, Stepper
+from stepper.envs.streams import Draws, Streams
+from stepper.envs.task import Array, Contact, Moment, Quantity, Task, Terms
+from stepper.envs.tasks import TASKS
+
+_NON_FINITE = np.uint32(Status.NON_FINITE)
+
+
+class Batch:
+    """Episodes of a task in `num_envs` environments of one `Stepper`.
+
+    Args:
+        task: A task, or the name of one of `stepper.envs.TASKS`.
+        num_envs: Number of environments.
+        arguments: The task's arguments, where it is given by its name.
+        contact: Law of contact: "mujoco" is `Options.of(model)`, "hard" is `Options()`; None is the task's.
+        options: Settings of the step in place of those of `contact`.
+        precision: "f64" or "f32".
+        threads: Threads that step; 0 is all that this process may use. The bits are the same for any number.
+        dtype: Scalar type of observations; None is that of the precision.
+        max_episode_steps: Actions after which an episode is truncated; None is no limit.
+
+    Raises:
+        ValueError: No task of that name; a law, type or number that is none.
+        TypeError: Arguments that the task does not have.
+    """
+
+    def __init__(
+        self,
+        task: Task | str,
+        num_envs: int,
+        arguments: dict[str, Any],
+        *,
+        contact: Contact | None = None,
+        options: Options | None = None,
+        precision: Precision = "f64",
+        threads: int = 1,
+        dtype: Any = None,
+        max_episode_steps: int | None = None,
+    ):
+        self.task = task = _made(task, arguments)
+        model = task.model()
+        self.sim = Stepper(model, num_envs, options=_options(model, contact or task.contact, options), precision=precision, threads=threads)
+        self.num_envs, self.dt = num_envs, self.sim.timestep * task.frame_skip
+        self.dtype = np.dtype(dtype if dtype is not None else {"f64": np.float64, "f32": np.float32}[precision])
+        if self.dtype not in (np.float64, np.float32):
+            raise ValueError(f"dtype is {self.dtype}, must be float64 or float32")
+        if max_episode_steps is not None and max_episode_steps < 1:
+            raise ValueError(f"max_episode_steps is {max_episode_steps}, must be at least 1, or None for no limit")
+        self._limit = max_episode_steps
+        self.streams = Streams(num_envs, np.random.SeedSequence().generate_state(1, np.uint64).item())
+        self.returns, self.lengths = np.zeros(num_envs), np.zeros(num_envs, dtype=np.int64)
+        self._rest = model.qpos0
+        self._qpos, self._qvel = np.tile(model.qpos0, (num_envs, 1)), np.zeros((num_envs, model.nv))
+        self._still = np.zeros((num_envs, model.nu))
+        self._now = self._moment(self._still)
+        self._position = task.position(self._now)
+        self._rows = self._table()
+        low, high = model.actuator_ctrlrange.T
+        self.action_space = Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
+        self.observation_space = Box(-np.inf, np.inf, (self._rows[-1][1].stop,), dtype=self.dtype.type)
+
+    def _moment(self, action: Array) -> Moment:
+        return Moment(self.sim, self.task, self.dt, action, self._rest)
+
+    def _table(self) -> list[tuple[Quantity, slice]]:
+        """Rows of the task's table, and their places in the observation."""
+        rows, at = [], 0
+        for quantity in self.task.quantities():
+            width = quantity.read(self._now).shape[1]
+            rows.append((quantity, slice(at, at + width)))
+            at += width
+        return rows
+
+    @property
+    def structure(self) -> dict[str, int]:
+        """How many numbers of the observation each row of the task's table has."""
+        return {quantity.name: rows.stop - rows.start for quantity, rows in self._rows}
+
+    def seed(self, envs: Array, seeds: Sequence[int]) -> None:
+        """Starts the random numbers of the environments `envs` (n,) anew."""
+        self.streams.seed(envs, seeds)
+
+    def begin(self, mask: Array) -> None:
+        """Begins an episode in the environments of a mask, (num_envs,) bool."""
+        self._place(mask)
+        self._now = self._moment(self._still) if mask.all() else self._now
+        self._now.renew(mask)
+        self._position = self.task.position(self._now)
+
+    def _place(self, mask: Array) -> None:
+        envs = np.flatnonzero(mask)
+        qpos, qvel = np.tile(self._rest, (len(envs), 1)), np.zeros((len(envs), self._qvel.shape[1]))
+        self.task.start(qpos, qvel, Draws(self.streams, envs))
+        self._qpos[envs], self._qvel[envs] = qpos, qvel
+        self.sim.reset(mask, qpos=self._qpos, qvel=self._qvel)
+        self.returns[envs], self.lengths[envs] = 0.0, 0
+
+    def set_state(self, qpos: Array, qvel: Array, mask: Array | None = None) -> None:
+        """Sets configurations (num_envs, nq) and velocities (num_envs, nv), of all environments or those of a mask. Episodes go on."""
+        self.sim.set_state(qpos, qvel, mask)
+        self._now = self._moment(self._still)
+        self._position = self.task.position(self._now)
+
+    def step(self, action: Array, begins: Array | None = None) -> tuple[Array, Array, Array, Terms]:
+        """Makes the steps of an action.
+
+        Args:
+            action: (num_envs, nu) float64.
+            begins: Environments that begin an episode in place of it, (num_envs,) bool; None is none.
+
+        Returns:
+            Rewards (num_envs,) float64; which episodes are terminated and truncated, (num_envs,) bool; terms of the rewards. Rows of
+            environments that begin are zero, but in the terms.
+        """
+        task, now = self.task, self._moment(action)
+        self._now = now
+        task.advance(now)
+        failed = (now.status & _NON_FINITE) != 0
+        self.lengths += 1
+        if begins is not None:
+            self._place(begins)
+            now.renew(begins)
+        position = task.position(now)
+        if position is not None:
+            now.velocity = (position - self._position) / self.dt
+        self._position = position
+        rewards, terms = task.reward(now)
+        reward = np.array(rewards, dtype=np.float64)
+        over = task.terminated(now)
+        terminated = np.zeros(self.num_envs, dtype=bool) if over is None else np.array(over)
+        truncated = np.zeros(self.num_envs, dtype=bool) if self._limit is None else self.lengths >= self._limit
+        if failed.any():
+            terminated |= failed
+            terms = terms | {"non_finite": failed}
+        if begins is not None:
+            reward[begins], terminated[begins], truncated[begins] = 0.0, False, False
+        self.returns += reward
+        return reward, terminated, truncated, terms
+
+    def info(self) -> Terms:
+        """What info says after a reset and after a step."""
+        return self.task.info(self._now)
+
+    def observation(self) -> Array:
+        """The observation, (num_envs, n): an array of the caller's."""
+        out = np.empty((self.num_envs, *self.observation_space.shape), dtype=self.dtype)
+        for quantity, rows in self._rows:
+            value = quantity.read(self._now)
+            if quantity.clip is None:
+                out[:, rows] = value
+            else:
+                np.clip(value, *quantity.clip, out=out[:, rows], casting="same_kind")
+        return out
+
+    def __getstate__(self) -> dict[str, Any]:
+        # The table may have functions without a name, which do not pickle.
+        return {name: value for name, value in self.__dict__.items() if name != "_rows"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__ = state
+        self._rows = self._table()
+
+
+def _made(task: Task | str, arguments: dict[str, Any]) -> Task:
+    """The task itself, or the one of a name."""
+    if isinstance(task, Task):
+        if arguments:
+            raise TypeError(f"{type(task).__name__} is made already: give {sorted(arguments)} to it, not to the environment")
+        return task
+    if task not in TASKS:
+        raise ValueError(f"there is no task {task!r}, there are: {', '.join(sorted(TASKS))}; or give a stepper.envs.Task")
+    return TASKS[task](**arguments)
+
+
+def _options(model: Model, contact: str, options: Options | None) -> Options:
+    """Settings of the step."""
+    if options is not None:
+        return options
+    if contact not in ("mujoco", "hard"):
+        raise ValueError(f'contact is {contact!r}, must be "mujoco" or "hard"')
+    return Options.of(model) if contact == "mujoco" else Options()

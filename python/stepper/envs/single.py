@@ -1,0 +1,117 @@
+"""One environment as a `gymnasium.Env`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.error import ResetNeeded
+
+from stepper._options import Options, Precision
+from stepper._stepper import Stepper
+from stepper.envs.batch import Batch
+from stepper.envs.drawing import check_render_mode
+from stepper.envs.task import Array, Contact, Task
+
+
+class StepperEnv(gymnasium.Env[Array, Array]):
+    """One environment of a task: the bits of an environment of `StepperVectorEnv` with the same seed. It pickles with its state.
+
+    Where its state would not be finite, it keeps its last finite one, and the episode is terminated: info has "non_finite".
+
+    Args:
+        task: A `Task`, or the name of one of `stepper.envs.TASKS`, whose arguments are then given here too.
+        contact: Law of contact: "mujoco", with the integrator that the model's file asks for, or "hard"; None is the task's.
+        options: Settings of the step in place of those of `contact`.
+        precision: "f64" or "f32".
+        dtype: Scalar type of observations, float64 or float32; None is that of the precision.
+        max_episode_steps: Actions after which an episode is truncated; None is no limit. `gymnasium.make` has a wrapper for it.
+        render_mode: None. Nothing is drawn.
+        **arguments: Arguments of a task that is given by its name.
+
+    Raises:
+        ValueError: A setting out of its range, or no task of that name.
+        TypeError: Arguments that the task does not have.
+    """
+
+    def __init__(
+        self,
+        task: Task | str,
+        *,
+        contact: Contact | None = None,
+        options: Options | None = None,
+        precision: Precision = "f64",
+        dtype: Any = None,
+        max_episode_steps: int | None = None,
+        render_mode: None = None,
+        **arguments: Any,
+    ):
+        check_render_mode(render_mode)
+        settings: dict[str, Any] = {"contact": contact, "options": options, "precision": precision, "dtype": dtype}
+        self._batch = Batch(task, 1, arguments, max_episode_steps=max_episode_steps, **settings)
+        self.metadata = {"render_modes": [], "render_fps": round(1 / self._batch.dt)}
+        self.observation_space, self.action_space = self._batch.observation_space, self._batch.action_space
+        self.observation_structure = self._batch.structure
+        self._begun = False
+
+    @property
+    def sim(self) -> Stepper:
+        """The stepper, of one environment: its arrays have an axis of length 1 in front."""
+        return self._batch.sim
+
+    @property
+    def task(self) -> Task:
+        """The task."""
+        return self._batch.task
+
+    @property
+    def dt(self) -> float:
+        """Time of an action, s."""
+        return self._batch.dt
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+        """Begins a new episode.
+
+        Args:
+            seed: What it draws follows from it alone. None goes on with the random numbers as they are.
+            options: There are none.
+
+        Raises:
+            ValueError: Options.
+        """
+        if options:
+            raise ValueError(f"unknown options {sorted(options)}, there are none")
+        super().reset(seed=seed)
+        if seed is not None:
+            self._batch.seed(np.zeros(1, dtype=np.int64), [int(seed)])
+        self._batch.begin(np.ones(1, dtype=bool))
+        self._begun = True
+        return self._batch.observation()[0], {name: term[0] for name, term in self._batch.info().items()}
+
+    def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        """Makes the steps of one action, (nu,).
+
+        Raises:
+            ValueError: An action of another shape.
+            ResetNeeded: Before the first reset.
+        """
+        batch = self._batch
+        action = np.asarray(action, dtype=np.float64)
+        if action.shape != self.action_space.shape:
+            raise ValueError(f"the action has shape {action.shape}, must be {self.action_space.shape}")
+        if not self._begun:
+            raise ResetNeeded("call reset before step")
+        reward, terminated, truncated, terms = batch.step(action[None])
+        info = {name: term[0] for name, term in (batch.info() | terms).items()}
+        return batch.observation()[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), info
+
+    def set_state(self, qpos: Array, qvel: Array) -> Array:
+        """Sets configuration (nq,) and velocity (nv,); the episode goes on.
+
+        Returns:
+            The observation, (n,).
+        """
+        self._batch.set_state(qpos, qvel)
+        observation: Array = self._batch.observation()[0]
+        return observation

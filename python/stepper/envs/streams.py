@@ -1,0 +1,93 @@
+"""Random numbers of resets: a stream for each environment, drawn for many environments at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+Words = NDArray[np.uint64]
+
+_GAMMA, _MIX_1, _MIX_2 = (np.uint64(k) for k in (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB))
+_SHIFTS = tuple(np.uint64(k) for k in (30, 27, 31))
+_MANTISSA = np.uint64(11)
+_STEP = 2.0**-53
+"""Distance of two neighbouring uniform numbers."""
+
+
+def _mix(words: Words) -> Words:
+    """Steele, Lea and Flood's finalizer (splitmix64): a permutation of 64-bit words that hides what they have in common."""
+    words = (words ^ (words >> _SHIFTS[0])) * _MIX_1
+    words = (words ^ (words >> _SHIFTS[1])) * _MIX_2
+    return words ^ (words >> _SHIFTS[2])
+
+
+class Streams:
+    """A stream of random numbers for each environment: splitmix64, counted, so that numbers of many streams are one array operation.
+
+    The numbers of an environment depend on its seed and on how many it drew before, and not on its place or its neighbours.
+
+    Args:
+        num_envs: Number of streams.
+        seed: Of the first stream; the others have the seeds that follow.
+    """
+
+    def __init__(self, num_envs: int, seed: int):
+        self._key: Words = np.zeros(num_envs, dtype=np.uint64)
+        self._drawn: Words = np.zeros(num_envs, dtype=np.uint64)
+        self.seed(np.arange(num_envs), [(seed + k) % 2**64 for k in range(num_envs)])
+
+    def seed(self, envs: Array, seeds: Sequence[int]) -> None:
+        """Starts streams anew.
+
+        Args:
+            envs: Indices of the streams, (n,).
+            seeds: A seed for each of them, 0 to 2^64 - 1.
+
+        Raises:
+            ValueError: A seed out of range.
+        """
+        for env, seed in zip(envs, seeds, strict=True):
+            if not 0 <= seed < 2**64:
+                raise ValueError(f"the seed of environment {env} is {seed}, must be from 0 to 2**64 - 1")
+        words: Words = np.array(seeds, dtype=np.uint64)
+        self._key[envs] = _mix(_mix(words) + _GAMMA)
+        self._drawn[envs] = 0
+
+    def words(self, envs: Array, size: int) -> Words:
+        """The next `size` words of the streams `envs` (n,): (n, size) uint64."""
+        counts = self._drawn[envs][:, None] + np.arange(1, size + 1, dtype=np.uint64)
+        self._drawn[envs] += np.uint64(size)
+        words = self._key[envs][:, None] + np.multiply(counts, _GAMMA, dtype=np.uint64)
+        return _mix(words)
+
+
+class Draws:
+    """Random numbers for the environments that are reset: a row for each of them, from its own stream.
+
+    Args:
+        streams: Streams of all environments.
+        envs: Indices of those that are reset, (n,).
+    """
+
+    def __init__(self, streams: Streams, envs: Array):
+        self._streams, self.envs = streams, envs
+
+    def uniform(self, low: float, high: float, size: int) -> Array:
+        """Numbers from `low` to `high`, evenly spread: (n, size)."""
+        words = self._streams.words(self.envs, size)
+        return low + (high - low) * _STEP * (words >> _MANTISSA).astype(np.float64)
+
+    def normal(self, size: int) -> Array:
+        """Numbers of the standard normal distribution: (n, size). Box and Muller's method."""
+        pairs = (size + 1) // 2
+        words = (self._streams.words(self.envs, 2 * pairs) >> _MANTISSA).astype(np.float64) * _STEP
+        radius, angle = np.sqrt(-2.0 * np.log1p(-words[:, :pairs])), 2.0 * np.pi * words[:, pairs:]
+        return np.hstack([radius * np.cos(angle), radius * np.sin(angle)])[:, :size]
+
+    def of(self, rows: Array) -> Draws:
+        """The draws of some of the environments, a boolean mask (n,): for what is drawn until it fits."""
+        return Draws(self._streams, self.envs[rows])

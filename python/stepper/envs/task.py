@@ -1,0 +1,192 @@
+"""What a task is: a model, a table of quantities that make its observation, a reward, and a reset."""
+
+from __future__ import annotations
+
+import functools
+import warnings
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stepper._stepper import Model, Stepper
+from stepper.envs.assets import model_file
+from stepper.envs.streams import Draws
+from stepper.loading import load
+
+Array = NDArray[Any]
+Terms: TypeAlias = dict[str, Array]
+"""Numbers by name, an array (num_envs, ...) each."""
+Contact: TypeAlias = Literal["mujoco", "hard"]
+"""Law of contact."""
+
+
+class Moment:
+    """The batch after a step or a reset.
+
+    Every quantity of `Stepper` is an attribute (`now.qpos`, `now.xpos`), an array (num_envs, ...) that is read when it is first asked for.
+
+    Attributes:
+        sim: The stepper.
+        task: The task.
+        dt: Time between two observations, s.
+        action: Actions of the step that led here, (num_envs, nu); zero after a reset.
+        rest: The model's reference configuration, (nq,).
+        velocity: Rate of change of `Task.position` over that step, per s; None after a reset and for tasks without one.
+    """
+
+    def __init__(self, sim: Stepper, task: Task, dt: float, action: Array, rest: Array):
+        self.sim, self.task, self.dt, self.action, self.rest = sim, task, dt, action, rest
+        self.velocity: Any = None
+        self._own, self._kept = set(self.__dict__) | {"_own", "_kept"}, set[str]()
+
+    def __getattr__(self, name: str) -> Any:
+        # Called for what is not there yet only.
+        if name.startswith("_"):
+            raise AttributeError(name)
+        value = self.task.healthy(self) if name == "healthy" else getattr(self.sim, name)
+        if isinstance(value, np.ndarray):
+            value = np.asarray(value)  # A plain array: `Stepper` gives kinds of its own, with which arithmetic is slower.
+        self.__dict__[name] = value
+        return value
+
+    def keep(self, name: str, value: Array) -> None:
+        """Holds a quantity, (num_envs, ...), as it is now, in place of what `Stepper` will say of it at the end of the step."""
+        self.__dict__[name] = value
+        self._kept.add(name)
+
+    def renew(self, mask: Array) -> None:
+        """Reads quantities anew, because the environments of a mask (num_envs,) were reset: what is kept of the others stays."""
+        kept = {name: self.__dict__[name] for name in self._kept}
+        self.__dict__ = {name: value for name, value in self.__dict__.items() if name in self._own}
+        for name, value in kept.items():
+            self.keep(name, np.where(mask.reshape(-1, *[1] * (value.ndim - 1)), getattr(self.sim, name), value))
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A row of the table that makes an observation.
+
+    Attributes:
+        name: Name of the row. Without `of` it is a quantity of `Stepper`: "qpos", "qvel", "xpos".
+        of: What gives the quantity of a moment, (num_envs, ...), in place of a quantity of `Stepper`.
+        columns: Those of its numbers that are observed; None is all.
+        clip: Bounds within which they are observed; None is none.
+    """
+
+    name: str
+    of: Callable[[Any], Array] | None = None
+    columns: slice | None = None
+    clip: tuple[float, float] | None = None
+
+    def read(self, now: Moment) -> Array:
+        """The numbers of a moment before they are clipped: (num_envs, n)."""
+        value: Array = getattr(now, self.name) if self.of is None else self.of(now)
+        flat = value.reshape(len(value), -1)
+        return flat if self.columns is None else flat[:, self.columns]
+
+
+class Task(ABC):
+    """A task of many environments of one model.
+
+    A task is made to be a frozen dataclass, whose fields are the arguments that `gymnasium.make` takes. All methods work on whole batches:
+    arrays have the axis of the environments in front.
+    """
+
+    contact: ClassVar[Contact] = "hard"
+    """Law of contact unless an environment is made with another."""
+    frame_skip: int
+    """Steps for each action."""
+
+    @abstractmethod
+    def model(self) -> Model:
+        """The scene."""
+
+    @abstractmethod
+    def quantities(self) -> tuple[Quantity, ...]:
+        """The observation, row by row."""
+
+    @abstractmethod
+    def reward(self, now: Moment) -> tuple[Array, Terms]:
+        """Rewards of the step that led to a moment, (num_envs,), and what its info says beyond `info`: terms of the reward."""
+
+    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:  # noqa: B027
+        """Where n episodes begin.
+
+        Args:
+            qpos: Configurations, (n, nq): those of the model's reference, to be changed in place.
+            qvel: Velocities, (n, nv): zero, to be changed in place.
+            draws: Random numbers of these environments.
+        """
+
+    def healthy(self, now: Moment) -> Array | None:
+        """Environments whose episode may go on, (num_envs,) bool; None is all. A moment has it as `now.healthy`."""
+        return None
+
+    def terminated(self, now: Moment) -> Array | None:
+        """Environments whose episode is over, (num_envs,) bool; None is none. By default those that are not healthy."""
+        return None if now.healthy is None else ~now.healthy
+
+    def position(self, now: Moment) -> Array | None:
+        """What `now.velocity` is the rate of change of, (num_envs, ...); None is nothing."""
+        return None
+
+    def info(self, now: Moment) -> Terms:
+        """What info says after a reset and after a step."""
+        return {}
+
+    def advance(self, now: Moment) -> None:
+        """Makes the steps of `now.action`; `now.keep` holds quantities from within them."""
+        now.sim.step(now.action, self.frame_skip)
+
+
+class MujocoTask(Task):
+    """A task of Gymnasium's MuJoCo environments, version 5.
+
+    Subclasses have the field `xml_file`: a file of Gymnasium's, or a path that begins with "/", "." or "~".
+    """
+
+    contact = "mujoco"
+    strict: ClassVar[bool] = True
+    """Whether the model may leave nothing out."""
+    xml_file: str
+
+    def model(self) -> Model:
+        """The scene of `xml_file`.
+
+        What its file asks for is chosen by the environment's `contact`, so that loading it warns of nothing.
+        """
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)
+            return load(model_file(self.xml_file), strict=self.strict)
+
+
+def per_moment(function: Callable[[Moment], Array]) -> Callable[[Moment], Array]:
+    """Makes a quantity of a moment, `function(now)`, one that is computed once, however often it is asked for."""
+
+    @functools.wraps(function)
+    def quantity(now: Moment) -> Array:
+        name = f"of {function.__qualname__}"
+        if name not in now.__dict__:
+            now.__dict__[name] = function(now)
+        value: Array = now.__dict__[name]
+        return value
+
+    return quantity
+
+
+def within(value: Array, bounds: tuple[float, float]) -> Array:
+    """Whether numbers lie between two bounds and on neither."""
+    low, high = bounds
+    inside: Array = (low < value) & (value < high)
+    return inside
+
+
+def square_sum(value: Array) -> Array:
+    """Sums of the squares of each environment's numbers: (num_envs,)."""
+    flat = value.reshape(len(value), -1)
+    sums: Array = np.einsum("ij,ij->i", flat, flat)
+    return sums

@@ -1,0 +1,84 @@
+"""Gymnasium's Ant-v5: a torso on four legs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stepper.envs.quantities import contact_wrenches
+from stepper.envs.streams import Draws
+from stepper.envs.task import Array, Moment, MujocoTask, Quantity, Terms, square_sum
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ant(MujocoTask):
+    """Run in x without falling. The arguments are those of Gymnasium's environment.
+
+    The torso's place, and that about which torques of contacts are taken, are those of the present state. MuJoCo's, after a step of Runge
+    and Kutta's method, are those of its last stage, which differ by the third power of the time step. Quaternions are of unit length from
+    the reset on; Gymnasium's first observation has them with the noise.
+    """
+
+    xml_file: str = "ant.xml"
+    frame_skip: int = 5
+    forward_reward_weight: float = 1.0
+    ctrl_cost_weight: float = 0.5
+    contact_cost_weight: float = 5e-4
+    healthy_reward: float = 1.0
+    main_body: int | str = 1
+    terminate_when_unhealthy: bool = True
+    healthy_z_range: tuple[float, float] = (0.2, 1.0)
+    contact_force_range: tuple[float, float] = (-1.0, 1.0)
+    reset_noise_scale: float = 0.1
+    exclude_current_positions_from_observation: bool = True
+    include_cfrc_ext_in_observation: bool = True
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Configuration without x and y, velocities, torques and forces of contacts on the bodies within their range: (105,)."""
+        rows = (
+            Quantity("qpos", columns=slice(2 * int(self.exclude_current_positions_from_observation), None)),
+            Quantity("qvel"),
+        )
+        contacts = Quantity("cfrc_ext", of=contact_wrenches, columns=slice(6, None), clip=self.contact_force_range)
+        return (*rows, contacts) if self.include_cfrc_ext_in_observation else rows
+
+    def position(self, now: Moment) -> Array:
+        """Place in x and y of the main body, m: (num_envs, 2)."""
+        body = self.main_body
+        if isinstance(body, str):
+            body = now.sim.model.body_names.index(body)
+        xy: Array = now.qpos[:, :2] if body == 1 else now.xpos[:, body, :2]
+        return xy
+
+    def healthy(self, now: Moment) -> Array:
+        """The torso's height is within its range."""
+        low, high = self.healthy_z_range
+        z = now.qpos[:, 2]
+        healthy: Array = (low <= z) & (z <= high)
+        return healthy
+
+    def terminated(self, now: Moment) -> Array | None:
+        """Those that are not healthy, unless they may go on."""
+        return ~now.healthy if self.terminate_when_unhealthy else None
+
+    def reward(self, now: Moment) -> tuple[Array, Terms]:
+        """Velocity in x and a bonus for being healthy, less squares of the control and of the contacts' forces."""
+        x_velocity, y_velocity = now.velocity.T
+        forward, survive = self.forward_reward_weight * x_velocity, self.healthy_reward * now.healthy
+        control = self.ctrl_cost_weight * square_sum(now.action)
+        contact = self.contact_cost_weight * square_sum(np.clip(contact_wrenches(now), *self.contact_force_range))
+        terms = {"x_velocity": x_velocity, "y_velocity": y_velocity, "reward_forward": forward, "reward_ctrl": -control}
+        terms |= {"reward_contact": -contact, "reward_survive": survive}
+        return forward + survive - (control + contact), terms
+
+    def info(self, now: Moment) -> Terms:
+        """Where the torso is."""
+        x, y = now.qpos[:, :2].T
+        return {"x_position": x, "y_position": y, "distance_from_origin": np.hypot(x, y)}
+
+    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+        """Uniform noise of positions, normal noise of velocities."""
+        scale = self.reset_noise_scale
+        qpos += draws.uniform(-scale, scale, qpos.shape[1])
+        qvel += scale * draws.normal(qvel.shape[1])

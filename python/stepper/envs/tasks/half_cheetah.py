@@ -1,0 +1,48 @@
+"""Gymnasium's HalfCheetah-v5: a planar runner of two legs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from stepper.envs.streams import Draws
+from stepper.envs.task import Array, Moment, MujocoTask, Quantity, Terms, square_sum
+
+
+@dataclass(frozen=True, kw_only=True)
+class HalfCheetah(MujocoTask):
+    """Run to the right, with little control. The arguments are those of Gymnasium's environment. An episode never terminates."""
+
+    xml_file: str = "half_cheetah.xml"
+    frame_skip: int = 5
+    forward_reward_weight: float = 1.0
+    ctrl_cost_weight: float = 0.1
+    reset_noise_scale: float = 0.1
+    exclude_current_positions_from_observation: bool = True
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Configuration without x, velocities: (17,)."""
+        return (
+            Quantity("qpos", columns=slice(int(self.exclude_current_positions_from_observation), None)),
+            Quantity("qvel"),
+        )
+
+    def position(self, now: Moment) -> Array:
+        """Place in x, m: (num_envs,)."""
+        x: Array = now.qpos[:, 0]
+        return x
+
+    def reward(self, now: Moment) -> tuple[Array, Terms]:
+        """Velocity in x less the control's squares."""
+        forward = self.forward_reward_weight * now.velocity
+        control = self.ctrl_cost_weight * square_sum(now.action)
+        return forward - control, {"x_velocity": now.velocity, "reward_forward": forward, "reward_ctrl": -control}
+
+    def info(self, now: Moment) -> Terms:
+        """Where it is."""
+        return {"x_position": now.qpos[:, 0]}
+
+    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+        """Uniform noise of positions, normal noise of velocities."""
+        scale = self.reset_noise_scale
+        qpos += draws.uniform(-scale, scale, qpos.shape[1])
+        qvel += scale * draws.normal(qvel.shape[1])

@@ -1,0 +1,79 @@
+"""Gymnasium's Humanoid-v5: a humanoid that walks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stepper.envs.quantities import BODY_TABLES, contact_wrenches, tendons
+from stepper.envs.streams import Draws
+from stepper.envs.task import Array, Moment, MujocoTask, Quantity, Terms, square_sum, within
+
+
+@dataclass(frozen=True, kw_only=True)
+class Humanoid(MujocoTask):
+    """Walk in x without falling. The arguments are those of Gymnasium's environment.
+
+    Centres of mass, inertias and velocities of bodies are those of the present state. MuJoCo's, after a step of Runge and Kutta's method,
+    are those of its last stage, which differ by the third power of the time step. Quaternions are of unit length from the reset on;
+    Gymnasium's first observation has them with the noise.
+    """
+
+    xml_file: str = "humanoid.xml"
+    frame_skip: int = 5
+    forward_reward_weight: float = 1.25
+    ctrl_cost_weight: float = 0.1
+    contact_cost_weight: float = 5e-7
+    contact_cost_range: tuple[float, float] = (-np.inf, 10.0)
+    healthy_reward: float = 5.0
+    terminate_when_unhealthy: bool = True
+    healthy_z_range: tuple[float, float] = (1.0, 2.0)
+    reset_noise_scale: float = 1e-2
+    exclude_current_positions_from_observation: bool = True
+    include_cinert_in_observation: bool = True
+    include_cvel_in_observation: bool = True
+    include_qfrc_actuator_in_observation: bool = True
+    include_cfrc_ext_in_observation: bool = True
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Configuration without x and y, velocities, and the tables of `BODY_TABLES` that are included: (348,)."""
+        return (
+            Quantity("qpos", columns=slice(2 * int(self.exclude_current_positions_from_observation), None)),
+            Quantity("qvel"),
+            *(table for table in BODY_TABLES if getattr(self, f"include_{table.name}_in_observation")),
+        )
+
+    def position(self, now: Moment) -> Array:
+        """Place in x and y of the centre of mass, m: (num_envs, 2)."""
+        xy: Array = now.subtree_com[:, 0, :2]
+        return xy
+
+    def healthy(self, now: Moment) -> Array:
+        """The torso's height is within its range."""
+        return within(now.qpos[:, 2], self.healthy_z_range)
+
+    def terminated(self, now: Moment) -> Array | None:
+        """Those that are not healthy, unless they may go on."""
+        return ~now.healthy if self.terminate_when_unhealthy else None
+
+    def reward(self, now: Moment) -> tuple[Array, Terms]:
+        """Velocity in x and a bonus for being healthy, less squares of the control and of the contacts' forces."""
+        x_velocity, y_velocity = now.velocity.T
+        forward, survive = self.forward_reward_weight * x_velocity, self.healthy_reward * now.healthy
+        control = self.ctrl_cost_weight * square_sum(now.action)
+        contact = np.clip(self.contact_cost_weight * square_sum(contact_wrenches(now)), *self.contact_cost_range)
+        terms = {"x_velocity": x_velocity, "y_velocity": y_velocity, "reward_survive": survive, "reward_forward": forward}
+        terms |= {"reward_ctrl": -control, "reward_contact": -contact}
+        return forward + survive - (control + contact), terms
+
+    def info(self, now: Moment) -> Terms:
+        """Where the torso is, and the tendons."""
+        x, y = now.qpos[:, :2].T
+        return {"x_position": x, "y_position": y, **tendons(now), "distance_from_origin": np.hypot(x, y)}
+
+    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+        """Uniform noise of positions and velocities."""
+        scale = self.reset_noise_scale
+        qpos += draws.uniform(-scale, scale, qpos.shape[1])
+        qvel += draws.uniform(-scale, scale, qvel.shape[1])

@@ -1,0 +1,61 @@
+"""Gymnasium's HumanoidStandup-v5: a humanoid that lies and is to rise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stepper.envs.quantities import BODY_TABLES, contact_wrenches, tendons
+from stepper.envs.streams import Draws
+from stepper.envs.task import Array, Moment, MujocoTask, Quantity, Terms, square_sum
+
+
+@dataclass(frozen=True, kw_only=True)
+class HumanoidStandup(MujocoTask):
+    """Rise. The arguments are those of Gymnasium's environment. An episode never terminates.
+
+    What the observation has of bodies is that of the present state, and quaternions are of unit length, as in `Humanoid`.
+    """
+
+    xml_file: str = "humanoidstandup.xml"
+    frame_skip: int = 5
+    uph_cost_weight: float = 1.0
+    ctrl_cost_weight: float = 0.1
+    impact_cost_weight: float = 0.5e-6
+    impact_cost_range: tuple[float, float] = (-np.inf, 10.0)
+    reset_noise_scale: float = 1e-2
+    exclude_current_positions_from_observation: bool = True
+    include_cinert_in_observation: bool = True
+    include_cvel_in_observation: bool = True
+    include_qfrc_actuator_in_observation: bool = True
+    include_cfrc_ext_in_observation: bool = True
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Configuration without x and y, velocities, and the tables of `BODY_TABLES` that are included: (348,)."""
+        return (
+            Quantity("qpos", columns=slice(2 * int(self.exclude_current_positions_from_observation), None)),
+            Quantity("qvel"),
+            *(table for table in BODY_TABLES if getattr(self, f"include_{table.name}_in_observation")),
+        )
+
+    def reward(self, now: Moment) -> tuple[Array, Terms]:
+        """Height over the time step, and 1, less squares of the control and of the contacts' forces.
+
+        `uph_cost_weight` has no part in it, as in Gymnasium's environment.
+        """
+        up = now.qpos[:, 2] / now.sim.timestep
+        control = self.ctrl_cost_weight * square_sum(now.action)
+        impact = np.clip(self.impact_cost_weight * square_sum(contact_wrenches(now)), *self.impact_cost_range)
+        return up - control - impact + 1.0, {"reward_linup": up, "reward_quadctrl": -control, "reward_impact": -impact}
+
+    def info(self, now: Moment) -> Terms:
+        """Where the torso is, and the tendons."""
+        x, y, z = now.qpos[:, :3].T
+        return {"x_position": x, "y_position": y, "z_distance_from_origin": z - now.rest[2], **tendons(now)}
+
+    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+        """Uniform noise of positions and velocities."""
+        scale = self.reset_noise_scale
+        qpos += draws.uniform(-scale, scale, qpos.shape[1])
+        qvel += draws.uniform(-scale, scale, qvel.shape[1])

@@ -1,0 +1,59 @@
+"""Gymnasium's InvertedDoublePendulum-v5: two poles on a cart."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from stepper.envs.streams import Draws
+from stepper.envs.task import Array, Moment, MujocoTask, Quantity, Terms
+
+WITHIN = (-10.0, 10.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class InvertedDoublePendulum(MujocoTask):
+    """Keep the tip of the second pole above 1 m. The arguments are those of Gymnasium's environment.
+
+    The place of the tip is that of the present state. MuJoCo's, after a step of Runge and Kutta's method, is that of its last stage, which
+    differs by the third power of the time step. With contact="hard" the margin of the cart's limit narrows its range by 0.01 m.
+    """
+
+    strict: ClassVar[bool] = False  # The margin of the cart's limit is what is left out.
+
+    xml_file: str = "inverted_double_pendulum.xml"
+    frame_skip: int = 5
+    healthy_reward: float = 10.0
+    reset_noise_scale: float = 0.1
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Place of the cart, sines and cosines of the angles, velocities and the force of the cart's limit within 10: (9,)."""
+        return (
+            Quantity("qpos", columns=slice(0, 1)),
+            Quantity("sin", of=lambda now: np.sin(now.qpos[:, 1:])),
+            Quantity("cos", of=lambda now: np.cos(now.qpos[:, 1:])),
+            Quantity("qvel", clip=WITHIN),
+            Quantity("qfrc_constraint", columns=slice(0, 1), clip=WITHIN),
+        )
+
+    def healthy(self, now: Moment) -> Array:
+        """The tip is above 1 m."""
+        high: Array = now.site_xpos[:, 0, 2] > 1.0
+        return high
+
+    def reward(self, now: Moment) -> tuple[Array, Terms]:
+        """A bonus while the tip is high, less squares of its distance from (0, 2) m and of the velocities of the joints."""
+        x, _, z = now.site_xpos[:, 0].T
+        survive = self.healthy_reward * now.healthy
+        distance = 0.01 * x**2 + (z - 2.0) ** 2
+        velocity = 1e-3 * now.qvel[:, 1] ** 2 + 5e-3 * now.qvel[:, 2] ** 2
+        terms = {"reward_survive": survive, "distance_penalty": -distance, "velocity_penalty": -velocity}
+        return survive - distance - velocity, terms
+
+    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+        """Uniform noise of positions, normal noise of velocities."""
+        scale = self.reset_noise_scale
+        qpos += draws.uniform(-scale, scale, qpos.shape[1])
+        qvel += scale * draws.normal(qvel.shape[1])

@@ -1,0 +1,39 @@
+"""Gymnasium's InvertedPendulum-v5: a pole on a cart."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stepper.envs.streams import Draws
+from stepper.envs.task import Array, Moment, MujocoTask, Quantity, Terms
+
+
+@dataclass(frozen=True, kw_only=True)
+class InvertedPendulum(MujocoTask):
+    """Keep the pole within 0.2 rad of upright. The arguments are those of Gymnasium's environment."""
+
+    xml_file: str = "inverted_pendulum.xml"
+    frame_skip: int = 2
+    reset_noise_scale: float = 0.01
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Configuration, velocities: (4,)."""
+        return Quantity("qpos"), Quantity("qvel")
+
+    def healthy(self, now: Moment) -> Array:
+        """The pole is upright."""
+        upright: Array = np.abs(now.qpos[:, 1]) <= 0.2
+        return upright
+
+    def reward(self, now: Moment) -> tuple[Array, Terms]:
+        """1 while the pole is upright."""
+        survive = now.healthy.astype(np.int64)
+        return survive, {"reward_survive": survive}
+
+    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+        """Uniform noise of positions and velocities."""
+        scale = self.reset_noise_scale
+        qpos += draws.uniform(-scale, scale, qpos.shape[1])
+        qvel += draws.uniform(-scale, scale, qvel.shape[1])

@@ -1,0 +1,71 @@
+"""Gymnasium's Pusher-v5: an arm of seven joints that pushes a cylinder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stepper.envs.streams import Draws
+from stepper.envs.task import Array, Moment, MujocoTask, Quantity, Terms, square_sum
+
+NEAREST = 0.17
+"""The cylinder begins farther than this from the goal, m."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pusher(MujocoTask):
+    """Push the cylinder to the goal. The arguments are those of Gymnasium's environment. An episode never terminates.
+
+    Places of bodies, in the observation and in the reward, are those before the last of the `frame_skip` steps, with either law of contact:
+    so `mj_step` leaves them, and so the task is published. After a reset they are those of the present state.
+    """
+
+    xml_file: str = "pusher_v5.xml"
+    frame_skip: int = 5
+    reward_near_weight: float = 0.5
+    reward_dist_weight: float = 1.0
+    reward_control_weight: float = 0.1
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Angles of the arm, their velocities, places of fingertips, cylinder and goal: (23,)."""
+        return (
+            Quantity("qpos", columns=slice(0, 7)),
+            Quantity("qvel", columns=slice(0, 7)),
+            Quantity("tips_arm", of=lambda now: _place(now, "tips_arm")),
+            Quantity("object", of=lambda now: _place(now, "object")),
+            Quantity("goal", of=lambda now: _place(now, "goal")),
+        )
+
+    def advance(self, now: Moment) -> None:
+        """Makes the steps of an action, and keeps where bodies are before the last."""
+        now.sim.step(now.action, self.frame_skip - 1)
+        now.keep("xpos", now.sim.xpos)
+        before = now.sim.status
+        now.sim.step(now.action)
+        now.keep("status", before | now.sim.status)
+
+    def reward(self, now: Moment) -> tuple[Array, Terms]:
+        """Less the distances of the cylinder from the fingertips and from the goal, and the control's squares."""
+        cylinder = _place(now, "object")
+        near = -self.reward_near_weight * np.sqrt(square_sum(cylinder - _place(now, "tips_arm")))
+        distance = -self.reward_dist_weight * np.sqrt(square_sum(cylinder - _place(now, "goal")))
+        control = -self.reward_control_weight * square_sum(now.action)
+        return distance + control + near, {"reward_dist": distance, "reward_ctrl": control, "reward_near": near}
+
+    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+        """The cylinder is anywhere in a rectangle of 0.3 m by 0.4 m but near the goal; the arm has uniform noise of velocities."""
+        again = np.ones(len(qpos), dtype=bool)
+        while again.any():
+            some = draws.of(again)
+            qpos[again, -4:-2] = np.hstack([some.uniform(-0.3, 0.0, 1), some.uniform(-0.2, 0.2, 1)])
+            again = square_sum(qpos[:, -4:-2]) <= NEAREST**2
+        qpos[:, -2:] = 0.0
+        qvel += draws.uniform(-0.005, 0.005, qvel.shape[1])
+        qvel[:, -4:] = 0.0
+
+
+def _place(now: Moment, body: str) -> Array:
+    """Position of a body, m: (num_envs, 3)."""
+    place: Array = now.xpos[:, now.sim.model.body_names.index(body)]
+    return place

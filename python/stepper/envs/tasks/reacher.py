@@ -1,0 +1,56 @@
+"""Gymnasium's Reacher-v5: a planar arm of two links."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stepper.envs.streams import Draws
+from stepper.envs.task import Array, Moment, MujocoTask, Quantity, Terms, per_moment, square_sum
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reacher(MujocoTask):
+    """Bring the fingertip to the target. The arguments are those of Gymnasium's environment. An episode never terminates.
+
+    The place of the fingertip is that of the present state. MuJoCo's, after a step of Runge and Kutta's method, is that of its last stage,
+    which differs by the third power of the time step.
+    """
+
+    xml_file: str = "reacher.xml"
+    frame_skip: int = 2
+    reward_dist_weight: float = 1.0
+    reward_control_weight: float = 1.0
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Cosines and sines of the angles, place of the target, velocities of the angles, fingertip less target in x and y: (10,)."""
+        return (
+            Quantity("cos", of=lambda now: np.cos(now.qpos[:, :2])),
+            Quantity("sin", of=lambda now: np.sin(now.qpos[:, :2])),
+            Quantity("qpos", columns=slice(2, None)),
+            Quantity("qvel", columns=slice(0, 2)),
+            Quantity("fingertip", of=_to_target, columns=slice(0, 2)),
+        )
+
+    def reward(self, now: Moment) -> tuple[Array, Terms]:
+        """Less the distance and the control's squares."""
+        distance = -self.reward_dist_weight * np.sqrt(square_sum(_to_target(now)))
+        control = -self.reward_control_weight * square_sum(now.action)
+        return distance + control, {"reward_dist": distance, "reward_ctrl": control}
+
+    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+        """Uniform noise of the arm; the target is anywhere within 0.2 m of the middle, evenly spread, and stands still."""
+        qpos += draws.uniform(-0.1, 0.1, qpos.shape[1])
+        radius, angle = 0.2 * np.sqrt(draws.uniform(0.0, 1.0, 1)[:, 0]), draws.uniform(-np.pi, np.pi, 1)[:, 0]
+        qpos[:, -2:] = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+        qvel += draws.uniform(-0.005, 0.005, qvel.shape[1])
+        qvel[:, -2:] = 0.0
+
+
+@per_moment
+def _to_target(now: Moment) -> Array:
+    """From the target to the fingertip, m: (num_envs, 3)."""
+    names = now.sim.model.body_names
+    difference: Array = now.xpos[:, names.index("fingertip")] - now.xpos[:, names.index("target")]
+    return difference

@@ -1,0 +1,53 @@
+"""Gymnasium's Swimmer-v5: a planar chain in a viscous medium."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stepper.envs.streams import Draws
+from stepper.envs.task import Array, Moment, MujocoTask, Quantity, Terms, square_sum
+
+
+@dataclass(frozen=True, kw_only=True)
+class Swimmer(MujocoTask):
+    """Swim in x, with little control. The arguments are those of Gymnasium's environment. An episode never terminates."""
+
+    xml_file: str = "swimmer.xml"
+    frame_skip: int = 4
+    forward_reward_weight: float = 1.0
+    ctrl_cost_weight: float = 1e-4
+    reset_noise_scale: float = 0.1
+    exclude_current_positions_from_observation: bool = True
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Configuration without x and y, velocities: (8,)."""
+        return (
+            Quantity("qpos", columns=slice(2 * int(self.exclude_current_positions_from_observation), None)),
+            Quantity("qvel"),
+        )
+
+    def position(self, now: Moment) -> Array:
+        """Place in x and y, m: (num_envs, 2)."""
+        xy: Array = now.qpos[:, :2]
+        return xy
+
+    def reward(self, now: Moment) -> tuple[Array, Terms]:
+        """Velocity in x less the control's squares."""
+        x_velocity, y_velocity = now.velocity.T
+        forward = self.forward_reward_weight * x_velocity
+        control = self.ctrl_cost_weight * square_sum(now.action)
+        terms = {"x_velocity": x_velocity, "y_velocity": y_velocity, "reward_forward": forward, "reward_ctrl": -control}
+        return forward - control, terms
+
+    def info(self, now: Moment) -> Terms:
+        """Where it is."""
+        x, y = now.qpos[:, :2].T
+        return {"x_position": x, "y_position": y, "distance_from_origin": np.hypot(x, y)}
+
+    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+        """Uniform noise of positions and velocities."""
+        scale = self.reset_noise_scale
+        qpos += draws.uniform(-scale, scale, qpos.shape[1])
+        qvel += draws.uniform(-scale, scale, qvel.shape[1])

@@ -1,0 +1,62 @@
+"""Gymnasium's Walker2d-v5: a planar walker of two legs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from stepper.envs.streams import Draws
+from stepper.envs.task import Array, Moment, MujocoTask, Quantity, Terms, square_sum, within
+
+
+@dataclass(frozen=True, kw_only=True)
+class Walker2d(MujocoTask):
+    """Walk to the right without falling. The arguments are those of Gymnasium's environment."""
+
+    xml_file: str = "walker2d_v5.xml"
+    frame_skip: int = 4
+    forward_reward_weight: float = 1.0
+    ctrl_cost_weight: float = 1e-3
+    healthy_reward: float = 1.0
+    terminate_when_unhealthy: bool = True
+    healthy_z_range: tuple[float, float] = (0.8, 2.0)
+    healthy_angle_range: tuple[float, float] = (-1.0, 1.0)
+    reset_noise_scale: float = 5e-3
+    exclude_current_positions_from_observation: bool = True
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Configuration without x, velocities within 10 m/s and rad/s: (17,)."""
+        return (
+            Quantity("qpos", columns=slice(int(self.exclude_current_positions_from_observation), None)),
+            Quantity("qvel", clip=(-10.0, 10.0)),
+        )
+
+    def position(self, now: Moment) -> Array:
+        """Place in x, m: (num_envs,)."""
+        x: Array = now.qpos[:, 0]
+        return x
+
+    def healthy(self, now: Moment) -> Array:
+        """Height and angle are within their ranges."""
+        healthy: Array = within(now.qpos[:, 1], self.healthy_z_range) & within(now.qpos[:, 2], self.healthy_angle_range)
+        return healthy
+
+    def terminated(self, now: Moment) -> Array | None:
+        """Those that are not healthy, unless they may go on."""
+        return ~now.healthy if self.terminate_when_unhealthy else None
+
+    def reward(self, now: Moment) -> tuple[Array, Terms]:
+        """Velocity in x and a bonus for being healthy, less the control's squares."""
+        forward, survive = self.forward_reward_weight * now.velocity, self.healthy_reward * now.healthy
+        control = self.ctrl_cost_weight * square_sum(now.action)
+        terms = {"x_velocity": now.velocity, "reward_forward": forward, "reward_ctrl": -control, "reward_survive": survive}
+        return forward + survive - control, terms
+
+    def info(self, now: Moment) -> Terms:
+        """Where it is; the height is that above the model's reference."""
+        return {"x_position": now.qpos[:, 0], "z_distance_from_origin": now.qpos[:, 1] - now.rest[1]}
+
+    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+        """Uniform noise of positions and velocities."""
+        scale = self.reset_noise_scale
+        qpos += draws.uniform(-scale, scale, qpos.shape[1])
+        qvel += draws.uniform(-scale, scale, qvel.shape[1])

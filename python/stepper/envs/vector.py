@@ -1,0 +1,235 @@
+"""Many environments as one `gymnasium.vector.VectorEnv`."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.error import ResetNeeded
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from stepper._options import Options, Precision
+from stepper._stepper import Stepper
+from stepper.envs.batch import Batch
+from stepper.envs.drawing import check_render_mode
+from stepper.envs.task import Array, Contact, Task, Terms
+
+
+class StepperVectorEnv(VectorEnv[Array, Array, Array]):
+    """Environments of one task, stepped together. Arrays that it returns are the caller's; it pickles with its state.
+
+    An environment whose state would not be finite keeps its last finite one, and its episode is terminated: its info has "non_finite".
+
+    Args:
+        task: A `Task`, or the name of one of `stepper.envs.TASKS`, whose arguments are then given here too.
+        num_envs: Number of environments.
+        autoreset_mode: When an environment whose episode is over begins another: `AutoresetMode.NEXT_STEP`, with the next call of `step`,
+            whose action it ignores; `SAME_STEP`, within the step that ends it, whose last observation and info are the infos "final_obs"
+            and "final_info"; `DISABLED`, when `reset(options={"reset_mask": mask})` asks for it.
+        contact: Law of contact: "mujoco", with the integrator that the model's file asks for, or "hard"; None is the task's.
+        options: Settings of the step in place of those of `contact`.
+        precision: "f64" or "f32".
+        threads: Threads that step; 0 is all that this process may use. The bits are the same for any number.
+        dtype: Scalar type of observations, float64 or float32; None is that of the precision.
+        max_episode_steps: Actions after which an episode is truncated; None is no limit. `gymnasium.make_vec` gives the registered one.
+        episode_statistics: Whether infos have "episode" where one is over: its return "r", length "l" and duration "t" in s, as
+            `RecordEpisodeStatistics` writes them.
+        render_mode: None. Nothing is drawn.
+        **arguments: Arguments of a task that is given by its name.
+
+    Raises:
+        ValueError: A setting out of its range, or no task of that name.
+        TypeError: Arguments that the task does not have.
+    """
+
+    def __init__(
+        self,
+        task: Task | str,
+        num_envs: int = 1,
+        *,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        contact: Contact | None = None,
+        options: Options | None = None,
+        precision: Precision = "f64",
+        threads: int = 1,
+        dtype: Any = None,
+        max_episode_steps: int | None = None,
+        episode_statistics: bool = False,
+        render_mode: None = None,
+        **arguments: Any,
+    ):
+        check_render_mode(render_mode)
+        settings: dict[str, Any] = {"contact": contact, "options": options, "precision": precision, "threads": threads, "dtype": dtype}
+        self._batch = Batch(task, num_envs, arguments, max_episode_steps=max_episode_steps, **settings)
+        self.num_envs, self.autoreset_mode = num_envs, AutoresetMode(autoreset_mode)
+        self.metadata = {"autoreset_mode": self.autoreset_mode, "render_modes": [], "render_fps": round(1 / self._batch.dt)}
+        self.single_observation_space, self.single_action_space = self._batch.observation_space, self._batch.action_space
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.observation_structure = self._batch.structure
+        self._statistics, self._begun = episode_statistics, False
+        self._over, self._any_over = np.zeros(num_envs, dtype=bool), False
+        self._since = np.zeros(num_envs)
+
+    @property
+    def sim(self) -> Stepper:
+        """The stepper: to read from, and to randomize."""
+        return self._batch.sim
+
+    @property
+    def task(self) -> Task:
+        """The task."""
+        return self._batch.task
+
+    @property
+    def dt(self) -> float:
+        """Time of an action, s."""
+        return self._batch.dt
+
+    @property
+    def episode_returns(self) -> Array:
+        """Sums of the rewards of the episodes that are under way, (num_envs,)."""
+        return self._batch.returns.copy()
+
+    @property
+    def episode_lengths(self) -> Array:
+        """Actions of the episodes that are under way, (num_envs,)."""
+        return self._batch.lengths.copy()
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
+        """Begins new episodes.
+
+        Args:
+            seed: Environment i has the seed `seed + i`, or that of a sequence; what it draws follows from it alone. None goes on with the
+                random numbers as they are.
+            options: "reset_mask", (num_envs,) bool: the environments that begin; without it all do.
+
+        Returns:
+            Observations of all environments (num_envs, n), and infos of those that began.
+
+        Raises:
+            TypeError: A reset_mask that is no array of bool.
+            ValueError: Another shape, a mask of none, other options, as many seeds as there are not environments.
+            ResetNeeded: A mask before all environments began once.
+        """
+        seeds = _seeds(seed, self.num_envs)
+        mask = _mask(options, self.num_envs)
+        if not self._begun and not mask.all():
+            raise ResetNeeded("call reset without reset_mask first: not all environments have begun")
+        super().reset(seed=seed if isinstance(seed, int) else None)
+        given = np.array([value is not None for value in seeds]) & mask
+        if given.any():
+            self._batch.seed(np.flatnonzero(given), [value for value, take in zip(seeds, given, strict=True) if take and value is not None])
+        self._batch.begin(mask)
+        self._begun = True
+        self._over[mask] = False
+        self._any_over = bool(self._over.any())
+        self._since[mask] = time.perf_counter()
+        return self._batch.observation(), _shown(self._batch.info(), mask)
+
+    def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
+        """Makes the steps of one action in every environment.
+
+        Args:
+            actions: (num_envs, nu).
+
+        Returns:
+            Observations (num_envs, n), rewards (num_envs,) float64, terminations and truncations (num_envs,) bool, infos.
+
+        Raises:
+            ValueError: Actions of another shape.
+            ResetNeeded: Before the first reset; or, with `AutoresetMode.DISABLED`, for environments whose episode is over.
+        """
+        batch = self._batch
+        action = np.ascontiguousarray(actions, dtype=np.float64)
+        if action.shape != self.action_space.shape:
+            raise ValueError(f"actions have shape {action.shape}, must be {self.action_space.shape}")
+        if not self._begun:
+            raise ResetNeeded("call reset before step")
+        begins = self._over if self._any_over else None
+        if begins is not None and self.autoreset_mode == AutoresetMode.DISABLED:
+            raise ResetNeeded(f'episodes of environments {np.flatnonzero(begins)[:10].tolist()} are over: reset them with "reset_mask"')
+        reward, terminated, truncated, terms = batch.step(action, begins)
+        over = terminated | truncated
+        infos: dict[str, Any] = {}
+        if begins is not None:
+            self._since[begins] = time.perf_counter()
+        self._over, self._any_over = over, bool(over.any())
+        if self._any_over and self._statistics:
+            infos = self._episodes(over)
+        if self._any_over and self.autoreset_mode == AutoresetMode.SAME_STEP:
+            final = np.full(self.num_envs, None, dtype=object)
+            final[over] = np.fromiter(batch.observation()[over], dtype=object, count=int(over.sum()))
+            ended = _shown(batch.info() | terms, over)
+            batch.begin(over)
+            self._since[over] = time.perf_counter()
+            infos |= {"final_obs": final, "_final_obs": over, "final_info": ended, "_final_info": over.copy()}
+            self._over, self._any_over, begins = np.zeros_like(over), False, over
+        infos |= _shown(batch.info(), np.ones(self.num_envs, dtype=bool))
+        infos |= _shown(terms, np.ones(self.num_envs, dtype=bool) if begins is None else ~begins)
+        return batch.observation(), reward, terminated, truncated, infos
+
+    def set_state(self, qpos: Array, qvel: Array, mask: Array | None = None) -> Array:
+        """Sets the state of all environments, or of those of a mask; episodes go on.
+
+        Args:
+            qpos: Configurations, (num_envs, nq) or (nq,).
+            qvel: Velocities, (num_envs, nv) or (nv,).
+            mask: (num_envs,) bool; None is all.
+
+        Returns:
+            Observations, (num_envs, n).
+        """
+        self._batch.set_state(qpos, qvel, mask)
+        return self._batch.observation()
+
+    def _episodes(self, over: Array) -> dict[str, Any]:
+        """Statistics of the episodes that are over."""
+        batch = self._batch
+        duration = np.round(time.perf_counter() - self._since, 6)
+        sums = {"r": np.where(over, batch.returns, 0.0), "l": np.where(over, batch.lengths, 0), "t": np.where(over, duration, 0.0)}
+        return {"episode": sums, "_episode": over.copy()}
+
+
+def _shown(terms: Terms, mask: Array) -> dict[str, Any]:
+    """Terms as infos of the environments of a mask: zero in the others, and a mask beside each."""
+    if mask.all():
+        return {key: value for name, term in terms.items() for key, value in ((name, np.array(term)), (f"_{name}", mask))}
+    if not mask.any():
+        return {}
+    infos: dict[str, Any] = {}
+    for name, term in terms.items():
+        infos[name] = np.where(mask.reshape(-1, *[1] * (term.ndim - 1)), term, np.zeros((), dtype=term.dtype))
+        infos[f"_{name}"] = mask.copy()
+    return infos
+
+
+def _seeds(seed: int | Sequence[int | None] | None, num_envs: int) -> list[int | None]:
+    """A seed, or None, for each environment."""
+    if seed is None:
+        return [None] * num_envs
+    if isinstance(seed, int | np.integer):
+        return [int(seed) + k for k in range(num_envs)]
+    seeds = list(seed)
+    if len(seeds) != num_envs:
+        raise ValueError(f"there are {len(seeds)} seeds, must be {num_envs}: one for each environment, or None for those without")
+    return seeds
+
+
+def _mask(options: dict[str, Any] | None, num_envs: int) -> Array:
+    """Environments that `reset` begins."""
+    if unknown := set(options or {}) - {"reset_mask"}:
+        raise ValueError(f"unknown options {sorted(unknown)}, there is: 'reset_mask'")
+    if options is None or "reset_mask" not in options:
+        return np.ones(num_envs, dtype=bool)
+    mask = options["reset_mask"]
+    if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
+        raise TypeError(f"reset_mask is {mask!r}, must be an array of bool")
+    if mask.shape != (num_envs,) or not mask.any():
+        raise ValueError(f"reset_mask has shape {mask.shape} and {mask.sum()} of True, must be ({num_envs},) with one at least")
+    return mask

@@ -1,0 +1,96 @@
+"""When environments whose episode is over begin another: as in Gymnasium's `SyncVectorEnv` of single environments, bit for bit."""
+
+import gymnasium
+import numpy as np
+import pytest
+from envs.cases import cases, same
+from gymnasium.error import ResetNeeded
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from stepper.envs import StepperVectorEnv
+
+N, LIMIT = 5, 9
+
+
+def pair(name, mode, **arguments):
+    """A batch, and as many single environments."""
+
+    def single():
+        return gymnasium.make(f"stepper/{name}-v5", max_episode_steps=LIMIT, disable_env_checker=True, **arguments)
+
+    ours = StepperVectorEnv(name, N, autoreset_mode=mode, max_episode_steps=LIMIT, **arguments)
+    return ours, SyncVectorEnv([single] * N, autoreset_mode=mode)
+
+
+@pytest.mark.parametrize("name", cases())
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+def test_it_is_gymnasiums_for_episodes_that_end_at_different_times(name, mode):
+    ours, theirs = pair(name, mode)
+    same(ours.reset(seed=3), theirs.reset(seed=3))
+    # Episodes do not all end at once: two of them begin anew in the middle of the others.
+    mask = np.arange(N) % 3 == 1
+    rng = np.random.default_rng(0)
+    over = np.zeros(N, dtype=int)
+    for k in range(60):
+        if k == 4:
+            same(ours.reset(options={"reset_mask": mask}), theirs.reset(options={"reset_mask": mask}))
+        action = rng.uniform(*ours.single_action_space.low[:1], *ours.single_action_space.high[:1], ours.action_space.shape)
+        found, expected = ours.step(action), theirs.step(action)
+        same(found, expected)
+        over += found[2] | found[3]
+    assert over.min() >= 4
+
+
+def test_with_next_step_rewards_and_flags_of_a_reset_are_zero_and_its_action_ignored():
+    envs = StepperVectorEnv("Hopper", 2, max_episode_steps=2)
+    envs.reset(seed=0)
+    zero, full = np.zeros((2, 3)), np.ones((2, 3))
+    envs.step(zero)
+    *_, truncated, info = envs.step(zero)
+    assert truncated.all()
+    assert "final_obs" not in info
+    first, reward, terminated, truncated, info = envs.step(full * np.nan)
+    assert not (reward.any() or terminated.any() or truncated.any())
+    assert "x_velocity" not in info
+    assert info["_x_position"].all()
+    other = StepperVectorEnv("Hopper", 2)
+    other.reset(seed=0)
+    np.testing.assert_array_equal(first, other.reset()[0])
+
+
+def test_when_disabled_whoever_steps_on_is_told_and_a_mask_goes_on():
+    ours, theirs = pair("Hopper", AutoresetMode.DISABLED)
+    same(ours.reset(seed=0), theirs.reset(seed=0))
+    rng = np.random.default_rng(1)
+    ended = 0
+    for _ in range(40):
+        action = rng.uniform(-1, 1, (N, 3))
+        found = ours.step(action)
+        same(found, theirs.step(action))
+        over = found[2] | found[3]
+        if over.any():
+            ended += 1
+            with pytest.raises(ResetNeeded, match=rf"environments \[{np.flatnonzero(over)[0]}"):
+                ours.step(action)
+            same(ours.reset(options={"reset_mask": over}), theirs.reset(options={"reset_mask": over}))
+    assert ended > 3
+
+
+def test_final_observations_are_those_that_the_episode_ended_with():
+    one = StepperVectorEnv("InvertedPendulum", 3, max_episode_steps=4, autoreset_mode="SameStep")
+    other = StepperVectorEnv("InvertedPendulum", 3, max_episode_steps=4, autoreset_mode="Disabled")
+    one.reset(seed=0), other.reset(seed=0)
+    for _ in range(4):
+        found, expected = one.step(np.zeros((3, 1))), other.step(np.zeros((3, 1)))
+    np.testing.assert_array_equal(np.stack(list(found[-1]["final_obs"])), expected[0])
+    np.testing.assert_array_equal(found[-1]["final_info"]["reward_survive"], expected[-1]["reward_survive"])
+    np.testing.assert_array_equal(found[0], other.reset(options={"reset_mask": np.ones(3, bool)})[0])
+
+
+def test_terminated_and_truncated_can_come_together_and_statistics_begin_anew():
+    envs = StepperVectorEnv("Hopper", 4, autoreset_mode="SameStep", max_episode_steps=6, healthy_z_range=(2.0, 3.0))
+    envs.reset(seed=0)
+    _, _, terminated, truncated, _ = envs.step(np.zeros((4, 3)))
+    assert terminated.all()
+    assert not truncated.any()
+    assert not envs.episode_lengths.any()
+    assert not envs.episode_returns.any()

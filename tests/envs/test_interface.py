@@ -1,0 +1,218 @@
+"""Environments obey Gymnasium's interface, alone and in batches, and say what is wrong with a call."""
+
+import copy
+import pickle
+import subprocess
+import sys
+from dataclasses import fields
+
+import gymnasium
+import numpy as np
+import pytest
+import stepper
+from envs.cases import cases, same
+from gymnasium.error import ResetNeeded
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode
+from stepper.envs import TASKS, StepperEnv, StepperVectorEnv
+
+NAMES = cases()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_gymnasiums_checker_accepts_it(name):
+    check_env(gymnasium.make(f"stepper/{name}-v5", disable_env_checker=True).unwrapped, skip_render_check=True)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("contact", ["mujoco", "hard"])
+def test_make_vec_makes_a_batch(name, contact):
+    envs = gymnasium.make_vec(f"stepper/{name}-v5", num_envs=3, contact=contact, vectorization_mode="vector_entry_point")
+    assert isinstance(envs, StepperVectorEnv)
+    assert envs.sim.options == (stepper.Options.of(envs.sim.model) if contact == "mujoco" else stepper.Options())
+    observation, _ = envs.reset(seed=0)
+    assert observation in envs.observation_space
+    for _ in range(3):
+        observation, reward, terminated, truncated, _ = envs.step(envs.action_space.sample())
+        assert observation in envs.observation_space
+        assert (reward.dtype, terminated.dtype, truncated.dtype) == (np.float64, bool, bool)
+    assert sum(envs.observation_structure.values()) == observation.shape[1]
+
+
+def test_importing_stepper_imports_no_gymnasium():
+    code = "import sys, stepper; assert 'gymnasium' not in sys.modules; stepper.envs; assert 'gymnasium' in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_gymnasium_finds_it_by_the_module_in_its_name():
+    code = "import gymnasium; gymnasium.make('stepper.envs:stepper/HalfCheetah-v5')"
+    subprocess.run([sys.executable, "-W", "ignore", "-c", code], check=True)
+
+
+def episode(envs, seed, actions):
+    """All that a batch says."""
+    said = [envs.reset(seed=seed)]
+    return [*said, *(envs.step(action) for action in actions)]
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+def test_an_environment_alone_has_the_bits_of_one_in_a_batch(name, precision):
+    envs = StepperVectorEnv(name, 11, autoreset_mode=AutoresetMode.NEXT_STEP, precision=precision)
+    actions = np.random.default_rng(0).uniform(-1, 1, (12, *envs.action_space.shape))
+    batch = episode(envs, 5, actions)
+    for k in (0, 7, 10):
+        env = StepperEnv(name, precision=precision)
+        alone = episode(env, 5 + k, actions[:, k])
+        for one, many in zip(alone, batch, strict=True):
+            if len(many) == 5 and many[2][k]:
+                break
+            for found, expected in zip(one[:-1], many[:-1], strict=True):
+                np.testing.assert_array_equal(found, expected[k])
+            assert {key for key in many[-1] if not key.startswith("_")} == one[-1].keys()
+            for key, value in one[-1].items():
+                np.testing.assert_array_equal(value, many[-1][key][k])
+
+
+def test_the_start_of_an_environment_follows_from_its_seed_alone():
+    many, few = StepperVectorEnv("Hopper", 9), StepperVectorEnv("Hopper", 2)
+    starts = many.reset(seed=3)[0]
+    np.testing.assert_array_equal(few.reset(seed=[11, 5])[0], starts[[8, 2]])
+    again = many.reset()[0]
+    assert not np.any(again == starts, axis=None) or np.mean(again == starts) < 0.1
+    # One that is reset more often than others does not move theirs.
+    many.reset(seed=3)
+    mask = np.arange(9) == 4
+    for _ in range(3):
+        many.reset(options={"reset_mask": mask})
+    np.testing.assert_array_equal(many.reset()[0][~mask], again[~mask])
+
+
+def test_without_a_seed_starts_are_random():
+    one, other = StepperVectorEnv("Hopper", 2).reset()[0], StepperVectorEnv("Hopper", 2).reset()[0]
+    assert not np.array_equal(one, other)
+
+
+def test_some_environments_are_given_seeds_and_others_go_on():
+    envs = StepperVectorEnv("Hopper", 3)
+    first = envs.reset(seed=0)[0]
+    second = envs.reset(seed=[None, 1, None])[0]
+    np.testing.assert_array_equal(second[1], first[1])
+    assert not np.any(second[[0, 2]] == first[[0, 2]])
+
+
+def test_a_mask_begins_some_and_leaves_the_rest():
+    envs = StepperVectorEnv("Walker2d", 4, max_episode_steps=7)
+    envs.reset(seed=0)
+    for _ in range(3):
+        before = envs.step(envs.action_space.sample() * 0)[0]
+    mask = np.array([False, True, False, True])
+    observation, info = envs.reset(options={"reset_mask": mask})
+    np.testing.assert_array_equal(observation[~mask], before[~mask])
+    assert not np.any(observation[mask] == before[mask])
+    np.testing.assert_array_equal(info["_x_position"], mask)
+    assert not info["x_position"][~mask].any()
+    np.testing.assert_array_equal(envs.episode_lengths, [3, 0, 3, 0])
+    for _ in range(4):
+        *_, truncated, _ = envs.step(envs.action_space.sample() * 0)
+    np.testing.assert_array_equal(truncated, ~mask)
+
+
+def test_the_dtype_of_observations_is_chosen():
+    for precision, dtype, found in [("f64", None, np.float64), ("f32", None, np.float32), ("f64", "float32", np.float32)]:
+        envs = StepperVectorEnv("Hopper", 2, precision=precision, dtype=dtype)
+        assert envs.reset(seed=0)[0].dtype == found
+        assert envs.step(envs.action_space.sample())[0].dtype == found
+        assert envs.single_observation_space.dtype == found
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_pickles_go_on_with_the_same_bits(name):
+    envs = StepperVectorEnv(name, 3, max_episode_steps=9, autoreset_mode="SameStep")
+    envs.reset(seed=0)
+    actions = np.random.default_rng(1).uniform(-1, 1, (20, *envs.action_space.shape))
+    for action in actions[:5]:
+        envs.step(action)
+    others = [pickle.loads(pickle.dumps(envs)), copy.deepcopy(envs)]
+    for action in actions[5:]:
+        expected = envs.step(action)
+        for other in others:
+            same(other.step(action), expected)
+
+
+def test_a_single_environment_pickles():
+    env = StepperEnv("Pusher")
+    env.reset(seed=0)
+    env.step(np.ones(7))
+    other = pickle.loads(pickle.dumps(env))
+    same(other.step(np.ones(7)), env.step(np.ones(7)))
+
+
+def test_an_environment_that_is_not_finite_is_terminated():
+    envs = StepperVectorEnv("HalfCheetah", 3)
+    envs.reset(seed=0)
+    action = np.zeros((3, 6))
+    action[1, 0] = np.nan
+    observation, _, terminated, _, info = envs.step(action)
+    np.testing.assert_array_equal(terminated, [False, True, False])
+    np.testing.assert_array_equal(info["non_finite"], terminated)
+    assert np.isfinite(observation).all()
+    *_, terminated, _, info = envs.step(np.zeros((3, 6)))
+    assert not terminated.any()
+    assert "non_finite" not in info
+
+
+def test_statistics_are_those_of_gymnasiums_wrapper():
+    own = StepperVectorEnv("Hopper", 5, max_episode_steps=12, episode_statistics=True)
+    wrapped = gymnasium.wrappers.vector.RecordEpisodeStatistics(StepperVectorEnv("Hopper", 5, max_episode_steps=12))
+    own.reset(seed=0), wrapped.reset(seed=0)
+    ended = 0
+    for action in np.random.default_rng(0).uniform(-1, 1, (40, 5, 3)):
+        found, expected = own.step(action)[-1], wrapped.step(action)[-1]
+        assert ("episode" in found) == ("episode" in expected)
+        if "episode" in found:
+            ended += 1
+            np.testing.assert_array_equal(found["_episode"], expected["_episode"])
+            np.testing.assert_array_equal(found["episode"]["r"], expected["episode"]["r"])
+            np.testing.assert_array_equal(found["episode"]["l"], expected["episode"]["l"])
+            assert (found["episode"]["t"][found["_episode"]] > 0).all()
+    assert ended > 2
+
+
+@pytest.mark.parametrize(("make", "error", "said"), [
+    (lambda: StepperVectorEnv("Cheetah", 2), ValueError, "there is no task 'Cheetah', there are: Ant, HalfCheetah"),
+    (lambda: StepperVectorEnv("Hopper", 2, contact="soft"), ValueError, "contact is 'soft', must be"),
+    (lambda: StepperVectorEnv("Hopper", 2, dtype="float16"), ValueError, "dtype is float16"),
+    (lambda: StepperVectorEnv("Hopper", 2, max_episode_steps=0), ValueError, "max_episode_steps is 0"),
+    (lambda: StepperVectorEnv("Hopper", 2, render_mode="human"), ValueError, "draw nothing"),
+    (lambda: StepperVectorEnv("Hopper", 2, healthy=1), TypeError, "healthy"),
+    (lambda: StepperEnv(TASKS["Hopper"](), frame_skip=2), TypeError, "Hopper is made already"),
+    (lambda: StepperEnv("Hopper", xml_file="none.xml"), FileNotFoundError, 'none.xml: pip install "gymnasium'),
+    (lambda: StepperEnv("Hopper", xml_file="/none.xml"), FileNotFoundError, "/none.xml: give the path"),
+    (lambda: StepperVectorEnv("Hopper", 2).step(np.zeros((2, 3))), ResetNeeded, "call reset before step"),
+    (lambda: StepperEnv("Hopper").step(np.zeros(3)), ResetNeeded, "call reset before step"),
+    (lambda: StepperVectorEnv("Hopper", 2).step(np.zeros(3)), ValueError, r"shape \(3,\), must be \(2, 3\)"),
+    (lambda: StepperEnv("Hopper").step(np.zeros(2)), ValueError, r"shape \(2,\), must be \(3,\)"),
+    (lambda: StepperVectorEnv("Hopper", 2).reset(seed=[1]), ValueError, "there are 1 seeds, must be 2"),
+    (lambda: StepperVectorEnv("Hopper", 2).reset(seed=-1), Exception, "-1"),
+    (lambda: StepperVectorEnv("Hopper", 2).reset(seed=[-1, 0]), ValueError, "seed of environment 0 is -1"),
+    (lambda: StepperVectorEnv("Hopper", 2).reset(options={"mask": 0}), ValueError, "unknown options"),
+    (lambda: StepperVectorEnv("Hopper", 2).reset(options={"reset_mask": [True, False]}), TypeError, "must be an array of bool"),
+    (lambda: StepperVectorEnv("Hopper", 2).reset(options={"reset_mask": np.ones(3, bool)}), ValueError, r"must be \(2,\)"),
+    (lambda: StepperVectorEnv("Hopper", 2).reset(options={"reset_mask": np.zeros(2, bool)}), ValueError, "0 of True"),
+    (lambda: StepperVectorEnv("Hopper", 2).reset(options={"reset_mask": np.arange(2) == 0}), ResetNeeded, "not all environments"),
+    (lambda: StepperEnv("Hopper").reset(options={"x": 0}), ValueError, "unknown options"),
+])  # fmt: skip
+def test_what_is_wrong_is_said(make, error, said):
+    with pytest.raises(error, match=said):
+        make()
+
+
+@pytest.mark.parametrize("name", sorted(TASKS))
+def test_every_task_is_registered_and_says_what_it_takes(name):
+    spec = gymnasium.spec(f"stepper/{name}-v5")
+    assert (spec.max_episode_steps, spec.reward_threshold) == (
+        gymnasium.spec(f"{name}-v5").max_episode_steps,
+        gymnasium.spec(f"{name}-v5").reward_threshold,
+    )
+    assert {"xml_file", "frame_skip"} <= {field.name for field in fields(TASKS[name])}

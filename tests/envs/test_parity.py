@@ -1,0 +1,105 @@
+"""Environments under MuJoCo's law of contact are Gymnasium's own: observations, rewards, terminations, infos, and starts."""
+
+from dataclasses import fields, replace
+from inspect import signature
+
+import gymnasium
+import mujoco
+import numpy as np
+import pytest
+import stepper
+from envs.cases import cases, needs_gymnasiums
+from stepper.envs import TASKS, StepperEnv
+
+pytestmark = needs_gymnasiums
+
+DERIVED_OF_STAGES = {
+    "Reacher": {"fingertip", "reward", "reward_dist"},
+    "InvertedDoublePendulum": {"qfrc_constraint", "reward", "distance_penalty"},
+    "Ant": {"cfrc_ext", "reward", "x_velocity", "y_velocity", "reward_forward", "reward_contact"},
+    "Humanoid": {*("cinert", "cvel", "cfrc_ext", "reward", "x_velocity", "y_velocity", "reward_forward", "reward_contact"), "tendon_length"}
+    | {"tendon_velocity"},
+    "HumanoidStandup": {"cinert", "cvel", "cfrc_ext", "reward", "reward_impact", "tendon_length", "tendon_velocity"},
+}
+"""What MuJoCo leaves of the last stage of a Runge-Kutta step, and stepper has of the state after it."""
+
+
+def pair(name):
+    """Gymnasium's environment and ours, both with solvers that converge."""
+    theirs = gymnasium.make(f"{name}-v5").unwrapped
+    option = theirs.model.opt
+    option.solver, option.tolerance, option.iterations = mujoco.mjtSolver.mjSOL_NEWTON, 1e-14, 200
+    task = TASKS[name]()
+    return theirs, StepperEnv(task, options=replace(stepper.Options.of(task.model()), tolerance=1e-12, iterations=200))
+
+
+def differences(name, steps):
+    """Largest difference of each row of the observation, of the reward and of each info, over steps from the same states."""
+    theirs, ours = pair(name)
+    ours.reset(seed=0)
+    rng = np.random.default_rng(0)
+    worst = {}
+    for k in range(steps):
+        if k % 20 == 0:
+            theirs.reset(seed=k)
+        mujoco.mj_forward(theirs.model, theirs.data)
+        ours.set_state(theirs.data.qpos, theirs.data.qvel)
+        action = rng.uniform(theirs.action_space.low, theirs.action_space.high).astype(np.float64)
+        observation, reward, terminated, truncated, info = theirs.step(action)
+        found, found_reward, *flags, found_info = ours.step(action)
+        assert flags == [terminated, truncated]
+        assert list(found_info) == list(info)
+        rows = np.split(np.abs(found - observation), np.cumsum(list(ours.observation_structure.values()))[:-1])
+        said = dict(zip(ours.observation_structure, rows, strict=True))
+        said |= {"reward": found_reward - reward, **{key: found_info[key] - np.asarray(value) for key, value in info.items()}}
+        for key, value in said.items():
+            worst[key] = max(worst.get(key, 0.0), float(np.abs(value).max(initial=0.0)))
+    return worst
+
+
+@pytest.mark.parametrize("name", cases())
+def test_every_step_is_gymnasiums(name):
+    worst = differences(name, 300)
+    # Both solve the same convex problem to round-off, some 1e-14 of velocities of up to 1e2, and an action is up to five steps.
+    exact = {key: value for key, value in worst.items() if key not in DERIVED_OF_STAGES.get(name, ())}
+    assert max(exact.values()) < 1e-10, exact
+    # The last stage of a Runge-Kutta step is the state after it but for the third power of the time step: here a millimetre at the most.
+    if name == "Reacher":
+        assert 1e-6 < worst["fingertip"] < 2e-3
+
+
+@pytest.mark.parametrize("name", sorted(TASKS))
+def test_arguments_are_gymnasiums(name):
+    theirs = signature(type(gymnasium.make(f"{name}-v5").unwrapped).__init__).parameters
+    drawn = {"self", "default_camera_config", "kwargs"}
+    assert {field.name: field.default for field in fields(TASKS[name])} == {
+        key: value.default for key, value in theirs.items() if key not in drawn
+    }
+
+
+@pytest.mark.parametrize("name", cases())
+def test_spaces_and_dt_are_gymnasiums(name):
+    theirs, ours = gymnasium.make(f"{name}-v5").unwrapped, StepperEnv(name)
+    assert (ours.observation_space, ours.action_space, ours.dt) == (theirs.observation_space, theirs.action_space, theirs.dt)
+    assert ours.metadata["render_fps"] == theirs.metadata["render_fps"]
+    assert list(ours.reset(seed=0)[1]) == list(theirs.reset(seed=0)[1])
+
+
+@pytest.mark.parametrize("name", cases())
+def test_starts_are_drawn_from_gymnasiums_distribution(name):
+    """Ranks of 1,000 starts of ours among as many of theirs, number by number: Kolmogorov and Smirnov's distance."""
+    theirs = gymnasium.make(f"{name}-v5").unwrapped
+    ours = stepper.envs.StepperVectorEnv(name, 1000)
+    ours.reset(seed=0)
+    found = np.hstack([ours.sim.qpos, ours.sim.qvel])
+    expected = np.array([theirs.reset(seed=k)[0] is None or theirs.state_vector() for k in range(1000)])
+    if theirs.model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE:
+        expected[:, 3:7] /= np.linalg.norm(expected[:, 3:7], axis=1, keepdims=True)
+    for one, other in zip(found.T, expected.T, strict=True):
+        together = np.sort(np.concatenate([one, other]))
+        distance = (
+            np.abs(np.searchsorted(np.sort(one), together, side="right") - np.searchsorted(np.sort(other), together, side="right")).max()
+            / 1000
+        )
+        # Of two samples of one distribution it exceeds 0.1 once in 1e4 times.
+        assert distance < 0.1

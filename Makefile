@@ -22,8 +22,8 @@ wheel: build
 	$(BIN)/maturin build --release --interpreter $(BIN)/python --out target/wheels
 	$(BIN)/python tests/wheel.py
 
-# Speed, as ratios: stages and steps in Rust, side by side with MuJoCo, and what sensors and drives cost. Downloads six packages for the scenes with
-# many contacts, of which only files are read.
+# Speed, as ratios: stages and steps in Rust, side by side with MuJoCo, and what sensors, drives and environments cost. Downloads six packages for
+# the scenes with many contacts, of which only files are read.
 bench: build
 	cargo bench -p stepper-benches
 	$(BIN)/python benches/comparison/throughput.py
@@ -32,6 +32,7 @@ bench: build
 	$(BIN)/stepper chart
 	$(BIN)/python benches/sensing.py
 	$(BIN)/python benches/drives.py
+	$(BIN)/python benches/environments.py
 
 # Time until a robot can be stepped, beside MuJoCo's compiler: docs/performance.md. Downloads four packages; FILES='h1_2.xml' for further robots.
 loading: build

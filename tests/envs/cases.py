@@ -12,7 +12,7 @@ from stepper.envs import TASKS
 DERIVED = {"Ant", "Humanoid", "HumanoidStandup", "InvertedDoublePendulum"}
 """Tasks that observe what a stepper derives from its state."""
 needs_quantities = pytest.mark.skipif(
-    not hasattr(stepper.Stepper, "body_contact_force"), reason="this build of stepper has no quantities of bodies"
+    not hasattr(stepper.Stepper, "subtree_com"), reason="this build of stepper has no quantities of bodies"
 )
 needs_gymnasiums = pytest.mark.skipif(find_spec("imageio") is None, reason="gymnasium.envs.mujoco needs imageio, which is not installed")
 

@@ -16,7 +16,7 @@ from stepper.envs.quantities import contact_wrenches, inertias, mass_centers, ve
 from stepper.envs.registration import register_tasks  # noqa: E402
 from stepper.envs.single import StepperEnv  # noqa: E402
 from stepper.envs.streams import Draws  # noqa: E402
-from stepper.envs.task import Moment, MujocoTask, Quantity, Task, per_moment, square_sum, within  # noqa: E402
+from stepper.envs.task import Moment, MujocoTask, Quantity, Task, all_within, per_moment, square_sum, within  # noqa: E402
 from stepper.envs.tasks import TASKS  # noqa: E402
 from stepper.envs.vector import StepperVectorEnv  # noqa: E402
 
@@ -29,6 +29,7 @@ __all__ = [
     "StepperEnv",
     "StepperVectorEnv",
     "Task",
+    "all_within",
     "contact_wrenches",
     "inertias",
     "mass_centers",

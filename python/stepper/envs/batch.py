@@ -22,9 +22,9 @@ class Batch:
     """Episodes of a task in `num_envs` environments of one `Stepper`.
 
     Args:
-        task: A task, or the name of one of `stepper.envs.TASKS`.
+        task: A task, or the class of one, or the name of one of `stepper.envs.TASKS`.
         num_envs: Number of environments.
-        arguments: The task's arguments, where it is given by its name.
+        arguments: The task's arguments, where it is given by its class or name.
         contact: Law of contact: "mujoco" is `Options.of(model)`, "hard" is `Options()`; None is the task's.
         options: Settings of the step in place of those of `contact`.
         precision: "f64" or "f32".
@@ -39,7 +39,7 @@ class Batch:
 
     def __init__(
         self,
-        task: Task | str,
+        task: Task | type[Task] | str,
         num_envs: int,
         arguments: dict[str, Any],
         *,
@@ -65,8 +65,8 @@ class Batch:
         self._rest = model.qpos0
         self._qpos, self._qvel = np.tile(model.qpos0, (num_envs, 1)), np.zeros((num_envs, model.nv))
         self._still = np.zeros((num_envs, model.nu))
-        self._now = self._moment(self._still)
-        self._position = task.position(self._now)
+        self.now = self._moment(self._still)
+        self._position = task.position(self.now)
         self._rows = self._table()
         low, high = model.actuator_ctrlrange.T
         self.action_space = Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
@@ -79,7 +79,7 @@ class Batch:
         """Rows of the task's table, and their places in the observation."""
         rows, at = [], 0
         for quantity in self.task.quantities():
-            width = quantity.read(self._now).shape[1]
+            width = quantity.read(self.now).shape[1]
             rows.append((quantity, slice(at, at + width)))
             at += width
         return rows
@@ -96,13 +96,14 @@ class Batch:
     def begin(self, mask: Array) -> None:
         """Begins an episode in the environments of a mask, (num_envs,) bool."""
         self._place(mask)
-        self._now = self._moment(self._still) if mask.all() else self._now
-        self._now.renew(mask)
-        self._position = self.task.position(self._now)
+        self.now = self._moment(self._still) if mask.all() else self.now
+        self.now.renew(mask)
+        self._position = self.task.position(self.now)
 
     def _place(self, mask: Array) -> None:
         envs = np.flatnonzero(mask)
-        qpos, qvel = np.tile(self._rest, (len(envs), 1)), np.zeros((len(envs), self._qvel.shape[1]))
+        qpos, qvel = np.empty((len(envs), len(self._rest))), np.zeros((len(envs), self._qvel.shape[1]))
+        qpos[:] = self._rest
         self.task.start(qpos, qvel, Draws(self.streams, envs))
         self._qpos[envs], self._qvel[envs] = qpos, qvel
         self.sim.reset(mask, qpos=self._qpos, qvel=self._qvel)
@@ -111,8 +112,8 @@ class Batch:
     def set_state(self, qpos: Array, qvel: Array, mask: Array | None = None) -> None:
         """Sets configurations (num_envs, nq) and velocities (num_envs, nv), of all environments or those of a mask. Episodes go on."""
         self.sim.set_state(qpos, qvel, mask)
-        self._now = self._moment(self._still)
-        self._position = self.task.position(self._now)
+        self.now = self._moment(self._still)
+        self._position = self.task.position(self.now)
 
     def step(self, action: Array, begins: Array | None = None) -> tuple[Array, Array, Array, Terms]:
         """Makes the steps of an action.
@@ -126,7 +127,7 @@ class Batch:
             environments that begin are zero, but in the terms.
         """
         task, now = self.task, self._moment(action)
-        self._now = now
+        self.now = now
         task.advance(now)
         failed = (now.status & _NON_FINITE) != 0
         self.lengths += 1
@@ -152,13 +153,13 @@ class Batch:
 
     def info(self) -> Terms:
         """What info says after a reset and after a step."""
-        return self.task.info(self._now)
+        return self.task.info(self.now)
 
     def observation(self) -> Array:
         """The observation, (num_envs, n): an array of the caller's."""
         out = np.empty((self.num_envs, *self.observation_space.shape), dtype=self.dtype)
         for quantity, rows in self._rows:
-            value = quantity.read(self._now)
+            value = quantity.read(self.now)
             if quantity.clip is None:
                 out[:, rows] = value
             else:
@@ -174,12 +175,14 @@ class Batch:
         self._rows = self._table()
 
 
-def _made(task: Task | str, arguments: dict[str, Any]) -> Task:
-    """The task itself, or the one of a name."""
+def _made(task: Task | type[Task] | str, arguments: dict[str, Any]) -> Task:
+    """The task itself, or one of a class or a name with the arguments given."""
     if isinstance(task, Task):
         if arguments:
             raise TypeError(f"{type(task).__name__} is made already: give {sorted(arguments)} to it, not to the environment")
         return task
+    if isinstance(task, type) and issubclass(task, Task):
+        return task(**arguments)
     if task not in TASKS:
         raise ValueError(f"there is no task {task!r}, there are: {', '.join(sorted(TASKS))}; or give a stepper.envs.Task")
     return TASKS[task](**arguments)

@@ -17,37 +17,61 @@ ROOT = 1
 def contact_wrenches(now: Moment) -> Array:
     """MuJoCo's cfrc_ext: torque (3) and force (3) of the last step's contacts on every body, (num_envs, nbody, 6), world axes.
 
-    Torques are about the centre of mass of the whole robot. No force of `xfrc_applied` is in it, and none on the world.
+    Torques are about the centre of mass of the whole robot. No force of `xfrc_applied` is in it, and none on the world. After a reset it is
+    zero, as Gymnasium leaves it.
     """
-    wrench: Array = now.body_contact_force
-    out: Array = np.empty_like(wrench)
-    out[..., 3:] = wrench[..., :3]
-    out[..., :3] = wrench[..., 3:] + _cross(_arms(now), wrench[..., :3])
-    out[:, 0] = 0.0
+    listed, nbody = now.sim.contacts(), now.sim.model.nbody
+    touching = np.flatnonzero(listed["force"][:, 0])
+    env, frame = listed["env"][touching].astype(np.int64), listed["frame"][touching]
+    wrench = np.empty((len(touching), 6))
+    wrench[:, 3:] = np.einsum("nij,ni->nj", frame, listed["force"][touching])
+    wrench[:, :3] = np.einsum("nij,ni->nj", frame, listed["torque"][touching])
+    wrench[:, :3] += cross(listed["pos"][touching] - now.subtree_com[env, ROOT], wrench[:, 3:])
+    out = np.zeros((len(now.qpos), nbody, 6), dtype=now.qpos.dtype)
+    for side, sign in ((1, 1.0), (0, -1.0)):
+        body = listed["body"][touching, side]
+        some = np.flatnonzero(body)  # Not the world.
+        rows = (env[some] * nbody + body[some])[:, None] * 6 + np.arange(6)
+        np.add.at(out.reshape(-1), rows.ravel(), (sign * wrench[some]).ravel().astype(out.dtype))
     return out
 
 
 @per_moment
 def mass_centers(now: Moment) -> Array:
     """MuJoCo's xipos: centres of mass of the bodies, m: (num_envs, nbody, 3)."""
-    centers: Array = now.xpos + np.einsum("nbij,bj->nbi", _rotations(now), now.sim.model.body_ipos)
+    xquat, ipos = now.xquat, now.sim.model.body_ipos.astype(now.xquat.dtype)
+    axis = xquat[..., 1:]
+    half = cross(axis, ipos) + xquat[..., :1] * ipos
+    centers: Array = now.xpos + ipos + 2.0 * cross(axis, half)
     return centers
 
 
-@per_moment
-def _rotations(now: Moment) -> Array:
-    """Rotation matrices of the bodies: (num_envs, nbody, 3, 3)."""
-    return rotations(now.xquat)
+def inertias(now: Moment) -> Array:
+    """MuJoCo's cinert: inertia (xx, yy, zz, xy, xz, yz), mass times place (3) and mass, about the robot's centre: (num_envs, nbody, 10)."""
+    model, dtype = now.sim.model, now.xpos.dtype
+    mass, moments = model.body_mass.astype(dtype), model.body_inertia.astype(dtype)
+    axes = _principal_axes(now.xquat, model.body_iquat.astype(dtype))
+    arm = np.ascontiguousarray(np.moveaxis(mass_centers(now) - now.subtree_com[:, ROOT, None], -1, 0))
+    moved = mass * arm
+    out = np.empty((*now.xpos.shape[:2], 10), dtype=dtype)
+    trace = np.einsum("inb,inb->nb", moved, arm)
+    for k, (i, j) in enumerate([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]):
+        entry = sum(axes[i][m] * axes[j][m] * moments[:, m] for m in range(3)) - moved[i] * arm[j]
+        out[..., k] = entry + trace if i == j else entry
+    out[..., 6:9] = np.moveaxis(moved, 0, -1)
+    out[..., 9] = mass
+    return out
 
 
-@per_moment
-def _arms(now: Moment) -> Array:
-    """From the robot's centre of mass to those of the bodies, m: (num_envs, nbody, 3)."""
-    arms: Array = mass_centers(now) - now.subtree_com[:, ROOT, None]
-    return arms
+def velocities(now: Moment) -> Array:
+    """MuJoCo's cvel: angular (3) and linear (3) velocity of the bodies where the robot's centre of mass is: (num_envs, nbody, 6)."""
+    out = np.empty((*now.xpos.shape[:2], 6), dtype=now.xpos.dtype)
+    out[..., :3] = now.body_angvel
+    out[..., 3:] = now.body_linvel + cross(now.body_angvel, now.subtree_com[:, ROOT, None] - now.xpos)
+    return out
 
 
-def _cross(a: Array, b: Array) -> Array:
+def cross(a: Array, b: Array) -> Array:
     """Cross product: (..., 3)."""
     out = np.empty(np.broadcast_shapes(a.shape, b.shape), dtype=np.result_type(a, b))
     for k in range(3):
@@ -57,36 +81,17 @@ def _cross(a: Array, b: Array) -> Array:
     return out
 
 
-def inertias(now: Moment) -> Array:
-    """MuJoCo's cinert: inertia (xx, yy, zz, xy, xz, yz), mass times place (3) and mass, about the robot's centre: (num_envs, nbody, 10)."""
-    model = now.sim.model
-    mass = model.body_mass
-    axes = _rotations(now) @ rotations(model.body_iquat).astype(now.xquat.dtype)
-    arm = _arms(now)
-    tensor = np.einsum("nbik,bk,nbjk->nbij", axes, model.body_inertia, axes) - mass[:, None, None] * arm[..., :, None] * arm[..., None, :]
-    about = mass * np.einsum("nbi,nbi->nb", arm, arm)
-    out = np.empty((*mass_centers(now).shape[:2], 10), dtype=now.xpos.dtype)
-    for k, (i, j) in enumerate([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]):
-        out[..., k] = tensor[..., i, j] + (about if i == j else 0.0)
-    out[..., 6:9] = mass[:, None] * arm
-    out[..., 9] = mass
-    return out
-
-
-def velocities(now: Moment) -> Array:
-    """MuJoCo's cvel: angular (3) and linear (3) velocity of the bodies where the robot's centre of mass is: (num_envs, nbody, 6)."""
-    arm = now.subtree_com[:, ROOT, None] - now.xpos
-    return np.concatenate([now.body_angvel, now.body_linvel + _cross(now.body_angvel, arm)], axis=-1)
-
-
-def rotations(quat: Array) -> Array:
-    """Rotation matrices of quaternions: (..., 4) to (..., 3, 3)."""
-    w, x, y, z = np.moveaxis(quat, -1, 0)
-    out = np.empty((*quat.shape[:-1], 3, 3), dtype=quat.dtype)
-    out[..., 0, 0], out[..., 0, 1], out[..., 0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
-    out[..., 1, 0], out[..., 1, 1], out[..., 1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
-    out[..., 2, 0], out[..., 2, 1], out[..., 2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
-    return out
+def _principal_axes(xquat: Array, iquat: Array) -> list[list[Array]]:
+    """Rotation matrices of the bodies' principal axes of inertia, row by row: [3][3] of (num_envs, nbody)."""
+    a, b, c, d = np.ascontiguousarray(np.moveaxis(xquat, -1, 0))
+    e, f, g, h = iquat.T
+    w, x = a * e - b * f - c * g - d * h, a * f + b * e + c * h - d * g
+    y, z = a * g - b * h + c * e + d * f, a * h + b * g - c * f + d * e
+    return [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
 
 
 @lru_cache(maxsize=8)

@@ -12,7 +12,7 @@ from stepper._options import Options, Precision
 from stepper._stepper import Stepper
 from stepper.envs.batch import Batch
 from stepper.envs.drawing import check_render_mode
-from stepper.envs.task import Array, Contact, Task
+from stepper.envs.task import Array, Contact, Moment, Task
 
 
 class StepperEnv(gymnasium.Env[Array, Array]):
@@ -21,14 +21,14 @@ class StepperEnv(gymnasium.Env[Array, Array]):
     Where its state would not be finite, it keeps its last finite one, and the episode is terminated: info has "non_finite".
 
     Args:
-        task: A `Task`, or the name of one of `stepper.envs.TASKS`, whose arguments are then given here too.
+        task: A `Task`; or the class of one, or the name of one of `stepper.envs.TASKS`, whose arguments are then given here too.
         contact: Law of contact: "mujoco", with the integrator that the model's file asks for, or "hard"; None is the task's.
         options: Settings of the step in place of those of `contact`.
         precision: "f64" or "f32".
         dtype: Scalar type of observations, float64 or float32; None is that of the precision.
         max_episode_steps: Actions after which an episode is truncated; None is no limit. `gymnasium.make` has a wrapper for it.
         render_mode: None. Nothing is drawn.
-        **arguments: Arguments of a task that is given by its name.
+        **arguments: Arguments of a task that is given by its class or name.
 
     Raises:
         ValueError: A setting out of its range, or no task of that name.
@@ -37,7 +37,7 @@ class StepperEnv(gymnasium.Env[Array, Array]):
 
     def __init__(
         self,
-        task: Task | str,
+        task: Task | type[Task] | str,
         *,
         contact: Contact | None = None,
         options: Options | None = None,
@@ -59,6 +59,11 @@ class StepperEnv(gymnasium.Env[Array, Array]):
     def sim(self) -> Stepper:
         """The stepper, of one environment: its arrays have an axis of length 1 in front."""
         return self._batch.sim
+
+    @property
+    def now(self) -> Moment:
+        """Quantities after the last step or reset, as the task sees them."""
+        return self._batch.now
 
     @property
     def task(self) -> Task:

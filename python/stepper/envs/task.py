@@ -38,7 +38,7 @@ class Moment:
         velocity: Rate of change of `Task.position` over that step, per s; None after a reset and for tasks without one.
     """
 
-    def __init__(self, sim: Stepper, task: Task, dt: float, action: Array, rest: Array):
+    def __init__(self, sim: Stepper, task: Any, dt: float, action: Array, rest: Array):
         self.sim, self.task, self.dt, self.action, self.rest = sim, task, dt, action, rest
         self.velocity: Any = None
         self._own, self._kept = set(self.__dict__) | {"_own", "_kept"}, set[str]()
@@ -182,6 +182,15 @@ def within(value: Array, bounds: tuple[float, float]) -> Array:
     """Whether numbers lie between two bounds and on neither."""
     low, high = bounds
     inside: Array = (low < value) & (value < high)
+    return inside
+
+
+def all_within(value: Array, bounds: tuple[float, float]) -> Array:
+    """Whether all of an environment's numbers, (num_envs, n), lie between two bounds and on neither: (num_envs,)."""
+    low, high = bounds
+    if low < value.min() and value.max() < high:  # What is nearly always so, and quickly seen.
+        return np.ones(len(value), dtype=bool)
+    inside: Array = np.logical_and.reduce(within(value, bounds), axis=1)
     return inside
 
 

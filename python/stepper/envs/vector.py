@@ -15,7 +15,7 @@ from stepper._options import Options, Precision
 from stepper._stepper import Stepper
 from stepper.envs.batch import Batch
 from stepper.envs.drawing import check_render_mode
-from stepper.envs.task import Array, Contact, Task, Terms
+from stepper.envs.task import Array, Contact, Moment, Task, Terms
 
 
 class StepperVectorEnv(VectorEnv[Array, Array, Array]):
@@ -24,7 +24,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
     An environment whose state would not be finite keeps its last finite one, and its episode is terminated: its info has "non_finite".
 
     Args:
-        task: A `Task`, or the name of one of `stepper.envs.TASKS`, whose arguments are then given here too.
+        task: A `Task`; or the class of one, or the name of one of `stepper.envs.TASKS`, whose arguments are then given here too.
         num_envs: Number of environments.
         autoreset_mode: When an environment whose episode is over begins another: `AutoresetMode.NEXT_STEP`, with the next call of `step`,
             whose action it ignores; `SAME_STEP`, within the step that ends it, whose last observation and info are the infos "final_obs"
@@ -38,7 +38,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         episode_statistics: Whether infos have "episode" where one is over: its return "r", length "l" and duration "t" in s, as
             `RecordEpisodeStatistics` writes them.
         render_mode: None. Nothing is drawn.
-        **arguments: Arguments of a task that is given by its name.
+        **arguments: Arguments of a task that is given by its class or name.
 
     Raises:
         ValueError: A setting out of its range, or no task of that name.
@@ -47,7 +47,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
 
     def __init__(
         self,
-        task: Task | str,
+        task: Task | type[Task] | str,
         num_envs: int = 1,
         *,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
@@ -78,6 +78,11 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
     def sim(self) -> Stepper:
         """The stepper: to read from, and to randomize."""
         return self._batch.sim
+
+    @property
+    def now(self) -> Moment:
+        """Quantities after the last step or reset, as the task sees them."""
+        return self._batch.now
 
     @property
     def task(self) -> Task:

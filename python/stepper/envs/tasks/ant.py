@@ -8,7 +8,7 @@ import numpy as np
 
 from stepper.envs.quantities import contact_wrenches
 from stepper.envs.streams import Draws
-from stepper.envs.task import Array, Moment, MujocoTask, Quantity, Terms, square_sum
+from stepper.envs.task import Array, Moment, MujocoTask, Quantity, Terms, per_moment, square_sum
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +40,7 @@ class Ant(MujocoTask):
             Quantity("qpos", columns=slice(2 * int(self.exclude_current_positions_from_observation), None)),
             Quantity("qvel"),
         )
-        contacts = Quantity("cfrc_ext", of=contact_wrenches, columns=slice(6, None), clip=self.contact_force_range)
+        contacts = Quantity("cfrc_ext", of=_contact_forces, columns=slice(6, None))
         return (*rows, contacts) if self.include_cfrc_ext_in_observation else rows
 
     def position(self, now: Moment) -> Array:
@@ -67,7 +67,7 @@ class Ant(MujocoTask):
         x_velocity, y_velocity = now.velocity.T
         forward, survive = self.forward_reward_weight * x_velocity, self.healthy_reward * now.healthy
         control = self.ctrl_cost_weight * square_sum(now.action)
-        contact = self.contact_cost_weight * square_sum(np.clip(contact_wrenches(now), *self.contact_force_range))
+        contact = self.contact_cost_weight * square_sum(_contact_forces(now))
         terms = {"x_velocity": x_velocity, "y_velocity": y_velocity, "reward_forward": forward, "reward_ctrl": -control}
         terms |= {"reward_contact": -contact, "reward_survive": survive}
         return forward + survive - (control + contact), terms
@@ -82,3 +82,10 @@ class Ant(MujocoTask):
         scale = self.reset_noise_scale
         qpos += draws.uniform(-scale, scale, qpos.shape[1])
         qvel += scale * draws.normal(qvel.shape[1])
+
+
+@per_moment
+def _contact_forces(now: Moment) -> Array:
+    """Torques and forces of contacts within their range: (num_envs, nbody, 6)."""
+    forces: Array = np.clip(contact_wrenches(now), *now.task.contact_force_range)
+    return forces

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from stepper.envs.streams import Draws
-from stepper.envs.task import Array, Moment, MujocoTask, Quantity, Terms, square_sum, within
+from stepper.envs.task import Array, Moment, MujocoTask, Quantity, Terms, all_within, square_sum, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +39,7 @@ class Hopper(MujocoTask):
     def healthy(self, now: Moment) -> Array:
         """Height, angle, and all other coordinates and velocities are within their ranges."""
         upright = within(now.qpos[:, 1], self.healthy_z_range) & within(now.qpos[:, 2], self.healthy_angle_range)
-        moderate = within(now.qpos[:, 2:], self.healthy_state_range).all(axis=1) & within(now.qvel, self.healthy_state_range).all(axis=1)
+        moderate = all_within(now.qpos[:, 2:], self.healthy_state_range) & all_within(now.qvel, self.healthy_state_range)
         healthy: Array = upright & moderate
         return healthy
 

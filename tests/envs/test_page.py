@@ -1,0 +1,24 @@
+"""What docs/environments.md shows runs."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import stepper.envs
+
+PAGE = (Path(__file__).parents[2] / "docs/environments.md").read_text()
+
+
+def test_its_snippets_run():
+    names = {}
+    for snippet in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL):
+        exec(compile(snippet.replace("1024", "8"), "docs/environments.md", "exec"), names)
+    assert names["env"].unwrapped.task.frame_skip == 2
+    assert np.isfinite(names["observation"]).all()
+
+
+def test_its_table_has_every_task():
+    sizes = {name: int(size) for name, size in re.findall(r"`stepper/(\w+)-v5` \| (\d+) \|", PAGE)}
+    assert sizes.keys() == stepper.envs.TASKS.keys()
+    for name in ("HalfCheetah", "Hopper", "Walker2d", "Swimmer", "InvertedPendulum", "Reacher", "Pusher"):
+        assert stepper.envs.StepperEnv(name).observation_space.shape == (sizes[name],)

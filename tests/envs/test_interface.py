@@ -216,3 +216,9 @@ def test_every_task_is_registered_and_says_what_it_takes(name):
         gymnasium.spec(f"{name}-v5").reward_threshold,
     )
     assert {"xml_file", "frame_skip"} <= {field.name for field in fields(TASKS[name])}
+
+
+def test_without_gymnasium_it_says_what_to_install():
+    code = "import sys; sys.modules['gymnasium'] = None; import stepper; stepper.envs"
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert 'pip install "stepper-sim[envs]"' in ended.stderr

@@ -129,7 +129,7 @@ class Batch:
         task, now = self.task, self._moment(action)
         self.now = now
         task.advance(now)
-        failed = (now.status & _NON_FINITE) != 0
+        status: Array = now.status
         self.lengths += 1
         if begins is not None:
             self._place(begins)
@@ -143,7 +143,8 @@ class Batch:
         over = task.terminated(now)
         terminated = np.zeros(self.num_envs, dtype=bool) if over is None else np.array(over)
         truncated = np.zeros(self.num_envs, dtype=bool) if self._limit is None else self.lengths >= self._limit
-        if failed.any():
+        if np.bitwise_or.reduce(status) & _NON_FINITE:
+            failed = (status & _NON_FINITE) != 0
             terminated |= failed
             terms = terms | {"non_finite": failed}
         if begins is not None:

@@ -24,6 +24,10 @@ Contact: TypeAlias = Literal["mujoco", "hard"]
 """Law of contact."""
 
 
+_OWN = frozenset({"sim", "task", "dt", "action", "rest", "velocity", "_kept"})
+"""What a moment has beside quantities."""
+
+
 class Moment:
     """The batch after a step or a reset.
 
@@ -41,7 +45,7 @@ class Moment:
     def __init__(self, sim: Stepper, task: Any, dt: float, action: Array, rest: Array):
         self.sim, self.task, self.dt, self.action, self.rest = sim, task, dt, action, rest
         self.velocity: Any = None
-        self._own, self._kept = set(self.__dict__) | {"_own", "_kept"}, set[str]()
+        self._kept: tuple[str, ...] = ()
 
     def __getattr__(self, name: str) -> Any:
         # Called for what is not there yet only.
@@ -56,14 +60,14 @@ class Moment:
     def keep(self, name: str, value: Array) -> None:
         """Holds a quantity, (num_envs, ...), as it is now, in place of what `Stepper` will say of it at the end of the step."""
         self.__dict__[name] = value
-        self._kept.add(name)
+        self._kept = (*self._kept, name)
 
     def renew(self, mask: Array) -> None:
         """Reads quantities anew, because the environments of a mask (num_envs,) were reset: what is kept of the others stays."""
         kept = {name: self.__dict__[name] for name in self._kept}
-        self.__dict__ = {name: value for name, value in self.__dict__.items() if name in self._own}
+        self.__dict__ = {name: value for name, value in self.__dict__.items() if name in _OWN}
         for name, value in kept.items():
-            self.keep(name, np.where(mask.reshape(-1, *[1] * (value.ndim - 1)), getattr(self.sim, name), value))
+            self.__dict__[name] = np.where(mask.reshape(-1, *[1] * (value.ndim - 1)), getattr(self.sim, name), value)
 
 
 @dataclass(frozen=True)

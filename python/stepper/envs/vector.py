@@ -175,8 +175,10 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
             self._since[over] = time.perf_counter()
             infos |= {"final_obs": final, "_final_obs": over, "final_info": ended, "_final_info": over.copy()}
             self._over, self._any_over, begins = np.zeros_like(over), False, over
-        infos |= _shown(batch.info(), np.ones(self.num_envs, dtype=bool))
-        infos |= _shown(terms, np.ones(self.num_envs, dtype=bool) if begins is None else ~begins)
+        if begins is None:
+            infos |= _shown(batch.info() | terms, np.ones(self.num_envs, dtype=bool))
+        else:
+            infos |= _shown(batch.info(), np.ones(self.num_envs, dtype=bool)) | _shown(terms, ~begins)
         return batch.observation(), reward, terminated, truncated, infos
 
     def set_state(self, qpos: Array, qvel: Array, mask: Array | None = None) -> Array:

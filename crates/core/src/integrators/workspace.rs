@@ -13,6 +13,7 @@ use crate::dynamics::mocap::MocapTrajectory;
 use crate::integrators::impact_set::Impacts;
 use crate::integrators::inputs::Inputs;
 use crate::integrators::mujoco::stages::Stages;
+use crate::integrators::mujoco::unsymmetric::Unsymmetric;
 use crate::integrators::rk4::Rk4;
 use crate::integrators::step_resolution::StepResolution;
 use crate::math::spatial::*;
@@ -159,6 +160,8 @@ pub struct Workspace<R: Real> {
     pub(crate) rk4: Option<Rk4<R>>,
     /// Room of the same for MuJoCo's contact law.
     pub(crate) stages: Option<Stages<R>>,
+    /// Matrix of the fully implicit rule of the same.
+    pub(crate) unsymmetric: Option<Unsymmetric<R>>,
 }
 
 impl<R: Real> FreeMotion<R> {
@@ -232,6 +235,7 @@ impl<R: Real> Workspace<R> {
             impacts: Impacts::new(compiled),
             step_resolution: StepResolution::new(compiled),
             rk4: (options.integrator == Integrator::Rk4 && hard).then(|| Rk4::new(compiled)),
+            unsymmetric: (options.integrator == Integrator::Implicit && !hard).then(|| Unsymmetric::new(compiled)),
             stages: (options.integrator == Integrator::Rk4 && !hard).then(|| Stages::new(compiled.nq, compiled.nv, compiled.na)),
         }
     }

@@ -1,6 +1,7 @@
 //! `stepper.Stepper`: how it is made, and what all that it can do has in common. The rest is in files by subject.
 
 mod applied;
+mod derived;
 mod interruption;
 mod memory;
 mod outcome;
@@ -24,6 +25,7 @@ use crate::device_models::{drives, transfers};
 use crate::error::value_error;
 use crate::model::Model;
 use crate::options::{settings, unknown};
+use crate::stepper::derived::DerivedArrays;
 
 /// Environments of one model, stepped together. The GIL is released while stepping. Pickles with its state.
 ///
@@ -51,6 +53,7 @@ pub(crate) struct Stepper {
     seed: u64,
     /// Arrays that the user writes and every step reads, in the order of [`AppliedInput::ALL`](stepper_core::AppliedInput::ALL).
     applied: [Option<Py<PyArrayDyn<f64>>>; 4],
+    derived: DerivedArrays,
     recorder: Option<Py<PyAny>>,
     sensors: Option<Py<PyAny>>,
     actuators: Option<Py<PyAny>>,
@@ -169,6 +172,7 @@ impl Stepper {
             threads,
             seed,
             applied: [const { None }; 4],
+            derived: DerivedArrays::default(),
             recorder: None,
             sensors: sensors.map(Bound::unbind),
             actuators: actuators.map(Bound::unbind),

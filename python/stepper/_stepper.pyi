@@ -129,7 +129,7 @@ class Geom:
     bodyid: Final[int]
     """Index of the body that it is fixed to."""
     type: Final[str]
-    """"plane", "sphere", "capsule", "cylinder", "ellipsoid", "box", "mesh" or "height field"."""
+    """"plane", "sphere", "capsule", "cylinder", "ellipsoid", "box", "mesh" or "hfield"."""
     size: Final[_Array]
     """Radius, half length; or half sizes; or semi-axes; 0 where the shape has no number; m: (3,)."""
     pos: Final[_Array]
@@ -561,8 +561,9 @@ class Model:
             ValueError: Shapes that do not fit, a number that is not finite, a quaternion of zeros.
         """
     def differentiate_pos(self, q1: ArrayLike, q2: ArrayLike) -> NDArray[np.float64]:
-        """Displacement from one configuration to another, the shortest: MuJoCo's mj_differentiatePos over a time of 1. It is the inverse of
-        `integrate_pos`.
+        """Displacement from one configuration to another, the shortest: MuJoCo's mj_differentiatePos over a time of 1.
+
+        It is the inverse of `integrate_pos`.
 
         Args:
             q1: Where it begins, (..., nq).

@@ -174,3 +174,23 @@ def test_jacobians_need_one_thing_that_exists():
     mine = sim.jacobian(body="torso")
     mine[:] = 0
     assert np.abs(sim.jacobian(body="torso")).max() == 1
+
+
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+def test_forces_of_actuators_are_what_sensors_read(precision):
+    """Drives with delay, lag, friction and losses among them: one computation, two ways to read it."""
+    source = """
+    <mujoco><worldbody><body><joint name="a" axis="0 1 0" damping=".1"/><geom size=".1" pos=".3 0 0"/>
+      <body pos=".5 0 0"><joint name="b" axis="0 1 0"/><geom size=".1" pos=".2 0 0"/></body></body></worldbody>
+      <actuator><motor name="a" joint="a" gear="3"/><position name="b" joint="b" kp="20" forcerange="-2 2"/></actuator>
+      <sensor><actuatorfrc actuator="a"/><actuatorfrc actuator="b"/>
+        <jointactuatorfrc joint="a"/><jointactuatorfrc joint="b"/></sensor></mujoco>"""
+    motor = stepper.DCMotor(stall_torque=2.0, no_load_speed=40.0, gear=3.0, efficiency=0.8)
+    drives = stepper.ActuatorModel({"a": stepper.Drive(delay=0.005, motor=motor), "b": stepper.Drive(lag=0.02, friction=0.1)})
+    for actuators in (None, drives):
+        sim = stepper.Stepper(stepper.load(source), ENVS, actuators=actuators, precision=precision)
+        sim.set_state(qpos=np.random.default_rng(1).normal(size=(ENVS, 2)))
+        for ctrl in np.random.default_rng(2).normal(size=(6, ENVS, 2)):
+            sim.step(ctrl, nstep=3)
+            assert np.array_equal(np.concatenate([sim.actuator_force, sim.qfrc_actuator], axis=1), sim.sensor_truth)
+        assert np.abs(sim.actuator_force).max() > 0.1

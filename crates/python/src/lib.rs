@@ -4,6 +4,7 @@ mod arguments;
 mod array;
 mod configurations;
 mod contacts;
+mod derived_arrays;
 mod device_models;
 mod elements;
 mod error;

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use pyo3::exceptions::{PyIndexError, PyKeyError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyCFunction, PyDict, PyList, PyTuple, PyType};
+use pyo3::types::{PyBytes, PyCFunction, PyDict, PyList, PyString, PyTuple, PyType};
 use serde::de::DeserializeOwned;
 use stepper_core::Precision;
 use stepper_core::model::{Description, Field, HeightField, Keyframe, Mesh, Model as Core, REPLACEABLE, Sensor};
@@ -117,7 +117,7 @@ impl Model {
     /// A keyframe by name or index.
     pub(crate) fn find_keyframe(&self, given: &Bound<'_, PyAny>) -> PyResult<Keyframe> {
         let all = &self.core.keyframes;
-        if all.is_empty() {
+        if all.is_empty() && given.is_instance_of::<PyString>() {
             let given = given.str().map_or_else(|_| String::new(), |text| text.to_string());
             return Err(PyKeyError::new_err(format!("no keyframe \"{given}\": this model has none; give reset(qpos=..., qvel=...)")));
         }

@@ -21,11 +21,11 @@ use stepper_core::{Precision, Simulation};
 
 use crate::arguments::{Env, Whole};
 use crate::array::{assign_attribute, check_shape, described, hint, read_only, readonly, whole};
+use crate::derived_arrays::DerivedArrays;
 use crate::device_models::{drives, transfers};
 use crate::error::value_error;
 use crate::model::Model;
 use crate::options::{settings, unknown};
-use crate::stepper::derived::DerivedArrays;
 
 /// Environments of one model, stepped together. The GIL is released while stepping. Pickles with its state.
 ///

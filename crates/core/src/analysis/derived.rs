@@ -8,7 +8,6 @@ use crate::integrators::observation::read_actuator_forces;
 use crate::integrators::workspace::Workspace;
 use crate::math::spatial::*;
 use crate::model::Model;
-use crate::options::StepSettings;
 use crate::sensing::{contact_wrenches, motion_of, orientations};
 
 /// What [`Simulation::derive`](crate::Simulation::derive) gives of every environment, in MuJoCo's vocabulary.
@@ -107,6 +106,8 @@ pub(crate) struct Derivation<R: Real> {
     velocity: Vec<V6<R>>,
     /// Mass of every subtree, kg.
     mass: Vec<R>,
+    /// Centre of mass of every body, m.
+    centres: Vec<V3<R>>,
     /// What is derived.
     values: Vec<R>,
     /// The same, lane-interleaved.
@@ -114,17 +115,10 @@ pub(crate) struct Derivation<R: Real> {
 }
 
 impl<R: Real> Derivation<R> {
-    /// Writes a quantity of the environments whose state, inputs and last step are in `s` to the rows of `out`.
-    pub(crate) fn derive(
-        &mut self,
-        compiled: &LaneModel<R>,
-        options: &StepSettings,
-        s: &mut Workspace<R>,
-        quantity: DerivedQuantity,
-        out: &mut [f64],
-    ) {
+    /// Writes a quantity of the environments whose state, inputs and last step, of length `h` (s), are in `s` to the rows of `out`.
+    pub(crate) fn derive(&mut self, compiled: &LaneModel<R>, h: R, s: &mut Workspace<R>, quantity: DerivedQuantity, out: &mut [f64]) {
         self.place_mocap(compiled, s);
-        self.evaluate(compiled, options, s, quantity);
+        self.evaluate(compiled, h, s, quantity);
         let n = self.values.len();
         self.interleaved.resize(n * R::LANES, R::Scalar::default());
         R::store_all(&self.values, &mut self.interleaved);
@@ -152,15 +146,24 @@ impl<R: Real> Derivation<R> {
     }
 
     /// Leaves a quantity in `values`.
-    fn evaluate(&mut self, compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, quantity: DerivedQuantity) {
+    fn evaluate(&mut self, compiled: &LaneModel<R>, h: R, s: &mut Workspace<R>, quantity: DerivedQuantity) {
         use DerivedQuantity as Q;
-        let h = R::of(options.timestep);
         self.values.clear();
         match quantity {
             Q::Acceleration => return self.values.extend(&s.sensors.acceleration),
-            Q::JointConstraintForce => return self.values.extend(s.state.impulse.iter().map(|&impulse| impulse / h)),
+            Q::JointConstraintForce => {
+                self.values.extend(&s.state.impulse);
+                return R::vectorize(
+                    #[inline(always)]
+                    || {
+                        for x in &mut self.values {
+                            *x /= h;
+                        }
+                    },
+                );
+            }
             Q::ActuatorForce | Q::JointActuatorForce => {
-                read_actuator_forces(compiled, options, s);
+                read_actuator_forces(compiled, h, s);
                 let forces = &s.sensors.actuator_forces;
                 return self.values.extend(if quantity == Q::ActuatorForce { &forces.force } else { &forces.joint });
             }
@@ -176,8 +179,11 @@ impl<R: Real> Derivation<R> {
             Q::BodyLinVel | Q::BodyAngVel => self.velocities(compiled, kinematics, &s.state.v, quantity == Q::BodyLinVel),
             Q::SubtreeCom => self.centres_of_mass(compiled, kinematics),
             Q::BodyContactForce => {
+                let mut centres = std::mem::take(&mut self.centres);
+                centres_of_bodies(compiled, kinematics, &mut centres);
                 self.values.resize(6 * compiled.bodies.len(), R::zero());
-                contact_wrenches(compiled, kinematics, &s.state.contacts, h, self.values.as_chunks_mut().0);
+                contact_wrenches(compiled, &s.state.contacts, h, &centres, self.values.as_chunks_mut().0);
+                self.centres = centres;
             }
             Q::BodyJacobian(body) => {
                 let body = &compiled.bodies[body];
@@ -257,15 +263,16 @@ impl<R: Real> Derivation<R> {
         /// Mass below which a subtree counts as massless, kg: MuJoCo's mjMINVAL.
         const LEAST: f64 = 1e-15;
         let n = compiled.bodies.len();
+        centres_of_bodies(compiled, kinematics, &mut self.centres);
         self.values.resize(3 * n, R::zero());
         self.mass.resize(n, R::zero());
-        let (out, mass) = (self.values.as_chunks_mut::<3>().0, &mut self.mass[..n]);
+        let (out, mass, own) = (self.values.as_chunks_mut::<3>().0, &mut self.mass[..n], &self.centres[..n]);
         R::vectorize(
             #[inline(always)]
             || {
                 for b in 0..n {
                     mass[b] = compiled.params.mass(b);
-                    out[b] = scale(kinematics.point(compiled.bodies[b].frame, compiled.params.body_com(b)), mass[b]);
+                    out[b] = scale(own[b], mass[b]);
                 }
                 for b in (0..n).rev() {
                     let (parent, whole) = (compiled.bodies[b].parent, mass[b]);
@@ -275,8 +282,7 @@ impl<R: Real> Derivation<R> {
                     }
                     let heavy = whole.gt(R::of(LEAST));
                     let centre = scale(out[b], R::one() / R::select(heavy, whole, R::one()));
-                    let own = kinematics.point(compiled.bodies[b].frame, compiled.params.body_com(b));
-                    out[b] = select(heavy, centre, own);
+                    out[b] = select(heavy, centre, own[b]);
                 }
             },
         );
@@ -305,4 +311,17 @@ impl<R: Real> Derivation<R> {
             },
         );
     }
+}
+
+/// Centres of mass of all bodies of the model, m.
+fn centres_of_bodies<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, out: &mut Vec<V3<R>>) {
+    out.resize(compiled.bodies.len(), zero());
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for (b, (out, body)) in out.iter_mut().zip(&compiled.bodies).enumerate() {
+                *out = kinematics.point(body.frame, compiled.params.body_com(b));
+            }
+        },
+    );
 }

@@ -3,7 +3,7 @@
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::batch::call::{Call, Query};
-use crate::batch::exchange::{load_control, load_inputs, load_state};
+use crate::batch::exchange::{load_control, load_inputs, load_motion, load_state};
 use crate::batch::inputs::StepInputs;
 use crate::batch::state::Group;
 use crate::collision::contact_set::Contacts;
@@ -84,7 +84,11 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
     /// Brings what is derived from the state of the group into the workspace: the state, the inputs and controls in force, and with
     /// `last_step` what the last step did, or the step that would be made where there was none since the state was set.
     pub(super) fn load_to_derive(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, last_step: bool) {
-        load_state(group, s);
+        if last_step {
+            load_state(group, s);
+        } else {
+            load_motion(group, s);
+        }
         load_inputs(self.call, group, self.first, s);
         s.current = false;
         match self.call.pipelines {

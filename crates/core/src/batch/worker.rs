@@ -249,7 +249,7 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
         self.load_overrides(call, first);
         let reader = Reader { call, compiled: &self.compiled, first, probe: self.probe };
         reader.load_to_derive(group, &mut self.workspace, quantity.is_of_last_step());
-        self.derivation.derive(&self.compiled, call.settings, &mut self.workspace, quantity, out);
+        self.derivation.derive(&self.compiled, R::of(call.settings.timestep), &mut self.workspace, quantity, out);
     }
 
     fn problem(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, lane: usize) -> Vec<u8> {

@@ -70,9 +70,9 @@ fn take_acceleration<R: Real>(options: &StepSettings, s: &mut Workspace<R>) {
     )
 }
 
-/// Forces of the actuators at the state and the controls in `s`, left in `s.sensors.actuator_forces`. Mocap frames are placed by whoever
-/// calls.
-pub(crate) fn read_actuator_forces<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>) {
+/// Forces of the actuators at the state and the controls in `s`, left in `s.sensors.actuator_forces`; `h` is the length of a step, s. Mocap
+/// frames are placed by whoever calls.
+pub(crate) fn read_actuator_forces<R: Real>(compiled: &LaneModel<R>, h: R, s: &mut Workspace<R>) {
     let (kinematics, forces) = (&mut s.evaluation.kinematics, &mut s.sensors.actuator_forces);
     if compiled.wrench_arms[1] > 0 {
         kinematics.update(compiled, &s.state.q);
@@ -83,7 +83,7 @@ pub(crate) fn read_actuator_forces<R: Real>(compiled: &LaneModel<R>, options: &S
     if compiled.lossy {
         let dynamics = &s.inputs.actuator_dynamics;
         forces.lose(compiled, dynamics, false);
-        forces.subtract_losses(compiled, dynamics, &s.constraints.scalar_impulse, R::of(options.timestep));
+        forces.subtract_losses(compiled, dynamics, &s.constraints.scalar_impulse, h);
     }
 }
 
@@ -93,7 +93,7 @@ pub(crate) fn read_sensors<R: Real>(compiled: &LaneModel<R>, options: &StepSetti
     let elapsed = R::of(s.elapsed);
     mocap::pose_bodies(compiled, &s.mocap_trajectories, elapsed, &mut s.evaluation.kinematics);
     if compiled.sensing.needs.actuators {
-        read_actuator_forces(compiled, options, s);
+        read_actuator_forces(compiled, h, s);
     }
     let (kinematics, sensors) = (&mut s.evaluation.kinematics, &mut s.sensors);
     if !sensors.room.orientation.is_empty() {

@@ -9,14 +9,6 @@ use crate::elements::Kind;
 use crate::error::value_error;
 use crate::stepper::Stepper;
 
-/// Arrays that were derived and handed out: they are handed out again until something changes.
-#[derive(Default)]
-pub(super) struct DerivedArrays {
-    /// [`stepper_core::Simulation::revision`] that they are of.
-    revision: u64,
-    arrays: Vec<(DerivedQuantity, Py<PyAny>)>,
-}
-
 impl Stepper {
     /// A quantity as an array of its own.
     fn derive<'py>(&mut self, py: Python<'py>, quantity: DerivedQuantity) -> PyResult<Bound<'py, PyAny>> {
@@ -30,14 +22,11 @@ impl Stepper {
     /// The read-only array of a quantity, the same one as long as nothing has changed.
     fn derived<'py>(&mut self, py: Python<'py>, quantity: DerivedQuantity) -> PyResult<Bound<'py, PyAny>> {
         self.apply(py)?;
-        if self.derived.revision != self.simulation.revision() {
-            self.derived = DerivedArrays { revision: self.simulation.revision(), arrays: Vec::new() };
-        }
-        if let Some((_, known)) = self.derived.arrays.iter().find(|(of, _)| *of == quantity) {
+        if let Some(known) = self.derived.get(self.simulation.revision(), quantity) {
             return Ok(known.bind(py).clone());
         }
         let made = read_only(self.derive(py, quantity)?, quantity.name())?;
-        self.derived.arrays.push((quantity, made.clone().unbind()));
+        self.derived.keep(quantity, made.clone().unbind());
         Ok(made)
     }
 }

@@ -140,6 +140,33 @@ def test_randomised_masses_keep_the_inverse_weights_of_the_model():
         assert np.abs(sim.qvel[env] - data.qvel).max() < AGREES * (1 + np.abs(found.qvel[env]).max())
 
 
+def test_forces_of_constraints_are_mujocos():
+    """Generalized forces of all constraints, and the force of every contact by its pair, relative 1e-9 of the largest: rounding of a sum."""
+    model = compiled(SOURCES["dm_control/quadruped"])
+    found = states(model, 12)
+    ours = stepper.load(model, strict=False)
+    sim = stepper.Stepper(ours, num_envs=12, options=stepper.Options(contact="mujoco", tolerance=1e-13, iterations=100))
+    sim.set_state(qpos=found.qpos, qvel=found.qvel, act=found.act)
+    sim.step(found.ctrl)
+    data, wrench, touching = mujoco.MjData(model), np.zeros(6), 0
+    for env in range(12):
+        for name in ("qpos", "qvel", "act", "ctrl"):
+            getattr(data, name)[:] = getattr(found, name)[env]
+        data.qacc_warmstart[:] = 0.0
+        mujoco.mj_step(model, data)
+        size = 1 + np.abs(data.qfrc_constraint).max()
+        assert np.abs(sim.qfrc_constraint[env] - data.qfrc_constraint).max() < AGREES * size
+        theirs = []
+        for i, contact in enumerate(data.contact):
+            mujoco.mj_contactForce(model, data, i, wrench)
+            theirs.append((int(contact.geom[0]), int(contact.geom[1]), wrench[0]))
+        mine = [(int(c["geom"][0]), int(c["geom"][1]), c["force"][0]) for c in sim.contacts(env) if c["distance"] < 0]
+        touching += len(theirs)
+        assert [c[:2] for c in sorted(mine)] == [c[:2] for c in sorted(theirs)]
+        assert np.allclose([c[2] for c in sorted(mine)], [c[2] for c in sorted(theirs)], rtol=0, atol=AGREES * size)
+    assert touching > 10
+
+
 def test_what_is_replaced_is_what_mujoco_compiles():
     """Softness, and masses with the weights that follow them, as after `mj_setConst`."""
     model = compiled(SCENE.format(option="", geom="", joint='frictionloss=".05"', floor="", ball="", more=""))

@@ -47,6 +47,8 @@ pub struct Simulation {
     ctrl: Vec<f64>,
     applied: AppliedInputs,
     truth: TrueReadings,
+    /// Changes so far of what derived quantities depend on.
+    revision: u64,
 }
 
 /// True readings of all sensors, as long as nothing changes that they depend on.
@@ -135,6 +137,7 @@ impl Simulation {
             ctrl,
             applied: AppliedInputs::default(),
             truth: TrueReadings::default(),
+            revision: 0,
         };
         (0..n).for_each(|env| simulation.reset(env));
         Ok(simulation)
@@ -195,8 +198,20 @@ impl Simulation {
 
     /// The engine, to be changed: what sensors read may be something else then.
     fn engine_mut(&mut self) -> &mut dyn Engine {
-        self.truth.known = false;
+        self.note_change();
         &mut *self.engine
+    }
+
+    /// Takes note that readings and derived quantities may be others from now on.
+    fn note_change(&mut self) {
+        self.truth.known = false;
+        self.revision += 1;
+    }
+
+    /// Number that is another after every change of what [`Simulation::derive`] reads: states, parameters, controls in force, and what is
+    /// applied.
+    pub fn revision(&self) -> u64 {
+        self.revision
     }
 
     /// The model as the step reads it, in f64.

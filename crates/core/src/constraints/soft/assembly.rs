@@ -30,8 +30,8 @@ impl<R: Real> Constraints<R> {
         self.soft = Some(system);
     }
 
-    /// Leaves the impulses of the solution, `h` times its forces: of the rows where sensors and people read them, and of all together on the
-    /// joints in `impulse`, where the next step finds its start.
+    /// Leaves the impulses of the solution, `h` times its forces: those of the rows where sensors and people read them, and that of all
+    /// together on the joints in `impulse`, where the next step finds its start.
     pub fn keep_soft_impulses(&mut self, h: R, contacts: &mut Contacts<R>, impulse: &mut [R]) {
         let Some(system) = &self.soft else { return };
         R::vectorize(

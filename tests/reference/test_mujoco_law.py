@@ -90,7 +90,11 @@ SCENES = {
         "option": 'cone="elliptic"',
         "more": PAIR.format(friction=".9 .3 .02 .003 .001", more='solref=".03 1" solreffriction=".08 1"'),
     },
-    "override": {"option": 'o_solref=".06 1" o_solimp=".4 .8 .01 .5 2"', "more": '<option><flag override="enable"/></option>'},
+    "override": {
+        "option": 'o_solref=".06 1" o_solimp=".4 .8 .01 .5 2" o_margin=".004" o_friction=".6 .6 .01 .001 .001"',
+        "geom": 'margin=".01" friction=".2"',
+        "more": '<option><flag override="enable"/></option>',
+    },
     "conveyor": {"floor": 'surfacevel=".3 .1 0 0 0 .2"', "geom": 'condim="4"'},
     "tendons": {
         "more": '<tendon><fixed name="t" range="-.05 .05" limited="true" frictionloss=".02" stiffness="3" damping=".2">'
@@ -141,7 +145,7 @@ def test_randomised_masses_keep_the_inverse_weights_of_the_model():
 
 
 def test_forces_of_constraints_are_mujocos():
-    """Generalized forces of all constraints, and the force of every contact by its pair, relative 1e-9 of the largest: rounding of a sum."""
+    """Generalized forces of all constraints, and of every contact, relative 1e-9 of the largest: rounding of a sum."""
     model = compiled(SOURCES["dm_control/quadruped"])
     found = states(model, 12)
     ours = stepper.load(model, strict=False)
@@ -233,6 +237,13 @@ def test_what_the_law_does_not_have_is_named(options, words):
     with pytest.raises(ValueError, match=words):
         stepper.Stepper(stepper.load(SCENE.format(option="", geom="", joint="", floor="", ball="", more="")),
                         options=stepper.Options(**({"contact": "mujoco"} | options)))  # fmt: skip
+
+
+def test_an_armature_of_a_tendon_is_refused():
+    more = '<tendon><fixed name="t" armature=".1"><joint joint="hinge" coef="1"/></fixed></tendon>'
+    model = stepper.load(SCENE.format(option="", geom="", joint="", floor="", ball="", more=more))
+    with pytest.raises(ValueError, match='contact is mujoco, and tendon "t" has an armature, must be hard'):
+        stepper.Stepper(model, options=stepper.Options(contact="mujoco"))
 
 
 def test_a_second_of_motion_is_mujocos_until_chaos():

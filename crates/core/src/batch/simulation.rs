@@ -30,7 +30,7 @@ use crate::compile::{CompiledModel, LaneModel};
 use crate::error::Error;
 use crate::math::precision::Precision;
 use crate::model::Model;
-use crate::options::{Integrator, Options, StepSettings};
+use crate::options::{ContactLaw, Integrator, Options, StepSettings};
 
 /// Environments of one model.
 pub struct Simulation {
@@ -115,6 +115,12 @@ impl Simulation {
             check: bool,
         ) -> Result<Box<dyn Engine>, Error> {
             Ok(Box::new(Batch::<S>::new(model, settings, num_envs, threads, level, check)?))
+        }
+        if options.contact == ContactLaw::Mujoco
+            && let Some(tendon) = model.tendons.iter().find(|t| t.armature > 0.0)
+        {
+            let must = "hard where a tendon has an armature, which MuJoCo's law does not have here; or give it none";
+            return Err(Error::Option { name: "contact", found: format!("mujoco, and tendon {:?} has an armature", tendon.name), must });
         }
         let n = num_envs.unwrap_or(1);
         let asked = model.requested.as_ref().and_then(|asked| asked_integrator(&asked.integrator));

@@ -212,10 +212,11 @@ def stepper_engines() -> list[Stepper]:
     return [*out, Stepper("stepper f32", default, "f32")]
 
 
-def peers() -> list[Mujoco | Rapier]:
-    """MuJoCo as it comes; as its guide advises for contact without slip, with two integrators; rapier where it is installed."""
+def peers() -> list[Stepper | Mujoco | Rapier]:
+    """MuJoCo's law in stepper; MuJoCo as it comes and tuned as its guide advises, with two integrators; rapier where it is installed."""
     tuned = {"cone": "ELLIPTIC"}
-    out: list[Mujoco | Rapier] = [
+    out: list[Stepper | Mujoco | Rapier] = [
+        Stepper("MuJoCo's law in stepper", stepper.Options(contact="mujoco", integrator="euler")),
         Mujoco("MuJoCo", MujocoEngine("default")),
         Mujoco("MuJoCo tuned", MujocoEngine("implicitfast, impratio 100", "IMPLICITFAST", impratio=100.0, **tuned), 2.0),
         Mujoco("MuJoCo tuned, discrete", MujocoEngine("discrete, impratio 10", "DISCRETE", impratio=10.0, **tuned), 2.0),

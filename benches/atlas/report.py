@@ -26,7 +26,8 @@ statics or a conservation law, never another simulator.
 ![scenes by engines and time steps](atlas.png)
 
 Engines: **stepper** is `Options()`, the default; its alternatives change what their names say; f32 is `precision="f32"`. **MuJoCo** is its
-default; **tuned** follows its own guide for contact without slip: elliptic cones, impratio 100 with implicitfast, impratio 10 with
+default, whose law of contact **MuJoCo's law in stepper** has (`Options(contact="mujoco")`); **tuned** follows its own guide for contact
+without slip: elliptic cones, impratio 100 with implicitfast, impratio 10 with
 discrete, solref of two steps (with restitution, the direct format for a bouncing spring). **rapier** is the Python wheel with its defaults,
 in 32 bits. MuJoCo has no coefficient of restitution, so its default cannot hold a bounce.
 

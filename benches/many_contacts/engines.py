@@ -124,3 +124,5 @@ class Theirs(MujocoCrowd):
 
 PGS = Options(solver="pgs")
 """Sweeps alone."""
+LAW = Options(contact="mujoco")
+"""MuJoCo's law of contact, with the integrator that the scene asks for."""

@@ -22,7 +22,7 @@ from stepper.experiments.demo.crowd import Measured, Referee
 from stepper.experiments.demo.race import MATCHED
 from stepper.shared.machine import one_core
 
-from many_contacts.engines import PGS, Batch, Ours, Theirs
+from many_contacts.engines import LAW, PGS, Batch, Ours, Theirs
 from many_contacts.episodes import episode
 from many_contacts.scene import Array, Scene, Script
 
@@ -35,7 +35,7 @@ LEAD = Options(tolerance=1e-3)
 DROPPED = 0.02
 """m: what has moved farther than this in its holder is not held."""
 PEERS = (f"MuJoCo {MATCHED.setting}", "MuJoCo defaults")
-SETTINGS = ("default", "fast", "pgs")
+SETTINGS = ("default", "fast", "pgs", "law")
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class Track:
 
 def options(setting: str, model: Model) -> Options | None:
     """Settings by their name in `SETTINGS`."""
-    return {"default": None, "fast": fast(model), "pgs": PGS}[setting]
+    return {"default": None, "fast": fast(model), "pgs": PGS, "law": LAW}[setting]
 
 
 def read(path: Path) -> tuple[Model, str]:

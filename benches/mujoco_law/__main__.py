@@ -22,7 +22,7 @@ def main() -> None:
         "--only", action="append", default=[], metavar="SUBSTRING", help="models with this in their name; may be given again"
     )
     parser.add_argument("--states", type=int, default=100, help="states of each model; default: 100")
-    parser.add_argument("--integrator", choices=("euler", "implicitfast", "rk4"), help="instead of the model's own")
+    parser.add_argument("--integrator", choices=("euler", "implicitfast", "implicit", "rk4"), help="instead of the model's own")
     parser.add_argument("--cone", choices=("pyramidal", "elliptic"), help="instead of the model's own")
     parser.add_argument("--out", type=Path, help="folder of mujoco_law.csv and, if it has one, of the page whose table is renewed")
     args = parser.parse_args()
@@ -43,7 +43,7 @@ def _measure(source: Source, args: argparse.Namespace) -> Row:
             compiled = mujoco.MjModel.from_xml_path(str(source.path))
             prepare(compiled)
             if args.integrator:
-                name = {"euler": "EULER", "implicitfast": "IMPLICITFAST", "rk4": "RK4"}[args.integrator]
+                name = args.integrator.upper()
                 compiled.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{name}")
             if args.cone:
                 compiled.opt.cone = getattr(mujoco.mjtCone, f"mjCONE_{args.cone.upper()}")

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import json
 import time
 from dataclasses import dataclass
+from pathlib import Path
 from statistics import geometric_mean, median
 from typing import Any
 
 from comparison.throughput import Case, cases, ratio
+from many_contacts.targets import grouped_mean
 from stepper import Options
 from stepper.experiments.chart.engines import MujocoEngine
 from stepper.experiments.demo.crowd import Crowd, MujocoCrowd, StepperCrowd
@@ -32,7 +35,13 @@ def main() -> None:
     parser.add_argument("--num-envs", type=int, default=256, help="environments in stepper; default: 256")
     parser.add_argument("--peers", type=int, default=64, help="environments in MuJoCo; default: 64")
     parser.add_argument("--steps", type=int, default=200, help="steps of random control; default: 200")
+    parser.add_argument(
+        "--many-contacts", type=Path, metavar="JSON", help="measure nothing: show what `many_contacts --settings law` wrote"
+    )
     args = parser.parse_args()
+    if args.many_contacts:
+        print(many_contacts(args.many_contacts))
+        return
     plan = Plan(num_envs=args.num_envs, peers=args.peers, steps=args.steps, rest=0)
     require("mujoco", "to run MuJoCo beside stepper").set_mju_user_warning(lambda message: None)
     found = []
@@ -46,6 +55,18 @@ def main() -> None:
     means = [geometric_mean(f[k] for f in found) for k in (0, 1)]
     print(f"| **geometric mean** | | | | | **{means[0]:.1f}** | **{means[1]:.1f}** | | |")
     print(", ".join(f"{key} {value}" for key, value in provenance().items() if key in ("cpu", "load_average", "versions")))
+
+
+def many_contacts(path: Path) -> str:
+    """The table of the scenes with many contacts, from what `many_contacts --settings law` wrote."""
+    rows = [row for row in json.loads(path.read_text(encoding="utf-8"))["rows"] if row["ours"]]
+    lines = ["| scene | f64 x | f32 x | unsolved % f64 / f32 | Newton steps |", "|---|---|---|---|---|"]
+    for row in rows:
+        f64, f32 = (row["ours"][f"{precision} law"] for precision in ("f64", "f32"))
+        unsolved = " / ".join(f"{100 * ours['unsolved']:.2g}" for ours in (f64, f32))
+        lines.append(f"| {row['row']} | **{f64['ratio']:.1f}** | **{f32['ratio']:.1f}** | {unsolved} | {f64['newton_steps']:.1f} |")
+    means = [grouped_mean((row["group"], row["ours"][f"{precision} law"]["ratio"]) for row in rows) or 0.0 for precision in ("f64", "f32")]
+    return "\n".join([*lines, f"| **geometric mean over scenes** | **{means[0]:.1f}** | **{means[1]:.1f}** | | |"])
 
 
 def _measure(case: Case, plan: Plan) -> tuple[float, float]:

@@ -12,6 +12,7 @@ from stepper._options import Options
 from stepper._status import Status
 from stepper._stepper import Model, ModelError, State, Stepper, __version__, cpu_levels
 from stepper.actuators import PID, ActuatorModel, DCMotor, Drive
+from stepper.experiments.compare import Comparison, compare
 from stepper.loading import ModelWarning, load
 from stepper.recording import Difference, Recorder, RecordingError, Replay, replay
 from stepper.sensors import Combination, RayFan, SensorModel, Transfer
@@ -20,6 +21,7 @@ __all__ = [
     "PID",
     "ActuatorModel",
     "Combination",
+    "Comparison",
     "DCMotor",
     "Difference",
     "Drive",
@@ -37,6 +39,7 @@ __all__ = [
     "Stepper",
     "Transfer",
     "__version__",
+    "compare",
     "cpu_levels",
     "devices",
     "load",

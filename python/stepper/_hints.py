@@ -14,8 +14,21 @@ _STATE = ("qpos", "qvel", "act", "time")
 _REMEDIES = {
     **{name: f"sim.set_state({name}=...) sets it" for name in _STATE},
     "ctrl": "sim.step(ctrl) takes new controls, and holds them until others are given",
-    "xpos": "sim.set_state(qpos=...) moves bodies, sim.mocap_pos those that the user poses",
-    "xquat": "sim.set_state(qpos=...) turns bodies, sim.mocap_quat those that the user poses",
+    **dict.fromkeys(
+        ("xpos", "site_xpos", "geom_xpos", "subtree_com"), "sim.set_state(qpos=...) moves bodies, sim.mocap_pos those that the user poses"
+    ),
+    **dict.fromkeys(
+        ("xquat", "site_xquat", "geom_xquat"), "sim.set_state(qpos=...) turns bodies, sim.mocap_quat those that the user poses"
+    ),
+    **dict.fromkeys(("body_linvel", "body_angvel"), "sim.set_state(qvel=...) sets velocities of joints, which move bodies"),
+    **dict.fromkeys(("actuator_force", "qfrc_actuator"), "sim.step(ctrl) takes the controls that it follows from"),
+    "qfrc_constraint": "sim.qfrc_applied has forces on joints that one can set",
+    "body_contact_force": "sim.xfrc_applied has forces on bodies that one can set",
+    **dict.fromkeys(
+        ("jnt_pos", "jnt_axis", "site_pos", "site_quat", "actuator_actrange", "tendon_jntid", "tendon_coef",
+         "key_qpos", "key_qvel", "key_act", "key_ctrl"),
+        "the file of the model says it: change that, and load it again",
+    ),
     "timestep": "stepper.Options(timestep=...) chooses it, and model.replace(timestep=...) a model's own",
     "tolerance": "stepper.Options(tolerance=...) chooses it",
     "model": "make another stepper of another model, or change parameters of environments with sim.randomize(...)",
@@ -25,11 +38,13 @@ _REMEDIES = {
     **dict.fromkeys(
         (
             "status", "residual", "iterations", "sweeps", "newton_steps", "depth", "limit_overshoot", "observation", "sensor_truth",
-            "sensor_faults", "actuator_saturation",
+            "sensor_faults", "actuator_saturation", "qacc",
         ),
         _NOTHING,
     ),
 }  # fmt: skip
+_LISTED = 12
+"""Names that a message lists."""
 _OF_ENVIRONMENTS = "environments have it of their own: sim.randomize({}=...) sets it"
 
 _OPERATORS = ("add", "sub", "mul", "matmul", "truediv", "floordiv", "mod", "pow", "lshift", "rshift", "and", "or", "xor")
@@ -108,6 +123,22 @@ def not_assigned(owner: type, name: str) -> AttributeError:
 def no_attribute(owner: type, name: str) -> AttributeError:
     """What to say of a name that nothing has."""
     return AttributeError(f"a stepper.{owner.__name__} has no attribute {name!r}{near(name, dir(owner))}")
+
+
+def unknown(kind: str, name: str, names: list[str]) -> str:
+    """What to say of a name that no element of a kind has.
+
+    Args:
+        kind: "joint", for example.
+        name: The name that was given.
+        names: Those that there are; empty where an element has none.
+    """
+    known = [other for other in names if other]
+    if not known:
+        return f"no {kind} {name!r}: " + (f"none of the {len(names)} has a name, give an index" if names else f"this model has no {kind}")
+    listed = ", ".join(known[:_LISTED]) + (f" and {len(known) - _LISTED} more" if len(known) > _LISTED else "")
+    guess = near(name, known)
+    return f"no {kind} {name!r}{guess} There are: {listed}" if guess else f"no {kind} {name!r}, there are: {listed}"
 
 
 def near(name: str, known: Iterable[str]) -> str:

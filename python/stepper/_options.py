@@ -11,7 +11,12 @@ Precision: TypeAlias = Literal["f64", "f32"]
 if TYPE_CHECKING:
     from stepper._stepper import Model
 
-_INTEGRATORS: dict[str, Literal["euler", "implicitfast", "rk4"]] = {"Euler": "euler", "RK4": "rk4", "implicitfast": "implicitfast"}
+_INTEGRATORS: dict[str, Literal["euler", "implicit", "implicitfast", "rk4"]] = {
+    "Euler": "euler",
+    "RK4": "rk4",
+    "implicit": "implicit",
+    "implicitfast": "implicitfast",
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +49,7 @@ class Options:
               so that springs and dampers need h sqrt(k / m) < 2.8 and h d / m < 2.7.
 
             With contact="mujoco" there are MuJoCo's own: "euler" (with the joints' damping implicit, unless the model says otherwise),
-            "implicitfast", and "rk4", whose four stages each solve the constraints.
+            "implicitfast", "implicit", and "rk4", whose four stages each solve the constraints.
 
             With "midpoint" and "implicit" a servo at a bound of its force gives the bound, and none of its stiffness. Fixed tendons whose
             joints lie on several branches act with an inertia that grows with h^2 k and h d, which keeps them stable too.

@@ -18,7 +18,22 @@ from stepper.actuators import ActuatorModel
 from stepper.recording import Recorder
 from stepper.sensors import Combination, RayFan, SensorModel
 
-__all__ = ["Model", "ModelError", "State", "Stepper", "__version__", "cpu_levels"]
+__all__ = [
+    "Actuator",
+    "Body",
+    "Geom",
+    "Joint",
+    "Keyframe",
+    "Model",
+    "ModelError",
+    "Sensor",
+    "Site",
+    "State",
+    "Stepper",
+    "Tendon",
+    "__version__",
+    "cpu_levels",
+]
 __version__: Final[str]
 
 _Array: TypeAlias = NDArray[Any]
@@ -28,6 +43,222 @@ def cpu_levels() -> list[str]:
 
 class ModelError(ValueError):
     """A model that cannot be simulated: what is wrong, where, and what to do."""
+
+@final
+class Body:
+    """A body of a model."""
+
+    id: Final[int]
+    """Index; the world's is 0."""
+    name: Final[str]
+    """Name; may be empty."""
+    parentid: Final[int]
+    """Index of the parent; the world's is 0."""
+    mass: Final[float]
+    """Mass, kg."""
+    inertia: Final[_Array]
+    """Principal moments of inertia, kg m^2: (3,)."""
+    pos: Final[_Array]
+    """Position in the parent's frame, m: (3,)."""
+    quat: Final[_Array]
+    """Orientation in the parent's frame: (4,)."""
+    ipos: Final[_Array]
+    """Centre of mass in the body's frame, m: (3,)."""
+    iquat: Final[_Array]
+    """Orientation of the principal axes in the body's frame: (4,)."""
+    mocapid: Final[int]
+    """Row of `mocap_pos` and `mocap_quat` of a body that the user poses, else -1."""
+    jntadr: Final[int]
+    """Index of its first joint; -1 without one."""
+    jntnum: Final[int]
+    """Number of its joints."""
+    dofadr: Final[int]
+    """Address of its first degree of freedom in qvel; -1 without one."""
+    dofnum: Final[int]
+    """Number of its degrees of freedom."""
+    geomadr: Final[int]
+    """Index of its first geom; -1 without one."""
+    geomnum: Final[int]
+    """Number of its geoms."""
+
+@final
+class Joint:
+    """A joint of a model."""
+
+    id: Final[int]
+    """Index."""
+    name: Final[str]
+    """Name; may be empty."""
+    type: Final[str]
+    """"free", "ball", "slide" or "hinge"."""
+    bodyid: Final[int]
+    """Index of the body that it moves."""
+    qposadr: Final[int]
+    """Address of its first coordinate in qpos."""
+    dofadr: Final[int]
+    """Address of its first degree of freedom in qvel."""
+    nq: Final[int]
+    """Number of its coordinates in qpos."""
+    nv: Final[int]
+    """Number of its degrees of freedom in qvel."""
+    limited: Final[bool]
+    """Whether its position has bounds."""
+    range: Final[_Array]
+    """Lowest and highest position, m or rad: (2,), infinite where there is no bound."""
+    pos: Final[_Array]
+    """Anchor in the body's frame, m: (3,)."""
+    axis: Final[_Array]
+    """Unit axis of a slide or hinge in the body's frame: (3,)."""
+    stiffness: Final[float]
+    """Spring stiffness, N/m or N m/rad."""
+    damping: Final[float]
+    """Viscous damping, N s/m or N m s/rad."""
+    armature: Final[float]
+    """Added inertia, kg or kg m^2."""
+    frictionloss: Final[float]
+    """Dry friction, N or N m."""
+
+@final
+class Geom:
+    """A geom of a model."""
+
+    id: Final[int]
+    """Index."""
+    name: Final[str]
+    """Name; may be empty."""
+    bodyid: Final[int]
+    """Index of the body that it is fixed to."""
+    type: Final[str]
+    """"plane", "sphere", "capsule", "cylinder", "ellipsoid", "box", "mesh" or "hfield"."""
+    size: Final[_Array]
+    """Radius, half length; or half sizes; or semi-axes; 0 where the shape has no number; m: (3,)."""
+    pos: Final[_Array]
+    """Position in the body's frame, m: (3,)."""
+    quat: Final[_Array]
+    """Orientation in the body's frame: (4,)."""
+    contype: Final[int]
+    """Bit mask: two geoms may collide if one's contype meets the other's conaffinity."""
+    conaffinity: Final[int]
+    """Bit mask, see `contype`."""
+    condim: Final[int]
+    """Rows of a contact: 1, 3, 4 or 6."""
+    priority: Final[int]
+    """The pair takes the friction and condim of the geom with the higher priority."""
+    friction: Final[_Array]
+    """Sliding (1), torsional (m), rolling (m) friction: (3,)."""
+    restitution: Final[float]
+    """Newton's coefficient of restitution, 0 to 1."""
+    margin: Final[float]
+    """Distance at which a contact pushes, m."""
+    gap: Final[float]
+    """Distance beyond the margin that is reported, m."""
+
+@final
+class Site:
+    """A site of a model."""
+
+    id: Final[int]
+    """Index."""
+    name: Final[str]
+    """Name; may be empty."""
+    bodyid: Final[int]
+    """Index of the body that it is fixed to."""
+    type: Final[str]
+    """"sphere", "capsule", "cylinder", "ellipsoid" or "box"."""
+    pos: Final[_Array]
+    """Position in the body's frame, m: (3,)."""
+    quat: Final[_Array]
+    """Orientation in the body's frame: (4,)."""
+
+@final
+class Actuator:
+    """An actuator of a model."""
+
+    id: Final[int]
+    """Index: its place in ctrl."""
+    name: Final[str]
+    """Name; may be empty."""
+    trntype: Final[str]
+    """What it pulls on: "joint", "tendon" or "site"."""
+    trnid: Final[int]
+    """Index of that."""
+    actadr: Final[int]
+    """Address of its activation in act; -1 without one."""
+    ctrlrange: Final[_Array]
+    """Bounds of the control: (2,), infinite where there is none."""
+    forcerange: Final[_Array]
+    """Bounds of the force, N or N m: (2,), infinite where there is none."""
+    actrange: Final[_Array]
+    """Bounds of the activation: (2,), infinite where there is none."""
+    gear: Final[float]
+    """Scale of length, velocity and force."""
+    gain: Final[_Array]
+    """Affine gain: constant, per length, per velocity: (3,)."""
+    bias: Final[_Array]
+    """Affine bias: constant, per length, per velocity: (3,)."""
+
+@final
+class Sensor:
+    """A sensor of a model."""
+
+    id: Final[int]
+    """Index."""
+    name: Final[str]
+    """Name; may be empty."""
+    type: Final[str]
+    """Kind, as MJCF calls it: "gyro"."""
+    adr: Final[int]
+    """Address of its first reading."""
+    dim: Final[int]
+    """Number of its readings."""
+    noise: Final[float]
+    """Noise that the source declares."""
+    cutoff: Final[float]
+    """Cutoff that the source declares."""
+
+@final
+class Tendon:
+    """A fixed tendon of a model: its length is a linear combination of joint positions."""
+
+    id: Final[int]
+    """Index."""
+    name: Final[str]
+    """Name; may be empty."""
+    jntid: Final[_Array]
+    """Indices of its joints: (n,) int64."""
+    coef: Final[_Array]
+    """Their coefficients: (n,)."""
+    limited: Final[bool]
+    """Whether its length has bounds."""
+    range: Final[_Array]
+    """Lowest and highest length: (2,), infinite where there is no bound."""
+    stiffness: Final[float]
+    """Spring stiffness."""
+    damping: Final[float]
+    """Viscous damping."""
+    armature: Final[float]
+    """Added inertia."""
+    frictionloss: Final[float]
+    """Dry friction."""
+
+@final
+class Keyframe:
+    """A keyframe of a model: a named state, which `Stepper.reset(keyframe=)` starts from."""
+
+    id: Final[int]
+    """Index."""
+    name: Final[str]
+    """Name; may be empty."""
+    time: Final[float]
+    """s"""
+    qpos: Final[_Array]
+    """Configuration: (nq,)."""
+    qvel: Final[_Array]
+    """Velocity: (nv,)."""
+    act: Final[_Array]
+    """Activations: (na,)."""
+    ctrl: Final[_Array]
+    """Controls: (nu,)."""
 
 @final
 class Model:
@@ -51,6 +282,8 @@ class Model:
     """Bodies, the world included, which is body 0."""
     njnt: Final[int]
     """Joints."""
+    nsite: Final[int]
+    """Sites."""
     ngeom: Final[int]
     """Geoms."""
     nsensordata: Final[int]
@@ -69,6 +302,8 @@ class Model:
     """Names of the sites in their order; empty where one has none."""
     keyframe_names: Final[list[str]]
     """Names of the keyframes in their order; empty where one has none."""
+    tendon_names: Final[list[str]]
+    """Names of the fixed tendons in their order; empty where one has none."""
     sensors: Final[list[dict[str, Any]]]
     """name, type, adr (of the first reading), dim, datatype; and what the source declares: noise, cutoff, delay, interval."""
     omitted: Final[list[tuple[str, str, str]]]
@@ -255,6 +490,91 @@ class Model:
             ValueError: A name that nothing has, or directions that are none.
             ModelError: A sensor that the model cannot have.
         """
+    def body(self, key: str | int) -> Body:
+        """A body by its name or index (negative from the end).
+
+        Raises:
+            KeyError: No body of that name; the message has near ones.
+            IndexError: No body of that index.
+        """
+    def joint(self, key: str | int) -> Joint:
+        """A joint by its name or index (negative from the end): `model.joint("hip").qposadr`.
+
+        Raises:
+            KeyError: No joint of that name; the message has near ones.
+            IndexError: No joint of that index.
+        """
+    def geom(self, key: str | int) -> Geom:
+        """A geom by its name or index (negative from the end).
+
+        Raises:
+            KeyError: No geom of that name; the message has near ones.
+            IndexError: No geom of that index.
+        """
+    def site(self, key: str | int) -> Site:
+        """A site by its name or index (negative from the end).
+
+        Raises:
+            KeyError: No site of that name; the message has near ones.
+            IndexError: No site of that index.
+        """
+    def actuator(self, key: str | int) -> Actuator:
+        """An actuator by its name or index (negative from the end).
+
+        Raises:
+            KeyError: No actuator of that name; the message has near ones.
+            IndexError: No actuator of that index.
+        """
+    def sensor(self, key: str | int) -> Sensor:
+        """A sensor by its name or index (negative from the end).
+
+        Raises:
+            KeyError: No sensor of that name; the message has near ones.
+            IndexError: No sensor of that index.
+        """
+    def tendon(self, key: str | int) -> Tendon:
+        """A fixed tendon by its name or index (negative from the end).
+
+        Raises:
+            KeyError: No tendon of that name; the message has near ones.
+            IndexError: No tendon of that index.
+        """
+    def keyframe(self, key: str | int) -> Keyframe:
+        """A keyframe by its name or index (negative from the end).
+
+        Raises:
+            KeyError: No keyframe of that name; the message has near ones.
+            IndexError: No keyframe of that index.
+        """
+    def integrate_pos(self, q: ArrayLike, dv: ArrayLike) -> NDArray[np.float64]:
+        """Configuration that a displacement leads to, with unit quaternions: MuJoCo's mj_integratePos over a time of 1.
+
+        Args:
+            q: Configurations, (..., nq).
+            dv: Displacements in the coordinates of velocities, (..., nv): of a ball or free joint the rotation vector in the body's frame.
+                The axes before the last are those of `q`, or those of either are absent.
+
+        Returns:
+            (..., nq) float64.
+
+        Raises:
+            ValueError: Shapes that do not fit, a number that is not finite, a quaternion of zeros.
+        """
+    def differentiate_pos(self, q1: ArrayLike, q2: ArrayLike) -> NDArray[np.float64]:
+        """Displacement from one configuration to another, the shortest: MuJoCo's mj_differentiatePos over a time of 1.
+
+        It is the inverse of `integrate_pos`.
+
+        Args:
+            q1: Where it begins, (..., nq).
+            q2: Where it ends, (..., nq); the axes before the last are those of `q1`, or those of either are absent.
+
+        Returns:
+            (..., nv) float64.
+
+        Raises:
+            ValueError: Shapes that do not fit, a number that is not finite, a quaternion of zeros.
+        """
     def geoms_seen_from(self, site: int) -> list[int]:
         """Indices of the geoms that rays from a site can meet: all simple shapes but those of the site's own body."""
     def __eq__(self, other: object, /) -> bool: ...
@@ -331,9 +651,42 @@ class Stepper:
     reset."""
     xpos: Final[_Array]
     """Positions of the bodies at the present `qpos`: (num_envs, nbody, 3) in m, of their frames' origins. Body 0 is the world.
-    MuJoCo's `mj_step` leaves those before the step, `mj_forward` these."""
+    MuJoCo's `mj_step` leaves those before the step, `mj_forward` these. Like all that is derived from the state, they are computed
+    when asked for, of all environments at once, and the array is the same one until something changes."""
     xquat: Final[_Array]
     """Orientations of the bodies at the present `qpos`: (num_envs, nbody, 4)."""
+    body_linvel: Final[_Array]
+    """Velocities of the bodies' frames at the present state in world axes: (num_envs, nbody, 3) in m/s. Bodies that the user poses
+    stand still, as in MuJoCo."""
+    body_angvel: Final[_Array]
+    """Angular velocities of the bodies at the present state in world axes: (num_envs, nbody, 3) in rad/s."""
+    site_xpos: Final[_Array]
+    """Positions of the sites at the present `qpos`: (num_envs, nsite, 3) in m."""
+    site_xquat: Final[_Array]
+    """Orientations of the sites at the present `qpos`: (num_envs, nsite, 4)."""
+    geom_xpos: Final[_Array]
+    """Positions of the geoms at the present `qpos`: (num_envs, ngeom, 3) in m."""
+    geom_xquat: Final[_Array]
+    """Orientations of the geoms at the present `qpos`: (num_envs, ngeom, 4)."""
+    subtree_com: Final[_Array]
+    """Centres of mass of every body with all that hangs from it at the present `qpos`: (num_envs, nbody, 3) in m. Row 0 is that of the
+    whole scene."""
+    qacc: Final[_Array]
+    """Acceleration (v+ - v) / h of the last step, impulses of contacts and limits included: (num_envs, nv).
+
+    Where no step was made since the state was set, it is that of the step that would be made from it; so are `qfrc_constraint` and
+    `body_contact_force`."""
+    actuator_force: Final[_Array]
+    """Forces of the actuators at the present state with the controls in force, before their gears: (num_envs, nu) in N or N m. As
+    `mj_forward` leaves them."""
+    qfrc_actuator: Final[_Array]
+    """Forces of the actuators on the joints, within the joints' `actuatorfrcrange`: (num_envs, nv) in N or N m."""
+    qfrc_constraint: Final[_Array]
+    """Force of all constraints of the last step on the joints, its impulse over h: contacts, limits, dry friction, equalities and
+    tendons: (num_envs, nv) in N or N m."""
+    body_contact_force: Final[_Array]
+    """Force (3) in N and torque (3) in N m of all contacts of the last step on every body, world axes: (num_envs, nbody, 6). The torque
+    is about the body's present centre of mass."""
     time: Final[Any]
     """Simulated time in s: (num_envs,). `set_state(time=...)` sets it."""
     status: Final[Any]
@@ -597,6 +950,21 @@ class Stepper:
 
         Raises:
             OSError: The file cannot be written.
+        """
+    def jacobian(self, body: str | int | None = None, site: str | int | None = None) -> _Array:
+        """Jacobian of the origin of a body's frame, or of a site, at the present `qpos`: its velocity is `jacobian @ qvel`.
+
+        Args:
+            body: Name or index of a body.
+            site: Name or index of a site, instead.
+
+        Returns:
+            (num_envs, 6, nv), world axes: three rows of the linear velocity, then three of the angular one.
+
+        Raises:
+            ValueError: Both were given, or neither.
+            KeyError: No body or site of that name.
+            IndexError: No body or site of that index.
         """
     def mass_matrix(self, env: int = 0) -> NDArray[np.float64]:
         """Mass matrix of the present configuration, (nv, nv), armature included, without terms that depend on the time step."""

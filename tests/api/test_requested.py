@@ -83,6 +83,7 @@ def test_the_warning_can_be_silenced_and_saved_models_say_it_in_explain(tmp_path
 @pytest.mark.parametrize(("option", "expected"), [
     ("", stepper.Options(contact="mujoco", integrator="euler", iterations=100)),
     ('integrator="RK4" iterations="5" solver="PGS"', stepper.Options(contact="mujoco", integrator="rk4", iterations=50)),
+    ('integrator="implicit" solver="CG"', stepper.Options(contact="mujoco", integrator="implicit", iterations=100)),
     ('integrator="implicitfast" iterations="300"', stepper.Options(contact="mujoco", integrator="implicitfast", iterations=300)),
 ])  # fmt: skip
 def test_options_of_a_model_are_those_of_its_source(option, expected):
@@ -90,10 +91,9 @@ def test_options_of_a_model_are_those_of_its_source(option, expected):
     assert stepper.Options.of(model) == expected
 
 
-@pytest.mark.parametrize("name", ["implicit", "discrete"])
-def test_an_integrator_that_is_not_there_is_named(name):
-    model, _ = loaded(scene(option=f'integrator="{name}"'))
-    with pytest.raises(ValueError, match=f"the source asks for {name}, which stepper does not have; choose"):
+def test_an_integrator_that_is_not_there_is_named():
+    model, _ = loaded(scene(option='integrator="discrete"'))
+    with pytest.raises(ValueError, match="the source asks for discrete, which stepper does not have; choose"):
         stepper.Options.of(model)
 
 

@@ -166,6 +166,7 @@ def look(sim: stepper.Stepper, attempt: Attempts) -> None:
     sim.step(np.zeros(sim.model.nu), nstep=2)
     assert np.isfinite(sim.qpos).all(), "a state that is not finite"
     _ = sim.observation, sim.sensor_truth, sim.xpos, sim.contacts(), sim.memory(), repr(sim)
+    _ = sim.qacc, sim.body_contact_force, sim.subtree_com
 
 
 def _endless(nstep: Any) -> bool:

@@ -78,6 +78,7 @@ def try_stepping(rng: Random, model: stepper.Model) -> None:
     sim.step(rng.uniform(-1, 1, model.nu), nstep=3)
     assert np.isfinite(sim.qpos).all() and np.isfinite(sim.qvel).all(), "a state that is not finite"
     _ = sim.observation, sim.sensor_truth, sim.xpos, sim.contacts(), sim.energy(), sim.mass_matrix()
+    _ = sim.qfrc_constraint, sim.actuator_force
     model.explain()
     other = pickle.loads(pickle.dumps(sim))
     assert other.get_state() == sim.get_state()

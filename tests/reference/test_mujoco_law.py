@@ -42,7 +42,7 @@ def test_robots_of_others_step_as_in_mujoco(name):
 
 
 @pytest.mark.parametrize("cone", ["pyramidal", "elliptic"])
-@pytest.mark.parametrize("integrator", ["euler", "implicitfast", "rk4"])
+@pytest.mark.parametrize("integrator", ["euler", "implicitfast", "implicit", "rk4"])
 def test_every_cone_with_every_integrator(cone, integrator):
     cone, integrator = getattr(mujoco.mjtCone, f"mjCONE_{cone.upper()}"), getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
     found = parity(compiled(SOURCES["dm_control/quadruped"], cone=int(cone), integrator=int(integrator)))
@@ -90,13 +90,18 @@ SCENES = {
         "option": 'cone="elliptic"',
         "more": PAIR.format(friction=".9 .3 .02 .003 .001", more='solref=".03 1" solreffriction=".08 1"'),
     },
-    "override": {"option": 'o_solref=".06 1" o_solimp=".4 .8 .01 .5 2"', "more": '<option><flag override="enable"/></option>'},
+    "override": {
+        "option": 'o_solref=".06 1" o_solimp=".4 .8 .01 .5 2" o_margin=".004" o_friction=".6 .6 .01 .001 .001"',
+        "geom": 'margin=".01" friction=".2"',
+        "more": '<option><flag override="enable"/></option>',
+    },
     "conveyor": {"floor": 'surfacevel=".3 .1 0 0 0 .2"', "geom": 'condim="4"'},
     "tendons": {
         "more": '<tendon><fixed name="t" range="-.05 .05" limited="true" frictionloss=".02" stiffness="3" damping=".2">'
         '<joint joint="hinge" coef="1"/><joint joint="slide" coef="-2"/></fixed></tendon>'
     },
     "implicitfast": {"option": 'integrator="implicitfast"', "joint": 'damping=".1"'},
+    "implicit": {"option": 'integrator="implicit"', "joint": 'damping=".1"'},
     "damping": {"joint": 'damping=".1"'},
     "eulerdamp off": {"joint": 'damping=".1"', "more": '<option><flag eulerdamp="disable"/></option>'},
     "rk4": {"option": 'integrator="RK4"'},
@@ -139,6 +144,56 @@ def test_randomised_masses_keep_the_inverse_weights_of_the_model():
         assert np.abs(sim.qvel[env] - data.qvel).max() < AGREES * (1 + np.abs(found.qvel[env]).max())
 
 
+def test_forces_of_constraints_are_mujocos():
+    """Generalized forces of all constraints, and of every contact, relative 1e-9 of the largest: rounding of a sum."""
+    model = compiled(SOURCES["dm_control/quadruped"])
+    found = states(model, 12)
+    ours = stepper.load(model, strict=False)
+    sim = stepper.Stepper(ours, num_envs=12, options=stepper.Options(contact="mujoco", tolerance=1e-13, iterations=100))
+    sim.set_state(qpos=found.qpos, qvel=found.qvel, act=found.act)
+    sim.step(found.ctrl)
+    data, wrench, touching = mujoco.MjData(model), np.zeros(6), 0
+    for env in range(12):
+        for name in ("qpos", "qvel", "act", "ctrl"):
+            getattr(data, name)[:] = getattr(found, name)[env]
+        data.qacc_warmstart[:] = 0.0
+        mujoco.mj_step(model, data)
+        size = 1 + np.abs(data.qfrc_constraint).max()
+        assert np.abs(sim.qfrc_constraint[env] - data.qfrc_constraint).max() < AGREES * size
+        theirs = []
+        for i, contact in enumerate(data.contact):
+            mujoco.mj_contactForce(model, data, i, wrench)
+            theirs.append((int(contact.geom[0]), int(contact.geom[1]), wrench[0]))
+        mine = [(int(c["geom"][0]), int(c["geom"][1]), c["force"][0]) for c in sim.contacts(env) if c["distance"] < 0]
+        touching += len(theirs)
+        assert [c[:2] for c in sorted(mine)] == [c[:2] for c in sorted(theirs)]
+        assert np.allclose([c[2] for c in sorted(mine)], [c[2] for c in sorted(theirs)], rtol=0, atol=AGREES * size)
+    assert touching > 10
+
+
+def test_what_is_replaced_is_what_mujoco_compiles():
+    """Softness, and masses with the weights that follow them, as after `mj_setConst`."""
+    model = compiled(SCENE.format(option="", geom="", joint='frictionloss=".05"', floor="", ball="", more=""))
+    found = states(model, 10)
+    ours = stepper.load(model).replace(
+        geom_solref=np.tile([0.05, 0.8], (model.ngeom, 1)), geom_solimp=np.tile([0.7, 0.9, 0.01, 0.4, 3], (model.ngeom, 1)),
+        geom_solmix=np.arange(1.0, model.ngeom + 1), jnt_solref=np.tile([-300.0, -4.0], (model.njnt, 1)),
+        dof_solref=np.tile([0.03, 1.0], (model.nv, 1)), body_mass=2 * model.body_mass, body_inertia=2 * model.body_inertia,
+    )  # fmt: skip
+    model.geom_solref[:], model.geom_solimp[:], model.geom_solmix[:] = [0.05, 0.8], [0.7, 0.9, 0.01, 0.4, 3], np.arange(1, model.ngeom + 1)
+    model.jnt_solref[:], model.dof_solref[:] = [-300, -4], [0.03, 1]
+    model.body_mass[:], model.body_inertia[:] = 2 * model.body_mass, 2 * model.body_inertia
+    data = mujoco.MjData(model)
+    mujoco.mj_setConst(model, data)
+    sim = stepper.Stepper(ours, num_envs=10, options=stepper.Options(contact="mujoco", tolerance=1e-13, iterations=100))
+    sim.set_state(qpos=found.qpos, qvel=found.qvel)
+    sim.step()
+    for env in range(10):
+        data.qpos[:], data.qvel[:], data.qacc_warmstart[:] = found.qpos[env], found.qvel[env], 0.0
+        mujoco.mj_step(model, data)
+        assert np.abs(sim.qvel[env] - data.qvel).max() < AGREES * (1 + np.abs(found.qvel[env]).max())
+
+
 def test_a_model_without_inverse_weights_gets_those_of_mujocos_compiler():
     """Relative 1e-9: the same matrices, summed in another order; the compiler's own are in double precision."""
     source = SOURCES["dm_control/humanoid"]
@@ -175,7 +230,6 @@ def test_the_same_bits_alone_and_among_others():
 
 @pytest.mark.parametrize(("options", "words"), [
     ({"integrator": "midpoint"}, "integrator is midpoint"),
-    ({"integrator": "implicit"}, "integrator is implicit"),
     ({"contact": "hard", "integrator": "implicitfast"}, "integrator is implicitfast"),
     ({"contact": "soft"}, 'contact is "soft", must be one of: hard, mujoco'),
 ])  # fmt: skip
@@ -183,6 +237,13 @@ def test_what_the_law_does_not_have_is_named(options, words):
     with pytest.raises(ValueError, match=words):
         stepper.Stepper(stepper.load(SCENE.format(option="", geom="", joint="", floor="", ball="", more="")),
                         options=stepper.Options(**({"contact": "mujoco"} | options)))  # fmt: skip
+
+
+def test_an_armature_of_a_tendon_is_refused():
+    more = '<tendon><fixed name="t" armature=".1"><joint joint="hinge" coef="1"/></fixed></tendon>'
+    model = stepper.load(SCENE.format(option="", geom="", joint="", floor="", ball="", more=more))
+    with pytest.raises(ValueError, match='contact is mujoco, and tendon "t" has an armature, must be hard'):
+        stepper.Stepper(model, options=stepper.Options(contact="mujoco"))
 
 
 def test_a_second_of_motion_is_mujocos_until_chaos():

@@ -74,6 +74,16 @@ pub enum Error {
         /// Kind of element.
         element: &'static str,
     },
+    /// An element of the model that does not exist.
+    #[error("{element} is {found}, must be below {count}")]
+    Element {
+        /// Kind of element: "body", "site".
+        element: &'static str,
+        /// Index that was given.
+        found: usize,
+        /// Elements of that kind.
+        count: usize,
+    },
     /// A number that is not finite.
     #[error("{place} of environment {env} is {value}, must be finite")]
     NotFinite {

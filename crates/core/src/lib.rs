@@ -92,6 +92,7 @@ mod stages;
 mod step;
 
 pub use actuation::{ActuatorSpec, Motor, Servo};
+pub use analysis::derived::DerivedQuantity;
 pub use analysis::quantities::Snapshot;
 pub use batch::WorstRow;
 pub use batch::inputs::{AppliedInput, Episode, Field, StateRows, StepInputs};

@@ -26,7 +26,7 @@ pub enum Integrator {
     /// by the implicit midpoint rule (A-stable), with more of the damping at the end of the step where that does not resolve it.
     Midpoint,
     /// Euler's rule with springs, dampers and servos at the end of the step (L-stable) and velocity-dependent forces at the velocity to be
-    /// expected there. First order; it takes energy out of what it cannot resolve.
+    /// expected there. First order; it takes energy out of what it cannot resolve. With MuJoCo's law MuJoCo's own `implicit`.
     Implicit,
     /// Runge-Kutta-Munthe-Kaas of order 4 for environments without an active constraint in this step; the others take a midpoint step. With
     /// MuJoCo's law the classical method of order 4, constraints included.
@@ -144,7 +144,7 @@ impl Options {
             ContactLaw::Mujoco => asked.unwrap_or(Integrator::Euler),
         });
         let must = match (self.contact, integrator) {
-            (ContactLaw::Mujoco, Integrator::Midpoint | Integrator::Implicit) => "euler, implicitfast or rk4 with contact=\"mujoco\"",
+            (ContactLaw::Mujoco, Integrator::Midpoint) => "euler, implicitfast, implicit or rk4 with contact=\"mujoco\"",
             (ContactLaw::Hard, Integrator::ImplicitFast) => "euler, midpoint, implicit or rk4 with contact=\"hard\"",
             _ => "",
         };

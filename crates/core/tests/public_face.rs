@@ -4,7 +4,10 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Keyframe, WORLD};
-use stepper_core::{Error, Field, Model, ModelError, Options, Parameter, Precision, SavedState, Simulation, Status, StepInputs};
+use stepper_core::{
+    AppliedInput, DerivedQuantity, Error, Field, Model, ModelError, Options, Parameter, Precision, SavedState, Simulation, Status,
+    StepInputs,
+};
 
 const RADIUS: f64 = 0.1;
 
@@ -226,9 +229,25 @@ fn body_poses_are_those_of_the_present_configuration() {
     let hand = sim.body_poses_of(1, &inputs).unwrap()[2];
     assert_eq!((hand.pos, hand.quat), ([0.0, 0.0, 5.0], [0.0, 1.0, 0.0, 0.0]), "where the user has it");
 
-    let [positions, orientations] = sim.body_poses(&inputs).unwrap();
-    assert_eq!((positions.len(), orientations.len()), (2 * 3 * 3, 2 * 3 * 4));
+    sim.apply(AppliedInput::MocapPos, &pos).unwrap();
+    sim.apply(AppliedInput::MocapQuat, &quat).unwrap();
+    let before = sim.revision();
+    let (mut positions, mut orientations) = ([0.0; 2 * 3 * 3], [0.0; 2 * 3 * 4]);
+    sim.derive(DerivedQuantity::BodyPos, &mut positions).unwrap();
+    sim.derive(DerivedQuantity::BodyQuat, &mut orientations).unwrap();
     assert_eq!((&positions[15..], &orientations[20..]), (&hand.pos[..], &hand.quat[..]));
+    assert_eq!(sim.revision(), before, "asking changes nothing");
+    sim.apply(AppliedInput::MocapPos, &pos).unwrap();
+    assert_eq!(sim.revision(), before, "nor does the same again");
+    sim.step(&StepInputs::default(), 1).unwrap();
+    assert!(sim.revision() > before);
+
+    let refused = sim.derive(DerivedQuantity::BodyJacobian(3), &mut [0.0; 72]).unwrap_err();
+    assert!(matches!(refused, Error::Element { element: "body", found: 3, count: 3 }), "{refused}");
+    assert!(matches!(
+        sim.derive(DerivedQuantity::Acceleration, &mut [0.0; 3]),
+        Err(Error::Length { name: "qacc", found: 3, must: 12, .. })
+    ));
 }
 
 #[test]

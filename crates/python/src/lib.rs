@@ -2,8 +2,11 @@
 
 mod arguments;
 mod array;
+mod configurations;
 mod contacts;
+mod derived_arrays;
 mod device_models;
+mod elements;
 mod error;
 mod model;
 mod options;
@@ -16,6 +19,7 @@ use pyo3::prelude::*;
 fn _stepper(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_class::<model::Model>()?;
     model::add_fields(&m.py().get_type::<model::Model>())?;
+    elements::add_classes(m)?;
     m.add_class::<stepper::Stepper>()?;
     m.add_class::<state::State>()?;
     m.add("ModelError", m.py().get_type::<model::ModelError>())?;

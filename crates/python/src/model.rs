@@ -7,12 +7,14 @@ use std::sync::Arc;
 
 use pyo3::exceptions::{PyIndexError, PyKeyError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyCFunction, PyDict, PyList, PyTuple, PyType};
+use pyo3::types::{PyBytes, PyCFunction, PyDict, PyList, PyString, PyTuple, PyType};
 use serde::de::DeserializeOwned;
 use stepper_core::Precision;
 use stepper_core::model::{Description, Field, HeightField, Keyframe, Mesh, Model as Core, REPLACEABLE, Sensor};
 
 use crate::array::{array, assign_attribute, check_shape, hint, read_only, readonly, shape_text, whole};
+use crate::configurations;
+use crate::elements::{self, Kind};
 
 pyo3::create_exception!(
     stepper._stepper,
@@ -115,18 +117,19 @@ impl Model {
     /// A keyframe by name or index.
     pub(crate) fn find_keyframe(&self, given: &Bound<'_, PyAny>) -> PyResult<Keyframe> {
         let all = &self.core.keyframes;
-        let found = match given.extract::<String>() {
-            Ok(name) => all.iter().find(|k| k.name == name),
-            Err(_) => all.get(whole(given, "keyframe, if it is no name,", 0)? as usize),
-        };
-        let known = || all.iter().enumerate().map(|(i, k)| if k.name.is_empty() { i.to_string() } else { k.name.clone() });
-        found.cloned().ok_or_else(|| {
+        if all.is_empty() && given.is_instance_of::<PyString>() {
             let given = given.str().map_or_else(|_| String::new(), |text| text.to_string());
-            PyKeyError::new_err(match all.is_empty() {
-                true => format!("no keyframe \"{given}\": this model has none; give reset(qpos=..., qvel=...)"),
-                false => format!("no keyframe \"{given}\", there are: {}", known().collect::<Vec<_>>().join(", ")),
-            })
-        })
+            return Err(PyKeyError::new_err(format!("no keyframe \"{given}\": this model has none; give reset(qpos=..., qvel=...)")));
+        }
+        match Kind::Keyframe.find(&self.core, given) {
+            Ok(index) => Ok(all[index].clone()),
+            // An index that is too large is answered as a name that nothing has.
+            Err(error) if error.is_instance_of::<PyIndexError>(given.py()) => {
+                let known = all.iter().enumerate().map(|(i, k)| if k.name.is_empty() { i.to_string() } else { k.name.clone() });
+                Err(PyKeyError::new_err(format!("no keyframe {given}, there are: {}", known.collect::<Vec<_>>().join(", "))))
+            }
+            Err(error) => Err(error),
+        }
     }
 }
 
@@ -211,6 +214,111 @@ impl Model {
         slf.get().core.with_sensors(more).map(Self::of).map_err(to_py)
     }
 
+    /// A body by its name or index (negative from the end).
+    ///
+    /// Raises:
+    ///     KeyError: No body of that name; the message has near ones.
+    ///     IndexError: No body of that index.
+    fn body(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<elements::Body> {
+        elements::Body::of(py, &self.core, Kind::Body.find(&self.core, key)?)
+    }
+
+    /// A joint by its name or index (negative from the end): `model.joint("hip").qposadr`.
+    ///
+    /// Raises:
+    ///     KeyError: No joint of that name; the message has near ones.
+    ///     IndexError: No joint of that index.
+    fn joint(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<elements::Joint> {
+        elements::Joint::of(py, &self.core, Kind::Joint.find(&self.core, key)?)
+    }
+
+    /// A geom by its name or index (negative from the end).
+    ///
+    /// Raises:
+    ///     KeyError: No geom of that name; the message has near ones.
+    ///     IndexError: No geom of that index.
+    fn geom(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<elements::Geom> {
+        elements::Geom::of(py, &self.core, Kind::Geom.find(&self.core, key)?)
+    }
+
+    /// A site by its name or index (negative from the end).
+    ///
+    /// Raises:
+    ///     KeyError: No site of that name; the message has near ones.
+    ///     IndexError: No site of that index.
+    fn site(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<elements::Site> {
+        elements::Site::of(py, &self.core, Kind::Site.find(&self.core, key)?)
+    }
+
+    /// An actuator by its name or index (negative from the end).
+    ///
+    /// Raises:
+    ///     KeyError: No actuator of that name; the message has near ones.
+    ///     IndexError: No actuator of that index.
+    fn actuator(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<elements::Actuator> {
+        elements::Actuator::of(py, &self.core, Kind::Actuator.find(&self.core, key)?)
+    }
+
+    /// A sensor by its name or index (negative from the end).
+    ///
+    /// Raises:
+    ///     KeyError: No sensor of that name; the message has near ones.
+    ///     IndexError: No sensor of that index.
+    fn sensor(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<elements::Sensor> {
+        elements::Sensor::of(py, &self.core, Kind::Sensor.find(&self.core, key)?)
+    }
+
+    /// A fixed tendon by its name or index (negative from the end).
+    ///
+    /// Raises:
+    ///     KeyError: No tendon of that name; the message has near ones.
+    ///     IndexError: No tendon of that index.
+    fn tendon(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<elements::Tendon> {
+        elements::Tendon::of(py, &self.core, Kind::Tendon.find(&self.core, key)?)
+    }
+
+    /// A keyframe by its name or index (negative from the end).
+    ///
+    /// Raises:
+    ///     KeyError: No keyframe of that name; the message has near ones.
+    ///     IndexError: No keyframe of that index.
+    fn keyframe(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> PyResult<elements::Keyframe> {
+        elements::Keyframe::of(py, &self.core, Kind::Keyframe.find(&self.core, key)?)
+    }
+
+    /// Configuration that a displacement leads to, with unit quaternions: MuJoCo's mj_integratePos over a time of 1.
+    ///
+    /// Args:
+    ///     q: Configurations, (..., nq).
+    ///     dv: Displacements in the coordinates of velocities, (..., nv): of a ball or free joint the rotation vector in the body's frame.
+    ///         The axes before the last are those of `q`, or those of either are absent.
+    ///
+    /// Returns:
+    ///     (..., nq) float64.
+    ///
+    /// Raises:
+    ///     ValueError: Shapes that do not fit, a number that is not finite, a quaternion of zeros.
+    fn integrate_pos<'py>(&self, q: &Bound<'py, PyAny>, dv: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        configurations::integrate(&self.core, q, dv)
+    }
+
+    /// Displacement from one configuration to another, the shortest: MuJoCo's mj_differentiatePos over a time of 1.
+    ///
+    /// It is the inverse of `integrate_pos`.
+    ///
+    /// Args:
+    ///     q1: Where it begins, (..., nq).
+    ///     q2: Where it ends, (..., nq); the axes before the last are those of `q1`, or those of either are absent.
+    ///
+    /// Returns:
+    ///     (..., nv) float64.
+    ///
+    /// Raises:
+    ///     ValueError: Shapes that do not fit, a number that is not finite, a quaternion of zeros.
+    fn differentiate_pos<'py>(&self, q1: &Bound<'py, PyAny>, q2: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+        configurations::differentiate(&self.core, q1, q2)
+    }
+
     /// Indices of the geoms that rays from a site can meet: all simple shapes but those of the site's own body.
     fn geoms_seen_from(&self, site: &Bound<'_, PyAny>) -> PyResult<Vec<usize>> {
         let (site, count) = (whole(site, "site", 0)? as usize, self.core.sites.len());
@@ -285,6 +393,12 @@ impl Model {
         self.core.joints.len()
     }
 
+    /// Sites.
+    #[getter]
+    fn nsite(&self) -> usize {
+        self.core.sites.len()
+    }
+
     /// Geoms.
     #[getter]
     fn ngeom(&self) -> usize {
@@ -300,37 +414,43 @@ impl Model {
     /// Names of the bodies in their order; empty where one has none.
     #[getter]
     fn body_names(&self) -> Vec<&str> {
-        self.core.bodies.iter().map(|x| x.name.as_str()).collect()
+        Kind::Body.names(&self.core)
     }
 
     /// Names of the joints in their order; empty where one has none.
     #[getter]
     fn joint_names(&self) -> Vec<&str> {
-        self.core.joints.iter().map(|x| x.name.as_str()).collect()
+        Kind::Joint.names(&self.core)
     }
 
     /// Names of the geoms in their order; empty where one has none.
     #[getter]
     fn geom_names(&self) -> Vec<&str> {
-        self.core.geoms.iter().map(|x| x.name.as_str()).collect()
+        Kind::Geom.names(&self.core)
     }
 
     /// Names of the actuators in their order; empty where one has none.
     #[getter]
     fn actuator_names(&self) -> Vec<&str> {
-        self.core.actuators.iter().map(|x| x.name.as_str()).collect()
+        Kind::Actuator.names(&self.core)
     }
 
     /// Names of the sensors in their order; empty where one has none.
     #[getter]
     fn sensor_names(&self) -> Vec<&str> {
-        self.core.sensors.iter().map(|x| x.name.as_str()).collect()
+        Kind::Sensor.names(&self.core)
     }
 
     /// Names of the sites in their order; empty where one has none.
     #[getter]
     fn site_names(&self) -> Vec<&str> {
-        self.core.sites.iter().map(|x| x.name.as_str()).collect()
+        Kind::Site.names(&self.core)
+    }
+
+    /// Names of the fixed tendons in their order; empty where one has none.
+    #[getter]
+    fn tendon_names(&self) -> Vec<&str> {
+        Kind::Tendon.names(&self.core)
     }
 
     /// name, type, adr (of the first reading), dim, datatype; and what the source declares: noise, cutoff, delay, interval.
@@ -354,7 +474,7 @@ impl Model {
     /// Names of the keyframes in their order; empty where one has none.
     #[getter]
     fn keyframe_names(&self) -> Vec<&str> {
-        self.core.keyframes.iter().map(|x| x.name.as_str()).collect()
+        Kind::Keyframe.names(&self.core)
     }
 
     /// (kind, name, reason) of everything in the source that this model leaves out.

@@ -1,6 +1,7 @@
 //! `stepper.Stepper`: how it is made, and what all that it can do has in common. The rest is in files by subject.
 
 mod applied;
+mod derived;
 mod interruption;
 mod memory;
 mod outcome;
@@ -20,6 +21,7 @@ use stepper_core::{Precision, Simulation};
 
 use crate::arguments::{Env, Whole};
 use crate::array::{assign_attribute, check_shape, described, hint, read_only, readonly, whole};
+use crate::derived_arrays::DerivedArrays;
 use crate::device_models::{drives, transfers};
 use crate::error::value_error;
 use crate::model::Model;
@@ -51,6 +53,7 @@ pub(crate) struct Stepper {
     seed: u64,
     /// Arrays that the user writes and every step reads, in the order of [`AppliedInput::ALL`](stepper_core::AppliedInput::ALL).
     applied: [Option<Py<PyArrayDyn<f64>>>; 4],
+    derived: DerivedArrays,
     recorder: Option<Py<PyAny>>,
     sensors: Option<Py<PyAny>>,
     actuators: Option<Py<PyAny>>,
@@ -169,6 +172,7 @@ impl Stepper {
             threads,
             seed,
             applied: [const { None }; 4],
+            derived: DerivedArrays::default(),
             recorder: None,
             sensors: sensors.map(Bound::unbind),
             actuators: actuators.map(Bound::unbind),

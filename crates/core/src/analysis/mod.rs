@@ -1,5 +1,8 @@
-//! Quantities that people ask for outside a step: matrices, energies, overlaps at the reference pose.
+//! Quantities that people ask for outside a step: what is derived from the states of a batch, matrices and energies of one environment,
+//! displacements between configurations, overlaps at the reference pose.
 
+pub mod configurations;
+pub(crate) mod derived;
 pub mod inverse_weights;
 pub mod overlaps;
 pub(crate) mod quantities;

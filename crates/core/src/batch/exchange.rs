@@ -44,6 +44,18 @@ pub(super) fn store_mocap_trajectories<R: Real>(call: &Call<'_, R::Scalar>, grou
 }
 
 pub(super) fn load_state<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>) {
+    load_motion(group, s);
+    R::vectorize(
+        #[inline(always)]
+        || {
+            s.state.time.copy_from_slice(&group.time);
+            group.load_contacts(&mut s.state.contacts);
+        },
+    )
+}
+
+/// The part of [`load_state`] that says where the environments are and how they move, and the impulses of scalar rows: without contacts.
+pub(super) fn load_motion<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>) {
     s.alive = R::Mask::from_bits(group.alive);
     R::vectorize(
         #[inline(always)]
@@ -57,8 +69,6 @@ pub(super) fn load_state<R: Real>(group: &Group<R::Scalar>, s: &mut Workspace<R>
             ] {
                 R::load_all(from, x);
             }
-            s.state.time.copy_from_slice(&group.time);
-            group.load_contacts(&mut s.state.contacts);
         },
     )
 }

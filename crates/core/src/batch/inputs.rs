@@ -112,6 +112,11 @@ pub(super) struct AppliedInputs {
 }
 
 impl AppliedInputs {
+    /// One array, (num_envs, ...); empty where nothing was ever given.
+    pub(super) fn get(&self, input: AppliedInput) -> &[f64] {
+        &self.arrays[input as usize]
+    }
+
     /// Replaces one array; no values take back what was applied. Positions and orientations of mocap bodies go together: whoever moves a
     /// body may leave its orientation alone.
     pub(super) fn set(&mut self, input: AppliedInput, values: &[f64], model: &Model, num_envs: usize) {

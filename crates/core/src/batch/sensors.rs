@@ -3,11 +3,12 @@
 use stepper_real::{Mask, Real, Scalar};
 
 use crate::batch::call::{Call, Query};
-use crate::batch::exchange::{load_inputs, load_state};
+use crate::batch::exchange::{load_control, load_inputs, load_motion, load_state};
 use crate::batch::inputs::StepInputs;
 use crate::batch::state::Group;
 use crate::collision::contact_set::Contacts;
 use crate::compile::LaneModel;
+use crate::compile::sensing::Needs;
 use crate::integrators::devices::Devices;
 use crate::integrators::observation::{apply_errors, read_sensors};
 use crate::integrators::workspace::Workspace;
@@ -76,6 +77,32 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
         load_inputs(self.call, group, self.first, s);
         s.current = false;
         load_or_zero(&group.sensing.ctrl, &mut s.inputs.ctrl);
+        self.recall_last_step(group, s, needs);
+        read_sensors(self.compiled, self.call.settings, s);
+    }
+
+    /// Brings what is derived from the state of the group into the workspace: the state, the inputs and controls in force, and with
+    /// `last_step` what the last step did, or the step that would be made where there was none since the state was set.
+    pub(super) fn load_to_derive(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, last_step: bool) {
+        if last_step {
+            load_state(group, s);
+        } else {
+            load_motion(group, s);
+        }
+        load_inputs(self.call, group, self.first, s);
+        s.current = false;
+        match self.call.pipelines {
+            Some(_) => load_or_zero(&group.actuation.applied, &mut s.inputs.ctrl),
+            None => load_control(self.call, 0, self.first, s),
+        }
+        if last_step {
+            self.recall_last_step(group, s, Needs { step: true, contacts: true, ..Needs::default() });
+        }
+    }
+
+    /// Takes up what is kept of the last step, as far as somebody `needs` it. Lanes whose state was set since make a step, which is not
+    /// kept.
+    fn recall_last_step(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, needs: Needs) {
         load_or_zero(&group.sensing.acceleration, &mut s.sensors.acceleration);
         let fresh = if needs.step { group.sensing.fresh & group.alive } else { 0 };
         if fresh != 0 {
@@ -93,7 +120,6 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
             s.inputs.xfrc.resize(6 * self.call.compiled.bodies.len(), R::zero());
             load_other_lanes(&group.sensing.xfrc, &mut s.inputs.xfrc, R::Mask::from_bits(fresh));
         }
-        read_sensors(self.compiled, self.call.settings, s);
     }
 
     /// Makes a step in the lanes `fresh` for what sensors read of it, and takes its state and time back.
@@ -102,6 +128,7 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
         s.alive = R::Mask::from_bits(fresh);
         step(self.compiled, self.call.settings, s, &mut Devices::none(), self.probe);
         load_other_lanes(&group.sensing.acceleration, &mut s.sensors.acceleration, s.alive);
+        load_other_lanes(&group.impulse, &mut s.state.impulse, s.alive);
         load_or_zero(&group.q, &mut s.state.q);
         load_or_zero(&group.v, &mut s.state.v);
         load_or_zero(&group.act, &mut s.state.act);

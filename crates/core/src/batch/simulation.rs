@@ -30,7 +30,7 @@ use crate::compile::{CompiledModel, LaneModel};
 use crate::error::Error;
 use crate::math::precision::Precision;
 use crate::model::Model;
-use crate::options::{Integrator, Options, StepSettings};
+use crate::options::{ContactLaw, Integrator, Options, StepSettings};
 
 /// Environments of one model.
 pub struct Simulation {
@@ -47,6 +47,8 @@ pub struct Simulation {
     ctrl: Vec<f64>,
     applied: AppliedInputs,
     truth: TrueReadings,
+    /// Changes so far of what derived quantities depend on.
+    revision: u64,
 }
 
 /// True readings of all sensors, as long as nothing changes that they depend on.
@@ -114,6 +116,12 @@ impl Simulation {
         ) -> Result<Box<dyn Engine>, Error> {
             Ok(Box::new(Batch::<S>::new(model, settings, num_envs, threads, level, check)?))
         }
+        if options.contact == ContactLaw::Mujoco
+            && let Some(tendon) = model.tendons.iter().find(|t| t.armature > 0.0)
+        {
+            let must = "hard where a tendon has an armature, which MuJoCo's law does not have here; or give it none";
+            return Err(Error::Option { name: "contact", found: format!("mujoco, and tendon {:?} has an armature", tendon.name), must });
+        }
         let n = num_envs.unwrap_or(1);
         let asked = model.requested.as_ref().and_then(|asked| asked_integrator(&asked.integrator));
         let settings = options.resolve(model.timestep, asked, precision)?;
@@ -135,6 +143,7 @@ impl Simulation {
             ctrl,
             applied: AppliedInputs::default(),
             truth: TrueReadings::default(),
+            revision: 0,
         };
         (0..n).for_each(|env| simulation.reset(env));
         Ok(simulation)
@@ -195,8 +204,20 @@ impl Simulation {
 
     /// The engine, to be changed: what sensors read may be something else then.
     fn engine_mut(&mut self) -> &mut dyn Engine {
-        self.truth.known = false;
+        self.note_change();
         &mut *self.engine
+    }
+
+    /// Takes note that readings and derived quantities may be others from now on.
+    fn note_change(&mut self) {
+        self.truth.known = false;
+        self.revision += 1;
+    }
+
+    /// Number that is another after every change of what [`Simulation::derive`] reads: states, parameters, controls in force, and what is
+    /// applied.
+    pub fn revision(&self) -> u64 {
+        self.revision
     }
 
     /// The model as the step reads it, in f64.

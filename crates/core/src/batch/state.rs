@@ -35,7 +35,7 @@ pub struct Group<S> {
     pub act: Vec<S>,
     /// Impulses of limits, dry friction, equalities and tendons.
     pub scalar_impulse: Vec<S>,
-    /// Impulse of all constraints of the last step on the joints, nv per lane, if a servo's bounds ask for it.
+    /// Impulse of all constraints of the last step on the joints, nv per lane.
     pub impulse: Vec<S>,
     /// Last pose of every mocap body (position, quaternion), 7 per lane; zeros where there is none.
     pub mocap: Vec<S>,
@@ -85,7 +85,7 @@ impl<S: Scalar> Group<S> {
             v: zeros(compiled.nv),
             act: zeros(compiled.na),
             scalar_impulse: zeros(compiled.scalar_impulses),
-            impulse: zeros(if compiled.servos_are_bounded { compiled.nv } else { 0 }),
+            impulse: zeros(compiled.nv),
             mocap: zeros(7 * compiled.mocap.len()),
             contact_count: vec![0; lanes],
             contact_ids: vec![0; max_contacts * lanes],

@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use crate::analysis::derived::DerivedQuantity;
 use crate::batch::call::{Call, Part, Query, Schedule};
 use crate::batch::environments::Batch;
 use crate::batch::inputs::StepInputs;
@@ -33,6 +34,11 @@ pub trait BatchCalls {
     /// # Errors
     /// [`Error::Threads`].
     fn read_sensors(&mut self, inputs: &StepInputs<'_>, truth: bool, out: &mut [f64]) -> Result<(), Error>;
+    /// Derives a quantity of all environments, environment-major; `inputs` are those in force.
+    ///
+    /// # Errors
+    /// [`Error::Threads`].
+    fn derive(&mut self, inputs: &StepInputs<'_>, quantity: DerivedQuantity, out: &mut [f64]) -> Result<(), Error>;
     /// Problem that a step of one environment from the present state would solve, as bytes: see [`stepper_solve::Problem::from_bytes`].
     fn problem(&self, inputs: &StepInputs<'_>, env: usize) -> Vec<u8>;
     /// Threads that step.
@@ -92,6 +98,23 @@ impl<S: LaneScalar> BatchCalls for Batch<S> {
             }
         });
         self.groups = groups;
+        Ok(())
+    }
+
+    fn derive(&mut self, inputs: &StepInputs<'_>, quantity: DerivedQuantity, out: &mut [f64]) -> Result<(), Error> {
+        let width = out.len() / self.num_envs;
+        if width == 0 {
+            return Ok(());
+        }
+        self.workers.start_threads()?;
+        let size = self.chunk_size();
+        let call = self.call(inputs, Schedule { controls: 1, nstep: 0 }, Part::whole(0));
+        let chunks = self.groups.chunks(size).zip(out.chunks_mut(size * self.lanes * width)).enumerate();
+        self.workers.share_chunks(&self.worker_spec(), chunks, |worker, (chunk, (groups, out))| {
+            for (g, (group, out)) in groups.iter().zip(out.chunks_mut(self.lanes * width)).enumerate() {
+                worker.derive(&call, group, (chunk * size + g) * self.lanes, quantity, out);
+            }
+        });
         Ok(())
     }
 

@@ -5,6 +5,7 @@ use stepper_real::{Level, Mask, Real, Scalar};
 #[cfg(not(test))]
 use stepper_real::{at_avx512, at_level};
 
+use crate::analysis::derived::{Derivation, DerivedQuantity};
 use crate::batch::call::{Call, Query};
 use crate::batch::exchange::{load_control, load_inputs, load_state, store_mocap_trajectories, store_state};
 use crate::batch::rollout::{Numbers, Quantity, Share};
@@ -24,6 +25,8 @@ pub trait Worker<S: Scalar>: Send {
     fn run(&mut self, call: &Call<'_, S>, group: &mut Group<S>, at: GroupPosition<'_, '_, S>);
     /// Reads the sensors of one group, whose first environment is `first`.
     fn sense(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, query: Query<'_>);
+    /// Derives a quantity of one group, whose first environment is `first`, environment-major.
+    fn derive(&mut self, call: &Call<'_, S>, group: &Group<S>, first: usize, quantity: DerivedQuantity, out: &mut [f64]);
     /// Problem of one lane as the first solve of the steps of `call` finds it, as bytes; the group is used up.
     fn problem(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, lane: usize) -> Vec<u8>;
     /// Forgets what it has of the state of its last group: somebody else has written to that.
@@ -186,6 +189,7 @@ pub fn lane_worker<R: Real>(spec: &WorkerSpec<'_, R::Scalar>, probe: impl Probe)
         workspace: Workspace::<R>::new(&compiled, spec.settings, spec.max_contacts),
         compiled,
         flags: vec![0; R::LANES],
+        derivation: Derivation::default(),
     })
 }
 
@@ -197,6 +201,8 @@ struct LaneWorker<R: Real, P: Probe> {
     compiled: LaneModel<R>,
     /// Flags of the steps of a control, per lane.
     flags: Vec<u32>,
+    /// Room of derived quantities, made with the first.
+    derivation: Derivation<R>,
 }
 
 impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
@@ -236,6 +242,14 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
         self.load_overrides(call, first);
         let reader = Reader { call, compiled: &self.compiled, first, probe: self.probe };
         reader.read(group, &mut self.workspace, query);
+    }
+
+    fn derive(&mut self, call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, quantity: DerivedQuantity, out: &mut [f64]) {
+        assert_eq!(group.lanes, R::LANES, "a worker reads groups of its own width");
+        self.load_overrides(call, first);
+        let reader = Reader { call, compiled: &self.compiled, first, probe: self.probe };
+        reader.load_to_derive(group, &mut self.workspace, quantity.is_of_last_step());
+        self.derivation.derive(&self.compiled, R::of(call.settings.timestep), &mut self.workspace, quantity, out);
     }
 
     fn problem(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, lane: usize) -> Vec<u8> {
@@ -299,7 +313,7 @@ impl<R: Real, P: Probe> LaneWorker<R, P> {
         (steps, observed): (usize, bool),
         mut residual: R,
     ) -> R {
-        let Self { workspace: s, compiled, flags, probe } = self;
+        let Self { workspace: s, compiled, flags, probe, .. } = self;
         let (flags, probe) = (&mut flags[..R::LANES], *probe);
         let (mut depth, mut overshoot) = (R::load(&group.depth), R::load(&group.overshoot));
         for i in 0..steps {

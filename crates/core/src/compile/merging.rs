@@ -239,6 +239,7 @@ pub(crate) fn mocap<S: Scalar>(model: &Model, merged: &Merged) -> Vec<CompiledMo
 
 pub(crate) fn bodies<S: Scalar>(model: &Model, merged: &Merged) -> Vec<CompiledBody<S>> {
     let compiled = |b: usize| CompiledBody {
+        parent: model.bodies[b].parent,
         frame: merged.frame[b],
         pos: scalars(merged.pos[b].into()),
         mat: matrix(&merged.quat[b]),

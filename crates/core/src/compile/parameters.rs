@@ -146,6 +146,8 @@ parameter_tables! {
     members: member(geom) -> ContactParams<T>;
     /// Centre of mass of a body of the model in its frame, m.
     bodies: body_com(body) -> [T; 3];
+    /// Mass of a body of the model, kg.
+    masses: mass(body) -> T;
     /// Force against gravity on a body.
     compensations: compensation(i) -> CompensationParams<T>;
     /// Drag of a body that the medium acts on.

@@ -31,7 +31,11 @@ pub struct CompiledSensing<S> {
     pub subtrees: Vec<Subtree>,
     /// Where the force and torque of the parent on a subtree are read, and which subtree that is.
     pub carried: Vec<(SensorFrame<S>, usize)>,
-    /// Places that are read: rows of [`Params::place`](crate::compile::Params::place).
+    /// Geoms of the model, and where they are.
+    pub geoms: Vec<SensorFrame<S>>,
+    /// Sites of the model, and where they are.
+    pub sites: Vec<SensorFrame<S>>,
+    /// Places that are read, those of all geoms and sites the last: rows of [`Params::place`](crate::compile::Params::place).
     pub places: Vec<Object>,
     /// Geoms and sites whose shape is read: rows of [`Params::size`](crate::compile::Params::size).
     pub shapes: Vec<Object>,
@@ -236,11 +240,18 @@ impl<S: Scalar> CompiledSensing<S> {
         let quaternions = sensors.iter().any(|s| matches!(s.read, Read::Frame(FrameReading::Quat, ..)));
         let sites = compiler.found.borrow().carried.clone();
         let carried = sites.iter().map(|&s| (compiler.place(Object::Site(s)), compiler.subtree(model.sites[s].body))).collect();
-        let Found { subtrees, places, shapes, .. } = compiler.found.into_inner();
+        let first = compiler.found.borrow().places.len();
+        let objects: Vec<Object> = (0..model.geoms.len()).map(Object::Geom).chain((0..model.sites.len()).map(Object::Site)).collect();
+        let mut geoms: Vec<_> = objects.iter().enumerate().map(|(k, &object)| compiler.frame_of(object, first + k)).collect();
+        let sites = geoms.split_off(model.geoms.len());
+        let Found { subtrees, mut places, shapes, .. } = compiler.found.into_inner();
+        places.extend(objects);
         Self {
             sensors,
             subtrees,
             carried,
+            geoms,
+            sites,
             places,
             shapes,
             width: model.nsensordata(),
@@ -393,6 +404,12 @@ impl Compiler<'_> {
     }
 
     fn place<S: Scalar>(&self, object: Object) -> SensorFrame<S> {
+        let index = number(&mut self.found.borrow_mut().places, object);
+        self.frame_of(object, index)
+    }
+
+    /// An object whose place has this number.
+    fn frame_of<S: Scalar>(&self, object: Object, index: usize) -> SensorFrame<S> {
         let (body, quat) = match object {
             Object::XBody(b) => (b, [1.0, 0.0, 0.0, 0.0]),
             Object::Body(b) => (b, self.model.bodies[b].iquat),
@@ -400,7 +417,6 @@ impl Compiler<'_> {
             Object::Site(s) => (self.model.sites[s].body, self.model.sites[s].quat),
         };
         let quat = self.merged.quat[body] * quaternion(quat);
-        let index = number(&mut self.found.borrow_mut().places, object);
         SensorFrame { frame: self.merged.frame[body], index, mat: matrix(&quat), quat: wxyz(&quat) }
     }
 

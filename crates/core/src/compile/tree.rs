@@ -101,6 +101,8 @@ pub struct CompiledMocap<S> {
 /// Where a body of the model is.
 #[derive(Clone, Debug)]
 pub struct CompiledBody<S> {
+    /// Index of its parent; the world's is 0.
+    pub parent: usize,
     /// The frame that it is fixed to.
     pub frame: usize,
     /// Its origin in that frame, m.

@@ -26,11 +26,8 @@ pub(crate) fn undecided<R: Real>(options: &StepSettings, s: &Workspace<R>, resid
     )
 }
 
-/// Keeps the impulse of all constraints on the joints, from the scaled velocity change of stage 5, where bounded servos need it.
+/// Keeps the impulse of all constraints on the joints, from the scaled velocity change of stage 5: bounded servos read it, and people.
 pub(crate) fn keep_impulse<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>) {
-    if !compiled.servos_are_bounded {
-        return;
-    }
     R::vectorize(
         #[inline(always)]
         || {

@@ -56,7 +56,7 @@ pub(crate) fn observe<R: Real>(
     }
 }
 
-/// Acceleration (v+ - v) / h of the step, where a sensor needs it.
+/// Acceleration (v+ - v) / h of the step.
 fn take_acceleration<R: Real>(options: &StepSettings, s: &mut Workspace<R>) {
     R::vectorize(
         #[inline(always)]
@@ -70,26 +70,32 @@ fn take_acceleration<R: Real>(options: &StepSettings, s: &mut Workspace<R>) {
     )
 }
 
+/// Forces of the actuators at the state and the controls in `s`, left in `s.sensors.actuator_forces`; `h` is the length of a step, s. Mocap
+/// frames are placed by whoever calls.
+pub(crate) fn read_actuator_forces<R: Real>(compiled: &LaneModel<R>, h: R, s: &mut Workspace<R>) {
+    let (kinematics, forces) = (&mut s.evaluation.kinematics, &mut s.sensors.actuator_forces);
+    if compiled.wrench_arms[1] > 0 {
+        kinematics.update(compiled, &s.state.q);
+        forces.transmit(compiled, kinematics, &s.state.v, R::zero());
+    }
+    let (state, inputs) = (&s.state, &s.inputs);
+    actuate(compiled, &ForceState::state(&state.q, &state.v, &state.act, &inputs.ctrl, &inputs.actuator_dynamics), None, forces);
+    if compiled.lossy {
+        let dynamics = &s.inputs.actuator_dynamics;
+        forces.lose(compiled, dynamics, false);
+        forces.subtract_losses(compiled, dynamics, &s.constraints.scalar_impulse, h);
+    }
+}
+
 /// True readings of the state in `s`, left in `s.sensors.room.truth`.
 pub(crate) fn read_sensors<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>) {
-    let (kinematics, sensors) = (&mut s.evaluation.kinematics, &mut s.sensors);
     let h = R::of(options.timestep);
     let elapsed = R::of(s.elapsed);
-    mocap::pose_bodies(compiled, &s.mocap_trajectories, elapsed, kinematics);
+    mocap::pose_bodies(compiled, &s.mocap_trajectories, elapsed, &mut s.evaluation.kinematics);
     if compiled.sensing.needs.actuators {
-        if compiled.wrench_arms[1] > 0 {
-            kinematics.update(compiled, &s.state.q);
-            sensors.actuator_forces.transmit(compiled, kinematics, &s.state.v, R::zero());
-        }
-        let (state, inputs) = (&s.state, &s.inputs);
-        let forces = ForceState::state(&state.q, &state.v, &state.act, &inputs.ctrl, &inputs.actuator_dynamics);
-        actuate(compiled, &forces, None, &mut sensors.actuator_forces);
-        if compiled.lossy {
-            let dynamics = &s.inputs.actuator_dynamics;
-            sensors.actuator_forces.lose(compiled, dynamics, false);
-            sensors.actuator_forces.subtract_losses(compiled, dynamics, &s.constraints.scalar_impulse, h);
-        }
+        read_actuator_forces(compiled, h, s);
     }
+    let (kinematics, sensors) = (&mut s.evaluation.kinematics, &mut s.sensors);
     if !sensors.room.orientation.is_empty() {
         for (m, trajectory) in compiled.mocap.iter().zip(&s.mocap_trajectories) {
             sensors.room.orientation[m.frame] = R::vectorize(

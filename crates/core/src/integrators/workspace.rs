@@ -13,6 +13,7 @@ use crate::dynamics::mocap::MocapTrajectory;
 use crate::integrators::impact_set::Impacts;
 use crate::integrators::inputs::Inputs;
 use crate::integrators::mujoco::stages::Stages;
+use crate::integrators::mujoco::unsymmetric::Unsymmetric;
 use crate::integrators::rk4::Rk4;
 use crate::integrators::step_resolution::StepResolution;
 use crate::math::spatial::*;
@@ -31,7 +32,7 @@ pub(crate) struct State<R: Real> {
     pub(crate) act: Vec<R>,
     /// Contacts of the last step: the warm start of the next.
     pub(crate) contacts: Contacts<R>,
-    /// Impulse of all constraints of the last step on the joints, nv, if a servo's bounds ask for it.
+    /// Impulse of all constraints of the last step on the joints, nv.
     pub(crate) impulse: Vec<R>,
     /// Simulated time of every lane, s: in 64 bits, since it is a sum of many steps.
     pub(crate) time: Vec<f64>,
@@ -122,7 +123,7 @@ pub(crate) struct Sensors<R: Real> {
     pub(crate) room: Room<R>,
     /// Forces of the actuators at the state that is read.
     pub(crate) actuator_forces: ActuatorForces<R>,
-    /// Acceleration (v+ - v) / h of the last step, nv, where a sensor needs it.
+    /// Acceleration (v+ - v) / h of the last step, nv.
     pub(crate) acceleration: Vec<R>,
     /// Room of the error models, made with the first.
     pub(crate) error_work: Option<errors::Work<R>>,
@@ -159,6 +160,8 @@ pub struct Workspace<R: Real> {
     pub(crate) rk4: Option<Rk4<R>>,
     /// Room of the same for MuJoCo's contact law.
     pub(crate) stages: Option<Stages<R>>,
+    /// Matrix of the fully implicit rule of the same.
+    pub(crate) unsymmetric: Option<Unsymmetric<R>>,
 }
 
 impl<R: Real> FreeMotion<R> {
@@ -176,14 +179,7 @@ impl<R: Real> Workspace<R> {
         let hard = options.contact == ContactLaw::Hard;
         let contacts = || Contacts::new(max_contacts).with_torques(compiled.has_rolling_friction);
         Self {
-            state: State {
-                q: q(),
-                v: v(),
-                act: act(),
-                contacts: contacts(),
-                impulse: zeros(if compiled.servos_are_bounded { compiled.nv } else { 0 }),
-                time: vec![0.0; R::LANES],
-            },
+            state: State { q: q(), v: v(), act: act(), contacts: contacts(), impulse: v(), time: vec![0.0; R::LANES] },
             inputs: Inputs {
                 ctrl: zeros(compiled.actuators.len()),
                 actuator_dynamics: vec![ActuatorDynamics::default(); compiled.actuator_dynamics],
@@ -220,7 +216,7 @@ impl<R: Real> Workspace<R> {
             sensors: Sensors {
                 room: Room::new(compiled, max_contacts),
                 actuator_forces: ActuatorForces::new(compiled),
-                acceleration: zeros(if compiled.sensing.needs.acceleration { compiled.nv } else { 0 }),
+                acceleration: v(),
                 error_work: None,
             },
             alive: R::Mask::splat(true),
@@ -232,6 +228,7 @@ impl<R: Real> Workspace<R> {
             impacts: Impacts::new(compiled),
             step_resolution: StepResolution::new(compiled),
             rk4: (options.integrator == Integrator::Rk4 && hard).then(|| Rk4::new(compiled)),
+            unsymmetric: (options.integrator == Integrator::Implicit && !hard).then(|| Unsymmetric::new(compiled)),
             stages: (options.integrator == Integrator::Rk4 && !hard).then(|| Stages::new(compiled.nq, compiled.nv, compiled.na)),
         }
     }

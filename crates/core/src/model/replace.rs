@@ -1,7 +1,7 @@
 //! Models with other numbers: one table of fields, read and written alike.
 
 use crate::model::hulls::Source;
-use crate::model::{Body, Description, Geom, Joint, Model, ModelError, Shape, Tendon};
+use crate::model::{Body, Description, Equality, Geom, Joint, Model, ModelError, Shape, Tendon};
 
 /// Hands every number of a field, in order, to a visitor that may change it.
 type Visit = fn(&mut Description, &mut dyn FnMut(&mut f64));
@@ -47,6 +47,9 @@ pub const REPLACEABLE: &[Field] = &[
     rows("geom_restitution", 1, "coefficient of restitution", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.restitution))),
     rows("geom_margin", 1, "distance at which a contact pushes, m", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.margin))),
     rows("geom_gap", 1, "distance beyond the margin that is reported, m", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.gap))),
+    rows("geom_solref", 2, "reference acceleration of contacts by MuJoCo's law", |m, f| each_geom(m, f, |g| &mut g.softness.solref)),
+    rows("geom_solimp", 5, "impedance of contacts by MuJoCo's law", |m, f| each_geom(m, f, |g| &mut g.softness.solimp)),
+    rows("geom_solmix", 1, "weight of a geom's softness in a pair", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.solmix))),
     rows("geom_size", 3, "radius, half length; or half sizes; or semi-axes; 0 where the shape has no number; m", |m, f| {
         m.geoms.iter_mut().for_each(|g| size(g, f));
     }),
@@ -64,9 +67,15 @@ pub const REPLACEABLE: &[Field] = &[
     rows("jnt_actfrcrange", 2, "bounds of the sum of actuator forces, N or N m", |m, f| {
         m.joints.iter_mut().for_each(|j| bounds(&mut j.actuator_force_range, f));
     }),
+    rows("jnt_solref", 2, "reference acceleration of limits by MuJoCo's law", |m, f| each_joint(m, f, |j| &mut j.limit_softness.solref)),
+    rows("jnt_solimp", 5, "impedance of limits by MuJoCo's law", |m, f| each_joint(m, f, |j| &mut j.limit_softness.solimp)),
     rows("dof_damping", 1, "viscous damping, N s/m or N m s/rad", |m, f| each_dof(m, f, |j| &mut j.damping)),
     rows("dof_armature", 1, "added inertia, kg or kg m^2", |m, f| each_dof(m, f, |j| &mut j.armature)),
     rows("dof_frictionloss", 1, "dry friction, N or N m", |m, f| each_dof(m, f, |j| &mut j.frictionloss)),
+    rows("dof_solref", 2, "reference acceleration of dry friction by MuJoCo's law", |m, f| {
+        each_dofs(m, f, |j| &mut j.friction_softness.solref)
+    }),
+    rows("dof_solimp", 5, "impedance of dry friction by MuJoCo's law", |m, f| each_dofs(m, f, |j| &mut j.friction_softness.solimp)),
     rows("tendon_range", 2, "lowest and highest length", |m, f| m.tendons.iter_mut().for_each(|t| bounds(&mut t.range, f))),
     rows("tendon_stiffness", 1, "spring stiffness", |m, f| each_tendon(m, f, |t| std::slice::from_mut(&mut t.stiffness))),
     rows("tendon_lengthspring", 2, "lengths between which the spring is slack", |m, f| each_tendon(m, f, |t| &mut t.spring_length)),
@@ -81,10 +90,13 @@ pub const REPLACEABLE: &[Field] = &[
             equality.set_data(&data);
         }
     }),
+    rows("eq_solref", 2, "reference acceleration of equalities by MuJoCo's law", |m, f| each_equality(m, f, |e| &mut e.softness.solref)),
+    rows("eq_solimp", 5, "impedance of equalities by MuJoCo's law", |m, f| each_equality(m, f, |e| &mut e.softness.solimp)),
     rows("eq_stiffness", 1, "infinity for a hard equality, else a spring's", |m, f| {
         m.equalities.iter_mut().for_each(|e| f(&mut e.stiffness))
     }),
     rows("eq_damping", 1, "damping beside the spring of a soft equality", |m, f| m.equalities.iter_mut().for_each(|e| f(&mut e.damping))),
+    scalar("impratio", "ratio of the impedance of friction to that of normal forces by MuJoCo's law", |m, f| f(&mut m.soft.impratio)),
     rows("actuator_gear", 1, "scale of length, velocity and force", |m, f| m.actuators.iter_mut().for_each(|a| f(&mut a.gear))),
     rows("actuator_gain", 3, "affine gain", |m, f| m.actuators.iter_mut().flat_map(|a| &mut a.gain).for_each(f)),
     rows("actuator_bias", 3, "affine bias", |m, f| m.actuators.iter_mut().flat_map(|a| &mut a.bias).for_each(f)),
@@ -94,6 +106,9 @@ pub const REPLACEABLE: &[Field] = &[
     }),
 ];
 
+/// Fields that the inverse weights of MuJoCo's law follow: they are computed anew.
+const MOVES_WEIGHTS: [&str; 8] = ["qpos0", "body_mass", "body_inertia", "body_ipos", "body_iquat", "body_pos", "body_quat", "dof_armature"];
+
 fn each_body(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Body) -> &mut [f64]) {
     model.bodies.iter_mut().flat_map(get).for_each(f);
 }
@@ -102,8 +117,28 @@ fn each_geom(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut 
     model.geoms.iter_mut().flat_map(get).for_each(f);
 }
 
+fn each_joint(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Joint) -> &mut [f64]) {
+    model.joints.iter_mut().flat_map(get).for_each(f);
+}
+
+fn each_equality(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Equality) -> &mut [f64]) {
+    model.equalities.iter_mut().flat_map(get).for_each(f);
+}
+
 fn each_tendon(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Tendon) -> &mut [f64]) {
     model.tendons.iter_mut().flat_map(get).for_each(f);
+}
+
+/// A joint's numbers once for each of its degrees of freedom; the last ones written stay.
+fn each_dofs(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Joint) -> &mut [f64]) {
+    for joint in &mut model.joints {
+        let now = get(joint).to_vec();
+        for _ in 0..joint.kind.nv() {
+            let mut values = now.clone();
+            values.iter_mut().for_each(&mut *f);
+            get(joint).copy_from_slice(&values);
+        }
+    }
 }
 
 /// A joint's number once for each of its degrees of freedom; the last one written stays.
@@ -256,6 +291,9 @@ impl Model {
         let mut model = self.description.clone();
         for &(name, values) in fields {
             write(&mut model, find(name)?, values)?;
+            if MOVES_WEIGHTS.contains(&name) {
+                model.soft.inverse_weights = None;
+            }
         }
         let strict = !self.omitted.iter().any(|o| o.changes_motion);
         // No field is of a mesh.

@@ -98,7 +98,7 @@ pub(super) fn orientation<R: Real>(kinematics: &Kinematics<R>, place: &SensorFra
 
 /// Motion of a frame and the point about which it is given; the world and what the user poses stand still.
 #[inline(always)]
-pub(super) fn motion_of<R: Real>(
+pub fn motion_of<R: Real>(
     compiled: &LaneModel<R>,
     kinematics: &Kinematics<R>,
     motions: &[V6<R>],

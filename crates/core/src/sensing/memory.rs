@@ -23,9 +23,9 @@ pub struct Memory<S> {
     pub episode: Vec<u32>,
     /// Steps of every lane since the beginning of its episode.
     pub step: Vec<u32>,
-    /// (v+ - v) / h of the last step, nv per lane; empty when no sensor needs it, and so on.
+    /// (v+ - v) / h of the last step, nv per lane.
     pub acceleration: Vec<S>,
-    /// Controls of the last step, nu per lane.
+    /// Controls of the last step, nu per lane; empty when no sensor needs them, and so on.
     pub ctrl: Vec<S>,
     /// Wrenches that the user applied in the last step, 6 nbody per lane.
     pub xfrc: Vec<S>,
@@ -51,7 +51,7 @@ impl<S: Scalar> Memory<S> {
             stream: (0..lanes).map(|l| (first + l) as u32).collect(),
             episode: vec![0; lanes],
             step: vec![0; lanes],
-            acceleration: zeros(needs.acceleration, compiled.nv),
+            acceleration: zeros(true, compiled.nv),
             ctrl: zeros(needs.step || needs.actuators, compiled.actuators.len()),
             xfrc: zeros(needs.wrenches, 6 * compiled.bodies.len()),
             numbers: vec![],

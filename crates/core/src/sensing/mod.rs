@@ -11,9 +11,9 @@ pub mod proximity;
 pub mod rays;
 pub mod touching;
 
-pub use frames::{frame, orientations, site_motion};
+pub use frames::{frame, motion_of, orientations, site_motion};
 pub use inputs::*;
 pub use masses::{angular_momentum, com, com_velocity, kinetic, potential};
 pub use proximity::proximity;
 pub use rays::{inside, range};
-pub use touching::{contacts, touch};
+pub use touching::{contact_wrenches, contacts, touch};

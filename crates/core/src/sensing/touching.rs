@@ -135,6 +135,26 @@ impl Felt {
     }
 }
 
+/// Force (N) and torque (N m) of all contacts on every body of the model in world axes, six numbers each, the torque about the body's
+/// centre of mass, one of `centres` (m); `h` is the length of the step that the impulses are of.
+pub fn contact_wrenches<R: Real>(compiled: &LaneModel<R>, contacts: &Contacts<R>, h: R, centres: &[V3<R>], out: &mut [[R; 6]]) {
+    for lane in 0..R::LANES {
+        for slot in 0..contacts.count[lane] {
+            let contact = Contact::of(compiled, contacts, h, slot, lane);
+            let (push, twist) = (contact.world_force(), contact.world(contact.torque));
+            for (body, sign) in contact.bodies.into_iter().zip([-1.0, 1.0]) {
+                let torque = add(twist, cross(sub(contact.pos, of_lane(&centres[body], lane)), push));
+                for k in 0..3 {
+                    for (at, x) in [(k, push[k]), (3 + k, torque[k])] {
+                        let sum = out[body][at].lane(lane).to_f64() + sign * x;
+                        out[body][at].set_lane(lane, Scalar::from_f64(sum));
+                    }
+                }
+            }
+        }
+    }
+}
+
 /// Sum of the normal forces on a body whose line meets a volume, N.
 pub fn touch<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, room: &Room<R>, body: usize, solid: &Solid<R::Scalar>) -> R {
     let mut reading = R::default();

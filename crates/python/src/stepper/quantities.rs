@@ -1,23 +1,15 @@
-//! Quantities outside a step: poses of bodies, mass matrix, forces, energy, momentum.
+//! Quantities of one environment outside a step: mass matrix, forces, energy, momentum.
 
 use numpy::PyUntypedArrayMethods;
 use pyo3::prelude::*;
 use stepper_core::{Precision, Snapshot, StepInputs};
 
 use crate::arguments::Env;
-use crate::array::{array, check_shape, read_only, readonly};
+use crate::array::{array, check_shape, readonly};
 use crate::error::value_error;
 use crate::stepper::Stepper;
 
 impl Stepper {
-    /// Positions (0) or orientations (1) of all bodies.
-    fn poses<'py>(&mut self, py: Python<'py>, which: usize, name: &str) -> PyResult<Bound<'py, PyAny>> {
-        self.apply(py)?;
-        let mut found = self.simulation.body_poses(&StepInputs::default()).map_err(value_error)?;
-        let shape = self.shape(&[self.simulation.model().bodies.len(), 3 + which]);
-        read_only(array(py, &shape, std::mem::take(&mut found[which]), self.simulation.precision())?, name)
-    }
-
     /// One environment with these controls, those in force where there are none.
     fn snapshot(&mut self, py: Python<'_>, env: Env, ctrl: &[f64]) -> PyResult<Snapshot<'_>> {
         let env = self.env(env)?;
@@ -28,19 +20,6 @@ impl Stepper {
 
 #[pymethods]
 impl Stepper {
-    /// Positions of the bodies at the present `qpos`: (num_envs, nbody, 3) in m, of their frames' origins. Body 0 is the world.
-    /// MuJoCo's `mj_step` leaves those before the step, `mj_forward` these.
-    #[getter]
-    fn xpos<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.poses(py, 0, "xpos")
-    }
-
-    /// Orientations of the bodies at the present `qpos`: (num_envs, nbody, 4).
-    #[getter]
-    fn xquat<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.poses(py, 1, "xquat")
-    }
-
     /// Mass matrix of the present configuration, (nv, nv), armature included, without terms that depend on the time step.
     #[pyo3(signature = (env=Env(0)), text_signature = "($self, env=0)")]
     fn mass_matrix<'py>(&mut self, py: Python<'py>, env: Env) -> PyResult<Bound<'py, PyAny>> {

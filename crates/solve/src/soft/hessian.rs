@@ -3,8 +3,11 @@
 //! Without constraints between branches of a tree there is no fill-in (Featherstone 2008, section 6.5). Its pattern is that of all lanes:
 //! a lane that lacks an entry has a zero there, which changes none of its other numbers.
 
+use std::ops::Range;
+
 use stepper_real::Real;
 
+use crate::constraints::constraint_set::is_nonzero;
 use crate::soft::cone::Cone;
 use crate::soft::problem::{Metric, SoftContacts, SoftProblem};
 
@@ -16,8 +19,8 @@ pub(super) struct Hessian<R: Real> {
     entries: Vec<R>,
     /// Columns left of the diagonal that each row has, as a set, in words of 64 bits.
     sets: Vec<u64>,
-    /// The same as a list, ascending.
-    columns: Vec<Vec<u32>>,
+    /// The same as ranges, ascending: of a tree's row there are few, and what is done to a range needs no index for every entry.
+    runs: Vec<Vec<Range<usize>>>,
 }
 
 impl<R: Real> Hessian<R> {
@@ -27,7 +30,7 @@ impl<R: Real> Hessian<R> {
             dimension,
             entries: vec![R::zero(); dimension * dimension],
             sets: vec![0; dimension * dimension.div_ceil(64)],
-            columns: (0..dimension).map(Vec::with_capacity).collect(),
+            runs: (0..dimension).map(|i| Vec::with_capacity(i.div_ceil(2))).collect(),
         }
     }
 
@@ -54,19 +57,11 @@ impl<R: Real> Hessian<R> {
         }
         // Elimination of a row couples the others of its columns: the last of them takes the rest up.
         for i in (0..self.dimension).rev() {
-            let columns = &mut self.columns[i];
-            columns.clear();
+            let runs = &mut self.runs[i];
             let (above, own) = self.sets.split_at_mut(i * words);
             let own = &own[..words];
-            for (w, &word) in own.iter().enumerate() {
-                let mut bits = word;
-                while bits != 0 {
-                    columns.push(64 * w as u32 + bits.trailing_zeros());
-                    bits &= bits - 1;
-                }
-            }
-            if let Some(&parent) = columns.last() {
-                let parent = parent as usize;
+            list_runs(own, runs);
+            if let Some(parent) = runs.last().map(|run| run.end - 1) {
                 let target = &mut above[parent * words..][..words];
                 for (target, own) in target.iter_mut().zip(own) {
                     *target |= own;
@@ -80,10 +75,10 @@ impl<R: Real> Hessian<R> {
     #[inline(always)]
     pub(super) fn assemble(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, argument: &Argument<R>) {
         let n = self.dimension;
-        for (i, columns) in self.columns.iter().enumerate() {
+        for (i, runs) in self.runs.iter().enumerate() {
             let row = &mut self.entries[i * n..][..=i];
-            for &c in columns {
-                row[c as usize] = R::zero();
+            for run in runs {
+                row[run.clone()].fill(R::zero());
             }
             let (columns, entries) = metric.row(i);
             for (&c, &entry) in columns.iter().zip(entries) {
@@ -92,6 +87,9 @@ impl<R: Real> Hessian<R> {
         }
         for (row, &u) in problem.rows.iter().zip(&argument.rows) {
             let ((support, jacobian), weight) = (problem.entries(row), row.curvature(u));
+            if !is_nonzero(weight) {
+                continue;
+            }
             for (k, (&d, &j)) in support.iter().zip(jacobian).enumerate() {
                 let (entries, scaled) = (&mut self.entries[d as usize * n..][..=d as usize], j * weight);
                 for (&c, &j) in support[..=k].iter().zip(jacobian) {
@@ -108,6 +106,10 @@ impl<R: Real> Hessian<R> {
         let n = self.dimension;
         for (contact, u) in contacts.items.iter().zip(u) {
             let ((support, jacobian), curvature) = (contacts.entries(contact), cone.curvature(contact, u));
+            // Where a contact is open in every lane there is nothing to add, and what is not open moves along the normal.
+            if !is_nonzero(curvature[0][0]) {
+                continue;
+            }
             for (k, (&d, j)) in support.iter().zip(jacobian).enumerate() {
                 let mut scaled = [R::zero(); N];
                 for i in 0..N {
@@ -135,17 +137,20 @@ impl<R: Real> Hessian<R> {
         let n = self.dimension;
         for i in (0..n).rev() {
             let (above, own) = self.entries.split_at_mut(i * n);
-            let (own, columns) = (&mut own[..=i], &self.columns[i]);
+            let (own, runs) = (&mut own[..=i], &self.runs[i]);
             let inverse = R::one() / own[i];
             own[i] = inverse;
-            for (k, &a) in columns.iter().enumerate().rev() {
-                let scaled = own[a as usize] * inverse;
-                let target = &mut above[a as usize * n..][..=a as usize];
-                // Columns up to k are not scaled yet.
-                for &b in &columns[..=k] {
-                    target[b as usize] -= scaled * own[b as usize];
+            for (r, run) in runs.iter().enumerate().rev() {
+                for a in run.clone().rev() {
+                    let scaled = own[a] * inverse;
+                    let target = &mut above[a * n..][..=a];
+                    // Columns up to this one are not scaled yet.
+                    for before in &runs[..r] {
+                        subtract(&mut target[before.clone()], &own[before.clone()], scaled);
+                    }
+                    subtract(&mut target[run.start..], &own[run.start..=a], scaled);
+                    own[a] = scaled;
                 }
-                own[a as usize] = scaled;
             }
         }
     }
@@ -156,17 +161,44 @@ impl<R: Real> Hessian<R> {
         let n = self.dimension;
         for i in (0..n).rev() {
             let (row, value) = (&self.entries[i * n..][..=i], x[i]);
-            for &c in &self.columns[i] {
-                x[c as usize] -= row[c as usize] * value;
+            for run in &self.runs[i] {
+                subtract(&mut x[run.clone()], &row[run.clone()], value);
             }
         }
         for i in 0..n {
             let row = &self.entries[i * n..][..=i];
             let mut value = x[i] * row[i];
-            for &c in &self.columns[i] {
-                value -= row[c as usize] * x[c as usize];
+            for run in &self.runs[i] {
+                for (&l, &x) in row[run.clone()].iter().zip(&x[run.clone()]) {
+                    value -= l * x;
+                }
             }
             x[i] = value;
+        }
+    }
+}
+
+/// x -= factor * y
+#[inline(always)]
+fn subtract<R: Real>(x: &mut [R], y: &[R], factor: R) {
+    for (x, &y) in x.iter_mut().zip(y) {
+        *x -= factor * y;
+    }
+}
+
+/// Lists the ranges of a set.
+fn list_runs(set: &[u64], runs: &mut Vec<Range<usize>>) {
+    runs.clear();
+    for (w, &word) in set.iter().enumerate() {
+        let mut bits = word;
+        while bits != 0 {
+            let start = 64 * w + bits.trailing_zeros() as usize;
+            let length = (bits >> (start % 64)).trailing_ones() as usize;
+            match runs.last_mut() {
+                Some(last) if last.end == start => last.end += length,
+                _ => runs.push(start..start + length),
+            }
+            bits &= if start % 64 + length == 64 { 0 } else { !0 << (start % 64 + length) };
         }
     }
 }

@@ -200,34 +200,45 @@ impl<R: Real> SoftSolver<R> {
         let (mut low, mut high, mut step) = (R::zero(), R::of(f64::INFINITY), R::one());
         let mut searching = lanes;
         for _ in 0..LINE_SEARCH_STEPS {
-            let mut slope = [quadratic[0] + step * quadratic[1], quadratic[1]];
-            for ((row, &u), &du) in problem.rows.iter().zip(&self.argument.rows).zip(&self.change.rows) {
-                let at = u + step * du;
-                slope[0] -= row.force(at) * du;
-                slope[1] += row.curvature(at) * du * du;
-            }
-            problem.contacts.add_slopes(problem.cone, &self.argument.contacts, &self.change.contacts, step, &mut slope);
-            problem.rolling_contacts.add_slopes(
-                problem.cone,
-                &self.argument.rolling_contacts,
-                &self.change.rolling_contacts,
-                step,
-                &mut slope,
-            );
-            searching = searching.and_not(slope[0].abs().le(enough));
+            let slope = self.slope(problem, quadratic[0] + step * quadratic[1], step);
+            searching = searching.and_not(slope.abs().le(enough));
             if searching.none() {
                 break;
             }
-            let rises = slope[0].gt(R::zero());
+            let rises = slope.gt(R::zero());
             low = R::select(searching.and_not(rises), step, low);
             high = R::select(searching.and(rises), step, high);
-            let newton = step - slope[0] / slope[1];
+            let newton = step - slope / self.curvature(problem, quadratic[1], step);
             let bounded = high.lt(R::of(f64::INFINITY));
             let halfway = R::select(bounded, (low + R::select(bounded, high, R::zero())) * R::of(0.5), low + low);
             let inside = newton.gt(low).and(newton.lt(high));
             step = R::select(searching, R::select(inside, newton, halfway), step);
         }
         R::select(lanes, step, R::zero())
+    }
+}
+
+impl<R: Real> SoftSolver<R> {
+    /// Slope along the direction after a step, of which `slope` is the part of the accelerations.
+    #[inline(always)]
+    fn slope(&self, problem: &SoftProblem<R>, mut slope: R, step: R) -> R {
+        let (argument, change) = (&self.argument, &self.change);
+        for ((row, &u), &du) in problem.rows.iter().zip(&argument.rows).zip(&change.rows) {
+            slope -= row.force(u + step * du) * du;
+        }
+        let slope = problem.contacts.add_slopes(problem.cone, &argument.contacts, &change.contacts, step, slope);
+        problem.rolling_contacts.add_slopes(problem.cone, &argument.rolling_contacts, &change.rolling_contacts, step, slope)
+    }
+
+    /// Second derivative along the direction after a step, of which `sum` is the part of the accelerations.
+    #[inline(always)]
+    fn curvature(&self, problem: &SoftProblem<R>, mut sum: R, step: R) -> R {
+        let (argument, change) = (&self.argument, &self.change);
+        for ((row, &u), &du) in problem.rows.iter().zip(&argument.rows).zip(&change.rows) {
+            sum += row.curvature(u + step * du) * du * du;
+        }
+        let sum = problem.contacts.add_curvatures(problem.cone, &argument.contacts, &change.contacts, step, sum);
+        problem.rolling_contacts.add_curvatures(problem.cone, &argument.rolling_contacts, &change.rolling_contacts, step, sum)
     }
 }
 

@@ -121,25 +121,43 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
         }
     }
 
-    /// Adds slope and curvature along `du` at `u + step du` to `slope` = (first derivative, second derivative).
+    /// `slope` less f(u + step du) . du of all contacts.
     #[inline(always)]
-    pub(super) fn add_slopes(&self, cone: Cone, u: &[[R; N]], du: &[[R; N]], step: R, slope: &mut [R; 2]) {
+    pub(super) fn add_slopes(&self, cone: Cone, u: &[[R; N]], du: &[[R; N]], step: R, mut slope: R) -> R {
         for ((contact, u), du) in self.items.iter().zip(u).zip(du) {
-            let mut at = *u;
+            let force = cone.force(contact, &moved(u, du, step));
             for k in 0..N {
-                at[k] += step * du[k];
-            }
-            let (force, curvature) = (cone.force(contact, &at), cone.curvature(contact, &at));
-            for k in 0..N {
-                slope[0] -= force[k] * du[k];
-                let mut sum = curvature[k][0] * du[0];
-                for i in 1..N {
-                    sum += curvature[k][i] * du[i];
-                }
-                slope[1] += sum * du[k];
+                slope -= force[k] * du[k];
             }
         }
+        slope
     }
+
+    /// `sum` and the second derivatives along `du` at u + step du of all contacts.
+    #[inline(always)]
+    pub(super) fn add_curvatures(&self, cone: Cone, u: &[[R; N]], du: &[[R; N]], step: R, mut sum: R) -> R {
+        for ((contact, u), du) in self.items.iter().zip(u).zip(du) {
+            let curvature = cone.curvature(contact, &moved(u, du, step));
+            for k in 0..N {
+                let mut row = curvature[k][0] * du[0];
+                for i in 1..N {
+                    row += curvature[k][i] * du[i];
+                }
+                sum += row * du[k];
+            }
+        }
+        sum
+    }
+}
+
+/// u + step du
+#[inline(always)]
+fn moved<R: Real, const N: usize>(u: &[R; N], du: &[R; N], step: R) -> [R; N] {
+    let mut at = *u;
+    for k in 0..N {
+        at[k] += step * du[k];
+    }
+    at
 }
 
 /// Soft constraint problem of one step, for every lane.

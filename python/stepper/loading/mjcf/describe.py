@@ -145,9 +145,10 @@ def _geom(source: Source, i: int) -> Description:
         "conaffinity": int(m.geom_conaffinity[i]) & 0xFFFFFFFF if collides else 0,
         "condim": int(m.geom_condim[i]),
         "priority": int(m.geom_priority[i]),
-        "friction": m.geom_friction[i].tolist(),
+        "friction": (m.opt.o_friction[[0, 2, 3]] if source.overrides else m.geom_friction[i]).tolist(),
         "restitution": 0.0,  # MJCF has none: its contacts are springs and dampers
-        "margin": float(m.geom_margin[i]),
+        # A pair takes the sum of two margins.
+        "margin": float(m.opt.o_margin / 2 if source.overrides else m.geom_margin[i]),
         "gap": float(m.geom_gap[i]),
         "surface_velocity": m.geom_surfacevel[i].tolist(),
         "fluid": _ellipsoid(source, i),
@@ -217,9 +218,9 @@ def _pair(source: Source, i: int) -> Description:
         "name": source.name("PAIR", i),
         "geoms": [int(m.pair_geom1[i]), int(m.pair_geom2[i])],
         "condim": int(m.pair_dim[i]),
-        "friction": m.pair_friction[i, [0, 2, 3]].tolist(),
+        "friction": (m.opt.o_friction if source.overrides else m.pair_friction[i])[[0, 2, 3]].tolist(),
         "restitution": 0.0,
-        "margin": float(m.pair_margin[i]),
+        "margin": float(m.opt.o_margin if source.overrides else m.pair_margin[i]),
         "gap": float(m.pair_gap[i]),
         **pair_softness(source, i),
     }

@@ -63,7 +63,6 @@ FLAGS = {
     "disable": {
         "warmstart": (9, "the solver begins with the impulses of the last step, whatever the flag says", False),
         "filterparent": (10, "parent and child never collide here, whatever the flag says", True),
-        "refsafe": (12, "it is about soft contact, and contacts are hard", False),
         "midphase": (14, "it is about MuJoCo's search for contacts, and changes none of them", False),
         "eulerdamp": (15, "the integrator euler takes the joints' damping explicitly, as the flag says; the others, implicitly", False),
         "autoreset": (16, "a step whose result is not finite is refused, and a flag of status says so", False),
@@ -72,12 +71,15 @@ FLAGS = {
         "multiccd": (19, "it chooses among MuJoCo's ways to find contacts; stepper finds all points of a patch", False),
     },
     "enable": {
-        "override": (0, "the override of contact parameters is not read; geoms keep their own", True),
         "energy": (1, "Stepper.energy() says it whenever it is asked", False),
         "fwdinv": (2, "it is about MuJoCo's solver; status and residual say how well a step was solved", False),
         "invdiscrete": (3, "there are no inverse dynamics that it could change", False),
         "sleep": (4, "bodies at rest are simulated like all others", False),
-        "diagexact": (5, "it is about soft contact, and contacts are hard", False),
+        "diagexact": (
+            5,
+            "hard contact has no regularisation, and that of MuJoCo's law is relative to its inverse weights, whatever the flag says",
+            False,
+        ),
         "ipc": (6, "it is about deformable bodies, which are not simulated", False),
         "speculative": (7, "contacts that may close within a step are always found before they do", False),
     },
@@ -105,6 +107,11 @@ def _scene(source: Source) -> None:
         for name, (bit, reason, changes_motion) in FLAGS[kind].items():
             if flags >> bit & 1 and _matters(source, name):
                 source.leave_out(f"flag {name}", f"{kind}d", reason, changes_motion=changes_motion)
+    if source.collides and m.opt.noslip_iterations:
+        reason = "hard contact does not slip while it sticks, and MuJoCo's law runs without iterations after its solution"
+        source.leave_out("noslip", f"{int(m.opt.noslip_iterations)} iterations", reason, changes_motion=False)
+    if source.overrides and m.opt.o_friction[0] != m.opt.o_friction[1]:
+        source.leave_out("o_friction", "option", f"{m.opt.o_friction.tolist()} differ between the tangents; both get the first")
     for i in range(m.nflex):
         source.leave_out("flex", source.label("FLEX", i), "deformable bodies are not simulated; its vertices move as bodies without shape")
     for i in range(m.nplugin):
@@ -115,7 +122,7 @@ def _matters(source: Source, flag: str) -> bool:
     """Whether a scene has what a flag is about, where that is easily told."""
     if flag == "eulerdamp":
         return bool(np.any(source.m.dof_damping)) and not source.off("damper")
-    return flag not in ("filterparent", "override") or source.collides
+    return flag != "filterparent" or source.collides
 
 
 def _joints(source: Source) -> None:

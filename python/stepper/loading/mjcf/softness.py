@@ -6,8 +6,6 @@ from typing import Any
 
 from stepper.loading.mjcf.source import Description, Source
 
-OVERRIDE = 1 << 0
-"""Enable flag with which all contacts have the parameters of the options."""
 CONES = ("Pyramidal", "Elliptic")
 
 
@@ -44,7 +42,7 @@ def contact_softness(source: Source, i: int) -> Description:
 def pair_softness(source: Source, i: int) -> Description:
     """Softness of an explicit pair, and ratios of its coefficients of friction."""
     m = source.m
-    slide, other_slide, _, roll, other_roll = m.pair_friction[i].tolist()
+    slide, other_slide, _, roll, other_roll = (m.opt.o_friction if source.overrides else m.pair_friction[i]).tolist()
     ratio = [b / a if a > 0 else 1.0 for a, b in ((slide, other_slide), (roll, other_roll))]
     return {
         "softness": _contact(source, m.pair_solref[i], m.pair_solimp[i]),
@@ -71,7 +69,7 @@ def equality_softness(source: Source, i: int) -> Description:
 def _contact(source: Source, solref: Any, solimp: Any) -> Description:
     """Softness of contacts, for which the options may have one for all."""
     opt = source.m.opt
-    return _softness(opt.o_solref, opt.o_solimp) if int(opt.enableflags) & OVERRIDE else _softness(solref, solimp)
+    return _softness(opt.o_solref, opt.o_solimp) if source.overrides else _softness(solref, solimp)
 
 
 def _softness(solref: Any, solimp: Any) -> Description:

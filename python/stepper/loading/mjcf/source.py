@@ -34,6 +34,7 @@ DISABLE = {
     "sensor": 1 << 13,
     "eulerdamp": 1 << 15,
 }
+ENABLE = {"override": 1 << 0}
 _CONSTRAINTS = ("contact", "limit", "frictionloss", "equality")
 
 
@@ -70,6 +71,11 @@ class Source:
     def leave_out(self, kind: str, name: str, reason: str, *, changes_motion: bool = True) -> None:
         """Notes an element that the description does without."""
         self.omitted.append({"kind": kind, "name": name, "reason": reason, "changes_motion": changes_motion})
+
+    @property
+    def overrides(self) -> bool:
+        """Whether the options have one friction, margin and softness for all contacts."""
+        return bool(int(self.m.opt.enableflags) & ENABLE["override"])
 
     @property
     def collides(self) -> bool:

@@ -26,6 +26,7 @@ impl Simulation {
         if nstep == 0 {
             return Ok(());
         }
+        self.note_change();
         if rows.len() == self.ctrl.len() {
             self.ctrl.copy_from_slice(rows);
         } else {
@@ -45,7 +46,10 @@ impl Simulation {
             let row: usize = input.shape(&self.model).iter().product();
             check_length(input.name(), values.len(), self.num_envs * row)?;
         }
-        self.applied.set(input, values, &self.model, self.num_envs);
+        if self.applied.get(input) != values {
+            self.revision += 1;
+            self.applied.set(input, values, &self.model, self.num_envs);
+        }
         Ok(())
     }
 
@@ -78,7 +82,7 @@ impl Simulation {
         if !inputs.ctrl.is_empty() {
             self.set_ctrl(inputs.ctrl, nstep)?;
         }
-        self.truth.known = false;
+        self.note_change();
         let inputs = StepInputs { ctrl: &self.ctrl, ..self.applied.complete(inputs) };
         self.engine.make_steps(&inputs, Schedule { controls: 1, nstep }, None, watch)
     }
@@ -118,7 +122,7 @@ impl Simulation {
         let Schedule { controls, nstep } = schedule;
         self.check_inputs(inputs, controls)?;
         self.check_recording(&recording, controls)?;
-        self.truth.known = false;
+        self.note_change();
         let (ctrl, inputs) = (inputs.ctrl, self.applied.complete(inputs));
         if ctrl.is_empty() {
             let held = self.ctrl.repeat(controls);

@@ -17,7 +17,7 @@ impl Simulation {
         if found != must {
             return Err(Error::Count { name: "transfers", found, must, element: "sensor" });
         }
-        self.truth.known = false;
+        self.note_change();
         self.engine.set_sensor_models(&self.model, transfers)
     }
 

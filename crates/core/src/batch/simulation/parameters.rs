@@ -51,9 +51,9 @@ impl Simulation {
             self.assign_parameters(assigned, envs)?;
         }
         if let (Some(actuator_models), Some(resampled)) = (&mut self.actuator_models, resampled) {
-            self.truth.known = false;
             self.engine.resample_actuators(&resampled.specs, &resampled.envs);
             actuator_models.take(resampled);
+            self.note_change();
         }
         Ok(())
     }

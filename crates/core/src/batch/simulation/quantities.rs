@@ -1,7 +1,9 @@
-//! Quantities of one environment outside a step.
+//! Quantities outside a step: of one environment, and of all of them at once.
 
+use crate::analysis::derived::DerivedQuantity;
 use crate::analysis::quantities::Snapshot;
 use crate::batch::inputs::{Field, StepInputs};
+use crate::batch::simulation::checks::check_length;
 use crate::batch::simulation::{Error, Simulation};
 use crate::integrators::inputs::Inputs;
 
@@ -29,6 +31,26 @@ impl Simulation {
             inputs: Inputs { ctrl, actuator_dynamics, qfrc: inputs.qfrc.to_vec(), xfrc: inputs.xfrc.to_vec() },
             mocap: self.mocap_poses(inputs.mocap_pos, inputs.mocap_quat).collect(),
         })
+    }
+
+    /// Derives a quantity of all environments, (num_envs, ...) with the [shape](DerivedQuantity::shape) of one environment's part. What is
+    /// applied and the controls in force are read; nothing changes.
+    ///
+    /// # Errors
+    /// [`Error::Element`] for a body or site that does not exist, [`Error::Length`] for `out`, [`Error::Threads`] when threads cannot be
+    /// started.
+    pub fn derive(&mut self, quantity: DerivedQuantity, out: &mut [f64]) -> Result<(), Error> {
+        let element = match quantity {
+            DerivedQuantity::BodyJacobian(body) => Some(("body", body, self.model.bodies.len())),
+            DerivedQuantity::SiteJacobian(site) => Some(("site", site, self.model.sites.len())),
+            _ => None,
+        };
+        if let Some((element, found, count)) = element.filter(|(_, found, count)| found >= count) {
+            return Err(Error::Element { element, found, count });
+        }
+        check_length(quantity.name(), out.len(), self.num_envs * quantity.shape(&self.model).iter().product::<usize>())?;
+        let inputs = StepInputs { ctrl: &self.ctrl, ..self.applied.complete(&StepInputs::default()) };
+        self.engine.derive(&inputs, quantity, out)
     }
 
     /// Poses of the mocap bodies of one environment, the model's where `pos` is empty.

@@ -1,6 +1,5 @@
 //! What can be read of a simulation: state, flags, contacts and poses, environment by environment.
 
-use std::ops::Range;
 use std::path::Path;
 
 use crate::analysis::quantities::BodyPoses;
@@ -233,22 +232,6 @@ impl Simulation {
         self.engine.contacts(env).into_iter().map(contact).collect()
     }
 
-    /// Positions (m) and orientations of all bodies at the present configurations: (num_envs, nbody, 3) and (num_envs, nbody, 4).
-    ///
-    /// # Errors
-    /// Those of [`Simulation::step`] for the inputs; of them, poses of mocap bodies are read.
-    pub fn body_poses(&self, inputs: &StepInputs<'_>) -> Result<[Vec<f64>; 2], Error> {
-        self.check_inputs(inputs, 1)?;
-        let inputs = &self.applied.complete(inputs);
-        let rows = self.num_envs * self.model.bodies.len();
-        let (mut positions, mut orientations) = (Vec::with_capacity(3 * rows), Vec::with_capacity(4 * rows));
-        self.each_pose(0..self.num_envs, inputs, |pose| {
-            positions.extend(pose.pos);
-            orientations.extend(pose.quat);
-        });
-        Ok([positions, orientations])
-    }
-
     /// Poses of all bodies of one environment at its present configuration, (nbody,); body 0 is the world. Inputs are those of all
     /// environments, as [`Simulation::step`] takes them; of them, poses of mocap bodies are read.
     ///
@@ -258,23 +241,13 @@ impl Simulation {
         self.check_env(env)?;
         self.check_inputs(inputs, 1)?;
         let inputs = &self.applied.complete(inputs);
-        let mut poses = Vec::with_capacity(self.model.bodies.len());
-        self.each_pose(env..env + 1, inputs, |pose| poses.push(pose));
-        Ok(poses)
-    }
-
-    /// Hands the poses of all bodies of some environments to `take`, in order; inputs were checked.
-    fn each_pose(&self, envs: Range<usize>, inputs: &StepInputs<'_>, mut take: impl FnMut(BodyPose)) {
         let compiled = self.lane_model();
-        let (mut poses, mut q) = (BodyPoses::new(compiled), vec![0.0; compiled.nq]);
-        let mocap = compiled.mocap.len();
-        for env in envs {
-            let (pos, quat) = match inputs.mocap_pos.is_empty() {
-                true => (&[][..], &[][..]),
-                false => (&inputs.mocap_pos[3 * env * mocap..][..3 * mocap], &inputs.mocap_quat[4 * env * mocap..][..4 * mocap]),
-            };
-            self.engine.read(Field::Qpos, env, &mut q);
-            poses.at(&q, self.mocap_poses(pos, quat)).for_each(|(pos, quat)| take(BodyPose { pos, quat }));
-        }
+        let (mut poses, mocap) = (BodyPoses::new(compiled), compiled.mocap.len());
+        let (pos, quat) = match inputs.mocap_pos.is_empty() {
+            true => (&[][..], &[][..]),
+            false => (&inputs.mocap_pos[3 * env * mocap..][..3 * mocap], &inputs.mocap_quat[4 * env * mocap..][..4 * mocap]),
+        };
+        let q = self.values(Field::Qpos, env);
+        Ok(poses.at(&q, self.mocap_poses(pos, quat)).map(|(pos, quat)| BodyPose { pos, quat }).collect())
     }
 }

@@ -17,7 +17,6 @@ impl<R: Real> Constraints<R> {
             #[inline(always)]
             || {
                 system.problem.clear();
-                system.start.fill(R::zero());
                 self.owners.clear();
                 self.slots.clear();
                 self.rolling_slots.clear();
@@ -31,13 +30,20 @@ impl<R: Real> Constraints<R> {
         self.soft = Some(system);
     }
 
-    /// Leaves the impulses of the solution where the next step finds its start, and sensors their readings: `h` times the forces.
-    pub fn keep_soft_impulses(&mut self, h: R, contacts: &mut Contacts<R>) {
+    /// Leaves the impulses of the solution, `h` times its forces: those of the rows where sensors and people read them, and that of all
+    /// together on the joints in `impulse`, where the next step finds its start.
+    pub fn keep_soft_impulses(&mut self, h: R, contacts: &mut Contacts<R>, impulse: &mut [R]) {
         let Some(system) = &self.soft else { return };
         R::vectorize(
             #[inline(always)]
             || {
                 self.scalar_impulse.fill(R::zero());
+                impulse.fill(R::zero());
+                if self.constrained.any() {
+                    for (impulse, &force) in impulse.iter_mut().zip(system.solver.forces()) {
+                        *impulse = R::select(self.constrained, force * h, R::zero());
+                    }
+                }
                 for (i, &owner) in self.owners.iter().enumerate() {
                     self.scalar_impulse[owner] = system.solver.row_force(&system.problem, i) * h;
                 }

@@ -144,7 +144,7 @@ impl<R: Real> Constraints<R> {
 
     #[inline(always)]
     fn add_soft_contact(&mut self, input: SoftInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32, system: &mut SoftSystem<R>) {
-        let (compiled, h, active) = (input.row.compiled, input.row.assembly.h, R::Mask::from_bits(lanes));
+        let (compiled, active) = (input.row.compiled, R::Mask::from_bits(lanes));
         let slot = &contacts.data[k];
         self.gather_support(compiled, contacts, k, lanes);
         let [v, _] = self.contact_columns(input.row, contacts, k, lanes);
@@ -152,11 +152,9 @@ impl<R: Real> Constraints<R> {
         let cone = system.problem.cone;
         let reference = law.reference(cone, slot.point.distance, v);
         let [weight, scales] = law.weights(cone, R::splat(input.softness.impratio), active);
-        let force = scale(select(active, slot.impulse, zero()), R::one() / h);
         for &d in &self.support {
             let d = d as usize;
             self.column[d] = select(active, self.column[d], zero());
-            system.start[d] += dot(self.column[d], force);
         }
         let column = &self.column;
         system.problem.contacts.push(
@@ -180,7 +178,7 @@ impl<R: Real> Constraints<R> {
         lanes: u32,
         system: &mut SoftSystem<R>,
     ) {
-        let (compiled, h, active) = (input.row.compiled, input.row.assembly.h, R::Mask::from_bits(lanes));
+        let (compiled, active) = (input.row.compiled, R::Mask::from_bits(lanes));
         let slot = &contacts.data[k];
         self.gather_support(compiled, contacts, k, lanes);
         let [v, _] = self.contact_columns(input.row, contacts, k, lanes);
@@ -199,14 +197,10 @@ impl<R: Real> Constraints<R> {
         let cone = system.problem.cone;
         let reference = law.reference(cone, slot.point.distance, [v[0], v[1], v[2], turning[0], turning[1], turning[2]]);
         let [weight, scales] = law.weights(cone, R::splat(input.softness.impratio), active);
-        let rate = R::one() / h;
-        let force = scale(select(active, slot.impulse, zero()), rate);
-        let torque = scale(select(active, contacts.torque[k], zero()), rate);
         for &d in &self.support {
             let d = d as usize;
             self.column[d] = select(active, self.column[d], zero());
             system.angular[d] = select(active, system.angular[d], zero());
-            system.start[d] += dot(self.column[d], force) + dot(system.angular[d], torque);
         }
         let (linear, angular) = (&self.column, &system.angular);
         system.problem.rolling_contacts.push(

@@ -68,7 +68,7 @@ impl<R: Real> Constraints<R> {
                 let law = law.row(rows.error[0], rate, active);
                 system.terms.clear();
                 system.terms.extend_from_slice(&equality.support);
-                self.push_soft_row(system, input.row.assembly.h, RowOf { law, bounds: unbounded(), active, owner: equality.owner });
+                self.push_soft_row(system, RowOf { law, bounds: unbounded(), active, owner: equality.owner });
             }
         }
     }
@@ -96,7 +96,7 @@ impl<R: Real> Constraints<R> {
             let [reference, weight] = law.row_at(impedance, error[k], rate[k], assembly.alive);
             let owner = equality.owner + first + k;
             let row = RowOf { law: [reference - kappa[k], weight], bounds: unbounded(), active: assembly.alive, owner };
-            self.push_soft_row(system, assembly.h, row);
+            self.push_soft_row(system, row);
             for &d in &equality.support {
                 let [_, b, c] = self.column[d as usize];
                 self.column[d as usize] = [b, c, R::zero()];

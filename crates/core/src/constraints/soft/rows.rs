@@ -24,13 +24,11 @@ pub(super) struct RowOf<R: Real> {
 impl<R: Real> Constraints<R> {
     /// Appends a scalar row whose Jacobian is in the first component of `column` at `system.terms`, ascending.
     #[inline(always)]
-    pub(super) fn push_soft_row(&mut self, system: &mut SoftSystem<R>, h: R, row: RowOf<R>) {
+    pub(super) fn push_soft_row(&mut self, system: &mut SoftSystem<R>, row: RowOf<R>) {
         let RowOf { law: [reference, weight], bounds, active, owner } = row;
-        let force = R::select(active, self.scalar_impulse[owner], R::zero()) / h;
         for &d in &system.terms {
             let entry = R::select(active, self.column[d as usize][0], R::zero());
             self.column[d as usize][0] = entry;
-            system.start[d as usize] += entry * force;
         }
         let column = &self.column;
         system.problem.push_row(
@@ -80,7 +78,7 @@ impl<R: Real> Constraints<R> {
             system.terms.clear();
             system.terms.push(friction.dof as u32);
             let owner = compiled.limits.len() + i;
-            self.push_soft_row(system, assembly.h, RowOf { law, bounds, active: assembly.alive, owner });
+            self.push_soft_row(system, RowOf { law, bounds, active: assembly.alive, owner });
         }
         for (tendon, [_, law]) in compiled.tendons.iter().zip(&input.softness.tendons) {
             if tendon.friction > <R::Scalar as Default>::default() {
@@ -88,7 +86,7 @@ impl<R: Real> Constraints<R> {
                 let law = law.row(R::zero(), tendon.length.rate(assembly.v_free), assembly.alive);
                 self.combine(system, &[(&tendon.length, R::one())]);
                 let row = RowOf { law, bounds: [-most, most], active: assembly.alive, owner: tendon.owner + 1 };
-                self.push_soft_row(system, assembly.h, row);
+                self.push_soft_row(system, row);
             }
         }
     }
@@ -106,7 +104,7 @@ impl<R: Real> Constraints<R> {
                 self.column[limit.dof] = [sign, R::zero(), R::zero()];
                 system.terms.clear();
                 system.terms.push(limit.dof as u32);
-                self.push_soft_limit(input, system, law, [error, sign * assembly.v_free[limit.dof]], active, i);
+                self.push_soft_limit(system, law, [error, sign * assembly.v_free[limit.dof]], active, i);
             }
         }
         self.add_soft_ball_limits(compiled, input, system);
@@ -117,7 +115,7 @@ impl<R: Real> Constraints<R> {
             if active.any() {
                 self.combine(system, &[(&tendon.length, sign)]);
                 let rate = sign * tendon.length.rate(assembly.v_free);
-                self.push_soft_limit(input, system, law, [error, rate], active, tendon.owner);
+                self.push_soft_limit(system, law, [error, rate], active, tendon.owner);
             }
         }
     }
@@ -139,7 +137,7 @@ impl<R: Real> Constraints<R> {
                     system.terms.push((limit.dof + k) as u32);
                     self.column[limit.dof + k] = [axis[k], R::zero(), R::zero()];
                 }
-                self.push_soft_limit(input, system, law, [error, dot(axis, v)], active, limit.owner);
+                self.push_soft_limit(system, law, [error, dot(axis, v)], active, limit.owner);
             }
         }
     }
@@ -148,7 +146,6 @@ impl<R: Real> Constraints<R> {
     #[inline(always)]
     fn push_soft_limit(
         &mut self,
-        input: SoftInput<'_, R>,
         system: &mut SoftSystem<R>,
         law: &SoftLaw<R::Scalar>,
         [error, rate]: [R; 2],
@@ -157,7 +154,7 @@ impl<R: Real> Constraints<R> {
     ) {
         let bounds = [R::zero(), R::of(f64::INFINITY)];
         let law = law.row(error, rate, active);
-        self.push_soft_row(system, input.row.assembly.h, RowOf { law, bounds, active, owner });
+        self.push_soft_row(system, RowOf { law, bounds, active, owner });
     }
 }
 

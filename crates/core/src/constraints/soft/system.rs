@@ -18,8 +18,6 @@ pub struct SoftSystem<R: Real> {
     pub acceleration: Vec<R>,
     /// Entries of the mass matrix, not factored.
     pub mass: Vec<R>,
-    /// Generalized force of the impulses of the step before, over its time step: where the solver starts, nv.
-    pub start: Vec<R>,
     /// Angular parts of the rows of a contact.
     pub(super) angular: Vec<V3<R>>,
     /// Degrees of freedom of a row, ascending.
@@ -38,7 +36,6 @@ impl<R: Real> SoftSystem<R> {
             solver: SoftSolver::new(compiled.nv),
             acceleration: zeros(),
             mass: vec![R::zero(); compiled.chain.len()],
-            start: zeros(),
             angular: vec![zero(); if compiled.has_rolling_friction { compiled.nv } else { 0 }],
             terms: Vec::with_capacity(compiled.nv),
         }))
@@ -85,15 +82,16 @@ impl<R: Real> SoftSystem<R> {
         }
     }
 
-    /// The acceleration to start from: that by the impulses of the step before.
-    pub fn start_from_impulses(&mut self, compiled: &LaneModel<R>, factors: &MassMatrix<R>, free: &[R]) {
+    /// The acceleration to start from: that by the `impulse` of all constraints on the joints in the step before, of `h` seconds.
+    pub fn start_from_impulse(&mut self, compiled: &LaneModel<R>, factors: &MassMatrix<R>, free: &[R], impulse: &[R], h: R) {
         R::vectorize(
             #[inline(always)]
             || {
-                self.acceleration.copy_from_slice(&self.start);
+                let rate = R::one() / h;
+                self.acceleration.copy_from_slice(impulse);
                 factors.solve(compiled, &mut self.acceleration);
                 for (a, &free) in self.acceleration.iter_mut().zip(free) {
-                    *a += free;
+                    *a = free + *a * rate;
                 }
             },
         )

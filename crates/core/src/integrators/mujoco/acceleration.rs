@@ -17,14 +17,14 @@ use crate::probe::{Counter, Probe, Span};
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s03_detect::detect;
 
-/// Stages 1 to 5 at the state in `s.state`: the acceleration with constraints, left in the soft system. It starts from the impulses of the
+/// Stages 1 to 5 at the state in `s.state`: the acceleration with constraints, left in the soft system. It starts from the impulse of the
 /// last step, or from the acceleration before.
 pub(super) fn accelerate<R: Real>(
     compiled: &LaneModel<R>,
     options: &StepSettings,
     h: R,
     s: &mut Workspace<R>,
-    from_impulses: bool,
+    from_impulse: bool,
     probe: impl Probe,
 ) -> Outcome<R> {
     s.evaluation.q.copy_from_slice(&s.state.q);
@@ -34,9 +34,9 @@ pub(super) fn accelerate<R: Real>(
         s.evaluation.kinematics.update(compiled, &s.evaluation.q);
     });
     free_acceleration(compiled, h, s, probe);
-    find_contacts(compiled, s, from_impulses, probe);
+    find_contacts(compiled, s, probe);
     probe.span(Span::Assemble, || assemble(compiled, options, h, s));
-    probe.span(Span::Solve, || solve(compiled, options, h, s, from_impulses))
+    probe.span(Span::Solve, || solve(compiled, options, h, s, from_impulse))
 }
 
 /// Stages 1 and 2: forces and the acceleration that they make, everything explicit.
@@ -85,17 +85,11 @@ fn add_tendon_springs<R: Real>(compiled: &LaneModel<R>, q: &[R], v: &[R], forces
 }
 
 /// Stage 3: contacts at the configuration, without a look ahead.
-fn find_contacts<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>, match_last: bool, probe: impl Probe) {
+fn find_contacts<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>, probe: impl Probe) {
     let none = R::zero();
     let (kinematics, v) = (&s.evaluation.kinematics, &s.state.v);
     detect(compiled, kinematics, [v, v], [none, none], s.alive, &mut s.poses, &mut s.evaluation.contacts, probe);
-    probe.span(Span::WarmStart, || {
-        if match_last {
-            s.evaluation.contacts.prepare(&mut s.state.contacts);
-        } else {
-            s.evaluation.contacts.choose_tangents();
-        }
-    });
+    probe.span(Span::WarmStart, || s.evaluation.contacts.choose_tangents());
     probe.count(Counter::Contacts, || s.evaluation.contacts.count[..R::LANES].iter().sum::<usize>() as f64);
 }
 
@@ -119,13 +113,13 @@ fn assemble<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, h: R, s: &
 }
 
 /// Stage 5. The residual is the velocity that what is left of the imbalance of forces makes in a step.
-fn solve<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, h: R, s: &mut Workspace<R>, from_impulses: bool) -> Outcome<R> {
+fn solve<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, h: R, s: &mut Workspace<R>, from_impulse: bool) -> Outcome<R> {
     let constrained = s.constraints.constrained;
     let mut outcome = Outcome { residual: R::zero(), sweeps: R::zero(), newton_steps: R::zero() };
     let (smooth, constraints) = (&s.free_motion.smooth, &mut s.constraints);
     if let Some(system) = &mut constraints.soft {
-        if from_impulses && constrained.any() {
-            system.start_from_impulses(compiled, &smooth.mass, &smooth.acc);
+        if from_impulse && constrained.any() {
+            system.start_from_impulse(compiled, &smooth.mass, &smooth.acc, &s.state.impulse, h);
         }
         system.accelerate_freely(&smooth.acc, constrained);
         if constrained.any() {
@@ -134,6 +128,6 @@ fn solve<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, h: R, s: &mut
             (outcome.residual, outcome.newton_steps) = (solved.residual * h, solved.steps);
         }
     }
-    constraints.keep_soft_impulses(h, &mut s.evaluation.contacts);
+    constraints.keep_soft_impulses(h, &mut s.evaluation.contacts, &mut s.state.impulse);
     outcome
 }

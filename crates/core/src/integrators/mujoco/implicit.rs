@@ -5,14 +5,18 @@ use stepper_real::{Mask, Real};
 use crate::actuation::forces::ForceState;
 use crate::compile::{CompiledTendon, LaneModel};
 use crate::dynamics::implicit_weights::ImplicitWeights;
+use crate::dynamics::kinematics::advance;
 use crate::integrators::workspace::Workspace;
 use crate::math::spatial::*;
 use crate::model::JointKind;
+use crate::options::Integrator;
 use crate::stages::s01_actuate::servo_damping;
 
-/// v+ = v + h (M + h D)^-1 M a. D is the damping of the joints and, `all` of it, that of tendons, actuators and the medium; for a body
-/// alone on a free joint then also the derivative of its gyroscopic force, in a system of its own.
-pub(super) fn integrate_velocity<R: Real>(compiled: &LaneModel<R>, h: R, all: bool, s: &mut Workspace<R>) {
+/// v+ = v + h (M + h D)^-1 M a. D is with Euler's rule the damping of the joints, with the others also that of tendons, actuators and the
+/// medium. Besides, implicitfast has the derivative of the gyroscopic force of a body alone on a free joint, in a system of its own, and
+/// implicit the derivative of all Coriolis forces.
+pub(super) fn integrate_velocity<R: Real>(compiled: &LaneModel<R>, h: R, integrator: Integrator, s: &mut Workspace<R>) {
+    let all = integrator != Integrator::Euler;
     let Some(system) = &mut s.constraints.soft else { return };
     let joints = (all || !compiled.explicit_damping) && compiled.params.dofs().iter().any(|dof| dof[0].gt(R::zero()).any());
     let (work, v) = (&mut s.work.impulse_change, &s.state.v);
@@ -36,11 +40,21 @@ pub(super) fn integrate_velocity<R: Real>(compiled: &LaneModel<R>, h: R, all: bo
             servo_damping(compiled, &at, h, forces);
             smooth.damp(compiled, &s.evaluation.kinematics, [&forces.weight, &forces.arms], v, h);
         }
+        if all {
+            R::vectorize(
+                #[inline(always)]
+                || add_tendon_damping(compiled, h, &mut smooth.mass.entries),
+            );
+        }
+        if let Some(matrix) = &mut s.unsymmetric {
+            matrix.solve(compiled, &s.evaluation.kinematics, &smooth.mass.entries, v, h, work);
+            advance(v, work, h, &mut s.next.v);
+            return;
+        }
         R::vectorize(
             #[inline(always)]
             || {
                 if all {
-                    add_tendon_damping(compiled, h, &mut smooth.mass.entries);
                     s.work.impulse.copy_from_slice(work);
                     for spinner in compiled.spinners.iter().filter(|spinner| spinner.kind == JointKind::Free) {
                         let mat = &s.evaluation.kinematics.mat[spinner.link + 1];
@@ -58,14 +72,7 @@ pub(super) fn integrate_velocity<R: Real>(compiled: &LaneModel<R>, h: R, all: bo
             },
         );
     }
-    R::vectorize(
-        #[inline(always)]
-        || {
-            for ((next, &v), &a) in s.next.v.iter_mut().zip(v).zip(&*work) {
-                *next = v + h * a;
-            }
-        },
-    )
+    advance(v, work, h, &mut s.next.v);
 }
 
 /// Adds h times the damping of fixed tendons to the entries of the mass matrix, as far as those have room.

@@ -3,13 +3,15 @@
 //!
 //! * Euler (`mj_Euler`): v+ = v + h (M + h B)^-1 M a with the acceleration a of the constrained motion and the damping B of the joints,
 //!   then q+ = q (+) h v+.
-//! * implicitfast (`mj_implicit`): the same with the damping of tendons, actuators and the medium, too.
+//! * implicitfast (`mj_implicit`): the same with the damping of tendons, actuators and the medium, too; implicit, with the derivative of
+//!   Coriolis forces besides.
 //! * Runge-Kutta of order 4 (`mj_RungeKutta`): constraints are solved at each of the four stages.
 
 mod acceleration;
 mod implicit;
 mod runge_kutta;
 pub mod stages;
+pub mod unsymmetric;
 
 use stepper_real::{Mask, Real, Scalar};
 
@@ -37,7 +39,7 @@ pub(crate) fn solve_step<R: Real>(
         Integrator::Rk4 => runge_kutta(compiled, options, h, s, probe),
         _ => {
             let outcome = accelerate(compiled, options, h, s, true, probe);
-            probe.span(Span::IntegrateVelocity, || integrate_velocity(compiled, h, options.integrator == Integrator::ImplicitFast, s));
+            probe.span(Span::IntegrateVelocity, || integrate_velocity(compiled, h, options.integrator, s));
             probe.span(Span::IntegratePosition, || {
                 integrate_position(compiled, &s.state.q, &s.next.v, h, &mut s.next.q);
                 advance_activation(compiled, &s.state.act, &s.state.act, &s.inputs.ctrl, h, &mut s.next.act);

@@ -1,0 +1,76 @@
+//! Configurations of a model as points of a manifold: the one that a displacement leads to, and the displacement between two.
+//!
+//! A displacement has the coordinates of velocities, (nv,): positions and angles as they are, and of a ball or free joint the rotation
+//! vector in the body's frame (MuJoCo's `mj_integratePos` and `mj_differentiatePos` over a time of 1).
+
+use crate::math::spatial::*;
+use crate::model::{JointKind, Model};
+
+/// Length of a quaternion below which it says no orientation.
+const NO_LENGTH: f64 = 1e-10;
+
+/// Joint (an index in the model) whose quaternion in `q`, (nq,), has no length, if there is one.
+pub fn joint_without_orientation(model: &Model, q: &[f64]) -> Option<usize> {
+    quaternions(model)
+        .find(|&(_, [at, _])| {
+            let norm = norm_of(quat_at(q, at));
+            norm < NO_LENGTH || !norm.is_finite()
+        })
+        .map(|(joint, _)| joint)
+}
+
+/// Configuration q (+) d, (nq,), with unit quaternions, of a configuration `q`, (nq,), and a displacement `d`, (nv,).
+pub fn integrate(model: &Model, q: &[f64], d: &[f64]) -> Vec<f64> {
+    let mut out = q.to_vec();
+    for (i, j) in scalars(model) {
+        out[i] += d[j];
+    }
+    for (_, [at, v]) in quaternions(model) {
+        let turned = quat_mul(quat_normalize(quat_at(q, at)), quat_exp([d[v], d[v + 1], d[v + 2]]));
+        out[at..at + 4].copy_from_slice(&quat_normalize(turned));
+    }
+    out
+}
+
+/// Displacement d, (nv,), the shortest with `from` (+) d = `to`, of two configurations, (nq,).
+pub fn differentiate(model: &Model, from: &[f64], to: &[f64]) -> Vec<f64> {
+    let mut out = vec![0.0; model.nv()];
+    for (i, j) in scalars(model) {
+        out[j] = to[i] - from[i];
+    }
+    for (_, [at, v]) in quaternions(model) {
+        let [w, x, y, z] = quat_normalize(quat_at(from, at));
+        let turn = quat_log(quat_mul([w, -x, -y, -z], quat_normalize(quat_at(to, at))));
+        out[v..v + 3].copy_from_slice(&turn);
+    }
+    out
+}
+
+fn quat_at(q: &[f64], at: usize) -> [f64; 4] {
+    [q[at], q[at + 1], q[at + 2], q[at + 3]]
+}
+
+fn norm_of(q: [f64; 4]) -> f64 {
+    q.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// Addresses in q and v of all coordinates that are added as they are.
+fn scalars(model: &Model) -> impl Iterator<Item = (usize, usize)> {
+    model.joints.iter().zip(model.joint_addresses()).flat_map(|(joint, (q, v))| {
+        let n = match joint.kind {
+            JointKind::Free => 3,
+            JointKind::Ball => 0,
+            JointKind::Slide | JointKind::Hinge => 1,
+        };
+        (0..n).map(move |k| (q + k, v + k))
+    })
+}
+
+/// Joints with an orientation, and its addresses in q and v.
+fn quaternions(model: &Model) -> impl Iterator<Item = (usize, [usize; 2])> {
+    model.joints.iter().zip(model.joint_addresses()).enumerate().filter_map(|(i, (joint, (q, v)))| match joint.kind {
+        JointKind::Free => Some((i, [q + 3, v + 3])),
+        JointKind::Ball => Some((i, [q, v])),
+        JointKind::Slide | JointKind::Hinge => None,
+    })
+}

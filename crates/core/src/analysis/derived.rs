@@ -1,0 +1,327 @@
+//! Quantities derived from the states of many environments and from their last step, over the lanes of a group.
+
+use stepper_real::{Real, Scalar};
+
+use crate::compile::LaneModel;
+use crate::dynamics::kinematics::Kinematics;
+use crate::integrators::observation::read_actuator_forces;
+use crate::integrators::workspace::Workspace;
+use crate::math::spatial::*;
+use crate::model::Model;
+use crate::sensing::{contact_wrenches, motion_of, orientations};
+
+/// What [`Simulation::derive`](crate::Simulation::derive) gives of every environment, in MuJoCo's vocabulary.
+///
+/// Poses and velocities are those of the present state, as `mj_forward` leaves them. What a step did is that of the last one, and where
+/// the state was set since, that of the step that would be made from it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum DerivedQuantity {
+    /// Positions of the bodies' frames, m: (nbody, 3).
+    BodyPos,
+    /// Orientations of the bodies' frames: (nbody, 4).
+    BodyQuat,
+    /// Velocities of the bodies' frames in world axes, m/s: (nbody, 3). Those that the user poses stand still.
+    BodyLinVel,
+    /// Angular velocities of the bodies in world axes, rad/s: (nbody, 3).
+    BodyAngVel,
+    /// Positions of the sites, m: (nsite, 3).
+    SitePos,
+    /// Orientations of the sites: (nsite, 4).
+    SiteQuat,
+    /// Positions of the geoms, m: (ngeom, 3).
+    GeomPos,
+    /// Orientations of the geoms: (ngeom, 4).
+    GeomQuat,
+    /// Centres of mass of every body with all that hangs from it, m: (nbody, 3); of nothing but massless bodies that of the body itself.
+    SubtreeCom,
+    /// (v+ - v) / h of the last step, (nv).
+    Acceleration,
+    /// Forces of the actuators at the present state with the controls in force, before their gears: (nu).
+    ActuatorForce,
+    /// The same on the joints, within their bounds: (nv), N or N m.
+    JointActuatorForce,
+    /// Force of all constraints of the last step on the joints, contacts and limits among them: (nv), N or N m.
+    JointConstraintForce,
+    /// Force (N) and torque (N m) of all contacts of the last step on every body in world axes, the torque about its present centre of
+    /// mass: (nbody, 6).
+    BodyContactForce,
+    /// Jacobian of the origin of a body's frame in world axes, linear rows above angular ones: (6, nv).
+    BodyJacobian(usize),
+    /// Jacobian of a site in world axes, linear rows above angular ones: (6, nv).
+    SiteJacobian(usize),
+}
+
+impl DerivedQuantity {
+    /// Name in Python.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::BodyPos => "xpos",
+            Self::BodyQuat => "xquat",
+            Self::BodyLinVel => "body_linvel",
+            Self::BodyAngVel => "body_angvel",
+            Self::SitePos => "site_xpos",
+            Self::SiteQuat => "site_xquat",
+            Self::GeomPos => "geom_xpos",
+            Self::GeomQuat => "geom_xquat",
+            Self::SubtreeCom => "subtree_com",
+            Self::Acceleration => "qacc",
+            Self::ActuatorForce => "actuator_force",
+            Self::JointActuatorForce => "qfrc_actuator",
+            Self::JointConstraintForce => "qfrc_constraint",
+            Self::BodyContactForce => "body_contact_force",
+            Self::BodyJacobian(_) | Self::SiteJacobian(_) => "jacobian",
+        }
+    }
+
+    /// Shape of one environment's part.
+    pub fn shape(self, model: &Model) -> Vec<usize> {
+        let (bodies, sites, geoms) = (model.bodies.len(), model.sites.len(), model.geoms.len());
+        match self {
+            Self::BodyPos | Self::BodyLinVel | Self::BodyAngVel | Self::SubtreeCom => vec![bodies, 3],
+            Self::BodyQuat => vec![bodies, 4],
+            Self::SitePos => vec![sites, 3],
+            Self::SiteQuat => vec![sites, 4],
+            Self::GeomPos => vec![geoms, 3],
+            Self::GeomQuat => vec![geoms, 4],
+            Self::Acceleration | Self::JointActuatorForce | Self::JointConstraintForce => vec![model.nv()],
+            Self::ActuatorForce => vec![model.nu()],
+            Self::BodyContactForce => vec![bodies, 6],
+            Self::BodyJacobian(_) | Self::SiteJacobian(_) => vec![6, model.nv()],
+        }
+    }
+
+    /// Whether it is of the last step, and not of the state alone.
+    pub(crate) fn is_of_last_step(self) -> bool {
+        matches!(self, Self::Acceleration | Self::JointConstraintForce | Self::BodyContactForce)
+    }
+}
+
+/// Room of derived quantities.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Derivation<R: Real> {
+    /// Orientation of every frame.
+    orientation: Vec<[R; 4]>,
+    /// Velocity of every link about its tree's reference point.
+    velocity: Vec<V6<R>>,
+    /// Mass of every subtree, kg.
+    mass: Vec<R>,
+    /// Centre of mass of every body, m.
+    centres: Vec<V3<R>>,
+    /// What is derived.
+    values: Vec<R>,
+    /// The same, lane-interleaved.
+    interleaved: Vec<R::Scalar>,
+}
+
+impl<R: Real> Derivation<R> {
+    /// Writes a quantity of the environments whose state, inputs and last step, of length `h` (s), are in `s` to the rows of `out`.
+    pub(crate) fn derive(&mut self, compiled: &LaneModel<R>, h: R, s: &mut Workspace<R>, quantity: DerivedQuantity, out: &mut [f64]) {
+        self.place_mocap(compiled, s);
+        self.evaluate(compiled, h, s, quantity);
+        let n = self.values.len();
+        self.interleaved.resize(n * R::LANES, R::Scalar::default());
+        R::store_all(&self.values, &mut self.interleaved);
+        for (lane, row) in out.chunks_exact_mut(n).enumerate() {
+            for (out, x) in row.iter_mut().zip(self.interleaved[lane..].iter().step_by(R::LANES)) {
+                *out = x.to_f64();
+            }
+        }
+    }
+
+    /// Puts the mocap frames where the user has them now.
+    fn place_mocap(&mut self, compiled: &LaneModel<R>, s: &mut Workspace<R>) {
+        let one = [R::one(), R::zero(), R::zero(), R::zero()];
+        self.orientation.resize(compiled.nframe(), one);
+        let kinematics = &mut s.evaluation.kinematics;
+        for (mocap, trajectory) in compiled.mocap.iter().zip(&s.mocap_trajectories) {
+            let [x, y, z, quat @ ..] = trajectory.end();
+            kinematics.pos[mocap.frame] = [x, y, z];
+            kinematics.mat[mocap.frame] = R::vectorize(
+                #[inline(always)]
+                || quat_to_mat(quat),
+            );
+            self.orientation[mocap.frame] = quat;
+        }
+    }
+
+    /// Leaves a quantity in `values`.
+    fn evaluate(&mut self, compiled: &LaneModel<R>, h: R, s: &mut Workspace<R>, quantity: DerivedQuantity) {
+        use DerivedQuantity as Q;
+        self.values.clear();
+        match quantity {
+            Q::Acceleration => return self.values.extend(&s.sensors.acceleration),
+            Q::JointConstraintForce => {
+                self.values.extend(&s.state.impulse);
+                return R::vectorize(
+                    #[inline(always)]
+                    || {
+                        for x in &mut self.values {
+                            *x /= h;
+                        }
+                    },
+                );
+            }
+            Q::ActuatorForce | Q::JointActuatorForce => {
+                read_actuator_forces(compiled, h, s);
+                let forces = &s.sensors.actuator_forces;
+                return self.values.extend(if quantity == Q::ActuatorForce { &forces.force } else { &forces.joint });
+            }
+            _ => {}
+        }
+        s.evaluation.kinematics.update(compiled, &s.state.q);
+        let kinematics = &s.evaluation.kinematics;
+        match quantity {
+            Q::BodyQuat | Q::SiteQuat | Q::GeomQuat => {
+                orientations(compiled, &s.state.q, &mut self.orientation);
+                self.quaternions(compiled, quantity);
+            }
+            Q::BodyLinVel | Q::BodyAngVel => self.velocities(compiled, kinematics, &s.state.v, quantity == Q::BodyLinVel),
+            Q::SubtreeCom => self.centres_of_mass(compiled, kinematics),
+            Q::BodyContactForce => {
+                let mut centres = std::mem::take(&mut self.centres);
+                centres_of_bodies(compiled, kinematics, &mut centres);
+                self.values.resize(6 * compiled.bodies.len(), R::zero());
+                contact_wrenches(compiled, &s.state.contacts, h, &centres, self.values.as_chunks_mut().0);
+                self.centres = centres;
+            }
+            Q::BodyJacobian(body) => {
+                let body = &compiled.bodies[body];
+                self.jacobian(compiled, kinematics, body.frame, splat(body.pos));
+            }
+            Q::SiteJacobian(site) => {
+                let site = &compiled.sensing.sites[site];
+                self.jacobian(compiled, kinematics, site.frame, compiled.params.place(site.index));
+            }
+            _ => self.positions(compiled, kinematics, quantity),
+        }
+    }
+
+    fn positions(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, quantity: DerivedQuantity) {
+        let objects = if quantity == DerivedQuantity::SitePos { &compiled.sensing.sites } else { &compiled.sensing.geoms };
+        let of_bodies = quantity == DerivedQuantity::BodyPos;
+        self.values.resize(3 * if of_bodies { compiled.bodies.len() } else { objects.len() }, R::zero());
+        let out = self.values.as_chunks_mut::<3>().0;
+        R::vectorize(
+            #[inline(always)]
+            || {
+                if of_bodies {
+                    for (out, body) in out.iter_mut().zip(&compiled.bodies) {
+                        *out = kinematics.point(body.frame, splat(body.pos));
+                    }
+                } else {
+                    for (out, object) in out.iter_mut().zip(objects) {
+                        *out = kinematics.point(object.frame, compiled.params.place(object.index));
+                    }
+                }
+            },
+        );
+    }
+
+    fn quaternions(&mut self, compiled: &LaneModel<R>, quantity: DerivedQuantity) {
+        let objects = if quantity == DerivedQuantity::SiteQuat { &compiled.sensing.sites } else { &compiled.sensing.geoms };
+        let of_bodies = quantity == DerivedQuantity::BodyQuat;
+        self.values.resize(4 * if of_bodies { compiled.bodies.len() } else { objects.len() }, R::zero());
+        let (out, orientation) = (self.values.as_chunks_mut::<4>().0, &self.orientation);
+        R::vectorize(
+            #[inline(always)]
+            || {
+                if of_bodies {
+                    for (out, body) in out.iter_mut().zip(&compiled.bodies) {
+                        *out = quat_mul(orientation[body.frame], splat(body.quat));
+                    }
+                } else {
+                    for (out, object) in out.iter_mut().zip(objects) {
+                        *out = quat_mul(orientation[object.frame], splat(object.quat));
+                    }
+                }
+            },
+        );
+    }
+
+    /// Linear or angular velocities of the bodies' frames.
+    fn velocities(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], is_linear: bool) {
+        self.velocity.resize(compiled.links.len(), zero());
+        self.values.resize(3 * compiled.bodies.len(), R::zero());
+        let (out, velocity) = (self.values.as_chunks_mut::<3>().0, &mut self.velocity);
+        R::vectorize(
+            #[inline(always)]
+            || {
+                kinematics.velocities(compiled, v, velocity);
+                for (out, body) in out.iter_mut().zip(&compiled.bodies) {
+                    let (motion, origin) = motion_of(compiled, kinematics, velocity, zero(), body.frame);
+                    *out = match is_linear {
+                        true => velocity_at(&motion, sub(kinematics.point(body.frame, splat(body.pos)), origin)),
+                        false => angular(&motion),
+                    };
+                }
+            },
+        );
+    }
+
+    fn centres_of_mass(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
+        /// Mass below which a subtree counts as massless, kg: MuJoCo's mjMINVAL.
+        const LEAST: f64 = 1e-15;
+        let n = compiled.bodies.len();
+        centres_of_bodies(compiled, kinematics, &mut self.centres);
+        self.values.resize(3 * n, R::zero());
+        self.mass.resize(n, R::zero());
+        let (out, mass, own) = (self.values.as_chunks_mut::<3>().0, &mut self.mass[..n], &self.centres[..n]);
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for b in 0..n {
+                    mass[b] = compiled.params.mass(b);
+                    out[b] = scale(own[b], mass[b]);
+                }
+                for b in (0..n).rev() {
+                    let (parent, whole) = (compiled.bodies[b].parent, mass[b]);
+                    if b > 0 {
+                        mass[parent] += whole;
+                        out[parent] = add(out[parent], out[b]);
+                    }
+                    let heavy = whole.gt(R::of(LEAST));
+                    let centre = scale(out[b], R::one() / R::select(heavy, whole, R::one()));
+                    out[b] = select(heavy, centre, own[b]);
+                }
+            },
+        );
+    }
+
+    /// Jacobian of a point of a frame.
+    fn jacobian(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, frame: usize, local: V3<R>) {
+        let nv = compiled.nv;
+        self.values.resize(6 * nv, R::zero());
+        let out = &mut self.values[..];
+        R::vectorize(
+            #[inline(always)]
+            || {
+                let point = kinematics.point(frame, local);
+                for d in 0..nv {
+                    if compiled.moved_dofs[frame][d / 64] >> (d % 64) & 1 == 0 {
+                        continue;
+                    }
+                    let axis = &kinematics.axes[d];
+                    let (turning, moving) = (angular(axis), velocity_at(axis, sub(point, kinematics.origin[compiled.dofs[d].tree])));
+                    for k in 0..3 {
+                        out[k * nv + d] = moving[k];
+                        out[(3 + k) * nv + d] = turning[k];
+                    }
+                }
+            },
+        );
+    }
+}
+
+/// Centres of mass of all bodies of the model, m.
+fn centres_of_bodies<R: Real>(compiled: &LaneModel<R>, kinematics: &Kinematics<R>, out: &mut Vec<V3<R>>) {
+    out.resize(compiled.bodies.len(), zero());
+    R::vectorize(
+        #[inline(always)]
+        || {
+            for (b, (out, body)) in out.iter_mut().zip(&compiled.bodies).enumerate() {
+                *out = kinematics.point(body.frame, compiled.params.body_com(b));
+            }
+        },
+    );
+}

@@ -1,0 +1,149 @@
+//! The matrix of the integrator `implicit`: unsymmetric, since it has the derivative of the Coriolis forces.
+
+use stepper_real::Real;
+
+use crate::compile::{LaneModel, ModelStructure};
+use crate::dynamics::inertia::{NewtonEuler, link_forces, project_forces};
+use crate::dynamics::kinematics::Kinematics;
+
+/// Dense matrix, row by row, with what it is made from.
+#[derive(Clone, Debug)]
+pub(crate) struct Unsymmetric<R: Real> {
+    entries: Vec<R>,
+    newton_euler: NewtonEuler<R>,
+    /// A velocity to ask about, and the bias force there.
+    velocity: Vec<R>,
+    bias: Vec<R>,
+    /// Bias force at rest less that at the velocity.
+    difference: Vec<R>,
+}
+
+impl<R: Real> Unsymmetric<R> {
+    /// Room for a compiled model.
+    pub(crate) fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
+        let zeros = |n: usize| vec![R::zero(); n];
+        let n = compiled.nv;
+        Self { entries: zeros(n * n), newton_euler: NewtonEuler::new(compiled), velocity: zeros(n), bias: zeros(n), difference: zeros(n) }
+    }
+
+    /// x <- (A + h dc/dv)^-1 x with the symmetric matrix A of these entries and the Coriolis forces c at the velocity `v`.
+    ///
+    /// They are quadratic in v, so that dc/dv e = c(v + e) - c(v) - c(e), exactly; gravity and whatever else does not depend on v drops out
+    /// of b(v + e) - b(v) - b(e) + b(0).
+    pub(super) fn solve(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, a: &[R], v: &[R], h: R, x: &mut [R]) {
+        let n = compiled.nv;
+        R::vectorize(
+            #[inline(always)]
+            || {
+                self.entries.fill(R::zero());
+                for i in 0..n {
+                    let row = &compiled.dofs[i];
+                    for (&entry, &c) in a[row.chain..row.chain + row.depth].iter().zip(compiled.chain_of(i)) {
+                        self.entries[i * n + c as usize] = entry;
+                        self.entries[c as usize * n + i] = entry;
+                    }
+                }
+                self.velocity.copy_from_slice(v);
+            },
+        );
+        self.find_bias(compiled, kinematics);
+        self.difference.copy_from_slice(&self.bias);
+        self.velocity.fill(R::zero());
+        self.find_bias(compiled, kinematics);
+        self.subtract();
+        for column in 0..n {
+            self.velocity.fill(R::zero());
+            self.velocity[column] = R::one();
+            self.find_bias(compiled, kinematics);
+            self.add_column(column, -h);
+            R::vectorize(
+                #[inline(always)]
+                || {
+                    self.velocity.copy_from_slice(v);
+                    self.velocity[column] += R::one();
+                },
+            );
+            self.find_bias(compiled, kinematics);
+            self.add_column(column, h);
+            self.add_difference(column, h);
+        }
+        R::vectorize(
+            #[inline(always)]
+            || self.eliminate(n, x),
+        );
+    }
+
+    /// Bias force at the velocity that is asked about.
+    fn find_bias(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
+        let Self { newton_euler, velocity, bias, .. } = self;
+        R::vectorize(
+            #[inline(always)]
+            || {
+                link_forces(compiled, kinematics, velocity, newton_euler);
+                project_forces(compiled, kinematics, &mut newton_euler.force, bias);
+            },
+        );
+    }
+
+    /// difference <- bias - difference
+    fn subtract(&mut self) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for (difference, &bias) in self.difference.iter_mut().zip(&self.bias) {
+                    *difference = bias - *difference;
+                }
+            },
+        );
+    }
+
+    fn add_column(&mut self, column: usize, factor: R) {
+        let n = self.bias.len();
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for (i, &bias) in self.bias.iter().enumerate() {
+                    self.entries[i * n + column] += factor * bias;
+                }
+            },
+        );
+    }
+
+    fn add_difference(&mut self, column: usize, factor: R) {
+        let n = self.bias.len();
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for (i, &difference) in self.difference.iter().enumerate() {
+                    self.entries[i * n + column] += factor * difference;
+                }
+            },
+        );
+    }
+
+    /// Gauss's elimination without pivots: the mass matrix is positive definite, and the rest of the order h.
+    #[inline(always)]
+    fn eliminate(&mut self, n: usize, x: &mut [R]) {
+        for k in 0..n {
+            let (above, below) = self.entries.split_at_mut((k + 1) * n);
+            let pivot = &above[k * n..];
+            let inverse = R::one() / pivot[k];
+            for (i, row) in below.chunks_exact_mut(n).enumerate() {
+                let factor = row[k] * inverse;
+                for (entry, &pivot) in row[k + 1..].iter_mut().zip(&pivot[k + 1..]) {
+                    *entry -= factor * pivot;
+                }
+                let above = x[k];
+                x[k + 1 + i] -= factor * above;
+            }
+        }
+        for k in (0..n).rev() {
+            let row = &self.entries[k * n..][..n];
+            let mut sum = x[k];
+            for (&entry, &x) in row[k + 1..].iter().zip(&x[k + 1..]) {
+                sum -= entry * x;
+            }
+            x[k] = sum / row[k];
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! Configurations and displacements between them, row by row.
+
+use numpy::{PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use stepper_core::Precision;
+use stepper_core::analysis::configurations::joint_without_orientation;
+use stepper_core::model::Model as Core;
+
+use crate::array::{array, readonly, shape_text};
+
+/// Rows of numbers as they were given: one, (width,), or one after the other, (..., width).
+struct Rows<'py> {
+    name: &'static str,
+    numbers: PyReadonlyArrayDyn<'py, f64>,
+    width: usize,
+}
+
+impl<'py> Rows<'py> {
+    fn new(given: &Bound<'py, PyAny>, name: &'static str, width: usize) -> PyResult<Self> {
+        let numbers = readonly(given, name)?;
+        if numbers.shape().last() != Some(&width) {
+            return Err(PyValueError::new_err(format!(
+                "{name} has shape {}, must be ({width},) or (..., {width})",
+                shape_text(numbers.shape())
+            )));
+        }
+        let rows = Self { name, numbers, width };
+        match rows.numbers.as_slice()?.iter().position(|x| !x.is_finite()) {
+            Some(at) => Err(PyValueError::new_err(format!("{name} has {} at number {at}, must be finite", rows.numbers.as_slice()?[at]))),
+            None => Ok(rows),
+        }
+    }
+
+    /// The same, with quaternions that are orientations.
+    fn of_configurations(given: &Bound<'py, PyAny>, name: &'static str, model: &Core) -> PyResult<Self> {
+        let rows = Self::new(given, name, model.nq())?;
+        for (row, q) in rows.numbers.as_slice()?.chunks_exact(model.nq().max(1)).enumerate() {
+            if let Some(joint) = joint_without_orientation(model, q) {
+                let joint = model.joint_label(joint);
+                return Err(PyValueError::new_err(format!(
+                    "the orientation of joint \"{joint}\" in row {row} of {name} is a quaternion without length; (1, 0, 0, 0) is no rotation"
+                )));
+            }
+        }
+        Ok(rows)
+    }
+
+    /// Shape of the axes before the last.
+    fn lead(&self) -> &[usize] {
+        &self.numbers.shape()[..self.numbers.shape().len() - 1]
+    }
+
+    /// A row; a single one is everybody's.
+    fn row(&self, k: usize) -> PyResult<&[f64]> {
+        let all = self.numbers.as_slice()?;
+        Ok(if self.lead().is_empty() { all } else { &all[k * self.width..(k + 1) * self.width] })
+    }
+}
+
+/// What `combine` makes of each row of one array and that of another.
+fn each_row<'py>(
+    py: Python<'py>,
+    [a, b]: [Rows<'py>; 2],
+    width: usize,
+    combine: impl Fn(&[f64], &[f64]) -> Vec<f64>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let lead = if a.lead().is_empty() { b.lead() } else { a.lead() };
+    if !b.lead().is_empty() && b.lead() != lead {
+        let (found, other) = (shape_text(b.numbers.shape()), shape_text(a.numbers.shape()));
+        return Err(PyValueError::new_err(format!(
+            "{} has shape {found} and {} {other}: the axes before the last must be the same, or those of one of them absent",
+            b.name, a.name
+        )));
+    }
+    let mut out = Vec::new();
+    for k in 0..lead.iter().product() {
+        out.extend(combine(a.row(k)?, b.row(k)?));
+    }
+    let shape: Vec<usize> = lead.iter().copied().chain([width]).collect();
+    array(py, &shape, out, Precision::F64)
+}
+
+/// See `Model.integrate_pos`.
+pub(crate) fn integrate<'py>(model: &Core, q: &Bound<'py, PyAny>, dv: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    let rows = [Rows::of_configurations(q, "q", model)?, Rows::new(dv, "dv", model.nv())?];
+    each_row(q.py(), rows, model.nq(), |q, dv| stepper_core::analysis::configurations::integrate(model, q, dv))
+}
+
+/// See `Model.differentiate_pos`.
+pub(crate) fn differentiate<'py>(model: &Core, q1: &Bound<'py, PyAny>, q2: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    let rows = [Rows::of_configurations(q1, "q1", model)?, Rows::of_configurations(q2, "q2", model)?];
+    each_row(q1.py(), rows, model.nv(), |q1, q2| stepper_core::analysis::configurations::differentiate(model, q1, q2))
+}

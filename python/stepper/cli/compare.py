@@ -1,0 +1,39 @@
+"""`stepper compare`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+from stepper.cli.options import OUT
+from stepper.experiments.compare import compare as run
+from stepper.experiments.progress import show_files
+
+if TYPE_CHECKING:
+    from typer import Typer
+
+
+def compare(model: str, out: Path, *, seconds: float, envs: int, seed: int) -> None:
+    """What changes when contact becomes hard: a model with random controls under both laws of contact, beside MuJoCo, as table and picture.
+
+    Example: stepper compare humanoid.xml --seconds 3
+    """
+    found = run(model, seconds=seconds, num_envs=envs, seed=seed)
+    print(found.table())
+    show_files([found.draw(out / "compare.png")])
+
+
+def register(app: Typer, typer: ModuleType) -> None:
+    """Adds the command."""
+    folder = typer.Option("out", "--out", help=OUT)
+
+    @app.command("compare", help=compare.__doc__)
+    def _(
+        model: str = typer.Argument(help="MJCF, URDF or a saved model."),
+        out: Path = folder,
+        seconds: float = typer.Option(2.0, help="Length of an episode, s."),
+        envs: int = typer.Option(8, help="Episodes."),
+        seed: int = typer.Option(0, help="Of what is random."),
+    ) -> None:
+        compare(model, out, seconds=seconds, envs=envs, seed=seed)

@@ -1,4 +1,4 @@
-"""Tasks that tests run over, and what they need."""
+"""What tests of environments have in common."""
 
 from __future__ import annotations
 
@@ -6,20 +6,8 @@ from importlib.util import find_spec
 
 import numpy as np
 import pytest
-import stepper
-from stepper.envs import TASKS
 
-DERIVED = {"Ant", "Humanoid", "HumanoidStandup", "InvertedDoublePendulum"}
-"""Tasks that observe what a stepper derives from its state."""
-needs_quantities = pytest.mark.skipif(
-    not hasattr(stepper.Stepper, "subtree_com"), reason="this build of stepper has no quantities of bodies"
-)
 needs_gymnasiums = pytest.mark.skipif(find_spec("imageio") is None, reason="gymnasium.envs.mujoco needs imageio, which is not installed")
-
-
-def cases(names=TASKS):
-    """Names of tasks as parameters."""
-    return [pytest.param(name, marks=[needs_quantities] if name in DERIVED else []) for name in sorted(names)]
 
 
 def same(found, expected):

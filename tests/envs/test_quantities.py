@@ -3,11 +3,8 @@
 import mujoco
 import numpy as np
 import pytest
-from envs.cases import needs_quantities
 from models import mujoco_model
 from stepper.envs import StepperVectorEnv, contact_wrenches, inertias, mass_centers, velocities
-
-pytestmark = needs_quantities
 
 
 @pytest.mark.parametrize(("name", "file"), [("Humanoid", "humanoid"), ("Ant", "ant")])

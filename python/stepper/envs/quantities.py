@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
+from stepper._stepper import Model
 from stepper.envs.task import Array, Moment, Quantity, Terms, per_moment
 
 ROOT = 1
@@ -95,7 +95,7 @@ def _principal_axes(xquat: Array, iquat: Array) -> list[list[Array]]:
 
 
 @lru_cache(maxsize=8)
-def _tendon_matrices(model: Any) -> tuple[Array, Array]:
+def _tendon_matrices(model: Model) -> tuple[Array, Array]:
     """What makes lengths of tendons of qpos, (nq, ntendon), and their velocities of qvel, (nv, ntendon)."""
     names = model.tendon_names
     lengths, rates = np.zeros((model.nq, len(names))), np.zeros((model.nv, len(names)))

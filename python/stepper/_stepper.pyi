@@ -374,6 +374,15 @@ class Model:
     def geom_gap(self) -> _Array:
         """Distance beyond the margin that is reported, m: (ngeom,)."""
     @property
+    def geom_solref(self) -> _Array:
+        """Reference acceleration of contacts by MuJoCo's law: (ngeom, 2)."""
+    @property
+    def geom_solimp(self) -> _Array:
+        """Impedance of contacts by MuJoCo's law: (ngeom, 5)."""
+    @property
+    def geom_solmix(self) -> _Array:
+        """Weight of a geom's softness in a pair: (ngeom,)."""
+    @property
     def geom_size(self) -> _Array:
         """Radius, half length; or half sizes; or semi-axes; 0 where the shape has no number; m: (ngeom, 3)."""
     @property
@@ -398,6 +407,12 @@ class Model:
     def jnt_actfrcrange(self) -> _Array:
         """Bounds of the sum of actuator forces, N or N m: (njnt, 2)."""
     @property
+    def jnt_solref(self) -> _Array:
+        """Reference acceleration of limits by MuJoCo's law: (njnt, 2)."""
+    @property
+    def jnt_solimp(self) -> _Array:
+        """Impedance of limits by MuJoCo's law: (njnt, 5)."""
+    @property
     def dof_damping(self) -> _Array:
         """Viscous damping, N s/m or N m s/rad: (nv,)."""
     @property
@@ -406,6 +421,12 @@ class Model:
     @property
     def dof_frictionloss(self) -> _Array:
         """Dry friction, N or N m: (nv,)."""
+    @property
+    def dof_solref(self) -> _Array:
+        """Reference acceleration of dry friction by MuJoCo's law: (nv, 2)."""
+    @property
+    def dof_solimp(self) -> _Array:
+        """Impedance of dry friction by MuJoCo's law: (nv, 5)."""
     @property
     def tendon_range(self) -> _Array:
         """Lowest and highest length: (ntendon, 2)."""
@@ -431,11 +452,20 @@ class Model:
     def eq_data(self) -> _Array:
         """Anchors, pose and torquescale, or polynomial, as MuJoCo lays them out: (neq, 11)."""
     @property
+    def eq_solref(self) -> _Array:
+        """Reference acceleration of equalities by MuJoCo's law: (neq, 2)."""
+    @property
+    def eq_solimp(self) -> _Array:
+        """Impedance of equalities by MuJoCo's law: (neq, 5)."""
+    @property
     def eq_stiffness(self) -> _Array:
         """Infinity for a hard equality, else a spring's: (neq,)."""
     @property
     def eq_damping(self) -> _Array:
         """Damping beside the spring of a soft equality: (neq,)."""
+    @property
+    def impratio(self) -> _Array:
+        """Ratio of the impedance of friction to that of normal forces by MuJoCo's law."""
     @property
     def actuator_gear(self) -> _Array:
         """Scale of length, velocity and force: (nu,)."""

@@ -29,16 +29,9 @@ STAGE = {
 """What MuJoCo leaves of the last stage of a Runge-Kutta step and stepper has of the state after it, and how far they may differ.
 
 The two states differ by the third power of the time step: the bounds of what follows from the state alone are some times what was found,
-in units of their own, under torques that throw light limbs about. Of contacts, forces are those of the last stage in both (`FORCES`), but
+in units of their own, under torques that throw light limbs about. Of contacts, forces are those of the last stage in both, but
 the points about which torques are taken are not. Ant's contacts, which are clipped, may be at either
 end of their range where one begins.
-"""
-FORCES = pytest.mark.xfail(
-    strict=True, reason="frames of contacts between planes and capsules are reported with another tangent than MuJoCo's law solved them in"
-)
-"""What fails while `sim.contacts()["frame"]` is not the frame of the forces beside it.
-
-When it is, the bounds above of cfrc_ext and of what contacts cost are to be narrowed.
 """
 
 
@@ -85,7 +78,7 @@ def test_every_step_is_gymnasiums(name):
     assert name != "Reacher" or worst["fingertip"] > 1e-6
 
 
-@pytest.mark.parametrize("name", [pytest.param("Ant", marks=FORCES), "Humanoid", pytest.param("HumanoidStandup", marks=FORCES)])
+@pytest.mark.parametrize("name", ["Ant", "Humanoid", "HumanoidStandup"])
 def test_forces_of_contacts_are_mujocos(name):
     theirs, ours = pair(name)
     ours.reset(seed=0)

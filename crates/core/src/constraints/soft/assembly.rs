@@ -2,7 +2,7 @@
 
 use stepper_real::{Mask, Real};
 
-use crate::collision::contact_set::Contacts;
+use crate::collision::contact_set::{Contacts, Slot};
 use crate::constraints::constraint_set::Constraints;
 use crate::constraints::soft::frames::align_tangents;
 use crate::constraints::soft::input::SoftInput;
@@ -49,14 +49,25 @@ impl<R: Real> Constraints<R> {
                 }
                 for (i, &(k, lanes)) in self.slots.iter().enumerate() {
                     let force = system.solver.contact_force(&system.problem, i);
-                    contacts.data[k].impulse = select(lanes, scale(force, h), contacts.data[k].impulse);
+                    let slot = &mut contacts.data[k];
+                    slot.impulse = select(lanes, in_standard_frame(slot, scale(force, h)), slot.impulse);
                 }
                 for (i, &(k, lanes, _)) in self.rolling_slots.iter().enumerate() {
                     let [n, a, b, spin, roll, other] = system.solver.rolling_contact_force(&system.problem, i);
-                    contacts.data[k].impulse = select(lanes, scale([n, a, b], h), contacts.data[k].impulse);
-                    contacts.torque[k] = select(lanes, scale([spin, roll, other], h), contacts.torque[k]);
+                    let slot = &mut contacts.data[k];
+                    slot.impulse = select(lanes, in_standard_frame(slot, scale([n, a, b], h)), slot.impulse);
+                    let torque = in_standard_frame(slot, scale([spin, roll, other], h));
+                    contacts.torque[k] = select(lanes, torque, contacts.torque[k]);
                 }
             },
         )
     }
+}
+
+/// A vector along normal and tangents of a slot along those that follow from the normal alone, in which contacts are kept and read.
+#[inline(always)]
+fn in_standard_frame<R: Real>(slot: &Slot<R>, [x, a, b]: V3<R>) -> V3<R> {
+    let [n, t1, t2] = contact_frame(slot.point.normal);
+    let along = add_scaled(scale(slot.tangent, a), cross(n, slot.tangent), b);
+    [x, dot(t1, along), dot(t2, along)]
 }

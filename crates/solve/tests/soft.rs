@@ -159,7 +159,11 @@ proptest! {
     #[test]
     fn forces_are_the_slope_of_the_cost_and_balance(case in case()) {
         let (a, forces, residual) = case.solve::<f64>();
-        prop_assert!(residual < 1e-9, "{residual}");
+        // Rounding leaves some epsilon of the largest velocity of a row, times the largest weight, times the largest mobility, 10.
+        let fastest = a.iter().fold(5.0_f64, |most, a| most.max(case.n as f64 * a.abs()));
+        let heaviest = case.law::<f64, 6>().0.into_iter().fold(1.0 / case.softness, f64::max);
+        let rounding = 100.0 * f64::EPSILON * fastest * heaviest * 10.0;
+        prop_assert!(residual < 1e-9 + rounding, "{residual} {rounding}");
         let inertial = case.mass() * (DVector::from_vec(a.clone()) - DVector::from_vec(case.free.clone()));
         let size = 1.0 + forces.iter().fold(0.0_f64, |most, f| most.max(f.abs()));
         for i in 0..case.n {
@@ -170,8 +174,9 @@ proptest! {
                 case.cost(&a)
             };
             let slope = (at(1e-5) - at(-1e-5)) / 2e-5;
-            // A kink within the step of the difference adds up to its curvature times it.
-            prop_assert!((slope + forces[i]).abs() < 1e-3 / case.softness + 1e-5 * size, "{slope} {}", forces[i]);
+            // A kink within the step of the difference adds up to the step times the curvature there, of at most fifteen rows.
+            let kink = 1e-5 * ROWS as f64 * heaviest;
+            prop_assert!((slope + forces[i]).abs() < kink + 1e-5 * size, "{slope} {}", forces[i]);
         }
     }
 

@@ -51,7 +51,7 @@ floors: build
 # Scenes with known answers where methods fail, in every engine and setting: docs/atlas.md. And the geometry, fuzzed for long.
 atlas: build $(VENV)/atlas.stamp
 	PYTHONPATH=benches $(BIN)/python -m atlas
-	PROPTEST_CASES=20000 cargo test --release -p stepper-core --test geometry
+	PROPTEST_CASES=20000 cargo test --release -p stepper-core --test suite geometry::
 
 # Every robot of twenty packages, in stepper and in MuJoCo: docs/corpus.md. Resumes; CORPUS='--package NAME' and more, see --help.
 corpus: build

@@ -4,7 +4,7 @@ use stepper_real::LevelError;
 use thiserror::Error;
 
 use crate::math::precision::Precision;
-use crate::model::{ModelError, Parameter};
+use crate::model::{ActuatorError, ModelError, Parameter, SensorError};
 
 /// A call that cannot be carried out. Nothing was changed by it.
 ///
@@ -170,12 +170,12 @@ pub enum Error {
     /// A state of the same model that does not fit: another number of environments, other sensors or drives, damaged contents.
     #[error("this state does not fit: {0}")]
     StateMisfit(StateMisfit),
-    /// An error model that a sensor cannot have, with the sensor's name.
-    #[error("{0}")]
-    Sensor(String),
-    /// Dynamics of an actuator that an actuator cannot have, with the actuator's name.
-    #[error("{0}")]
-    Actuator(String),
+    /// An error model that a sensor cannot have.
+    #[error(transparent)]
+    Sensor(#[from] SensorError),
+    /// Dynamics that an actuator cannot have.
+    #[error(transparent)]
+    Actuator(#[from] ActuatorError),
     /// Actuator dynamics for environments that already have parameters of their own.
     #[error("environments have parameters of their own: give drives first, or take the parameters back")]
     DrivesAfterParameters,

@@ -69,10 +69,6 @@
 // The workspace is linted with the feature; without it, most of what is public to benches and tests is not to others.
 #![cfg_attr(not(feature = "internals"), allow(unreachable_pub))]
 
-// Scenes of the integration tests name the crate.
-#[cfg(test)]
-extern crate self as stepper_core;
-
 mod actuation;
 pub mod analysis;
 mod batch;

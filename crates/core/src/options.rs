@@ -176,6 +176,7 @@ impl Options {
             max_correction_speed,
             restitution_threshold,
             max_contacts,
+            poison: cfg!(debug_assertions),
         })
     }
 
@@ -238,6 +239,8 @@ pub struct StepSettings {
     pub restitution_threshold: f64,
     /// See [`Options::max_contacts`].
     pub max_contacts: Option<u32>,
+    /// Whether a step begins with NaN in what it is to compute: in debug builds, and in tests that ask for it.
+    pub poison: bool,
 }
 
 impl StepSettings {

@@ -1,5 +1,6 @@
 //! A step allocates nothing.
 
+#[path = "suite/common.rs"]
 mod common;
 
 use std::alloc::{GlobalAlloc, Layout, System};

@@ -3,7 +3,7 @@
 //! What stages a spec has, and how long its delay line is, is compiled; the numbers of what is there are not.
 
 use crate::model::actuator_spec::{ActuatorSpec, any};
-use crate::model::{Model, label};
+use crate::model::{ActuatorError, DeviceError, Model, label};
 
 /// The actuator dynamics of a simulation.
 #[derive(Clone, Debug)]
@@ -33,7 +33,7 @@ impl ActuatorModels {
     ///
     /// # Errors
     /// As [`ActuatorSpec::fold`].
-    pub fn new(model: &Model, given: &[Option<ActuatorSpec>], num_envs: usize, h: f64) -> Result<Self, String> {
+    pub fn new(model: &Model, given: &[Option<ActuatorSpec>], num_envs: usize, h: f64) -> Result<Self, ActuatorError> {
         let (folded, specs) = ActuatorSpec::fold(model, given, num_envs, h)?;
         let made =
             specs.iter().zip(given).map(|(spec, given)| Some(given.clone().unwrap_or_else(ActuatorSpec::ideal)).filter(|_| spec.is_some()));
@@ -63,13 +63,13 @@ impl ActuatorModels {
         envs: &[usize],
         num_envs: usize,
         h: f64,
-    ) -> Result<ResampledActuators, String> {
+    ) -> Result<ResampledActuators, ActuatorError> {
         if envs.is_empty() || (given.is_none() && self.drawn.is_none()) {
             return Ok(ResampledActuators { envs: vec![], specs: vec![None; self.made.len()], drawn: self.drawn.clone() });
         }
         let as_made = || self.made.iter().map(|made| made.as_ref().map(|made| made.of(envs))).collect();
         let mut specs = given.map_or_else(as_made, <[_]>::to_vec);
-        let place = |i: usize| format!("drive of actuator {:?}", label(&model.actuators[i].name, i));
+        let wrong = |i: usize, error| ActuatorError { actuator: label(&model.actuators[i].name, i), error };
         let mut drawn = self.drawn.as_ref().unwrap_or(&self.made).clone();
         let (folded, mut new) = ActuatorSpec::fold(model, &specs, envs.len(), h)?;
         for (i, (spec, given)) in new.iter_mut().zip(&mut specs).enumerate() {
@@ -83,11 +83,11 @@ impl ActuatorModels {
                     if let (Some(range), None) = (folded.actuators[i].force_range, self.model.actuators[i].force_range) {
                         spec.narrow(range);
                     }
-                    spec.fits(made, envs.len(), num_envs, h).map_err(|e| format!("{}: {e}", place(i)))?;
+                    spec.fits(made, envs.len(), num_envs, h).map_err(|error| wrong(i, error))?;
                     drawn.assign(given, envs, num_envs);
                 }
                 _ if spec.is_none() => {}
-                _ => return Err(format!("{}: the Stepper was made without one; {REMEDY}", place(i))),
+                _ => return Err(wrong(i, DeviceError::MadeWithoutDynamics)),
             }
         }
         Ok(ResampledActuators { envs: envs.to_vec(), specs: new, drawn: Some(drawn).filter(|_| given.is_some() || envs.len() < num_envs) })
@@ -98,8 +98,6 @@ impl ActuatorModels {
         self.drawn = resampled.drawn;
     }
 }
-
-const REMEDY: &str = "stages are compiled: give it to Stepper(..., actuators=), if only to one environment";
 
 impl ActuatorSpec {
     /// All numbers that environments may have of their own, in an order that depends on the spec's stages alone.
@@ -141,7 +139,7 @@ impl ActuatorSpec {
     }
 
     /// Whether a spec that was `made` for `num_envs` environments can have these numbers in `n` of them.
-    fn fits(&self, made: &Self, n: usize, num_envs: usize, h: f64) -> Result<(), String> {
+    fn fits(&self, made: &Self, n: usize, num_envs: usize, h: f64) -> Result<(), DeviceError> {
         let sampled = |t: &Self| t.servo.as_ref().is_some_and(|s| !s.period.is_empty());
         for (name, here, there) in [
             ("servo", self.servo.is_some(), made.servo.is_some()),
@@ -150,8 +148,8 @@ impl ActuatorSpec {
             ("stall_torque", self.curve().is_some(), made.curve().is_some()),
         ] {
             match (here, there) {
-                (true, false) => return Err(format!("{name} is given, and it was made without; {REMEDY}")),
-                (false, true) => return Err(format!("{name} is not given, and it was made with one; give it here too")),
+                (true, false) => return Err(DeviceError::MadeWithout { name }),
+                (false, true) => return Err(DeviceError::MadeWith { name }),
                 _ => {}
             }
         }
@@ -163,7 +161,7 @@ impl ActuatorSpec {
                 ("rotor_inertia", own.rotor_inertia.to_string(), made.rotor_inertia.to_string()),
             ] {
                 if here != there {
-                    return Err(format!("{name} is {here}, must be {there}, which all environments share; make a Stepper with it"));
+                    return Err(DeviceError::Shared { name, found: here, must: there });
                 }
             }
         }
@@ -174,14 +172,12 @@ impl ActuatorSpec {
             (friction, self.loses(), made.loses()),
         ] {
             if here && !there {
-                return Err(format!("{name} is given, and it was made without; {REMEDY}"));
+                return Err(DeviceError::MadeWithout { name });
             }
         }
         let (longest, room) = (self.longest(n, h), made.longest(num_envs, h));
         if longest > room {
-            return Err(format!(
-                "delay is up to {longest} steps of {h} s, and its line has room for {room}; give Stepper(..., actuators=) the longest delay there will be, if only to one environment"
-            ));
+            return Err(DeviceError::LineTooShort { longest, room, timestep: h });
         }
         Ok(())
     }

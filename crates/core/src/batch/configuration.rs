@@ -14,6 +14,9 @@ use crate::sensing::errors::{Errors, Transfer};
 pub trait Configuration {
     /// Settings in force.
     fn settings(&self) -> &StepSettings;
+    /// The same, to be changed by tests.
+    #[cfg(feature = "internals")]
+    fn settings_mut(&mut self) -> &mut StepSettings;
     /// Gives the sensors transfer functions, `None` to ideal ones.
     ///
     /// # Errors
@@ -41,8 +44,13 @@ impl<S: LaneScalar> Configuration for Batch<S> {
         &self.settings
     }
 
+    #[cfg(feature = "internals")]
+    fn settings_mut(&mut self) -> &mut StepSettings {
+        &mut self.settings
+    }
+
     fn set_sensor_models(&mut self, model: &Model, transfers: &[Option<Transfer>]) -> Result<(), Error> {
-        let errors = Errors::new(model, transfers, self.num_envs, self.lanes, self.settings.timestep).map_err(Error::Sensor)?;
+        let errors = Errors::new(model, transfers, self.num_envs, self.lanes, self.settings.timestep)?;
         let readings = if errors.is_empty() { 0 } else { self.compiled.sensing.width };
         check_memory(self.num_envs, (errors.memory + readings) * size_of::<S>() + 3 * errors.lines * size_of::<usize>())?;
         self.workers.idle_workers().clear();

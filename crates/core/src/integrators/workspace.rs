@@ -238,13 +238,9 @@ impl<R: Real> Workspace<R> {
         self.poses.update_static_poses(compiled);
     }
 
-    /// Fills with NaN the vectors that a step computes before it reads them, in debug builds and unit tests: a number left by the step
-    /// before would pass for one of this step (as Drake's `icf_data.h` does). Kinematics, contacts, mass matrix, actuator forces and
-    /// constraint rows are not filled.
+    /// Fills with NaN the vectors that a step computes before it reads them: a number left by the step before would pass for one of this
+    /// step (as Drake's `icf_data.h` does). Kinematics, contacts, mass matrix, actuator forces and constraint rows are not filled.
     pub(crate) fn poison(&mut self) {
-        if !cfg!(any(test, debug_assertions)) {
-            return;
-        }
         let Self { evaluation, free_motion, next, work, .. } = self;
         let Work { impulse_change, expected_change, impulse, v_mean, v_forces, v_free_again, free_change, .. } = work;
         let Work { v_half, before_impact, carried, v_positions, correction, q_corrected, v_guarded, .. } = work;

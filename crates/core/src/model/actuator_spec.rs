@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::{Activation, Actuator, Description, Model, Transmission, label};
+use crate::model::{Activation, Actuator, ActuatorError, Description, DeviceError, Model, Transmission, label};
 
 /// Dynamics of an actuator. Every list has one number for all environments, or one for each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -127,7 +127,7 @@ impl ActuatorSpec {
     ///
     /// # Errors
     /// The first number out of its range, and what an actuator cannot have, with the actuator's name.
-    pub fn fold(model: &Model, specs: &[Option<Self>], num_envs: usize, h: f64) -> Result<(Model, Vec<Option<Self>>), String> {
+    pub fn fold(model: &Model, specs: &[Option<Self>], num_envs: usize, h: f64) -> Result<(Model, Vec<Option<Self>>), ActuatorError> {
         let (mut folded, mut specs) = (model.clone(), specs.to_vec());
         let model = folded.trusted_mut();
         for (i, spec) in specs.iter_mut().enumerate() {
@@ -137,20 +137,20 @@ impl ActuatorSpec {
                 spec.get_or_insert_with(Self::ideal).delay_steps.iter_mut().for_each(|x| *x += steps);
             }
             let Some(spec) = spec else { continue };
-            let name = label(&model.actuators[i].name, i);
-            spec.check(num_envs, h).and_then(|()| spec.give(model, i)).map_err(|e| format!("drive of actuator {name:?}: {e}"))?;
+            let actuator = label(&model.actuators[i].name, i);
+            spec.check(num_envs, h).and_then(|()| spec.give(model, i)).map_err(|error| ActuatorError { actuator, error })?;
         }
         Ok((folded, specs))
     }
 
-    fn give(&mut self, model: &mut Description, i: usize) -> Result<(), String> {
+    fn give(&mut self, model: &mut Description, i: usize) -> Result<(), DeviceError> {
         let actuator = &mut model.actuators[i];
         if self.servo.is_some() {
             if actuator.activation != Activation::None {
-                return Err("a servo cannot take the place of a law with activation dynamics of its own; leave the servo out".into());
+                return Err(DeviceError::ServoWithActivation);
             }
             if matches!(actuator.transmission, Transmission::Site { .. }) {
-                return Err("a servo needs a length of its own to measure: that of a joint or a tendon, not of a site".into());
+                return Err(DeviceError::ServoOnSite);
             }
             (actuator.gain, actuator.bias, actuator.ctrl_range) = ([1.0, 0.0, 0.0], [0.0; 3], None);
         }
@@ -160,20 +160,17 @@ impl ActuatorSpec {
             actuator.force_range = None;
         }
         if self.loses() && !matches!(actuator.transmission, Transmission::Joint(_)) {
-            return Err("friction and efficiency act on an actuator's joint, and this one is on a tendon or site; leave them out".into());
+            return Err(DeviceError::LossesWithoutJoint);
         }
         let Some(motor) = self.motor.as_ref().filter(|m| m.rotor_inertia > 0.0) else { return Ok(()) };
         let reflected = (actuator.gear * motor.gear).powi(2) * motor.rotor_inertia;
         if !reflected.is_finite() {
-            return Err(format!(
-                "rotor_inertia {} behind gears {:e} and {:e} is not finite",
-                motor.rotor_inertia, actuator.gear, motor.gear
-            ));
+            return Err(DeviceError::InfiniteInertia { inertia: motor.rotor_inertia, gear: actuator.gear, motor_gear: motor.gear });
         }
         match actuator.transmission {
             Transmission::Joint(j) => model.joints[j].armature += reflected,
             Transmission::Tendon(t) => model.tendons[t].armature += reflected,
-            Transmission::Site { .. } => return Err("rotor_inertia cannot be reflected to a site; leave it out".into()),
+            Transmission::Site { .. } => return Err(DeviceError::RotorOnSite),
         }
         Ok(())
     }
@@ -184,8 +181,8 @@ impl ActuatorSpec {
         self.high.iter_mut().for_each(|x| *x = x.min(high));
     }
 
-    fn check(&self, num_envs: usize, h: f64) -> Result<(), String> {
-        let mut lists: Vec<(&str, &[f64], Range)> = vec![
+    fn check(&self, num_envs: usize, h: f64) -> Result<(), DeviceError> {
+        let mut lists: Vec<(&'static str, &[f64], Range)> = vec![
             ("delay", &self.delay, Range::Finite),
             ("delay_steps", &self.delay_steps, Range::Finite),
             ("lag", &self.lag, Range::Finite),
@@ -204,14 +201,14 @@ impl ActuatorSpec {
                 lists
                     .extend([("stall_torque", &m.stall_torque[..], Range::Positive), ("no_load_speed", &m.no_load_speed, Range::Positive)]);
             } else if m.voltage {
-                return Err("a motor whose control is its voltage needs stall_torque and no_load_speed".into());
+                return Err(DeviceError::VoltageWithoutCurve);
             }
             Range::Finite.check("rotor_inertia", &[m.rotor_inertia])?;
             Range::Positive.check("gear", &[m.gear])?;
         }
         for (name, x, range) in lists {
             if x.len() != 1 && x.len() != num_envs {
-                return Err(format!("{name} has {} numbers, must have 1, or {num_envs}, one for each environment", x.len()));
+                return Err(DeviceError::Count { name, found: x.len(), num_envs });
             }
             range.check(name, x)?;
         }
@@ -219,11 +216,11 @@ impl ActuatorSpec {
         for env in 0..num_envs {
             let (low, high) = (each(&self.low, env), each(&self.high, env));
             if low > high {
-                return Err(format!("limits are ({low}, {high}), must be (low, high)"));
+                return Err(DeviceError::Limits { low, high });
             }
             let steps = self.steps(env, h);
             if steps > LONGEST {
-                return Err(format!("delay is {steps:.0} steps of {h} s, must be at most {LONGEST} steps"));
+                return Err(DeviceError::TooLong { name: "delay", steps, timestep: h, longest: LONGEST });
             }
         }
         Ok(())
@@ -241,7 +238,7 @@ enum Range {
 }
 
 impl Range {
-    fn check(self, name: &str, x: &[f64]) -> Result<(), String> {
+    fn check(self, name: &'static str, x: &[f64]) -> Result<(), DeviceError> {
         let (fits, must): (fn(f64) -> bool, _) = match self {
             Self::Any => (|x| !x.is_nan(), "a number"),
             Self::AtLeastZero => (|x| x >= 0.0, "a number of at least 0"),
@@ -249,6 +246,6 @@ impl Range {
             Self::Positive => (|x| x > 0.0 && x.is_finite(), "a finite number above 0"),
             Self::Share => (|x| x > 0.0 && x <= 1.0, "a share above 0 and at most 1"),
         };
-        x.iter().find(|&&x| !fits(x)).map_or(Ok(()), |x| Err(format!("{name} is {x}, must be {must}")))
+        x.iter().find(|&&x| !fits(x)).map_or(Ok(()), |x| Err(DeviceError::Range { name, found: *x, must }))
     }
 }

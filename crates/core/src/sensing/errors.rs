@@ -18,7 +18,7 @@ mod transfer;
 use stepper_real::{Real, Scalar};
 
 use crate::math::lanes::DelayLine;
-use crate::model::{Model, Quantity};
+use crate::model::{Model, Quantity, SensorError};
 pub use crate::sensing::errors::draws::Keys;
 pub use crate::sensing::errors::observe::{Slots, Work};
 pub use crate::sensing::errors::transfer::Transfer;
@@ -124,7 +124,7 @@ impl<S: Scalar> Errors<S> {
     ///
     /// # Errors
     /// The first number out of its range, with the sensor's name.
-    pub fn new(model: &Model, transfers: &[Option<Transfer>], num_envs: usize, lanes: usize, h: f64) -> Result<Self, String> {
+    pub fn new(model: &Model, transfers: &[Option<Transfer>], num_envs: usize, lanes: usize, h: f64) -> Result<Self, SensorError> {
         let addresses = model.sensor_addresses();
         let shared = transfers.iter().flatten().all(Transfer::is_shared);
         let tables = vec![vec![]; if shared { 1 } else { num_envs.div_ceil(lanes) }];
@@ -136,7 +136,7 @@ impl<S: Scalar> Errors<S> {
                 errors.ideal.extend(addresses[i]..addresses[i] + dim);
                 continue;
             };
-            t.check(dim, quantity, num_envs, h).map_err(|e| format!("transfer of sensor {:?}: {e}", model.sensor_label(i)))?;
+            t.check(dim, quantity, num_envs, h).map_err(|error| SensorError { sensor: model.sensor_label(i), error })?;
             let placed = Imperfect::new(t, i, addresses[i], dim, quantity, h, [errors.memory, errors.draws]);
             errors.memory += placed.size();
             errors.draws += placed.draws_of(true).1;

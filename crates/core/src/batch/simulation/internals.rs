@@ -42,6 +42,12 @@ impl Simulation {
         self.engine.settings()
     }
 
+    /// Has steps begin with NaN in what they are to compute, so that a number that is read before it was made blows the environment up.
+    #[doc(hidden)]
+    pub fn poison(&mut self) {
+        self.engine_mut().settings_mut().poison = true;
+    }
+
     /// The model as the step reads it, in f64.
     #[doc(hidden)]
     pub fn compiled(&self) -> &LaneModel<f64> {

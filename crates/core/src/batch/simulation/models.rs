@@ -35,7 +35,7 @@ impl Simulation {
         if !self.randomization.is_empty() {
             return Err(Error::DrivesAfterParameters);
         }
-        let actuator_models = ActuatorModels::new(&self.model, specs, self.num_envs, self.timestep()).map_err(Error::Actuator)?;
+        let actuator_models = ActuatorModels::new(&self.model, specs, self.num_envs, self.timestep())?;
         self.engine.set_actuator_models(&actuator_models.model, &actuator_models.specs)?;
         (self.compiled, self.actuator_models) = (OnceLock::new(), Some(actuator_models));
         (0..self.num_envs).for_each(|env| self.reset(env));

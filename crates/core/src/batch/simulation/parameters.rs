@@ -93,14 +93,13 @@ impl Simulation {
         }
         let h = self.timestep();
         match (&self.actuator_models, specs) {
-            (Some(actuator_models), _) => {
-                actuator_models.resample_actuators(&self.model, specs, envs, self.num_envs, h).map(Some).map_err(Error::Actuator)
-            }
+            (Some(actuator_models), _) => Ok(Some(actuator_models.resample_actuators(&self.model, specs, envs, self.num_envs, h)?)),
             (None, None) => Ok(None),
             (None, Some(specs)) => {
                 // Actuators that were made without dynamics, so that whoever is given some hears of it.
-                let none = ActuatorModels::new(&self.model, &vec![None; specs.len()], self.num_envs, h).map_err(Error::Actuator)?;
-                none.resample_actuators(&self.model, Some(specs), envs, self.num_envs, h).map(|_| None).map_err(Error::Actuator)
+                let none = ActuatorModels::new(&self.model, &vec![None; specs.len()], self.num_envs, h)?;
+                none.resample_actuators(&self.model, Some(specs), envs, self.num_envs, h)?;
+                Ok(None)
             }
         }
     }

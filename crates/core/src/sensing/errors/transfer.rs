@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::Quantity;
+use crate::model::{DeviceError, Quantity};
 
 /// The transfer function of one sensor. Every list has one number for all environments, or one for each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -76,42 +76,43 @@ impl Transfer {
         self.fields().iter().all(|(_, x)| x.len() == 1)
     }
 
-    /// The first number out of its range, in words.
-    pub(super) fn check(&self, dim: usize, quantity: Quantity, num_envs: usize, h: f64) -> Result<(), String> {
+    /// The first number out of its range.
+    pub(super) fn check(&self, dim: usize, quantity: Quantity, num_envs: usize, h: f64) -> Result<(), DeviceError> {
         for (name, x) in self.fields() {
             if x.len() != 1 && x.len() != num_envs {
-                return Err(format!("{name} has {} numbers, must have 1, or {num_envs}, one for each environment", x.len()));
+                return Err(DeviceError::Count { name, found: x.len(), num_envs });
             }
             let signed = matches!(name, "scale" | "bias" | "limits");
             let open = matches!(name, "limits" | "drift_time");
             if let Some(v) = x.iter().find(|v| v.is_nan() || (!signed && **v < 0.0) || (!open && v.is_infinite())) {
-                let range = if signed { "a number" } else { "a finite number of at least 0" };
-                return Err(format!("{name} is {v}, must be {range}"));
+                let must = if signed { "a number" } else { "a finite number of at least 0" };
+                return Err(DeviceError::Range { name, found: *v, must });
             }
         }
         let each = |x: &[f64], env: usize| x[env % x.len()];
         for env in 0..num_envs {
             let (low, high) = (each(&self.low, env), each(&self.high, env));
             if low > high {
-                return Err(format!("limits are ({low}, {high}), must be (low, high)"));
+                return Err(DeviceError::Limits { low, high });
             }
-            if each(&self.dropout, env) > 1.0 {
-                return Err(format!("dropout is {}, must be a probability from 0 to 1", each(&self.dropout, env)));
+            let (dropout, drift_time) = (each(&self.dropout, env), each(&self.drift_time, env));
+            if dropout > 1.0 {
+                return Err(DeviceError::Range { name: "dropout", found: dropout, must: "a probability from 0 to 1" });
             }
-            if each(&self.drift_time, env) == 0.0 {
-                return Err("drift_time is 0 s, must be above 0, or None for a random walk".into());
+            if drift_time == 0.0 {
+                return Err(DeviceError::Range { name: "drift_time", found: 0.0, must: "above 0 s, or None for a random walk" });
             }
             let steps = (each(&self.delay, env) + each(&self.jitter, env)) / h;
             if steps > LONGEST {
-                return Err(format!("delay and jitter are {steps:.0} steps of {h} s, must be at most {LONGEST} steps"));
+                return Err(DeviceError::TooLong { name: "delay and jitter", steps, timestep: h, longest: LONGEST });
             }
         }
         if !self.matrix.is_empty() && (self.matrix.len() != dim * dim || !self.matrix.iter().all(|x| x.is_finite())) {
-            return Err(format!("scale is a matrix of {} numbers, must be ({dim}, {dim}) and finite", self.matrix.len()));
+            return Err(DeviceError::Matrix { found: self.matrix.len(), dim });
         }
         let scaled = self.scale.iter().any(|&x| x != 1.0) || [&self.scale_std, &self.misalignment_std].iter().any(|x| any(x));
         if matches!(quantity, Quantity::Axis | Quantity::Quaternion) && (scaled || !self.matrix.is_empty()) {
-            return Err("scale and misalignment of a unit vector or quaternion mean nothing; give it bias, drift and noise, in rad".into());
+            return Err(DeviceError::ScaledDirection);
         }
         Ok(())
     }

@@ -1,8 +1,6 @@
 //! What is asked for bounds what is done, whatever the numbers are.
 
-mod common;
-
-use common::cases;
+use crate::common::cases;
 use proptest::prelude::*;
 use stepper_real::{F64x8, Mask, Real};
 use stepper_solve::newton::{Newton, Work};

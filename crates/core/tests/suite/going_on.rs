@@ -1,10 +1,8 @@
 //! One group of environments goes on from what its last call left in registers: the same bits as from its state.
 
-mod common;
-
 use std::sync::Arc;
 
-use common::{action, errors, noise, start, trains, walker};
+use crate::common::{action, errors, noise, start, trains, walker};
 use proptest::prelude::*;
 use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, Parameter, WORLD};
 use stepper_core::rollout::{Numbers, Quantity, Recording};

@@ -1,8 +1,6 @@
 //! The solver against the conditions that define its answer, and against brute force.
 
-mod common;
-
-use common::{Share, cases};
+use crate::common::{Share, cases};
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 use stepper_solve::gauss_seidel::{SweepSettings, solve};

@@ -1,8 +1,6 @@
 //! The soft problem against the conditions that define its answer: the forces follow from the accelerations, and both balance.
 
-mod common;
-
-use common::cases;
+use crate::common::cases;
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
 use stepper_real::{F64x8, Mask, Real, Scalar};

@@ -1,8 +1,6 @@
 //! Contacts with six rows against the conditions that define their answer.
 
-mod common;
-
-use common::{Share, cases};
+use crate::common::{Share, cases};
 use proptest::prelude::*;
 use stepper_solve::gauss_seidel::{SweepSettings, solve};
 use stepper_solve::{Capacity, Iterate, Problem, cone, residual};

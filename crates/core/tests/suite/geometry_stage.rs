@@ -1,12 +1,9 @@
 //! The whole of stage 3: every pair that overlaps has its contact, whoever stands beside it and in which order.
 
-#[path = "common/shapes.rs"]
-mod shapes;
-
 use std::sync::Arc;
 
+use crate::shapes::{cases, turn, vector};
 use proptest::prelude::*;
-use shapes::{cases, turn, vector};
 use stepper_core::internals::collision::pairs::{Cuboid, Segment, capsule_box, segments, sphere_box};
 use stepper_core::internals::math::spatial::*;
 use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};

@@ -1,12 +1,9 @@
 //! Contacts of convex hulls: against all that can be the normal, and the same whether the last step's normal is known or not.
 
-#[path = "common/shapes.rs"]
-mod shapes;
-
 use std::sync::Arc;
 
+use crate::shapes::{unit, vector};
 use proptest::prelude::*;
-use shapes::{unit, vector};
 use stepper_core::internals::geometry::{
     Approach, ConvexShape, Hull, HullError, Known, Manifold, Point, Pose, Reach, Room, SeparatingPlane, SeparatingPlanes, collide, distance,
 };

@@ -1,8 +1,6 @@
 //! What goes wrong in one environment stays there and is said.
 
-mod common;
-
-use common::{action, bits, start, walker};
+use crate::common::{action, bits, start, walker};
 use stepper_core::{Field, Options, Precision, SavedState, Simulation, Status, StepInputs};
 
 fn simulation(n: usize, options: Options) -> Simulation {

@@ -1,8 +1,6 @@
 //! Problems as files: the same problem bit for bit, or a clear refusal; and hard ones that a simulation has left.
 
-mod common;
-
-use common::cases;
+use crate::common::cases;
 use proptest::prelude::*;
 use stepper_real::{F64x8, Real};
 use stepper_solve::newton::Newton;

@@ -1,8 +1,6 @@
 //! Newton's method against the conditions that define its answer, against sweeps, and where there is no answer.
 
-mod common;
-
-use common::{Share, cases};
+use crate::common::{Share, cases};
 use proptest::prelude::*;
 use stepper_real::{F32x16, F64x8, Mask, Real};
 use stepper_solve::newton::Newton;

@@ -1,8 +1,6 @@
 //! Scalar rows: equalities made orthogonal and taken out of others, and compliance.
 
-mod common;
-
-use common::cases;
+use crate::common::cases;
 use proptest::prelude::*;
 use stepper_solve::gauss_seidel::{SweepSettings, solve};
 use stepper_solve::{Iterate, Problem, residual};

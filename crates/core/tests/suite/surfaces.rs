@@ -1,13 +1,10 @@
 //! Concave meshes and height fields: the seams between triangles are not felt, and a closed surface is the solid that it bounds.
 //! PROPTEST_CASES=5000 searches longer.
 
-#[path = "common/shapes.rs"]
-mod shapes;
-
 use std::sync::Arc;
 
+use crate::shapes::{simple, unit, vector};
 use proptest::prelude::*;
-use shapes::{simple, unit, vector};
 use stepper_core::internals::geometry::{ConvexShape, Grid, Hull, Manifold, MeshSurface, Pose, Room, Surface, collide_surface, distance};
 use stepper_core::internals::math::spatial::*;
 

@@ -1,10 +1,10 @@
 //! The examples run as they are printed.
 
-#[path = "../examples/batch.rs"]
+#[path = "../../examples/batch.rs"]
 mod batch;
-#[path = "../examples/parameters.rs"]
+#[path = "../../examples/parameters.rs"]
 mod parameters;
-#[path = "../examples/states.rs"]
+#[path = "../../examples/states.rs"]
 mod states;
 
 #[test]

@@ -1,10 +1,8 @@
 //! Parameters per environment: which numbers of a compiled model they are, and the same bits from every kind of lane.
 
-mod common;
-
 use std::sync::Arc;
 
-use common::{action, bits, noise, start, walker};
+use crate::common::{action, bits, noise, start, walker};
 use stepper_core::internals::compile::{CompiledModel, Params};
 use stepper_core::model::{Model, Parameter};
 use stepper_core::{Field, Level, Options, Precision, Simulation, StepInputs};

@@ -1,10 +1,7 @@
 //! Every pair of shapes against the definition of distance, and the symmetries that it must have.
 
-#[path = "common/shapes.rs"]
-mod shapes;
-
+use crate::shapes::{Body, ball, capsule, cases, cuboid, cylinder, ellipsoid, is_distance, turn, unit, vector};
 use proptest::prelude::*;
-use shapes::{Body, ball, capsule, cases, cuboid, cylinder, ellipsoid, is_distance, turn, unit, vector};
 use stepper_core::internals::collision::contact_set::ContactPoint;
 use stepper_core::internals::collision::pairs::{
     capsule_box, cylinder_rims, plane_ellipsoid, plane_point, segments, sphere_box, sphere_cylinder, sphere_ellipsoid,

@@ -1,8 +1,6 @@
 //! A lane has the bits of the problem alone, also after most of its neighbours are done and the rest has gone on in half the registers.
 
-mod common;
-
-use common::cases;
+use crate::common::cases;
 use proptest::prelude::*;
 use stepper_real::{F64x8, Mask, Real, Two};
 use stepper_solve::gauss_seidel::{SweepSettings, solve};

@@ -1,13 +1,10 @@
 //! Stage 3 over height fields: what it leaves out before looking at triangles is nothing that it would have taken up.
 
-#[path = "common/shapes.rs"]
-mod shapes;
-
 use std::sync::Arc;
 
+use crate::shapes::{cases, simple, unit, vector};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 use proptest::prelude::*;
-use shapes::{cases, simple, unit, vector};
 use stepper_core::internals::geometry::{ConvexShape, Grid, Manifold, Pose, Room, Surface, collide_surface};
 use stepper_core::internals::math::spatial::*;
 use stepper_core::model::{BodyBuilder, GeomBuilder, HeightField, JointBuilder, Model, WORLD};

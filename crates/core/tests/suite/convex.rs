@@ -1,13 +1,10 @@
 //! General convex collision against a search over directions, and the symmetries that it must have.
 //! PROPTEST_CASES=5000 searches longer.
 
-#[path = "common/shapes.rs"]
-mod shapes;
-
 use std::sync::Arc;
 
+use crate::shapes::{simple, unit, vector};
 use proptest::prelude::*;
-use shapes::{simple, unit, vector};
 use stepper_core::internals::geometry::{ConvexShape, Hull, Manifold, Pose, Room, collide, distance};
 use stepper_core::internals::math::spatial::*;
 

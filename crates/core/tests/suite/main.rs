@@ -1,0 +1,21 @@
+//! The tests of this crate in one binary: the generic code that they call is compiled once for all of them. `cargo test --test suite NAME`
+//! runs those of a module. What counts allocations has a binary of its own.
+
+mod common;
+mod containment;
+mod convex;
+mod determinism;
+mod examples;
+mod geometry;
+mod geometry_pairs;
+mod geometry_stage;
+mod going_on;
+mod hulls;
+#[cfg(feature = "nalgebra")]
+mod matrices;
+mod parameters;
+mod public_face;
+mod scratch;
+mod shapes;
+mod surfaces;
+mod terrain;

@@ -1,0 +1,12 @@
+//! The tests of this crate in one binary: the generic code that they call is compiled once for all of them. `cargo test --test suite NAME`
+//! runs those of a module. What counts allocations has a binary of its own.
+
+mod bounds;
+mod common;
+mod file;
+mod lanes;
+mod newton;
+mod rolling;
+mod rows;
+mod soft;
+mod solver;

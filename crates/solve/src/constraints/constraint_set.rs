@@ -158,6 +158,8 @@ pub struct LaneConstraint<const N: usize> {
     pub(crate) lambda: [f64; N],
     /// Compliance R >= 0 on the diagonal of G, the same for all of its rows.
     pub(crate) compliance: f64,
+    /// What the first row has besides.
+    pub(crate) normal_compliance: f64,
     /// Ratio of trace(G_ii) before elimination of separate rows to that after it, at least 1.
     pub(crate) trace_ratio: f64,
 }

@@ -37,8 +37,8 @@ pub trait LocalSolver<R: Real, const N: usize>: Clone + Debug + Sized {
     /// Mean diagonal entry of the block of G, before elimination of separate rows, 1/kg.
     fn mobility(&self, step: &NaturalStep<R>) -> R;
 
-    /// Adds a compliance to all rows, and takes it into account in the step of the natural map.
-    fn add_compliance(&mut self, compliance: R, step: &mut NaturalStep<R>);
+    /// Adds a compliance to the normal row and one to the others, and takes them into account in the step of the natural map.
+    fn add_compliance(&mut self, compliance: [R; 2], step: &mut NaturalStep<R>);
 
     /// Gathers some lanes.
     fn gather(&self, map: &LaneMap) -> Self::Half;
@@ -103,8 +103,10 @@ pub struct FrictionContact<R: Real, const N: usize, L> {
     pub g: [R; N],
     /// Demand of the position solve, m/s: g of the normal row, and what is added to g of the others.
     pub position_g: [R; N],
-    /// Compliance R, at least 0: the velocity that every row yields per unit of impulse. 0 is hard.
+    /// Compliance R of the normal row, at least 0: the velocity that it yields per unit of impulse. 0 is hard.
     pub(crate) compliance: R,
+    /// Compliance of all rows by which the position solve is damped.
+    damping: R,
     /// Step of the natural map.
     step: NaturalStep<R>,
     /// Solver of this contact alone.
@@ -112,14 +114,14 @@ pub struct FrictionContact<R: Real, const N: usize, L> {
 }
 
 impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
-    /// Adds to the compliance R of all rows; what is added counts from the impulse `lambda`.
+    /// Damps all rows by a compliance that counts from the impulse `lambda`.
     #[inline(always)]
-    fn add_compliance(&mut self, compliance: R, lambda: [R; N]) {
-        self.compliance += compliance;
+    fn damp(&mut self, compliance: R, lambda: [R; N]) {
+        self.damping += compliance;
         for k in 0..N {
             self.g[k] -= compliance * lambda[k];
         }
-        self.local.add_compliance(compliance, &mut self.step);
+        self.local.add_compliance([compliance; 2], &mut self.step);
     }
 
     #[inline(always)]
@@ -133,6 +135,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
             g: map.gather_array(&self.g),
             position_g: [R::Half::zero(); N],
             compliance: map.gather(self.compliance),
+            damping: map.gather(self.damping),
             step: NaturalStep {
                 rho: map.gather(self.step.rho),
                 inv_rho: map.gather(self.step.inv_rho),
@@ -200,6 +203,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
             g,
             position_g,
             compliance: R::zero(),
+            damping: R::zero(),
             step: NaturalStep::of_trace::<N>(trace),
             local,
         });
@@ -223,11 +227,12 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
         }
     }
 
-    /// Sets the compliance R >= 0 of all rows of the contact pushed last.
+    /// Sets the compliance R >= 0 of the normal row of the contact pushed last: that of a spring and a damper between its surfaces.
     #[inline(always)]
     pub fn set_compliance(&mut self, compliance: R) {
         if let Some(contact) = self.rows.items.last_mut() {
-            contact.add_compliance(compliance, [R::zero(); N]);
+            contact.compliance = compliance;
+            contact.local.add_compliance([compliance, R::zero()], &mut contact.step);
             self.rows.compliant = true;
         }
     }
@@ -272,8 +277,9 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     fn velocity_under(&self, contact: &FrictionContact<R, N, L>, compliant: bool, w: &[R], lambda: &[R; N]) -> [R; N] {
         let mut v = self.velocity(contact, w);
         if compliant {
-            for k in 0..N {
-                v[k] += contact.compliance * lambda[k];
+            v[0] += (contact.damping + contact.compliance) * lambda[0];
+            for k in 1..N {
+                v[k] += contact.damping * lambda[k];
             }
         }
         v
@@ -402,7 +408,8 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
                     source: i,
                     g: contact.g.map(number),
                     lambda: lambda.map(number),
-                    compliance: number(contact.compliance),
+                    compliance: number(contact.damping),
+                    normal_compliance: number(contact.compliance),
                     trace_ratio: number(contact.step.trace_ratio),
                 };
                 to.add(constraint, support, y.iter().map(|y| y.map(number)));
@@ -541,7 +548,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
             reference_lambda.push(lambda[0]);
             reference_g.push(contact.g[0]);
             let mobility = contact.local.mobility(&contact.step) + floor;
-            contact.add_compliance(damping_compliance(damping, contact.position_g[0] - contact.g[0], mobility), lambda);
+            contact.damp(damping_compliance(damping, contact.position_g[0] - contact.g[0], mobility), lambda);
         }
         rows.compliant = true;
     }
@@ -549,7 +556,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
     #[inline(always)]
     fn shortfall(&self, rows: &Rows<FrictionContact<R, N, L>>, impulses: &[[R; N]], before: &[R], mut most: R) -> R {
         for ((contact, now), &before) in rows.items.iter().zip(impulses).zip(before) {
-            most = most.max(masked(contact.active, (contact.compliance * (now[0] - before)).abs()));
+            most = most.max(masked(contact.active, (contact.damping * (now[0] - before)).abs()));
         }
         most
     }
@@ -573,7 +580,9 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
         mut lack: R,
     ) -> R {
         for ((contact, now), (&before, &g)) in rows.items.iter().zip(impulses).zip(reference.lambda.iter().zip(reference.g)) {
-            let z = masked(contact.active, (now[0] - before).max(R::zero()));
+            // A compliant row gives way, so that its demand is never impossible.
+            let hard = contact.active.and_not(contact.compliance.gt(R::zero()));
+            let z = masked(hard, (now[0] - before).max(R::zero()));
             let u = self.velocity(contact, w)[0] - contact.g[0] + g;
             lack -= z * u;
             let mut d = [R::zero(); N];

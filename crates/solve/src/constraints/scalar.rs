@@ -328,6 +328,7 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
                     g: [number(row.g)],
                     lambda: [number(lambda)],
                     compliance: number(row.compliance),
+                    normal_compliance: 0.0,
                     trace_ratio: number(row.trace_ratio),
                 };
                 to.add(constraint, support, y.iter().map(|&y| [number(y)]));

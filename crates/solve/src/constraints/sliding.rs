@@ -184,8 +184,8 @@ impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
     }
 
     #[inline(always)]
-    fn add_compliance(&mut self, compliance: R, step: &mut NaturalStep<R>) {
-        for k in [0, 3, 5] {
+    fn add_compliance(&mut self, [normal, tangential]: [R; 2], step: &mut NaturalStep<R>) {
+        for (k, compliance) in [(0, normal), (3, tangential), (5, tangential)] {
             self.gram[k] += compliance;
         }
         *step = NaturalStep::of_trace::<3>(self.prepare()).with_trace_ratio(step.trace_ratio);

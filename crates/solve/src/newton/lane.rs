@@ -46,6 +46,9 @@ pub(super) struct Lane {
     pub(super) w: Vec<f64>,
     /// Part of w that the separate rows make: they are solved, and no other row sees it.
     separate: Vec<f64>,
+    /// Coordinates of w that are no coordinate of the lanes' problem: one for each normal row with a compliance R of its own, with the entry
+    /// sqrt(R), which no other row sees. Newton's method knows compliances that are the same for all rows of a cone.
+    own: Vec<f64>,
 }
 
 impl Lane {
@@ -57,6 +60,7 @@ impl Lane {
         self.g.clear();
         self.lambda.clear();
         self.w.clear();
+        self.own.clear();
         self.separate.clear();
         self.separate.resize(iterate.w.len(), 0.0);
         self.kind = 0;
@@ -65,6 +69,7 @@ impl Lane {
             self.kind += 1;
         });
         self.w.extend(iterate.w.iter().zip(&self.separate).map(|(&x, part)| number_of(x, lane) - part));
+        self.w.extend_from_slice(&self.own);
     }
 
     /// Coordinates and entries of a block.
@@ -104,7 +109,7 @@ impl Lane {
 impl LaneReceiver for Lane {
     /// Adds a block. One that cannot move is left out: its impulses do nothing.
     fn add<const N: usize>(&mut self, constraint: LaneConstraint<N>, support: &[u32], entries: impl Iterator<Item = [f64; N]>) {
-        let LaneConstraint { set, source, g, lambda, compliance, trace_ratio } = constraint;
+        let LaneConstraint { set, source, g, lambda, compliance, normal_compliance, trace_ratio } = constraint;
         let (s0, y0, row) = (self.support.len(), self.y.len(), self.g.len());
         for (&c, y) in support.iter().zip(entries) {
             if y.iter().any(|&y| y != 0.0) {
@@ -113,6 +118,12 @@ impl LaneReceiver for Lane {
             }
         }
         if self.support.len() > s0 {
+            if normal_compliance > 0.0 {
+                let entry = normal_compliance.sqrt();
+                self.support.push((self.separate.len() + self.own.len()) as u32);
+                self.y.extend((0..N).map(|row| if row == 0 { entry } else { 0.0 }));
+                self.own.push(entry * lambda[0]);
+            }
             self.g.extend_from_slice(&g);
             self.lambda.extend_from_slice(&lambda);
             let (support, rows) = (s0..self.support.len(), row..row + N);

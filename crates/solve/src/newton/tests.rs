@@ -26,7 +26,7 @@ fn row<const N: usize>(lane: &mut Lane, seed: usize, set: AdmissibleSet, g: [f64
     let n = lane.w.len();
     let support: Vec<u32> = (0..n as u32).collect();
     let entries = (0..n).map(|c| std::array::from_fn(|r| noise(1000 * seed + 10 * c + r)));
-    let constraint = LaneConstraint { set, source: 0, g, lambda: [0.0; N], compliance, trace_ratio: 1.0 };
+    let constraint = LaneConstraint { set, source: 0, g, lambda: [0.0; N], compliance, normal_compliance: 0.0, trace_ratio: 1.0 };
     lane.add(constraint, &support, entries);
 }
 
@@ -111,7 +111,8 @@ fn islands_are_solved_apart() {
     for (i, start) in [0, 4, 0, 4].into_iter().enumerate() {
         let entries = (0..3).map(|c| [noise(100 * i + c)]);
         let support = [start, start + 1, start + 3];
-        let constraint = LaneConstraint { set: FREE, source: 0, g: [1.0], lambda: [0.0], compliance: 0.0, trace_ratio: 1.0 };
+        let constraint =
+            LaneConstraint { set: FREE, source: 0, g: [1.0], lambda: [0.0], compliance: 0.0, normal_compliance: 0.0, trace_ratio: 1.0 };
         room.lane.add(constraint, &support, entries);
     }
     let result = room.solve_lane::<f64>(CRITERIA);

@@ -3,6 +3,7 @@
 
 mod bounds;
 mod common;
+mod compliance;
 mod file;
 mod lanes;
 mod newton;

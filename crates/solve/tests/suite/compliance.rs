@@ -1,0 +1,74 @@
+//! A normal row that gives way: the same as a hard one with a coordinate of its own, the spring's.
+
+use crate::common::{Share, cases};
+use proptest::prelude::*;
+use stepper_solve::newton::Newton;
+use stepper_solve::{Capacity, Iterate, Problem, Settings, residual, solve};
+
+/// Coordinates of the bodies.
+const N: usize = 10;
+
+/// Contacts of three rows and one of six over all coordinates, with their compliances.
+#[derive(Clone, Debug)]
+struct Case {
+    sliding: Vec<(Vec<[f64; 3]>, [f64; 3], f64)>,
+    rolling: (Vec<[f64; 6]>, [f64; 6], f64),
+    mu: f64,
+}
+
+fn case() -> impl Strategy<Value = Case> {
+    // From that of steel to that of a sponge, in units of the contact's mobility.
+    let compliance = || prop_oneof![1 => Just(0.0), 4 => (-6.0..1.0_f64).prop_map(|x| 10.0_f64.powf(x))];
+    let speed = || -1.0..1.0_f64;
+    let sliding = (prop::collection::vec(prop::array::uniform3(-1.0..1.0), N), prop::array::uniform3(speed()), compliance());
+    let rolling = (prop::collection::vec(prop::array::uniform6(-1.0..1.0), N), prop::array::uniform6(speed()), compliance());
+    (prop::collection::vec(sliding, 1..4), rolling, 0.0..1.0).prop_map(|(sliding, rolling, mu)| Case { sliding, rolling, mu })
+}
+
+/// The problem with compliances, or with a coordinate of its own for every spring.
+fn build(case: &Case, springs_as_coordinates: bool) -> (Problem<f64>, Iterate<f64>) {
+    let contacts = case.sliding.len();
+    let mut capacity = Capacity::of_coordinates(N + contacts + 1);
+    (capacity.contacts, capacity.rolling_contacts, capacity.contact_support) = (contacts, 1, N + 1);
+    let (mut problem, mut iterate) = (Problem::new(&capacity), Iterate::new(&capacity));
+    iterate.clear();
+    let support = |k: usize| -> Vec<u32> { (0..N as u32).chain(springs_as_coordinates.then_some((N + k) as u32)).collect() };
+    for (k, (y, g, compliance)) in case.sliding.iter().enumerate() {
+        problem.push_contact(&support(k), |c| *y.get(c).unwrap_or(&[compliance.sqrt(), 0.0, 0.0]), true, case.mu, *g);
+        if !springs_as_coordinates {
+            problem.contacts.set_compliance(*compliance);
+        }
+        iterate.contacts.push([0.0; 3]);
+    }
+    let (y, g, compliance) = &case.rolling;
+    let spring = [compliance.sqrt(), 0.0, 0.0, 0.0, 0.0, 0.0];
+    problem.push_rolling_contact(&support(contacts), |c| *y.get(c).unwrap_or(&spring), true, case.mu, *g);
+    if !springs_as_coordinates {
+        problem.rolling_contacts.set_compliance(*compliance);
+    }
+    iterate.rolling_contacts.push([0.0; 6]);
+    iterate.compute_w(&problem);
+    (problem, iterate)
+}
+
+#[test]
+fn a_spring_is_a_coordinate_that_no_other_contact_sees() {
+    for (sweeps, newton_steps) in [(20_000, 0), (2, 200)] {
+        let solved = Share::default();
+        proptest!(cases(300), |(case in case())| {
+            let settings = Settings { sweeps, newton_steps, tolerance: 1e-11, newton_threshold: 1e-11 };
+            let (problem, mut iterate) = build(&case, false);
+            let outcome = solve(&problem, &mut iterate, settings, true, &mut Newton::default());
+            prop_assert!((outcome.residual - residual(&problem, &iterate)).abs() <= 1e-13);
+            prop_assume!(solved.count(outcome.residual <= 1e-11));
+            // The impulses solve the other problem: the velocities of its rows are the same numbers in another order.
+            let (other, mut again) = build(&case, true);
+            again.contacts.clone_from(&iterate.contacts);
+            again.rolling_contacts.clone_from(&iterate.rolling_contacts);
+            again.compute_w(&other);
+            let most = again.w.iter().fold(1.0_f64, |most, x| most.max(x.abs()));
+            prop_assert!(residual(&other, &again) <= 1e-11 + 1e-13 * most, "{}", residual(&other, &again));
+        });
+        solved.at_least(if newton_steps == 0 { 0.5 } else { 0.9 }, "solved");
+    }
+}

@@ -383,6 +383,18 @@ class Model:
     def geom_solmix(self) -> _Array:
         """Weight of a geom's softness in a pair: (ngeom,)."""
     @property
+    def geom_stiffness(self) -> _Array:
+        """Stiffness of the surface, N/m; infinity is rigid: (ngeom,)."""
+    @property
+    def geom_damping(self) -> _Array:
+        """Damping of the surface, N s/m: (ngeom,)."""
+    @property
+    def pair_stiffness(self) -> _Array:
+        """Stiffness of an explicit pair's contacts, N/m; infinity is rigid: (npair,)."""
+    @property
+    def pair_damping(self) -> _Array:
+        """Damping of an explicit pair's contacts, N s/m: (npair,)."""
+    @property
     def geom_size(self) -> _Array:
         """Radius, half length; or half sizes; or semi-axes; 0 where the shape has no number; m: (ngeom, 3)."""
     @property
@@ -519,6 +531,14 @@ class Model:
         Raises:
             ValueError: A name that nothing has, or directions that are none.
             ModelError: A sensor that the model cannot have.
+        """
+    def equivalent_springs(self) -> dict[str, NDArray[Any]]:
+        """What solref and solimp of the scene's contacts amount to under MuJoCo's law, in newtons and metres, at the model's time step.
+
+        Returns:
+            A dictionary of arrays with a row for every pair of geoms that can collide: `geoms` (npair, 2), `stiffness` (npair, 2), N/m at
+            rest, at the first touch and where the impedance is largest, and `damping` (npair, 2), N s/m, at the same depths. Pairs of a
+            crowd, which are too many to be listed, are left out.
         """
     def body(self, key: str | int) -> Body:
         """A body by its name or index (negative from the end).

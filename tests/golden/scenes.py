@@ -182,6 +182,13 @@ def shell() -> stepper.Model:
     return model.replace(geom_concave=np.array(model.geom_names) == "shell")
 
 
+def sprung() -> stepper.Model:
+    """The pile, in which every other geom gives way."""
+    model = stepper.load(PILE)
+    giving = np.arange(model.ngeom) % 2 == 1
+    return model.replace(geom_stiffness=np.where(giving, 3e4, np.inf), geom_damping=np.where(giving, 60.0, 0.0))
+
+
 def bouncing() -> stepper.Model:
     """Bodies that bounce, on a floor and off one another, each with a coefficient of restitution of its own."""
     model = stepper.load(document(PIT + loose(["ball", "cube", "rock", "pill", "ball"], 0.25, "0.3 0.01 0.001")))

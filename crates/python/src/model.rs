@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use numpy::{Element, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use numpy::{Element, IntoPyArray, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use std::sync::Arc;
 
 use pyo3::exceptions::{PyIndexError, PyKeyError, PyValueError};
@@ -10,6 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyCFunction, PyDict, PyList, PyString, PyTuple, PyType};
 use serde::de::DeserializeOwned;
 use stepper_core::Precision;
+use stepper_core::analysis::contact_stiffness::EquivalentSpring;
 use stepper_core::model::{Description, Field, HeightField, Keyframe, Mesh, Model as Core, REPLACEABLE, Sensor};
 
 use crate::array::{array, assign_attribute, check_shape, hint, read_only, readonly, shape_text, whole};
@@ -212,6 +213,25 @@ impl Model {
         let described = slf.py().import("stepper.sensors.readings")?.getattr("describe")?.call1((slf, sensors))?;
         let more: Vec<Sensor> = pythonize::depythonize(&described)?;
         slf.get().core.with_sensors(more).map(Self::of).map_err(to_py)
+    }
+
+    /// What solref and solimp of the scene's contacts amount to under MuJoCo's law, in newtons and metres, at the model's time step.
+    ///
+    /// Returns:
+    ///     A dictionary of arrays with a row for every pair of geoms that can collide: `geoms` (npair, 2), `stiffness` (npair, 2), N/m at
+    ///     rest, at the first touch and where the impedance is largest, and `damping` (npair, 2), N s/m, at the same depths. Pairs of a
+    ///     crowd, which are too many to be listed, are left out.
+    fn equivalent_springs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let springs = self.core.equivalent_springs();
+        let rows = |of: &dyn Fn(&EquivalentSpring) -> [f64; 2]| {
+            array(py, &[springs.len(), 2], springs.iter().flat_map(of).collect(), Precision::F64)
+        };
+        let table = PyDict::new(py);
+        let geoms: Vec<i64> = springs.iter().flat_map(|s| s.geoms).map(|g| g as i64).collect();
+        table.set_item("geoms", geoms.into_pyarray(py).reshape([springs.len(), 2])?)?;
+        table.set_item("stiffness", rows(&|s| s.stiffness)?)?;
+        table.set_item("damping", rows(&|s| s.damping)?)?;
+        Ok(table)
     }
 
     /// A body by its name or index (negative from the end).

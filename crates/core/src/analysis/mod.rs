@@ -2,6 +2,7 @@
 //! displacements between configurations, overlaps at the reference pose.
 
 pub mod configurations;
+pub mod contact_stiffness;
 pub(crate) mod derived;
 pub mod inverse_weights;
 pub mod overlaps;

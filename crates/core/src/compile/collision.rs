@@ -7,10 +7,11 @@ use std::sync::Arc;
 
 use stepper_real::{Real, Scalar};
 
+use crate::compile::equality::Spring;
 use crate::compile::merging::{Merged, matrix, quaternion, vector};
 use crate::compile::parameters::{ContactParams, Params};
 use crate::geometry::{ConvexShape, Grid, MeshSurface, Solid, Surface};
-use crate::model::{Filter, Geom, GeomPair, HeightField, Kernel, Mesh, Model, Shape};
+use crate::model::{ContactSpring, Filter, Geom, GeomPair, HeightField, Kernel, Mesh, Model, Shape};
 
 /// A geom that takes part in collision.
 #[derive(Clone, Debug)]
@@ -50,6 +51,8 @@ pub struct CompiledPair<S> {
     pub condim: u8,
     /// Distance at which the contact pushes, m.
     pub margin: S,
+    /// What gives way in its contacts; `None` where they are rigid.
+    pub spring: Option<Spring<S>>,
 }
 
 impl<S> CompiledPair<S> {
@@ -128,6 +131,7 @@ impl<S: Scalar> Crowd<S> {
     pub(super) fn contact<R: Real<Scalar = S>>(&self, number: usize, params: &Params<R>) -> ContactParams<R> {
         let [a, b] = self.members_of(number).expect("a pair of the crowd").map(|m| m.model_geom);
         let (order, condim) = self.filter.precedence([a, b]);
+        let rigid = self.filter.is_rigid([a, b]);
         let (a, b) = (params.member(a), params.member(b));
         let either = |of: fn(&ContactParams<R>) -> R| match order {
             Ordering::Greater => of(&a),
@@ -139,7 +143,7 @@ impl<S: Scalar> Crowd<S> {
             mu: more(1, either(|m| m.mu)),
             torsion: more(3, either(|m| m.torsion)),
             rolling: more(4, either(|m| m.rolling)),
-            restitution: a.restitution.max(b.restitution),
+            restitution: if rigid { a.restitution.max(b.restitution) } else { R::zero() },
         }
     }
 
@@ -217,7 +221,7 @@ pub const NO_PATCH: u32 = u32::MAX;
 /// rolling friction are in none. Empty where no pair is in any.
 pub(super) fn patches<S>(geoms: &[CompiledGeom<S>], pairs: &[CompiledPair<S>]) -> Vec<u32> {
     let mut of_frames: BTreeMap<_, Vec<usize>> = BTreeMap::new();
-    for (i, pair) in pairs.iter().enumerate().filter(|(_, pair)| pair.condim <= 3) {
+    for (i, pair) in pairs.iter().enumerate().filter(|(_, pair)| pair.condim <= 3 && pair.spring.is_none()) {
         of_frames.entry(pair.geoms.map(|g| geoms[g].frame)).or_default().push(i);
     }
     let mut patches = vec![];
@@ -266,7 +270,10 @@ pub(super) fn bulk(model: &Model, geom: usize) -> Bulk {
 }
 
 fn pair_plan<S: Scalar>(pair: &GeomPair, kernel: Kernel, geoms: [usize; 2]) -> CompiledPair<S> {
-    CompiledPair { geoms, kernel, condim: pair.condim, margin: S::from_f64(pair.margin) }
+    let ContactSpring { stiffness, damping } = pair.spring;
+    let [stiffness, damping, inertia] = [stiffness, damping, 0.0].map(S::from_f64);
+    let spring = (!pair.spring.is_rigid()).then_some(Spring { stiffness, damping, inertia });
+    CompiledPair { geoms, kernel, condim: pair.condim, margin: S::from_f64(pair.margin), spring }
 }
 
 fn geom<S: Scalar>(model: &Model, merged: &Merged, index: usize) -> CompiledGeom<S> {

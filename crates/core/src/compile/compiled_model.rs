@@ -80,6 +80,8 @@ pub struct ModelStructure<S: Scalar> {
     pub pairs: Vec<CompiledPair<S>>,
     /// Patch of every listed pair: contacts of pairs with one number join the same two frames. Empty where no pair is in any.
     pub patches: Vec<u32>,
+    /// Whether the contacts of any pair are springs.
+    pub has_contact_springs: bool,
     /// Geoms whose pairs are too many to list.
     pub crowd: Option<Crowd<S>>,
     /// Which links nothing holds; empty if all are held.

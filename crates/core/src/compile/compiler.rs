@@ -69,6 +69,8 @@ impl<S: Scalar> CompiledModel<S> {
             patches: collision::patches(&geoms, &pairs),
             geoms,
             has_rolling_friction: crowd.as_ref().is_some_and(Crowd::has_rolling_friction) || pairs.iter().any(|p| p.condim > 3),
+            has_contact_springs: pairs.iter().any(|p| p.spring.is_some())
+                || crowd.is_some() && model.geoms.iter().any(|g| !g.spring.is_rigid()),
             pairs,
             crowd,
             limits,

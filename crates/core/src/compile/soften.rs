@@ -12,7 +12,7 @@ impl<S: Scalar> CompiledModel<S> {
     /// Adds what MuJoCo's contact law needs for steps of `timestep` seconds. Contacts are no patches then: their forces are determined.
     pub(crate) fn soften(&mut self, model: &Model, weights: &InverseWeights, timestep: f64) {
         let SoftSettings { cone, impratio, refsafe, .. } = model.soft;
-        let maker = LawMaker { least_time: if refsafe { 2.0 * timestep } else { 0.0 } };
+        let maker = LawMaker { least_time: if refsafe { 2.0 * timestep } else { 0.0 }, timestep };
         let geom_weights: Vec<f64> = model.geoms.iter().map(|g| weights.bodies[g.body][0]).collect();
         let addresses = model.joint_addresses();
         let joints = || model.joints.iter().zip(&addresses);

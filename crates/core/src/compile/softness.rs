@@ -3,7 +3,7 @@
 use stepper_real::{Real, Scalar};
 
 use crate::compile::tree::scalars;
-use crate::model::{Cone, GeomPair, MIN_VALUE, Softness};
+use crate::model::{Cone, ContactSpring, GeomPair, MIN_VALUE, Softness};
 
 /// Least and greatest impedance (`mjMINIMP`, `mjMAXIMP`).
 const IMPEDANCE: [f64; 2] = [1e-4, 0.9999];
@@ -42,6 +42,9 @@ pub struct SoftContactLaw<S> {
     pub condim: u8,
     /// See [`Pair::anisotropy`](crate::model::Pair::anisotropy).
     pub anisotropy: [S; 2],
+    /// Regularisation R of the normal force of a spring, 1/kg, which the edges of a pyramid share; 0 where the contact has the law of its
+    /// solref and solimp.
+    pub spring: S,
 }
 
 /// Laws of all constraints of a model.
@@ -74,6 +77,8 @@ pub struct CompiledSoftness<S> {
 pub(super) struct LawMaker {
     /// Least time constant, s.
     pub(super) least_time: f64,
+    /// Time step, s.
+    pub(super) timestep: f64,
 }
 
 impl<S: Scalar> SoftLaw<S> {
@@ -167,12 +172,35 @@ impl LawMaker {
     }
 
     pub(super) fn contact<S: Scalar>(self, pair: &GeomPair, weight: f64) -> SoftContactLaw<S> {
+        if !pair.spring.is_rigid() {
+            return self.spring_contact(pair);
+        }
         let normal = self.law::<S>(&pair.softness, weight);
         let largest = pair.softness.solimp[1].clamp(IMPEDANCE[0], IMPEDANCE[1]);
         let [a, b] = pair.solref_friction;
         let own = (a != 0.0 || b != 0.0) && (a > 0.0) == (b > 0.0);
         let friction_damping = if own { S::from_f64(self.spring([a, b], largest)[1]) } else { normal.damping };
-        SoftContactLaw { normal, friction_damping, condim: pair.condim, anisotropy: scalars(pair.anisotropy) }
+        SoftContactLaw { normal, friction_damping, condim: pair.condim, anisotropy: scalars(pair.anisotropy), spring: S::default() }
+    }
+
+    /// A spring and a damper along the normal, taken at the end of the step as Euler's implicit rule does: f = -K (r + h v+) - D v+ is
+    /// R f = a_ref - a with R = 1 / (h (h K + D)) and a_ref = -v/h - K r R. An impedance of 1/2 makes R the weight.
+    fn spring_contact<S: Scalar>(self, pair: &GeomPair) -> SoftContactLaw<S> {
+        let (ContactSpring { stiffness, damping }, h) = (pair.spring, self.timestep);
+        let weight = 1.0 / (h * (h * stiffness + damping));
+        let (of, zero) = (S::from_f64, S::default());
+        let normal = SoftLaw {
+            stiffness: of(2.0 * stiffness * weight),
+            damping: of(1.0 / h),
+            impedance: [of(0.5), zero],
+            inverse_width: zero,
+            midpoint: of(0.5),
+            factors: [of(1.0); 2],
+            power: of(1.0),
+            weight: of(weight),
+        };
+        let condim = pair.condim;
+        SoftContactLaw { normal, friction_damping: normal.damping, condim, anisotropy: scalars(pair.anisotropy), spring: normal.weight }
     }
 }
 

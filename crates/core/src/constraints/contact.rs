@@ -23,7 +23,13 @@ impl<R: Real> Constraints<R> {
         let curves = assembly.in_the_middle && self.moving != 0;
         let change = if self.has_impacts || curves { self.free_change(assembly) } else { zero() };
         self.half_solve::<3>(compiled, mass);
-        let (bias, position) = self.biases(options, assembly.gap(slot.point.distance), assembly.h, active);
+        let springs = compiled.has_contact_springs.then(|| self.give_way(input, contacts, k, lanes, [free[0], before[0]]));
+        let rigid = springs.as_ref().map_or(active, |row| active.and_not(row.lanes));
+        let (mut bias, mut position) = self.biases(options, assembly.gap(slot.point.distance), assembly.h, rigid);
+        if let Some(row) = &springs {
+            // Its position is the spring's, and nothing corrects it.
+            [bias, position] = [bias, position].map(|x| R::select(row.lanes, row.bias, x));
+        }
         let (bias, mut active) = self.bounce(compiled, options, slot, assembly, active, [free[0], before[0]], bias);
         let mut g = [[free[0] + bias, free[0] + position], [free[1]; 2], [free[2]; 2]];
         let lengths = self.eliminate(mass, &mut g);
@@ -44,6 +50,9 @@ impl<R: Real> Constraints<R> {
         );
         if let Some(lengths) = lengths {
             self.problem.contacts.set_trace_ratio(lengths.times());
+        }
+        if let Some(row) = &springs {
+            self.problem.contacts.set_compliance(row.compliance);
         }
         self.problem.contacts.set_position_demand([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
         self.iterate.contacts.push(select(active, slot.impulse, zero()));

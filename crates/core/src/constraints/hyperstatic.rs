@@ -139,7 +139,13 @@ impl<R: Real> Patches<R> {
             self.pairs.clear();
             self.of_contact.clear();
             for k in 0..contacts.count[lane] {
-                let geoms = compiled.pair_geoms(contacts.ids[k][lane].pair()).expect("made from this compiled");
+                let pair = contacts.ids[k][lane].pair();
+                // Springs say how loads are shared.
+                if compiled.has_contact_springs && compiled.pair(pair).spring.is_some() {
+                    self.of_contact.push(usize::MAX);
+                    continue;
+                }
+                let geoms = compiled.pair_geoms(pair).expect("made from this compiled");
                 let frames = geoms.map(|g| compiled.geoms[g].frame);
                 let known = self.pairs.iter().rposition(|(pair, _)| *pair == frames);
                 let patch = known.unwrap_or_else(|| {

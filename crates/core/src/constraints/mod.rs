@@ -3,6 +3,7 @@
 pub mod assembled_rows;
 pub mod constraint_set;
 pub mod contact;
+pub mod contact_spring;
 pub mod curvature;
 pub mod demands;
 pub mod dry_friction;

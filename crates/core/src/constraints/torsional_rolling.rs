@@ -32,7 +32,12 @@ impl<R: Real> Constraints<R> {
         let curves = assembly.in_the_middle && self.moving != 0;
         let change = if self.has_impacts || curves { self.free_change(assembly) } else { zero() };
         self.half_solve::<3>(compiled, mass);
-        let (bias, position) = self.biases(input.options, assembly.gap(slot.point.distance), assembly.h, active);
+        let springs = compiled.has_contact_springs.then(|| self.give_way(input, contacts, k, lanes, [free[0], before[0]]));
+        let rigid = springs.as_ref().map_or(active, |row| active.and_not(row.lanes));
+        let (mut bias, mut position) = self.biases(input.options, assembly.gap(slot.point.distance), assembly.h, rigid);
+        if let Some(row) = &springs {
+            [bias, position] = [bias, position].map(|x| R::select(row.lanes, row.bias, x));
+        }
         let (bias, mut active) = self.bounce(compiled, input.options, slot, assembly, active, [free[0], before[0]], bias);
         let mut slides = [[free[0] + bias, free[0] + position], [free[1]; 2], [free[2]; 2]];
         let sliding = self.eliminate(mass, &mut slides);
@@ -69,6 +74,9 @@ impl<R: Real> Constraints<R> {
         if let (Some(sliding), Some(turned)) = (sliding, turned) {
             let (whole, rest) = ([scale_tangents(sliding.whole, rub), turned.whole], [scale_tangents(sliding.rest, rub), turned.rest]);
             self.problem.rolling_contacts.set_trace_ratio(times(whole.as_flattened(), rest.as_flattened()));
+        }
+        if let Some(row) = &springs {
+            self.problem.rolling_contacts.set_compliance(row.compliance);
         }
         let change = |[velocity, position]: [R; 2]| position - velocity;
         let [spin, roll, other] = turns.map(change);

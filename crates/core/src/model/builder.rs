@@ -7,7 +7,7 @@ mod geom;
 mod joint;
 mod tendon;
 
-use crate::model::softness::mixing_share;
+use crate::model::softness::{ContactSpring, mixing_share};
 use crate::model::{Description, HeightField, Keyframe, Medium, Mesh, Model, ModelError, Pair, Sensor, SensorKind, Site};
 use crate::model::{SoftSettings, Softness};
 
@@ -281,8 +281,21 @@ impl ModelBuilder {
             let softness = Softness::mix(g.softness, h.softness, mixing_share([g.solmix, h.solmix]));
             let friction = *friction;
             let (solref_friction, anisotropy) = ([0.0; 2], [1.0; 2]);
+            let spring = ContactSpring::in_series([g.spring, h.spring]);
             let name = String::new();
-            model.pairs.push(Pair { name, geoms, condim, friction, restitution, margin, gap, softness, solref_friction, anisotropy });
+            model.pairs.push(Pair {
+                name,
+                geoms,
+                condim,
+                friction,
+                restitution,
+                margin,
+                gap,
+                softness,
+                solref_friction,
+                anisotropy,
+                spring,
+            });
         }
         for names in &self.excludes {
             let [a, b] = names.each_ref().map(|n| find(model.bodies.iter().map(|b| &b.name), n, "body", "exclude"));

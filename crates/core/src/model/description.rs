@@ -7,7 +7,7 @@ use crate::model::equality::Equality;
 use crate::model::fluid::{Ellipsoid, Medium};
 use crate::model::sensor::{Sensor, Site};
 use crate::model::shape::Shape;
-use crate::model::softness::{SoftSettings, Softness};
+use crate::model::softness::{ContactSpring, SoftSettings, Softness};
 use crate::model::tendon::Tendon;
 
 /// A scene before it is checked: bodies in a tree, their joints, shapes, actuators and sensors. Body 0 is the world.
@@ -179,7 +179,7 @@ pub struct Geom {
     pub priority: i32,
     /// Sliding (1), torsional (m), rolling (m). A pair takes the larger of each.
     pub friction: [f64; 3],
-    /// Newton's coefficient of restitution, 0 to 1. A pair takes the larger.
+    /// Newton's coefficient of restitution, 0 to 1. A pair takes the larger; one whose contacts are springs has none.
     pub restitution: f64,
     /// Distance at which a contact begins to push, m. A pair takes the sum.
     pub margin: f64,
@@ -193,6 +193,9 @@ pub struct Geom {
     pub softness: Softness,
     /// Weight of its softness when a pair mixes two.
     pub solmix: f64,
+    /// Physical softness of its surface. A pair has both springs in series.
+    #[serde(default)]
+    pub spring: ContactSpring,
 }
 
 /// A pair of geoms that collides whatever the filters say, with its own parameters.
@@ -219,6 +222,9 @@ pub struct Pair {
     /// Ratio of sliding friction along the second tangent to that along the first, and the same of rolling friction; MuJoCo's law alone
     /// knows of them.
     pub anisotropy: [f64; 2],
+    /// Physical softness of the contact.
+    #[serde(default)]
+    pub spring: ContactSpring,
 }
 
 /// What an actuator pulls on.

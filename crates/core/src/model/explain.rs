@@ -98,6 +98,7 @@ impl Model {
             pairs.iter().partition(|p| Kernel::of(&self.geoms[p.geoms[0]].shape, &self.geoms[p.geoms[1]].shape).is_some());
         let slick = kept.iter().filter(|p| p.condim == 1).count();
         let bouncing = kept.iter().filter(|p| p.restitution > 0.0).count();
+        let giving = kept.iter().filter(|p| !p.spring.is_rigid()).count();
         let turning = kept.iter().filter(|p| p.condim > 3).count();
         let rough = kept.len() - slick - turning;
         vec![
@@ -119,6 +120,7 @@ impl Model {
             ),
             Line::new(slick, format!("{slick} frictionless pairs: 1 row a contact"), "frictionless contacts"),
             Line::new(bouncing, format!("{bouncing} pairs bounce (Newton's restitution)"), "restitution"),
+            Line::new(giving, format!("{giving} pairs give way by a spring and a damper (N/m, N s/m)"), "contact stiffness"),
         ]
     }
 

@@ -20,7 +20,7 @@ use crate::model::{Description, Model, ModelError};
 const MAGIC: [u8; 8] = *b"stepper\xff";
 
 /// Version of the format of saved models; changes whenever the payload does.
-pub const FORMAT_VERSION: u32 = 11;
+pub const FORMAT_VERSION: u32 = 12;
 
 const HEADER: usize = 8 + 4 + 32;
 const MEMORY: &str = "saved model";

@@ -17,7 +17,7 @@
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, HashSet};
 
-use crate::model::softness::mixing_share;
+use crate::model::softness::{ContactSpring, mixing_share};
 use crate::model::{Description, Geom, Pair, Shape, Softness};
 
 /// Two geoms that can collide, and what a contact between them is like.
@@ -42,6 +42,8 @@ pub struct GeomPair {
     pub solref_friction: [f64; 2],
     /// See [`Pair::anisotropy`](crate::model::Pair::anisotropy).
     pub anisotropy: [f64; 2],
+    /// Physical softness.
+    pub spring: ContactSpring,
 }
 
 /// Why two geoms do not collide, or that they do.
@@ -106,6 +108,7 @@ struct Surface {
     gap: f64,
     softness: Softness,
     solmix: f64,
+    spring: ContactSpring,
 }
 
 /// For every body the body that leads its rigid group: itself if it has joints or is posed by the user, else its parent's leader. The
@@ -154,6 +157,7 @@ impl Filter {
                 gap: g.gap,
                 softness: g.softness,
                 solmix: g.solmix,
+                spring: g.spring,
             },
         };
         let tags = model.geoms.iter().map(tag).collect();
@@ -209,14 +213,21 @@ impl Filter {
         precedence(geoms.map(|g| &self.tags[g].surface))
     }
 
+    /// Whether a contact of the two geoms is rigid.
+    #[inline(always)]
+    pub(crate) fn is_rigid(&self, [a, b]: [usize; 2]) -> bool {
+        self.tags[a].surface.spring.is_rigid() && self.tags[b].surface.spring.is_rigid()
+    }
+
     /// The two geoms as a pair, if they collide. Geoms in the order of [`GeomPair`].
     pub(crate) fn pair(&self, geoms: [usize; 2]) -> Option<GeomPair> {
         match self.verdict(geoms) {
             Verdict::Collides => Some(mix(geoms, geoms.map(|g| &self.tags[g].surface))),
             Verdict::Explicit => {
                 let p = &self.pairs[self.explicit[&geoms]];
-                let &Pair { condim, friction, restitution, margin, gap, softness, solref_friction, anisotropy, .. } = p;
-                Some(GeomPair { geoms, condim, friction, restitution, margin, gap, softness, solref_friction, anisotropy })
+                let &Pair { condim, friction, margin, gap, softness, solref_friction, anisotropy, spring, .. } = p;
+                let restitution = bounce(spring, p.restitution);
+                Some(GeomPair { geoms, condim, friction, restitution, margin, gap, softness, solref_friction, anisotropy, spring })
             }
             _ => None,
         }
@@ -235,6 +246,11 @@ fn precedence([a, b]: [&Surface; 2]) -> (Ordering, u8) {
     (order, condim)
 }
 
+/// Restitution of a contact: what a spring stores and its damper loses is its own law.
+fn bounce(spring: ContactSpring, restitution: f64) -> f64 {
+    if spring.is_rigid() { restitution } else { 0.0 }
+}
+
 /// The contact parameters of two geoms without an explicit pair.
 fn mix(geoms: [usize; 2], [a, b]: [&Surface; 2]) -> GeomPair {
     let (order, condim) = precedence([a, b]);
@@ -248,16 +264,18 @@ fn mix(geoms: [usize; 2], [a, b]: [&Surface; 2]) -> GeomPair {
         Ordering::Less => b.softness,
         Ordering::Equal => Softness::mix(a.softness, b.softness, mixing_share([a.solmix, b.solmix])),
     };
+    let spring = ContactSpring::in_series([a.spring, b.spring]);
     GeomPair {
         geoms,
         condim,
         friction,
-        restitution: a.restitution.max(b.restitution),
+        restitution: bounce(spring, a.restitution.max(b.restitution)),
         margin: a.margin + b.margin,
         gap: a.gap + b.gap,
         softness,
         solref_friction: [0.0; 2],
         anisotropy: [1.0; 2],
+        spring,
     }
 }
 

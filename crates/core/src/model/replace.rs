@@ -1,7 +1,7 @@
 //! Models with other numbers: one table of fields, read and written alike.
 
 use crate::model::hulls::Source;
-use crate::model::{Body, Description, Equality, Geom, Joint, Model, ModelError, Shape, Tendon};
+use crate::model::{Body, Description, Equality, Geom, Joint, Model, ModelError, Pair, Shape, Tendon};
 
 /// Hands every number of a field, in order, to a visitor that may change it.
 type Visit = fn(&mut Description, &mut dyn FnMut(&mut f64));
@@ -50,6 +50,16 @@ pub const REPLACEABLE: &[Field] = &[
     rows("geom_solref", 2, "reference acceleration of contacts by MuJoCo's law", |m, f| each_geom(m, f, |g| &mut g.softness.solref)),
     rows("geom_solimp", 5, "impedance of contacts by MuJoCo's law", |m, f| each_geom(m, f, |g| &mut g.softness.solimp)),
     rows("geom_solmix", 1, "weight of a geom's softness in a pair", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.solmix))),
+    rows("geom_stiffness", 1, "stiffness of the surface, N/m; infinity is rigid", |m, f| {
+        each_geom(m, f, |g| std::slice::from_mut(&mut g.spring.stiffness))
+    }),
+    rows("geom_damping", 1, "damping of the surface, N s/m", |m, f| each_geom(m, f, |g| std::slice::from_mut(&mut g.spring.damping))),
+    rows("pair_stiffness", 1, "stiffness of an explicit pair's contacts, N/m; infinity is rigid", |m, f| {
+        each_pair(m, f, |p| std::slice::from_mut(&mut p.spring.stiffness))
+    }),
+    rows("pair_damping", 1, "damping of an explicit pair's contacts, N s/m", |m, f| {
+        each_pair(m, f, |p| std::slice::from_mut(&mut p.spring.damping))
+    }),
     rows("geom_size", 3, "radius, half length; or half sizes; or semi-axes; 0 where the shape has no number; m", |m, f| {
         m.geoms.iter_mut().for_each(|g| size(g, f));
     }),
@@ -115,6 +125,10 @@ fn each_body(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut 
 
 fn each_geom(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Geom) -> &mut [f64]) {
     model.geoms.iter_mut().flat_map(get).for_each(f);
+}
+
+fn each_pair(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Pair) -> &mut [f64]) {
+    model.pairs.iter_mut().flat_map(get).for_each(f);
 }
 
 fn each_joint(model: &mut Description, f: &mut dyn FnMut(&mut f64), get: fn(&mut Joint) -> &mut [f64]) {

@@ -32,6 +32,39 @@ impl Softness {
     }
 }
 
+/// A spring and a damper beside it, between what touches: physical softness, in either law of contact.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ContactSpring {
+    /// N/m; infinity is rigid.
+    pub stiffness: f64,
+    /// N s/m.
+    pub damping: f64,
+}
+
+impl Default for ContactSpring {
+    /// Rigid.
+    fn default() -> Self {
+        Self { stiffness: f64::INFINITY, damping: 0.0 }
+    }
+}
+
+impl ContactSpring {
+    /// Whether nothing gives way.
+    pub fn is_rigid(&self) -> bool {
+        self.stiffness.is_infinite()
+    }
+
+    /// Two surfaces that press on one another: springs in series, which share the depth inversely to their stiffnesses, and the damping that
+    /// dissipates what both do at these shares.
+    pub(crate) fn in_series([a, b]: [Self; 2]) -> Self {
+        if a.is_rigid() || b.is_rigid() {
+            return if a.is_rigid() { b } else { a };
+        }
+        let [share_a, share_b] = [b.stiffness, a.stiffness].map(|k| k / (a.stiffness + b.stiffness));
+        Self { stiffness: a.stiffness * share_a, damping: a.damping * share_a * share_a + b.damping * share_b * share_b }
+    }
+}
+
 /// Below this MuJoCo takes a number for zero (`mjMINVAL`).
 pub(crate) const MIN_VALUE: f64 = 1e-15;
 

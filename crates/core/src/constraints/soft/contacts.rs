@@ -19,6 +19,8 @@ struct ContactLaw<R: Real> {
     impedance: R,
     /// Approximate inverse inertia.
     weight: R,
+    /// Regularisation of a spring's normal force, 0 for other contacts.
+    spring_weight: R,
     /// Damping of friction rows.
     friction_damping: R,
     /// Coefficients of friction: sliding twice, torsional, rolling twice.
@@ -32,7 +34,15 @@ impl<R: Real> ContactLaw<R> {
     fn gather(input: SoftInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> Self {
         let (compiled, slot) = (input.row.compiled, &contacts.data[k]);
         let z = R::zero();
-        let mut law = Self { spring: [z; 2], impedance: R::of(0.5), weight: z, friction_damping: z, friction: [R::one(); 5], frictions: z };
+        let mut law = Self {
+            spring: [z; 2],
+            impedance: R::of(0.5),
+            weight: z,
+            spring_weight: z,
+            friction_damping: z,
+            friction: [R::one(); 5],
+            frictions: z,
+        };
         for (pair, lanes) in contacts.pairs(k, lanes) {
             let there = R::Mask::from_bits(lanes);
             let own: SoftContactLaw<R::Scalar> = compiled.soft_contact(input.softness, pair);
@@ -46,6 +56,7 @@ impl<R: Real> ContactLaw<R> {
             let spring = [R::splat(own.normal.stiffness) * impedance, R::splat(own.normal.damping)];
             law.spring = [R::select(there, spring[0], law.spring[0]), R::select(there, spring[1], law.spring[1])];
             law.weight = R::select(there, R::splat(own.normal.weight), law.weight);
+            law.spring_weight = R::select(there, R::splat(own.spring), law.spring_weight);
             law.friction_damping = R::select(there, R::splat(own.friction_damping), law.friction_damping);
             for i in 0..5 {
                 law.friction[i] = R::select(there, friction[i], law.friction[i]);
@@ -85,6 +96,9 @@ impl<R: Real> ContactLaw<R> {
         weight[0] = R::select(active, one / normal, zero);
         // Edges of a pyramid without friction are both the normal.
         let edge = R::select(rubs, R::of(2.0) * cone_mu * cone_mu * normal, normal + normal);
+        // All edges together bear what a spring does.
+        let edges = R::of(2.0) * self.frictions.max(one);
+        let edge = R::select(self.spring_weight.gt(zero), edges * self.spring_weight, edge);
         for i in 1..N {
             let exists = active.and(R::of(i as f64).le(self.frictions));
             scale[i] = R::select(exists, self.friction[i - 1], zero);

@@ -3,7 +3,7 @@
 use nalgebra::{Quaternion, UnitQuaternion};
 
 use crate::model::builder::WORLD;
-use crate::model::{Description, Geom, MassProperties, Shape, Softness};
+use crate::model::{ContactSpring, Description, Geom, MassProperties, Shape, Softness};
 
 /// Density of a geom that gives neither mass nor density: that of water, kg/m^3.
 const DENSITY: f64 = 1000.0;
@@ -36,6 +36,7 @@ impl GeomBuilder {
             fluid: None,
             softness: Softness::default(),
             solmix: 1.0,
+            spring: ContactSpring::default(),
         };
         Self { geom, mass: None, density: DENSITY }
     }
@@ -130,6 +131,12 @@ impl GeomBuilder {
     /// Sets friction: sliding (1), torsional (m), rolling (m).
     pub fn friction(mut self, friction: [f64; 3]) -> Self {
         self.geom.friction = friction;
+        self
+    }
+
+    /// Makes its surface a spring (N/m) and a damper (N s/m) in place of a rigid one.
+    pub fn spring(mut self, stiffness: f64, damping: f64) -> Self {
+        self.geom.spring = ContactSpring { stiffness, damping };
         self
     }
 

@@ -219,6 +219,7 @@ fn geoms(model: &Description) -> Checked {
             at.size("virtual inertia", &e.virtual_inertia, " m^5")?;
         }
         at.contact(geom.condim, &geom.friction, geom.restitution, geom.margin, geom.gap)?;
+        at.spring(geom.spring)?;
     }
     Ok(())
 }
@@ -231,6 +232,7 @@ fn pairs(model: &Description) -> Checked {
             return at.fail(format!("geom {:?} against itself", model.geom_label(pair.geoms[0])), "name two geoms");
         }
         at.contact(pair.condim, &pair.friction, pair.restitution, pair.margin, pair.gap)?;
+        at.spring(pair.spring)?;
     }
     for (i, exclude) in model.excludes.iter().enumerate() {
         exclude.iter().try_for_each(|&b| Element::new("exclude", "", i).index("body", b, model.bodies.len()))?;

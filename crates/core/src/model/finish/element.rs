@@ -2,6 +2,7 @@
 
 use crate::model::description::{Description, JointKind, label};
 use crate::model::error::ModelError;
+use crate::model::softness::ContactSpring;
 
 pub(in crate::model) type Checked = Result<(), ModelError>;
 
@@ -77,6 +78,19 @@ impl Element {
             JointKind::Slide | JointKind::Hinge => return Ok(()),
         };
         self.fail(format!("refers to joint {:?}, a {kind} joint", model.joint_label(joint)), "refer to a hinge or slide")
+    }
+
+    /// Physical softness of a contact.
+    pub(in crate::model) fn spring(&self, spring: ContactSpring) -> Checked {
+        let ContactSpring { stiffness, damping } = spring;
+        if stiffness.is_nan() || stiffness <= 0.0 {
+            return self.fail(format!("stiffness is {stiffness} N/m"), "give a number above 0, infinity for a rigid surface");
+        }
+        self.size("damping", &[damping], " N s/m")?;
+        if spring.is_rigid() && damping > 0.0 {
+            return self.fail(format!("damping is {damping} N s/m of a rigid surface"), "give it a stiffness too");
+        }
+        Ok(())
     }
 
     pub(in crate::model) fn contact(&self, condim: u8, friction: &[f64], restitution: f64, margin: f64, gap: f64) -> Checked {

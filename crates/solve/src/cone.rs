@@ -37,16 +37,6 @@ pub(crate) fn norm2<R: Real>(x: R, y: R) -> R {
     (x * x + y * y).sqrt()
 }
 
-/// Distance `|a - b|` of two vectors.
-#[inline(always)]
-pub(crate) fn distance<R: Real, const N: usize>(a: [R; N], b: [R; N]) -> R {
-    let mut sum = (a[0] - b[0]).square();
-    for i in 1..N {
-        sum += (a[i] - b[i]).square();
-    }
-    sum.sqrt()
-}
-
 /// Zero-masking: `x` where `m`, else zero.
 #[inline(always)]
 pub(crate) fn masked<R: Real>(m: R::Mask, x: R) -> R {

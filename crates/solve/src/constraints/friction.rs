@@ -7,7 +7,7 @@ use std::ops::{Index, IndexMut, Range};
 
 use crate::admissible_set::AdmissibleSet;
 use crate::capacity::Capacity;
-use crate::cone::{distance, masked, movable, project};
+use crate::cone::{masked, movable, project};
 use crate::constraints::constraint_set::{
     ConstraintSet, Damping, LaneConstraint, LaneReceiver, ReferenceRows, Row, Rows, SavedConstraint, SweepLanes, Unknowns, is_nonzero,
     number_of,
@@ -37,8 +37,13 @@ pub trait LocalSolver<R: Real, const N: usize>: Clone + Debug + Sized {
     /// Mean diagonal entry of the block of G, before elimination of separate rows, 1/kg.
     fn mobility(&self, step: &NaturalStep<R>) -> R;
 
-    /// Adds a compliance to the normal row and one to the others, and takes them into account in the step of the natural map.
-    fn add_compliance(&mut self, compliance: [R; 2], step: &mut NaturalStep<R>);
+    /// Adds a compliance to all rows, and takes it into account in the step of the natural map, which is of a block without `own` in the
+    /// normal's diagonal entry.
+    fn damp(&mut self, compliance: R, own: R, step: &mut NaturalStep<R>);
+
+    /// Adds a compliance to the normal row alone, of which the natural map takes no account; returns the ratio of the normal's diagonal
+    /// entry before to that after it.
+    fn give(&mut self, compliance: R) -> R;
 
     /// Gathers some lanes.
     fn gather(&self, map: &LaneMap) -> Self::Half;
@@ -105,6 +110,8 @@ pub struct FrictionContact<R: Real, const N: usize, L> {
     pub position_g: [R; N],
     /// Compliance R of the normal row, at least 0: the velocity that it yields per unit of impulse. 0 is hard.
     pub(crate) compliance: R,
+    /// Part of an error in the normal row that a velocity is off by, and no spring takes up: G_nn / (G_nn + R), 1 for a hard row.
+    firmness: R,
     /// Compliance of all rows by which the position solve is damped.
     damping: R,
     /// Step of the natural map.
@@ -121,7 +128,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
         for k in 0..N {
             self.g[k] -= compliance * lambda[k];
         }
-        self.local.add_compliance([compliance; 2], &mut self.step);
+        self.local.damp(compliance, self.compliance, &mut self.step);
     }
 
     #[inline(always)]
@@ -135,6 +142,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
             g: map.gather_array(&self.g),
             position_g: [R::Half::zero(); N],
             compliance: map.gather(self.compliance),
+            firmness: map.gather(self.firmness),
             damping: map.gather(self.damping),
             step: NaturalStep {
                 rho: map.gather(self.step.rho),
@@ -203,6 +211,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
             g,
             position_g,
             compliance: R::zero(),
+            firmness: R::one(),
             damping: R::zero(),
             step: NaturalStep::of_trace::<N>(trace),
             local,
@@ -232,7 +241,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContacts<R, N, L> {
     pub fn set_compliance(&mut self, compliance: R) {
         if let Some(contact) = self.rows.items.last_mut() {
             contact.compliance = compliance;
-            contact.local.add_compliance([compliance, R::zero()], &mut contact.step);
+            contact.firmness = contact.local.give(compliance);
             self.rows.compliant = true;
         }
     }
@@ -510,7 +519,12 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
                 moved[0] -= rho * v[0];
                 moved[0] -= rho * slip;
             }
-            f(masked(contact.active, distance(lambda, L::project(moved, mu)) * contact.step.inv_rho));
+            let image = L::project(moved, mu);
+            let mut apart = ((lambda[0] - image[0]) * contact.firmness).square();
+            for k in 1..N {
+                apart += (lambda[k] - image[k]).square();
+            }
+            f(masked(contact.active, apart.sqrt() * contact.step.inv_rho));
         }
     }
 

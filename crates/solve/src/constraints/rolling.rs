@@ -100,6 +100,26 @@ impl<R: Real> RollingSolver<R> {
         }
         (rate, x, push - dot(self.coupling, x))
     }
+
+    /// Adds a compliance to the normal row and one to the others; returns the ratio of the normal's diagonal entry before to that after it.
+    /// The principal axes stay: they serve the update alone.
+    #[inline(always)]
+    fn add_compliance(&mut self, [normal, tangential]: [R; 2]) -> R {
+        let nn = self.nn;
+        self.nn += normal;
+        self.inv_gnn = R::one() / self.nn;
+        let (ratio, mut largest) = (nn * self.inv_gnn, R::zero());
+        for i in 0..T {
+            // Of the tangential block, what the normal impulse no longer takes away.
+            let freed = self.coupling[i] * self.coupling[i] * nn * (R::one() - ratio);
+            self.a[i] += tangential + freed;
+            self.inv_a[i] = R::one() / self.a[i];
+            self.coupling[i] *= ratio;
+            largest = largest.max(self.a[i]);
+        }
+        self.step = R::one() / (largest + self.nn * dot(self.coupling, self.coupling));
+        ratio
+    }
 }
 
 impl<R: Real> LocalSolver<R, 6> for RollingSolver<R> {
@@ -180,24 +200,16 @@ impl<R: Real> LocalSolver<R, 6> for RollingSolver<R> {
         step.inv_rho
     }
 
-    /// The principal axes stay: they serve the update alone.
     #[inline(always)]
-    fn add_compliance(&mut self, [normal, tangential]: [R; 2], step: &mut NaturalStep<R>) {
-        let nn = self.nn;
-        self.nn += normal;
-        self.inv_gnn = R::one() / self.nn;
-        let (ratio, mut largest) = (nn * self.inv_gnn, R::zero());
-        for i in 0..T {
-            // Of the tangential block, what the normal impulse no longer takes away.
-            let freed = self.coupling[i] * self.coupling[i] * nn * (R::one() - ratio);
-            self.a[i] += tangential + freed;
-            self.inv_a[i] = R::one() / self.a[i];
-            self.coupling[i] *= ratio;
-            largest = largest.max(self.a[i]);
-        }
-        self.step = R::one() / (largest + self.nn * dot(self.coupling, self.coupling));
-        step.inv_rho += (tangential + (normal - tangential) * R::of(1.0 / 6.0)) * step.trace_ratio;
+    fn damp(&mut self, compliance: R, _own: R, step: &mut NaturalStep<R>) {
+        self.add_compliance([compliance; 2]);
+        step.inv_rho += compliance * step.trace_ratio;
         step.rho = R::one() / step.inv_rho;
+    }
+
+    #[inline(always)]
+    fn give(&mut self, compliance: R) -> R {
+        self.add_compliance([compliance, R::zero()])
     }
 
     #[inline(always)]

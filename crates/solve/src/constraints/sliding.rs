@@ -184,11 +184,19 @@ impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
     }
 
     #[inline(always)]
-    fn add_compliance(&mut self, [normal, tangential]: [R; 2], step: &mut NaturalStep<R>) {
-        for (k, compliance) in [(0, normal), (3, tangential), (5, tangential)] {
+    fn damp(&mut self, compliance: R, own: R, step: &mut NaturalStep<R>) {
+        for k in [0, 3, 5] {
             self.gram[k] += compliance;
         }
-        *step = NaturalStep::of_trace::<3>(self.prepare()).with_trace_ratio(step.trace_ratio);
+        *step = NaturalStep::of_trace::<3>(self.prepare() - own).with_trace_ratio(step.trace_ratio);
+    }
+
+    #[inline(always)]
+    fn give(&mut self, compliance: R) -> R {
+        let before = self.gram[0];
+        self.gram[0] += compliance;
+        self.prepare();
+        before * self.inv_gnn
     }
 
     #[inline(always)]

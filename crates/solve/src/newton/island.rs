@@ -23,6 +23,10 @@ pub(super) struct Block {
     pub(super) rho: f64,
     /// Compliance R >= 0 on the diagonal of G, the same for all of its rows.
     pub(super) compliance: f64,
+    /// Step of the natural map by which the residual is measured: of a block without the first row's own compliance.
+    natural_step: f64,
+    /// Part of an error in the first row that no compliance of its own takes up.
+    firmness: f64,
 }
 
 /// Constraints over some coordinates of w, whose number is a multiple of [`TILE`].
@@ -63,7 +67,11 @@ impl Island {
             }
             self.g.extend_from_slice(&lane.g[block.rows.clone()]);
             self.lambda.extend_from_slice(&lane.lambda[block.rows.clone()]);
-            let trace = (inner(entries, entries) + block.compliance * dim as f64) * block.trace_ratio;
+            let own = if block.normal_compliance > 0.0 { dim } else { 0 };
+            let bodies = &entries[..entries.len() - own];
+            let damped = block.compliance * dim as f64;
+            let trace = (inner(entries, entries) + damped) * block.trace_ratio;
+            let normal = bodies.iter().step_by(dim).map(|y| y * y).sum::<f64>() + block.compliance;
             self.blocks.push(Block {
                 set: block.set,
                 span,
@@ -71,6 +79,12 @@ impl Island {
                 rows: row..row + dim,
                 rho: dim as f64 / trace,
                 compliance: block.compliance,
+                natural_step: if own == 0 {
+                    dim as f64 / trace
+                } else {
+                    dim as f64 / ((inner(bodies, bodies) + damped) * block.trace_ratio)
+                },
+                firmness: if own == 0 { 1.0 } else { normal / (normal + block.normal_compliance) },
             });
         }
     }
@@ -131,7 +145,8 @@ impl Island {
             for i in block.rows.clone() {
                 v[i] += block.compliance * self.lambda[i] + self.g[i];
             }
-            let own = block.set.natural_residual(&self.lambda[block.rows.clone()], &v[block.rows.clone()], block.rho);
+            let own =
+                block.set.natural_residual(&self.lambda[block.rows.clone()], &v[block.rows.clone()], block.natural_step, block.firmness);
             // A NaN stays.
             worst = if own <= worst { worst } else { own };
         }

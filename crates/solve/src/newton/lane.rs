@@ -25,6 +25,8 @@ pub(super) struct LaneBlock {
     pub(super) rows: Range<usize>,
     /// Compliance R >= 0 on the diagonal of G, the same for all of its rows.
     pub(super) compliance: f64,
+    /// What the first row has besides: the square of the last coordinate's entry, 0 where it has no coordinate of its own.
+    pub(super) normal_compliance: f64,
     /// Ratio of trace(G_ii) before elimination of separate rows to that after it, at least 1.
     pub(super) trace_ratio: f64,
 }
@@ -127,7 +129,7 @@ impl LaneReceiver for Lane {
             self.g.extend_from_slice(&g);
             self.lambda.extend_from_slice(&lambda);
             let (support, rows) = (s0..self.support.len(), row..row + N);
-            self.blocks.push(LaneBlock { set, kind: self.kind, source, support, y: y0, rows, compliance, trace_ratio });
+            self.blocks.push(LaneBlock { set, kind: self.kind, source, support, y: y0, rows, compliance, normal_compliance, trace_ratio });
         }
     }
 

@@ -18,7 +18,7 @@ struct Case {
 
 fn case() -> impl Strategy<Value = Case> {
     // From that of steel to that of a sponge, in units of the contact's mobility.
-    let compliance = || prop_oneof![1 => Just(0.0), 4 => (-6.0..1.0_f64).prop_map(|x| 10.0_f64.powf(x))];
+    let compliance = || prop_oneof![1 => Just(0.0), 4 => (-6.0..4.0_f64).prop_map(|x| 10.0_f64.powf(x))];
     let speed = || -1.0..1.0_f64;
     let sliding = (prop::collection::vec(prop::array::uniform3(-1.0..1.0), N), prop::array::uniform3(speed()), compliance());
     let rolling = (prop::collection::vec(prop::array::uniform6(-1.0..1.0), N), prop::array::uniform6(speed()), compliance());
@@ -59,15 +59,20 @@ fn a_spring_is_a_coordinate_that_no_other_contact_sees() {
             let settings = Settings { sweeps, newton_steps, tolerance: 1e-11, newton_threshold: 1e-11 };
             let (problem, mut iterate) = build(&case, false);
             let outcome = solve(&problem, &mut iterate, settings, true, &mut Newton::default());
-            prop_assert!((outcome.residual - residual(&problem, &iterate)).abs() <= 1e-13);
+            prop_assert!((outcome.residual - residual(&problem, &iterate)).abs() <= 1e-13 * (1.0 + outcome.residual));
             prop_assume!(solved.count(outcome.residual <= 1e-11));
-            // The impulses solve the other problem: the velocities of its rows are the same numbers in another order.
+            // The impulses solve the other problem: the velocities of its rows are the same numbers in another order. An error of its springs
+            // is larger by G_nn / (G_nn + R) than what is left of it in the motion of the bodies, which the residual of the first says.
+            let square = |y: f64| y * y;
+            let normals = case.sliding.iter().map(|(y, _, r)| (y.iter().map(|y| square(y[0])).sum::<f64>(), *r));
+            let rolling = (case.rolling.0.iter().map(|y| square(y[0])).sum::<f64>(), case.rolling.2);
+            let softest = normals.chain([rolling]).fold(1.0, |most: f64, (g, r)| most.max((g + r) / g));
             let (other, mut again) = build(&case, true);
             again.contacts.clone_from(&iterate.contacts);
             again.rolling_contacts.clone_from(&iterate.rolling_contacts);
             again.compute_w(&other);
             let most = again.w.iter().fold(1.0_f64, |most, x| most.max(x.abs()));
-            prop_assert!(residual(&other, &again) <= 1e-11 + 1e-13 * most, "{}", residual(&other, &again));
+            prop_assert!(residual(&other, &again) <= softest * (1e-11 + 1e-13 * most), "{}", residual(&other, &again));
         });
         solved.at_least(if newton_steps == 0 { 0.5 } else { 0.9 }, "solved");
     }

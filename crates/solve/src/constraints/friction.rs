@@ -37,9 +37,8 @@ pub trait LocalSolver<R: Real, const N: usize>: Clone + Debug + Sized {
     /// Mean diagonal entry of the block of G, before elimination of separate rows, 1/kg.
     fn mobility(&self, step: &NaturalStep<R>) -> R;
 
-    /// Adds a compliance to all rows, and takes it into account in the step of the natural map, which is of a block without `own` in the
-    /// normal's diagonal entry.
-    fn damp(&mut self, compliance: R, own: R, step: &mut NaturalStep<R>);
+    /// Adds a compliance to all rows, and takes it into account in the step of the natural map.
+    fn damp(&mut self, compliance: R, step: &mut NaturalStep<R>);
 
     /// Adds a compliance to the normal row alone, of which the natural map takes no account; returns the ratio of the normal's diagonal
     /// entry before to that after it.
@@ -128,7 +127,7 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> FrictionContact<R, N, L> {
         for k in 0..N {
             self.g[k] -= compliance * lambda[k];
         }
-        self.local.damp(compliance, self.compliance, &mut self.step);
+        self.local.damp(compliance, &mut self.step);
     }
 
     #[inline(always)]

@@ -19,6 +19,8 @@ pub type SlidingContacts<R> = FrictionContacts<R, 3, SlidingSolver<R>>;
 pub struct SlidingSolver<R: Real> {
     /// G_nn, G_na, G_nb, G_aa, G_ab, G_bb, compliance included.
     gram: [R; 6],
+    /// Compliance of the normal row alone, which is a part of G_nn: no measure of what moves.
+    own: R,
     inv_gnn: R,
     /// Principal axis of A: (cos, sin).
     axis: [R; 2],
@@ -30,12 +32,12 @@ pub struct SlidingSolver<R: Real> {
 }
 
 impl<R: Real> SlidingSolver<R> {
-    /// Prepares the exact solution for the present block of G; returns its trace.
+    /// Prepares the exact solution for the present block of G; returns its trace without the normal's own compliance.
     #[inline(always)]
     fn prepare(&mut self) -> R {
         let [nn, na, nb, aa, ab, bb] = self.gram;
         let inv_gnn = R::one() / nn;
-        let trace = nn + aa + bb;
+        let trace = nn + aa + bb - self.own;
 
         let (a11, a12, a22) = (aa - na * na * inv_gnn, ab - na * nb * inv_gnn, bb - nb * nb * inv_gnn);
         let (mean, half) = ((a11 + a22) * R::of(0.5), (a11 - a22) * R::of(0.5));
@@ -119,6 +121,7 @@ impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
         }
         let mut solver = Self {
             gram: block,
+            own: R::zero(),
             inv_gnn: R::one(),
             axis: [R::one(), R::zero()],
             a: [R::one(); 2],
@@ -171,7 +174,7 @@ impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
         let n = (lambda[0] - v[0] * self.inv_gnn).max(zero);
         let d = n - lambda[0];
         let half = (aa - bb) * R::of(0.5);
-        let step = R::one() / ((aa + bb) * R::of(0.5) + norm2(half, ab)).max(least_tangent(self.gram[0] + aa + bb));
+        let step = R::one() / ((aa + bb) * R::of(0.5) + norm2(half, ab)).max(least_tangent(self.gram[0] + aa + bb - self.own));
         let x = [lambda[1] - (v[1] + na * d) * step, lambda[2] - (v[2] + nb * d) * step];
         let (length, most) = (norm2(x[0], x[1]), mu * n);
         let scale = R::select(length.gt(most), most / R::select(length.gt(zero), length, R::one()), R::one());
@@ -180,21 +183,22 @@ impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
 
     #[inline(always)]
     fn mobility(&self, step: &NaturalStep<R>) -> R {
-        (self.gram[0] + self.gram[3] + self.gram[5]) * step.trace_ratio * R::of(1.0 / 3.0)
+        (self.gram[0] + self.gram[3] + self.gram[5] - self.own) * step.trace_ratio * R::of(1.0 / 3.0)
     }
 
     #[inline(always)]
-    fn damp(&mut self, compliance: R, own: R, step: &mut NaturalStep<R>) {
+    fn damp(&mut self, compliance: R, step: &mut NaturalStep<R>) {
         for k in [0, 3, 5] {
             self.gram[k] += compliance;
         }
-        *step = NaturalStep::of_trace::<3>(self.prepare() - own).with_trace_ratio(step.trace_ratio);
+        *step = NaturalStep::of_trace::<3>(self.prepare()).with_trace_ratio(step.trace_ratio);
     }
 
     #[inline(always)]
     fn give(&mut self, compliance: R) -> R {
         let before = self.gram[0];
         self.gram[0] += compliance;
+        self.own = compliance;
         self.prepare();
         before * self.inv_gnn
     }
@@ -203,6 +207,7 @@ impl<R: Real> LocalSolver<R, 3> for SlidingSolver<R> {
     fn gather(&self, map: &LaneMap) -> SlidingSolver<R::Half> {
         SlidingSolver {
             gram: map.gather_array(&self.gram),
+            own: map.gather(self.own),
             inv_gnn: map.gather(self.inv_gnn),
             axis: map.gather_array(&self.axis),
             a: map.gather_array(&self.a),

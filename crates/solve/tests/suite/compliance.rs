@@ -2,8 +2,11 @@
 
 use crate::common::{Share, cases};
 use proptest::prelude::*;
+use stepper_real::{F32x16, Mask, Real};
 use stepper_solve::newton::Newton;
 use stepper_solve::{Capacity, Iterate, Problem, Settings, residual, solve};
+
+type R32 = F32x16;
 
 /// Coordinates of the bodies.
 const N: usize = 10;
@@ -26,7 +29,7 @@ fn case() -> impl Strategy<Value = Case> {
 }
 
 /// The problem with compliances, or with a coordinate of its own for every spring.
-fn build(case: &Case, springs_as_coordinates: bool) -> (Problem<f64>, Iterate<f64>) {
+fn build<R: Real>(case: &Case, springs_as_coordinates: bool) -> (Problem<R>, Iterate<R>) {
     let contacts = case.sliding.len();
     let mut capacity = Capacity::of_coordinates(N + contacts + 1);
     (capacity.contacts, capacity.rolling_contacts, capacity.contact_support) = (contacts, 1, N + 1);
@@ -34,19 +37,21 @@ fn build(case: &Case, springs_as_coordinates: bool) -> (Problem<f64>, Iterate<f6
     iterate.clear();
     let support = |k: usize| -> Vec<u32> { (0..N as u32).chain(springs_as_coordinates.then_some((N + k) as u32)).collect() };
     for (k, (y, g, compliance)) in case.sliding.iter().enumerate() {
-        problem.push_contact(&support(k), |c| *y.get(c).unwrap_or(&[compliance.sqrt(), 0.0, 0.0]), true, case.mu, *g);
+        let y = |c: usize| y.get(c).unwrap_or(&[compliance.sqrt(), 0.0, 0.0]).map(R::of);
+        problem.push_contact(&support(k), y, Mask::splat(true), R::of(case.mu), g.map(R::of));
         if !springs_as_coordinates {
-            problem.contacts.set_compliance(*compliance);
+            problem.contacts.set_compliance(R::of(*compliance));
         }
-        iterate.contacts.push([0.0; 3]);
+        iterate.contacts.push([R::zero(); 3]);
     }
     let (y, g, compliance) = &case.rolling;
     let spring = [compliance.sqrt(), 0.0, 0.0, 0.0, 0.0, 0.0];
-    problem.push_rolling_contact(&support(contacts), |c| *y.get(c).unwrap_or(&spring), true, case.mu, *g);
+    let y = |c: usize| y.get(c).unwrap_or(&spring).map(R::of);
+    problem.push_rolling_contact(&support(contacts), y, Mask::splat(true), R::of(case.mu), g.map(R::of));
     if !springs_as_coordinates {
-        problem.rolling_contacts.set_compliance(*compliance);
+        problem.rolling_contacts.set_compliance(R::of(*compliance));
     }
-    iterate.rolling_contacts.push([0.0; 6]);
+    iterate.rolling_contacts.push([R::zero(); 6]);
     iterate.compute_w(&problem);
     (problem, iterate)
 }
@@ -57,7 +62,7 @@ fn a_spring_is_a_coordinate_that_no_other_contact_sees() {
         let solved = Share::default();
         proptest!(cases(300), |(case in case())| {
             let settings = Settings { sweeps, newton_steps, tolerance: 1e-11, newton_threshold: 1e-11 };
-            let (problem, mut iterate) = build(&case, false);
+            let (problem, mut iterate) = build::<f64>(&case, false);
             let outcome = solve(&problem, &mut iterate, settings, true, &mut Newton::default());
             prop_assert!((outcome.residual - residual(&problem, &iterate)).abs() <= 1e-13 * (1.0 + outcome.residual));
             prop_assume!(solved.count(outcome.residual <= 1e-11));
@@ -67,7 +72,7 @@ fn a_spring_is_a_coordinate_that_no_other_contact_sees() {
             let normals = case.sliding.iter().map(|(y, _, r)| (y.iter().map(|y| square(y[0])).sum::<f64>(), *r));
             let rolling = (case.rolling.0.iter().map(|y| square(y[0])).sum::<f64>(), case.rolling.2);
             let softest = normals.chain([rolling]).fold(1.0, |most: f64, (g, r)| most.max((g + r) / g));
-            let (other, mut again) = build(&case, true);
+            let (other, mut again) = build::<f64>(&case, true);
             again.contacts.clone_from(&iterate.contacts);
             again.rolling_contacts.clone_from(&iterate.rolling_contacts);
             again.compute_w(&other);
@@ -76,4 +81,19 @@ fn a_spring_is_a_coordinate_that_no_other_contact_sees() {
         });
         solved.at_least(if newton_steps == 0 { 0.5 } else { 0.9 }, "solved");
     }
+}
+
+#[test]
+fn what_is_much_softer_than_bodies_are_heavy_is_solved_in_32_bits_too() {
+    let solved = Share::default();
+    proptest!(cases(300), |(case in case())| {
+        // Velocities of 1 m/s to eight roundings, as the default of 32 bits has them.
+        let settings = Settings { sweeps: 500, newton_steps: 0, tolerance: R32::of(1.2e-6), newton_threshold: R32::of(1.2e-6) };
+        let (problem, mut iterate) = build::<R32>(&case, false);
+        let outcome = solve(&problem, &mut iterate, settings, Mask::splat(true), &mut Newton::default());
+        let left = f64::from(outcome.residual.lane(0));
+        prop_assert!(left.is_finite());
+        solved.count(left <= 1e-5);
+    });
+    solved.at_least(0.9, "solved in 32 bits");
 }

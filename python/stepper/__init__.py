@@ -13,6 +13,7 @@ from stepper._status import Status
 from stepper._stepper import Model, ModelError, State, Stepper, __version__, cpu_levels
 from stepper.actuators import PID, ActuatorModel, DCMotor, Drive
 from stepper.experiments.compare import Comparison, compare
+from stepper.experiments.study import Outcome, Parameter, Policy, Report, Study, report, sweep
 from stepper.loading import ModelWarning, load
 from stepper.recording import Difference, Recorder, RecordingError, Replay, replay
 from stepper.sensors import Combination, RayFan, SensorModel, Transfer
@@ -29,14 +30,19 @@ __all__ = [
     "ModelError",
     "ModelWarning",
     "Options",
+    "Outcome",
+    "Parameter",
+    "Policy",
     "RayFan",
     "Recorder",
     "RecordingError",
     "Replay",
+    "Report",
     "SensorModel",
     "State",
     "Status",
     "Stepper",
+    "Study",
     "Transfer",
     "__version__",
     "compare",
@@ -44,6 +50,8 @@ __all__ = [
     "devices",
     "load",
     "replay",
+    "report",
+    "sweep",
 ]
 
 

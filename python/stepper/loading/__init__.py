@@ -1,5 +1,5 @@
 """Models from what others wrote: files, text, compiled models."""
 
-from stepper.loading.load import ModelWarning, load
+from stepper.loading.load import ModelWarning, compiled_of, load
 
-__all__ = ["ModelWarning", "load"]
+__all__ = ["ModelWarning", "compiled_of", "load"]

@@ -12,6 +12,7 @@ from stepper._options import Options
 from stepper._status import Status
 from stepper._stepper import Model, ModelError, State, Stepper, __version__, cpu_levels
 from stepper.actuators import PID, ActuatorModel, DCMotor, Drive
+from stepper.experiments.accuracy import Chart, Tuning, chart, tune
 from stepper.experiments.compare import Comparison, compare
 from stepper.experiments.study import Outcome, Parameter, Policy, Report, Study, report, sweep
 from stepper.loading import ModelWarning, load
@@ -21,6 +22,7 @@ from stepper.sensors import Combination, RayFan, SensorModel, Transfer
 __all__ = [
     "PID",
     "ActuatorModel",
+    "Chart",
     "Combination",
     "Comparison",
     "DCMotor",
@@ -44,7 +46,9 @@ __all__ = [
     "Stepper",
     "Study",
     "Transfer",
+    "Tuning",
     "__version__",
+    "chart",
     "compare",
     "cpu_levels",
     "devices",
@@ -52,6 +56,7 @@ __all__ = [
     "replay",
     "report",
     "sweep",
+    "tune",
 ]
 
 

@@ -195,7 +195,7 @@ def test_a_study_that_is_killed_goes_on_and_gives_the_same_table(tmp_path):
     """It is killed at moments of its own choosing, a line torn each time, until it is through."""
     stepper.sweep(tray(batch=4), tmp_path / "whole")
     draw, journal = random.Random(1), tmp_path / "cut" / "tray" / "journal"
-    for _ in range(5):
+    for _ in range(3):
         with child(tmp_path / "cut") as process:
             for _ in range(draw.randint(1, 4)):
                 process.stdout.readline()

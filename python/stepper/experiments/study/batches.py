@@ -195,7 +195,7 @@ def drive_through(
         drive.begin(world)
     look(world)
     for _ in range(study.controls):
-        ctrl = None if drive is None else drive(world)
+        world.last_ctrl = ctrl = None if drive is None else drive(world)
         for _ in range(1 if each is None else nstep):
             world.advance(ctrl, nstep if each is None else 1)
             if each is not None:

@@ -254,10 +254,10 @@ def _contacts(study: Study, seen: Touching) -> list[Section]:
             *(max(g.condim for g in both), max(g.restitution for g in both), *told),
         ])  # fmt: skip
     words = [
-        f"Every step of {study.episodes} episodes at the nominal point, with the study's own settings: pairs of geoms with a hundredth of "
-        f"the impulse of all, or a tenth of the greatest force; {len(seen.pairs) - len(rows)} others came near. Friction in force is the "
-        "larger of the two geoms', or that of the geom with the higher priority. Hard contact reads neither solref nor solimp; MuJoCo's law "
-        "does."
+        f"Every step of {study.episodes} episodes at the nominal point, with the study's own settings: pairs of geoms with a hundredth "
+        f"of the impulse of all, or a tenth of the greatest force; {len(seen.pairs) - len(rows)} others came near. Friction in force is "
+        "the larger of the two geoms', or that of the geom with the higher priority. Hard contact reads neither solref nor solimp; "
+        "MuJoCo's law does."
     ]
     return [Section("Contacts that decide", words if rows else ["Nothing touches at the nominal point."], head, rows)]
 

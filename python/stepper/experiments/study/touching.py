@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stepper._stepper import Model
 from stepper.experiments.study.batches import drive_through, world_of
+from stepper.experiments.study.outcomes import Watch
 from stepper.experiments.study.study import USUAL, Study
 from stepper.experiments.study.worlds import StepperWorld, World
 
@@ -55,12 +57,14 @@ class Touching:
         pairs: By impulse, the largest first.
         steps: Steps that were seen, of all episodes.
         limits: Share of the steps in which each joint was within a hundredth of its range of a limit, (njnt,).
+        senses: Whether the drive or an outcome read a sensor.
         reach: Least and greatest position of every coordinate, (2, nq).
     """
 
     pairs: tuple[Pair, ...]
     steps: int
     limits: Array
+    senses: bool
     reach: Array
 
     @property
@@ -128,7 +132,7 @@ class _Ledger:
             book["slides"] += timestep * force[side >= _STICKS * mu * force].sum()
             book["twists"] = max(book["twists"], float(twist[pushes].max()))
 
-    def result(self) -> Touching:
+    def result(self, *, senses: bool) -> Touching:
         """What was counted."""
         names = [name or f"#{k}" for k, name in enumerate(self.model.geom_names)]
         pairs = [
@@ -147,13 +151,27 @@ class _Ledger:
             for key, book in self.found.items()
         ]
         return Touching(
-            tuple(sorted(pairs, key=lambda pair: (-pair.impulse, pair.geoms))), self.steps, self.limits / max(1, self.steps), self.reach
+            tuple(sorted(pairs, key=lambda pair: (-pair.impulse, pair.geoms))),
+            self.steps,
+            self.limits / max(1, self.steps),
+            senses,
+            self.reach,
         )
 
 
-def touching(study: Study, episodes: Sequence[int], setting: str = USUAL) -> Touching:
-    """Runs episodes of the nominal point and sees what touches in every step."""
-    world = world_of(study, setting, [study.nominal] * len(episodes))
+def touching(study: Study, episodes: Sequence[int], **changed: Any) -> Touching:
+    """Runs episodes of the nominal point, with settings as of `world_of`, and sees what touches in every step."""
+    world = world_of(study, USUAL, [study.nominal] * len(episodes), **changed)
     ledger = _Ledger(world.model, len(episodes))
-    drive_through(study, world, episodes, lambda _: None, ledger.look)
-    return ledger.result()
+    watches: list[Watch] = []
+
+    def look(now: World) -> None:
+        # Outcomes are read as in an episode that counts, so that it is known whether they read sensors.
+        if watches:
+            watches[0].look(now)
+        else:
+            watches.append(Watch(tuple(study.outcomes), now))
+
+    drive_through(study, world, episodes, look, ledger.look)
+    watches[0].values(world)
+    return ledger.result(senses=world.senses)

@@ -58,6 +58,8 @@ class World:
         num_envs: Number of environments.
         timestep: s.
         time: Since the start of the episode, s.
+        senses: Whether a sensor was read.
+        last_ctrl: What the drive said last; None where it holds what is in force.
         theta: Values of the study's parameters by name: (num_envs,), numbers or words.
         episodes: Number of each environment's episode, (num_envs,).
     """
@@ -69,6 +71,8 @@ class World:
         self.theta: dict[str, NDArray[Any]] = {}
         self.episodes: NDArray[np.int64] = np.arange(num_envs)
         self.timestep = 0.0
+        self.last_ctrl: Any = None
+        self.senses = False
 
     # What an engine has to have.
 
@@ -98,6 +102,11 @@ class World:
         raise NotImplementedError
 
     @property
+    def geom_xpos(self) -> Array:
+        """Positions of the geoms, (num_envs, ngeom, 3) in m."""
+        raise NotImplementedError
+
+    @property
     def observation(self) -> Array:
         """What the sensors say, (num_envs, nsensordata)."""
         raise NotImplementedError
@@ -123,6 +132,10 @@ class World:
 
     def advance(self, ctrl: Any, nstep: int) -> None:
         """Makes steps with controls (num_envs, nu) or (nu,); None holds those in force."""
+        raise NotImplementedError
+
+    def step(self, ctrl: Any, nstep: int) -> None:
+        """`advance` without looking at how the steps went: what is timed."""
         raise NotImplementedError
 
     def certificate(self) -> dict[str, NDArray[Any]]:
@@ -218,13 +231,20 @@ class StepperWorld(World):
         return np.asarray(self.sim.site_xpos, np.float64)
 
     @property
+    def geom_xpos(self) -> Array:
+        """See `World.geom_xpos`."""
+        return np.asarray(self.sim.geom_xpos, np.float64)
+
+    @property
     def observation(self) -> Array:
         """See `World.observation`."""
+        self.senses = True
         return np.asarray(self.sim.observation, np.float64)
 
     @property
     def sensor_truth(self) -> Array:
         """See `World.sensor_truth`."""
+        self.senses = True
         return np.asarray(self.sim.sensor_truth, np.float64)
 
     @property
@@ -252,14 +272,18 @@ class StepperWorld(World):
 
     def advance(self, ctrl: Any, nstep: int) -> None:
         """See `World.advance`."""
-        if ctrl is None:
-            ctrl, self._held = self._held, None
-        self.sim.step(ctrl, nstep)
-        self.time += nstep * self.timestep
+        self.step(ctrl, nstep)
         worst = self._worst
         worst["status"] = worst["status"] | np.asarray(self.sim.status, np.int64)
         for name in ("residual", "depth", "limit_overshoot"):
             worst[name] = np.maximum(worst[name], np.asarray(getattr(self.sim, name), float))
+
+    def step(self, ctrl: Any, nstep: int) -> None:
+        """See `World.step`."""
+        if ctrl is None:
+            ctrl, self._held = self._held, None
+        self.sim.step(ctrl, nstep)
+        self.time += nstep * self.timestep
 
     def certificate(self) -> dict[str, NDArray[Any]]:
         """See `World.certificate`: flags of `Status`, residual (of the last step of every control), depth, limit_overshoot."""
@@ -320,7 +344,7 @@ class MujocoWorld(World):
         self._models = self._made(plan, num_envs)
         self._data = [self._mujoco.MjData(m) for m in self._models]
         self._seen = [self._mujoco.MjData(m) for m in self._models]
-        self._fresh = False
+        self._fresh, self._pushed = False, False
         self.timestep = float(self._models[0].opt.timestep)
         self._applied = np.zeros((num_envs, plan.model.nbody, 6))
         self._depth = np.zeros(num_envs)
@@ -363,18 +387,26 @@ class MujocoWorld(World):
                 self._mujoco.mj_resetDataKeyframe(model, data, self.model.keyframe(keyframe).id)
             data.qpos[:], data.qvel[:], data.time = q, v, 0.0
         self._applied[:] = 0.0
-        self.time, self._fresh = 0.0, False
+        self.time, self._fresh, self._pushed = 0.0, False, False
 
     def advance(self, ctrl: Any, nstep: int) -> None:
         """See `World.advance`."""
+        self.step(ctrl, nstep)
+        for env, data in enumerate(self._data):
+            depth = max((float(c.includemargin - c.dist) for c in data.contact), default=0.0)
+            self._depth[env] = max(self._depth[env], depth)
+
+    def step(self, ctrl: Any, nstep: int) -> None:
+        """See `World.step`."""
         rows = None if ctrl is None else np.broadcast_to(np.asarray(ctrl, float), (self.num_envs, self.model.nu))
+        pushed = self._pushed or bool(self._applied.any())
+        self._pushed = bool(self._applied.any())
         for env, (data, model) in enumerate(zip(self._data, self._models, strict=True)):
             if rows is not None:
                 data.ctrl[:] = rows[env]
-            data.xfrc_applied[:] = self._applied[env]
+            if pushed:
+                data.xfrc_applied[:] = self._applied[env]
             self._mujoco.mj_step(model, data, nstep)
-            depth = max((float(c.includemargin - c.dist) for c in data.contact), default=0.0)
-            self._depth[env] = max(self._depth[env], depth)
         self.time += nstep * self.timestep
         self._fresh = False
 
@@ -412,6 +444,11 @@ class MujocoWorld(World):
     def site_xpos(self) -> Array:
         """See `World.site_xpos`."""
         return np.array([data.site_xpos for data in self._now()])
+
+    @property
+    def geom_xpos(self) -> Array:
+        """See `World.geom_xpos`."""
+        return np.array([data.geom_xpos for data in self._now()])
 
     @property
     def observation(self) -> Array:

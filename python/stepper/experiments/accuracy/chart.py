@@ -232,7 +232,7 @@ def _errors(ground: _Ground, line: Line, dt: float, converged: Trace) -> _Point:
 
 
 def _dot(study: Study, point: _Point, cost: tuple[float, float]) -> Dot:
-    outcome, trace = study.decisive or next(iter(study.outcomes), None), point.trace
+    outcome, trace = study.decisive or next(iter(study.all_outcomes), None), point.trace
     values = np.full(1, np.nan) if outcome is None else trace.outcomes[outcome.name]
     share = math.nan if outcome is None or outcome.success is None else float(outcome.succeeds(values).mean())
     middle = {name: float(np.median(own)) for name, own in point.errors.items()}
@@ -312,7 +312,7 @@ def _sections(ground: _Ground, dots: Sequence[Dot], skipped: Sequence[str], pict
         "residual, m/s",
     )
     best = set(map(id, [*front(dots, "alone"), *front(dots, "batch")]))
-    outcome = study.decisive or next(iter(study.outcomes), None)
+    outcome = study.decisive or next(iter(study.all_outcomes), None)
     more = () if outcome is None else (f"mean {outcome.name}", "successes")
 
     def row(dot: Dot) -> list[Any]:

@@ -72,7 +72,7 @@ def run(study: Study, episodes: Sequence[int], setting: str = USUAL, **changed: 
     def look(now: World) -> None:
         if not first:
             first.extend([now.qpos.copy(), now.qvel.copy()])
-            watches.append(Watch(tuple(study.outcomes), now))
+            watches.append(Watch(tuple(study.all_outcomes), now))
             return
         watches[0].look(now)
         held = np.full((now.num_envs, nu), np.nan)

@@ -212,7 +212,7 @@ def run_episodes(study: Study, setting: str, thetas: Sequence[Theta], episodes: 
         if seen:
             seen[0].look(now)
         else:
-            seen.append(Watch(tuple(study.outcomes), now))
+            seen.append(Watch(tuple(study.all_outcomes), now))
 
     drive_through(study, world, episodes, look)
     return _rows(study, setting, list(zip(thetas, episodes, strict=True)), world, seen[0].values(world))

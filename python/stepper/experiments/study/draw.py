@@ -76,7 +76,7 @@ def _panel(panel: Axes, sweep: Sweep, name: str) -> None:
                     bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 0.5},
                 )
     panel.set_xlabel(f"{name}{', ' + parameter.unit if parameter.unit else ''}{_how(parameter.how)}")
-    unit = (study.decisive or study.outcomes[0]).unit
+    unit = (study.decisive or study.all_outcomes[0]).unit
     panel.set_ylabel("share of successes" if study.decisive else f"{measured(study)}{', ' + unit if unit else ''}")
     if study.decisive:
         panel.set_ylim(-0.05, 1.05)

@@ -277,7 +277,7 @@ def _settings(study: Study, found: Sweep) -> list[Section]:
 
 def _perturbations(found: Sweep, folder: Path) -> list[Section]:
     study = found.study
-    outcome = study.decisive or study.outcomes[0]
+    outcome = study.decisive or study.all_outcomes[0]
     unit = f", {outcome.unit}" if outcome.unit else ""
     shares = ("successes", "share", "95 %") if study.decisive else ()
     head = (

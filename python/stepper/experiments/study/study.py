@@ -70,7 +70,7 @@ class Study:
     model: Any
     name: str = "study"
     drive: Any = None
-    outcomes: Sequence[Outcome] = ()
+    outcomes: Outcome | Sequence[Outcome] = ()
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     seconds: float = 1.0
@@ -89,7 +89,6 @@ class Study:
     threads: int = 1
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "outcomes", (self.outcomes,) if isinstance(self.outcomes, Outcome) else tuple(self.outcomes))
         object.__setattr__(self, "parameters", dict(self.parameters))
         object.__setattr__(self, "settings", {name: dict(given) for name, given in self.settings.items()})
         for name in ("seconds", "episodes", "batch"):
@@ -102,7 +101,7 @@ class Study:
             raise ValueError(f"control is {self.control} s, must be above 0 and at most seconds, which is {self.seconds}")
         if not (self.drive is None or self.drive == "random" or callable(self.drive)):
             raise TypeError(f'drive is {self.drive!r}, must be a function, Recorded, Policy, "random" or None')
-        names = [outcome.name for outcome in self.outcomes]
+        names = [outcome.name for outcome in self.all_outcomes]
         if len(set(names)) < len(names):
             raise ValueError(f"two outcomes have one name: {names}")
         if USUAL in self.settings:
@@ -166,9 +165,14 @@ class Study:
         return max(1, round(self.seconds / self.hold))
 
     @property
+    def all_outcomes(self) -> tuple[Outcome, ...]:
+        """What is measured, however many."""
+        return (self.outcomes,) if isinstance(self.outcomes, Outcome) else tuple(self.outcomes)
+
+    @property
     def decisive(self) -> Outcome | None:
         """The outcome whose success counts."""
-        return next((outcome for outcome in self.outcomes if outcome.success is not None), None)
+        return next((outcome for outcome in self.all_outcomes if outcome.success is not None), None)
 
     @property
     def nominal(self) -> dict[str, Any]:
@@ -208,7 +212,7 @@ class Study:
                 "measure": drives.name_of(o.measure),
                 "sha256": drives.digest_of(o.measure),
             }
-            for o in self.outcomes
+            for o in self.all_outcomes
         ]
         return {
             "model": {"name": model.name, "sha256": model.digest, "omitted": len(model.omitted)},

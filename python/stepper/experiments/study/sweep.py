@@ -162,7 +162,7 @@ def sweep(
     Raises:
         ValueError: No outcome, an unknown parameter.
     """
-    if not study.outcomes:
+    if not study.all_outcomes:
         raise ValueError("the study has no outcome, so there is nothing to compare; give it one")
     names = list(study.parameters) if parameters is None else list(parameters)
     if unknown := set(names) - set(study.parameters):
@@ -202,7 +202,7 @@ def _point(study: Study, cell: tuple[str, str, Value | None]) -> Point:
 
 def measured(study: Study) -> str:
     """Name of the outcome that a table shows: the one that decides, or the first."""
-    return (study.decisive or study.outcomes[0]).name
+    return (study.decisive or study.all_outcomes[0]).name
 
 
 def _level(study: Study, cell: tuple[str, str, Value | None], rows: Sequence[Row], nominal: Sequence[Row]) -> Level:

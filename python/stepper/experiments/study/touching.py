@@ -170,7 +170,7 @@ def touching(study: Study, episodes: Sequence[int], **changed: Any) -> Touching:
         if watches:
             watches[0].look(now)
         else:
-            watches.append(Watch(tuple(study.outcomes), now))
+            watches.append(Watch(tuple(study.all_outcomes), now))
 
     drive_through(study, world, episodes, look, ledger.look)
     watches[0].values(world)

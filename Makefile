@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 DENY := 0.20.2
 
-.PHONY: demo test wheel bench loading many-contacts floors atlas corpus fuzz check advisories build format clean
+.PHONY: demo test wheel bench loading many-contacts floors atlas corpus studies fuzz check advisories build format clean
 
 # The main job: 1,024 humanoids, beside MuJoCo.
 demo: build
@@ -56,6 +56,12 @@ atlas: build $(VENV)/atlas.stamp
 # Every robot of twenty packages, in stepper and in MuJoCo: docs/corpus.md. Resumes; CORPUS='--package NAME' and more, see --help.
 corpus: build
 	PYTHONPATH=benches $(BIN)/python -m corpus $(CORPUS)
+
+# The labs with all their settings, and a chart and a tuning of a hopper: figures of docs/studies.md, into out/. Goes on where it was stopped.
+studies: build
+	for lab in grasp.py tray.toml block.py pushed_box.py; do $(BIN)/stepper report examples/studies/$$lab || exit 1; done
+	hopper=$$($(BIN)/python -c 'import gymnasium, pathlib; print(pathlib.Path(gymnasium.__file__).parent / "envs/mujoco/assets/hopper.xml")') \
+	  && $(BIN)/stepper chart $$hopper --quick && $(BIN)/stepper tune $$hopper --error "3 mm" --horizon "0.2 s"
 
 # Saved models, states, pickles, recordings, MJCF and calls that nobody means well, for some minutes: findings in out/fuzz.
 MINUTES ?= 10

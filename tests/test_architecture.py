@@ -43,7 +43,7 @@ FOLDERS = {
     "actuators": {"shared"},
     "loading": set(),
     "recording": {"shared", "sensors", "actuators"},
-    "experiments": {"shared", "loading"},
+    "experiments": {"shared", "loading", "sensors", "actuators"},
     "envs": {"shared", "loading"},
     "cli": {"shared", "loading", "recording", "experiments"},
 }

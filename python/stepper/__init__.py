@@ -12,7 +12,9 @@ from stepper._options import Options
 from stepper._status import Status
 from stepper._stepper import Model, ModelError, State, Stepper, __version__, cpu_levels
 from stepper.actuators import PID, ActuatorModel, DCMotor, Drive
+from stepper.experiments.accuracy import Chart, Tuning, chart, tune
 from stepper.experiments.compare import Comparison, compare
+from stepper.experiments.study import Outcome, Parameter, Policy, Report, Study, report, sweep
 from stepper.loading import ModelWarning, load
 from stepper.recording import Difference, Recorder, RecordingError, Replay, replay
 from stepper.sensors import Combination, RayFan, SensorModel, Transfer
@@ -20,6 +22,7 @@ from stepper.sensors import Combination, RayFan, SensorModel, Transfer
 __all__ = [
     "PID",
     "ActuatorModel",
+    "Chart",
     "Combination",
     "Comparison",
     "DCMotor",
@@ -29,21 +32,31 @@ __all__ = [
     "ModelError",
     "ModelWarning",
     "Options",
+    "Outcome",
+    "Parameter",
+    "Policy",
     "RayFan",
     "Recorder",
     "RecordingError",
     "Replay",
+    "Report",
     "SensorModel",
     "State",
     "Status",
     "Stepper",
+    "Study",
     "Transfer",
+    "Tuning",
     "__version__",
+    "chart",
     "compare",
     "cpu_levels",
     "devices",
     "load",
     "replay",
+    "report",
+    "sweep",
+    "tune",
 ]
 
 

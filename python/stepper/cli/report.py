@@ -6,15 +6,33 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from stepper.cli.options import RECORDING
+from stepper.cli.options import OUT, RECORDING, STUDY
+from stepper.experiments.progress import progress, show_files
+from stepper.experiments.study import report as run
 from stepper.recording.format import HEADER, check_files, read_header, reading
 
 if TYPE_CHECKING:
     from typer import Typer
 
 
-def report(recording: Path) -> None:
-    """What was in force in a recording, and what failed in it: physics, sensing or action."""
+def report(source: Path, out: Path = Path("out")) -> None:
+    """The simulator report of a study: state, sensors, contacts that decide, settings, perturbations, transfer gap, whose failures are.
+
+    Of a recording: what was in force in it, and what failed: physics, sensing or action.
+
+    Example: stepper report examples/tray.toml
+    """
+    if source.is_dir():
+        report_recording(source)
+        return
+    with progress() as tick:
+        found = run(source, out, tick=tick)
+    print(found.document.markdown())
+    show_files(found.files)
+
+
+def report_recording(recording: Path) -> None:
+    """Prints what was in force in a recording and what failed in it."""
     head = read_header(recording)
     check_files(recording, head)
     with reading(recording / HEADER):
@@ -44,8 +62,9 @@ def _report(recording: Path, head: dict[str, Any]) -> None:
 
 def register(app: Typer, typer: ModuleType) -> None:
     """Adds the command."""
-    folder = typer.Argument(help=RECORDING)
+    place = typer.Argument(help=f"{STUDY} Or: {RECORDING}")
+    folder = typer.Option("out", "--out", help=OUT)
 
     @app.command("report", help=report.__doc__)
-    def _(recording: Path = folder) -> None:
-        report(recording)
+    def _(source: Path = place, out: Path = folder) -> None:
+        report(source, out)

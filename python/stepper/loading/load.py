@@ -66,6 +66,26 @@ def load(source: Source, *, strict: bool = True, package_dirs: Sequence[str | os
     return _described(_compile_file(path, package_dirs), strict)
 
 
+def compiled_of(source: Source, package_dirs: Sequence[str | os.PathLike[str]] | None = None) -> Any:
+    """MuJoCo's own model of a source, as of `load`; None of saved models and of what is a `Model` already.
+
+    Raises:
+        ModelError: As of `load`.
+        ImportError: As of `load`.
+        OSError: The file cannot be read.
+    """
+    if _is_compiled(source):
+        return source
+    if isinstance(source, str) and "<" in source:
+        return _compile_text(source, package_dirs)
+    if not isinstance(source, (str, os.PathLike)):
+        return None
+    with Path(source).open("rb") as file:
+        if file.read(len(_SAVED)) == _SAVED:
+            return None
+    return _compile_file(Path(source), package_dirs)
+
+
 def _described(compiled: Any, strict: bool) -> Model:
     _mujoco()
     model = Model.from_description(describe(compiled), strict)

@@ -1,0 +1,71 @@
+"""A falling block with a horizontal velocity "that loses 10 % at each touch", and which line of that is friction.
+
+The exercise's recursion has, at each touch, v_z <- -e v_z and v_x <- 0.9 v_x. The first line is restitution, and the second one is no
+friction: Coulomb's impulse is mu (1 + e) |v_z| in all, whatever v_x is, so that a touch takes a fixed speed and not a fixed share of
+it. It takes 10 % of 1 m/s at the first touch for one mu, more than 10 % of what is slower, and less at every further touch, which is
+softer.
+
+    stepper sweep examples/studies/block.py
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import stepper
+
+G, HEIGHT, DOWN, SPEED, RESTITUTION, LOSS = 9.81, 0.20, 0.10, 1.0, 0.5, 0.1
+IMPACT = math.sqrt(DOWN**2 + 2 * G * HEIGHT)
+"""Vertical speed at the first touch, m/s."""
+THEORY = LOSS * SPEED / ((1 + RESTITUTION) * IMPACT)
+"""Friction with which the first touch takes 10 % of 1 m/s."""
+
+MODEL = f"""
+<mujoco model="block">
+  <option timestep="0.002" gravity="0 0 -{G}"/>
+  <worldbody>
+    <geom name="floor" type="plane" size="9 9 0.1"/>
+    <body name="block" pos="0 0 0.05"><joint name="x" type="slide" axis="1 0 0"/><joint name="h" type="slide" axis="0 0 1"/>
+      <geom name="block" type="box" size="0.05 0.05 0.05" mass="0.5"/></body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def model() -> stepper.Model:
+    """The scene; MJCF has no restitution."""
+    return stepper.load(MODEL).replace(geom_restitution=[0.0, RESTITUTION])
+
+
+def thrown(now: Any, _: list[np.random.Generator]) -> tuple[Any, Any]:
+    """Starts at the height, downwards and sideways."""
+    n = now.num_envs
+    return np.tile([0.0, HEIGHT], (n, 1)), np.stack([now.theta["speed"].astype(float), np.full(n, -DOWN)], axis=1)
+
+
+def lost(now: Any) -> np.ndarray[Any, Any]:
+    """Share of the horizontal speed that is gone."""
+    gone: np.ndarray[Any, Any] = 1.0 - now.joint_velocity("x")[:, 0] / now.theta["speed"]
+    return gone
+
+
+study = stepper.Study(
+    name="block",
+    model=model,
+    start=thrown,
+    outcomes=stepper.Outcome(name="lost at the first touch", measure=lost, success=f"<= {LOSS}"),
+    parameters={
+        "friction": stepper.Parameter(target="geom_friction", column=0, nominal=THEORY, low=0.0, high=0.08, source="the exercise"),
+        "speed": stepper.Parameter(target="drive", nominal=SPEED, low=0.5, high=2.0, unit="m/s", source="the exercise"),
+        "restitution": stepper.Parameter(target="geom_restitution", names=("block",), low=0.3, high=0.5, source="the exercise"),
+    },
+    seconds=0.3,  # after the first touch at 0.19 s, before the second at 0.39 s
+    control=0.01,
+    episodes=1,
+)
+
+if __name__ == "__main__":
+    print(f"theory: mu = 0.1 v_x / ((1 + e) v_z) = {THEORY:.5f}")
+    print(stepper.sweep(study).document.markdown())

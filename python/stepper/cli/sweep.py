@@ -1,0 +1,44 @@
+"""`stepper sweep`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+from stepper.cli.options import OUT, STUDY
+from stepper.experiments.progress import progress, show_files
+from stepper.experiments.study import sweep as run
+
+if TYPE_CHECKING:
+    from typer import Typer
+
+
+def sweep(study: Path, out: Path, *, parameters: list[str], cliffs: bool, resolution: float) -> None:
+    """Perturbs every parameter of a study: a table with Wilson's intervals, and the values at which success ends, by bisection.
+
+    Goes on where it was stopped: rows are kept as soon as they are known.
+
+    Example: stepper sweep examples/tray.toml
+    """
+    with progress() as tick:
+        found = run(study, out, parameters=parameters or None, cliffs=cliffs, resolution=resolution, tick=tick)
+    print(found.document.markdown())
+    show_files(found.files)
+
+
+def register(app: Typer, typer: ModuleType) -> None:
+    """Adds the command."""
+    folder = typer.Option("out", "--out", help=OUT)
+    study_file = typer.Argument(help=STUDY)
+    names = typer.Option([], "--parameter", help="Only this parameter; may be given several times.")
+
+    @app.command("sweep", help=sweep.__doc__)
+    def _(
+        study: Path = study_file,
+        out: Path = folder,
+        parameter: list[str] = names,
+        cliffs: bool = typer.Option(True, help="Locate the values at which success ends."),
+        resolution: float = typer.Option(1e-3, help="Width of a cliff's bracket over the range of its parameter."),
+    ) -> None:
+        sweep(study, out, parameters=parameter, cliffs=cliffs, resolution=resolution)

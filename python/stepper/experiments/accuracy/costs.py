@@ -1,0 +1,96 @@
+"""What settings cost: processor time of one core for a simulated second of one environment, alone and in a batch."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from stepper.experiments.accuracy.traces import Trace
+from stepper.experiments.study.batches import steps_of, world_of
+from stepper.experiments.study.study import USUAL, Study
+from stepper.experiments.study.worlds import World
+
+BATCH = 32
+"""Environments of a batch: two groups of lanes in 32 bits, four in 64."""
+_APART = 4
+"""Environments of a batch of MuJoCo, which steps one after the other, so that more tell no more."""
+
+
+class _Case:
+    """A run that is repeated: recorded controls and forces, so that nothing but steps is timed."""
+
+    def __init__(self, study: Study, settings: Mapping[str, Any], trace: Trace, num_envs: int):
+        self.world: World = world_of(study, USUAL, [study.nominal] * num_envs, **(dict(settings) | {"sensors": None}))
+        self._nstep = steps_of(study, self.world.timestep)
+        rows = np.arange(num_envs) % len(trace.qpos)
+        self._qpos, self._qvel = trace.qpos[rows], trace.qvel[rows]
+        self._ctrl, self._applied = trace.ctrl[:, rows], trace.applied[:, rows]
+        self._pushes = bool(np.any(trace.applied))
+        self._num_envs, self._study = num_envs, study
+        self.times: list[float] = []
+
+    def once(self) -> float:
+        """Processor seconds of the steps of one run."""
+        world = self.world
+        held = [bool(np.isnan(row).any()) for row in self._ctrl]
+        world.start(self._qpos, self._qvel, self._study.keyframe, self._study.seed)
+        total = 0.0
+        for row, ctrl in enumerate(self._ctrl):
+            if self._pushes:
+                world.xfrc_applied[:] = self._applied[row]
+            given = None if held[row] or not ctrl.size else ctrl
+            begin = time.process_time()
+            world.step(given, self._nstep)
+            total += time.process_time() - begin
+        return total
+
+    def measure(self, seconds: float) -> None:
+        """Runs for at least so long and notes the mean."""
+        runs, total = 0, 0.0
+        while total < seconds:
+            total += self.once()
+            runs += 1
+        self.times.append(total / runs)
+
+    @property
+    def cost(self) -> float:
+        """Microseconds for a simulated second of one environment."""
+        return 1e6 * median(self.times) / (self._num_envs * self._study.controls * self._study.hold)
+
+
+def costs(
+    study: Study,
+    settings: Sequence[Mapping[str, Any]],
+    traces: Sequence[Trace],
+    *,
+    repeats: int,
+    seconds: float,
+    tick: Callable[[float], None] | None = None,
+) -> list[tuple[float, float]]:
+    """Costs of settings. Rounds are interleaved; medians count. Call it inside `stepper.shared.machine.one_core()`.
+
+    Args:
+        study: The study; its threads are not read.
+        settings: Of each case, with its time step.
+        traces: What each did, whose controls are repeated.
+        repeats: Rounds.
+        seconds: Least time of a case in a round, s.
+        tick: Called with the fraction done.
+
+    Returns:
+        (alone, in a batch) in microseconds for a simulated second of one environment, of each settings.
+    """
+    sizes = [(1, _APART if own.get("engine") == "mujoco" else BATCH) for own in settings]
+    cases = [_Case(study, own, trace, n) for own, trace, both in zip(settings, traces, sizes, strict=True) for n in both]
+    for case in cases:
+        case.once()
+    for done in range(repeats):
+        for case in cases:
+            case.measure(seconds)
+        if tick:
+            tick((done + 1) / repeats)
+    return [(cases[2 * k].cost, cases[2 * k + 1].cost) for k in range(len(settings))]

@@ -1,0 +1,121 @@
+"""The picture of a chart: error against cost in two panels, alone and in a batch, and where errors come from."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stepper.experiments.accuracy.candidates import pareto
+from stepper.experiments.accuracy.costs import BATCH
+from stepper.experiments.accuracy.reference import Reference
+from stepper.experiments.accuracy.traces import Distance
+from stepper.experiments.study.study import Study
+from stepper.shared.machine import require
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from stepper.experiments.accuracy.chart import Dot
+
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">")
+_OURS = ("#0b3c8c", "#1f77d0", "#17a2b8", "#2ca02c", "#7a3fb5", "#00695c", "#5c6bc0", "#26a69a", "#9ccc65", "#283593", "#4db6ac", "#827717")
+_LAW = ("#6a1b9a", "#ab47bc")
+_THEIRS = ("#d62728", "#ff7f0e", "#b8860b")
+_FLOOR = 1e-12
+
+
+def draw(study: Study, distance: Distance, right: Reference, dots: Sequence[Dot], *, path: Path, note: str) -> Path:
+    """Draws a chart.
+
+    Raises:
+        MissingPackageError: matplotlib is not installed.
+    """
+    figures = require("matplotlib.figure", "to draw a chart")
+    figure = figures.Figure(figsize=(13, 11.5), dpi=120, layout="constrained")
+    grid = figure.add_gridspec(2, 2, height_ratios=(1.25, 1.0))
+    labels = list(dict.fromkeys(dot.label for dot in dots))
+    colours = _colours(labels)
+    markers = dict(zip(sorted({dot.timestep for dot in dots}), MARKERS, strict=False))
+    panels = [figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])]
+    for panel, cost, title in zip(panels, ("alone", "batch"), ("one environment alone", f"{BATCH} environments in a batch"), strict=True):
+        _panel(panel, dots, cost, colours, markers)
+        low = float(np.median(right.uncertainty))
+        panel.axhspan(_FLOOR, max(low, 2 * _FLOOR), color="#888888", alpha=0.15, linewidth=0)
+        panel.set_title(title, fontsize=11)
+        panel.set_xlabel("us of one core for a simulated second of one environment (down and left is better)")
+        panel.set_ylabel(f"error up to {distance.horizon:.3g} s, {distance.unit} (median)")
+        finite = [dot.error for dot in dots if math.isfinite(dot.error) and dot.error > 0]
+        panel.set_ylim(max(_FLOOR, 0.3 * min([*finite, low])), 3 * max(finite, default=1.0))
+    _legends(figure, panels, markers)
+    _split(figure.add_subplot(grid[1, :]), study, dots, labels, colours)
+    title = "\n".join(textwrap.wrap(f"{study.name}. Reference: {right.words}", 150))
+    figure.suptitle(f"{title}\n{note}", fontsize=9)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path)
+    return path
+
+
+def _colours(labels: Sequence[str]) -> dict[str, str]:
+    found, counts = {}, {"ours": 0, "law": 0, "theirs": 0}
+    for label in labels:
+        kind = "theirs" if label.startswith("MuJoCo:") else "law" if "MuJoCo's law" in label else "ours"
+        palette = {"ours": _OURS, "law": _LAW, "theirs": _THEIRS}[kind]
+        found[label] = palette[counts[kind] % len(palette)]
+        counts[kind] += 1
+    return found
+
+
+def _panel(panel: Axes, dots: Sequence[Dot], cost: str, colours: dict[str, str], markers: dict[float, str]) -> None:
+    good = [dot for dot in dots if math.isfinite(dot.error)]
+    for label, colour in colours.items():
+        own = [dot for dot in good if dot.label == label]
+        x, y = [getattr(dot, cost) for dot in own], [max(dot.error, _FLOOR) for dot in own]
+        panel.plot(x, y, "--" if label.startswith("MuJoCo:") else "-", color=colour, linewidth=1.1, label=label)
+    # One artist for each time step: a figure of some hundred takes seconds.
+    for timestep, marker in markers.items():
+        some = [dot for dot in good if dot.timestep == timestep]
+        x, y = [getattr(dot, cost) for dot in some], [max(dot.error, _FLOOR) for dot in some]
+        shades = [colours[dot.label] for dot in some]
+        panel.scatter(x, y, 30, shades, marker=marker, edgecolors="white", linewidths=0.5, zorder=3)
+    best = [good[k] for k in pareto([getattr(dot, cost) for dot in good], [dot.error for dot in good])]
+    x, y = [getattr(dot, cost) for dot in best], [max(dot.error, _FLOOR) for dot in best]
+    panel.plot(x, y, color="#ffcc00", linewidth=6, alpha=0.45, zorder=0, label="Pareto front", drawstyle="steps-post")
+    panel.set_xscale("log")
+    panel.set_yscale("log")
+    panel.grid(visible=True, color="#dddddd")
+    panel.set_axisbelow(True)
+
+
+def _legends(figure: Figure, panels: Sequence[Axes], markers: dict[float, str]) -> None:
+    lines = require("matplotlib.lines", "to draw a chart")
+    marks = [
+        lines.Line2D([], [], marker=mark, color="#444444", linestyle="none", label=f"{dt * 1e3:.4g} ms") for dt, mark in markers.items()
+    ]
+    panels[1].legend(handles=marks, title="time step", fontsize=8, loc="best")
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, fontsize=8, loc="outside lower center", ncols=4, frameon=False)
+
+
+def _split(panel: Axes, study: Study, dots: Sequence[Dot], labels: Sequence[str], colours: dict[str, str]) -> None:
+    """Bars of the parts of the error at the study's own time step."""
+    own = study.options.timestep or float(study.loaded[0].timestep)
+    chosen = [min((dot for dot in dots if dot.label == label), key=lambda dot: abs(dot.timestep - own)) for label in labels]
+    place = np.arange(len(chosen))
+    parts = (("solver", "solver and rounding", "#1f77d0"), ("step", "time step", "#2ca02c"), ("model", "model: softness, cone", "#d62728"))
+    for k, (name, label, colour) in enumerate(parts):
+        values = [getattr(dot, name) for dot in chosen]
+        shown = [v if math.isfinite(v) and v > _FLOOR else np.nan for v in values]
+        panel.bar(place + 0.25 * (k - 1), shown, 0.24, color=colour, label=label)
+    panel.set_yscale("log")
+    panel.set_xticks(place, [dot.label for dot in chosen], rotation=25, ha="right", fontsize=8)
+    panel.set_ylabel("median error by its source")
+    panel.set_title(f"where errors come from, at the time step of {own * 1e3:g} ms", fontsize=11)
+    panel.legend(fontsize=8)
+    panel.grid(visible=True, axis="y", color="#dddddd")
+    panel.set_axisbelow(True)

@@ -1,0 +1,162 @@
+"""Runs of a study's episodes with some settings: where every body is after every control, and how far two runs are apart."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stepper.experiments.study.batches import drive_through, world_of
+from stepper.experiments.study.outcomes import Watch
+from stepper.experiments.study.study import USUAL, Study
+from stepper.experiments.study.worlds import World
+
+Array = NDArray[np.float64]
+
+_UNITS = {"m": ("m", 1.0), "cm": ("m", 1e-2), "mm": ("m", 1e-3), "um": ("m", 1e-6), "rad": ("rad", 1.0), "mrad": ("rad", 1e-3)}
+_UNITS |= {"deg": ("rad", np.pi / 180), "s": ("s", 1.0), "ms": ("s", 1e-3)}
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Episodes of one run.
+
+    Attributes:
+        time: After every control, s: (T,).
+        points: Positions of bodies, geoms and sites, (T, episodes, nbody + ngeom + nsite, 3) in m.
+        xquat: Orientations of the bodies, (T, episodes, nbody, 4).
+        ctrl: Controls, (T, episodes, nu); NaN where those in force were held.
+        applied: Forces and torques on the bodies, (T, episodes, nbody, 6).
+        qpos: Where episodes start, (episodes, nq).
+        qvel: How fast, (episodes, nv).
+        outcomes: By name, (episodes,).
+        depth: Deepest overlap, m: (episodes,).
+        residual: Largest one, m/s; NaN in MuJoCo: (episodes,).
+        settings: In force.
+        timestep: s.
+    """
+
+    time: Array
+    points: Array
+    xquat: Array
+    ctrl: Array
+    applied: Array
+    qpos: Array
+    qvel: Array
+    outcomes: dict[str, Array]
+    depth: Array
+    residual: Array
+    settings: dict[str, Any]
+    timestep: float
+
+
+def run(study: Study, episodes: Sequence[int], setting: str = USUAL, **changed: Any) -> Trace:
+    """Runs episodes of the nominal point with ideal sensors, whose errors would depend on the time step.
+
+    Args:
+        study: The study.
+        episodes: Their numbers.
+        setting: Name of the settings.
+        **changed: As of `world_of`.
+    """
+    world = world_of(study, setting, [study.nominal] * len(episodes), **(changed | {"sensors": None}))
+    rows: list[tuple[float, Array, Array, Array, Array]] = []
+    first: list[Array] = []
+    watches: list[Watch] = []
+    nu = world.model.nu
+
+    def look(now: World) -> None:
+        if not first:
+            first.extend([now.qpos.copy(), now.qvel.copy()])
+            watches.append(Watch(tuple(study.all_outcomes), now))
+            return
+        watches[0].look(now)
+        held = np.full((now.num_envs, nu), np.nan)
+        if now.last_ctrl is not None:
+            held[:] = now.last_ctrl
+        rows.append((now.time, _points(now), now.xquat.copy(), held, np.array(now.xfrc_applied, float)))
+
+    drive_through(study, world, episodes, look)
+    time, points, xquat, ctrl, applied = (np.array(column) for column in zip(*rows, strict=True))
+    told = world.certificate()
+    return Trace(
+        time=time,
+        points=points,
+        xquat=xquat,
+        ctrl=ctrl,
+        applied=applied,
+        qpos=first[0],
+        qvel=first[1],
+        outcomes=watches[0].values(world),
+        depth=told["depth"],
+        residual=told["residual"],
+        settings=world.settings(),
+        timestep=world.timestep,
+    )
+
+
+def _points(now: World) -> Array:
+    # Origins of bodies alone would not see a link that turns about its own: geoms and sites are farther out.
+    return np.concatenate([now.xpos, now.geom_xpos, now.site_xpos], axis=1)
+
+
+@dataclass(frozen=True)
+class Distance:
+    """How far two runs are apart: the largest distance of a body, geom or site, in m, or angle of a body, in rad, up to a horizon.
+
+    Attributes:
+        unit: "m" or "rad".
+        horizon: s.
+    """
+
+    unit: str
+    horizon: float
+
+    def over_time(self, one: Trace, other: Trace) -> Array:
+        """Largest so far, after every control: (T, episodes); infinite where a run is not finite."""
+        if self.unit == "m":
+            apart = np.linalg.norm(one.points - other.points, axis=3)
+        else:
+            # By the vector part of the difference: 1 - cos loses half of the digits.
+            product = _between(one.xquat, other.xquat)
+            apart = 2.0 * np.arctan2(np.linalg.norm(product[..., 1:], axis=3), np.abs(product[..., 0]))
+        far: Array = np.where(np.isfinite(apart), apart, np.inf).max(axis=2)
+        return np.maximum.accumulate(far, axis=0)
+
+    def __call__(self, one: Trace, other: Trace) -> Array:
+        """Largest up to the horizon, (episodes,)."""
+        last = int(np.searchsorted(one.time, self.horizon * (1 + 1e-9), side="right"))
+        at: Array = self.over_time(one, other)[max(0, last - 1)]
+        return at
+
+
+def _between(a: Array, b: Array) -> Array:
+    """conj(a) b of unit quaternions (w, x, y, z)."""
+    w, v = a[..., :1], -a[..., 1:]
+    x, u = b[..., :1], b[..., 1:]
+    return np.concatenate([w * x - (v * u).sum(axis=-1, keepdims=True), w * u + x * v + np.cross(v, u)], axis=-1)
+
+
+def quantity(text: str, *, units: Sequence[str]) -> tuple[float, str]:
+    """A number with its unit, e.g. "1 mm": (1e-3, "m").
+
+    Args:
+        text: The words.
+        units: Base units that it may have: of "m", "rad", "s".
+
+    Raises:
+        ValueError: It is none.
+    """
+    found = re.fullmatch(r"\s*([0-9.eE+-]+)\s*([a-z]+)\s*", text)
+    known = [name for name, (base, _) in _UNITS.items() if base in units]
+    try:
+        if found and found[2] in known and (value := float(found[1])) > 0:
+            base, factor = _UNITS[found[2]]
+            return value * factor, base
+    except ValueError:
+        pass
+    raise ValueError(f'{text!r} must be a number above 0 with a unit, such as "1 {known[-1]}"; units are: {", ".join(known)}')

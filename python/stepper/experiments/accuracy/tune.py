@@ -1,0 +1,332 @@
+"""The cheapest settings that keep an error budget, proved on episodes that had no part in the choice; and what the scene does not need."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stepper._options import Options
+from stepper.experiments.accuracy.candidates import hard_lines, timesteps
+from stepper.experiments.accuracy.costs import costs
+from stepper.experiments.accuracy.needs import Bench, Spare, spares
+from stepper.experiments.accuracy.reference import Reference, converge
+from stepper.experiments.accuracy.traces import Distance, Trace, quantity, run
+from stepper.experiments.progress import Tick
+from stepper.experiments.study.batches import steps_of
+from stepper.experiments.study.document import Document, Section
+from stepper.experiments.study.intervals import least_share, trials_for
+from stepper.experiments.study.study import Study
+from stepper.shared.machine import one_core, provenance
+
+_KNOWN = 0.1
+"""Share of the budget to which the reference is converged."""
+_BETTER = 0.8
+"""Error of the next candidate at the most, over that of one that failed on held-out episodes."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """Settings that were tried.
+
+    Attributes:
+        settings: As of `Study.settings`, with the time step.
+        name: In a few words.
+        error: Largest of the episodes that it was chosen by, the reference's uncertainty included.
+        alone: Microseconds of one core for a simulated second of one environment, stepped alone; NaN where the error is above the budget.
+        batch: The same in a batch.
+    """
+
+    settings: dict[str, Any]
+    name: str
+    error: float
+    alone: float
+    batch: float
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A candidate on episodes that had no part in its choice.
+
+    Attributes:
+        candidate: Which.
+        episodes: How many.
+        held: In how many the error, with the reference's uncertainty, is within the budget.
+        unknown: In how many the reference itself is not known to half the budget; they do not count as held.
+        worst: Largest error.
+        share: Share of episodes that hold with the confidence.
+        confidence: Of that: of the first trial half the doubt that is allowed, of each further one half of what is left.
+    """
+
+    candidate: Candidate
+    episodes: int
+    held: int
+    unknown: int
+    worst: float
+    share: float
+    confidence: float
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """What was found.
+
+    Attributes:
+        study: What was tuned.
+        budget: Allowed error, in the unit of the distance.
+        distance: What errors are.
+        chosen: The cheapest settings that keep the budget and were proved; None where none do.
+        options: What to give to `stepper.Stepper`; None likewise.
+        precision: Likewise.
+        usual: What the study has by itself.
+        candidates: All, those within the budget first, by cost.
+        trials: Of the candidates that were chosen, in their order.
+        spare: What the scene does not need.
+        smaller: The model without it; None where nothing was taken out.
+        document: In words.
+        files: What was written.
+    """
+
+    study: Study
+    budget: float
+    distance: Distance
+    chosen: Candidate | None
+    options: Options | None
+    precision: str | None
+    usual: Candidate
+    candidates: tuple[Candidate, ...]
+    trials: tuple[Trial, ...]
+    spare: tuple[Spare, ...]
+    smaller: Any
+    document: Document
+    files: tuple[Path, ...]
+
+    def __str__(self) -> str:
+        return self.document.markdown()
+
+
+def tune(
+    source: Any,
+    out: str | os.PathLike[str] = "out",
+    *,
+    error: str,
+    horizon: str,
+    coverage: float = 0.9,
+    confidence: float = 0.95,
+    episodes: int = 12,
+    alone: bool = False,
+    reduce: bool = True,
+    tick: Tick | None = None,
+) -> Tuning:
+    """The cheapest settings of hard contact that keep an error budget, and what the scene does not need.
+
+    Settings are chosen by some episodes and proved by others, which had no part in the choice: with the confidence, at least the share
+    `coverage` of episodes is within the budget. Errors are those of time step, solver and precision, from a reference of the same law of
+    contact that is converged to a tenth of the budget.
+
+    Args:
+        source: A study or the file of one; or a model as of `stepper.load`, which gets random controls.
+        out: The folder that has a folder for every study.
+        error: The budget with its unit: "1 mm", "0.5 deg".
+        horizon: Time up to which it holds: "1 s".
+        coverage: Share of episodes that must hold.
+        confidence: Of that.
+        episodes: By which settings are chosen.
+        alone: Whether the cost of one environment alone counts, not that of a batch.
+        reduce: Whether to look for what the scene does not need.
+        tick: Progress.
+
+    Returns:
+        What was found. OUT/NAME has tune.html, tune.md, tune.json, and smaller.stepper where something could be taken out.
+
+    Raises:
+        ValueError: A budget or horizon that is none, or a study of MuJoCo's law.
+    """
+    budget, unit = quantity(error, units=("m", "rad"))
+    seconds, _ = quantity(horizon, units=("s",))
+    for name, share in (("coverage", coverage), ("confidence", confidence)):
+        if not 0 < share < 1:
+            raise ValueError(f"{name} is {share}, must be between 0 and 1")
+    study = Study.of(source)
+    if study.options.contact != "hard":
+        raise ValueError('the study has contact="mujoco", whose settings are those of its file; tuning chooses among those of hard contact')
+    study = replace(study, threads=1, seconds=max(study.hold, math.ceil(round(seconds / study.hold, 9)) * study.hold))
+    told: Tick = tick or (lambda _what, _done: None)
+    distance = Distance(unit, seconds)
+    right = converge(study, range(episodes), distance, target=_KNOWN * budget, tick=lambda done: told("reference", done))
+    usual, candidates = _candidates(study, range(episodes), distance, right, budget, told=told)
+    candidates.sort(key=lambda own: (own.error > budget, own.alone if alone else own.batch))
+    trials: list[Trial] = []
+    chosen = None
+    first = episodes
+    bound = budget
+    for candidate in candidates:
+        if candidate.error > bound:
+            continue
+        doubt = (1 - confidence) / 2.0 ** (len(trials) + 1)
+        count = trials_for(coverage, 1 - doubt)
+        trials.append(_trial(study, candidate, range(first, first + count), distance, budget, confidence=1 - doubt))
+        first += count
+        told("held-out episodes", len(trials) / (len(trials) + 1))
+        if trials[-1].share >= coverage:
+            chosen = candidate
+            break
+        # What is no better by the episodes that chose would fail on others too.
+        bound = _BETTER * candidate.error
+    told("held-out episodes", 1.0)
+    spare: list[Spare] = []
+    smaller = None
+    if reduce:
+        settings = (chosen or usual).settings
+        trace = run(study, range(episodes), **settings)
+        bench = Bench(study, range(episodes), settings, distance, trace)
+        spare, smaller = spares(bench, budget, lambda done: told("what is not needed", done))
+        told("what is not needed", 1.0)
+    options, precision = _options(study, chosen)
+    document = Document(f"Tuning of {study.name}")
+    found = Tuning(
+        *(study, budget, distance, chosen, options, precision, usual, tuple(candidates), tuple(trials), tuple(spare), smaller, document, ())
+    )
+    document.sections += _sections(found, right, coverage=coverage, confidence=confidence, alone=alone)
+    return replace(found, files=tuple(_save(found, Path(out) / study.name)))
+
+
+def _candidates(
+    study: Study, episodes: Sequence[int], distance: Distance, right: Reference, budget: float, *, told: Tick
+) -> tuple[Candidate, list[Candidate]]:
+    """The study's own settings, and all others with their errors and costs."""
+    own = {"timestep": study.options.timestep or float(study.loaded[0].timestep)}
+    steps_of(study, own["timestep"])
+    settings: list[tuple[str, dict[str, Any]]] = [("the study's own", own)]
+    settings += [(line.name, line.settings | {"timestep": dt}) for line in hard_lines() for dt in timesteps(study, coarser=4, finer=4)]
+    traces: list[Trace] = []
+    for number, (_, given) in enumerate(settings):
+        traces.append(run(study, episodes, **given))
+        told("candidates", (number + 1) / len(settings))
+    errors = [float((distance(trace, right.trace) + right.uncertainty).max()) for trace in traces]
+    # What does not keep the budget may cost what it wants.
+    timed = [0, *(k for k in range(1, len(settings)) if errors[k] <= budget)]
+    spent = dict.fromkeys(range(len(settings)), (math.nan, math.nan))
+    with one_core():
+        some = costs(
+            study,
+            [settings[k][1] for k in timed],
+            [traces[k] for k in timed],
+            repeats=3,
+            seconds=0.004,
+            tick=lambda done: told("costs", done),
+        )
+    spent |= dict(zip(timed, some, strict=True))
+    made = [Candidate(given, name, errors[k], *spent[k]) for k, (name, given) in enumerate(settings)]
+    return made[0], made[1:]
+
+
+def _trial(study: Study, candidate: Candidate, episodes: range, distance: Distance, budget: float, *, confidence: float) -> Trial:
+    right = converge(study, episodes, distance, target=_KNOWN * budget)
+    apart = distance(run(study, episodes, **candidate.settings), right.trace)
+    unknown = right.uncertainty > 0.5 * budget
+    held = int(np.count_nonzero((apart + right.uncertainty <= budget) & ~unknown))
+    share = least_share(held, len(episodes), confidence)
+    return Trial(candidate, len(episodes), held, int(unknown.sum()), float(apart.max()), share, confidence)
+
+
+def _options(study: Study, chosen: Candidate | None) -> tuple[Options | None, str | None]:
+    if chosen is None:
+        return None, None
+    given = dict(chosen.settings)
+    precision = given.pop("precision", study.precision)
+    return replace(study.options, **given), precision
+
+
+def words_of(options: Options, precision: str | None) -> str:
+    """Options as code, without what is as by default."""
+    usual = Options()
+    own = {f.name: getattr(options, f.name) for f in fields(Options) if getattr(options, f.name) != getattr(usual, f.name)}
+    told = ", ".join(f"{name}={value!r}" for name, value in own.items())
+    return f"stepper.Options({told})" + ("" if precision == "f64" else f', precision="{precision}"')
+
+
+def _sections(found: Tuning, right: Reference, *, coverage: float, confidence: float, alone: bool) -> list[Section]:
+    unit, cost = found.distance.unit, "alone" if alone else "batch"
+    words = [f"Budget: {found.budget:g} {unit} up to {found.distance.horizon:g} s. Reference: {right.words}."]
+    if found.chosen is not None and found.options is not None:
+        ratio = getattr(found.usual, cost) / getattr(found.chosen, cost)
+        keeps = "keep the budget too" if found.usual.error <= found.budget else "do not keep the budget"
+        trial = found.trials[-1]
+        words += [
+            f"`{words_of(found.options, found.precision)}`",
+            f"It takes {getattr(found.chosen, cost):.4g} us of one core for a simulated second of one environment. The study's own "
+            f"settings take {getattr(found.usual, cost):.4g}, {ratio:.2f} times as much, and {keeps}: their error is "
+            f"{found.usual.error:.2g} {unit}.",
+            f"{trial.held} of {trial.episodes} held-out episodes are within the budget: with {trial.confidence:.1%} confidence at least "
+            f"{trial.share:.1%} of episodes are ({coverage:.0%} were asked for, with {confidence:.0%} over all trials). The largest "
+            f"error is {trial.worst:.2g} {unit}.",
+        ]
+    else:
+        best = min(found.candidates, key=lambda own: own.error)
+        words.append(
+            f"No settings are proved to keep the budget. The least error is {best.error:.2g} {unit}, of {best.name} at "
+            f"{1e3 * best.settings['timestep']:g} ms, the reference's uncertainty of {right.uncertainty.max():.2g} {unit} included. All "
+            f"episodes are known to {right.target:.2g} {unit} up to {right.known.min():.3g} s, half of them up to "
+            f"{np.median(right.known):.3g} s: a shorter horizon, or a larger error."
+        )
+    trials = [
+        [t.candidate.name, 1e3 * t.candidate.settings["timestep"], t.held, t.episodes, t.unknown, t.worst, t.share, t.confidence]
+        for t in found.trials
+    ]
+    heads = ("settings", "time step, ms", "held", "episodes", "reference unknown", f"largest error, {unit}", "share at least", "confidence")
+    kept = [own for own in found.candidates if own.error <= found.budget]
+    rows = [[own.name, 1e3 * own.settings["timestep"], own.error, own.alone, own.batch] for own in kept[:20]]
+    spare = [[own.what, own.why, own.error, own.saved, "yes" if own.taken else "no"] for own in found.spare]
+    return [
+        Section("Result", words),
+        Section(
+            "Proof",
+            ["Episodes that had no part in the choice; each trial has its own."] if trials else ["No candidate to prove."],
+            heads,
+            trials,
+        ),
+        Section(
+            "Candidates within the budget",
+            [f"{len(kept)} of {len(found.candidates)}, the cheapest first; errors are the largest of the episodes that chose."],
+            ("settings", "time step, ms", f"error, {unit}", "alone, us", "batch, us"),
+            rows,
+        ),
+        Section(
+            "What the scene does not need",
+            [
+                "Of the episodes that chose. What changes no body by more than the budget is taken out; smaller.stepper is the model "
+                "without it."
+            ]
+            if spare
+            else ["Nothing was looked for, or everything is used."],
+            ("what", "why", f"change, {unit}", "time saved, share", "taken out"),
+            spare,
+        ),
+    ]
+
+
+def _save(found: Tuning, folder: Path) -> list[Path]:
+    folder.mkdir(parents=True, exist_ok=True)
+    files = found.document.save(folder, "tune")
+    told = {
+        "budget": found.budget,
+        "unit": found.distance.unit,
+        "horizon": found.distance.horizon,
+        "settings": found.chosen.settings if found.chosen else None,
+        "candidates": [vars(own) for own in found.candidates],
+        "in_force": found.study.in_force,
+        "provenance": provenance(),
+    }
+    files.append(folder / "tune.json")
+    files[-1].write_text(json.dumps(told, indent=2, default=str) + "\n", encoding="utf-8")
+    if found.smaller is not None:
+        files.append(folder / "smaller.stepper")
+        found.smaller.save(files[-1])
+    return files

@@ -1,0 +1,247 @@
+"""Episodes of a study in lanes: points that share settings are one batch, and every row is kept as soon as it is known.
+
+Which episodes make a batch follows from the points alone, not from what the journal has already: a study that goes on after a kill runs an
+unfinished batch anew as it was, and keeps the rows that it did not have.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stepper.experiments.study.journal import Journal, Row
+from stepper.experiments.study.outcomes import Watch
+from stepper.experiments.study.parameters import RANDOMIZED, Theta, actuator_model, model_fields, sensor_model
+from stepper.experiments.study.study import USUAL, Study
+from stepper.experiments.study.worlds import Plan, World, make_world, stacked
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Point:
+    """Where a study is run.
+
+    Attributes:
+        theta: Values of parameters; those that are not named are as the model has them.
+        setting: Name of the settings.
+    """
+
+    theta: Theta
+    setting: str = USUAL
+
+
+@dataclass(frozen=True)
+class _Batch:
+    """Episodes that are stepped together: (point, episode) of each."""
+
+    setting: str
+    episodes: tuple[tuple[Point, int], ...]
+
+
+def run_points(study: Study, points: Sequence[Point], journal: Journal, tick: Callable[[float], None] | None = None) -> list[Row]:
+    """Runs all episodes of points that the journal does not have.
+
+    Args:
+        study: The study.
+        points: Where it is run.
+        journal: What is known; it is told what becomes known.
+        tick: Called with the fraction done.
+
+    Returns:
+        Rows of all episodes of the points, in their order.
+
+    Raises:
+        ValueError: A time step that does not divide the time of a control, a value that the model cannot have.
+    """
+    keys = {(_name(point), e): study.key(point.theta, point.setting, e) for point in points for e in range(study.episodes)}
+    batches = list(_batches(study, points))
+    for number, batch in enumerate(batches):
+        missing = [key for point, e in batch.episodes if (key := keys[_name(point), e]) not in journal.rows]
+        if missing:
+            rows = {keys[_name(point), e]: row for (point, e), row in zip(batch.episodes, _run(study, batch), strict=True)}
+            journal.append({"key": key} | rows[key] for key in dict.fromkeys(missing))
+        if tick:
+            tick((number + 1) / len(batches))
+    return [journal.rows[keys[_name(point), e]] for point in points for e in range(study.episodes)]
+
+
+def _name(point: Point) -> str:
+    return json.dumps([point.setting, sorted(point.theta.items())])
+
+
+def _batches(study: Study, points: Sequence[Point]) -> Iterator[_Batch]:
+    """Points in groups that can be stepped together, cut into batches."""
+    groups: dict[str, list[Point]] = {}
+    noisy = study.sensors is not None or any(p.kind == "sensor" for p in study.parameters.values())
+    for point in {_name(point): point for point in points}.values():
+        # Errors of sensors follow from the place in the batch: every point has a batch of its own, so that episodes have the same ones.
+        key = _name(point) if noisy else group_of(study, point)
+        groups.setdefault(key, []).append(point)
+    for group in groups.values():
+        episodes = [(point, e) for point in group for e in range(study.episodes)]
+        for first in range(0, len(episodes), study.batch):
+            yield _Batch(group[0].setting, tuple(episodes[first : first + study.batch]))
+
+
+def group_of(study: Study, point: Point) -> str:
+    """What points must share to be stepped together."""
+    shared = {name: value for name, value in point.theta.items() if study.parameters[name].kind == "options"}
+    fields = model_fields(study.parameters, study.loaded[0], [point.theta])
+    own = {field: hashlib.sha256(rows.tobytes()).hexdigest() for field, rows in fields.items() if field not in RANDOMIZED}
+    return json.dumps([point.setting, sorted(shared.items()), sorted(own.items())])
+
+
+def world_of(study: Study, setting: str, thetas: Sequence[Theta], **changed: Any) -> World:
+    """Environments at values of parameters, one for each, with settings in force that all of them share.
+
+    Args:
+        study: The study.
+        setting: Name of the settings.
+        thetas: Values of parameters of every environment.
+        **changed: Settings in place of those: as of `Study.settings`, and "sensors".
+    """
+    model, compiled = study.loaded
+    ideal = changed.pop("sensors", "given") is None
+    given: dict[str, Any] = {study.parameters[n].leaf: v for n, v in thetas[0].items() if study.parameters[n].kind == "options"}
+    given = study.setting(setting) | given | changed
+    engine, precision = given.pop("engine", "stepper"), given.pop("precision", study.precision)
+    options = study.options
+    if engine == "stepper":
+        options = replace(options, **given)
+    elif options.timestep is not None:
+        given.setdefault("timestep", options.timestep)
+    plan = Plan(
+        model=model,
+        fields=model_fields(study.parameters, model, thetas),
+        options=options,
+        precision=precision,
+        mujoco=given if engine == "mujoco" else None,
+        compiled=compiled,
+        sensors=None if ideal else sensor_model(study.parameters, study.sensors, model, thetas),
+        actuators=actuator_model(study.parameters, study.actuators, model, thetas),
+        threads=study.threads,
+    )
+    world = make_world(plan, len(thetas))
+    names = dict.fromkeys(name for theta in thetas for name in theta)
+    unchanged = {name: study.parameters[name].unchanged for name in study.parameters}
+    world.theta = {
+        name: stacked([theta.get(name, value) for theta in thetas])
+        for name, value in (unchanged | dict.fromkeys(names.keys() - unchanged.keys())).items()
+        if name in names or value is not None
+    }
+    return world
+
+
+def begin(study: Study, world: World, episodes: Sequence[int]) -> None:
+    """Starts episodes."""
+    world.episodes = np.array(episodes)
+    qpos, qvel = starts(study, world, episodes)
+    world.start(qpos, qvel, study.keyframe, study.seed)
+
+
+def starts(study: Study, world: World, episodes: Sequence[int]) -> tuple[Array, Array]:
+    """Configurations (num_envs, nq) and velocities (num_envs, nv) that episodes start with."""
+    model, generators = world.model, study.generators(episodes)
+    if study.start is not None:
+        qpos, qvel = (np.array(x, float) for x in study.start(world, generators))
+    elif study.keyframe is not None:
+        key = model.keyframe(study.keyframe)
+        qpos, qvel = np.tile(key.qpos, (world.num_envs, 1)), np.tile(key.qvel, (world.num_envs, 1))
+    else:
+        qpos, qvel = np.tile(np.asarray(model.qpos0, float), (world.num_envs, 1)), np.zeros((world.num_envs, model.nv))
+    if study.qpos_noise:
+        qpos = model.integrate_pos(qpos, study.qpos_noise * np.array([g.standard_normal(model.nv) for g in generators]))
+    if study.qvel_noise:
+        qvel = qvel + study.qvel_noise * np.array([g.standard_normal(model.nv) for g in generators])
+    return qpos, qvel
+
+
+def steps_of(study: Study, timestep: float) -> int:
+    """Steps of a control.
+
+    Raises:
+        ValueError: The time step does not divide the time of a control.
+    """
+    count = round(study.hold / timestep)
+    if count < 1 or abs(count * timestep - study.hold) > 1e-6 * study.hold:
+        near = ", ".join(f"{study.hold / n:g}" for n in (max(1, count - 1), max(1, count), count + 1))
+        raise ValueError(f"the time step, {timestep:g} s, does not divide the time of a control, {study.hold:g} s; choose one of {near}")
+    return count
+
+
+def drive_through(
+    study: Study, world: World, episodes: Sequence[int], look: Callable[[World], None], each: Callable[[World], None] | None = None
+) -> None:
+    """Runs episodes to their end.
+
+    Args:
+        study: The study.
+        world: Environments, one for each episode.
+        episodes: Their numbers.
+        look: Called at the start and after every control.
+        each: Called after every step.
+    """
+    nstep = steps_of(study, world.timestep)
+    begin(study, world, episodes)
+    drive = study.driven()
+    if hasattr(drive, "begin"):
+        drive.begin(world)
+    look(world)
+    for _ in range(study.controls):
+        world.last_ctrl = ctrl = None if drive is None else drive(world)
+        for _ in range(1 if each is None else nstep):
+            world.advance(ctrl, nstep if each is None else 1)
+            if each is not None:
+                each(world)
+        look(world)
+
+
+def run_episodes(study: Study, setting: str, thetas: Sequence[Theta], episodes: Sequence[int], **changed: Any) -> list[Row]:
+    """Outcomes of episodes that are stepped together, one row for each, without keys. Settings as of `world_of`."""
+    world = world_of(study, setting, thetas, **changed)
+    seen: list[Watch] = []
+
+    def look(now: World) -> None:
+        if seen:
+            seen[0].look(now)
+        else:
+            seen.append(Watch(tuple(study.all_outcomes), now))
+
+    drive_through(study, world, episodes, look)
+    return _rows(study, setting, list(zip(thetas, episodes, strict=True)), world, seen[0].values(world))
+
+
+def _run(study: Study, batch: _Batch) -> list[Row]:
+    return run_episodes(study, batch.setting, [point.theta for point, _ in batch.episodes], [e for _, e in batch.episodes])
+
+
+def _rows(study: Study, setting: str, members: Sequence[tuple[Theta, int]], world: World, values: Mapping[str, Array]) -> list[Row]:
+    decisive, certificate, settings = study.decisive, world.certificate(), world.settings()
+    success = None if decisive is None else decisive.succeeds(values[decisive.name])
+    in_force = hashlib.sha256(json.dumps(study.in_force, sort_keys=True, default=str).encode()).hexdigest()[:16]
+    return [
+        {
+            "setting": setting,
+            "theta": dict(theta),
+            "episode": int(episode),
+            "seed": study.seed,
+            "outcomes": {name: float(value[env]) for name, value in values.items()},
+            "success": None if success is None else bool(success[env]),
+            "certificate": {name: number(value[env]) for name, value in certificate.items()},
+            "settings": settings,
+            "in_force": in_force,
+        }
+        for env, (theta, episode) in enumerate(members)
+    ]
+
+
+def number(value: Any) -> int | float:
+    """A plain number of NumPy's."""
+    return int(value) if isinstance(value, np.integer) else float(value)

@@ -1,0 +1,102 @@
+"""The picture of a sweep: a panel for every parameter, a line for every setting."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stepper.experiments.study.study import USUAL
+from stepper.experiments.study.sweep import Level, Sweep, measured
+from stepper.shared.machine import require
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+COLOURS = ("#0b3c8c", "#1f9e77", "#7a3fb5", "#d62728", "#ff7f0e", "#8c564b", "#17a2b8", "#666666")
+_COLUMNS = 3
+
+
+def draw(sweep: Sweep, path: Path) -> Path:
+    """Shares of successes with Wilson's intervals, or means with their standard errors, over the values of every parameter.
+
+    Raises:
+        MissingPackageError: matplotlib is not installed.
+    """
+    figures = require("matplotlib.figure", "to draw a sweep")
+    names = [name for name in sweep.study.parameters if any(level.parameter == name for level in sweep.levels)]
+    columns = min(_COLUMNS, max(1, len(names)))
+    lines = max(1, math.ceil(len(names) / columns))
+    figure = figures.Figure(figsize=(4.2 * columns + 0.6, 3.0 * lines + 0.9), dpi=130, layout="constrained")
+    axes = figure.subplots(lines, columns, squeeze=False).ravel()
+    for panel, name in zip(axes, names, strict=False):
+        _panel(panel, sweep, name)
+    for panel in axes[len(names) :]:
+        panel.set_visible(False)
+    handles, labels = axes[0].get_legend_handles_labels()
+    if len(labels) > 1:
+        figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(labels)), frameon=False)
+    figure.suptitle(f"{sweep.study.name}: {measured(sweep.study)}, {sweep.study.episodes} episodes a point", fontsize=11)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path)
+    return path
+
+
+def _panel(panel: Axes, sweep: Sweep, name: str) -> None:
+    study, parameter = sweep.study, sweep.study.parameters[name]
+    settings = [USUAL, *study.settings]
+    words = any(isinstance(value, str) for value in parameter.levels())
+    for number, setting in enumerate(settings):
+        levels = sweep.of(name, setting)
+        if not levels:
+            continue
+        colour = COLOURS[number % len(COLOURS)]
+        # A little aside, so that intervals do not lie on one another.
+        span = 0.0 if words else float(np.ptp([float(level.value or 0) for level in levels]))
+        aside = 0.012 * span * (number - (len(settings) - 1) / 2)
+        x: list[Any] = [str(level.value) if words else float(level.value or 0) + aside for level in levels]
+        y, below, above = _bars(levels, shares=study.decisive is not None)
+        panel.errorbar(
+            x, y, (below, above), fmt="o-" if number == 0 else "s--", color=colour, label=setting, capsize=2, linewidth=1.2, markersize=3.5
+        )
+        for cliff in sweep.cliffs:
+            if (cliff.parameter, cliff.setting) == (name, setting):
+                middle = (cliff.low + cliff.high) / 2
+                panel.axvline(middle, color=colour, linestyle=":", linewidth=1)
+                panel.annotate(
+                    f"{middle:.4g}",
+                    (middle, 0.02),
+                    xytext=(2, 9 * number),
+                    textcoords="offset points",
+                    color=colour,
+                    fontsize=8,
+                    bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 0.5},
+                )
+    panel.set_xlabel(f"{name}{', ' + parameter.unit if parameter.unit else ''}{_how(parameter.how)}")
+    unit = (study.decisive or study.all_outcomes[0]).unit
+    panel.set_ylabel("share of successes" if study.decisive else f"{measured(study)}{', ' + unit if unit else ''}")
+    if study.decisive:
+        panel.set_ylim(-0.05, 1.05)
+    panel.grid(visible=True, color="#dddddd")
+    panel.set_axisbelow(True)
+
+
+def _how(how: str) -> str:
+    return {"set": "", "scale": " (factor)", "add": " (added)"}[how]
+
+
+def _bars(levels: Sequence[Level], *, shares: bool) -> tuple[list[float], list[float], list[float]]:
+    """Values with what is below and above them."""
+    if shares:
+        y = [level.share for level in levels]
+        return (
+            y,
+            [a - level.interval[0] for a, level in zip(y, levels, strict=True)],
+            [level.interval[1] - a for a, level in zip(y, levels, strict=True)],
+        )
+    y = [level.mean for level in levels]
+    error = [0.0 if math.isnan(level.spread) else level.spread / math.sqrt(level.episodes) for level in levels]
+    return y, error, error

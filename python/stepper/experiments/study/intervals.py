@@ -1,0 +1,47 @@
+"""Intervals of shares: Wilson's for what is estimated, Clopper and Pearson's bound for what is promised."""
+
+from __future__ import annotations
+
+import math
+from statistics import NormalDist
+
+
+def wilson(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
+    """Wilson's score interval of a probability (E. B. Wilson, JASA 22, 1927).
+
+    Args:
+        successes: Of the trials.
+        trials: At least 1.
+        confidence: That the interval has the probability.
+
+    Returns:
+        Its ends.
+    """
+    if not 0 <= successes <= trials or trials < 1:
+        raise ValueError(f"{successes} successes of {trials} trials: there must be a trial, and no more successes than trials")
+    z = NormalDist().inv_cdf(0.5 + confidence / 2)
+    share, more = successes / trials, z * z / trials
+    middle = (share + more / 2) / (1 + more)
+    half = z * math.sqrt(share * (1 - share) / trials + more / (4 * trials)) / (1 + more)
+    # By hand where rounding would put an end that is 0 or 1 beside it.
+    return (0.0 if successes == 0 else middle - half, 1.0 if successes == trials else middle + half)
+
+
+def least_share(successes: int, trials: int, confidence: float = 0.95) -> float:
+    """Clopper and Pearson's lower bound of a probability (Biometrika 26, 1934): held with at least this confidence, however few the trials.
+
+    The probability p at which `successes` and more of the trials have the probability 1 - confidence.
+    """
+    if not 0 <= successes <= trials or trials < 1:
+        raise ValueError(f"{successes} successes of {trials} trials: there must be a trial, and no more successes than trials")
+    low, high = 0.0, successes / trials
+    for _ in range(60):
+        middle = (low + high) / 2
+        tail = math.fsum(math.comb(trials, k) * middle**k * (1 - middle) ** (trials - k) for k in range(successes, trials + 1))
+        low, high = (low, middle) if tail > 1 - confidence else (middle, high)
+    return low
+
+
+def trials_for(share: float, confidence: float) -> int:
+    """Trials of which all must succeed for `least_share` to be at least `share`: ln(1 - confidence) / ln(share), rounded up."""
+    return math.ceil(math.log(1 - confidence) / math.log(share))

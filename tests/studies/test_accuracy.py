@@ -1,0 +1,179 @@
+"""Charts and tunings: references that say how well they are known, errors by source, settings that keep a budget."""
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import stepper
+from stepper.experiments.accuracy.candidates import pareto, timesteps
+from stepper.experiments.accuracy.reference import converge
+from stepper.experiments.accuracy.traces import Distance, quantity, run
+from typer.testing import CliRunner
+
+PENDULUM = """<mujoco><option timestep=".005"/><worldbody><body pos="0 0 1"><joint name="hinge" axis="0 1 0"/>
+  <geom type="capsule" size=".02" fromto="0 0 0 .5 0 0" contype="0" conaffinity="0"/>{child}</body></worldbody></mujoco>"""
+SECOND = """<body pos=".5 0 0"><joint axis="0 1 0"/>
+  <geom type="capsule" size=".02" fromto="0 0 0 .5 0 0" contype="0" conaffinity="0"/></body>"""
+# A ball that falls on a floor and rolls on, a second one far away, a sensor, and a hinge that stays far from its limits.
+SCENE = """<mujoco><option timestep=".005"/><worldbody><geom name="floor" type="plane" size="9 9 1"/>
+  <body name="ball" pos="0 0 .12"><freejoint name="ball"/><geom name="ball" size=".1"/></body>
+  <body name="far" pos="5 0 .1"><freejoint/><geom name="far" size=".1"/></body>
+  <body name="arm" pos="0 3 1"><joint name="hinge" axis="0 1 0" range="-90 90"/>
+  <geom name="arm" type="capsule" size=".02" fromto="0 0 0 0 0 -.3"/></body></worldbody>
+  <actuator><motor name="motor" joint="hinge" ctrlrange="-.02 .02"/></actuator>
+  <sensor><jointpos name="angle" joint="hinge"/></sensor></mujoco>"""
+
+
+def pendulum(**changed):
+    given = {"model": PENDULUM.format(child=""), "name": "pendulum", "episodes": 2, "seconds": 0.5, "control": 0.02, "qvel_noise": 0.5}
+    return stepper.Study(**(given | changed))
+
+
+def scene(**changed):
+    return stepper.Study.of(SCENE, name="scene", seconds=0.2, qvel_noise=0.1, **changed)
+
+
+def test_a_smooth_motion_is_known_as_well_as_its_reference_says():
+    """The estimate of a coarse reference is what it is away from a fine one."""
+    study, distance = pendulum(model=PENDULUM.format(child=SECOND)), Distance("m", 0.5)
+    coarse = converge(study, range(3), distance, target=1e-12, most=2)
+    fine = converge(study, range(3), distance, target=1e-12, most=6)
+    np.testing.assert_allclose(coarse.orders, 2.0, atol=0.05)
+    assert coarse.extrapolates.all()
+    true = distance(coarse.trace, fine.trace)
+    # The estimate is of the leading term: within a tenth of the difference from a run with a sixteenth of the step.
+    np.testing.assert_allclose(coarse.uncertainty, true, rtol=0.1)
+    assert np.all(coarse.methods > coarse.uncertainty)
+    assert "no extrapolation" not in coarse.words
+
+
+def test_across_impacts_it_does_not_extrapolate_and_says_so():
+    study = scene(drive=None)
+    found = converge(study, range(4), Distance("m", 0.2), target=1e-9, most=4)
+    assert not found.extrapolates.all()
+    assert "no extrapolation in" in found.words
+    finer = converge(study, range(4), Distance("m", 0.2), target=1e-9, most=8)
+    # What is not extrapolated is the last difference: a bound in a sum of impacts up to their signs, so of the middle one alone.
+    assert np.median(Distance("m", 0.2)(found.trace, finer.trace)) <= 2.0 * np.median(found.uncertainty)
+    assert finer.uncertainty.max() < found.uncertainty.max()
+    assert np.all(found.known <= 0.2 + 1e-12)
+
+
+def test_distances_are_those_of_bodies_up_to_the_horizon():
+    study = pendulum(seconds=0.2)
+    one, other = run(study, [0]), run(replace(study, qvel_noise=0.6), [0])
+    angle = np.abs(2 * np.arctan2(one.xquat[..., 2], one.xquat[..., 0]) - 2 * np.arctan2(other.xquat[..., 2], other.xquat[..., 0]))
+    np.testing.assert_allclose(Distance("rad", 0.1)(one, other), angle[:5, :, 1].max(axis=0), rtol=1e-12)
+    assert Distance("rad", 0.1)(one, other) < Distance("rad", 0.2)(one, other)
+    # The body's frame is at the hinge, and the middle of its geom a quarter of a metre away: a chord.
+    chord = 2 * 0.25 * np.sin(Distance("rad", 0.2)(one, other) / 2)
+    np.testing.assert_allclose(Distance("m", 0.2)(one, other), chord, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("text", "value"), [("1 mm", (1e-3, "m")), ("0.5deg", (math.radians(0.5), "rad")), (" 2 cm ", (0.02, "m"))])
+def test_quantities(text, value):
+    assert quantity(text, units=("m", "rad")) == pytest.approx(value)
+
+
+@pytest.mark.parametrize("text", ["1", "mm", "-1 mm", "0 mm", "1 s", "1e400 mm2", "one mm"])
+def test_wrong_quantities_are_named(text):
+    with pytest.raises(ValueError, match="must be a number above 0 with a unit"):
+        quantity(text, units=("m", "rad"))
+
+
+def test_time_steps_divide_the_time_of_a_control_and_fronts_are_pareto():
+    study = pendulum()
+    assert timesteps(study, coarser=2, finer=2) == [0.02 / 16, 0.02 / 8, 0.02 / 4, 0.02 / 2, 0.02]
+    assert pareto([3, 1, 2, 4], [0.1, 1.0, 2.0, 0.1]) == [1, 0]
+
+
+def test_a_chart_of_a_model_of_ones_own(tmp_path):
+    found = stepper.chart(scene(), tmp_path, quick=True, episodes=3, horizon=0.1)
+    for name in ("chart.png", "chart.csv", "chart.html", "chart.md"):
+        assert (tmp_path / "scene" / name).stat().st_size > 500
+    assert not found.skipped
+    engines = {dot.engine for dot in found.dots}
+    assert engines == {"stepper", "MuJoCo"}
+    for dot in found.dots:
+        assert dot.alone > 0
+        assert dot.batch > 0
+        parts = np.nansum([dot.solver, dot.step, dot.model])
+        # Distances obey the triangle inequality; of medians of three episodes that is so within a factor of their number.
+        assert dot.error <= 3 * parts + 1e-12
+    hard = [dot for dot in found.dots if dot.engine == "stepper" and "law" not in dot.setting]
+    assert all(dot.model == 0 for dot in hard)
+    soft = [dot for dot in found.dots if dot.engine == "MuJoCo"]
+    assert all(dot.model > 1e-5 for dot in soft)
+    single = {dot.timestep: dot for dot in hard if dot.setting == "midpoint, f32"}
+    double = {dot.timestep: dot for dot in hard if dot.setting == "midpoint"}
+    # 2^-24 of metres, times steps and velocities; and the tolerance of 1e-4 m/s over 0.1 s.
+    assert all(1e-9 < single[dt].solver < 1e-4 for dt in single)
+    assert all(double[dt].solver < 1e-7 for dt in double)
+
+
+def test_a_tuning_keeps_its_budget_on_episodes_that_it_has_not_seen(tmp_path):
+    found = stepper.tune(scene(), tmp_path, error="0.5 mm", horizon="0.1 s", coverage=0.8, reduce=False)
+    assert found.chosen is not None
+    assert found.trials[-1].share >= 0.8
+    assert found.chosen.error <= 5e-4
+    assert found.chosen.batch == min(own.batch for own in found.candidates if own.error <= found.chosen.error)
+    assert str(found.options.timestep) in found.document.markdown()
+    study = replace(found.study, options=found.options, precision=found.precision)
+    distance, fresh = Distance("m", 0.1), range(5000, 5040)
+    right = converge(found.study, fresh, distance, target=5e-5)
+    held = np.count_nonzero(distance(run(study, fresh), right.trace) <= 5e-4)
+    # At least 80 % do, with the confidence of the tuning: fewer than 26 of 40 are as likely as one in a hundred if it were 80 %.
+    assert held >= 26
+    told = json.loads((tmp_path / "scene/tune.json").read_text())
+    assert told["settings"] == found.chosen.settings
+
+
+def test_a_budget_that_nothing_keeps_is_said(tmp_path):
+    found = stepper.tune(scene(), tmp_path, error="0.000001 um", horizon="0.2 s", reduce=False)
+    assert found.chosen is None
+    assert found.options is None
+    assert "No settings are proved to keep the budget" in str(found)
+
+
+def test_what_a_scene_does_not_need(tmp_path):
+    study = scene(drive="random")
+    found = stepper.tune(study, tmp_path, error="1 mm", horizon="0.1 s", coverage=0.5)
+    spare = {own.what: own for own in found.spare}
+    # Balls and arm meet one another nowhere, nor does the arm the floor; both balls lie on the floor.
+    assert "4 of 6 pairs of bodies" in spare
+    assert "limits of 1 joints" in spare
+    assert "1 sensors" in spare
+    assert "friction of" not in " ".join(spare)
+    assert all(own.taken and own.error == 0.0 for own in found.spare)
+    smaller = stepper.load(tmp_path / "scene/smaller.stepper")
+    assert (smaller.nsensordata, smaller.joint("hinge").limited, smaller.nv) == (0, False, study.loaded[0].nv)
+
+
+def test_what_is_used_stays(tmp_path):
+    """A drive that reads the sensor, a joint at its limit, a ball that rolls."""
+    study = scene(
+        drive=lambda now: 0.02 - 0.0 * now.sensor("angle"),
+        start=lambda now, rng: (np.tile(now.model.qpos0 + 1.5708 * (np.arange(15) == 14), (now.num_envs, 1)), np.ones((now.num_envs, 13))),
+    )
+    found = stepper.tune(study, tmp_path, error="1 mm", horizon="0.1 s", coverage=0.5)
+    told = " ".join(own.what for own in found.spare)
+    assert "sensors" not in told
+    assert "limits" not in told
+
+
+def test_the_commands_run(tmp_path, monkeypatch):
+    from stepper.cli.app import application
+
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.xml").write_text(SCENE)
+    told = CliRunner().invoke(
+        application(), ["tune", "scene.xml", "--error", "5 mm", "--horizon", "0.1 s", "--coverage", "0.5", "--no-reduce"]
+    )
+    assert told.exit_code == 0, told.output
+    assert "stepper.Options(" in told.output
+    assert (tmp_path / "out/scene/tune.html").exists()
+    for arguments in (["tune", "scene.xml", "--error", "5", "--horizon", "1 s"], ["chart", "scene.xm"], ["sweep", "scene.xml"]):
+        told = CliRunner().invoke(application(), arguments)
+        assert isinstance(told.exception, ValueError)

@@ -1,0 +1,441 @@
+"""Studies: what a row follows from, that nothing is lost or repeated, that parameters are what they say."""
+
+import json
+import math
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import stepper
+from stepper.experiments.study import Recorded
+from stepper.experiments.study.batches import Point, run_points, world_of
+from stepper.experiments.study.intervals import least_share, trials_for, wilson
+from stepper.experiments.study.journal import Journal, JournalError
+from stepper.experiments.study.results import Results
+from stepper.experiments.study.sweep import sweep
+
+TRAY = """<mujoco model="tray"><option timestep=".005"/><worldbody><geom name="tray" type="box" size="2 2 .01" pos="0 0 -.01"/>
+  <body name="object" pos="0 0 .02"><freejoint name="free"/><geom name="object" type="box" size=".05 .05 .02" mass=".3"/></body></worldbody>
+  </mujoco>"""
+ARM = """<mujoco><worldbody><body name="arm"><joint name="hinge" axis="0 1 0" damping=".1"/>
+  <geom name="rod" type="capsule" size=".02" fromto="0 0 0 .3 0 0"/><site name="tip" pos=".3 0 0"/></body></worldbody>
+  <actuator><position name="servo" joint="hinge" kp="5" kv=".5"/></actuator>
+  <sensor><jointpos name="angle" joint="hinge"/></sensor></mujoco>"""
+G, MASS, PUSH = 9.81, 0.3, 2.0
+
+
+def swept(study, out):
+    """Levels alone, without pages."""
+    with Results(study, out) as results:
+        return sweep(study, results.journal, cliffs=False)
+
+
+def push(now):
+    now.xfrc_applied[:, 1, 0] = now.theta["push"]
+
+
+def tray(**changed):
+    given = {
+        "model": TRAY,
+        "name": "tray",
+        "drive": push,
+        "outcomes": stepper.Outcome(name="slid", measure="body object x", over="change", success="<= 1e-5", unit="m"),
+        "parameters": {
+            "push": stepper.Parameter(target="drive", nominal=PUSH, low=1.0, high=3.5, unit="N"),
+            "friction": stepper.Parameter(target="geom_friction", column=0, low=0.2, high=1.2),
+            "mass": stepper.Parameter(target="body_mass", how="scale", low=0.5, high=1.5),
+        },
+        "episodes": 3,
+        "seconds": 0.4,
+        "control": 0.02,
+        "qvel_noise": 1e-9,
+    }
+    return stepper.Study(**(given | changed))
+
+
+def test_cliffs_are_where_coulomb_has_them(tmp_path):
+    with Results(tray(), tmp_path) as results:
+        found = sweep(tray(), results.journal)
+    ends = {cliff.parameter: cliff for cliff in found.cliffs}
+    # x = a t^2 / 2 reaches 1e-5 m in 0.4 s with a = 1.25e-4 m/s^2: 1.3e-5 of mu and 4e-5 N, within a thousandth of each range.
+    for name, exact in (("push", MASS * G), ("friction", PUSH / (MASS * G)), ("mass", PUSH / (MASS * G))):
+        low, high = study_range(name)
+        assert ends[name].high - ends[name].low <= 1e-3 * (high - low)
+        assert ends[name].low - 1e-4 <= exact <= ends[name].high + 1e-4
+    nominal = found.of("")[0]
+    assert (nominal.successes, nominal.episodes, nominal.unsolved) == (3, 3, 0)
+    assert nominal.interval == wilson(3, 3)
+    assert [level.share for level in found.of("friction")] == [0, 0, 1, 1, 1]
+
+
+def study_range(name):
+    parameter = tray().parameters[name]
+    return parameter.low, parameter.high
+
+
+def test_an_environment_of_a_batch_is_the_model_with_its_numbers(tmp_path):
+    """To the bit: what `Model.replace` gives, stepped alone."""
+    study = tray(outcomes=stepper.Outcome(name="x", measure="body object x"))
+    thetas = [{"push": 2.5, "friction": 0.3}, {"push": 2.5, "mass": 0.7}, {"push": 1.0}]
+    with Results(study, tmp_path) as results:
+        rows = run_points(study, [Point(theta) for theta in thetas], results.journal)
+    model = study.loaded[0]
+    friction = np.array(model.geom_friction)
+    friction[:, 0] = 0.3
+    models = [
+        model.replace(geom_friction=friction),
+        model.replace(body_mass=0.7 * model.body_mass, body_inertia=0.7 * model.body_inertia),
+        model,
+    ]
+    for k, own in enumerate(models):
+        for episode in range(study.episodes):
+            sim = stepper.Stepper(own)
+            sim.reset(qvel=1e-9 * np.random.default_rng([0, episode, 0]).standard_normal(6))
+            sim.xfrc_applied[1, 0] = thetas[k]["push"]
+            sim.step(nstep=80)
+            assert rows[3 * k + episode]["outcomes"]["x"] == sim.qpos[0]
+
+
+def test_servo_gains_and_element_names():
+    parameters = {
+        "stiffness": stepper.Parameter(target="kp", names=("servo",), how="scale", low=0.5, high=2.0),
+        "damping": stepper.Parameter(target="kd", how="set", low=0.5, high=2.0),
+        "length": stepper.Parameter(target="geom_size", names=("arm/rod",), column=1, how="add", low=0.0, high=0.1),
+    }
+    world = world_of(stepper.Study(model=ARM, parameters=parameters), "stepper", [{"stiffness": 2.0, "damping": 1.5, "length": 0.05}, {}])
+    own = world.sim.randomized
+    np.testing.assert_array_equal(own["actuator_gain"][:, 0, 0], [10, 5])
+    np.testing.assert_array_equal(own["actuator_bias"][:, 0], [[0, -10, -1.5], [0, -5, -0.5]])
+    np.testing.assert_allclose(own["geom_size"][:, 0, 1], [0.2, 0.15], rtol=1e-15)
+
+
+def test_settings_delays_and_errors_of_sensors_vary():
+    parameters = {
+        "step": stepper.Parameter(target="options.timestep", values=(0.001, 0.01)),
+        "noise": stepper.Parameter(target="sensor.noise_std", names=("angle",), low=0.0, high=0.1),
+        "delay": stepper.Parameter(target="actuator.delay", low=0.0, high=0.02),
+    }
+
+    def servo(now):
+        return 0.5 - now.sensor("angle")
+
+    study = stepper.Study(
+        model=ARM, drive=servo, parameters=parameters, outcomes=stepper.Outcome(name="angle", measure="joint hinge"), episodes=4
+    )
+    found = world_of(study, "stepper", [{"step": 0.01, "noise": 0.1, "delay": 0.02}] * 2)
+    assert found.timestep == 0.01
+    assert found.sim.sensors.named["angle"].noise_std.tolist() == [0.1, 0.1]
+    assert found.sim.actuators.drive_of("servo").delay.tolist() == [0.02, 0.02]
+
+
+def test_the_same_episodes_have_the_same_noise_at_every_point(tmp_path):
+    """Whatever else is in the batch: what differs between points is the parameter alone."""
+    sensors = stepper.SensorModel(default=stepper.Transfer(noise_std=0.1))
+    study = stepper.Study(
+        model=ARM,
+        sensors=sensors,
+        drive=lambda now: 0.5 - now.sensor("angle"),
+        outcomes=stepper.Outcome(name="angle", measure="joint hinge"),
+        parameters={"damping": stepper.Parameter(target="dof_damping", how="scale", low=0.5, high=1.5)},
+        episodes=5,
+    )
+    angles = []
+    for damping in ([1.0], [0.5, 0.7, 1.0]):
+        with Results(study, tmp_path / str(len(damping))) as results:
+            rows = run_points(study, [Point({"damping": x}) for x in damping], results.journal)
+        angles.append([row["outcomes"]["angle"] for row in rows][-5:])
+    assert angles[0] == angles[1]
+    assert len(set(angles[0])) == 5
+
+
+def test_mujoco_beside(tmp_path):
+    """The same theta in MuJoCo: a servo without contacts, of which both are second order or less in a step of 1 ms."""
+    study = stepper.Study(
+        model=ARM,
+        drive=lambda now: np.full((now.num_envs, 1), 0.4),
+        outcomes=[stepper.Outcome(name="angle", measure="joint hinge"), stepper.Outcome(name="z", measure="site tip z", over="min")],
+        parameters={"mass": stepper.Parameter(target="body_mass", how="scale", low=0.5, high=1.5)},
+        settings={"MuJoCo": {"engine": "mujoco"}, "f32": {"precision": "f32"}},
+        options=stepper.Options(timestep=0.001),
+        episodes=1,
+    )
+    with Results(study, tmp_path) as results:
+        found = sweep(study, results.journal, cliffs=False)
+    ours, theirs, single = ([level.mean for level in found.of("mass", name)] for name in ("stepper", "MuJoCo", "f32"))
+    # MuJoCo's Euler rule is of first order: a degree's hundredth after one second.
+    np.testing.assert_allclose(ours, theirs, rtol=2e-3)
+    np.testing.assert_allclose(ours, single, rtol=1e-4)
+    assert ours[0] != ours[1]
+    assert set(found.table["settings.precision"]) == {"f64", "f32"}
+    assert set(found.table["settings.engine"]) == {"stepper", "mujoco"}
+
+
+CHILD = """
+import sys
+sys.path.insert(0, sys.argv[2])
+import test_study, stepper
+from stepper.experiments.study.journal import Journal
+study = test_study.tray(batch=4)
+append = Journal.append
+def told(self, rows):
+    append(self, rows)
+    print("rows", flush=True)
+Journal.append = told
+stepper.sweep(study, sys.argv[1])
+"""
+
+
+def child(folder):
+    path = os.pathsep.join([str(Path(stepper.__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
+    arguments = [sys.executable, "-c", CHILD, str(folder), str(Path(__file__).parent)]
+    return subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": path})
+
+
+def test_a_study_that_is_killed_goes_on_and_gives_the_same_table(tmp_path):
+    """It is killed at moments of its own choosing, a line torn each time, until it is through."""
+    stepper.sweep(tray(batch=4), tmp_path / "whole")
+    draw, journal = random.Random(1), tmp_path / "cut" / "tray" / "journal"
+    for _ in range(3):
+        with child(tmp_path / "cut") as process:
+            for _ in range(draw.randint(1, 4)):
+                process.stdout.readline()
+            time.sleep(draw.uniform(0.0, 0.02))
+            process.send_signal(signal.SIGKILL)
+        with journal.open("ab") as file:
+            file.write(b'0badc0de {"key":"x","ou')
+    with Journal(journal) as kept:
+        before = len(kept.rows)
+    stepper.sweep(tray(batch=4), tmp_path / "cut")
+    lines = journal.read_bytes().splitlines()
+    assert 0 < before < len(lines), "the kills came before anything was written, or after all of it"
+    keys = [json.loads(line.partition(b" ")[2])["key"] for line in lines]
+    assert len(set(keys)) == len(keys)
+    for name in ("table.csv", "table.npz", "sweep.md"):
+        assert (tmp_path / "cut/tray" / name).read_bytes() == (tmp_path / "whole/tray" / name).read_bytes(), name
+
+
+def test_a_journal_keeps_what_it_was_told_and_refuses_damage(tmp_path):
+    path = tmp_path / "journal"
+    rows = [{"key": str(k), "x": x} for k, x in enumerate([0.1, math.inf, math.nan, 1e-300])]
+    with Journal(path) as journal:
+        journal.append(rows)
+        with pytest.raises(JournalError, match="another process"):
+            Journal(path)
+    whole = path.read_bytes()
+    for cut in range(len(whole)):
+        path.write_bytes(whole[:cut])
+        with Journal(path) as journal:
+            kept = len(journal.rows)
+            assert kept == whole[:cut].count(b"\n")
+            journal.append(rows[kept:])
+            assert repr(list(journal.rows.values())) == repr(rows)
+        assert path.read_bytes() == whole
+    path.write_bytes(whole.replace(b"inf", b"0.5", 1).replace(b"Infinity", b"2", 1))
+    with pytest.raises(JournalError, match="line 2"):
+        Journal(path)
+
+
+def test_nothing_is_run_twice_and_what_changes_is_run_anew(tmp_path):
+    study = tray()
+    first = swept(study, tmp_path)
+    journal = tmp_path / "tray" / "journal"
+    size = journal.stat().st_size
+    again = swept(study, tmp_path)
+    assert journal.stat().st_size == size
+    assert first.levels == again.levels
+    swept(tray(seed=1), tmp_path)
+    assert journal.stat().st_size > size
+    told = json.loads((tmp_path / "tray" / "in_force.json").read_text())
+    assert set(first.table["in_force"]) < set(told)
+    assert len(told) == 2
+
+
+def test_the_batch_and_the_threads_change_no_bit(tmp_path):
+    tables = [swept(tray(batch=b, threads=t), tmp_path / f"{b} {t}").table for b, t in ((256, 1), (5, 2))]
+    for name in tables[0].columns:
+        np.testing.assert_array_equal(tables[0][name], tables[1][name])
+
+
+def test_recorded_controls_and_policies(tmp_path):
+    ctrl = np.linspace(0, 0.5, 10)[:, None]
+    np.savez(tmp_path / "controls.npz", ctrl=ctrl)
+    outcome = stepper.Outcome(name="angle", measure="joint hinge")
+    played = []
+    policies = (Recorded(tmp_path / "controls.npz"), stepper.Policy(lambda seen: 0.5 - seen), "random", None)
+    for k, drive in enumerate(policies):
+        with Results(stepper.Study(model=ARM, drive=drive, outcomes=outcome, episodes=2, seconds=0.3), tmp_path / str(k)) as results:
+            played.append([row["outcomes"]["angle"] for row in run_points(results_study(drive, outcome), [Point({})], results.journal)])
+    sim = stepper.Stepper(stepper.load(ARM))
+    for k in range(15):
+        sim.step(ctrl[min(k, 9)], nstep=10)
+    assert played[0] == [sim.qpos[0]] * 2
+    assert played[2][0] != played[2][1]
+    assert len({row[0] for row in played}) == 4
+
+
+def results_study(drive, outcome):
+    return stepper.Study(model=ARM, drive=drive, outcomes=outcome, episodes=2, seconds=0.3)
+
+
+STUDY = """
+name = "servo"
+model = "arm.xml"
+drive = "drive.py:reach"
+seconds = 0.5
+episodes = 4
+[options]
+timestep = 0.005
+[sensors."angle"]
+noise_std = 0.01
+[[outcomes]]
+name = "reached"
+measure = "joint hinge"
+success = ">= 0.3"
+[parameters.goal]
+target = "drive"
+low = 0.1
+high = 0.9
+nominal = 0.8
+unit = "rad"
+source = "the task"
+[settings."5 iterations"]
+iterations = 5
+"""
+
+
+def write_study(folder, text=STUDY):
+    (folder / "arm.xml").write_text(ARM)
+    (folder / "drive.py").write_text("def reach(now):\n    return now.theta['goal'][:, None]\n")
+    (folder / "servo.toml").write_text(text)
+    return folder / "servo.toml"
+
+
+def test_a_study_from_a_file_and_its_pages(tmp_path):
+    study = stepper.Study.from_file(write_study(tmp_path))
+    assert study.options.timestep == 0.005
+    assert study.sensors.named["angle"].noise_std == 0.01
+    found = stepper.report(study, tmp_path / "out")
+    page = (tmp_path / "out/servo/report.html").read_text()
+    assert "<img" in page
+    assert "http" not in page.replace("http-equiv", "")
+    for title in (
+        "State variables",
+        "Observation map",
+        "Contacts that decide",
+        "Perturbation table",
+        "Cliffs",
+        "Transfer gap",
+        "Whose failures",
+    ):
+        assert f"<h2>{title}</h2>" in page
+    assert "noise_std 0.01" in page
+    assert "MuJoCo cannot run this study: it has no errors of sensors" in page
+    assert found.sweep.table["settings.tolerance"].max() == 1e-6
+
+
+@pytest.mark.parametrize(("wrong", "message"), [
+    ("episodes = 4", "episodes = 0|episodes is 0, must be above 0"),
+    ('name = "servo"', "nam = 2|unknown entries \\['nam'\\]"),
+    ('success = ">= 0.3"', 'success = "big"|success is .big., must be a comparison'),
+    ('measure = "joint hinge"', 'measure = "joint"|must be a function or words'),
+    ('drive = "drive.py:reach"', 'drive = "drive.py:no"|has no .no.'),
+    ("nominal = 0.8", "|give it a nominal value"),
+    ("high = 0.9", "high = 0.0|low is 0.1, must be below high"),
+    ("iterations = 5", "iteration = 5|unknown \\['iteration'\\]"),
+    ("seconds = 0.5", "seconds = 0.5\ncontrol = 0.0215|0.005 s, does not divide the time of a control, 0.0215 s; choose one of 0.0071"),
+])  # fmt: skip
+def test_wrong_files_say_what_and_where(tmp_path, wrong, message):
+    new, _, said = message.partition("|")
+    assert wrong in STUDY
+    file = write_study(tmp_path, STUDY.replace(wrong, new))
+    with pytest.raises(ValueError, match=said):
+        stepper.sweep(file, tmp_path / "out")
+
+
+def test_a_parameter_that_fits_nothing_is_named(tmp_path):
+    for target, names, said in (
+        ("geom_friction", ("foot",), "no geom fits"),
+        ("geom_colour", ("*",), "no field of a model"),
+        ("sensor.delay", ("*",), "no sensor fits"),
+        ("options.speed", ("*",), "settings are"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            stepper.sweep(tray(parameters={"p": stepper.Parameter(target=target, names=names, low=0, high=1)}), tmp_path)
+
+
+def test_intervals():
+    # R. G. Newcombe, Statistics in Medicine 17 (1998), table I: 81 of 263, 15 of 148, 0 of 20, 1 of 29.
+    for (k, n), (low, high) in {
+        (81, 263): (0.2553, 0.3662), (15, 148): (0.0624, 0.1605), (0, 20): (0.0, 0.1611), (1, 29): (0.0061, 0.1718),
+    }.items():  # fmt: skip
+        assert wilson(k, n) == (pytest.approx(low, abs=6e-5), pytest.approx(high, abs=6e-5))
+    # All of n: the bound is 0.05^(1 / n).
+    for n in (1, 10, 59):
+        assert least_share(n, n) == pytest.approx(0.05 ** (1 / n), abs=1e-12)
+    assert trials_for(0.95, 0.95) == 59
+    assert least_share(0, 5) == 0.0
+
+
+def blind(now):
+    """Goes to 0.5 rad by what its sensor says."""
+    return 0.5 + 3.0 * (0.5 - now.sensor("angle"))
+
+
+def judged(tmp_path, **changed):
+    given = {
+        "model": ARM,
+        "drive": lambda now: np.full((now.num_envs, 1), 0.5),
+        "outcomes": stepper.Outcome(name="angle", measure="joint hinge", success="<= 0.6", margin=1e-6),
+        "episodes": 3,
+        "seconds": 0.5,
+    }
+    found = stepper.report(stepper.Study(**(given | changed)), tmp_path)
+    return {(verdict.whose, verdict.rule.partition(":")[0]) for verdict in found.verdicts if verdict.row["setting"] == "stepper"}
+
+
+def test_whose_a_failure_is(tmp_path):
+    late = stepper.Outcome(name="angle", measure="joint hinge", success=">= 1.0")
+    assert judged(tmp_path / "policy", outcomes=late) == {("policy", "fails though the world is computed more finely and seen as it is")}
+    biased = stepper.SensorModel(default=stepper.Transfer(bias=-0.4))
+    assert judged(tmp_path / "senses", drive=blind, sensors=biased) == {("perception", "success with ideal sensors")}
+    nothing = stepper.Outcome(name="angle", measure=lambda now: np.full(now.num_envs, np.nan), success=">= 0")
+    assert {whose for whose, _ in judged(tmp_path / "nan", outcomes=nothing)} == {"evaluation"}
+    declared = stepper.Outcome(name="angle", measure="joint hinge", success=">= 1.0", whose="evaluation")
+    assert judged(tmp_path / "declared", outcomes=declared) == {("evaluation", "the study says whose failures of this outcome are")}
+
+
+def test_a_time_step_that_decides_is_physics(tmp_path):
+    """A free fall by semi-implicit Euler falls g t h / 2 too far: 2.45 mm in 0.1 s at 5 ms, half of it at half the step."""
+    fall = 0.5 * G * 0.1**2
+    found = stepper.report(
+        stepper.Study(
+            model=TRAY.replace('pos="0 0 .02"', 'pos="0 0 1"'),
+            name="fall",
+            outcomes=stepper.Outcome(name="z", measure="body object z", over="change", success=f">= {-fall - 0.0018}"),
+            options=stepper.Options(integrator="euler"),
+            episodes=2,
+            seconds=0.1,
+            control=0.02,
+        ),
+        tmp_path,
+    )
+    assert {(v.row["setting"], v.whose) for v in found.verdicts} >= {("stepper", "physics")}
+
+
+def test_contacts_that_decide(tmp_path):
+    from stepper.experiments.study.touching import touching
+
+    seen = touching(tray(), range(2))
+    (pair,) = seen.deciding
+    assert pair.names == ("tray", "object")
+    # The weight for 0.4 s, and friction that carries the push: 2 N of 2.943 N, in each corner within what statics leaves open.
+    assert pair.impulse == pytest.approx(MASS * G * 0.4, rel=1e-6)
+    assert pair.friction == 1.0
+    assert PUSH / (MASS * G) <= pair.used <= 1.0
+    assert pair.slides == 0.0

@@ -44,8 +44,9 @@ FOLDERS = {
     "loading": set(),
     "recording": {"shared", "sensors", "actuators"},
     "experiments": {"shared", "loading"},
-    "envs": {"shared", "loading"},
-    "cli": {"shared", "loading", "recording", "experiments"},
+    "viewer": {"shared", "loading", "recording"},
+    "envs": {"shared", "loading", "viewer"},
+    "cli": {"shared", "loading", "recording", "experiments", "viewer"},
 }
 """Folders of the Python package, and the others that each may import."""
 BOTTOM = {"_stepper", "_options", "_status", "_hints"}

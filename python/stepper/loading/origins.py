@@ -25,6 +25,11 @@ class Origin:
     source: Any
     package_dirs: tuple[str, ...] | None = None
 
+    @property
+    def is_file(self) -> bool:
+        """Whether the source is a path, which is absolute then."""
+        return isinstance(self.source, str) and "<" not in self.source
+
 
 _remembered: list[tuple[tuple[Any, ...], tuple[Any, ...], Origin]] = []
 

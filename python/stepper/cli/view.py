@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
 
 import numpy as np
 
@@ -29,10 +29,11 @@ class Asked(NamedTuple):
 
     envs: int
     looks: Path | None
-    contact: str
+    contact: Literal["hard", "mujoco"] | None
     keyframe: str | None
     actions: str
     seed: int
+    pause: bool
     host: str
     port: int
 
@@ -52,6 +53,7 @@ def view(what: str, asked: Asked, rerun: Path | None) -> None:
     shown = _model(what, asked) if Path(what).suffix or Path(what).exists() else _environments(what, asked)
     sim, advance, reset = shown
     opened = View(sim, envs=asked.envs, source=asked.looks, host=asked.host, port=asked.port, reset=reset)
+    opened.paused = asked.pause
     print(f"{opened.url} shows {what}; Ctrl-C ends it", flush=True)
     opened.run(advance)
 
@@ -75,7 +77,7 @@ def _model(file: str, asked: Asked) -> Shown:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ModelWarning)  # `stepper explain` says it.
         model = load(file, strict=False)
-    sim = Stepper(model, asked.envs, options=Options() if asked.contact == "hard" else Options.of(model), seed=asked.seed)
+    sim = Stepper(model, asked.envs, options=Options.of(model) if asked.contact == "mujoco" else Options(), seed=asked.seed)
     key = int(asked.keyframe) if asked.keyframe is not None and asked.keyframe.isdigit() else asked.keyframe
 
     def reset() -> None:
@@ -89,7 +91,8 @@ def _environments(name: str, asked: Asked) -> Shown:
     gymnasium = require("gymnasium", "to view an environment")
     importlib.import_module("stepper.envs")
     try:
-        envs = gymnasium.make_vec(name, num_envs=asked.envs, contact=asked.contact)
+        law = {} if asked.contact is None else {"contact": asked.contact}
+        envs = gymnasium.make_vec(name, num_envs=asked.envs, **law)
     except gymnasium.error.Error as error:
         raise ValueError(f"{name} is no file, no recording and no environment: {error}") from error
     sim = getattr(envs.unwrapped, "sim", None)
@@ -116,15 +119,16 @@ def register(app: Typer, typer: ModuleType) -> None:
         *,
         envs: int = typer.Option(1, min=1, help="Environments side by side; of a recording the first so many, 1 for all up to 16."),
         model: Path | None = file,
-        contact: str = typer.Option("hard", help='Law of contact, "hard" or "mujoco".'),
+        contact: str | None = typer.Option(None, help='Law of contact, "hard" or "mujoco"; without it, hard, or that of the environment.'),
         keyframe: str | None = typer.Option(None, help="Keyframe that a model starts from, by name or index."),
         actions: str = typer.Option("random", help='Actions of environments, "random" or "zero".'),
         seed: int = typer.Option(0, min=0, help="Of what is random."),
+        pause: bool = typer.Option(False, "--pause", help="Begin with a simulation that waits."),
         rerun: Path | None = log,
         host: str = typer.Option("127.0.0.1", help="Address to listen at; 0.0.0.0 lets other machines see it."),
         port: int = typer.Option(8080, min=1, max=65535, help="Port; the next free one where it is taken."),
     ) -> None:
-        for name, given, known in (("contact", contact, ("hard", "mujoco")), ("actions", actions, ACTIONS)):
+        for name, given, known in (("contact", contact, (None, "hard", "mujoco")), ("actions", actions, ACTIONS)):
             if given not in known:
-                raise ValueError(f"{name} is {given!r}, must be {' or '.join(map(repr, known))}")
-        view(what, Asked(envs, model, contact, keyframe, actions, seed, host, port), rerun)
+                raise ValueError(f"{name} is {given!r}, must be {' or '.join(repr(word) for word in known if word)}")
+        view(what, Asked(envs, model, cast("Any", contact), keyframe, actions, seed, pause, host, port), rerun)

@@ -18,6 +18,8 @@ RINGS, SEGMENTS = 12, 24
 """Faces of round meshes from pole to pole, and around."""
 PLAIN = (0.62, 0.66, 0.72, 1.0)
 """Colour of geoms of which nobody knows the colour."""
+VISIBLE_GROUPS = 3
+"""Geoms of this group and above are hidden at first, as MuJoCo's viewer hides them: collision geometry of robots that have meshes."""
 UNSEEN = 1e-3
 """Opacity below which a geom is not drawn: files hide geoms so."""
 
@@ -71,7 +73,9 @@ class Scene:
         planes: Geoms that are floors: planes that are larger than all that moves.
         sizes: Sizes of all geoms as the model has them, (ngeom, 3) m.
         rgba: Colours of all geoms, (ngeom, 4).
-        extent: Size of the scene, m: the length that arrows and distances are measured by.
+        shown: Groups of geoms that are shown at first.
+        center: Middle of all that is not fixed to the world at the reference configuration, (3,) m; of everything where all is.
+        extent: Diagonal of the box around that, m: the length that arrows and distances are measured by.
         missing: Geoms that are not drawn because their meshes are not known.
     """
 
@@ -79,6 +83,8 @@ class Scene:
     planes: tuple[int, ...]
     sizes: Array
     rgba: Array
+    shown: frozenset[int]
+    center: Array
     extent: float
     missing: tuple[int, ...]
 
@@ -94,7 +100,8 @@ def scene_of(model: Model, looks: Any | None) -> Scene:
     groups = [0] * model.ngeom if looks is None else looks.geom_group.tolist()
     sizes = np.array(model.geom_size, subok=False)
     drawn: dict[tuple[str, int, bool], tuple[Mesh, list[tuple[int, Axes, float]]]] = {}
-    planes, missing, extent = [], [], _extent(model, looks)
+    planes, missing = [], []
+    center, extent = _box_around(model, looks)
     for g in range(model.ngeom):
         kind = model.geom(g).type
         if rgba[g, 3] < UNSEEN:
@@ -116,7 +123,7 @@ def scene_of(model: Model, looks: Any | None) -> Scene:
         geom = np.array([g for g, _, _ in rows])
         scaled, along = np.array([axes for _, axes, _ in rows]), np.array([end for _, _, end in rows])
         parts.append(Part(name, mesh, geom, scaled, along, rgba[geom], group))
-    return Scene(tuple(parts), tuple(planes), sizes, rgba, extent, tuple(missing))
+    return Scene(tuple(parts), tuple(planes), sizes, rgba, _shown(model, parts), center, extent, tuple(missing))
 
 
 def _pieces(kind: str, g: int, looks: Any | None) -> list[tuple[str, Mesh, Axes, float]]:
@@ -202,17 +209,29 @@ def instances(part: Part, sizes: Array, xpos: Array, xquat: Array) -> tuple[Arra
     return place.reshape(-1, 3), xquat[:, part.geom].reshape(-1, 4), np.broadcast_to(scale, (n, k, 3)).reshape(-1, 3)
 
 
-def _extent(model: Model, looks: Any | None) -> float:
-    """Diagonal of the box around all that is not fixed to the world at the reference configuration, m; around everything where all is."""
+def _shown(model: Model, parts: list[Part]) -> frozenset[int]:
+    """Groups that are shown at first.
+
+    They are MuJoCo's first three; but without those that only collide, where another has what is only to be seen.
+    """
+    solid = np.array([bool(geom.contype or geom.conaffinity) for geom in map(model.geom, range(model.ngeom))])
+    collides = {group: {bool(solid[g]) for part in parts if part.group == group for g in part.geom} for group in {p.group for p in parts}}
+    first = {group for group in collides if group < VISIBLE_GROUPS}
+    only_seen = {group for group in first if collides[group] == {False}}
+    return frozenset({group for group in first if collides[group] != {True}} if only_seen else first)
+
+
+def _box_around(model: Model, looks: Any | None) -> tuple[Array, float]:
+    """Centre and extent of a `Scene`."""
     at = np.asarray(Stepper(model).geom_xpos)
     body = np.array([model.geom(g).bodyid for g in range(model.ngeom)], dtype=np.int64)
     moving = np.flatnonzero(body > 0)
     chosen = moving if len(moving) else np.arange(model.ngeom)
     if not len(chosen):
-        return 1.0
+        return np.zeros(3), 1.0
     reach = np.linalg.norm(model.geom_size, axis=1) if looks is None else np.where(looks.geom_rbound > 0, looks.geom_rbound, 0.0)
     low, high = (at - reach[:, None])[chosen].min(axis=0), (at + reach[:, None])[chosen].max(axis=0)
-    return max(float(np.linalg.norm(high - low)), 1e-3)
+    return (low + high) / 2, max(float(np.linalg.norm(high - low)), 1e-3)
 
 
 def _round(heights: Array, radii: Array) -> Mesh:

@@ -22,8 +22,6 @@ FORCE = 0.5
 TILES = 48
 """Tiles of a floor on a side."""
 _CONTACT_COLOUR, _FORCE_COLOUR, _PULL_COLOUR = (255, 200, 40), (230, 60, 40), (40, 160, 255)
-_HIDDEN_GROUPS = 3
-"""Geoms of this group and above are hidden at first, as MuJoCo's viewer hides them: collision geometry of robots that have meshes."""
 _FLOOR = (0.42, 0.46, 0.52)
 
 
@@ -136,8 +134,10 @@ class Window:
         server.scene.add_light_directional("/sun", intensity=2.0, position=(0.5 * across, -0.7 * across, 2.0 * across), cast_shadow=True)
         # What is shown is not handed to anybody: viser's button opens a tunnel to the internet.
         server.gui.configure_theme(show_logo=False, show_share_button=False)
-        server.initial_camera.position = (0.3 * across, -0.8 * across, 0.4 * across)
-        server.initial_camera.look_at = (0.0, 0.0, 0.2 * extent)
+        # A little to the right of the middle, which the panel covers.
+        server.initial_camera.look_at = np.add(self._scene.center, [0.12 * across, 0.0, 0.0])
+        server.initial_camera.position = np.add(self._scene.center, [0.4 * across, -1.0 * across, 0.4 * across])
+        server.initial_camera.fov = np.radians(45.0)
         self._root = server.scene.add_frame("/scene", show_axes=False)
         still = np.zeros((self.count, self._model.ngeom, 3)), np.tile([1.0, 0, 0, 0], (self.count, self._model.ngeom, 1))
         self._parts = [self._add(k, part, *instances(part, self._sizes, *still)) for k, part in enumerate(self._scene.parts)]
@@ -156,7 +156,7 @@ class Window:
             f"/scene/{k} {part.name}", part.mesh.vertices, part.mesh.faces, quat, place,
             batched_scales=scale, batched_colors=colours[:, :3], lod="off", flat_shading=part.mesh.flat,
             batched_opacities=None if np.all(part.rgba[:, 3] >= 1) else np.tile(part.rgba[:, 3], self.count),
-            side="double" if part.name == "plane" else "front", cast_shadow=part.name != "plane", visible=part.group < _HIDDEN_GROUPS,
+            side="double" if part.name == "plane" else "front", cast_shadow=part.name != "plane", visible=part.group in self._scene.shown,
         )  # fmt: skip
 
     def _floor(self, geom: int) -> Any:
@@ -192,7 +192,7 @@ class Window:
                 self._gap.on_update(lambda _: self._move(self._gap.value))
             groups = sorted({part.group for part in self._scene.parts})
             for group in groups if len(groups) > 1 else []:
-                box = gui.add_checkbox(f"geom group {group}", group < _HIDDEN_GROUPS)
+                box = gui.add_checkbox(f"geom group {group}", group in self._scene.shown)
                 box.on_update(lambda event, group=group: self._reveal(group, event.target.value))
         for control in (self._show_contacts, self._show_forces, self._force_scale, self._follow):
             if control is not None:

@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 DENY := 0.20.2
 
-.PHONY: demo test wheel bench loading many-contacts floors atlas corpus studies fuzz check advisories build format clean
+.PHONY: demo test wheel bench loading many-contacts floors atlas corpus studies fuzz viewer check advisories build format clean
 
 # The main job: 1,024 humanoids, beside MuJoCo.
 demo: build
@@ -68,6 +68,11 @@ MINUTES ?= 10
 fuzz: build
 	PYTHONPATH=tests $(BIN)/python -m fuzz --minutes $(MINUTES)
 
+# What is seen: pictures by MuJoCo's renderer, and the view in a browser that runs without a screen, of which it keeps pictures in out/viewer. Debian:
+# apt install chromium libegl1 libgl1-mesa-dri.
+viewer: build $(VENV)/viewer.stamp
+	$(BIN)/python -m pytest tests/viewer
+
 # Format, lints, documentation, types, the stub against the binary, and what deny.toml says of libraries. The second clippy sees the core as its users
 # do: it has nothing that only tests and benches use, and the bindings need no more.
 check: build $(VENV)/check.stamp
@@ -110,6 +115,10 @@ $(VENV)/check.stamp: $(VENV)/setup.stamp
 
 $(VENV)/atlas.stamp: $(VENV)/setup.stamp
 	$(BIN)/python -m pip install --quiet --group atlas
+	touch $@
+
+$(VENV)/viewer.stamp: $(VENV)/setup.stamp
+	$(BIN)/python -m pip install --quiet --group viewer
 	touch $@
 
 clean:

@@ -42,10 +42,11 @@ FOLDERS = {
     "sensors": {"shared"},
     "actuators": {"shared"},
     "loading": set(),
-    "recording": {"shared", "sensors", "actuators"},
+    "recording": {"shared", "sensors", "actuators", "loading"},
     "experiments": {"shared", "loading", "sensors", "actuators"},
-    "envs": {"shared", "loading"},
-    "cli": {"shared", "loading", "recording", "experiments"},
+    "viewer": {"shared", "loading", "recording"},
+    "envs": {"shared", "loading", "viewer"},
+    "cli": {"shared", "loading", "recording", "experiments", "viewer", "envs"},
 }
 """Folders of the Python package, and the others that each may import."""
 BOTTOM = {"_stepper", "_options", "_status", "_hints"}

@@ -61,7 +61,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    # Gymnasium is optional, and slow to import.
-    if name == "envs":
-        return importlib.import_module("stepper.envs")
+    # Gymnasium is optional and slow to import, and few look at what they step.
+    if name in ("envs", "viewer"):
+        return importlib.import_module(f"stepper.{name}")
     raise AttributeError(f"module 'stepper' has no attribute {name!r}")

@@ -1,7 +1,4 @@
-"""The command line.
-
-`stepper demo`, `stepper chart`, `stepper compare`, `stepper explain`, `stepper report`, `stepper sweep`, `stepper tune`, `stepper replay`.
-"""
+"""The command line: what `stepper --help` lists."""
 
 from __future__ import annotations
 
@@ -9,13 +6,13 @@ import sys
 from typing import TYPE_CHECKING
 
 from stepper._stepper import ModelError
-from stepper.cli import chart, compare, demo, explain, replay, report, sweep, tune
+from stepper.cli import chart, compare, demo, explain, replay, report, sweep, tune, view
 from stepper.shared.machine import require
 
 if TYPE_CHECKING:
     from typer import Typer
 
-COMMANDS = (demo, chart, compare, explain, report, sweep, tune, replay)
+COMMANDS = (demo, chart, compare, explain, report, sweep, tune, replay, view)
 
 
 def application() -> Typer:

@@ -1,12 +1,69 @@
-"""What environments say to those who want to see them."""
+"""Pictures of environments: `render_mode="rgb_array"`."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
+from typing import Any, Literal, TypeAlias, get_args
 
-def check_render_mode(render_mode: str | None) -> None:
-    """Raises ValueError for any mode but None."""
-    if render_mode is not None:
-        raise ValueError(
-            f"render_mode is {render_mode!r}, must be None: these environments draw nothing. "
-            "To see them, give env.unwrapped.sim.qpos to mujoco.Renderer"
-        )
+from stepper.envs.batch import Batch
+from stepper.envs.task import Array
+from stepper.loading import origin_of
+from stepper.viewer import Renderer
+
+RenderMode: TypeAlias = Literal["rgb_array"]
+RENDER_MODES: tuple[str, ...] = get_args(RenderMode)
+
+
+class Drawing:
+    """Pictures of the environments of a batch, with a renderer that is made for the first of them. It pickles without that.
+
+    Args:
+        batch: The environments.
+        render_mode: "rgb_array", or None for no pictures.
+        camera: Name or index of a camera of the file; None is the task's.
+        **settings: `width`, `height` and `camera_config` of `stepper.viewer.Renderer`.
+
+    Raises:
+        ValueError: Another mode.
+    """
+
+    def __init__(self, batch: Batch, render_mode: str | None, **settings: Any):
+        if render_mode not in (None, *RENDER_MODES):
+            raise ValueError(
+                f'render_mode is {render_mode!r}, must be "rgb_array", or None for no pictures. To see environments move, make them '
+                "without, and call stepper.viewer.view(env.unwrapped.sim); or, for one environment, put it into "
+                "gymnasium.wrappers.HumanRendering"
+            )
+        self._batch, self._settings = batch, settings
+        self._origin = None if render_mode is None else origin_of(batch.sim.model)
+        self._renderer: Renderer | None = None
+
+    def frames(self, envs: Iterable[int]) -> tuple[Array, ...]:
+        """Pictures of some environments, (height, width, 3) uint8 each."""
+        if self._renderer is None:
+            batch = self._batch
+            self._renderer = Renderer(batch.sim.model, source=self._origin, default_config=batch.task.camera, **self._settings)
+        return tuple(self._renderer.render(self._batch.sim, env) for env in envs)
+
+    def close(self) -> None:
+        """Frees the renderer."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_renderer": None}
+
+
+def camera_settings(
+    width: int, height: int, camera_id: int | None, camera_name: str | None, camera_config: Mapping[str, Any] | None
+) -> dict[str, Any]:
+    """Settings of a `Drawing` as Gymnasium's environments have them.
+
+    Raises:
+        ValueError: Two cameras.
+    """
+    if camera_id is not None and camera_name is not None:
+        raise ValueError(f"camera_id={camera_id} and camera_name={camera_name!r} were given: give one of them")
+    camera = camera_id if camera_name is None else camera_name
+    return {"width": width, "height": height, "camera": camera, "camera_config": camera_config}

@@ -11,8 +11,8 @@ from gymnasium.error import ResetNeeded
 from stepper._options import Options, Precision
 from stepper._stepper import Stepper
 from stepper.envs.batch import Batch
-from stepper.envs.drawing import check_render_mode
-from stepper.envs.task import Array, Contact, Moment, Task
+from stepper.envs.drawing import RENDER_MODES, Drawing, RenderMode, camera_settings
+from stepper.envs.task import Array, Camera, Contact, Moment, Task
 
 
 class StepperEnv(gymnasium.Env[Array, Array]):
@@ -27,13 +27,22 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         precision: "f64" or "f32".
         dtype: Scalar type of observations, float64 or float32; None is that of the precision.
         max_episode_steps: Actions after which an episode is truncated; None is no limit. `gymnasium.make` has a wrapper for it.
-        render_mode: None. Nothing is drawn.
+        render_mode: "rgb_array", and `render()` gives a picture; None, and it gives none. See `stepper.viewer.Renderer` for what
+            pictures need.
+        width: Width of a picture in pixels.
+        height: Its height.
+        camera_id: Index of a camera of the model's file, or -1 for a free one as the task has it. Without any camera given it is the file's
+            camera "track", and where there is none, the task's.
+        camera_name: Name of a camera of the model's file.
+        default_camera_config: Numbers of a free camera: distance, azimuth, elevation, lookat, trackbodyid, the body that it follows.
         **arguments: Arguments of a task that is given by its class or name.
 
     Raises:
-        ValueError: A setting out of its range, or no task of that name.
+        ValueError: A setting out of its range, no task of that name, another render mode.
         TypeError: Arguments that the task does not have.
     """
+
+    metadata = {"render_modes": [*RENDER_MODES]}  # noqa: RUF012
 
     def __init__(
         self,
@@ -44,13 +53,19 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         precision: Precision = "f64",
         dtype: Any = None,
         max_episode_steps: int | None = None,
-        render_mode: None = None,
+        render_mode: RenderMode | None = None,
+        width: int = 480,
+        height: int = 480,
+        camera_id: int | None = None,
+        camera_name: str | None = None,
+        default_camera_config: Camera | None = None,
         **arguments: Any,
     ):
-        check_render_mode(render_mode)
         settings: dict[str, Any] = {"contact": contact, "options": options, "precision": precision, "dtype": dtype}
         self._batch = Batch(task, 1, arguments, max_episode_steps=max_episode_steps, **settings)
-        self.metadata = {"render_modes": [], "render_fps": round(1 / self._batch.dt)}
+        camera = camera_settings(width, height, camera_id, camera_name, default_camera_config)
+        self.render_mode, self._drawing = render_mode, Drawing(self._batch, render_mode, **camera)
+        self.metadata = {"render_modes": [*RENDER_MODES], "render_fps": round(1 / self._batch.dt)}
         self.observation_space, self.action_space = self._batch.observation_space, self._batch.action_space
         self.observation_structure = self._batch.structure
         self._begun = False
@@ -120,3 +135,16 @@ class StepperEnv(gymnasium.Env[Array, Array]):
         self._batch.set_state(qpos, qvel)
         observation: Array = self._batch.observation()[0]
         return observation
+
+    def render(self) -> Array | None:
+        """A picture, (height, width, 3) uint8; None without a render mode.
+
+        Raises:
+            stepper.viewer.LooksError: The task's model did not come from MJCF, so that nobody knows what it looks like.
+            RuntimeError: MuJoCo's renderer cannot draw on this machine; the message says what to install.
+        """
+        return None if self.render_mode is None else self._drawing.frames([0])[0]
+
+    def close(self) -> None:
+        """Frees what pictures took."""
+        self._drawing.close()

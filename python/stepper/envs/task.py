@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, TypeAlias
 
@@ -22,6 +22,8 @@ Terms: TypeAlias = dict[str, Array]
 """Numbers by name, an array (num_envs, ...) each."""
 Contact: TypeAlias = Literal["mujoco", "hard"]
 """Law of contact."""
+Camera: TypeAlias = Mapping[str, Any]
+"""Numbers of a free camera: distance (m), azimuth and elevation (degrees), lookat (3,) in m, trackbodyid; see `stepper.viewer.Renderer`."""
 
 
 _OWN = frozenset({"sim", "task", "dt", "action", "rest", "velocity", "_kept"})
@@ -102,6 +104,8 @@ class Task(ABC):
 
     contact: ClassVar[Contact] = "hard"
     """Law of contact unless an environment is made with another."""
+    camera: ClassVar[Camera] = {}
+    """From where pictures are taken, unless the model's file has a camera "track" or an environment is made with another."""
     frame_skip: int
     """Steps for each action."""
 

@@ -14,8 +14,8 @@ from gymnasium.vector.utils import batch_space
 from stepper._options import Options, Precision
 from stepper._stepper import Stepper
 from stepper.envs.batch import Batch
-from stepper.envs.drawing import check_render_mode
-from stepper.envs.task import Array, Contact, Moment, Task, Terms
+from stepper.envs.drawing import RENDER_MODES, Drawing, RenderMode, camera_settings
+from stepper.envs.task import Array, Camera, Contact, Moment, Task, Terms
 
 
 class StepperVectorEnv(VectorEnv[Array, Array, Array]):
@@ -37,11 +37,18 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         max_episode_steps: Actions after which an episode is truncated; None is no limit. `gymnasium.make_vec` gives the registered one.
         episode_statistics: Whether infos have "episode" where one is over: its return "r", length "l" and duration "t" in s, as
             `RecordEpisodeStatistics` writes them.
-        render_mode: None. Nothing is drawn.
+        render_mode: "rgb_array", and `render()` gives a picture of every environment; None, and it gives none. See
+            `stepper.viewer.Renderer` for what pictures need.
+        width: Width of a picture in pixels.
+        height: Its height.
+        camera_id: Index of a camera of the model's file, or -1 for a free one as the task has it. Without any camera given it is the file's
+            camera "track", and where there is none, the task's.
+        camera_name: Name of a camera of the model's file.
+        default_camera_config: Numbers of a free camera: distance, azimuth, elevation, lookat, trackbodyid, the body that it follows.
         **arguments: Arguments of a task that is given by its class or name.
 
     Raises:
-        ValueError: A setting out of its range, or no task of that name.
+        ValueError: A setting out of its range, no task of that name, another render mode.
         TypeError: Arguments that the task does not have.
     """
 
@@ -58,14 +65,21 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         dtype: Any = None,
         max_episode_steps: int | None = None,
         episode_statistics: bool = False,
-        render_mode: None = None,
+        render_mode: RenderMode | None = None,
+        width: int = 480,
+        height: int = 480,
+        camera_id: int | None = None,
+        camera_name: str | None = None,
+        default_camera_config: Camera | None = None,
         **arguments: Any,
     ):
-        check_render_mode(render_mode)
         settings: dict[str, Any] = {"contact": contact, "options": options, "precision": precision, "threads": threads, "dtype": dtype}
         self._batch = Batch(task, num_envs, arguments, max_episode_steps=max_episode_steps, **settings)
         self.num_envs, self.autoreset_mode = num_envs, AutoresetMode(autoreset_mode)
-        self.metadata = {"autoreset_mode": self.autoreset_mode, "render_modes": [], "render_fps": round(1 / self._batch.dt)}
+        camera = camera_settings(width, height, camera_id, camera_name, default_camera_config)
+        self.render_mode, self._drawing = render_mode, Drawing(self._batch, render_mode, **camera)
+        frames = {"render_modes": [*RENDER_MODES], "render_fps": round(1 / self._batch.dt)}
+        self.metadata = {"autoreset_mode": self.autoreset_mode, **frames}
         self.single_observation_space, self.single_action_space = self._batch.observation_space, self._batch.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -194,6 +208,19 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         """
         self._batch.set_state(qpos, qvel, mask)
         return self._batch.observation()
+
+    def render(self) -> tuple[Array, ...] | None:
+        """A picture of every environment, (height, width, 3) uint8 each; None without a render mode. `stepper.viewer.Renderer` draws some.
+
+        Raises:
+            stepper.viewer.LooksError: The task's model did not come from MJCF, so that nobody knows what it looks like.
+            RuntimeError: MuJoCo's renderer cannot draw on this machine; the message says what to install.
+        """
+        return None if self.render_mode is None else self._drawing.frames(range(self.num_envs))
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Frees what pictures took."""
+        self._drawing.close()
 
     def _episodes(self, over: Array) -> dict[str, Any]:
         """Statistics of the episodes that are over."""

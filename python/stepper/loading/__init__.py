@@ -1,6 +1,7 @@
 """Models from what others wrote: files, text, compiled models."""
 
-from stepper.loading.load import ModelWarning, compiled_of, load
+from stepper.loading.load import ModelWarning, compile_source, is_saved, load
 from stepper.loading.mjcf import describe
+from stepper.loading.origins import Origin, origin_of
 
-__all__ = ["ModelWarning", "compiled_of", "describe", "load"]
+__all__ = ["ModelWarning", "Origin", "compile_source", "describe", "is_saved", "load", "origin_of"]

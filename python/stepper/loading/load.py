@@ -10,6 +10,7 @@ from typing import Any, TypeAlias
 
 from stepper._stepper import Model, ModelError
 from stepper.loading.mjcf import describe
+from stepper.loading.origins import remember
 from stepper.loading.urdf import resolve_meshes
 
 Source: TypeAlias = "str | os.PathLike[str] | Any"
@@ -50,40 +51,37 @@ def load(source: Source, *, strict: bool = True, package_dirs: Sequence[str | os
         ImportError: MJCF or URDF without MuJoCo's compiler installed, or with one of another version; the message says how to install it.
         OSError: The file cannot be read.
     """
+    if is_saved(source):
+        return Model.from_file(source)
+    model = _described(compile_source(source, package_dirs), strict)
+    remember(model, source, package_dirs)
+    return model
+
+
+def compile_source(source: Source, package_dirs: Sequence[str | os.PathLike[str]] | None = None) -> Any:
+    """The compiled `mujoco.MjModel` of a source that `load` takes, other than a saved model."""
     if _is_compiled(source):
-        return _described(source, strict)
-    if isinstance(source, str) and "<" in source:
-        return _described(_compile_text(source, package_dirs), strict)
+        return source
+    if _is_text(source):
+        return _compile_text(str(source), package_dirs)
+    return _compile_file(Path(source), package_dirs)
+
+
+def _is_text(source: object) -> bool:
+    return isinstance(source, str) and "<" in source
+
+
+def is_saved(source: Source) -> bool:
+    """Whether this is the path of a saved model; what is no source at all is an error."""
+    if _is_compiled(source) or _is_text(source):
+        return False
     if not isinstance(source, (str, os.PathLike)):
         raise TypeError(f"stepper.load takes a path, XML text or a mujoco.MjModel, not {type(source).__name__}")
     path = Path(source)
     if path.is_dir():
         raise IsADirectoryError(f"stepper.load takes the path of a file or XML text, and {str(source)!r} is a directory")
     with path.open("rb") as file:
-        start = file.read(len(_SAVED))
-    if start == _SAVED:
-        return Model.from_file(path)
-    return _described(_compile_file(path, package_dirs), strict)
-
-
-def compiled_of(source: Source, package_dirs: Sequence[str | os.PathLike[str]] | None = None) -> Any:
-    """MuJoCo's own model of a source, as of `load`; None of saved models and of what is a `Model` already.
-
-    Raises:
-        ModelError: As of `load`.
-        ImportError: As of `load`.
-        OSError: The file cannot be read.
-    """
-    if _is_compiled(source):
-        return source
-    if isinstance(source, str) and "<" in source:
-        return _compile_text(source, package_dirs)
-    if not isinstance(source, (str, os.PathLike)):
-        return None
-    with Path(source).open("rb") as file:
-        if file.read(len(_SAVED)) == _SAVED:
-            return None
-    return _compile_file(Path(source), package_dirs)
+        return file.read(len(_SAVED)) == _SAVED
 
 
 def _described(compiled: Any, strict: bool) -> Model:
@@ -162,4 +160,4 @@ def _warnings_of_mujoco(place: str) -> Iterator[None]:
     finally:
         mujoco.set_mju_user_warning(before)
         for message in said:
-            warnings.warn(f"{place}: {message}", UserWarning, stacklevel=6)
+            warnings.warn(f"{place}: {message}", UserWarning, stacklevel=7)

@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stepper.loading import origin_of
 from stepper.recording.failures import Failures
 from stepper.recording.format import APPLIED, COMPARED, FIELDS, FORMAT, KINDS, MODEL, digest_of, write_header
 from stepper.shared.machine import provenance
 
 if TYPE_CHECKING:
-    from stepper._stepper import Stepper
+    from stepper._stepper import Model, Stepper
 
 
 class Recorder:
@@ -149,7 +150,7 @@ def header(sim: Stepper, note: str = "") -> dict[str, Any]:
     return {
         "format": FORMAT,
         "note": note,
-        "model": {"name": sim.model.name, "sha256": sim.model.digest, "file": MODEL},
+        "model": {"name": sim.model.name, "sha256": sim.model.digest, "file": MODEL, "source": _source(sim.model)},
         "options": dataclasses.asdict(sim.options),
         "timestep": sim.timestep,
         "tolerance": sim.tolerance,
@@ -162,6 +163,12 @@ def header(sim: Stepper, note: str = "") -> dict[str, Any]:
         "fields": FIELDS,
         "provenance": provenance(),
     }
+
+
+def _source(model: Model) -> str | None:
+    """The file that a model was loaded from, where it is known: what it looks like is there alone."""
+    origin = origin_of(model)
+    return str(origin.source) if origin is not None and origin.is_file else None
 
 
 def _parameters(fields: dict[str, Any], chosen: np.ndarray[Any, Any]) -> dict[str, np.ndarray[Any, Any]]:

@@ -96,7 +96,7 @@ def replay(path: str | os.PathLike[str], *, model: Model | None = None, threads:
     folder = Path(path)
     head = read_header(folder)
     with reading(folder / HEADER):
-        sim = _stepper(folder, head, model, threads)
+        sim = recorded_stepper(folder, head, model, threads)
         versions = (head["provenance"]["versions"]["stepper"], __version__)
     rows = steps = 0
     for place, kind, arrays in read_rows(folder, head):
@@ -108,7 +108,7 @@ def replay(path: str | os.PathLike[str], *, model: Model | None = None, threads:
     return Replay(rows, steps, None, head["closed"], versions)
 
 
-def _stepper(folder: Path, head: Header, model: Model | None, threads: int | None) -> Stepper:
+def recorded_stepper(folder: Path, head: Header, model: Model | None, threads: int | None) -> Stepper:
     """A stepper as the recorded one was made."""
     with reading(folder / MODEL):
         own = Model.from_file(folder / MODEL)
@@ -140,13 +140,13 @@ def _repeat(sim: Stepper, kind: str, arrays: Arrays, row: int, step: int) -> Dif
         sim.step(ctrl, nstep=int(arrays["nstep"]))
         return _compare(sim, arrays, row, step)
     if kind == "start" or (kind == "set_state" and "state" in arrays):
-        _randomize(sim, arrays)
+        apply_parameters(sim, arrays)
         sim.set_state(State(arrays["state"].tobytes()))
     elif kind == "set_state":
         cold = bool(arrays.pop("cold", True))
         sim.set_state(**arrays, cold=cold)
     elif kind == "randomize":
-        _randomize(sim, arrays)
+        apply_parameters(sim, arrays)
     elif kind == "reset":
         word, number = arrays.pop("keyframe", None), arrays.pop("seed", None)
         keyframe, seed = None if word is None else word.item(), None if number is None else int(number)
@@ -158,7 +158,7 @@ def _repeat(sim: Stepper, kind: str, arrays: Arrays, row: int, step: int) -> Dif
     return None
 
 
-def _randomize(sim: Stepper, arrays: Arrays) -> None:
+def apply_parameters(sim: Stepper, arrays: Arrays) -> None:
     """Assigns the fields of a row of the recording; its rows are those of the environments that changed."""
     rows = {name.removeprefix("theta/"): values for name, values in arrays.items() if name.startswith("theta/")}
     n = sim.num_envs or 1

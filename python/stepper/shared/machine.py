@@ -21,12 +21,15 @@ INSTALL = {
     "mujoco": 'pip install "stepper-sim[mjcf]"',
     "mujoco.batch": 'pip install "mujoco>=4.0,<5"',
     "gymnasium": 'pip install "stepper-sim[envs]"',
+    "moviepy": 'pip install "stepper-sim[viewer]"',
+    "rerun": 'pip install "stepper-sim[viewer]"',
     "rich": 'pip install "stepper-sim[cli]"',
     "robosuite": "pip install --no-deps robosuite",
     "dm_control": "pip install dm_control",
     "gymnasium_robotics": "pip install --no-deps gymnasium-robotics",
     "scipy": "pip install scipy",
     "typer": 'pip install "stepper-sim[cli]"',
+    "viser": 'pip install "stepper-sim[viewer]"',
 }
 
 

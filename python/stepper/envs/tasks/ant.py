@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from stepper.envs.quantities import contact_wrenches
 from stepper.envs.streams import Draws
-from stepper.envs.task import Array, Moment, MujocoTask, Quantity, Terms, per_moment, square_sum
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Quantity, Terms, per_moment, square_sum
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,6 +20,8 @@ class Ant(MujocoTask):
     and Kutta's method, are those of its last stage, which differ by the third power of the time step. Quaternions are of unit length from
     the reset on; Gymnasium's first observation has them with the noise.
     """
+
+    camera: ClassVar[Camera] = {"distance": 4.0}
 
     xml_file: str = "ant.xml"
     frame_skip: int = 5

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from stepper.envs.streams import Draws
-from stepper.envs.task import Array, Moment, MujocoTask, Quantity, Terms, square_sum
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Quantity, Terms, square_sum
 
 
 @dataclass(frozen=True, kw_only=True)
 class HalfCheetah(MujocoTask):
     """Run to the right, with little control. The arguments are those of Gymnasium's environment. An episode never terminates."""
+
+    camera: ClassVar[Camera] = {"distance": 4.0}
 
     xml_file: str = "half_cheetah.xml"
     frame_skip: int = 5

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from stepper.envs.quantities import BODY_TABLES, contact_wrenches, tendons
 from stepper.envs.streams import Draws
-from stepper.envs.task import Array, Moment, MujocoTask, Quantity, Terms, square_sum, within
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Quantity, Terms, square_sum, within
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,6 +20,8 @@ class Humanoid(MujocoTask):
     are those of its last stage, which differ by the third power of the time step. Quaternions are of unit length from the reset on;
     Gymnasium's first observation has them with the noise.
     """
+
+    camera: ClassVar[Camera] = {"trackbodyid": 1, "distance": 4.0, "lookat": (0.0, 0.0, 2.0), "elevation": -20.0}
 
     xml_file: str = "humanoid.xml"
     frame_skip: int = 5

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from stepper.envs.quantities import BODY_TABLES, contact_wrenches, tendons
 from stepper.envs.streams import Draws
-from stepper.envs.task import Array, Moment, MujocoTask, Quantity, Terms, square_sum
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Quantity, Terms, square_sum
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,6 +18,8 @@ class HumanoidStandup(MujocoTask):
 
     What the observation has of bodies is that of the present state, and quaternions are of unit length, as in `Humanoid`.
     """
+
+    camera: ClassVar[Camera] = {"trackbodyid": 1, "distance": 4.0, "lookat": (0.0, 0.0, 0.8925), "elevation": -20.0}
 
     xml_file: str = "humanoidstandup.xml"
     frame_skip: int = 5

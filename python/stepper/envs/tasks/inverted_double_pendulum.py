@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from stepper.envs.streams import Draws
-from stepper.envs.task import Array, Moment, MujocoTask, Quantity, Terms
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Quantity, Terms
 
 WITHIN = (-10.0, 10.0)
 
@@ -22,6 +22,7 @@ class InvertedDoublePendulum(MujocoTask):
     """
 
     strict: ClassVar[bool] = False  # The margin of the cart's limit is what is left out.
+    camera: ClassVar[Camera] = {"distance": 4.1225, "lookat": (0.0, 0.0, 0.1225)}
 
     xml_file: str = "inverted_double_pendulum.xml"
     frame_skip: int = 5

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from stepper.envs.streams import Draws
-from stepper.envs.task import Array, Moment, MujocoTask, Quantity, Terms
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Quantity, Terms
 
 
 @dataclass(frozen=True, kw_only=True)
 class InvertedPendulum(MujocoTask):
     """Keep the pole within 0.2 rad of upright. The arguments are those of Gymnasium's environment."""
+
+    camera: ClassVar[Camera] = {"distance": 2.04}
 
     xml_file: str = "inverted_pendulum.xml"
     frame_skip: int = 2

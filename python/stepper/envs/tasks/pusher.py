@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from stepper.envs.streams import Draws
-from stepper.envs.task import Array, Moment, MujocoTask, Quantity, Terms, square_sum
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Quantity, Terms, square_sum
 
 NEAREST = 0.17
 """The cylinder begins farther than this from the goal, m."""
@@ -20,6 +21,8 @@ class Pusher(MujocoTask):
     Places of bodies, in the observation and in the reward, are those before the last of the `frame_skip` steps, with either law of contact:
     so `mj_step` leaves them, and so the task is published. After a reset they are those of the present state.
     """
+
+    camera: ClassVar[Camera] = {"distance": 4.0}
 
     xml_file: str = "pusher_v5.xml"
     frame_skip: int = 5

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from stepper.envs.streams import Draws
-from stepper.envs.task import Array, Moment, MujocoTask, Quantity, Terms, square_sum, within
+from stepper.envs.task import Array, Camera, Moment, MujocoTask, Quantity, Terms, square_sum, within
 
 
 @dataclass(frozen=True, kw_only=True)
 class Walker2d(MujocoTask):
     """Walk to the right without falling. The arguments are those of Gymnasium's environment."""
+
+    camera: ClassVar[Camera] = {"trackbodyid": 2, "distance": 4.0, "lookat": (0.0, 0.0, 1.15), "elevation": -20.0}
 
     xml_file: str = "walker2d_v5.xml"
     frame_skip: int = 4

@@ -24,7 +24,7 @@ from stepper.experiments.study import drives
 from stepper.experiments.study.outcomes import Outcome
 from stepper.experiments.study.parameters import Parameter, Theta, check
 from stepper.experiments.study.worlds import World
-from stepper.loading import compiled_of, load
+from stepper.loading import compile_source, is_saved, load
 from stepper.sensors import SensorModel
 from stepper.shared.machine import package_version
 
@@ -146,7 +146,7 @@ class Study:
             if isinstance(source, Model):
                 model, compiled = source, None
             else:
-                compiled = compiled_of(source)
+                compiled = None if is_saved(source) else compile_source(source)
                 model = load(source if compiled is None else compiled, strict=False)
         check(self.parameters, model)
         return model, compiled

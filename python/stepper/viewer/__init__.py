@@ -1,0 +1,14 @@
+"""To look at environments: pictures by MuJoCo's renderer, a view in the browser, logs for Rerun. docs/viewing.md shows them.
+
+sim = stepper.Stepper(stepper.load("robot.xml"), 16)
+with stepper.viewer.view(sim) as view:
+view.run()
+"""
+
+from stepper.viewer.live import View, view
+from stepper.viewer.looks import LooksError
+from stepper.viewer.player import Player
+from stepper.viewer.renderer import Renderer
+from stepper.viewer.rerun_log import RerunLog, log_rerun
+
+__all__ = ["LooksError", "Player", "Renderer", "RerunLog", "View", "log_rerun", "view"]

@@ -1,0 +1,87 @@
+"""A body that is pulled: a spring and a damper between a point of it and the pointer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stepper._stepper import Stepper
+from stepper.viewer.frames import some_of
+from stepper.viewer.looks import Array
+
+FREQUENCY = 10.0
+"""Angular frequency of the spring with the mass that the point feels, rad/s: MuJoCo's viewer has 10, too (visual/map/stiffness is 100)."""
+
+
+@dataclass
+class Drag:
+    """A pull at a point of a body. The force is that of MuJoCo's viewer: critically damped, of the mass that is felt at the point.
+
+    Attributes:
+        env: Environment.
+        body: Body.
+        point: Where it is pulled, in the body's frame: (3,) m.
+        target: Where it is pulled to, in the world: (3,) m.
+        mass: Mass that is felt there, kg.
+    """
+
+    env: int
+    body: int
+    point: Array
+    target: Array
+    mass: float
+
+    @classmethod
+    def begin(cls, sim: Stepper, env: int, body: int, place: Array) -> Drag | None:
+        """A pull at a place of the world, (3,) m; None where the body cannot move."""
+        mass = felt_mass(sim, env, body, place)
+        if mass is None:
+            return None
+        rotation, origin = _rotation(_row(sim, "xquat", env)[body]), _row(sim, "xpos", env)[body]
+        return cls(env, body, rotation.T @ (place - origin), np.array(place), mass)
+
+    def at(self, sim: Stepper) -> Array:
+        """Where the point is now in the world, (3,) m."""
+        rotation = _rotation(_row(sim, "xquat", self.env)[self.body])
+        place: Array = _row(sim, "xpos", self.env)[self.body] + rotation @ self.point
+        return place
+
+    def wrench(self, sim: Stepper, strength: float = 1.0) -> Array:
+        """Force in N and torque in N m about the body's centre of mass, world axes: (6,), as `Stepper.xfrc_applied` takes them."""
+        origin, rotation = _row(sim, "xpos", self.env)[self.body], _rotation(_row(sim, "xquat", self.env)[self.body])
+        place = self.at(sim)
+        spin = _row(sim, "body_angvel", self.env)[self.body]
+        velocity = _row(sim, "body_linvel", self.env)[self.body] + np.cross(spin, place - origin)
+        stiffness = strength * self.mass * FREQUENCY**2
+        force = stiffness * (self.target - place) - 2 * np.sqrt(stiffness * self.mass) * velocity
+        centre = origin + rotation @ sim.model.body_ipos[self.body]
+        return np.concatenate([force, np.cross(place - centre, force)])
+
+
+def felt_mass(sim: Stepper, env: int, body: int, place: Array) -> float | None:
+    """Mass that a force at a place of a body feels, kg: the harmonic mean over the three directions. None where the place cannot move."""
+    mass = sim.mass_matrix(env)
+    if not len(mass):
+        return None
+    jacobian = sim.jacobian(body=body)
+    rows = np.asarray(jacobian if sim.num_envs is None else jacobian[env], np.float64)
+    arm = place - _row(sim, "xpos", env)[body]
+    moved = rows[:3] + np.cross(rows[3:].T, arm).T
+    mobility = float(np.trace(moved @ np.linalg.solve(mass, moved.T))) / 3.0
+    return 1.0 / mobility if mobility > 0 else None
+
+
+def _row(sim: Stepper, name: str, env: int) -> Array:
+    values: Array = some_of(sim, name, np.array([env]))[0]
+    return values.astype(np.float64)
+
+
+def _rotation(quat: Array) -> Array:
+    """The matrix of a unit quaternion: (3, 3)."""
+    w, x, y, z = quat
+    return np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ])  # fmt: skip

@@ -1,0 +1,86 @@
+"""What a view shows of a moment: of some environments of a `Stepper`, or of a recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from stepper._stepper import Stepper
+from stepper.viewer.looks import Array
+
+Envs: TypeAlias = "int | range | list[int] | None"
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A moment of n environments.
+
+    Attributes:
+        time: Simulated time, s: (n,).
+        geom_xpos: Places of the geoms, m: (n, ngeom, 3).
+        geom_xquat: Orientations of the geoms: (n, ngeom, 4).
+        xpos: Places of the bodies, m: (n, nbody, 3).
+        xquat: Orientations of the bodies: (n, nbody, 4).
+        center: Centres of mass of the scenes, m: (n, 3).
+        contact_env: Row, from 0 to n - 1, of each contact: (k,).
+        contact_pos: Places of the contacts, m: (k, 3).
+        contact_force: Forces on the second geoms in world axes, N: (k, 3).
+        status: Flags, see `stepper.Status`: (n,).
+        residual: Residuals of the last steps, m/s: (n,).
+        depth: Deepest overlaps of the last call of `step`, m: (n,).
+        energy: Potential and kinetic energy, J: (n, 2).
+    """
+
+    time: Array
+    geom_xpos: Array
+    geom_xquat: Array
+    xpos: Array
+    xquat: Array
+    center: Array
+    contact_env: Array
+    contact_pos: Array
+    contact_force: Array
+    status: Array
+    residual: Array
+    depth: Array
+    energy: Array
+
+
+def shown_envs(sim: Stepper, envs: Envs, most: int) -> Array:
+    """Indices of the environments that are shown: a number of them from the first on, or those of a list; None is all up to `most`.
+
+    Raises:
+        ValueError: There are not so many.
+    """
+    count = sim.num_envs or 1
+    if envs is None:
+        return np.arange(min(count, most))
+    chosen = np.arange(envs) if isinstance(envs, int) else np.array(list(envs), dtype=np.int64)
+    if len(chosen) == 0 or chosen.min() < 0 or chosen.max() >= count:
+        raise ValueError(f"envs is {envs!r}, must be some of the {count} environments: a number of them, or a list from 0 to {count - 1}")
+    return chosen
+
+
+def frame_of(sim: Stepper, envs: Array, *, energy: bool = False) -> Frame:
+    """A moment of some environments of a stepper; energies are zero unless they are asked for."""
+    listed = sim.contacts()
+    row = np.full((sim.num_envs or 1), -1)
+    row[envs] = np.arange(len(envs))
+    listed = listed[row[listed["env"]] >= 0]
+    return Frame(
+        **{name: some_of(sim, name, envs) for name in ("time", "geom_xpos", "geom_xquat", "xpos", "xquat", "status", "residual", "depth")},
+        center=some_of(sim, "subtree_com", envs)[:, 0],
+        contact_env=row[listed["env"]],
+        contact_pos=listed["pos"],
+        contact_force=np.einsum("nij,ni->nj", listed["frame"], listed["force"]),
+        energy=np.array([sim.energy(int(env)) for env in envs]) if energy else np.zeros((len(envs), 2)),
+    )
+
+
+def some_of(sim: Stepper, name: str, envs: Array) -> Array:
+    """A quantity of some environments, also of a stepper without an axis of environments: (n, ...)."""
+    values = np.asarray(getattr(sim, name))
+    chosen: Array = (values[None] if sim.num_envs is None else values)[envs]
+    return chosen

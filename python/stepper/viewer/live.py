@@ -1,0 +1,269 @@
+"""A view of a simulation that runs: pause, step, speed, reset, and bodies that are dragged."""
+
+from __future__ import annotations
+
+import threading
+import time
+import warnings
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from stepper._stepper import Model, Stepper
+from stepper.viewer.dragging import Drag
+from stepper.viewer.frames import Envs, frame_of, shown_envs
+from stepper.viewer.looks import Array, looks_of, row
+from stepper.viewer.shapes import Scene, scene_of
+from stepper.viewer.window import Window
+
+SHOWN = 16
+"""Environments that are shown unless others are asked for."""
+SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4", "as fast as it can")
+SLIDERS = 12
+"""Most controls whose sliders are unfolded at first."""
+_BEHIND = 0.25
+"""Seconds that a simulation that is too slow may be behind the clock; what is more is forgotten."""
+
+
+def scene_for(model: Model, source: Any) -> Scene:
+    """What is drawn of a model, with a warning where some of it is not known."""
+    scene = scene_of(model, looks_of(model, source))
+    if scene.missing:
+        names = ", ".join(model.geom(g).name or f"#{g}" for g in scene.missing[:5])
+        warnings.warn(
+            f"{len(scene.missing)} geoms are not drawn ({names}{', ...' if len(scene.missing) > 5 else ''}): they are meshes or height "
+            "fields, which only the MJCF has. Give it as source, or load the model with stepper.load from it",
+            UserWarning,
+            stacklevel=3,
+        )
+    return scene
+
+
+class View:
+    """A view of a `Stepper` in the browser, with its own web server. A context manager.
+
+        with stepper.viewer.view(sim) as view:
+            while view.open:
+                sim.step(policy(sim))
+                view.update()
+
+    Bodies are dragged with Ctrl and the left button: by a spring, whose force and torque are added to `sim.xfrc_applied` while it pulls.
+
+    Args:
+        sim: The stepper.
+        envs: Environments that are shown: a number of them, or a list; None is all up to 16.
+        source: What the model was loaded from, as `stepper.load` takes it, for its colours and meshes; None is what this process loaded it
+            from. Without any, colours are plain, and meshes and height fields are not drawn.
+        host: Address that the server listens at: by default that of this machine alone.
+        port: Its port; the next free one where that is taken.
+        spacing: Distance between neighbouring environments, m; None is one and a half times the scene's extent.
+        reset: What the button "reset" does; None is `sim.reset()`.
+
+    Raises:
+        LooksError: The source is of another model.
+        MissingPackageError: viser is not installed.
+        ValueError: No such environments.
+    """
+
+    def __init__(
+        self,
+        sim: Stepper,
+        *,
+        envs: Envs = None,
+        source: Any = None,
+        host: str = "127.0.0.1",
+        port: int = 8080,
+        spacing: float | None = None,
+        reset: Callable[[], Any] | None = None,
+    ):
+        self.sim, self.envs = sim, shown_envs(sim, envs, SHOWN)
+        self._reset = sim.reset if reset is None else reset
+        self.window = Window(scene_for(sim.model, source), sim.model, len(self.envs), host=host, port=port, spacing=spacing)
+        self._lock = threading.Lock()
+        self._asked_reset, self._steps, self._wake = False, 0, threading.Event()
+        self._drag: Drag | None = None
+        self._grabbed: tuple[int, int, Array] | None = None
+        self._target: Array | None = None
+        self._applied: tuple[int, int, Array] | None = None
+        self._time, self._clock = self._now(), time.monotonic()
+        self._panel()
+        self.window.on_pull(self._dragged)
+        self.show()
+
+    @property
+    def url(self) -> str:
+        """Where the view is."""
+        return self.window.url
+
+    @property
+    def open(self) -> bool:
+        """Whether it was not closed yet."""
+        return self.window.open
+
+    @property
+    def paused(self) -> bool:
+        """Whether `update` waits."""
+        return bool(self._pause.value)
+
+    @paused.setter
+    def paused(self, value: bool) -> None:
+        self._pause.value = value
+        self._wake.set()
+
+    def update(self) -> None:
+        """Shows the present state, if a picture is due, and keeps the time: called after every step, or every few.
+
+        It waits until the clock, times the speed, is where the simulation is; while the view is paused, until it goes on or is asked for
+        a step.
+        """
+        self._pull()
+        if self.window.due():
+            self.show()
+        self._keep_time()
+        if self.paused and self._steps == 0:
+            self.show()
+            while self.open and self.paused and self._steps == 0 and not self._asked_reset:
+                self._wake.wait(0.1)
+                self._wake.clear()
+            self._clock = time.monotonic()
+        with self._lock:
+            self._steps = max(self._steps - 1, 0)
+            asked, self._asked_reset = self._asked_reset, False
+        if asked:
+            self._reset()
+            self._release()
+            self.show()
+
+    def run(self, advance: Callable[[], Any] | None = None) -> None:
+        """Steps and shows until the view is closed or Ctrl-C ends it.
+
+        Args:
+            advance: What makes a step; None is `sim.step` with controls from sliders, one for each actuator, for all environments.
+        """
+        step = self._sliders() if advance is None else advance
+        try:
+            while self.open:
+                step()
+                self.update()
+        except KeyboardInterrupt:
+            pass
+        finally:
+            self.close()
+
+    def show(self) -> None:
+        """Shows the present state at once."""
+        sizes = None
+        if "geom_size" in self.sim.randomized:
+            sizes = np.asarray(self.sim.randomized["geom_size"]).reshape(-1, self.sim.model.ngeom, 3)[self.envs]
+        pull = None
+        if self._drag is not None:
+            shift = self.window.offsets[int(np.flatnonzero(self.envs == self._drag.env)[0])]
+            pull = np.stack([self._drag.at(self.sim), self._drag.target]) + shift
+        self.window.show(frame_of(self.sim, self.envs), sizes=sizes, pull=pull)
+
+    def close(self) -> None:
+        """Stops the server, and lets go of what is dragged."""
+        self._release()
+        self.window.close()
+
+    def __enter__(self) -> View:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    def _panel(self) -> None:
+        gui = self.window.server.gui
+        with gui.add_folder("Run"):
+            self._pause = gui.add_checkbox("pause", False)
+            step, reset = gui.add_button("step"), gui.add_button("reset")
+            self._speed = gui.add_dropdown("speed", SPEEDS, initial_value="1")
+            self._strength = gui.add_slider("pull strength", min=0.1, max=30.0, step=0.1, initial_value=3.0)
+            gui.add_markdown("Drag a body with Ctrl and the left button.")
+        self._pause.on_update(lambda _: self._wake.set())
+        step.on_click(lambda _: self.step_once())
+        reset.on_click(lambda _: self.ask_reset())
+
+    def step_once(self) -> None:
+        """Pauses, and lets `update` return once more: what the button "step" does."""
+        with self._lock:
+            self._steps += 1
+        self.paused = True
+
+    def ask_reset(self) -> None:
+        """Lets the next `update` reset the simulation: what the button "reset" does."""
+        with self._lock:
+            self._asked_reset = True
+        self._wake.set()
+
+    def _sliders(self) -> Callable[[], None]:
+        """A folder with a slider for each control, and what makes a step with them."""
+        model, gui = self.sim.model, self.window.server.gui
+        held = np.atleast_2d(np.asarray(self.sim.ctrl))[int(self.envs[0])]
+        sliders = []
+        with gui.add_folder("Controls", expand_by_default=model.nu <= SLIDERS, visible=model.nu > 0):
+            for k in range(model.nu):
+                actuator = model.actuator(k)
+                low, high = np.where(np.isfinite(actuator.ctrlrange), actuator.ctrlrange, [-1.0, 1.0]).tolist()
+                start = float(np.clip(held[k], low, high))
+                label = actuator.name or f"#{k}"
+                sliders.append(gui.add_slider(label, min=low, max=high, step=max((high - low) / 200, 1e-9), initial_value=start))
+
+        def step() -> None:
+            self.sim.step(np.array([slider.value for slider in sliders]) if sliders else None)
+
+        return step
+
+    def _now(self) -> float:
+        return float(row(self.sim, "time", int(self.envs[0])))
+
+    def _keep_time(self) -> None:
+        now, clock = self._now(), time.monotonic()
+        passed, self._time = max(now - self._time, 0.0), now
+        if self._speed.value == SPEEDS[-1]:
+            self._clock = clock
+            return
+        self._clock = max(self._clock + passed / float(self._speed.value), clock - _BEHIND)
+        if self._clock > clock:
+            time.sleep(self._clock - clock)
+
+    def _dragged(self, phase: str, k: int, geom: int, place: Array) -> None:
+        with self._lock:
+            if phase == "start":
+                self._grabbed = (int(self.envs[k]), self.sim.model.geom(geom).bodyid, place)
+            self._target = None if phase == "end" else place
+
+    def _pull(self) -> None:
+        """Applies the force of what is dragged to the next step."""
+        with self._lock:
+            grabbed, self._grabbed, target = self._grabbed, None, self._target
+        if grabbed is not None:
+            self._release()
+            self._drag = Drag.begin(self.sim, *grabbed)
+        if target is None:
+            self._release()
+        elif self._drag is not None:
+            self._drag.target = target
+            self._apply((self._drag.env, self._drag.body, self._drag.wrench(self.sim, self._strength.value)))
+
+    def _release(self) -> None:
+        self._drag = None
+        self._apply(None)
+
+    def _apply(self, wrench: tuple[int, int, Array] | None) -> None:
+        """Puts a wrench in the place of the one before, beside what the user applies."""
+        for sign, given in ((-1.0, self._applied), (1.0, wrench)):
+            if given is not None:
+                env, body, values = given
+                forces = self.sim.xfrc_applied
+                (forces if self.sim.num_envs is None else forces[env])[body] += sign * values
+        self._applied = wrench
+
+
+def view(sim: Stepper, **settings: Any) -> View:
+    """Opens a view of a stepper in the browser and says where it is; see `View`."""
+    opened = View(sim, **settings)
+    print(f"{opened.url} shows {len(opened.envs)} of {sim.num_envs or 1} environments")
+    return opened

@@ -1,0 +1,94 @@
+"""MuJoCo's model of a scene, for what stepper's has not: colours, lights, cameras, and meshes that nothing touches."""
+
+from __future__ import annotations
+
+import copy
+import warnings
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stepper._stepper import Model, Stepper
+from stepper.loading import Origin, compile_source, origin_of
+from stepper.shared.machine import require
+
+Array = NDArray[Any]
+
+_KINDS = ("plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "mesh")
+"""What `Geom.type` says of MuJoCo's kinds of geoms (mjtGeom), whose last is a signed distance field."""
+_SIZED = ("sphere", "capsule", "ellipsoid", "cylinder", "box")
+_JOINTS = ("free", "ball", "slide", "hinge")
+_POSES = ("geom_pos", "geom_quat", "body_pos", "body_quat")
+
+
+class LooksError(ValueError):
+    """A scene of which there is no picture: what is missing, and what to do."""
+
+
+def looks_of(model: Model, source: Any = None) -> Any | None:
+    """MuJoCo's model of a scene: a copy, with the places and sizes that stepper's model has.
+
+    Args:
+        model: The scene.
+        source: What `stepper.load` takes, or an `Origin`; None is what the model was loaded from.
+
+    Returns:
+        A `mujoco.MjModel`; None where the source of the model is not known.
+
+    Raises:
+        LooksError: The source has not the bodies, joints and geoms of the model.
+    """
+    origin = source if isinstance(source, Origin) else Origin(source) if source is not None else origin_of(model)
+    if origin is None:
+        return None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # Whoever loaded the model has seen them.
+        m = copy.deepcopy(compile_source(origin.source, origin.package_dirs))
+    _check_same(model, m)
+    for name in _POSES:
+        getattr(m, name)[:] = getattr(model, name)
+    sized = sized_geoms(model)
+    m.geom_size[sized] = model.geom_size[sized]
+    return m
+
+
+def sized_geoms(model: Model) -> list[int]:
+    """Geoms whose size is all that says how large they are."""
+    return [g for g in range(model.ngeom) if model.geom(g).type in _SIZED]
+
+
+def _check_same(model: Model, m: Any) -> None:
+    """Raises LooksError unless MuJoCo's model has the same bodies, joints and geoms."""
+    mujoco = require("mujoco", "to read the looks of a model")
+
+    def names(kind: Any, count: int) -> list[str]:
+        return [mujoco.mj_id2name(m, kind, i) or "" for i in range(count)]
+
+    def geoms(kinds: list[str], bodies: list[int], called: list[str]) -> list[str]:
+        return [f"{kind} {name!r} of body {body}" for kind, body, name in zip(kinds, bodies, called, strict=True)]
+
+    ours = [model.geom(g) for g in range(model.ngeom)]
+    joints = [model.joint(j) for j in range(model.njnt)]
+    compared = {
+        "bodies": (list(model.body_names), names(mujoco.mjtObj.mjOBJ_BODY, m.nbody)),
+        "joints": (
+            [f"{joint.type} {joint.name!r}" for joint in joints],
+            [f"{_JOINTS[k]} {name!r}" for k, name in zip(m.jnt_type, names(mujoco.mjtObj.mjOBJ_JOINT, m.njnt), strict=True)],
+        ),
+        "geoms": (
+            geoms([g.type for g in ours], [g.bodyid for g in ours], [g.name for g in ours]),
+            geoms([_KINDS[k] for k in m.geom_type], m.geom_bodyid.tolist(), names(mujoco.mjtObj.mjOBJ_GEOM, m.ngeom)),
+        ),
+    }
+    for what, (mine, theirs) in compared.items():
+        if mine != theirs:
+            k = next((k for k, (a, b) in enumerate(zip(mine, theirs, strict=False)) if a != b), min(len(mine), len(theirs)))
+            here, there = (", ".join(group[k : k + 1]) or "nothing" for group in (mine, theirs))
+            raise LooksError(f"the source is of another model: {len(theirs)} {what} and {len(mine)}, number {k} is {there} and not {here}")
+
+
+def row(sim: Stepper, name: str, env: int) -> Array:
+    """A quantity of one environment, also of a stepper without an axis of environments."""
+    values = np.asarray(getattr(sim, name))
+    return values if sim.num_envs is None else values[env]

@@ -1,0 +1,148 @@
+"""A view of a recording: play, pause, speed, and a slider over its moments."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+import warnings
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from stepper._stepper import ModelError
+from stepper.viewer.frames import Envs
+from stepper.viewer.live import SHOWN, scene_for
+from stepper.viewer.looks import LooksError
+from stepper.viewer.recordings import RecordedRun
+from stepper.viewer.shapes import Scene
+from stepper.viewer.window import FRAMES, Window
+
+SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")
+
+
+class Player:
+    """A view of a recording in the browser, with its own web server. A context manager.
+
+    Args:
+        path: A folder that `Stepper.record` wrote.
+        envs: Environments that are shown: a number of them, or a list; None is all up to 16.
+        source: What the recorded model was loaded from, for its colours and meshes; None is the file that the recording names, if it is
+            still there.
+        host: Address that the server listens at: by default that of this machine alone.
+        port: Its port; the next free one where that is taken.
+        spacing: Distance between neighbouring environments, m; None is one and a half times the scene's extent.
+
+    Raises:
+        RecordingError: It cannot be read.
+        LooksError: The source given is of another model.
+        MissingPackageError: viser is not installed.
+        ValueError: No such environments.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        envs: Envs = None,
+        source: Any = None,
+        host: str = "127.0.0.1",
+        port: int = 8080,
+        spacing: float | None = None,
+    ):
+        self.run_of = RecordedRun(path, envs, most=SHOWN)
+        model = self.run_of.sim.model
+        self.window = Window(
+            recorded_scene(self.run_of, source), model, len(self.run_of.envs), host=host, port=port, spacing=spacing, title=str(path)
+        )
+        self._lock = threading.Lock()
+        self._shown = -1
+        self._asked: int | None = None
+        self._play: Any
+        self._speed: Any
+        self._slider: Any
+        self._panel()
+        self.seek(0)
+
+    @property
+    def url(self) -> str:
+        """Where the view is."""
+        return self.window.url
+
+    @property
+    def open(self) -> bool:
+        """Whether it was not closed yet."""
+        return self.window.open
+
+    def seek(self, index: int) -> None:
+        """Shows a moment, from 0 on."""
+        with self._lock:
+            if index != self._shown and self.open:
+                self._shown = index
+                self._slider.value = index
+                self.window.show(self.run_of[index])
+
+    def run(self) -> None:
+        """Plays, from the beginning again after the end, until the view is closed or Ctrl-C ends it."""
+        times = _clock_of(self.run_of)
+        at, before = float(times[0]), time.monotonic()
+        try:
+            while self.open:
+                time.sleep(1.0 / FRAMES)
+                now = time.monotonic()
+                if self._asked is not None:
+                    index, self._asked = self._asked, None
+                    at = float(times[index])
+                    self.seek(index)
+                elif self._play.value:
+                    at += (now - before) * float(self._speed.value)
+                    if at > times[-1]:
+                        at = float(times[0])
+                    self.seek(int(np.searchsorted(times, at, side="right")) - 1)
+                before = now
+        except KeyboardInterrupt:
+            pass
+        finally:
+            self.close()
+
+    def close(self) -> None:
+        """Stops the server."""
+        self.window.close()
+
+    def __enter__(self) -> Player:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    def _panel(self) -> None:
+        gui = self.window.server.gui
+        with gui.add_folder("Play"):
+            self._play = gui.add_checkbox("play", True)
+            self._speed = gui.add_dropdown("speed", SPEEDS, initial_value="1")
+            last = max(len(self.run_of) - 1, 1)
+            self._slider = gui.add_slider("call of step", min=0, max=last, step=1, initial_value=0, disabled=len(self.run_of) == 1)
+        self._slider.on_update(self._moved)
+
+    def _moved(self, event: Any) -> None:
+        if event.client is not None:  # By hand, and not by `seek`.
+            self._play.value = False
+            self._asked = min(int(event.target.value), len(self.run_of) - 1)
+
+
+def recorded_scene(run: RecordedRun, source: Any = None) -> Scene:
+    """What is drawn of a recording: by the source given, or by the file that it names, or without either."""
+    if source is None and run.source is not None:
+        try:
+            return scene_for(run.sim.model, run.source)
+        except (LooksError, ModelError, OSError, ImportError) as error:
+            warnings.warn(f"what the recorded model looks like is not known: {error}", UserWarning, stacklevel=2)
+    return scene_for(run.sim.model, source)
+
+
+def _clock_of(run: RecordedRun) -> Any:
+    """Times of the moments, s, as they follow one another: where time goes back, at a reset, it goes on by a usual step."""
+    steps = np.diff(run.time)
+    usual = float(np.median(steps[steps > 0])) if np.any(steps > 0) else float(run.sim.timestep)
+    return np.concatenate([[0.0], np.cumsum(np.where(steps > 0, steps, usual))])

@@ -1,0 +1,110 @@
+"""Moments of a recording, in any order."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from stepper.recording.format import APPLIED, HEADER, Arrays, RecordingError, read_header, read_rows, reading
+from stepper.recording.replay import apply_parameters, recorded_stepper
+from stepper.viewer.frames import Envs, Frame, frame_of, shown_envs
+from stepper.viewer.looks import Array
+
+_STATE = ("qpos", "qvel", "act", "time")
+_SAID = ("status", "residual", "depth")
+
+
+class RecordedRun:
+    """What a recording has of some environments: a moment after each call of `step`.
+
+    States are those that were recorded. Contacts are not in a recording: those of a moment are of the step that follows it, which is made
+    again, with the controls, applied forces and parameters that were in force.
+
+    Args:
+        path: A folder that `Stepper.record` wrote.
+        envs: Environments: a number of them, or a list; None is all up to `most`.
+        most: See `envs`.
+
+    Raises:
+        RecordingError: It cannot be read, or has no step.
+        ValueError: No such environments.
+
+    Attributes:
+        sim: A stepper as the recorded one was made.
+        envs: Indices of the environments, (n,).
+        source: The file that its model was loaded from, where that is known.
+        time: Simulated time of the first of them after each call, s: (frames,).
+    """
+
+    def __init__(self, path: str | os.PathLike[str], envs: Envs = None, *, most: int = 16):
+        folder = Path(path)
+        head = read_header(folder)
+        with reading(folder / HEADER):
+            self.sim = recorded_stepper(folder, head, None, None)
+            self.source: str | None = head["model"].get("source")
+        self.envs = shown_envs(self.sim, envs, most)
+        self._single = self.sim.num_envs is None
+        columns: dict[str, list[Array]] = {name: [] for name in (*_STATE, *_SAID, "ctrl")}
+        self._applied: list[Arrays] = []
+        self._parameters: list[tuple[int, Arrays]] = []
+        applied: Arrays = {}
+        for _, kind, arrays in read_rows(folder, head):
+            if kind == "step":
+                for name, rows in columns.items():
+                    values = arrays[name]
+                    rows.append(values if name == "ctrl" else (values[None] if self._single else values)[self.envs])
+                self._applied.append(applied)
+            elif kind == "applied":
+                applied = {name: arrays[name] for name in APPLIED if name in arrays}
+            elif kind == "reset":
+                applied = {}
+            elif kind in ("start", "randomize"):
+                self._parameters.append((len(self._applied), arrays))
+        if not self._applied:
+            raise RecordingError(f"{folder}: there is no step in it, so that there is nothing to see")
+        self._columns = {name: np.array(rows) for name, rows in columns.items()}
+        self._in_force = -1
+        self.time = self._columns["time"][:, 0]
+
+    def __len__(self) -> int:
+        """How many moments there are."""
+        return len(self._applied)
+
+    def __getitem__(self, index: int) -> Frame:
+        """A moment, from 0 on or, negative, from the end."""
+        index = range(len(self))[index]
+        self._set_parameters(index)
+        state = {name: self._whole(name, self._columns[name][index]) for name in _STATE}
+        mask = None if self._single else np.isin(np.arange(self.sim.num_envs or 1), self.envs)
+        self.sim.reset()
+        for name, values in self._applied[index].items():
+            setattr(self.sim, name, values)
+        self.sim.set_state(state["qpos"], state["qvel"], mask, act=state["act"], time=state["time"])
+        here = frame_of(self.sim, self.envs, energy=True)
+        ctrl = self._columns["ctrl"][min(index + 1, len(self) - 1)]
+        self.sim.step(ctrl[0] if self._single else ctrl)
+        follows = frame_of(self.sim, self.envs)
+        contacts = {name: getattr(follows, name) for name in ("contact_env", "contact_pos", "contact_force")}
+        return replace(here, **contacts, **{name: self._columns[name][index] for name in _SAID})
+
+    def _whole(self, name: str, values: Array) -> Array:
+        """Rows of the shown environments, among those of all."""
+        if self._single:
+            first: Array = values[0]
+            return first
+        whole = np.array(getattr(self.sim, name), subok=False)
+        whole[self.envs] = values
+        return whole
+
+    def _set_parameters(self, index: int) -> None:
+        """Gives the environments the parameters that were in force at a moment."""
+        due = sum(start <= index for start, _ in self._parameters)
+        if due == self._in_force:
+            return
+        self.sim.randomize()
+        for _, arrays in self._parameters[:due]:
+            apply_parameters(self.sim, dict(arrays))
+        self._in_force = due

@@ -1,0 +1,200 @@
+"""Logs for Rerun: what moves, what touches, and what a step says of itself, over time."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from stepper._stepper import Model, Stepper
+from stepper.shared.machine import require
+from stepper.viewer.frames import Envs, Frame, frame_of, shown_envs
+from stepper.viewer.live import scene_for
+from stepper.viewer.looks import Array
+from stepper.viewer.player import recorded_scene
+from stepper.viewer.recordings import RecordedRun
+from stepper.viewer.shapes import Scene, instances
+from stepper.viewer.window import FORCE
+
+TIMELINE = "simulated"
+"""Name of the timeline: seconds of the first environment, whose episodes follow one another."""
+LOGGED = 4
+"""Environments that are logged unless others are asked for."""
+
+
+class RerunLog:
+    """A .rrd file of a simulation that runs, for the Rerun viewer. A context manager; `close` ends the file.
+
+        with stepper.viewer.RerunLog(sim, "run.rrd") as log:
+            for _ in range(1000):
+                sim.step()
+                log.log()
+
+    It has for each environment its bodies with their geoms, contacts with their forces, and the scalars residual, depth, contacts, status,
+    potential and kinetic energy.
+
+    Args:
+        sim: The stepper.
+        path: The file; what is there is replaced.
+        envs: Environments that are logged: a number of them, or a list; None is all up to 4.
+        source: What the model was loaded from, as of `stepper.viewer.View`.
+
+    Raises:
+        MissingPackageError: Rerun is not installed.
+        ValueError: No such environments.
+        OSError: The file cannot be written.
+    """
+
+    def __init__(self, sim: Stepper, path: str | os.PathLike[str], *, envs: Envs = None, source: Any = None):
+        self._sim, self.envs = sim, shown_envs(sim, envs, LOGGED)
+        self._writer = _Writer(path, scene_for(sim.model, source), sim, self.envs)
+        self._passed, self._before = 0.0, 0.0
+
+    def log(self) -> None:
+        """Adds the present moment."""
+        frame = frame_of(self._sim, self.envs, energy=True)
+        now = float(frame.time[0])
+        # An episode that begins anew goes on in time.
+        self._passed += now - self._before if now >= self._before else now
+        self._before = now
+        self._writer.write(self._passed, frame)
+
+    def close(self) -> None:
+        """Ends the file."""
+        self._writer.close()
+
+    def __enter__(self) -> RerunLog:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+
+def log_rerun(recording: str | os.PathLike[str], path: str | os.PathLike[str], *, envs: Envs = None, source: Any = None) -> int:
+    """Writes a recording as a .rrd file for the Rerun viewer; see `RerunLog` for what is in it.
+
+    Args:
+        recording: A folder that `Stepper.record` wrote.
+        path: The file; what is there is replaced.
+        envs: Environments that are logged: a number of them, or a list; None is all up to 4.
+        source: What the recorded model was loaded from, as of `stepper.viewer.Player`.
+
+    Returns:
+        Number of moments.
+
+    Raises:
+        RecordingError: It cannot be read.
+        MissingPackageError: Rerun is not installed.
+    """
+    run = RecordedRun(recording, envs, most=LOGGED)
+    writer = _Writer(path, recorded_scene(run, source), run.sim, run.envs)
+    passed, before = 0.0, 0.0
+    try:
+        for index in range(len(run)):
+            now = float(run.time[index])
+            passed += now - before if now >= before else now
+            before = now
+            writer.write(passed, run[index])
+    finally:
+        writer.close()
+    return len(run)
+
+
+class _Writer:
+    """What both have in common: a file, with what does not change at its beginning."""
+
+    def __init__(self, path: str | os.PathLike[str], scene: Scene, sim: Stepper, envs: Array):
+        self._rr = rr = require("rerun", "to write logs for Rerun")
+        file = Path(path)
+        if not file.parent.is_dir():
+            raise FileNotFoundError(f"there is no folder {file.parent}: make it, or give another path")
+        self._model, self._envs = sim.model, envs
+        self._names = [_entity(sim.model, int(env)) for env in envs]
+        self._weight = max(float(np.sum(sim.model.body_mass[1:]) * np.linalg.norm(sim.model.gravity)), 1e-9)
+        self._extent = scene.extent
+        self._stream = rr.RecordingStream(sim.model.name or "stepper")
+        self._stream.save(str(file))
+        self._stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        for bodies in self._names:
+            self._log_geoms(scene, bodies)
+
+    def write(self, seconds: float, frame: Frame) -> None:
+        """Adds a moment."""
+        rr, stream = self._rr, self._stream
+        stream.set_time(TIMELINE, duration=seconds)
+        contacts = np.bincount(frame.contact_env, minlength=len(self._envs))
+        for row, (env, bodies) in enumerate(zip(self._envs, self._names, strict=True)):
+            for body, name in enumerate(bodies):
+                if body:
+                    quat = np.roll(frame.xquat[row, body], -1)
+                    stream.log(name, rr.Transform3D(translation=frame.xpos[row, body], quaternion=quat))
+            touching = frame.contact_env == row
+            force = frame.contact_force[touching]
+            arrows = rr.Arrows3D(
+                origins=frame.contact_pos[touching],
+                vectors=force * (FORCE * self._extent / self._weight),
+                colors=[230, 60, 40],
+                radii=0.004 * self._extent,
+                labels=[f"{size:.3g} N" for size in np.linalg.norm(force, axis=1)],
+                show_labels=False,
+            )
+            stream.log(f"env_{env}/contacts", arrows)
+            said = {
+                "residual": frame.residual[row],
+                "depth": frame.depth[row],
+                "contacts": contacts[row],
+                "energy/potential": frame.energy[row, 0],
+                "energy/kinetic": frame.energy[row, 1],
+                "status": frame.status[row],
+            }
+            for name, value in said.items():
+                stream.log(f"scalars/env_{env}/{name}", rr.Scalars(float(value)))
+
+    def close(self) -> None:
+        """Writes what is left."""
+        self._stream.flush()
+        self._stream.disconnect()
+
+    def _log_geoms(self, scene: Scene, bodies: list[str]) -> None:
+        """Shapes of the geoms in the frames of their bodies."""
+        model, rr = self._model, self._rr
+        body = np.array([model.geom(g).bodyid for g in range(model.ngeom)], dtype=np.int64)
+        at, quat = np.asarray(model.geom_pos)[None], np.asarray(model.geom_quat)[None]
+        for part in scene.parts:
+            place, turn, scale = instances(part, scene.sizes[None], at, quat)
+            for k, g in enumerate(part.geom):
+                vertices = _turned(part.mesh.vertices * scale[k], turn[k]) + place[k]
+                mesh = rr.Mesh3D(
+                    vertex_positions=vertices.astype(np.float32),
+                    triangle_indices=part.mesh.faces,
+                    albedo_factor=np.round(255 * part.rgba[k]).astype(np.uint8),
+                )
+                name = model.geom(int(g)).name or f"geom_{g}"
+                self._stream.log(f"{bodies[body[g]]}/{_safe(name)}/{k}_{_safe(part.name)}", mesh, static=True)
+        for g in scene.planes:
+            side = 5 * scene.extent
+            corners = _turned(np.array([[-side, -side, 0], [side, -side, 0], [side, side, 0], [-side, side, 0]]), quat[0, g]) + at[0, g]
+            faces = np.array([[0, 1, 2], [0, 2, 3]])
+            mesh = rr.Mesh3D(vertex_positions=corners, triangle_indices=faces, albedo_factor=np.round(255 * scene.rgba[g]).astype(np.uint8))
+            self._stream.log(f"{bodies[body[g]]}/{_safe(model.geom(g).name or f'geom_{g}')}", mesh, static=True)
+
+
+def _entity(model: Model, env: int) -> list[str]:
+    """Names of the bodies of an environment in the log. The world does not move, and its own frame is the environment's."""
+    return [f"env_{env}/world"] + [f"env_{env}/{_safe(model.body(b).name or f'body_{b}')}" for b in range(1, model.nbody)]
+
+
+def _safe(name: str) -> str:
+    """A name as a part of a path of Rerun's."""
+    return "".join(letter if letter.isalnum() or letter in "_-." else "_" for letter in name)
+
+
+def _turned(points: Array, quat: Array) -> Array:
+    """Points, (n, 3), turned by a unit quaternion."""
+    axis = quat[1:]
+    half = np.cross(axis, points) + quat[0] * points
+    turned: Array = points + 2.0 * np.cross(axis, half)
+    return turned

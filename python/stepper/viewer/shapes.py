@@ -1,0 +1,294 @@
+"""What is drawn of a model: instances of a few meshes, each in the frame of a geom.
+
+A sphere, ellipsoid, cylinder or box is one mesh of unit size, scaled; a capsule is a cylinder and two spheres. So a batch of robots is
+drawn as a handful of meshes with many instances, whatever the sizes of their geoms.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from stepper._stepper import Model, Stepper
+from stepper.viewer.looks import Array
+
+RINGS, SEGMENTS = 12, 24
+"""Faces of round meshes from pole to pole, and around."""
+PLAIN = (0.62, 0.66, 0.72, 1.0)
+"""Colour of geoms of which nobody knows the colour."""
+VISIBLE_GROUPS = 3
+"""Geoms of this group and above are hidden at first, as MuJoCo's viewer hides them: collision geometry of robots that have meshes."""
+UNSEEN = 1e-3
+"""Opacity below which a geom is not drawn: files hide geoms so."""
+
+Axes: TypeAlias = tuple[int, int, int]
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangles.
+
+    Attributes:
+        vertices: (n, 3) float32, m.
+        faces: (m, 3) int32.
+        flat: Whether its faces meet in edges.
+    """
+
+    vertices: Array
+    faces: Array
+    flat: bool
+
+
+@dataclass(frozen=True)
+class Part:
+    """Instances of one mesh for each environment: what one handle of a viewer draws.
+
+    Attributes:
+        name: Of its mesh.
+        mesh: The mesh.
+        geom: Geoms that the instances belong to, (n,).
+        axes: Which of the three sizes of its geom scales each axis of the mesh, (n, 3); 3 is none.
+        end: Place of the mesh on the z axis of its geom, in multiples of the second size: (n,).
+        rgba: Their colours, (n, 4) from 0 to 1.
+        group: MuJoCo's group of geoms, which are shown or hidden together.
+    """
+
+    name: str
+    mesh: Mesh
+    geom: Array
+    axes: Array
+    end: Array
+    rgba: Array
+    group: int
+
+
+@dataclass(frozen=True)
+class Scene:
+    """All that is drawn of a model.
+
+    Attributes:
+        parts: Instances of meshes.
+        planes: Geoms that are floors: planes that are larger than all that moves.
+        sizes: Sizes of all geoms as the model has them, (ngeom, 3) m.
+        rgba: Colours of all geoms, (ngeom, 4).
+        shown: Groups of geoms that are shown at first.
+        center: Middle of all that is not fixed to the world at the reference configuration, (3,) m; of everything where all is.
+        extent: Diagonal of the box around that, m: the length that arrows and distances are measured by.
+        missing: Geoms that are not drawn because their meshes are not known.
+    """
+
+    parts: tuple[Part, ...]
+    planes: tuple[int, ...]
+    sizes: Array
+    rgba: Array
+    shown: frozenset[int]
+    center: Array
+    extent: float
+    missing: tuple[int, ...]
+
+
+def scene_of(model: Model, looks: Any | None) -> Scene:
+    """What is drawn of a model.
+
+    Args:
+        model: The model.
+        looks: Its `mujoco.MjModel`, of `looks_of`; None is none: then meshes and height fields are missing, and colours plain.
+    """
+    rgba = np.tile(PLAIN, (model.ngeom, 1)) if looks is None else _colours(looks)
+    groups = [0] * model.ngeom if looks is None else looks.geom_group.tolist()
+    sizes = np.array(model.geom_size, subok=False)
+    drawn: dict[tuple[str, int, bool], tuple[Mesh, list[tuple[int, Axes, float]]]] = {}
+    planes, missing = [], []
+    center, extent = _box_around(model, looks)
+    for g in range(model.ngeom):
+        kind = model.geom(g).type
+        if rgba[g, 3] < UNSEEN:
+            continue
+        if kind == "plane":
+            # Collision takes every plane as one without end; what a file draws of it is a tile, which may be as large as a floor.
+            if looks is None or not np.all(looks.geom_size[g, :2] > 0) or np.all(looks.geom_size[g, :2] > extent):
+                planes.append(g)
+                continue
+            sizes[g] = looks.geom_size[g]
+        pieces = _pieces(kind, g, looks)
+        if not pieces:
+            missing.append(g)
+        for name, mesh, axes, end in pieces:
+            key = (name, groups[g], bool(rgba[g, 3] < 1))
+            drawn.setdefault(key, (mesh, []))[1].append((g, axes, end))
+    parts = []
+    for (name, group, _), (mesh, rows) in drawn.items():
+        geom = np.array([g for g, _, _ in rows])
+        scaled, along = np.array([axes for _, axes, _ in rows]), np.array([end for _, _, end in rows])
+        parts.append(Part(name, mesh, geom, scaled, along, rgba[geom], group))
+    return Scene(tuple(parts), tuple(planes), sizes, rgba, _shown(model, parts), center, extent, tuple(missing))
+
+
+def _pieces(kind: str, g: int, looks: Any | None) -> list[tuple[str, Mesh, Axes, float]]:
+    """Meshes that a geom is drawn by, with the axes and the end of a `Part`; none if they are not known."""
+    if kind == "capsule":
+        return [("tube", _TUBE, (0, 0, 1), 0.0), ("sphere", _SPHERE, (0, 0, 0), -1.0), ("sphere", _SPHERE, (0, 0, 0), 1.0)]
+    if kind in _SIMPLE:
+        mesh, axes = _SIMPLE[kind]
+        return [("sphere" if kind == "ellipsoid" else kind, mesh, axes, 0.0)]
+    if looks is None:
+        return []
+    asset = int(looks.geom_dataid[g])
+    mesh = _height_field(looks, asset) if kind == "hfield" else _mesh(looks, asset)
+    return [(f"{kind} {asset}", mesh, (3, 3, 3), 0.0)]
+
+
+def _mesh(looks: Any, asset: int) -> Mesh:
+    vertices = slice(int(looks.mesh_vertadr[asset]), int(looks.mesh_vertadr[asset] + looks.mesh_vertnum[asset]))
+    faces = slice(int(looks.mesh_faceadr[asset]), int(looks.mesh_faceadr[asset] + looks.mesh_facenum[asset]))
+    return Mesh(np.array(looks.mesh_vert[vertices], np.float32), np.array(looks.mesh_face[faces], np.int32), flat=True)
+
+
+def _height_field(looks: Any, asset: int) -> Mesh:
+    """The surface of a height field: two triangles for each of its cells."""
+    rows, columns, start = int(looks.hfield_nrow[asset]), int(looks.hfield_ncol[asset]), int(looks.hfield_adr[asset])
+    x, y, top, _ = looks.hfield_size[asset].tolist()
+    heights = looks.hfield_data[start : start + rows * columns] * top
+    grid_y, grid_x = np.meshgrid(np.linspace(-y, y, rows), np.linspace(-x, x, columns), indexing="ij")
+    corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    lower = np.stack([corner, corner + 1, corner + columns + 1], axis=1)
+    upper = np.stack([corner, corner + columns + 1, corner + columns], axis=1)
+    vertices = np.stack([grid_x.ravel(), grid_y.ravel(), heights], axis=1).astype(np.float32)
+    return Mesh(vertices, np.concatenate([lower, upper]).astype(np.int32), flat=True)
+
+
+def _colours(looks: Any) -> Array:
+    """Colours of all geoms, (ngeom, 4): of their materials, whose textures count by the mean of their pixels, or their own."""
+    rgba = np.array(looks.geom_rgba, np.float64)
+    texture = _texture_colours(looks)
+    for g in range(looks.ngeom):
+        material = int(looks.geom_matid[g])
+        if material < 0:
+            continue
+        # MuJoCo: a geom's own colour counts where it is not the default one.
+        if np.array_equal(rgba[g], [0.5, 0.5, 0.5, 1.0]):
+            rgba[g] = looks.mat_rgba[material]
+        chosen = [int(t) for t in looks.mat_texid[material] if t >= 0]
+        if chosen:
+            rgba[g, :3] *= texture[chosen[0]]
+    return np.clip(rgba, 0.0, 1.0)
+
+
+def _texture_colours(looks: Any) -> list[Array]:
+    """Mean colours of the textures, (3,) from 0 to 1 each."""
+    found = []
+    for t in range(looks.ntex):
+        channels, start = int(looks.tex_nchannel[t]), int(looks.tex_adr[t])
+        pixels = looks.tex_data[start : start + int(looks.tex_width[t]) * int(looks.tex_height[t]) * channels].reshape(-1, channels)
+        mean = pixels.mean(axis=0) / 255.0
+        found.append(mean[:3] if channels >= 3 else np.full(3, mean[0]))
+    return found
+
+
+def instances(part: Part, sizes: Array, xpos: Array, xquat: Array) -> tuple[Array, Array, Array]:
+    """Where the instances of a part are, environment by environment.
+
+    Args:
+        part: The part, of k instances.
+        sizes: Sizes of the geoms, (n, ngeom, 3) m, or (1, ngeom, 3) where all environments have the same.
+        xpos: Places of the geoms, (n, ngeom, 3) m.
+        xquat: Their orientations, (n, ngeom, 4).
+
+    Returns:
+        Places (n k, 3), orientations (n k, 4) and scales (n k, 3) of its mesh.
+    """
+    n, k = len(xpos), len(part.geom)
+    size = np.concatenate([sizes[:, part.geom], np.ones((len(sizes), k, 1))], axis=2)
+    scale = np.take_along_axis(size, np.broadcast_to(part.axes, (len(sizes), k, 3)), axis=2)
+    w, x, y, z = np.moveaxis(xquat[:, part.geom], -1, 0)
+    axis = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=-1)  # The z axis of each geom.
+    along = part.end * np.where(part.end == 0, 0.0, size[..., 1])
+    place = xpos[:, part.geom] + along[..., None] * axis
+    return place.reshape(-1, 3), xquat[:, part.geom].reshape(-1, 4), np.broadcast_to(scale, (n, k, 3)).reshape(-1, 3)
+
+
+def _shown(model: Model, parts: list[Part]) -> frozenset[int]:
+    """Groups that are shown at first.
+
+    They are MuJoCo's first three; but without those that only collide, where another has what is only to be seen.
+    """
+    solid = np.array([bool(geom.contype or geom.conaffinity) for geom in map(model.geom, range(model.ngeom))])
+    collides = {group: {bool(solid[g]) for part in parts if part.group == group for g in part.geom} for group in {p.group for p in parts}}
+    first = {group for group in collides if group < VISIBLE_GROUPS}
+    only_seen = {group for group in first if collides[group] == {False}}
+    return frozenset({group for group in first if collides[group] != {True}} if only_seen else first)
+
+
+def _box_around(model: Model, looks: Any | None) -> tuple[Array, float]:
+    """Centre and extent of a `Scene`."""
+    at = np.asarray(Stepper(model).geom_xpos)
+    body = np.array([model.geom(g).bodyid for g in range(model.ngeom)], dtype=np.int64)
+    moving = np.flatnonzero(body > 0)
+    chosen = moving if len(moving) else np.arange(model.ngeom)
+    if not len(chosen):
+        return np.zeros(3), 1.0
+    reach = np.linalg.norm(model.geom_size, axis=1) if looks is None else np.where(looks.geom_rbound > 0, looks.geom_rbound, 0.0)
+    low, high = (at - reach[:, None])[chosen].min(axis=0), (at + reach[:, None])[chosen].max(axis=0)
+    return (low + high) / 2, max(float(np.linalg.norm(high - low)), 1e-3)
+
+
+def _round(heights: Array, radii: Array) -> Mesh:
+    """A surface of revolution about z."""
+    angle = np.linspace(0.0, 2 * np.pi, SEGMENTS, endpoint=False)
+    vertices = np.stack([np.outer(radii, np.cos(angle)), np.outer(radii, np.sin(angle)), np.outer(heights, np.ones(SEGMENTS))], axis=-1)
+    row, column = np.meshgrid(np.arange(len(heights) - 1), np.arange(SEGMENTS), indexing="ij")
+    here, right = row * SEGMENTS + column, row * SEGMENTS + (column + 1) % SEGMENTS
+    faces = np.concatenate([
+        np.stack([here, right, right + SEGMENTS], axis=-1).reshape(-1, 3),
+        np.stack([here, right + SEGMENTS, here + SEGMENTS], axis=-1).reshape(-1, 3),
+    ])  # fmt: skip
+    return Mesh(vertices.reshape(-1, 3).astype(np.float32), faces.astype(np.int32), flat=False)
+
+
+def _box() -> Mesh:
+    """A cube of side 2 whose faces do not share vertices, so that its edges are sharp."""
+    vertices: list[Array] = []
+    faces: list[list[int]] = []
+    for axis in range(3):
+        for side in (-1.0, 1.0):
+            first, second = ((axis + 1) % 3, (axis + 2) % 3) if side > 0 else ((axis + 2) % 3, (axis + 1) % 3)
+            start = len(vertices)
+            for a, b in ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)):
+                corner = np.zeros(3)
+                corner[axis], corner[first], corner[second] = side, a, b
+                vertices.append(corner)
+            faces += [[start, start + 1, start + 2], [start, start + 2, start + 3]]
+    return Mesh(np.array(vertices, np.float32), np.array(faces, np.int32), flat=True)
+
+
+def _cylinder() -> Mesh:
+    """A cylinder of radius 1 from -1 to 1, whose ends do not share vertices with its side."""
+    side = _TUBE
+    lids: list[Array] = []
+    angle = np.linspace(0.0, 2 * np.pi, SEGMENTS, endpoint=False)
+    rim = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    faces = [side.faces]
+    for end in (-1.0, 1.0):
+        start = len(side.vertices) + len(lids) * (SEGMENTS + 1)
+        lids.append(np.concatenate([np.column_stack([rim, np.full(SEGMENTS, end)]), [[0.0, 0.0, end]]]))
+        ring = np.arange(SEGMENTS)
+        turned = (ring, (ring + 1) % SEGMENTS) if end > 0 else ((ring + 1) % SEGMENTS, ring)
+        faces.append(np.stack([start + turned[0], start + turned[1], np.full(SEGMENTS, start + SEGMENTS)], axis=1))
+    return Mesh(np.concatenate([side.vertices, *lids]).astype(np.float32), np.concatenate(faces).astype(np.int32), flat=False)
+
+
+_POLAR = np.linspace(0.0, np.pi, RINGS + 1)
+_SPHERE = _round(-np.cos(_POLAR), np.sin(_POLAR))
+_TUBE = _round(np.array([-1.0, 1.0]), np.ones(2))
+_CYLINDER = _cylinder()
+_BOX = _box()
+FLAT = Mesh(np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32), np.array([[0, 1, 2], [0, 2, 3]], np.int32), flat=True)
+_SIMPLE: dict[str, tuple[Mesh, Axes]] = {
+    "sphere": (_SPHERE, (0, 0, 0)),
+    "ellipsoid": (_SPHERE, (0, 1, 2)),
+    "cylinder": (_CYLINDER, (0, 0, 1)),
+    "box": (_BOX, (0, 1, 2)),
+    "plane": (FLAT, (0, 1, 3)),
+}

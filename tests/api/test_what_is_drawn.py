@@ -1,0 +1,294 @@
+"""What viewers draw: shapes and their places, moments of recordings, bodies that are dragged. It takes neither viser nor OpenGL."""
+
+import sys
+from dataclasses import fields
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import stepper
+from models import SOURCES
+from stepper.cli import main
+from stepper.viewer import shapes
+from stepper.viewer.dragging import Drag, felt_mass
+from stepper.viewer.frames import frame_of, shown_envs
+from stepper.viewer.live import scene_for
+from stepper.viewer.looks import looks_of
+from stepper.viewer.recordings import RecordedRun
+from stepper.viewer.shapes import instances, scene_of
+
+ROOT = Path(__file__).parents[2]
+ALL_KINDS = """<mujoco><asset>
+  <mesh name="wedge" vertex="0 0 0  .3 0 0  0 .3 0  0 0 .3"/>
+  <hfield name="hills" nrow="5" ncol="7" size="1 2 .5 .1" elevation="{}"/>
+  <texture name="checks" type="2d" builtin="checker" rgb1="0 0 0" rgb2="1 .5 0" width="64" height="64"/>
+  <material name="tiles" texture="checks"/><material name="paint" rgba="0 1 0 1"/>
+</asset><worldbody>
+  <geom name="floor" type="plane" size="0 0 .1" material="tiles"/>
+  <geom name="ground" type="hfield" hfield="hills" pos="5 0 0"/>
+  <geom name="table" type="plane" size=".2 .1 .1" pos="0 0 .5"/>
+  <body pos="0 0 1" euler="20 40 60"><freejoint/>
+    <geom name="ball" size=".1" rgba="1 0 0 1"/>
+    <geom name="egg" type="ellipsoid" size=".1 .2 .3" pos=".5 0 0" material="paint"/>
+    <geom name="pill" type="capsule" size=".1 .2" pos="1 0 0" euler="0 90 30" rgba="0 0 1 .5"/>
+    <geom name="can" type="cylinder" size=".1 .2" pos="1.5 0 0"/>
+    <geom name="brick" type="box" size=".1 .2 .3" pos="2 0 0"/>
+    <geom name="wedge" type="mesh" mesh="wedge" pos="2.5 0 0"/>
+    <geom name="ghost" size=".1" rgba="1 1 1 0"/>
+  </body>
+</worldbody></mujoco>""".format(" ".join(f"{(7 * k) % 11}" for k in range(35)))
+
+
+def volume(mesh):
+    a, b, c = np.moveaxis(mesh.vertices[mesh.faces].astype(float), 1, 0)
+    return np.einsum("ni,ni->", a, np.cross(b, c)) / 6
+
+
+@pytest.mark.parametrize(("mesh", "exact"), [
+    (shapes._SPHERE, 4 / 3 * np.pi), (shapes._CYLINDER, 2 * np.pi), (shapes._BOX, 8),
+])  # fmt: skip
+def test_meshes_are_closed_and_face_outwards(mesh, exact):
+    # Chords of 24 segments and 12 rings lie within the round surface, by 3 % of the volume.
+    assert 0.97 * exact <= volume(mesh) <= exact * (1 + 1e-6)
+    assert mesh.faces.min() == 0
+    assert mesh.faces.max() < len(mesh.vertices)
+
+
+def test_every_kind_is_drawn():
+    model = stepper.load(ALL_KINDS)
+    scene = scene_of(model, looks_of(model))
+    drawn = {}
+    for part in scene.parts:
+        for g in part.geom:
+            drawn.setdefault(model.geom_names[g], []).append(part.name.split()[0])
+    assert drawn == {
+        "ground": ["hfield"], "table": ["plane"], "ball": ["sphere"], "egg": ["sphere"], "pill": ["tube", "sphere", "sphere"],
+        "can": ["cylinder"], "brick": ["box"], "wedge": ["mesh"],
+    }  # fmt: skip
+    assert [model.geom_names[g] for g in scene.planes] == ["floor"]
+    assert scene.missing == ()
+    colours = dict(zip(model.geom_names, scene.rgba, strict=True))
+    np.testing.assert_allclose(colours["ball"], [1, 0, 0, 1])
+    np.testing.assert_allclose(colours["egg"], [0, 1, 0, 1])
+    np.testing.assert_allclose(colours["pill"], [0, 0, 1, 0.5])
+    # The mean of black and orange, by bytes of a texture.
+    np.testing.assert_allclose(colours["floor"], [0.5, 0.25, 0, 1], atol=0.01)
+
+
+def test_a_saved_model_is_drawn_without_its_source(tmp_path):
+    stepper.load(ALL_KINDS).save(tmp_path / "model")
+    for k in range(stepper.loading.origins.KEPT):  # Until nobody remembers where it came from.
+        stepper.load(f"<mujoco><worldbody><body name='{k}'/></worldbody></mujoco>")
+    model = stepper.load(tmp_path / "model")
+    with pytest.warns(UserWarning, match=r"2 geoms are not drawn \(ground, wedge\).*Give it as source"):
+        scene = scene_for(model, None)
+    assert {model.geom_names[g] for part in scene.parts for g in part.geom} == {"ball", "egg", "pill", "can", "brick", "ghost"}
+    assert scene_for(model, ALL_KINDS).missing == ()
+
+
+def test_a_height_field_is_drawn_where_rays_meet_it():
+    model = stepper.load(ALL_KINDS)
+    looks = looks_of(model)
+    ground = model.geom("ground").id
+    part = next(part for part in scene_of(model, looks).parts if ground in part.geom)
+    data = mujoco.MjData(looks)
+    mujoco.mj_forward(looks, data)
+    middles = part.mesh.vertices[part.mesh.faces].mean(axis=1)
+    assert len(middles) == 2 * 4 * 6
+    found = np.zeros(1, np.int32)
+    for place in middles + data.geom_xpos[ground]:
+        above = place + np.array([0.0, 0.0, 3.0])
+        distance = mujoco.mj_ray(looks, data, above, np.array([0.0, 0, -1]), None, 1, -1, found)
+        assert found[0] == ground
+        # Vertices are of single precision, and MuJoCo's cells are split along the same diagonal.
+        assert distance == pytest.approx(3, abs=1e-5)
+
+
+def test_instances_are_where_mujoco_has_the_geoms():
+    """Surfaces of all shapes of a robot, in two environments with sizes of their own."""
+    model = stepper.load(ALL_KINDS)
+    sim = stepper.Stepper(model, 2)
+    sizes = np.stack([model.geom_size, 1.5 * model.geom_size])
+    sim.randomize(geom_size=sizes)
+    sim.set_state(qvel=[0, 0, 3, 1, 2, 3])
+    sim.step(nstep=50)
+    frame, scene = frame_of(sim, np.arange(2)), scene_of(model, looks_of(model))
+    looks = looks_of(model)
+    for env in range(2):
+        data = mujoco.MjData(looks)
+        data.qpos[:] = sim.qpos[env]
+        mujoco.mj_forward(looks, data)
+        for part in scene.parts:
+            place, quat, scale = (
+                rows.reshape(2, len(part.geom), -1)[env] for rows in instances(part, sizes, frame.geom_xpos, frame.geom_xquat)
+            )
+            for k, g in enumerate(part.geom):
+                kind = model.geom(int(g)).type
+                if kind in ("plane", "mesh", "hfield"):
+                    continue
+                rotation = np.zeros(9)
+                mujoco.mju_quat2Mat(rotation, quat[k])
+                points = part.mesh.vertices * scale[k] @ rotation.reshape(3, 3).T + place[k]
+                local = (points - data.geom_xpos[g]) @ data.geom_xmat[g].reshape(3, 3)
+                x, y, z = sizes[env, g]
+                outside = {
+                    "sphere": np.linalg.norm(local, axis=1) / x,
+                    "ellipsoid": np.linalg.norm(local / [x, y or 1, z or 1], axis=1),
+                    "capsule": np.linalg.norm(local - np.clip(local, [0, 0, -y], [0, 0, y]), axis=1) / x,
+                    "cylinder": np.maximum(np.linalg.norm(local[:, :2], axis=1) / x, np.abs(local[:, 2]) / (y or 1)),
+                    "box": np.max(np.abs(local / [x, y or 1, z or 1]), axis=1),
+                }[kind]
+                # Every vertex is on the surface; those of a capsule's spheres that are inside it, and centres of lids, are not.
+                assert outside.max() == pytest.approx(1, abs=1e-5)
+                assert np.median(outside) == pytest.approx(1, abs=1e-5) or kind == "capsule"
+
+
+def test_groups_that_only_collide_are_hidden_behind_what_is_seen():
+    """As robosuite's robots have them: collision meshes in group 0, visual meshes in group 1."""
+
+    def groups(*geoms):
+        bodies = "".join(f'<geom size=".1" group="{group}" contype="{solid}" conaffinity="{solid}"/>' for group, solid in geoms)
+        model = stepper.load(
+            f"<mujoco><worldbody><body><freejoint/>{bodies}<inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/></body></worldbody></mujoco>"
+        )
+        return scene_of(model, looks_of(model)).shown
+
+    assert groups((0, 1)) == {0}
+    assert groups((0, 1), (1, 0)) == {1}
+    assert groups((0, 1), (0, 0), (1, 0)) == {0, 1}
+    assert groups((2, 0), (3, 1)) == {2}
+
+
+@pytest.fixture
+def recorded(tmp_path):
+    """A recording in which environments are reset, randomized and pushed, with all moments as they were."""
+    model = stepper.load(SOURCES["dm_control/humanoid"], strict=False)
+    sim = stepper.Stepper(model, 5)
+    rng, moments = np.random.default_rng(0), []
+    chosen = np.array([1, 3])
+    with sim.record(tmp_path / "run"):
+        for k in range(40):
+            if k == 10:
+                sim.randomize(body_mass=model.body_mass * rng.uniform(0.5, 2, (5, 1)))
+            if k == 15:
+                sim.reset(np.arange(5) < 3)
+            if k == 20:
+                sim.xfrc_applied[3, 1, 2] = 500.0
+            if k == 25:
+                sim.randomize()
+            sim.step(rng.uniform(-0.3, 0.3, (5, model.nu)), nstep=5)
+            moments.append(frame_of(sim, chosen, energy=True))
+    return tmp_path / "run", chosen, moments
+
+
+def test_moments_of_a_recording_are_those_that_were(recorded):
+    folder, chosen, moments = recorded
+    run = RecordedRun(folder, chosen.tolist())
+    assert len(run) == len(moments)
+    assert run.source.endswith("humanoid.xml")
+    # In any order: parameters and forces follow.
+    touching = 0
+    for index in (39, 0, 12, 30, 9, 10, 24, 25, 15):
+        found, was = run[index], moments[index]
+        for field in fields(found):
+            if not field.name.startswith("contact"):
+                np.testing.assert_array_equal(getattr(found, field.name), getattr(was, field.name), err_msg=f"{field.name} {index}")
+        assert set(found.contact_env) <= {0, 1}
+        touching += len(found.contact_env)
+    assert touching > 0
+    # Contacts are those of the next step.
+    np.testing.assert_allclose(run[-1].time, moments[-1].time)
+    assert run.sim.qpos.shape[0] == 5
+
+
+def test_contacts_of_a_recording_bear_the_weight(tmp_path):
+    model = stepper.load("""<mujoco><worldbody><geom type='plane' size='1 1 1'/>
+      <body pos='0 0 .1'><freejoint/><geom type='box' size='.1 .1 .1' mass='2'/></body></worldbody></mujoco>""")
+    sim = stepper.Stepper(model)
+    with sim.record(tmp_path / "run"):
+        for _ in range(20):
+            sim.step()
+    moment = RecordedRun(tmp_path / "run")[10]
+    np.testing.assert_allclose(moment.contact_force.sum(axis=0), [0, 0, 2 * 9.81], atol=1e-4)  # It comes to rest within some steps.
+    assert moment.geom_xpos.shape == (1, 2, 3)
+
+
+def test_what_is_wrong_with_a_view_is_said(tmp_path):
+    sim = stepper.Stepper(stepper.load("<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"), 3)
+    with pytest.raises(ValueError, match=r"envs is 4, must be some of the 3"):
+        shown_envs(sim, 4, 16)
+    with pytest.raises(ValueError, match=r"envs is \[3\]"):
+        shown_envs(sim, [3], 16)
+    np.testing.assert_array_equal(shown_envs(sim, None, 2), [0, 1])
+    with sim.record(tmp_path / "empty"):
+        pass
+    with pytest.raises(stepper.RecordingError, match="no step in it"):
+        RecordedRun(tmp_path / "empty")
+
+
+def test_the_mass_that_is_felt_is_that_of_a_free_body():
+    sim = stepper.Stepper(
+        stepper.load("""<mujoco><option gravity="0 0 0"/><worldbody>
+        <body pos="0 0 1"><freejoint/><geom size=".1" mass="3"/></body>
+        <body pos="1 0 0"><joint type="slide" axis="0 0 1"/><geom size=".1" mass="2"/></body>
+        <body pos="2 0 0"><geom size=".1" mass="2"/></body>
+    </worldbody></mujoco>"""),
+        2,
+    )
+    assert felt_mass(sim, 1, 1, np.array([0.0, 0, 1])) == pytest.approx(3)
+    assert felt_mass(sim, 1, 2, np.array([1.0, 0, 0])) == pytest.approx(3 * 2)  # It moves in one of three directions.
+    assert Drag.begin(sim, 1, 3, np.array([2.0, 0, 0])) is None
+
+
+@pytest.mark.parametrize("num_envs", [None, 2])
+@pytest.mark.parametrize("strength", [1.0, 30.0])
+def test_a_dragged_body_comes_to_the_pointer(num_envs, strength):
+    model = stepper.load(SOURCES["dm_control/humanoid"], strict=False).replace(gravity=[0, 0, 0])
+    sim = stepper.Stepper(model, num_envs)
+    env, hand = (num_envs or 1) - 1, model.body("right_hand").id
+    at = np.asarray(sim.xpos)[hand] if num_envs is None else np.asarray(sim.xpos)[env, hand]
+    drag = Drag.begin(sim, env, hand, at + np.array([0, 0, 0.02]))
+    drag.target = at + np.array([0.3, -0.2, 0.6])
+    for _ in range(1000):
+        forces = sim.xfrc_applied if num_envs is None else sim.xfrc_applied[env]
+        forces[hand] = drag.wrench(sim, strength)
+        sim.step()
+    assert np.linalg.norm(drag.at(sim) - drag.target) < 0.02
+    assert not np.any(sim.status & stepper.Status.NON_FINITE)
+    if num_envs:
+        np.testing.assert_array_equal(sim.qvel[0], 0)  # The neighbour stays.
+
+
+@pytest.fixture
+def command(monkeypatch, capsys):
+    """Runs `stepper view` with arguments, and gives what it says of an error."""
+
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["stepper", "view", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        assert ended.value.code == 1
+        return capsys.readouterr().err
+
+    return run
+
+
+@pytest.mark.parametrize(("arguments", "said"), [
+    (("nothing.xml",), "nothing.xml"),
+    (("nothing/Nothing-v5",), "is no file, no recording and no environment"),
+    (("CartPole-v1",), "CartPole-v1 is an environment of another simulator"),
+    (("tests",), "tests is a folder without run.json"),
+    (("a.xml", "--rerun", "a.rrd"), "--rerun writes a recording, and a.xml is none"),
+    (("a.xml", "--contact", "soft"), "contact is 'soft', must be 'hard' or 'mujoco'"),
+])  # fmt: skip
+def test_the_command_says_what_is_wrong(command, monkeypatch, arguments, said):
+    monkeypatch.chdir(ROOT)
+    assert said in command(*arguments)
+
+
+def test_without_viser_it_says_what_to_install(command, monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "viser", None)
+    (tmp_path / "a.xml").write_text("<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>")
+    said = command(str(tmp_path / "a.xml"))
+    assert 'viser is needed for the view in the browser, and is not installed: pip install "stepper-sim[viewer]"' in said

@@ -45,6 +45,7 @@ FOLDERS = {
     "recording": {"shared", "sensors", "actuators"},
     "experiments": {"shared", "loading"},
     "envs": {"shared", "loading"},
+    "adapters": {"shared", "envs"},
     "cli": {"shared", "loading", "recording", "experiments"},
 }
 """Folders of the Python package, and the others that each may import."""

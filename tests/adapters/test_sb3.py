@@ -3,7 +3,7 @@
 import gymnasium
 import numpy as np
 import pytest
-import stepper.envs  # noqa: F401  # names for Gymnasium
+import stepper.envs  # names for Gymnasium
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.env_checker import check_env
 from stable_baselines3.common.evaluation import evaluate_policy

@@ -72,8 +72,8 @@ class StepperVecEnv(VecEnv):  # type: ignore[misc]
         """Makes the steps.
 
         Returns:
-            Observations (num_envs, n), those of new episodes where one is over; rewards (num_envs,) float32; which are over; and infos, of which
-            those of an episode that is over have "terminal_observation".
+            Observations (num_envs, n), those of new episodes where one is over; rewards (num_envs,) float32; which are over; and infos,
+            which have "terminal_observation" where one is.
 
         Raises:
             RuntimeError: No actions were given.

@@ -192,7 +192,7 @@ def test_a_sweep_returns_results_in_the_order_of_the_cases():
     def slip(model, friction):
         sim = stepper.Stepper(model.replace(geom_friction=np.full((2, 3), [friction, 0.0, 0.0])))
         sim.step(nstep=200)
-        return float(sim.qpos[0, 0])
+        return float(sim.qpos[0])
 
     frictions = [0.5, 0.1, 0.4, 0.2]
     found = sweep(slip, frictions, incline)

@@ -68,6 +68,7 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         actor_options: dict[str, Any] | None = None,
         **settings: Any,
     ):
+        self._actors: list[Any] = []
         for name, value in (("num_envs", num_envs), ("block_size", block_size), ("save_every", save_every)):
             if value < 1:
                 raise ValueError(f"{name} is {value}, must be at least 1")
@@ -89,7 +90,7 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         options = {"num_cpus": max(1, one.sim.threads), **(actor_options or {})}
         model = ray.put(one.sim.model)
         self._start: Callable[[], Any] = lambda: ray.remote(_Host).options(**options).remote(env, model, settings)
-        self._actors: list[Any] = [self._start() for _ in range(count)]
+        self._actors = [self._start() for _ in range(count)]
         # Block b is of actor b % count.
         self._shares = [list(range(actor, blocks, count)) for actor in range(count)]
         self._saved: list[bytes | None] = [None] * blocks

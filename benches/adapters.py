@@ -1,6 +1,6 @@
 """Environment steps per second through each adapter, beside the vector environment that all of them are made over; and what overlap saves.
 
-Random actions, all on one core, by turns: a round is some steps of each, and a figure is the median over rounds. Libraries that are not
+Random actions, all on one core, by turns: a round is some steps of each; figures are medians over rounds. Libraries that are not
 installed are left out; `make adapters` installs them. The second table has two cores: a policy acts on one, environments step on the other.
 
     python benches/adapters.py                          # HalfCheetah and Ant with 1,024 environments
@@ -168,8 +168,8 @@ CONTESTANTS: dict[str, tuple[str | None, Callable[[str, int], Step]]] = {
 """By name: the library that it needs, and what makes it."""
 
 
-def race(name: str, num_envs: int, rounds: int) -> dict[str, float]:
-    """Steps of environments per second of each."""
+def race(name: str, num_envs: int, rounds: int) -> dict[str, tuple[float, float]]:
+    """Of each, steps of environments per second, and the same as a ratio to those of the first in the same round: medians."""
     made = {label: make(name, num_envs) for label, (library, make) in CONTESTANTS.items() if library is None or find_spec(library)}
     times: dict[str, list[float]] = {label: [] for label in made}
     for k in range(rounds + 2):
@@ -179,7 +179,11 @@ def race(name: str, num_envs: int, rounds: int) -> dict[str, float]:
                 step()
             if k > 1:
                 times[label].append(time.perf_counter() - begin)
-    return {label: STEPS * num_envs / statistics.median(found) for label, found in times.items()}
+    first = next(iter(times.values()))
+    return {
+        label: (STEPS * num_envs / statistics.median(own), statistics.median(a / b for a, b in zip(first, own, strict=True)))
+        for label, own in times.items()
+    }
 
 
 def overlap(name: str, num_envs: int, rounds: int) -> tuple[float, float, float, float]:
@@ -197,22 +201,24 @@ def overlap(name: str, num_envs: int, rounds: int) -> tuple[float, float, float,
 
     observation, _ = envs.reset(seed=0)
     pool.async_reset()
-    for _ in range(2):
-        pool.recv()
-    pool.send(np.zeros((num_envs, size)))
+    seen = [pool.recv() for _ in range(2)]
     times: list[tuple[float, ...]] = []
     for _ in range(rounds + 2):
-        begin = time.perf_counter()
-        action = act(observation)
-        acted = time.perf_counter()
-        observation = envs.step(action)[0]
-        stepped = time.perf_counter()
-        for _ in range(2):
-            seen, *_, infos = pool.recv()
-            pool.send(act(seen), infos["env_id"])
-        end = time.perf_counter()
-        times.append((acted - begin, stepped - acted, stepped - begin, end - stepped))
-    policy, steps, both, pooled = (statistics.median(part) for part in zip(*times[2:], strict=True))
+        acting, begin = 0.0, time.perf_counter()
+        for _ in range(STEPS):
+            started = time.perf_counter()
+            action = act(observation)
+            acting += time.perf_counter() - started
+            observation = envs.step(action)[0]
+        between = time.perf_counter()
+        for k in range(2):
+            pool.send(act(seen[k][0]), seen[k][-1]["env_id"])
+        for _ in range(2 * (STEPS - 1)):
+            ahead, *_, infos = pool.recv()
+            pool.send(act(ahead), infos["env_id"])
+        seen = [pool.recv() for _ in range(2)]  # Nothing goes on while the others are measured.
+        times.append((acting, between - begin - acting, between - begin, time.perf_counter() - between))
+    policy, steps, both, pooled = (statistics.median(part) / STEPS for part in zip(*times[2:], strict=True))
     return policy, steps, both, pooled
 
 
@@ -237,11 +243,11 @@ def main() -> None:
     print("| | " + " | ".join(f"{name}, steps/s | beside it" for name in given.names) + " |")
     print("|---" * (1 + 2 * len(ids)) + "|")
     for label in rates[0]:
-        print(f"| {label} | " + " | ".join(f"{rate[label]:,.0f} | {rate[label] / next(iter(rate.values())):.2f}" for rate in rates) + " |")
+        print(f"| {label} | " + " | ".join(f"{rate[label][0]:,.0f} | {rate[label][1]:.2f}" for rate in rates) + " |")
     print("\nA policy of 256 x 256 on one core, environments on one thread; ms of a step of all\n")
     print("| task | policy | environments | in turn | `StepperPool`, two batches | in turn beside it |\n|---|---|---|---|---|---|")
     for name, task in zip(given.names, ids, strict=True):
-        policy, steps, both, pooled = overlap(task, given.num_envs, 8 * given.rounds)
+        policy, steps, both, pooled = overlap(task, given.num_envs, given.rounds)
         figures = " | ".join(f"{1e3 * value:.2f}" for value in (policy, steps, both, pooled))
         print(f"| {name} | {figures} | {both / pooled:.2f} |")
 

@@ -15,6 +15,7 @@ LIBRARIES = {
     "sb3": "stable_baselines3",
     "torch": "torch",
     "torchrl": "torchrl",
+    "unisim": "unisim.contract",
 }
 REMEDIES = {
     "pufferlib": "pip install pufferlib-core",
@@ -23,6 +24,7 @@ REMEDIES = {
     "stable_baselines3": "pip install stable-baselines3",
     "torch": "pip install torch",
     "torchrl": "pip install torchrl",
+    "unisim.contract": "pip install unisim-core",
 }
 
 

@@ -28,6 +28,7 @@ INSTALL = {
     "ray": "pip install ray",
     "ray.rllib": 'pip install "ray[rllib]" torch',
     "pufferlib": "pip install pufferlib-core",
+    "unisim": "pip install unisim-core",
     "robosuite": "pip install --no-deps robosuite",
     "dm_control": "pip install dm_control",
     "gymnasium_robotics": "pip install --no-deps gymnasium-robotics",

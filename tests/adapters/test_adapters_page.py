@@ -36,6 +36,7 @@ def test_every_library_of_its_table_has_an_example():
 
 
 @pytest.mark.parametrize(("library", "package"), [
+    ("EnvPool's calls, without it", "envpool"),
     ("Stable-Baselines3", "stable-baselines3"),
     ("PyTorch", "torch"),
     ("TorchRL", "torchrl"),

@@ -135,7 +135,7 @@ class StepperPool:
         self._under_way.popleft()
         self._waits[block] = True
         ids = self.all_env_ids[block * self._size : (block + 1) * self._size].copy()
-        infos = infos | {"env_id": ids, "elapsed_step": self._blocks[block].episode_lengths}
+        infos = infos | {"env_id": ids, "elapsed_step": self._blocks[block].episode_lengths.astype(np.int32)}
         return observation, reward, terminated, truncated, infos
 
     def reset(self) -> tuple[Array, dict[str, Any]]:

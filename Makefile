@@ -2,9 +2,10 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+LIBRARIES := .venv-adapters
 DENY := 0.20.2
 
-.PHONY: demo test wheel bench loading many-contacts floors atlas corpus studies fuzz viewer check advisories build format clean
+.PHONY: demo test wheel bench loading many-contacts floors atlas corpus adapters studies fuzz viewer check advisories build format clean
 
 # The main job: 1,024 humanoids, beside MuJoCo.
 demo: build
@@ -62,6 +63,11 @@ studies: build
 	for lab in grasp.py tray.toml block.py pushed_box.py; do $(BIN)/stepper report examples/studies/$$lab || exit 1; done
 	hopper=$$($(BIN)/python -c 'import gymnasium, pathlib; print(pathlib.Path(gymnasium.__file__).parent / "envs/mujoco/assets/hopper.xml")') \
 	  && $(BIN)/stepper chart $$hopper --quick && $(BIN)/stepper tune $$hopper --error "3 mm" --horizon "0.2 s"
+
+# Environments in the libraries of others, beside those libraries: docs/adapters.md. They are in an environment of their own, because they take six
+# gigabytes and ask for other versions than the tests do. ADAPTERS=tests/adapters/test_sb3.py is some of it.
+adapters: build $(LIBRARIES)/adapters.stamp
+	PYTHONPATH=python $(LIBRARIES)/bin/python -m pytest $(or $(ADAPTERS),$(wildcard tests/adapters/test_*.py))
 
 # Saved models, states, pickles, recordings, MJCF and calls that nobody means well, for some minutes: findings in out/fuzz.
 MINUTES ?= 10
@@ -121,6 +127,12 @@ $(VENV)/viewer.stamp: $(VENV)/setup.stamp
 	$(BIN)/python -m pip install --quiet --group viewer
 	touch $@
 
+$(LIBRARIES)/adapters.stamp: pyproject.toml
+	$(PYTHON) -m venv $(LIBRARIES)
+	$(LIBRARIES)/bin/python -m pip install --quiet --upgrade 'pip>=25.1'
+	$(LIBRARIES)/bin/python -m pip install --quiet --group adapters
+	touch $@
+
 clean:
 	cargo clean
-	rm -rf $(VENV) out
+	rm -rf $(VENV) $(LIBRARIES) out

@@ -46,6 +46,7 @@ FOLDERS = {
     "experiments": {"shared", "loading", "sensors", "actuators"},
     "viewer": {"shared", "loading", "recording"},
     "envs": {"shared", "loading", "viewer"},
+    "adapters": {"shared", "envs"},
     "cli": {"shared", "loading", "recording", "experiments", "viewer", "envs"},
 }
 """Folders of the Python package, and the others that each may import."""

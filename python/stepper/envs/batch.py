@@ -31,6 +31,7 @@ class Batch:
         threads: Threads that step; 0 is all that this process may use. The bits are the same for any number.
         dtype: Scalar type of observations; None is that of the precision.
         max_episode_steps: Actions after which an episode is truncated; None is no limit.
+        model: What `task.model()` makes, where it is made already.
 
     Raises:
         ValueError: No task of that name; a law, type or number that is none.
@@ -49,9 +50,10 @@ class Batch:
         threads: int = 1,
         dtype: Any = None,
         max_episode_steps: int | None = None,
+        model: Model | None = None,
     ):
-        self.task = task = _made(task, arguments)
-        model = task.model()
+        self.task = task = made_task(task, arguments)
+        model = task.model() if model is None else model
         self.sim = Stepper(model, num_envs, options=_options(model, contact or task.contact, options), precision=precision, threads=threads)
         self.num_envs, self.dt = num_envs, self.sim.timestep * task.frame_skip
         self.dtype = np.dtype(dtype if dtype is not None else {"f64": np.float64, "f32": np.float32}[precision])
@@ -156,9 +158,22 @@ class Batch:
         """What info says after a reset and after a step."""
         return self.task.info(self.now)
 
-    def observation(self) -> Array:
-        """The observation, (num_envs, n): an array of the caller's."""
-        out = np.empty((self.num_envs, *self.observation_space.shape), dtype=self.dtype)
+    def room(self, out: Array | None = None) -> Array:
+        """An array for observations, (num_envs, n): `out` if it is given, or a new one.
+
+        Raises:
+            ValueError: An `out` of another shape or type.
+        """
+        shape = (self.num_envs, *self.observation_space.shape)
+        if out is None:
+            return np.empty(shape, dtype=self.dtype)
+        if out.shape != shape or out.dtype != self.dtype:
+            raise ValueError(f"out has shape {out.shape} and type {out.dtype}, must have {shape} and {self.dtype}")
+        return out
+
+    def observation(self, out: Array | None = None) -> Array:
+        """The observation, (num_envs, n), written to an array of `room`: a new one by default."""
+        out = self.room() if out is None else out
         for quantity, rows in self._rows:
             value = quantity.read(self.now)
             if quantity.clip is None:
@@ -176,7 +191,7 @@ class Batch:
         self._rows = self._table()
 
 
-def _made(task: Task | type[Task] | str, arguments: dict[str, Any]) -> Task:
+def made_task(task: Task | type[Task] | str, arguments: dict[str, Any]) -> Task:
     """The task itself, or one of a class or a name with the arguments given."""
     if isinstance(task, Task):
         if arguments:

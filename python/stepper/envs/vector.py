@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from stepper._options import Options, Precision
-from stepper._stepper import Stepper
+from stepper._stepper import Model, Stepper
 from stepper.envs.batch import Batch
 from stepper.envs.drawing import RENDER_MODES, Drawing, RenderMode, camera_settings
 from stepper.envs.task import Array, Camera, Contact, Moment, Task, Terms
@@ -45,6 +45,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
             camera "track", and where there is none, the task's.
         camera_name: Name of a camera of the model's file.
         default_camera_config: Numbers of a free camera: distance, azimuth, elevation, lookat, trackbodyid, the body that it follows.
+        model: What `task.model()` makes, where it is made already: several batches can share it.
         **arguments: Arguments of a task that is given by its class or name.
 
     Raises:
@@ -71,9 +72,11 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         camera_id: int | None = None,
         camera_name: str | None = None,
         default_camera_config: Camera | None = None,
+        model: Model | None = None,
         **arguments: Any,
     ):
         settings: dict[str, Any] = {"contact": contact, "options": options, "precision": precision, "threads": threads, "dtype": dtype}
+        settings["model"] = model
         self._batch = Batch(task, num_envs, arguments, max_episode_steps=max_episode_steps, **settings)
         self.num_envs, self.autoreset_mode = num_envs, AutoresetMode(autoreset_mode)
         camera = camera_settings(width, height, camera_id, camera_name, default_camera_config)
@@ -119,7 +122,11 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         return self._batch.lengths.copy()
 
     def reset(
-        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+        out: Array | None = None,
     ) -> tuple[Array, dict[str, Any]]:
         """Begins new episodes.
 
@@ -127,6 +134,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
             seed: Environment i has the seed `seed + i`, or that of a sequence; what it draws follows from it alone. None goes on with the
                 random numbers as they are.
             options: "reset_mask", (num_envs,) bool: the environments that begin; without it all do.
+            out: Array that observations are written to, (num_envs, n) of their type; None is a new one.
 
         Returns:
             Observations of all environments (num_envs, n), and infos of those that began.
@@ -136,7 +144,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
             ValueError: Another shape, a mask of none, other options, as many seeds as there are not environments.
             ResetNeeded: A mask before all environments began once.
         """
-        seeds = _seeds(seed, self.num_envs)
+        room, seeds = self._batch.room(out), _seeds(seed, self.num_envs)
         mask = _mask(options, self.num_envs)
         if not self._begun and not mask.all():
             raise ResetNeeded("call reset without reset_mask first: not all environments have begun")
@@ -149,19 +157,20 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
         self._over[mask] = False
         self._any_over = bool(self._over.any())
         self._since[mask] = time.perf_counter()
-        return self._batch.observation(), _shown(self._batch.info(), mask)
+        return self._batch.observation(room), _shown(self._batch.info(), mask)
 
-    def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
+    def step(self, actions: Array, *, out: Array | None = None) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
         """Makes the steps of one action in every environment.
 
         Args:
             actions: (num_envs, nu).
+            out: Array that observations are written to, (num_envs, n) of their type; None is a new one.
 
         Returns:
             Observations (num_envs, n), rewards (num_envs,) float64, terminations and truncations (num_envs,) bool, infos.
 
         Raises:
-            ValueError: Actions of another shape.
+            ValueError: Actions of another shape, an `out` of another shape or type.
             ResetNeeded: Before the first reset; or, with `AutoresetMode.DISABLED`, for environments whose episode is over.
         """
         batch = self._batch
@@ -170,6 +179,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
             raise ValueError(f"actions have shape {action.shape}, must be {self.action_space.shape}")
         if not self._begun:
             raise ResetNeeded("call reset before step")
+        room = batch.room(out)
         begins = self._over if self._any_over else None
         if begins is not None and self.autoreset_mode == AutoresetMode.DISABLED:
             raise ResetNeeded(f'episodes of environments {np.flatnonzero(begins)[:10].tolist()} are over: reset them with "reset_mask"')
@@ -193,7 +203,7 @@ class StepperVectorEnv(VectorEnv[Array, Array, Array]):
             infos |= _shown(batch.info() | terms, np.ones(self.num_envs, dtype=bool))
         else:
             infos |= _shown(batch.info(), np.ones(self.num_envs, dtype=bool)) | _shown(terms, ~begins)
-        return batch.observation(), reward, terminated, truncated, infos
+        return batch.observation(room), reward, terminated, truncated, infos
 
     def set_state(self, qpos: Array, qvel: Array, mask: Array | None = None) -> Array:
         """Sets the state of all environments, or of those of a mask; episodes go on.

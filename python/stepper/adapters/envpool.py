@@ -1,0 +1,175 @@
+"""EnvPool's `send` and `recv`: some environments step on other threads while the policy acts in the rest. It needs no EnvPool."""
+
+from __future__ import annotations
+
+from collections import deque
+from concurrent.futures import Future, ThreadPoolExecutor
+from types import TracebackType
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stepper.adapters.native import Env, make_native
+from stepper.envs.task import Array
+from stepper.envs.vector import StepperVectorEnv
+from stepper.shared.machine import allowed_cores
+
+Result: TypeAlias = tuple[Array, Array, Array, Array, dict[str, Any]]
+"""Observations, rewards, terminations, truncations, infos."""
+
+
+class StepperPool:
+    """Environments in blocks of `batch_size`, which step on threads of their own between `send` and `recv`.
+
+    Block k has the environments k * batch_size and those that follow. It begins to step when each of them has an action, and `recv`
+    returns blocks in the order in which they began, environments in the order of their ids: what is said, and in which order, follows
+    from seeds and actions alone, however long a block takes. EnvPool returns what is ready first. Arrays are the caller's.
+
+    Args:
+        env: A name that Gymnasium knows, "stepper/Hopper-v5", with the limit of its episodes; or a `Task`, or the class of one.
+        num_envs: Number of environments.
+        batch_size: Environments that `recv` returns, of which num_envs is a multiple; None is all of them.
+        seed: Environment i has the seed `seed + i`, as in `StepperVectorEnv`; None draws one.
+        threads: Threads that step; 0 is all that this process may use. The bits are the same for any number.
+        **settings: Further arguments of `stepper.envs.StepperVectorEnv`. Its autoreset is Gymnasium's NEXT_STEP, as EnvPool's.
+
+    Raises:
+        ValueError: Numbers out of their range.
+    """
+
+    def __init__(
+        self, env: Env, num_envs: int, batch_size: int | None = None, *, seed: int | None = None, threads: int = 1, **settings: Any
+    ):
+        size = num_envs if batch_size is None else batch_size
+        if size < 1 or num_envs < 1 or num_envs % size:
+            raise ValueError(f"num_envs is {num_envs} and batch_size {size}: num_envs must be a multiple of batch_size, both at least 1")
+        if threads < 0:
+            raise ValueError(f"threads is {threads}, must be at least 0, which is all that this process may use")
+        threads = threads or len(allowed_cores())
+        blocks = num_envs // size
+        each = {"threads": max(1, threads // blocks), **settings}
+        self._blocks: list[StepperVectorEnv] = [make_native(env, size, **each)]
+        self._blocks += [make_native(env, size, model=self._blocks[0].sim.model, **each) for _ in range(1, blocks)]
+        self._size, self._seed = size, seed
+        self._workers = ThreadPoolExecutor(min(threads, blocks), thread_name_prefix="stepper-pool")
+        self._under_way: deque[tuple[int, Future[Result]]] = deque()
+        self._actions = np.zeros((blocks, size, self._blocks[0].sim.model.nu))
+        # Of each environment: whether it has an observation that no action followed yet, and whether it has an action.
+        self._waits, self._acts = np.zeros((blocks, size), dtype=bool), np.zeros((blocks, size), dtype=bool)
+        self.observation_space, self.action_space = self._blocks[0].single_observation_space, self._blocks[0].single_action_space
+        self.all_env_ids = np.arange(num_envs, dtype=np.int32)
+        self.config: dict[str, Any] = {"num_envs": num_envs, "batch_size": size, "num_threads": threads, "seed": seed}
+
+    def __len__(self) -> int:
+        """Number of environments."""
+        return len(self.all_env_ids)
+
+    @property
+    def is_async(self) -> bool:
+        """Whether `recv` returns some of the environments."""
+        return len(self._blocks) > 1
+
+    @property
+    def blocks(self) -> tuple[StepperVectorEnv, ...]:
+        """The vector environments, to be touched only between `recv` and `send`."""
+        return tuple(self._blocks)
+
+    def async_reset(self) -> None:
+        """Begins new episodes everywhere and returns at once; `recv` returns their observations, with rewards of zero.
+
+        What was sent before is carried out first, and results of it that were not received are dropped.
+        """
+        for _, future in self._under_way:
+            future.result()
+        self._under_way.clear()
+        self._waits[:], self._acts[:] = False, False
+        for block in range(len(self._blocks)):
+            seed = None if self._seed is None else self._seed + block * self._size
+            self._under_way.append((block, self._workers.submit(self._begin, block, seed)))
+        self._seed = None  # From here on its random numbers go on.
+
+    def send(self, action: ArrayLike, env_id: ArrayLike | None = None) -> None:
+        """Gives actions to environments, and returns at once; blocks of which all have one step from here on.
+
+        Args:
+            action: (n, nu).
+            env_id: Environments that it is for, (n,); None is all.
+
+        Raises:
+            ValueError: Another shape; an id that there is not or twice, or of an environment without an observation to act on.
+        """
+        ids = self.all_env_ids if env_id is None else np.asarray(env_id)
+        action = np.asarray(action)
+        width = self._actions.shape[-1]
+        if ids.ndim != 1 or action.shape != (len(ids), width):
+            raise ValueError(f"actions have shape {action.shape} and env_id {ids.shape}, must be (n, {width}) and (n,)")
+        if not np.issubdtype(ids.dtype, np.integer) or (ids < 0).any() or (ids >= len(self)).any():
+            raise ValueError(f"env_id has {ids[:10].tolist()}, must be integers from 0 to {len(self) - 1}")
+        if len(np.unique(ids)) != len(ids):
+            raise ValueError("env_id has an environment twice")
+        if not (waits := self._waits.flat[ids]).all():
+            raise ValueError(f"environments {ids[~waits][:10].tolist()} have no observation to act on: call recv before send")
+        self._actions.reshape(-1, width)[ids] = action
+        self._waits.flat[ids], self._acts.flat[ids] = False, True
+        # Blocks begin in the order in which they are named, so that it follows from the calls alone.
+        for block in dict.fromkeys((ids // self._size).tolist()):
+            if self._acts[block].all():
+                self._acts[block] = False
+                self._under_way.append((block, self._workers.submit(self._blocks[block].step, self._actions[block].copy())))
+
+    def recv(self) -> Result:
+        """Waits for the block that began first.
+
+        Returns:
+            Observations (batch_size, n), rewards, terminations, truncations (batch_size,), and infos: those of `StepperVectorEnv`, "env_id"
+            (batch_size,) int32, to be given to `send`, and "elapsed_step" (batch_size,), the actions of the episode.
+
+        Raises:
+            RuntimeError: No block is under way.
+        """
+        if not self._under_way:
+            raise RuntimeError("no block is under way: call async_reset, or send actions of all environments of a block, before recv")
+        block, future = self._under_way[0]
+        observation, reward, terminated, truncated, infos = future.result()
+        self._under_way.popleft()
+        self._waits[block] = True
+        ids = self.all_env_ids[block * self._size : (block + 1) * self._size].copy()
+        infos = infos | {"env_id": ids, "elapsed_step": self._blocks[block].episode_lengths.astype(np.int32)}
+        return observation, reward, terminated, truncated, infos
+
+    def reset(self) -> tuple[Array, dict[str, Any]]:
+        """Begins new episodes everywhere and waits for them, where batch_size is num_envs.
+
+        Returns:
+            Observations (num_envs, n), and infos as of `recv`.
+
+        Raises:
+            RuntimeError: batch_size is not num_envs.
+        """
+        if self.is_async:
+            raise RuntimeError("reset is for batch_size = num_envs: call async_reset, and recv for each batch")
+        self.async_reset()
+        observation, _, _, _, infos = self.recv()
+        return observation, infos
+
+    def step(self, action: ArrayLike, env_id: ArrayLike | None = None) -> Result:
+        """`send`, and then `recv`: of the block that waited longest, which need not be that of these actions."""
+        self.send(action, env_id)
+        return self.recv()
+
+    def close(self) -> None:
+        """Ends the threads, when what is under way is done."""
+        self._workers.shutdown()
+
+    def __enter__(self) -> StepperPool:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    def _begin(self, block: int, seed: int | None) -> Result:
+        """Begins new episodes in a block."""
+        observation, infos = self._blocks[block].reset(seed=seed)
+        never = np.zeros(self._size, dtype=bool)
+        return observation, np.zeros(self._size), never, never.copy(), infos

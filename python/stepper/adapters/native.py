@@ -1,0 +1,40 @@
+"""The vector environment that every adapter is made over."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any, TypeAlias
+
+import gymnasium
+from gymnasium.envs.registration import load_env_creator
+
+from stepper.envs import StepperVectorEnv, Task
+
+Env: TypeAlias = str | Task | type[Task]
+"""A name that Gymnasium knows, "stepper/Hopper-v5", with the limit of its episodes; or a `Task`, or the class of one."""
+
+
+def make_native(env: Env, num_envs: int, **settings: Any) -> StepperVectorEnv:
+    """Makes the vector environment of a name or a task.
+
+    Args:
+        env: A name that Gymnasium knows, "stepper/Hopper-v5", with the limit of its episodes; or a `Task`, or the class of one.
+        num_envs: Number of environments.
+        **settings: Further arguments of `stepper.envs.StepperVectorEnv`.
+
+    Raises:
+        TypeError: A name of an environment that is not stepper's.
+        gymnasium.error.Error: A name that Gymnasium does not know.
+    """
+    if not isinstance(env, str):
+        return StepperVectorEnv(env, num_envs, **settings)
+    module, _, name = env.rpartition(":")
+    if module:
+        importlib.import_module(module)
+    entry: Any = gymnasium.spec(name).vector_entry_point
+    kind = load_env_creator(entry) if isinstance(entry, str) else entry
+    if not (isinstance(kind, type) and issubclass(kind, StepperVectorEnv)):
+        raise TypeError(f"{env!r} has the vector entry point {entry}, must have stepper.envs.StepperVectorEnv")
+    made = gymnasium.make_vec(name, num_envs=num_envs, vectorization_mode="vector_entry_point", **settings).unwrapped
+    assert isinstance(made, StepperVectorEnv)
+    return made

@@ -1,0 +1,57 @@
+"""PufferLib's native vector environment, `PufferEnv`: a batch writes to the buffers that PufferLib shares with its workers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from stepper.adapters.native import Env, make_native
+from stepper.envs.task import Array
+from stepper.shared.machine import require
+
+require("pufferlib", "for stepper.adapters.pufferlib")
+
+import numpy as np  # noqa: E402
+import pufferlib  # noqa: E402
+from gymnasium.vector import AutoresetMode  # noqa: E402
+
+
+class StepperPufferEnv(pufferlib.PufferEnv):  # type: ignore[misc]
+    """Environments of one task as the agents of one `PufferEnv`. They begin again within the step that ends an episode, as PufferLib's do.
+
+    Infos have "episode_return" and "episode_length", means over the episodes that a step ended, where there are any.
+
+    Args:
+        env: A name that Gymnasium knows, "stepper/Hopper-v5", with the limit of its episodes; or a `Task`, or the class of one.
+        num_envs: Number of environments, `num_agents` to PufferLib.
+        buf: PufferLib's buffers; None is buffers of its own.
+        seed: Environment i has the seed `seed * num_envs + i` at the first reset: seeds of PufferLib's workers follow on one another.
+        **settings: Further arguments of `stepper.envs.StepperVectorEnv`. Observations are float32.
+    """
+
+    def __init__(self, env: Env, num_envs: int = 1, buf: dict[str, Array] | None = None, seed: int = 0, **settings: Any):
+        own = {"dtype": "float32", "autoreset_mode": AutoresetMode.SAME_STEP, "episode_statistics": True}
+        self.envs = make_native(env, num_envs, **settings, **own)
+        self.single_observation_space, self.single_action_space = self.envs.single_observation_space, self.envs.single_action_space
+        self.num_agents, self._seed = num_envs, seed  # type: int, int | None
+        super().__init__(buf)
+
+    def reset(self, seed: int | None = None) -> tuple[Array, list[dict[str, Any]]]:
+        """Begins new episodes: with `seed`, or that of the constructor; after the first time, None goes on with the random numbers."""
+        given, self._seed = self._seed if seed is None else seed, None
+        self.envs.reset(seed=None if given is None else given * self.num_agents, out=self.observations)
+        self.rewards[:], self.terminals[:], self.truncations[:] = 0.0, False, False
+        return self.observations, []
+
+    def step(self, actions: Array) -> tuple[Array, Array, Array, Array, list[dict[str, Any]]]:
+        """Makes the steps of one action, (num_agents, nu), in every environment. Arrays are PufferLib's buffers."""
+        _, self.rewards[:], self.terminals[:], self.truncations[:], infos = self.envs.step(actions, out=self.observations)
+        over = infos.get("_episode")
+        if over is None:
+            return self.observations, self.rewards, self.terminals, self.truncations, []
+        episode = infos["episode"]
+        means = {"episode_return": float(np.mean(episode["r"][over])), "episode_length": float(np.mean(episode["l"][over]))}
+        return self.observations, self.rewards, self.terminals, self.truncations, [means]
+
+    def close(self) -> None:
+        """Closes the environments."""
+        self.envs.close()

@@ -1,0 +1,410 @@
+"""Environments, rollouts and sweeps over Ray's actors, on one machine or many."""
+
+from __future__ import annotations
+
+import io
+import math
+import pickle
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stepper._stepper import Model
+from stepper.adapters.native import Env, make_native
+from stepper.envs.task import Array
+from stepper.shared.machine import require
+
+require("ray", "for stepper.adapters.ray")
+
+import ray  # noqa: E402
+from gymnasium.error import ResetNeeded  # noqa: E402
+from gymnasium.vector import AutoresetMode, VectorEnv  # noqa: E402
+from gymnasium.vector.utils import batch_space  # noqa: E402
+from ray import cloudpickle  # noqa: E402
+from ray.exceptions import RayActorError  # noqa: E402
+
+from stepper.envs.vector import StepperVectorEnv  # noqa: E402
+
+Policy: TypeAlias = Callable[[Array, np.random.Generator], ArrayLike]
+"""Actions (n, nu) of observations (n, k), with random numbers of the block's own."""
+Call: TypeAlias = tuple[str, tuple[Any, ...]]
+"""A method of `_Block` and its arguments."""
+Results: TypeAlias = list[Any]
+"""What a call returned, for each block."""
+
+_ATTEMPTS = 5
+"""Workers that may be lost one after the other in the same call."""
+
+
+class RayVectorEnv(VectorEnv[Array, Array, Array]):
+    """Environments in blocks that Ray's actors step, with the bits of one `StepperVectorEnv`, whatever the number of actors.
+
+    The model is compiled once and shared through Ray's store. If an actor is lost, its blocks are made again on a new one, to the same
+    bits: from their last saved state, or from their seeds, and from the calls since then. Ray is started here if it does not run.
+
+    Args:
+        env: A name that Gymnasium knows, "stepper/Hopper-v5", with the limit of its episodes; or a `Task`, or the class of one.
+        num_envs: Number of environments.
+        num_actors: Actors; None is one for each CPU that Ray has, and at most one for each block.
+        block_size: Environments of a block: what a policy sees at once, so that its bits do not depend on the number of actors.
+        save_every: Calls after which the states of blocks are copied to this process; so many are kept, and made again, after a loss.
+        actor_options: What Ray's `options` of an actor takes, {"resources": ...}; by default it has as many CPUs as it has threads.
+        **settings: Further arguments of `stepper.envs.StepperVectorEnv`; the autoreset is SAME_STEP unless `autoreset_mode` says otherwise.
+
+    Raises:
+        ValueError: Numbers out of their range, more actors than blocks.
+    """
+
+    def __init__(
+        self,
+        env: Env,
+        num_envs: int,
+        *,
+        num_actors: int | None = None,
+        block_size: int = 64,
+        save_every: int = 200,
+        actor_options: dict[str, Any] | None = None,
+        **settings: Any,
+    ):
+        self._actors: list[Any] = []
+        for name, value in (("num_envs", num_envs), ("block_size", block_size), ("save_every", save_every)):
+            if value < 1:
+                raise ValueError(f"{name} is {value}, must be at least 1")
+        blocks = math.ceil(num_envs / block_size)
+        if num_actors is not None and not 1 <= num_actors <= blocks:
+            raise ValueError(
+                f"num_actors is {num_actors}, must be from 1 to {blocks}: {num_envs} environments are as many blocks of {block_size}"
+            )
+        if not ray.is_initialized():
+            ray.init(include_dashboard=False)
+        settings = {"autoreset_mode": AutoresetMode.SAME_STEP, **settings}
+        one = make_native(env, 1, **settings)
+        self.num_envs, self.autoreset_mode, self.metadata = num_envs, one.autoreset_mode, one.metadata
+        self.single_observation_space, self.single_action_space = one.single_observation_space, one.single_action_space
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._slices = [slice(k, min(k + block_size, num_envs)) for k in range(0, num_envs, block_size)]
+        count = num_actors or max(1, min(blocks, int(ray.cluster_resources().get("CPU", 1))))
+        options = {"num_cpus": max(1, one.sim.threads), **(actor_options or {})}
+        model = ray.put(one.sim.model)
+        self._start: Callable[[], Any] = lambda: ray.remote(_Host).options(**options).remote(env, model, settings)
+        self._actors = [self._start() for _ in range(count)]
+        # Block b is of actor b % count.
+        self._shares = [list(range(actor, blocks, count)) for actor in range(count)]
+        self._saved: list[bytes | None] = [None] * blocks
+        self._calls: list[list[Call]] = [[] for _ in range(blocks)]
+        self._save_every, self._begun, self._whole, self._rollouts = save_every, False, True, 0
+        self._seed = int(np.random.SeedSequence().generate_state(1, np.uint32)[0])
+        self._forget()
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
+        """Begins new episodes; as `StepperVectorEnv.reset`.
+
+        Raises:
+            ValueError: As many seeds as there are not environments, another reset_mask than one of (num_envs,), other options.
+        """
+        seeds = _seeds(self._seed if seed is None and not self._begun else seed, self.num_envs)
+        if unknown := set(options or {}) - {"reset_mask"}:
+            raise ValueError(f"unknown options {sorted(unknown)}, there is: 'reset_mask'")
+        mask = np.ones(self.num_envs, dtype=bool) if options is None else options.get("reset_mask", np.ones(self.num_envs, dtype=bool))
+        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (self.num_envs,) or not mask.any():
+            raise ValueError(f"reset_mask is {mask!r}, must be an array of bool, ({self.num_envs},), with one True at least")
+        if not self._begun and not mask.all():
+            raise ResetNeeded("call reset without reset_mask first: not all environments have begun")
+        super().reset(seed=seed if isinstance(seed, int) else None)
+        if seed is not None:
+            self._seed, self._rollouts = seeds[0] or 0, 0
+        if mask.all() and None not in seeds:  # What comes depends on nothing that was before.
+            self._forget()
+        results = self._run([("reset", (seeds[part], mask[part])) for part in self._slices])
+        self._begun = True
+        observation, infos = self._joined(results)
+        return observation, infos
+
+    def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
+        """Makes the steps of one action, (num_envs, nu), in every environment; as `StepperVectorEnv.step`."""
+        actions = np.ascontiguousarray(actions, dtype=np.float64)
+        if actions.shape != self.action_space.shape:
+            raise ValueError(f"actions have shape {actions.shape}, must be {self.action_space.shape}")
+        self._check_begun("step")
+        results = self._run([("step", (actions[part],)) for part in self._slices])
+        observation, reward, terminated, truncated, infos = self._joined(results)
+        return observation, reward, terminated, truncated, infos
+
+    def rollout(self, policy: Policy, num_steps: int) -> dict[str, Array]:
+        """Lets a policy act on the actors, without a call for each step. Episodes go on from where they are.
+
+        Args:
+            policy: Actions (n, nu) of observations (n, k) and a random generator. It is pickled once; it sees a block at a time, and its
+                random numbers follow from the seed of the last reset, the block, and how many rollouts there were since.
+            num_steps: Actions of each environment.
+
+        Returns:
+            "observation" and "next_observation" (num_steps, num_envs, k), of which the latter is the last one of an episode that is over,
+            "action" (num_steps, num_envs, nu), "reward", "terminated" and "truncated" (num_steps, num_envs), and "last_observation"
+            (num_envs, k), which the policy sees next.
+
+        Raises:
+            ValueError: num_steps below 1, or an autoreset other than SAME_STEP, with which some steps would be none.
+            ResetNeeded: Before the first reset.
+            ray.exceptions.RayTaskError: What the policy raised. Blocks have made different numbers of steps then: begin anew with
+                `reset(seed=...)`.
+        """
+        if num_steps < 1:
+            raise ValueError(f"num_steps is {num_steps}, must be at least 1")
+        if self.autoreset_mode != AutoresetMode.SAME_STEP:
+            raise ValueError(f"autoreset_mode is {self.autoreset_mode}, must be SAME_STEP for rollouts")
+        self._check_begun("rollout")
+        shared = ray.put(policy)
+        seeds = [(self._seed, self._rollouts, block) for block in range(len(self._slices))]
+        parts = self._run([("rollout", (shared, num_steps, seed)) for seed in seeds])
+        self._rollouts += 1
+        axes = {"last_observation": 0}
+        return {name: np.concatenate([part[name] for part in parts], axis=axes.get(name, 1)) for name in parts[0]}
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Ends the actors; Ray goes on."""
+        if ray.is_initialized():  # They ended with it otherwise.
+            for actor in self._actors:
+                ray.kill(actor)
+        self._actors = []
+
+    def _check_begun(self, name: str) -> None:
+        if not self._begun:
+            raise ResetNeeded(f"call reset before {name}")
+
+    def _joined(self, results: Results) -> Any:
+        """What `reset` or `step` of all blocks returned, as if it were one."""
+        sizes = [part.stop - part.start for part in self._slices]
+        *arrays, infos = zip(*results, strict=True)
+        return *(np.concatenate(array) for array in arrays), _join_infos(infos, sizes)
+
+    def _forget(self) -> None:
+        """Makes all blocks anew with the next call."""
+        self._saved = [None] * len(self._slices)
+        self._calls = [[("make", (part.stop - part.start,))] for part in self._slices]
+        self._whole, self._made = True, False
+
+    def _run(self, calls: list[Call]) -> Results:
+        """Calls a method of every block, and makes those again whose actor is lost."""
+        if not self._actors:
+            raise RuntimeError("the environments are closed")
+        if not self._whole:
+            raise RuntimeError("a call failed or was interrupted in some environments: begin anew with reset(seed=...)")
+        self._whole = False  # Until all have returned.
+        before = [[] if self._made else calls_before for calls_before in self._calls]
+        pending = [
+            actor.run.remote({b: [*before[b], calls[b]] for b in share}) for actor, share in zip(self._actors, self._shares, strict=True)
+        ]
+        results: Results = [None] * len(calls)
+        for k, share in enumerate(self._shares):
+            for attempt in range(_ATTEMPTS):
+                try:
+                    said = ray.get(pending[k])
+                    break
+                except RayActorError:
+                    if attempt + 1 == _ATTEMPTS:
+                        raise
+                    pending[k] = self._make_again(k, calls)
+            for block in share:
+                results[block] = said[block]
+                self._calls[block].append(calls[block])
+        self._whole = self._made = True
+        if max(map(len, self._calls)) > self._save_every:
+            self._save()
+        return results
+
+    def _make_again(self, k: int, calls: list[Call]) -> Any:
+        """Starts an actor in place of one that is lost; the result of its calls."""
+        ray.kill(self._actors[k])  # It may be out of reach and not dead.
+        self._actors[k] = self._start()
+        share = self._shares[k]
+        states = {b: saved for b in share if (saved := self._saved[b]) is not None}
+        return self._actors[k].run.remote({b: [*self._calls[b], calls[b]] for b in share}, states)
+
+    def _save(self) -> None:
+        """Copies the states of all blocks here, in place of the calls that led to them."""
+        pending = [actor.save.remote() for actor in self._actors]
+        for k, share in enumerate(self._shares):
+            try:
+                states = ray.get(pending[k])
+            except RayActorError:
+                continue  # Its calls are kept, and the next call makes it again.
+            for block in share:
+                self._saved[block], self._calls[block] = states[block], []
+
+
+def rollout(env: Env, policy: Policy, num_envs: int, num_steps: int, *, seed: int | None = None, **settings: Any) -> dict[str, Array]:
+    """Lets a policy act in new environments on Ray's actors: `RayVectorEnv` made, reset, `rollout` and closed.
+
+    Args:
+        env: As of `RayVectorEnv`.
+        policy: As of `RayVectorEnv.rollout`.
+        num_envs: Number of environments.
+        num_steps: Actions of each.
+        seed: Environment i has the seed `seed + i`; None draws one.
+        **settings: Further arguments of `RayVectorEnv`.
+
+    Returns:
+        As of `RayVectorEnv.rollout`.
+    """
+    envs = RayVectorEnv(env, num_envs, **settings)
+    try:
+        envs.reset(seed=seed)
+        return envs.rollout(policy, num_steps)
+    finally:
+        envs.close()
+
+
+def sweep(
+    run: Callable[..., Any], cases: Iterable[Any], *shared: Any, attempts: int = 3, options: dict[str, Any] | None = None
+) -> list[Any]:
+    """Calls `run(*shared, case)` for every case on Ray's workers: a model with other frictions, a policy under other laws of contact.
+
+    Args:
+        run: What is done; what it returns is pickled.
+        cases: What differs, one for each call.
+        *shared: What does not: models, policies, arrays. Pickled once.
+        attempts: Workers that may be lost with the same case.
+        options: What Ray's `options` of a task takes, {"num_cpus": 2}.
+
+    Returns:
+        What the calls returned, in the order of the cases.
+
+    Raises:
+        ray.exceptions.RayTaskError: What `run` raised.
+    """
+    if not ray.is_initialized():
+        ray.init(include_dashboard=False)
+    references = [ray.put(value) for value in shared]
+    task = ray.remote(run).options(max_retries=attempts, **(options or {}))
+    results: list[Any] = ray.get([task.remote(*references, case) for case in cases])
+    return results
+
+
+class _Host:
+    """An actor: blocks of environments of one model."""
+
+    def __init__(self, env: Env, model: Model, settings: dict[str, Any]):
+        self._env, self._model, self._settings = env, model, settings
+        self._blocks: dict[int, _Block] = {}
+
+    def run(self, calls: dict[int, list[Call]], states: dict[int, bytes] | None = None) -> dict[int, Any]:
+        """Carries out the calls of blocks, made of states where they are given; what the last of each returned."""
+        for block, state in (states or {}).items():
+            self._blocks[block] = _Unpickler(io.BytesIO(state), self._model).load()
+        results: dict[int, Any] = {}
+        for block, of_block in calls.items():
+            for name, arguments in of_block:
+                if name == "make":
+                    self._blocks[block] = _Block(make_native(self._env, *arguments, model=self._model, **self._settings))
+                    results[block] = None
+                else:
+                    results[block] = getattr(self._blocks[block], name)(*arguments)
+        return results
+
+    def save(self) -> dict[int, bytes]:
+        """States of all blocks, without the model."""
+        states = {}
+        for block, value in self._blocks.items():
+            file = io.BytesIO()
+            _Pickler(file, self._model).dump(value)
+            states[block] = file.getvalue()
+        return states
+
+
+class _Block:
+    """A vector environment, and the observation that a policy acts on next."""
+
+    def __init__(self, envs: StepperVectorEnv):
+        self.envs = envs
+        self.observation: Array = np.zeros(0)
+
+    def reset(self, seed: list[int | None], mask: Array) -> tuple[Array, dict[str, Any]]:
+        """Begins episodes in the environments of a mask, of which there may be none."""
+        if not mask.any():
+            return self.observation, {}
+        self.observation, infos = self.envs.reset(seed=seed, options={"reset_mask": mask})
+        return self.observation, infos
+
+    def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
+        """Makes the steps of one action."""
+        said = self.envs.step(actions)
+        self.observation = said[0]
+        return said
+
+    def rollout(self, policy: Any, num_steps: int, seed: tuple[int, ...]) -> dict[str, Array]:
+        """Lets a policy act."""
+        policy, draws = ray.get(policy), np.random.default_rng(seed)
+        shape, width = self.observation.shape, self.envs.sim.model.nu
+        out: dict[str, Array] = {
+            "observation": np.empty((num_steps, *shape), dtype=self.observation.dtype),
+            "next_observation": np.empty((num_steps, *shape), dtype=self.observation.dtype),
+            "action": np.empty((num_steps, shape[0], width)),
+            "reward": np.empty((num_steps, shape[0])),
+            "terminated": np.empty((num_steps, shape[0]), dtype=bool),
+            "truncated": np.empty((num_steps, shape[0]), dtype=bool),
+        }
+        for t in range(num_steps):
+            out["observation"][t] = self.observation
+            out["action"][t] = policy(self.observation, draws)
+            observation, out["reward"][t], out["terminated"][t], out["truncated"][t], infos = self.step(out["action"][t])
+            out["next_observation"][t] = observation
+            if "final_obs" in infos:
+                over = infos["_final_obs"]
+                out["next_observation"][t, over] = np.stack(infos["final_obs"][over])
+        out["last_observation"] = self.observation
+        return out
+
+
+class _Pickler(cloudpickle.CloudPickler):  # type: ignore[misc]
+    """Writes a model's place instead of the model, which the reader has."""
+
+    def __init__(self, file: io.BytesIO, model: Model):
+        super().__init__(file)
+        self._model = model
+
+    def persistent_id(self, thing: Any) -> str | None:
+        return "model" if isinstance(thing, Model) and thing == self._model else None
+
+
+class _Unpickler(pickle.Unpickler):
+    def __init__(self, file: io.BytesIO, model: Model):
+        super().__init__(file)
+        self._model = model
+
+    def persistent_load(self, name: str) -> Model:
+        return self._model
+
+
+def _seeds(seed: int | Sequence[int | None] | None, num_envs: int) -> list[int | None]:
+    """A seed, or None, for each environment."""
+    if seed is None:
+        return [None] * num_envs
+    if isinstance(seed, int | np.integer):
+        return [int(seed) + k for k in range(num_envs)]
+    if len(seed) != num_envs:
+        raise ValueError(f"there are {len(seed)} seeds, must be {num_envs}: one for each environment, or None for those without")
+    return list(seed)
+
+
+def _join_infos(infos: Sequence[dict[str, Any]], sizes: list[int]) -> dict[str, Any]:
+    """Infos of blocks as those of one batch: where a block has none of a name, zeros (or None) and a mask of False."""
+    joined: dict[str, Any] = {}
+    for name in dict.fromkeys(name for info in infos for name in info):
+        example = next(info[name] for info in infos if name in info)
+        if isinstance(example, dict):
+            joined[name] = _join_infos([info.get(name, {}) for info in infos], sizes)
+        else:
+            empty: Any = None if example.dtype == object else 0
+            joined[name] = np.concatenate(
+                [
+                    info[name] if name in info else np.full((size, *example.shape[1:]), empty, dtype=example.dtype)
+                    for info, size in zip(infos, sizes, strict=True)
+                ]
+            )
+    return joined

@@ -1,0 +1,152 @@
+"""Stable-Baselines3's `VecEnv`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+from stepper.adapters.native import Env, make_native
+from stepper.envs.task import Array
+from stepper.shared.machine import require
+
+require("stable_baselines3", "for stepper.adapters.sb3")
+
+from gymnasium.vector import AutoresetMode  # noqa: E402
+from stable_baselines3.common.monitor import Monitor  # noqa: E402
+from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices, VecEnvStepReturn  # noqa: E402
+
+
+class StepperVecEnv(VecEnv):  # type: ignore[misc]
+    """Environments as Stable-Baselines3 wants them, with the bits of its `DummyVecEnv` of single ones. Arrays are the caller's.
+
+    Args:
+        env: A name that Gymnasium knows, "stepper/Hopper-v5", with the limit of its episodes; or a `Task`, or the class of one.
+        num_envs: Number of environments.
+        infos: Environments whose infos are filled: "all", or those whose episode is "ended"; those of the others are empty then. A thousand
+            dictionaries in each step take a tenth to a third of its time.
+        episode_statistics: Whether the info of an episode that is over has "episode", as `Monitor` writes it.
+        **settings: Further arguments of `stepper.envs.StepperVectorEnv`.
+
+    Raises:
+        ValueError: `infos` is neither.
+    """
+
+    def __init__(
+        self,
+        env: Env,
+        num_envs: int = 1,
+        *,
+        infos: Literal["all", "ended"] = "all",
+        episode_statistics: bool = True,
+        **settings: Any,
+    ):
+        if infos not in ("all", "ended"):
+            raise ValueError(f'infos is {infos!r}, must be "all" or "ended"')
+        mode = AutoresetMode.SAME_STEP
+        self.envs = make_native(env, num_envs, autoreset_mode=mode, episode_statistics=episode_statistics, **settings)
+        self._monitored, self._all = episode_statistics, infos == "all"
+        self._actions: Array | None = None
+        super().__init__(num_envs, self.envs.single_observation_space, self.envs.single_action_space)
+
+    def reset(self) -> Array:
+        """Begins new episodes, with the seeds that `seed` gave.
+
+        Raises:
+            ValueError: Options: these environments have none.
+        """
+        if any(self._options):
+            raise ValueError(f"unknown options {self._options[0]}, there are none")
+        observation, infos = self.envs.reset(seed=self._seeds)
+        self.reset_infos = _rows(infos, np.arange(self.num_envs), self.num_envs)
+        self._reset_seeds()
+        self._actions = None
+        return observation
+
+    def step_async(self, actions: Array) -> None:
+        """Takes actions, (num_envs, nu), for `step_wait`."""
+        self._actions = actions
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """Makes the steps.
+
+        Returns:
+            Observations (num_envs, n), those of new episodes where one is over; rewards (num_envs,) float32; which are over; and infos,
+            which have "terminal_observation" where one is.
+
+        Raises:
+            RuntimeError: No actions were given.
+        """
+        if self._actions is None:
+            raise RuntimeError("call step_async before step_wait")
+        actions, self._actions = self._actions, None
+        observation, reward, terminated, truncated, infos = self.envs.step(actions)
+        over = terminated | truncated
+        ended = np.flatnonzero(over)
+        final, final_infos, episodes = infos.pop("final_obs", None), infos.pop("final_info", {}), infos.pop("episode", None)
+        said = _rows(infos, np.flatnonzero(~over), self.num_envs) if self._all else [{} for _ in range(self.num_envs)]
+        if self._all:
+            for info in said:
+                info["TimeLimit.truncated"] = False
+        if ended.size:
+            begun, last = _rows(infos, ended, self.num_envs), _rows(final_infos, ended, self.num_envs)
+            for k in ended.tolist():
+                self.reset_infos[k] = begun[k]
+                said[k] = last[k] | {"TimeLimit.truncated": bool(truncated[k] and not terminated[k]), "terminal_observation": final[k]}
+                if episodes is not None:
+                    said[k]["episode"] = {name: value[k].item() for name, value in episodes.items()}
+        return observation, reward.astype(np.float32), over, said
+
+    def close(self) -> None:
+        """Closes the environments."""
+        self.envs.close()
+
+    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
+        """An attribute of the vector environment, once for each environment that is asked for."""
+        value = getattr(self.envs, attr_name)
+        return [value for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+        """Sets an attribute of the vector environment.
+
+        Raises:
+            ValueError: Indices: it has one of all.
+        """
+        self._check_all(indices)
+        setattr(self.envs, attr_name, value)
+
+    def env_method(self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any) -> list[Any]:
+        """Calls a method of the vector environment once. What it returns is returned once for each environment.
+
+        Raises:
+            ValueError: Indices: it acts on all.
+        """
+        self._check_all(indices)
+        result = getattr(self.envs, method_name)(*method_args, **method_kwargs)
+        return [result] * self.num_envs
+
+    def env_is_wrapped(self, wrapper_class: type[Any], indices: VecEnvIndices = None) -> list[bool]:
+        """Whether environments do what a wrapper does: `Monitor`, with `episode_statistics`."""
+        return [self._monitored and issubclass(wrapper_class, Monitor) for _ in self._get_indices(indices)]
+
+    def get_images(self) -> Sequence[Array | None]:
+        """Nothing is drawn: None of each environment."""
+        return [None] * self.num_envs
+
+    def _check_all(self, indices: VecEnvIndices) -> None:
+        if len(set(self._get_indices(indices))) != self.num_envs:
+            raise ValueError(f"environments are one batch: give no indices, or use the masks of {type(self.envs).__name__}, `envs`")
+
+
+def _rows(infos: dict[str, Any], envs: Array, num_envs: int) -> list[dict[str, Any]]:
+    """Infos of a batch as a dictionary for each environment, empty but for `envs` (n,)."""
+    rows: list[dict[str, Any]] = [{} for _ in range(num_envs)]
+    for name, value in infos.items():
+        if name.startswith("_"):
+            continue
+        has = envs[infos[f"_{name}"][envs]]
+        found = value[has]
+        for k, number in zip(has.tolist(), found.tolist() if found.ndim == 1 else found, strict=True):
+            rows[k][name] = number
+    return rows

@@ -1,0 +1,89 @@
+"""TorchRL's `EnvBase`, with the environments as its batch."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from stepper.adapters.native import Env, make_native
+from stepper.envs.task import Array
+from stepper.shared.machine import require
+
+require("torchrl", "for stepper.adapters.torchrl")
+
+import torch  # noqa: E402
+from gymnasium.vector import AutoresetMode  # noqa: E402
+from tensordict import TensorDict, TensorDictBase  # noqa: E402
+from torchrl.data import Bounded, Categorical, Composite, Unbounded  # noqa: E402
+from torchrl.envs import EnvBase  # noqa: E402
+
+
+class StepperTorchRLEnv(EnvBase):  # type: ignore[misc]
+    """Environments of batch size (num_envs,), which reset by masks, as TorchRL asks for. Entries are "observation", "action" and "reward".
+
+    Tensors share the memory that the step has written, and are the caller's.
+
+    Args:
+        env: A name that Gymnasium knows, "stepper/Hopper-v5", with the limit of its episodes; or a `Task`, or the class of one.
+        num_envs: Number of environments.
+        device: Where tensors are.
+        **settings: Further arguments of `stepper.envs.StepperVectorEnv`; observations are float32 unless `dtype` says otherwise.
+    """
+
+    def __init__(self, env: Env, num_envs: int = 1, *, device: torch.device | str = "cpu", **settings: Any):
+        super().__init__(device=device, batch_size=torch.Size([num_envs]))
+        self.envs = make_native(env, num_envs, **{"dtype": "float32", **settings, "autoreset_mode": AutoresetMode.NEXT_STEP})
+        self._seed: int | None = None
+        self._last: TensorDictBase | None = None
+        self._over: Array = np.zeros(num_envs, dtype=bool)
+        dtype = {"float32": torch.float32, "float64": torch.float64}[str(self.envs.single_observation_space.dtype)]
+        space: Any = self.envs.action_space
+        low, high = (torch.from_numpy(bound).to(device) for bound in (space.low, space.high))
+        observed = Unbounded(self.envs.observation_space.shape, dtype=dtype, device=device)
+        self.observation_spec = Composite(observation=observed, shape=self.batch_size, device=device)
+        self.action_spec = Bounded(low, high, shape=low.shape, dtype=torch.float32, device=device)
+        self.reward_spec = Unbounded((num_envs, 1), dtype=torch.float32, device=device)
+        flag = Categorical(2, shape=(num_envs, 1), dtype=torch.bool, device=device)
+        self.done_spec = Composite(done=flag, terminated=flag.clone(), truncated=flag.clone(), shape=self.batch_size, device=device)
+
+    def _set_seed(self, seed: int | None) -> None:
+        # The next reset takes it: environment i has the seed `seed + i`.
+        self._seed = seed
+
+    def _reset(self, tensordict: TensorDictBase | None = None, **kwargs: Any) -> TensorDictBase:
+        asked = None if tensordict is None else tensordict.get("_reset", None)
+        mask = np.ones(self.batch_size, dtype=bool) if asked is None else asked.cpu().numpy().reshape(self.batch_size)
+        seed, self._seed = self._seed, None
+        observation, _ = self.envs.reset(seed=seed, options={"reset_mask": mask})
+        self._over = self._over & ~mask
+        nothing = np.zeros_like(self._over)
+        kept = nothing if self._last is None else self._last["terminated"].cpu().numpy()[:, 0] & ~mask
+        self._last = self._said(observation, kept, self._over & ~kept)
+        return self._last
+
+    def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
+        asked = tensordict.get("_step", None)
+        mask = np.ones(self.batch_size, dtype=bool) if asked is None else asked.cpu().numpy().reshape(self.batch_size)
+        if (mask & self._over).any():
+            raise RuntimeError(f"episodes of environments {np.flatnonzero(mask & self._over)[:10].tolist()} are over: reset them")
+        if not (mask | self._over).all():
+            waiting = np.flatnonzero(~(mask | self._over))[:10].tolist()
+            raise RuntimeError(f"environments {waiting} are left out of a step, which only those whose episode is over may be")
+        last = self._last
+        observation, reward, terminated, truncated, _ = self.envs.step(tensordict["action"].detach().cpu().numpy())
+        said = self._said(observation, terminated, truncated)
+        said["reward"] = torch.from_numpy(reward).float().to(self.device).unsqueeze(-1)
+        if last is not None and not mask.all():  # Of those that are left out, TorchRL wants what it has of them.
+            out = torch.from_numpy(~mask).to(self.device)
+            for name in ("observation", "done", "terminated", "truncated"):
+                said[name] = torch.where(out.unsqueeze(-1), last[name], said[name])
+        self._over = said["done"].cpu().numpy()[:, 0]
+        self._last = said
+        return said
+
+    def _said(self, observation: Array, terminated: Array, truncated: Array) -> TensorDictBase:
+        """What a reset and a step have in common."""
+        flags = {"terminated": terminated, "truncated": truncated, "done": terminated | truncated}
+        values = {name: torch.from_numpy(flag).to(self.device).unsqueeze(-1) for name, flag in flags.items()}
+        return TensorDict({"observation": torch.from_numpy(observation).to(self.device), **values}, self.batch_size, device=self.device)

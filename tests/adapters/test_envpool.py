@@ -1,0 +1,50 @@
+"""EnvPool: a loop that was written for it says the same of ours, and episodes begin where they do there."""
+
+import envpool
+import numpy as np
+import pytest
+from stepper.adapters.envpool import StepperPool
+
+NUM_ENVS, BATCH, LIMIT, RECEIVED = 6, 2, 5, 60
+
+
+def pools():
+    made = envpool.make_gymnasium("HalfCheetah-v5", num_envs=NUM_ENVS, batch_size=BATCH, seed=0, num_threads=1, max_episode_steps=LIMIT)
+    return {"ours": StepperPool("stepper/HalfCheetah-v5", NUM_ENVS, BATCH, seed=0, max_episode_steps=LIMIT), "EnvPool's": made}
+
+
+def loop(pool):
+    """What each environment says, in its order: (elapsed_step, terminated, truncated, whether its reward is zero)."""
+    said = {k: [] for k in range(NUM_ENVS)}
+    draws = np.random.default_rng(0)
+    pool.async_reset()
+    for _ in range(RECEIVED):
+        observation, reward, terminated, truncated, info = pool.recv()
+        ids = info["env_id"]
+        assert observation.shape == (BATCH, *pool.observation_space.shape)
+        assert (ids.dtype, info["elapsed_step"].dtype, terminated.dtype, truncated.dtype) == (np.int32, np.int32, bool, bool)
+        for k, row in zip(ids.tolist(), zip(info["elapsed_step"], terminated, truncated, reward == 0, strict=True), strict=True):
+            said[k].append(tuple(value.item() for value in row))
+        pool.send(draws.uniform(-1, 1, (BATCH, *pool.action_space.shape)), ids)
+    return said
+
+
+def test_the_same_loop_runs_in_both():
+    ours, theirs = (loop(pool) for pool in pools().values())
+    for k in range(NUM_ENVS):
+        both = min(len(ours[k]), len(theirs[k]))  # Theirs come as they are ready.
+        assert both > 2 * LIMIT
+        assert ours[k][:both] == theirs[k][:both]
+        assert ours[k][LIMIT] == (LIMIT, False, True, False)
+        assert ours[k][LIMIT + 1] == (0, False, False, True)  # The action was ignored, and the episode begun.
+
+
+@pytest.mark.parametrize("name", ["ours", "EnvPool's"])
+def test_properties_are_theirs(name):
+    pool = pools()[name]
+    assert len(pool) == NUM_ENVS
+    assert pool.is_async
+    assert pool.all_env_ids.tolist() == list(range(NUM_ENVS))
+    assert (pool.config["num_envs"], pool.config["batch_size"], pool.config["num_threads"]) == (NUM_ENVS, BATCH, 1)
+    assert pool.observation_space.shape == (17,)
+    assert pool.action_space.shape == (6,)

@@ -1,0 +1,133 @@
+"""Stable-Baselines3: the bits of its own vector environment, its checker, its wrappers, and PPO that learns."""
+
+import gymnasium
+import numpy as np
+import pytest
+import stepper.envs  # names for Gymnasium
+from stable_baselines3 import PPO, SAC
+from stable_baselines3.common.env_checker import check_env
+from stable_baselines3.common.evaluation import evaluate_policy
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import DummyVecEnv, VecCheckNan, VecFrameStack, VecMonitor, VecNormalize
+from stepper.adapters.sb3 import StepperVecEnv
+
+NUM_ENVS = 5
+
+
+def same(found, expected):
+    """Asserts that two infos are the same, bit for bit."""
+    assert found.keys() == expected.keys()
+    for key, value in expected.items():
+        np.testing.assert_array_equal(found[key], value, err_msg=key)
+
+
+def pair(name, limit, **settings):
+    """Ours, and Stable-Baselines3's own of single environments."""
+
+    def one():
+        return Monitor(gymnasium.make(f"stepper/{name}-v5", max_episode_steps=limit, disable_env_checker=True, **settings))
+
+    return StepperVecEnv(f"stepper/{name}-v5", NUM_ENVS, max_episode_steps=limit, **settings), DummyVecEnv([one] * NUM_ENVS)
+
+
+@pytest.mark.parametrize("name", ["Hopper", "Ant", "HalfCheetah", "Reacher"])
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+def test_it_says_what_their_own_says_of_single_environments(name, precision):
+    ours, theirs = pair(name, 11, precision=precision)
+    assert (ours.observation_space, ours.action_space) == (theirs.observation_space, theirs.action_space)
+    for envs in (ours, theirs):
+        envs.seed(7)
+    np.testing.assert_array_equal(ours.reset(), theirs.reset())
+    for found, expected in zip(ours.reset_infos, theirs.reset_infos, strict=True):
+        same(found, expected)
+    draws, ended = np.random.default_rng(0), 0
+    for _ in range(40):
+        action = draws.uniform(-1, 1, (NUM_ENVS, *ours.action_space.shape)).astype(np.float32)
+        found, expected = ours.step(action), theirs.step(action)
+        for one, other in zip(found[:3], expected[:3], strict=True):
+            assert one.dtype == other.dtype
+            np.testing.assert_array_equal(one, other)
+        for one, other, over in zip(found[3], expected[3], found[2], strict=True):
+            episode, other_episode = one.pop("episode", None), other.pop("episode", None)
+            assert (episode is not None) == (other_episode is not None) == over
+            if over:
+                ended += 1
+                assert episode["l"] == other_episode["l"]
+                assert episode["r"] == pytest.approx(other_episode["r"], abs=1e-6)  # Theirs is rounded to six places.
+            same(one, other)
+        for one, other in zip(ours.reset_infos, theirs.reset_infos, strict=True):
+            same(one, other)
+    assert ended >= 15
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")  # What it recommends of spaces.
+@pytest.mark.parametrize("name", sorted(stepper.envs.TASKS))
+def test_their_checker_accepts_a_single_environment(name):
+    check_env(gymnasium.make(f"stepper/{name}-v5", disable_env_checker=True))
+
+
+def test_infos_of_ended_episodes_alone():
+    ours, every = (StepperVecEnv("stepper/Hopper-v5", NUM_ENVS, max_episode_steps=6, infos=which) for which in ("ended", "all"))
+    for envs in (ours, every):
+        envs.seed(1)
+        envs.reset()
+    for _ in range(14):
+        _, _, over, infos = ours.step(np.zeros((NUM_ENVS, 3)))
+        for info, other, ended in zip(infos, every.step(np.zeros((NUM_ENVS, 3)))[3], over, strict=True):
+            if ended:
+                info["episode"]["t"] = other["episode"]["t"]
+                same(info, other)
+            else:
+                assert info == {}
+    assert over.sum() < NUM_ENVS
+
+
+def test_their_wrappers_take_it():
+    made = StepperVecEnv("stepper/Hopper-v5", NUM_ENVS, max_episode_steps=6, episode_statistics=False)
+    envs = VecFrameStack(VecNormalize(VecCheckNan(VecMonitor(made), raise_exception=True)), n_stack=2)
+    assert envs.reset().shape == (NUM_ENVS, 22)
+    episodes = []
+    for _ in range(13):
+        _, _, _, infos = envs.step(np.zeros((NUM_ENVS, 3)))
+        episodes += [info["episode"]["l"] for info in infos if "episode" in info]
+    assert episodes == [6] * 10
+    assert made.env_is_wrapped(Monitor) == [False] * NUM_ENVS
+
+
+def test_calls_that_a_batch_has_no_answer_to_are_named():
+    envs = StepperVecEnv("stepper/Hopper-v5", 3)
+    assert envs.get_attr("dt", [0, 2]) == [0.008] * 2
+    assert envs.get_attr("sim")[0] is envs.envs.sim
+    assert not envs.has_attr("no_such_attribute")
+    envs.set_attr("label", "hopper")
+    assert envs.envs.label == "hopper"
+    qpos = np.tile(envs.envs.sim.model.qpos0, (3, 1))
+    assert envs.env_method("set_state", qpos, np.zeros((3, 6)))[2].shape == (3, 11)
+    with pytest.raises(ValueError, match="give no indices"):
+        envs.env_method("set_state", qpos, np.zeros((3, 6)), indices=[0])
+    with pytest.raises(RuntimeError, match="step_async"):
+        envs.step_wait()
+    envs.set_options({"mass": 2})
+    with pytest.raises(ValueError, match="there are none"):
+        envs.reset()
+    with pytest.raises(ValueError, match='"all" or "ended"'):
+        StepperVecEnv("stepper/Hopper-v5", 3, infos="none")
+
+
+def test_ppo_learns_to_balance_a_pole(tmp_path):
+    """The registry's threshold is 950 of 1,000; random actions keep the pole up for some ten steps."""
+    envs = StepperVecEnv("stepper/InvertedPendulum-v5", 32, infos="ended", precision="f32")
+    learner = PPO("MlpPolicy", envs, n_steps=64, batch_size=256, learning_rate=1e-3, gamma=0.98, ent_coef=0.0, seed=0, device="cpu")
+    before, _ = evaluate_policy(learner, StepperVecEnv("stepper/InvertedPendulum-v5", 8), n_eval_episodes=8, deterministic=True)
+    learner.learn(80_000)
+    assert learner.ep_info_buffer[-1]["r"] > 100
+    learner.save(tmp_path / "ppo")
+    again = PPO.load(tmp_path / "ppo", device="cpu")
+    after, _ = evaluate_policy(again, StepperVecEnv("stepper/InvertedPendulum-v5", 8), n_eval_episodes=8, deterministic=True)
+    assert before < 100
+    assert after > 900
+
+
+def test_learners_with_a_replay_buffer_take_it():
+    envs = StepperVecEnv("stepper/Hopper-v5", 4, max_episode_steps=20, dtype="float32")
+    SAC("MlpPolicy", envs, learning_starts=50, batch_size=16, seed=0, device="cpu").learn(200)

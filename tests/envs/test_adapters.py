@@ -1,0 +1,48 @@
+"""Adapters are optional, and say how to install what they need."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import stepper.adapters
+
+MODULES = sorted(path.stem for path in Path(stepper.adapters.__file__).parent.glob("[a-z]*.py"))
+LIBRARIES = {
+    "pufferlib": "pufferlib",
+    "ray": "ray",
+    "rllib": "ray.rllib",
+    "sb3": "stable_baselines3",
+    "torch": "torch",
+    "torchrl": "torchrl",
+    "unisim": "unisim.contract",
+}
+REMEDIES = {
+    "pufferlib": "pip install pufferlib-core",
+    "ray": "pip install ray",
+    "ray.rllib": 'pip install "ray[rllib]"',
+    "stable_baselines3": "pip install stable-baselines3",
+    "torch": "pip install torch",
+    "torchrl": "pip install torchrl",
+    "unisim.contract": "pip install unisim-core",
+}
+
+
+def test_every_adapter_is_here():
+    assert set(MODULES) == LIBRARIES.keys() | {"envpool", "native"}
+
+
+@pytest.mark.parametrize(("module", "library"), LIBRARIES.items())
+def test_a_library_that_is_missing_is_named_with_its_remedy(module, library):
+    code = f"import sys; sys.modules[{library!r}] = None; import stepper.adapters.{module}"
+    ended = subprocess.run([sys.executable, "-W", "ignore", "-c", code], capture_output=True, text=True, check=False)
+    error = ended.stderr.splitlines()[-1]
+    assert "MissingPackageError" in error
+    assert f"{library.partition('.')[0]}" in error
+    assert f"for stepper.adapters.{module}" in error
+    assert REMEDIES[library] in error
+
+
+def test_the_package_and_the_calls_of_envpool_need_no_library():
+    code = "import sys, stepper.adapters.envpool; assert not {'torch', 'ray', 'envpool'} & sys.modules.keys()"
+    subprocess.run([sys.executable, "-c", code], check=True)

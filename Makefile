@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 DENY := 0.20.2
 
-.PHONY: demo test wheel bench loading many-contacts floors atlas corpus fuzz check advisories build format clean
+.PHONY: demo test wheel bench loading many-contacts floors atlas corpus fuzz training check advisories build format clean
 
 # The main job: 1,024 humanoids, beside MuJoCo.
 demo: build
@@ -56,6 +56,11 @@ atlas: build $(VENV)/atlas.stamp
 # Every robot of twenty packages, in stepper and in MuJoCo: docs/corpus.md. Resumes; CORPUS='--package NAME' and more, see --help.
 corpus: build
 	PYTHONPATH=benches $(BIN)/python -m corpus $(CORPUS)
+
+# Tests of examples/train.py, for which torch is installed.
+training: build
+	$(BIN)/python -m pip install --quiet --group train
+	$(BIN)/python -m pytest tests/examples/test_train.py
 
 # Saved models, states, pickles, recordings, MJCF and calls that nobody means well, for some minutes: findings in out/fuzz.
 MINUTES ?= 10

@@ -45,7 +45,8 @@ FOLDERS = {
     "recording": {"shared", "sensors", "actuators"},
     "experiments": {"shared", "loading"},
     "envs": {"shared", "loading"},
-    "cli": {"shared", "loading", "recording", "experiments"},
+    "policies": {"shared"},
+    "cli": {"shared", "loading", "recording", "experiments", "policies"},
 }
 """Folders of the Python package, and the others that each may import."""
 BOTTOM = {"_stepper", "_options", "_status", "_hints"}

@@ -1,4 +1,4 @@
-"""The command line: `stepper demo`, `stepper chart`, `stepper compare`, `stepper explain`, `stepper report`, `stepper replay`."""
+"""The command line: `stepper demo`, `chart`, `compare`, `explain`, `evaluate`, `report`, `replay`."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import sys
 from typing import TYPE_CHECKING
 
 from stepper._stepper import ModelError
-from stepper.cli import chart, compare, demo, explain, replay, report
+from stepper.cli import chart, compare, demo, evaluate, explain, replay, report
 from stepper.shared.machine import require
 
 if TYPE_CHECKING:
     from typer import Typer
 
-COMMANDS = (demo, chart, compare, explain, report, replay)
+COMMANDS = (demo, chart, compare, explain, evaluate, report, replay)
 
 
 def application() -> Typer:

@@ -25,7 +25,7 @@ INSTALL = {
     "robosuite": "pip install --no-deps robosuite",
     "dm_control": "pip install dm_control",
     "gymnasium_robotics": "pip install --no-deps gymnasium-robotics",
-    "scipy": "pip install scipy",
+    "scipy": 'pip install "stepper-sim[train]"',
     "typer": 'pip install "stepper-sim[cli]"',
 }
 

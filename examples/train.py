@@ -154,7 +154,7 @@ class Run:
         self.discounted = np.zeros(settings.num_envs)
         self.observation = self.envs.reset(seed=settings.seed * 1_000_003)[0]
         self.observed.update(self.observation)
-        self.steps, self.iteration, self.seconds = 0, 0, 0.0
+        self.steps, self.iteration, self.seconds, self.processor = 0, 0, 0.0, 0.0
         self.episodes, self.recent = 0, deque[tuple[float, int]](maxlen=100)
 
     def normal(self, observation: Array) -> Tensor:
@@ -270,7 +270,12 @@ class Run:
     def save(self, file: Path) -> None:
         """Writes a checkpoint, in one piece. It is a pickle: load only your own."""
         state = {name: value for name, value in self.__dict__.items() if name not in ("net", "optimizer", "envs")}
-        state |= {"net": self.net.state_dict(), "optimizer": self.optimizer.state_dict(), "random": torch.get_rng_state()}
+        state |= {
+            "settings": dataclasses.asdict(self.settings),
+            "net": self.net.state_dict(),
+            "optimizer": self.optimizer.state_dict(),
+            "random": torch.get_rng_state(),
+        }
         # Environments of stepper pickle with their state; others begin new episodes.
         state["envs"] = self.envs if isinstance(self.envs.unwrapped, stepper.envs.StepperVectorEnv) else None
         partial = file.with_suffix(".part")
@@ -281,7 +286,7 @@ class Run:
     def load(cls, file: Path) -> Run:
         """Goes on from a checkpoint."""
         state = torch.load(file, weights_only=False)
-        run = cls(state.pop("settings"))
+        run = cls(Settings(**state.pop("settings")))
         run.net.load_state_dict(state.pop("net"))
         run.optimizer.load_state_dict(state.pop("optimizer"))
         envs, random = state.pop("envs"), state.pop("random")
@@ -340,14 +345,14 @@ def train(settings: Settings, folder: Path, *, every: float = 30.0, quiet: bool 
     else:
         run = Run(settings)
     _cut(curve, run.iteration)
-    saved, begun = time.perf_counter(), time.perf_counter() - run.seconds
+    saved, begun, spent = time.perf_counter(), time.perf_counter() - run.seconds, time.process_time() - run.processor
     while run.steps < settings.steps:
         progress = run.update(run.collect())
         run.iteration += 1
-        run.seconds = time.perf_counter() - begun
+        run.seconds, run.processor = time.perf_counter() - begun, time.process_time() - spent
         returns, length = np.mean(run.recent, axis=0) if run.recent else (float("nan"), float("nan"))
-        row = {"iteration": run.iteration, "steps": run.steps, "seconds": round(run.seconds, 2), "episodes": run.episodes}
-        row |= {"return": float(returns), "length": float(length)} | progress
+        row = {"iteration": run.iteration, "steps": run.steps, "seconds": round(run.seconds, 2), "processor": round(run.processor, 2)}
+        row |= {"episodes": run.episodes, "return": float(returns), "length": float(length)} | progress
         _append(curve, row)
         if not quiet and run.iteration % 10 == 0:
             print(f"{run.steps:>12,} steps {run.seconds:6.0f} s  return {returns:9.1f}  length {length:6.1f}", flush=True)
@@ -393,7 +398,7 @@ def main() -> None:
     """Trains, evaluates, films."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("env", nargs="?", default=Settings.env, help=f"a name that Gymnasium knows; {Settings.env} by default")
-    parser.add_argument("--out", type=Path, help="folder of the run; out/train/ENV/seedSEED by default")
+    parser.add_argument("--out", type=Path, help="folder of the run; one in out/train by default")
     parser.add_argument("--evaluate", type=int, default=20, metavar="EPISODES", help="fresh episodes after the training")
     parser.add_argument("--film", type=Path, metavar="FILE", help="an mp4 of one more episode")
     texts = dict(re.findall(r"^        (\w+): (.*)$", str(Settings.__doc__), re.MULTILINE))
@@ -404,10 +409,11 @@ def main() -> None:
     given = vars(parser.parse_args())
     env, out, episodes, video = (given.pop(name) for name in ("env", "out", "evaluate", "film"))
     settings = Settings(env=env, **TUNED.get(env, {}) | {name: value for name, value in given.items() if value is not None})
-    folder = out or Path("out/train", env.replace("/", "_"), f"seed{settings.seed}")
+    law = "_hard" if settings.environment().get("contact") == "hard" else ""
+    folder = out or Path("out/train", env.replace("/", "_") + law, f"seed{settings.seed}")
     run = train(settings, folder)
     policy = run.policy()
-    print(f"{run.steps:,} steps in {run.seconds:.0f} s; policy, checkpoint and curve are in {folder}")
+    print(f"{run.steps:,} steps in {run.seconds:.0f} s, {run.processor:.0f} s of processor time; the run is in {folder}")
     print(evaluate(policy, env, episodes=episodes, seed=FRESH, **settings.environment()))
     if video is not None:
         film(policy, settings, video, FRESH)

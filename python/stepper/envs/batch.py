@@ -107,6 +107,7 @@ class Batch:
         self.task.start(qpos, qvel, Draws(self.streams, envs))
         self._qpos[envs], self._qvel[envs] = qpos, qvel
         self.sim.reset(mask, qpos=self._qpos, qvel=self._qvel)
+        self.task.prepare(self.sim, mask, Draws(self.streams, envs))
         self.returns[envs], self.lengths[envs] = 0.0, 0
 
     def set_state(self, qpos: Array, qvel: Array, mask: Array | None = None) -> None:

@@ -126,6 +126,15 @@ class Task(ABC):
             draws: Random numbers of these environments.
         """
 
+    def prepare(self, sim: Stepper, mask: Array, draws: Draws) -> None:  # noqa: B027
+        """What else an episode begins with, after `start`: parameters of the environments (`sim.randomize`), or steps until they rest.
+
+        Args:
+            sim: The stepper. Whatever this changes, it changes in the environments of the mask alone.
+            mask: Environments that begin, (num_envs,) bool.
+            draws: Random numbers of these environments.
+        """
+
     def healthy(self, now: Moment) -> Array | None:
         """Environments whose episode may go on, (num_envs,) bool; None is all. A moment has it as `now.healthy`."""
         return None

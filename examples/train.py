@@ -101,6 +101,10 @@ FRESH = 2**32
 """The first seed of episodes that no training has seen."""
 
 
+FILMED = 300
+"""Actions of a film."""
+
+
 class Moments:
     """Running mean and variance (Chan's update), of every column."""
 
@@ -364,15 +368,16 @@ def train(settings: Settings, folder: Path, *, every: float = 30.0, quiet: bool 
 
 
 def film(policy: Policy, settings: Settings, file: Path, seed: int) -> None:
-    """Writes a video of one episode, by Gymnasium's recorder, which needs MoviePy."""
-    with tempfile.TemporaryDirectory() as folder:
+    """Writes a video of the beginning of an episode, by Gymnasium's recorder, which needs MoviePy."""
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = str(Path(temporary, "film"))
         single = gymnasium.make(settings.env, render_mode="rgb_array", **settings.environment())
         env = gymnasium.wrappers.RecordVideo(single, folder, episode_trigger=lambda _: True, disable_logger=True)
         observation, _ = env.reset(seed=seed)
-        over = False
-        while not over:
+        for _ in range(FILMED):
             observation, _, terminated, truncated, _ = env.step(policy(observation))
-            over = terminated or truncated
+            if terminated or truncated:
+                break
         env.close()  # type: ignore[no-untyped-call]
         file.parent.mkdir(parents=True, exist_ok=True)
         shutil.move(next(Path(folder).glob("*.mp4")), file)
@@ -400,7 +405,7 @@ def main() -> None:
     parser.add_argument("env", nargs="?", default=Settings.env, help=f"a name that Gymnasium knows; {Settings.env} by default")
     parser.add_argument("--out", type=Path, help="folder of the run; one in out/train by default")
     parser.add_argument("--evaluate", type=int, default=20, metavar="EPISODES", help="fresh episodes after the training")
-    parser.add_argument("--film", type=Path, metavar="FILE", help="an mp4 of one more episode")
+    parser.add_argument("--film", type=Path, metavar="FILE", help="an mp4 of another episode")
     texts = dict(re.findall(r"^        (\w+): (.*)$", str(Settings.__doc__), re.MULTILINE))
     for field in dataclasses.fields(Settings):
         if field.name != "env":

@@ -73,6 +73,9 @@ def near_goal(physics, domain):
     if domain == "reacher":
         physics.forward()
         physics.named.model.geom_pos["target", :2] = physics.named.data.geom_xpos["finger", :2] + 0.003
+    if domain == "swimmer":
+        physics.forward()
+        physics.named.model.geom_pos["target", :2] = physics.named.data.geom_xpos["nose", :2] + 0.2
     if domain == "fish":
         data.qpos[3:7] = [1.0, 0.0, 0.0, 0.0]
         physics.forward()

@@ -13,6 +13,7 @@ from stepper.envs.suite.humanoid import Humanoid
 from stepper.envs.suite.pendulum import Pendulum
 from stepper.envs.suite.point_mass import PointMass
 from stepper.envs.suite.reacher import Reacher
+from stepper.envs.suite.swimmer import Swimmer
 from stepper.envs.suite.walker import Walker
 
 SUITE: dict[str, tuple[type[SuiteTask], dict[str, Any]]] = {
@@ -38,6 +39,8 @@ SUITE: dict[str, tuple[type[SuiteTask], dict[str, Any]]] = {
     "point_mass-easy": (PointMass, {}),
     "reacher-easy": (Reacher, {"target_size": 0.05}),
     "reacher-hard": (Reacher, {"target_size": 0.015}),
+    "swimmer-swimmer15": (Swimmer, {"links": 15}),
+    "swimmer-swimmer6": (Swimmer, {}),
     "walker-run": (Walker, {"move_speed": 8.0}),
     "walker-stand": (Walker, {}),
     "walker-walk": (Walker, {"move_speed": 1.0}),

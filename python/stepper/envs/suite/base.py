@@ -6,7 +6,9 @@ import functools
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, ClassVar
+from xml.etree import ElementTree
 
 import numpy as np
 
@@ -53,11 +55,26 @@ def scene(file: str) -> Model:
     return quietly(package_file("dm_control", f"suite/{file}", "for tasks of its suite, whose models it has"))
 
 
-def quietly(source: str) -> Model:
-    """A model, without warnings of what the law of contact decides: an environment is made with it."""
+def source_tree(file: str) -> ElementTree.Element:
+    """A file of dm_control's suite to be added to, without what it only looks like.
+
+    Raises:
+        MissingPackageError: dm_control is not installed.
+    """
+    path = package_file("dm_control", f"suite/{file}", "for tasks of its suite, whose models it has")
+    tree = ElementTree.fromstring(Path(path).read_text("utf-8"))
+    for include in tree.findall("include"):
+        tree.remove(include)
+    for element in tree.iter():
+        element.attrib.pop("material", None)
+    return tree
+
+
+def quietly(source: str | ElementTree.Element) -> Model:
+    """A model of a file or a tree, without warnings of what the law of contact decides: an environment is made with it."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
-        return load(source)
+        return load(source if isinstance(source, str) else ElementTree.tostring(source, encoding="unicode"))
 
 
 @per_moment

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
-from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 
 from stepper._stepper import Model
 from stepper.envs.streams import Draws
-from stepper.envs.suite.base import SuiteTask, quietly, rotations, tolerance
+from stepper.envs.suite.base import SuiteTask, quietly, rotations, source_tree, tolerance
 from stepper.envs.task import Array, Moment, Quantity
-from stepper.shared.machine import package_file
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,14 +69,10 @@ class Cartpole(SuiteTask):
 
 @functools.cache
 def _scene(poles: int) -> Model:
-    """dm_control's model with as many poles; what it only looks like is left out."""
+    """dm_control's model with as many poles."""
     if poles < 1:
         raise ValueError(f"poles is {poles}, must be at least 1")
-    tree = ElementTree.fromstring(Path(package_file("dm_control", "suite/cartpole.xml", "for tasks of its suite")).read_text("utf-8"))
-    for include in tree.findall("include"):
-        tree.remove(include)
-    for element in tree.iter():
-        element.attrib.pop("material", None)
+    tree = source_tree("cartpole.xml")
     parent = tree.find("./worldbody/body/body")
     floor = tree.find("./worldbody/geom")
     if parent is None or floor is None:
@@ -90,4 +84,4 @@ def _scene(poles: int) -> Model:
         parent = child
     if poles > 1:
         floor.set("pos", f"0 0 {1 - poles - 0.05}")
-    return quietly(ElementTree.tostring(tree, encoding="unicode"))
+    return quietly(tree)

@@ -24,6 +24,7 @@ INSTALL = {
     "rich": 'pip install "stepper-sim[cli]"',
     "robosuite": "pip install --no-deps robosuite",
     "dm_control": "pip install dm_control",
+    "mjlab": "pip install --no-deps mjlab",
     "gymnasium_robotics": "pip install --no-deps gymnasium-robotics",
     "scipy": 'pip install "stepper-sim[train]"',
     "typer": 'pip install "stepper-sim[cli]"',

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,9 +13,9 @@ import numpy as np
 
 from stepper._options import Options
 from stepper._stepper import Model, Stepper
+from stepper.envs.assets import load_quietly
 from stepper.envs.streams import Draws
 from stepper.envs.task import Array, Moment, Task, Terms, per_moment
-from stepper.loading import load
 from stepper.shared.machine import package_file
 
 
@@ -52,7 +51,7 @@ def scene(file: str) -> Model:
     Raises:
         MissingPackageError: dm_control is not installed.
     """
-    return quietly(package_file("dm_control", f"suite/{file}", "for tasks of its suite, whose models it has"))
+    return load_quietly(package_file("dm_control", f"suite/{file}", "for tasks of its suite, whose models it has"))
 
 
 def source_tree(file: str) -> ElementTree.Element:
@@ -68,13 +67,6 @@ def source_tree(file: str) -> ElementTree.Element:
     for element in tree.iter():
         element.attrib.pop("material", None)
     return tree
-
-
-def quietly(source: str | ElementTree.Element) -> Model:
-    """A model of a file or a tree, without warnings of what the law of contact decides: an environment is made with it."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)
-        return load(source if isinstance(source, str) else ElementTree.tostring(source, encoding="unicode"))
 
 
 @per_moment

@@ -9,8 +9,9 @@ from xml.etree import ElementTree
 import numpy as np
 
 from stepper._stepper import Model
+from stepper.envs.assets import load_quietly
 from stepper.envs.streams import Draws
-from stepper.envs.suite.base import SuiteTask, quietly, rotations, source_tree, tolerance
+from stepper.envs.suite.base import SuiteTask, rotations, source_tree, tolerance
 from stepper.envs.task import Array, Moment, Quantity
 
 
@@ -84,4 +85,4 @@ def _scene(poles: int) -> Model:
         parent = child
     if poles > 1:
         floor.set("pos", f"0 0 {1 - poles - 0.05}")
-    return quietly(tree)
+    return load_quietly(tree)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from stepper._stepper import Stepper
 from stepper.envs.streams import Draws
 from stepper.envs.suite.base import SuiteTask, randomize_joints, reading, settle, tolerance
-from stepper.envs.task import Array, Moment, Quantity
+from stepper.envs.task import Array, Moment, Quantity, Terms
 
 _SPEED = 10.0
 """From which on the reward is 1, m/s."""
@@ -34,6 +34,6 @@ class Cheetah(SuiteTask):
         randomize_joints(self.model(), qpos, draws)
         qpos[:, :3] = root
 
-    def prepare(self, sim: Stepper, mask: Array, draws: Draws) -> None:
+    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:
         """Falls for 200 steps before an episode begins."""
         settle(sim, mask, 200)

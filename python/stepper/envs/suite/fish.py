@@ -9,7 +9,7 @@ import numpy as np
 from stepper._stepper import Stepper
 from stepper.envs.streams import Draws
 from stepper.envs.suite.base import SuiteTask, matrices, move_geom, norm, rotation, tolerance
-from stepper.envs.task import Array, Moment, Quantity, per_moment
+from stepper.envs.task import Array, Moment, Quantity, Terms, per_moment
 
 _JOINTS = ("tail1", "tail_twist", "tail2", "finright_roll", "finright_pitch", "finleft_roll", "finleft_pitch")
 
@@ -53,7 +53,7 @@ class Fish(SuiteTask):
             at = model.joint(name).qposadr
             qpos[:, at : at + 1] = draws.uniform(-0.2, 0.2, 1)
 
-    def prepare(self, sim: Stepper, mask: Array, draws: Draws) -> None:
+    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:
         """The target is anywhere in a box."""
         if self.swim:
             move_geom(sim, mask, "target", np.hstack([draws.uniform(-0.4, 0.4, 2), draws.uniform(0.1, 0.3, 1)]))

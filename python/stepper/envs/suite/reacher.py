@@ -9,7 +9,7 @@ import numpy as np
 from stepper._stepper import Stepper
 from stepper.envs.streams import Draws
 from stepper.envs.suite.base import SuiteTask, move_geom, norm, randomize_joints, tolerance
-from stepper.envs.task import Array, Moment, Quantity, per_moment
+from stepper.envs.task import Array, Moment, Quantity, Terms, per_moment
 
 _FINGER = 0.01
 """Radius of the finger, m."""
@@ -43,7 +43,7 @@ class Reacher(SuiteTask):
         """At rest, with angles within their limits."""
         randomize_joints(self.model(), qpos, draws)
 
-    def prepare(self, sim: Stepper, mask: Array, draws: Draws) -> None:
+    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:
         """The target is 0.05 to 0.2 m from the middle."""
         angle, radius = draws.uniform(0.0, 2.0 * np.pi, 1), draws.uniform(0.05, 0.2, 1)
         move_geom(sim, mask, "target", np.hstack([radius * np.sin(angle), radius * np.cos(angle)]), slice(0, 2))

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from stepper._stepper import Model, Stepper
+from stepper.envs.assets import load_quietly
 from stepper.envs.streams import Draws
-from stepper.envs.suite.base import SuiteTask, move_geom, norm, quietly, randomize_joints, reading, rotation, source_tree, tolerance
-from stepper.envs.task import Array, Moment, Quantity, per_moment
+from stepper.envs.suite.base import SuiteTask, move_geom, norm, randomize_joints, reading, rotation, source_tree, tolerance
+from stepper.envs.task import Array, Moment, Quantity, Terms, per_moment
 
 _SIZE = 0.1
 """Radius of the target, m."""
@@ -48,7 +49,7 @@ class Swimmer(SuiteTask):
         """At rest, with angles within their limits, in any direction."""
         randomize_joints(self.model(), qpos, draws)
 
-    def prepare(self, sim: Stepper, mask: Array, draws: Draws) -> None:
+    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:
         """The target is near in a fifth of the episodes."""
         box = np.where(draws.uniform(0.0, 1.0, 1) < 0.2, 0.3, 2.0)
         move_geom(sim, mask, "target", box * draws.uniform(-1.0, 1.0, 2), slice(0, 2))
@@ -94,4 +95,4 @@ def _scene(links: int) -> Model:
         sensors.append(make("gyro", name=f"gyro_{k}", site=f"site_{k}"))
         parent.append(child)
         parent = child
-    return quietly(tree)
+    return load_quietly(tree)

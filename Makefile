@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 LIBRARIES := .venv-adapters
 DENY := 0.20.2
 
-.PHONY: demo test wheel bench loading many-contacts floors atlas corpus adapters studies fuzz viewer check advisories build format clean
+.PHONY: demo test wheel bench loading many-contacts floors atlas corpus adapters studies fuzz training viewer check advisories build format clean
 
 # The main job: 1,024 humanoids, beside MuJoCo.
 demo: build
@@ -68,6 +68,11 @@ studies: build
 # gigabytes and ask for other versions than the tests do. ADAPTERS=tests/adapters/test_sb3.py is some of it.
 adapters: build $(LIBRARIES)/adapters.stamp
 	PYTHONPATH=python $(LIBRARIES)/bin/python -m pytest $(or $(ADAPTERS),$(wildcard tests/adapters/test_*.py))
+
+# Tests of examples/train.py, for which torch is installed.
+training: build
+	$(BIN)/python -m pip install --quiet --group train
+	$(BIN)/python -m pytest tests/examples/test_train.py
 
 # Saved models, states, pickles, recordings, MJCF and calls that nobody means well, for some minutes: findings in out/fuzz.
 MINUTES ?= 10

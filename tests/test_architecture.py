@@ -47,7 +47,8 @@ FOLDERS = {
     "viewer": {"shared", "loading", "recording"},
     "envs": {"shared", "loading", "viewer"},
     "adapters": {"shared", "envs"},
-    "cli": {"shared", "loading", "recording", "experiments", "viewer", "envs"},
+    "policies": {"shared"},
+    "cli": {"shared", "loading", "recording", "experiments", "viewer", "envs", "policies"},
 }
 """Folders of the Python package, and the others that each may import."""
 BOTTOM = {"_stepper", "_options", "_status", "_hints"}

@@ -1,9 +1,26 @@
-"""Model files of Gymnasium's MuJoCo environments."""
+"""Models of environments, and files of Gymnasium's MuJoCo environments."""
 
 from __future__ import annotations
 
+import warnings
 from importlib.util import find_spec
 from pathlib import Path
+from xml.etree import ElementTree
+
+from stepper._stepper import Model
+from stepper.loading import load
+
+
+def load_quietly(source: str | ElementTree.Element, *, strict: bool = True) -> Model:
+    """A model of a file, or of an MJCF tree, without warnings of what it asks for: the `contact` of an environment decides that.
+
+    Args:
+        source: Path, or root of a tree.
+        strict: As of `stepper.load`.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        return load(source if isinstance(source, str) else ElementTree.tostring(source, encoding="unicode"), strict=strict)
 
 
 def model_file(name: str) -> str:

@@ -64,7 +64,7 @@ class Batch:
         self._limit = max_episode_steps
         self.streams = Streams(num_envs, np.random.SeedSequence().generate_state(1, np.uint64).item())
         self.returns, self.lengths = np.zeros(num_envs), np.zeros(num_envs, dtype=np.int64)
-        self._rest = model.qpos0
+        self._rest, self._memory = model.qpos0, task.memory(num_envs)
         self._qpos, self._qvel = np.tile(model.qpos0, (num_envs, 1)), np.zeros((num_envs, model.nv))
         self._still = np.zeros((num_envs, model.nu))
         self.now = self._moment(self._still)
@@ -75,7 +75,7 @@ class Batch:
         self.observation_space = Box(-np.inf, np.inf, (self._rows[-1][1].stop,), dtype=self.dtype.type)
 
     def _moment(self, action: Array) -> Moment:
-        return Moment(self.sim, self.task, self.dt, action, self._rest)
+        return Moment(self.sim, self.task, self.dt, action, self._rest, memory=self._memory)
 
     def _table(self) -> list[tuple[Quantity, slice]]:
         """Rows of the task's table, and their places in the observation."""
@@ -109,6 +109,7 @@ class Batch:
         self.task.start(qpos, qvel, Draws(self.streams, envs))
         self._qpos[envs], self._qvel[envs] = qpos, qvel
         self.sim.reset(mask, qpos=self._qpos, qvel=self._qvel)
+        self.task.prepare(self.sim, self._memory, mask, Draws(self.streams, envs))
         self.returns[envs], self.lengths[envs] = 0.0, 0
 
     def set_state(self, qpos: Array, qvel: Array, mask: Array | None = None) -> None:

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from gymnasium.envs.registration import register, registry
+
+from stepper.envs.locomotion import Go1Velocity
+from stepper.envs.suite import SUITE
 
 _EPISODES: dict[str, tuple[int, float | None]] = {
     "Ant": (1000, 6000.0),
@@ -19,16 +24,29 @@ _EPISODES: dict[str, tuple[int, float | None]] = {
 }
 """Actions of an episode, and the return from which on a task counts as solved, by task: those of Gymnasium's registry."""
 
+_SUITE_STEPS = 1000
+"""Actions of every episode of dm_control's suite: its time limits over its time steps of control."""
+
 
 def register_tasks() -> None:
-    """Registers "stepper/NAME-v5" for every task, once."""
+    """Registers "stepper/NAME-v5" for every task of Gymnasium's, and "stepper/dm_control.NAME-v0" for those of dm_control's suite, once.
+
+    Names of Gymnasium's registry may have one slash.
+    """
     for name, (steps, threshold) in _EPISODES.items():
-        if f"stepper/{name}-v5" not in registry:
-            register(
-                f"stepper/{name}-v5",
-                entry_point="stepper.envs.single:StepperEnv",
-                vector_entry_point="stepper.envs.vector:StepperVectorEnv",
-                max_episode_steps=steps,
-                reward_threshold=threshold,
-                kwargs={"task": name},
-            )
+        _register(f"stepper/{name}-v5", steps, {"task": name}, threshold)
+    _register("stepper/Go1Velocity-v0", Go1Velocity.episode_steps, {"task": Go1Velocity})
+    for name, (kind, arguments) in SUITE.items():
+        _register(f"stepper/dm_control.{name}-v0", _SUITE_STEPS, {"task": kind, **arguments})
+
+
+def _register(name: str, steps: int, arguments: dict[str, Any], threshold: float | None = None) -> None:
+    if name not in registry:
+        register(
+            name,
+            entry_point="stepper.envs.single:StepperEnv",
+            vector_entry_point="stepper.envs.vector:StepperVectorEnv",
+            max_episode_steps=steps,
+            reward_threshold=threshold,
+            kwargs=arguments,
+        )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -13,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper._stepper import Model, Stepper
-from stepper.envs.assets import model_file
+from stepper.envs.assets import load_quietly, model_file
 from stepper.envs.streams import Draws
-from stepper.loading import load
 
 Array = NDArray[Any]
 Terms: TypeAlias = dict[str, Array]
@@ -26,7 +24,7 @@ Camera: TypeAlias = Mapping[str, Any]
 """Numbers of a free camera: distance (m), azimuth and elevation (degrees), lookat (3,) in m, trackbodyid; see `stepper.viewer.Renderer`."""
 
 
-_OWN = frozenset({"sim", "task", "dt", "action", "rest", "velocity", "_kept"})
+_OWN = frozenset({"sim", "task", "dt", "action", "rest", "memory", "velocity", "_kept"})
 """What a moment has beside quantities."""
 
 
@@ -41,11 +39,12 @@ class Moment:
         dt: Time between two observations, s.
         action: Actions of the step that led here, (num_envs, nu); zero after a reset.
         rest: The model's reference configuration, (nq,).
+        memory: What episodes have beside the state of the stepper, arrays (num_envs, ...) by name; see `Task.memory`.
         velocity: Rate of change of `Task.position` over that step, per s; None after a reset and for tasks without one.
     """
 
-    def __init__(self, sim: Stepper, task: Any, dt: float, action: Array, rest: Array):
-        self.sim, self.task, self.dt, self.action, self.rest = sim, task, dt, action, rest
+    def __init__(self, sim: Stepper, task: Any, dt: float, action: Array, rest: Array, *, memory: Terms):
+        self.sim, self.task, self.dt, self.action, self.rest, self.memory = sim, task, dt, action, rest, memory
         self.velocity: Any = None
         self._kept: tuple[str, ...] = ()
 
@@ -130,6 +129,24 @@ class Task(ABC):
             draws: Random numbers of these environments.
         """
 
+    def memory(self, num_envs: int) -> Terms:
+        """What episodes have beside the state of the stepper: commands, actions of before.
+
+        Returns:
+            Arrays (num_envs, ...) by name, which `now.memory` has; `prepare` and `advance` write to them.
+        """
+        return {}
+
+    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:  # noqa: B027
+        """What else an episode begins with, after `start`: commands, parameters (`sim.randomize`), or steps until it rests.
+
+        Args:
+            sim: The stepper.
+            memory: Arrays of `memory`. Whatever this changes, there and in the stepper, it changes in the environments of the mask alone.
+            mask: Environments that begin, (num_envs,) bool.
+            draws: Random numbers of these environments.
+        """
+
     def healthy(self, now: Moment) -> Array | None:
         """Environments whose episode may go on, (num_envs,) bool; None is all. A moment has it as `now.healthy`."""
         return None
@@ -163,13 +180,8 @@ class MujocoTask(Task):
     xml_file: str
 
     def model(self) -> Model:
-        """The scene of `xml_file`.
-
-        What its file asks for is chosen by the environment's `contact`, so that loading it warns of nothing.
-        """
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)
-            return load(model_file(self.xml_file), strict=self.strict)
+        """The scene of `xml_file`."""
+        return load_quietly(model_file(self.xml_file), strict=self.strict)
 
 
 def per_moment(function: Callable[[Moment], Array]) -> Callable[[Moment], Array]:

@@ -33,8 +33,9 @@ INSTALL = {
     "unisim": "pip install unisim-core",
     "robosuite": "pip install --no-deps robosuite",
     "dm_control": "pip install dm_control",
+    "mjlab": "pip install --no-deps mjlab",
     "gymnasium_robotics": "pip install --no-deps gymnasium-robotics",
-    "scipy": "pip install scipy",
+    "scipy": 'pip install "stepper-sim[train]"',
     "typer": 'pip install "stepper-sim[cli]"',
     "viser": 'pip install "stepper-sim[viewer]"',
 }

@@ -1,0 +1,187 @@
+"""Learning curves and the transfer of policies between engines and laws of contact: docs/training.md.
+
+    python benches/training.py curves                       # from the runs in out/train: docs/learning_curves.csv and .png
+    python benches/training.py evaluate                     # fresh episodes of their policies
+    python benches/training.py transfer                     # examples/policies/ in other environments, from the same starts
+
+Tables are written into docs/training.md. `curves` adds to the rows of docs/learning_curves.csv: runs may be made one after the other.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from stepper.policies import Comparison, compare, evaluate, load
+from stepper.shared.machine import require
+
+DOCS = Path(__file__).parents[1] / "docs"
+POLICIES = Path(__file__).parents[1] / "examples/policies"
+RUNS = Path("out/train")
+CURVES = DOCS / "learning_curves.csv"
+COLORS = {"stepper, MuJoCo's law": "C0", "stepper, hard contact": "C1", "MuJoCo": "C2"}
+KEPT = 50
+"""Rows of a run that are kept."""
+COLUMNS = ("run", "seed", "steps", "seconds", "return", "length")
+
+
+def collect(runs: Path) -> list[dict[str, str]]:
+    """Rows of learning curves: those of docs/learning_curves.csv, with the runs of a folder in place of those of the same name."""
+    rows: list[dict[str, str]] = []
+    if CURVES.exists():
+        with CURVES.open() as file:
+            rows = list(csv.DictReader(file))
+    for curve in sorted(runs.glob("*/seed*/curve.csv")):
+        run, seed = curve.parent.parent.name, curve.parent.name.removeprefix("seed")
+        with curve.open() as file:
+            # Episodes of the same length end together: rows in between repeat the returns.
+            rows_by_episodes = {row["episodes"]: row for row in reversed(list(csv.DictReader(file))) if row["return"] != "nan"}
+            own = list(rows_by_episodes.values())[::-1]
+        every = max(1, len(own) // KEPT)
+        rows = [row for row in rows if (row["run"], row["seed"]) != (run, seed)]
+        for row in own[::-every][::-1]:
+            rows.append({"run": run, "seed": seed, **{name: f"{float(row[name]):.6g}" for name in COLUMNS[2:]}})
+    rows.sort(key=lambda row: (row["run"], row["seed"], float(row["steps"])))
+    with CURVES.open("w", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    return rows
+
+
+def draw(rows: list[dict[str, str]], path: Path) -> None:
+    """Draws returns against steps, a panel for each task and a line for each seed."""
+    plt = require("matplotlib.pyplot", "to draw learning curves")
+    tasks: dict[str, dict[str, dict[str, list[dict[str, str]]]]] = {}
+    for row in rows:
+        engine, task = _named(row["run"])
+        tasks.setdefault(task, {}).setdefault(engine, {}).setdefault(row["seed"], []).append(row)
+    columns = min(3, len(tasks))
+    lines = -(-len(tasks) // columns)
+    figure, axes = plt.subplots(lines, columns, figsize=(4.0 * columns, 3.0 * lines), squeeze=False, layout="constrained")
+    for axis in axes.flat[len(tasks) :]:
+        axis.axis("off")
+    for axis, (task, engines) in zip(axes.flat, sorted(tasks.items()), strict=False):
+        for engine, seeds in sorted(engines.items()):
+            for j, own in enumerate(seeds.values()):
+                x, y = ([float(row[name]) for row in own] for name in ("steps", "return"))
+                axis.plot(
+                    np.array(x) / 1e6,
+                    y,
+                    marker="." if len(x) < 20 else None,
+                    color=COLORS[engine],
+                    lw=1.2,
+                    alpha=0.8,
+                    label=engine if j == 0 else None,
+                )
+        axis.set_title(task, fontsize=10)
+        axis.set_xlabel("million steps")
+        axis.set_ylabel("return")
+        axis.grid(alpha=0.3)
+        axis.set_ylim(bottom=min(0.0, axis.get_ylim()[0]))
+        if len(engines) > 1:
+            axis.legend(fontsize=8, frameon=False)
+    figure.savefig(path, dpi=110)
+
+
+def _named(run: str) -> tuple[str, str]:
+    """Engine with its law, and task, of the name of a folder of runs: "stepper_Hopper-v5", "stepper_Hopper-v5_hard", "Hopper-v5"."""
+    match = re.fullmatch(r"(stepper_)?(.+?-v\d+)(?:_(\w+))?", run)
+    if match is None:
+        raise ValueError(f"{run} is no folder of a run of examples/train.py")
+    law = "hard contact" if match[3] == "hard" else "MuJoCo's law"
+    return "MuJoCo" if match[1] is None else f"stepper, {law}", match[2]
+
+
+def table_of_runs(runs: Path, episodes: int) -> str:
+    """Time, steps and fresh episodes of every run, a row each."""
+    out = ["| task | law | seed | million steps | minutes | mean return | 95 % confidence | worst |", "|---|---|---|---|---|---|---|---|"]
+    for file in sorted(runs.glob("*/seed*/policy.npz")):
+        policy = load(file)
+        t = policy.training
+        own = {"contact": t["contact"], "precision": t["precision"]} if t["env"].startswith("stepper/") else {}
+        found = evaluate(policy, t["env"], episodes=episodes, seed=2**32, **own)
+        low, high = found.interval()
+        engine, task = _named(file.parent.parent.name)
+        with (file.parent / "curve.csv").open() as rows:
+            last = list(csv.DictReader(rows))[-1]
+        cells = [task, engine, t["seed"], f"{float(last['steps']) / 1e6:.1f}", f"{float(last['seconds']) / 60:.1f}"]
+        cells += [f"{found.mean:.0f}", f"{low:.0f} to {high:.0f}", f"{found.returns.min():.0f}"]
+        out.append("| " + " | ".join(map(str, cells)) + " |")
+        print(out[-1], flush=True)
+    return "\n".join(out)
+
+
+TRANSFERS: dict[str, tuple[str, dict[str, Any]]] = {
+    "stepper, MuJoCo's law": ("stepper/{}", {"contact": "mujoco"}),
+    "stepper, hard contact": ("stepper/{}", {"contact": "hard"}),
+    "MuJoCo": ("{}", {}),
+}
+"""Environments that policies are tried in: name of the column, name of the environment, arguments."""
+
+
+def table_of_transfers(episodes: int) -> str:
+    """Every policy of examples/policies/ where it was trained and elsewhere, from the same starts."""
+    out = ["| trained in | evaluated in | mean return | paired difference from stepper, MuJoCo's law | 90 % confidence | within 2 % |"]
+    out += ["|---|---|---|---|---|---|"]
+    for file in sorted(POLICIES.glob("*.npz")):
+        policy = load(file)
+        t = policy.training
+        task = t["env"].removeprefix("stepper/")
+        if f"{task}" not in _GYMNASIUMS:
+            continue
+        trained = f"{task}, " + ("MuJoCo" if task == t["env"] else {"mujoco": "MuJoCo's law", "hard": "hard contact"}[t["contact"]])
+        first_name, first_settings = TRANSFERS["stepper, MuJoCo's law"]
+        shown = False
+        for column, (name, settings) in list(TRANSFERS.items())[1:]:
+            envs = first_name.format(task), name.format(task)
+            both: Comparison = compare(policy, *envs, episodes=episodes, seed=2**33, settings=(first_settings, settings))
+            if not shown:
+                out.append(f"| {trained} | stepper, MuJoCo's law | {both.one.mean:.0f} | | | |")
+                print(out[-1], flush=True)
+                shown = True
+            low, high = both.interval
+            share = 100.0 / abs(both.one.mean)
+            cells = [trained, column, f"{both.other.mean:.0f}", f"{both.difference:+.0f} ({share * both.difference:+.1f} %)"]
+            cells += [f"{share * low:+.1f} % to {share * high:+.1f} %", both.verdict]
+            out.append("| " + " | ".join(cells) + " |")
+            print(out[-1], flush=True)
+    return "\n".join(out)
+
+
+_GYMNASIUMS = {"HalfCheetah-v5", "Hopper-v5", "Walker2d-v5", "Ant-v5", "InvertedDoublePendulum-v5"}
+"""Tasks that Gymnasium has too."""
+
+
+def write_table(name: str, table: str) -> None:
+    """Puts a table between its marks in docs/training.md."""
+    page = DOCS / "training.md"
+    begin, end = f"<!-- {name}: made by `python benches/training.py {name}` -->", f"<!-- end of {name} -->"
+    text = page.read_text()
+    if begin not in text or end not in text:
+        raise ValueError(f"{page} has no marks {begin!r} and {end!r} for the table")
+    head, _, rest = text.partition(begin)
+    page.write_text(f"{head}{begin}\n\n{table}\n\n{end}{rest.partition(end)[2]}")
+
+
+def main() -> None:
+    """Makes what is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=("curves", "evaluate", "transfer"))
+    parser.add_argument("--runs", type=Path, default=RUNS, help="folder of the runs")
+    parser.add_argument("--episodes", type=int, help="20 of each run, 100 of each transfer")
+    given = parser.parse_args()
+    if given.what == "curves":
+        draw(collect(given.runs), DOCS / "learning_curves.png")
+    elif given.what == "evaluate":
+        write_table("evaluate", table_of_runs(given.runs, given.episodes or 20))
+    else:
+        write_table("transfer", table_of_transfers(given.episodes or 100))
+
+
+if __name__ == "__main__":
+    main()

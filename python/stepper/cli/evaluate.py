@@ -1,0 +1,54 @@
+"""`stepper evaluate`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from stepper.policies import compare, describe, differences, load
+from stepper.policies import evaluate as run
+from stepper.policies.evaluation import make
+
+if TYPE_CHECKING:
+    from typer import Typer
+
+
+def evaluate(policy: Path, env: str, against: str, *, episodes: int, seed: int, margin: float, settings: dict[str, Any]) -> None:
+    """Returns of a policy over fresh episodes, with a confidence interval; what differs from where it was trained is named first.
+
+    With --against, the same policy from the same starts in a second environment, and whether the mean returns are equivalent.
+
+    Example: stepper evaluate half_cheetah.npz stepper/HalfCheetah-v5 --against HalfCheetah-v5
+    """
+    loaded = load(policy)
+    for name, given in ((env, settings), (against, {})):
+        if name:
+            for line in differences(loaded.environment, describe(make(name, **given))):
+                print(f"{name}: {line}", file=sys.stderr)
+    if against:
+        both = compare(loaded, env, against, episodes=episodes, seed=seed, margin=margin, settings=(settings, {}))
+        print(both.one, both.other, both, sep="\n")
+    else:
+        print(run(loaded, env, episodes=episodes, seed=seed, **settings))
+
+
+def register(app: Typer, typer: ModuleType) -> None:
+    """Adds the command."""
+    file = typer.Argument(help="A file of Policy.save, which examples/train.py writes.")
+
+    @app.command("evaluate", help=evaluate.__doc__)
+    def _(
+        *,
+        policy: Path = file,
+        env: str = typer.Argument(help="An environment by its name, stepper/HalfCheetah-v5 say."),
+        against: str = typer.Option("", help="A second environment, HalfCheetah-v5 say, Gymnasium's own on MuJoCo."),
+        episodes: int = typer.Option(20, min=2, help="Fresh episodes."),
+        seed: int = typer.Option(0, min=0, help="Of the first episode; the others have those that follow."),
+        margin: float = typer.Option(0.02, help="Difference of mean returns that counts as none, as a fraction."),
+        contact: str = typer.Option("", help='Law of contact of the first environment, "mujoco" or "hard".'),
+        precision: str = typer.Option("", help='Scalar type of its steps, "f64" or "f32".'),
+    ) -> None:
+        settings = {name: value for name, value in (("contact", contact), ("precision", precision)) if value}
+        evaluate(policy, env, against, episodes=episodes, seed=seed, margin=margin, settings=settings)

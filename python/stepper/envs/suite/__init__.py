@@ -1,0 +1,50 @@
+"""Tasks of dm_control's suite, a file for each of its domains, by the names that dm_control has for them."""
+
+from typing import Any
+
+from stepper.envs.suite.acrobot import Acrobot
+from stepper.envs.suite.base import SuiteTask
+from stepper.envs.suite.cartpole import Cartpole
+from stepper.envs.suite.cheetah import Cheetah
+from stepper.envs.suite.finger import Finger
+from stepper.envs.suite.fish import Fish
+from stepper.envs.suite.hopper import Hopper
+from stepper.envs.suite.humanoid import Humanoid
+from stepper.envs.suite.pendulum import Pendulum
+from stepper.envs.suite.point_mass import PointMass
+from stepper.envs.suite.reacher import Reacher
+from stepper.envs.suite.swimmer import Swimmer
+from stepper.envs.suite.walker import Walker
+
+SUITE: dict[str, tuple[type[SuiteTask], dict[str, Any]]] = {
+    "acrobot-swingup": (Acrobot, {}),
+    "acrobot-swingup_sparse": (Acrobot, {"sparse": True}),
+    "cartpole-balance": (Cartpole, {}),
+    "cartpole-balance_sparse": (Cartpole, {"sparse": True}),
+    "cartpole-swingup": (Cartpole, {"swing_up": True}),
+    "cartpole-swingup_sparse": (Cartpole, {"swing_up": True, "sparse": True}),
+    "cartpole-three_poles": (Cartpole, {"swing_up": True, "poles": 3}),
+    "cartpole-two_poles": (Cartpole, {"swing_up": True, "poles": 2}),
+    "cheetah-run": (Cheetah, {}),
+    "finger-spin": (Finger, {}),
+    "fish-swim": (Fish, {"swim": True}),
+    "fish-upright": (Fish, {}),
+    "hopper-hop": (Hopper, {"hopping": True}),
+    "hopper-stand": (Hopper, {}),
+    "humanoid-run": (Humanoid, {"move_speed": 10.0}),
+    "humanoid-run_pure_state": (Humanoid, {"move_speed": 10.0, "pure_state": True}),
+    "humanoid-stand": (Humanoid, {}),
+    "humanoid-walk": (Humanoid, {"move_speed": 1.0}),
+    "pendulum-swingup": (Pendulum, {}),
+    "point_mass-easy": (PointMass, {}),
+    "reacher-easy": (Reacher, {"target_size": 0.05}),
+    "reacher-hard": (Reacher, {"target_size": 0.015}),
+    "swimmer-swimmer15": (Swimmer, {"links": 15}),
+    "swimmer-swimmer6": (Swimmer, {}),
+    "walker-run": (Walker, {"move_speed": 8.0}),
+    "walker-stand": (Walker, {}),
+    "walker-walk": (Walker, {"move_speed": 1.0}),
+}
+"""Tasks and their arguments by dm_control's names of domain and task."""
+
+__all__ = ["SUITE", "SuiteTask"]

@@ -1,0 +1,44 @@
+"""dm_control's acrobot: two links, of which the second is driven."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stepper.envs.streams import Draws
+from stepper.envs.suite.base import SuiteTask, norm, rotations, tolerance
+from stepper.envs.task import Array, Moment, Quantity
+
+_TARGET = 0.2
+"""Radius of the target, m."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Acrobot(SuiteTask):
+    """Bring the tip to the target above, and hold it there.
+
+    Attributes:
+        sparse: Whether the reward is 1 in the target and else 0.
+    """
+
+    file = "acrobot.xml"
+    frame_skip: int = 1
+    sparse: bool = False
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Sines and cosines of both links, velocities: (6,)."""
+        return (
+            Quantity("horizontal", of=lambda now: rotations(now)[:, 1:, 0, 2]),
+            Quantity("vertical", of=lambda now: rotations(now)[:, 1:, 2, 2]),
+            Quantity("velocity", of=lambda now: now.qvel),
+        )
+
+    def score(self, now: Moment) -> Array:
+        """1 in the target, less with the distance from it."""
+        target, tip = (now.site_xpos[:, now.sim.model.site(name).id] for name in ("target", "tip"))
+        return tolerance(norm(target - tip), 0.0, _TARGET, margin=0.0 if self.sparse else 1.0)
+
+    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+        """At rest, both angles anywhere on the circle."""
+        qpos[:] = draws.uniform(-np.pi, np.pi, 2)

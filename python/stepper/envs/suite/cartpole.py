@@ -1,0 +1,88 @@
+"""dm_control's cartpole: poles on a cart."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from xml.etree import ElementTree
+
+import numpy as np
+
+from stepper._stepper import Model
+from stepper.envs.assets import load_quietly
+from stepper.envs.streams import Draws
+from stepper.envs.suite.base import SuiteTask, rotations, source_tree, tolerance
+from stepper.envs.task import Array, Moment, Quantity
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cartpole(SuiteTask):
+    """Balance the poles of a cart, from near balance or from below.
+
+    Attributes:
+        swing_up: Whether the first pole begins below.
+        sparse: Whether the reward is 1 near balance and else 0, instead of a smooth one.
+        poles: Number of poles, one on top of the other.
+    """
+
+    file = "cartpole.xml"
+    frame_skip: int = 1
+    swing_up: bool = False
+    sparse: bool = False
+    poles: int = 1
+
+    def model(self) -> Model:
+        """The cart with its poles."""
+        return _scene(self.poles)
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Place of the cart, cosines and sines of the poles, velocities: (1 + 3 poles + 1,)."""
+        return (
+            Quantity("cart", of=lambda now: now.qpos[:, :1]),
+            Quantity("poles", of=lambda now: rotations(now)[:, 2:, [2, 0], 2]),
+            Quantity("velocity", of=lambda now: now.qvel),
+        )
+
+    def score(self, now: Moment) -> Array:
+        """Poles upright, the cart in the middle, little control and slow poles."""
+        cart, upright = now.qpos[:, 0], rotations(now)[:, 2:, 2, 2]
+        if self.sparse:
+            inside: Array = tolerance(cart, -0.25, 0.25) * tolerance(upright, 0.995, 1.0).prod(axis=1)
+            return inside
+        centered = (1.0 + tolerance(cart, margin=2.0)) / 2.0
+        control = (4.0 + tolerance(now.action[:, 0], margin=1.0, fall="quadratic", value=0.0)) / 5.0
+        slow = (1.0 + tolerance(now.qvel[:, 1:], margin=5.0).min(axis=1)) / 2.0
+        reward: Array = ((upright + 1.0) / 2.0).mean(axis=1) * control * slow * centered
+        return reward
+
+    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+        """Near balance; or in the middle with the first pole below."""
+        if self.swing_up:
+            qpos[:] = draws.normal(qpos.shape[1])
+            qpos[:, :2] *= 0.01
+            qpos[:, 2:] *= 0.1
+            qpos[:, 1] += np.pi
+        else:
+            qpos[:, :1] = draws.uniform(-0.1, 0.1, 1)
+            qpos[:, 1:] = draws.uniform(-0.034, 0.034, qpos.shape[1] - 1)
+        qvel[:] = 0.01 * draws.normal(qvel.shape[1])
+
+
+@functools.cache
+def _scene(poles: int) -> Model:
+    """dm_control's model with as many poles."""
+    if poles < 1:
+        raise ValueError(f"poles is {poles}, must be at least 1")
+    tree = source_tree("cartpole.xml")
+    parent = tree.find("./worldbody/body/body")
+    floor = tree.find("./worldbody/geom")
+    if parent is None or floor is None:
+        raise ValueError("dm_control's cartpole.xml has no pole or no floor: this version of dm_control is not known")
+    for k in range(2, poles + 1):
+        child = ElementTree.SubElement(parent, "body", name=f"pole_{k}", pos="0 0 1", childclass="pole")
+        ElementTree.SubElement(child, "joint", name=f"hinge_{k}")
+        ElementTree.SubElement(child, "geom", name=f"pole_{k}")
+        parent = child
+    if poles > 1:
+        floor.set("pos", f"0 0 {1 - poles - 0.05}")
+    return load_quietly(tree)

@@ -1,0 +1,74 @@
+"""dm_control's fish."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stepper._stepper import Stepper
+from stepper.envs.streams import Draws
+from stepper.envs.suite.base import SuiteTask, matrices, move_geom, norm, rotation, tolerance
+from stepper.envs.task import Array, Moment, Quantity, Terms, per_moment
+
+_JOINTS = ("tail1", "tail_twist", "tail2", "finright_roll", "finright_pitch", "finleft_roll", "finleft_pitch")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fish(SuiteTask):
+    """Turn upright; or swim to a target.
+
+    Attributes:
+        swim: Whether there is a target.
+    """
+
+    file = "fish.xml"
+    frame_skip: int = 10
+    swim: bool = False
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Angles, cosine of the inclination, the target as the mouth sees it if there is one, velocities: (24,) or (21,)."""
+        return (
+            Quantity("joint_angles", of=_angles),
+            Quantity("upright", of=lambda now: rotation(now, "torso")[:, 2, 2]),
+            *([Quantity("target", of=_to_target)] if self.swim else []),
+            Quantity("velocity", of=lambda now: now.qvel),
+        )
+
+    def score(self, now: Moment) -> Array:
+        """Upright; and in the target."""
+        upright = rotation(now, "torso")[:, 2, 2]
+        if not self.swim:
+            return tolerance(upright, 1.0, 1.0, margin=1.0)
+        model = now.sim.model
+        radii = float(model.geom("mouth").size[0] + model.geom("target").size[0])
+        return (7.0 * tolerance(norm(_to_target(now)), 0.0, radii, margin=2.0 * radii) + 0.5 * (upright + 1.0)) / 8.0
+
+    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+        """At rest, with any orientation and small angles."""
+        quat = draws.normal(4)
+        qpos[:, 3:7] = quat / norm(quat)[:, None]
+        model = self.model()
+        for name in _JOINTS:
+            at = model.joint(name).qposadr
+            qpos[:, at : at + 1] = draws.uniform(-0.2, 0.2, 1)
+
+    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:
+        """The target is anywhere in a box."""
+        if self.swim:
+            move_geom(sim, mask, "target", np.hstack([draws.uniform(-0.4, 0.4, 2), draws.uniform(0.1, 0.3, 1)]))
+
+
+def _angles(now: Moment) -> Array:
+    angles: Array = now.qpos[:, [now.sim.model.joint(name).qposadr for name in _JOINTS]]
+    return angles
+
+
+@per_moment
+def _to_target(now: Moment) -> Array:
+    """From the mouth to the target in the frame of the mouth, m: (num_envs, 3)."""
+    model = now.sim.model
+    mouth = model.geom("mouth").id
+    difference = now.geom_xpos[:, model.geom("target").id] - now.geom_xpos[:, mouth]
+    local: Array = np.einsum("ni,nij->nj", difference, matrices(now.geom_xquat[:, mouth]))
+    return local

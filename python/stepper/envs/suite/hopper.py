@@ -1,0 +1,52 @@
+"""dm_control's hopper: a planar robot of one leg."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stepper.envs.quantities import mass_centers
+from stepper.envs.streams import Draws
+from stepper.envs.suite.base import SuiteTask, randomize_joints, reading, small_control, tolerance
+from stepper.envs.task import Array, Moment, Quantity
+
+_HEIGHT = 0.6
+"""Of the torso above the foot, m, above which it stands."""
+_SPEED = 2.0
+"""From which on hopping is rewarded in full, m/s."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hopper(SuiteTask):
+    """Stand; or hop to the right.
+
+    Attributes:
+        hopping: Whether to hop.
+    """
+
+    file = "hopper.xml"
+    frame_skip: int = 4
+    hopping: bool = False
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Configuration without x, velocities, logarithms of the forces at toe and heel: (15,)."""
+        return (
+            Quantity("position", of=lambda now: now.qpos[:, 1:]),
+            Quantity("velocity", of=lambda now: now.qvel),
+            Quantity("touch", of=lambda now: np.log1p(reading(now, "touch_toe", "touch_heel"))),
+        )
+
+    def score(self, now: Moment) -> Array:
+        """The torso above the foot; and fast, or with little control."""
+        model, centers = now.sim.model, mass_centers(now)
+        height = centers[:, model.body("torso").id, 2] - centers[:, model.body("foot").id, 2]
+        standing = tolerance(height, _HEIGHT, 2.0)
+        if self.hopping:
+            speed = reading(now, "torso_subtreelinvel")[:, 0]
+            return standing * tolerance(speed, _SPEED, float("inf"), margin=_SPEED / 2.0, fall="linear", value=0.5)
+        return standing * (small_control(now) + 4.0) / 5.0
+
+    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+        """At rest, with angles within their limits and the torso at any angle."""
+        randomize_joints(self.model(), qpos, draws)

@@ -1,0 +1,73 @@
+"""dm_control's humanoid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stepper.envs.streams import Draws
+from stepper.envs.suite.base import SuiteTask, norm, randomize_without_overlap, reading, rotation, small_control, tolerance
+from stepper.envs.task import Array, Moment, Quantity
+
+_HEIGHT = 1.4
+"""Of the head, m, above which it stands."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Humanoid(SuiteTask):
+    """Stand; or walk and run in any direction.
+
+    Attributes:
+        move_speed: Speed from which on the reward is 1, m/s; 0 to stand.
+        pure_state: Whether it observes configuration and velocities, and nothing that follows from them.
+    """
+
+    file = "humanoid.xml"
+    frame_skip: int = 5
+    move_speed: float = 0.0
+    pure_state: bool = False
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Angles, height of the head, hands and feet as the torso sees them, its vertical, velocities: (67,); or the state: (55,)."""
+        velocity = Quantity("velocity", of=lambda now: now.qvel)
+        if self.pure_state:
+            return (Quantity("position", of=lambda now: now.qpos), velocity)
+        return (
+            Quantity("joint_angles", of=lambda now: now.qpos[:, 7:]),
+            Quantity("head_height", of=_head_height),
+            Quantity("extremities", of=_extremities),
+            Quantity("torso_vertical", of=lambda now: rotation(now, "torso")[:, 2]),
+            Quantity("com_velocity", of=lambda now: reading(now, "torso_subtreelinvel")),
+            velocity,
+        )
+
+    def score(self, now: Moment) -> Array:
+        """The head high and the torso upright, with little control, at rest or fast enough."""
+        standing = tolerance(_head_height(now), _HEIGHT, float("inf"), margin=_HEIGHT / 4.0)
+        upright = tolerance(rotation(now, "torso")[:, 2, 2], 0.9, float("inf"), margin=1.9, fall="linear", value=0.0)
+        velocity = reading(now, "torso_subtreelinvel")[:, :2]
+        if self.move_speed == 0.0:
+            moving: Array = tolerance(velocity, margin=2.0).mean(axis=1)
+        else:
+            wanted = self.move_speed
+            moving = (5.0 * tolerance(norm(velocity), wanted, float("inf"), margin=wanted, fall="linear", value=0.0) + 1.0) / 6.0
+        reward: Array = (4.0 + small_control(now)) / 5.0 * standing * upright * moving
+        return reward
+
+    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+        """At rest, with angles within their limits and any orientation, where nothing touches."""
+        randomize_without_overlap(self.model(), qpos, draws)
+
+
+def _head_height(now: Moment) -> Array:
+    height: Array = now.xpos[:, now.sim.model.body("head").id, 2]
+    return height
+
+
+def _extremities(now: Moment) -> Array:
+    """Hands and feet in the frame of the torso, m: (num_envs, 4, 3)."""
+    model = now.sim.model
+    bodies = [model.body(f"{side}_{limb}").id for side in ("left", "right") for limb in ("hand", "foot")]
+    extremities: Array = np.einsum("nbi,nij->nbj", now.xpos[:, bodies] - now.xpos[:, [model.body("torso").id]], rotation(now, "torso"))
+    return extremities

@@ -1,0 +1,37 @@
+"""dm_control's pendulum, to swing up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stepper.envs.streams import Draws
+from stepper.envs.suite.base import SuiteTask, rotation, tolerance
+from stepper.envs.task import Array, Moment, Quantity
+
+_UPRIGHT = float(np.cos(np.deg2rad(8.0)))
+"""Cosine of the largest angle that is rewarded."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pendulum(SuiteTask):
+    """Swing a pendulum up with little torque, and hold it there."""
+
+    file = "pendulum.xml"
+    frame_skip: int = 1
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Cosine, sine and velocity of the angle: (3,)."""
+        return (
+            Quantity("orientation", of=lambda now: rotation(now, "pole")[:, [2, 0], 2]),
+            Quantity("velocity", of=lambda now: now.qvel),
+        )
+
+    def score(self, now: Moment) -> Array:
+        """1 within 8 degrees."""
+        return tolerance(rotation(now, "pole")[:, 2, 2], _UPRIGHT, 1.0)
+
+    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+        """At rest anywhere on the circle."""
+        qpos[:] = draws.uniform(-np.pi, np.pi, 1)

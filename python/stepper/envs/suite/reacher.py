@@ -1,0 +1,57 @@
+"""dm_control's reacher: a planar arm of two links, and a target."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stepper._stepper import Stepper
+from stepper.envs.streams import Draws
+from stepper.envs.suite.base import SuiteTask, move_geom, norm, randomize_joints, tolerance
+from stepper.envs.task import Array, Moment, Quantity, Terms, per_moment
+
+_FINGER = 0.01
+"""Radius of the finger, m."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reacher(SuiteTask):
+    """Bring the finger to the target.
+
+    Attributes:
+        target_size: Radius of the target, m.
+    """
+
+    file = "reacher.xml"
+    frame_skip: int = 1
+    target_size: float = 0.05
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Angles, from the finger to the target, velocities: (6,)."""
+        return (
+            Quantity("position", of=lambda now: now.qpos),
+            Quantity("to_target", of=_to_target),
+            Quantity("velocity", of=lambda now: now.qvel),
+        )
+
+    def score(self, now: Moment) -> Array:
+        """1 where the finger is in the target."""
+        return tolerance(norm(_to_target(now)), 0.0, self.target_size + _FINGER)
+
+    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+        """At rest, with angles within their limits."""
+        randomize_joints(self.model(), qpos, draws)
+
+    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:
+        """The target is 0.05 to 0.2 m from the middle."""
+        angle, radius = draws.uniform(0.0, 2.0 * np.pi, 1), draws.uniform(0.05, 0.2, 1)
+        move_geom(sim, mask, "target", np.hstack([radius * np.sin(angle), radius * np.cos(angle)]), slice(0, 2))
+
+
+@per_moment
+def _to_target(now: Moment) -> Array:
+    """From the finger to the target, m: (num_envs, 2)."""
+    model = now.sim.model
+    difference: Array = (now.geom_xpos[:, model.geom("target").id] - now.geom_xpos[:, model.geom("finger").id])[:, :2]
+    return difference

@@ -1,0 +1,98 @@
+"""dm_control's swimmer: a planar chain in a medium, and a target."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+
+from stepper._stepper import Model, Stepper
+from stepper.envs.assets import load_quietly
+from stepper.envs.streams import Draws
+from stepper.envs.suite.base import SuiteTask, move_geom, norm, randomize_joints, reading, rotation, source_tree, tolerance
+from stepper.envs.task import Array, Moment, Quantity, Terms, per_moment
+
+_SIZE = 0.1
+"""Radius of the target, m."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Swimmer(SuiteTask):
+    """Bring the nose to the target.
+
+    Attributes:
+        links: Number of links.
+    """
+
+    file = "swimmer.xml"
+    frame_skip: int = 15
+    links: int = 6
+
+    def model(self) -> Model:
+        """The chain of links."""
+        return _scene(self.links)
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Angles, the target as the head sees it, velocities of the links in their own frames: (4 links + 1,)."""
+        return (
+            Quantity("joints", of=lambda now: now.qpos[:, 3:]),
+            Quantity("to_target", of=_to_target),
+            Quantity("body_velocities", of=_velocities),
+        )
+
+    def score(self, now: Moment) -> Array:
+        """1 in the target, less with the distance from it."""
+        return tolerance(norm(_to_target(now)), 0.0, _SIZE, margin=5.0 * _SIZE, fall="long_tail")
+
+    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+        """At rest, with angles within their limits, in any direction."""
+        randomize_joints(self.model(), qpos, draws)
+
+    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:
+        """The target is near in a fifth of the episodes."""
+        box = np.where(draws.uniform(0.0, 1.0, 1) < 0.2, 0.3, 2.0)
+        move_geom(sim, mask, "target", box * draws.uniform(-1.0, 1.0, 2), slice(0, 2))
+
+
+@per_moment
+def _to_target(now: Moment) -> Array:
+    """From the nose to the target in the frame of the head, m: (num_envs, 2)."""
+    model = now.sim.model
+    difference = now.geom_xpos[:, model.geom("target").id] - now.geom_xpos[:, model.geom("nose").id]
+    local: Array = np.einsum("ni,nij->nj", difference, rotation(now, "head"))[:, :2]
+    return local
+
+
+def _velocities(now: Moment) -> Array:
+    """Velocity in x and y and about z of every link: (num_envs, links, 3)."""
+    names = [f"{kind}_{k}" for k in range(now.sim.model.nbody - 2) for kind in ("velocimeter", "gyro")]
+    both: Array = reading(now, "head_vel", "head_gyro", *names).reshape(len(now.qpos), -1, 6)
+    return both[..., [0, 1, 5]]
+
+
+@functools.cache
+def _scene(links: int) -> Model:
+    """dm_control's model with as many links."""
+    if links < 3:
+        raise ValueError(f"links is {links}, must be at least 3")
+    tree = source_tree("swimmer.xml")
+    parent, sensors = tree.find("./worldbody/body"), tree.find("./sensor")
+    if parent is None or sensors is None:
+        raise ValueError("dm_control's swimmer.xml has no head or no sensors: this version of dm_control is not known")
+    make = type(tree)
+    actuators = make("actuator")
+    tree.append(actuators)
+    limit = 360.0 / links
+    for k in range(links - 1):
+        child = make("body", name=f"segment_{k}", pos="0 .1 0")
+        child.append(make("geom", {"class": "visual", "name": f"visual_{k}"}))
+        child.append(make("geom", {"class": "inertial", "name": f"inertial_{k}"}))
+        child.append(make("site", name=f"site_{k}"))
+        child.append(make("joint", name=f"joint_{k}", range=f"{-limit} {limit}"))
+        actuators.append(make("motor", name=f"motor_{k}", joint=f"joint_{k}"))
+        sensors.append(make("velocimeter", name=f"velocimeter_{k}", site=f"site_{k}"))
+        sensors.append(make("gyro", name=f"gyro_{k}", site=f"site_{k}"))
+        parent.append(child)
+        parent = child
+    return load_quietly(tree)

@@ -1,0 +1,46 @@
+"""dm_control's walker: a planar biped."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from stepper.envs.streams import Draws
+from stepper.envs.suite.base import SuiteTask, randomize_joints, reading, rotations, tolerance
+from stepper.envs.task import Array, Moment, Quantity
+
+_HEIGHT = 1.2
+"""Of the torso, m, above which it stands."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Walker(SuiteTask):
+    """Stand; or walk and run to the right.
+
+    Attributes:
+        move_speed: Speed from which on the reward is 1, m/s; 0 to stand.
+    """
+
+    file = "walker.xml"
+    frame_skip: int = 10
+    move_speed: float = 0.0
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Cosines and sines of the bodies' angles, height of the torso, velocities: (24,)."""
+        return (
+            Quantity("orientations", of=lambda now: rotations(now)[:, 1:, 0, ::2]),
+            Quantity("height", of=lambda now: now.xpos[:, 1, 2:]),
+            Quantity("velocity", of=lambda now: now.qvel),
+        )
+
+    def score(self, now: Moment) -> Array:
+        """High and upright, and fast enough."""
+        standing = tolerance(now.xpos[:, 1, 2], _HEIGHT, float("inf"), margin=_HEIGHT / 2.0)
+        stand: Array = (3.0 * standing + (1.0 + rotations(now)[:, 1, 2, 2]) / 2.0) / 4.0
+        if self.move_speed == 0.0:
+            return stand
+        speed, wanted = reading(now, "torso_subtreelinvel")[:, 0], self.move_speed
+        return stand * (5.0 * tolerance(speed, wanted, float("inf"), margin=wanted / 2.0, fall="linear", value=0.5) + 1.0) / 6.0
+
+    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+        """At rest, with angles within their limits and the torso at any angle."""
+        randomize_joints(self.model(), qpos, draws)

@@ -1,0 +1,27 @@
+"""Trained policies, without the library that trained them: small networks that act in NumPy, and what they were trained in.
+
+    policy = stepper.policies.load("half_cheetah.npz", env=envs)  # warns of everything that differs from what it was trained in
+    observation, reward, terminated, truncated, info = envs.step(policy(observation))
+
+    stepper.policies.evaluate(policy, "stepper/HalfCheetah-v5", episodes=20)
+
+Loading and acting need NumPy alone; `evaluate` and `compare` need Gymnasium and SciPy. docs/training.md trains one.
+"""
+
+from stepper.policies.environment import describe, differences
+from stepper.policies.evaluation import Comparison, Evaluation, compare, evaluate
+from stepper.policies.policy import ACTIVATIONS, Policy, PolicyError, PolicyWarning, load
+
+__all__ = [
+    "ACTIVATIONS",
+    "Comparison",
+    "Evaluation",
+    "Policy",
+    "PolicyError",
+    "PolicyWarning",
+    "compare",
+    "describe",
+    "differences",
+    "evaluate",
+    "load",
+]

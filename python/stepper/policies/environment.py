@@ -1,0 +1,122 @@
+"""What was in force in an environment, as data that can be kept beside a policy and compared."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import platform
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from stepper._stepper import __version__
+from stepper.shared.machine import package_version
+
+Description = dict[str, Any]
+"""Numbers, strings, lists and dictionaries, as JSON has them."""
+
+_PACKAGES = ("gymnasium", "mujoco-core", "numpy")
+_SHOWN = 60
+"""Characters of a value that a difference shows."""
+
+
+def describe(env: Any) -> Description:
+    """What is in force in an environment, single or vector.
+
+    Args:
+        env: An environment of `stepper.envs` or one of Gymnasium's on MuJoCo; of others, only spaces and versions are said.
+
+    Returns:
+        Engine and versions; the task with its arguments; name and digest of the model; options, time step and steps of an action;
+        precision; rows of the observation; bounds of the actions; theta, the parameters of `Stepper.randomize` that environments have of
+        their own, as least and largest number of each element; models of actuators and sensors.
+    """
+    base = env.unwrapped
+    base = base.envs[0].unwrapped if hasattr(base, "envs") else base
+    found = _of_stepper(base) if hasattr(base, "sim") else _of_mujoco(base) if hasattr(base, "model") else _of_other(base)
+    space = getattr(base, "single_action_space", base.action_space)
+    found["action"] = {"low": np.asarray(space.low, float).tolist(), "high": np.asarray(space.high, float).tolist()}
+    versions = {name: version for name in _PACKAGES if (version := package_version(name))}
+    found["versions"] = {"stepper": __version__, "python": platform.python_version()} | versions
+    plain: Description = json.loads(json.dumps(found))  # Tuples become lists here, not when a file is read.
+    return plain
+
+
+def _of_stepper(base: Any) -> Description:
+    sim, task = base.sim, base.task
+    options = dataclasses.asdict(sim.options) | {"timestep": sim.timestep, "tolerance": sim.tolerance}
+    options["integrator"] = options["integrator"] or ("midpoint" if options["contact"] == "hard" else "of the model")
+    drives = sim.randomized.get("actuators")
+    numbers = {name: np.asarray(values) for name, values in sim.randomized.items() if name != "actuators"}
+    theta = {name: {"least": n.min(axis=0).tolist(), "largest": n.max(axis=0).tolist()} for name, n in numbers.items()}
+    return {
+        "engine": "stepper",
+        "task": {"name": type(task).__name__, **dataclasses.asdict(task)},
+        "model": {"name": sim.model.name, "sha256": sim.model.digest},
+        "options": options,
+        "frame_skip": task.frame_skip,
+        "precision": sim.precision,
+        "observation": dict(base.observation_structure),
+        "theta": theta,
+        "drives": "drawn for each environment" if drives is not None else None,
+        "actuators": None if sim.actuators is None else sim.actuators.to_dict(),
+        "sensors": None if sim.sensors is None else sim.sensors.to_dict(),
+    }
+
+
+def _of_mujoco(base: Any) -> Description:
+    """Of an environment of Gymnasium's on MuJoCo. Its model has no digest that stepper's could be compared with."""
+    option = base.model.opt
+    integrators = ("euler", "rk4", "implicit", "implicitfast")
+    return {
+        "engine": "MuJoCo",
+        "task": {"name": type(base).__name__.removesuffix("Env")},
+        "options": {
+            "contact": "mujoco",
+            "timestep": float(option.timestep),
+            "integrator": integrators[int(option.integrator)],
+            "iterations": int(option.iterations),
+            "tolerance": float(option.tolerance),
+        },
+        "frame_skip": base.frame_skip,
+        "precision": "f64",
+        "observation": {"size": int(base.observation_space.shape[0])},
+        "theta": {},
+    }
+
+
+def _of_other(base: Any) -> Description:
+    space = getattr(base, "single_observation_space", base.observation_space)
+    return {"engine": type(base).__name__, "observation": {"size": int(space.shape[0])}}
+
+
+def differences(one: Description, other: Description) -> list[str]:
+    """What differs between two environments, a line for each: "options.contact: 'mujoco' there, 'hard' here".
+
+    What only one of them says is a difference, too; but where the engines differ, what only one engine has (the digest of a model, settings
+    of its solver) is covered by the line that says so.
+
+    Args:
+        one: The environment there, as `describe` gives it.
+        other: The environment here.
+    """
+    there, here = dict(_leaves(one)), dict(_leaves(other))
+    names = sorted(there.keys() | here.keys()) if one.get("engine") == other.get("engine") else sorted(there.keys() & here.keys())
+    return [f"{name}: {_shown(there, name)} there, {_shown(here, name)} here" for name in names if there.get(name) != here.get(name)]
+
+
+def _leaves(description: Description, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Values with their dotted paths. Lists are values."""
+    for name, value in description.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, f"{path}{name}.")
+        else:
+            yield f"{path}{name}", value
+
+
+def _shown(leaves: dict[str, Any], name: str) -> str:
+    if name not in leaves:
+        return "nothing"
+    text = repr(leaves[name])
+    return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 3]}..."

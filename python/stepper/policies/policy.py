@@ -1,0 +1,178 @@
+"""A policy: a small network of fully connected layers, with the normalisation of its observations, in NumPy and in one file."""
+
+from __future__ import annotations
+
+import json
+import os
+import warnings
+import zipfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from stepper.policies.environment import Description, describe, differences
+
+Array = NDArray[Any]
+FORMAT = 1
+
+ACTIVATIONS: dict[str, Callable[[Array], Array]] = {
+    "tanh": np.tanh,
+    "elu": lambda x: np.where(x > 0.0, x, np.expm1(np.minimum(x, 0.0))),
+    "relu": lambda x: np.maximum(x, 0.0),
+}
+"""Functions between the layers, by name."""
+
+
+class PolicyError(ValueError):
+    """A policy that does not fit an environment, or a file that holds none: where, what is wrong, and what to do."""
+
+
+class PolicyWarning(UserWarning):
+    """An environment differs from the one that a policy was trained in."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Policy:
+    """A network that gives an action for an observation, the same one every time: the mean of what it was trained to draw.
+
+    The observation is less `mean`, over `std`, clipped to `clip`; every layer is `x @ weight + bias`, with the activation after each but
+    the last; its numbers, clipped to -1 and 1, are stretched to the bounds of the actions.
+
+    Attributes:
+        mean: Of the observations in training, (n,).
+        std: Standard deviation of the observations, (n,).
+        clip: Bound of normalised observations.
+        layers: Weights (inputs, outputs) and biases (outputs,) of every layer, float32.
+        activation: One of `ACTIVATIONS`.
+        low: Least actions, (nu,).
+        high: Largest actions, (nu,).
+        environment: What it was trained in, as `stepper.policies.describe` gives it.
+        training: How it was trained: whatever the one who trained it wants to say, as JSON has it.
+    """
+
+    mean: Array
+    std: Array
+    clip: float
+    layers: Sequence[tuple[Array, Array]]
+    activation: str
+    low: Array
+    high: Array
+    environment: Description
+    training: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        sizes = [len(self.mean), *(len(bias) for _, bias in self.layers)]
+        if self.activation not in ACTIVATIONS:
+            raise PolicyError(f"activation is {self.activation!r}, must be one of {', '.join(ACTIVATIONS)}")
+        for k, (weight, bias) in enumerate(self.layers):
+            if weight.shape != (sizes[k], sizes[k + 1]) or bias.ndim != 1:
+                fit = (sizes[k], sizes[k + 1])
+                raise PolicyError(f"layer {k} has weights {weight.shape} and biases {bias.shape}, must be {fit} and (n,)")
+        if self.std.shape != self.mean.shape or not np.all(self.std > 0.0):
+            raise PolicyError(
+                f"std has shape {self.std.shape} and least number {self.std.min(initial=np.inf)}, must fit mean and be above 0"
+            )
+        if not self.low.shape == self.high.shape == (sizes[-1],):
+            raise PolicyError(f"bounds of actions have shapes {self.low.shape} and {self.high.shape}, must be ({sizes[-1]},)")
+        if not all(np.isfinite(part).all() for part in (self.mean, self.std, self.low, self.high, *sum(self.layers, ()))):
+            raise PolicyError("a number of the policy is not finite: it was not trained, or training diverged")
+
+    def __call__(self, observation: ArrayLike) -> Array:
+        """Actions for observations.
+
+        Args:
+            observation: (n,), or (num_envs, n).
+
+        Returns:
+            (nu,) or (num_envs, nu), float32.
+
+        Raises:
+            PolicyError: Observations of another size.
+        """
+        given = np.asarray(observation)
+        if given.shape[-1:] != self.mean.shape:
+            raise PolicyError(f"observations have shape {given.shape}, must be {self.mean.shape} or (num_envs, {len(self.mean)})")
+        x: Array = np.clip((given - self.mean) / self.std, -self.clip, self.clip).astype(np.float32)
+        for k, (weight, bias) in enumerate(self.layers):
+            x = x @ weight + bias
+            if k < len(self.layers) - 1:
+                x = ACTIVATIONS[self.activation](x)
+        middle, half = (self.high + self.low) / 2, (self.high - self.low) / 2
+        action: Array = middle + half * np.clip(x, -1.0, 1.0)
+        return action.astype(np.float32)
+
+    def differences(self, env: Any) -> list[str]:
+        """What differs between an environment and the one that this was trained in, a line for each; see `stepper.policies.differences`."""
+        return differences(self.environment, describe(env))
+
+    def check(self, env: Any) -> None:
+        """Warns of everything in which an environment differs from the one that this was trained in.
+
+        Raises:
+            PolicyError: It has observations or actions of another size.
+        """
+        base = env.unwrapped
+        sizes = [getattr(base, f"single_{name}", getattr(base, name)).shape for name in ("observation_space", "action_space")]
+        if sizes != [self.mean.shape, self.low.shape]:
+            raise PolicyError(
+                f"the environment has observations {sizes[0]} and actions {sizes[1]}, the policy {self.mean.shape} and {self.low.shape}: "
+                f"it was trained in {self.environment.get('task', {}).get('name')}"
+            )
+        if found := self.differences(env):
+            warnings.warn("the policy was trained in another environment:\n  " + "\n  ".join(found), PolicyWarning, stacklevel=2)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes a file for `stepper.policies.load`, in one piece: a NumPy archive (.npz) with arrays and JSON, without pickles.
+
+        Raises:
+            ValueError: The name does not end in .npz.
+        """
+        file = Path(path)
+        if file.suffix != ".npz":
+            raise ValueError(f"{file}: the ending is {file.suffix!r}, must be .npz")
+        arrays: dict[str, Any] = {"mean": self.mean, "std": self.std, "low": self.low, "high": self.high}
+        for k, (weight, bias) in enumerate(self.layers):
+            arrays |= {f"weight{k}": weight, f"bias{k}": bias}
+        said = {"format": FORMAT, "clip": self.clip, "activation": self.activation}
+        said |= {"environment": self.environment, "training": self.training}
+        file.parent.mkdir(parents=True, exist_ok=True)
+        partial = file.with_suffix(".part")
+        with partial.open("wb") as stream:
+            np.savez_compressed(stream, said=np.array(json.dumps(said)), **arrays)
+        partial.replace(file)
+
+
+def load(path: str | os.PathLike[str], env: Any = None) -> Policy:
+    """Reads a policy.
+
+    Args:
+        path: A file of `Policy.save`.
+        env: The environment that it is to act in; a `PolicyWarning` names everything that differs from what it was trained in.
+
+    Raises:
+        PolicyError: The file holds no policy that this version reads; the environment has observations or actions of another size.
+        OSError: The file cannot be read.
+    """
+    file = Path(path)
+    try:
+        with np.load(file, allow_pickle=False) as archive:
+            arrays = dict(archive)
+        said = json.loads(str(arrays.pop("said")))
+        if said["format"] != FORMAT:
+            raise PolicyError(f"{file} has format {said['format']} of policies, this version reads {FORMAT}")
+        count = sum(name.startswith("weight") for name in arrays)
+        layers = tuple((arrays[f"weight{k}"], arrays[f"bias{k}"]) for k in range(count))
+        shared = {name: arrays[name] for name in ("mean", "std", "low", "high")}
+        settings = {name: said[name] for name in ("clip", "activation", "environment", "training")}
+        policy = Policy(**shared, layers=layers, **settings)
+    except (PolicyError, OSError):
+        raise
+    except (ValueError, KeyError, AttributeError, zipfile.BadZipFile, EOFError) as error:
+        raise PolicyError(f"{file} holds no policy ({type(error).__name__}: {error}); give a file that Policy.save wrote") from error
+    if env is not None:
+        policy.check(env)
+    return policy

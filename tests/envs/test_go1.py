@@ -1,0 +1,170 @@
+"""The velocity task of the Go1: what it observes, when commands change and pushes come, how late actions are, what is drawn."""
+
+import pickle
+from importlib.util import find_spec
+
+import gymnasium
+import numpy as np
+import pytest
+import stepper
+import stepper.envs
+from stepper.envs import StepperEnv, StepperVectorEnv
+from stepper.envs.locomotion import Go1Velocity
+
+pytestmark = pytest.mark.skipif(find_spec("mjlab") is None, reason="mjlab, whose robot this is, is not installed")
+
+
+@pytest.fixture
+def envs():
+    made = StepperVectorEnv(Go1Velocity(), 16, max_episode_steps=1000, autoreset_mode="SameStep")
+    made.reset(seed=3)
+    return made
+
+
+def stance(envs):
+    return np.tile(envs.task.memory(1)["last"], (envs.num_envs, 1))
+
+
+def test_the_robot_is_a_go1():
+    """Its mass is that of the datasheet's 12 kg and some, and it stands on its feet by its servos."""
+    same = (1.0, 1.0)
+    envs = StepperVectorEnv(Go1Velocity(max_push=0.0, friction=same, mass_scale=same, gain_scale=same, center_shift=0.0), 2)
+    assert envs.sim.model.body_mass.sum() == pytest.approx(12.74, abs=0.01)
+    envs.reset(seed=0)
+    envs.set_state(np.hstack([[0.0, 0.0, 0.278, 1.0, 0.0, 0.0, 0.0], stance(envs)[0]]), np.zeros(18))
+    for _ in range(150):
+        _, _, terminated, _, _ = envs.step(stance(envs))
+        assert not terminated.any()
+    assert (np.abs(envs.sim.qpos[:, 2] - 0.27) < 0.03).all()
+    assert np.abs(envs.sim.qvel).max() < 0.05
+
+
+def test_it_observes_velocities_and_the_vertical_in_its_own_frame(envs):
+    for _ in range(20):
+        observation = envs.step(envs.action_space.sample())[0]
+    sim, rows = envs.sim, np.cumsum([0, *envs.observation_structure.values()])
+    seen = {name: observation[:, a:b] for name, a, b in zip(envs.observation_structure, rows, rows[1:], strict=False)}
+    for k in range(envs.num_envs):
+        w, x, y, z = sim.xquat[k, 1]
+        axes = np.array([
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ])  # fmt: skip
+        np.testing.assert_allclose(seen["linear_velocity"][k], axes.T @ sim.body_linvel[k, 1], atol=1e-12)
+        np.testing.assert_allclose(seen["angular_velocity"][k], axes.T @ sim.body_angvel[k, 1], atol=1e-12)
+        np.testing.assert_allclose(seen["vertical"][k], axes.T @ [0.0, 0.0, 1.0], atol=1e-12)
+    assert np.abs(seen["linear_velocity"]).max() > 0.1
+
+
+def test_what_is_drawn_lies_within_its_ranges_and_is_drawn_anew():
+    envs = StepperVectorEnv(Go1Velocity(), 400)
+    envs.reset(seed=0)
+    model, given = envs.sim.model, envs.sim.randomized
+    feet = [k for k, name in enumerate(model.geom_names) if name.endswith("foot_collision")]
+    assert len(feet) == 4
+    friction = given["geom_friction"][:, feet, 0]
+    mass = given["body_mass"][:, 1] / model.body_mass[1]
+    gains = given["actuator_gain"][..., 0] / model.actuator_gain[:, 0]
+    for values, (low, high) in ((friction, (0.4, 1.2)), (mass, (0.8, 1.2)), (gains, (0.9, 1.1))):
+        # Of 400 draws the ends are missed by a twentieth of the range once in 1e9 times.
+        assert low <= values.min() < low + 0.05 * (high - low)
+        assert high - 0.05 * (high - low) < values.max() <= high
+    np.testing.assert_array_equal(given["actuator_bias"][..., 1], -given["actuator_gain"][..., 0])
+    np.testing.assert_array_equal(given["body_mass"][:, 2:], np.tile(model.body_mass[2:], (400, 1)))
+    mask = np.zeros(400, dtype=bool)
+    mask[5] = True
+    before = {name: np.array(values) for name, values in given.items()}
+    envs.reset(options={"reset_mask": mask})
+    for name, values in envs.sim.randomized.items():
+        changed = (np.asarray(values) != before[name]).reshape(400, -1).any(axis=1)
+        np.testing.assert_array_equal(changed, mask)
+    still = (envs.now.memory["commands"] == 0.0).all(axis=2).mean()
+    # 800 draws of 0.1: a deviation of 0.01.
+    assert 0.05 < still < 0.15
+
+
+def test_commands_change_in_the_middle(envs):
+    task = envs.task
+    mine = StepperVectorEnv(Go1Velocity(episode_steps=20, max_push=0.0), 4)
+    _, info = mine.reset(seed=0)
+    commands = mine.now.memory["commands"].copy()
+    assert (commands[:, 0] != commands[:, 1]).any()
+    for step in range(1, 20):
+        _, _, _, _, info = mine.step(stance(mine))
+        np.testing.assert_array_equal(info["command"], commands[:, 0 if step < 10 else 1])
+    assert task.episode_steps == 1000
+
+
+def test_pushes_come_when_they_were_drawn(envs):
+    """In free flight, beside a batch without pushes but with the same seeds: velocities differ by the pushes so far alone."""
+    pushed, calm = (StepperVectorEnv(Go1Velocity(episode_steps=60, max_push=size), 4) for size in (0.5, 0.0))
+    pushed.reset(seed=1), calm.reset(seed=1)
+    memory = pushed.now.memory
+    when, size = memory["push_steps"].copy(), memory["pushes"].copy()
+    np.testing.assert_array_equal(when, calm.now.memory["push_steps"])
+    qpos = np.array(pushed.sim.qpos)
+    qpos[:, 2] = 30.0
+    for each in (pushed, calm):
+        each.set_state(qpos, each.sim.qvel)
+    for step in range(1, 61):
+        pushed.step(stance(pushed)), calm.step(stance(calm))
+        expected = np.einsum("nk,nki->ni", when <= step, size)
+        difference = pushed.sim.qvel - calm.sim.qvel
+        np.testing.assert_allclose(difference[:, :2], expected, atol=1e-9)
+        np.testing.assert_allclose(difference[:, 2:], 0.0, atol=1e-9)
+    assert (when < 60).all()
+    assert np.abs(expected).max() > 0.1
+
+
+@pytest.mark.parametrize("latency", [0, 1, 3, 4])
+def test_actions_are_late_by_whole_steps(latency):
+    envs = StepperVectorEnv(Go1Velocity(max_push=0.0), 2)
+    envs.reset(seed=2)
+    envs.now.memory["latency"][:] = latency
+    alone = stepper.Stepper(envs.sim.model, 2, options=envs.sim.options)
+    alone.randomize(**envs.sim.randomized)
+    alone.reset(qpos=envs.sim.qpos, qvel=envs.sim.qvel)
+    last = stance(envs)
+    for k in range(5):
+        action = np.random.default_rng(k).uniform(envs.action_space.low, envs.action_space.high)
+        envs.step(action)
+        if latency:
+            alone.step(last, latency)
+        if latency < 4:
+            alone.step(action, 4 - latency)
+        last = action
+        np.testing.assert_array_equal(envs.sim.qpos, alone.qpos)
+
+
+def test_an_environment_is_the_same_alone_among_others_and_after_a_pickle(envs):
+    alone = StepperEnv(Go1Velocity())
+    observation = alone.reset(seed=3 + 7)[0]
+    rng = np.random.default_rng(0)
+    for k in range(30):
+        actions = rng.uniform(envs.action_space.low, envs.action_space.high)
+        if k == 15:
+            envs = pickle.loads(pickle.dumps(envs))
+        batch, reward, terminated, _, _ = envs.step(actions)
+        observation, own, over, _, _ = alone.step(actions[7])
+        if over:
+            assert terminated[7]
+            break
+        np.testing.assert_array_equal(observation, batch[7])
+        assert own == reward[7]
+    assert k > 5
+
+
+def test_it_is_registered_and_ends_where_it_falls():
+    env = gymnasium.make("stepper/Go1Velocity-v0", max_push=0.0)
+    env.reset(seed=0)
+    sim = env.unwrapped.sim
+    for quat, height, over in (([1, 0, 0, 0], 0.3, False), ([0.7, 0.7, 0, 0], 0.3, True), ([1, 0, 0, 0], 0.1, True)):
+        qpos = np.array(sim.qpos[0])
+        qpos[2], qpos[3:7] = height, quat
+        env.unwrapped.set_state(qpos, np.zeros(18))
+        assert env.step(stance_of(env))[2] == over
+
+
+def stance_of(env):
+    return env.unwrapped.task.memory(1)["last"][0]

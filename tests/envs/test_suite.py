@@ -1,0 +1,161 @@
+"""Tasks of dm_control's suite have its observations and rewards, and starts of its distribution."""
+
+import warnings
+from dataclasses import replace
+
+import gymnasium
+import mujoco
+import numpy as np
+import pytest
+import stepper
+from stepper.envs import StepperEnv, StepperVectorEnv
+from stepper.envs.suite import SUITE
+
+suite = pytest.importorskip("dm_control.suite")
+
+
+@pytest.fixture(autouse=True, scope="module")
+def fields_that_mujoco_has():
+    """dm_control looks for fields of MuJoCo's structures by a list of its own, which names some that MuJoCo 4 does not have any more."""
+    from dm_control.mujoco.wrapper.mjbindings import sizes
+
+    for name, struct in (("mjmodel", mujoco.MjModel), ("mjdata", mujoco.MjData)):
+        fields = sizes.array_sizes[name]
+        for gone in [field for field in fields if not hasattr(struct, field)]:
+            del fields[gone]
+
+
+def named(name):
+    return f"stepper/dm_control.{name}-v0"
+
+
+def flat(observation):
+    return np.concatenate([np.ravel(value) for value in observation.values()])
+
+
+def pair(name):
+    """dm_control's environment and ours, both with solvers that converge."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        theirs = suite.load(*name.split("-", 1), task_kwargs={"random": 0})
+    option = theirs.physics.model.ptr.opt
+    option.solver, option.tolerance, option.iterations = mujoco.mjtSolver.mjSOL_NEWTON, 1e-14, 200
+    kind, arguments = SUITE[name]
+    task = kind(**arguments)
+    return theirs, StepperEnv(task, options=replace(stepper.Options.of(task.model()), tolerance=1e-12, iterations=200))
+
+
+def follow(theirs, ours):
+    """Gives ours the state of dm_control's, and its target."""
+    physics = theirs.physics
+    physics.forward()
+    model = ours.sim.model
+    if "target" in model.geom_names:
+        target = model.geom("target").id
+        places = np.array(model.geom_pos)[None].copy()
+        places[0, target] = physics.named.model.geom_pos["target"]
+        ours.sim.randomize(geom_pos=places)
+    ours.set_state(physics.data.qpos.copy(), physics.data.qvel.copy())
+
+
+def near_goal(physics, domain):
+    """A state in which dm_control's rewards are large."""
+    data = physics.data
+    if domain in {"acrobot", "cartpole", "pendulum", "walker", "hopper", "humanoid"}:
+        data.qpos[:] = physics.model.qpos0
+    if domain in {"cheetah", "walker", "hopper"}:
+        data.qvel[:] = 0.0
+        data.qvel[0 if domain != "walker" else 1] = 8.0
+    if domain == "finger":
+        data.qvel[-1] = -20.0
+    if domain == "point_mass":
+        data.qpos[:] = 0.0
+    if domain == "reacher":
+        physics.forward()
+        physics.named.model.geom_pos["target", :2] = physics.named.data.geom_xpos["finger", :2] + 0.003
+    if domain == "swimmer":
+        physics.forward()
+        physics.named.model.geom_pos["target", :2] = physics.named.data.geom_xpos["nose", :2] + 0.2
+    if domain == "fish":
+        data.qpos[3:7] = [1.0, 0.0, 0.0, 0.0]
+        physics.forward()
+        physics.named.model.geom_pos["target"] = physics.named.data.geom_xpos["mouth"] + 0.01
+
+
+@pytest.mark.parametrize("name", sorted(SUITE))
+def test_every_step_is_dm_controls(name):
+    theirs, ours = pair(name)
+    ours.reset(seed=0)
+    rng = np.random.default_rng(0)
+    spec = theirs.action_spec()
+    rewards = []
+    for k in range(120):
+        if k % 20 == 0:
+            theirs.reset()
+        if k % 20 == 10:
+            near_goal(theirs.physics, name.partition("-")[0])
+        if k % 20 == 15 and "cartpole" in name:
+            theirs.physics.data.qpos[1] = 0.3
+        follow(theirs, ours)
+        action = rng.uniform(spec.minimum, spec.maximum)
+        step = theirs.step(action)
+        found, reward, terminated, truncated, _ = ours.step(action)
+        # Both solve the same convex problem to round-off, some 1e-14 of velocities of up to 1e2, and an action is up to ten steps.
+        np.testing.assert_allclose(found, flat(step.observation), rtol=1e-8, atol=1e-8)
+        np.testing.assert_allclose(reward, step.reward, atol=1e-8)
+        assert not (terminated or truncated)
+        rewards.append(reward)
+    # Of all tasks, rewards were seen that are and that are not; a step of the humanoid falls short of 10 m/s.
+    assert max(rewards) > (0.1 if "run" in name else 0.4)
+    assert max(rewards) - min(rewards) > 0.1
+
+
+@pytest.mark.parametrize("name", sorted(SUITE))
+def test_spaces_and_times_are_dm_controls(name):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        theirs = suite.load(*name.split("-", 1))
+    ours = gymnasium.make(named(name))
+    spec = theirs.action_spec()
+    assert ours.action_space.shape == spec.shape
+    np.testing.assert_array_equal([ours.action_space.low, ours.action_space.high], [spec.minimum, spec.maximum])
+    assert ours.observation_space.shape == flat(theirs.reset().observation).shape
+    assert ours.unwrapped.dt == pytest.approx(theirs.control_timestep(), rel=1e-12)
+    assert ours.spec.max_episode_steps == round(theirs._step_limit)
+
+
+@pytest.mark.parametrize("name", sorted(SUITE))
+def test_starts_are_drawn_from_dm_controls_distribution(name):
+    """Numbers of 150 first observations of ours among as many of theirs: Kolmogorov and Smirnov's distance."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        theirs = suite.load(*name.split("-", 1), task_kwargs={"random": 1})
+    ours = StepperVectorEnv(SUITE[name][0], 150, **SUITE[name][1])
+    found = ours.reset(seed=0)[0]
+    expected = np.array([flat(theirs.reset().observation) for _ in range(150)])
+    # Numbers that are the same but for round-off are no distribution.
+    for one, other in zip(np.round(found.T, 9), np.round(expected.T, 9), strict=True):
+        together = np.sort(np.concatenate([one, other]))
+        ranks = [np.searchsorted(np.sort(sample), together, side="right") for sample in (one, other)]
+        # Of two samples of 150 of one distribution it exceeds 0.27 once in 3e4 times, and there are some 600 numbers.
+        assert np.abs(ranks[0] - ranks[1]).max() / 150 < 0.27
+
+
+def test_an_environment_is_the_same_alone_and_among_others():
+    """Where episodes begin with steps, targets and draws until nothing touches."""
+    for name in ("cheetah-run", "reacher-hard", "fish-swim", "humanoid-stand", "finger-spin"):
+        kind, arguments = SUITE[name]
+        batch = StepperVectorEnv(kind, 9, **arguments)
+        observations = batch.reset(seed=5)[0]
+        for k in (0, 3, 8):
+            np.testing.assert_array_equal(StepperEnv(kind, **arguments).reset(seed=5 + k)[0], observations[k])
+        mask = np.zeros(9, dtype=bool)
+        mask[[2, 7]] = True
+        again = batch.reset(options={"reset_mask": mask})[0]
+        np.testing.assert_array_equal(again[~mask], observations[~mask])
+        assert (again[mask] != observations[mask]).any(axis=1).all()
+
+
+def test_wrong_arguments_are_named():
+    with pytest.raises(ValueError, match="poles is 0, must be at least 1"):
+        gymnasium.make(named("cartpole-balance"), poles=0)

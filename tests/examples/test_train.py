@@ -1,0 +1,96 @@
+"""examples/train.py: a run goes on to the same curve, and its policy acts the same without torch (`make training`)."""
+
+import csv
+import warnings
+
+import numpy as np
+import pytest
+from envs.cases import needs_gymnasiums
+from stepper.policies import load
+
+torch = pytest.importorskip("torch", reason="torch is not installed: make training")
+train = pytest.importorskip("train")
+
+SMALL = {"num_envs": 32, "horizon": 16, "minibatch": 256, "threads": 1, "hidden": 16}
+PER_ITERATION = 32 * 16
+
+
+class StoppedError(Exception):
+    pass
+
+
+def rows_of(folder):
+    with (folder / "curve.csv").open() as file:
+        return [{name: value for name, value in row.items() if name not in ("seconds", "processor")} for row in csv.DictReader(file)]
+
+
+@pytest.mark.parametrize("env", ["stepper/InvertedPendulum-v5", "stepper/Reacher-v5"])
+def test_a_run_that_was_stopped_goes_on_to_the_same_curve(env, tmp_path, monkeypatch):
+    """Episodes that fall, and episodes whose time runs out, begin and end on both sides of the checkpoint."""
+    settings = train.Settings(env=env, steps=12 * PER_ITERATION, **SMALL)
+    whole = train.train(settings, tmp_path / "whole", quiet=True)
+    append = train._append
+
+    def stop(curve, row):
+        append(curve, row)
+        if row["iteration"] == 8:
+            raise StoppedError
+
+    monkeypatch.setattr(train, "_append", stop)
+    half = train.train(train.Settings(env=env, steps=5 * PER_ITERATION, **SMALL), tmp_path / "parts", quiet=True)
+    assert half.iteration == 5
+    with pytest.raises(StoppedError):
+        train.train(settings, tmp_path / "parts", quiet=True)
+    assert len(rows_of(tmp_path / "parts")) == 8  # Three rows after the checkpoint, which are made again.
+    monkeypatch.setattr(train, "_append", append)
+    parts = train.train(settings, tmp_path / "parts", quiet=True)
+    assert rows_of(tmp_path / "parts") == rows_of(tmp_path / "whole")
+    assert len(rows_of(tmp_path / "whole")) == 12
+    assert 0 < half.episodes < parts.episodes
+    observation = np.random.default_rng(0).normal(size=(7, len(whole.observed.mean)))
+    np.testing.assert_array_equal(parts.policy()(observation), whole.policy()(observation))
+
+
+def test_another_run_in_the_folder_is_an_error(tmp_path):
+    settings = {"env": "stepper/Reacher-v5", "steps": PER_ITERATION, **SMALL}
+    train.train(train.Settings(**settings), tmp_path, quiet=True)
+    with pytest.raises(ValueError, match=r"gamma is 0.99 there, 0.9 here; seed is|seed is 1 there, 2 here; gamma is 0.99 there, 0.9 here"):
+        train.train(train.Settings(**settings, gamma=0.9, seed=2), tmp_path, quiet=True)
+
+
+def test_the_policy_is_the_actor(tmp_path):
+    run = train.train(train.Settings(env="stepper/HalfCheetah-v5", steps=PER_ITERATION, **SMALL), tmp_path, quiet=True)
+    loaded = load(tmp_path / "policy.npz", env=run.envs)
+    observation = np.random.default_rng(0).normal(size=(50, 17)) * 3.0
+    with torch.no_grad():
+        expected = run.net.actor(run.normal(observation)).numpy()
+    # Both in 32 bits, in other orders: some units in the last place of sums of 17 and 16 numbers.
+    np.testing.assert_allclose(loaded(observation), np.clip(expected, -1.0, 1.0), atol=1e-6)
+
+
+def test_moments_are_those_of_all_rows():
+    rows = np.random.default_rng(0).normal(3.0, 2.0, (1000, 4))
+    moments = train.Moments(4)
+    for part in np.array_split(rows, 7):
+        moments.update(part)
+    # It begins with 1e-4 of a row of mean 0 and variance 1.
+    np.testing.assert_allclose(moments.mean, rows.mean(axis=0), rtol=1e-6)
+    np.testing.assert_allclose(moments.var, rows.var(axis=0), rtol=1e-6)
+
+
+@needs_gymnasiums
+def test_it_trains_in_gymnasiums_own_environment_too(tmp_path):
+    settings = train.Settings(env="InvertedPendulum-v5", steps=8 * PER_ITERATION, **SMALL)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        run = train.train(settings, tmp_path, quiet=True)
+    assert run.episodes > 0
+    assert run.policy().environment["engine"] == "MuJoCo"
+
+
+def test_it_learns(tmp_path):
+    """To balance a pole, from 6 to 60 of 1000 within a few seconds."""
+    settings = train.Settings(env="stepper/InvertedPendulum-v5", steps=150 * PER_ITERATION, **SMALL)
+    train.train(settings, tmp_path, quiet=True)
+    rows = rows_of(tmp_path)
+    assert float(rows[-1]["return"]) > 10.0 * float(rows[1]["return"])

@@ -1,0 +1,106 @@
+"""Returns, confidence intervals and equivalence of a policy."""
+
+import gymnasium
+import numpy as np
+import pytest
+import stepper.envs  # noqa: F401
+from envs.cases import needs_gymnasiums
+from scipy import stats
+from stepper.policies import Comparison, Evaluation, compare, evaluate
+
+
+def still(observation):
+    return np.zeros((len(observation), 1))
+
+
+def push(observation):
+    return np.clip(observation @ np.array([[0.3], [4.0], [0.5], [0.8]]), -3.0, 3.0)
+
+
+def test_returns_are_those_of_single_episodes():
+    """Of an environment whose episodes end at different times."""
+    found = evaluate(still, "stepper/InvertedPendulum-v5", episodes=6, seed=3)
+    for k in range(6):
+        env = gymnasium.make("stepper/InvertedPendulum-v5")
+        env.reset(seed=3 + k)
+        total, length, over = 0.0, 0, False
+        while not over:
+            _, reward, terminated, truncated, _ = env.step(np.zeros(1))
+            total, length, over = total + reward, length + 1, terminated or truncated
+        assert (found.returns[k], found.lengths[k]) == (total, length)
+    assert len(set(found.lengths)) > 1
+
+
+@needs_gymnasiums
+def test_gymnasiums_own_environment_from_the_same_starts():
+    """Under MuJoCo's law, and its solver: it balances in both for as long, to the bound of an episode."""
+    both = compare(push, "stepper/InvertedPendulum-v5", "InvertedPendulum-v5", episodes=3)
+    assert (both.one.returns == 1000).all()
+    assert (both.other.returns == 1000).all()
+    falls = compare(still, "stepper/InvertedPendulum-v5", "InvertedPendulum-v5", episodes=8, seed=1)
+    # The same starts fall after as many actions; other starts do not.
+    np.testing.assert_array_equal(falls.one.lengths, falls.other.lengths)
+    others = evaluate(still, "InvertedPendulum-v5", episodes=8, seed=1)
+    assert (others.lengths != falls.one.lengths).any()
+
+
+def evaluated(returns):
+    return Evaluation(env="some", returns=np.asarray(returns, dtype=float), lengths=np.ones(len(returns), dtype=int))
+
+
+def test_intervals_are_students():
+    values = np.random.default_rng(0).normal(100.0, 5.0, 12)
+    low, high = evaluated(values).interval(0.95)
+    expected = stats.ttest_1samp(values, 0.0).confidence_interval(0.95)
+    np.testing.assert_allclose([low, high], [expected.low, expected.high], rtol=1e-12)
+    assert f"95 % confidence {low:.1f} to {high:.1f}" in str(evaluated(values))
+
+
+def test_equivalence_is_two_one_sided_tests():
+    rng = np.random.default_rng(1)
+    verdicts = set()
+    for shift in (0.0, 1.0, 1.9, 2.1, 5.0, -5.0):
+        one = evaluated(100.0 + rng.normal(0.0, 20.0, 40))
+        other = evaluated(one.returns + rng.normal(0.0, 2.0, 40) + shift)
+        both = Comparison(one=one, other=other)
+        paired = other.returns - one.returns
+        above = stats.ttest_1samp(paired, -both.bound, alternative="greater").pvalue
+        below = stats.ttest_1samp(paired, both.bound, alternative="less").pvalue
+        assert (both.verdict == "equivalent") == (max(above, below) < 0.05)
+        verdicts.add(both.verdict)
+    assert verdicts == {"equivalent", "open", "different"}
+
+
+def test_environments_at_the_margin_are_called_equivalent_in_one_case_of_twenty():
+    rng = np.random.default_rng(2)
+    count = 0
+    for _ in range(2000):
+        one = evaluated(np.full(30, 100.0))
+        count += Comparison(one=one, other=evaluated(102.0 + rng.normal(0.0, 1.0, 30))).verdict == "equivalent"
+    # Binomial with 2,000 draws of 0.05: 100 with a deviation of 10.
+    assert 60 < count < 140
+
+
+def test_episodes_that_fail_are_said():
+    def nan(observation):
+        return np.full((len(observation), 1), np.nan)
+
+    found = evaluate(nan, "stepper/InvertedPendulum-v5", episodes=2)
+    assert found.non_finite == 2
+    assert "2 ended as their state would not have been finite" in str(found)
+
+
+@pytest.mark.parametrize(("arguments", "message"), [
+    (("stepper/InvertedPendulum-v5", {"episodes": 1}), "episodes is 1"),
+    (("stepper/InvertedPendulum-v6", {}), "v6"),
+    (("stepper/Nothing-v0", {}), "Nothing"),
+])  # fmt: skip
+def test_what_cannot_be_evaluated_is_an_error(arguments, message):
+    env, settings = arguments
+    with pytest.raises(ValueError, match=message):
+        evaluate(still, env, **settings)
+
+
+def test_starts_are_of_a_stepper():
+    with pytest.raises(ValueError, match="must be one of stepper's"):
+        compare(still, "InvertedPendulum-v5", "stepper/InvertedPendulum-v5")

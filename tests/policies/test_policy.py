@@ -1,0 +1,169 @@
+"""A policy acts as it was made to, is the same after it was saved, and names what differs where it is loaded."""
+
+import json
+import warnings
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+import stepper
+import stepper.envs
+from envs.cases import needs_gymnasiums
+from stepper.policies import ACTIVATIONS, Policy, PolicyError, PolicyWarning, describe, differences, load
+
+
+def made(env, activation="tanh", seed=0):
+    """A policy of random numbers for an environment."""
+    rng = np.random.default_rng(seed)
+    base = env.unwrapped
+    observations = getattr(base, "single_observation_space", base.observation_space).shape[0]
+    space = getattr(base, "single_action_space", base.action_space)
+    sizes = [observations, 16, 8, space.shape[0]]
+    layers = tuple((rng.normal(size=pair).astype(np.float32), rng.normal(size=pair[1]).astype(np.float32)) for pair in pairwise(sizes))
+    return Policy(
+        mean=rng.normal(size=observations), std=rng.uniform(0.5, 2.0, observations), clip=5.0, layers=layers, activation=activation,
+        low=space.low.astype(float), high=space.high.astype(float), environment=describe(env), training={"seed": seed},
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def envs():
+    return gymnasium.make_vec("stepper/Reacher-v5", num_envs=3)
+
+
+@pytest.mark.parametrize("activation", ACTIVATIONS)
+def test_an_action_is_what_the_layers_say(envs, activation):
+    policy = made(envs, activation)
+    policy = replace(policy, low=np.array([-2.0, 0.0]), high=np.array([2.0, 4.0]))
+    observation = np.random.default_rng(1).normal(size=10) * 3.0
+    x = [max(-5.0, min(5.0, (o - m) / s)) for o, m, s in zip(observation, policy.mean, policy.std, strict=True)]
+    for k, (weight, bias) in enumerate(policy.layers):
+        x = [sum(x[i] * float(weight[i, j]) for i in range(len(x))) + float(bias[j]) for j in range(len(bias))]
+        if k < 2:
+            x = [{"tanh": np.tanh(v), "elu": v if v > 0 else np.exp(v) - 1, "relu": max(v, 0.0)}[activation] for v in x]
+    expected = [2.0 * max(-1.0, min(1.0, x[0])), 2.0 + 2.0 * max(-1.0, min(1.0, x[1]))]
+    # Layers are computed in 32 bits: 1e-7 of sums of some tens of numbers of order 1.
+    np.testing.assert_allclose(policy(observation), expected, atol=1e-4)
+    np.testing.assert_allclose(policy(np.tile(observation, (4, 1))), [expected] * 4, atol=1e-4)
+    assert policy(observation).dtype == np.float32
+
+
+def test_it_is_the_same_after_it_was_saved(envs, tmp_path):
+    policy = made(envs)
+    policy.save(tmp_path / "policy.npz")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        again = load(tmp_path / "policy.npz", env=envs)
+    observation = np.random.default_rng(2).normal(size=(5, 10))
+    np.testing.assert_array_equal(again(observation), policy(observation))
+    assert (again.environment, again.training) == (policy.environment, policy.training)
+    assert not list(tmp_path.glob("*.part"))
+
+
+@pytest.mark.parametrize(("settings", "named"), [
+    ({"contact": "hard"}, {"options.contact", "options.integrator", "options.iterations"}),
+    ({"precision": "f32"}, {"precision", "options.tolerance"}),
+    ({"options": stepper.Options(contact="mujoco", integrator="rk4", iterations=100, timestep=0.005)}, {"options.timestep"}),
+    ({"frame_skip": 4}, {"task.frame_skip", "frame_skip"}),
+    ({"reward_control_weight": 0.1}, {"task.reward_control_weight"}),
+])  # fmt: skip
+def test_each_difference_is_named(envs, settings, named):
+    other = gymnasium.make_vec("stepper/Reacher-v5", num_envs=2, **settings)
+    lines = made(envs).differences(other)
+    assert {line.partition(":")[0] for line in lines} == named
+    with pytest.warns(PolicyWarning) as caught:
+        made(envs).check(other)
+    assert all(line in str(caught[0].message) for line in lines)
+
+
+def test_theta_and_another_model_are_named(envs, tmp_path):
+    other = gymnasium.make_vec("stepper/Reacher-v5", num_envs=2)
+    damping = np.tile(other.unwrapped.sim.model.dof_damping, (2, 1))
+    damping[1] *= 2.0
+    other.unwrapped.sim.randomize(dof_damping=damping)
+    assert [line.partition(":")[0] for line in made(envs).differences(other)] == ["theta.dof_damping.largest", "theta.dof_damping.least"]
+    assert made(other).environment["theta"]["dof_damping"]["largest"] == damping.max(axis=0).tolist()
+    own = stepper.envs.assets.model_file("reacher.xml")
+    text = Path(own).read_text()
+    assert 'damping="1"' in text
+    (tmp_path / "reacher.xml").write_text(text.replace('damping="1"', 'damping="2"', 1))
+    heavier = gymnasium.make_vec("stepper/Reacher-v5", num_envs=2, xml_file=str(tmp_path / "reacher.xml"))
+    assert "model.sha256" in {line.partition(":")[0] for line in made(envs).differences(heavier)}
+
+
+def test_a_single_environment_is_the_same_as_a_vector(envs):
+    assert made(envs).differences(gymnasium.make("stepper/Reacher-v5")) == []
+
+
+def test_versions_and_what_only_one_says_are_named(envs):
+    policy = made(envs)
+    past = json.loads(json.dumps(policy.environment))
+    past["versions"]["stepper"] = "0.0.1"
+    past["sensors"] = {"tip": 1}
+    lines = differences(past, describe(envs))
+    assert [line.partition(":")[0] for line in lines] == ["sensors.tip", "versions.stepper"]
+    assert lines[1] == f"versions.stepper: '0.0.1' there, {stepper.__version__!r} here"
+
+
+@needs_gymnasiums
+def test_gymnasiums_own_environment_is_told_by_its_engine(envs):
+    theirs = gymnasium.make("Reacher-v5")
+    named = {line.partition(":")[0] for line in made(envs).differences(theirs)}
+    assert named == {"engine", "options.tolerance"}
+    vector = gymnasium.make_vec("Reacher-v5", num_envs=2, vectorization_mode="sync")
+    assert describe(vector) == describe(theirs)
+
+
+def test_other_sizes_are_an_error(envs):
+    with pytest.raises(PolicyError, match=r"observations \(17,\) and actions \(6,\), the policy \(10,\) and \(2,\).*Reacher"):
+        made(envs).check(gymnasium.make("stepper/HalfCheetah-v5"))
+    with pytest.raises(PolicyError, match=r"shape \(9,\), must be \(10,\)"):
+        made(envs)(np.zeros(9))
+
+
+@pytest.mark.parametrize(("change", "message"), [
+    ({"activation": "sine"}, "activation is 'sine'"),
+    ({"std": np.zeros(10)}, "std has shape"),
+    ({"low": np.zeros(3)}, "bounds of actions"),
+    ({"mean": np.full(10, np.nan)}, "not finite"),
+    ({"layers": [(np.zeros((10, 3)), np.zeros(3)), (np.zeros((4, 2)), np.zeros(2))]}, r"layer 1 has weights \(4, 2\)"),
+])  # fmt: skip
+def test_a_policy_that_could_not_act_is_not_made(envs, change, message):
+    with pytest.raises(PolicyError, match=message):
+        replace(made(envs), **change)
+
+
+def test_files_that_hold_none_are_refused_by_name(envs, tmp_path):
+    (tmp_path / "text.npz").write_text("no archive")
+    np.savez(tmp_path / "other.npz", a=np.zeros(3))
+    np.savez(tmp_path / "future.npz", said=np.array(json.dumps({"format": 99})))
+    for name in ("text", "other", "future"):
+        with pytest.raises(PolicyError, match=f"{name}.npz"):
+            load(tmp_path / f"{name}.npz")
+    with pytest.raises(FileNotFoundError):
+        load(tmp_path / "nothing.npz")
+    with pytest.raises(ValueError, match=r"must be \.npz"):
+        made(envs).save(tmp_path / "policy.pt")
+    made(envs).save(tmp_path / "cut.npz")
+    (tmp_path / "cut.npz").write_bytes((tmp_path / "cut.npz").read_bytes()[:-100])
+    with pytest.raises(PolicyError, match=r"cut\.npz"):
+        load(tmp_path / "cut.npz")
+
+
+@needs_gymnasiums
+def test_the_command_names_differences_and_compares(envs, tmp_path, capsys):
+    from stepper.cli.evaluate import evaluate
+
+    made(envs).save(tmp_path / "policy.npz")
+    settings = {"contact": "hard"}
+    evaluate(tmp_path / "policy.npz", "stepper/Reacher-v5", "Reacher-v5", episodes=3, seed=0, margin=0.02, settings=settings)
+    out, err = capsys.readouterr()
+    assert "stepper/Reacher-v5: options.contact: 'mujoco' there, 'hard' here" in err
+    assert "Reacher-v5: engine: 'stepper' there, 'MuJoCo' here" in err
+    first, second, verdict = out.splitlines()
+    assert first.startswith("stepper/Reacher-v5: -")
+    assert second.startswith("Reacher-v5: -")
+    assert verdict.startswith("Reacher-v5 less stepper/Reacher-v5:")

@@ -1,0 +1,49 @@
+"""What docs/training.md shows runs, and the policies that are kept act as it says."""
+
+import re
+import warnings
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+from envs.cases import needs_gymnasiums
+from stepper.policies import PolicyWarning, evaluate, load
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs/training.md").read_text()
+KEPT = sorted((ROOT / "examples/policies").glob("*.npz"))
+
+
+def test_its_snippets_run(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    names = {}
+    with warnings.catch_warnings():
+        # It was trained in 32 bits, and with other versions.
+        warnings.simplefilter("ignore", PolicyWarning)
+        for snippet in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL):
+            exec(compile(snippet, "docs/training.md", "exec"), names)
+    assert np.isfinite(names["observation"]).all()
+
+
+def test_policies_are_small():
+    assert KEPT
+    assert max(file.stat().st_size for file in KEPT) < 200_000
+
+
+def test_the_cheetah_runs():
+    """As the page says of its law: 3,000 and more, in some fresh episodes."""
+    policy = load(ROOT / "examples/policies/half_cheetah.npz")
+    assert evaluate(policy, "stepper/HalfCheetah-v5", episodes=4, seed=7, precision="f32").mean > 3000.0
+
+
+@needs_gymnasiums
+@pytest.mark.parametrize("file", KEPT, ids=lambda path: path.stem)
+def test_a_policy_fits_the_environment_that_it_names(file):
+    policy = load(file)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", PolicyWarning)
+        env = gymnasium.make(policy.training["env"])
+        policy.check(env)
+    action = policy(env.reset(seed=0)[0])
+    assert env.action_space.contains(action)

@@ -80,6 +80,8 @@ class View:
     ):
         self.sim, self.envs = sim, shown_envs(sim, envs, SHOWN)
         self._reset = sim.reset if reset is None else reset
+        # A stepper cannot be read while it steps, and the browser answers at any time.
+        self._body_of = [sim.model.geom(g).bodyid for g in range(sim.model.ngeom)]
         self.window = Window(scene_for(sim.model, source), sim.model, len(self.envs), host=host, port=port, spacing=spacing)
         self._lock = threading.Lock()
         self._asked_reset, self._steps, self._wake = False, 0, threading.Event()
@@ -232,7 +234,7 @@ class View:
     def _dragged(self, phase: str, k: int, geom: int, place: Array) -> None:
         with self._lock:
             if phase == "start":
-                self._grabbed = (int(self.envs[k]), self.sim.model.geom(geom).bodyid, place)
+                self._grabbed = (int(self.envs[k]), self._body_of[geom], place)
             self._target = None if phase == "end" else place
 
     def _pull(self) -> None:

@@ -70,6 +70,16 @@ class Window:
         return f"http://{'localhost' if host in ('0.0.0.0', '127.0.0.1') else host}:{self.server.get_port()}"
 
     @property
+    def frame(self) -> Frame | None:
+        """The moment that is shown; None before the first."""
+        return self._frame
+
+    @property
+    def pull(self) -> Array | None:
+        """From where to where something is pulled, (2, 3) m; None where nothing is."""
+        return self._pull
+
+    @property
     def offsets(self) -> Array:
         """Where the environments are shown, (n, 3) m: in rows of a square."""
         columns = int(np.ceil(np.sqrt(self.count)))

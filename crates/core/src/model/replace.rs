@@ -224,6 +224,7 @@ impl Field {
             "dof" => "nv",
             "tendon" => "ntendon",
             "eq" => "neq",
+            "pair" => "npair",
             "actuator" => "nu",
             "qpos0" | "qpos" => "nq",
             _ => "3",

@@ -1,0 +1,51 @@
+"""Logs for Rerun have what happened."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import stepper
+from stepper.viewer import RerunLog, log_rerun
+
+SCENE = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 .1"/>
+  <body name="box" pos="0 0 .12"><freejoint/>
+  <geom name="cube" type="box" size=".1 .1 .1" mass="2" rgba="1 0 0 1"/></body></worldbody></mujoco>"""
+
+
+def printed(file):
+    """What Rerun's own command says is in a file."""
+    command = [str(Path(sys.executable).with_name("rerun")), "rrd", "print", "-vvv", str(file)]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+
+@pytest.mark.parametrize("of", ["a simulation", "a recording"])
+def test_a_log_has_places_contacts_and_scalars(tmp_path, of):
+    sim = stepper.Stepper(stepper.load(SCENE), 2)
+    file = tmp_path / "run.rrd"
+    if of == "a simulation":
+        with RerunLog(sim, file, envs=[1]) as log:
+            for _ in range(20):
+                sim.step()
+                log.log()
+    else:
+        with sim.record(tmp_path / "run"):
+            for _ in range(20):
+                sim.step()
+        assert log_rerun(tmp_path / "run", file, envs=[1]) == 20
+    text = printed(file)
+    for entity in ("/env_1/box", "/env_1/box/cube", "/env_1/world/floor", "/env_1/contacts", "/scalars/env_1/residual"):
+        assert entity in text, entity
+    assert "/env_0/box" not in text
+    assert "simulated" in text
+    # The last place of the box, in single precision, and its energy.
+    height = np.float32(sim.xpos[1, 1, 2])
+    assert str(height)[:6] in text
+    assert f"{sim.energy(1)[0]:.6f}"[:6] in text
+
+
+def test_a_folder_that_is_not_there_is_named(tmp_path):
+    sim = stepper.Stepper(stepper.load(SCENE))
+    with pytest.raises(FileNotFoundError, match=r"there is no folder .*none"):
+        RerunLog(sim, tmp_path / "none" / "a.rrd")

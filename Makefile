@@ -58,7 +58,7 @@ atlas: build $(VENV)/atlas.stamp
 corpus: build
 	PYTHONPATH=benches $(BIN)/python -m corpus $(CORPUS)
 
-# Environments in the libraries of others, beside those libraries: docs/adapters.md. They are in an environment of their own, because they take six
+# Environments in the libraries of others, beside those libraries: docs/adapters.md. They are in an environment of their own, because they take eight
 # gigabytes and ask for other versions than the tests do. ADAPTERS=tests/adapters/test_sb3.py is some of it.
 adapters: build $(LIBRARIES)/adapters.stamp
 	PYTHONPATH=python $(LIBRARIES)/bin/python -m pytest $(or $(ADAPTERS),$(wildcard tests/adapters/test_*.py))

@@ -64,7 +64,7 @@ studies: build
 	hopper=$$($(BIN)/python -c 'import gymnasium, pathlib; print(pathlib.Path(gymnasium.__file__).parent / "envs/mujoco/assets/hopper.xml")') \
 	  && $(BIN)/stepper chart $$hopper --quick && $(BIN)/stepper tune $$hopper --error "3 mm" --horizon "0.2 s"
 
-# Environments in the libraries of others, beside those libraries: docs/adapters.md. They are in an environment of their own, because they take six
+# Environments in the libraries of others, beside those libraries: docs/adapters.md. They are in an environment of their own, because they take eight
 # gigabytes and ask for other versions than the tests do. ADAPTERS=tests/adapters/test_sb3.py is some of it.
 adapters: build $(LIBRARIES)/adapters.stamp
 	PYTHONPATH=python $(LIBRARIES)/bin/python -m pytest $(or $(ADAPTERS),$(wildcard tests/adapters/test_*.py))

@@ -62,7 +62,7 @@ def test_it_says_what_one_vector_environment_says(num_actors, mode, seed):
     ours = RayVectorEnv("stepper/Hopper-v5", NUM_ENVS, num_actors=num_actors, block_size=BLOCK, **settings)
     envs = StepperVectorEnv("Hopper", NUM_ENVS, **settings)
     same(ours.reset(seed=0), envs.reset(seed=0))
-    same(ours.reset(seed=seed), envs.reset(seed=seed))
+    same(ours.reset(seed=seed), envs.reset(seed=seed))  # None goes on with the random numbers as they are.
     draws = np.random.default_rng(1)
     for _ in range(22):
         action = draws.uniform(-1, 1, (NUM_ENVS, 3))
@@ -78,8 +78,8 @@ def test_blocks_of_a_lost_actor_are_made_again_to_the_same_bits(save_every):
     settings = {"max_episode_steps": LIMIT, "autoreset_mode": "SameStep"}
     ours = RayVectorEnv("stepper/Hopper-v5", NUM_ENVS, num_actors=2, block_size=BLOCK, save_every=save_every, **settings)
     envs = StepperVectorEnv("Hopper", NUM_ENVS, **settings)
-    seed = ours._seed  # Without a seed it draws one.
-    same(ours.reset(), envs.reset(seed=seed))
+    drawn = ours._seed  # Environments without a seed get one of those that follow on it.
+    same(ours.reset(seed=[4, *[None] * (NUM_ENVS - 1)]), envs.reset(seed=[4, *range(drawn + 1, drawn + NUM_ENVS)]))
     draws, first = np.random.default_rng(1), pids(ours)
     for t in range(20):
         action = draws.uniform(-1, 1, (NUM_ENVS, 3))

@@ -23,7 +23,7 @@ from gymnasium.error import ResetNeeded  # noqa: E402
 from gymnasium.vector import AutoresetMode, VectorEnv  # noqa: E402
 from gymnasium.vector.utils import batch_space  # noqa: E402
 from ray import cloudpickle  # noqa: E402
-from ray.exceptions import RayActorError  # noqa: E402
+from ray.exceptions import ObjectLostError, RayActorError  # noqa: E402
 
 from stepper.envs.vector import StepperVectorEnv  # noqa: E402
 
@@ -34,6 +34,8 @@ Call: TypeAlias = tuple[str, tuple[Any, ...]]
 Results: TypeAlias = list[Any]
 """What a call returned, for each block."""
 
+_LOST = (RayActorError, ObjectLostError)
+"""What is raised where an actor is lost, or what it returned with its machine."""
 _ATTEMPTS = 5
 """Workers that may be lost one after the other in the same call."""
 
@@ -74,9 +76,8 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
                 raise ValueError(f"{name} is {value}, must be at least 1")
         blocks = math.ceil(num_envs / block_size)
         if num_actors is not None and not 1 <= num_actors <= blocks:
-            raise ValueError(
-                f"num_actors is {num_actors}, must be from 1 to {blocks}: {num_envs} environments are as many blocks of {block_size}"
-            )
+            blocks_of = f"the number of blocks of {block_size} that {num_envs} environments make: lower block_size for more"
+            raise ValueError(f"num_actors is {num_actors}, must be from 1 to {blocks}, {blocks_of}")
         if not ray.is_initialized():
             ray.init(include_dashboard=False)
         settings = {"autoreset_mode": AutoresetMode.SAME_STEP, **settings}
@@ -107,7 +108,9 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         Raises:
             ValueError: As many seeds as there are not environments, another reset_mask than one of (num_envs,), other options.
         """
-        seeds = _seeds(self._seed if seed is None and not self._begun else seed, self.num_envs)
+        seeds = _seeds(seed, self.num_envs)
+        if not self._begun:  # What has none gets one here, so that a block that is lost begins as it did.
+            seeds = [self._seed + k if value is None else value for k, value in enumerate(seeds)]
         if unknown := set(options or {}) - {"reset_mask"}:
             raise ValueError(f"unknown options {sorted(unknown)}, there is: 'reset_mask'")
         mask = np.ones(self.num_envs, dtype=bool) if options is None else options.get("reset_mask", np.ones(self.num_envs, dtype=bool))
@@ -206,7 +209,7 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
                 try:
                     said = ray.get(pending[k])
                     break
-                except RayActorError:
+                except _LOST:
                     if attempt + 1 == _ATTEMPTS:
                         raise
                     pending[k] = self._make_again(k, calls)
@@ -232,7 +235,7 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         for k, share in enumerate(self._shares):
             try:
                 states = ray.get(pending[k])
-            except RayActorError:
+            except _LOST:
                 continue  # Its calls are kept, and the next call makes it again.
             for block in share:
                 self._saved[block], self._calls[block] = states[block], []

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from stepper.policies import Comparison, compare, evaluate, load
+from stepper.policies import Comparison, Policy, compare, evaluate, load
 from stepper.shared.machine import require
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -103,7 +103,7 @@ def table_of_runs(runs: Path, episodes: int) -> str:
     for file in sorted(runs.glob("*/seed*/policy.npz")):
         policy = load(file)
         t = policy.training
-        own = {"contact": t["contact"], "precision": t["precision"]} if t["env"].startswith("stepper/") else {}
+        own = {"contact": _law(policy), "precision": t["precision"]} if t["env"].startswith("stepper/") else {}
         found = evaluate(policy, t["env"], episodes=episodes, seed=2**32, **own)
         low, high = found.interval()
         engine, task = _named(file.parent.parent.name)
@@ -116,43 +116,49 @@ def table_of_runs(runs: Path, episodes: int) -> str:
     return "\n".join(out)
 
 
+def _law(policy: Policy) -> str:
+    """The law of contact that a policy was trained in."""
+    return str(policy.environment["options"]["contact"])
+
+
 TRANSFERS: dict[str, tuple[str, dict[str, Any]]] = {
     "stepper, MuJoCo's law": ("stepper/{}", {"contact": "mujoco"}),
     "stepper, hard contact": ("stepper/{}", {"contact": "hard"}),
     "MuJoCo": ("{}", {}),
 }
-"""Environments that policies are tried in: name of the column, name of the environment, arguments."""
+"""Environments that policies are tried in: what they are called, name of the environment, arguments."""
 
 
 def table_of_transfers(episodes: int) -> str:
-    """Every policy of examples/policies/ where it was trained and elsewhere, from the same starts."""
-    out = ["| trained in | evaluated in | mean return | paired difference from stepper, MuJoCo's law | 90 % confidence | within 2 % |"]
-    out += ["|---|---|---|---|---|---|"]
+    """Every policy of examples/policies/ where it was trained and elsewhere, from the same starts. All in 64 bits."""
+    out = [
+        "| task | trained in | evaluated in | mean return | paired difference | 90 % confidence | within 2 % |",
+        "|---|---|---|---|---|---|---|",
+    ]
     for file in sorted(POLICIES.glob("*.npz")):
         policy = load(file)
-        t = policy.training
-        task = t["env"].removeprefix("stepper/")
-        if f"{task}" not in _GYMNASIUMS:
+        task = str(policy.training["env"]).removeprefix("stepper/")
+        if task not in _GYMNASIUMS:
             continue
-        trained = f"{task}, " + ("MuJoCo" if task == t["env"] else {"mujoco": "MuJoCo's law", "hard": "hard contact"}[t["contact"]])
-        first_name, first_settings = TRANSFERS["stepper, MuJoCo's law"]
-        shown = False
-        for column, (name, settings) in list(TRANSFERS.items())[1:]:
-            envs = first_name.format(task), name.format(task)
-            both: Comparison = compare(policy, *envs, episodes=episodes, seed=2**33, settings=(first_settings, settings))
-            if not shown:
-                out.append(f"| {trained} | stepper, MuJoCo's law | {both.one.mean:.0f} | | | |")
+        engine = "MuJoCo" if task == policy.training["env"] else f"stepper, {_LAWS[_law(policy)]}"
+        home = TRANSFERS[engine]
+        for column, (name, settings) in TRANSFERS.items():
+            if column == engine:
+                continue
+            envs = home[0].format(task), name.format(task)
+            both: Comparison = compare(policy, *envs, episodes=episodes, seed=2**33, settings=(home[1], settings))
+            (low, high), share = both.interval, 100.0 / abs(both.one.mean)
+            if f"| {task} | {engine} | {engine} |" not in "".join(out):
+                out.append(f"| {task} | {engine} | {engine} | {both.one.mean:.0f} | | | |")
                 print(out[-1], flush=True)
-                shown = True
-            low, high = both.interval
-            share = 100.0 / abs(both.one.mean)
-            cells = [trained, column, f"{both.other.mean:.0f}", f"{both.difference:+.0f} ({share * both.difference:+.1f} %)"]
+            cells = [task, engine, column, f"{both.other.mean:.0f}", f"{both.difference:+.0f} ({share * both.difference:+.1f} %)"]
             cells += [f"{share * low:+.1f} % to {share * high:+.1f} %", both.verdict]
             out.append("| " + " | ".join(cells) + " |")
             print(out[-1], flush=True)
     return "\n".join(out)
 
 
+_LAWS = {"mujoco": "MuJoCo's law", "hard": "hard contact"}
 _GYMNASIUMS = {"HalfCheetah-v5", "Hopper-v5", "Walker2d-v5", "Ant-v5", "InvertedDoublePendulum-v5"}
 """Tasks that Gymnasium has too."""
 
@@ -173,14 +179,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=("curves", "evaluate", "transfer"))
     parser.add_argument("--runs", type=Path, default=RUNS, help="folder of the runs")
-    parser.add_argument("--episodes", type=int, help="20 of each run, 100 of each transfer")
+    parser.add_argument("--episodes", type=int, help="20 of each run, 200 of each transfer")
     given = parser.parse_args()
     if given.what == "curves":
         draw(collect(given.runs), DOCS / "learning_curves.png")
     elif given.what == "evaluate":
         write_table("evaluate", table_of_runs(given.runs, given.episodes or 20))
     else:
-        write_table("transfer", table_of_transfers(given.episodes or 100))
+        write_table("transfer", table_of_transfers(given.episodes or 200))
 
 
 if __name__ == "__main__":

@@ -48,7 +48,7 @@ class Settings:
         env: Name of an environment that Gymnasium knows.
         seed: Of everything that is random.
         steps: Environment steps.
-        contact: Law of contact of stepper's environments: "mujoco" or "hard".
+        contact: Law of contact of stepper's environments, "mujoco" or "hard"; empty is the task's own.
         precision: Scalar type of their steps.
         num_envs: Environments that step together.
         horizon: Steps of each between two updates.
@@ -70,7 +70,7 @@ class Settings:
     env: str = "stepper/HalfCheetah-v5"
     seed: int = 1
     steps: int = 10_000_000
-    contact: str = "mujoco"
+    contact: str = ""
     precision: str = "f32"
     num_envs: int = 1024
     horizon: int = 32
@@ -90,11 +90,8 @@ class Settings:
 
     def environment(self) -> dict[str, Any]:
         """Arguments of the environment: Gymnasium's own have none of these."""
-        return {"contact": self.contact, "precision": self.precision} if self.env.startswith("stepper/") else {}
-
-
-TUNED: dict[str, dict[str, Any]] = {}
-"""Settings of tasks where they are not those above."""
+        given = {"contact": self.contact, "precision": self.precision} if self.env.startswith("stepper/") else {}
+        return {name: value for name, value in given.items() if value}
 
 
 FRESH = 2**32
@@ -413,8 +410,8 @@ def main() -> None:
             parser.add_argument(flag, type=type(field.default), help=text)
     given = vars(parser.parse_args())
     env, out, episodes, video = (given.pop(name) for name in ("env", "out", "evaluate", "film"))
-    settings = Settings(env=env, **TUNED.get(env, {}) | {name: value for name, value in given.items() if value is not None})
-    law = "_hard" if settings.environment().get("contact") == "hard" else ""
+    settings = Settings(env=env, **{name: value for name, value in given.items() if value is not None})
+    law = f"_{settings.contact}" if settings.contact else ""
     folder = out or Path("out/train", env.replace("/", "_") + law, f"seed{settings.seed}")
     run = train(settings, folder)
     policy = run.policy()

@@ -34,7 +34,7 @@ def test_returns_are_those_of_single_episodes():
 @needs_gymnasiums
 def test_gymnasiums_own_environment_from_the_same_starts():
     """Under MuJoCo's law, and its solver: it balances in both for as long, to the bound of an episode."""
-    both = compare(push, "stepper/InvertedPendulum-v5", "InvertedPendulum-v5", episodes=3)
+    both = compare(push, "InvertedPendulum-v5", "stepper/InvertedPendulum-v5", episodes=3)
     assert (both.one.returns == 1000).all()
     assert (both.other.returns == 1000).all()
     falls = compare(still, "stepper/InvertedPendulum-v5", "InvertedPendulum-v5", episodes=8, seed=1)
@@ -102,5 +102,11 @@ def test_what_cannot_be_evaluated_is_an_error(arguments, message):
 
 
 def test_starts_are_of_a_stepper():
-    with pytest.raises(ValueError, match="must be one of stepper's"):
-        compare(still, "InvertedPendulum-v5", "stepper/InvertedPendulum-v5")
+    with pytest.raises(ValueError, match="one must be of stepper"):
+        compare(still, "InvertedPendulum-v5", "InvertedPendulum-v4")
+
+
+def test_starts_are_those_of_the_seeds():
+    both = compare(still, "stepper/InvertedPendulum-v5", "stepper/InvertedPendulum-v5", episodes=5, seed=4)
+    np.testing.assert_array_equal(both.one.returns, both.other.returns)
+    np.testing.assert_array_equal(both.one.returns, evaluate(still, "stepper/InvertedPendulum-v5", episodes=5, seed=4).returns)

@@ -169,21 +169,25 @@ def compare(
 
     Args:
         policy: What acts.
-        one: An environment of `stepper.envs`.
-        other: Another, or Gymnasium's own of the same task.
+        one: An environment, of `stepper.envs` or Gymnasium's own of the same task.
+        other: Another; one of the two is of `stepper.envs`.
         episodes: In each.
         seed: Episode k has the seed `seed + k`.
         margin: See `Comparison`.
         settings: Arguments of the two environments.
 
     Raises:
-        ValueError: The first is not one of stepper's; and what `evaluate` raises.
+        ValueError: Neither is one of stepper's; and what `evaluate` raises.
     """
-    if not one.startswith("stepper/"):
-        raise ValueError(f"the first environment is {one!r}, must be one of stepper's, whose starts both have")
-    starts = _starts(one, episodes, seed, settings[0])
-    first = evaluate(policy, one, episodes=episodes, seed=seed, **settings[0])
-    return Comparison(one=first, other=evaluate(policy, other, episodes=episodes, seed=seed, starts=starts, **settings[1]), margin=margin)
+    ours = [(name, given) for name, given in zip((one, other), settings, strict=True) if name.startswith("stepper/")]
+    if not ours:
+        raise ValueError(f"the environments are {one!r} and {other!r}: one must be of stepper, whose starts both have")
+    starts = _starts(ours[0][0], episodes, seed, ours[0][1])
+    first, second = (
+        evaluate(policy, name, episodes=episodes, seed=seed, starts=starts, **given)
+        for name, given in zip((one, other), settings, strict=True)
+    )
+    return Comparison(one=first, other=second, margin=margin)
 
 
 def _starts(env: str, episodes: int, seed: int, settings: dict[str, Any]) -> tuple[Array, Array]:

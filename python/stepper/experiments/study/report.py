@@ -241,7 +241,7 @@ def _drives(study: Study) -> list[Section]:
 def _contacts(study: Study, seen: Touching) -> list[Section]:
     model, _ = study.loaded
     head = (
-        *("pair", "pressed, share of time", "impulse, N s", "peak, N", "friction in force", "largest ratio used", "impulse while sliding"),
+        *("pair", "pressed, share of time", "impulse, N s", "peak, N", "friction in force", "largest ratio used", "impulse at that bound"),
         *("condim", "restitution", "solref", "solimp"),
     )
     rows = []

@@ -29,10 +29,10 @@ class Pair:
         names: Of the geoms.
         time: Share of the steps in which they press.
         impulse: Of normal forces, N s an episode.
-        peak: Largest normal force of one contact, N.
+        peak: Largest normal force of all contacts of the pair together, N.
         friction: Sliding friction in force: the largest ratio that their cone allows.
-        used: Largest ratio of tangential and normal force.
-        slides: Share of the normal impulse under which friction is at its bound.
+        used: Largest ratio of tangential and normal force, of all contacts of the pair together.
+        slides: Share of the normal impulse under which that is at its bound.
         twists: Largest torque about and across the normal, N m.
         nearest: Least distance of a contact that was given a row, m.
     """
@@ -110,10 +110,10 @@ class _Ledger:
         pairs = np.sort(np.asarray(contacts["geom"], np.int64), axis=1)
         kinds, which = np.unique(pairs, axis=0, return_inverse=True)
         normal = np.asarray(contacts["force"][:, 0], float)
-        tangent = np.linalg.norm(contacts["force"][:, 1:], axis=1)
+        tangent = np.einsum("ij,ijk->ik", contacts["force"][:, 1:], contacts["frame"][:, 1:])
         twist = np.linalg.norm(contacts["torque"], axis=1)
-        for k, (a, b) in enumerate(kinds.tolist()):
-            own = which.ravel() == k
+        for number, (a, b) in enumerate(kinds.tolist()):
+            own = which.ravel() == number
             pushes = own & (normal > 0)
             book = self.found.setdefault(
                 (a, b), dict.fromkeys(("time", "impulse", "peak", "used", "slides", "twists"), 0.0) | {"nearest": np.inf}
@@ -121,9 +121,12 @@ class _Ledger:
             book["nearest"] = min(book["nearest"], float(contacts["distance"][own].min()))
             if not pushes.any():
                 continue
-            force, side = normal[pushes], tangent[pushes]
+            # Of all contacts of the pair together: how they share a load, the law leaves open.
+            envs, at = np.unique(contacts["env"][pushes], return_inverse=True)
+            force = np.bincount(at, normal[pushes])
+            side = np.linalg.norm([np.bincount(at, tangent[pushes, k]) for k in range(3)], axis=0)
             mu = pair_friction(self.model, a, b)
-            book["time"] += len(np.unique(contacts["env"][pushes]))
+            book["time"] += len(envs)
             book["impulse"] += timestep * force.sum()
             book["peak"] = max(book["peak"], float(force.max()))
             # Of contacts that hardly press, the ratio is rounding.

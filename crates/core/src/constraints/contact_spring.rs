@@ -1,7 +1,7 @@
 //! Contacts whose surfaces give way: a spring and a damper along the normal, implicit in the step as those of equalities are.
 //!
-//! The law stays one of complementarity: 0 <= lambda, complementary to v+ + R lambda + P R >= 0, with the compliance R and the demand P R of
-//! [`spring_law`], so that a spring pushes and never pulls. What is still apart closes as rigid surfaces do, and only what overlaps at
+//! The law stays one of complementarity: 0 <= lambda, complementary to v+ + R lambda + P R >= 0, with the compliance R and the demand P R
+//! of [`spring_law`], so that a spring pushes and never pulls. What is still apart closes as rigid surfaces do, and only what overlaps at
 //! the end of the step is pressed. Friction holds or slides by the force that the spring bears.
 
 use stepper_real::{Mask, Real};

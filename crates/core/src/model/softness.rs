@@ -54,8 +54,8 @@ impl ContactSpring {
         self.stiffness.is_infinite()
     }
 
-    /// Two surfaces that press on one another: springs in series, which share the depth inversely to their stiffnesses, and the damping that
-    /// dissipates what both do at these shares.
+    /// Two surfaces that press on one another: springs in series, which share the depth inversely to their stiffnesses, and the damping
+    /// that dissipates what both do at these shares.
     pub(crate) fn in_series([a, b]: [Self; 2]) -> Self {
         if a.is_rigid() || b.is_rigid() {
             return if a.is_rigid() { b } else { a };

@@ -48,7 +48,7 @@ pub(super) struct Lane {
     pub(super) w: Vec<f64>,
     /// Part of w that the separate rows make: they are solved, and no other row sees it.
     separate: Vec<f64>,
-    /// Coordinates of w that are no coordinate of the lanes' problem: one for each normal row with a compliance R of its own, with the entry
+    /// Coordinates of w that are none of the lanes' problem: one for each normal row with a compliance R of its own, with the entry
     /// sqrt(R), which no other row sees. Newton's method knows compliances that are the same for all rows of a cone.
     own: Vec<f64>,
 }

@@ -66,8 +66,8 @@ fn a_spring_is_a_coordinate_that_no_other_contact_sees() {
             let outcome = solve(&problem, &mut iterate, settings, true, &mut Newton::default());
             prop_assert!((outcome.residual - residual(&problem, &iterate)).abs() <= 1e-13 * (1.0 + outcome.residual));
             prop_assume!(solved.count(outcome.residual <= 1e-11));
-            // The impulses solve the other problem: the velocities of its rows are the same numbers in another order. An error of its springs
-            // is larger by G_nn / (G_nn + R) than what is left of it in the motion of the bodies, which the residual of the first says.
+            // The impulses solve the other problem: the velocities of its rows are the same numbers in another order. The motion of the
+            // bodies has G_nn / (G_nn + R) of an error of its springs, which is what the residual of the first says.
             let square = |y: f64| y * y;
             let normals = case.sliding.iter().map(|(y, _, r)| (y.iter().map(|y| square(y[0])).sum::<f64>(), *r));
             let rolling = (case.rolling.0.iter().map(|y| square(y[0])).sum::<f64>(), case.rolling.2);

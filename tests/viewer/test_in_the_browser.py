@@ -114,8 +114,8 @@ def test_contacts_are_drawn_and_can_be_hidden(page_of, photograph):
     with View(sim, port=8220) as view:
         page = page_of(view.url)
         shown = photograph(page)
-        for k in range(2):  # Of contacts, and of contact forces.
-            page.locator("input[type=checkbox]").nth(k).dispatch_event("click")
+        for label in ("contacts", "contact forces"):
+            page.locator(f"xpath=//*[text()='{label}']/following::input[@type='checkbox'][1]").dispatch_event("click")
         time.sleep(1)
         hidden = photograph(page)
 

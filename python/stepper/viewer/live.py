@@ -120,6 +120,9 @@ class View:
         It waits until the clock, times the speed, is where the simulation is; while the view is paused, until it goes on or is asked for
         a step.
         """
+        if not self.open:
+            self._release()
+            return
         self._pull()
         if self.window.due():
             self.show()
@@ -153,6 +156,7 @@ class View:
             pass
         finally:
             self.close()
+            self._release()
 
     def show(self) -> None:
         """Shows the present state at once."""
@@ -166,8 +170,7 @@ class View:
         self.window.show(frame_of(self.sim, self.envs), sizes=sizes, pull=pull)
 
     def close(self) -> None:
-        """Stops the server, and lets go of what is dragged."""
-        self._release()
+        """Stops the server; the next `update`, or the end of `run`, lets go of what is dragged. Any thread may call it."""
         self.window.close()
 
     def __enter__(self) -> View:
@@ -175,6 +178,7 @@ class View:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
+        self._release()
 
     def _panel(self) -> None:
         gui = self.window.server.gui

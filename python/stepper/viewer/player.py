@@ -6,6 +6,7 @@ import os
 import threading
 import time
 import warnings
+from pathlib import Path
 from types import TracebackType
 from typing import Any
 
@@ -54,7 +55,13 @@ class Player:
         self.run_of = RecordedRun(path, envs, most=SHOWN)
         model = self.run_of.sim.model
         self.window = Window(
-            recorded_scene(self.run_of, source), model, len(self.run_of.envs), host=host, port=port, spacing=spacing, title=str(path)
+            recorded_scene(self.run_of, source),
+            model,
+            len(self.run_of.envs),
+            host=host,
+            port=port,
+            spacing=spacing,
+            title=Path(path).resolve().name,
         )
         self._lock = threading.Lock()
         self._shown = -1

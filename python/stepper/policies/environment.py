@@ -57,7 +57,10 @@ def _of_stepper(base: Any) -> Description:
     theta = {name: {"least": n.min(axis=0).tolist(), "largest": n.max(axis=0).tolist()} for name, n in numbers.items()}
     return {
         "engine": "stepper",
-        "task": {"name": type(task).__name__, **(dataclasses.asdict(task) if dataclasses.is_dataclass(task) else {})},
+        "task": {
+            "name": type(task).__name__,
+            **(dataclasses.asdict(task) if dataclasses.is_dataclass(task) and not isinstance(task, type) else {}),
+        },
         "model": {"name": sim.model.name, "sha256": sim.model.digest},
         "options": options,
         "frame_skip": task.frame_skip,

@@ -2,7 +2,7 @@
 
 import json
 import warnings
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -92,6 +92,22 @@ def test_theta_and_another_model_are_named(envs, tmp_path):
     (tmp_path / "reacher.xml").write_text(text.replace('damping="1"', 'damping="2"', 1))
     heavier = gymnasium.make_vec("stepper/Reacher-v5", num_envs=2, xml_file=str(tmp_path / "reacher.xml"))
     assert "model.sha256" in {line.partition(":")[0] for line in made(envs).differences(heavier)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Own(stepper.envs.TASKS["Reacher"]):
+    """With arguments that JSON does not have."""
+
+    goal: np.ndarray = field(default_factory=lambda: np.array([0.1, 0.2]))
+    scale: np.float32 = field(default_factory=lambda: np.float32(0.5))
+    kind: type = int
+
+
+def test_any_argument_of_a_task_is_described(envs):
+    found = describe(stepper.envs.StepperEnv(Own()))["task"]
+    assert (found["name"], found["goal"], found["scale"], found["kind"]) == ("Own", [0.1, 0.2], 0.5, "<class 'int'>")
+    other = describe(stepper.envs.StepperEnv(Own(goal=np.array([0.1, 0.3]))))
+    assert differences(describe(stepper.envs.StepperEnv(Own())), other) == ["task.goal: [0.1, 0.2] there, [0.1, 0.3] here"]
 
 
 def test_a_single_environment_is_the_same_as_a_vector(envs):

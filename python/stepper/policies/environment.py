@@ -39,8 +39,13 @@ def describe(env: Any) -> Description:
     found["action"] = {"low": np.asarray(space.low, float).tolist(), "high": np.asarray(space.high, float).tolist()}
     versions = {name: version for name in _PACKAGES if (version := package_version(name))}
     found["versions"] = {"stepper": __version__, "python": platform.python_version()} | versions
-    plain: Description = json.loads(json.dumps(found))  # Tuples become lists here, not when a file is read.
+    plain: Description = json.loads(json.dumps(found, default=_plain))  # Tuples become lists here, not when a file is read.
     return plain
+
+
+def _plain(value: Any) -> Any:
+    """What JSON does not have: numbers of arrays; of an argument that is something else, how it shows itself."""
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else repr(value)
 
 
 def _of_stepper(base: Any) -> Description:
@@ -52,7 +57,10 @@ def _of_stepper(base: Any) -> Description:
     theta = {name: {"least": n.min(axis=0).tolist(), "largest": n.max(axis=0).tolist()} for name, n in numbers.items()}
     return {
         "engine": "stepper",
-        "task": {"name": type(task).__name__, **dataclasses.asdict(task)},
+        "task": {
+            "name": type(task).__name__,
+            **(dataclasses.asdict(task) if dataclasses.is_dataclass(task) and not isinstance(task, type) else {}),
+        },
         "model": {"name": sim.model.name, "sha256": sim.model.digest},
         "options": options,
         "frame_skip": task.frame_skip,

@@ -18,7 +18,7 @@ SPEED, LINE, WIDE = 0.3, 0.25, 0.02
 
 MODEL = """
 <mujoco model="pushed box">
-  <option timestep="0.002" integrator="implicitfast"/>
+  <option timestep="0.002"/>
   <worldbody>
     <geom name="table" type="plane" size="2 2 0.1"/>
     <site name="camera" pos="0 0 1" euler="180 0 0"/>

@@ -38,14 +38,14 @@ class Stop:
 
     def begin(self, now: Any) -> None:
         """Nothing was seen yet."""
-        self.moving, self.next = np.ones(now.num_envs, bool), np.zeros(now.num_envs)
+        self._moving, self._next = np.ones(now.num_envs, bool), np.zeros(now.num_envs)
 
     def __call__(self, now: Any) -> np.ndarray[Any, Any]:
         """The speed of the plate."""
-        looks = now.time >= self.next - 1e-9
-        self.next = np.where(looks, self.next + 1.0 / now.theta["rate"], self.next)
-        self.moving &= ~(looks & (now.sensor("camera")[:, 0] >= LINE))
-        return np.where(self.moving, SPEED, 0.0)[:, None]
+        looks = now.time >= self._next - 1e-9
+        self._next = np.where(looks, self._next + 1.0 / now.theta["rate"], self._next)
+        self._moving &= ~(looks & (now.sensor("camera")[:, 0] >= LINE))
+        return np.where(self._moving, SPEED, 0.0)[:, None]
 
 
 def beyond(now: Any) -> np.ndarray[Any, Any]:

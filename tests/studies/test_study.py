@@ -1,5 +1,6 @@
 """Studies: what a row follows from, that nothing is lost or repeated, that parameters are what they say."""
 
+import functools
 import json
 import math
 import os
@@ -8,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -262,6 +264,37 @@ def test_the_batch_and_the_threads_change_no_bit(tmp_path):
         np.testing.assert_array_equal(tables[0][name], tables[1][name])
 
 
+class Gain:
+    """A drive with a setting and a memory."""
+
+    def __init__(self, gain):
+        self.gain = gain
+
+    def begin(self, now):
+        self._count = 0
+
+    def __call__(self, now):
+        self._count += 1
+        return np.full((now.num_envs, 1), self.gain)
+
+
+def test_rows_follow_from_what_a_drive_is_and_not_from_its_memory():
+    def key(drive):
+        return stepper.Study(model=ARM, drive=drive).key({}, "stepper", 0)
+
+    used = Gain(1.0)
+    used.begin(None)
+    assert key(Gain(1.0)) == key(used)
+    assert key(Gain(1.0)) != key(Gain(2.0))
+    assert len({key(drive) for drive in (lambda _: 0.1, lambda _: 0.2, functools.partial(push, 1), functools.partial(push, 2), push)}) == 5
+    keys = {key(lambda _, x=x: x) for x in (1, 1)} | {key(closed(np.ones(1))), key(closed(np.zeros(1))), key(closed(np.zeros(1)))}
+    assert len(keys) == 3
+
+
+def closed(value):
+    return lambda _: value
+
+
 def test_recorded_controls_and_policies(tmp_path):
     ctrl = np.linspace(0, 0.5, 10)[:, None]
     np.savez(tmp_path / "controls.npz", ctrl=ctrl)
@@ -437,5 +470,8 @@ def test_contacts_that_decide(tmp_path):
     # The weight for 0.4 s, and friction that carries the push: 2 N of 2.943 N.
     assert pair.impulse == pytest.approx(MASS * G * 0.4, rel=1e-6)
     assert pair.friction == 1.0
+    swept = replace(tray().parameters["friction"], nominal=0.8)
+    (pair,) = touching(tray(parameters=tray().parameters | {"friction": swept}), range(2)).deciding
+    assert pair.friction == 0.8
     assert pair.used == pytest.approx(PUSH / (MASS * G), rel=1e-6)
     assert pair.slides == 0.0

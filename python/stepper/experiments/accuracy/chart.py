@@ -20,6 +20,7 @@ from stepper.experiments.accuracy.reference import TIGHT, Reference, converge
 from stepper.experiments.accuracy.traces import Distance, Trace, run
 from stepper.experiments.progress import Tick
 from stepper.experiments.study.document import Document, Section
+from stepper.experiments.study.report import no_peer
 from stepper.experiments.study.study import Study
 from stepper.shared.machine import one_core, provenance
 
@@ -194,7 +195,8 @@ def _measure(
 ) -> tuple[list[_Point], list[str]]:
     """Runs of all lines at all time steps, with their errors; and what could not be run."""
     measured: list[_Point] = []
-    skipped: list[str] = []
+    reason = no_peer(ground.study)
+    skipped = [f"MuJoCo: {reason}"] if reason else []
     laws: dict[str, Trace] = {ground.study.options.contact: ground.right.trace}
     for number, line in enumerate(all_lines):
         try:

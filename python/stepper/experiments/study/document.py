@@ -78,6 +78,11 @@ class Document:
         return files
 
 
+def counted(number: int, what: str) -> str:
+    """A number of things: "1 episode", "2 episodes"."""
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+
+
 def cell(value: Any) -> str:
     """A value in a table: four digits of what is no whole number, a dash for what is none."""
     if value is None or (isinstance(value, float) and math.isnan(value)):

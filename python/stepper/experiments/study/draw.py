@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stepper.experiments.study.document import counted
 from stepper.experiments.study.study import USUAL
 from stepper.experiments.study.sweep import Level, Sweep, measured
 from stepper.shared.machine import require
@@ -30,7 +31,9 @@ def draw(sweep: Sweep, path: Path) -> Path:
     names = [name for name in sweep.study.parameters if any(level.parameter == name for level in sweep.levels)]
     columns = min(_COLUMNS, max(1, len(names)))
     lines = max(1, math.ceil(len(names) / columns))
-    figure = figures.Figure(figsize=(4.2 * columns + 0.6, 3.0 * lines + 0.9), dpi=130, layout="constrained")
+    figure = figures.Figure(
+        figsize=(max(7.5, 4.2 * columns + 0.6), 3.0 * lines + (0.9 if columns > 1 else 1.9)), dpi=130, layout="constrained"
+    )
     axes = figure.subplots(lines, columns, squeeze=False).ravel()
     for panel, name in zip(axes, names, strict=False):
         _panel(panel, sweep, name)
@@ -38,8 +41,8 @@ def draw(sweep: Sweep, path: Path) -> Path:
         panel.set_visible(False)
     handles, labels = axes[0].get_legend_handles_labels()
     if len(labels) > 1:
-        figure.legend(handles, labels, loc="outside lower center", ncols=min(4, len(labels)), frameon=False)
-    figure.suptitle(f"{sweep.study.name}: {measured(sweep.study)}, {sweep.study.episodes} episodes a point", fontsize=11)
+        figure.legend(handles, labels, loc="outside lower center", ncols=min(4 if columns > 1 else 2, len(labels)), frameon=False)
+    figure.suptitle(f"{sweep.study.name}: {measured(sweep.study)}, {counted(sweep.study.episodes, 'episode')} a point", fontsize=11)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path)
     return path
@@ -80,6 +83,8 @@ def _panel(panel: Axes, sweep: Sweep, name: str) -> None:
     panel.set_ylabel("share of successes" if study.decisive else f"{measured(study)}{', ' + unit if unit else ''}")
     if study.decisive:
         panel.set_ylim(-0.05, 1.05)
+    if not words:
+        panel.locator_params(axis="x", nbins=6)
     panel.grid(visible=True, color="#dddddd")
     panel.set_axisbelow(True)
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import importlib
 import importlib.util
 import inspect
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any
@@ -136,7 +137,11 @@ def load_file(path: Path) -> ModuleType:
 
 
 def digest_of(thing: Any) -> str:
-    """SHA-256 of a drive or measure: of the file that a function is in; of a file's controls; of words; of code that no file has."""
+    """SHA-256 of a drive or measure.
+
+    Of a function: its name, the file that it is in, and what it holds from around it; of an object: its class likewise, and its attributes
+    but for those that begin with an underscore, which are its memory; of recorded controls: the numbers; of words: themselves.
+    """
     if isinstance(thing, Policy):
         return digest_of(thing.act)
     if isinstance(thing, Recorded):
@@ -145,19 +150,31 @@ def digest_of(thing: Any) -> str:
         thing = f"random {thing.seed} {thing.hold}"
     if thing is None or isinstance(thing, str):
         return hashlib.sha256(repr(thing).encode()).hexdigest()
+    if isinstance(thing, functools.partial):
+        parts = [digest_of(thing.func).encode(), *map(_plain, thing.args), _plain(thing.keywords)]
+        return hashlib.sha256(b"".join(parts)).hexdigest()
+    found = hashlib.sha256(name_of(thing).encode())
+    file = _file_of(thing)
+    if file is not None:
+        found.update(file.read_bytes())
+    if hasattr(thing, "__code__") and (file is None or "<" in thing.__qualname__):
+        # Functions of a file that have one name: lambdas, and those within functions.
+        found.update(_code(thing.__code__))
+    for cell in getattr(thing, "__closure__", None) or ():
+        found.update(_plain(cell.cell_contents))
+    if not inspect.isroutine(thing) and not inspect.isclass(thing):
+        found.update(_plain({name: value for name, value in vars(thing).items() if not name.startswith("_")}))
+    return found.hexdigest()
+
+
+def _file_of(thing: Any) -> Path | None:
+    """The file of a function or of the class of an object; None of what was typed in."""
     owner = thing if inspect.isroutine(thing) or inspect.isclass(thing) else type(thing)
     try:
         file = inspect.getsourcefile(owner)
     except TypeError:
-        file = None
-    found = hashlib.sha256(getattr(thing, "__qualname__", type(thing).__qualname__).encode())
-    if file is not None and Path(file).exists():
-        found.update(Path(file).read_bytes())
-    elif hasattr(thing, "__code__"):
-        found.update(_code(thing.__code__))
-    for cell in getattr(thing, "__closure__", None) or ():
-        found.update(_plain(cell.cell_contents))
-    return found.hexdigest()
+        return None
+    return Path(file) if file is not None and Path(file).exists() else None
 
 
 def _code(code: CodeType) -> bytes:
@@ -166,15 +183,26 @@ def _code(code: CodeType) -> bytes:
 
 
 def _plain(value: Any) -> bytes:
-    """What a function holds from around it, if that says itself what it is."""
-    return repr(value).encode() if isinstance(value, int | float | str | bool | tuple | None) else type(value).__qualname__.encode()
+    """What a drive holds: numbers, words and arrays by value, functions by their digest, of all else the type."""
+    if isinstance(value, np.ndarray):
+        return value.tobytes() + str((value.dtype, value.shape)).encode()
+    if isinstance(value, Mapping):
+        return b"".join(str(name).encode() + _plain(own) for name, own in sorted(value.items(), key=lambda item: str(item[0])))
+    if isinstance(value, tuple | list):
+        return b"".join(map(_plain, value))
+    if isinstance(value, int | float | str | bool | bytes | None):
+        return repr(value).encode()
+    return digest_of(value).encode() if inspect.isroutine(value) else type(value).__qualname__.encode()
 
 
 def name_of(thing: Any) -> str:
-    """A drive or measure in words."""
+    """A drive or measure in words: the name of its file, and its own."""
     if isinstance(thing, str) or thing is None:
         return str(thing or "nothing")
     if isinstance(thing, Policy):
         return f"policy {name_of(thing.act)}"
+    if isinstance(thing, functools.partial):
+        return name_of(thing.func)
     name = getattr(thing, "__qualname__", type(thing).__qualname__)
-    return name if type(thing).__module__.startswith("stepper.") else f"{getattr(thing, '__module__', type(thing).__module__)}.{name}"
+    file = _file_of(thing)
+    return name if file is None or type(thing).__module__.startswith("stepper.") else f"{file.name}:{name}"

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from stepper.experiments.progress import Tick
-from stepper.experiments.study.document import Document, Section, cell
+from stepper.experiments.study.document import Document, Section, cell, counted
 from stepper.experiments.study.draw import draw
 from stepper.experiments.study.intervals import wilson
 from stepper.experiments.study.results import Results
@@ -163,7 +163,7 @@ def no_peer(study: Study) -> str | None:
 def _summary(study: Study, found: Sweep, verdicts: Sequence[Verdict]) -> list[Section]:
     nominal = found.of("")[0]
     name = study.loaded[0].name or study.name
-    words = [f"`{name}`: {study.episodes} episodes of {study.seconds:g} s at every point, {len(found.table)} rows in all."]
+    words = [f"`{name}`: {counted(study.episodes, 'episode')} of {study.seconds:g} s at every point, {len(found.table)} rows in all."]
     if study.decisive:
         low, high = nominal.interval
         words.append(
@@ -254,10 +254,10 @@ def _contacts(study: Study, seen: Touching) -> list[Section]:
             *(max(g.condim for g in both), max(g.restitution for g in both), *told),
         ])  # fmt: skip
     words = [
-        f"Every step of {study.episodes} episodes at the nominal point, with the study's own settings: pairs of geoms with a hundredth "
-        f"of the impulse of all, or a tenth of the greatest force; {len(seen.pairs) - len(rows)} others came near. Friction in force is "
-        "the larger of the two geoms', or that of the geom with the higher priority. Hard contact reads neither solref nor solimp; "
-        "MuJoCo's law does."
+        f"Every step of {counted(study.episodes, 'episode')} at the nominal point, with the study's own settings: pairs of geoms with a "
+        f"hundredth of the impulse of all, or a tenth of the greatest force; {len(seen.pairs) - len(rows)} others came near. Friction "
+        "in force is the larger of the two geoms', or that of the geom with the higher priority. Hard contact reads neither solref nor "
+        "solimp; MuJoCo's law does."
     ]
     return [Section("Contacts that decide", words if rows else ["Nothing touches at the nominal point."], head, rows)]
 
@@ -294,9 +294,9 @@ def _perturbations(found: Sweep, folder: Path) -> list[Section]:
     )
     rows = [_level_row(study, level) for level in found.levels]
     words = [
-        f"One parameter at a time, {study.episodes} episodes each, the same starts and random numbers at every point. Intervals are "
-        "Wilson's; changes are of the same episode, +- one standard error; unsolved counts episodes in which a step says that it was not "
-        "solved, finite or resolved.",
+        f"One parameter at a time, {counted(study.episodes, 'episode')} each, the same starts and random numbers at every point. "
+        "Intervals are Wilson's; changes are of the same episode, +- one standard error; unsolved counts episodes in which a step says "
+        "that it was not solved, finite or resolved.",
         *(f"Not run: {reason}." for reason in found.skipped),
     ]
     return [Section("Perturbation table", words, head, rows, _picture(found, folder))]

@@ -74,19 +74,26 @@ class Touching:
         return tuple(pair for pair in self.pairs if pair.impulse >= 0.01 * total or pair.peak >= 0.1 * peak)
 
 
-def pair_friction(model: Model, first: int, second: int) -> float:
-    """Sliding friction of two geoms: of the one with the higher priority, else the larger. An explicit pair's own is not known here."""
+def pair_friction(model: Model, friction: Array, first: int, second: int) -> float:
+    """Sliding friction of two geoms: of the one with the higher priority, else the larger. An explicit pair's own is not known here.
+
+    Args:
+        model: The scene.
+        friction: In force, (ngeom, 3).
+        first: A geom.
+        second: Another one.
+    """
     one, other = model.geom(first), model.geom(second)
     if one.priority != other.priority:
-        return float(max((one, other), key=lambda geom: geom.priority).friction[0])
-    return float(max(one.friction[0], other.friction[0]))
+        return float(friction[first if one.priority > other.priority else second, 0])
+    return float(max(friction[first, 0], friction[second, 0]))
 
 
 class _Ledger:
     """Counts contacts, step by step."""
 
-    def __init__(self, model: Model, num_envs: int):
-        self.model, self.num_envs, self.steps = model, num_envs, 0
+    def __init__(self, model: Model, num_envs: int, friction: Array):
+        self.model, self.num_envs, self.friction, self.steps = model, num_envs, friction, 0
         self.found: dict[tuple[int, int], dict[str, float]] = {}
         self.limits = np.zeros(model.njnt)
         self.reach = np.array([np.full(model.nq, np.inf), np.full(model.nq, -np.inf)])
@@ -125,7 +132,7 @@ class _Ledger:
             envs, at = np.unique(contacts["env"][pushes], return_inverse=True)
             force = np.bincount(at, normal[pushes])
             side = np.linalg.norm([np.bincount(at, tangent[pushes, k]) for k in range(3)], axis=0)
-            mu = pair_friction(self.model, a, b)
+            mu = pair_friction(self.model, self.friction, a, b)
             book["time"] += len(envs)
             book["impulse"] += timestep * force.sum()
             book["peak"] = max(book["peak"], float(force.max()))
@@ -145,7 +152,7 @@ class _Ledger:
                 time=book["time"] / self.steps,
                 impulse=book["impulse"] / self.num_envs,
                 peak=book["peak"],
-                friction=pair_friction(self.model, *key),
+                friction=pair_friction(self.model, self.friction, *key),
                 used=book["used"],
                 slides=book["slides"] / book["impulse"] if book["impulse"] else 0.0,
                 twists=book["twists"],
@@ -165,7 +172,10 @@ class _Ledger:
 def touching(study: Study, episodes: Sequence[int], **changed: Any) -> Touching:
     """Runs episodes of the nominal point, with settings as of `world_of`, and sees what touches in every step."""
     world = world_of(study, USUAL, [study.nominal] * len(episodes), **changed)
-    ledger = _Ledger(world.model, len(episodes))
+    assert isinstance(world, StepperWorld)
+    # All environments are at the nominal point.
+    own = world.sim.randomized.get("geom_friction")
+    ledger = _Ledger(world.model, len(episodes), np.asarray(world.model.geom_friction if own is None else own[0], np.float64))
     watches: list[Watch] = []
 
     def look(now: World) -> None:

@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 DENY := 0.20.2
 
-.PHONY: demo test wheel bench loading many-contacts floors atlas corpus fuzz check advisories build format clean
+.PHONY: demo test wheel bench loading many-contacts floors atlas corpus identify fuzz check advisories build format clean
 
 # The main job: 1,024 humanoids, beside MuJoCo.
 demo: build
@@ -57,6 +57,11 @@ atlas: build $(VENV)/atlas.stamp
 corpus: build
 	PYTHONPATH=benches $(BIN)/python -m corpus $(CORPUS)
 
+# Intervals of identified masses and frictions, in a hundred noisy repetitions, beside mujoco.sysid: docs/identification.md (an hour). IDENTIFY='--only
+# own --count 20' and more, see --help.
+identify: build $(VENV)/identify.stamp
+	PYTHONPATH=benches $(BIN)/python -m identification $(or $(IDENTIFY),--update-docs)
+
 # Saved models, states, pickles, recordings, MJCF and calls that nobody means well, for some minutes: findings in out/fuzz.
 MINUTES ?= 10
 fuzz: build
@@ -104,6 +109,10 @@ $(VENV)/check.stamp: $(VENV)/setup.stamp
 
 $(VENV)/atlas.stamp: $(VENV)/setup.stamp
 	$(BIN)/python -m pip install --quiet --group atlas
+	touch $@
+
+$(VENV)/identify.stamp: $(VENV)/setup.stamp
+	$(BIN)/python -m pip install --quiet --group identify
 	touch $@
 
 clean:

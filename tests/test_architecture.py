@@ -44,8 +44,9 @@ FOLDERS = {
     "loading": set(),
     "recording": {"shared", "sensors", "actuators"},
     "experiments": {"shared", "loading"},
+    "identification": {"shared", "actuators", "recording"},
     "envs": {"shared", "loading"},
-    "cli": {"shared", "loading", "recording", "experiments"},
+    "cli": {"shared", "loading", "recording", "experiments", "identification"},
 }
 """Folders of the Python package, and the others that each may import."""
 BOTTOM = {"_stepper", "_options", "_status", "_hints"}

@@ -13,6 +13,7 @@ from stepper._status import Status
 from stepper._stepper import Model, ModelError, State, Stepper, __version__, cpu_levels
 from stepper.actuators import PID, ActuatorModel, DCMotor, Drive
 from stepper.experiments.compare import Comparison, compare
+from stepper.identification import Episode, Identification, Parameter, identify
 from stepper.loading import ModelWarning, load
 from stepper.recording import Difference, Recorder, RecordingError, Replay, replay
 from stepper.sensors import Combination, RayFan, SensorModel, Transfer
@@ -25,10 +26,13 @@ __all__ = [
     "DCMotor",
     "Difference",
     "Drive",
+    "Episode",
+    "Identification",
     "Model",
     "ModelError",
     "ModelWarning",
     "Options",
+    "Parameter",
     "RayFan",
     "Recorder",
     "RecordingError",
@@ -42,6 +46,7 @@ __all__ = [
     "compare",
     "cpu_levels",
     "devices",
+    "identify",
     "load",
     "replay",
 ]

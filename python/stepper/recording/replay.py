@@ -96,19 +96,19 @@ def replay(path: str | os.PathLike[str], *, model: Model | None = None, threads:
     folder = Path(path)
     head = read_header(folder)
     with reading(folder / HEADER):
-        sim = _stepper(folder, head, model, threads)
+        sim = stepper_of(folder, head, model, threads)
         versions = (head["provenance"]["versions"]["stepper"], __version__)
     rows = steps = 0
     for place, kind, arrays in read_rows(folder, head):
         with reading(place):
-            difference = _repeat(sim, kind, arrays, rows, steps)
+            difference = repeat(sim, kind, arrays, rows, steps)
         rows, steps = rows + 1, steps + (kind == "step")
         if difference:
             return Replay(rows, steps, difference, head["closed"], versions)
     return Replay(rows, steps, None, head["closed"], versions)
 
 
-def _stepper(folder: Path, head: Header, model: Model | None, threads: int | None) -> Stepper:
+def stepper_of(folder: Path, head: Header, model: Model | None, threads: int | None) -> Stepper:
     """A stepper as the recorded one was made."""
     with reading(folder / MODEL):
         own = Model.from_file(folder / MODEL)
@@ -132,7 +132,8 @@ def _stepper(folder: Path, head: Header, model: Model | None, threads: int | Non
     )
 
 
-def _repeat(sim: Stepper, kind: str, arrays: Arrays, row: int, step: int) -> Difference | None:
+def repeat(sim: Stepper, kind: str, arrays: Arrays, row: int, step: int) -> Difference | None:
+    """Does again what a row of a recording says; of a step, what came out otherwise."""
     if (kind == "start") != (row == 0):
         raise ValueError(f"it is a {kind}: a recording begins with a start, and has no other")
     if kind == "step":

@@ -25,7 +25,8 @@ INSTALL = {
     "robosuite": "pip install --no-deps robosuite",
     "dm_control": "pip install dm_control",
     "gymnasium_robotics": "pip install --no-deps gymnasium-robotics",
-    "scipy": "pip install scipy",
+    "scipy": 'pip install "stepper-sim[identify]"',
+    "mujoco.sysid": 'pip install "mujoco[sysid]"',
     "typer": 'pip install "stepper-sim[cli]"',
 }
 

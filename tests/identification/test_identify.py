@@ -1,7 +1,6 @@
 """`stepper.identify`: right, sure, and not silent where data say nothing."""
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,7 +8,7 @@ import stepper
 from identification.repetitions import noisy
 from identification.scenes import held, pushed
 from models import stepper_model
-from stepper.identification import KINDS, parameters
+from stepper.identification import parameters
 
 TIGHT = stepper.Options(tolerance=1e-9)
 
@@ -265,8 +264,6 @@ def test_arms_that_others_wrote(name, text, field):
     low, high = found.interval(0.999)[0]
     assert low < changed[place] < high
     assert abs(found.values[0] / changed[place] - 1) < 0.05
-
-
 
 
 def test_log_cholesky_gives_bodies():

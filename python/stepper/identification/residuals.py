@@ -140,11 +140,11 @@ class Residuals:
         jacobian = np.zeros((len(residual), len(x)))
         at = 0
         for y, mask, std, place in zip(made, self.masks, self._starts, self._places, strict=True):
-            slopes = _slopes(y, spans) / self.sigma
+            own = slopes(y, spans) / self.sigma
             here = slice(at, at + int(mask.sum()))
-            jacobian[here, : self.n] = slopes[: self.n][:, mask].T
+            jacobian[here, : self.n] = own[: self.n][:, mask].T
             if std is not None:
-                jacobian[here, place] = slopes[self.n : self.n + len(std)][:, mask].T
+                jacobian[here, place] = own[self.n : self.n + len(std)][:, mask].T
             at = here.stop
         for k, (j, _, deviation) in enumerate(self.priors):
             jacobian[at + k, j] = 1 / deviation
@@ -152,7 +152,7 @@ class Residuals:
         return Linearized(residual, jacobian, self.count)
 
 
-def _slopes(y: Array, spans: Array) -> Array:
+def slopes(y: Array, spans: Array) -> Array:
     """Derivatives of readings by central differences; where a reading jumps on one side (a contact closes a sample earlier), the other's.
 
     Args:

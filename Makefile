@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 LIBRARIES := .venv-adapters
 DENY := 0.20.2
 
-.PHONY: demo test wheel bench loading many-contacts floors atlas corpus adapters studies fuzz training viewer check advisories build format clean
+.PHONY: demo test wheel bench loading many-contacts floors atlas corpus adapters identify studies fuzz training viewer check advisories build format clean
 
 # The main job: 1,024 humanoids, beside MuJoCo.
 demo: build
@@ -73,6 +73,12 @@ adapters: build $(LIBRARIES)/adapters.stamp
 training: build
 	$(BIN)/python -m pip install --quiet --group train
 	$(BIN)/python -m pytest tests/examples/test_train.py
+	touch $@
+
+# Intervals of identified masses and frictions, in a hundred noisy repetitions, beside mujoco.sysid: docs/identification.md (an hour). IDENTIFY='--only
+# own --count 20' and more, see --help.
+identify: build $(VENV)/identify.stamp
+	PYTHONPATH=benches $(BIN)/python -m identification $(or $(IDENTIFY),--update-docs)
 
 # Saved models, states, pickles, recordings, MJCF and calls that nobody means well, for some minutes: findings in out/fuzz.
 MINUTES ?= 10
@@ -136,6 +142,10 @@ $(LIBRARIES)/adapters.stamp: pyproject.toml
 	$(PYTHON) -m venv $(LIBRARIES)
 	$(LIBRARIES)/bin/python -m pip install --quiet --upgrade 'pip>=25.1'
 	$(LIBRARIES)/bin/python -m pip install --quiet --group adapters
+	touch $@
+
+$(VENV)/identify.stamp: $(VENV)/setup.stamp
+	$(BIN)/python -m pip install --quiet --group identify
 	touch $@
 
 clean:

@@ -47,8 +47,9 @@ FOLDERS = {
     "viewer": {"shared", "loading", "recording"},
     "envs": {"shared", "loading", "viewer"},
     "adapters": {"shared", "envs"},
+    "identification": {"shared", "actuators", "recording"},
     "policies": {"shared"},
-    "cli": {"shared", "loading", "recording", "experiments", "viewer", "envs", "policies"},
+    "cli": {"shared", "loading", "recording", "experiments", "viewer", "envs", "policies", "identification"},
 }
 """Folders of the Python package, and the others that each may import."""
 BOTTOM = {"_stepper", "_options", "_status", "_hints"}

@@ -15,6 +15,7 @@ from stepper.actuators import PID, ActuatorModel, DCMotor, Drive
 from stepper.experiments.accuracy import Chart, Tuning, chart, tune
 from stepper.experiments.compare import Comparison, compare
 from stepper.experiments.study import Outcome, Parameter, Policy, Report, Study, report, sweep
+from stepper.identification import Episode, Identification, Unknown, identify
 from stepper.loading import ModelWarning, load
 from stepper.recording import Difference, Recorder, RecordingError, Replay, replay
 from stepper.sensors import Combination, RayFan, SensorModel, Transfer
@@ -28,6 +29,8 @@ __all__ = [
     "DCMotor",
     "Difference",
     "Drive",
+    "Episode",
+    "Identification",
     "Model",
     "ModelError",
     "ModelWarning",
@@ -47,11 +50,13 @@ __all__ = [
     "Study",
     "Transfer",
     "Tuning",
+    "Unknown",
     "__version__",
     "chart",
     "compare",
     "cpu_levels",
     "devices",
+    "identify",
     "load",
     "replay",
     "report",

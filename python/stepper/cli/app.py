@@ -6,13 +6,13 @@ import sys
 from typing import TYPE_CHECKING
 
 from stepper._stepper import ModelError
-from stepper.cli import chart, compare, demo, evaluate, explain, replay, report, sweep, tune, view
+from stepper.cli import chart, compare, demo, evaluate, explain, identify, replay, report, sweep, tune, view
 from stepper.shared.machine import require
 
 if TYPE_CHECKING:
     from typer import Typer
 
-COMMANDS = (demo, chart, compare, explain, report, sweep, tune, evaluate, replay, view)
+COMMANDS = (demo, chart, compare, explain, report, sweep, tune, evaluate, identify, replay, view)
 
 
 def application() -> Typer:
@@ -28,6 +28,6 @@ def main() -> None:
     """Entry point of the command `stepper`. What a user can mend is one line on stderr, without a traceback."""
     try:
         application()()
-    except (ImportError, ModelError, OSError, ValueError) as error:
-        print(f"stepper: {error}", file=sys.stderr)
+    except (ImportError, ModelError, KeyError, OSError, ValueError) as error:
+        print(f"stepper: {error.args[0] if isinstance(error, KeyError) else error}", file=sys.stderr)
         sys.exit(1)

@@ -1,7 +1,8 @@
 """Recordings: everything that happened, written down, and repeated bit for bit."""
 
-from stepper.recording.format import RecordingError
+from stepper.recording.format import HEADER, RecordingError
 from stepper.recording.recorder import Recorder
 from stepper.recording.replay import Difference, Replay, replay
+from stepper.recording.segments import Segment, segments
 
-__all__ = ["Difference", "Recorder", "RecordingError", "Replay", "replay"]
+__all__ = ["HEADER", "Difference", "Recorder", "RecordingError", "Replay", "Segment", "replay", "segments"]

@@ -101,7 +101,7 @@ def replay(path: str | os.PathLike[str], *, model: Model | None = None, threads:
     rows = steps = 0
     for place, kind, arrays in read_rows(folder, head):
         with reading(place):
-            difference = _repeat(sim, kind, arrays, rows, steps)
+            difference = repeat(sim, kind, arrays, rows, steps)
         rows, steps = rows + 1, steps + (kind == "step")
         if difference:
             return Replay(rows, steps, difference, head["closed"], versions)
@@ -132,7 +132,8 @@ def recorded_stepper(folder: Path, head: Header, model: Model | None, threads: i
     )
 
 
-def _repeat(sim: Stepper, kind: str, arrays: Arrays, row: int, step: int) -> Difference | None:
+def repeat(sim: Stepper, kind: str, arrays: Arrays, row: int, step: int) -> Difference | None:
+    """Does again what a row of a recording says; of a step, what came out otherwise."""
     if (kind == "start") != (row == 0):
         raise ValueError(f"it is a {kind}: a recording begins with a start, and has no other")
     if kind == "step":

@@ -35,7 +35,8 @@ INSTALL = {
     "dm_control": "pip install dm_control",
     "mjlab": "pip install --no-deps mjlab",
     "gymnasium_robotics": "pip install --no-deps gymnasium-robotics",
-    "scipy": 'pip install "stepper-sim[train]"',
+    "scipy": 'pip install "stepper-sim[identify]"',
+    "mujoco.sysid": 'pip install "mujoco[sysid]"',
     "typer": 'pip install "stepper-sim[cli]"',
     "viser": 'pip install "stepper-sim[viewer]"',
 }

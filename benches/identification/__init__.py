@@ -1,0 +1,1 @@
+"""How right and how sure `stepper.identify` is, beside `mujoco.sysid`: docs/identification.md."""

@@ -1,0 +1,83 @@
+"""`make identify`: a hundred noisy repetitions from four starts each, the tables of docs/identification.md."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import stepper
+from stepper.shared.machine import provenance
+
+from identification import sysid
+from identification.repetitions import HEAD, Tally, Trial
+from identification.scenes import SCENES
+
+PAGE = Path(__file__).parents[2] / "docs/identification.md"
+COLOUR = 0.8
+HARD = stepper.Options(tolerance=1e-9)
+
+
+def _table(title: str, rows: Iterator[tuple[str, Tally]]) -> str:
+    lines = [f"| {title} | {HEAD} |", "|" + "---|" * (HEAD.count("|") + 2)]
+    for name, tally in rows:
+        lines.append(f"| {name} | {tally.row()} |")
+        print(lines[-1], flush=True)
+    return "\n".join(lines)
+
+
+def _own(count: int, threads: int) -> Iterator[tuple[str, Tally]]:
+    """Hard contact, white noise, from each start; then noise that is correlated in time."""
+    trials = [Trial(scene, scene.readings(HARD), HARD, threads) for scene in (make() for make in SCENES)]
+    for trial in trials:
+        for k, start in enumerate(trial.scene.starts):
+            yield f"{trial.scene.name}, from {start[0]:g} kg and {start[1]:g}", trial.repeat(count, start, first=k * count)
+    for trial in trials:
+        yield f"{trial.scene.name}, noise of autocorrelation {COLOUR:g}", trial.repeat(count, trial.scene.starts[0], colour=COLOUR)
+
+
+def _beside(count: int, threads: int) -> Iterator[tuple[str, Tally]]:
+    """MuJoCo's own motion, identified by both, with MuJoCo's law."""
+    for make in SCENES:
+        scene = make()
+        trial = Trial(scene, sysid.readings(scene), stepper.Options.of(scene.model(*scene.truth)), threads)
+        for start in scene.starts:
+            place = f"{scene.name}, from {start[0]:g} kg and {start[1]:g}"
+            yield f"{place}: stepper", trial.repeat(count, start)
+            for name, settings in sysid.SETTINGS.items():
+                yield f"{place}: mujoco.sysid, {name}", trial.repeat(count, start, partial(sysid.identified, settings=settings))
+
+
+def main() -> None:
+    """Entry point."""
+    parser = argparse.ArgumentParser(prog="python -m identification", description=__doc__)
+    parser.add_argument("--count", type=int, default=100, help="repetitions from each start")
+    parser.add_argument("--count-beside", type=int, default=10, help="repetitions beside mujoco.sysid")
+    parser.add_argument("--threads", type=int, default=0, help="threads of stepper; 0 is all")
+    parser.add_argument("--only", choices=["own", "beside"], help="one of the two tables")
+    parser.add_argument("--update-docs", action="store_true", help=f"write the tables into {PAGE.name}")
+    given = parser.parse_args()
+    about = provenance()
+    print(f"{about['cpu']}, {about['cores']} cores, load {about['load_average']}")
+    tables = {}
+    if given.only != "beside":
+        tables["own"] = _table("scene", _own(given.count, given.threads))
+    if given.only != "own":
+        if missing := sysid.available():
+            print(f"not beside mujoco.sysid: {missing}")
+        else:
+            tables["beside"] = _table("scene", _beside(given.count_beside, given.threads))
+    if given.update_docs:
+        text = PAGE.read_text()
+        for name, table in tables.items():
+            begin, end = f"<!-- {name} -->\n", f"\n<!-- end of {name} -->"
+            before, _, rest = text.partition(begin)
+            _, _, after = rest.partition(end)
+            text = before + begin + table + end + after
+        PAGE.write_text(text)
+        print(f"wrote {PAGE}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,99 @@
+"""Two scenes with known answers: a box that is pushed over a floor, and a box that is held between two fingers and shaken."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import stepper
+
+PUSHED = """<mujoco model="pushed box"><option timestep="0.002"/><worldbody>
+  <geom name="floor" type="plane" size="2 2 .1" friction="{friction}"/>
+  <body name="box" pos="0 0 .04"><joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>
+    <geom name="box" type="box" size=".05 .04 .04" mass="{mass}" friction="{friction}"/></body>
+  <body name="hand" pos="-.1 0 .04"><joint name="push" type="slide" axis="1 0 0" damping="2"/>
+    <geom name="hand" type="box" size=".01 .01 .01" mass=".4" contype="2" conaffinity="2"/>
+    <body name="finger" pos=".02 0 0"><joint name="give" type="slide" axis="1 0 0" stiffness="2000" damping="40"/>
+      <geom name="finger" type="sphere" size=".01" mass=".05" condim="1" priority="1"/>
+      <site name="wrist" pos="-.01 0 0"/></body>
+  </body></worldbody>
+  <actuator><position joint="push" kp="800" kv="60"/></actuator>
+  <sensor><force name="wrist_force" site="wrist"/><jointpos name="box_x" joint="x"/></sensor></mujoco>"""
+
+HELD = """<mujoco model="held box"><option timestep="0.002"/><worldbody>
+  <body name="arm" pos="0 0 .5"><joint name="lift" type="slide" axis="0 0 1" damping="5"/>
+    <geom type="box" size=".03 .03 .03" mass="1" contype="0" conaffinity="0"/>
+    <body name="wrist" pos="0 0 -.05"><site name="wrist"/>
+      <geom type="box" size=".04 .02 .01" mass=".3" contype="0" conaffinity="0"/>
+      <body name="left" pos="-.03 0 -.06"><joint name="left" type="slide" axis="1 0 0" damping="1"/>
+        <geom name="left" type="box" size=".005 .02 .03" mass=".05" friction="{friction}" contype="2" conaffinity="1"/></body>
+      <body name="right" pos=".03 0 -.06"><joint name="right" type="slide" axis="-1 0 0" damping="1"/>
+        <geom name="right" type="box" size=".005 .02 .03" mass=".05" friction="{friction}" contype="2" conaffinity="1"/></body>
+    </body></body>
+  <body name="box" pos="0 0 .39"><joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>
+    <geom name="box" type="box" size=".025 .02 .05" mass="{mass}" friction="{friction}" contype="1" conaffinity="2"/></body>
+  </worldbody>
+  <actuator><position joint="lift" kp="4000" kv="200"/><motor joint="left"/><motor joint="right"/></actuator>
+  <sensor><force name="wrist_force" site="wrist"/><torque name="wrist_torque" site="wrist"/>
+    <jointpos name="lift" joint="lift"/></sensor></mujoco>"""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A scene.
+
+    Attributes:
+        name: Its name.
+        source: MJCF with places for mass and friction.
+        truth: Mass in kg, friction.
+        parameters: What is sought.
+        ctrl: Controls, (T, nu), each for `period` s.
+        period: s.
+        noise: Standard deviation of every channel that is read.
+        starts: Where searches begin: mass and friction.
+    """
+
+    name: str
+    source: str
+    truth: tuple[float, float]
+    parameters: tuple[str, str]
+    ctrl: np.ndarray[Any, Any]
+    period: float
+    noise: dict[str, float]
+    starts: tuple[tuple[float, float], ...]
+
+    def text(self, mass: float, friction: float) -> str:
+        """MJCF with these numbers."""
+        return self.source.format(mass=mass, friction=friction)
+
+    def model(self, mass: float, friction: float) -> stepper.Model:
+        """The model with these numbers."""
+        return stepper.load(self.text(mass, friction))
+
+    def readings(self, options: stepper.Options) -> dict[str, np.ndarray[Any, Any]]:
+        """What ideal sensors read, by channel (T, dim)."""
+        model = self.model(*self.truth)
+        sim = stepper.Stepper(model, options=options)
+        made = sim.rollout(self.ctrl, round(self.period / sim.timestep), fields=("observation",))["observation"]
+        return {name: made[:, model.sensor(name).adr : model.sensor(name).adr + model.sensor(name).dim] for name in self.noise}
+
+
+def pushed() -> Scene:
+    """A springy finger behind a box touches it and pushes, faster and slower; a force sensor behind the finger, and where the box is."""
+    t = np.arange(100) * 0.02
+    ctrl = 0.022 + 0.12 * t + 0.008 * np.sin(2 * np.pi * 2.2 * t)
+    return Scene("pushed box", PUSHED, (1.3, 0.35), ("mass:box", "friction:floor,box"), ctrl[:, None], 0.02,
+                 {"wrist_force": 0.3, "box_x": 5e-4}, ((1.0, 0.5), (0.4, 1.0), (4.0, 0.1), (2.5, 0.9)))  # fmt: skip
+
+
+def held() -> Scene:
+    """Two fingers press a box with a known force while the wrist shakes, so that it slips at times; the wrist's force and torque."""
+    t = np.arange(100) * 0.02
+    lift = 0.03 * (np.sin(2 * np.pi * 1.0 * t) + 0.5 * np.sin(2 * np.pi * 2.6 * t)) * np.minimum(1, t / 0.4)
+    squeeze = np.full_like(t, 12.0)
+    return Scene("held box", HELD, (0.8, 0.45), ("mass:box", "friction:left,right,box"), np.stack([lift, squeeze, squeeze], axis=1), 0.02,
+                 {"wrist_force": 0.3, "wrist_torque": 0.02}, ((0.5, 0.6), (0.2, 1.2), (2.0, 0.3), (1.2, 0.9)))  # fmt: skip
+
+
+SCENES = (pushed, held)

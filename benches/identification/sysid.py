@@ -1,0 +1,102 @@
+"""The scenes in MuJoCo: readings of its own motion, and `mujoco.sysid` on them.
+
+Its residual function is given the samples and the noise of each sensor, so that both minimise the same sum of squares. Its optimizers are
+MuJoCo's, its default, and SciPy's, both with `x_scale="jac"`, which its documentation advises for parameters of different sizes, and with
+its own step of differences. Intervals are those of its `calculate_intervals`. It searches from one start.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from typing import Any
+
+import mujoco
+import numpy as np
+from mujoco import rollout
+from stepper.shared.machine import require
+
+from identification.repetitions import Answer, Readings
+from identification.scenes import Scene
+
+SETTINGS: dict[str, dict[str, Any]] = {
+    "default": {"optimizer": "mujoco", "x_scale": "jac"},
+    "SciPy": {"optimizer": "scipy", "x_scale": "jac"},
+}
+HOW = 'pip install "mujoco[sysid]"'
+
+
+def available() -> str:
+    """Why there is no `mujoco.sysid`; empty where there is."""
+    try:
+        module = require("mujoco.sysid", "to compare with it")
+    except ImportError as error:
+        return str(error)
+    return "" if hasattr(module, "optimize") else f"it lacks packages of its own: {HOW}"
+
+
+def readings(scene: Scene) -> Readings:
+    """What MuJoCo's sensors read in its own motion, at the end of every period."""
+    model = mujoco.MjModel.from_xml_string(scene.text(*scene.truth))
+    data = mujoco.MjData(model)
+    state = np.zeros(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
+    mujoco.mj_getState(model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    nstep = round(scene.period / model.opt.timestep)
+    states, sensors = rollout.rollout(model, data, state[None], np.repeat(scene.ctrl, nstep, axis=0)[None])
+    out = {}
+    for name in scene.noise:
+        sensor = model.sensor(name)
+        rows = sensors[0, nstep - 1 :: nstep, sensor.adr[0] : sensor.adr[0] + sensor.dim[0]]
+        if sensor.type[0] == mujoco.mjtSensor.mjSENS_JOINTPOS:
+            # Sensors of positions are those before the last step, which ends a period: read them after it.
+            rows = states[0, nstep - 1 :: nstep, 1 + model.jnt_qposadr[sensor.objid[0]]][:, None]
+        out[name] = rows
+    return out
+
+
+def identified(scene: Scene, start: tuple[float, float], given: Readings, settings: dict[str, Any]) -> Answer:
+    """One identification by `mujoco.sysid`; settings are those of its `optimize`."""
+    sysid = require("mujoco.sysid", "to compare with it")
+    spec = mujoco.MjSpec.from_string(scene.text(*start))
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    nstep = round(scene.period / model.opt.timestep)
+    times = (1 + np.arange(len(scene.ctrl) * nstep)) * model.opt.timestep
+    geoms = scene.parameters[1].partition(":")[2].split(",")
+
+    def set_mass(spec: Any, parameter: Any) -> None:
+        spec.geom("box").mass = float(parameter.value[0])
+
+    def set_friction(spec: Any, parameter: Any) -> None:
+        for name in geoms:
+            spec.geom(name).friction[0] = float(parameter.value[0])
+
+    parameters = sysid.ParameterDict()
+    for name, value, modifier in (("mass", start[0], set_mass), ("friction", start[1], set_friction)):
+        parameters.add(sysid.Unknown(name, value, value / 20, value * 20, modifier=modifier))
+    control = sysid.TimeSeries(times - model.opt.timestep, np.repeat(scene.ctrl, nstep, axis=0))
+    sensors = sysid.TimeSeries.from_names(times, np.zeros((len(times), model.nsensordata)), model)
+    initial = sysid.create_initial_state(model, data.qpos, data.qvel, data.act)
+    sequences = sysid.ModelSequences("scene", spec, "measured", initial, control, sensors)
+    sigma = np.concatenate([np.full(rows.shape[1], scene.noise[name]) for name, rows in given.items()])
+    measured = np.concatenate(list(given.values()), axis=1)
+
+    def compare(_: Any, predicted: Any, _measured: Any, model: Any, *_args: Any, state: Any, **_more: Any) -> tuple[Any, Any, Any]:
+        columns = []
+        for name in given:
+            sensor = model.sensor(name)
+            if sensor.type[0] == mujoco.mjtSensor.mjSENS_JOINTPOS:
+                columns.append(state[:, 1 + model.jnt_qposadr[sensor.objid[0]]][:, None])
+            else:
+                columns.append(predicted.data[:, sensor.adr[0] : sensor.adr[0] + sensor.dim[0]])
+        rows = np.concatenate(columns, axis=1)[nstep - 1 :: nstep][: len(measured)]
+        return (rows - measured[: len(rows)]) / sigma, predicted, predicted
+
+    residual = sysid.build_residual_fn(models_sequences=[sequences], modify_residual=compare, resample_true=False)
+    with contextlib.redirect_stdout(io.StringIO()):  # its backends print every iteration, whatever `verbose` says
+        best, result = sysid.optimize(parameters, residual, verbose=False, **settings)
+    left, _, _ = residual(result.x, best)
+    flat = np.concatenate([np.ravel(r) for r in left])
+    _, half = sysid.calculate_intervals([flat], np.asarray(result.jac).reshape(len(flat), -1))
+    values = np.array([best["mass"].value[0], best["friction"].value[0]])
+    return values, values - half, values + half

@@ -1,0 +1,12 @@
+"""Identification: parameters of a model from what was measured, and how sure that is (docs/identification.md).
+
+`data` reads what was measured, `parameters` says what is sought, `simulate` predicts readings in one batch of environments, `residuals`
+compares them, `fit` searches, `uncertainty` and `findings` say how sure the answer is, `result` is the answer.
+"""
+
+from stepper.identification.data import Episode, episodes_of
+from stepper.identification.fit import identify
+from stepper.identification.parameters import KINDS, Unknown
+from stepper.identification.result import Identification, Search
+
+__all__ = ["KINDS", "Episode", "Identification", "Unknown", "Search", "episodes_of", "identify"]

@@ -1,0 +1,101 @@
+"""Inertias that stay physical: the pseudo-inertia of a body and its log-Cholesky parameters.
+
+The pseudo-inertia of a body of density rho is the 4 x 4 matrix of its moments,
+
+    J = integral rho [x; 1] [x; 1]^T dV = [[S, m c], [m c^T, m]],    S = trace(I) / 2 - I about the origin of x,
+
+and a body can have an inertia if and only if J is positive definite (Wensing, Kim and Slotine 2018): that is more than positive moments,
+the triangle inequality too. The log-Cholesky parameters are those of J = U U^T with
+
+    U = e^alpha [[e^d1, s12, s13, t1], [0, e^d2, s23, t2], [0, 0, e^d3, t3], [0, 0, 0, 1]],
+
+so that all of R^10 are bodies: Rucker and Wensing, "Smooth parameterization of rigid-body inertia", IEEE RA-L 7(2), 2022, equation 13.
+
+Here x is measured in the body's own inertial frame (centre of mass and principal axes of the model) and in its radii of gyration, so that
+the model is where all ten numbers are 0, and each of them is of the order of what it changes.
+"""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import numpy as np
+
+Array: TypeAlias = np.ndarray[Any, np.dtype[np.float64]]
+
+LOG_CHOLESKY = ("alpha", "d1", "d2", "d3", "s12", "s23", "s13", "t1", "t2", "t3")
+"""Names of the ten numbers, in the order of the source."""
+
+
+def second_moments(inertia: Array) -> Array:
+    """Second moments of mass (..., 3) of principal moments of inertia (..., 3), kg m^2: S = trace(I) / 2 - I."""
+    return np.asarray(0.5 * inertia.sum(axis=-1, keepdims=True) - inertia)
+
+
+def principal_moments(moments: Array) -> Array:
+    """The inverse of `second_moments`: I = trace(S) - S."""
+    return np.asarray(moments.sum(axis=-1, keepdims=True) - moments)
+
+
+def factor(theta: Array) -> Array:
+    """The triangular factor U (..., 4, 4) of log-Cholesky parameters (..., 10)."""
+    alpha, d1, d2, d3, s12, s23, s13, t1, t2, t3 = np.moveaxis(theta, -1, 0)
+    U = np.zeros((*theta.shape[:-1], 4, 4))
+    for k, d in enumerate((d1, d2, d3)):
+        U[..., k, k] = np.exp(d)
+    U[..., 3, 3] = 1.0
+    U[..., 0, 1], U[..., 1, 2], U[..., 0, 2] = s12, s23, s13
+    U[..., 0, 3], U[..., 1, 3], U[..., 2, 3] = t1, t2, t3
+    return np.asarray(np.exp(alpha)[..., None, None] * U)
+
+
+def bodies(theta: Array, mass: float, inertia: Array) -> tuple[Array, Array, Array, Array]:
+    """Bodies beside one of a given mass (kg) and principal moments (3,) (kg m^2), which is where theta is 0.
+
+    Args:
+        theta: Log-Cholesky parameters, (..., 10).
+        mass: Mass of that body.
+        inertia: Its principal moments of inertia.
+
+    Returns:
+        Mass (...,); centre of mass (..., 3) in m and principal moments (..., 3); and principal axes, the columns of rotations (..., 3, 3).
+        Places and axes are in the inertial frame of the body where theta is 0.
+    """
+    gyration = np.sqrt(np.maximum(second_moments(inertia), 1e-12 * inertia.max()) / mass)
+    U = factor(theta)
+    scale = np.append(gyration, 1.0)[:, None]
+    J = mass * (scale * U) @ np.swapaxes(scale * U, -1, -2)
+    m = J[..., 3, 3]
+    c = J[..., :3, 3] / m[..., None]
+    S = J[..., :3, :3] - m[..., None, None] * c[..., :, None] * c[..., None, :]
+    moments, axes = np.linalg.eigh(S)
+    axes = axes * np.where(np.linalg.det(axes) < 0, -1.0, 1.0)[..., None, None]
+    return m, c, principal_moments(moments), axes
+
+
+def tensor(inertia: Array, axes: Array) -> Array:
+    """Inertia about the centre of mass as xx, yy, zz, xy, xz, yz (..., 6), of principal moments and axes."""
+    full = (axes * inertia[..., None, :]) @ np.swapaxes(axes, -1, -2)
+    return np.stack([full[..., i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))], axis=-1)
+
+
+def rotation(quat: Array) -> Array:
+    """Rotation matrix (3, 3) of a unit quaternion (4,)."""
+    w, x, y, z = quat
+    return np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ])  # fmt: skip
+
+
+def quaternion(R: Array) -> Array:
+    """Unit quaternions (..., 4) of rotation matrices (..., 3, 3): the eigenvector of Bar-Itzhack's matrix (2000), right at every angle."""
+    m = np.moveaxis(R, (-2, -1), (0, 1))
+    K = np.zeros((*R.shape[:-2], 4, 4))
+    K[..., 0, 0] = m[0, 0] + m[1, 1] + m[2, 2]
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        K[..., 0, 1 + i] = K[..., 1 + i, 0] = m[k, j] - m[j, k]
+        K[..., 1 + i, 1 + i] = m[i, i] - m[j, j] - m[k, k]
+        K[..., 1 + i, 1 + j] = K[..., 1 + j, 1 + i] = m[j, i] + m[i, j]
+    return np.asarray(np.linalg.eigh(K)[1][..., -1])

@@ -1,0 +1,125 @@
+"""How sure an estimate is: its covariance with noise that may be correlated in time, and what the data do not say.
+
+The estimate solves sum_t s_t = 0 of the scores s_t = J_t^T psi(r_t), so its covariance is the sandwich H^-1 S H^-1 with H = J^T W J and
+S the long-run covariance of the scores: of white noise S = H, of correlated noise (coloured sensors, what the model leaves out) it is
+larger. S is estimated with Bartlett's kernel (Newey and West 1987) after scores are whitened by a first-order autoregression (Andrews and
+Monahan 1992).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stepper.identification.inertia import Array
+
+LARGEST_AUTOCORRELATION = 0.97
+"""Bound of the autoregression, as Andrews and Monahan advise."""
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """What data say of parameters x.
+
+    Attributes:
+        covariance: Of x, (n, n), finite also where data say nothing: there it is the bounds'.
+        information: H of the data and what was known before, (n, n), without bounds.
+        inflation: Standard deviations over those of white noise, (n,).
+        effect: Root of the sum of squares of how the readings change with each parameter, in standard deviations of their noise, (n,).
+    """
+
+    covariance: Array
+    information: Array
+    inflation: Array
+    effect: Array
+
+
+def weights_of(loss: str, z: Array) -> Array:
+    """Derivative of SciPy's loss rho at z = (r / f_scale)^2."""
+    if loss == "linear":
+        return np.ones_like(z)
+    if loss == "soft_l1":
+        return (1 + z) ** -0.5
+    if loss == "huber":
+        return np.where(z <= 1, 1.0, np.maximum(z, 1.0) ** -0.5)
+    if loss == "cauchy":
+        return np.asarray(1 / (1 + z))
+    return np.asarray(1 / (1 + z**2))  # arctan
+
+
+def slopes_of(loss: str, r: Array) -> Array:
+    """Derivative of the score r rho'(r^2), at least a little above 0."""
+    step = 1e-4
+    up, down = r + step, r - step
+    return np.maximum((up * weights_of(loss, up**2) - down * weights_of(loss, down**2)) / (2 * step), 1e-3)
+
+
+def uncertainty(J: Array, r: Array, times: Array, reach: Array, *, loss: str, f_scale: float) -> Uncertainty:
+    """Covariance of the parameters, the first n of the columns of a Jacobian.
+
+    Args:
+        J: Jacobian of the residuals, (m, n + others). Columns beyond n (starts of episodes) are eliminated.
+        r: Residuals, (m,): readings first, then what was known before.
+        times: Episode and row of each reading, (k, 2).
+        reach: Half of the width of the bounds, (n,): a priori standard deviation where data say nothing.
+        loss: As of `least_squares`.
+        f_scale: Residual beyond which a robust loss begins.
+    """
+    n = len(reach)
+    k = len(times)
+    bread, weight = np.ones(len(r)), np.ones(len(r))
+    bread[:k], weight[:k] = slopes_of(loss, r[:k] / f_scale), weights_of(loss, (r[:k] / f_scale) ** 2)
+    effect = np.sqrt((bread[:k, None] * J[:k, :n] ** 2).sum(axis=0))
+    if J.shape[1] > n:
+        own, other = J[:, :n], J[:, n:]
+        coupling = np.linalg.lstsq(np.sqrt(bread)[:, None] * other, np.sqrt(bread)[:, None] * own, rcond=None)[0]
+        J = own - other @ coupling
+    H = (bread[:, None] * J).T @ J
+    known = (J[k:]).T @ J[k:] + np.diag(reach**-2.0)
+    scores = _by_time((weight[:k] * r[:k])[:, None] * J[:k], times)
+    white = sum((s.T @ s for s in scores), np.zeros((n, n)))
+    inverse = np.linalg.inv(H + np.diag(reach**-2.0))
+    plain = inverse @ (white + known) @ inverse
+    # Noise as large as was said, or as the fit leaves it, whatever is larger.
+    plain = _at_least(np.asarray(plain), np.asarray(inverse))
+    covariance = _at_least(np.asarray(inverse @ (_long_run(scores) + known) @ inverse), plain)
+    inflation = np.sqrt(np.diag(covariance) / np.diag(inverse))
+    return Uncertainty((covariance + covariance.T) / 2, H, inflation, effect)
+
+
+def _at_least(covariance: Array, other: Array) -> Array:
+    """A covariance whose standard deviations are those of another where they were smaller."""
+    grow = np.sqrt(np.maximum(1.0, np.diag(other) / np.diag(covariance)))
+    return np.asarray(grow[:, None] * covariance * grow)
+
+
+def _by_time(rows: Array, times: Array) -> list[Array]:
+    """Sums of the rows of each time, by episode."""
+    out = []
+    for e in np.unique(times[:, 0]):
+        mine = times[:, 0] == e
+        summed = np.zeros((int(times[mine, 1].max()) + 1, rows.shape[1]))
+        np.add.at(summed, times[mine, 1], rows[mine])
+        out.append(summed)
+    return out
+
+
+def _long_run(scores: list[Array]) -> Array:
+    """Covariance of the sum of the scores of all episodes, (n, n)."""
+    n = scores[0].shape[1]
+    before = sum((s[:-1] ** 2).sum(axis=0) for s in scores)
+    rho = sum((s[1:] * s[:-1]).sum(axis=0) for s in scores) / np.where(before > 0, before, 1.0)
+    rho = np.clip(rho, 0.0, LARGEST_AUTOCORRELATION)
+    # The first score of an episode has no other before it.
+    whitened = [np.concatenate([s[:1] * np.sqrt(1 - rho**2), s[1:] - rho * s[:-1]]) for s in scores]
+    longest = max(map(len, scores))
+    lags = min(int(4 * (longest / 100) ** (2 / 9)), longest - 1)
+    S = np.zeros((n, n))
+    for u in whitened:
+        S += u.T @ u
+        for lag in range(1, min(lags, len(u) - 1) + 1):
+            C = u[lag:].T @ u[:-lag]
+            S += (1 - lag / (lags + 1)) * (C + C.T)
+    colour = 1 / (1 - rho)
+    return np.asarray(colour[:, None] * S * colour)

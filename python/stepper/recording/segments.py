@@ -1,0 +1,97 @@
+"""The motions of a recording as arrays: stretches of equal steps from a known state."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stepper._stepper import Model, Stepper
+from stepper.recording.format import APPLIED, HEADER, Arrays, read_header, read_rows, reading
+from stepper.recording.replay import repeat, recorded_stepper
+
+READ = ("qpos", "qvel", "act", "observation")
+
+
+@dataclass(frozen=True)
+class Segment:
+    """Steps of all environments between two events (resets, states that were set, parameters that were drawn).
+
+    Attributes:
+        model: The recording's model.
+        row: Row of the recording where it begins.
+        period: Time of a call of `step`, s.
+        start: State before it: "qpos", "qvel", "act", (num_envs, ...).
+        ctrl: Controls, (T, num_envs, nu).
+        readings: "qpos", "qvel", "act" and "observation" after every call, (T, num_envs, ...).
+        applied: Applied forces and mocap poses that were in force, (T, num_envs, ...), of those that were given at all.
+    """
+
+    model: Model
+    row: int
+    period: float
+    start: dict[str, np.ndarray[Any, Any]]
+    ctrl: np.ndarray[Any, Any]
+    readings: dict[str, np.ndarray[Any, Any]]
+    applied: dict[str, np.ndarray[Any, Any]]
+
+
+def segments(path: str | os.PathLike[str]) -> Iterator[Segment]:
+    """Stretches of a recording, in their order. A change of the steps per call begins another.
+
+    Raises:
+        RecordingError: A file of it is missing, or something in it is not what was written.
+        OSError: It cannot be read.
+    """
+    folder = Path(path)
+    head = read_header(folder)
+    with reading(folder / HEADER):
+        sim = recorded_stepper(folder, head, None, None)
+    unapplied = {name: np.asarray(getattr(sim, name), np.float64) for name in APPLIED}
+    applied: dict[str, np.ndarray[Any, Any]] = {}
+    steps: list[Arrays] = []
+    start, first = _state(sim), 0
+    for row, (place, kind, arrays) in enumerate(read_rows(folder, head)):
+        with reading(place):
+            if steps and (kind not in ("step", "applied") or (kind == "step" and int(arrays["nstep"]) != int(steps[0]["nstep"]))):
+                yield _segment(sim, first, start, steps, unapplied)
+                steps = []
+            if kind == "step":
+                if not steps:
+                    start, first = _state(sim), row
+                steps.append(arrays | {f"applied/{name}": array for name, array in applied.items()})
+                # The state that was recorded, without the step that led to it.
+                shape = (lambda x: x) if sim.num_envs is not None else (lambda x: np.reshape(x, np.shape(x)[-1:]))
+                sim.set_state(shape(arrays["qpos"]), shape(arrays["qvel"]), act=shape(arrays["act"]), cold=False)
+            elif kind == "applied":
+                applied = {name: arrays[name] for name in APPLIED if name in arrays}
+            else:
+                repeat(sim, kind, arrays, row, 0)
+                applied = {} if kind == "reset" else applied
+    if steps:
+        yield _segment(sim, first, start, steps, unapplied)
+
+
+def _state(sim: Stepper) -> dict[str, np.ndarray[Any, Any]]:
+    n = sim.num_envs or 1
+    return {name: np.asarray(getattr(sim, name), np.float64).reshape(n, -1) for name in ("qpos", "qvel", "act")}
+
+
+def _segment(sim: Stepper, row: int, start: dict[str, Any], steps: list[Arrays], unapplied: dict[str, np.ndarray[Any, Any]]) -> Segment:
+    lead = (len(steps), sim.num_envs or 1)
+
+    def stacked(name: str) -> np.ndarray[Any, Any]:
+        return np.stack([np.asarray(step[name], np.float64) for step in steps]).reshape(*lead, -1)
+
+    applied = {}
+    for name in {name for step in steps for name in step if name.startswith("applied/")}:
+        own = unapplied[name.removeprefix("applied/")]
+        rows = [np.asarray(step.get(name, own), np.float64).reshape(own.shape) for step in steps]
+        applied[name.removeprefix("applied/")] = np.stack(rows).reshape(*lead, *own.shape[sim.num_envs is not None :])
+    return Segment(
+        sim.model, row, int(steps[0]["nstep"]) * sim.timestep, start, stacked("ctrl"), {name: stacked(name) for name in READ}, applied
+    )

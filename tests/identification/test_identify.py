@@ -1,0 +1,284 @@
+"""`stepper.identify`: right, sure, and not silent where data say nothing."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import stepper
+from identification.repetitions import noisy
+from identification.scenes import held, pushed
+from models import stepper_model
+from stepper.identification import parameters
+
+TIGHT = stepper.Options(tolerance=1e-9)
+
+
+def episode_of(model, ctrl, period, channels, options=TIGHT, **start):
+    """What ideal sensors of a model read."""
+    sim = stepper.Stepper(model, options=options, actuators=start.pop("actuators", None))
+    sim.set_state(start.get("qpos", model.qpos0), start.get("qvel", np.zeros(model.nv)))
+    made = sim.rollout(ctrl, round(period / sim.timestep), fields=("qpos", "qvel", "observation"))
+    readings = {}
+    for name in channels:
+        if name in ("qpos", "qvel"):
+            readings[name] = made[name]
+        else:
+            sensor = model.sensor(name)
+            readings[name] = made["observation"][:, sensor.adr : sensor.adr + sensor.dim]
+    return stepper.Episode(ctrl, readings, period, **start)
+
+
+@pytest.mark.parametrize("scene", [pushed(), held()], ids=["pushed", "held"])
+def test_mass_and_friction_with_noise(scene):
+    """Some of the repetitions that `make identify` makes; two or more of five intervals miss with a chance of 0.02, and seeds are fixed."""
+    clean = scene.readings(TIGHT)
+    covered = []
+    for seed in range(5):
+        episode = stepper.Episode(scene.ctrl, noisy(clean, scene, seed), scene.period)
+        found = stepper.identify(scene.model(*scene.starts[0]), [episode], scene.parameters, starts=3, threads=1)
+        assert (np.abs(found.values / scene.truth - 1) < 0.06).all()  # four standard deviations of the worse of both, 1.5 %
+        low, high = found.interval().T
+        covered.append((low <= scene.truth) & (scene.truth <= high))
+        assert ((high - low) / scene.truth < 0.1).all()
+    assert (np.sum(covered, axis=0) >= 4).all()
+
+
+def test_exact_data_give_exact_numbers_and_the_answer_can_be_used(tmp_path):
+    """Without noise what is left is the tolerance of the steps."""
+    scene = pushed()
+    episode = stepper.Episode(scene.ctrl, scene.readings(TIGHT), scene.period)
+    found = stepper.identify(scene.model(1.0, 0.5), [episode], scene.parameters, starts=2)
+    np.testing.assert_allclose(found.values, scene.truth, rtol=1e-5)
+    assert found.warnings == ()
+    assert found["mass:box"] == found.values[0]
+    estimate = found.estimate
+    assert estimate.body("box").mass == pytest.approx(1.3, rel=1e-5)
+    # A body of another mass keeps its shape: the inertia grows with it.
+    np.testing.assert_allclose(np.asarray(estimate.body("box").inertia) / scene.model(1.0, 0.5).body("box").inertia, 1.3, rtol=1e-5)
+    sim = stepper.Stepper(estimate, 64)
+    sim.randomize(**found.sample(64, seed=3))
+    drawn = sim.randomized["geom_friction"][:, estimate.geom("floor").id, 0]
+    assert abs(drawn.mean() / 0.35 - 1) < 1e-4
+    assert drawn.std() > 0
+    found.save(tmp_path / "found.json")
+    again = stepper.Identification.load(tmp_path / "found.json", found.model)
+    assert str(again) == str(found)
+    with pytest.raises(ValueError, match="of model"):
+        stepper.Identification.load(tmp_path / "found.json", estimate)
+
+
+def test_the_same_answer_for_any_number_of_threads():
+    scene = pushed()
+    episode = stepper.Episode(scene.ctrl[:50], {n: r[:50] for n, r in noisy(scene.readings(TIGHT), scene, 0).items()}, scene.period)
+    one, two = (stepper.identify(scene.model(1.0, 0.5), [episode], scene.parameters, starts=3, threads=t) for t in (1, 2))
+    assert one.theta.tobytes() == two.theta.tobytes()
+    assert one.covariance.tobytes() == two.covariance.tobytes()
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.3])
+def test_what_never_moves_is_said(noise):
+    """A box that nothing touches: no reading depends on its mass, and only the weight of friction that never slides."""
+    scene = pushed()
+    still = dataclasses.replace(scene, ctrl=np.full((40, 1), -0.05))
+    rng = np.random.default_rng(0)
+    readings = {name: rows + noise * rng.standard_normal(rows.shape) for name, rows in still.readings(TIGHT).items()}
+    found = stepper.identify(scene.model(1.0, 0.5), [stepper.Episode(still.ctrl, readings, 0.02)], scene.parameters, starts=2)
+    assert not found.determined.any()
+    assert any("mass:box is not determined" in text and "no reading depends on it" in text for text in found.warnings)
+    assert any("friction:{floor,box} is not determined" in text and "slide" in text for text in found.warnings)
+    assert "not determined" in found.table()
+    # It is as wide as the bounds, and finite.
+    low, high = found.interval()[0]
+    assert high / low > 1e3
+    assert np.isfinite(found.covariance).all()
+
+
+def test_a_search_that_begins_where_friction_never_slides():
+    """From a friction that holds the box against the finger, the slope is zero; other starts find the one that slides."""
+    scene = pushed()
+    model = scene.model(1.3, 5.0)
+    soft = model.replace(actuator_gain=model.actuator_gain / 20, actuator_bias=model.actuator_bias / 20)
+    truth = scene.model(1.3, 0.35)
+    truth = truth.replace(actuator_gain=truth.actuator_gain / 20, actuator_bias=truth.actuator_bias / 20)
+    ctrl = np.linspace(0, 0.6, 60)[:, None]
+    episode = episode_of(truth, ctrl, 0.02, ("wrist_force", "box_x"))
+    found = stepper.identify(soft, [episode], [stepper.Unknown("friction", ("floor", "box"), bounds=(0.05, 10))], starts=6)
+    assert found.values[0] == pytest.approx(0.35, rel=1e-4)
+    alone = stepper.identify(soft, [episode], [stepper.Unknown("friction", ("floor", "box"), bounds=(0.05, 10))], starts=1)
+    # From that start alone nothing is found, and that is said.
+    assert alone.values[0] == pytest.approx(5.0, rel=0.1)
+    assert any("not determined" in text for text in alone.warnings)
+
+
+def test_outliers_with_and_without_a_robust_loss():
+    scene = pushed()
+    readings = noisy(scene.readings(TIGHT), scene, 1)
+    rng = np.random.default_rng(0)
+    hit = rng.random(100) < 0.05
+    readings["wrist_force"][hit, 0] += 40.0
+    readings["box_x"][hit] += 0.05
+    episode = stepper.Episode(scene.ctrl, readings, scene.period)
+    plain, robust = (
+        stepper.identify(scene.model(1.0, 0.5), [episode], scene.parameters, starts=2, loss=loss) for loss in ("linear", "cauchy")
+    )
+    error, robust_error = (np.abs(found.values / scene.truth - 1).max() for found in (plain, robust))
+    assert robust_error < 0.05 < error
+    assert any("outliers" in text for text in robust.warnings)
+
+
+ARM = """<mujoco><option timestep=".002"/><worldbody><body name="upper"><joint name="shoulder" axis="0 1 0" damping=".4" armature=".02"/>
+  <geom type="capsule" size=".03" fromto="0 0 0 .3 0 0" mass="1"/>
+  <body name="fore" pos=".3 0 0"><joint name="elbow" axis="0 1 0" damping=".2" frictionloss=".1" stiffness="1.5"/>
+  <geom type="capsule" size=".025" fromto="0 0 0 .25 .02 0" mass=".6"/>
+  <body name="load" pos=".25 0 0"><joint name="roll" axis="1 0 0" damping=".05"/>
+  <inertial pos=".03 .01 -.02" mass=".5" diaginertia=".002 .003 .0025" quat=".9 .1 .2 .3"/><geom size=".02" mass="0"/>
+  <site name="s"/></body></body></body></worldbody>
+  <actuator><motor name="a" joint="shoulder" gear="12"/><position name="b" joint="elbow" kp="30" kv="1"/>
+  <motor name="c" joint="roll"/></actuator>
+  <sensor><force name="force" site="s"/><torque name="torque" site="s"/><jointpos name="q" joint="elbow"/></sensor></mujoco>"""
+
+
+def shaken(T=120):
+    t = np.arange(T) * 0.01
+    return np.stack([np.sin(9 * t), 0.8 * np.sin(7 * t + 1), 0.3 * np.sin(13 * t + 2)], axis=1)
+
+
+@pytest.mark.parametrize(("text", "change"), [
+    ("damping:shoulder", {"dof_damping": (0, 0.7)}),
+    ("armature:shoulder", {"dof_armature": (0, 0.05)}),
+    ("frictionloss:elbow", {"dof_frictionloss": (1, 0.25)}),
+    ("stiffness:elbow", {"jnt_stiffness": (1, 4.0)}),
+    ("gain:a", {"actuator_gain": ((0, 0), 1.3)}),
+    ("kp:b", {"actuator_gain": ((1, 0), 55.0), "actuator_bias": ((1, 1), -55.0)}),
+    ("kv:b", {"actuator_bias": ((1, 2), -2.5)}),
+    ("mass:fore", {"body_mass": (2, 0.9)}),
+])  # fmt: skip
+def test_kinds_of_an_arm(text, change):
+    """Each from the model's own number, without noise."""
+    model = stepper.load(ARM)
+    fields = {}
+    for field, (place, value) in change.items():
+        array = np.array(getattr(model, field))
+        if field == "body_mass":
+            fields["body_inertia"] = np.array(model.body_inertia)
+            fields["body_inertia"][place] *= value / array[place]
+        array[place] = value
+        fields[field] = array
+    episode = episode_of(model.replace(**fields), shaken(), 0.01, ("qpos", "force"))
+    found = stepper.identify(model, [episode], [text], starts=1)
+    place, value = next(iter(change.values()))
+    assert found.values[0] == pytest.approx(abs(value), rel=1e-4)
+
+
+def test_an_inertia_stays_physical_and_is_found():
+    """All ten numbers of the load, by the wrist's force and torque, and those that lanes can have of their own."""
+    model = stepper.load(ARM)
+    body = model.body("load").id
+    truth = {name: np.array(getattr(model, name)) for name in ("body_mass", "body_ipos", "body_inertia", "body_iquat")}
+    truth["body_mass"][body] = 0.7
+    truth["body_ipos"][body] = [0.02, 0.015, -0.01]
+    truth["body_inertia"][body] = [0.003, 0.0026, 0.0048]
+    truth["body_iquat"][body] = np.array([0.8, 0.3, 0.1, 0.5]) / np.linalg.norm([0.8, 0.3, 0.1, 0.5])
+    true = model.replace(**truth)
+    episode = episode_of(true, shaken(), 0.01, ("force", "torque", "qpos", "qvel"))
+    found = stepper.identify(model, [episode], ["inertia:load"], starts=1)
+    moments = np.asarray(found.estimate.body("load").inertia)
+    np.testing.assert_allclose(np.sort(moments), [0.0026, 0.003, 0.0048], rtol=1e-2)
+    assert found["inertia:load.mass"] == pytest.approx(0.7, rel=1e-3)
+    np.testing.assert_allclose([found[f"inertia:load.com.{axis}"] for axis in "xyz"], [0.02, 0.015, -0.01], atol=1e-4)
+    with pytest.raises(ValueError, match=r"body_iquat.*result\.models"):
+        found.sample(4)
+    for drawn in found.models(4):
+        a, b, c = np.sort(drawn.body("load").inertia)
+        assert a > 0
+        assert c < a + b
+    true = model.replace(**{name: truth[name] for name in ("body_mass", "body_ipos")}, body_inertia=model.body_inertia)
+    episode = episode_of(true, shaken(), 0.01, ("force", "torque", "qpos", "qvel"))
+    found = stepper.identify(model, [episode], ["mass:load", "com:load", "moments:load"], starts=1)
+    np.testing.assert_allclose(found.values[:4], [0.7, 0.02, 0.015, -0.01], rtol=1e-3)
+    np.testing.assert_allclose(found.values[4:], model.body("load").inertia, rtol=1e-2)
+    found.sample(4)
+
+
+def test_delay_bias_scale_and_lag():
+    """Of an actuator a delay between two steps; of sensors what they make of the truth."""
+    model = stepper.load(ARM)
+    drives = stepper.ActuatorModel({"b": stepper.Drive(delay=0.0132)})
+    episode = episode_of(model, shaken(), 0.01, ("force", "torque", "q"), actuators=drives)
+    readings = dict(episode.readings)
+    readings["force"] = readings["force"] + [0.5, -0.2, 0.1]
+    readings["torque"] = 1.1 * readings["torque"]
+    readings["q"] = np.concatenate([readings["q"][:1], readings["q"][:-1]])
+    episode = dataclasses.replace(episode, readings=readings)
+    found = stepper.identify(model, [episode], ["delay:b", "bias:force", "scale:torque", "lag:q"], starts=8)
+    values = dict(zip(found.labels, found.values, strict=True))
+    assert values["delay:b"] == pytest.approx(0.0132, abs=1e-5)
+    assert [values[f"bias:force[{k}]"] for k in range(3)] == pytest.approx([0.5, -0.2, 0.1], abs=1e-4)
+    assert values["scale:torque"] == pytest.approx(1.1, rel=1e-4)
+    # The first reading was held for a period.
+    assert values["lag:q"] == pytest.approx(0.01, abs=2e-4)
+    assert found.drives().drive_of("b").delay == pytest.approx(0.0132, abs=1e-5)
+    assert found.sample(5)["actuators"].drive_of("b").delay.shape == (5,)
+
+
+def test_an_unknown_start_is_estimated():
+    """A start whose velocity is off spoils damping, unless it is estimated too."""
+    model = stepper.load(ARM)
+    # The elbow's dry friction would hold a part of what is off.
+    model = model.replace(dof_frictionloss=np.zeros(3))
+    episode = episode_of(model, shaken(60), 0.01, ("qpos",), qvel=np.array([0.4, -0.5, 2.0]), qpos=np.array([0.05, 0.02, -0.04]))
+    rng = np.random.default_rng(2)
+    readings = {"qpos": np.asarray(episode.readings["qpos"]) + 1e-3 * rng.standard_normal((60, 3))}
+    given = dataclasses.replace(episode, qpos=None, qvel=None, readings=readings)
+    off = stepper.identify(model, [given], ["damping:roll"], starts=1)
+    found = stepper.identify(model, [dataclasses.replace(given, start_std=(0.1, 3.0))] * 2, ["damping:roll"], starts=1)
+    assert abs(off.values[0] / 0.05 - 1) > 0.1
+    low, high = found.interval()[0]
+    assert low < 0.05 < high
+    assert abs(found.values[0] / 0.05 - 1) < 0.05
+
+
+@pytest.mark.parametrize(("name", "text", "field"), [
+    ("gymnasium/reacher", "damping:joint1", "dof_damping"),
+    ("dm_control/acrobot", "mass:lower_arm", "body_mass"),
+    ("dm_control/cartpole", "mass:pole_1", "body_mass"),
+])  # fmt: skip
+def test_arms_that_others_wrote(name, text, field):
+    """Half as much again as in the file, found from the joints' positions alone, with noise of a milliradian."""
+    model = stepper_model(name, strict=False)
+    kind, element = text.split(":")
+    changed = np.array(getattr(model, field))
+    place = model.joint(element).dofadr if kind == "damping" else model.body(element).id
+    changed[place] *= 1.5
+    fields = {field: changed}
+    if kind == "mass":
+        fields["body_inertia"] = np.array(model.body_inertia)
+        fields["body_inertia"][place] *= 1.5
+    t = np.arange(100) * 0.02
+    ctrl = np.stack([0.8 * np.sin((5 + 2 * k) * t) for k in range(model.nu)], axis=1)
+    episode = episode_of(model.replace(**fields), ctrl, 0.02, ("qpos",))
+    rng = np.random.default_rng(0)
+    rows = np.asarray(episode.readings["qpos"])
+    episode = dataclasses.replace(episode, readings={"qpos": rows + 1e-3 * rng.standard_normal(rows.shape)})
+    found = stepper.identify(model, [episode], [text], starts=1)
+    low, high = found.interval(0.999)[0]
+    assert low < changed[place] < high
+    assert abs(found.values[0] / changed[place] - 1) < 0.05
+
+
+def test_log_cholesky_gives_bodies():
+    """Every number of R^10 is a body: positive moments that hold the triangle inequality, and theta = 0 is the model's."""
+    rng = np.random.default_rng(0)
+    mass, com, moments, axes = parameters.shape.bodies(rng.normal(0, 1.5, (500, 10)), 2.0, np.array([0.02, 0.03, 0.04]))
+    assert (mass > 0).all()
+    ordered = np.sort(moments, axis=-1)
+    assert (ordered[:, 0] > 0).all()
+    assert (ordered[:, 2] <= ordered[:, 0] + ordered[:, 1] + 1e-12 * ordered[:, 2]).all()
+    np.testing.assert_allclose(np.linalg.det(axes), 1, rtol=1e-9)
+    quat = parameters.shape.quaternion(axes)
+    again = np.stack([parameters.shape.rotation(q) for q in quat])
+    np.testing.assert_allclose(again, axes, atol=1e-9)
+    mass, com, moments, axes = parameters.shape.bodies(np.zeros(10), 2.0, np.array([0.02, 0.03, 0.04]))
+    assert mass == pytest.approx(2.0)
+    np.testing.assert_allclose(com, 0, atol=1e-15)
+    np.testing.assert_allclose(np.sort(moments), [0.02, 0.03, 0.04])

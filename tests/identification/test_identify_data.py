@@ -1,0 +1,171 @@
+"""What `stepper.identify` reads: recordings, CSV and npz files; and what it says of those that do not fit."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import stepper
+from identification.scenes import pushed
+from stepper.identification import Episode, episodes_of
+
+SCENE = pushed()
+MODEL = SCENE.model(*SCENE.truth)
+
+
+def log():
+    """The scene as a log: row k is at time 0.02 k, and has the readings that control k - 1 led to."""
+    sim = stepper.Stepper(MODEL, options=stepper.Options(tolerance=1e-9))
+    made = sim.rollout(SCENE.ctrl, 10, fields=("observation", "qpos", "qvel"))
+    first = np.zeros((1, MODEL.nsensordata))
+    observed = np.concatenate([first, made["observation"]])
+    return {
+        "time": 0.02 * np.arange(101),
+        "ctrl": np.concatenate([SCENE.ctrl, SCENE.ctrl[-1:]]),
+        "wrist_force": observed[:, :3],
+        "box_x": observed[:, 3],
+        "qpos": np.concatenate([MODEL.qpos0[None], made["qpos"]]),
+        "qvel": np.concatenate([np.zeros((1, MODEL.nv)), made["qvel"]]),
+    }
+
+
+def write_csv(path, table):
+    columns = {}
+    for name, values in table.items():
+        if values.ndim == 1:
+            columns[name] = values
+        else:
+            columns |= {f"{name}[{k}]": values[:, k] for k in range(values.shape[1])}
+    rows = [",".join(columns)] + [
+        ",".join("" if np.isnan(x) else repr(float(x)) for x in row) for row in zip(*columns.values(), strict=True)
+    ]
+    path.write_text("\n".join(rows) + "\n")
+
+
+def test_logs_and_recordings_say_the_same(tmp_path):
+    table = log()
+    np.savez(tmp_path / "log.npz", **table)
+    # A sensor that is read every other time, and a heading of somebody else's.
+    sparse = {name: values.copy() for name, values in table.items()}
+    sparse["wrist_force"][1::2] = np.nan
+    sparse["t [s]"] = sparse.pop("time")
+    write_csv(tmp_path / "log.csv", sparse)
+    sim = stepper.Stepper(MODEL, num_envs=2, options=stepper.Options(tolerance=1e-9))
+    with sim.record(tmp_path / "run"):
+        for ctrl in SCENE.ctrl:
+            sim.step(ctrl, nstep=10)
+    channels = ["wrist_force", "box_x"]
+    start = SCENE.model(1.0, 0.5)
+    for data, settings in (
+        (tmp_path / "log.npz", {}),
+        (tmp_path / "log.csv", {"columns": {"t [s]": "time"}}),
+        (tmp_path / "run", {}),
+    ):
+        found = stepper.identify(start, data, SCENE.parameters, channels=channels, starts=1, **settings)
+        # Recordings and logs hold all digits; what is left is the tolerance of the steps.
+        np.testing.assert_allclose(found.values, SCENE.truth, rtol=1e-5, err_msg=str(data))
+        assert found.warnings == ()
+    episodes = episodes_of(tmp_path / "run", start)
+    assert len(episodes) == 2
+    np.testing.assert_array_equal(episodes[1].readings["box_x"][:, 0], table["box_x"][1:])
+
+
+def test_a_recording_with_resets_forces_and_a_mask(tmp_path):
+    """Stretches between resets are episodes with starts of their own, and applied forces are those that were in force."""
+    model = stepper.load("""<mujoco><worldbody><body name="b"><freejoint/><geom size=".1" mass="2"/><site name="s"/></body></worldbody>
+        <sensor><framelinvel name="v" objtype="site" objname="s"/></sensor></mujoco>""")
+    sim = stepper.Stepper(model, num_envs=2)
+    with sim.record(tmp_path / "run"):
+        sim.step(nstep=5)
+        sim.xfrc_applied[:, 1, 0] = 3.0
+        sim.step(nstep=5)
+        sim.step(nstep=5)
+        sim.reset(np.array([False, True]), qvel=[0, 1, 0, 0, 0, 0])
+        sim.step(nstep=5)
+        sim.step(nstep=10)
+    episodes = episodes_of(tmp_path / "run", model)
+    assert [len(e.ctrl) for e in episodes] == [3, 3, 1, 1, 1, 1]
+    assert [e.applied["xfrc_applied"][:, 1, 0].tolist() for e in episodes[:2]] == [[0, 3, 3]] * 2
+    # The mask: environment 0 goes on, with the force that applies to it.
+    assert episodes[2].qvel[0] > 0
+    assert episodes[3].qvel.tolist() == [0, 1, 0, 0, 0, 0]
+    found = stepper.identify(model.replace(body_mass=[0, 5.0]), episodes[:3], ["mass:b"], starts=1)
+    assert found.values[0] == pytest.approx(2.0, rel=1e-6)
+
+
+@pytest.mark.parametrize(("change", "message"), [
+    (lambda t: t.pop("time"), "there is no time; give a column"),
+    (lambda t: t["time"].__setitem__(slice(50, None), t["time"][50:] + 0.01), "not equally far apart"),
+    (lambda t: t.update(ctrl=t["ctrl"][:, :0]), r"ctrl has 0 columns, must have 1"),
+    (lambda t: t["ctrl"].__setitem__(7, np.nan), "ctrl of row 7 is not finite"),
+    (lambda t: t.update(time=1.1 * t["time"] + 0.0), r"no whole number of time steps.*choose options=stepper.Options\(timestep=0.002\)"),
+    (lambda t: t.update(wrist_force=t["wrist_force"][:, :2]), "has 2 columns, must have 3"),
+])  # fmt: skip
+def test_logs_that_do_not_fit(tmp_path, change, message):
+    table = log()
+    change(table)
+    if np.asarray(table.get("time", [0, 0.02]))[-1] > 2.15:
+        table["time"] = 0.021 * np.arange(101)
+        message = message.replace("0.002", "0.0021")
+    np.savez(tmp_path / "log.npz", **table)
+    with pytest.raises(ValueError, match=message) as caught:
+        stepper.identify(MODEL, tmp_path / "log.npz", ["mass:box"], starts=1)
+    assert "log.npz" in str(caught.value)
+
+
+def test_cells_lines_and_names(tmp_path):
+    file = tmp_path / "log.csv"
+    file.write_text("time,ctrl,box_x\n0,0,0\n0.02,0,abc\n")
+    with pytest.raises(ValueError, match=r"log.csv, line 3, column 'box_x': 'abc' is no number"):
+        stepper.identify(MODEL, file, ["mass:box"])
+    file.write_text("time,ctrl,box_x\n0,0,0\n0.02,0\n")
+    with pytest.raises(ValueError, match="line 3: 2 cells, must be 3"):
+        stepper.identify(MODEL, file, ["mass:box"])
+    file.write_text("time,ctrl,box_y\n0,0,0\n0.02,0,0\n0.04,0,0\n")
+    with pytest.raises(KeyError, match="no sensor or coordinate is named 'box_y'; did you mean box_x"):
+        stepper.identify(MODEL, file, ["mass:box"])
+    with pytest.raises(FileNotFoundError):
+        stepper.identify(MODEL, tmp_path / "none.csv", ["mass:box"])
+    good = Episode(SCENE.ctrl, SCENE.readings(stepper.Options()), 0.02)
+    for parameters, error, message in (
+        ([], ValueError, "no parameter"),
+        (["mas:box"], ValueError, "did you mean 'mass'"),
+        (["mass"], ValueError, "write kind:element"),
+        (["mass:boxx"], KeyError, "no body is named 'boxx'; did you mean 'box'"),
+        (["mass:box", "inertia:box"], ValueError, "same number"),
+        (["mass:box=3..1"], ValueError, "bounds"),
+        (["kp:push"], KeyError, "no actuator is named"),
+        (["frictionloss:x"], ValueError, "give a start above 0"),
+        (["bias:torque"], KeyError, "no sensor is named"),
+    ):
+        with pytest.raises(error, match=message):
+            stepper.identify(MODEL, good, parameters)
+    with pytest.raises(ValueError, match="noise is given of 'q'"):
+        stepper.identify(MODEL, good, ["mass:box"], noise={"q": 1.0})
+    with pytest.raises(TypeError, match=r"stepper\.Episode or the path"):
+        stepper.identify(MODEL, 3, ["mass:box"])
+
+
+def test_a_log_without_a_start_says_so(tmp_path):
+    table = log()
+    del table["qpos"], table["qvel"]
+    np.savez(tmp_path / "log.npz", **table)
+    found = stepper.identify(MODEL, tmp_path / "log.npz", ["mass:box"], starts=1)
+    assert sum("does not say" in text for text in found.warnings) == 2
+    assert not stepper.identify(MODEL, tmp_path / "log.npz", ["mass:box"], starts=1, start=(MODEL.qpos0, np.zeros(MODEL.nv))).warnings
+
+
+def test_the_command(tmp_path):
+    np.savez(tmp_path / "log.npz", **log())
+    (tmp_path / "scene.xml").write_text(SCENE.text(1.0, 0.5))
+    command = [sys.executable, "-m", "stepper.cli", "identify", "scene.xml", "log.npz", "-p", "mass:box", "-p", "friction:floor,box"]
+    code = "import sys; from stepper.cli.app import main; sys.argv = sys.argv[1:]; main()"
+    ran = subprocess.run([sys.executable, "-c", code, *command[2:]], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stderr
+    assert "| mass:box | 1.3 |" in ran.stdout
+    assert stepper.load(tmp_path / "out/identified.stepper").body("box").mass == pytest.approx(1.3, rel=1e-5)
+    ran = subprocess.run(
+        [sys.executable, "-c", code, *command[2:-1], "mass:bok"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert ran.returncode == 1
+    assert ran.stderr.startswith("stepper: no body is named 'bok'")

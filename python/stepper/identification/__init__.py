@@ -9,4 +9,4 @@ from stepper.identification.fit import identify
 from stepper.identification.parameters import KINDS, Unknown
 from stepper.identification.result import Identification, Search
 
-__all__ = ["KINDS", "Episode", "Identification", "Unknown", "Search", "episodes_of", "identify"]
+__all__ = ["KINDS", "Episode", "Identification", "Search", "Unknown", "episodes_of", "identify"]

@@ -12,7 +12,7 @@ import numpy as np
 
 from stepper._stepper import Model, Stepper
 from stepper.recording.format import APPLIED, HEADER, Arrays, read_header, read_rows, reading
-from stepper.recording.replay import repeat, recorded_stepper
+from stepper.recording.replay import recorded_stepper, repeat
 
 READ = ("qpos", "qvel", "act", "observation")
 

@@ -4,7 +4,7 @@ Load a scene with `load`, step environments of it with `Stepper`, and read in `S
 """
 
 import importlib
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from stepper import _pickles as _pickles
 from stepper import devices
@@ -12,13 +12,15 @@ from stepper._options import Options
 from stepper._status import Status
 from stepper._stepper import Model, ModelError, State, Stepper, __version__, cpu_levels
 from stepper.actuators import PID, ActuatorModel, DCMotor, Drive
-from stepper.experiments.accuracy import Chart, Tuning, chart, tune
-from stepper.experiments.compare import Comparison, compare
-from stepper.experiments.study import Outcome, Parameter, Policy, Report, Study, report, sweep
-from stepper.identification import Episode, Identification, Unknown, identify
 from stepper.loading import ModelWarning, load
 from stepper.recording import Difference, Recorder, RecordingError, Replay, replay
 from stepper.sensors import Combination, RayFan, SensorModel, Transfer
+
+if TYPE_CHECKING:
+    from stepper.experiments.accuracy import Chart, Tuning, chart, tune
+    from stepper.experiments.compare import Comparison, compare
+    from stepper.experiments.study import Outcome, Parameter, Policy, Report, Study, report, sweep
+    from stepper.identification import Episode, Identification, Unknown, identify
 
 __all__ = [
     "PID",
@@ -65,8 +67,23 @@ __all__ = [
 ]
 
 
+_LATER = {
+    **dict.fromkeys(("Chart", "Tuning", "chart", "tune"), "stepper.experiments.accuracy"),
+    **dict.fromkeys(("Comparison", "compare"), "stepper.experiments.compare"),
+    **dict.fromkeys(("Outcome", "Parameter", "Policy", "Report", "Study", "report", "sweep"), "stepper.experiments.study"),
+    **dict.fromkeys(("Episode", "Identification", "Unknown", "identify"), "stepper.identification"),
+}
+"""Names whose modules are imported when they are asked for: a loop that steps needs none of them, and they take longer than all else."""
+
+
 def __getattr__(name: str) -> Any:
     # Gymnasium is optional and slow to import, and few look at what they step.
     if name in ("envs", "viewer"):
         return importlib.import_module(f"stepper.{name}")
+    if name in _LATER:
+        return getattr(importlib.import_module(_LATER[name]), name)
     raise AttributeError(f"module 'stepper' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,11 +1,11 @@
-"""What a browser shows: colours where the model projects to, other pictures after a step, contacts, dragging, recordings."""
+"""What a browser shows: colours where the model projects to, other pictures after a step, the buttons, contacts."""
 
 import time
 
 import numpy as np
 import pytest
 import stepper
-from stepper.viewer import Player, View
+from stepper.viewer import View
 
 SCENE = """<mujoco><asset>
   <mesh name="wedge" vertex="-.2 -.2 -.2  .2 -.2 -.2  -.2 .2 -.2  .2 .2 -.2  0 0 .2"/>
@@ -124,48 +124,3 @@ def test_contacts_are_drawn_and_can_be_hidden(page_of, photograph):
 
     assert warm(shown) > 20
     assert warm(hidden) == 0
-
-
-def test_a_body_is_dragged_with_the_mouse(page_of, photograph, in_background):
-    model = stepper.load("""<mujoco><option gravity="0 0 0"/><worldbody><geom type="plane" size="0 0 .1" pos="0 0 -1" rgba=".9 .9 .95 1"/>
-      <body name="ball"><freejoint/><geom size=".3" rgba="1 0 0 1"/></body></worldbody></mujoco>""")
-    sim = stepper.Stepper(model, 1)
-    view = View(sim, port=8230)
-    in_background(view)
-    page = page_of(view.url)
-    photograph(page)
-    column, row = pixels(view.window, np.zeros((1, 3)))[0]
-    page.keyboard.down("Control")
-    page.mouse.move(column, row)
-    page.mouse.down()
-    for k in range(1, 11):
-        page.mouse.move(column, row - 6 * k)
-        time.sleep(0.2)
-    until(lambda: view.window.frame.xpos[0, 1, 2] > 0.05)
-    assert view.window.pull is not None
-    page.mouse.up()
-    page.keyboard.up("Control")
-    until(lambda: view.window.pull is None)
-    view.close()
-    time.sleep(0.5)
-    assert not np.any(sim.xfrc_applied)
-
-
-def test_a_recording_is_played(tmp_path, sim, page_of, photograph):
-    with sim.record(tmp_path / "run"):
-        for _ in range(100):
-            sim.step()
-    with Player(tmp_path / "run", port=8240, source=SCENE) as player:
-        page = page_of(player.url)
-        first = photograph(page)
-        player.seek(99)
-        time.sleep(1)
-        last = photograph(page)
-        there = red(last)
-        at = [pixels(player.window, (np.asarray(sim.xpos[env, 1]) + player.window.offsets[env])[None])[0] for env in range(2)]
-    assert np.mean(np.any(first != last, axis=2)) > 0.02
-    # A ball of each environment, where it was in the end.
-    for place in at:
-        if 20 < place[0] < 700:
-            near = there[np.linalg.norm(there - place, axis=1) < 60]
-            assert near.mean(axis=0) == pytest.approx(place, abs=8)

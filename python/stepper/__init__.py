@@ -17,9 +17,11 @@ from stepper.recording import Difference, Recorder, RecordingError, Replay, repl
 from stepper.sensors import Combination, RayFan, SensorModel, Transfer
 
 if TYPE_CHECKING:
-    from stepper.experiments.accuracy import Chart, Tuning, chart, tune
+    from stepper.experiments.accuracy.chart import Chart, chart
+    from stepper.experiments.accuracy.tune import Tuning, tune
     from stepper.experiments.compare import Comparison, compare
-    from stepper.experiments.study import Outcome, Parameter, Policy, Report, Study, report, sweep
+    from stepper.experiments.study import Outcome, Parameter, Policy, Study
+    from stepper.experiments.study.report import Report, report, sweep
     from stepper.identification import Episode, Identification, Unknown, identify
 
 __all__ = [

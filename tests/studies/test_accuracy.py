@@ -138,7 +138,8 @@ def test_a_budget_that_nothing_keeps_is_said(tmp_path):
 
 
 def test_what_a_scene_does_not_need(tmp_path):
-    study = scene(drive="random")
+    motor = stepper.Parameter(target="drive", nominal=0.01, low=0.0, high=0.02)
+    study = scene(drive=lambda now: now.theta["motor"][:, None], parameters={"motor": motor})
     found = stepper.tune(study, tmp_path, error="1 mm", horizon="0.1 s", coverage=0.5)
     spare = {own.what: own for own in found.spare}
     # Balls and arm meet one another nowhere, nor does the arm the floor; both balls lie on the floor.

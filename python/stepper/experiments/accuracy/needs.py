@@ -77,7 +77,9 @@ class Bench:
         return 1.0 - less / own
 
     def _with(self, smaller: Model) -> Study:
-        return replace(self.study, model=smaller, parameters={}, sensors=None)
+        # The drive reads its parameters, and nominal values are in force; sensors are ideal here, and may be gone.
+        kept = {name: own for name, own in self.study.parameters.items() if own.kind != "sensor"}
+        return replace(self.study, model=smaller, parameters=kept, sensors=None)
 
 
 def spares(bench: Bench, budget: float, tick: Callable[[float], None]) -> tuple[list[Spare], Model | None]:

@@ -20,9 +20,9 @@ HOPPER, ANT = "dm_control/hopper", "gymnasium/ant"
 SCENE = """
 <mujoco><option density="1.2" viscosity="1e-5" wind="0 0 1"/>
   <asset><mesh name="rock" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset>
-  <worldbody><geom type="plane" size="1 1 1"/>
+  <worldbody><geom name="floor" type="plane" size="1 1 1"/>
   <body name="hand" mocap="true" pos="0 0 3"><geom size=".05"/></body>
-  <body name="ball" pos="0 0 1" gravcomp=".5"><freejoint/><geom size=".1"/><geom type="mesh" mesh="rock" pos="0 0 1"/></body>
+  <body name="ball" pos="0 0 1" gravcomp=".5"><freejoint/><geom name="ball" size=".1"/><geom type="mesh" mesh="rock" pos="0 0 1"/></body>
   <body name="arm" pos="2 0 2"><joint name="a" axis="0 1 0" range="-1 1" stiffness="1" damping=".1" frictionloss=".1"/>
     <geom type="capsule" size=".05 .2"/><site name="here"/>
     <body name="tool" pos="0 0 .5"><joint name="b" type="slide" actuatorfrcrange="-5 5"/><geom type="box" size=".1 .1 .1"/></body></body>
@@ -32,6 +32,7 @@ SCENE = """
   <equality><joint joint1="a" joint2="b" active="false"/><weld body1="ball" body2="hand" active="false"/></equality>
   <actuator><position joint="a" kp="10" ctrlrange="-1 1" forcerange="-9 9"/><motor tendon="belt"/></actuator>
   <sensor><jointpos joint="a"/><accelerometer site="here"/></sensor>
+  <contact><pair geom1="floor" geom2="ball"/></contact>
 </mujoco>"""
 
 
@@ -259,6 +260,8 @@ def fields(model):
 
 OPEN = {"tendon_range", "jnt_actfrcrange", "actuator_ctrlrange", "actuator_forcerange"}
 """Whose lower bound may be -inf and upper inf."""
+RIGID = {"eq_stiffness", "geom_stiffness", "pair_stiffness"}
+"""Whose infinity is rigid."""
 
 
 def test_every_field_refuses_what_is_no_number(model):
@@ -272,7 +275,7 @@ def test_every_field_refuses_what_is_no_number(model):
                 wrong = given.copy()
                 wrong.flat[at] = number
                 is_no_bound = name in OPEN and number == (np.inf if at % 2 else -np.inf)
-                if is_no_bound or (name == "eq_stiffness" and number == np.inf) or np.array_equal(wrong, given):
+                if is_no_bound or (name in RIGID and number == np.inf) or np.array_equal(wrong, given):
                     model.replace(**{name: wrong})
                     continue
                 with pytest.raises(stepper.ModelError):

@@ -12,9 +12,11 @@ demo: build
 	$(BIN)/stepper demo
 
 # All tests, Rust and Python, the wheel among them. With stepper-python, which has no tests in Rust, and with stepper-core's feature `internals`, which
-# its tests turn on and pyproject.toml too, libraries get the features that `build` gave them, and are not compiled a second time.
+# its tests turn on and pyproject.toml too, libraries get the features that `build` gave them, and are not compiled a second time. Examples are run by
+# the tests of the core.
 test: wheel
-	cargo test --release --workspace --exclude stepper-benches --features stepper-core/nalgebra
+	cargo test --release --workspace --exclude stepper-benches --features stepper-core/nalgebra --lib --tests
+	cargo test --release --workspace --exclude stepper-benches --features stepper-core/nalgebra --doc
 	$(BIN)/python -m pytest --numprocesses logical --dist worksteal
 
 # The wheel, with its size and the time of an import: docs/packaging.md. It carries the binary that `build` made.

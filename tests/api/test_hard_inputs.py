@@ -229,12 +229,12 @@ def test_too_little_memory_is_an_error_whatever_of_it_is_too_little():
         actuators = stepper.ActuatorModel(default=stepper.Drive(delay=0.02, lag=0.01))
         sensors = stepper.SensorModel(default=stepper.Transfer(noise_std=0.01, delay=0.02))
         size = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
-        for room in range(50, 1600, 75):
+        for room in range(10, 320, 15):
             child = os.fork()
             if not child:
                 resource.setrlimit(resource.RLIMIT_AS, (size + (room << 20),) * 2)
                 try:
-                    stepper.Stepper(model, 150_000, actuators=actuators, sensors=sensors)
+                    stepper.Stepper(model, 30_000, actuators=actuators, sensors=sensors)
                 except MemoryError:
                     os._exit(3)
                 os._exit(0)

@@ -218,6 +218,9 @@ def test_delay_bias_scale_and_lag():
     # The first reading was held for a period.
     assert values["lag:q"] == pytest.approx(0.01, abs=2e-4)
     assert found.drives().drive_of("b").delay == pytest.approx(0.0132, abs=1e-5)
+    known = stepper.ActuatorModel({"a": stepper.Drive(delay=0.02)}, default=stepper.Drive(lag=0.004))
+    drives = found.drives(known)
+    assert (drives.drive_of("a").delay, drives.drive_of("b").lag, drives.default) == (0.02, 0.004, known.default)
     assert found.sample(5)["actuators"].drive_of("b").delay.shape == (5,)
 
 

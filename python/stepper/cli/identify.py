@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -42,7 +43,7 @@ def identify(
     # As of `stepper.identify`, unless something else is asked for.
     options = None
     if law == "mujoco":
-        options = Options.of(read)
+        options = Options.of(read) if timestep is None else replace(Options.of(read), timestep=timestep)
     elif law != "hard":
         raise ValueError(f"--contact is {law!r}, must be hard or mujoco")
     elif timestep is not None:
@@ -91,7 +92,7 @@ def register(app: Typer, typer: ModuleType) -> None:
         loss: str = typer.Option("linear", help="linear, soft_l1, huber, cauchy or arctan: how outliers count."),
         starts: int = typer.Option(4, min=1, help="Searches side by side."),
         contact: str = typer.Option("hard", help="hard, or mujoco for MuJoCo's law as the file asks for it."),
-        timestep: float | None = typer.Option(None, help="Time step with hard contact, s; the model's own without it."),
+        timestep: float | None = typer.Option(None, help="Time step, s; the model's own without it."),
         seed: int = typer.Option(0, help="Of what is random."),
     ) -> None:
         identify(

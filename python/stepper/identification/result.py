@@ -146,8 +146,11 @@ class Identification:
         return self.model.replace(**{name: array[0] for name, array in fields.items()}) if fields else self.model
 
     def drives(self, known: ActuatorModel | None = None) -> ActuatorModel | None:
-        """Drives with the delays that were identified, in what is known of them; None where no delay was sought."""
-        return write(self.blocks, self.theta[None], self.model).actuators(known, np.zeros(1, int))
+        """What is known of drives, with the delays that were identified; None where no delay was sought."""
+        made = write(self.blocks, self.theta[None], self.model).actuators(known, np.zeros(1, int))
+        if made is None or known is None:
+            return made
+        return ActuatorModel({**known.named, **made.named}, default=known.default)
 
     def draw(self, count: int, seed: int = 0) -> Array:
         """Draws of theta, (count, n), within bounds."""

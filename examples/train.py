@@ -3,7 +3,8 @@
     python examples/train.py stepper/HalfCheetah-v5 --seed 1 --film half_cheetah.mp4
 
 Rows of the learning curve are written as they are made, and a checkpoint beside them every half a minute: the same command goes on where it
-was stopped, to the same curve. With `HalfCheetah-v5` in place of the name the same learner trains in Gymnasium's own environment.
+was stopped, to the same curve. With `HalfCheetah-v5` in place of the name the same learner trains in Gymnasium's own environment, whose
+state is in no checkpoint: there it goes on with new episodes, and the curve is another one from there.
 
 The method is that of Schulman et al. (2017, https://arxiv.org/abs/1707.06347), with generalised advantages (2016,
 https://arxiv.org/abs/1506.02438), observations and rewards normalised by running moments, and a learning rate that holds the
@@ -15,6 +16,7 @@ from __future__ import annotations
 import argparse
 import csv
 import dataclasses
+import inspect
 import os
 import re
 import shutil
@@ -53,7 +55,7 @@ class Settings:
         num_envs: Environments that step together.
         horizon: Steps of each between two updates.
         epochs: Passes over them in an update.
-        minibatch: Samples of a gradient step.
+        minibatch: Samples of a gradient step; what is left of a pass after the last whole one is not used in it.
         hidden: Units of each of the two hidden layers.
         learning_rate: At the beginning.
         target_kl: Divergence of an update, nats: above twice it the learning rate falls, below half of it it rises.
@@ -65,6 +67,9 @@ class Settings:
         max_grad_norm: Bound of the gradient's norm.
         initial_std: Standard deviation of the actions at the beginning, of half their range.
         threads: Threads of the physics and of the learner.
+
+    Raises:
+        ValueError: There are fewer samples between two updates than a minibatch has.
     """
 
     env: str = "stepper/HalfCheetah-v5"
@@ -87,6 +92,14 @@ class Settings:
     max_grad_norm: float = 1.0
     initial_std: float = 0.6
     threads: int = 2
+
+    def __post_init__(self) -> None:
+        samples = self.num_envs * self.horizon
+        if not 1 <= self.minibatch <= samples:
+            raise ValueError(
+                f"minibatch is {self.minibatch}, must be from 1 to the {samples} samples between two updates "
+                f"({self.num_envs} environments, {self.horizon} steps of each), or nothing is learned: give a smaller --minibatch"
+            )
 
     def environment(self) -> dict[str, Any]:
         """Arguments of the environment: Gymnasium's own have none of these."""
@@ -291,8 +304,8 @@ class Run:
         run.net.load_state_dict(state.pop("net"))
         run.optimizer.load_state_dict(state.pop("optimizer"))
         envs, random = state.pop("envs"), state.pop("random")
-        if envs is None:
-            state.pop("observation")
+        if envs is None:  # Episodes are new, and what they returned so far is nothing.
+            del state["observation"], state["discounted"]
         else:
             run.envs = envs
         run.__dict__ |= state
@@ -396,19 +409,25 @@ def _append(curve: Path, row: dict[str, float]) -> None:
         writer.writerow(row)
 
 
-def main() -> None:
-    """Trains, evaluates, films."""
+def arguments() -> argparse.ArgumentParser:
+    """Reader of the command line: every setting is an option, and its help is what `Settings` says of it."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("env", nargs="?", default=Settings.env, help=f"a name that Gymnasium knows; {Settings.env} by default")
     parser.add_argument("--out", type=Path, help="folder of the run; one in out/train by default")
     parser.add_argument("--evaluate", type=int, default=20, metavar="EPISODES", help="fresh episodes after the training")
     parser.add_argument("--film", type=Path, metavar="FILE", help="an mp4 of another episode")
-    texts = dict(re.findall(r"^        (\w+): (.*)$", str(Settings.__doc__), re.MULTILINE))
+    # Python 3.13 takes the indentation of docstrings away, and older ones keep it.
+    texts = dict(re.findall(r"^    (\w+): (.*)$", inspect.cleandoc(str(Settings.__doc__)), re.MULTILINE))
     for field in dataclasses.fields(Settings):
         if field.name != "env":
             flag, text = f"--{field.name.replace('_', '-')}", f"{texts[field.name]} [{field.default}]"
             parser.add_argument(flag, type=type(field.default), help=text)
-    given = vars(parser.parse_args())
+    return parser
+
+
+def main() -> None:
+    """Trains, evaluates, films."""
+    given = vars(arguments().parse_args())
     env, out, episodes, video = (given.pop(name) for name in ("env", "out", "evaluate", "film"))
     settings = Settings(env=env, **{name: value for name, value in given.items() if value is not None})
     law = f"_{settings.contact}" if settings.contact else ""

@@ -3,6 +3,7 @@
 import os
 import signal
 import sys
+import warnings
 from dataclasses import dataclass
 
 import gymnasium
@@ -180,6 +181,31 @@ def test_a_policy_that_fails_is_named_and_a_seed_begins_anew():
 def test_settings_out_of_their_range_are_named(settings, message):
     with pytest.raises(ValueError, match=message):
         RayVectorEnv("stepper/Hopper-v5", NUM_ENVS, **{"block_size": BLOCK, **settings})
+
+
+@pytest.mark.parametrize(("settings", "actors"), [
+    ({}, 3),
+    ({"threads": 2}, 2),
+    ({"actor_options": {"num_cpus": 0}}, 3),
+    ({"threads": 2, "actor_options": {"num_cpus": 1}}, 3),
+])  # fmt: skip
+def test_there_are_as_many_actors_as_the_cpus_are_enough_for(settings, actors):
+    """Of three blocks and four CPUs: none waits for one that does not come."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", message=".*the cluster has")
+        envs = RayVectorEnv("stepper/Hopper-v5", NUM_ENVS, block_size=BLOCK, **settings)
+    assert len(envs._actors) == actors
+    same(envs.reset(seed=0), StepperVectorEnv("Hopper", NUM_ENVS).reset(seed=0))
+    envs.close()
+
+
+@pytest.mark.parametrize(("settings", "message"), [
+    ({"num_actors": 3, "threads": 2}, "3 actors with 2 CPUs each take 6, and the cluster has 4"),
+    ({"actor_options": {"num_cpus": 5}}, "1 actors with 5 CPUs each take 5, and the cluster has 4"),
+])  # fmt: skip
+def test_more_than_the_cluster_has_is_said(settings, message):
+    with pytest.warns(UserWarning, match=message):
+        RayVectorEnv("stepper/Hopper-v5", NUM_ENVS, block_size=BLOCK, **settings).close()
 
 
 def test_a_sweep_returns_results_in_the_order_of_the_cases():

@@ -114,6 +114,17 @@ def test_calls_that_a_batch_has_no_answer_to_are_named():
         StepperVecEnv("stepper/Hopper-v5", 3, infos="none")
 
 
+def test_pictures_are_those_of_the_environments(monkeypatch):
+    assert StepperVecEnv("stepper/Hopper-v5", 3).get_images() == [None] * 3
+    envs = StepperVecEnv("stepper/Hopper-v5", 4, render_mode="rgb_array")
+    drawn = tuple(np.full((2, 3, 3), k, dtype=np.uint8) for k in range(4))
+    monkeypatch.setattr(envs.envs, "render", lambda: drawn)  # What it draws is tested where there is a renderer: tests/viewer.
+    for found, expected in zip(envs.get_images(), drawn, strict=True):
+        np.testing.assert_array_equal(found, expected)
+    tiled = envs.render()
+    np.testing.assert_array_equal(tiled[:, :, 0], np.kron([[0, 1], [2, 3]], np.ones((2, 3))))
+
+
 def test_ppo_learns_to_balance_a_pole(tmp_path):
     """The registry's threshold is 950 of 1,000; random actions keep the pole up for some ten steps."""
     envs = StepperVecEnv("stepper/InvertedPendulum-v5", 32, infos="ended", precision="f32")

@@ -11,13 +11,14 @@ import stepper.envs
 from stepper.envs import StepperEnv, StepperVectorEnv
 from stepper.envs.locomotion import Go1Velocity
 
-pytestmark = pytest.mark.skipif(find_spec("mjlab") is None, reason="mjlab, whose robot this is, is not installed")
+pytestmark = pytest.mark.skipif(find_spec("mjlab") is None, reason="mjlab, whose robot this is, is not installed: make training")
 
 
 @pytest.fixture
 def envs():
     made = StepperVectorEnv(Go1Velocity(), 16, max_episode_steps=1000, autoreset_mode="SameStep")
     made.reset(seed=3)
+    made.action_space.seed(3)
     return made
 
 

@@ -107,6 +107,36 @@ def test_episodes_begin_anew_and_what_was_sent_is_dropped():
         np.testing.assert_array_equal(np.vstack([result[0] for result in second]), envs.reset()[0])
 
 
+class Failing(Hopper):
+    """Raises an error where an action is above 1."""
+
+    def advance(self, now):
+        if (now.action > 1.0).any():
+            raise ZeroDivisionError("too large")
+        super().advance(now)
+
+
+def test_an_error_is_raised_once_and_the_pool_begins_anew():
+    with StepperPool(Failing, 4, 2, seed=0) as pool:
+        pool.async_reset()
+        pool.recv(), pool.recv()
+        actions = np.zeros((4, 3))
+        actions[0] = 2.0
+        pool.send(actions)
+        with pytest.raises(ZeroDivisionError, match="too large"):
+            pool.recv()
+        assert pool.recv()[-1]["env_id"].tolist() == [2, 3]
+        with pytest.raises(ValueError, match=r"environments \[0, 1\] have no observation.*async_reset"):
+            pool.send(np.zeros((2, 3)), [0, 1])
+        pool.send(np.full((2, 3), 2.0), [2, 3])
+        pool.async_reset()  # An error that was not received is dropped, as results are.
+        for ids in ([0, 1], [2, 3]):
+            infos = pool.recv()[-1]
+            assert (infos["env_id"].tolist(), infos["elapsed_step"].tolist()) == (ids, [0, 0])
+        pool.send(np.zeros((4, 3)))
+        assert [pool.recv()[-1]["elapsed_step"].tolist() for _ in range(2)] == [[1, 1], [1, 1]]
+
+
 def test_with_one_batch_it_resets_and_steps_as_gymnasium_does():
     with StepperPool("stepper/Hopper-v5", 4, seed=0) as pool:
         assert not pool.is_async

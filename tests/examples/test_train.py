@@ -1,6 +1,8 @@
 """examples/train.py: a run goes on to the same curve, and its policy acts the same without torch (`make training`)."""
 
 import csv
+import dataclasses
+import inspect
 import warnings
 
 import numpy as np
@@ -9,7 +11,7 @@ from envs.cases import needs_gymnasiums
 from stepper.policies import load
 
 torch = pytest.importorskip("torch", reason="torch is not installed: make training")
-train = pytest.importorskip("train")
+import train  # noqa: E402
 
 SMALL = {"num_envs": 32, "horizon": 16, "minibatch": 256, "threads": 1, "hidden": 16}
 PER_ITERATION = 32 * 16
@@ -78,6 +80,26 @@ def test_moments_are_those_of_all_rows():
     np.testing.assert_allclose(moments.var, rows.var(axis=0), rtol=1e-6)
 
 
+def test_every_setting_is_an_option_with_its_help(monkeypatch):
+    """With the docstring as Python before 3.13 has it, and as later ones do."""
+    for text in (train.Settings.__doc__, inspect.cleandoc(train.Settings.__doc__)):
+        monkeypatch.setattr(train.Settings, "__doc__", text)
+        parser = train.arguments()
+        helps = {action.dest: action.help for action in parser._actions}
+        for field in dataclasses.fields(train.Settings):
+            assert len(helps[field.name]) > 10
+        assert f"[{train.Settings.minibatch}]" in parser.format_help()
+
+
+@pytest.mark.parametrize(("settings", "message"), [
+    ({"num_envs": 128}, r"minibatch is 8192, must be from 1 to the 4096 samples.*--minibatch"),
+    ({"minibatch": 0}, "minibatch is 0"),
+])  # fmt: skip
+def test_settings_that_learn_nothing_are_named(settings, message):
+    with pytest.raises(ValueError, match=message):
+        train.Settings(**settings)
+
+
 @needs_gymnasiums
 def test_it_trains_in_gymnasiums_own_environment_too(tmp_path):
     settings = train.Settings(env="InvertedPendulum-v5", steps=8 * PER_ITERATION, **SMALL)
@@ -86,6 +108,10 @@ def test_it_trains_in_gymnasiums_own_environment_too(tmp_path):
         run = train.train(settings, tmp_path, quiet=True)
     assert run.episodes > 0
     assert run.policy().environment["engine"] == "MuJoCo"
+    again = train.Run.load(tmp_path / "checkpoint.pt")
+    assert (again.steps, again.episodes) == (run.steps, run.episodes)
+    assert run.discounted.any()
+    assert not again.discounted.any()  # Its episodes are new.
 
 
 def test_it_learns(tmp_path):

@@ -2,6 +2,7 @@
 
 import json
 import warnings
+import zlib
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -156,7 +157,10 @@ def test_files_that_hold_none_are_refused_by_name(envs, tmp_path):
     (tmp_path / "text.npz").write_text("no archive")
     np.savez(tmp_path / "other.npz", a=np.zeros(3))
     np.savez(tmp_path / "future.npz", said=np.array(json.dumps({"format": 99})))
-    for name in ("text", "other", "future"):
+    np.savez(tmp_path / "list.npz", said=np.array("[]"))
+    said = json.dumps({"format": 1, "clip": 5.0, "activation": "tanh", "environment": {}, "training": {}})
+    np.savez(tmp_path / "scalar.npz", said=np.array(said), mean=np.zeros(()), std=np.ones(()), low=np.zeros(()), high=np.ones(()))
+    for name in ("text", "other", "future", "list", "scalar"):
         with pytest.raises(PolicyError, match=f"{name}.npz"):
             load(tmp_path / f"{name}.npz")
     with pytest.raises(FileNotFoundError):
@@ -167,6 +171,24 @@ def test_files_that_hold_none_are_refused_by_name(envs, tmp_path):
     (tmp_path / "cut.npz").write_bytes((tmp_path / "cut.npz").read_bytes()[:-100])
     with pytest.raises(PolicyError, match=r"cut\.npz"):
         load(tmp_path / "cut.npz")
+
+
+def test_a_damaged_file_is_refused_by_name(envs, tmp_path):
+    """Or is read, where the byte decides nothing, such as those of a date."""
+    file = tmp_path / "policy.npz"
+    made(envs).save(file)
+    whole, causes = file.read_bytes(), set()
+    directory = whole.index(b"PK\x01\x02")
+    for k in (*range(0, directory, 29), *range(directory, directory + 120), *range(len(whole) - 22, len(whole))):
+        damaged = bytearray(whole)
+        damaged[k] ^= 0xFF
+        file.write_bytes(damaged)
+        try:
+            load(file)
+        except PolicyError as error:
+            assert str(file) in str(error)
+            causes.add(type(error.__cause__))
+    assert {zlib.error, NotImplementedError} < causes
 
 
 @needs_gymnasiums

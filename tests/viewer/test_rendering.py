@@ -112,6 +112,7 @@ def test_gymnasium_films_it(tmp_path):
     env = gymnasium.make("stepper/HalfCheetah-v5", render_mode="rgb_array", **SIZE)
     with gymnasium.wrappers.RecordVideo(env, str(tmp_path)) as filmed:
         filmed.reset(seed=0)
+        filmed.action_space.seed(0)
         for _ in range(20):
             filmed.step(filmed.action_space.sample())
     film = imageio.imread(tmp_path / "rl-video-episode-0.mp4", plugin="FFMPEG")

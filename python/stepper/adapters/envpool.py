@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from types import TracebackType
 from typing import Any, TypeAlias
 
@@ -78,10 +78,9 @@ class StepperPool:
     def async_reset(self) -> None:
         """Begins new episodes everywhere and returns at once; `recv` returns their observations, with rewards of zero.
 
-        What was sent before is carried out first, and results of it that were not received are dropped.
+        What was sent before is carried out first, and results and errors of it that were not received are dropped.
         """
-        for _, future in self._under_way:
-            future.result()
+        wait([future for _, future in self._under_way])
         self._under_way.clear()
         self._waits[:], self._acts[:] = False, False
         for block in range(len(self._blocks)):
@@ -109,7 +108,8 @@ class StepperPool:
         if len(np.unique(ids)) != len(ids):
             raise ValueError("env_id has an environment twice")
         if not (waits := self._waits.flat[ids]).all():
-            raise ValueError(f"environments {ids[~waits][:10].tolist()} have no observation to act on: call recv before send")
+            remedy = "call recv before send, or async_reset after an error"
+            raise ValueError(f"environments {ids[~waits][:10].tolist()} have no observation to act on: {remedy}")
         self._actions.reshape(-1, width)[ids] = action
         self._waits.flat[ids], self._acts.flat[ids] = False, True
         # Blocks begin in the order in which they are named, so that it follows from the calls alone.
@@ -121,6 +121,8 @@ class StepperPool:
     def recv(self) -> Result:
         """Waits for the block that began first.
 
+        An error that its step raises is raised here. The other blocks go on; those environments act again after `async_reset`.
+
         Returns:
             Observations (batch_size, n), rewards, terminations, truncations (batch_size,), and infos: those of `StepperVectorEnv`, "env_id"
             (batch_size,) int32, to be given to `send`, and "elapsed_step" (batch_size,), the actions of the episode.
@@ -131,8 +133,9 @@ class StepperPool:
         if not self._under_way:
             raise RuntimeError("no block is under way: call async_reset, or send actions of all environments of a block, before recv")
         block, future = self._under_way[0]
-        observation, reward, terminated, truncated, infos = future.result()
+        wait([future])  # A caller who is interrupted here may call again.
         self._under_way.popleft()
+        observation, reward, terminated, truncated, infos = future.result()
         self._waits[block] = True
         ids = self.all_env_ids[block * self._size : (block + 1) * self._size].copy()
         infos = infos | {"env_id": ids, "elapsed_step": self._blocks[block].episode_lengths.astype(np.int32)}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import math
 import pickle
+import warnings
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, TypeAlias
 
@@ -49,7 +50,8 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
     Args:
         env: A name that Gymnasium knows, "stepper/Hopper-v5", with the limit of its episodes; or a `Task`, or the class of one.
         num_envs: Number of environments.
-        num_actors: Actors; None is one for each CPU that Ray has, and at most one for each block.
+        num_actors: Actors; None is as many as the CPUs that Ray has are enough for, from one to the number of blocks. With more than they
+            are enough for, a warning says so: the first call waits until the cluster has grown.
         block_size: Environments of a block: what a policy sees at once, so that its bits do not depend on the number of actors.
         save_every: Calls after which the states of blocks are copied to this process; so many are kept, and made again, after a loss.
         actor_options: What Ray's `options` of an actor takes, {"resources": ...}; by default it has as many CPUs as it has threads.
@@ -87,8 +89,8 @@ class RayVectorEnv(VectorEnv[Array, Array, Array]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._slices = [slice(k, min(k + block_size, num_envs)) for k in range(0, num_envs, block_size)]
-        count = num_actors or max(1, min(blocks, int(ray.cluster_resources().get("CPU", 1))))
         options = {"num_cpus": max(1, one.sim.threads), **(actor_options or {})}
+        count = _count(num_actors, blocks, options["num_cpus"] or 0, ray.cluster_resources().get("CPU", 0))
         model = ray.put(one.sim.model)
         self._start: Callable[[], Any] = lambda: ray.remote(_Host).options(**options).remote(env, model, settings)
         self._actors = [self._start() for _ in range(count)]
@@ -382,6 +384,15 @@ class _Unpickler(pickle.Unpickler):
 
     def persistent_load(self, name: str) -> Model:
         return self._model
+
+
+def _count(num_actors: int | None, blocks: int, each: float, cpus: float) -> int:
+    """Number of actors, of which each takes so many CPUs of those that a cluster has."""
+    count = num_actors or max(1, min(blocks, int(cpus // (each or 1))))
+    if count * each > cpus:
+        wanted = f"{count} actors with {each:g} CPUs each take {count * each:g}, and the cluster has {cpus:g}"
+        warnings.warn(f"{wanted}: calls wait until it has grown; lower num_actors, threads or num_cpus of actor_options", stacklevel=3)
+    return count
 
 
 def _seeds(seed: int | Sequence[int | None] | None, num_envs: int) -> list[int | None]:

@@ -131,8 +131,8 @@ class StepperVecEnv(VecEnv):  # type: ignore[misc]
         return [self._monitored and issubclass(wrapper_class, Monitor) for _ in self._get_indices(indices)]
 
     def get_images(self) -> Sequence[Array | None]:
-        """Nothing is drawn: None of each environment."""
-        return [None] * self.num_envs
+        """A picture of every environment, (height, width, 3) uint8; None of each without `render_mode="rgb_array"`."""
+        return list(self.envs.render() or [None] * self.num_envs)
 
     def _check_all(self, indices: VecEnvIndices) -> None:
         if len(set(self._get_indices(indices))) != self.num_envs:

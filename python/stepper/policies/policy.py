@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import warnings
 import zipfile
+import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,6 +20,11 @@ from stepper.policies.environment import Description, describe, differences
 
 Array = NDArray[Any]
 FORMAT = 1
+_DAMAGED = (
+    *(ValueError, KeyError, IndexError, AttributeError, TypeError, EOFError, MemoryError, OverflowError),
+    *(RuntimeError, zipfile.BadZipFile, zlib.error),  # zipfile's of what it cannot read: a method of compression, a password.
+)
+"""What NumPy, its archives and JSON raise where a file is another one, or is damaged."""
 
 ACTIVATIONS: dict[str, Callable[[Array], Array]] = {
     "tanh": np.tanh,
@@ -158,20 +165,21 @@ def load(path: str | os.PathLike[str], env: Any = None) -> Policy:
         OSError: The file cannot be read.
     """
     file = Path(path)
+    data = file.read_bytes()
     try:
-        with np.load(file, allow_pickle=False) as archive:
+        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             arrays = dict(archive)
         said = json.loads(str(arrays.pop("said")))
         if said["format"] != FORMAT:
-            raise PolicyError(f"{file} has format {said['format']} of policies, this version reads {FORMAT}")
+            raise PolicyError(f"it has format {said['format']} of policies, this version reads {FORMAT}")
         count = sum(name.startswith("weight") for name in arrays)
         layers = tuple((arrays[f"weight{k}"], arrays[f"bias{k}"]) for k in range(count))
         shared = {name: arrays[name] for name in ("mean", "std", "low", "high")}
         settings = {name: said[name] for name in ("clip", "activation", "environment", "training")}
         policy = Policy(**shared, layers=layers, **settings)
-    except (PolicyError, OSError):
-        raise
-    except (ValueError, KeyError, AttributeError, zipfile.BadZipFile, EOFError) as error:
+    except PolicyError as error:
+        raise PolicyError(f"{file}: {error}") from error
+    except _DAMAGED as error:
         raise PolicyError(f"{file} holds no policy ({type(error).__name__}: {error}); give a file that Policy.save wrote") from error
     if env is not None:
         policy.check(env)

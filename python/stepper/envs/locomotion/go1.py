@@ -50,14 +50,17 @@ class Go1Velocity(Task):
     Attributes:
         frame_skip: Steps of 5 ms for each action.
         max_command: Largest commands, m/s and rad/s.
-        max_latency: Largest latency, steps of 5 ms.
+        max_latency: Largest latency, steps of 5 ms: at most frame_skip, as an action is late by one action at most.
         max_push: Largest change of the velocities in x and y, m/s.
         episode_steps: Actions of an episode, in which commands and pushes are spread.
         friction: Least and largest friction of the feet.
         mass_scale: Least and largest mass of the trunk, times its own.
         gain_scale: Least and largest gains of the servos, times their own.
         center_shift: Largest shift of the trunk's centre of mass in each direction, m.
-        weights: Weights of the terms of the reward.
+        weights: Weights of the terms of the reward, of some or all; the others are those of `WEIGHTS`.
+
+    Raises:
+        ValueError: A latency out of its range, a weight of a term that there is not.
     """
 
     frame_skip: int = 4
@@ -70,6 +73,12 @@ class Go1Velocity(Task):
     gain_scale: tuple[float, float] = (0.9, 1.1)
     center_shift: float = 0.02
     weights: Mapping[str, float] | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.max_latency <= self.frame_skip:
+            raise ValueError(f"max_latency is {self.max_latency}, must be from 0 to frame_skip, which is {self.frame_skip}")
+        if unknown := sorted(set(self.weights or {}) - set(WEIGHTS)):
+            raise ValueError(f"weights has {unknown}, terms of the reward are {', '.join(WEIGHTS)}")
 
     def model(self) -> Model:
         """The robot on a plane, with servos."""

@@ -3,17 +3,19 @@
 import sys
 from dataclasses import fields
 from pathlib import Path
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
 import pytest
 import stepper
+import stepper.cli.view
 from models import SOURCES
 from stepper.cli import main
 from stepper.viewer import shapes
 from stepper.viewer.dragging import Drag, felt_mass
-from stepper.viewer.frames import frame_of, shown_envs
-from stepper.viewer.live import scene_for
+from stepper.viewer.frames import frame_of, own_of, shown_envs, sizes_of
+from stepper.viewer.live import View, scene_for
 from stepper.viewer.looks import looks_of
 from stepper.viewer.recordings import RecordedRun
 from stepper.viewer.shapes import instances, scene_of
@@ -144,6 +146,26 @@ def test_instances_are_where_mujoco_has_the_geoms():
                 assert np.median(outside) == pytest.approx(1, abs=1e-5) or kind == "capsule"
 
 
+@pytest.mark.parametrize("num_envs", [None, 3])
+def test_sizes_are_those_that_environments_have(num_envs):
+    """Those that are randomized, and the scene's again after; tiles and meshes keep theirs."""
+    model = stepper.load(ALL_KINDS)
+    scene, envs = scene_of(model, looks_of(model)), np.arange(num_envs or 1)[-2:]
+    sim = stepper.Stepper(model, num_envs)
+    np.testing.assert_array_equal(sizes_of(sim, envs, scene), np.tile(scene.sizes, (len(envs), 1, 1)))
+    factor = 1.0 + np.arange(num_envs or 1)[:, None, None]
+    given = 1.1 * factor * model.geom_size
+    sim.randomize(geom_size=given if num_envs else given[0], geom_pos=np.broadcast_to(model.geom_pos, given.shape) if num_envs else None)
+    found = sizes_of(sim, envs, scene)
+    for g in range(model.ngeom):
+        expected = given[envs, g] if model.geom(g).type in ("sphere", "ellipsoid", "capsule", "cylinder", "box") else scene.sizes[g]
+        np.testing.assert_array_equal(found[:, g], np.broadcast_to(expected, (len(envs), 3)), err_msg=model.geom_names[g])
+    np.testing.assert_array_equal(found[0, model.geom("table").id], [0.2, 0.1, 0.1])
+    np.testing.assert_array_equal(own_of(sim, "geom_pos", envs), np.tile(model.geom_pos, (len(envs), 1, 1)))
+    sim.randomize()
+    np.testing.assert_array_equal(sizes_of(sim, envs, scene), np.tile(scene.sizes, (len(envs), 1, 1)))
+
+
 def test_groups_that_only_collide_are_hidden_behind_what_is_seen():
     """As robosuite's robots have them: collision meshes in group 0, visual meshes in group 1."""
 
@@ -260,6 +282,48 @@ def test_a_dragged_body_comes_to_the_pointer(num_envs, strength):
         np.testing.assert_array_equal(sim.qvel[0], 0)  # The neighbour stays.
 
 
+def dragging(sim):
+    """A view without a window that pulls a body of the last environment, and where its forces are: (nbody, 6)."""
+    view = object.__new__(View)
+    view.sim, view._applied, view._drag = sim, None, None
+    forces = sim.xfrc_applied if sim.num_envs is None else sim.xfrc_applied[-1]
+    view._apply(((sim.num_envs or 1) - 1, 1, np.arange(1.0, 7.0)))
+    return view, forces
+
+
+@pytest.mark.parametrize("num_envs", [None, 2])
+def test_a_pull_leaves_nothing_behind(num_envs):
+    sim = stepper.Stepper(stepper.load("<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"), num_envs)
+    sim.xfrc_applied[...] = 0.1
+    view, forces = dragging(sim)
+    np.testing.assert_array_equal(forces[1], 0.1 + np.arange(1.0, 7.0))
+    view._apply(((num_envs or 1) - 1, 1, np.arange(7.0, 13.0)))
+    np.testing.assert_array_equal(forces[1], 0.1 + np.arange(7.0, 13.0))
+    sim.step()
+    view._release()
+    np.testing.assert_array_equal(sim.xfrc_applied, 0.1)
+
+
+@pytest.mark.parametrize("steps", [0, 1])
+@pytest.mark.parametrize("mask", [None, np.array([False, True])])
+def test_a_pull_ends_with_a_reset(steps, mask):
+    sim = stepper.Stepper(stepper.load("<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"), 2)
+    view, _ = dragging(sim)
+    for _ in range(steps):
+        sim.step()
+    sim.reset(mask)
+    view._release()
+    assert not np.any(sim.xfrc_applied)
+
+
+def test_forces_that_the_user_writes_during_a_pull_stay():
+    sim = stepper.Stepper(stepper.load("<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"), 2)
+    view, forces = dragging(sim)
+    forces[1, 2] = -30.0
+    view._release()
+    np.testing.assert_array_equal(forces[1], [0, 0, -30, 0, 0, 0])
+
+
 @pytest.fixture
 def command(monkeypatch, capsys):
     """Runs `stepper view` with arguments, and gives what it says of an error."""
@@ -281,10 +345,37 @@ def command(monkeypatch, capsys):
     (("tests",), "tests is a folder without run.json"),
     (("a.xml", "--rerun", "a.rrd"), "--rerun writes a recording, and a.xml is none"),
     (("a.xml", "--contact", "soft"), "contact is 'soft', must be 'hard' or 'mujoco'"),
+    (("a.xml", "--actions", "none"), "actions is 'none', must be 'random' or 'zero'"),
+    (("a.xml", "--actions", "zero"), "--actions says nothing of a model, and a.xml is one"),
+    (("stepper/Hopper-v5", "--keyframe", "home"), "--keyframe says nothing of an environment, and stepper/Hopper-v5 is one"),
+    # Its name has what might be the ending of a file.
+    (("stepper/dm_control.nothing-nothing-v0",), "is no file, no recording and no environment"),
 ])  # fmt: skip
 def test_the_command_says_what_is_wrong(command, monkeypatch, arguments, said):
     monkeypatch.chdir(ROOT)
     assert said in command(*arguments)
+
+
+@pytest.mark.parametrize("option", [("--contact", "hard"), ("--keyframe", "0"), ("--actions", "zero")])
+def test_a_recording_has_its_own_settings(command, tmp_path, option):
+    sim = stepper.Stepper(stepper.load("<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"))
+    with sim.record(tmp_path / "run"):
+        sim.step()
+    assert f"{option[0]} says nothing of a recording" in command(str(tmp_path / "run"), *option)
+
+
+def test_a_task_of_dm_control_is_shown(monkeypatch):
+    pytest.importorskip("dm_control")
+    shown = []
+    monkeypatch.setattr(
+        stepper.cli.view, "View", lambda sim, **_: shown.append(sim) or SimpleNamespace(url="", run=lambda advance: advance())
+    )
+    monkeypatch.setattr(sys, "argv", ["stepper", "view", "stepper/dm_control.cartpole-balance-v0", "--envs", "2"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 0
+    assert shown[0].num_envs == 2
+    assert np.all(shown[0].time > 0)
 
 
 def test_without_viser_it_says_what_to_install(command, monkeypatch, tmp_path):

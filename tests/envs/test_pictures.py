@@ -76,6 +76,53 @@ def test_a_copy_knows_what_it_looks_like():
     assert str(copied._drawing._origin.source).endswith("hopper.xml")
 
 
+def test_a_model_that_is_read_once_is_known_whenever_it_is_made():
+    """However many others were loaded between."""
+    pytest.importorskip("dm_control")
+    for _ in range(2):
+        for name in ("cheetah-run", "swimmer-swimmer6", "cartpole-balance"):
+            env = gymnasium.make(f"stepper/dm_control.{name}-v0", render_mode="rgb_array").unwrapped
+            assert env._drawing._origin is not None
+        for k in range(stepper.loading.origins.KEPT + 1):
+            stepper.load(f"<mujoco><worldbody><body name='between{k}'/></worldbody></mujoco>")
+
+
+def test_a_model_that_is_loaded_again_and_again_displaces_no_other():
+    first = stepper.load("<mujoco><worldbody><body name='first'/></worldbody></mujoco>")
+    for _ in range(stepper.loading.origins.KEPT + 1):
+        stepper.load("<mujoco><worldbody><body name='again'/></worldbody></mujoco>")
+    assert stepper.loading.origin_of(first) is not None
+
+
+_WITHOUT_EGL = """
+import ctypes, ctypes.util, os
+load, find = ctypes.CDLL.__init__, ctypes.util.find_library
+def without(self, name, *args, **kwargs):
+    if "EGL" in str(name):
+        raise OSError(f"{name}: cannot open shared object file")
+    load(self, name, *args, **kwargs)
+ctypes.CDLL.__init__ = without
+ctypes.util.find_library = lambda name: None if "EGL" in name else find(name)
+from stepper.envs import StepperEnv
+env = StepperEnv("Hopper", render_mode="rgb_array")
+for _ in range(2):
+    try:
+        env.render()
+    except RuntimeError as error:
+        print(error)
+    print(os.environ.get("MUJOCO_GL"))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="EGL is chosen on Linux alone")
+def test_without_egl_it_says_what_to_install():
+    """Every time, and what was tried is not taken for the user's choice."""
+    settings = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY", "MUJOCO_GL")}
+    ended = subprocess.run([sys.executable, "-W", "ignore", "-c", _WITHOUT_EGL], capture_output=True, text=True, check=False, env=settings)
+    assert ended.stdout.count("cannot draw here by MUJOCO_GL=egl") == 2, ended.stderr
+    assert ended.stdout.count("\nNone\n") == 2
+
+
 def test_without_a_platform_for_opengl_it_says_what_to_install():
     code = "from stepper.envs import StepperEnv; StepperEnv('Hopper', render_mode='rgb_array').render()"
     settings = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")} | {"MUJOCO_GL": "glfw"}

@@ -1,11 +1,12 @@
-"""What a browser shows: colours where the model projects to, other pictures after a step, the buttons, contacts."""
+"""What a browser shows: colours where the model projects to, other pictures after a step, contacts, dragging, recordings."""
 
+import threading
 import time
 
 import numpy as np
 import pytest
 import stepper
-from stepper.viewer import View
+from stepper.viewer import Player, View
 
 SCENE = """<mujoco><asset>
   <mesh name="wedge" vertex="-.2 -.2 -.2  .2 -.2 -.2  -.2 .2 -.2  .2 .2 -.2  0 0 .2"/>
@@ -124,3 +125,94 @@ def test_contacts_are_drawn_and_can_be_hidden(page_of, photograph):
 
     assert warm(shown) > 20
     assert warm(hidden) == 0
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_shapes_have_the_sizes_of_their_environments(count):
+    """What the browser is told, also of a single environment, and after the model's sizes came back."""
+    sim = stepper.Stepper(stepper.load(SCENE), 3)
+    with View(sim, envs=list(range(3 - count, 3)), port=8250) as view:
+
+        def widths():
+            scales = zip(view.window.scene.parts, view.window._parts, strict=True)
+            return {part.name: np.reshape(handle.batched_scales, (count, -1, 3))[:, 0, 0].tolist() for part, handle in scales}
+
+        before = widths()
+        factors = np.array([1.0, 2.0, 3.0])
+        sim.randomize(geom_size=factors[:, None, None] * sim.model.geom_size)
+        view.show()
+        after = widths()
+        for name, width in before.items():
+            expected = width if name.startswith("mesh") else width * factors[-count:]
+            np.testing.assert_allclose(after[name], expected, rtol=1e-6, err_msg=name)  # viser has single precision.
+        sim.randomize()
+        view.show()
+        assert widths() == before
+
+
+def test_the_panel_may_draw_while_a_simulation_shows(sim):
+    """Threads of viser answer the panel, while the pull that is drawn comes and goes."""
+    failed = []
+
+    def redraw():
+        try:
+            while view.open:
+                view.window._draw()
+        except Exception as error:
+            failed.append(error)
+
+    with View(sim, port=8260) as view:
+        threads = [threading.Thread(target=redraw) for _ in range(2)]
+        for thread in threads:
+            thread.start()
+        frame, sizes = view.window.frame, view.window._sizes
+        for k in range(200):
+            view.window.show(frame, sizes, pull=np.zeros((2, 3)) if k % 2 else None)
+    for thread in threads:
+        thread.join()
+    assert not failed
+
+
+def test_a_body_is_dragged_with_the_mouse(page_of, photograph, in_background):
+    model = stepper.load("""<mujoco><option gravity="0 0 0"/><worldbody><geom type="plane" size="0 0 .1" pos="0 0 -1" rgba=".9 .9 .95 1"/>
+      <body name="ball"><freejoint/><geom size=".3" rgba="1 0 0 1"/></body></worldbody></mujoco>""")
+    sim = stepper.Stepper(model, 1)
+    view = View(sim, port=8230)
+    in_background(view)
+    page = page_of(view.url)
+    photograph(page)
+    column, row = pixels(view.window, np.zeros((1, 3)))[0]
+    page.keyboard.down("Control")
+    page.mouse.move(column, row)
+    page.mouse.down()
+    for k in range(1, 11):
+        page.mouse.move(column, row - 6 * k)
+        time.sleep(0.2)
+    until(lambda: view.window.frame.xpos[0, 1, 2] > 0.05)
+    assert view.window.pull is not None
+    page.mouse.up()
+    page.keyboard.up("Control")
+    until(lambda: view.window.pull is None)
+    view.close()
+    time.sleep(0.5)
+    assert not np.any(sim.xfrc_applied)
+
+
+def test_a_recording_is_played(tmp_path, sim, page_of, photograph):
+    with sim.record(tmp_path / "run"):
+        for _ in range(100):
+            sim.step()
+    with Player(tmp_path / "run", port=8240, source=SCENE) as player:
+        page = page_of(player.url)
+        first = photograph(page)
+        player.seek(99)
+        time.sleep(1)
+        last = photograph(page)
+        there = red(last)
+        at = [pixels(player.window, (np.asarray(sim.xpos[env, 1]) + player.window.offsets[env])[None])[0] for env in range(2)]
+    assert np.mean(np.any(first != last, axis=2)) > 0.02
+    # A ball of each environment, where it was in the end.
+    for place in at:
+        if 20 < place[0] < 700:
+            near = there[np.linalg.norm(there - place, axis=1) < 60]
+            assert near.mean(axis=0) == pytest.approx(place, abs=8)

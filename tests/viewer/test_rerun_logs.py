@@ -1,5 +1,6 @@
 """Logs for Rerun have what happened."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -49,3 +50,22 @@ def test_a_folder_that_is_not_there_is_named(tmp_path):
     sim = stepper.Stepper(stepper.load(SCENE))
     with pytest.raises(FileNotFoundError, match=r"there is no folder .*none"):
         RerunLog(sim, tmp_path / "none" / "a.rrd")
+
+
+def test_a_log_has_the_sizes_that_environments_have(tmp_path):
+    sim = stepper.Stepper(stepper.load(SCENE), 2)
+    file, sizes = tmp_path / "run.rrd", np.tile(sim.model.geom_size, (2, 1, 1))
+    with RerunLog(sim, file) as log:
+        log.log()
+        sizes[1, 1] = 0.7
+        sim.randomize(geom_size=sizes)
+        sim.step()
+        log.log()
+        sim.step()
+        log.log()
+    text = printed(file)
+    # The first moment has the boxes of both environments, the second that of the second; nothing changed until the third.
+    for env, count in ((0, 1), (1, 2)):
+        rows = re.findall(rf"with (\d+) rows? \([^)]*\) - /env_{env}/box/cube/", text)
+        assert sum(map(int, rows)) == count
+    assert "-0.7, -0.7" in text

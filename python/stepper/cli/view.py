@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from typer import Typer
 
 ACTIONS = ("random", "zero")
+MODELS = (".xml", ".urdf", ".mjb")
+"""Endings of models' files. Names of environments have points, too: stepper/dm_control.walker-walk-v0."""
 
 
 class Asked(NamedTuple):
@@ -31,7 +33,7 @@ class Asked(NamedTuple):
     looks: Path | None
     contact: Literal["hard", "mujoco"] | None
     keyframe: str | None
-    actions: str
+    actions: str | None
     seed: int
     pause: bool
     host: str
@@ -44,18 +46,27 @@ def view(what: str, asked: Asked, rerun: Path | None) -> None:
     Examples: stepper view humanoid.xml --envs 9; stepper view run; stepper view stepper/HalfCheetah-v5 --envs 4
     """
     if (Path(what) / HEADER).exists():
+        _refuse(what, "a recording", contact=asked.contact, keyframe=asked.keyframe, actions=asked.actions)
         _play(Path(what), asked, rerun)
         return
     if rerun is not None:
         raise ValueError(f"--rerun writes a recording, and {what} is none: record one, or use stepper.viewer.RerunLog")
     if Path(what).is_dir():
         raise ValueError(f"{what} is a folder without {HEADER}, must be a recording, a model's file, or the name of an environment")
-    shown = _model(what, asked) if Path(what).suffix or Path(what).exists() else _environments(what, asked)
-    sim, advance, reset = shown
+    is_model = Path(what).exists() or Path(what).suffix in MODELS
+    _refuse(what, "a model", actions=asked.actions) if is_model else _refuse(what, "an environment", keyframe=asked.keyframe)
+    sim, advance, reset = _model(what, asked) if is_model else _environments(what, asked)
     opened = View(sim, envs=asked.envs, source=asked.looks, host=asked.host, port=asked.port, reset=reset)
     opened.paused = asked.pause
     print(f"{opened.url} shows {what}; Ctrl-C ends it", flush=True)
     opened.run(advance)
+
+
+def _refuse(what: str, kind: str, **given: str | None) -> None:
+    """Raises ValueError where an option was given that what is shown does not heed."""
+    for name, value in given.items():
+        if value is not None:
+            raise ValueError(f"--{name} says nothing of {kind}, and {what} is one: leave it out")
 
 
 def _play(folder: Path, asked: Asked, rerun: Path | None) -> None:
@@ -103,7 +114,7 @@ def _environments(name: str, asked: Asked) -> Shown:
     zero = np.zeros(envs.action_space.shape)
 
     def advance() -> None:
-        envs.step(envs.action_space.sample() if asked.actions == "random" else zero)
+        envs.step(zero if asked.actions == "zero" else envs.action_space.sample())
 
     return sim, advance, envs.reset
 
@@ -121,14 +132,14 @@ def register(app: Typer, typer: ModuleType) -> None:
         model: Path | None = file,
         contact: str | None = typer.Option(None, help='Law of contact, "hard" or "mujoco"; without it, hard, or that of the environment.'),
         keyframe: str | None = typer.Option(None, help="Keyframe that a model starts from, by name or index."),
-        actions: str = typer.Option("random", help='Actions of environments, "random" or "zero".'),
+        actions: str | None = typer.Option(None, help='Actions of environments, "random" or "zero"; without it, random.'),
         seed: int = typer.Option(0, min=0, help="Of what is random."),
         pause: bool = typer.Option(False, "--pause", help="Begin with a simulation that waits."),
         rerun: Path | None = log,
         host: str = typer.Option("127.0.0.1", help="Address to listen at; 0.0.0.0 lets other machines see it."),
         port: int = typer.Option(8080, min=1, max=65535, help="Port; the next free one where it is taken."),
     ) -> None:
-        for name, given, known in (("contact", contact, (None, "hard", "mujoco")), ("actions", actions, ACTIONS)):
+        for name, given, known in (("contact", contact, (None, "hard", "mujoco")), ("actions", actions, (None, *ACTIONS))):
             if given not in known:
                 raise ValueError(f"{name} is {given!r}, must be {' or '.join(repr(word) for word in known if word)}")
         view(what, Asked(envs, model, cast("Any", contact), keyframe, actions, seed, pause, host, port), rerun)

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import functools
 import warnings
+from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
+from typing import ParamSpec, cast
 from xml.etree import ElementTree
 
 from stepper._stepper import Model
-from stepper.loading import load
+from stepper.loading import Origin, load, origin_of, remember
+
+P = ParamSpec("P")
 
 
 def load_quietly(source: str | ElementTree.Element, *, strict: bool = True) -> Model:
@@ -21,6 +26,28 @@ def load_quietly(source: str | ElementTree.Element, *, strict: bool = True) -> M
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         return load(source if isinstance(source, str) else ElementTree.tostring(source, encoding="unicode"), strict=strict)
+
+
+def read_once(read: Callable[P, Model]) -> Callable[P, Model]:
+    """A function that loads a model, with a memory: of the model by its arguments, and of what the model was loaded from.
+
+    `stepper.load` remembers the sources of the last models alone, and one that is read once may be drawn long after.
+    """
+
+    def first(*args: P.args, **kwargs: P.kwargs) -> tuple[Model, Origin | None]:
+        model = read(*args, **kwargs)
+        return model, origin_of(model)
+
+    known = cast("Callable[P, tuple[Model, Origin | None]]", functools.cache(first))
+
+    @functools.wraps(read)
+    def model_of(*args: P.args, **kwargs: P.kwargs) -> Model:
+        model, origin = known(*args, **kwargs)
+        if origin is not None:
+            remember(model, origin.source, origin.package_dirs)
+        return model
+
+    return model_of
 
 
 def model_file(name: str) -> str:

@@ -2,6 +2,6 @@
 
 from stepper.loading.load import ModelWarning, compile_source, is_saved, load
 from stepper.loading.mjcf import describe
-from stepper.loading.origins import Origin, origin_of
+from stepper.loading.origins import Origin, origin_of, remember
 
-__all__ = ["ModelWarning", "Origin", "compile_source", "describe", "is_saved", "load", "origin_of"]
+__all__ = ["ModelWarning", "Origin", "compile_source", "describe", "is_saved", "load", "origin_of", "remember"]

@@ -39,7 +39,10 @@ def remember(model: Model, source: Any, package_dirs: Sequence[str | os.PathLike
     folders = None if package_dirs is None else tuple(os.path.abspath(folder) for folder in package_dirs)
     is_path = isinstance(source, os.PathLike) or (isinstance(source, str) and "<" not in source)
     given = os.path.abspath(source) if is_path else source
-    _remembered.append((_structure(model), _places(model), Origin(given, folders)))
+    entry = (_structure(model), _places(model), Origin(given, folders))
+    # What is noted again is the newest, and does not take the place of others.
+    _remembered[:] = [other for other in _remembered if other[:2] != entry[:2]]
+    _remembered.append(entry)
     del _remembered[:-KEPT]
 
 

@@ -1,8 +1,10 @@
-"""To look at environments: pictures by MuJoCo's renderer, a view in the browser, logs for Rerun. docs/viewing.md shows them.
+"""To look at environments: pictures by MuJoCo's renderer, a view in the browser, logs for Rerun.
 
-sim = stepper.Stepper(stepper.load("robot.xml"), 16)
-with stepper.viewer.view(sim) as view:
-view.run()
+    sim = stepper.Stepper(stepper.load("robot.xml"), 16)
+    with stepper.viewer.view(sim) as view:
+        view.run()
+
+docs/viewing.md shows more.
 """
 
 from stepper.viewer.live import View, view

@@ -8,7 +8,8 @@ from typing import TypeAlias
 import numpy as np
 
 from stepper._stepper import Stepper
-from stepper.viewer.looks import Array
+from stepper.viewer.looks import Array, sized_geoms
+from stepper.viewer.shapes import Scene
 
 Envs: TypeAlias = "int | range | list[int] | None"
 
@@ -77,6 +78,22 @@ def frame_of(sim: Stepper, envs: Array, *, energy: bool = False) -> Frame:
         contact_force=np.einsum("nij,ni->nj", listed["frame"], listed["force"]),
         energy=np.array([sim.energy(int(env)) for env in envs]) if energy else np.zeros((len(envs), 2)),
     )
+
+
+def sizes_of(sim: Stepper, envs: Array, scene: Scene) -> Array:
+    """Sizes that the geoms of some environments are drawn with now, (n, ngeom, 3) m: the scene's, but for those that were randomized."""
+    sizes = np.tile(scene.sizes, (len(envs), 1, 1))
+    if "geom_size" in sim.randomized:
+        sized = sized_geoms(sim.model)
+        sizes[:, sized] = own_of(sim, "geom_size", envs)[:, sized]
+    return sizes
+
+
+def own_of(sim: Stepper, name: str, envs: Array) -> Array:
+    """A field of the model as some environments have it: (n, ...)."""
+    shared = np.asarray(getattr(sim.model, name))
+    own: Array = np.broadcast_to(sim.randomized.get(name, shared), (sim.num_envs or 1, *shared.shape))[envs]
+    return own
 
 
 def some_of(sim: Stepper, name: str, envs: Array) -> Array:

@@ -7,13 +7,13 @@ import time
 import warnings
 from collections.abc import Callable
 from types import TracebackType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from stepper._stepper import Model, Stepper
 from stepper.viewer.dragging import Drag
-from stepper.viewer.frames import Envs, frame_of, shown_envs
+from stepper.viewer.frames import Envs, frame_of, shown_envs, sizes_of
 from stepper.viewer.looks import Array, looks_of, row
 from stepper.viewer.shapes import Scene, scene_of
 from stepper.viewer.window import Window
@@ -25,6 +25,15 @@ SLIDERS = 12
 """Most controls whose sliders are unfolded at first."""
 _BEHIND = 0.25
 """Seconds that a simulation that is too slow may be behind the clock; what is more is forgotten."""
+
+
+class _Applied(NamedTuple):
+    """A wrench that is applied: what `xfrc_applied` has at its body without it, and with it, (6,)."""
+
+    env: int
+    body: int
+    without: Array
+    with_it: Array
 
 
 def scene_for(model: Model, source: Any) -> Scene:
@@ -50,6 +59,7 @@ class View:
                 view.update()
 
     Bodies are dragged with Ctrl and the left button: by a spring, whose force and torque are added to `sim.xfrc_applied` while it pulls.
+    Numbers that are written there meanwhile, by a reset or by the user, take the place of both.
 
     Args:
         sim: The stepper.
@@ -88,7 +98,7 @@ class View:
         self._drag: Drag | None = None
         self._grabbed: tuple[int, int, Array] | None = None
         self._target: Array | None = None
-        self._applied: tuple[int, int, Array] | None = None
+        self._applied: _Applied | None = None
         self._time, self._clock = self._now(), time.monotonic()
         self._panel()
         self.window.on_pull(self._dragged)
@@ -137,8 +147,8 @@ class View:
             self._steps = max(self._steps - 1, 0)
             asked, self._asked_reset = self._asked_reset, False
         if asked:
-            self._reset()
             self._release()
+            self._reset()
             self.show()
 
     def run(self, advance: Callable[[], Any] | None = None) -> None:
@@ -160,14 +170,11 @@ class View:
 
     def show(self) -> None:
         """Shows the present state at once."""
-        sizes = None
-        if "geom_size" in self.sim.randomized:
-            sizes = np.asarray(self.sim.randomized["geom_size"]).reshape(-1, self.sim.model.ngeom, 3)[self.envs]
         pull = None
         if self._drag is not None:
             shift = self.window.offsets[int(np.flatnonzero(self.envs == self._drag.env)[0])]
             pull = np.stack([self._drag.at(self.sim), self._drag.target]) + shift
-        self.window.show(frame_of(self.sim, self.envs), sizes=sizes, pull=pull)
+        self.window.show(frame_of(self.sim, self.envs), sizes_of(self.sim, self.envs, self.window.scene), pull=pull)
 
     def close(self) -> None:
         """Stops the server; the next `update`, or the end of `run`, lets go of what is dragged. Any thread may call it."""
@@ -260,12 +267,17 @@ class View:
 
     def _apply(self, wrench: tuple[int, int, Array] | None) -> None:
         """Puts a wrench in the place of the one before, beside what the user applies."""
-        for sign, given in ((-1.0, self._applied), (1.0, wrench)):
-            if given is not None:
-                env, body, values = given
-                forces = self.sim.xfrc_applied
-                (forces if self.sim.num_envs is None else forces[env])[body] += sign * values
-        self._applied = wrench
+        forces = self.sim.xfrc_applied if self.sim.num_envs is not None else self.sim.xfrc_applied[None]
+        if self._applied is not None:
+            # Other numbers are of somebody who wrote since: a reset, or the user. They have nothing of this wrench to take away.
+            there = forces[self._applied.env, self._applied.body]
+            there[:] = np.where(there == self._applied.with_it, self._applied.without, there)
+        self._applied = None
+        if wrench is not None:
+            env, body, values = wrench
+            without = np.array(forces[env, body], subok=False)
+            forces[env, body] += values
+            self._applied = _Applied(env, body, without, np.array(forces[env, body], subok=False))
 
 
 def view(sim: Stepper, **settings: Any) -> View:

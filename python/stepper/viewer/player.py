@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from stepper._stepper import ModelError
-from stepper.viewer.frames import Envs
+from stepper.viewer.frames import Envs, sizes_of
 from stepper.viewer.live import SHOWN, scene_for
 from stepper.viewer.looks import LooksError
 from stepper.viewer.recordings import RecordedRun
@@ -88,7 +88,8 @@ class Player:
             if index != self._shown and self.open:
                 self._shown = index
                 self._slider.value = index
-                self.window.show(self.run_of[index])
+                frame = self.run_of[index]
+                self.window.show(frame, sizes_of(self.run_of.sim, self.run_of.envs, self.window.scene))
 
     def run(self) -> None:
         """Plays, from the beginning again after the end, until the view is closed or Ctrl-C ends it."""

@@ -143,14 +143,20 @@ class Renderer:
 
 def _renderer(mujoco: Any, m: Any, width: int, height: int) -> Any:
     """MuJoCo's renderer, with an OpenGL context that this machine has."""
-    _choose_platform()
     if not hasattr(mujoco, "Renderer"):
         raise RuntimeError('this build of MuJoCo has no renderer: pip install "mujoco>=4.0,<5"')
+    chosen = os.environ.get("MUJOCO_GL")
     try:
+        _choose_platform()
         return mujoco.Renderer(m, height, width)
     # What OpenGL lacks is said by libraries in many ways: missing functions of a library that is not there among them.
     except Exception as error:
         platform = os.environ.get("MUJOCO_GL") or "glfw"
+        # What was chosen here and does not work is not the user's choice.
+        if chosen is None:
+            os.environ.pop("MUJOCO_GL", None)
+        else:
+            os.environ["MUJOCO_GL"] = chosen
         raise RuntimeError(
             f"MuJoCo's renderer cannot draw here by MUJOCO_GL={platform} ({type(error).__name__}: {error}). Without a screen it draws by "
             "MUJOCO_GL=egl (Debian: apt install libegl1 libgl1-mesa-dri, or the driver of a graphics card) or by MUJOCO_GL=osmesa "

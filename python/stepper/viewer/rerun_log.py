@@ -11,7 +11,7 @@ import numpy as np
 
 from stepper._stepper import Model, Stepper
 from stepper.shared.machine import require
-from stepper.viewer.frames import Envs, Frame, frame_of, shown_envs
+from stepper.viewer.frames import Envs, Frame, frame_of, own_of, shown_envs, sizes_of
 from stepper.viewer.live import scene_for
 from stepper.viewer.looks import Array
 from stepper.viewer.player import recorded_scene
@@ -111,20 +111,23 @@ class _Writer:
         file = Path(path)
         if not file.parent.is_dir():
             raise FileNotFoundError(f"there is no folder {file.parent}: make it, or give another path")
-        self._model, self._envs = sim.model, envs
+        self._sim, self._model, self._scene, self._envs = sim, sim.model, scene, envs
         self._names = [_entity(sim.model, int(env)) for env in envs]
         self._weight = max(float(np.sum(sim.model.body_mass[1:]) * np.linalg.norm(sim.model.gravity)), 1e-9)
         self._extent = scene.extent
         self._stream = rr.RecordingStream(sim.model.name or "stepper")
         self._stream.save(str(file))
         self._stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        self._body = [sim.model.geom(g).bodyid for g in range(sim.model.ngeom)]
+        self._shapes: Array | None = None
         for bodies in self._names:
-            self._log_geoms(scene, bodies)
+            self._log_planes(bodies)
 
     def write(self, seconds: float, frame: Frame) -> None:
         """Adds a moment."""
         rr, stream = self._rr, self._stream
         stream.set_time(TIMELINE, duration=seconds)
+        self._log_geoms()
         contacts = np.bincount(frame.contact_env, minlength=len(self._envs))
         for row, (env, bodies) in enumerate(zip(self._envs, self._names, strict=True)):
             for body, name in enumerate(bodies):
@@ -158,14 +161,23 @@ class _Writer:
         self._stream.flush()
         self._stream.disconnect()
 
-    def _log_geoms(self, scene: Scene, bodies: list[str]) -> None:
-        """Shapes of the geoms in the frames of their bodies."""
+    def _log_geoms(self) -> None:
+        """Shapes of the geoms in the frames of their bodies: all at the first moment, and later those that were randomized since."""
+        sizes, places = sizes_of(self._sim, self._envs, self._scene), own_of(self._sim, "geom_pos", self._envs)
+        shapes = np.concatenate([sizes, places], axis=2)
+        new = np.ones(shapes.shape[:2], bool) if self._shapes is None else np.any(shapes != self._shapes, axis=2)
+        self._shapes = shapes
+        for row in np.flatnonzero(np.any(new, axis=1)).tolist():
+            self._log_shapes(self._names[row], sizes[row], places[row], new[row])
+
+    def _log_shapes(self, bodies: list[str], sizes: Array, places: Array, chosen: Array) -> None:
+        """Shapes of some geoms of an environment."""
         model, rr = self._model, self._rr
-        body = np.array([model.geom(g).bodyid for g in range(model.ngeom)], dtype=np.int64)
-        at, quat = np.asarray(model.geom_pos)[None], np.asarray(model.geom_quat)[None]
-        for part in scene.parts:
-            place, turn, scale = instances(part, scene.sizes[None], at, quat)
+        for part in self._scene.parts:
+            place, turn, scale = instances(part, sizes[None], places[None], np.asarray(model.geom_quat)[None])
             for k, g in enumerate(part.geom):
+                if not chosen[g]:
+                    continue
                 vertices = _turned(part.mesh.vertices * scale[k], turn[k]) + place[k]
                 mesh = rr.Mesh3D(
                     vertex_positions=vertices.astype(np.float32),
@@ -173,13 +185,18 @@ class _Writer:
                     albedo_factor=np.round(255 * part.rgba[k]).astype(np.uint8),
                 )
                 name = model.geom(int(g)).name or f"geom_{g}"
-                self._stream.log(f"{bodies[body[g]]}/{_safe(name)}/{k}_{_safe(part.name)}", mesh, static=True)
+                self._stream.log(f"{bodies[self._body[g]]}/{_safe(name)}/{k}_{_safe(part.name)}", mesh)
+
+    def _log_planes(self, bodies: list[str]) -> None:
+        """Floors, which stay as they are."""
+        model, rr, scene = self._model, self._rr, self._scene
+        at, quat = np.asarray(model.geom_pos), np.asarray(model.geom_quat)
         for g in scene.planes:
             side = 5 * scene.extent
-            corners = _turned(np.array([[-side, -side, 0], [side, -side, 0], [side, side, 0], [-side, side, 0]]), quat[0, g]) + at[0, g]
+            corners = _turned(np.array([[-side, -side, 0], [side, -side, 0], [side, side, 0], [-side, side, 0]]), quat[g]) + at[g]
             faces = np.array([[0, 1, 2], [0, 2, 3]])
             mesh = rr.Mesh3D(vertex_positions=corners, triangle_indices=faces, albedo_factor=np.round(255 * scene.rgba[g]).astype(np.uint8))
-            self._stream.log(f"{bodies[body[g]]}/{_safe(model.geom(g).name or f'geom_{g}')}", mesh, static=True)
+            self._stream.log(f"{bodies[self._body[g]]}/{_safe(model.geom(g).name or f'geom_{g}')}", mesh, static=True)
 
 
 def _entity(model: Model, env: int) -> list[str]:

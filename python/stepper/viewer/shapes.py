@@ -71,7 +71,7 @@ class Scene:
     Attributes:
         parts: Instances of meshes.
         planes: Geoms that are floors: planes that are larger than all that moves.
-        sizes: Sizes of all geoms as the model has them, (ngeom, 3) m.
+        sizes: Sizes that all geoms are drawn with, (ngeom, 3) m: the model's, and the file's of planes that are drawn as tiles.
         rgba: Colours of all geoms, (ngeom, 4).
         shown: Groups of geoms that are shown at first.
         center: Middle of all that is not fixed to the world at the reference configuration, (3,) m; of everything where all is.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
 from typing import Any
@@ -50,10 +51,11 @@ class Window:
         title: str = "",
     ):
         viser = require("viser", "for the view in the browser")
-        self._scene, self._model, self.count = scene, model, count
+        self.scene, self._model, self.count = scene, model, count
         self.server = viser.ViserServer(host=host, port=port, label=title or model.name or "stepper", verbose=False)
         self._spacing = spacing if spacing is not None else 1.5 * scene.extent
-        self._sizes = scene.sizes[None]
+        self._sizes = np.tile(scene.sizes, (count, 1, 1))
+        self._lock = threading.Lock()
         self._weight = max(float(np.sum(model.body_mass[1:]) * np.linalg.norm(model.gravity)), 1e-9)
         self._frame: Frame | None = None
         self._pull: Array | None = None
@@ -88,19 +90,18 @@ class Window:
         back = (k // columns - (-(-self.count // columns) - 1) / 2) * self._spacing
         return np.stack([across, back, np.zeros(self.count)], axis=1)
 
-    def show(self, frame: Frame, *, sizes: Array | None = None, pull: Array | None = None) -> None:
+    def show(self, frame: Frame, sizes: Array, *, pull: Array | None = None) -> None:
         """Sends a moment.
 
         Args:
             frame: The moment.
-            sizes: Sizes of the geoms where environments have their own, (n, ngeom, 3) m.
+            sizes: Sizes that the geoms are drawn with, (n, ngeom, 3) m.
             pull: From where to where something is pulled, (2, 3) m.
         """
-        self._frame, self._pull = frame, pull
-        if sizes is not None:
-            self._sizes = sizes
-        if self._start is None:
-            self._start = frame.center.copy()
+        with self._lock:
+            self._frame, self._sizes, self._pull = frame, sizes, pull
+            if self._start is None:
+                self._start = frame.center.copy()
         self._draw()
         self._write(frame)
 
@@ -120,7 +121,7 @@ class Window:
 
     def on_pull(self, respond: Callable[[str, int, int, Array], None]) -> None:
         """Calls `respond(phase, row, geom, place)` when something is dragged with Ctrl: phase is "start", "update" or "end"."""
-        for part, handle in zip(self._scene.parts, self._parts, strict=True):
+        for part, handle in zip(self.scene.parts, self._parts, strict=True):
             self._listen(part, handle, respond)
 
     def _listen(self, part: Part, handle: Any, respond: Callable[[str, int, int, Array], None]) -> None:
@@ -133,7 +134,7 @@ class Window:
         handle.on_drag("left", modifier="cmd/ctrl")(dragged)
 
     def _build(self) -> None:
-        server, extent = self.server, self._scene.extent
+        server, extent = self.server, self.scene.extent
         across = self._spacing * (np.ceil(np.sqrt(self.count)) - 1) + 2.0 * extent
         server.scene.set_up_direction("+z")
         # viser's own lights, photographed surroundings and a sun with three maps of shadows, wash colours out and shade floors in bands
@@ -145,13 +146,15 @@ class Window:
         # What is shown is not handed to anybody: viser's button opens a tunnel to the internet.
         server.gui.configure_theme(show_logo=False, show_share_button=False)
         # A little to the right of the middle, which the panel covers.
-        server.initial_camera.look_at = np.add(self._scene.center, [0.12 * across, 0.0, 0.0])
-        server.initial_camera.position = np.add(self._scene.center, [0.4 * across, -1.0 * across, 0.4 * across])
+        server.initial_camera.look_at = np.add(self.scene.center, [0.12 * across, 0.0, 0.0])
+        server.initial_camera.position = np.add(self.scene.center, [0.4 * across, -1.0 * across, 0.4 * across])
         server.initial_camera.fov = np.radians(45.0)
         self._root = server.scene.add_frame("/scene", show_axes=False)
         still = np.zeros((self.count, self._model.ngeom, 3)), np.tile([1.0, 0, 0, 0], (self.count, self._model.ngeom, 1))
-        self._parts = [self._add(k, part, *instances(part, self._sizes, *still)) for k, part in enumerate(self._scene.parts)]
-        self._floors = [self._floor(g) for g in self._scene.planes]
+        placed = [instances(part, self._sizes, *still) for part in self.scene.parts]
+        self._parts = [self._add(k, part, *given) for k, (part, given) in enumerate(zip(self.scene.parts, placed, strict=True))]
+        self._scales = [scale for _, _, scale in placed]
+        self._floors = [self._floor(g) for g in self.scene.planes]
         self._contacts = server.scene.add_point_cloud(
             "/scene/contacts", np.zeros((1, 3), np.float32), _CONTACT_COLOUR, point_size=0.025 * extent, point_shape="circle",
             precision="float32", visible=False,
@@ -166,17 +169,17 @@ class Window:
             f"/scene/{k} {part.name}", part.mesh.vertices, part.mesh.faces, quat, place,
             batched_scales=scale, batched_colors=colours[:, :3], lod="off", flat_shading=part.mesh.flat,
             batched_opacities=None if np.all(part.rgba[:, 3] >= 1) else np.tile(part.rgba[:, 3], self.count),
-            side="double" if part.name == "plane" else "front", cast_shadow=part.name != "plane", visible=part.group in self._scene.shown,
+            side="double" if part.name == "plane" else "front", cast_shadow=part.name != "plane", visible=part.group in self.scene.shown,
         )  # fmt: skip
 
     def _floor(self, geom: int) -> Any:
         """A plane without end, which all environments share: tiles as far as anybody looks."""
-        extent = self._scene.extent
+        extent = self.scene.extent
         side = 20 * extent + 4 * self._spacing * np.sqrt(self.count)
         tile = max(10.0 ** np.round(np.log10(0.4 * extent)), side / TILES)
         half = int(np.ceil(side / tile / 2))
         x, y = (index.ravel() for index in np.meshgrid(np.arange(-half, half), np.arange(-half, half)))
-        colour = self._scene.rgba[geom, :3] if np.ptp(self._scene.rgba[geom, :3]) > 0 else np.array(_FLOOR)
+        colour = self.scene.rgba[geom, :3] if np.ptp(self.scene.rgba[geom, :3]) > 0 else np.array(_FLOOR)
         shade = np.where((x + y) % 2 == 0, 0.85, 1.0)
         self.server.scene.configure_fog(0.25 * side, 0.6 * side)
         return self.server.scene.add_batched_meshes_simple(
@@ -196,13 +199,13 @@ class Window:
             self._follow = gui.add_dropdown("follow", names, initial_value="none") if self.count < 100 else None
             if self.count > 1:
                 self._gap = gui.add_slider(
-                    "spacing", min=0.0, max=4.0 * self._scene.extent, step=0.01 * self._scene.extent,
-                    initial_value=min(self._spacing, 4.0 * self._scene.extent),
+                    "spacing", min=0.0, max=4.0 * self.scene.extent, step=0.01 * self.scene.extent,
+                    initial_value=min(self._spacing, 4.0 * self.scene.extent),
                 )  # fmt: skip
                 self._gap.on_update(lambda _: self._move(self._gap.value))
-            groups = sorted({part.group for part in self._scene.parts})
+            groups = sorted({part.group for part in self.scene.parts})
             for group in groups if len(groups) > 1 else []:
-                box = gui.add_checkbox(f"geom group {group}", group in self._scene.shown)
+                box = gui.add_checkbox(f"geom group {group}", group in self.scene.shown)
                 box.on_update(lambda event, group=group: self._reveal(group, event.target.value))
         for control in (self._show_contacts, self._show_forces, self._force_scale, self._follow):
             if control is not None:
@@ -213,34 +216,35 @@ class Window:
         self._draw()
 
     def _reveal(self, group: int, shown: bool) -> None:
-        for part, handle in zip(self._scene.parts, self._parts, strict=True):
+        for part, handle in zip(self.scene.parts, self._parts, strict=True):
             if part.group == group:
                 handle.visible = shown
 
     def _draw(self) -> None:
-        frame = self._frame
-        if frame is None or not self.open:
-            return
-        offsets = self.offsets
-        xpos = frame.geom_xpos + offsets[:, None]
-        with self.server.atomic():
+        # The thread that steps draws, and viser's when something of the panel changes.
+        with self._lock, self.server.atomic():
+            frame, pull = self._frame, self._pull
+            if frame is None or not self.open:
+                return
+            offsets = self.offsets
+            xpos = frame.geom_xpos + offsets[:, None]
             self._root.position = self._shift(frame)
-            for part, handle in zip(self._scene.parts, self._parts, strict=True):
+            for k, (part, handle) in enumerate(zip(self.scene.parts, self._parts, strict=True)):
                 handle.batched_positions, handle.batched_wxyzs, scales = instances(part, self._sizes, xpos, frame.geom_xquat)
-                if len(self._sizes) > 1:
-                    handle.batched_scales = scales
-            for geom, handle in zip(self._scene.planes, self._floors, strict=True):
+                if not np.array_equal(scales, self._scales[k]):
+                    handle.batched_scales = self._scales[k] = scales
+            for geom, handle in zip(self.scene.planes, self._floors, strict=True):
                 handle.position, handle.wxyz = frame.geom_xpos[0, geom], frame.geom_xquat[0, geom]
             self._draw_contacts(frame, offsets)
-            if self._pull is not None:
-                self._pulls.points = self._pull[None].astype(np.float32)
-            self._pulls.visible = self._pull is not None
+            if pull is not None:
+                self._pulls.points = pull[None].astype(np.float32)
+            self._pulls.visible = pull is not None
 
     def _draw_contacts(self, frame: Frame, offsets: Array) -> None:
         pressed = np.linalg.norm(frame.contact_force, axis=1) > 1e-6 * self._weight
         place = (frame.contact_pos + offsets[frame.contact_env])[pressed].astype(np.float32)
         if len(place):
-            length = 10.0**self._force_scale.value * FORCE * self._scene.extent / self._weight
+            length = 10.0**self._force_scale.value * FORCE * self.scene.extent / self._weight
             self._contacts.points = place
             self._forces.points = np.stack([place, place + length * frame.contact_force[pressed]], axis=1).astype(np.float32)
         self._contacts.visible = bool(len(place)) and self._show_contacts.value

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from stepper._stepper import Model, Stepper
-from stepper.envs.assets import load_quietly
+from stepper.envs.assets import load_quietly, read_once
 from stepper.envs.streams import Draws
 from stepper.envs.task import Array, Moment, Quantity, Task, Terms, per_moment, square_sum
 from stepper.shared.machine import package_file
@@ -263,7 +263,7 @@ def _stance() -> Array:
     return np.array(angles)
 
 
-@functools.cache
+@read_once
 def _scene() -> Model:
     """The robot of mjlab on a plane: what it only looks like left out, servos and rotors added, as mjlab's own code says them."""
     file = Path(package_file("mjlab", _FILE, "for its Go1, whose file it has"))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ import numpy as np
 
 from stepper._options import Options
 from stepper._stepper import Model, Stepper
-from stepper.envs.assets import load_quietly
+from stepper.envs.assets import load_quietly, read_once
 from stepper.envs.streams import Draws
 from stepper.envs.task import Array, Moment, Task, Terms, per_moment
 from stepper.shared.machine import package_file
@@ -44,7 +43,7 @@ class SuiteTask(Task):
         raise NotImplementedError
 
 
-@functools.cache
+@read_once
 def scene(file: str) -> Model:
     """The model of a file of dm_control's suite.
 

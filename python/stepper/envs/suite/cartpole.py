@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass
 from xml.etree import ElementTree
 
 import numpy as np
 
 from stepper._stepper import Model
-from stepper.envs.assets import load_quietly
+from stepper.envs.assets import load_quietly, read_once
 from stepper.envs.streams import Draws
 from stepper.envs.suite.base import SuiteTask, rotations, source_tree, tolerance
 from stepper.envs.task import Array, Moment, Quantity
@@ -68,7 +67,7 @@ class Cartpole(SuiteTask):
         qvel[:] = 0.01 * draws.normal(qvel.shape[1])
 
 
-@functools.cache
+@read_once
 def _scene(poles: int) -> Model:
     """dm_control's model with as many poles."""
     if poles < 1:

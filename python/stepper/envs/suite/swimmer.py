@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass
 
 import numpy as np
 
 from stepper._stepper import Model, Stepper
-from stepper.envs.assets import load_quietly
+from stepper.envs.assets import load_quietly, read_once
 from stepper.envs.streams import Draws
 from stepper.envs.suite.base import SuiteTask, move_geom, norm, randomize_joints, reading, rotation, source_tree, tolerance
 from stepper.envs.task import Array, Moment, Quantity, Terms, per_moment
@@ -71,7 +70,7 @@ def _velocities(now: Moment) -> Array:
     return both[..., [0, 1, 5]]
 
 
-@functools.cache
+@read_once
 def _scene(links: int) -> Model:
     """dm_control's model with as many links."""
     if links < 3:

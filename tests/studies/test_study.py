@@ -80,6 +80,17 @@ def test_cliffs_are_where_coulomb_has_them(tmp_path):
     assert [level.share for level in found.of("friction")] == [0, 0, 1, 1, 1]
 
 
+def test_episodes_that_repeat_one_another_are_no_trials(tmp_path):
+    told = str(stepper.sweep(tray(qvel_noise=0.0, parameters={"push": tray().parameters["push"]}), tmp_path / "same", cliffs=False))
+    assert "as few as 1 different of 3 episodes" in told
+    assert "none, 1 different" in told
+    same = swept(tray(qvel_noise=0.0), tmp_path).of("")[0]
+    assert (same.successes, same.episodes, same.different) == (3, 3, 1)
+    assert np.isnan(same.interval).all()
+    alone = swept(tray(qvel_noise=0.0, episodes=1), tmp_path).of("")[0]
+    assert alone.interval == wilson(1, 1)
+
+
 def study_range(name):
     parameter = tray().parameters[name]
     return parameter.low, parameter.high

@@ -204,7 +204,9 @@ class _Digest:
             self.take(value.func, where)
             self._sequence("arguments", value.args, where)
             self._mapping("keywords", value.keywords, where)
-        elif isinstance(value, ModuleType | np.ufunc | np.dtype):
+        elif isinstance(value, ModuleType):
+            self._part(kind, value.__name__.encode())
+        elif isinstance(value, np.ufunc | np.dtype):
             self._part(kind, repr(value).encode())
         elif isinstance(value, np.random.Generator):
             self.take(value.bit_generator.state, where)
@@ -295,7 +297,9 @@ def _file_of(thing: Any) -> Path | None:
 
 
 def _code(code: CodeType) -> bytes:
-    constants = b"".join(_code(c) if isinstance(c, CodeType) else repr(c).encode() + b"\0" for c in code.co_consts)
+    # The order of a set of words is another in every process.
+    told = (sorted(c, key=repr) if isinstance(c, frozenset) else c for c in code.co_consts)
+    constants = b"".join(_code(c) if isinstance(c, CodeType) else repr(c).encode() + b"\0" for c in told)
     return b"\0".join([code.co_code, constants, repr(code.co_names).encode()])
 
 

@@ -10,6 +10,7 @@ import stepper
 from stepper.experiments.accuracy.candidates import pareto, timesteps
 from stepper.experiments.accuracy.reference import converge
 from stepper.experiments.accuracy.traces import Distance, quantity, run
+from stepper.experiments.study import Recorded
 from typer.testing import CliRunner
 
 PENDULUM = """<mujoco><option timestep=".005"/><worldbody><body pos="0 0 1"><joint name="hinge" axis="0 1 0"/>
@@ -128,6 +129,19 @@ def test_a_tuning_keeps_its_budget_on_episodes_that_it_has_not_seen(tmp_path):
     assert held >= 26
     told = json.loads((tmp_path / "scene/tune.json").read_text())
     assert told["settings"] == found.chosen.settings
+
+
+def test_episodes_that_repeat_those_that_chose_prove_nothing(tmp_path):
+    for study in (scene(drive=None), scene(drive=recorded(tmp_path, 13))):
+        count = 0 if study.drive is None else 1
+        with pytest.raises(ValueError, match=f"scene: {count} of 17 held-out episodes differ"):
+            stepper.tune(replace(study, qvel_noise=0.0), tmp_path, error="1 mm", horizon="0.1 s", coverage=0.8)
+
+
+def recorded(folder, episodes):
+    """Controls for some episodes, after which they repeat."""
+    np.savez(folder / "controls.npz", ctrl=np.random.default_rng(0).uniform(-0.02, 0.02, (10, episodes, 1)))
+    return Recorded(folder / "controls.npz")
 
 
 def test_a_budget_that_nothing_keeps_is_said(tmp_path):

@@ -1,5 +1,7 @@
 """Studies: what a row follows from, that nothing is lost or repeated, that parameters are what they say."""
 
+import copy
+import errno
 import functools
 import json
 import math
@@ -8,6 +10,7 @@ import random
 import signal
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +20,7 @@ import pytest
 import stepper
 from stepper.experiments.study import Recorded
 from stepper.experiments.study.batches import Point, run_points, world_of
+from stepper.experiments.study.drives import digest_of
 from stepper.experiments.study.intervals import least_share, trials_for, wilson
 from stepper.experiments.study.journal import Journal, JournalError
 from stepper.experiments.study.results import Results
@@ -74,6 +78,17 @@ def test_cliffs_are_where_coulomb_has_them(tmp_path):
     assert (nominal.successes, nominal.episodes, nominal.unsolved) == (3, 3, 0)
     assert nominal.interval == wilson(3, 3)
     assert [level.share for level in found.of("friction")] == [0, 0, 1, 1, 1]
+
+
+def test_episodes_that_repeat_one_another_are_no_trials(tmp_path):
+    told = str(stepper.sweep(tray(qvel_noise=0.0, parameters={"push": tray().parameters["push"]}), tmp_path / "same", cliffs=False))
+    assert "as few as 1 different of 3 episodes" in told
+    assert "none, 1 different" in told
+    same = swept(tray(qvel_noise=0.0), tmp_path).of("")[0]
+    assert (same.successes, same.episodes, same.different) == (3, 3, 1)
+    assert np.isnan(same.interval).all()
+    alone = swept(tray(qvel_noise=0.0, episodes=1), tmp_path).of("")[0]
+    assert alone.interval == wilson(1, 1)
 
 
 def study_range(name):
@@ -188,6 +203,7 @@ append = Journal.append
 def told(self, rows):
     append(self, rows)
     print("rows", flush=True)
+    sys.stdin.readline()
 Journal.append = told
 stepper.sweep(study, sys.argv[1])
 """
@@ -196,7 +212,7 @@ stepper.sweep(study, sys.argv[1])
 def child(folder):
     path = os.pathsep.join([str(Path(stepper.__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
     arguments = [sys.executable, "-c", CHILD, str(folder), str(Path(__file__).parent)]
-    return subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": path})
+    return subprocess.Popen(arguments, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": path})
 
 
 def test_a_study_that_is_killed_goes_on_and_gives_the_same_table(tmp_path):
@@ -206,7 +222,10 @@ def test_a_study_that_is_killed_goes_on_and_gives_the_same_table(tmp_path):
     for _ in range(3):
         with child(tmp_path / "cut") as process:
             for _ in range(draw.randint(1, 4)):
-                process.stdout.readline()
+                # It goes on by a batch each time that it is let: on a busy machine too it is not through when it is killed.
+                assert process.stdout.readline() == "rows\n"
+                process.stdin.write("\n")
+                process.stdin.flush()
             time.sleep(draw.uniform(0.0, 0.02))
             process.send_signal(signal.SIGKILL)
         with journal.open("ab") as file:
@@ -222,12 +241,20 @@ def test_a_study_that_is_killed_goes_on_and_gives_the_same_table(tmp_path):
         assert (tmp_path / "cut/tray" / name).read_bytes() == (tmp_path / "whole/tray" / name).read_bytes(), name
 
 
-def test_a_journal_keeps_what_it_was_told_and_refuses_damage(tmp_path):
+def test_a_journal_keeps_what_it_was_told_and_refuses_damage(tmp_path, monkeypatch):
     path = tmp_path / "journal"
     rows = [{"key": str(k), "x": x} for k, x in enumerate([0.1, math.inf, math.nan, 1e-300])]
     with Journal(path) as journal:
         journal.append(rows)
         with pytest.raises(JournalError, match="another process"):
+            Journal(path)
+
+    def no_locks(*_):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    with monkeypatch.context() as patched:
+        patched.setattr("fcntl.flock", no_locks)
+        with pytest.raises(OSError, match="No locks available"):
             Journal(path)
     whole = path.read_bytes()
     for cut in range(len(whole)):
@@ -258,10 +285,48 @@ def test_nothing_is_run_twice_and_what_changes_is_run_anew(tmp_path):
     assert len(told) == 2
 
 
-def test_the_batch_and_the_threads_change_no_bit(tmp_path):
-    tables = [swept(tray(batch=b, threads=t), tmp_path / f"{b} {t}").table for b, t in ((256, 1), (5, 2))]
+def servo_with_noise(**changed):
+    given = {
+        "model": ARM,
+        "name": "servo",
+        "sensors": stepper.SensorModel(default=stepper.Transfer(noise_std=0.1)),
+        "drive": lambda now: 0.5 - now.sensor("angle"),
+        "outcomes": stepper.Outcome(name="angle", measure="joint hinge"),
+        "parameters": {"damping": stepper.Parameter(target="dof_damping", how="scale", low=0.5, high=1.5)},
+        "episodes": 5,
+        "seconds": 0.2,
+    }
+    return stepper.Study(**(given | changed))
+
+
+@pytest.mark.parametrize("made", [tray, servo_with_noise])
+def test_the_batch_and_the_threads_change_no_bit(tmp_path, made):
+    tables = [swept(made(batch=b, threads=t), tmp_path / f"{b} {t}").table for b, t in ((256, 1), (2, 2))]
     for name in tables[0].columns:
         np.testing.assert_array_equal(tables[0][name], tables[1][name])
+    if made is servo_with_noise:
+        assert len(set(tables[1]["outcome.angle"][:5])) == 5, "episodes repeat each other's noise"
+
+
+def test_rows_carry_the_names_of_the_study_that_asks(tmp_path):
+    """Settings under another name are the same rows, and two names of the same settings are both there."""
+    swept(tray(settings={"few": {"iterations": 5}}), tmp_path)
+    size = (tmp_path / "tray" / "journal").stat().st_size
+    table = swept(tray(settings={"five": {"iterations": 5}, "5": {"iterations": 5}}), tmp_path).table
+    assert (tmp_path / "tray" / "journal").stat().st_size == size
+    assert set(table["setting"]) == {"stepper", "five", "5"}
+
+
+def test_rows_of_mujoco_follow_from_its_own_model():
+    def keys(**option):
+        words = " ".join(f'{name}="{value}"' for name, value in option.items())
+        study = stepper.Study(model=ARM.replace("<worldbody>", f"<option {words}/><worldbody>"), settings={"MuJoCo": {"engine": "mujoco"}})
+        return study.key({}, "stepper", 0), study.key({}, "MuJoCo", 0)
+
+    (ours, theirs), (same, other) = keys(), keys(ls_tolerance="1e-3")
+    assert ours == same
+    assert theirs != other
+    assert keys() == (ours, theirs)
 
 
 class Gain:
@@ -293,6 +358,58 @@ def test_rows_follow_from_what_a_drive_is_and_not_from_its_memory():
 
 def closed(value):
     return lambda _: value
+
+
+class Agent:
+    """A policy with settings inside of settings, and a way back."""
+
+    def __init__(self, gain, net=None):
+        self.gain, self.net, self.parts = gain, net, {"self": self}
+
+    def act(self, seen):
+        return self.gain * seen
+
+
+class Net:
+    """What torch's modules are to a digest: weights and parts under an underscore, and a state."""
+
+    def __init__(self, weight, *parts):
+        self._parameters, self._modules = {"weight": weight}, dict(enumerate(parts))
+
+    def state_dict(self):
+        return self._parameters
+
+
+class Tanh(Net):
+    """Another part without weights."""
+
+
+@pytest.mark.parametrize("drives", [
+    [stepper.Policy(Agent(gain).act) for gain in (1.0, 2.0)],
+    [lambda _, k=k: k for k in range(3)],
+    [lambda _, *, k=k: k for k in range(3)],
+    [functools.partial(push, 1, 23), functools.partial(push, 12, 3), functools.partial(push, "1", 23), functools.partial(push, (1, 23))],
+    [Gain([1, 23]), Gain([12, 3]), Gain([[1], 23]), Gain((1, 23)), Gain({1: 23}), Gain("[1, 23]")],
+    [Gain(Gain(gain)) for gain in (1.0, 2.0)],
+    [stepper.Policy(Agent(1.0, Net(np.full(2, weight))).act) for weight in (1.0, 2.0)],
+    [Agent(1.0, Net(np.ones(2), part(None))).act for part in (Net, Tanh)],
+    [Gain(np.random.default_rng(seed)) for seed in (0, 1)],
+    [Gain(x) for x in (np.zeros(2), np.zeros(2, np.float32), np.zeros((2, 1)), np.array([0, None]))],
+])  # fmt: skip
+def test_whatever_a_drive_holds_counts(drives):
+    assert len({digest_of(drive) for drive in drives}) == len(drives)
+    assert [digest_of(drive) for drive in drives] == [digest_of(drive) for drive in copy.deepcopy(drives)]
+
+
+def test_what_has_no_digest_is_named_with_the_remedy():
+    held = threading.Lock()
+    with pytest.raises(TypeError, match=r"Gain\.gain\['a'\]: a lock has no digest.* attribute `digest`"):
+        digest_of(Gain({"a": held}))
+    told = Gain({"a": held})
+    told.digest = "of the lock"
+    other = Gain({"a": held})
+    other.digest = "of another"
+    assert digest_of(told) != digest_of(other)
 
 
 def test_recorded_controls_and_policies(tmp_path):

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -56,7 +57,7 @@ class Trial:
 
     Attributes:
         candidate: Which.
-        episodes: How many.
+        episodes: How many that differ from one another and from all before them; others prove nothing.
         held: In how many the error, with the reference's uncertainty, is within the budget.
         unknown: In how many the reference itself is not known to half the budget; they do not count as held.
         worst: Largest error.
@@ -146,7 +147,8 @@ def tune(
         What was found. OUT/NAME has tune.html, tune.md, tune.json, and smaller.stepper where something could be taken out.
 
     Raises:
-        ValueError: A budget or horizon that is none, or a study of MuJoCo's law.
+        ValueError: A budget or horizon that is none, a study of MuJoCo's law, or one whose episodes repeat one another, so that held-out
+            ones prove nothing.
     """
     budget, unit = quantity(error, units=("m", "rad"))
     seconds, _ = quantity(horizon, units=("s",))
@@ -159,6 +161,13 @@ def tune(
     study = replace(study, threads=1, seconds=max(study.hold, math.ceil(round(seconds / study.hold, 9)) * study.hold))
     told: Tick = tick or (lambda _what, _done: None)
     distance = Distance(unit, seconds)
+    enough = trials_for(coverage, 1 - (1 - confidence) / 2)
+    if (count := len(_fresh(study, range(episodes, episodes + enough), {}))) < enough:
+        raise ValueError(
+            f"{study.name}: {count} of {enough} held-out episodes differ from one another and from those that choose, all of which must "
+            f"for a coverage of {coverage} with the confidence {confidence}; give it qpos_noise, qvel_noise, a start or a drive that is "
+            "random, more recorded episodes, or ask for less"
+        )
     right = converge(study, range(episodes), distance, target=_KNOWN * budget, tick=lambda done: told("reference", done))
     usual, candidates = _candidates(study, range(episodes), distance, right, budget, told=told)
     candidates.sort(key=lambda own: (own.error > budget, own.alone if alone else own.batch))
@@ -166,12 +175,17 @@ def tune(
     chosen = None
     first = episodes
     bound = budget
+    exhausted = False
     for candidate in candidates:
         if candidate.error > bound:
             continue
         doubt = (1 - confidence) / 2.0 ** (len(trials) + 1)
         count = trials_for(coverage, 1 - doubt)
-        trials.append(_trial(study, candidate, range(first, first + count), distance, budget, confidence=1 - doubt))
+        held_out = _fresh(study, range(first, first + count), candidate.settings)
+        if len(held_out) < count:
+            exhausted = True
+            break
+        trials.append(_trial(study, candidate, held_out, distance, budget, confidence=1 - doubt))
         first += count
         told("held-out episodes", len(trials) / (len(trials) + 1))
         if trials[-1].share >= coverage:
@@ -193,7 +207,7 @@ def tune(
     found = Tuning(
         *(study, budget, distance, chosen, options, precision, usual, tuple(candidates), tuple(trials), tuple(spare), smaller, document, ())
     )
-    document.sections += _sections(found, right, coverage=coverage, confidence=confidence, alone=alone)
+    document.sections += _sections(found, right, coverage=coverage, confidence=confidence, alone=alone, exhausted=exhausted)
     return replace(found, files=tuple(_save(found, Path(out) / study.name)))
 
 
@@ -227,7 +241,21 @@ def _candidates(
     return made[0], made[1:]
 
 
-def _trial(study: Study, candidate: Candidate, episodes: range, distance: Distance, budget: float, *, confidence: float) -> Trial:
+def _fresh(study: Study, episodes: range, settings: Mapping[str, Any]) -> list[int]:
+    """Episodes whose motion and controls are those of none before, from episode 0 on."""
+    trace = run(study, range(episodes.stop), **settings)
+    seen: set[bytes] = set()
+    found = []
+    for e in range(episodes.stop):
+        own = (trace.qpos[e], trace.qvel[e], trace.ctrl[:, e], trace.applied[:, e], trace.points[:, e], trace.xquat[:, e])
+        told = hashlib.sha256(b"".join(np.ascontiguousarray(part).tobytes() for part in own)).digest()
+        if told not in seen and e >= episodes.start:
+            found.append(e)
+        seen.add(told)
+    return found
+
+
+def _trial(study: Study, candidate: Candidate, episodes: Sequence[int], distance: Distance, budget: float, *, confidence: float) -> Trial:
     right = converge(study, episodes, distance, target=_KNOWN * budget)
     apart = distance(run(study, episodes, **candidate.settings), right.trace)
     unknown = right.uncertainty > 0.5 * budget
@@ -252,7 +280,7 @@ def words_of(options: Options, precision: str | None) -> str:
     return f"stepper.Options({told})" + ("" if precision == "f64" else f', precision="{precision}"')
 
 
-def _sections(found: Tuning, right: Reference, *, coverage: float, confidence: float, alone: bool) -> list[Section]:
+def _sections(found: Tuning, right: Reference, *, coverage: float, confidence: float, alone: bool, exhausted: bool) -> list[Section]:
     unit, cost = found.distance.unit, "alone" if alone else "batch"
     words = [f"Budget: {found.budget:g} {unit} up to {found.distance.horizon:g} s. Reference: {right.words}."]
     if found.chosen is not None and found.options is not None:
@@ -275,6 +303,11 @@ def _sections(found: Tuning, right: Reference, *, coverage: float, confidence: f
             f"{1e3 * best.settings['timestep']:g} ms, the reference's uncertainty of {right.uncertainty.max():.2g} {unit} included. All "
             f"episodes are known to {right.target:.2g} {unit} up to {right.known.min():.3g} s, half of them up to "
             f"{np.median(right.known):.3g} s: a shorter horizon, or a larger error."
+        )
+    if exhausted:
+        words.append(
+            "The study has too few different episodes to try the next candidate: give it qpos_noise, qvel_noise, a start or a drive "
+            "that is random, or more recorded episodes."
         )
     trials = [
         [t.candidate.name, 1e3 * t.candidate.settings["timestep"], t.held, t.episodes, t.unknown, t.worst, t.share, t.confidence]

@@ -69,7 +69,12 @@ def run_points(study: Study, points: Sequence[Point], journal: Journal, tick: Ca
             journal.append({"key": key} | rows[key] for key in dict.fromkeys(missing))
         if tick:
             tick((number + 1) / len(batches))
-    return [journal.rows[keys[_name(point), e]] for point in points for e in range(study.episodes)]
+    # A row is found by what it follows from. Names are the study's, and may be others than when it was written.
+    return [
+        journal.rows[keys[_name(point), e]] | {"setting": point.setting, "theta": dict(point.theta)}
+        for point in points
+        for e in range(study.episodes)
+    ]
 
 
 def _name(point: Point) -> str:
@@ -81,13 +86,15 @@ def _batches(study: Study, points: Sequence[Point]) -> Iterator[_Batch]:
     groups: dict[str, list[Point]] = {}
     noisy = study.sensors is not None or any(p.kind == "sensor" for p in study.parameters.values())
     for point in {_name(point): point for point in points}.values():
-        # Errors of sensors follow from the place in the batch: every point has a batch of its own, so that episodes have the same ones.
+        # Errors of sensors follow from the place in the batch: every point is one batch, uncut, so that an episode has the same ones at
+        # every point, and no other episode has them.
         key = _name(point) if noisy else group_of(study, point)
         groups.setdefault(key, []).append(point)
     for group in groups.values():
         episodes = [(point, e) for point in group for e in range(study.episodes)]
-        for first in range(0, len(episodes), study.batch):
-            yield _Batch(group[0].setting, tuple(episodes[first : first + study.batch]))
+        size = len(episodes) if noisy else study.batch
+        for first in range(0, len(episodes), size):
+            yield _Batch(group[0].setting, tuple(episodes[first : first + size]))
 
 
 def group_of(study: Study, point: Point) -> str:

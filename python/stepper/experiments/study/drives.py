@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import importlib
 import importlib.util
 import inspect
 import sys
-from collections.abc import Callable, Mapping
+from collections import deque
+from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any
@@ -139,32 +141,149 @@ def load_file(path: Path) -> ModuleType:
 def digest_of(thing: Any) -> str:
     """SHA-256 of a drive or measure.
 
-    Of a function: its name, the file that it is in, and what it holds from around it; of an object: its class likewise, and its attributes
-    but for those that begin with an underscore, which are its memory; of recorded controls: the numbers; of words: themselves.
+    Of a function: its name, the file that it is in, its defaults, what it holds from around it, and the object that it is a method of; of
+    an object: its class likewise, its `state_dict()` where it has one, and its attributes, and theirs, but for those that begin with an
+    underscore, which are its memory; or its attribute `digest`, where it has one; of numbers, words and arrays: themselves.
+
+    Raises:
+        TypeError: It holds something of which there is no digest; named with the remedy.
     """
-    if isinstance(thing, Policy):
-        return digest_of(thing.act)
-    if isinstance(thing, Recorded):
-        return hashlib.sha256(thing.ctrl.tobytes() + str(thing.ctrl.shape).encode()).hexdigest()
-    if isinstance(thing, Random):
-        thing = f"random {thing.seed} {thing.hold}"
-    if thing is None or isinstance(thing, str):
-        return hashlib.sha256(repr(thing).encode()).hexdigest()
-    if isinstance(thing, functools.partial):
-        parts = [digest_of(thing.func).encode(), *map(_plain, thing.args), _plain(thing.keywords)]
-        return hashlib.sha256(b"".join(parts)).hexdigest()
-    found = hashlib.sha256(name_of(thing).encode())
-    file = _file_of(thing)
-    if file is not None:
-        found.update(file.read_bytes())
-    if hasattr(thing, "__code__") and (file is None or "<" in thing.__qualname__):
-        # Functions of a file that have one name: lambdas, and those within functions.
-        found.update(_code(thing.__code__))
-    for cell in getattr(thing, "__closure__", None) or ():
-        found.update(_plain(cell.cell_contents))
-    if not inspect.isroutine(thing) and not inspect.isclass(thing):
-        found.update(_plain({name: value for name, value in vars(thing).items() if not name.startswith("_")}))
+    found = _Digest()
+    found.take(thing, name_of(thing))
     return found.hexdigest()
+
+
+class _Digest:
+    """A SHA-256 of values of any kind. Each part has its type and length in front, so that no two values give the same bytes."""
+
+    def __init__(self) -> None:
+        self._hash = hashlib.sha256()
+        # By address, with the thing itself, which keeps the address its own.
+        self._seen: dict[int, tuple[int, Any]] = {}
+
+    def hexdigest(self) -> str:
+        return self._hash.hexdigest()
+
+    def take(self, value: Any, where: str) -> None:
+        """Adds a value; `where` is what errors call it."""
+        if value is None or isinstance(value, int | float | complex | str | bytes | Path):
+            self._part(type(value).__qualname__, repr(value).encode())
+        elif isinstance(value, np.ndarray | np.generic) and value.dtype.hasobject:
+            self._sequence(f"array {value.shape}", np.ravel(value).tolist(), where)
+        elif isinstance(value, np.ndarray | np.generic):
+            self._part(f"array {value.dtype.descr} {value.shape}", value.tobytes())
+        elif id(value) in self._seen:
+            self._part("seen", str(self._seen[id(value)][0]).encode())
+        else:
+            self._seen[id(value)] = len(self._seen), value
+            self._compound(value, where)
+
+    def _part(self, kind: str, data: bytes) -> None:
+        self._hash.update(f"{len(kind)} {kind} {len(data)} ".encode() + data)
+
+    def _sequence(self, kind: str, values: Collection[Any], where: str) -> None:
+        self._part(kind, str(len(values)).encode())
+        for number, own in enumerate(values):
+            self.take(own, f"{where}[{number}]")
+
+    def _mapping(self, kind: str, values: Mapping[Any, Any], where: str, called: str = "[{!r}]") -> None:
+        self._part(kind, str(len(values)).encode())
+        for name, own in sorted(values.items(), key=lambda item: repr(item[0])):
+            self.take(name, where)
+            self.take(own, where + called.format(name))
+
+    def _compound(self, value: Any, where: str) -> None:
+        kind = type(value).__qualname__
+        if isinstance(value, Mapping):
+            self._mapping(kind, value, where)
+        elif isinstance(value, tuple | list | deque):
+            self._sequence(kind, value, where)
+        elif isinstance(value, set | frozenset):
+            self._sequence(kind, sorted(value, key=repr), where)
+        elif isinstance(value, functools.partial):
+            self.take(value.func, where)
+            self._sequence("arguments", value.args, where)
+            self._mapping("keywords", value.keywords, where)
+        elif isinstance(value, ModuleType):
+            self._part(kind, value.__name__.encode())
+        elif isinstance(value, np.ufunc | np.dtype):
+            self._part(kind, repr(value).encode())
+        elif isinstance(value, np.random.Generator):
+            self.take(value.bit_generator.state, where)
+        elif inspect.isclass(value):
+            self._class(value, where)
+        elif inspect.isroutine(value):
+            self._routine(value, where)
+        else:
+            self._object(value, where)
+
+    def _routine(self, value: Any, where: str) -> None:
+        owner = getattr(value, "__self__", None)
+        if inspect.ismethod(value):
+            self.take(value.__func__, where)
+        else:
+            file = _file_of(value)
+            self._part("function", name_of(value).encode())
+            self._part("module", str(getattr(value, "__module__", None)).encode())
+            self._part("file", b"" if file is None else file.read_bytes())
+            # Functions of a file that have one name: lambdas, and those within functions.
+            if hasattr(value, "__code__") and (file is None or "<" in value.__qualname__):
+                self._part("code", _code(value.__code__))
+            self.take(getattr(value, "__defaults__", None), f"{where}: defaults")
+            self.take(getattr(value, "__kwdefaults__", None), f"{where}: defaults")
+            names = value.__code__.co_freevars if hasattr(value, "__code__") else ()
+            for name, cell in zip(names, getattr(value, "__closure__", None) or (), strict=True):
+                self._part("around it", name.encode())
+                with contextlib.suppress(ValueError):
+                    # Of a name that has no value yet.
+                    self.take(cell.cell_contents, f"{where}: {name}")
+        if not isinstance(owner, ModuleType):
+            self.take(owner, where)
+
+    def _class(self, value: type, where: str) -> None:
+        for base in value.__mro__[:-1]:
+            file = _file_of(base)
+            self._part("class", f"{base.__module__} {base.__qualname__}".encode())
+            self._part("file", b"" if file is None else file.read_bytes())
+            if file is None or "<" in base.__qualname__:
+                for name, own in sorted(vars(base).items()):
+                    if inspect.isfunction(own):
+                        self.take(own, f"{where}.{name}")
+
+    def _object(self, value: Any, where: str) -> None:
+        self.take(type(value), where)
+        told = getattr(value, "digest", None)
+        if isinstance(told, str | bytes):
+            self.take(told, where)
+        elif hasattr(value, "detach"):
+            # A tensor. NumPy has no bfloat16, which float32 has every value of.
+            tensor = value.detach().cpu()
+            self.take(str(tensor.dtype), where)
+            self.take(np.asarray((tensor.float() if "bfloat16" in str(tensor.dtype) else tensor).numpy()), where)
+        elif hasattr(value, "__array__"):
+            self.take(np.asarray(value), where)
+        else:
+            self._attributes(value, where)
+
+    def _attributes(self, value: Any, where: str) -> None:
+        state = getattr(value, "state_dict", None)
+        if state is not None:
+            self.take(dict(state()), f"{where}.state_dict()")
+        slots = [name for base in type(value).__mro__ for name in _names(base.__dict__.get("__slots__", ()))]
+        if state is None and not slots and not hasattr(value, "__dict__"):
+            raise TypeError(
+                f"{where}: a {type(value).__qualname__} has no digest, so that the rows of a study could not be told from those of another "
+                "one; give it, or what holds it, an attribute `digest`, a str that says what it is, or begin its name with an underscore "
+                "if rows do not follow from it"
+            )
+        held = getattr(value, "__dict__", {}) | {name: getattr(value, name) for name in slots if hasattr(value, name)}
+        # The parts of a module of torch: their weights are in the state, what they compute is not.
+        kept = {name: own for name, own in held.items() if not name.startswith("_") or (state is not None and name == "_modules")}
+        self._mapping("attributes", kept, where, ".{}")
+
+
+def _names(slots: str | Iterable[str]) -> list[str]:
+    return [name for name in ([slots] if isinstance(slots, str) else slots) if not name.startswith("_")]
 
 
 def _file_of(thing: Any) -> Path | None:
@@ -178,21 +297,10 @@ def _file_of(thing: Any) -> Path | None:
 
 
 def _code(code: CodeType) -> bytes:
-    constants = b"".join(_code(c) if isinstance(c, CodeType) else repr(c).encode() for c in code.co_consts)
-    return code.co_code + constants + repr(code.co_names).encode()
-
-
-def _plain(value: Any) -> bytes:
-    """What a drive holds: numbers, words and arrays by value, functions by their digest, of all else the type."""
-    if isinstance(value, np.ndarray):
-        return value.tobytes() + str((value.dtype, value.shape)).encode()
-    if isinstance(value, Mapping):
-        return b"".join(str(name).encode() + _plain(own) for name, own in sorted(value.items(), key=lambda item: str(item[0])))
-    if isinstance(value, tuple | list):
-        return b"".join(map(_plain, value))
-    if isinstance(value, int | float | str | bool | bytes | None):
-        return repr(value).encode()
-    return digest_of(value).encode() if inspect.isroutine(value) else type(value).__qualname__.encode()
+    # The order of a set of words is another in every process.
+    told = (sorted(c, key=repr) if isinstance(c, frozenset) else c for c in code.co_consts)
+    constants = b"".join(_code(c) if isinstance(c, CodeType) else repr(c).encode() + b"\0" for c in told)
+    return b"\0".join([code.co_code, constants, repr(code.co_names).encode()])
 
 
 def name_of(thing: Any) -> str:

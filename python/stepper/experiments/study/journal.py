@@ -25,12 +25,14 @@ class JournalError(ValueError):
 class Journal:
     """Rows by their key, on disk before `append` returns.
 
+    On POSIX one process at a time has it open. Elsewhere nothing keeps a second one out: run one study in a folder at a time there.
+
     Args:
         path: The file, made with its folder if it is not there.
 
     Raises:
-        JournalError: Another process has it open, or a line before the last is damaged.
-        OSError: It cannot be read or written.
+        JournalError: Another process has it open (POSIX), or a line before the last is damaged.
+        OSError: It cannot be read, written or locked.
     """
 
     def __init__(self, path: Path):
@@ -98,14 +100,14 @@ def _row_of(line: bytes) -> Row | None:
 
 
 def _lock(file: BinaryIO, path: Path) -> None:
-    """Keeps other processes out until the file is closed. The system lets go of it when a process dies."""
+    """Keeps other processes out until the file is closed, on POSIX. The system lets go of it when a process dies."""
     try:
         import fcntl  # noqa: PLC0415  (POSIX alone)
     except ImportError:
         return
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
+    except BlockingIOError as error:
         raise JournalError(f"{path}: another process is running this study; wait for it, or choose another folder") from error
 
 

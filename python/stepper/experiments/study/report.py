@@ -16,7 +16,6 @@ import numpy as np
 from stepper.experiments.progress import Tick
 from stepper.experiments.study.document import Document, Section, cell, counted
 from stepper.experiments.study.draw import draw
-from stepper.experiments.study.intervals import wilson
 from stepper.experiments.study.results import Results
 from stepper.experiments.study.study import USUAL, Study
 from stepper.experiments.study.sweep import RESOLUTION, Level, Sweep, measured
@@ -165,10 +164,9 @@ def _summary(study: Study, found: Sweep, verdicts: Sequence[Verdict]) -> list[Se
     name = study.loaded[0].name or study.name
     words = [f"`{name}`: {counted(study.episodes, 'episode')} of {study.seconds:g} s at every point, {len(found.table)} rows in all."]
     if study.decisive:
-        low, high = nominal.interval
         words.append(
             f"{study.decisive.name} {study.decisive.success} {study.decisive.unit}: {nominal.successes} of {nominal.episodes} at the "
-            f"nominal point (95 %: {low:.3f} to {high:.3f})."
+            f"nominal point (95 %: {_interval(nominal)})."
         )
     if found.ranking:
         what = "the share of successes" if study.decisive else measured(study)
@@ -297,9 +295,28 @@ def _perturbations(found: Sweep, folder: Path) -> list[Section]:
         f"One parameter at a time, {counted(study.episodes, 'episode')} each, the same starts and random numbers at every point. "
         "Intervals are Wilson's; changes are of the same episode, +- one standard error; unsolved counts episodes in which a step says "
         "that it was not solved, finite or resolved.",
+        *_repeated(found.levels),
         *(f"Not run: {reason}." for reason in found.skipped),
     ]
     return [Section("Perturbation table", words, head, rows, _picture(found, folder))]
+
+
+def _repeated(levels: Sequence[Level]) -> list[str]:
+    """Why some levels have no interval."""
+    fewest = min((level for level in levels), key=lambda level: level.different / level.episodes)
+    if fewest.different == fewest.episodes:
+        return []
+    return [
+        f"Levels whose episodes repeat one another bit for bit have no interval, for they are no independent trials: there are as few as "
+        f"{fewest.different} different of {counted(fewest.episodes, 'episode')}. Give the study qpos_noise, qvel_noise, a start or a drive "
+        "that is random, or episodes=1."
+    ]
+
+
+def _interval(level: Level) -> str:
+    if level.different < level.episodes:
+        return f"none, {level.different} different"
+    return "{:.3f} to {:.3f}".format(*level.interval)
 
 
 def _picture(found: Sweep, folder: Path) -> Path | None:
@@ -310,7 +327,7 @@ def _picture(found: Sweep, folder: Path) -> Path | None:
 
 def _level_row(study: Study, level: Level) -> list[Any]:
     parameter = study.parameters.get(level.parameter)
-    shares = [level.successes, level.share, f"{level.interval[0]:.3f} to {level.interval[1]:.3f}"] if study.decisive else []
+    shares = [level.successes, level.share, _interval(level)] if study.decisive else []
     told = (level.setting, level.parameter or "nominal", level.value, parameter.unit if parameter else "")
     return [*told, *shares, level.mean, *level.change, level.unsolved, parameter.source if parameter else ""]
 
@@ -343,11 +360,7 @@ def _transfer(study: Study, found: Sweep) -> list[Section]:
         level, mine = found.of("", setting)[0], _nominal_rows(found, setting)
         gap = np.array([row["outcomes"][outcome] - base[e]["outcomes"][outcome] for e, row in mine.items()])
         otherwise = sum(row["success"] != base[e]["success"] for e, row in mine.items())
-        share = (
-            ["-", "-"]
-            if level.successes is None
-            else [f"{level.successes} of {level.episodes}", "{:.3f} to {:.3f}".format(*wilson(level.successes, level.episodes))]
-        )
+        share = ["-", "-"] if level.successes is None else [f"{level.successes} of {level.episodes}", _interval(level)]
         error = float(gap.std(ddof=1) / math.sqrt(len(gap))) if len(gap) > 1 else math.nan
         rows.append(
             [setting, *share, level.mean, level.spread, float(gap.mean()), error, otherwise if own[0].successes is not None else "-"]

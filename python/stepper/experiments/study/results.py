@@ -16,7 +16,7 @@ IN_FORCE = "in_force.json"
 
 
 class Results:
-    """A study's folder, kept from other processes while it is open.
+    """A study's folder, kept from other processes while it is open where `Journal` can do that.
 
     Args:
         study: The study.

@@ -26,7 +26,7 @@ from stepper.experiments.study.parameters import Parameter, Theta, check
 from stepper.experiments.study.worlds import World
 from stepper.loading import compile_source, is_saved, load
 from stepper.sensors import SensorModel
-from stepper.shared.machine import package_version
+from stepper.shared.machine import package_version, require
 
 Array = NDArray[np.float64]
 Start = Callable[[World, list[np.random.Generator]], tuple[Any, Any]]
@@ -63,7 +63,8 @@ class Study:
         precision: "f64" or "f32".
         sensors: What sensors make of the truth.
         actuators: What becomes of controls.
-        batch: Episodes that are stepped together at the most.
+        batch: Episodes that are stepped together at the most. With errors of sensors, which follow from the place in a batch, all episodes
+            of a point are stepped together whatever it is: their memory is that of `episodes` environments.
         threads: Threads that step; 0 is all.
     """
 
@@ -235,20 +236,35 @@ class Study:
         """`identity` with what it ran on: the interpreter and the digest of the binary."""
         binary = hashlib.sha256(Path(_stepper.__file__).read_bytes()).hexdigest()
         return self.identity | {
+            "compiled": self._compiled_digest,
             "python": platform.python_version(),
             "system": sys.platform,
             "machine": platform.machine(),
             "binary": binary,
         }
 
+    @cached_property
+    def _compiled_digest(self) -> str | None:
+        """SHA-256 of MuJoCo's model, which has what stepper's leaves out (its solver's settings); None where there is none."""
+        compiled = self.loaded[1]
+        if compiled is None:
+            return None
+        mujoco = require("mujoco", "to run a study in MuJoCo")
+        buffer = np.zeros(mujoco.mj_sizeModel(compiled), np.uint8)
+        mujoco.mj_saveModel(compiled, None, buffer)
+        return hashlib.sha256(buffer.tobytes()).hexdigest()
+
     def key(self, theta: Theta, setting: str, episode: int) -> str:
         """What tells a row from all others: a digest of everything that it follows from."""
+        given = self.setting(setting)
+        # Of MuJoCo's rows alone: what stepper does not read makes none of its rows anew.
+        compiled = [self._compiled_digest] if given.get("engine") == "mujoco" else []
         own = {
             name: [value, p.target, list(p.names), p.column, p.how]
             for name, value in sorted(theta.items())
             for p in [self.parameters[name]]
         }
-        return _digest([self._identity_digest, own, self.setting(setting), episode])
+        return _digest([self._identity_digest, own, given, episode, *compiled])
 
     @cached_property
     def _identity_digest(self) -> str:

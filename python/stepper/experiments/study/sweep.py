@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -38,7 +39,8 @@ class Level:
         value: Its value; None at the nominal point.
         episodes: How many.
         successes: How many of them; None where the study has no success.
-        interval: Wilson's of the share of successes, 95 %.
+        different: How many episodes do not repeat another one bit for bit, which without noise of the start or a random drive all may do.
+        interval: Wilson's of the share of successes, 95 %; NaN where episodes repeat one another, which are no independent trials.
         mean: Of the outcome that decides, or the first one.
         spread: Standard deviation over episodes.
         change: Mean over episodes of the difference from the same episode at the nominal point; its standard error.
@@ -50,6 +52,7 @@ class Level:
     value: Value | None
     episodes: int
     successes: int | None
+    different: int
     interval: tuple[float, float]
     mean: float
     spread: float
@@ -210,18 +213,27 @@ def _level(study: Study, cell: tuple[str, str, Value | None], rows: Sequence[Row
     values, before = (np.array([row["outcomes"][name] for row in of], float) for of in (rows, nominal))
     successes = None if study.decisive is None else sum(row["success"] for row in rows)
     change = values - before
+    different = _different(study, rows)
     return Level(
         setting=cell[0],
         parameter=cell[1],
         value=cell[2],
         episodes=len(rows),
         successes=successes,
-        interval=(math.nan, math.nan) if successes is None else wilson(successes, len(rows)),
+        different=different,
+        interval=(math.nan, math.nan) if successes is None or different < len(rows) else wilson(successes, len(rows)),
         mean=float(values.mean()),
         spread=_deviation(values),
         change=(float(change.mean()), _deviation(change) / math.sqrt(len(rows))),
         unsolved=sum(bool(int(row["certificate"]["status"]) & UNSOLVED) for row in rows),
     )
+
+
+def _different(study: Study, rows: Sequence[Row]) -> int:
+    """Episodes that differ: all where starts have noise or controls are random, else those whose rows do."""
+    if study.qpos_noise or study.qvel_noise or (study.drive == "random" and study.loaded[0].nu):
+        return len(rows)
+    return len({json.dumps([row["outcomes"], row["certificate"]], sort_keys=True) for row in rows})
 
 
 def _deviation(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import stepper
 from stepper.experiments.accuracy.candidates import pareto, timesteps
-from stepper.experiments.accuracy.reference import converge
+from stepper.experiments.accuracy.reference import _judged, converge
 from stepper.experiments.accuracy.traces import Distance, quantity, run
 from stepper.experiments.study import Recorded
 from typer.testing import CliRunner
@@ -60,6 +60,16 @@ def test_across_impacts_it_does_not_extrapolate_and_says_so():
     assert np.median(Distance("m", 0.2)(found.trace, finer.trace)) <= 2.0 * np.median(found.uncertainty)
     assert finer.uncertainty.max() < found.uncertainty.max()
     assert np.all(found.known <= 0.2 + 1e-12)
+
+
+def test_where_the_second_method_is_not_finite_nothing_is_known():
+    study, distance = pendulum(seconds=0.1), Distance("m", 0.1)
+    runs = [run(study, range(2), timestep=dt) for dt in (0.01, 0.005, 0.0025)]
+    lost = replace(runs[-1], points=runs[-1].points.copy())
+    lost.points[:, 1] = np.nan
+    found = _judged(runs, [lost, lost], distance, 1e-3)
+    assert np.isfinite(found.uncertainty[0])
+    assert found.uncertainty[1] == math.inf
 
 
 def test_distances_are_those_of_bodies_up_to_the_horizon():
@@ -114,6 +124,17 @@ def test_a_chart_of_a_model_of_ones_own(tmp_path):
     assert all(double[dt].solver < 1e-7 for dt in double)
 
 
+@pytest.mark.parametrize("options", [stepper.Options(contact="mujoco"), stepper.Options(integrator="midpoint")])
+def test_a_chart_has_both_laws_whatever_the_options_of_the_study(tmp_path, options):
+    found = stepper.chart(scene(options=options), tmp_path, quick=True, episodes=1, horizon=0.1)
+    assert not found.skipped
+    for dot in found.dots:
+        if dot.engine == "stepper":
+            own = "mujoco" if "law" in dot.setting else "hard"
+            # Softness alone makes a tenth of a millimetre here; the converged runs of one law are one.
+            assert dot.model > 1e-5 if own != options.contact else dot.model < 1e-5, dot.label
+
+
 def test_a_tuning_keeps_its_budget_on_episodes_that_it_has_not_seen(tmp_path):
     found = stepper.tune(scene(), tmp_path, error="0.5 mm", horizon="0.1 s", coverage=0.8, reduce=False)
     assert found.chosen is not None
@@ -127,7 +148,9 @@ def test_a_tuning_keeps_its_budget_on_episodes_that_it_has_not_seen(tmp_path):
     held = np.count_nonzero(distance(run(study, fresh), right.trace) <= 5e-4)
     # At least 80 % do, with the confidence of the tuning: fewer than 26 of 40 are as likely as one in a hundred if it were 80 %.
     assert held >= 26
-    told = json.loads((tmp_path / "scene/tune.json").read_text())
+    # NaN and Infinity are no JSON.
+    told = json.loads((tmp_path / "scene/tune.json").read_text(), parse_constant=pytest.fail)
+    assert {own["batch"] is None for own in told["candidates"]} == {True, False}
     assert told["settings"] == found.chosen.settings
 
 

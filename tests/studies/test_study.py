@@ -19,12 +19,14 @@ import numpy as np
 import pytest
 import stepper
 from stepper.experiments.study import Recorded
-from stepper.experiments.study.batches import Point, run_points, world_of
+from stepper.experiments.study.batches import Point, begin, run_points, world_of
 from stepper.experiments.study.drives import digest_of
 from stepper.experiments.study.intervals import least_share, trials_for, wilson
 from stepper.experiments.study.journal import Journal, JournalError
+from stepper.experiments.study.parameters import model_fields
 from stepper.experiments.study.results import Results
 from stepper.experiments.study.sweep import sweep
+from stepper.experiments.study.whose import LAW
 
 TRAY = """<mujoco model="tray"><option timestep=".005"/><worldbody><geom name="tray" type="box" size="2 2 .01" pos="0 0 -.01"/>
   <body name="object" pos="0 0 .02"><freejoint name="free"/><geom name="object" type="box" size=".05 .05 .02" mass=".3"/></body></worldbody>
@@ -91,6 +93,23 @@ def test_episodes_that_repeat_one_another_are_no_trials(tmp_path):
     assert alone.interval == wilson(1, 1)
 
 
+def test_cliffs_of_values_in_any_order_and_of_any_width(tmp_path):
+    friction = stepper.Parameter(target="geom_friction", column=0, values=(1.2, 0.2))
+    push_alone = {"push": tray().parameters["push"]}
+    study = tray(parameters=push_alone | {"friction": friction}, episodes=1)
+    with Results(study, tmp_path) as results:
+        for wrong in (0.0, -1e-3, 1.0, math.nan):
+            with pytest.raises(ValueError, match=r"resolution is .*, must be between 0 and 1"):
+                sweep(study, results.journal, resolution=wrong)
+        (cliff,) = sweep(study, results.journal, parameters=["friction"]).cliffs
+        assert (cliff.below, cliff.above) == (0.0, 1.0)
+        assert 0 < cliff.high - cliff.low <= 1e-3
+        assert cliff.low - 1e-4 <= PUSH / (MASS * G) <= cliff.high + 1e-4
+        # Narrower than a bracket can be: it ends at neighbouring numbers.
+        (cliff,) = sweep(study, results.journal, parameters=["friction"], resolution=1e-300).cliffs
+        assert cliff.high == np.nextafter(cliff.low, 2.0)
+
+
 def study_range(name):
     parameter = tray().parameters[name]
     return parameter.low, parameter.high
@@ -130,6 +149,32 @@ def test_servo_gains_and_element_names():
     np.testing.assert_array_equal(own["actuator_gain"][:, 0, 0], [10, 5])
     np.testing.assert_array_equal(own["actuator_bias"][:, 0], [[0, -10, -1.5], [0, -5, -0.5]])
     np.testing.assert_allclose(own["geom_size"][:, 0, 1], [0.2, 0.15], rtol=1e-15)
+
+
+@pytest.mark.parametrize("order", [("mass", "inertia"), ("inertia", "mass")])
+def test_masses_and_inertias_vary_together(order):
+    targets = {"mass": "body_mass", "inertia": "body_inertia"}
+    parameters = {name: stepper.Parameter(target=targets[name], how="scale", low=0.5, high=4.0) for name in order}
+    model = stepper.load(ARM)
+    made = model_fields(parameters, model, [{"inertia": 4.0}, {"mass": 0.5}, {"inertia": 4.0, "mass": 0.5}, {}])
+    # Powers of two: exact.
+    for field, factors in (("body_inertia", (4, 0.5, 2, 1)), ("body_mass", (1, 0.5, 0.5, 1))):
+        own = getattr(model, field)
+        np.testing.assert_array_equal(made[field], [factor * own for factor in factors])
+
+
+def test_a_control_is_held_until_the_next_one():
+    """That of the keyframe until the drive gives one, then the drive's."""
+    keyed = ARM.replace("</mujoco>", '<keyframe><key name="up" qpos=".2" ctrl=".3"/></keyframe></mujoco>')
+    study = stepper.Study(model=keyed, keyframe="up")
+    given, held = (world_of(study, "stepper", [{}]) for _ in range(2))
+    for ctrl, said in ((0.3, None), (0.6, 0.6), (0.6, None), (0.6, None)):
+        if said is None and ctrl == 0.3:
+            begin(study, given, [0])
+            begin(study, held, [0])
+        given.step([[ctrl]], 5)
+        held.step(None if said is None else [[said]], 5)
+        np.testing.assert_array_equal(given.qpos, held.qpos)
 
 
 def test_settings_delays_and_errors_of_sensors_vary():
@@ -191,6 +236,47 @@ def test_mujoco_beside(tmp_path):
     assert ours[0] != ours[1]
     assert set(found.table["settings.precision"]) == {"f64", "f32"}
     assert set(found.table["settings.engine"]) == {"stepper", "mujoco"}
+
+
+def still(**changed):
+    given = {
+        "model": ARM,
+        "drive": lambda now: np.full((now.num_envs, 1), 0.4),
+        "outcomes": stepper.Outcome(name="angle", measure="joint hinge"),
+        "episodes": 1,
+        "seconds": 0.1,
+    }
+    return stepper.Study(**(given | changed))
+
+
+def test_settings_that_are_compared_fix_what_they_name(tmp_path):
+    """Also where a parameter has another nominal value."""
+    parameters = {"iterations": stepper.Parameter(target="options.iterations", values=(20, 50), nominal=50)}
+    study = still(parameters=parameters, settings={"five": {"iterations": 5}})
+    found = swept(study, tmp_path)
+    ran = {(row["setting"], row["settings"]["iterations"], row["theta"].get("iterations")) for row in found.table.rows}
+    assert ran == {("stepper", 20, 20), ("stepper", 50, 50), ("five", 5, None)}
+    assert found.skipped == ("iterations with five: these settings fix iterations themselves",)
+    assert world_of(study, "five", [study.nominal]).settings()["iterations"] == 5
+
+
+def test_nominal_values_that_mujoco_lacks_are_not_asked_of_it(tmp_path):
+    parameters = {
+        "noise": stepper.Parameter(target="sensor.noise_std", low=0.0, high=0.1, nominal=0.05),
+        "bounce": stepper.Parameter(target="geom_restitution", low=0.0, high=1.0, nominal=0.5),
+        "room": stepper.Parameter(target="options.max_contacts", values=(10, 20), nominal=20),
+        "rule": stepper.Parameter(target="options.integrator", values=("midpoint", "euler"), nominal="midpoint"),
+    }
+    found = stepper.report(still(parameters=parameters, name="alone"), tmp_path)
+    assert "MuJoCo" not in found.study.settings
+    assert "MuJoCo cannot run this study: it has no errors of sensors" in str(found)
+    del parameters["noise"]
+    found = stepper.report(still(parameters=parameters, name="beside"), tmp_path)
+    thetas = {row["setting"]: row["theta"] for row in found.sweep.table.rows if row["episode"] == 0}
+    assert thetas["MuJoCo"] == {}
+    assert thetas["stepper"].keys() == {"bounce", "room", "rule"}
+    assert "MuJoCo cannot run" not in str(found)
+    assert any("bounce with MuJoCo" in reason for reason in found.sweep.skipped)
 
 
 CHILD = """
@@ -530,6 +616,8 @@ def test_intervals():
         assert least_share(n, n) == pytest.approx(0.05 ** (1 / n), abs=1e-12)
     assert trials_for(0.95, 0.95) == 59
     assert least_share(0, 5) == 0.0
+    # Coefficients beyond a float's range: scipy.stats.beta.ppf(0.05, 1800, 1889).
+    assert least_share(1800, 3688) == pytest.approx(0.47440557934300115, abs=1e-9)
 
 
 def blind(now):
@@ -576,6 +664,29 @@ def test_a_time_step_that_decides_is_physics(tmp_path):
         tmp_path,
     )
     assert {(v.row["setting"], v.whose) for v in found.verdicts} >= {("stepper", "physics")}
+
+
+def test_softness_is_judged_against_hard_contact_with_nominal_values(tmp_path):
+    """A box that must bounce: from 0.1 m with a restitution of 0.8 it is 6 cm up again after 0.25 s; MuJoCo's law has none."""
+    found = stepper.report(
+        stepper.Study(
+            model=TRAY.replace('pos="0 0 .02"', 'pos="0 0 .12"'),
+            name="bounce",
+            outcomes=stepper.Outcome(name="z", measure="body object z", success=">= 0.05"),
+            parameters={"bounce": stepper.Parameter(target="geom_restitution", values=(0.7, 0.9), nominal=0.8)},
+            episodes=1,
+            seconds=0.25,
+            control=0.025,
+        ),
+        tmp_path,
+    )
+    assert found.sweep.of("")[0].successes == 1
+    assert {v.rule for v in found.verdicts if v.row["setting"] == "MuJoCo's law"} == {LAW}
+
+
+def test_a_report_says_how_many_episodes_it_looked_at(tmp_path):
+    found = stepper.report(tray(episodes=3, batch=2, drive=None, parameters={}, seconds=0.1), tmp_path)
+    assert "Every step of 2 episodes at the nominal point" in str(found)
 
 
 def test_contacts_that_decide(tmp_path):

@@ -39,6 +39,6 @@ def register(app: Typer, typer: ModuleType) -> None:
         out: Path = folder,
         parameter: list[str] = names,
         cliffs: bool = typer.Option(True, help="Locate the values at which success ends."),
-        resolution: float = typer.Option(1e-3, help="Width of a cliff's bracket over the range of its parameter."),
+        resolution: float = typer.Option(1e-3, min=1e-12, max=0.5, help="Width of a cliff's bracket over the range of its parameter."),
     ) -> None:
         sweep(study, out, parameters=parameter, cliffs=cliffs, resolution=resolution)

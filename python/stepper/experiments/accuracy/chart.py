@@ -212,7 +212,8 @@ def _converged(ground: _Ground, line: Line, laws: dict[str, Trace]) -> Trace:
     """The converged run of a line's law."""
     key = line.law if line.engine == "stepper" else json.dumps(line.settings, sort_keys=True)
     if key not in laws:
-        law = {"contact": "mujoco"} if line.engine == "stepper" and line.law == "mujoco" else None if line.law == "hard" else line.settings
+        # Hard contact is converged by one rule for all lines; MuJoCo's law by that of the line, as the study's own may be of hard contact.
+        law = None if line.law == "hard" else {name: own for name, own in line.settings.items() if name != "precision"}
         distance = ground.distance
         target = _TARGET[distance.unit]
         laws[key] = converge(ground.study, ground.episodes, distance, target=target, most=min(ground.most, 5), law=law).trace

@@ -22,6 +22,8 @@ from stepper.experiments.study.batches import steps_of
 from stepper.experiments.study.study import USUAL, Study
 
 Array = NDArray[np.float64]
+_HARD: dict[str, Any] = {"contact": "hard", "integrator": "midpoint"}
+"""The law and the rule of the first method, whatever a study's own options are."""
 TIGHT: dict[str, Any] = {"tolerance": 1e-11, "iterations": 1000, "precision": "f64"}
 """Settings with which the solver leaves next to nothing."""
 _ROUNDING = 1e-11
@@ -104,10 +106,10 @@ def converge(
         target: Uncertainty that is asked for, in the unit of the distance; it decides `Reference.known` too.
         most: Halvings of the study's time step at the most, at least 2.
         setting: Name of the settings.
-        law: Settings in place of the midpoint rule; MuJoCo's, say, which Euler's rule does not judge.
+        law: Settings in place of hard contact by the midpoint rule; MuJoCo's, say, which Euler's rule does not judge.
         tick: Called with the fraction done.
     """
-    base = {"integrator": "midpoint"} if law is None else law
+    base = _HARD if law is None else law
     ours = base.get("engine") != "mujoco"
     tight = TIGHT if ours else {}
     finest = steps_of(study, run(study, episodes[:1], setting, **base).timestep)
@@ -120,7 +122,7 @@ def converge(
             break
     euler: list[Trace] = []
     if law is None:
-        euler = [run(study, episodes, setting, **(TIGHT | {"integrator": "euler", "timestep": of.timestep})) for of in runs[1:]]
+        euler = [run(study, episodes, setting, **(base | TIGHT | {"integrator": "euler", "timestep": of.timestep})) for of in runs[1:]]
     if tick:
         tick(1.0)
     return _judged(runs, euler, distance, target)
@@ -139,7 +141,10 @@ def _judged(runs: Sequence[Trace], second: Sequence[Trace], distance: Distance, 
     if second:
         methods = distance(runs[-1], second[-1])
         # Of a rule of first order the last difference is the error; across impacts it can be twice that.
-        own = np.maximum(own, methods - 2.0 * distance(second[0], second[1]))
+        with np.errstate(invalid="ignore"):
+            own = np.maximum(own, methods - 2.0 * distance(second[0], second[1]))
+        # Infinite less infinite: where the second method is not finite, nothing is known.
+        own = np.where(np.isnan(own), np.inf, own)
     good = distance.over_time(runs[1], runs[2]) <= target
     until = np.concatenate([[0.0], runs[2].time])[np.where(good.all(axis=0), len(good), (~good).argmax(axis=0))]
     return Reference(tuple(runs), tuple(second), target, own, orders, smooth, methods, until)

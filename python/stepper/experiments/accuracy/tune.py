@@ -170,14 +170,14 @@ def tune(
         )
     right = converge(study, range(episodes), distance, target=_KNOWN * budget, tick=lambda done: told("reference", done))
     usual, candidates = _candidates(study, range(episodes), distance, right, budget, told=told)
-    candidates.sort(key=lambda own: (own.error > budget, own.alone if alone else own.batch))
+    candidates.sort(key=lambda own: (not own.error <= budget, own.alone if alone else own.batch))
     trials: list[Trial] = []
     chosen = None
     first = episodes
     bound = budget
     exhausted = False
     for candidate in candidates:
-        if candidate.error > bound:
+        if not candidate.error <= bound:
             continue
         doubt = (1 - confidence) / 2.0 ** (len(trials) + 1)
         count = trials_for(coverage, 1 - doubt)
@@ -358,8 +358,17 @@ def _save(found: Tuning, folder: Path) -> list[Path]:
         "provenance": provenance(),
     }
     files.append(folder / "tune.json")
-    files[-1].write_text(json.dumps(told, indent=2, default=str) + "\n", encoding="utf-8")
+    files[-1].write_text(json.dumps(_plain(told), indent=2, default=str, allow_nan=False) + "\n", encoding="utf-8")
     if found.smaller is not None:
         files.append(folder / "smaller.stepper")
         found.smaller.save(files[-1])
     return files
+
+
+def _plain(value: Any) -> Any:
+    """The same with null for numbers that are not finite, which JSON does not have."""
+    if isinstance(value, dict):
+        return {name: _plain(own) for name, own in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(own) for own in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

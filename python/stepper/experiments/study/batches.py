@@ -117,7 +117,8 @@ def world_of(study: Study, setting: str, thetas: Sequence[Theta], **changed: Any
     model, compiled = study.loaded
     ideal = changed.pop("sensors", "given") is None
     given: dict[str, Any] = {study.parameters[n].leaf: v for n, v in thetas[0].items() if study.parameters[n].kind == "options"}
-    given = study.setting(setting) | given | changed
+    # Settings that are compared fix what they name: a parameter's value has no part in that.
+    given |= study.setting(setting) | changed
     engine, precision = given.pop("engine", "stepper"), given.pop("precision", study.precision)
     options = study.options
     if engine == "stepper":

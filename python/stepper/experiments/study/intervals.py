@@ -34,10 +34,16 @@ def least_share(successes: int, trials: int, confidence: float = 0.95) -> float:
     """
     if not 0 <= successes <= trials or trials < 1:
         raise ValueError(f"{successes} successes of {trials} trials: there must be a trial, and no more successes than trials")
+    # Logarithms, as the coefficients are beyond the range of a float from some thousand trials on.
+    counts = range(successes, trials + 1)
+    ways = [math.lgamma(trials + 1) - math.lgamma(k + 1) - math.lgamma(trials - k + 1) for k in counts]
     low, high = 0.0, successes / trials
     for _ in range(60):
         middle = (low + high) / 2
-        tail = math.fsum(math.comb(trials, k) * middle**k * (1 - middle) ** (trials - k) for k in range(successes, trials + 1))
+        if not low < middle < high:
+            break
+        yes, no = math.log(middle), math.log1p(-middle)
+        tail = math.fsum(math.exp(way + k * yes + (trials - k) * no) for way, k in zip(ways, counts, strict=True))
         low, high = (low, middle) if tail > 1 - confidence else (middle, high)
     return low
 

@@ -201,6 +201,7 @@ def model_fields(parameters: Mapping[str, Parameter], model: Model, thetas: Sequ
     for name, parameter in parameters.items():
         if parameter.kind != "field" or not any(name in theta for theta in thetas):
             continue
+        masses = made.get("body_mass", np.asarray(model.body_mass, float)).copy()
         for field, index in _places(parameter, model):
             own = np.asarray(getattr(model, field), float)
             rows = made.setdefault(field, np.tile(own, (len(thetas), *[1] * own.ndim)))
@@ -208,7 +209,7 @@ def model_fields(parameters: Mapping[str, Parameter], model: Model, thetas: Sequ
                 if name in theta:
                     _set(rows, (env, *index) if isinstance(index, tuple) else (env, index), parameter, theta[name], field)
         if parameter.target == "body_mass":
-            _scale_inertia(made, model)
+            _scale_inertia(made, model, masses)
     return {field: rows for field, rows in made.items() if not np.array_equal(rows, np.broadcast_to(getattr(model, field), rows.shape))}
 
 
@@ -219,10 +220,11 @@ def _set(rows: Array, at: tuple[Any, ...], parameter: Parameter, value: Value, f
     rows[at] = parameter.change(rows[at], signed)
 
 
-def _scale_inertia(made: dict[str, Array], model: Model) -> None:
-    before = np.asarray(model.body_mass, float)
-    ratio = np.divide(made["body_mass"], before, out=np.ones_like(made["body_mass"]), where=before > 0)
-    made["body_inertia"] = ratio[:, :, None] * np.asarray(model.body_inertia, float)
+def _scale_inertia(made: dict[str, Array], model: Model, before: Array) -> None:
+    """Scales inertia as a parameter has changed masses from those before it; what other parameters made of either stays."""
+    masses, own = made["body_mass"], np.asarray(model.body_inertia, float)
+    rows = made.setdefault("body_inertia", np.tile(own, (len(masses), 1, 1)))
+    rows *= np.divide(masses, before, out=np.ones_like(masses), where=before > 0)[:, :, None]
 
 
 def sensor_model(

@@ -18,7 +18,7 @@ from stepper.experiments.study.document import Document, Section, cell, counted
 from stepper.experiments.study.draw import draw
 from stepper.experiments.study.results import Results
 from stepper.experiments.study.study import USUAL, Study
-from stepper.experiments.study.sweep import RESOLUTION, Level, Sweep, measured
+from stepper.experiments.study.sweep import RESOLUTION, Level, Sweep, measured, nominal_of
 from stepper.experiments.study.sweep import sweep as run_sweep
 from stepper.experiments.study.touching import Touching, touching
 from stepper.experiments.study.whose import RULES, Verdict, judge
@@ -69,14 +69,14 @@ def sweep(
         out: The folder that has a folder for every study.
         parameters: Names; None is all.
         cliffs: Whether the end of success is located.
-        resolution: Width of a cliff's bracket over the range of its parameter.
+        resolution: Width of a cliff's bracket over the range of its parameter, between 0 and 1.
         tick: Progress.
 
     Returns:
         What was found. OUT/NAME has table.csv, table.npz (table.parquet with pyarrow), sweep.html, sweep.md, sweep.png, in_force.json.
 
     Raises:
-        ValueError: No outcome, an unknown parameter, a time step that does not divide the time of a control.
+        ValueError: No outcome, an unknown parameter, a resolution that is none, a time step that does not divide the time of a control.
         JournalError: The folder's journal is damaged, or another process writes it.
     """
     study = _study(study)
@@ -106,7 +106,8 @@ def report(study: Study | str | os.PathLike[str], out: str | os.PathLike[str] = 
     study = beside(_study(study))
     with Results(study, out) as results:
         found = run_sweep(study, results.journal, tick=tick)
-        seen = touching(study, range(min(study.episodes, study.batch)))
+        some = range(min(study.episodes, study.batch))
+        seen = touching(study, some)
         verdicts = judge(study, found.table.rows, results.journal)
         document = Document(f"Simulator report of {study.name}")
         document.sections += [
@@ -114,7 +115,7 @@ def report(study: Study | str | os.PathLike[str], out: str | os.PathLike[str] = 
             *_state(study),
             *_observation(study),
             *_drives(study),
-            *_contacts(study, seen),
+            *_contacts(study, seen, len(some)),
             *_settings(study, found),
             *_perturbations(found, results.folder),
             *_cliffs(found),
@@ -137,9 +138,13 @@ def beside(study: Study) -> Study:
     more: dict[str, dict[str, Any]] = {}
     if study.options.contact == "hard" and not any(own.get("contact") == "mujoco" for own in given.values()):
         more[LAW] = {"contact": "mujoco", "integrator": None}
-    if not any(own.get("engine") == "mujoco" for own in given.values()) and no_peer(study) is None:
+    if not _has_peer(study) and no_peer(study) is None:
         more[PEER] = {"engine": "mujoco"}
     return dataclasses.replace(study, settings={**more, **study.settings})
+
+
+def _has_peer(study: Study) -> bool:
+    return any(own.get("engine") == "mujoco" for own in study.settings.values())
 
 
 def no_peer(study: Study) -> str | None:
@@ -149,7 +154,8 @@ def no_peer(study: Study) -> str | None:
         return "it is not installed"
     if compiled is None:
         return "the model has no source that it reads"
-    if study.sensors is not None or study.actuators is not None:
+    in_force = any(study.parameters[name].kind in ("sensor", "actuator") for name in study.nominal)
+    if in_force or study.sensors is not None or study.actuators is not None:
         return "it has no errors of sensors and no drives"
     if model.nu != compiled.nu or model.nsensordata != compiled.nsensordata:
         return "stepper leaves out actuators or sensors of the model, so that controls and readings are not the same"
@@ -236,7 +242,7 @@ def _drives(study: Study) -> list[Section]:
     return [Section("Actuators", [] if rows else ["The model has no actuators."], head, rows)]
 
 
-def _contacts(study: Study, seen: Touching) -> list[Section]:
+def _contacts(study: Study, seen: Touching, episodes: int) -> list[Section]:
     model, _ = study.loaded
     head = (
         *("pair", "pressed, share of time", "impulse, N s", "peak, N", "friction in force", "largest ratio used", "impulse at that bound"),
@@ -252,7 +258,7 @@ def _contacts(study: Study, seen: Touching) -> list[Section]:
             *(max(g.condim for g in both), max(g.restitution for g in both), *told),
         ])  # fmt: skip
     words = [
-        f"Every step of {counted(study.episodes, 'episode')} at the nominal point, with the study's own settings: pairs of geoms with a "
+        f"Every step of {counted(episodes, 'episode')} at the nominal point, with the study's own settings: pairs of geoms with a "
         f"hundredth of the impulse of all, or a tenth of the greatest force; {len(seen.pairs) - len(rows)} others came near. Friction "
         "in force is the larger of the two geoms', or that of the geom with the higher priority. Hard contact reads neither solref nor "
         "solimp; MuJoCo's law does."
@@ -365,13 +371,13 @@ def _transfer(study: Study, found: Sweep) -> list[Section]:
         rows.append(
             [setting, *share, level.mean, level.spread, float(gap.mean()), error, otherwise if own[0].successes is not None else "-"]
         )
-    reason = no_peer(study)
+    reason = None if _has_peer(study) else no_peer(study)
     words = ["The same episodes at the nominal point with other settings and engines; differences are from the study's own settings."]
     return [Section("Transfer gap", words + ([f"MuJoCo cannot run this study: {reason}."] if reason else []), head, rows)]
 
 
 def _nominal_rows(found: Sweep, setting: str) -> dict[int, dict[str, Any]]:
-    nominal = found.study.nominal
+    nominal = nominal_of(found.study, setting)
     return {row["episode"]: row for row in found.table.rows if row["setting"] == setting and row["theta"] == nominal}
 
 

@@ -26,6 +26,8 @@ RESOLUTION = 1e-3
 """Width of a cliff's bracket over the range of its parameter."""
 _AT_ONCE = 7
 """Points between the ends of a bracket that are tried together: they share a batch."""
+_LACKING = {"midpoint", "auto"}
+"""Integrator and solver that MuJoCo does not have."""
 UNSOLVED = Status.NOT_CONVERGED | Status.NON_FINITE | Status.CONTACTS_FULL | Status.UNRESOLVED | Status.TUNNELLED | Status.INFEASIBLE
 
 
@@ -129,15 +131,28 @@ def inapplicable(study: Study, setting: str, parameter: Parameter) -> str | None
     if parameter.kind == "options" and parameter.leaf in given:
         return f"these settings fix {parameter.leaf} themselves"
     if given.get("engine") == "mujoco":
-        if parameter.kind in ("sensor", "actuator"):
-            return "MuJoCo has no errors of sensors and no drives"
-        if parameter.kind == "options" and parameter.leaf not in MUJOCO_SETTINGS:
-            return f"MuJoCo has no {parameter.leaf}"
-        if parameter.target in ("geom_restitution", "geom_concave", "eq_stiffness", "eq_damping"):
-            return f"MuJoCo has no {parameter.target}"
-    elif parameter.target == "geom_restitution" and given.get("contact", study.options.contact) == "mujoco":
+        return _lacking(parameter)
+    if parameter.target == "geom_restitution" and given.get("contact", study.options.contact) == "mujoco":
         return "restitution has no part in MuJoCo's law"
     return None
+
+
+def _lacking(parameter: Parameter) -> str | None:
+    """What of a parameter MuJoCo does not have."""
+    if parameter.kind in ("sensor", "actuator"):
+        return "MuJoCo has no errors of sensors and no drives"
+    if parameter.kind == "options" and parameter.leaf not in MUJOCO_SETTINGS:
+        return f"MuJoCo has no {parameter.leaf}"
+    if parameter.kind == "options" and (words := _LACKING & {*parameter.levels(), parameter.nominal}):
+        return f"MuJoCo has no {parameter.leaf} {', '.join(sorted(map(str, words)))}"
+    if parameter.target in ("geom_restitution", "geom_concave", "eq_stiffness", "eq_damping"):
+        return f"MuJoCo has no {parameter.target}"
+    return None
+
+
+def nominal_of(study: Study, setting: str) -> dict[str, Value]:
+    """Theta of the unperturbed point with some settings: without the parameters that have no part in them."""
+    return {name: value for name, value in study.nominal.items() if not inapplicable(study, setting, study.parameters[name])}
 
 
 def sweep(
@@ -156,15 +171,17 @@ def sweep(
         journal: What is known of it.
         parameters: Names; None is all.
         cliffs: Whether the end of success is located.
-        resolution: Width of a cliff's bracket over the range of its parameter.
+        resolution: Width of a cliff's bracket over the range of its parameter, between 0 and 1.
         tick: Progress.
 
     Returns:
         Levels and cliffs.
 
     Raises:
-        ValueError: No outcome, an unknown parameter.
+        ValueError: No outcome, an unknown parameter, a resolution that is none.
     """
+    if not 0 < resolution < 1:
+        raise ValueError(f"resolution is {resolution}, must be between 0 and 1: the width of a cliff's bracket over the range")
     if not study.all_outcomes:
         raise ValueError("the study has no outcome, so there is nothing to compare; give it one")
     names = list(study.parameters) if parameters is None else list(parameters)
@@ -197,7 +214,7 @@ def sweep(
 
 def _point(study: Study, cell: tuple[str, str, Value | None]) -> Point:
     setting, name, value = cell
-    theta = study.nominal
+    theta = nominal_of(study, setting)
     if value is not None:
         theta[name] = value
     return Point(theta, setting)
@@ -245,6 +262,7 @@ def _cliffs(study: Study, levels: Sequence[Level], journal: Journal, resolution:
     numeric = [level for level in levels if isinstance(level.value, int | float) and not isinstance(level.value, bool)]
     if study.parameters[levels[0].parameter].leaf in ("iterations", "max_contacts") if levels else True:
         return []
+    numeric.sort(key=lambda level: float(level.value or 0))
     found = []
     for one, other in pairwise(numeric):
         if (one.share >= CLIFF) != (other.share >= CLIFF):
@@ -270,13 +288,14 @@ def _bisect(
     rows: list[Row] = []
     steps = study.parameters[one.parameter].leaf == "timestep"
     while high - low > width:
-        values = [float(x) for x in np.linspace(low, high, _AT_ONCE + 2)]
+        inner = [float(x) for x in np.linspace(low, high, _AT_ONCE + 2)[1:-1]]
         if steps:
             # Only steps that divide the time of a control.
-            values = [low, *sorted({study.hold / round(study.hold / x) for x in values[1:-1]} - {low, high}), high]
-            values = [x for x in values if low <= x <= high]
-            if len(values) <= 2:
-                break
+            inner = [study.hold / round(study.hold / x) for x in inner]
+        values = [low, *sorted({x for x in inner if low < x < high}), high]
+        if len(values) == 2:
+            # No number, or no such step, is between the ends.
+            break
         tried = run([_point(study, (one.setting, one.parameter, x)) for x in values[1:-1]])
         rows += [row for _, own in tried for row in own]
         shares = [below, *(share for share, _ in tried), above]

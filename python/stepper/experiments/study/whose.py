@@ -126,7 +126,8 @@ def _again(study: Study, rows: Sequence[Row], journal: Journal, name: str, chang
             some = group[first : first + study.batch]
             missing = {_key(row, name) for row in some} - journal.rows.keys()
             if missing:
-                thetas, episodes = [row["theta"] for row in some], [row["episode"] for row in some]
+                # A nominal value with no part in the episode's settings may have one in what is changed: restitution in hard contact.
+                thetas, episodes = [study.nominal | row["theta"] for row in some], [row["episode"] for row in some]
                 made = run_episodes(study, some[0]["setting"], thetas, episodes, **change(some[0]["settings"]))
                 found = {_key(row, name): again for row, again in zip(some, made, strict=True)}
                 journal.append({"key": key} | again for key, again in found.items() if key in missing)

@@ -281,7 +281,9 @@ class StepperWorld(World):
     def step(self, ctrl: Any, nstep: int) -> None:
         """See `World.step`."""
         if ctrl is None:
-            ctrl, self._held = self._held, None
+            ctrl = self._held
+        # After a step the simulation itself holds what is in force.
+        self._held = None
         self.sim.step(ctrl, nstep)
         self.time += nstep * self.timestep
 

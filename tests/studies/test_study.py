@@ -163,17 +163,19 @@ def test_masses_and_inertias_vary_together(order):
         np.testing.assert_array_equal(made[field], [factor * own for factor in factors])
 
 
-def test_a_control_is_held_until_the_next_one():
+@pytest.mark.parametrize("said", [(None, 0.6, None, None), (0.6, None, None)])
+def test_a_control_is_held_until_the_next_one(said):
     """That of the keyframe until the drive gives one, then the drive's."""
     keyed = ARM.replace("</mujoco>", '<keyframe><key name="up" qpos=".2" ctrl=".3"/></keyframe></mujoco>')
     study = stepper.Study(model=keyed, keyframe="up")
     given, held = (world_of(study, "stepper", [{}]) for _ in range(2))
-    for ctrl, said in ((0.3, None), (0.6, 0.6), (0.6, None), (0.6, None)):
-        if said is None and ctrl == 0.3:
-            begin(study, given, [0])
-            begin(study, held, [0])
-        given.step([[ctrl]], 5)
-        held.step(None if said is None else [[said]], 5)
+    for world in (given, held):
+        begin(study, world, [0])
+    in_force = 0.3
+    for ctrl in said:
+        in_force = in_force if ctrl is None else ctrl
+        given.step([[in_force]], 5)
+        held.step(None if ctrl is None else [[ctrl]], 5)
         np.testing.assert_array_equal(given.qpos, held.qpos)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import stepper
 from stepper.viewer import Player, View
+from stepper.viewer.window import Window
 
 SCENE = """<mujoco><asset>
   <mesh name="wedge" vertex="-.2 -.2 -.2  .2 -.2 -.2  -.2 .2 -.2  .2 .2 -.2  0 0 .2"/>
@@ -150,9 +151,19 @@ def test_shapes_have_the_sizes_of_their_environments(count):
         assert widths() == before
 
 
-def test_the_panel_may_draw_while_a_simulation_shows(sim):
-    """Threads of viser answer the panel, while the pull that is drawn comes and goes."""
-    failed = []
+def test_the_panel_may_draw_while_a_simulation_shows(sim, monkeypatch):
+    """Threads of viser answer the panel: a picture is drawn by one at a time."""
+    failed, drawing = [], []
+    contacts = Window._draw_contacts
+
+    def alone(*given):
+        drawing.append(1)
+        assert len(drawing) == 1
+        contacts(*given)
+        time.sleep(0.001)
+        drawing.pop()
+
+    monkeypatch.setattr(Window, "_draw_contacts", alone)
 
     def redraw():
         try:

@@ -9,6 +9,7 @@ from identification.repetitions import noisy
 from identification.scenes import held, pushed
 from models import stepper_model
 from stepper.identification import parameters
+from stepper.shared.rotations import matrices
 
 TIGHT = stepper.Options(tolerance=1e-9)
 
@@ -279,8 +280,7 @@ def test_log_cholesky_gives_bodies():
     assert (ordered[:, 2] <= ordered[:, 0] + ordered[:, 1] + 1e-12 * ordered[:, 2]).all()
     np.testing.assert_allclose(np.linalg.det(axes), 1, rtol=1e-9)
     quat = parameters.shape.quaternion(axes)
-    again = np.stack([parameters.shape.rotation(q) for q in quat])
-    np.testing.assert_allclose(again, axes, atol=1e-9)
+    np.testing.assert_allclose(matrices(quat), axes, atol=1e-9)
     mass, com, moments, axes = parameters.shape.bodies(np.zeros(10), 2.0, np.array([0.02, 0.03, 0.04]))
     assert mass == pytest.approx(2.0)
     np.testing.assert_allclose(com, 0, atol=1e-15)

@@ -79,16 +79,6 @@ def tensor(inertia: Array, axes: Array) -> Array:
     return np.stack([full[..., i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))], axis=-1)
 
 
-def rotation(quat: Array) -> Array:
-    """Rotation matrix (3, 3) of a unit quaternion (4,)."""
-    w, x, y, z = quat
-    return np.array([
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ])  # fmt: skip
-
-
 def quaternion(R: Array) -> Array:
     """Unit quaternions (..., 4) of rotation matrices (..., 3, 3): the eigenvector of Bar-Itzhack's matrix (2000), right at every angle."""
     m = np.moveaxis(R, (-2, -1), (0, 1))

@@ -19,6 +19,7 @@ from stepper._stepper import Model
 from stepper.actuators import ActuatorModel, Drive
 from stepper.identification import inertia as shape
 from stepper.identification.inertia import Array
+from stepper.shared.rotations import matrices
 
 REACH = math.log(1e3)
 """Without bounds, a positive quantity may become this much larger or smaller, as a logarithm."""
@@ -319,7 +320,7 @@ class _Inertia(_OfOneBody):
         self._one()
         self._gyration(model)
         self.body = model.body(self.index[0])
-        self.R = shape.rotation(np.asarray(self.body.iquat))
+        self.R = matrices(np.asarray(self.body.iquat))
         parts = ("mass", "com.x", "com.y", "com.z", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
         self.labels = tuple(f"inertia:{self.names[0]}.{part}" for part in parts)
         self.units = ("kg", *("m",) * 3, *("kg m^2",) * 6)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stepper._stepper import Stepper
+from stepper.shared.rotations import matrices
 from stepper.viewer.frames import some_of
 from stepper.viewer.looks import Array
 
@@ -38,18 +39,18 @@ class Drag:
         mass = felt_mass(sim, env, body, place)
         if mass is None:
             return None
-        rotation, origin = _rotation(_row(sim, "xquat", env)[body]), _row(sim, "xpos", env)[body]
+        rotation, origin = matrices(_row(sim, "xquat", env)[body]), _row(sim, "xpos", env)[body]
         return cls(env, body, rotation.T @ (place - origin), np.array(place), mass)
 
     def at(self, sim: Stepper) -> Array:
         """Where the point is now in the world, (3,) m."""
-        rotation = _rotation(_row(sim, "xquat", self.env)[self.body])
+        rotation = matrices(_row(sim, "xquat", self.env)[self.body])
         place: Array = _row(sim, "xpos", self.env)[self.body] + rotation @ self.point
         return place
 
     def wrench(self, sim: Stepper, strength: float = 1.0) -> Array:
         """Force in N and torque in N m about the body's centre of mass, world axes: (6,), as `Stepper.xfrc_applied` takes them."""
-        origin, rotation = _row(sim, "xpos", self.env)[self.body], _rotation(_row(sim, "xquat", self.env)[self.body])
+        origin, rotation = _row(sim, "xpos", self.env)[self.body], matrices(_row(sim, "xquat", self.env)[self.body])
         place = self.at(sim)
         spin = _row(sim, "body_angvel", self.env)[self.body]
         velocity = _row(sim, "body_linvel", self.env)[self.body] + np.cross(spin, place - origin)
@@ -75,13 +76,3 @@ def felt_mass(sim: Stepper, env: int, body: int, place: Array) -> float | None:
 def _row(sim: Stepper, name: str, env: int) -> Array:
     values: Array = some_of(sim, name, np.array([env]))[0]
     return values.astype(np.float64)
-
-
-def _rotation(quat: Array) -> Array:
-    """The matrix of a unit quaternion: (3, 3)."""
-    w, x, y, z = quat
-    return np.array([
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ])  # fmt: skip

@@ -16,6 +16,7 @@ from stepper.envs.assets import load_quietly, read_once
 from stepper.envs.streams import Draws
 from stepper.envs.task import Array, Moment, Task, Terms, per_moment
 from stepper.shared.machine import package_file
+from stepper.shared.rotations import matrices
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,17 +73,6 @@ def source_tree(file: str) -> ElementTree.Element:
 def rotations(now: Moment) -> Array:
     """MuJoCo's xmat: rotation matrices of the bodies, (num_envs, nbody, 3, 3)."""
     return matrices(now.xquat)
-
-
-def matrices(quat: Array) -> Array:
-    """Rotation matrices (..., 3, 3) of unit quaternions (..., 4)."""
-    w, x, y, z = np.moveaxis(quat, -1, 0)
-    rows = [
-        *(1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
-        *(2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
-        *(2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
-    ]
-    return np.stack(rows, axis=-1).reshape(*quat.shape[:-1], 3, 3)
 
 
 def rotation(now: Moment, body: str) -> Array:

@@ -8,8 +8,9 @@ import numpy as np
 
 from stepper._stepper import Stepper
 from stepper.envs.streams import Draws
-from stepper.envs.suite.base import SuiteTask, matrices, move_geom, norm, rotation, tolerance
+from stepper.envs.suite.base import SuiteTask, move_geom, norm, rotation, tolerance
 from stepper.envs.task import Array, Moment, Quantity, Terms, per_moment
+from stepper.shared.rotations import matrices
 
 _JOINTS = ("tail1", "tail_twist", "tail2", "finright_roll", "finright_pitch", "finleft_roll", "finleft_pitch")
 

@@ -13,6 +13,7 @@ from stepper.experiments.accuracy.traces import Trace
 from stepper.experiments.study.batches import steps_of, world_of
 from stepper.experiments.study.study import USUAL, Study
 from stepper.experiments.study.worlds import World
+from stepper.experiments.timing import Timed
 
 BATCH = 32
 """Environments of a batch: two groups of lanes in 32 bits, four in 64."""
@@ -20,7 +21,7 @@ _APART = 4
 """Environments of a batch of MuJoCo, which steps one after the other, so that more tell no more."""
 
 
-class _Case:
+class _Case(Timed):
     """A run that is repeated: recorded controls and forces, so that nothing but steps is timed."""
 
     def __init__(self, study: Study, settings: Mapping[str, Any], trace: Trace, num_envs: int):
@@ -47,14 +48,6 @@ class _Case:
             world.step(given, self._nstep)
             total += time.process_time() - begin
         return total
-
-    def measure(self, seconds: float) -> None:
-        """Runs for at least so long and notes the mean."""
-        runs, total = 0, 0.0
-        while total < seconds:
-            total += self.once()
-            runs += 1
-        self.times.append(total / runs)
 
     @property
     def cost(self) -> float:

@@ -12,6 +12,7 @@ import numpy as np
 
 from stepper.experiments.chart.engines import Array, Engine, Run
 from stepper.experiments.chart.scenes import Scene
+from stepper.experiments.timing import Timed
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ class Row:
 
 
 @dataclass
-class _Case:
+class _Case(Timed):
     engine: Engine
     dt: float
     run: Run
@@ -78,14 +79,6 @@ class _Case:
         begin = time.process_time()
         self.run.advance(self.nstep)
         return time.process_time() - begin
-
-    def measure(self, seconds: float) -> None:
-        """Runs for at least `seconds` and notes the mean time of a run."""
-        runs, total = 0, 0.0
-        while total < seconds:
-            total += self.once()
-            runs += 1
-        self.times.append(total / runs)
 
 
 def _prepare(scene: Scene, engine: Engine, dt: float) -> _Case:

@@ -4,7 +4,7 @@ use crate::common::{Share, cases};
 use proptest::prelude::*;
 use stepper_real::{F32x16, Mask, Real};
 use stepper_solve::newton::Newton;
-use stepper_solve::{Capacity, Iterate, Problem, Settings, residual, solve};
+use stepper_solve::{Capacity, Iterate, LoadedProblem, Problem, Settings, residual, solve};
 
 type R32 = F32x16;
 
@@ -96,4 +96,14 @@ fn what_is_much_softer_than_bodies_are_heavy_is_solved_in_32_bits_too() {
         solved.count(left <= 1e-5);
     });
     solved.at_least(0.9, "solved in 32 bits");
+}
+
+/// A quadruped that has sunk into ground of 500 N/m: the compliance is four hundred times what moves, and what moves decides whether it slides.
+#[test]
+fn what_slides_on_soft_ground_is_not_held_in_32_bits() {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/problems_32_bits/quadruped_on_soft_ground.problem");
+    let LoadedProblem { problem, mut iterate, settings } = Problem::<R32>::load(file).unwrap();
+    let sweeps_alone = Settings { sweeps: 20, newton_steps: 0, ..settings };
+    let outcome = solve(&problem, &mut iterate, sweeps_alone, Mask::splat(true), &mut Newton::default());
+    assert!(outcome.residual.lane(0) <= settings.tolerance.lane(0), "{}", outcome.residual.lane(0));
 }

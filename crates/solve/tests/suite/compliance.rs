@@ -98,7 +98,8 @@ fn what_is_much_softer_than_bodies_are_heavy_is_solved_in_32_bits_too() {
     solved.at_least(0.9, "solved in 32 bits");
 }
 
-/// A quadruped that has sunk into ground of 500 N/m: the compliance is four hundred times what moves, and what moves decides whether it slides.
+/// A quadruped that has sunk into ground of 500 N/m: the compliance is four hundred times what moves, and what moves
+/// decides whether it slides.
 #[test]
 fn what_slides_on_soft_ground_is_not_held_in_32_bits() {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/problems_32_bits/quadruped_on_soft_ground.problem");

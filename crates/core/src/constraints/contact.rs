@@ -4,6 +4,7 @@ use stepper_real::{Mask, Real, Scalar};
 
 use crate::collision::contact_set::Contacts;
 use crate::constraints::constraint_set::Constraints;
+use crate::constraints::elimination::Lengths;
 use crate::constraints::equality::RowInput;
 use crate::math::spatial::*;
 
@@ -13,10 +14,48 @@ pub(crate) fn least_mobility<R: Real>() -> f64 {
     1e-14_f64.max((256.0 * <R::Scalar as Scalar>::EPSILON.to_f64()).powi(2))
 }
 
+/// Rows of a slot along the normal and the tangents; their columns are in [`Constraints::column`].
+pub(crate) struct SlidingRows<R: Real> {
+    /// What each row demands of velocities and of positions, m/s.
+    pub(crate) demands: [[R; 2]; 3],
+    /// Squared lengths of the rows, where equalities are taken out of them.
+    pub(crate) lengths: Option<Lengths<R, 3>>,
+    /// Lanes in which the contact can push.
+    pub(crate) active: R::Mask,
+    /// Compliance of the normal row, 1/kg, where surfaces of the model give way.
+    pub(crate) compliance: Option<R>,
+}
+
 impl<R: Real> Constraints<R> {
     /// Adds slot `k` in the lanes `lanes`, in which it has sliding friction at the most; `support` is gathered.
     #[inline(always)]
     pub(crate) fn add_contact(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
+        let (slot, mass) = (&contacts.data[k], input.mass);
+        let SlidingRows { demands: g, lengths, active, compliance } = self.sliding_rows(input, contacts, k, lanes);
+        let column = &self.column;
+        self.problem.push_contact(
+            &self.support,
+            #[inline(always)]
+            |d| scale(column[d], mass.sqrt_inv_d[d]),
+            active,
+            slot.mu,
+            [g[0][0], g[1][0], g[2][0]],
+        );
+        if let Some(lengths) = lengths {
+            self.problem.contacts.set_trace_ratio(lengths.times());
+        }
+        if let Some(compliance) = compliance {
+            self.problem.contacts.set_compliance(compliance);
+        }
+        self.problem.contacts.set_position_demand([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
+        self.iterate.contacts.push(select(active, slot.impulse, zero()));
+        self.slots.push((k, R::Mask::from_bits(lanes)));
+        self.constrained = self.constrained.or(active);
+    }
+
+    /// The rows of slot `k` in the lanes `lanes` along its normal and its tangents; `support` is gathered.
+    #[inline(always)]
+    pub(crate) fn sliding_rows(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) -> SlidingRows<R> {
         let RowInput { compiled, options, mass, assembly, .. } = input;
         let (slot, active) = (&contacts.data[k], R::Mask::from_bits(lanes));
         let [free, before] = self.contact_columns(input, contacts, k, lanes);
@@ -31,32 +70,14 @@ impl<R: Real> Constraints<R> {
             [bias, position] = [bias, position].map(|x| R::select(row.lanes, row.bias, x));
         }
         let (bias, mut active) = self.bounce(compiled, options, slot, assembly, active, [free[0], before[0]], bias);
-        let mut g = [[free[0] + bias, free[0] + position], [free[1]; 2], [free[2]; 2]];
-        let lengths = self.eliminate(mass, &mut g);
+        let mut demands = [[free[0] + bias, free[0] + position], [free[1]; 2], [free[2]; 2]];
+        let lengths = self.eliminate(mass, &mut demands);
         if self.has_impacts {
-            active = self.bounce_within(input, slot, active, [free, change], bias, &mut g);
+            active = self.bounce_within(input, slot, active, [free, change], bias, &mut demands);
         }
         if curves {
-            self.add_curve(input, contacts, k, active, [free, change], &mut g);
+            self.add_curve(input, contacts, k, active, [free, change], &mut demands);
         }
-        let column = &self.column;
-        self.problem.push_contact(
-            &self.support,
-            #[inline(always)]
-            |d| scale(column[d], mass.sqrt_inv_d[d]),
-            active,
-            slot.mu,
-            [g[0][0], g[1][0], g[2][0]],
-        );
-        if let Some(lengths) = lengths {
-            self.problem.contacts.set_trace_ratio(lengths.times());
-        }
-        if let Some(row) = &springs {
-            self.problem.contacts.set_compliance(row.compliance);
-        }
-        self.problem.contacts.set_position_demand([g[0][1], g[1][1] - g[1][0], g[2][1] - g[2][0]]);
-        self.iterate.contacts.push(select(active, slot.impulse, zero()));
-        self.slots.push((k, R::Mask::from_bits(lanes)));
-        self.constrained = self.constrained.or(active);
+        SlidingRows { demands, lengths, active, compliance: springs.map(|row| row.compliance) }
     }
 }

@@ -6,6 +6,7 @@ use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
 use crate::compile::LaneModel;
 use crate::constraints::constraint_set::Constraints;
+use crate::constraints::contact::SlidingRows;
 use crate::constraints::elimination::times;
 use crate::constraints::equality::RowInput;
 use crate::math::spatial::*;
@@ -24,29 +25,11 @@ impl<R: Real> Constraints<R> {
 
     #[inline(always)]
     fn push_rolling_contact_row(&mut self, input: RowInput<'_, R>, contacts: &Contacts<R>, k: usize, lanes: u32) {
-        let (compiled, mass, assembly) = (input.compiled, input.mass, input.assembly);
-        let (slot, active) = (&contacts.data[k], R::Mask::from_bits(lanes));
+        let RowInput { compiled, mass, assembly, .. } = input;
+        let slot = &contacts.data[k];
         let mut friction = Friction::of(compiled, contacts, k, lanes);
         friction.scale_to(slot.mu);
-        let [free, before] = self.contact_columns(input, contacts, k, lanes);
-        let curves = assembly.in_the_middle && self.moving != 0;
-        let change = if self.has_impacts || curves { self.free_change(assembly) } else { zero() };
-        self.half_solve::<3>(compiled, mass);
-        let springs = compiled.has_contact_springs.then(|| self.give_way(input, contacts, k, lanes, [free[0], before[0]]));
-        let rigid = springs.as_ref().map_or(active, |row| active.and_not(row.lanes));
-        let (mut bias, mut position) = self.biases(input.options, assembly.gap(slot.point.distance), assembly.h, rigid);
-        if let Some(row) = &springs {
-            [bias, position] = [bias, position].map(|x| R::select(row.lanes, row.bias, x));
-        }
-        let (bias, mut active) = self.bounce(compiled, input.options, slot, assembly, active, [free[0], before[0]], bias);
-        let mut slides = [[free[0] + bias, free[0] + position], [free[1]; 2], [free[2]; 2]];
-        let sliding = self.eliminate(mass, &mut slides);
-        if self.has_impacts {
-            active = self.bounce_within(input, slot, active, [free, change], bias, &mut slides);
-        }
-        if curves {
-            self.add_curve(input, contacts, k, active, [free, change], &mut slides);
-        }
+        let SlidingRows { demands: mut slides, lengths: sliding, active, compliance } = self.sliding_rows(input, contacts, k, lanes);
         for &d in &self.support {
             self.linear[d as usize] = self.column[d as usize];
         }
@@ -75,8 +58,8 @@ impl<R: Real> Constraints<R> {
             let (whole, rest) = ([scale_tangents(sliding.whole, rub), turned.whole], [scale_tangents(sliding.rest, rub), turned.rest]);
             self.problem.rolling_contacts.set_trace_ratio(times(whole.as_flattened(), rest.as_flattened()));
         }
-        if let Some(row) = &springs {
-            self.problem.rolling_contacts.set_compliance(row.compliance);
+        if let Some(compliance) = compliance {
+            self.problem.rolling_contacts.set_compliance(compliance);
         }
         let change = |[velocity, position]: [R; 2]| position - velocity;
         let [spin, roll, other] = turns.map(change);

@@ -209,7 +209,8 @@ impl<R: Real> Scene<'_, R> {
 
     #[inline(always)]
     fn pose(&self, geom: usize, lane: usize) -> Pose {
-        Pose { pos: of_lane(&self.poses.pos[geom], lane), mat: of_lane(&self.poses.mat[geom], lane) }
+        let (pos, mat) = (of_lane(&self.poses.pos[geom], lane), of_lane(&self.poses.mat[geom], lane));
+        if size_of::<R::Scalar>() < size_of::<f64>() { Pose::widened(pos, mat) } else { Pose { pos, mat } }
     }
 
     /// Lanes in which the boxes about two geoms show that they are further than `reach` from each other.

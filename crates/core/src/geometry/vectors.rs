@@ -14,6 +14,19 @@ pub struct Pose {
     pub mat: M3<f64>,
 }
 
+impl Pose {
+    /// A pose of 32 bits, whose axes are at right angles up to their rounding alone: made so up to that of 64 bits, else no face would be
+    /// flat along its own normal.
+    ///
+    /// A step of Newton's method for the polar decomposition without an inverse squares what is wrong (Higham 2008, section 8.3).
+    pub(crate) fn widened(pos: V, mat: M3<f64>) -> Self {
+        let gram = mat_mul_transposed(&mat, &mat);
+        let identity = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+        let half: M3<f64> = array_of(|i| 1.5 * identity[i] - 0.5 * gram[i]);
+        Self { pos, mat: mat_mul(&half, &mat) }
+    }
+}
+
 /// The first of the points furthest along `d`.
 pub(super) fn furthest(points: &[V], d: V) -> usize {
     let mut best = 0;

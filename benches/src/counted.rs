@@ -170,7 +170,7 @@ mod tests {
     #[test]
     fn what_is_done_with_all_lanes_is_one_operation() {
         let done = record(operations, || {
-            std::hint::black_box(Counted(stepper_real::F32x16::one()) * Counted(stepper_real::F32x16::of(2.0)));
+            std::hint::black_box(Counted(stepper_real::F32Lanes::one()) * Counted(stepper_real::F32Lanes::of(2.0)));
         });
         assert_eq!(done.unaccounted.readings, [1.0, 0.0, 0.0]);
     }

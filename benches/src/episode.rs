@@ -2,7 +2,7 @@
 
 use stepper_core::internals::batch::worker::{LaneScalar, Worker, WorkerMakers, WorkerSpec, lane_worker};
 use stepper_core::{AppliedInput, Error, Field, Level, Options, Precision, SavedState, Simulation};
-use stepper_real::{F32x16, Real};
+use stepper_real::{F32Lanes, Real, Two};
 
 use crate::clock::Run;
 use crate::counted::Counted;
@@ -99,7 +99,7 @@ impl Episode {
     /// When there are more environments: what is done with all lanes counts once.
     pub fn probe_operations(mut self) -> Self {
         assert_eq!(self.simulation.num_envs(), 1, "operations are counted in one environment");
-        self.simulation.set_workers(&WorkerMakers { f64: counted::<f64>, f32: counted::<F32x16> });
+        self.simulation.set_workers(&WorkerMakers { f64: counted::<f64>, f32: counted_f32 });
         self
     }
 
@@ -132,6 +132,12 @@ fn recorded<S: LaneScalar>(spec: &WorkerSpec<'_, S>, lanes: usize, level: Level)
 
 fn counted<R: Real>(spec: &WorkerSpec<'_, R::Scalar>, _: usize, _: Level) -> Box<dyn Worker<R::Scalar>> {
     lane_worker::<Counted<R>>(spec, Recorder)
+}
+
+/// In portable lanes, as many as the group has: eight, or sixteen.
+fn counted_f32(spec: &WorkerSpec<'_, f32>, lanes: usize, level: Level) -> Box<dyn Worker<f32>> {
+    let count = if lanes == F32Lanes::LANES { counted::<F32Lanes> } else { counted::<Two<F32Lanes>> };
+    count(spec, lanes, level)
 }
 
 impl Run for Episode {

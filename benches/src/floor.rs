@@ -28,8 +28,8 @@ impl Rates {
             Rates { sums: per_second::<R>(false), divisions: per_second::<R>(true) }
         }
         match precision {
-            Precision::F64 => at_level!(level, F64x8, both()),
-            Precision::F32 => at_level!(level, F32x16, both()),
+            Precision::F64 => at_level!(level, F64Lanes, both()),
+            Precision::F32 => at_level!(level, F32Lanes, both()),
         }
     }
 

@@ -20,13 +20,13 @@ macro_rules! array_lanes {
     ($(#[$doc:meta])* $name:ident, $scalar:ident, $n:literal, $(#[$mask_doc:meta])* $mask:ident, $word:ident) => {
         $(#[$doc])*
         #[derive(Clone, Copy)]
-        #[repr(C, align(64))]
+        #[repr(C, align(32))]
         pub struct $name(pub [$scalar; $n]);
 
         // A word as wide as its lane: compare, blend and logic then vectorise, which single bits would prevent.
         $(#[$mask_doc])*
         #[derive(Clone, Copy, Debug)]
-        #[repr(C, align(64))]
+        #[repr(C, align(32))]
         pub struct $mask([$word; $n]);
 
         as_lanes!($name, $scalar, $n);
@@ -170,14 +170,14 @@ macro_rules! array_lanes {
 }
 
 array_lanes! {
-    /// Eight `f64` lanes.
-    F64x8, f64, 8,
-    /// One truth value for each lane of [`F64x8`].
-    M64x8, u64
+    /// Four `f64` lanes.
+    F64x4, f64, 4,
+    /// One truth value for each lane of [`F64x4`].
+    M64x4, u64
 }
 array_lanes! {
-    /// Sixteen `f32` lanes.
-    F32x16, f32, 16,
-    /// One truth value for each lane of [`F32x16`].
-    M32x16, u32
+    /// Eight `f32` lanes.
+    F32x8, f32, 8,
+    /// One truth value for each lane of [`F32x8`].
+    M32x8, u32
 }

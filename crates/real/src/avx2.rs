@@ -1,4 +1,4 @@
-//! Lanes in two AVX registers, masks as vectors of compare results. Features: `avx2`.
+//! Lanes in AVX registers, two of `f64` and one of `f32`, masks as vectors of compare results. Features: `avx2`.
 //!
 //! # Safety
 //! The functions here are safe to call but execute AVX2 instructions. The module is private, and its types have no name outside but
@@ -14,9 +14,18 @@ use core::arch::x86_64::{__m256i, _CMP_EQ_OQ, _CMP_LE_OQ, _CMP_LT_OQ};
 /// Round to the nearest integer, ties to even, with no inexact exception.
 const NEAREST_EVEN: i32 = 0x08;
 
-/// The same expression of both halves; `$i` is the half.
-macro_rules! halves {
-    ($make:ident, |$i:ident| $e:expr) => {{
+/// The same expression of every register of a lane type; `$i` is the register.
+macro_rules! each {
+    ($make:ident, 1, |$i:ident| $e:expr) => {{
+        // SAFETY: the module's contract.
+        unsafe {
+            $make([{
+                const $i: usize = 0;
+                $e
+            }])
+        }
+    }};
+    ($make:ident, 2, |$i:ident| $e:expr) => {{
         // SAFETY: the module's contract.
         unsafe {
             $make([
@@ -36,34 +45,34 @@ macro_rules! halves {
 /// Expects the intrinsics of one precision in scope under the short names used below.
 macro_rules! avx2_lanes {
     ($(#[$doc:meta])* $name:ident, $scalar:ident, $n:literal, $(#[$mask_doc:meta])* $mask:ident, $int:ident,
-     mantissa $mantissa:literal, bias $bias:literal) => {
+     registers $registers:tt of $bytes:literal bytes, mantissa $mantissa:literal, bias $bias:literal) => {
         $(#[$doc])*
         #[derive(Clone, Copy)]
-        #[repr(C, align(64))]
-        pub struct $name([Raw; 2]);
+        #[repr(C, align($bytes))]
+        pub struct $name([Raw; $registers]);
 
         $(#[$mask_doc])*
         #[derive(Clone, Copy, Debug)]
-        #[repr(C, align(64))]
-        pub struct $mask([Raw; 2]);
+        #[repr(C, align($bytes))]
+        pub struct $mask([Raw; $registers]);
 
-        /// Lanes in one half.
-        const HALF: usize = $n / 2;
+        /// Lanes in one register.
+        const WIDTH: usize = $n / $registers;
 
         as_lanes!($name, $scalar, $n);
 
         operators! { $name:
-            Add add AddAssign add_assign = |a, b| halves!($name, |I| add(a.0[I], b.0[I]));
-            Sub sub SubAssign sub_assign = |a, b| halves!($name, |I| sub(a.0[I], b.0[I]));
-            Mul mul MulAssign mul_assign = |a, b| halves!($name, |I| mul(a.0[I], b.0[I]));
-            Div div DivAssign div_assign = |a, b| halves!($name, |I| div(a.0[I], b.0[I]));
+            Add add AddAssign add_assign = |a, b| each!($name, $registers, |I| add(a.0[I], b.0[I]));
+            Sub sub SubAssign sub_assign = |a, b| each!($name, $registers, |I| sub(a.0[I], b.0[I]));
+            Mul mul MulAssign mul_assign = |a, b| each!($name, $registers, |I| mul(a.0[I], b.0[I]));
+            Div div DivAssign div_assign = |a, b| each!($name, $registers, |I| div(a.0[I], b.0[I]));
         }
 
         impl core::ops::Neg for $name {
             type Output = Self;
             #[inline(always)]
             fn neg(self) -> Self {
-                halves!($name, |I| xor(self.0[I], set1(-0.0)))
+                each!($name, $registers, |I| xor(self.0[I], set1(-0.0)))
             }
         }
 
@@ -76,83 +85,82 @@ macro_rules! avx2_lanes {
 
             #[inline(always)]
             fn splat(x: $scalar) -> Self {
-                halves!($name, |_I| set1(x))
+                each!($name, $registers, |_I| set1(x))
             }
             #[inline(always)]
             fn load(s: &[$scalar]) -> Self {
                 let s = &s[..$n];
-                halves!($name, |I| loadu(s.as_ptr().add(I * HALF)))
+                each!($name, $registers, |I| loadu(s.as_ptr().add(I * WIDTH)))
             }
             #[inline(always)]
             fn store(self, s: &mut [$scalar]) {
                 let s = &mut s[..$n];
-                // SAFETY: the module's contract.
-                unsafe {
-                    storeu(s.as_mut_ptr(), self.0[0]);
-                    storeu(s.as_mut_ptr().add(HALF), self.0[1]);
+                for (i, register) in self.0.into_iter().enumerate() {
+                    // SAFETY: the module's contract, and within `s`.
+                    unsafe { storeu(s.as_mut_ptr().add(i * WIDTH), register) }
                 }
             }
             #[inline(always)]
             fn lt(self, o: Self) -> $mask {
-                halves!($mask, |I| cmp::<_CMP_LT_OQ>(self.0[I], o.0[I]))
+                each!($mask, $registers, |I| cmp::<_CMP_LT_OQ>(self.0[I], o.0[I]))
             }
             #[inline(always)]
             fn le(self, o: Self) -> $mask {
-                halves!($mask, |I| cmp::<_CMP_LE_OQ>(self.0[I], o.0[I]))
+                each!($mask, $registers, |I| cmp::<_CMP_LE_OQ>(self.0[I], o.0[I]))
             }
             #[inline(always)]
             fn eq(self, o: Self) -> $mask {
-                halves!($mask, |I| cmp::<_CMP_EQ_OQ>(self.0[I], o.0[I]))
+                each!($mask, $registers, |I| cmp::<_CMP_EQ_OQ>(self.0[I], o.0[I]))
             }
             #[inline(always)]
             fn select(m: $mask, a: Self, b: Self) -> Self {
-                halves!($name, |I| blend(b.0[I], a.0[I], m.0[I]))
+                each!($name, $registers, |I| blend(b.0[I], a.0[I], m.0[I]))
             }
             #[inline(always)]
             fn min(self, o: Self) -> Self {
-                halves!($name, |I| min(self.0[I], o.0[I]))
+                each!($name, $registers, |I| min(self.0[I], o.0[I]))
             }
             #[inline(always)]
             fn max(self, o: Self) -> Self {
-                halves!($name, |I| max(self.0[I], o.0[I]))
+                each!($name, $registers, |I| max(self.0[I], o.0[I]))
             }
             #[inline(always)]
             fn abs(self) -> Self {
-                halves!($name, |I| andnot(set1(-0.0), self.0[I]))
+                each!($name, $registers, |I| andnot(set1(-0.0), self.0[I]))
             }
             #[inline(always)]
             fn sqrt(self) -> Self {
-                halves!($name, |I| sqrt(self.0[I]))
+                each!($name, $registers, |I| sqrt(self.0[I]))
             }
             #[inline(always)]
             fn copysign(self, sign: Self) -> Self {
-                halves!($name, |I| or(andnot(set1(-0.0), self.0[I]), and(set1(-0.0), sign.0[I])))
+                each!($name, $registers, |I| or(andnot(set1(-0.0), self.0[I]), and(set1(-0.0), sign.0[I])))
             }
             #[inline(always)]
             fn round_even(self) -> Self {
-                halves!($name, |I| round::<NEAREST_EVEN>(self.0[I]))
+                each!($name, $registers, |I| round::<NEAREST_EVEN>(self.0[I]))
             }
             #[inline(always)]
             fn pow2(self) -> Self {
                 // See the scalar's pow2.
                 const BIASED: $scalar = (1u64 << $mantissa) as $scalar + $bias;
-                halves!($name, |I| from_int(shift_left::<$mantissa>(to_int(add(self.0[I], set1(BIASED))))))
+                each!($name, $registers, |I| from_int(shift_left::<$mantissa>(to_int(add(self.0[I], set1(BIASED))))))
             }
             #[inline(always)]
             fn split(self) -> (Self, Self) {
                 // See the scalar's split.
                 const ONE_BITS: $scalar = (1u64 << $mantissa) as $scalar;
                 const FRACTION: $scalar = $scalar::from_bits((1 << $mantissa) - 1);
-                let exponent = halves!($name, |I| from_int(shift_right::<$mantissa>(to_int(self.0[I]))));
-                let mantissa = halves!($name, |I| or(and(self.0[I], set1(FRACTION)), set1(1.0)));
-                (mantissa, halves!($name, |I| sub(or(exponent.0[I], set1(ONE_BITS)), set1(ONE_BITS + $bias))))
+                let exponent = each!($name, $registers, |I| from_int(shift_right::<$mantissa>(to_int(self.0[I]))));
+                let mantissa = each!($name, $registers, |I| or(and(self.0[I], set1(FRACTION)), set1(1.0)));
+                (mantissa, each!($name, $registers, |I| sub(or(exponent.0[I], set1(ONE_BITS)), set1(ONE_BITS + $bias))))
             }
         }
 
         impl Mask for $mask {
             #[inline(always)]
             fn splat(b: bool) -> Self {
-                halves!($mask, |_I| from_int(set1_int(-(b as $int))))
+                each!($mask, $registers, |_I| from_int(set1_int(-(b as $int))))
             }
             #[inline(always)]
             fn from_bits(bits: u32) -> Self {
@@ -166,26 +174,30 @@ macro_rules! avx2_lanes {
                     }
                     of_lane
                 };
-                // SAFETY: 64 bytes both, and any bits are a valid integer vector.
-                let bit: [__m256i; 2] = unsafe { core::mem::transmute(BIT_OF_LANE) };
-                halves!($mask, |I| from_int(equal_int(and_int(set1_int(bits as $int), bit[I]), bit[I])))
+                // SAFETY: of one size, and any bits are a valid integer vector.
+                let bit: [__m256i; $registers] = unsafe { core::mem::transmute(BIT_OF_LANE) };
+                each!($mask, $registers, |I| from_int(equal_int(and_int(set1_int(bits as $int), bit[I]), bit[I])))
             }
             #[inline(always)]
             fn bits(self) -> u32 {
-                // SAFETY: the module's contract.
-                unsafe { movemask(self.0[0]) as u32 | (movemask(self.0[1]) as u32) << HALF }
+                let mut bits = 0;
+                for (i, register) in self.0.into_iter().enumerate() {
+                    // SAFETY: the module's contract.
+                    bits |= (unsafe { movemask(register) } as u32) << (i * WIDTH);
+                }
+                bits
             }
             #[inline(always)]
             fn and(self, o: Self) -> Self {
-                halves!($mask, |I| and(self.0[I], o.0[I]))
+                each!($mask, $registers, |I| and(self.0[I], o.0[I]))
             }
             #[inline(always)]
             fn or(self, o: Self) -> Self {
-                halves!($mask, |I| or(self.0[I], o.0[I]))
+                each!($mask, $registers, |I| or(self.0[I], o.0[I]))
             }
             #[inline(always)]
             fn and_not(self, o: Self) -> Self {
-                halves!($mask, |I| andnot(o.0[I], self.0[I]))
+                each!($mask, $registers, |I| andnot(o.0[I], self.0[I]))
             }
             #[inline(always)]
             fn not(self) -> Self {
@@ -193,13 +205,13 @@ macro_rules! avx2_lanes {
             }
             #[inline(always)]
             fn any(self) -> bool {
-                // SAFETY: the module's contract.
-                unsafe { movemask(or(self.0[0], self.0[1])) != 0 }
+                // SAFETY: the module's contract. Of one register, the first is the last.
+                unsafe { movemask(or(self.0[0], self.0[$registers - 1])) != 0 }
             }
             #[inline(always)]
             fn all(self) -> bool {
                 // SAFETY: the module's contract.
-                unsafe { movemask(and(self.0[0], self.0[1])) == (1 << HALF) - 1 }
+                unsafe { movemask(and(self.0[0], self.0[$registers - 1])) == (1 << WIDTH) - 1 }
             }
         }
     };
@@ -219,7 +231,7 @@ mod double {
         /// Eight `f64` lanes.
         F64x8, f64, 8,
         /// One truth value for each lane of [`F64x8`].
-        M64x8, i64, mantissa 52, bias 1023.0
+        M64x8, i64, registers 2 of 64 bytes, mantissa 52, bias 1023.0
     }
 }
 mod single {
@@ -233,11 +245,11 @@ mod single {
         _mm256_storeu_ps as storeu, _mm256_sub_ps as sub, _mm256_xor_ps as xor,
     };
     avx2_lanes! {
-        /// Sixteen `f32` lanes.
-        F32x16, f32, 16,
-        /// One truth value for each lane of [`F32x16`].
-        M32x16, i32, mantissa 23, bias 127.0
+        /// Eight `f32` lanes.
+        F32x8, f32, 8,
+        /// One truth value for each lane of [`F32x8`].
+        M32x8, i32, registers 1 of 32 bytes, mantissa 23, bias 127.0
     }
 }
 pub(crate) use double::F64x8;
-pub(crate) use single::F32x16;
+pub(crate) use single::F32x8;

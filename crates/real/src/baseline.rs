@@ -1,9 +1,9 @@
 //! Lane types of the level that every CPU has: SSE2 on x86-64, [portable arrays](crate::array) elsewhere.
 
 #[cfg(not(target_arch = "x86_64"))]
-pub use crate::array::{F32x16, F64x8};
+pub use crate::array::{F32x8 as F32Lanes, F64x4 as F64Lanes};
 #[cfg(target_arch = "x86_64")]
-pub use crate::sse2::{F32x16, F64x8};
+pub use crate::sse2::{F32x8 as F32Lanes, F64x4 as F64Lanes};
 
 /// One `f64`, with the instructions that every CPU has around it.
 pub type F64x1 = f64;

@@ -126,8 +126,8 @@ impl std::error::Error for LevelError {}
 
 /// Calls a generic function with the lane type of a CPU level, picked at run time.
 ///
-/// `at_level!(level, F64x8, step(state, h))` is `step::<F64x8>(state, h)` with the `F64x8` of that [`Level`]: its first type argument is
-/// the lane type (`F64x1`, `F64x8` or `F32x16`, which need not be imported); further ones are written `step::<_, Further>(state, h)`. The
+/// `at_level!(level, F64Lanes, step(state, h))` is `step::<F64Lanes>(state, h)` with the `F64Lanes` of that [`Level`]: its first type
+/// argument is the lane type (`F64x1`, `F64Lanes` or `F32Lanes`, which need not be imported); further ones are written `step::<_, Further>(state, h)`. The
 /// types of arguments and result are the same at every level: numbers go in and out as scalars, through [`Real::load`] and [`Real::store`].
 ///
 /// The function itself is ordinary code. What it computes it computes in [`Real::vectorize`], which compiles a closure with the level's
@@ -149,7 +149,7 @@ impl std::error::Error for LevelError {}
 /// }
 ///
 /// let mut x = [3.0f32; 32];
-/// at_level!(Level::best()?, F32x16, scale(2.0, &mut x));
+/// at_level!(Level::best()?, F32Lanes, scale(2.0, &mut x));
 /// assert_eq!(x, [6.0; 32]);
 /// # Ok::<(), stepper_real::LevelError>(())
 /// ```
@@ -235,10 +235,10 @@ pub unsafe trait HasAvx512 {}
 pub trait Avx2 {
     /// One `f64`.
     type F64x1: Real<Scalar = f64>;
-    /// Eight `f64` lanes.
-    type F64x8: Real<Scalar = f64>;
-    /// Sixteen `f32` lanes.
-    type F32x16: Real<Scalar = f32>;
+    /// Eight `f64` lanes in two registers.
+    type F64Lanes: Real<Scalar = f64>;
+    /// Eight `f32` lanes in one.
+    type F32Lanes: Real<Scalar = f32>;
 }
 
 /// Lane types of the level AVX-512.
@@ -247,11 +247,11 @@ pub trait Avx512 {
     /// One `f64`.
     type F64x1: Real<Scalar = f64>;
     /// Eight `f64` lanes.
-    type F64x8: Real<Scalar = f64>;
+    type F64Lanes: Real<Scalar = f64>;
     /// Sixteen `f64` lanes in two of the thirty-two registers.
     type F64x16: Real<Scalar = f64>;
     /// Sixteen `f32` lanes.
-    type F32x16: Real<Scalar = f32>;
+    type F32Lanes: Real<Scalar = f32>;
     /// Thirty-two `f32` lanes in two registers.
     type F32x32: Real<Scalar = f32>;
 }
@@ -259,17 +259,17 @@ pub trait Avx512 {
 #[cfg(target_arch = "x86_64")]
 impl<T: HasAvx2> Avx2 for T {
     type F64x1 = crate::lone::F64x1;
-    type F64x8 = crate::avx2::F64x8;
-    type F32x16 = crate::avx2::F32x16;
+    type F64Lanes = crate::avx2::F64x8;
+    type F32Lanes = crate::avx2::F32x8;
 }
 
 // Wider registers than those of AVX2 gain one `f64` nothing.
 #[cfg(target_arch = "x86_64")]
 impl<T: HasAvx512> Avx512 for T {
     type F64x1 = crate::lone::F64x1;
-    type F64x8 = crate::avx512::F64x8;
+    type F64Lanes = crate::avx512::F64x8;
     type F64x16 = crate::two::Two<crate::avx512::F64x8>;
-    type F32x16 = crate::avx512::F32x16;
+    type F32Lanes = crate::avx512::F32x16;
     type F32x32 = crate::two::Two<crate::avx512::F32x16>;
 }
 

@@ -3,7 +3,8 @@
 //! The simulator's hot path is written once, generic over [`Real`], and instantiated for
 //!
 //! * `f64`, one environment, the reference;
-//! * `F64x1`, `F64x8` and `F32x16`, one, eight and sixteen environments, once per CPU level: [`baseline`], `avx2` and `avx512`;
+//! * `F64x1`, `F64Lanes` and `F32Lanes`, one and several environments, once per CPU level: four and eight of them by [`baseline`], eight
+//!   and eight by `avx2`, eight and sixteen by `avx512`;
 //! * `F64x16` and `F32x32`, sixteen and thirty-two environments in [two](Two) registers of `avx512`, which has enough of them.
 //!
 //! Every backend gives every lane the bits that `f64` (or `f32`) gives alone, for arithmetic, for [`Real::min`] and its like, and for
@@ -31,7 +32,7 @@
 //! }
 //!
 //! let mut out = [0.0; 16];
-//! at_level!(Level::best()?, F64x8, norms(&[3.0; 16], &[4.0; 16], &mut out));
+//! at_level!(Level::best()?, F64Lanes, norms(&[3.0; 16], &[4.0; 16], &mut out));
 //! assert_eq!(out, [5.0; 16]);
 //! # Ok::<(), stepper_real::LevelError>(())
 //! ```
@@ -57,7 +58,7 @@ mod single;
 mod sse2;
 mod two;
 
-pub use baseline::{F32x16, F64x1, F64x8};
+pub use baseline::{F32Lanes, F64Lanes, F64x1};
 #[cfg(target_arch = "x86_64")]
 pub use level::{Avx2, Avx512, HasAvx2, HasAvx512};
 pub use level::{Level, LevelError};

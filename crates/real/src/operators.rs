@@ -23,20 +23,20 @@ macro_rules! operators {
 /// Implements what follows from a lane type's being `[$scalar; $n]` in memory.
 macro_rules! as_lanes {
     ($t:ident, $scalar:ident, $n:literal) => {
-        // One cache line, and no padding: the lanes lie in memory as an array.
-        const _: () = assert!(size_of::<$t>() == 64 && align_of::<$t>() == 64 && size_of::<[$scalar; $n]>() == 64);
+        // No padding: the lanes lie in memory as an array, and no register of them lies in two cache lines.
+        const _: () = assert!(size_of::<$t>() == align_of::<$t>() && size_of::<[$scalar; $n]>() == size_of::<$t>());
 
         impl $t {
             /// The lanes as an array.
             #[inline(always)]
             pub fn to_array(self) -> [$scalar; $n] {
-                // SAFETY: 64 bytes both, and any bits are valid numbers.
+                // SAFETY: of one size, and any bits are valid numbers.
                 unsafe { core::mem::transmute(self) }
             }
             /// Lanes from an array.
             #[inline(always)]
             pub fn from_array(lanes: [$scalar; $n]) -> Self {
-                // SAFETY: 64 bytes both, and any bits are valid numbers.
+                // SAFETY: of one size, and any bits are valid numbers.
                 unsafe { core::mem::transmute(lanes) }
             }
         }

@@ -1,5 +1,5 @@
-//! Lanes in four SSE registers, masks as vectors of compare results. Every x86-64 CPU has SSE2, so these are the lanes of its baseline
-//! level.
+//! Lanes in two SSE registers, masks as vectors of compare results. Every x86-64 CPU has SSE2, so these are the lanes of its baseline
+//! level: it is there for old CPUs, and twice the registers a value, which its sixteen do not hold, take twice as long to compile.
 //!
 //! [Portable lanes](crate::array) are compiled to much the same instructions in the end, but the compiler has to find the vectors among
 //! scalars first, which took longer than all other lane types together.
@@ -10,8 +10,8 @@ use crate::mask::Mask;
 use crate::operators::{as_lanes, elementary_functions, lane_access, operators, vectorize};
 use crate::real::Real;
 
-/// The same expression of all quarters; `$i` is the quarter.
-macro_rules! quarters {
+/// The same expression of both halves; `$i` is the half.
+macro_rules! halves {
     ($make:ident, |$i:ident| $e:expr) => {{
         // SAFETY: every x86-64 CPU has SSE2, and what is read lies within its slice.
         unsafe {
@@ -22,14 +22,6 @@ macro_rules! quarters {
                 },
                 {
                     const $i: usize = 1;
-                    $e
-                },
-                {
-                    const $i: usize = 2;
-                    $e
-                },
-                {
-                    const $i: usize = 3;
                     $e
                 },
             ])
@@ -43,31 +35,31 @@ macro_rules! sse2_lanes {
      mantissa $mantissa:literal, bias $bias:literal) => {
         $(#[$doc])*
         #[derive(Clone, Copy)]
-        #[repr(C, align(64))]
-        pub struct $name([Raw; 4]);
+        #[repr(C, align(32))]
+        pub struct $name([Raw; 2]);
 
         $(#[$mask_doc])*
         #[derive(Clone, Copy, Debug)]
-        #[repr(C, align(64))]
-        pub struct $mask([Raw; 4]);
+        #[repr(C, align(32))]
+        pub struct $mask([Raw; 2]);
 
-        /// Lanes in one quarter.
-        const QUARTER: usize = $n / 4;
+        /// Lanes in one half.
+        const HALF: usize = $n / 2;
 
         as_lanes!($name, $scalar, $n);
 
         operators! { $name:
-            Add add AddAssign add_assign = |a, b| quarters!($name, |I| add(a.0[I], b.0[I]));
-            Sub sub SubAssign sub_assign = |a, b| quarters!($name, |I| sub(a.0[I], b.0[I]));
-            Mul mul MulAssign mul_assign = |a, b| quarters!($name, |I| mul(a.0[I], b.0[I]));
-            Div div DivAssign div_assign = |a, b| quarters!($name, |I| div(a.0[I], b.0[I]));
+            Add add AddAssign add_assign = |a, b| halves!($name, |I| add(a.0[I], b.0[I]));
+            Sub sub SubAssign sub_assign = |a, b| halves!($name, |I| sub(a.0[I], b.0[I]));
+            Mul mul MulAssign mul_assign = |a, b| halves!($name, |I| mul(a.0[I], b.0[I]));
+            Div div DivAssign div_assign = |a, b| halves!($name, |I| div(a.0[I], b.0[I]));
         }
 
         impl core::ops::Neg for $name {
             type Output = Self;
             #[inline(always)]
             fn neg(self) -> Self {
-                quarters!($name, |I| xor(self.0[I], set1(-0.0)))
+                halves!($name, |I| xor(self.0[I], set1(-0.0)))
             }
         }
 
@@ -80,56 +72,56 @@ macro_rules! sse2_lanes {
 
             #[inline(always)]
             fn splat(x: $scalar) -> Self {
-                quarters!($name, |_I| set1(x))
+                halves!($name, |_I| set1(x))
             }
             #[inline(always)]
             fn load(s: &[$scalar]) -> Self {
                 let s = &s[..$n];
-                quarters!($name, |I| loadu(s.as_ptr().add(I * QUARTER)))
+                halves!($name, |I| loadu(s.as_ptr().add(I * HALF)))
             }
             #[inline(always)]
             fn store(self, s: &mut [$scalar]) {
                 let s = &mut s[..$n];
-                for (i, quarter) in self.0.into_iter().enumerate() {
+                for (i, half) in self.0.into_iter().enumerate() {
                     // SAFETY: within `s`, and every x86-64 CPU has SSE2.
-                    unsafe { storeu(s.as_mut_ptr().add(i * QUARTER), quarter) }
+                    unsafe { storeu(s.as_mut_ptr().add(i * HALF), half) }
                 }
             }
             #[inline(always)]
             fn lt(self, o: Self) -> $mask {
-                quarters!($mask, |I| less(self.0[I], o.0[I]))
+                halves!($mask, |I| less(self.0[I], o.0[I]))
             }
             #[inline(always)]
             fn le(self, o: Self) -> $mask {
-                quarters!($mask, |I| less_equal(self.0[I], o.0[I]))
+                halves!($mask, |I| less_equal(self.0[I], o.0[I]))
             }
             #[inline(always)]
             fn eq(self, o: Self) -> $mask {
-                quarters!($mask, |I| equal(self.0[I], o.0[I]))
+                halves!($mask, |I| equal(self.0[I], o.0[I]))
             }
             #[inline(always)]
             fn select(m: $mask, a: Self, b: Self) -> Self {
-                quarters!($name, |I| or(and(m.0[I], a.0[I]), andnot(m.0[I], b.0[I])))
+                halves!($name, |I| or(and(m.0[I], a.0[I]), andnot(m.0[I], b.0[I])))
             }
             #[inline(always)]
             fn min(self, o: Self) -> Self {
-                quarters!($name, |I| min(self.0[I], o.0[I]))
+                halves!($name, |I| min(self.0[I], o.0[I]))
             }
             #[inline(always)]
             fn max(self, o: Self) -> Self {
-                quarters!($name, |I| max(self.0[I], o.0[I]))
+                halves!($name, |I| max(self.0[I], o.0[I]))
             }
             #[inline(always)]
             fn abs(self) -> Self {
-                quarters!($name, |I| andnot(set1(-0.0), self.0[I]))
+                halves!($name, |I| andnot(set1(-0.0), self.0[I]))
             }
             #[inline(always)]
             fn sqrt(self) -> Self {
-                quarters!($name, |I| sqrt(self.0[I]))
+                halves!($name, |I| sqrt(self.0[I]))
             }
             #[inline(always)]
             fn copysign(self, sign: Self) -> Self {
-                quarters!($name, |I| or(andnot(set1(-0.0), self.0[I]), and(set1(-0.0), sign.0[I])))
+                halves!($name, |I| or(andnot(set1(-0.0), self.0[I]), and(set1(-0.0), sign.0[I])))
             }
             #[inline(always)]
             fn round_even(self) -> Self {
@@ -143,59 +135,58 @@ macro_rules! sse2_lanes {
             fn pow2(self) -> Self {
                 // See the scalar's pow2.
                 const BIASED: $scalar = (1u64 << $mantissa) as $scalar + $bias;
-                quarters!($name, |I| from_int(shift_left::<$mantissa>(to_int(add(self.0[I], set1(BIASED))))))
+                halves!($name, |I| from_int(shift_left::<$mantissa>(to_int(add(self.0[I], set1(BIASED))))))
             }
             #[inline(always)]
             fn split(self) -> (Self, Self) {
                 // See the scalar's split.
                 const ONE_BITS: $scalar = (1u64 << $mantissa) as $scalar;
                 const FRACTION: $scalar = $scalar::from_bits((1 << $mantissa) - 1);
-                let exponent = quarters!($name, |I| from_int(shift_right::<$mantissa>(to_int(self.0[I]))));
-                let mantissa = quarters!($name, |I| or(and(self.0[I], set1(FRACTION)), set1(1.0)));
-                (mantissa, quarters!($name, |I| sub(or(exponent.0[I], set1(ONE_BITS)), set1(ONE_BITS + $bias))))
+                let exponent = halves!($name, |I| from_int(shift_right::<$mantissa>(to_int(self.0[I]))));
+                let mantissa = halves!($name, |I| or(and(self.0[I], set1(FRACTION)), set1(1.0)));
+                (mantissa, halves!($name, |I| sub(or(exponent.0[I], set1(ONE_BITS)), set1(ONE_BITS + $bias))))
             }
         }
 
         impl Mask for $mask {
             #[inline(always)]
             fn splat(b: bool) -> Self {
-                quarters!($mask, |_I| from_int(set1_int(-(b as i32))))
+                halves!($mask, |_I| from_int(set1_int(-(b as i32))))
             }
             #[inline(always)]
             fn from_bits(bits: u32) -> Self {
                 // Lane i keeps bit i of the broadcast word, and is true when that is still there. SSE2 compares 32 bits at the most: a lane
                 // of 64 has its bit twice.
-                const BIT: [i32; 16] = {
-                    let mut bit = [0; 16];
+                const BIT: [i32; 8] = {
+                    let mut bit = [0; 8];
                     let mut i = 0;
-                    while i < 16 {
-                        bit[i] = 1 << (i * $n / 16);
+                    while i < 8 {
+                        bit[i] = 1 << (i * $n / 8);
                         i += 1;
                     }
                     bit
                 };
-                // SAFETY: 64 bytes both, and any bits are a valid integer vector.
-                let bit: [__m128i; 4] = unsafe { core::mem::transmute(BIT) };
-                quarters!($mask, |I| from_int(equal_int(and_int(set1_int(bits as i32), bit[I]), bit[I])))
+                // SAFETY: 32 bytes both, and any bits are a valid integer vector.
+                let bit: [__m128i; 2] = unsafe { core::mem::transmute(BIT) };
+                halves!($mask, |I| from_int(equal_int(and_int(set1_int(bits as i32), bit[I]), bit[I])))
             }
             #[inline(always)]
             fn bits(self) -> u32 {
-                let [a, b, c, d] = self.0;
+                let [a, b] = self.0;
                 // SAFETY: every x86-64 CPU has SSE2.
-                let [a, b, c, d] = unsafe { [movemask(a) as u32, movemask(b) as u32, movemask(c) as u32, movemask(d) as u32] };
-                a | b << QUARTER | c << (2 * QUARTER) | d << (3 * QUARTER)
+                unsafe { movemask(a) as u32 | (movemask(b) as u32) << HALF }
             }
             #[inline(always)]
             fn and(self, o: Self) -> Self {
-                quarters!($mask, |I| and(self.0[I], o.0[I]))
+                halves!($mask, |I| and(self.0[I], o.0[I]))
             }
             #[inline(always)]
             fn or(self, o: Self) -> Self {
-                quarters!($mask, |I| or(self.0[I], o.0[I]))
+                halves!($mask, |I| or(self.0[I], o.0[I]))
             }
             #[inline(always)]
             fn and_not(self, o: Self) -> Self {
-                quarters!($mask, |I| andnot(o.0[I], self.0[I]))
+                halves!($mask, |I| andnot(o.0[I], self.0[I]))
             }
             #[inline(always)]
             fn not(self) -> Self {
@@ -203,15 +194,15 @@ macro_rules! sse2_lanes {
             }
             #[inline(always)]
             fn any(self) -> bool {
-                let [a, b, c, d] = self.0;
+                let [a, b] = self.0;
                 // SAFETY: every x86-64 CPU has SSE2.
-                unsafe { movemask(or(or(a, b), or(c, d))) != 0 }
+                unsafe { movemask(or(a, b)) != 0 }
             }
             #[inline(always)]
             fn all(self) -> bool {
-                let [a, b, c, d] = self.0;
+                let [a, b] = self.0;
                 // SAFETY: every x86-64 CPU has SSE2.
-                unsafe { movemask(and(and(a, b), and(c, d))) == (1 << QUARTER) - 1 }
+                unsafe { movemask(and(a, b)) == (1 << HALF) - 1 }
             }
         }
     };
@@ -227,10 +218,10 @@ mod double {
         _mm_sub_pd as sub, _mm_xor_pd as xor,
     };
     sse2_lanes! {
-        /// Eight `f64` lanes.
-        F64x8, f64, 8,
-        /// One truth value for each lane of [`F64x8`].
-        M64x8, mantissa 52, bias 1023.0
+        /// Four `f64` lanes.
+        F64x4, f64, 4,
+        /// One truth value for each lane of [`F64x4`].
+        M64x4, mantissa 52, bias 1023.0
     }
 }
 mod single {
@@ -243,11 +234,11 @@ mod single {
         _mm_sub_ps as sub, _mm_xor_ps as xor,
     };
     sse2_lanes! {
-        /// Sixteen `f32` lanes.
-        F32x16, f32, 16,
-        /// One truth value for each lane of [`F32x16`].
-        M32x16, mantissa 23, bias 127.0
+        /// Eight `f32` lanes.
+        F32x8, f32, 8,
+        /// One truth value for each lane of [`F32x8`].
+        M32x8, mantissa 23, bias 127.0
     }
 }
-pub use double::F64x8;
-pub use single::F32x16;
+pub use double::F64x4;
+pub use single::F32x8;

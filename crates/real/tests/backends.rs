@@ -133,27 +133,26 @@ fn vectorized<R: Real>(a: &[R::Scalar], b: &[R::Scalar], out: &mut [R::Scalar]) 
     )
 }
 
-/// Compares the lanes of every level with scalars, bit for bit. Which NaN it is may differ.
+fn lanes<R: Real>() -> usize {
+    R::LANES
+}
+
+/// Compares the lanes of every level with scalars, bit for bit. Which NaN it is may differ. `$lanes` of a level is their number, 0 where the
+/// level has none of the type.
 macro_rules! check {
-    ($name:ident, $scalar:ident, $n:literal, $run:expr) => {
+    ($name:ident, $scalar:ident, $lanes:expr, $run:expr) => {
         fn $name(a: &[$scalar], b: &[$scalar]) {
-            const N: usize = $n;
-            let (mut group_a, mut group_b) = ([0.0; N], [0.0; N]);
-            for (a, b) in a.chunks(N).zip(b.chunks(N)) {
-                group_a[..a.len()].copy_from_slice(a);
-                group_b[..b.len()].copy_from_slice(b);
-                let mut expected = [[0.0; NAMES.len()]; N];
-                for lane in 0..N {
-                    operations::<$scalar>(&group_a[lane..], &group_b[lane..], &mut expected[lane]);
-                }
-                for &level in Level::available() {
-                    let mut out = [0.0; N * NAMES.len()];
-                    if !$run(level, &group_a, &group_b, &mut out) {
-                        continue;
-                    }
-                    for (op, name) in NAMES.iter().enumerate() {
-                        for lane in 0..N {
-                            let (x, y) = (out[op * N + lane], expected[lane][op]);
+            for (level, n) in Level::available().iter().map(|&level| (level, $lanes(level))).filter(|found| found.1 > 0) {
+                let (mut group_a, mut group_b, mut out) = (vec![0.0; n], vec![0.0; n], vec![0.0; n * NAMES.len()]);
+                for (a, b) in a.chunks(n).zip(b.chunks(n)) {
+                    group_a[..a.len()].copy_from_slice(a);
+                    group_b[..b.len()].copy_from_slice(b);
+                    $run(level, &group_a, &group_b, &mut out);
+                    for lane in 0..n {
+                        let mut expected = [0.0; NAMES.len()];
+                        operations::<$scalar>(&group_a[lane..], &group_b[lane..], &mut expected);
+                        for (op, name) in NAMES.iter().enumerate() {
+                            let (x, y) = (out[op * n + lane], expected[op]);
                             assert!(
                                 x.to_bits() == y.to_bits() || (x.is_nan() && y.is_nan()),
                                 "{name} of {:e} and {:e}: {x:e} at level {level}, {y:e} alone",
@@ -168,45 +167,41 @@ macro_rules! check {
     };
 }
 
-/// Runs the operations at a level, if it has the lane type.
-macro_rules! run {
-    ($lanes:ident) => {
-        |level, a: &[_], b: &[_], out: &mut [_]| {
-            at_level!(level, $lanes, vectorized(a, b, out));
-            true
-        }
+macro_rules! check_level {
+    ($name:ident, $scalar:ident, $lanes:ident) => {
+        check!($name, $scalar, |level| at_level!(level, $lanes, lanes()), |level, a: &[_], b: &[_], out: &mut [_]| at_level!(
+            level,
+            $lanes,
+            vectorized(a, b, out)
+        ));
     };
 }
 
-macro_rules! run_two {
-    ($lanes:ident) => {
-        |level, a: &[_], b: &[_], out: &mut [_]| {
-            let there = level == Level::Avx512;
-            if there {
-                at_avx512!($lanes, vectorized(a, b, out));
-            }
-            there
-        }
+macro_rules! check_two {
+    ($name:ident, $scalar:ident, $lanes:ident, $n:literal) => {
+        check!($name, $scalar, |level| if level == Level::Avx512 { $n } else { 0 }, |_, a: &[_], b: &[_], out: &mut [_]| at_avx512!(
+            $lanes,
+            vectorized(a, b, out)
+        ));
     };
 }
 
-/// Runs the operations on portable lanes, which no level of x86-64 has, beside the baseline.
-macro_rules! run_portable {
-    ($lanes:ident) => {
-        |level, a: &[_], b: &[_], out: &mut [_]| {
-            vectorized::<array::$lanes>(a, b, out);
-            level == Level::available()[0]
-        }
+/// Portable lanes, which no level of x86-64 has, once.
+macro_rules! check_portable {
+    ($name:ident, $scalar:ident, $lanes:ident, $n:literal) => {
+        check!($name, $scalar, |level| if level == Level::available()[0] { $n } else { 0 }, |_, a: &[_], b: &[_], out: &mut [_]| {
+            vectorized::<array::$lanes>(a, b, out)
+        });
     };
 }
 
-check!(check_f64, f64, 8, run!(F64x8));
-check!(check_portable, f64, 8, run_portable!(F64x8));
-check!(check_portable_f32, f32, 16, run_portable!(F32x16));
-check!(check_alone, f64, 1, run!(F64x1));
-check!(check_f32, f32, 16, run!(F32x16));
-check!(check_two, f64, 16, run_two!(F64x16));
-check!(check_two_f32, f32, 32, run_two!(F32x32));
+check_level!(check_f64, f64, F64Lanes);
+check_level!(check_alone, f64, F64x1);
+check_level!(check_f32, f32, F32Lanes);
+check_portable!(check_portable, f64, F64x4, 4);
+check_portable!(check_portable_f32, f32, F32x8, 8);
+check_two!(check_two, f64, F64x16, 16);
+check_two!(check_two_f32, f32, F32x32, 32);
 
 /// Values at which something changes: a sign, a case, a rounding, the range.
 macro_rules! specials {
@@ -285,17 +280,18 @@ fn special_values_pair_by_pair() {
 
 #[test]
 fn a_lane_does_not_see_its_neighbours() {
-    let lane_5 = |level: Level, a: &[f64; 8]| -> Vec<u64> {
-        let mut out = [0.0; 8 * NAMES.len()];
-        at_level!(level, F64x8, vectorized(a, &[0.7; 8], &mut out));
-        out.chunks_exact(8).map(|x| x[5].to_bits()).collect()
+    let lane_1 = |level: Level, a: &[f64; 8]| -> Vec<u64> {
+        let n = at_level!(level, F64Lanes, lanes());
+        let mut out = vec![0.0; n * NAMES.len()];
+        at_level!(level, F64Lanes, vectorized(a, &[0.7; 8], &mut out));
+        out.chunks_exact(n).map(|x| x[1].to_bits()).collect()
     };
     for &level in Level::available() {
         let mut quiet = [0.3; 8];
-        let alone = lane_5(level, &quiet);
-        quiet[4] = f64::NAN;
-        quiet[6] = 1e300;
-        assert_eq!(alone, lane_5(level, &quiet), "level {level}");
+        let alone = lane_1(level, &quiet);
+        quiet[0] = f64::NAN;
+        quiet[2] = 1e300;
+        assert_eq!(alone, lane_1(level, &quiet), "level {level}");
     }
 }
 
@@ -306,18 +302,17 @@ fn gathered<R: Real>(x: &[R::Scalar], order: &[u32], out: &mut [R::Scalar]) {
     )
 }
 
-/// Picks half of the lanes of two portable registers and of two of AVX-512.
+/// Picks half of the lanes of two portable groups of `$n` and of two registers of AVX-512.
 macro_rules! check_gathered {
-    ($x:ident, $order:ident, $portable:ident, $lanes:ident) => {{
-        let expected: Vec<_> = $order.iter().map(|&l| $x[l as usize]).collect();
-        let mut out = expected.clone();
-        out.reverse();
-        gathered::<Two<array::$portable>>(&$x, &$order, &mut out);
-        prop_assert_eq!(&out, &expected);
+    ($x:ident, $order:ident, $portable:ident, $n:literal, $lanes:ident) => {{
+        let few: Vec<u32> = $order[..$n].iter().map(|l| l % (2 * $n)).collect();
+        let mut out = vec![0.0; $n];
+        gathered::<Two<array::$portable>>(&$x, &few, &mut out);
+        prop_assert_eq!(out, few.iter().map(|&l| $x[l as usize]).collect::<Vec<_>>());
         if Level::Avx512.is_available() {
-            out.reverse();
+            let mut out = vec![0.0; $order.len()];
             at_avx512!($lanes, gathered(&$x, &$order, &mut out));
-            prop_assert_eq!(&out, &expected);
+            prop_assert_eq!(out, $order.iter().map(|&l| $x[l as usize]).collect::<Vec<_>>());
         }
     }};
 }
@@ -325,12 +320,12 @@ macro_rules! check_gathered {
 proptest! {
     #[test]
     fn lanes_are_gathered_by_number(order in prop::collection::vec(0u32..16, 8), x in prop::collection::vec(-1e3..1e3f64, 16)) {
-        check_gathered!(x, order, F64x8, F64x16);
+        check_gathered!(x, order, F64x4, 4, F64x16);
     }
 
     #[test]
     fn more_lanes_are_gathered_by_number(order in prop::collection::vec(0u32..32, 16), x in prop::collection::vec(-1e3..1e3f32, 32)) {
-        check_gathered!(x, order, F32x16, F32x32);
+        check_gathered!(x, order, F32x8, 8, F32x32);
     }
 }
 
@@ -396,14 +391,15 @@ fn store<R: Real>(s: &mut [R::Scalar], i: usize, x: R::Scalar) {
 fn short_slices_and_missing_lanes_panic_at_every_level() {
     let panics = |f: &dyn Fn()| std::panic::catch_unwind(std::panic::AssertUnwindSafe(f)).is_err();
     for &level in Level::available() {
-        assert_eq!(at_level!(level, F64x8, load(&[3.0; 9], 7)), 3.0);
-        assert!(panics(&|| _ = at_level!(level, F64x8, load(&[3.0; 7], 0))));
-        assert!(panics(&|| _ = at_level!(level, F64x8, load(&[3.0; 8], 8))));
-        assert!(panics(&|| _ = at_level!(level, F32x16, load(&[3.0; 15], 0))));
-        assert!(panics(&|| _ = at_level!(level, F32x16, load(&[3.0; 16], 16))));
-        assert!(panics(&|| at_level!(level, F64x8, store(&mut [0.0; 7], 0, 1.0))));
-        assert!(panics(&|| at_level!(level, F64x8, store(&mut [0.0; 8], 8, 1.0))));
-        assert!(panics(&|| at_level!(level, F32x16, store(&mut [0.0; 15], 0, 1.0))));
-        assert!(panics(&|| at_level!(level, F32x16, store(&mut [0.0; 16], 16, 1.0))));
+        let [n, m] = [at_level!(level, F64Lanes, lanes()), at_level!(level, F32Lanes, lanes())];
+        assert_eq!(at_level!(level, F64Lanes, load(&vec![3.0; n + 1], n - 1)), 3.0);
+        assert!(panics(&|| _ = at_level!(level, F64Lanes, load(&vec![3.0; n - 1], 0))));
+        assert!(panics(&|| _ = at_level!(level, F64Lanes, load(&vec![3.0; n], n))));
+        assert!(panics(&|| _ = at_level!(level, F32Lanes, load(&vec![3.0; m - 1], 0))));
+        assert!(panics(&|| _ = at_level!(level, F32Lanes, load(&vec![3.0; m], m))));
+        assert!(panics(&|| at_level!(level, F64Lanes, store(&mut vec![0.0; n - 1], 0, 1.0))));
+        assert!(panics(&|| at_level!(level, F64Lanes, store(&mut vec![0.0; n], n, 1.0))));
+        assert!(panics(&|| at_level!(level, F32Lanes, store(&mut vec![0.0; m - 1], 0, 1.0))));
+        assert!(panics(&|| at_level!(level, F32Lanes, store(&mut vec![0.0; m], m, 1.0))));
     }
 }

@@ -52,10 +52,10 @@ fn arguments_and_results_pass_through() {
     for &level in Level::available() {
         let mut x = [5.0; 24];
         let context = Context { gain: &[10.0] };
-        assert_eq!(at_level!(level, F64x8, shift::<_, Two>(&context, &mut x)), 24);
+        assert_eq!(at_level!(level, F64Lanes, shift::<_, Two>(&context, &mut x)), 24);
         assert_eq!(x, [52.0; 24]);
-        assert_eq!(at_level!(level, F64x8, longest(&x, &x[..2],)).len(), 24);
-        assert_eq!(at_level!(level, F32x16, lanes()), 16);
+        assert_eq!(at_level!(level, F64Lanes, longest(&x, &x[..2],)).len(), 24);
+        assert_eq!(at_level!(level, F32Lanes, lanes()), if level == Level::Avx512 { 16 } else { 8 });
     }
 }
 
@@ -64,7 +64,7 @@ fn the_lanes_are_those_of_the_level() {
     for &level in Level::available() {
         let baseline = if cfg!(target_arch = "x86_64") { "sse2" } else { "array" };
         let module = if level == Level::Baseline { baseline.to_owned() } else { level.to_string() };
-        for name in [at_level!(level, F64x8, type_name()), at_level!(level, F32x16, type_name())] {
+        for name in [at_level!(level, F64Lanes, type_name()), at_level!(level, F32Lanes, type_name())] {
             assert!(name.contains(&format!("::{module}::")), "{name} at level {level}");
         }
     }
@@ -77,14 +77,14 @@ fn the_level_is_evaluated_once() {
         asked += 1;
         Level::Baseline
     };
-    at_level!(ask(), F32x16, lanes());
+    at_level!(ask(), F32Lanes, lanes());
     assert_eq!(asked, 1);
 }
 
 #[test]
 fn a_missing_level_is_refused() {
     for level in [Level::Baseline, Level::Avx2, Level::Avx512] {
-        let ran = std::panic::catch_unwind(|| at_level!(level, F32x16, lanes())).is_ok();
+        let ran = std::panic::catch_unwind(|| at_level!(level, F32Lanes, lanes())).is_ok();
         assert_eq!(ran, Level::available().contains(&level), "{level}");
     }
 }

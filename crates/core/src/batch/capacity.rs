@@ -15,8 +15,8 @@ use crate::stages::s10_record::Status;
 
 /// Memory of the state of one environment among many, bytes.
 pub(super) fn bytes_per_env<S: LaneScalar>(compiled: &CompiledModel<S>, max_contacts: usize) -> usize {
-    let group = Group::new(compiled, &vec![S::default(); compiled.nq], S::LANES, 0, 0, max_contacts);
-    group.bytes().div_ceil(S::LANES)
+    let group = Group::new(compiled, &vec![S::default(); compiled.nq], S::SAVED, 0, 0, max_contacts);
+    group.bytes().div_ceil(S::SAVED)
 }
 
 /// Memory that is asked for besides what environments keep, bytes each: indices, and what a list of many parts costs.
@@ -68,7 +68,7 @@ fn contacts_at_start<S: LaneScalar>(
     level: Level,
 ) -> usize {
     let settings = StepSettings { solver: Solver::Pgs, iterations: 1, stabilization: Stabilization::None, ..*settings };
-    let lanes = S::SINGLE;
+    let lanes = S::single(level);
     let make = |room: usize| S::worker(&WorkerSpec { compiled, settings: &settings, max_contacts: room }, lanes, level);
     let overrides = ParameterOverrides::default();
     let call = Call {

@@ -18,7 +18,7 @@ use crate::math::precision::Precision;
 const MAGIC: [u8; 8] = *b"stepper\xfe";
 
 /// Version of the format of saved states; changes whenever what survives a step does.
-pub const FORMAT_VERSION: u32 = 3;
+pub const FORMAT_VERSION: u32 = 4;
 
 /// Where the digest of the model begins.
 const MODEL: usize = 13;

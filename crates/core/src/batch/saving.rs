@@ -23,7 +23,7 @@ pub trait Saving {
     fn restore(&mut self, bytes: &[u8], envs: &[usize]) -> Result<Vec<f64>, StateMisfit>;
 }
 
-/// All that survives a step, in groups of one width whatever steps them: 8 `f64` or 16 `f32`, or one environment alone.
+/// All that survives a step, in groups of one width whatever steps them: 4 `f64` or 8 `f32`, or one environment alone.
 #[derive(Serialize, Deserialize)]
 struct SavedGroups<S> {
     num_envs: usize,

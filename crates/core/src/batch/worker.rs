@@ -1,9 +1,9 @@
 //! A worker steps groups of environments on one thread; one kind per lane type, one instantiation per CPU level.
 
 use serde::{Serialize, de::DeserializeOwned};
-use stepper_real::{Level, Mask, Real, Scalar};
 #[cfg(not(test))]
-use stepper_real::{at_avx512, at_level};
+use stepper_real::at_avx512;
+use stepper_real::{Level, Mask, Real, Scalar, at_level};
 
 use crate::analysis::derived::{Derivation, DerivedQuantity};
 use crate::batch::call::{Call, Query};
@@ -59,10 +59,10 @@ pub struct WorkerMakers {
 
 /// A scalar type with the lanes that step it.
 pub trait LaneScalar: Scalar + Serialize + DeserializeOwned {
-    /// Lanes of a group in which states are saved, whatever steps them.
-    const LANES: usize;
+    /// Lanes of a group in which states are saved, whatever steps them: those of the narrowest level.
+    const SAVED: usize;
     /// Lanes of a single environment.
-    const SINGLE: usize;
+    fn single(level: Level) -> usize;
     /// Lanes of a group of many environments, stepped by so many threads.
     fn lanes(compiled: &CompiledModel<Self>, num_envs: usize, threads: usize, level: Level) -> usize;
     /// A worker for groups of `lanes` lanes at a CPU level that this machine has.
@@ -94,20 +94,27 @@ pub struct GroupPosition<'a, 'b, S> {
 /// registers make dm_control's humanoid (243) 4 to 6 % faster, humanoid_CMU (952) up to 4 % slower.
 const MAX_CACHED_ENTRIES: usize = 512;
 
-/// Lanes of one register, `n`, or of two where that takes less time: it takes as much as 1.8 times one (docs/performance.md). With the
-/// sixteen registers of AVX2 it would take 2.2 to 2.5 times.
+/// The level's lanes, `n`, or twice as many where that takes less time: with AVX-512 it takes as much as 1.8 times one register
+/// (docs/performance.md). With the sixteen registers of AVX2 it would take 2.2 to 2.5 times.
 fn lanes<S: Scalar>(n: usize, compiled: &CompiledModel<S>, num_envs: usize, threads: usize, level: Level) -> usize {
     let groups = |lanes: usize| num_envs.div_ceil(lanes).div_ceil(threads);
     let pays = compiled.chain.len() <= MAX_CACHED_ENTRIES && 9 * groups(2 * n) <= 5 * groups(n);
     if level == Level::Avx512 && pays { 2 * n } else { n }
 }
 
+fn width<R: Real>() -> usize {
+    R::LANES
+}
+
 impl LaneScalar for f64 {
-    const LANES: usize = 8;
-    const SINGLE: usize = 1;
+    const SAVED: usize = 4;
+
+    fn single(_: Level) -> usize {
+        1
+    }
 
     fn lanes(compiled: &CompiledModel<f64>, num_envs: usize, threads: usize, level: Level) -> usize {
-        lanes(8, compiled, num_envs, threads, level)
+        lanes(at_level!(level, F64Lanes, width()), compiled, num_envs, threads, level)
     }
 
     fn worker(spec: &WorkerSpec<'_, f64>, lanes: usize, level: Level) -> Box<dyn Worker<f64>> {
@@ -118,8 +125,8 @@ impl LaneScalar for f64 {
     fn probed_worker(spec: &WorkerSpec<'_, f64>, lanes: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<f64>> {
         match lanes {
             1 => at_level!(level, F64x1, lane_worker(spec, probe)),
-            8 => at_level!(level, F64x8, lane_worker(spec, probe)),
-            _ => at_avx512!(F64x16, lane_worker(spec, probe)),
+            16 => at_avx512!(F64x16, lane_worker(spec, probe)),
+            _ => at_level!(level, F64Lanes, lane_worker(spec, probe)),
         }
     }
 
@@ -143,11 +150,14 @@ impl LaneScalar for f64 {
 }
 
 impl LaneScalar for f32 {
-    const LANES: usize = 16;
-    const SINGLE: usize = 16;
+    const SAVED: usize = 8;
+
+    fn single(level: Level) -> usize {
+        at_level!(level, F32Lanes, width())
+    }
 
     fn lanes(compiled: &CompiledModel<f32>, num_envs: usize, threads: usize, level: Level) -> usize {
-        lanes(16, compiled, num_envs, threads, level)
+        lanes(Self::single(level), compiled, num_envs, threads, level)
     }
 
     fn worker(spec: &WorkerSpec<'_, f32>, lanes: usize, level: Level) -> Box<dyn Worker<f32>> {
@@ -156,7 +166,7 @@ impl LaneScalar for f32 {
 
     #[cfg(not(test))]
     fn probed_worker(spec: &WorkerSpec<'_, f32>, lanes: usize, level: Level, probe: impl Probe) -> Box<dyn Worker<f32>> {
-        if lanes == 32 { at_avx512!(F32x32, lane_worker(spec, probe)) } else { at_level!(level, F32x16, lane_worker(spec, probe)) }
+        if lanes == 32 { at_avx512!(F32x32, lane_worker(spec, probe)) } else { at_level!(level, F32Lanes, lane_worker(spec, probe)) }
     }
 
     #[cfg(test)]

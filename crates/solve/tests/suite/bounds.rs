@@ -2,7 +2,7 @@
 
 use crate::common::cases;
 use proptest::prelude::*;
-use stepper_real::{F64x8, Mask, Real};
+use stepper_real::{F64Lanes, Mask, Real};
 use stepper_solve::newton::{Newton, Work};
 use stepper_solve::{Iterate, PASSES, Problem, Settings, residual, solve};
 
@@ -112,21 +112,21 @@ proptest! {
     /// Sweeps are as many as asked for at the most, and a lane that blows up leaves its neighbours their bits.
     #[test]
     fn a_lane_that_blows_up_costs_its_neighbours_nothing_but_bounded_time(case in case(0.0, Just(1.0)), at in 0..ROWS, bad in odd()) {
-        let (problem, iterate) = build::<F64x8>(&case);
+        let (problem, iterate) = build::<F64Lanes>(&case);
         let mut worse = problem.clone();
         match at {
             0 => worse.scalars[0].g.set_lane(3, bad),
             k => worse.contacts[k - 1].g[0].set_lane(3, bad),
         }
-        let settings = Settings { sweeps: 20, newton_steps: STEPS, tolerance: F64x8::of(1e-9), newton_threshold: F64x8::of(1e-9) };
-        let run = |problem: &Problem<F64x8>| {
+        let settings = Settings { sweeps: 20, newton_steps: STEPS, tolerance: F64Lanes::of(1e-9), newton_threshold: F64Lanes::of(1e-9) };
+        let run = |problem: &Problem<F64Lanes>| {
             let (mut iterate, mut room) = (iterate.clone(), Newton::default());
             let outcome = solve(problem, &mut iterate, settings, Mask::splat(true), &mut room);
             (outcome, iterate, room.work())
         };
         let (well, ill) = (run(&problem), run(&worse));
         check(ill.2)?;
-        for l in 0..8 {
+        for l in 0..F64Lanes::LANES {
             prop_assert!(ill.0.sweeps.lane(l) <= (20 * PASSES) as f64);
             if l != 3 {
                 prop_assert_eq!(well.0.residual.lane(l).to_bits(), ill.0.residual.lane(l).to_bits());

@@ -2,11 +2,11 @@
 
 use crate::common::{Share, cases};
 use proptest::prelude::*;
-use stepper_real::{F32x16, Mask, Real};
+use stepper_real::{F32Lanes, Mask, Real};
 use stepper_solve::newton::Newton;
 use stepper_solve::{Capacity, Iterate, LoadedProblem, Problem, Settings, residual, solve};
 
-type R32 = F32x16;
+type R32 = F32Lanes;
 
 /// Coordinates of the bodies.
 const N: usize = 10;

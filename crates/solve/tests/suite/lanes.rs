@@ -2,11 +2,11 @@
 
 use crate::common::cases;
 use proptest::prelude::*;
-use stepper_real::{F64x8, Mask, Real, Two};
+use stepper_real::{F64Lanes, Mask, Real, Two};
 use stepper_solve::gauss_seidel::{SweepSettings, solve};
 use stepper_solve::{Iterate, Problem};
 
-type Lanes = Two<F64x8>;
+type Lanes = Two<F64Lanes>;
 
 const N: usize = 9;
 const CONTACTS: usize = 3;
@@ -19,7 +19,7 @@ const ROWS: usize = N + CONTACTS + 1;
 type Problems = Vec<(Vec<f64>, Vec<bool>)>;
 
 fn problems() -> impl Strategy<Value = Problems> {
-    prop::collection::vec((prop::collection::vec(-1.0..1.0, NUMBERS), prop::collection::vec(any::<bool>(), ROWS)), 16)
+    prop::collection::vec((prop::collection::vec(-1.0..1.0, NUMBERS), prop::collection::vec(any::<bool>(), ROWS)), Lanes::LANES)
 }
 
 /// The problems of `R::LANES` environments, with a start that is not zero.

@@ -2,7 +2,7 @@
 
 use crate::common::{Share, cases};
 use proptest::prelude::*;
-use stepper_real::{F32x16, F64x8, Mask, Real};
+use stepper_real::{F32Lanes, F64Lanes, Mask, Real};
 use stepper_solve::newton::Newton;
 use stepper_solve::{Iterate, PASSES, Problem, Settings, gauss_seidel, residual, solve};
 
@@ -100,10 +100,10 @@ proptest! {
 
     /// Eight problems of different sizes in lanes give each the bits that it has alone, after sweeps and all.
     #[test]
-    fn lanes_have_the_bits_of_one(cases in prop::collection::vec(case(7, 1e1, 0.0..1.5), 8)) {
+    fn lanes_have_the_bits_of_one(cases in prop::collection::vec(case(7, 1e1, 0.0..1.5), F64Lanes::LANES)) {
         let settings = Settings { sweeps: 3, newton_steps: 12, tolerance: 1e-9, newton_threshold: 1e-9 };
-        let (problem, mut iterate) = build::<F64x8>(&cases);
-        let group_settings = Settings { sweeps: 3, newton_steps: 12, tolerance: F64x8::of(1e-9), newton_threshold: F64x8::of(1e-9) };
+        let (problem, mut iterate) = build::<F64Lanes>(&cases);
+        let group_settings = Settings { sweeps: 3, newton_steps: 12, tolerance: F64Lanes::of(1e-9), newton_threshold: F64Lanes::of(1e-9) };
         let outcome = solve(&problem, &mut iterate, group_settings, Mask::splat(true), &mut Newton::default());
         let mut room = Newton::default();
         for (l, case) in cases.iter().enumerate() {
@@ -122,12 +122,12 @@ proptest! {
 
     /// In 32 bits the answer is rounded before it is judged.
     #[test]
-    fn single_precision_is_judged_as_it_is_returned(cases in prop::collection::vec(case(5, 1e1, 0.0..1.0), 16)) {
-        let (problem, mut iterate) = build::<F32x16>(&cases);
-        let settings = Settings { sweeps: 2, newton_steps: 40, tolerance: F32x16::of(1e-4), newton_threshold: F32x16::of(1e-4) };
+    fn single_precision_is_judged_as_it_is_returned(cases in prop::collection::vec(case(5, 1e1, 0.0..1.0), F32Lanes::LANES)) {
+        let (problem, mut iterate) = build::<F32Lanes>(&cases);
+        let settings = Settings { sweeps: 2, newton_steps: 40, tolerance: F32Lanes::of(1e-4), newton_threshold: F32Lanes::of(1e-4) };
         let outcome = solve(&problem, &mut iterate, settings, Mask::splat(true), &mut Newton::default());
         let left = residual(&problem, &iterate);
-        for l in 0..16 {
+        for l in 0..F32Lanes::LANES {
             let size = iterate.contacts.iter().flatten().chain(&iterate.scalars).fold(1.0f32, |m, x| m.max(x.lane(l).abs()));
             // Velocities are sums of some ten products of entries of order one with impulses.
             let rounding = 30.0 * f32::EPSILON * size;
@@ -272,7 +272,7 @@ fn has_an_answer(case: &Case) -> bool {
 }
 
 /// Random problems of the same kind, one for each seed.
-fn problems(count: u32, most: usize, ratio: f64, mu: impl Strategy<Value = f64> + Clone + 'static) -> Vec<Case> {
+fn problems(count: usize, most: usize, ratio: f64, mu: impl Strategy<Value = f64> + Clone + 'static) -> Vec<Case> {
     use proptest::strategy::ValueTree;
     let mut runner = proptest::test_runner::TestRunner::deterministic();
     let strategy = case(most, ratio, mu);
@@ -341,15 +341,15 @@ fn running_out_of_steps_is_reported_and_no_worse_than_sweeps() {
 
 #[test]
 fn a_solved_lane_keeps_its_bits() {
-    let cases = problems(8, 6, 1e1, 0.0..0.5);
-    let (problem, mut iterate) = build::<F64x8>(&cases);
+    let cases = problems(F64Lanes::LANES, 6, 1e1, 0.0..0.5);
+    let (problem, mut iterate) = build::<F64Lanes>(&cases);
     let mut room = Newton::default();
-    let settings = Settings { sweeps: 200, newton_steps: 100, tolerance: F64x8::of(1e-8), newton_threshold: F64x8::of(1e-8) };
+    let settings = Settings { sweeps: 200, newton_steps: 100, tolerance: F64Lanes::of(1e-8), newton_threshold: F64Lanes::of(1e-8) };
     let outcome = solve(&problem, &mut iterate, settings, Mask::splat(true), &mut room);
-    let (mut left, mut taken) = (outcome.residual, F64x8::zero());
+    let (mut left, mut taken) = (outcome.residual, F64Lanes::zero());
     let before = iterate.clone();
-    room.solve(&problem, &mut iterate, 10, F64x8::of(1e-9), Mask::from_bits(0b10), [&mut left, &mut taken]);
-    for l in (0..8).filter(|&l| l != 1) {
+    room.solve(&problem, &mut iterate, 10, F64Lanes::of(1e-9), Mask::from_bits(0b10), [&mut left, &mut taken]);
+    for l in (0..F64Lanes::LANES).filter(|&l| l != 1) {
         assert!(iterate.w.iter().zip(&before.w).all(|(a, b)| a.lane(l).to_bits() == b.lane(l).to_bits()));
         assert_eq!(taken.lane(l), 0.0);
     }

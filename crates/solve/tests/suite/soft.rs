@@ -3,7 +3,7 @@
 use crate::common::cases;
 use nalgebra::{DMatrix, DVector};
 use proptest::prelude::*;
-use stepper_real::{F64x8, Mask, Real, Scalar};
+use stepper_real::{F64Lanes, Mask, Real, Scalar};
 use stepper_solve::soft::{Cone, Effort, Metric, SoftProblem, SoftSolver};
 
 /// A dense mass matrix, lane by lane the same.
@@ -181,7 +181,7 @@ proptest! {
     /// The last of eight lanes has the bits of a solve alone.
     #[test]
     fn lanes_are_as_one_alone(case in case()) {
-        let (alone, together) = (case.solve::<f64>(), case.solve::<F64x8>());
+        let (alone, together) = (case.solve::<f64>(), case.solve::<F64Lanes>());
         prop_assert_eq!(alone.0, together.0);
         prop_assert_eq!(alone.1, together.1);
     }

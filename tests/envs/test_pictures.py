@@ -53,7 +53,7 @@ def test_a_model_without_a_source_has_no_looks():
     changed = model.replace(body_pos=[[0, 0, 0], [0, 0, 1]])
     # Equal models look the same, and so do variants of them.
     assert all(stepper.loading.origin_of(known) is not None for known in (model, changed))
-    for k in range(stepper.loading.origins.KEPT):
+    for k in range(stepper.loading.origins.KEPT + 1):
         stepper.load(f"<mujoco><worldbody><body name='other{k}'/></worldbody></mujoco>")
     assert stepper.loading.origin_of(model) is None
     with pytest.raises(LooksError, match=r"load the model with stepper\.load from its file, or give the file as source"):
@@ -85,6 +85,13 @@ def test_a_model_that_is_read_once_is_known_whenever_it_is_made():
             assert env._drawing._origin is not None
         for k in range(stepper.loading.origins.KEPT + 1):
             stepper.load(f"<mujoco><worldbody><body name='between{k}'/></worldbody></mujoco>")
+
+
+def test_a_model_that_exists_is_known_however_many_others_were_loaded():
+    first = stepper.load("<mujoco><worldbody><body name='kept'/></worldbody></mujoco>")
+    for k in range(3 * stepper.loading.origins.KEPT):
+        stepper.load(f"<mujoco><worldbody><body name='passing{k}'/></worldbody></mujoco>")
+    assert stepper.loading.origin_of(first) is not None
 
 
 def test_a_model_that_is_loaded_again_and_again_displaces_no_other():

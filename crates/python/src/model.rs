@@ -32,7 +32,7 @@ pub(crate) fn to_py(error: stepper_core::ModelError) -> PyErr {
 ///
 /// Every field that `replace` takes is an attribute, a read-only copy, e.g. `model.geom_friction` (ngeom, 3). Models compare by
 /// value and pickle.
-#[pyclass(module = "stepper._stepper", frozen)]
+#[pyclass(module = "stepper._stepper", frozen, weakref)]
 pub(crate) struct Model {
     pub(crate) core: Arc<stepper_core::Model>,
 }

@@ -43,7 +43,7 @@ use crate::options::{settings, unknown};
 ///     ValueError: A setting out of its range.
 ///     TypeError: A setting of the wrong type.
 ///     MemoryError: More environments than there is memory for.
-#[pyclass(module = "stepper._stepper")]
+#[pyclass(module = "stepper._stepper", weakref)]
 pub(crate) struct Stepper {
     simulation: Simulation,
     model: Py<Model>,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,7 +11,8 @@ from typing import Any
 from stepper._stepper import Model
 
 KEPT = 8
-"""Sources that are remembered: those of the last models. Few, because one may be a compiled model with all its meshes."""
+"""Sources that are remembered beside those of models that exist: of the last ones that do not, whose variants (`Model.replace`) may. Few,
+because one may be a compiled model with all its meshes."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,21 @@ class Origin:
         return isinstance(self.source, str) and "<" not in self.source
 
 
-_remembered: list[tuple[tuple[Any, ...], tuple[Any, ...], Origin]] = []
+@dataclass(frozen=True)
+class _Entry:
+    """What a model looked like when it was loaded, where from, and the model while it exists."""
+
+    structure: tuple[Any, ...]
+    places: tuple[Any, ...]
+    origin: Origin
+    model: weakref.ref[Model]
+
+    @property
+    def looks(self) -> tuple[Any, ...]:
+        return self.structure, self.places
+
+
+_remembered: list[_Entry] = []
 
 
 def remember(model: Model, source: Any, package_dirs: Sequence[str | os.PathLike[str]] | None) -> None:
@@ -39,19 +55,20 @@ def remember(model: Model, source: Any, package_dirs: Sequence[str | os.PathLike
     folders = None if package_dirs is None else tuple(os.path.abspath(folder) for folder in package_dirs)
     is_path = isinstance(source, os.PathLike) or (isinstance(source, str) and "<" not in source)
     given = os.path.abspath(source) if is_path else source
-    entry = (_structure(model), _places(model), Origin(given, folders))
+    entry = _Entry(_structure(model), _places(model), Origin(given, folders), weakref.ref(model))
     # What is noted again is the newest, and does not take the place of others.
-    _remembered[:] = [other for other in _remembered if other[:2] != entry[:2]]
-    _remembered.append(entry)
-    del _remembered[:-KEPT]
+    others = [other for other in _remembered if other.looks != entry.looks]
+    gone = [other for other in others if other.model() is None]
+    forgotten = {id(other) for other in gone[: max(len(gone) - KEPT, 0)]}
+    _remembered[:] = [*(other for other in others if id(other) not in forgotten), entry]
 
 
 def origin_of(model: Model) -> Origin | None:
     """Where a model came from, or one that it is a variant of (`Model.replace`); None where this process did not load it from a source."""
     structure, places = _structure(model), _places(model)
-    alike = [entry for entry in reversed(_remembered) if entry[0] == structure]
-    same = [entry for entry in alike if entry[1] == places]
-    return next((origin for _, _, origin in [*same, *alike]), None)
+    alike = [entry for entry in reversed(_remembered) if entry.structure == structure]
+    same = [entry for entry in alike if entry.places == places]
+    return next((entry.origin for entry in [*same, *alike]), None)
 
 
 def _structure(model: Model) -> tuple[Any, ...]:

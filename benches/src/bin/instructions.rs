@@ -1,19 +1,18 @@
 //! Instructions per environment step, counted by valgrind's callgrind: the same on a busy machine, so that a regression shows.
 
-use std::cell::Cell;
 use std::collections::BTreeMap;
-use std::hint::black_box;
+use std::ffi::{CStr, CString};
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
 use serde::{Deserialize, Serialize};
 use stepper_benches::clock::Run;
 use stepper_benches::episode::{Episode, single};
-use stepper_benches::recorder::{READINGS, record};
+use stepper_benches::recorder::{READINGS, Recorder, Recording, record};
 use stepper_benches::report::{exit_code, rustc};
 use stepper_benches::scenes::Scene;
 use stepper_core::StepInputs;
-use stepper_core::internals::probe::Span;
+use stepper_core::internals::probe::{Probe, Span};
 use stepper_core::{Level, Precision};
 
 const USAGE: &str = "usage: instructions [--save [FILE]] [--against FILE]
@@ -124,16 +123,16 @@ fn count() -> Result<Counts, String> {
     let mut lines = text.lines();
     let level = lines.next().unwrap_or_default().to_owned();
     let counted = totals(&folder.join("out"))?;
-    let reading = counted.get(READING).map_or(0.0, |total| total / READINGS_ALONE as f64);
+    let [inside, outside] = EMPTY.map(|name| counted.get(name).map_or(0.0, |total| total / EMPTY_SPANS as f64));
     let mut instructions = BTreeMap::new();
     for line in lines {
         let unexpected = || format!("unexpected output: {line}");
-        let mut words = line.splitn(3, ' ');
+        let mut words = line.splitn(4, ' ');
         let mut number = || words.next().and_then(|word| word.parse::<f64>().ok()).ok_or_else(unexpected);
-        let (steps, readings) = (number()?, number()?);
+        let (steps, times, inner) = (number()?, number()?, number()?);
         let name = words.next().ok_or_else(unexpected)?;
         if let Some(total) = counted.get(name) {
-            instructions.insert(name.to_owned(), (total - readings * reading) / steps);
+            instructions.insert(name.to_owned(), (total - times * inside - inner * outside) / steps);
         }
     }
     std::fs::remove_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
@@ -161,10 +160,9 @@ fn totals(path: &Path) -> Result<BTreeMap<String, f64>, String> {
 
 /// Asks callgrind to write down what it has counted since the last time, under a name. Without it, nothing happens.
 #[cfg(all(target_arch = "x86_64", target_os = "linux"))]
-fn write_down(name: &str) {
+fn write_down(name: &CStr) {
     /// CALLGRIND_DUMP_STATS_AT of valgrind/callgrind.h: the tool's letters and the number of the request.
     const DUMP_STATS_AT: usize = (b'C' as usize) << 24 | (b'T' as usize) << 16 | 3;
-    let name = std::ffi::CString::new(name).expect("a name has no zero byte");
     let request = [DUMP_STATS_AT, name.as_ptr() as usize, 0, 0, 0, 0];
     // SAFETY: valgrind reads six words behind rax and a string that ends, which live until here, and writes rdx. For a processor, rdi
     // turned by twice its width and rbx exchanged with itself are as they were.
@@ -176,9 +174,13 @@ fn write_down(name: &str) {
     }
 }
 
+fn text(name: &str) -> CString {
+    CString::new(name).expect("a name has no zero byte")
+}
+
 /// How to ask callgrind is not known on this system.
 #[cfg(not(all(target_arch = "x86_64", target_os = "linux")))]
-fn write_down(_: &str) {}
+fn write_down(_: &CStr) {}
 
 /// All that is counted; says the CPU level, then of each what it is and how many environment steps it was.
 fn work() {
@@ -196,28 +198,31 @@ fn work() {
 /// Beginning of the names of parts.
 const PARTS: &str = "humanoid f64, ";
 
-/// What a reading counts by itself is counted under this name, so many times over.
-const READING: &str = "a reading";
-const READINGS_ALONE: usize = 1000;
+/// What a probe counts of its own, within a span and in what the span is entered from, is counted under these names, of so many spans.
+const EMPTY: [&str; 2] = ["inside an empty span", "outside of it"];
+const EMPTY_SPANS: usize = 1000;
 
-/// Number of parts: the spans, and what is in none.
-const COUNT: usize = Span::ALL.len() + 1;
-
-thread_local! {
-    /// Number of readings of each part.
-    static TAKEN: [Cell<usize>; COUNT] = const { [const { Cell::new(0) }; COUNT] };
+fn name_of(part: Option<Span>) -> &'static str {
+    part.map_or("unaccounted", Span::name)
 }
 
 /// A meter that leaves the reading to callgrind.
 fn part_ends(span: Option<Span>) -> [u64; READINGS] {
-    let part = span.map_or(COUNT - 1, |span| span as usize);
-    TAKEN.with(|taken| taken[part].set(taken[part].get() + 1));
-    write_down(&format!("{PARTS}{}", name_of(part)));
+    thread_local! {
+        // Made before, so that a boundary costs the same in every part.
+        static NAMES: Vec<CString> = Span::ALL.iter().copied().map(Some).chain([None]).map(|span| text(&format!("{PARTS}{}", name_of(span)))).collect();
+    }
+    NAMES.with(|names| write_down(&names[span.map_or(Span::ALL.len(), |span| span as usize)]));
     [0; READINGS]
 }
 
-fn name_of(part: usize) -> &'static str {
-    Span::ALL.get(part).map_or("unaccounted", |span| span.name())
+/// The same of empty spans.
+fn empty_ends(span: Option<Span>) -> [u64; READINGS] {
+    thread_local! {
+        static NAMES: [CString; 2] = EMPTY.map(text);
+    }
+    NAMES.with(|names| write_down(&names[usize::from(span.is_none())]));
+    [0; READINGS]
 }
 
 /// The parts of the humanoid's step: a step of each of the environments that [`single`] has, at some moments.
@@ -225,30 +230,34 @@ fn parts() {
     let mut run = single(&Scene::humanoid()).probe();
     run.run();
     run.rewind();
+    // Names are made with the first readings.
+    part_ends(None);
+    let mut sum = Recording::default();
     for episode in &mut run.0 {
         let mut step = |steps| episode.simulation_mut().step(&StepInputs::default(), steps).map(drop).expect("controls in force");
         for _ in 0..MOMENTS {
             step(APART);
-            write_down(NOTHING);
-            record(part_ends, || step(1));
+            write_down(&text(NOTHING));
+            sum.add(&record(part_ends, || step(1)), 1.0);
         }
     }
-    let taken: Vec<usize> = TAKEN.with(|taken| taken.iter().map(Cell::get).collect());
-    for (part, taken) in taken.into_iter().enumerate() {
-        println!("{} {taken} {PARTS}{}", run.0.len() * MOMENTS, name_of(part));
+    for (name, row) in sum.rows() {
+        println!("{} {} {} {PARTS}{name}", run.0.len() * MOMENTS, row.times, row.inner);
     }
-    write_down(NOTHING);
-    (0..READINGS_ALONE).for_each(|_| write_down(black_box(READING)));
+    empty_ends(None);
+    write_down(&text(NOTHING));
+    record(empty_ends, || (0..EMPTY_SPANS).for_each(|_| Recorder.span(Span::Accept, || ())));
 }
 
 fn whole(name: &str, mut run: impl Run) {
     // Once before, so that what the first run makes is there.
     run.run();
     run.rewind();
-    write_down(NOTHING);
+    let name_of_run = text(name);
+    write_down(&text(NOTHING));
     run.run();
-    write_down(name);
-    println!("{} 0 {name}", run.environment_steps());
+    write_down(&name_of_run);
+    println!("{} 0 0 {name}", run.environment_steps());
 }
 
 /// What was counted before anything that is asked for.

@@ -1,16 +1,19 @@
 """JAX: gradients of rollouts beside differences, under jit."""
 
+from pathlib import Path
+
+import gymnasium
 import jax
 import numpy as np
 import stepper
-from models import stepper_model
 from stepper.adapters.jax_rollout import rollout
 
+HOPPER = Path(gymnasium.__file__).parent / "envs/mujoco/assets/hopper.xml"
 jax.config.update("jax_enable_x64", True)
 
 
 def test_gradients_under_jit():
-    model, rng = stepper_model("gymnasium/hopper", strict=False), np.random.default_rng(0)
+    model, rng = stepper.load(HOPPER, strict=False), np.random.default_rng(0)
     sim = stepper.Stepper(model, 2, options=stepper.Options(contact="mujoco", tolerance=1e-12))
     sim.step(rng.uniform(-0.3, 0.3, (2, model.nu)), nstep=100)
     made = rollout(sim, 2, parameters=("body_mass",))

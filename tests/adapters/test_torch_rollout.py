@@ -1,18 +1,21 @@
 """PyTorch: gradients of rollouts beside differences of PyTorch's own, and an optimiser that uses them."""
 
+from pathlib import Path
+
+import gymnasium
 import numpy as np
 import pytest
 import stepper
 import torch
-from models import stepper_model
 from stepper.adapters.torch_rollout import rollout
 
+HOPPER = Path(gymnasium.__file__).parent / "envs/mujoco/assets/hopper.xml"
 SOFT = stepper.Options(contact="mujoco", tolerance=1e-12)
 
 
 @pytest.fixture
 def hoppers():
-    model, rng = stepper_model("gymnasium/hopper", strict=False), np.random.default_rng(0)
+    model, rng = stepper.load(HOPPER, strict=False), np.random.default_rng(0)
     sim = stepper.Stepper(model, 2, options=SOFT)
     sim.step(rng.uniform(-0.3, 0.3, (2, model.nu)), nstep=100)
     return sim, rng

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from stepper._status import Status
 from stepper._stepper import Model, Stepper
-from stepper.derivatives.perturbations import Array, Stencil
+from stepper.derivatives.perturbations import NOISE_RATIO, Array, Stencil
 
 Bools = NDArray[np.bool_]
 
-UNSOLVED = Status.NOT_CONVERGED | Status.NON_FINITE | Status.CONTACTS_FULL | Status.UNRESOLVED | Status.TUNNELLED | Status.INFEASIBLE
+UNSOLVED = Status.NOT_CONVERGED | Status.NON_FINITE | Status.CONTACTS_FULL | Status.UNRESOLVED | Status.INFEASIBLE
 """Flags of steps whose derivatives mean little."""
 PUSHES = 1e-9
 """Normal force relative to the largest of the environment, above which a contact pushes."""
@@ -94,7 +94,10 @@ class Watch:
         self._joints(step)
         saturated = np.asarray(self.sim.actuator_saturation) > 0
         self._differs(step, saturated, Kink.SATURATION)
-        unsolved = (np.asarray(self.sim.status) & int(UNSOLVED)) != 0
+        status, enough = np.asarray(self.sim.status), NOISE_RATIO * self.sim.tolerance
+        # A residual that the step of the differences is made for does no harm, however tight the tolerance was.
+        flags = np.where(np.asarray(self.sim.residual) > enough, int(UNSOLVED), int(UNSOLVED & ~Status.NOT_CONVERGED))
+        unsolved = (status & flags) != 0
         copies = unsolved.reshape(self.n, self.count)
         self._mark(step, copies | copies[:, :1], Kink.UNSOLVED)
         self._before = np.asarray(self.sim.qpos), np.asarray(self.sim.qvel)

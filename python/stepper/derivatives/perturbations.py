@@ -19,7 +19,7 @@ from stepper._stepper import Model
 
 Array = NDArray[np.float64]
 
-STATE = ("qpos", "qvel", "act")
+STATE: tuple[str, ...] = ("qpos", "qvel", "act")
 """Parts of the state, in the order of the rows of A."""
 NOISE_RATIO = 10.0
 """Noise of a velocity after a step relative to the tolerance: impulses that solve a step to a residual move light feet by more than it."""

@@ -1040,7 +1040,8 @@ class Stepper:
         Args:
             sim: The stepper; `sim.linearize(...)` is the same.
             wrt: "qpos", "qvel", "act", "ctrl", and fields of `Stepper.randomize`, whole ("body_mass") or of some elements
-                ("geom_friction:floor,box"; of the fields of degrees of freedom the joints').
+                ("geom_friction:floor,box"; of the fields of degrees of freedom the joints'). Columns are zero where a mass, size, stiffness
+                or frictionloss of 0 says that the model has none.
             ctrl: Controls held during the steps, (num_envs, nu) or (nu,); None is those in force.
             nstep: Number of steps.
             method: "fd", finite differences.

@@ -384,6 +384,12 @@ def test_a_control_at_its_bound_is_perturbed_inwards():
     assert not lin.near_kink.any()
 
 
+def test_nothing_to_perturb_is_empty():
+    empty = stepper.load('<mujoco><worldbody><geom type="plane" size="1 1 1"/></worldbody></mujoco>')
+    assert stepper.Stepper(empty, 2).linearize(sensors=True).A.shape == (2, 0, 0)
+    assert stepper.Stepper(ball(), 2).linearize(("ctrl",)).B.shape == (2, 12, 0)
+
+
 def test_wrong_calls_say_what_to_do():
     sim = stepper.Stepper(spring(), 2)
     with pytest.raises(NotImplementedError, match="method='fd'"):
@@ -410,5 +416,7 @@ def test_wrong_calls_say_what_to_do():
         _ = sim.linearize(("qpos", "qvel")).A
     with pytest.raises(KeyError, match="sensors=True"):
         _ = sim.linearize().C
+    with pytest.raises(stepper.ModelError, match=r"^a parameter cannot be perturbed: .*wrt"):
+        stepper.Stepper(ball()).linearize(("dof_damping",))
     with pytest.raises(ValueError, match="model has none there"):
         stepper.Stepper(ball()).linearize(("body_mass:world",))

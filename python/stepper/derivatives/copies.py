@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stepper._stepper import Model, Stepper
+from stepper._stepper import Model, ModelError, Stepper
 from stepper.derivatives.perturbations import PARAMETERS, Array, Block, Stencil
 
 ROOM = 4096
@@ -116,7 +116,7 @@ def _part(sim: Stepper, nominal: Nominal, blocks: Sequence[Block], offsets: Arra
     count = 1 + levels * 2 * columns
     index = np.repeat(np.arange(envs.start, envs.stop), count)
     copies = _stepper(sim, index, tolerance)
-    fields = {name: np.repeat(value[envs], count, axis=0).reshape(n, count, -1) for name, value in nominal.fields.items()}
+    fields = {name: np.repeat(value[envs], count, axis=0).reshape(n, count, value.shape[1]) for name, value in nominal.fields.items()}
     place = 0
     for block in blocks:
         # Copies of the block's columns, (levels, 2, block.count), and where each of them is moved.
@@ -124,7 +124,7 @@ def _part(sim: Stepper, nominal: Nominal, blocks: Sequence[Block], offsets: Arra
         moved = offsets[..., place : place + block.count].reshape(n, -1)
         _move(sim.model, fields, block, copy, moved)
         place += block.count
-    flat = {name: value.reshape(n * count, -1) for name, value in fields.items()}
+    flat = {name: value.reshape(n * count, value.shape[2]) for name, value in fields.items()}
     _randomize(copies, nominal, blocks, flat, index)
     _restore(sim, copies, envs, count)
     for name, value in nominal.applied.items():
@@ -159,7 +159,12 @@ def _randomize(copies: Stepper, nominal: Nominal, blocks: Sequence[Block], flat:
     for field in {block.field for block in blocks} & PARAMETERS.keys():
         own[field] = flat[field].reshape(len(index), *np.shape(getattr(copies.model, field)))
     if own:
-        copies.randomize(**own)
+        try:
+            copies.randomize(**own)
+        except ModelError as error:
+            # The environment that the message names is a copy's.
+            said = str(error).partition(": ")[2] if str(error).startswith("environment ") else str(error)
+            raise ModelError(f"a parameter cannot be perturbed: {said}; name those that can in wrt, as 'dof_damping:knee'") from None
 
 
 def _restore(sim: Stepper, copies: Stepper, envs: slice, count: int) -> None:

@@ -127,14 +127,14 @@ class Watch:
 
     def _differs(self, step: int, active: Bools, kink: Kink) -> None:
         """Marks where what is active, (copies, m), is otherwise than in the nominal environment."""
-        each = active.reshape(self.n, self.count, -1)
+        each = active.reshape(self.n, self.count, active.shape[1])
         self._mark(step, (each != each[:, :1]).any(axis=2), kink)
 
     def _approach(self, step: int, indicator: Array) -> None:
         """Takes the distance to where an indicator, (copies, m), would be zero, to first order; NaN says nothing."""
-        each = indicator.reshape(self.n, self.count, -1)
+        each = indicator.reshape(self.n, self.count, indicator.shape[1])
         now = each[:, 0]
-        moved = (each[:, 1:] - each[:, :1]).reshape(self.n, self.levels, 2, self.columns, -1)
+        moved = (each[:, 1:] - each[:, :1]).reshape(self.n, self.levels, 2, self.columns, indicator.shape[1])
         slopes = self.stencil.slopes(moved)[:, 0] * self.stencil.step[:, 0, :, None]
         with np.errstate(divide="ignore", invalid="ignore"):
             widths = np.abs(now)[:, None] / np.abs(slopes)
@@ -183,7 +183,7 @@ class Watch:
         table = np.full((len(counts), width), -1)
         table[env, np.arange(len(env)) - starts[env]] = np.arange(len(env))
         pair = np.where(table[..., None] >= 0, contacts["geom"][table], -1)
-        self._differs(step, pair.reshape(len(counts), -1), Kink.CONTACT)
+        self._differs(step, pair.reshape(len(counts), 2 * width), Kink.CONTACT)
         there = table >= 0
         normal = np.where(there, contacts["force"][table, 0], np.nan)
         self._approach(step, normal)

@@ -124,7 +124,8 @@ def linearize(
     Args:
         sim: The stepper; `sim.linearize(...)` is the same.
         wrt: "qpos", "qvel", "act", "ctrl", and fields of `Stepper.randomize`, whole ("body_mass") or of some elements
-            ("geom_friction:floor,box"; of the fields of degrees of freedom the joints').
+            ("geom_friction:floor,box"; of the fields of degrees of freedom the joints'). Columns are zero where a mass, size, stiffness
+            or frictionloss of 0 says that the model has none.
         ctrl: Controls held during the steps, (num_envs, nu) or (nu,); None is those in force.
         nstep: Number of steps.
         method: "fd", finite differences.
@@ -178,14 +179,17 @@ def _differences(part: Part, stencil: Stencil, nstep: int, tolerance: float, *, 
         watch.look(k)
         status |= np.asarray(sim.status)
     model = sim.model
-    end = {name: np.array(getattr(sim, name)).reshape(n, count, -1) for name in STATE}
+    end = {name: np.array(getattr(sim, name)) for name in STATE}
+    end = {name: value.reshape(n, count, value.shape[1]) for name, value in end.items()}
     moved = model.differentiate_pos(np.array(np.broadcast_to(end["qpos"][:, :1], end["qpos"].shape)), end["qpos"])
     outputs = [moved, end["qvel"] - end["qvel"][:, :1], end["act"] - end["act"][:, :1]]
     if sensors:
-        truth = np.array(sim.sensor_truth).reshape(n, count, -1)
+        truth = np.array(sim.sensor_truth)
+        truth = truth.reshape(n, count, truth.shape[1])
         outputs.append(truth - truth[:, :1])
     levels, _, columns = stencil.offsets.shape[1:]
-    changes = np.concatenate(outputs, axis=-1)[:, 1:].reshape(n, levels, 2, columns, -1)
+    whole = np.concatenate(outputs, axis=-1)
+    changes = whole[:, 1:].reshape(n, levels, 2, columns, whole.shape[-1])
     slopes = stencil.slopes(changes)
     residual = np.asarray(sim.residual).reshape(n, count).max(axis=1)
     size = np.abs(end["qvel"]).max(axis=(1, 2), initial=1.0)

@@ -36,6 +36,7 @@ bench: build
 	$(BIN)/python benches/sensing.py
 	$(BIN)/python benches/drives.py
 	$(BIN)/python benches/environments.py
+	$(BIN)/python benches/derivatives.py
 
 # Time until a robot can be stepped, beside MuJoCo's compiler: docs/performance.md. Downloads four packages; FILES='h1_2.xml' for further robots.
 loading: build

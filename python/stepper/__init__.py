@@ -12,6 +12,7 @@ from stepper._options import Options
 from stepper._status import Status
 from stepper._stepper import Model, ModelError, State, Stepper, __version__, cpu_levels
 from stepper.actuators import PID, ActuatorModel, DCMotor, Drive
+from stepper.derivatives import Kink, Linearization, linearize
 from stepper.loading import ModelWarning, load
 from stepper.recording import Difference, Recorder, RecordingError, Replay, replay
 from stepper.sensors import Combination, RayFan, SensorModel, Transfer
@@ -35,6 +36,8 @@ __all__ = [
     "Drive",
     "Episode",
     "Identification",
+    "Kink",
+    "Linearization",
     "Model",
     "ModelError",
     "ModelWarning",
@@ -68,6 +71,9 @@ __all__ = [
     "tune",
 ]
 
+
+# The binary has no such method: what it calls is Python.
+Stepper.linearize = linearize  # type: ignore[method-assign]
 
 _LATER = {
     **dict.fromkeys(("Chart", "Tuning", "chart", "tune"), "stepper.experiments.accuracy"),

@@ -8,13 +8,14 @@ returns belongs to whoever asked.
 import builtins
 from collections.abc import Mapping, Sequence
 from os import PathLike
-from typing import Any, Final, TypeAlias, final
+from typing import Any, Final, Literal, TypeAlias, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stepper._options import Options, Precision
 from stepper.actuators import ActuatorModel
+from stepper.derivatives import Linearization
 from stepper.recording import Recorder
 from stepper.sensors import Combination, RayFan, SensorModel
 
@@ -1015,6 +1016,46 @@ class Stepper:
             ValueError: Both were given, or neither.
             KeyError: No body or site of that name.
             IndexError: No body or site of that index.
+        """
+    def linearize(
+        self,
+        /,
+        wrt: Sequence[str] = ...,
+        *,
+        ctrl: ArrayLike | None = None,
+        nstep: int = 1,
+        method: Literal["fd", "implicit"] = "fd",
+        step: float | None = None,
+        tolerance: float | None = None,
+        extrapolate: bool = False,
+        sensors: bool = False,
+    ) -> Linearization:
+        """Derivatives of the state after `nstep` steps by the state, controls and parameters now, in all environments; advances nothing.
+
+        Every column is a central difference between two perturbed copies of an environment. Copies of all environments and columns are
+        stepped together, in lanes and on the stepper's threads, with its options and all that environments have of their own, but to a
+        tighter tolerance; the stepper is only read. With contact the step is smooth only between kinks: see `Linearization.near_kink`
+        and docs/derivatives.md.
+
+        Args:
+            sim: The stepper; `sim.linearize(...)` is the same.
+            wrt: "qpos", "qvel", "act", "ctrl", and fields of `Stepper.randomize`, whole ("body_mass") or of some elements
+                ("geom_friction:floor,box"; of the fields of degrees of freedom the joints'). Columns are zero where a mass, size, stiffness
+                or frictionloss of 0 says that the model has none.
+            ctrl: Controls held during the steps, (num_envs, nu) or (nu,); None is those in force.
+            nstep: Number of steps.
+            method: "fd", finite differences.
+            step: Half width of the differences, for coordinates in SI units and for parameters relative to their size; None is the one
+                that the tolerance asks for (`stepper.derivatives.perturbations.step_of`).
+            tolerance: Residual to which copies are solved, m/s; None is 1e-13, or the stepper's own if that is less.
+            extrapolate: Whether differences of twice the width are taken too, and Richardson's extrapolation of both, which costs twice
+                the copies and estimates errors.
+            sensors: Whether to give derivatives of the ideal sensors' readings too.
+
+        Raises:
+            ValueError: An unknown name, a wrong shape, a step or number of steps that is none.
+            ModelError: A parameter that cannot be perturbed, with its element.
+            NotImplementedError: `method="implicit"`.
         """
     def mass_matrix(self, env: int = 0) -> NDArray[np.float64]:
         """Mass matrix of the present configuration, (nv, nv), armature included, without terms that depend on the time step."""

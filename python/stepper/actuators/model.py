@@ -66,9 +66,9 @@ class ActuatorModel:
         """The drive of an actuator, by its name or "#3"; None where nothing is said of it."""
         return fitting(self.named, self.default, name)
 
-    def chosen(self, mask: np.ndarray[Any, Any]) -> ActuatorModel:
-        """The same with the numbers of some environments alone, a mask (num_envs,)."""
-        return self._changed(lambda x: x[mask])
+    def chosen(self, index: np.ndarray[Any, Any]) -> ActuatorModel:
+        """The same with the numbers of some environments alone: a mask (num_envs,), or indices, which may repeat."""
+        return self._changed(lambda x: x[index])
 
     def spread(self, mask: np.ndarray[Any, Any]) -> ActuatorModel:
         """The inverse of `chosen`: rows of the others are 0."""

@@ -83,6 +83,11 @@ class SensorModel:
         check_names(self.named, names, "sensor")
         return [self._row(name, num_envs) for name in names]
 
+    def chosen(self, index: np.ndarray[Any, Any]) -> SensorModel:
+        """The same with the numbers of some environments alone: a mask (num_envs,), or indices, which may repeat."""
+        default = None if self.default is None else _chosen(self.default, index)
+        return SensorModel({name: _chosen(transfer, index) for name, transfer in self.named.items()}, default=default)
+
     def _row(self, name: str, num_envs: int) -> dict[str, Any] | None:
         transfer = fitting(self.named, self.default, name)
         if transfer is None:
@@ -99,6 +104,17 @@ class SensorModel:
 
     def __repr__(self) -> str:
         return f"SensorModel({self.named!r}, default={self.default!r})"
+
+
+def _chosen(transfer: Transfer, index: np.ndarray[Any, Any]) -> Transfer:
+    def new(value: Any) -> Any:
+        if isinstance(value, tuple):
+            return tuple(new(end) for end in value)
+        # One number is for all environments, and a matrix mixes the axes of a sensor in all of them.
+        shared = value is None or isinstance(value, str) or np.size(value) == 1 or np.ndim(value) == 2
+        return value if shared else np.asarray(value, np.float64)[index]
+
+    return replace(transfer, **{field.name: new(getattr(transfer, field.name)) for field in fields(transfer)})
 
 
 def _read(table: Any, place: str) -> Transfer:

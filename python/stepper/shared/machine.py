@@ -33,6 +33,7 @@ INSTALL = {
     "unisim": "pip install unisim-core",
     "robosuite": "pip install --no-deps robosuite",
     "dm_control": "pip install dm_control",
+    "jax": "pip install jax",
     "mjlab": "pip install --no-deps mjlab",
     "gymnasium_robotics": "pip install --no-deps gymnasium-robotics",
     "scipy": 'pip install "stepper-sim[identify]"',

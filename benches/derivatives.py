@@ -1,0 +1,256 @@
+"""Figures of docs/derivatives.md: agreement of differences, the horizon of a hopper, and time. One process, one pinned core.
+
+python benches/derivatives.py                 # all
+python benches/derivatives.py agreement time  # of agreement, smoothness, horizon, time
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+import warnings
+from collections.abc import Callable
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import stepper
+from numpy.typing import NDArray
+from stepper import Options
+from stepper.derivatives import Linearization, rollout
+from stepper.shared.machine import cpu_name, one_core
+
+Array = NDArray[np.float64]
+
+FOLDERS = {"gymnasium": "envs/mujoco/assets", "dm_control": "suite"}
+ROBOTS = (
+    *("gymnasium/ant", "gymnasium/half_cheetah", "gymnasium/hopper", "gymnasium/humanoid", "gymnasium/walker2d_v5"),
+    *("dm_control/cheetah", "dm_control/hopper", "dm_control/humanoid", "dm_control/quadruped", "dm_control/walker"),
+)
+SETTINGS = {
+    "hard": Options(),
+    "hard, smooth at rest": Options(stabilization="baumgarte", baumgarte=1.0, slop=0.0, integrator="euler"),
+    "mujoco": Options(contact="mujoco"),
+}
+WRT = ("qpos", "qvel", "act", "ctrl")
+
+
+def path_of(robot: str) -> str:
+    """The file of a robot of an installed package."""
+    package, name = robot.split("/")
+    spec = find_spec(package)
+    assert spec is not None and spec.submodule_search_locations
+    return str(Path(spec.submodule_search_locations[0]) / FOLDERS[package] / f"{name}.xml")
+
+
+def touching(robot: str, options: Options, num_envs: int, amplitude: float = 0.3) -> tuple[stepper.Stepper, Array]:
+    """Robots that touch the floor after ten seconds' worth of random controls, and controls."""
+    model, rng = stepper.load(path_of(robot), strict=False), np.random.default_rng(0)
+    sim = stepper.Stepper(model, num_envs, options=options)
+    for _ in range(10):
+        sim.step(rng.uniform(-amplitude, amplitude, (num_envs, model.nu)), nstep=20)
+    return sim, rng.uniform(-amplitude, amplitude, (num_envs, model.nu))
+
+
+def matrix(lin: Linearization) -> Array:
+    """A and B, (num_envs, n, n + nu)."""
+    return np.concatenate([lin.A, lin.B], axis=2)
+
+
+def noise(sim: stepper.Stepper, lin: Linearization) -> Array:
+    """Noise of an entry, (num_envs,): residual and rounding of velocities over the step."""
+    floor: Array = 4.0 * (lin.residual + 2.0**-52 * np.maximum(np.abs(sim.qvel).max(axis=1), 1.0)) / lin.step
+    return floor
+
+
+def agreement() -> None:
+    """Entries that are the same by two steps of differences, and how many columns are near a kink."""
+    print("| robot | law | contacts | environments near a kink | columns near a kink | entries that agree | away from kinks |")
+    print("|---|---|---|---|---|---|---|")
+    for robot in ROBOTS:
+        for law, options in SETTINGS.items():
+            sim, ctrl = touching(robot, options, 24)
+            one = sim.linearize(ctrl=ctrl)
+            two = sim.linearize(ctrl=ctrl, step=0.5 * one.step)
+            a, b = matrix(one), matrix(two)
+            nv = sim.model.nv
+            scale = np.concatenate(
+                [
+                    np.broadcast_to(np.abs(part).max(axis=1, keepdims=True, initial=0.0), part.shape)
+                    for part in np.split(a, [nv, 2 * nv], axis=1)
+                ],
+                axis=1,
+            )
+            same = np.abs(a - b) <= 1e-6 * scale + 2.0 * noise(sim, one)[:, None, None]
+            kinked = np.concatenate([one.kinks[name] for name in WRT], axis=1) != 0
+            away = np.broadcast_to(~kinked[:, None], same.shape)
+            shares = [one.near_kink.mean(), kinked.mean(), same.mean(), same[away].mean()]
+            touch = len(sim.contacts()) / 24
+            print(f"| {robot} | {law} | {touch:.1f} | {shares[0]:.0%} | {shares[1]:.1%} | {shares[2]:.2%} | {shares[3]:.2%} |", flush=True)
+
+
+SMOOTH: dict[str, dict[str, Any]] = {
+    "hard": {},
+    "hard, stabilization none": {"stabilization": "none"},
+    "hard, smooth at rest, midpoint": {"stabilization": "baumgarte", "baumgarte": 1.0, "slop": 0.0},
+    "hard, smooth at rest, euler": {"stabilization": "baumgarte", "baumgarte": 1.0, "slop": 0.0, "integrator": "euler"},
+    "mujoco": {"contact": "mujoco"},
+}
+"""Settings of `smoothness`: fields of Options."""
+
+
+def smoothness(num_envs: int = 64, points: int = 33, width: float = 1e-6) -> None:
+    """Deviation of a step's outcome from two parabolas, on both sides of a state, along random directions through it."""
+    print("| robot | options | tolerance, m/s | q+: median | 90 % | v+: median | 90 % |")
+    print("|---|---|---|---|---|---|---|")
+    places = np.linspace(-width, width, points)
+    sides = [slice(0, points // 2), slice(points // 2 + 1, points)]
+    for robot in ("dm_control/walker", "dm_control/quadruped", "gymnasium/ant"):
+        for name, fields in SMOOTH.items():
+            for tolerance in (1e-6, 1e-13):
+                sim, ctrl = touching(robot, Options(**fields), num_envs)
+                model, rng, found = sim.model, np.random.default_rng(1), []
+                for env in range(num_envs):
+                    line = places[:, None] * rng.normal(size=2 * model.nv)
+                    copies = stepper.Stepper(model, points, options=Options(**fields, tolerance=tolerance))
+                    copies.set_state(sim.get_state(env=env))
+                    qpos = model.integrate_pos(np.tile(sim.qpos[env], (points, 1)), line[:, : model.nv])
+                    copies.set_state(qpos, sim.qvel[env] + line[:, model.nv :], cold=False)
+                    copies.step(ctrl[env])
+                    middle = np.tile(copies.qpos[points // 2], (points, 1))
+                    ends = np.hstack([model.differentiate_pos(middle, copies.qpos), copies.qvel - copies.qvel[points // 2]])
+                    off = np.zeros((2,))
+                    for side in sides:
+                        basis = np.vander(places[side] / width, 3)
+                        rest = np.abs(ends[side] - basis @ np.linalg.lstsq(basis, ends[side], rcond=None)[0])
+                        off = np.maximum(off, [rest[:, : model.nv].max(), rest[:, model.nv :].max()])
+                    found.append(off)
+                median, high = np.quantile(found, [0.5, 0.9], axis=0)
+                print(
+                    f"| {robot} | {name} | {tolerance:.0e} | {median[0]:.0e} | {high[0]:.0e} | {median[1]:.0e} | {high[1]:.0e} |",
+                    flush=True,
+                )
+
+
+def horizon(steps: int = 32) -> None:
+    """Gradients over a horizon of a hopper, taken back step by step and by differences of whole rollouts."""
+    print("| law | gradient by | cosine: median | worst of 8 | difference of length, median | below 0.999999 | of these near a kink |")
+    print("|---|---|---|---|---|---|---|")
+    for law, options in SETTINGS.items():
+        sim, _ = touching("gymnasium/hopper", options, 8)
+        rng = np.random.default_rng(1)
+        ctrl = rng.uniform(-0.3, 0.3, (steps, 8, sim.model.nu))
+        made = rollout(sim, ctrl)
+        weights = np.zeros_like(made.qpos)
+        weights[-1] = rng.normal(size=sim.model.nq)
+        speeds = np.zeros_like(made.qvel)
+        speeds[-1] = rng.normal(size=sim.model.nv)
+        found = made.vjp(qpos=weights, qvel=speeds)
+        whole = by_whole_rollouts(sim, ctrl, weights[-1], speeds[-1])
+        pairs = {
+            "controls": (found.ctrl.transpose(1, 0, 2).reshape(8, -1), whole[0]),
+            "first state": (np.hstack([found.qpos, found.qvel]), whole[1]),
+        }
+        for what, (ours, theirs) in pairs.items():
+            lengths = np.linalg.norm(ours, axis=1), np.linalg.norm(theirs, axis=1)
+            cosine = (ours * theirs).sum(axis=1) / (lengths[0] * lengths[1])
+            length = np.median(np.abs(lengths[0] / lengths[1] - 1))
+            parts = cosine < 0.999999
+            kinked = int((parts & found.near_kink.any(axis=0)).sum())
+            print(
+                f"| {law} | {what} | {np.median(cosine):.9f} | {cosine.min():.6f} | {length:.1e} | {parts.sum()} | {kinked} |", flush=True
+            )
+
+
+def by_whole_rollouts(sim: stepper.Stepper, ctrl: Array, weights: Array, speeds: Array, h: float = 1e-6) -> tuple[Array, Array]:
+    """Central differences of whole rollouts: by controls (num_envs, T nu), by the first state (num_envs, 2 nv)."""
+    model, n = sim.model, len(sim.qpos)
+    options = Options(**{**vars(sim.options), "tolerance": 1e-13})
+    size = ctrl.shape[0] * model.nu
+    moves = h * np.concatenate([np.eye(size + 2 * model.nv), -np.eye(size + 2 * model.nv)])
+    out = np.empty((n, len(moves)))
+    for env in range(n):
+        copies = stepper.Stepper(model, len(moves), options=options)
+        copies.set_state(sim.get_state(env=env))
+        state = moves[:, size:]
+        qpos = model.integrate_pos(np.tile(sim.qpos[env], (len(moves), 1)), state[:, : model.nv])
+        copies.set_state(qpos, sim.qvel[env] + state[:, model.nv :], cold=False)
+        controls = ctrl[:, env, None] + moves[:, :size].reshape(len(moves), len(ctrl), -1).transpose(1, 0, 2)
+        end = copies.rollout(controls, fields=["qpos", "qvel"])
+        out[env] = end["qpos"][-1] @ weights[env] + end["qvel"][-1] @ speeds[env]
+    slopes = (out[:, : size + 2 * model.nv] - out[:, size + 2 * model.nv :]) / (2 * h)
+    return slopes[:, :size], slopes[:, size:]
+
+
+def median_time(call: Callable[[], Any], count: int) -> float:
+    """Processor time of a call, s: median of some, after one that is not counted."""
+    call()
+    times = []
+    for _ in range(count):
+        begin = time.thread_time()
+        call()
+        times.append(time.thread_time() - begin)
+    return float(np.median(times))
+
+
+def cost(num_envs: int = 32) -> None:
+    """Time of one A and B of robots in contact, beside a step and beside mjd_transitionFD."""
+    print("| robot | law | contacts | a step, us | A and B, us | in steps | columns | mjd_transitionFD, us | of it |")
+    print("|---|---|---|---|---|---|---|---|---|")
+    for robot in ("gymnasium/ant", "dm_control/quadruped", "gymnasium/hopper"):
+        for law, options in SETTINGS.items():
+            sim, ctrl = touching(robot, options, num_envs)
+            state = sim.get_state()
+
+            def back(sim: stepper.Stepper = sim, state: stepper.State = state) -> None:
+                sim.set_state(state)
+
+            def restored(sim: stepper.Stepper = sim, state: stepper.State = state, ctrl: Array = ctrl) -> None:
+                sim.set_state(state)
+                sim.step(ctrl)
+
+            def linearized(sim: stepper.Stepper = sim, ctrl: Array = ctrl) -> None:
+                sim.linearize(ctrl=ctrl)
+
+            stepped = median_time(restored, 15) - median_time(back, 15)
+            sim.set_state(state)
+            differences = median_time(linearized, 5)
+            theirs = transition_time(robot, sim, ctrl)
+            columns = 2 * sim.model.nv + sim.model.na + sim.model.nu
+            per = 1e6 / num_envs
+            print(
+                f"| {robot} | {law} | {len(sim.contacts()) / num_envs:.1f} | {stepped * per:.1f} | {differences * per:.0f} "
+                f"| {differences / stepped:.0f} | {columns} | {theirs * 1e6:.0f} | {theirs * 1e6 / (differences * per):.2f} |",
+                flush=True,
+            )
+
+
+def transition_time(robot: str, sim: stepper.Stepper, ctrl: Array) -> float:
+    """Processor time of MuJoCo's A and B, s: median over environments, central differences, the model's settings but the integrator."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        model = mujoco.MjModel.from_xml_path(path_of(robot))
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    data, times = mujoco.MjData(model), []
+    n = 2 * model.nv + model.na
+    A, B = np.zeros((n, n)), np.zeros((n, model.nu))
+    for env in range(len(ctrl)):
+        data.qpos[:], data.qvel[:], data.ctrl[:] = sim.qpos[env], sim.qvel[env], ctrl[env]
+        mujoco.mj_forward(model, data)
+        begin = time.thread_time()
+        mujoco.mjd_transitionFD(model, data, 1e-6, 1, A, B, None, None)
+        times.append(time.thread_time() - begin)
+    return float(np.median(times))
+
+
+if __name__ == "__main__":
+    warnings.filterwarnings("ignore")
+    mujoco.set_mju_user_warning(lambda message: None)
+    parts: dict[str, Callable[[], None]] = {"agreement": agreement, "smoothness": smoothness, "horizon": horizon, "time": cost}
+    with one_core():
+        print(f"{cpu_name()}, CPU level {stepper.cpu_levels()[-1]}, MuJoCo {mujoco.__version__}\n")
+        for part in sys.argv[1:] or parts:
+            parts[part]()
+            print()

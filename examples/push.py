@@ -1,0 +1,167 @@
+"""Push a box to a goal: iterative linear-quadratic control with `Stepper.linearize`.
+
+A ball on two motors pushes a box that lies on the floor. The plan is a sequence of forces. Every round linearizes all its steps at once,
+each as an environment of one batch, solves the linear-quadratic problem backwards for changes of the forces and for feedback, and tries
+several lengths of that step side by side (Li and Todorov 2004; Tassa, Erez and Todorov 2012).
+
+    python examples/push.py         # under MuJoCo's law of contact
+    python examples/push.py hard    # with hard contact
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+import stepper
+from numpy.typing import NDArray
+from stepper.derivatives.tangent import to_tangent
+
+Array = NDArray[np.float64]
+
+SCENE = """
+<mujoco>
+  <option timestep="0.004"/>
+  <worldbody>
+    <geom name="floor" type="plane" size="1 1 .1" friction=".3"/>
+    <body name="box" pos="0 0 .05">
+      <freejoint/>
+      <geom name="box" type="box" size=".05 .05 .05" mass=".5" friction=".3"/>
+    </body>
+    <body name="pusher" pos="-.08 .01 .04">
+      <joint name="x" type="slide" axis="1 0 0" damping="4"/>
+      <joint name="y" type="slide" axis="0 1 0" damping="4"/>
+      <geom name="pusher" type="sphere" size=".02" mass=".3" friction=".3"/>
+    </body>
+  </worldbody>
+  <actuator>
+    <motor joint="x" ctrllimited="false"/>
+    <motor joint="y" ctrllimited="false"/>
+  </actuator>
+</mujoco>
+"""
+LAWS = {
+    "mujoco": stepper.Options(contact="mujoco"),
+    "hard": stepper.Options(integrator="euler", stabilization="baumgarte", baumgarte=1.0, slop=0.0),
+}
+"""Options by name; those of hard contact are without the kink of a box at rest (docs/derivatives.md)."""
+HOLD = 5
+"""Steps that a control is held."""
+LENGTHS = 0.5 ** np.arange(10)
+"""Lengths of a change of the plan that are tried."""
+
+
+@dataclass(frozen=True)
+class Goal:
+    """What is wanted.
+
+    Attributes:
+        place: Where the box should be at the end, m: (2,).
+        miss: Weight of the squared distance, 1/m^2.
+        speed: Weight of the squared speed at the end, s^2/m^2.
+        effort: Weight of squared forces, 1/N^2.
+    """
+
+    place: Array
+    miss: float = 1e3
+    speed: float = 1.0
+    effort: float = 1e-3
+
+    def cost(self, ctrl: Array, qpos: Array, qvel: Array) -> Array:
+        """Cost of plans: ctrl (T, plans, 2), qpos (plans, nq) and qvel (plans, nv) at their ends."""
+        miss = np.square(qpos[:, :2] - self.place).sum(axis=1)
+        total: Array = self.miss * miss + self.speed * np.square(qvel[:, :2]).sum(axis=1) + self.effort * np.square(ctrl).sum(axis=(0, 2))
+        return total
+
+    def ends(self, model: stepper.Model, qpos: Array, qvel: Array) -> tuple[Array, Array]:
+        """Gradient (n,) and Hessian (n, n) of the cost by the state at the end, on its tangent space."""
+        numbers = np.zeros(model.nq)
+        numbers[:2] = 2 * self.miss * (qpos[:2] - self.place)
+        speeds = np.zeros(model.nv)
+        speeds[:2] = 2 * self.speed * qvel[:2]
+        hessian = np.zeros(2 * model.nv)
+        hessian[:2], hessian[model.nv : model.nv + 2] = 2 * self.miss, 2 * self.speed
+        return np.concatenate([to_tangent(model, qpos, numbers), speeds]), np.diag(hessian)
+
+
+@dataclass
+class Plan:
+    """Forces, and the states that they lead to.
+
+    Attributes:
+        ctrl: (T, 2) N.
+        qpos, qvel: States before every control and at the end, (T + 1, nq), (T + 1, nv).
+        cost: What the goal says of it.
+    """
+
+    ctrl: Array
+    qpos: Array
+    qvel: Array
+    cost: float
+
+
+def tried(sim: stepper.Stepper, goal: Goal, plan: Plan | Array, changes: Array, gains: Array) -> Plan:
+    """The best of several plans: controls with changes of several lengths, and feedback to the states of the plan before."""
+    model, count = sim.model, len(sim.qpos)
+    sim.reset()
+    before = plan.ctrl if isinstance(plan, Plan) else plan
+    ctrl, qpos, qvel = np.zeros((len(before), count, 2)), [np.array(sim.qpos)], [np.array(sim.qvel)]
+    for t, own in enumerate(before):
+        ctrl[t] = own
+        if isinstance(plan, Plan):
+            off = model.differentiate_pos(np.tile(plan.qpos[t], (count, 1)), sim.qpos)
+            state = np.concatenate([off, sim.qvel - plan.qvel[t]], axis=1)
+            ctrl[t] += LENGTHS[:count, None] * changes[t] + state @ gains[t].T
+        sim.step(ctrl[t], nstep=HOLD)
+        qpos.append(np.array(sim.qpos))
+        qvel.append(np.array(sim.qvel))
+    costs = goal.cost(ctrl, qpos[-1], qvel[-1])
+    best = int(np.argmin(costs))
+    return Plan(ctrl[:, best], np.stack(qpos)[:, best], np.stack(qvel)[:, best], float(costs[best]))
+
+
+def improve(moments: stepper.Stepper, goal: Goal, plan: Plan, regularization: float) -> tuple[Array, Array, float]:
+    """Changes (T, 2), gains (T, 2, n) and the share of steps near a kink."""
+    T = len(plan.ctrl)
+    moments.set_state(plan.qpos[:-1], plan.qvel[:-1])
+    lin = moments.linearize(ctrl=plan.ctrl, nstep=HOLD)
+    value, curvature = goal.ends(moments.model, plan.qpos[-1], plan.qvel[-1])
+    changes, gains = np.zeros((T, 2)), np.zeros((T, 2, len(value)))
+    for t in reversed(range(T)):
+        A, B = lin.A[t], lin.B[t]
+        by_state, by_control = A.T @ value, B.T @ value + 2 * goal.effort * plan.ctrl[t]
+        cross, own = B.T @ curvature @ A, B.T @ curvature @ B + (2 * goal.effort + regularization) * np.eye(2)
+        changes[t], gains[t] = -np.linalg.solve(own, by_control), -np.linalg.solve(own, cross)
+        value = by_state + cross.T @ changes[t]
+        curvature = A.T @ curvature @ A + cross.T @ gains[t]
+        curvature = 0.5 * (curvature + curvature.T)
+    return changes, gains, float(np.mean(lin.near_kink))
+
+
+def push(law: str = "mujoco", place: tuple[float, float] = (0.15, 0.06), controls: int = 40, rounds: int = 30, *, say: bool = True) -> Plan:
+    """A plan that brings the box to a place, in m, with `controls` forces of 20 ms each."""
+    model, goal = stepper.load(SCENE), Goal(np.array(place))
+    first, trials, moments = (stepper.Stepper(model, n, options=LAWS[law]) for n in (1, len(LENGTHS), controls))
+    # Pushed forward from the beginning: before the ball touches the box, nothing says where to push.
+    plan = tried(first, goal, np.tile([1.5, 0.0], (controls, 1)), np.zeros(0), np.zeros(0))
+    regularization = 1e-4
+    for k in range(rounds):
+        changes, gains, kinks = improve(moments, goal, plan, regularization)
+        better = tried(trials, goal, plan, changes, gains)
+        gained = plan.cost - better.cost
+        if gained > 0:
+            plan, regularization = better, max(regularization / 3, 1e-6)
+        else:
+            regularization *= 10
+        if say:
+            miss = 1e3 * np.linalg.norm(plan.qpos[-1, :2] - goal.place)
+            print(f"round {k + 1:2}: cost {plan.cost:8.4f}, the box misses by {miss:6.2f} mm, {kinks:.0%} of the steps near a kink")
+        if 0 < gained < 1e-4 * plan.cost or regularization > 1e6:
+            break
+    return plan
+
+
+if __name__ == "__main__":
+    found = push(sys.argv[1] if len(sys.argv) > 1 else "mujoco")
+    print(f"the box ends at x {found.qpos[-1, 0]:.3f} m, y {found.qpos[-1, 1]:.3f} m; largest force {np.abs(found.ctrl).max():.1f} N")

@@ -1,0 +1,117 @@
+"""Rollouts of a stepper as a function of PyTorch that has a derivative (docs/derivatives.md)."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from stepper._stepper import Stepper
+from stepper.derivatives.perturbations import STATE
+from stepper.derivatives.rollout import Rollout
+from stepper.derivatives.rollout import rollout as make
+from stepper.shared.machine import require
+
+require("torch", "for stepper.adapters.torch_rollout")
+
+import torch  # noqa: E402
+
+
+class States(NamedTuple):
+    """States after every control: tensors (T, num_envs, nq), (T, num_envs, nv), (T, num_envs, na), and readings (T, num_envs, nsensordata).
+
+    Attributes:
+        qpos, qvel, act: Configurations, velocities and activations.
+        sensors: Readings of ideal sensors; empty (T, num_envs, 0) unless they were asked for.
+    """
+
+    qpos: torch.Tensor
+    qvel: torch.Tensor
+    act: torch.Tensor
+    sensors: torch.Tensor
+
+
+def rollout(
+    sim: Stepper,
+    ctrl: torch.Tensor,
+    nstep: int = 1,
+    *,
+    qpos: torch.Tensor | None = None,
+    qvel: torch.Tensor | None = None,
+    act: torch.Tensor | None = None,
+    parameters: Mapping[str, torch.Tensor] | None = None,
+    every: int | None = None,
+    sensors: bool = False,
+    **settings: Any,
+) -> States:
+    """Makes `nstep` steps with each of T controls on a copy of a stepper; gradients flow to every tensor that is given.
+
+    The way back is `stepper.derivatives.Rollout.vjp`: finite differences of every control's step over the batch, with checkpoints. Of
+    quaternions gradients are along their tangent space. There is no second derivative.
+
+    Args:
+        sim: The stepper, which is only read. The rollout begins with its state, all of it where no other is given.
+        ctrl: Controls, (T, num_envs, nu).
+        nstep: Steps that each control is held.
+        qpos: Configuration to begin with, (num_envs, nq); None is the stepper's. A state that is given begins without the memory of drives.
+        qvel: Velocity, (num_envs, nv); None is the stepper's.
+        act: Activations, (num_envs, na); None is the stepper's.
+        parameters: Fields of `Stepper.randomize`, each (num_envs, ...).
+        every: Controls between two checkpoints, see `stepper.derivatives.rollout`.
+        sensors: Whether readings of ideal sensors are wanted.
+        **settings: `step`, `tolerance` and `extrapolate` of `Stepper.linearize`.
+
+    Raises:
+        ValueError: A wrong shape, a number that is not finite.
+        ModelError: Parameters that no model may have.
+    """
+    given = dict(zip(STATE, (qpos, qvel, act), strict=True))
+    names = tuple(parameters or {})
+    tensors = [ctrl, *given.values(), *(parameters or {}).values()]
+    plan = _Plan(sim, nstep, names, every, sensors, settings)
+    return States(*_Rollout.apply(plan, *tensors))
+
+
+class _Plan(NamedTuple):
+    sim: Stepper
+    nstep: int
+    parameters: Sequence[str]
+    every: int | None
+    sensors: bool
+    settings: dict[str, Any]
+
+    def make(self, ctrl: Any, state: Sequence[Any], parameters: Sequence[Any]) -> Rollout:
+        """The rollout of arrays; None is the stepper's own."""
+        plant = copy.deepcopy(self.sim)
+        if parameters:
+            plant.randomize(**dict(zip(self.parameters, parameters, strict=True)))
+        given = {name: value for name, value in zip(STATE, state, strict=True) if value is not None}
+        if given:
+            plant.set_state(**given)
+        return make(plant, ctrl, self.nstep, parameters=self.parameters, every=self.every, sensors=self.sensors)
+
+
+class _Rollout(torch.autograd.Function):  # type: ignore[misc]
+    @staticmethod
+    def forward(ctx: Any, plan: _Plan, *tensors: torch.Tensor | None) -> tuple[torch.Tensor, ...]:
+        arrays = [None if t is None else t.detach().cpu().numpy().astype(np.float64) for t in tensors]
+        made = plan.make(arrays[0], arrays[1:4], arrays[4:])
+        ctx.made, ctx.plan, ctx.like = made, plan, [None if t is None else (t.dtype, t.device) for t in tensors]
+        first = tensors[0]
+        assert first is not None
+        readings = made.sensors if made.sensors is not None else np.zeros((*made.act.shape[:-1], 0))
+        out = tuple(torch.from_numpy(array).to(first) for array in (made.qpos, made.qvel, made.act, readings))
+        return out
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]
+    def backward(ctx: Any, *gradients: torch.Tensor) -> tuple[Any, ...]:
+        arrays = [g.detach().cpu().numpy().astype(np.float64) for g in gradients]
+        found = ctx.made.vjp(
+            qpos=arrays[0], qvel=arrays[1], act=arrays[2], sensors=arrays[3] if ctx.plan.sensors else None, **ctx.plan.settings
+        )
+        own = [found.ctrl, found.qpos, found.qvel, found.act, *(found.parameters[name] for name in ctx.plan.parameters)]
+        like = zip(own, ctx.like, strict=True)
+        return (None, *(None if kind is None else torch.from_numpy(array).to(dtype=kind[0], device=kind[1]) for array, kind in like))

@@ -1,0 +1,12 @@
+"""Derivatives of the step and of rollouts (docs/derivatives.md).
+
+`perturbations` says what is moved and by how much, `copies` steps perturbed copies of a batch, `kinks` compares what is active in them,
+`linearize` makes matrices of their differences, and `rollout` takes gradients backwards through time with these; `tangent` is between
+gradients by quaternions and by rotations.
+"""
+
+from stepper.derivatives.kinks import Kink
+from stepper.derivatives.linearize import Linearization, linearize
+from stepper.derivatives.rollout import Gradients, Rollout, rollout
+
+__all__ = ["Gradients", "Kink", "Linearization", "Rollout", "linearize", "rollout"]

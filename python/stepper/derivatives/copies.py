@@ -1,0 +1,185 @@
+"""Perturbed copies of the environments of a stepper, stepped together in lanes and threads.
+
+The stepper itself is only read. Copies begin with all that its environments have: configuration, velocity, activations, impulses that the
+solver starts from, delay lines and integrals of drives, applied forces, mocap poses, and parameters of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from stepper._stepper import Model, ModelError, Stepper
+from stepper.derivatives.perturbations import PARAMETERS, Array, Block, Stencil
+
+ROOM = 4096
+"""Copies that are stepped in one call at the most, unless one environment alone needs more."""
+
+
+@dataclass(frozen=True)
+class Nominal:
+    """What copies are made of, with the axis of the environments in front, (num_envs, ...).
+
+    Attributes:
+        fields: "qpos", "qvel", "act", "ctrl" and, flat, every parameter that is perturbed.
+        applied: Applied forces and mocap poses that are not empty.
+        randomized: Parameters that environments have of their own, as `randomize` takes them.
+    """
+
+    fields: dict[str, Array]
+    applied: dict[str, Array]
+    randomized: dict[str, Any]
+
+    @property
+    def num_envs(self) -> int:
+        """Number of environments."""
+        return len(self.fields["qpos"])
+
+
+def nominal_of(sim: Stepper, ctrl: ArrayLike | None, blocks: Sequence[Block]) -> Nominal:
+    """What a stepper's environments are.
+
+    Raises:
+        ValueError: Controls of a wrong shape; a stepper in f32 whose drives have memory.
+    """
+    model, n = sim.model, sim.num_envs or 1
+    if sim.precision == "f32" and sim.actuators is not None:
+        raise ValueError(
+            "a stepper with precision='f32' and actuators= cannot be linearized: derivatives are taken in f64, which cannot read "
+            "the memory of its drives; make it with precision='f64'"
+        )
+    fields = {name: rows(sim, name).astype(np.float64) for name in ("qpos", "qvel", "act")}
+    fields["ctrl"] = _controls(sim, ctrl)
+    randomized = {name: value if name == "actuators" else np.asarray(value, np.float64) for name, value in sim.randomized.items()}
+    if sim.num_envs is None:
+        shaped = {name: value.reshape(1, *np.shape(getattr(model, name))) for name, value in randomized.items() if name != "actuators"}
+        randomized |= shaped
+    for field in {block.field for block in blocks} & PARAMETERS.keys():
+        own = np.asarray(getattr(model, field), np.float64)
+        value = randomized.get(field, np.broadcast_to(own, (n, *own.shape)))
+        fields[field] = np.array(value).reshape(n, -1)
+    applied = {name: rows(sim, name).astype(np.float64) for name in ("qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat")}
+    return Nominal(fields, {name: value for name, value in applied.items() if value.size and value.any()}, randomized)
+
+
+def _controls(sim: Stepper, ctrl: ArrayLike | None) -> Array:
+    """Controls of every environment, (num_envs, nu); None is those in force."""
+    nu, n = sim.model.nu, sim.num_envs
+    given = np.asarray(sim.ctrl if ctrl is None else ctrl, np.float64)
+    if given.shape not in ((nu,), (n, nu)):
+        must = f"({nu},)" if n is None else f"({n}, {nu}) or ({nu},)"
+        raise ValueError(f"ctrl has shape {given.shape}, must be {must}")
+    if not np.isfinite(given).all():
+        raise ValueError("ctrl has a number that is not finite")
+    return np.array(np.broadcast_to(given, (n or 1, nu)))
+
+
+def rows(sim: Stepper, name: str) -> NDArray[Any]:
+    """An array of a stepper with the axis of the environments in front, also of a single one."""
+    value = np.asarray(getattr(sim, name))
+    return value[None] if sim.num_envs is None else value
+
+
+@dataclass(frozen=True)
+class Part:
+    """Some environments and their copies: row e * count + k is copy k of environment e, and copy 0 is the nominal one.
+
+    Attributes:
+        envs: Slice of the environments.
+        count: Copies of each.
+        sim: What steps them, before the first step.
+        ctrl: Their controls, (len * count, nu).
+    """
+
+    envs: slice
+    count: int
+    sim: Stepper
+    ctrl: Array
+
+
+def parts_of(sim: Stepper, nominal: Nominal, blocks: Sequence[Block], stencil: Stencil, tolerance: float) -> Iterator[Part]:
+    """Perturbed copies of all environments, some environments at a time, ready to be stepped."""
+    levels, _, columns = stencil.offsets.shape[1:]
+    count = 1 + levels * 2 * columns
+    size = max(1, ROOM // count)
+    for first in range(0, nominal.num_envs, size):
+        envs = slice(first, min(first + size, nominal.num_envs))
+        yield _part(sim, nominal, blocks, stencil.offsets[envs], envs=envs, tolerance=tolerance)
+
+
+def _part(sim: Stepper, nominal: Nominal, blocks: Sequence[Block], offsets: Array, *, envs: slice, tolerance: float) -> Part:
+    n, levels, _, columns = offsets.shape
+    count = 1 + levels * 2 * columns
+    index = np.repeat(np.arange(envs.start, envs.stop), count)
+    copies = _stepper(sim, index, tolerance)
+    fields = {name: np.repeat(value[envs], count, axis=0).reshape(n, count, value.shape[1]) for name, value in nominal.fields.items()}
+    place = 0
+    for block in blocks:
+        # Copies of the block's columns, (levels, 2, block.count), and where each of them is moved.
+        copy = 1 + np.arange(levels * 2 * columns).reshape(levels, 2, columns)[..., place : place + block.count].reshape(-1)
+        moved = offsets[..., place : place + block.count].reshape(n, -1)
+        _move(sim.model, fields, block, copy, moved)
+        place += block.count
+    flat = {name: value.reshape(n * count, value.shape[2]) for name, value in fields.items()}
+    _randomize(copies, nominal, blocks, flat, index)
+    _restore(sim, copies, envs, count)
+    for name, value in nominal.applied.items():
+        getattr(copies, name)[...] = value[index]
+    copies.set_state(flat["qpos"], flat["qvel"], act=flat["act"], cold=False)
+    return Part(envs, count, copies, flat["ctrl"])
+
+
+def _move(model: Model, fields: dict[str, Array], block: Block, copy: NDArray[np.int64], moved: Array) -> None:
+    """Displaces the copies of one block: copy[j] by moved[:, j] in the place of its column."""
+    field = fields[block.field]
+    if not len(copy):
+        return
+    place = np.tile(block.places, len(copy) // block.count)
+    if block.field == "qpos":
+        displacement = np.zeros((len(field), len(copy), model.nv))
+        displacement[:, np.arange(len(copy)), place] = moved
+        field[:, copy] = model.integrate_pos(field[:, copy], displacement)
+    else:
+        field[:, copy, place] += moved
+
+
+def _stepper(sim: Stepper, index: NDArray[np.int64], tolerance: float) -> Stepper:
+    options = replace(sim.options, tolerance=tolerance)
+    sensors = None if sim.sensors is None else sim.sensors.chosen(index)
+    actuators = None if sim.actuators is None else sim.actuators.chosen(index)
+    return Stepper(sim.model, len(index), options=options, threads=sim.threads, seed=sim.seed, sensors=sensors, actuators=actuators)
+
+
+def _randomize(copies: Stepper, nominal: Nominal, blocks: Sequence[Block], flat: dict[str, Array], index: NDArray[np.int64]) -> None:
+    own: dict[str, Any] = {name: value.chosen(index) if name == "actuators" else value[index] for name, value in nominal.randomized.items()}
+    for field in {block.field for block in blocks} & PARAMETERS.keys():
+        own[field] = flat[field].reshape(len(index), *np.shape(getattr(copies.model, field)))
+    if own:
+        try:
+            copies.randomize(**own)
+        except ModelError as error:
+            # The environment that the message names is a copy's.
+            said = str(error).partition(": ")[2] if str(error).startswith("environment ") else str(error)
+            raise ModelError(f"a parameter cannot be perturbed: {said}; name those that can in wrt, as 'dof_damping:knee'") from None
+
+
+def _restore(sim: Stepper, copies: Stepper, envs: slice, count: int) -> None:
+    """Gives copies the whole state of their environments, the memory that no attribute shows included.
+
+    A state goes from one environment to a mask of others: environments are copied one by one, and stepped together.
+    """
+    if sim.precision == "f32":
+        copies.set_state(time=np.repeat(rows(sim, "time")[envs], count))
+        return
+    if sim.num_envs is None:
+        copies.set_state(sim.get_state())
+        return
+    mask = np.zeros((envs.stop - envs.start, count), dtype=bool)
+    for k, env in enumerate(range(envs.start, envs.stop)):
+        mask[k] = True
+        copies.set_state(sim.get_state(env=env), mask=mask.reshape(-1))
+        mask[k] = False

@@ -1,0 +1,257 @@
+"""Linearization of the step: A and B on tangent spaces, of all environments of a stepper at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from stepper._stepper import Model, Stepper
+from stepper.derivatives.copies import Part, nominal_of, parts_of
+from stepper.derivatives.kinks import Bools, Kink, Watch
+from stepper.derivatives.perturbations import ROUNDING, STATE, Array, Block, Stencil, blocks_of, stencil_of, step_of
+
+TOLERANCE = 1e-13
+"""Residual to which perturbed copies are solved unless the stepper or the caller asks for less, m/s: solvers end fast, so that it costs a
+sweep or two more than 1e-6, and nothing of what is left is noise of the derivatives."""
+
+
+@dataclass(frozen=True)
+class Linearization:
+    """Derivatives of the state after `nstep` steps.
+
+    Rows and columns of the state are displacements in the coordinates of velocities (`Model.integrate_pos`): of a free or ball joint the
+    rotation vector in the body's frame, whatever quaternion stands in qpos. Shapes are those of a batch; of a `Stepper` with
+    `num_envs=None` the leading axis is absent. n = 2 nv + na: displacements of qpos (m, rad), then qvel (m/s, rad/s), then act.
+
+    Attributes:
+        blocks: Derivatives of the state by what `wrt` names, (num_envs, n, *columns), where `columns` is (nv,), (na,), (nu,) or the shape
+            of the parameter's rows. Units are those of the row over those of the column.
+        sensors: Derivatives of the ideal sensors' readings after the steps, likewise (num_envs, nsensordata, *columns); empty unless
+            `sensors=True`.
+        errors: Estimated error of every entry of `blocks`, with `extrapolate=True`; else empty.
+        kinks: Flags of `Kink` for every column of `blocks`, of all steps together, (num_envs, *columns) uint32.
+        near_kink: Whether any column of an environment has a flag, (num_envs,) bool.
+        kinked_steps: The same of every step, (num_envs, nstep) bool.
+        kink_distance: Distance to the nearest kink whose distance can be stated, to first order, in widths of the difference (`step` times
+            the size of the coordinate): beyond 1 it is not reached, infinite where nothing can be stated, (num_envs,).
+        step: Half width of the differences for a coordinate of order 1.
+        tolerance: Residual to which copies were solved, m/s.
+        residual: Largest residual of any copy in the last step, m/s: (num_envs,).
+        status: Flags of all copies together, see `stepper.Status`: (num_envs,) uint32.
+        qpos, qvel, act: The nominal state after the steps.
+    """
+
+    blocks: dict[str, Array]
+    sensors: dict[str, Array]
+    errors: dict[str, Array]
+    kinks: dict[str, NDArray[np.uint32]]
+    near_kink: Bools
+    kinked_steps: Bools
+    kink_distance: Array
+    step: float
+    tolerance: float
+    residual: Array
+    status: NDArray[np.uint32]
+    qpos: Array
+    qvel: Array
+    act: Array
+
+    @property
+    def A(self) -> Array:  # noqa: N802
+        """Derivative of the state by the state before, (num_envs, n, n).
+
+        Raises:
+            KeyError: `wrt` had not all of "qpos", "qvel" and "act".
+        """
+        return np.concatenate([self._block(name) for name in STATE], axis=-1)
+
+    @property
+    def B(self) -> Array:  # noqa: N802
+        """Derivative of the state by the controls, (num_envs, n, nu).
+
+        Raises:
+            KeyError: `wrt` had no "ctrl".
+        """
+        return self._block("ctrl")
+
+    @property
+    def C(self) -> Array:  # noqa: N802
+        """Derivative of the sensors by the state before, (num_envs, nsensordata, n); see `A`."""
+        return np.concatenate([self._block(name, sensors=True) for name in STATE], axis=-1)
+
+    @property
+    def D(self) -> Array:  # noqa: N802
+        """Derivative of the sensors by the controls, (num_envs, nsensordata, nu); see `B`."""
+        return self._block("ctrl", sensors=True)
+
+    def _block(self, name: str, *, sensors: bool = False) -> Array:
+        blocks = self.sensors if sensors else self.blocks
+        if name not in blocks:
+            remedy = "sensors=True" if name in self.blocks else f"{name!r} in wrt"
+            raise KeyError(f"{name} was not asked for: call linearize with {remedy}")
+        return blocks[name]
+
+    @property
+    def causes(self) -> Kink:
+        """What kinks there are in any column of any environment."""
+        return Kink(int(np.bitwise_or.reduce([np.bitwise_or.reduce(flags, axis=None) for flags in self.kinks.values()], initial=0)))
+
+
+def linearize(
+    sim: Stepper,
+    /,
+    wrt: Sequence[str] = (*STATE, "ctrl"),
+    *,
+    ctrl: ArrayLike | None = None,
+    nstep: int = 1,
+    method: Literal["fd", "implicit"] = "fd",
+    step: float | None = None,
+    tolerance: float | None = None,
+    extrapolate: bool = False,
+    sensors: bool = False,
+) -> Linearization:
+    """Derivatives of the state after `nstep` steps by the state, controls and parameters now, in all environments; advances nothing.
+
+    Every column is a central difference between two perturbed copies of an environment. Copies of all environments and columns are
+    stepped together, in lanes and on the stepper's threads, with its options and all that environments have of their own, but to a
+    tighter tolerance; the stepper is only read. With contact the step is smooth only between kinks: see `Linearization.near_kink`
+    and docs/derivatives.md.
+
+    Args:
+        sim: The stepper; `sim.linearize(...)` is the same.
+        wrt: "qpos", "qvel", "act", "ctrl", and fields of `Stepper.randomize`, whole ("body_mass") or of some elements
+            ("geom_friction:floor,box"; of the fields of degrees of freedom the joints'). Columns are zero where a mass, size, stiffness
+            or frictionloss of 0 says that the model has none.
+        ctrl: Controls held during the steps, (num_envs, nu) or (nu,); None is those in force.
+        nstep: Number of steps.
+        method: "fd", finite differences.
+        step: Half width of the differences, for coordinates in SI units and for parameters relative to their size; None is the one
+            that the tolerance asks for (`stepper.derivatives.perturbations.step_of`).
+        tolerance: Residual to which copies are solved, m/s; None is 1e-13, or the stepper's own if that is less.
+        extrapolate: Whether differences of twice the width are taken too, and Richardson's extrapolation of both, which costs twice
+            the copies and estimates errors.
+        sensors: Whether to give derivatives of the ideal sensors' readings too.
+
+    Raises:
+        ValueError: An unknown name, a wrong shape, a step or number of steps that is none.
+        ModelError: A parameter that cannot be perturbed, with its element.
+        NotImplementedError: `method="implicit"`.
+    """
+    if method == "implicit":
+        raise NotImplementedError("implicit differentiation is not there yet: call linearize with method='fd', finite differences")
+    if method != "fd":
+        raise ValueError(f"method is {method!r}, must be 'fd'")
+    if not isinstance(nstep, int | np.integer) or nstep < 1:
+        raise ValueError(f"nstep is {nstep!r}, must be a whole number of 1 at least")
+    tolerance = min(TOLERANCE, sim.tolerance) if tolerance is None else _positive("tolerance", tolerance)
+    width = step_of(tolerance) if step is None else _positive("step", step)
+    blocks = blocks_of(sim.model, wrt)
+    nominal = nominal_of(sim, ctrl, blocks)
+    stencil = stencil_of(sim.model, blocks, nominal.fields, step=width, levels=2 if extrapolate else 1)
+    parts = [
+        _differences(part, _rows(stencil, part.envs), int(nstep), tolerance, sensors=sensors)
+        for part in parts_of(sim, nominal, blocks, stencil, tolerance)
+    ]
+    whole = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    return _result(sim, blocks, whole, width, tolerance, extrapolate=extrapolate, sensors=sensors)
+
+
+def _positive(name: str, value: float) -> float:
+    if not isinstance(value, int | float | np.number) or not 0.0 < value < np.inf:
+        raise ValueError(f"{name} is {value!r}, must be a number above 0")
+    return float(value)
+
+
+def _rows(stencil: Stencil, envs: slice) -> Stencil:
+    return Stencil(stencil.offsets[envs], stencil.step[envs], stencil.central[envs])
+
+
+def _differences(part: Part, stencil: Stencil, nstep: int, tolerance: float, *, sensors: bool) -> dict[str, NDArray[Any]]:
+    """Steps the copies of some environments, and takes differences of where they end."""
+    sim, n, count = part.sim, part.envs.stop - part.envs.start, part.count
+    watch, status = Watch(sim, stencil, nstep), np.zeros(n * count, np.uint32)
+    for k in range(nstep):
+        sim.step(part.ctrl if k == 0 else None)
+        watch.look(k)
+        status |= np.asarray(sim.status)
+    model = sim.model
+    end = {name: np.array(getattr(sim, name)) for name in STATE}
+    end = {name: value.reshape(n, count, value.shape[1]) for name, value in end.items()}
+    moved = model.differentiate_pos(np.array(np.broadcast_to(end["qpos"][:, :1], end["qpos"].shape)), end["qpos"])
+    outputs = [moved, end["qvel"] - end["qvel"][:, :1], end["act"] - end["act"][:, :1]]
+    if sensors:
+        truth = np.array(sim.sensor_truth)
+        truth = truth.reshape(n, count, truth.shape[1])
+        outputs.append(truth - truth[:, :1])
+    levels, _, columns = stencil.offsets.shape[1:]
+    whole = np.concatenate(outputs, axis=-1)
+    changes = whole[:, 1:].reshape(n, levels, 2, columns, whole.shape[-1])
+    slopes = stencil.slopes(changes)
+    residual = np.asarray(sim.residual).reshape(n, count).max(axis=1)
+    size = np.abs(end["qvel"]).max(axis=(1, 2), initial=1.0)
+    groups = [slice(0, model.nv), slice(model.nv, 2 * model.nv), slice(2 * model.nv, 2 * model.nv + model.na)]
+    watch.bends(changes, slopes[:, 0], groups, tolerance)
+    causes = watch.report.causes
+    return {
+        "slopes": slopes,
+        "width": stencil.step[:, 0],
+        "noise": residual + ROUNDING * size,
+        "causes": np.bitwise_or.reduce(causes, axis=1),
+        "kinked_steps": (causes != 0).any(axis=2),
+        "kink_distance": watch.report.distance.min(axis=1),
+        "residual": residual,
+        "status": np.bitwise_or.reduce(status.reshape(n, count), axis=1),
+        **{name: value[:, 0] for name, value in end.items()},
+    }
+
+
+def _result(
+    sim: Stepper,
+    blocks: Sequence[Block],
+    whole: dict[str, NDArray[Any]],
+    width: float,
+    tolerance: float,
+    *,
+    extrapolate: bool,
+    sensors: bool,
+) -> Linearization:
+    single = sim.num_envs is None
+
+    def shown(array: NDArray[Any]) -> NDArray[Any]:
+        return array[0] if single else array
+
+    def split(array: NDArray[Any]) -> dict[str, NDArray[Any]]:
+        """Columns, (num_envs, columns, ...) or (num_envs, columns), by block, behind the rows."""
+        out, place = {}, 0
+        for block in blocks:
+            own = array[:, place : place + block.count]
+            own = np.moveaxis(own, 1, -1)
+            out[block.name] = np.ascontiguousarray(shown(own.reshape(*own.shape[:-1], *block.shape)))
+            place += block.count
+        return out
+
+    slopes = whole["slopes"]
+    best, n = slopes[:, 0], _size(sim.model)
+    errors = {}
+    if extrapolate:
+        best = (4.0 * slopes[:, 0] - slopes[:, 1]) / 3.0
+        noise = whole["noise"][:, None] / np.where(whole["width"] > 0.0, whole["width"], np.inf)
+        errors = split((np.abs(best - slopes[:, 0]) + 2.0 * noise[..., None])[..., :n])
+    return Linearization(
+        blocks=split(best[..., :n]),
+        sensors=split(best[..., n:]) if sensors else {},
+        errors=errors,
+        kinks=split(whole["causes"]),
+        near_kink=shown((whole["causes"] != 0).any(axis=1)),
+        step=width,
+        tolerance=tolerance,
+        **{name: shown(whole[name]) for name in ("kinked_steps", "kink_distance", "residual", "status", *STATE)},
+    )
+
+
+def _size(model: Model) -> int:
+    return 2 * model.nv + model.na

@@ -1,0 +1,220 @@
+"""What is perturbed, by how much, and the weights that make a derivative of the results.
+
+A column is one number: a degree of freedom of qpos, a velocity, an activation, a control or an entry of a parameter. Each has two stencil
+points beside the nominal one, or four with Richardson's extrapolation.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stepper._stepper import Model
+
+Array = NDArray[np.float64]
+
+STATE: tuple[str, ...] = ("qpos", "qvel", "act")
+"""Parts of the state, in the order of the rows of A."""
+NOISE_RATIO = 10.0
+"""Noise of a velocity after a step relative to the tolerance: impulses that solve a step to a residual move light feet by more than it."""
+KINK_DENSITY = 1.0
+"""Error of a central difference by kinks within its step, relative to the step, in SI units; see `step_of`."""
+ROUNDING = 2.0**-52
+"""Rounding of a number of order 1."""
+
+PARAMETERS: dict[str, str] = {
+    "gravity": "", "body_mass": "body", "body_ipos": "body", "body_inertia": "body", "geom_friction": "geom", "geom_restitution": "geom",
+    "geom_size": "geom", "geom_pos": "geom", "jnt_stiffness": "joint", "jnt_range": "joint", "dof_damping": "dof", "dof_armature": "dof",
+    "dof_frictionloss": "dof", "actuator_gain": "actuator", "actuator_bias": "actuator",
+}  # fmt: skip
+"""Fields of `Stepper.randomize`, and the kind of element whose rows they have."""
+SIGNED = frozenset({"gravity", "body_ipos", "geom_pos", "jnt_range", "actuator_gain", "actuator_bias"})
+"""Fields whose numbers may be negative; the others are 0 at least."""
+ABSENT = frozenset({"body_mass", "body_inertia", "geom_size", "dof_frictionloss", "jnt_stiffness"})
+"""Fields in which 0 says that the model has none of it, and nothing else may be put there."""
+
+
+def step_of(tolerance: float) -> float:
+    """Half width of a difference for coordinates of order 1, from the tolerance in force.
+
+    A step through contact is smooth between kinks, so that the error of a central difference of width 2 h has three parts, in SI units:
+
+        noise of the solution   e / h           with e = 10 tolerance, 1e-15 at least for rounding
+        truncation              h^2 |f'''| / 6
+        kinks within the step   k h             their chance is proportional to h, and the jump of the slope is not small
+
+    Without kinks h = (3 e / |f'''|)^(1/3) is best. With them the third part is larger than the second for all h < 6 k / |f'''|, and
+    h = sqrt(e / k) is best. With k = 1 and the default tolerance of 1e-13 m/s that is 1e-6, where the noise is 1e-6 at the worst and, as
+    most solutions end far below the tolerance, 1e-9 in the median (measured in docs/derivatives.md).
+    """
+    return math.sqrt(max(NOISE_RATIO * tolerance, 4.0 * ROUNDING) / KINK_DENSITY)
+
+
+@dataclass(frozen=True)
+class Block:
+    """Columns of one thing that is perturbed.
+
+    Attributes:
+        name: As in `wrt`: "qpos", "ctrl", "geom_friction:floor".
+        field: "qpos", "qvel", "act", "ctrl" or a field of `Stepper.randomize`.
+        places: Indices of the columns in the field's flat row of one environment, (count,).
+        shape: Shape of the columns in the result.
+    """
+
+    name: str
+    field: str
+    places: NDArray[np.int64]
+    shape: tuple[int, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of columns."""
+        return len(self.places)
+
+
+@dataclass(frozen=True)
+class Stencil:
+    """Points of all columns of a batch and their weights.
+
+    Attributes:
+        offsets: Displacements of the stencil's points, (num_envs, levels, 2, columns); level 0 is the finest.
+        step: Widths, (num_envs, levels, columns); 0 where a column is absent.
+        central: Whether points are on both sides, (num_envs, columns); otherwise both are on one, at one and two widths.
+    """
+
+    offsets: Array
+    step: Array
+    central: NDArray[np.bool_]
+
+    def slopes(self, changes: Array) -> Array:
+        """Derivatives of second order of accuracy.
+
+        Args:
+            changes: Results minus the nominal result, (num_envs, levels, 2, columns, n).
+
+        Returns:
+            (num_envs, levels, columns, n); 0 where a column is absent.
+        """
+        first, second = changes[:, :, 0], changes[:, :, 1]
+        both, one = first - second, 4.0 * first - second
+        sign = np.sign(self.offsets[:, :, 0])[..., None]
+        return np.where(self.central[:, None, :, None], both, one) * sign / self._divisor(2.0)
+
+    def bends(self, changes: Array) -> Array:
+        """Differences between the slopes on both sides of the nominal point, or of the nearest points on one side; see `slopes`."""
+        first, second = changes[:, :, 0], changes[:, :, 1]
+        bend: Array = np.abs(np.where(self.central[:, None, :, None], first + second, second - 2.0 * first)) / self._divisor(1.0)
+        return bend
+
+    def _divisor(self, factor: float) -> Array:
+        return np.where(self.step > 0.0, factor * self.step, 1.0)[..., None]
+
+
+def blocks_of(model: Model, wrt: Sequence[str]) -> list[Block]:
+    """The blocks that `wrt` names.
+
+    Raises:
+        TypeError: `wrt` is a string or has something else than strings.
+        ValueError: A name twice, none at all, or one that nothing has.
+        KeyError: No element of a name behind the colon.
+    """
+    if isinstance(wrt, str) or not all(isinstance(name, str) for name in wrt):
+        raise TypeError(f"wrt is {wrt!r}, must be a sequence of names, as ('qpos', 'qvel', 'act', 'ctrl')")
+    if not wrt or len(set(wrt)) != len(wrt):
+        raise ValueError(f"wrt is {tuple(wrt)!r}, must have one name at least and none twice")
+    return [_block(model, name) for name in wrt]
+
+
+def _block(model: Model, name: str) -> Block:
+    field, colon, elements = name.partition(":")
+    sizes = {"qpos": model.nv, "qvel": model.nv, "act": model.na, "ctrl": model.nu}
+    if field in sizes and not colon:
+        return Block(name, field, np.arange(sizes[field]), (sizes[field],))
+    if field not in PARAMETERS:
+        known = [*sizes, *PARAMETERS]
+        near = difflib.get_close_matches(field, known, 2)
+        raise ValueError(
+            f"wrt has {name!r}, which is no part of the state, no control and no field of randomize"
+            + (f"; did you mean {' or '.join(near)}?" if near else f"; there are: {', '.join(known)}")
+        )
+    own = np.asarray(getattr(model, field), np.float64)
+    index = np.arange(own.size).reshape(own.shape)
+    if not colon:
+        return Block(name, field, index.reshape(-1), own.shape)
+    rows = [row for element in elements.split(",") for row in _rows(model, PARAMETERS[field], element.strip(), field)]
+    chosen = index[np.array(rows, dtype=np.int64)]
+    absent = own.reshape(-1)[chosen.reshape(-1)] == 0.0
+    if field in ABSENT and absent.all():
+        raise ValueError(
+            f"{name}: the model has none there, {field} is 0, and nothing can be perturbed; give it some with model.replace({field}=...)"
+        )
+    return Block(name, field, chosen.reshape(-1), chosen.shape)
+
+
+def _rows(model: Model, kind: str, element: str, field: str) -> list[int]:
+    if kind == "":
+        raise ValueError(f"{field} belongs to no element: write {field!r} alone")
+    if kind == "dof":
+        joint = model.joint(_key(element))
+        return list(range(joint.dofadr, joint.dofadr + joint.nv))
+    found: Any = getattr(model, kind)(_key(element))
+    return [int(found.id)]
+
+
+def _key(element: str) -> str | int:
+    return int(element[1:]) if element.startswith("#") and element[1:].isdigit() else element
+
+
+def stencil_of(model: Model, blocks: Sequence[Block], values: Mapping[str, Array], *, step: float, levels: int) -> Stencil:
+    """Where the points of all columns are.
+
+    Coordinates of the state and controls are displaced by `step` in their SI unit, parameters by `step` times their size. Points are on
+    both sides of the nominal one, but for a control that its range, or a parameter that its meaning, lets go to one side only; there they
+    are at one and two steps, with the same order of accuracy.
+
+    Args:
+        model: The model.
+        blocks: What is perturbed.
+        values: Of every field but qpos its numbers now, (num_envs, size).
+        step: Half width for a coordinate of order 1.
+        levels: 1, or 2 for extrapolation, of which the second has twice the width.
+    """
+    widths, signs, central = [], [], []
+    for block in blocks:
+        low, high = _bounds(model, block)
+        now = np.zeros((len(values["qvel"]), block.count)) if block.field == "qpos" else values[block.field][:, block.places]
+        size = np.full(now.shape, step)
+        if block.field in PARAMETERS:
+            size = step * np.where(now == 0.0, 1.0, np.abs(now))
+            if block.field in ABSENT:
+                size[now == 0.0] = 0.0
+        reach = size * 2.0 ** (levels - 1)
+        up, down = now + reach <= high, now - reach >= low
+        # Beyond its range a control has no effect on either side.
+        outside = (now > high) | (now < low)
+        widths.append(size)
+        central.append((up & down) | outside)
+        signs.append(np.where(up | outside, 1.0, -1.0))
+    width, sign, both = (np.concatenate(parts, axis=1) for parts in (widths, signs, central))
+    step_levels = width[:, None] * 2.0 ** np.arange(levels)[None, :, None]
+    first = sign[:, None] * step_levels
+    second = np.where(both[:, None], -first, 2.0 * first)
+    return Stencil(np.stack([first, second], axis=2), step_levels, both.astype(np.bool_))
+
+
+def _bounds(model: Model, block: Block) -> tuple[Array, Array]:
+    """Lowest and highest value of each column."""
+    low, high = np.full(block.count, -np.inf), np.full(block.count, np.inf)
+    if block.field == "ctrl":
+        return np.array(model.actuator_ctrlrange[:, 0], np.float64), np.array(model.actuator_ctrlrange[:, 1], np.float64)
+    if block.field in PARAMETERS and block.field not in SIGNED:
+        low[:] = 0.0
+    if block.field == "geom_restitution":
+        high[:] = 1.0
+    return low, high

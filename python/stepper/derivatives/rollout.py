@@ -1,0 +1,227 @@
+"""Vector-Jacobian products over rollouts, with checkpoints: memory for some states instead of all matrices."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from stepper._stepper import State, Stepper
+from stepper.derivatives.copies import rows
+from stepper.derivatives.kinks import Bools
+from stepper.derivatives.linearize import Linearization, linearize
+from stepper.derivatives.perturbations import STATE, Array
+from stepper.derivatives.tangent import from_tangent, to_tangent
+
+OUTPUTS = (*STATE, "sensors")
+
+
+@dataclass(frozen=True)
+class Gradients:
+    """What `Rollout.vjp` returns: gradients by what the rollout began with. Without the axis of the environments for a single one.
+
+    Attributes:
+        qpos: By the numbers of the first qpos, (num_envs, nq); of a quaternion along its tangent space.
+        qvel: By the first qvel, (num_envs, nv).
+        act: By the first act, (num_envs, na).
+        ctrl: By the controls, (T, num_envs, nu).
+        parameters: By parameters, (num_envs, *shape) for each name of `wrt` that is one.
+        near_kink: Steps of a control with a kink near them, (T, num_envs); see `Linearization`.
+    """
+
+    qpos: Array
+    qvel: Array
+    act: Array
+    ctrl: Array
+    parameters: dict[str, Array]
+    near_kink: Bools
+
+
+class Rollout:
+    """A rollout that was made, and its derivative. Made by `rollout`.
+
+    Attributes:
+        qpos, qvel, act: States after every control, (T, num_envs, ...).
+        sensors: Ideal readings after every control, (T, num_envs, nsensordata), if they were asked for.
+        every: Controls between two checkpoints.
+    """
+
+    def __init__(self, sim: Stepper, ctrl: Array, nstep: int, *, parameters: Sequence[str], every: int | None, sensors: bool):
+        self._plant, self._ctrl, self._nstep, self._parameters = sim, ctrl, nstep, tuple(parameters)
+        self._sensors = sensors
+        T = len(ctrl)
+        self.every = max(1, round(math.sqrt(T))) if every is None else every
+        self._start = {name: rows(sim, name).astype(np.float64) for name in STATE}
+        self._checkpoints: list[State] = []
+        states: dict[str, list[NDArray[Any]]] = {name: [] for name in OUTPUTS}
+        for t in range(T):
+            if t % self.every == 0:
+                self._checkpoints.append(sim.get_state())
+            sim.step(ctrl[t], nstep=nstep)
+            for name in STATE:
+                states[name].append(np.array(getattr(sim, name), np.float64))
+            if sensors:
+                states["sensors"].append(np.array(sim.sensor_truth, np.float64))
+        self.qpos, self.qvel, self.act = (np.stack(states[name]) for name in STATE)
+        self.sensors = np.stack(states["sensors"]) if sensors else None
+
+    @property
+    def memory(self) -> int:
+        """Bytes that `vjp` takes at the most: checkpoints, the states between two of them, and the matrices of one control.
+
+        Copies that are stepped for these, at most `stepper.derivatives.copies.ROOM` at a time, come beside it.
+        """
+        model, n = self._plant.model, self._plant.num_envs or 1
+        state = self._checkpoints[0].nbytes
+        size = 2 * model.nv + model.na
+        parameters = sum(np.size(getattr(model, name.partition(":")[0])) for name in self._parameters)
+        matrices = 8 * n * (size + (model.nsensordata if self._sensors else 0)) * (size + model.nu + parameters)
+        return state * (len(self._checkpoints) + min(self.every, len(self._ctrl))) + matrices
+
+    def vjp(
+        self,
+        *,
+        qpos: ArrayLike | None = None,
+        qvel: ArrayLike | None = None,
+        act: ArrayLike | None = None,
+        sensors: ArrayLike | None = None,
+        **settings: Any,
+    ) -> Gradients:
+        """Gradients of a function of the rollout, from its gradients by the rollout's states.
+
+        From each checkpoint, the last first, the states up to the next are made again; then every control's step is linearized, and its
+        matrices take the gradient one control back.
+
+        Args:
+            qpos: Gradient by the numbers of `self.qpos`, (T, num_envs, nq); None is zero.
+            qvel: Likewise by `self.qvel`.
+            act: Likewise by `self.act`.
+            sensors: Likewise by `self.sensors`.
+            **settings: `step`, `tolerance` and `extrapolate` of `linearize`.
+
+        Raises:
+            ValueError: A wrong shape; gradients by sensors that were not asked for.
+        """
+        given = {"qpos": qpos, "qvel": qvel, "act": act, "sensors": sensors}
+        cotangents = {name: self._cotangent(name, value) for name, value in given.items()}
+        model, T, n = self._plant.model, len(self._ctrl), self._plant.num_envs or 1
+        adjoint = np.zeros((n, 2 * model.nv + model.na))
+        controls, kinked = np.zeros((T, n, model.nu)), np.zeros((T, n), dtype=bool)
+        parameters: dict[str, Array] = {}
+        wrt = (*STATE, "ctrl", *self._parameters)
+        for first in reversed(range(0, T, self.every)):
+            segment = range(first, min(first + self.every, T))
+            for t, state in zip(reversed(segment), reversed(self._states(segment)), strict=True):
+                adjoint += self._direct(cotangents, t)
+                self._plant.set_state(state)
+                part = linearize(
+                    self._plant, wrt, ctrl=self._ctrl[t], nstep=self._nstep, sensors=cotangents["sensors"] is not None, **settings
+                )
+                reading = None if cotangents["sensors"] is None else cotangents["sensors"][t]
+                controls[t] = self._pull(part, "ctrl", adjoint, reading)
+                for name in self._parameters:
+                    parameters[name] = parameters.get(name, 0.0) + self._pull(part, name, adjoint, reading)
+                kinked[t] = np.asarray(part.near_kink).reshape(n)
+                adjoint = np.concatenate([self._pull(part, name, adjoint, reading) for name in STATE], axis=1)
+        return self._gradients(adjoint, controls, parameters, kinked)
+
+    def _cotangent(self, name: str, given: ArrayLike | None) -> Array | None:
+        if given is None:
+            return None
+        there = getattr(self, name)
+        if there is None:
+            raise ValueError("gradients by sensors need rollout(..., sensors=True)")
+        array = np.asarray(given, np.float64)
+        if array.shape != there.shape:
+            raise ValueError(f"the gradient by {name} has shape {array.shape}, must be {there.shape}")
+        return array[:, None] if self._plant.num_envs is None else array
+
+    def _direct(self, cotangents: dict[str, Array | None], t: int) -> Array:
+        """Gradient by the state after a control of what is a function of that state itself."""
+        model, n = self._plant.model, self._plant.num_envs or 1
+        after = self.qpos[t].reshape(n, -1)
+        numbers = cotangents["qpos"]
+        parts = [np.zeros((n, model.nv)) if numbers is None else to_tangent(model, after, numbers[t])]
+        for name, size in (("qvel", model.nv), ("act", model.na)):
+            own = cotangents[name]
+            parts.append(np.zeros((n, size)) if own is None else own[t])
+        return np.concatenate(parts, axis=1)
+
+    def _states(self, segment: range) -> list[State]:
+        """States before every control of a segment, made again from its checkpoint."""
+        self._plant.set_state(self._checkpoints[segment.start // self.every])
+        states = []
+        for t in segment:
+            states.append(self._plant.get_state())
+            if t + 1 < segment.stop:
+                self._plant.step(self._ctrl[t], nstep=self._nstep)
+        return states
+
+    def _pull(self, part: Linearization, name: str, adjoint: Array, reading: Array | None) -> Array:
+        """Gradient by the columns of a block, (num_envs, *columns)."""
+        n = len(adjoint)
+        block = part.blocks[name].reshape(n, adjoint.shape[1], *np.shape(part.blocks[name])[1 + (self._plant.num_envs is not None) :])
+        out: Array = np.einsum("er,er...->e...", adjoint, block)
+        if reading is not None:
+            own = part.sensors[name]
+            out = out + np.einsum("er,er...->e...", reading, own.reshape(n, reading.shape[1], *block.shape[2:]))
+        return out
+
+    def _gradients(self, adjoint: Array, controls: Array, parameters: dict[str, Array], kinked: Bools) -> Gradients:
+        model = self._plant.model
+        single = self._plant.num_envs is None
+        nv = model.nv
+        numbers = from_tangent(model, self._start["qpos"], adjoint[:, :nv])
+        qpos, qvel, act = (part[0] if single else part for part in (numbers, adjoint[:, nv : 2 * nv], adjoint[:, 2 * nv :]))
+        return Gradients(
+            qpos=qpos,
+            qvel=qvel,
+            act=act,
+            ctrl=controls[:, 0] if single else controls,
+            parameters={name: value[0] if single else value for name, value in parameters.items()},
+            near_kink=kinked[:, 0] if single else kinked,
+        )
+
+
+def rollout(
+    sim: Stepper,
+    ctrl: ArrayLike,
+    nstep: int = 1,
+    *,
+    parameters: Sequence[str] = (),
+    every: int | None = None,
+    sensors: bool = False,
+) -> Rollout:
+    """Makes `nstep` steps with each of T controls on a copy of a stepper, and remembers what its derivative needs.
+
+    Args:
+        sim: The stepper, whose state is where the rollout begins. It is only read.
+        ctrl: Controls, (T, num_envs, nu), or (T, nu) for all environments.
+        nstep: Steps that each control is held.
+        parameters: Parameters to differentiate by, as `linearize` takes them in `wrt`.
+        every: Controls between two checkpoints; None is the square root of T, where checkpoints and the states between two of them take
+            the least memory together. Each control is stepped once more on the way back.
+        sensors: Whether readings of ideal sensors are wanted.
+
+    Raises:
+        ValueError: A wrong shape, a number of steps that is none.
+    """
+    model, n = sim.model, sim.num_envs
+    given = np.asarray(ctrl, np.float64)
+    if given.ndim == 2 and n is not None and given.shape[1] == model.nu:
+        given = np.broadcast_to(given[:, None], (len(given), n, model.nu))
+    shape = (model.nu,) if n is None else (n, model.nu)
+    if given.ndim != 1 + len(shape) or given.shape[1:] != shape or not len(given):
+        must = "(T, nu)" if n is None else "(T, num_envs, nu) or (T, nu)"
+        raise ValueError(f"ctrl has shape {given.shape}, must be {must} with nu = {model.nu}" + (f" and num_envs = {n}" if n else ""))
+    if not np.isfinite(given).all():
+        raise ValueError("ctrl has a number that is not finite")
+    for name, value in (("nstep", nstep), ("every", every)):
+        if value is not None and (not isinstance(value, int | np.integer) or value < 1):
+            raise ValueError(f"{name} is {value!r}, must be a whole number of 1 at least")
+    return Rollout(copy.deepcopy(sim), np.array(given), int(nstep), parameters=parameters, every=every, sensors=sensors)

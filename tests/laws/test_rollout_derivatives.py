@@ -1,0 +1,134 @@
+"""Vector-Jacobian products over rollouts, beside differences of whole rollouts and closed forms."""
+
+import numpy as np
+import pytest
+import stepper
+from models import random_quaternion, stepper_model
+from stepper import Drive, Options
+from stepper.derivatives import rollout
+from stepper.derivatives.tangent import from_tangent, to_tangent
+
+SOFT = Options(contact="mujoco", tolerance=1e-12)
+
+
+@pytest.fixture(scope="module")
+def ants():
+    """Ants that touch the floor, and controls."""
+    model, rng = stepper_model("gymnasium/ant", strict=False), np.random.default_rng(0)
+    sim = stepper.Stepper(model, 3, options=SOFT)
+    for _ in range(5):
+        sim.step(rng.uniform(-0.3, 0.3, (3, model.nu)), nstep=10)
+    return sim, rng.uniform(-0.3, 0.3, (5, 3, model.nu)), rng
+
+
+def loss_of(sim, weights, nstep, *, qpos=None, qvel=None, parameters=None):
+    """The function of controls whose gradient `vjp` takes: sums of the states, weighted."""
+
+    def loss(ctrl):
+        other = stepper.Stepper(sim.model, sim.num_envs, options=sim.options)
+        other.randomize(**(parameters or {}))
+        other.set_state(sim.get_state())
+        if qpos is not None or qvel is not None:
+            other.set_state(qpos=qpos, qvel=qvel, cold=False)
+        made = other.rollout(ctrl, nstep, fields=["qpos", "qvel"])
+        return sum((made[name] * weights[name]).sum(axis=(0, 2)) for name in weights)
+
+    return loss
+
+
+def test_gradients_are_those_of_whole_rollouts(ants):
+    sim, ctrl, rng = ants
+    made = rollout(sim, ctrl, 2, parameters=("body_mass",))
+    weights = {name: rng.normal(size=getattr(made, name).shape) for name in ("qpos", "qvel")}
+    found = made.vjp(**weights)
+    # Whole rollouts bend more than their steps, and cross changes of contacts that no step of 1e-6 does.
+    h, same = 1e-6, {"rtol": 1e-3, "atol": 1e-5}
+    for t, k in ((0, 0), (2, 3), (4, 7)):
+        moved = np.zeros_like(ctrl)
+        moved[t, :, k] = h
+        loss = loss_of(sim, weights, 2)
+        np.testing.assert_allclose(found.ctrl[t, :, k], (loss(ctrl + moved) - loss(ctrl - moved)) / (2 * h), **same)
+    direction = rng.normal(size=(3, sim.model.nv))
+    ends = [loss_of(sim, weights, 2, qpos=sim.model.integrate_pos(sim.qpos, s * h * direction))(ctrl) for s in (1, -1)]
+    by_turn = to_tangent(sim.model, sim.qpos, found.qpos)
+    np.testing.assert_allclose((by_turn * direction).sum(axis=1), (ends[0] - ends[1]) / (2 * h), **same)
+    ends = [loss_of(sim, weights, 2, qvel=sim.qvel + s * h * direction)(ctrl) for s in (1, -1)]
+    np.testing.assert_allclose((found.qvel * direction).sum(axis=1), (ends[0] - ends[1]) / (2 * h), **same)
+    mass = np.tile(sim.model.body_mass, (3, 1))
+    ends = [loss_of(sim, weights, 2, parameters={"body_mass": mass * (1 + s * h)})(ctrl) for s in (1, -1)]
+    np.testing.assert_allclose((found.parameters["body_mass"] * mass).sum(axis=1), (ends[0] - ends[1]) / (2 * h), **same)
+
+
+@pytest.mark.parametrize("every", [1, 2, 5, 9])
+def test_checkpoints_change_no_bit_and_memory_is_what_they_take(ants, every):
+    sim, ctrl, _ = ants
+    whole, made = rollout(sim, ctrl, every=len(ctrl)), rollout(sim, ctrl, every=every)
+    before, weights = sim.get_state(), np.ones_like(made.qvel)
+    a, b = whole.vjp(qvel=weights), made.vjp(qvel=weights)
+    np.testing.assert_array_equal(a.ctrl, b.ctrl)
+    np.testing.assert_array_equal(a.qpos, b.qpos)
+    assert sim.get_state() == before
+    states = -(-len(ctrl) // every) + min(every, len(ctrl))
+    n, nu = 2 * sim.model.nv, sim.model.nu
+    assert made.memory == states * sim.get_state().nbytes + 8 * 3 * n * (n + nu)
+
+
+def test_a_rollout_is_that_of_the_stepper_with_its_drives():
+    model = stepper_model("gymnasium/hopper", strict=False)
+    sim, rng = stepper.Stepper(model, actuators=stepper.ActuatorModel(default=Drive(delay=0.016, lag=0.01))), np.random.default_rng(0)
+    sim.step(rng.uniform(-1, 1, model.nu), nstep=30)
+    ctrl = rng.uniform(-1, 1, (6, model.nu))
+    made = rollout(sim, ctrl, 2, sensors=True)
+    # Shapes of a single environment, and nothing through a delay of two controls but what comes out at the end.
+    found = made.vjp(qpos=np.eye(6, model.nq) * 0 + 1, sensors=np.zeros((6, model.nsensordata)))
+    assert found.ctrl.shape == (6, model.nu)
+    assert not found.ctrl[-2:].any()
+    expected = sim.rollout(ctrl, 2, fields=["qpos", "qvel"])
+    np.testing.assert_array_equal(made.qpos, expected["qpos"])
+    np.testing.assert_array_equal(made.qvel, expected["qvel"])
+
+
+def test_a_thrown_body_flies_as_far_as_its_speed():
+    model = stepper.load('<mujoco><worldbody><body><freejoint/><geom size=".1" mass="1"/></body></worldbody></mujoco>')
+    sim = stepper.Stepper(model)
+    sim.set_state(qvel=[1, 0, 2, 0, 0, 3])
+    made = rollout(sim, np.zeros((50, 0)), 2)
+    last = np.zeros_like(made.qpos)
+    last[-1, 2] = 1.0
+    # Height after t: z + v t - g t^2 / 2.
+    found, t = made.vjp(qpos=last), 100 * sim.timestep
+    np.testing.assert_allclose(found.qpos, [0, 0, 1, 0, 0, 0, 0], atol=1e-6)
+    np.testing.assert_allclose(found.qvel, [0, 0, t, 0, 0, 0], atol=1e-6)
+
+
+def test_gradients_of_quaternions_are_along_their_tangent_space():
+    model = stepper.load(
+        '<mujoco><worldbody><body><freejoint/><geom size=".1"/><body><joint type="hinge"/><geom size=".1"/>'
+        '<body pos="1 0 0"><joint type="ball"/><geom size=".1"/></body></body></body></worldbody></mujoco>'
+    )
+    rng = np.random.default_rng(0)
+    qpos = np.concatenate([rng.normal(size=3), random_quaternion(rng), rng.normal(size=1), random_quaternion(rng)])
+    weights, h = rng.normal(size=model.nq), 1e-6
+    numeric = [
+        (weights @ model.integrate_pos(qpos, h * d) - weights @ model.integrate_pos(qpos, -h * d)) / (2 * h) for d in np.eye(model.nv)
+    ]
+    np.testing.assert_allclose(to_tangent(model, qpos, weights), numeric, atol=1e-8)
+    back = from_tangent(model, qpos, to_tangent(model, qpos, weights))
+    for quat in (slice(3, 7), slice(8, 12)):
+        np.testing.assert_allclose(back[quat] @ qpos[quat], 0, atol=1e-12)
+    np.testing.assert_allclose(to_tangent(model, qpos, back), to_tangent(model, qpos, weights), atol=1e-12)
+
+
+def test_wrong_calls_say_what_to_do(ants):
+    sim, ctrl, _ = ants
+    with pytest.raises(ValueError, match=r"must be \(T, num_envs, nu\)"):
+        rollout(sim, ctrl[:, :2])
+    with pytest.raises(ValueError, match="every is 0"):
+        rollout(sim, ctrl, every=0)
+    with pytest.raises(ValueError, match="not finite"):
+        rollout(sim, ctrl * np.nan)
+    made = rollout(sim, ctrl[:1])
+    with pytest.raises(ValueError, match="gradient by qvel has shape"):
+        made.vjp(qvel=np.zeros(3))
+    with pytest.raises(ValueError, match="sensors=True"):
+        made.vjp(sensors=np.zeros(3))

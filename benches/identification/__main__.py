@@ -1,4 +1,4 @@
-"""`make identify`: a hundred noisy repetitions from four starts each, the tables of docs/identification.md."""
+"""`make identify`: noisy repetitions from four starts, beside a peer, and sample by sample: the tables of docs/identification.md."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 import stepper
 from stepper.shared.machine import provenance
 
-from identification import sysid
+from identification import online, sysid
 from identification.repetitions import HEAD, Kept, Row, Trial, repeated
 from identification.scenes import SCENES
 
@@ -61,17 +61,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m identification", description=__doc__)
     parser.add_argument("--count", type=int, default=100, help="repetitions from each start")
     parser.add_argument("--count-beside", type=int, default=10, help="repetitions beside mujoco.sysid")
+    parser.add_argument("--count-online", type=int, default=25, help="runs that are followed sample by sample, of each kind")
     parser.add_argument("--threads", type=int, default=0, help="threads of stepper; 0 is all")
-    parser.add_argument("--only", choices=["own", "beside"], help="one of the two tables")
+    parser.add_argument("--only", choices=["own", "beside", "online"], help="one of the tables")
     parser.add_argument("--resume", action="store_true", help=f"take repetitions from {OUT} that an earlier run has made")
     parser.add_argument("--update-docs", action="store_true", help=f"write the tables into {PAGE.name}")
     given = parser.parse_args()
     about = provenance()
     print(f"{about['cpu']}, {about['cores']} cores, load {about['load_average']}")
     tables = {}
-    if given.only != "beside":
+    if given.only in (None, "own"):
         tables["own"] = _table("scene", _own(given.count, given.threads), Kept(OUT / "own.jsonl", given.resume))
-    if given.only != "own":
+    if given.only in (None, "online"):
+        tables["online"] = online.table(given.count_online)
+    if given.only in (None, "beside"):
         if missing := sysid.available():
             print(f"not beside mujoco.sysid: {missing}")
         else:

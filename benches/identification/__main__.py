@@ -27,18 +27,27 @@ def _table(title: str, rows: Sequence[Row], kept: Kept) -> str:
     return "\n".join(lines)
 
 
+def _trials(threads: int) -> list[Trial]:
+    return [Trial(scene, scene.readings(HARD), HARD, threads) for scene in (make() for make in SCENES)]
+
+
 def _own(count: int, threads: int) -> list[Row]:
-    """Hard contact, white noise, from each start; then noise that is correlated in time."""
-    trials = [Trial(scene, scene.readings(HARD), HARD, threads) for scene in (make() for make in SCENES)]
-    rows, coloured = [], []
-    for trial in trials:
-        scene = trial.scene
-        for k, start in enumerate(scene.starts):
-            name = f"{scene.name}, from {start[0]:g} kg and {start[1]:g}"
-            rows.append(Row(name, scene.truth, partial(trial.once, start), count, first=k * count))
-        once = partial(trial.once, scene.starts[0], colour=COLOUR)
-        coloured.append(Row(f"{scene.name}, noise of autocorrelation {COLOUR:g}", scene.truth, once, count * len(scene.starts)))
-    return rows + coloured
+    """Hard contact, white noise, from each start."""
+    return [
+        Row(f"{t.scene.name}, from {start[0]:g} kg and {start[1]:g}", t.scene.truth, partial(t.once, start), count, first=k * count)
+        for t in _trials(threads)
+        for k, start in enumerate(t.scene.starts)
+    ]
+
+
+def _coloured(count: int, threads: int) -> list[Row]:
+    """Noise that is correlated in time."""
+    return [
+        Row(
+            f"{t.scene.name}, noise of autocorrelation {COLOUR:g}", t.scene.truth, partial(t.once, t.scene.starts[0], colour=COLOUR), count
+        )
+        for t in _trials(threads)
+    ]  # fmt: skip
 
 
 def _beside(count: int, threads: int) -> list[Row]:
@@ -63,7 +72,7 @@ def main() -> None:
     parser.add_argument("--count-beside", type=int, default=10, help="repetitions beside mujoco.sysid")
     parser.add_argument("--count-online", type=int, default=25, help="runs that are followed sample by sample, of each kind")
     parser.add_argument("--threads", type=int, default=0, help="threads of stepper; 0 is all")
-    parser.add_argument("--only", choices=["own", "beside", "online"], help="one of the tables")
+    parser.add_argument("--only", choices=["own", "coloured", "beside", "online"], help="one of the tables")
     parser.add_argument("--resume", action="store_true", help=f"take repetitions from {OUT} that an earlier run has made")
     parser.add_argument("--update-docs", action="store_true", help=f"write the tables into {PAGE.name}")
     given = parser.parse_args()
@@ -72,6 +81,8 @@ def main() -> None:
     tables = {}
     if given.only in (None, "own"):
         tables["own"] = _table("scene", _own(given.count, given.threads), Kept(OUT / "own.jsonl", given.resume))
+    if given.only in (None, "coloured"):
+        tables["coloured"] = _table("scene", _coloured(given.count, given.threads), Kept(OUT / "coloured.jsonl", given.resume))
     if given.only in (None, "online"):
         tables["online"] = online.table(given.count_online)
     if given.only in (None, "beside"):

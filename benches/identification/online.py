@@ -81,7 +81,7 @@ def follow(seed: int, changes: bool = False) -> Followed:
         list(scene.parameters),
         noise=NOISE,
         period=PERIOD,
-        drift=(0.2, 0.0) if changes else 0.0,
+        drift=(0.2, 0.02) if changes else None,
         options=HARD,
     )
     out, seconds = [], []

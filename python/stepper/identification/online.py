@@ -50,6 +50,8 @@ BETTER = 1.0
 EXCLUDED = 12.0
 """A smaller value is taken, and a value is excluded, where the costs differ by this: 3.5 standard deviations. What slides steadily and what
 holds have the same forces, so that noise alone would soon find something that slides."""
+WANDERS = 0.02
+"""Drift of these kinds, unless another is given."""
 FARTHEST = 0.5
 """Largest change of a parameter that one sample makes, in scales."""
 PRIOR = 1.0
@@ -103,7 +105,8 @@ class Tracker:
         period: Time between samples, s: a whole number of time steps.
         window: Length of the window, s.
         drift: What parameters may change by in a second, in logarithms of what is positive and in scales of the rest: a number, or one for
-            each. 0 are constants.
+            each. 0 are constants, of which None makes all but friction: that has 0.02, since a window takes the moment at which something
+            begins to slide, or stops, for better known than it is.
         moving: Joints whose state is not exactly known, all of them by default. Each of their degrees of freedom costs four environments.
         state_noise: What the model lacks: standard deviations of displacement (m or rad) and velocity (m/s or rad/s) that it gains in a
             second.
@@ -130,7 +133,7 @@ class Tracker:
         noise: Mapping[str, ArrayLike],
         period: float,
         window: float = 0.12,
-        drift: float | Sequence[float] = 0.0,
+        drift: float | Sequence[float] | None = None,
         moving: Sequence[str] | None = None,
         state_noise: tuple[float, float] = (1e-5, 1e-3),
         options: Options | None = None,
@@ -151,10 +154,13 @@ class Tracker:
         self.n = len(start)
         fields = write(self.blocks, start[None], model)
         self.model = model.replace(**{name: array[0] for name, array in fields.fields.items()})
+        if not noise:
+            raise ValueError("noise names no channel; give the standard deviation of every channel that is read")
         self._channels = find_channels(self.model, noise)
         self._sigma = np.concatenate([_noise(channel, noise[channel.name]) for channel in self._channels])
         self._dofs = list(range(model.nv)) if moving is None else _dofs(model, moving)
-        self._kinked = [j for j, block in enumerate(b for b in self.blocks for _ in range(b.size)) if block.parameter.kind in KINKED]
+        kinds = [block.parameter.kind for block in self.blocks for _ in range(block.size)]
+        self._kinked = [j for j, kind in enumerate(kinds) if kind in KINKED]
         self._count = 1 + 2 * (self.n + 2 * len(self._dofs)) + TRIED * len(self._kinked)
         self._sim = Stepper(self.model, self._count, options=solved(options or Options()), threads=threads)
         self.period = period
@@ -164,6 +170,8 @@ class Tracker:
         self._length = round(window / period)
         if self._length < 2:
             raise ValueError(f"window is {window:g} s, must be two periods of {period:g} s or more")
+        if drift is None:
+            drift = [WANDERS if kind in KINKED else 0.0 for kind in kinds]
         spreads = (np.asarray(drift, float), np.asarray(state_noise, float), np.asarray(start_std, float))
         if not all(np.isfinite(x).all() and (x >= 0).all() for x in spreads):
             raise ValueError("drift, state_noise and start_std are standard deviations, which are finite and not negative")
@@ -340,9 +348,9 @@ class Tracker:
     def _other(self, points: Array, residual: Array, J: Array) -> tuple[Array | None, list[int]]:
         """A point with another friction that explains the window better; and frictions that hold.
 
-        Of a friction that holds the window says that it is large enough, and nothing else. Where the estimate slips a little and the
-        readings do not, the slope there says that friction is what just holds; all larger values explain the window as well. What would have
-        slipped raises the lower bound.
+        Of a friction that holds the window says that it is large enough, and nothing else. Where the estimate slips a little and
+        the readings do not, the slope there says that friction is what just holds; all larger values explain the window as well. What would
+        have slipped raises the lower bound.
         """
         best, gain, holding = 0, 0.0, []
         for j, (index, window, known) in zip(self._kinked, self._profiles(points, residual, J), strict=True):

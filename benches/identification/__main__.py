@@ -1,52 +1,68 @@
-"""`make identify`: a hundred noisy repetitions from four starts each, the tables of docs/identification.md."""
+"""`make identify`: noisy repetitions from four starts, beside a peer, and sample by sample: the tables of docs/identification.md."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
 import stepper
 from stepper.shared.machine import provenance
 
-from identification import sysid
-from identification.repetitions import HEAD, Tally, Trial
+from identification import online, sysid
+from identification.repetitions import HEAD, Kept, Row, Trial, repeated
 from identification.scenes import SCENES
 
 PAGE = Path(__file__).parents[2] / "docs/identification.md"
+OUT = Path("out/identification")
 COLOUR = 0.8
 HARD = stepper.Options(tolerance=1e-9)
 
 
-def _table(title: str, rows: Iterator[tuple[str, Tally]]) -> str:
+def _table(title: str, rows: Sequence[Row], kept: Kept) -> str:
     lines = [f"| {title} | {HEAD} |", "|" + "---|" * (HEAD.count("|") + 2)]
-    for name, tally in rows:
-        lines.append(f"| {name} | {tally.row()} |")
-        print(lines[-1], flush=True)
+    lines += [f"| {name} | {tally.row()} |" for name, tally in repeated(rows, kept)]
+    print("\n".join(lines), flush=True)
     return "\n".join(lines)
 
 
-def _own(count: int, threads: int) -> Iterator[tuple[str, Tally]]:
-    """Hard contact, white noise, from each start; then noise that is correlated in time."""
-    trials = [Trial(scene, scene.readings(HARD), HARD, threads) for scene in (make() for make in SCENES)]
-    for trial in trials:
-        for k, start in enumerate(trial.scene.starts):
-            yield f"{trial.scene.name}, from {start[0]:g} kg and {start[1]:g}", trial.repeat(count, start, first=k * count)
-    for trial in trials:
-        yield f"{trial.scene.name}, noise of autocorrelation {COLOUR:g}", trial.repeat(count, trial.scene.starts[0], colour=COLOUR)
+def _trials(threads: int) -> list[Trial]:
+    return [Trial(scene, scene.readings(HARD), HARD, threads) for scene in (make() for make in SCENES)]
 
 
-def _beside(count: int, threads: int) -> Iterator[tuple[str, Tally]]:
+def _own(count: int, threads: int) -> list[Row]:
+    """Hard contact, white noise, from each start."""
+    return [
+        Row(f"{t.scene.name}, from {start[0]:g} kg and {start[1]:g}", t.scene.truth, partial(t.once, start), count, first=k * count)
+        for t in _trials(threads)
+        for k, start in enumerate(t.scene.starts)
+    ]
+
+
+def _coloured(count: int, threads: int) -> list[Row]:
+    """Noise that is correlated in time."""
+    return [
+        Row(
+            f"{t.scene.name}, noise of autocorrelation {COLOUR:g}", t.scene.truth, partial(t.once, t.scene.starts[0], colour=COLOUR), count
+        )
+        for t in _trials(threads)
+    ]  # fmt: skip
+
+
+def _beside(count: int, threads: int) -> list[Row]:
     """MuJoCo's own motion, identified by both, with MuJoCo's law."""
+    rows = []
     for make in SCENES:
         scene = make()
         trial = Trial(scene, sysid.readings(scene), stepper.Options.of(scene.model(*scene.truth)), threads)
         for start in scene.starts:
             place = f"{scene.name}, from {start[0]:g} kg and {start[1]:g}"
-            yield f"{place}: stepper", trial.repeat(count, start)
+            runs = {f"stepper, {n} start{'s' * (n > 1)}": partial(trial.once, start, starts=n) for n in (4, 1)}
             for name, settings in sysid.SETTINGS.items():
-                yield f"{place}: mujoco.sysid, {name}", trial.repeat(count, start, partial(sysid.identified, settings=settings))
+                runs[f"mujoco.sysid, {name}"] = partial(trial.once, start, peer=partial(sysid.identified, settings=settings))
+            rows += [Row(f"{place}: {name}", scene.truth, once, count) for name, once in runs.items()]
+    return rows
 
 
 def main() -> None:
@@ -54,20 +70,26 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m identification", description=__doc__)
     parser.add_argument("--count", type=int, default=100, help="repetitions from each start")
     parser.add_argument("--count-beside", type=int, default=10, help="repetitions beside mujoco.sysid")
+    parser.add_argument("--count-online", type=int, default=25, help="runs that are followed sample by sample, of each kind")
     parser.add_argument("--threads", type=int, default=0, help="threads of stepper; 0 is all")
-    parser.add_argument("--only", choices=["own", "beside"], help="one of the two tables")
+    parser.add_argument("--only", choices=["own", "coloured", "beside", "online"], help="one of the tables")
+    parser.add_argument("--resume", action="store_true", help=f"take repetitions from {OUT} that an earlier run has made")
     parser.add_argument("--update-docs", action="store_true", help=f"write the tables into {PAGE.name}")
     given = parser.parse_args()
     about = provenance()
     print(f"{about['cpu']}, {about['cores']} cores, load {about['load_average']}")
     tables = {}
-    if given.only != "beside":
-        tables["own"] = _table("scene", _own(given.count, given.threads))
-    if given.only != "own":
+    if given.only in (None, "own"):
+        tables["own"] = _table("scene", _own(given.count, given.threads), Kept(OUT / "own.jsonl", given.resume))
+    if given.only in (None, "coloured"):
+        tables["coloured"] = _table("scene", _coloured(given.count, given.threads), Kept(OUT / "coloured.jsonl", given.resume))
+    if given.only in (None, "online"):
+        tables["online"] = online.table(given.count_online)
+    if given.only in (None, "beside"):
         if missing := sysid.available():
             print(f"not beside mujoco.sysid: {missing}")
         else:
-            tables["beside"] = _table("scene", _beside(given.count_beside, given.threads))
+            tables["beside"] = _table("scene", _beside(given.count_beside, given.threads), Kept(OUT / "beside.jsonl", given.resume))
     if given.update_docs:
         text = PAGE.read_text()
         for name, table in tables.items():

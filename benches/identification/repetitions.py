@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -15,6 +17,7 @@ from identification.scenes import Scene
 Readings: TypeAlias = "dict[str, np.ndarray[Any, Any]]"
 Answer: TypeAlias = "tuple[np.ndarray[Any, Any], np.ndarray[Any, Any], np.ndarray[Any, Any]]"
 """Values (2,), lower and upper ends of 95 % intervals (2,)."""
+Peer: TypeAlias = "Callable[[Scene, tuple[float, float], Readings], Answer]"
 
 
 @dataclass
@@ -24,7 +27,7 @@ class Tally:
     Attributes:
         truth: True values.
         answers: Of each repetition.
-        seconds: Time of each.
+        seconds: Of the processor, of each.
     """
 
     truth: np.ndarray[Any, Any]
@@ -52,7 +55,7 @@ class Tally:
         return f"{mass} | {friction} | {np.median(self.seconds):.2g} s"
 
 
-HEAD = "error of the mass | interval | covers | error of the friction | interval | covers | time"
+HEAD = "error of the mass | interval | covers | error of the friction | interval | covers | CPU time"
 
 
 def noisy(clean: Readings, scene: Scene, seed: int, colour: float = 0.0) -> Readings:
@@ -83,29 +86,83 @@ class Trial:
     options: stepper.Options
     threads: int
 
-    def identified(self, start: tuple[float, float], readings: Readings, seed: int) -> Answer:
+    def identified(self, start: tuple[float, float], readings: Readings, seed: int, starts: int = 4) -> Answer:
         """One identification by stepper, which is not told the noise."""
         scene = self.scene
         episode = stepper.Episode(scene.ctrl, readings, scene.period)
-        found = stepper.identify(scene.model(*start), [episode], scene.parameters, options=self.options, seed=seed, threads=self.threads)
+        settings: dict[str, Any] = {"options": self.options, "seed": seed, "threads": self.threads, "starts": starts}
+        found = stepper.identify(scene.model(*start), [episode], scene.parameters, **settings)
         ends = found.interval()
         return found.values, ends[:, 0], ends[:, 1]
 
-    def repeat(
-        self,
-        count: int,
-        start: tuple[float, float],
-        peer: Callable[[Scene, tuple[float, float], Readings], Answer] | None = None,
-        *,
-        first: int = 0,
-        colour: float = 0.0,
-    ) -> Tally:
-        """As many identifications as `count`, each with noise of its own (seeds from `first` on), by stepper or a peer."""
-        tally = Tally(np.array(self.scene.truth))
-        for seed in range(first, first + count):
-            readings = noisy(self.clean, self.scene, seed, colour)
-            began = time.perf_counter()
-            answer = self.identified(start, readings, seed) if peer is None else peer(self.scene, start, readings)
-            tally.seconds.append(time.perf_counter() - began)
-            tally.answers.append(answer)
-        return tally
+    def once(self, start: tuple[float, float], seed: int, peer: Peer | None = None, *, colour: float = 0.0, starts: int = 4) -> Answer:
+        """One identification of readings with noise of their own, by stepper or a peer."""
+        readings = noisy(self.clean, self.scene, seed, colour)
+        return self.identified(start, readings, seed, starts) if peer is None else peer(self.scene, start, readings)
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of a table.
+
+    Attributes:
+        name: What it says in front.
+        truth: True values.
+        once: Answer of the repetition of a seed.
+        count: Repetitions.
+        first: Seed of its first repetition.
+    """
+
+    name: str
+    truth: tuple[float, float]
+    once: Callable[[int], Answer]
+    count: int
+    first: int = 0
+
+
+class Kept:
+    """Answers in a file as they are made, a line each, so that a run that was stopped goes on where it was.
+
+    Args:
+        path: The file.
+        resume: Whether to take what is in it; otherwise it is begun anew.
+    """
+
+    def __init__(self, path: Path, resume: bool):
+        self._path = path
+        self._answers: dict[tuple[str, int], tuple[Answer, float]] = {}
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if resume and path.exists():
+            for line in path.read_text().splitlines():
+                made = json.loads(line)
+                value, low, high = (np.array(made[name]) for name in ("value", "low", "high"))
+                self._answers[made["row"], made["seed"]] = (value, low, high), made["seconds"]
+        else:
+            path.write_text("")
+
+    def of(self, row: Row, seed: int) -> tuple[Answer, float]:
+        """Answer of a row's repetition and the seconds of the processor that it took; made where it is not kept."""
+        if (row.name, seed) not in self._answers:
+            began = time.process_time()
+            answer = row.once(seed)
+            seconds = time.process_time() - began
+            self._answers[row.name, seed] = answer, seconds
+            line = {"row": row.name, "seed": seed, "seconds": seconds}
+            line |= {name: np.asarray(x).tolist() for name, x in zip(("value", "low", "high"), answer, strict=True)}
+            with self._path.open("a") as file:
+                file.write(json.dumps(line) + "\n")
+        return self._answers[row.name, seed]
+
+
+def repeated(rows: Sequence[Row], kept: Kept) -> list[tuple[str, Tally]]:
+    """All repetitions: the first of each row, then the second, so that a run that is stopped has something of all."""
+    tallies = [Tally(np.array(row.truth)) for row in rows]
+    most = max(row.count for row in rows)
+    for k in range(most):
+        for row, tally in zip(rows, tallies, strict=True):
+            if k < row.count:
+                answer, seconds = kept.of(row, row.first + k)
+                tally.answers.append(answer)
+                tally.seconds.append(seconds)
+        print(f"{k + 1} of {most} repetitions", flush=True)
+    return [(row.name, tally) for row, tally in zip(rows, tallies, strict=True)]

@@ -73,7 +73,7 @@ def identified(scene: Scene, start: tuple[float, float], given: Readings, settin
 
     parameters = sysid.ParameterDict()
     for name, value, modifier in (("mass", start[0], set_mass), ("friction", start[1], set_friction)):
-        parameters.add(sysid.Unknown(name, value, value / 20, value * 20, modifier=modifier))
+        parameters.add(sysid.Parameter(name, value, value / 20, value * 20, modifier=modifier))
     control = sysid.TimeSeries(times - model.opt.timestep, np.repeat(scene.ctrl, nstep, axis=0))
     sensors = sysid.TimeSeries.from_names(times, np.zeros((len(times), model.nsensordata)), model)
     initial = sysid.create_initial_state(model, data.qpos, data.qvel, data.act)

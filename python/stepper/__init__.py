@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from stepper.experiments.compare import Comparison, compare
     from stepper.experiments.study import Outcome, Parameter, Policy, Study
     from stepper.experiments.study.report import Report, report, sweep
-    from stepper.identification import Episode, Identification, Unknown, identify
+    from stepper.identification import Episode, Identification, Tracked, Tracker, Unknown, identify
 
 __all__ = [
     "PID",
@@ -55,6 +55,8 @@ __all__ = [
     "Status",
     "Stepper",
     "Study",
+    "Tracked",
+    "Tracker",
     "Transfer",
     "Tuning",
     "Unknown",
@@ -79,7 +81,7 @@ _LATER = {
     **dict.fromkeys(("Chart", "Tuning", "chart", "tune"), "stepper.experiments.accuracy"),
     **dict.fromkeys(("Comparison", "compare"), "stepper.experiments.compare"),
     **dict.fromkeys(("Outcome", "Parameter", "Policy", "Report", "Study", "report", "sweep"), "stepper.experiments.study"),
-    **dict.fromkeys(("Episode", "Identification", "Unknown", "identify"), "stepper.identification"),
+    **dict.fromkeys(("Episode", "Identification", "Tracked", "Tracker", "Unknown", "identify"), "stepper.identification"),
 }
 """Names whose modules are imported when they are asked for: a loop that steps needs none of them, and they take longer than all else."""
 

@@ -2,11 +2,16 @@
 
 `data` reads what was measured, `parameters` says what is sought, `simulate` predicts readings in one batch of environments, `residuals`
 compares them, `fit` searches, `uncertainty` and `findings` say how sure the answer is, `result` is the answer.
+`design` ranks what could be measured next; `online` follows parameters sample by sample instead.
 """
 
 from stepper.identification.data import Episode, episodes_of
+from stepper.identification.design import Prospect, design
 from stepper.identification.fit import identify
+from stepper.identification.online import Tracked, Tracker
 from stepper.identification.parameters import KINDS, Unknown
 from stepper.identification.result import Identification, Search
 
-__all__ = ["KINDS", "Episode", "Identification", "Search", "Unknown", "episodes_of", "identify"]
+__all__ = [
+    "KINDS", "Episode", "Identification", "Prospect", "Search", "Tracked", "Tracker", "Unknown", "design", "episodes_of", "identify",
+]  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -20,13 +20,11 @@ from stepper.identification.inertia import Array
 from stepper.identification.parameters import Block, Unknown, bind, write
 from stepper.identification.residuals import Linearized, Residuals, Together
 from stepper.identification.result import Identification, Search
-from stepper.identification.simulate import Simulator
+from stepper.identification.simulate import Simulator, solved
 from stepper.identification.uncertainty import uncertainty, weights_of
 from stepper.shared.machine import require
 
 Loss = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]
-TOLERANCE = 1e-9
-"""m/s: residual at which steps are solved unless options say otherwise; differences divide what is left of it by their step."""
 SPREAD = 1.5
 """Searches begin up to this far from the start, in scales: of positive quantities, a factor e^1.5 = 4.5."""
 SAME = 1e-2
@@ -102,7 +100,7 @@ def identify(
     began = time.perf_counter()
     blocks = bind(parameters, model)
     episodes = episodes_of(data, model, channels=channels, columns=columns, start=start)
-    simulator = Simulator(_begun(model, blocks), episodes, blocks, _solved(options or Options()), threads=threads, actuators=actuators)
+    simulator = Simulator(_begun(model, blocks), episodes, blocks, solved(options or Options()), threads=threads, actuators=actuators)
     residuals = Residuals(simulator, step)
     if residuals.count <= residuals.n:
         raise ValueError(f"{residuals.count} readings can't say {residuals.n} numbers; give more data or fewer parameters")
@@ -189,11 +187,6 @@ def _begun(model: Model, blocks: list[Block]) -> Model:
     theta = np.concatenate([block.start for block in blocks])[None]
     fields = write(blocks, theta, model).fields
     return model.replace(**{name: array[0] for name, array in fields.items()}) if fields else model
-
-
-def _solved(options: Options) -> Options:
-    """Options with a tolerance that differences can be taken at."""
-    return options if options.tolerance is not None else replace(options, tolerance=TOLERANCE)
 
 
 def _given_noise(simulator: Simulator, noise: Mapping[str, ArrayLike]) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -90,12 +91,9 @@ class Residuals:
             out.append(rows)
         return out
 
-    def times(self) -> Array:
-        """Of every reading the episode and the row, (count, 2)."""
-        return np.concatenate([
-            np.stack([np.full(mask.sum(), e), np.broadcast_to(np.arange(len(mask))[:, None], mask.shape)[mask]], axis=1)
-            for e, mask in enumerate(self.masks)
-        ])  # fmt: skip
+    def times(self) -> np.ndarray[Any, np.dtype[np.int64]]:
+        """Of every reading the episode, row and column, (count, 3)."""
+        return np.concatenate([np.insert(np.argwhere(mask), 0, e, axis=1) for e, mask in enumerate(self.masks)])
 
     def _wide(self) -> int:
         return max((len(s) for s in self._starts if s is not None), default=0)

@@ -7,8 +7,8 @@ Environments are variants times episodes. What `Stepper.randomize` takes goes in
 from __future__ import annotations
 
 import difflib
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,8 @@ LANED = frozenset({
 """Fields that environments of one stepper may have of their own."""
 ROOM = 64 << 20
 """Bytes of predictions that one call of `rollout` may make; more are made in several calls."""
+TOLERANCE = 1e-9
+"""m/s: residual at which steps are solved unless options say otherwise; differences divide what is left of it by their step."""
 UNTRUSTED = Status.NOT_CONVERGED | Status.NON_FINITE | Status.CONTACTS_FULL | Status.TUNNELLED
 """Flags of steps that predictions should not rest on."""
 
@@ -98,6 +100,44 @@ def _channel(model: Model, name: str, width: int) -> Channel:
         f"no sensor or coordinate is named {name!r}; "
         + (f"did you mean {' or '.join(near)}?" if near else f"there are: {', '.join(known)}")
     )
+
+
+def find_channels(model: Model, names: Iterable[str]) -> list[Channel]:
+    """Channels of these names, one after another.
+
+    Raises:
+        KeyError: Nothing in the model has a channel's name.
+    """
+    found: list[Channel] = []
+    for name in names:
+        found.append(_channel(model, name, found[-1].lines.stop if found else 0))
+    return found
+
+
+def compared(model: Model, channel: Channel, rows: Array, measured: Array) -> Array:
+    """Predictions of a channel, (T, count, dim): as they are, or as displacements from what was measured.
+
+    Args:
+        model: The model.
+        channel: The channel.
+        rows: Its field, (T, count, columns of the field).
+        measured: Its readings, (T, columns of the channel); where one is NaN, the displacement is 0.
+    """
+    own = rows[..., list(channel.columns)]
+    if not channel.dofs and not channel.quaternion:
+        return own
+    target = measured[:, None]
+    target = np.where(np.isfinite(target).all(axis=-1, keepdims=True), target, own)
+    if channel.quaternion:
+        return _turn(target, own)
+    whole = rows.copy()
+    whole[..., list(channel.columns)] = target
+    return np.asarray(model.differentiate_pos(whole, rows)[..., list(channel.dofs)])
+
+
+def solved(options: Options) -> Options:
+    """Options with a tolerance that differences can be taken at."""
+    return options if options.tolerance is not None else replace(options, tolerance=TOLERANCE)
 
 
 class Simulator:
@@ -263,7 +303,12 @@ class Simulator:
             n = len(out[k][0])
             rows = {name: made[name].reshape(-1, len(part), E, made[name].shape[-1])[:n, :, k] for name in self.fields}
             for channel in self.channels:
-                value = self._compared(channel, rows[channel.field], self.episodes[e])
+                given = self.episodes[e].readings.get(channel.name)
+                if given is None:
+                    out[k][part, :, channel.lines] = 0.0
+                    continue
+                measured = np.repeat(np.asarray(given), n // len(np.asarray(given)), axis=0)
+                value = compared(self.model, channel, rows[channel.field], measured)
                 out[k][part, :, channel.lines] = value.transpose(1, 0, 2)
         return bad, int(alive.sum()) * len(part) * (nstep if self._fine else 1)
 
@@ -274,23 +319,6 @@ class Simulator:
                 self._steppers.pop(next(iter(self._steppers)))
             self._steppers[key] = Stepper(model, count, options=self.options, threads=self.threads, actuators=self._drives)
         return self._steppers[key]
-
-    def _compared(self, channel: Channel, rows: Array, episode: Episode) -> Array:
-        """Predictions of a channel, (T, count, dim): as they are, or as displacements from what was measured."""
-        given = episode.readings.get(channel.name)
-        if given is None:
-            return np.zeros((*rows.shape[:2], channel.lines.stop - channel.lines.start))
-        own = rows[..., list(channel.columns)]
-        if not channel.dofs and not channel.quaternion:
-            return own
-        measured = np.asarray(given)
-        measured = np.repeat(measured, len(rows) // len(measured), axis=0)[:, None]
-        measured = np.where(np.isfinite(measured).all(axis=-1, keepdims=True), measured, own)
-        if channel.quaternion:
-            return _turn(measured, own)
-        whole = rows.copy()
-        whole[..., list(channel.columns)] = measured
-        return self.model.differentiate_pos(whole, rows)[..., list(channel.dofs)]
 
     def _read(self, y: Array, theta: Array, nstep: int) -> Array:
         """What sensors of unknown bias, scale and delay make of their readings; one row for every sample."""

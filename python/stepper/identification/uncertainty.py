@@ -1,21 +1,32 @@
 """How sure an estimate is: its covariance with noise that may be correlated in time, and what the data do not say.
 
 The estimate solves sum_t s_t = 0 of the scores s_t = J_t^T psi(r_t), so its covariance is the sandwich H^-1 S H^-1 with H = J^T W J and
-S the long-run covariance of the scores: of white noise S = H, of correlated noise (coloured sensors, what the model leaves out) it is
-larger. S is estimated with Bartlett's kernel (Newey and West 1987) after scores are whitened by a first-order autoregression (Andrews and
-Monahan 1992).
+S the covariance of the scores' sum: of white noise S = H, of correlated noise (coloured sensors, what the model leaves out) it is larger.
+S is estimated twice, and the larger counts:
+
+- as sum_c J_c^T Gamma_c J_c with the autocovariance Gamma_c of each column of the readings, that of an autoregression of its residuals
+  whose order is Akaike's (as Den Haan and Levin 1997 do for scores), corrected for its bias in short series (Kendall 1954). The Jacobian
+  is known, and only the noise is estimated, so that a hundred samples suffice;
+- as the long-run covariance of the scores themselves, with Bartlett's kernel (Newey and West 1987) after a first-order whitening (Andrews
+  and Monahan 1992), which needs more data, but sees residuals that are large where the Jacobian is.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from stepper.identification.inertia import Array
+from stepper.shared.machine import require
 
 LARGEST_AUTOCORRELATION = 0.97
 """Bound of the autoregression, as Andrews and Monahan advise."""
+LONGEST_MEMORY = 10
+"""Highest order of an autoregression of residuals,"""
+ROWS_PER_ORDER = 10
+"""of which each needs so many rows."""
 
 
 @dataclass(frozen=True)
@@ -55,13 +66,13 @@ def slopes_of(loss: str, r: Array) -> Array:
     return np.maximum((up * weights_of(loss, up**2) - down * weights_of(loss, down**2)) / (2 * step), 1e-3)
 
 
-def uncertainty(J: Array, r: Array, times: Array, reach: Array, *, loss: str, f_scale: float) -> Uncertainty:
+def uncertainty(J: Array, r: Array, times: np.ndarray[Any, np.dtype[np.int64]], reach: Array, *, loss: str, f_scale: float) -> Uncertainty:
     """Covariance of the parameters, the first n of the columns of a Jacobian.
 
     Args:
         J: Jacobian of the residuals, (m, n + others). Columns beyond n (starts of episodes) are eliminated.
         r: Residuals, (m,): readings first, then what was known before.
-        times: Episode and row of each reading, (k, 2).
+        times: Episode, row and column of each reading, (k, 3).
         reach: Half of the width of the bounds, (n,): a priori standard deviation where data say nothing.
         loss: As of `least_squares`.
         f_scale: Residual beyond which a robust loss begins.
@@ -83,7 +94,9 @@ def uncertainty(J: Array, r: Array, times: Array, reach: Array, *, loss: str, f_
     plain = inverse @ (white + known) @ inverse
     # Noise as large as was said, or as the fit leaves it, whatever is larger.
     plain = _at_least(np.asarray(plain), np.asarray(inverse))
-    covariance = _at_least(np.asarray(inverse @ (_long_run(scores) + known) @ inverse), plain)
+    coloured = _coloured(weight[:k] * r[:k], J[:k], times)
+    covariance = _at_least(np.asarray(inverse @ (coloured + known) @ inverse), plain)
+    covariance = _at_least(covariance, np.asarray(inverse @ (_long_run(scores) + known) @ inverse))
     inflation = np.sqrt(np.diag(covariance) / np.diag(inverse))
     return Uncertainty((covariance + covariance.T) / 2, H, inflation, effect)
 
@@ -94,7 +107,7 @@ def _at_least(covariance: Array, other: Array) -> Array:
     return np.asarray(grow[:, None] * covariance * grow)
 
 
-def _by_time(rows: Array, times: Array) -> list[Array]:
+def _by_time(rows: Array, times: np.ndarray[Any, np.dtype[np.int64]]) -> list[Array]:
     """Sums of the rows of each time, by episode."""
     out = []
     for e in np.unique(times[:, 0]):
@@ -103,6 +116,50 @@ def _by_time(rows: Array, times: Array) -> list[Array]:
         np.add.at(summed, times[mine, 1], rows[mine])
         out.append(summed)
     return out
+
+
+def _coloured(r: Array, J: Array, times: np.ndarray[Any, np.dtype[np.int64]]) -> Array:
+    """Covariance of J^T r, (n, n), of residuals whose columns are stationary and independent of one another."""
+    toeplitz = require("scipy.linalg", "to identify parameters").matmul_toeplitz
+    S = np.zeros((J.shape[1],) * 2)
+    for column in np.unique(times[:, 2]):
+        series = []
+        for episode in np.unique(times[times[:, 2] == column, 0]):
+            mine = np.flatnonzero((times[:, 2] == column) & (times[:, 0] == episode))
+            rows = times[mine, 1]
+            # What was not measured is 0 in both, and adds nothing.
+            whole, slope = np.zeros(rows.max() + 1), np.zeros((rows.max() + 1, J.shape[1]))
+            whole[rows], slope[rows] = r[mine], J[mine]
+            series.append((whole, slope))
+        gamma = _autocovariance([whole for whole, _ in series], int((times[:, 2] == column).sum()))
+        for _, slope in series:
+            S += slope.T @ toeplitz(gamma[: len(slope)], slope)
+    return S
+
+
+def _autocovariance(series: list[Array], count: int) -> Array:
+    """Autocovariance at all lags of a column's residuals, by an autoregression; `count` of them were measured."""
+    solve = require("scipy.linalg", "to identify parameters").solve_toeplitz
+    longest = max(map(len, series))
+    most = min(LONGEST_MEMORY, count // ROWS_PER_ORDER, longest - 1)
+    lags = np.array([sum(float(x[lag:] @ x[: len(x) - lag]) for x in series if len(x) > lag) for lag in range(most + 1)]) / count
+    if not lags[0] > 0:
+        return np.zeros(longest)
+    fits = [(np.zeros(0), float(lags[0]))]
+    for order in range(1, most + 1):
+        a = solve(lags[:order], lags[1 : order + 1])
+        fits.append((a, float(lags[0] - a @ lags[1 : order + 1])))
+    a, left = min(fits, key=lambda fit: count * np.log(max(fit[1], 1e-12 * lags[0])) + 2 * len(fit[0]))
+    left *= count / max(count - len(a) - 1, 1)
+    rho = float(a.sum())
+    if rho > 0:
+        # Its expectation is too small by (1 + 3 rho) / count.
+        larger = a * min(rho + (1 + 3 * rho) / count, max(rho, LARGEST_AUTOCORRELATION)) / rho
+        a = larger if np.abs(np.roots([1.0, *-larger])).max() < 1 else a
+    # Of the spectrum, at so many frequencies that what is remembered does not come round.
+    size = 1 << int(np.ceil(np.log2(8 * longest + 1024)))
+    gamma = np.fft.irfft(left / np.abs(np.fft.rfft([1.0, *-a], size)) ** 2, size)
+    return np.asarray(gamma[:longest])
 
 
 def _long_run(scores: list[Array]) -> Array:

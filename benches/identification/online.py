@@ -1,0 +1,123 @@
+"""`stepper.Tracker` on a box that two fingers hold: first still, then shaken until it slips, by the wrist's force and the lift's encoder.
+
+The wrist's torque about y is left out: how two fingers share a weight that either could hold alone is not determined by rigid bodies.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import stepper
+
+from identification.scenes import held
+
+STILL, SHAKEN = 1.0, 3.0
+"""Seconds that the box is held still, and shaken."""
+PERIOD = 0.02
+NOISE = {"wrist_force": 0.3, "lift": 1e-4}
+MARKS = (0.9, 2.4, 4.0)
+"""Times at which intervals are compared with the truth, s."""
+HARD = stepper.Options(tolerance=1e-9)
+
+
+@dataclass(frozen=True)
+class Followed:
+    """One run.
+
+    Attributes:
+        error: Logarithms of the values over the truth at `MARKS`, (marks, 2).
+        covers: Whether the interval has the truth.
+        width: Half its width, as a logarithm.
+        determined: Whether the value is said.
+        seconds: Of the processor, of every update.
+    """
+
+    error: np.ndarray[Any, Any]
+    covers: np.ndarray[Any, Any]
+    width: np.ndarray[Any, Any]
+    determined: np.ndarray[Any, Any]
+    seconds: list[float]
+
+
+def controls() -> np.ndarray[Any, Any]:
+    """Lift and squeeze, (T, 3)."""
+    t = np.arange(round((STILL + SHAKEN) / PERIOD)) * PERIOD
+    ramp = np.clip((t - STILL) / 0.4, 0, 1)
+    lift = 0.03 * (np.sin(2 * np.pi * 1.0 * t) + 0.5 * np.sin(2 * np.pi * 2.6 * t)) * ramp
+    return np.stack([lift, np.full_like(t, 12.0), np.full_like(t, 12.0)], axis=1)
+
+
+def readings(masses: np.ndarray[Any, Any], friction: float) -> dict[str, np.ndarray[Any, Any]]:
+    """What ideal sensors read while the box has these masses, (T,)."""
+    model = held().model(float(masses[0]), friction)
+    sim = stepper.Stepper(model, options=HARD)
+    rows, now = [], masses[0]
+    for mass, ctrl in zip(masses, controls(), strict=True):
+        if mass != now:
+            now = mass
+            ratio = np.ones(model.nbody)
+            ratio[model.body("box").id] = mass / masses[0]
+            sim.randomize(body_mass=model.body_mass * ratio, body_inertia=model.body_inertia * ratio[:, None])
+        rows.append(sim.rollout(ctrl[None], round(PERIOD / sim.timestep), fields=("observation",))["observation"][0])
+    table = np.stack(rows)
+    return {name: table[:, model.sensor(name).adr : model.sensor(name).adr + model.sensor(name).dim] for name in NOISE}
+
+
+def follow(seed: int, changes: bool = False) -> Followed:
+    """One run; the box's mass falls by a quarter after 2.6 s if it changes."""
+    rng = np.random.default_rng(seed)
+    ctrl = controls()
+    t = (1 + np.arange(len(ctrl))) * PERIOD
+    mass, friction = 0.8 * np.exp(rng.uniform(-0.1, 0.1)), 0.45 * np.exp(rng.uniform(-0.05, 0.05))
+    masses = np.where(changes & (t > 2.6), 0.75, 1.0) * mass
+    clean = readings(masses, friction)
+    noisy = {name: rows + NOISE[name] * rng.standard_normal(rows.shape) for name, rows in clean.items()}
+    scene = held()
+    tracker = stepper.Tracker(
+        scene.model(*scene.starts[0]),
+        list(scene.parameters),
+        noise=NOISE,
+        period=PERIOD,
+        drift=(0.2, 0.02) if changes else None,
+        options=HARD,
+    )
+    out, seconds = [], []
+    for k in range(len(ctrl)):
+        began = time.process_time()
+        now = tracker.update(ctrl[k], {name: rows[k] for name, rows in noisy.items()})
+        seconds.append(time.process_time() - began)
+        if np.isclose(MARKS, t[k]).any():
+            truth = np.array([masses[k], friction])
+            low, high = now.interval.T
+            out.append((np.log(now.values / truth), (low <= truth) & (truth <= high), np.log(high / low) / 2, now.determined))
+    error, covers, width, determined = (np.stack(column) for column in zip(*out, strict=True))
+    return Followed(error, covers, width, determined, seconds)
+
+
+def table(count: int) -> str:
+    """Of runs with constants, and of as many with a mass that changes, as Markdown."""
+    lines = [
+        "| box | after | error of the mass | interval | covers | friction is said | error | interval | covers | update | 99 % of updates |"
+    ]
+    lines.append("|" + "---|" * 11)
+    for name, changes in (("constant", False), ("loses a quarter of its mass at 2.6 s", True)):
+        runs = [follow(seed, changes) for seed in range(count)]
+        seconds = np.concatenate([run.seconds for run in runs])
+        for k, mark in enumerate(MARKS):
+            said = np.array([run.determined[k, 1] for run in runs])
+            cells = []
+            for j in (0, 1):
+                some = [run for run, known in zip(runs, said, strict=True) if j == 0 or known]
+                error = np.sqrt(np.mean([run.error[k, j] ** 2 for run in some])) if some else np.nan
+                width = np.median([run.width[k, j] for run in some]) if some else np.nan
+                cells.append(f"{100 * error:.2g} % | {100 * width:.2g} %" if some else "- | -")
+            covers = [f"{100 * np.mean([run.covers[k, j] for run in runs]):.0f} %" for j in (0, 1)]
+            lines.append(
+                f"| {name} | {mark:g} s | {cells[0]} | {covers[0]} | {100 * said.mean():.0f} % | {cells[1]} | {covers[1]} | "
+                f"{1e3 * np.median(seconds):.0f} ms | {1e3 * np.percentile(seconds, 99):.0f} ms |"
+            )
+            print(lines[-1], flush=True)
+    return "\n".join(lines)

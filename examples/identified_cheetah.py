@@ -1,0 +1,114 @@
+"""A cheetah that is heavier and more slippery than its model: identified from a recording, and its policy evaluated again.
+
+The "robot" is simulated, so that the truth is known: a torso of 7.5 kg instead of 6.25 kg, and friction of 0.3 instead of 0.4. It runs under
+the policy for a second, four times, and is recorded; encoders have noise. What is identified from that is a distribution, and the policy
+runs in environments that are drawn from it.
+
+    python examples/identified_cheetah.py
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import stepper
+from stepper import policies
+from stepper.envs.vector import StepperVectorEnv
+from stepper.identification import episodes_of
+
+POLICY = Path(__file__).parent / "policies/half_cheetah.npz"
+MASS, FRICTION = 7.5, 0.3
+"""The robot's, of its torso in kg and of all that touches the floor."""
+PARAMETERS = ("mass:torso", "friction:floor,?foot")
+NOISE = {"qpos": 1e-3, "qvel": 0.02}
+SECONDS, ROWS = 1.0, 3
+
+
+def robot(model: stepper.Model) -> stepper.Model:
+    """The model with the robot's numbers, which nobody knows."""
+    mass, inertia = np.array(model.body_mass), np.array(model.body_inertia)
+    torso = model.body("torso").id
+    inertia[torso] *= MASS / mass[torso]
+    mass[torso] = MASS
+    friction = np.array(model.geom_friction)
+    friction[:, 0] = FRICTION
+    return model.replace(body_mass=mass, body_inertia=inertia, geom_friction=friction)
+
+
+def recorded(folder: Path, runs: int = 4) -> None:
+    """Records the robot under its policy."""
+    envs = StepperVectorEnv("HalfCheetah", runs, model=robot(nominal()), options=options())
+    policy = policies.load(POLICY)
+    observation, _ = envs.reset(seed=0)
+    with envs.sim.record(folder):
+        for _ in range(round(SECONDS / envs.dt)):
+            observation, *_ = envs.step(policy(observation))
+
+
+def nominal() -> stepper.Model:
+    """The model of the environment."""
+    return StepperVectorEnv("HalfCheetah", 1).sim.model
+
+
+def options() -> stepper.Options:
+    """How the environment steps."""
+    return StepperVectorEnv("HalfCheetah", 1).sim.options
+
+
+def pieces(episode: stepper.Episode, rng: np.random.Generator) -> list[stepper.Episode]:
+    """An episode in pieces of `ROWS` samples with noise, since errors of a gait grow too fast for a prediction of a second.
+
+    Each begins where the one before ended, as far as encoders say it.
+    """
+    rows = {name: np.asarray(array) for name, array in episode.readings.items()}
+    rows = {name: array + NOISE[name] * rng.standard_normal(array.shape) for name, array in rows.items()}
+    ctrl = np.asarray(episode.ctrl)
+    return [
+        dataclasses.replace(
+            episode, ctrl=ctrl[k : k + ROWS], readings={"qpos": rows["qpos"][k : k + ROWS]}, qpos=rows["qpos"][k - 1],
+            qvel=rows["qvel"][k - 1], start_std=(NOISE["qpos"], NOISE["qvel"]), name=f"{episode.name}, from sample {k}",
+        )
+        for k in range(1, len(ctrl) - ROWS + 1, ROWS)
+    ]  # fmt: skip
+
+
+def identified(folder: Path) -> stepper.Identification:
+    """What the recording says, through encoders with noise."""
+    model, rng = nominal(), np.random.default_rng(0)
+    episodes = [piece for whole in episodes_of(folder, model, channels=["qpos", "qvel"]) for piece in pieces(whole, rng)]
+    return stepper.identify(model, episodes, PARAMETERS, options=options(), noise={"qpos": NOISE["qpos"]}, starts=2)
+
+
+def returns(parameters: dict[str, Any], episodes: int = 32, actions: int = 200) -> Any:
+    """Returns of the policy's first actions, each environment with parameters of its own: (episodes,)."""
+    envs = StepperVectorEnv("HalfCheetah", episodes, options=options(), max_episode_steps=actions + 1)
+    policy = policies.load(POLICY)
+    if parameters:
+        envs.sim.randomize(**parameters)
+    observation, _ = envs.reset(seed=1)
+    total = np.zeros(episodes)
+    for _ in range(actions):
+        observation, reward, *_ = envs.step(policy(observation))
+        total += reward
+    return total
+
+
+def main() -> None:
+    """Identifies, evaluates, prints."""
+    with tempfile.TemporaryDirectory() as folder:
+        recorded(Path(folder) / "run")
+        found = identified(Path(folder) / "run")
+    print(found)
+    true = robot(nominal())
+    truth = {name: np.stack([getattr(true, name)] * 32) for name in ("body_mass", "body_inertia", "geom_friction")}
+    for name, parameters in (("the model", {}), ("what was identified", found.sample(32)), ("the robot", truth)):
+        total = returns(parameters)
+        print(f"{name}: {total.mean():.0f} +- {total.std(ddof=1) / np.sqrt(len(total)):.0f} in ten seconds")
+
+
+if __name__ == "__main__":
+    main()

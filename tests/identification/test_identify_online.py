@@ -1,0 +1,125 @@
+"""`stepper.Tracker` and `stepper.identification.design`: what is known after every sample, and which motion would say more."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import stepper
+from identification.online import NOISE, PERIOD, controls, readings
+from identification.scenes import held, pushed
+from stepper.identification import design
+from stepper.identification.uncertainty import uncertainty
+
+SCENE = held()
+MODEL = SCENE.model(*SCENE.starts[0])
+TIGHT = stepper.Options(tolerance=1e-9)
+
+
+def test_a_held_box_is_weighed_at_once_and_its_friction_is_known_when_it_slips():
+    """Held still, friction has a lower bound alone: what just holds. Shaken, it slips a second later."""
+    ctrl, (mass, friction) = controls()[:110], (0.8, 0.45)
+    clean = readings(np.full(200, mass), friction)
+    rng = np.random.default_rng(0)
+    tracker = stepper.Tracker(MODEL, list(SCENE.parameters), noise=NOISE, period=PERIOD)
+    for k, row in enumerate(ctrl):
+        now = tracker.update(row, {name: rows[k] + NOISE[name] * rng.standard_normal(rows.shape[1]) for name, rows in clean.items()})
+        if k == 45:
+            # The weight takes a friction of m g / (2 F) = 0.327.
+            low, high = now.interval[1]
+            assert now.determined.tolist() == [True, False]
+            assert 0.2 < low < 0.327 * 1.05
+            assert high > 1.0
+            assert abs(now["mass:box"] / mass - 1) < 0.02  # four standard deviations
+    assert now.determined.all()
+    # Four standard deviations of the mass, and of friction as `make identify IDENTIFY='--only online'` finds it just after a slip.
+    assert abs(now["mass:box"] / mass - 1) < 0.015
+    assert abs(now["friction:{left,right,box}"] / friction - 1) < 0.05
+    assert now.surprise < 4
+    assert now.untrusted == 0
+    drawn = tracker.sample(50)
+    assert drawn["body_mass"].shape == (50, MODEL.nbody)
+    assert abs(drawn["body_mass"][:, MODEL.body("box").id].mean() / mass - 1) < 0.02
+    stepper.Stepper(MODEL, 50).randomize(**drawn)
+
+
+def test_readings_that_are_absent_say_nothing():
+    tracker = stepper.Tracker(MODEL, ["mass:box"], noise=NOISE, period=PERIOD)
+    now = tracker.update([0.0, 12.0, 12.0], {"wrist_force": [np.nan] * 3})
+    np.testing.assert_allclose(now.values, 0.5, rtol=1e-9)
+    assert now.covariance[0, 0] == pytest.approx(1.0)
+    assert not now.determined[0]
+
+
+@pytest.mark.parametrize(("change", "error", "message"), [
+    ({"noise": {"wrist": 1.0}}, KeyError, "no sensor or coordinate is named 'wrist'"),
+    ({"noise": {"wrist_force": 0.0}}, ValueError, "noise of 'wrist_force' is 0.0, must be above 0"),
+    ({"noise": {}}, ValueError, "noise names no channel"),
+    ({"period": 0.0213}, ValueError, "must be a whole number of time steps"),
+    ({"window": 0.01}, ValueError, "window is 0.01 s"),
+    ({"drift": -1.0}, ValueError, "not negative"),
+    ({"parameters": ["inertia:box"]}, ValueError, "inertia:box cannot be followed sample by sample"),
+    ({"parameters": ["delay:left"]}, KeyError, "no actuator"),
+])  # fmt: skip
+def test_trackers_that_cannot_be(change, error, message):
+    settings = {"parameters": ["mass:box"], "noise": NOISE, "period": PERIOD} | change
+    with pytest.raises(error, match=message):
+        stepper.Tracker(MODEL, settings.pop("parameters"), **settings)
+
+
+def test_samples_that_do_not_fit():
+    tracker = stepper.Tracker(MODEL, ["mass:box"], noise=NOISE, period=PERIOD)
+    with pytest.raises(ValueError, match=r"ctrl has shape \(1,\), must be \(3,\)"):
+        tracker.update([0.0], {})
+    with pytest.raises(KeyError, match="no noise was given of channel 'torque'"):
+        tracker.update(np.zeros(3), {"torque": 1.0})
+    with pytest.raises(ValueError, match=r"'lift' has shape \(2,\), must be \(1,\)"):
+        tracker.update(np.zeros(3), {"lift": [1.0, 2.0]})
+
+
+def test_what_to_measure_next():
+    """After a box was only touched, a push that makes it slide says more of its friction than another touch, and says so truly."""
+    scene = pushed()
+    model = scene.model(1.3, 0.35)
+    touch, push = np.full((60, 1), 0.0), scene.ctrl[:60]
+    rng = np.random.default_rng(0)
+
+    def episode(ctrl, name):
+        still = dataclasses.replace(scene, ctrl=ctrl).readings(TIGHT)
+        return stepper.Episode(ctrl, {n: r + scene.noise[n] * rng.standard_normal(r.shape) for n, r in still.items()}, 0.02, name=name)
+
+    first = [episode(np.concatenate([scene.ctrl[:8], np.full((52, 1), -0.05)]), "short push")]
+    found = stepper.identify(model, first, scene.parameters, starts=1, noise=scene.noise)
+    offered = [stepper.Episode(ctrl, {}, 0.02, name=name) for ctrl, name in ((touch, "touch"), (push, "push"))]
+    best, other = design(found, offered, threads=1)
+    assert (best.name, other.name) == ("push", "touch")
+    assert best.gain > other.gain + 1
+    assert (best.shrinks < 1).all()
+    assert "push: gain" in str(best)
+    again = stepper.identify(model, [*first, episode(push, "push")], scene.parameters, starts=1, noise=scene.noise)
+    # Within a third: slopes were those of draws around another estimate.
+    np.testing.assert_allclose(np.sqrt(np.diag(again.covariance)), best.std, rtol=1 / 3)
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.8])
+def test_intervals_of_a_line_under_coloured_noise(colour):
+    """A regression on slow functions of time, whose covariance is known: J^T Gamma J."""
+    T, count = 150, 200
+    t = np.arange(T) / T
+    J = np.stack([np.sin(7 * t), np.cos(5 * t) * t], axis=1)
+    times = np.stack([np.zeros(T, int), np.arange(T), np.zeros(T, int)], axis=1)
+    gamma = colour ** np.abs(np.arange(T)[:, None] - np.arange(T))
+    inverse = np.linalg.inv(J.T @ J)
+    exact = np.sqrt(np.diag(inverse @ J.T @ gamma @ J @ inverse))
+    rng = np.random.default_rng(0)
+    stds, inside = [], []
+    for _ in range(count):
+        noise = rng.standard_normal(T)
+        for k in range(1, T):
+            noise[k] = colour * noise[k - 1] + np.sqrt(1 - colour**2) * noise[k]
+        error = inverse @ J.T @ noise
+        std = np.sqrt(np.diag(uncertainty(J, noise - J @ error, times, np.full(2, 100.0), loss="linear", f_scale=1.0).covariance))
+        stds.append(std)
+        inside.append(np.abs(error) < 1.96 * std)
+    # Of 400 intervals of 95 %, three standard deviations are 3 %; short series make those of coloured noise a little too narrow.
+    assert np.mean(inside) > (0.92 if colour == 0 else 0.89)
+    np.testing.assert_allclose(np.median(stds, axis=0), exact, rtol=0.15)

@@ -26,7 +26,7 @@ wheel: build
 	$(BIN)/python tests/wheel.py
 
 # Speed, as ratios: stages and steps in Rust, side by side with MuJoCo, and what sensors, drives and environments cost. Downloads six packages for
-# the scenes with many contacts, of which only files are read.
+# the scenes with many contacts, of which only files are read, and EnvPool.
 bench: build
 	cargo bench -p stepper-benches
 	$(BIN)/python benches/comparison/throughput.py
@@ -35,6 +35,7 @@ bench: build
 	$(BIN)/stepper chart
 	$(BIN)/python benches/sensing.py
 	$(BIN)/python benches/drives.py
+	$(BIN)/python -m pip install --quiet 'envpool>=1.2'
 	$(BIN)/python benches/environments.py
 
 # Time until a robot can be stepped, beside MuJoCo's compiler: docs/performance.md. Downloads four packages; FILES='h1_2.xml' for further robots.

@@ -44,8 +44,9 @@ class Contender:
     """
 
     def __init__(self, envs: Any, num_envs: int, physics: list[float] | None = None):
-        space = gymnasium.vector.utils.batch_space(getattr(envs, "single_action_space", envs.action_space), num_envs)
-        self._actions = np.random.default_rng(0).uniform(space.low, space.high, (50, *space.shape)).astype(space.dtype)
+        # Of EnvPool's batches `action_space` is that of one environment.
+        space = getattr(envs, "single_action_space", envs.action_space)
+        self._actions = np.random.default_rng(0).uniform(space.low, space.high, (50, num_envs, *space.shape)).astype(space.dtype)
         self._envs, self._num_envs, self._physics = envs, num_envs, [float("nan")] if physics is None else physics
         self._times: list[float] = []
         self._inner: list[float] = []
@@ -115,7 +116,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=5.0, help="processor time of each row")
     given = parser.parse_args()
     print(f"{given.num_envs} environments, one core of {cpu_name()}\n")
-    print("| task | contact | precision | steps/s | beside EnvPool | beside Gymnasium's | layer, of the physics | layer, us a step |")
+    print("| task | contact | precision | steps/s | beside EnvPool | beside Gymnasium's | layer | layer, us a step |")
     print("|---|---|---|---|---|---|---|---|")
     peers: dict[str, tuple[str, Callable[[str], Contender]]] = {
         "Gymnasium's own": ("imageio", gymnasiums),

@@ -10,7 +10,9 @@ from typing import Any
 from stepper._stepper import Model
 
 KEPT = 8
-"""Sources that are remembered: those of the last models. Few, because one may be a compiled model with all its meshes."""
+"""Texts and compiled models that are remembered, the last ones. Few, because one may be a compiled model with all its meshes."""
+KEPT_FILES = 256
+"""Files that are remembered, the last ones: of each only its path."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,10 @@ def remember(model: Model, source: Any, package_dirs: Sequence[str | os.PathLike
     # What is noted again is the newest, and does not take the place of others.
     _remembered[:] = [other for other in _remembered if other[:2] != entry[:2]]
     _remembered.append(entry)
-    del _remembered[:-KEPT]
+    for kept, of_files in ((KEPT, False), (KEPT_FILES, True)):
+        alike = [entry for entry in _remembered if entry[2].is_file == of_files]
+        for oldest in alike[:-kept]:
+            _remembered.remove(oldest)
 
 
 def origin_of(model: Model) -> Origin | None:

@@ -2,6 +2,7 @@
 
 import pickle
 from importlib.util import find_spec
+from xml.etree import ElementTree
 
 import gymnasium
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 import stepper
 import stepper.envs
 from stepper.envs import StepperEnv, StepperVectorEnv
-from stepper.envs.locomotion import G1Velocity
+from stepper.envs.locomotion import G1Velocity, terrain
 
 pytestmark = pytest.mark.skipif(find_spec("mjlab") is None, reason="mjlab, whose robot this is, is not installed: make training")
 
@@ -151,8 +152,41 @@ def test_it_is_registered_and_ends_where_it_falls():
         assert env.step(sim.model.keyframe("stance").qpos[7:])[2] == over
 
 
+def test_rough_ground_is_where_the_task_says():
+    """A ball that is dropped on the field rests at the height that the task has for the place."""
+    rough = StepperVectorEnv(G1Velocity(roughness=0.15, max_push=0.0), 60)
+    rough.reset(seed=0)
+    task, places = rough.task, np.random.default_rng(0).uniform(-18.0, 18.0, (200, 2))
+    field, geom = terrain.elements(0.15, {})
+    text = [ElementTree.tostring(part, encoding="unicode") for part in (field, geom)]
+    scene = f"<mujoco><asset>{text[0]}</asset><worldbody>{text[1]}<body><freejoint/><geom size='0.01'/></body></worldbody></mujoco>"
+    # Above the ground nothing touches, and below it something does. Between the field's points MuJoCo's surface is of triangles.
+    for offset, touches in ((0.02, False), (-0.005, True)):
+        balls = stepper.Stepper(stepper.load(scene), 200)
+        heights = task.ground(places) + 0.01 + offset
+        balls.reset(qpos=np.column_stack([places, heights, np.tile([1.0, 0.0, 0.0, 0.0], (200, 1))]))
+        balls.step()
+        listed = balls.contacts()
+        touching = np.zeros(200, dtype=bool)
+        touching[listed["env"][listed["distance"] < 0.0]] = True
+        assert (touching == touches).mean() > 0.97
+    assert task.ground(places).max() > 0.1
+    assert (task.ground(np.array([[25.0, 0.0], [0.0, -20.5]])) == 0.0).all()
+    # Nobody begins in the ground, and standing does not end episodes there.
+    feet = [k for k, name in enumerate(rough.sim.model.geom_names) if "foot" in name]
+    assert np.ptp(rough.now.qpos[:, 0]) > 15.0
+    for _ in range(3):
+        _, _, terminated, _, _ = rough.step(stance(rough))
+        assert not terminated.any()
+        # What lands at 1 m/s moves by 5 mm in a step.
+        assert (rough.sim.depth < 5e-3).all()
+    assert (rough.sim.geom_xpos[:, feet, 2] - task.ground(rough.sim.geom_xpos[:, feet, :2]) > -0.02).all()
+
+
 def test_wrong_arguments_are_named():
     with pytest.raises(ValueError, match="max_latency is 5, must be from 0 to frame_skip, which is 4"):
         G1Velocity(max_latency=5)
     with pytest.raises(ValueError, match=r"weights has \['stride'\], terms of the reward are linear, "):
         G1Velocity(weights={"stride": 1.0})
+    with pytest.raises(ValueError, match=r"roughness is -1\.0, must be from 0 to 1 m"):
+        G1Velocity(roughness=-1.0)

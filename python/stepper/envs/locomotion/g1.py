@@ -13,13 +13,14 @@ import numpy as np
 
 from stepper._stepper import Model
 from stepper.envs.assets import load_quietly, read_once
+from stepper.envs.locomotion import terrain
 from stepper.envs.locomotion.velocity import VelocityTask
 from stepper.envs.task import Camera
 from stepper.shared.machine import package_file
 
 _FILE = "asset_zoo/robots/unitree_g1/xmls/g1.xml"
-_HEIGHT = 0.76
-"""Of the pelvis at the beginning, m: that at which the feet stand."""
+_HEIGHT = 0.77
+"""Of the pelvis at the beginning, m: a centimetre above that at which the feet stand, which angles with noise need."""
 _STANCE = {
     "hip_pitch": -0.312, "knee": 0.669, "ankle_pitch": -0.363, "elbow": 0.6, "shoulder_pitch": 0.2,
     "left_shoulder_roll": 0.2, "right_shoulder_roll": -0.2,
@@ -89,8 +90,8 @@ class G1Velocity(VelocityTask):
     mass_scale: tuple[float, float] = (0.9, 1.1)
 
     def model(self) -> Model:
-        """The robot on a plane, with servos."""
-        return _scene()
+        """The robot on a plane, or on rough ground, with servos."""
+        return _scene(self.roughness)
 
 
 def _named(name: str, table: Mapping[str, float]) -> float:
@@ -99,8 +100,8 @@ def _named(name: str, table: Mapping[str, float]) -> float:
 
 
 @read_once
-def _scene() -> Model:
-    """The robot of mjlab on a plane, without what it only looks like, with servos, rotors and stance as mjlab's own code says them."""
+def _scene(roughness: float) -> Model:
+    """The robot of mjlab on the ground, without what it only looks like, with servos, rotors and stance as mjlab's own code says them."""
     file = Path(package_file("mjlab", _FILE, "for its G1, whose file it has"))
     tree = ElementTree.fromstring(file.read_text("utf-8"))
     make = type(tree)
@@ -120,6 +121,12 @@ def _scene() -> Model:
     if world is None:
         raise ValueError(f"{file} has no worldbody: this version of mjlab is not known")
     world.insert(0, make("geom", name="floor", type="plane", size="0 0 0.05", contype="0", conaffinity="1"))
+    if roughness:
+        field, geom = terrain.elements(roughness, {"contype": "0", "conaffinity": "1"})
+        asset = make("asset")
+        asset.append(field)
+        tree.append(asset)
+        world.insert(1, geom)
     actuators, angles = make("actuator"), []
     tree.append(actuators)
     for joint in tree.iter("joint"):

@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from stepper._stepper import Model, Stepper
+from stepper.envs.locomotion import terrain
 from stepper.envs.streams import Draws
 from stepper.envs.task import Array, Moment, Quantity, Task, Terms, per_moment, square_sum
 from stepper.shared.rotations import matrices
@@ -18,6 +19,10 @@ _COMMANDS, _PUSHES = 2, 3
 """Commands of an episode, one after the other; pushes of an episode."""
 _STANDS = 0.1
 """Share of the commands that are to stand."""
+_SPREAD = 0.7 * terrain.HALF
+"""Farthest from the middle of rough ground that an episode begins in x and y, m."""
+_UNDER = np.stack(np.meshgrid(*[np.linspace(-0.4, 0.4, 9)] * 2), axis=-1).reshape(-1, 2)
+"""Places around the base that may be under a robot, (81, 2) m."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,16 +43,17 @@ class VelocityTask(Task):
         mass_scale: Least and largest mass of the base, times its own.
         gain_scale: Least and largest gains of the servos, times their own.
         center_shift: Largest shift of the base's centre of mass in each direction, m.
+        roughness: Greatest height of the ground's bumps, m, which are about a metre wide; 0 is flat ground. Nothing observes them.
         weights: Weights of the terms of the reward, of some or all; the others are those of `WEIGHTS`.
 
     Raises:
-        ValueError: A latency out of its range, a weight of a term that there is not.
+        ValueError: A latency or roughness out of its range, a weight of a term that there is not.
     """
 
     WEIGHTS: ClassVar[Mapping[str, float]]
     """Weights of the terms of the reward."""
     lowest: ClassVar[float]
-    """Height of the base at which an episode ends, m."""
+    """Height of the base above the ground at which an episode ends, m."""
     steepest: ClassVar[float] = 0.5
     """Cosine of the inclination of the base at which it ends."""
 
@@ -60,11 +66,14 @@ class VelocityTask(Task):
     mass_scale: tuple[float, float] = (0.8, 1.2)
     gain_scale: tuple[float, float] = (0.9, 1.1)
     center_shift: float = 0.02
+    roughness: float = 0.0
     weights: Mapping[str, float] | None = None
 
     def __post_init__(self) -> None:
         if not 0 <= self.max_latency <= self.frame_skip:
             raise ValueError(f"max_latency is {self.max_latency}, must be from 0 to frame_skip, which is {self.frame_skip}")
+        if not 0.0 <= self.roughness <= 1.0:
+            raise ValueError(f"roughness is {self.roughness}, must be from 0 to 1 m")
         if unknown := sorted(set(self.weights or {}) - set(self.WEIGHTS)):
             raise ValueError(f"weights has {unknown}, terms of the reward are {', '.join(self.WEIGHTS)}")
 
@@ -118,20 +127,29 @@ class VelocityTask(Task):
 
     def healthy(self, now: Moment) -> Array:
         """The base is upright and off the ground."""
-        healthy: Array = (vertical(now)[:, 2] > self.steepest) & (now.qpos[:, 2] > self.lowest)
+        above = now.qpos[:, 2] - self.ground(now.qpos[:, :2])
+        healthy: Array = (vertical(now)[:, 2] > self.steepest) & (above > self.lowest)
         return healthy
+
+    def ground(self, xy: Array) -> Array:
+        """Height of the ground at places (..., 2), m."""
+        heights: Array = self.roughness * terrain.height(xy) if self.roughness else np.zeros(xy.shape[:-1])
+        return heights
 
     def info(self, now: Moment) -> Terms:
         """The command."""
         return {"command": command(now)}
 
     def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
-        """In its stance with some noise, in any direction, with some velocity."""
+        """In its stance with some noise, in any direction, with some velocity; on rough ground anywhere, above what is under it."""
         turn = draws.uniform(-np.pi, np.pi, 1)[:, 0] / 2.0
         qpos[:] = self.model().keyframe("stance").qpos
         qpos[:, 3:7] = np.stack([np.cos(turn), 0.0 * turn, 0.0 * turn, np.sin(turn)], axis=1)
         qpos[:, 7:] += draws.uniform(-0.1, 0.1, qpos.shape[1] - 7)
         qvel[:, :6] = draws.uniform(-0.3, 0.3, 6)
+        if self.roughness:
+            qpos[:, :2] = draws.uniform(-_SPREAD, _SPREAD, 2)
+            qpos[:, 2] += self.ground(qpos[:, None, :2] + _UNDER).max(axis=1)
 
     def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:
         """Commands, pushes, latency and parameters."""

@@ -26,7 +26,7 @@ wheel: build
 	$(BIN)/python tests/wheel.py
 
 # Speed, as ratios: stages and steps in Rust, side by side with MuJoCo, and what sensors, drives and environments cost. Downloads six packages for
-# the scenes with many contacts, of which only files are read.
+# the scenes with many contacts, of which only files are read, and EnvPool.
 bench: build
 	cargo bench -p stepper-benches
 	$(BIN)/python benches/comparison/throughput.py
@@ -35,6 +35,7 @@ bench: build
 	$(BIN)/stepper chart
 	$(BIN)/python benches/sensing.py
 	$(BIN)/python benches/drives.py
+	$(BIN)/python -m pip install --quiet 'envpool>=1.2'
 	$(BIN)/python benches/environments.py
 	$(BIN)/python benches/derivatives.py
 
@@ -72,11 +73,11 @@ studies: build
 adapters: build $(LIBRARIES)/adapters.stamp
 	PYTHONPATH=python $(LIBRARIES)/bin/python -m pytest $(or $(ADAPTERS),$(wildcard tests/adapters/test_*.py))
 
-# Tests of examples/train.py, for which torch is installed, and of the Go1, whose file is mjlab's.
+# Tests of examples/train.py, for which torch is installed, and of the Go1 and the G1, whose files are mjlab's.
 training: build
 	$(BIN)/python -m pip install --quiet --group train
 	$(BIN)/python -m pip install --quiet --no-deps mjlab
-	$(BIN)/python -m pytest tests/examples/test_train.py tests/envs/test_go1.py
+	$(BIN)/python -m pytest tests/examples/test_train.py tests/envs/test_go1.py tests/envs/test_g1.py
 
 # Intervals of identified masses and frictions, in a hundred noisy repetitions, beside mujoco.sysid: docs/identification.md (an hour). IDENTIFY='--only
 # own --count 20' and more, see --help.

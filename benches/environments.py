@@ -1,18 +1,21 @@
 """Environment steps per second, observations, rewards and resets included, and how much of the time is not physics.
 
-Random actions, with the autoreset of Gymnasium's default, on one core. Beside it stands Gymnasium's own environment in its `SyncVectorEnv`,
-of fewer environments, as each takes the same time; it needs imageio.
+Random actions, with the autoreset of Gymnasium's default, on one core. Beside them stand EnvPool's environments of the same name, with one
+thread and as many environments as it is fastest with, and Gymnasium's own in its `SyncVectorEnv`, of fewer environments, as each takes the
+same time. They step by turns, and figures are medians over the calls of processor time: what else a machine does slows all of them alike.
 
-    python benches/environments.py                      # HalfCheetah, Hopper, Ant with 1,024 environments
-    python benches/environments.py Walker2d --num-envs 256
+    pip install envpool imageio                         # imageio is for Gymnasium's; what is not installed is left out
+    python benches/environments.py                      # HalfCheetah, Hopper, Ant, Humanoid with 1,024 environments
+    python benches/environments.py Walker2d --num-envs 256 --seconds 2
 """
 
 from __future__ import annotations
 
 import argparse
+import importlib
 import time
 import warnings
-from dataclasses import dataclass
+from collections.abc import Callable
 from importlib.util import find_spec
 from typing import Any
 
@@ -20,32 +23,65 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import SyncVectorEnv
 from stepper.envs import TASKS, Moment, StepperVectorEnv, Task
-from stepper.shared.machine import allowed_cores
+from stepper.shared.machine import cpu_name, one_core
 
-NAMES = ("HalfCheetah", "Hopper", "Ant")
-PEERS = 16
-"""Environments of Gymnasium's own."""
+NAMES = ("HalfCheetah", "Hopper", "Ant", "Humanoid")
+GYMNASIUMS, ENVPOOLS = 16, 256
+"""Environments of Gymnasium's own and of EnvPool, whose speed does not grow beyond that."""
 LIMIT = 1000
 """Actions of an episode."""
+TURN = 0.15
+"""Processor time of a turn, s."""
 
 
-@dataclass
-class Speed:
-    """A measurement.
+class Contender:
+    """A batch of environments that is timed.
 
-    Attributes:
-        rate: Environment steps per second.
-        layer: Share of the time outside of `Task.advance`.
-        layer_time: The same in microseconds, for each step of an environment.
+    Args:
+        envs: The batch.
+        num_envs: Number of its environments.
+        physics: The list to which each step adds how long its physics took, s.
     """
 
-    rate: float
-    layer: float = float("nan")
-    layer_time: float = float("nan")
+    def __init__(self, envs: Any, num_envs: int, physics: list[float] | None = None):
+        # Of EnvPool's batches `action_space` is that of one environment.
+        space = getattr(envs, "single_action_space", envs.action_space)
+        self._actions = np.random.default_rng(0).uniform(space.low, space.high, (50, num_envs, *space.shape)).astype(space.dtype)
+        self._envs, self._num_envs, self._physics = envs, num_envs, [float("nan")] if physics is None else physics
+        self._times: list[float] = []
+        self._inner: list[float] = []
+        envs.reset()
+
+    def turn(self) -> None:
+        """Steps for some time."""
+        end = time.process_time() + TURN
+        # Of each turn the first step finds nothing of its own in the caches.
+        self._step()
+        while time.process_time() < end:
+            self._times.append(self._step())
+            self._inner.append(self._physics[-1])
+
+    def _step(self) -> float:
+        action = self._actions[len(self._times) % len(self._actions)]
+        begin = time.process_time()
+        self._envs.step(action)
+        return time.process_time() - begin
+
+    @property
+    def rate(self) -> float:
+        """Environment steps per second."""
+        return self._num_envs / float(np.median(self._times))
+
+    @property
+    def layer(self) -> tuple[float, float]:
+        """What is not physics: its ratio to the physics, and microseconds for each step of an environment."""
+        physics = np.array(self._inner)
+        layer = np.array(self._times) - physics
+        return float(np.median(layer / physics)), float(np.median(layer)) / self._num_envs * 1e6
 
 
-def timed(name: str) -> tuple[Task, list[float]]:
-    """A task, and the list to which it adds how long each call of `advance` took, s."""
+def ours(name: str, num_envs: int, contact: str, precision: str) -> Contender:
+    """A batch of stepper's. Its physics is `Task.advance`."""
     kind: Any = TASKS[name]
     times: list[float] = []
 
@@ -55,46 +91,21 @@ def timed(name: str) -> tuple[Task, list[float]]:
         times.append(time.process_time() - begin)
 
     task: Task = type(name, (kind,), {"advance": advance})()
-    return task, times
+    settings: dict[str, Any] = {"contact": contact, "precision": precision}
+    return Contender(StepperVectorEnv(task, num_envs, max_episode_steps=LIMIT, **settings), num_envs, times)
 
 
-def ours(name: str, num_envs: int, seconds: float, **settings: Any) -> Speed:
-    """A batch of stepper's: medians over its calls, but for the first tenth."""
-    task, physics = timed(name)
-    envs = StepperVectorEnv(task, num_envs, max_episode_steps=LIMIT, **settings)
-    actions = _actions(envs)
-    envs.reset(seed=0)
-    whole: list[float] = []
-    end = time.process_time() + seconds
-    while time.process_time() < end:
-        action = actions[len(whole) % len(actions)]
-        begin = time.process_time()
-        envs.step(action)
-        whole.append(time.process_time() - begin)
-    kept = slice(len(whole) // 10, None)
-    total, inner = np.array(whole[kept]), np.array(physics[kept])
-    layer = float(np.median(total - inner))
-    return Speed(num_envs / float(np.median(total)), float(np.median((total - inner) / total)), layer / num_envs * 1e6)
+def envpools(name: str) -> Contender:
+    """EnvPool's environments, on one thread."""
+    envpool: Any = importlib.import_module("envpool")
+    return Contender(envpool.make_gymnasium(f"{name}-v5", num_envs=ENVPOOLS, num_threads=1, seed=0), ENVPOOLS)
 
 
-def gymnasiums(name: str, seconds: float) -> Speed:
+def gymnasiums(name: str) -> Contender:
     """Gymnasium's own environments, one after the other."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        envs = SyncVectorEnv([lambda: gymnasium.make(f"{name}-v5", disable_env_checker=True)] * PEERS)
-    actions = _actions(envs)
-    envs.reset(seed=0)
-    count, begin = 0, time.process_time()
-    while time.process_time() < begin + seconds:
-        envs.step(actions[count % len(actions)])
-        count += 1
-    return Speed(count * PEERS / (time.process_time() - begin))
-
-
-def _actions(envs: Any) -> Any:
-    """Random actions, drawn before anything is measured: (50, num_envs, nu)."""
-    space = envs.single_action_space
-    return np.random.default_rng(0).uniform(space.low, space.high, (50, *envs.action_space.shape)).astype(np.float32)
+        return Contender(SyncVectorEnv([lambda: gymnasium.make(f"{name}-v5", disable_env_checker=True)] * GYMNASIUMS), GYMNASIUMS)
 
 
 def main() -> None:
@@ -102,22 +113,32 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", default=NAMES, metavar="TASK", help=f"one of {', '.join(sorted(TASKS))}")
     parser.add_argument("--num-envs", type=int, default=1024)
-    parser.add_argument("--seconds", type=float, default=5.0, help="of each measurement")
+    parser.add_argument("--seconds", type=float, default=5.0, help="processor time of each row")
     given = parser.parse_args()
-    print(f"{given.num_envs} environments, {len(allowed_cores())} core(s) allowed, one used\n")
-    print("| task | contact | precision | steps/s | beside Gymnasium's | layer | layer, us a step |")
-    print("|---|---|---|---|---|---|---|")
-    for name in given.names:
-        peer = gymnasiums(name, given.seconds) if find_spec("imageio") else Speed(float("nan"))
-        print(f"| {name} | Gymnasium's own | f64 | {peer.rate:,.0f} | 1 | | |", flush=True)
-        for contact in ("mujoco", "hard"):
-            for precision in ("f64", "f32"):
-                speed = ours(name, given.num_envs, given.seconds, contact=contact, precision=precision)
-                ratio = f"{speed.rate / peer.rate:.1f}"
-                print(
-                    f"| {name} | {contact} | {precision} | {speed.rate:,.0f} | {ratio} | {speed.layer:.1%} | {speed.layer_time:.3f} |",
-                    flush=True,
-                )
+    print(f"{given.num_envs} environments, one core of {cpu_name()}\n")
+    print("| task | contact | precision | steps/s | beside EnvPool | beside Gymnasium's | layer | layer, us a step |")
+    print("|---|---|---|---|---|---|---|---|")
+    peers: dict[str, tuple[str, Callable[[str], Contender]]] = {
+        "Gymnasium's own": ("imageio", gymnasiums),
+        "EnvPool": ("envpool", envpools),
+    }
+    with one_core():
+        for name in given.names:
+            rows = {(peer, "f64"): make(name) for peer, (needed, make) in peers.items() if find_spec(needed)}
+            ours_too = {
+                (contact, precision): ours(name, given.num_envs, contact, precision)
+                for contact in ("mujoco", "hard")
+                for precision in ("f64", "f32")
+            }
+            rows |= ours_too
+            for _ in range(max(1, round(given.seconds / TURN))):
+                for contender in rows.values():
+                    contender.turn()
+            for key, contender in rows.items():
+                beside = [f"{contender.rate / rows[peer, 'f64'].rate:.1f}" if (peer, "f64") in rows else "" for peer in reversed(peers)]
+                share, spent = contender.layer if key in ours_too else (float("nan"), float("nan"))
+                layer = f"{share:.0%} | {spent:.2f}" if key in ours_too else " | "
+                print(f"| {name} | {' | '.join(key)} | {contender.rate:,.0f} | {' | '.join(beside)} | {layer} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 from stepper import _pickles as _pickles
-from stepper import devices
+from stepper import bodies, devices
 from stepper._options import Options
 from stepper._status import Status
 from stepper._stepper import Model, ModelError, State, Stepper, __version__, cpu_levels
@@ -61,6 +61,7 @@ __all__ = [
     "Tuning",
     "Unknown",
     "__version__",
+    "bodies",
     "chart",
     "compare",
     "cpu_levels",

@@ -101,6 +101,23 @@ def test_a_model_that_is_loaded_again_and_again_displaces_no_other():
     assert stepper.loading.origin_of(first) is not None
 
 
+def test_files_are_remembered_longer_than_texts(tmp_path, monkeypatch):
+    monkeypatch.setattr(stepper.loading.origins, "KEPT_FILES", 20)
+
+    def loaded(name):
+        file = tmp_path / f"{name}.xml"
+        file.write_text(f"<mujoco><worldbody><body name='{name}'/></worldbody></mujoco>")
+        return stepper.load(str(file))
+
+    first = loaded("first")
+    for k in range(19):
+        stepper.load(f"<mujoco><worldbody><body name='text{k}'/></worldbody></mujoco>")
+        loaded(f"file{k}")
+    assert stepper.loading.origin_of(first).source == str(tmp_path / "first.xml")
+    loaded("one_more")
+    assert stepper.loading.origin_of(first) is None
+
+
 _WITHOUT_EGL = """
 import ctypes, ctypes.util, os
 load, find = ctypes.CDLL.__init__, ctypes.util.find_library

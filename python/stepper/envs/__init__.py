@@ -12,7 +12,6 @@ from stepper.shared.machine import require
 
 require("gymnasium", "for stepper.envs")
 
-from stepper.envs.quantities import contact_wrenches, inertias, mass_centers, velocities  # noqa: E402
 from stepper.envs.registration import register_tasks  # noqa: E402
 from stepper.envs.single import StepperEnv  # noqa: E402
 from stepper.envs.streams import Draws  # noqa: E402
@@ -30,12 +29,8 @@ __all__ = [
     "StepperVectorEnv",
     "Task",
     "all_within",
-    "contact_wrenches",
-    "inertias",
-    "mass_centers",
     "per_moment",
     "square_sum",
-    "velocities",
     "within",
 ]
 

@@ -97,13 +97,13 @@ class Batch:
 
     def begin(self, mask: Array) -> None:
         """Begins an episode in the environments of a mask, (num_envs,) bool."""
-        self._place(mask)
+        self._place(mask, np.flatnonzero(mask))
         self.now = self._moment(self._still) if mask.all() else self.now
         self.now.renew(mask)
         self._position = self.task.position(self.now)
 
-    def _place(self, mask: Array) -> None:
-        envs = np.flatnonzero(mask)
+    def _place(self, mask: Array, envs: Array) -> None:
+        """Begins an episode in the environments of a mask, whose indices are `envs`, and reads nothing."""
         qpos, qvel = np.empty((len(envs), len(self._rest))), np.zeros((len(envs), self._qvel.shape[1]))
         qpos[:] = self._rest
         self.task.start(qpos, qvel, Draws(self.streams, envs))
@@ -134,12 +134,15 @@ class Batch:
         task.advance(now)
         status: Array = now.status
         self.lengths += 1
+        beginning = None
         if begins is not None:
-            self._place(begins)
+            beginning = np.flatnonzero(begins)
+            self._place(begins, beginning)
             now.renew(begins)
         position = task.position(now)
         if position is not None:
-            now.velocity = (position - self._position) / self.dt
+            now.velocity = position - self._position
+            now.velocity /= self.dt
         self._position = position
         rewards, terms = task.reward(now)
         reward = np.array(rewards, dtype=np.float64)
@@ -150,8 +153,9 @@ class Batch:
             failed = (status & _NON_FINITE) != 0
             terminated |= failed
             terms = terms | {"non_finite": failed}
-        if begins is not None:
-            reward[begins], terminated[begins], truncated[begins] = 0.0, False, False
+        if beginning is not None:
+            for ended in (reward, terminated, truncated):
+                ended[beginning] = 0
         self.returns += reward
         return reward, terminated, truncated, terms
 

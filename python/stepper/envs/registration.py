@@ -6,7 +6,7 @@ from typing import Any
 
 from gymnasium.envs.registration import register, registry
 
-from stepper.envs.locomotion import Go1Velocity
+from stepper.envs.locomotion import G1Velocity, Go1Velocity
 from stepper.envs.suite import SUITE
 
 _EPISODES: dict[str, tuple[int, float | None]] = {
@@ -35,6 +35,7 @@ def register_tasks() -> None:
     """
     for name, (steps, threshold) in _EPISODES.items():
         _register(f"stepper/{name}-v5", steps, {"task": name}, threshold)
+    _register("stepper/G1Velocity-v0", G1Velocity.episode_steps, {"task": G1Velocity})
     _register("stepper/Go1Velocity-v0", Go1Velocity.episode_steps, {"task": Go1Velocity})
     for name, (kind, arguments) in SUITE.items():
         _register(f"stepper/dm_control.{name}-v0", _SUITE_STEPS, {"task": kind, **arguments})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -19,10 +20,19 @@ _STEP = 2.0**-53
 
 
 def _mix(words: Words) -> Words:
-    """Steele, Lea and Flood's finalizer (splitmix64): a permutation of 64-bit words that hides what they have in common."""
-    words = (words ^ (words >> _SHIFTS[0])) * _MIX_1
-    words = (words ^ (words >> _SHIFTS[1])) * _MIX_2
-    return words ^ (words >> _SHIFTS[2])
+    """Steele, Lea and Flood's finalizer (splitmix64), in place: a permutation of 64-bit words that hides what they have in common."""
+    words ^= words >> _SHIFTS[0]
+    words *= _MIX_1
+    words ^= words >> _SHIFTS[1]
+    words *= _MIX_2
+    words ^= words >> _SHIFTS[2]
+    return words
+
+
+@lru_cache(maxsize=64)
+def _steps(size: int) -> Words:
+    """What is added to a state for each of the next words: (size,)."""
+    return np.multiply(np.arange(1, size + 1, dtype=np.uint64), _GAMMA, dtype=np.uint64)
 
 
 class Streams:
@@ -36,8 +46,7 @@ class Streams:
     """
 
     def __init__(self, num_envs: int, seed: int):
-        self._key: Words = np.zeros(num_envs, dtype=np.uint64)
-        self._drawn: Words = np.zeros(num_envs, dtype=np.uint64)
+        self._state: Words = np.zeros(num_envs, dtype=np.uint64)
         self.seed(np.arange(num_envs), [(seed + k) % 2**64 for k in range(num_envs)])
 
     def seed(self, envs: Array, seeds: Sequence[int]) -> None:
@@ -54,14 +63,13 @@ class Streams:
             if not 0 <= seed < 2**64:
                 raise ValueError(f"the seed of environment {env} is {seed}, must be from 0 to 2**64 - 1")
         words: Words = np.array(seeds, dtype=np.uint64)
-        self._key[envs] = _mix(_mix(words) + _GAMMA)
-        self._drawn[envs] = 0
+        self._state[envs] = _mix(_mix(words) + _GAMMA)
 
     def words(self, envs: Array, size: int) -> Words:
         """The next `size` words of the streams `envs` (n,): (n, size) uint64."""
-        counts = self._drawn[envs][:, None] + np.arange(1, size + 1, dtype=np.uint64)
-        self._drawn[envs] += np.uint64(size)
-        words = self._key[envs][:, None] + np.multiply(counts, _GAMMA, dtype=np.uint64)
+        words = self._state[envs][:, None] + _steps(size)
+        if size:
+            self._state[envs] = words[:, -1]
         return _mix(words)
 
 
@@ -79,7 +87,11 @@ class Draws:
     def uniform(self, low: float, high: float, size: int) -> Array:
         """Numbers from `low` to `high`, evenly spread: (n, size)."""
         words = self._streams.words(self.envs, size)
-        return low + (high - low) * _STEP * (words >> _MANTISSA).astype(np.float64)
+        words >>= _MANTISSA
+        numbers = words.astype(np.float64)
+        numbers *= (high - low) * _STEP
+        numbers += low
+        return numbers
 
     def normal(self, size: int) -> Array:
         """Numbers of the standard normal distribution: (n, size). Box and Muller's method."""

@@ -11,8 +11,10 @@ from typing import Any
 from stepper._stepper import Model
 
 KEPT = 8
-"""Sources that are remembered beside those of models that exist: of the last ones that do not, whose variants (`Model.replace`) may. Few,
-because one may be a compiled model with all its meshes."""
+"""Texts and compiled models that are remembered beside those of models that exist: of the last ones that do not, whose variants
+(`Model.replace`) may. Few, because one may be a compiled model with all its meshes."""
+KEPT_FILES = 256
+"""The same of files: of each only its path."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,10 @@ def remember(model: Model, source: Any, package_dirs: Sequence[str | os.PathLike
     # What is noted again is the newest, and does not take the place of others.
     others = [other for other in _remembered if other.looks != entry.looks]
     gone = [other for other in others if other.model() is None]
-    forgotten = {id(other) for other in gone[: max(len(gone) - KEPT, 0)]}
+    forgotten = set()
+    for kept, of_files in ((KEPT, False), (KEPT_FILES, True)):
+        alike = [other for other in gone if other.origin.is_file == of_files]
+        forgotten |= {id(other) for other in alike[:-kept]}
     _remembered[:] = [*(other for other in others if id(other) not in forgotten), entry]
 
 

@@ -6,12 +6,14 @@ from stepper.envs.suite.acrobot import Acrobot
 from stepper.envs.suite.base import SuiteTask
 from stepper.envs.suite.cartpole import Cartpole
 from stepper.envs.suite.cheetah import Cheetah
-from stepper.envs.suite.finger import Finger
+from stepper.envs.suite.finger import Finger, FingerTurn
 from stepper.envs.suite.fish import Fish
 from stepper.envs.suite.hopper import Hopper
 from stepper.envs.suite.humanoid import Humanoid
+from stepper.envs.suite.manipulator import Manipulator
 from stepper.envs.suite.pendulum import Pendulum
 from stepper.envs.suite.point_mass import PointMass
+from stepper.envs.suite.quadruped import Quadruped
 from stepper.envs.suite.reacher import Reacher
 from stepper.envs.suite.swimmer import Swimmer
 from stepper.envs.suite.walker import Walker
@@ -27,6 +29,8 @@ SUITE: dict[str, tuple[type[SuiteTask], dict[str, Any]]] = {
     "cartpole-two_poles": (Cartpole, {"swing_up": True, "poles": 2}),
     "cheetah-run": (Cheetah, {}),
     "finger-spin": (Finger, {}),
+    "finger-turn_easy": (FingerTurn, {"target_size": 0.07}),
+    "finger-turn_hard": (FingerTurn, {"target_size": 0.03}),
     "fish-swim": (Fish, {"swim": True}),
     "fish-upright": (Fish, {}),
     "hopper-hop": (Hopper, {"hopping": True}),
@@ -35,8 +39,15 @@ SUITE: dict[str, tuple[type[SuiteTask], dict[str, Any]]] = {
     "humanoid-run_pure_state": (Humanoid, {"move_speed": 10.0, "pure_state": True}),
     "humanoid-stand": (Humanoid, {}),
     "humanoid-walk": (Humanoid, {"move_speed": 1.0}),
+    "manipulator-bring_ball": (Manipulator, {}),
+    "manipulator-bring_peg": (Manipulator, {"peg": True}),
+    "manipulator-insert_ball": (Manipulator, {"insert": True}),
+    "manipulator-insert_peg": (Manipulator, {"peg": True, "insert": True}),
     "pendulum-swingup": (Pendulum, {}),
     "point_mass-easy": (PointMass, {}),
+    "quadruped-fetch": (Quadruped, {"fetch": True}),
+    "quadruped-run": (Quadruped, {"move_speed": 5.0}),
+    "quadruped-walk": (Quadruped, {}),
     "reacher-easy": (Reacher, {"target_size": 0.05}),
     "reacher-hard": (Reacher, {"target_size": 0.015}),
     "swimmer-swimmer15": (Swimmer, {"links": 15}),

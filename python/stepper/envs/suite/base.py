@@ -160,13 +160,29 @@ def randomize_without_overlap(model: Model, qpos: Array, draws: Draws) -> None:
         some = qpos[again]
         randomize_joints(model, some, draws.of(again))
         qpos[again] = some
-        again[again] = _overlapping(model, some)
+        again[again] = overlapping(model, some)
 
 
-def _overlapping(model: Model, qpos: Array) -> Array:
-    """Whether anything touches in configurations (n, nq): (n,) bool."""
+def lift_until_free(model: Model, qpos: Array, height: int) -> None:
+    """Sets a coordinate of qpos (n, nq), a height, to the least whole number of centimetres, up to 127, at which nothing touches.
+
+    What touches at a height must touch below, too.
+    """
+    low = np.zeros(len(qpos), dtype=np.int64)
+    for step in (64, 32, 16, 8, 4, 2, 1):
+        qpos[:, height] = 0.01 * (low + step - 1)
+        low[overlapping(model, qpos)] += step
+    qpos[:, height] = 0.01 * low
+
+
+def overlapping(model: Model, qpos: Array, mocap_pos: Array | None = None, mocap_quat: Array | None = None) -> Array:
+    """Whether anything touches in configurations (n, nq), with mocap bodies where they are posed or the file has them: (n,) bool."""
     probe = Stepper(model, len(qpos), options=Options(contact="mujoco", integrator="euler"))
     probe.reset(qpos=qpos)
+    if mocap_pos is not None:
+        probe.mocap_pos[...] = mocap_pos
+    if mocap_quat is not None:
+        probe.mocap_quat[...] = mocap_quat
     probe.step()
     contacts = probe.contacts()
     touching = np.zeros(len(qpos), dtype=bool)

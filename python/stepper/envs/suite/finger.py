@@ -1,4 +1,4 @@
-"""dm_control's finger, which spins a body on a hinge."""
+"""dm_control's finger, which spins a body on a hinge, or turns it."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stepper._stepper import Model
+from stepper._stepper import Model, Stepper
+from stepper.envs.assets import load_quietly, read_once
 from stepper.envs.streams import Draws
-from stepper.envs.suite.base import SuiteTask, randomize_without_overlap, reading, scene
-from stepper.envs.task import Array, Moment, Quantity
+from stepper.envs.suite.base import SuiteTask, norm, randomize_without_overlap, reading, scene, source_tree
+from stepper.envs.task import Array, Moment, Quantity, Terms
 
 _SPEED = 15.0
 """From which on it spins, rad/s."""
@@ -35,7 +36,7 @@ class Finger(SuiteTask):
         """Angles of the finger, the tip beside the hinge, velocities, logarithms of the forces at its two pads: (9,)."""
         return (
             Quantity("angles", of=lambda now: reading(now, "proximal", "distal")),
-            Quantity("tip", of=lambda now: (reading(now, "tip") - reading(now, "spinner"))[:, ::2]),
+            Quantity("tip", of=lambda now: _beside_the_hinge(now, "tip")),
             Quantity("velocity", of=lambda now: reading(now, "proximal_velocity", "distal_velocity", "hinge_velocity")),
             Quantity("touch", of=lambda now: np.log1p(reading(now, "touchtop", "touchbottom"))),
         )
@@ -48,3 +49,62 @@ class Finger(SuiteTask):
     def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
         """At rest, with angles within their limits, where nothing touches."""
         randomize_without_overlap(scene(self.file), qpos, draws)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FingerTurn(Finger):
+    """Turn the body until its tip is in the target, which is a mocap body: each environment has it elsewhere.
+
+    Attributes:
+        target_size: Radius of the target, m.
+    """
+
+    target_size: float
+
+    def model(self) -> Model:
+        """The scene, with a target that can be moved."""
+        return _scene_with_target()
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What spinning observes, the target beside the hinge, and how far from the target the tip is: (12,)."""
+        return (
+            *super().quantities(),
+            Quantity("target_position", of=lambda now: _beside_the_hinge(now, "target")),
+            Quantity("dist_to_target", of=self._distance),
+        )
+
+    def score(self, now: Moment) -> Array:
+        """1 in the target."""
+        inside: Array = (self._distance(now) <= 0.0).astype(np.float64)
+        return inside
+
+    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:
+        """The target is anywhere on the circle of the tip."""
+        model, angle = sim.model, draws.uniform(-np.pi, np.pi, 1)[:, 0]
+        offsets = model.geom("cap1").size.sum() * np.stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)], axis=1)
+        sim.mocap_pos[mask, model.body("target").mocapid] = model.body("spinner").pos + offsets
+
+    def _distance(self, now: Moment) -> Array:
+        """From the tip to the surface of the target, m; negative inside: (num_envs,)."""
+        return norm(_beside_the_hinge(now, "target") - _beside_the_hinge(now, "tip")) - self.target_size
+
+
+def _beside_the_hinge(now: Moment, sensor: str) -> Array:
+    """What a sensor of places reads less the place of the hinge, in x and z, m: (num_envs, 2)."""
+    offset: Array = (reading(now, sensor) - reading(now, "spinner"))[:, ::2]
+    return offset
+
+
+@read_once
+def _scene_with_target() -> Model:
+    """The file, whose target is a mocap body."""
+    tree = source_tree("finger.xml")
+    world = tree.find("worldbody")
+    site = None if world is None else world.find("site[@name='target']")
+    if world is None or site is None:
+        raise ValueError("finger.xml has no site 'target' in its worldbody: this version of dm_control is not known")
+    world.remove(site)
+    body = type(tree)("body", name="target", mocap="true", pos=site.attrib.pop("pos"))
+    body.append(site)
+    world.append(body)
+    return load_quietly(tree)

@@ -7,7 +7,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.quantities import contact_wrenches
 from stepper.envs.streams import Draws
 from stepper.envs.task import Array, Camera, Moment, MujocoTask, Quantity, Terms, per_moment, square_sum
 
@@ -90,5 +89,5 @@ class Ant(MujocoTask):
 @per_moment
 def _contact_forces(now: Moment) -> Array:
     """Torques and forces of contacts within their range: (num_envs, nbody, 6)."""
-    forces: Array = np.clip(contact_wrenches(now), *now.task.contact_force_range)
+    forces: Array = np.clip(now.cfrc_ext, *now.task.contact_force_range)
     return forces

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.quantities import BODY_TABLES, contact_wrenches, tendons
+from stepper.envs.quantities import BODY_TABLES, tendons
 from stepper.envs.streams import Draws
 from stepper.envs.task import Array, Camera, Moment, MujocoTask, Quantity, Terms, square_sum, within
 
@@ -65,7 +65,7 @@ class Humanoid(MujocoTask):
         x_velocity, y_velocity = now.velocity.T
         forward, survive = self.forward_reward_weight * x_velocity, self.healthy_reward * now.healthy
         control = self.ctrl_cost_weight * square_sum(now.action)
-        contact = np.clip(self.contact_cost_weight * square_sum(contact_wrenches(now)), *self.contact_cost_range)
+        contact = np.clip(self.contact_cost_weight * square_sum(now.cfrc_ext), *self.contact_cost_range)
         terms = {"x_velocity": x_velocity, "y_velocity": y_velocity, "reward_survive": survive, "reward_forward": forward}
         terms |= {"reward_ctrl": -control, "reward_contact": -contact}
         return forward + survive - (control + contact), terms

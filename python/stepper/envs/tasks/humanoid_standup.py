@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from stepper.envs.quantities import BODY_TABLES, contact_wrenches, tendons
+from stepper.envs.quantities import BODY_TABLES, tendons
 from stepper.envs.streams import Draws
 from stepper.envs.task import Array, Camera, Moment, MujocoTask, Quantity, Terms, square_sum
 
@@ -49,7 +49,7 @@ class HumanoidStandup(MujocoTask):
         """
         up = now.qpos[:, 2] / now.sim.timestep
         control = self.ctrl_cost_weight * square_sum(now.action)
-        impact = np.clip(self.impact_cost_weight * square_sum(contact_wrenches(now)), *self.impact_cost_range)
+        impact = np.clip(self.impact_cost_weight * square_sum(now.cfrc_ext), *self.impact_cost_range)
         return up - control - impact + 1.0, {"reward_linup": up, "reward_quadctrl": -control, "reward_impact": -impact}
 
     def info(self, now: Moment) -> Terms:

@@ -1,0 +1,148 @@
+"""Unitree's humanoid G1 follows a commanded velocity: randomised, pushed, with latency."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+from xml.etree import ElementTree
+
+import numpy as np
+
+from stepper._stepper import Model
+from stepper.envs.assets import load_quietly, read_once
+from stepper.envs.locomotion import terrain
+from stepper.envs.locomotion.velocity import VelocityTask
+from stepper.envs.task import Camera
+from stepper.shared.machine import package_file
+
+_FILE = "asset_zoo/robots/unitree_g1/xmls/g1.xml"
+_HEIGHT = 0.77
+"""Of the pelvis at the beginning, m: a centimetre above that at which the feet stand, which angles with noise need."""
+_STANCE = {
+    "hip_pitch": -0.312, "knee": 0.669, "ankle_pitch": -0.363, "elbow": 0.6, "shoulder_pitch": 0.2,
+    "left_shoulder_roll": 0.2, "right_shoulder_roll": -0.2,
+}  # fmt: skip
+"""Angles at the beginning, rad, by a part of the joint's name: with bent knees, as in mjlab; the others are 0."""
+
+
+@dataclass(frozen=True)
+class _Motor:
+    """A motor with a planetary gear of two stages, from Unitree's description of the robot.
+
+    Attributes:
+        rotors: Inertias of the rotor, of the first stage and of the second, kg m^2.
+        gears: Ratios of the stages.
+        torque: Largest torque, N m.
+        count: Motors that turn the joint together.
+    """
+
+    rotors: tuple[float, float, float]
+    gears: tuple[float, float]
+    torque: float
+    count: int = 1
+
+    @property
+    def inertia(self) -> float:
+        """Of the rotors as the joint feels it, kg m^2."""
+        first, second = self.gears
+        return self.count * (self.rotors[0] * (first * second) ** 2 + self.rotors[1] * second**2 + self.rotors[2])
+
+
+_SMALL = ((1.39e-5, 1.7e-6, 1.69e-5), (1.0 + 46.0 / 18.0, 1.0 + 56.0 / 16.0), 25.0)
+_MOTORS = {
+    r"elbow|shoulder|wrist_roll": _Motor(*_SMALL),
+    r"hip_pitch|hip_yaw|waist_yaw": _Motor((4.89e-5, 9.8e-6, 5.33e-5), (4.5, 1.0 + 48.0 / 22.0), 88.0),
+    r"hip_roll|knee": _Motor((4.89e-5, 1.09e-5, 7.38e-5), (4.5, 5.0), 139.0),
+    r"wrist_pitch|wrist_yaw": _Motor((6.8e-6, 0.0, 0.0), (5.0, 5.0), 5.0),
+    # Linkages of two motors, taken as gears of ratio 1, as mjlab takes them.
+    r"waist_pitch|waist_roll|ankle": _Motor(*_SMALL[:2], 2.0 * _SMALL[2], count=2),
+}
+"""Motors by patterns of joints' names."""
+_FREQUENCY, _DAMPING_RATIO = 2.0 * np.pi * 10.0, 2.0
+"""Of the servos with the inertia of the rotors alone, rad/s: from these mjlab takes their gains."""
+_REACH = 0.5
+"""A servo's set point is at most this many times what gives its largest torque away from the stance."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class G1Velocity(VelocityTask):
+    """A humanoid of 29 joints, mjlab's, whose package has to be installed (`pip install --no-deps mjlab`): only the file is read.
+
+    Feet touch the ground, and no other part.
+    """
+
+    WEIGHTS: ClassVar[Mapping[str, float]] = {
+        "linear": 1.0,
+        "angular": 0.5,
+        "bounce": 0.5,
+        "roll": 0.02,
+        "tilt": 2.0,
+        "pose": 0.1,
+        "torque": 1e-5,
+        "change": 0.02,
+    }
+    lowest = 0.45
+    camera: ClassVar[Camera] = {"trackbodyid": 1, "distance": 3.0, "azimuth": 120.0, "elevation": -15.0}
+
+    mass_scale: tuple[float, float] = (0.9, 1.1)
+
+    def model(self) -> Model:
+        """The robot on a plane, or on rough ground, with servos."""
+        return _scene(self.roughness)
+
+
+def _named(name: str, table: Mapping[str, float]) -> float:
+    """The number of the part of a name that a table has; 0 of others."""
+    return next((value for part, value in table.items() if part in name), 0.0)
+
+
+@read_once
+def _scene(roughness: float) -> Model:
+    """The robot of mjlab on the ground, without what it only looks like, with servos, rotors and stance as mjlab's own code says them."""
+    file = Path(package_file("mjlab", _FILE, "for its G1, whose file it has"))
+    tree = ElementTree.fromstring(file.read_text("utf-8"))
+    make = type(tree)
+    for asset in tree.findall("asset"):
+        tree.remove(asset)
+    for parent in list(tree.iter()):
+        for child in list(parent):
+            if child.tag in ("light", "camera", "exclude") or child.get("class") == "visual":
+                parent.remove(child)
+            elif child.tag == "geom" and (name := child.get("name", "")):
+                is_foot = re.fullmatch(r"(left|right)_foot\d_collision", name) is not None
+                child.attrib |= {"contype": str(int(is_foot)), "conaffinity": "0", "group": "0"}
+                if is_foot:
+                    child.attrib |= {"priority": "1", "friction": "0.6 0.005 0.0005", "condim": "3"}
+    tree.insert(0, make("option", timestep="0.005", integrator="implicitfast"))
+    world = tree.find("worldbody")
+    if world is None:
+        raise ValueError(f"{file} has no worldbody: this version of mjlab is not known")
+    world.insert(0, make("geom", name="floor", type="plane", size="0 0 0.05", contype="0", conaffinity="1"))
+    if roughness:
+        field, geom = terrain.elements(roughness, {"contype": "0", "conaffinity": "1"})
+        asset = make("asset")
+        asset.append(field)
+        tree.append(asset)
+        world.insert(1, geom)
+    actuators, angles = make("actuator"), []
+    tree.append(actuators)
+    for joint in tree.iter("joint"):
+        name = joint.get("name", "")
+        motor = next(motor for pattern, motor in _MOTORS.items() if re.search(pattern, name))
+        stiffness, stance = motor.inertia * _FREQUENCY**2, _named(name, _STANCE)
+        reach = _REACH * motor.torque / stiffness
+        joint.set("armature", repr(motor.inertia))
+        servo = {"kp": stiffness, "kv": 2.0 * _DAMPING_RATIO * motor.inertia * _FREQUENCY}
+        bounds = {"ctrlrange": (stance - reach, stance + reach), "forcerange": (-motor.torque, motor.torque)}
+        attributes = {key: repr(float(value)) for key, value in servo.items()}
+        attributes |= {key: f"{float(low)!r} {float(high)!r}" for key, (low, high) in bounds.items()}
+        actuators.append(make("position", {"name": name, "joint": name, **attributes}))
+        angles.append(stance)
+    keyframes = make("keyframe")
+    qpos = " ".join(map(repr, (0.0, 0.0, _HEIGHT, 1.0, 0.0, 0.0, 0.0, *angles)))
+    keyframes.append(make("key", name="stance", qpos=qpos, ctrl=" ".join(map(repr, angles))))
+    tree.append(keyframes)
+    return load_quietly(tree)

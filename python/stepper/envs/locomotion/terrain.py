@@ -1,0 +1,60 @@
+"""Rough ground: a height field of smooth bumps, the same for all environments, which begin at different places of it."""
+
+from __future__ import annotations
+
+from functools import cache
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from stepper.envs.task import Array
+
+HALF = 20.0
+"""Half the side of the field, m. Around it the ground is flat."""
+_BUMPS, _FINER = 40, 4
+"""Bumps on a side, and points of the field for each of them."""
+_SEED = 17
+
+
+@cache
+def _heights() -> Array:
+    """Heights from 0 to 1 at the points of the field, rows along y from its least: (161, 161)."""
+    coarse = np.random.default_rng(_SEED).uniform(0.0, 1.0, (_BUMPS + 1, _BUMPS + 1))
+    at = np.linspace(0.0, _BUMPS, _BUMPS * _FINER + 1)
+    below = np.minimum(at.astype(np.int64), _BUMPS - 1)
+    share = at - below
+    # Bumps are smooth: the slope is zero at each of the coarse points.
+    share = share * share * (3.0 - 2.0 * share)
+    rows = coarse[below] + share[:, None] * (coarse[below + 1] - coarse[below])
+    heights: Array = rows[:, below] + share * (rows[:, below + 1] - rows[:, below])
+    heights -= heights.min()
+    heights /= heights.max()
+    return heights
+
+
+def height(xy: Array) -> Array:
+    """Height of the ground as a share of its greatest, at places (..., 2) in m; 0 beside the field. Between points it is bilinear."""
+    heights = _heights()
+    last = len(heights) - 1
+    at = (np.asarray(xy, dtype=np.float64) + HALF) * (last / (2.0 * HALF))
+    corner = np.clip(np.floor(at).astype(np.int64), 0, last - 1)
+    (x, y), (i, j) = np.moveaxis(np.clip(at - corner, 0.0, 1.0), -1, 0), np.moveaxis(corner, -1, 0)
+    near = heights[j, i] * (1.0 - x) + heights[j, i + 1] * x
+    far = heights[j + 1, i] * (1.0 - x) + heights[j + 1, i + 1] * x
+    beside = np.abs(xy).max(axis=-1) > HALF
+    return np.where(beside, 0.0, near * (1.0 - y) + far * y)
+
+
+def elements(greatest: float, attributes: dict[str, str]) -> tuple[Element, Element]:
+    """The asset and the geom of the field in MJCF.
+
+    Args:
+        greatest: Its greatest height, m.
+        attributes: Further ones of the geom.
+    """
+    heights = _heights()
+    # MJCF has the rows of a field as one sees them from above: that of the greatest y first.
+    values = " ".join(f"{value:.6g}" for value in heights[::-1].ravel())
+    sizes = {"nrow": str(len(heights)), "ncol": str(heights.shape[1]), "size": f"{HALF!r} {HALF!r} {greatest!r} 0.1"}
+    field = Element("hfield", {"name": "terrain", "elevation": values, **sizes})
+    return field, Element("geom", {"name": "terrain", "type": "hfield", "hfield": "terrain", **attributes})

@@ -1,0 +1,240 @@
+"""A legged robot follows a commanded velocity: what such tasks have in common, whatever the robot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import ClassVar
+
+import numpy as np
+
+from stepper._stepper import Model, Stepper
+from stepper.envs.locomotion import terrain
+from stepper.envs.streams import Draws
+from stepper.envs.task import Array, Moment, Quantity, Task, Terms, per_moment, square_sum
+from stepper.shared.rotations import matrices
+
+_COMMANDS, _PUSHES = 2, 3
+"""Commands of an episode, one after the other; pushes of an episode."""
+_STANDS = 0.1
+"""Share of the commands that are to stand."""
+_SPREAD = 0.7 * terrain.HALF
+"""Farthest from the middle of rough ground that an episode begins in x and y, m."""
+_UNDER = np.stack(np.meshgrid(*[np.linspace(-0.4, 0.4, 9)] * 2), axis=-1).reshape(-1, 2)
+"""Places around the base that may be under a robot, (81, 2) m."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class VelocityTask(Task):
+    """Follow a velocity in x and y and about z, commanded in the frame of the base, which is the model's first body, on a free joint.
+
+    The model has a servo for each other joint, in their order, and a keyframe "stance" that episodes begin about. Actions are set points of
+    the servos. Each episode has its own parameters (friction of the feet, mass and centre of mass of the base, gains of the servos), a
+    latency of the actions, two commands, one of ten of which is to stand, and three pushes, which change the base's velocity at once.
+
+    Attributes:
+        frame_skip: Steps for each action.
+        max_command: Largest commands, m/s and rad/s.
+        max_latency: Largest latency, steps: at most frame_skip, as an action is late by one action at most.
+        max_push: Largest change of the velocities in x and y, m/s.
+        episode_steps: Actions of an episode, in which commands and pushes are spread.
+        friction: Least and largest friction of the feet, geoms whose names have "foot".
+        mass_scale: Least and largest mass of the base, times its own.
+        gain_scale: Least and largest gains of the servos, times their own.
+        center_shift: Largest shift of the base's centre of mass in each direction, m.
+        roughness: Greatest height of the ground's bumps, m, which are about a metre wide; 0 is flat ground. Nothing observes them.
+        weights: Weights of the terms of the reward, of some or all; the others are those of `WEIGHTS`.
+
+    Raises:
+        ValueError: A latency or roughness out of its range, a weight of a term that there is not.
+    """
+
+    WEIGHTS: ClassVar[Mapping[str, float]]
+    """Weights of the terms of the reward."""
+    lowest: ClassVar[float]
+    """Height of the base above the ground at which an episode ends, m."""
+    steepest: ClassVar[float] = 0.5
+    """Cosine of the inclination of the base at which it ends."""
+
+    frame_skip: int = 4
+    max_command: tuple[float, float, float] = (1.0, 0.5, 1.0)
+    max_latency: int = 4
+    max_push: float = 0.5
+    episode_steps: int = 1000
+    friction: tuple[float, float] = (0.4, 1.2)
+    mass_scale: tuple[float, float] = (0.8, 1.2)
+    gain_scale: tuple[float, float] = (0.9, 1.1)
+    center_shift: float = 0.02
+    roughness: float = 0.0
+    weights: Mapping[str, float] | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.max_latency <= self.frame_skip:
+            raise ValueError(f"max_latency is {self.max_latency}, must be from 0 to frame_skip, which is {self.frame_skip}")
+        if not 0.0 <= self.roughness <= 1.0:
+            raise ValueError(f"roughness is {self.roughness}, must be from 0 to 1 m")
+        if unknown := sorted(set(self.weights or {}) - set(self.WEIGHTS)):
+            raise ValueError(f"weights has {unknown}, terms of the reward are {', '.join(self.WEIGHTS)}")
+
+    def memory(self, num_envs: int) -> Terms:
+        """Commands and pushes of the episodes, and the last two actions."""
+        stance = _stance(self.model())
+        return {
+            "step": np.zeros(num_envs, dtype=np.int64),
+            "commands": np.zeros((num_envs, _COMMANDS, 3)),
+            "push_steps": np.zeros((num_envs, _PUSHES), dtype=np.int64),
+            "pushes": np.zeros((num_envs, _PUSHES, 2)),
+            "latency": np.zeros(num_envs, dtype=np.int64),
+            "last": np.tile(stance, (num_envs, 1)),
+            "before": np.tile(stance, (num_envs, 1)),
+        }
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Velocities and vertical of the base in its frame, command, angles and last action beside the stance, rates: (12 + 3 nu,)."""
+        return (
+            Quantity("linear_velocity", of=linear_velocity),
+            Quantity("angular_velocity", of=lambda now: now.qvel[:, 3:6]),
+            Quantity("vertical", of=vertical),
+            Quantity("command", of=command),
+            Quantity("angles", of=lambda now: now.qpos[:, 7:] - stance_of(now)),
+            Quantity("rates", of=lambda now: now.qvel[:, 6:]),
+            Quantity("last_action", of=lambda now: now.memory["last"] - stance_of(now)),
+        )
+
+    def terms(self, now: Moment) -> Terms:
+        """Terms of the reward without their weights: how well the command is followed, less what is rough."""
+        velocity, angular, wanted = linear_velocity(now), now.qvel[:, 3:6], command(now)
+        return {
+            "linear": np.exp(-square_sum(velocity[:, :2] - wanted[:, :2]) / 0.25),
+            "angular": np.exp(-np.square(angular[:, 2] - wanted[:, 2]) / 0.25),
+            "bounce": -np.square(velocity[:, 2]),
+            "roll": -square_sum(angular[:, :2]),
+            "tilt": -square_sum(vertical(now)[:, :2]),
+            "pose": -square_sum(now.qpos[:, 7:] - stance_of(now)),
+            "torque": -square_sum(now.actuator_force),
+            "change": -square_sum(now.memory["last"] - now.memory["before"]),
+        }
+
+    def reward(self, now: Moment) -> tuple[Array, Terms]:
+        """Sum of the terms, 0 at least; "tracking_error" is the distance from the command in x and y, m/s."""
+        weights = {**self.WEIGHTS, **(self.weights or {})}
+        terms = {f"reward_{name}": weights[name] * term for name, term in self.terms(now).items()}
+        error = np.sqrt(square_sum(linear_velocity(now)[:, :2] - command(now)[:, :2]))
+        # One after the other: np.sum would round those of a single environment in another order.
+        total: Array = sum(terms.values(), np.zeros(len(error)))
+        return np.maximum(total, 0.0), {"tracking_error": error} | terms
+
+    def healthy(self, now: Moment) -> Array:
+        """The base is upright and off the ground."""
+        above = now.qpos[:, 2] - self.ground(now.qpos[:, :2])
+        healthy: Array = (vertical(now)[:, 2] > self.steepest) & (above > self.lowest)
+        return healthy
+
+    def ground(self, xy: Array) -> Array:
+        """Height of the ground at places (..., 2), m."""
+        heights: Array = self.roughness * terrain.height(xy) if self.roughness else np.zeros(xy.shape[:-1])
+        return heights
+
+    def info(self, now: Moment) -> Terms:
+        """The command."""
+        return {"command": command(now)}
+
+    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+        """In its stance with some noise, in any direction, with some velocity; on rough ground anywhere, above what is under it."""
+        turn = draws.uniform(-np.pi, np.pi, 1)[:, 0] / 2.0
+        qpos[:] = self.model().keyframe("stance").qpos
+        qpos[:, 3:7] = np.stack([np.cos(turn), 0.0 * turn, 0.0 * turn, np.sin(turn)], axis=1)
+        qpos[:, 7:] += draws.uniform(-0.1, 0.1, qpos.shape[1] - 7)
+        qvel[:, :6] = draws.uniform(-0.3, 0.3, 6)
+        if self.roughness:
+            qpos[:, :2] = draws.uniform(-_SPREAD, _SPREAD, 2)
+            qpos[:, 2] += self.ground(qpos[:, None, :2] + _UNDER).max(axis=1)
+
+    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:
+        """Commands, pushes, latency and parameters."""
+        count, model = len(draws.envs), sim.model
+        commands = draws.uniform(-1.0, 1.0, 3 * _COMMANDS).reshape(count, _COMMANDS, 3) * self.max_command
+        commands[draws.uniform(0.0, 1.0, _COMMANDS) < _STANDS] = 0.0
+        spread = (np.arange(_PUSHES) + draws.uniform(0.2, 0.8, _PUSHES)) * (self.episode_steps / _PUSHES)
+        begun = {
+            "step": 0,
+            "commands": commands,
+            "push_steps": spread.astype(np.int64),
+            "pushes": self.max_push * draws.uniform(-1.0, 1.0, 2 * _PUSHES).reshape(count, _PUSHES, 2),
+            "latency": (draws.uniform(0.0, 1.0, 1)[:, 0] * (self.max_latency + 1)).astype(np.int64),
+            "last": _stance(model),
+            "before": _stance(model),
+        }
+        for name, values in begun.items():
+            memory[name][mask] = values
+        own = ("geom_friction", "body_mass", "body_ipos", "actuator_gain", "actuator_bias")
+        rows = {name: np.repeat(np.asarray(getattr(model, name))[None], count, axis=0) for name in own}
+        rows["geom_friction"][:, [k for k, name in enumerate(model.geom_names) if "foot" in name], 0] = draws.uniform(*self.friction, 1)
+        rows["body_mass"][:, 1] *= draws.uniform(*self.mass_scale, 1)[:, 0]
+        rows["body_ipos"][:, 1] += draws.uniform(-self.center_shift, self.center_shift, 3)
+        gains = draws.uniform(*self.gain_scale, model.nu)[:, :, None]
+        rows["actuator_gain"] *= gains
+        rows["actuator_bias"] *= gains
+        fields = {name: np.zeros((len(mask), *values.shape[1:])) for name, values in rows.items()}
+        for name, values in rows.items():
+            fields[name][mask] = values
+        sim.randomize(mask, **fields)
+
+    def advance(self, now: Moment) -> None:
+        """Makes the steps: those within the latency with the action before."""
+        memory, sim = now.memory, now.sim
+        memory["step"] += 1
+        pushed = memory["push_steps"] == memory["step"][:, None]
+        if pushed.any():
+            qvel = np.array(sim.qvel, dtype=np.float64)
+            qvel[:, :2] += np.einsum("nk,nki->ni", pushed, memory["pushes"])
+            sim.set_state(qvel=qvel, mask=pushed.any(axis=1), cold=False)
+        memory["before"][:] = memory["last"]
+        memory["last"][:] = now.action
+        status = np.zeros(len(now.action), dtype=np.uint32)
+        for k in range(self.frame_skip):
+            waits = memory["latency"] > k
+            sim.step(np.where(waits[:, None], memory["before"], now.action))
+            status |= sim.status
+        now.keep("status", status)
+
+
+@lru_cache(maxsize=8)
+def _stance(model: Model) -> Array:
+    angles: Array = model.keyframe("stance").qpos[7:]
+    return angles
+
+
+def stance_of(now: Moment) -> Array:
+    """Angles at the beginning, rad: (nu,)."""
+    return _stance(now.sim.model)
+
+
+@per_moment
+def _frame(now: Moment) -> Array:
+    """Axes of the base in the world, columns: (num_envs, 3, 3)."""
+    return matrices(now.qpos[:, 3:7])
+
+
+@per_moment
+def linear_velocity(now: Moment) -> Array:
+    """Velocity of the base in its own frame, m/s: (num_envs, 3)."""
+    local: Array = np.einsum("ni,nij->nj", now.qvel[:, :3], _frame(now))
+    return local
+
+
+def vertical(now: Moment) -> Array:
+    """The vertical in the frame of the base: (num_envs, 3)."""
+    upwards: Array = _frame(now)[:, 2]
+    return upwards
+
+
+@per_moment
+def command(now: Moment) -> Array:
+    """The command in force: (num_envs, 3), m/s and rad/s."""
+    memory = now.memory
+    length = -(-now.task.episode_steps // _COMMANDS)
+    which = np.minimum(memory["step"] // length, _COMMANDS - 1)
+    wanted: Array = memory["commands"][np.arange(len(which)), which]
+    return wanted

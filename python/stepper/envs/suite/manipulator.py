@@ -1,0 +1,153 @@
+"""dm_control's planar manipulator: an arm with a hand that brings a ball or a peg to a target, or puts it into a receptacle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stepper._stepper import Model, Stepper
+from stepper.envs.assets import load_quietly, read_once
+from stepper.envs.streams import Draws
+from stepper.envs.suite.base import SuiteTask, norm, overlapping, place, reading, source_tree, tolerance
+from stepper.envs.task import Array, Moment, Quantity, Terms
+from stepper.shared.rotations import matrices
+
+_ARM = ("arm_root", "arm_shoulder", "arm_elbow", "arm_wrist", "finger", "fingertip", "thumb", "thumbtip")
+_TOUCH = ("palm_touch", "finger_touch", "thumb_touch", "fingertip_touch", "thumbtip_touch")
+_PROPS = {"ball", "target_ball", "cup", "peg", "target_peg", "slot"}
+_CLOSE = 0.01
+"""Distance that is close, m."""
+_IN_HAND, _IN_TARGET = 0.1, 0.1
+"""Probabilities that the object begins in the hand, and in the target."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Manipulator(SuiteTask):
+    """Bring an object to a target. Targets and receptacles are mocap bodies: each environment has them elsewhere.
+
+    Attributes:
+        peg: Whether the object is a peg; a ball otherwise.
+        insert: Whether the target is in a receptacle: a slot, or a cup.
+    """
+
+    file = "manipulator.xml"
+    frame_skip: int = 10
+    peg: bool = False
+    insert: bool = False
+
+    @property
+    def _object(self) -> str:
+        return "peg" if self.peg else "ball"
+
+    def model(self) -> Model:
+        """The scene with what this task needs of it."""
+        return _scene(self.peg, self.insert)
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Arm and hand, what touches it, the object, the target: (44,)."""
+        thing = self._object
+        return (
+            Quantity("arm_pos", of=_arm_angles),
+            Quantity("arm_vel", of=lambda now: now.qvel[:, [now.sim.model.joint(name).dofadr for name in _ARM]]),
+            Quantity("touch", of=lambda now: np.log1p(reading(now, *_TOUCH))),
+            Quantity("hand_pos", of=lambda now: _pose(now, "hand")),
+            Quantity("object_pos", of=lambda now: _pose(now, thing)),
+            Quantity("object_vel", of=lambda now: now.qvel[:, [now.sim.model.joint(f"{thing}_{k}").dofadr for k in "xzy"]]),
+            Quantity("target_pos", of=lambda now: _pose(now, f"target_{thing}")),
+        )
+
+    def score(self, now: Moment) -> Array:
+        """The object at the target; for a peg, less for the hand about it."""
+        if not self.peg:
+            return _near(now, "ball", "target_ball")
+        grasping = (_near(now, "peg_grasp", "grasp") + _near(now, "peg_pinch", "pinch")) / 2.0
+        bringing = (_near(now, "peg", "target_peg") + _near(now, "peg_tip", "target_peg_tip")) / 2.0
+        reward: Array = np.maximum(bringing, grasping / 3.0)
+        return reward
+
+    def prepare(self, sim: Stepper, memory: Terms, mask: Array, draws: Draws) -> None:
+        """The arm anywhere, the target anywhere, the object in the hand, in the target, or anywhere in flight: where nothing touches."""
+        model, count = sim.model, len(draws.envs)
+        qpos, qvel = np.tile(model.qpos0, (count, 1)), np.zeros((count, model.nv))
+        target = np.zeros((count, 3))
+        again = np.ones(count, dtype=bool)
+        while again.any():
+            some, rates = qpos[again], qvel[again]
+            target[again] = self._draw(model, some, rates, draws.of(again))
+            qpos[again], qvel[again] = some, rates
+            again[again] = overlapping(model, some, *_posed(model, target[again]))
+        place(sim, mask, qpos, qvel)
+        sim.mocap_pos[mask], sim.mocap_quat[mask] = _posed(model, target)
+
+    def _draw(self, model: Model, qpos: Array, qvel: Array, draws: Draws) -> Array:
+        """Draws a configuration, changed in place, and the target's x, z and angle, (n, 3)."""
+        for joint in map(model.joint, _ARM):
+            low, high = joint.range if joint.limited else (-np.pi, np.pi)
+            qpos[:, joint.qposadr] = draws.uniform(low, high, 1)[:, 0]
+        qpos[:, model.joint("finger").qposadr] = qpos[:, model.joint("thumb").qposadr]
+        widest = np.pi / 3.0 if self.insert else np.pi
+        target = np.hstack([draws.uniform(-0.4, 0.4, 1), draws.uniform(0.1, 0.4, 1), draws.uniform(-widest, widest, 1)])
+        kind = draws.uniform(0.0, 1.0, 1)[:, 0]
+        in_hand, in_target = kind < _IN_HAND, (kind >= _IN_HAND) & (kind < _IN_HAND + _IN_TARGET)
+        thing = np.hstack([draws.uniform(-0.5, 0.5, 1), draws.uniform(0.0, 0.7, 1), draws.uniform(0.0, 2.0 * np.pi, 1)])
+        speed = draws.uniform(-5.0, 5.0, 1)[:, 0]
+        thing[in_target] = target[in_target]
+        if in_hand.any():
+            thing[in_hand] = _grasp(model, qpos[in_hand])
+        flies = ~(in_hand | in_target)
+        qvel[flies, model.joint(f"{self._object}_x").dofadr] = speed[flies]
+        qpos[:, [model.joint(f"{self._object}_{k}").qposadr for k in "xzy"]] = thing
+        return target
+
+
+def _arm_angles(now: Moment) -> Array:
+    """Sine and cosine of each joint of the arm: (num_envs, 8, 2)."""
+    angles = now.qpos[:, [now.sim.model.joint(name).qposadr for name in _ARM]]
+    return np.stack([np.sin(angles), np.cos(angles)], axis=2)
+
+
+def _pose(now: Moment, body: str) -> Array:
+    """Place of a body in its plane, m, and its orientation: (num_envs, 4)."""
+    index = now.sim.model.body(body).id
+    return np.concatenate([now.xpos[:, index, ::2], now.xquat[:, index, ::2]], axis=1)
+
+
+def _near(now: Moment, one: str, other: str) -> Array:
+    """1 where two sites are close, and less beside that."""
+    places = [now.site_xpos[:, now.sim.model.site(name).id] for name in (one, other)]
+    return tolerance(norm(places[0] - places[1]), 0.0, _CLOSE, margin=2.0 * _CLOSE)
+
+
+def _grasp(model: Model, qpos: Array) -> Array:
+    """Where the hand of configurations (n, nq) would hold an object: x, z and angle, (n, 3)."""
+    probe, site = Stepper(model, len(qpos)), model.site("grasp").id
+    probe.reset(qpos=qpos)
+    across = matrices(np.asarray(probe.site_xquat)[:, site])[:, :, 0]
+    return np.column_stack([np.asarray(probe.site_xpos)[:, site, ::2], np.pi - np.arctan2(across[:, 2], across[:, 0])])
+
+
+def _posed(model: Model, target: Array) -> tuple[Array, Array]:
+    """Poses of the mocap bodies, all of which are at the target (n, 3): places (n, nmocap, 3) and quaternions (n, nmocap, 4)."""
+    bodies = [body for body in map(model.body, range(model.nbody)) if body.mocapid >= 0]
+    place, quat = np.zeros((len(target), len(bodies), 3)), np.zeros((len(target), len(bodies), 4))
+    for body in bodies:
+        # Those across the plane are the file's own.
+        place[:, body.mocapid] = np.column_stack([target[:, 0], np.full(len(target), body.pos[1]), target[:, 1]])
+        quat[:, body.mocapid, 0], quat[:, body.mocapid, 2] = np.cos(target[:, 2] / 2.0), np.sin(target[:, 2] / 2.0)
+    return place, quat
+
+
+@read_once
+def _scene(peg: bool, insert: bool) -> Model:
+    """The file with the props of a task alone, of which those that it places are mocap bodies."""
+    tree = source_tree("manipulator.xml")
+    placed = {"target_peg" if peg else "target_ball"} | ({"slot" if peg else "cup"} if insert else set())
+    unused = _PROPS - placed - {"peg" if peg else "ball"}
+    for parent in list(tree.iter()):
+        for body in parent.findall("body"):
+            if body.get("name") in unused:
+                parent.remove(body)
+            elif body.get("name") in placed:
+                body.set("mocap", "true")
+    return load_quietly(tree)

@@ -1,0 +1,145 @@
+"""dm_control's quadruped, on flat ground."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stepper._stepper import Model
+from stepper.envs.assets import load_quietly, read_once
+from stepper.envs.streams import Draws
+from stepper.envs.suite.base import SuiteTask, lift_until_free, norm, reading, rotation, source_tree, tolerance
+from stepper.envs.task import Array, Moment, Quantity
+
+_TOES = ("front_left", "front_right", "back_right", "back_left")
+_EPISODE = 20.0
+"""Time of an episode, s."""
+_ARENA = 15.0
+"""Half the side of the arena in which the ball is fetched, m."""
+_WORKSPACE, _TARGET = 0.3, 0.4
+"""Radii of the place before the robot where the ball is near, and of that where it is brought, m."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quadruped(SuiteTask):
+    """Move forwards; or fetch a ball.
+
+    What its accelerometer reads and its toes feel is as stepper's sensors have it: of the change of velocity in the last step,
+    (v+ - v) / h, in the pose after it. dm_control's are of the acceleration before that step, without the damping of joints that the step
+    takes implicitly.
+
+    Attributes:
+        move_speed: Speed from which on the reward is 1, m/s.
+        fetch: Whether there is a ball, which has to be brought to the middle.
+    """
+
+    file = "quadruped.xml"
+    frame_skip: int = 4
+    move_speed: float = 0.5
+    fetch: bool = False
+
+    def model(self) -> Model:
+        """The scene without terrain and range finders; without a ball, the floor is as large as one gets in an episode."""
+        return _scene(None if self.fetch else self.move_speed * _EPISODE)
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Hinges and activations, velocity and vertical of the torso, its sensors, forces at the toes: (78,); with a ball (90,)."""
+        rows = (
+            Quantity("egocentric_state", of=_egocentric_state),
+            Quantity("torso_velocity", of=lambda now: reading(now, "velocimeter")),
+            Quantity("torso_upright", of=lambda now: rotation(now, "torso")[:, 2, 2]),
+            Quantity("accelerometer", of=lambda now: reading(now, "imu_accel")),
+            Quantity("gyro", of=lambda now: reading(now, "imu_gyro")),
+            Quantity("force_torque", of=_at_the_toes),
+        )
+        if not self.fetch:
+            return rows
+        return (*rows, Quantity("ball_state", of=_ball), Quantity("target_position", of=_target))
+
+    def score(self, now: Moment) -> Array:
+        """Upright, and fast; or near the ball, and with it near the middle."""
+        upright = tolerance(rotation(now, "torso")[:, 2, 2], 1.0, float("inf"), margin=2.0, fall="linear", value=0.0)
+        if not self.fetch:
+            speed, wanted = reading(now, "velocimeter")[:, 0], self.move_speed
+            return upright * tolerance(speed, wanted, float("inf"), margin=wanted, fall="linear", value=0.5)
+        model, ball = now.sim.model, _place(now, "ball")
+        radii = {"workspace": _WORKSPACE + float(model.geom("ball").size[0]), "target": _TARGET}
+        distances = {site: norm((now.site_xpos[:, model.site(site).id] - ball)[:, :2]) for site in radii}
+        near, brought = (
+            tolerance(distances[site], 0.0, radius, margin=np.sqrt(2.0) * _ARENA, fall="linear", value=0.0)
+            for site, radius in radii.items()
+        )
+        reward: Array = upright * near * (0.5 + 0.5 * brought)
+        return reward
+
+    def start(self, qpos: Array, qvel: Array, draws: Draws) -> None:
+        """At rest and just above the ground, with any orientation; with a ball upright, and the ball somewhere in flight."""
+        model = self.model()
+        at = model.joint("root").qposadr
+        if not self.fetch:
+            quat = draws.normal(4)
+            qpos[:, at + 3 : at + 7] = quat / norm(quat)[:, None]
+            lift_until_free(model, qpos, at + 2)
+            return
+        turn = 0.5 * draws.uniform(0.0, 2.0 * np.pi, 1)[:, 0]
+        zero = np.zeros_like(turn)
+        qpos[:, at + 3 : at + 7] = np.stack([np.cos(turn), zero, zero, np.sin(turn)], axis=1)
+        qpos[:, at : at + 2] = draws.uniform(-0.9 * _ARENA, 0.9 * _ARENA, 2)
+        lift_until_free(model, qpos, at + 2)
+        ball = model.joint("ball_root")
+        qpos[:, ball.qposadr : ball.qposadr + 2] = draws.uniform(-0.9 * _ARENA, 0.9 * _ARENA, 2)
+        qpos[:, ball.qposadr + 2] = 2.0
+        qvel[:, ball.dofadr : ball.dofadr + 2] = 5.0 * draws.normal(2)
+
+
+def _egocentric_state(now: Moment) -> Array:
+    """Angles and velocities of the hinges, activations: (num_envs, 44)."""
+    hinges = [joint for joint in map(now.sim.model.joint, range(now.sim.model.njnt)) if joint.type == "hinge"]
+    angles, rates = now.qpos[:, [joint.qposadr for joint in hinges]], now.qvel[:, [joint.dofadr for joint in hinges]]
+    return np.concatenate([angles, rates, now.act], axis=1)
+
+
+def _at_the_toes(now: Moment) -> Array:
+    """Inverse hyperbolic sines of forces and torques that the toes feel: (num_envs, 24)."""
+    felt: Array = np.arcsinh(reading(now, *(f"{kind}_toe_{toe}" for kind in ("force", "torque") for toe in _TOES)))
+    return felt
+
+
+def _ball(now: Moment) -> Array:
+    """Position, velocity and turning of the ball beside the torso, in the torso's frame: (num_envs, 3, 3)."""
+    ball, root = now.sim.model.joint("ball_root").dofadr, now.sim.model.joint("root").dofadr
+    rows = [
+        _place(now, "ball") - _place(now, "torso"),
+        now.qvel[:, ball : ball + 3] - now.qvel[:, root : root + 3],
+        now.qvel[:, ball + 3 : ball + 6],
+    ]
+    state: Array = np.einsum("nki,nij->nkj", np.stack(rows, axis=1), rotation(now, "torso"))
+    return state
+
+
+def _target(now: Moment) -> Array:
+    """From the torso to the middle, in the torso's frame: (num_envs, 3)."""
+    offset = now.site_xpos[:, now.sim.model.site("target").id] - _place(now, "torso")
+    local: Array = np.einsum("ni,nij->nj", offset, rotation(now, "torso"))
+    return local
+
+
+def _place(now: Moment, body: str) -> Array:
+    place: Array = now.xpos[:, now.sim.model.body(body).id]
+    return place
+
+
+@read_once
+def _scene(floor: float | None) -> Model:
+    """The file on a floor of that half side; None is the arena with its walls and the ball."""
+    tree = source_tree("quadruped.xml")
+    for parent in list(tree.iter()):
+        for child in list(parent):
+            name = child.get("name", "")
+            is_of_the_ball = floor is not None and (name.startswith("wall_") or (child.tag, name) in {("body", "ball"), ("site", "target")})
+            if child.tag == "rangefinder" or child.get("type") == "hfield" or is_of_the_ball:
+                parent.remove(child)
+            elif name == "floor" and floor is not None:
+                child.set("size", f"{floor!r} {floor!r} 0.5")
+    return load_quietly(tree)

@@ -1,0 +1,139 @@
+"""Inertias, velocities and contact forces of bodies are MuJoCo's of the same state."""
+
+import mujoco
+import numpy as np
+import pytest
+import stepper
+from models import SOURCES, mujoco_model, random_state, stepper_model
+from stepper.bodies import QUANTITIES, cfrc_ext, cinert, cvel, xipos
+
+ENVS = 5
+ROBOTS = ["gymnasium/humanoid", "gymnasium/ant", "gymnasium/pusher_v5", "dm_control/quadruped", "dm_control/manipulator"]
+"""The last two and the pusher have several trees."""
+MOCAP = """
+<mujoco><worldbody>
+  <body name="hand" mocap="true" pos="0 0 1"><inertial pos="0 .1 0" mass="2" diaginertia=".1 .2 .25" euler="10 20 30"/>
+    <body name="finger" pos="0 0 .2"><joint name="finger" axis="0 1 0"/><geom size=".05" pos=".1 0 0"/></body>
+  </body>
+  <body pos="1 0 0"><geom size=".1" pos=".2 0 0"/></body></worldbody></mujoco>"""
+
+
+def batch(name, **settings):
+    """Random states of a robot, and its model in MuJoCo."""
+    if name == "mocap":
+        source, model = mujoco.MjModel.from_xml_string(MOCAP), stepper.load(MOCAP)
+    else:
+        source, model = mujoco_model(name), stepper_model(name, strict=False)
+    sim = stepper.Stepper(model, ENVS, **settings)
+    rng = np.random.default_rng(3)
+    states = [random_state(source, rng, 1.0) for _ in range(ENVS)]
+    sim.set_state(*(np.array(part) for part in zip(*states, strict=True)))
+    return sim, source
+
+
+def forward(source, sim, env):
+    data = mujoco.MjData(source)
+    data.qpos, data.qvel = sim.qpos[env], sim.qvel[env]
+    mujoco.mj_forward(source, data)
+    return data
+
+
+@pytest.mark.parametrize("name", [*ROBOTS, "mocap"])
+@pytest.mark.parametrize(("precision", "near"), [("f64", 1e-12), ("f32", 1e-4)])
+def test_inertias_and_velocities(name, precision, near):
+    sim, source = batch(name, precision=precision)
+    for env in range(ENVS):
+        data = forward(source, sim, env)
+        # Sums of a few numbers of at most the size that stands here, in either precision.
+        for quantity, expected in ((cinert, data.cinert), (cvel, data.cvel), (xipos, data.xipos)):
+            found = quantity(sim)
+            assert found.dtype == (np.float32 if precision == "f32" else np.float64)
+            np.testing.assert_allclose(found[env], expected, atol=near * (1.0 + np.abs(expected).max()), err_msg=quantity.__name__)
+
+
+@pytest.mark.parametrize(("name", "low"), [("gymnasium/humanoid", 0.05), ("gymnasium/ant", 0.05), ("dm_control/humanoid", 0.05)])
+def test_forces_of_contacts(name, low):
+    """By MuJoCo's law and Euler's method, from the same states: forces and torques are the same to round-off of the two solvers."""
+    model = stepper_model(name, strict=False)
+    options = stepper.Options(contact="mujoco", integrator="euler", tolerance=1e-12, iterations=200, timestep=1e-4)
+    sim = stepper.Stepper(model, ENVS, options=options)
+    source = mujoco.MjModel.from_xml_path(str(SOURCES[name]))
+    source.opt.timestep, source.opt.solver, source.opt.tolerance, source.opt.iterations = 1e-4, mujoco.mjtSolver.mjSOL_NEWTON, 1e-14, 200
+    source.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    lowest = np.array(sim.qpos)
+    lowest[:, 2] = np.linspace(low, low + 0.25, ENVS)
+    rng = np.random.default_rng(0)
+    sim.set_state(lowest, rng.normal(0.0, 0.5, (ENVS, model.nv)))
+    pull = rng.normal(0.0, 3.0, (ENVS, model.nbody, 6))
+    pull[:, 0] = 0.0
+    seen = 0
+    for env in range(ENVS):
+        data = mujoco.MjData(source)
+        data.qpos, data.qvel, data.xfrc_applied = sim.qpos[env], sim.qvel[env], pull[env]
+        mujoco.mj_forward(source, data)
+        mujoco.mj_rnePostConstraint(source, data)
+        alone = stepper.Stepper(model, options=options)
+        alone.set_state(sim.qpos[env], sim.qvel[env])
+        alone.xfrc_applied[...] = pull[env]
+        assert not cfrc_ext(alone).any()
+        alone.step()
+        found = cfrc_ext(alone)
+        expected = np.array(data.cfrc_ext)
+        expected[:, 3:] -= pull[env, :, :3]
+        arm = data.xipos - data.subtree_com[source.body_rootid]
+        expected[:, :3] -= pull[env, :, 3:] + np.cross(arm, pull[env, :, :3])
+        # The reference point moves with the step.
+        moved = data.subtree_com[source.body_rootid] - alone.subtree_com[source.body_rootid]
+        expected[:, :3] += np.cross(moved, expected[:, 3:])
+        scale = 1.0 + np.abs(expected).max()
+        np.testing.assert_allclose(found, expected, atol=1e-9 * scale)
+        seen += scale > 10.0
+        both = cfrc_ext(alone, xfrc_applied=alone.xfrc_applied)
+        np.testing.assert_allclose(both[1:, 3:] - found[1:, 3:], pull[env, 1:, :3], atol=1e-10 * scale)
+        arm = xipos(alone) - alone.subtree_com[source.body_rootid]
+        torque = pull[env, :, 3:] + np.cross(arm, pull[env, :, :3])
+        np.testing.assert_allclose(both[1:, :3] - found[1:, :3], torque[1:], atol=1e-10 * scale)
+    assert seen >= 2
+
+
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+def test_an_environment_alone_has_the_bits_of_one_among_others(precision):
+    sim, _ = batch("gymnasium/humanoid", precision=precision, options=stepper.Options(contact="mujoco"))
+    sim.step()
+    for env in range(ENVS):
+        alone = stepper.Stepper(sim.model, precision=precision, options=sim.options)
+        state = stepper.Stepper(sim.model, ENVS, precision=precision, options=sim.options)
+        state.set_state(sim.get_state())
+        alone.set_state(state.get_state(env=env))
+        for name, quantity in QUANTITIES.items():
+            np.testing.assert_array_equal(quantity(alone), quantity(sim)[env], err_msg=name)
+
+
+def test_parameters_of_environments_count():
+    sim, source = batch("gymnasium/humanoid")
+    rng = np.random.default_rng(1)
+    masses = source.body_mass * rng.uniform(0.5, 2.0, (ENVS, source.nbody))
+    moments = source.body_inertia * rng.uniform(0.9, 1.1, (ENVS, source.nbody, 1))
+    places = source.body_ipos + rng.uniform(-0.05, 0.05, (ENVS, source.nbody, 3))
+    places[:, 0] = 0.0
+    sim.randomize(body_mass=masses, body_inertia=moments, body_ipos=places)
+    for env in range(ENVS):
+        own = mujoco.MjModel.from_xml_path(str(SOURCES["gymnasium/humanoid"]))
+        own.body_mass[:], own.body_inertia[:], own.body_ipos[:] = masses[env], moments[env], places[env]
+        mujoco.mj_setConst(own, mujoco.MjData(own))
+        data = forward(own, sim, env)
+        for quantity, expected in ((cinert, data.cinert), (cvel, data.cvel), (xipos, data.xipos)):
+            np.testing.assert_allclose(quantity(sim)[env], expected, atol=1e-12 * (1.0 + np.abs(expected).max()))
+
+
+def test_they_are_written_where_one_wants_them_and_wrong_arrays_are_named():
+    sim, _ = batch("gymnasium/ant", precision="f32")
+    for name, quantity in QUANTITIES.items():
+        expected = quantity(sim)
+        out = np.full_like(expected, np.nan)
+        assert quantity(sim, out=out) is out
+        np.testing.assert_array_equal(out, expected, err_msg=name)
+        with pytest.raises(ValueError, match=r"out has shape .* and type float64, must have .* and float32"):
+            quantity(sim, out=out.astype(np.float64))
+    with pytest.raises(ValueError, match=r"xfrc_applied has shape \(3,\), must be \(5, 14, 6\)"):
+        cfrc_ext(sim, xfrc_applied=np.zeros(3))

@@ -112,6 +112,10 @@ class Task(ABC):
     def model(self) -> Model:
         """The scene."""
 
+    def sensors(self) -> SensorModel | None:
+        """What sensors make of the truth, for tasks that observe `now.observation`; None is ideal ones."""
+        return None
+
     @abstractmethod
     def quantities(self) -> tuple[Quantity, ...]:
         """The observation, row by row."""

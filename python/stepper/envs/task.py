@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from stepper._stepper import Model, Stepper
 from stepper.envs.assets import load_quietly, model_file
 from stepper.envs.streams import Draws
+from stepper.sensors import SensorModel
 
 Array = NDArray[Any]
 Terms: TypeAlias = dict[str, Array]

@@ -43,7 +43,7 @@ FOLDERS = {
     "actuators": {"shared"},
     "loading": set(),
     "recording": {"shared", "sensors", "actuators", "loading"},
-    "experiments": {"shared", "loading", "sensors", "actuators"},
+    "experiments": {"shared", "loading", "sensors", "actuators", "policies"},
     "viewer": {"shared", "loading", "recording"},
     "envs": {"shared", "loading", "viewer"},
     "adapters": {"shared", "envs"},

@@ -31,12 +31,8 @@ class Encoders(InvertedDoublePendulum):
         return stepper.load(encoders.model(), strict=False)
 
     def sensors(self) -> Any:
-        """About a third of the ranges that the study sweeps."""
-        angle = stepper.Transfer(noise_std=0.02, drift_std=0.005, delay=0.01)
-        rate = stepper.Transfer(noise_std=0.2, delay=0.01)
-        return stepper.SensorModel(
-            dict.fromkeys(encoders.ANGLES, angle) | dict.fromkeys(encoders.RATES, rate), default=stepper.Transfer(delay=0.01)
-        )
+        """Those of the study's table."""
+        return encoders.encoders()
 
     def quantities(self) -> Any:
         """What the policy of the study sees: (9,)."""

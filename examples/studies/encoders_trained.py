@@ -3,15 +3,9 @@
 stepper report examples/studies/encoders_trained.py
 """
 
-from __future__ import annotations
-
-import importlib.util
+import sys
 from pathlib import Path
 
-_spec = importlib.util.spec_from_file_location("encoders", Path(__file__).with_name("encoders.py"))
-assert _spec is not None
-assert _spec.loader is not None
-_encoders = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(_encoders)
+sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-study = _encoders.balancing("encoders_trained", "inverted_double_pendulum_encoders.npz")
+from encoders import trained as study  # noqa: F401

@@ -45,7 +45,7 @@ FOLDERS = {
     "recording": {"shared", "sensors", "actuators", "loading"},
     "experiments": {"shared", "loading", "sensors", "actuators", "policies"},
     "viewer": {"shared", "loading", "recording"},
-    "envs": {"shared", "loading", "viewer"},
+    "envs": {"sensors", "shared", "loading", "viewer"},
     "adapters": {"shared", "envs"},
     "identification": {"shared", "actuators", "recording"},
     "policies": {"shared"},

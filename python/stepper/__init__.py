@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from stepper.experiments.accuracy.tune import Tuning, tune
     from stepper.experiments.compare import Comparison, compare
     from stepper.experiments.study import Outcome, Parameter, Policy, Study
+    from stepper.experiments.study.ranking import Ranking, rank
     from stepper.experiments.study.report import Report, report, sweep
     from stepper.identification import Episode, Identification, Tracked, Tracker, Unknown, identify
 
@@ -45,6 +46,7 @@ __all__ = [
     "Outcome",
     "Parameter",
     "Policy",
+    "Ranking",
     "RayFan",
     "Recorder",
     "RecordingError",
@@ -68,6 +70,7 @@ __all__ = [
     "devices",
     "identify",
     "load",
+    "rank",
     "replay",
     "report",
     "sweep",
@@ -81,7 +84,9 @@ Stepper.linearize = linearize  # type: ignore[method-assign]
 _LATER = {
     **dict.fromkeys(("Chart", "Tuning", "chart", "tune"), "stepper.experiments.accuracy"),
     **dict.fromkeys(("Comparison", "compare"), "stepper.experiments.compare"),
-    **dict.fromkeys(("Outcome", "Parameter", "Policy", "Report", "Study", "report", "sweep"), "stepper.experiments.study"),
+    **dict.fromkeys(
+        ("Outcome", "Parameter", "Policy", "Ranking", "Report", "Study", "rank", "report", "sweep"), "stepper.experiments.study"
+    ),
     **dict.fromkeys(("Episode", "Identification", "Tracked", "Tracker", "Unknown", "identify"), "stepper.identification"),
 }
 """Names whose modules are imported when they are asked for: a loop that steps needs none of them, and they take longer than all else."""

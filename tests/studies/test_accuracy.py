@@ -187,7 +187,10 @@ def test_what_a_scene_does_not_need(tmp_path):
     assert "limits of 1 joints" in spare
     assert "1 sensors" in spare
     assert "friction of" not in " ".join(spare)
-    assert all(own.taken and own.error == 0.0 for own in found.spare)
+    cones = [own for own in found.spare if own.what.startswith("cones")]
+    assert all(own.taken and own.error == 0.0 for own in found.spare if own not in cones)
+    # The balls fall by some millimetres and roll: what a cone is needed for depends on how they touch, and nothing is taken out for one.
+    assert not any(own.taken for own in cones)
     smaller = stepper.load(tmp_path / "scene/smaller.stepper")
     assert (smaller.nsensordata, smaller.joint("hinge").limited, smaller.nv) == (0, False, study.loaded[0].nv)
 

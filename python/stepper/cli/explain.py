@@ -3,26 +3,38 @@
 from __future__ import annotations
 
 import warnings
+from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from stepper.loading import ModelWarning, load
+from stepper.experiments.accuracy import account
+from stepper.experiments.study import Study
+from stepper.loading import ModelWarning
 
 if TYPE_CHECKING:
     from typer import Typer
 
 
-def explain(model: str) -> None:
-    """What of a model is simulated, what is left out and why, and what rigid bodies cannot model."""
+def explain(source: str, *, run: bool) -> None:
+    """What of a model is simulated, what is left out, what rigid bodies cannot model; with --run, what of it a run used, and costs.
+
+    Example: stepper explain robot.xml --run
+    """
+    study = Study.of(Path(source))
     with warnings.catch_warnings():
         # The report has it.
         warnings.simplefilter("ignore", ModelWarning)
-        print(load(model, strict=False).explain())
+        print(study.loaded[0].explain())
+    if run:
+        print(account(study).document.markdown())
 
 
 def register(app: Typer, typer: ModuleType) -> None:
     """Adds the command."""
 
     @app.command("explain", help=explain.__doc__)
-    def _(model: str = typer.Argument(help="An .xml, .urdf or saved model.")) -> None:
-        explain(model)
+    def _(
+        source: str = typer.Argument(help="A model (MJCF, URDF, saved) or a study (.toml, .py)."),
+        run: bool = typer.Option(False, "--run", help="Run it (a model with random controls), and add what it used and what parts cost."),
+    ) -> None:
+        explain(source, run=run)

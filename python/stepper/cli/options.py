@@ -1,5 +1,19 @@
 """What options say of themselves that several commands have."""
 
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from stepper.experiments.study import Study
+
 OUT = "Folder for what is written."
 STUDY = "A study: a .toml file, or a .py file that has a stepper.Study named study."
 RECORDING = "A folder that Stepper.record wrote."
+RAY = "Run batches as tasks of Ray, on all machines of its cluster."
+
+
+def of_file(path: Path, *, ray: bool) -> Study:
+    """The study of a file, over Ray where that is asked for here or there."""
+    study = Study.from_file(path)
+    return replace(study, ray=True) if ray else study

@@ -6,7 +6,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from stepper.cli.options import OUT, RECORDING, STUDY
+from stepper.cli.options import OUT, RAY, RECORDING, STUDY, of_file
 from stepper.experiments.progress import progress, show_files
 from stepper.experiments.study import report as run
 from stepper.recording.format import HEADER, check_files, read_header, reading
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from typer import Typer
 
 
-def report(source: Path, out: Path = Path("out")) -> None:
+def report(source: Path, out: Path = Path("out"), *, ray: bool = False) -> None:
     """The simulator report of a study: state, sensors, contacts that decide, settings, perturbations, transfer gap, whose failures are.
 
     Of a recording: what was in force in it, and what failed: physics, sensing or action.
@@ -26,7 +26,7 @@ def report(source: Path, out: Path = Path("out")) -> None:
         report_recording(source)
         return
     with progress() as tick:
-        found = run(source, out, tick=tick)
+        found = run(of_file(source, ray=ray), out, tick=tick)
     print(found.document.markdown())
     show_files(found.files)
 
@@ -66,5 +66,5 @@ def register(app: Typer, typer: ModuleType) -> None:
     folder = typer.Option("out", "--out", help=OUT)
 
     @app.command("report", help=report.__doc__)
-    def _(source: Path = place, out: Path = folder) -> None:
-        report(source, out)
+    def _(source: Path = place, out: Path = folder, ray: bool = typer.Option(False, "--ray", help=RAY)) -> None:
+        report(source, out, ray=ray)

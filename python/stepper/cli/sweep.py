@@ -6,7 +6,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from stepper.cli.options import OUT, STUDY
+from stepper.cli.options import OUT, RAY, STUDY, of_file
 from stepper.experiments.progress import progress, show_files
 from stepper.experiments.study import sweep as run
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from typer import Typer
 
 
-def sweep(study: Path, out: Path, *, parameters: list[str], cliffs: bool, resolution: float) -> None:
+def sweep(study: Path, out: Path, *, parameters: list[str], cliffs: bool, resolution: float, ray: bool) -> None:
     """Perturbs every parameter of a study: a table with Wilson's intervals, and the values at which success ends, by bisection.
 
     Goes on where it was stopped: rows are kept as soon as they are known.
@@ -22,7 +22,7 @@ def sweep(study: Path, out: Path, *, parameters: list[str], cliffs: bool, resolu
     Example: stepper sweep examples/tray.toml
     """
     with progress() as tick:
-        found = run(study, out, parameters=parameters or None, cliffs=cliffs, resolution=resolution, tick=tick)
+        found = run(of_file(study, ray=ray), out, parameters=parameters or None, cliffs=cliffs, resolution=resolution, tick=tick)
     print(found.document.markdown())
     show_files(found.files)
 
@@ -31,14 +31,17 @@ def register(app: Typer, typer: ModuleType) -> None:
     """Adds the command."""
     folder = typer.Option("out", "--out", help=OUT)
     study_file = typer.Argument(help=STUDY)
+    over = typer.Option(False, "--ray", help=RAY)
     names = typer.Option([], "--parameter", help="Only this parameter; may be given several times.")
 
     @app.command("sweep", help=sweep.__doc__)
     def _(
         study: Path = study_file,
         out: Path = folder,
+        *,
         parameter: list[str] = names,
         cliffs: bool = typer.Option(True, help="Locate the values at which success ends."),
         resolution: float = typer.Option(1e-3, min=1e-12, max=0.5, help="Width of a cliff's bracket over the range of its parameter."),
+        ray: bool = over,
     ) -> None:
-        sweep(study, out, parameters=parameter, cliffs=cliffs, resolution=resolution)
+        sweep(study, out, parameters=parameter, cliffs=cliffs, resolution=resolution, ray=ray)

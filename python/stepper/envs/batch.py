@@ -54,7 +54,8 @@ class Batch:
     ):
         self.task = task = made_task(task, arguments)
         model = task.model() if model is None else model
-        self.sim = Stepper(model, num_envs, options=_options(model, contact or task.contact, options), precision=precision, threads=threads)
+        law = _options(model, contact or task.contact, options)
+        self.sim = Stepper(model, num_envs, options=law, precision=precision, threads=threads, sensors=task.sensors())
         self.num_envs, self.dt = num_envs, self.sim.timestep * task.frame_skip
         self.dtype = np.dtype(dtype if dtype is not None else {"f64": np.float64, "f32": np.float32}[precision])
         if self.dtype not in (np.float64, np.float32):

@@ -15,6 +15,7 @@ from stepper._stepper import Model, Stepper
 from stepper.bodies import QUANTITIES
 from stepper.envs.assets import load_quietly, model_file
 from stepper.envs.streams import Draws
+from stepper.sensors import SensorModel
 
 Array = NDArray[Any]
 Terms: TypeAlias = dict[str, Array]
@@ -116,6 +117,10 @@ class Task(ABC):
     @abstractmethod
     def model(self) -> Model:
         """The scene."""
+
+    def sensors(self) -> SensorModel | None:
+        """What sensors make of the truth, for tasks that observe `now.observation`; None is ideal ones."""
+        return None
 
     @abstractmethod
     def quantities(self) -> tuple[Quantity, ...]:

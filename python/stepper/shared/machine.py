@@ -25,6 +25,7 @@ INSTALL = {
     "rerun": 'pip install "stepper-sim[viewer]"',
     "rich": 'pip install "stepper-sim[cli]"',
     "stable_baselines3": "pip install stable-baselines3",
+    "onnxruntime": 'pip install "stepper-sim[onnx]"',
     "torch": "pip install torch",
     "torchrl": "pip install torchrl",
     "ray": "pip install ray",

@@ -1,10 +1,11 @@
 """How wrong a simulation is, and what less would do: error against cost, settings for an error budget, what a scene does not need.
 
 `traces` runs episodes and measures how far two runs are apart, `reference` converges one, `candidates` are the settings that are compared,
-`costs` times them. `chart` draws all of it, `tune` chooses, `needs` leaves out.
+`costs` times them. `chart` draws all of it, `tune` chooses, `needs` leaves out, `account` says what was used and what it cost.
 """
 
+from stepper.experiments.accuracy.account import Account, account
 from stepper.experiments.accuracy.chart import Chart, chart
 from stepper.experiments.accuracy.tune import Tuning, tune
 
-__all__ = ["Chart", "Tuning", "chart", "tune"]
+__all__ = ["Account", "Chart", "Tuning", "account", "chart", "tune"]

@@ -21,6 +21,10 @@ _APART = 4
 """Environments of a batch of MuJoCo, which steps one after the other, so that more tell no more."""
 
 
+_PAIRS, _PAIR_SECONDS = 5, 0.01
+"""Rounds in which two are compared, and processor seconds of one in each, at the least."""
+
+
 class _Case(Timed):
     """A run that is repeated: recorded controls and forces, so that nothing but steps is timed."""
 
@@ -87,3 +91,17 @@ def costs(
         if tick:
             tick((done + 1) / repeats)
     return [(cases[2 * k].cost, cases[2 * k + 1].cost) for k in range(len(settings))]
+
+
+def saving(own: Study, less: Study, settings: Mapping[str, Any], trace: Trace) -> float:
+    """Share of the time of a batch that a study saves beside another one: median of rounds, in each of which both run.
+
+    Call it inside `stepper.shared.machine.one_core()`.
+    """
+    cases = [_Case(study, settings, trace, BATCH) for study in (own, less)]
+    for case in cases:
+        case.once()
+    for _ in range(_PAIRS):
+        for case in cases:
+            case.measure(_PAIR_SECONDS)
+    return 1.0 - float(median(b / a for a, b in zip(*(case.times for case in cases), strict=True)))

@@ -6,22 +6,25 @@ import copy
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 from typing import Any
 
 import numpy as np
 
 from stepper._stepper import Model
-from stepper.experiments.accuracy.costs import costs
+from stepper.experiments.accuracy.costs import saving
 from stepper.experiments.accuracy.traces import Distance, Trace, run
 from stepper.experiments.study.study import Study
-from stepper.experiments.study.touching import Touching, touching
+from stepper.experiments.study.touching import Touching, pair_friction, pairs_of_bodies, touching
 from stepper.loading import describe
 from stepper.shared.machine import one_core
 
 Description = dict[str, Any]
 _NO_FRICTION = 1e-9
 """Ratio of tangential and normal force below which a contact has no friction."""
+_HOLDS = 0.9
+"""Share of its cone that a contact may use for it to be one that never slides."""
+_WIDER = 2.0
+"""Ratio of the friction of the check to that in force: what never slides moves as before."""
 _FAR = 0.01
 """Share of a joint's range that it keeps from a limit which it does not need."""
 
@@ -73,8 +76,7 @@ class Bench:
     def saved(self, smaller: Model) -> float:
         """Share of the time of a batch that a smaller model saves."""
         with one_core():
-            own, less = (costs(s, [self.settings], [self.trace], repeats=3, seconds=0.01)[0][1] for s in (self.study, self._with(smaller)))
-        return 1.0 - less / own
+            return saving(self.study, self._with(smaller), self.settings, self.trace)
 
     def _with(self, smaller: Model) -> Study:
         # The drive reads its parameters, and nominal values are in force; sensors are ideal here, and may be gone.
@@ -114,6 +116,7 @@ def spares(bench: Bench, budget: float, tick: Callable[[float], None]) -> tuple[
         if tried(what, why, [cut]) is not None:
             taken.append(cut)
         tick((number + 1) / (len(tries) + 1))
+    found += [Spare(what, why, bench.error(_smaller(whole, [wider])), math.nan, False) for what, why, wider in cones(model, seen, whole)]
     return found, tried("all that is taken out, together", "", taken) if taken else None
 
 
@@ -131,15 +134,8 @@ _Cut = tuple[str, str, Callable[[Description], None]]
 def _pairs(model: Model, seen: Touching) -> list[_Cut]:
     """Pairs of bodies that may collide and never came near."""
     near = {tuple(sorted(model.geom(g).bodyid for g in pair.geoms)) for pair in seen.pairs}
-    geoms = [model.geom(g) for g in range(model.ngeom)]
-    may = {
-        (min(a.bodyid, b.bodyid), max(a.bodyid, b.bodyid))
-        for a, b in combinations(geoms, 2)
-        if a.bodyid != b.bodyid and ((a.contype & b.conaffinity) or (b.contype & a.conaffinity))
-    }
-    # Parent and child do not collide anyway, but for children of the world.
-    parents = {(min(k, p), max(k, p)) for k in range(1, model.nbody) if (p := model.body(k).parentid)}
-    never = sorted(may - near - parents)
+    may = pairs_of_bodies(model)
+    never = sorted(may - near)
     if not never:
         return []
 
@@ -147,7 +143,7 @@ def _pairs(model: Model, seen: Touching) -> list[_Cut]:
         known = {tuple(own) for own in made["excludes"]}
         made["excludes"] += [list(own) for own in never if own not in known]
 
-    return [(f"{len(never)} of {len(may - parents)} pairs of bodies", "no contact of theirs came within reach of a step", cut)]
+    return [(f"{len(never)} of {len(may)} pairs of bodies", "no contact of theirs came within reach of a step", cut)]
 
 
 def _frictionless(model: Model, seen: Touching) -> list[_Cut]:
@@ -163,6 +159,41 @@ def _frictionless(model: Model, seen: Touching) -> list[_Cut]:
             made["geoms"][g]["condim"] = 1
 
     return [(f"friction of {len(idle)} geoms", "no contact of theirs has a tangential force", cut)]
+
+
+def cones(model: Model, seen: Touching, whole: Description) -> list[_Cut]:
+    """Cones of contacts that never slide, which rows of friction without a bound would do for, and what makes them wider.
+
+    A contact that stays within its cone moves as it would without one. Whether it does is asked twice: of every contact, how much of its
+    cone it uses; and of the motion, whether a wider cone changes it. Rows without a cone are nothing that a step offers, so nothing is
+    taken out.
+    """
+    pressed = {pair.geoms: pair for pair in seen.pairs if pair.impulse > 0}
+    holds = {key for key, pair in pressed.items() if _NO_FRICTION < pair.cone <= _HOLDS and pair.twists <= _NO_FRICTION * pair.peak}
+    # Geoms that slide nowhere: the friction of others is that of their sliding, too.
+    steady = {g for key in holds for g in key} - {g for key in pressed.keys() - holds for g in key}
+    explicit = {tuple(sorted(pair["geoms"])): k for k, pair in enumerate(whole["pairs"])}
+    friction = np.asarray(model.geom_friction, float)
+    wide = {k: _WIDER * max(pressed[key].friction for key in holds if k in key) for k in steady}
+    raised = np.array([[wide.get(k, own), *rest] for k, (own, *rest) in enumerate(friction.tolist())]).reshape(friction.shape)
+    # Of a pair without a steady geom, or whose friction is that of the other one, the cone stays as it is.
+    widened = {key for key in holds if key in explicit or pair_friction(model, raised, *key, {}) >= _WIDER * pressed[key].friction}
+    if not widened:
+        return []
+    worst = max((pressed[key] for key in widened), key=lambda pair: pair.cone)
+
+    def wider(made: Description) -> None:
+        for k, own in wide.items():
+            made["geoms"][k]["friction"][0] = own
+        for key in widened & explicit.keys():
+            made["pairs"][explicit[key]]["friction"][0] *= _WIDER
+
+    what = f"cones of {len(widened)} of {len(pressed)} pairs of geoms that touch"
+    why = (
+        f"none slides: a contact uses {worst.cone:.0%} of its cone at the most ({' - '.join(worst.names)}, which leaves a margin of "
+        f"{1 - worst.cone:.0%}); the change is that of cones {_WIDER:g} times as wide"
+    )
+    return [(what, why, wider)]
 
 
 def _limits(model: Model, seen: Touching) -> list[_Cut]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from stepper.experiments.study.journal import Journal, Row
 from stepper.experiments.study.outcomes import Watch
+from stepper.experiments.study.over_ray import over_ray
 from stepper.experiments.study.parameters import RANDOMIZED, Theta, actuator_model, model_fields, sensor_model
 from stepper.experiments.study.study import USUAL, Study
 from stepper.experiments.study.worlds import Plan, World, make_world, stacked
@@ -62,19 +63,30 @@ def run_points(study: Study, points: Sequence[Point], journal: Journal, tick: Ca
     """
     keys = {(_name(point), e): study.key(point.theta, point.setting, e) for point in points for e in range(study.episodes)}
     batches = list(_batches(study, points))
-    for number, batch in enumerate(batches):
-        missing = [key for point, e in batch.episodes if (key := keys[_name(point), e]) not in journal.rows]
-        if missing:
-            rows = {keys[_name(point), e]: row for (point, e), row in zip(batch.episodes, _run(study, batch), strict=True)}
-            journal.append({"key": key} | rows[key] for key in dict.fromkeys(missing))
+    missing = {
+        k: [key for point, e in batch.episodes if (key := keys[_name(point), e]) not in journal.rows] for k, batch in enumerate(batches)
+    }
+    left = [k for k, own in missing.items() if own]
+    some = [batches[k] for k in left]
+    if tick and not left:
+        tick(1.0)
+    for done, (number, made) in enumerate(over_ray(study, some, _run) if study.ray and some else _here(study, some)):
+        rows = {keys[_name(point), e]: row for (point, e), row in zip(some[number].episodes, made, strict=True)}
+        journal.append({"key": key} | rows[key] for key in dict.fromkeys(missing[left[number]]))
         if tick:
-            tick((number + 1) / len(batches))
+            tick((len(batches) - len(left) + done + 1) / len(batches))
     # A row is found by what it follows from. Names are the study's, and may be others than when it was written.
     return [
         journal.rows[keys[_name(point), e]] | {"setting": point.setting, "theta": dict(point.theta)}
         for point in points
         for e in range(study.episodes)
     ]
+
+
+def _here(study: Study, batches: Sequence[_Batch]) -> Iterator[tuple[int, list[Row]]]:
+    """Runs batches one after the other, in this process."""
+    for number, batch in enumerate(batches):
+        yield number, _run(study, batch)
 
 
 def _name(point: Point) -> str:

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 COLOURS = ("#0b3c8c", "#1f9e77", "#7a3fb5", "#d62728", "#ff7f0e", "#8c564b", "#17a2b8", "#666666")
 _COLUMNS = 3
+_ANNOTATED = 5
+"""Settings at the most whose cliffs the panels of a sweep name; more are read in `draw_cliffs`."""
 
 
 def draw(sweep: Sweep, path: Path) -> Path:
@@ -48,6 +50,39 @@ def draw(sweep: Sweep, path: Path) -> Path:
     return path
 
 
+def draw_cliffs(sweep: Sweep, path: Path) -> Path | None:
+    """Where success ends with each of the settings, a panel for every parameter; None where no parameter has cliffs of two settings.
+
+    Raises:
+        MissingPackageError: matplotlib is not installed.
+    """
+    settings = [USUAL, *sweep.study.settings]
+    own = {name: [cliff for cliff in sweep.cliffs if cliff.parameter == name] for name in sweep.study.parameters}
+    names = [name for name, cliffs in own.items() if len({cliff.setting for cliff in cliffs}) > 1]
+    if not names:
+        return None
+    figures = require("matplotlib.figure", "to draw cliffs")
+    size = (max(6.0, 3.6 * len(names) + 1.8), 1.1 + 0.26 * len(settings))
+    figure = figures.Figure(figsize=size, dpi=130, layout="constrained")
+    axes = figure.subplots(1, len(names), squeeze=False, sharey=True)[0]
+    for panel, name in zip(axes, names, strict=True):
+        for cliff in own[name]:
+            row = settings.index(cliff.setting)
+            colour, middle = COLOURS[row % len(COLOURS)], (cliff.low + cliff.high) / 2
+            panel.errorbar([middle], [row], xerr=[(cliff.high - cliff.low) / 2], fmt="o", color=colour, capsize=2, markersize=4)
+            panel.annotate(f"{middle:.4g}", (middle, row), xytext=(6, -3), textcoords="offset points", fontsize=8, color=colour)
+        panel.margins(x=0.25)
+        panel.set_xlabel(f"{name}{', ' + unit if (unit := sweep.study.parameters[name].unit) else ''}")
+        panel.grid(visible=True, axis="x", color="#dddddd")
+        panel.locator_params(axis="x", nbins=6)
+    axes[0].set_yticks(range(len(settings)), settings)
+    axes[0].invert_yaxis()
+    figure.suptitle(f"{sweep.study.name}: where success ends", fontsize=11)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path)
+    return path
+
+
 def _panel(panel: Axes, sweep: Sweep, name: str) -> None:
     study, parameter = sweep.study, sweep.study.parameters[name]
     settings = [USUAL, *study.settings]
@@ -69,6 +104,8 @@ def _panel(panel: Axes, sweep: Sweep, name: str) -> None:
             if (cliff.parameter, cliff.setting) == (name, setting):
                 middle = (cliff.low + cliff.high) / 2
                 panel.axvline(middle, color=colour, linestyle=":", linewidth=1)
+                if len(settings) > _ANNOTATED:
+                    continue
                 panel.annotate(
                     f"{middle:.4g}",
                     (middle, 0.02),
@@ -97,6 +134,9 @@ def _bars(levels: Sequence[Level], *, shares: bool) -> tuple[list[float], list[f
     """Values with what is below and above them."""
     if shares:
         y = [level.share for level in levels]
+        if all(level.episodes == 1 for level in levels):
+            # One trial says nothing of a share: its interval is nearly all there is.
+            return y, [0.0] * len(y), [0.0] * len(y)
         return (
             y,
             [a - level.interval[0] for a, level in zip(y, levels, strict=True)],

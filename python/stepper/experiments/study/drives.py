@@ -8,6 +8,7 @@ import hashlib
 import importlib
 import importlib.util
 import inspect
+import os
 import sys
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Mapping
@@ -18,9 +19,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stepper.experiments.study.policy_files import PolicyFile, read_policy
 from stepper.experiments.study.worlds import World
 
 Array = NDArray[np.float64]
+FILES = "stepper_study_"
+"""How names of modules begin that are files of studies."""
 Drive = Callable[[World], Any]
 """From a `World`, controls (num_envs, nu) or (nu,), or None, which holds those in force. One with a method `begin(now)` is told of
 starts."""
@@ -86,19 +90,30 @@ class Random:
 
 
 class Policy:
-    """A policy: a function of observations (num_envs, nsensordata) that returns controls.
+    """A policy: from observations (num_envs, nsensordata), controls (num_envs, nu).
 
     Args:
-        act: The function; what it returns may be a torch tensor.
+        act: A function, whose tensors of torch may come back; or a file that ends in .onnx (ONNX Runtime), .pt, .pth, .ts or .pt2
+            (TorchScript, or a program of torch.export), or .npz (`stepper.policies`). A network for one observation is asked row by row.
+
+    Raises:
+        ValueError: A file that holds no policy.
+        MissingPackageError: ONNX Runtime or torch is not installed.
     """
 
-    def __init__(self, act: Callable[[Array], Any]):
-        self.act = act
+    def __init__(self, act: Callable[[Array], Any] | str | os.PathLike[str]):
+        self.act = read_policy(act) if isinstance(act, str | os.PathLike) else act
 
     def __call__(self, now: World) -> Array:
         """Controls for what the sensors say."""
         made = self.act(now.observation)
-        return np.asarray(made.detach().cpu().numpy() if hasattr(made, "detach") else made, float)
+        controls = np.asarray(made.detach().cpu().numpy() if hasattr(made, "detach") else made, float)
+        if controls.shape not in ((now.num_envs, now.model.nu), (now.model.nu,)):
+            raise ValueError(
+                f"the policy {name_of(self.act)} returned the shape {controls.shape}, must be (num_envs, nu), which is "
+                f"({now.num_envs}, {now.model.nu})"
+            )
+        return controls
 
 
 def find(reference: str, folder: Path) -> Any:
@@ -123,7 +138,7 @@ def load_file(path: Path) -> ModuleType:
     """The module of a file, imported once."""
     path = path.resolve()
     # Not the bare stem, which another module may have.
-    name = f"stepper_study_{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
+    name = f"{FILES}{path.stem}_{hashlib.sha256(str(path).encode()).hexdigest()[:8]}"
     if name not in sys.modules:
         spec = importlib.util.spec_from_file_location(name, path)
         if spec is None or spec.loader is None or not path.exists():
@@ -309,6 +324,8 @@ def name_of(thing: Any) -> str:
         return str(thing or "nothing")
     if isinstance(thing, Policy):
         return f"policy {name_of(thing.act)}"
+    if isinstance(thing, PolicyFile):
+        return thing.path.name
     if isinstance(thing, functools.partial):
         return name_of(thing.func)
     name = getattr(thing, "__qualname__", type(thing).__qualname__)

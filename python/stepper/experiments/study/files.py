@@ -2,7 +2,8 @@
 
 name = "grasp"
 model = "grasp.xml"                    # beside this file; or "module:function", "file.py:function", or MJCF itself
-drive = "grasp.py:lift"                # a script; or "controls.npz", "random"; policy = "file.py:function" takes observations
+drive = "grasp.py:lift"                # a script; or "controls.npz", "random"; or, in its place,
+                                       # policy = "file.py:function", "walker.onnx", "walker.pt", "walker.npz", which takes observations
 seconds = 1.0
 episodes = 16
 sensors = "sensors.toml"               # as of SensorModel.from_file; or tables; actuators likewise
@@ -38,6 +39,7 @@ from stepper.actuators import ActuatorModel
 from stepper.experiments.study.drives import Policy, Recorded, find, load_file
 from stepper.experiments.study.outcomes import Outcome
 from stepper.experiments.study.parameters import Parameter
+from stepper.experiments.study.policy_files import ENDINGS
 from stepper.sensors import SensorModel
 from stepper.shared.tables import read_file
 
@@ -72,7 +74,7 @@ def _made(data: dict[str, Any], path: Path, kind: type[Study]) -> Study:
     if "policy" in given:
         if "drive" in given:
             raise ValueError("give drive or policy, not both")
-        given["drive"] = Policy(find(given.pop("policy"), folder))
+        given["drive"] = _policy(given.pop("policy"), folder)
     elif given.get("drive") not in (None, "random"):
         given["drive"] = _drive(given["drive"], folder)
     if "start" in given:
@@ -99,6 +101,13 @@ def _model(source: str, folder: Path) -> Any:
     if ":" in source and not (folder / source).exists():
         return find(source, folder)
     return str(folder / source)
+
+
+def _policy(source: str, folder: Path) -> Policy:
+    if source.endswith(ENDINGS):
+        return Policy(folder / source)
+    found = find(source, folder)
+    return Policy(found() if isinstance(found, type) else found)
 
 
 def _drive(source: str, folder: Path) -> Callable[[Any], Any]:

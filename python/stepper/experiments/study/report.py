@@ -15,7 +15,7 @@ import numpy as np
 
 from stepper.experiments.progress import Tick
 from stepper.experiments.study.document import Document, Section, cell, counted
-from stepper.experiments.study.draw import draw
+from stepper.experiments.study.draw import draw, draw_cliffs
 from stepper.experiments.study.results import Results
 from stepper.experiments.study.study import USUAL, Study
 from stepper.experiments.study.sweep import RESOLUTION, Level, Sweep, measured, nominal_of
@@ -79,11 +79,11 @@ def sweep(
         ValueError: No outcome, an unknown parameter, a resolution that is none, a time step that does not divide the time of a control.
         JournalError: The folder's journal is damaged, or another process writes it.
     """
-    study = _study(study)
+    study = study_of(study)
     with Results(study, out) as results:
         found = run_sweep(study, results.journal, parameters=parameters, cliffs=cliffs, resolution=resolution, tick=tick)
         document = Document(f"Sweep of {study.name}")
-        document.sections += [*_perturbations(found, results.folder), *_cliffs(found), *_in_force(study, found)]
+        document.sections += [*_perturbations(found, results.folder), *_cliffs(found, results.folder), *in_force(study, len(found.table))]
         files = [*found.table.save(results.folder), *document.save(results.folder, "sweep")]
     return Report(study, found, (), document, tuple(files))
 
@@ -103,7 +103,7 @@ def report(study: Study | str | os.PathLike[str], out: str | os.PathLike[str] = 
         ValueError: As of `sweep`.
         JournalError: As of `sweep`.
     """
-    study = beside(_study(study))
+    study = beside(study_of(study))
     with Results(study, out) as results:
         found = run_sweep(study, results.journal, tick=tick)
         some = range(min(study.episodes, study.batch))
@@ -118,17 +118,18 @@ def report(study: Study | str | os.PathLike[str], out: str | os.PathLike[str] = 
             *_contacts(study, seen, len(some)),
             *_settings(study, found),
             *_perturbations(found, results.folder),
-            *_cliffs(found),
+            *_cliffs(found, results.folder),
             *_transfer(study, found),
             *_failures(verdicts, found),
             *_left_out(study),
-            *_in_force(study, found),
+            *in_force(study, len(found.table)),
         ]
         files = [*found.table.save(results.folder), *document.save(results.folder, "report")]
     return Report(study, found, tuple(verdicts), document, tuple(files))
 
 
-def _study(source: Study | str | os.PathLike[str]) -> Study:
+def study_of(source: Study | str | os.PathLike[str]) -> Study:
+    """A study, or that of a file."""
     return source if isinstance(source, Study) else Study.from_file(Path(source))
 
 
@@ -338,13 +339,15 @@ def _level_row(study: Study, level: Level) -> list[Any]:
     return [*told, *shares, level.mean, *level.change, level.unsolved, parameter.source if parameter else ""]
 
 
-def _cliffs(found: Sweep) -> list[Section]:
+def _cliffs(found: Sweep, folder: Path) -> list[Section]:
     if found.study.decisive is None:
         return []
     head = ("settings", "parameter", "at", "+-", "share below", "share above")
     rows = [[c.setting, c.parameter, (c.low + c.high) / 2, (c.high - c.low) / 2, c.below, c.above] for c in found.cliffs]
     words = ["Where the share of successes crosses one half, located by bisection between neighbouring values of the table."]
-    return [Section("Cliffs", words if rows else ["Within the ranges of the parameters, success crosses one half nowhere."], head, rows)]
+    words = words if rows else ["Within the ranges of the parameters, success crosses one half nowhere."]
+    picture = draw_cliffs(found, folder / "cliffs.png") if package_version("matplotlib") else None
+    return [Section("Cliffs", words, head, rows, picture)]
 
 
 def _transfer(study: Study, found: Sweep) -> list[Section]:
@@ -406,7 +409,13 @@ def _left_out(study: Study) -> list[Section]:
     return [Section("Left out of the model", words or ["Nothing."])]
 
 
-def _in_force(study: Study, found: Sweep) -> list[Section]:
+def in_force(study: Study, count: int) -> list[Section]:
+    """Digests and versions, and where those of every one of the rows are.
+
+    Args:
+        study: The study.
+        count: Rows of its table.
+    """
     told = study.in_force
     rows = [
         ["model", told["model"]["sha256"]],
@@ -415,6 +424,6 @@ def _in_force(study: Study, found: Sweep) -> list[Section]:
         ["versions", ", ".join(f"{name} {version}" for name, version in told["versions"].items())],
         ["binary", told["binary"]],
         ["seed", told["seed"]],
-        ["rows", f"{len(found.table)}, each with its theta, settings and tolerance in force in table.csv; in_force.json has the rest"],
+        ["rows", f"{count}, each with its theta, settings and tolerance in force in table.csv; in_force.json has the rest"],
     ]
     return [Section("In force", [], ("", ""), rows)]

@@ -66,6 +66,7 @@ class Study:
         batch: Episodes that are stepped together at the most. With errors of sensors, which follow from the place in a batch, all episodes
             of a point are stepped together whatever it is: their memory is that of `episodes` environments.
         threads: Threads that step; 0 is all.
+        ray: Whether batches run as tasks of Ray, on all machines of its cluster; the rows are the same.
     """
 
     model: Any
@@ -88,6 +89,7 @@ class Study:
     actuators: ActuatorModel | None = None
     batch: int = 256
     threads: int = 1
+    ray: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", dict(self.parameters))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stepper._status import Status
 from stepper._stepper import Model
 from stepper.experiments.study.batches import drive_through, world_of
 from stepper.experiments.study.outcomes import Watch
@@ -18,6 +19,8 @@ from stepper.experiments.study.worlds import StepperWorld, World
 Array = NDArray[np.float64]
 _STICKS = 0.999
 """Share of the friction cone beyond which a contact slides."""
+_FIRM = 1e-3
+"""Share of the largest normal force of a pair below which the ratio of a single contact is not looked at: its friction moves nothing."""
 
 
 @dataclass(frozen=True)
@@ -30,9 +33,10 @@ class Pair:
         time: Share of the steps in which they press.
         impulse: Of normal forces, N s an episode.
         peak: Largest normal force of all contacts of the pair together, N.
-        friction: Sliding friction in force: the largest ratio that their cone allows.
+        friction: Sliding friction in force: the largest ratio that their cone allows; that of an explicit pair where there is one.
         used: Largest ratio of tangential and normal force, of all contacts of the pair together.
         slides: Share of the normal impulse under which that is at its bound.
+        cone: Largest share of the cone that a single contact uses, |f_t| / (mu f_n), of those with a thousandth of the peak and more.
         twists: Largest torque about and across the normal, N m.
         nearest: Least distance of a contact that was given a row, m.
     """
@@ -45,6 +49,7 @@ class Pair:
     friction: float
     used: float
     slides: float
+    cone: float
     twists: float
     nearest: float
 
@@ -56,6 +61,11 @@ class Touching:
     Attributes:
         pairs: By impulse, the largest first.
         steps: Steps that were seen, of all episodes.
+        most: Contacts of one environment at once, at the most.
+        sweeps: Of the solver in a step, at the most.
+        newton_steps: The same of Newton's method.
+        status: All flags of `Status` that steps set.
+        saturated: Share of the steps in which each actuator was at a bound of its effort, (nu,).
         limits: Share of the steps in which each joint was within a hundredth of its range of a limit, (njnt,).
         senses: Whether the drive or an outcome read a sensor.
         reach: Least and greatest position of every coordinate, (2, nq).
@@ -63,6 +73,11 @@ class Touching:
 
     pairs: tuple[Pair, ...]
     steps: int
+    most: int
+    sweeps: int
+    newton_steps: int
+    status: Status
+    saturated: Array
     limits: Array
     senses: bool
     reach: Array
@@ -74,26 +89,52 @@ class Touching:
         return tuple(pair for pair in self.pairs if pair.impulse >= 0.01 * total or pair.peak >= 0.1 * peak)
 
 
-def pair_friction(model: Model, friction: Array, first: int, second: int) -> float:
-    """Sliding friction of two geoms: of the one with the higher priority, else the larger. An explicit pair's own is not known here.
+def explicit_friction(compiled: Any) -> dict[tuple[int, int], float]:
+    """Sliding friction of the explicit pairs of MuJoCo's model, by their geoms, the lower first; none where there is no such model."""
+    if compiled is None:
+        return {}
+    pairs = np.sort(np.stack([compiled.pair_geom1, compiled.pair_geom2], axis=1), axis=1)
+    return {(int(a), int(b)): float(mu) for (a, b), mu in zip(pairs, compiled.pair_friction[:, 0], strict=True)}
+
+
+def pair_friction(model: Model, friction: Array, first: int, second: int, explicit: Mapping[tuple[int, int], float]) -> float:
+    """Sliding friction of two geoms: of their explicit pair, of the one with the higher priority, else the larger.
 
     Args:
         model: The scene.
         friction: In force, (ngeom, 3).
         first: A geom.
         second: Another one.
+        explicit: As of `explicit_friction`.
     """
+    key = (min(first, second), max(first, second))
+    if key in explicit:
+        return explicit[key]
     one, other = model.geom(first), model.geom(second)
     if one.priority != other.priority:
         return float(friction[first if one.priority > other.priority else second, 0])
     return float(max(friction[first, 0], friction[second, 0]))
 
 
+def pairs_of_bodies(model: Model) -> set[tuple[int, int]]:
+    """Pairs of bodies, the lower first, that may touch: their geoms' masks meet, and they are not parent and child.
+
+    Children of the world do touch it. Explicit pairs and exclusions are not looked at.
+    """
+    geoms = [model.geom(g) for g in range(model.ngeom)]
+    kinds = {(g.bodyid, g.contype, g.conaffinity) for g in geoms}
+    may = {
+        (min(a, b), max(a, b)) for a, ones, takes in kinds for b, others, gives in kinds if a != b and ((ones & gives) or (others & takes))
+    }
+    return may - {(min(k, p), max(k, p)) for k in range(1, model.nbody) if (p := model.body(k).parentid)}
+
+
 class _Ledger:
     """Counts contacts, step by step."""
 
-    def __init__(self, model: Model, num_envs: int, friction: Array):
-        self.model, self.num_envs, self.friction, self.steps = model, num_envs, friction, 0
+    def __init__(self, model: Model, num_envs: int, friction: Array, explicit: Mapping[tuple[int, int], float]):
+        self.model, self.num_envs, self.friction, self.explicit, self.steps = model, num_envs, friction, explicit, 0
+        self.most, self.sweeps, self.newton_steps, self.status, self.saturated = 0, 0, 0, 0, np.zeros(model.nu)
         self.found: dict[tuple[int, int], dict[str, float]] = {}
         self.limits = np.zeros(model.njnt)
         self.reach = np.array([np.full(model.nq, np.inf), np.full(model.nq, -np.inf)])
@@ -109,8 +150,15 @@ class _Ledger:
         for joint, at, low, high in self._limited:
             near = 0.01 * (high - low) if np.isfinite(high - low) else 0.01
             self.limits[joint] += np.count_nonzero((qpos[:, at] < low + near) | (qpos[:, at] > high - near))
+        self.sweeps, self.newton_steps = (
+            max(self.sweeps, int(now.sim.sweeps.max())),
+            max(self.newton_steps, int(now.sim.newton_steps.max())),
+        )
+        self.status |= int(np.bitwise_or.reduce(now.sim.status))
+        self.saturated += np.count_nonzero(now.sim.actuator_saturation, axis=0)
         contacts = now.sim.contacts()
         if len(contacts):
+            self.most = max(self.most, int(np.bincount(contacts["env"]).max()))
             self._add(contacts, now.timestep)
 
     def _add(self, contacts: NDArray[np.void], timestep: float) -> None:
@@ -123,7 +171,7 @@ class _Ledger:
             own = which.ravel() == number
             pushes = own & (normal > 0)
             book = self.found.setdefault(
-                (a, b), dict.fromkeys(("time", "impulse", "peak", "used", "slides", "twists"), 0.0) | {"nearest": np.inf}
+                (a, b), dict.fromkeys(("time", "impulse", "peak", "used", "slides", "cone", "twists"), 0.0) | {"nearest": np.inf}
             )
             book["nearest"] = min(book["nearest"], float(contacts["distance"][own].min()))
             if not pushes.any():
@@ -132,7 +180,7 @@ class _Ledger:
             envs, at = np.unique(contacts["env"][pushes], return_inverse=True)
             force = np.bincount(at, normal[pushes])
             side = np.linalg.norm([np.bincount(at, tangent[pushes, k]) for k in range(3)], axis=0)
-            mu = pair_friction(self.model, self.friction, a, b)
+            mu = pair_friction(self.model, self.friction, a, b, self.explicit)
             book["time"] += len(envs)
             book["impulse"] += timestep * force.sum()
             book["peak"] = max(book["peak"], float(force.max()))
@@ -140,6 +188,10 @@ class _Ledger:
             firm = force > 1e-6 * book["peak"]
             book["used"] = max(book["used"], float((side[firm] / force[firm]).max(initial=0.0)))
             book["slides"] += timestep * force[side >= _STICKS * mu * force].sum()
+            bears = pushes & (normal > _FIRM * book["peak"])
+            if mu > 0:
+                ratio = np.linalg.norm(contacts["force"][bears, 1:], axis=1) / normal[bears]
+                book["cone"] = max(book["cone"], float(ratio.max(initial=0.0)) / mu)
             book["twists"] = max(book["twists"], float(twist[pushes].max()))
 
     def result(self, *, senses: bool) -> Touching:
@@ -152,20 +204,26 @@ class _Ledger:
                 time=book["time"] / self.steps,
                 impulse=book["impulse"] / self.num_envs,
                 peak=book["peak"],
-                friction=pair_friction(self.model, self.friction, *key),
+                friction=pair_friction(self.model, self.friction, *key, self.explicit),
                 used=book["used"],
                 slides=book["slides"] / book["impulse"] if book["impulse"] else 0.0,
+                cone=book["cone"],
                 twists=book["twists"],
                 nearest=book["nearest"],
             )
             for key, book in self.found.items()
         ]
         return Touching(
-            tuple(sorted(pairs, key=lambda pair: (-pair.impulse, pair.geoms))),
-            self.steps,
-            self.limits / max(1, self.steps),
-            senses,
-            self.reach,
+            pairs=tuple(sorted(pairs, key=lambda pair: (-pair.impulse, pair.geoms))),
+            steps=self.steps,
+            most=self.most,
+            sweeps=self.sweeps,
+            newton_steps=self.newton_steps,
+            status=Status(self.status),
+            saturated=self.saturated / max(1, self.steps),
+            limits=self.limits / max(1, self.steps),
+            senses=senses,
+            reach=self.reach,
         )
 
 
@@ -175,7 +233,8 @@ def touching(study: Study, episodes: Sequence[int], **changed: Any) -> Touching:
     assert isinstance(world, StepperWorld)
     # All environments are at the nominal point.
     own = world.sim.randomized.get("geom_friction")
-    ledger = _Ledger(world.model, len(episodes), np.asarray(world.model.geom_friction if own is None else own[0], np.float64))
+    friction = np.asarray(world.model.geom_friction if own is None else own[0], np.float64)
+    ledger = _Ledger(world.model, len(episodes), friction, explicit_friction(study.loaded[1]))
     watches: list[Watch] = []
 
     def look(now: World) -> None:

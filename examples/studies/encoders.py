@@ -1,0 +1,144 @@
+"""Perfect sensors inflate scores: a policy that balances two poles, with encoders that have noise, drift and delay.
+
+The policy was trained in Gymnasium's InvertedDoublePendulum-v5, where it sees the state itself. Here it sees what sensors say of the same
+numbers. encoders_trained.py has the same episodes with a policy that was trained on such sensors:
+
+    stepper report examples/studies/encoders.py
+    stepper report examples/studies/encoders_trained.py
+    python examples/studies/encoders.py out/encoders.png    # both: a table, and one picture
+
+encoders_task.py trains the second one.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import mujoco
+import numpy as np
+import stepper
+
+HERE = Path(__file__).resolve().parent
+POLICIES = HERE.parent / "policies"
+ANGLES, RATES = ("angle1", "angle2"), ("rate1", "rate2")
+TIP = 1.0
+"""m: the poles have fallen below it."""
+
+
+def model() -> Any:
+    """Gymnasium's model, with encoders and rate sensors on its three joints."""
+    spec = mujoco.MjSpec.from_file(str(Path(gymnasium.__file__).parent / "envs/mujoco/assets/inverted_double_pendulum.xml"))
+    for kind, names in (("JOINTPOS", ("place", *ANGLES)), ("JOINTVEL", ("speed", *RATES))):
+        for name, joint in zip(names, ("slider", "hinge", "hinge2"), strict=True):
+            spec.add_sensor(name=name, type=getattr(mujoco.mjtSensor, f"mjSENS_{kind}"), objtype=mujoco.mjtObj.mjOBJ_JOINT, objname=joint)
+    return spec.compile()
+
+
+def seen(readings: Any) -> Any:
+    """The observation of the task, (num_envs, 9), of the readings; the force of the cart's limit, which no encoder sees, is 0."""
+    place, angles, velocities = readings[:, :1], readings[:, 1:3], np.clip(readings[:, 3:], -10.0, 10.0)
+    return np.concatenate([place, np.sin(angles), np.cos(angles), velocities, np.zeros_like(place)], axis=1)
+
+
+def encoders() -> Any:
+    """What the second policy was trained with: noise of 0.02 rad and 0.2 rad/s, drift, and 10 ms of delay."""
+    angle = stepper.Transfer(noise_std=0.02, drift_std=0.005, delay=0.01)
+    rate = stepper.Transfer(noise_std=0.2, delay=0.01)
+    named = dict.fromkeys(ANGLES, angle) | dict.fromkeys(RATES, rate)
+    return stepper.SensorModel(named, default=stepper.Transfer(delay=0.01))
+
+
+class Balance:
+    """A policy behind the sensors.
+
+    Args:
+        file: Of `stepper.policies`.
+    """
+
+    def __init__(self, file: str):
+        import stepper.policies  # noqa: PLC0415, the training does not need it
+
+        self.policy = stepper.policies.load(POLICIES / file)
+        self.file = file
+
+    def __call__(self, now: Any) -> Any:
+        """Controls, (num_envs, 1)."""
+        return self.policy(seen(now.observation))
+
+
+def balancing(name: str, file: str) -> Any:
+    """The study of a policy: 10 s upright."""
+    return stepper.Study(
+        name=name,
+        model=model,
+        drive=Balance(file),
+        outcomes=[
+            stepper.Outcome(name="lowest tip", measure="site tip z", over="min", success=f">= {TIP}", unit="m"),
+            stepper.Outcome(name="time upright", measure=lambda now: 10.0 * (now.site("tip")[:, 2] > TIP), over="mean", unit="s"),
+        ],
+        parameters={
+            "angle noise": stepper.Parameter(
+                target="sensor.noise_std", names=ANGLES, low=0.0, high=0.06, unit="rad", source="potentiometers and magnets: 0.001 to 0.05"
+            ),
+            "rate noise": stepper.Parameter(
+                target="sensor.noise_std", names=RATES, low=0.0, high=0.6, unit="rad/s", source="differences of encoders over 5 to 20 ms"
+            ),
+            "drift": stepper.Parameter(
+                target="sensor.drift_std", names=ANGLES, low=0.0, high=0.03, unit="rad/sqrt(s)", source="angles that are integrated"
+            ),
+            "delay": stepper.Parameter(
+                target="sensor.delay", names=("*",), low=0.0, high=0.04, unit="s", source="buses and filters: 1 to 50 ms"
+            ),
+        },
+        options=stepper.Options(contact="mujoco", integrator="rk4"),
+        seconds=10.0,
+        control=0.05,
+        episodes=16,
+        qpos_noise=0.05,
+        qvel_noise=0.1,
+    )
+
+
+study = balancing("encoders", "inverted_double_pendulum.npz")
+trained = balancing("encoders_trained", "inverted_double_pendulum_encoders.npz")
+
+
+def table() -> None:
+    """Prints how often each policy stays upright with ideal sensors, and with those of the training."""
+    for own in (study, trained):
+        for kind, sensors in (("ideal sensors", None), ("encoders", encoders())):
+            given = replace(own, name=f"{own.name}_{kind}".replace(" ", "_"), sensors=sensors, parameters={}, episodes=64)
+            (level,) = stepper.sweep(given).sweep.levels
+            low, high = level.interval
+            print(f"{own.name}, {kind}: {level.successes} of {level.episodes} upright for 10 s, 95 % {low:.3f} to {high:.3f}")
+
+
+def picture(file: str) -> None:
+    """Both policies, a panel for every error."""
+    from matplotlib.figure import Figure  # noqa: PLC0415
+
+    figure = Figure(figsize=(10, 2.9), dpi=130, layout="constrained")
+    panels = figure.subplots(1, len(study.parameters), sharey=True)
+    both = {"trained on the state": study, "trained on encoders": trained}
+    for number, (label, own) in enumerate(both.items()):
+        found = stepper.sweep(own, cliffs=False).sweep
+        for panel, name in zip(panels, own.parameters, strict=True):
+            levels = found.of(name)
+            share = np.array([level.share for level in levels])
+            ends = np.array([level.interval for level in levels]).T
+            x = [float(level.value or 0) for level in levels]
+            panel.errorbar(x, share, abs(ends - share), fmt="o-" if number == 0 else "s--", label=label, capsize=2, markersize=3.5)
+            panel.set_xlabel(f"{name}, {own.parameters[name].unit}")
+            panel.grid(visible=True, color="#dddddd")
+    panels[0].set_ylabel("share upright for 10 s")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False)
+    figure.savefig(file)
+
+
+if __name__ == "__main__":
+    table()
+    picture(sys.argv[1])

@@ -1,0 +1,60 @@
+"""Trains the policy of encoders_trained.py: the task of Gymnasium's InvertedDoublePendulum-v5, by what encoders say.
+
+    python examples/studies/encoders_task.py stepper/Encoders-v0 --steps 3000000 --threads 1
+
+The options are those of examples/train.py.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE), str(HERE.parent)]
+
+import encoders  # type: ignore[import-not-found]  # noqa: E402
+import gymnasium  # noqa: E402
+import stepper  # noqa: E402
+from stepper.envs.task import Quantity  # noqa: E402
+from stepper.envs.tasks.inverted_double_pendulum import InvertedDoublePendulum  # noqa: E402
+
+
+@dataclass(frozen=True, kw_only=True)
+class Encoders(InvertedDoublePendulum):
+    """Keep the tip above 1 m by what encoders with noise, drift and delay say."""
+
+    def model(self) -> Any:
+        """The scene with its sensors."""
+        return stepper.load(encoders.model(), strict=False)
+
+    def sensors(self) -> Any:
+        """Those of the study's table."""
+        return encoders.encoders()
+
+    def quantities(self) -> Any:
+        """What the policy of the study sees: (9,)."""
+        return (Quantity("encoders", of=lambda now: encoders.seen(now.observation)),)
+
+
+def register() -> None:
+    """As stepper/Encoders-v0."""
+    gymnasium.register(
+        "stepper/Encoders-v0",
+        entry_point="stepper.envs.single:StepperEnv",
+        vector_entry_point="stepper.envs.vector:StepperVectorEnv",
+        max_episode_steps=1000,
+        kwargs={"task": Encoders},
+    )
+
+
+if __name__ == "__main__":
+    import train  # type: ignore[import-not-found]
+
+    # Under its own name, so that a checkpoint finds the class when it is read.
+    sys.modules["encoders_task"] = sys.modules["__main__"]
+    Encoders.__module__ = "encoders_task"
+    register()
+    train.main()

@@ -1,0 +1,144 @@
+"""A Panda picks a cube by a script: at which friction does it slip out, with how many iterations, in which law and engine?
+
+The arm and the gripper are robosuite's (`pip install --no-deps robosuite`), with position servos that a script moves: above the cube, down,
+close, up by 15 cm. No policy has learned it. Each finger presses with at most 20 N, and the friction that is swept is that of cube and
+fingers:
+
+    stepper report examples/studies/panda.py
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import stepper
+
+MASS, HALF = 1.6, 0.025
+"""kg, m: of the cube."""
+PLACE = (0.5, 0.0)
+"""m"""
+G, FORCE = 9.81, 20.0
+"""m/s^2, N: of a finger's servo at its bound."""
+RISE = 0.15
+THEORY = MASS * G / (2.0 * FORCE)
+"""Friction below which the cube slips, once it is held still."""
+TIMES, HEIGHTS = (0.0, 0.6, 1.2, 1.6, 2.6, 3.2), (0.15, 0.15, 0.0, 0.0, RISE, RISE)
+"""s, m: of the fingers above the cube's middle; they close from 1.2 s to 1.6 s."""
+
+
+def _assets() -> Path:
+    found = importlib.util.find_spec("robosuite")
+    if found is None or found.origin is None:
+        raise ModuleNotFoundError("robosuite has the robot: pip install --no-deps robosuite")
+    return Path(found.origin).parent / "models/assets"
+
+
+def scene() -> Any:
+    """Arm, gripper, floor and cube."""
+    arm = mujoco.MjSpec.from_file(str(_assets() / "robots/panda/robot.xml"))
+    hand = mujoco.MjSpec.from_file(str(_assets() / "grippers/panda_gripper.xml"))
+    for spec in (arm, hand):
+        for geom in [*spec.geoms]:
+            if geom.contype == 0 and geom.conaffinity == 0:
+                spec.delete(geom)
+    hold = next(body for body in arm.bodies if body.name == "right_hand")
+    hold.add_frame().attach_body(hand.body("right_gripper"), "hand_", "")
+    for body in arm.bodies:
+        body.gravcomp = 1.0
+    for motor in arm.actuators:
+        if motor.name.startswith("torq"):
+            motor.gaintype, motor.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
+            motor.gainprm[0], motor.biasprm[1], motor.biasprm[2] = 2000.0, -2000.0, -200.0
+            motor.ctrllimited, motor.forcerange = False, motor.ctrlrange
+    world = arm.worldbody
+    world.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[2, 2, 1])
+    cube = world.add_body(name="cube", pos=[*PLACE, HALF], gravcomp=0.0)
+    cube.add_freejoint()
+    cube.add_geom(name="cube", type=mujoco.mjtGeom.mjGEOM_BOX, size=[HALF] * 3, mass=MASS)
+    arm.option.timestep = 0.002
+    return arm.compile()
+
+
+def reach(model: Any, place: Any, begin: Any) -> Any:
+    """Angles of the arm with the fingers at a place, pointing down: damped least squares."""
+    data, site = mujoco.MjData(model), model.site("hand_grip_site").id
+    data.qpos[:7] = begin
+    down = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+    jacobian = np.zeros((6, model.nv))
+    for _ in range(300):
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_jacSite(model, data, jacobian[:3], jacobian[3:], site)
+        now = data.site_xmat[site].reshape(3, 3)
+        turn = 0.5 * np.cross(now, down, axisa=0, axisb=0, axisc=0).sum(axis=1)
+        error = np.concatenate([place - data.site_xpos[site], turn])
+        j = jacobian[:, :7]
+        data.qpos[:7] += j.T @ np.linalg.solve(j @ j.T + 1e-4 * np.eye(6), error)
+    if np.abs(error).max() > 1e-5:
+        raise ValueError(f"the arm does not reach {place}: {error}")
+    return data.qpos[:7].copy()
+
+
+class Pick:
+    """Joint angles between those of the way's ends, and the fingers."""
+
+    def __init__(self) -> None:
+        model, ready = scene(), np.array([0.0, 0.3, 0.0, -2.2, 0.0, 2.5, 0.785])
+        self.angles = []
+        for height in HEIGHTS:
+            ready = reach(model, np.array([*PLACE, HALF + height]), ready)
+            self.angles.append(ready)
+
+    def arm(self, time: float) -> Any:
+        """Angles at a time: each way begins and ends at rest."""
+        k = min(max(0, int(np.searchsorted(TIMES, time, side="right")) - 1), len(TIMES) - 2)
+        s = float(np.clip((time - TIMES[k]) / (TIMES[k + 1] - TIMES[k]), 0.0, 1.0))
+        return self.angles[k] + (3 * s**2 - 2 * s**3) * (self.angles[k + 1] - self.angles[k])
+
+    def __call__(self, now: Any) -> Any:
+        """Targets of seven joints and two fingers."""
+        closed = now.time >= TIMES[2]
+        return np.array([*self.arm(now.time), *((0.0, 0.0) if closed else (0.04, -0.04))])
+
+
+pick = Pick()
+
+
+def start(now: Any, _: Any) -> Any:
+    """Ready above the cube."""
+    qpos = np.tile(np.asarray(now.model.qpos0, float), (now.num_envs, 1))
+    qpos[:, :7], qpos[:, 7], qpos[:, 8] = pick.angles[0], 0.04, -0.04
+    return qpos, np.zeros((now.num_envs, now.model.nv))
+
+
+study = stepper.Study(
+    name="panda",
+    model=scene,
+    drive=pick,
+    start=start,
+    outcomes=[
+        stepper.Outcome(name="rise", measure="body cube z", over="change", success=">= 0.1", unit="m"),
+        stepper.Outcome(name="slip", measure=lambda now: now.site("hand_grip_site")[:, 2] - now.body("cube")[:, 2], over="end", unit="m"),
+    ],
+    parameters={
+        "friction": stepper.Parameter(
+            target="geom_friction",
+            names=("cube", "hand_finger*"),
+            column=0,
+            values=(0.3, 0.4, 0.5, 0.7, 0.95, 1.2),
+            source="0.3 to 1.2: the task",
+        )
+    },
+    settings={
+        **{f"{count} iterations": {"iterations": count} for count in (20, 10, 5)},
+        **{f"MuJoCo's law, {count} iterations": {"contact": "mujoco", "iterations": count} for count in (20, 10, 5)},
+        **{f"MuJoCo, {count} iterations": {"engine": "mujoco", "iterations": count} for count in (20, 10, 5)},
+    },
+    seconds=3.2,
+    control=0.02,
+    episodes=1,
+)

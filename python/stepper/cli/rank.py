@@ -1,0 +1,48 @@
+"""`stepper rank`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+from stepper.cli.options import OUT, RAY, STUDY, of_file
+from stepper.experiments.progress import progress, show_files
+from stepper.experiments.study import rank as run
+from stepper.experiments.study.study import USUAL
+
+if TYPE_CHECKING:
+    from typer import Typer
+
+
+def rank(study: Path, out: Path, *, samples: int, parameters: list[str], setting: str, ray: bool) -> None:
+    """Which parameters decide an outcome: all drawn from their ranges at once, ranked by Sobol's indices with intervals.
+
+    Goes on where it was stopped: rows are kept as soon as they are known.
+
+    Example: stepper rank examples/studies/quadruped.py --samples 128
+    """
+    with progress() as tick:
+        found = run(of_file(study, ray=ray), out, samples=samples, parameters=parameters or None, setting=setting, tick=tick)
+    print(found.document.markdown())
+    show_files(found.files)
+
+
+def register(app: Typer, typer: ModuleType) -> None:
+    """Adds the command."""
+    folder = typer.Option("out", "--out", help=OUT)
+    study_file = typer.Argument(help=STUDY)
+    over = typer.Option(False, "--ray", help=RAY)
+    names = typer.Option([], "--parameter", help="Only this parameter; may be given several times.")
+
+    @app.command("rank", help=rank.__doc__)
+    def _(
+        study: Path = study_file,
+        out: Path = folder,
+        *,
+        samples: int = typer.Option(64, min=2, help="A power of 2; points are this times (2 + number of parameters)."),
+        parameter: list[str] = names,
+        setting: str = typer.Option(USUAL, help="Name of the settings, of the study's."),
+        ray: bool = over,
+    ) -> None:
+        rank(study, out, samples=samples, parameters=parameter, setting=setting, ray=ray)

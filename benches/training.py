@@ -2,6 +2,7 @@
 
     python benches/training.py curves                       # from the runs in out/train: docs/learning_curves.csv and .png
     python benches/training.py evaluate                     # fresh episodes of their policies
+    python benches/training.py follow                       # how far the Go1 is from the velocities that it is commanded
     python benches/training.py transfer                     # examples/policies/ in other environments, from the same starts
 
 Tables are written into docs/training.md. `curves` adds to the rows of docs/learning_curves.csv: runs may be made one after the other.
@@ -15,7 +16,10 @@ import re
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
+import stepper.envs  # noqa: F401
+from stepper.envs.locomotion import Go1Velocity
 from stepper.policies import Comparison, Policy, compare, evaluate, load
 from stepper.shared.machine import require
 
@@ -93,8 +97,10 @@ def _named(run: str) -> tuple[str, str]:
     match = re.fullmatch(r"(stepper_)?(.+?-v\d+)(?:_(\w+))?", run)
     if match is None:
         raise ValueError(f"{run} is no folder of a run of examples/train.py")
-    law = "hard contact" if match[3] == "hard" else "MuJoCo's law"
-    return "MuJoCo" if match[1] is None else f"stepper, {law}", match[2]
+    if match[1] is None:
+        return "MuJoCo", match[2]
+    law = match[3] or gymnasium.spec(f"stepper/{match[2]}").kwargs["task"].contact
+    return f"stepper, {_LAWS[law]}", match[2]
 
 
 def table_of_runs(runs: Path, episodes: int) -> str:
@@ -112,6 +118,30 @@ def table_of_runs(runs: Path, episodes: int) -> str:
         cells = [task, engine, t["seed"], f"{float(last['steps']) / 1e6:.1f}", f"{float(last['seconds']) / 60:.1f}"]
         cells += [f"{found.mean:.0f}", f"{low:.0f} to {high:.0f}", f"{found.returns.min():.0f}"]
         out.append("| " + " | ".join(map(str, cells)) + " |")
+        print(out[-1], flush=True)
+    return "\n".join(out)
+
+
+def table_of_following(runs: Path, episodes: int) -> str:
+    """Fresh episodes of every run of the Go1: distance from the commanded velocity, and falls; beside one that stands still."""
+    env = "stepper/Go1Velocity-v0"
+    out = [
+        "| seed | million steps | minutes | minutes of processor | mean return | error, m/s | 95 % confidence | worst episode | falls |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    stance = Go1Velocity().memory(episodes)["last"]
+    rows: list[tuple[list[str], Any]] = [(["stands still", "", "", ""], lambda observation: stance)]
+    for file in sorted(runs.glob("stepper_Go1Velocity-v0/seed*/policy.npz")):
+        with (file.parent / "curve.csv").open() as curve:
+            last = list(csv.DictReader(curve))[-1]
+        times = [f"{float(last[name]) / scale:.1f}" for name, scale in (("steps", 1e6), ("seconds", 60.0), ("processor", 60.0))]
+        rows.append(([file.parent.name.removeprefix("seed"), *times], load(file)))
+    for cells, policy in rows:
+        found = evaluate(policy, env, episodes=episodes, seed=2**32, infos=("tracking_error",), precision="f32")
+        errors = found.infos["tracking_error"]
+        low, high = found.interval(info="tracking_error")
+        cells += [f"{found.mean:.0f}", f"{errors.mean():.3f}", f"{low:.3f} to {high:.3f}", f"{errors.max():.2f}"]
+        out.append("| " + " | ".join([*cells, f"{np.sum(found.lengths < found.lengths.max())} of {episodes}"]) + " |")
         print(out[-1], flush=True)
     return "\n".join(out)
 
@@ -177,14 +207,16 @@ def write_table(name: str, table: str) -> None:
 def main() -> None:
     """Makes what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("curves", "evaluate", "transfer"))
+    parser.add_argument("what", choices=("curves", "evaluate", "follow", "transfer"))
     parser.add_argument("--runs", type=Path, default=RUNS, help="folder of the runs")
-    parser.add_argument("--episodes", type=int, help="20 of each run, 200 of each transfer")
+    parser.add_argument("--episodes", type=int, help="20 of each run, 200 of each transfer and of each Go1")
     given = parser.parse_args()
     if given.what == "curves":
         draw(collect(given.runs), DOCS / "learning_curves.png")
     elif given.what == "evaluate":
         write_table("evaluate", table_of_runs(given.runs, given.episodes or 20))
+    elif given.what == "follow":
+        write_table("follow", table_of_following(given.runs, given.episodes or 200))
     else:
         write_table("transfer", table_of_transfers(given.episodes or 200))
 

@@ -23,6 +23,7 @@ import shutil
 import tempfile
 import time
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -105,6 +106,10 @@ class Settings:
         """Arguments of the environment: Gymnasium's own have none of these."""
         given = {"contact": self.contact, "precision": self.precision} if self.env.startswith("stepper/") else {}
         return {name: value for name, value in given.items() if value}
+
+
+TASKS: Mapping[str, Mapping[str, Any]] = {}
+"""Settings of a task in place of those above, whichever engine steps it; options of the command line go before both."""
 
 
 FRESH = 2**32
@@ -429,7 +434,8 @@ def main() -> None:
     """Trains, evaluates, films."""
     given = vars(arguments().parse_args())
     env, out, episodes, video = (given.pop(name) for name in ("env", "out", "evaluate", "film"))
-    settings = Settings(env=env, **{name: value for name, value in given.items() if value is not None})
+    chosen = {name: value for name, value in given.items() if value is not None}
+    settings = Settings(env=env, **{**TASKS.get(env.removeprefix("stepper/"), {}), **chosen})
     law = f"_{settings.contact}" if settings.contact else ""
     folder = out or Path("out/train", env.replace("/", "_") + law, f"seed{settings.seed}")
     run = train(settings, folder)

@@ -44,6 +44,7 @@ def evaluate(
 def register(app: Typer, typer: ModuleType) -> None:
     """Adds the command."""
     file = typer.Argument(help="A file of Policy.save, which examples/train.py writes.")
+    asked = typer.Option([], "--info", help="An info whose mean is asked for too, tracking_error say; may be given several times.")
 
     @app.command("evaluate", help=evaluate.__doc__)
     def _(
@@ -54,9 +55,9 @@ def register(app: Typer, typer: ModuleType) -> None:
         episodes: int = typer.Option(20, min=2, help="Fresh episodes."),
         seed: int = typer.Option(0, min=0, help="Of the first episode; the others have those that follow."),
         margin: float = typer.Option(0.02, help="Difference of mean returns that counts as none, as a fraction."),
-        info: list[str] = typer.Option([], help="An info, tracking_error say, whose mean is asked for too; more than one may be."),
+        infos: list[str] = asked,
         contact: str = typer.Option("", help='Law of contact of the first environment, "mujoco" or "hard".'),
         precision: str = typer.Option("", help='Scalar type of its steps, "f64" or "f32".'),
     ) -> None:
         settings = {name: value for name, value in (("contact", contact), ("precision", precision)) if value}
-        evaluate(policy, env, against, episodes=episodes, seed=seed, margin=margin, infos=info, settings=settings)
+        evaluate(policy, env, against, episodes=episodes, seed=seed, margin=margin, infos=infos, settings=settings)

@@ -41,9 +41,9 @@ class Evaluation:
         """Mean return."""
         return float(self.returns.mean())
 
-    def interval(self, confidence: float = 0.95) -> tuple[float, float]:
-        """Student's confidence interval of the mean return."""
-        return _interval(self.returns, confidence)
+    def interval(self, confidence: float = 0.95, info: str = "") -> tuple[float, float]:
+        """Student's confidence interval of the mean return, or of the mean of one of `infos`."""
+        return _interval(self.infos[info] if info else self.returns, confidence)
 
     def __str__(self) -> str:
         low, high = self.interval()
@@ -52,7 +52,7 @@ class Evaluation:
             f"worst {self.returns.min():.1f}, best {self.returns.max():.1f}, mean length {self.lengths.mean():.1f}"
         )
         for name, means in self.infos.items():
-            low, high = _interval(means, 0.95)
+            low, high = self.interval(info=name)
             text += f", {name} {means.mean():.4g} ({low:.4g} to {high:.4g})"
         return text + (f", {self.non_finite} ended as their state would not have been finite" if self.non_finite else "")
 
@@ -158,7 +158,7 @@ def evaluate(
     if episodes < 2:
         raise ValueError(f"episodes is {episodes}, must be at least 2: one has no confidence interval")
     if env.startswith("stepper/"):
-        return _together(make(env, episodes, **settings), env, policy, seed, starts, infos)
+        return _together(make(env, episodes, **settings), policy, seed, starts, infos)
     return _one_by_one(make(env, **settings), policy, range(seed, seed + episodes), starts, infos)
 
 
@@ -204,9 +204,7 @@ def _starts(env: str, episodes: int, seed: int, settings: dict[str, Any]) -> tup
     return envs.unwrapped.sim.qpos.astype(np.float64), envs.unwrapped.sim.qvel.astype(np.float64)
 
 
-def _together(
-    envs: Any, name: str, policy: Act, seed: int, starts: tuple[Array, Array] | None, infos: Sequence[str]
-) -> Evaluation:
+def _together(envs: Any, policy: Act, seed: int, starts: tuple[Array, Array] | None, infos: Sequence[str]) -> Evaluation:
     """Every episode in an environment of its own. Those that are over go on with another, which is not counted."""
     observation, _ = envs.reset(seed=seed)
     if starts is not None:
@@ -223,7 +221,7 @@ def _together(
         failed |= running & np.asarray(info.get("non_finite", False))
         running &= ~(terminated | truncated)
     means = {key: total / lengths for key, total in sums.items()}
-    return Evaluation(env=name, returns=returns, lengths=lengths, non_finite=int(failed.sum()), infos=means)
+    return Evaluation(env=envs.spec.id, returns=returns, lengths=lengths, non_finite=int(failed.sum()), infos=means)
 
 
 def _one_by_one(env: Any, policy: Act, seeds: range, starts: tuple[Array, Array] | None, infos: Sequence[str]) -> Evaluation:

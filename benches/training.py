@@ -104,8 +104,9 @@ def _named(run: str) -> tuple[str, str]:
 
 
 def table_of_runs(runs: Path, episodes: int) -> str:
-    """Time, steps and fresh episodes of every run, a row each."""
-    out = ["| task | law | seed | million steps | minutes | mean return | 95 % confidence | worst |", "|---|---|---|---|---|---|---|---|"]
+    """Time, steps and fresh episodes of every run, a row each: those of the page, with the runs of a folder in place of the same ones."""
+    head, line, *kept = read_table("evaluate")
+    rows = {tuple(_cells(row)[:3]): row for row in kept}
     for file in sorted(runs.glob("*/seed*/policy.npz")):
         policy = load(file)
         t = policy.training
@@ -113,13 +114,18 @@ def table_of_runs(runs: Path, episodes: int) -> str:
         found = evaluate(policy, t["env"], episodes=episodes, seed=2**32, **own)
         low, high = found.interval()
         engine, task = _named(file.parent.parent.name)
-        with (file.parent / "curve.csv").open() as rows:
-            last = list(csv.DictReader(rows))[-1]
-        cells = [task, engine, t["seed"], f"{float(last['steps']) / 1e6:.1f}", f"{float(last['seconds']) / 60:.1f}"]
+        cells = [task, engine, str(t["seed"]), *_spent(file.parent)]
         cells += [f"{found.mean:.0f}", f"{low:.0f} to {high:.0f}", f"{found.returns.min():.0f}"]
-        out.append("| " + " | ".join(map(str, cells)) + " |")
-        print(out[-1], flush=True)
-    return "\n".join(out)
+        rows[tuple(cells[:3])] = "| " + " | ".join(cells) + " |"
+        print(rows[tuple(cells[:3])], flush=True)
+    return "\n".join([head, line, *(rows[name] for name in sorted(rows))])
+
+
+def _spent(run: Path) -> list[str]:
+    """Million steps of a run, minutes by the clock, and minutes of processor time."""
+    with (run / "curve.csv").open() as file:
+        last = list(csv.DictReader(file))[-1]
+    return [f"{float(last[name]) / scale:.1f}" for name, scale in (("steps", 1e6), ("seconds", 60.0), ("processor", 60.0))]
 
 
 def table_of_following(runs: Path, episodes: int) -> str:
@@ -132,10 +138,7 @@ def table_of_following(runs: Path, episodes: int) -> str:
     stance = Go1Velocity().memory(episodes)["last"]
     rows: list[tuple[list[str], Any]] = [(["stands still", "", "", ""], lambda observation: stance)]
     for file in sorted(runs.glob("stepper_Go1Velocity-v0/seed*/policy.npz")):
-        with (file.parent / "curve.csv").open() as curve:
-            last = list(csv.DictReader(curve))[-1]
-        times = [f"{float(last[name]) / scale:.1f}" for name, scale in (("steps", 1e6), ("seconds", 60.0), ("processor", 60.0))]
-        rows.append(([file.parent.name.removeprefix("seed"), *times], load(file)))
+        rows.append(([file.parent.name.removeprefix("seed"), *_spent(file.parent)], load(file)))
     for cells, policy in rows:
         found = evaluate(policy, env, episodes=episodes, seed=2**32, infos=("tracking_error",), precision="f32")
         errors = found.infos["tracking_error"]
@@ -168,7 +171,7 @@ def table_of_transfers(episodes: int) -> str:
     for file in sorted(POLICIES.glob("*.npz")):
         policy = load(file)
         task = str(policy.training["env"]).removeprefix("stepper/")
-        if task not in _GYMNASIUMS:
+        if task not in gymnasium.registry:  # The Go1's is stepper's alone.
             continue
         engine = "MuJoCo" if task == policy.training["env"] else f"stepper, {_LAWS[_law(policy)]}"
         home = TRANSFERS[engine]
@@ -189,19 +192,32 @@ def table_of_transfers(episodes: int) -> str:
 
 
 _LAWS = {"mujoco": "MuJoCo's law", "hard": "hard contact"}
-_GYMNASIUMS = {"HalfCheetah-v5", "Hopper-v5", "Walker2d-v5", "Ant-v5", "InvertedDoublePendulum-v5"}
-"""Tasks that Gymnasium has too."""
+
+
+def _parts(name: str) -> tuple[str, str, str]:
+    """docs/training.md up to a table, the table, and from there on."""
+    begin, end = f"<!-- {name}: made by `python benches/training.py {name}` -->", f"<!-- end of {name} -->"
+    text = (DOCS / "training.md").read_text()
+    if begin not in text or end not in text:
+        raise ValueError(f"docs/training.md has no marks {begin!r} and {end!r} for the table")
+    before, _, rest = text.partition(begin)
+    table, _, after = rest.partition(end)
+    return f"{before}{begin}\n\n", table, f"\n\n{end}{after}"
+
+
+def read_table(name: str) -> list[str]:
+    """Lines of a table of docs/training.md."""
+    return _parts(name)[1].split("\n")[2:-2]
+
+
+def _cells(row: str) -> list[str]:
+    return [cell.strip() for cell in row.strip("|").split("|")]
 
 
 def write_table(name: str, table: str) -> None:
     """Puts a table between its marks in docs/training.md."""
-    page = DOCS / "training.md"
-    begin, end = f"<!-- {name}: made by `python benches/training.py {name}` -->", f"<!-- end of {name} -->"
-    text = page.read_text()
-    if begin not in text or end not in text:
-        raise ValueError(f"{page} has no marks {begin!r} and {end!r} for the table")
-    head, _, rest = text.partition(begin)
-    page.write_text(f"{head}{begin}\n\n{table}\n\n{end}{rest.partition(end)[2]}")
+    before, _, after = _parts(name)
+    (DOCS / "training.md").write_text(before + table + after)
 
 
 def main() -> None:

@@ -118,6 +118,26 @@ def test_pushes_come_when_they_were_drawn(envs):
     assert np.abs(expected).max() > 0.1
 
 
+def test_strides_are_what_feet_are_in_the_air_when_they_land():
+    """A foot lands where its lowest point comes within 1 cm of the ground; its time in the air beyond 0.1 s counts, up to 0.3 s."""
+    envs = StepperVectorEnv(Go1Velocity(max_push=0.0), 8)
+    envs.reset(seed=5)
+    qpos = np.array(envs.sim.qpos)
+    qpos[:, 2] = [0.28, 0.3, 0.32, 0.35, 0.4, 0.5, 0.7, 0.9]  # Falls of nothing to 0.35 s.
+    envs.set_state(qpos, np.zeros((8, 18)))
+    sites = [envs.sim.model.site_names.index(name) for name in ("FR", "FL", "RR", "RL")]
+    air, gained, moves = np.zeros((8, 4)), [], np.linalg.norm(envs.now.memory["commands"][:, 0], axis=1) > 0.1
+    for _ in range(25):
+        info = envs.step(stance(envs))[4]
+        height = envs.sim.site_xpos[:, sites, 2] - 0.023
+        expected = np.where((height < 0.01) & (air > 0.0), np.minimum(air, 0.3) - 0.1, 0.0).sum(axis=1)
+        air = np.where(height < 0.01, 0.0, air + 0.02)
+        np.testing.assert_allclose(info["reward_stride"], 3.0 * expected * moves, atol=1e-12)
+        gained.append(info["reward_stride"])
+    assert np.min(gained) < 0.0
+    assert np.max(gained) > 0.5
+
+
 @pytest.mark.parametrize("latency", [0, 1, 3, 4])
 def test_actions_are_late_by_whole_steps(latency):
     envs = StepperVectorEnv(Go1Velocity(max_push=0.0), 2)

@@ -18,7 +18,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-import stepper.envs  # noqa: F401
+import stepper.envs
 from stepper.envs.locomotion import Go1Velocity
 from stepper.policies import Comparison, Policy, compare, evaluate, load
 from stepper.shared.machine import require
@@ -99,7 +99,8 @@ def _named(run: str) -> tuple[str, str]:
         raise ValueError(f"{run} is no folder of a run of examples/train.py")
     if match[1] is None:
         return "MuJoCo", match[2]
-    law = match[3] or gymnasium.spec(f"stepper/{match[2]}").kwargs["task"].contact
+    task = gymnasium.spec(f"stepper/{match[2]}").kwargs["task"]
+    law = match[3] or (stepper.envs.TASKS[task] if isinstance(task, str) else task).contact
     return f"stepper, {_LAWS[law]}", match[2]
 
 
@@ -162,13 +163,14 @@ TRANSFERS: dict[str, tuple[str, dict[str, Any]]] = {
 """Environments that policies are tried in: what they are called, name of the environment, arguments."""
 
 
-def table_of_transfers(episodes: int) -> str:
-    """Every policy of examples/policies/ where it was trained and elsewhere, from the same starts. All in 64 bits."""
-    out = [
-        "| task | trained in | evaluated in | mean return | paired difference | 90 % confidence | within 2 % |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    for file in sorted(POLICIES.glob("*.npz")):
+def table_of_transfers(episodes: int, only: str) -> str:
+    """Policies of examples/policies/ where they were trained and elsewhere, from the same starts, all in 64 bits.
+
+    Rows of the page stay unless they are made again: `only` is in the names of the files whose rows are.
+    """
+    head, line, *kept = read_table("transfer")
+    rows = {tuple(_cells(row)[:3]): row for row in kept}
+    for file in sorted(POLICIES.glob(f"*{only}*.npz")):
         policy = load(file)
         task = str(policy.training["env"]).removeprefix("stepper/")
         if task not in gymnasium.registry:  # The Go1's is stepper's alone.
@@ -181,14 +183,13 @@ def table_of_transfers(episodes: int) -> str:
             envs = home[0].format(task), name.format(task)
             both: Comparison = compare(policy, *envs, episodes=episodes, seed=2**33, settings=(home[1], settings))
             (low, high), share = both.interval, 100.0 / abs(both.one.mean)
-            if f"| {task} | {engine} | {engine} |" not in "".join(out):
-                out.append(f"| {task} | {engine} | {engine} | {both.one.mean:.0f} | | | |")
-                print(out[-1], flush=True)
+            rows[task, engine, engine] = f"| {task} | {engine} | {engine} | {both.one.mean:.0f} | | | |"
             cells = [task, engine, column, f"{both.other.mean:.0f}", f"{both.difference:+.0f} ({share * both.difference:+.1f} %)"]
             cells += [f"{share * low:+.1f} % to {share * high:+.1f} %", both.verdict]
-            out.append("| " + " | ".join(cells) + " |")
-            print(out[-1], flush=True)
-    return "\n".join(out)
+            rows[task, engine, column] = "| " + " | ".join(cells) + " |"
+            print(rows[task, engine, column], flush=True)
+    # Where it was trained comes first.
+    return "\n".join([head, line, *(rows[name] for name in sorted(rows, key=lambda name: (*name[:2], name[1] != name[2], name[2])))])
 
 
 _LAWS = {"mujoco": "MuJoCo's law", "hard": "hard contact"}
@@ -226,6 +227,7 @@ def main() -> None:
     parser.add_argument("what", choices=("curves", "evaluate", "follow", "transfer"))
     parser.add_argument("--runs", type=Path, default=RUNS, help="folder of the runs")
     parser.add_argument("--episodes", type=int, help="20 of each run, 200 of each transfer and of each Go1")
+    parser.add_argument("--only", default="", metavar="NAME", help="policies whose files have this in their names, for transfer")
     given = parser.parse_args()
     if given.what == "curves":
         draw(collect(given.runs), DOCS / "learning_curves.png")
@@ -234,7 +236,7 @@ def main() -> None:
     elif given.what == "follow":
         write_table("follow", table_of_following(given.runs, given.episodes or 200))
     else:
-        write_table("transfer", table_of_transfers(given.episodes or 200))
+        write_table("transfer", table_of_transfers(given.episodes or 200, given.only))
 
 
 if __name__ == "__main__":

@@ -130,6 +130,8 @@ SMALL: Mapping[str, Any] = {
 TASKS: Mapping[str, Mapping[str, Any]] = {
     "Hopper-v5": SMALL,
     "Walker2d-v5": SMALL,
+    "InvertedPendulum-v5": {"steps": 2_000_000},
+    "InvertedDoublePendulum-v5": {"steps": 3_000_000},
     "Go1Velocity-v0": {"steps": 10_000_000, "epochs": 5},
 }
 """Settings of a task in place of those above, whichever engine steps it; options of the command line go before both."""

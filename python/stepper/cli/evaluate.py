@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def evaluate(
-    policy: Path, env: str, against: str, *, episodes: int, seed: int, margin: float, infos: list[str], settings: dict[str, Any]
+    policy: Path, env: str, against: str, *, episodes: int, seed: int, margin: float, settings: dict[str, Any], infos: Sequence[str] = ()
 ) -> None:
     """Returns of a policy over fresh episodes, with a confidence interval; what differs from where it was trained is named first.
 
@@ -27,13 +28,13 @@ def evaluate(
 
     Example: stepper evaluate go1_velocity.npz stepper/Go1Velocity-v0 --info tracking_error --episodes 200
     """
+    if against and infos:
+        raise ValueError("--info has no comparison: leave out --against")
     loaded = load(policy)
     for name, given in ((env, settings), (against, {})):
         if name:
             for line in differences(loaded.environment, describe(make(name, **given))):
                 print(f"{name}: {line}", file=sys.stderr)
-    if against and infos:
-        raise ValueError("--info has no comparison: leave out --against")
     if against:
         both = compare(loaded, env, against, episodes=episodes, seed=seed, margin=margin, settings=(settings, {}))
         print(both.one, both.other, both, sep="\n")

@@ -2,6 +2,7 @@
 
 import pickle
 from importlib.util import find_spec
+from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -10,6 +11,7 @@ import stepper
 import stepper.envs
 from stepper.envs import StepperEnv, StepperVectorEnv
 from stepper.envs.locomotion import Go1Velocity
+from stepper.policies import evaluate, load
 
 pytestmark = pytest.mark.skipif(find_spec("mjlab") is None, reason="mjlab, whose robot this is, is not installed: make training")
 
@@ -189,3 +191,15 @@ def test_it_is_registered_and_ends_where_it_falls():
 
 def stance_of(env):
     return env.unwrapped.task.memory(1)["last"][0]
+
+
+def test_the_policy_that_is_kept_follows_its_commands():
+    """Within 0.25 m/s in x and y, with pushes; one that stands in its stance does not."""
+    policy = load(Path(__file__).parents[2] / "examples/policies/go1_velocity.npz")
+    standing = Go1Velocity().memory(32)["last"]
+    follows, stands = (
+        evaluate(act, "stepper/Go1Velocity-v0", episodes=32, seed=7, infos=("tracking_error",), precision="f32").infos["tracking_error"]
+        for act in (policy, lambda observation: standing)
+    )
+    assert follows.mean() < 0.25
+    assert stands.mean() > 0.4

@@ -132,7 +132,7 @@ TASKS: Mapping[str, Mapping[str, Any]] = {
     "Walker2d-v5": SMALL,
     "InvertedPendulum-v5": {"steps": 2_000_000},
     "InvertedDoublePendulum-v5": {"steps": 3_000_000},
-    "Go1Velocity-v0": {"steps": 15_000_000, "epochs": 5},
+    "Go1Velocity-v0": {"steps": 13_000_000, "epochs": 5},
 }
 """Settings of a task in place of those above, whichever engine steps it; options of the command line go before both."""
 

@@ -2,6 +2,7 @@
 
     python benches/training.py curves                       # from the runs in out/train: docs/learning_curves.csv and .png
     python benches/training.py evaluate                     # fresh episodes of their policies
+    python benches/training.py follow                       # how far the Go1 is from the velocities that it is commanded
     python benches/training.py transfer                     # examples/policies/ in other environments, from the same starts
 
 Tables are written into docs/training.md. `curves` adds to the rows of docs/learning_curves.csv: runs may be made one after the other.
@@ -15,7 +16,10 @@ import re
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
+import stepper.envs
+from stepper.envs.locomotion import Go1Velocity
 from stepper.policies import Comparison, Policy, compare, evaluate, load
 from stepper.shared.machine import require
 
@@ -93,13 +97,17 @@ def _named(run: str) -> tuple[str, str]:
     match = re.fullmatch(r"(stepper_)?(.+?-v\d+)(?:_(\w+))?", run)
     if match is None:
         raise ValueError(f"{run} is no folder of a run of examples/train.py")
-    law = "hard contact" if match[3] == "hard" else "MuJoCo's law"
-    return "MuJoCo" if match[1] is None else f"stepper, {law}", match[2]
+    if match[1] is None:
+        return "MuJoCo", match[2]
+    task = gymnasium.spec(f"stepper/{match[2]}").kwargs["task"]
+    law = match[3] or (stepper.envs.TASKS[task] if isinstance(task, str) else task).contact
+    return f"stepper, {_LAWS[law]}", match[2]
 
 
 def table_of_runs(runs: Path, episodes: int) -> str:
-    """Time, steps and fresh episodes of every run, a row each."""
-    out = ["| task | law | seed | million steps | minutes | mean return | 95 % confidence | worst |", "|---|---|---|---|---|---|---|---|"]
+    """Time, steps and fresh episodes of every run, a row each: those of the page, with the runs of a folder in place of the same ones."""
+    head, line, *kept = read_table("evaluate")
+    rows = {tuple(_cells(row)[:3]): row for row in kept}
     for file in sorted(runs.glob("*/seed*/policy.npz")):
         policy = load(file)
         t = policy.training
@@ -107,11 +115,37 @@ def table_of_runs(runs: Path, episodes: int) -> str:
         found = evaluate(policy, t["env"], episodes=episodes, seed=2**32, **own)
         low, high = found.interval()
         engine, task = _named(file.parent.parent.name)
-        with (file.parent / "curve.csv").open() as rows:
-            last = list(csv.DictReader(rows))[-1]
-        cells = [task, engine, t["seed"], f"{float(last['steps']) / 1e6:.1f}", f"{float(last['seconds']) / 60:.1f}"]
+        cells = [task, engine, str(t["seed"]), *_spent(file.parent)]
         cells += [f"{found.mean:.0f}", f"{low:.0f} to {high:.0f}", f"{found.returns.min():.0f}"]
-        out.append("| " + " | ".join(map(str, cells)) + " |")
+        rows[tuple(cells[:3])] = "| " + " | ".join(cells) + " |"
+        print(rows[tuple(cells[:3])], flush=True)
+    return "\n".join([head, line, *(rows[name] for name in sorted(rows))])
+
+
+def _spent(run: Path) -> list[str]:
+    """Million steps of a run, minutes by the clock, and minutes of processor time."""
+    with (run / "curve.csv").open() as file:
+        last = list(csv.DictReader(file))[-1]
+    return [f"{float(last[name]) / scale:.1f}" for name, scale in (("steps", 1e6), ("seconds", 60.0), ("processor", 60.0))]
+
+
+def table_of_following(runs: Path, episodes: int) -> str:
+    """Fresh episodes of every run of the Go1: distance from the commanded velocity, and falls; beside one that stands still."""
+    env = "stepper/Go1Velocity-v0"
+    out = [
+        "| seed | million steps | minutes | minutes of processor | mean return | error, m/s | 95 % confidence | worst episode | falls |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    stance = Go1Velocity().memory(episodes)["last"]
+    rows: list[tuple[list[str], Any]] = [(["stands still", "", "", ""], lambda observation: stance)]
+    for file in sorted(runs.glob("stepper_Go1Velocity-v0/seed*/policy.npz")):
+        rows.append(([file.parent.name.removeprefix("seed"), *_spent(file.parent)], load(file)))
+    for cells, policy in rows:
+        found = evaluate(policy, env, episodes=episodes, seed=2**32, infos=("tracking_error",), precision="f32")
+        errors = found.infos["tracking_error"]
+        low, high = found.interval(info="tracking_error")
+        cells += [f"{found.mean:.0f}", f"{errors.mean():.3f}", f"{low:.3f} to {high:.3f}", f"{errors.max():.2f}"]
+        out.append("| " + " | ".join([*cells, f"{np.sum(found.lengths < found.lengths.max())} of {episodes}"]) + " |")
         print(out[-1], flush=True)
     return "\n".join(out)
 
@@ -129,16 +163,17 @@ TRANSFERS: dict[str, tuple[str, dict[str, Any]]] = {
 """Environments that policies are tried in: what they are called, name of the environment, arguments."""
 
 
-def table_of_transfers(episodes: int) -> str:
-    """Every policy of examples/policies/ where it was trained and elsewhere, from the same starts. All in 64 bits."""
-    out = [
-        "| task | trained in | evaluated in | mean return | paired difference | 90 % confidence | within 2 % |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    for file in sorted(POLICIES.glob("*.npz")):
+def table_of_transfers(episodes: int, only: str) -> str:
+    """Policies of examples/policies/ where they were trained and elsewhere, from the same starts, all in 64 bits.
+
+    Rows of the page stay unless they are made again: `only` is in the names of the files whose rows are.
+    """
+    head, line, *kept = read_table("transfer")
+    rows = {tuple(_cells(row)[:3]): row for row in kept}
+    for file in sorted(POLICIES.glob(f"*{only}*.npz")):
         policy = load(file)
         task = str(policy.training["env"]).removeprefix("stepper/")
-        if task not in _GYMNASIUMS:
+        if task not in gymnasium.registry:  # The Go1's is stepper's alone.
             continue
         engine = "MuJoCo" if task == policy.training["env"] else f"stepper, {_LAWS[_law(policy)]}"
         home = TRANSFERS[engine]
@@ -148,45 +183,60 @@ def table_of_transfers(episodes: int) -> str:
             envs = home[0].format(task), name.format(task)
             both: Comparison = compare(policy, *envs, episodes=episodes, seed=2**33, settings=(home[1], settings))
             (low, high), share = both.interval, 100.0 / abs(both.one.mean)
-            if f"| {task} | {engine} | {engine} |" not in "".join(out):
-                out.append(f"| {task} | {engine} | {engine} | {both.one.mean:.0f} | | | |")
-                print(out[-1], flush=True)
+            rows[task, engine, engine] = f"| {task} | {engine} | {engine} | {both.one.mean:.0f} | | | |"
             cells = [task, engine, column, f"{both.other.mean:.0f}", f"{both.difference:+.0f} ({share * both.difference:+.1f} %)"]
             cells += [f"{share * low:+.1f} % to {share * high:+.1f} %", both.verdict]
-            out.append("| " + " | ".join(cells) + " |")
-            print(out[-1], flush=True)
-    return "\n".join(out)
+            rows[task, engine, column] = "| " + " | ".join(cells) + " |"
+            print(rows[task, engine, column], flush=True)
+    # Where it was trained comes first.
+    return "\n".join([head, line, *(rows[name] for name in sorted(rows, key=lambda name: (*name[:2], name[1] != name[2], name[2])))])
 
 
 _LAWS = {"mujoco": "MuJoCo's law", "hard": "hard contact"}
-_GYMNASIUMS = {"HalfCheetah-v5", "Hopper-v5", "Walker2d-v5", "Ant-v5", "InvertedDoublePendulum-v5"}
-"""Tasks that Gymnasium has too."""
+
+
+def _parts(name: str) -> tuple[str, str, str]:
+    """docs/training.md up to a table, the table, and from there on."""
+    begin, end = f"<!-- {name}: made by `python benches/training.py {name}` -->", f"<!-- end of {name} -->"
+    text = (DOCS / "training.md").read_text()
+    if begin not in text or end not in text:
+        raise ValueError(f"docs/training.md has no marks {begin!r} and {end!r} for the table")
+    before, _, rest = text.partition(begin)
+    table, _, after = rest.partition(end)
+    return f"{before}{begin}\n\n", table, f"\n\n{end}{after}"
+
+
+def read_table(name: str) -> list[str]:
+    """Lines of a table of docs/training.md."""
+    return _parts(name)[1].split("\n")[2:-2]
+
+
+def _cells(row: str) -> list[str]:
+    return [cell.strip() for cell in row.strip("|").split("|")]
 
 
 def write_table(name: str, table: str) -> None:
     """Puts a table between its marks in docs/training.md."""
-    page = DOCS / "training.md"
-    begin, end = f"<!-- {name}: made by `python benches/training.py {name}` -->", f"<!-- end of {name} -->"
-    text = page.read_text()
-    if begin not in text or end not in text:
-        raise ValueError(f"{page} has no marks {begin!r} and {end!r} for the table")
-    head, _, rest = text.partition(begin)
-    page.write_text(f"{head}{begin}\n\n{table}\n\n{end}{rest.partition(end)[2]}")
+    before, _, after = _parts(name)
+    (DOCS / "training.md").write_text(before + table + after)
 
 
 def main() -> None:
     """Makes what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("curves", "evaluate", "transfer"))
+    parser.add_argument("what", choices=("curves", "evaluate", "follow", "transfer"))
     parser.add_argument("--runs", type=Path, default=RUNS, help="folder of the runs")
-    parser.add_argument("--episodes", type=int, help="20 of each run, 200 of each transfer")
+    parser.add_argument("--episodes", type=int, help="20 of each run, 200 of each transfer and of each Go1")
+    parser.add_argument("--only", default="", metavar="NAME", help="policies whose files have this in their names, for transfer")
     given = parser.parse_args()
     if given.what == "curves":
         draw(collect(given.runs), DOCS / "learning_curves.png")
     elif given.what == "evaluate":
         write_table("evaluate", table_of_runs(given.runs, given.episodes or 20))
+    elif given.what == "follow":
+        write_table("follow", table_of_following(given.runs, given.episodes or 200))
     else:
-        write_table("transfer", table_of_transfers(given.episodes or 200))
+        write_table("transfer", table_of_transfers(given.episodes or 200, given.only))
 
 
 if __name__ == "__main__":

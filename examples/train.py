@@ -23,6 +23,7 @@ import shutil
 import tempfile
 import time
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -101,10 +102,39 @@ class Settings:
                 f"({self.num_envs} environments, {self.horizon} steps of each), or nothing is learned: give a smaller --minibatch"
             )
 
+    @classmethod
+    def of_task(cls, env: str, **given: Any) -> Settings:
+        """Those of a task in `TASKS`, but for what is given."""
+        return cls(env=env, **{**TASKS.get(env.removeprefix("stepper/"), {}), **given})
+
     def environment(self) -> dict[str, Any]:
         """Arguments of the environment: Gymnasium's own have none of these."""
         given = {"contact": self.contact, "precision": self.precision} if self.env.startswith("stepper/") else {}
         return {name: value for name, value in given.items() if value}
+
+
+SMALL: Mapping[str, Any] = {
+    "steps": 3_000_000,
+    "num_envs": 64,
+    "horizon": 64,
+    "minibatch": 512,
+    "epochs": 8,
+    "learning_rate": 3e-4,
+    "target_kl": 0.01,
+    "max_grad_norm": 0.5,
+    "initial_std": 1.0,
+}
+"""Many small gradient steps, and actions that are far apart at first: for tasks whose episodes end with a fall."""
+
+
+TASKS: Mapping[str, Mapping[str, Any]] = {
+    "Hopper-v5": SMALL,
+    "Walker2d-v5": SMALL,
+    "InvertedPendulum-v5": {"steps": 2_000_000},
+    "InvertedDoublePendulum-v5": {"steps": 3_000_000},
+    "Go1Velocity-v0": {"steps": 13_000_000, "epochs": 5},
+}
+"""Settings of a task in place of those above, whichever engine steps it; options of the command line go before both."""
 
 
 FRESH = 2**32
@@ -429,7 +459,7 @@ def main() -> None:
     """Trains, evaluates, films."""
     given = vars(arguments().parse_args())
     env, out, episodes, video = (given.pop(name) for name in ("env", "out", "evaluate", "film"))
-    settings = Settings(env=env, **{name: value for name, value in given.items() if value is not None})
+    settings = Settings.of_task(env, **{name: value for name, value in given.items() if value is not None})
     law = f"_{settings.contact}" if settings.contact else ""
     folder = out or Path("out/train", env.replace("/", "_") + law, f"seed{settings.seed}")
     run = train(settings, folder)

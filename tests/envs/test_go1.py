@@ -2,6 +2,7 @@
 
 import pickle
 from importlib.util import find_spec
+from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -10,6 +11,7 @@ import stepper
 import stepper.envs
 from stepper.envs import StepperEnv, StepperVectorEnv
 from stepper.envs.locomotion import Go1Velocity
+from stepper.policies import evaluate, load
 
 pytestmark = pytest.mark.skipif(find_spec("mjlab") is None, reason="mjlab, whose robot this is, is not installed: make training")
 
@@ -118,6 +120,26 @@ def test_pushes_come_when_they_were_drawn(envs):
     assert np.abs(expected).max() > 0.1
 
 
+def test_strides_are_what_feet_are_in_the_air_when_they_land():
+    """A foot lands where its lowest point comes within 1 cm of the ground; its time in the air beyond 0.1 s counts, up to 0.3 s."""
+    envs = StepperVectorEnv(Go1Velocity(max_push=0.0), 8)
+    envs.reset(seed=5)
+    qpos = np.array(envs.sim.qpos)
+    qpos[:, 2] = [0.28, 0.3, 0.32, 0.35, 0.4, 0.5, 0.7, 0.9]  # Falls of nothing to 0.35 s.
+    envs.set_state(qpos, np.zeros((8, 18)))
+    sites = [envs.sim.model.site_names.index(name) for name in ("FR", "FL", "RR", "RL")]
+    air, gained, moves = np.zeros((8, 4)), [], np.linalg.norm(envs.now.memory["commands"][:, 0], axis=1) > 0.1
+    for _ in range(25):
+        info = envs.step(stance(envs))[4]
+        height = envs.sim.site_xpos[:, sites, 2] - 0.023
+        expected = np.where((height < 0.01) & (air > 0.0), np.minimum(air, 0.3) - 0.1, 0.0).sum(axis=1)
+        air = np.where(height < 0.01, 0.0, air + 0.02)
+        np.testing.assert_allclose(info["reward_stride"], 3.0 * expected * moves, atol=1e-12)
+        gained.append(info["reward_stride"])
+    assert np.min(gained) < 0.0
+    assert np.max(gained) > 0.5
+
+
 @pytest.mark.parametrize("latency", [0, 1, 3, 4])
 def test_actions_are_late_by_whole_steps(latency):
     envs = StepperVectorEnv(Go1Velocity(max_push=0.0), 2)
@@ -169,3 +191,15 @@ def test_it_is_registered_and_ends_where_it_falls():
 
 def stance_of(env):
     return env.unwrapped.task.memory(1)["last"][0]
+
+
+def test_the_policy_that_is_kept_follows_its_commands():
+    """Within 0.25 m/s in x and y, with pushes; one that stands in its stance does not."""
+    policy = load(Path(__file__).parents[2] / "examples/policies/go1_velocity.npz")
+    standing = Go1Velocity().memory(32)["last"]
+    follows, stands = (
+        evaluate(act, "stepper/Go1Velocity-v0", episodes=32, seed=7, infos=("tracking_error",), precision="f32").infos["tracking_error"]
+        for act in (policy, lambda observation: standing)
+    )
+    assert follows.mean() < 0.25
+    assert stands.mean() > 0.4

@@ -91,6 +91,21 @@ def test_every_setting_is_an_option_with_its_help(monkeypatch):
         assert f"[{train.Settings.minibatch}]" in parser.format_help()
 
 
+def test_a_task_has_settings_of_its_own_and_options_go_before_them(monkeypatch):
+    own = train.TASKS["Hopper-v5"]["num_envs"]
+    assert own != train.Settings.num_envs
+    for env in ("Hopper-v5", "stepper/Hopper-v5"):
+        assert train.Settings.of_task(env).num_envs == own
+        assert train.Settings.of_task(env, num_envs=512).num_envs == 512
+    assert train.Settings.of_task("stepper/HalfCheetah-v5") == train.Settings()
+    taken = []
+    monkeypatch.setattr(train, "train", lambda settings, folder: taken.append(settings) or (_ for _ in ()).throw(StoppedError))
+    monkeypatch.setattr("sys.argv", ["train.py", "Hopper-v5", "--horizon", "128"])
+    with pytest.raises(StoppedError):
+        train.main()
+    assert taken == [train.Settings.of_task("Hopper-v5", horizon=128)]
+
+
 @pytest.mark.parametrize(("settings", "message"), [
     ({"num_envs": 128}, r"minibatch is 8192, must be from 1 to the 4096 samples.*--minibatch"),
     ({"minibatch": 0}, "minibatch is 0"),

@@ -31,6 +31,26 @@ def test_returns_are_those_of_single_episodes():
     assert len(set(found.lengths)) > 1
 
 
+def test_infos_are_means_over_each_episode():
+    """The cheetah's velocity, of episodes whose time runs out; the pendulum's distance, of episodes that end at different times."""
+    found = evaluate(lambda observation: np.full((len(observation), 6), 0.3), "stepper/HalfCheetah-v5", episodes=2, infos=("x_velocity",))
+    single = gymnasium.make("stepper/HalfCheetah-v5")
+    single.reset(seed=1)
+    velocities = [single.step(np.full(6, 0.3))[4]["x_velocity"] for _ in range(1000)]
+    # The same numbers summed in the same order.
+    assert found.infos["x_velocity"][1] == np.cumsum(velocities)[-1] / 1000
+    assert f"x_velocity {found.infos['x_velocity'].mean():.4g}" in str(found)
+    falls = evaluate(still, "stepper/InvertedDoublePendulum-v5", episodes=6, infos=("reward_survive",))
+    assert len(set(falls.lengths)) > 1
+    # It is 10 in every step but the last, in which it falls.
+    np.testing.assert_allclose(falls.infos["reward_survive"], 10.0 * (1.0 - 1.0 / falls.lengths), rtol=1e-12)
+
+
+def test_an_info_that_there_is_not_is_named():
+    with pytest.raises(ValueError, match=r"no number 'speed', they have: .*reward_survive"):
+        evaluate(still, "stepper/InvertedDoublePendulum-v5", episodes=2, infos=("speed",))
+
+
 @needs_gymnasiums
 def test_gymnasiums_own_environment_from_the_same_starts():
     """Under MuJoCo's law, and its solver: it balances in both for as long, to the bound of an episode."""

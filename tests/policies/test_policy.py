@@ -205,3 +205,9 @@ def test_the_command_names_differences_and_compares(envs, tmp_path, capsys):
     assert first.startswith("stepper/Reacher-v5: -")
     assert second.startswith("Reacher-v5: -")
     assert verdict.startswith("Reacher-v5 less stepper/Reacher-v5:")
+    evaluate(tmp_path / "policy.npz", "stepper/Reacher-v5", "", episodes=3, seed=0, margin=0.02, settings=settings, infos=["reward_ctrl"])
+    assert ", reward_ctrl -" in capsys.readouterr().out
+    with pytest.raises(ValueError, match="--info has no comparison"):
+        evaluate(
+            tmp_path / "policy.npz", "stepper/Reacher-v5", "Reacher-v5", episodes=3, seed=0, margin=0.02, settings={}, infos=["reward_ctrl"]
+        )

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -27,21 +27,23 @@ class Evaluation:
         returns: Sums of rewards, (episodes,).
         lengths: Actions, (episodes,).
         non_finite: Episodes that ended because their state would not have been finite.
+        infos: Means over each episode of the infos that were asked for, (episodes,), by name.
     """
 
     env: str
     returns: Array
     lengths: Array
     non_finite: int = 0
+    infos: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def mean(self) -> float:
         """Mean return."""
         return float(self.returns.mean())
 
-    def interval(self, confidence: float = 0.95) -> tuple[float, float]:
-        """Student's confidence interval of the mean return."""
-        return _interval(self.returns, confidence)
+    def interval(self, confidence: float = 0.95, info: str = "") -> tuple[float, float]:
+        """Student's confidence interval of the mean return, or of the mean of one of `infos`."""
+        return _interval(self.infos[info] if info else self.returns, confidence)
 
     def __str__(self) -> str:
         low, high = self.interval()
@@ -49,6 +51,9 @@ class Evaluation:
             f"{self.env}: {self.mean:.1f} mean return of {len(self.returns)} episodes, 95 % confidence {low:.1f} to {high:.1f}, "
             f"worst {self.returns.min():.1f}, best {self.returns.max():.1f}, mean length {self.lengths.mean():.1f}"
         )
+        for name, means in self.infos.items():
+            low, high = self.interval(info=name)
+            text += f", {name} {means.mean():.4g} ({low:.4g} to {high:.4g})"
         return text + (f", {self.non_finite} ended as their state would not have been finite" if self.non_finite else "")
 
 
@@ -132,6 +137,7 @@ def evaluate(
     episodes: int = 20,
     seed: int = 0,
     starts: tuple[Array, Array] | None = None,
+    infos: Sequence[str] = (),
     **settings: Any,
 ) -> Evaluation:
     """Runs a policy in fresh episodes.
@@ -142,17 +148,18 @@ def evaluate(
         episodes: How many.
         seed: Episode k has the seed `seed + k`.
         starts: Configurations (episodes, nq) and velocities (episodes, nv) that episodes begin from, in place of those of the seeds.
+        infos: Names of infos, one number of each environment, whose means over each episode are taken too.
         **settings: Arguments of the environment.
 
     Raises:
-        ValueError: No such environment, settings that it does not have, or fewer than two episodes.
+        ValueError: No such environment, settings or infos that it does not have, or fewer than two episodes.
         MissingPackageError: Gymnasium is not installed.
     """
     if episodes < 2:
         raise ValueError(f"episodes is {episodes}, must be at least 2: one has no confidence interval")
     if env.startswith("stepper/"):
-        return _together(make(env, episodes, **settings), env, policy, seed, starts)
-    return _one_by_one(make(env, **settings), policy, range(seed, seed + episodes), starts)
+        return _together(make(env, episodes, **settings), policy, seed, starts, infos)
+    return _one_by_one(make(env, **settings), policy, range(seed, seed + episodes), starts, infos)
 
 
 def compare(
@@ -197,24 +204,29 @@ def _starts(env: str, episodes: int, seed: int, settings: dict[str, Any]) -> tup
     return envs.unwrapped.sim.qpos.astype(np.float64), envs.unwrapped.sim.qvel.astype(np.float64)
 
 
-def _together(envs: Any, name: str, policy: Act, seed: int, starts: tuple[Array, Array] | None) -> Evaluation:
+def _together(envs: Any, policy: Act, seed: int, starts: tuple[Array, Array] | None, infos: Sequence[str]) -> Evaluation:
     """Every episode in an environment of its own. Those that are over go on with another, which is not counted."""
     observation, _ = envs.reset(seed=seed)
     if starts is not None:
         observation = envs.unwrapped.set_state(*starts)
     returns, lengths = np.zeros(envs.num_envs), np.zeros(envs.num_envs, dtype=np.int64)
     running, failed = np.ones(envs.num_envs, dtype=bool), np.zeros(envs.num_envs, dtype=bool)
+    sums = {key: np.zeros(envs.num_envs) for key in infos}
     while running.any():
         observation, reward, terminated, truncated, info = envs.step(policy(observation))
         returns[running] += reward[running]
+        for key, total in sums.items():
+            total[running] += _info(info, key)[running]
         lengths += running
         failed |= running & np.asarray(info.get("non_finite", False))
         running &= ~(terminated | truncated)
-    return Evaluation(env=name, returns=returns, lengths=lengths, non_finite=int(failed.sum()))
+    means = {key: total / lengths for key, total in sums.items()}
+    return Evaluation(env=envs.spec.id, returns=returns, lengths=lengths, non_finite=int(failed.sum()), infos=means)
 
 
-def _one_by_one(env: Any, policy: Act, seeds: range, starts: tuple[Array, Array] | None) -> Evaluation:
+def _one_by_one(env: Any, policy: Act, seeds: range, starts: tuple[Array, Array] | None, infos: Sequence[str]) -> Evaluation:
     returns, lengths = np.zeros(len(seeds)), np.zeros(len(seeds), dtype=np.int64)
+    sums = {key: np.zeros(len(seeds)) for key in infos}
     for k, seed in enumerate(seeds):
         observation, _ = env.reset(seed=seed)
         if starts is not None:
@@ -222,12 +234,22 @@ def _one_by_one(env: Any, policy: Act, seeds: range, starts: tuple[Array, Array]
             observation = env.unwrapped._get_obs()  # Gymnasium's MuJoCo environments have no public name for it.
         over = False
         while not over:
-            observation, reward, terminated, truncated, _ = env.step(policy(np.asarray(observation)[None])[0])
+            observation, reward, terminated, truncated, info = env.step(policy(np.asarray(observation)[None])[0])
             returns[k] += reward
+            for key, total in sums.items():
+                total[k] += _info(info, key)
             lengths[k] += 1
             over = terminated or truncated
     env.close()
-    return Evaluation(env=env.spec.id, returns=returns, lengths=lengths)
+    return Evaluation(env=env.spec.id, returns=returns, lengths=lengths, infos={key: total / lengths for key, total in sums.items()})
+
+
+def _info(info: Mapping[str, Any], name: str) -> Array:
+    """A number of each environment that a step's info has."""
+    if name not in info or np.ndim(info[name]) > 1:
+        numbers = sorted(key for key, value in info.items() if not key.startswith("_") and np.ndim(value) < 2)
+        raise ValueError(f"the infos have no number {name!r}, they have: {', '.join(numbers) or 'none'}")
+    return np.asarray(info[name], dtype=np.float64)
 
 
 def _interval(values: Array, confidence: float) -> tuple[float, float]:

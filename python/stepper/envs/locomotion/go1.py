@@ -6,6 +6,7 @@ import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 from xml.etree import ElementTree
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from stepper._stepper import Model, Stepper
 from stepper.envs.assets import load_quietly, read_once
 from stepper.envs.streams import Draws
-from stepper.envs.task import Array, Moment, Quantity, Task, Terms, per_moment, square_sum
+from stepper.envs.task import Array, Camera, Moment, Quantity, Task, Terms, per_moment, square_sum
 from stepper.shared.machine import package_file
 
 _FILE = "asset_zoo/robots/unitree_go1/xmls/go1.xml"
@@ -34,6 +35,14 @@ _STEEPEST = 0.5
 """Cosine of the inclination of the trunk at which an episode ends."""
 _LOWEST = 0.15
 """Height of the trunk at which it ends, m."""
+_GREY, _LIGHT = "0.25 0.25 0.28 1", "0.75 0.75 0.78 1"
+"""Colours of what touches the ground, and of the rest."""
+_FOOT, _CLEAR = 0.023, 0.01
+"""Radius of a foot, and its height above which it is in the air, m."""
+_SHORTEST, _LONGEST = 0.1, 0.3
+"""Times in the air, s: a foot that lands gains by what is beyond the first, up to the second."""
+_STANDS = 0.1
+"""Length of a command below which it is one to stand."""
 _COMMANDS, _PUSHES = 2, 3
 """Commands of an episode, one after the other; pushes of an episode."""
 
@@ -63,6 +72,8 @@ class Go1Velocity(Task):
         ValueError: A latency out of its range, a weight of a term that there is not.
     """
 
+    camera: ClassVar[Camera] = {"trackbodyid": 1, "distance": 2.0, "azimuth": 120.0, "elevation": -20.0}
+
     frame_skip: int = 4
     max_command: tuple[float, float, float] = (1.0, 0.5, 1.0)
     max_latency: int = 4
@@ -85,7 +96,7 @@ class Go1Velocity(Task):
         return _scene()
 
     def memory(self, num_envs: int) -> Terms:
-        """Commands and pushes of the episodes, and the action before the last."""
+        """Commands and pushes of the episodes, the last two actions, and how long each foot is in the air."""
         return {
             "step": np.zeros(num_envs, dtype=np.int64),
             "commands": np.zeros((num_envs, _COMMANDS, 3)),
@@ -94,6 +105,8 @@ class Go1Velocity(Task):
             "latency": np.zeros(num_envs, dtype=np.int64),
             "last": np.tile(_stance(), (num_envs, 1)),
             "before": np.tile(_stance(), (num_envs, 1)),
+            "air": np.zeros((num_envs, 4)),
+            "stride": np.zeros(num_envs),
         }
 
     def quantities(self) -> tuple[Quantity, ...]:
@@ -121,6 +134,7 @@ class Go1Velocity(Task):
             "pose": -square_sum(now.qpos[:, 7:] - _stance()),
             "torque": -square_sum(now.actuator_force),
             "change": -square_sum(now.memory["last"] - now.memory["before"]),
+            "stride": now.memory["stride"] * (square_sum(command) > _STANDS**2),
         }
         weights = {**WEIGHTS, **(self.weights or {})}
         total: Array = sum((weights[name] * term for name, term in terms.items()), np.zeros(len(error)))
@@ -159,22 +173,25 @@ class Go1Velocity(Task):
             "latency": (draws.uniform(0.0, 1.0, 1)[:, 0] * (self.max_latency + 1)).astype(np.int64),
             "last": _stance(),
             "before": _stance(),
+            "air": 0.0,
+            "stride": 0.0,
         }
         for name, values in now.items():
             memory[name][mask] = values
         model = sim.model
         feet = [k for k, name in enumerate(model.geom_names) if name.endswith("foot_collision")]
         trunk = model.body("trunk").id
-        fields = {name: _of_all(sim, name) for name in ("geom_friction", "body_mass", "body_ipos", "actuator_gain", "actuator_bias")}
-        friction = fields["geom_friction"][mask]
-        friction[:, feet, 0] = draws.uniform(*self.friction, 1)
-        fields["geom_friction"][mask] = friction
-        fields["body_mass"][mask, trunk] = model.body_mass[trunk] * draws.uniform(*self.mass_scale, 1)[:, 0]
-        shift = draws.uniform(-self.center_shift, self.center_shift, 3)
-        fields["body_ipos"][mask, trunk] = model.body_ipos[trunk] + shift
+        own = ("geom_friction", "body_mass", "body_ipos", "actuator_gain", "actuator_bias")
+        rows = {name: np.tile(value, (count, *[1] * value.ndim)) for name in own for value in [np.asarray(getattr(model, name))]}
+        rows["geom_friction"][:, feet, 0] = draws.uniform(*self.friction, 1)
+        rows["body_mass"][:, trunk] *= draws.uniform(*self.mass_scale, 1)[:, 0]
+        rows["body_ipos"][:, trunk] += draws.uniform(-self.center_shift, self.center_shift, 3)
         gains = draws.uniform(*self.gain_scale, model.nu)[:, :, None]
-        for name in ("actuator_gain", "actuator_bias"):
-            fields[name][mask] = getattr(model, name) * gains
+        rows["actuator_gain"] *= gains
+        rows["actuator_bias"] *= gains
+        fields = {name: np.zeros((len(mask), *value.shape[1:])) for name, value in rows.items()}
+        for name, value in rows.items():
+            fields[name][mask] = value
         sim.randomize(mask, **fields)
 
     def advance(self, now: Moment) -> None:
@@ -195,6 +212,11 @@ class Go1Velocity(Task):
             sim.step(np.where(waits[:, None], memory["before"], now.action))
             status |= sim.status
         now.keep("status", status)
+        air = memory["air"]
+        stands = sim.site_xpos[:, _feet(), 2] < _FOOT + _CLEAR
+        landed = stands & (air > 0.0)
+        memory["stride"][:] = np.where(landed, np.minimum(air, _LONGEST) - _SHORTEST, 0.0).sum(axis=1)
+        memory["air"][:] = np.where(stands, 0.0, air + now.dt)
 
 
 WEIGHTS: Mapping[str, float] = {
@@ -202,19 +224,13 @@ WEIGHTS: Mapping[str, float] = {
     "angular": 0.5,
     "bounce": 0.5,
     "roll": 0.02,
-    "tilt": 1.0,
-    "pose": 0.05,
+    "tilt": 2.0,
+    "pose": 0.1,
     "torque": 1e-4,
     "change": 0.05,
+    "stride": 3.0,
 }
 """Weights of the terms of the reward."""
-
-
-def _of_all(sim: Stepper, name: str) -> Array:
-    """A parameter of all environments, as they have it now: (num_envs, ...)."""
-    given = sim.randomized.get(name)
-    own = np.asarray(getattr(sim.model, name))
-    return np.array(given) if given is not None else np.tile(own, (sim.num_envs or 1, *[1] * own.ndim))
 
 
 @per_moment
@@ -253,6 +269,12 @@ def _command(now: Moment) -> Array:
 
 
 @functools.cache
+def _feet() -> list[int]:
+    """Sites in the middle of the feet."""
+    return [k for k, name in enumerate(_scene().site_names) if name in ("FR", "FL", "RR", "RL")]
+
+
+@functools.cache
 def _stance() -> Array:
     """Angles at the beginning, in the order of the legs in the file, rad: (12,)."""
     model = _scene()
@@ -278,14 +300,22 @@ def _scene() -> Model:
                 parent.remove(child)
             elif child.tag == "geom" and name:
                 touches = name.endswith("foot_collision") or name in ("trunk_collision", "head_collision")
-                child.attrib |= {"contype": str(int(touches)), "conaffinity": "0"}
+                # In group 0 renderers draw it: what the file has for them to draw is left out.
+                child.attrib |= {"contype": str(int(touches)), "conaffinity": "0", "group": "0", "rgba": _GREY if touches else _LIGHT}
                 if name.endswith("foot_collision"):
                     child.attrib |= {"priority": "1", "friction": "0.8 0.005 0.0005", "condim": "3"}
     tree.insert(0, make("option", timestep="0.005", integrator="implicitfast"))
     world = tree.find("worldbody")
     if world is None:
         raise ValueError(f"{file} has no worldbody: this version of mjlab is not known")
-    world.insert(0, make("geom", name="floor", type="plane", size="0 0 0.05", contype="0", conaffinity="1"))
+    world.insert(0, make("geom", name="floor", type="plane", size="0 0 0.05", contype="0", conaffinity="1", material="floor"))
+    world.insert(0, make("light", directional="true", castshadow="false", pos="0 0 5", dir="0.3 0.2 -1"))
+    looks = make("asset")
+    looks.append(
+        make("texture", name="squares", type="2d", builtin="checker", width="64", height="64", rgb1=".30 .35 .40", rgb2=".36 .41 .46")
+    )
+    looks.append(make("material", name="floor", texture="squares", texrepeat="2 2", texuniform="true"))
+    tree.append(looks)
     actuators = make("actuator")
     tree.append(actuators)
     for joint in tree.iter("joint"):

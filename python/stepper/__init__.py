@@ -12,12 +12,12 @@ from stepper._options import Options
 from stepper._status import Status
 from stepper._stepper import Model, ModelError, State, Stepper, __version__, cpu_levels
 from stepper.actuators import PID, ActuatorModel, DCMotor, Drive
-from stepper.derivatives import Kink, Linearization, linearize
 from stepper.loading import ModelWarning, load
 from stepper.recording import Difference, Recorder, RecordingError, Replay, replay
 from stepper.sensors import Combination, RayFan, SensorModel, Transfer
 
 if TYPE_CHECKING:
+    from stepper.derivatives import Kink, Linearization
     from stepper.experiments.accuracy.chart import Chart, chart
     from stepper.experiments.accuracy.tune import Tuning, tune
     from stepper.experiments.compare import Comparison, compare
@@ -78,10 +78,8 @@ __all__ = [
 ]
 
 
-# The binary has no such method: what it calls is Python.
-Stepper.linearize = linearize  # type: ignore[method-assign]
-
 _LATER = {
+    **dict.fromkeys(("Kink", "Linearization"), "stepper.derivatives"),
     **dict.fromkeys(("Chart", "Tuning", "chart", "tune"), "stepper.experiments.accuracy"),
     **dict.fromkeys(("Comparison", "compare"), "stepper.experiments.compare"),
     **dict.fromkeys(

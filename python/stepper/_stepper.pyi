@@ -18,6 +18,7 @@ from stepper.actuators import ActuatorModel
 from stepper.derivatives import Linearization
 from stepper.recording import Recorder
 from stepper.sensors import Combination, RayFan, SensorModel
+from stepper.viewer import View
 
 __all__ = [
     "Actuator",
@@ -1019,8 +1020,7 @@ class Stepper:
         """
     def linearize(
         self,
-        /,
-        wrt: Sequence[str] = ...,
+        wrt: Sequence[str] | None = None,
         *,
         ctrl: ArrayLike | None = None,
         nstep: int = 1,
@@ -1038,10 +1038,9 @@ class Stepper:
         and docs/derivatives.md.
 
         Args:
-            sim: The stepper; `sim.linearize(...)` is the same.
             wrt: "qpos", "qvel", "act", "ctrl", and fields of `Stepper.randomize`, whole ("body_mass") or of some elements
                 ("geom_friction:floor,box"; of the fields of degrees of freedom the joints'). Columns are zero where a mass, size, stiffness
-                or frictionloss of 0 says that the model has none.
+                or frictionloss of 0 says that the model has none. None is ("qpos", "qvel", "act", "ctrl").
             ctrl: Controls held during the steps, (num_envs, nu) or (nu,); None is those in force.
             nstep: Number of steps.
             method: "fd", finite differences.
@@ -1056,6 +1055,13 @@ class Stepper:
             ValueError: An unknown name, a wrong shape, a step or number of steps that is none.
             ModelError: A parameter that cannot be perturbed, with its element.
             NotImplementedError: `method="implicit"`.
+        """
+    def view(self, **settings: Any) -> View:
+        """Opens a view of the environments in the browser, live, and says where it is: see `stepper.viewer.View`, whose settings these
+        are.
+
+        Raises:
+            ModuleNotFoundError: viser is not installed, with how to install it.
         """
     def mass_matrix(self, env: int = 0) -> NDArray[np.float64]:
         """Mass matrix of the present configuration, (nv, nv), armature included, without terms that depend on the time step."""

@@ -2,6 +2,7 @@
 
 mod applied;
 mod derived;
+mod in_python;
 mod interruption;
 mod memory;
 mod outcome;

@@ -104,7 +104,7 @@ class Linearization:
 def linearize(
     sim: Stepper,
     /,
-    wrt: Sequence[str] = (*STATE, "ctrl"),
+    wrt: Sequence[str] | None = None,
     *,
     ctrl: ArrayLike | None = None,
     nstep: int = 1,
@@ -125,7 +125,7 @@ def linearize(
         sim: The stepper; `sim.linearize(...)` is the same.
         wrt: "qpos", "qvel", "act", "ctrl", and fields of `Stepper.randomize`, whole ("body_mass") or of some elements
             ("geom_friction:floor,box"; of the fields of degrees of freedom the joints'). Columns are zero where a mass, size, stiffness
-            or frictionloss of 0 says that the model has none.
+            or frictionloss of 0 says that the model has none. None is ("qpos", "qvel", "act", "ctrl").
         ctrl: Controls held during the steps, (num_envs, nu) or (nu,); None is those in force.
         nstep: Number of steps.
         method: "fd", finite differences.
@@ -149,7 +149,7 @@ def linearize(
         raise ValueError(f"nstep is {nstep!r}, must be a whole number of 1 at least")
     tolerance = min(TOLERANCE, sim.tolerance) if tolerance is None else _positive("tolerance", tolerance)
     width = step_of(tolerance) if step is None else _positive("step", step)
-    blocks = blocks_of(sim.model, wrt)
+    blocks = blocks_of(sim.model, (*STATE, "ctrl") if wrt is None else wrt)
     nominal = nominal_of(sim, ctrl, blocks)
     stencil = stencil_of(sim.model, blocks, nominal.fields, step=width, levels=2 if extrapolate else 1)
     parts = [

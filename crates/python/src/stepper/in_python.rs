@@ -1,0 +1,71 @@
+//! Methods whose work modules of the package do, in Python: they are called through the stepper, where users look for them.
+
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::stepper::Stepper;
+
+#[pymethods]
+impl Stepper {
+    /// Derivatives of the state after `nstep` steps by the state, controls and parameters now, in all environments; advances nothing.
+    ///
+    /// Every column is a central difference between two perturbed copies of an environment. Copies of all environments and columns are
+    /// stepped together, in lanes and on the stepper's threads, with its options and all that environments have of their own, but to a
+    /// tighter tolerance; the stepper is only read. With contact the step is smooth only between kinks: see `Linearization.near_kink`
+    /// and docs/derivatives.md.
+    ///
+    /// Args:
+    ///     wrt: "qpos", "qvel", "act", "ctrl", and fields of `Stepper.randomize`, whole ("body_mass") or of some elements
+    ///         ("geom_friction:floor,box"; of the fields of degrees of freedom the joints'). Columns are zero where a mass, size, stiffness
+    ///         or frictionloss of 0 says that the model has none. None is ("qpos", "qvel", "act", "ctrl").
+    ///     ctrl: Controls held during the steps, (num_envs, nu) or (nu,); None is those in force.
+    ///     nstep: Number of steps.
+    ///     method: "fd", finite differences.
+    ///     step: Half width of the differences, for coordinates in SI units and for parameters relative to their size; None is the one
+    ///         that the tolerance asks for (`stepper.derivatives.perturbations.step_of`).
+    ///     tolerance: Residual to which copies are solved, m/s; None is 1e-13, or the stepper's own if that is less.
+    ///     extrapolate: Whether differences of twice the width are taken too, and Richardson's extrapolation of both, which costs twice
+    ///         the copies and estimates errors.
+    ///     sensors: Whether to give derivatives of the ideal sensors' readings too.
+    ///
+    /// Raises:
+    ///     ValueError: An unknown name, a wrong shape, a step or number of steps that is none.
+    ///     ModelError: A parameter that cannot be perturbed, with its element.
+    ///     NotImplementedError: `method="implicit"`.
+    #[pyo3(signature = (
+        wrt=None, *, ctrl=None, nstep=1, method="fd", step=None, tolerance=None, extrapolate=false, sensors=false
+    ))]
+    #[expect(clippy::too_many_arguments, reason = "each has a name of its own")]
+    fn linearize<'py>(
+        slf: &Bound<'py, Self>,
+        wrt: Option<Bound<'py, PyAny>>,
+        ctrl: Option<Bound<'py, PyAny>>,
+        nstep: i64,
+        method: &str,
+        step: Option<Bound<'py, PyAny>>,
+        tolerance: Option<Bound<'py, PyAny>>,
+        extrapolate: bool,
+        sensors: bool,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let settings = PyDict::new(slf.py());
+        settings.set_item("wrt", wrt)?;
+        settings.set_item("ctrl", ctrl)?;
+        settings.set_item("nstep", nstep)?;
+        settings.set_item("method", method)?;
+        settings.set_item("step", step)?;
+        settings.set_item("tolerance", tolerance)?;
+        settings.set_item("extrapolate", extrapolate)?;
+        settings.set_item("sensors", sensors)?;
+        slf.py().import("stepper.derivatives")?.call_method("linearize", (slf,), Some(&settings))
+    }
+
+    /// Opens a view of the environments in the browser, live, and says where it is: see `stepper.viewer.View`, whose settings these
+    /// are.
+    ///
+    /// Raises:
+    ///     ModuleNotFoundError: viser is not installed, with how to install it.
+    #[pyo3(signature = (**settings))]
+    fn view<'py>(slf: &Bound<'py, Self>, settings: Option<&Bound<'py, PyDict>>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("stepper.viewer")?.call_method("view", (slf,), settings)
+    }
+}

@@ -244,6 +244,11 @@ pub struct StepSettings {
 }
 
 impl StepSettings {
+    /// Whether steps are to be solved more tightly than by default: as smooth functions, say, of which differences are taken.
+    pub(crate) fn is_tight(&self) -> bool {
+        self.tolerance < Precision::F64.tolerance()
+    }
+
     /// (Sweeps, Newton steps) at the most.
     pub fn effort(&self) -> [u32; 2] {
         match self.solver {

@@ -8,6 +8,7 @@ use crate::dynamics::kinematics::{advance, blend};
 use crate::integrators::scheme::Scheme;
 use crate::integrators::step_resolution::unresolved;
 use crate::integrators::workspace::Workspace;
+use crate::options::StepSettings;
 use crate::probe::{Probe, Span};
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s04_assemble::assemble_demands;
@@ -15,9 +16,14 @@ use crate::stages::s05_solve::{estimate, restore_hyperstatic_impulses};
 
 /// Compares where servos are on their bounds with what an estimate of the impulses says, which takes the place of those of the last step
 /// where the two differ. Returns whether they do in any lane.
-pub(crate) fn reconsider_servos<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) -> bool {
+pub(crate) fn reconsider_servos<R: Real>(
+    compiled: &LaneModel<R>,
+    options: &StepSettings,
+    scheme: &Scheme<R>,
+    s: &mut Workspace<R>,
+) -> bool {
     let lanes = s.constraints.constrained;
-    estimate(&s.state.v, scheme.h, lanes, &mut s.constraints);
+    estimate(options, &s.state.v, scheme.h, lanes, &mut s.constraints);
     s.constraints.impulse_change(compiled, &s.free_motion.smooth.mass, &mut s.work.expected_change);
     R::vectorize(
         #[inline(always)]
@@ -54,10 +60,16 @@ pub(crate) fn reconsider_servos<R: Real>(compiled: &LaneModel<R>, scheme: &Schem
 ///
 /// What is to be expected includes the impulses of constraints, so that a robot at rest feels no force of a motion that its contacts
 /// prevent. They are those of this step, so that where it ends follows from where it begins.
-pub(crate) fn correct_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>, probe: impl Probe) {
+pub(crate) fn correct_forces<R: Real>(
+    compiled: &LaneModel<R>,
+    options: &StepSettings,
+    scheme: &Scheme<R>,
+    s: &mut Workspace<R>,
+    probe: impl Probe,
+) {
     let constrained = s.constraints.constrained;
     if constrained.any() {
-        probe.span(Span::EstimateImpulses, || estimate(&s.state.v, scheme.h, constrained, &mut s.constraints));
+        probe.span(Span::EstimateImpulses, || estimate(options, &s.state.v, scheme.h, constrained, &mut s.constraints));
     }
     s.constraints.impulse_change(compiled, &s.free_motion.smooth.mass, &mut s.work.impulse_change);
     leave_out_blows(scheme, &s.free_motion.v, &mut s.work.impulse_change);

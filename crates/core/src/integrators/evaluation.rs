@@ -55,19 +55,19 @@ pub(crate) fn assemble_rows<R: Real>(
 ) {
     probe.span(Span::Assemble, || assemble_here(compiled, options, scheme, s, at_beginning));
     let bounded = compiled.servos_are_bounded && (scheme.corrects || compiled.actuator_dynamics > 0);
-    let reconsider = |s: &mut Workspace<R>| probe.span(Span::EstimateImpulses, || reconsider_servos(compiled, scheme, s));
+    let reconsider = |s: &mut Workspace<R>| probe.span(Span::EstimateImpulses, || reconsider_servos(compiled, options, scheme, s));
     if bounded && s.constraints.constrained.any() && reconsider(s) {
         // Servos reach their bounds, or leave them, by impulses of this step.
         free_motion(compiled, scheme, s, probe);
         probe.span(Span::Assemble, || assemble_here(compiled, options, scheme, s, at_beginning));
         // Where nothing was wrong, this repeats the bits of the estimate before.
         probe.span(Span::EstimateImpulses, || {
-            estimate(&s.state.v, scheme.h, s.constraints.constrained, &mut s.constraints);
+            estimate(options, &s.state.v, scheme.h, s.constraints.constrained, &mut s.constraints);
             restore_hyperstatic_impulses(s.constraints.constrained, &mut s.constraints);
         });
     }
     if scheme.corrects {
-        probe.span(Span::CorrectForces, || correct_forces(compiled, scheme, s, probe));
+        probe.span(Span::CorrectForces, || correct_forces(compiled, options, scheme, s, probe));
     }
     probe.count(Counter::ScalarRows, || s.constraints.owners.len() as f64);
     probe.count(Counter::ContactSlots, || (s.constraints.slots.len() + s.constraints.rolling_slots.len()) as f64);

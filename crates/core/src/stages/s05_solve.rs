@@ -86,9 +86,11 @@ fn share_loads<R: Real>(
 /// before by more than 1e-4 m/s, with 16 of them 2 %.
 const ESTIMATE_SWEEPS: u32 = 16;
 
-/// Tolerated error of the free velocity due to the estimate, m/s. An error d of the estimated velocity changes the effect of inertial
-/// forces by about h |v| d, so sweeps stop at ESTIMATE_ERROR / (h |v|).
+/// Tolerated error of the free velocity due to the estimate, m/s, and beside the tolerance of the step: of who asks for less than the
+/// default, the estimate is as much better. An error d of the estimated velocity changes the effect of inertial forces by about h |v| d, so
+/// sweeps stop at ESTIMATE_ERROR / (h |v|).
 const ESTIMATE_ERROR: f64 = 1e-5;
+const ESTIMATE_RATIO: f64 = 10.0;
 
 /// Motion within a step (h times the fastest velocity, rad or m) below which inertial forces are negligible: such a lane is at rest and
 /// makes no sweeps.
@@ -101,17 +103,21 @@ const ROUGHEST_ESTIMATE: f64 = 1e-2;
 /// contacts then, and not from those of the step before.
 ///
 /// What rests keeps the impulses of the step before: they hold it, and sweeps of a stack would leave less.
-pub fn estimate<R: Real>(v: &[R], h: R, lanes: R::Mask, constraints: &mut Constraints<R>) {
+pub fn estimate<R: Real>(options: &StepSettings, v: &[R], h: R, lanes: R::Mask, constraints: &mut Constraints<R>) {
+    let (error, sweeps) = match options.is_tight() {
+        true => (ESTIMATE_RATIO * options.tolerance, ESTIMATE_SWEEPS.max(options.iterations)),
+        false => (ESTIMATE_ERROR, ESTIMATE_SWEEPS),
+    };
     let (moving, tolerance) = R::vectorize(
         #[inline(always)]
         || {
             let turn = h * fastest(v);
-            let slow = (turn * R::of(ROUGHEST_ESTIMATE)).le(R::of(ESTIMATE_ERROR));
-            let tolerance = R::select(slow, R::of(ROUGHEST_ESTIMATE), R::of(ESTIMATE_ERROR) / R::select(slow, R::one(), turn));
+            let slow = (turn * R::of(ROUGHEST_ESTIMATE)).le(R::of(error));
+            let tolerance = R::select(slow, R::of(ROUGHEST_ESTIMATE), R::of(error) / R::select(slow, R::one(), turn));
             (lanes.and(turn.gt(R::of(REST_MOTION))), tolerance)
         },
     );
-    let settings = stepper_solve::gauss_seidel::SweepSettings { sweeps: ESTIMATE_SWEEPS, tolerance };
+    let settings = stepper_solve::gauss_seidel::SweepSettings { sweeps, tolerance };
     let Constraints { problem, iterate, shared, patches, .. } = constraints;
     // Impulses that share a load evenly are not for sweeps to change: they come back after the estimate.
     shared.save(iterate, lanes.and(patches.lanes()));

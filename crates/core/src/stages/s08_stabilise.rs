@@ -24,13 +24,15 @@ use crate::model::JointKind;
 use crate::options::{Solver, StepSettings};
 
 /// Residual that is enough for a correction, m/s: a fraction of a micrometre a step, and the next step sees what is left of the overlap.
+/// Who asks for less than the default tolerance wants the step as a smooth function, and gets this many times what was asked for.
 const CORRECTION_TOLERANCE: f64 = 1e-4;
+const CORRECTION_RATIO: f64 = 100.0;
 
 /// Residual above which Newton's method goes on where sweeps stop, m/s: they can leave a hundredth of a radian a step where two limbs are
 /// jammed. Below it, it would cost more than the correction is worth (humanoids under random control: 4 % of the step).
 const NEWTON_THRESHOLD: f64 = 1e-2;
 
-/// Sweeps from the impulses of stage 5, which differ by the correction alone.
+/// Sweeps from the impulses of stage 5, which differ by the correction alone, to [`CORRECTION_TOLERANCE`].
 const SWEEPS: u32 = 10;
 
 /// Bound of what a correction moves, relative to `max_correction_speed`; of what it turns, over the length ARM: 5 m/s and 50 rad/s by
@@ -208,10 +210,13 @@ fn correct<R: Real>(
         },
     );
     let [sweeps, newton] = options.effort();
-    let tolerance = options.tolerance.max(CORRECTION_TOLERANCE);
-    let threshold = if options.solver == Solver::Newton { tolerance } else { tolerance.max(NEWTON_THRESHOLD) };
-    let settings =
-        Settings { sweeps: sweeps.min(SWEEPS), newton_steps: newton, tolerance: R::of(tolerance), newton_threshold: R::of(threshold) };
+    let tight = CORRECTION_RATIO * options.tolerance;
+    let (tolerance, sweeps, rough) = match options.is_tight() {
+        true => (tight, sweeps, tight),
+        false => (options.tolerance.max(CORRECTION_TOLERANCE), sweeps.min(SWEEPS), NEWTON_THRESHOLD),
+    };
+    let threshold = if options.solver == Solver::Newton { tolerance } else { tolerance.max(rough) };
+    let settings = Settings { sweeps, newton_steps: newton, tolerance: R::of(tolerance), newton_threshold: R::of(threshold) };
     let system = room.positions.system(problem);
     stepper_solve::solve(system, room.iterate, settings, lanes, room.newton);
     let bounds = Bounds::new(options, solved.h);

@@ -55,7 +55,7 @@ FOLDERS = {
 """Folders of the Python package, and the others that each may import."""
 BOTTOM = {"_stepper", "_options", "_status", "_hints"}
 """Modules beside the folders that everything may import: the binary, what it is set to, what it says."""
-FACE = {"devices", "_pickles"}
+FACE = {"devices", "_linearize", "_pickles"}
 """Modules beside the folders that are for users alone: nothing in a folder imports them, or the names of `stepper` itself."""
 
 

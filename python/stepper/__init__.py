@@ -6,18 +6,19 @@ Load a scene with `load`, step environments of it with `Stepper`, and read in `S
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from stepper import _linearize as _linearize
 from stepper import _pickles as _pickles
 from stepper import devices
 from stepper._options import Options
 from stepper._status import Status
 from stepper._stepper import Model, ModelError, State, Stepper, __version__, cpu_levels
 from stepper.actuators import PID, ActuatorModel, DCMotor, Drive
-from stepper.derivatives import Kink, Linearization, linearize
 from stepper.loading import ModelWarning, load
 from stepper.recording import Difference, Recorder, RecordingError, Replay, replay
 from stepper.sensors import Combination, RayFan, SensorModel, Transfer
 
 if TYPE_CHECKING:
+    from stepper.derivatives import Kink, Linearization
     from stepper.experiments.accuracy.chart import Chart, chart
     from stepper.experiments.accuracy.tune import Tuning, tune
     from stepper.experiments.compare import Comparison, compare
@@ -72,12 +73,10 @@ __all__ = [
 ]
 
 
-# The binary has no such method: what it calls is Python.
-Stepper.linearize = linearize  # type: ignore[method-assign]
-
 _LATER = {
     **dict.fromkeys(("Chart", "Tuning", "chart", "tune"), "stepper.experiments.accuracy"),
     **dict.fromkeys(("Comparison", "compare"), "stepper.experiments.compare"),
+    **dict.fromkeys(("Kink", "Linearization"), "stepper.derivatives"),
     **dict.fromkeys(("Outcome", "Parameter", "Policy", "Report", "Study", "report", "sweep"), "stepper.experiments.study"),
     **dict.fromkeys(("Episode", "Identification", "Unknown", "identify"), "stepper.identification"),
 }
@@ -86,7 +85,7 @@ _LATER = {
 
 def __getattr__(name: str) -> Any:
     # Gymnasium is optional and slow to import, and few look at what they step.
-    if name in ("envs", "viewer"):
+    if name in ("derivatives", "envs", "viewer"):
         return importlib.import_module(f"stepper.{name}")
     if name in _LATER:
         return getattr(importlib.import_module(_LATER[name]), name)

@@ -1019,7 +1019,6 @@ class Stepper:
         """
     def linearize(
         self,
-        /,
         wrt: Sequence[str] = ...,
         *,
         ctrl: ArrayLike | None = None,
@@ -1038,7 +1037,6 @@ class Stepper:
         and docs/derivatives.md.
 
         Args:
-            sim: The stepper; `sim.linearize(...)` is the same.
             wrt: "qpos", "qvel", "act", "ctrl", and fields of `Stepper.randomize`, whole ("body_mass") or of some elements
                 ("geom_friction:floor,box"; of the fields of degrees of freedom the joints'). Columns are zero where a mass, size, stiffness
                 or frictionloss of 0 says that the model has none.

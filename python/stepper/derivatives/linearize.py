@@ -15,8 +15,8 @@ from stepper.derivatives.kinks import Bools, Kink, Watch
 from stepper.derivatives.perturbations import ROUNDING, STATE, Array, Block, Stencil, blocks_of, stencil_of, step_of
 
 TOLERANCE = 1e-13
-"""Residual to which perturbed copies are solved unless the stepper or the caller asks for less, m/s: solvers end fast, so that it costs a
-sweep or two more than 1e-6, and nothing of what is left is noise of the derivatives."""
+"""Residual to which perturbed copies are solved unless the stepper or the caller asks for less, m/s. Solvers end fast, so that it costs two
+or three sweeps more than 1e-6, and what is left is no noise of the derivatives."""
 
 
 @dataclass(frozen=True)

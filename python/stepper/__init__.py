@@ -92,7 +92,7 @@ _LATER = {
 
 def __getattr__(name: str) -> Any:
     # Gymnasium is optional and slow to import, and few look at what they step.
-    if name in ("envs", "viewer"):
+    if name in ("derivatives", "envs", "viewer"):
         return importlib.import_module(f"stepper.{name}")
     if name in _LATER:
         return getattr(importlib.import_module(_LATER[name]), name)

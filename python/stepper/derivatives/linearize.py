@@ -15,8 +15,8 @@ from stepper.derivatives.kinks import Bools, Kink, Watch
 from stepper.derivatives.perturbations import ROUNDING, STATE, Array, Block, Stencil, blocks_of, stencil_of, step_of
 
 TOLERANCE = 1e-13
-"""Residual to which perturbed copies are solved unless the stepper or the caller asks for less, m/s: solvers end fast, so that it costs a
-sweep or two more than 1e-6, and nothing of what is left is noise of the derivatives."""
+"""Residual to which perturbed copies are solved unless the stepper or the caller asks for less, m/s. Solvers end fast, so that it costs two
+or three sweeps more than 1e-6, and what is left is no noise of the derivatives."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,6 @@ class Linearization:
 
 def linearize(
     sim: Stepper,
-    /,
     wrt: Sequence[str] | None = None,
     *,
     ctrl: ArrayLike | None = None,
@@ -114,33 +113,7 @@ def linearize(
     extrapolate: bool = False,
     sensors: bool = False,
 ) -> Linearization:
-    """Derivatives of the state after `nstep` steps by the state, controls and parameters now, in all environments; advances nothing.
-
-    Every column is a central difference between two perturbed copies of an environment. Copies of all environments and columns are
-    stepped together, in lanes and on the stepper's threads, with its options and all that environments have of their own, but to a
-    tighter tolerance; the stepper is only read. With contact the step is smooth only between kinks: see `Linearization.near_kink`
-    and docs/derivatives.md.
-
-    Args:
-        sim: The stepper; `sim.linearize(...)` is the same.
-        wrt: "qpos", "qvel", "act", "ctrl", and fields of `Stepper.randomize`, whole ("body_mass") or of some elements
-            ("geom_friction:floor,box"; of the fields of degrees of freedom the joints'). Columns are zero where a mass, size, stiffness
-            or frictionloss of 0 says that the model has none. None is ("qpos", "qvel", "act", "ctrl").
-        ctrl: Controls held during the steps, (num_envs, nu) or (nu,); None is those in force.
-        nstep: Number of steps.
-        method: "fd", finite differences.
-        step: Half width of the differences, for coordinates in SI units and for parameters relative to their size; None is the one
-            that the tolerance asks for (`stepper.derivatives.perturbations.step_of`).
-        tolerance: Residual to which copies are solved, m/s; None is 1e-13, or the stepper's own if that is less.
-        extrapolate: Whether differences of twice the width are taken too, and Richardson's extrapolation of both, which costs twice
-            the copies and estimates errors.
-        sensors: Whether to give derivatives of the ideal sensors' readings too.
-
-    Raises:
-        ValueError: An unknown name, a wrong shape, a step or number of steps that is none.
-        ModelError: A parameter that cannot be perturbed, with its element.
-        NotImplementedError: `method="implicit"`.
-    """
+    """Derivatives of the state after `nstep` steps, in all environments of a stepper: `Stepper.linearize`, whose arguments these are."""
     if method == "implicit":
         raise NotImplementedError("implicit differentiation is not there yet: call linearize with method='fd', finite differences")
     if method != "fd":

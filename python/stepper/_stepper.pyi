@@ -1057,8 +1057,10 @@ class Stepper:
             NotImplementedError: `method="implicit"`.
         """
     def view(self, **settings: Any) -> View:
-        """Opens a view of the environments in the browser, live, and says where it is: see `stepper.viewer.View`, whose settings these
-        are.
+        """Opens a live view of the environments in the browser, and says where it is.
+
+        Args:
+            **settings: Those of `stepper.viewer.View`.
 
         Raises:
             ModuleNotFoundError: viser is not installed, with how to install it.

@@ -127,8 +127,9 @@ impl std::error::Error for LevelError {}
 /// Calls a generic function with the lane type of a CPU level, picked at run time.
 ///
 /// `at_level!(level, F64Lanes, step(state, h))` is `step::<F64Lanes>(state, h)` with the `F64Lanes` of that [`Level`]: its first type
-/// argument is the lane type (`F64x1`, `F64Lanes` or `F32Lanes`, which need not be imported); further ones are written `step::<_, Further>(state, h)`. The
-/// types of arguments and result are the same at every level: numbers go in and out as scalars, through [`Real::load`] and [`Real::store`].
+/// argument is the lane type (`F64x1`, `F64Lanes` or `F32Lanes`, which need not be imported); further ones are written
+/// `step::<_, Further>(state, h)`. The types of arguments and result are the same at every level: numbers go in and out as scalars, through
+/// [`Real::load`] and [`Real::store`].
 ///
 /// The function itself is ordinary code. What it computes it computes in [`Real::vectorize`], which compiles a closure with the level's
 /// instructions; the closure and all that it calls must be `#[inline(always)]`, or they run with baseline instructions.

@@ -137,8 +137,8 @@ fn lanes<R: Real>() -> usize {
     R::LANES
 }
 
-/// Compares the lanes of every level with scalars, bit for bit. Which NaN it is may differ. `$lanes` of a level is their number, 0 where the
-/// level has none of the type.
+/// Compares the lanes of every level with scalars, bit for bit. Which NaN it is may differ. `$lanes` of a level is their number, 0 where
+/// the level has none of the type.
 macro_rules! check {
     ($name:ident, $scalar:ident, $lanes:expr, $run:expr) => {
         fn $name(a: &[$scalar], b: &[$scalar]) {

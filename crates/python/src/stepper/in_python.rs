@@ -59,8 +59,10 @@ impl Stepper {
         slf.py().import("stepper.derivatives")?.call_method("linearize", (slf,), Some(&settings))
     }
 
-    /// Opens a view of the environments in the browser, live, and says where it is: see `stepper.viewer.View`, whose settings these
-    /// are.
+    /// Opens a live view of the environments in the browser, and says where it is.
+    ///
+    /// Args:
+    ///     **settings: Those of `stepper.viewer.View`.
     ///
     /// Raises:
     ///     ModuleNotFoundError: viser is not installed, with how to install it.

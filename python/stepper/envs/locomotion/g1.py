@@ -113,16 +113,19 @@ def _scene(roughness: float) -> Model:
                 parent.remove(child)
             elif child.tag == "geom" and (name := child.get("name", "")):
                 is_foot = re.fullmatch(r"(left|right)_foot\d_collision", name) is not None
-                child.attrib |= {"contype": str(int(is_foot)), "conaffinity": "0", "group": "0"}
+                # In group 0 renderers draw it: what the file has for them to draw is left out.
+                child.attrib |= {"contype": str(int(is_foot)), "conaffinity": "0", "group": "0", "rgba": "0.75 0.75 0.78 1"}
                 if is_foot:
                     child.attrib |= {"priority": "1", "friction": "0.6 0.005 0.0005", "condim": "3"}
     tree.insert(0, make("option", timestep="0.005", integrator="implicitfast"))
     world = tree.find("worldbody")
     if world is None:
         raise ValueError(f"{file} has no worldbody: this version of mjlab is not known")
-    world.insert(0, make("geom", name="floor", type="plane", size="0 0 0.05", contype="0", conaffinity="1"))
+    ground = {"contype": "0", "conaffinity": "1", "rgba": "0.32 0.37 0.42 1"}
+    world.insert(0, make("geom", {"name": "floor", "type": "plane", "size": "0 0 0.05", **ground}))
+    world.insert(0, make("light", directional="true", castshadow="false", pos="0 0 5", dir="0.3 0.2 -1", diffuse="0.8 0.8 0.8"))
     if roughness:
-        field, geom = terrain.elements(roughness, {"contype": "0", "conaffinity": "1"})
+        field, geom = terrain.elements(roughness, ground)
         asset = make("asset")
         asset.append(field)
         tree.append(asset)

@@ -1,6 +1,6 @@
 """A cheetah that is heavier and more slippery than its model: identified from a recording, and its policy evaluated again.
 
-The "robot" is simulated, so that the truth is known: a torso of 7.5 kg instead of 6.25 kg, and friction of 0.3 instead of 0.4. It runs under
+The "robot" is simulated, so that the truth is known: a torso of 7.5 kg instead of 6.25 kg, friction of 0.3 instead of 0.4. It runs under
 the policy for a second, four times, and is recorded; encoders have noise. What is identified from that is a distribution, and the policy
 runs in environments that are drawn from it.
 

@@ -130,12 +130,13 @@ def _spent(run: Path) -> list[str]:
 
 
 def table_of_following(runs: Path, episodes: int) -> str:
-    """Fresh episodes of every run of the Go1: distance from the commanded velocity, and falls; beside one that stands still."""
+    """Fresh episodes of every run of the Go1, a row each: those of the page, with the runs of a folder in place of the same ones.
+
+    How far they are from the commanded velocity, and how often they fall; beside one that stands still.
+    """
     env = "stepper/Go1Velocity-v0"
-    out = [
-        "| seed | million steps | minutes | minutes of processor | mean return | error, m/s | 95 % confidence | worst episode | falls |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
+    head, line, *kept = read_table("follow")
+    table = {_cells(row)[0]: row for row in kept}
     stance = Go1Velocity().memory(episodes)["last"]
     rows: list[tuple[list[str], Any]] = [(["stands still", "", "", ""], lambda observation: stance)]
     for file in sorted(runs.glob("stepper_Go1Velocity-v0/seed*/policy.npz")):
@@ -145,9 +146,9 @@ def table_of_following(runs: Path, episodes: int) -> str:
         errors = found.infos["tracking_error"]
         low, high = found.interval(info="tracking_error")
         cells += [f"{found.mean:.0f}", f"{errors.mean():.3f}", f"{low:.3f} to {high:.3f}", f"{errors.max():.2f}"]
-        out.append("| " + " | ".join([*cells, f"{np.sum(found.lengths < found.lengths.max())} of {episodes}"]) + " |")
-        print(out[-1], flush=True)
-    return "\n".join(out)
+        table[cells[0]] = "| " + " | ".join([*cells, f"{np.sum(found.lengths < found.lengths.max())} of {episodes}"]) + " |"
+        print(table[cells[0]], flush=True)
+    return "\n".join([head, line, *table.values()])
 
 
 def _law(policy: Policy) -> str:

@@ -80,7 +80,7 @@ def test_every_kind_is_drawn():
 
 def test_a_saved_model_is_drawn_without_its_source(tmp_path):
     stepper.load(ALL_KINDS).save(tmp_path / "model")
-    for k in range(stepper.loading.origins.KEPT):  # Until nobody remembers where it came from.
+    for k in range(stepper.loading.origins.KEPT + 1):  # Until nobody remembers where it came from.
         stepper.load(f"<mujoco><worldbody><body name='{k}'/></worldbody></mujoco>")
     model = stepper.load(tmp_path / "model")
     with pytest.warns(UserWarning, match=r"2 geoms are not drawn \(ground, wedge\).*Give it as source"):

@@ -9,15 +9,18 @@ import stepper.adapters
 
 MODULES = sorted(path.stem for path in Path(stepper.adapters.__file__).parent.glob("[a-z]*.py"))
 LIBRARIES = {
+    "jax_rollout": "jax",
     "pufferlib": "pufferlib",
     "ray": "ray",
     "rllib": "ray.rllib",
     "sb3": "stable_baselines3",
     "torch": "torch",
+    "torch_rollout": "torch",
     "torchrl": "torchrl",
     "unisim": "unisim.contract",
 }
 REMEDIES = {
+    "jax": "pip install jax",
     "pufferlib": "pip install pufferlib-core",
     "ray": "pip install ray",
     "ray.rllib": 'pip install "ray[rllib]"',

@@ -1,5 +1,6 @@
 """What docs/training.md shows runs, and the policies that are kept act as it says."""
 
+import importlib
 import re
 import warnings
 from importlib.util import find_spec
@@ -40,10 +41,13 @@ def test_the_cheetah_runs():
 
 @needs_gymnasiums
 @pytest.mark.parametrize("file", KEPT, ids=lambda path: path.stem)
-def test_a_policy_fits_the_environment_that_it_names(file):
+def test_a_policy_fits_the_environment_that_it_names(file, monkeypatch):
     policy = load(file)
     if policy.training["env"] == "stepper/Go1Velocity-v0" and find_spec("mjlab") is None:
         pytest.skip("mjlab, whose robot this is, is not installed: make training")
+    if policy.training["env"] == "stepper/Encoders-v0":
+        monkeypatch.syspath_prepend(ROOT / "examples/studies")
+        importlib.import_module("encoders_task").register()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", PolicyWarning)
         env = gymnasium.make(policy.training["env"])

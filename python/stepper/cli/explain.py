@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from typer import Typer
 
 
-def explain(source: str, *, run: bool) -> None:
+def explain(source: str, *, run: bool = False) -> None:
     """What of a model is simulated, what is left out, what rigid bodies cannot model; with --run, what of it a run used, and costs.
 
     Example: stepper explain robot.xml --run

@@ -6,6 +6,8 @@ benches/atlas/known.py. `make atlas` runs the long sweep, with other engines bes
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import pytest
 from atlas import scenes
 from atlas.engines import Stepper, stepper_engines
@@ -22,13 +24,18 @@ def _case(scene: Scene, engine: Stepper, dt: float):
     return pytest.param(scene, engine, dt, id=f"{scene.name}-{engine.name}-{dt:g}", marks=marks)
 
 
-def cases(number: str):
-    """Parametrizes a test over the scenes of a number, settings and time steps."""
+def cases(number: str, others: Sequence[str] | None = None):
+    """Parametrizes a test over the scenes of a number, settings and time steps.
+
+    Args:
+        number: Of the scenes.
+        others: Names of the settings beside the default one; None is all. `make atlas` runs all of all scenes.
+    """
     found = []
     for scene in scenes.of(number):
         found += [_case(scene, DEFAULT, dt) for dt in scene.test_dts]
         usual = min(scene.test_dts, key=lambda dt: abs(dt - 2e-3))
-        found += [_case(scene, engine, usual) for engine in OTHERS]
+        found += [_case(scene, engine, usual) for engine in OTHERS if others is None or engine.name in others]
     return pytest.mark.parametrize(("scene", "engine", "dt"), found)
 
 

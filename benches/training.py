@@ -41,6 +41,8 @@ def collect(runs: Path) -> list[dict[str, str]]:
             rows = list(csv.DictReader(file))
     for curve in sorted(runs.glob("*/seed*/curve.csv")):
         run, seed = curve.parent.parent.name, curve.parent.name.removeprefix("seed")
+        if not _is_known(run):
+            continue
         with curve.open() as file:
             # Episodes of the same length end together: rows in between repeat the returns.
             rows_by_episodes = {row["episodes"]: row for row in reversed(list(csv.DictReader(file))) if row["return"] != "nan"}
@@ -92,6 +94,14 @@ def draw(rows: list[dict[str, str]], path: Path) -> None:
     figure.savefig(path, dpi=110)
 
 
+def _is_known(run: str) -> bool:
+    """Whether the environment of a folder of runs is registered; says so where it is not: a study's, say."""
+    known = re.sub(r"^stepper_", "stepper/", re.sub(r"(-v\d+)_\w+$", r"\1", run)) in gymnasium.registry
+    if not known:
+        print(f"{run} is left out: its environment is not registered")
+    return known
+
+
 def _named(run: str) -> tuple[str, str]:
     """Engine with its law, and task, of the name of a folder of runs: "stepper_Hopper-v5", "stepper_Hopper-v5_hard", "Hopper-v5"."""
     match = re.fullmatch(r"(stepper_)?(.+?-v\d+)(?:_(\w+))?", run)
@@ -109,6 +119,8 @@ def table_of_runs(runs: Path, episodes: int) -> str:
     head, line, *kept = read_table("evaluate")
     rows = {tuple(_cells(row)[:3]): row for row in kept}
     for file in sorted(runs.glob("*/seed*/policy.npz")):
+        if not _is_known(file.parent.parent.name):
+            continue
         policy = load(file)
         t = policy.training
         own = {"contact": _law(policy), "precision": t["precision"]} if t["env"].startswith("stepper/") else {}

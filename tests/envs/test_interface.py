@@ -4,7 +4,7 @@ import copy
 import pickle
 import subprocess
 import sys
-from dataclasses import fields
+from dataclasses import dataclass, fields
 
 import gymnasium
 import numpy as np
@@ -14,8 +14,9 @@ from envs.cases import same
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
-from stepper.envs import TASKS, StepperEnv, StepperVectorEnv
-from stepper.envs.locomotion import Go1Velocity
+from stepper.envs import TASKS, Quantity, StepperEnv, StepperVectorEnv, Task
+from stepper.envs.locomotion import Go1Velocity, VelocityTask
+from stepper.sensors import SensorModel, Transfer
 
 NAMES = sorted(TASKS)
 
@@ -225,3 +226,69 @@ def test_without_gymnasium_it_says_what_to_install():
     code = "import sys; sys.modules['gymnasium'] = None; import stepper; stepper.envs"
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert 'pip install "stepper-sim[envs]"' in ended.stderr
+
+
+@dataclass(frozen=True)
+class Heard(Task):
+    """A pendulum whose encoder is noisy."""
+
+    frame_skip: int = 1
+
+    def model(self):
+        return stepper.load("""<mujoco><worldbody><body><joint name="hinge"/><geom size=".1" pos="0 0 -1"/></body></worldbody>
+            <sensor><jointpos joint="hinge"/></sensor></mujoco>""")
+
+    def sensors(self):
+        return SensorModel(default=Transfer(noise_std=1.0))
+
+    def quantities(self):
+        return (Quantity("read", of=lambda now: now.observation),)
+
+    def reward(self, now):
+        return np.zeros(now.sim.num_envs or 1), {}
+
+
+def test_errors_of_sensors_follow_from_the_seed():
+    first, second = StepperVectorEnv(Heard(), 4), StepperVectorEnv(Heard(), 4)
+    read = first.reset(seed=5)[0]
+    assert len(np.unique(read)) == 4
+    np.testing.assert_array_equal(second.reset(seed=5)[0], read)
+    later = first.reset()[0]
+    assert (later != read).all()
+    np.testing.assert_array_equal(first.reset(seed=5)[0], read)
+    assert (first.reset(seed=6)[0] != read).all()
+    assert (StepperVectorEnv(Heard(), 4).reset()[0] != StepperVectorEnv(Heard(), 4).reset()[0]).all()
+
+
+@pytest.mark.parametrize(
+    ("file", "settings", "said"),
+    [
+        ("<worldbody/>", {}, "keyframe"),
+        ("<worldbody><body><freejoint/><geom size='1'/></body></worldbody><keyframe><key name='stance'/></keyframe>", {}, "foot"),
+        (
+            "<worldbody><body><freejoint/><geom name='foot' size='1'/></body></worldbody><keyframe><key name='stance'/></keyframe>",
+            {"roughness": 0.1},
+            "terrain",
+        ),
+    ],
+)
+def test_a_robot_that_cannot_follow_commands_is_refused(file, settings, said):
+    @dataclass(frozen=True, kw_only=True)
+    class Mine(VelocityTask):
+        lowest = 0.1
+
+        def model(self):
+            return stepper.load(f"<mujoco>{file}</mujoco>")
+
+    with pytest.raises(ValueError, match=said):
+        StepperVectorEnv(Mine(**settings), 2)
+
+
+def test_a_robot_says_at_which_height_it_has_fallen():
+    @dataclass(frozen=True, kw_only=True)
+    class Mine(VelocityTask):
+        def model(self):
+            raise AssertionError("nobody asks")
+
+    with pytest.raises(TypeError, match="lowest"):
+        Mine()

@@ -55,7 +55,10 @@ class Batch:
         self.task = task = made_task(task, arguments)
         model = task.model() if model is None else model
         law = _options(model, contact or task.contact, options)
-        self.sim = Stepper(model, num_envs, options=law, precision=precision, threads=threads, sensors=task.sensors())
+        sensors = task.sensors()
+        self.sim = Stepper(model, num_envs, options=law, precision=precision, threads=threads, sensors=sensors)
+        self._has_noise = sensors is not None
+        self._noise_seed = _word() if self._has_noise else None
         self.num_envs, self.dt = num_envs, self.sim.timestep * task.frame_skip
         self.dtype = np.dtype(dtype if dtype is not None else {"f64": np.float64, "f32": np.float32}[precision])
         if self.dtype not in (np.float64, np.float32):
@@ -63,7 +66,7 @@ class Batch:
         if max_episode_steps is not None and max_episode_steps < 1:
             raise ValueError(f"max_episode_steps is {max_episode_steps}, must be at least 1, or None for no limit")
         self._limit = max_episode_steps
-        self.streams = Streams(num_envs, np.random.SeedSequence().generate_state(1, np.uint64).item())
+        self.streams = Streams(num_envs, _word())
         self.returns, self.lengths = np.zeros(num_envs), np.zeros(num_envs, dtype=np.int64)
         self._rest, self._memory = model.qpos0, task.memory(num_envs)
         self._qpos, self._qvel = np.tile(model.qpos0, (num_envs, 1)), np.zeros((num_envs, model.nv))
@@ -93,8 +96,13 @@ class Batch:
         return {quantity.name: rows.stop - rows.start for quantity, rows in self._rows}
 
     def seed(self, envs: Array, seeds: Sequence[int]) -> None:
-        """Starts the random numbers of the environments `envs` (n,) anew."""
+        """Starts the random numbers of the environments `envs` (n,) anew.
+
+        Errors of sensors have numbers of their own, by the place of an environment and by one seed, which follows from all `seeds`.
+        """
         self.streams.seed(envs, seeds)
+        if self._has_noise:
+            self._noise_seed = _word(seeds)
 
     def begin(self, mask: Array) -> None:
         """Begins an episode in the environments of a mask, (num_envs,) bool."""
@@ -109,7 +117,8 @@ class Batch:
         qpos[:] = self._rest
         self.task.start(qpos, qvel, Draws(self.streams, envs))
         self._qpos[envs], self._qvel[envs] = qpos, qvel
-        self.sim.reset(mask, qpos=self._qpos, qvel=self._qvel)
+        self.sim.reset(mask, qpos=self._qpos, qvel=self._qvel, seed=self._noise_seed)
+        self._noise_seed = None
         self.task.prepare(self.sim, self._memory, mask, Draws(self.streams, envs))
         self.returns[envs], self.lengths[envs] = 0.0, 0
 
@@ -208,6 +217,12 @@ def made_task(task: Task | type[Task] | str, arguments: dict[str, Any]) -> Task:
     if task not in TASKS:
         raise ValueError(f"there is no task {task!r}, there are: {', '.join(sorted(TASKS))}; or give a stepper.envs.Task")
     return TASKS[task](**arguments)
+
+
+def _word(seeds: Sequence[int] | None = None) -> int:
+    """A word of 64 bits that follows from seeds, or from chance."""
+    word: int = np.random.SeedSequence(None if seeds is None else list(seeds)).generate_state(1, np.uint64).item()
+    return word
 
 
 def _options(model: Model, contact: str, options: Options | None) -> Options:

@@ -119,7 +119,10 @@ class Task(ABC):
         """The scene."""
 
     def sensors(self) -> SensorModel | None:
-        """What sensors make of the truth, for tasks that observe `now.observation`; None is ideal ones."""
+        """What sensors make of the truth, for tasks that observe `now.observation`; None is ideal ones.
+
+        Their random numbers follow from the seeds of a reset and from the place of an environment in its batch.
+        """
         return None
 
     @abstractmethod

@@ -74,16 +74,6 @@ class G1Velocity(VelocityTask):
     Feet touch the ground, and no other part.
     """
 
-    WEIGHTS: ClassVar[Mapping[str, float]] = {
-        "linear": 1.0,
-        "angular": 0.5,
-        "bounce": 0.5,
-        "roll": 0.02,
-        "tilt": 2.0,
-        "pose": 0.1,
-        "torque": 1e-5,
-        "change": 0.02,
-    }
     lowest = 0.45
     camera: ClassVar[Camera] = {"trackbodyid": 1, "distance": 3.0, "azimuth": 120.0, "elevation": -15.0}
 

@@ -47,13 +47,23 @@ class VelocityTask(Task):
         weights: Weights of the terms of the reward, of some or all; the others are those of `WEIGHTS`.
 
     Raises:
-        ValueError: A latency or roughness out of its range, a weight of a term that there is not.
+        TypeError: A class without `lowest`.
+        ValueError: A latency or roughness out of its range, a weight of a term that there is not, a model without what is said above.
     """
 
-    WEIGHTS: ClassVar[Mapping[str, float]]
+    WEIGHTS: ClassVar[Mapping[str, float]] = {
+        "linear": 1.0,
+        "angular": 0.5,
+        "bounce": 0.5,
+        "roll": 0.02,
+        "tilt": 2.0,
+        "pose": 0.1,
+        "torque": 1e-5,
+        "change": 0.02,
+    }
     """Weights of the terms of the reward."""
     lowest: ClassVar[float]
-    """Height of the base above the ground at which an episode ends, m."""
+    """Height of the base above the ground at which an episode ends, m: each robot says its own."""
     steepest: ClassVar[float] = 0.5
     """Cosine of the inclination of the base at which it ends."""
 
@@ -70,6 +80,8 @@ class VelocityTask(Task):
     weights: Mapping[str, float] | None = None
 
     def __post_init__(self) -> None:
+        if not hasattr(self, "lowest"):
+            raise TypeError(f"{type(self).__name__} has no `lowest`: give it the height of the base (m) at which an episode ends")
         if not 0 <= self.max_latency <= self.frame_skip:
             raise ValueError(f"max_latency is {self.max_latency}, must be from 0 to frame_skip, which is {self.frame_skip}")
         if not 0.0 <= self.roughness <= 1.0:
@@ -79,7 +91,9 @@ class VelocityTask(Task):
 
     def memory(self, num_envs: int) -> Terms:
         """Commands and pushes of the episodes, and the last two actions."""
-        stance = _stance(self.model())
+        model = self.model()
+        self._check(model)
+        stance = _stance(model)
         return {
             "step": np.zeros(num_envs, dtype=np.int64),
             "commands": np.zeros((num_envs, _COMMANDS, 3)),
@@ -89,6 +103,15 @@ class VelocityTask(Task):
             "last": np.tile(stance, (num_envs, 1)),
             "before": np.tile(stance, (num_envs, 1)),
         }
+
+    def _check(self, model: Model) -> None:
+        """Raises ValueError for a model that the task cannot be of."""
+        if "stance" not in model.keyframe_names:
+            raise ValueError('the model has no keyframe "stance", about which episodes begin: give it <key name="stance" qpos=.../>')
+        if not any("foot" in name for name in model.geom_names):
+            raise ValueError('no geom of the model has "foot" in its name, and friction is drawn for those: name the geoms of the feet so')
+        if self.roughness and "terrain" not in model.geom_names:
+            raise ValueError(f'roughness is {self.roughness}, and the model has no geom "terrain": add `terrain.elements` to it')
 
     def quantities(self) -> tuple[Quantity, ...]:
         """Velocities and vertical of the base in its frame, command, angles and last action beside the stance, rates: (12 + 3 nu,)."""

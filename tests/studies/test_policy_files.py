@@ -59,7 +59,8 @@ def test_a_policy_of_stepper_drives_a_study(tmp_path):
 @pytest.mark.parametrize(
     ("name", "content", "error", "message"),
     [
-        ("policy.zip", b"", ValueError, "the ending is '.zip', must be one of .onnx, .pt, .pt2, .pth, .ts, .npz, or give a function"),
+        ("policy.zip", b"", ValueError, "the ending is '.zip', must be one of .onnx, .pt, .pth, .ts, .npz, or give a function"),
+        ("program.pt2", b"", ValueError, r"can run any code: load it yourself, .* torch.export.load\(...\).module\(\)"),
         ("none.npz", None, FileNotFoundError, "none.npz"),
         ("other.npz", b"words", ValueError, "other.npz holds no policy"),
     ],
@@ -69,6 +70,13 @@ def test_files_that_hold_no_policy_are_named(tmp_path, name, content, error, mes
         (tmp_path / name).write_bytes(content)
     with pytest.raises(error, match=message):
         stepper.Policy(tmp_path / name)
+
+
+def test_a_study_of_a_program_is_refused_with_the_remedy(tmp_path):
+    (tmp_path / "arm.xml").write_text(ARM)
+    (tmp_path / "reach.toml").write_text(STUDY.replace("servo.npz", "servo.pt2"))
+    with pytest.raises(ValueError, match="servo.pt2: a program of torch.export is not read"):
+        stepper.Study.from_file(tmp_path / "reach.toml")
 
 
 @pytest.mark.parametrize(

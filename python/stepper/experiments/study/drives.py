@@ -93,8 +93,8 @@ class Policy:
     """A policy: from observations (num_envs, nsensordata), controls (num_envs, nu).
 
     Args:
-        act: A function, whose tensors of torch may come back; or a file that ends in .onnx (ONNX Runtime), .pt, .pth, .ts or .pt2
-            (TorchScript, or a program of torch.export), or .npz (`stepper.policies`). A network for one observation is asked row by row.
+        act: A function, whose tensors of torch may come back; or a file that ends in .onnx (ONNX Runtime), .pt, .pth or .ts
+            (TorchScript), or .npz (`stepper.policies`). A network for one observation is asked row by row.
 
     Raises:
         ValueError: A file that holds no policy.

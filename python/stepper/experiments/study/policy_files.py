@@ -1,7 +1,8 @@
-"""Policies that others have exported: ONNX, TorchScript, programs of torch.export, and files of `stepper.policies`.
+"""Policies that others have exported: ONNX, TorchScript, and files of `stepper.policies`.
 
 A policy takes observations (num_envs, n) and returns controls (num_envs, nu). A network that was exported for one observation at a time is
-asked row by row. What can run code of its own when it is read, a pickle, is refused.
+asked row by row. What can run code of its own when it is read is refused: pickles of torch.save, and programs of torch.export, whose
+reader takes pickles too.
 """
 
 from __future__ import annotations
@@ -87,23 +88,19 @@ class _Onnx(PolicyFile):
 
 
 class _Torch(PolicyFile):
-    """A TorchScript or an exported program, on the CPU without gradients."""
+    """A TorchScript, on the CPU without gradients."""
 
-    endings = (".pt", ".pt2", ".pth", ".ts")
+    endings = (".pt", ".pth", ".ts")
 
     def __init__(self, path: Path):
         super().__init__(path)
         self._torch = require("torch", "to run a policy of torch")
-        kind = _kind_of(path)
-        if kind is None:
+        if not _is_script(path):
             raise ValueError(
-                f"{path}: it is neither a TorchScript (torch.jit.save) nor an exported program (torch.export.save); a pickle of torch.save "
-                "is not read, as it can run any code: load it yourself and give stepper.Policy the module"
+                f"{path}: it is no TorchScript (torch.jit.save); a pickle of torch.save and a program of torch.export are not read, as they "
+                "can run any code: load it yourself and give stepper.Policy the module"
             )
-        self._module = self._torch.jit.load(str(path), map_location="cpu") if kind == "script" else self._exported(path)
-
-    def _exported(self, path: Path) -> Any:
-        return self._torch.export.load(str(path)).module()
+        self._module = self._torch.jit.load(str(path), map_location="cpu")
 
     def __call__(self, observation: Array) -> Any:
         """See `PolicyFile`."""
@@ -127,13 +124,15 @@ class _Own(PolicyFile):
 
 _KINDS: tuple[type[PolicyFile], ...] = (_Onnx, _Torch, _Own)
 ENDINGS = tuple(ending for kind in _KINDS for ending in kind.endings)
+PROGRAM = ".pt2"
+"""How programs of torch.export end, which are refused."""
 
 
 def read_policy(path: str | os.PathLike[str]) -> PolicyFile:
     """Reads a policy.
 
     Args:
-        path: A file that ends in .onnx (ONNX Runtime), .pt, .pth, .ts or .pt2 (torch), or .npz (`stepper.policies`).
+        path: A file that ends in .onnx (ONNX Runtime), .pt, .pth or .ts (TorchScript), or .npz (`stepper.policies`).
 
     Raises:
         ValueError: Another ending, or a file that holds no policy of its kind.
@@ -144,15 +143,18 @@ def read_policy(path: str | os.PathLike[str]) -> PolicyFile:
     for kind in _KINDS:
         if file.suffix.lower() in kind.endings:
             return kind(file)
+    if file.suffix.lower() == PROGRAM:
+        raise ValueError(
+            f"{file}: a program of torch.export is not read, as it can run any code: load it yourself, where you trust it, with "
+            "torch.export.load(...).module() and give stepper.Policy the module"
+        )
     raise ValueError(f"{file}: the ending is {file.suffix!r}, must be one of {', '.join(ENDINGS)}, or give a function")
 
 
-def _kind_of(path: Path) -> str | None:
-    """What an archive of torch holds, from the names in it: "script", "program" or neither."""
+def _is_script(path: Path) -> bool:
+    """Whether an archive is a TorchScript, from the names in it."""
     if not zipfile.is_zipfile(path):
-        return None
+        return False
     with zipfile.ZipFile(path) as archive:
         names = archive.namelist()
-    if any(name.endswith("constants.pkl") and "/" in name for name in names) and any("/code/" in name for name in names):
-        return "script"
-    return "program" if any("models/" in name or "serialized_exported_program" in name for name in names) else None
+    return any(name.endswith("/constants.pkl") for name in names) and any("/code/" in name for name in names)

@@ -7,8 +7,10 @@ reader takes pickles too.
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import os
+import sys
 import zipfile
 from abc import ABC, abstractmethod
 from pathlib import Path
@@ -87,6 +89,36 @@ class _Onnx(PolicyFile):
         return np.array([np.ravel(self._session.run(None, {self._input.name: row})[0]) for row in rows])
 
 
+class Network:
+    """A module of torch as a policy, without gradients.
+
+    Each start takes a copy of the module as it was given, whose `reset()` is called where a TorchScript has one: what a network
+    remembers, in buffers or elsewhere, is of one batch alone.
+
+    Attributes:
+        module: As it was given; it is never called itself.
+    """
+
+    def __init__(self, module: Any):
+        self._torch = require("torch", "to run a policy of torch")
+        self.module = module
+        self._playing: Any = None
+
+    def begin(self, _: Any = None) -> None:
+        """Forgets."""
+        self._playing = copy.deepcopy(self.module)
+        if isinstance(self.module, self._torch.jit.ScriptModule) and hasattr(self.module, "reset"):
+            self._playing.reset()
+
+    def __call__(self, observation: Array) -> Any:
+        """Controls for observations, which it is given in the precision and on the device of its first parameter."""
+        if self._playing is None:
+            self.begin()
+        own = next(self.module.parameters(), self._torch.zeros(0))
+        with self._torch.no_grad():
+            return self._playing(self._torch.as_tensor(np.ascontiguousarray(observation), dtype=own.dtype, device=own.device))
+
+
 class _Torch(PolicyFile):
     """A TorchScript, on the CPU without gradients."""
 
@@ -94,18 +126,21 @@ class _Torch(PolicyFile):
 
     def __init__(self, path: Path):
         super().__init__(path)
-        self._torch = require("torch", "to run a policy of torch")
+        torch = require("torch", "to run a policy of torch")
         if not _is_script(path):
             raise ValueError(
-                f"{path}: it is no TorchScript (torch.jit.save); a pickle of torch.save and a program of torch.export are not read, as they "
-                "can run any code: load it yourself and give stepper.Policy the module"
+                f"{path}: it is no TorchScript (torch.jit.save); a pickle of torch.save and a program of torch.export are not read, as "
+                "they can run any code: load it yourself and give stepper.Policy the module"
             )
-        self._module = self._torch.jit.load(str(path), map_location="cpu")
+        self._network = Network(torch.jit.load(str(path), map_location="cpu"))
+
+    def begin(self, now: Any) -> None:
+        """See `Network`."""
+        self._network.begin(now)
 
     def __call__(self, observation: Array) -> Any:
         """See `PolicyFile`."""
-        with self._torch.no_grad():
-            return self._module(self._torch.as_tensor(np.ascontiguousarray(observation, np.float32)))
+        return self._network(observation)
 
 
 class _Own(PolicyFile):
@@ -149,6 +184,12 @@ def read_policy(path: str | os.PathLike[str]) -> PolicyFile:
             "torch.export.load(...).module() and give stepper.Policy the module"
         )
     raise ValueError(f"{file}: the ending is {file.suffix!r}, must be one of {', '.join(ENDINGS)}, or give a function")
+
+
+def is_module(thing: Any) -> bool:
+    """Whether it is a module of torch, which is not imported for that."""
+    torch = sys.modules.get("torch")
+    return torch is not None and isinstance(thing, torch.nn.Module)
 
 
 def _is_script(path: Path) -> bool:

@@ -94,11 +94,11 @@ class Policy:
 
     Args:
         act: A function, whose tensors of torch may come back; a module of torch, which gets tensors; or a file that ends in
-            .onnx (ONNX Runtime), .pt, .pth or .ts (TorchScript), or .npz (`stepper.policies`). A network for one observation is asked row by row.
+            .onnx (ONNX Runtime), .pt, .pth or .ts (TorchScript), or .npz (`stepper.policies`). A network for one
+            observation is asked row by row.
 
-            One that remembers has a method `begin(now)`, which is called at the start of each batch. Of a module of torch, and of a
-            TorchScript, each batch has a copy as it was given, so that it begins with the buffers of then; the `reset()` of a TorchScript
-            is called beside.
+            One that remembers has a method `begin(now)`, called at the start of each batch. Of a module of torch and of a TorchScript, each
+            batch has a copy as it was given, with the buffers of then; the `reset()` of a TorchScript is called.
 
     Raises:
         ValueError: A file that holds no policy.

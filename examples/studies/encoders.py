@@ -5,7 +5,7 @@ numbers. encoders_trained.py has the same episodes with a policy that was traine
 
     stepper report examples/studies/encoders.py
     stepper report examples/studies/encoders_trained.py
-    python examples/studies/encoders.py out/encoders.png    # both: a table, and one picture
+    python examples/studies/encoders.py    # both: a table, and one picture, out/encoders.png or what is named
 
 encoders_task.py trains the second one.
 """
@@ -136,9 +136,10 @@ def picture(file: str) -> None:
             panel.grid(visible=True, color="#dddddd")
     panels[0].set_ylabel("share upright for 10 s")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False)
+    Path(file).parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(file)
 
 
 if __name__ == "__main__":
     table()
-    picture(sys.argv[1])
+    picture(sys.argv[1] if len(sys.argv) > 1 else "out/encoders.png")

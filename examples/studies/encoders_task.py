@@ -1,6 +1,6 @@
 """Trains the policy of encoders_trained.py: the task of Gymnasium's InvertedDoublePendulum-v5, by what encoders say.
 
-    python examples/studies/encoders_task.py stepper/Encoders-v0 --steps 3000000 --threads 1
+    python examples/studies/encoders_task.py stepper/Encoders-v0 --steps 6000000 --threads 1
 
 The options are those of examples/train.py.
 """

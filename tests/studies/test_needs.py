@@ -5,7 +5,7 @@ import stepper
 from stepper.experiments.accuracy import account
 from stepper.experiments.accuracy.needs import Bench, spares
 from stepper.experiments.accuracy.traces import Distance, run
-from stepper.experiments.study.touching import pairs_of_bodies, touching
+from stepper.experiments.study.touching import pairs_of_bodies, pairs_that_may_touch, touching
 from stepper.loading import describe
 from typer.testing import CliRunner
 
@@ -104,6 +104,18 @@ def test_what_happened_beside_what_could():
     # Three times four contacts are nearly all of the work of three free bodies.
     assert parts[1].share + parts[2].share > 0.3
     assert "| motion of the bodies |" in str(found)
+
+
+def test_explicit_pairs_may_touch_and_excluded_ones_do_not():
+    balls = "".join(
+        f'<body name="{name}" pos="{x} 0 1"><freejoint/><geom name="{name}" size=".1" contype="{mask}" conaffinity="{mask}"/></body>'
+        for name, x, mask in (("a", 0, 0), ("b", 0.15, 0), ("c", 2, 1), ("d", 3, 1))
+    )
+    scene = f'<mujoco><worldbody>{balls}</worldbody><contact><pair geom1="b" geom2="a"/><exclude body1="c" body2="d"/></contact></mujoco>'
+    study = stepper.Study.of(scene)
+    assert pairs_that_may_touch(*study.loaded) == {(1, 2)}
+    (use,) = [use for use in account(scene, episodes=1).uses if use.name == "pairs of bodies within reach of a step"]
+    assert (use.could, use.did) == (1, 1)
 
 
 def test_pairs_of_bodies_are_those_whose_masks_meet():

@@ -59,7 +59,8 @@ def test_a_policy_of_stepper_drives_a_study(tmp_path):
 @pytest.mark.parametrize(
     ("name", "content", "error", "message"),
     [
-        ("policy.zip", b"", ValueError, "the ending is '.zip', must be one of .onnx, .pt, .pt2, .pth, .ts, .npz, or give a function"),
+        ("policy.zip", b"", ValueError, "the ending is '.zip', must be one of .onnx, .pt, .pth, .ts, .npz, or give a function"),
+        ("program.pt2", b"", ValueError, r"can run any code: load it yourself, .* torch.export.load\(...\).module\(\)"),
         ("none.npz", None, FileNotFoundError, "none.npz"),
         ("other.npz", b"words", ValueError, "other.npz holds no policy"),
     ],
@@ -71,6 +72,13 @@ def test_files_that_hold_no_policy_are_named(tmp_path, name, content, error, mes
         stepper.Policy(tmp_path / name)
 
 
+def test_a_study_of_a_program_is_refused_with_the_remedy(tmp_path):
+    (tmp_path / "arm.xml").write_text(ARM)
+    (tmp_path / "reach.toml").write_text(STUDY.replace("servo.npz", "servo.pt2"))
+    with pytest.raises(ValueError, match=r"servo\.pt2: a program of torch\.export is not read"):
+        stepper.Study.from_file(tmp_path / "reach.toml")
+
+
 @pytest.mark.parametrize(
     ("name", "package", "remedy"), [("a.onnx", "onnxruntime", r"stepper-sim\[onnx\]"), ("a.pt", "torch", "pip install torch")]
 )
@@ -79,6 +87,52 @@ def test_what_is_not_installed_is_named_with_the_remedy(tmp_path, monkeypatch, n
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(MissingPackageError, match=f"{package} is needed to run a policy .*{remedy}"):
         stepper.Policy(tmp_path / name)
+
+
+def remembered(drive, folder, batch):
+    study = stepper.Study(
+        model=ARM,
+        drive=drive,
+        seconds=0.2,
+        episodes=4,
+        batch=batch,
+        qpos_noise=0.3,
+        outcomes=stepper.Outcome(name="angle", measure="joint hinge"),
+    )
+    return [row["outcomes"] for row in stepper.sweep(study, folder / f"batches of {batch}").sweep.table.rows]
+
+
+class Integrator:
+    """Controls that grow from one to the next."""
+
+    def begin(self, now):
+        self._sum = np.zeros((now.num_envs, 1))
+
+    def __call__(self, seen):
+        self._sum += 0.1 * (0.5 - seen[:, :1])
+        return self._sum
+
+
+def test_a_memory_is_of_one_batch(tmp_path):
+    policy = stepper.Policy(Integrator())
+    assert remembered(policy, tmp_path, 1) == remembered(policy, tmp_path, 4)
+
+
+def test_a_class_of_a_file_is_told_of_starts(tmp_path):
+    (tmp_path / "arm.xml").write_text(ARM)
+    (tmp_path / "memory.py").write_text("""
+class Count:
+    def begin(self, now):
+        self._count = 0
+
+    def __call__(self, seen):
+        self._count += 1
+        return 0.01 * self._count + 0.0 * seen[:, :1]
+""")
+    (tmp_path / "reach.toml").write_text(STUDY.replace("servo.npz", "memory.py:Count"))
+    study = stepper.Study.from_file(tmp_path / "reach.toml")
+    one, all_ = (stepper.sweep(replace(study, batch=n), tmp_path / f"{n}").sweep.table.rows for n in (1, 2))
+    assert [row["outcomes"] for row in one] == [row["outcomes"] for row in all_]
 
 
 def test_controls_of_another_shape_are_named(tmp_path):

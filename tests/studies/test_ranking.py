@@ -54,8 +54,17 @@ def test_a_success_is_ranked_by_its_share_and_nothing_is_run_twice(tmp_path):
     again = stepper.rank(study, tmp_path, samples=32)
     assert again.ranks == found.ranks
     assert (tmp_path / "known/journal").read_bytes() == journal
-    for name in ("rank.html", "rank.md", "rank.png", "table.csv"):
+    for name in ("rank.html", "rank.md", "rank.png", "rank_table.csv", "rank_table.npz"):
         assert (tmp_path / "known" / name).stat().st_size > 500
+    assert "in rank_table.csv" in (tmp_path / "known/rank.md").read_text()
+
+
+def test_the_table_of_a_sweep_stays(tmp_path):
+    study = of(lambda now: np.asarray(now.theta["x"], float), success="> 0")
+    stepper.sweep(study, tmp_path, cliffs=False)
+    before = [(tmp_path / "known" / name).read_bytes() for name in ("table.csv", "table.npz")]
+    stepper.rank(study, tmp_path, samples=4)
+    assert [(tmp_path / "known" / name).read_bytes() for name in ("table.csv", "table.npz")] == before
 
 
 @pytest.mark.parametrize(

@@ -58,9 +58,15 @@ def write_program(path):
     return path
 
 
-def angles(drive, folder):
+def angles(drive, folder, batch=64):
     study = stepper.Study(
-        model=ARM, drive=drive, seconds=0.4, episodes=4, qpos_noise=0.3, outcomes=stepper.Outcome(name="angle", measure="joint hinge")
+        model=ARM,
+        drive=drive,
+        seconds=0.4,
+        episodes=4,
+        batch=batch,
+        qpos_noise=0.3,
+        outcomes=stepper.Outcome(name="angle", measure="joint hinge"),
     )
     return [row["outcomes"]["angle"] for row in stepper.sweep(study, folder).sweep.table.rows]
 
@@ -73,9 +79,8 @@ def angles(drive, folder):
         lambda folder: write_onnx(folder / "row.onnx", batch=None),
         lambda folder: write_onnx(folder / "double.onnx", kind=TensorProto.DOUBLE),
         lambda folder: write_script(folder / "script.pt"),
-        lambda folder: write_program(folder / "program.pt2"),
     ],
-    ids=["onnx", "onnx of one", "onnx of a row", "onnx in 64 bits", "TorchScript", "torch.export"],
+    ids=["onnx", "onnx of one", "onnx of a row", "onnx in 64 bits", "TorchScript"],
 )
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning", "ignore::UserWarning")
 def test_a_file_gives_the_rows_of_the_network(tmp_path, write):
@@ -106,14 +111,62 @@ def test_a_study_of_a_file(tmp_path):
         (lambda folder: (folder / "words.onnx").write_bytes(b"words") and folder / "words.onnx", "ONNX Runtime cannot read it"),
         (
             lambda folder: torch.save(Servo().state_dict(), folder / "weights.pt") or folder / "weights.pt",
-            "a pickle of torch.save is not read",
+            "a pickle of torch.save and a program of torch.export are not read",
         ),
-        (lambda folder: (folder / "words.pt").write_bytes(b"words") and folder / "words.pt", "neither a TorchScript"),
+        (lambda folder: write_program(folder / "program.pt2"), "a program of torch.export is not read"),
+        # By what it is, not by how it is called.
+        (lambda folder: write_program(folder / "program.pt2").rename(folder / "program.pt"), "it is no TorchScript"),
+        (lambda folder: (folder / "words.pt").write_bytes(b"words") and folder / "words.pt", "it is no TorchScript"),
     ],
 )
 def test_files_that_are_no_policy_are_named(tmp_path, write, message):
     with pytest.raises(ValueError, match=message):
         read_policy(write(tmp_path))
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning", "ignore::UserWarning")
+def test_a_program_that_its_owner_loads_is_a_policy(tmp_path):
+    policy = stepper.Policy(torch.export.load(str(write_program(tmp_path / "program.pt2"))).module())
+    np.testing.assert_allclose(angles(policy, tmp_path / "own"), angles(stepper.Policy(plain), tmp_path / "plain"), rtol=0, atol=1e-6)
+
+
+class Remembers(torch.nn.Module):
+    """Adds up what it sees, in a buffer that takes the size of the batch; `reset` begins with another sum."""
+
+    def __init__(self):
+        super().__init__()
+        self.register_buffer("sum", torch.zeros(1, 1))
+
+    def forward(self, seen: torch.Tensor) -> torch.Tensor:
+        self.sum = self.sum + 0.1 * (0.5 - seen[:, :1])
+        return self.sum
+
+
+class Resets(Remembers):
+    @torch.jit.export
+    def reset(self):
+        self.sum = torch.full((1, 1), 0.2)
+
+
+def scripted(module, path):
+    torch.jit.save(torch.jit.script(module), str(path))
+    return path
+
+
+@pytest.mark.parametrize("kind", [Remembers, Resets])
+@pytest.mark.parametrize("form", ["module", "file"])
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_a_memory_is_of_one_batch(tmp_path, kind, form):
+    policy = stepper.Policy(kind() if form == "module" else scripted(kind(), tmp_path / "memory.pt"))
+    before = digest_of(policy)
+    assert angles(policy, tmp_path / "one", batch=1) == angles(policy, tmp_path / "four", batch=4)
+    assert digest_of(policy) == before
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_a_script_is_reset(tmp_path):
+    first = [stepper.Policy(scripted(kind(), tmp_path / f"{kind.__name__}.pt")).act(np.full((1, 2), 0.5)) for kind in (Remembers, Resets)]
+    assert [float(controls) for controls in first] == pytest.approx([0.0, 0.2])
 
 
 def test_sensors_that_a_network_does_not_take_are_named(tmp_path):

@@ -21,7 +21,7 @@ from stepper.experiments.accuracy.costs import BATCH
 from stepper.experiments.study.batches import drive_through, world_of
 from stepper.experiments.study.document import Document, Section, counted
 from stepper.experiments.study.study import USUAL, Study
-from stepper.experiments.study.touching import Touching, pairs_of_bodies, touching
+from stepper.experiments.study.touching import Touching, pairs_that_may_touch, touching
 from stepper.experiments.study.worlds import StepperWorld, World
 from stepper.experiments.timing import Timed
 from stepper.loading import describe
@@ -120,7 +120,7 @@ def _uses(study: Study, seen: Touching) -> Iterator[Use]:
     rubbed = [pair for pair in pressed if pair.cone > _USED or pair.twists > _USED * pair.peak]
     slid = [pair for pair in pressed if pair.cone >= 1 - 1e-3]
     near = {tuple(sorted(model.geom(g).bodyid for g in pair.geoms)) for pair in seen.pairs}
-    yield Use("pairs of bodies within reach of a step", len(pairs_of_bodies(model)), len(near))
+    yield Use("pairs of bodies within reach of a step", len(pairs_that_may_touch(model, study.loaded[1])), len(near))
     yield Use("pairs of geoms that press, of those within reach", len(seen.pairs), len(pressed))
     yield Use("those with friction, of those that press", len(pressed), len(rubbed))
     largest = max((pair.cone for pair in rubbed), default=0.0)

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper.experiments.study.policy_files import PolicyFile, read_policy
+from stepper.experiments.study.policy_files import Network, PolicyFile, is_module, read_policy
 from stepper.experiments.study.worlds import World
 
 Array = NDArray[np.float64]
@@ -93,8 +93,12 @@ class Policy:
     """A policy: from observations (num_envs, nsensordata), controls (num_envs, nu).
 
     Args:
-        act: A function, whose tensors of torch may come back; or a file that ends in .onnx (ONNX Runtime), .pt, .pth, .ts or .pt2
-            (TorchScript, or a program of torch.export), or .npz (`stepper.policies`). A network for one observation is asked row by row.
+        act: A function, whose tensors of torch may come back; a module of torch, which gets tensors; or a file that ends in
+            .onnx (ONNX Runtime), .pt, .pth or .ts (TorchScript), or .npz (`stepper.policies`). A network for one
+            observation is asked row by row.
+
+            One that remembers has a method `begin(now)`, called at the start of each batch. Of a module of torch and of a TorchScript, each
+            batch has a copy as it was given, with the buffers of then; the `reset()` of a TorchScript is called.
 
     Raises:
         ValueError: A file that holds no policy.
@@ -102,7 +106,14 @@ class Policy:
     """
 
     def __init__(self, act: Callable[[Array], Any] | str | os.PathLike[str]):
-        self.act = read_policy(act) if isinstance(act, str | os.PathLike) else act
+        if isinstance(act, str | os.PathLike):
+            act = read_policy(act)
+        self.act = Network(act) if is_module(act) else act
+
+    def begin(self, now: World) -> None:
+        """Tells the policy of a start, where it wants to know."""
+        if hasattr(self.act, "begin"):
+            self.act.begin(now)
 
     def __call__(self, now: World) -> Array:
         """Controls for what the sensors say."""
@@ -326,6 +337,8 @@ def name_of(thing: Any) -> str:
         return f"policy {name_of(thing.act)}"
     if isinstance(thing, PolicyFile):
         return thing.path.name
+    if isinstance(thing, Network):
+        return name_of(thing.module)
     if isinstance(thing, functools.partial):
         return name_of(thing.func)
     name = getattr(thing, "__qualname__", type(thing).__qualname__)

@@ -39,7 +39,7 @@ from stepper.actuators import ActuatorModel
 from stepper.experiments.study.drives import Policy, Recorded, find, load_file
 from stepper.experiments.study.outcomes import Outcome
 from stepper.experiments.study.parameters import Parameter
-from stepper.experiments.study.policy_files import ENDINGS
+from stepper.experiments.study.policy_files import ENDINGS, PROGRAM
 from stepper.sensors import SensorModel
 from stepper.shared.tables import read_file
 
@@ -104,7 +104,7 @@ def _model(source: str, folder: Path) -> Any:
 
 
 def _policy(source: str, folder: Path) -> Policy:
-    if source.endswith(ENDINGS):
+    if source.endswith((*ENDINGS, PROGRAM)):
         return Policy(folder / source)
     found = find(source, folder)
     return Policy(found() if isinstance(found, type) else found)

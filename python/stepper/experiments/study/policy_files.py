@@ -1,13 +1,16 @@
-"""Policies that others have exported: ONNX, TorchScript, programs of torch.export, and files of `stepper.policies`.
+"""Policies that others have exported: ONNX, TorchScript, and files of `stepper.policies`.
 
 A policy takes observations (num_envs, n) and returns controls (num_envs, nu). A network that was exported for one observation at a time is
-asked row by row. What can run code of its own when it is read, a pickle, is refused.
+asked row by row. What can run code of its own when it is read is refused: pickles of torch.save, and programs of torch.export, whose
+reader takes pickles too.
 """
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import os
+import sys
 import zipfile
 from abc import ABC, abstractmethod
 from pathlib import Path
@@ -86,29 +89,58 @@ class _Onnx(PolicyFile):
         return np.array([np.ravel(self._session.run(None, {self._input.name: row})[0]) for row in rows])
 
 
-class _Torch(PolicyFile):
-    """A TorchScript or an exported program, on the CPU without gradients."""
+class Network:
+    """A module of torch as a policy, without gradients.
 
-    endings = (".pt", ".pt2", ".pth", ".ts")
+    Each start takes a copy of the module as it was given, whose `reset()` is called where a TorchScript has one: what a network
+    remembers, in buffers or elsewhere, is of one batch alone.
+
+    Attributes:
+        module: As it was given; it is never called itself.
+    """
+
+    def __init__(self, module: Any):
+        self._torch = require("torch", "to run a policy of torch")
+        self.module = module
+        self._playing: Any = None
+
+    def begin(self, _: Any = None) -> None:
+        """Forgets."""
+        self._playing = copy.deepcopy(self.module)
+        if isinstance(self.module, self._torch.jit.ScriptModule) and hasattr(self.module, "reset"):
+            self._playing.reset()
+
+    def __call__(self, observation: Array) -> Any:
+        """Controls for observations, which it is given in the precision and on the device of its first parameter."""
+        if self._playing is None:
+            self.begin()
+        own = next(self.module.parameters(), self._torch.zeros(0))
+        with self._torch.no_grad():
+            return self._playing(self._torch.as_tensor(np.ascontiguousarray(observation), dtype=own.dtype, device=own.device))
+
+
+class _Torch(PolicyFile):
+    """A TorchScript, on the CPU without gradients."""
+
+    endings = (".pt", ".pth", ".ts")
 
     def __init__(self, path: Path):
         super().__init__(path)
-        self._torch = require("torch", "to run a policy of torch")
-        kind = _kind_of(path)
-        if kind is None:
+        torch = require("torch", "to run a policy of torch")
+        if not _is_script(path):
             raise ValueError(
-                f"{path}: it is neither a TorchScript (torch.jit.save) nor an exported program (torch.export.save); a pickle of torch.save "
-                "is not read, as it can run any code: load it yourself and give stepper.Policy the module"
+                f"{path}: it is no TorchScript (torch.jit.save); a pickle of torch.save and a program of torch.export are not read, as "
+                "they can run any code: load it yourself and give stepper.Policy the module"
             )
-        self._module = self._torch.jit.load(str(path), map_location="cpu") if kind == "script" else self._exported(path)
+        self._network = Network(torch.jit.load(str(path), map_location="cpu"))
 
-    def _exported(self, path: Path) -> Any:
-        return self._torch.export.load(str(path)).module()
+    def begin(self, now: Any) -> None:
+        """See `Network`."""
+        self._network.begin(now)
 
     def __call__(self, observation: Array) -> Any:
         """See `PolicyFile`."""
-        with self._torch.no_grad():
-            return self._module(self._torch.as_tensor(np.ascontiguousarray(observation, np.float32)))
+        return self._network(observation)
 
 
 class _Own(PolicyFile):
@@ -127,13 +159,15 @@ class _Own(PolicyFile):
 
 _KINDS: tuple[type[PolicyFile], ...] = (_Onnx, _Torch, _Own)
 ENDINGS = tuple(ending for kind in _KINDS for ending in kind.endings)
+PROGRAM = ".pt2"
+"""How programs of torch.export end, which are refused."""
 
 
 def read_policy(path: str | os.PathLike[str]) -> PolicyFile:
     """Reads a policy.
 
     Args:
-        path: A file that ends in .onnx (ONNX Runtime), .pt, .pth, .ts or .pt2 (torch), or .npz (`stepper.policies`).
+        path: A file that ends in .onnx (ONNX Runtime), .pt, .pth or .ts (TorchScript), or .npz (`stepper.policies`).
 
     Raises:
         ValueError: Another ending, or a file that holds no policy of its kind.
@@ -144,15 +178,24 @@ def read_policy(path: str | os.PathLike[str]) -> PolicyFile:
     for kind in _KINDS:
         if file.suffix.lower() in kind.endings:
             return kind(file)
+    if file.suffix.lower() == PROGRAM:
+        raise ValueError(
+            f"{file}: a program of torch.export is not read, as it can run any code: load it yourself, where you trust it, with "
+            "torch.export.load(...).module() and give stepper.Policy the module"
+        )
     raise ValueError(f"{file}: the ending is {file.suffix!r}, must be one of {', '.join(ENDINGS)}, or give a function")
 
 
-def _kind_of(path: Path) -> str | None:
-    """What an archive of torch holds, from the names in it: "script", "program" or neither."""
+def is_module(thing: Any) -> bool:
+    """Whether it is a module of torch, which is not imported for that."""
+    torch = sys.modules.get("torch")
+    return torch is not None and isinstance(thing, torch.nn.Module)
+
+
+def _is_script(path: Path) -> bool:
+    """Whether an archive is a TorchScript, from the names in it."""
     if not zipfile.is_zipfile(path):
-        return None
+        return False
     with zipfile.ZipFile(path) as archive:
         names = archive.namelist()
-    if any(name.endswith("constants.pkl") and "/" in name for name in names) and any("/code/" in name for name in names):
-        return "script"
-    return "program" if any("models/" in name or "serialized_exported_program" in name for name in names) else None
+    return any(name.endswith("/constants.pkl") for name in names) and any("/code/" in name for name in names)

@@ -109,7 +109,7 @@ def rank(
         tick: Progress.
 
     Returns:
-        What was found. OUT/NAME has rank.html, rank.md, rank.png, table.csv, table.npz.
+        What was found. OUT/NAME has rank.html, rank.md, rank.png, rank_table.csv, rank_table.npz.
 
     Raises:
         ValueError: No outcome, fewer than two parameters with a range, a parameter that has no part in the settings or makes batches of its
@@ -143,8 +143,8 @@ def rank(
         document, table = Document(f"Ranking of {study.name}"), Table(rows)
         ranking = Ranking(study, setting, tuple(ranks), *_average(study, independent), table, document, ())
         picture = _draw(ranking, results.folder / "rank.png") if package_version("matplotlib") else None
-        document.sections += [*_sections(ranking, samples, picture), *in_force(study, len(table))]
-        files = [*table.save(results.folder), *document.save(results.folder, "rank"), *([picture] if picture else [])]
+        document.sections += [*_sections(ranking, samples, picture), *in_force(study, len(table), "rank_table")]
+        files = [*table.save(results.folder, "rank_table"), *document.save(results.folder, "rank"), *([picture] if picture else [])]
     return Ranking(study, setting, tuple(ranks), ranking.outcome, ranking.interval, table, document, tuple(files))
 
 

@@ -409,12 +409,13 @@ def _left_out(study: Study) -> list[Section]:
     return [Section("Left out of the model", words or ["Nothing."])]
 
 
-def in_force(study: Study, count: int) -> list[Section]:
+def in_force(study: Study, count: int, table: str = "table") -> list[Section]:
     """Digests and versions, and where those of every one of the rows are.
 
     Args:
         study: The study.
         count: Rows of its table.
+        table: Name of the files that have them.
     """
     told = study.in_force
     rows = [
@@ -424,6 +425,6 @@ def in_force(study: Study, count: int) -> list[Section]:
         ["versions", ", ".join(f"{name} {version}" for name, version in told["versions"].items())],
         ["binary", told["binary"]],
         ["seed", told["seed"]],
-        ["rows", f"{count}, each with its theta, settings and tolerance in force in table.csv; in_force.json has the rest"],
+        ["rows", f"{count}, each with its theta, settings and tolerance in force in {table}.csv; in_force.json has the rest"],
     ]
     return [Section("In force", [], ("", ""), rows)]

@@ -38,10 +38,10 @@ class Table:
     def __getitem__(self, name: str) -> NDArray[Any]:
         return self.columns[name]
 
-    def save(self, folder: Path) -> list[Path]:
-        """Writes table.csv and table.npz, and table.parquet where pyarrow is installed."""
+    def save(self, folder: Path, name: str = "table") -> list[Path]:
+        """Writes NAME.csv and NAME.npz, and NAME.parquet where pyarrow is installed."""
         folder.mkdir(parents=True, exist_ok=True)
-        files = [folder / "table.csv", folder / "table.npz"]
+        files = [folder / f"{name}.csv", folder / f"{name}.npz"]
         with files[0].open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
             writer.writerow(self.columns)
@@ -50,8 +50,8 @@ class Table:
         np.savez(files[1], **self.columns)  # type: ignore[arg-type]
         if importlib.util.find_spec("pyarrow") is not None:
             arrow, parquet = require("pyarrow", "to write Parquet"), require("pyarrow.parquet", "to write Parquet")
-            parquet.write_table(arrow.table({name: column.tolist() for name, column in self.columns.items()}), folder / "table.parquet")
-            files.append(folder / "table.parquet")
+            files.append(folder / f"{name}.parquet")
+            parquet.write_table(arrow.table({own: column.tolist() for own, column in self.columns.items()}), files[-1])
         return files
 
 

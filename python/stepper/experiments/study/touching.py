@@ -119,7 +119,7 @@ def pair_friction(model: Model, friction: Array, first: int, second: int, explic
 def pairs_of_bodies(model: Model) -> set[tuple[int, int]]:
     """Pairs of bodies, the lower first, that may touch: their geoms' masks meet, and they are not parent and child.
 
-    Children of the world do touch it. Explicit pairs and exclusions are not looked at.
+    Children of the world do touch it. Explicit pairs and exclusions are MuJoCo's; see `pairs_that_may_touch`.
     """
     geoms = [model.geom(g) for g in range(model.ngeom)]
     kinds = {(g.bodyid, g.contype, g.conaffinity) for g in geoms}
@@ -127,6 +127,21 @@ def pairs_of_bodies(model: Model) -> set[tuple[int, int]]:
         (min(a, b), max(a, b)) for a, ones, takes in kinds for b, others, gives in kinds if a != b and ((ones & gives) or (others & takes))
     }
     return may - {(min(k, p), max(k, p)) for k in range(1, model.nbody) if (p := model.body(k).parentid)}
+
+
+def pairs_that_may_touch(model: Model, compiled: Any) -> set[tuple[int, int]]:
+    """`pairs_of_bodies` without MuJoCo's exclusions, and with its explicit pairs, which no exclusion and no mask takes out.
+
+    Args:
+        model: The scene.
+        compiled: MuJoCo's model of it, or None.
+    """
+    may = pairs_of_bodies(model)
+    if compiled is not None:
+        # A signature has one body in its upper 16 bits and the other in its lower.
+        may -= {(min(s >> 16, s & 0xFFFF), max(s >> 16, s & 0xFFFF)) for s in map(int, compiled.exclude_signature)}
+        may |= {(min(a, b), max(a, b)) for pair in explicit_friction(compiled) for a, b in [[model.geom(g).bodyid for g in pair]]}
+    return may
 
 
 class _Ledger:

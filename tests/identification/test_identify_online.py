@@ -42,6 +42,18 @@ def test_a_held_box_is_weighed_at_once_and_its_friction_is_known_when_it_slips()
     stepper.Stepper(MODEL, 50).randomize(**drawn)
 
 
+@pytest.mark.parametrize(("start", "bounds"), [(0.5, (0.5, 2.0)), (1.5, (0.3, 1.5))])
+def test_an_estimate_leaves_the_bound_that_it_begins_at(start, bounds):
+    """There the slope is that of the side within bounds."""
+    clean = readings(np.full(200, 0.8), 0.45)
+    tracker = stepper.Tracker(SCENE.model(start, 0.6), [stepper.Unknown("mass", "box", bounds=bounds)], noise=NOISE, period=PERIOD)
+    for k, row in enumerate(controls()[:20]):
+        now = tracker.update(row, {name: rows[k] for name, rows in clean.items()})
+    # The readings are exact: a standard deviation of the mass after 20 samples of 0.3 N on a weight of 8 N, which the prior may still pull.
+    assert now["mass:box"] == pytest.approx(0.8, rel=0.01)
+    assert now.interval[0, 0] < 0.8 < now.interval[0, 1]
+
+
 def test_readings_that_are_absent_say_nothing():
     tracker = stepper.Tracker(MODEL, ["mass:box"], noise=NOISE, period=PERIOD)
     now = tracker.update([0.0, 12.0, 12.0], {"wrist_force": [np.nan] * 3})

@@ -294,7 +294,12 @@ class Tracker:
             tried = np.array([*(self._x[j] + step for step in (*OTHERS, -near, near)), last])
             points[at : at + len(tried), j] = np.clip(tried, max(self._low[j], bound), self._high[j])
             at += len(tried)
-        return points, np.stack([h, h], axis=1)
+        # At a bound one side has no width: the prediction is made within bounds.
+        spans = np.stack([h, h], axis=1)
+        inside = np.clip(points[: 1 + 2 * self.n, : self.n], self._low, self._high)
+        for j in range(self.n):
+            spans[j] = inside[1 + 2 * j, j] - inside[0, j], inside[0, j] - inside[2 + 2 * j, j]
+        return points, spans
 
     def _predict(self, points: Array) -> tuple[dict[str, Array], Array]:
         """States and readings of the window from these points, and residuals (count, T, width)."""

@@ -112,13 +112,14 @@ def test_what_to_measure_next():
     np.testing.assert_allclose(np.sqrt(np.diag(again.covariance)), best.std, rtol=1 / 3)
 
 
+@pytest.mark.parametrize("spacing", [1, 11, 20])
 @pytest.mark.parametrize("colour", [0.0, 0.8])
-def test_intervals_of_a_line_under_coloured_noise(colour):
-    """A regression on slow functions of time, whose covariance is known: J^T Gamma J."""
+def test_intervals_of_a_line_under_coloured_noise(colour, spacing):
+    """A regression on slow functions of time, whose covariance is known: J^T Gamma J; the sensor is read at every row, or at few."""
     T, count = 150, 200
     t = np.arange(T) / T
     J = np.stack([np.sin(7 * t), np.cos(5 * t) * t], axis=1)
-    times = np.stack([np.zeros(T, int), np.arange(T), np.zeros(T, int)], axis=1)
+    times = np.stack([np.zeros(T, int), 3 + spacing * np.arange(T), np.zeros(T, int)], axis=1)
     gamma = colour ** np.abs(np.arange(T)[:, None] - np.arange(T))
     inverse = np.linalg.inv(J.T @ J)
     exact = np.sqrt(np.diag(inverse @ J.T @ gamma @ J @ inverse))

@@ -62,13 +62,35 @@ def test_readings_that_are_absent_say_nothing():
     assert not now.determined[0]
 
 
+def test_surprise_is_that_of_columns_with_noise():
+    """Columns of infinite noise are not looked at: the mean square is that of the others, as if they had not been read."""
+    row, force = controls()[0], [0.0, 0.0, 40.0]
+    noise = {"wrist_force": [np.inf, np.inf, 0.3]}
+    whole = stepper.Tracker(MODEL, ["mass:box"], noise=noise, period=PERIOD).update(row, {"wrist_force": force})
+    part = stepper.Tracker(MODEL, ["mass:box"], noise=noise, period=PERIOD).update(row, {"wrist_force": [np.nan, np.nan, 40.0]})
+    assert whole.surprise > 100  # of 30 N where noise is 0.3 N
+    assert whole.surprise == part.surprise
+    np.testing.assert_array_equal(whole.values, part.values)
+
+
 @pytest.mark.parametrize(("change", "error", "message"), [
     ({"noise": {"wrist": 1.0}}, KeyError, "no sensor or coordinate is named 'wrist'"),
     ({"noise": {"wrist_force": 0.0}}, ValueError, "noise of 'wrist_force' is 0.0, must be above 0"),
     ({"noise": {}}, ValueError, "noise names no channel"),
     ({"period": 0.0213}, ValueError, "must be a whole number of time steps"),
     ({"window": 0.01}, ValueError, "window is 0.01 s"),
-    ({"drift": -1.0}, ValueError, "not negative"),
+    ({"drift": -1.0}, ValueError, "drift is -1.0, must be standard deviations"),
+    ({"drift": [0.0, 0.1]}, ValueError, r"drift has shape \(2,\), must be one number, or one for each of mass:box"),
+    ({"state_noise": 1.0}, ValueError, r"state_noise has shape \(\), must be two numbers, of displacement"),
+    ({"start_std": 1e-3}, ValueError, r"start_std has shape \(\), must be two numbers, of displacement"),
+    ({"start_std": (1e-3, np.inf)}, ValueError, "start_std is .* finite and not negative"),
+    ({"period": np.nan}, ValueError, "period is nan, must be a length of time"),
+    ({"window": np.nan}, ValueError, "window is nan, must be a length of time"),
+    ({"window": np.inf}, ValueError, "window is inf, must be a length of time"),
+    ({"qvel": 0.1}, ValueError, rf"qvel at the start has shape \(\), must be \({MODEL.nv},\)"),
+    ({"qvel": np.zeros((3, MODEL.nv))}, ValueError, rf"qvel at the start has shape \(3, {MODEL.nv}\)"),
+    ({"qpos": np.zeros(MODEL.nq + 1)}, ValueError, rf"qpos at the start has shape \({MODEL.nq + 1},\), must be \({MODEL.nq},\)"),
+    ({"qpos": np.full(MODEL.nq, np.nan)}, ValueError, r"qpos\[0\] at the start is not finite"),
     ({"parameters": ["inertia:box"]}, ValueError, "inertia:box cannot be followed sample by sample"),
     ({"parameters": ["delay:left"]}, KeyError, "no actuator"),
 ])  # fmt: skip
@@ -110,6 +132,15 @@ def test_what_to_measure_next():
     again = stepper.identify(model, [*first, episode(push, "push")], scene.parameters, starts=1, noise=scene.noise)
     # Within a third: slopes were those of draws around another estimate.
     np.testing.assert_allclose(np.sqrt(np.diag(again.covariance)), best.std, rtol=1 / 3)
+
+
+@pytest.mark.parametrize("value", [0.0, -0.3, np.nan, [0.3, 0.3], [0.3, 0.3, 0.0]])
+def test_experiments_whose_noise_is_no_standard_deviation(value):
+    scene = pushed()
+    readings = {name: rows[:20] for name, rows in scene.readings(TIGHT).items()}
+    found = stepper.identify(scene.model(1.3, 0.35), [stepper.Episode(scene.ctrl[:20], readings, 0.02)], ["mass:box"], starts=1)
+    with pytest.raises(ValueError, match=r"noise of 'wrist_force' is .*, must be above 0, one number or \d"):
+        design(found, [stepper.Episode(scene.ctrl[:20], {}, 0.02)], noise={"wrist_force": value}, threads=1)
 
 
 @pytest.mark.parametrize("spacing", [1, 11, 20])

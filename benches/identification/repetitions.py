@@ -19,6 +19,9 @@ Answer: TypeAlias = "tuple[np.ndarray[Any, Any], np.ndarray[Any, Any], np.ndarra
 """Values (2,), lower and upper ends of 95 % intervals (2,)."""
 Peer: TypeAlias = "Callable[[Scene, tuple[float, float], Readings], Answer]"
 
+VERSION = 1
+"""Of what repetitions are: it changes with scenes, noise and starts, so that answers of others are not taken for theirs."""
+
 
 @dataclass
 class Tally:
@@ -126,19 +129,31 @@ class Kept:
     Args:
         path: The file.
         resume: Whether to take what is in it; otherwise it is begun anew.
+
+    Raises:
+        ValueError: The file is of another version of the code, whose answers may be others.
     """
 
     def __init__(self, path: Path, resume: bool):
         self._path = path
         self._answers: dict[tuple[str, int], tuple[Answer, float]] = {}
         path.parent.mkdir(parents=True, exist_ok=True)
-        if resume and path.exists():
-            for line in path.read_text().splitlines():
-                made = json.loads(line)
-                value, low, high = (np.array(made[name]) for name in ("value", "low", "high"))
-                self._answers[made["row"], made["seed"]] = (value, low, high), made["seconds"]
-        else:
-            path.write_text("")
+        head = json.dumps({"version": VERSION, "stepper": stepper.__version__}) + "\n"
+        if not resume or not path.exists():
+            path.write_text(head)
+            return
+        text = path.read_text()
+        # A run that was killed may have left a part of a line.
+        whole = text[: text.rfind("\n") + 1]
+        if whole and not whole.startswith(head):
+            raise ValueError(
+                f"{path} begins with {whole.splitlines()[0][:80]}, must begin with {head.strip()}: begin anew without --resume"
+            )
+        path.write_text(whole or head)
+        for line in whole.splitlines()[1:]:
+            made = json.loads(line)
+            value, low, high = (np.array(made[name]) for name in ("value", "low", "high"))
+            self._answers[made["row"], made["seed"]] = (value, low, high), made["seconds"]
 
     def of(self, row: Row, seed: int) -> tuple[Answer, float]:
         """Answer of a row's repetition and the seconds of the processor that it took; made where it is not kept."""

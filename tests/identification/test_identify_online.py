@@ -42,6 +42,18 @@ def test_a_held_box_is_weighed_at_once_and_its_friction_is_known_when_it_slips()
     stepper.Stepper(MODEL, 50).randomize(**drawn)
 
 
+@pytest.mark.parametrize(("start", "bounds"), [(0.5, (0.5, 2.0)), (1.5, (0.3, 1.5))])
+def test_an_estimate_leaves_the_bound_that_it_begins_at(start, bounds):
+    """There the slope is that of the side within bounds."""
+    clean = readings(np.full(200, 0.8), 0.45)
+    tracker = stepper.Tracker(SCENE.model(start, 0.6), [stepper.Unknown("mass", "box", bounds=bounds)], noise=NOISE, period=PERIOD)
+    for k, row in enumerate(controls()[:20]):
+        now = tracker.update(row, {name: rows[k] for name, rows in clean.items()})
+    # The readings are exact: a standard deviation of the mass after 20 samples of 0.3 N on a weight of 8 N, which the prior may still pull.
+    assert now["mass:box"] == pytest.approx(0.8, rel=0.01)
+    assert now.interval[0, 0] < 0.8 < now.interval[0, 1]
+
+
 def test_readings_that_are_absent_say_nothing():
     tracker = stepper.Tracker(MODEL, ["mass:box"], noise=NOISE, period=PERIOD)
     now = tracker.update([0.0, 12.0, 12.0], {"wrist_force": [np.nan] * 3})
@@ -50,13 +62,35 @@ def test_readings_that_are_absent_say_nothing():
     assert not now.determined[0]
 
 
+def test_surprise_is_that_of_columns_with_noise():
+    """Columns of infinite noise are not looked at: the mean square is that of the others, as if they had not been read."""
+    row, force = controls()[0], [0.0, 0.0, 40.0]
+    noise = {"wrist_force": [np.inf, np.inf, 0.3]}
+    whole = stepper.Tracker(MODEL, ["mass:box"], noise=noise, period=PERIOD).update(row, {"wrist_force": force})
+    part = stepper.Tracker(MODEL, ["mass:box"], noise=noise, period=PERIOD).update(row, {"wrist_force": [np.nan, np.nan, 40.0]})
+    assert whole.surprise > 100  # of 30 N where noise is 0.3 N
+    assert whole.surprise == part.surprise
+    np.testing.assert_array_equal(whole.values, part.values)
+
+
 @pytest.mark.parametrize(("change", "error", "message"), [
     ({"noise": {"wrist": 1.0}}, KeyError, "no sensor or coordinate is named 'wrist'"),
     ({"noise": {"wrist_force": 0.0}}, ValueError, "noise of 'wrist_force' is 0.0, must be above 0"),
     ({"noise": {}}, ValueError, "noise names no channel"),
     ({"period": 0.0213}, ValueError, "must be a whole number of time steps"),
     ({"window": 0.01}, ValueError, "window is 0.01 s"),
-    ({"drift": -1.0}, ValueError, "not negative"),
+    ({"drift": -1.0}, ValueError, "drift is -1.0, must be standard deviations"),
+    ({"drift": [0.0, 0.1]}, ValueError, r"drift has shape \(2,\), must be one number, or one for each of mass:box"),
+    ({"state_noise": 1.0}, ValueError, r"state_noise has shape \(\), must be two numbers, of displacement"),
+    ({"start_std": 1e-3}, ValueError, r"start_std has shape \(\), must be two numbers, of displacement"),
+    ({"start_std": (1e-3, np.inf)}, ValueError, "start_std is .* finite and not negative"),
+    ({"period": np.nan}, ValueError, "period is nan, must be a length of time"),
+    ({"window": np.nan}, ValueError, "window is nan, must be a length of time"),
+    ({"window": np.inf}, ValueError, "window is inf, must be a length of time"),
+    ({"qvel": 0.1}, ValueError, rf"qvel at the start has shape \(\), must be \({MODEL.nv},\)"),
+    ({"qvel": np.zeros((3, MODEL.nv))}, ValueError, rf"qvel at the start has shape \(3, {MODEL.nv}\)"),
+    ({"qpos": np.zeros(MODEL.nq + 1)}, ValueError, rf"qpos at the start has shape \({MODEL.nq + 1},\), must be \({MODEL.nq},\)"),
+    ({"qpos": np.full(MODEL.nq, np.nan)}, ValueError, r"qpos\[0\] at the start is not finite"),
     ({"parameters": ["inertia:box"]}, ValueError, "inertia:box cannot be followed sample by sample"),
     ({"parameters": ["delay:left"]}, KeyError, "no actuator"),
 ])  # fmt: skip
@@ -100,13 +134,23 @@ def test_what_to_measure_next():
     np.testing.assert_allclose(np.sqrt(np.diag(again.covariance)), best.std, rtol=1 / 3)
 
 
+@pytest.mark.parametrize("value", [0.0, -0.3, np.nan, [0.3, 0.3], [0.3, 0.3, 0.0]])
+def test_experiments_whose_noise_is_no_standard_deviation(value):
+    scene = pushed()
+    readings = {name: rows[:20] for name, rows in scene.readings(TIGHT).items()}
+    found = stepper.identify(scene.model(1.3, 0.35), [stepper.Episode(scene.ctrl[:20], readings, 0.02)], ["mass:box"], starts=1)
+    with pytest.raises(ValueError, match=r"noise of 'wrist_force' is .*, must be above 0, one number or \d"):
+        design(found, [stepper.Episode(scene.ctrl[:20], {}, 0.02)], noise={"wrist_force": value}, threads=1)
+
+
+@pytest.mark.parametrize("spacing", [1, 11, 20])
 @pytest.mark.parametrize("colour", [0.0, 0.8])
-def test_intervals_of_a_line_under_coloured_noise(colour):
-    """A regression on slow functions of time, whose covariance is known: J^T Gamma J."""
+def test_intervals_of_a_line_under_coloured_noise(colour, spacing):
+    """A regression on slow functions of time, whose covariance is known: J^T Gamma J; the sensor is read at every row, or at few."""
     T, count = 150, 200
     t = np.arange(T) / T
     J = np.stack([np.sin(7 * t), np.cos(5 * t) * t], axis=1)
-    times = np.stack([np.zeros(T, int), np.arange(T), np.zeros(T, int)], axis=1)
+    times = np.stack([np.zeros(T, int), 3 + spacing * np.arange(T), np.zeros(T, int)], axis=1)
     gamma = colour ** np.abs(np.arange(T)[:, None] - np.arange(T))
     inverse = np.linalg.inv(J.T @ J)
     exact = np.sqrt(np.diag(inverse @ J.T @ gamma @ J @ inverse))

@@ -79,9 +79,9 @@ class Episode:
         readings = {name: _rows(name, given, len(ctrl)) for name, given in self.readings.items()}
         if not any(np.isfinite(array).any() for array in readings.values()):
             raise ValueError("no reading is a number")
-        qpos = _vector("qpos", model.qpos0 if self.qpos is None else self.qpos, model.nq)
-        qvel = _vector("qvel", np.zeros(model.nv) if self.qvel is None else self.qvel, model.nv)
-        act = _vector("act", np.zeros(model.na) if self.act is None else self.act, model.na)
+        qpos = vector("qpos", model.qpos0 if self.qpos is None else self.qpos, model.nq)
+        qvel = vector("qvel", np.zeros(model.nv) if self.qvel is None else self.qvel, model.nv)
+        act = vector("act", np.zeros(model.na) if self.act is None else self.act, model.na)
         std = self.start_std
         if std is not None:
             std = tuple(np.broadcast_to(np.asarray(s, np.float64), (model.nv,)) for s in std)  # type: ignore[assignment]
@@ -108,10 +108,13 @@ def _rows(name: str, given: ArrayLike, count: int) -> Array:
     return array
 
 
-def _vector(name: str, given: ArrayLike, size: int) -> Array:
+def vector(name: str, given: ArrayLike, size: int) -> Array:
+    """Of a state at the start, (size,)."""
     array = np.asarray(given, np.float64)
-    if array.shape != (size,) or not np.isfinite(array).all():
-        raise ValueError(f"{name} at the start has shape {array.shape}, must be ({size},) and finite")
+    if array.shape != (size,):
+        raise ValueError(f"{name} at the start has shape {array.shape}, must be ({size},)")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name}[{int(np.flatnonzero(~np.isfinite(array))[0])}] at the start is not finite; a start is {size} numbers")
     return array
 
 

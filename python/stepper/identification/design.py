@@ -20,7 +20,7 @@ from stepper.identification.data import Episode
 from stepper.identification.inertia import Array
 from stepper.identification.residuals import Residuals
 from stepper.identification.result import Identification
-from stepper.identification.simulate import Simulator, find_channels, solved
+from stepper.identification.simulate import Simulator, find_channels, noise_of, solved
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ def design(
     Args:
         found: What is known.
         experiments: Controls and starts, as `Episode(ctrl, {}, period, name="fast push")`; readings are not looked at.
-        noise: Standard deviations of the channels that would be read, None those of `found`.
+        noise: Standard deviations of the channels that would be read, each a number or one for every column, None those of `found`.
         options: As of `identify`.
         actuators: As of `identify`.
         draws: Draws of what is known beside the estimate.
@@ -73,7 +73,7 @@ def design(
 
     Raises:
         KeyError: A channel that the model does not have.
-        ValueError: An experiment that does not fit the model.
+        ValueError: An experiment that does not fit the model, or noise that is no standard deviation.
     """
     if draws < 0 or not experiments:
         raise ValueError(f"draws is {draws}, must not be negative, and there must be an experiment; there are {len(experiments)}")
@@ -88,10 +88,7 @@ def design(
         episode = replace(experiment, name=experiment.name or f"experiment {number}")
         episode = _read(found, episode, list(given), settings, actuators)
         residuals = Residuals(Simulator(found.estimate, [episode], found.blocks, settings, threads=threads, actuators=actuators), step)
-        residuals.sigma = np.concatenate([
-            np.broadcast_to(np.asarray(given[channel.name], float), (channel.lines.stop - channel.lines.start,))
-            for channel in residuals.simulator.channels
-        ])  # fmt: skip
+        residuals.sigma = np.concatenate([noise_of(channel, given[channel.name]) for channel in residuals.simulator.channels])
         gains, after = [], []
         for at in residuals.linearize(points):
             J = at.jacobian[: at.data, : residuals.n]

@@ -20,7 +20,7 @@ from stepper.identification.inertia import Array
 from stepper.identification.parameters import Block, Unknown, bind, write
 from stepper.identification.residuals import Linearized, Residuals, Together
 from stepper.identification.result import Identification, Search
-from stepper.identification.simulate import Simulator, solved
+from stepper.identification.simulate import Simulator, noise_of, solved
 from stepper.identification.uncertainty import uncertainty, weights_of
 from stepper.shared.machine import require
 
@@ -195,11 +195,7 @@ def _given_noise(simulator: Simulator, noise: Mapping[str, ArrayLike]) -> Array:
     for name, given in noise.items():
         if name not in channels:
             raise ValueError(f"noise is given of {name!r}, which is no channel of the data; there are: {', '.join(channels)}")
-        lines = channels[name].lines
-        value = np.asarray(given, np.float64)
-        if value.shape not in ((), (lines.stop - lines.start,)) or not (value > 0).all():
-            raise ValueError(f"noise of {name!r} is {value.tolist()}, must be above 0, one number or {lines.stop - lines.start}")
-        known[lines] = value
+        known[channels[name].lines] = noise_of(channels[name], given)
     return known
 
 

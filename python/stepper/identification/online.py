@@ -23,12 +23,12 @@ from numpy.typing import ArrayLike
 
 from stepper._options import Options
 from stepper._stepper import Model, Stepper
-from stepper.identification.data import COORDINATES
+from stepper.identification.data import COORDINATES, vector
 from stepper.identification.findings import undetermined
 from stepper.identification.inertia import Array
 from stepper.identification.parameters import READING, Block, Unknown, bind, natural, write
 from stepper.identification.residuals import slopes
-from stepper.identification.simulate import LANED, UNTRUSTED, Channel, compared, find_channels, solved
+from stepper.identification.simulate import LANED, UNTRUSTED, compared, find_channels, noise_of, solved
 
 STEP = 1e-5
 """Half width of differences, in the scales of parameters and in m/s (rad/s)."""
@@ -117,7 +117,8 @@ class Tracker:
 
     Raises:
         KeyError: No element, sensor or coordinate of a name.
-        ValueError: What environments of one stepper cannot have of their own, or a window that is too short.
+        ValueError: What environments of one stepper cannot have of their own, a window that is too short, shapes that do not fit, or
+            numbers that are not finite.
 
     Example:
         tracker = stepper.Tracker(model, ["mass:box", "friction:left,right,box"], noise={"wrist_force": 0.3}, period=0.02)
@@ -157,13 +158,16 @@ class Tracker:
         if not noise:
             raise ValueError("noise names no channel; give the standard deviation of every channel that is read")
         self._channels = find_channels(self.model, noise)
-        self._sigma = np.concatenate([_noise(channel, noise[channel.name]) for channel in self._channels])
+        self._sigma = np.concatenate([noise_of(channel, noise[channel.name]) for channel in self._channels])
         self._dofs = list(range(model.nv)) if moving is None else _dofs(model, moving)
         kinds = [block.parameter.kind for block in self.blocks for _ in range(block.size)]
         self._kinked = [j for j, kind in enumerate(kinds) if kind in KINKED]
         self._count = 1 + 2 * (self.n + 2 * len(self._dofs)) + TRIED * len(self._kinked)
         self._sim = Stepper(self.model, self._count, options=solved(options or Options()), threads=threads)
         self.period = period
+        for name, length in (("period", period), ("window", window)):
+            if not math.isfinite(length):
+                raise ValueError(f"{name} is {length}, must be a length of time in s, as {name}={0.02 if name == 'period' else 0.12}")
         self._nstep = round(period / float(self._sim.timestep))
         if self._nstep < 1 or abs(self._nstep * self._sim.timestep / period - 1) > 1e-3:
             raise ValueError(f"period is {period:g} s, must be a whole number of time steps of {self._sim.timestep:g} s")
@@ -172,22 +176,22 @@ class Tracker:
             raise ValueError(f"window is {window:g} s, must be two periods of {period:g} s or more")
         if drift is None:
             drift = [WANDERS if kind in KINKED else 0.0 for kind in kinds]
-        spreads = (np.asarray(drift, float), np.asarray(state_noise, float), np.asarray(start_std, float))
-        if not all(np.isfinite(x).all() and (x >= 0).all() for x in spreads):
-            raise ValueError("drift, state_noise and start_std are standard deviations, which are finite and not negative")
+        wander = _spread("drift", drift, self.n, f"one number, or one for each of {', '.join(self.labels)}", alone=True)
+        pair = "two numbers, of displacement (m or rad) and of velocity (m/s or rad/s)"
+        gained, unknown = _spread("state_noise", state_noise, 2, pair), _spread("start_std", start_std, 2, pair)
         m = len(self._dofs)
-        self._drift = np.broadcast_to(spreads[0], (self.n,)) * self._scale
-        self._gained = np.concatenate([self._drift, np.repeat(spreads[1], m)]) * math.sqrt(period)
+        self._drift = wander * self._scale
+        self._gained = np.concatenate([self._drift, np.repeat(gained, m)]) * math.sqrt(period)
         self._begin = (
-            np.array(self.model.qpos0 if qpos is None else qpos, float),
-            np.zeros(self.model.nv) if qvel is None else np.array(qvel, float),
+            vector("qpos", self.model.qpos0 if qpos is None else qpos, self.model.nq).copy(),
+            vector("qvel", np.zeros(self.model.nv) if qvel is None else qvel, self.model.nv).copy(),
             np.zeros(self.model.na),
         )
         mean, std = _known(self.blocks)
         self._x = np.concatenate([np.clip(mean, self._low, self._high), np.zeros(2 * m)])
         self._mean = np.concatenate([mean, np.zeros(2 * m)])
         # An exact start is one that is known to a thousandth of what differences move it by.
-        self._cov = np.diag(np.concatenate([std, np.maximum(np.repeat(spreads[2], m), 1e-3 * NUDGE)]) ** 2)
+        self._cov = np.diag(np.concatenate([std, np.maximum(np.repeat(unknown, m), 1e-3 * NUDGE)]) ** 2)
         span = (self._high - self._low) / 2
         self._reach = np.where(np.isfinite(span), span, 100.0) / self._scale
         self._bounds = {j: (-math.inf, 0.0) for j in self._kinked}
@@ -270,13 +274,13 @@ class Tracker:
         return {name: out.get(name, np.full(len(channel.columns), np.nan)) for name, channel in known.items()}
 
     def _seen(self, readings: dict[str, Array]) -> np.ndarray[Any, np.dtype[np.bool_]]:
-        """Which columns of the residuals were measured."""
+        """Which columns of the residuals were measured; those of infinite noise are not looked at."""
         parts = []
         for channel in self._channels:
             finite = np.isfinite(readings[channel.name])
             size = channel.lines.stop - channel.lines.start
             parts.append(np.full(size, finite.all()) if channel.dofs or channel.quaternion else finite)
-        return np.concatenate(parts)
+        return np.asarray(np.concatenate(parts) & np.isfinite(self._sigma))
 
     def _points(self) -> tuple[Array, Array]:
         """The estimate, each of its numbers above and below, and other values of friction; and the widths of the differences."""
@@ -294,7 +298,12 @@ class Tracker:
             tried = np.array([*(self._x[j] + step for step in (*OTHERS, -near, near)), last])
             points[at : at + len(tried), j] = np.clip(tried, max(self._low[j], bound), self._high[j])
             at += len(tried)
-        return points, np.stack([h, h], axis=1)
+        # At a bound one side has no width: the prediction is made within bounds.
+        spans = np.stack([h, h], axis=1)
+        inside = np.clip(points[: 1 + 2 * self.n, : self.n], self._low, self._high)
+        for j in range(self.n):
+            spans[j] = inside[1 + 2 * j, j] - inside[0, j], inside[0, j] - inside[2 + 2 * j, j]
+        return points, spans
 
     def _predict(self, points: Array) -> tuple[dict[str, Array], Array]:
         """States and readings of the window from these points, and residuals (count, T, width)."""
@@ -430,11 +439,13 @@ def _least(A: Array, b: Array) -> Array:
     return np.asarray((b**2).sum(axis=1) - ((b @ Q) ** 2).sum(axis=1))
 
 
-def _noise(channel: Channel, given: ArrayLike) -> Array:
+def _spread(name: str, given: ArrayLike, size: int, remedy: str, *, alone: bool = False) -> Array:
+    """Standard deviations, (size,), of an argument."""
     value = np.asarray(given, np.float64)
-    size = channel.lines.stop - channel.lines.start
-    if value.shape not in ((), (size,)) or not (value > 0).all():
-        raise ValueError(f"noise of {channel.name!r} is {value.tolist()}, must be above 0, one number or {size}")
+    if value.shape != (size,) and not (alone and value.ndim == 0):
+        raise ValueError(f"{name} has shape {value.shape}, must be {remedy}")
+    if not (np.isfinite(value).all() and (value >= 0).all()):
+        raise ValueError(f"{name} is {value.tolist()}, must be standard deviations, which are finite and not negative; 0 is none")
     return np.broadcast_to(value, (size,))
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from stepper._options import Options
 from stepper._status import Status
@@ -112,6 +113,19 @@ def find_channels(model: Model, names: Iterable[str]) -> list[Channel]:
     for name in names:
         found.append(_channel(model, name, found[-1].lines.stop if found else 0))
     return found
+
+
+def noise_of(channel: Channel, given: ArrayLike) -> Array:
+    """Standard deviation of each column of a channel; `inf` is a column that is not looked at.
+
+    Raises:
+        ValueError: One that is not above 0, or another number of them.
+    """
+    value = np.asarray(given, np.float64)
+    size = channel.lines.stop - channel.lines.start
+    if value.shape not in ((), (size,)) or not (value > 0).all():
+        raise ValueError(f"noise of {channel.name!r} is {value.tolist()}, must be above 0, one number or {size}")
+    return np.broadcast_to(value, (size,))
 
 
 def compared(model: Model, channel: Channel, rows: Array, measured: Array) -> Array:

@@ -109,13 +109,23 @@ def _at_least(covariance: Array, other: Array) -> Array:
 
 def _by_time(rows: Array, times: np.ndarray[Any, np.dtype[np.int64]]) -> list[Array]:
     """Sums of the rows of each time, by episode."""
+    places = _places(times)
     out = []
     for e in np.unique(times[:, 0]):
         mine = times[:, 0] == e
-        summed = np.zeros((int(times[mine, 1].max()) + 1, rows.shape[1]))
-        np.add.at(summed, times[mine, 1], rows[mine])
+        summed = np.zeros((int(places[mine].max()) + 1, rows.shape[1]))
+        np.add.at(summed, places[mine], rows[mine])
         out.append(summed)
     return out
+
+
+def _places(times: np.ndarray[Any, np.dtype[np.int64]]) -> np.ndarray[Any, np.dtype[np.int64]]:
+    """Row of each reading from its episode's first, counted in the rows between readings: a sensor may be read at every tenth row only."""
+    _, episode = np.unique(times[:, 0], return_inverse=True)
+    first = np.full(int(episode.max()) + 1, np.iinfo(np.int64).max)
+    np.minimum.at(first, episode, times[:, 1])
+    rows = times[:, 1] - first[episode]
+    return np.asarray(rows // max(1, int(np.gcd.reduce(rows))))
 
 
 def _coloured(r: Array, J: Array, times: np.ndarray[Any, np.dtype[np.int64]]) -> Array:
@@ -124,14 +134,16 @@ def _coloured(r: Array, J: Array, times: np.ndarray[Any, np.dtype[np.int64]]) ->
     S = np.zeros((J.shape[1],) * 2)
     for column in np.unique(times[:, 2]):
         series = []
-        for episode in np.unique(times[times[:, 2] == column, 0]):
-            mine = np.flatnonzero((times[:, 2] == column) & (times[:, 0] == episode))
-            rows = times[mine, 1]
+        of_column = np.flatnonzero(times[:, 2] == column)
+        places = _places(times[of_column])
+        for episode in np.unique(times[of_column, 0]):
+            own = times[of_column, 0] == episode
+            mine, rows = of_column[own], places[own]
             # What was not measured is 0 in both, and adds nothing.
             whole, slope = np.zeros(rows.max() + 1), np.zeros((rows.max() + 1, J.shape[1]))
             whole[rows], slope[rows] = r[mine], J[mine]
             series.append((whole, slope))
-        gamma = _autocovariance([whole for whole, _ in series], int((times[:, 2] == column).sum()))
+        gamma = _autocovariance([whole for whole, _ in series], len(of_column))
         for _, slope in series:
             S += slope.T @ toeplitz(gamma[: len(slope)], slope)
     return S

@@ -299,6 +299,22 @@ def test_a_batch_is_its_environments_with_their_memory_and_parameters():
         np.testing.assert_array_equal(lin.kinks[name][0], batch.kinks[name][2])
 
 
+@pytest.mark.parametrize("num_envs", [None, 2])
+def test_a_mocap_body_at_the_origin_stays_there(num_envs):
+    model = scene(
+        '<body name="table" mocap="true" pos="0 0 1"><geom type="box" size=".5 .5 .1"/></body>'
+        '<body pos="0 0 1.2"><freejoint/><geom type="sphere" size=".1" mass="2"/></body>'
+    )
+    sim = stepper.Stepper(model, num_envs)
+    sim.mocap_pos[...] = 0.0
+    lin = sim.linearize()
+    sim.step()
+    # The table is 1 m below the ball, which falls.
+    assert (sim.qvel[..., 2] < 0).all()
+    np.testing.assert_array_equal(lin.qvel, sim.qvel)
+    np.testing.assert_array_equal(lin.qpos, sim.qpos)
+
+
 def test_a_single_environment_has_no_leading_axis():
     model = stepper_model("gymnasium/hopper", strict=False)
     single, one = stepper.Stepper(model), stepper.Stepper(model, 1)

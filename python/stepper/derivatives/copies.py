@@ -26,7 +26,7 @@ class Nominal:
 
     Attributes:
         fields: "qpos", "qvel", "act", "ctrl" and, flat, every parameter that is perturbed.
-        applied: Applied forces and mocap poses that are not empty.
+        applied: Applied forces, unless all are 0, and mocap poses.
         randomized: Parameters that environments have of their own, as `randomize` takes them.
     """
 
@@ -63,7 +63,9 @@ def nominal_of(sim: Stepper, ctrl: ArrayLike | None, blocks: Sequence[Block]) ->
         value = randomized.get(field, np.broadcast_to(own, (n, *own.shape)))
         fields[field] = np.array(value).reshape(n, -1)
     applied = {name: rows(sim, name).astype(np.float64) for name in ("qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat")}
-    return Nominal(fields, {name: value for name, value in applied.items() if value.size and value.any()}, randomized)
+    # Forces of 0 are what copies begin with; mocap poses begin with the model's, so that one of 0 is a pose too.
+    kept = {name: value for name, value in applied.items() if value.size and (name.startswith("mocap") or value.any())}
+    return Nominal(fields, kept, randomized)
 
 
 def _controls(sim: Stepper, ctrl: ArrayLike | None) -> Array:

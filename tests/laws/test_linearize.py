@@ -299,6 +299,33 @@ def test_a_batch_is_its_environments_with_their_memory_and_parameters():
         np.testing.assert_array_equal(lin.kinks[name][0], batch.kinks[name][2])
 
 
+def test_a_batch_in_parts_is_the_batch_at_once(monkeypatch):
+    # Environments of every part lack what one of another part has: the longest delays, whose sums are not those of the largest terms, lags.
+    model = scene(
+        '<body><joint name="x" type="slide" axis="1 0 0"/><geom type="sphere" size=".1" mass="2"/></body>',
+        more='<actuator><motor joint="x" gear="4"/></actuator><sensor><jointpos joint="x"/></sensor>',
+    )
+    drive = Drive(
+        delay=np.array([0.0, 0.004, 0.001]), delay_steps=np.array([0.0, 0.0, 4.0]), lag=np.array([0.01, 0.0, 0.0]),
+        limits=(np.array([-np.inf, -9, -9]), np.array([np.inf, 9, 9])), servo=stepper.PID(kp=np.array([3.0, 4.0, 5.0]), ki=2.0),
+    )  # fmt: skip
+    transfer = stepper.Transfer(
+        noise_std=np.array([0.0, 0.0, 0.1]), delay=np.array([0.02, 0.004, 0.0]), jitter=np.array([0.0, 0.004, 0.005])
+    )
+    sensors = stepper.SensorModel(default=transfer)
+    sim, rng = stepper.Stepper(model, 3, actuators=stepper.ActuatorModel(default=drive), sensors=sensors), np.random.default_rng(0)
+    for _ in range(20):
+        sim.step(rng.uniform(-1, 1, (3, 1)))
+    ctrl = rng.uniform(-1, 1, (3, 1))
+    whole = sim.linearize(ctrl=ctrl, nstep=6, sensors=True)
+    monkeypatch.setattr("stepper.derivatives.copies.ROOM", 8)
+    parts = sim.linearize(ctrl=ctrl, nstep=6, sensors=True)
+    for name in ("A", "B", "C", "D", "qpos", "qvel", "near_kink"):
+        np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name))
+    sim.step(ctrl, nstep=6)
+    np.testing.assert_allclose(parts.qvel, sim.qvel, rtol=0, atol=1e-12)  # Tolerances of solvers differ.
+
+
 @pytest.mark.parametrize("num_envs", [None, 2])
 def test_a_mocap_body_at_the_origin_stays_there(num_envs):
     model = scene(

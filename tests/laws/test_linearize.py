@@ -401,19 +401,61 @@ def test_kinks_are_seen():
     assert wide.kink_distance[2] < 1
 
 
-def test_limits_saturation_and_dry_friction_are_kinks():
-    model = scene(
-        '<body><joint name="x" type="slide" axis="1 0 0" range="-1 1" limited="true"/><geom type="sphere" size=".1" mass="1"/></body>',
-        more='<actuator><position joint="x" kp="100" forcerange="-5 5" ctrllimited="false"/></actuator>',
-    )
-    sim = stepper.Stepper(model, 2, options=Options(integrator="euler"))
-    sim.set_state([[0.0], [1.0]])
+SLIDE = '<body pos="0 0 .1"><joint name="x" type="slide" axis="{axis}" {more}/><geom type="sphere" size=".1" mass="1" {friction}/></body>'
+MOTOR = '<actuator><motor joint="x"/></actuator>'
+
+
+def sliding(axis="1 0 0", more="", friction="", drive=MOTOR, **settings):
+    return scene(SLIDE.format(axis=axis, more=more, friction=friction), more=drive, **settings)
+
+
+def held(lin, name, kink):
+    """The flags of the only column of a block that are this kink, in every environment."""
+    assert lin.kink_distance[0] <= 1.0
+    return (lin.kinks[name][:, 0] & int(kink)) != 0
+
+
+def test_a_saturated_actuator_is_a_kink():
+    servo = '<actuator><position joint="x" kp="100" forcerange="-5 5" ctrllimited="false"/></actuator>'
+    sim = stepper.Stepper(sliding(drive=servo), 2, options=Options(integrator="euler"))
     # The bound of the force is where the servo asks for 5 N.
-    at_bound = sim.linearize(ctrl=[[0.05], [1.0]])
-    assert at_bound.kinks["ctrl"][0, 0] & int(Kink.SATURATION)
-    assert at_bound.kinks["qpos"][1, 0] & int(Kink.SLOPE | Kink.LIMIT | Kink.GAP)
-    assert at_bound.causes & Kink.SATURATION
-    assert not sim.linearize(ctrl=[[0.02], [0.0]]).near_kink[0]
+    lin = sim.linearize(ctrl=[[0.05], [0.02]])
+    np.testing.assert_array_equal(held(lin, "ctrl", Kink.SATURATION), [True, False])
+    assert not lin.near_kink[1]
+
+
+def test_dry_friction_that_just_holds_is_a_kink():
+    sim = stepper.Stepper(sliding(more='frictionloss="1"'), 2, options=Options(integrator="euler"))
+    lin = sim.linearize(ctrl=[[1.0], [0.5]])
+    np.testing.assert_array_equal(held(lin, "ctrl", Kink.DRY_FRICTION), [True, False])
+    assert not lin.near_kink[1]
+
+
+@pytest.mark.parametrize("side", [1 - 1e-7, 1 + 1e-7])
+def test_a_limit_is_a_kink(side):
+    model = sliding(more='range="-1 1" limited="true"')
+    sim = stepper.Stepper(model, 2, options=Options(integrator="euler", contact="mujoco"))
+    sim.set_state([[side], [0.5]])
+    lin = sim.linearize()
+    np.testing.assert_array_equal(held(lin, "qpos", Kink.LIMIT), [True, False])
+    assert not lin.near_kink[1]
+
+
+def test_a_contact_that_just_sticks_is_a_kink():
+    body = SLIDE.format(axis="1 0 0", more="", friction='friction=".5 0 0"').replace("<geom", '<joint type="slide" axis="0 0 1"/><geom')
+    sim = stepper.Stepper(scene(body, floor='friction="0 0 0"', more=MOTOR), 2, options=Options(integrator="euler", **AT_REST))
+    # At the bound of friction: half the weight of 1 kg.
+    lin = sim.linearize(ctrl=[[0.5 * G], [1.0]])
+    np.testing.assert_array_equal(held(lin, "qvel", Kink.SLIP), [True, False])
+    assert not lin.near_kink[1]
+
+
+def test_a_contact_that_just_pushes_is_a_kink():
+    model = sliding("0 0 1", friction='friction="0 0 0"', floor='friction="0 0 0"')
+    # A motor that carries all of the weight, or a part.
+    lin = stepper.Stepper(model, 2, options=Options(integrator="euler", **AT_REST)).linearize(ctrl=[[G], [1.0]])
+    np.testing.assert_array_equal(held(lin, "ctrl", Kink.CONTACT), [True, False])
+    assert not lin.near_kink[1]
 
 
 def test_a_control_at_its_bound_is_perturbed_inwards():

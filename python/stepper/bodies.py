@@ -117,6 +117,8 @@ def cfrc_ext(sim: Stepper, *, xfrc_applied: Array | None = None, out: Array | No
     given = None if xfrc_applied is None else np.asarray(xfrc_applied)
     if given is not None and given.shape != out.shape:
         raise ValueError(f"xfrc_applied has shape {given.shape}, must be {out.shape}")
+    if given is not None and np.may_share_memory(given, out):
+        given = given.copy()
     bodies, listed = _Bodies(sim), sim.contacts()
     env, frame = listed["env"].astype(np.int64), np.ascontiguousarray(listed["frame"].transpose(1, 2, 0))
     force, torque = (_combined(frame, listed[name]) for name in ("force", "torque"))

@@ -50,6 +50,26 @@ def test_gradients_have_the_type_of_what_they_belong_to(hoppers):
     assert sim.get_state() == before
 
 
+def test_controls_of_all_environments_have_the_sum_of_their_gradients(hoppers):
+    sim, rng = hoppers
+    # As many controls as environments, so that no shape tells the two axes apart.
+    shared = torch.tensor(rng.uniform(-0.3, 0.3, (2, 3)), requires_grad=True)
+    weights = torch.tensor(rng.normal(size=(2, 2, sim.model.nv)))
+    own = shared.detach()[:, None].repeat(1, 2, 1).requires_grad_()
+    for ctrl in (shared, own):
+        (rollout(sim, ctrl, 2).qvel * weights).sum().backward()
+    torch.testing.assert_close(shared.grad, own.grad.sum(dim=1), rtol=1e-12, atol=0)
+
+
+@pytest.mark.parametrize("dtype", [torch.int64, torch.float16, torch.bfloat16])
+def test_other_types_are_refused(hoppers, dtype):
+    sim, _ = hoppers
+    with pytest.raises(TypeError, match=r"ctrl has dtype .*ctrl\.double\(\)"):
+        rollout(sim, torch.zeros((2, 2, 3), dtype=dtype))
+    with pytest.raises(TypeError, match="qvel has dtype"):
+        rollout(sim, torch.zeros((2, 2, 3)), qvel=torch.zeros(sim.qvel.shape, dtype=dtype))
+
+
 def test_a_cart_is_brought_to_a_goal():
     model = stepper.load(
         '<mujoco><worldbody><body><joint name="x" type="slide" axis="1 0 0"/><geom size=".1" mass="1"/></body></worldbody>'

@@ -89,6 +89,8 @@ def test_forces_of_contacts(name, low):
         np.testing.assert_allclose(found, expected, atol=1e-9 * scale)
         seen += scale > 10.0
         both = cfrc_ext(alone, xfrc_applied=alone.xfrc_applied)
+        aliased = np.array(alone.xfrc_applied)
+        np.testing.assert_array_equal(cfrc_ext(alone, xfrc_applied=aliased, out=aliased), both)
         np.testing.assert_allclose(both[1:, 3:] - found[1:, 3:], pull[env, 1:, :3], atol=1e-10 * scale)
         arm = xipos(alone) - alone.subtree_com[source.body_rootid]
         torque = pull[env, :, 3:] + np.cross(arm, pull[env, :, :3])

@@ -299,6 +299,49 @@ def test_a_batch_is_its_environments_with_their_memory_and_parameters():
         np.testing.assert_array_equal(lin.kinks[name][0], batch.kinks[name][2])
 
 
+def test_a_batch_in_parts_is_the_batch_at_once(monkeypatch):
+    # Environments of every part lack what one of another part has: the longest delays, whose sums are not those of the largest terms, lags.
+    model = scene(
+        '<body><joint name="x" type="slide" axis="1 0 0"/><geom type="sphere" size=".1" mass="2"/></body>',
+        more='<actuator><motor joint="x" gear="4"/></actuator><sensor><jointpos joint="x"/></sensor>',
+    )
+    drive = Drive(
+        delay=np.array([0.0, 0.004, 0.001]), delay_steps=np.array([0.0, 0.0, 4.0]), lag=np.array([0.01, 0.0, 0.0]),
+        limits=(np.array([-np.inf, -9, -9]), np.array([np.inf, 9, 9])), servo=stepper.PID(kp=np.array([3.0, 4.0, 5.0]), ki=2.0),
+    )  # fmt: skip
+    transfer = stepper.Transfer(
+        noise_std=np.array([0.0, 0.0, 0.1]), delay=np.array([0.02, 0.004, 0.0]), jitter=np.array([0.0, 0.004, 0.005])
+    )
+    sensors = stepper.SensorModel(default=transfer)
+    sim, rng = stepper.Stepper(model, 3, actuators=stepper.ActuatorModel(default=drive), sensors=sensors), np.random.default_rng(0)
+    for _ in range(20):
+        sim.step(rng.uniform(-1, 1, (3, 1)))
+    ctrl = rng.uniform(-1, 1, (3, 1))
+    whole = sim.linearize(ctrl=ctrl, nstep=6, sensors=True)
+    monkeypatch.setattr("stepper.derivatives.copies.ROOM", 8)
+    parts = sim.linearize(ctrl=ctrl, nstep=6, sensors=True)
+    for name in ("A", "B", "C", "D", "qpos", "qvel", "near_kink"):
+        np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name))
+    sim.step(ctrl, nstep=6)
+    np.testing.assert_allclose(parts.qvel, sim.qvel, rtol=0, atol=1e-12)  # Tolerances of solvers differ.
+
+
+@pytest.mark.parametrize("num_envs", [None, 2])
+def test_a_mocap_body_at_the_origin_stays_there(num_envs):
+    model = scene(
+        '<body name="table" mocap="true" pos="0 0 1"><geom type="box" size=".5 .5 .1"/></body>'
+        '<body pos="0 0 1.2"><freejoint/><geom type="sphere" size=".1" mass="2"/></body>'
+    )
+    sim = stepper.Stepper(model, num_envs)
+    sim.mocap_pos[...] = 0.0
+    lin = sim.linearize()
+    sim.step()
+    # The table is 1 m below the ball, which falls.
+    assert (sim.qvel[..., 2] < 0).all()
+    np.testing.assert_array_equal(lin.qvel, sim.qvel)
+    np.testing.assert_array_equal(lin.qpos, sim.qpos)
+
+
 def test_a_single_environment_has_no_leading_axis():
     model = stepper_model("gymnasium/hopper", strict=False)
     single, one = stepper.Stepper(model), stepper.Stepper(model, 1)
@@ -358,19 +401,61 @@ def test_kinks_are_seen():
     assert wide.kink_distance[2] < 1
 
 
-def test_limits_saturation_and_dry_friction_are_kinks():
-    model = scene(
-        '<body><joint name="x" type="slide" axis="1 0 0" range="-1 1" limited="true"/><geom type="sphere" size=".1" mass="1"/></body>',
-        more='<actuator><position joint="x" kp="100" forcerange="-5 5" ctrllimited="false"/></actuator>',
-    )
-    sim = stepper.Stepper(model, 2, options=Options(integrator="euler"))
-    sim.set_state([[0.0], [1.0]])
+SLIDE = '<body pos="0 0 .1"><joint name="x" type="slide" axis="{axis}" {more}/><geom type="sphere" size=".1" mass="1" {friction}/></body>'
+MOTOR = '<actuator><motor joint="x"/></actuator>'
+
+
+def sliding(axis="1 0 0", more="", friction="", drive=MOTOR, **settings):
+    return scene(SLIDE.format(axis=axis, more=more, friction=friction), more=drive, **settings)
+
+
+def held(lin, name, kink):
+    """The flags of the only column of a block that are this kink, in every environment."""
+    assert lin.kink_distance[0] <= 1.0
+    return (lin.kinks[name][:, 0] & int(kink)) != 0
+
+
+def test_a_saturated_actuator_is_a_kink():
+    servo = '<actuator><position joint="x" kp="100" forcerange="-5 5" ctrllimited="false"/></actuator>'
+    sim = stepper.Stepper(sliding(drive=servo), 2, options=Options(integrator="euler"))
     # The bound of the force is where the servo asks for 5 N.
-    at_bound = sim.linearize(ctrl=[[0.05], [1.0]])
-    assert at_bound.kinks["ctrl"][0, 0] & int(Kink.SATURATION)
-    assert at_bound.kinks["qpos"][1, 0] & int(Kink.SLOPE | Kink.LIMIT | Kink.GAP)
-    assert at_bound.causes & Kink.SATURATION
-    assert not sim.linearize(ctrl=[[0.02], [0.0]]).near_kink[0]
+    lin = sim.linearize(ctrl=[[0.05], [0.02]])
+    np.testing.assert_array_equal(held(lin, "ctrl", Kink.SATURATION), [True, False])
+    assert not lin.near_kink[1]
+
+
+def test_dry_friction_that_just_holds_is_a_kink():
+    sim = stepper.Stepper(sliding(more='frictionloss="1"'), 2, options=Options(integrator="euler"))
+    lin = sim.linearize(ctrl=[[1.0], [0.5]])
+    np.testing.assert_array_equal(held(lin, "ctrl", Kink.DRY_FRICTION), [True, False])
+    assert not lin.near_kink[1]
+
+
+@pytest.mark.parametrize("side", [1 - 1e-7, 1 + 1e-7])
+def test_a_limit_is_a_kink(side):
+    model = sliding(more='range="-1 1" limited="true"')
+    sim = stepper.Stepper(model, 2, options=Options(integrator="euler", contact="mujoco"))
+    sim.set_state([[side], [0.5]])
+    lin = sim.linearize()
+    np.testing.assert_array_equal(held(lin, "qpos", Kink.LIMIT), [True, False])
+    assert not lin.near_kink[1]
+
+
+def test_a_contact_that_just_sticks_is_a_kink():
+    body = SLIDE.format(axis="1 0 0", more="", friction='friction=".5 0 0"').replace("<geom", '<joint type="slide" axis="0 0 1"/><geom')
+    sim = stepper.Stepper(scene(body, floor='friction="0 0 0"', more=MOTOR), 2, options=Options(integrator="euler", **AT_REST))
+    # At the bound of friction: half the weight of 1 kg.
+    lin = sim.linearize(ctrl=[[0.5 * G], [1.0]])
+    np.testing.assert_array_equal(held(lin, "qvel", Kink.SLIP), [True, False])
+    assert not lin.near_kink[1]
+
+
+def test_a_contact_that_just_pushes_is_a_kink():
+    model = sliding("0 0 1", friction='friction="0 0 0"', floor='friction="0 0 0"')
+    # A motor that carries all of the weight, or a part.
+    lin = stepper.Stepper(model, 2, options=Options(integrator="euler", **AT_REST)).linearize(ctrl=[[G], [1.0]])
+    np.testing.assert_array_equal(held(lin, "ctrl", Kink.CONTACT), [True, False])
+    assert not lin.near_kink[1]
 
 
 def test_a_control_at_its_bound_is_perturbed_inwards():

@@ -132,3 +132,20 @@ def test_wrong_calls_say_what_to_do(ants):
         made.vjp(qvel=np.zeros(3))
     with pytest.raises(ValueError, match="sensors=True"):
         made.vjp(sensors=np.zeros(3))
+
+
+def test_arguments_are_checked_before_the_first_step():
+    model = stepper.load(
+        '<mujoco><worldbody><body><joint name="x" type="slide" axis="1 0 0"/><geom size=".1" mass="1"/></body></worldbody>'
+        '<actuator><motor joint="x"/></actuator></mujoco>'
+    )
+    sim, ctrl = stepper.Stepper(model), np.zeros((2, 1))
+    with pytest.raises(TypeError, match="parameters is 'body_mass', must be a sequence"):
+        rollout(sim, ctrl, parameters="body_mass")
+    with pytest.raises(ValueError, match="did you mean body_mass"):
+        rollout(sim, ctrl, parameters=("body_mas",))
+    with pytest.raises(KeyError, match="no joint 'y'"):
+        rollout(sim, ctrl, parameters=("dof_damping:y",))
+    made = rollout(sim, ctrl)
+    with pytest.raises(ValueError, match="gradient by qvel has a number that is not finite, at control 1"):
+        made.vjp(qvel=[[0.0], [np.nan]])

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from stepper._stepper import Stepper
+from stepper.derivatives.perturbations import STATE
 from stepper.derivatives.rollout import Rollout
 from stepper.derivatives.rollout import rollout as make
 from stepper.shared.machine import require
@@ -34,9 +35,10 @@ def rollout(
         **settings: `step`, `tolerance` and `extrapolate` of `Stepper.linearize`.
 
     Returns:
-        f(ctrl, qpos, qvel, act, *parameters) of arrays (T, num_envs, nu), (num_envs, nq), (num_envs, nv), (num_envs, na) and, for each name
-        of `parameters`, (num_envs, ...). It gives "qpos", "qvel" and "act" after every control, (T, num_envs, ...), and "sensors" if they
-        are wanted. A state that is given begins without the memory of drives.
+        f(ctrl, qpos, qvel, act, *parameters) of arrays (T, num_envs, nu) or, for all environments, (T, nu), then (num_envs, nq),
+        (num_envs, nv), (num_envs, na) and, for each name of `parameters`, (num_envs, ...). It gives "qpos", "qvel" and "act" after every
+        control, (T, num_envs, ...), and "sensors" if they are wanted. A state that is given begins without the memory of drives. It raises
+        TypeError for another number of arrays, and for one that is neither float32 nor float64.
     """
     original = copy.deepcopy(sim)
     names = ("qpos", "qvel", "act", *(("sensors",) if sensors else ()))
@@ -67,6 +69,21 @@ def rollout(
         shapes = tuple(jax.ShapeDtypeStruct(array.shape, array.dtype) for array in given)
         return jax.pure_callback(backwards, shapes, gradients, *given)
 
-    function: Callable[..., dict[str, Any]] = jax.custom_vjp(call)
-    function.defvjp(lambda *given: (call(*given), given), pull)  # type: ignore[attr-defined]
+    ruled: Any = jax.custom_vjp(call)
+    ruled.defvjp(lambda *given: (call(*given), given), pull)
+    arguments = ("ctrl", *STATE, *parameters)
+
+    def function(*given: Any) -> dict[str, Any]:
+        if len(given) != len(arguments):
+            raise TypeError(f"the rollout takes {len(arguments)} arrays, {', '.join(arguments)}; {len(given)} were given")
+        arrays = [jax.numpy.asarray(value) for value in given]
+        for name, array in zip(arguments, arrays, strict=True):
+            if array.dtype not in (np.float32, np.float64):
+                raise TypeError(f"{name} has dtype {array.dtype}, must be float32 or float64: convert it, as {name}.astype(float)")
+        # Spread outside the rule, so that JAX adds the gradients of all environments.
+        if original.num_envs is not None and arrays[0].ndim == 2:
+            arrays[0] = jax.numpy.broadcast_to(arrays[0][:, None], (len(arrays[0]), original.num_envs, arrays[0].shape[1]))
+        found: dict[str, Any] = ruled(*arrays)
+        return found
+
     return function

@@ -53,7 +53,7 @@ def rollout(
 
     Args:
         sim: The stepper, which is only read. The rollout begins with its state, all of it where no other is given.
-        ctrl: Controls, (T, num_envs, nu).
+        ctrl: Controls, (T, num_envs, nu), or (T, nu) for all environments; float32 or float64, as every tensor. States have its type.
         nstep: Steps that each control is held.
         qpos: Configuration to begin with, (num_envs, nq); None is the stepper's. A state that is given begins without the memory of drives.
         qvel: Velocity, (num_envs, nv); None is the stepper's.
@@ -64,11 +64,18 @@ def rollout(
         **settings: `step`, `tolerance` and `extrapolate` of `Stepper.linearize`.
 
     Raises:
+        TypeError: A tensor that is neither float32 nor float64.
         ValueError: A wrong shape, a number that is not finite.
         ModelError: Parameters that no model may have.
     """
     given = dict(zip(STATE, (qpos, qvel, act), strict=True))
     names = tuple(parameters or {})
+    for name, tensor in {"ctrl": ctrl, **given, **(parameters or {})}.items():
+        if tensor is not None and tensor.dtype not in (torch.float32, torch.float64):
+            raise TypeError(f"{name} has dtype {tensor.dtype}, must be torch.float32 or torch.float64: convert it, as {name}.double()")
+    # Spread where autograd sees it, so that it adds the gradients of all environments.
+    if sim.num_envs is not None and ctrl.ndim == 2:
+        ctrl = ctrl[:, None].expand(-1, sim.num_envs, -1)
     tensors = [ctrl, *given.values(), *(parameters or {}).values()]
     plan = _Plan(sim, nstep, names, every, sensors, settings)
     return States(*_Rollout.apply(plan, *tensors))

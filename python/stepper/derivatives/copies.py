@@ -7,7 +7,7 @@ solver starts from, delay lines and integrals of drives, applied forces, mocap p
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,7 @@ class Nominal:
 
     Attributes:
         fields: "qpos", "qvel", "act", "ctrl" and, flat, every parameter that is perturbed.
-        applied: Applied forces and mocap poses that are not empty.
+        applied: Applied forces, unless all are 0, and mocap poses.
         randomized: Parameters that environments have of their own, as `randomize` takes them.
     """
 
@@ -63,7 +63,9 @@ def nominal_of(sim: Stepper, ctrl: ArrayLike | None, blocks: Sequence[Block]) ->
         value = randomized.get(field, np.broadcast_to(own, (n, *own.shape)))
         fields[field] = np.array(value).reshape(n, -1)
     applied = {name: rows(sim, name).astype(np.float64) for name in ("qfrc_applied", "xfrc_applied", "mocap_pos", "mocap_quat")}
-    return Nominal(fields, {name: value for name, value in applied.items() if value.size and value.any()}, randomized)
+    # Forces of 0 are what copies begin with; mocap poses begin with the model's, so that one of 0 is a pose too.
+    kept = {name: value for name, value in applied.items() if value.size and (name.startswith("mocap") or value.any())}
+    return Nominal(fields, kept, randomized)
 
 
 def _controls(sim: Stepper, ctrl: ArrayLike | None) -> Array:
@@ -149,9 +151,44 @@ def _move(model: Model, fields: dict[str, Array], block: Block, copy: NDArray[np
 
 def _stepper(sim: Stepper, index: NDArray[np.int64], tolerance: float) -> Stepper:
     options = replace(sim.options, tolerance=tolerance)
-    sensors = None if sim.sensors is None else sim.sensors.chosen(index)
-    actuators = None if sim.actuators is None else sim.actuators.chosen(index)
-    return Stepper(sim.model, len(index), options=options, threads=sim.threads, seed=sim.seed, sensors=sensors, actuators=actuators)
+
+    # Delay lines are as long as the longest of all environments, whichever of them are copied; nothing reads what the copies' sensors
+    # observe, whose ideal readings are those that are differentiated.
+    def memory_of(own: Any) -> Any:
+        named = {name: _widest(part, sim, len(index)) for name, part in own.named.items()}
+        return type(own)(named, default=_widest(own.default, sim, len(index)))
+
+    sensors = None if sim.sensors is None else memory_of(sim.sensors)
+    actuators = None if sim.actuators is None else memory_of(sim.actuators)
+    copies = Stepper(sim.model, len(index), options=options, threads=sim.threads, seed=sim.seed, sensors=sensors, actuators=actuators)
+    if sim.actuators is not None:
+        copies.randomize(actuators=sim.actuators.chosen(index))
+    return copies
+
+
+def _widest(part: Any, sim: Stepper, count: int) -> Any:
+    """A drive or transfer for `count` environments whose memory is as large as the stepper's, whatever environments are copied.
+
+    The first has the largest numbers and the longest delay of all, the others the smallest: every stage that any of them has is there.
+    """
+    if not is_dataclass(part) or isinstance(part, type):
+        return part
+    units = {"delay": 1.0, "delay_steps": sim.timestep}
+    total = sum((unit * np.asarray(getattr(part, name, 0.0), np.float64) for name, unit in units.items()), np.zeros(1))
+    longest = int(np.argmax(total))
+
+    def new(value: Any, *, delays: bool) -> Any:
+        if isinstance(value, tuple):
+            return tuple(new(end, delays=False) for end in value)
+        # One number is for all environments, and a matrix mixes the axes of a sensor in all of them.
+        if value is None or isinstance(value, str) or is_dataclass(value) or np.size(value) == 1 or np.ndim(value) == 2:
+            return _widest(value, sim, count)
+        numbers = np.asarray(value, np.float64)
+        out = np.full(count, numbers.min())
+        out[0] = numbers[longest] if delays else numbers.max()
+        return out
+
+    return replace(part, **{field.name: new(getattr(part, field.name), delays=field.name in units) for field in fields(part)})
 
 
 def _randomize(copies: Stepper, nominal: Nominal, blocks: Sequence[Block], flat: dict[str, Array], index: NDArray[np.int64]) -> None:

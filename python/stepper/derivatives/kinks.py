@@ -42,14 +42,14 @@ class Kink(IntFlag):
     CONTACT = 1
     """Contacts begin or cease to push."""
     SLIP = 2
-    """Contacts that stick in one and slip in the other."""
+    """Contacts that stick in one and slip in the other; not read with contact="mujoco"."""
     GAP = 4
     """A contact or limit that is open by a hair in one and overlaps in the other: an open gap may close within the step, an overlap is
     not pushed out by velocity. A robot at rest is at this kink; docs/derivatives.md has settings without it."""
     LIMIT = 8
-    """Joints that reach a limit or leave it."""
+    """Slides and hinges that reach a limit or leave it; limits of ball joints and tendons are not read."""
     DRY_FRICTION = 16
-    """Joints that dry friction holds in one and not in the other."""
+    """Joints that dry friction holds in one and not in the other; not read with contact="mujoco"."""
     SATURATION = 32
     """Actuators at the bound of their effort."""
     SLOPE = 64
@@ -128,7 +128,11 @@ class Watch:
     def _differs(self, step: int, active: Bools, kink: Kink) -> None:
         """Marks where what is active, (copies, m), is otherwise than in the nominal environment."""
         each = active.reshape(self.n, self.count, active.shape[1])
-        self._mark(step, (each != each[:, :1]).any(axis=2), kink)
+        differs = (each != each[:, :1]).any(axis=2)
+        self._mark(step, differs, kink)
+        # What switches between the copies is within their reach, whatever first order says of it from the nominal one.
+        near = differs[:, 1:].any(axis=1)
+        self.report.distance[near, step] = np.minimum(self.report.distance[near, step], 1.0)
 
     def _approach(self, step: int, indicator: Array) -> None:
         """Takes the distance to where an indicator, (copies, m), would be zero, to first order; NaN says nothing."""

@@ -15,7 +15,7 @@ from stepper._stepper import State, Stepper
 from stepper.derivatives.copies import rows
 from stepper.derivatives.kinks import Bools
 from stepper.derivatives.linearize import Linearization, linearize
-from stepper.derivatives.perturbations import STATE, Array
+from stepper.derivatives.perturbations import STATE, Array, blocks_of
 from stepper.derivatives.tangent import from_tangent, to_tangent
 
 OUTPUTS = (*STATE, "sensors")
@@ -105,7 +105,7 @@ class Rollout:
             **settings: `step`, `tolerance` and `extrapolate` of `linearize`.
 
         Raises:
-            ValueError: A wrong shape; gradients by sensors that were not asked for.
+            ValueError: A wrong shape, a number that is not finite; gradients by sensors that were not asked for.
         """
         given = {"qpos": qpos, "qvel": qvel, "act": act, "sensors": sensors}
         cotangents = {name: self._cotangent(name, value) for name, value in given.items()}
@@ -139,6 +139,8 @@ class Rollout:
         array = np.asarray(given, np.float64)
         if array.shape != there.shape:
             raise ValueError(f"the gradient by {name} has shape {array.shape}, must be {there.shape}")
+        if not np.isfinite(array).all():
+            raise ValueError(f"the gradient by {name} has a number that is not finite, at control {np.argwhere(~np.isfinite(array))[0][0]}")
         return array[:, None] if self._plant.num_envs is None else array
 
     def _direct(self, cotangents: dict[str, Array | None], t: int) -> Array:
@@ -209,9 +211,14 @@ def rollout(
         sensors: Whether readings of ideal sensors are wanted.
 
     Raises:
-        ValueError: A wrong shape, a number of steps that is none.
+        TypeError: `parameters` is a string.
+        ValueError: A wrong shape, a number of steps that is none, a parameter that nothing has.
+        KeyError: No element of a name behind a parameter's colon.
     """
     model, n = sim.model, sim.num_envs
+    if isinstance(parameters, str):
+        raise TypeError(f"parameters is {parameters!r}, must be a sequence of names, as ({parameters!r},)")
+    blocks_of(model, (*STATE, "ctrl", *parameters))
     given = np.asarray(ctrl, np.float64)
     if given.ndim == 2 and n is not None and given.shape[1] == model.nu:
         given = np.broadcast_to(given[:, None], (len(given), n, model.nu))

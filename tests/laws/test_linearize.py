@@ -469,6 +469,23 @@ def test_a_control_at_its_bound_is_perturbed_inwards():
     assert not lin.near_kink.any()
 
 
+def test_whole_fields_skip_what_the_model_has_none_of():
+    slide = '<body><joint name="x" type="slide" axis="1 0 0" damping="1"/><geom size=".1"/></body>'
+    body = f'<body><freejoint/><geom size=".1" mass="2"/>{slide}</body>'
+    sim = stepper.Stepper(scene(body, more=MOTOR))
+    sim.set_state(qvel=[0, 0, 0, 0, 0, 0, 1.0])
+    lin = sim.linearize(("actuator_gain", "actuator_bias", "dof_damping", "dof_armature"), ctrl=[1.0])
+    gain, damping = lin.blocks["actuator_gain"], lin.blocks["dof_damping"]
+    # A motor's force is its gain times the control, so that both have one derivative.
+    np.testing.assert_allclose(gain[:, 0, 0], sim.linearize(("ctrl",), ctrl=[1.0]).B[:, 0], atol=NOISE)
+    assert not gain[:, 0, 1:].any()
+    assert not lin.blocks["actuator_bias"].any()
+    assert not damping[:, :6].any()
+    assert damping[13, 6] < 0
+    with pytest.raises(ValueError, match="model has none there"):
+        sim.linearize(("dof_damping:#0",))
+
+
 def test_nothing_to_perturb_is_empty():
     empty = stepper.load('<mujoco><worldbody><geom type="plane" size="1 1 1"/></worldbody></mujoco>')
     assert stepper.Stepper(empty, 2).linearize(sensors=True).A.shape == (2, 0, 0)
@@ -501,7 +518,9 @@ def test_wrong_calls_say_what_to_do():
         _ = sim.linearize(("qpos", "qvel")).A
     with pytest.raises(KeyError, match="sensors=True"):
         _ = sim.linearize().C
+    # A plate, whose largest moment of inertia is the sum of the others.
+    plate = scene('<body><freejoint/><inertial pos="0 0 0" mass="2" diaginertia=".1 .1 .2"/></body>')
     with pytest.raises(stepper.ModelError, match=r"^a parameter cannot be perturbed: .*wrt"):
-        stepper.Stepper(ball()).linearize(("dof_damping",))
+        stepper.Stepper(plate).linearize(("body_inertia",))
     with pytest.raises(ValueError, match="model has none there"):
         stepper.Stepper(ball()).linearize(("body_mass:world",))

@@ -36,8 +36,11 @@ PARAMETERS: dict[str, str] = {
 """Fields of `Stepper.randomize`, and the kind of element whose rows they have."""
 SIGNED = frozenset({"gravity", "body_ipos", "geom_pos", "jnt_range", "actuator_gain", "actuator_bias"})
 """Fields whose numbers may be negative; the others are 0 at least."""
-ABSENT = frozenset({"body_mass", "body_inertia", "geom_size", "dof_frictionloss", "jnt_stiffness"})
-"""Fields in which 0 says that the model has none of it, and nothing else may be put there."""
+ABSENT = frozenset({"body_mass", "body_inertia", "geom_size", "dof_frictionloss", "jnt_stiffness", "actuator_gain", "actuator_bias"})
+"""Fields in which 0 says that the model has none of it, and nothing else may be put there. A law of an actuator without a term, as a
+motor's, has none of that term."""
+OF_AXES = frozenset({"dof_damping", "dof_armature"})
+"""Fields of which the same is true on free and ball joints alone."""
 
 
 def step_of(tolerance: float) -> float:
@@ -149,12 +152,21 @@ def _block(model: Model, name: str) -> Block:
         return Block(name, field, index.reshape(-1), own.shape)
     rows = [row for element in elements.split(",") for row in _rows(model, PARAMETERS[field], element.strip(), field)]
     chosen = index[np.array(rows, dtype=np.int64)]
-    absent = own.reshape(-1)[chosen.reshape(-1)] == 0.0
-    if field in ABSENT and absent.all():
+    absent = (own.reshape(-1)[chosen.reshape(-1)] == 0.0) & _absent(model, field, chosen.reshape(-1))
+    if absent.all():
         raise ValueError(
             f"{name}: the model has none there, {field} is 0, and nothing can be perturbed; give it some with model.replace({field}=...)"
         )
     return Block(name, field, chosen.reshape(-1), chosen.shape)
+
+
+def _absent(model: Model, field: str, places: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Whether a 0 in these places says that the model has none of it."""
+    if field in OF_AXES:
+        joints = (model.joint(k) for k in range(model.njnt))
+        turning = [joint.dofadr + i for joint in joints if joint.type in ("free", "ball") for i in range(joint.nv)]
+        return np.isin(places, np.array(turning, dtype=np.int64))
+    return np.full(len(places), field in ABSENT)
 
 
 def _rows(model: Model, kind: str, element: str, field: str) -> list[int]:
@@ -192,8 +204,7 @@ def stencil_of(model: Model, blocks: Sequence[Block], values: Mapping[str, Array
         size = np.full(now.shape, step)
         if block.field in PARAMETERS:
             size = step * np.where(now == 0.0, 1.0, np.abs(now))
-            if block.field in ABSENT:
-                size[now == 0.0] = 0.0
+            size[(now == 0.0) & _absent(model, block.field, block.places)] = 0.0
         reach = size * 2.0 ** (levels - 1)
         up, down = now + reach <= high, now - reach >= low
         # Beyond its range a control has no effect on either side.

@@ -42,7 +42,7 @@ class Rank:
     Attributes:
         parameter: Its name.
         total: Total index: share of the variance that is left when all others are known.
-        total_interval: 95 %, by bootstrap over the points.
+        total_interval: About 95 %, by bootstrap over the points: of 64 samples of a success that few points flip, 89 to 93 % hold it.
         first: First index: share of the variance that it explains alone. Sampling makes it negative where it is small.
         first_interval: 95 %.
         thirds: Of the lowest, middle and highest third of its range: share of successes, or mean of an outcome without success.
@@ -135,9 +135,11 @@ def rank(
             column = np.concatenate([first[:, k], second[:, k]])
             thirds, intervals = _thirds(study, independent, column)
             ends = [(float(low), float(high)) for low, high in (total_ends[k], first_ends[k])]
-            if total[k] == 0.0 and study.decisive is not None:
-                # Nothing to resample: of n pairs that end alike, Wilson's bound of the share that does not, as if each went from 0 to 1.
-                ends = [(0.0, min(1.0, wilson(0, n)[1] / (2.0 * float(values[: 2 * n].var()))))] * 2
+            if study.decisive is not None:
+                # Of n pairs that end alike there is nothing to resample: Wilson's bound of the share that does not, as if each went from 0
+                # to 1, is the least upper end. A parameter that changed a pair cannot have less.
+                bound = min(1.0, wilson(0, n)[1] / (2.0 * float(values[: 2 * n].var())))
+                ends = [(0.0, bound)] * 2 if total[k] == 0.0 else [(low, max(high, bound)) for low, high in ends]
             ranks.append(Rank(name, float(total[k]), ends[0], float(first_order[k]), ends[1], thirds, intervals))
         ranks.sort(key=lambda entry: -entry.total)
         document, table = Document(f"Ranking of {study.name}"), Table(rows)
@@ -254,7 +256,7 @@ def _sections(found: Ranking, samples: int, picture: Path | None) -> list[Sectio
         f"{samples * (2 + len(found.ranks))} points of {counted(study.episodes, 'episode')}, with the settings {found.setting!r}. "
         f"Mean of {what} over them: {told}.",
         f"The total index is the share of the variance of {what} that is left when all other parameters are known; the first index is what "
-        "the parameter explains alone, and the rest it does together with others. Intervals are 95 %, by bootstrap over the points; "
+        "the parameter explains alone, and the rest it does together with others. Intervals are about 95 %, by bootstrap over the points; "
         "parameters whose intervals of the total index overlap are in no certain order.",
     ]
     head = ("parameter", "range", "total index", "95 %", "first index", "95 %", "lowest third", "middle", "highest third", "source")

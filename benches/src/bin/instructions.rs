@@ -206,22 +206,22 @@ fn name_of(part: Option<Span>) -> &'static str {
     part.map_or("unaccounted", Span::name)
 }
 
+thread_local! {
+    // Made before the first reading, so that a boundary costs the same in every part.
+    static PART_NAMES: Vec<CString> =
+        Span::ALL.iter().copied().map(Some).chain([None]).map(|span| text(&format!("{PARTS}{}", name_of(span)))).collect();
+    static EMPTY_NAMES: [CString; 2] = EMPTY.map(text);
+}
+
 /// A meter that leaves the reading to callgrind.
 fn part_ends(span: Option<Span>) -> [u64; READINGS] {
-    thread_local! {
-        // Made before, so that a boundary costs the same in every part.
-        static NAMES: Vec<CString> = Span::ALL.iter().copied().map(Some).chain([None]).map(|span| text(&format!("{PARTS}{}", name_of(span)))).collect();
-    }
-    NAMES.with(|names| write_down(&names[span.map_or(Span::ALL.len(), |span| span as usize)]));
+    PART_NAMES.with(|names| write_down(&names[span.map_or(Span::ALL.len(), |span| span as usize)]));
     [0; READINGS]
 }
 
 /// The same of empty spans.
 fn empty_ends(span: Option<Span>) -> [u64; READINGS] {
-    thread_local! {
-        static NAMES: [CString; 2] = EMPTY.map(text);
-    }
-    NAMES.with(|names| write_down(&names[usize::from(span.is_none())]));
+    EMPTY_NAMES.with(|names| write_down(&names[usize::from(span.is_none())]));
     [0; READINGS]
 }
 
@@ -230,8 +230,8 @@ fn parts() {
     let mut run = single(&Scene::humanoid()).probe();
     run.run();
     run.rewind();
-    // Names are made with the first readings.
-    part_ends(None);
+    PART_NAMES.with(|_| ());
+    EMPTY_NAMES.with(|_| ());
     let mut sum = Recording::default();
     for episode in &mut run.0 {
         let mut step = |steps| episode.simulation_mut().step(&StepInputs::default(), steps).map(drop).expect("controls in force");
@@ -244,7 +244,6 @@ fn parts() {
     for (name, row) in sum.rows() {
         println!("{} {} {} {PARTS}{name}", run.0.len() * MOMENTS, row.times, row.inner);
     }
-    empty_ends(None);
     write_down(&text(NOTHING));
     record(empty_ends, || (0..EMPTY_SPANS).for_each(|_| Recorder.span(Span::Accept, || ())));
 }

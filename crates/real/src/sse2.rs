@@ -1,5 +1,5 @@
 //! Lanes in two SSE registers, masks as vectors of compare results. Every x86-64 CPU has SSE2, so these are the lanes of its baseline
-//! level: it is there for old CPUs, and twice the registers a value, which its sixteen do not hold, take twice as long to compile.
+//! level. Four registers a value would not fit into the sixteen that there are, and take twice as long to compile.
 //!
 //! [Portable lanes](crate::array) are compiled to much the same instructions in the end, but the compiler has to find the vectors among
 //! scalars first, which took longer than all other lane types together.

@@ -11,6 +11,7 @@ OUT = "Folder for what is written."
 STUDY = "A study: a .toml file, or a .py file that has a stepper.Study named study."
 RECORDING = "A folder that Stepper.record wrote."
 RAY = "Run batches as tasks of Ray, on all machines of its cluster."
+ONLY = "Only this parameter; may be given several times."
 
 
 def of_file(path: Path, *, ray: bool) -> Study:

@@ -6,7 +6,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from stepper.cli.options import OUT, RAY, STUDY, of_file
+from stepper.cli.options import ONLY, OUT, RAY, STUDY, of_file
 from stepper.experiments.progress import progress, show_files
 from stepper.experiments.study import sweep as run
 
@@ -32,7 +32,7 @@ def register(app: Typer, typer: ModuleType) -> None:
     folder = typer.Option("out", "--out", help=OUT)
     study_file = typer.Argument(help=STUDY)
     over = typer.Option(False, "--ray", help=RAY)
-    names = typer.Option([], "--parameter", help="Only this parameter; may be given several times.")
+    names = typer.Option([], "--parameter", help=ONLY)
 
     @app.command("sweep", help=sweep.__doc__)
     def _(

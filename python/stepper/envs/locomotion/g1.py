@@ -5,18 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import ClassVar
-from xml.etree import ElementTree
-
-import numpy as np
 
 from stepper._stepper import Model
-from stepper.envs.assets import load_quietly, read_once
-from stepper.envs.locomotion import terrain
+from stepper.envs.assets import read_once
+from stepper.envs.locomotion.mjlab import Looks, Servo, scene
 from stepper.envs.locomotion.velocity import VelocityTask
 from stepper.envs.task import Camera
-from stepper.shared.machine import package_file
 
 _FILE = "asset_zoo/robots/unitree_g1/xmls/g1.xml"
 _HEIGHT = 0.77
@@ -61,10 +56,6 @@ _MOTORS = {
     r"waist_pitch|waist_roll|ankle": _Motor(*_SMALL[:2], 2.0 * _SMALL[2], count=2),
 }
 """Motors by patterns of joints' names."""
-_FREQUENCY, _DAMPING_RATIO = 2.0 * np.pi * 10.0, 2.0
-"""Of the servos with the inertia of the rotors alone, rad/s: from these mjlab takes their gains."""
-_REACH = 0.5
-"""A servo's set point is at most this many times what gives its largest torque away from the stance."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,53 +80,18 @@ def _named(name: str, table: Mapping[str, float]) -> float:
     return next((value for part, value in table.items() if part in name), 0.0)
 
 
+def _geom(name: str) -> dict[str, str]:
+    is_foot = re.fullmatch(r"(left|right)_foot\d_collision", name) is not None
+    touch = {"priority": "1", "friction": "0.6 0.005 0.0005", "condim": "3"} if is_foot else {}
+    return {"contype": str(int(is_foot)), "rgba": "0.75 0.75 0.78 1", **touch}
+
+
+def _servo(name: str) -> Servo:
+    motor = next(motor for pattern, motor in _MOTORS.items() if re.search(pattern, name))
+    return Servo(motor.inertia, motor.torque, _named(name, _STANCE))
+
+
 @read_once
 def _scene(roughness: float) -> Model:
-    """The robot of mjlab on the ground, without what it only looks like, with servos, rotors and stance as mjlab's own code says them."""
-    file = Path(package_file("mjlab", _FILE, "for its G1, whose file it has"))
-    tree = ElementTree.fromstring(file.read_text("utf-8"))
-    make = type(tree)
-    for asset in tree.findall("asset"):
-        tree.remove(asset)
-    for parent in list(tree.iter()):
-        for child in list(parent):
-            if child.tag in ("light", "camera", "exclude") or child.get("class") == "visual":
-                parent.remove(child)
-            elif child.tag == "geom" and (name := child.get("name", "")):
-                is_foot = re.fullmatch(r"(left|right)_foot\d_collision", name) is not None
-                # In group 0 renderers draw it: what the file has for them to draw is left out.
-                child.attrib |= {"contype": str(int(is_foot)), "conaffinity": "0", "group": "0", "rgba": "0.75 0.75 0.78 1"}
-                if is_foot:
-                    child.attrib |= {"priority": "1", "friction": "0.6 0.005 0.0005", "condim": "3"}
-    tree.insert(0, make("option", timestep="0.005", integrator="implicitfast"))
-    world = tree.find("worldbody")
-    if world is None:
-        raise ValueError(f"{file} has no worldbody: this version of mjlab is not known")
-    ground = {"contype": "0", "conaffinity": "1", "rgba": "0.32 0.37 0.42 1"}
-    world.insert(0, make("geom", {"name": "floor", "type": "plane", "size": "0 0 0.05", **ground}))
-    world.insert(0, make("light", directional="true", castshadow="false", pos="0 0 5", dir="0.3 0.2 -1", diffuse="0.8 0.8 0.8"))
-    if roughness:
-        field, geom = terrain.elements(roughness, ground)
-        asset = make("asset")
-        asset.append(field)
-        tree.append(asset)
-        world.insert(1, geom)
-    actuators, angles = make("actuator"), []
-    tree.append(actuators)
-    for joint in tree.iter("joint"):
-        name = joint.get("name", "")
-        motor = next(motor for pattern, motor in _MOTORS.items() if re.search(pattern, name))
-        stiffness, stance = motor.inertia * _FREQUENCY**2, _named(name, _STANCE)
-        reach = _REACH * motor.torque / stiffness
-        joint.set("armature", repr(motor.inertia))
-        servo = {"kp": stiffness, "kv": 2.0 * _DAMPING_RATIO * motor.inertia * _FREQUENCY}
-        bounds = {"ctrlrange": (stance - reach, stance + reach), "forcerange": (-motor.torque, motor.torque)}
-        attributes = {key: repr(float(value)) for key, value in servo.items()}
-        attributes |= {key: f"{float(low)!r} {float(high)!r}" for key, (low, high) in bounds.items()}
-        actuators.append(make("position", {"name": name, "joint": name, **attributes}))
-        angles.append(stance)
-    keyframes = make("keyframe")
-    qpos = " ".join(map(repr, (0.0, 0.0, _HEIGHT, 1.0, 0.0, 0.0, 0.0, *angles)))
-    keyframes.append(make("key", name="stance", qpos=qpos, ctrl=" ".join(map(repr, angles))))
-    tree.append(keyframes)
-    return load_quietly(tree)
+    looks = Looks({"rgba": "0.32 0.37 0.42 1"}, {"diffuse": "0.8 0.8 0.8"})
+    return scene(_FILE, "G1", _HEIGHT, roughness=roughness, geom=_geom, servo=_servo, looks=looks)

@@ -11,12 +11,16 @@ DENY := 0.20.2
 demo: build
 	$(BIN)/stepper demo
 
-# All tests, Rust and Python, the wheel among them. With stepper-python, which has no tests in Rust, and with stepper-core's feature `internals`, which
-# its tests turn on and pyproject.toml too, libraries get the features that `build` gave them, and are not compiled a second time. Examples are run by
-# the tests of the core.
-test: wheel
-	cargo test --release --workspace --exclude stepper-benches --features stepper-core/nalgebra --lib --tests
-	cargo test --release --workspace --exclude stepper-benches --features stepper-core/nalgebra --doc
+# All tests, Rust and Python, the wheel among them. Tests in Rust are compiled first, side by side with the libraries that they share with the wheel:
+# one core would wait for the other while the largest library is read. With stepper-python, which has no tests in Rust, and with stepper-core's feature
+# `internals`, which its tests turn on and pyproject.toml too, libraries have the features that `build` gives them, and are not compiled a second time.
+# Examples are run by the tests of the core.
+RUST_TESTS := cargo test --release --workspace --exclude stepper-benches --features stepper-core/nalgebra
+test: $(VENV)/setup.stamp
+	$(RUST_TESTS) --tests --no-run
+	$(MAKE) wheel
+	$(RUST_TESTS) --tests
+	$(RUST_TESTS) --doc
 	$(BIN)/python -m pytest --numprocesses logical --dist worksteal
 
 # The wheel, with its size and the time of an import: docs/packaging.md. It carries the binary that `build` made.

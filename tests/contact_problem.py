@@ -8,6 +8,7 @@ depends on the velocity.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -76,18 +77,26 @@ class Problem:
     def residual(self) -> float:
         """Max |lambda - P_K(lambda - rho u)| / rho with u = v + (mu |v_t|, 0, ...) and rho = rows / trace(G_ii)."""
         worst, v = 0.0, self.next_velocity
-        for i, mu in enumerate(self.friction):
-            rows, impulse = self._block(i)
+        blocks = [self._block(i) for i in range(len(self.friction))]
+        limits = self.limits[0]
+        # All rows at once, since a call takes longer than its numbers.
+        traces = self._mobilities(np.concatenate([limits, *(rows for rows, _ in blocks)]))
+        at = len(limits)
+        for i, ((rows, impulse), mu) in enumerate(zip(blocks, self.friction, strict=True)):
             velocity = rows @ v
             velocity[:3] += self.bias[i]
-            rho = len(rows) / np.trace(rows @ np.linalg.solve(self.mass, rows.T))
+            rho = len(rows) / traces[at : at + len(rows)].sum()
+            at += len(rows)
             velocity[0] += mu * np.linalg.norm(velocity[1:])
             worst = max(worst, np.linalg.norm(impulse - project(impulse - rho * velocity, mu)) / rho)
-        count = len(self.limits[0])
-        for row, bias, impulse in zip(*self.limits, self.forced[:count], strict=True):
-            g = row @ np.linalg.solve(self.mass, row)
+        count = len(limits)
+        for row, bias, impulse, g in zip(*self.limits, self.forced[:count], traces[:count], strict=True):
             worst = max(worst, abs(impulse - max(impulse - (row @ v + bias) / g, 0.0)) * g)
         return max(worst, np.abs(self.ties[0] @ v - self.ties[1]).max(initial=0.0))
+
+    def _mobilities(self, rows: np.ndarray) -> np.ndarray:
+        """Diagonal of rows M^-1 rows'."""
+        return (rows * np.linalg.solve(self.mass, rows.T).T).sum(axis=1)
 
     def _block(self, i: int) -> tuple[np.ndarray, np.ndarray]:
         mine = slice(3 * i, 3 * i + 3)
@@ -109,12 +118,18 @@ def project(x: np.ndarray, mu: float) -> np.ndarray:
     return np.concatenate([[height], mu * height * x[1:] / tangent])
 
 
+@lru_cache(maxsize=1)
+def _data_of(model: mujoco.MjModel) -> mujoco.MjData:
+    """Memory for the states of the model in use."""
+    return mujoco.MjData(model)
+
+
 def problem_of(model: mujoco.MjModel, before, contacts: np.ndarray, options, ctrl=None) -> Problem:
     """The problem that belongs to the contacts of a step from the state `before` (qpos, qvel)."""
     h, midpoint, qpos = options.timestep, options.integrator in (None, "midpoint"), before[0].copy()
     if midpoint:
         mujoco.mj_integratePos(model, qpos, before[1], h / 2)
-    data = forward(model, qpos, before[1], ctrl)
+    data = forward(model, qpos, before[1], ctrl, data=_data_of(model))
     mass = full_mass_matrix(model, data) + (h / 2 if midpoint else h) * np.diag(model.dof_damping)
     free = before[1] + h * np.linalg.solve(mass, data.qfrc_passive + data.qfrc_actuator - data.qfrc_bias)
     n = len(contacts)
@@ -183,16 +198,18 @@ def equalities(model, data, mass, qvel, options, *, midpoint: bool) -> tuple[np.
     none = Rows(np.zeros(0), np.zeros((0, model.nv)), np.zeros(0), np.zeros(0, int))
     rows, h = rows_of(model, data) if np.any(model.eq_active0) else none, options.timestep
     sides = np.stack([h / 2 * rows.curvature, rows.jacobian @ qvel, rows.correction(options, h, midpoint=midpoint)], axis=1)
-    kept, asked = [], []
+    kept, moves, asked = [], [], []
     for jacobian, wanted in zip(rows.jacobian, sides, strict=True):
-        row, side = jacobian.copy(), wanted.copy()
-        size = row @ np.linalg.solve(mass, row)
-        for other, known in zip(kept, asked, strict=True):
-            share = row @ np.linalg.solve(mass, other) / (other @ np.linalg.solve(mass, other))
+        row, side, move = jacobian.copy(), wanted.copy(), np.linalg.solve(mass, jacobian)
+        size = row @ move
+        for other, moved, known in zip(kept, moves, asked, strict=True):
+            share = row @ moved / (other @ moved)
             row -= share * other
+            move -= share * moved
             side -= share * known
-        if row @ np.linalg.solve(mass, row) > 1e-12 * size:
+        if row @ move > 1e-12 * size:
             kept.append(row)
+            moves.append(move)
             asked.append(side)
     curve, before, correction = np.reshape(asked, (-1, 3)).T
     return np.reshape(kept, (-1, model.nv)), -np.clip(curve, -np.abs(before), np.abs(before)) - correction

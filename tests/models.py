@@ -96,9 +96,12 @@ def random_state(model: mujoco.MjModel, rng: np.random.Generator, speed: float =
     return qpos, rng.normal(scale=speed, size=model.nv)
 
 
-def forward(model: mujoco.MjModel, qpos, qvel, ctrl=None, *, act=None, qfrc=None, xfrc=None) -> mujoco.MjData:
-    """MuJoCo's data at a state."""
-    data = mujoco.MjData(model)
+def forward(model: mujoco.MjModel, qpos, qvel, ctrl=None, *, act=None, qfrc=None, xfrc=None, data=None) -> mujoco.MjData:
+    """MuJoCo's data at a state; `data` of the same model is used again, because its memory takes longer than a step."""
+    if data is None:
+        data = mujoco.MjData(model)
+    else:
+        mujoco.mj_resetData(model, data)
     data.qpos[:], data.qvel[:] = qpos, qvel
     for target, given in [(data.ctrl, ctrl), (data.act, act), (data.qfrc_applied, qfrc), (data.xfrc_applied, xfrc)]:
         if given is not None:

@@ -49,6 +49,31 @@ def test_what_cannot_move_along_its_normal_is_said(angle):
     assert solved(sim) == Status.INFEASIBLE
 
 
+@pytest.mark.parametrize(("shape", "seed"), [("box", 3), ("capsule", 3)])
+def test_an_unloaded_gripper_that_begins_jammed_is_solved(shape, seed):
+    """Fingers coupled as those of a Panda begin within the palm: impulses and velocities of what rests are rounding."""
+    rng = np.random.default_rng(seed)
+
+    def geom(size: str) -> str:
+        return f'<geom type="{shape}" size="{size}" quat="{" ".join(map(str, rng.normal(size=4)))}" pos="{{at}}"/>'
+
+    palm, left, right = geom(".03 .02 .03"), geom(".012 .013 .03"), geom(".012 .011 .03")
+    sim = stepper.Stepper(
+        stepper.load(f"""<mujoco><worldbody><body>{palm.format(at="0 0 0")}
+      <body pos="0 0 .05"><joint name="l" type="slide" axis="0 1 0" range="0 .04"/>{left.format(at="0 .01 0")}</body>
+      <body pos="0 0 .05"><joint name="r" type="slide" axis="0 -1 0" range="0 .04"/>{right.format(at="0 -.01 0")}</body>
+      </body></worldbody><equality><joint joint1="r" joint2="l"/></equality></mujoco>""")
+    )
+    sim.set_state(qvel=[0.01, -0.02])
+    said = []
+    for _ in range(300):
+        sim.step()
+        said.append(solved(sim))
+    # Before that positions give way where they can.
+    assert set(said[100:]) == {int(Status.INFEASIBLE)}
+    assert np.abs(sim.qvel).max() < 1e-12
+
+
 def test_a_feasible_overlap_is_no_witness():
     xml = """<mujoco><worldbody><geom type="plane" size="1 1 .1"/><body pos="0 0 .04"><freejoint/>
     <geom size=".05"/></body></worldbody></mujoco>"""

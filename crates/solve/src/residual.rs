@@ -50,13 +50,14 @@ pub fn worst_constraint<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: 
 
 /// Lanes in which the work that a residual of `residual` m/s (at most 1e-6) leaves open, `residual sum_i |lambda_i|`, is more than the
 /// kinetic energy |w|^2 / 2 of the whole change: impulses cancel there, a million times what they hold, where a jam has hardly a lever arm.
+/// An energy of `negligible` J is none: where nothing is loaded, impulses and velocities are both rounding, neither small beside the other.
 #[inline(always)]
-pub fn undecided<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate<R>, residual: R) -> R::Mask {
+pub fn undecided<'a, R: Real>(system: impl Into<System<'a, R>>, iterate: &Iterate<R>, residual: R, negligible: R) -> R::Mask {
     let (system, mut impulse) = (system.into(), R::zero());
     each_kind!([set: &system.problem] [rows: system] [impulses: &iterate] => impulse = set.sum_normal_impulses(rows, impulses, impulse));
     let mut energy = R::zero();
     for &w in &iterate.w {
         energy += w * w;
     }
-    (residual.min(R::of(1e-6)) * impulse).gt(energy * R::of(0.5))
+    (residual.min(R::of(1e-6)) * impulse).gt(energy * R::of(0.5) + negligible)
 }

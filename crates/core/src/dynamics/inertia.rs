@@ -213,6 +213,16 @@ impl<R: Real> MassMatrix<R> {
         }
     }
 
+    /// Kinetic energy, J, of all degrees of freedom that move with `speed` one at a time, what they carry being free to follow.
+    #[inline(always)]
+    pub fn energy_at(&self, speed: R) -> R {
+        let mut inertia = R::zero();
+        for &root in &self.sqrt_d {
+            inertia += root * root;
+        }
+        inertia * (speed * speed * R::of(0.5))
+    }
+
     /// x <- M^-1 x
     #[inline(always)]
     pub fn solve(&self, compiled: &LaneModel<R>, x: &mut [R]) {

@@ -13,10 +13,6 @@ use crate::options::StepSettings;
 /// Residual from which on impulses may be anything, m/s: energy is kept from growing by them, as in steps that are too long.
 const UNSOLVED: f64 = 1e-2;
 
-/// Residual relative to the tolerance up to which impulses are decided, however little they hold: where nothing loads a jam of bodies at
-/// rest, impulses and velocities are both rounding, of which neither is small beside the other.
-const ROUNDING: f64 = 1e-6;
-
 /// Lanes whose impulses cannot be trusted with the energy: the residual is large, or it is small beside velocities but not beside what
 /// enormous impulses make of it.
 pub(crate) fn undecided<R: Real>(options: &StepSettings, s: &Workspace<R>, residual: R) -> R::Mask {
@@ -25,8 +21,8 @@ pub(crate) fn undecided<R: Real>(options: &StepSettings, s: &Workspace<R>, resid
         #[inline(always)]
         || {
             let unsolved = s.alive.and(residual.gt(R::of(UNSOLVED.max(10.0 * options.tolerance))));
-            let noticed = s.alive.and(*constrained).and(residual.gt(R::of(ROUNDING * options.tolerance)));
-            unsolved.or(noticed.and(stepper_solve::undecided(problem, iterate, residual)))
+            let negligible = s.free_motion.smooth.mass.energy_at(R::of(options.tolerance));
+            unsolved.or(s.alive.and(*constrained).and(stepper_solve::undecided(problem, iterate, residual, negligible)))
         },
     )
 }

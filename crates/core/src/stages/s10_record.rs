@@ -32,8 +32,8 @@ bitflags! {
     /// ```
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
     pub struct Status: u32 {
-        /// The residual is above the tolerance, or it is below it (by a factor of a million at the most) but the impulses cancel so strongly
-        /// that they do not determine the energy (`stepper_solve::undecided`).
+        /// The residual is above the tolerance, or it is below it but the impulses cancel so strongly that they do not determine the energy
+        /// (`stepper_solve::undecided`).
         const NOT_CONVERGED = 1;
         /// The step was not finite; the environment keeps its last finite state.
         const NON_FINITE = 2;

@@ -4,6 +4,7 @@ mod applied;
 mod derived;
 mod in_python;
 mod interruption;
+mod kinks;
 mod memory;
 mod outcome;
 mod pickling;

@@ -32,7 +32,7 @@ def rollout(
         parameters: Fields of `Stepper.randomize` to differentiate by.
         every: Controls between two checkpoints, see `stepper.derivatives.rollout`.
         sensors: Whether readings of ideal sensors are wanted.
-        **settings: `step`, `tolerance` and `extrapolate` of `Stepper.linearize`.
+        **settings: Those of `stepper.derivatives.Rollout.vjp`: `smoothing`, `step`, `tolerance`, `centered` and `extrapolate`.
 
     Returns:
         f(ctrl, qpos, qvel, act, *parameters) of arrays (T, num_envs, nu) or, for all environments, (T, nu), then (num_envs, nq),

@@ -237,10 +237,8 @@ def cost(num_envs: int = 32) -> None:
 
 def effort(num_envs: int = 32) -> None:
     """Time that copies take to step, and what of it the solver does: beside steps that end after one sweep, or one step of Newton's."""
-    print(
-        "| robot | law | step of a copy, us | sweeps | Newton steps | from the solution | with one sweep or step, us | share of solving |"
-    )
-    print("|---|---|---|---|---|---|---|---|")
+    print("| robot | law | step of a copy, us | sweeps, Newton steps | from the solution | with one sweep or step, us | share of solving |")
+    print("|---|---|---|---|---|---|---|")
     for robot in ("gymnasium/ant", "dm_control/quadruped", "gymnasium/hopper"):
         for law, options in SETTINGS.items():
             times, counts = [], []
@@ -263,17 +261,19 @@ def effort(num_envs: int = 32) -> None:
                 again()
                 times.append(float(np.median([again() for _ in range(15)])) / len(part.ctrl) * 1e6)
                 counts.append(mean_effort(copies))
-                # Once more from where it began, but from the impulses that solve it.
-                there = copies.get_state()
+                # Once more from where each began, but from the impulses that solve the step of the environment that it is a copy of.
+                solved, where = copies.get_state(), np.arange(len(part.ctrl)) // part.count
                 copies.set_state(state)
                 before = [np.array(getattr(copies, name)) for name in ("qpos", "qvel", "act")]
-                copies.set_state(there)
+                copies.set_state(solved)
+                for env in range(where[-1] + 1):
+                    copies.set_state(copies.get_state(env=env * part.count), mask=where == env)
                 copies.set_state(before[0], before[1], act=before[2], cold=False)
                 copies.step(part.ctrl)
                 counts.append(mean_effort(copies))
             whole, hurried_time = times
             print(
-                f"| {robot} | {law} | {whole:.1f} | {counts[0][0]:.1f} | {counts[0][1]:.1f} | {counts[1][0]:.1f}, {counts[1][1]:.1f} "
+                f"| {robot} | {law} | {whole:.1f} | {counts[0][0]:.1f}, {counts[0][1]:.1f} | {counts[1][0]:.1f}, {counts[1][1]:.1f} "
                 f"| {hurried_time:.1f} | {1 - hurried_time / whole:.0%} |",
                 flush=True,
             )

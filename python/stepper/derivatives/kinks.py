@@ -7,9 +7,9 @@ explains. docs/derivatives.md says what each proves.
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass
 from enum import IntFlag
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,7 +74,7 @@ class Watch:
         n, levels, self.sides, columns = stencil.offsets.shape
         self.count = 1 + levels * self.sides * columns
         self.report = Report(np.zeros((n, nstep, columns), np.uint32), np.full((n, nstep), np.inf))
-        fixed, randomized = _numbers(sim.model), sim.randomized
+        fixed, randomized = _numbers_of(sim), sim.randomized
         self._limited, self._rubbing = fixed.limited, fixed.rubbing
         self._friction = np.asarray(randomized.get("geom_friction", fixed.friction))
         self._ranges = np.asarray(randomized.get("jnt_range", fixed.ranges))[..., [index for _, _, index in self._limited], :]
@@ -155,8 +155,18 @@ class _Numbers:
     ranges: Array
 
 
-@functools.lru_cache(maxsize=8)
-def _numbers(model: Model) -> _Numbers:
+_numbers: WeakKeyDictionary[Stepper, _Numbers] = WeakKeyDictionary()
+"""By copies, which are kept from call to call: to find a model takes a hash of all that it has."""
+
+
+def _numbers_of(sim: Stepper) -> _Numbers:
+    known = _numbers.get(sim)
+    if known is None:
+        known = _numbers[sim] = _read_numbers(sim.model)
+    return known
+
+
+def _read_numbers(model: Model) -> _Numbers:
     joints = (model.joint(k) for k in range(model.njnt))
     limited = [(joint.qposadr, joint.dofadr, joint.id) for joint in joints if joint.limited and joint.type in ("slide", "hinge")]
     rubbing = np.flatnonzero(np.asarray(model.dof_frictionloss) > 0.0).tolist()

@@ -231,7 +231,8 @@ def _bounds(model: Model, block: Block) -> tuple[Array, Array]:
     """Lowest and highest value of each column."""
     low, high = np.full(block.count, -np.inf), np.full(block.count, np.inf)
     if block.field == "ctrl":
-        return np.array(model.actuator_ctrlrange[:, 0], np.float64), np.array(model.actuator_ctrlrange[:, 1], np.float64)
+        ranges = np.array(model.actuator_ctrlrange, np.float64)
+        return ranges[:, 0], ranges[:, 1]
     if block.field in PARAMETERS and block.field not in SIGNED:
         low[:] = 0.0
     if block.field == "geom_restitution":

@@ -16,7 +16,6 @@ impl Stepper {
     ///     Flags of `Kink` by column, (environments, columns) uint32, and the distance to the nearest kink, (environments,).
     #[pyo3(signature = (*, count, sides, one_sided, friction, limited, ranges, taken, rubbing, smooth_at_rest, tolerance))]
     #[expect(clippy::too_many_arguments, reason = "each has a name of its own")]
-    #[expect(clippy::type_complexity, reason = "two arrays")]
     fn _find_kinks<'py>(
         &self,
         py: Python<'py>,

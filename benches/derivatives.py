@@ -1,7 +1,7 @@
 """Figures of docs/derivatives.md: agreement of differences, the horizon of a hopper, and time. One process, one pinned core.
 
 python benches/derivatives.py                 # all
-python benches/derivatives.py agreement time  # of agreement, smoothness, horizon, time
+python benches/derivatives.py agreement time  # of agreement, smoothness, horizon, time, effort
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import sys
 import time
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,9 @@ import stepper
 from numpy.typing import NDArray
 from stepper import Options
 from stepper.derivatives import Linearization, rollout
+from stepper.derivatives.copies import nominal_of, parts_of
+from stepper.derivatives.linearize import TOLERANCE
+from stepper.derivatives.perturbations import blocks_of, stencil_of
 from stepper.shared.machine import cpu_name, one_core
 
 Array = NDArray[np.float64]
@@ -196,9 +200,14 @@ def median_time(call: Callable[[], Any], count: int) -> float:
 
 
 def cost(num_envs: int = 32) -> None:
-    """Time of one A and B of robots in contact, beside a step and beside mjd_transitionFD."""
-    print("| robot | law | contacts | a step, us | A and B, us | in steps | columns | mjd_transitionFD, us | of it |")
-    print("|---|---|---|---|---|---|---|---|---|")
+    """Time of one A and B of robots in contact, by central differences and to one side, beside a step and beside mjd_transitionFD."""
+    print(
+        "| robot | law | contacts | columns | a step, us | central, us | in steps | mjd_transitionFD | of it | one side, us | in steps |",
+        end="",
+    )
+    print(" mjd_transitionFD | of it |")
+    print("|---|---|---|---|---|---|---|---|---|---|---|---|---|")
+    per = 1e6 / num_envs
     for robot in ("gymnasium/ant", "dm_control/quadruped", "gymnasium/hopper"):
         for law, options in SETTINGS.items():
             sim, ctrl = touching(robot, options, num_envs)
@@ -211,24 +220,72 @@ def cost(num_envs: int = 32) -> None:
                 sim.set_state(state)
                 sim.step(ctrl)
 
-            def linearized(sim: stepper.Stepper = sim, ctrl: Array = ctrl) -> None:
-                sim.linearize(ctrl=ctrl)
-
             stepped = median_time(restored, 15) - median_time(back, 15)
             sim.set_state(state)
-            differences = median_time(linearized, 5)
-            theirs = transition_time(robot, sim, ctrl)
             columns = 2 * sim.model.nv + sim.model.na + sim.model.nu
-            per = 1e6 / num_envs
+            line = f"| {robot} | {law} | {len(sim.contacts()) / num_envs:.1f} | {columns} | {stepped * per:.1f} |"
+            for centered in (True, False):
+
+                def linearized(sim: stepper.Stepper = sim, ctrl: Array = ctrl, centered: bool = centered) -> None:
+                    sim.linearize(ctrl=ctrl, centered=centered)
+
+                ours = median_time(linearized, 9)
+                theirs = transition_time(robot, sim, ctrl, centered)
+                line += f" {ours * per:.0f} | {ours / stepped:.0f} | {theirs * 1e6:.0f} | {theirs * num_envs / ours:.1f} |"
+            print(line, flush=True)
+
+
+def effort(num_envs: int = 32) -> None:
+    """Time that copies take to step, and what of it the solver does: beside steps that end after one sweep, or one step of Newton's."""
+    print("| robot | law | step of a copy, us | sweeps, Newton steps | from the solution | with one sweep or step, us | share of solving |")
+    print("|---|---|---|---|---|---|---|")
+    for robot in ("gymnasium/ant", "dm_control/quadruped", "gymnasium/hopper"):
+        for law, options in SETTINGS.items():
+            times, counts = [], []
+            for hurried in (False, True):
+                sim, ctrl = touching(robot, options, num_envs)
+                source = stepper.Stepper(sim.model, num_envs, options=replace(options, iterations=1, solver="pgs") if hurried else options)
+                source.set_state(sim.get_state())
+                blocks = blocks_of(sim.model, WRT)
+                nominal = nominal_of(source, ctrl, blocks)
+                stencil = stencil_of(sim.model, blocks, nominal.fields, step=1e-6, levels=1, centered=True)
+                part = next(iter(parts_of(source, nominal, blocks, stencil, 1.0 if hurried else TOLERANCE)))
+                copies, state = part.sim, part.sim.get_state()
+
+                def again(copies: stepper.Stepper = copies, state: stepper.State = state, ctrl: Array = part.ctrl) -> float:
+                    copies.set_state(state)
+                    begin = time.thread_time()
+                    copies.step(ctrl)
+                    return time.thread_time() - begin
+
+                again()
+                times.append(float(np.median([again() for _ in range(15)])) / len(part.ctrl) * 1e6)
+                counts.append(mean_effort(copies))
+                # Once more from where each began, but from the impulses that solve the step of the environment that it is a copy of.
+                solved, where = copies.get_state(), np.arange(len(part.ctrl)) // part.count
+                copies.set_state(state)
+                before = [np.array(getattr(copies, name)) for name in ("qpos", "qvel", "act")]
+                copies.set_state(solved)
+                for env in range(where[-1] + 1):
+                    copies.set_state(copies.get_state(env=env * part.count), mask=where == env)
+                copies.set_state(before[0], before[1], act=before[2], cold=False)
+                copies.step(part.ctrl)
+                counts.append(mean_effort(copies))
+            whole, hurried_time = times
             print(
-                f"| {robot} | {law} | {len(sim.contacts()) / num_envs:.1f} | {stepped * per:.1f} | {differences * per:.0f} "
-                f"| {differences / stepped:.0f} | {columns} | {theirs * 1e6:.0f} | {theirs * 1e6 / (differences * per):.2f} |",
+                f"| {robot} | {law} | {whole:.1f} | {counts[0][0]:.1f}, {counts[0][1]:.1f} | {counts[1][0]:.1f}, {counts[1][1]:.1f} "
+                f"| {hurried_time:.1f} | {1 - hurried_time / whole:.0%} |",
                 flush=True,
             )
 
 
-def transition_time(robot: str, sim: stepper.Stepper, ctrl: Array) -> float:
-    """Processor time of MuJoCo's A and B, s: median over environments, central differences, the model's settings but the integrator."""
+def mean_effort(copies: stepper.Stepper) -> tuple[float, float]:
+    """Sweeps and Newton steps of the last solution, mean over copies."""
+    return float(np.asarray(copies.sweeps).mean()), float(np.asarray(copies.newton_steps).mean())
+
+
+def transition_time(robot: str, sim: stepper.Stepper, ctrl: Array, centered: bool) -> float:
+    """Processor time of MuJoCo's A and B, s: median over environments, the model's settings but the integrator."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         model = mujoco.MjModel.from_xml_path(path_of(robot))
@@ -240,7 +297,7 @@ def transition_time(robot: str, sim: stepper.Stepper, ctrl: Array) -> float:
         data.qpos[:], data.qvel[:], data.ctrl[:] = sim.qpos[env], sim.qvel[env], ctrl[env]
         mujoco.mj_forward(model, data)
         begin = time.thread_time()
-        mujoco.mjd_transitionFD(model, data, 1e-6, 1, A, B, None, None)
+        mujoco.mjd_transitionFD(model, data, 1e-6, int(centered), A, B, None, None)
         times.append(time.thread_time() - begin)
     return float(np.median(times))
 
@@ -248,7 +305,13 @@ def transition_time(robot: str, sim: stepper.Stepper, ctrl: Array) -> float:
 if __name__ == "__main__":
     warnings.filterwarnings("ignore")
     mujoco.set_mju_user_warning(lambda message: None)
-    parts: dict[str, Callable[[], None]] = {"agreement": agreement, "smoothness": smoothness, "horizon": horizon, "time": cost}
+    parts: dict[str, Callable[[], None]] = {
+        "agreement": agreement,
+        "smoothness": smoothness,
+        "horizon": horizon,
+        "time": cost,
+        "effort": effort,
+    }
     with one_core():
         print(f"{cpu_name()}, CPU level {stepper.cpu_levels()[-1]}, MuJoCo {mujoco.__version__}\n")
         for part in sys.argv[1:] or parts:

@@ -1027,14 +1027,16 @@ class Stepper:
         method: Literal["fd", "implicit"] = "fd",
         step: float | None = None,
         tolerance: float | None = None,
+        centered: bool = True,
         extrapolate: bool = False,
         sensors: bool = False,
     ) -> Linearization:
         """Derivatives of the state after `nstep` steps by the state, controls and parameters now, in all environments; advances nothing.
 
-        Every column is a central difference between two perturbed copies of an environment. Copies of all environments and columns are
-        stepped together, in lanes and on the stepper's threads, with its options and all that environments have of their own, but to a
-        tighter tolerance; the stepper is only read. With contact the step is smooth only between kinks: see `Linearization.near_kink`
+        Every column is a central difference between two perturbed copies of an environment, or a difference to one side. Copies of all
+        environments and columns are stepped together, in lanes and on the stepper's threads, with its options and all that environments
+        have of their own, but to a tighter tolerance; the stepper is only read, and keeps room for copies for the next call. With contact
+        the step is smooth only between kinks: see `Linearization.near_kink`
         and docs/derivatives.md.
 
         Args:
@@ -1047,6 +1049,8 @@ class Stepper:
             step: Half width of the differences, for coordinates in SI units and for parameters relative to their size; None is the one
                 that the tolerance asks for (`stepper.derivatives.perturbations.step_of`).
             tolerance: Residual to which copies are solved, m/s; None is 1e-13, or the stepper's own if that is less.
+            centered: Whether differences are central. Differences to one side cost half the copies; their error is of first order in the
+                step instead of second, and slopes on both sides are not compared.
             extrapolate: Whether differences of twice the width are taken too, and Richardson's extrapolation of both, which costs twice
                 the copies and estimates errors.
             sensors: Whether to give derivatives of the ideal sensors' readings too.
@@ -1055,6 +1059,25 @@ class Stepper:
             ValueError: An unknown name, a wrong shape, a step or number of steps that is none.
             ModelError: A parameter that cannot be perturbed, with its element.
             NotImplementedError: `method="implicit"`.
+        """
+    def _find_kinks(
+        self,
+        *,
+        count: int,
+        sides: int,
+        one_sided: NDArray[np.bool_],
+        friction: _Array,
+        limited: list[list[int]],
+        ranges: _Array,
+        taken: _Array,
+        rubbing: list[int],
+        smooth_at_rest: bool,
+        tolerance: float,
+    ) -> tuple[NDArray[np.uint32], NDArray[np.float64]]:
+        """Kinks between copies of environments after a step, for `stepper.derivatives.kinks`, which says what the arguments are.
+
+        Returns:
+            Flags of `Kink` by column, (environments, columns) uint32, and the distance to the nearest kink, (environments,).
         """
     def view(self, **settings: Any) -> View:
         """Opens a live view of the environments in the browser, and says where it is.

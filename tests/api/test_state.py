@@ -171,6 +171,27 @@ def test_an_environment_is_copied_to_others():
     assert np.array_equal(sim.observation[[0, 4]], again.observation[[0, 4]])
 
 
+def test_nothing_of_an_environment_with_more_contacts_is_left_to_one_with_fewer():
+    """What an environment in the air takes the place of, by a state or a reset, has contacts that it has not."""
+    model = stepper_model(HUMANOID)
+    sim, fresh = simulate(model, 5), simulate(model, 5)
+    sim.step(nstep=400)
+    assert all(len(sim.contacts(env)) > 2 for env in range(5))
+    air = simulate(model, 5)
+    air.step(np.full(21, 0.2), nstep=3)
+    assert len(air.contacts()) == 0
+    mask = np.array([False, True, False, True, True])
+    sim.set_state(air.get_state(env=0), mask=mask)
+    assert sim.get_state(env=3) == air.get_state(env=3)
+    sim.reset(~mask)
+    assert sim.get_state(env=0) == fresh.get_state(env=0)
+    for s in (sim, air, fresh):
+        s.step(np.full(21, 0.1), nstep=400)
+    assert len(air.contacts()) > 0
+    assert all(sim.get_state(env=env) == air.get_state(env=env) for env in (1, 3, 4))
+    assert all(sim.get_state(env=env) == fresh.get_state(env=env) for env in (0, 2))
+
+
 def test_a_state_that_does_not_fit_says_what_would():
     with pytest.raises(ValueError, match=r"5 environments, this stepper has 4.*or of one for all"):
         whole(4).set_state(whole(5).get_state())

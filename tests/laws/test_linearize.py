@@ -259,6 +259,41 @@ def test_extrapolation_says_how_far_it_is_off():
     assert np.mean(off <= errors.max(axis=1)[smooth] + 1e-6) > 0.95
 
 
+@pytest.mark.parametrize("extrapolate", [False, True])
+def test_differences_to_one_side_agree_with_central_ones(extrapolate):
+    sim, ctrl = touching("gymnasium/hopper", contact="mujoco")
+    central = sim.linearize(ctrl=ctrl)
+    # The error of first order is seen at a wider step, and is what extrapolation takes away.
+    lin = sim.linearize(ctrl=ctrl, centered=False, step=1e-4, extrapolate=extrapolate)
+    smooth = (columns(lin) | columns(central)) == 0
+    assert smooth.mean() > 0.5
+    scale = np.maximum(np.abs(joined(central)).max(axis=1), 1.0)
+
+    def off(lin):
+        return np.quantile((np.abs(joined(lin) - joined(central)).max(axis=1) / scale)[smooth], 0.9)
+
+    # Half a curvature of order 1 to 10, over the step; the extrapolation's is of second order.
+    assert off(lin) < 1e-6 if extrapolate else 1e-5 < off(lin) < 1e-3
+    assert not (columns(lin) & int(Kink.SLOPE)).any()
+    # At a hundredth of the step it is a hundredth.
+    assert off(sim.linearize(ctrl=ctrl, centered=False)) < 1e-5
+
+
+def test_copies_that_are_kept_leave_nothing_to_the_next_linearization():
+    sim, ctrl = touching("gymnasium/ant")
+    sim.linearize(ctrl=ctrl)
+    sim.step(ctrl, nstep=40)
+    sim.xfrc_applied[:, 1, 2] = 30.0
+    sim.linearize(ctrl=ctrl)
+    sim.linearize(("qpos", "body_mass"), ctrl=ctrl)
+    sim.xfrc_applied[:] = 0.0
+    other = stepper.Stepper(sim.model, 8, options=sim.options)
+    other.set_state(sim.get_state())
+    ours, theirs = sim.linearize(ctrl=ctrl), other.linearize(ctrl=ctrl)
+    np.testing.assert_array_equal(joined(ours), joined(theirs))
+    np.testing.assert_array_equal(columns(ours), columns(theirs))
+
+
 @pytest.mark.parametrize("precision", ["f64", "f32"])
 def test_the_simulation_is_not_touched(precision):
     model = stepper_model("gymnasium/ant", strict=False)

@@ -1,11 +1,13 @@
 """Vector-Jacobian products over rollouts, beside differences of whole rollouts and closed forms."""
 
+import math
+
 import numpy as np
 import pytest
 import stepper
 from models import random_quaternion, stepper_model
 from stepper import Drive, Options
-from stepper.derivatives import rollout
+from stepper.derivatives import Smoothing, rollout
 from stepper.derivatives.tangent import from_tangent, to_tangent
 
 SOFT = Options(contact="mujoco", tolerance=1e-12)
@@ -149,3 +151,51 @@ def test_arguments_are_checked_before_the_first_step():
     made = rollout(sim, ctrl)
     with pytest.raises(ValueError, match="gradient by qvel has a number that is not finite, at control 1"):
         made.vjp(qvel=[[0.0], [np.nan]])
+
+
+def test_a_smoothed_gradient_feels_what_a_gap_hides():
+    """v+ = max(v, -gap / h): its slopes by v and by the gap are the shares of the samples on both sides, of normal distribution."""
+    model = stepper.load(
+        '<mujoco><option timestep="0.002" gravity="0 0 0"/><worldbody><geom type="plane" size="9 9 1" friction="0"/><body pos="0 0 .1">'
+        '<joint type="slide" axis="0 0 1"/><geom type="sphere" size=".1" mass="2" friction="0"/></body></worldbody></mujoco>'
+    )
+    sim, h = stepper.Stepper(model, 2, options=Options(integrator="euler")), 0.002
+    gap, speed = 1e-3, -0.4
+    sim.set_state([[gap], [gap]], [[speed], [speed]])
+    made = rollout(sim, np.zeros((1, 2, 0)))
+    weights = np.ones((1, 2, 1))
+    exact = made.vjp(qvel=weights)
+    np.testing.assert_allclose(exact.qvel, 1.0)
+    np.testing.assert_allclose(exact.qpos, 0.0, atol=1e-8)  # Noise of a difference.
+    samples = 4096
+    spread = Smoothing(samples=samples, qpos=2e-4, qvel=0.05)
+    found = made.vjp(qvel=weights, smoothing=spread)
+    free = 0.5 * (1 + math.erf((speed + gap / h) / math.hypot(2e-4 / h, 0.05) / math.sqrt(2)))
+    error = 4 * math.sqrt(free * (1 - free) / samples)  # Four standard deviations of a share.
+    np.testing.assert_allclose(found.qvel, free, atol=error)
+    np.testing.assert_allclose(found.qpos, -(1 - free) / h, atol=error / h)
+    assert np.ptp(found.qvel) > 0  # Environments draw their own.
+    again = made.vjp(qvel=weights, smoothing=spread)
+    np.testing.assert_array_equal(again.qvel, found.qvel)
+
+
+def test_a_smoothed_gradient_of_what_is_linear_is_the_gradient():
+    model = stepper.load(
+        '<mujoco><option timestep="0.002"/><worldbody><body><freejoint/><geom size=".1" mass="2"/></body></worldbody></mujoco>'
+    )
+    sim = stepper.Stepper(model)
+    sim.xfrc_applied[1, 0] = 3.0
+    made = rollout(sim, np.zeros((3, 0)), 2)
+    weights = np.ones((3, 6))
+    plain, smooth = made.vjp(qvel=weights), made.vjp(qvel=weights, smoothing=Smoothing(samples=4, qvel=0.1, qpos=0.1))
+    np.testing.assert_allclose(smooth.qvel, plain.qvel, atol=1e-6)  # Noise of differences.
+    assert smooth.near_kink.shape == plain.near_kink.shape
+
+
+def test_smoothing_that_is_none_says_so():
+    with pytest.raises(ValueError, match="samples is 3, must be an even number"):
+        Smoothing(samples=3, qpos=1e-3)
+    with pytest.raises(ValueError, match="nothing is displaced"):
+        Smoothing()
+    with pytest.raises(ValueError, match="ctrl is -1"):
+        Smoothing(ctrl=-1)

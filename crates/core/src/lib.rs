@@ -93,7 +93,7 @@ pub use analysis::quantities::Snapshot;
 pub use batch::WorstRow;
 pub use batch::inputs::{AppliedInput, Episode, Field, StateRows, StepInputs};
 pub use batch::saved_state::SavedState;
-pub use batch::simulation::{ActuatorNumbers, BodyPose, Certificate, Contact, Simulation};
+pub use batch::simulation::{ActuatorNumbers, BodyPose, Certificate, Contact, Kinks, PerturbedCopies, Simulation};
 pub use error::{Error, StateMisfit};
 pub use math::precision::Precision;
 pub use model::{Model, ModelError, Parameter};

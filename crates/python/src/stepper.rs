@@ -4,6 +4,7 @@ mod applied;
 mod derived;
 mod in_python;
 mod interruption;
+mod kinks;
 mod memory;
 mod outcome;
 mod pickling;
@@ -98,8 +99,8 @@ impl Stepper {
         }
         let shape: Vec<usize> = mask.getattr("shape")?.extract()?;
         check_shape("mask", &shape, &[&[self.n()]])?;
-        let mask: Vec<bool> = mask.call_method0("tolist")?.extract()?;
-        Ok((0..self.n()).filter(|&env| mask[env]).collect())
+        let mask = mask.cast::<PyArrayDyn<bool>>()?.try_readonly()?;
+        Ok(mask.as_array().iter().enumerate().filter(|(_, chosen)| **chosen).map(|(env, _)| env).collect())
     }
 
     /// Rows of a (num_envs, width) or (width,) array, one per environment.

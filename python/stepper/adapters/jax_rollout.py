@@ -32,7 +32,7 @@ def rollout(
         parameters: Fields of `Stepper.randomize` to differentiate by.
         every: Controls between two checkpoints, see `stepper.derivatives.rollout`.
         sensors: Whether readings of ideal sensors are wanted.
-        **settings: `step`, `tolerance` and `extrapolate` of `Stepper.linearize`.
+        **settings: Those of `stepper.derivatives.Rollout.vjp`: `smoothing`, `step`, `tolerance`, `centered` and `extrapolate`.
 
     Returns:
         f(ctrl, qpos, qvel, act, *parameters) of arrays (T, num_envs, nu) or, for all environments, (T, nu), then (num_envs, nq),
@@ -56,7 +56,8 @@ def rollout(
         return {name: np.asarray(getattr(result, name), given[0].dtype) for name in names}
 
     def backwards(gradients: dict[str, Any], *given: Any) -> tuple[Any, ...]:
-        found = made(*given).vjp(**{name: np.asarray(gradients[name], np.float64) for name in names}, **settings)
+        asked: dict[str, Any] = {name: np.asarray(gradients[name], np.float64) for name in names}
+        found = made(*given).vjp(**asked, **settings)
         own = (found.ctrl, found.qpos, found.qvel, found.act, *(found.parameters[name] for name in parameters))
         return tuple(np.asarray(array, like.dtype) for array, like in zip(own, given, strict=True))
 

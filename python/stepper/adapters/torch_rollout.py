@@ -61,7 +61,7 @@ def rollout(
         parameters: Fields of `Stepper.randomize`, each (num_envs, ...).
         every: Controls between two checkpoints, see `stepper.derivatives.rollout`.
         sensors: Whether readings of ideal sensors are wanted.
-        **settings: `step`, `tolerance` and `extrapolate` of `Stepper.linearize`.
+        **settings: Those of `stepper.derivatives.Rollout.vjp`: `smoothing`, `step`, `tolerance`, `centered` and `extrapolate`.
 
     Raises:
         TypeError: A tensor that is neither float32 nor float64.

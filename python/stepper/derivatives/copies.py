@@ -6,9 +6,11 @@ solver starts from, delay lines and integrals of drives, applied forces, mocap p
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import os
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,8 +18,11 @@ from numpy.typing import ArrayLike, NDArray
 from stepper._stepper import Model, ModelError, Stepper
 from stepper.derivatives.perturbations import PARAMETERS, Array, Block, Stencil
 
-ROOM = 4096
-"""Copies that are stepped in one call at the most, unless one environment alone needs more."""
+ROOM = 1024
+"""Copies that a thread steps in one call at the most, unless one environment alone needs more: so many stay in the caches of its core."""
+
+_kept: WeakKeyDictionary[Stepper, dict[tuple[int, float], Stepper]] = WeakKeyDictionary()
+"""Steppers of copies, by their number and tolerance, which the next linearization of the same stepper takes up."""
 
 
 @dataclass(frozen=True)
@@ -105,24 +110,44 @@ class Part:
 
 def parts_of(sim: Stepper, nominal: Nominal, blocks: Sequence[Block], stencil: Stencil, tolerance: float) -> Iterator[Part]:
     """Perturbed copies of all environments, some environments at a time, ready to be stepped."""
-    levels, _, columns = stencil.offsets.shape[1:]
-    count = 1 + levels * 2 * columns
-    size = max(1, ROOM // count)
+    levels, points, columns = stencil.offsets.shape[1:]
+    room = ROOM * (sim.threads or os.cpu_count() or 1)
+    calls = -(-nominal.num_envs * (1 + levels * points * columns) // room)
+    size = -(-nominal.num_envs // min(calls, nominal.num_envs))
+    # Nothing of a linearization is left in its copies that the next would not replace, but for what they have beside a state.
+    plain = sim.precision == "f64" and sim.sensors is None and sim.actuators is None and not nominal.applied and not nominal.randomized
+    plain = plain and not any(block.field in PARAMETERS for block in blocks)
+    kept = _kept.pop(sim, {}) if plain else {}
+    used: dict[tuple[int, float], Stepper] = {}
     for first in range(0, nominal.num_envs, size):
         envs = slice(first, min(first + size, nominal.num_envs))
-        yield _part(sim, nominal, blocks, stencil.offsets[envs], envs=envs, tolerance=tolerance)
+        part = _part(sim, nominal, blocks, stencil.offsets[envs], envs=envs, tolerance=tolerance, kept={**kept, **used})
+        yield part
+        if plain:
+            used[len(part.ctrl), tolerance] = part.sim
+    if plain:
+        _kept[sim] = used
 
 
-def _part(sim: Stepper, nominal: Nominal, blocks: Sequence[Block], offsets: Array, *, envs: slice, tolerance: float) -> Part:
-    n, levels, _, columns = offsets.shape
-    count = 1 + levels * 2 * columns
+def _part(
+    sim: Stepper,
+    nominal: Nominal,
+    blocks: Sequence[Block],
+    offsets: Array,
+    *,
+    envs: slice,
+    tolerance: float,
+    kept: Mapping[tuple[int, float], Stepper],
+) -> Part:
+    n, levels, points, columns = offsets.shape
+    count = 1 + levels * points * columns
     index = np.repeat(np.arange(envs.start, envs.stop), count)
-    copies = _stepper(sim, index, tolerance)
+    copies = kept.get((len(index), tolerance)) or _stepper(sim, index, tolerance)
     fields = {name: np.repeat(value[envs], count, axis=0).reshape(n, count, value.shape[1]) for name, value in nominal.fields.items()}
     place = 0
     for block in blocks:
-        # Copies of the block's columns, (levels, 2, block.count), and where each of them is moved.
-        copy = 1 + np.arange(levels * 2 * columns).reshape(levels, 2, columns)[..., place : place + block.count].reshape(-1)
+        # Copies of the block's columns, (levels, points, block.count), and where each of them is moved.
+        copy = 1 + np.arange(levels * points * columns).reshape(levels, points, columns)[..., place : place + block.count].reshape(-1)
         moved = offsets[..., place : place + block.count].reshape(n, -1)
         _move(sim.model, fields, block, copy, moved)
         place += block.count
@@ -133,6 +158,18 @@ def _part(sim: Stepper, nominal: Nominal, blocks: Sequence[Block], offsets: Arra
         getattr(copies, name)[...] = value[index]
     copies.set_state(flat["qpos"], flat["qvel"], act=flat["act"], cold=False)
     return Part(envs, count, copies, flat["ctrl"])
+
+
+def replicas_of(sim: Stepper, nominal: Nominal, count: int) -> Stepper:
+    """A stepper with `count` copies of every environment, one after the other, with its options and all that environments have."""
+    envs = slice(0, nominal.num_envs)
+    index = np.repeat(np.arange(nominal.num_envs), count)
+    copies = _stepper(sim, index, sim.tolerance)
+    _randomize(copies, nominal, (), {}, index)
+    _restore(sim, copies, envs, count)
+    for name, value in nominal.applied.items():
+        getattr(copies, name)[...] = value[index]
+    return copies
 
 
 def _move(model: Model, fields: dict[str, Array], block: Block, copy: NDArray[np.int64], moved: Array) -> None:

@@ -110,6 +110,7 @@ def linearize(
     method: Literal["fd", "implicit"] = "fd",
     step: float | None = None,
     tolerance: float | None = None,
+    centered: bool = True,
     extrapolate: bool = False,
     sensors: bool = False,
 ) -> Linearization:
@@ -124,13 +125,15 @@ def linearize(
     width = step_of(tolerance) if step is None else _positive("step", step)
     blocks = blocks_of(sim.model, (*STATE, "ctrl") if wrt is None else wrt)
     nominal = nominal_of(sim, ctrl, blocks)
-    stencil = stencil_of(sim.model, blocks, nominal.fields, step=width, levels=2 if extrapolate else 1)
+    stencil = stencil_of(sim.model, blocks, nominal.fields, step=width, levels=2 if extrapolate else 1, centered=centered)
     parts = [
         _differences(part, _rows(stencil, part.envs), int(nstep), tolerance, sensors=sensors)
         for part in parts_of(sim, nominal, blocks, stencil, tolerance)
     ]
     whole = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    return _result(sim, blocks, whole, width, tolerance, extrapolate=extrapolate, sensors=sensors)
+    # What Richardson's extrapolation divides by: errors are of second order in the width, or of first.
+    order = (2 if centered else 1) if extrapolate else 0
+    return _result(sim, blocks, whole, width, tolerance, order=order, sensors=sensors)
 
 
 def _positive(name: str, value: float) -> float:
@@ -160,9 +163,9 @@ def _differences(part: Part, stencil: Stencil, nstep: int, tolerance: float, *, 
         truth = np.array(sim.sensor_truth)
         truth = truth.reshape(n, count, truth.shape[1])
         outputs.append(truth - truth[:, :1])
-    levels, _, columns = stencil.offsets.shape[1:]
+    levels, points, columns = stencil.offsets.shape[1:]
     whole = np.concatenate(outputs, axis=-1)
-    changes = whole[:, 1:].reshape(n, levels, 2, columns, whole.shape[-1])
+    changes = whole[:, 1:].reshape(n, levels, points, columns, whole.shape[-1])
     slopes = stencil.slopes(changes)
     residual = np.asarray(sim.residual).reshape(n, count).max(axis=1)
     size = np.abs(end["qvel"]).max(axis=(1, 2), initial=1.0)
@@ -189,9 +192,10 @@ def _result(
     width: float,
     tolerance: float,
     *,
-    extrapolate: bool,
+    order: int,
     sensors: bool,
 ) -> Linearization:
+    """The answer; `order` is that of the differences' error, which is extrapolated, or 0 for no extrapolation."""
     single = sim.num_envs is None
 
     def shown(array: NDArray[Any]) -> NDArray[Any]:
@@ -210,8 +214,9 @@ def _result(
     slopes = whole["slopes"]
     best, n = slopes[:, 0], _size(sim.model)
     errors = {}
-    if extrapolate:
-        best = (4.0 * slopes[:, 0] - slopes[:, 1]) / 3.0
+    if order:
+        ratio = 2.0**order
+        best = (ratio * slopes[:, 0] - slopes[:, 1]) / (ratio - 1.0)
         noise = whole["noise"][:, None] / np.where(whole["width"] > 0.0, whole["width"], np.inf)
         errors = split((np.abs(best - slopes[:, 0]) + 2.0 * noise[..., None])[..., :n])
     return Linearization(

@@ -1,7 +1,7 @@
 """What is perturbed, by how much, and the weights that make a derivative of the results.
 
 A column is one number: a degree of freedom of qpos, a velocity, an activation, a control or an entry of a parameter. Each has two stencil
-points beside the nominal one, or four with Richardson's extrapolation.
+points beside the nominal one, or one for differences to one side, and twice as many with Richardson's extrapolation.
 """
 
 from __future__ import annotations
@@ -86,9 +86,10 @@ class Stencil:
     """Points of all columns of a batch and their weights.
 
     Attributes:
-        offsets: Displacements of the stencil's points, (num_envs, levels, 2, columns); level 0 is the finest.
+        offsets: Displacements of the stencil's points, (num_envs, levels, points, columns); level 0 is the finest, points are 2 or 1.
         step: Widths, (num_envs, levels, columns); 0 where a column is absent.
-        central: Whether points are on both sides, (num_envs, columns); otherwise both are on one, at one and two widths.
+        central: Whether points are on both sides, (num_envs, columns); otherwise two are on one side, at one and two widths, or there is
+            one alone.
     """
 
     offsets: Array
@@ -96,21 +97,25 @@ class Stencil:
     central: NDArray[np.bool_]
 
     def slopes(self, changes: Array) -> Array:
-        """Derivatives of second order of accuracy.
+        """Derivatives of second order of accuracy, or of first order from one point.
 
         Args:
-            changes: Results minus the nominal result, (num_envs, levels, 2, columns, n).
+            changes: Results minus the nominal result, (num_envs, levels, points, columns, n).
 
         Returns:
             (num_envs, levels, columns, n); 0 where a column is absent.
         """
-        first, second = changes[:, :, 0], changes[:, :, 1]
+        first, sign = changes[:, :, 0], np.sign(self.offsets[:, :, 0])[..., None]
+        if changes.shape[2] == 1:
+            return first * (sign / self._divisor(1.0))
+        second = changes[:, :, 1]
+        if self.central.all():
+            return (first - second) * (sign / self._divisor(2.0))
         both, one = first - second, 4.0 * first - second
-        sign = np.sign(self.offsets[:, :, 0])[..., None]
-        return np.where(self.central[:, None, :, None], both, one) * sign / self._divisor(2.0)
+        return np.where(self.central[:, None, :, None], both, one) * (sign / self._divisor(2.0))
 
     def bends(self, changes: Array) -> Array:
-        """Differences between the slopes on both sides of the nominal point, or of the nearest points on one side; see `slopes`."""
+        """Differences between the slopes on both sides of the nominal point, or of the two points on one side; see `slopes`."""
         first, second = changes[:, :, 0], changes[:, :, 1]
         bend: Array = np.abs(np.where(self.central[:, None, :, None], first + second, second - 2.0 * first)) / self._divisor(1.0)
         return bend
@@ -183,7 +188,7 @@ def _key(element: str) -> str | int:
     return int(element[1:]) if element.startswith("#") and element[1:].isdigit() else element
 
 
-def stencil_of(model: Model, blocks: Sequence[Block], values: Mapping[str, Array], *, step: float, levels: int) -> Stencil:
+def stencil_of(model: Model, blocks: Sequence[Block], values: Mapping[str, Array], *, step: float, levels: int, centered: bool) -> Stencil:
     """Where the points of all columns are.
 
     Coordinates of the state and controls are displaced by `step` in their SI unit, parameters by `step` times their size. Points are on
@@ -196,6 +201,7 @@ def stencil_of(model: Model, blocks: Sequence[Block], values: Mapping[str, Array
         values: Of every field but qpos its numbers now, (num_envs, size).
         step: Half width for a coordinate of order 1.
         levels: 1, or 2 for extrapolation, of which the second has twice the width.
+        centered: Whether columns have two points, or else one, upwards where that may be.
     """
     widths, signs, central = [], [], []
     for block in blocks:
@@ -215,6 +221,8 @@ def stencil_of(model: Model, blocks: Sequence[Block], values: Mapping[str, Array
     width, sign, both = (np.concatenate(parts, axis=1) for parts in (widths, signs, central))
     step_levels = width[:, None] * 2.0 ** np.arange(levels)[None, :, None]
     first = sign[:, None] * step_levels
+    if not centered:
+        return Stencil(first[:, :, None], step_levels, np.zeros_like(both, dtype=np.bool_))
     second = np.where(both[:, None], -first, 2.0 * first)
     return Stencil(np.stack([first, second], axis=2), step_levels, both.astype(np.bool_))
 
@@ -223,7 +231,8 @@ def _bounds(model: Model, block: Block) -> tuple[Array, Array]:
     """Lowest and highest value of each column."""
     low, high = np.full(block.count, -np.inf), np.full(block.count, np.inf)
     if block.field == "ctrl":
-        return np.array(model.actuator_ctrlrange[:, 0], np.float64), np.array(model.actuator_ctrlrange[:, 1], np.float64)
+        ranges = np.array(model.actuator_ctrlrange, np.float64)
+        return ranges[:, 0], ranges[:, 1]
     if block.field in PARAMETERS and block.field not in SIGNED:
         low[:] = 0.0
     if block.field == "geom_restitution":

@@ -16,6 +16,7 @@ from stepper.derivatives.copies import rows
 from stepper.derivatives.kinks import Bools
 from stepper.derivatives.linearize import Linearization, linearize
 from stepper.derivatives.perturbations import STATE, Array, blocks_of
+from stepper.derivatives.smoothing import Smoothing, smoothed
 from stepper.derivatives.tangent import from_tangent, to_tangent
 
 OUTPUTS = (*STATE, "sensors")
@@ -90,6 +91,7 @@ class Rollout:
         qvel: ArrayLike | None = None,
         act: ArrayLike | None = None,
         sensors: ArrayLike | None = None,
+        smoothing: Smoothing | None = None,
         **settings: Any,
     ) -> Gradients:
         """Gradients of a function of the rollout, from its gradients by the rollout's states.
@@ -102,7 +104,8 @@ class Rollout:
             qvel: Likewise by `self.qvel`.
             act: Likewise by `self.act`.
             sensors: Likewise by `self.sensors`.
-            **settings: `step`, `tolerance` and `extrapolate` of `linearize`.
+            smoothing: Smoothed derivatives, for a gradient that kinks do not hide; None is those of the steps that were made.
+            **settings: `step`, `tolerance`, `centered` and `extrapolate` of `linearize`.
 
         Raises:
             ValueError: A wrong shape, a number that is not finite; gradients by sensors that were not asked for.
@@ -119,9 +122,11 @@ class Rollout:
             for t, state in zip(reversed(segment), reversed(self._states(segment)), strict=True):
                 adjoint += self._direct(cotangents, t)
                 self._plant.set_state(state)
-                part = linearize(
-                    self._plant, wrt, ctrl=self._ctrl[t], nstep=self._nstep, sensors=cotangents["sensors"] is not None, **settings
-                )
+                asked: dict[str, Any] = {"ctrl": self._ctrl[t], "nstep": self._nstep, "sensors": cotangents["sensors"] is not None}
+                if smoothing is None:
+                    part = linearize(self._plant, wrt, **asked, **settings)
+                else:
+                    part = smoothed(self._plant, smoothing, wrt, draw=t, **asked, **settings)
                 reading = None if cotangents["sensors"] is None else cotangents["sensors"][t]
                 controls[t] = self._pull(part, "ctrl", adjoint, reading)
                 for name in self._parameters:

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use stepper_real::Scalar;
 
-use crate::math::lanes::{columns, lane_bits, set_columns, set_lane_bits};
+use crate::math::lanes::{Target, columns, lane_bits, set_columns, set_lane_bits};
 
 /// Memory of the actuator dynamics of a group of environments.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -55,11 +55,11 @@ impl<S: Scalar> Memory<S> {
         }
     }
 
-    /// Takes over what `n` of the `lanes` remember, from `first` on.
-    pub fn set_part(&mut self, lanes: usize, first: usize, n: usize, part: &Self) {
-        set_lane_bits(&mut self.waiting, first, n, part.waiting);
-        set_columns(&mut self.numbers, lanes, first, n, &part.numbers);
-        set_columns(&mut self.applied, lanes, first, n, &part.applied);
+    /// Takes over what `n` lanes of a part remember in some of the `lanes`.
+    pub(crate) fn set_part(&mut self, lanes: usize, to: Target, n: usize, part: &Self) {
+        set_lane_bits(&mut self.waiting, to, n, part.waiting);
+        set_columns(&mut self.numbers, lanes, to, n, &part.numbers);
+        set_columns(&mut self.applied, lanes, to, n, &part.applied);
         // All environments step together.
         self.cursors.copy_from_slice(&part.cursors);
     }

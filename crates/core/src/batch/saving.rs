@@ -8,7 +8,7 @@ use crate::batch::state::Group;
 use crate::batch::worker::LaneScalar;
 use crate::collision::contact_set::ContactId;
 use crate::error::StateMisfit;
-use crate::math::lanes::DelayLine;
+use crate::math::lanes::{DelayLine, Target};
 use crate::sensing::errors::Errors;
 
 /// States as bytes.
@@ -58,7 +58,7 @@ impl<S: LaneScalar> Saving for Batch<S> {
             let n = self.saved_lanes();
             for (part, saved) in saved.groups.iter().enumerate() {
                 let (group, lane) = self.lane_mut(part * n);
-                group.set_part(lane, saved);
+                group.set_part(Target::From(lane), saved);
             }
         } else {
             self.restore_some(&saved, envs);
@@ -129,15 +129,22 @@ impl<S: LaneScalar> Batch<S> {
             }
             part
         };
-        let shared = (saved.num_envs == 1 && self.num_envs > 1).then(|| turn(saved.groups[0].clone()));
+        if saved.num_envs == 1 && self.num_envs > 1 {
+            let part = turn(saved.groups[0].clone());
+            let lanes = self.lanes;
+            for envs in envs.chunk_by(|a, b| a / lanes == b / lanes) {
+                let (group, _) = self.lane_mut(envs[0]);
+                let streams = group.sensing.stream.clone();
+                group.set_part(Target::Each(envs.iter().fold(0, |set, env| set | 1 << (env % lanes))), &part);
+                group.sensing.stream = streams;
+            }
+            return;
+        }
         let n = self.saved_lanes();
         for &env in envs {
-            let mut part = shared.clone().unwrap_or_else(|| turn(saved.groups[env / n].part(env % n, 1)));
+            let part = turn(saved.groups[env / n].part(env % n, 1));
             let (group, lane) = self.lane_mut(env);
-            if shared.is_some() {
-                part.sensing.stream[0] = group.sensing.stream[lane];
-            }
-            group.set_part(lane, &part);
+            group.set_part(Target::From(lane), &part);
         }
     }
 }

@@ -4,6 +4,7 @@ mod calls;
 mod checks;
 #[cfg(feature = "internals")]
 mod internals;
+mod kinks;
 #[cfg(feature = "nalgebra")]
 mod matrices;
 mod models;
@@ -13,6 +14,7 @@ mod read;
 mod saved;
 mod write;
 
+pub use crate::batch::simulation::kinks::{Kinks, PerturbedCopies};
 pub use crate::batch::simulation::parameters::ActuatorNumbers;
 pub use crate::batch::simulation::read::{BodyPose, Certificate, Contact};
 

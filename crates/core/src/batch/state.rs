@@ -8,7 +8,7 @@ use crate::collision::contact_set::{ContactId, Contacts};
 use crate::collision::separation_cache::SeparationCache;
 use crate::compile::ModelStructure;
 use crate::math::lanes::MAX_LANES;
-use crate::math::lanes::{columns, lane_bits, set_columns, set_lane_bits};
+use crate::math::lanes::{Target, columns, lane_bits, set_columns, set_lane_bits};
 use crate::sensing::memory::Memory;
 use crate::stages::s10_record::Status;
 
@@ -109,11 +109,10 @@ impl<S: Scalar> Group<S> {
     /// Clears what a lane remembers of its last step: warm starts, contacts, certificate, and the memory of sensors and actuator dynamics.
     pub fn clear_memory(&mut self, lane: usize) {
         let lanes = self.lanes;
-        let impulses = [&mut self.scalar_impulse, &mut self.impulse, &mut self.mocap];
-        for numbers in impulses.into_iter().chain([&mut self.contact_data, &mut self.contact_torque]) {
+        for numbers in [&mut self.scalar_impulse, &mut self.impulse, &mut self.mocap] {
             numbers.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = S::default());
         }
-        self.contact_ids.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = 0);
+        // Nobody reads what is behind the contacts that there are.
         self.contact_count[lane] = 0;
         self.separation_cache.forget(lane);
         self.status[lane] = Status::OK.bits();
@@ -219,38 +218,45 @@ impl<S: Scalar> Group<S> {
         }
     }
 
-    /// Takes over lanes `first` and those after it from a part.
-    pub fn set_part(&mut self, first: usize, part: &Self) {
+    /// Takes over the lanes of a part in some lanes. In each lane of a set, which takes over one lane, what nobody can read stays.
+    pub(crate) fn set_part(&mut self, target: Target, part: &Self) {
         let (lanes, n) = (self.lanes, part.lanes);
-        set_lane_bits(&mut self.alive, first, n, part.alive);
+        let (held, ends) = match target {
+            Target::From(_) => (part.contact_ids.len(), [part.contact_data.len(), part.contact_torque.len()]),
+            Target::Each(_) => {
+                let held = part.contact_count[0] as usize;
+                (held, [held * CONTACT_NUMBERS, (3 * held).min(part.contact_torque.len())])
+            }
+        };
+        set_lane_bits(&mut self.alive, target, n, part.alive);
         for (to, from) in [
-            (&mut self.q, &part.q),
+            (&mut self.q, &part.q[..]),
             (&mut self.v, &part.v),
             (&mut self.act, &part.act),
             (&mut self.scalar_impulse, &part.scalar_impulse),
             (&mut self.impulse, &part.impulse),
             (&mut self.mocap, &part.mocap),
-            (&mut self.contact_data, &part.contact_data),
-            (&mut self.contact_torque, &part.contact_torque),
+            (&mut self.contact_data, &part.contact_data[..ends[0]]),
+            (&mut self.contact_torque, &part.contact_torque[..ends[1]]),
             (&mut self.residual, &part.residual),
             (&mut self.sweeps, &part.sweeps),
             (&mut self.newton_steps, &part.newton_steps),
             (&mut self.depth, &part.depth),
             (&mut self.overshoot, &part.overshoot),
         ] {
-            set_columns(to, lanes, first, n, from);
+            set_columns(to, lanes, target, n, from);
         }
         for (to, from) in
             [(&mut self.contact_count, &part.contact_count), (&mut self.status, &part.status), (&mut self.saturated, &part.saturated)]
         {
-            set_columns(to, lanes, first, n, from);
+            set_columns(to, lanes, target, n, from);
         }
-        set_columns(&mut self.contact_ids, lanes, first, n, &part.contact_ids);
-        set_columns(&mut self.worst, lanes, first, n, &part.worst);
-        set_columns(&mut self.time, lanes, first, n, &part.time);
-        self.separation_cache.set_part(first, n, &part.separation_cache);
-        self.sensing.set_part(first, n, &part.sensing);
-        self.actuation.set_part(lanes, first, n, &part.actuation);
+        set_columns(&mut self.contact_ids, lanes, target, n, &part.contact_ids[..held]);
+        set_columns(&mut self.worst, lanes, target, n, &part.worst);
+        set_columns(&mut self.time, lanes, target, n, &part.time);
+        self.separation_cache.set_part(target, n, &part.separation_cache);
+        self.sensing.set_part(target, n, &part.sensing);
+        self.actuation.set_part(lanes, target, n, &part.actuation);
     }
 
     /// Contacts of the last step of a lane.

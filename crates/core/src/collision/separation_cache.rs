@@ -9,6 +9,7 @@ use stepper_real::Scalar;
 
 use crate::compile::{Kernel, ModelStructure};
 use crate::geometry::{SeparatingPlane, Solid};
+use crate::math::lanes::{Target, each_of};
 
 /// Pairs of one environment of which something is kept, at most: the first that a step comes to.
 const PLACES: usize = 16;
@@ -91,11 +92,20 @@ impl SeparationCache {
         Self { places: self.places, count, held: self.held[first * self.places..(first + n) * self.places].to_vec() }
     }
 
-    /// Takes over those of `n` lanes from `first` on.
-    pub(crate) fn set_part(&mut self, first: usize, n: usize, part: &Self) {
-        if self.places > 0 {
-            self.count[first..first + n].copy_from_slice(&part.count);
-            self.held[first * self.places..(first + n) * self.places].copy_from_slice(&part.held);
+    /// Takes over those of `n` lanes of a part in some lanes.
+    pub(crate) fn set_part(&mut self, to: Target, n: usize, part: &Self) {
+        if self.places == 0 {
+            return;
+        }
+        match to {
+            Target::From(first) => {
+                self.count[first..first + n].copy_from_slice(&part.count);
+                self.held[first * self.places..(first + n) * self.places].copy_from_slice(&part.held);
+            }
+            Target::Each(set) => each_of(set).for_each(|lane| {
+                self.count[lane] = part.count[0];
+                self.held[lane * self.places..(lane + 1) * self.places].copy_from_slice(&part.held);
+            }),
         }
     }
 

@@ -8,10 +8,22 @@ pub(crate) fn columns<T: Copy>(rows: &[T], lanes: usize, first: usize, n: usize)
     rows.chunks_exact(lanes).flat_map(|row| &row[first..first + n]).copied().collect()
 }
 
-/// Writes lanes `first` to `first + n` of lane-interleaved numbers.
-pub(crate) fn set_columns<T: Copy>(rows: &mut [T], lanes: usize, first: usize, n: usize, columns: &[T]) {
+/// Lanes of a group that take over those of a part of another.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Target {
+    /// As many as the part has, from this one on.
+    From(usize),
+    /// Each lane of a set, from a part of one lane.
+    Each(u32),
+}
+
+/// Writes `n` columns to some lanes of lane-interleaved numbers.
+pub(crate) fn set_columns<T: Copy>(rows: &mut [T], lanes: usize, to: Target, n: usize, columns: &[T]) {
     for (row, column) in rows.chunks_exact_mut(lanes).zip(columns.chunks_exact(n)) {
-        row[first..first + n].copy_from_slice(column);
+        match to {
+            Target::From(first) => row[first..first + n].copy_from_slice(column),
+            Target::Each(set) => each_of(set).for_each(|lane| row[lane] = column[0]),
+        }
     }
 }
 
@@ -20,10 +32,13 @@ pub(crate) fn lane_bits(set: u32, first: usize, n: usize) -> u32 {
     (u64::from(set) >> first) as u32 & ((1u64 << n) - 1) as u32
 }
 
-/// Replaces bits `first` to `first + n` of a set of lanes.
-pub(crate) fn set_lane_bits(set: &mut u32, first: usize, n: usize, bits: u32) {
-    let there = (((1u64 << n) - 1) as u32) << first;
-    *set = *set & !there | bits << first;
+/// Replaces the bits of some lanes of a set of lanes by those of `n` others.
+pub(crate) fn set_lane_bits(set: &mut u32, to: Target, n: usize, bits: u32) {
+    let (there, bits) = match to {
+        Target::From(first) => ((((1u64 << n) - 1) as u32) << first, bits << first),
+        Target::Each(lanes) => (lanes, if bits & 1 == 1 { lanes } else { 0 }),
+    };
+    *set = *set & !there | bits;
 }
 
 /// The lanes of a set, ascending.

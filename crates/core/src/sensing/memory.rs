@@ -5,7 +5,7 @@ use stepper_real::Scalar;
 
 use crate::compile::ModelStructure;
 use crate::math::lanes::MAX_LANES;
-use crate::math::lanes::{columns, lane_bits, set_columns, set_lane_bits};
+use crate::math::lanes::{Target, columns, lane_bits, set_columns, set_lane_bits};
 use crate::sensing::errors::Keys;
 
 /// Memory of the sensors of a group of environments.
@@ -136,19 +136,19 @@ impl<S: Scalar> Memory<S> {
         }
     }
 
-    /// Takes over what `n` lanes from `first` on remember.
-    pub fn set_part(&mut self, first: usize, n: usize, part: &Self) {
+    /// Takes over what `n` lanes of a part remember in some lanes.
+    pub(crate) fn set_part(&mut self, target: Target, n: usize, part: &Self) {
         let lanes = self.seed.len();
-        set_lane_bits(&mut self.fresh, first, n, part.fresh);
-        set_lane_bits(&mut self.waiting, first, n, part.waiting);
-        set_columns(&mut self.seed, lanes, first, n, &part.seed);
+        set_lane_bits(&mut self.fresh, target, n, part.fresh);
+        set_lane_bits(&mut self.waiting, target, n, part.waiting);
+        set_columns(&mut self.seed, lanes, target, n, &part.seed);
         for (to, from) in [
             (&mut self.stream, &part.stream),
             (&mut self.episode, &part.episode),
             (&mut self.step, &part.step),
             (&mut self.faults, &part.faults),
         ] {
-            set_columns(to, lanes, first, n, from);
+            set_columns(to, lanes, target, n, from);
         }
         for (to, from) in [
             (&mut self.acceleration, &part.acceleration),
@@ -157,7 +157,7 @@ impl<S: Scalar> Memory<S> {
             (&mut self.numbers, &part.numbers),
             (&mut self.observation, &part.observation),
         ] {
-            set_columns(to, lanes, first, n, from);
+            set_columns(to, lanes, target, n, from);
         }
         // All environments step together.
         self.cursors.copy_from_slice(&part.cursors);

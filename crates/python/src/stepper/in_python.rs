@@ -9,9 +9,10 @@ use crate::stepper::Stepper;
 impl Stepper {
     /// Derivatives of the state after `nstep` steps by the state, controls and parameters now, in all environments; advances nothing.
     ///
-    /// Every column is a central difference between two perturbed copies of an environment. Copies of all environments and columns are
-    /// stepped together, in lanes and on the stepper's threads, with its options and all that environments have of their own, but to a
-    /// tighter tolerance; the stepper is only read. With contact the step is smooth only between kinks: see `Linearization.near_kink`
+    /// Every column is a central difference between two perturbed copies of an environment, or a difference to one side. Copies of all
+    /// environments and columns are stepped together, in lanes and on the stepper's threads, with its options and all that environments
+    /// have of their own, but to a tighter tolerance; the stepper is only read, and keeps room for copies for the next call. With contact
+    /// the step is smooth only between kinks: see `Linearization.near_kink`
     /// and docs/derivatives.md.
     ///
     /// Args:
@@ -24,6 +25,8 @@ impl Stepper {
     ///     step: Half width of the differences, for coordinates in SI units and for parameters relative to their size; None is the one
     ///         that the tolerance asks for (`stepper.derivatives.perturbations.step_of`).
     ///     tolerance: Residual to which copies are solved, m/s; None is 1e-13, or the stepper's own if that is less.
+    ///     centered: Whether differences are central. Differences to one side cost half the copies; their error is of first order in the
+    ///         step instead of second, and slopes on both sides are not compared.
     ///     extrapolate: Whether differences of twice the width are taken too, and Richardson's extrapolation of both, which costs twice
     ///         the copies and estimates errors.
     ///     sensors: Whether to give derivatives of the ideal sensors' readings too.
@@ -33,7 +36,7 @@ impl Stepper {
     ///     ModelError: A parameter that cannot be perturbed, with its element.
     ///     NotImplementedError: `method="implicit"`.
     #[pyo3(signature = (
-        wrt=None, *, ctrl=None, nstep=1, method="fd", step=None, tolerance=None, extrapolate=false, sensors=false
+        wrt=None, *, ctrl=None, nstep=1, method="fd", step=None, tolerance=None, centered=true, extrapolate=false, sensors=false
     ))]
     #[expect(clippy::too_many_arguments, reason = "each has a name of its own")]
     fn linearize<'py>(
@@ -44,6 +47,7 @@ impl Stepper {
         method: &str,
         step: Option<Bound<'py, PyAny>>,
         tolerance: Option<Bound<'py, PyAny>>,
+        centered: bool,
         extrapolate: bool,
         sensors: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
@@ -54,6 +58,7 @@ impl Stepper {
         settings.set_item("method", method)?;
         settings.set_item("step", step)?;
         settings.set_item("tolerance", tolerance)?;
+        settings.set_item("centered", centered)?;
         settings.set_item("extrapolate", extrapolate)?;
         settings.set_item("sensors", sensors)?;
         slf.py().import("stepper.derivatives")?.call_method("linearize", (slf,), Some(&settings))

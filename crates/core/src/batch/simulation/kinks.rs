@@ -1,0 +1,275 @@
+//! Kinks of a step: what is active in perturbed copies of an environment beside the environment itself.
+//!
+//! A step with contact is differentiable where the same contacts push, stick and slip, the same joints are at their limits or held by dry
+//! friction, and the same actuators are saturated on all sides. Copies of an environment that differ in any of these have a kink between
+//! them. How far it is, in widths of the difference, follows to first order from numbers that are zero at a switch: a normal force, the
+//! force that a bound of friction leaves, a gap.
+
+use crate::batch::inputs::Field;
+use crate::batch::simulation::checks::check_length;
+use crate::batch::simulation::{Error, Simulation};
+use crate::options::ContactLaw;
+use crate::stages::s10_record::Status;
+
+/// Contacts begin or cease to push.
+const CONTACT: u32 = 1;
+/// Contacts that stick in one and slip in the other.
+const SLIP: u32 = 2;
+/// Contacts or limits that are open in one and overlap in the other.
+const GAP: u32 = 4;
+/// Joints that reach a limit or leave it.
+const LIMIT: u32 = 8;
+/// Joints that dry friction holds in one and not in the other.
+const DRY_FRICTION: u32 = 16;
+/// Actuators at the bound of their effort.
+const SATURATION: u32 = 32;
+/// A step was not solved, not finite, or too long for its motion.
+const UNSOLVED: u32 = 128;
+/// Kinds of which lists are compared.
+const LISTED: [u32; 6] = [CONTACT, SLIP, GAP, LIMIT, DRY_FRICTION, SATURATION];
+
+/// Normal force relative to the largest of the environment, above which a contact pushes.
+const PUSHES: f64 = 1e-9;
+/// Contacts slip whose friction is nearer to the bound than this share of it: solutions are on the bound to 1e-12.
+const SLIPS: f64 = 1e-6;
+/// Distance from the end of its range, rad or m, at which a joint is held there: the position solve of a step ends within 1e-7.
+const AT_LIMIT: f64 = 1e-6;
+/// Speed below which dry friction holds a joint, m/s or rad/s.
+const HELD: f64 = 1e-9;
+
+/// Perturbed copies of environments in a batch, and what their comparison reads besides the state.
+///
+/// Environment row e * count + k is copy k of environment e. Copy 0 is the environment itself; copy 1 + side * columns + column, with the
+/// first of two sides or the only one, is perturbed along a column, and copies behind those are only compared.
+#[derive(Clone, Copy, Debug)]
+pub struct PerturbedCopies<'a> {
+    /// Copies of each environment.
+    pub count: usize,
+    /// Columns.
+    pub columns: usize,
+    /// Sides on which a column has a copy: 2, or 1.
+    pub sides: usize,
+    /// Whether both copies of a column are on one side, at one and two widths, (environments, columns).
+    pub one_sided: &'a [bool],
+    /// Friction of the geoms, (num_envs, ngeom, 3) or (ngeom, 3) for all.
+    pub friction: &'a [f64],
+    /// Places in qpos and qvel of the joints whose limits are read.
+    pub limited: &'a [[usize; 2]],
+    /// Their ranges, (num_envs, joints, 2) or (joints, 2) for all.
+    pub ranges: &'a [f64],
+    /// Where the step took them, (num_envs, joints).
+    pub taken: &'a [f64],
+    /// Degrees of freedom whose dry friction is read.
+    pub rubbing: &'a [usize],
+    /// Whether gaps and overlaps have one and the same demand.
+    pub smooth_at_rest: bool,
+    /// Residual above which a step counts as not solved, m/s.
+    pub tolerance: f64,
+}
+
+/// Kinks between the copies of environments.
+#[derive(Clone, Debug)]
+pub struct Kinks {
+    /// Flags of every column, (environments, columns), as Python's `stepper.Kink` has them.
+    pub causes: Vec<u32>,
+    /// Distance to the nearest kink whose distance can be stated, in widths of the difference; infinite where there is none.
+    pub distance: Vec<f64>,
+}
+
+/// What is active in one environment.
+#[derive(Clone, Debug, Default)]
+struct ActiveSet {
+    /// For each of [`LISTED`].
+    lists: [Vec<usize>; 6],
+    /// Numbers that are zero at a switch, NaN where they say nothing: three for every contact that pushes, then those of the joints.
+    contacts: Vec<[f64; 3]>,
+    joints: Vec<f64>,
+    unsolved: bool,
+}
+
+impl Simulation {
+    /// Compares copies of environments after a step.
+    ///
+    /// # Errors
+    /// [`Error::Length`] for an array of the wrong length; [`Error::Environment`] for a degree of freedom that there is not.
+    pub fn find_kinks(&self, copies: &PerturbedCopies<'_>) -> Result<Kinks, Error> {
+        self.check_copies(copies)?;
+        let PerturbedCopies { count, columns, sides, .. } = *copies;
+        let environments = self.num_envs / count;
+        let mut kinks = Kinks { causes: vec![0; environments * columns], distance: vec![f64::INFINITY; environments] };
+        let (mut nominal, mut copy) = (ActiveSet::default(), ActiveSet::default());
+        // Changes of the numbers from the nominal environment, of the copies at one or both sides of each column.
+        let mut first = vec![Vec::new(); columns];
+        for e in 0..environments {
+            self.read_active_set(copies, e * count, &mut nominal);
+            let (causes, distance) = (&mut kinks.causes[e * columns..(e + 1) * columns], &mut kinks.distance[e]);
+            if nominal.unsolved {
+                causes.iter_mut().for_each(|cause| *cause |= UNSOLVED);
+            }
+            for k in 1..count {
+                let column = (k - 1) % columns;
+                self.read_active_set(copies, e * count + k, &mut copy);
+                let differs = nominal.difference(&copy);
+                causes[column] |= differs | if copy.unsolved { UNSOLVED } else { 0 };
+                if differs != 0 {
+                    // What switches between the copies is within their reach, whatever first order says of it from the nominal one.
+                    *distance = distance.min(1.0);
+                }
+                let side = (k - 1) / columns;
+                if side + 1 < sides {
+                    nominal.changes(&copy, &mut first[column]);
+                } else if side + 1 == sides {
+                    let weights = match (sides, copies.one_sided[e * columns + column]) {
+                        (1, _) => [0.0, 1.0],
+                        (_, true) => [2.0, -0.5],
+                        (_, false) => [0.5, -0.5],
+                    };
+                    *distance = distance.min(nominal.widths(&first[column], &copy, weights));
+                }
+            }
+        }
+        Ok(kinks)
+    }
+
+    fn check_copies(&self, copies: &PerturbedCopies<'_>) -> Result<(), Error> {
+        let PerturbedCopies { count, columns, sides, one_sided, friction, limited, ranges, taken, rubbing, .. } = *copies;
+        let environments = self.num_envs / count.max(1);
+        check_length("copies", environments * count, self.num_envs)?;
+        check_length("copies of columns", (count - 1) % (sides.max(1) * columns).max(1), 0)?;
+        check_length("one_sided", one_sided.len(), environments * columns)?;
+        let shared = |found: usize, row: usize| if found == row { row } else { self.num_envs * row };
+        let row = 3 * self.model.geoms.len();
+        check_length("friction", friction.len(), shared(friction.len(), row))?;
+        let row = 2 * limited.len();
+        check_length("ranges", ranges.len(), shared(ranges.len(), row))?;
+        check_length("taken", taken.len(), self.num_envs * limited.len())?;
+        let (nq, nv) = (self.model.nq(), self.model.nv());
+        let places = limited.iter().map(|&[q, _]| (q, nq)).chain(limited.iter().map(|&[_, v]| (v, nv)));
+        let beyond = places.chain(rubbing.iter().map(|&v| (v, nv))).find(|(found, count)| found >= count);
+        beyond.map_or(Ok(()), |(found, count)| Err(Error::Element { element: "degree of freedom", found, count }))
+    }
+
+    fn read_active_set(&self, copies: &PerturbedCopies<'_>, env: usize, out: &mut ActiveSet) {
+        out.clear();
+        let hard = self.options.contact == ContactLaw::Hard;
+        let status = self.status(env);
+        let harmful = Status::NON_FINITE | Status::CONTACTS_FULL | Status::UNRESOLVED | Status::INFEASIBLE;
+        let loose = self.certificate(env).residual > copies.tolerance;
+        // A residual that the step of the differences is made for does no harm, however tight the tolerance was.
+        out.unsolved = status.intersects(harmful) || (loose && status.intersects(Status::NOT_CONVERGED));
+        self.read_contacts(copies, env, hard, out);
+        self.read_joints(copies, env, hard, out);
+        let [.., saturated] = &mut out.lists;
+        saturated.extend(self.actuator_saturation(env).iter().enumerate().filter(|(_, n)| **n > 0).map(|(i, _)| i));
+    }
+
+    fn read_contacts(&self, copies: &PerturbedCopies<'_>, env: usize, hard: bool, out: &mut ActiveSet) {
+        let ActiveSet { lists: [pushes, slipping, gaps, ..], contacts: numbers, .. } = out;
+        let contacts = self.contacts(env);
+        let largest = contacts.iter().map(|c| c.force[0]).fold(0.0, f64::max);
+        let friction = row_of(copies.friction, env, 3 * self.model.geoms.len());
+        for (i, c) in contacts.iter().filter(|c| c.force[0] > PUSHES * largest).enumerate() {
+            pushes.extend(c.geoms);
+            if !hard {
+                numbers.push([c.force[0], f64::NAN, f64::NAN]);
+                continue;
+            }
+            let slack = self.friction_slack(c.geoms, c.force, c.torque, friction);
+            let slips = slack < SLIPS * c.force[0];
+            slipping.extend(slips.then_some(i));
+            gaps.extend((!copies.smooth_at_rest && c.distance < 0.0).then_some(i));
+            let gap = if copies.smooth_at_rest { f64::NAN } else { c.distance };
+            numbers.push([c.force[0], if slips { f64::NAN } else { slack }, gap]);
+        }
+    }
+
+    /// Force that the bound of friction leaves, N; infinite without friction. Explicit pairs are taken to have that of their geoms.
+    fn friction_slack(&self, geoms: [usize; 2], force: [f64; 3], torque: [f64; 3], friction: &[f64]) -> f64 {
+        let [a, b] = geoms.map(|g| &self.model.geoms[g]);
+        let of = |g: usize| &friction[3 * g..3 * g + 3];
+        let (condim, mu): (u8, [f64; 3]) = match a.priority.cmp(&b.priority) {
+            std::cmp::Ordering::Greater => (a.condim, std::array::from_fn(|k| of(geoms[0])[k])),
+            std::cmp::Ordering::Less => (b.condim, std::array::from_fn(|k| of(geoms[1])[k])),
+            std::cmp::Ordering::Equal => (a.condim.max(b.condim), std::array::from_fn(|k| of(geoms[0])[k].max(of(geoms[1])[k]))),
+        };
+        if condim == 1 {
+            return f64::INFINITY;
+        }
+        let loads = [force[1] / mu[0], force[2] / mu[0], torque[0] / mu[1], torque[1] / mu[2], torque[2] / mu[2]];
+        force[0] - loads.iter().filter(|x| x.is_finite()).map(|x| x * x).sum::<f64>().sqrt()
+    }
+
+    fn read_joints(&self, copies: &PerturbedCopies<'_>, env: usize, hard: bool, out: &mut ActiveSet) {
+        let ActiveSet { lists: [_, _, gaps, limits, rubbing, _], joints: numbers, .. } = out;
+        let joints = copies.limited.len();
+        if joints > 0 {
+            let (q, ranges) = (self.values(Field::Qpos, env), row_of(copies.ranges, env, 2 * joints));
+            for (i, (&[place, _], taken)) in copies.limited.iter().zip(&copies.taken[env * joints..]).enumerate() {
+                for (side, sign) in [(0, 1.0), (1, -1.0)] {
+                    let end = ranges[2 * i + side];
+                    let (after, gap) = (sign * (q[place] - end), sign * (taken - end));
+                    let held = if hard { after < AT_LIMIT } else { gap < 0.0 };
+                    limits.extend(held.then_some(2 * i + side));
+                    numbers.push(match (hard, copies.smooth_at_rest, held) {
+                        (false, ..) | (true, false, true) => gap,
+                        (true, true, true) => f64::NAN,
+                        (true, _, false) => after,
+                    });
+                    gaps.extend((hard && !copies.smooth_at_rest && held && gap < 0.0).then_some(usize::MAX - 2 * i - side));
+                }
+            }
+        }
+        if hard && !copies.rubbing.is_empty() {
+            let v = self.values(Field::Qvel, env);
+            for &dof in copies.rubbing {
+                let held = v[dof].abs() < HELD;
+                rubbing.extend(held.then_some(dof));
+                numbers.push(if held { f64::NAN } else { v[dof] });
+            }
+        }
+    }
+}
+
+/// Row of one environment in an array of rows, or of one for all.
+fn row_of(all: &[f64], env: usize, width: usize) -> &[f64] {
+    if all.len() == width { all } else { &all[env * width..(env + 1) * width] }
+}
+
+impl ActiveSet {
+    fn clear(&mut self) {
+        self.lists.iter_mut().for_each(Vec::clear);
+        self.contacts.clear();
+        self.joints.clear();
+        self.unsolved = false;
+    }
+
+    /// Flags of what is active in one and not in the other.
+    fn difference(&self, other: &Self) -> u32 {
+        let pairs = self.lists.iter().zip(&other.lists).zip(LISTED);
+        pairs.fold(0, |flags, ((own, other), flag)| if own == other { flags } else { flags | flag })
+    }
+
+    /// Numbers of a set of the same joints, one after the other; those of contacts that it has not are NaN.
+    fn numbers<'a>(&self, of: &'a Self) -> impl Iterator<Item = f64> + 'a {
+        let contacts = (0..self.contacts.len()).flat_map(|i| of.contacts.get(i).copied().unwrap_or([f64::NAN; 3]));
+        contacts.chain(of.joints.iter().copied())
+    }
+
+    /// Changes of the numbers from here to another set.
+    fn changes(&self, other: &Self, out: &mut Vec<f64>) {
+        out.clear();
+        out.extend(self.numbers(self).zip(self.numbers(other)).map(|(now, there)| there - now));
+    }
+
+    /// Widths of a column's difference to the nearest switch along it, to first order: the slope is the sum of the changes at the first
+    /// place (of `first`, if there are two) and at the last, times their weights.
+    fn widths(&self, first: &[f64], last: &Self, weights: [f64; 2]) -> f64 {
+        let first = first.iter().copied().chain(std::iter::repeat(0.0));
+        let widths = self.numbers(self).zip(self.numbers(last)).zip(first).map(|((now, there), first)| {
+            let slope = (there - now) * weights[1] + if weights[0] == 0.0 { 0.0 } else { first * weights[0] };
+            (now / slope).abs()
+        });
+        // What is not a number says nothing.
+        widths.fold(f64::INFINITY, f64::min)
+    }
+}

@@ -1,0 +1,53 @@
+//! Kinks between perturbed copies of environments, for `stepper.derivatives`.
+
+use numpy::{IntoPyArray, PyArray1, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use stepper_core::PerturbedCopies;
+
+use crate::array::readonly;
+use crate::error::value_error;
+use crate::stepper::Stepper;
+
+#[pymethods]
+impl Stepper {
+    /// Kinks between copies of environments after a step, for `stepper.derivatives.kinks`, which says what the arguments are.
+    ///
+    /// Returns:
+    ///     Flags of `Kink` by column, (environments, columns) uint32, and the distance to the nearest kink, (environments,).
+    #[pyo3(signature = (*, count, sides, one_sided, friction, limited, ranges, taken, rubbing, smooth_at_rest, tolerance))]
+    #[expect(clippy::too_many_arguments, reason = "each has a name of its own")]
+    fn _find_kinks<'py>(
+        &self,
+        py: Python<'py>,
+        count: usize,
+        sides: usize,
+        one_sided: PyReadonlyArrayDyn<'py, bool>,
+        friction: Bound<'py, PyAny>,
+        limited: Vec<[usize; 2]>,
+        ranges: Bound<'py, PyAny>,
+        taken: Bound<'py, PyAny>,
+        rubbing: Vec<usize>,
+        smooth_at_rest: bool,
+        tolerance: f64,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyArray1<f64>>)> {
+        let (friction, ranges, taken) = (readonly(&friction, "friction")?, readonly(&ranges, "ranges")?, readonly(&taken, "taken")?);
+        let columns = one_sided.shape().last().copied().unwrap_or(0);
+        let copies = PerturbedCopies {
+            count,
+            columns,
+            sides,
+            one_sided: one_sided.as_slice()?,
+            friction: friction.as_slice()?,
+            limited: &limited,
+            ranges: ranges.as_slice()?,
+            taken: taken.as_slice()?,
+            rubbing: &rubbing,
+            smooth_at_rest,
+            tolerance,
+        };
+        let kinks = self.simulation.find_kinks(&copies).map_err(value_error)?;
+        let environments = kinks.distance.len();
+        let causes = PyArray1::from_vec(py, kinks.causes).reshape([environments, columns])?;
+        Ok((causes.into_any(), kinks.distance.into_pyarray(py)))
+    }
+}

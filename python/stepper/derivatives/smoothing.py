@@ -1,0 +1,111 @@
+"""Smoothed derivatives: their mean over random displacements of the state and the controls."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+
+from stepper._stepper import Stepper
+from stepper.derivatives.copies import nominal_of, replicas_of
+from stepper.derivatives.linearize import Linearization, linearize
+from stepper.derivatives.perturbations import Array
+
+
+@dataclass(frozen=True)
+class Smoothing:
+    """Randomised smoothing of derivatives, which `Rollout.vjp(smoothing=...)` takes.
+
+    The derivative of a step becomes its mean over normally distributed displacements of the state and the controls, which is the
+    derivative of the mean of the step where the step is continuous (Suh, Pang & Tedrake 2022, "Bundled gradients through contact via
+    randomized smoothing"). What a hair's breadth of a gap hides is felt then, and no kink makes the gradient jump. The rollout itself stays
+    what it is.
+
+    Attributes:
+        samples: Displacements of every environment, an even number: each comes with its opposite.
+        qpos: Standard deviation of displacements of qpos, m and rad.
+        qvel: Of qvel, m/s and rad/s.
+        act: Of act.
+        ctrl: Of the controls.
+        seed: Of the random numbers; every step of a rollout draws others.
+
+    Raises:
+        ValueError: A number of samples that is odd or none, a standard deviation below 0, or none above 0.
+    """
+
+    samples: int = 16
+    qpos: float = 0.0
+    qvel: float = 0.0
+    act: float = 0.0
+    ctrl: float = 0.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.samples, int | np.integer) or self.samples < 2 or self.samples % 2:
+            raise ValueError(f"samples is {self.samples!r}, must be an even number of 2 at least")
+        spreads = {field.name: getattr(self, field.name) for field in fields(self) if field.name in ("qpos", "qvel", "act", "ctrl")}
+        for name, spread in spreads.items():
+            if not isinstance(spread, int | float | np.number) or not 0.0 <= spread < math.inf:
+                raise ValueError(f"{name} is {spread!r}, must be a standard deviation, 0 or above")
+        if not any(spreads.values()):
+            raise ValueError("nothing is displaced: give a standard deviation above 0 to qpos, qvel, act or ctrl")
+
+
+def smoothed(
+    sim: Stepper, smoothing: Smoothing, wrt: Sequence[str], *, ctrl: Array, draw: int, sensors: bool, **settings: Any
+) -> Linearization:
+    """Derivatives as `linearize` gives them, but the mean over displacements.
+
+    Args:
+        sim: The stepper, which is only read.
+        smoothing: The displacements.
+        wrt: As in `linearize`.
+        ctrl: Controls, (num_envs, nu) or (nu,).
+        draw: Number of the draw under the seed.
+        sensors: As in `linearize`.
+        **settings: Other arguments of `linearize`.
+
+    Returns:
+        Blocks and sensors are means; flags of kinks are those of all samples together, and distances the least. There are no `errors`. The
+        state is that of the first sample.
+    """
+    nominal, model, count = nominal_of(sim, ctrl, ()), sim.model, smoothing.samples
+    n, half = nominal.num_envs, smoothing.samples // 2
+    rng = np.random.default_rng((smoothing.seed, draw))
+
+    def displaced(name: str, size: int) -> Array:
+        one = getattr(smoothing, name) * rng.normal(size=(n, half, size))
+        return np.stack([one, -one], axis=2).reshape(n * count, size)
+
+    flat = {name: np.repeat(value, count, axis=0) for name, value in nominal.fields.items()}
+    flat["qpos"] = model.integrate_pos(flat["qpos"], displaced("qpos", model.nv))
+    for name in ("qvel", "act", "ctrl"):
+        flat[name] = flat[name] + displaced(name, flat[name].shape[1])
+    points = replicas_of(sim, nominal, count)
+    points.set_state(flat["qpos"], flat["qvel"], act=flat["act"], cold=False)
+    lin = linearize(points, wrt, ctrl=flat["ctrl"], sensors=sensors, **settings)
+    single = sim.num_envs is None
+
+    def by_env(array: Any, reduce: Any) -> Any:
+        reduced = reduce(array.reshape(n, count, *array.shape[1:]), axis=1)
+        return reduced[0] if single else reduced
+
+    def first(array: Any, axis: int) -> Any:
+        return array.take(0, axis=axis)
+
+    return replace(
+        lin,
+        blocks={name: by_env(block, np.mean) for name, block in lin.blocks.items()},
+        sensors={name: by_env(block, np.mean) for name, block in lin.sensors.items()},
+        errors={},
+        kinks={name: by_env(flags, np.bitwise_or.reduce) for name, flags in lin.kinks.items()},
+        near_kink=by_env(lin.near_kink, np.any),
+        kinked_steps=by_env(lin.kinked_steps, np.any),
+        kink_distance=by_env(lin.kink_distance, np.min),
+        residual=by_env(lin.residual, np.max),
+        status=by_env(lin.status, np.bitwise_or.reduce),
+        **{name: by_env(getattr(lin, name), first) for name in ("qpos", "qvel", "act")},
+    )

@@ -4,33 +4,42 @@
     python benches/training.py evaluate                     # fresh episodes of their policies
     python benches/training.py follow                       # how far the Go1 is from the velocities that it is commanded
     python benches/training.py transfer                     # examples/policies/ in other environments, from the same starts
+    python benches/training.py race                         # HalfCheetah here, in EnvPool and in Gymnasium's own: docs/learning_race.png
 
 Tables are written into docs/training.md. `curves` adds to the rows of docs/learning_curves.csv: runs may be made one after the other.
+`race` trains itself, and goes on where it was stopped; EnvPool is left out where it is not installed.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
+import importlib
 import re
+import sys
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import envpool_vector
 import gymnasium
 import numpy as np
 import stepper.envs
 from stepper.envs.locomotion import Go1Velocity
 from stepper.policies import Comparison, Policy, compare, evaluate, load
-from stepper.shared.machine import require
+from stepper.shared.machine import one_core, require
 
 DOCS = Path(__file__).parents[1] / "docs"
-POLICIES = Path(__file__).parents[1] / "examples/policies"
+EXAMPLES = Path(__file__).parents[1] / "examples"
+POLICIES = EXAMPLES / "policies"
 RUNS = Path("out/train")
 CURVES = DOCS / "learning_curves.csv"
 COLORS = {"stepper, MuJoCo's law": "C0", "stepper, hard contact": "C1", "MuJoCo": "C2"}
+FRESH = 20
+"""Fresh episodes of a run."""
 KEPT = 50
 """Rows of a run that are kept."""
-COLUMNS = ("run", "seed", "steps", "seconds", "return", "length")
+COLUMNS = ("run", "seed", "steps", "seconds", "processor", "return", "length")
 
 
 def collect(runs: Path) -> list[dict[str, str]]:
@@ -205,6 +214,75 @@ def table_of_transfers(episodes: int, only: str) -> str:
     return "\n".join([head, line, *(rows[name] for name in sorted(rows, key=lambda name: (*name[:2], name[1] != name[2], name[2])))])
 
 
+RACERS: dict[str, tuple[str, dict[str, Any]]] = {
+    "stepper, f32": ("stepper/{}", {"precision": "f32"}),
+    "stepper, f64": ("stepper/{}", {"precision": "f64"}),
+    "EnvPool": ("envpool/{}", {}),
+    "Gymnasium's own": ("{}", {}),
+}
+"""Whose environments the learner is put to: what a row is called, name of the environment, settings. All have MuJoCo's law."""
+RACE: dict[str, Any] = {"num_envs": 128, "horizon": 64, "minibatch": 1024, "epochs": 8, "threads": 1, "seed": 1}
+"""Settings of a race: fewer environments than those of the task, so that returns of whole episodes are seen early."""
+
+
+def race(task: str, steps: int, runs: Path) -> str:
+    """Trains in the same task of every engine, with the same learner, settings and seed, on one core and one thread.
+
+    Policies are evaluated in Gymnasium's own environment. Draws docs/learning_race.png.
+
+    Args:
+        task: Gymnasium's name of it.
+        steps: Environment steps of each run.
+        runs: Folder of the runs.
+
+    Returns:
+        A table, a row for each engine.
+    """
+    train: Any = importlib.import_module("train")
+    curves: dict[str, list[dict[str, str]]] = {}
+    spent: dict[str, float] = {}
+    head, line, *_ = read_table("race")
+    rows = [head, line]
+    with one_core():
+        for name, (env, own) in RACERS.items():
+            if name == "EnvPool":
+                if not find_spec("envpool"):
+                    print("EnvPool is left out: it is not installed")
+                    continue
+                envpool_vector.register(task)
+            folder = runs / re.sub(r"\W+", "_", f"{task} {name}")
+            settings = train.Settings.of_task(env.format(task), **own, **RACE, steps=steps)
+            run = train.train(settings, folder, quiet=True)
+            found = evaluate(run.policy(), task, episodes=FRESH, seed=2**32)
+            with (folder / "curve.csv").open() as file:
+                curves[name] = [row for row in csv.DictReader(file) if row["return"] != "nan"]
+            low, high = found.interval()
+            spent[name] = run.processor
+            beside = run.processor / spent[next(iter(RACERS))]
+            cells = [name, f"{run.steps:,}", f"{run.processor:.0f}", f"{beside:.1f}", f"{found.mean:.0f}"]
+            rows.append("| " + " | ".join([*cells, f"{low:.0f} to {high:.0f}"]) + " |")
+            print(rows[-1], flush=True)
+    draw_race(curves, task, DOCS / "learning_race.png")
+    return "\n".join(rows)
+
+
+def draw_race(curves: dict[str, list[dict[str, str]]], task: str, path: Path) -> None:
+    """Draws returns in training against processor time."""
+    plt = require("matplotlib.pyplot", "to draw learning curves")
+    figure, axis = plt.subplots(figsize=(6.0, 3.5), layout="constrained")
+    for name, rows in curves.items():
+        changed = [row for k, row in enumerate(rows) if not k or row["episodes"] != rows[k - 1]["episodes"]]
+        seconds, returns = ([float(row[column]) for row in changed] for column in ("processor", "return"))
+        axis.plot(seconds, returns, marker="o", ms=4, label=name)
+    axis.set_xlim(left=0.0)
+    axis.set_xlabel("seconds of processor")
+    axis.set_ylabel("return in training")
+    axis.set_title(task, fontsize=10)
+    axis.grid(alpha=0.3)
+    axis.legend(fontsize=8, frameon=False)
+    figure.savefig(path, dpi=110)
+
+
 _LAWS = {"mujoco": "MuJoCo's law", "hard": "hard contact"}
 
 
@@ -237,15 +315,20 @@ def write_table(name: str, table: str) -> None:
 def main() -> None:
     """Makes what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("curves", "evaluate", "follow", "transfer"))
-    parser.add_argument("--runs", type=Path, default=RUNS, help="folder of the runs")
+    parser.add_argument("what", choices=("curves", "evaluate", "follow", "transfer", "race"))
+    parser.add_argument("--runs", type=Path, default=RUNS, help="folder of the runs; those of a race are in its folder race")
     parser.add_argument("--episodes", type=int, help="20 of each run, 200 of each transfer and of each Go1")
     parser.add_argument("--only", default="", metavar="NAME", help="policies whose files have this in their names, for transfer")
+    parser.add_argument("--task", default="HalfCheetah-v5", help="of a race")
+    parser.add_argument("--steps", type=int, default=400_000, help="of each run of a race")
     given = parser.parse_args()
-    if given.what == "curves":
+    if given.what == "race":
+        sys.path.append(str(EXAMPLES))
+        write_table("race", race(given.task, given.steps, given.runs / "race"))
+    elif given.what == "curves":
         draw(collect(given.runs), DOCS / "learning_curves.png")
     elif given.what == "evaluate":
-        write_table("evaluate", table_of_runs(given.runs, given.episodes or 20))
+        write_table("evaluate", table_of_runs(given.runs, given.episodes or FRESH))
     elif given.what == "follow":
         write_table("follow", table_of_following(given.runs, given.episodes or 200))
     else:

@@ -105,7 +105,7 @@ class Settings:
     @classmethod
     def of_task(cls, env: str, **given: Any) -> Settings:
         """Those of a task in `TASKS`, but for what is given."""
-        return cls(env=env, **{**TASKS.get(env.removeprefix("stepper/"), {}), **given})
+        return cls(env=env, **{**TASKS.get(env.rpartition("/")[2], {}), **given})
 
     def environment(self) -> dict[str, Any]:
         """Arguments of the environment: Gymnasium's own have none of these."""
@@ -361,7 +361,10 @@ def make(settings: Settings) -> Any:
             autoreset_mode=AutoresetMode.SAME_STEP,
             episode_statistics=True,
         )
-    envs = gymnasium.make_vec(settings.env, num_envs=settings.num_envs, vector_kwargs={"autoreset_mode": AutoresetMode.SAME_STEP})
+    mode: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP}
+    # Vector environments of a task's own take it themselves, those that Gymnasium makes of single ones take it so.
+    mode = mode if gymnasium.spec(settings.env).vector_entry_point else {"vector_kwargs": mode}
+    envs = gymnasium.make_vec(settings.env, num_envs=settings.num_envs, **mode)
     return gymnasium.wrappers.vector.RecordEpisodeStatistics(envs)
 
 

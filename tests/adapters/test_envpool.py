@@ -1,6 +1,8 @@
 """EnvPool: a loop that was written for it says the same of ours, and episodes begin where they do there."""
 
 import envpool
+import envpool_vector
+import gymnasium
 import numpy as np
 import pytest
 from stepper.adapters.envpool import StepperPool
@@ -48,3 +50,28 @@ def test_properties_are_theirs(name):
     assert (pool.config["num_envs"], pool.config["batch_size"], pool.config["num_threads"]) == (NUM_ENVS, BATCH, 1)
     assert pool.observation_space.shape == (17,)
     assert pool.action_space.shape == (6,)
+
+
+def test_its_environments_train_as_a_vector_environment_of_gymnasiums():
+    """Episodes that are over begin again within the step, with their last observations beside."""
+    envs = envpool_vector.EnvPoolVectorEnv("HalfCheetah-v5", 6)
+    observation, _ = envs.reset(seed=3)
+    np.testing.assert_array_equal(envs.reset(seed=3)[0], observation)
+    assert (envs.reset(seed=4)[0] != observation).any()
+    action = np.zeros(envs.action_space.shape)
+    for _ in range(999):
+        observation, _, _, truncated, info = envs.step(action)
+        assert not truncated.any()
+        assert not info
+    first, _, terminated, truncated, info = envs.step(action)
+    assert truncated.all()
+    assert not terminated.any()
+    # A step without control changes little after a thousand of them; an episode begins elsewhere.
+    assert np.abs(np.stack(list(info["final_obs"])) - observation).max() < 0.05
+    assert np.abs(first - observation).max(axis=1).min() > 0.05
+    assert not envs.step(action)[3].any()
+
+
+def test_another_autoreset_is_refused():
+    with pytest.raises(ValueError, match=r"must be AutoresetMode\.SAME_STEP"):
+        envpool_vector.EnvPoolVectorEnv("HalfCheetah-v5", 2, autoreset_mode=gymnasium.vector.AutoresetMode.DISABLED)

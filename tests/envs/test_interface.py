@@ -260,6 +260,26 @@ def test_errors_of_sensors_follow_from_the_seed():
     assert (StepperVectorEnv(Heard(), 4).reset()[0] != StepperVectorEnv(Heard(), 4).reset()[0]).all()
 
 
+def test_errors_of_an_environments_sensors_follow_from_its_own_seed():
+    """Of its neighbours' seeds, of their number, and of whether they have one, they know nothing."""
+    envs = StepperVectorEnv(Heard(), 4)
+    read = envs.reset(seed=5)[0]
+    np.testing.assert_array_equal(StepperVectorEnv(Heard(), 9).reset(seed=5)[0][:4], read)
+    other = envs.reset(seed=[5, 6, 99, 8])[0]
+    np.testing.assert_array_equal((other == read)[:, 0], [True, True, False, True])
+    envs.reset(seed=5)
+    after = envs.reset()[0]
+    envs.reset(seed=5)
+    some = envs.reset(seed=[None, 6, None, None])[0]
+    np.testing.assert_array_equal(some[[0, 2, 3]], after[[0, 2, 3]])
+    assert some[1] == read[1] != after[1]
+    # A seed for one that does not begin is none of those that do.
+    masked = envs.reset(seed=[5, 6, 7, 8], options={"reset_mask": np.array([True, False, False, True])})[0]
+    np.testing.assert_array_equal(masked[[0, 3]], read[[0, 3]])
+    np.testing.assert_array_equal(masked[[1, 2]], some[[1, 2]])
+    assert envs.reset()[0][1] not in (read[1], some[1])
+
+
 @pytest.mark.parametrize(
     ("file", "settings", "said"),
     [

@@ -5,6 +5,7 @@ import dataclasses
 import inspect
 import warnings
 
+import gymnasium
 import numpy as np
 import pytest
 from envs.cases import needs_gymnasiums
@@ -127,6 +128,20 @@ def test_it_trains_in_gymnasiums_own_environment_too(tmp_path):
     assert (again.steps, again.episodes) == (run.steps, run.episodes)
     assert run.discounted.any()
     assert not again.discounted.any()  # Its episodes are new.
+
+
+def test_it_trains_in_vector_environments_of_others(tmp_path):
+    """They are asked for the autoreset themselves; the statistics of episodes are Gymnasium's."""
+    name = "others/Pole-v0"
+    gymnasium.register(name, vector_entry_point="stepper.envs:StepperVectorEnv", kwargs={"task": "InvertedPendulum"}, max_episode_steps=20)
+    try:
+        envs = train.make(train.Settings(env=name, **SMALL))
+        assert envs.metadata["autoreset_mode"] == gymnasium.vector.AutoresetMode.SAME_STEP
+        run = train.train(train.Settings(env=name, steps=2 * PER_ITERATION, **SMALL), tmp_path, quiet=True)
+    finally:
+        del gymnasium.registry[name]
+    assert run.episodes > 0
+    assert max(length for _, length in run.recent) <= 20
 
 
 def test_it_learns(tmp_path):

@@ -58,7 +58,8 @@ class Batch:
         sensors = task.sensors()
         self.sim = Stepper(model, num_envs, options=law, precision=precision, threads=threads, sensors=sensors)
         self._has_noise = sensors is not None
-        self._noise_seed = _word() if self._has_noise else None
+        # Seeds of the errors of sensors of environments that have not begun under them yet.
+        self._noise_seeds = dict.fromkeys(range(num_envs), _word()) if self._has_noise else {}
         self.num_envs, self.dt = num_envs, self.sim.timestep * task.frame_skip
         self.dtype = np.dtype(dtype if dtype is not None else {"f64": np.float64, "f32": np.float32}[precision])
         if self.dtype not in (np.float64, np.float32):
@@ -98,11 +99,11 @@ class Batch:
     def seed(self, envs: Array, seeds: Sequence[int]) -> None:
         """Starts the random numbers of the environments `envs` (n,) anew.
 
-        Errors of sensors have numbers of their own, by the place of an environment and by one seed, which follows from all `seeds`.
+        Errors of sensors have numbers of their own, which follow from the seed of an environment and from its place.
         """
         self.streams.seed(envs, seeds)
         if self._has_noise:
-            self._noise_seed = _word(seeds)
+            self._noise_seeds |= {env: _word(seed) for env, seed in zip(envs.tolist(), seeds, strict=True)}
 
     def begin(self, mask: Array) -> None:
         """Begins an episode in the environments of a mask, (num_envs,) bool."""
@@ -117,8 +118,11 @@ class Batch:
         qpos[:] = self._rest
         self.task.start(qpos, qvel, Draws(self.streams, envs))
         self._qpos[envs], self._qvel[envs] = qpos, qvel
-        self.sim.reset(mask, qpos=self._qpos, qvel=self._qvel, seed=self._noise_seed)
-        self._noise_seed = None
+        self.sim.reset(mask, qpos=self._qpos, qvel=self._qvel)
+        for env in self._noise_seeds.keys() & envs.tolist() if self._noise_seeds else ():
+            # `Stepper.reset` takes one seed for all that it begins.
+            one = np.arange(self.num_envs) == env
+            self.sim.reset(one, qpos=self._qpos, qvel=self._qvel, seed=self._noise_seeds.pop(env))
         self.task.prepare(self.sim, self._memory, mask, Draws(self.streams, envs))
         self.returns[envs], self.lengths[envs] = 0.0, 0
 
@@ -219,9 +223,9 @@ def made_task(task: Task | type[Task] | str, arguments: dict[str, Any]) -> Task:
     return TASKS[task](**arguments)
 
 
-def _word(seeds: Sequence[int] | None = None) -> int:
-    """A word of 64 bits that follows from seeds, or from chance."""
-    word: int = np.random.SeedSequence(None if seeds is None else list(seeds)).generate_state(1, np.uint64).item()
+def _word(seed: int | None = None) -> int:
+    """A word of 64 bits that follows from a seed, or from chance."""
+    word: int = np.random.SeedSequence(seed).generate_state(1, np.uint64).item()
     return word
 
 

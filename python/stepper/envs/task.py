@@ -121,7 +121,7 @@ class Task(ABC):
     def sensors(self) -> SensorModel | None:
         """What sensors make of the truth, for tasks that observe `now.observation`; None is ideal ones.
 
-        Their random numbers follow from the seeds of a reset and from the place of an environment in its batch.
+        Their random numbers follow from the seed of an environment and from its place in the batch.
         """
         return None
 

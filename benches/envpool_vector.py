@@ -1,0 +1,71 @@
+"""EnvPool's environments as a vector environment of Gymnasium's, with the autoreset that examples/train.py asks for.
+
+EnvPool begins an episode with the call of `step` after the one that ended the last, where the learner wants it within that step.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+
+
+class EnvPoolVectorEnv(VectorEnv[Array, Array, Array]):
+    """EnvPool's environments of one task, which it steps itself on threads of its own.
+
+    Args:
+        name: Of EnvPool's task: "HalfCheetah-v5".
+        num_envs: Number of environments.
+        num_threads: Threads of EnvPool.
+        autoreset_mode: SAME_STEP.
+    """
+
+    def __init__(self, name: str, num_envs: int, *, num_threads: int = 1, autoreset_mode: AutoresetMode = AutoresetMode.SAME_STEP):
+        if autoreset_mode != AutoresetMode.SAME_STEP:
+            raise ValueError(f"autoreset_mode is {autoreset_mode}, must be {AutoresetMode.SAME_STEP}")
+        self.metadata = {"autoreset_mode": autoreset_mode}
+        self._name, self._threads, self.num_envs = name, num_threads, num_envs
+        self._envs = self._make(seed=0)
+        self.single_observation_space, self.single_action_space = self._envs.observation_space, self._envs.single_action_space
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+
+    def _make(self, seed: int) -> Any:
+        envpool: Any = importlib.import_module("envpool")
+        return envpool.make_gymnasium(self._name, num_envs=self.num_envs, num_threads=self._threads, seed=seed % 2**31)
+
+    def reset(self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+        """Begins all episodes. EnvPool takes a seed where it makes its environments: with one they are made anew."""
+        super().reset(seed=None)
+        if isinstance(seed, int):
+            self._envs = self._make(seed)
+        return self._envs.reset()[0], {}
+
+    def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
+        """Steps all environments, and begins episodes where one is over: info has "final_obs" of those."""
+        observation, reward, terminated, truncated, _ = self._envs.step(np.ascontiguousarray(actions, dtype=np.float64))
+        over = terminated | truncated
+        if not over.any():
+            return observation, reward, terminated, truncated, {}
+        ended = np.flatnonzero(over)
+        final = np.full(self.num_envs, None, dtype=object)
+        final[ended] = np.fromiter(observation[ended], dtype=object, count=len(ended))
+        first, info = self._envs.reset(ended)
+        observation = observation.copy()  # EnvPool may give it again.
+        observation[info["env_id"]] = first
+        return observation, reward, terminated, truncated, {"final_obs": final, "_final_obs": over, "final_info": {}, "_final_info": over}
+
+
+def register(name: str) -> str:
+    """Has Gymnasium know EnvPool's task of a name, "HalfCheetah-v5", as "envpool/HalfCheetah-v5", which it returns."""
+    known = f"envpool/{name}"
+    if known not in gymnasium.registry:
+        gymnasium.register(known, vector_entry_point=f"{__name__}:{EnvPoolVectorEnv.__name__}", kwargs={"name": name})
+    return known

@@ -201,6 +201,19 @@ def test_pairs_of_bodies_are_those_whose_masks_meet():
     assert pairs_of_bodies(stepper.load(arm)) == {(0, 1), (0, 2)}
 
 
+def test_bodies_without_joints_belong_to_their_parent():
+    """A hand on the last link of two, with a camera on it, and a lamp of the world: as many pairs as MuJoCo's filters leave."""
+    arm = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/><body name="lamp" pos="0 2 1"><geom size=".1"/></body>
+      <body name="one" pos="0 0 1"><joint axis="0 1 0"/><geom size=".1"/><body name="two" pos="1 0 0"><joint axis="0 1 0"/><geom size=".1"/>
+      <body name="hand" pos="1 0 0"><geom size=".1"/><body name="camera" pos="0 .3 0"><geom size=".1"/></body></body></body></body>
+      </worldbody></mujoco>"""
+    model = stepper.load(arm)
+    names = {frozenset(model.body_names[k] for k in pair) for pair in pairs_of_bodies(model)}
+    # Neither what is rigid nor a link and the next one, with all that is on them: the floor and the lamp with four bodies each.
+    assert names == {frozenset((one, other)) for one in ("world", "lamp") for other in ("one", "two", "hand", "camera")}
+    assert "8 of" in str(model.explain())
+
+
 def test_a_saved_model_has_events_and_no_costs(tmp_path):
     stepper.load(HEAP.format(more="")).save(tmp_path / "heap.stepper")
     found = account(tmp_path / "heap.stepper", episodes=1)
@@ -233,3 +246,11 @@ def test_explain_of_a_run(tmp_path, monkeypatch):
     assert "## What happened beside what could" in told.output
     assert "friction of contacts" in told.output
     assert told.output.count("| motion of the bodies |") == 1
+
+
+@pytest.mark.parametrize("command", ["chart", "tune"])
+def test_a_model_without_joints_is_refused(command, tmp_path):
+    still = '<mujoco model="statue"><worldbody><body><geom size=".1"/></body></worldbody></mujoco>'
+    given = {"error": "1 mm", "horizon": "0.1 s"} if command == "tune" else {}
+    with pytest.raises(ValueError, match="statue has no joints, so that nothing moves: give it some, as <freejoint/>"):
+        getattr(stepper, command)(still, tmp_path, **given)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from stepper.experiments.accuracy.candidates import Line, lines, pareto, timesteps
 from stepper.experiments.accuracy.costs import BATCH, costs
-from stepper.experiments.accuracy.reference import TIGHT, Reference, converge
+from stepper.experiments.accuracy.reference import TIGHT, Reference, check_moves, converge
 from stepper.experiments.accuracy.traces import Distance, Trace, run
 from stepper.experiments.progress import Tick
 from stepper.experiments.study.document import Document, Section
@@ -129,9 +129,9 @@ def chart(
         Points, and what was written: OUT/NAME/chart.html, .md, .png, .csv.
 
     Raises:
-        ValueError: A horizon that is not within the episodes.
+        ValueError: A model without joints, a horizon that is not within the episodes.
     """
-    study = replace(Study.of(source), threads=1)
+    study = replace(check_moves(Study.of(source)), threads=1)
     if unit not in _TARGET:
         raise ValueError(f'unit is {unit!r}, must be "m" or "rad"')
     if horizon is not None and not study.hold <= horizon <= study.seconds * (1 + 1e-9):

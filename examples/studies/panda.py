@@ -1,10 +1,11 @@
 """A Panda picks a cube by a script: at which friction does it slip out, with how many iterations, in which law and engine?
 
 The arm and the gripper are robosuite's (`pip install --no-deps robosuite`), with position servos that a script moves: above the cube, down,
-close, up by 15 cm. No policy has learned it. Each finger presses with at most 20 N, and the friction that is swept is that of cube and
-fingers:
+close, up by 15 cm. Each finger presses with at most 20 N, and the friction that is swept is that of cube and fingers:
 
     stepper report examples/studies/panda.py
+
+panda_trained.py has a policy that has learned it.
 """
 
 from __future__ import annotations
@@ -37,8 +38,8 @@ def _assets() -> Path:
     return Path(found.origin).parent / "models/assets"
 
 
-def scene() -> Any:
-    """Arm, gripper, floor and cube."""
+def drawing() -> Any:
+    """Arm, gripper, floor and cube, before they are compiled."""
     arm = mujoco.MjSpec.from_file(str(_assets() / "robots/panda/robot.xml"))
     hand = mujoco.MjSpec.from_file(str(_assets() / "grippers/panda_gripper.xml"))
     for spec in (arm, hand):
@@ -60,7 +61,12 @@ def scene() -> Any:
     cube.add_freejoint()
     cube.add_geom(name="cube", type=mujoco.mjtGeom.mjGEOM_BOX, size=[HALF] * 3, mass=MASS)
     arm.option.timestep = 0.002
-    return arm.compile()
+    return arm
+
+
+def scene() -> Any:
+    """The model."""
+    return drawing().compile()
 
 
 def reach(model: Any, place: Any, begin: Any) -> Any:
@@ -76,11 +82,20 @@ def reach(model: Any, place: Any, begin: Any) -> Any:
         now = data.site_xmat[site].reshape(3, 3)
         turn = 0.5 * np.cross(now, down, axisa=0, axisb=0, axisc=0).sum(axis=1)
         error = np.concatenate([place - data.site_xpos[site], turn])
+        if np.abs(error).max() < 1e-9:
+            break
         j = jacobian[:, :7]
         data.qpos[:7] += j.T @ np.linalg.solve(j @ j.T + 1e-4 * np.eye(6), error)
     if np.abs(error).max() > 1e-5:
         raise ValueError(f"the arm does not reach {place}: {error}")
     return data.qpos[:7].copy()
+
+
+def way(time: float) -> tuple[int, float]:
+    """Which way between two of `TIMES`, and what share of it is done; each begins and ends at rest."""
+    k = min(max(0, int(np.searchsorted(TIMES, time, side="right")) - 1), len(TIMES) - 2)
+    s = float(np.clip((time - TIMES[k]) / (TIMES[k + 1] - TIMES[k]), 0.0, 1.0))
+    return k, 3 * s**2 - 2 * s**3
 
 
 class Pick:
@@ -94,10 +109,9 @@ class Pick:
             self.angles.append(ready)
 
     def arm(self, time: float) -> Any:
-        """Angles at a time: each way begins and ends at rest."""
-        k = min(max(0, int(np.searchsorted(TIMES, time, side="right")) - 1), len(TIMES) - 2)
-        s = float(np.clip((time - TIMES[k]) / (TIMES[k + 1] - TIMES[k]), 0.0, 1.0))
-        return self.angles[k] + (3 * s**2 - 2 * s**3) * (self.angles[k + 1] - self.angles[k])
+        """Angles at a time."""
+        k, done = way(time)
+        return self.angles[k] + done * (self.angles[k + 1] - self.angles[k])
 
     def __call__(self, now: Any) -> Any:
         """Targets of seven joints and two fingers."""

@@ -312,3 +312,41 @@ def test_a_robot_says_at_which_height_it_has_fallen():
 
     with pytest.raises(TypeError, match="lowest"):
         Mine()
+
+
+SLIDER = """<mujoco><worldbody><body><joint name="slider" type="slide" axis="1 0 0"/><geom size=".1"/></body></worldbody>
+  <actuator><motor joint="slider" ctrlrange="-5 5" ctrllimited="true"/></actuator></mujoco>"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TwoHands(Task):
+    """A slider that two hands push, each with up to 1 N: two actions, one control."""
+
+    frame_skip: int = 2
+
+    def model(self):
+        return stepper.load(SLIDER)
+
+    def action_bounds(self, model):
+        return -np.ones(2), np.ones(2)
+
+    def quantities(self):
+        return (Quantity("qpos"),)
+
+    def advance(self, now):
+        now.sim.step(now.action.sum(axis=1, keepdims=True), self.frame_skip)
+
+    def reward(self, now):
+        return now.sim.ctrl[:, 0], {"hands": now.action}
+
+
+@pytest.mark.filterwarnings("ignore::stepper.ModelWarning")
+def test_actions_need_not_be_controls():
+    envs = StepperVectorEnv(TwoHands(), 3)
+    check_env(StepperEnv(TwoHands()), skip_render_check=True)
+    assert envs.single_action_space == gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
+    envs.reset(seed=0)
+    assert envs.now.action.shape == (3, 2)
+    action = np.array([[1.0, 1.0], [0.5, -0.25], [-1.0, 0.0]], np.float32)
+    _, reward, *_ = envs.step(action)
+    np.testing.assert_array_equal(reward, action.sum(axis=1))

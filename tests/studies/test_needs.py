@@ -1,5 +1,8 @@
 """Cones that a scene does not need, what happened in a run beside what could, and what the parts of a scene cost."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 import stepper
 from stepper.experiments.accuracy import account
@@ -78,6 +81,78 @@ def test_an_explicit_pair_has_its_own_cone():
     assert found.error < CLOSE
 
 
+def contacts(model, qpos):
+    """Whether geoms of a configuration have a contact."""
+    sim = stepper.Stepper(model)
+    sim.reset(qpos=qpos)
+    sim.step()
+    return len(sim.contacts()["force"]) > 0
+
+
+def without(study, start):
+    """Entries of what is not needed whose words begin so, and the model without it."""
+    found, smaller = spares(bench(study), 1e-4, lambda _: None)
+    return [own for own in found if start in own.what], smaller
+
+
+FAR = """<mujoco><option gravity="0 0 0"/><worldbody>
+  <body name="a"><freejoint/><geom name="a" size=".1" {masks}/><geom name="ear" pos="0 0 .2" size=".05" contype="0" conaffinity="0"/></body>
+  <body name="b" pos="{place} 0 0"><freejoint/><geom name="b" size=".1" {masks}/></body></worldbody>
+  <contact><pair geom1="b" geom2="{pair}"/>{more}</contact></mujoco>"""
+
+
+@pytest.mark.parametrize("masks", ["", 'contype="0" conaffinity="0"'])
+@pytest.mark.parametrize("more", ["", '<exclude body1="a" body2="b"/>'])
+def test_explicit_pairs_that_never_come_near_are_taken_out(tmp_path, masks, more):
+    study = stepper.Study(model=FAR.format(masks=masks, more=more, place=3, pair="a"), seconds=0.1, episodes=1, control=0.02)
+    (found,), smaller = without(study, "1 of 1 pairs of bodies")
+    assert found.taken
+    assert found.error == 0.0
+    smaller.save(tmp_path / "smaller.stepper")
+    near = np.array(study.loaded[0].qpos0)
+    near[7] = 0.15
+    assert contacts(study.loaded[0], near)
+    # Neither the explicit pair nor, without it, the masks of its geoms give a contact.
+    assert not contacts(stepper.load(tmp_path / "smaller.stepper"), near)
+
+
+def test_explicit_pairs_of_bodies_that_touch_elsewhere_are_taken_out():
+    """The spheres touch, the ear is far above, and its masks meet nobody's."""
+    model = FAR.format(masks="", more="", place=0.19, pair="ear")
+    study = stepper.Study(model=model, seconds=0.1, episodes=1, control=0.02)
+    (found,), smaller = without(study, "1 of 1 explicit pairs of geoms")
+    assert found.taken
+    assert found.error == 0.0
+    beside = np.array(study.loaded[0].qpos0)
+    beside[7:10] = 0.0, 0.0, 0.33
+    assert contacts(study.loaded[0], beside)
+    assert not contacts(smaller, beside)
+
+
+def test_explicit_pairs_that_their_masks_would_bring_back_stay():
+    """Beside spheres that touch there is one that is far, and may collide without its pair: nothing is gained by taking it out."""
+    model = FAR.format(masks="", more="", place=0.19, pair="ear").replace('size=".05" contype="0" conaffinity="0"', 'size=".05"')
+    study = stepper.Study(model=model, seconds=0.1, episodes=1, control=0.02)
+    assert without(study, "pairs")[0] == []
+
+
+def slide(now):
+    """The third box alone is pushed."""
+    now.xfrc_applied[:, 3, 0] = MASS * G * 1.5
+
+
+def test_friction_of_an_explicit_pair_is_its_own():
+    """One of the pair's geoms slides on another floor: its friction is needed there, and not in the pair, which nothing pushes sideways."""
+    more = '<contact><pair geom1="floor" geom2="low"/><pair geom1="low" geom2="top"/></contact>'
+    study = stepper.Study(model=HEAP.format(more=more), name="heap", drive=slide, seconds=0.1, control=0.02)
+    (found,), smaller = without(study, "friction of")
+    assert found.what == "friction of 2 explicit pairs of geoms"
+    assert found.taken
+    friction = {pair.names: pair.friction for pair in touching(replace(study, model=smaller), range(1)).pairs}
+    # The box that slides has its friction, to the other end.
+    assert friction["ice", "slides"] == 1.0
+
+
 def test_what_happened_beside_what_could():
     sensor = '<sensor><framepos objtype="body" objname="top"/></sensor>'
     found = account(heap(sensor), episodes=2)
@@ -126,6 +201,19 @@ def test_pairs_of_bodies_are_those_whose_masks_meet():
     assert pairs_of_bodies(stepper.load(arm)) == {(0, 1), (0, 2)}
 
 
+def test_bodies_without_joints_belong_to_their_parent():
+    """A hand on the last link of two, with a camera on it, and a lamp of the world: as many pairs as MuJoCo's filters leave."""
+    arm = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/><body name="lamp" pos="0 2 1"><geom size=".1"/></body>
+      <body name="one" pos="0 0 1"><joint axis="0 1 0"/><geom size=".1"/><body name="two" pos="1 0 0"><joint axis="0 1 0"/><geom size=".1"/>
+      <body name="hand" pos="1 0 0"><geom size=".1"/><body name="camera" pos="0 .3 0"><geom size=".1"/></body></body></body></body>
+      </worldbody></mujoco>"""
+    model = stepper.load(arm)
+    names = {frozenset(model.body_names[k] for k in pair) for pair in pairs_of_bodies(model)}
+    # Neither what is rigid nor a link and the next one, with all that is on them: the floor and the lamp with four bodies each.
+    assert names == {frozenset((one, other)) for one in ("world", "lamp") for other in ("one", "two", "hand", "camera")}
+    assert "8 of" in str(model.explain())
+
+
 def test_a_saved_model_has_events_and_no_costs(tmp_path):
     stepper.load(HEAP.format(more="")).save(tmp_path / "heap.stepper")
     found = account(tmp_path / "heap.stepper", episodes=1)
@@ -158,3 +246,11 @@ def test_explain_of_a_run(tmp_path, monkeypatch):
     assert "## What happened beside what could" in told.output
     assert "friction of contacts" in told.output
     assert told.output.count("| motion of the bodies |") == 1
+
+
+@pytest.mark.parametrize("command", ["chart", "tune"])
+def test_a_model_without_joints_is_refused(command, tmp_path):
+    still = '<mujoco model="statue"><worldbody><body><geom size=".1"/></body></worldbody></mujoco>'
+    given = {"error": "1 mm", "horizon": "0.1 s"} if command == "tune" else {}
+    with pytest.raises(ValueError, match="statue has no joints, so that nothing moves: give it some, as <freejoint/>"):
+        getattr(stepper, command)(still, tmp_path, **given)

@@ -76,6 +76,7 @@ def test_the_table_of_a_sweep_stays(tmp_path):
         (of(ishigami), {"setting": "fast"}, "no settings 'fast'"),
         (of(ishigami, outcomes=()), {}, "no outcome"),
         (of(lambda now: np.zeros(now.num_envs)), {"samples": 2}, "value is the same at all 10 points"),
+        (of(ishigami, success="> 1e9"), {"samples": 2}, "as many episodes succeed at all 10 points, 0% of them by value > 1e9, so that no"),
         (of(lambda now: np.log(np.asarray(now.theta["x"], float))), {"samples": 4}, "value is not finite in"),
         (
             of(ishigami, parameters={"step": stepper.Parameter(target="options.timestep", low=0.001, high=0.002)}),

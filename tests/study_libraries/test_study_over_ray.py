@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import ray
 import stepper
@@ -70,16 +71,54 @@ def test_the_rows_are_those_of_one_process(study, tmp_path):
     assert (tmp_path / "there/study/journal").read_bytes() == before
 
 
+def test_threads_of_all_cpus_are_one_of_a_task(study, tmp_path):
+    """Tasks take all CPUs, so that each of them has one."""
+    # A function of this module is not where workers would find it; one without a name goes along.
+    threads = stepper.Outcome(name="threads", measure=lambda now: np.full(now.num_envs, float(now.sim.threads)))
+    here = stepper.sweep(study, tmp_path / "here", cliffs=False)
+    all_of_them = replace(study, ray=True, threads=0, outcomes=[*study.all_outcomes, threads])
+    there = stepper.sweep(all_of_them, tmp_path / "there", cliffs=False)
+    assert {row["outcomes"].pop("threads") for row in there.sweep.table.rows} == {1.0}
+    assert [row["outcomes"] for row in there.sweep.table.rows] == [row["outcomes"] for row in here.sweep.table.rows]
+
+
+def test_a_chart_is_that_of_one_process(study, tmp_path):
+    given = {"horizon": 0.1, "episodes": 2, "quick": True}
+    here, there = (stepper.chart(replace(study, ray=ray), tmp_path / str(ray), **given) for ray in (False, True))
+    # All but what is timed. What is no number is nowhere the same.
+    told = [[{**vars(dot), "alone": 0.0, "batch": 0.0} for dot in found.dots] for found in (here, there)]
+    np.testing.assert_equal(told[1], told[0])
+    assert there.skipped == here.skipped
+
+
+def test_a_tuning_is_that_of_one_process(study, tmp_path):
+    given = {"error": "1 mm", "horizon": "0.1 s", "coverage": 0.5, "episodes": 4}
+    here, there = (stepper.tune(replace(study, ray=ray), tmp_path / str(ray), **given) for ray in (False, True))
+    errors = [{(own.name, own.settings["timestep"]): own.error for own in found.candidates} for found in (here, there)]
+    assert errors[1] == errors[0]
+    assert [own.error for own in there.spare] == [own.error for own in here.spare]
+    assert [(trial.held, trial.episodes) for trial in there.trials] == [(trial.held, trial.episodes) for trial in here.trials]
+
+
 def test_what_fails_in_a_worker_is_raised_here(study, tmp_path):
     broken = replace(study, ray=True, outcomes=stepper.Outcome(name="a", measure=lambda now: now.joint("elbow")[:, 0]))
     with pytest.raises(KeyError, match="elbow"):
         stepper.sweep(broken, tmp_path)
 
 
-def test_the_command(study, tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("given", "page"),
+    [
+        (["sweep", "study.toml", "--no-cliffs"], "sweep.html"),
+        (["chart", "study.toml", "--quick", "--horizon", "0.1 s", "--episodes", "2"], "chart.html"),
+        (["tune", "study.toml", "--error", "1 mm", "--horizon", "0.1 s", "--coverage", "0.5", "--no-reduce"], "tune.html"),
+    ],
+    ids=lambda own: own[0] if isinstance(own, list) else "",
+)
+def test_the_commands(study, tmp_path, monkeypatch, given, page):
     from stepper.cli.app import application
 
     monkeypatch.chdir(tmp_path)
-    told = CliRunner().invoke(application(), ["sweep", "study.toml", "--ray", "--no-cliffs"])
+    told = CliRunner().invoke(application(), [*given, "--ray"])
     assert told.exit_code == 0, told.output
-    assert "wrote out/study/sweep.html" in told.output
+    assert f"wrote out/study/{page}" in told.output

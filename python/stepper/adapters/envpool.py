@@ -54,7 +54,7 @@ class StepperPool:
         self._size, self._seed = size, seed
         self._workers = ThreadPoolExecutor(min(threads, blocks), thread_name_prefix="stepper-pool")
         self._under_way: deque[tuple[int, Future[Result]]] = deque()
-        self._actions = np.zeros((blocks, size, self._blocks[0].sim.model.nu))
+        self._actions = np.zeros((blocks, size, *self._blocks[0].single_action_space.shape))
         # Of each environment: whether it has an observation that no action followed yet, and whether it has an action.
         self._waits, self._acts = np.zeros((blocks, size), dtype=bool), np.zeros((blocks, size), dtype=bool)
         self.observation_space, self.action_space = self._blocks[0].single_observation_space, self._blocks[0].single_action_space

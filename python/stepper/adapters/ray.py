@@ -345,7 +345,7 @@ class _Block:
     def rollout(self, policy: Any, num_steps: int, seed: tuple[int, ...]) -> dict[str, Array]:
         """Lets a policy act."""
         policy, draws = ray.get(policy), np.random.default_rng(seed)
-        shape, width = self.observation.shape, self.envs.sim.model.nu
+        shape, width = self.observation.shape, self.envs.single_action_space.shape[0]
         out: dict[str, Array] = {
             "observation": np.empty((num_steps, *shape), dtype=self.observation.dtype),
             "next_observation": np.empty((num_steps, *shape), dtype=self.observation.dtype),

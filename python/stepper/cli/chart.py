@@ -6,7 +6,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from stepper.cli.options import OUT
+from stepper.cli.options import OUT, RAY_RUNS, of_source
 from stepper.experiments.accuracy import chart as run
 from stepper.experiments.accuracy.traces import quantity
 from stepper.experiments.chart import SCENES, Effort, charts
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from typer import Typer
 
 
-def chart(scene: str, out: Path, *, quick: bool, horizon: str | None, angle: bool, episodes: int) -> None:
+def chart(scene: str, out: Path, *, quick: bool, horizon: str | None, angle: bool, episodes: int, ray: bool) -> None:
     """Error against cost: time steps, integrators, solvers, precisions, laws of contact and MuJoCo's settings, on your model or study.
 
     Or on a built-in scene whose right answer is known. Of a model, what is right is converged by the command itself, which says how well it
@@ -26,6 +26,8 @@ def chart(scene: str, out: Path, *, quick: bool, horizon: str | None, angle: boo
     """
     names = list(SCENES)
     if scene in (*names, "all"):
+        if ray:
+            raise ValueError(f'"{scene}" is of the built-in scenes, which run in this process; --ray is for models and studies')
         with progress() as tick:
             pictures = charts(names if scene == "all" else [scene], out, Effort.quick() if quick else Effort(), tick)
         show_files([file for picture in pictures for file in (picture, picture.with_suffix(".csv"))])
@@ -34,7 +36,8 @@ def chart(scene: str, out: Path, *, quick: bool, horizon: str | None, angle: boo
         raise ValueError(f'there is no file and no scene "{scene}"; scenes are: {", ".join(names)}, all')
     seconds = None if horizon is None else quantity(horizon, units=("s",))[0]
     with progress() as tick:
-        found = run(scene, out, horizon=seconds, unit="rad" if angle else "m", episodes=episodes, quick=quick, tick=tick)
+        source = of_source(scene, ray=ray)
+        found = run(source, out, horizon=seconds, unit="rad" if angle else "m", episodes=episodes, quick=quick, tick=tick)
     print(found.document.markdown())
     show_files(found.files)
 
@@ -42,6 +45,7 @@ def chart(scene: str, out: Path, *, quick: bool, horizon: str | None, angle: boo
 def register(app: Typer, typer: ModuleType) -> None:
     """Adds the command."""
     folder = typer.Option("out", "--out", help=OUT)
+    over = typer.Option(False, "--ray", help=RAY_RUNS)
 
     @app.command("chart", help=chart.__doc__)
     def _(
@@ -52,5 +56,6 @@ def register(app: Typer, typer: ModuleType) -> None:
         horizon: str | None = typer.Option(None, help='Time up to which errors count, "0.5 s"; without it, as far as the motion is known.'),
         angle: bool = typer.Option(False, "--angle", help="Errors are angles in rad, not distances in m."),
         episodes: int = typer.Option(8, min=1, help="Episodes, medians of which count."),
+        ray: bool = over,
     ) -> None:
-        chart(scene, out, quick=quick, horizon=horizon, angle=angle, episodes=episodes)
+        chart(scene, out, quick=quick, horizon=horizon, angle=angle, episodes=episodes, ray=ray)

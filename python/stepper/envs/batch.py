@@ -71,11 +71,11 @@ class Batch:
         self.returns, self.lengths = np.zeros(num_envs), np.zeros(num_envs, dtype=np.int64)
         self._rest, self._memory = model.qpos0, task.memory(num_envs)
         self._qpos, self._qvel = np.tile(model.qpos0, (num_envs, 1)), np.zeros((num_envs, model.nv))
-        self._still = np.zeros((num_envs, model.nu))
+        low, high = task.action_bounds(model)
+        self._still = np.zeros((num_envs, len(low)))
         self.now = self._moment(self._still)
         self._position = task.position(self.now)
         self._rows = self._table()
-        low, high = model.actuator_ctrlrange.T
         self.action_space = Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
         self.observation_space = Box(-np.inf, np.inf, (self._rows[-1][1].stop,), dtype=self.dtype.type)
 
@@ -136,7 +136,7 @@ class Batch:
         """Makes the steps of an action.
 
         Args:
-            action: (num_envs, nu) float64.
+            action: (num_envs, n) float64, nu numbers unless the task has bounds of its own.
             begins: Environments that begin an episode in place of it, (num_envs,) bool; None is none.
 
         Returns:

@@ -40,7 +40,8 @@ class Moment:
         sim: The stepper.
         task: The task.
         dt: Time between two observations, s.
-        action: Actions of the step that led here, (num_envs, nu); zero after a reset.
+        action: Actions of the step that led here, (num_envs, n), where n is nu but for a task with `action_bounds` of its own; zero after a
+            reset.
         rest: The model's reference configuration, (nq,).
         memory: What episodes have beside the state of the stepper, arrays (num_envs, ...) by name; see `Task.memory`.
         velocity: Rate of change of `Task.position` over that step, per s; None after a reset and for tasks without one.
@@ -124,6 +125,14 @@ class Task(ABC):
         Their random numbers follow from the seed of an environment and from its place in the batch.
         """
         return None
+
+    def action_bounds(self, model: Model) -> tuple[Array, Array]:
+        """Least and largest actions, (n,) each: by default ranges of the model's controls.
+
+        A task with other ones, as moves of a hand, makes controls of them in `advance`.
+        """
+        low, high = model.actuator_ctrlrange.T
+        return low, high
 
     @abstractmethod
     def quantities(self) -> tuple[Quantity, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import functools
 import json
 import math
 import os
@@ -16,10 +17,11 @@ from numpy.typing import NDArray
 
 from stepper.experiments.accuracy.candidates import Line, lines, pareto, timesteps
 from stepper.experiments.accuracy.costs import BATCH, costs
-from stepper.experiments.accuracy.reference import TIGHT, Reference, converge
+from stepper.experiments.accuracy.reference import TIGHT, Reference, check_moves, converge
 from stepper.experiments.accuracy.traces import Distance, Trace, run
 from stepper.experiments.progress import Tick
 from stepper.experiments.study.document import Document, Section
+from stepper.experiments.study.over_ray import each
 from stepper.experiments.study.report import no_peer
 from stepper.experiments.study.study import Study
 from stepper.shared.machine import one_core, provenance
@@ -111,7 +113,8 @@ def chart(
 ) -> Chart:
     """Error against cost for time steps, integrators, solvers, precisions, laws of contact and MuJoCo's settings, on a model of one's own.
 
-    The reference is converged by halving the time step (`stepper.experiments.accuracy.reference`). Sensors are ideal.
+    The reference is converged by halving the time step (`stepper.experiments.accuracy.reference`). Sensors are ideal. Of a study over Ray,
+    settings are run as tasks, and costs are measured here.
 
     Args:
         source: A study or the file of one; or a model as of `stepper.load`, which gets random controls.
@@ -126,9 +129,9 @@ def chart(
         Points, and what was written: OUT/NAME/chart.html, .md, .png, .csv.
 
     Raises:
-        ValueError: A horizon that is not within the episodes.
+        ValueError: A model without joints, a horizon that is not within the episodes.
     """
-    study = replace(Study.of(source), threads=1)
+    study = replace(check_moves(Study.of(source)), threads=1)
     if unit not in _TARGET:
         raise ValueError(f'unit is {unit!r}, must be "m" or "rad"')
     if horizon is not None and not study.hold <= horizon <= study.seconds * (1 + 1e-9):
@@ -194,34 +197,60 @@ def _measure(
     ground: _Ground, all_lines: Sequence[Line], steps: Sequence[float], tick: Callable[[float], None]
 ) -> tuple[list[_Point], list[str]]:
     """Runs of all lines at all time steps, with their errors; and what could not be run."""
+    study = ground.study
+    laws: dict[str, Trace | str] = {study.options.contact: ground.right.trace}
+    first = {_law(line): line for line in reversed(all_lines) if _law(line) not in laws}
+    for number, law in each(study, list(first.values()), functools.partial(_converged, ground)):
+        laws[list(first)[number]] = law
+    made: dict[int, list[_Point] | str] = {}
+    for number, points in each(study, [(line, laws[_law(line)]) for line in all_lines], functools.partial(_points, ground, steps)):
+        made[number] = points
+        tick(len(made) / len(all_lines))
     measured: list[_Point] = []
-    reason = no_peer(ground.study)
+    reason = no_peer(study)
     skipped = [f"MuJoCo: {reason}"] if reason else []
-    laws: dict[str, Trace] = {ground.study.options.contact: ground.right.trace}
     for number, line in enumerate(all_lines):
-        try:
-            converged = _converged(ground, line, laws)
-            measured += [_errors(ground, line, dt, converged) for dt in steps]
-        except ValueError as error:
-            skipped.append(f"{line.label}: {' '.join(str(error).split())[:300]}")
-        tick((number + 1) / len(all_lines))
+        points = made[number]
+        if isinstance(points, str):
+            skipped.append(f"{line.label}: {points}")
+        else:
+            measured += points
     return measured, skipped
 
 
-def _converged(ground: _Ground, line: Line, laws: dict[str, Trace]) -> Trace:
-    """The converged run of a line's law."""
-    key = line.law if line.engine == "stepper" else json.dumps(line.settings, sort_keys=True)
-    if key not in laws:
-        # Hard contact is converged by one rule for all lines; MuJoCo's law by that of the line, as the study's own may be of hard contact.
-        law = None if line.law == "hard" else {name: own for name, own in line.settings.items() if name != "precision"}
-        distance = ground.distance
-        target = _TARGET[distance.unit]
-        laws[key] = converge(ground.study, ground.episodes, distance, target=target, most=min(ground.most, 5), law=law).trace
-    return laws[key]
+def _law(line: Line) -> str:
+    """What lines share that have one converged run."""
+    return line.law if line.engine == "stepper" else json.dumps(line.settings, sort_keys=True)
 
 
-def _errors(ground: _Ground, line: Line, dt: float, converged: Trace) -> _Point:
-    study, episodes, distance, right = ground.study, ground.episodes, ground.distance, ground.right
+def _converged(ground: _Ground, study: Study, line: Line) -> Trace | str:
+    """The converged run of a line's law, or why there is none."""
+    # Hard contact is converged by one rule for all lines; MuJoCo's law by that of the line, as the study's own may be of hard contact.
+    law = None if line.law == "hard" else {name: own for name, own in line.settings.items() if name != "precision"}
+    target = _TARGET[ground.distance.unit]
+    try:
+        return converge(study, ground.episodes, ground.distance, target=target, most=min(ground.most, 5), law=law).trace
+    except ValueError as error:
+        return _reason(error)
+
+
+def _points(ground: _Ground, steps: Sequence[float], study: Study, own: tuple[Line, Trace | str]) -> list[_Point] | str:
+    """A line at all time steps, or why it could not be run."""
+    line, converged = own
+    if isinstance(converged, str):
+        return converged
+    try:
+        return [_errors(ground, study, line, dt, converged) for dt in steps]
+    except ValueError as error:
+        return _reason(error)
+
+
+def _reason(error: ValueError) -> str:
+    return " ".join(str(error).split())[:300]
+
+
+def _errors(ground: _Ground, study: Study, line: Line, dt: float, converged: Trace) -> _Point:
+    episodes, distance, right = ground.episodes, ground.distance, ground.right
     settings = line.settings | {"timestep": dt}
     trace = run(study, episodes, **settings)
     tight = run(study, episodes, **(settings | TIGHT)) if line.engine == "stepper" else trace

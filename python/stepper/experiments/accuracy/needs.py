@@ -13,12 +13,15 @@ import numpy as np
 from stepper._stepper import Model
 from stepper.experiments.accuracy.costs import saving
 from stepper.experiments.accuracy.traces import Distance, Trace, run
+from stepper.experiments.study.over_ray import each
 from stepper.experiments.study.study import Study
-from stepper.experiments.study.touching import Touching, pair_friction, pairs_of_bodies, touching
+from stepper.experiments.study.touching import Touching, pair_friction, pairs_of_bodies, pairs_that_may_touch, touching
 from stepper.loading import describe
 from stepper.shared.machine import one_core
 
 Description = dict[str, Any]
+_Cut = tuple[str, str, Callable[[Description], None]]
+"""What a scene may do without, why, and what takes it out of a description."""
 _NO_FRICTION = 1e-9
 """Ratio of tangential and normal force below which a contact has no friction."""
 _HOLDS = 0.9
@@ -66,8 +69,15 @@ class Bench:
     distance: Distance
     trace: Trace
 
-    def error(self, smaller: Model) -> float:
-        """Largest change that a smaller model makes; infinite where the drive or a measure reads what is gone."""
+    def errors(self, smaller: Sequence[Model], tick: Callable[[float], None]) -> list[float]:
+        """Largest change that each of some smaller models makes; infinite where the drive or a measure reads what is gone."""
+        found: dict[int, float] = {}
+        for number, error in each(self.study, smaller, self._error):
+            found[number] = error
+            tick(len(found) / len(smaller))
+        return [found[number] for number in range(len(smaller))]
+
+    def _error(self, _: Study, smaller: Model) -> float:
         try:
             return float(self.distance(run(self._with(smaller), self.episodes, **self.settings), self.trace).max())
         except KeyError:
@@ -77,6 +87,11 @@ class Bench:
         """Share of the time of a batch that a smaller model saves."""
         with one_core():
             return saving(self.study, self._with(smaller), self.settings, self.trace)
+
+    def tried(self, cut: _Cut, smaller: Model, error: float, budget: float) -> Spare:
+        """What taking something out changes and saves."""
+        what, why, _ = cut
+        return Spare(what, why, error, self.saved(smaller) if math.isfinite(error) else math.nan, error <= budget)
 
     def _with(self, smaller: Model) -> Study:
         # The drive reads its parameters, and nominal values are in force; sensors are ideal here, and may be gone.
@@ -101,23 +116,24 @@ def spares(bench: Bench, budget: float, tick: Callable[[float], None]) -> tuple[
             Spare("nothing", "the model has no source to take anything out of; give MJCF, URDF or an MjModel", math.nan, math.nan, False)
         ], None
     seen = touching(bench.study, bench.episodes, **bench.settings)
-    tries = [*_pairs(model, seen), *_frictionless(model, seen), *_limits(model, seen), *_sensors(model, seen)]
     whole = describe(compiled)
+    tries = [*_pairs(model, compiled, seen, whole), *_frictionless(model, seen, whole), *_limits(model, seen), *_sensors(model, seen)]
+    wide = cones(model, seen, whole)
+    models = [_smaller(whole, [cut]) for _, _, cut in [*tries, *wide]]
+    errors = bench.errors(models, lambda done: tick(0.9 * done))
     found: list[Spare] = []
-    taken: list[Callable[[Description], None]] = []
-
-    def tried(what: str, why: str, cuts: Sequence[Callable[[Description], None]]) -> Model | None:
-        smaller = _smaller(whole, cuts)
-        error = bench.error(smaller)
-        found.append(Spare(what, why, error, bench.saved(smaller) if math.isfinite(error) else math.nan, error <= budget))
-        return smaller if error <= budget else None
-
-    for number, (what, why, cut) in enumerate(tries):
-        if tried(what, why, [cut]) is not None:
-            taken.append(cut)
-        tick((number + 1) / (len(tries) + 1))
-    found += [Spare(what, why, bench.error(_smaller(whole, [wider])), math.nan, False) for what, why, wider in cones(model, seen, whole)]
-    return found, tried("all that is taken out, together", "", taken) if taken else None
+    taken: list[_Cut] = []
+    for own, smaller, error in zip(tries, models, errors, strict=False):
+        found.append(bench.tried(own, smaller, error, budget))
+        if error <= budget:
+            taken.append(own)
+    found += [Spare(what, why, error, math.nan, False) for (what, why, _), error in zip(wide, errors[len(tries) :], strict=True)]
+    if not taken:
+        return found, None
+    together = _smaller(whole, [cut for _, _, cut in taken])
+    (error,) = bench.errors([together], lambda done: tick(0.9 + 0.1 * done))
+    found.append(bench.tried(("all that is taken out, together", "", lambda _: None), together, error, budget))
+    return found, together if error <= budget else None
 
 
 def _smaller(whole: Description, cuts: Sequence[Callable[[Description], None]]) -> Model:
@@ -128,37 +144,75 @@ def _smaller(whole: Description, cuts: Sequence[Callable[[Description], None]]) 
     return Model.from_description(made, strict=False)
 
 
-_Cut = tuple[str, str, Callable[[Description], None]]
-
-
-def _pairs(model: Model, seen: Touching) -> list[_Cut]:
-    """Pairs of bodies that may collide and never came near."""
-    near = {tuple(sorted(model.geom(g).bodyid for g in pair.geoms)) for pair in seen.pairs}
-    may = pairs_of_bodies(model)
-    never = sorted(may - near)
-    if not never:
-        return []
+def _pairs(model: Model, compiled: Any, seen: Touching, whole: Description) -> list[_Cut]:
+    """Pairs of bodies that may collide and never came near, with the explicit pairs of their geoms; and explicit pairs of the others."""
+    bodies = {pair.geoms: _bodies(model, pair.geoms) for pair in seen.pairs}
+    may = pairs_that_may_touch(model, compiled)
+    never = sorted(may - set(bodies.values()))
+    apart = set(never) | {_ordered(own) for own in whole["excludes"]}
+    # Without its explicit pair, two geoms whose masks meet may collide by those, unless their bodies are excluded: nothing is gained.
+    idle = [geoms for geoms in _explicit(whole) if geoms not in bodies and (_bodies(model, geoms) in apart or not _meet(model, geoms))]
+    of_near = [geoms for geoms in idle if _bodies(model, geoms) not in never]
 
     def cut(made: Description) -> None:
-        known = {tuple(own) for own in made["excludes"]}
+        known = {_ordered(own) for own in made["excludes"]}
         made["excludes"] += [list(own) for own in never if own not in known]
+        # No exclusion takes these out.
+        _without_pairs(made, set(idle) - set(of_near))
 
-    return [(f"{len(never)} of {len(may)} pairs of bodies", "no contact of theirs came within reach of a step", cut)]
+    found: list[_Cut] = []
+    if never:
+        found.append((f"{len(never)} of {len(may)} pairs of bodies", "no contact of theirs came within reach of a step", cut))
+    if of_near:
+        what = f"{len(of_near)} of {len(whole['pairs'])} explicit pairs of geoms"
+        why = "no contact of theirs came within reach of a step; other geoms of their bodies do, or their bodies are excluded"
+        found.append((what, why, lambda made: _without_pairs(made, set(of_near))))
+    return found
 
 
-def _frictionless(model: Model, seen: Touching) -> list[_Cut]:
-    """Friction of geoms whose contacts use none."""
-    used = {g for pair in seen.pairs if pair.used > _NO_FRICTION or pair.twists > _NO_FRICTION * pair.peak for g in pair.geoms}
-    touched = {g for pair in seen.pairs if pair.impulse > 0 for g in pair.geoms}
-    idle = sorted(g for g in touched - used if model.geom(g).condim > 1)
-    if not idle:
-        return []
+def _without_pairs(made: Description, gone: set[tuple[int, int]]) -> None:
+    made["pairs"] = [pair for pair in made["pairs"] if _ordered(pair["geoms"]) not in gone]
+
+
+def _explicit(whole: Description) -> dict[tuple[int, int], int]:
+    """Places of the explicit pairs in a description, by their geoms, the lower first."""
+    return {_ordered(pair["geoms"]): k for k, pair in enumerate(whole["pairs"])}
+
+
+def _meet(model: Model, geoms: tuple[int, int]) -> bool:
+    """Whether two geoms may collide without an explicit pair."""
+    one, other = model.geom(geoms[0]), model.geom(geoms[1])
+    masks = (one.contype & other.conaffinity) or (other.contype & one.conaffinity)
+    return bool(masks) and _bodies(model, geoms) in pairs_of_bodies(model)
+
+
+def _bodies(model: Model, geoms: tuple[int, int]) -> tuple[int, int]:
+    return _ordered([model.geom(g).bodyid for g in geoms])
+
+
+def _ordered(pair: Sequence[int]) -> tuple[int, int]:
+    first, second = sorted(pair)
+    return first, second
+
+
+def _frictionless(model: Model, seen: Touching, whole: Description) -> list[_Cut]:
+    """Friction of geoms, and of explicit pairs, whose contacts use none."""
+    pressed = {pair.geoms: pair for pair in seen.pairs if pair.impulse > 0}
+    idle = {key for key, pair in pressed.items() if pair.used <= _NO_FRICTION and pair.twists <= _NO_FRICTION * pair.peak}
+    explicit = _explicit(whole)
+    # Friction of an explicit pair is its own, and none of its geoms'.
+    busy = {g for key in pressed.keys() - idle - explicit.keys() for g in key}
+    geoms = sorted(g for g in {g for key in idle - explicit.keys() for g in key} - busy if model.geom(g).condim > 1)
+    pairs = sorted(k for key, k in explicit.items() if key in idle and whole["pairs"][k]["condim"] > 1)
 
     def cut(made: Description) -> None:
-        for g in idle:
+        for g in geoms:
             made["geoms"][g]["condim"] = 1
+        for k in pairs:
+            made["pairs"][k]["condim"] = 1
 
-    return [(f"friction of {len(idle)} geoms", "no contact of theirs has a tangential force", cut)]
+    what = " and ".join(f"{len(own)} {name}" for own, name in ((geoms, "geoms"), (pairs, "explicit pairs of geoms")) if own)
+    return [(f"friction of {what}", "no contact of theirs has a tangential force", cut)] if what else []
 
 
 def cones(model: Model, seen: Touching, whole: Description) -> list[_Cut]:
@@ -172,7 +226,7 @@ def cones(model: Model, seen: Touching, whole: Description) -> list[_Cut]:
     holds = {key for key, pair in pressed.items() if _NO_FRICTION < pair.cone <= _HOLDS and pair.twists <= _NO_FRICTION * pair.peak}
     # Geoms that slide nowhere: the friction of others is that of their sliding, too.
     steady = {g for key in holds for g in key} - {g for key in pressed.keys() - holds for g in key}
-    explicit = {tuple(sorted(pair["geoms"])): k for k, pair in enumerate(whole["pairs"])}
+    explicit = _explicit(whole)
     friction = np.asarray(model.geom_friction, float)
     wide = {k: _WIDER * max(pressed[key].friction for key in holds if k in key) for k in steady}
     raised = np.array([[wide.get(k, own), *rest] for k, (own, *rest) in enumerate(friction.tolist())]).reshape(friction.shape)

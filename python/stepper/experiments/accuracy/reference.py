@@ -86,6 +86,14 @@ class Reference:
         return "; ".join(part for part in told if part)
 
 
+def check_moves(study: Study) -> Study:
+    """The study; ValueError for a model without joints, whose error is nothing whatever the settings."""
+    model = study.loaded[0]
+    if model.nv == 0:
+        raise ValueError(f"{model.name or study.name} has no joints, so that nothing moves: give it some, as <freejoint/> to what flies")
+    return study
+
+
 def converge(
     study: Study,
     episodes: Sequence[int],

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from stepper.experiments.study.batches import drive_through, world_of
 from stepper.experiments.study.outcomes import Watch
+from stepper.experiments.study.over_ray import each
 from stepper.experiments.study.study import USUAL, Study
 from stepper.experiments.study.worlds import World
 
@@ -97,6 +99,29 @@ def run(study: Study, episodes: Sequence[int], setting: str = USUAL, **changed: 
         settings=world.settings(),
         timestep=world.timestep,
     )
+
+
+def runs(
+    study: Study, episodes: Sequence[int], settings: Sequence[Mapping[str, Any]], tick: Callable[[float], None] | None = None
+) -> list[Trace]:
+    """Runs of the same episodes with several settings, over Ray where the study says so.
+
+    Args:
+        study: The study.
+        episodes: Their numbers.
+        settings: As of `world_of`, of every run.
+        tick: Called with the fraction done.
+    """
+    made: dict[int, Trace] = {}
+    for number, trace in each(study, settings, functools.partial(_one, episodes)):
+        made[number] = trace
+        if tick:
+            tick(len(made) / len(settings))
+    return [made[number] for number in range(len(settings))]
+
+
+def _one(episodes: Sequence[int], study: Study, settings: Mapping[str, Any]) -> Trace:
+    return run(study, episodes, **settings)
 
 
 def _points(now: World) -> Array:

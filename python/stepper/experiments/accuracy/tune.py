@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import json
 import math
@@ -12,24 +13,30 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stepper._options import Options
 from stepper.experiments.accuracy.candidates import hard_lines, timesteps
 from stepper.experiments.accuracy.costs import costs
 from stepper.experiments.accuracy.needs import Bench, Spare, spares
-from stepper.experiments.accuracy.reference import Reference, converge
-from stepper.experiments.accuracy.traces import Distance, Trace, quantity, run
+from stepper.experiments.accuracy.reference import Reference, check_moves, converge
+from stepper.experiments.accuracy.traces import Distance, quantity, run, runs
 from stepper.experiments.progress import Tick
 from stepper.experiments.study.batches import steps_of
 from stepper.experiments.study.document import Document, Section
 from stepper.experiments.study.intervals import least_share, trials_for
+from stepper.experiments.study.over_ray import each
 from stepper.experiments.study.study import Study
 from stepper.shared.machine import one_core, provenance
 
+Array = NDArray[np.float64]
 _KNOWN = 0.1
 """Share of the budget to which the reference is converged."""
 _BETTER = 0.8
 """Error of the next candidate at the most, over that of one that failed on held-out episodes."""
+
+_PART = 16
+"""Held-out episodes that are stepped together, here or as a task of Ray."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +136,8 @@ def tune(
 
     Settings are chosen by some episodes and proved by others, which had no part in the choice: with the confidence, at least the share
     `coverage` of episodes is within the budget. Errors are those of time step, solver and precision, from a reference of the same law of
-    contact that is converged to a tenth of the budget.
+    contact that is converged to a tenth of the budget. Of a study over Ray, candidates, held-out episodes and smaller models are run as
+    tasks; the first reference and all costs are of this process.
 
     Args:
         source: A study or the file of one; or a model as of `stepper.load`, which gets random controls.
@@ -147,8 +155,8 @@ def tune(
         What was found. OUT/NAME has tune.html, tune.md, tune.json, and smaller.stepper where something could be taken out.
 
     Raises:
-        ValueError: A budget or horizon that is none, a study of MuJoCo's law, or one whose episodes repeat one another, so that held-out
-            ones prove nothing.
+        ValueError: A budget or horizon that is none, a model without joints, a study of MuJoCo's law, or one whose episodes repeat one
+            another, so that held-out ones prove nothing.
     """
     budget, unit = quantity(error, units=("m", "rad"))
     seconds, _ = quantity(horizon, units=("s",))
@@ -158,7 +166,7 @@ def tune(
     study = Study.of(source)
     if study.options.contact != "hard":
         raise ValueError('the study has contact="mujoco", whose settings are those of its file; tuning chooses among those of hard contact')
-    study = replace(study, threads=1, seconds=max(study.hold, math.ceil(round(seconds / study.hold, 9)) * study.hold))
+    study = replace(check_moves(study), threads=1, seconds=max(study.hold, math.ceil(round(seconds / study.hold, 9)) * study.hold))
     told: Tick = tick or (lambda _what, _done: None)
     distance = Distance(unit, seconds)
     enough = trials_for(coverage, 1 - (1 - confidence) / 2)
@@ -219,10 +227,7 @@ def _candidates(
     steps_of(study, own["timestep"])
     settings: list[tuple[str, dict[str, Any]]] = [("the study's own", own)]
     settings += [(line.name, line.settings | {"timestep": dt}) for line in hard_lines() for dt in timesteps(study, coarser=4, finer=4)]
-    traces: list[Trace] = []
-    for number, (_, given) in enumerate(settings):
-        traces.append(run(study, episodes, **given))
-        told("candidates", (number + 1) / len(settings))
+    traces = runs(study, episodes, [given for _, given in settings], tick=lambda done: told("candidates", done))
     errors = [float((distance(trace, right.trace) + right.uncertainty).max()) for trace in traces]
     # What does not keep the budget may cost what it wants.
     timed = [0, *(k for k in range(1, len(settings)) if errors[k] <= budget)]
@@ -256,12 +261,21 @@ def _fresh(study: Study, episodes: range, settings: Mapping[str, Any]) -> list[i
 
 
 def _trial(study: Study, candidate: Candidate, episodes: Sequence[int], distance: Distance, budget: float, *, confidence: float) -> Trial:
-    right = converge(study, episodes, distance, target=_KNOWN * budget)
-    apart = distance(run(study, episodes, **candidate.settings), right.trace)
-    unknown = right.uncertainty > 0.5 * budget
-    held = int(np.count_nonzero((apart + right.uncertainty <= budget) & ~unknown))
+    parts = [episodes[k : k + _PART] for k in range(0, len(episodes), _PART)]
+    apart, unsure = np.empty(len(episodes)), np.empty(len(episodes))
+    for number, (own, doubt) in each(study, parts, functools.partial(_held_out, candidate, distance, budget)):
+        place = slice(_PART * number, _PART * (number + 1))
+        apart[place], unsure[place] = own, doubt
+    unknown = unsure > 0.5 * budget
+    held = int(np.count_nonzero((apart + unsure <= budget) & ~unknown))
     share = least_share(held, len(episodes), confidence)
     return Trial(candidate, len(episodes), held, int(unknown.sum()), float(apart.max()), share, confidence)
+
+
+def _held_out(candidate: Candidate, distance: Distance, budget: float, study: Study, episodes: Sequence[int]) -> tuple[Array, Array]:
+    """Errors of episodes, and how far what is right is unknown."""
+    right = converge(study, episodes, distance, target=_KNOWN * budget)
+    return distance(run(study, episodes, **candidate.settings), right.trace), right.uncertainty
 
 
 def _options(study: Study, chosen: Candidate | None) -> tuple[Options | None, str | None]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from stepper.experiments.study.journal import Journal, Row
 from stepper.experiments.study.outcomes import Watch
-from stepper.experiments.study.over_ray import over_ray
+from stepper.experiments.study.over_ray import each
 from stepper.experiments.study.parameters import RANDOMIZED, Theta, actuator_model, model_fields, sensor_model
 from stepper.experiments.study.study import USUAL, Study
 from stepper.experiments.study.worlds import Plan, World, make_world, stacked
@@ -70,7 +70,7 @@ def run_points(study: Study, points: Sequence[Point], journal: Journal, tick: Ca
     some = [batches[k] for k in left]
     if tick and not left:
         tick(1.0)
-    for done, (number, made) in enumerate(over_ray(study, some, _run) if study.ray and some else _here(study, some)):
+    for done, (number, made) in enumerate(each(study, some, _run)):
         rows = {keys[_name(point), e]: row for (point, e), row in zip(some[number].episodes, made, strict=True)}
         journal.append({"key": key} | rows[key] for key in dict.fromkeys(missing[left[number]]))
         if tick:
@@ -81,12 +81,6 @@ def run_points(study: Study, points: Sequence[Point], journal: Journal, tick: Ca
         for point in points
         for e in range(study.episodes)
     ]
-
-
-def _here(study: Study, batches: Sequence[_Batch]) -> Iterator[tuple[int, list[Row]]]:
-    """Runs batches one after the other, in this process."""
-    for number, batch in enumerate(batches):
-        yield number, _run(study, batch)
 
 
 def _name(point: Point) -> str:

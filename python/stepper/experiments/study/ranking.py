@@ -227,7 +227,10 @@ def _values(study: Study, rows: Sequence[dict[str, Any]]) -> Array:
         )
     points: Array = values.reshape(-1, study.episodes).mean(axis=1)
     if np.ptp(points) == 0.0:
-        raise ValueError(f"{name} is the same at all {len(points)} points, so that no parameter decides it; widen their ranges")
+        same = f"{name} is the same at all {len(points)} points"
+        if study.decisive is not None:
+            same = f"as many episodes succeed at all {len(points)} points, {points[0]:.0%} of them by {name} {study.decisive.success}"
+        raise ValueError(f"{same}, so that no parameter decides it; widen their ranges, or ask for another success")
     return points
 
 

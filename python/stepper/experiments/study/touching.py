@@ -117,16 +117,25 @@ def pair_friction(model: Model, friction: Array, first: int, second: int, explic
 
 
 def pairs_of_bodies(model: Model) -> set[tuple[int, int]]:
-    """Pairs of bodies, the lower first, that may touch: their geoms' masks meet, and they are not parent and child.
+    """Pairs of bodies, the lower first, that may touch: their geoms' masks meet, they can move against each other, and are no neighbours.
 
-    Children of the world do touch it. Explicit pairs and exclusions are MuJoCo's; see `pairs_that_may_touch`.
+    Neighbours are a body and the one that it moves against; bodies without joints belong to their parent. Children of the world do touch
+    it. Explicit pairs and exclusions are MuJoCo's; see `pairs_that_may_touch`.
     """
+    rigid = [0] * model.nbody
+    for k in range(1, model.nbody):
+        rigid[k] = k if model.body(k).jntnum else rigid[model.body(k).parentid]
+    below = [rigid[model.body(k).parentid] for k in rigid]
     geoms = [model.geom(g) for g in range(model.ngeom)]
     kinds = {(g.bodyid, g.contype, g.conaffinity) for g in geoms}
-    may = {
-        (min(a, b), max(a, b)) for a, ones, takes in kinds for b, others, gives in kinds if a != b and ((ones & gives) or (others & takes))
+    return {
+        (min(a, b), max(a, b))
+        for a, ones, takes in kinds
+        for b, others, gives in kinds
+        if ((ones & gives) or (others & takes))
+        and rigid[a] != rigid[b]
+        and not (rigid[a] and rigid[b] and (below[a] == rigid[b] or below[b] == rigid[a]))
     }
-    return may - {(min(k, p), max(k, p)) for k in range(1, model.nbody) if (p := model.body(k).parentid)}
 
 
 def pairs_that_may_touch(model: Model, compiled: Any) -> set[tuple[int, int]]:

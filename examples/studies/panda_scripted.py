@@ -1,0 +1,37 @@
+"""The episodes of panda_trained.py by the script of panda.py, which is told where the cube lies at the start.
+
+stepper report examples/studies/panda_scripted.py
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+import panda  # type: ignore[import-not-found]
+import panda_hand as hand  # type: ignore[import-not-found]
+
+
+class Scripted:
+    """The way of panda.py to where the cube lies at the start: above it, down, close, up by 15 cm."""
+
+    def begin(self, now: Any) -> None:
+        """Sees the hand and the cube, which lies along the hand's y and x from it."""
+        self._hand = now.sensor("hand")[:, :2].copy()
+        self._aside = now.sensor("cube")[:, [1, 0]].copy()
+
+    def __call__(self, now: Any) -> Any:
+        """Targets of seven joints and two fingers."""
+        k, done = panda.way(now.time)
+        height = panda.HALF + panda.HEIGHTS[k] + done * (panda.HEIGHTS[k + 1] - panda.HEIGHTS[k])
+        place = self._hand + (done if k == 0 else 1.0) * self._aside
+        target = np.concatenate([place, np.full((now.num_envs, 1), height)], axis=1)
+        return hand.controls(target, np.full(now.num_envs, now.time >= panda.TIMES[2]))
+
+
+study = hand.picking("panda_scripted", Scripted(), 0.02)

@@ -1,0 +1,132 @@
+"""Trains the policy of panda_trained.py: to pick up a cube that lies anywhere within 4 cm, with friction of 0.4 to 1.2.
+
+    python examples/studies/panda_task.py stepper/PandaPick-v0 --threads 1
+
+The options are those of examples/train.py.
+"""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE), str(HERE.parent)]
+
+import gymnasium  # noqa: E402
+import numpy as np  # noqa: E402
+import panda  # type: ignore[import-not-found]  # noqa: E402
+import panda_hand as lab  # type: ignore[import-not-found]  # noqa: E402
+import stepper  # noqa: E402
+from stepper.envs.task import Quantity, Task  # noqa: E402
+
+LENGTH = 80
+"""Actions of an episode: 4 s."""
+SETTINGS = {
+    "steps": 400_000,
+    "num_envs": 128,
+    "horizon": 40,
+    "minibatch": 512,
+    "epochs": 6,
+    "learning_rate": 5e-4,
+    "gamma": 0.98,
+    "initial_std": 0.6,
+}
+"""Of the training, in place of those of examples/train.py."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PandaPick(Task):
+    """Close the fingers around the cube and lift it by 15 cm.
+
+    An action moves the target of the hand along x, y and z, by up to 2 cm at -1 and 1. Its last number closes the fingers above 0, and
+    opens them otherwise.
+    """
+
+    frame_skip: int = 25
+    friction: tuple[float, float] = (0.4, 1.2)
+
+    def model(self) -> Any:
+        """The scene of the study."""
+        with warnings.catch_warnings():
+            # Of the softness of two pads; contact is hard here.
+            warnings.simplefilter("ignore", stepper.ModelWarning)
+            return stepper.load(lab.scene())
+
+    def action_bounds(self, model: Any) -> Any:
+        """Of the moves and of the fingers."""
+        return -np.ones(4), np.ones(4)
+
+    def quantities(self) -> Any:
+        """What the policy of the study sees: (10,)."""
+        return (Quantity("seen", of=lambda now: lab.seen(now.observation, now.memory["target"], now.memory["closed"])),)
+
+    def memory(self, num_envs: int) -> Any:
+        """The target of the hand, and whether the fingers close."""
+        return {"target": np.zeros((num_envs, 3)), "closed": np.zeros(num_envs)}
+
+    def start(self, qpos: Any, qvel: Any, draws: Any) -> None:
+        """Above the middle, the cube beside it."""
+        lab.ready(qpos, draws.uniform(-lab.SPREAD, lab.SPREAD, 2))
+
+    def prepare(self, sim: Any, memory: Any, mask: Any, draws: Any) -> None:
+        """A friction of the cube and the fingers."""
+        memory["target"][mask], memory["closed"][mask] = np.array([*panda.PLACE, panda.HALF + lab.ABOVE]), 0.0
+        model = sim.model
+        grips = [k for k, name in enumerate(model.geom_names) if name == "cube" or name.startswith("hand_finger")]
+        rows = np.tile(np.asarray(model.geom_friction), (len(mask), 1, 1))
+        drawn = np.zeros((len(mask), 1))
+        drawn[mask] = draws.uniform(*self.friction, 1)
+        rows[:, grips, 0] = drawn
+        sim.randomize(mask, geom_friction=rows)
+
+    def advance(self, now: Any) -> None:
+        """Moves the target, and steps with the servos that follow it."""
+        memory = now.memory
+        memory["target"][:] = lab.moved(memory["target"], now.action)
+        memory["closed"][:] = now.action[:, 3] > 0.0
+        now.sim.step(lab.controls(memory["target"], memory["closed"]), self.frame_skip)
+
+    def healthy(self, now: Any) -> Any:
+        """The cube is within reach."""
+        return np.abs(now.qpos[:, 9:11] - panda.PLACE).max(axis=1) < 0.15
+
+    def reward(self, now: Any) -> Any:
+        """For fingers about the cube, for a cube between them that stops them, and for its height; less the size of moves."""
+        readings = now.observation
+        distance = np.linalg.norm(readings[:, 3:6], axis=1)
+        height = np.clip((now.qpos[:, 11] - panda.HALF) / panda.RISE, 0.0, 1.0)
+        narrow = np.minimum(readings[:, 6], -readings[:, 7])
+        held = (now.memory["closed"] > 0.0) & (distance < 0.02) & (narrow > 0.8 * panda.HALF) & (narrow < 1.1 * panda.HALF)
+        terms = {
+            "reach": 0.5 * (1.0 - np.tanh(8.0 * distance)),
+            "hold": 0.5 * held,
+            "lift": 4.0 * height,
+            "effort": -0.02 * np.square(np.clip(now.action[:, :3], -1.0, 1.0)).sum(axis=1),
+        }
+        return sum(terms.values()), {"height": height * panda.RISE} | {f"reward_{name}": value for name, value in terms.items()}
+
+
+def register() -> None:
+    """As stepper/PandaPick-v0."""
+    gymnasium.register(
+        "stepper/PandaPick-v0",
+        entry_point="stepper.envs.single:StepperEnv",
+        vector_entry_point="stepper.envs.vector:StepperVectorEnv",
+        max_episode_steps=LENGTH,
+        kwargs={"task": PandaPick},
+    )
+
+
+if __name__ == "__main__":
+    import train  # type: ignore[import-not-found]
+
+    # Under its own name, so that a checkpoint finds the class when it is read.
+    sys.modules["panda_task"] = sys.modules["__main__"]
+    PandaPick.__module__ = "panda_task"
+    register()
+    train.TASKS = {**train.TASKS, "PandaPick-v0": SETTINGS}
+    train.main()

@@ -1,0 +1,49 @@
+"""What a task of Ray does, without Ray: versions are compared before anything of the package is read."""
+
+import pickle
+from dataclasses import replace
+
+import pytest
+import stepper
+from stepper.experiments.study.over_ray import _guarded, _of_task, _refusal, each
+
+ARM = (
+    """<mujoco><worldbody><body><joint name="hinge" axis="0 1 0" damping="1"/><geom size=".05" pos=".2 0 0"/></body></worldbody></mujoco>"""
+)
+
+
+@pytest.fixture
+def study():
+    return stepper.Study(model=ARM, seconds=0.1, threads=0, outcomes=stepper.Outcome(name="angle", measure="joint hinge"))
+
+
+def doubled(study, job):
+    return study.threads, 2 * job
+
+
+def test_a_job_is_run_where_versions_are_the_same(study):
+    versions = study.identity["versions"]
+    shared = pickle.dumps((_of_task(study), doubled))
+    # threads=0 is all CPUs, and of a task it is the one that it has.
+    assert _guarded()(versions, shared, pickle.dumps(4))[1:] == (versions, (1, 8))
+    assert _of_task(replace(study, threads=3)).threads == 3
+    assert study.threads == 0
+
+
+@pytest.mark.parametrize("name", ["stepper", "numpy", "mujoco"])
+def test_another_version_is_refused_before_anything_is_read(study, name):
+    ours = study.identity["versions"] | {name: "0.0.1"}
+    machine, theirs, made = _guarded()(ours, b"what only 0.0.1 can read", b"")
+    assert made is None
+    assert theirs == study.identity["versions"]
+    told = _refusal(machine, theirs, ours)
+    assert f"{machine} has {name} {theirs[name]} there and 0.0.1 here, so that" in told
+
+
+def test_a_package_that_a_worker_lacks_is_named():
+    told = _refusal("node7", {"stepper": "1.0", "mujoco": None}, {"stepper": "1.0", "mujoco": "4.0.0"})
+    assert "node7 has mujoco (not installed) there and 4.0.0 here" in told
+
+
+def test_without_ray_jobs_are_done_in_their_order(study):
+    assert list(each(study, [3, 1], doubled)) == [(0, (0, 6)), (1, (0, 2))]

@@ -14,6 +14,9 @@
 //! the first, steps on the exact law are tried, s included, whose matrix is not symmetric: near the answer they converge at once, and where
 //! they do not they are taken back.
 //!
+//! Where contacts are many that does not converge, nor where it has failed once: there all proximal steps are of the exact law, short at
+//! first (`ProximalPoint::solve_exact`).
+//!
 //! Nothing proves that s converges, and Coulomb's law may have no solution or several (Painleve 1895). The residual says how it went.
 
 mod anderson;
@@ -30,8 +33,13 @@ use crate::problem::System;
 use island::Island;
 use lane::Lane;
 use ordering::{Islands, Ordering};
+pub use proximal::EXACT_RATIO;
 use proximal::{Criteria, ProximalPoint};
 use stepper_real::{Mask, Real, Scalar};
+
+/// Number of coordinates of the largest island that begins with De Saxce's terms held. A robot's contacts are solved in a few steps so; of a
+/// struck wall and a heap of thirty boxes hundreds of contacts switch at once, and half of the steps are left.
+const LARGEST_HELD: usize = 64;
 
 /// Newton's method with its workspace, made once per thread; it grows with the largest problem that it has seen.
 #[derive(Clone, Debug, Default)]
@@ -49,7 +57,7 @@ pub struct Newton {
 }
 
 /// Effort of the last call in all its lanes and islands together. With at most n steps asked for, there are at most n steps and n rounds an
-/// island, whatever the numbers are: what a lane can cost its neighbours.
+/// island, or [`EXACT_RATIO`] n where steps are of the exact law, whatever the numbers are: what a lane can cost its neighbours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Work {
     /// Number of islands searched.
@@ -66,6 +74,7 @@ struct LaneCriteria<R> {
     steps: u32,
     tolerance: R,
     least_norm: bool,
+    exact: bool,
 }
 
 /// Result of one lane.
@@ -79,7 +88,7 @@ struct LaneOutcome {
 
 impl Newton {
     /// Improves the impulses of the lanes `lanes` whose `residual` is above the tolerance, each alone, by at most `steps` Newton steps an
-    /// island. Replaces their residuals and adds the Newton steps to `taken`. No lane ends with a larger residual than it had. Of many
+    /// island, or [`EXACT_RATIO`] times as many in large ones. Replaces their residuals and adds the Newton steps to `taken`. No lane ends with a larger residual than it had. Of many
     /// possible impulses it takes those near the start.
     pub fn solve<'a, R: Real>(
         &mut self,
@@ -91,7 +100,21 @@ impl Newton {
         outcome: [&mut R; 2],
     ) {
         let lanes = lanes.and(outcome[0].gt(tolerance));
-        self.solve_lanes(system.into(), iterate, LaneCriteria { steps, tolerance, least_norm: false }, lanes, outcome);
+        self.solve_lanes(system.into(), iterate, LaneCriteria { steps, tolerance, least_norm: false, exact: false }, lanes, outcome);
+    }
+
+    /// As [`Newton::solve`], but by steps of the exact law in islands of any size: at most [`EXACT_RATIO`] times `steps` an island.
+    pub fn solve_exact<'a, R: Real>(
+        &mut self,
+        system: impl Into<System<'a, R>>,
+        iterate: &mut Iterate<R>,
+        steps: u32,
+        tolerance: R,
+        lanes: R::Mask,
+        outcome: [&mut R; 2],
+    ) {
+        let lanes = lanes.and(outcome[0].gt(tolerance));
+        self.solve_lanes(system.into(), iterate, LaneCriteria { steps, tolerance, least_norm: false, exact: true }, lanes, outcome);
     }
 
     /// Solves all of `lanes`, and of many possible impulses takes those of least norm (in the metric of 1/rho), whatever came before and
@@ -105,7 +128,7 @@ impl Newton {
         lanes: R::Mask,
         outcome: [&mut R; 2],
     ) {
-        self.solve_lanes(system.into(), iterate, LaneCriteria { steps, tolerance, least_norm: true }, lanes, outcome);
+        self.solve_lanes(system.into(), iterate, LaneCriteria { steps, tolerance, least_norm: true, exact: false }, lanes, outcome);
     }
 
     /// Effort of the last call.
@@ -128,8 +151,12 @@ impl Newton {
             let lane = rest.trailing_zeros() as usize;
             rest &= rest - 1;
             self.lane.gather(system, iterate, lane);
-            let own =
-                Criteria { tolerance: criteria.tolerance.lane(lane).to_f64(), steps: criteria.steps, least_norm: criteria.least_norm };
+            let own = Criteria {
+                tolerance: criteria.tolerance.lane(lane).to_f64(),
+                steps: criteria.steps,
+                least_norm: criteria.least_norm,
+                exact: criteria.exact,
+            };
             let result = self.solve_lane::<R>(own);
             if result.better {
                 self.lane.scatter(lane, iterate);
@@ -149,7 +176,12 @@ impl Newton {
             let before = self.island.residual(&mut self.v);
             let mut after = before;
             if criteria.least_norm || before > criteria.tolerance {
-                let steps = self.proximal.solve::<R>(&mut self.island, criteria);
+                let exact = criteria.exact || !criteria.least_norm && self.island.w.len() > LARGEST_HELD;
+                let steps = if exact {
+                    self.proximal.solve_exact::<R>(&mut self.island, criteria)
+                } else {
+                    self.proximal.solve::<R>(&mut self.island, criteria)
+                };
                 result.steps += steps;
                 let Work { islands, steps: all, rounds } = self.work;
                 self.work = Work { islands: islands + 1, steps: all + steps, rounds: rounds + self.proximal.rounds };

@@ -16,16 +16,29 @@ pub(crate) fn inner(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).fold(0.0, |sum, (a, b)| sum + a * b)
 }
 
-/// Sum of products over whole tiles, with a partial sum for each place in a tile: a fixed order.
+/// Sum of products of `y` with the tiles `tiles` of `x`, with a partial sum for each place in a tile: a fixed order, to which tiles of zeros
+/// would add nothing.
 #[inline(always)]
-pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(crate) fn dot(y: &[f64], tiles: &[usize], x: &[f64]) -> f64 {
     let mut sum = [0.0; TILE];
-    for (a, b) in a.chunks_exact(TILE).zip(b.chunks_exact(TILE)) {
+    for (y, &tile) in y.chunks_exact(TILE).zip(tiles) {
+        let x = &x[TILE * tile..TILE * (tile + 1)];
         for k in 0..TILE {
-            sum[k] += a[k] * b[k];
+            sum[k] += y[k] * x[k];
         }
     }
     (sum[0] + sum[1]) + (sum[2] + sum[3])
+}
+
+/// x += s y in the tiles `tiles` of `x`.
+#[inline(always)]
+pub(crate) fn add_to_tiles(x: &mut [f64], tiles: &[usize], s: f64, y: &[f64]) {
+    for (y, &tile) in y.chunks_exact(TILE).zip(tiles) {
+        let x = &mut x[TILE * tile..TILE * (tile + 1)];
+        for k in 0..TILE {
+            x[k] += s * y[k];
+        }
+    }
 }
 
 /// x += s y over whole tiles.

@@ -1,6 +1,8 @@
 //! Factors of a full matrix with partial pivoting (Golub & Van Loan 2013, algorithm 3.4.1), for small islands whose matrix has pivots below
 //! zero.
 
+use crate::vectors::TILE;
+
 /// Factors P A = L U, row by row.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Dense {
@@ -19,14 +21,19 @@ impl Dense {
         self.entries.iter_mut().step_by(dimension + 1).for_each(|x| *x = 1.0);
     }
 
-    /// Adds `sum_r a_r^T b_r` between the coordinates from `first` on; a and b hold rows of `n` numbers, one after the other.
+    /// Adds `sum_r a_r^T b_r` between the coordinates of the tiles `tiles`; a and b hold rows with the numbers of their tiles, one after the
+    /// other.
     #[inline(always)]
-    pub(super) fn add_product(&mut self, first: usize, n: usize, a: &[f64], b: &[f64]) {
+    pub(super) fn add_product(&mut self, tiles: &[usize], a: &[f64], b: &[f64]) {
+        let n = TILE * tiles.len();
         for (a, b) in a.chunks_exact(n).zip(b.chunks_exact(n)) {
             for (i, &a) in a.iter().enumerate() {
-                let at = (first + i) * self.dimension + first;
-                for (x, &b) in self.entries[at..at + n].iter_mut().zip(b) {
-                    *x += a * b;
+                let row = (TILE * tiles[i / TILE] + i % TILE) * self.dimension;
+                for (b, &tile) in b.chunks_exact(TILE).zip(tiles) {
+                    let at = row + TILE * tile;
+                    for (x, &b) in self.entries[at..at + TILE].iter_mut().zip(b) {
+                        *x += a * b;
+                    }
                 }
             }
         }
@@ -95,23 +102,29 @@ impl Dense {
 mod tests {
     use super::Dense;
 
+    /// Rows of one tile from their first numbers.
+    fn rows(rows: &[[f64; 3]]) -> Vec<f64> {
+        rows.iter().flat_map(|&[a, b, c]| [a, b, c, 0.0]).collect()
+    }
+
     #[test]
     fn a_matrix_with_zeros_on_its_diagonal_is_solved() {
         let mut matrix = Dense::default();
-        matrix.set_identity(3);
-        // [0 2 0; 3 0 0; 0 0 -4]
-        matrix.add_product(0, 3, &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], &[-1.0, 2.0, 0.0, 3.0, -1.0, 0.0, 0.0, 0.0, -5.0]);
+        matrix.set_identity(8);
+        // [0 2 0; 3 0 0; 0 0 -4] in the coordinates of the second tile.
+        let unit = rows(&[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+        matrix.add_product(&[1], &unit, &rows(&[[-1.0, 2.0, 0.0], [3.0, -1.0, 0.0], [0.0, 0.0, -5.0]]));
         assert!(matrix.factor());
-        let mut x = [2.0, 9.0, 8.0];
+        let mut x = [1.0, 1.0, 1.0, 1.0, 2.0, 9.0, 8.0, 1.0];
         matrix.solve(&mut x);
-        assert_eq!(x, [3.0, 1.0, -2.0]);
+        assert_eq!(x, [1.0, 1.0, 1.0, 1.0, 3.0, 1.0, -2.0, 1.0]);
     }
 
     #[test]
     fn a_singular_matrix_has_no_factors() {
         let mut matrix = Dense::default();
-        matrix.set_identity(2);
-        matrix.add_product(0, 2, &[1.0, 0.0], &[-1.0, 0.0]);
+        matrix.set_identity(4);
+        matrix.add_product(&[0], &rows(&[[1.0, 0.0, 0.0]]), &rows(&[[-1.0, 0.0, 0.0]]));
         assert!(!matrix.factor());
     }
 }

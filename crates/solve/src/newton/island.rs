@@ -1,21 +1,21 @@
-//! Rows of one island, dense between their first and last coordinate.
+//! Rows of one island, dense in the tiles of coordinates that they touch.
 //!
-//! Coordinates come in tiles of four, and a block's rows span whole tiles (`vectors.rs`).
+//! Coordinates come in tiles of four (`vectors.rs`). The rows of a contact between two bodies touch a few tiles that may lie far apart.
 
 use std::ops::Range;
 
 use crate::admissible_set::AdmissibleSet;
 use crate::newton::lane::Lane;
-use crate::vectors::{TILE, add_scaled, dot, inner};
+use crate::vectors::{TILE, add_to_tiles, dot, inner};
 
 /// Rows of one constraint, which are projected together.
 #[derive(Clone, Debug)]
 pub(super) struct Block {
     /// Set of its admissible impulses.
     pub(super) set: AdmissibleSet,
-    /// Coordinates that its rows span: whole tiles.
-    pub(super) span: Range<usize>,
-    /// Places of its entries in [`Island::y`], one row after the other.
+    /// Places of the tiles that its rows touch in [`Island::tiles`].
+    tiles: Range<usize>,
+    /// Places of its entries in [`Island::y`], one row after the other, tile by tile.
     pub(super) y: Range<usize>,
     /// Its rows, as places in [`Island::g`] and [`Island::lambda`].
     pub(super) rows: Range<usize>,
@@ -33,6 +33,8 @@ pub(super) struct Block {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Island {
     pub(super) blocks: Vec<Block>,
+    /// Tiles of the blocks, ascending in each.
+    tiles: Vec<usize>,
     /// Entries of the blocks.
     pub(super) y: Vec<f64>,
     /// Velocity of every row before any impulse, with its bias, m/s.
@@ -47,6 +49,7 @@ impl Island {
     /// Gathers the blocks `members` of a lane, whose coordinates are `coordinates` in this order; `number` is its inverse.
     pub(super) fn gather(&mut self, lane: &Lane, members: &[usize], coordinates: &[u32], number: &[u32]) {
         self.blocks.clear();
+        self.tiles.clear();
         self.y.clear();
         self.g.clear();
         self.lambda.clear();
@@ -56,13 +59,20 @@ impl Island {
         for block in members.iter().map(|&i| &lane.blocks[i]) {
             let (support, entries) = lane.entries(block);
             let places = || support.iter().map(|&c| number[c as usize] as usize);
-            let (least, most) = places().fold((usize::MAX, 0), |(least, most), c| (least.min(c), most.max(c)));
-            let span = least / TILE * TILE..(most + 1).next_multiple_of(TILE);
+            let first = self.tiles.len();
+            for tile in places().map(|c| c / TILE) {
+                if let Err(place) = self.tiles[first..].binary_search(&tile) {
+                    self.tiles.insert(first + place, tile);
+                }
+            }
+            let tiles = first..self.tiles.len();
             let (dim, at, row) = (block.rows.len(), self.y.len(), self.g.len());
-            self.y.resize(at + dim * span.len(), 0.0);
+            let n = TILE * tiles.len();
+            self.y.resize(at + dim * n, 0.0);
             for (c, entries) in places().zip(entries.chunks_exact(dim)) {
+                let tile = self.tiles[tiles.clone()].partition_point(|&tile| tile < c / TILE);
                 for (r, &y) in entries.iter().enumerate() {
-                    self.y[at + r * span.len() + c - span.start] = y;
+                    self.y[at + r * n + TILE * tile + c % TILE] = y;
                 }
             }
             self.g.extend_from_slice(&lane.g[block.rows.clone()]);
@@ -74,7 +84,7 @@ impl Island {
             let normal = bodies.iter().step_by(dim).map(|y| y * y).sum::<f64>() + block.compliance;
             self.blocks.push(Block {
                 set: block.set,
-                span,
+                tiles,
                 y: at..self.y.len(),
                 rows: row..row + dim,
                 rho: dim as f64 / trace,
@@ -99,10 +109,22 @@ impl Island {
         }
     }
 
-    /// Rows of a block.
+    /// Tiles of coordinates that the rows of a block touch, ascending.
     #[inline(always)]
-    pub(super) fn entries(&self, block: &Block) -> std::slice::ChunksExact<'_, f64> {
-        self.y[block.y.clone()].chunks_exact(block.span.len())
+    pub(super) fn tiles(&self, block: &Block) -> &[usize] {
+        &self.tiles[block.tiles.clone()]
+    }
+
+    /// Number of entries of each row of a block.
+    #[inline(always)]
+    pub(super) fn width(&self, block: &Block) -> usize {
+        TILE * block.tiles.len()
+    }
+
+    /// Rows of a block, each with the entries of its tiles one after the other.
+    #[inline(always)]
+    fn entries(&self, block: &Block) -> std::slice::ChunksExact<'_, f64> {
+        self.y[block.y.clone()].chunks_exact(self.width(block))
     }
 
     /// out = Y x, for all rows.
@@ -110,9 +132,9 @@ impl Island {
     pub(super) fn multiply(&self, x: &[f64], out: &mut Vec<f64>) {
         out.clear();
         for block in &self.blocks {
-            let x = &x[block.span.clone()];
+            let tiles = self.tiles(block);
             for y in self.entries(block) {
-                out.push(dot(y, x));
+                out.push(dot(y, tiles, x));
             }
         }
     }
@@ -121,9 +143,9 @@ impl Island {
     #[inline(always)]
     pub(super) fn add_transposed(&self, x: &[f64], sign: f64, out: &mut [f64]) {
         for block in &self.blocks {
-            let out = &mut out[block.span.clone()];
+            let tiles = self.tiles(block);
             for (y, x) in self.entries(block).zip(&x[block.rows.clone()]) {
-                add_scaled(out, sign * x, y);
+                add_to_tiles(out, tiles, sign * x, y);
             }
         }
     }

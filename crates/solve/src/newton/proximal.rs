@@ -24,6 +24,19 @@ const MOST_KAPPA: f64 = 1e12;
 /// Least kappa, however tight the tolerance.
 const LEAST_KAPPA: f64 = 1e2;
 
+/// Ratio kappa of the first and of the shortest steps of [`ProximalPoint::solve_exact`].
+///
+/// Measured on 53 problems of a struck wall and of a heap of thirty boxes that sweeps and steps with De Saxce's terms held had left: a
+/// first kappa of 10 or 1000, growth by 4, or 6 instead of [`MOST_STEPS`] take within 15 % as many Newton steps, and leave none either.
+const FIRST_EXACT_KAPPA: f64 = 100.0;
+const LEAST_EXACT_KAPPA: f64 = 0.3;
+/// Number of Newton steps of a proximal step at the most, and of one after which the next is longer.
+const MOST_STEPS: u32 = 10;
+const FEW_STEPS: u32 = 6;
+/// Ratio of the Newton steps that a search with the exact law gets to those that are asked for: half of those 53 problems need more than 75,
+/// the hardest 280.
+pub const EXACT_RATIO: u32 = 6;
+
 /// Number of steps of a try of the exact law that need not lower its error.
 const PATIENCE: u32 = 3;
 
@@ -36,6 +49,8 @@ pub(super) struct Criteria {
     pub(super) steps: u32,
     /// Whether, of many possible impulses, those of least norm are sought, instead of those near the start.
     pub(super) least_norm: bool,
+    /// Whether proximal steps are of the exact law throughout, also in small islands.
+    pub(super) exact: bool,
 }
 
 /// Proximal-point method on one island: its workspace and its progress.
@@ -141,6 +156,58 @@ impl ProximalPoint {
         }
         self.best.restore(rows);
         self.steps
+    }
+
+    /// Improves `rows` as [`ProximalPoint::solve`] does, by proximal steps of the exact law throughout, whose length follows from how well
+    /// Newton's method takes them.
+    ///
+    /// With De Saxce's terms held, their fixed point is what does not converge where hundreds of contacts stick, slip and open at once; and
+    /// a long step of the exact law switches so many of them that Newton's method loses its way. A short one is a small correction of where
+    /// it stands, and unlike a sweep it moves all contacts together: pseudo-transient continuation (Kelley & Keyes 1998).
+    pub(super) fn solve_exact<R: Real>(&mut self, rows: &mut Island, criteria: Criteria) -> u32 {
+        self.lagrangian.reset(rows);
+        (self.steps, self.rounds) = (0, 0);
+        self.now = rows.residual(&mut self.v);
+        self.best.save(rows, self.now);
+        let most_steps = criteria.steps.saturating_mul(EXACT_RATIO);
+        let mut kappa = FIRST_EXACT_KAPPA;
+        while self.steps < most_steps && self.best.residual > criteria.tolerance && self.now.is_finite() {
+            self.rounds += 1;
+            self.lagrangian.kappa = kappa;
+            match self.step_exactly::<R>(rows, criteria, most_steps) {
+                Some(steps) if steps <= FEW_STEPS => kappa = (2.0 * kappa).min(KAPPA[1]),
+                Some(_) => {}
+                None if kappa <= LEAST_EXACT_KAPPA => break,
+                None => kappa = (0.3 * kappa).max(LEAST_EXACT_KAPPA),
+            }
+        }
+        self.best.restore(rows);
+        self.steps
+    }
+
+    /// Makes a proximal step of the exact law, to an error no larger than the present residual; returns its Newton steps, none where
+    /// Newton's method does not get there, and nothing has changed then.
+    fn step_exactly<R: Real>(&mut self, rows: &mut Island, criteria: Criteria, most_steps: u32) -> Option<u32> {
+        self.before.save(rows, self.now);
+        let start = self.lagrangian.evaluate(rows, true);
+        let enough = self.now.max(0.1 * criteria.tolerance);
+        for taken in 1..=MOST_STEPS {
+            if self.steps >= most_steps {
+                break;
+            }
+            self.steps += 1;
+            let error = self.lagrangian.advance::<R>(rows, true);
+            if error <= enough {
+                self.accept_step(rows);
+                return Some(taken);
+            }
+            // Also where it is NaN.
+            if error.partial_cmp(&(10.0 * start)) != Some(std::cmp::Ordering::Less) {
+                break;
+            }
+        }
+        self.before.restore(rows);
+        None
     }
 
     /// Sets De Saxce's terms to those at the present velocities `v`, without a history.

@@ -5,8 +5,6 @@
 //! same skyline, four of them at a time: for each coordinate the four numbers of a tile lie side by side. There is no pivoting: the
 //! matrices are the identity plus a positive semidefinite part, or near that; who factors others looks at the pivots.
 
-use std::ops::Range;
-
 use crate::vectors::TILE;
 
 /// Numbers of four rows in one column.
@@ -32,10 +30,10 @@ impl Skyline {
         self.first.extend((0..dimension).step_by(TILE));
     }
 
-    /// Reserves entries between all coordinates of `span`.
-    pub(super) fn reserve(&mut self, span: &Range<usize>) {
-        for first in &mut self.first[span.start / TILE..span.end / TILE] {
-            *first = span.start.min(*first);
+    /// Reserves entries between all coordinates of the tiles `tiles` (ascending).
+    pub(super) fn reserve(&mut self, tiles: &[usize]) {
+        for &tile in tiles {
+            self.first[tile] = self.first[tile].min(TILE * tiles[0]);
         }
     }
 
@@ -70,43 +68,50 @@ impl Skyline {
         self.start[j] + c - self.first[j]
     }
 
-    /// Adds `sum_r a_r^T b_r` between the coordinates of `span`; a and b hold some rows, one after the other.
+    /// Adds `sum_r a_r^T b_r` between the coordinates of the tiles `tiles` (ascending); a and b hold some rows, one after the other, each
+    /// with the numbers of its tiles.
     #[inline(always)]
-    pub(super) fn add_product(&mut self, span: &Range<usize>, a: &[f64], b: &[f64], symmetric: bool) {
-        let n = span.len();
+    pub(super) fn add_product(&mut self, tiles: &[usize], a: &[f64], b: &[f64], symmetric: bool) {
+        let n = TILE * tiles.len();
         // Three rows at a time, which is a contact.
         let (mut at, rows) = (0, a.len() / n);
         while at < rows {
             let some = if rows - at >= 3 { 3 } else { 1 };
             let (a, b) = (&a[at * n..(at + some) * n], &b[at * n..(at + some) * n]);
-            for j in span.start / TILE..span.end / TILE {
-                let (place, row) = (self.place(j, span.start), TILE * j - span.start);
-                let (below, all) = (place..place + row, place..place + row + TILE);
-                if some == 3 {
-                    add_rows::<3>(&mut self.lower[all], a, b, n, row);
-                } else {
-                    add_rows::<1>(&mut self.lower[all], a, b, n, row);
-                }
-                if !symmetric {
-                    if some == 3 {
-                        add_rows::<3>(&mut self.upper[below], b, a, n, row);
-                    } else {
-                        add_rows::<1>(&mut self.upper[below], b, a, n, row);
-                    }
-                }
+            if some == 3 {
+                self.add_rows::<3>(tiles, a, b, symmetric);
+            } else {
+                self.add_rows::<1>(tiles, a, b, symmetric);
             }
             at += some;
         }
     }
 
-    /// Factorises A = L U; false when a pivot is not above `least`, and the factors are of no use. Of a symmetric matrix only L is read.
+    /// [`Skyline::add_product`] of N rows.
     #[inline(always)]
-    pub(super) fn factor(&mut self, least: f64, symmetric: bool) -> bool {
+    fn add_rows<const N: usize>(&mut self, tiles: &[usize], a: &[f64], b: &[f64], symmetric: bool) {
+        let n = TILE * tiles.len();
+        for (i, &j) in tiles.iter().enumerate() {
+            let own: [[Tile; N]; 2] = [a, b].map(|x| std::array::from_fn(|r| tile(x, r * n + TILE * i)));
+            for (k, &column) in tiles[..=i].iter().enumerate() {
+                let place = self.place(j, TILE * column);
+                add_tile(&mut self.lower[place..place + TILE], &own[0], b, n, TILE * k);
+                if !symmetric && k < i {
+                    add_tile(&mut self.upper[place..place + TILE], &own[1], a, n, TILE * k);
+                }
+            }
+        }
+    }
+
+    /// Factorises A = L U; false when a pivot (its size, if it may be `indefinite`) is not above `least`, and the factors are of no use. Of a
+    /// symmetric matrix only L is read.
+    #[inline(always)]
+    pub(super) fn factor(&mut self, least: f64, symmetric: bool, indefinite: bool) -> bool {
         for j in 0..self.first.len() {
             for k in self.first[j] / TILE..j {
                 self.eliminate(j, k, symmetric);
             }
-            if !self.factor_diagonal(j, least) {
+            if !self.factor_diagonal(j, least, indefinite) {
                 return false;
             }
         }
@@ -159,7 +164,7 @@ impl Skyline {
 
     /// Factorises the four rows of the tile `j` among themselves.
     #[inline(always)]
-    fn factor_diagonal(&mut self, j: usize, least: f64) -> bool {
+    fn factor_diagonal(&mut self, j: usize, least: f64, indefinite: bool) -> bool {
         let (first, here) = (self.start[j], self.place(j, TILE * j));
         let mut d: [Tile; TILE] = std::array::from_fn(|c| self.lower[here + c]);
         for (l, u) in self.lower[first..here].iter().zip(&self.upper[first..here]) {
@@ -169,7 +174,8 @@ impl Skyline {
         for c in 0..TILE {
             let pivot = d[c][c];
             // Also where it is NaN.
-            if pivot.partial_cmp(&least) != Some(std::cmp::Ordering::Greater) {
+            let size = if indefinite { pivot.abs() } else { pivot };
+            if size.partial_cmp(&least) != Some(std::cmp::Ordering::Greater) {
                 return false;
             }
             for k in c + 1..TILE {
@@ -236,23 +242,20 @@ fn subtract_outer(d: &mut [Tile; TILE], a: &Tile, b: &Tile) {
     }
 }
 
-/// out[c][k] += sum_r a_r[row + k] b_r[c], over N rows of n numbers, for whole tiles of columns c.
+/// out[c][k] += sum_r a_r[k] b_r[column + c], over N rows, of which those of b have n numbers.
 #[inline(always)]
-fn add_rows<const N: usize>(out: &mut [Tile], a: &[f64], b: &[f64], n: usize, row: usize) {
-    let own: [Tile; N] = std::array::from_fn(|r| tile(a, r * n + row));
-    for (t, out) in out.chunks_exact_mut(TILE).enumerate() {
-        // Four by four in registers: over single columns the compiler would make vectors of the wrong dimension.
-        let mut d: [Tile; TILE] = std::array::from_fn(|c| out[c]);
-        for r in 0..N {
-            let b = tile(b, r * n + TILE * t);
-            for c in 0..TILE {
-                for k in 0..TILE {
-                    d[c][k] += own[r][k] * b[c];
-                }
+fn add_tile<const N: usize>(out: &mut [Tile], a: &[Tile; N], b: &[f64], n: usize, column: usize) {
+    // Four by four in registers: over single columns the compiler would make vectors of the wrong dimension.
+    let mut d: [Tile; TILE] = std::array::from_fn(|c| out[c]);
+    for (r, a) in a.iter().enumerate() {
+        let b = tile(b, r * n + column);
+        for c in 0..TILE {
+            for k in 0..TILE {
+                d[c][k] += a[k] * b[c];
             }
         }
-        out.copy_from_slice(&d);
     }
+    out.copy_from_slice(&d);
 }
 
 /// Four numbers from index `at` on.

@@ -6,8 +6,9 @@ use crate::newton::Newton;
 use crate::newton::lane::Lane;
 use crate::newton::proximal::Criteria;
 use crate::newton::skyline::Skyline;
+use crate::vectors::TILE;
 
-const CRITERIA: Criteria = Criteria { tolerance: 1e-11, steps: 100, least_norm: false };
+const CRITERIA: Criteria = Criteria { tolerance: 1e-11, steps: 100, least_norm: false, exact: false };
 const FREE: AdmissibleSet = AdmissibleSet::Interval { lo: f64::NEG_INFINITY, hi: f64::INFINITY };
 
 /// A number in [-1, 1] for every seed.
@@ -130,30 +131,53 @@ fn factors_solve() {
         let mut matrix = Skyline::default();
         let mut dense = vec![vec![0.0; n]; n];
         (0..n).for_each(|i| dense[i][i] = 1.0);
-        let spans = [0..8, 4..12, 8..20, 16..20, 0..4];
+        // The tiles 1 and 4 of one block lie apart.
+        let blocks: [&[usize]; 6] = [&[0, 1], &[1, 2], &[2, 3, 4], &[4], &[0], &[1, 4]];
         matrix.reset(n);
-        spans.iter().for_each(|span| matrix.reserve(span));
+        blocks.iter().for_each(|tiles| matrix.reserve(tiles));
         matrix.complete_pattern();
         matrix.set_identity();
-        for (k, span) in spans.iter().enumerate() {
+        for (k, tiles) in blocks.iter().enumerate() {
+            let width = TILE * tiles.len();
+            let coordinate = |i: usize| TILE * tiles[i / TILE] + i % TILE;
             for rows in [1, 3, 5] {
-                let a: Vec<f64> = (0..rows * span.len()).map(|i| noise(500 * k + i)).collect();
+                let a: Vec<f64> = (0..rows * width).map(|i| noise(500 * k + i)).collect();
                 let b: Vec<f64> = a.iter().enumerate().map(|(i, a)| if symmetric { *a } else { a + 0.1 * noise(i) }).collect();
-                matrix.add_product(span, &a, &b, symmetric);
-                for (i, j) in span.clone().flat_map(|i| span.clone().map(move |j| (i, j))) {
+                matrix.add_product(tiles, &a, &b, symmetric);
+                for (i, j) in (0..width).flat_map(|i| (0..width).map(move |j| (i, j))) {
                     for r in 0..rows {
-                        dense[i][j] += a[r * span.len() + i - span.start] * b[r * span.len() + j - span.start];
+                        dense[coordinate(i)][coordinate(j)] += a[r * width + i] * b[r * width + j];
                     }
                 }
             }
         }
-        assert!(matrix.factor(0.0, symmetric));
+        assert!(matrix.factor(0.0, symmetric, false));
         let answer: Vec<f64> = (0..n).map(|i| noise(9000 + i)).collect();
         let mut x: Vec<f64> = dense.iter().map(|row| row.iter().zip(&answer).map(|(a, x)| a * x).sum()).collect();
         matrix.solve(&mut x);
         // Condition of some hundred.
         for (x, answer) in x.iter().zip(&answer) {
             assert!((x - answer).abs() < 1e-12, "{symmetric}: {x} {answer}");
+        }
+    }
+}
+
+/// A matrix with a pivot below zero has factors where it may be indefinite, and none where it may not.
+#[test]
+fn indefinite_matrices_have_factors_if_they_may() {
+    for indefinite in [false, true] {
+        let mut matrix = Skyline::default();
+        matrix.reset(TILE);
+        matrix.reserve(&[0]);
+        matrix.complete_pattern();
+        matrix.set_identity();
+        matrix.add_product(&[0], &[2.0, 0.0, 0.0, 0.0], &[-2.0, 1.0, 0.0, 0.0], false);
+        assert_eq!(matrix.factor(1e-3, false, indefinite), indefinite);
+        if indefinite {
+            // [-3 2; 0 1] (1, 1) = (-1, 1)
+            let mut x = [-1.0, 1.0, 5.0, 7.0];
+            matrix.solve(&mut x);
+            assert_eq!(x, [1.0, 1.0, 5.0, 7.0]);
         }
     }
 }

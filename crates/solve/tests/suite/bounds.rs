@@ -3,7 +3,7 @@
 use crate::common::cases;
 use proptest::prelude::*;
 use stepper_real::{F64Lanes, Mask, Real};
-use stepper_solve::newton::{Newton, Work};
+use stepper_solve::newton::{EXACT_RATIO, Newton, Work};
 use stepper_solve::{Iterate, PASSES, Problem, Settings, residual, solve};
 
 const STEPS: u32 = 50;
@@ -56,28 +56,37 @@ fn build<R: Real<Scalar = f64>>(case: &Case) -> (Problem<R>, Iterate<R>) {
     (problem, iterate)
 }
 
-/// Fails when more was done than asked for.
-fn check(work: Work) -> Result<(), TestCaseError> {
-    prop_assert!(work.steps <= STEPS * work.islands, "{work:?}");
-    prop_assert!(work.rounds <= STEPS * work.islands, "{work:?}");
+/// How Newton's method is asked.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Search {
+    Near,
+    LeastNorm,
+    Exact,
+}
+
+/// Fails when more was done than `steps` asks for.
+fn check(work: Work, steps: u32) -> Result<(), TestCaseError> {
+    prop_assert!(work.steps <= steps * work.islands, "{work:?}");
+    prop_assert!(work.rounds <= steps * work.islands, "{work:?}");
     Ok(())
 }
 
-/// Newton's method alone, towards the least impulses and not.
+/// Newton's method alone, in all its ways.
 fn search(case: &Case, tolerance: f64) -> Result<(), TestCaseError> {
-    for least in [false, true] {
+    for way in [Search::Near, Search::LeastNorm, Search::Exact] {
         let (problem, mut iterate) = build::<f64>(case);
         let (mut left, mut taken) = (residual(&problem, &iterate), 0.0);
         let before = left;
         let mut room = Newton::default();
         let outcome = [&mut left, &mut taken];
-        if least {
-            room.solve_least_norm(&problem, &mut iterate, STEPS, tolerance, true, outcome);
-        } else {
-            room.solve(&problem, &mut iterate, STEPS, tolerance, true, outcome);
+        match way {
+            Search::Near => room.solve(&problem, &mut iterate, STEPS, tolerance, true, outcome),
+            Search::LeastNorm => room.solve_least_norm(&problem, &mut iterate, STEPS, tolerance, true, outcome),
+            Search::Exact => room.solve_exact(&problem, &mut iterate, STEPS, tolerance, true, outcome),
         }
-        check(room.work())?;
-        prop_assert!(taken <= f64::from(STEPS * room.work().islands));
+        let most = if way == Search::Exact { EXACT_RATIO * STEPS } else { STEPS };
+        check(room.work(), most)?;
+        prop_assert!(taken <= f64::from(most * room.work().islands));
         prop_assert!(!left.is_nan() || before.is_nan(), "{before} became no number");
     }
     Ok(())
@@ -125,7 +134,7 @@ proptest! {
             (outcome, iterate, room.work())
         };
         let (well, ill) = (run(&problem), run(&worse));
-        check(ill.2)?;
+        check(ill.2, EXACT_RATIO * STEPS)?;
         for l in 0..F64Lanes::LANES {
             prop_assert!(ill.0.sweeps.lane(l) <= (20 * PASSES) as f64);
             if l != 3 {

@@ -69,8 +69,8 @@ def scene() -> Any:
     return drawing().compile()
 
 
-def reach(model: Any, place: Any, begin: Any) -> Any:
-    """Angles of the arm with the fingers at a place, pointing down: damped least squares."""
+def reach(model: Any, place: Any, begin: Any, close: float = 0.0) -> Any:
+    """Angles of the arm with the fingers at a place, pointing down: damped least squares, until the error (m, rad) is below `close`."""
     data, site = mujoco.MjData(model), model.site("hand_grip_site").id
     data.qpos[:7] = begin
     down = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
@@ -82,7 +82,7 @@ def reach(model: Any, place: Any, begin: Any) -> Any:
         now = data.site_xmat[site].reshape(3, 3)
         turn = 0.5 * np.cross(now, down, axisa=0, axisb=0, axisc=0).sum(axis=1)
         error = np.concatenate([place - data.site_xpos[site], turn])
-        if np.abs(error).max() < 1e-9:
+        if np.abs(error).max() < close:
             break
         j = jacobian[:, :7]
         data.qpos[:7] += j.T @ np.linalg.solve(j @ j.T + 1e-4 * np.eye(6), error)

@@ -64,9 +64,9 @@ def _terms(place: Any) -> Any:
 def _inverse() -> Any:
     """Coefficients (35, 7) of the arm's angles, which point the fingers down at a place: fitted to damped least squares on a grid."""
     model, ready = panda.scene(), np.array([0.0, 0.3, 0.0, -2.2, 0.0, 2.5, 0.785])
-    middle = panda.reach(model, (LOW + HIGH) / 2, ready)
+    middle = panda.reach(model, (LOW + HIGH) / 2, ready, 1e-9)
     grid = np.array(list(itertools.product(*np.linspace(LOW, HIGH, 5).T)))
-    angles = np.array([panda.reach(model, place, middle) for place in grid])
+    angles = np.array([panda.reach(model, place, middle, 1e-9) for place in grid])
     return np.linalg.lstsq(_terms(grid), angles, rcond=None)[0]
 
 

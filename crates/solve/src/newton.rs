@@ -14,7 +14,7 @@
 //! the first, steps on the exact law are tried, s included, whose matrix is not symmetric: near the answer they converge at once, and where
 //! they do not they are taken back.
 //!
-//! Where contacts are many that does not converge, nor where it has failed once: there all proximal steps are of the exact law, short at
+//! Where contacts are many that does not converge, nor where it has failed twice: there all proximal steps are of the exact law, short at
 //! first (`ProximalPoint::solve_exact`).
 //!
 //! Nothing proves that s converges, and Coulomb's law may have no solution or several (Painleve 1895). The residual says how it went.
@@ -88,8 +88,8 @@ struct LaneOutcome {
 
 impl Newton {
     /// Improves the impulses of the lanes `lanes` whose `residual` is above the tolerance, each alone, by at most `steps` Newton steps an
-    /// island, or [`EXACT_RATIO`] times as many in large ones. Replaces their residuals and adds the Newton steps to `taken`. No lane ends with a larger residual than it had. Of many
-    /// possible impulses it takes those near the start.
+    /// island, or [`EXACT_RATIO`] times as many in large ones. Replaces their residuals and adds the Newton steps to `taken`. No lane ends
+    /// with a larger residual than it had. Of many possible impulses it takes those near the start.
     pub fn solve<'a, R: Real>(
         &mut self,
         system: impl Into<System<'a, R>>,

@@ -53,12 +53,12 @@ const LEAST_NORM_GOAL: f64 = 1e-9;
 /// Speed of a loaded contact from which on it slips, m/s: then friction's torque depends on how the load is distributed.
 const SLIPS: f64 = 1e-6;
 
-/// Number of passes of sweeps and then Newton's method, whose steps are of the exact law from the second pass on. Each leaves the other a
-/// start of another kind: sweeps find which contacts slip, Newton's method what they cannot move.
+/// Number of passes of sweeps and then Newton's method, whose steps are of the exact law in the last. Each leaves the other a start of another
+/// kind: sweeps find which contacts slip, Newton's method what they cannot move.
 ///
-/// Of 157 problems of a struck wall and of a heap of thirty boxes that steps with De Saxce's terms held had left after three passes, two
-/// passes with the exact law leave none.
-pub const PASSES: usize = 2;
+/// Measured on 32 of safety-gymnasium's racecars and doggos under random control, 400 steps: one pass with De Saxce's terms held leaves 0.17
+/// and 0.27 % of the steps unsolved, two leave 0.16 and 0.06 %, three 0.11 and 0.06 %.
+pub const PASSES: usize = 3;
 
 /// Improves the impulses of the lanes `lanes` until each meets the tolerance or the settings are used up.
 ///
@@ -100,7 +100,7 @@ pub fn solve<'a, R: Real>(
     newton.solve(system, iterate, newton_steps, tolerance, left, [&mut outcome.residual, &mut outcome.newton_steps]);
     // Sweeps would undo an even distribution.
     left = left.and_not(hyperstatic);
-    for _ in 1..PASSES {
+    for pass in 1..PASSES {
         left = left.and(outcome.residual.gt(newton_threshold));
         if left.none() {
             break;
@@ -109,7 +109,8 @@ pub fn solve<'a, R: Real>(
         snapshot.save(iterate, left);
         sweep_lanes(system, iterate, sweeps, left, &mut outcome);
         let unsolved = left.and(outcome.residual.gt(newton_threshold));
-        newton.solve_exact(system, iterate, newton_steps, tolerance, unsolved, [&mut outcome.residual, &mut outcome.newton_steps]);
+        let search = if pass + 1 < PASSES { Newton::solve } else { Newton::solve_exact };
+        search(newton, system, iterate, newton_steps, tolerance, unsolved, [&mut outcome.residual, &mut outcome.newton_steps]);
         let worse = left.and_not(outcome.residual.le(before));
         snapshot.restore(iterate, worse);
         outcome.residual = R::select(worse, before, outcome.residual);

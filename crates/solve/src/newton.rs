@@ -14,7 +14,7 @@
 //! the first, steps on the exact law are tried, s included, whose matrix is not symmetric: near the answer they converge at once, and where
 //! they do not they are taken back.
 //!
-//! Where contacts are many that does not converge, nor where it has failed twice: there all proximal steps are of the exact law, short at
+//! Where contacts are many that does not converge, nor where it has failed three times: there all proximal steps are of the exact law, short at
 //! first (`ProximalPoint::solve_exact`).
 //!
 //! Nothing proves that s converges, and Coulomb's law may have no solution or several (Painleve 1895). The residual says how it went.

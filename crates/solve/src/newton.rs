@@ -14,8 +14,8 @@
 //! the first, steps on the exact law are tried, s included, whose matrix is not symmetric: near the answer they converge at once, and where
 //! they do not they are taken back.
 //!
-//! Where contacts are many that does not converge, nor where it has failed three times: there all proximal steps are of the exact law, short at
-//! first (`ProximalPoint::solve_exact`).
+//! Where contacts are many that does not converge: there all proximal steps are of the exact law, short at first
+//! (`ProximalPoint::solve_exact`), and where it has failed three times.
 //!
 //! Nothing proves that s converges, and Coulomb's law may have no solution or several (Painleve 1895). The residual says how it went.
 
@@ -37,8 +37,8 @@ pub use proximal::EXACT_RATIO;
 use proximal::{Criteria, ProximalPoint};
 use stepper_real::{Mask, Real, Scalar};
 
-/// Number of coordinates of the largest island that begins with De Saxce's terms held. A robot's contacts are solved in a few steps so; of a
-/// struck wall and a heap of thirty boxes hundreds of contacts switch at once, and half of the steps are left.
+/// Number of coordinates of the largest island that begins with De Saxce's terms held. A robot's contacts are solved in a few steps so; of
+/// a struck wall and a heap of thirty boxes hundreds of contacts switch at once, and half of the steps are left.
 const LARGEST_HELD: usize = 64;
 
 /// Newton's method with its workspace, made once per thread; it grows with the largest problem that it has seen.
@@ -74,7 +74,7 @@ struct LaneCriteria<R> {
     steps: u32,
     tolerance: R,
     least_norm: bool,
-    exact: bool,
+    largest_held: usize,
 }
 
 /// Result of one lane.
@@ -100,7 +100,33 @@ impl Newton {
         outcome: [&mut R; 2],
     ) {
         let lanes = lanes.and(outcome[0].gt(tolerance));
-        self.solve_lanes(system.into(), iterate, LaneCriteria { steps, tolerance, least_norm: false, exact: false }, lanes, outcome);
+        self.solve_lanes(
+            system.into(),
+            iterate,
+            LaneCriteria { steps, tolerance, least_norm: false, largest_held: LARGEST_HELD },
+            lanes,
+            outcome,
+        );
+    }
+
+    /// As [`Newton::solve`], but with De Saxce's terms held in islands of any size.
+    pub fn solve_held<'a, R: Real>(
+        &mut self,
+        system: impl Into<System<'a, R>>,
+        iterate: &mut Iterate<R>,
+        steps: u32,
+        tolerance: R,
+        lanes: R::Mask,
+        outcome: [&mut R; 2],
+    ) {
+        let lanes = lanes.and(outcome[0].gt(tolerance));
+        self.solve_lanes(
+            system.into(),
+            iterate,
+            LaneCriteria { steps, tolerance, least_norm: false, largest_held: usize::MAX },
+            lanes,
+            outcome,
+        );
     }
 
     /// As [`Newton::solve`], but by steps of the exact law in islands of any size: at most [`EXACT_RATIO`] times `steps` an island.
@@ -114,7 +140,7 @@ impl Newton {
         outcome: [&mut R; 2],
     ) {
         let lanes = lanes.and(outcome[0].gt(tolerance));
-        self.solve_lanes(system.into(), iterate, LaneCriteria { steps, tolerance, least_norm: false, exact: true }, lanes, outcome);
+        self.solve_lanes(system.into(), iterate, LaneCriteria { steps, tolerance, least_norm: false, largest_held: 0 }, lanes, outcome);
     }
 
     /// Solves all of `lanes`, and of many possible impulses takes those of least norm (in the metric of 1/rho), whatever came before and
@@ -128,7 +154,13 @@ impl Newton {
         lanes: R::Mask,
         outcome: [&mut R; 2],
     ) {
-        self.solve_lanes(system.into(), iterate, LaneCriteria { steps, tolerance, least_norm: true, exact: false }, lanes, outcome);
+        self.solve_lanes(
+            system.into(),
+            iterate,
+            LaneCriteria { steps, tolerance, least_norm: true, largest_held: usize::MAX },
+            lanes,
+            outcome,
+        );
     }
 
     /// Effort of the last call.
@@ -155,7 +187,7 @@ impl Newton {
                 tolerance: criteria.tolerance.lane(lane).to_f64(),
                 steps: criteria.steps,
                 least_norm: criteria.least_norm,
-                exact: criteria.exact,
+                largest_held: criteria.largest_held,
             };
             let result = self.solve_lane::<R>(own);
             if result.better {
@@ -176,8 +208,7 @@ impl Newton {
             let before = self.island.residual(&mut self.v);
             let mut after = before;
             if criteria.least_norm || before > criteria.tolerance {
-                let exact = criteria.exact || !criteria.least_norm && self.island.w.len() > LARGEST_HELD;
-                let steps = if exact {
+                let steps = if self.island.w.len() > criteria.largest_held {
                     self.proximal.solve_exact::<R>(&mut self.island, criteria)
                 } else {
                     self.proximal.solve::<R>(&mut self.island, criteria)

@@ -15,7 +15,8 @@ use stepper_real::{Mask, Real, Scalar};
 pub struct Settings<R> {
     /// Largest number of sweeps in each pass; at least one is made.
     pub sweeps: u32,
-    /// Largest number of Newton steps in each pass, per island; 0 leaves Newton's method out.
+    /// Largest number of Newton steps in each pass, per island; of the exact law [`EXACT_RATIO`](crate::newton::EXACT_RATIO) times as many.
+    /// 0 leaves Newton's method out.
     pub newton_steps: u32,
     /// Residual at which each lane is done, m/s.
     pub tolerance: R,
@@ -53,12 +54,13 @@ const LEAST_NORM_GOAL: f64 = 1e-9;
 /// Speed of a loaded contact from which on it slips, m/s: then friction's torque depends on how the load is distributed.
 const SLIPS: f64 = 1e-6;
 
-/// Number of passes of sweeps and then Newton's method, whose steps are of the exact law in the last. Each leaves the other a start of another
-/// kind: sweeps find which contacts slip, Newton's method what they cannot move.
+/// Number of passes of sweeps and then Newton's method. Each leaves the other a start of another kind: sweeps find which contacts slip,
+/// Newton's method what they cannot move. Its steps are of the exact law in the last pass, and in the first where contacts are many;
+/// De Saxce's terms are held in the others, which masses of very different size need.
 ///
-/// Measured on 32 of safety-gymnasium's racecars and doggos under random control, 400 steps: one pass with De Saxce's terms held leaves 0.17
-/// and 0.27 % of the steps unsolved, two leave 0.16 and 0.06 %, three 0.11 and 0.06 %. In place of the third the exact law would lose a
-/// pinched cube whose Newton steps are five a pass (scene 31).
+/// Measured on 32 of safety-gymnasium's racecars and doggos under random control, 400 steps: one pass with terms held leaves 0.17 and 0.27
+/// % of the steps unsolved, two leave 0.16 and 0.06 %, three 0.11 and 0.06 %. In place of the third the exact law would lose a pinched cube
+/// whose Newton steps are five a pass (scene 31).
 pub const PASSES: usize = 4;
 
 /// Improves the impulses of the lanes `lanes` until each meets the tolerance or the settings are used up.
@@ -110,7 +112,7 @@ pub fn solve<'a, R: Real>(
         snapshot.save(iterate, left);
         sweep_lanes(system, iterate, sweeps, left, &mut outcome);
         let unsolved = left.and(outcome.residual.gt(newton_threshold));
-        let search = if pass + 1 < PASSES { Newton::solve } else { Newton::solve_exact };
+        let search = if pass + 1 < PASSES { Newton::solve_held } else { Newton::solve_exact };
         search(newton, system, iterate, newton_steps, tolerance, unsolved, [&mut outcome.residual, &mut outcome.newton_steps]);
         let worse = left.and_not(outcome.residual.le(before));
         snapshot.restore(iterate, worse);

@@ -16,8 +16,8 @@ pub(crate) fn inner(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).fold(0.0, |sum, (a, b)| sum + a * b)
 }
 
-/// Sum of products of `y` with the tiles `tiles` of `x`, with a partial sum for each place in a tile: a fixed order, to which tiles of zeros
-/// would add nothing.
+/// Sum of products of `y` with the tiles `tiles` of `x`, with a partial sum for each place in a tile: a fixed order, to which tiles of
+/// zeros would add nothing.
 #[inline(always)]
 pub(crate) fn dot(y: &[f64], tiles: &[usize], x: &[f64]) -> f64 {
     let mut sum = [0.0; TILE];

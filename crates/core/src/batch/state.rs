@@ -112,7 +112,7 @@ impl<S: Scalar> Group<S> {
         for numbers in [&mut self.scalar_impulse, &mut self.impulse, &mut self.mocap] {
             numbers.iter_mut().skip(lane).step_by(lanes).for_each(|x| *x = S::default());
         }
-        // Nobody reads what is behind the contacts that there are.
+        // What is behind the contacts that there are is read with those of other lanes, and nothing follows from it.
         self.contact_count[lane] = 0;
         self.separation_cache.forget(lane);
         self.status[lane] = Status::OK.bits();

@@ -216,9 +216,9 @@ impl AugmentedLagrangian {
     }
 }
 
-/// Largest island whose implicit matrix is factorised with pivoting as soon as a pivot is not above [`LEAST_PIVOT`]: 64 coordinates take some
-/// 50 microseconds. In larger ones the skyline's factors are as good as they have to be with negative pivots too: with or without pivoting
-/// the same 29 problems of a struck wall are solved in as many steps.
+/// Largest island whose implicit matrix is factorised with pivoting as soon as a pivot is not above [`LEAST_PIVOT`]: 64 coordinates take
+/// some 50 microseconds. In larger ones the skyline's factors are as good as they have to be with negative pivots too: with or without
+/// pivoting the same 29 problems of a struck wall are solved in as many steps.
 const SMALL_DENSE: usize = 64;
 /// Largest island whose matrix is factorised with pivoting where the skyline has no factors.
 const LARGEST_DENSE: usize = 256;

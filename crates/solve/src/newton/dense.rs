@@ -21,8 +21,8 @@ impl Dense {
         self.entries.iter_mut().step_by(dimension + 1).for_each(|x| *x = 1.0);
     }
 
-    /// Adds `sum_r a_r^T b_r` between the coordinates of the tiles `tiles`; a and b hold rows with the numbers of their tiles, one after the
-    /// other.
+    /// Adds `sum_r a_r^T b_r` between the coordinates of the tiles `tiles`; a and b hold rows with the numbers of their tiles, one after
+    /// the other.
     #[inline(always)]
     pub(super) fn add_product(&mut self, tiles: &[usize], a: &[f64], b: &[f64]) {
         let n = TILE * tiles.len();

@@ -5,8 +5,8 @@
 //! theorem 1; Guler 1991, theorem 2.1). Rows that are nearly multiples of others have answers that are far away, so kappa grows until the
 //! residual falls by a factor at every step. What bounds kappa is rounding, see [`largest_kappa`].
 //!
-//! Every loop has a bound: a search makes at most `Criteria::steps` Newton steps and as many rounds, of which each evaluates the problem at
-//! most twice besides, and it ends where a round changes nothing.
+//! Every loop has a bound: a search makes at most `Criteria::steps` Newton steps ([`EXACT_RATIO`] times as many of the exact law) and as
+//! many rounds, of which each evaluates the problem at most twice besides, and it ends where a round changes nothing.
 
 use crate::newton::anderson::Anderson;
 use crate::newton::augmented_lagrangian::AugmentedLagrangian;
@@ -33,8 +33,8 @@ const LEAST_EXACT_KAPPA: f64 = 0.3;
 /// Number of Newton steps of a proximal step at the most, and of one after which the next is longer.
 const MOST_STEPS: u32 = 10;
 const FEW_STEPS: u32 = 6;
-/// Ratio of the Newton steps that a search with the exact law gets to those that are asked for: half of those 53 problems need more than 75,
-/// the hardest 280.
+/// Ratio of the Newton steps that a search with the exact law gets to those that are asked for: half of those 53 problems need more than
+/// 75, the hardest 280.
 pub const EXACT_RATIO: u32 = 6;
 
 /// Number of steps of a try of the exact law that need not lower its error.
@@ -45,12 +45,12 @@ const PATIENCE: u32 = 3;
 pub(super) struct Criteria {
     /// Residual that is enough, m/s.
     pub(super) tolerance: f64,
-    /// Largest number of Newton steps, and of rounds of the outer loop.
+    /// Largest number of Newton steps, and of rounds of the outer loop; of the exact law [`EXACT_RATIO`] times as many.
     pub(super) steps: u32,
     /// Whether, of many possible impulses, those of least norm are sought, instead of those near the start.
     pub(super) least_norm: bool,
-    /// Whether proximal steps are of the exact law throughout, also in small islands.
-    pub(super) exact: bool,
+    /// Number of coordinates of the largest island in which De Saxce's terms are held.
+    pub(super) largest_held: usize,
 }
 
 /// Proximal-point method on one island: its workspace and its progress.
@@ -175,7 +175,8 @@ impl ProximalPoint {
             self.rounds += 1;
             self.lagrangian.kappa = kappa;
             match self.step_exactly::<R>(rows, criteria, most_steps) {
-                Some(steps) if steps <= FEW_STEPS => kappa = (2.0 * kappa).min(KAPPA[1]),
+                Some((_, false)) if kappa >= KAPPA[1] => break,
+                Some((steps, _)) if steps <= FEW_STEPS => kappa = (2.0 * kappa).min(KAPPA[1]),
                 Some(_) => {}
                 None if kappa <= LEAST_EXACT_KAPPA => break,
                 None => kappa = (0.3 * kappa).max(LEAST_EXACT_KAPPA),
@@ -185,9 +186,9 @@ impl ProximalPoint {
         self.steps
     }
 
-    /// Makes a proximal step of the exact law, to an error no larger than the present residual; returns its Newton steps, none where
-    /// Newton's method does not get there, and nothing has changed then.
-    fn step_exactly<R: Real>(&mut self, rows: &mut Island, criteria: Criteria, most_steps: u32) -> Option<u32> {
+    /// Makes a proximal step of the exact law, to an error no larger than the present residual; returns its Newton steps and whether it
+    /// changed any impulse. None where Newton's method does not get there: nothing has changed then.
+    fn step_exactly<R: Real>(&mut self, rows: &mut Island, criteria: Criteria, most_steps: u32) -> Option<(u32, bool)> {
         self.before.save(rows, self.now);
         let start = self.lagrangian.evaluate(rows, true);
         let enough = self.now.max(0.1 * criteria.tolerance);
@@ -198,8 +199,7 @@ impl ProximalPoint {
             self.steps += 1;
             let error = self.lagrangian.advance::<R>(rows, true);
             if error <= enough {
-                self.accept_step(rows);
-                return Some(taken);
+                return Some((taken, self.accept_step(rows)));
             }
             // Also where it is NaN.
             if error.partial_cmp(&(10.0 * start)) != Some(std::cmp::Ordering::Less) {

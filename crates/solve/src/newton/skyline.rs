@@ -103,8 +103,8 @@ impl Skyline {
         }
     }
 
-    /// Factorises A = L U; false when a pivot (its size, if it may be `indefinite`) is not above `least`, and the factors are of no use. Of a
-    /// symmetric matrix only L is read.
+    /// Factorises A = L U; false when a pivot (its size, if it may be `indefinite`) is not above `least`, and the factors are of no use.
+    /// Of a symmetric matrix only L is read.
     #[inline(always)]
     pub(super) fn factor(&mut self, least: f64, symmetric: bool, indefinite: bool) -> bool {
         for j in 0..self.first.len() {

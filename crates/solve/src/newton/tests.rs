@@ -8,7 +8,7 @@ use crate::newton::proximal::Criteria;
 use crate::newton::skyline::Skyline;
 use crate::vectors::TILE;
 
-const CRITERIA: Criteria = Criteria { tolerance: 1e-11, steps: 100, least_norm: false, exact: false };
+const CRITERIA: Criteria = Criteria { tolerance: 1e-11, steps: 100, least_norm: false, largest_held: usize::MAX };
 const FREE: AdmissibleSet = AdmissibleSet::Interval { lo: f64::NEG_INFINITY, hi: f64::INFINITY };
 
 /// A number in [-1, 1] for every seed.

@@ -6,8 +6,8 @@ use stepper_real::{Mask, Real, Two};
 use stepper_solve::gauss_seidel::{SweepSettings, solve};
 use stepper_solve::{Iterate, Problem};
 
-/// Two registers of one lane: what goes on in one of them is the code for numbers alone, which is compiled anyway. Lanes of every CPU level are
-/// compared by the tests of the core.
+/// Two registers of one lane: what goes on in one of them is the code for numbers alone, which is compiled anyway. Lanes of every CPU
+/// level are compared by the tests of the core.
 type Lanes = Two<f64>;
 
 const N: usize = 9;

@@ -91,7 +91,7 @@ impl Simulation {
     /// Compares copies of environments after a step.
     ///
     /// # Errors
-    /// [`Error::Length`] for an array of the wrong length; [`Error::Environment`] for a degree of freedom that there is not.
+    /// [`Error::Length`] for an array of the wrong length; [`Error::Element`] for a degree of freedom that there is not.
     pub fn find_kinks(&self, copies: &PerturbedCopies<'_>) -> Result<Kinks, Error> {
         self.check_copies(copies)?;
         let PerturbedCopies { count, columns, sides, .. } = *copies;
@@ -136,6 +136,7 @@ impl Simulation {
         let environments = self.num_envs / count.max(1);
         check_length("copies", environments * count, self.num_envs)?;
         check_length("copies of columns", (count - 1) % (sides.max(1) * columns).max(1), 0)?;
+        check_length("columns of copies", if count > 1 { columns.min(1) } else { 1 }, 1)?;
         check_length("one_sided", one_sided.len(), environments * columns)?;
         let shared = |found: usize, row: usize| if found == row { row } else { self.num_envs * row };
         let row = 3 * self.model.geoms.len();

@@ -57,8 +57,8 @@ class Options:
             "newton" (augmented-Lagrangian Newton for every environment that the first two sweeps do not solve), or "auto": sweeps, then
             Newton for the environments that they leave above the tolerance.
         iterations: Sweeps of the solver at the most ("auto" makes no more than 50), and Newton steps at the most for each island of bodies
-            in contact. A step that runs out of them says NOT_CONVERGED in its status, and `Stepper.worst_row` names the row.
-            `Stepper.sweeps` and `Stepper.newton_steps` count them, `Stepper.iterations` both together.
+            in contact and pass (docs/decisions/bounds.md). A step that runs out of them says NOT_CONVERGED in its status, and
+            `Stepper.worst_row` names the row. `Stepper.sweeps` and `Stepper.newton_steps` count them, `Stepper.iterations` both together.
         tolerance: Natural-map residual at which the solver stops, in m/s; None is 1e-6, and 1e-4 with precision="f32".
         stabilization: What removes overlap: "baumgarte" (a velocity bias), "split" (a second solve that moves positions only) or "none".
         baumgarte: Fraction of the overlap beyond the slop that is removed per step, 0 to 1.

@@ -199,3 +199,25 @@ def test_smoothing_that_is_none_says_so():
         Smoothing()
     with pytest.raises(ValueError, match="ctrl is -1"):
         Smoothing(ctrl=-1)
+    with pytest.raises(ValueError, match="seed is -1"):
+        Smoothing(ctrl=1, seed=-1)
+    with pytest.raises(ValueError, match=r"seed is 1\.5"):
+        Smoothing(ctrl=1, seed=1.5)
+    made = rollout(
+        stepper.Stepper(stepper.load("<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>")),
+        np.zeros((1, 0)),
+    )
+    with pytest.raises(TypeError, match="smoothing is dict"):
+        made.vjp(qvel=np.ones((1, 6)), smoothing={"samples": 4})
+
+
+def test_a_smoothed_gradient_does_not_depend_on_the_neighbours():
+    model = stepper.load("""<mujoco><worldbody><geom type="plane" size="9 9 1"/><body pos="0 0 .1">
+      <joint name="x" type="slide" axis="1 0 0"/>
+      <joint type="slide" axis="0 0 1"/><geom type="sphere" size=".1"/></body></worldbody>
+      <actuator><motor joint="x"/></actuator></mujoco>""")
+    spread = Smoothing(samples=4, qpos=1e-4, qvel=0.1, ctrl=0.1)
+    few, many = (rollout(stepper.Stepper(model, n), np.ones((2, n, 1))).vjp(qvel=np.ones((2, n, 2)), smoothing=spread) for n in (1, 5))
+    # Of hard contact where it switches, so that other displacements show.
+    np.testing.assert_array_equal(many.qvel[0], few.qvel[0])
+    np.testing.assert_array_equal(many.ctrl[:, 0], few.ctrl[:, 0])

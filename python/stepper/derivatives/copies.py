@@ -112,8 +112,8 @@ def parts_of(sim: Stepper, nominal: Nominal, blocks: Sequence[Block], stencil: S
     """Perturbed copies of all environments, some environments at a time, ready to be stepped."""
     levels, points, columns = stencil.offsets.shape[1:]
     room = ROOM * (sim.threads or os.cpu_count() or 1)
-    calls = -(-nominal.num_envs * (1 + levels * points * columns) // room)
-    size = -(-nominal.num_envs // min(calls, nominal.num_envs))
+    most = max(1, room // (1 + levels * points * columns))
+    size = -(-nominal.num_envs // -(-nominal.num_envs // most))
     # Nothing of a linearization is left in its copies that the next would not replace, but for what they have beside a state.
     plain = sim.precision == "f64" and sim.sensors is None and sim.actuators is None and not nominal.applied and not nominal.randomized
     plain = plain and not any(block.field in PARAMETERS for block in blocks)

@@ -75,7 +75,9 @@ class Rollout:
     def memory(self) -> int:
         """Bytes that `vjp` takes at the most: checkpoints, the states between two of them, and the matrices of one control.
 
-        Copies that are stepped for these, at most `stepper.derivatives.copies.ROOM` at a time, come beside it.
+        Copies that are stepped for these, at most `stepper.derivatives.copies.ROOM` for each thread at a time, come beside it, and
+        stay for the next linearization as long as the stepper does. With `smoothing` the matrices are as many times as large as there
+        are samples.
         """
         model, n = self._plant.model, self._plant.num_envs or 1
         state = self._checkpoints[0].nbytes
@@ -109,7 +111,10 @@ class Rollout:
 
         Raises:
             ValueError: A wrong shape, a number that is not finite; gradients by sensors that were not asked for.
+            TypeError: A smoothing that is none.
         """
+        if smoothing is not None and not isinstance(smoothing, Smoothing):
+            raise TypeError(f"smoothing is {type(smoothing).__name__}, must be a stepper.derivatives.Smoothing or None")
         given = {"qpos": qpos, "qvel": qvel, "act": act, "sensors": sensors}
         cotangents = {name: self._cotangent(name, value) for name, value in given.items()}
         model, T, n = self._plant.model, len(self._ctrl), self._plant.num_envs or 1

@@ -33,7 +33,7 @@ class Smoothing:
         seed: Of the random numbers; every step of a rollout draws others.
 
     Raises:
-        ValueError: A number of samples that is odd or none, a standard deviation below 0, or none above 0.
+        ValueError: A number of samples that is odd or none, a standard deviation below 0, or none above 0, or a seed below 0.
     """
 
     samples: int = 16
@@ -46,6 +46,8 @@ class Smoothing:
     def __post_init__(self) -> None:
         if not isinstance(self.samples, int | np.integer) or self.samples < 2 or self.samples % 2:
             raise ValueError(f"samples is {self.samples!r}, must be an even number of 2 at least")
+        if not isinstance(self.seed, int | np.integer) or self.seed < 0:
+            raise ValueError(f"seed is {self.seed!r}, must be a whole number, 0 or above")
         spreads = {field.name: getattr(self, field.name) for field in fields(self) if field.name in ("qpos", "qvel", "act", "ctrl")}
         for name, spread in spreads.items():
             if not isinstance(spread, int | float | np.number) or not 0.0 <= spread < math.inf:
@@ -74,9 +76,10 @@ def smoothed(
     """
     nominal, model, count = nominal_of(sim, ctrl, ()), sim.model, smoothing.samples
     n, half = nominal.num_envs, smoothing.samples // 2
-    rng = np.random.default_rng((smoothing.seed, draw))
 
     def displaced(name: str, size: int) -> Array:
+        # Numbers of one field for all environments, the first of them first: an environment's do not depend on how many there are.
+        rng = np.random.default_rng((smoothing.seed, draw, list(nominal.fields).index(name)))
         one = getattr(smoothing, name) * rng.normal(size=(n, half, size))
         return np.stack([one, -one], axis=2).reshape(n * count, size)
 

@@ -705,3 +705,11 @@ def test_contacts_that_decide(tmp_path):
     assert pair.friction == 0.8
     assert pair.used == pytest.approx(PUSH / (MASS * G), rel=1e-6)
     assert pair.slides == 0.0
+
+
+def test_one_outcome_decides():
+    def outcome(name: str) -> stepper.Outcome:
+        return stepper.Outcome(name=name, measure="joint a", over="max", success="<= 1")
+
+    with pytest.raises(ValueError, match=r"outcomes \['high', 'far'\] all have a success, and one decides"):
+        stepper.Study(model="<mujoco/>", seconds=1.0, outcomes=(outcome("high"), outcome("far")))

@@ -47,7 +47,7 @@ class Study:
         name: In tables, and the folder of its results.
         drive: What controls it: a function of a `World` that returns controls, `Recorded(path)`, `Policy(function)`, "random", or None for
             no controls (those of the keyframe, else 0).
-        outcomes: What is measured; the first one that has a success decides.
+        outcomes: What is measured; one of them may have a success, which decides.
         parameters: What may be otherwise, by name.
         settings: Other ways to run the same episodes, by name: attributes of `Options` and "precision"; or {"engine": "mujoco"} with
             MuJoCo's integrator, cone, solver, impratio, noslip_iterations, iterations, tolerance, timestep.
@@ -107,6 +107,9 @@ class Study:
         names = [outcome.name for outcome in self.all_outcomes]
         if len(set(names)) < len(names):
             raise ValueError(f"two outcomes have one name: {names}")
+        judged = [outcome.name for outcome in self.all_outcomes if outcome.success is not None]
+        if len(judged) > 1:
+            raise ValueError(f"outcomes {judged} all have a success, and one decides: make one measure of them, or leave the others' out")
         if USUAL in self.settings:
             raise ValueError(f"settings {USUAL!r} are the study's own options; choose another name")
         for name, given in self.settings.items():

@@ -41,11 +41,15 @@ class EnvPoolVectorEnv(VectorEnv[Array, Array, Array]):
         envpool: Any = importlib.import_module("envpool")
         return envpool.make_gymnasium(self._name, num_envs=self.num_envs, num_threads=self._threads, seed=seed % 2**31)
 
-    def reset(self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+    def reset(
+        self, *, seed: int | list[int | None] | np.integer[Any] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
         """Begins all episodes. EnvPool takes a seed where it makes its environments: with one they are made anew."""
         super().reset(seed=None)
-        if isinstance(seed, int):
-            self._envs = self._make(seed)
+        if isinstance(seed, int | np.integer):
+            self._envs = self._make(int(seed))
+        elif seed is not None:
+            raise ValueError(f"seed is {seed!r}, must be one whole number: EnvPool takes one for all environments")
         return self._envs.reset()[0], {}
 
     def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:

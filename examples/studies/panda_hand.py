@@ -71,7 +71,7 @@ def _inverse() -> Any:
 
 
 def arm(target: Any) -> Any:
-    """Angles (n, 7) with the fingers at targets (n, 3), pointing down, to 0.1 mm."""
+    """Angles (n, 7) with the fingers at targets (n, 3), pointing down, to half a millimetre."""
     return _terms(target) @ _inverse()
 
 

@@ -8,6 +8,7 @@ from types import TracebackType
 from typing import Any, TypeAlias
 
 import numpy as np
+from gymnasium.spaces import flatdim
 from numpy.typing import ArrayLike
 
 from stepper.adapters.native import Env, make_native
@@ -54,7 +55,7 @@ class StepperPool:
         self._size, self._seed = size, seed
         self._workers = ThreadPoolExecutor(min(threads, blocks), thread_name_prefix="stepper-pool")
         self._under_way: deque[tuple[int, Future[Result]]] = deque()
-        self._actions = np.zeros((blocks, size, *self._blocks[0].single_action_space.shape))
+        self._actions = np.zeros((blocks, size, flatdim(self._blocks[0].single_action_space)))
         # Of each environment: whether it has an observation that no action followed yet, and whether it has an action.
         self._waits, self._acts = np.zeros((blocks, size), dtype=bool), np.zeros((blocks, size), dtype=bool)
         self.observation_space, self.action_space = self._blocks[0].single_observation_space, self._blocks[0].single_action_space

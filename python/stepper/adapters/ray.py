@@ -21,6 +21,7 @@ require("ray", "for stepper.adapters.ray")
 
 import ray  # noqa: E402
 from gymnasium.error import ResetNeeded  # noqa: E402
+from gymnasium.spaces import flatdim  # noqa: E402
 from gymnasium.vector import AutoresetMode, VectorEnv  # noqa: E402
 from gymnasium.vector.utils import batch_space  # noqa: E402
 from ray import cloudpickle  # noqa: E402
@@ -345,7 +346,7 @@ class _Block:
     def rollout(self, policy: Any, num_steps: int, seed: tuple[int, ...]) -> dict[str, Array]:
         """Lets a policy act."""
         policy, draws = ray.get(policy), np.random.default_rng(seed)
-        shape, width = self.observation.shape, self.envs.single_action_space.shape[0]
+        shape, width = self.observation.shape, flatdim(self.envs.single_action_space)
         out: dict[str, Array] = {
             "observation": np.empty((num_steps, *shape), dtype=self.observation.dtype),
             "next_observation": np.empty((num_steps, *shape), dtype=self.observation.dtype),

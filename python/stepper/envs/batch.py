@@ -119,12 +119,21 @@ class Batch:
         self.task.start(qpos, qvel, Draws(self.streams, envs))
         self._qpos[envs], self._qvel[envs] = qpos, qvel
         self.sim.reset(mask, qpos=self._qpos, qvel=self._qvel)
-        for env in self._noise_seeds.keys() & envs.tolist() if self._noise_seeds else ():
-            # `Stepper.reset` takes one seed for all that it begins.
-            one = np.arange(self.num_envs) == env
-            self.sim.reset(one, qpos=self._qpos, qvel=self._qvel, seed=self._noise_seeds.pop(env))
+        if self._noise_seeds:
+            self._begin_errors(envs)
         self.task.prepare(self.sim, self._memory, mask, Draws(self.streams, envs))
         self.returns[envs], self.lengths[envs] = 0.0, 0
+
+    def _begin_errors(self, envs: Array) -> None:
+        """Begins the errors of sensors of those of `envs` (n,) that have a new seed: a call for each seed, since `reset` takes one."""
+        of_seed: dict[int, list[int]] = {}
+        for env in envs.tolist():
+            if (seed := self._noise_seeds.pop(env, None)) is not None:
+                of_seed.setdefault(seed, []).append(env)
+        for seed, same in of_seed.items():
+            mask = np.zeros(self.num_envs, dtype=bool)
+            mask[same] = True
+            self.sim.reset(mask, qpos=self._qpos, qvel=self._qvel, seed=seed)
 
     def set_state(self, qpos: Array, qvel: Array, mask: Array | None = None) -> None:
         """Sets configurations (num_envs, nq) and velocities (num_envs, nv), of all environments or those of a mask. Episodes go on."""

@@ -15,7 +15,7 @@ Job = TypeVar("Job")
 Made = TypeVar("Made")
 
 
-class WorkerVersionError(RuntimeError):
+class WorkerVersionError(ValueError):
     """A worker has other versions than the process that asks it, so that its rows would not be those of this process."""
 
 

@@ -45,6 +45,25 @@ def test_a_replay_reproduces_every_bit(tmp_path, precision, num_envs):
         assert "bit for bit" in str(result)
 
 
+@pytest.mark.parametrize("what", ["step", "reset", "set_state", "randomize"])
+def test_arrays_that_are_written_again_after_a_call_were_kept(tmp_path, what):
+    """Loops fill one array anew for every call, and rows are written later."""
+    sim = stepper.Stepper(stepper_model(ROBOT), N)
+    qpos, qvel, ctrl = sim.qpos.copy(), sim.qvel.copy(), np.zeros((N, sim.model.nu))
+    gravity, mask = np.tile(sim.model.gravity, (N, 1)), np.zeros(N, dtype=bool)
+    with sim.record(tmp_path / "run"):
+        for k in range(5):
+            ctrl[:], qpos[:, 2], qvel[:], gravity[:, 2], mask[:] = 0.1 * k, 1 + 0.1 * k, 0.1 * k, -k, np.arange(N) == k
+            sim.step(ctrl)
+            if what == "reset":
+                sim.reset(mask, qpos=qpos, qvel=qvel)
+            elif what == "set_state":
+                sim.set_state(qpos, qvel, mask=mask)
+            elif what == "randomize":
+                sim.randomize(mask, gravity=gravity)
+    assert stepper.replay(tmp_path / "run")
+
+
 def test_small_chunks_are_the_same_recording(tmp_path):
     run(tmp_path / "run", chunk=1)
     assert len(list((tmp_path / "run").glob("*.npz"))) > STEPS

@@ -103,7 +103,8 @@ class Recorder:
         self.close()
 
     def _add(self, kind: str, **arguments: Any) -> None:
-        arrays = {name: np.asarray(value) for name, value in arguments.items()}
+        # Copies: whoever calls may write the next numbers into the same arrays.
+        arrays = {name: np.array(value) for name, value in arguments.items()}
         self._others |= {f"{len(self._kinds)}/{name}": value for name, value in arrays.items()}
         self._count(kind, sum(value.nbytes for value in arrays.values()))
 

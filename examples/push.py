@@ -139,7 +139,7 @@ def improve(moments: stepper.Stepper, goal: Goal, plan: Plan, regularization: fl
     return changes, gains, float(np.mean(lin.near_kink))
 
 
-def push(law: str = "mujoco", place: tuple[float, float] = (0.15, 0.06), controls: int = 40, rounds: int = 30, *, say: bool = True) -> Plan:
+def push(law: str = "mujoco", place: tuple[float, float] = (0.15, 0.06), controls: int = 40, rounds: int = 60, *, say: bool = True) -> Plan:
     """A plan that brings the box to a place, in m, with `controls` forces of 20 ms each."""
     model, goal = stepper.load(SCENE), Goal(np.array(place))
     first, trials, moments = (stepper.Stepper(model, n, options=LAWS[law]) for n in (1, len(LENGTHS), controls))

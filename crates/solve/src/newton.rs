@@ -68,6 +68,39 @@ pub struct Work {
     pub rounds: u32,
 }
 
+/// In which islands De Saxce's terms are held, which leaves convex problems; in the others steps are of the exact law.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Terms {
+    /// In all.
+    Held,
+    /// In those with few contacts: the law is exact where they are many.
+    HeldInSmall,
+    /// In none.
+    Exact,
+}
+
+impl Terms {
+    /// Number of coordinates of the largest island in which they are held.
+    fn largest_held(self) -> usize {
+        match self {
+            Terms::Held => usize::MAX,
+            Terms::HeldInSmall => LARGEST_HELD,
+            Terms::Exact => 0,
+        }
+    }
+}
+
+/// What [`Newton::solve`] is asked for.
+#[derive(Clone, Copy, Debug)]
+pub struct Search<R> {
+    /// Largest number of Newton steps of an island; of the exact law [`EXACT_RATIO`] times as many.
+    pub steps: u32,
+    /// Residual that is enough, m/s.
+    pub tolerance: R,
+    /// How Coulomb's law is taken.
+    pub terms: Terms,
+}
+
 /// [`Criteria`] for every lane.
 #[derive(Clone, Copy, Debug)]
 struct LaneCriteria<R> {
@@ -87,60 +120,20 @@ struct LaneOutcome {
 }
 
 impl Newton {
-    /// Improves the impulses of the lanes `lanes` whose `residual` is above the tolerance, each alone, by at most `steps` Newton steps an
-    /// island, or [`EXACT_RATIO`] times as many in large ones. Replaces their residuals and adds the Newton steps to `taken`. No lane ends
-    /// with a larger residual than it had. Of many possible impulses it takes those near the start.
+    /// Improves the impulses of the lanes `lanes` whose `residual` is above the tolerance, each alone. Replaces their residuals
+    /// and adds the Newton steps to `taken`. No lane ends with a larger residual than it had. Of many possible impulses it takes those near
+    /// the start.
     pub fn solve<'a, R: Real>(
         &mut self,
         system: impl Into<System<'a, R>>,
         iterate: &mut Iterate<R>,
-        steps: u32,
-        tolerance: R,
+        Search { steps, tolerance, terms }: Search<R>,
         lanes: R::Mask,
         outcome: [&mut R; 2],
     ) {
         let lanes = lanes.and(outcome[0].gt(tolerance));
-        self.solve_lanes(
-            system.into(),
-            iterate,
-            LaneCriteria { steps, tolerance, least_norm: false, largest_held: LARGEST_HELD },
-            lanes,
-            outcome,
-        );
-    }
-
-    /// As [`Newton::solve`], but with De Saxce's terms held in islands of any size.
-    pub fn solve_held<'a, R: Real>(
-        &mut self,
-        system: impl Into<System<'a, R>>,
-        iterate: &mut Iterate<R>,
-        steps: u32,
-        tolerance: R,
-        lanes: R::Mask,
-        outcome: [&mut R; 2],
-    ) {
-        let lanes = lanes.and(outcome[0].gt(tolerance));
-        self.solve_lanes(
-            system.into(),
-            iterate,
-            LaneCriteria { steps, tolerance, least_norm: false, largest_held: usize::MAX },
-            lanes,
-            outcome,
-        );
-    }
-
-    /// As [`Newton::solve`], but by steps of the exact law in islands of any size: at most [`EXACT_RATIO`] times `steps` an island.
-    pub fn solve_exact<'a, R: Real>(
-        &mut self,
-        system: impl Into<System<'a, R>>,
-        iterate: &mut Iterate<R>,
-        steps: u32,
-        tolerance: R,
-        lanes: R::Mask,
-        outcome: [&mut R; 2],
-    ) {
-        let lanes = lanes.and(outcome[0].gt(tolerance));
-        self.solve_lanes(system.into(), iterate, LaneCriteria { steps, tolerance, least_norm: false, largest_held: 0 }, lanes, outcome);
+        let criteria = LaneCriteria { steps, tolerance, least_norm: false, largest_held: terms.largest_held() };
+        self.solve_lanes(system.into(), iterate, criteria, lanes, outcome);
     }
 
     /// Solves all of `lanes`, and of many possible impulses takes those of least norm (in the metric of 1/rho), whatever came before and

@@ -5,7 +5,7 @@
 use crate::cone::masked;
 use crate::gauss_seidel::{self, SweepSettings};
 use crate::iterate::Iterate;
-use crate::newton::Newton;
+use crate::newton::{Newton, Search, Terms};
 use crate::problem::System;
 use crate::residual::residual;
 use stepper_real::{Mask, Real, Scalar};
@@ -104,7 +104,8 @@ pub fn solve<'a, R: Real>(
     if newton_steps == 0 || left.none() {
         return outcome;
     }
-    newton.solve(system, iterate, newton_steps, tolerance, left, [&mut outcome.residual, &mut outcome.newton_steps]);
+    let search = |terms| Search { steps: newton_steps, tolerance, terms };
+    newton.solve(system, iterate, search(Terms::HeldInSmall), left, [&mut outcome.residual, &mut outcome.newton_steps]);
     // Sweeps would undo an even distribution.
     left = left.and_not(hyperstatic);
     let passes = if newton_steps < LEAST_EXACT { PASSES - 1 } else { PASSES };
@@ -117,8 +118,8 @@ pub fn solve<'a, R: Real>(
         snapshot.save(iterate, left);
         sweep_lanes(system, iterate, sweeps, left, &mut outcome);
         let unsolved = left.and(outcome.residual.gt(newton_threshold));
-        let search = if pass + 1 < PASSES { Newton::solve_held } else { Newton::solve_exact };
-        search(newton, system, iterate, newton_steps, tolerance, unsolved, [&mut outcome.residual, &mut outcome.newton_steps]);
+        let terms = if pass + 1 < PASSES { Terms::Held } else { Terms::Exact };
+        newton.solve(system, iterate, search(terms), unsolved, [&mut outcome.residual, &mut outcome.newton_steps]);
         let worse = left.and_not(outcome.residual.le(before));
         snapshot.restore(iterate, worse);
         outcome.residual = R::select(worse, before, outcome.residual);

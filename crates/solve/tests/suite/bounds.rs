@@ -3,7 +3,7 @@
 use crate::common::cases;
 use proptest::prelude::*;
 use stepper_real::{F64Lanes, Mask, Real};
-use stepper_solve::newton::{EXACT_RATIO, Newton, Work};
+use stepper_solve::newton::{EXACT_RATIO, Newton, Search, Terms, Work};
 use stepper_solve::{Iterate, PASSES, Problem, Settings, residual, solve};
 
 const STEPS: u32 = 50;
@@ -58,7 +58,7 @@ fn build<R: Real<Scalar = f64>>(case: &Case) -> (Problem<R>, Iterate<R>) {
 
 /// How Newton's method is asked.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Search {
+enum Way {
     Near,
     LeastNorm,
     Exact,
@@ -73,18 +73,19 @@ fn check(work: Work, steps: u32) -> Result<(), TestCaseError> {
 
 /// Newton's method alone, in all its ways.
 fn search(case: &Case, tolerance: f64) -> Result<(), TestCaseError> {
-    for way in [Search::Near, Search::LeastNorm, Search::Exact] {
+    for way in [Way::Near, Way::LeastNorm, Way::Exact] {
         let (problem, mut iterate) = build::<f64>(case);
         let (mut left, mut taken) = (residual(&problem, &iterate), 0.0);
         let before = left;
         let mut room = Newton::default();
         let outcome = [&mut left, &mut taken];
+        let near = |terms| Search { steps: STEPS, tolerance, terms };
         match way {
-            Search::Near => room.solve(&problem, &mut iterate, STEPS, tolerance, true, outcome),
-            Search::LeastNorm => room.solve_least_norm(&problem, &mut iterate, STEPS, tolerance, true, outcome),
-            Search::Exact => room.solve_exact(&problem, &mut iterate, STEPS, tolerance, true, outcome),
+            Way::Near => room.solve(&problem, &mut iterate, near(Terms::HeldInSmall), true, outcome),
+            Way::LeastNorm => room.solve_least_norm(&problem, &mut iterate, STEPS, tolerance, true, outcome),
+            Way::Exact => room.solve(&problem, &mut iterate, near(Terms::Exact), true, outcome),
         }
-        let most = if way == Search::Exact { EXACT_RATIO * STEPS } else { STEPS };
+        let most = if way == Way::Exact { EXACT_RATIO * STEPS } else { STEPS };
         check(room.work(), most)?;
         prop_assert!(taken <= f64::from(most * room.work().islands));
         prop_assert!(!left.is_nan() || before.is_nan(), "{before} became no number");

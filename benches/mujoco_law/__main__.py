@@ -22,7 +22,7 @@ def main() -> None:
         "--only", action="append", default=[], metavar="SUBSTRING", help="models with this in their name; may be given again"
     )
     parser.add_argument("--states", type=int, default=100, help="states of each model; default: 100")
-    parser.add_argument("--integrator", choices=("euler", "implicitfast", "implicit", "rk4"), help="instead of the model's own")
+    parser.add_argument("--integrator", choices=("euler", "implicitfast", "implicit", "discrete", "rk4"), help="instead of the model's own")
     parser.add_argument("--cone", choices=("pyramidal", "elliptic"), help="instead of the model's own")
     parser.add_argument("--out", type=Path, help="folder of mujoco_law.csv and, if it has one, of the page whose table is renewed")
     args = parser.parse_args()

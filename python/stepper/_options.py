@@ -11,11 +11,12 @@ Precision: TypeAlias = Literal["f64", "f32"]
 if TYPE_CHECKING:
     from stepper._stepper import Model
 
-_INTEGRATORS: dict[str, Literal["euler", "implicit", "implicitfast", "rk4"]] = {
+_INTEGRATORS: dict[str, Literal["euler", "implicit", "implicitfast", "discrete", "rk4"]] = {
     "Euler": "euler",
     "RK4": "rk4",
     "implicit": "implicit",
     "implicitfast": "implicitfast",
+    "discrete": "discrete",
 }
 
 
@@ -49,7 +50,8 @@ class Options:
               so that springs and dampers need h sqrt(k / m) < 2.8 and h d / m < 2.7.
 
             With contact="mujoco" there are MuJoCo's own: "euler" (with the joints' damping implicit, unless the model says otherwise),
-            "implicitfast", "implicit", and "rk4", whose four stages each solve the constraints.
+            "implicitfast", "implicit", "discrete", which takes springs, dampers, servos and constraints together at the end of the step,
+            and "rk4", whose four stages each solve the constraints.
 
             With "midpoint" and "implicit" a servo at a bound of its force gives the bound, and none of its stiffness. Fixed tendons whose
             joints lie on several branches act with an inertia that grows with h^2 k and h d, which keeps them stable too.
@@ -71,7 +73,7 @@ class Options:
 
     timestep: float | None = None
     contact: Literal["hard", "mujoco"] = "hard"
-    integrator: Literal["euler", "midpoint", "implicit", "implicitfast", "rk4"] | None = None
+    integrator: Literal["euler", "midpoint", "implicit", "implicitfast", "discrete", "rk4"] | None = None
     solver: Literal["auto", "pgs", "newton"] = "auto"
     iterations: int = 50
     tolerance: float | None = None

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import stepper
 from models import SOURCES, stepper_model
-from stepper.loading.mjcf import requested
+from stepper.loading.mjcf import describe, requested
 
 SCENE = """<mujoco model="robot"><option {option}/><worldbody><geom name="floor" type="plane" size="1 1 1" {floor}/>
   <body pos="0 0 1"><joint name="hinge" axis="0 1 0" range="-1 1" limited="true" {joint}/>
@@ -84,6 +84,7 @@ def test_the_warning_can_be_silenced_and_saved_models_say_it_in_explain(tmp_path
     ("", stepper.Options(contact="mujoco", integrator="euler", iterations=100)),
     ('integrator="RK4" iterations="5" solver="PGS"', stepper.Options(contact="mujoco", integrator="rk4", iterations=50)),
     ('integrator="implicit" solver="CG"', stepper.Options(contact="mujoco", integrator="implicit", iterations=100)),
+    ('integrator="discrete"', stepper.Options(contact="mujoco", integrator="discrete", iterations=100)),
     ('integrator="implicitfast" iterations="300"', stepper.Options(contact="mujoco", integrator="implicitfast", iterations=300)),
 ])  # fmt: skip
 def test_options_of_a_model_are_those_of_its_source(option, expected):
@@ -92,9 +93,10 @@ def test_options_of_a_model_are_those_of_its_source(option, expected):
 
 
 def test_an_integrator_that_is_not_there_is_named():
-    model, _ = loaded(scene(option='integrator="discrete"'))
-    with pytest.raises(ValueError, match="the source asks for discrete, which stepper does not have; choose"):
-        stepper.Options.of(model)
+    described = describe(mujoco.MjModel.from_xml_string(scene()))
+    described["requested"]["integrator"] = "leapfrog"
+    with pytest.raises(ValueError, match="the source asks for leapfrog, which stepper does not have; choose"):
+        stepper.Options.of(stepper.Model.from_description(described, strict=True))
 
 
 def test_options_of_a_model_make_a_stepper_that_is_nearer_to_mujoco():

@@ -33,6 +33,9 @@ pub enum Integrator {
     Rk4,
     /// MuJoCo's `implicitfast`, with its law alone: Euler's rule with the symmetric part of the forces' derivatives by velocity.
     ImplicitFast,
+    /// MuJoCo's `discrete`, with its law alone: springs, dampers, servos and the rows of constraints are taken at the end of the step, and
+    /// the constraints are solved in the matrix that this makes of the mass matrix.
+    Discrete,
 }
 
 impl Integrator {
@@ -44,6 +47,7 @@ impl Integrator {
             Self::Implicit => "implicit",
             Self::Rk4 => "rk4",
             Self::ImplicitFast => "implicitfast",
+            Self::Discrete => "discrete",
         }
     }
 }
@@ -144,8 +148,8 @@ impl Options {
             ContactLaw::Mujoco => asked.unwrap_or(Integrator::Euler),
         });
         let must = match (self.contact, integrator) {
-            (ContactLaw::Mujoco, Integrator::Midpoint) => "euler, implicitfast, implicit or rk4 with contact=\"mujoco\"",
-            (ContactLaw::Hard, Integrator::ImplicitFast) => "euler, midpoint, implicit or rk4 with contact=\"hard\"",
+            (ContactLaw::Mujoco, Integrator::Midpoint) => "euler, implicitfast, implicit, discrete or rk4 with contact=\"mujoco\"",
+            (ContactLaw::Hard, Integrator::ImplicitFast | Integrator::Discrete) => "euler, midpoint, implicit or rk4 with contact=\"hard\"",
             _ => "",
         };
         if !must.is_empty() {

@@ -61,8 +61,9 @@ pub(crate) fn settings(given: &Bound<'_, PyAny>) -> PyResult<Options> {
         Some("midpoint") => Some(Integrator::Midpoint),
         Some("implicit") => Some(Integrator::Implicit),
         Some("implicitfast") => Some(Integrator::ImplicitFast),
+        Some("discrete") => Some(Integrator::Discrete),
         Some("rk4") => Some(Integrator::Rk4),
-        Some(other) => return Err(unknown("integrator", other, "euler, midpoint, implicit, implicitfast, rk4")),
+        Some(other) => return Err(unknown("integrator", other, "euler, midpoint, implicit, implicitfast, discrete, rk4")),
     };
     let stabilization = match given.word("stabilization")?.as_str() {
         "baumgarte" => Stabilization::Baumgarte,

@@ -76,7 +76,7 @@ def _of_stepper(base: Any) -> Description:
 def _of_mujoco(base: Any) -> Description:
     """Of an environment of Gymnasium's on MuJoCo. Its model has no digest that stepper's could be compared with."""
     option = base.model.opt
-    integrators = ("euler", "rk4", "implicit", "implicitfast")
+    integrators = ("euler", "rk4", "implicit", "implicitfast", "discrete")
     return {
         "engine": "MuJoCo",
         "task": {"name": type(base).__name__.removesuffix("Env")},

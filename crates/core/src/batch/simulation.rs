@@ -69,6 +69,7 @@ fn asked_integrator(name: &str) -> Option<Integrator> {
         "RK4" => Some(Integrator::Rk4),
         "implicitfast" => Some(Integrator::ImplicitFast),
         "implicit" => Some(Integrator::Implicit),
+        "discrete" => Some(Integrator::Discrete),
         _ => None,
     }
 }

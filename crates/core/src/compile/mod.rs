@@ -25,6 +25,6 @@ pub use equality::{Combination, CompiledEquality, CompiledTendon, EqualityBlock,
 pub use lane_model::LaneModel;
 pub use parameters::{ActuatorParams, CompensationParams, DofParams, FluidParams, Inertial, Params};
 pub use passive::{CompiledEllipsoid, FluidShape};
-pub(crate) use softness::MIN_FRICTION;
 pub use softness::{CompiledSoftness, SoftContactLaw, SoftLaw};
+pub(crate) use softness::{EndLaw, MIN_FRICTION};
 pub use tree::{CompiledJoint, CompiledSpinner, Descendant, Dof, Link};

@@ -9,10 +9,12 @@ use crate::compile::tree::CompiledFriction;
 use crate::model::{Equality, EqualityKind, Filter, InverseWeights, Joint, JointKind, MIN_VALUE, Model, SoftSettings};
 
 impl<S: Scalar> CompiledModel<S> {
-    /// Adds what MuJoCo's contact law needs for steps of `timestep` seconds. Contacts are no patches then: their forces are determined.
-    pub(crate) fn soften(&mut self, model: &Model, weights: &InverseWeights, timestep: f64) {
+    /// Adds what MuJoCo's contact law needs for steps of `timestep` seconds, `discrete` ones where constraints are taken at the end of the
+    /// step. Contacts are no patches then: their forces are determined.
+    pub(crate) fn soften(&mut self, model: &Model, weights: &InverseWeights, timestep: f64, discrete: bool) {
         let SoftSettings { cone, impratio, refsafe, .. } = model.soft;
-        let maker = LawMaker { least_time: if refsafe { 2.0 * timestep } else { 0.0 }, timestep };
+        let least_time = if refsafe && !discrete { 2.0 * timestep } else { 0.0 };
+        let maker = LawMaker { least_time, timestep, yields: refsafe && discrete };
         let geom_weights: Vec<f64> = model.geoms.iter().map(|g| weights.bodies[g.body][0]).collect();
         let addresses = model.joint_addresses();
         let joints = || model.joints.iter().zip(&addresses);
@@ -29,7 +31,7 @@ impl<S: Scalar> CompiledModel<S> {
         });
         let equalities = model.equalities.iter().map(|e| {
             let [translation, rotation] = equality_weights(e, weights, &addresses);
-            [maker.law(&e.softness, translation), maker.law(&e.softness, rotation)]
+            [maker.equality(&e.softness, translation), maker.equality(&e.softness, rotation)]
         });
         let filter = Filter::new(model);
         let pairs = self.structure.pairs.iter().map(|pair| {

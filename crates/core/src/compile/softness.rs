@@ -29,6 +29,8 @@ pub struct SoftLaw<S> {
     power: S,
     /// Approximate inverse inertia along the row.
     pub weight: S,
+    /// Whether a discrete step softens it where its spring is stiffer than the step resolves (`refsafe`).
+    pub yields: bool,
 }
 
 /// Law of the contacts of a pair of geoms.
@@ -79,6 +81,8 @@ pub(super) struct LawMaker {
     pub(super) least_time: f64,
     /// Time step, s.
     pub(super) timestep: f64,
+    /// Whether limits and contacts yield, see [`SoftLaw::yields`].
+    pub(super) yields: bool,
 }
 
 impl<S: Scalar> SoftLaw<S> {
@@ -120,6 +124,49 @@ impl<S: Scalar> SoftLaw<S> {
     }
 }
 
+/// Law of a row whose spring and damper are taken at the end of a discrete step: a_ref = -(K d r + (B + h K d) v) / f and R / f, with
+/// f = 1 + h B + h^2 K d (MuJoCo's documentation, "Integrators").
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct EndLaw<R> {
+    /// Coefficients of the error and of its rate in the reference acceleration, before the division by f.
+    pub(crate) spring: [R; 2],
+    /// f
+    pub(crate) factor: R,
+}
+
+impl<R: Real> EndLaw<R> {
+    /// That of a law at an impedance, for a step of `h` seconds. One that yields and is stiffer than a step resolves, h^2 K d > 1, becomes
+    /// the stiffest that does not bounce, with the damping ratio that it had, as far as the largest impedance lets it.
+    #[inline(always)]
+    pub(crate) fn new(law: &SoftLaw<R::Scalar>, impedance: R, h: R) -> Self {
+        let (mut stiffness, mut damping) = (R::splat(law.stiffness) * impedance, R::splat(law.damping));
+        if law.yields {
+            let (rate, most) = (R::one() / h, R::of(IMPEDANCE[1]));
+            let excess = h * h * stiffness;
+            let unresolved = excess.gt(R::one());
+            let largest = most * (R::one() - impedance) / (impedance * (R::one() - most));
+            let ratio = damping / R::select(unresolved, excess, R::one()).sqrt();
+            let softened = ratio.min((largest - R::of(2.0)).max(R::zero()) * rate);
+            stiffness = R::select(unresolved, rate * rate, stiffness);
+            damping = R::select(unresolved, softened, damping);
+        }
+        Self { spring: [stiffness, damping + h * stiffness], factor: R::one() + h * damping + h * h * stiffness }
+    }
+
+    /// Regularisation R at this impedance, for this weight: not below that of the largest impedance.
+    #[inline(always)]
+    pub(crate) fn regularisation(&self, impedance: R, weight: R) -> R {
+        let own = SoftLaw::<R::Scalar>::regularisation(impedance, weight) / self.factor;
+        own.max((Self::least() * weight).max(R::of(MIN_VALUE)))
+    }
+
+    /// Least regularisation over the weight.
+    #[inline(always)]
+    pub(crate) fn least() -> R {
+        R::of((1.0 - IMPEDANCE[1]) / IMPEDANCE[1])
+    }
+}
+
 /// x to the power p, for x in [0, 1].
 #[inline(always)]
 fn power<R: Real>(x: R, p: R::Scalar) -> R {
@@ -134,10 +181,15 @@ fn power<R: Real>(x: R, p: R::Scalar) -> R {
     R::select(some, (R::splat(p) * R::select(some, x, R::one()).ln()).exp(), R::zero())
 }
 
+/// A solref whose numbers are of one format, or the default.
+fn in_one_format(solref: [f64; 2]) -> [f64; 2] {
+    if (solref[0] > 0.0) == (solref[1] > 0.0) { solref } else { Softness::default().solref }
+}
+
 impl LawMaker {
     /// Stiffness and damping of a solref, which grow with the inverse of the largest impedance.
     fn spring(self, solref: [f64; 2], largest: f64) -> [f64; 2] {
-        let [mut time, ratio] = if (solref[0] > 0.0) == (solref[1] > 0.0) { solref } else { Softness::default().solref };
+        let [mut time, ratio] = in_one_format(solref);
         if time <= 0.0 {
             return [-time / (largest * largest).max(MIN_VALUE), -ratio / largest.max(MIN_VALUE)];
         }
@@ -163,12 +215,18 @@ impl LawMaker {
             factors: scalars(factors),
             power: of(power),
             weight: of(weight),
+            yields: self.yields && in_one_format(softness.solref)[0] > 0.0,
         }
+    }
+
+    /// The law of an equality never yields.
+    pub(super) fn equality<S: Scalar>(self, softness: &Softness, weight: f64) -> SoftLaw<S> {
+        SoftLaw { yields: false, ..self.law(softness, weight) }
     }
 
     /// The law of dry friction has no stiffness.
     pub(super) fn friction<S: Scalar>(self, softness: &Softness, weight: f64) -> SoftLaw<S> {
-        SoftLaw { stiffness: S::default(), ..self.law(softness, weight) }
+        SoftLaw { stiffness: S::default(), ..self.equality(softness, weight) }
     }
 
     pub(super) fn contact<S: Scalar>(self, pair: &GeomPair, weight: f64) -> SoftContactLaw<S> {
@@ -198,6 +256,7 @@ impl LawMaker {
             factors: [of(1.0); 2],
             power: of(1.0),
             weight: of(weight),
+            yields: false,
         };
         let condim = pair.condim;
         SoftContactLaw { normal, friction_damping: normal.damping, condim, anisotropy: scalars(pair.anisotropy), spring: normal.weight }

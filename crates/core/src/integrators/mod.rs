@@ -30,7 +30,7 @@ pub(crate) fn scheme<R: Real>(options: &StepSettings) -> Scheme<R> {
     match options.integrator {
         Integrator::Euler => euler::scheme(h),
         Integrator::Midpoint => midpoint::scheme(h),
-        Integrator::Implicit | Integrator::ImplicitFast => implicit::scheme(h),
+        Integrator::Implicit | Integrator::ImplicitFast | Integrator::Discrete => implicit::scheme(h),
         Integrator::Rk4 => rk4::scheme(h),
     }
 }

@@ -8,6 +8,7 @@ use crate::collision::contact_set::Contacts;
 use crate::collision::detection::GeomPoses;
 use crate::compile::LaneModel;
 use crate::constraints::constraint_set::Constraints;
+use crate::constraints::soft::EffectiveMass;
 use crate::dynamics::kinematics::Kinematics;
 use crate::dynamics::mocap::MocapTrajectory;
 use crate::integrators::impact_set::Impacts;
@@ -162,6 +163,8 @@ pub struct Workspace<R: Real> {
     pub(crate) stages: Option<Stages<R>>,
     /// Matrix of the fully implicit rule of the same.
     pub(crate) unsymmetric: Option<Unsymmetric<R>>,
+    /// Matrix of the discrete rule of the same.
+    pub(crate) effective: Option<EffectiveMass<R>>,
 }
 
 impl<R: Real> FreeMotion<R> {
@@ -229,6 +232,7 @@ impl<R: Real> Workspace<R> {
             step_resolution: StepResolution::new(compiled),
             rk4: (options.integrator == Integrator::Rk4 && hard).then(|| Rk4::new(compiled)),
             unsymmetric: (options.integrator == Integrator::Implicit && !hard).then(|| Unsymmetric::new(compiled)),
+            effective: (options.integrator == Integrator::Discrete && !hard).then(|| EffectiveMass::new(compiled)),
             stages: (options.integrator == Integrator::Rk4 && !hard).then(|| Stages::new(compiled.nq, compiled.nv, compiled.na)),
         }
     }

@@ -319,7 +319,7 @@ pub struct Omission {
 /// What a source asks of a simulator, where stepper has a way of its own, in the source's words.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Requested {
-    /// Integrator: "Euler", "RK4", "implicit" or "implicitfast".
+    /// Integrator: "Euler", "RK4", "implicit", "implicitfast" or "discrete".
     pub integrator: String,
     /// Solver: "PGS", "CG" or "Newton".
     pub solver: String,

@@ -102,6 +102,33 @@ pub(crate) fn servo_damping<R: Real>(compiled: &LaneModel<R>, at: &ForceState<'_
     )
 }
 
+/// Stiffness and damping of a servo where they pull it back and nothing cuts its force or that of its joint; else 0. [`actuate`] must have
+/// been called, with all taken explicitly.
+#[inline(always)]
+pub(crate) fn servo_slopes<R: Real>(
+    compiled: &LaneModel<R>,
+    at: &ForceState<'_, R>,
+    actuator: usize,
+    forces: &ActuatorForces<R>,
+) -> [R; 2] {
+    let own = &compiled.actuators[actuator];
+    let input = match own.act {
+        Some(a) => at.act[a],
+        None => control(at.ctrl[actuator], own.ctrl_range),
+    };
+    let AffineForce { level, slope, rate } = law(own, compiled.params.actuator(actuator), at, input);
+    let mut cut = forces.is_cut(compiled, actuator);
+    if let Some(dynamics) = &own.dynamics {
+        let velocity = forces.along(own, at.v);
+        let asked = AffineForce { level, slope, rate }.force(&forces.motion(own, at.q, at.v, at.v));
+        cut = cut.or(exceeds(dynamics, &at.actuator_dynamics[dynamics.index], asked, velocity));
+    }
+    [slope, rate].map(
+        #[inline(always)]
+        |x| R::select(cut, R::zero(), (-x).max(R::zero())),
+    )
+}
+
 /// Lanes in which a force that is asked for is outside its range.
 #[inline(always)]
 fn beyond<R: Real>(asked: R, range: Option<[R::Scalar; 2]>) -> R::Mask {

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use stepper_real::Real;
+use stepper_real::{Mask, Real};
 
 use crate::soft::cone::Cone;
 use crate::soft::contact::SoftContact;
@@ -82,6 +82,19 @@ impl<R: Real, const N: usize> SoftContacts<R, N> {
     #[inline(always)]
     pub(super) fn entries(&self, contact: &SoftContact<R, N>) -> (&[u32], &[[R; N]]) {
         (&self.support[contact.entries.clone()], &self.jacobian[contact.entries.clone()])
+    }
+
+    /// Lanes in which a contact has an entry at one of the coordinates.
+    fn touches(&self, coordinates: &Range<u32>) -> R::Mask {
+        let mut touched = R::Mask::splat(false);
+        for (d, entries) in self.support.iter().zip(&self.jacobian) {
+            if coordinates.contains(d) {
+                for j in entries {
+                    touched = touched.or(j.eq(R::zero()).not());
+                }
+            }
+        }
+        touched
     }
 
     /// `out` = J x, less the references if `relative`.
@@ -219,6 +232,26 @@ impl<R: Real> SoftProblem<R> {
     #[inline(always)]
     pub(super) fn entries(&self, row: &SoftRow<R>) -> (&[u32], &[R]) {
         (&self.support[row.entries.clone()], &self.jacobian[row.entries.clone()])
+    }
+
+    /// Coordinates and entries of scalar row `i`.
+    #[inline(always)]
+    pub fn row(&self, i: usize) -> (&[u32], &[R]) {
+        self.entries(&self.rows[i])
+    }
+
+    /// Lanes in which a row has an entry at one of the coordinates `coordinates`.
+    pub fn touches(&self, coordinates: Range<u32>) -> R::Mask {
+        let mut touched = R::Mask::splat(false);
+        for row in &self.rows {
+            let (support, jacobian) = self.entries(row);
+            for (d, &j) in support.iter().zip(jacobian) {
+                if coordinates.contains(d) {
+                    touched = touched.or(row.weight.gt(R::zero()).and_not(j.eq(R::zero())));
+                }
+            }
+        }
+        touched.or(self.contacts.touches(&coordinates)).or(self.rolling_contacts.touches(&coordinates))
     }
 
     /// `out` = J x of the scalar rows, less the references if `relative`.

@@ -115,7 +115,7 @@ def compare(
             raise ValueError(f"{name} is {value}, must be above 0")
     model, compiled = _load(source)
     hard = replace(options or Options(), contact="hard")
-    if hard.integrator == "implicitfast":
+    if hard.integrator in ("implicitfast", "discrete"):
         hard = replace(hard, integrator=None)
     law = replace(options or Options(), contact="mujoco", integrator=None)
     timestep = float(Stepper(model, options=hard).timestep)

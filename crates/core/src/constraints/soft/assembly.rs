@@ -27,6 +27,12 @@ impl<R: Real> Constraints<R> {
             },
         );
         self.add_soft_contacts(input, contacts, &mut system);
+        if let Some(effective) = input.effective {
+            let lanes = input.row.assembly.alive;
+            if effective.couple(&mut system, lanes) {
+                self.constrained = lanes;
+            }
+        }
         self.soft = Some(system);
     }
 
@@ -42,6 +48,14 @@ impl<R: Real> Constraints<R> {
                 if self.constrained.any() {
                     for (impulse, &force) in impulse.iter_mut().zip(system.solver.forces()) {
                         *impulse = R::select(self.constrained, force * h, R::zero());
+                    }
+                }
+                // Rows without an owner are couplings of the mass matrix, and no constraints.
+                for i in self.owners.len()..system.problem.rows.len() {
+                    let (dofs, arms) = system.problem.row(i);
+                    let force = R::select(self.constrained, system.solver.row_force(&system.problem, i), R::zero()) * h;
+                    for (&d, &arm) in dofs.iter().zip(arms) {
+                        impulse[d as usize] -= arm * force;
                     }
                 }
                 for (i, &owner) in self.owners.iter().enumerate() {

@@ -5,8 +5,9 @@ use stepper_solve::soft::Cone;
 
 use crate::collision::contact_set::Contacts;
 use crate::collision::surface_velocity;
-use crate::compile::{MIN_FRICTION, SoftContactLaw, SoftLaw};
+use crate::compile::{EndLaw, MIN_FRICTION, SoftContactLaw, SoftLaw};
 use crate::constraints::constraint_set::Constraints;
+use crate::constraints::soft::effective_mass::in_metric;
 use crate::constraints::soft::input::SoftInput;
 use crate::constraints::soft::system::SoftSystem;
 use crate::math::spatial::*;
@@ -27,6 +28,8 @@ struct ContactLaw<R: Real> {
     friction: [R; 5],
     /// Number of rows less one.
     frictions: R,
+    /// What the normal row's regularisation is divided by, and the least that it is, over its weight: 1 and 0 but for discrete steps.
+    end: [R; 2],
 }
 
 impl<R: Real> ContactLaw<R> {
@@ -42,6 +45,7 @@ impl<R: Real> ContactLaw<R> {
             friction_damping: z,
             friction: [R::one(); 5],
             frictions: z,
+            end: [R::one(), z],
         };
         for (pair, lanes) in contacts.pairs(k, lanes) {
             let there = R::Mask::from_bits(lanes);
@@ -53,11 +57,20 @@ impl<R: Real> ContactLaw<R> {
             let friction =
                 [least(params.mu), least(params.mu * slide), least(params.torsion), least(params.rolling), least(params.rolling * roll)];
             law.impedance = R::select(there, impedance, law.impedance);
-            let spring = [R::splat(own.normal.stiffness) * impedance, R::splat(own.normal.damping)];
+            let mut spring = [R::splat(own.normal.stiffness) * impedance, R::splat(own.normal.damping)];
+            let mut friction_damping = R::splat(own.friction_damping);
+            // Springs in N/m are taken at the end of any step as they are.
+            if let Some(effective) = input.effective.filter(|_| own.spring == <R::Scalar as Default>::default()) {
+                let end = EndLaw::new(&own.normal, impedance, effective.h);
+                spring = end.spring.map(|x| x / end.factor);
+                friction_damping = friction_damping / (R::one() + effective.h * friction_damping);
+                law.end[0] = R::select(there, end.factor, law.end[0]);
+                law.end[1] = R::select(there, EndLaw::<R>::least(), law.end[1]);
+            }
             law.spring = [R::select(there, spring[0], law.spring[0]), R::select(there, spring[1], law.spring[1])];
             law.weight = R::select(there, R::splat(own.normal.weight), law.weight);
             law.spring_weight = R::select(there, R::splat(own.spring), law.spring_weight);
-            law.friction_damping = R::select(there, R::splat(own.friction_damping), law.friction_damping);
+            law.friction_damping = R::select(there, friction_damping, law.friction_damping);
             for i in 0..5 {
                 law.friction[i] = R::select(there, friction[i], law.friction[i]);
             }
@@ -81,7 +94,7 @@ impl<R: Real> ContactLaw<R> {
 
     /// Weights D and scales of `N` rows in the lanes `active`; see [`stepper_solve::soft::SoftContact`].
     #[inline(always)]
-    fn weights<const N: usize>(&self, cone: Cone, impratio: R, active: R::Mask) -> [[R; N]; 2] {
+    fn weights<const N: usize>(&self, cone: Cone, impratio: R, discrete: bool, active: R::Mask) -> [[R; N]; 2] {
         let (zero, one) = (R::zero(), R::one());
         let (mut weight, mut scale) = ([zero; N], [zero; N]);
         let mu = self.friction[0];
@@ -91,7 +104,10 @@ impl<R: Real> ContactLaw<R> {
             Cone::Elliptic => self.weight,
             Cone::Pyramidal => R::select(rubs, self.weight + mu * mu * self.weight, self.weight),
         };
-        let normal = SoftLaw::<R::Scalar>::regularisation(self.impedance, diagonal);
+        let mut normal = SoftLaw::<R::Scalar>::regularisation(self.impedance, diagonal);
+        if discrete {
+            normal = (normal / self.end[0]).max(self.end[1] * diagonal);
+        }
         scale[0] = R::select(rubs, cone_mu, one);
         weight[0] = R::select(active, one / normal, zero);
         // Edges of a pyramid without friction are both the normal.
@@ -114,6 +130,26 @@ impl<R: Real> ContactLaw<R> {
             };
         }
         [weight, scale]
+    }
+
+    /// Weights in the matrix of a discrete step: all rows of a contact are taken as its first.
+    #[inline(always)]
+    fn in_metric<const N: usize>(&self, input: SoftInput<'_, R>, cone: Cone, support: &[u32], column: &[V3<R>], weight: [R; N]) -> [R; N] {
+        let Some(effective) = input.effective else { return weight };
+        let slope = match cone {
+            Cone::Elliptic => R::zero(),
+            Cone::Pyramidal => R::select(self.frictions.gt(R::zero()), self.friction[0], R::zero()),
+        };
+        let mobility = effective.mobility(
+            support,
+            #[inline(always)]
+            |d| column[d][0] + slope * column[d][1],
+        );
+        let mobility = R::select(self.spring_weight.gt(R::zero()), R::one(), mobility);
+        weight.map(
+            #[inline(always)]
+            |weight| in_metric(weight, mobility),
+        )
     }
 }
 
@@ -165,11 +201,12 @@ impl<R: Real> Constraints<R> {
         let law = ContactLaw::gather(input, contacts, k, lanes);
         let cone = system.problem.cone;
         let reference = law.reference(cone, slot.point.distance, v);
-        let [weight, scales] = law.weights(cone, R::splat(input.softness.impratio), active);
+        let [weight, scales] = law.weights(cone, R::splat(input.softness.impratio), input.effective.is_some(), active);
         for &d in &self.support {
             let d = d as usize;
             self.column[d] = select(active, self.column[d], zero());
         }
+        let weight = law.in_metric(input, cone, &self.support, &self.column, weight);
         let column = &self.column;
         system.problem.contacts.push(
             &self.support,
@@ -210,12 +247,13 @@ impl<R: Real> Constraints<R> {
         let law = ContactLaw::gather(input, contacts, k, lanes);
         let cone = system.problem.cone;
         let reference = law.reference(cone, slot.point.distance, [v[0], v[1], v[2], turning[0], turning[1], turning[2]]);
-        let [weight, scales] = law.weights(cone, R::splat(input.softness.impratio), active);
+        let [weight, scales] = law.weights(cone, R::splat(input.softness.impratio), input.effective.is_some(), active);
         for &d in &self.support {
             let d = d as usize;
             self.column[d] = select(active, self.column[d], zero());
             system.angular[d] = select(active, system.angular[d], zero());
         }
+        let weight = law.in_metric(input, cone, &self.support, &self.column, weight);
         let (linear, angular) = (&self.column, &system.angular);
         system.problem.rolling_contacts.push(
             &self.support,

@@ -5,8 +5,9 @@ use stepper_real::Real;
 use crate::compile::{CompiledEquality, EqualityRows, SoftLaw};
 use crate::constraints::constraint_set::Constraints;
 use crate::constraints::equality::{angular_acceleration, moves};
+use crate::constraints::soft::effective_mass::law_at;
 use crate::constraints::soft::input::SoftInput;
-use crate::constraints::soft::rows::RowOf;
+use crate::constraints::soft::rows::{RowOf, row_law};
 use crate::constraints::soft::system::SoftSystem;
 use crate::math::spatial::*;
 
@@ -65,10 +66,10 @@ impl<R: Real> Constraints<R> {
                 }
                 let active = input.row.assembly.alive;
                 // MuJoCo leaves J' v of couplings out.
-                let law = law.row(rows.error[0], rate, active);
+                let law = row_law(law, input, [rows.error[0], rate], active);
                 system.terms.clear();
                 system.terms.extend_from_slice(&equality.support);
-                self.push_soft_row(system, RowOf { law, bounds: unbounded(), active, owner: equality.owner });
+                self.push_soft_row(input, system, RowOf { law, bounds: unbounded(), active, owner: equality.owner });
             }
         }
     }
@@ -93,10 +94,9 @@ impl<R: Real> Constraints<R> {
         system.terms.clear();
         system.terms.extend_from_slice(&equality.support);
         for k in 0..3 {
-            let [reference, weight] = law.row_at(impedance, error[k], rate[k], assembly.alive);
+            let law = law_at(law, input.effective, impedance, [error[k], rate[k], kappa[k]], assembly.alive);
             let owner = equality.owner + first + k;
-            let row = RowOf { law: [reference - kappa[k], weight], bounds: unbounded(), active: assembly.alive, owner };
-            self.push_soft_row(system, row);
+            self.push_soft_row(input, system, RowOf { law, bounds: unbounded(), active: assembly.alive, owner });
             for &d in &equality.support {
                 let [_, b, c] = self.column[d as usize];
                 self.column[d as usize] = [b, c, R::zero()];

@@ -6,11 +6,13 @@
 
 mod assembly;
 mod contacts;
+mod effective_mass;
 mod equalities;
 mod frames;
 mod input;
 mod rows;
 mod system;
 
+pub use effective_mass::EffectiveMass;
 pub use input::SoftInput;
 pub use system::SoftSystem;

@@ -4,6 +4,7 @@ use stepper_real::{Mask, Real};
 
 use crate::compile::{Combination, LaneModel, SoftLaw};
 use crate::constraints::constraint_set::Constraints;
+use crate::constraints::soft::effective_mass::{in_metric, law_at};
 use crate::constraints::soft::input::SoftInput;
 use crate::constraints::soft::system::SoftSystem;
 use crate::dynamics::kinematics::quat_at;
@@ -24,13 +25,23 @@ pub(super) struct RowOf<R: Real> {
 impl<R: Real> Constraints<R> {
     /// Appends a scalar row whose Jacobian is in the first component of `column` at `system.terms`, ascending.
     #[inline(always)]
-    pub(super) fn push_soft_row(&mut self, system: &mut SoftSystem<R>, row: RowOf<R>) {
-        let RowOf { law: [reference, weight], bounds, active, owner } = row;
+    pub(super) fn push_soft_row(&mut self, input: SoftInput<'_, R>, system: &mut SoftSystem<R>, row: RowOf<R>) {
+        let RowOf { law: [reference, mut weight], bounds, active, owner } = row;
         for &d in &system.terms {
             let entry = R::select(active, self.column[d as usize][0], R::zero());
             self.column[d as usize][0] = entry;
         }
         let column = &self.column;
+        if let Some(effective) = input.effective {
+            weight = in_metric(
+                weight,
+                effective.mobility(
+                    &system.terms,
+                    #[inline(always)]
+                    |d| column[d][0],
+                ),
+            );
+        }
         system.problem.push_row(
             &system.terms,
             #[inline(always)]
@@ -73,20 +84,20 @@ impl<R: Real> Constraints<R> {
                 let [forwards, backwards] = assembly.losses[i];
                 bounds = [bounds[0] - forwards, bounds[1] + backwards];
             }
-            let law = law.row(R::zero(), assembly.v_free[friction.dof], assembly.alive);
+            let law = row_law(law, input, [R::zero(), assembly.v_free[friction.dof]], assembly.alive);
             self.column[friction.dof] = [R::one(), R::zero(), R::zero()];
             system.terms.clear();
             system.terms.push(friction.dof as u32);
             let owner = compiled.limits.len() + i;
-            self.push_soft_row(system, RowOf { law, bounds, active: assembly.alive, owner });
+            self.push_soft_row(input, system, RowOf { law, bounds, active: assembly.alive, owner });
         }
         for (tendon, [_, law]) in compiled.tendons.iter().zip(&input.softness.tendons) {
             if tendon.friction > <R::Scalar as Default>::default() {
                 let most = R::splat(tendon.friction);
-                let law = law.row(R::zero(), tendon.length.rate(assembly.v_free), assembly.alive);
+                let law = row_law(law, input, [R::zero(), tendon.length.rate(assembly.v_free)], assembly.alive);
                 self.combine(system, &[(&tendon.length, R::one())]);
                 let row = RowOf { law, bounds: [-most, most], active: assembly.alive, owner: tendon.owner + 1 };
-                self.push_soft_row(system, row);
+                self.push_soft_row(input, system, row);
             }
         }
     }
@@ -104,7 +115,7 @@ impl<R: Real> Constraints<R> {
                 self.column[limit.dof] = [sign, R::zero(), R::zero()];
                 system.terms.clear();
                 system.terms.push(limit.dof as u32);
-                self.push_soft_limit(system, law, [error, sign * assembly.v_free[limit.dof]], active, i);
+                self.push_soft_limit(input, system, law, [error, sign * assembly.v_free[limit.dof]], active, i);
             }
         }
         self.add_soft_ball_limits(compiled, input, system);
@@ -115,7 +126,7 @@ impl<R: Real> Constraints<R> {
             if active.any() {
                 self.combine(system, &[(&tendon.length, sign)]);
                 let rate = sign * tendon.length.rate(assembly.v_free);
-                self.push_soft_limit(system, law, [error, rate], active, tendon.owner);
+                self.push_soft_limit(input, system, law, [error, rate], active, tendon.owner);
             }
         }
     }
@@ -137,7 +148,7 @@ impl<R: Real> Constraints<R> {
                     system.terms.push((limit.dof + k) as u32);
                     self.column[limit.dof + k] = [axis[k], R::zero(), R::zero()];
                 }
-                self.push_soft_limit(system, law, [error, dot(axis, v)], active, limit.owner);
+                self.push_soft_limit(input, system, law, [error, dot(axis, v)], active, limit.owner);
             }
         }
     }
@@ -146,6 +157,7 @@ impl<R: Real> Constraints<R> {
     #[inline(always)]
     fn push_soft_limit(
         &mut self,
+        input: SoftInput<'_, R>,
         system: &mut SoftSystem<R>,
         law: &SoftLaw<R::Scalar>,
         [error, rate]: [R; 2],
@@ -153,9 +165,15 @@ impl<R: Real> Constraints<R> {
         owner: usize,
     ) {
         let bounds = [R::zero(), R::of(f64::INFINITY)];
-        let law = law.row(error, rate, active);
-        self.push_soft_row(system, RowOf { law, bounds, active, owner });
+        let law = row_law(law, input, [error, rate], active);
+        self.push_soft_row(input, system, RowOf { law, bounds, active, owner });
     }
+}
+
+/// Reference acceleration and weight of a scalar row at an error and its rate.
+#[inline(always)]
+pub(super) fn row_law<R: Real>(law: &SoftLaw<R::Scalar>, input: SoftInput<'_, R>, [error, rate]: [R; 2], active: R::Mask) -> [R; 2] {
+    law_at(law, input.effective, law.impedance(error), [error, rate, R::zero()], active)
 }
 
 /// Direction away from the nearer end of a range, and the signed distance from it, negative beyond.

@@ -11,8 +11,9 @@ use crate::constraints::equality::RowInput;
 use crate::constraints::soft::SoftInput;
 use crate::dynamics::kinematics::advance;
 use crate::dynamics::mocap;
+use crate::integrators::mujoco::discrete::assemble_effective_mass;
 use crate::integrators::workspace::Workspace;
-use crate::options::StepSettings;
+use crate::options::{Integrator, StepSettings};
 use crate::probe::{Counter, Probe, Span};
 use crate::stages::s01_actuate::actuate;
 use crate::stages::s03_detect::detect;
@@ -33,7 +34,10 @@ pub(super) fn accelerate<R: Real>(
         mocap::pose_bodies(compiled, &s.mocap_trajectories, R::of(s.elapsed), &mut s.evaluation.kinematics);
         s.evaluation.kinematics.update(compiled, &s.evaluation.q);
     });
-    free_acceleration(compiled, h, s, probe);
+    match options.integrator {
+        Integrator::Discrete => free_acceleration_at_end(compiled, h, s, probe),
+        _ => free_acceleration(compiled, h, s, probe),
+    }
     find_contacts(compiled, s, probe);
     probe.span(Span::Assemble, || assemble(compiled, options, h, s));
     probe.span(Span::Solve, || solve(compiled, options, h, s, from_impulse))
@@ -49,21 +53,39 @@ fn free_acceleration<R: Real>(compiled: &LaneModel<R>, h: R, s: &mut Workspace<R
         system.mass.copy_from_slice(&motion.smooth.mass.entries);
     }
     probe.span(Span::MassFactors, || motion.smooth.complete_mass(compiled, kinematics, Implicit::none()));
-    probe.span(Span::Actuate, || {
-        motion.actuator_forces.release();
-        motion.actuator_forces.transmit(compiled, kinematics, &s.state.v, R::zero());
-        let at = ForceState::state(&s.state.q, &s.state.v, &s.state.act, &s.inputs.ctrl, &s.inputs.actuator_dynamics);
-        actuate(compiled, &at, None, &mut motion.actuator_forces);
-        if compiled.lossy {
-            motion.actuator_forces.lose(compiled, &s.inputs.actuator_dynamics, false);
-        }
-        motion.smooth.apply(compiled, kinematics, [&s.inputs.qfrc, &s.inputs.xfrc], &mut motion.applied);
-        add_tendon_springs(compiled, &s.state.q, &s.state.v, &mut motion.applied);
-    });
-    probe.span(Span::Acceleration, || {
-        motion.accelerate(compiled, kinematics, &s.state.v, &s.state.v);
-        advance(&s.state.v, &motion.smooth.acc, h, &mut motion.v);
-    });
+    probe.span(Span::Actuate, || find_forces(compiled, s));
+    probe.span(Span::Acceleration, || move_freely(compiled, h, s));
+}
+
+/// The same for a discrete step: all of it that springs, dampers, servos and drag do is at the step's end.
+fn free_acceleration_at_end<R: Real>(compiled: &LaneModel<R>, h: R, s: &mut Workspace<R>, probe: impl Probe) {
+    probe.count(Counter::Evaluations, || 1.0);
+    let explicit = Implicit::<R>::none().weights;
+    probe.span(Span::MassMatrix, || s.free_motion.smooth.assemble_mass(compiled, &s.evaluation.kinematics, explicit));
+    probe.span(Span::Actuate, || find_forces(compiled, s));
+    probe.span(Span::MassFactors, || assemble_effective_mass(compiled, h, s));
+    probe.span(Span::Acceleration, || move_freely(compiled, h, s));
+}
+
+/// Stage 1: all forces at the state, explicitly.
+fn find_forces<R: Real>(compiled: &LaneModel<R>, s: &mut Workspace<R>) {
+    let (motion, kinematics) = (&mut s.free_motion, &s.evaluation.kinematics);
+    motion.actuator_forces.release();
+    motion.actuator_forces.transmit(compiled, kinematics, &s.state.v, R::zero());
+    let at = ForceState::state(&s.state.q, &s.state.v, &s.state.act, &s.inputs.ctrl, &s.inputs.actuator_dynamics);
+    actuate(compiled, &at, None, &mut motion.actuator_forces);
+    if compiled.lossy {
+        motion.actuator_forces.lose(compiled, &s.inputs.actuator_dynamics, false);
+    }
+    motion.smooth.apply(compiled, kinematics, [&s.inputs.qfrc, &s.inputs.xfrc], &mut motion.applied);
+    add_tendon_springs(compiled, &s.state.q, &s.state.v, &mut motion.applied);
+}
+
+/// Stage 2: the acceleration that the forces make with the factored matrix, and the velocity after the step with it.
+fn move_freely<R: Real>(compiled: &LaneModel<R>, h: R, s: &mut Workspace<R>) {
+    let motion = &mut s.free_motion;
+    motion.accelerate(compiled, &s.evaluation.kinematics, &s.state.v, &s.state.v);
+    advance(&s.state.v, &motion.smooth.acc, h, &mut motion.v);
 }
 
 /// Springs and dampers of fixed tendons, taken explicitly.
@@ -109,7 +131,7 @@ fn assemble<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, h: R, s: &
         alive: s.alive,
     };
     let row = RowInput { compiled, options, kinematics: &s.evaluation.kinematics, mass: &s.free_motion.smooth.mass, assembly: &assembly };
-    s.constraints.assemble_soft(SoftInput { row, softness }, &mut s.evaluation.contacts);
+    s.constraints.assemble_soft(SoftInput { row, softness, effective: s.effective.as_ref() }, &mut s.evaluation.contacts);
 }
 
 /// Stage 5. The residual is the velocity that what is left of the imbalance of forces makes in a step.

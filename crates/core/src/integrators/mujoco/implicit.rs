@@ -95,7 +95,7 @@ fn add_tendon_damping<R: Real>(compiled: &LaneModel<R>, h: R, entries: &mut [R])
 /// Solves the six equations of a body that is alone on a free joint, with the derivative of its gyroscopic force: unsymmetric, so that the
 /// factors of the tree cannot hold it (`mjd_freeMhat`). `entries` are those of M, and those of M + h D.
 #[inline(always)]
-fn solve_alone<R: Real>(compiled: &LaneModel<R>, entries: [&[R]; 2], mat: &M3<R>, v: &[R], h: R, first: usize, x: &mut [R]) {
+pub(super) fn solve_alone<R: Real>(compiled: &LaneModel<R>, entries: [&[R]; 2], mat: &M3<R>, v: &[R], h: R, first: usize, x: &mut [R]) {
     let mut a = [[R::zero(); 6]; 6];
     let mut m = [[R::zero(); 6]; 6];
     for i in 0..6 {

@@ -5,9 +5,11 @@
 //!   then q+ = q (+) h v+.
 //! * implicitfast (`mj_implicit`): the same with the damping of tendons, actuators and the medium, too; implicit, with the derivative of
 //!   Coriolis forces besides.
+//! * discrete: springs, dampers, servos and the rows of constraints at the end of the step, in one problem.
 //! * Runge-Kutta of order 4 (`mj_RungeKutta`): constraints are solved at each of the four stages.
 
 mod acceleration;
+mod discrete;
 mod implicit;
 mod runge_kutta;
 pub mod stages;
@@ -39,7 +41,10 @@ pub(crate) fn solve_step<R: Real>(
         Integrator::Rk4 => runge_kutta(compiled, options, h, s, probe),
         _ => {
             let outcome = accelerate(compiled, options, h, s, true, probe);
-            probe.span(Span::IntegrateVelocity, || integrate_velocity(compiled, h, options.integrator, s));
+            probe.span(Span::IntegrateVelocity, || match options.integrator {
+                Integrator::Discrete => discrete::integrate_velocity(compiled, h, s),
+                _ => integrate_velocity(compiled, h, options.integrator, s),
+            });
             probe.span(Span::IntegratePosition, || {
                 integrate_position(compiled, &s.state.q, &s.next.v, h, &mut s.next.q);
                 advance_activation(compiled, &s.state.act, &s.state.act, &s.inputs.ctrl, h, &mut s.next.act);

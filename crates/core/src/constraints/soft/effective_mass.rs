@@ -1,0 +1,142 @@
+//! The matrix in which a discrete step is solved, M + h D + h^2 K, and what it makes of the rows of constraints.
+
+use std::ops::Range;
+
+use stepper_real::Real;
+
+use crate::compile::{EndLaw, LaneModel, ModelStructure, SoftLaw};
+use crate::constraints::soft::system::SoftSystem;
+use crate::model::MIN_VALUE;
+
+/// Mass matrix of a discrete step: what has the sparsity of the trees is among the entries of the mass matrix that the solver is given;
+/// here is M itself, and what couples several degrees of freedom, as rows (w / 2) (arms . a)^2 of the objective.
+#[derive(Clone, Debug)]
+pub struct EffectiveMass<R: Real> {
+    /// Length of the step, s.
+    pub(crate) h: R,
+    /// Entries of M.
+    pub(crate) mass: Vec<R>,
+    /// Diagonals of M, and of the matrix of the step.
+    pub(crate) diagonals: [Vec<R>; 2],
+    /// Ranges of the terms of each coupling, with its weight w.
+    couplings: Vec<(Range<usize>, R)>,
+    /// Degrees of freedom of each coupling, ascending, and their arms.
+    dofs: Vec<u32>,
+    arms: Vec<R>,
+}
+
+impl<R: Real> EffectiveMass<R> {
+    /// Room for a compiled model.
+    pub(crate) fn new(compiled: &ModelStructure<R::Scalar>) -> Self {
+        let zeros = |n: usize| vec![R::zero(); n];
+        let couplings = compiled.tendons.len() + compiled.servos.len();
+        let terms = couplings * compiled.nv;
+        Self {
+            h: R::zero(),
+            mass: zeros(compiled.chain.len()),
+            diagonals: [zeros(compiled.nv), zeros(compiled.nv)],
+            couplings: Vec::with_capacity(couplings),
+            dofs: Vec::with_capacity(terms),
+            arms: Vec::with_capacity(terms),
+        }
+    }
+
+    /// Takes up the `entries` of M, and the length of the step.
+    pub(crate) fn begin(&mut self, compiled: &LaneModel<R>, entries: &[R], h: R) {
+        self.h = h;
+        self.mass.copy_from_slice(entries);
+        for (dof, own) in compiled.dofs.iter().zip(&mut self.diagonals[0]) {
+            *own = entries[dof.chain];
+        }
+        self.couplings.clear();
+        self.dofs.clear();
+        self.arms.clear();
+    }
+
+    /// Adds w (arms)(arms)^T: on one degree of freedom to the `entries` of the mass matrix, on several as a coupling.
+    #[inline(always)]
+    pub(crate) fn add(&mut self, compiled: &LaneModel<R>, parts: impl Iterator<Item = (usize, R)>, w: R, entries: &mut [R]) {
+        let start = self.dofs.len();
+        for (dof, arm) in parts {
+            match self.dofs[start..].binary_search(&(dof as u32)) {
+                Ok(k) => self.arms[start + k] += arm,
+                Err(k) => {
+                    self.dofs.insert(start + k, dof as u32);
+                    self.arms.insert(start + k, arm);
+                }
+            }
+        }
+        if let [dof] = self.dofs[start..] {
+            entries[compiled.dofs[dof as usize].chain] += w * self.arms[start] * self.arms[start];
+            self.dofs.truncate(start);
+            self.arms.truncate(start);
+        } else {
+            self.couplings.push((start..self.dofs.len(), w));
+        }
+    }
+
+    /// Takes up the diagonal of the step's matrix, once its `entries` are complete.
+    pub(crate) fn finish(&mut self, compiled: &LaneModel<R>, entries: &[R]) {
+        for (dof, own) in compiled.dofs.iter().zip(&mut self.diagonals[1]) {
+            *own = entries[dof.chain];
+        }
+        for (terms, w) in &self.couplings {
+            for (&dof, &arm) in self.dofs[terms.clone()].iter().zip(&self.arms[terms.clone()]) {
+                self.diagonals[1][dof as usize] += *w * arm * arm;
+            }
+        }
+    }
+
+    /// Appends the couplings to the rows of a problem, in the lanes `lanes`. Returns whether there is one.
+    #[inline(always)]
+    pub(super) fn couple(&self, system: &mut SoftSystem<R>, lanes: R::Mask) -> bool {
+        for (terms, w) in &self.couplings {
+            let (dofs, arms) = (&self.dofs[terms.clone()], &self.arms[terms.clone()]);
+            let of = |d: usize| dofs.iter().position(|&dof| dof as usize == d).map_or(R::zero(), |k| arms[k]);
+            let bounds = [R::of(f64::NEG_INFINITY), R::of(f64::INFINITY)];
+            system.problem.push_row(dofs, of, R::zero(), R::select(lanes, *w, R::zero()), bounds);
+        }
+        !self.couplings.is_empty()
+    }
+
+    /// The part of a row's approximate inverse inertia that is left in the step's matrix: of diagonals, at the entries `of` the row's
+    /// Jacobian on `support`.
+    #[inline(always)]
+    pub(super) fn mobility(&self, support: &[u32], of: impl Fn(usize) -> R) -> R {
+        let (mut own, mut bare) = (R::zero(), R::zero());
+        for &d in support {
+            let d = d as usize;
+            let j = of(d);
+            bare += j * j / self.diagonals[0][d];
+            own += j * j / self.diagonals[1][d];
+        }
+        let moves = bare.gt(R::of(MIN_VALUE));
+        R::select(moves, own / R::select(moves, bare, R::one()), R::one())
+    }
+}
+
+/// Weight D of a row whose approximate inverse inertia is a part `mobility` of what its law takes it for.
+#[inline(always)]
+pub(super) fn in_metric<R: Real>(weight: R, mobility: R) -> R {
+    (weight / mobility).min(R::of(1.0 / MIN_VALUE))
+}
+
+/// Reference acceleration and weight D of a row at the error r, with its rate v and the acceleration `shift` that it has if no joint
+/// accelerates: as MuJoCo's continuous integrators take it, or with `effective` at the end of a discrete step.
+#[inline(always)]
+pub(super) fn law_at<R: Real>(
+    law: &SoftLaw<R::Scalar>,
+    effective: Option<&EffectiveMass<R>>,
+    impedance: R,
+    [r, v, shift]: [R; 3],
+    active: R::Mask,
+) -> [R; 2] {
+    let Some(effective) = effective else {
+        let [reference, weight] = law.row_at(impedance, r, v, active);
+        return [reference - shift, weight];
+    };
+    let end = EndLaw::new(law, impedance, effective.h);
+    let reference = -(end.spring[0] * r + end.spring[1] * v + shift) / end.factor;
+    let weight = end.regularisation(impedance, R::splat(law.weight)).recip();
+    [reference, R::select(active, weight, R::zero())]
+}

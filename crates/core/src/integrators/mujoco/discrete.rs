@@ -1,0 +1,109 @@
+//! Stages 1, 2 and 6 of `discrete`: springs, dampers, servos and the drag of the medium at the end of the step, in the matrix in which
+//! constraints are solved.
+//!
+//! ```text
+//! (M + h D + h^2 K) a = f(q, v) - h K v + J^T f_c,    v+ = v + h a,    q+ = q (+) h v+
+//! ```
+//!
+//! with damping D and stiffness K as far as they take energy out and keep the motion from leaving where it is: joints, tendons, actuators,
+//! drag (MuJoCo's documentation, computation chapter, "Integrators"). A body alone on a free joint that nothing touches has, besides, the
+//! derivative of its gyroscopic force.
+
+use stepper_real::{Mask, Real};
+
+use crate::actuation::forces::ForceState;
+use crate::compile::LaneModel;
+use crate::dynamics::implicit_weights::ImplicitWeights;
+use crate::dynamics::kinematics::advance;
+use crate::integrators::mujoco::implicit::solve_alone;
+use crate::integrators::workspace::Workspace;
+use crate::model::JointKind;
+use crate::stages::s01_actuate::servo_slopes;
+
+/// The matrix of the step from the assembled mass matrix, and the forces -h K v, which are added to those that are applied. Forces of
+/// actuators must be known.
+pub(super) fn assemble_effective_mass<R: Real>(compiled: &LaneModel<R>, h: R, s: &mut Workspace<R>) {
+    let Some(effective) = &mut s.effective else { unreachable!("made with the workspace for this integrator") };
+    let (motion, v) = (&mut s.free_motion, &s.state.v);
+    let (smooth, forces, applied) = (&mut motion.smooth, &mut motion.actuator_forces, &mut motion.applied);
+    R::vectorize(
+        #[inline(always)]
+        || {
+            effective.begin(compiled, &smooth.mass.entries, h);
+            smooth.mass.add_joints(compiled, ImplicitWeights { damping: h, stiffness: h * h, step: R::zero() }, &mut []);
+            let entries = &mut smooth.mass.entries;
+            for (d, (applied, &v)) in applied.iter_mut().zip(v).enumerate() {
+                *applied -= h * compiled.params.dof(d).stiffness * v;
+            }
+            for tendon in &compiled.tendons {
+                let Some((spring, rest)) = &tendon.spring else { continue };
+                let length = tendon.length.value(&s.state.q);
+                let taut = length.lt(R::splat(rest[0])).or(length.gt(R::splat(rest[1])));
+                let stiffness = R::select(taut, R::splat(spring.stiffness), R::zero());
+                let push = h * stiffness * tendon.length.rate(v);
+                let parts = || tendon.length.terms.iter().map(|&(_, dof, arm)| (dof, R::splat(arm)));
+                for (dof, arm) in parts() {
+                    applied[dof] -= push * arm;
+                }
+                effective.add(compiled, parts(), h * (R::splat(spring.damping) + h * stiffness), entries);
+            }
+            let at = ForceState::state(&s.state.q, v, &s.state.act, &s.inputs.ctrl, &s.inputs.actuator_dynamics);
+            for (k, servo) in compiled.servos.iter().enumerate() {
+                let actuator = &compiled.actuators[servo.actuator];
+                let [stiffness, damping] = servo_slopes(compiled, &at, servo.actuator, forces);
+                let push = h * stiffness * forces.along(actuator, v);
+                let on_site =
+                    actuator.wrench.iter().flat_map(|w| w.dofs.iter().zip(&forces.arms[w.arms..]).map(|(&(dof, _), &arm)| (dof, arm)));
+                let parts = || actuator.moment.iter().map(|&(_, dof, arm)| (dof, R::splat(arm))).chain(on_site.clone());
+                for (dof, arm) in parts() {
+                    applied[dof] -= push * arm;
+                }
+                forces.weight[k] = h * (damping + h * stiffness);
+                effective.add(compiled, parts(), forces.weight[k], entries);
+            }
+        },
+    );
+    smooth.damp(compiled, &s.evaluation.kinematics, [&[], &[]], v, h);
+    R::vectorize(
+        #[inline(always)]
+        || {
+            effective.finish(compiled, &smooth.mass.entries);
+            if let Some(system) = &mut s.constraints.soft {
+                system.mass.copy_from_slice(&smooth.mass.entries);
+            }
+            smooth.mass.factor(compiled);
+        },
+    );
+}
+
+/// Stage 6: v+ = v + h a.
+pub(super) fn integrate_velocity<R: Real>(compiled: &LaneModel<R>, h: R, s: &mut Workspace<R>) {
+    let Some(system) = &mut s.constraints.soft else { return };
+    if let Some(effective) = &s.effective {
+        for spinner in compiled.spinners.iter().filter(|spinner| spinner.kind == JointKind::Free) {
+            let dofs = spinner.dof..spinner.dof + 6;
+            let touched = system.problem.touches(dofs.start as u32..dofs.end as u32);
+            let (free, mat) = (&s.free_motion.smooth.acc, &s.evaluation.kinematics.mat[spinner.link + 1]);
+            let work = &mut s.work.impulse;
+            R::vectorize(
+                #[inline(always)]
+                || {
+                    // The forces that made the acceleration without constraints.
+                    for i in 0..6 {
+                        let mut sum = R::zero();
+                        for j in 0..6 {
+                            let (row, column) = (spinner.dof + i.max(j), i.abs_diff(j));
+                            sum += system.mass[compiled.dofs[row].chain + column] * free[spinner.dof + j];
+                        }
+                        work[spinner.dof + i] = sum;
+                    }
+                    solve_alone(compiled, [&effective.mass, &system.mass], mat, &s.state.v, h, spinner.dof, work);
+                    for d in dofs {
+                        system.acceleration[d] = R::select(touched, system.acceleration[d], work[d]);
+                    }
+                },
+            );
+        }
+    }
+    advance(&s.state.v, &system.acceleration, h, &mut s.next.v);
+}

@@ -808,7 +808,7 @@ class Stepper:
         *,
         qpos: ArrayLike | None = None,
         qvel: ArrayLike | None = None,
-        seed: int | None = None,
+        seed: int | ArrayLike | None = None,
         keyframe: str | int | None = None,
     ) -> None:
         """Starts a new episode in all environments, or in those of a boolean mask (num_envs,). Nothing of the old one remains.
@@ -820,11 +820,13 @@ class Stepper:
             mask: Which environments; None is all.
             qpos: Where they start, (num_envs, nq) or (nq,); None is the model's reference. Quaternions are normalised.
             qvel: How fast, (num_envs, nv) or (nv,); None is at rest.
-            seed: A new seed; None keeps the old one.
+            seed: A new seed of the errors of sensors, or (num_envs,) one for each environment, of which those that start take
+                theirs; None keeps the old ones.
             keyframe: Name or index of a keyframe to start from: its qpos, qvel, act, ctrl and time.
 
         Raises:
-            ValueError: A wrong shape, a number that is not finite, a quaternion of zeros. Nothing is changed then.
+            TypeError: A seed that is no whole number.
+            ValueError: A wrong shape, a number that is not finite, a quaternion of zeros, a negative seed. Nothing is changed then.
             KeyError: No such keyframe.
         """
     def step(self, ctrl: ArrayLike | None = None, nstep: int = 1) -> None:

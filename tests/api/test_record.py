@@ -317,7 +317,7 @@ def test_noisy_readings_are_replayed_too(tmp_path, precision, num_envs):
         for k in range(40):
             sim.step(np.sin([0.1 * k]), nstep=1 + k % 3)
             if k % 10 == 5:
-                sim.reset(np.arange(num_envs) % 2 == 0, seed=11 if k == 25 else None)
+                sim.reset(np.arange(num_envs) % 2 == 0, seed=11 + np.arange(num_envs) if k == 25 else None)
     for threads in (1, 3):
         assert stepper.replay(tmp_path / "run", threads=threads)
     # The same environments in a larger batch read the same.

@@ -363,3 +363,35 @@ def test_every_device_works(model, name):
     sim = stepper.Stepper(model, 2, sensors=SensorModel({"gyro": devices.find(name)}))
     sim.step(nstep=3)
     assert np.all(np.isfinite(sim.observation))
+
+
+def test_each_environment_has_the_seed_that_it_was_given(model):
+    """One call with a seed for each is as many calls with one seed, whichever environments start."""
+    seeds = np.array([5, 2**64 - 1, 7, 5, 0], dtype=np.uint64)
+    together, alone = noisy(model, 5, seed=1), noisy(model, 5, seed=1)
+    episode(together), episode(alone)
+    for mask in (np.ones(5, bool), np.array([True, False, True, True, False])):
+        together.reset(mask, seed=seeds)
+        for env in np.flatnonzero(mask):
+            alone.reset(np.arange(5) == env, seed=int(seeds[env]))
+        np.testing.assert_array_equal(episode(together), episode(alone))
+    signed = noisy(model, 5, seed=1)
+    signed.reset(seed=[3, 1, 4, 1, 5])
+    assert signed.seed == 1
+    rows = episode(signed)
+    # Two environments with one seed draw numbers of their own.
+    assert not np.array_equal(rows[-1, 1], rows[-1, 3])
+
+
+@pytest.mark.parametrize(("seed", "error", "words"), [
+    ([1, 2], ValueError, r"seed has shape \(2,\), must be \(5,\) or \(\)"),
+    ([1, 2, 3, -4, 5], ValueError, "the seed of environment 3 is negative"),
+    ([1.0] * 5, TypeError, "seed has type float64, must be of whole numbers, 0 or more, in 64 bits"),
+    (2**64, ValueError, "seed is 18446744073709551616"),
+])  # fmt: skip
+def test_a_wrong_seed_is_named_and_nothing_starts(model, seed, error, words):
+    sim = noisy(model, 5, seed=1)
+    sim.step(nstep=3)
+    with pytest.raises(error, match=words):
+        sim.reset(seed=seed)
+    assert (sim.time > 0).all()

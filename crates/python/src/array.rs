@@ -20,6 +20,32 @@ pub(crate) fn array<'py>(py: Python<'py>, shape: &[usize], data: Vec<f64>, preci
     })
 }
 
+/// Seeds: one for all environments, or one for each of `count`.
+pub(crate) fn seeds(given: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<u64>> {
+    let numpy = given.py().import("numpy")?;
+    let array = numpy.call_method1("asarray", (given,))?;
+    if array.getattr("ndim")?.extract::<usize>()? == 0 {
+        return Ok(vec![whole(given, "seed", 0)?]);
+    }
+    let kind: String = array.getattr("dtype")?.getattr("kind")?.extract()?;
+    let shape: Vec<usize> = array.getattr("shape")?.extract()?;
+    check_shape("seed", &shape, &[&[count], &[]])?;
+    if !matches!(kind.as_str(), "i" | "u") {
+        return Err(PyTypeError::new_err(format!(
+            "seed has type {}, must be of whole numbers, 0 or more, in 64 bits",
+            array.getattr("dtype")?
+        )));
+    }
+    if kind == "i"
+        && let Some(env) = array.call_method1("tolist", ())?.extract::<Vec<i64>>()?.iter().position(|&seed| seed < 0)
+    {
+        return Err(PyValueError::new_err(format!("the seed of environment {env} is negative, must be a whole number, 0 or more")));
+    }
+    let words = numpy.call_method1("ascontiguousarray", (array, "uint64"))?.cast_into::<PyArrayDyn<u64>>()?;
+    let words = words.try_readonly().map_err(|e| PyValueError::new_err(format!("seed: {e}")))?;
+    words.as_slice().map(<[u64]>::to_vec).map_err(|e| PyValueError::new_err(format!("seed: {e}")))
+}
+
 /// A read-only array that an attribute is read as, which names the call that sets `field` to whoever writes to it (`stepper._hints`).
 pub(crate) fn read_only<'py>(array: Bound<'py, PyAny>, field: &str) -> PyResult<Bound<'py, PyAny>> {
     static KINDS: PyOnceLock<Py<PyDict>> = PyOnceLock::new();

@@ -58,8 +58,8 @@ class Batch:
         sensors = task.sensors()
         self.sim = Stepper(model, num_envs, options=law, precision=precision, threads=threads, sensors=sensors)
         self._has_noise = sensors is not None
-        # Seeds of the errors of sensors of environments that have not begun under them yet.
-        self._noise_seeds = dict.fromkeys(range(num_envs), _word()) if self._has_noise else {}
+        # Seeds of the errors of sensors, and which environments have not begun under theirs yet.
+        self._noise_seeds, self._new_seeds = np.full(num_envs, _word(), dtype=np.uint64), np.full(num_envs, self._has_noise)
         self.num_envs, self.dt = num_envs, self.sim.timestep * task.frame_skip
         self.dtype = np.dtype(dtype if dtype is not None else {"f64": np.float64, "f32": np.float32}[precision])
         if self.dtype not in (np.float64, np.float32):
@@ -103,7 +103,7 @@ class Batch:
         """
         self.streams.seed(envs, seeds)
         if self._has_noise:
-            self._noise_seeds |= {env: _word(seed) for env, seed in zip(envs.tolist(), seeds, strict=True)}
+            self._noise_seeds[envs], self._new_seeds[envs] = [_word(seed) for seed in seeds], True
 
     def begin(self, mask: Array) -> None:
         """Begins an episode in the environments of a mask, (num_envs,) bool."""
@@ -118,22 +118,15 @@ class Batch:
         qpos[:] = self._rest
         self.task.start(qpos, qvel, Draws(self.streams, envs))
         self._qpos[envs], self._qvel[envs] = qpos, qvel
-        self.sim.reset(mask, qpos=self._qpos, qvel=self._qvel)
-        if self._noise_seeds:
-            self._begin_errors(envs)
+        new = mask & self._new_seeds
+        if new.any():
+            self.sim.reset(new, qpos=self._qpos, qvel=self._qvel, seed=self._noise_seeds)
+            self._new_seeds[envs] = False
+        rest = mask & ~new
+        if rest.any():
+            self.sim.reset(rest, qpos=self._qpos, qvel=self._qvel)
         self.task.prepare(self.sim, self._memory, mask, Draws(self.streams, envs))
         self.returns[envs], self.lengths[envs] = 0.0, 0
-
-    def _begin_errors(self, envs: Array) -> None:
-        """Begins the errors of sensors of those of `envs` (n,) that have a new seed: a call for each seed, since `reset` takes one."""
-        of_seed: dict[int, list[int]] = {}
-        for env in envs.tolist():
-            if (seed := self._noise_seeds.pop(env, None)) is not None:
-                of_seed.setdefault(seed, []).append(env)
-        for seed, same in of_seed.items():
-            mask = np.zeros(self.num_envs, dtype=bool)
-            mask[same] = True
-            self.sim.reset(mask, qpos=self._qpos, qvel=self._qvel, seed=seed)
 
     def set_state(self, qpos: Array, qvel: Array, mask: Array | None = None) -> None:
         """Sets configurations (num_envs, nq) and velocities (num_envs, nv), of all environments or those of a mask. Episodes go on."""

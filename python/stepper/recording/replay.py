@@ -150,7 +150,8 @@ def repeat(sim: Stepper, kind: str, arrays: Arrays, row: int, step: int) -> Diff
         apply_parameters(sim, arrays)
     elif kind == "reset":
         word, number = arrays.pop("keyframe", None), arrays.pop("seed", None)
-        keyframe, seed = None if word is None else word.item(), None if number is None else int(number)
+        keyframe = None if word is None else word.item()
+        seed = int(number) if number is not None and number.ndim == 0 else number
         sim.reset(**arrays, keyframe=keyframe, seed=seed)
     else:
         for name in APPLIED:

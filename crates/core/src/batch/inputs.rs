@@ -189,8 +189,9 @@ pub struct StateRows<'a> {
 /// How an episode begins, besides the model's reset state.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Episode<'a> {
-    /// A new seed, under which it is the first episode; else it is the next one under the old seed.
-    pub seed: Option<u64>,
+    /// A new seed, for all or for each environment of the batch, under which it is the first episode; else it is the next one under the
+    /// old seed.
+    pub seed: Option<&'a [u64]>,
     /// A keyframe of the model: state, time and controls in force.
     pub keyframe: Option<&'a crate::model::Keyframe>,
     /// What is written over that.

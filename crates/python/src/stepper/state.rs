@@ -7,7 +7,7 @@ use pyo3::types::PyBool;
 use stepper_core::{Episode, Field, StateRows};
 
 use crate::arguments::Env;
-use crate::array::{array, check_shape, read_only, readonly, whole};
+use crate::array::{array, check_shape, read_only, readonly, seeds};
 use crate::error::value_error;
 use crate::state::State;
 use crate::stepper::recording::{notify, recorder_of};
@@ -59,11 +59,13 @@ impl Stepper {
     ///     mask: Which environments; None is all.
     ///     qpos: Where they start, (num_envs, nq) or (nq,); None is the model's reference. Quaternions are normalised.
     ///     qvel: How fast, (num_envs, nv) or (nv,); None is at rest.
-    ///     seed: A new seed; None keeps the old one.
+    ///     seed: A new seed of the errors of sensors, or (num_envs,) one for each environment, of which those that start take
+    ///         theirs; None keeps the old ones.
     ///     keyframe: Name or index of a keyframe to start from: its qpos, qvel, act, ctrl and time.
     ///
     /// Raises:
-    ///     ValueError: A wrong shape, a number that is not finite, a quaternion of zeros. Nothing is changed then.
+    ///     TypeError: A seed that is no whole number.
+    ///     ValueError: A wrong shape, a number that is not finite, a quaternion of zeros, a negative seed. Nothing is changed then.
     ///     KeyError: No such keyframe.
     #[pyo3(signature = (mask=None, *, qpos=None, qvel=None, seed=None, keyframe=None))]
     fn reset(
@@ -76,12 +78,16 @@ impl Stepper {
     ) -> PyResult<()> {
         let mut this = borrow(slf)?;
         let envs = this.chosen(mask.as_ref())?;
-        let new_seed = seed.as_ref().map(|seed| whole(seed, "seed", 0)).transpose()?;
+        let new_seeds = seed.as_ref().map(|seed| seeds(seed, this.n())).transpose()?;
         let (q, v) = (this.field_rows(Field::Qpos, qpos.as_ref())?, this.field_rows(Field::Qvel, qvel.as_ref())?);
         let key = keyframe.as_ref().map(|name| this.model.get().find_keyframe(name)).transpose()?;
         let rows = StateRows { qpos: numbers(&q)?, qvel: numbers(&v)?, ..StateRows::default() };
-        this.simulation.start_episodes(&envs, &Episode { seed: new_seed, keyframe: key.as_ref(), rows }).map_err(value_error)?;
-        this.seed = new_seed.unwrap_or(this.seed);
+        this.simulation
+            .start_episodes(&envs, &Episode { seed: new_seeds.as_deref(), keyframe: key.as_ref(), rows })
+            .map_err(value_error)?;
+        if let Some(&[one]) = new_seeds.as_deref() {
+            this.seed = one;
+        }
         this.reset_applied(slf.py(), &envs)?;
         let recorder = recorder_of(slf.py(), this);
         notify(slf, recorder, "reset", &[("mask", mask), ("qpos", qpos), ("qvel", qvel), ("seed", seed), ("keyframe", keyframe)])

@@ -41,10 +41,13 @@ impl Simulation {
         if let (Some(keyframe), Some(&env)) = (episode.keyframe, envs.first()) {
             self.check_keyframe(env, keyframe)?;
         }
+        if let Some(seeds) = episode.seed.filter(|seeds| seeds.len() != 1) {
+            check_length("seed", seeds.len(), self.num_envs)?;
+        }
         for &env in envs {
             self.reset(env);
-            if episode.seed.is_some() {
-                self.begin_episode(env, episode.seed);
+            if let Some(seeds) = episode.seed {
+                self.begin_episode(env, Some(if let &[seed] = seeds { seed } else { seeds[env] }));
             }
             if let Some(keyframe) = episode.keyframe {
                 self.start_from(env, keyframe)?;

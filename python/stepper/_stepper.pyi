@@ -704,7 +704,8 @@ class Stepper:
     xpos: Final[_Array]
     """Positions of the bodies at the present `qpos`: (num_envs, nbody, 3) in m, of their frames' origins. Body 0 is the world.
     MuJoCo's `mj_step` leaves those before the step, `mj_forward` these. Like all that is derived from the state, they are computed
-    when asked for, of all environments at once, and the array is the same one until something changes."""
+    when asked for, of all environments at once, and the array is the same one until something changes; what was asked for together
+    after the last change is computed in one pass."""
     xquat: Final[_Array]
     """Orientations of the bodies at the present `qpos`: (num_envs, nbody, 4)."""
     body_linvel: Final[_Array]
@@ -723,6 +724,19 @@ class Stepper:
     subtree_com: Final[_Array]
     """Centres of mass of every body with all that hangs from it at the present `qpos`: (num_envs, nbody, 3) in m. Row 0 is that of the
     whole scene."""
+    xipos: Final[_Array]
+    """Centres of mass of the bodies at the present `qpos`: (num_envs, nbody, 3) in m."""
+    cinert: Final[_Array]
+    """Inertias of the bodies about the centre of mass of their tree, world axes: (num_envs, nbody, 10), the inertia's xx, yy, zz, xy, xz,
+    yz in kg m^2, the mass times the place of the body's centre of mass in kg m, the mass in kg. The world's row is zero. A tree is a
+    child of the world with all that hangs from it."""
+    cvel: Final[_Array]
+    """Velocities of the bodies at the present state, of the point of each that is at the centre of mass of its tree, world axes:
+    (num_envs, nbody, 6), angular velocity (3) in rad/s, linear velocity (3) in m/s."""
+    cfrc_ext: Final[_Array]
+    """Torques (3) in N m and forces (3) in N on the bodies of the contacts that the last step left, about the centre of mass of their
+    tree, world axes: (num_envs, nbody, 6). The world's row is zero, and where no step was made since the state was set all are.
+    MuJoCo counts `xfrc_applied` and connect and weld equalities as well; `stepper.bodies.cfrc_ext` adds the first."""
     qacc: Final[_Array]
     """Acceleration (v+ - v) / h of the last step, impulses of contacts and limits included: (num_envs, nv).
 

@@ -10,6 +10,7 @@ use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::PyDict;
 use stepper_core::Precision;
+use stepper_core::rollout::Numbers;
 
 /// An array of the given shape; float32 in that precision.
 pub(crate) fn array<'py>(py: Python<'py>, shape: &[usize], data: Vec<f64>, precision: Precision) -> PyResult<Bound<'py, PyAny>> {
@@ -18,6 +19,41 @@ pub(crate) fn array<'py>(py: Python<'py>, shape: &[usize], data: Vec<f64>, preci
         Precision::F64 => shaped.into_pyarray(py).into_any(),
         Precision::F32 => shaped.mapv(|x| x as f32).into_pyarray(py).into_any(),
     })
+}
+
+/// Numbers in one of the two precisions, to become an array.
+pub(crate) enum OwnNumbers {
+    F64(Vec<f64>),
+    F32(Vec<f32>),
+}
+
+impl OwnNumbers {
+    /// So many zeros.
+    pub(crate) fn new(count: usize, precision: Precision) -> Self {
+        match precision {
+            Precision::F64 => Self::F64(vec![0.0; count]),
+            Precision::F32 => Self::F32(vec![0.0; count]),
+        }
+    }
+
+    /// The numbers, to be written.
+    pub(crate) fn numbers(&mut self) -> Numbers<'_> {
+        match self {
+            Self::F64(x) => Numbers::F64(x),
+            Self::F32(x) => Numbers::F32(x),
+        }
+    }
+
+    /// The array of this shape.
+    pub(crate) fn into_array<'py>(self, py: Python<'py>, shape: &[usize]) -> PyResult<Bound<'py, PyAny>> {
+        fn shaped<T>(shape: &[usize], data: Vec<T>) -> PyResult<ArrayD<T>> {
+            ArrayD::from_shape_vec(shape, data).map_err(|e| PyValueError::new_err(e.to_string()))
+        }
+        Ok(match self {
+            Self::F64(x) => shaped(shape, x)?.into_pyarray(py).into_any(),
+            Self::F32(x) => shaped(shape, x)?.into_pyarray(py).into_any(),
+        })
+    }
 }
 
 /// Seeds: one for all environments, or one for each of `count`.

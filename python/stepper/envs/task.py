@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper._stepper import Model, Stepper
-from stepper.bodies import QUANTITIES
 from stepper.envs.assets import load_quietly, model_file
 from stepper.envs.streams import Draws
 from stepper.sensors import SensorModel
@@ -33,8 +32,8 @@ _OWN = frozenset({"sim", "task", "dt", "action", "rest", "memory", "velocity", "
 class Moment:
     """The batch after a step or a reset.
 
-    Every quantity of `Stepper` (`now.qpos`, `now.xpos`) and of `stepper.bodies` (`now.cinert`) is an attribute, an array (num_envs, ...)
-    that is read when it is first asked for.
+    Every quantity of `Stepper` (`now.qpos`, `now.xpos`, `now.cinert`) is an attribute, an array (num_envs, ...) that is read when it is
+    first asked for.
 
     Attributes:
         sim: The stepper.
@@ -56,10 +55,7 @@ class Moment:
         # Called for what is not there yet only.
         if name.startswith("_"):
             raise AttributeError(name)
-        if name in QUANTITIES:
-            value = QUANTITIES[name](self.sim)
-        else:
-            value = self.task.healthy(self) if name == "healthy" else getattr(self.sim, name)
+        value = self.task.healthy(self) if name == "healthy" else getattr(self.sim, name)
         if isinstance(value, np.ndarray):
             value = np.asarray(value)  # A plain array: `Stepper` gives kinds of its own, with which arithmetic is slower.
         self.__dict__[name] = value

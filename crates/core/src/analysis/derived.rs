@@ -1,6 +1,6 @@
 //! Quantities derived from the states of many environments and from their last step, over the lanes of a group.
 
-use stepper_real::{Real, Scalar};
+use stepper_real::Real;
 
 use crate::compile::LaneModel;
 use crate::dynamics::kinematics::Kinematics;
@@ -46,6 +46,16 @@ pub enum DerivedQuantity {
     /// Force (N) and torque (N m) of all contacts of the last step on every body in world axes, the torque about its present centre of
     /// mass: (nbody, 6).
     BodyContactForce,
+    /// Centres of mass of the bodies, m: (nbody, 3).
+    BodyCom,
+    /// Inertias of the bodies about the centre of mass of their tree, world axes: xx, yy, zz, xy, xz, yz in kg m^2, the mass times the
+    /// place of the body's centre of mass in kg m, the mass in kg: (nbody, 10). The world has none.
+    BodyInertia,
+    /// Angular (rad/s) and linear velocities (m/s) of the bodies, the latter of what is at the centre of mass of their tree: (nbody, 6).
+    BodyMotion,
+    /// Torques (N m) and forces (N) on the bodies of the contacts that the last step left, about the centre of mass of their tree, world
+    /// axes: (nbody, 6). Where the state was set since there are none.
+    BodyForce,
     /// Jacobian of the origin of a body's frame in world axes, linear rows above angular ones: (6, nv).
     BodyJacobian(usize),
     /// Jacobian of a site in world axes, linear rows above angular ones: (6, nv).
@@ -70,6 +80,10 @@ impl DerivedQuantity {
             Self::JointActuatorForce => "qfrc_actuator",
             Self::JointConstraintForce => "qfrc_constraint",
             Self::BodyContactForce => "body_contact_force",
+            Self::BodyCom => "xipos",
+            Self::BodyInertia => "cinert",
+            Self::BodyMotion => "cvel",
+            Self::BodyForce => "cfrc_ext",
             Self::BodyJacobian(_) | Self::SiteJacobian(_) => "jacobian",
         }
     }
@@ -78,7 +92,7 @@ impl DerivedQuantity {
     pub fn shape(self, model: &Model) -> Vec<usize> {
         let (bodies, sites, geoms) = (model.bodies.len(), model.sites.len(), model.geoms.len());
         match self {
-            Self::BodyPos | Self::BodyLinVel | Self::BodyAngVel | Self::SubtreeCom => vec![bodies, 3],
+            Self::BodyPos | Self::BodyLinVel | Self::BodyAngVel | Self::SubtreeCom | Self::BodyCom => vec![bodies, 3],
             Self::BodyQuat => vec![bodies, 4],
             Self::SitePos => vec![sites, 3],
             Self::SiteQuat => vec![sites, 4],
@@ -86,13 +100,14 @@ impl DerivedQuantity {
             Self::GeomQuat => vec![geoms, 4],
             Self::Acceleration | Self::JointActuatorForce | Self::JointConstraintForce => vec![model.nv()],
             Self::ActuatorForce => vec![model.nu()],
-            Self::BodyContactForce => vec![bodies, 6],
+            Self::BodyContactForce | Self::BodyMotion | Self::BodyForce => vec![bodies, 6],
+            Self::BodyInertia => vec![bodies, 10],
             Self::BodyJacobian(_) | Self::SiteJacobian(_) => vec![6, model.nv()],
         }
     }
 
-    /// Whether it is of the last step, and not of the state alone.
-    pub(crate) fn is_of_last_step(self) -> bool {
+    /// Whether it is of the last step, and where the state was set since of the one that would be made: not of the state alone.
+    pub fn is_of_last_step(self) -> bool {
         matches!(self, Self::Acceleration | Self::JointConstraintForce | Self::BodyContactForce)
     }
 }
@@ -106,25 +121,47 @@ pub(crate) struct Derivation<R: Real> {
     velocity: Vec<V6<R>>,
     /// Mass of every subtree, kg.
     mass: Vec<R>,
-    /// Centre of mass of every body, m.
+    /// Centre of mass of every body, and of it with all that hangs from it, m.
     centres: Vec<V3<R>>,
+    subtrees: Vec<V3<R>>,
+    /// Centre of mass of the tree that each body belongs to, m.
+    references: Vec<V3<R>>,
+    /// Contact forces of bodies.
+    wrenches: Vec<[R; 6]>,
+    /// What is known of the present group.
+    known: Known,
     /// What is derived.
     values: Vec<R>,
     /// The same, lane-interleaved.
     interleaved: Vec<R::Scalar>,
 }
 
+/// What several quantities of a group share, and which of it was made.
+#[derive(Clone, Copy, Debug, Default)]
+struct Known {
+    poses: bool,
+    orientations: bool,
+    velocities: bool,
+    centres: bool,
+    references: bool,
+}
+
 impl<R: Real> Derivation<R> {
-    /// Writes a quantity of the environments whose state, inputs and last step, of length `h` (s), are in `s` to the rows of `out`.
-    pub(crate) fn derive(&mut self, compiled: &LaneModel<R>, h: R, s: &mut Workspace<R>, quantity: DerivedQuantity, out: &mut [f64]) {
+    /// Takes up a group, whose state, inputs and last step are in `s`.
+    pub(crate) fn begin(&mut self, compiled: &LaneModel<R>, s: &mut Workspace<R>) {
+        self.known = Known::default();
         self.place_mocap(compiled, s);
+    }
+
+    /// Writes a quantity of the environments of the group that was taken up last, of steps of length `h` (s), to the rows of `out`.
+    pub(crate) fn derive(&mut self, compiled: &LaneModel<R>, h: R, s: &mut Workspace<R>, quantity: DerivedQuantity, out: &mut [R::Scalar]) {
         self.evaluate(compiled, h, s, quantity);
         let n = self.values.len();
         self.interleaved.resize(n * R::LANES, R::Scalar::default());
         R::store_all(&self.values, &mut self.interleaved);
         for (lane, row) in out.chunks_exact_mut(n).enumerate() {
-            for (out, x) in row.iter_mut().zip(self.interleaved[lane..].iter().step_by(R::LANES)) {
-                *out = x.to_f64();
+            for (out, &x) in row.iter_mut().zip(self.interleaved[lane..].iter().step_by(R::LANES)) {
+                *out = x;
             }
         }
     }
@@ -169,21 +206,48 @@ impl<R: Real> Derivation<R> {
             }
             _ => {}
         }
-        s.evaluation.kinematics.update(compiled, &s.state.q);
+        if !self.known.poses {
+            s.evaluation.kinematics.update(compiled, &s.state.q);
+            self.known.poses = true;
+        }
         let kinematics = &s.evaluation.kinematics;
         match quantity {
             Q::BodyQuat | Q::SiteQuat | Q::GeomQuat => {
-                orientations(compiled, &s.state.q, &mut self.orientation);
+                if !self.known.orientations {
+                    orientations(compiled, &s.state.q, &mut self.orientation);
+                    self.known.orientations = true;
+                }
                 self.quaternions(compiled, quantity);
             }
             Q::BodyLinVel | Q::BodyAngVel => self.velocities(compiled, kinematics, &s.state.v, quantity == Q::BodyLinVel),
-            Q::SubtreeCom => self.centres_of_mass(compiled, kinematics),
+            Q::SubtreeCom => {
+                self.find_references(compiled, kinematics);
+                self.values.extend(self.subtrees.as_flattened());
+            }
+            Q::BodyCom => {
+                self.find_centres(compiled, kinematics);
+                self.values.extend(self.centres.as_flattened());
+            }
             Q::BodyContactForce => {
-                let mut centres = std::mem::take(&mut self.centres);
-                centres_of_bodies(compiled, kinematics, &mut centres);
+                self.find_centres(compiled, kinematics);
                 self.values.resize(6 * compiled.bodies.len(), R::zero());
-                contact_wrenches(compiled, &s.state.contacts, h, &centres, self.values.as_chunks_mut().0);
-                self.centres = centres;
+                contact_wrenches(compiled, &s.state.contacts, h, &self.centres, self.values.as_chunks_mut().0);
+            }
+            Q::BodyInertia => {
+                self.find_references(compiled, kinematics);
+                self.inertias(compiled, kinematics);
+            }
+            Q::BodyMotion => {
+                self.find_references(compiled, kinematics);
+                self.motions(compiled, kinematics, &s.state.v);
+            }
+            Q::BodyForce => {
+                self.find_references(compiled, kinematics);
+                self.wrenches.clear();
+                self.wrenches.resize(compiled.bodies.len(), [R::zero(); 6]);
+                contact_wrenches(compiled, &s.state.contacts, h, &self.references, &mut self.wrenches);
+                self.wrenches[0] = [R::zero(); 6];
+                self.values.extend(self.wrenches.iter().flat_map(|&[x, y, z, torque @ ..]| [torque, [x, y, z]]).flatten());
             }
             Q::BodyJacobian(body) => {
                 let body = &compiled.bodies[body];
@@ -241,13 +305,12 @@ impl<R: Real> Derivation<R> {
 
     /// Linear or angular velocities of the bodies' frames.
     fn velocities(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R], is_linear: bool) {
-        self.velocity.resize(compiled.links.len(), zero());
+        self.find_velocities(compiled, kinematics, v);
         self.values.resize(3 * compiled.bodies.len(), R::zero());
-        let (out, velocity) = (self.values.as_chunks_mut::<3>().0, &mut self.velocity);
+        let (out, velocity) = (self.values.as_chunks_mut::<3>().0, &self.velocity);
         R::vectorize(
             #[inline(always)]
             || {
-                kinematics.velocities(compiled, v, velocity);
                 for (out, body) in out.iter_mut().zip(&compiled.bodies) {
                     let (motion, origin) = motion_of(compiled, kinematics, velocity, zero(), body.frame);
                     *out = match is_linear {
@@ -259,14 +322,93 @@ impl<R: Real> Derivation<R> {
         );
     }
 
-    fn centres_of_mass(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
+    /// Velocities of the bodies about the centres of mass of their trees.
+    fn motions(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R]) {
+        self.find_velocities(compiled, kinematics, v);
+        self.values.resize(6 * compiled.bodies.len(), R::zero());
+        let (out, velocity, references) = (self.values.as_chunks_mut::<6>().0, &self.velocity, &self.references);
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for ((out, body), &reference) in out.iter_mut().zip(&compiled.bodies).zip(references) {
+                    let (motion, origin) = motion_of(compiled, kinematics, velocity, zero(), body.frame);
+                    *out = spatial(angular(&motion), velocity_at(&motion, sub(reference, origin)));
+                }
+            },
+        );
+    }
+
+    /// Inertias of the bodies about the centres of mass of their trees.
+    fn inertias(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
+        let n = compiled.bodies.len();
+        self.values.resize(10 * n, R::zero());
+        let (out, centres, references) = (self.values.as_chunks_mut::<10>().0, &self.centres[..n], &self.references[..n]);
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for b in 1..n {
+                    let (mass, [xx, yy, zz, xy, xz, yz]) = (compiled.params.mass(b), compiled.params.body_inertia(b));
+                    let mat = &kinematics.mat[compiled.bodies[b].frame];
+                    let turned = mat_mul(mat, &[xx, xy, xz, xy, yy, yz, xz, yz, zz]);
+                    let about = |i: usize, j: usize| {
+                        turned[3 * i] * mat[3 * j] + turned[3 * i + 1] * mat[3 * j + 1] + turned[3 * i + 2] * mat[3 * j + 2]
+                    };
+                    let place = sub(centres[b], references[b]);
+                    let moment = scale(place, mass);
+                    let square = dot(place, moment);
+                    let entry = |i: usize, j: usize| about(i, j) - place[i] * moment[j];
+                    let diagonal = |i: usize| entry(i, i) + square;
+                    let [x, y, z] = moment;
+                    out[b] = [diagonal(0), diagonal(1), diagonal(2), entry(0, 1), entry(0, 2), entry(1, 2), x, y, z, mass];
+                }
+            },
+        );
+    }
+
+    /// Velocities of the links.
+    fn find_velocities(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>, v: &[R]) {
+        if self.known.velocities {
+            return;
+        }
+        self.known.velocities = true;
+        self.velocity.resize(compiled.links.len(), zero());
+        let velocity = &mut self.velocity;
+        R::vectorize(
+            #[inline(always)]
+            || kinematics.velocities(compiled, v, velocity),
+        );
+    }
+
+    /// Centres of mass of the bodies.
+    fn find_centres(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
+        if !self.known.centres {
+            centres_of_bodies(compiled, kinematics, &mut self.centres);
+            self.known.centres = true;
+        }
+    }
+
+    /// Centres of mass of the bodies, of them with all that hangs from them, and of their trees: a tree begins with a child of the world.
+    fn find_references(&mut self, compiled: &LaneModel<R>, kinematics: &Kinematics<R>) {
+        if self.known.references {
+            return;
+        }
+        self.known.references = true;
+        self.find_centres(compiled, kinematics);
+        self.find_subtrees(compiled);
+        self.references.clear();
+        for (b, body) in compiled.bodies.iter().enumerate() {
+            let reference = if body.parent == 0 { self.subtrees[b] } else { self.references[body.parent] };
+            self.references.push(reference);
+        }
+    }
+
+    fn find_subtrees(&mut self, compiled: &LaneModel<R>) {
         /// Mass below which a subtree counts as massless, kg: MuJoCo's mjMINVAL.
         const LEAST: f64 = 1e-15;
         let n = compiled.bodies.len();
-        centres_of_bodies(compiled, kinematics, &mut self.centres);
-        self.values.resize(3 * n, R::zero());
+        self.subtrees.resize(n, zero());
         self.mass.resize(n, R::zero());
-        let (out, mass, own) = (self.values.as_chunks_mut::<3>().0, &mut self.mass[..n], &self.centres[..n]);
+        let (out, mass, own) = (&mut self.subtrees[..n], &mut self.mass[..n], &self.centres[..n]);
         R::vectorize(
             #[inline(always)]
             || {

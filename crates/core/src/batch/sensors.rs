@@ -82,12 +82,16 @@ impl<R: Real, P: Probe> Reader<'_, R, P> {
     }
 
     /// Brings what is derived from the state of the group into the workspace: the state, the inputs and controls in force, and with
-    /// `last_step` what the last step did, or the step that would be made where there was none since the state was set.
-    pub(super) fn load_to_derive(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, last_step: bool) {
+    /// `last_step` what the last step did, or the step that would be made where there was none since the state was set; contacts that the
+    /// last step left if `contacts`.
+    pub(super) fn load_to_derive(&self, group: &Group<R::Scalar>, s: &mut Workspace<R>, last_step: bool, contacts: bool) {
         if last_step {
             load_state(group, s);
         } else {
             load_motion(group, s);
+        }
+        if contacts && !last_step {
+            (0..R::LANES).for_each(|lane| place_contacts(group, lane, &mut s.state.contacts));
         }
         load_inputs(self.call, group, self.first, s);
         s.current = false;

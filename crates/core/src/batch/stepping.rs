@@ -6,7 +6,7 @@ use crate::analysis::derived::DerivedQuantity;
 use crate::batch::call::{Call, Part, Query, Schedule};
 use crate::batch::environments::Batch;
 use crate::batch::inputs::StepInputs;
-use crate::batch::rollout::{Recording, Share};
+use crate::batch::rollout::{Numbers, Recording, Share};
 #[cfg(feature = "internals")]
 use crate::batch::worker::WorkerMakers;
 use crate::batch::worker::{GroupPosition, LaneScalar};
@@ -34,11 +34,12 @@ pub trait BatchCalls {
     /// # Errors
     /// [`Error::Threads`].
     fn read_sensors(&mut self, inputs: &StepInputs<'_>, truth: bool, out: &mut [f64]) -> Result<(), Error>;
-    /// Derives a quantity of all environments, environment-major; `inputs` are those in force.
+    /// Derives quantities of all environments in one pass, environment-major, to arrays in the precision of the lanes; `inputs` are those
+    /// in force.
     ///
     /// # Errors
     /// [`Error::Threads`].
-    fn derive(&mut self, inputs: &StepInputs<'_>, quantity: DerivedQuantity, out: &mut [f64]) -> Result<(), Error>;
+    fn derive(&mut self, inputs: &StepInputs<'_>, quantities: Vec<(DerivedQuantity, Numbers<'_>)>) -> Result<(), Error>;
     /// Problem that a step of one environment from the present state would solve, as bytes: see [`stepper_solve::Problem::from_bytes`].
     fn problem(&self, inputs: &StepInputs<'_>, env: usize) -> Vec<u8>;
     /// Threads that step.
@@ -101,18 +102,31 @@ impl<S: LaneScalar> BatchCalls for Batch<S> {
         Ok(())
     }
 
-    fn derive(&mut self, inputs: &StepInputs<'_>, quantity: DerivedQuantity, out: &mut [f64]) -> Result<(), Error> {
-        let width = out.len() / self.num_envs;
-        if width == 0 {
+    fn derive(&mut self, inputs: &StepInputs<'_>, quantities: Vec<(DerivedQuantity, Numbers<'_>)>) -> Result<(), Error> {
+        let (quantities, outs): (Vec<_>, Vec<_>) = quantities.into_iter().filter(|(_, out)| !out.is_empty()).unzip();
+        if quantities.is_empty() {
             return Ok(());
         }
         self.workers.start_threads()?;
         let size = self.chunk_size();
         let call = self.call(inputs, Schedule { controls: 1, nstep: 0 }, Part::whole(0));
-        let chunks = self.groups.chunks(size).zip(out.chunks_mut(size * self.lanes * width)).enumerate();
-        self.workers.share_chunks(&self.worker_spec(), chunks, |worker, (chunk, (groups, out))| {
-            for (g, (group, out)) in groups.iter().zip(out.chunks_mut(self.lanes * width)).enumerate() {
-                worker.derive(&call, group, (chunk * size + g) * self.lanes, quantity, out);
+        let mut chunks: Vec<_> = self.groups.chunks(size).map(|groups| (groups, Vec::with_capacity(quantities.len()))).collect();
+        for out in outs {
+            let out = S::numbers(out);
+            let width = out.len() / self.num_envs;
+            chunks.iter_mut().zip(out.chunks_mut(size * self.lanes * width)).for_each(|(chunk, out)| {
+                chunk.1.push((self.lanes * width, out));
+            });
+        }
+        self.workers.share_chunks(&self.worker_spec(), chunks.into_iter().enumerate(), |worker, (chunk, (groups, mut outs))| {
+            let mut rows = Vec::with_capacity(outs.len());
+            for (g, group) in groups.iter().enumerate() {
+                rows.extend(outs.iter_mut().map(|(width, out)| {
+                    let at = (*width).min(out.len());
+                    out.split_off_mut(..at).unwrap_or_default()
+                }));
+                worker.derive(&call, group, (chunk * size + g) * self.lanes, &quantities, &mut rows);
+                rows.clear();
             }
         });
         Ok(())

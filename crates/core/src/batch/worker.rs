@@ -26,7 +26,8 @@ pub trait Worker<S: Scalar>: Send {
     /// Reads the sensors of one group, whose first environment is `first`.
     fn sense(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, query: Query<'_>);
     /// Derives a quantity of one group, whose first environment is `first`, environment-major.
-    fn derive(&mut self, call: &Call<'_, S>, group: &Group<S>, first: usize, quantity: DerivedQuantity, out: &mut [f64]);
+    /// Writes each of some quantities to the rows of its `out`.
+    fn derive(&mut self, call: &Call<'_, S>, group: &Group<S>, first: usize, quantities: &[DerivedQuantity], out: &mut [&mut [S]]);
     /// Problem of one lane as the first solve of the steps of `call` finds it, as bytes; the group is used up.
     fn problem(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, lane: usize) -> Vec<u8>;
     /// Forgets what it has of the state of its last group: somebody else has written to that.
@@ -250,12 +251,29 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
         reader.read(group, &mut self.workspace, query);
     }
 
-    fn derive(&mut self, call: &Call<'_, R::Scalar>, group: &Group<R::Scalar>, first: usize, quantity: DerivedQuantity, out: &mut [f64]) {
+    fn derive(
+        &mut self,
+        call: &Call<'_, R::Scalar>,
+        group: &Group<R::Scalar>,
+        first: usize,
+        quantities: &[DerivedQuantity],
+        out: &mut [&mut [R::Scalar]],
+    ) {
         assert_eq!(group.lanes, R::LANES, "a worker reads groups of its own width");
         self.load_overrides(call, first);
-        let reader = Reader { call, compiled: &self.compiled, first, probe: self.probe };
-        reader.load_to_derive(group, &mut self.workspace, quantity.is_of_last_step());
-        self.derivation.derive(&self.compiled, R::of(call.settings.timestep), &mut self.workspace, quantity, out);
+        let (reader, h) = (Reader { call, compiled: &self.compiled, first, probe: self.probe }, R::of(call.settings.timestep));
+        // What the last step did may take another step, which leaves poses of its own.
+        for of_last_step in [false, true] {
+            if quantities.iter().all(|q| q.is_of_last_step() != of_last_step) {
+                continue;
+            }
+            let contacts = quantities.contains(&DerivedQuantity::BodyForce);
+            reader.load_to_derive(group, &mut self.workspace, of_last_step, contacts);
+            self.derivation.begin(&self.compiled, &mut self.workspace);
+            for (&quantity, out) in quantities.iter().zip(&mut *out).filter(|(q, _)| q.is_of_last_step() == of_last_step) {
+                self.derivation.derive(&self.compiled, h, &mut self.workspace, quantity, out);
+            }
+        }
     }
 
     fn problem(&mut self, call: &Call<'_, R::Scalar>, group: &mut Group<R::Scalar>, first: usize, lane: usize) -> Vec<u8> {

@@ -148,6 +148,8 @@ parameter_tables! {
     bodies: body_com(body) -> [T; 3];
     /// Mass of a body of the model, kg.
     masses: mass(body) -> T;
+    /// Inertia of a body of the model about its centre of mass in the axes of its frame: xx, yy, zz, xy, xz, yz, kg m^2.
+    moments: body_inertia(body) -> [T; 6];
     /// Force against gravity on a body.
     compensations: compensation(i) -> CompensationParams<T>;
     /// Drag of a body that the medium acts on.

@@ -4,6 +4,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 use stepper_core::model::{BodyBuilder, GeomBuilder, JointBuilder, Keyframe, WORLD};
+use stepper_core::rollout::Numbers;
 use stepper_core::{
     AppliedInput, DerivedQuantity, Error, Field, Model, ModelError, Options, Parameter, Precision, SavedState, Simulation, Status,
     StepInputs,
@@ -241,6 +242,14 @@ fn body_poses_are_those_of_the_present_configuration() {
     assert_eq!(sim.revision(), before, "nor does the same again");
     sim.step(&StepInputs::default(), 1).unwrap();
     assert!(sim.revision() > before);
+
+    let (mut together, mut alone, mut motion) = ([0.0; 18], [0.0; 18], [0.0; 36]);
+    let both = vec![(DerivedQuantity::SubtreeCom, Numbers::F64(&mut together)), (DerivedQuantity::BodyMotion, Numbers::F64(&mut motion))];
+    sim.derive_together(both).unwrap();
+    sim.derive(DerivedQuantity::SubtreeCom, &mut alone).unwrap();
+    assert_eq!(together, alone);
+    let refused = sim.derive_together(vec![(DerivedQuantity::BodyPos, Numbers::F32(&mut [0.0; 18]))]).unwrap_err();
+    assert!(matches!(refused, Error::ArrayPrecision { name: "xpos", found: Precision::F32, must: Precision::F64 }), "{refused}");
 
     let refused = sim.derive(DerivedQuantity::BodyJacobian(3), &mut [0.0; 72]).unwrap_err();
     assert!(matches!(refused, Error::Element { element: "body", found: 3, count: 3 }), "{refused}");

@@ -4,19 +4,21 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use stepper_core::DerivedQuantity;
 
-use crate::array::{array, read_only};
+use crate::array::{OwnNumbers, read_only};
 use crate::elements::Kind;
 use crate::error::value_error;
 use crate::stepper::Stepper;
 
 impl Stepper {
-    /// A quantity as an array of its own.
-    fn derive<'py>(&mut self, py: Python<'py>, quantity: DerivedQuantity) -> PyResult<Bound<'py, PyAny>> {
-        let shape = self.shape(&quantity.shape(self.simulation.model()));
-        let mut data = vec![0.0; shape.iter().product()];
+    /// Quantities, in one pass, as arrays of their own.
+    fn derive<'py>(&mut self, py: Python<'py>, quantities: &[DerivedQuantity]) -> PyResult<Vec<Bound<'py, PyAny>>> {
+        let (model, precision) = (self.simulation.model(), self.simulation.precision());
+        let shapes: Vec<_> = quantities.iter().map(|q| self.shape(&q.shape(model))).collect();
+        let mut data: Vec<_> = shapes.iter().map(|shape| OwnNumbers::new(shape.iter().product(), precision)).collect();
         let simulation = &mut self.simulation;
-        py.detach(|| simulation.derive(quantity, &mut data)).map_err(value_error)?;
-        array(py, &shape, data, self.simulation.precision())
+        py.detach(|| simulation.derive_together(quantities.iter().copied().zip(data.iter_mut().map(OwnNumbers::numbers)).collect()))
+            .map_err(value_error)?;
+        data.into_iter().zip(&shapes).map(|(data, shape)| data.into_array(py, shape)).collect()
     }
 
     /// The read-only array of a quantity, the same one as long as nothing has changed.
@@ -25,9 +27,15 @@ impl Stepper {
         if let Some(known) = self.derived.get(self.simulation.revision(), quantity) {
             return Ok(known.bind(py).clone());
         }
-        let made = read_only(self.derive(py, quantity)?, quantity.name())?;
-        self.derived.keep(quantity, made.clone().unbind());
-        Ok(made)
+        let quantities = self.derived.together(quantity);
+        let mut made = self.derive(py, &quantities)?.into_iter().zip(quantities).map(|(array, quantity)| {
+            let array = read_only(array, quantity.name())?;
+            self.derived.keep(quantity, array.clone().unbind());
+            Ok(array)
+        });
+        let first = made.next().expect("the quantity that was asked for is the first")?;
+        made.try_for_each(|array: PyResult<_>| array.map(|_| ()))?;
+        Ok(first)
     }
 }
 
@@ -35,7 +43,8 @@ impl Stepper {
 impl Stepper {
     /// Positions of the bodies at the present `qpos`: (num_envs, nbody, 3) in m, of their frames' origins. Body 0 is the world.
     /// MuJoCo's `mj_step` leaves those before the step, `mj_forward` these. Like all that is derived from the state, they are computed
-    /// when asked for, of all environments at once, and the array is the same one until something changes.
+    /// when asked for, of all environments at once, and the array is the same one until something changes; what was asked for together
+    /// after the last change is computed in one pass.
     #[getter]
     fn xpos<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.derived(py, DerivedQuantity::BodyPos)
@@ -89,6 +98,35 @@ impl Stepper {
     #[getter]
     fn subtree_com<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.derived(py, DerivedQuantity::SubtreeCom)
+    }
+
+    /// Centres of mass of the bodies at the present `qpos`: (num_envs, nbody, 3) in m.
+    #[getter]
+    fn xipos<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.derived(py, DerivedQuantity::BodyCom)
+    }
+
+    /// Inertias of the bodies about the centre of mass of their tree, world axes: (num_envs, nbody, 10), the inertia's xx, yy, zz, xy, xz,
+    /// yz in kg m^2, the mass times the place of the body's centre of mass in kg m, the mass in kg. The world's row is zero. A tree is a
+    /// child of the world with all that hangs from it.
+    #[getter]
+    fn cinert<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.derived(py, DerivedQuantity::BodyInertia)
+    }
+
+    /// Velocities of the bodies at the present state, of the point of each that is at the centre of mass of its tree, world axes:
+    /// (num_envs, nbody, 6), angular velocity (3) in rad/s, linear velocity (3) in m/s.
+    #[getter]
+    fn cvel<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.derived(py, DerivedQuantity::BodyMotion)
+    }
+
+    /// Torques (3) in N m and forces (3) in N on the bodies of the contacts that the last step left, about the centre of mass of their
+    /// tree, world axes: (num_envs, nbody, 6). The world's row is zero, and where no step was made since the state was set all are.
+    /// MuJoCo counts `xfrc_applied` and connect and weld equalities as well; `stepper.bodies.cfrc_ext` adds the first.
+    #[getter]
+    fn cfrc_ext<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.derived(py, DerivedQuantity::BodyForce)
     }
 
     /// Acceleration (v+ - v) / h of the last step, impulses of contacts and limits included: (num_envs, nv).
@@ -155,6 +193,6 @@ impl Stepper {
             (None, None) => return Err(PyValueError::new_err("jacobian of what: give body= or site=, by name or index")),
         };
         self.apply(py)?;
-        self.derive(py, quantity)
+        Ok(self.derive(py, &[quantity])?.remove(0))
     }
 }

@@ -3,9 +3,11 @@
 use crate::analysis::derived::DerivedQuantity;
 use crate::analysis::quantities::Snapshot;
 use crate::batch::inputs::{Field, StepInputs};
+use crate::batch::rollout::Numbers;
 use crate::batch::simulation::checks::check_length;
 use crate::batch::simulation::{Error, Simulation};
 use crate::integrators::inputs::Inputs;
+use crate::math::precision::Precision;
 
 impl Simulation {
     /// One environment, to ask about its mass matrix, energy and the like. Inputs are those of that environment alone, over what is in
@@ -40,6 +42,29 @@ impl Simulation {
     /// [`Error::Element`] for a body or site that does not exist, [`Error::Length`] for `out`, [`Error::Threads`] when threads cannot be
     /// started.
     pub fn derive(&mut self, quantity: DerivedQuantity, out: &mut [f64]) -> Result<(), Error> {
+        if self.precision == Precision::F64 {
+            return self.derive_together(vec![(quantity, Numbers::F64(out))]);
+        }
+        let mut own = vec![0.0; out.len()];
+        self.derive_together(vec![(quantity, Numbers::F32(&mut own))])?;
+        out.iter_mut().zip(own).for_each(|(out, x)| *out = f64::from(x));
+        Ok(())
+    }
+
+    /// Derives several quantities of all environments in one pass, which shares what they have in common, to arrays in the precision of
+    /// the simulation; see [`Simulation::derive`].
+    ///
+    /// # Errors
+    /// Those of [`Simulation::derive`], and [`Error::ArrayPrecision`] for an array in another precision.
+    pub fn derive_together(&mut self, quantities: Vec<(DerivedQuantity, Numbers<'_>)>) -> Result<(), Error> {
+        for (quantity, out) in &quantities {
+            self.check_derived(*quantity, out)?;
+        }
+        let inputs = StepInputs { ctrl: &self.ctrl, ..self.applied.complete(&StepInputs::default()) };
+        self.engine.derive(&inputs, quantities)
+    }
+
+    fn check_derived(&self, quantity: DerivedQuantity, out: &Numbers<'_>) -> Result<(), Error> {
         let element = match quantity {
             DerivedQuantity::BodyJacobian(body) => Some(("body", body, self.model.bodies.len())),
             DerivedQuantity::SiteJacobian(site) => Some(("site", site, self.model.sites.len())),
@@ -49,8 +74,10 @@ impl Simulation {
             return Err(Error::Element { element, found, count });
         }
         check_length(quantity.name(), out.len(), self.num_envs * quantity.shape(&self.model).iter().product::<usize>())?;
-        let inputs = StepInputs { ctrl: &self.ctrl, ..self.applied.complete(&StepInputs::default()) };
-        self.engine.derive(&inputs, quantity, out)
+        if out.precision() != self.precision {
+            return Err(Error::ArrayPrecision { name: quantity.name(), found: out.precision(), must: self.precision });
+        }
+        Ok(())
     }
 
     /// Poses of the mocap bodies of one environment, the model's where `pos` is empty.

@@ -18,6 +18,7 @@ mod softness;
 mod tree;
 
 pub use crate::model::Kernel;
+pub(crate) use crate::model::MIN_VALUE;
 pub use actuators::{CompiledActuator, CompiledActuatorDynamics, CompiledWrench, Spot};
 pub use collision::{CompiledPair, Crowd, NO_PATCH};
 pub use compiled_model::{CompiledModel, ModelStructure};

@@ -4,9 +4,8 @@ use std::ops::Range;
 
 use stepper_real::Real;
 
-use crate::compile::{EndLaw, LaneModel, ModelStructure, SoftLaw};
+use crate::compile::{EndLaw, LaneModel, MIN_VALUE, ModelStructure, SoftLaw};
 use crate::constraints::soft::system::SoftSystem;
-use crate::model::MIN_VALUE;
 
 /// Mass matrix of a discrete step: what has the sparsity of the trees is among the entries of the mass matrix that the solver is given;
 /// here is M itself, and what couples several degrees of freedom, as rows (w / 2) (arms . a)^2 of the objective.

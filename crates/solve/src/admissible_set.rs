@@ -67,8 +67,8 @@ impl AdmissibleSet {
         }
     }
 
-    /// Computes rho DP_K(x) Y into `out`, row by row, from the rows `y` of `n` entries each, whole tiles; false when it is zero. Implicit, at the
-    /// velocities `v`, DP is multiplied by the derivative of v + s: `I + e_n (0, mu v_t / |v_t|)`.
+    /// Computes rho DP_K(x) Y into `out`, row by row, from the rows `y` of `n` entries each, whole tiles; false when it is zero. Implicit,
+    /// at the velocities `v`, DP is multiplied by the derivative of v + s: `I + e_n (0, mu v_t / |v_t|)`.
     #[inline(always)]
     pub(crate) fn differentiate(&self, rho: f64, x: &[f64], v: Option<&[f64]>, y: &[f64], n: usize, out: &mut Product) -> bool {
         let Product { rows: out, radial } = out;

@@ -92,8 +92,8 @@ impl<R: Real> HardResponse<R> {
         lost
     }
 
-    /// What of the rows is to be made again where so much is new. Where forces change the mass matrix that is all; what velocities change is
-    /// the free velocity alone, unless rows demand something of the velocity before the step.
+    /// What of the rows is to be made again where so much is new. Where forces change the mass matrix that is all; what velocities change
+    /// is the free velocity alone, unless rows demand something of the velocity before the step.
     fn rows_by(&self, compiled: &LaneModel<R>, renewed: Renewed) -> Renewed {
         let plain = compiled.equalities.is_empty() && compiled.tendons.iter().all(|tendon| tendon.spring.is_none());
         match renewed {

@@ -7,8 +7,8 @@
 //! (I - DP + rho DP (I + S) G) dlambda = -rho DP (I + S) dv
 //! ```
 //!
-//! where dv is what the rows' velocities change by while the impulses are held: a change of the free velocity, of what the rows demand, or of
-//! the rows themselves. The matrix is made once; each change is then a product (Le Lidec et al. 2024).
+//! where dv is what the rows' velocities change by while the impulses are held: a change of the free velocity, of what the rows demand, or
+//! of the rows themselves. The matrix is made once; each change is then a product (Le Lidec et al. 2024).
 
 use crate::admissible_set::{AdmissibleSet, Piece, Product};
 use crate::constraints::constraint_set::{ConstraintSet, Impulse, number_of};
@@ -129,8 +129,8 @@ impl<R: Real> Default for Response<R> {
 
 impl<R: Real> Response<R> {
     /// Takes up the solution of the lanes `lanes` (bits). `name` says which constraint a kind's constraint of some index is in a lane, by
-    /// a number that it has in other problems too. Returns the lanes whose impulses follow their rows: not those in which the rows leave
-    /// the loads of contacts that slip open.
+    /// a number that it has in other problems too. Returns the lanes whose impulses follow from their rows: not those in which contacts
+    /// slip and rows leave impulses open.
     pub fn settle(&mut self, problem: &Problem<R>, iterate: &Iterate<R>, lanes: u32, name: impl Fn(usize, usize, usize) -> u64) -> u32 {
         self.separate = problem.scalars.separate();
         self.find_velocities(problem, iterate);
@@ -210,7 +210,7 @@ impl<R: Real> Response<R> {
                 }
                 let (lambda, v) = (&lambda[..block.dim], &v[..block.dim]);
                 let (margin, slips) = block.set.margin(block.piece, &moved(block, lambda, v)[..block.dim]);
-                if !(margin < block.margin) {
+                if margin >= block.margin || margin.is_nan() {
                     continue;
                 }
                 let switch = match block.set {
@@ -354,7 +354,7 @@ fn natural_step(lane: &Lane, block: &LaneBlock) -> f64 {
 }
 
 impl Linear {
-    /// Finds the response of a lane whose pieces are known; false where contacts that slip share loads that the rows leave open.
+    /// Finds the response of a lane whose pieces are known; false where contacts slip and the rows leave impulses open.
     fn solve(&mut self, lane: &Lane, own: &mut LaneResponse, dimension: usize) -> bool {
         let n = own.active.len();
         let active = |block: &(&Block, &LaneBlock)| matches!(block.0.piece, Piece::Held | Piece::Sliding);
@@ -391,12 +391,11 @@ impl Linear {
         self.left.resize(n * stride, 0.0);
         self.right.clear();
         self.right.resize(n * stride, 0.0);
-        let (mut row, mut slips) = (0, false);
+        let mut row = 0;
         for (block, _) in &blocks {
             let (dim, rows) = (block.dim, block.first..block.first + block.dim);
             let (lambda, v) = (&own.lambda[rows.clone()], &own.velocity[rows]);
             let z = &moved(block, lambda, v)[..dim];
-            slips |= block.piece == Piece::Sliding;
             // What holds has no velocity: its direction is rounding.
             let v = Some(v).filter(|v| block.piece == Piece::Sliding && norm(&v[1..]) > 0.0);
             let own_width = dim.next_multiple_of(TILE);
@@ -423,6 +422,7 @@ impl Linear {
         }
         let rank = self.eliminate(n, stride);
         self.substitute(n, stride, rank, &mut own.matrix);
+        let slips = blocks.iter().any(|(block, _)| block.piece == Piece::Sliding);
         rank == n || !slips
     }
 
@@ -445,7 +445,7 @@ impl Linear {
                 }
             }
             largest = if k == 0 { best } else { largest };
-            if !(best > DEPENDENT * largest) {
+            if best <= DEPENDENT * largest {
                 return k;
             }
             rows.swap(k, at[0]);

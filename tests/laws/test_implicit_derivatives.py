@@ -60,13 +60,12 @@ def test_implicit_derivatives_are_those_of_extrapolated_differences(robot, law):
     sim, ctrl = touching(robot, law)
     own = sim.linearize(ctrl=ctrl, method="implicit")
     differences = sim.linearize(ctrl=ctrl, extrapolate=True)
-    # Robots in a plane are taken by differences where a foot slips.
-    assert own.implicit.mean() > 0.3
+    assert own.implicit.mean() > 0.5
     np.testing.assert_array_equal(own.qvel, differences.qvel)
     off = apart(own, differences, sim.model.nv)
     noise = joined(differences.errors).max(axis=1)
     smooth = (joined(differences.kinks) == 0) & own.implicit[:, None]
-    assert smooth.mean() > 0.2
+    assert smooth.mean() > 0.3
     # To 1e-6 of a column's largest entry, or to what the differences say of themselves.
     good = (off < 1e-6) | (off < noise)
     assert good[smooth].mean() > 0.99, np.sort(off[smooth & ~good])[-5:]
@@ -127,19 +126,19 @@ def test_a_push_at_the_bound_of_friction_is_near_a_kink():
     assert lin.kink_distance[0] > 1 > lin.kink_distance[1]
 
 
-def test_what_leaves_its_loads_open_while_it_slips_is_taken_by_differences():
+def test_loads_that_are_shared_matter_where_a_patch_turns():
     box = '<body pos="0 0 .1"><freejoint/><geom type="box" size=".1 .1 .1" mass="2" friction=".4 0 0"/></body>'
     sim = simulation(scene(box, floor='friction=".4 0 0"'), 3)
     sim.step(nstep=20)
     # At rest, sliding along a line, and sliding while it turns: twelve rows of six directions.
     sim.set_state(qvel=np.array([[0, 0, 0, 0, 0, 0], [1.0, 0.3, 0, 0, 0, 0], [1.0, 0.3, 0, 0, 0, 2.0]]))
     own, differences = sim.linearize(method="implicit"), sim.linearize()
-    assert own.implicit.tolist() == [True, False, False]
+    assert own.implicit.tolist() == [True, True, False]
     assert not differences.implicit.any()
-    np.testing.assert_array_equal(own.A[1:], differences.A[1:])
-    # Along the directions in which nothing of it is lifted: shifts in the plane.
+    np.testing.assert_array_equal(own.A[2], differences.A[2])
+    # Along the directions in which nothing of it is lifted: shifts and turns in the plane.
     flat = [0, 1, 6, 7]
-    np.testing.assert_allclose(own.A[0][:, flat], differences.A[0][:, flat], atol=1e-6)
+    np.testing.assert_allclose(own.A[:2][:, :, flat], differences.A[:2][:, :, flat], atol=1e-6)
 
 
 def test_a_bounce_is_taken_by_differences():

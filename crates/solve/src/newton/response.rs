@@ -22,6 +22,9 @@ use stepper_real::{Mask, Real, Scalar};
 /// Pivot relative to the largest, below which rows depend on those before: separate directions of a robot's rows differ by far less.
 const DEPENDENT: f64 = 1e-10;
 
+/// Motion by impulses, relative to what they would make alone, that is none.
+const IDLE: f64 = 1e-7;
+
 /// Number of rows of one constraint at the most, and a number for each.
 const MAX_ROWS: usize = 6;
 type Rows = [f64; MAX_ROWS];
@@ -129,8 +132,8 @@ impl<R: Real> Default for Response<R> {
 
 impl<R: Real> Response<R> {
     /// Takes up the solution of the lanes `lanes` (bits). `name` says which constraint a kind's constraint of some index is in a lane, by
-    /// a number that it has in other problems too. Returns the lanes whose impulses follow from their rows: not those in which contacts
-    /// slip and rows leave impulses open.
+    /// a number that it has in other problems too. Returns the lanes whose motion follows from their rows: not those in which contacts
+    /// share loads while they slip about a point, say, where it depends on loads that the rows leave open.
     pub fn settle(&mut self, problem: &Problem<R>, iterate: &Iterate<R>, lanes: u32, name: impl Fn(usize, usize, usize) -> u64) -> u32 {
         self.separate = problem.scalars.separate();
         self.find_velocities(problem, iterate);
@@ -354,7 +357,7 @@ fn natural_step(lane: &Lane, block: &LaneBlock) -> f64 {
 }
 
 impl Linear {
-    /// Finds the response of a lane whose pieces are known; false where contacts slip and the rows leave impulses open.
+    /// Finds the response of a lane whose pieces are known; false where the rows leave impulses open that the motion depends on.
     fn solve(&mut self, lane: &Lane, own: &mut LaneResponse, dimension: usize) -> bool {
         let n = own.active.len();
         let active = |block: &(&Block, &LaneBlock)| matches!(block.0.piece, Piece::Held | Piece::Sliding);
@@ -422,8 +425,26 @@ impl Linear {
         }
         let rank = self.eliminate(n, stride);
         self.substitute(n, stride, rank, &mut own.matrix);
-        let slips = blocks.iter().any(|(block, _)| block.piece == Piece::Sliding);
-        rank == n || !slips
+        (rank..n).all(|k| self.is_idle(stride, rank, k, width))
+    }
+
+    /// Whether the impulses that the equations leave open with the unknown in place `k` beyond the rank move nothing, so that the motion is
+    /// determined all the same: loads that are shared while all sticks, or slips along one line, and rows along which nothing can move.
+    fn is_idle(&self, stride: usize, rank: usize, k: usize, width: usize) -> bool {
+        let Self { left, rows, columns, dense, .. } = self;
+        let mut impulses = vec![0.0; columns.len()];
+        impulses[columns[k]] = 1.0;
+        for k in (0..rank).rev() {
+            let row = &left[rows[k] * stride..][..stride];
+            let sum: f64 = columns[k + 1..].iter().map(|&other| row[other] * impulses[other]).sum();
+            impulses[columns[k]] = -sum / row[columns[k]];
+        }
+        let mut motion = vec![0.0; width];
+        for (y, x) in dense.chunks_exact(width).zip(&impulses) {
+            add_scaled(&mut motion, *x, y);
+        }
+        let largest = dense.chunks_exact(width).map(|y| inner(y, y)).fold(0.0, f64::max);
+        norm(&motion) <= IDLE * norm(&impulses) * largest.sqrt()
     }
 
     /// Gauss's elimination with the largest pivot of all that is left; returns the rank.

@@ -1,7 +1,7 @@
 """Figures of docs/derivatives.md: agreement of differences, the horizon of a hopper, and time. One process, one pinned core.
 
 python benches/derivatives.py                 # all
-python benches/derivatives.py agreement time  # of agreement, smoothness, horizon, time, effort
+python benches/derivatives.py agreement time  # of agreement, implicit, smoothness, horizon, time, effort
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import mujoco
 import numpy as np
@@ -103,6 +103,35 @@ SMOOTH: dict[str, dict[str, Any]] = {
     "mujoco": {"contact": "mujoco"},
 }
 """Settings of `smoothness`: fields of Options."""
+
+
+def implicit(num_envs: int = 24) -> None:
+    """Implicit derivatives beside extrapolated central differences of whole steps."""
+    print("| robot | law | environments | columns away from kinks | within 1e-6 or the differences' own error | median | 99 % |")
+    print("|---|---|---|---|---|---|---|")
+    laws = {
+        "hard, smooth at rest": SETTINGS["hard, smooth at rest"],
+        "hard, no correction": Options(stabilization="none", integrator="euler"),
+        "mujoco, Euler": Options(contact="mujoco", integrator="euler"),
+        "mujoco, implicitfast": Options(contact="mujoco", integrator="implicitfast"),
+    }
+    for robot in ROBOTS:
+        for law, options in laws.items():
+            sim, ctrl = touching(robot, options, num_envs)
+            own, differences = sim.linearize(ctrl=ctrl, method="implicit"), sim.linearize(ctrl=ctrl, extrapolate=True)
+            a, b, nv = matrix(own), matrix(differences), sim.model.nv
+            largest = [np.maximum(np.abs(b[:, rows]).max(axis=1), 1.0) for rows in (slice(0, nv), slice(nv, None))]
+            apart = [np.abs(a - b)[:, rows].max(axis=1) for rows in (slice(0, nv), slice(nv, None))]
+            off = np.max([d / size for d, size in zip(apart, largest, strict=True)], axis=0)
+            error = np.concatenate([differences.errors[name] for name in WRT], axis=-1).max(axis=1)
+            kinks = np.concatenate([differences.kinks[name] for name in WRT], axis=-1)
+            smooth = (kinks == 0) & own.implicit[:, None]
+            good = ((off < 1e-6) | (off < error))[smooth].mean()
+            print(
+                f"| {robot} | {law} | {own.implicit.mean():.0%} | {smooth.mean():.1%} | {good:.2%} "
+                f"| {np.median(off[smooth]):.0e} | {np.quantile(off[smooth], 0.99):.0e} |",
+                flush=True,
+            )
 
 
 def smoothness(num_envs: int = 64, points: int = 33, width: float = 1e-6) -> None:
@@ -200,16 +229,16 @@ def median_time(call: Callable[[], Any], count: int) -> float:
 
 
 def cost(num_envs: int = 32) -> None:
-    """Time of one A and B of robots in contact, by central differences and to one side, beside a step and beside mjd_transitionFD."""
+    """Time of A and B of robots in contact, by differences and implicitly, central and to one side, beside a step and mjd_transitionFD."""
     print(
         "| robot | law | contacts | columns | a step, us | central, us | in steps | mjd_transitionFD | of it | one side, us | in steps |",
         end="",
     )
-    print(" mjd_transitionFD | of it |")
-    print("|---|---|---|---|---|---|---|---|---|---|---|---|---|")
+    print(" mjd_transitionFD | of it | implicit, us | in steps | implicit, one side, us | in steps |")
+    print("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|")
     per = 1e6 / num_envs
     for robot in ("gymnasium/ant", "dm_control/quadruped", "gymnasium/hopper"):
-        for law, options in SETTINGS.items():
+        for law, options in (SETTINGS | {"mujoco, implicitfast": Options(contact="mujoco", integrator="implicitfast")}).items():
             sim, ctrl = touching(robot, options, num_envs)
             state = sim.get_state()
 
@@ -225,14 +254,22 @@ def cost(num_envs: int = 32) -> None:
             columns = 2 * sim.model.nv + sim.model.na + sim.model.nu
             line = f"| {robot} | {law} | {len(sim.contacts()) / num_envs:.1f} | {columns} | {stepped * per:.1f} |"
             for centered in (True, False):
-
-                def linearized(sim: stepper.Stepper = sim, ctrl: Array = ctrl, centered: bool = centered) -> None:
-                    sim.linearize(ctrl=ctrl, centered=centered)
-
-                ours = median_time(linearized, 9)
+                ours = linearization_time(sim, ctrl, "fd", centered)
                 theirs = transition_time(robot, sim, ctrl, centered)
                 line += f" {ours * per:.0f} | {ours / stepped:.0f} | {theirs * 1e6:.0f} | {theirs * num_envs / ours:.1f} |"
+            for centered in (True, False):
+                # Of the midpoint rule and of Runge and Kutta's method there are none.
+                if sim.options.integrator not in ("euler", "implicitfast"):
+                    line += " | |"
+                    continue
+                ours = linearization_time(sim, ctrl, "implicit", centered)
+                line += f" {ours * per:.0f} | {ours / stepped:.0f} |"
             print(line, flush=True)
+
+
+def linearization_time(sim: stepper.Stepper, ctrl: Array, method: Literal["fd", "implicit"], centered: bool) -> float:
+    """Processor time of A and B of all environments, s."""
+    return median_time(lambda: sim.linearize(ctrl=ctrl, method=method, centered=centered), 9)
 
 
 def effort(num_envs: int = 32) -> None:
@@ -307,6 +344,7 @@ if __name__ == "__main__":
     mujoco.set_mju_user_warning(lambda message: None)
     parts: dict[str, Callable[[], None]] = {
         "agreement": agreement,
+        "implicit": implicit,
         "smoothness": smoothness,
         "horizon": horizon,
         "time": cost,

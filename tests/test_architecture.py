@@ -28,10 +28,11 @@ CORE_FOLDERS = {
         *("math", "model", "options", "probe", "compile", "dynamics", "collision", "actuation", "constraints", "sensing", "stages"),
     },
     "step": {"options", "probe", "compile", "stages", "integrators"},
+    "step_derivative": {"math", "model", "options", "probe", "compile", "dynamics", "integrators", "step"},
     "analysis": {"math", "model", "probe", "compile", "dynamics", "collision", "actuation", "sensing", "stages", "integrators"},
     "batch": {
         *("math", "model", "error", "options", "probe", "compile", "dynamics", "collision", "actuation", "constraints", "sensing"),
-        *("stages", "integrators", "step", "analysis"),
+        *("stages", "integrators", "step", "step_derivative", "analysis"),
     },
 }
 """Folders and single files of the core, and the others that each may use."""

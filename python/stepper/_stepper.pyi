@@ -1061,9 +1061,12 @@ class Stepper:
                 or frictionloss of 0 says that the model has none. None is ("qpos", "qvel", "act", "ctrl").
             ctrl: Controls held during the steps, (num_envs, nu) or (nu,); None is those in force.
             nstep: Number of steps.
-            method: "fd", finite differences.
+            method: "fd", finite differences of whole steps, or "implicit": the step is solved once, and its derivative is that at the
+                modes of the solution, which contacts push, stick and slip, by the implicit function theorem. That is for Euler's rule with
+                `stabilization="baumgarte"` or "none", and for `contact="mujoco"` with "euler", "implicitfast" or "implicit"; by the
+                state and the controls. Environments that it says nothing of are taken by differences (`Linearization.implicit`).
             step: Half width of the differences, for coordinates in SI units and for parameters relative to their size; None is the one
-                that the tolerance asks for (`stepper.derivatives.perturbations.step_of`).
+                that the tolerance asks for (`stepper.derivatives.perturbations.step_of`), or `stepper.derivatives.implicit.STEP`.
             tolerance: Residual to which copies are solved, m/s; None is 1e-13, or the stepper's own if that is less.
             centered: Whether differences are central. Differences to one side cost half the copies; their error is of first order in the
                 step instead of second, and slopes on both sides are not compared.
@@ -1072,9 +1075,16 @@ class Stepper:
             sensors: Whether to give derivatives of the ideal sensors' readings too.
 
         Raises:
-            ValueError: An unknown name, a wrong shape, a step or number of steps that is none.
+            ValueError: An unknown name, a wrong shape, a step or number of steps that is none; of `method="implicit"`, options or
+                derivatives that only `method="fd"` takes.
             ModelError: A parameter that cannot be perturbed, with its element.
-            NotImplementedError: `method="implicit"`.
+        """
+    def _differentiate(self, ctrl: _Array, parts: list[str], offsets: _Array, tolerance: float) -> dict[str, NDArray[Any]]:
+        """Derivatives of a step by the implicit function theorem, for `stepper.derivatives.implicit`, which says what the arguments are.
+
+        Returns:
+            Arrays by name, rows first an environment each: "slopes" (num_envs, 2 nv + na, columns), "causes" (num_envs, columns) uint32,
+            "distance", "sound" (uint8), "residual" and "status" (num_envs,), and "qpos", "qvel" and "act" after the step.
         """
     def _find_kinks(
         self,

@@ -86,6 +86,7 @@ mod probe;
 mod sensing;
 mod stages;
 mod step;
+mod step_derivative;
 
 pub use actuation::{ActuatorSpec, Motor, Servo};
 pub use analysis::derived::DerivedQuantity;
@@ -102,6 +103,7 @@ pub use nalgebra;
 pub use options::{ContactLaw, Integrator, Options, Solver, Stabilization};
 pub use sensing::errors::Transfer;
 pub use stages::s10_record::Status;
+pub use step_derivative::{DerivativeQuery, DerivativeRows, StatePart};
 pub use stepper_real::{Level, LevelError};
 
 /// What [`Simulation::rollout`] writes down, and where to.

@@ -2,6 +2,7 @@
 
 mod applied;
 mod derived;
+mod implicit_derivatives;
 mod in_python;
 mod interruption;
 mod kinks;

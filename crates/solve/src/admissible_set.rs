@@ -67,8 +67,8 @@ impl AdmissibleSet {
         }
     }
 
-    /// Computes rho DP_K(x) Y into `out`, row by row, from the rows `y` of `n` entries each; false when it is zero. Implicit, at the
-    /// velocities `v`, DP is multiplied by the derivative of v + s: `I + e_n (0, mu v_t / |v_t|)`.
+    /// Computes rho DP_K(x) Y into `out`, row by row, from the rows `y` of `n` entries each, whole tiles; false when it is zero. Implicit,
+    /// at the velocities `v`, DP is multiplied by the derivative of v + s: `I + e_n (0, mu v_t / |v_t|)`.
     #[inline(always)]
     pub(crate) fn differentiate(&self, rho: f64, x: &[f64], v: Option<&[f64]>, y: &[f64], n: usize, out: &mut Product) -> bool {
         let Product { rows: out, radial } = out;
@@ -119,6 +119,62 @@ impl AdmissibleSet {
             }
         }
         true
+    }
+}
+
+/// Piece of a projection, on which it is differentiable.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Piece {
+    /// Nothing pushes: the polar cone.
+    Open,
+    /// The set itself: the row or contact holds.
+    Held,
+    /// The surface of a friction cone, where it slips.
+    Sliding,
+    /// The lower bound of an interval.
+    Lower,
+    /// Its upper bound.
+    Upper,
+}
+
+impl AdmissibleSet {
+    /// Piece of the projection that the point `x` is in.
+    pub(crate) fn piece(&self, x: &[f64]) -> Piece {
+        match *self {
+            Self::Interval { lo, hi } => match x[0] {
+                x if x <= lo => Piece::Lower,
+                x if x >= hi => Piece::Upper,
+                _ => Piece::Held,
+            },
+            Self::Cone { mu } => match ConeRegion::of(x[0], norm(&x[1..]), mu) {
+                ConeRegion::Zero => Piece::Open,
+                ConeRegion::Inside => Piece::Held,
+                ConeRegion::Surface { .. } => Piece::Sliding,
+            },
+        }
+    }
+
+    /// How far the point `x` is within a piece, N s: 0 where the next begins, negative beyond. The flag says whether that is next to the
+    /// inside of a friction cone, so that a contact begins or ceases to slip there.
+    pub(crate) fn margin(&self, piece: Piece, x: &[f64]) -> (f64, bool) {
+        match *self {
+            Self::Interval { lo, hi } => match piece {
+                Piece::Lower => (lo - x[0], false),
+                Piece::Upper => (x[0] - hi, false),
+                _ => ((x[0] - lo).min(hi - x[0]), false),
+            },
+            // Without friction what lies along the tangents is of no account.
+            Self::Cone { mu: 0.0 } => (if piece == Piece::Open { -x[0] } else { x[0] }, false),
+            Self::Cone { mu } => {
+                let tangent = norm(&x[1..]);
+                match piece {
+                    Piece::Open => (-x[0] - mu * tangent, false),
+                    Piece::Sliding if tangent - mu * x[0] < x[0] + mu * tangent => (tangent - mu * x[0], true),
+                    Piece::Sliding => (x[0] + mu * tangent, false),
+                    _ => (mu * x[0] - tangent, true),
+                }
+            }
+        }
     }
 }
 

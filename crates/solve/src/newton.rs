@@ -26,6 +26,7 @@ mod island;
 mod lane;
 mod ordering;
 mod proximal;
+mod response;
 mod skyline;
 
 use crate::iterate::Iterate;
@@ -35,6 +36,7 @@ use lane::Lane;
 use ordering::{Islands, Ordering};
 pub use proximal::EXACT_RATIO;
 use proximal::{Criteria, ProximalPoint};
+pub use response::{Followed, Response, Switch};
 use stepper_real::{Mask, Real, Scalar};
 
 /// Number of coordinates of the largest island that begins with De Saxce's terms held. A robot's contacts are solved in a few steps so; of

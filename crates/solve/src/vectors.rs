@@ -16,6 +16,18 @@ pub(crate) fn inner(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).fold(0.0, |sum, (a, b)| sum + a * b)
 }
 
+/// Sum of products over whole tiles, with a partial sum for each place in a tile.
+#[inline(always)]
+pub(crate) fn inner_of_tiles(a: &[f64], b: &[f64]) -> f64 {
+    let mut sum = [0.0; TILE];
+    for (a, b) in a.as_chunks::<TILE>().0.iter().zip(b.as_chunks::<TILE>().0) {
+        for k in 0..TILE {
+            sum[k] += a[k] * b[k];
+        }
+    }
+    (sum[0] + sum[1]) + (sum[2] + sum[3])
+}
+
 /// Sum of products of `y` with the tiles `tiles` of `x`, with a partial sum for each place in a tile: a fixed order, to which tiles of
 /// zeros would add nothing.
 #[inline(always)]

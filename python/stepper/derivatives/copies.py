@@ -108,20 +108,23 @@ class Part:
     ctrl: Array
 
 
-def parts_of(sim: Stepper, nominal: Nominal, blocks: Sequence[Block], stencil: Stencil, tolerance: float) -> Iterator[Part]:
-    """Perturbed copies of all environments, some environments at a time, ready to be stepped."""
+def parts_of(
+    sim: Stepper, nominal: Nominal, blocks: Sequence[Block], stencil: Stencil, tolerance: float, *, envs: slice | None = None
+) -> Iterator[Part]:
+    """Perturbed copies of all environments or a slice of them, some environments at a time, ready to be stepped."""
+    begin, end = (0, nominal.num_envs) if envs is None else (envs.start, envs.stop)
     levels, points, columns = stencil.offsets.shape[1:]
     room = ROOM * (sim.threads or os.cpu_count() or 1)
     most = max(1, room // (1 + levels * points * columns))
-    size = -(-nominal.num_envs // -(-nominal.num_envs // most))
+    size = -(-(end - begin) // -(-(end - begin) // most))
     # Nothing of a linearization is left in its copies that the next would not replace, but for what they have beside a state.
     plain = sim.precision == "f64" and sim.sensors is None and sim.actuators is None and not nominal.applied and not nominal.randomized
     plain = plain and not any(block.field in PARAMETERS for block in blocks)
     kept = _kept.pop(sim, {}) if plain else {}
     used: dict[tuple[int, float], Stepper] = {}
-    for first in range(0, nominal.num_envs, size):
-        envs = slice(first, min(first + size, nominal.num_envs))
-        part = _part(sim, nominal, blocks, stencil.offsets[envs], envs=envs, tolerance=tolerance, kept={**kept, **used})
+    for first in range(begin, end, size):
+        own = slice(first, min(first + size, end))
+        part = _part(sim, nominal, blocks, stencil.offsets[own], envs=own, tolerance=tolerance, kept={**kept, **used})
         yield part
         if plain:
             used[len(part.ctrl), tolerance] = part.sim
@@ -160,11 +163,14 @@ def _part(
     return Part(envs, count, copies, flat["ctrl"])
 
 
-def replicas_of(sim: Stepper, nominal: Nominal, count: int) -> Stepper:
-    """A stepper with `count` copies of every environment, one after the other, with its options and all that environments have."""
+def replicas_of(sim: Stepper, nominal: Nominal, count: int, tolerance: float | None = None) -> Stepper:
+    """A stepper with `count` copies of every environment, one after the other, with its options and all that environments have.
+
+    Steps are solved to the stepper's own tolerance, or to another, m/s.
+    """
     envs = slice(0, nominal.num_envs)
     index = np.repeat(np.arange(nominal.num_envs), count)
-    copies = _stepper(sim, index, sim.tolerance)
+    copies = _stepper(sim, index, sim.tolerance if tolerance is None else tolerance)
     _randomize(copies, nominal, (), {}, index)
     _restore(sim, copies, envs, count)
     for name, value in nominal.applied.items():

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stepper._stepper import Model, Stepper
+from stepper.derivatives import implicit
 from stepper.derivatives.copies import Part, nominal_of, parts_of
 from stepper.derivatives.kinks import Bools, Kink, Watch
 from stepper.derivatives.perturbations import ROUNDING, STATE, Array, Block, Stencil, blocks_of, stencil_of, step_of
@@ -42,6 +43,8 @@ class Linearization:
         tolerance: Residual to which copies were solved, m/s.
         residual: Largest residual of any copy in the last step, m/s: (num_envs,).
         status: Flags of all copies together, see `stepper.Status`: (num_envs,) uint32.
+        implicit: Whether derivatives are those at the modes of the solution, (num_envs,) bool: false with `method="fd"`, and with
+            `method="implicit"` in environments that the theorem says nothing of, which are taken by differences.
         qpos, qvel, act: The nominal state after the steps.
     """
 
@@ -56,6 +59,7 @@ class Linearization:
     tolerance: float
     residual: Array
     status: NDArray[np.uint32]
+    implicit: Bools
     qpos: Array
     qvel: Array
     act: Array
@@ -115,25 +119,47 @@ def linearize(
     sensors: bool = False,
 ) -> Linearization:
     """Derivatives of the state after `nstep` steps, in all environments of a stepper: `Stepper.linearize`, whose arguments these are."""
-    if method == "implicit":
-        raise NotImplementedError("implicit differentiation is not there yet: call linearize with method='fd', finite differences")
-    if method != "fd":
-        raise ValueError(f"method is {method!r}, must be 'fd'")
+    if method not in ("fd", "implicit"):
+        raise ValueError(f"method is {method!r}, must be 'fd' or 'implicit'")
     if not isinstance(nstep, int | np.integer) or nstep < 1:
         raise ValueError(f"nstep is {nstep!r}, must be a whole number of 1 at least")
     tolerance = min(TOLERANCE, sim.tolerance) if tolerance is None else _positive("tolerance", tolerance)
-    width = step_of(tolerance) if step is None else _positive("step", step)
     blocks = blocks_of(sim.model, (*STATE, "ctrl") if wrt is None else wrt)
+    if method == "implicit":
+        implicit.check(sim, blocks, extrapolate=extrapolate, sensors=sensors)
     nominal = nominal_of(sim, ctrl, blocks)
-    stencil = stencil_of(sim.model, blocks, nominal.fields, step=width, levels=2 if extrapolate else 1, centered=centered)
-    parts = [
-        _differences(part, _rows(stencil, part.envs), int(nstep), tolerance, sensors=sensors)
-        for part in parts_of(sim, nominal, blocks, stencil, tolerance)
-    ]
-    whole = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+    def stencil_with(width: float) -> Stencil:
+        return stencil_of(sim.model, blocks, nominal.fields, step=width, levels=2 if extrapolate else 1, centered=centered)
+
+    def differences(stencil: Stencil, envs: slice | None = None) -> dict[str, NDArray[Any]]:
+        parts = [
+            _differences(part, _rows(stencil, part.envs), int(nstep), tolerance, sensors=sensors)
+            for part in parts_of(sim, nominal, blocks, stencil, tolerance, envs=envs)
+        ]
+        return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+    width = step_of(tolerance) if step is None else _positive("step", step)
+    if method == "fd":
+        whole = differences(stencil_with(width))
+    else:
+        stencil = stencil_with(implicit.STEP if step is None else width)
+        whole = implicit.derivatives(sim, nominal, blocks, stencil, nstep=int(nstep), tolerance=tolerance)
+        for envs in _runs(~whole["implicit"]):
+            # What the theorem says nothing of is differentiated as it is.
+            own = differences(stencil_with(width), envs)
+            for name, value in own.items():
+                whole[name][envs] = value
+        width = implicit.STEP if step is None else width
     # What Richardson's extrapolation divides by: errors are of second order in the width, or of first.
     order = (2 if centered else 1) if extrapolate else 0
     return _result(sim, blocks, whole, width, tolerance, order=order, sensors=sensors)
+
+
+def _runs(chosen: Bools) -> list[slice]:
+    """Slices of the environments that are chosen."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]]).astype(np.int8)))
+    return [slice(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
 def _positive(name: str, value: float) -> float:
@@ -181,6 +207,7 @@ def _differences(part: Part, stencil: Stencil, nstep: int, tolerance: float, *, 
         "kink_distance": watch.report.distance.min(axis=1),
         "residual": residual,
         "status": np.bitwise_or.reduce(status.reshape(n, count), axis=1),
+        "implicit": np.zeros(n, np.bool_),
         **{name: value[:, 0] for name, value in end.items()},
     }
 
@@ -227,7 +254,7 @@ def _result(
         near_kink=shown((whole["causes"] != 0).any(axis=1)),
         step=width,
         tolerance=tolerance,
-        **{name: shown(whole[name]) for name in ("kinked_steps", "kink_distance", "residual", "status", *STATE)},
+        **{name: shown(whole[name]) for name in ("kinked_steps", "kink_distance", "residual", "status", "implicit", *STATE)},
     )
 
 

@@ -2,6 +2,7 @@
 
 mod calls;
 mod checks;
+mod derivatives;
 #[cfg(feature = "internals")]
 mod internals;
 mod kinks;

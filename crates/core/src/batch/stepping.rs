@@ -11,6 +11,8 @@ use crate::batch::rollout::{Numbers, Recording, Share};
 use crate::batch::worker::WorkerMakers;
 use crate::batch::worker::{GroupPosition, LaneScalar};
 use crate::error::Error;
+use crate::options::StepSettings;
+use crate::step_derivative::{DerivativeQuery, DerivativeRows};
 
 /// Asked between the parts of a long call, on the thread that calls, whether it is to go on.
 pub(super) type Watch<'a> = Option<&'a mut dyn FnMut() -> bool>;
@@ -39,6 +41,12 @@ pub trait BatchCalls {
     ///
     /// # Errors
     /// [`Error::Threads`].
+    fn derive(&mut self, inputs: &StepInputs<'_>, quantity: DerivedQuantity, out: &mut [f64]) -> Result<(), Error>;
+    /// Differentiates the step from the present state in all environments, implicitly; nothing advances.
+    ///
+    /// # Errors
+    /// [`Error::Threads`].
+    fn differentiate(&mut self, inputs: &StepInputs<'_>, query: &DerivativeQuery<'_>, rows: DerivativeRows<'_>) -> Result<(), Error>;
     fn derive(&mut self, inputs: &StepInputs<'_>, quantities: Vec<(DerivedQuantity, Numbers<'_>)>) -> Result<(), Error>;
     /// Problem that a step of one environment from the present state would solve, as bytes: see [`stepper_solve::Problem::from_bytes`].
     fn problem(&self, inputs: &StepInputs<'_>, env: usize) -> Vec<u8>;
@@ -128,6 +136,20 @@ impl<S: LaneScalar> BatchCalls for Batch<S> {
                 worker.derive(&call, group, (chunk * size + g) * self.lanes, &quantities, &mut rows);
                 rows.clear();
             }
+        });
+        Ok(())
+    }
+
+    fn differentiate(&mut self, inputs: &StepInputs<'_>, query: &DerivativeQuery<'_>, rows: DerivativeRows<'_>) -> Result<(), Error> {
+        self.workers.start_threads()?;
+        let settings = StepSettings { tolerance: query.tolerance, ..self.settings };
+        let call = Call { settings: &settings, ..self.call(inputs, Schedule { controls: 1, nstep: 1 }, Part::whole(1)) };
+        // A group at a time: each costs as much as some tens of steps.
+        let (n, lanes) = (self.num_envs, self.lanes);
+        let offsets = query.offsets.chunks(lanes * (query.offsets.len() / n).max(1)).chain(std::iter::repeat(&[][..]));
+        let groups = self.groups.iter().zip(offsets).zip(rows.chunks(n, lanes)).enumerate();
+        self.workers.share_chunks(&self.worker_spec(), groups, |worker, (g, ((group, offsets), mut rows))| {
+            worker.differentiate(&call, &mut group.clone(), g * lanes, &DerivativeQuery { offsets, ..*query }, &mut rows);
         });
         Ok(())
     }

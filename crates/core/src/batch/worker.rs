@@ -18,6 +18,7 @@ use crate::math::lanes::{count, each_of};
 use crate::options::StepSettings;
 use crate::probe::{NoProbe, Probe, Span};
 use crate::step::step;
+use crate::step_derivative::{DerivativeQuery, DerivativeRows, StepDerivative};
 
 /// A thread's room to work, with the step compiled for its lanes and CPU level.
 pub trait Worker<S: Scalar>: Send {
@@ -30,6 +31,15 @@ pub trait Worker<S: Scalar>: Send {
     fn derive(&mut self, call: &Call<'_, S>, group: &Group<S>, first: usize, quantities: &[DerivedQuantity], out: &mut [&mut [S]]);
     /// Problem of one lane as the first solve of the steps of `call` finds it, as bytes; the group is used up.
     fn problem(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, lane: usize) -> Vec<u8>;
+    /// Differentiates a step of `call` of one group, whose first environment is `first`: `query` and `rows` have its environments alone.
+    fn differentiate(
+        &mut self,
+        call: &Call<'_, S>,
+        group: &mut Group<S>,
+        first: usize,
+        query: &DerivativeQuery<'_>,
+        rows: &mut DerivativeRows<'_>,
+    );
     /// Forgets what it has of the state of its last group: somebody else has written to that.
     fn forget_state(&mut self);
 }
@@ -197,6 +207,8 @@ pub fn lane_worker<R: Real>(spec: &WorkerSpec<'_, R::Scalar>, probe: impl Probe)
         compiled,
         flags: vec![0; R::LANES],
         derivation: Derivation::default(),
+        derivative: None,
+        max_contacts: spec.max_contacts,
     })
 }
 
@@ -210,6 +222,9 @@ struct LaneWorker<R: Real, P: Probe> {
     flags: Vec<u32>,
     /// Room of derived quantities, made with the first.
     derivation: Derivation<R>,
+    /// Room of derivatives of the step, made with the first.
+    derivative: Option<Box<StepDerivative<R>>>,
+    max_contacts: usize,
 }
 
 impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
@@ -282,6 +297,25 @@ impl<R: Real, P: Probe> Worker<R::Scalar> for LaneWorker<R, P> {
         self.run(call, group, GroupPosition { first, share_first: first, share: None });
         self.workspace.current = false;
         std::mem::take(&mut self.workspace.constraints.capture.bytes)
+    }
+
+    fn differentiate(
+        &mut self,
+        call: &Call<'_, R::Scalar>,
+        group: &mut Group<R::Scalar>,
+        first: usize,
+        query: &DerivativeQuery<'_>,
+        rows: &mut DerivativeRows<'_>,
+    ) {
+        assert_eq!(group.lanes, R::LANES, "a worker reads groups of its own width");
+        self.workspace.current = false;
+        self.load_overrides(call, first);
+        self.load(call, group, first);
+        load_control(call, 0, first, &mut self.workspace);
+        let Self { workspace: s, compiled, derivative, max_contacts, .. } = self;
+        let derivative = derivative.get_or_insert_with(|| Box::new(StepDerivative::new(compiled, call.settings, *max_contacts)));
+        derivative.differentiate(compiled, call.settings, s, query, rows);
+        s.poses.exchange(&mut group.separation_cache);
     }
 
     fn forget_state(&mut self) {

@@ -246,6 +246,36 @@ impl<R: Real> Contacts<R> {
         )
     }
 
+    /// Turns the tangents so that they are those of the same contacts in `solved`, near which these are, as far as the normals let them:
+    /// the choice of [`Contacts::prepare`] jumps at some normals.
+    pub(crate) fn follow_tangents(&mut self, solved: &Self) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for k in 0..self.slots() {
+                    let mut tangent = self.data[k].tangent;
+                    for l in 0..R::LANES {
+                        if let Some(at) = solved.find(l, k, self.ids[k][l]).filter(|_| k < self.count[l]) {
+                            for (to, from) in tangent.iter_mut().zip(&solved.data[at].tangent) {
+                                to.set_lane(l, from.lane(l));
+                            }
+                        }
+                    }
+                    let n = self.data[k].point.normal;
+                    let flat = add_scaled(tangent, n, -dot(tangent, n));
+                    self.data[k].tangent = scale(flat, R::one() / norm(flat));
+                }
+            },
+        )
+    }
+
+    /// Slot of the contact `id` of lane `l`, which is in slot `k` most likely.
+    #[inline(always)]
+    fn find(&self, l: usize, k: usize, id: ContactId) -> Option<usize> {
+        let is_it = |&k: &usize| self.ids[k][l] == id;
+        Some(k).filter(|&k| k < self.count[l]).filter(is_it).or_else(|| (0..self.count[l]).find(is_it))
+    }
+
     /// Copies the impulses of the contacts of one lane that were there before. Both lists ascend.
     #[inline(always)]
     fn match_lane(&mut self, last: &Self, l: usize) {

@@ -74,7 +74,13 @@ pub(crate) fn assemble_rows<R: Real>(
 }
 
 /// Stage 4 at the configuration of the scheme.
-fn assemble_here<R: Real>(compiled: &LaneModel<R>, options: &StepSettings, scheme: &Scheme<R>, s: &mut Workspace<R>, too_far: R::Mask) {
+pub(crate) fn assemble_here<R: Real>(
+    compiled: &LaneModel<R>,
+    options: &StepSettings,
+    scheme: &Scheme<R>,
+    s: &mut Workspace<R>,
+    too_far: R::Mask,
+) {
     let assembly = AssemblyInput {
         q: &s.evaluation.q,
         v: &s.state.v,

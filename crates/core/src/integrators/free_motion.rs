@@ -76,6 +76,15 @@ pub(crate) fn free_motion<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, 
     probe.span(Span::Acceleration, || advance(&s.state.v, &s.free_motion.smooth.acc, scheme.h, &mut s.free_motion.v));
 }
 
+/// Stages 1 and 2 again where velocities, activations or controls alone are others, and the mass matrix depends on none of them.
+pub(crate) fn renew_forces<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) {
+    s.evaluation.act.copy_from_slice(&s.state.act);
+    s.free_motion.actuator_forces.transmit(compiled, &s.evaluation.kinematics, &s.state.v, scheme.time_ahead);
+    actuate_freely(compiled, scheme, s);
+    s.free_motion.accelerate(compiled, &s.evaluation.kinematics, &s.state.v, &s.state.v);
+    advance(&s.state.v, &s.free_motion.smooth.acc, scheme.h, &mut s.free_motion.v);
+}
+
 /// Stage 1 at the velocity before the step.
 fn actuate_freely<R: Real>(compiled: &LaneModel<R>, scheme: &Scheme<R>, s: &mut Workspace<R>) {
     if scheme.in_the_middle && !compiled.servos.is_empty() {

@@ -13,6 +13,8 @@ pub mod inputs;
 pub mod midpoint;
 pub mod mujoco;
 pub mod observation;
+pub(crate) mod renewed;
+pub(crate) mod response;
 pub mod rk4;
 pub mod scheme;
 pub mod solution;

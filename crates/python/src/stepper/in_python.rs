@@ -21,9 +21,12 @@ impl Stepper {
     ///         or frictionloss of 0 says that the model has none. None is ("qpos", "qvel", "act", "ctrl").
     ///     ctrl: Controls held during the steps, (num_envs, nu) or (nu,); None is those in force.
     ///     nstep: Number of steps.
-    ///     method: "fd", finite differences.
+    ///     method: "fd", finite differences of whole steps, or "implicit": the step is solved once, and its derivative is that at the
+    ///         modes of the solution, which contacts push, stick and slip, by the implicit function theorem. That is for Euler's rule with
+    ///         `stabilization="baumgarte"` or "none", and for `contact="mujoco"` with "euler", "implicitfast" or "implicit"; by the
+    ///         state and the controls. Environments that it says nothing of are taken by differences (`Linearization.implicit`).
     ///     step: Half width of the differences, for coordinates in SI units and for parameters relative to their size; None is the one
-    ///         that the tolerance asks for (`stepper.derivatives.perturbations.step_of`).
+    ///         that the tolerance asks for (`stepper.derivatives.perturbations.step_of`), or `stepper.derivatives.implicit.STEP`.
     ///     tolerance: Residual to which copies are solved, m/s; None is 1e-13, or the stepper's own if that is less.
     ///     centered: Whether differences are central. Differences to one side cost half the copies; their error is of first order in the
     ///         step instead of second, and slopes on both sides are not compared.
@@ -32,9 +35,9 @@ impl Stepper {
     ///     sensors: Whether to give derivatives of the ideal sensors' readings too.
     ///
     /// Raises:
-    ///     ValueError: An unknown name, a wrong shape, a step or number of steps that is none.
+    ///     ValueError: An unknown name, a wrong shape, a step or number of steps that is none; of `method="implicit"`, options or
+    ///         derivatives that only `method="fd"` takes.
     ///     ModelError: A parameter that cannot be perturbed, with its element.
-    ///     NotImplementedError: `method="implicit"`.
     #[pyo3(signature = (
         wrt=None, *, ctrl=None, nstep=1, method="fd", step=None, tolerance=None, centered=true, extrapolate=false, sensors=false
     ))]

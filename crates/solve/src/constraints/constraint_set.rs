@@ -274,6 +274,9 @@ pub trait ConstraintSet<R: Real>: Sized {
     /// largest change of a velocity, m/s.
     fn sweep(&self, rows: &Rows<Self::Row>, unknowns: Unknowns<'_, R, Self::Impulse>, lanes: SweepLanes<R>, change: R) -> R;
 
+    /// Appends the velocities of all rows at the scaled velocity change w, what their compliance adds included, m/s.
+    fn velocities(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], w: &[R], out: &mut Vec<R>);
+
     /// Calls `f` with the natural-map residual of every constraint, m/s, in their order; see [`residual`](crate::residual()).
     fn for_each_residual(&self, rows: &Rows<Self::Row>, impulses: &[Self::Impulse], w: &[R], f: impl FnMut(R));
 

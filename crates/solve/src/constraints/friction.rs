@@ -503,6 +503,13 @@ impl<R: Real, const N: usize, L: LocalSolver<R, N>> ConstraintSet<R> for Frictio
     }
 
     #[inline(always)]
+    fn velocities(&self, rows: &Rows<FrictionContact<R, N, L>>, impulses: &[[R; N]], w: &[R], out: &mut Vec<R>) {
+        for (contact, lambda) in rows.items.iter().zip(impulses) {
+            out.extend_from_slice(&self.velocity_under(contact, rows.compliant, w, lambda));
+        }
+    }
+
+    #[inline(always)]
     fn for_each_residual(&self, rows: &Rows<FrictionContact<R, N, L>>, impulses: &[[R; N]], w: &[R], mut f: impl FnMut(R)) {
         for (contact, &lambda) in rows.items.iter().zip(impulses) {
             let (v, mu, rho) = (self.velocity_under(contact, rows.compliant, w, &lambda), contact.mu, contact.step.rho);

@@ -404,6 +404,13 @@ impl<R: Real> ConstraintSet<R> for ScalarRows<R> {
     }
 
     #[inline(always)]
+    fn velocities(&self, rows: &Rows<ScalarRow<R>>, impulses: &[R], w: &[R], out: &mut Vec<R>) {
+        for (row, &lambda) in rows.items.iter().zip(impulses) {
+            out.push(self.velocity(row, w) + row.compliance * lambda);
+        }
+    }
+
+    #[inline(always)]
     fn for_each_residual(&self, rows: &Rows<ScalarRow<R>>, impulses: &[R], w: &[R], mut f: impl FnMut(R)) {
         for (row, &lambda) in rows.items.iter().zip(impulses) {
             let v = self.velocity(row, w) + row.compliance * lambda;

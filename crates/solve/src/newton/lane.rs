@@ -16,9 +16,9 @@ use stepper_real::{Real, Scalar};
 pub(super) struct LaneBlock {
     pub(super) set: AdmissibleSet,
     /// Number of its kind.
-    kind: usize,
+    pub(super) kind: usize,
     /// Index of the constraint among its kind in the lanes' problem.
-    source: usize,
+    pub(super) source: usize,
     support: Range<usize>,
     y: usize,
     /// Its rows, as places in [`Lane::g`] and [`Lane::lambda`].

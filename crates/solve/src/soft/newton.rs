@@ -48,6 +48,9 @@ const LINE_SEARCH_STEPS: u32 = 16;
 /// Slope along the direction, relative to that at its beginning, at which a line search ends.
 const LINE_SEARCH_TOLERANCE: f64 = 1e-2;
 
+/// Steps of [`SoftSolver::respond`].
+const RESPONSE_STEPS: usize = 2;
+
 impl<R: Real> SoftSolver<R> {
     /// Room for problems of this dimension.
     pub fn new(dimension: usize) -> Self {
@@ -108,6 +111,40 @@ impl<R: Real> SoftSolver<R> {
             );
         }
         outcome
+    }
+
+    /// Keeps the factors of the Hessian at the solution `a`, for [`SoftSolver::respond`].
+    pub fn settle(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, free: &[R], a: &[R]) {
+        self.hessian.find_pattern(problem, metric);
+        R::vectorize(
+            #[inline(always)]
+            || {
+                self.begin(problem, metric, free, a);
+                self.hessian.assemble(problem, metric, &self.argument);
+            },
+        );
+        R::vectorize(
+            #[inline(always)]
+            || self.hessian.factor(),
+        );
+    }
+
+    /// Replaces the acceleration `a`, the solution of the problem that was settled, by that of a problem near it: steps of Newton's method
+    /// with the Hessian that was kept. The first is the implicit function theorem, the second takes up how cones bend between the two.
+    pub fn respond(&mut self, problem: &SoftProblem<R>, metric: &impl Metric<R>, free: &[R], a: &mut [R]) {
+        R::vectorize(
+            #[inline(always)]
+            || {
+                for _ in 0..RESPONSE_STEPS {
+                    self.begin(problem, metric, free, a);
+                    self.find_gradient(problem, metric);
+                    self.hessian.solve(&mut self.gradient);
+                    for (a, &change) in a.iter_mut().zip(&self.gradient) {
+                        *a -= change;
+                    }
+                }
+            },
+        );
     }
 
     /// Forces of the constraints at the solution, as generalized forces.

@@ -54,6 +54,18 @@ impl<R: Real> SoftSystem<R> {
         solver.solve(problem, &TreeMass { compiled, mass, factors }, free, effort, lanes, acceleration)
     }
 
+    /// Keeps how the acceleration follows its rows and forces near the present solution; see [`SoftSolver::settle`].
+    pub fn settle(&mut self, compiled: &LaneModel<R>, factors: &MassMatrix<R>, free: &[R]) {
+        let Self { problem, solver, acceleration, mass, .. } = self;
+        solver.settle(problem, &TreeMass { compiled, mass, factors }, free, acceleration);
+    }
+
+    /// Replaces the solution that was settled by that of the present rows to first order; see [`SoftSolver::respond`].
+    pub fn respond(&mut self, compiled: &LaneModel<R>, factors: &MassMatrix<R>, free: &[R]) {
+        let Self { problem, solver, acceleration, mass, .. } = self;
+        solver.respond(problem, &TreeMass { compiled, mass, factors }, free, acceleration);
+    }
+
     /// Gives the lanes without constraints the acceleration `free`.
     pub fn accelerate_freely(&mut self, free: &[R], constrained: R::Mask) {
         R::vectorize(

@@ -11,6 +11,7 @@ use crate::constraints::equality::RowInput;
 use crate::constraints::soft::SoftInput;
 use crate::dynamics::kinematics::advance;
 use crate::dynamics::mocap;
+use crate::integrators::renewed::Renewed;
 use crate::integrators::mujoco::discrete::assemble_effective_mass;
 use crate::integrators::workspace::Workspace;
 use crate::options::{Integrator, StepSettings};
@@ -28,6 +29,7 @@ pub(super) fn accelerate<R: Real>(
     from_impulse: bool,
     probe: impl Probe,
 ) -> Outcome<R> {
+    prepare(compiled, options, h, s, Renewed::Configuration, probe);
     s.evaluation.q.copy_from_slice(&s.state.q);
     s.evaluation.act.copy_from_slice(&s.state.act);
     probe.span(Span::Kinematics, || {
@@ -43,14 +45,46 @@ pub(super) fn accelerate<R: Real>(
     probe.span(Span::Solve, || solve(compiled, options, h, s, from_impulse))
 }
 
+/// Stages 1 to 4 at the state in `s.state`, as far as it is another than the last time.
+pub(super) fn prepare<R: Real>(
+    compiled: &LaneModel<R>,
+    options: &StepSettings,
+    h: R,
+    s: &mut Workspace<R>,
+    renewed: Renewed,
+    probe: impl Probe,
+) {
+    s.evaluation.act.copy_from_slice(&s.state.act);
+    if renewed == Renewed::Configuration {
+        s.evaluation.q.copy_from_slice(&s.state.q);
+        probe.span(Span::Kinematics, || {
+            mocap::pose_bodies(compiled, &s.mocap_trajectories, R::of(s.elapsed), &mut s.evaluation.kinematics);
+            s.evaluation.kinematics.update(compiled, &s.evaluation.q);
+        });
+    }
+    free_acceleration(compiled, h, s, renewed, probe);
+    if renewed == Renewed::Configuration {
+        find_contacts(compiled, s, probe);
+    }
+    if renewed != Renewed::Forces {
+        probe.span(Span::Assemble, || assemble(compiled, options, h, s));
+    }
+}
+
 /// Stages 1 and 2: forces and the acceleration that they make, everything explicit.
-fn free_acceleration<R: Real>(compiled: &LaneModel<R>, h: R, s: &mut Workspace<R>, probe: impl Probe) {
+fn free_acceleration<R: Real>(compiled: &LaneModel<R>, h: R, s: &mut Workspace<R>, renewed: Renewed, probe: impl Probe) {
     probe.count(Counter::Evaluations, || 1.0);
     let kinematics = &s.evaluation.kinematics;
     let motion = &mut s.free_motion;
-    probe.span(Span::MassMatrix, || motion.smooth.assemble_mass(compiled, kinematics, Implicit::<R>::none().weights));
+    if renewed == Renewed::Configuration {
+        probe.span(Span::MassMatrix, || motion.smooth.assemble_mass(compiled, kinematics, Implicit::<R>::none().weights));
+    }
     if let Some(system) = &mut s.constraints.soft {
-        system.mass.copy_from_slice(&motion.smooth.mass.entries);
+        match renewed {
+            Renewed::Configuration => system.mass.copy_from_slice(&motion.smooth.mass.entries),
+            // Stage 6 adds to the entries what it takes implicitly.
+            Renewed::Velocity | Renewed::Forces => motion.smooth.mass.entries.copy_from_slice(&system.mass),
+        }
     }
     probe.span(Span::MassFactors, || motion.smooth.complete_mass(compiled, kinematics, Implicit::none()));
     probe.span(Span::Actuate, || find_forces(compiled, s));

@@ -19,13 +19,14 @@ use stepper_real::{Mask, Real, Scalar};
 
 use crate::collision::tunnelling::may_have_passed;
 use crate::compile::LaneModel;
-use crate::integrators::mujoco::acceleration::accelerate;
+use crate::integrators::mujoco::acceleration::{accelerate, prepare};
 use crate::integrators::mujoco::implicit::integrate_velocity;
 use crate::integrators::mujoco::runge_kutta::runge_kutta;
+use crate::integrators::renewed::Renewed;
 use crate::integrators::solution::Solution;
 use crate::integrators::workspace::Workspace;
 use crate::options::{Integrator, StepSettings};
-use crate::probe::{Counter, Probe, Span};
+use crate::probe::{Counter, NoProbe, Probe, Span};
 use crate::stages::s01_actuate::advance_activation;
 use crate::stages::s07_integrate_position::integrate_position;
 
@@ -41,6 +42,7 @@ pub(crate) fn solve_step<R: Real>(
         Integrator::Rk4 => runge_kutta(compiled, options, h, s, probe),
         _ => {
             let outcome = accelerate(compiled, options, h, s, true, probe);
+            advance(compiled, options.integrator, h, s, probe);
             probe.span(Span::IntegrateVelocity, || match options.integrator {
                 Integrator::Discrete => discrete::integrate_velocity(compiled, h, s),
                 _ => integrate_velocity(compiled, h, options.integrator, s),
@@ -58,4 +60,30 @@ pub(crate) fn solve_step<R: Real>(
     probe.count(Counter::NewtonSteps, || (0..R::LANES).map(|l| outcome.newton_steps.lane(l).to_f64()).sum());
     let none = R::Mask::splat(false);
     (Solution { outcome, pushed: true, undecided: none, guarded: none, infeasible: none }, tunnelled)
+}
+
+/// Stages 6 and 7 by the acceleration.
+fn advance<R: Real>(compiled: &LaneModel<R>, integrator: Integrator, h: R, s: &mut Workspace<R>, probe: impl Probe) {
+    probe.span(Span::IntegrateVelocity, || integrate_velocity(compiled, h, integrator, s));
+    probe.span(Span::IntegratePosition, || {
+        integrate_position(compiled, &s.state.q, &s.next.v, h, &mut s.next.q);
+        advance_activation(compiled, &s.state.act, &s.state.act, &s.inputs.ctrl, h, &mut s.next.act);
+    });
+}
+
+/// Stages 1 to 7 near a step that was solved, whose acceleration is `solution`: stage 5 follows from it to first order.
+pub(crate) fn respond_step<R: Real>(
+    compiled: &LaneModel<R>,
+    options: &StepSettings,
+    s: &mut Workspace<R>,
+    solution: &[R],
+    renewed: Renewed,
+) {
+    let h = R::of(options.timestep);
+    prepare(compiled, options, h, s, renewed, NoProbe);
+    if let Some(system) = &mut s.constraints.soft {
+        system.acceleration.copy_from_slice(solution);
+        system.respond(compiled, &s.free_motion.smooth.mass, &s.free_motion.smooth.acc);
+    }
+    advance(compiled, options.integrator, h, s, NoProbe);
 }

@@ -1,0 +1,66 @@
+//! Derivatives of a step at the modes of its solution, of all environments at once.
+
+use crate::batch::inputs::StepInputs;
+use crate::batch::simulation::checks::check_length;
+use crate::batch::simulation::{Error, Simulation};
+use crate::math::precision::Precision;
+use crate::options::{ContactLaw, Integrator, Stabilization, StepSettings};
+use crate::step_derivative::{DerivativeQuery, DerivativeRows, StatePart};
+
+impl Simulation {
+    /// Differentiates the step that would be made from the present state with the controls `ctrl`, (num_envs, nu), by the implicit function
+    /// theorem. Nothing advances.
+    ///
+    /// # Errors
+    /// [`Error::Option`] for settings of which implicit derivatives there are none, [`Error::Length`] for arrays of the wrong length,
+    /// [`Error::Threads`] when threads cannot be started.
+    pub fn differentiate(&mut self, ctrl: &[f64], query: &DerivativeQuery<'_>, rows: DerivativeRows<'_>) -> Result<(), Error> {
+        self.check_implicit()?;
+        let (n, model) = (self.num_envs, &self.model);
+        let [nq, nv, na, nu] = [model.nq(), model.nv(), model.na(), model.nu()];
+        let width = |part: &StatePart| match part {
+            StatePart::Qpos | StatePart::Qvel => nv,
+            StatePart::Act => na,
+            StatePart::Ctrl => nu,
+        };
+        let columns: usize = query.parts.iter().map(width).sum();
+        check_length("points of a column", query.points.clamp(1, 2), query.points)?;
+        check_length("ctrl", ctrl.len(), n * nu)?;
+        check_length("offsets", query.offsets.len(), n * query.points * columns)?;
+        check_length("slopes", rows.slopes.len(), n * (2 * nv + na) * columns)?;
+        check_length("causes", rows.causes.len(), n * columns)?;
+        for (name, found) in [("distance", rows.distance.len()), ("sound", rows.sound.len()), ("residual", rows.residual.len())] {
+            check_length(name, found, n)?;
+        }
+        check_length("status", rows.status.len(), n)?;
+        for (state, width) in rows.state.iter().zip([nq, nv, na]) {
+            check_length("state", state.len(), n * width)?;
+        }
+        let inputs = StepInputs { ctrl, ..self.applied.complete(&StepInputs::default()) };
+        self.engine.differentiate(&inputs, query, rows)
+    }
+
+    /// Checks that the settings are among those whose step has one solution that all else follows from.
+    fn check_implicit(&self) -> Result<(), Error> {
+        let StepSettings { contact, integrator, stabilization, .. } = *self.engine.settings();
+        let wrong = |name, found: &str, must| Err(Error::Option { name, found: found.to_owned(), must });
+        match (contact, integrator) {
+            (ContactLaw::Hard, Integrator::Euler) if stabilization == Stabilization::Split => {
+                return wrong("stabilization", "split", "baumgarte or none for method='implicit'; method='fd' takes all");
+            }
+            (ContactLaw::Hard, Integrator::Euler)
+            | (ContactLaw::Mujoco, Integrator::Euler | Integrator::ImplicitFast | Integrator::Implicit) => {}
+            (ContactLaw::Hard, other) => return wrong("integrator", other.name(), "euler for method='implicit'; method='fd' takes all"),
+            (ContactLaw::Mujoco, other) => {
+                return wrong("integrator", other.name(), "euler, implicitfast or implicit for method='implicit'; method='fd' takes all");
+            }
+        }
+        if self.precision == Precision::F32 {
+            return wrong("precision", "f32", "f64 for derivatives");
+        }
+        if self.actuator_models.is_some() {
+            return wrong("actuators", "drives with a memory", "none for method='implicit'; method='fd' takes all");
+        }
+        Ok(())
+    }
+}

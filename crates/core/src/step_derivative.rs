@@ -1,0 +1,415 @@
+//! Derivative of a step at the modes of its solution: the implicit function theorem.
+//!
+//! A step is solved once, in all lanes. Then one coordinate after the other is displaced, in every lane that of its own environment, and
+//! stages 1 to 7 are taken there, with the linear response of the solution in the place of stage 5: which contacts push, stick and slip is
+//! held. Geometry, forces and inertia are differentiated by differences of this, which has no kinks of its own. Where the configuration
+//! stays, poses, mass matrix and rows do.
+
+use stepper_real::{Mask, Real, Scalar};
+use stepper_solve::newton::Switch;
+
+use crate::compile::LaneModel;
+use crate::dynamics::kinematics::{displace, quat_at};
+use crate::integrators::devices::Devices;
+use crate::integrators::mujoco;
+use crate::integrators::renewed::Renewed;
+use crate::integrators::response::HardResponse;
+use crate::integrators::workspace::{State, Workspace};
+use crate::math::lanes::each_of;
+use crate::math::spatial::*;
+use crate::model::JointKind;
+use crate::options::{ContactLaw, StepSettings};
+use crate::probe::NoProbe;
+use crate::step::step;
+
+/// Contacts begin or cease to push.
+const CONTACT: u32 = 1;
+/// Contacts begin or cease to slip.
+const SLIP: u32 = 2;
+/// Joints reach a limit or leave it.
+const LIMIT: u32 = 8;
+/// Dry friction begins or ceases to hold a joint.
+const DRY_FRICTION: u32 = 16;
+/// Slopes on both sides differ.
+const SLOPE: u32 = 64;
+/// The step was not solved.
+const UNSOLVED: u32 = 128;
+
+/// Change of a slope per unit of a coordinate, relative to the slope, that smooth motion may have, and the largest for any width.
+const CURVATURE: f64 = 1e4;
+const LARGEST_BEND: f64 = 0.1;
+
+/// Residual with which a step counts as solved, m/s: modes are certain, and what the response is wrong by is of this order.
+const SOLVED: f64 = 1e-9;
+
+/// Difference of the response at the solution from the solution, relative to its velocities, that is rounding and residual: elsewhere
+/// something has a part in the step that the response does not know.
+const FAITHFUL: f64 = 1e-8;
+
+/// Part of a state, or the controls, whose coordinates are columns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StatePart {
+    /// Displacements of the configuration, nv.
+    Qpos,
+    /// Velocities, nv.
+    Qvel,
+    /// Activations, na.
+    Act,
+    /// Controls, nu.
+    Ctrl,
+}
+
+impl StatePart {
+    /// What is another where a coordinate of it is displaced.
+    fn renews(self) -> Renewed {
+        match self {
+            Self::Qpos => Renewed::Configuration,
+            Self::Qvel => Renewed::Velocity,
+            Self::Act | Self::Ctrl => Renewed::Forces,
+        }
+    }
+}
+
+/// What is differentiated: numbers are environment-major.
+#[derive(Clone, Copy, Debug)]
+pub struct DerivativeQuery<'a> {
+    /// Parts in the order of their columns.
+    pub parts: &'a [StatePart],
+    /// Displacements of every column, (num_envs, points, columns) with one point or two.
+    pub offsets: &'a [f64],
+    /// Points of a column.
+    pub points: usize,
+    /// Residual to which the step is solved, m/s.
+    pub tolerance: f64,
+}
+
+/// Answer for some environments, environment-major.
+#[derive(Debug)]
+pub struct DerivativeRows<'a> {
+    /// Derivatives of displacements of qpos, qvel and act after the step, (environments, 2 nv + na, columns).
+    pub slopes: &'a mut [f64],
+    /// Flags of every column, (environments, columns), as Python's `stepper.Kink` has them.
+    pub causes: &'a mut [u32],
+    /// Widths of the displacements to the nearest kink, to first order; infinite where none is seen.
+    pub distance: &'a mut [f64],
+    /// Whether the derivative is that of the step: 0 where the implicit function theorem does not give it.
+    pub sound: &'a mut [u8],
+    /// Residual of the step, m/s.
+    pub residual: &'a mut [f64],
+    /// Its flags.
+    pub status: &'a mut [u32],
+    /// State after it: nq, nv and na numbers.
+    pub state: [&'a mut [f64]; 3],
+}
+
+impl<'a> DerivativeRows<'a> {
+    /// The rows of `num_envs` environments in parts of so many environments.
+    pub(crate) fn chunks(self, num_envs: usize, size: usize) -> impl Iterator<Item = DerivativeRows<'a>> + Send {
+        let Self { slopes, causes, distance, sound, residual, status, state } = self;
+        let [mut slopes, mut distance, mut residual] = [slopes, distance, residual].map(|all| rows(all, num_envs, size));
+        let [mut causes, mut status] = [causes, status].map(|all| rows(all, num_envs, size));
+        let (mut sound, mut state) = (rows(sound, num_envs, size), state.map(|all| rows(all, num_envs, size)));
+        std::iter::from_fn(move || {
+            Some(DerivativeRows {
+                slopes: slopes.next()?,
+                causes: causes.next()?,
+                distance: distance.next()?,
+                sound: sound.next()?,
+                residual: residual.next()?,
+                status: status.next()?,
+                state: state.each_mut().map(|rows| rows.next().unwrap_or_default()),
+            })
+        })
+        .take(num_envs.div_ceil(size))
+    }
+}
+
+/// Rows of `num_envs` environments in parts of so many environments; as many empty parts as are asked for where rows have no numbers.
+fn rows<T: Send>(all: &mut [T], num_envs: usize, size: usize) -> impl Iterator<Item = &mut [T]> + Send {
+    all.chunks_mut((all.len() / num_envs * size).max(1)).chain(std::iter::repeat_with(Default::default))
+}
+
+/// Room for the derivatives of a group of lanes.
+#[derive(Clone, Debug)]
+pub(crate) struct StepDerivative<R: Real> {
+    law: LawResponse<R>,
+    /// Configuration, velocity, activations and controls before the step.
+    before: [Vec<R>; 4],
+    /// Configuration, velocity and activations after it.
+    after: [Vec<R>; 3],
+    /// Changes of the state at the points of a column.
+    changes: [Vec<R>; 2],
+    direction: Vec<R>,
+}
+
+/// How the solution follows the state, by the law of contact.
+#[derive(Clone, Debug)]
+enum LawResponse<R: Real> {
+    Hard(Box<HardResponse<R>>),
+    /// With the acceleration of the solution.
+    Mujoco(Vec<R>),
+}
+
+impl<R: Real> StepDerivative<R> {
+    /// Room for a compiled model.
+    pub(crate) fn new(compiled: &LaneModel<R>, options: &StepSettings, max_contacts: usize) -> Self {
+        let zeros = |n: usize| vec![R::zero(); n];
+        let [nq, nv, na] = [compiled.nq, compiled.nv, compiled.na];
+        Self {
+            law: match options.contact {
+                ContactLaw::Hard => LawResponse::Hard(Box::new(HardResponse::new(compiled, max_contacts))),
+                ContactLaw::Mujoco => LawResponse::Mujoco(zeros(nv)),
+            },
+            before: [nq, nv, na, compiled.actuators.len()].map(zeros),
+            after: [nq, nv, na].map(zeros),
+            changes: [2 * nv + na; 2].map(zeros),
+            direction: zeros(nv),
+        }
+    }
+
+    /// Differentiates the step from the state in `s`, which is used up, in all lanes that are environments: `rows` are theirs, and
+    /// `offsets` of the query.
+    pub(crate) fn differentiate(
+        &mut self,
+        compiled: &LaneModel<R>,
+        options: &StepSettings,
+        s: &mut Workspace<R>,
+        query: &DerivativeQuery<'_>,
+        rows: &mut DerivativeRows<'_>,
+    ) {
+        let alive = s.alive.bits();
+        let solved = self.solve(compiled, options, s, rows);
+        let mut sound = self.settle(compiled, options, s, solved);
+        let columns: Vec<(StatePart, usize)> = query.parts.iter().flat_map(|&part| (0..self.width(part)).map(move |i| (part, i))).collect();
+        // What changes forces alone comes first, at the rows of the solution, and then what leaves the configuration where it is.
+        for renewed in [Renewed::Forces, Renewed::Velocity, Renewed::Configuration] {
+            for (c, &(part, i)) in columns.iter().enumerate().filter(|(_, (part, _))| part.renews() == renewed) {
+                let offsets = self.offsets(query, alive, c, columns.len());
+                for (point, &offset) in offsets[..query.points].iter().enumerate() {
+                    let lost = self.evaluate(compiled, options, s, (part, i, offset), sound);
+                    sound &= !lost;
+                    self.find_changes(compiled, s, point);
+                    self.find_switches(s, sound, rows, (c, columns.len()));
+                }
+                self.write_slopes(&offsets[..query.points], options.tolerance, alive, rows, (c, columns.len()));
+            }
+        }
+        for l in each_of(alive) {
+            rows.sound[l] = u8::from(sound >> l & 1 == 1);
+            if solved >> l & 1 == 0 {
+                rows.causes[l * columns.len()..(l + 1) * columns.len()].iter_mut().for_each(|cause| *cause |= UNSOLVED);
+            }
+        }
+    }
+
+    fn width(&self, part: StatePart) -> usize {
+        let [_, v, act, ctrl] = &self.before;
+        match part {
+            StatePart::Qpos | StatePart::Qvel => v.len(),
+            StatePart::Act => act.len(),
+            StatePart::Ctrl => ctrl.len(),
+        }
+    }
+
+    /// Makes the step, and writes down what it says of itself. Returns the lanes in which it is solved.
+    fn solve(&mut self, compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, rows: &mut DerivativeRows<'_>) -> u32 {
+        for (kept, now) in self.before.iter_mut().zip([&s.state.q, &s.state.v, &s.state.act, &s.inputs.ctrl]) {
+            kept.copy_from_slice(now);
+        }
+        let elapsed = s.elapsed;
+        let mut devices = Devices { group: 0, actuators: None, sensors: None };
+        let record = step(compiled, options, s, &mut devices, NoProbe);
+        s.elapsed = elapsed;
+        for (kept, now) in self.after.iter_mut().zip([&s.state.q, &s.state.v, &s.state.act]) {
+            kept.copy_from_slice(now);
+        }
+        for l in each_of(s.alive.bits()) {
+            rows.residual[l] = record.residual.lane(l).to_f64();
+            rows.status[l] = record.status(l).bits();
+            rows.distance[l] = f64::INFINITY;
+            for (out, after) in rows.state.iter_mut().zip(&self.after) {
+                let n = after.len();
+                for (out, x) in out[l * n..(l + 1) * n].iter_mut().zip(after) {
+                    *out = x.lane(l).to_f64();
+                }
+            }
+        }
+        let solved = record.residual.le(R::of(SOLVED.max(10.0 * options.tolerance)));
+        let broken = record.non_finite.or(record.infeasible).or(record.unresolved).bits() | record.contacts_full;
+        s.alive.and(solved).bits() & !broken
+    }
+
+    /// Takes up how the solution follows the state in the lanes `solved`. Returns those of them in which the response at the solution is
+    /// the solution.
+    fn settle(&mut self, compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, solved: u32) -> u32 {
+        let mut sound = match &mut self.law {
+            LawResponse::Hard(response) => response.settle(s, solved),
+            LawResponse::Mujoco(solution) => {
+                if let Some(system) = &mut s.constraints.soft {
+                    solution.copy_from_slice(&system.acceleration);
+                    system.settle(compiled, &s.free_motion.smooth.mass, &s.free_motion.smooth.acc);
+                }
+                solved
+            }
+        };
+        self.return_to_beginning(s);
+        sound &= !self.respond(compiled, options, s, Renewed::Configuration, sound);
+        self.find_changes(compiled, s, 0);
+        R::vectorize(
+            #[inline(always)]
+            || {
+                let (mut apart, mut speed) = (R::zero(), R::one());
+                for &change in &self.changes[0] {
+                    // Written so that a NaN stays.
+                    apart = R::select(change.abs().le(apart), apart, change.abs());
+                }
+                for &v in &self.after[1] {
+                    speed = speed.max(v.abs());
+                }
+                sound & apart.le(speed * R::of(FAITHFUL)).bits()
+            },
+        )
+    }
+
+    /// Brings the state and the controls before the step back.
+    fn return_to_beginning(&self, s: &mut Workspace<R>) {
+        let State { q, v, act, .. } = &mut s.state;
+        for (to, kept) in [q, v, act, &mut s.inputs.ctrl].into_iter().zip(&self.before) {
+            to.copy_from_slice(kept);
+        }
+    }
+
+    /// Displacements of a column at its points.
+    fn offsets(&self, query: &DerivativeQuery<'_>, alive: u32, column: usize, columns: usize) -> [R; 2] {
+        let mut offsets = [R::one(); 2];
+        for (point, offset) in offsets.iter_mut().enumerate().take(query.points) {
+            for l in each_of(alive) {
+                offset.set_lane(l, Scalar::from_f64(query.offsets[(l * query.points + point) * columns + column]));
+            }
+        }
+        offsets
+    }
+
+    /// Takes the step with one coordinate displaced. Returns the lanes that have lost a constraint.
+    fn evaluate(
+        &mut self,
+        compiled: &LaneModel<R>,
+        options: &StepSettings,
+        s: &mut Workspace<R>,
+        (part, i, offset): (StatePart, usize, R),
+        lanes: u32,
+    ) -> u32 {
+        match part {
+            StatePart::Qpos => {
+                self.direction[i] = R::one();
+                displace(compiled, &self.before[0], &self.direction, offset, &mut s.state.q);
+                self.direction[i] = R::zero();
+            }
+            StatePart::Qvel => s.state.v[i] = self.before[1][i] + offset,
+            StatePart::Act => s.state.act[i] = self.before[2][i] + offset,
+            StatePart::Ctrl => s.inputs.ctrl[i] = self.before[3][i] + offset,
+        }
+        let lost = self.respond(compiled, options, s, part.renews(), lanes);
+        self.return_to_beginning(s);
+        lost
+    }
+
+    fn respond(&mut self, compiled: &LaneModel<R>, options: &StepSettings, s: &mut Workspace<R>, renewed: Renewed, lanes: u32) -> u32 {
+        match &mut self.law {
+            LawResponse::Hard(response) => response.step(compiled, options, s, renewed, lanes),
+            LawResponse::Mujoco(solution) => {
+                if renewed == Renewed::Configuration {
+                    s.poses.begin();
+                }
+                mujoco::respond_step(compiled, options, s, solution, renewed);
+                0
+            }
+        }
+    }
+
+    /// Displacement from the state after the step to that in `s.next`.
+    fn find_changes(&mut self, compiled: &LaneModel<R>, s: &Workspace<R>, point: usize) {
+        let Self { after, changes, .. } = self;
+        R::vectorize(
+            #[inline(always)]
+            || {
+                let (moved, rates) = changes[point].split_at_mut(compiled.nv);
+                for joint in &compiled.joints {
+                    let turn = match joint.kind {
+                        JointKind::Free => Some(3),
+                        JointKind::Ball => Some(0),
+                        JointKind::Slide | JointKind::Hinge => None,
+                    };
+                    for k in 0..turn.unwrap_or(1) {
+                        moved[joint.v + k] = s.next.q[joint.q + k] - after[0][joint.q + k];
+                    }
+                    if let Some(k) = turn {
+                        let [w, x, y, z] = quat_at(&after[0], joint.q + k);
+                        let turned = quat_log(quat_mul([w, -x, -y, -z], quat_at(&s.next.q, joint.q + k)));
+                        moved[joint.v + k..joint.v + k + 3].copy_from_slice(&turned);
+                    }
+                }
+                let pairs = s.next.v.iter().chain(&s.next.act).zip(after[1].iter().chain(&after[2]));
+                for (rate, (&next, &after)) in rates.iter_mut().zip(pairs) {
+                    *rate = next - after;
+                }
+            },
+        )
+    }
+
+    /// Notes what comes nearer to another mode by a displacement.
+    fn find_switches(&mut self, s: &Workspace<R>, lanes: u32, rows: &mut DerivativeRows<'_>, (c, columns): (usize, usize)) {
+        let LawResponse::Hard(response) = &mut self.law else { return };
+        response.compare(s, lanes, |near| {
+            rows.distance[near.lane] = rows.distance[near.lane].min(near.distance);
+            if near.distance <= 1.0 {
+                rows.causes[near.lane * columns + c] |= match near.switch {
+                    Switch::Contact => CONTACT,
+                    Switch::Slip => SLIP,
+                    Switch::Limit => LIMIT,
+                    Switch::DryFriction => DRY_FRICTION,
+                };
+            }
+        });
+    }
+
+    /// Writes the derivatives by a column, from the changes at its points, and notes where slopes on both sides differ.
+    fn write_slopes(&mut self, offsets: &[R], noise: f64, alive: u32, rows: &mut DerivativeRows<'_>, (c, columns): (usize, usize)) {
+        let n = self.changes[0].len();
+        let nv = self.before[1].len();
+        let [first, second] = &mut self.changes;
+        let kinked = R::vectorize(
+            #[inline(always)]
+            || {
+                let a = offsets[0];
+                let Some(&b) = offsets.get(1) else {
+                    first.iter_mut().for_each(|change| *change = *change / a);
+                    return 0;
+                };
+                // Of the parabola through both points and the nominal one.
+                let weights = [b / (a * (b - a)), a / (b * (a - b))];
+                let floor = R::of(4.0 * noise) / a.abs();
+                let limit = (R::of(CURVATURE) * a.abs()).min(R::of(LARGEST_BEND));
+                let mut kinked = 0;
+                for group in [0..nv, nv..2 * nv, 2 * nv..n] {
+                    let (mut size, mut bend) = (R::zero(), R::zero());
+                    for (x, &y) in first[group.clone()].iter_mut().zip(&second[group]) {
+                        bend = bend.max((*x / a - y / b).abs());
+                        *x = weights[0] * *x + weights[1] * y;
+                        size = size.max(x.abs());
+                    }
+                    kinked |= bend.gt(limit * size + floor).bits();
+                }
+                kinked
+            },
+        );
+        for l in each_of(alive) {
+            for (i, slope) in first.iter().enumerate() {
+                rows.slopes[(l * n + i) * columns + c] = slope.lane(l).to_f64();
+            }
+            if kinked >> l & 1 == 1 {
+                rows.causes[l * columns + c] |= SLOPE;
+            }
+        }
+    }
+}

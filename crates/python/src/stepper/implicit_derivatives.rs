@@ -1,0 +1,78 @@
+//! Derivatives of a step at the modes of its solution, for `stepper.derivatives`.
+
+use numpy::{IntoPyArray, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use stepper_core::{DerivativeQuery, DerivativeRows, Precision, StatePart};
+
+use crate::array::{array, readonly};
+use crate::error::value_error;
+use crate::stepper::Stepper;
+
+#[pymethods]
+impl Stepper {
+    /// Derivatives of a step by the implicit function theorem, for `stepper.derivatives.implicit`, which says what the arguments are.
+    ///
+    /// Returns:
+    ///     Arrays by name, rows first an environment each: "slopes" (num_envs, 2 nv + na, columns), "causes" (num_envs, columns) uint32,
+    ///     "distance", "sound" (uint8), "residual" and "status" (num_envs,), and "qpos", "qvel" and "act" after the step.
+    #[pyo3(signature = (ctrl, parts, offsets, tolerance))]
+    fn _differentiate<'py>(
+        &mut self,
+        py: Python<'py>,
+        ctrl: Bound<'py, PyAny>,
+        parts: Vec<String>,
+        offsets: PyReadonlyArrayDyn<'py, f64>,
+        tolerance: f64,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let parts = parts.iter().map(|name| part_of(name)).collect::<PyResult<Vec<_>>>()?;
+        let &[_, points, columns] = offsets.shape() else {
+            return Err(PyValueError::new_err("offsets must be (num_envs, points, columns)"));
+        };
+        self.apply(py)?;
+        let ctrl = readonly(&ctrl, "ctrl")?;
+        let (ctrl, offsets) = (ctrl.as_slice()?, offsets.as_slice()?);
+        let (n, model) = (self.n(), self.simulation.model());
+        let [nq, nv, na] = [model.nq(), model.nv(), model.na()];
+        let rows = 2 * nv + na;
+        let (mut slopes, mut causes) = (vec![0.0; n * rows * columns], vec![0_u32; n * columns]);
+        let (mut distance, mut residual) = (vec![0.0; n], vec![0.0; n]);
+        let (mut sound, mut status) = (vec![0_u8; n], vec![0_u32; n]);
+        let [mut q, mut v, mut act] = [nq, nv, na].map(|width| vec![0.0; n * width]);
+        let query = DerivativeQuery { parts: &parts, offsets, points, tolerance };
+        let answer = DerivativeRows {
+            slopes: &mut slopes,
+            causes: &mut causes,
+            distance: &mut distance,
+            sound: &mut sound,
+            residual: &mut residual,
+            status: &mut status,
+            state: [&mut q, &mut v, &mut act],
+        };
+        let simulation = &mut self.simulation;
+        py.detach(|| simulation.differentiate(ctrl, &query, answer)).map_err(value_error)?;
+        let out = PyDict::new(py);
+        let numbers = |shape: &[usize], data| array(py, shape, data, Precision::F64);
+        out.set_item("slopes", numbers(&[n, rows, columns], slopes)?)?;
+        out.set_item("causes", causes.into_pyarray(py).call_method1("reshape", (n, columns))?)?;
+        out.set_item("distance", distance.into_pyarray(py))?;
+        out.set_item("sound", sound.into_pyarray(py))?;
+        out.set_item("residual", residual.into_pyarray(py))?;
+        out.set_item("status", status.into_pyarray(py))?;
+        for (name, data, width) in [("qpos", q, nq), ("qvel", v, nv), ("act", act, na)] {
+            out.set_item(name, numbers(&[n, width], data)?)?;
+        }
+        Ok(out)
+    }
+}
+
+fn part_of(name: &str) -> PyResult<StatePart> {
+    match name {
+        "qpos" => Ok(StatePart::Qpos),
+        "qvel" => Ok(StatePart::Qvel),
+        "act" => Ok(StatePart::Act),
+        "ctrl" => Ok(StatePart::Ctrl),
+        _ => Err(PyValueError::new_err(format!("{name} is no part of the state"))),
+    }
+}

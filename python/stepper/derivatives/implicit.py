@@ -1,0 +1,106 @@
+"""Derivatives at the modes of the solution, by the implicit function theorem: the step is solved once, not once for every column.
+
+Which contacts push, stick and slip, which joints are at a limit or held by dry friction, is that of the solved step. Impulses follow from
+their rows by one linear system for all columns; forces, inertia and geometry are differentiated by differences of a step whose impulses
+follow in this way (`Stepper._differentiate`). docs/decisions/implicit_derivatives.md has the formulas, and what they leave out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stepper._stepper import Stepper
+from stepper.derivatives.copies import Nominal, replicas_of, rows
+from stepper.derivatives.perturbations import PARAMETERS, ROUNDING, STATE, Array, Block, Stencil, blocks_of, stencil_of
+
+STEP = 2.0**-20
+"""Half width of the differences for coordinates of order 1. Modes are held within it and no solver has a part in it: rounding makes 1e-9
+of a column's largest entry, and third derivatives of MuJoCo's cones, the sharpest thing in a step, 1e-7 of it at the worst seen."""
+
+
+def check(sim: Stepper, blocks: Sequence[Block], *, extrapolate: bool, sensors: bool) -> None:
+    """Checks what is asked for; settings of the step that implicit derivatives do not know are found by the binary.
+
+    Raises:
+        ValueError: Something that only differences of whole steps give.
+    """
+    remedy = "method='fd' gives them"
+    parameters = [block.name for block in blocks if block.field in PARAMETERS]
+    if parameters:
+        raise ValueError(f"wrt has the parameters {', '.join(parameters)}, of which there are no implicit derivatives: {remedy}")
+    if sensors:
+        raise ValueError(f"sensors=True: there are no implicit derivatives of sensors: {remedy}")
+    if extrapolate:
+        raise ValueError("extrapolate=True is for method='fd': implicit derivatives have no differences of solved steps to extrapolate")
+    if sim.actuators is not None:
+        raise ValueError(f"actuators= have a memory, of which there are no implicit derivatives: {remedy}")
+
+
+def derivatives(
+    sim: Stepper, nominal: Nominal, blocks: Sequence[Block], stencil: Stencil, *, nstep: int, tolerance: float
+) -> dict[str, NDArray[Any]]:
+    """Derivatives of the state after `nstep` steps in all environments, as `linearize` puts them together.
+
+    Returns:
+        Arrays by name. "implicit" says of each environment whether its derivatives are those of the step, (num_envs,) bool: where a step
+        was not solved, or something has a part in it that the theorem does not know, they are of no use.
+    """
+    if nstep > 1:
+        return _product(sim, nominal, blocks, float(stencil.step.max(initial=0.0)), nstep=nstep, tolerance=tolerance)
+    fits = sim.precision == "f64" and sim.num_envs is not None
+    plant = sim if fits else replicas_of(sim, nominal, 1, tolerance=tolerance)
+    one = plant._differentiate(nominal.fields["ctrl"], [block.field for block in blocks], stencil.offsets[:, 0], tolerance)
+    return _answer(one, one["slopes"], one["causes"], [one], stencil.step[:, 0])
+
+
+def _product(
+    sim: Stepper, nominal: Nominal, blocks: Sequence[Block], width: float, *, nstep: int, tolerance: float
+) -> dict[str, NDArray[Any]]:
+    """The same of several steps, each linearized where the one before it ends: the product of their matrices."""
+    model, ctrl = sim.model, nominal.fields["ctrl"]
+    plant = replicas_of(sim, nominal, 1, tolerance=tolerance)
+    whole = blocks_of(model, (*STATE, "ctrl"))
+    size, columns = 2 * model.nv + model.na, sum(block.count for block in blocks)
+    first_row = {"qpos": 0, "qvel": model.nv, "act": 2 * model.nv}
+    slopes, held, place = np.zeros((nominal.num_envs, size, columns)), slice(0, 0), 0
+    for block in blocks:
+        own = slice(place, place + block.count)
+        if block.field == "ctrl":
+            held = own
+        else:
+            slopes[:, first_row[block.field] : first_row[block.field] + block.count, own] = np.eye(block.count)
+        place += block.count
+    steps = []
+    for _ in range(nstep):
+        now = {name: rows(plant, name) for name in STATE} | {"ctrl": ctrl}
+        stencil = stencil_of(model, whole, now, step=width, levels=1, centered=True)
+        one = plant._differentiate(ctrl, [block.field for block in whole], stencil.offsets[:, 0], tolerance)
+        slopes = one["slopes"][..., :size] @ slopes
+        slopes[..., held] += one["slopes"][..., size : size + held.stop - held.start]
+        steps.append(one)
+        plant.step(ctrl)
+    # A kink of any step is on the way of every column.
+    causes = np.bitwise_or.reduce([np.bitwise_or.reduce(one["causes"], axis=1) for one in steps], axis=0)
+    return _answer(steps[-1], slopes, np.repeat(causes[:, None], columns, axis=1), steps, np.full((nominal.num_envs, columns), width))
+
+
+def _answer(
+    last: dict[str, NDArray[Any]], slopes: Array, causes: NDArray[np.uint32], steps: list[dict[str, NDArray[Any]]], width: Array
+) -> dict[str, NDArray[Any]]:
+    size = np.maximum(np.abs(last["qvel"]).max(axis=1, initial=0.0), 1.0)
+    return {
+        "slopes": np.moveaxis(slopes, 2, 1)[:, None],
+        "width": width,
+        "noise": last["residual"] + ROUNDING * size,
+        "causes": causes,
+        "kinked_steps": np.stack([(one["causes"] != 0).any(axis=1) for one in steps], axis=1),
+        "kink_distance": np.min([one["distance"] for one in steps], axis=0),
+        "residual": last["residual"],
+        "status": np.bitwise_or.reduce([one["status"] for one in steps], axis=0),
+        "implicit": np.logical_and.reduce([one["sound"] != 0 for one in steps], axis=0),
+        **{name: last[name] for name in STATE},
+    }

@@ -1,0 +1,202 @@
+"""Derivatives at the modes of the solution: beside extrapolated differences of whole steps, and closed forms."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+import stepper
+from hypothesis import given
+from hypothesis import strategies as st
+from models import stepper_model
+from stepper import Kink, Options
+
+G, H = 9.81, 0.002
+WRT = ("qpos", "qvel", "act", "ctrl")
+# Rounding of numbers of order 1 to 10 over the width of the differences, 4e-6.
+NOISE = 1e-8
+SETTINGS = {
+    "hard": {"integrator": "euler", "stabilization": "baumgarte", "baumgarte": 1.0, "slop": 0.0},
+    "hard, no correction": {"integrator": "euler", "stabilization": "none"},
+    "mujoco, Euler": {"contact": "mujoco", "integrator": "euler"},
+    "mujoco, implicitfast": {"contact": "mujoco", "integrator": "implicitfast"},
+}
+ROBOTS = ["gymnasium/ant", "gymnasium/half_cheetah", "gymnasium/hopper", "gymnasium/humanoid", "gymnasium/walker2d_v5"]
+ROBOTS += ["dm_control/cheetah", "dm_control/hopper", "dm_control/quadruped", "dm_control/walker"]
+
+
+def scene(body: str, *, more: str = "", floor: str = "") -> stepper.Model:
+    ground = f'<geom name="floor" type="plane" size="9 9 1" {floor}/>'
+    return stepper.load(f'<mujoco><option timestep="{H}"/><worldbody>{ground}{body}</worldbody>{more}</mujoco>')
+
+
+def simulation(model: stepper.Model, num_envs: int | None = 3, law: str = "hard", **more) -> stepper.Stepper:
+    return stepper.Stepper(model, num_envs, options=Options(**(SETTINGS[law] | more)))
+
+
+def joined(blocks) -> np.ndarray:
+    return np.concatenate([blocks[name] for name in WRT], axis=-1)
+
+
+@cache
+def touching(robot: str, law: str) -> tuple[stepper.Stepper, np.ndarray]:
+    model, rng = stepper_model(robot, strict=False), np.random.default_rng(0)
+    sim = simulation(model, 8, law)
+    for _ in range(10):
+        sim.step(rng.uniform(-0.3, 0.3, (8, model.nu)), nstep=20)
+    assert sum(c["force"][0] > 0 for c in sim.contacts()) >= 4
+    return sim, rng.uniform(-0.3, 0.3, (8, model.nu))
+
+
+def apart(one: stepper.derivatives.Linearization, two: stepper.derivatives.Linearization, nv: int) -> np.ndarray:
+    """Largest difference of every column, (num_envs, columns), relative to its largest entry among rows of a kind."""
+    a, b = joined(one.blocks), joined(two.blocks)
+    groups = [slice(0, nv), slice(nv, None)]
+    return np.max([np.abs(a - b)[:, g].max(axis=1) / np.maximum(np.abs(b[:, g]).max(axis=1), 1.0) for g in groups], axis=0)
+
+
+@pytest.mark.parametrize("law", list(SETTINGS))
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_implicit_derivatives_are_those_of_extrapolated_differences(robot, law):
+    sim, ctrl = touching(robot, law)
+    own = sim.linearize(ctrl=ctrl, method="implicit")
+    differences = sim.linearize(ctrl=ctrl, extrapolate=True)
+    assert own.implicit.mean() > 0.5
+    np.testing.assert_array_equal(own.qvel, differences.qvel)
+    off = apart(own, differences, sim.model.nv)
+    noise = joined(differences.errors).max(axis=1)
+    smooth = (joined(differences.kinks) == 0) & own.implicit[:, None]
+    assert smooth.mean() > 0.3
+    # To 1e-6 of a column's largest entry, or to what the differences say of themselves.
+    good = (off < 1e-6) | (off < noise)
+    assert good[smooth].mean() > 0.99, np.sort(off[smooth & ~good])[-5:]
+    assert np.median(off[smooth]) < 1e-7
+
+
+BALL = '<body pos="0 0 .1">{joints}<geom type="sphere" size=".1" mass="2" friction=".4 0 0"/></body>'
+SLIDES = "".join(
+    f'<joint name="{axis}" type="slide" axis="{numbers}"/>' for axis, numbers in zip("xyz", ("1 0 0", "0 1 0", "0 0 1"), strict=True)
+)
+PUSHED = '<actuator><motor joint="x"/><motor joint="z"/></actuator>'
+
+
+def sliding(num_envs: int | None = 3) -> stepper.Stepper:
+    """A ball that cannot turn, on the floor: one contact, with the friction of the floor."""
+    model = scene(BALL.format(joints=SLIDES), floor='friction=".4 0 0"', more=PUSHED)
+    return simulation(model, num_envs)
+
+
+@given(st.floats(0.05, 5.0), st.floats(-3.1, 3.1), st.floats(-10.0, 15.0))
+def test_a_sliding_contact_in_closed_form(speed, heading, push):
+    sim, mu, m = sliding(1), 0.4, 2.0
+    along = np.array([np.cos(heading), np.sin(heading)])
+    sim.set_state(qvel=[[*(speed * along), 0.0]])
+    lin = sim.linearize(ctrl=[[0.0, -push]], method="implicit")
+    assert lin.implicit.all()
+    # v+ = v - mu N h v+ / (m |v+|): the direction stays, so that v turns by less than its friction takes of it.
+    load = m * G + push
+    lost = mu * load * H / m
+    across = np.eye(2) - np.outer(along, along)
+    if speed < 2 * lost + 1e-3:
+        return
+    np.testing.assert_allclose(lin.A[0, 3:5, 3:5], np.outer(along, along) + across * (1 - lost / speed), atol=10 * NOISE)
+    # Pushed down by one newton more, it loses mu h / m more; an overlap is pushed out within the step, and that costs mu times as much.
+    np.testing.assert_allclose(lin.B[0, 3:5, 1], mu * H / m * along, atol=NOISE)
+    np.testing.assert_allclose(lin.A[0, 5, 2], -1 / H, rtol=1e-8)
+    np.testing.assert_allclose(lin.A[0, 3:5, 2], mu / H * along, rtol=1e-6, atol=1e-5)
+    assert not lin.A[0, 5, 3:].any() or np.abs(lin.A[0, 5, 3:]).max() < NOISE
+
+
+def test_a_contact_that_sticks_lets_nothing_through():
+    sim = sliding()
+    sim.step(nstep=5)
+    lin = sim.linearize(ctrl=[3.0, 0.0], method="implicit")
+    assert lin.implicit.all()
+    assert not lin.near_kink.any()
+    np.testing.assert_allclose(lin.A[:, 3:, 3:], 0, atol=NOISE)
+    np.testing.assert_allclose(lin.B[:, 3:], 0, atol=NOISE)
+
+
+def test_a_push_at_the_bound_of_friction_is_near_a_kink():
+    sim, bound = sliding(), 0.4 * 2 * G
+    sim.step(nstep=5)
+    # The change of the velocity by this much force is less than the displacement of a velocity by its width.
+    lin = sim.linearize(("qvel", "ctrl"), ctrl=[[0.5 * bound, 0.0], [bound * (1 - 1e-9), 0.0], [2 * bound, 0.0]], method="implicit")
+    assert lin.near_kink.tolist() == [False, True, False]
+    assert lin.kinks["ctrl"][1, 0] == Kink.SLIP
+    assert lin.kink_distance[0] > 1 > lin.kink_distance[1]
+
+
+def test_loads_that_are_shared_matter_where_a_patch_turns():
+    box = '<body pos="0 0 .1"><freejoint/><geom type="box" size=".1 .1 .1" mass="2" friction=".4 0 0"/></body>'
+    sim = simulation(scene(box, floor='friction=".4 0 0"'), 3)
+    sim.step(nstep=20)
+    # At rest, sliding along a line, and sliding while it turns: twelve rows of six directions.
+    sim.set_state(qvel=np.array([[0, 0, 0, 0, 0, 0], [1.0, 0.3, 0, 0, 0, 0], [1.0, 0.3, 0, 0, 0, 2.0]]))
+    own, differences = sim.linearize(method="implicit"), sim.linearize()
+    assert own.implicit.tolist() == [True, True, False]
+    assert not differences.implicit.any()
+    np.testing.assert_array_equal(own.A[2], differences.A[2])
+    # Along the directions in which nothing of it is lifted: shifts and turns in the plane.
+    flat = [0, 1, 6, 7]
+    np.testing.assert_allclose(own.A[:2][:, :, flat], differences.A[:2][:, :, flat], atol=1e-6)
+
+
+def test_a_bounce_is_taken_by_differences():
+    ball = scene(BALL.format(joints="<freejoint/>")).replace(geom_restitution=np.array([0.0, 0.7]))
+    sim = simulation(ball, 2)
+    sim.set_state([[0, 0, 0.1, 1, 0, 0, 0], [0, 0, 0.5, 1, 0, 0, 0]], [[0, 0, -2.0, 0, 0, 0], [0, 0, -2.0, 0, 0, 0]])
+    own, differences = sim.linearize(method="implicit"), sim.linearize()
+    assert own.implicit[1]
+    np.testing.assert_allclose(own.A, differences.A, atol=1e-6)
+
+
+@pytest.mark.parametrize("law", ["hard", "mujoco, Euler"])
+def test_several_steps_are_differences_of_several_steps(law):
+    sim, ctrl = touching("gymnasium/hopper", law)
+    own = sim.linearize(("qvel", "ctrl", "qpos"), ctrl=ctrl, nstep=4, method="implicit")
+    differences = sim.linearize(("qvel", "ctrl", "qpos"), ctrl=ctrl, nstep=4, extrapolate=True)
+    assert own.kinked_steps.shape == (8, 4)
+    np.testing.assert_allclose(own.qpos, differences.qpos, atol=1e-12)
+    for name in ("qvel", "ctrl", "qpos"):
+        smooth = (differences.kinks[name] == 0) & ~own.near_kink[:, None]
+        a, b = own.blocks[name], differences.blocks[name]
+        off = np.abs(a - b).max(axis=1) / np.maximum(np.abs(b).max(axis=1), 1.0)
+        assert smooth.mean() > 0.3
+        assert np.mean(off[smooth] < 1e-5) > 0.98
+
+
+def test_nothing_advances_and_a_single_environment_has_no_leading_axis():
+    sim = sliding(None)
+    sim.step(nstep=3)
+    before = sim.get_state()
+    one, again = sim.linearize(method="implicit"), sim.linearize(method="implicit")
+    assert sim.get_state() == before
+    assert one.A.shape == (6, 6)
+    assert one.implicit.shape == ()
+    np.testing.assert_array_equal(one.A, again.A)
+
+
+def test_a_batch_in_f32_is_differentiated_in_f64():
+    model = scene(BALL.format(joints=SLIDES), floor='friction=".4 0 0"', more=PUSHED)
+    sim = stepper.Stepper(model, 2, options=Options(**SETTINGS["hard"]), precision="f32")
+    lin = sim.linearize(method="implicit")
+    assert lin.A.dtype == np.float64
+    assert lin.implicit.all()
+
+
+def test_what_there_are_no_implicit_derivatives_of_is_refused_by_name():
+    model = scene(BALL.format(joints=SLIDES), more=PUSHED)
+    default = stepper.Stepper(model, 2)
+    with pytest.raises(ValueError, match=r"integrator is midpoint, must be euler .*method='fd'"):
+        default.linearize(method="implicit")
+    with pytest.raises(ValueError, match=r"stabilization is split, must be baumgarte or none"):
+        simulation(model, 2, stabilization="split").linearize(method="implicit")
+    with pytest.raises(ValueError, match=r"integrator is rk4, must be euler, implicitfast or implicit"):
+        simulation(model, 2, "mujoco, Euler", integrator="rk4").linearize(method="implicit")
+    sim = simulation(model, 2)
+    with pytest.raises(ValueError, match=r"body_mass.*method='fd'"):
+        sim.linearize(("qpos", "body_mass"), method="implicit")
+    with pytest.raises(ValueError, match=r"sensors=True.*method='fd'"):
+        sim.linearize(method="implicit", sensors=True)
+    with pytest.raises(ValueError, match="extrapolate"):
+        sim.linearize(method="implicit", extrapolate=True)

@@ -18,12 +18,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 import stepper
+from stepper.cli import main
 from stepper.experiments.study import Recorded
-from stepper.experiments.study.batches import Point, begin, run_points, world_of
+from stepper.experiments.study.batches import begin, run_points, world_of
 from stepper.experiments.study.drives import digest_of
+from stepper.experiments.study.episode import Episodes
 from stepper.experiments.study.intervals import least_share, trials_for, wilson
 from stepper.experiments.study.journal import Journal, JournalError
 from stepper.experiments.study.parameters import model_fields
+from stepper.experiments.study.points import Point
 from stepper.experiments.study.results import Results
 from stepper.experiments.study.sweep import sweep
 from stepper.experiments.study.whose import LAW
@@ -713,3 +716,140 @@ def test_one_outcome_decides():
 
     with pytest.raises(ValueError, match=r"outcomes \['high', 'far'\] all have a success, and one decides"):
         stepper.Study(model="<mujoco/>", seconds=1.0, outcomes=(outcome("high"), outcome("far")))
+
+
+def random_force(**changed):
+    """A study whose episodes differ in their controls, their starts and the errors of their sensors."""
+    noise = stepper.SensorModel({"angle": stepper.Transfer(noise_std=0.01)})
+    measured = stepper.Outcome(name="angle", measure="joint hinge", over="max", success=">= 0.1")
+    given = {"model": ARM, "name": "arm", "drive": blind, "outcomes": measured, "sensors": noise, "seconds": 0.3, "qvel_noise": 0.5}
+    gain = stepper.Parameter(target="kp", how="scale", low=0.5, high=2.0)
+    return stepper.Study(**(given | {"parameters": {"gain": gain}, "episodes": 3} | changed))
+
+
+@pytest.mark.parametrize("changed", [{}, {"sensors": None}, {"sensors": None, "drive": "random"}], ids=["noise", "ideal", "random"])
+def test_an_episode_alone_is_the_one_of_the_table_and_of_its_recording(tmp_path, changed):
+    study = random_force(**changed)
+    with Results(study, tmp_path) as results:
+        rows = run_points(study, [Point({"gain": 0.7}), Point({"gain": 1.9})], results.journal)
+    row = study.episode({"gain": 1.9}, 2, record=tmp_path / "recorded")
+    assert {name: row[name] for name in ("outcomes", "success", "certificate", "theta", "episode")} == {
+        name: rows[5][name] for name in ("outcomes", "success", "certificate", "theta", "episode")
+    }
+    assert rows[4]["outcomes"] != rows[5]["outcomes"]
+    again = stepper.replay(tmp_path / "recorded")
+    assert again
+    assert again.steps == study.controls
+    other = study.episode({"gain": 1.9}, 2, seed=1)
+    assert other["outcomes"] != row["outcomes"]
+    # Looked at step by step, twice over.
+    watched = Episodes(study, {"gain": 1.9}, [2, 1]).watched()
+    for _ in range(2):
+        ends = [next(own for own in watched if own is not None) for _ in range(2)]
+        for end in ends:
+            assert end["angle"].tolist() == [rows[5]["outcomes"]["angle"], rows[4]["outcomes"]["angle"]]
+
+
+def test_what_is_no_episode_is_named(tmp_path):
+    study = tray(settings={"MuJoCo": {"engine": "mujoco"}, "5": {"iterations": 5}})
+    for values, given, said in (
+        ({"fricton": 0.5}, {}, r"no parameter 'fricton'; did you mean friction\? there are: push, friction, mass"),
+        ({"push": "hard"}, {}, "parameter 'push' is 'hard', must be a number"),
+        ({"mass": math.nan}, {}, "parameter 'mass' is nan, must be a finite number"),
+        ({}, {"setting": "6"}, "no settings '6'"),
+        ({}, {"number": -1}, "episode is -1, must be 0 or more"),
+        ({}, {"setting": "MuJoCo", "record": tmp_path / "r"}, "MuJoCo, of which there is no view and no recording"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            study.episode(values, **given)
+    assert study.episode({"push": 2.0}, setting="MuJoCo")["settings"]["engine"] == "mujoco"
+    with pytest.raises(ValueError, match="has 3: give it more episodes"):
+        random_force().episode({}, 3)
+
+
+class Counting:
+    """Remembers how often it was asked."""
+
+    def __init__(self):
+        self._count, self._names, self._cache = 0, None, {}
+
+    def __call__(self, now):
+        self._count += 1
+        return np.full((now.num_envs, 1), 0.01 * self._count)
+
+
+class Caching(Counting):
+    """What it keeps is the same in every batch."""
+
+    def __call__(self, now):
+        self._names = now.model.actuator_names
+        self._cache["length"] = len(self._names)
+        return np.full((now.num_envs, 1), 0.1)
+
+
+class Forgetting(Counting):
+    def begin(self, _):
+        self._count = 0
+
+
+def test_a_memory_that_no_begin_ends_is_found():
+    def counting():
+        count = 0
+
+        def drive(now):
+            nonlocal count
+            count += 1
+            return np.full((now.num_envs, 1), 0.01 * count)
+
+        return drive
+
+    for drive, name in ((Counting(), "_count"), (Counting().__call__, "_count"), (counting(), "count")):
+        with pytest.raises(ValueError, match=rf"has changed {name} in a batch and has no method begin\(now\)"):
+            random_force(drive=drive, sensors=None).episode()
+    for drive in (Caching(), Forgetting(), blind):
+        random_force(drive=drive, sensors=None).episode()
+    with pytest.raises(ValueError, match="has changed _count in a batch"):
+        random_force(drive=stepper.Policy(Remembering()), sensors=None).episode()
+
+
+class Remembering(Counting):
+    def __call__(self, observation):
+        self._count += 1
+        return np.full((len(observation), 1), 0.1)
+
+
+def test_a_study_of_a_python_file_has_the_name_of_the_file(tmp_path):
+    text = "import stepper\nstudy = stepper.Study(model={!r}{})\n"
+    (tmp_path / "lift.py").write_text(text.format(ARM, ""))
+    (tmp_path / "own.py").write_text(text.format(ARM, ', name="mine"'))
+    assert stepper.Study.from_file(tmp_path / "lift.py").name == "lift"
+    assert stepper.Study.from_file(tmp_path / "own.py").name == "mine"
+
+
+def stepper_command(monkeypatch, *arguments):
+    monkeypatch.setattr(sys, "argv", ["stepper", *map(str, arguments)])
+    try:
+        main()
+    except SystemExit as end:
+        return end.code
+    return 0
+
+
+def test_the_command_records_an_episode(tmp_path, monkeypatch, capsys):
+    file = write_study(tmp_path)
+    folder = tmp_path / "recorded"
+    arguments = ("view", file, "--values", "goal=0.5", "--episode", "2", "--seed", "4", "--record", folder)
+    assert stepper_command(monkeypatch, *arguments) == 0
+    row = stepper.Study.from_file(file).episode({"goal": 0.5}, 2, seed=4)
+    told = f"episode 2: reached {row['outcomes']['reached']:.6g}: a success"
+    assert told in capsys.readouterr().out
+    assert stepper_command(monkeypatch, "replay", folder) == 0
+    for given, said in (
+        (("--values", "gaol=0.5"), "did you mean goal?"),
+        (("--values", "goal"), "must be NAME=VALUE"),
+        (("--contact", "hard"), "--contact says nothing of a study"),
+    ):
+        assert stepper_command(monkeypatch, "view", file, *given) == 1
+        assert said in capsys.readouterr().err
+    assert stepper_command(monkeypatch, "view", tmp_path / "arm.xml", "--episode", "1") == 1
+    assert "--episode is of studies" in capsys.readouterr().err

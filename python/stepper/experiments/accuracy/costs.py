@@ -11,7 +11,8 @@ import numpy as np
 
 from stepper.experiments.accuracy.traces import Trace
 from stepper.experiments.study.batches import steps_of, world_of
-from stepper.experiments.study.study import USUAL, Study
+from stepper.experiments.study.points import USUAL
+from stepper.experiments.study.study import Study
 from stepper.experiments.study.worlds import World
 from stepper.experiments.timing import Timed
 

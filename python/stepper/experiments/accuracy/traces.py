@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from stepper.experiments.study.batches import drive_through, world_of
 from stepper.experiments.study.outcomes import Watch
 from stepper.experiments.study.over_ray import each
-from stepper.experiments.study.study import USUAL, Study
+from stepper.experiments.study.points import USUAL
+from stepper.experiments.study.study import Study
 from stepper.experiments.study.worlds import World
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stepper.experiments.study.document import counted
-from stepper.experiments.study.study import USUAL
+from stepper.experiments.study.points import USUAL
 from stepper.experiments.study.sweep import Level, Sweep, measured
 from stepper.shared.machine import require
 

@@ -30,7 +30,7 @@ iterations = 5
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -54,7 +54,8 @@ def read_study(path: Path, kind: type[Study]) -> Study:
         study = getattr(module, "study", None)
         if not isinstance(study, kind):
             raise ValueError(f"{path}: it has no stepper.Study named study")
-        return study
+        # One without a name is called by its file, as in TOML.
+        return replace(study, name=path.stem) if study.name == kind.name else study
     data = read_file(path)
     try:
         return _made(data, path, kind)

@@ -5,11 +5,13 @@ from __future__ import annotations
 import copy
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from stepper.experiments.study.drives import FILES
-from stepper.experiments.study.study import Study
 from stepper.shared.machine import require
+
+if TYPE_CHECKING:
+    from stepper.experiments.study.study import Study
 
 Job = TypeVar("Job")
 Made = TypeVar("Made")

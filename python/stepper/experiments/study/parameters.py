@@ -38,6 +38,10 @@ RANDOMIZED = frozenset({
 """Fields that environments of one batch can have of their own (`Stepper.randomize`). Others make a batch of their own."""
 ROWS_FROM_NOTHING = ("jnt_stiffness", "dof_frictionloss")
 """Fields of which a batch must have some for an environment to have any."""
+CHOICES = {"contact", "integrator", "solver", "stabilization", "precision"}
+"""Settings that are words."""
+COUNTS = {"iterations", "max_contacts"}
+"""Settings that are whole numbers."""
 SETTINGS = frozenset(field.name for field in fields(Options)) | {"precision"}
 LEVELS = 5
 
@@ -49,8 +53,7 @@ class Parameter:
     Attributes:
         target: What it changes, see `stepper.experiments.study.parameters`.
         names: Elements that change, by name or pattern: geoms (also "body/geom", and "body/*" for all of a body), bodies, joints,
-        actuators,
-            sensors, tendons; "#3" is an index.
+        actuators, sensors, tendons; "#3" is an index.
         column: Which number of each element, e.g. 0 for the sliding friction of "geom_friction"; None is all.
         how: "set" to the value, "scale" by it, or "add" it. With body_mass, inertia is scaled alike: the same shape of another density.
         low: Least plausible value.
@@ -78,9 +81,16 @@ class Parameter:
         object.__setattr__(self, "names", (self.names,) if isinstance(self.names, str) else tuple(self.names))
         if self.values is not None:
             object.__setattr__(self, "values", tuple(self.values))
+        for name in ("low", "high"):
+            value = getattr(self, name)
+            if value is not None and not _is_number(value):
+                remedy = f': a choice among words takes values, as in values = ("{value}", ...)' if isinstance(value, str) else ""
+                raise ValueError(f"{name} is {value!r}, must be a number{remedy}")
+        if self.kind == "options" and self.leaf in CHOICES and self.values is None:
+            raise ValueError(f"target is {self.target!r}, which is a choice among words: give values, not low and high")
         bounds = (self.low, self.high)
-        if self.values is None and (None in bounds or not all(math.isfinite(x) for x in bounds if x is not None)):
-            raise ValueError(f"low is {self.low} and high is {self.high}: give both, finite, or values")
+        if self.values is None and None in bounds:
+            raise ValueError(f"low is {self.low} and high is {self.high}: give both, or values")
         if self.low is not None and self.high is not None and not self.low < self.high:
             raise ValueError(f"low is {self.low}, must be below high, which is {self.high}")
         if self.kind == "options" and self.leaf not in SETTINGS:
@@ -109,11 +119,29 @@ class Parameter:
         assert self.low is not None
         assert self.high is not None
         made = np.linspace(self.low, self.high, LEVELS)
-        return [round(x) for x in made] if self.leaf in ("iterations", "max_contacts") else [float(x) for x in made]
+        return [round(x) for x in made] if self.leaf in COUNTS else [float(x) for x in made]
+
+    def check_value(self, value: Any, where: str) -> None:
+        """Raises ValueError for what is no value of this parameter; `where` is what the message calls it."""
+        if self.kind == "options" and self.leaf in CHOICES:
+            if not isinstance(value, str):
+                raise ValueError(f"{where} is {value!r}, must be a word: it is {self.leaf}")
+        elif isinstance(value, str) and self.kind == "drive":
+            known = [own for own in (*(self.values or ()), self.nominal) if isinstance(own, str)]
+            if value not in known:
+                raise ValueError(f"{where} is {value!r}, must be {'of: ' + ', '.join(known) if known else 'a number'}")
+        elif not _is_number(value):
+            raise ValueError(f"{where} is {value!r}, must be a finite number")
+        elif self.kind == "options" and self.leaf in COUNTS and value != int(value):
+            raise ValueError(f"{where} is {value!r}, must be a whole number")
 
     def change(self, before: Any, value: Any) -> Any:
         """A number with this parameter at a value."""
         return value if self.how == "set" else before * value if self.how == "scale" else before + value
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float | np.number) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def check(parameters: Mapping[str, Parameter], model: Model) -> None:

@@ -20,13 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper.experiments.progress import Tick
-from stepper.experiments.study.batches import Point, run_points
+from stepper.experiments.study.batches import run_points
 from stepper.experiments.study.document import Document, Section, counted
 from stepper.experiments.study.intervals import wilson
+from stepper.experiments.study.points import USUAL, Point, inapplicable
 from stepper.experiments.study.report import in_force, study_of
 from stepper.experiments.study.results import Results
-from stepper.experiments.study.study import USUAL, Study
-from stepper.experiments.study.sweep import inapplicable, measured
+from stepper.experiments.study.study import Study
+from stepper.experiments.study.sweep import measured
 from stepper.experiments.study.table import Table
 from stepper.shared.machine import package_version, require
 

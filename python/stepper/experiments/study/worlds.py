@@ -268,6 +268,8 @@ class StepperWorld(World):
         else:
             self.sim.reset(qpos=qpos, qvel=qvel, seed=seed)
             self._held = None
+        for worst in self._worst.values():
+            worst[:] = 0
         self.time = 0.0
 
     def advance(self, ctrl: Any, nstep: int) -> None:

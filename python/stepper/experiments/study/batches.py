@@ -21,7 +21,7 @@ from stepper.experiments.study.outcomes import Watch
 from stepper.experiments.study.over_ray import each
 from stepper.experiments.study.parameters import RANDOMIZED, Theta, actuator_model, model_fields, sensor_model
 from stepper.experiments.study.points import Point
-from stepper.experiments.study.worlds import Plan, World, make_world, stacked
+from stepper.experiments.study.worlds import Plan, Thetas, World, make_world, stacked
 
 if TYPE_CHECKING:
     from stepper.experiments.study.study import Study
@@ -141,11 +141,13 @@ def world_of(study: Study, setting: str, thetas: Sequence[Theta], **changed: Any
     world = make_world(plan, len(thetas))
     names = dict.fromkeys(name for theta in thetas for name in theta)
     unchanged = {name: study.parameters[name].unchanged for name in study.parameters}
-    world.theta = {
-        name: stacked([theta.get(name, value) for theta in thetas])
-        for name, value in (unchanged | dict.fromkeys(names.keys() - unchanged.keys())).items()
-        if name in names or value is not None
-    }
+    world.theta = Thetas(
+        {
+            name: stacked([theta.get(name, value) for theta in thetas])
+            for name, value in (unchanged | dict.fromkeys(names.keys() - unchanged.keys())).items()
+            if name in names or value is not None
+        }
+    )
     return world
 
 

@@ -14,13 +14,14 @@ from __future__ import annotations
 
 import fnmatch
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stepper._hints import near
 from stepper._options import Options
 from stepper._stepper import Model
 from stepper.actuators import PID, ActuatorModel, DCMotor, Drive
@@ -94,7 +95,13 @@ class Parameter:
         if self.low is not None and self.high is not None and not self.low < self.high:
             raise ValueError(f"low is {self.low}, must be below high, which is {self.high}")
         if self.kind == "options" and self.leaf not in SETTINGS:
-            raise ValueError(f"target is {self.target!r}; settings are: {', '.join(sorted(SETTINGS))}")
+            guess = near(self.leaf, SETTINGS)
+            raise ValueError(
+                f"target is {self.target!r}, and there is no setting {self.leaf!r}{guess or ','} settings are: {_listed(SETTINGS)}"
+            )
+        if "." in self.target and self.kind == "field":
+            guess = near(self.target.partition(".")[0], ("sensor", "actuator", "options"))
+            raise ValueError(f"target is {self.target!r}: what stands before the dot must be sensor, actuator or options{guess}")
 
     @property
     def kind(self) -> str:
@@ -140,6 +147,10 @@ class Parameter:
         return value if self.how == "set" else before * value if self.how == "scale" else before + value
 
 
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(sorted(names))
+
+
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float | np.number) and not isinstance(value, bool) and math.isfinite(value)
 
@@ -152,13 +163,29 @@ def check(parameters: Mapping[str, Parameter], model: Model) -> None:
                 _places(parameter, model)
             elif parameter.kind == "sensor":
                 _chosen(parameter, [[s["name"] or f"#{i}"] for i, s in enumerate(model.sensors)], "sensor")
-                replace(Transfer(), **{parameter.leaf: parameter.change(getattr(Transfer(), parameter.leaf), 0.0)})
+                _number_of(Transfer, parameter.leaf)
             elif parameter.kind == "actuator":
                 _chosen(parameter, _labels(model.actuator_names), "actuator")
+                part, _, leaf = parameter.leaf.rpartition(".")
+                if part not in _PARTS:
+                    raise ValueError(f"target is {parameter.target!r}: a drive has no {part!r}, it has: motor, servo")
+                _number_of(_PARTS[part], leaf)
             elif parameter.kind == "drive" and parameter.unchanged is None:
                 raise ValueError("give it a nominal value, which the drive reads where nothing is perturbed")
         except (AttributeError, TypeError, ValueError) as error:
             raise ValueError(f"parameter {name!r}: {error}") from None
+
+
+_PARTS: dict[str, type] = {"": Drive, "motor": DCMotor, "servo": PID}
+"""What numbers of an actuator are of, by what stands before the last dot."""
+_NO_NUMBERS = frozenset({"noise", "limits", "motor", "servo", "control"})
+
+
+def _number_of(kind: type, leaf: str) -> None:
+    """Raises ValueError where a transfer function or drive has no number of a name."""
+    known = [field.name for field in fields(kind) if field.name not in _NO_NUMBERS]
+    if leaf not in known:
+        raise ValueError(f"a stepper.{kind.__name__} has no number {leaf!r}{near(leaf, known) or ','} it has: {', '.join(known)}")
 
 
 def _labels(names: Sequence[str]) -> list[list[str]]:
@@ -202,8 +229,10 @@ def _places(parameter: Parameter, model: Model) -> list[tuple[str, Any]]:
         try:
             value = np.asarray(getattr(model, field), float)
         except (AttributeError, TypeError, ValueError):
+            fields_of = [name for name in dir(model) if not name.startswith("_") and isinstance(getattr(model, name, None), np.ndarray)]
+            guess = near(field, [*fields_of, "kp", "kd", "drive"])
             raise ValueError(
-                f"target is {parameter.target!r}, which is no field of a model that can be replaced; see help(stepper.Model)"
+                f"target is {parameter.target!r}, which is no field of a model that can be replaced{guess or ';'} see help(stepper.Model)"
             ) from None
         rows, what = _elements(field, model)
         if value.ndim == 0 or not rows:

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper import _stepper
+from stepper._hints import near
 from stepper._options import Options, Precision
 from stepper._stepper import Model, __version__
 from stepper.actuators import ActuatorModel
@@ -206,7 +207,8 @@ class Study:
         if given.get("engine", "stepper") not in ("stepper", "mujoco"):
             raise ValueError(f'settings {name!r}: engine is {given["engine"]!r}, must be "stepper" or "mujoco"')
         if given.get("engine") != "mujoco" and (unknown := set(given) - known - {"engine"}):
-            raise ValueError(f"settings {name!r}: unknown {sorted(unknown)}, must be of: {', '.join(sorted(known))}")
+            guess = near(min(unknown), known)
+            raise ValueError(f"settings {name!r}: unknown {sorted(unknown)}{guess or ','} must be of: {', '.join(sorted(known))}")
         return dict(given)
 
     @cached_property

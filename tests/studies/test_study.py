@@ -582,13 +582,16 @@ def test_a_study_from_a_file_and_its_pages(tmp_path):
 
 @pytest.mark.parametrize(("wrong", "message"), [
     ("episodes = 4", "episodes = 0|episodes is 0, must be above 0"),
-    ('name = "servo"', "nam = 2|unknown entries \\['nam'\\]"),
+    ('name = "servo"', "nam = 2|the study has unknown entries \\['nam'\\]; did you mean name\\? it may have: actuators, batch"),
+    ('unit = "rad"', "units = 2|parameter 'goal' has unknown entries \\['units'\\]; did you mean unit\\?"),
+    ('success = ">= 0.3"', "succes = 2|outcome 1 has unknown entries \\['succes'\\]; did you mean success\\?"),
+    ("[options]", "[options]\ntimestop = 1|options has unknown entries \\['timestop'\\]; did you mean timestep\\?"),
     ('success = ">= 0.3"', 'success = "big"|success is .big., must be a comparison'),
     ('measure = "joint hinge"', 'measure = "joint"|must be a function or words'),
     ('drive = "drive.py:reach"', 'drive = "drive.py:no"|has no .no.'),
     ("nominal = 0.8", "|give it a nominal value"),
     ("high = 0.9", "high = 0.0|low is 0.1, must be below high"),
-    ("iterations = 5", "iteration = 5|unknown \\['iteration'\\]"),
+    ("iterations = 5", "iteration = 5|unknown \\['iteration'\\]; did you mean iterations"),
     ("seconds = 0.5", "seconds = 0.5\ncontrol = 0.0215|0.005 s, does not divide the time of a control, 0.0215 s; choose one of 0.0071"),
 ])  # fmt: skip
 def test_wrong_files_say_what_and_where(tmp_path, wrong, message):
@@ -603,11 +606,41 @@ def test_a_parameter_that_fits_nothing_is_named(tmp_path):
     for target, names, said in (
         ("geom_friction", ("foot",), "no geom fits"),
         ("geom_colour", ("*",), "no field of a model"),
+        ("geom_frictions", ("*",), "can be replaced; did you mean geom_friction"),
+        ("options.timestop", ("*",), r"no setting 'timestop'; did you mean timestep\?"),
+        ("sensors.delay", ("*",), "before the dot must be sensor, actuator or options; did you mean sensor"),
         ("sensor.delay", ("*",), "no sensor fits"),
         ("options.speed", ("*",), "settings are"),
     ):
         with pytest.raises(ValueError, match=said):
             stepper.sweep(tray(parameters={"p": stepper.Parameter(target=target, names=names, low=0, high=1)}), tmp_path)
+
+
+@pytest.mark.parametrize(("target", "said"), [
+    ("sensor.latency", "a stepper.Transfer has no number 'latency', it has: scale, scale_std"),
+    ("sensor.nois_std", "no number 'nois_std'; did you mean noise_std"),
+    ("actuator.dely", "a stepper.Drive has no number 'dely'; did you mean delay"),
+    ("actuator.servo.kpp", "a stepper.PID has no number 'kpp'; did you mean kp"),
+    ("actuator.gearbox.kp", "a drive has no 'gearbox', it has: motor, servo"),
+])  # fmt: skip
+def test_a_number_that_a_sensor_or_drive_lacks_is_named(target, said):
+    study = random_force(parameters={"p": stepper.Parameter(target=target, low=0, high=1)})
+    with pytest.raises(ValueError, match=f"parameter 'p': .*{said}"):
+        study.episode()
+
+
+def test_a_choice_among_words_takes_values():
+    with pytest.raises(ValueError, match="low is 'hard', must be a number: a choice among words takes values"):
+        stepper.Parameter(target="options.contact", low="hard", high="mujoco")
+    with pytest.raises(ValueError, match="which is a choice among words: give values, not low and high"):
+        stepper.Parameter(target="options.contact", low=0, high=1)
+    with pytest.raises(ValueError, match="low is nan, must be a number"):
+        stepper.Parameter(target="drive", low=math.nan, high=1.0)
+
+
+def test_a_drive_that_reads_another_parameter_is_told_which_there_are():
+    with pytest.raises(KeyError, match=r"no parameter 'puhs' with a value; did you mean push\? there are: push, mass"):
+        tray(drive=lambda now: now.theta["puhs"]).episode()
 
 
 def test_intervals():

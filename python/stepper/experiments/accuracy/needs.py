@@ -115,16 +115,8 @@ def spares(bench: Bench, budget: float, tick: Callable[[float], None]) -> tuple[
     """
     model, compiled = bench.study.loaded
     if compiled is None:
-        return [
-            Spare(
-                "nothing",
-                "the model has no source to take anything out of; give MJCF, URDF or an MjModel",
-                math.nan,
-                math.nan,
-                math.nan,
-                False,
-            )
-        ], None
+        why = "the model has no source to take anything out of; give MJCF, URDF or an MjModel"
+        return [Spare("nothing", why, math.nan, math.nan, math.nan, False)], None
     seen = touching(bench.study, bench.episodes, **bench.settings)
     whole = describe(compiled)
     tries = [*_pairs(model, compiled, seen, whole), *_frictionless(model, seen, whole), *_limits(model, seen), *_sensors(model, seen)]

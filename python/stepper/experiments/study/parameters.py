@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import fnmatch
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -95,10 +95,8 @@ class Parameter:
         if self.low is not None and self.high is not None and not self.low < self.high:
             raise ValueError(f"low is {self.low}, must be below high, which is {self.high}")
         if self.kind == "options" and self.leaf not in SETTINGS:
-            guess = near(self.leaf, SETTINGS)
-            raise ValueError(
-                f"target is {self.target!r}, and there is no setting {self.leaf!r}{guess or ','} settings are: {_listed(SETTINGS)}"
-            )
+            guess, known = near(self.leaf, SETTINGS), ", ".join(sorted(SETTINGS))
+            raise ValueError(f"target is {self.target!r}, and there is no setting {self.leaf!r}{guess or ','} settings are: {known}")
         if "." in self.target and self.kind == "field":
             guess = near(self.target.partition(".")[0], ("sensor", "actuator", "options"))
             raise ValueError(f"target is {self.target!r}: what stands before the dot must be sensor, actuator or options{guess}")
@@ -145,10 +143,6 @@ class Parameter:
     def change(self, before: Any, value: Any) -> Any:
         """A number with this parameter at a value."""
         return value if self.how == "set" else before * value if self.how == "scale" else before + value
-
-
-def _listed(names: Iterable[str]) -> str:
-    return ", ".join(sorted(names))
 
 
 def _is_number(value: Any) -> bool:

@@ -104,7 +104,7 @@ def _panel(panel: Axes, sweep: Sweep, name: str) -> None:
         colour = COLOURS[number % len(COLOURS)]
         # A little aside, so that intervals do not lie on one another.
         span = 0.0 if words else float(np.ptp([float(level.value or 0) for level in levels]))
-        aside = min(0.012, 0.04 / len(settings)) * span * (number - (len(settings) - 1) / 2)
+        aside = min(0.012, 0.06 / len(settings)) * span * (number - (len(settings) - 1) / 2)
         x: list[Any] = [str(level.value) if words else float(level.value or 0) + aside for level in levels]
         y, below, above = _bars(levels, shares=study.decisive is not None)
         panel.errorbar(

@@ -41,6 +41,39 @@ def test_the_same_loop_runs_in_both():
         assert ours[k][LIMIT + 1] == (0, False, False, True)  # The action was ignored, and the episode begun.
 
 
+def test_environments_of_a_batch_that_end_at_different_steps():
+    """Hoppers fall when they fall: each says so at its own step, does nothing in the next one, and its episode begins, in both."""
+    ours = StepperPool("stepper/Hopper-v5", NUM_ENVS, seed=0)
+    theirs = envpool.make_gymnasium("Hopper-v5", num_envs=NUM_ENVS, seed=0, num_threads=1)
+    for pool in (ours, theirs):
+        draws = np.random.default_rng(1)
+        pool.async_reset()
+        observation, _, _, _, info = pool.recv()
+        elapsed, over, ends = np.asarray(info["elapsed_step"]), np.zeros(NUM_ENVS, dtype=bool), [set() for _ in range(NUM_ENVS)]
+        assert not elapsed.any()
+        partial = 0
+        for step in range(300):
+            # Their batches come in the order of ids where they are whole.
+            pool.send(draws.uniform(-1, 1, (NUM_ENVS, 3)), np.arange(NUM_ENVS))
+            observation, reward, terminated, truncated, info = pool.recv()
+            assert info["env_id"].tolist() == list(range(NUM_ENVS))
+            # An episode that was over begins: its action is ignored. The others go on.
+            assert info["elapsed_step"].tolist() == np.where(over, 0, elapsed + 1).tolist()
+            assert (reward[over] == 0).all()
+            assert (reward[~over] != 0).all()
+            assert not (terminated | truncated)[over].any()
+            # At its start a hopper stands upright, at 1.25 m.
+            assert (np.abs(observation[over, 0] - 1.25) < 0.01).all()
+            assert not truncated.any()
+            elapsed, over = info["elapsed_step"].astype(int), terminated | truncated
+            partial += 0 < over.sum() < NUM_ENVS
+            for env in np.flatnonzero(over):
+                ends[env].add(step)
+        # Some end where others go on, every one has ended, and no two of them always together.
+        assert partial > NUM_ENVS
+        assert len({frozenset(own) for own in ends}) == NUM_ENVS
+
+
 @pytest.mark.parametrize("name", ["ours", "EnvPool's"])
 def test_properties_are_theirs(name):
     pool = pools()[name]

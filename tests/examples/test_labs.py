@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 import stepper
 from stepper.envs import StepperVectorEnv
-from stepper.experiments.study.batches import Point, run_points
+from stepper.experiments.study.batches import run_points
+from stepper.experiments.study.points import Point
 from stepper.experiments.study.results import Results
 
 LABS = Path(__file__).parents[2] / "examples/studies"

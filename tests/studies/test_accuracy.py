@@ -9,6 +9,8 @@ import pytest
 import stepper
 from stepper.experiments.accuracy.candidates import lines, pareto, timesteps
 from stepper.experiments.accuracy.chart import _Ground, _measure, _reference
+from stepper.experiments.accuracy.costs import saving
+from stepper.experiments.accuracy.needs import Bench
 from stepper.experiments.accuracy.reference import _judged, converge
 from stepper.experiments.accuracy.traces import Distance, quantity, run
 from stepper.experiments.study import Recorded
@@ -86,13 +88,23 @@ def test_distances_are_those_of_bodies_up_to_the_horizon():
 
 @pytest.mark.parametrize(("text", "value"), [("1 mm", (1e-3, "m")), ("0.5deg", (math.radians(0.5), "rad")), (" 2 cm ", (0.02, "m"))])
 def test_quantities(text, value):
-    assert quantity(text, units=("m", "rad")) == pytest.approx(value)
+    assert quantity(text, name="error", units=("m", "rad")) == pytest.approx(value)
 
 
-@pytest.mark.parametrize("text", ["1", "mm", "-1 mm", "0 mm", "1 s", "1e400 mm2", "one mm"])
+@pytest.mark.parametrize("text", ["1", "mm", "-1 mm", "0 mm", "1 s", "1e400 mm2", "1e400 mm", "one mm", 1.0, None])
 def test_wrong_quantities_are_named(text):
-    with pytest.raises(ValueError, match="must be a number above 0 with a unit"):
-        quantity(text, units=("m", "rad"))
+    with pytest.raises(ValueError, match=f"error is {text!r}, must be a number above 0 with a unit"):
+        quantity(text, name="error", units=("m", "rad"))
+
+
+def test_a_chart_and_a_tuning_take_the_same_horizons(tmp_path):
+    for horizon in ("100 ms", "0.1 s", 0.1, np.float64(0.1)):
+        assert quantity(horizon, name="horizon", units=("s",)) == (pytest.approx(0.1), "s")
+    for wrong in ("5", 0.0, -1, math.inf, math.nan, True, [1.0], "1 m"):
+        with pytest.raises(ValueError, match=r"horizon is .*, must be a number above 0 with a unit"):
+            stepper.chart(scene(), tmp_path, horizon=wrong)
+        with pytest.raises(ValueError, match=r"horizon is .*, must be a number above 0 with a unit"):
+            stepper.tune(scene(), tmp_path, error="1 mm", horizon=wrong)
 
 
 def test_time_steps_divide_the_time_of_a_control_and_fronts_are_pareto():
@@ -177,14 +189,22 @@ def test_a_budget_that_nothing_keeps_is_said(tmp_path):
     assert "No settings are proved to keep the budget" in str(found)
 
 
-def test_what_a_scene_does_not_need(tmp_path):
+@pytest.fixture
+def saves(monkeypatch):
+    """What taking something out saves, without a clock: a tenth, or what a test says."""
+    told = {"share": (0.1, 0.05)}
+    monkeypatch.setattr(Bench, "saved", lambda self, smaller: told["share"])
+    return told
+
+
+def test_what_a_scene_does_not_need(tmp_path, saves):
     motor = stepper.Parameter(target="drive", nominal=0.01, low=0.0, high=0.02)
     study = scene(drive=lambda now: now.theta["motor"][:, None], parameters={"motor": motor})
     found = stepper.tune(study, tmp_path, error="1 mm", horizon="0.1 s", coverage=0.5)
     spare = {own.what: own for own in found.spare}
     # Balls and arm meet one another nowhere, nor does the arm the floor; both balls lie on the floor.
     assert "4 of 6 pairs of bodies" in spare
-    assert "limits of 1 joints" in spare
+    assert "the limit of one joint" in spare
     assert "1 sensors" in spare
     assert "friction of" not in " ".join(spare)
     cones = [own for own in found.spare if own.what.startswith("cones")]
@@ -193,6 +213,26 @@ def test_what_a_scene_does_not_need(tmp_path):
     assert not any(own.taken for own in cones)
     smaller = stepper.load(tmp_path / "scene/smaller.stepper")
     assert (smaller.nsensordata, smaller.joint("hinge").limited, smaller.nv) == (0, False, study.loaded[0].nv)
+    # What saves nothing, or perhaps nothing, stays.
+    saves["share"] = (0.02, -0.01)
+    found = stepper.tune(study, tmp_path / "nothing", error="1 mm", horizon="0.1 s", coverage=0.5)
+    assert {own.what for own in found.spare} >= spare.keys() - {"all that is taken out, together"}
+    assert not any(own.taken for own in found.spare)
+    assert found.smaller is None
+    assert not (tmp_path / "nothing/scene/smaller.stepper").exists()
+    assert "no: it saves nothing" in str(found)
+
+
+def test_a_saving_is_timed():
+    balls = "".join(f'<body pos="{x} 0 .1"><freejoint/><geom size=".1" {{masks}}/></body>' for x in range(12))
+    floor = f'<mujoco><worldbody><geom type="plane" size="9 9 1"/>{balls}</worldbody></mujoco>'
+    touching, falling = (scene(model=floor.format(masks=masks)) for masks in ("", 'contype="0" conaffinity="0"'))
+    trace = run(touching, range(2))
+    # Twelve contacts are more than the rest of the step, on whatever machine.
+    median, least = saving(touching, falling, {}, trace)
+    assert median >= least > 0.2
+    median, least = saving(falling, touching, {}, trace)
+    assert least <= median < 0
 
 
 def test_what_is_used_stays(tmp_path):

@@ -18,12 +18,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 import stepper
+from stepper.cli import main
 from stepper.experiments.study import Recorded
-from stepper.experiments.study.batches import Point, begin, run_points, world_of
+from stepper.experiments.study.batches import begin, run_points, world_of
 from stepper.experiments.study.drives import digest_of
+from stepper.experiments.study.episode import Episodes
 from stepper.experiments.study.intervals import least_share, trials_for, wilson
 from stepper.experiments.study.journal import Journal, JournalError
 from stepper.experiments.study.parameters import model_fields
+from stepper.experiments.study.points import Point
 from stepper.experiments.study.results import Results
 from stepper.experiments.study.sweep import sweep
 from stepper.experiments.study.whose import LAW
@@ -579,13 +582,16 @@ def test_a_study_from_a_file_and_its_pages(tmp_path):
 
 @pytest.mark.parametrize(("wrong", "message"), [
     ("episodes = 4", "episodes = 0|episodes is 0, must be above 0"),
-    ('name = "servo"', "nam = 2|unknown entries \\['nam'\\]"),
+    ('name = "servo"', "nam = 2|the study has unknown entries \\['nam'\\]; did you mean name\\? it may have: actuators, batch"),
+    ('unit = "rad"', "units = 2|parameter 'goal' has unknown entries \\['units'\\]; did you mean unit\\?"),
+    ('success = ">= 0.3"', "succes = 2|outcome 1 has unknown entries \\['succes'\\]; did you mean success\\?"),
+    ("[options]", "[options]\ntimestop = 1|options has unknown entries \\['timestop'\\]; did you mean timestep\\?"),
     ('success = ">= 0.3"', 'success = "big"|success is .big., must be a comparison'),
     ('measure = "joint hinge"', 'measure = "joint"|must be a function or words'),
     ('drive = "drive.py:reach"', 'drive = "drive.py:no"|has no .no.'),
     ("nominal = 0.8", "|give it a nominal value"),
     ("high = 0.9", "high = 0.0|low is 0.1, must be below high"),
-    ("iterations = 5", "iteration = 5|unknown \\['iteration'\\]"),
+    ("iterations = 5", "iteration = 5|unknown \\['iteration'\\]; did you mean iterations"),
     ("seconds = 0.5", "seconds = 0.5\ncontrol = 0.0215|0.005 s, does not divide the time of a control, 0.0215 s; choose one of 0.0071"),
 ])  # fmt: skip
 def test_wrong_files_say_what_and_where(tmp_path, wrong, message):
@@ -600,11 +606,41 @@ def test_a_parameter_that_fits_nothing_is_named(tmp_path):
     for target, names, said in (
         ("geom_friction", ("foot",), "no geom fits"),
         ("geom_colour", ("*",), "no field of a model"),
+        ("geom_frictions", ("*",), "can be replaced; did you mean geom_friction"),
+        ("options.timestop", ("*",), r"no setting 'timestop'; did you mean timestep\?"),
+        ("sensors.delay", ("*",), "before the dot must be sensor, actuator or options; did you mean sensor"),
         ("sensor.delay", ("*",), "no sensor fits"),
         ("options.speed", ("*",), "settings are"),
     ):
         with pytest.raises(ValueError, match=said):
             stepper.sweep(tray(parameters={"p": stepper.Parameter(target=target, names=names, low=0, high=1)}), tmp_path)
+
+
+@pytest.mark.parametrize(("target", "said"), [
+    ("sensor.latency", "a stepper.Transfer has no number 'latency', it has: scale, scale_std"),
+    ("sensor.nois_std", "no number 'nois_std'; did you mean noise_std"),
+    ("actuator.dely", "a stepper.Drive has no number 'dely'; did you mean delay"),
+    ("actuator.servo.kpp", "a stepper.PID has no number 'kpp'; did you mean kp"),
+    ("actuator.gearbox.kp", "a drive has no 'gearbox', it has: motor, servo"),
+])  # fmt: skip
+def test_a_number_that_a_sensor_or_drive_lacks_is_named(target, said):
+    study = random_force(parameters={"p": stepper.Parameter(target=target, low=0, high=1)})
+    with pytest.raises(ValueError, match=f"parameter 'p': .*{said}"):
+        study.episode()
+
+
+def test_a_choice_among_words_takes_values():
+    with pytest.raises(ValueError, match="low is 'hard', must be a number: a choice among words takes values"):
+        stepper.Parameter(target="options.contact", low="hard", high="mujoco")
+    with pytest.raises(ValueError, match="which is a choice among words: give values, not low and high"):
+        stepper.Parameter(target="options.contact", low=0, high=1)
+    with pytest.raises(ValueError, match="low is nan, must be a number"):
+        stepper.Parameter(target="drive", low=math.nan, high=1.0)
+
+
+def test_a_drive_that_reads_another_parameter_is_told_which_there_are():
+    with pytest.raises(KeyError, match=r"no parameter 'puhs' with a value; did you mean push\? there are: push, mass"):
+        tray(drive=lambda now: now.theta["puhs"]).episode()
 
 
 def test_intervals():
@@ -713,3 +749,140 @@ def test_one_outcome_decides():
 
     with pytest.raises(ValueError, match=r"outcomes \['high', 'far'\] all have a success, and one decides"):
         stepper.Study(model="<mujoco/>", seconds=1.0, outcomes=(outcome("high"), outcome("far")))
+
+
+def random_force(**changed):
+    """A study whose episodes differ in their controls, their starts and the errors of their sensors."""
+    noise = stepper.SensorModel({"angle": stepper.Transfer(noise_std=0.01)})
+    measured = stepper.Outcome(name="angle", measure="joint hinge", over="max", success=">= 0.1")
+    given = {"model": ARM, "name": "arm", "drive": blind, "outcomes": measured, "sensors": noise, "seconds": 0.3, "qvel_noise": 0.5}
+    gain = stepper.Parameter(target="kp", how="scale", low=0.5, high=2.0)
+    return stepper.Study(**(given | {"parameters": {"gain": gain}, "episodes": 3} | changed))
+
+
+@pytest.mark.parametrize("changed", [{}, {"sensors": None}, {"sensors": None, "drive": "random"}], ids=["noise", "ideal", "random"])
+def test_an_episode_alone_is_the_one_of_the_table_and_of_its_recording(tmp_path, changed):
+    study = random_force(**changed)
+    with Results(study, tmp_path) as results:
+        rows = run_points(study, [Point({"gain": 0.7}), Point({"gain": 1.9})], results.journal)
+    row = study.episode({"gain": 1.9}, 2, record=tmp_path / "recorded")
+    assert {name: row[name] for name in ("outcomes", "success", "certificate", "theta", "episode")} == {
+        name: rows[5][name] for name in ("outcomes", "success", "certificate", "theta", "episode")
+    }
+    assert rows[4]["outcomes"] != rows[5]["outcomes"]
+    again = stepper.replay(tmp_path / "recorded")
+    assert again
+    assert again.steps == study.controls
+    other = study.episode({"gain": 1.9}, 2, seed=1)
+    assert other["outcomes"] != row["outcomes"]
+    # Looked at step by step, twice over.
+    watched = Episodes(study, {"gain": 1.9}, [2, 1]).watched()
+    for _ in range(2):
+        ends = [next(own for own in watched if own is not None) for _ in range(2)]
+        for end in ends:
+            assert end["angle"].tolist() == [rows[5]["outcomes"]["angle"], rows[4]["outcomes"]["angle"]]
+
+
+def test_what_is_no_episode_is_named(tmp_path):
+    study = tray(settings={"MuJoCo": {"engine": "mujoco"}, "5": {"iterations": 5}})
+    for values, given, said in (
+        ({"fricton": 0.5}, {}, r"no parameter 'fricton'; did you mean friction\? there are: push, friction, mass"),
+        ({"push": "hard"}, {}, "parameter 'push' is 'hard', must be a number"),
+        ({"mass": math.nan}, {}, "parameter 'mass' is nan, must be a finite number"),
+        ({}, {"setting": "6"}, "no settings '6'"),
+        ({}, {"number": -1}, "episode is -1, must be 0 or more"),
+        ({}, {"setting": "MuJoCo", "record": tmp_path / "r"}, "MuJoCo, of which there is no view and no recording"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            study.episode(values, **given)
+    assert study.episode({"push": 2.0}, setting="MuJoCo")["settings"]["engine"] == "mujoco"
+    with pytest.raises(ValueError, match="has 3: give it more episodes"):
+        random_force().episode({}, 3)
+
+
+class Counting:
+    """Remembers how often it was asked."""
+
+    def __init__(self):
+        self._count, self._names, self._cache = 0, None, {}
+
+    def __call__(self, now):
+        self._count += 1
+        return np.full((now.num_envs, 1), 0.01 * self._count)
+
+
+class Caching(Counting):
+    """What it keeps is the same in every batch."""
+
+    def __call__(self, now):
+        self._names = now.model.actuator_names
+        self._cache["length"] = len(self._names)
+        return np.full((now.num_envs, 1), 0.1)
+
+
+class Forgetting(Counting):
+    def begin(self, _):
+        self._count = 0
+
+
+def test_a_memory_that_no_begin_ends_is_found():
+    def counting():
+        count = 0
+
+        def drive(now):
+            nonlocal count
+            count += 1
+            return np.full((now.num_envs, 1), 0.01 * count)
+
+        return drive
+
+    for drive, name in ((Counting(), "_count"), (Counting().__call__, "_count"), (counting(), "count")):
+        with pytest.raises(ValueError, match=rf"has changed {name} in a batch and has no method begin\(now\)"):
+            random_force(drive=drive, sensors=None).episode()
+    for drive in (Caching(), Forgetting(), blind):
+        random_force(drive=drive, sensors=None).episode()
+    with pytest.raises(ValueError, match="has changed _count in a batch"):
+        random_force(drive=stepper.Policy(Remembering()), sensors=None).episode()
+
+
+class Remembering(Counting):
+    def __call__(self, observation):
+        self._count += 1
+        return np.full((len(observation), 1), 0.1)
+
+
+def test_a_study_of_a_python_file_has_the_name_of_the_file(tmp_path):
+    text = "import stepper\nstudy = stepper.Study(model={!r}{})\n"
+    (tmp_path / "lift.py").write_text(text.format(ARM, ""))
+    (tmp_path / "own.py").write_text(text.format(ARM, ', name="mine"'))
+    assert stepper.Study.from_file(tmp_path / "lift.py").name == "lift"
+    assert stepper.Study.from_file(tmp_path / "own.py").name == "mine"
+
+
+def stepper_command(monkeypatch, *arguments):
+    monkeypatch.setattr(sys, "argv", ["stepper", *map(str, arguments)])
+    try:
+        main()
+    except SystemExit as end:
+        return end.code
+    return 0
+
+
+def test_the_command_records_an_episode(tmp_path, monkeypatch, capsys):
+    file = write_study(tmp_path)
+    folder = tmp_path / "recorded"
+    arguments = ("view", file, "--values", "goal=0.5", "--episode", "2", "--seed", "4", "--record", folder)
+    assert stepper_command(monkeypatch, *arguments) == 0
+    row = stepper.Study.from_file(file).episode({"goal": 0.5}, 2, seed=4)
+    told = f"episode 2: reached {row['outcomes']['reached']:.6g}: a success"
+    assert told in capsys.readouterr().out
+    assert stepper_command(monkeypatch, "replay", folder) == 0
+    for given, said in (
+        (("--values", "gaol=0.5"), "did you mean goal?"),
+        (("--values", "goal"), "must be NAME=VALUE"),
+        (("--contact", "hard"), "--contact says nothing of a study"),
+    ):
+        assert stepper_command(monkeypatch, "view", file, *given) == 1
+        assert said in capsys.readouterr().err
+    assert stepper_command(monkeypatch, "view", tmp_path / "arm.xml", "--episode", "1") == 1
+    assert "--episode is of studies" in capsys.readouterr().err

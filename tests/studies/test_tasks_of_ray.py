@@ -1,10 +1,13 @@
 """What a task of Ray does, without Ray: versions are compared before anything of the package is read."""
 
 import pickle
+import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 import stepper
+from stepper.cli import main
 from stepper.experiments.study.over_ray import _guarded, _of_task, _refusal, each
 
 ARM = (
@@ -47,3 +50,28 @@ def test_a_package_that_a_worker_lacks_is_named():
 
 def test_without_ray_jobs_are_done_in_their_order(study):
     assert list(each(study, [3, 1], doubled)) == [(0, (0, 6)), (1, (0, 2))]
+
+
+def test_a_refusal_ends_a_command_with_one_line(tmp_path, monkeypatch, capsys):
+    """The whole way from a worker's versions to what a user reads, but for Ray."""
+
+    class Ray:
+        cloudpickle = SimpleNamespace(dumps=lambda _: b"", register_pickle_by_value=lambda _: None)
+        is_initialized, put, cancel = (staticmethod(lambda *_: True), staticmethod(lambda value: value), staticmethod(lambda _: None))
+        wait = staticmethod(lambda left, num_returns: (left[:num_returns], left[num_returns:]))
+        get = staticmethod(lambda _: ("node7", {"stepper": "0.0.1", "numpy": None, "mujoco": None}, None))
+
+        @staticmethod
+        def remote(_):
+            return SimpleNamespace(options=lambda num_cpus: SimpleNamespace(remote=lambda *_: object()))
+
+    monkeypatch.setattr("stepper.experiments.study.over_ray.require", lambda *_: Ray)
+    (tmp_path / "arm.xml").write_text(ARM)
+    (tmp_path / "study.toml").write_text('model = "arm.xml"\n[[outcomes]]\nname = "angle"\nmeasure = "joint hinge"\n')
+    monkeypatch.setattr(sys, "argv", ["stepper", "sweep", str(tmp_path / "study.toml"), "--out", str(tmp_path), "--ray"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 1
+    told = capsys.readouterr().err.strip().splitlines()
+    assert told[-1].startswith(f"stepper: a worker of Ray on node7 has stepper 0.0.1 there and {stepper.__version__} here, numpy")
+    assert "Traceback" not in "".join(told)

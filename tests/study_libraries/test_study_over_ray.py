@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import ray
 import stepper
+from stepper.experiments.accuracy.needs import Bench
 from typer.testing import CliRunner
 
 DRIVE = """
@@ -91,12 +92,30 @@ def test_a_chart_is_that_of_one_process(study, tmp_path):
     assert there.skipped == here.skipped
 
 
-def test_a_tuning_is_that_of_one_process(study, tmp_path):
+SPARE = """<mujoco><option timestep=".002"/><worldbody><geom name="floor" type="plane" size="9 9 1"/>
+  <body name="far" pos="5 0 1"><freejoint/><geom name="far" size=".1"/></body>
+  <body pos="0 0 1"><joint name="hinge" axis="0 1 0" damping="1" range="-90 90"/><geom size=".05" pos=".2 0 0"/></body></worldbody>
+  <actuator><motor name="motor" joint="hinge"/></actuator><sensor><jointpos joint="hinge"/></sensor></mujoco>"""
+"""A body that nothing comes near, a limit that is never reached, and a sensor that nobody reads."""
+
+
+def test_a_tuning_is_that_of_one_process(study, tmp_path, monkeypatch):
+    # What is taken out is what saves time, which is another matter in each run.
+    monkeypatch.setattr(Bench, "saved", lambda self, smaller: (0.1, 0.05))
+    study = replace(study, model=SPARE)
     given = {"error": "1 mm", "horizon": "0.1 s", "coverage": 0.5, "episodes": 4}
     here, there = (stepper.tune(replace(study, ray=ray), tmp_path / str(ray), **given) for ray in (False, True))
     errors = [{(own.name, own.settings["timestep"]): own.error for own in found.candidates} for found in (here, there)]
     assert errors[1] == errors[0]
-    assert [own.error for own in there.spare] == [own.error for own in here.spare]
+    spare = [[(own.what, own.error, own.taken) for own in found.spare] for found in (here, there)]
+    assert spare[1] == spare[0]
+    assert [what for what, _, taken in spare[0] if taken] == [
+        "3 of 3 pairs of bodies",
+        "the limit of one joint",
+        "1 sensors",
+        "all that is taken out, together",
+    ]
+    assert there.smaller.digest == here.smaller.digest
     assert [(trial.held, trial.episodes) for trial in there.trials] == [(trial.held, trial.episodes) for trial in here.trials]
 
 

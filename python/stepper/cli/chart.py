@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from stepper.cli.options import OUT, RAY_RUNS, of_source
 from stepper.experiments.accuracy import chart as run
-from stepper.experiments.accuracy.traces import quantity
 from stepper.experiments.chart import SCENES, Effort, charts
 from stepper.experiments.progress import progress, show_files
 
@@ -34,10 +33,9 @@ def chart(scene: str, out: Path, *, quick: bool, horizon: str | None, angle: boo
         return
     if not Path(scene).exists():
         raise ValueError(f'there is no file and no scene "{scene}"; scenes are: {", ".join(names)}, all')
-    seconds = None if horizon is None else quantity(horizon, units=("s",))[0]
     with progress() as tick:
         source = of_source(scene, ray=ray)
-        found = run(source, out, horizon=seconds, unit="rad" if angle else "m", episodes=episodes, quick=quick, tick=tick)
+        found = run(source, out, horizon=horizon, unit="rad" if angle else "m", episodes=episodes, quick=quick, tick=tick)
     print(found.document.markdown())
     show_files(found.files)
 

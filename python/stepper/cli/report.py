@@ -20,7 +20,7 @@ def report(source: Path, out: Path = Path("out"), *, ray: bool = False) -> None:
 
     Of a recording: what was in force in it, and what failed: physics, sensing or action.
 
-    Example: stepper report examples/tray.toml
+    Example: stepper report examples/studies/tray.toml
     """
     if source.is_dir():
         report_recording(source)

@@ -19,7 +19,7 @@ def sweep(study: Path, out: Path, *, parameters: list[str], cliffs: bool, resolu
 
     Goes on where it was stopped: rows are kept as soon as they are known.
 
-    Example: stepper sweep examples/tray.toml
+    Example: stepper sweep examples/studies/tray.toml
     """
     with progress() as tick:
         found = run(of_file(study, ray=ray), out, parameters=parameters or None, cliffs=cliffs, resolution=resolution, tick=tick)

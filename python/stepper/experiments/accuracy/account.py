@@ -20,7 +20,8 @@ from stepper._stepper import Model, Stepper
 from stepper.experiments.accuracy.costs import BATCH
 from stepper.experiments.study.batches import drive_through, world_of
 from stepper.experiments.study.document import Document, Section, counted
-from stepper.experiments.study.study import USUAL, Study
+from stepper.experiments.study.points import USUAL
+from stepper.experiments.study.study import Study
 from stepper.experiments.study.touching import Touching, pairs_that_may_touch, touching
 from stepper.experiments.study.worlds import StepperWorld, World
 from stepper.experiments.timing import Timed

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from stepper.experiments.accuracy.candidates import Line, lines, pareto, timesteps
 from stepper.experiments.accuracy.costs import BATCH, costs
 from stepper.experiments.accuracy.reference import TIGHT, Reference, check_moves, converge
-from stepper.experiments.accuracy.traces import Distance, Trace, run
+from stepper.experiments.accuracy.traces import Distance, Trace, quantity, run
 from stepper.experiments.progress import Tick
 from stepper.experiments.study.document import Document, Section
 from stepper.experiments.study.over_ray import each
@@ -105,7 +105,7 @@ def chart(
     source: Any,
     out: str | os.PathLike[str] = "out",
     *,
-    horizon: float | None = None,
+    horizon: str | float | None = None,
     unit: str = "m",
     episodes: int = 8,
     quick: bool = False,
@@ -119,7 +119,8 @@ def chart(
     Args:
         source: A study or the file of one; or a model as of `stepper.load`, which gets random controls.
         out: The folder that has a folder for every study.
-        horizon: Time up to which errors count, s; None is as far as the median episode is known to 0.1 mm (1 mrad).
+        horizon: Time up to which errors count: "0.5 s", "500 ms", or a number of seconds, as of `tune`; None is as far as the median
+            episode is known to 0.1 mm (1 mrad).
         unit: "m" for the largest distance of a body, geom or site, "rad" for the largest angle of a body.
         episodes: How many, medians of which count.
         quick: Fewer settings, time steps and repeats.
@@ -134,11 +135,12 @@ def chart(
     study = replace(check_moves(Study.of(source)), threads=1)
     if unit not in _TARGET:
         raise ValueError(f'unit is {unit!r}, must be "m" or "rad"')
-    if horizon is not None and not study.hold <= horizon <= study.seconds * (1 + 1e-9):
-        raise ValueError(f"horizon is {horizon:g} s, must be between a control, {study.hold:g} s, and an episode, {study.seconds:g} s")
+    seconds = None if horizon is None else quantity(horizon, name="horizon", units=("s",))[0]
+    if seconds is not None and not study.hold <= seconds <= study.seconds * (1 + 1e-9):
+        raise ValueError(f"horizon is {seconds:g} s, must be between a control, {study.hold:g} s, and an episode, {study.seconds:g} s")
     told: Tick = tick or (lambda _what, _done: None)
     numbers, most = range(episodes), 4 if quick else 7
-    distance, right = _reference(study, numbers, horizon, unit, most, tick=lambda done: told("reference", done))
+    distance, right = _reference(study, numbers, seconds, unit, most, tick=lambda done: told("reference", done))
     ground = _Ground(study, numbers, distance, right, most)
     steps = timesteps(study, coarser=2 if quick else 3, finer=1 if quick else 3)
     measured, skipped = _measure(ground, lines(study, quick=quick), steps, lambda done: told("errors", done))

@@ -24,9 +24,10 @@ if TYPE_CHECKING:
     from stepper.experiments.accuracy.chart import Dot
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">")
-_OURS = ("#0b3c8c", "#1f77d0", "#17a2b8", "#2ca02c", "#7a3fb5", "#00695c", "#5c6bc0", "#26a69a", "#9ccc65", "#283593", "#4db6ac", "#827717")
+_OURS = ("#0b3c8c", "#2ca02c", "#17becf", "#8c564b", "#e377c2", "#7f7f7f", "#bcbd22", "#00695c")
 _LAW = ("#6a1b9a", "#ab47bc")
 _THEIRS = ("#d62728", "#ff7f0e", "#b8860b")
+_SINGLE = ", f32"
 _FLOOR = 1e-12
 
 
@@ -62,13 +63,22 @@ def draw(study: Study, distance: Distance, right: Reference, dots: Sequence[Dot]
 
 
 def _colours(labels: Sequence[str]) -> dict[str, str]:
-    found, counts = {}, {"ours": 0, "law": 0, "theirs": 0}
+    """A colour for each kind of settings; those that differ in precision alone have the same one, and another line."""
+    found: dict[str, str] = {}
+    counts = {"ours": 0, "law": 0, "theirs": 0}
     for label in labels:
-        kind = "theirs" if label.startswith("MuJoCo:") else "law" if "MuJoCo's law" in label else "ours"
-        palette = {"ours": _OURS, "law": _LAW, "theirs": _THEIRS}[kind]
-        found[label] = palette[counts[kind] % len(palette)]
-        counts[kind] += 1
-    return found
+        same = label.removesuffix(_SINGLE)
+        if same not in found:
+            kind = "theirs" if label.startswith("MuJoCo:") else "law" if "MuJoCo's law" in label else "ours"
+            palette = {"ours": _OURS, "law": _LAW, "theirs": _THEIRS}[kind]
+            found[same] = palette[counts[kind] % len(palette)]
+            counts[kind] += 1
+        found[label] = found[same]
+    return {label: found[label] for label in labels}
+
+
+def _line(label: str) -> str:
+    return "--" if label.startswith("MuJoCo:") else ":" if label.endswith(_SINGLE) else "-"
 
 
 def _panel(panel: Axes, dots: Sequence[Dot], cost: str, colours: dict[str, str], markers: dict[float, str]) -> None:
@@ -76,7 +86,7 @@ def _panel(panel: Axes, dots: Sequence[Dot], cost: str, colours: dict[str, str],
     for label, colour in colours.items():
         own = [dot for dot in good if dot.label == label]
         x, y = [getattr(dot, cost) for dot in own], [max(dot.error, _FLOOR) for dot in own]
-        panel.plot(x, y, "--" if label.startswith("MuJoCo:") else "-", color=colour, linewidth=1.1, label=label)
+        panel.plot(x, y, _line(label), color=colour, linewidth=1.4, label=label)
     # One artist for each time step: a figure of some hundred takes seconds.
     for timestep, marker in markers.items():
         some = [dot for dot in good if dot.timestep == timestep]
@@ -99,7 +109,8 @@ def _legends(figure: Figure, panels: Sequence[Axes], markers: dict[float, str]) 
     ]
     panels[1].legend(handles=marks, title="time step", fontsize=8, loc="best")
     handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, fontsize=8, loc="outside lower center", ncols=4, frameon=False)
+    # Long enough that dots and dashes are seen.
+    figure.legend(handles, labels, fontsize=9, loc="outside lower center", ncols=4, frameon=False, handlelength=3.5)
 
 
 def _split(panel: Axes, study: Study, dots: Sequence[Dot], labels: Sequence[str], colours: dict[str, str]) -> None:

@@ -40,14 +40,16 @@ class Spare:
         what: In words, with numbers.
         why: What was seen.
         error: Largest change of all episodes, in the unit of the distance; NaN where it was not taken out.
-        saved: Share of the processor time of a batch; NaN where it was not taken out.
-        taken: Whether it is out of the smaller model.
+        saved: Share of the processor time of a batch, median of rounds; NaN where it was not taken out.
+        least: Lower bound of that.
+        taken: Whether it is out of the smaller model: nothing changes by more than the budget, and it saves time beyond doubt.
     """
 
     what: str
     why: str
     error: float
     saved: float
+    least: float
     taken: bool
 
 
@@ -83,15 +85,16 @@ class Bench:
         except KeyError:
             return math.inf
 
-    def saved(self, smaller: Model) -> float:
-        """Share of the time of a batch that a smaller model saves."""
+    def saved(self, smaller: Model) -> tuple[float, float]:
+        """Share of the time of a batch that a smaller model saves, and its lower bound."""
         with one_core():
             return saving(self.study, self._with(smaller), self.settings, self.trace)
 
     def tried(self, cut: _Cut, smaller: Model, error: float, budget: float) -> Spare:
         """What taking something out changes and saves."""
         what, why, _ = cut
-        return Spare(what, why, error, self.saved(smaller) if math.isfinite(error) else math.nan, error <= budget)
+        saved, least = self.saved(smaller) if math.isfinite(error) else (math.nan, math.nan)
+        return Spare(what, why, error, saved, least, error <= budget and least > 0)
 
     def _with(self, smaller: Model) -> Study:
         # The drive reads its parameters, and nominal values are in force; sensors are ideal here, and may be gone.
@@ -112,9 +115,8 @@ def spares(bench: Bench, budget: float, tick: Callable[[float], None]) -> tuple[
     """
     model, compiled = bench.study.loaded
     if compiled is None:
-        return [
-            Spare("nothing", "the model has no source to take anything out of; give MJCF, URDF or an MjModel", math.nan, math.nan, False)
-        ], None
+        why = "the model has no source to take anything out of; give MJCF, URDF or an MjModel"
+        return [Spare("nothing", why, math.nan, math.nan, math.nan, False)], None
     seen = touching(bench.study, bench.episodes, **bench.settings)
     whole = describe(compiled)
     tries = [*_pairs(model, compiled, seen, whole), *_frictionless(model, seen, whole), *_limits(model, seen), *_sensors(model, seen)]
@@ -125,15 +127,15 @@ def spares(bench: Bench, budget: float, tick: Callable[[float], None]) -> tuple[
     taken: list[_Cut] = []
     for own, smaller, error in zip(tries, models, errors, strict=False):
         found.append(bench.tried(own, smaller, error, budget))
-        if error <= budget:
+        if found[-1].taken:
             taken.append(own)
-    found += [Spare(what, why, error, math.nan, False) for (what, why, _), error in zip(wide, errors[len(tries) :], strict=True)]
+    found += [Spare(what, why, error, math.nan, math.nan, False) for (what, why, _), error in zip(wide, errors[len(tries) :], strict=True)]
     if not taken:
         return found, None
     together = _smaller(whole, [cut for _, _, cut in taken])
     (error,) = bench.errors([together], lambda done: tick(0.9 + 0.1 * done))
     found.append(bench.tried(("all that is taken out, together", "", lambda _: None), together, error, budget))
-    return found, together if error <= budget else None
+    return found, together if found[-1].taken else None
 
 
 def _smaller(whole: Description, cuts: Sequence[Callable[[Description], None]]) -> Model:
@@ -268,7 +270,8 @@ def _limits(model: Model, seen: Touching) -> list[_Cut]:
         for k in far:
             made["joints"][k]["range"] = None
 
-    return [(f"limits of {len(far)} joints", f"they stay {_FAR:.0%} of their range away", cut)]
+    what = "the limit of one joint" if len(far) == 1 else f"the limits of {len(far)} joints"
+    return [(what, f"no step came nearer to a limit than {_FAR:.0%} of the joint's range", cut)]
 
 
 def _sensors(model: Model, seen: Touching) -> list[_Cut]:

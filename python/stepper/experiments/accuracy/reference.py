@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from stepper.experiments.accuracy.traces import Distance, Trace, run
 from stepper.experiments.study.batches import steps_of
-from stepper.experiments.study.study import USUAL, Study
+from stepper.experiments.study.points import USUAL
+from stepper.experiments.study.study import Study
 
 Array = NDArray[np.float64]
 _HARD: dict[str, Any] = {"contact": "hard", "integrator": "midpoint"}

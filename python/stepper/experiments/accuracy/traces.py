@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -14,7 +15,8 @@ from numpy.typing import NDArray
 from stepper.experiments.study.batches import drive_through, world_of
 from stepper.experiments.study.outcomes import Watch
 from stepper.experiments.study.over_ray import each
-from stepper.experiments.study.study import USUAL, Study
+from stepper.experiments.study.points import USUAL
+from stepper.experiments.study.study import Study
 from stepper.experiments.study.worlds import World
 
 Array = NDArray[np.float64]
@@ -166,22 +168,28 @@ def _between(a: Array, b: Array) -> Array:
     return np.concatenate([w * x - (v * u).sum(axis=-1, keepdims=True), w * u + x * v + np.cross(v, u)], axis=-1)
 
 
-def quantity(text: str, *, units: Sequence[str]) -> tuple[float, str]:
-    """A number with its unit, e.g. "1 mm": (1e-3, "m").
+def quantity(given: str | float, *, name: str, units: Sequence[str]) -> tuple[float, str]:
+    """A number with its unit, e.g. "1 mm": (1e-3, "m"). A plain number is of the base unit, where there is one alone.
 
     Args:
-        text: The words.
+        given: The words, or the number.
+        name: What errors call it.
         units: Base units that it may have: of "m", "rad", "s".
 
     Raises:
         ValueError: It is none.
     """
-    found = re.fullmatch(r"\s*([0-9.eE+-]+)\s*([a-z]+)\s*", text)
-    known = [name for name, (base, _) in _UNITS.items() if base in units]
-    try:
-        if found and found[2] in known and (value := float(found[1])) > 0:
-            base, factor = _UNITS[found[2]]
-            return value * factor, base
-    except ValueError:
-        pass
-    raise ValueError(f'{text!r} must be a number above 0 with a unit, such as "1 {known[-1]}"; units are: {", ".join(known)}')
+    known = [unit for unit, (base, _) in _UNITS.items() if base in units]
+    if isinstance(given, int | float | np.number) and not isinstance(given, bool) and len(units) == 1:
+        if 0 < given < np.inf:
+            return float(given), units[0]
+    elif isinstance(given, str):
+        found = re.fullmatch(r"\s*([0-9.eE+-]+)\s*([a-z]+)\s*", given)
+        with contextlib.suppress(ValueError):
+            if found and found[2] in known and 0 < float(found[1]) < np.inf:
+                base, factor = _UNITS[found[2]]
+                return float(found[1]) * factor, base
+    raise ValueError(
+        f'{name} is {given!r}, must be a number above 0 with a unit, such as "1 {known[-1]}"; units are: {", ".join(known)}'
+        + (f"; without a unit a number is in {units[0]}" if len(units) == 1 else "")
+    )

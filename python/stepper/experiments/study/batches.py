@@ -10,32 +10,23 @@ import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stepper.experiments.study import drives
 from stepper.experiments.study.journal import Journal, Row
 from stepper.experiments.study.outcomes import Watch
 from stepper.experiments.study.over_ray import each
 from stepper.experiments.study.parameters import RANDOMIZED, Theta, actuator_model, model_fields, sensor_model
-from stepper.experiments.study.study import USUAL, Study
-from stepper.experiments.study.worlds import Plan, World, make_world, stacked
+from stepper.experiments.study.points import Point
+from stepper.experiments.study.worlds import Plan, Thetas, World, make_world, stacked
+
+if TYPE_CHECKING:
+    from stepper.experiments.study.study import Study
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Point:
-    """Where a study is run.
-
-    Attributes:
-        theta: Values of parameters; those that are not named are as the model has them.
-        setting: Name of the settings.
-    """
-
-    theta: Theta
-    setting: str = USUAL
 
 
 @dataclass(frozen=True)
@@ -90,7 +81,7 @@ def _name(point: Point) -> str:
 def _batches(study: Study, points: Sequence[Point]) -> Iterator[_Batch]:
     """Points in groups that can be stepped together, cut into batches."""
     groups: dict[str, list[Point]] = {}
-    noisy = study.sensors is not None or any(p.kind == "sensor" for p in study.parameters.values())
+    noisy = together(study)
     for point in {_name(point): point for point in points}.values():
         # Errors of sensors follow from the place in the batch: every point is one batch, uncut, so that an episode has the same ones at
         # every point, and no other episode has them.
@@ -101,6 +92,11 @@ def _batches(study: Study, points: Sequence[Point]) -> Iterator[_Batch]:
         size = len(episodes) if noisy else study.batch
         for first in range(0, len(episodes), size):
             yield _Batch(group[0].setting, tuple(episodes[first : first + size]))
+
+
+def together(study: Study) -> bool:
+    """Whether all episodes of a point are one batch: errors of sensors follow from the place in the batch."""
+    return study.sensors is not None or any(p.kind == "sensor" for p in study.parameters.values())
 
 
 def group_of(study: Study, point: Point) -> str:
@@ -145,11 +141,13 @@ def world_of(study: Study, setting: str, thetas: Sequence[Theta], **changed: Any
     world = make_world(plan, len(thetas))
     names = dict.fromkeys(name for theta in thetas for name in theta)
     unchanged = {name: study.parameters[name].unchanged for name in study.parameters}
-    world.theta = {
-        name: stacked([theta.get(name, value) for theta in thetas])
-        for name, value in (unchanged | dict.fromkeys(names.keys() - unchanged.keys())).items()
-        if name in names or value is not None
-    }
+    world.theta = Thetas(
+        {
+            name: stacked([theta.get(name, value) for theta in thetas])
+            for name, value in (unchanged | dict.fromkeys(names.keys() - unchanged.keys())).items()
+            if name in names or value is not None
+        }
+    )
     return world
 
 
@@ -190,6 +188,40 @@ def steps_of(study: Study, timestep: float) -> int:
     return count
 
 
+def running(study: Study, world: World, episodes: Sequence[int], *, by_step: bool = False) -> Iterator[bool]:
+    """Runs episodes to their end, piece by piece.
+
+    Args:
+        study: The study.
+        world: Environments, one for each episode.
+        episodes: Their numbers.
+        by_step: Whether a piece is a step; else it is the time of a control.
+
+    Yields:
+        After the start and after every piece, whether outcomes look: at the start and after every control.
+
+    Raises:
+        ValueError: The drive remembers something and has no `begin`.
+    """
+    nstep = steps_of(study, world.timestep)
+    begin(study, world, episodes)
+    drive = study.driven()
+    memory = drives.Memory(drive)
+    if hasattr(drive, "begin"):
+        drive.begin(world)
+    yield True
+    for _ in range(study.controls):
+        world.last_ctrl = ctrl = None if drive is None else drive(world)
+        if not by_step:
+            world.advance(ctrl, nstep)
+            yield True
+            continue
+        for left in reversed(range(nstep)):
+            world.advance(ctrl, 1)
+            yield left == 0
+    memory.check()
+
+
 def drive_through(
     study: Study, world: World, episodes: Sequence[int], look: Callable[[World], None], each: Callable[[World], None] | None = None
 ) -> None:
@@ -202,24 +234,20 @@ def drive_through(
         look: Called at the start and after every control.
         each: Called after every step.
     """
-    nstep = steps_of(study, world.timestep)
-    begin(study, world, episodes)
-    drive = study.driven()
-    if hasattr(drive, "begin"):
-        drive.begin(world)
-    look(world)
-    for _ in range(study.controls):
-        world.last_ctrl = ctrl = None if drive is None else drive(world)
-        for _ in range(1 if each is None else nstep):
-            world.advance(ctrl, nstep if each is None else 1)
-            if each is not None:
-                each(world)
-        look(world)
+    for number, looks in enumerate(running(study, world, episodes, by_step=each is not None)):
+        if each is not None and number:
+            each(world)
+        if looks:
+            look(world)
 
 
 def run_episodes(study: Study, setting: str, thetas: Sequence[Theta], episodes: Sequence[int], **changed: Any) -> list[Row]:
     """Outcomes of episodes that are stepped together, one row for each, without keys. Settings as of `world_of`."""
-    world = world_of(study, setting, thetas, **changed)
+    return rows_in(world_of(study, setting, thetas, **changed), study, setting, thetas, episodes)
+
+
+def rows_in(world: World, study: Study, setting: str, thetas: Sequence[Theta], episodes: Sequence[int]) -> list[Row]:
+    """As `run_episodes`, in environments that are there."""
     seen: list[Watch] = []
 
     def look(now: World) -> None:

@@ -10,14 +10,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stepper.experiments.study.document import counted
-from stepper.experiments.study.study import USUAL
+from stepper.experiments.study.points import USUAL
 from stepper.experiments.study.sweep import Level, Sweep, measured
 from stepper.shared.machine import require
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-COLOURS = ("#0b3c8c", "#1f9e77", "#7a3fb5", "#d62728", "#ff7f0e", "#8c564b", "#17a2b8", "#666666")
+COLOURS = (
+    *("#0b3c8c", "#1f9e77", "#7a3fb5", "#d62728", "#ff7f0e", "#8c564b", "#17a2b8", "#666666"),
+    *("#e377c2", "#bcbd22", "#000000", "#9ecae1"),
+)
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">", "h", "p")
 _COLUMNS = 3
 _ANNOTATED = 5
 """Settings at the most whose cliffs the panels of a sweep name; more are read in `draw_cliffs`."""
@@ -33,9 +37,11 @@ def draw(sweep: Sweep, path: Path) -> Path:
     names = [name for name in sweep.study.parameters if any(level.parameter == name for level in sweep.levels)]
     columns = min(_COLUMNS, max(1, len(names)))
     lines = max(1, math.ceil(len(names) / columns))
-    figure = figures.Figure(
-        figsize=(max(7.5, 4.2 * columns + 0.6), 3.0 * lines + (0.9 if columns > 1 else 1.9)), dpi=130, layout="constrained"
-    )
+    beneath = (0.9 if columns > 1 else 1.0) + 0.22 * math.ceil(len(sweep.study.settings) / 4)
+    size = (max(7.5, 4.2 * columns + 0.6), 3.0 * lines + beneath)
+    beneath = (0.9 if columns > 1 else 1.0) + 0.22 * math.ceil(len(sweep.study.settings) / 4)
+    size = (max(7.5, 4.2 * columns + 0.6), 3.0 * lines + beneath)
+    figure = figures.Figure(figsize=size, dpi=130, layout="constrained")
     axes = figure.subplots(lines, columns, squeeze=False).ravel()
     for panel, name in zip(axes, names, strict=False):
         _panel(panel, sweep, name)
@@ -43,7 +49,11 @@ def draw(sweep: Sweep, path: Path) -> Path:
         panel.set_visible(False)
     handles, labels = axes[0].get_legend_handles_labels()
     if len(labels) > 1:
-        figure.legend(handles, labels, loc="outside lower center", ncols=min(4 if columns > 1 else 2, len(labels)), frameon=False)
+        if any(cliff.parameter in names for cliff in sweep.cliffs):
+            artists = require("matplotlib.lines", "to draw a sweep")
+            handles.append(artists.Line2D([], [], color="#444444", linestyle=":", linewidth=1))
+            labels.append("where success ends")
+        figure.legend(handles, labels, loc="outside lower center", ncols=min(4 if columns > 1 else 3, len(labels)), frameon=False)
     figure.suptitle(f"{sweep.study.name}: {measured(sweep.study)}, {counted(sweep.study.episodes, 'episode')} a point", fontsize=11)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path)
@@ -94,11 +104,21 @@ def _panel(panel: Axes, sweep: Sweep, name: str) -> None:
         colour = COLOURS[number % len(COLOURS)]
         # A little aside, so that intervals do not lie on one another.
         span = 0.0 if words else float(np.ptp([float(level.value or 0) for level in levels]))
-        aside = min(0.012, 0.04 / len(settings)) * span * (number - (len(settings) - 1) / 2)
+        aside = min(0.012, 0.06 / len(settings)) * span * (number - (len(settings) - 1) / 2)
         x: list[Any] = [str(level.value) if words else float(level.value or 0) + aside for level in levels]
         y, below, above = _bars(levels, shares=study.decisive is not None)
         panel.errorbar(
-            x, y, (below, above), fmt="o-" if number == 0 else "s--", color=colour, label=setting, capsize=2, linewidth=1.2, markersize=3.5
+            x,
+            y,
+            (below, above),
+            fmt=MARKERS[number % len(MARKERS)] + ("-" if number == 0 else "--"),
+            color=colour,
+            label=setting,
+            capsize=2,
+            linewidth=1.2,
+            markersize=5,
+            markeredgecolor="white",
+            markeredgewidth=0.4,
         )
         for cliff in sweep.cliffs:
             if (cliff.parameter, cliff.setting) == (name, setting):

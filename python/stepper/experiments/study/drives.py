@@ -179,6 +179,55 @@ def digest_of(thing: Any) -> str:
     return found.hexdigest()
 
 
+class Memory:
+    """What a drive without a method `begin` remembers of a batch, which would go on in the next one.
+
+    Args:
+        drive: The drive, before its batch.
+    """
+
+    def __init__(self, drive: Any):
+        # A policy's begin is that of what acts, where that has one. Networks are copied for each batch.
+        self._drive = drive.act if isinstance(drive, Policy) else drive
+        self._told = hasattr(self._drive, "begin") or isinstance(self._drive, PolicyFile | Network)
+        self._before = {} if self._told else self._held()
+
+    def check(self) -> None:
+        """Raises ValueError where something that had a value has another one after the batch.
+
+        What had none before - nothing, None, or empty - may be a cache, which no row follows from.
+        """
+        if self._told:
+            return
+        now = self._held()
+        changed = [name for name, before in self._before.items() if before is not None and now.get(name, before) != before]
+        if changed:
+            raise ValueError(
+                f"the drive {name_of(self._drive)} has changed {', '.join(changed)} in a batch and has no method begin(now): the next "
+                "batch would go on with it, and rows would depend on the batches. Make it a class with a begin that forgets (one that "
+                "does nothing, if no control follows from it)"
+            )
+
+    def _held(self) -> dict[str, str | None]:
+        """Digests of attributes and of what a function holds from around it; None of what is empty or has no digest."""
+        owner = getattr(self._drive, "__self__", self._drive)
+        held = {} if isinstance(owner, ModuleType) else dict(getattr(owner, "__dict__", {}))
+        names = getattr(getattr(self._drive, "__code__", None), "co_freevars", ())
+        for name, cell in zip(names, getattr(self._drive, "__closure__", None) or (), strict=True):
+            with contextlib.suppress(ValueError):
+                held[name] = cell.cell_contents
+        return {name: _state_of(value) for name, value in held.items()}
+
+
+def _state_of(value: Any) -> str | None:
+    if value is None or (isinstance(value, Collection) and not isinstance(value, np.ndarray) and not len(value)):
+        return None
+    try:
+        return digest_of(value)
+    except TypeError:
+        return None
+
+
 class _Digest:
     """A SHA-256 of values of any kind. Each part has its type and length in front, so that no two values give the same bytes."""
 

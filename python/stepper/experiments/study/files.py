@@ -29,11 +29,12 @@ iterations = 5
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import fields
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from stepper._hints import near
 from stepper._options import Options
 from stepper.actuators import ActuatorModel
 from stepper.experiments.study.drives import Policy, Recorded, find, load_file
@@ -47,6 +48,14 @@ if TYPE_CHECKING:
     from stepper.experiments.study.study import Study
 
 
+def check_keys(given: Iterable[str], known: Collection[str], place: str) -> None:
+    """Raises ValueError for entries of a table that mean nothing, with those that were perhaps meant."""
+    unknown = sorted(set(given) - set(known))
+    if unknown:
+        guesses = "".join(near(name, known) for name in unknown[:1])
+        raise ValueError(f"{place} has unknown entries {unknown}{guesses or ','} it may have: {', '.join(sorted(known))}")
+
+
 def read_study(path: Path, kind: type[Study]) -> Study:
     """The study of a file; see `Study.from_file`."""
     if path.suffix == ".py":
@@ -54,7 +63,8 @@ def read_study(path: Path, kind: type[Study]) -> Study:
         study = getattr(module, "study", None)
         if not isinstance(study, kind):
             raise ValueError(f"{path}: it has no stepper.Study named study")
-        return study
+        # One without a name is called by its file, as in TOML.
+        return replace(study, name=path.stem) if study.name == kind.name else study
     data = read_file(path)
     try:
         return _made(data, path, kind)
@@ -65,8 +75,7 @@ def read_study(path: Path, kind: type[Study]) -> Study:
 def _made(data: dict[str, Any], path: Path, kind: type[Study]) -> Study:
     folder, given = path.resolve().parent, dict(data)
     known = {field.name for field in fields(kind)} | {"policy"}
-    if unknown := set(given) - known:
-        raise ValueError(f"unknown entries {sorted(unknown)}, must be of: {', '.join(sorted(known))}")
+    check_keys(given, known, "the study")
     if "model" not in given:
         raise ValueError("model is missing: the path of an MJCF, URDF or saved model")
     given.setdefault("name", path.stem)
@@ -123,9 +132,10 @@ def _measured(table: dict[str, Any], folder: Path) -> dict[str, Any]:
     return table | {"measure": find(measure, folder)} if ":" in measure else table
 
 
-def _part(kind: Callable[..., Any], table: Any, place: str) -> Any:
+def _part(kind: type[Any], table: Any, place: str) -> Any:
     if not isinstance(table, dict):
         raise ValueError(f"{place} is {table!r}, must be a table")
+    check_keys(table, {field.name for field in fields(kind)}, place)
     try:
         return kind(**table)
     except TypeError as error:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import copy
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from stepper.experiments.study.drives import FILES
-from stepper.experiments.study.study import Study
 from stepper.shared.machine import require
+
+if TYPE_CHECKING:
+    from stepper.experiments.study.study import Study
 
 Job = TypeVar("Job")
 Made = TypeVar("Made")
@@ -20,16 +22,7 @@ class WorkerVersionError(ValueError):
 
 
 def each(study: Study, jobs: Sequence[Job], run: Callable[[Study, Job], Made]) -> Iterator[tuple[int, Made]]:
-    """Runs jobs here one after the other, or over Ray where the study says so.
-
-    Args:
-        study: The study.
-        jobs: What is run.
-        run: What runs one.
-
-    Yields:
-        The number of a job and what was made of it, as they are done.
-    """
+    """Runs jobs here one after the other, or over Ray where the study says so: as of `over_ray`."""
     if study.ray and jobs:
         yield from over_ray(study, jobs, run)
     else:

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stepper._hints import near
 from stepper._options import Options
 from stepper._stepper import Model
 from stepper.actuators import PID, ActuatorModel, DCMotor, Drive
@@ -38,6 +39,10 @@ RANDOMIZED = frozenset({
 """Fields that environments of one batch can have of their own (`Stepper.randomize`). Others make a batch of their own."""
 ROWS_FROM_NOTHING = ("jnt_stiffness", "dof_frictionloss")
 """Fields of which a batch must have some for an environment to have any."""
+CHOICES = {"contact", "integrator", "solver", "stabilization", "precision"}
+"""Settings that are words."""
+COUNTS = {"iterations", "max_contacts"}
+"""Settings that are whole numbers."""
 SETTINGS = frozenset(field.name for field in fields(Options)) | {"precision"}
 LEVELS = 5
 
@@ -49,8 +54,7 @@ class Parameter:
     Attributes:
         target: What it changes, see `stepper.experiments.study.parameters`.
         names: Elements that change, by name or pattern: geoms (also "body/geom", and "body/*" for all of a body), bodies, joints,
-        actuators,
-            sensors, tendons; "#3" is an index.
+        actuators, sensors, tendons; "#3" is an index.
         column: Which number of each element, e.g. 0 for the sliding friction of "geom_friction"; None is all.
         how: "set" to the value, "scale" by it, or "add" it. With body_mass, inertia is scaled alike: the same shape of another density.
         low: Least plausible value.
@@ -78,13 +82,24 @@ class Parameter:
         object.__setattr__(self, "names", (self.names,) if isinstance(self.names, str) else tuple(self.names))
         if self.values is not None:
             object.__setattr__(self, "values", tuple(self.values))
+        for name in ("low", "high"):
+            value = getattr(self, name)
+            if value is not None and not _is_number(value):
+                remedy = f': a choice among words takes values, as in values = ("{value}", ...)' if isinstance(value, str) else ""
+                raise ValueError(f"{name} is {value!r}, must be a number{remedy}")
+        if self.kind == "options" and self.leaf in CHOICES and self.values is None:
+            raise ValueError(f"target is {self.target!r}, which is a choice among words: give values, not low and high")
         bounds = (self.low, self.high)
-        if self.values is None and (None in bounds or not all(math.isfinite(x) for x in bounds if x is not None)):
-            raise ValueError(f"low is {self.low} and high is {self.high}: give both, finite, or values")
+        if self.values is None and None in bounds:
+            raise ValueError(f"low is {self.low} and high is {self.high}: give both, or values")
         if self.low is not None and self.high is not None and not self.low < self.high:
             raise ValueError(f"low is {self.low}, must be below high, which is {self.high}")
         if self.kind == "options" and self.leaf not in SETTINGS:
-            raise ValueError(f"target is {self.target!r}; settings are: {', '.join(sorted(SETTINGS))}")
+            guess, known = near(self.leaf, SETTINGS), ", ".join(sorted(SETTINGS))
+            raise ValueError(f"target is {self.target!r}, and there is no setting {self.leaf!r}{guess or ','} settings are: {known}")
+        if "." in self.target and self.kind == "field":
+            guess = near(self.target.partition(".")[0], ("sensor", "actuator", "options"))
+            raise ValueError(f"target is {self.target!r}: what stands before the dot must be sensor, actuator or options{guess}")
 
     @property
     def kind(self) -> str:
@@ -109,11 +124,29 @@ class Parameter:
         assert self.low is not None
         assert self.high is not None
         made = np.linspace(self.low, self.high, LEVELS)
-        return [round(x) for x in made] if self.leaf in ("iterations", "max_contacts") else [float(x) for x in made]
+        return [round(x) for x in made] if self.leaf in COUNTS else [float(x) for x in made]
+
+    def check_value(self, value: Any, where: str) -> None:
+        """Raises ValueError for what is no value of this parameter; `where` is what the message calls it."""
+        if self.kind == "options" and self.leaf in CHOICES:
+            if not isinstance(value, str):
+                raise ValueError(f"{where} is {value!r}, must be a word: it is {self.leaf}")
+        elif isinstance(value, str) and self.kind == "drive":
+            known = [own for own in (*(self.values or ()), self.nominal) if isinstance(own, str)]
+            if value not in known:
+                raise ValueError(f"{where} is {value!r}, must be {'of: ' + ', '.join(known) if known else 'a number'}")
+        elif not _is_number(value):
+            raise ValueError(f"{where} is {value!r}, must be a finite number")
+        elif self.kind == "options" and self.leaf in COUNTS and value != int(value):
+            raise ValueError(f"{where} is {value!r}, must be a whole number")
 
     def change(self, before: Any, value: Any) -> Any:
         """A number with this parameter at a value."""
         return value if self.how == "set" else before * value if self.how == "scale" else before + value
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float | np.number) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def check(parameters: Mapping[str, Parameter], model: Model) -> None:
@@ -124,13 +157,29 @@ def check(parameters: Mapping[str, Parameter], model: Model) -> None:
                 _places(parameter, model)
             elif parameter.kind == "sensor":
                 _chosen(parameter, [[s["name"] or f"#{i}"] for i, s in enumerate(model.sensors)], "sensor")
-                replace(Transfer(), **{parameter.leaf: parameter.change(getattr(Transfer(), parameter.leaf), 0.0)})
+                _number_of(Transfer, parameter.leaf)
             elif parameter.kind == "actuator":
                 _chosen(parameter, _labels(model.actuator_names), "actuator")
+                part, _, leaf = parameter.leaf.rpartition(".")
+                if part not in _PARTS:
+                    raise ValueError(f"target is {parameter.target!r}: a drive has no {part!r}, it has: motor, servo")
+                _number_of(_PARTS[part], leaf)
             elif parameter.kind == "drive" and parameter.unchanged is None:
                 raise ValueError("give it a nominal value, which the drive reads where nothing is perturbed")
         except (AttributeError, TypeError, ValueError) as error:
             raise ValueError(f"parameter {name!r}: {error}") from None
+
+
+_PARTS: dict[str, type] = {"": Drive, "motor": DCMotor, "servo": PID}
+"""What numbers of an actuator are of, by what stands before the last dot."""
+_NO_NUMBERS = frozenset({"noise", "limits", "motor", "servo", "control"})
+
+
+def _number_of(kind: type, leaf: str) -> None:
+    """Raises ValueError where a transfer function or drive has no number of a name."""
+    known = [field.name for field in fields(kind) if field.name not in _NO_NUMBERS]
+    if leaf not in known:
+        raise ValueError(f"a stepper.{kind.__name__} has no number {leaf!r}{near(leaf, known) or ','} it has: {', '.join(known)}")
 
 
 def _labels(names: Sequence[str]) -> list[list[str]]:
@@ -174,8 +223,10 @@ def _places(parameter: Parameter, model: Model) -> list[tuple[str, Any]]:
         try:
             value = np.asarray(getattr(model, field), float)
         except (AttributeError, TypeError, ValueError):
+            fields_of = [name for name in dir(model) if not name.startswith("_") and isinstance(getattr(model, name, None), np.ndarray)]
+            guess = near(field, [*fields_of, "kp", "kd", "drive"])
             raise ValueError(
-                f"target is {parameter.target!r}, which is no field of a model that can be replaced; see help(stepper.Model)"
+                f"target is {parameter.target!r}, which is no field of a model that can be replaced{guess or ';'} see help(stepper.Model)"
             ) from None
         rows, what = _elements(field, model)
         if value.ndim == 0 or not rows:

@@ -20,13 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper.experiments.progress import Tick
-from stepper.experiments.study.batches import Point, run_points
+from stepper.experiments.study.batches import run_points
 from stepper.experiments.study.document import Document, Section, counted
 from stepper.experiments.study.intervals import wilson
+from stepper.experiments.study.points import USUAL, Point, inapplicable
 from stepper.experiments.study.report import in_force, study_of
 from stepper.experiments.study.results import Results
-from stepper.experiments.study.study import USUAL, Study
-from stepper.experiments.study.sweep import inapplicable, measured
+from stepper.experiments.study.study import Study
+from stepper.experiments.study.sweep import measured
 from stepper.experiments.study.table import Table
 from stepper.shared.machine import package_version, require
 
@@ -280,7 +281,7 @@ def _sections(found: Ranking, samples: int, picture: Path | None) -> list[Sectio
 def _draw(found: Ranking, path: Path) -> Path:
     """Indices as bars with their intervals, and the outcome over the thirds of each range."""
     figure = require("matplotlib.figure", "to draw a ranking").Figure(
-        figsize=(9.0, 0.9 + 0.42 * len(found.ranks)), dpi=130, layout="constrained"
+        figsize=(9.0, 1.2 + 0.42 * len(found.ranks)), dpi=130, layout="constrained"
     )
     left, right = figure.subplots(1, 2, sharey=True)
     places = np.arange(len(found.ranks))[::-1]
@@ -292,7 +293,6 @@ def _draw(found: Ranking, path: Path) -> Path:
     left.axvline(0.0, color="#888888", linewidth=0.8)
     left.set_yticks(places, [own.parameter for own in found.ranks])
     left.set_xlabel("share of the variance, 95 %")
-    left.legend(frameon=False, loc="lower right", fontsize=8)
     for third, (name, colour) in enumerate((("lowest third", "#9ecae1"), ("middle", "#4292c6"), ("highest third", "#08306b"))):
         values = np.array([own.thirds[third] for own in found.ranks])
         ends = np.array([own.intervals[third] for own in found.ranks]).T
@@ -302,7 +302,10 @@ def _draw(found: Ranking, path: Path) -> Path:
     outcome = found.study.decisive or found.study.all_outcomes[0]
     unit = f", {outcome.unit}" if outcome.unit and found.study.decisive is None else ""
     right.set_xlabel(f"share of successes ({outcome.name} {outcome.success})" if outcome.success else f"mean {outcome.name}{unit}")
-    right.legend(frameon=False, fontsize=7, loc="best")
+    # Beneath, where no interval is.
+    entries = zip(left.get_legend_handles_labels(), right.get_legend_handles_labels(), strict=True)
+    handles, labels = (ours + theirs for ours, theirs in entries)
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, fontsize=8)
     for panel in (left, right):
         panel.grid(visible=True, axis="x", color="#dddddd")
         panel.set_axisbelow(True)

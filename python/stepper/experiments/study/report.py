@@ -16,9 +16,10 @@ import numpy as np
 from stepper.experiments.progress import Tick
 from stepper.experiments.study.document import Document, Section, cell, counted
 from stepper.experiments.study.draw import draw, draw_cliffs
+from stepper.experiments.study.points import USUAL, nominal_of
 from stepper.experiments.study.results import Results
-from stepper.experiments.study.study import USUAL, Study
-from stepper.experiments.study.sweep import RESOLUTION, Level, Sweep, measured, nominal_of
+from stepper.experiments.study.study import Study
+from stepper.experiments.study.sweep import RESOLUTION, Level, Sweep, measured
 from stepper.experiments.study.sweep import sweep as run_sweep
 from stepper.experiments.study.touching import Touching, touching
 from stepper.experiments.study.whose import RULES, Verdict, judge

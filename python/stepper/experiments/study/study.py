@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import platform
 import sys
 import warnings
@@ -17,12 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper import _stepper
+from stepper._hints import near
 from stepper._options import Options, Precision
 from stepper._stepper import Model, __version__
 from stepper.actuators import ActuatorModel
 from stepper.experiments.study import drives
+from stepper.experiments.study.episode import Episodes
 from stepper.experiments.study.outcomes import Outcome
-from stepper.experiments.study.parameters import Parameter, Theta, check
+from stepper.experiments.study.parameters import Parameter, Theta, Value, check
+from stepper.experiments.study.points import USUAL
 from stepper.experiments.study.worlds import World
 from stepper.loading import compile_source, is_saved, load
 from stepper.sensors import SensorModel
@@ -32,8 +36,6 @@ Array = NDArray[np.float64]
 Start = Callable[[World, list[np.random.Generator]], tuple[Any, Any]]
 """From a `World` and a generator for every environment, qpos (num_envs, nq) and qvel (num_envs, nv)."""
 
-USUAL = "stepper"
-"""Name of the settings that a study runs with by itself."""
 _HOLD = 0.02
 """s that a control is held where a study does not say it."""
 
@@ -44,7 +46,7 @@ class Study:
 
     Attributes:
         model: As of `stepper.load`, or a `Model`, or a function that returns one of those.
-        name: In tables, and the folder of its results.
+        name: In tables, and the folder of its results; of a file that says none, the file's stem.
         drive: What controls it: a function of a `World` that returns controls, `Recorded(path)`, `Policy(function)`, "random", or None for
             no controls (those of the keyframe, else 0).
         outcomes: What is measured; one of them may have a success, which decides.
@@ -205,7 +207,8 @@ class Study:
         if given.get("engine", "stepper") not in ("stepper", "mujoco"):
             raise ValueError(f'settings {name!r}: engine is {given["engine"]!r}, must be "stepper" or "mujoco"')
         if given.get("engine") != "mujoco" and (unknown := set(given) - known - {"engine"}):
-            raise ValueError(f"settings {name!r}: unknown {sorted(unknown)}, must be of: {', '.join(sorted(known))}")
+            guess = near(min(unknown), known)
+            raise ValueError(f"settings {name!r}: unknown {sorted(unknown)}{guess or ','} must be of: {', '.join(sorted(known))}")
         return dict(given)
 
     @cached_property
@@ -274,6 +277,36 @@ class Study:
     @cached_property
     def _identity_digest(self) -> str:
         return _digest(self.identity)
+
+    def episode(
+        self,
+        values: Mapping[str, Value] | None = None,
+        number: int = 0,
+        *,
+        seed: int | None = None,
+        setting: str = USUAL,
+        record: str | os.PathLike[str] | None = None,
+    ) -> dict[str, Any]:
+        """Runs one episode: the same, to the bit, as in the tables of `sweep`, `report` and `rank`.
+
+        Args:
+            values: Of parameters, by name; the others are nominal.
+            number: Which episode; it has its own start, random controls and errors of sensors.
+            seed: In place of the study's own.
+            setting: Name of the settings.
+            record: A new folder for a recording, which `stepper view` shows and `stepper.replay` repeats. It has a row for every control.
+                With errors of sensors, which follow from the place in a batch, it has an environment for every episode of the point.
+
+        Returns:
+            Its row: "theta", "outcomes" by name, "success", "certificate" (what the steps say of themselves), "settings" in force.
+
+        Raises:
+            ValueError: No such parameter, value, settings or episode; a recording of MuJoCo.
+            FileExistsError: There is something in the folder.
+        """
+        study = self if seed is None else replace(self, seed=seed)
+        (row,) = Episodes(study, values or {}, [number], setting).rows(record)
+        return row
 
     def generators(self, episodes: Sequence[int]) -> list[np.random.Generator]:
         """Random numbers of the starts of episodes."""

@@ -12,13 +12,13 @@ import numpy as np
 
 from stepper._status import Status
 from stepper.experiments.progress import Tick
-from stepper.experiments.study.batches import Point, run_points
+from stepper.experiments.study.batches import run_points
 from stepper.experiments.study.intervals import wilson
 from stepper.experiments.study.journal import Journal, Row
-from stepper.experiments.study.parameters import Parameter, Value
-from stepper.experiments.study.study import USUAL, Study
+from stepper.experiments.study.parameters import COUNTS, Value
+from stepper.experiments.study.points import USUAL, Point, inapplicable, nominal_of
+from stepper.experiments.study.study import Study
 from stepper.experiments.study.table import Table
-from stepper.experiments.study.worlds import MUJOCO_SETTINGS
 
 CLIFF = 0.5
 """Share of successes that is crossed at a cliff."""
@@ -26,8 +26,6 @@ RESOLUTION = 1e-3
 """Width of a cliff's bracket over the range of its parameter."""
 _AT_ONCE = 7
 """Points between the ends of a bracket that are tried together: they share a batch."""
-_LACKING = {"midpoint", "auto"}
-"""Integrator and solver that MuJoCo does not have."""
 UNSOLVED = Status.NOT_CONVERGED | Status.NON_FINITE | Status.CONTACTS_FULL | Status.UNRESOLVED | Status.TUNNELLED | Status.INFEASIBLE
 
 
@@ -123,36 +121,6 @@ class Sweep:
             if values:
                 found.append((name, float(np.ptp(values))))
         return sorted(found, key=lambda entry: -entry[1])
-
-
-def inapplicable(study: Study, setting: str, parameter: Parameter) -> str | None:
-    """Why a parameter has no part in some settings; None where it has one."""
-    given = study.setting(setting)
-    if parameter.kind == "options" and parameter.leaf in given:
-        return f"these settings fix {parameter.leaf} themselves"
-    if given.get("engine") == "mujoco":
-        return _lacking(parameter)
-    if parameter.target == "geom_restitution" and given.get("contact", study.options.contact) == "mujoco":
-        return "restitution has no part in MuJoCo's law"
-    return None
-
-
-def _lacking(parameter: Parameter) -> str | None:
-    """What of a parameter MuJoCo does not have."""
-    if parameter.kind in ("sensor", "actuator"):
-        return "MuJoCo has no errors of sensors and no drives"
-    if parameter.kind == "options" and parameter.leaf not in MUJOCO_SETTINGS:
-        return f"MuJoCo has no {parameter.leaf}"
-    if parameter.kind == "options" and (words := _LACKING & {*parameter.levels(), parameter.nominal}):
-        return f"MuJoCo has no {parameter.leaf} {', '.join(sorted(map(str, words)))}"
-    if parameter.target in ("geom_restitution", "geom_concave", "eq_stiffness", "eq_damping"):
-        return f"MuJoCo has no {parameter.target}"
-    return None
-
-
-def nominal_of(study: Study, setting: str) -> dict[str, Value]:
-    """Theta of the unperturbed point with some settings: without the parameters that have no part in them."""
-    return {name: value for name, value in study.nominal.items() if not inapplicable(study, setting, study.parameters[name])}
 
 
 def sweep(
@@ -260,7 +228,7 @@ def _deviation(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
 def _cliffs(study: Study, levels: Sequence[Level], journal: Journal, resolution: float, tick: Tick | None) -> list[tuple[Cliff, list[Row]]]:
     """Every cliff between neighbouring levels of a parameter, with the episodes that located it."""
     numeric = [level for level in levels if isinstance(level.value, int | float) and not isinstance(level.value, bool)]
-    if study.parameters[levels[0].parameter].leaf in ("iterations", "max_contacts") if levels else True:
+    if study.parameters[levels[0].parameter].leaf in COUNTS if levels else True:
         return []
     numeric.sort(key=lambda level: float(level.value or 0))
     found = []

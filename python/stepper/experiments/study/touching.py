@@ -13,7 +13,8 @@ from stepper._status import Status
 from stepper._stepper import Model
 from stepper.experiments.study.batches import drive_through, world_of
 from stepper.experiments.study.outcomes import Watch
-from stepper.experiments.study.study import USUAL, Study
+from stepper.experiments.study.points import USUAL
+from stepper.experiments.study.study import Study
 from stepper.experiments.study.worlds import StepperWorld, World
 
 Array = NDArray[np.float64]

@@ -22,8 +22,9 @@ from typing import Any
 import numpy as np
 
 from stepper._status import Status
-from stepper.experiments.study.batches import Point, group_of, run_episodes
+from stepper.experiments.study.batches import group_of, run_episodes
 from stepper.experiments.study.journal import Journal, Row
+from stepper.experiments.study.points import Point
 from stepper.experiments.study.study import Study
 from stepper.experiments.study.sweep import UNSOLVED
 

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from stepper._hints import near
 from stepper._options import Options, Precision
 from stepper._status import Status
 from stepper._stepper import Model, ModelError, Stepper
@@ -47,6 +48,14 @@ class Plan:
     threads: int = 1
 
 
+class Thetas(dict[str, NDArray[Any]]):
+    """Values of parameters by name; asked for one that there is not, it names those that there are."""
+
+    def __missing__(self, name: str) -> NDArray[Any]:
+        known = ", ".join(self) or "none"
+        raise KeyError(f"the study has no parameter {name!r} with a value{near(str(name), self) or ','} there are: {known}")
+
+
 class World:
     """Environments of one engine at one time.
 
@@ -68,7 +77,7 @@ class World:
 
     def __init__(self, plan: Plan, num_envs: int):
         self.model, self.num_envs, self.time = plan.model, num_envs, 0.0
-        self.theta: dict[str, NDArray[Any]] = {}
+        self.theta = Thetas()
         self.episodes: NDArray[np.int64] = np.arange(num_envs)
         self.timestep = 0.0
         self.last_ctrl: Any = None
@@ -268,6 +277,8 @@ class StepperWorld(World):
         else:
             self.sim.reset(qpos=qpos, qvel=qvel, seed=seed)
             self._held = None
+        for worst in self._worst.values():
+            worst[:] = 0
         self.time = 0.0
 
     def advance(self, ctrl: Any, nstep: int) -> None:

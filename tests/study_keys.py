@@ -1,0 +1,73 @@
+"""The tables of a study's keys in docs/studies.md, made of what the classes say of themselves.
+
+PYTHONPATH=python python tests/study_keys.py
+"""
+
+import inspect
+import json
+import re
+from dataclasses import MISSING, fields
+from pathlib import Path
+
+import stepper
+
+PAGE = Path(__file__).parents[1] / "docs/studies.md"
+BEGIN, END = "<!-- keys: tests/study_keys.py writes them -->\n", "<!-- end of keys -->\n"
+PARTS = (("", stepper.Study), ("[[outcomes]]", stepper.Outcome), ("[parameters.NAME]", stepper.Parameter))
+IN_TOML = {
+    "model": 'a path beside the file, MJCF, or "file.py:function"',
+    "drive": '"file.py:function" or class, "module:function", "controls.npz", "random"',
+    "start": '"file.py:function"',
+    "outcomes": "tables `[[outcomes]]`, below",
+    "parameters": "tables `[parameters.NAME]`, below",
+    "settings": "tables `[settings.NAME]`",
+    "options": "a table `[options]`, of the attributes of `stepper.Options`",
+    "sensors": 'a file, or tables `[sensors.NAME]` of the attributes of `stepper.Transfer`; "default" is all others',
+    "actuators": "a file, or tables `[actuators.NAME]` of the attributes of `stepper.Drive`",
+}
+"""How values are written in a file that are no numbers, words or lists of them."""
+POLICY = (
+    "| `policy` | | In place of drive, in a file alone: a function of what the sensors say, or a file of a network. "
+    '| "file.py:function", a file |'
+)
+
+
+def attributes(kind):
+    """What a docstring says of each attribute, by name, in one line."""
+    text = inspect.cleandoc(kind.__doc__).partition("Attributes:\n")[2]
+    told = {}
+    for name, words in re.findall(r"^    (\w+): (.*?)(?=^    \w+: |\Z)", text, re.DOTALL | re.MULTILINE):
+        told[name] = " ".join(words.split()).replace("|", "\\|")
+    return told
+
+
+def default(field):
+    """The default of a field as it is written in a file; empty of what must be given."""
+    value = field.default
+    if value is None:
+        return "none"
+    if value is MISSING or value in ((), ""):
+        return ""
+    if isinstance(value, bool):
+        return f"`{str(value).lower()}`"
+    # As TOML has words and lists of them, which is as JSON does.
+    return f"`{json.dumps(value)}`"
+
+
+def table():
+    """All keys, as Markdown."""
+    lines = []
+    for place, kind in PARTS:
+        told = attributes(kind)
+        if place:
+            rows = [f"| `{f.name}` | {default(f)} | {told[f.name]} |" for f in fields(kind)]
+            lines += [f"\n`{place}`\n", "| key | default | |", "|---|---|---|", *rows]
+        else:
+            rows = [f"| `{f.name}` | {default(f)} | {told[f.name]} | {IN_TOML.get(f.name, '')} |" for f in fields(kind)]
+            lines += ["| key | default | | in a file |", "|---|---|---|---|", *rows, POLICY]
+    return "\n".join(lines).replace("|  |", "| |") + "\n"
+
+
+if __name__ == "__main__":
+    before, _, rest = PAGE.read_text().partition(BEGIN)
+    PAGE.write_text(before + BEGIN + "\n" + table() + "\n" + END + rest.partition(END)[2])

@@ -87,11 +87,11 @@ study-libraries: build $(LIBRARIES)/study.stamp
 adapters: build $(LIBRARIES)/adapters.stamp
 	PYTHONPATH=python $(LIBRARIES)/bin/python -m pytest $(or $(ADAPTERS),$(wildcard tests/adapters/test_*.py))
 
-# Tests of examples/train.py, for which torch is installed, and of the Go1 and the G1, whose files are mjlab's.
+# Tests of examples/train.py, shac.py and grasp.py, for which torch is installed, and of the Go1 and the G1, whose files are mjlab's.
 training: build
 	$(BIN)/python -m pip install --quiet --group train
 	$(BIN)/python -m pip install --quiet --no-deps mjlab
-	$(BIN)/python -m pytest tests/examples/test_train.py tests/envs/test_go1.py tests/envs/test_g1.py
+	$(BIN)/python -m pytest tests/examples/test_train.py tests/examples/test_gradients.py tests/envs/test_go1.py tests/envs/test_g1.py
 
 # Intervals of identified masses and frictions, in a hundred noisy repetitions, beside mujoco.sysid: docs/identification.md (an hour). IDENTIFY='--only
 # own --count 20' and more, see --help.

@@ -1,0 +1,199 @@
+"""A gripper learns to lift a box as gently as it can: by derivatives of the simulation, and by PPO.
+
+    python examples/grasp.py    # both from three seeds, and what each took: a minute and a half of processor time
+
+Two fingers and a hand, moved by forces, stand beside a box that lies somewhere between them. The box is wanted 10 cm higher, and forces of
+the fingers cost. Friction holds the box if each finger presses with m g / (2 mu) at least, 6.5 N. The learner by derivatives is that of
+shac.py with a whole episode as its horizon, the other that of train.py; the networks, what they begin with and the task are the same.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium
+import numpy as np
+import stepper
+import torch
+import train  # type: ignore[import-not-found]
+from numpy.typing import NDArray
+from shac import Differentiable, Learner, Plan  # type: ignore[import-not-found]
+from stepper.envs import Quantity, Task, square_sum
+from stepper.policies import Policy
+
+Array = NDArray[Any]
+
+G, MASS, FRICTION = 9.81, 0.8, 0.6
+RISE, WEIGHT = 0.1, 0.25
+"""Height that is wanted, m; weight of the squares of the fingers' forces, in parts of the largest ones."""
+FORCE, ACTIONS = 20.0, 50
+"""Largest force of a finger, N; actions of an episode, of 20 ms."""
+MODEL = f"""
+<mujoco model="grasp">
+  <option timestep="0.004" gravity="0 0 -{G}"/>
+  <worldbody>
+    <geom name="floor" type="plane" size="1 1 .1" friction="{FRICTION}"/>
+    <body name="hand" pos="0 0 .05">
+      <joint name="lift" type="slide" axis="0 0 1" damping="10"/>
+      <inertial pos="0 0 .1" mass="1" diaginertia=".01 .01 .01"/>
+      <body name="left" pos="-.05 0 0"><joint name="left" type="slide" axis="1 0 0" damping="10"/>
+        <geom name="left" type="sphere" size=".01" mass=".1" friction="{FRICTION}"/></body>
+      <body name="right" pos=".05 0 0"><joint name="right" type="slide" axis="-1 0 0" damping="10"/>
+        <geom name="right" type="sphere" size=".01" mass=".1" friction="{FRICTION}"/></body>
+    </body>
+    <body name="box" pos="0 0 .05">
+      <joint name="x" type="slide" axis="1 0 0"/><joint name="z" type="slide" axis="0 0 1"/>
+      <geom name="box" type="box" size=".03 .03 .05" mass="{MASS}" friction="{FRICTION}"/>
+    </body>
+  </worldbody>
+  <actuator>
+    <general joint="lift" gainprm="30" biastype="affine" biasprm="{1.2 * G} 0 0" ctrlrange="-1 1"/>
+    <motor joint="left" gear="{FORCE}" ctrlrange="-1 1"/>
+    <motor joint="right" gear="{FORCE}" ctrlrange="-1 1"/>
+  </actuator>
+</mujoco>
+"""
+OPTIONS = stepper.Options(integrator="euler", stabilization="baumgarte", baumgarte=1.0, slop=0.0)
+"""Hard contact without the kink of a box at rest (docs/derivatives.md)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Grasp(Task):
+    """Lift the box by 10 cm, with little force of the fingers."""
+
+    frame_skip: int = 5
+
+    def model(self) -> stepper.Model:
+        """The gripper and the box, in a plane."""
+        return stepper.load(MODEL)
+
+    def quantities(self) -> tuple[Quantity, ...]:
+        """Configuration and velocities: (10,)."""
+        return Quantity("qpos"), Quantity("qvel")
+
+    def reward(self, now: Any) -> tuple[Array, dict[str, Array]]:
+        """1 where the box is as high as it should be and nothing presses."""
+        miss = (now.qpos[:, 4] - RISE) / RISE
+        return 1.0 - np.square(miss) - WEIGHT * square_sum(now.action[:, 1:]), {"rise": now.qpos[:, 4]}
+
+    def start(self, qpos: Array, qvel: Array, draws: Any) -> None:
+        """The box somewhere within 5 mm of the middle, fingers up to 5 mm farther from it."""
+        qpos[:, 3] += draws.uniform(-0.005, 0.005, 1)[:, 0]
+        qpos[:, 1:3] -= draws.uniform(0.0, 0.005, 2)
+
+
+TASK = Differentiable(
+    observation=lambda qpos, qvel: torch.cat([qpos, qvel], dim=1),
+    reward=lambda qpos, after, qvel, action, dt: 1.0 - ((after[:, 4] - RISE) / RISE).square() - WEIGHT * action[:, 1:].square().sum(dim=1),
+)
+
+NAME = "examples/Grasp-v0"
+gymnasium.register(
+    NAME,
+    entry_point="stepper.envs:StepperEnv",
+    vector_entry_point="stepper.envs:StepperVectorEnv",
+    max_episode_steps=ACTIONS,
+    kwargs={"task": Grasp, "options": OPTIONS},
+)
+
+
+@dataclass(frozen=True)
+class Score:
+    """What a policy is worth, over fresh episodes.
+
+    Attributes:
+        rollouts: Episodes that the learner had made.
+        processor: Time of the processor that it had taken, s.
+        gain: Mean return.
+        miss: Root mean square of the box's distance from where it should be at the end, m.
+        force: Mean force of the fingers at the end, N.
+    """
+
+    rollouts: int
+    processor: float
+    gain: float
+    miss: float
+    force: float
+
+
+def score(policy: Policy, rollouts: int, processor: float) -> Score:
+    """Runs a policy in 32 episodes that no learner has seen."""
+    envs: Any = gymnasium.make_vec(NAME, num_envs=32)
+    observation, _ = envs.reset(seed=train.FRESH)
+    gain = 0.0
+    for _ in range(ACTIONS):
+        action = policy(observation)
+        observation, reward, *_, info = envs.step(action)
+        gain += float(reward.mean())
+    return Score(rollouts, processor, gain, float(np.sqrt(np.mean((info["rise"] - RISE) ** 2))), float(FORCE * action[:, 1:].mean()))
+
+
+def grip(net: train.ActorCritic) -> None:
+    """Makes a policy begin with a grip that lifts the box, too fast: of one that lies on the floor, no derivative says how to lift it."""
+    with torch.no_grad():
+        net.actor[-1].bias[:] = torch.tensor([0.4, 0.5, 0.5])
+
+
+def by_derivatives(rollouts: int, seed: int = 1, **given: Any) -> Iterator[Score]:
+    """Learns with gradients through whole episodes; yields a score after every update."""
+    plan = Plan(**{"num_envs": 8, "horizon": ACTIONS, "rate": 5e-3, "seed": seed, **given})
+    envs = gymnasium.make_vec(NAME, num_envs=plan.num_envs, autoreset_mode=gymnasium.vector.AutoresetMode.DISABLED)
+    learner, spent = Learner(envs, TASK, plan), 0.0
+    grip(learner.net)
+    while (made := learner.updates * plan.num_envs) < rollouts:
+        learner.slow(made / rollouts)
+        spent -= time.process_time()
+        learner.update()
+        spent += time.process_time()
+        yield score(learner.policy(), learner.updates * plan.num_envs, spent)
+
+
+def by_ppo(rollouts: int, seed: int = 1, **given: Any) -> Iterator[Score]:
+    """Learns with train.py; yields a score after every update."""
+    own = {"num_envs": 64, "horizon": ACTIONS, "minibatch": 640, "epochs": 8, "initial_std": Plan.std, "threads": 1}
+    run, spent = train.Run(train.Settings(env=NAME, seed=seed, **{**own, **given})), 0.0
+    grip(run.net)
+    while run.episodes < rollouts:
+        spent -= time.process_time()
+        run.update(run.collect())
+        spent += time.process_time()
+        yield score(run.policy(), run.episodes, spent)
+
+
+LEARNERS = {"derivatives": (by_derivatives, 320), "PPO": (by_ppo, 1600)}
+"""Learners and their rollouts."""
+MARKS = (30.0, 35.0)
+"""Returns whose first time is told."""
+
+
+def row(name: str, seed: int, scores: list[Score]) -> str:
+    """A learner's run as a row of a table: when it came to each mark, and what it came to."""
+    cells = [name, str(seed)]
+    for mark in MARKS:
+        first = next((s for s in scores if s.gain >= mark), None)
+        cells += [str(first.rollouts), f"{first.processor:.1f}"] if first else ["never", ""]
+    last = scores[-1]
+    cells += [str(last.rollouts), f"{last.processor:.1f}", f"{last.gain:.1f}", f"{1e3 * last.miss:.1f} mm", f"{last.force:.1f} N"]
+    return "| " + " | ".join(cells) + " |"
+
+
+def main() -> None:
+    """Learns by both and prints a table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, default=3, help="runs of each learner [3]")
+    given = parser.parse_args()
+    torch.set_num_threads(1)
+    marks = "".join(f" rollouts to {mark:.0f} | s |" for mark in MARKS)
+    print(f"| by | seed |{marks} rollouts | s | return | the box misses by | force of a finger |")
+    print("|" + "---|" * (7 + 2 * len(MARKS)))
+    for name, (learn, rollouts) in LEARNERS.items():
+        for seed in range(1, given.seeds + 1):
+            print(row(name, seed, list(learn(rollouts, seed))), flush=True)
+
+
+if __name__ == "__main__":
+    main()

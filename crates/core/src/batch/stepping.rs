@@ -41,13 +41,12 @@ pub trait BatchCalls {
     ///
     /// # Errors
     /// [`Error::Threads`].
-    fn derive(&mut self, inputs: &StepInputs<'_>, quantity: DerivedQuantity, out: &mut [f64]) -> Result<(), Error>;
+    fn derive(&mut self, inputs: &StepInputs<'_>, quantities: Vec<(DerivedQuantity, Numbers<'_>)>) -> Result<(), Error>;
     /// Differentiates the step from the present state in all environments, implicitly; nothing advances.
     ///
     /// # Errors
     /// [`Error::Threads`].
     fn differentiate(&mut self, inputs: &StepInputs<'_>, query: &DerivativeQuery<'_>, rows: DerivativeRows<'_>) -> Result<(), Error>;
-    fn derive(&mut self, inputs: &StepInputs<'_>, quantities: Vec<(DerivedQuantity, Numbers<'_>)>) -> Result<(), Error>;
     /// Problem that a step of one environment from the present state would solve, as bytes: see [`stepper_solve::Problem::from_bytes`].
     fn problem(&self, inputs: &StepInputs<'_>, env: usize) -> Vec<u8>;
     /// Threads that step.

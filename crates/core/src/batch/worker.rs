@@ -26,8 +26,7 @@ pub trait Worker<S: Scalar>: Send {
     fn run(&mut self, call: &Call<'_, S>, group: &mut Group<S>, at: GroupPosition<'_, '_, S>);
     /// Reads the sensors of one group, whose first environment is `first`.
     fn sense(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, query: Query<'_>);
-    /// Derives a quantity of one group, whose first environment is `first`, environment-major.
-    /// Writes each of some quantities to the rows of its `out`.
+    /// Derives some quantities of one group, whose first environment is `first`, environment-major, each to the rows of its `out`.
     fn derive(&mut self, call: &Call<'_, S>, group: &Group<S>, first: usize, quantities: &[DerivedQuantity], out: &mut [&mut [S]]);
     /// Problem of one lane as the first solve of the steps of `call` finds it, as bytes; the group is used up.
     fn problem(&mut self, call: &Call<'_, S>, group: &mut Group<S>, first: usize, lane: usize) -> Vec<u8>;

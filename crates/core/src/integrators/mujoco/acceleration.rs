@@ -11,8 +11,8 @@ use crate::constraints::equality::RowInput;
 use crate::constraints::soft::SoftInput;
 use crate::dynamics::kinematics::advance;
 use crate::dynamics::mocap;
-use crate::integrators::renewed::Renewed;
 use crate::integrators::mujoco::discrete::assemble_effective_mass;
+use crate::integrators::renewed::Renewed;
 use crate::integrators::workspace::Workspace;
 use crate::options::{Integrator, StepSettings};
 use crate::probe::{Counter, Probe, Span};
@@ -30,18 +30,6 @@ pub(super) fn accelerate<R: Real>(
     probe: impl Probe,
 ) -> Outcome<R> {
     prepare(compiled, options, h, s, Renewed::Configuration, probe);
-    s.evaluation.q.copy_from_slice(&s.state.q);
-    s.evaluation.act.copy_from_slice(&s.state.act);
-    probe.span(Span::Kinematics, || {
-        mocap::pose_bodies(compiled, &s.mocap_trajectories, R::of(s.elapsed), &mut s.evaluation.kinematics);
-        s.evaluation.kinematics.update(compiled, &s.evaluation.q);
-    });
-    match options.integrator {
-        Integrator::Discrete => free_acceleration_at_end(compiled, h, s, probe),
-        _ => free_acceleration(compiled, h, s, probe),
-    }
-    find_contacts(compiled, s, probe);
-    probe.span(Span::Assemble, || assemble(compiled, options, h, s));
     probe.span(Span::Solve, || solve(compiled, options, h, s, from_impulse))
 }
 
@@ -62,7 +50,10 @@ pub(super) fn prepare<R: Real>(
             s.evaluation.kinematics.update(compiled, &s.evaluation.q);
         });
     }
-    free_acceleration(compiled, h, s, renewed, probe);
+    match options.integrator {
+        Integrator::Discrete => free_acceleration_at_end(compiled, h, s, probe),
+        _ => free_acceleration(compiled, h, s, renewed, probe),
+    }
     if renewed == Renewed::Configuration {
         find_contacts(compiled, s, probe);
     }

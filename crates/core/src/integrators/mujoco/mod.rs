@@ -43,14 +43,6 @@ pub(crate) fn solve_step<R: Real>(
         _ => {
             let outcome = accelerate(compiled, options, h, s, true, probe);
             advance(compiled, options.integrator, h, s, probe);
-            probe.span(Span::IntegrateVelocity, || match options.integrator {
-                Integrator::Discrete => discrete::integrate_velocity(compiled, h, s),
-                _ => integrate_velocity(compiled, h, options.integrator, s),
-            });
-            probe.span(Span::IntegratePosition, || {
-                integrate_position(compiled, &s.state.q, &s.next.v, h, &mut s.next.q);
-                advance_activation(compiled, &s.state.act, &s.state.act, &s.inputs.ctrl, h, &mut s.next.act);
-            });
             outcome
         }
     };
@@ -64,7 +56,10 @@ pub(crate) fn solve_step<R: Real>(
 
 /// Stages 6 and 7 by the acceleration.
 fn advance<R: Real>(compiled: &LaneModel<R>, integrator: Integrator, h: R, s: &mut Workspace<R>, probe: impl Probe) {
-    probe.span(Span::IntegrateVelocity, || integrate_velocity(compiled, h, integrator, s));
+    probe.span(Span::IntegrateVelocity, || match integrator {
+        Integrator::Discrete => discrete::integrate_velocity(compiled, h, s),
+        _ => integrate_velocity(compiled, h, integrator, s),
+    });
     probe.span(Span::IntegratePosition, || {
         integrate_position(compiled, &s.state.q, &s.next.v, h, &mut s.next.q);
         advance_activation(compiled, &s.state.act, &s.state.act, &s.inputs.ctrl, h, &mut s.next.act);

@@ -18,7 +18,6 @@ mod softness;
 mod tree;
 
 pub use crate::model::Kernel;
-pub(crate) use crate::model::MIN_VALUE;
 pub use actuators::{CompiledActuator, CompiledActuatorDynamics, CompiledWrench, Spot};
 pub use collision::{CompiledPair, Crowd, NO_PATCH};
 pub use compiled_model::{CompiledModel, ModelStructure};
@@ -27,5 +26,5 @@ pub use lane_model::LaneModel;
 pub use parameters::{ActuatorParams, CompensationParams, DofParams, FluidParams, Inertial, Params};
 pub use passive::{CompiledEllipsoid, FluidShape};
 pub use softness::{CompiledSoftness, SoftContactLaw, SoftLaw};
-pub(crate) use softness::{EndLaw, MIN_FRICTION};
+pub(crate) use softness::{EndLaw, MIN_FRICTION, MIN_MOBILITY};
 pub use tree::{CompiledJoint, CompiledSpinner, Descendant, Dof, Link};

@@ -10,6 +10,8 @@ const IMPEDANCE: [f64; 2] = [1e-4, 0.9999];
 
 /// Least coefficient of friction (`mjMINMU`).
 pub(crate) const MIN_FRICTION: f64 = 1e-5;
+/// Mobility below which a row moves nothing.
+pub(crate) const MIN_MOBILITY: f64 = MIN_VALUE;
 
 /// Law of a soft row: reference acceleration -B v - K d(r) r and regularisation (1 - d(r)) / d(r) times its weight, with the error r, its
 /// rate v and the impedance d.

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use stepper_real::Real;
 
-use crate::compile::{EndLaw, LaneModel, MIN_VALUE, ModelStructure, SoftLaw};
+use crate::compile::{EndLaw, LaneModel, MIN_MOBILITY, ModelStructure, SoftLaw};
 use crate::constraints::soft::system::SoftSystem;
 
 /// Mass matrix of a discrete step: what has the sparsity of the trees is among the entries of the mass matrix that the solver is given;
@@ -109,7 +109,7 @@ impl<R: Real> EffectiveMass<R> {
             bare += j * j / self.diagonals[0][d];
             own += j * j / self.diagonals[1][d];
         }
-        let moves = bare.gt(R::of(MIN_VALUE));
+        let moves = bare.gt(R::of(MIN_MOBILITY));
         R::select(moves, own / R::select(moves, bare, R::one()), R::one())
     }
 }
@@ -117,7 +117,7 @@ impl<R: Real> EffectiveMass<R> {
 /// Weight D of a row whose approximate inverse inertia is a part `mobility` of what its law takes it for.
 #[inline(always)]
 pub(super) fn in_metric<R: Real>(weight: R, mobility: R) -> R {
-    (weight / mobility).min(R::of(1.0 / MIN_VALUE))
+    (weight / mobility).min(R::of(1.0 / MIN_MOBILITY))
 }
 
 /// Reference acceleration and weight D of a row at the error r, with its rate v and the acceleration `shift` that it has if no joint

@@ -4,7 +4,7 @@ use stepper_benches::boxes::{FRICTION, Heap, STEP};
 use stepper_benches::clock::{pin, thread_time};
 use stepper_benches::report::{cpu, rustc};
 use stepper_solve::gauss_seidel::{self, SweepSettings};
-use stepper_solve::newton::Newton;
+use stepper_solve::newton::{Newton, Search, Terms};
 use stepper_solve::{Iterate, Problem, residual};
 
 /// Residual to be reached, m/s.
@@ -100,6 +100,7 @@ fn accelerated(problem: &Problem<f64>, iterate: &mut Iterate<f64>) -> (f64, f64)
 
 fn newton(problem: &Problem<f64>, iterate: &mut Iterate<f64>) -> (f64, f64) {
     let (mut left, mut taken) = (residual(problem, iterate), 0.0);
-    Newton::default().solve(problem, iterate, STEPS, TOLERANCE, true, [&mut left, &mut taken]);
+    let search = Search { steps: STEPS, tolerance: TOLERANCE, terms: Terms::HeldInSmall };
+    Newton::default().solve(problem, iterate, search, true, [&mut left, &mut taken]);
     (left, taken)
 }

@@ -383,7 +383,7 @@ impl<R: Real> StepDerivative<R> {
             || {
                 let a = offsets[0];
                 let Some(&b) = offsets.get(1) else {
-                    first.iter_mut().for_each(|change| *change = *change / a);
+                    first.iter_mut().for_each(|change| *change /= a);
                     return 0;
                 };
                 // Of the parabola through both points and the nominal one.

@@ -5,6 +5,8 @@
 //! held. Geometry, forces and inertia are differentiated by differences of this, which has no kinks of its own. Where the configuration
 //! stays, poses, mass matrix and rows do.
 
+pub(crate) mod kink;
+
 use stepper_real::{Mask, Real, Scalar};
 use stepper_solve::newton::Switch;
 
@@ -21,19 +23,7 @@ use crate::model::JointKind;
 use crate::options::{ContactLaw, StepSettings};
 use crate::probe::NoProbe;
 use crate::step::step;
-
-/// Contacts begin or cease to push.
-const CONTACT: u32 = 1;
-/// Contacts begin or cease to slip.
-const SLIP: u32 = 2;
-/// Joints reach a limit or leave it.
-const LIMIT: u32 = 8;
-/// Dry friction begins or ceases to hold a joint.
-const DRY_FRICTION: u32 = 16;
-/// Slopes on both sides differ.
-const SLOPE: u32 = 64;
-/// The step was not solved.
-const UNSOLVED: u32 = 128;
+use crate::step_derivative::kink::*;
 
 /// Change of a slope per unit of a coordinate, relative to the slope, that smooth motion may have, and the largest for any width.
 const CURVATURE: f64 = 1e4;

@@ -7,7 +7,7 @@ use crate::dynamics::kinematics::Kinematics;
 use crate::integrators::observation::read_actuator_forces;
 use crate::integrators::workspace::Workspace;
 use crate::math::spatial::*;
-use crate::model::Model;
+use crate::model::{MIN_VALUE, Model};
 use crate::sensing::{contact_wrenches, motion_of, orientations};
 
 /// What [`Simulation::derive`](crate::Simulation::derive) gives of every environment, in MuJoCo's vocabulary.
@@ -403,8 +403,6 @@ impl<R: Real> Derivation<R> {
     }
 
     fn find_subtrees(&mut self, compiled: &LaneModel<R>) {
-        /// Mass below which a subtree counts as massless, kg: MuJoCo's mjMINVAL.
-        const LEAST: f64 = 1e-15;
         let n = compiled.bodies.len();
         self.subtrees.resize(n, zero());
         self.mass.resize(n, R::zero());
@@ -422,7 +420,7 @@ impl<R: Real> Derivation<R> {
                         mass[parent] += whole;
                         out[parent] = add(out[parent], out[b]);
                     }
-                    let heavy = whole.gt(R::of(LEAST));
+                    let heavy = whole.gt(R::of(MIN_VALUE));
                     let centre = scale(out[b], R::one() / R::select(heavy, whole, R::one()));
                     out[b] = select(heavy, centre, own[b]);
                 }

@@ -10,21 +10,8 @@ use crate::batch::simulation::checks::check_length;
 use crate::batch::simulation::{Error, Simulation};
 use crate::options::ContactLaw;
 use crate::stages::s10_record::Status;
+use crate::step_derivative::kink::*;
 
-/// Contacts begin or cease to push.
-const CONTACT: u32 = 1;
-/// Contacts that stick in one and slip in the other.
-const SLIP: u32 = 2;
-/// Contacts or limits that are open in one and overlap in the other.
-const GAP: u32 = 4;
-/// Joints that reach a limit or leave it.
-const LIMIT: u32 = 8;
-/// Joints that dry friction holds in one and not in the other.
-const DRY_FRICTION: u32 = 16;
-/// Actuators at the bound of their effort.
-const SATURATION: u32 = 32;
-/// A step was not solved, not finite, or too long for its motion.
-const UNSOLVED: u32 = 128;
 /// Kinds of which lists are compared.
 const LISTED: [u32; 6] = [CONTACT, SLIP, GAP, LIMIT, DRY_FRICTION, SATURATION];
 

@@ -2,7 +2,7 @@
 
     python benches/training.py curves                       # from the runs in out/train: docs/learning_curves.csv and .png
     python benches/training.py evaluate                     # fresh episodes of their policies
-    python benches/training.py follow                       # how far the Go1 is from the velocities that it is commanded
+    python benches/training.py follow                       # how far Go1 and G1 are from the velocities that they are commanded
     python benches/training.py transfer                     # examples/policies/ in other environments, from the same starts
     python benches/training.py race                         # HalfCheetah here, in EnvPool and in Gymnasium's own: docs/learning_race.png
 
@@ -25,7 +25,7 @@ import envpool_vector
 import gymnasium
 import numpy as np
 import stepper.envs
-from stepper.envs.locomotion import Go1Velocity
+from stepper.envs.locomotion import G1Velocity, Go1Velocity, VelocityTask
 from stepper.policies import Comparison, Policy, compare, evaluate, load
 from stepper.shared.machine import one_core, require
 
@@ -150,25 +150,37 @@ def _spent(run: Path) -> list[str]:
     return [f"{float(last[name]) / scale:.1f}" for name, scale in (("steps", 1e6), ("seconds", 60.0), ("processor", 60.0))]
 
 
-def table_of_following(runs: Path, episodes: int) -> str:
-    """Fresh episodes of every run of the Go1, a row each: those of the page, with the runs of a folder in place of the same ones.
+VELOCITY_TASKS: dict[str, type[VelocityTask]] = {"Go1Velocity-v0": Go1Velocity, "G1Velocity-v0": G1Velocity}
+"""Tasks of robots that follow a commanded velocity."""
 
-    How far they are from the commanded velocity, and how often they fall; beside one that stands still.
+
+def table_of_following(runs: Path, episodes: int, only: str) -> str:
+    """Fresh episodes of every run of a robot that follows commands, a row each, of tasks that have `only` in their names; other rows stay.
+
+    How far they are from the commanded velocity, and how often they fall, under the law of contact that they were trained in and then under
+    the other; beside one that stands still.
     """
-    env = "stepper/Go1Velocity-v0"
     head, line, *kept = read_table("follow")
-    table = {_cells(row)[0]: row for row in kept}
-    stance = Go1Velocity().memory(episodes)["last"]
-    rows: list[tuple[list[str], Any]] = [(["stands still", "", "", ""], lambda observation: stance)]
-    for file in sorted(runs.glob("stepper_Go1Velocity-v0/seed*/policy.npz")):
-        rows.append(([file.parent.name.removeprefix("seed"), *_spent(file.parent)], load(file)))
-    for cells, policy in rows:
-        found = evaluate(policy, env, episodes=episodes, seed=2**32, infos=("tracking_error",), precision="f32")
-        errors = found.infos["tracking_error"]
-        low, high = found.interval(info="tracking_error")
-        cells += [f"{found.mean:.0f}", f"{errors.mean():.3f}", f"{low:.3f} to {high:.3f}", f"{errors.max():.2f}"]
-        table[cells[0]] = "| " + " | ".join([*cells, f"{np.sum(found.lengths < found.lengths.max())} of {episodes}"]) + " |"
-        print(table[cells[0]], flush=True)
+    table = {tuple(_cells(row)[:3]): row for row in kept}
+    for name, task in VELOCITY_TASKS.items():
+        if only not in name:
+            continue
+        env, stance = f"stepper/{name}", task().memory(episodes)["last"]
+        rows: list[tuple[list[str], Any, str]] = [
+            ([name, "stands still", _LAWS["hard"], "", "", ""], lambda observation, act=stance: act, "hard")
+        ]
+        for file in sorted(runs.glob(f"stepper_{name}/seed*/policy.npz")):
+            policy = load(file)
+            for law in (_law(policy), *(_LAWS.keys() - {_law(policy)})):
+                rows.append(([name, file.parent.name.removeprefix("seed"), _LAWS[law], *_spent(file.parent)], policy, law))
+        for cells, act, law in rows:
+            found = evaluate(act, env, episodes=episodes, seed=2**32, infos=("tracking_error",), precision="f32", contact=law)
+            errors = found.infos["tracking_error"]
+            low, high = found.interval(info="tracking_error")
+            cells += [f"{found.mean:.0f}", f"{errors.mean():.3f}", f"{low:.3f} to {high:.3f}", f"{errors.max():.2f}"]
+            key = tuple(cells[:3])
+            table[key] = "| " + " | ".join([*cells, f"{np.sum(found.lengths < found.lengths.max())} of {episodes}"]) + " |"
+            print(table[key], flush=True)
     return "\n".join([head, line, *table.values()])
 
 
@@ -195,7 +207,7 @@ def table_of_transfers(episodes: int, only: str) -> str:
     for file in sorted(POLICIES.glob(f"*{only}*.npz")):
         policy = load(file)
         task = str(policy.training["env"]).removeprefix("stepper/")
-        if task not in gymnasium.registry:  # The Go1's is stepper's alone.
+        if task not in gymnasium.registry:  # Those of robots that follow commands are stepper's alone.
             continue
         engine = "MuJoCo" if task == policy.training["env"] else f"stepper, {_LAWS[_law(policy)]}"
         home = TRANSFERS[engine]
@@ -317,8 +329,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=("curves", "evaluate", "follow", "transfer", "race"))
     parser.add_argument("--runs", type=Path, default=RUNS, help="folder of the runs; those of a race are in its folder race")
-    parser.add_argument("--episodes", type=int, help="20 of each run, 200 of each transfer and of each Go1")
-    parser.add_argument("--only", default="", metavar="NAME", help="policies whose files have this in their names, for transfer")
+    parser.add_argument("--episodes", type=int, help="20 of each run, 200 of each transfer and of each robot that follows commands")
+    parser.add_argument(
+        "--only", default="", metavar="NAME", help="files of policies (transfer) or tasks (follow) that have this in their names"
+    )
     parser.add_argument("--task", default="HalfCheetah-v5", help="of a race")
     parser.add_argument("--steps", type=int, default=400_000, help="of each run of a race")
     given = parser.parse_args()
@@ -330,7 +344,7 @@ def main() -> None:
     elif given.what == "evaluate":
         write_table("evaluate", table_of_runs(given.runs, given.episodes or FRESH))
     elif given.what == "follow":
-        write_table("follow", table_of_following(given.runs, given.episodes or 200))
+        write_table("follow", table_of_following(given.runs, given.episodes or 200, given.only))
     else:
         write_table("transfer", table_of_transfers(given.episodes or 200, given.only))
 

@@ -2,6 +2,7 @@
 
 import pickle
 from importlib.util import find_spec
+from pathlib import Path
 from xml.etree import ElementTree
 
 import gymnasium
@@ -11,6 +12,7 @@ import stepper
 import stepper.envs
 from stepper.envs import StepperEnv, StepperVectorEnv
 from stepper.envs.locomotion import G1Velocity, terrain
+from stepper.policies import evaluate, load
 
 pytestmark = pytest.mark.skipif(find_spec("mjlab") is None, reason="mjlab, whose robot this is, is not installed: make training")
 
@@ -181,6 +183,20 @@ def test_rough_ground_is_where_the_task_says():
         # What lands at 1 m/s moves by 5 mm in a step.
         assert (rough.sim.depth < 5e-3).all()
     assert (rough.sim.geom_xpos[:, feet, 2] - task.ground(rough.sim.geom_xpos[:, feet, :2]) > -0.02).all()
+
+
+def test_the_policy_that_is_kept_follows_its_commands():
+    """Within 0.25 m/s in x and y, with pushes, under the law that it was trained in; one that stands in its stance falls."""
+    policy = load(Path(__file__).parents[2] / "examples/policies/g1_velocity.npz")
+    standing = G1Velocity().memory(16)["last"]
+    follows, stands = (
+        evaluate(act, "stepper/G1Velocity-v0", episodes=16, seed=7, infos=("tracking_error",), contact="mujoco", precision="f32")
+        for act in (policy, lambda observation: standing)
+    )
+    assert follows.infos["tracking_error"].mean() < 0.25
+    # Most episodes last their 1,000 actions (nine of ten in the page's table), and none of those that only stand.
+    assert np.median(follows.lengths) == 1000
+    assert stands.lengths.max() < 1000
 
 
 def test_wrong_arguments_are_named():

@@ -57,7 +57,8 @@ pub(super) fn prepare<R: Real>(
     if renewed == Renewed::Configuration {
         find_contacts(compiled, s, probe);
     }
-    if renewed != Renewed::Forces {
+    // What actuator dynamics lose bounds rows of dry friction.
+    if renewed != Renewed::Forces || compiled.lossy {
         probe.span(Span::Assemble, || assemble(compiled, options, h, s));
     }
 }

@@ -42,6 +42,7 @@ bench: build
 	$(BIN)/python -m pip install --quiet 'envpool>=1.2'
 	$(BIN)/python benches/environments.py
 	$(BIN)/python benches/derivatives.py
+	$(BIN)/python benches/states.py
 
 # Time until a robot can be stepped, beside MuJoCo's compiler: docs/performance.md. Downloads four packages; FILES='h1_2.xml' for further robots.
 loading: build

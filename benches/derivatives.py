@@ -217,11 +217,13 @@ def by_whole_rollouts(sim: stepper.Stepper, ctrl: Array, weights: Array, speeds:
     return slopes[:, :size], slopes[:, size:]
 
 
-def median_time(call: Callable[[], Any], count: int) -> float:
-    """Processor time of a call, s: median of some, after one that is not counted."""
+def median_time(call: Callable[[], Any], count: int, before: Callable[[], Any] = lambda: None) -> float:
+    """Processor time of a call, s: median of some, after one that is not counted. `before` is called before each, and not timed."""
+    before()
     call()
     times = []
     for _ in range(count):
+        before()
         begin = time.thread_time()
         call()
         times.append(time.thread_time() - begin)
@@ -245,11 +247,10 @@ def cost(num_envs: int = 32) -> None:
             def back(sim: stepper.Stepper = sim, state: stepper.State = state) -> None:
                 sim.set_state(state)
 
-            def restored(sim: stepper.Stepper = sim, state: stepper.State = state, ctrl: Array = ctrl) -> None:
-                sim.set_state(state)
+            def step(sim: stepper.Stepper = sim, ctrl: Array = ctrl) -> None:
                 sim.step(ctrl)
 
-            stepped = median_time(restored, 15) - median_time(back, 15)
+            stepped = median_time(step, 51, back)
             sim.set_state(state)
             columns = 2 * sim.model.nv + sim.model.na + sim.model.nu
             line = f"| {robot} | {law} | {len(sim.contacts()) / num_envs:.1f} | {columns} | {stepped * per:.1f} |"

@@ -18,7 +18,9 @@ use crate::math::precision::Precision;
 const MAGIC: [u8; 8] = *b"stepper\xfe";
 
 /// Version of the format of saved states; changes whenever what survives a step does.
-pub const FORMAT_VERSION: u32 = 4;
+pub const FORMAT_VERSION: u32 = 5;
+/// The oldest that is read: it had room for contacts that there were not, filled with zeros.
+const OLDEST_VERSION: u32 = 4;
 
 /// Where the digest of the model begins.
 const MODEL: usize = 13;
@@ -88,8 +90,8 @@ impl SavedState {
             return refuse(format!("cut off after {} bytes; copy it again", bytes.len()));
         }
         let version = u32::from_le_bytes(bytes[8..12].try_into().expect("4 bytes"));
-        if version != FORMAT_VERSION {
-            return refuse(format!("format version {version}, this stepper reads {FORMAT_VERSION}; use the version that saved it"));
+        if !(OLDEST_VERSION..=FORMAT_VERSION).contains(&version) {
+            return refuse(format!("format version {version}, this stepper reads {OLDEST_VERSION} to {FORMAT_VERSION}; use the version that saved it"));
         }
         let (head, payload) = (&bytes[..CHECK], &bytes[PAYLOAD..]);
         if bytes[CHECK..PAYLOAD] != checksum(head, payload) {

@@ -143,25 +143,28 @@ impl<S: Scalar> Group<S> {
             + self.actuation.bytes()
     }
 
-    /// Whether two groups are of the same shape.
+    /// Whether two groups are of the same shape, but for the room that they have for contacts.
     pub fn fits(&self, other: &Self) -> bool {
         let sizes = |g: &Self| {
-            let impulses = [&g.scalar_impulse, &g.impulse, &g.mocap, &g.contact_data, &g.contact_torque].map(Vec::len);
+            let impulses = [&g.scalar_impulse, &g.impulse, &g.mocap].map(Vec::len);
             let record = [&g.residual, &g.sweeps, &g.newton_steps, &g.depth, &g.overshoot].map(Vec::len);
             let numbers = ([&g.q, &g.v, &g.act].map(Vec::len), record, impulses);
-            (
-                g.lanes,
-                g.alive,
-                numbers,
-                [&g.contact_count, &g.status, &g.saturated].map(Vec::len),
-                [&g.contact_ids, &g.worst].map(Vec::len),
-                g.time.len(),
-            )
+            (g.lanes, numbers, [&g.contact_count, &g.status, &g.saturated].map(Vec::len), g.worst.len(), g.time.len())
         };
         sizes(self) == sizes(other)
             && self.separation_cache.fits(&other.separation_cache)
             && self.sensing.fits(&other.sensing)
             && self.actuation.fits(&other.actuation)
+    }
+
+    /// Whether its contacts have all of their numbers, and angular impulses if `rolling` and only then, and are `max_contacts` at most.
+    pub fn has_whole_contacts(&self, max_contacts: usize, rolling: bool) -> bool {
+        let entries = self.contact_ids.len();
+        entries.is_multiple_of(self.lanes)
+            && entries <= max_contacts * self.lanes
+            && self.contact_count.iter().all(|&held| held as usize * self.lanes <= entries)
+            && self.contact_data.len() == CONTACT_NUMBERS * entries
+            && self.contact_torque.len() == if rolling { 3 * entries } else { 0 }
     }
 
     /// The same state in one form only: what nobody can read is zero.
@@ -185,9 +188,17 @@ impl<S: Scalar> Group<S> {
         self
     }
 
-    /// The part of it that lanes `first` to `first + n` are.
+    /// Entries of `contact_ids` that the contacts of the environments in lanes `first` to `first + n` are among.
+    fn used_entries(&self, first: usize, n: usize) -> usize {
+        let held = (first..first + n).filter(|lane| self.alive >> lane & 1 == 1).map(|lane| self.contact_count[lane] as usize);
+        self.lanes * held.max().unwrap_or(0)
+    }
+
+    /// The part of it that lanes `first` to `first + n` are, with room for the contacts that there are.
     pub fn part(&self, first: usize, n: usize) -> Self {
         let lanes = self.lanes;
+        let entries = self.used_entries(first, n);
+        let torques = (3 * entries).min(self.contact_torque.len());
         let numbers = |x: &[S]| columns(x, lanes, first, n);
         let words = |x: &[u32]| columns(x, lanes, first, n);
         Self {
@@ -200,9 +211,9 @@ impl<S: Scalar> Group<S> {
             impulse: numbers(&self.impulse),
             mocap: numbers(&self.mocap),
             contact_count: words(&self.contact_count),
-            contact_ids: columns(&self.contact_ids, lanes, first, n),
-            contact_data: numbers(&self.contact_data),
-            contact_torque: numbers(&self.contact_torque),
+            contact_ids: columns(&self.contact_ids[..entries], lanes, first, n),
+            contact_data: numbers(&self.contact_data[..CONTACT_NUMBERS * entries]),
+            contact_torque: numbers(&self.contact_torque[..torques]),
             separation_cache: self.separation_cache.part(first, n),
             time: columns(&self.time, lanes, first, n),
             status: words(&self.status),
@@ -218,26 +229,19 @@ impl<S: Scalar> Group<S> {
         }
     }
 
-    /// Takes over the lanes of a part in some lanes. In each lane of a set, which takes over one lane, what nobody can read stays.
+    /// Takes over the lanes of a part in some lanes, of contacts those that there are: what is behind them stays, and nobody can read it.
     pub(crate) fn set_part(&mut self, target: Target, part: &Self) {
         let (lanes, n) = (self.lanes, part.lanes);
-        let (held, ends) = match target {
-            Target::From(_) => (part.contact_ids.len(), [part.contact_data.len(), part.contact_torque.len()]),
-            Target::Each(_) => {
-                let held = part.contact_count[0] as usize;
-                (held, [held * CONTACT_NUMBERS, (3 * held).min(part.contact_torque.len())])
-            }
-        };
         set_lane_bits(&mut self.alive, target, n, part.alive);
         for (to, from) in [
-            (&mut self.q, &part.q[..]),
+            (&mut self.q, &part.q),
             (&mut self.v, &part.v),
             (&mut self.act, &part.act),
             (&mut self.scalar_impulse, &part.scalar_impulse),
             (&mut self.impulse, &part.impulse),
             (&mut self.mocap, &part.mocap),
-            (&mut self.contact_data, &part.contact_data[..ends[0]]),
-            (&mut self.contact_torque, &part.contact_torque[..ends[1]]),
+            (&mut self.contact_data, &part.contact_data),
+            (&mut self.contact_torque, &part.contact_torque),
             (&mut self.residual, &part.residual),
             (&mut self.sweeps, &part.sweeps),
             (&mut self.newton_steps, &part.newton_steps),
@@ -251,7 +255,7 @@ impl<S: Scalar> Group<S> {
         {
             set_columns(to, lanes, target, n, from);
         }
-        set_columns(&mut self.contact_ids, lanes, target, n, &part.contact_ids[..held]);
+        set_columns(&mut self.contact_ids, lanes, target, n, &part.contact_ids);
         set_columns(&mut self.worst, lanes, target, n, &part.worst);
         set_columns(&mut self.time, lanes, target, n, &part.time);
         self.separation_cache.set_part(target, n, &part.separation_cache);

@@ -5,7 +5,14 @@ pub const MAX_LANES: usize = 32;
 
 /// Lanes `first` to `first + n` of lane-interleaved numbers.
 pub(crate) fn columns<T: Copy>(rows: &[T], lanes: usize, first: usize, n: usize) -> Vec<T> {
-    rows.chunks_exact(lanes).flat_map(|row| &row[first..first + n]).copied().collect()
+    if n == lanes {
+        return rows.to_vec();
+    }
+    let mut out = Vec::with_capacity(rows.len() / lanes * n);
+    for row in rows.chunks_exact(lanes) {
+        out.extend_from_slice(&row[first..first + n]);
+    }
+    out
 }
 
 /// Lanes of a group that take over those of a part of another.

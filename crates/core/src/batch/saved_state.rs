@@ -91,7 +91,9 @@ impl SavedState {
         }
         let version = u32::from_le_bytes(bytes[8..12].try_into().expect("4 bytes"));
         if !(OLDEST_VERSION..=FORMAT_VERSION).contains(&version) {
-            return refuse(format!("format version {version}, this stepper reads {OLDEST_VERSION} to {FORMAT_VERSION}; use the version that saved it"));
+            return refuse(format!(
+                "format version {version}, this stepper reads {OLDEST_VERSION} to {FORMAT_VERSION}; use the version that saved it"
+            ));
         }
         let (head, payload) = (&bytes[..CHECK], &bytes[PAYLOAD..]);
         if bytes[CHECK..PAYLOAD] != checksum(head, payload) {

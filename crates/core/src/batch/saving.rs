@@ -159,59 +159,70 @@ mod tests {
     use super::*;
     use crate::batch::saved_state::SavedState;
     use crate::batch::simulation::Simulation;
-    use crate::batch::inputs::StepInputs;
     use crate::math::precision::Precision;
     use crate::model::{BodyBuilder, GeomBuilder, JointBuilder, Model, WORLD};
     use crate::options::Options;
 
-    /// Boxes that lie on a floor on four contacts each, which they have found.
-    fn lying() -> Simulation {
+    /// Three boxes on a floor.
+    fn boxes() -> Simulation {
         let mut scene = Model::builder("box");
         scene.geom(WORLD, GeomBuilder::plane("floor"));
         let body = BodyBuilder::new("box").pos([0.0, 0.0, 0.1]).joint(JointBuilder::free("root"));
         scene.body(WORLD, body.geom(GeomBuilder::cuboid("box", [0.1; 3]).mass(2.0)));
         let options = Options { max_contacts: Some(16), ..Options::default() };
-        let mut sim = Simulation::new(Arc::new(scene.finish().unwrap()), options, Some(3), Precision::F64, 1).unwrap();
-        sim.step(&StepInputs::default(), 5).unwrap();
-        sim
+        Simulation::new(Arc::new(scene.finish().unwrap()), options, Some(3), Precision::F64, 1).unwrap()
     }
 
-    /// The state of a simulation after its contacts have been changed.
-    fn changed(sim: &Simulation, change: impl Fn(&mut Group<f64>)) -> SavedState {
+    /// The state of a simulation whose environments have two contacts each, in groups with room for `room` of them.
+    fn touching(sim: &Simulation, room: usize, change: impl Fn(&mut Group<f64>)) -> SavedState {
         let state = sim.save_state();
         let mut saved = postcard::from_bytes::<SavedGroups<f64>>(state.payload()).unwrap();
-        saved.groups.iter_mut().for_each(change);
+        for group in &mut saved.groups {
+            let (lanes, entries) = (group.lanes, room * group.lanes);
+            group.contact_ids.resize(entries, 0);
+            group.contact_data.resize(10 * entries, 0.0);
+            for lane in (0..lanes).filter(|lane| group.alive >> lane & 1 == 1) {
+                group.contact_count[lane] = 2;
+                let numbers = group.contact_data.iter_mut().skip(lane).step_by(lanes).take(20);
+                numbers.enumerate().for_each(|(k, x)| *x = 1.0 + k as f64);
+            }
+            change(group);
+        }
         SavedState::new(state.model(), state.precision(), postcard::to_stdvec(&saved).unwrap())
-    }
-
-    /// Gives a group room for so many contacts.
-    fn resize(group: &mut Group<f64>, contacts: usize) {
-        let entries = contacts * group.lanes;
-        group.contact_ids.resize(entries, 0);
-        group.contact_data.resize(10 * entries, 0.0);
     }
 
     #[test]
     fn a_state_with_room_for_more_contacts_is_the_same() {
-        let mut sim = lying();
-        let state = sim.save_state();
-        let older = changed(&sim, |group| resize(group, 16));
-        assert!(older.nbytes() > state.nbytes() + 3 * 12 * 8 * 10);
-        sim.step(&StepInputs::default(), 2).unwrap();
-        assert_ne!(sim.save_state(), state);
-        sim.restore_state(&older).unwrap();
-        assert_eq!(sim.save_state(), state);
+        let mut sim = boxes();
+        let [state, older] = [2, 4].map(|room| touching(&sim, room, |_| ()));
+        assert!(older.nbytes() > state.nbytes() + 3 * 2 * 10 * 8);
+        for given in [older, state.clone()] {
+            sim.restore_state(&given).unwrap();
+            assert_eq!(sim.save_state(), state);
+            // That of one environment given to all of them is the same again.
+            let one = sim.save_state_of(1);
+            sim.restore_state(&one).unwrap();
+            assert_eq!(sim.save_state(), state);
+        }
     }
 
     #[test]
     fn a_state_without_the_contacts_that_it_counts_is_refused() {
-        let mut sim = lying();
-        for (contacts, cut) in [(3, 0), (17, 0), (4, 1)] {
-            let wrong = changed(&sim, |group| {
-                resize(group, contacts);
-                group.contact_data.truncate(10 * contacts * group.lanes - cut);
-            });
-            assert!(sim.restore_state(&wrong).is_err(), "room for {contacts}, {cut} numbers missing");
+        let mut sim = boxes();
+        let before = sim.save_state();
+        let short = |group: &mut Group<f64>| drop(group.contact_data.pop());
+        let counts = |group: &mut Group<f64>| group.contact_count[0] = 3;
+        let uneven = |group: &mut Group<f64>| group.contact_ids.push(0);
+        let rolling = |group: &mut Group<f64>| group.contact_torque.push(0.0);
+        for wrong in [
+            touching(&sim, 2, short),
+            touching(&sim, 2, counts),
+            touching(&sim, 2, uneven),
+            touching(&sim, 2, rolling),
+            touching(&sim, 17, |_| ()),
+        ] {
+            assert!(sim.restore_state(&wrong).is_err());
         }
+        assert_eq!(sim.save_state(), before);
     }
 }

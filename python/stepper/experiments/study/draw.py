@@ -80,13 +80,16 @@ def draw_cliffs(sweep: Sweep, path: Path) -> Path | None:
             row = settings.index(cliff.setting)
             colour, middle = COLOURS[row % len(COLOURS)], (cliff.low + cliff.high) / 2
             panel.errorbar([middle], [row], xerr=[(cliff.high - cliff.low) / 2], fmt="o", color=colour, capsize=2, markersize=4)
-            panel.annotate(f"{middle:.4g}", (middle, row), xytext=(6, -3), textcoords="offset points", fontsize=8, color=colour)
+            # Above the bracket, which may be longer than the number.
+            panel.annotate(
+                f"{middle:.4g}", (middle, row), xytext=(0, 4), textcoords="offset points", ha="center", fontsize=8, color=colour
+            )
         panel.margins(x=0.25)
         panel.set_xlabel(f"{name}{', ' + unit if (unit := sweep.study.parameters[name].unit) else ''}")
         panel.grid(visible=True, axis="x", color="#dddddd")
         panel.locator_params(axis="x", nbins=6)
     axes[0].set_yticks(range(len(settings)), settings)
-    axes[0].invert_yaxis()
+    axes[0].set_ylim(len(settings) - 0.5, -0.8)
     figure.suptitle(f"{sweep.study.name}: where success ends", fontsize=11)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path)

@@ -81,9 +81,7 @@ def draw_cliffs(sweep: Sweep, path: Path) -> Path | None:
             colour, middle = COLOURS[row % len(COLOURS)], (cliff.low + cliff.high) / 2
             panel.errorbar([middle], [row], xerr=[(cliff.high - cliff.low) / 2], fmt="o", color=colour, capsize=2, markersize=4)
             # Above the bracket, which may be longer than the number.
-            panel.annotate(
-                f"{middle:.4g}", (middle, row), xytext=(0, 4), textcoords="offset points", ha="center", fontsize=8, color=colour
-            )
+            panel.annotate(f"{middle:.4g}", (middle, row), xytext=(0, 4), textcoords="offset points", ha="center", fontsize=8, color=colour)
         panel.margins(x=0.25)
         panel.set_xlabel(f"{name}{', ' + unit if (unit := sweep.study.parameters[name].unit) else ''}")
         panel.grid(visible=True, axis="x", color="#dddddd")

@@ -228,10 +228,11 @@ def _values(study: Study, rows: Sequence[dict[str, Any]]) -> Array:
         )
     points: Array = values.reshape(-1, study.episodes).mean(axis=1)
     if np.ptp(points) == 0.0:
-        same = f"{name} is the same at all {len(points)} points"
+        same, or_else = f"{name} is the same at all {len(points)} points", "ask for another outcome"
         if study.decisive is not None:
             same = f"as many episodes succeed at all {len(points)} points, {points[0]:.0%} of them by {name} {study.decisive.success}"
-        raise ValueError(f"{same}, so that no parameter decides it; widen their ranges, or ask for another success")
+            or_else = f"ask for another success, or for none: then {name} itself is ranked"
+        raise ValueError(f"{same}, so that no parameter decides it; widen their ranges, or {or_else}")
     return points
 
 

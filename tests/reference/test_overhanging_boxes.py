@@ -51,20 +51,28 @@ def single(aside: float, tilt: float, count: int = 200) -> tuple[int, int]:
 
 
 @pytest.mark.parametrize("tilt", [1e-6, 1e-4, 4e-4])
-def test_a_box_within_the_face_of_another_keeps_its_patch(tilt):
-    assert single(0.002, tilt) == (0, 0)
+@pytest.mark.parametrize("aside", [0.002, 0.018])
+def test_boxes_within_and_over_an_edge_touch_in_patches(aside, tilt):
+    """Inclined by less than a tenth of what the faces overlap over their length: where edges cross the faces are as near all around."""
+    assert single(aside, tilt) == (0, 0)
 
 
 @pytest.mark.parametrize(
-    "tilt",
-    [
-        1e-6,
-        *(
-            pytest.param(tilt, marks=pytest.mark.xfail(strict=True, reason="crossing edges are taken before faces"))
-            for tilt in (1e-4, 4e-4)
-        ),
-    ],
+    "above",
+    ['type="box" size="0.021 0.021 0.021"', 'type="mesh" mesh="cube"', 'type="capsule" size="0.021 0.021" euler="0 90 0"'],
+    ids=["box", "mesh", "capsule"],
 )
-def test_a_box_that_reaches_over_the_edge_of_another_keeps_its_patch(tilt):
-    """Inclined by less than a tenth of what its faces overlap over their length."""
-    assert single(0.018, tilt) == (0, 0)
+@pytest.mark.parametrize("tilt", [1e-4, 1e-3])
+def test_what_reaches_over_an_edge_touches_along_all_that_is_near(above, tilt):
+    """A box, a mesh of the same shape and a lying capsule over the edge of a box: four points and two, at true distances."""
+    corners = " ".join(f"{x} {y} {z}" for x in (-0.021, 0.021) for y in (-0.021, 0.021) for z in (-0.021, 0.021))
+    xml = SCENE.replace("<worldbody>", f'<asset><mesh name="cube" vertex="{corners}"/></asset><worldbody>')
+    xml = xml.replace('type="box" size="0.021 0.021 0.021"', above)
+    qpos = poses(0.004 if "capsule" in above else 0.018, tilt, 50)
+    sim = stepper.Stepper(stepper.load(xml), len(qpos))
+    sim.reset(qpos=qpos)
+    sim.step()
+    contacts = sim.contacts()
+    assert (np.bincount(contacts["env"], minlength=len(qpos)) == (2 if "capsule" in above else 4)).all()
+    # No point is deeper than the faces' overlap and what an inclination lifts over their length.
+    assert (np.abs(contacts["distance"] + DEPTH) <= 0.04 * tilt).all()

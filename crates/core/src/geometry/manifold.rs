@@ -5,6 +5,7 @@ use crate::geometry::facing::Facing;
 use crate::geometry::pair::Pair;
 use crate::geometry::patch::{Kind, Patch, View, edge};
 use crate::geometry::separating_plane::SeparatingPlane;
+use crate::geometry::shape::ConvexShape;
 use crate::geometry::vectors::{Pose, V};
 use crate::math::spatial::*;
 
@@ -77,6 +78,8 @@ pub(super) struct Clipper {
 
 /// A face whose normal is the contact's: 1 - cos of what rounding leaves.
 const FLAT: f64 = 1e-12;
+/// A face that is level, see [`ALONG`]: 1 - cos of its normal to the contact's.
+const LEVEL: f64 = 0.5 * ALONG * ALONG;
 /// Edges are at right angles to the normal below this cosine, and parallel below this sine.
 const ALONG: f64 = 1e-2;
 /// The feature of a lone point between edges, corners or curved surfaces.
@@ -99,20 +102,14 @@ impl Clipper {
         let n = found.normal;
         let axes = contact_frame(n);
         let views = views(pair, &axes);
-        let is_flat = pair.flats(n, corners).map(|m| m.is_some_and(|m| 1.0 - dot(m, n) <= FLAT));
-        if is_flat[0] || is_flat[1] {
-            let reference = usize::from(!is_flat[0]);
+        let distance = found.separation - pair.thickness();
+        let tilts = pair.flats(n, corners).map(|m| m.map_or(f64::INFINITY, |m| 1.0 - dot(m, n)));
+        if tilts.iter().any(|t| *t <= FLAT) {
             self.fill(pair, &views, corners);
-            let (r, o) = (&self.patches[reference], &self.patches[1 - reference]);
-            overlay(r, o, 1e-9 * pair.size, &mut self.work, &mut self.shared);
-            if reference == 1 {
-                self.shared.iter_mut().for_each(|s| s.h.swap(0, 1));
-            }
-            self.emit(pair, &axes, prediction, out);
-        } else {
+            self.faces(pair, &axes, usize::from(tilts[0] > FLAT), prediction, out);
+        } else if !self.level_faces(pair, &axes, tilts, facing, prediction, out) {
             self.lines(pair, &views, &axes, corners, prediction, out);
         }
-        let distance = found.separation - pair.thickness();
         if out.points.is_empty() && distance <= prediction {
             // Beside the nearest points, at the height halfway between the surfaces.
             let [x, y] = found.points;
@@ -120,6 +117,44 @@ impl Clipper {
             let pos = add_scaled(middle, n, dot(n, pair.a.support_at(corners[0], n)) + pair.a.radius() + 0.5 * distance - dot(n, middle));
             out.points.push(Point { pos, normal: n, distance, feature: LONE });
         }
+    }
+
+    /// The points of the patches that were taken up, of which the reference is nearly level, at their distances along the normal.
+    fn faces(&mut self, pair: &Pair<'_>, axes: &[V; 3], reference: usize, prediction: f64, out: &mut Manifold) {
+        let (r, o) = (&self.patches[reference], &self.patches[1 - reference]);
+        overlay(r, o, 1e-9 * pair.size, &mut self.work, &mut self.shared);
+        if reference == 1 {
+            self.shared.iter_mut().for_each(|s| s.h.swap(0, 1));
+        }
+        self.emit(pair, axes, prediction, out);
+    }
+
+    /// The points where two edges cross and a face beside them is nearly level: the faces are as near at more places than the crossing, or
+    /// will be soon. Whether there are any; beside a triangle of a surface its neighbours have them.
+    fn level_faces(
+        &mut self,
+        pair: &Pair<'_>,
+        axes: &[V; 3],
+        tilts: [f64; 2],
+        facing: &Facing,
+        prediction: f64,
+        out: &mut Manifold,
+    ) -> bool {
+        let Some(reference) = tilts.iter().position(|t| *t <= LEVEL) else { return false };
+        if matches!(pair.a, ConvexShape::Triangle(_)) {
+            return false;
+        }
+        self.fill(pair, &views(pair, axes), facing.corners);
+        let [r, o] = [reference, 1 - reference].map(|k| &self.patches[k]);
+        if !matches!(r.kind, Kind::Polygon | Kind::Disc) || o.corners.len() == 1 || !o.is_level(ALONG) {
+            return false;
+        }
+        self.faces(pair, axes, reference, prediction, out);
+        // The nearest points are among them, unless an edge is beside a face that is not its own.
+        if out.deepest() > facing.found.separation - pair.thickness() + 1e-9 * pair.size {
+            out.points.clear();
+        }
+        !out.points.is_empty()
     }
 
     /// Takes up the patches that face each other around the furthest corners.

@@ -75,7 +75,6 @@ studies: build
 	$(BIN)/stepper rank examples/studies/quadruped.py
 	$(BIN)/python examples/studies/panda_trained.py out/panda.png
 	$(BIN)/stepper sweep examples/studies/panda_cones.py --no-cliffs
-	$(BIN)/python examples/studies/panda_points.py
 	$(BIN)/python examples/studies/encoders.py out/encoders.png
 	hopper=$$($(BIN)/python -c 'import gymnasium, pathlib; print(pathlib.Path(gymnasium.__file__).parent / "envs/mujoco/assets/hopper.xml")') \
 	  && $(BIN)/stepper explain $$hopper --run && $(BIN)/stepper chart $$hopper --quick && $(BIN)/stepper tune $$hopper --error "3 mm" --horizon "0.2 s"

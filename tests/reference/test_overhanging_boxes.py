@@ -57,6 +57,24 @@ def test_boxes_within_and_over_an_edge_touch_in_patches(aside, tilt):
     assert single(aside, tilt) == (0, 0)
 
 
+@pytest.mark.parametrize("tilt", [1e-4, 1e-3])
+def test_overhanging_boxes_touch_where_mujocos_do(tilt):
+    """Same normals and distances under MuJoCo's law, in every pair, to the rounding of poses."""
+    qpos = poses(0.018, tilt, 50)
+    sim = stepper.Stepper(stepper.load(SCENE), len(qpos), options=stepper.Options(contact="mujoco"))
+    sim.reset(qpos=qpos)
+    sim.step()
+    contacts = sim.contacts()
+    model = mujoco.MjModel.from_xml_string(SCENE)
+    data = mujoco.MjData(model)
+    for env, q in enumerate(qpos):
+        data.qpos[:] = q
+        mujoco.mj_forward(model, data)
+        own = contacts[contacts["env"] == env]
+        np.testing.assert_allclose(np.abs(own["normal"] @ data.contact.frame[0, :3]), 1.0, atol=1e-14)
+        np.testing.assert_allclose(np.sort(own["distance"]), np.sort(data.contact.dist), atol=1e-14)
+
+
 @pytest.mark.parametrize(
     "above",
     ['type="box" size="0.021 0.021 0.021"', 'type="mesh" mesh="cube"', 'type="capsule" size="0.021 0.021" euler="0 90 0"'],

@@ -158,7 +158,7 @@ def test_a_tuning_keeps_its_budget_on_episodes_that_it_has_not_seen(tmp_path):
     assert found.chosen.error <= 5e-4
     assert found.chosen.batch == min(own.batch for own in found.candidates if own.error <= found.chosen.error)
     assert found.usual in found.candidates
-    # Between 0.02 s over 2 and over 4, and so on, steps are tried that are no half of another: the longest that keeps the budget is between.
+    # Steps are tried that are no half of another: the longest that keeps the budget is between two that are.
     steps = [round(0.02 / own.settings["timestep"]) for own in found.candidates]
     assert all(0.02 / own.settings["timestep"] == pytest.approx(n) for own, n in zip(found.candidates, steps, strict=True))
     assert any(n & (n - 1) for n in steps)

@@ -1,11 +1,11 @@
-"""Studies that are killed: a command is sent SIGKILL at random moments, resumed each time, and its files compared with those of a run that was not.
+"""Studies that are killed: commands get SIGKILL at random moments, are resumed, and leave the same files as a run that was not killed.
 
     python benches/kills.py STUDY... --command sweep --command rank --kills 30
 
 Of every study and command: one run to its end; then rounds, each in a new folder, of starts that are killed after a time drawn uniformly
-from nothing to the length of the whole run, until one gets through; until there were as many kills as asked for. Printed are the kills, how many of them
-met a journal with rows, the share of the rows that it had then, and whether all files but the journal are the same to the byte and the
-journal has no row twice. Ends with 1 where they are not.
+from nothing to the length of the whole run, until one gets through; until there were as many kills as asked for. Printed are the kills, how
+many of them met a journal with rows, the share of the rows that it had then, and whether all files but the journal are the same to the byte
+and the journal has no row twice. Ends with 1 where they are not.
 """
 
 from __future__ import annotations
@@ -118,9 +118,7 @@ def main() -> None:
     asked = parser.parse_args()
     asked.out.mkdir(parents=True, exist_ok=True)
     draw, failed = random.Random(asked.seed), False
-    print(
-        "| study | command | whole run | rows | kills | with rows | share of the rows then: least, median, most | torn lines | got through |"
-    )
+    print("| study | command | whole run | rows | kills | met rows | share of them: least, median, most | torn lines | got through |")
     print("|---|---|---|---|---|---|---|---|---|")
     for study in asked.study:
         for command in asked.command or ("sweep", "report", "rank"):

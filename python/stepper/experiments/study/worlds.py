@@ -400,8 +400,9 @@ class MujocoWorld(World):
     def _changed(self, base: Any, fields: Mapping[str, Array]) -> Any:
         model = base.__copy__()
         for field, value in fields.items():
-            if field == "gravity":
-                model.opt.gravity[:] = value
+            if hasattr(model.opt, field):
+                # Gravity, wind, density, viscosity, impratio.
+                setattr(model.opt, field, value)
             elif field in ("actuator_gain", "actuator_bias"):
                 getattr(model, f"{field}prm")[:, :3] = value
             elif field == "actuator_gear":

@@ -66,7 +66,7 @@ class Recorded:
         Raises:
             ValueError: The actuators of the file are not those of the model.
         """
-        own, known = self.ctrl.shape[-1], list(now.model.actuator_names)
+        own, known = self.ctrl.shape[-1], [name or f"#{k}" for k, name in enumerate(now.model.actuator_names)]
         if self.names is not None and sorted(self.names) != sorted(known):
             missing, more = sorted(set(known) - set(self.names)), sorted(set(self.names) - set(known))
             raise ValueError(

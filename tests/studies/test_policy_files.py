@@ -7,12 +7,9 @@ import numpy as np
 import pytest
 import stepper
 import stepper.policies
+from servo_arm import ARM, angles
 from stepper.experiments.study.drives import digest_of, name_of
 from stepper.shared.machine import MissingPackageError
-
-ARM = """<mujoco><option timestep=".002"/><worldbody><body><joint name="hinge" axis="0 1 0" damping="1"/><geom size=".05" pos=".2 0 0"/>
-  </body></worldbody><actuator><motor name="motor" joint="hinge"/></actuator>
-  <sensor><jointpos name="angle" joint="hinge"/><jointvel name="rate" joint="hinge"/></sensor></mujoco>"""
 
 
 def network(gain=-2.0):
@@ -89,19 +86,6 @@ def test_what_is_not_installed_is_named_with_the_remedy(tmp_path, monkeypatch, n
         stepper.Policy(tmp_path / name)
 
 
-def remembered(drive, folder, batch):
-    study = stepper.Study(
-        model=ARM,
-        drive=drive,
-        seconds=0.2,
-        episodes=4,
-        batch=batch,
-        qpos_noise=0.3,
-        outcomes=stepper.Outcome(name="angle", measure="joint hinge"),
-    )
-    return [row["outcomes"] for row in stepper.sweep(study, folder / f"batches of {batch}").sweep.table.rows]
-
-
 class Integrator:
     """Controls that grow from one to the next."""
 
@@ -115,7 +99,7 @@ class Integrator:
 
 def test_a_memory_is_of_one_batch(tmp_path):
     policy = stepper.Policy(Integrator())
-    assert remembered(policy, tmp_path, 1) == remembered(policy, tmp_path, 4)
+    assert angles(policy, tmp_path, 1) == angles(policy, tmp_path, 4)
 
 
 def test_a_class_of_a_file_is_told_of_starts(tmp_path):

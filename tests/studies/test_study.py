@@ -296,22 +296,24 @@ def told(self, rows):
     print("rows", flush=True)
     sys.stdin.readline()
 Journal.append = told
-stepper.sweep(study, sys.argv[1])
+{"sweep": stepper.sweep, "report": stepper.report, "rank": lambda *given: stepper.rank(*given, samples=8)}[sys.argv[3]](study, sys.argv[1])
 """
+COMMANDS = {"sweep": stepper.sweep, "report": stepper.report, "rank": functools.partial(stepper.rank, samples=8)}
 
 
-def child(folder):
+def child(folder, command):
     path = os.pathsep.join([str(Path(stepper.__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
-    arguments = [sys.executable, "-c", CHILD, str(folder), str(Path(__file__).parent)]
+    arguments = [sys.executable, "-c", CHILD, str(folder), str(Path(__file__).parent), command]
     return subprocess.Popen(arguments, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": path})
 
 
-def test_a_study_that_is_killed_goes_on_and_gives_the_same_table(tmp_path):
+@pytest.mark.parametrize(("command", "kills"), [("sweep", 3), ("report", 1), ("rank", 1)])
+def test_a_study_that_is_killed_goes_on_and_gives_the_same_table(tmp_path, command, kills):
     """It is killed at moments of its own choosing, a line torn each time, until it is through."""
-    stepper.sweep(tray(batch=4), tmp_path / "whole")
+    COMMANDS[command](tray(batch=4), tmp_path / "whole")
     draw, journal = random.Random(1), tmp_path / "cut" / "tray" / "journal"
-    for _ in range(3):
-        with child(tmp_path / "cut") as process:
+    for _ in range(kills):
+        with child(tmp_path / "cut", command) as process:
             for _ in range(draw.randint(1, 4)):
                 # It goes on by a batch each time that it is let: on a busy machine too it is not through when it is killed.
                 assert process.stdout.readline() == "rows\n"
@@ -323,12 +325,12 @@ def test_a_study_that_is_killed_goes_on_and_gives_the_same_table(tmp_path):
             file.write(b'0badc0de {"key":"x","ou')
     with Journal(journal) as kept:
         before = len(kept.rows)
-    stepper.sweep(tray(batch=4), tmp_path / "cut")
+    COMMANDS[command](tray(batch=4), tmp_path / "cut")
     lines = journal.read_bytes().splitlines()
     assert 0 < before < len(lines), "the kills came before anything was written, or after all of it"
     keys = [json.loads(line.partition(b" ")[2])["key"] for line in lines]
     assert len(set(keys)) == len(keys)
-    for name in ("table.csv", "table.npz", "sweep.md"):
+    for name in ("rank_table.csv", "rank_table.npz", "rank.md") if command == "rank" else ("table.csv", "table.npz", f"{command}.md"):
         assert (tmp_path / "cut/tray" / name).read_bytes() == (tmp_path / "whole/tray" / name).read_bytes(), name
 
 
@@ -518,6 +520,41 @@ def test_recorded_controls_and_policies(tmp_path):
     assert played[0] == [sim.qpos[0]] * 2
     assert played[2][0] != played[2][1]
     assert len({row[0] for row in played}) == 4
+
+
+TWO = """<mujoco><worldbody><body><joint name="a" axis="0 1 0"/><geom size=".05" pos=".2 0 0"/></body>
+  <body><joint name="b" axis="0 1 0"/><geom size=".05" pos=".2 0 0"/></body></worldbody>
+  <actuator><motor name="left" joint="a"/><motor name="right" joint="b"/></actuator></mujoco>"""
+
+
+def test_controls_of_a_csv_file_are_those_of_the_names_in_its_first_line(tmp_path):
+    ctrl = np.random.default_rng(0).uniform(-1, 1, (5, 2))
+    np.savez(tmp_path / "controls.npz", ctrl=ctrl)
+    plain = "\n".join(f"{a!r},{b!r}" for a, b in ctrl.tolist())
+    (tmp_path / "plain.csv").write_text(plain + "\n")
+    (tmp_path / "named.csv").write_text("right, left\n" + "\n".join(f"{b!r},{a!r}" for a, b in ctrl.tolist()))
+    (tmp_path / "two.xml").write_text(TWO)
+    rows = []
+    for name in ("controls.npz", "plain.csv", "named.csv"):
+        file = tmp_path / f"{name}.toml"
+        file.write_text(f'model = "two.xml"\ndrive = "{name}"\nseconds = 0.2\n[[outcomes]]\nname = "a"\nmeasure = "joint a"\n')
+        rows.append(stepper.Study.from_file(file).episode()["outcomes"])
+    assert rows[0] == rows[1] == rows[2]
+
+
+@pytest.mark.parametrize(("text", "said"), [
+    ("left,write\n1,2\n", r"other actuators than the model has: \['right'\] are missing, \['write'\] are not the model's"),
+    ("1,2,3\n", "it has controls of 3 actuators, and the model has 2: left, right"),
+    ("left,right\n1,2\n1\n", "line 3: it is '1', must be 2 numbers"),
+    ("1,2\n\n1,two\n", "line 3: it is '1,two', must be 2 numbers"),
+    ("1,2\n1,nan\n", "control 1, actuator 1: nan is not finite"),
+    ("left,right\n", '"ctrl" has the shape'),
+    ("", '"ctrl" has the shape'),
+])  # fmt: skip
+def test_what_is_wrong_in_a_csv_file_is_named(tmp_path, text, said):
+    (tmp_path / "controls.csv").write_text(text)
+    with pytest.raises(ValueError, match=rf"controls\.csv.*{said}"):
+        stepper.Study(model=TWO, drive=Recorded(tmp_path / "controls.csv")).episode()
 
 
 def results_study(drive, outcome):

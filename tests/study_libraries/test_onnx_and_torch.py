@@ -8,12 +8,10 @@ import pytest
 import stepper
 import torch
 from onnx import TensorProto, helper, numpy_helper
+from servo_arm import ARM, angles
 from stepper.experiments.study.drives import digest_of
 from stepper.experiments.study.policy_files import read_policy
 
-ARM = """<mujoco><option timestep=".002"/><worldbody><body><joint name="hinge" axis="0 1 0" damping="1"/><geom size=".05" pos=".2 0 0"/>
-  </body></worldbody><actuator><motor name="motor" joint="hinge"/></actuator>
-  <sensor><jointpos name="angle" joint="hinge"/><jointvel name="rate" joint="hinge"/></sensor></mujoco>"""
 WEIGHT, BIAS = np.array([[-2.0], [-0.5]], np.float32), np.array([1.0], np.float32)
 
 
@@ -56,19 +54,6 @@ def write_program(path):
     free = {0: torch.export.Dim("batch", min=1, max=4096)}
     torch.export.save(torch.export.export(Servo(), (torch.zeros(3, 2),), dynamic_shapes=(free,)), str(path))
     return path
-
-
-def angles(drive, folder, batch=64):
-    study = stepper.Study(
-        model=ARM,
-        drive=drive,
-        seconds=0.4,
-        episodes=4,
-        batch=batch,
-        qpos_noise=0.3,
-        outcomes=stepper.Outcome(name="angle", measure="joint hinge"),
-    )
-    return [row["outcomes"]["angle"] for row in stepper.sweep(study, folder).sweep.table.rows]
 
 
 @pytest.mark.parametrize(

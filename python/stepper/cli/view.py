@@ -17,6 +17,7 @@ from stepper._options import Options
 from stepper._stepper import Stepper
 from stepper.experiments.study import Study
 from stepper.experiments.study.episode import Episodes
+from stepper.experiments.study.journal import diverged
 from stepper.experiments.study.points import USUAL
 from stepper.loading import ModelWarning, load
 from stepper.recording.format import HEADER
@@ -93,7 +94,7 @@ def _study(file: str, asked: Asked, wanted: AskedOfStudy) -> None:
     episodes = Episodes(study, values, range(first, first + asked.envs), setting)
     if wanted.record is not None:
         for number, row in enumerate(episodes.rows(wanted.record), first):
-            print(f"episode {number}: {_told(study, row['outcomes'])}")
+            print(f"episode {number}: {_told(study, row['outcomes'], lost=diverged(row))}")
         print(f"{wanted.record} is a recording of them: stepper view {wanted.record}")
         return
     running = episodes.watched()
@@ -109,7 +110,7 @@ def _study(file: str, asked: Asked, wanted: AskedOfStudy) -> None:
             return
         for place, env in enumerate(episodes.asked):
             own = {name: float(value[place]) for name, value in outcomes.items()}
-            print(f"episode {episodes.episodes[env]}: {_told(study, own)}", flush=True)
+            print(f"episode {episodes.episodes[env]}: {_told(study, own, lost=bool(episodes.world.diverged[env]))}", flush=True)
         opened.paused = True
 
     begin()
@@ -130,8 +131,10 @@ def _value(text: str) -> tuple[str, float | str]:
     return name, value
 
 
-def _told(study: Study, outcomes: dict[str, float]) -> str:
-    """Outcomes in words, and whether they are a success."""
+def _told(study: Study, outcomes: dict[str, float], *, lost: bool) -> str:
+    """Outcomes in words, and whether they are a success; or that the episode diverged."""
+    if lost:
+        return "it diverged, and has no outcome"
     units = {outcome.name: outcome.unit for outcome in study.all_outcomes}
     told = ", ".join(f"{name} {value:.6g} {units[name]}".strip() for name, value in outcomes.items()) or "no outcomes"
     if (decisive := study.decisive) is None:

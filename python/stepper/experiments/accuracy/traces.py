@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper.experiments.study.batches import drive_through, world_of
+from stepper.experiments.study.batches import drive_through, outcomes_of, world_of
 from stepper.experiments.study.outcomes import Watch
 from stepper.experiments.study.over_ray import each
 from stepper.experiments.study.points import USUAL
@@ -31,8 +31,8 @@ class Trace:
 
     Attributes:
         time: After every control, s: (T,).
-        points: Positions of bodies, geoms and sites, (T, episodes, nbody + ngeom + nsite, 3) in m.
-        xquat: Orientations of the bodies, (T, episodes, nbody, 4).
+        points: Positions of bodies, geoms and sites, (T, episodes, nbody + ngeom + nsite, 3) in m; NaN from where an episode diverges.
+        xquat: Orientations of the bodies, (T, episodes, nbody, 4); NaN likewise.
         ctrl: Controls, (T, episodes, nu); NaN where those in force were held.
         applied: Forces and torques on the bodies, (T, episodes, nbody, 6).
         qpos: Where episodes start, (episodes, nq).
@@ -82,7 +82,10 @@ def run(study: Study, episodes: Sequence[int], setting: str = USUAL, **changed: 
         held = np.full((now.num_envs, nu), np.nan)
         if now.last_ctrl is not None:
             held[:] = now.last_ctrl
-        rows.append((now.time, _points(now), now.xquat.copy(), held, np.array(now.xfrc_applied, float)))
+        # Where MuJoCo began anew by itself, and stepper stands still, bodies have places that mean nothing.
+        lost = now.diverged[:, None, None]
+        points, xquat = np.where(lost, np.nan, _points(now)), np.where(lost, np.nan, now.xquat)
+        rows.append((now.time, points, xquat, held, np.array(now.xfrc_applied, float)))
 
     drive_through(study, world, episodes, look)
     time, points, xquat, ctrl, applied = (np.array(column) for column in zip(*rows, strict=True))
@@ -95,7 +98,7 @@ def run(study: Study, episodes: Sequence[int], setting: str = USUAL, **changed: 
         applied=applied,
         qpos=first[0],
         qvel=first[1],
-        outcomes=watches[0].values(world),
+        outcomes=outcomes_of(watches[0], world),
         depth=told["depth"],
         residual=told["residual"],
         settings=world.settings(),

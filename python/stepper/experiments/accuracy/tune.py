@@ -8,7 +8,7 @@ import json
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +20,10 @@ from stepper.experiments.accuracy.candidates import hard_lines, timesteps
 from stepper.experiments.accuracy.costs import costs
 from stepper.experiments.accuracy.needs import Bench, Spare, spares
 from stepper.experiments.accuracy.reference import Reference, check_moves, converge
-from stepper.experiments.accuracy.traces import Distance, quantity, run, runs
+from stepper.experiments.accuracy.traces import Distance, Trace, quantity, run, runs
 from stepper.experiments.progress import Tick
 from stepper.experiments.study.batches import steps_of
-from stepper.experiments.study.document import Document, Section
+from stepper.experiments.study.document import Document, Section, counted
 from stepper.experiments.study.intervals import least_share, trials_for
 from stepper.experiments.study.over_ray import each
 from stepper.experiments.study.study import Study
@@ -35,6 +35,12 @@ _KNOWN = 0.1
 _BETTER = 0.8
 """Error of the next candidate at the most, over that of one that failed on held-out episodes."""
 
+_BETWEEN = 3
+"""Rounds in which time steps are tried between the longest that keeps the budget and the next one."""
+_NEAR = 1.25
+"""Ratio of costs up to which candidates are timed again beside the cheapest."""
+OWN = "the study's own"
+"""Name of a study's own settings among candidates."""
 _PART = 16
 """Held-out episodes that are stepped together, here or as a task of Ray."""
 
@@ -93,7 +99,7 @@ class Tuning:
         options: What to give to `stepper.Stepper`; None likewise.
         precision: Likewise.
         usual: What the study has by itself.
-        candidates: All, those within the budget first, by cost.
+        candidates: All, the study's own among them, those within the budget first, by cost.
         trials: Of the candidates that were chosen, in their order.
         spare: What the scene does not need.
         smaller: The model without it; None where nothing was taken out.
@@ -177,7 +183,7 @@ def tune(
             "random, more recorded episodes, or ask for less"
         )
     right = converge(study, range(episodes), distance, target=_KNOWN * budget, tick=lambda done: told("reference", done))
-    usual, candidates = _candidates(study, range(episodes), distance, right, budget, told=told)
+    usual, candidates = _candidates(study, range(episodes), distance, right, budget, alone=alone, told=told)
     candidates.sort(key=lambda own: (not own.error <= budget, own.alone if alone else own.batch))
     trials: list[Trial] = []
     chosen = None
@@ -219,31 +225,106 @@ def tune(
     return replace(found, files=tuple(_save(found, Path(out) / study.name)))
 
 
+@dataclass
+class _Tried:
+    """Settings of a line at a number of steps to a control, and what came of them."""
+
+    name: str
+    line: dict[str, Any]
+    steps: int
+    settings: dict[str, Any]
+    trace: Trace
+    error: float
+    cost: tuple[float, float] = (math.nan, math.nan)
+
+
+def _lines(study: Study) -> list[tuple[str, dict[str, Any]]]:
+    """The study's own settings first, also in the other precision, then those of a chart, without what is the same twice."""
+    other = "f32" if study.precision == "f64" else "f64"
+    named: list[tuple[str, dict[str, Any]]] = [(OWN, {}), (f"{OWN}, {other}", {"precision": other})]
+    # A line that says nothing of its precision is of 64 bits, whatever the study's is.
+    named += [(line.name, {"precision": "f64"} | line.settings) for line in hard_lines()]
+    kept: dict[str, tuple[str, dict[str, Any]]] = {}
+    for name, given in named:
+        rest = {key: value for key, value in given.items() if key != "precision"}
+        options = asdict(replace(study.options, **rest))
+        in_force = options | {"integrator": options["integrator"] or "midpoint", "precision": given.get("precision", study.precision)}
+        kept.setdefault(json.dumps(in_force, sort_keys=True, default=str), (name, given))
+    return list(kept.values())
+
+
 def _candidates(
-    study: Study, episodes: Sequence[int], distance: Distance, right: Reference, budget: float, *, told: Tick
+    study: Study, episodes: Sequence[int], distance: Distance, right: Reference, budget: float, *, alone: bool, told: Tick
 ) -> tuple[Candidate, list[Candidate]]:
-    """The study's own settings, and all others with their errors and costs."""
-    own = {"timestep": study.options.timestep or float(study.loaded[0].timestep)}
-    steps_of(study, own["timestep"])
-    settings: list[tuple[str, dict[str, Any]]] = [("the study's own", own)]
-    settings += [(line.name, line.settings | {"timestep": dt}) for line in hard_lines() for dt in timesteps(study, coarser=4, finer=4)]
-    traces = runs(study, episodes, [given for _, given in settings], tick=lambda done: told("candidates", done))
-    errors = [float((distance(trace, right.trace) + right.uncertainty).max()) for trace in traces]
+    """The study's own settings, and all that were tried, those among them, with their errors and costs.
+
+    First every line at time steps about the study's own, each twice the one before; then, of lines that might be cheaper than the cheapest,
+    at time steps between the longest that keeps the budget and the next one.
+    """
+    by = 0 if alone else 1
+    timestep = study.options.timestep or float(study.loaded[0].timestep)
+    own = steps_of(study, timestep)
+    counts = sorted({own, *(steps_of(study, dt) for dt in timesteps(study, coarser=4, finer=4))})
+    lines = _lines(study)
+    tick = functools.partial(told, "candidates")
+
+    def tried(wanted: Sequence[tuple[str, dict[str, Any], int]], done: tuple[float, float]) -> list[_Tried]:
+        # The study's own time step as it is written, not as a quotient.
+        settings = [line | {"timestep": timestep if steps == own else study.hold / steps} for _, line, steps in wanted]
+        traces = runs(study, episodes, settings, tick=lambda part: tick(done[0] + (done[1] - done[0]) * part))
+        errors = [float((distance(trace, right.trace) + right.uncertainty).max()) for trace in traces]
+        return [
+            _Tried(name, line, steps, given, trace, error)
+            for (name, line, steps), given, trace, error in zip(wanted, settings, traces, errors, strict=True)
+        ]
+
+    def time(some: Sequence[_Tried], repeats: int, done: tuple[float, float]) -> None:
+        with one_core():
+            spent = costs(
+                study,
+                [one.settings for one in some],
+                [one.trace for one in some],
+                repeats=repeats,
+                seconds=0.004,
+                tick=lambda part: told("costs", done[0] + (done[1] - done[0]) * part),
+            )
+        for one, cost in zip(some, spent, strict=True):
+            one.cost = cost
+
+    found = tried([(name, line, steps) for name, line in lines for steps in counts], (0.0, 0.8))
+    usual = next(one for one in found if one.name == OWN and one.steps == own)
     # What does not keep the budget may cost what it wants.
-    timed = [0, *(k for k in range(1, len(settings)) if errors[k] <= budget)]
-    spent = dict.fromkeys(range(len(settings)), (math.nan, math.nan))
-    with one_core():
-        some = costs(
-            study,
-            [settings[k][1] for k in timed],
-            [traces[k] for k in timed],
-            repeats=3,
-            seconds=0.004,
-            tick=lambda done: told("costs", done),
-        )
-    spent |= dict(zip(timed, some, strict=True))
-    made = [Candidate(given, name, errors[k], *spent[k]) for k, (name, given) in enumerate(settings)]
-    return made[0], made[1:]
+    keep = [one for one in found if one.error <= budget]
+    time([usual, *(one for one in keep if one is not usual)], 3, (0.0, 0.5))
+    between: list[_Tried] = []
+    for _ in range(_BETWEEN if keep else 0):
+        best = min(one.cost[by] for one in keep if one not in between)
+        wanted = []
+        for name, line in lines:
+            of_line = [one for one in found if one.name == name]
+            longest = min((one for one in of_line if one.error <= budget), key=lambda one: one.steps, default=None)
+            if longest is None:
+                continue
+            failed = max((one.steps for one in of_line if one.steps < longest.steps), default=longest.steps)
+            middle = (failed + longest.steps) // 2
+            timed = min((one for one in of_line if math.isfinite(one.cost[by])), key=lambda one: one.steps)
+            # A step costs the same, or more where it is longer.
+            if failed < middle < longest.steps and timed.cost[by] * (failed + 1) / timed.steps < best:
+                wanted.append((name, line, middle))
+        made = tried(wanted, (0.8, 1.0))
+        found += made
+        between += [one for one in made if one.error <= budget]
+        keep += [one for one in made if one.error <= budget]
+        if not wanted:
+            break
+    tick(1.0)
+    if keep:
+        near = _NEAR * min(one.cost[by] for one in keep if math.isfinite(one.cost[by]))
+        # Again, side by side: an order that decides should not be that of two different moments.
+        time([usual, *between, *(one for one in keep if one is not usual and one.cost[by] <= near)], 7, (0.5, 1.0))
+    told("costs", 1.0)
+    candidates = {id(one): Candidate(one.settings, one.name, one.error, *one.cost) for one in found}
+    return candidates[id(usual)], list(candidates.values())
 
 
 def _fresh(study: Study, episodes: range, settings: Mapping[str, Any]) -> list[int]:
@@ -298,14 +379,11 @@ def _sections(found: Tuning, right: Reference, *, coverage: float, confidence: f
     unit, cost = found.distance.unit, "alone" if alone else "batch"
     words = [f"Budget: {found.budget:g} {unit} up to {found.distance.horizon:g} s. Reference: {right.words}."]
     if found.chosen is not None and found.options is not None:
-        ratio = getattr(found.usual, cost) / getattr(found.chosen, cost)
-        keeps = "keep the budget too" if found.usual.error <= found.budget else "do not keep the budget"
         trial = found.trials[-1]
         words += [
             f"`{words_of(found.options, found.precision)}`",
-            f"It takes {getattr(found.chosen, cost):.4g} us of one core for a simulated second of one environment. The study's own "
-            f"settings take {getattr(found.usual, cost):.4g}, {ratio:.2f} times as much, and {keeps}: their error is "
-            f"{found.usual.error:.2g} {unit}.",
+            f"It takes {getattr(found.chosen, cost):.4g} us of one core for a simulated second of one environment. {_beside(found, cost)}",
+            _cheaper(found),
             f"{trial.held} of {trial.episodes} held-out episodes are within the budget: with {trial.confidence:.1%} confidence at least "
             f"{trial.share:.1%} of episodes are ({coverage:.0%} were asked for, with {confidence:.0%} over all trials). The largest "
             f"error is {trial.worst:.2g} {unit}.",
@@ -317,6 +395,7 @@ def _sections(found: Tuning, right: Reference, *, coverage: float, confidence: f
             f"{1e3 * best.settings['timestep']:g} ms, the reference's uncertainty of {right.uncertainty.max():.2g} {unit} included. All "
             f"episodes are known to {right.target:.2g} {unit} up to {right.known.min():.3g} s, half of them up to "
             f"{np.median(right.known):.3g} s: a shorter horizon, or a larger error."
+            f" The study's own settings have an error of {found.usual.error:.2g} {unit}."
         )
     if exhausted:
         words.append(
@@ -359,6 +438,44 @@ def _sections(found: Tuning, right: Reference, *, coverage: float, confidence: f
     ]
 
 
+def _beside(found: Tuning, cost: str) -> str:
+    """What the chosen settings cost beside the study's own, and whether those keep the budget."""
+    assert found.chosen is not None
+    unit, usual = found.distance.unit, found.usual
+    if found.chosen is usual:
+        return "These are the study's own settings."
+    ratio = getattr(found.chosen, cost) / getattr(usual, cost)
+    spent = f"{ratio:.2f} times what the study's own settings cost ({getattr(usual, cost):.4g} us)"
+    if not math.isfinite(usual.error):
+        return f"That is {spent}, which miss the budget: with them an episode diverges."
+    if usual.error > found.budget:
+        return (
+            f"That is {spent}, which miss the budget by {usual.error - found.budget:.2g} {unit}: their error is {usual.error:.2g} {unit}."
+        )
+    if ratio > 1:
+        return (
+            f"That is {spent}, which keep the budget in the episodes that chose ({usual.error:.2g} {unit}), and are not proved by others."
+        )
+    return (
+        f"The study's own settings take {getattr(usual, cost):.4g}, {1 / ratio:.2f} times as much, and keep the budget too: their error "
+        f"is {usual.error:.2g} {unit}."
+    )
+
+
+def _cheaper(found: Tuning) -> str:
+    """Why nothing cheaper was chosen."""
+    assert found.chosen is not None
+    kept = [own for own in found.candidates if own.error <= found.budget]
+    before = kept.index(found.chosen)
+    tried = len(found.trials) - 1
+    told = f"{len(kept)} of {counted(len(found.candidates), 'candidate')} keep the budget in the episodes that chose"
+    if not before:
+        return f"{told}, and none of them is cheaper."
+    # The others have an error that is no better than that of one which failed.
+    left = "" if tried == before else f"; {before - tried} more were not tried, whose errors are no better than of one that failed"
+    return f"{told}. {before} of them are cheaper and not proved: {tried} failed on held-out episodes{left}."
+
+
 def _taken(own: Spare, budget: float) -> str:
     """Whether something is taken out, or why not."""
     if own.taken:
@@ -376,7 +493,9 @@ def _save(found: Tuning, folder: Path) -> list[Path]:
         "unit": found.distance.unit,
         "horizon": found.distance.horizon,
         "settings": found.chosen.settings if found.chosen else None,
+        "usual": vars(found.usual),
         "candidates": [vars(own) for own in found.candidates],
+        "trials": [vars(own) | {"candidate": vars(own.candidate)} for own in found.trials],
         "in_force": found.study.in_force,
         "provenance": provenance(),
     }

@@ -212,6 +212,7 @@ def running(study: Study, world: World, episodes: Sequence[int], *, by_step: boo
     yield True
     for _ in range(study.controls):
         world.last_ctrl = ctrl = None if drive is None else drive(world)
+        _check_controls(drive, world, ctrl)
         if not by_step:
             world.advance(ctrl, nstep)
             yield True
@@ -220,6 +221,26 @@ def running(study: Study, world: World, episodes: Sequence[int], *, by_step: boo
             world.advance(ctrl, 1)
             yield left == 0
     memory.check()
+
+
+def _check_controls(drive: Any, world: World, ctrl: Any) -> None:
+    """Raises ValueError for controls that are not finite of an episode whose state is: they are the drive's, and no engine's."""
+    if ctrl is None or np.isfinite(ctrl).all():
+        return
+    rows = np.broadcast_to(np.asarray(ctrl, float), (world.num_envs, world.model.nu))
+    found = np.argwhere(~np.isfinite(rows) & ~world.diverged[:, None])
+    if len(found):
+        env, actuator = (int(k) for k in found[0])
+        name = world.model.actuator(actuator).name or f"#{actuator}"
+        raise ValueError(
+            f"the drive {drives.name_of(drive)} gives actuator {name!r} the control {rows[env, actuator]} at {world.time:g} s of episode "
+            f"{int(world.episodes[env])}: controls must be finite"
+        )
+
+
+def outcomes_of(watch: Watch, world: World) -> dict[str, Array]:
+    """The value of every outcome at the end of episodes, by name, (num_envs,); NaN, which is no success, of those that diverged."""
+    return {name: np.where(world.diverged, np.nan, value) for name, value in watch.values(world).items()}
 
 
 def drive_through(
@@ -257,7 +278,7 @@ def rows_in(world: World, study: Study, setting: str, thetas: Sequence[Theta], e
             seen.append(Watch(tuple(study.all_outcomes), now))
 
     drive_through(study, world, episodes, look)
-    return _rows(study, setting, list(zip(thetas, episodes, strict=True)), world, seen[0].values(world))
+    return _rows(study, setting, list(zip(thetas, episodes, strict=True)), world, outcomes_of(seen[0], world))
 
 
 def _run(study: Study, batch: _Batch) -> list[Row]:

@@ -32,6 +32,7 @@ class Section:
         head: Of the table.
         rows: Of the table.
         picture: A PNG.
+        text: What is set as it is, line by line.
     """
 
     title: str
@@ -39,6 +40,7 @@ class Section:
     head: Sequence[str] = ()
     rows: Sequence[Sequence[Any]] = ()
     picture: Path | None = None
+    text: str = ""
 
 
 @dataclass
@@ -53,6 +55,8 @@ class Document:
         parts = [f"# {self.title}"]
         for section in self.sections:
             parts += [f"## {section.title}", *section.words]
+            if section.text:
+                parts.append(f"```text\n{section.text.rstrip()}\n```")
             if section.rows:
                 lines = ["| " + " | ".join(section.head) + " |", "|" + "---|" * len(section.head)]
                 lines += ["| " + " | ".join(cell(x).replace("|", "\\|") for x in row) + " |" for row in section.rows]
@@ -98,6 +102,8 @@ def _words(text: str) -> str:
 
 def _section(section: Section) -> str:
     parts = [f"<h2>{html.escape(section.title)}</h2>", *(f"<p>{_words(text)}</p>" for text in section.words)]
+    if section.text:
+        parts.append(f"<pre>{html.escape(section.text.rstrip())}</pre>")
     if section.rows:
         head = "".join(f"<th>{_words(name)}</th>" for name in section.head)
         rows = "".join("<tr>" + "".join(_cell(x) for x in row) + "</tr>" for row in section.rows)

@@ -164,5 +164,5 @@ def _bars(levels: Sequence[Level], *, shares: bool) -> tuple[list[float], list[f
             [level.interval[1] - a for a, level in zip(y, levels, strict=True)],
         )
     y = [level.mean for level in levels]
-    error = [0.0 if math.isnan(level.spread) else level.spread / math.sqrt(level.episodes) for level in levels]
+    error = [0.0 if math.isnan(level.spread) else level.spread / math.sqrt(level.episodes - level.diverged) for level in levels]
     return y, error, error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import csv
 import functools
 import hashlib
 import importlib
@@ -34,32 +35,78 @@ class Recorded:
     """Controls of a file, one after the other; the last is held.
 
     Args:
-        path: An .npz with "ctrl": (T, nu), or (T, n, nu) for the episodes 0 to n - 1, after which they repeat.
+        path: An .npz with "ctrl": (T, nu), or (T, n, nu) for the episodes 0 to n - 1, after which they repeat. Or a .csv with a line for
+            every control and a column for every actuator, whose first line may have their names, in any order.
 
     Raises:
-        ValueError: The file has no such array.
+        ValueError: The file has no such numbers.
     """
 
-    def __init__(self, path: Path):
-        with np.load(path, allow_pickle=False) as file:
-            if "ctrl" not in file:
-                raise ValueError(f'{path}: it has {sorted(file)}, must have "ctrl" (T, nu) or (T, n, nu)')
-            self.ctrl = np.asarray(file["ctrl"], float)
+    def __init__(self, path: str | os.PathLike[str]):
+        path = Path(path)
+        self.names: list[str] | None = None
+        if path.suffix == ".csv":
+            self.names, self.ctrl = _read_csv(path)
+        else:
+            with np.load(path, allow_pickle=False) as file:
+                if "ctrl" not in file:
+                    raise ValueError(f'{path}: it has {sorted(file)}, must have "ctrl" (T, nu) or (T, n, nu)')
+                self.ctrl = np.asarray(file["ctrl"], float)
         if self.ctrl.ndim not in (2, 3) or not len(self.ctrl):
             raise ValueError(f'{path}: "ctrl" has the shape {self.ctrl.shape}, must be (T, nu) or (T, n, nu)')
         if not np.isfinite(self.ctrl).all():
-            raise ValueError(f'{path}: "ctrl" has numbers that are not finite')
-        self._row = 0
+            row, *rest = (int(k) for k in np.argwhere(~np.isfinite(self.ctrl))[0])
+            raise ValueError(f"{path}: control {row}, actuator {rest[-1]}: {self.ctrl[row, *rest]} is not finite")
+        self._path, self._row = path, 0
+        self._places: list[int] | None = None
 
-    def begin(self, _: World) -> None:
-        """Goes back to the first row."""
+    def begin(self, now: World) -> None:
+        """Goes back to the first row.
+
+        Raises:
+            ValueError: The actuators of the file are not those of the model.
+        """
+        own, known = self.ctrl.shape[-1], [name or f"#{k}" for k, name in enumerate(now.model.actuator_names)]
+        if self.names is not None and sorted(self.names) != sorted(known):
+            missing, more = sorted(set(known) - set(self.names)), sorted(set(self.names) - set(known))
+            raise ValueError(
+                f"{self._path}: its first line names other actuators than the model has: {missing or 'none'} are missing, {more or 'none'} "
+                "are not the model's"
+            )
+        if own != now.model.nu:
+            raise ValueError(f"{self._path}: it has controls of {own} actuators, and the model has {now.model.nu}: {', '.join(known)}")
+        self._places = None if self.names is None else [self.names.index(name) for name in known]
         self._row = 0
 
     def __call__(self, now: World) -> Array:
         """The next row."""
         row: Array = self.ctrl[min(self._row, len(self.ctrl) - 1)]
         self._row += 1
+        if self._places is not None:
+            row = row[self._places]
         return row if row.ndim == 1 else row[now.episodes % len(row)]
+
+
+def _read_csv(path: Path) -> tuple[list[str] | None, Array]:
+    """Names of the actuators, None where the first line has none, and controls (T, nu)."""
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        lines = [(number, row) for number, row in enumerate(csv.reader(file), 1) if row]
+    names = None
+    if lines and not _is_number(lines[0][1][0]):
+        names = [name.strip() for name in lines.pop(0)[1]]
+    width = len(names) if names is not None else len(lines[0][1]) if lines else 0
+    for number, row in lines:
+        if len(row) != width or not all(map(_is_number, row)):
+            raise ValueError(f"{path}, line {number}: it is {','.join(row)!r}, must be {width} numbers, one of each actuator")
+    return names, np.array([[float(value) for value in row] for _, row in lines]).reshape(len(lines), width)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 class Random:

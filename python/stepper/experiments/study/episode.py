@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stepper._stepper import Stepper
-from stepper.experiments.study.batches import rows_in, running, together, world_of
+from stepper.experiments.study.batches import outcomes_of, rows_in, running, together, world_of
 from stepper.experiments.study.journal import Row
 from stepper.experiments.study.outcomes import Watch
 from stepper.experiments.study.parameters import Value
@@ -85,8 +85,8 @@ class Episodes:
         """Runs the episodes step by step from the start.
 
         Yields:
-            None after the start and after every step but the last; after that the outcomes of those that were asked for, by name. It then
-            begins anew, for ever.
+            None after the start and after every step but the last; after that the outcomes of those that were asked for, by name, NaN
+            where an episode diverged. It then begins anew, for ever.
         """
         outcomes = tuple(self.study.all_outcomes)
         while True:
@@ -99,7 +99,7 @@ class Episodes:
                 watch = watch or Watch(outcomes, self.world)
                 # A moment before the end, so that the state that was reached is the one that is seen.
                 last = looks and controls == self.study.controls
-                yield {name: value[self.asked] for name, value in watch.values(self.world).items()} if last else None
+                yield {name: value[self.asked] for name, value in outcomes_of(watch, self.world).items()} if last else None
 
     @property
     def note(self) -> str:

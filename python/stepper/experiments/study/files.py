@@ -2,7 +2,7 @@
 
 name = "grasp"
 model = "grasp.xml"                    # beside this file; or "module:function", "file.py:function", or MJCF itself
-drive = "grasp.py:lift"                # a script; or "controls.npz", "random"; or, in its place,
+drive = "grasp.py:lift"                # a script; or "controls.npz", "controls.csv", "random"; or, in its place,
                                        # policy = "file.py:function", "walker.onnx", "walker.pt", "walker.npz", which takes observations
 seconds = 1.0
 episodes = 16
@@ -120,7 +120,7 @@ def _policy(source: str, folder: Path) -> Policy:
 
 
 def _drive(source: str, folder: Path) -> Callable[[Any], Any]:
-    if source.endswith(".npz"):
+    if source.endswith((".npz", ".csv")):
         return Recorded(folder / source)
     found: Callable[[Any], Any] = find(source, folder)
     # A class is made anew: a drive with a memory.

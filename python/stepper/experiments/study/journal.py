@@ -15,7 +15,14 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from stepper._status import Status
+
 Row = dict[str, Any]
+
+
+def diverged(row: Row) -> bool:
+    """Whether an episode is lost to its engine: it has no outcome, and is no success."""
+    return bool(int(row["certificate"]["status"]) & Status.NON_FINITE)
 
 
 class JournalError(ValueError):

@@ -23,6 +23,7 @@ from stepper.experiments.progress import Tick
 from stepper.experiments.study.batches import run_points
 from stepper.experiments.study.document import Document, Section, counted
 from stepper.experiments.study.intervals import wilson
+from stepper.experiments.study.journal import diverged
 from stepper.experiments.study.points import USUAL, Point, inapplicable
 from stepper.experiments.study.report import in_force, study_of
 from stepper.experiments.study.results import Results
@@ -222,8 +223,10 @@ def _values(study: Study, rows: Sequence[dict[str, Any]]) -> Array:
     else:
         values = np.array([row["outcomes"][name] for row in rows], float)
     if not np.isfinite(values).all():
+        lost = sum(map(diverged, rows))
+        why = f" ({lost} of them diverged)" if lost else ""
         raise ValueError(
-            f"{name} is not finite in {int((~np.isfinite(values)).sum())} of {len(values)} episodes, so that it has no variance; "
+            f"{name} is not finite in {int((~np.isfinite(values)).sum())} of {len(values)} episodes{why}, so that it has no variance; "
             "give the outcome a success"
         )
     points: Array = values.reshape(-1, study.episodes).mean(axis=1)
@@ -264,6 +267,8 @@ def _sections(found: Ranking, samples: int, picture: Path | None) -> list[Sectio
         "the parameter explains alone, and the rest it does together with others. Intervals are about 95 %, by bootstrap over the points; "
         "parameters whose intervals of the total index overlap are in no certain order.",
     ]
+    if lost := sum(map(diverged, found.table.rows)):
+        words.append(f"{lost} of {counted(len(found.table), 'episode')} diverged, and count as no success.")
     head = ("parameter", "range", "total index", "95 %", "first index", "95 %", "lowest third", "middle", "highest third", "source")
     rows = []
     for own in found.ranks:

@@ -16,6 +16,7 @@ import numpy as np
 from stepper.experiments.progress import Tick
 from stepper.experiments.study.document import Document, Section, cell, counted
 from stepper.experiments.study.draw import draw, draw_cliffs
+from stepper.experiments.study.journal import diverged
 from stepper.experiments.study.points import USUAL, nominal_of
 from stepper.experiments.study.results import Results
 from stepper.experiments.study.study import Study
@@ -179,6 +180,9 @@ def _summary(study: Study, found: Sweep, verdicts: Sequence[Verdict]) -> list[Se
     if found.ranking:
         what = "the share of successes" if study.decisive else measured(study)
         words.append(f"Range of {what} over each parameter: " + ", ".join(f"{name} {cell(value)}" for name, value in found.ranking) + ".")
+    if lost := Counter(row["setting"] for row in found.table.rows if diverged(row)):
+        told = ", ".join(f"{count} with {setting}" for setting, count in lost.most_common())
+        words.append(f"Diverged, and so no success: {told}, of {len(found.table)} episodes.")
     if verdicts:
         counts = Counter(verdict.whose for verdict in verdicts)
         words.append("Failures: " + ", ".join(f"{whose} {count}" for whose, count in counts.most_common()) + ".")
@@ -296,13 +300,15 @@ def _perturbations(found: Sweep, folder: Path) -> list[Section]:
         "change from nominal",
         "+-",
         "unsolved",
+        "diverged",
         "source",
     )
     rows = [_level_row(study, level) for level in found.levels]
     words = [
         f"One parameter at a time, {counted(study.episodes, 'episode')} each, the same starts and random numbers at every point. "
         "Intervals are Wilson's; changes are of the same episode, +- one standard error; unsolved counts episodes in which a step says "
-        "that it was not solved, finite or resolved.",
+        "that it was not solved, finite or resolved, and diverged those of them whose state was not finite or huge, or in which MuJoCo "
+        "began anew by itself: they have no outcome, are no success, and have no part in means.",
         *_repeated(found.levels),
         *(f"Not run: {reason}." for reason in found.skipped),
     ]
@@ -337,7 +343,7 @@ def _level_row(study: Study, level: Level) -> list[Any]:
     parameter = study.parameters.get(level.parameter)
     shares = [level.successes, level.share, _interval(level)] if study.decisive else []
     told = (level.setting, level.parameter or "nominal", level.value, parameter.unit if parameter else "")
-    return [*told, *shares, level.mean, *level.change, level.unsolved, parameter.source if parameter else ""]
+    return [*told, *shares, level.mean, *level.change, level.unsolved, level.diverged, parameter.source if parameter else ""]
 
 
 def _cliffs(found: Sweep, folder: Path) -> list[Section]:
@@ -363,18 +369,20 @@ def _transfer(study: Study, found: Sweep) -> list[Section]:
         f"mean difference of {outcome}",
         "+-",
         "episodes that end otherwise",
+        "diverged",
     )
     base = _nominal_rows(found, USUAL)
     rows = []
     for setting in [USUAL, *study.settings]:
         level, mine = found.of("", setting)[0], _nominal_rows(found, setting)
-        gap = np.array([row["outcomes"][outcome] - base[e]["outcomes"][outcome] for e, row in mine.items()])
+        both = [(row, base[e]) for e, row in mine.items() if not diverged(row) and not diverged(base[e])]
+        gap = np.array([row["outcomes"][outcome] - other["outcomes"][outcome] for row, other in both])
         otherwise = sum(row["success"] != base[e]["success"] for e, row in mine.items())
         share = ["-", "-"] if level.successes is None else [f"{level.successes} of {level.episodes}", _interval(level)]
         error = float(gap.std(ddof=1) / math.sqrt(len(gap))) if len(gap) > 1 else math.nan
-        rows.append(
-            [setting, *share, level.mean, level.spread, float(gap.mean()), error, otherwise if own[0].successes is not None else "-"]
-        )
+        apart = float(gap.mean()) if len(gap) else math.nan
+        counts = [otherwise if own[0].successes is not None else "-", level.diverged]
+        rows.append([setting, *share, level.mean, level.spread, apart, error, *counts])
     reason = None if _has_peer(study) else no_peer(study)
     words = ["The same episodes at the nominal point with other settings and engines; differences are from the study's own settings."]
     return [Section("Transfer gap", words + ([f"MuJoCo cannot run this study: {reason}."] if reason else []), head, rows)]
@@ -395,11 +403,18 @@ def _failures(verdicts: Sequence[Verdict], found: Sweep) -> list[Section]:
         theta = ", ".join(f"{name} {cell(value)}" for name, value in row["theta"].items()) or "nominal"
         rows.append([whose, rule, count, f"{row['setting']}: {theta}, episode {row['episode']}"])
     words = [
-        "Every failed episode of stepper, of all points above. It is run again with one thing made ideal at a time, and the first "
-        "rule that fits counts, in this order.",
+        "Every failed episode of stepper, of all points above, and every one of MuJoCo that diverged. It is run again with one thing made "
+        "ideal at a time, and the first rule that fits counts, in this order.",
         ". ".join(f"{whose}: {rule}" for whose, rule in RULES) + ".",
     ]
-    return [Section("Whose failures", words if rows else ["No episode of stepper failed."], ("whose", "rule", "episodes", "first"), rows)]
+    return [
+        Section(
+            "Whose failures",
+            words if rows else ["No episode of stepper failed, and none of MuJoCo diverged."],
+            ("whose", "rule", "episodes", "first"),
+            rows,
+        )
+    ]
 
 
 def _left_out(study: Study) -> list[Section]:

@@ -38,6 +38,8 @@ Start = Callable[[World, list[np.random.Generator]], tuple[Any, Any]]
 
 _HOLD = 0.02
 """s that a control is held where a study does not say it."""
+_ROWS = 2
+"""Part of what a row follows from: another number where the same study gives other rows. 2: episodes that diverge have no outcome."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -224,6 +226,7 @@ class Study:
             for o in self.all_outcomes
         ]
         return {
+            "rows": _ROWS,
             "model": {"name": model.name, "sha256": model.digest, "omitted": len(model.omitted)},
             "drive": {"name": drives.name_of(self.drive), "sha256": drives.digest_of(self.driven())},
             "start": {"name": drives.name_of(self.start), "sha256": drives.digest_of(self.start), "keyframe": self.keyframe},

@@ -14,7 +14,7 @@ from stepper._status import Status
 from stepper.experiments.progress import Tick
 from stepper.experiments.study.batches import run_points
 from stepper.experiments.study.intervals import wilson
-from stepper.experiments.study.journal import Journal, Row
+from stepper.experiments.study.journal import Journal, Row, diverged
 from stepper.experiments.study.parameters import COUNTS, Value
 from stepper.experiments.study.points import USUAL, Point, inapplicable, nominal_of
 from stepper.experiments.study.study import Study
@@ -41,10 +41,12 @@ class Level:
         successes: How many of them; None where the study has no success.
         different: How many episodes do not repeat another one bit for bit, which without noise of the start or a random drive all may do.
         interval: Wilson's of the share of successes, 95 %; NaN where episodes repeat one another, which are no independent trials.
-        mean: Of the outcome that decides, or the first one.
+        mean: Of the outcome that decides, or the first one, of the episodes that did not diverge; NaN where all did.
         spread: Standard deviation over episodes.
-        change: Mean over episodes of the difference from the same episode at the nominal point; its standard error.
+        change: Mean over episodes of the difference from the same episode at the nominal point, of those that diverged in neither; its
+            standard error.
         unsolved: Episodes in which a step says that it could not be taken as it should.
+        diverged: Those of them that diverged, which have no outcome and are no success.
     """
 
     setting: str
@@ -58,6 +60,7 @@ class Level:
     spread: float
     change: tuple[float, float]
     unsolved: int
+    diverged: int
 
     @property
     def share(self) -> float:
@@ -118,6 +121,7 @@ class Sweep:
         found = []
         for name in self.study.parameters:
             values = [level.mean if self.study.decisive is None else level.share for level in self.of(name)]
+            values = [value for value in values if math.isfinite(value)]
             if values:
                 found.append((name, float(np.ptp(values))))
         return sorted(found, key=lambda entry: -entry[1])
@@ -195,9 +199,12 @@ def measured(study: Study) -> str:
 
 def _level(study: Study, cell: tuple[str, str, Value | None], rows: Sequence[Row], nominal: Sequence[Row]) -> Level:
     name = measured(study)
-    values, before = (np.array([row["outcomes"][name] for row in of], float) for of in (rows, nominal))
+    pairs = [
+        (row["outcomes"][name], was["outcomes"][name], diverged(was)) for row, was in zip(rows, nominal, strict=True) if not diverged(row)
+    ]
+    values = np.array([value for value, *_ in pairs], float)
+    change = np.array([value - before for value, before, lost in pairs if not lost], float)
     successes = None if study.decisive is None else sum(row["success"] for row in rows)
-    change = values - before
     different = _different(study, rows)
     return Level(
         setting=cell[0],
@@ -207,10 +214,11 @@ def _level(study: Study, cell: tuple[str, str, Value | None], rows: Sequence[Row
         successes=successes,
         different=different,
         interval=(math.nan, math.nan) if successes is None or different < len(rows) else wilson(successes, len(rows)),
-        mean=float(values.mean()),
+        mean=float(values.mean()) if len(values) else math.nan,
         spread=_deviation(values),
-        change=(float(change.mean()), _deviation(change) / math.sqrt(len(rows))),
+        change=(float(change.mean()), _deviation(change) / math.sqrt(len(change))) if len(change) else (math.nan, math.nan),
         unsolved=sum(bool(int(row["certificate"]["status"]) & UNSOLVED) for row in rows),
+        diverged=sum(map(diverged, rows)),
     )
 
 

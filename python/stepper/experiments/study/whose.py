@@ -2,6 +2,7 @@
 
 The first rule that fits counts:
 
+    physics      the episode diverged: a state was not finite or huge, or MuJoCo began anew by itself
     physics      the steps say that they failed (`Stepper.status`)
     evaluation   the outcome is not a number, or within its margin of the threshold
     perception   the episode succeeds with ideal sensors
@@ -21,9 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from stepper._status import Status
 from stepper.experiments.study.batches import group_of, run_episodes
-from stepper.experiments.study.journal import Journal, Row
+from stepper.experiments.study.journal import Journal, Row, diverged
 from stepper.experiments.study.points import Point
 from stepper.experiments.study.study import Study
 from stepper.experiments.study.sweep import UNSOLVED
@@ -34,6 +34,7 @@ TIGHTER = 1e-2
 """Ratio of the tolerance of the finer run to that in force."""
 
 EVALUATION = "the outcome is not finite, or no farther from its threshold than its margin"
+DIVERGED = "the episode diverged: a state that is not finite or huge, or an engine that began anew by itself"
 STATUS = "a step says that it was not solved, finite or resolved"
 PERCEPTION = "success with ideal sensors"
 STEP = f"success with ideal sensors at the time step over {FINER} and {TIGHTER:g} of the tolerance"
@@ -42,6 +43,7 @@ POLICY = "fails though the world is computed more finely and seen as it is"
 DECLARED = "the study says whose failures of this outcome are"
 
 RULES = (
+    ("physics", DIVERGED),
     ("as declared", DECLARED),
     ("physics", STATUS),
     ("evaluation", EVALUATION),
@@ -69,8 +71,11 @@ class Verdict:
 
 
 def judge(study: Study, rows: Sequence[Row], journal: Journal) -> list[Verdict]:
-    """Tells whose every failure is. Rows of episodes that succeed, and of other engines, are left out; runs go into the journal."""
-    failed = {row["key"]: row for row in rows if row["success"] is False and row["settings"]["engine"] == "stepper"}
+    """Tells whose every failure is; runs go into the journal.
+
+    Rows of episodes that succeed are left out, and those of MuJoCo but for the ones that diverged.
+    """
+    failed = {row["key"]: row for row in rows if row["success"] is False and (row["settings"]["engine"] == "stepper" or diverged(row))}
     verdicts = {key: _seen(study, row) for key, row in failed.items()}
     for name, change, whose, rule in _TRIALS:
         left = [row for key, row in failed.items() if verdicts[key] is None and _tells(study, name, row)]
@@ -85,9 +90,11 @@ def _seen(study: Study, row: Row) -> tuple[str, str] | None:
     outcome = study.decisive
     assert outcome is not None
     assert outcome.threshold is not None
+    if diverged(row):
+        return "physics", DIVERGED
     if outcome.whose is not None:
         return outcome.whose, DECLARED
-    if int(row["certificate"]["status"]) & (UNSOLVED | Status.NON_FINITE):
+    if int(row["certificate"]["status"]) & UNSOLVED:
         return "physics", STATUS
     value = row["outcomes"][outcome.name]
     if not np.isfinite(value) or abs(value - outcome.threshold) <= outcome.margin:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import contextlib
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, ClassVar
 
@@ -19,6 +20,8 @@ from stepper.sensors import SensorModel
 from stepper.shared.machine import require
 
 Array = NDArray[np.float64]
+_HUGE = 1e10
+"""m, rad and those over s, beyond which a state is that of no motion: MuJoCo's mjMAXVAL, at which it begins anew, for both engines."""
 
 
 @dataclass(frozen=True)
@@ -155,6 +158,18 @@ class World:
         """Everything that the engine was set to, as it is in force."""
         raise NotImplementedError
 
+    @property
+    def diverged(self) -> NDArray[np.bool_]:
+        """Environments whose episode is lost: a state was not finite or beyond all bounds, or the engine began anew: (num_envs,)."""
+        lost: NDArray[np.bool_] = (self.certificate()["status"] & Status.NON_FINITE) != 0
+        return lost
+
+    def _beyond(self) -> NDArray[np.bool_]:
+        """Environments whose state is now not finite or huge."""
+        state = np.concatenate([self.qpos, self.qvel], axis=1)
+        beyond: NDArray[np.bool_] = ~(np.abs(state) <= _HUGE).all(axis=1)
+        return beyond
+
     # By name.
 
     def body(self, name: str | int) -> Array:
@@ -286,6 +301,7 @@ class StepperWorld(World):
         self.step(ctrl, nstep)
         worst = self._worst
         worst["status"] = worst["status"] | np.asarray(self.sim.status, np.int64)
+        worst["status"][self._beyond()] |= Status.NON_FINITE
         for name in ("residual", "depth", "limit_overshoot"):
             worst[name] = np.maximum(worst[name], np.asarray(getattr(self.sim, name), float))
 
@@ -354,6 +370,12 @@ class MujocoWorld(World):
             raise ModelError(
                 "stepper leaves out actuators or sensors of this model, so that its controls are not MuJoCo's; see model.explain()"
             )
+        warned = self._mujoco.mjtWarning
+        # MuJoCo begins anew by itself where a state is not finite, and leaves out contacts without room; it counts both.
+        self._flags = (
+            (Status.NON_FINITE, (warned.mjWARN_BADQPOS, warned.mjWARN_BADQVEL, warned.mjWARN_BADQACC)),
+            (Status.CONTACTS_FULL, (warned.mjWARN_CONTACTFULL, warned.mjWARN_CNSTRFULL)),
+        )
         self._models = self._made(plan, num_envs)
         self._data = [self._mujoco.MjData(m) for m in self._models]
         self._seen = [self._mujoco.MjData(m) for m in self._models]
@@ -361,6 +383,7 @@ class MujocoWorld(World):
         self.timestep = float(self._models[0].opt.timestep)
         self._applied = np.zeros((num_envs, plan.model.nbody, 6))
         self._depth = np.zeros(num_envs)
+        self._status = np.zeros(num_envs, np.int64)
 
     def _made(self, plan: Plan, num_envs: int) -> list[Any]:
         base = plan.compiled.__copy__()
@@ -377,8 +400,9 @@ class MujocoWorld(World):
     def _changed(self, base: Any, fields: Mapping[str, Array]) -> Any:
         model = base.__copy__()
         for field, value in fields.items():
-            if field == "gravity":
-                model.opt.gravity[:] = value
+            if hasattr(model.opt, field):
+                # Gravity, wind, density, viscosity, impratio.
+                setattr(model.opt, field, value)
             elif field in ("actuator_gain", "actuator_bias"):
                 getattr(model, f"{field}prm")[:, :3] = value
             elif field == "actuator_gear":
@@ -400,6 +424,7 @@ class MujocoWorld(World):
                 self._mujoco.mj_resetDataKeyframe(model, data, self.model.keyframe(keyframe).id)
             data.qpos[:], data.qvel[:], data.time = q, v, 0.0
         self._applied[:] = 0.0
+        self._depth[:], self._status[:] = 0.0, 0
         self.time, self._fresh, self._pushed = 0.0, False, False
 
     def advance(self, ctrl: Any, nstep: int) -> None:
@@ -408,28 +433,45 @@ class MujocoWorld(World):
         for env, data in enumerate(self._data):
             depth = max((float(c.includemargin - c.dist) for c in data.contact), default=0.0)
             self._depth[env] = max(self._depth[env], depth)
+            for flag, kinds in self._flags:
+                if any(data.warning[kind].number for kind in kinds):
+                    self._status[env] |= flag
+        # A state that MuJoCo would look at in the next step alone.
+        self._status[self._beyond()] |= Status.NON_FINITE
 
     def step(self, ctrl: Any, nstep: int) -> None:
         """See `World.step`."""
         rows = None if ctrl is None else np.broadcast_to(np.asarray(ctrl, float), (self.num_envs, self.model.nu))
         pushed = self._pushed or bool(self._applied.any())
         self._pushed = bool(self._applied.any())
-        for env, (data, model) in enumerate(zip(self._data, self._models, strict=True)):
-            if rows is not None:
-                data.ctrl[:] = rows[env]
-            if pushed:
-                data.xfrc_applied[:] = self._applied[env]
-            self._mujoco.mj_step(model, data, nstep)
+        with self._quiet():
+            for env, (data, model) in enumerate(zip(self._data, self._models, strict=True)):
+                if rows is not None:
+                    data.ctrl[:] = rows[env]
+                if pushed:
+                    data.xfrc_applied[:] = self._applied[env]
+                self._mujoco.mj_step(model, data, nstep)
         self.time += nstep * self.timestep
         self._fresh = False
+
+    @contextlib.contextmanager
+    def _quiet(self) -> Iterator[None]:
+        """Keeps MuJoCo from writing its warnings, which are counted here, to MUJOCO_LOG.TXT in the working directory."""
+        before = self._mujoco.get_mju_user_warning()
+        self._mujoco.set_mju_user_warning(_ignore)
+        try:
+            yield
+        finally:
+            self._mujoco.set_mju_user_warning(before)
 
     def _now(self) -> list[Any]:
         """Data with everything at the present state, as `mj_step` leaves only what was before it."""
         if not self._fresh:
-            for data, seen, model in zip(self._data, self._seen, self._models, strict=True):
-                seen.qpos[:], seen.qvel[:], seen.ctrl[:], seen.time = data.qpos, data.qvel, data.ctrl, data.time
-                seen.act[:], seen.xfrc_applied[:], seen.qacc_warmstart[:] = data.act, data.xfrc_applied, data.qacc_warmstart
-                self._mujoco.mj_forward(model, seen)
+            with self._quiet():
+                for data, seen, model in zip(self._data, self._seen, self._models, strict=True):
+                    seen.qpos[:], seen.qvel[:], seen.ctrl[:], seen.time = data.qpos, data.qvel, data.ctrl, data.time
+                    seen.act[:], seen.xfrc_applied[:], seen.qacc_warmstart[:] = data.act, data.xfrc_applied, data.qacc_warmstart
+                    self._mujoco.mj_forward(model, seen)
             self._fresh = True
         return self._seen
 
@@ -495,12 +537,8 @@ class MujocoWorld(World):
 
     def certificate(self) -> dict[str, NDArray[Any]]:
         """See `World.certificate`. MuJoCo has no residual in m/s and no overshoot; depth is that of the last step of a control."""
-        # MuJoCo begins anew by itself where a state is not finite, and leaves a warning.
-        kinds = [getattr(self._mujoco.mjtWarning, f"mjWARN_BAD{what}") for what in ("QPOS", "QVEL", "QACC")]
-        bad = np.array([any(data.warning[kind].number for kind in kinds) for data in self._data])
         nothing = np.full(self.num_envs, np.nan)
-        status = np.where(bad, int(Status.NON_FINITE), 0)
-        return {"status": status, "residual": nothing, "depth": self._depth, "limit_overshoot": nothing}
+        return {"status": self._status, "residual": nothing, "depth": self._depth, "limit_overshoot": nothing}
 
     def settings(self) -> dict[str, Any]:
         """See `World.settings`."""
@@ -515,6 +553,10 @@ class MujocoWorld(World):
             **{name: getattr(opt, name) for name in ("iterations", "tolerance", "impratio", "noslip_iterations")},
             "precision": "f64",
         }
+
+
+def _ignore(_: str) -> None:
+    """Takes a warning that is counted elsewhere."""
 
 
 def configure(mujoco: Any, model: Any, settings: Mapping[str, Any]) -> None:

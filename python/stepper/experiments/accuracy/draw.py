@@ -1,4 +1,4 @@
-"""The picture of a chart: error against cost in two panels, alone and in a batch, and where errors come from."""
+"""The picture of a chart: error against cost, alone and in a batch; where errors come from; invariants; and outcomes beside the reference's."""
 
 from __future__ import annotations
 
@@ -21,14 +21,17 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from stepper.experiments.accuracy.chart import Dot
+    from stepper.experiments.accuracy.dots import Dot
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">")
 _OURS = ("#0b3c8c", "#2ca02c", "#17becf", "#8c564b", "#e377c2", "#7f7f7f", "#bcbd22", "#00695c")
 _LAW = ("#6a1b9a", "#ab47bc")
 _THEIRS = ("#d62728", "#ff7f0e", "#b8860b")
+_RAPIER = ("#000000", "#9e9e9e")
 _SINGLE = ", f32"
 _FLOOR = 1e-12
+_ACROSS = 3
+"""Panels of invariants and outcomes in a row of the picture."""
 
 
 def draw(study: Study, distance: Distance, right: Reference, dots: Sequence[Dot], *, path: Path, note: str) -> Path:
@@ -38,23 +41,34 @@ def draw(study: Study, distance: Distance, right: Reference, dots: Sequence[Dot]
         MissingPackageError: matplotlib is not installed.
     """
     figures = require("matplotlib.figure", "to draw a chart")
-    figure = figures.Figure(figsize=(13, 11.5), dpi=120, layout="constrained")
-    grid = figure.add_gridspec(2, 2, height_ratios=(1.25, 1.0))
+    # What has values above nothing: an invariant that all keep to the last digit needs no panel.
+    kept = [name for name in dots[0].invariants if any(dot.invariants[name] > 0 for dot in dots)] if dots else []
+    told = [shift.name for shift in next((dot.shifts for dot in dots if dot.shifts), ())]
+    below = [*((_kept, name) for name in kept), *((_shifted, name) for name in told)]
+    rows = math.ceil(len(below) / _ACROSS)
+    figure = figures.Figure(figsize=(13, 11.5 + 3.4 * rows), dpi=120, layout="constrained")
+    grid = figure.add_gridspec(2 + rows, 12, height_ratios=(1.25, 1.0, *[0.6] * rows))
     labels = list(dict.fromkeys(dot.label for dot in dots))
     colours = _colours(labels)
     markers = dict(zip(sorted({dot.timestep for dot in dots}), MARKERS, strict=False))
-    panels = [figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[0, 1])]
+    panels = [figure.add_subplot(grid[0, :6]), figure.add_subplot(grid[0, 6:])]
     for panel, cost, title in zip(panels, ("alone", "batch"), ("one environment alone", f"{BATCH} environments in a batch"), strict=True):
         _panel(panel, dots, cost, colours, markers)
         low = float(np.median(right.uncertainty))
+        low = low if math.isfinite(low) else _FLOOR
         panel.axhspan(_FLOOR, max(low, 2 * _FLOOR), color="#888888", alpha=0.15, linewidth=0)
         panel.set_title(title, fontsize=11)
         panel.set_xlabel("us of one core for a simulated second of one environment (down and left is better)")
         panel.set_ylabel(f"error up to {distance.horizon:.3g} s, {distance.unit} (median)")
         finite = [dot.error for dot in dots if math.isfinite(dot.error) and dot.error > 0]
-        panel.set_ylim(max(_FLOOR, 0.3 * min([*finite, low])), 3 * max(finite, default=1.0))
+        panel.set_ylim(max(_FLOOR, 0.3 * min([*finite, max(low, _FLOOR)])), 3 * max(finite, default=1.0))
     _legends(figure, panels, markers)
     _split(figure.add_subplot(grid[1, :]), study, dots, labels, colours)
+    for k, (fill, name) in enumerate(below):
+        across = min(_ACROSS, len(below) - k // _ACROSS * _ACROSS)
+        wide = 12 // across
+        place = k % _ACROSS
+        fill(figure.add_subplot(grid[2 + k // _ACROSS, wide * place : wide * (place + 1)]), name, study, dots, colours)
     title = "\n".join(textwrap.wrap(f"{study.name}. Reference: {right.words}", 150))
     figure.suptitle(f"{title}\n{note}", fontsize=9)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -65,12 +79,13 @@ def draw(study: Study, distance: Distance, right: Reference, dots: Sequence[Dot]
 def _colours(labels: Sequence[str]) -> dict[str, str]:
     """A colour for each kind of settings; those that differ in precision alone have the same one, and another line."""
     found: dict[str, str] = {}
-    counts = {"ours": 0, "law": 0, "theirs": 0}
+    counts = {"ours": 0, "law": 0, "theirs": 0, "rapier": 0}
     for label in labels:
         same = label.removesuffix(_SINGLE)
         if same not in found:
             kind = "theirs" if label.startswith("MuJoCo:") else "law" if "MuJoCo's law" in label else "ours"
-            palette = {"ours": _OURS, "law": _LAW, "theirs": _THEIRS}[kind]
+            kind = "rapier" if label.startswith("rapier:") else kind
+            palette = {"ours": _OURS, "law": _LAW, "theirs": _THEIRS, "rapier": _RAPIER}[kind]
             found[same] = palette[counts[kind] % len(palette)]
             counts[kind] += 1
         found[label] = found[same]
@@ -78,11 +93,11 @@ def _colours(labels: Sequence[str]) -> dict[str, str]:
 
 
 def _line(label: str) -> str:
-    return "--" if label.startswith("MuJoCo:") else ":" if label.endswith(_SINGLE) else "-"
+    return "--" if label.startswith("MuJoCo:") else "-." if label.startswith("rapier:") else ":" if label.endswith(_SINGLE) else "-"
 
 
 def _panel(panel: Axes, dots: Sequence[Dot], cost: str, colours: dict[str, str], markers: dict[float, str]) -> None:
-    good = [dot for dot in dots if math.isfinite(dot.error)]
+    good = [dot for dot in dots if math.isfinite(dot.error) and math.isfinite(getattr(dot, cost))]
     for label, colour in colours.items():
         own = [dot for dot in good if dot.label == label]
         x, y = [getattr(dot, cost) for dot in own], [max(dot.error, _FLOOR) for dot in own]
@@ -129,4 +144,39 @@ def _split(panel: Axes, study: Study, dots: Sequence[Dot], labels: Sequence[str]
     panel.set_title(f"where errors come from, at the time step of {own * 1e3:g} ms", fontsize=11)
     panel.legend(fontsize=8)
     panel.grid(visible=True, axis="y", color="#dddddd")
+    panel.set_axisbelow(True)
+
+
+def _kept(panel: Axes, name: str, study: Study, dots: Sequence[Dot], colours: dict[str, str]) -> None:
+    """Errors of an invariant over time steps."""
+    for label, colour in colours.items():
+        own = [dot for dot in dots if dot.label == label and math.isfinite(dot.invariants[name])]
+        x, y = [1e3 * dot.timestep for dot in own], [max(dot.invariants[name], _FLOOR) for dot in own]
+        panel.plot(x, y, _line(label), marker=".", color=colour, linewidth=1.2)
+    panel.set_xscale("log")
+    panel.set_yscale("log")
+    panel.set_xlabel("time step, ms", fontsize=8)
+    panel.set_title(f"invariant: {name} (largest)", fontsize=10)
+    panel.tick_params(labelsize=8)
+    panel.grid(visible=True, color="#dddddd")
+    panel.set_axisbelow(True)
+
+
+def _shifted(panel: Axes, name: str, study: Study, dots: Sequence[Dot], colours: dict[str, str]) -> None:
+    """Differences of an outcome from the converged runs with their intervals, at the study's own time step."""
+    own = study.options.timestep or float(study.loaded[0].timestep)
+    labels = list(colours)
+    for k, label in enumerate(labels):
+        dot = min((dot for dot in dots if dot.label == label), key=lambda dot: abs(dot.timestep - own))
+        for shift in dot.shifts:
+            if shift.name == name and math.isfinite(shift.value):
+                low, high = (shift.low, shift.high) if math.isfinite(shift.low) else (shift.value, shift.value)
+                panel.plot([low, high], [k, k], "-", color=colours[label], linewidth=1.6)
+                panel.plot([shift.value], [k], "o", color=colours[label], markersize=4)
+    panel.axvline(0.0, color="#444444", linewidth=0.8)
+    panel.set_yticks(range(len(labels)), labels, fontsize=5)
+    panel.invert_yaxis()
+    panel.set_title(f"{name}, less the converged runs', 95 %, {own * 1e3:g} ms", fontsize=9)
+    panel.tick_params(axis="x", labelsize=8)
+    panel.grid(visible=True, axis="x", color="#dddddd")
     panel.set_axisbelow(True)

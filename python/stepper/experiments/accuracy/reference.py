@@ -87,6 +87,10 @@ class Reference:
         smooth, n = int(self.extrapolates.sum()), len(self.extrapolates)
         orders = self.orders[np.isfinite(self.orders)]
         told = [f"time steps halved to {1e6 * self.timestep:.4g} us", f"observed order {np.median(orders):.1f}" if len(orders) else ""]
+        if self.stopped:
+            told.append(f"no further, as the clock stopped it at {self.trace.reached:.3g} s of simulated time")
+        if len(self.runs) == 1:
+            told.append("a single run, of which nothing is known")
         if smooth < n:
             told.append(
                 f"no extrapolation in {n - smooth} of {n} episodes, whose orders are not those of smooth motion (impacts, sticking)"

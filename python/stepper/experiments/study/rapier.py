@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepper._status import Status
-from stepper._stepper import ModelError
+from stepper._stepper import Model, ModelError
 from stepper.experiments.study.worlds import MujocoWorld, Plan
 from stepper.shared.machine import INSTALL, require
 
@@ -25,70 +25,77 @@ SETTINGS = ("timestep", "iterations")
 _ZERO = 1e-12
 
 
-def no_rapier(plan: Plan) -> str | None:
-    """Why rapier cannot run a plan, in a few words; None where it can."""
-    if importlib.util.find_spec("rapier3d") is None:
-        return f"it is not installed: {INSTALL['rapier3d']}"
-    if plan.compiled is None:
-        return "the model has no source that MuJoCo reads"
-    return next((words for words, lacks in _LACKS if lacks(plan, plan.compiled, require("mujoco", "to run a study in rapier"))), None)
+def not_installed() -> str | None:
+    """How to install rapier where it is not."""
+    return None if importlib.util.find_spec("rapier3d") else f"it is not installed: {INSTALL['rapier3d']}"
 
 
-# What it does not have, or has in another sense than MJCF.
+def lacks(compiled: Any, model: Model) -> str | None:
+    """What of a scene rapier does not have, or has in another sense than MJCF, in a few words; None where it has all.
 
-_Lack = Callable[[Plan, Any, Any], bool]
+    Args:
+        compiled: MuJoCo's model.
+        model: stepper's.
+    """
+    mujoco = require("mujoco", "to run a study in rapier")
+    if np.any(np.asarray(model.geom_restitution) != 0):
+        return "its restitution is not stepper's"
+    return next((words for words, lacking in _LACKS if lacking(compiled, mujoco)), None)
+
+
+_Lack = Callable[[Any, Any], bool]
+"""Whether MuJoCo's model, with MuJoCo's library, has what rapier lacks."""
 
 
 def _colliding(m: Any) -> NDArray[np.intp]:
     return np.flatnonzero((m.geom_contype != 0) | (m.geom_conaffinity != 0))
 
 
-def _other_joints(_: Plan, m: Any, mujoco: Any) -> bool:
+def _other_joints(m: Any, mujoco: Any) -> bool:
     return bool(np.any(m.jnt_type == mujoco.mjtJoint.mjJNT_BALL)) or bool(np.any(m.body_jntnum > 1))
 
 
-def _other_shapes(_: Plan, m: Any, mujoco: Any) -> bool:
+def _other_shapes(m: Any, mujoco: Any) -> bool:
     kinds = mujoco.mjtGeom
     known = (kinds.mjGEOM_PLANE, kinds.mjGEOM_SPHERE, kinds.mjGEOM_CAPSULE, kinds.mjGEOM_BOX, kinds.mjGEOM_CYLINDER)
     return not np.isin(m.geom_type[_colliding(m)], [int(kind) for kind in known]).all()
 
 
-def _joint_forces(_: Plan, m: Any, __: Any) -> bool:
+def _joint_forces(m: Any, _: Any) -> bool:
     return any(np.any(own != 0) for own in (m.dof_damping, m.dof_armature, m.dof_frictionloss, m.jnt_stiffness))
 
 
-def _other_friction(_: Plan, m: Any, __: Any) -> bool:
+def _other_friction(m: Any, _: Any) -> bool:
     own = _colliding(m)
     return not np.isin(m.geom_condim[own], (1, 3)).all() or len({int(x) for x in m.geom_condim[own]}) > 1
 
 
-def _other_contacts(_: Plan, m: Any, mujoco: Any) -> bool:
+def _other_contacts(m: Any, mujoco: Any) -> bool:
     own = _colliding(m)
     off = mujoco.mjtDisableBit
     flags = off.mjDSBL_CONTACT | off.mjDSBL_LIMIT | off.mjDSBL_CONSTRAINT | off.mjDSBL_FILTERPARENT | off.mjDSBL_GRAVITY
     return bool(m.nexclude or m.npair or m.geom_margin[own].any() or len(set(m.geom_priority[own])) > 1 or m.opt.disableflags & int(flags))
 
 
+def _senses_accelerations(m: Any, mujoco: Any) -> bool:
+    return bool(m.nsensor and np.any(m.sensor_needstage == int(mujoco.mjtStage.mjSTAGE_ACC)))
+
+
 _LACKS: tuple[tuple[str, _Lack], ...] = (
-    ("it has no actuators as MJCF means them", lambda _, m, __: m.nu > 0),
-    ("it has no tendons", lambda _, m, __: m.ntendon > 0),
-    ("it has no equalities as MJCF means them", lambda _, m, __: m.neq > 0),
-    ("it has no bodies that deform as MJCF means them", lambda _, m, __: m.nflex > 0),
-    ("mocap bodies are not taken there", lambda _, m, __: m.nmocap > 0),
-    ("it has no air or water", lambda _, m, __: bool(m.opt.density or m.opt.viscosity)),
-    ("it has no compensation of gravity", lambda _, m, __: bool(np.any(m.body_gravcomp != 0))),
+    ("it has no actuators as MJCF means them", lambda m, _: m.nu > 0),
+    ("it has no tendons", lambda m, _: m.ntendon > 0),
+    ("it has no equalities as MJCF means them", lambda m, _: m.neq > 0),
+    ("it has no bodies that deform as MJCF means them", lambda m, _: m.nflex > 0),
+    ("mocap bodies are not taken there", lambda m, _: m.nmocap > 0),
+    ("it has no air or water", lambda m, _: bool(m.opt.density or m.opt.viscosity)),
+    ("it has no compensation of gravity", lambda m, _: bool(np.any(m.body_gravcomp != 0))),
     ("it has free bodies, hinges and slides, one joint a body, and the model has other joints", _other_joints),
     ("its joints have no damping, armature, friction or springs as MJCF means them", _joint_forces),
     ("planes, spheres, boxes, capsules and cylinders are taken there, and the model has other shapes that collide", _other_shapes),
     ("its contacts have friction along the surface or none, of all geoms alike (condim 3 or 1)", _other_friction),
     ("it has no margins, priorities, exclusions and explicit pairs as MJCF means them", _other_contacts),
-    ("its restitution is not stepper's", lambda plan, _, __: bool(np.any(np.asarray(plan.model.geom_restitution) != 0))),
-    ("its contacts' forces and accelerations are not read", lambda _, m, mujoco: _senses_accelerations(m, mujoco)),
+    ("its contacts' forces and accelerations are not read", _senses_accelerations),
 )
-
-
-def _senses_accelerations(m: Any, mujoco: Any) -> bool:
-    return bool(m.nsensor and np.any(m.sensor_needstage == int(mujoco.mjtStage.mjSTAGE_ACC)))
 
 
 class RapierWorld(MujocoWorld):
@@ -97,7 +104,10 @@ class RapierWorld(MujocoWorld):
     engine = "rapier"
 
     def __init__(self, plan: Plan, num_envs: int, settings: Mapping[str, Any]):
-        if reason := no_rapier(plan):
+        reason = not_installed()
+        if plan.compiled is None:
+            reason = reason or "the model has no source that MuJoCo reads"
+        if reason := reason or lacks(plan.compiled, plan.model):
             raise ModelError(f"rapier cannot run this: {reason}")
         if unknown := set(settings) - set(SETTINGS):
             raise ValueError(f"rapier has no settings {sorted(unknown)}, there are: {', '.join(SETTINGS)}")

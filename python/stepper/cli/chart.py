@@ -28,7 +28,9 @@ def chart(scene: str, out: Path, *, quick: bool, horizon: str | None, angle: boo
     if scene in (*names, "all"):
         if ray or budget:
             which = "--ray" if ray else "--budget"
-            raise ValueError(f'"{scene}" is of the built-in scenes, which run in this process to their end; {which} is for models and studies')
+            raise ValueError(
+                f'"{scene}" is of the built-in scenes, which run in this process to their end; {which} is for models and studies'
+            )
         with progress() as tick:
             pictures = charts(names if scene == "all" else [scene], out, Effort.quick() if quick else Effort(), tick)
         show_files([file for picture in pictures for file in (picture, picture.with_suffix(".csv"))])
@@ -57,7 +59,9 @@ def register(app: Typer, typer: ModuleType) -> None:
         horizon: str | None = typer.Option(None, help='Time up to which errors count, "0.5 s"; without it, as far as the motion is known.'),
         angle: bool = typer.Option(False, "--angle", help="Errors are angles in rad, not distances in m."),
         episodes: int = typer.Option(8, min=1, help="Episodes, medians of which count."),
-        budget: str | None = typer.Option(None, help='Time that it may take by the clock, "60 s"; what is not done then is stopped, and said.'),
+        budget: str | None = typer.Option(
+            None, help='Time that it may take by the clock, "60 s"; what is not done then is stopped, and said.'
+        ),
         ray: bool = over,
     ) -> None:
         chart(scene, out, quick=quick, horizon=horizon, angle=angle, episodes=episodes, budget=budget, ray=ray)

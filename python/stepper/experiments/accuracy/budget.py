@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 QUICK = 120.0
 """Seconds that a quick chart may take where nothing else is asked for."""
-_DRAWING = (8.0, 0.15)
+_DRAWING = (12.0, 0.15)
 """Seconds that are kept for pictures and pages, and the share of the budget that they are at the most."""
 _ONE = 0.1
 """Share of what is left for a stage that one run of it may take, so that one which does not come to its end leaves time for the others."""

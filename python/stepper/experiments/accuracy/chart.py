@@ -154,7 +154,10 @@ def _dot(ground: Ground, point: Point, cost: tuple[float, float] | None, kept: d
     notes = list(point.notes)
     alone, batch = cost or (nan, nan)
     if cost and not (math.isfinite(alone) and math.isfinite(batch)):
-        notes.append("costs: the budget was spent before")
+        which = (
+            "costs" if not (math.isfinite(alone) or math.isfinite(batch)) else "costs in a batch" if math.isfinite(alone) else "costs alone"
+        )
+        notes.append(f"{which}: the budget was spent before")
     return Dot(
         engine=point.line.engine,
         setting=point.line.name,

@@ -92,15 +92,18 @@ def costs(
     """
     stage = stage or Stage()
     sizes = [(1, _APART if own.get("engine", "stepper") != "stepper" else BATCH) for own in settings]
-    # Alone first: where the clock ends it, all settings have that before some have both.
-    order = sorted(((n, k) for k, both in enumerate(sizes) for n in enumerate(both)), key=lambda own: own[0][0])
+    # Alone first, and the study's own time step: where the clock ends it, all settings have that before some have more.
+    usual = study.options.timestep or float(study.loaded[0].timestep)
+    far = [abs(math.log(float(own.get("timestep") or usual) / usual)) for own in settings]
+    order = sorted(((n, k) for k, both in enumerate(sizes) for n in enumerate(both)), key=lambda own: (own[0][0], far[own[1]]))
     cases = {(k, which): _Case(study, settings[k], traces[k], n, stage) for (which, n), k in order}
     for done, case in enumerate(cases.values()):
         if stage.limited and not stage.left:
             break
         first = case.once()
-        if stage.limited and first >= _LONG:
-            case.times.append(first)
+        if stage.limited:
+            # Later rounds may not come.
+            case.times.append(first) if first >= _LONG else case.measure(seconds)
         if tick:
             tick((done + 1) / len(cases) / (repeats + 1))
     for done in range(repeats):

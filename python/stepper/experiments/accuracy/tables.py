@@ -44,13 +44,14 @@ class Found:
 
 
 def write(found: Found, folder: Path) -> tuple[Document, list[Path]]:
-    """Writes chart.png, .csv, .npz, .html and .md."""
-    from stepper.experiments.accuracy.draw import draw  # noqa: PLC0415  (matplotlib is optional, and slow to import)
+    """Writes chart.png, .csv, .npz, .html and .md, and chart_later.png of invariants and outcomes."""
+    from stepper.experiments.accuracy.draw import draw, draw_later  # noqa: PLC0415  (matplotlib is optional, and slow to import)
 
     ground, came_from = found.ground, provenance()
     study, distance, right = ground.study, ground.distance, ground.right
     note = f"{came_from['cpu']}, one core, {came_from['utc']}"
     picture = draw(study, distance, right, found.dots, path=folder / "chart.png", note=note)
+    later = draw_later(study, found.dots, path=folder / "chart_later.png")
     table = folder / "chart.csv"
     if rapier := package_version("rapier3d"):
         came_from["rapier3d"] = rapier
@@ -61,8 +62,8 @@ def write(found: Found, folder: Path) -> tuple[Document, list[Path]]:
         writer = csv.DictWriter(file, list(max((dot.row for dot in found.dots), key=len)))
         writer.writeheader()
         writer.writerows(dot.row for dot in found.dots)
-    document = Document(f"Error against cost: {study.name}", _sections(found, picture))
-    return document, [picture, table, _episodes(found, folder / "chart.npz"), *document.save(folder, "chart")]
+    document = Document(f"Error against cost: {study.name}", _sections(found, picture, later))
+    return document, [picture, *([later] if later else []), table, _episodes(found, folder / "chart.npz"), *document.save(folder, "chart")]
 
 
 def _episodes(found: Found, path: Path) -> Path:
@@ -84,7 +85,7 @@ def _episodes(found: Found, path: Path) -> Path:
     return path
 
 
-def _sections(found: Found, picture: Path) -> list[Section]:
+def _sections(found: Found, picture: Path, later: Path | None) -> list[Section]:
     dots, ground = found.dots, found.ground
     best = set(map(id, [*front(dots, "alone"), *front(dots, "batch")]))
     study, unit = ground.study, ground.distance.unit
@@ -104,7 +105,7 @@ def _sections(found: Found, picture: Path) -> list[Section]:
             "Pareto fronts", ["Nothing else is cheaper, alone or in a batch, and more accurate."], (*head, *more), list(map(row, fronts))
         ),
         Section("All points", [], (*head, *more), list(map(row, dots))),
-        _kept(found),
+        _kept(found, later),
         _distributions(found),
     ]
 
@@ -135,7 +136,7 @@ def _words(found: Found) -> list[str]:
     return [*words, *(f"Not run: {reason}." for reason in found.skipped)]
 
 
-def _kept(found: Found) -> Section:
+def _kept(found: Found, picture: Path | None) -> Section:
     kinds, left = [kind.label for kind in found.invariants.kinds], found.invariants.left_out
     words = [
         "What a right motion keeps however chaotic it is: largest errors of all episodes, after every control and to their end, computed "
@@ -145,7 +146,7 @@ def _kept(found: Found) -> Section:
     ]
     words += [f"Left out: {reason}." for reason in left]
     rows = [[dot.label, 1e3 * dot.timestep, *dot.invariants.values(), "; ".join(dot.notes)] for dot in found.dots] if kinds else []
-    return Section("Invariants", words, ("settings", "time step, ms", *kinds, "notes"), rows)
+    return Section("Invariants", words, ("settings", "time step, ms", *kinds, "notes"), rows, picture)
 
 
 def _distributions(found: Found) -> Section:
@@ -161,5 +162,7 @@ def _distributions(found: Found) -> Section:
         "the difference with 95 %: Student's of pairs, and Newcombe's of two shares. Where it has 0, these episodes do not tell settings "
         "from the reference; --episodes makes it narrower."
     ]
-    rows = [[dot.label, 1e3 * dot.timestep, *(shift.words for shift in dot.shifts), "; ".join(dot.notes)] for dot in found.dots if dot.shifts]
+    rows = [
+        [dot.label, 1e3 * dot.timestep, *(shift.words for shift in dot.shifts), "; ".join(dot.notes)] for dot in found.dots if dot.shifts
+    ]
     return Section(title, words, ("settings", "time step, ms", *names(study), "notes"), rows)

@@ -153,9 +153,7 @@ class _Seen:
         assert self._watch is not None
         told, model, count = world.certificate(), world.model, len(self.rows)
         shapes = ((model.nbody + model.ngeom + model.nsite, 3), (model.nbody, 4), (model.nq,), (model.nv,))
-        over = [
-            np.array([row[1][k] for row in self.rows], float).reshape(count, world.num_envs, *shape) for k, shape in enumerate(shapes)
-        ]
+        over = [np.array([row[1][k] for row in self.rows], float).reshape(count, world.num_envs, *shape) for k, shape in enumerate(shapes)]
         lost = ~self.finite if count == self._study.controls else np.ones(world.num_envs, np.bool_)
         return Trace(
             time=np.array([row[0] for row in self.rows]),

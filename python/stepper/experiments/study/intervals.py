@@ -78,7 +78,9 @@ def student_quantile(probability: float, freedom: int) -> float:
     By bisection in the angle atan(t / sqrt(freedom)), whose density is a power of its cosine: there the integral is a finite sum.
     """
     if not 0.5 <= probability < 1 or freedom < 1:
-        raise ValueError(f"a quantile for {probability} of {freedom} degrees of freedom: there must be one, and a probability from 0.5 to 1")
+        raise ValueError(
+            f"a quantile for {probability} of {freedom} degrees of freedom: there must be one, and a probability from 0.5 to 1"
+        )
     low, high = 0.0, math.pi / 2
     for _ in range(60):
         middle = (low + high) / 2

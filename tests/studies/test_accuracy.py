@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import stepper
-from stepper.experiments.accuracy.budget import Stage
 from stepper.experiments.accuracy.candidates import lines, pareto, timesteps
 from stepper.experiments.accuracy.costs import saving
 from stepper.experiments.accuracy.measure import Ground, measure, reference
@@ -143,7 +142,7 @@ def test_a_chart_of_a_model_of_ones_own(tmp_path):
 @pytest.mark.parametrize("options", [stepper.Options(contact="mujoco"), stepper.Options(integrator="midpoint")])
 def test_a_chart_has_both_laws_whatever_the_options_of_the_study(options):
     study = replace(scene(options=options), threads=1)
-    distance, right = reference(study, [0], 0.1, "m", 4, Stage(), tick=lambda _: None)
+    distance, right = reference(study, [0], 0.1, "m", 4)
     measured, skipped, _ = measure(Ground(study, [0], distance, right, 4), lines(study, quick=True), [0.005], lambda *_: None)
     assert not skipped
     assert {point.line.law for point in measured if point.line.engine == "stepper"} == {"hard", "mujoco"}

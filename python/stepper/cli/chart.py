@@ -19,8 +19,8 @@ def chart(scene: str, out: Path, *, quick: bool, horizon: str | None, angle: boo
     """Error against cost: time steps, integrators, solvers, precisions, laws of contact, MuJoCo and rapier, on your model or study.
 
     Or on a built-in scene whose right answer is known. Of a model, what is right is converged by the command itself, which says how well it
-    is known; errors are split into what the solver, the time step and the model make of them. Beside them are invariants and distributions of
-    outcomes, which mean something where motions are chaotic.
+    is known; errors are split into what the solver, the time step and the model make of them. Beside them are invariants and distributions
+    of outcomes, which mean something where motions are chaotic.
 
     Example: stepper chart robot.xml --horizon "0.5 s"
     """

@@ -1,7 +1,7 @@
 """Error against cost on the user's own model, with errors split into what the solver, the time step and the model make of them.
 
-Beside the errors of single motions, which mean something as far as motions can be known, are those that mean something later: invariants, and
-distributions of outcomes.
+Beside the errors of single motions, which mean something as far as motions can be known, are those that mean something later: invariants,
+and distributions of outcomes.
 """
 
 from __future__ import annotations
@@ -72,8 +72,7 @@ def chart(
     budget: str | float | None = None,
     tick: Tick | None = None,
 ) -> Chart:
-    """Error against cost for time steps, integrators, solvers, precisions, laws of contact, MuJoCo's settings and rapier's, on a model of
-    one's own.
+    """Error against cost for time steps, integrators, solvers, precisions, laws of contact, MuJoCo and rapier, on a model of one's own.
 
     The reference is converged by halving the time step (`stepper.experiments.accuracy.reference`). Sensors are ideal. Of a study over Ray,
     settings are run as tasks, and costs are measured here.
@@ -107,7 +106,7 @@ def chart(
     told: Tick = tick or (lambda _what, _done: None)
     numbers, most = range(episodes), 4 if quick else 7
     stage = clock.stage(REFERENCE)
-    distance, right = reference(study, numbers, asked, unit, most, stage, tick=lambda done: told("reference", done))
+    distance, right = reference(study, numbers, asked, unit, most, stage=stage, tick=lambda done: told("reference", done))
     ground = Ground(study, numbers, distance, right, most, clock)
     steps = timesteps(study, coarser=2 if quick else 3, finer=1 if quick else 3)
     points, skipped, laws = measure(ground, lines(study, quick=quick), steps, told)

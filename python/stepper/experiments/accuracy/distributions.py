@@ -65,7 +65,7 @@ def shifts(study: Study, own: Trace, right: Trace) -> list[Shift]:
     for outcome in study.all_outcomes:
         apart = own.outcomes[outcome.name] - right.outcomes[outcome.name]
         apart = apart[np.isfinite(apart)]
-        low, high = student(apart) if len(apart) > 1 else (math.nan, math.nan)
+        low, high = student(apart.tolist()) if len(apart) > 1 else (math.nan, math.nan)
         found.append(Shift(f"mean {outcome.name}", float(apart.mean()) if len(apart) else math.nan, low, high, len(apart)))
     if study.decisive is not None:
         name, n = study.decisive.name, len(own.qpos)

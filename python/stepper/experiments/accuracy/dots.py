@@ -68,8 +68,7 @@ class Dot:
         for own in fields(self):
             if own.name not in ("invariants", "shifts", "notes"):
                 yield own.name, getattr(self, own.name)
-        for name, value in self.invariants.items():
-            yield name, value
+        yield from self.invariants.items()
         for shift in self.shifts:
             yield from ((f"shift of {shift.name}", shift.value), (f"{shift.name}, low", shift.low), (f"{shift.name}, high", shift.high))
         yield "notes", "; ".join(self.notes)

@@ -129,7 +129,7 @@ class Invariants:
         for e in range(len(trace.qpos)):
             if stage and stage.limited and not stage.left:
                 return {kind: np.full(len(trace.qpos), np.nan) for kind in self.kinds}
-            sound = np.isfinite(trace.path[0][:, e]).all(axis=1) & np.isfinite(trace.path[1][:, e]).all(axis=1)
+            sound = np.isfinite(np.concatenate([trace.path[0][:, e], trace.path[1][:, e]], axis=1)).all(axis=1)
             count = int(np.argmin(sound)) if not sound.all() else len(sound)
             if count:
                 for kind, error in self._episode(trace, e, count).items():

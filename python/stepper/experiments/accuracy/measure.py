@@ -1,7 +1,7 @@
 """Points of a chart: what settings did at a time step, how wrong that was, and where the error comes from, as far as there is time.
 
-First all settings are run, then the laws of contact are converged, then the runs are solved again with nothing left for the solver. What the
-clock stops has its reason beside it, and what was found before it stays.
+First all settings are run, then the laws of contact are converged, then the runs are solved again with nothing left for the solver. What
+the clock stops has its reason beside it, and what was found before it stays.
 """
 
 from __future__ import annotations
@@ -64,7 +64,14 @@ class Point:
 
 
 def reference(
-    study: Study, episodes: Sequence[int], horizon: float | None, unit: str, most: int, stage: Stage, *, tick: Callable[[float], None]
+    study: Study,
+    episodes: Sequence[int],
+    horizon: float | None,
+    unit: str,
+    most: int,
+    *,
+    stage: Stage | None = None,
+    tick: Callable[[float], None] | None = None,
 ) -> tuple[Distance, Reference]:
     """What is right, and how far: up to a horizon, or as far as it is known, and no farther than there was time for."""
     law = {"contact": "mujoco"} if study.options.contact == "mujoco" else None
@@ -96,15 +103,15 @@ def measure(
     laws = _laws(ground, [all_lines[number] for number in could], lambda done: tick("laws of contact", done))
     wanted = {_solved_key(all_lines[n], dt): (all_lines[n], dt) for n in could for dt in steps if all_lines[n].engine == "stepper"}
     solved: dict[str, tuple[Trace | None, str]] = {}
-    for number, trace in each(study, list(wanted.values()), functools.partial(_solved, ground)):
-        solved[list(wanted)[number]] = trace
+    for number, last in each(study, list(wanted.values()), functools.partial(_solved, ground)):
+        solved[list(wanted)[number]] = last
         tick("sources of errors", len(solved) / len(wanted))
     points = []
-    for number, own in could.items():
+    for number, row in could.items():
         line = all_lines[number]
-        for dt, (trace, note) in zip(steps, own, strict=True):
+        for dt, (trace, note) in zip(steps, row, strict=True):
             tight = solved[_solved_key(line, dt)] if line.engine == "stepper" else (trace, note)
-            points.append(_point(ground, line, dt, (trace, note), tight, laws[_law(line)]))
+            points.append(_point(ground, (line, dt), (trace, note), tight, laws[_law(line)]))
     return points, skipped, {line.label: found for line in reversed(all_lines) if isinstance(found := laws.get(_law(line)), Reference)}
 
 
@@ -177,9 +184,9 @@ def _converged(ground: Ground, study: Study, line: Line) -> Reference | str:
 
 
 def _point(
-    ground: Ground, line: Line, dt: float, own: tuple[Trace | None, str], tight: tuple[Trace | None, str], law: Reference | str
+    ground: Ground, at: tuple[Line, float], own: tuple[Trace | None, str], tight: tuple[Trace | None, str], law: Reference | str
 ) -> Point:
-    nothing = np.full(len(ground.episodes), np.nan)
+    nothing, (line, dt) = np.full(len(ground.episodes), np.nan), at
     trace, note = own
     notes = [note] if trace is not None or not note else [f"not run: {note}"]
     if trace is not None and (lost := int((~trace.finite).sum())):

@@ -31,8 +31,8 @@ Array = NDArray[np.float64]
 _HARD: dict[str, Any] = {"contact": "hard", "integrator": "midpoint"}
 """The law and the rule of the first method, whatever a study's own options are."""
 TIGHT: dict[str, Any] = {"tolerance": 1e-9, "iterations": 200, "precision": "f64"}
-"""Settings with which the solver leaves next to nothing. Rounding of a humanoid's contacts is some 1e-11 m/s: what asks for that sweeps to the
-end in most steps, and takes twenty times as long."""
+"""Settings with which the solver leaves next to nothing. Rounding of a humanoid's contacts is some 1e-11 m/s: what asks for that sweeps to
+the end in most steps, and takes twenty times as long."""
 _SHARE = 0.4
 """Share of what is left of the clock that one run of a reference may take."""
 _ROUNDING = 1e-11

@@ -59,7 +59,7 @@ def write(found: Found, folder: Path) -> tuple[Document, list[Path]]:
         told = {"reference": right.words, "horizon_s": distance.horizon, "unit": distance.unit, "budget_s": ground.budget.seconds}
         for key, value in {**told, **study.in_force, **came_from}.items():
             file.write(f"# {key}: {value if isinstance(value, str) else json.dumps(value, default=str)}\n")
-        writer = csv.DictWriter(file, list(max((dot.row for dot in found.dots), key=len)))
+        writer = csv.DictWriter(file, list(dict.fromkeys(name for dot in found.dots for name in dot.row)))
         writer.writeheader()
         writer.writerows(dot.row for dot in found.dots)
     document = Document(f"Error against cost: {study.name}", _sections(found, picture, later))

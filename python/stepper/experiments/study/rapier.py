@@ -1,7 +1,7 @@
 """Environments in rapier, the peer with hard contact: free bodies, hinges and slides with simple shapes, of what MuJoCo's compiler made.
 
-Rapier (https://rapier.rs, the package rapier3d) computes in 32 bits. States are in MuJoCo's layout, and places of bodies, sensors of position
-and depths are what MuJoCo's kinematics and narrow phase make of them, so that all engines are looked at through one glass.
+Rapier (https://rapier.rs, the package rapier3d) computes in 32 bits. States are in MuJoCo's layout, and places of bodies, sensors of
+position and depths are what MuJoCo's kinematics and narrow phase make of them, so that all engines are looked at through one glass.
 """
 
 from __future__ import annotations
@@ -379,8 +379,9 @@ class _Scene:
         )
         shape = shape.density(0.0).position(rp.Isometry3(_tuple(place), self._rotation(quaternion))).collision_groups(groups)
         friction = float(m.geom_friction[g, 0]) if m.geom_condim[g] > 1 else 0.0
-        shape = shape.friction(friction).friction_combine_rule(rp.CoefficientCombineRule.MAX).restitution(0.0)
-        self.world.add_collider(shape, self._bodies[root] if root else None)
+        handle = self.world.add_collider(shape.friction(friction).restitution(0.0), self._bodies[root] if root else None)
+        # What the builder is told of this is not in force.
+        self.world.colliders[handle].friction_combine_rule = rp.CoefficientCombineRule.MAX
 
     def _joint(self, j: int) -> _Joint:
         m, d, rp, kinds = self._model, self._data, self._rp, self._mujoco.mjtJoint

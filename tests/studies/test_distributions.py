@@ -41,7 +41,8 @@ def test_an_interval_of_a_mean_is_scipys():
 
 
 def test_an_interval_of_a_difference_of_shares_is_newcombes():
-    # Of Wilson's intervals [0.5958, 0.9821] and [0.1078, 0.6032]: 0.6 less and more the hypotenuses of (0.3042, 0.3032) and (0.0821, 0.1922).
+    # Of Wilson's intervals [0.5958, 0.9821] and [0.1078, 0.6032]: 0.6 less the hypotenuse of 0.3042 and 0.3032, and more that of 0.0821
+    # and 0.1922.
     low, high = newcombe(9, 3, 10)
     assert (low, high) == pytest.approx((0.1705, 0.8090), abs=1e-3)
     assert newcombe(0, 0, 10) == pytest.approx((-0.2775, 0.2775), abs=1e-3)

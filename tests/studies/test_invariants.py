@@ -23,8 +23,8 @@ SPACE = """<mujoco><option gravity="0 0 -3"/><worldbody><body><freejoint/><geom 
   <body pos=".3 0 0"><joint name="elbow" axis="0 1 1"/><geom size=".1" pos=".2 0 0" contype="0" conaffinity="0"/></body></body></worldbody>
   {more}</mujoco>"""
 MOTOR = '<actuator><motor joint="elbow" ctrlrange="-3 3"/><position joint="elbow" kp="2" ctrlrange="-1 1"/></actuator>'
-FLOOR = """<mujoco><worldbody><geom type="plane" size="9 9 1"/><body name="ball" pos="0 0 .3"><freejoint/><geom size=".1"/></body></worldbody>
-  </mujoco>"""
+FLOOR = """<mujoco><worldbody><geom type="plane" size="9 9 1"/>
+  <body name="ball" pos="0 0 .3"><freejoint/><geom size=".1"/></body></worldbody></mujoco>"""
 LOOP = """<mujoco><worldbody><body><joint name="a" axis="0 1 0" range="-10 10"/><geom size=".1" pos=".2 0 0"/></body>
   <body name="b" pos="2 0 0"><joint name="s" type="slide" axis="1 0 0" range="-.1 .1"/><geom size=".1"/></body>
   <body name="c" pos="4 0 0"><freejoint/><geom size=".1"/></body></worldbody>

@@ -379,9 +379,8 @@ class _Scene:
         )
         shape = shape.density(0.0).position(rp.Isometry3(_tuple(place), self._rotation(quaternion))).collision_groups(groups)
         friction = float(m.geom_friction[g, 0]) if m.geom_condim[g] > 1 else 0.0
-        handle = self.world.add_collider(shape.friction(friction).restitution(0.0), self._bodies[root] if root else None)
-        # What the builder is told of this is not in force.
-        self.world.colliders[handle].friction_combine_rule = rp.CoefficientCombineRule.MAX
+        shape = shape.friction(friction).friction_combine_rule(rp.CoefficientCombineRule.MAX).restitution(0.0)
+        self.world.add_collider(shape, self._bodies[root] if root else None)
 
     def _joint(self, j: int) -> _Joint:
         m, d, rp, kinds = self._model, self._data, self._rp, self._mujoco.mjtJoint

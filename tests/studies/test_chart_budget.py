@@ -123,7 +123,7 @@ def test_rows_say_what_was_stopped_and_what_was_not_run(clock):
     assert len(found) == 6
     notes = [" ".join(point.notes) for point in found]
     assert any("stopped after" in note for note in notes)
-    # What stops a run is a tenth of what is left, which those that have four times as many steps need more of.
+    # The longest time steps are run first, and leave time to the others.
     assert any(np.isfinite(point.errors["total"]).all() for point in found)
     for point, note in zip(found, notes, strict=True):
         # A number, or the reason why there is none.

@@ -10,8 +10,6 @@ QUICK = 120.0
 """Seconds that a quick chart may take where nothing else is asked for."""
 _DRAWING = (12.0, 0.15)
 """Seconds that are kept for pictures and pages, and the share of the budget that they are at the most."""
-_ONE = 0.1
-"""Share of what is left for a stage that one run of it may take, so that one which does not come to its end leaves time for the others."""
 
 
 @dataclass(frozen=True)
@@ -34,8 +32,12 @@ class Stage:
         """Whether there is an end."""
         return math.isfinite(self.end)
 
-    def one(self, share: float = _ONE) -> Stage:
-        """A stage within this one, which has a share of what is left."""
+    def one(self, share: float) -> Stage:
+        """A stage within this one, which has a share of what is left.
+
+        One of k runs that are to come has 1/k: one that does not come to its end takes nothing from the others, and one that is done before
+        leaves them the rest.
+        """
         return Stage(time.time() + share * self.left) if self.limited else self
 
 

@@ -28,8 +28,6 @@ TARGET = {"m": 1e-4, "rad": 1e-3}
 """Uncertainty to which a reference is converged, and up to which time it is known where no horizon is given."""
 REFERENCE, RUNS, LAWS, SOURCES, INVARIANTS, COSTS = 0.3, 0.45, 0.57, 0.64, 0.68, 1.0
 """Shares of a budget after which the reference, the runs, the laws, the sources of errors, invariants and costs have to be done."""
-_LAW = 0.4
-"""Share of what is left for laws of contact that one of them may take."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +93,7 @@ def measure(
     """
     study = ground.study
     made: dict[int, list[tuple[Trace | None, str]] | str] = {}
-    for number, own in each(study, all_lines, functools.partial(_runs, ground, steps)):
+    for number, own in each(study, list(enumerate(all_lines)), functools.partial(_runs, ground, steps, len(all_lines))):
         made[number] = own
         tick("runs", len(made) / len(all_lines))
     could = {number: own for number, own in sorted(made.items()) if not isinstance(own, str)}
@@ -103,7 +101,8 @@ def measure(
     laws = _laws(ground, [all_lines[number] for number in could], lambda done: tick("laws of contact", done))
     wanted = {_solved_key(all_lines[n], dt): (all_lines[n], dt) for n in could for dt in steps if all_lines[n].engine == "stepper"}
     solved: dict[str, tuple[Trace | None, str]] = {}
-    for number, last in each(study, list(wanted.values()), functools.partial(_solved, ground)):
+    jobs = [(*own, 1.0 / (len(wanted) - k)) for k, own in enumerate(wanted.values())]
+    for number, last in each(study, jobs, functools.partial(_solved, ground)):
         solved[list(wanted)[number]] = last
         tick("sources of errors", len(solved) / len(wanted))
     points = []
@@ -119,9 +118,9 @@ def _laws(ground: Ground, lines: Sequence[Line], tick: Callable[[float], None]) 
     """Converged runs of the laws of contact of lines, or why there is none."""
     laws: dict[str, Reference | str] = {ground.study.options.contact: ground.right}
     first = {_law(line): line for line in reversed(lines) if _law(line) not in laws}
-    jobs = list(reversed(first.values()))
+    jobs = [(line, 1.0 / (len(first) - k)) for k, line in enumerate(reversed(first.values()))]
     for done, (number, law) in enumerate(each(ground.study, jobs, functools.partial(_converged, ground))):
-        laws[_law(jobs[number])] = law
+        laws[_law(jobs[number][0])] = law
         tick((done + 1) / len(jobs))
     return laws
 
@@ -136,32 +135,41 @@ def _solved_key(line: Line, dt: float) -> str:
     return json.dumps({name: own for name, own in line.settings.items() if name not in TIGHT} | {"timestep": dt}, sort_keys=True)
 
 
-def _runs(ground: Ground, steps: Sequence[float], study: Study, line: Line) -> list[tuple[Trace | None, str]] | str:
-    """A line at all time steps, each with what has to be said of it; or why it could not be run."""
+def _runs(ground: Ground, steps: Sequence[float], count: int, study: Study, own: tuple[int, Line]) -> list[tuple[Trace | None, str]] | str:
+    """One of so many lines at all time steps, each with what has to be said of it; or why it could not be run."""
+    (number, line), stage = own, ground.budget.stage(RUNS)
+    made: dict[float, tuple[Trace | None, str]] = {}
+    left = (count - number) * len(steps)
     try:
-        return [_run(ground, ground.budget.stage(RUNS), line.settings | {"timestep": dt}, study) for dt in steps]
+        # Long time steps first, which take the least time: the others have what they leave.
+        for k, dt in enumerate(sorted(steps, reverse=True)):
+            made[dt] = _run(ground, stage.one(1.0 / (left - k)), line.settings | {"timestep": dt}, study)
+        return [made[dt] for dt in steps]
     except ValueError as error:
         return " ".join(str(error).split())[:300]
 
 
-def _solved(ground: Ground, study: Study, own: tuple[Line, float]) -> tuple[Trace | None, str]:
-    """A line at a time step with nothing left for the solver, up to the horizon."""
-    line, dt = own
-    return _run(ground, ground.budget.stage(SOURCES), line.settings | TIGHT | {"timestep": dt}, study, until=ground.distance.horizon)
+def _solved(ground: Ground, study: Study, own: tuple[Line, float, float]) -> tuple[Trace | None, str]:
+    """A line at a time step with nothing left for the solver, up to the horizon, with a share of the time that is left."""
+    line, dt, share = own
+    return _run(
+        ground, ground.budget.stage(SOURCES).one(share), line.settings | TIGHT | {"timestep": dt}, study, until=ground.distance.horizon
+    )
 
 
 def _run(ground: Ground, stage: Stage, settings: dict[str, Any], study: Study, until: float = math.inf) -> tuple[Trace | None, str]:
     if stage.limited and not stage.left:
         return None, f"the budget of {ground.budget.seconds:g} s was spent before"
-    trace = run(study, ground.episodes, until=until, stage=stage.one(), **settings)
+    trace = run(study, ground.episodes, until=until, stage=stage, **settings)
     if trace.stopped:
         whole = min(until, study.seconds)
         return trace, f"stopped after {trace.spent:.1f} s at {trace.reached:.3g} of {whole:.3g} s"
     return trace, ""
 
 
-def _converged(ground: Ground, study: Study, line: Line) -> Reference | str:
-    """The converged run of a line's law, or why there is none."""
+def _converged(ground: Ground, study: Study, own: tuple[Line, float]) -> Reference | str:
+    """The converged run of a line's law, with a share of the time that is left, or why there is none."""
+    line, share = own
     # Hard contact is converged by one rule for all lines; MuJoCo's law by that of the line, as the study's own may be of hard contact.
     law = None if line.law == "hard" else {name: own for name, own in line.settings.items() if name != "precision"}
     distance, stage = ground.distance, ground.budget.stage(LAWS)
@@ -177,7 +185,7 @@ def _converged(ground: Ground, study: Study, line: Line) -> Reference | str:
             most=most,
             law=law,
             until=distance.horizon,
-            stage=stage.one(_LAW),
+            stage=stage.one(share),
         )
     except ValueError as error:
         return " ".join(str(error).split())[:300]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 QUICK = 120.0
 """Seconds that a quick chart may take where nothing else is asked for."""
-_DRAWING = (12.0, 0.15)
+_DRAWING = (20.0, 0.15)
 """Seconds that are kept for pictures and pages, and the share of the budget that they are at the most."""
 
 

@@ -96,16 +96,17 @@ def costs(
     usual = study.options.timestep or float(study.loaded[0].timestep)
     far = [abs(math.log(float(own.get("timestep") or usual) / usual)) for own in settings]
     order = sorted(((n, k) for k, both in enumerate(sizes) for n in enumerate(both)), key=lambda own: (own[0][0], far[own[1]]))
-    cases = {(k, which): _Case(study, settings[k], traces[k], n, stage) for (which, n), k in order}
-    for done, case in enumerate(cases.values()):
+    cases: dict[tuple[int, int], _Case] = {}
+    for done, ((which, n), k) in enumerate(order):
         if stage.limited and not stage.left:
             break
+        case = cases[k, which] = _Case(study, settings[k], traces[k], n, stage)
         first = case.once()
         if stage.limited:
             # Later rounds may not come.
             case.times.append(first) if first >= _LONG else case.measure(seconds)
         if tick:
-            tick((done + 1) / len(cases) / (repeats + 1))
+            tick((done + 1) / len(order) / (repeats + 1))
     for done in range(repeats):
         for case in cases.values():
             if stage.limited and not stage.left:
@@ -113,7 +114,8 @@ def costs(
             case.measure(seconds)
         if tick:
             tick((done + 2) / (repeats + 1))
-    return [(cases[k, 0].cost, cases[k, 1].cost) for k in range(len(settings))]
+    spent = {key: case.cost for key, case in cases.items()}
+    return [(spent.get((k, 0), math.nan), spent.get((k, 1), math.nan)) for k in range(len(settings))]
 
 
 def saving(own: Study, less: Study, settings: Mapping[str, Any], trace: Trace) -> tuple[float, float]:

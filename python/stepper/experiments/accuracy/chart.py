@@ -123,11 +123,17 @@ def chart(
 
 def _dots(ground: Ground, points: Sequence[Point], invariants: Invariants, *, quick: bool, told: Tick) -> tuple[Dot, ...]:
     study, limit = ground.study, ground.budget.stage(INVARIANTS)
-    kept: list[dict[str, Array]] = []
-    for point in points:
-        errors = {} if point.trace is None else invariants.measure(point.trace, limit)
-        kept.append({kind.label: errors.get(kind, np.full(len(ground.episodes), np.nan)) for kind in invariants.kinds})
-        told("invariants", len(kept) / len(points))
+    nothing, kept = np.full(len(ground.episodes), np.nan), [dict[str, Array]() for _ in points]
+    usual = study.options.timestep or float(study.loaded[0].timestep)
+    # The study's own time step first: where the clock ends it, all settings have that before some have more.
+    late: set[int] = set()
+    for done, k in enumerate(sorted(range(len(points)), key=lambda k: abs(math.log(points[k].timestep / usual)))):
+        trace = points[k].trace
+        if limit.limited and not limit.left and trace is not None and invariants.kinds:
+            late.add(k)
+        errors = {} if trace is None or k in late else invariants.measure(trace)
+        kept[k] = {kind.label: errors.get(kind, nothing) for kind in invariants.kinds}
+        told("invariants", (done + 1) / len(points))
     # What is not finite has no place in a picture of costs, and steps that are not solved take as long as steps may.
     timed = [k for k, point in enumerate(points) if math.isfinite(float(np.median(point.errors["total"])))]
     with one_core():
@@ -141,6 +147,8 @@ def _dots(ground: Ground, points: Sequence[Point], invariants: Invariants, *, qu
             stage=ground.budget.stage(COSTS),
         )
     by_point = dict(zip(timed, spent, strict=True))
+    more = {k: ("invariants: the budget was spent before",) for k in late}
+    points = [replace(point, notes=point.notes + more.get(k, ())) for k, point in enumerate(points)]
     return tuple(_dot(ground, point, by_point.get(k), kept[k]) for k, point in enumerate(points))
 
 

@@ -26,7 +26,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepper.experiments.accuracy.budget import Stage
 from stepper.experiments.accuracy.traces import Trace
 from stepper.experiments.study.parameters import model_fields
 from stepper.experiments.study.study import Study
@@ -119,16 +118,14 @@ class Invariants:
         else:
             self.kinds += [MOMENTUM, ANGULAR]
 
-    def measure(self, trace: Trace, stage: Stage | None = None) -> dict[Invariant, Array]:
+    def measure(self, trace: Trace) -> dict[Invariant, Array]:
         """Largest error of every invariant in every episode, as far as the run got and was finite: (episodes,).
 
         NaN where there is nothing to say: of an episode that was not finite within its first control; of energy, where an episode begins
-        with an overlap or an open loop, whose closing gives energy; and of all, where the clock stopped it.
+        with an overlap or an open loop, whose closing gives energy; of energy and momentum, where the drive pushes bodies.
         """
         found = {kind: np.full(len(trace.qpos), np.nan) for kind in self.kinds}
         for e in range(len(trace.qpos)):
-            if stage and stage.limited and not stage.left:
-                return {kind: np.full(len(trace.qpos), np.nan) for kind in self.kinds}
             sound = np.isfinite(np.concatenate([trace.path[0][:, e], trace.path[1][:, e]], axis=1)).all(axis=1)
             count = int(np.argmin(sound)) if not sound.all() else len(sound)
             if count:

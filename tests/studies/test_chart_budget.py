@@ -151,3 +151,18 @@ def test_a_chart_of_little_time_is_written(tmp_path, monkeypatch):
 def test_a_wrong_budget_is_named(tmp_path, wrong):
     with pytest.raises(ValueError, match=r"budget is .*, must be a number above 0 with a unit"):
         stepper.chart(ball(), tmp_path, budget=wrong)
+
+
+def test_rows_without_time_for_invariants_and_costs_say_so(tmp_path, monkeypatch):
+    """The clock jumps ahead when all is run."""
+    real, made = time.time, sys.modules["stepper.experiments.accuracy.chart"].Invariants
+
+    def late(study):
+        monkeypatch.setattr(time, "time", lambda: real() + 3600.0)
+        return made(study)
+
+    monkeypatch.setattr(sys.modules["stepper.experiments.accuracy.chart"], "Invariants", late)
+    found = stepper.chart(ball(), tmp_path, quick=True, episodes=1, horizon=0.1, budget="1800 s")
+    assert {dot.notes for dot in found.dots} == {("invariants: the budget was spent before", "costs: the budget was spent before")}
+    assert all(math.isfinite(dot.error) and math.isnan(dot.alone) for dot in found.dots)
+    assert "invariants: the budget was spent before" in (tmp_path / "ball/chart.csv").read_text()

@@ -26,7 +26,7 @@ from stepper.experiments.study.study import Study
 Array = NDArray[np.float64]
 TARGET = {"m": 1e-4, "rad": 1e-3}
 """Uncertainty to which a reference is converged, and up to which time it is known where no horizon is given."""
-REFERENCE, RUNS, LAWS, SOURCES, INVARIANTS, COSTS = 0.3, 0.45, 0.57, 0.64, 0.68, 1.0
+REFERENCE, RUNS, LAWS, SOURCES, INVARIANTS, COSTS = 0.3, 0.55, 0.65, 0.71, 0.77, 1.0
 """Shares of a budget after which the reference, the runs, the laws, the sources of errors, invariants and costs have to be done."""
 
 

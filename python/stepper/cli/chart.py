@@ -15,18 +15,22 @@ if TYPE_CHECKING:
     from typer import Typer
 
 
-def chart(scene: str, out: Path, *, quick: bool, horizon: str | None, angle: bool, episodes: int, ray: bool) -> None:
-    """Error against cost: time steps, integrators, solvers, precisions, laws of contact and MuJoCo's settings, on your model or study.
+def chart(scene: str, out: Path, *, quick: bool, horizon: str | None, angle: bool, episodes: int, budget: str | None, ray: bool) -> None:
+    """Error against cost: time steps, integrators, solvers, precisions, laws of contact, MuJoCo and rapier, on your model or study.
 
     Or on a built-in scene whose right answer is known. Of a model, what is right is converged by the command itself, which says how well it
-    is known; errors are split into what the solver, the time step and the model make of them.
+    is known; errors are split into what the solver, the time step and the model make of them. Beside them are invariants and distributions
+    of outcomes, which mean something where motions are chaotic.
 
     Example: stepper chart robot.xml --horizon "0.5 s"
     """
     names = list(SCENES)
     if scene in (*names, "all"):
-        if ray:
-            raise ValueError(f'"{scene}" is of the built-in scenes, which run in this process; --ray is for models and studies')
+        if ray or budget:
+            which = "--ray" if ray else "--budget"
+            raise ValueError(
+                f'"{scene}" is of the built-in scenes, which run in this process to their end; {which} is for models and studies'
+            )
         with progress() as tick:
             pictures = charts(names if scene == "all" else [scene], out, Effort.quick() if quick else Effort(), tick)
         show_files([file for picture in pictures for file in (picture, picture.with_suffix(".csv"))])
@@ -35,7 +39,8 @@ def chart(scene: str, out: Path, *, quick: bool, horizon: str | None, angle: boo
         raise ValueError(f'there is no file and no scene "{scene}"; scenes are: {", ".join(names)}, all')
     with progress() as tick:
         source = of_source(scene, ray=ray)
-        found = run(source, out, horizon=horizon, unit="rad" if angle else "m", episodes=episodes, quick=quick, tick=tick)
+        unit = "rad" if angle else "m"
+        found = run(source, out, horizon=horizon, unit=unit, episodes=episodes, quick=quick, budget=budget, tick=tick)
     print(found.document.markdown())
     show_files(found.files)
 
@@ -50,10 +55,13 @@ def register(app: Typer, typer: ModuleType) -> None:
         scene: str = typer.Argument("all", help="A model (MJCF, URDF, saved), a study (.toml, .py); or chain, box, all."),
         *,
         out: Path = folder,
-        quick: bool = typer.Option(False, "--quick", help="Fewer repeats, settings and time steps."),
+        quick: bool = typer.Option(False, "--quick", help="Fewer repeats, settings and time steps, and two minutes at the most."),
         horizon: str | None = typer.Option(None, help='Time up to which errors count, "0.5 s"; without it, as far as the motion is known.'),
         angle: bool = typer.Option(False, "--angle", help="Errors are angles in rad, not distances in m."),
         episodes: int = typer.Option(8, min=1, help="Episodes, medians of which count."),
+        budget: str | None = typer.Option(
+            None, help='Time that it may take by the clock, "60 s"; what is not done then is stopped, and said.'
+        ),
         ray: bool = over,
     ) -> None:
-        chart(scene, out, quick=quick, horizon=horizon, angle=angle, episodes=episodes, ray=ray)
+        chart(scene, out, quick=quick, horizon=horizon, angle=angle, episodes=episodes, budget=budget, ray=ray)

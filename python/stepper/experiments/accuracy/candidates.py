@@ -1,4 +1,4 @@
-"""Ways to step that a chart compares and a tuning chooses from: settings of stepper and of MuJoCo, at several time steps."""
+"""Ways to step that a chart compares and a tuning chooses from: settings of stepper, MuJoCo and rapier, at several time steps."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from stepper._options import Options
+from stepper.experiments.study import rapier
 from stepper.experiments.study.batches import steps_of
 from stepper.experiments.study.report import no_peer
 from stepper.experiments.study.study import Study
@@ -18,10 +19,10 @@ class Line:
     """Settings at several time steps: a line of a chart.
 
     Attributes:
-        engine: "stepper" or "MuJoCo".
+        engine: "stepper", "MuJoCo" or "rapier".
         name: The settings in a few words.
-        settings: As of `Study.settings`, without the time step.
-        law: Of contact: "hard" or "mujoco".
+        settings: As of `world_of`, without the time step.
+        law: Of contact: "hard", "mujoco" or "rapier".
     """
 
     engine: str
@@ -60,6 +61,7 @@ _PEER: tuple[tuple[str, dict[str, Any]], ...] = (
         {"integrator": "implicitfast", "cone": "elliptic", "solver": "newton", "impratio": 10.0, "noslip_iterations": 10},
     ),
 )
+_RAPIER: tuple[tuple[str, dict[str, Any]], ...] = (("its defaults", {}), ("20 iterations", {"iterations": 20}))
 
 
 def hard_lines(*, more: bool = False) -> list[Line]:
@@ -68,7 +70,7 @@ def hard_lines(*, more: bool = False) -> list[Line]:
 
 
 def lines(study: Study, *, quick: bool) -> list[Line]:
-    """All lines of a chart of a study: hard contact, MuJoCo's law, and MuJoCo where it can run the study."""
+    """All lines of a chart of a study: hard contact, MuJoCo's law, and MuJoCo and rapier where they can run the study."""
     model, _ = study.loaded
     asked = Options.of(model).integrator if model.requested else None
     law = {"contact": "mujoco", "integrator": asked}
@@ -77,7 +79,18 @@ def lines(study: Study, *, quick: bool) -> list[Line]:
     found += [Line("stepper", f"MuJoCo's law, {asked or 'euler'}, f32", law | {"precision": "f32"}, "mujoco")]
     if no_peer(study) is None:
         found += [Line("MuJoCo", name, {"engine": "mujoco"} | given, "mujoco") for name, given in _PEER]
+    if no_rapier(study) is None:
+        found += [Line("rapier", name, {"engine": "rapier"} | given, "rapier") for name, given in _RAPIER]
     return found
+
+
+def no_rapier(study: Study) -> str | None:
+    """Why rapier cannot run a study; None where it can."""
+    if reason := rapier.not_installed():
+        return reason
+    if reason := no_peer(study):
+        return f"MuJoCo reads models for it, and {reason}" if "not installed" in reason else reason
+    return rapier.lacks(study.loaded[1], study.loaded[0])
 
 
 def timesteps(study: Study, *, coarser: int = 3, finer: int = 3) -> list[float]:

@@ -6,17 +6,22 @@ the error of the last, |x(h/2) - x(h/4)| / (2^p - 1), holds where the order is t
 and sliding it is not: errors of single impacts add up with any sign, orders wander, and the estimate is then the difference of the last
 two runs itself. Where the two methods differ by more than twice the second one's own difference of two steps, the rest is uncertainty
 too.
+
+A clock may end it: with fewer halvings, without the second method, or with runs that got through the beginning of the episodes alone. What
+is known is then known less well, or not as far, and the words say so.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stepper.experiments.accuracy.budget import Stage
 from stepper.experiments.accuracy.traces import Distance, Trace, run
 from stepper.experiments.study.batches import steps_of
 from stepper.experiments.study.points import USUAL
@@ -25,8 +30,11 @@ from stepper.experiments.study.study import Study
 Array = NDArray[np.float64]
 _HARD: dict[str, Any] = {"contact": "hard", "integrator": "midpoint"}
 """The law and the rule of the first method, whatever a study's own options are."""
-TIGHT: dict[str, Any] = {"tolerance": 1e-11, "iterations": 1000, "precision": "f64"}
-"""Settings with which the solver leaves next to nothing."""
+TIGHT: dict[str, Any] = {"tolerance": 1e-9, "iterations": 200, "precision": "f64"}
+"""Settings with which the solver leaves next to nothing. Rounding of a humanoid's contacts is some 1e-11 m/s: what asks for that sweeps to
+the end in most steps, and takes twenty times as long."""
+_SHARE = 0.4
+"""Share of what is left of the clock that one run of a reference may take."""
 _ROUNDING = 1e-11
 """m or rad below which differences of two runs are rounding and what the solver leaves."""
 _SMOOTH = (1.6, 2.6)
@@ -38,7 +46,7 @@ class Reference:
     """A run that is taken for right, and how well it is known.
 
     Attributes:
-        runs: The three finest runs of the first method, the finest last.
+        runs: The three finest runs of the first method, the finest last; two, or one of which nothing is known, where the clock ended it.
         second: Runs of the second method at the two finest steps; none where it does not apply.
         target: Uncertainty that was asked for.
         uncertainty: Of every episode up to the horizon, in the unit of the distance: (episodes,).
@@ -46,6 +54,7 @@ class Reference:
         extrapolates: Whether Richardson's estimate holds, of every episode: (episodes,).
         methods: Distance of the two methods, (episodes,); NaN with one method.
         known: Time up to which the last two runs of every episode differ by no more than the target, s: (episodes,).
+        stopped: Whether the clock ended it, and not the target.
     """
 
     runs: tuple[Trace, ...]
@@ -56,6 +65,7 @@ class Reference:
     extrapolates: NDArray[np.bool_]
     methods: Array
     known: Array
+    stopped: bool = False
 
     @property
     def trace(self) -> Trace:
@@ -69,7 +79,7 @@ class Reference:
 
     def judged(self, distance: Distance) -> Reference:
         """The same runs by another distance, up to another horizon."""
-        return _judged(self.runs, self.second, distance, self.target)
+        return replace(_judged(self.runs, self.second, distance, self.target), stopped=self.stopped)
 
     @property
     def words(self) -> str:
@@ -77,6 +87,10 @@ class Reference:
         smooth, n = int(self.extrapolates.sum()), len(self.extrapolates)
         orders = self.orders[np.isfinite(self.orders)]
         told = [f"time steps halved to {1e6 * self.timestep:.4g} us", f"observed order {np.median(orders):.1f}" if len(orders) else ""]
+        if self.stopped:
+            told.append(f"no further, as the clock stopped it at {self.trace.reached:.3g} s of simulated time")
+        if len(self.runs) == 1:
+            told.append("a single run, of which nothing is known")
         if smooth < n:
             told.append(
                 f"no extrapolation in {n - smooth} of {n} episodes, whose orders are not those of smooth motion (impacts, sticking)"
@@ -105,8 +119,10 @@ def converge(
     setting: str = USUAL,
     law: dict[str, Any] | None = None,
     tick: Callable[[float], None] | None = None,
+    until: float = math.inf,
+    stage: Stage | None = None,
 ) -> Reference:
-    """Converges a run: halves the time step until every episode is known to a target, or often enough.
+    """Converges a run: halves the time step until every episode is known to a target, or often enough, or as long as there is time.
 
     Args:
         study: The study.
@@ -117,43 +133,74 @@ def converge(
         setting: Name of the settings.
         law: Settings in place of hard contact by the midpoint rule; MuJoCo's, say, which Euler's rule does not judge.
         tick: Called with the fraction done.
+        until: Simulated time up to which it is run, s.
+        stage: When it has to be done; None is never.
+
+    Raises:
+        ValueError: The clock stopped the first run within its first control.
     """
-    base = _HARD if law is None else law
-    ours = base.get("engine") != "mujoco"
-    tight = TIGHT if ours else {}
-    finest = steps_of(study, run(study, episodes[:1], setting, **base).timestep)
+    base, stage = _HARD if law is None else law, stage or Stage()
+    tight = TIGHT if base.get("engine", "stepper") == "stepper" else {}
+    finest = steps_of(study, run(study, episodes[:1], setting, **base, until=study.hold, stage=stage).timestep)
     runs: list[Trace] = []
+    stopped = False
     for k in range(most + 1):
-        runs = [*runs[-2:], run(study, episodes, setting, **(base | tight | {"timestep": study.hold / (finest * 2**k)}))]
-        if tick:
-            tick(2.0 ** (k - most))
+        # A run takes twice the one before it, and the second method runs at the two finest steps.
+        need = 0.0 if not runs else runs[-1].spent * (2.0 if law is not None else 5.0)
+        if stopped := bool(stage.limited and len(runs) >= 2 and need > stage.left):
+            break
+        before, now = (2.0 ** (j - most) if j >= 0 else 0.0 for j in (k - 1, k))
+        told = None if tick is None else (lambda done, a=before, b=now: tick(a + done * (b - a)))
+        settings = base | tight | {"timestep": study.hold / (finest * 2**k)}
+        last = run(study, episodes, setting, **settings, until=until, stage=stage.one(_SHARE), tick=told)
+        if stopped := last.stopped:
+            if len(runs) < 2 and len(last.time):
+                # Better the beginning of the episodes than nothing.
+                runs, until = [*runs, last], last.reached
+                continue
+            break
+        runs = [*runs[-2:], last]
         if len(runs) == 3 and _judged(runs, (), distance, target).uncertainty.max() <= target:
             break
+    if not runs:
+        raise ValueError(
+            f"the first control ({study.hold:g} s) of what is right was not done in {_SHARE:.0%} of the time for it: give it more with "
+            "--budget (budget=), or fewer --episodes"
+        )
     euler: list[Trace] = []
     if law is None:
-        euler = [run(study, episodes, setting, **(base | TIGHT | {"integrator": "euler", "timestep": of.timestep})) for of in runs[1:]]
+        for of in runs[-2:]:
+            settings = base | TIGHT | {"integrator": "euler", "timestep": of.timestep}
+            euler.append(run(study, episodes, setting, **settings, until=until, stage=stage))
+            if euler[-1].stopped:
+                euler, stopped = [], True
+                break
     if tick:
         tick(1.0)
-    return _judged(runs, euler, distance, target)
+    return replace(_judged(runs, euler, distance, target), stopped=stopped)
 
 
 def _judged(runs: Sequence[Trace], second: Sequence[Trace], distance: Distance, target: float) -> Reference:
-    """How well the last of three runs is known."""
-    one, two = distance(runs[0], runs[1]), distance(runs[1], runs[2])
+    """How well the last of up to three runs is known."""
+    nothing = np.full(len(runs[-1].qpos), np.nan)
+    one = distance(runs[-3], runs[-2]) if len(runs) == 3 else nothing
+    two = distance(runs[-2], runs[-1]) if len(runs) > 1 else np.full(len(nothing), np.inf)
     rounding = two <= _ROUNDING
     with np.errstate(divide="ignore", invalid="ignore"):
         orders = np.where(rounding | (one <= _ROUNDING), np.nan, np.log2(one / two))
         smooth = ((orders > _SMOOTH[0]) & (orders < _SMOOTH[1])) | rounding
         richardson = two / (2.0**orders - 1.0)
     own = np.where(rounding, _ROUNDING, np.where(smooth, richardson, two))
-    methods = np.full(len(own), np.nan)
-    if second:
+    methods = nothing.copy()
+    if len(second) == 2:
         methods = distance(runs[-1], second[-1])
         # Of a rule of first order the last difference is the error; across impacts it can be twice that.
         with np.errstate(invalid="ignore"):
             own = np.maximum(own, methods - 2.0 * distance(second[0], second[1]))
-        # Infinite less infinite: where the second method is not finite, nothing is known.
-        own = np.where(np.isnan(own), np.inf, own)
-    good = distance.over_time(runs[1], runs[2]) <= target
-    until = np.concatenate([[0.0], runs[2].time])[np.where(good.all(axis=0), len(good), (~good).argmax(axis=0))]
+    # Infinite less infinite, and a run that the clock stopped before the horizon: nothing is known.
+    own = np.where(np.isnan(own), np.inf, own)
+    if len(runs) == 1:
+        return Reference(tuple(runs), tuple(second), target, own, orders, smooth, methods, np.zeros(len(own)))
+    good = distance.over_time(runs[-2], runs[-1]) <= target
+    until = np.concatenate([[0.0], runs[-1].time])[np.where(good.all(axis=0), len(good), (~good).argmax(axis=0))]
     return Reference(tuple(runs), tuple(second), target, own, orders, smooth, methods, until)

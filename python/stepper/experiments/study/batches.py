@@ -21,6 +21,7 @@ from stepper.experiments.study.outcomes import Watch
 from stepper.experiments.study.over_ray import each
 from stepper.experiments.study.parameters import RANDOMIZED, Theta, actuator_model, model_fields, sensor_model
 from stepper.experiments.study.points import Point
+from stepper.experiments.study.rapier import RapierWorld
 from stepper.experiments.study.worlds import Plan, Thetas, World, make_world, stacked
 
 if TYPE_CHECKING:
@@ -114,7 +115,7 @@ def world_of(study: Study, setting: str, thetas: Sequence[Theta], **changed: Any
         study: The study.
         setting: Name of the settings.
         thetas: Values of parameters of every environment.
-        **changed: Settings in place of those: as of `Study.settings`, and "sensors".
+        **changed: Settings in place of those: as of `Study.settings`, and "sensors"; or of rapier (engine="rapier").
     """
     model, compiled = study.loaded
     ideal = changed.pop("sensors", "given") is None
@@ -138,7 +139,7 @@ def world_of(study: Study, setting: str, thetas: Sequence[Theta], **changed: Any
         actuators=actuator_model(study.parameters, study.actuators, model, thetas),
         threads=study.threads,
     )
-    world = make_world(plan, len(thetas))
+    world = RapierWorld(plan, len(thetas), given) if engine == "rapier" else make_world(plan, len(thetas))
     names = dict.fromkeys(name for theta in thetas for name in theta)
     unchanged = {name: study.parameters[name].unchanged for name in study.parameters}
     world.theta = Thetas(

@@ -393,27 +393,9 @@ class MujocoWorld(World):
         for env in range(num_envs):
             key = b"".join(rows[env].tobytes() for rows in plan.fields.values())
             if key not in made:
-                made[key] = self._changed(base, {field: rows[env] for field, rows in plan.fields.items()})
+                made[key] = with_fields(self._mujoco, base, {field: rows[env] for field, rows in plan.fields.items()})
             models.append(made[key])
         return models
-
-    def _changed(self, base: Any, fields: Mapping[str, Array]) -> Any:
-        model = base.__copy__()
-        for field, value in fields.items():
-            if hasattr(model.opt, field):
-                # Gravity, wind, density, viscosity, impratio.
-                setattr(model.opt, field, value)
-            elif field in ("actuator_gain", "actuator_bias"):
-                getattr(model, f"{field}prm")[:, :3] = value
-            elif field == "actuator_gear":
-                model.actuator_gear[:, 0] = value
-            elif hasattr(model, field) and getattr(model, field).shape == value.shape:
-                getattr(model, field)[:] = value
-            else:
-                raise ModelError(f"MuJoCo has no {field}; take it out of the study to run it there")
-        if fields:
-            self._mujoco.mj_setConst(model, self._mujoco.MjData(model))
-        return model
 
     def start(self, qpos: Array, qvel: Array, keyframe: str | int | None, seed: int) -> None:
         """See `World.start`."""
@@ -557,6 +539,30 @@ class MujocoWorld(World):
 
 def _ignore(_: str) -> None:
     """Takes a warning that is counted elsewhere."""
+
+
+def with_fields(mujoco: Any, base: Any, fields: Mapping[str, Array]) -> Any:
+    """A copy of an `MjModel` with some fields as `model_fields` has them.
+
+    Raises:
+        ModelError: MuJoCo does not have a field.
+    """
+    model = base.__copy__()
+    for field, value in fields.items():
+        if hasattr(model.opt, field):
+            # Gravity, wind, density, viscosity, impratio.
+            setattr(model.opt, field, value)
+        elif field in ("actuator_gain", "actuator_bias"):
+            getattr(model, f"{field}prm")[:, :3] = value
+        elif field == "actuator_gear":
+            model.actuator_gear[:, 0] = value
+        elif hasattr(model, field) and getattr(model, field).shape == value.shape:
+            getattr(model, field)[:] = value
+        else:
+            raise ModelError(f"MuJoCo has no {field}; take it out of the study to run it there")
+    if fields:
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+    return model
 
 
 def configure(mujoco: Any, model: Any, settings: Mapping[str, Any]) -> None:

@@ -11,6 +11,7 @@ mod equalities;
 mod frames;
 mod input;
 mod rows;
+mod slip;
 mod system;
 
 pub use effective_mass::EffectiveMass;

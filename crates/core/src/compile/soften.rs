@@ -55,6 +55,7 @@ impl<S: Scalar> CompiledModel<S> {
             equalities: equalities.collect(),
             maker,
             geom_weights,
+            geom_bodies: model.geoms.iter().map(|g| g.body as u32).collect(),
         };
         self.structure.patches.clear();
         self.structure.softness = Some(softness);

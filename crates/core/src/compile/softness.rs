@@ -77,6 +77,8 @@ pub struct CompiledSoftness<S> {
     pub(super) maker: LawMaker,
     /// Inverse weight of every geom's body, of translation.
     pub(super) geom_weights: Vec<f64>,
+    /// Body of every geom of the model.
+    pub geom_bodies: Vec<u32>,
 }
 
 /// What a law is made with, besides its softness.

@@ -1,9 +1,10 @@
 //! The soft constraint problem of a step with its solver, and which of the model's elements its rows belong to.
 
 use stepper_real::Real;
-use stepper_solve::soft::{ContactVisit, Effort, Metric, SlipEffort, SlipRoom, SoftOutcome, SoftProblem, SoftSolver};
+use stepper_solve::soft::{Effort, Metric, SlipEffort, SlipRoom, SoftOutcome, SoftProblem, SoftSolver};
 
 use crate::compile::{LaneModel, ModelStructure};
+use crate::constraints::soft::slip::VisitOrder;
 use crate::dynamics::inertia::MassMatrix;
 use crate::math::spatial::*;
 
@@ -19,7 +20,7 @@ pub struct SoftSystem<R: Real> {
     /// Entries of the mass matrix, not factored.
     pub mass: Vec<R>,
     /// Contacts in the order in which sweeps without slip visit them.
-    pub(super) visits: Vec<ContactVisit<R::Mask>>,
+    pub(super) order: VisitOrder<R>,
     /// Angular parts of the rows of a contact.
     pub(super) angular: Vec<V3<R>>,
     /// Degrees of freedom of a row, ascending.
@@ -46,7 +47,7 @@ impl<R: Real> SoftSystem<R> {
         Some(Box::new(Self {
             problem,
             solver,
-            visits: Vec::with_capacity(visited * R::LANES),
+            order: VisitOrder::new(visited),
             acceleration: zeros(),
             mass: vec![R::zero(); compiled.chain.len()],
             angular: vec![zero(); if compiled.has_rolling_friction { compiled.nv } else { 0 }],
@@ -78,7 +79,8 @@ impl<R: Real> SoftSystem<R> {
         effort: SlipEffort<R::Scalar>,
         lanes: R::Mask,
     ) -> R {
-        let Self { problem, solver, acceleration, mass, visits, .. } = self;
+        let Self { problem, solver, acceleration, mass, order, .. } = self;
+        let visits = &order.visits;
         solver.remove_slip(problem, &TreeMass { compiled, mass, factors }, free, constraints, visits, effort, lanes, acceleration)
     }
 
